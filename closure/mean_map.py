@@ -1,0 +1,189 @@
+"""The public entry of the closures: one call, three readings, one result."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from closure import mended, printed
+from closure.edgeworth import Edgeworth, coefficients
+from closure.trace import Trace
+from scene.errors import InputError
+from scene.moments import SECTION, STATE, correlation, realizability
+from scene.scene import Scene
+from scene.validate import choice, count
+
+__all__ = ["READINGS", "Breakdown", "MeanMap", "mean_map"]
+
+Floats = NDArray[np.float64]
+
+READINGS: dict[str, Callable[[Scene, int, int], Trace]] = {"printed": printed.trace, "mended": mended.trace}
+ORDERS = (2, 6)
+
+
+class Breakdown(NamedTuple):
+    """The first impact at which a stage's moments belong to no distribution."""
+
+    impact: int
+    stage: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class MeanMap:
+    """A closure followed through its impacts.
+
+    Attributes
+    ----------
+    scene, reading, impacts, order
+        What was asked.
+    trace : Trace
+        The arrays behind the tables.
+    """
+
+    scene: Scene
+    reading: str
+    impacts: int
+    order: int
+    trace: Trace
+
+    @property
+    def stopped(self) -> str:
+        """Why the closure ended before the last impact asked for, or an empty string."""
+        return self.trace.stopped
+
+    @property
+    def itinerary(self) -> tuple[int, ...]:
+        """``mesh * side`` of impacts 1, 2, ...: +1, -1, +2, -2, and 0 where the closure has ended."""
+        return tuple(int(m * s) for m, s in zip(self.trace.mesh[1:], self.trace.side[1:], strict=True))
+
+    def stage_covariance(self, impact: int, stage: int) -> Floats:
+        """Covariance of displacement and velocity of a stage just before an impact, shape (2, 2)."""
+        j = 2 * (stage - 1)
+        return self.trace.covariance[impact, j : j + 2, j : j + 2]
+
+    @cached_property
+    def breakdown(self) -> Breakdown | None:
+        """The first impact at which the moments are not realizable, or None."""
+        for k in range(1, self.trace.found + 1):
+            for stage in range(1, self.scene.stages + 1):
+                judged = realizability(self.stage_covariance(k, stage))
+                if not judged.realizable:
+                    return Breakdown(k, stage, judged.reason)
+        return None
+
+    @cached_property
+    def section(self) -> pd.DataFrame:
+        """Moments of the state just before impact 1, 2, ... (dimensionless); NaN where the reading predicts none.
+
+        Columns: ``tau, flight, mesh, side, x1, y1, x2, y2``, ``sd_`` of each quantity, ``rho1, rho2`` (correlation of
+        displacement and velocity perturbation of a stage) and ``realizable``.
+        """
+        t = self.trace
+        columns: dict[str, object] = {"tau": t.tau[1:], "flight": np.diff(t.tau), "mesh": t.mesh[1:], "side": t.side[1:]}
+        columns |= {name: t.mean[1:, i] for i, name in enumerate(STATE)}
+        columns |= {f"sd_{name}": t.sd[1:, i] for i, name in enumerate(SECTION)}
+        impacts = range(1, self.impacts + 1)
+        for stage in (1, 2):
+            columns[f"rho{stage}"] = [correlation(self.stage_covariance(k, stage)) for k in impacts]
+        columns["realizable"] = [
+            k <= t.found and all(realizability(self.stage_covariance(k, s)).realizable for s in self._stages)
+            for k in impacts
+        ]
+        table = pd.DataFrame(columns, index=pd.RangeIndex(1, self.impacts + 1, name="impact"))
+        if self.scene.stages == 1:
+            table[["x2", "y2", "sd_x2", "sd_y2", "rho2"]] = np.nan
+        return table
+
+    @property
+    def _stages(self) -> range:
+        return range(1, self.scene.stages + 1)
+
+    def clock(self, times: Sequence[float] | Floats) -> pd.DataFrame:
+        """Means, covariances and ``rho1, rho2`` at fixed times between the start and the last impact.
+
+        Columns: ``x1, y1, x2, y2``, ``cov_x1_x1, cov_x1_y1, ...`` and ``rho1, rho2``; index ``time``.
+
+        Raises
+        ------
+        InputError
+            If a time lies outside what was followed.
+        """
+        low, high = self.trace.tau[0], self.trace.tau[self.trace.found]
+        rows = []
+        for time in np.asarray(times, dtype=float):
+            if not low <= time <= high:
+                raise InputError("times", float(time), f"lies outside the times followed, {low:g} to {high:g}")
+            mean, covariance = self.trace.at(float(time))
+            rows.append(clock_row(mean, covariance))
+        return pd.DataFrame(rows, index=pd.Index(np.asarray(times, dtype=float), name="time"))
+
+    def edgeworth(self, impact: int, stage: int) -> Edgeworth:
+        """Edgeworth series of a stage's perturbation just before an impact (Eqs. 18, 19).
+
+        Raises
+        ------
+        InputError
+            If a variance is not positive there: no series can be formed.
+        """
+        count("impact", impact, least=1, most=max(self.trace.found, 1))
+        count("stage", stage, least=1, most=self.scene.stages)
+        raw = self.trace.raw[impact, stage - 1]
+        if not (raw[2, 0] > 0.0 and raw[0, 2] > 0.0):
+            raise InputError("impact", impact, f"stage {stage} has no positive variance there, so no Edgeworth series")
+        sd_x, sd_y = float(np.sqrt(raw[2, 0])), float(np.sqrt(raw[0, 2]))
+        return Edgeworth(coefficients(raw, sd_x, sd_y), sd_x, sd_y)
+
+
+def clock_row(mean: Floats, covariance: Floats) -> dict[str, float]:
+    """One row of a clock table, in the column order that both sides share."""
+    row = {name: float(mean[i]) for i, name in enumerate(STATE)}
+    for i, a in enumerate(STATE):
+        for j in range(i, 4):
+            row[f"cov_{a}_{STATE[j]}"] = float(covariance[i, j])
+    for stage in (1, 2):
+        j = 2 * (stage - 1)
+        row[f"rho{stage}"] = correlation(covariance[j : j + 2, j : j + 2])
+    return row
+
+
+def mean_map(scene: Scene, *, impacts: int = 12, reading: str = "mended", order: int = 4) -> MeanMap:
+    """Predict the moments of the first impacts of a scene by a moment closure.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled.
+    impacts : int
+        How many impacts after the start.
+    reading : {"printed", "mended"}
+        Which reading of the paper's closure (MODEL section 6).
+    order : int
+        Highest order of moments that the Edgeworth series carries, 2 to 6.
+
+    Returns
+    -------
+    MeanMap
+
+    Raises
+    ------
+    InputError
+        For an unknown reading or an order out of range; names the valid ones.
+
+    Examples
+    --------
+    >>> from scene import DAT21, Scene
+    >>> m = mean_map(Scene.from_gears(DAT21, sigma=1.5**0.5), impacts=4, reading="printed")
+    >>> m.breakdown.impact
+    2
+    """
+    if not isinstance(scene, Scene):
+        raise InputError("scene", scene, "give a Scene")
+    count("impacts", impacts)
+    choice("reading", reading, READINGS)
+    count("order", order, *ORDERS)
+    return MeanMap(scene, reading, impacts, order, READINGS[reading](scene, impacts, order))

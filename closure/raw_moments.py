@@ -1,0 +1,73 @@
+"""Raw moments ``E[xi^n zeta^p]`` of one stage, carried through a flight in closed form (Eqs. 14, 16).
+
+A flight maps ``(xi, zeta)`` to ``(xi + E zeta + w_1, exp(-beta t) zeta + w_2)`` with ``w`` an independent
+Gaussian.  The moment equations are linear and close at every order, so their solution is the
+binomial expansion of that map, also for moments that no distribution has: that is how the printed
+reading can be followed beyond its own breakdown.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.compiled import jit
+from scene.flight import NODES, PANEL, WEIGHTS, decay, turned
+from scene.moments import gaussian_raw_moments
+
+__all__ = ["after_flight", "unmodulated_covariance"]
+
+Floats = NDArray[np.float64]
+
+BINOMIAL = np.array([[1, 0, 0, 0, 0, 0, 0], [1, 1, 0, 0, 0, 0, 0], [1, 2, 1, 0, 0, 0, 0], [1, 3, 3, 1, 0, 0, 0],
+                     [1, 4, 6, 4, 1, 0, 0], [1, 5, 10, 10, 5, 1, 0], [1, 6, 15, 20, 15, 6, 1]], dtype=float)  # fmt: skip
+
+
+@jit
+def after_flight(raw: Floats, beta: float, t: float, q: Floats) -> Floats:
+    """Raw moments after a flight of time `t`, from those before it and the noise covariance `q` (2 x 2).
+
+    Parameters
+    ----------
+    raw : ndarray, shape (order + 1, order + 1)
+        ``E[xi^n zeta^p]``; entries with ``n + p > order`` are ignored.
+
+    Examples
+    --------
+    >>> raw = gaussian_raw_moments(0.0, 0.0, 1.0, 2)              # zeta ~ N(0, 1), xi = 0
+    >>> after_flight(raw, 0.0, 2.0, np.zeros((2, 2)))[2, 0]       # E[(2 zeta)^2]
+    4.0
+    """
+    order = raw.shape[0] - 1
+    e, d = turned(beta, t), decay(beta, t)
+    turned_raw = np.zeros_like(raw)
+    for n in range(order + 1):
+        for p in range(order + 1 - n):
+            for k in range(n + 1):
+                turned_raw[n, p] += BINOMIAL[n, k] * e**k * d**p * raw[n - k, p + k]
+    noise = gaussian_raw_moments(q[0, 0], q[0, 1], q[1, 1], order)
+    out = np.zeros_like(raw)
+    for n in range(order + 1):
+        for p in range(order + 1 - n):
+            for i in range(n + 1):
+                for j in range(p + 1):
+                    out[n, p] += BINOMIAL[n, i] * BINOMIAL[p, j] * turned_raw[i, j] * noise[n - i, p - j]
+    return out
+
+
+@jit
+def unmodulated_covariance(beta: float, sigma: float, t: float) -> Floats:
+    """Noise covariance of a flight if the noise on the velocity were not modulated, as Eq. 14 prints it; (2, 2)."""
+    q = np.zeros((2, 2))
+    panel = min(PANEL, 2.0 / beta) if beta > 0.0 else PANEL
+    lag = 0.0
+    while lag < t:
+        h = min(panel, t - lag)
+        for n in range(NODES.size):
+            r = lag + h * NODES[n]
+            e, d, w = turned(beta, r), decay(beta, r), sigma * sigma * h * WEIGHTS[n]
+            q[0, 0] += w * e * e
+            q[0, 1] += w * e * d
+            q[1, 1] += w * d * d
+        lag += h
+        panel = min(PANEL, 2.0 * panel)
+    q[1, 0] = q[0, 1]
+    return q

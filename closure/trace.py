@@ -1,0 +1,51 @@
+"""What every reading of the closure hands over: means and covariances just before each impact, and between them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Trace"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One reading followed through its impacts; index 0 of every array is the start.
+
+    Attributes
+    ----------
+    tau : ndarray, shape (impacts + 1,)
+        Mean impact times; NaN beyond `found`.
+    mesh, side : ndarray of int, shape (impacts + 1,)
+        Where the reading has its impacts.
+    mean : ndarray, shape (impacts + 1, 4)
+        ``E[X_s]`` just before the impact, in the order ``x1, y1, x2, y2``.
+    sd : ndarray, shape (impacts + 1, 6)
+        What the reading calls the standard deviations of ``tau, flight, x1, y1, x2, y2``; NaN where it
+        predicts none, or where its variance is negative.
+    covariance : ndarray, shape (impacts + 1, 4, 4)
+        Of the perturbation just before the impact; NaN where the reading has no such moment.
+    raw : ndarray, shape (impacts + 1, 2, order + 1, order + 1)
+        Raw moments of each stage's perturbation just before the impact.
+    at : callable
+        ``at(time) -> (mean, covariance)`` between impacts.
+    found : int
+        Impacts that could be evaluated.
+    stopped : str
+        Why it ended early, or an empty string.
+    """
+
+    tau: Floats
+    mesh: Ints
+    side: Ints
+    mean: Floats
+    sd: Floats
+    covariance: Floats
+    raw: Floats
+    at: Callable[[float], tuple[Floats, Floats]]
+    found: int
+    stopped: str

@@ -1,0 +1,10 @@
+"""What is modelled, and the physics that closures and simulation share."""
+
+from scene.errors import FileError, InputError, OutputError, RattleError
+from scene.gears import DAT21, Gears
+from scene.scene import Constants, Scene, Start, Tolerance
+
+__all__ = [
+    "DAT21", "Constants", "FileError", "Gears", "InputError", "OutputError", "RattleError", "Scene", "Start",
+    "Tolerance",
+]  # fmt: skip

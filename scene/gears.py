@@ -1,0 +1,107 @@
+"""A pair of loose gears in workshop units: the only place where units are turned (Eqs. 1-3)."""
+
+from dataclasses import dataclass, fields
+
+from scene.errors import InputError
+from scene.validate import finite, non_negative, positive, unit_interval
+
+__all__ = ["DAT21", "Gears"]
+
+KG_MM_PER_S2_PER_N = 1000.0  # 1 N = 1000 kg mm / s^2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gears:
+    """Physical data of the driver and the two loose wheels.
+
+    Parameters
+    ----------
+    alpha : float
+        Excitation amplitude ``R_e a / backlash1`` (dimensionless).
+    epsilon : float
+        Restitution of both meshes (dimensionless, 0 to 1).
+    omega : float
+        Excitation frequency in rad/s.
+    inertia1, inertia2 : float
+        Moments of inertia of the wheels in kg mm^2.
+    radius1, radius2 : float
+        Base radii in mm.
+    backlash1, backlash2 : float
+        Full plays (nu_1, nu_2) in mm.
+    damping1, damping2 : float
+        Rotational damping in N mm s.
+    torque1, torque2 : float
+        Drag torques in N mm.
+
+    Raises
+    ------
+    InputError
+        If a value has no physical meaning; names the field.
+
+    Examples
+    --------
+    >>> round(DAT21.mu, 6)
+    0.601187
+    """
+
+    alpha: float
+    epsilon: float
+    omega: float
+    inertia1: float
+    inertia2: float
+    radius1: float
+    radius2: float
+    backlash1: float
+    backlash2: float
+    damping1: float
+    damping2: float
+    torque1: float
+    torque2: float
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            object.__setattr__(self, f.name, finite(f.name, getattr(self, f.name)))
+        for name in ("omega", "inertia1", "inertia2", "radius1", "radius2", "backlash1", "backlash2"):
+            positive(name, getattr(self, name))
+        for name in ("alpha", "damping1", "damping2", "torque1", "torque2"):
+            non_negative(name, getattr(self, name))
+        unit_interval("epsilon", self.epsilon)
+
+    @property
+    def mu(self) -> float:
+        """Share of the mesh-2 impulse that wheel 1 takes (dimensionless, Eq. 2)."""
+        a, b = self.inertia1 * self.radius2**2, self.inertia2 * self.radius1**2
+        return b / (a + b)
+
+    @property
+    def gap2(self) -> float:
+        """Half gap of mesh 2 in units of ``backlash1`` (MODEL section 1)."""
+        return self.backlash2 / (2.0 * self.backlash1)
+
+    def beta(self, wheel: int) -> float:
+        """Damping ratio of a wheel, ``d / (I omega)`` (below Eq. 2, dimensionless)."""
+        damping, inertia, _, _ = self._wheel(wheel)
+        return KG_MM_PER_S2_PER_N * damping / (inertia * self.omega)
+
+    def gamma(self, wheel: int) -> float:
+        """Drag of a wheel, ``T R / (I nu_1 omega^2)`` (below Eq. 2, dimensionless).
+
+        Both wheels are divided by ``nu_1``: the only choice that leaves Eq. 3 free of play ratios.
+        """
+        _, inertia, torque, radius = self._wheel(wheel)
+        return KG_MM_PER_S2_PER_N * torque * radius / (inertia * self.backlash1 * self.omega**2)
+
+    def _wheel(self, wheel: int) -> tuple[float, float, float, float]:
+        if wheel == 1:
+            return self.damping1, self.inertia1, self.torque1, self.radius1
+        if wheel == 2:
+            return self.damping2, self.inertia2, self.torque2, self.radius2
+        raise InputError("wheel", wheel, "the loose wheels are 1 and 2")
+
+
+DAT21 = Gears(
+    alpha=1.5, epsilon=0.9, omega=300.0,
+    inertia1=4000.0, inertia2=2500.0, radius1=41.0, radius2=26.4,
+    backlash1=0.2, backlash2=0.2, damping1=100.0, damping2=100.0, torque1=100.0, torque2=50.0,
+)  # fmt: skip
+"""The paper's example (section 4)."""

@@ -1,0 +1,112 @@
+"""Impacts at both meshes: the contact laws, and the next outward crossing of a flight (MODEL section 3)."""
+
+import math
+
+import numpy as np
+
+from scene.compiled import jit
+from scene.flight import Floats, flow, wheel_speeds
+from scene.scene import Constants
+
+__all__ = ["MISSES", "NONE", "REST", "contact_matrix", "next_impact", "struck"]
+
+NONE = 0  # mesh of an event that never came: no impact within the horizon
+REST = -1  # the mesh is pressed shut: the next impact is now, and so is every later one
+MISSES = {NONE: "no impact within the horizon", REST: "a mesh rests closed"}
+
+
+@jit
+def struck(c: Constants, mesh: int, y1: float, y2: float) -> tuple[float, float]:
+    """Velocities after an impact at a mesh.
+
+    Examples
+    --------
+    >>> from scene import DAT21, Scene
+    >>> y1, y2 = struck(Scene.from_gears(DAT21).constants, 1, 2.0, 2.0)
+    >>> round(y1, 12), round(y2, 12)
+    (-1.8, -1.8)
+    """
+    if mesh == 1:  # the driver is prescribed: Eq. 10 uses this law, Eqs. 4 and 6 do not print it
+        return -c.epsilon * y1, y2 - (1.0 + c.epsilon) * y1
+    return y1 - (1.0 + c.epsilon) * c.mu * y2, -c.epsilon * y2  # Eq. 4
+
+
+@jit
+def safe_time(distance: float, speed: float, most: float) -> float:
+    """A time within which no wall `distance` ahead is reached at `speed`, if no acceleration exceeds `most`."""
+    root = math.sqrt(speed * speed + 2.0 * most * max(distance, 0.0))
+    if speed > 0.0:
+        return 2.0 * max(distance, 0.0) / (speed + root)
+    if most == 0.0:
+        return math.inf
+    return (root - speed) / most
+
+
+@jit
+def next_impact(
+    c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, horizon: float
+) -> tuple[float, int, int, float, float, float, float]:
+    """The earliest outward crossing of a wall by a flight from a state.
+
+    The flight is followed by steps that no crossing fits into: ``|x_i''|`` is bounded by
+    ``alpha + |beta_1 u_1 + gamma_1|`` and ``|beta_1 u_1 + gamma_1| + |beta_2 u_2 + gamma_2|``, which only
+    decay along a flight.  Near a transversal hit these steps are Newton's, from the safe side; an
+    excursion beyond the wall and back cannot hide between two of them.
+
+    Parameters
+    ----------
+    c : Constants
+    tau, x1, y1, x2, y2 : float
+        Start of the flight, after the last impact.
+    horizon : float
+        Longest flight that is followed.
+
+    Returns
+    -------
+    t : float
+        Time of flight.
+    mesh : int
+        1 or 2; `NONE` if the horizon came first; `REST` if a mesh stays closed.  Two walls met at
+        one instant are told apart by a second event of flight time 0, mesh 1 first.
+    side : int
+        +1 or -1.
+    x1, y1, x2, y2 : float
+        State just before the impact; the struck coordinate lies on its wall exactly.
+    """
+    t = 0.0
+    a1, b1, a2, b2 = x1, y1, x2, y2
+    tolerance1 = 1e-15 + 4e-16 * c.wall1
+    tolerance2 = 1e-15 + 4e-16 * c.wall2
+    while t <= horizon:
+        u1, u2 = wheel_speeds(c, tau + t, b1, b2)
+        drag1 = abs(c.beta1 * u1 + c.gamma1)
+        most = c.alpha + drag1
+        side = 1 if b1 > 0.0 or (b1 == 0.0 and a1 > 0.0) else -1
+        if c.wall1 - side * a1 <= tolerance1 and b1 * side > 0.0:
+            return t, 1, side, side * c.wall1, b1, a2, b2
+        step = min(safe_time(c.wall1 - a1, b1, most), safe_time(c.wall1 + a1, -b1, most))
+        if c.stages == 2:
+            most = drag1 + abs(c.beta2 * u2 + c.gamma2)
+            side = 1 if b2 > 0.0 or (b2 == 0.0 and a2 > 0.0) else -1
+            if c.wall2 - side * a2 <= tolerance2 and b2 * side > 0.0:
+                return t, 2, side, a1, b1, side * c.wall2, b2
+            step = min(step, safe_time(c.wall2 - a2, b2, most), safe_time(c.wall2 + a2, -b2, most))
+        if t + step == t:  # touching a wall at no speed: held there, or about to leave
+            step = 4e-16 * (1.0 + t)
+            n1, _, n2, _ = flow(c, tau, x1, y1, x2, y2, t + 1e-8)
+            if abs(n1) > c.wall1 or (c.stages == 2 and abs(n2) > c.wall2):
+                return t, REST, side, a1, b1, a2, b2
+        t += step
+        a1, b1, a2, b2 = flow(c, tau, x1, y1, x2, y2, t)
+    return horizon, NONE, 0, a1, b1, a2, b2
+
+
+@jit
+def contact_matrix(c: Constants, mesh: int) -> Floats:
+    """The contact law as a matrix on ``(x1, y1, x2, y2)``, shape (4, 4)."""
+    r = np.eye(4)
+    if mesh == 1:
+        r[1, 1], r[3, 1] = -c.epsilon, -(1.0 + c.epsilon)
+    elif mesh == 2:
+        r[1, 3], r[3, 3] = -(1.0 + c.epsilon) * c.mu, -c.epsilon
+    return r

@@ -1,0 +1,121 @@
+"""The language both sides speak: which quantities, what a moment is called, when it can belong to a distribution."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.compiled import jit
+
+__all__ = [
+    "SECTION", "STATE", "Realizability", "central_from_raw", "correlation", "cumulants_from_central",
+    "gaussian_raw_moments", "realizability",
+]  # fmt: skip
+
+Floats = NDArray[np.float64]
+
+STATE = ("x1", "y1", "x2", "y2")
+SECTION = ("tau", "flight", *STATE)
+"""The quantities of a path at its own k-th impact, just before it."""
+
+ROUNDING = 1e-9  # relative slack below which a negative variance or an excess of |rho| is rounding
+
+
+class Realizability(NamedTuple):
+    """Whether a 2 x 2 covariance of displacement and velocity can belong to a distribution, and why not."""
+
+    realizable: bool
+    reason: str
+    variance_x: float
+    variance_y: float
+    rho: float
+    smallest_eigenvalue: float
+
+
+def correlation(covariance: Floats) -> float:
+    """``rho`` of a 2 x 2 covariance; NaN where a variance is not positive.
+
+    Examples
+    --------
+    >>> correlation(np.array([[4.0, 1.0], [1.0, 1.0]]))
+    0.5
+    """
+    if not (covariance[0, 0] > 0.0 and covariance[1, 1] > 0.0):
+        return float("nan")
+    return float(covariance[0, 1] / np.sqrt(covariance[0, 0]) / np.sqrt(covariance[1, 1]))
+
+
+def realizability(covariance: Floats) -> Realizability:
+    """Judge a 2 x 2 covariance: variances, ``|rho| <= 1``, smallest eigenvalue.
+
+    A point mass (all zero) is realizable.  What fails is named, never clipped.
+
+    Examples
+    --------
+    >>> realizability(np.array([[1.0, 1.2], [1.2, 1.0]])).reason
+    '|rho| = 1.2 > 1'
+    """
+    vx, vy = float(covariance[0, 0]), float(covariance[1, 1])
+    rho = correlation(covariance)
+    if not np.isfinite(covariance).all():
+        return Realizability(False, "moments are not finite", vx, vy, rho, float("nan"))
+    smallest = float(np.linalg.eigvalsh(covariance)[0])
+    reasons = [f"variance of {name} = {v:.3g} < 0" for name, v in (("x", vx), ("y", vy)) if v < 0.0]
+    if abs(rho) > 1.0 + ROUNDING:
+        reasons.append(f"|rho| = {abs(rho):.4g} > 1")
+    if not reasons and smallest < -ROUNDING * max(vx, vy):
+        reasons.append(f"smallest eigenvalue = {smallest:.3g} < 0")
+    return Realizability(not reasons, ", ".join(reasons), vx, vy, rho, smallest)
+
+
+@jit
+def gaussian_raw_moments(vx: float, cxy: float, vy: float, order: int) -> Floats:
+    """``E[x^n y^p]`` of a centred Gaussian pair for ``n + p <= order``, shape (order + 1, order + 1).
+
+    Isserlis' theorem as a recursion.
+
+    Examples
+    --------
+    >>> gaussian_raw_moments(1.0, 0.5, 2.0, 4)[2, 2]        # vx vy + 2 cxy^2
+    2.5
+    """
+    m = np.zeros((order + 1, order + 1))
+    m[0, 0] = 1.0
+    for p in range(2, order + 1):
+        m[0, p] = (p - 1) * vy * m[0, p - 2]
+    for n in range(1, order + 1):
+        for p in range(order + 1 - n):
+            if n >= 2:
+                m[n, p] += (n - 1) * vx * m[n - 2, p]
+            if p >= 1:
+                m[n, p] += p * cxy * m[n - 1, p - 1]
+    return m
+
+
+def central_from_raw(raw: Floats) -> Floats:
+    """Central moments from raw moments ``E[x^p]``, p = 0, 1, ... along the first axis.
+
+    Examples
+    --------
+    >>> central_from_raw(np.array([1.0, 2.0, 5.0])).tolist()
+    [1.0, 0.0, 1.0]
+    """
+    from math import comb
+
+    mean = raw[1]
+    return np.stack([
+        sum((comb(p, k) * (-mean) ** (p - k) * raw[k] for k in range(p + 1)), start=np.zeros_like(mean))
+        for p in range(len(raw))
+    ])  # fmt: skip
+
+
+def cumulants_from_central(m2: Floats, m3: Floats, m4: Floats) -> tuple[Floats, Floats, Floats]:
+    """Second, third and fourth cumulants from central moments.
+
+    Examples
+    --------
+    >>> k2, k3, k4 = cumulants_from_central(np.array(2.0), np.array(0.5), np.array(12.0))
+    >>> float(k4)
+    0.0
+    """
+    return m2, m3, m4 - 3.0 * m2 * m2

@@ -1,0 +1,331 @@
+"""What is modelled, dimensionless and validated once; everything behind this door trusts it."""
+
+import math
+import tomllib
+from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import tomli_w
+
+from scene.errors import FileError, InputError
+from scene.gears import Gears
+from scene.validate import choice, count, finite, known_keys, non_negative, positive, unit_interval
+
+__all__ = ["Constants", "Scene", "Start", "Tolerance"]
+
+LAWS = ("fixed", "uniform", "normal")
+DRAWS = ("path", "contact")
+
+
+class Constants(NamedTuple):
+    """The scene as compiled code reads it: numbers only.
+
+    ``wall1`` and ``wall2`` are the half gaps that the deterministic orbit meets.
+    """
+
+    alpha: float
+    epsilon: float
+    beta1: float
+    beta2: float
+    gamma1: float
+    gamma2: float
+    mu: float
+    wall1: float
+    wall2: float
+    sigma: float
+    stages: int
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """Random part ``c_i`` of the half gaps ``g_i + c_i`` (MODEL section 4, dimensionless).
+
+    Parameters
+    ----------
+    c1_max, c2_max : float
+        Largest deviation at each mesh; below the half gap.
+    law : {"uniform", "fixed", "normal"}
+        ``fixed`` puts every gap at ``+c_max``; ``uniform`` on ``[-c_max, c_max]``; ``normal`` with
+        standard deviation ``c_max / 2``, truncated at ``c_max``.
+    draw : {"path", "contact"}
+        One draw per gear set (path), or a fresh one per contact: a flank's ``c`` is drawn anew when
+        the opposite flank is struck, so that no state is ever outside its wall.
+
+    Raises
+    ------
+    InputError
+        If a deviation is negative or a name is unknown.
+
+    Examples
+    --------
+    >>> Tolerance(0.01, 0.02, law="normal").draw
+    'path'
+    """
+
+    c1_max: float = 0.0
+    c2_max: float = 0.0
+    law: str = "uniform"
+    draw: str = "path"
+
+    def __post_init__(self) -> None:
+        for name in ("c1_max", "c2_max"):
+            object.__setattr__(self, name, non_negative(f"tolerance.{name}", getattr(self, name)))
+        choice("tolerance.law", self.law, LAWS)
+        choice("tolerance.draw", self.draw, DRAWS)
+
+
+@dataclass(frozen=True)
+class Start:
+    """The state from which every path starts (dimensionless).
+
+    Parameters
+    ----------
+    tau : float
+        Time of the start; its phase is the phase of the excitation ``alpha sin tau``.
+    x1, y1, x2, y2 : float
+        Relative displacement and velocity of both stages.
+    mesh : {1, 2, 0}
+        The mesh that is struck at once (the state is the one just before that impact), or 0 for a
+        start in flight.  The impact of the start is number 0; tables count from the next one.
+
+    Examples
+    --------
+    >>> Start(0.0, 0.5, 2.0, 0.5, 2.0, mesh=1)      # the paper's start
+    Start(tau=0.0, x1=0.5, y1=2.0, x2=0.5, y2=2.0, mesh=1)
+    """
+
+    tau: float = 0.0
+    x1: float = 0.0
+    y1: float = 0.0
+    x2: float = 0.0
+    y2: float = 0.0
+    mesh: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("tau", "x1", "y1", "x2", "y2"):
+            object.__setattr__(self, name, finite(f"start.{name}", getattr(self, name)))
+        count("start.mesh", self.mesh, least=0, most=2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """A rattling system, its noise, its tolerances and its start (dimensionless).
+
+    Parameters
+    ----------
+    alpha : float
+        Excitation amplitude.
+    epsilon : float
+        Restitution, 0 to 1.
+    beta1, beta2 : float
+        Damping ratios in flight.
+    gamma1, gamma2 : float
+        Constant drags.
+    mu : float
+        Share of the mesh-2 impulse that wheel 1 takes, between 0 and 1.
+    gap1, gap2 : float
+        Half gaps.
+    sigma : float
+        Intensity of the white noise that modulates the excitation.
+    tolerance : Tolerance, optional
+        Random part of the half gaps.
+    start : Start, optional
+        The paper's start by default: both stages on the positive flank with speed 2, just before an
+        impact at mesh 1, at ``tau = 0``.  A coordinate that lies on a nominal flank is placed on
+        each path's own flank.
+    stages : {2, 1}
+        1 is the single-stage rattler: mesh 1 alone; ``beta2, gamma2, mu, gap2`` are then unused.
+
+    Raises
+    ------
+    InputError
+        For any value that the model cannot take; names the field, the value and the remedy.
+
+    Examples
+    --------
+    >>> from scene import DAT21
+    >>> s = Scene.from_gears(DAT21, sigma=0.1)
+    >>> round(s.beta1, 6), s.gap2
+    (0.083333, 0.5)
+    """
+
+    alpha: float
+    epsilon: float
+    beta1: float
+    gamma1: float
+    beta2: float = 0.0
+    gamma2: float = 0.0
+    mu: float = 0.0
+    gap1: float = 0.5
+    gap2: float = 0.5
+    sigma: float = 0.0
+    tolerance: Tolerance | None = None
+    start: Start = None  # type: ignore[assignment]  # the paper's start, filled in below
+    stages: int = 2
+    gears: Gears | None = field(default=None, init=False, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        count("stages", self.stages, least=1, most=2)
+        for name in ("alpha", "beta1", "beta2", "gamma1", "gamma2", "sigma"):
+            object.__setattr__(self, name, float(non_negative(name, getattr(self, name))))
+        unit_interval("epsilon", self.epsilon)
+        for name in ("gap1", "gap2"):
+            object.__setattr__(self, name, float(positive(name, getattr(self, name))))
+        if self.stages == 2 and not 0.0 < finite("mu", self.mu) < 1.0:
+            raise InputError("mu", self.mu, "two stages need mu = I2 R1^2 / (I1 R2^2 + I2 R1^2), between 0 and 1")
+        self._check_tolerance()
+        if self.start is None:
+            object.__setattr__(self, "start", Start(0.0, self.gap1, 2.0, self.gap2, 2.0, mesh=1))
+        self._check_start()
+
+    def _check_tolerance(self) -> None:
+        if self.tolerance is None:
+            return
+        if not isinstance(self.tolerance, Tolerance):
+            raise InputError("tolerance", self.tolerance, "give a Tolerance")
+        for c, gap in (("c1_max", "gap1"), ("c2_max", "gap2"))[: self.stages]:
+            if getattr(self.tolerance, c) >= getattr(self, gap):
+                raise InputError(
+                    f"tolerance.{c}", getattr(self.tolerance, c),
+                    f"must be below {gap} = {getattr(self, gap)}, or a gap could close",
+                )  # fmt: skip
+
+    def _check_start(self) -> None:
+        start = self.start
+        if not isinstance(start, Start):
+            raise InputError("start", start, "give a Start")
+        if start.mesh > self.stages:
+            raise InputError("start.mesh", start.mesh, "a single-stage scene has mesh 1 only")
+        for i in range(1, self.stages + 1):
+            x, y, gap = getattr(start, f"x{i}"), getattr(start, f"y{i}"), getattr(self, f"gap{i}")
+            c_max = getattr(self.tolerance, f"c{i}_max") if self.tolerance else 0.0
+            on_flank = abs(x) == gap
+            if abs(x) > gap - c_max and not on_flank:
+                raise InputError(f"start.x{i}", x, f"must lie on a flank (+-{gap}) or inside +-{gap - c_max}")
+            if start.mesh == i and not (on_flank and x * y > 0.0):
+                raise InputError(
+                    f"start.mesh", start.mesh,
+                    f"an impact at mesh {i} needs x{i} = +-{gap} and y{i} outward; given x{i} = {x}, y{i} = {y}",
+                )  # fmt: skip
+            if start.mesh == 0 and on_flank and x * y >= 0.0:
+                raise InputError(f"start.y{i}", y, f"a start in flight on a flank must move inward, or give mesh={i}")
+
+    @classmethod
+    def from_gears(cls, gears: Gears, **settings: Any) -> "Scene":
+        """The scene of a physical gear pair; `settings` are the fields of Scene that gears do not fix.
+
+        Examples
+        --------
+        >>> from scene import DAT21
+        >>> Scene.from_gears(DAT21, sigma=0.1, stages=1).stages
+        1
+        """
+        known_keys("Scene.from_gears", settings, ("sigma", "tolerance", "start", "stages"))
+        scene = cls(
+            alpha=gears.alpha, epsilon=gears.epsilon, beta1=gears.beta(1), beta2=gears.beta(2),
+            gamma1=gears.gamma(1), gamma2=gears.gamma(2), mu=gears.mu, gap1=0.5, gap2=gears.gap2, **settings,
+        )  # fmt: skip
+        object.__setattr__(scene, "gears", gears)
+        return scene
+
+    def with_sigma(self, sigma: float) -> "Scene":
+        """The same scene at another noise intensity."""
+        scene = replace(self, sigma=sigma)
+        object.__setattr__(scene, "gears", self.gears)
+        return scene
+
+    @property
+    def constants(self) -> Constants:
+        """The numbers that compiled code needs."""
+        fixed = self.tolerance is not None and self.tolerance.law == "fixed"
+        wall1, wall2 = self.windows if fixed else (self.gap1, self.gap2)
+        return Constants(
+            self.alpha, self.epsilon, self.beta1, self.beta2, self.gamma1, self.gamma2, self.mu,
+            wall1, wall2, self.sigma, self.stages,
+        )  # fmt: skip
+
+    @property
+    def windows(self) -> tuple[float, float]:
+        """Half widths ``g_i + c_i_max`` of the closure's windows (below Eqs. 20, 21)."""
+        c1, c2 = (self.tolerance.c1_max, self.tolerance.c2_max) if self.tolerance else (0.0, 0.0)
+        return self.gap1 + c1, self.gap2 + c2
+
+    @property
+    def start_state(self) -> tuple[float, float, float, float]:
+        """``(x1, y1, x2, y2)`` of the start, with a coordinate on a nominal flank moved to the orbit's wall."""
+        s, k = self.start, self.constants
+        x1 = math.copysign(k.wall1, s.x1) if abs(s.x1) == self.gap1 else s.x1
+        x2 = math.copysign(k.wall2, s.x2) if abs(s.x2) == self.gap2 else s.x2
+        return x1, s.y1, x2, s.y2
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, in the gear form where the scene came from gears; what TOML and manifests hold."""
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "gears"}
+        values["start"] = asdict(self.start)
+        if self.tolerance is None:
+            del values["tolerance"]
+        else:
+            values["tolerance"] = asdict(self.tolerance)
+        if self.gears is None:
+            return {"scene": values}
+        kept = {k: v for k, v in values.items() if k in ("sigma", "tolerance", "start", "stages")}
+        return {"gears": asdict(self.gears), "scene": kept}
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> "Scene":
+        """A scene from the form that `to_dict` gives."""
+        known_keys("top level", data, ("gears", "scene"))
+        settings = _table("scene", data.get("scene", {}))
+        parts = {"tolerance": Tolerance, "start": Start}
+        for name, kind in parts.items():
+            if name in settings:
+                table = _table(f"scene.{name}", settings[name])
+                known_keys(f"scene.{name}", table, (f.name for f in fields(kind)))
+                settings[name] = kind(**table)
+        if "gears" in data:
+            gears = _table("gears", data["gears"])
+            names = [f.name for f in fields(Gears)]
+            known_keys("gears", gears, names)
+            _all_given("gears", gears, names)
+            known_keys("scene", settings, ("sigma", "tolerance", "start", "stages"))
+            return cls.from_gears(Gears(**gears), **settings)
+        known_keys("scene", settings, (f.name for f in fields(cls) if f.init))
+        _all_given("scene", settings, ("alpha", "epsilon", "beta1", "gamma1"))
+        return cls(**settings)
+
+    def to_toml(self) -> str:
+        """The scene as TOML text; `from_toml` gives the same scene back, to the last bit."""
+        return tomli_w.dumps(self.to_dict())
+
+    @classmethod
+    def from_toml(cls, text: str) -> "Scene":
+        """A scene from TOML text with a ``[scene]`` table, or ``[gears]`` and what is left to ``[scene]``."""
+        try:
+            data = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise FileError("TOML", str(error), "correct the file at that place") from None
+        return cls.from_dict(data)
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Scene":
+        """A scene from a TOML file."""
+        try:
+            text = Path(path).read_text(encoding="utf-8")
+        except UnicodeDecodeError:
+            raise FileError("scene file", str(path), "is not UTF-8 text; give a TOML file") from None
+        except OSError as error:
+            raise FileError("scene file", str(path), f"cannot be read ({error.strerror}); give a TOML file") from None
+        return cls.from_toml(text)
+
+
+def _table(name: str, value: object) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise InputError(name, value, f"write it as a table: [{name}]")
+    return dict(value)
+
+
+def _all_given(where: str, table: dict[str, Any], names: list[str] | tuple[str, ...]) -> None:
+    missing = [name for name in names if name not in table]
+    if missing:
+        raise InputError(where, missing, "these keys are missing")

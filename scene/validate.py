@@ -1,0 +1,75 @@
+"""Checks at the door: each returns the value it was given, or raises an InputError that says what to change."""
+
+import math
+from difflib import get_close_matches
+from collections.abc import Iterable
+from numbers import Integral, Real
+
+from scene.errors import InputError
+
+__all__ = ["choice", "count", "finite", "known_keys", "nearest", "non_negative", "positive", "unit_interval"]
+
+
+def finite(field: str, value: object) -> float:
+    """A finite real number as a float; booleans and strings are refused."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise InputError(field, value, "give a number")
+    number = float(value)
+    if not math.isfinite(number):
+        raise InputError(field, value, "give a finite number")
+    return number
+
+
+def positive(field: str, value: float) -> float:
+    """A finite number above zero."""
+    if not finite(field, value) > 0.0:
+        raise InputError(field, value, "must be greater than 0")
+    return value
+
+
+def non_negative(field: str, value: float) -> float:
+    """A finite number, zero or above."""
+    if not finite(field, value) >= 0.0:
+        raise InputError(field, value, "must be 0 or greater")
+    return value
+
+
+def unit_interval(field: str, value: float) -> float:
+    """A finite number between 0 and 1, both allowed."""
+    if not 0.0 <= finite(field, value) <= 1.0:
+        raise InputError(field, value, "must lie between 0 and 1")
+    return value
+
+
+def count(field: str, value: object, least: int = 1, most: int | None = None) -> int:
+    """A whole number of at least `least` (and at most `most`)."""
+    if isinstance(value, bool) or not isinstance(value, Integral):
+        raise InputError(field, value, "give a whole number")
+    if value < least:
+        raise InputError(field, value, f"must be at least {least}")
+    if most is not None and value > most:
+        raise InputError(field, value, f"must be at most {most}")
+    return int(value)
+
+
+def nearest(word: str, valid: Iterable[str]) -> str:
+    """The tail of a message about an unknown name: the nearest valid one, or all of them."""
+    names = list(valid)
+    close = get_close_matches(word, names, n=1)
+    return f"did you mean {close[0]!r}?" if close else "valid are " + ", ".join(map(repr, names))
+
+
+def choice(field: str, value: object, valid: Iterable[str]) -> str:
+    """One of a set of names."""
+    names = list(valid)
+    if value not in names:
+        raise InputError(field, value, nearest(str(value), names))
+    return str(value)
+
+
+def known_keys(where: str, given: Iterable[str], valid: Iterable[str]) -> None:
+    """Refuse a key that is not among the valid ones, and name the nearest."""
+    names = list(valid)
+    for key in given:
+        if key not in names:
+            raise InputError(where, key, f"unknown key; {nearest(key, names)}")
