@@ -236,6 +236,12 @@ class Scene:
         return scene
 
     @property
+    def noise_free(self) -> "Scene":
+        """The same scene without noise and without random tolerance: its deterministic orbit."""
+        tolerance = self.tolerance if self.tolerance is not None and self.tolerance.law == "fixed" else None
+        return replace(self, sigma=0.0, tolerance=tolerance)
+
+    @property
     def constants(self) -> Constants:
         """The numbers that compiled code needs."""
         fixed = self.tolerance is not None and self.tolerance.law == "fixed"

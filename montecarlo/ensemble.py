@@ -1,0 +1,380 @@
+"""The public entry of the Monte Carlo: validate, run blocks on workers, merge them in order."""
+
+import math
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from montecarlo.accumulate import pair_statistics, single_statistics
+from montecarlo.block import BLOCK, CODES, CROSS, PAIRS, BlockResult, Plan, Raw, run, sample
+from montecarlo.histogram import Histograms
+from montecarlo.noise import LEVELS
+from montecarlo.schemes import SCHEMES
+from montecarlo.step import check_step
+from scene.errors import InputError
+from scene.moments import SECTION, STATE
+from scene.scene import Scene
+from scene.validate import choice, count, finite, positive
+
+__all__ = ["Ensemble", "simulate"]
+
+Floats = NDArray[np.float64]
+
+HORIZON_PER_IMPACT = 50.0
+"""Default time after which a path is given up, per impact asked for; flights of DAT21 last about 0.5."""
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """What a simulation found.
+
+    Attributes
+    ----------
+    scene, paths, impacts, dt, scheme, seed
+        What was asked; `seed` makes the run repeatable.
+    result : BlockResult
+        The merged sums behind the tables.
+    clock_times : ndarray
+        Times at which clock statistics were taken (on the step grid).
+    histograms : Histograms or None
+        Section histograms, if asked for.
+    raw : ndarray or None
+        ``tau, flight, x1, y1, x2, y2, mesh * side`` of every impact of every path, shape (paths, impacts, 7), if asked for.
+    wall_seconds : float
+        Time the run took.
+    """
+
+    scene: Scene
+    paths: int
+    impacts: int
+    dt: float
+    scheme: str
+    seed: np.random.SeedSequence
+    result: BlockResult
+    clock_times: Floats
+    histograms: Histograms | None
+    raw: Floats | None
+    wall_seconds: float
+
+    @property
+    def path_steps(self) -> int:
+        """Steps taken, over all paths and step sizes."""
+        return self.result.path_steps
+
+    @property
+    def unfinished(self) -> int:
+        """Paths that had not had all their impacts at the horizon; they count in the rows they reached."""
+        return self.result.unfinished
+
+    @property
+    def held(self) -> int:
+        """How often impacts accumulated within one step and the path was held to its end."""
+        return self.result.held
+
+    @cached_property
+    def section(self) -> pd.DataFrame:
+        """Moments of each path's own k-th impact, just before it (dimensionless), index ``impact``.
+
+        Columns: the mean of ``tau, flight, x1, y1, x2, y2`` under their own names, ``mesh`` and ``side`` of most paths,
+        ``sd_``, ``skew_``, ``kurt_`` (third and fourth cumulants in units of the sd) of each quantity, the
+        standard error of each of these under ``se_`` + its name, ``rho1, rho2``, ``paths`` that reached the impact,
+        and ``agreement``: the share that has followed the noise-free itinerary up to there.
+        """
+        s = single_statistics(self.result.sums["section"])
+        columns: dict[str, Floats] = {}
+        for prefix, name in (("", "mean"), ("sd_", "sd"), ("skew_", "skew"), ("kurt_", "kurt")):
+            for i, quantity in enumerate(SECTION):
+                absent = self.scene.stages == 1 and quantity in STATE[2:]
+                columns[prefix + quantity] = s[name][:, i] * (np.nan if absent else 1.0)
+                columns["se_" + prefix + quantity] = s["se_" + name][:, i] * (np.nan if absent else 1.0)
+        most = np.array(CODES)[np.argmax(self.result.codes, axis=1)]
+        covariance = self.covariance
+        for stage in (1, 2):
+            j = 2 * stage - 1
+            with np.errstate(invalid="ignore", divide="ignore"):
+                scale = np.sqrt(covariance[:, j, j] * covariance[:, j + 1, j + 1])
+                columns[f"rho{stage}"] = np.where(scale > 0.0, covariance[:, j, j + 1] / scale, np.nan)
+        table = pd.DataFrame(columns, index=pd.RangeIndex(1, self.impacts + 1, name="impact"))
+        table.insert(4, "mesh", np.abs(most))
+        table.insert(5, "side", np.sign(most))
+        table["paths"] = (self._reached * self._copies).astype(int)
+        table["agreement"] = self.agreement["noise-free"]
+        return table
+
+    @cached_property
+    def agreement(self) -> pd.DataFrame:
+        """Share of paths whose impacts so far had the meshes and sides of each itinerary given (columns)."""
+        n = self.paths / self._copies
+        return pd.DataFrame(
+            {name: a / n for name, a in self.result.agreeing.items()},
+            index=pd.RangeIndex(1, self.impacts + 1, name="impact"),
+        )
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """Covariance of ``tau, x1, y1, x2, y2`` at each impact, shape (impacts, 5, 5)."""
+        out = np.empty((self.impacts, 5, 5))
+        moment = self.result.sums["section_pairs"].moment(1, 1)
+        for k, (i, j) in enumerate(PAIRS):
+            out[:, i, j] = out[:, j, i] = moment[:, k]
+        variance = self.result.sums["section"].moment(2, 0)[:, [0, 2, 3, 4, 5]]
+        out[:, range(5), range(5)] = variance
+        if self.scene.stages == 1:
+            out[:, 3:, :] = out[:, :, 3:] = np.nan
+        return out
+
+    def clock(self, times: Sequence[float] | Floats | None = None) -> pd.DataFrame:
+        """Moments of all paths at fixed times, index ``time`` (on the step grid, within a step of what was asked).
+
+        Columns as in the closure's clock, with ``se_`` beside each mean and covariance, and for each ``rho`` its standard error
+        ``se_rho``, its Fisher interval's standard error ``se_z_rho`` (of artanh rho), and ``coarse_rho``, the value at
+        twice the step, if step bias was asked for.
+
+        Raises
+        ------
+        InputError
+            If a time was not among those given to `simulate`.
+        """
+        table = self._clock_table
+        if times is None:
+            return table
+        rows = []
+        for t in np.asarray(times, dtype=float):
+            near = np.flatnonzero(np.abs(self.clock_times - t) <= 0.5 * LEVELS * self.dt + 1e-12)
+            if near.size == 0:
+                raise InputError("times", float(t), "was not recorded; give it to simulate(clock=...)")
+            rows.append(int(near[np.argmin(np.abs(self.clock_times[near] - t))]))
+        return table.iloc[rows]
+
+    @cached_property
+    def _clock_table(self) -> pd.DataFrame:
+        if "clock" not in self.result.sums:
+            return pd.DataFrame(index=pd.Index([], name="time"))
+        sums, coarse = self.result.sums["clock"], self.result.sums.get("coarse_clock")
+        s = pair_statistics(sums)
+        absent = [self.scene.stages == 1 and (i >= 2 or j >= 2) for i, j in CROSS]
+        blank = np.where(absent, np.nan, 1.0)
+        columns: dict[str, Floats] = {}
+        for k, (i, j) in enumerate(CROSS):
+            if i == j:
+                columns[STATE[i]] = sums.mean[0][:, k] * blank[k]
+                with np.errstate(invalid="ignore", divide="ignore"):
+                    columns[f"se_{STATE[i]}"] = np.sqrt(s["cov"][:, k] / sums.n[:, k]) * blank[k]
+        for k, (i, j) in enumerate(CROSS):
+            columns[f"cov_{STATE[i]}_{STATE[j]}"] = s["cov"][:, k] * blank[k]
+            columns[f"se_cov_{STATE[i]}_{STATE[j]}"] = s["se_cov"][:, k] * blank[k]
+        for stage, k in ((1, CROSS.index((0, 1))), (2, CROSS.index((2, 3)))):
+            columns[f"rho{stage}"] = s["rho"][:, k] * blank[k]
+            columns[f"se_rho{stage}"] = s["se_rho"][:, k] * blank[k]
+            columns[f"se_z_rho{stage}"] = s["se_z"][:, k] * blank[k]
+            if coarse is not None:
+                columns[f"coarse_rho{stage}"] = pair_statistics(coarse)["rho"][:, stage - 1] * blank[k]
+        return pd.DataFrame(columns, index=pd.Index(self.clock_times, name="time"))
+
+    @cached_property
+    def step_bias(self) -> pd.DataFrame:
+        """What the step size does to section means and sds, from dt, 2 dt and 4 dt on the same noise; tidy.
+
+        Columns ``impact, quantity, moment, bias, se_bias, corrected, se_corrected, rest``.  ``bias`` is the first-order estimate of
+        (this run - limit): the change from dt to 2 dt; ``corrected = value - bias`` is Richardson's
+        extrapolation; ``rest`` bounds what is left by the change that the same extrapolation from 2 dt and 4 dt makes.
+
+        Raises
+        ------
+        InputError
+            If the run was made without step bias.
+        """
+        if "fine_coarse" not in self.result.sums:
+            raise InputError("step_bias", False, "ask for it: simulate(step_bias=True)")
+        fine, coarse = self.result.sums["fine_coarse"], self.result.sums["coarse_coarser"]
+        n = fine.n
+        v = {(p, q): fine.moment(p, q) for p, q in ((2, 0), (1, 1), (0, 2), (4, 0), (2, 2), (0, 4))}
+        sd = np.sqrt(np.stack([v[2, 0], v[0, 2], coarse.moment(0, 2)]))
+        means = np.stack([fine.mean[0], fine.mean[1], coarse.mean[1]])
+        a, b = sd[0], sd[1]
+        spread = np.stack([  # covariance of the influence functions at dt and 2 dt: of the means, then of the sds
+            [v[2, 0], v[1, 1], v[0, 2]],
+            _sd_influence(v, a, b),
+        ])  # fmt: skip
+        rows = []
+        for moment, values, (ff, fc, cc) in (("mean", means, spread[0]), ("sd", sd, spread[1])):
+            bias = values[1] - values[0]
+            rest = np.abs(2.0 * values[0] - 3.0 * values[1] + values[2]) / 3.0
+            se_bias = np.sqrt(np.maximum(ff - 2.0 * fc + cc, 0.0) / n)
+            se_corrected = np.sqrt(np.maximum(4.0 * ff - 4.0 * fc + cc, 0.0) / n)
+            for i, quantity in enumerate(SECTION):
+                if self.scene.stages == 1 and quantity in STATE[2:]:
+                    continue
+                rows.append(pd.DataFrame({
+                    "impact": np.arange(1, self.impacts + 1), "quantity": quantity, "moment": moment,
+                    "bias": bias[:, i], "se_bias": se_bias[:, i],
+                    "corrected": (values[0] - bias)[:, i], "se_corrected": se_corrected[:, i], "rest": rest[:, i],
+                }))  # fmt: skip
+        return pd.concat(rows, ignore_index=True)
+
+    @property
+    def _reached(self) -> Floats:
+        return self.result.codes.sum(axis=1)
+
+    @property
+    def _copies(self) -> float:
+        """Paths that one computed path stands for: all of them, where nothing is random."""
+        return self.paths / max(self.result.sums["section"].n.max(), 1.0) if not _is_random(self.scene) else 1.0
+
+
+def _sd_influence(v: Mapping[tuple[int, int], Floats], a: Floats, b: Floats) -> list[Floats]:
+    """Variances and covariance of ``((u - E u)^2 - a^2) / 2a`` and the same of the second variable."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        parts = [
+            (v[4, 0] - v[2, 0] ** 2) / (4.0 * a * a),
+            (v[2, 2] - v[2, 0] * v[0, 2]) / (4.0 * a * b),
+            (v[0, 4] - v[0, 2] ** 2) / (4.0 * b * b),
+        ]
+    return [np.where((a > 0.0) & (b > 0.0), p, 0.0) for p in parts]
+
+
+def _is_random(scene: Scene) -> bool:
+    return scene.sigma > 0.0 or (scene.tolerance is not None and scene.tolerance.law != "fixed")
+
+
+def _in_order(plan: Plan, workers: int) -> Iterator[tuple[BlockResult, Raw]]:
+    """Results of all blocks in block order; at most a few blocks per worker are alive at a time."""
+    with ThreadPoolExecutor(workers) as pool:
+        numbers = iter(range(plan.blocks))
+        waiting: list[Future[tuple[BlockResult, Raw]]] = [pool.submit(run, plan, b) for b in islice(numbers, 4 * workers)]
+        try:
+            while waiting:
+                yield waiting.pop(0).result()
+                waiting.extend(pool.submit(run, plan, b) for b in islice(numbers, 1))
+        finally:
+            for future in waiting:
+                future.cancel()
+
+
+def simulate(
+    scene: Scene,
+    *,
+    paths: int,
+    impacts: int = 12,
+    dt: float = 2e-3,
+    scheme: str = "euler-maruyama-located",
+    rng: int | np.random.SeedSequence = 0,
+    workers: int = 1,
+    clock: Sequence[float] | Floats = (),
+    step_bias: bool = False,
+    itineraries: Mapping[str, Sequence[int]] | None = None,
+    histogram: bool = False,
+    keep_paths: bool = False,
+    horizon: float | None = None,
+    progress: str | None = None,
+) -> Ensemble:
+    """Simulate an ensemble of paths of Eqs. 5 and 6 with both impact laws.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled.
+    paths : int
+        Number of paths.
+    impacts : int
+        Impacts of each path after the start.
+    dt : float
+        Step.
+    scheme : {"euler-maruyama-located", "euler-maruyama"}
+        Whether an impact is located inside its step or detected at the end of it.
+    rng : int or SeedSequence
+        Seed.  The result is the same bit for bit for any number of workers.
+    workers : int
+        Threads.
+    clock : sequence of float
+        Times at which moments of all paths are taken.
+    step_bias : bool
+        Run 2 dt and 4 dt on the same noise beside dt, and estimate the bias of the step (about two thirds more work).
+    itineraries : mapping of str to sequence of int
+        Named itineraries ``mesh * side`` whose agreement with the paths is counted, beside the noise-free one.
+    histogram, keep_paths : bool
+        Keep section histograms; keep every impact of every path (memory then grows with paths).
+    horizon : float
+        Time after the start at which unfinished paths are given up; 50 per impact by default.
+    progress : str
+        Label of a progress bar on a terminal; none by default, and none in a pipe.
+
+    Returns
+    -------
+    Ensemble
+
+    Raises
+    ------
+    InputError
+        For any setting that cannot be run; nothing has started then.
+
+    Examples
+    --------
+    >>> from scene import DAT21, Scene
+    >>> run = simulate(Scene.from_gears(DAT21, sigma=0.01), paths=1000, impacts=2, rng=7)
+    >>> run.section[["mesh", "side", "paths", "agreement"]].loc[2].tolist()
+    [2.0, 1.0, 1000.0, 1.0]
+    """
+    if not isinstance(scene, Scene):
+        raise InputError("scene", scene, "give a Scene")
+    levels = LEVELS if step_bias else 1
+    coarsest = 2 ** (levels - 1)
+    count("paths", paths)
+    count("impacts", impacts)
+    count("workers", workers)
+    choice("scheme", scheme, SCHEMES)
+    dt = check_step(scene, dt, coarsest)
+    horizon = HORIZON_PER_IMPACT * impacts if horizon is None else positive("horizon", horizon)
+    seed = rng if isinstance(rng, np.random.SeedSequence) else np.random.SeedSequence(count("rng", rng, least=0))
+    located = SCHEMES[scheme]
+    steps = _clock_steps(scene, clock, dt * coarsest, horizon) * coarsest
+    most_steps = math.ceil(horizon / dt)
+    quiet = Plan(scene.noise_free, 1, impacts, dt, located, seed, most_steps, np.empty(0, np.int64), {}, 1)
+    named = {"noise-free": tuple(np.nan_to_num(sample(quiet, 0).rows[0, 0, :, 5]).astype(int).tolist())}
+    named |= {name: _full_length(name, itinerary, impacts) for name, itinerary in (itineraries or {}).items()}
+    computed = paths if _is_random(scene) else 1
+    plan = Plan(scene, computed, impacts, dt, located, seed, most_steps, steps, named, levels)
+    started = time.perf_counter()
+    merged: BlockResult | None = None
+    histograms: Histograms | None = None
+    kept = []
+    bar = tqdm(total=computed, unit="path", unit_scale=True, desc=progress, disable=None if progress else True)
+    with bar:
+        for result, raw in _in_order(plan, workers):
+            merged = result if merged is None else merged.merged(result)
+            section = raw.section(0, scene.start.tau) if histogram or keep_paths else None
+            if histogram and section is not None:
+                histograms = histograms or Histograms.sized_by(section)
+                histograms.add(section)
+            if keep_paths and section is not None:
+                kept.append(np.concatenate([section, raw.rows[0, :, :, 5:]], axis=2))
+            bar.update(min(BLOCK, computed))
+    assert merged is not None
+    return Ensemble(
+        scene, paths, impacts, dt, scheme, seed, merged, scene.start.tau + steps * dt, histograms,
+        np.concatenate(kept) if kept else None, time.perf_counter() - started,
+    )  # fmt: skip
+
+
+def _clock_steps(scene: Scene, times: Sequence[float] | Floats, dt: float, horizon: float) -> NDArray[np.int64]:
+    steps = []
+    for t in times:
+        since = finite("clock", float(t)) - scene.start.tau
+        if not dt <= since <= horizon:
+            raise InputError("clock", float(t), f"must lie between the first step and the horizon {horizon:g} after the start")
+        steps.append(round(since / dt))
+    return np.unique(np.array(steps, dtype=np.int64))
+
+
+def _full_length(name: str, itinerary: Sequence[int], impacts: int) -> tuple[int, ...]:
+    if len(itinerary) != impacts:
+        raise InputError(f"itineraries[{name!r}]", list(itinerary), f"needs one entry for each of the {impacts} impacts")
+    return tuple(int(code) for code in itinerary)

@@ -1,0 +1,53 @@
+"""How long a step may be before Euler-Maruyama is unstable or blind."""
+
+import math
+
+from scene.errors import InputError
+from scene.scene import Scene
+from scene.validate import finite
+
+__all__ = ["check_step", "largest_step"]
+
+
+def largest_step(scene: Scene) -> tuple[float, str]:
+    """The longest step that the door lets through, and what limits it.
+
+    The step must damp without overshoot (``beta dt <= 1``, well inside the stability bound 2), resolve the excitation (20
+    steps a period), and not cross half of the narrowest half gap at a typical speed.
+
+    Examples
+    --------
+    >>> from scene import DAT21, Scene
+    >>> dt, why = largest_step(Scene.from_gears(DAT21))
+    >>> round(dt, 3), why
+    (0.125, 'a longer step cannot see the gap')
+    """
+    c, start, tolerance = scene.constants, scene.start, scene.tolerance
+    fastest = max(c.beta1, c.beta2)
+    gaps = [scene.gap1 - (tolerance.c1_max if tolerance else 0.0), scene.gap2 - (tolerance.c2_max if tolerance else 0.0)]
+    speeds = [abs(start.y1), abs(start.y2)]
+    typical = max(*speeds[: scene.stages], c.alpha + c.sigma)
+    limits = {
+        "a longer step makes the damping unstable": 1.0 / fastest if fastest > 0.0 else math.inf,
+        "a longer step cannot follow the excitation": 2.0 * math.pi / 20.0,
+        "a longer step cannot see the gap": 0.5 * min(gaps[: scene.stages]) / typical if typical > 0.0 else math.inf,
+    }
+    reason = min(limits, key=lambda name: limits[name])
+    return limits[reason], reason
+
+
+def check_step(scene: Scene, dt: float, coarsest: int = 1) -> float:
+    """The step as a float, if it and its `coarsest` multiple may be used.
+
+    Raises
+    ------
+    InputError
+        Says how long the step may be, and why.
+    """
+    if not finite("dt", dt) > 0.0:
+        raise InputError("dt", dt, "must be greater than 0")
+    largest, reason = largest_step(scene)
+    if dt * coarsest > largest:
+        with_bias = f" ({coarsest} dt is run beside it for the step bias)" if coarsest > 1 else ""
+        raise InputError("dt", dt, f"must be at most {largest / coarsest:.3g}{with_bias}: {reason}")
+    return float(dt)
