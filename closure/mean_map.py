@@ -84,7 +84,12 @@ class MeanMap:
         displacement and velocity perturbation of a stage) and ``realizable``.
         """
         t = self.trace
-        columns: dict[str, object] = {"tau": t.tau[1:], "flight": np.diff(t.tau), "mesh": t.mesh[1:], "side": t.side[1:]}
+        columns: dict[str, object] = {
+            "tau": t.tau[1:],
+            "flight": np.diff(t.tau),
+            "mesh": t.mesh[1:],
+            "side": t.side[1:],
+        }
         columns |= {name: t.mean[1:, i] for i, name in enumerate(STATE)}
         columns |= {f"sd_{name}": t.sd[1:, i] for i, name in enumerate(SECTION)}
         impacts = range(1, self.impacts + 1)

@@ -79,7 +79,8 @@ class Orbit:
     def state(self, c: Constants, time: float) -> Floats:
         """State at a time of the orbit, after any impact at that very instant, shape (4,)."""
         k = int(np.searchsorted(self.tau[: self.found + 1], time, side="right")) - 1
-        return np.array(flow(c, self.tau[k], *self.after[k], time - self.tau[k]))
+        x1, y1, x2, y2 = self.after[k]
+        return np.asarray(flow(c, self.tau[k], x1, y1, x2, y2, time - self.tau[k]), dtype=float)
 
 
 def follow(scene: Scene, impacts: int) -> Orbit:
@@ -94,6 +95,6 @@ def follow(scene: Scene, impacts: int) -> Orbit:
     """
     c = scene.constants
     start = scene.start
-    found, last, *arrays = _follow(c, start.tau, *scene.start_state, start.mesh, impacts)
+    found, last, tau, mesh, side, before, after = _follow(c, start.tau, *scene.start_state, start.mesh, impacts)
     stopped = "" if last > 0 else f"{MISSES[last]} after impact {found}"
-    return Orbit(*arrays, found=found, stopped=stopped)
+    return Orbit(tau, mesh, side, before, after, found, stopped)

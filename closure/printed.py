@@ -12,7 +12,7 @@ variance is not positive has no window mean, so its shift is left out and the ma
 import numpy as np
 
 from closure.edgeworth import coefficients, normal_density, window_means
-from closure.orbit import HORIZON, Floats, Ints
+from closure.orbit import Floats, Ints
 from closure.raw_moments import after_flight, unmodulated_covariance
 from closure.trace import Trace
 from scene.compiled import jit
@@ -172,7 +172,9 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     """
     if scene.start.mesh != 1:
         raise InputError(
-            "start.mesh", scene.start.mesh, "the printed reading needs a start at mesh 1 (Eq. 10); leave it out of readings"
+            "start.mesh",
+            scene.start.mesh,
+            "the printed reading needs a start at mesh 1 (Eq. 10); leave it out",
         )
     c, windows = scene.constants, scene.windows
     start = np.array(scene.start_state)

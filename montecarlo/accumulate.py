@@ -157,9 +157,9 @@ def _variance_of(coefficients: list[Floats], moments: list[Floats]) -> Floats:
 def single_statistics(sums: CentralSums) -> dict[str, Floats]:
     """Mean, sd, skewness and excess kurtosis with standard errors, from sums over the orders `SINGLE`.
 
-    Skewness and excess kurtosis are the third and fourth cumulants in units of the sd.  Standard errors are those of the
-    influence functions (delta method); they hold for any distribution with eight moments.  What does not vary has
-    sd 0 with error 0 and no skewness.
+    Skewness and excess kurtosis are the third and fourth cumulants in units of the sd.  Standard errors are those
+    of the influence functions (delta method); they hold for any distribution with eight moments.  What does not
+    vary has sd 0 with error 0 and no skewness.
     """
     n = sums.n
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -121,10 +121,11 @@ def sample(plan: Plan, block: int) -> Raw:
 class BlockResult:
     """What a block leaves behind: mergeable sums and counts.
 
-    ``sums`` holds, by name: ``section`` over (impact, quantity); ``section_pairs`` over (impact, pair of `PAIRS`); ``clock`` over
-    (time, pair of `CROSS`); with step bias also ``fine_coarse`` and ``coarse_coarser`` over (impact, quantity), the same
-    quantity at two step sizes, and ``coarse_clock`` over (time, stage), displacement with velocity.  ``codes`` counts mesh and side of each impact over (impact, `CODES`); ``agreeing`` counts the
-    paths that have followed each itinerary so far.
+    ``sums`` holds, by name: ``section`` over (impact, quantity); ``section_pairs`` over (impact, pair of `PAIRS`);
+    ``clock`` over (time, pair of `CROSS`); with step bias also ``fine_coarse`` and ``coarse_coarser`` over (impact,
+    quantity), the same quantity at two step sizes, and ``coarse_clock`` over (time, stage), displacement with
+    velocity.  ``codes`` counts mesh and side of each impact over (impact, `CODES`); ``agreeing`` counts the paths
+    that have followed each itinerary so far.
     """
 
     sums: dict[str, CentralSums]

@@ -47,7 +47,8 @@ class Ensemble:
     histograms : Histograms or None
         Section histograms, if asked for.
     raw : ndarray or None
-        ``tau, flight, x1, y1, x2, y2, mesh * side`` of every impact of every path, shape (paths, impacts, 7), if asked for.
+        ``tau, flight, x1, y1, x2, y2, mesh * side`` of every impact of every path, shape (paths, impacts, 7), if
+        asked for.
     wall_seconds : float
         Time the run took.
     """
@@ -134,9 +135,9 @@ class Ensemble:
     def clock(self, times: Sequence[float] | Floats | None = None) -> pd.DataFrame:
         """Moments of all paths at fixed times, index ``time`` (on the step grid, within a step of what was asked).
 
-        Columns as in the closure's clock, with ``se_`` beside each mean and covariance, and for each ``rho`` its standard error
-        ``se_rho``, its Fisher interval's standard error ``se_z_rho`` (of artanh rho), and ``coarse_rho``, the value at
-        twice the step, if step bias was asked for.
+        Columns as in the closure's clock, with ``se_`` beside each mean and covariance, and for each ``rho`` its
+        standard error ``se_rho``, that of Fisher's artanh rho ``se_z_rho``, and ``coarse_rho``, the value at twice
+        the step, if step bias was asked for.
 
         Raises
         ------
@@ -183,9 +184,10 @@ class Ensemble:
     def step_bias(self) -> pd.DataFrame:
         """What the step size does to section means and sds, from dt, 2 dt and 4 dt on the same noise; tidy.
 
-        Columns ``impact, quantity, moment, bias, se_bias, corrected, se_corrected, rest``.  ``bias`` is the first-order estimate of
-        (this run - limit): the change from dt to 2 dt; ``corrected = value - bias`` is Richardson's
-        extrapolation; ``rest`` bounds what is left by the change that the same extrapolation from 2 dt and 4 dt makes.
+        Columns ``impact, quantity, moment, bias, se_bias, corrected, se_corrected, rest``.  ``bias`` is the
+        first-order estimate of (this run - limit): the change from dt to 2 dt; ``corrected = value - bias`` is
+        Richardson's extrapolation; ``rest`` bounds what is left: a third of the change from the same
+        extrapolation of 2 dt and 4 dt.
 
         Raises
         ------
@@ -222,7 +224,7 @@ class Ensemble:
 
     @property
     def _reached(self) -> Floats:
-        return self.result.codes.sum(axis=1)
+        return np.asarray(self.result.codes.sum(axis=1))
 
     @property
     def _copies(self) -> float:
@@ -249,7 +251,9 @@ def _in_order(plan: Plan, workers: int) -> Iterator[tuple[BlockResult, Raw]]:
     """Results of all blocks in block order; at most a few blocks per worker are alive at a time."""
     with ThreadPoolExecutor(workers) as pool:
         numbers = iter(range(plan.blocks))
-        waiting: list[Future[tuple[BlockResult, Raw]]] = [pool.submit(run, plan, b) for b in islice(numbers, 4 * workers)]
+        waiting: list[Future[tuple[BlockResult, Raw]]] = [
+            pool.submit(run, plan, b) for b in islice(numbers, 4 * workers)
+        ]
         try:
             while waiting:
                 yield waiting.pop(0).result()
@@ -369,12 +373,12 @@ def _clock_steps(scene: Scene, times: Sequence[float] | Floats, dt: float, horiz
     for t in times:
         since = finite("clock", float(t)) - scene.start.tau
         if not dt <= since <= horizon:
-            raise InputError("clock", float(t), f"must lie between the first step and the horizon {horizon:g} after the start")
+            raise InputError("clock", float(t), f"must lie between one step and {horizon:g} after the start")
         steps.append(round(since / dt))
     return np.unique(np.array(steps, dtype=np.int64))
 
 
 def _full_length(name: str, itinerary: Sequence[int], impacts: int) -> tuple[int, ...]:
     if len(itinerary) != impacts:
-        raise InputError(f"itineraries[{name!r}]", list(itinerary), f"needs one entry for each of the {impacts} impacts")
+        raise InputError(f"itineraries[{name!r}]", list(itinerary), f"needs one entry for each of {impacts} impacts")
     return tuple(int(code) for code in itinerary)

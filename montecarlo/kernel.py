@@ -6,7 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from montecarlo.schemes import (
-    MOST_IN_A_STEP, Progress, StepForcing, advance_at_end, advance_inside, euler_step, step_forcing,
+    MOST_IN_A_STEP,
+    Progress,
+    StepForcing,
+    advance_at_end,
+    advance_inside,
+    euler_step,
+    step_forcing,
 )  # fmt: skip
 from scene.compiled import jit
 from scene.impact import struck
@@ -162,7 +168,12 @@ def run_block(
                     )  # fmt: skip
                     met = 0
                     while at.left > 0.0 or at.code != 0:
-                        a, b, d, e = own_walls[level, 0, p], own_walls[level, 1, p], own_walls[level, 2, p], own_walls[level, 3, p]
+                        a, b, d, e = (
+                            own_walls[level, 0, p],
+                            own_walls[level, 1, p],
+                            own_walls[level, 2, p],
+                            own_walls[level, 3, p],
+                        )
                         if located:
                             at = advance_inside(c, at, bridges[level].standard_normal(), a, b, d, e)
                         else:
@@ -171,7 +182,14 @@ def run_block(
                             mesh, k = abs(at.code), count[level, p]
                             if k < impacts:
                                 row = rows[level, path[p], k]
-                                row[0], row[1], row[2], row[3], row[4], row[5] = at.tau, at.x1, at.y1, at.x2, at.y2, at.code
+                                row[0], row[1], row[2], row[3], row[4], row[5] = (
+                                    at.tau,
+                                    at.x1,
+                                    at.y1,
+                                    at.x2,
+                                    at.y2,
+                                    at.code,
+                                )
                             count[level, p] = k + 1
                             if draws > 0:
                                 opposite = 2 * mesh - 1 if at.code > 0 else 2 * mesh - 2

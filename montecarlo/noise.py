@@ -21,7 +21,7 @@ class Streams(NamedTuple):
     """
 
     steps: np.random.Generator
-    bridges: tuple[np.random.Generator, ...]
+    bridges: tuple[np.random.Generator, np.random.Generator, np.random.Generator]
     tolerance: np.random.Generator
 
 
@@ -40,4 +40,4 @@ def streams(seed: np.random.SeedSequence, block: int) -> Streams:
         key = (*seed.spawn_key, block, purpose)
         return np.random.Generator(np.random.SFC64(np.random.SeedSequence(seed.entropy, spawn_key=key)))
 
-    return Streams(generator(0), tuple(generator(2 + level) for level in range(LEVELS)), generator(1))
+    return Streams(generator(0), (generator(2), generator(3), generator(4)), generator(1))

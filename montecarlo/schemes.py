@@ -13,7 +13,16 @@ from scene.compiled import jit
 from scene.flight import noise_rate
 from scene.scene import Constants
 
-__all__ = ["MOST_IN_A_STEP", "SCHEMES", "Progress", "StepForcing", "advance_at_end", "advance_inside", "euler_step", "step_forcing"]
+__all__ = [
+    "MOST_IN_A_STEP",
+    "SCHEMES",
+    "Progress",
+    "StepForcing",
+    "advance_at_end",
+    "advance_inside",
+    "euler_step",
+    "step_forcing",
+]
 
 SCHEMES = {"euler-maruyama": False, "euler-maruyama-located": True}
 """Name of a scheme: whether it locates impacts inside the step."""
@@ -34,8 +43,8 @@ class StepForcing(NamedTuple):
 class Progress(NamedTuple):
     """A path within a step: how far it has come, and what it meets there.
 
-    ``code`` is ``mesh * side`` of an impact that is due at this very state, or 0.  ``left`` is the time to the end of the
-    step, ``increment`` the Brownian increment over that time.
+    ``code`` is ``mesh * side`` of an impact that is due at this very state, or 0.  ``left`` is the time to the end of
+    the step, ``increment`` the Brownian increment over that time.
     """
 
     code: int

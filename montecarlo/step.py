@@ -24,7 +24,10 @@ def largest_step(scene: Scene) -> tuple[float, str]:
     """
     c, start, tolerance = scene.constants, scene.start, scene.tolerance
     fastest = max(c.beta1, c.beta2)
-    gaps = [scene.gap1 - (tolerance.c1_max if tolerance else 0.0), scene.gap2 - (tolerance.c2_max if tolerance else 0.0)]
+    gaps = [
+        scene.gap1 - (tolerance.c1_max if tolerance else 0.0),
+        scene.gap2 - (tolerance.c2_max if tolerance else 0.0),
+    ]
     speeds = [abs(start.y1), abs(start.y2)]
     typical = max(*speeds[: scene.stages], c.alpha + c.sigma)
     limits = {

@@ -205,7 +205,7 @@ class Scene:
                 raise InputError(f"start.x{i}", x, f"must lie on a flank (+-{gap}) or inside +-{gap - c_max}")
             if start.mesh == i and not (on_flank and x * y > 0.0):
                 raise InputError(
-                    f"start.mesh", start.mesh,
+                    "start.mesh", start.mesh,
                     f"an impact at mesh {i} needs x{i} = +-{gap} and y{i} outward; given x{i} = {x}, y{i} = {y}",
                 )  # fmt: skip
             if start.mesh == 0 and on_flank and x * y >= 0.0:

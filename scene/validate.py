@@ -1,8 +1,8 @@
 """Checks at the door: each returns the value it was given, or raises an InputError that says what to change."""
 
 import math
-from difflib import get_close_matches
 from collections.abc import Iterable
+from difflib import get_close_matches
 from numbers import Integral, Real
 
 from scene.errors import InputError
@@ -45,11 +45,12 @@ def count(field: str, value: object, least: int = 1, most: int | None = None) ->
     """A whole number of at least `least` (and at most `most`)."""
     if isinstance(value, bool) or not isinstance(value, Integral):
         raise InputError(field, value, "give a whole number")
-    if value < least:
+    number = int(value)
+    if number < least:
         raise InputError(field, value, f"must be at least {least}")
-    if most is not None and value > most:
+    if most is not None and number > most:
         raise InputError(field, value, f"must be at most {most}")
-    return int(value)
+    return number
 
 
 def nearest(word: str, valid: Iterable[str]) -> str:
