@@ -6,6 +6,8 @@ binomial expansion of that map, also for moments that no distribution has: that 
 reading can be followed beyond its own breakdown.
 """
 
+from math import comb
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,8 +19,7 @@ __all__ = ["after_flight", "unmodulated_covariance"]
 
 Floats = NDArray[np.float64]
 
-BINOMIAL = np.array([[1, 0, 0, 0, 0, 0, 0], [1, 1, 0, 0, 0, 0, 0], [1, 2, 1, 0, 0, 0, 0], [1, 3, 3, 1, 0, 0, 0],
-                     [1, 4, 6, 4, 1, 0, 0], [1, 5, 10, 10, 5, 1, 0], [1, 6, 15, 20, 15, 6, 1]], dtype=float)  # fmt: skip
+BINOMIAL = np.array([[comb(n, k) for k in range(7)] for n in range(7)], dtype=float)
 
 
 @jit

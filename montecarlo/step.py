@@ -12,8 +12,8 @@ __all__ = ["check_step", "largest_step"]
 def largest_step(scene: Scene) -> tuple[float, str]:
     """The longest step that the door lets through, and what limits it.
 
-    The step must damp without overshoot (``beta dt <= 1``, well inside the stability bound 2), resolve the excitation (20
-    steps a period), and not cross half of the narrowest half gap at a typical speed.
+    The step must damp without overshoot (``beta dt <= 1``, well inside the stability bound 2), resolve the excitation
+    (20 steps a period), and not cross half of the narrowest half gap at a typical speed.
 
     Examples
     --------
