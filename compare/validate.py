@@ -1,0 +1,132 @@
+"""The public entry of the comparison: closures against an ensemble of the same scene, with a verdict on every moment."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from closure import READINGS, MeanMap, follow, mean_map
+from compare.correlation import mid_flight_errors, validity
+from compare.moments import Tolerances, section_errors, widest
+from montecarlo import Ensemble, simulate
+from scene.errors import InputError
+from scene.moments import SECTION
+from scene.scene import Scene
+from scene.validate import choice
+
+__all__ = ["COLUMNS", "Validation", "validate"]
+
+COLUMNS = (
+    "reading", "kind", "impact", "time", "quantity", "moment", "closure", "monte_carlo", "se", "bias", "error", "low", "high",
+    "unit", "tolerance", "verdict", "paths_needed", "agreement",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Validation:
+    """What a comparison found.
+
+    Attributes
+    ----------
+    scene : Scene
+    closures : dict of str to MeanMap
+        The readings, by name.
+    run : Ensemble
+        The simulation.
+    table : DataFrame
+        Every moment of every reading with error, interval and verdict; the columns are `COLUMNS`.
+    correlation : DataFrame
+        Validity of the correlation on both sides, see `compare.correlation.validity`.
+    z : float
+        Standard errors of the intervals, corrected for the number of rows.
+    tolerances : Tolerances
+    """
+
+    scene: Scene
+    closures: dict[str, MeanMap]
+    run: Ensemble
+    table: pd.DataFrame
+    correlation: pd.DataFrame
+    z: float
+    tolerances: Tolerances
+
+    @property
+    def accurate(self) -> bool:
+        """Whether every moment that was predicted is accurate."""
+        predicted = self.table[self.table["verdict"] != "not predicted"]
+        return bool((predicted["verdict"] == "accurate").all())
+
+
+def validate(
+    scene: Scene,
+    *,
+    impacts: int = 12,
+    readings: Sequence[str] = tuple(READINGS),
+    paths: int = 256_000,
+    dt: float = 2e-3,
+    scheme: str = "euler-maruyama-located",
+    rng: int | np.random.SeedSequence = 0,
+    workers: int = 1,
+    order: int = 4,
+    tolerances: Tolerances | None = None,
+    progress: str | None = None,
+) -> Validation:
+    """Hold closures against a Monte Carlo of the same scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled.
+    impacts : int
+        Impacts after the start.
+    readings : sequence of str
+        Readings of the closure.
+    paths, dt, scheme, rng, workers, progress
+        Of the simulation, see `montecarlo.simulate`; 2 dt and 4 dt run on the same noise to measure the step bias.
+    order : int
+        Order of the closures' moments.
+    tolerances : Tolerances, optional
+        What counts as accurate: 5 % of an sd for means, 10 % for sds, 0.05 for correlations.
+
+    Returns
+    -------
+    Validation
+
+    Raises
+    ------
+    InputError
+        For any setting that cannot be run; nothing has started then.
+
+    Examples
+    --------
+    >>> from scene import DAT21, Scene
+    >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=2, readings=["mended"], paths=2000, rng=7)
+    >>> row = v.table.query("quantity == 'tau' and moment == 'mean' and impact == 1").iloc[0]
+    >>> row["verdict"], bool(row["low"] < 0.0 < row["high"])
+    ('accurate', True)
+    """
+    if not isinstance(scene, Scene):
+        raise InputError("scene", scene, "give a Scene")
+    if isinstance(readings, str) or not readings:
+        raise InputError("readings", readings, "give a list of " + ", ".join(READINGS))
+    for reading in readings:
+        choice("readings", reading, READINGS)
+    limits = tolerances or Tolerances()
+    closures = {r: mean_map(scene, impacts=impacts, reading=r, order=order) for r in dict.fromkeys(readings)}
+    orbit = follow(scene, impacts)
+    tau = orbit.tau[: orbit.found + 1]
+    middle = 0.5 * (tau[1:] + tau[:-1])
+    run = simulate(
+        scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, step_bias=True, histogram=True,
+        clock=middle[middle - scene.start.tau > 4.0 * dt], progress=progress,
+        itineraries={r: m.itinerary for r, m in closures.items()},
+    )  # fmt: skip
+    flights = np.searchsorted(tau, run.clock().index.to_numpy(float))  # the impact that ends each clock instant's flight
+    per_impact = len(SECTION) * 2 + 2 if scene.stages == 2 else (len(SECTION) - 2) * 2 + 1
+    z = widest(per_impact * impacts * len(closures))
+    parts = [section_errors(m, run, z, limits) for m in closures.values()]
+    if scene.sigma > 0.0 and len(run.clock()):
+        parts += [mid_flight_errors(m, run, flights, z, limits) for m in closures.values()]
+    table = pd.concat(parts, ignore_index=True).reindex(columns=list(COLUMNS))
+    return Validation(scene, closures, run, table, validity(list(closures.values()), run, flights), z, limits)
