@@ -19,10 +19,10 @@ SIMULATED = "monte carlo"
 def validity(closures: list[MeanMap], run: Ensemble, flights: Ints) -> pd.DataFrame:
     """Realizability of each stage's second moments; one row per reading, impact and stage.
 
-    A closure is judged just before its impacts; the simulation at mid-flight, before the same impacts (`flights`, one for
-    each instant of the run's clock), for at an impact's
-    own instant half of the paths have already been thrown back.  Columns: ``reading, impact, stage, variance_x, variance_y,
-    rho, smallest_eigenvalue, realizable, reason``.
+    A closure is judged just before its impacts; the simulation at mid-flight, before the same impacts, for at an
+    impact's own instant half of the paths have already been thrown back.  `flights` tells for each instant of the
+    run's clock which impact ends the flight.  Columns: ``reading, impact, stage, variance_x, variance_y, rho,
+    smallest_eigenvalue, realizable, reason``.
     """
     rows = []
     stages = range(1, run.scene.stages + 1)
@@ -34,14 +34,25 @@ def validity(closures: list[MeanMap], run: Ensemble, flights: Ints) -> pd.DataFr
         for stage in stages:
             x, y = f"x{stage}", f"y{stage}"
             cross = row[f"cov_{x}_{y}"]
-            rows.append((SIMULATED, int(impact), stage, np.array([[row[f"cov_{x}_{x}"], cross], [cross, row[f"cov_{y}_{y}"]]])))
+            rows.append(
+                (SIMULATED, int(impact), stage, np.array([[row[f"cov_{x}_{x}"], cross], [cross, row[f"cov_{y}_{y}"]]]))
+            )
     records = []
     for reading, impact, stage, covariance in rows:
         r = realizability(covariance)
-        records.append({
-            "reading": reading, "impact": impact, "stage": stage, "variance_x": r.variance_x, "variance_y": r.variance_y,
-            "rho": r.rho, "smallest_eigenvalue": r.smallest_eigenvalue, "realizable": r.realizable, "reason": r.reason,
-        })  # fmt: skip
+        records.append(
+            {
+                "reading": reading,
+                "impact": impact,
+                "stage": stage,
+                "variance_x": r.variance_x,
+                "variance_y": r.variance_y,
+                "rho": r.rho,
+                "smallest_eigenvalue": r.smallest_eigenvalue,
+                "realizable": r.realizable,
+                "reason": r.reason,
+            }
+        )
     return pd.DataFrame(records)
 
 
@@ -54,14 +65,12 @@ def first_failure(table: pd.DataFrame, reading: str) -> tuple[int, int, str] | N
     return int(row["impact"]), int(row["stage"]), str(row["reason"])
 
 
-def mid_flight_errors(
-    closure: MeanMap, run: Ensemble, flights: Ints, z: float, tolerances: Tolerances
-) -> pd.DataFrame:
+def mid_flight_errors(closure: MeanMap, run: Ensemble, flights: Ints, z: float, tolerances: Tolerances) -> pd.DataFrame:
     """Error of ``rho`` at the instants of the run's clock, in the middle of the orbit's flights; tidy.
 
     The Monte Carlo interval is Fisher's, with the standard error of artanh rho measured (for a Gaussian pair it is
-    ``1 / sqrt(paths)``), widened by the change that doubling the step makes.  Rows as in `section_errors`; ``impact`` is
-    the one that ends the flight (`flights`), ``time`` the instant.
+    ``1 / sqrt(paths)``), widened by the change that doubling the step makes.  Rows as in `section_errors`; ``impact``
+    is the one that ends the flight (`flights`), ``time`` the instant.
     """
     clock = run.clock()
     reached = clock.index[clock.index <= closure.trace.tau[closure.trace.found]]
@@ -74,12 +83,29 @@ def mid_flight_errors(
         bias = clock[f"coarse_rho{stage}"] - rho
         value = predicted[f"rho{stage}"].reindex(clock.index)
         low, high = value - np.tanh(fisher + half) - bias.abs(), value - np.tanh(fisher - half) + bias.abs()
-        parts.append(pd.DataFrame({
-            "reading": closure.reading, "kind": "clock", "impact": flights, "time": clock.index,
-            "quantity": f"rho{stage}", "moment": "rho", "closure": value, "monte_carlo": rho,
-            "se": clock[f"se_rho{stage}"], "bias": bias, "error": value - rho, "noise": 0.5 * (high - low) - bias.abs(),
-            "rest": bias.abs(), "unit": 1.0, "tolerance": tolerances.rho,
-            "agreement": run.agreement[closure.reading].loc[flights].to_numpy(), "paths": run.paths,
-            "low": low, "high": high,
-        }))  # fmt: skip
+        parts.append(
+            pd.DataFrame(
+                {
+                    "reading": closure.reading,
+                    "kind": "clock",
+                    "impact": flights,
+                    "time": clock.index,
+                    "quantity": f"rho{stage}",
+                    "moment": "rho",
+                    "closure": value,
+                    "monte_carlo": rho,
+                    "se": clock[f"se_rho{stage}"],
+                    "bias": bias,
+                    "error": value - rho,
+                    "noise": 0.5 * (high - low) - bias.abs(),
+                    "rest": bias.abs(),
+                    "unit": 1.0,
+                    "tolerance": tolerances.rho,
+                    "agreement": run.agreement[closure.reading].to_numpy()[flights - 1],
+                    "paths": run.paths,
+                    "low": low,
+                    "high": high,
+                }
+            )
+        )
     return judge(pd.concat(parts, ignore_index=True))

@@ -63,28 +63,40 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
 def section_errors(closure: MeanMap, run: Ensemble, z: float, tolerances: Tolerances) -> pd.DataFrame:
     """One row per impact, quantity and moment: closure against Monte Carlo at each path's own impact; tidy.
 
-    ``monte_carlo`` is the simulated value with its sampling error ``se`` and the measured step ``bias``; ``error`` is the
-    closure minus the bias-corrected value; ``low`` and ``high`` bound it by `z` standard errors of the corrected value and
-    what the correction may have left.  ``unit`` is the sd of the quantity.
+    ``monte_carlo`` is the simulated value with its sampling error ``se`` and the measured step ``bias``; ``error`` is
+    the closure minus the bias-corrected value; ``low`` and ``high`` bound it by `z` standard errors of the corrected
+    value and what the correction may have left.  ``unit`` is the sd of the quantity.
     """
-    bias = run.step_bias.set_index(["moment", "quantity", "impact"]).sort_index()
+    steps = {key: group.set_index("impact") for key, group in run.step_bias.groupby(["moment", "quantity"])}
     agreement = run.agreement[closure.reading]
     parts = []
     for moment, prefix, share in (("mean", "", tolerances.mean), ("sd", "sd_", tolerances.sd)):
         for quantity in SECTION:
             if run.scene.stages == 1 and quantity in STATE[2:]:
                 continue
-            step = bias.loc[(moment, quantity)]
-            unit = bias.loc[("sd", quantity)]["corrected"].clip(lower=0.0)
+            step = steps[moment, quantity]
+            unit = steps["sd", quantity]["corrected"].clip(lower=0.0)
             name = prefix + quantity
-            part = pd.DataFrame({
-                "reading": closure.reading, "kind": "section", "impact": run.section.index, "quantity": quantity,
-                "moment": moment, "closure": closure.section[name], "monte_carlo": run.section[name],
-                "se": run.section["se_" + name], "bias": step["bias"],
-                "error": closure.section[name] - step["corrected"], "noise": z * step["se_corrected"],
-                "rest": step["rest"], "unit": unit, "tolerance": np.maximum(share * unit, ABSOLUTE),
-                "agreement": agreement, "paths": run.section["paths"],
-            })  # fmt: skip
+            part = pd.DataFrame(
+                {
+                    "reading": closure.reading,
+                    "kind": "section",
+                    "impact": run.section.index,
+                    "quantity": quantity,
+                    "moment": moment,
+                    "closure": closure.section[name],
+                    "monte_carlo": run.section[name],
+                    "se": run.section["se_" + name],
+                    "bias": step["bias"],
+                    "error": closure.section[name] - step["corrected"],
+                    "noise": z * step["se_corrected"],
+                    "rest": step["rest"],
+                    "unit": unit,
+                    "tolerance": np.maximum(share * unit, ABSOLUTE),
+                    "agreement": agreement,
+                    "paths": run.section["paths"],
+                }
+            )
             parts.append(part)
     table = pd.concat(parts, ignore_index=True)
     half = table["noise"] + table["rest"]

@@ -1,4 +1,4 @@
-"""The public entry of the comparison: closures against an ensemble of the same scene, with a verdict on every moment."""
+"""The public entry: closures against an ensemble of the same scene, with a verdict on every moment."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,9 +18,25 @@ from scene.validate import choice
 __all__ = ["COLUMNS", "Validation", "validate"]
 
 COLUMNS = (
-    "reading", "kind", "impact", "time", "quantity", "moment", "closure", "monte_carlo", "se", "bias", "error", "low", "high",
-    "unit", "tolerance", "verdict", "paths_needed", "agreement",
-)  # fmt: skip
+    "reading",
+    "kind",
+    "impact",
+    "time",
+    "quantity",
+    "moment",
+    "closure",
+    "monte_carlo",
+    "se",
+    "bias",
+    "error",
+    "low",
+    "high",
+    "unit",
+    "tolerance",
+    "verdict",
+    "paths_needed",
+    "agreement",
+)
 
 
 @dataclass(frozen=True)
@@ -118,11 +134,21 @@ def validate(
     tau = orbit.tau[: orbit.found + 1]
     middle = 0.5 * (tau[1:] + tau[:-1])
     run = simulate(
-        scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, step_bias=True, histogram=True,
-        clock=middle[middle - scene.start.tau > 4.0 * dt], progress=progress,
+        scene,
+        paths=paths,
+        impacts=impacts,
+        dt=dt,
+        scheme=scheme,
+        rng=rng,
+        workers=workers,
+        step_bias=True,
+        histogram=True,
+        clock=middle[middle - scene.start.tau > 4.0 * dt],
+        progress=progress,
         itineraries={r: m.itinerary for r, m in closures.items()},
-    )  # fmt: skip
-    flights = np.searchsorted(tau, run.clock().index.to_numpy(float))  # the impact that ends each clock instant's flight
+    )
+    # the impact that ends the flight of each clock instant
+    flights = np.searchsorted(tau, run.clock().index.to_numpy(float))
     per_impact = len(SECTION) * 2 + 2 if scene.stages == 2 else (len(SECTION) - 2) * 2 + 1
     z = widest(per_impact * impacts * len(closures))
     parts = [section_errors(m, run, z, limits) for m in closures.values()]

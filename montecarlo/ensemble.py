@@ -24,7 +24,7 @@ from scene.moments import SECTION, STATE
 from scene.scene import Scene
 from scene.validate import choice, count, finite, positive
 
-__all__ = ["Ensemble", "simulate"]
+__all__ = ["Ensemble", "check_settings", "simulate"]
 
 Floats = NDArray[np.float64]
 
@@ -263,6 +263,35 @@ def _in_order(plan: Plan, workers: int) -> Iterator[tuple[BlockResult, Raw]]:
                 future.cancel()
 
 
+def check_settings(
+    scene: Scene,
+    *,
+    paths: int,
+    impacts: int,
+    dt: float,
+    scheme: str,
+    rng: int | np.random.SeedSequence,
+    workers: int,
+    step_bias: bool,
+) -> None:
+    """Refuse settings that `simulate` could not run, before any work; parameters as there.
+
+    Raises
+    ------
+    InputError
+        Names the setting, its value and the remedy.
+    """
+    if not isinstance(scene, Scene):
+        raise InputError("scene", scene, "give a Scene")
+    count("paths", paths)
+    count("impacts", impacts)
+    count("workers", workers)
+    choice("scheme", scheme, SCHEMES)
+    if not isinstance(rng, np.random.SeedSequence):
+        count("rng", rng, least=0)
+    check_step(scene, dt, 2 ** (LEVELS - 1) if step_bias else 1)
+
+
 def simulate(
     scene: Scene,
     *,
@@ -327,17 +356,14 @@ def simulate(
     >>> run.section[["mesh", "side", "paths", "agreement"]].loc[2].tolist()
     [2.0, 1.0, 1000.0, 1.0]
     """
-    if not isinstance(scene, Scene):
-        raise InputError("scene", scene, "give a Scene")
+    check_settings(
+        scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, step_bias=step_bias
+    )
     levels = LEVELS if step_bias else 1
     coarsest = 2 ** (levels - 1)
-    count("paths", paths)
-    count("impacts", impacts)
-    count("workers", workers)
-    choice("scheme", scheme, SCHEMES)
-    dt = check_step(scene, dt, coarsest)
+    dt = float(dt)
     horizon = HORIZON_PER_IMPACT * impacts if horizon is None else positive("horizon", horizon)
-    seed = rng if isinstance(rng, np.random.SeedSequence) else np.random.SeedSequence(count("rng", rng, least=0))
+    seed = rng if isinstance(rng, np.random.SeedSequence) else np.random.SeedSequence(rng)
     located = SCHEMES[scheme]
     steps = _clock_steps(scene, clock, dt * coarsest, horizon) * coarsest
     most_steps = math.ceil(horizon / dt)

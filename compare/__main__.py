@@ -1,0 +1,169 @@
+"""The command ``rattle``."""
+
+import json
+import resource
+import shlex
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import click
+
+from scene.errors import RattleError
+
+__all__ = ["EXIT_NOT_MET", "EXIT_NOT_REPEATED", "main"]
+
+EXIT_BAD_INPUT, EXIT_NOT_MET, EXIT_NOT_REPEATED = 2, 3, 4
+PAPER_SIGMAS = (0.01, 0.1, 1.5**0.5)
+"""Noise intensities of the default report on DAT21: two small ones, and the paper's sqrt(alpha)."""
+
+
+class RattleGroup(click.Group):
+    """Turns the project's own errors into one line on standard error and exit code 2."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run a command."""
+        try:
+            return super().invoke(ctx)
+        except RattleError as error:
+            click.echo(f"rattle: {error}", err=True)
+            ctx.exit(EXIT_BAD_INPUT)
+        except KeyboardInterrupt:
+            click.echo("rattle: interrupted; nothing was written", err=True)
+            ctx.exit(130)
+
+
+@click.group(cls=RattleGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="rattle")
+def main() -> None:
+    """When can a cheap moment closure of a noisy vibro-impact system be believed?"""
+
+
+@main.command()
+@click.argument("scene", required=False, type=click.Path(path_type=Path))
+@click.option("--sigma", "sigmas", multiple=True, type=float, help="Noise intensity; give it again for more.")
+@click.option("--impacts", type=int, default=12, show_default=True, help="Impacts after the start.")
+@click.option("--paths", type=int, default=256_000, show_default=True, help="Simulated paths.")
+@click.option("--dt", type=float, default=2e-3, show_default=True, help="Step; 2 dt and 4 dt run beside it.")
+@click.option("--scheme", default="euler-maruyama-located", show_default=True, help="Scheme of the simulation.")
+@click.option("--reading", "readings", multiple=True, help="Reading of the closure; again for more. [default: all]")
+@click.option("--order", type=int, default=4, show_default=True, help="Order of the closures' moments, 2 to 6.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the simulation.")
+@click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
+@click.option("--out", type=click.Path(path_type=Path), default=None, help="Report folder. [default: reports/NAME]")
+@click.option("--overwrite", is_flag=True, help="Replace an earlier report in that folder.")
+@click.option("--repeat", type=click.Path(path_type=Path), help="Repeat the run of a manifest.json.")
+@click.option("--require", type=click.Choice(["accurate"]), help="Exit 3 unless every predicted moment is accurate.")
+@click.option("--json", "as_json", is_flag=True, help="Print the answer as JSON.")
+def validate(
+    scene: Path | None,
+    sigmas: tuple[float, ...],
+    impacts: int,
+    paths: int,
+    dt: float,
+    scheme: str,
+    readings: tuple[str, ...],
+    order: int,
+    seed: int,
+    workers: int,
+    out: Path | None,
+    overwrite: bool,
+    repeat: Path | None,
+    require: str | None,
+    as_json: bool,
+) -> None:
+    """Hold closures against a simulation of SCENE (a TOML file; DAT21 if none) and write a report.
+
+    Exit codes: 0 the run is complete, whatever the verdicts; 2 bad input; 3 --require is not met; 4 --repeat differs.
+    """
+    # the scientific stack is loaded after the options are known to be well formed
+    from closure import READINGS
+    from compare import manifest
+    from compare.folder import check_free
+    from compare.report import CONTENTS, write_report
+    from compare.validate import validate as hold_against
+    from montecarlo import check_settings
+    from scene import DAT21, Scene
+
+    expected = ""
+    if repeat is not None:
+        settings, expected = manifest.read_settings(repeat)
+        out = out or Path("reports") / f"{settings.name}-repeated"
+    else:
+        base = Scene.load(scene) if scene else Scene.from_gears(DAT21)
+        name = scene.stem if scene else "DAT21"
+        wanted = sigmas or ((base.sigma,) if scene else PAPER_SIGMAS)
+        settings = manifest.Settings(
+            name,
+            tuple(base.with_sigma(s) for s in dict.fromkeys(wanted)),
+            impacts,
+            paths,
+            dt,
+            scheme,
+            seed,
+            order,
+            readings or tuple(READINGS),
+        )
+        out = out or Path("reports") / name.lower()
+    check_free(out, CONTENTS, overwrite)
+    for s in settings.scenes:
+        check_settings(
+            s,
+            paths=settings.paths,
+            impacts=settings.impacts,
+            dt=settings.dt,
+            scheme=settings.scheme,
+            rng=settings.seed,
+            workers=workers,
+            step_bias=True,
+        )
+    wall, cpu = time.perf_counter(), _cpu()
+    validations = [
+        hold_against(
+            s,
+            impacts=settings.impacts,
+            readings=settings.readings,
+            paths=settings.paths,
+            dt=settings.dt,
+            scheme=settings.scheme,
+            rng=settings.seed,
+            workers=workers,
+            order=settings.order,
+            progress=f"sigma {s.sigma:.4g}",
+        )
+        for s in settings.scenes
+    ]
+    provenance = {
+        "command": shlex.join(["rattle", *sys.argv[1:]]),
+        "repeat": shlex.join(["rattle", "validate", "--repeat", str(out / "manifest.json")]),
+        "commit": manifest.commit(),
+        "versions": manifest.versions(),
+        "wall_seconds": round(time.perf_counter() - wall, 1),
+        "cpu_seconds": round(_cpu() - cpu, 1),
+    }
+    record = write_report(out, settings, validations, provenance, overwrite)
+    repeated = None if repeat is None else record["table_sha256"] == expected
+    accurate = all(v.accurate for v in validations)
+    if as_json:
+        summary = {"report": str(out), "answer": record["answer"], "accurate": accurate, "repeated": repeated}
+        click.echo(json.dumps(summary, ensure_ascii=False, indent=2))
+    else:
+        for sentence in record["answer"]:
+            click.echo(sentence)
+        click.echo(f"Report: {out / 'report.html'}")
+        if repeated is not None:
+            click.echo("Repeated bit for bit." if repeated else "The numbers differ from the manifest's.")
+    if repeated is False:
+        sys.exit(EXIT_NOT_REPEATED)
+    if require and not accurate:
+        sys.exit(EXIT_NOT_MET)
+
+
+def _cpu() -> float:
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    return usage.ru_utime + usage.ru_stime
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,91 @@
+"""Where a report comes from: everything that a run needs to be repeated bit for bit, and to see whether it was."""
+
+import hashlib
+import importlib.metadata
+import json
+import platform
+import subprocess
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from scene.errors import FileError, InputError
+from scene.scene import Scene
+from scene.validate import known_keys
+
+__all__ = ["Settings", "commit", "digest", "read_settings", "versions"]
+
+PACKAGES = ("rattle", "numpy", "numba", "llvmlite", "scipy", "pandas", "matplotlib", "pyarrow")
+
+
+class Settings(NamedTuple):
+    """What a report was asked for; with the scenes and the versions it fixes every number."""
+
+    name: str
+    scenes: tuple[Scene, ...]
+    impacts: int
+    paths: int
+    dt: float
+    scheme: str
+    seed: int
+    order: int
+    readings: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for the manifest."""
+        return {**self._asdict(), "scenes": [s.to_dict() for s in self.scenes], "readings": list(self.readings)}
+
+
+def read_settings(path: Path) -> tuple[Settings, str]:
+    """Settings of an earlier report, and the digest of its table, from its manifest.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read or is no manifest.
+    """
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        settings, table = data["settings"], data["table_sha256"]
+        known_keys("manifest.settings", settings, Settings._fields)
+        scenes = tuple(Scene.from_dict(s) for s in settings["scenes"])
+        return Settings(**{**settings, "scenes": scenes, "readings": tuple(settings["readings"])}), str(table)
+    except OSError as error:
+        raise FileError("manifest", str(path), f"cannot be read ({error.strerror})") from None
+    except InputError:
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise FileError("manifest", str(path), f"is no manifest of this version ({error})") from None
+
+
+def versions() -> dict[str, str]:
+    """Versions of what the numbers depend on."""
+    found = {"python": platform.python_version(), "machine": platform.machine()}
+    for package in PACKAGES:
+        try:
+            found[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
+def commit() -> str:
+    """Commit of the code that runs, with ``+changes`` if it differs from it; ``unknown`` outside a repository."""
+    here = Path(__file__).resolve().parent.parent
+
+    def git(*words: str) -> str:
+        return subprocess.run(
+            ["git", "-C", str(here), *words], capture_output=True, text=True, check=True
+        ).stdout.strip()
+
+    try:
+        if Path(git("rev-parse", "--show-toplevel")).resolve() != here:
+            return "unknown"
+        changed = git("status", "--porcelain", "--", "scene", "closure", "montecarlo", "compare")
+        return git("rev-parse", "HEAD") + ("+changes" if changed else "")
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+
+
+def digest(text: str) -> str:
+    """SHA-256 of a text."""
+    return hashlib.sha256(text.encode()).hexdigest()
