@@ -75,7 +75,8 @@ def section_errors(closure: MeanMap, run: Ensemble, z: float, tolerances: Tolera
             if run.scene.stages == 1 and quantity in STATE[2:]:
                 continue
             step = steps[moment, quantity]
-            unit = steps["sd", quantity]["corrected"].clip(lower=0.0)
+            corrected_sd = steps["sd", quantity]["corrected"]
+            unit = corrected_sd.where(corrected_sd > 0.0, run.section["sd_" + quantity])
             name = prefix + quantity
             part = pd.DataFrame(
                 {

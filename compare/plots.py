@@ -76,7 +76,9 @@ def error_figure(v: Validation) -> Figure:
     """Errors of section means and sds per impact and reading, in units of the quantity's sd, with intervals."""
     quantities = [q for q in ("tau", "y1", "y2") if v.scene.stages == 2 or q != "y2"]
     figure, axes = _figure(3.4 * len(quantities), 5.4, 2, len(quantities))
-    section = v.table[(v.table["kind"] == "section") & (v.table["verdict"] != "not predicted")]
+    section = v.table[
+        (v.table["kind"] == "section") & (v.table["verdict"] != "not predicted") & (v.table["unit"] > 0.0)
+    ]
     shift = _offsets(list(v.closures))
     for row, moment in enumerate(("mean", "sd")):
         share = getattr(v.tolerances, moment)

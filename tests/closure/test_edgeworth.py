@@ -1,0 +1,193 @@
+from math import erf, exp, factorial, pi, sqrt
+
+import numpy as np
+import pytest
+from scipy.integrate import dblquad
+
+from closure.edgeworth import Edgeworth, coefficients, hermite, normal_density, window_means
+from closure.printed import _printed_shift
+from scene.moments import gaussian_raw_moments
+
+SD_X, SD_Y = 0.7, 1.9
+ORDERS = (2, 3, 4, 5, 6)
+
+
+def mixture_moments(order):
+    """Raw moments of two Gaussians with mean zero together: skew, heavy and correlated."""
+    z, w = np.polynomial.hermite_e.hermegauss(8)
+    u, v = np.meshgrid(z, z, indexing="ij")
+    weight = np.outer(w, w) / w.sum() ** 2
+    raw = np.zeros((order + 1, order + 1))
+    for share, mx, my, slope in ((0.3, 0.7, -0.4, 0.5), (0.7, -0.3, 12 / 70, -0.2)):
+        x, y = mx + 0.5 * u, my + slope * u + 0.8 * v
+        raw += share * np.array([[(weight * x**n * y**p).sum() for p in range(order + 1)] for n in range(order + 1)])
+    for n in range(order + 1):  # entries beyond the order are no part of the series
+        raw[n, order + 1 - n :] = 0.0
+    return raw
+
+
+def scaled(raw):
+    """The series of a set of moments, with its own standard deviations."""
+    sd_x, sd_y = sqrt(raw[2, 0]), sqrt(raw[0, 2])
+    return Edgeworth(coefficients(raw, sd_x, sd_y), sd_x, sd_y)
+
+
+def grid_moments(series, order):
+    """Moments of a density by the trapezium rule on +-11 sd, which is exact to rounding for a Gaussian times powers."""
+    z = np.linspace(-11, 11, 441)
+    x, y = np.meshgrid(z * series.sd_x, z * series.sd_y, indexing="ij")
+    p = series.density(x, y) * (z[1] - z[0]) ** 2 * series.sd_x * series.sd_y
+    return np.array([[(p * x**n * y**q).sum() for q in range(order + 1)] for n in range(order + 1)])
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_the_series_has_the_moments_it_was_made_of(order):
+    raw = mixture_moments(order)
+    assert abs(raw[1, 0]) + abs(raw[0, 1]) < 1e-15
+    found = grid_moments(scaled(raw), order)
+    for n in range(order + 1):
+        for p in range(order + 1 - n):
+            assert found[n, p] == pytest.approx(raw[n, p], rel=0, abs=1e-12)
+
+
+def test_the_mixture_is_not_gaussian():
+    raw = mixture_moments(4)
+    assert abs(raw[3, 0]) > 0.05
+    assert abs(raw[0, 4] / raw[0, 2] ** 2 - 3) > 0.02
+
+
+def test_a_misprinted_coefficient_loses_its_moment():
+    """a_30 over sigma^2 instead of sigma^3 (Eq. 13 as printed)."""
+    raw = mixture_moments(4)
+    series = scaled(raw)
+    series.a[3, 0] = raw[3, 0] / (6 * series.sd_x**2)
+    assert abs(grid_moments(series, 4)[3, 0] - raw[3, 0]) > 0.01
+
+
+def test_coefficients_have_their_printed_low_orders():
+    raw = mixture_moments(4)
+    sx, sy = sqrt(raw[2, 0]), sqrt(raw[0, 2])
+    rho, a = raw[1, 1] / (sx * sy), coefficients(raw, sx, sy)
+    explicit = {
+        (0, 0): 1.0, (1, 0): 0.0, (0, 1): 0.0, (2, 0): 0.0, (0, 2): 0.0,
+        (1, 1): rho,
+        (3, 0): raw[3, 0] / (6 * sx**3), (0, 3): raw[0, 3] / (6 * sy**3),
+        (2, 1): raw[2, 1] / (2 * sx**2 * sy), (1, 2): raw[1, 2] / (2 * sx * sy**2),
+        (4, 0): (raw[4, 0] / sx**4 - 3) / 24, (0, 4): (raw[0, 4] / sy**4 - 3) / 24,
+        (3, 1): (raw[3, 1] / (sx**3 * sy) - 3 * rho) / 6, (1, 3): (raw[1, 3] / (sx * sy**3) - 3 * rho) / 6,
+        (2, 2): (raw[2, 2] / (sx * sy) ** 2 - 1) / 4,
+    }  # fmt: skip
+    for entry, value in explicit.items():
+        assert a[entry] == pytest.approx(value, rel=1e-12, abs=1e-15)
+    assert a.sum() == pytest.approx(sum(explicit.values()), rel=1e-12)  # and nothing beyond them
+
+
+@pytest.mark.parametrize("rho", [-0.99, -0.5, 0.0, 0.3, 0.95])
+def test_a_gaussian_gives_the_series_of_mehler(rho):
+    raw = gaussian_raw_moments(SD_X**2, rho * SD_X * SD_Y, SD_Y**2, 6)
+    mehler = np.diag([rho**n / factorial(n) if n <= 3 else 0.0 for n in range(7)])
+    assert coefficients(raw, SD_X, SD_Y) == pytest.approx(mehler, rel=0, abs=1e-14)
+
+
+def test_hermite_polynomials_follow_the_papers_recursion():
+    z = 1.37
+    values = [1.0, z]
+    for n in range(1, 7):
+        values.append(z * values[n] - n * values[n - 1])
+    assert [hermite(i, z) for i in range(8)] == pytest.approx(values, rel=1e-14)
+
+
+WINDOWS = [(-0.9, 0.0), (-0.4, 1.5), (0.1, 0.35), (-30.0, 30.0), (-1.3, -0.2)]
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+@pytest.mark.parametrize("order", [4, 6])
+def test_window_means_are_integrals_over_the_window(window, order):
+    series = scaled(mixture_moments(order))
+    low, high = np.clip(window, -10 * series.sd_x, 10 * series.sd_x)
+    reach = 10 * series.sd_y
+    exact = [
+        dblquad(lambda y, x, f=f: f(x, y) * series.density(x, y), low, high, -reach, reach, epsabs=1e-10)[0]
+        for f in (lambda x, y: x, lambda x, y: y)
+    ]
+    # the tails beyond 10 sd hold 1e-20
+    assert window_means(series.a, series.sd_x, series.sd_y, *window) == pytest.approx(exact, rel=0, abs=1e-9)
+
+
+def explicit_window_means(a, sd_x, sd_y, low, high, psi_0_sign=-1):
+    """A and B of Eqs. 20, 21 to fourth order (MODEL section 5), times their standard deviations."""
+    lo, hi = low / sd_x, high / sd_x
+
+    def psi(i):
+        return (lo**i * exp(-lo * lo / 2) - hi**i * exp(-hi * hi / 2)) / sqrt(2 * pi)
+
+    shift_x = psi(0) + a[3, 0] * psi(3) + a[4, 0] * (psi(4) - 2 * psi(2) + psi_0_sign * psi(0))
+    shift_y = a[1, 1] * psi(0) + a[2, 1] * psi(1) + a[3, 1] * (psi(2) - psi(0))
+    shift_y += a[0, 1] * 0.5 * (erf(hi / sqrt(2)) - erf(lo / sqrt(2)))
+    return sd_x * shift_x, sd_y * shift_y
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+def test_window_means_are_the_a_and_b_of_the_paper(window):
+    series = scaled(mixture_moments(4))
+    args = (series.a, series.sd_x, series.sd_y, *window)
+    assert window_means(*args) == pytest.approx(explicit_window_means(*args), rel=1e-12, abs=1e-14)
+
+
+def test_the_printed_sign_of_psi_0_is_told_apart():
+    series = scaled(mixture_moments(4))
+    args = (series.a, series.sd_x, series.sd_y, -0.9, 0.0)
+    printed = explicit_window_means(*args, psi_0_sign=+1)
+    assert abs(window_means(*args)[0] - printed[0]) > 1e-3
+
+
+def test_the_printed_reading_has_the_printed_sign():
+    raw = mixture_moments(4)
+    series = scaled(raw)
+    expected = explicit_window_means(series.a, series.sd_x, series.sd_y, -0.9, 0.1, psi_0_sign=+1)
+    assert _printed_shift(raw, 0.4, 0.5) == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_whole_window_has_the_whole_mean():
+    raw = mixture_moments(6)
+    raw[1, 0], raw[0, 1] = 0.1, -0.2
+    a = coefficients(raw, SD_X, SD_Y)
+    assert window_means(a, SD_X, SD_Y, -1e3, 1e3) == pytest.approx((0.1, -0.2), rel=1e-12)
+
+
+def test_two_windows_that_meet_add_up():
+    series = scaled(mixture_moments(6))
+    args = (series.a, series.sd_x, series.sd_y)
+    parts = np.array(window_means(*args, -0.9, 0.2)) + window_means(*args, 0.2, 1.1)
+    assert parts == pytest.approx(window_means(*args, -0.9, 1.1), rel=1e-13)
+
+
+def test_the_velocity_density_is_the_joint_one_integrated():
+    series = scaled(mixture_moments(6))
+    x = np.linspace(-11, 11, 441) * series.sd_x
+    zeta = np.linspace(-4, 4, 33)
+    joint = series.density(x[:, None] + 0 * zeta, zeta + 0 * x[:, None]).sum(axis=0) * (x[1] - x[0])
+    assert series.velocity_density(zeta) == pytest.approx(joint, rel=0, abs=1e-14)
+
+
+def test_a_gaussian_density_is_reached_as_the_order_grows():
+    rho, gap = 0.4, []
+    x, y = np.meshgrid(np.linspace(-2, 2, 21) * SD_X, np.linspace(-2, 2, 21) * SD_Y)
+    q = ((x / SD_X) ** 2 - 2 * rho * x * y / SD_X / SD_Y + (y / SD_Y) ** 2) / (1 - rho**2)
+    exact = np.exp(-q / 2) / (2 * pi * SD_X * SD_Y * sqrt(1 - rho**2))
+    for order in (2, 4, 6):
+        raw = gaussian_raw_moments(SD_X**2, rho * SD_X * SD_Y, SD_Y**2, order)
+        gap.append(abs(Edgeworth(coefficients(raw, SD_X, SD_Y), SD_X, SD_Y).density(x, y) - exact).max())
+    assert gap[0] > 2 * gap[1] > 4 * gap[2]
+
+
+def test_lowest_tells_a_density_from_none():
+    plain = Edgeworth(np.diag([1.0, 0.0, 0.0]), SD_X, SD_Y)
+    dented = Edgeworth(np.diag([1.0, 0.9, 0.0]), SD_X, SD_Y)
+    assert plain.lowest() >= 0.0
+    assert dented.lowest() < -0.01
+
+
+def test_the_normal_density_is_normal():
+    assert normal_density(0.0) == pytest.approx(0.3989422804014327, rel=1e-15)
+    assert normal_density(-2.0) == pytest.approx(exp(-2.0) / sqrt(2 * pi), rel=1e-15)

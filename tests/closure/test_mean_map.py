@@ -1,0 +1,212 @@
+import re
+import time
+
+import numpy as np
+import pytest
+
+from closure import READINGS, MeanMap, mean_map
+from scene import DAT21, InputError, Scene, Start
+from scene.moments import correlation
+
+STATE = ["x1", "y1", "x2", "y2"]
+SECTION = ["tau", "flight", "mesh", "side", *STATE, *(f"sd_{q}" for q in ("tau", "flight", *STATE)), "rho1", "rho2"]
+CLOCK = [*STATE, *(f"cov_{a}_{b}" for i, a in enumerate(STATE) for b in STATE[i:]), "rho1", "rho2"]
+
+
+@pytest.fixture(params=sorted(READINGS))
+def reading(request):
+    return request.param
+
+
+def test_the_paper_s_two_readings_are_offered():
+    assert {"printed", "mended"} <= set(READINGS)
+
+
+def test_section_keeps_the_contract(dat21, reading):
+    section = mean_map(dat21, impacts=7, reading=reading).section
+    assert list(section.columns) == [*SECTION, "realizable"]
+    assert section.index.name == "impact"
+    assert section.index.tolist() == [1, 2, 3, 4, 5, 6, 7]
+
+
+def test_section_agrees_with_itself(dat21, reading):
+    m = mean_map(dat21, impacts=7, reading=reading)
+    section, tau = m.section, np.array([dat21.start.tau, *m.section["tau"]])
+    assert section["flight"].to_numpy() == pytest.approx(np.diff(tau))
+    assert (section["flight"] > 0.0).all()
+    assert set(section["mesh"]) <= {1, 2}
+    assert set(section["side"]) <= {1, -1}
+    for k in section.index:
+        for stage in (1, 2):
+            assert section.loc[k, f"rho{stage}"] == pytest.approx(
+                correlation(m.stage_covariance(k, stage)), nan_ok=True
+            )
+
+
+@pytest.mark.parametrize("reading", ["printed", "mended"])
+def test_the_paper_s_readings_predict_no_sd_of_times(dat21, reading):
+    section = mean_map(dat21, impacts=7, reading=reading).section
+    assert section[["sd_tau", "sd_flight"]].isna().all().all()
+
+
+def test_a_single_stage_leaves_stage_2_empty(reading):
+    section = mean_map(Scene.from_gears(DAT21, sigma=0.02, stages=1), impacts=4, reading=reading).section
+    assert section[["x2", "y2", "sd_x2", "sd_y2", "rho2"]].isna().all().all()
+    assert section[["tau", "x1", "y1", "sd_y1", "rho1"]].notna().any().all()
+
+
+def test_itinerary_is_mesh_times_side(dat21):
+    m = mean_map(dat21, impacts=7)
+    assert m.itinerary == tuple(m.section["mesh"] * m.section["side"])
+    assert m.itinerary[:3] == (-1, 2, 1)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"reading": "printd"}, "reading = 'printd': did you mean 'printed'?"),
+        ({"reading": "xyz"}, "valid are 'printed', 'mended'"),
+        ({"reading": None}, "reading = None: "),
+        ({"order": 1}, "order = 1: must be at least 2"),
+        ({"order": 7}, "order = 7: must be at most 6"),
+        ({"order": 4.0}, "order = 4.0: give a whole number"),
+        ({"impacts": 0}, "impacts = 0: must be at least 1"),
+        ({"impacts": 2.5}, "impacts = 2.5: give a whole number"),
+        ({"impacts": True}, "impacts = True: give a whole number"),
+    ],
+)
+def test_a_bad_request_is_refused_in_words(dat21, change, words):
+    with pytest.raises(InputError, match=re.escape(words)):
+        mean_map(dat21, **change)
+
+
+@pytest.mark.parametrize("scene", [None, "DAT21", DAT21])
+def test_a_scene_is_needed(scene):
+    with pytest.raises(InputError, match="give a Scene"):
+        mean_map(scene)
+
+
+@pytest.mark.parametrize("order", [2, 3, 4, 5, 6])
+def test_every_order_is_carried(dat21, reading, order):
+    m = mean_map(dat21, impacts=3, reading=reading, order=order)
+    assert m.edgeworth(1, 1).a.shape == (order + 1, order + 1)
+    assert m.section.loc[1, "realizable"]
+
+
+def test_mended_breaks_down_nowhere(dat21, paper):
+    for scene in (dat21, paper):
+        assert mean_map(scene, impacts=40, reading="mended").breakdown is None
+
+
+def test_breakdown_is_the_first_unrealizable_row(paper):
+    m = mean_map(paper, impacts=12, reading="printed")
+    realizable = m.section["realizable"].to_numpy()
+    assert realizable[: m.breakdown.impact - 1].all()
+    assert not realizable[m.breakdown.impact - 1]
+
+
+# --- clock -----------------------------------------------------------------------------------------------------------
+
+
+def test_clock_keeps_the_contract(dat21, reading):
+    m = mean_map(dat21, impacts=5, reading=reading)
+    times = [0.05, 0.4, 1.0]
+    table = m.clock(times)
+    assert list(table.columns) == CLOCK
+    assert table.index.name == "time"
+    assert table.index.tolist() == times
+
+
+def test_clock_rho_is_that_of_its_covariance(dat21):
+    table = mean_map(dat21, impacts=5).clock([0.1, 0.8])
+    expected = table["cov_x1_y1"] / np.sqrt(table["cov_x1_x1"] * table["cov_y1_y1"])
+    assert table["rho1"].to_numpy() == pytest.approx(expected.to_numpy())
+
+
+@pytest.mark.parametrize("outside", [-1e-9, 1e9, float("nan")])
+def test_clock_goes_no_further_than_was_followed(dat21, reading, outside):
+    m = mean_map(dat21, impacts=3, reading=reading)
+    with pytest.raises(InputError, match="lies outside the times followed, 0 to "):
+        m.clock([0.1, outside])
+
+
+def test_clock_ends_where_the_closure_stopped():
+    scene = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=1.0, sigma=0.1, stages=1, start=Start())
+    m = mean_map(scene, impacts=500)
+    end = m.trace.tau[m.trace.found]
+    assert m.clock([end]).shape[0] == 1
+    with pytest.raises(InputError, match="outside"):
+        m.clock([end + 1e-6])
+
+
+def test_clock_takes_no_times_at_all(dat21):
+    assert mean_map(dat21, impacts=2).clock([]).empty
+
+
+# --- the end, and the series -----------------------------------------------------------------------------------------
+
+
+def test_a_closure_that_stops_early_says_why_and_leaves_the_rest_empty():
+    scene = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=1.0, sigma=0.1, stages=1, start=Start())
+    m = mean_map(scene, impacts=60)
+    assert m.stopped == f"a mesh rests closed after impact {m.trace.found}"
+    rest = m.section.loc[m.trace.found + 1 :]
+    assert len(rest) == 60 - m.trace.found > 0
+    assert rest[["tau", "x1", "sd_y1", "rho1"]].isna().all().all()
+    assert not rest["realizable"].any()
+    assert set(m.itinerary[m.trace.found :]) == {0}
+
+
+def test_a_closure_that_ends_well_says_nothing(dat21, reading):
+    assert mean_map(dat21, impacts=3, reading=reading).stopped == ""
+
+
+def test_edgeworth_has_the_moments_of_its_impact(dat21):
+    m = mean_map(dat21, impacts=3)
+    series = m.edgeworth(2, 2)
+    covariance = m.stage_covariance(2, 2)
+    assert (series.sd_x**2, series.sd_y**2) == pytest.approx((covariance[0, 0], covariance[1, 1]))
+    assert series.a[1, 1] == pytest.approx(m.section.loc[2, "rho2"])
+
+
+def test_a_mended_series_has_the_powers_of_rho_alone(dat21):
+    a = mean_map(dat21, impacts=3, order=6).edgeworth(3, 1).a
+    rho = a[1, 1]
+    assert a == pytest.approx(np.diag([1.0, rho, rho**2 / 2, rho**3 / 6, 0, 0, 0]), abs=1e-12)
+
+
+def test_no_series_without_noise():
+    m = mean_map(Scene.from_gears(DAT21), impacts=2)
+    with pytest.raises(InputError, match="impact = 1: stage 1 has no positive variance there, so no Edgeworth series"):
+        m.edgeworth(1, 1)
+
+
+def test_no_series_beyond_the_breakdown(paper):
+    m = mean_map(paper, impacts=12, reading="printed")
+    bad = next(
+        (k, s) for k in range(1, 13) for s in (1, 2) if np.diagonal(m.stage_covariance(k, s)).min() < 0.0
+    )  # fmt: skip
+    with pytest.raises(InputError, match="no positive variance"):
+        m.edgeworth(*bad)
+
+
+@pytest.mark.parametrize(("impact", "stage"), [(0, 1), (4, 1), (1, 0), (1, 3), (1.0, 1)])
+def test_edgeworth_asks_for_an_impact_and_a_stage_that_exist(dat21, impact, stage):
+    with pytest.raises(InputError):
+        mean_map(dat21, impacts=3).edgeworth(impact, stage)
+
+
+def test_a_single_stage_has_no_second_series():
+    with pytest.raises(InputError, match="stage = 2: must be at most 1"):
+        mean_map(Scene.from_gears(DAT21, sigma=0.1, stages=1), impacts=2).edgeworth(1, 2)
+
+
+def test_twelve_impacts_take_milliseconds(dat21, reading):
+    """Below 1 ms on a quiet machine; 5 ms leaves room for a busy one."""
+    assert isinstance(mean_map(dat21, impacts=12, reading=reading), MeanMap)  # compiled by now
+    best = np.inf
+    for _ in range(20):
+        begin = time.perf_counter()
+        mean_map(dat21, impacts=12, reading=reading)
+        best = min(best, time.perf_counter() - begin)
+    assert best < 5e-3

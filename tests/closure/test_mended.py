@@ -1,0 +1,233 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from reference_dynamics import contact, covariance_flight, drift_matrix, modulation
+from reference_moments import JointMoments
+
+from closure import follow, mean_map
+from scene import DAT21, Scene, Start, Tolerance
+from scene.moments import realizability
+
+PHI0 = 1 / math.sqrt(2 * math.pi)
+
+
+def law(c, mesh):
+    """The contact law as a matrix, column by column from MODEL section 3."""
+    return np.array([contact(c, mesh, column) for column in np.eye(4)]).T
+
+
+def covariances(scene, orbit, contact_law=law):
+    """Covariance just before each impact of an orbit: its own differential equation and the laws of section 3."""
+    c, cov, found = scene.constants, np.zeros((4, 4)), [np.zeros((4, 4))]
+    for k in range(1, orbit.found + 1):
+        r = contact_law(c, orbit.mesh[k - 1])
+        cov = covariance_flight(c, orbit.tau[k - 1], r @ cov @ r.T, orbit.tau[k] - orbit.tau[k - 1])
+        found.append(cov)
+    return np.array(found)
+
+
+SCENES = {
+    "DAT21": Scene.from_gears(DAT21, sigma=0.3),
+    "unequal": Scene(
+        alpha=0.8, epsilon=0.7, beta1=0.3, beta2=0.01, gamma1=0.2, gamma2=0.5, mu=0.3, gap1=0.2, gap2=1.1, sigma=0.2,
+        start=Start(1.0, 0.2, 1.0, -0.4, 0.3, mesh=1),
+    ),
+    "in flight": Scene.from_gears(DAT21, sigma=0.1, start=Start(0.4, 0.1, 0.9, -0.1, -1.0)),
+    "from mesh 2": Scene.from_gears(DAT21, sigma=0.1, start=Start(0.4, 0.1, 0.9, -0.5, -1.0, mesh=2)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_covariance_is_that_of_its_own_equation(name):
+    scene = SCENES[name]
+    exact = covariances(scene, follow(scene, 12))
+    found = mean_map(scene, impacts=12, reading="mended").trace.covariance
+    for k in range(13):  # covariances grow along the orbit; the integrator holds 1e-12 of each
+        assert found[k] == pytest.approx(exact[k], rel=0, abs=1e-9 * abs(exact[k]).max())
+
+
+def mesh_2_with_wrong_sign(c, mesh):
+    r = law(c, mesh)
+    if mesh == 2:
+        r[1, 3] *= -1
+    return r
+
+
+def mesh_1_everywhere(c, _):
+    return law(c, 1)
+
+
+@pytest.mark.parametrize("wrong", [mesh_2_with_wrong_sign, mesh_1_everywhere])
+def test_a_wrong_contact_law_is_told_apart(wrong):
+    scene = SCENES["DAT21"]
+    found = mean_map(scene, impacts=12, reading="mended").trace.covariance[12]
+    assert abs(covariances(scene, follow(scene, 12), wrong)[12] - found).max() > 0.05 * abs(found).max()
+
+
+def hierarchy(scene, impacts, order, jump=None):
+    """All joint moments just before an impact, by their hierarchy: nothing Gaussian is assumed."""
+    c, orbit, joint = scene.constants, follow(scene, impacts), JointMoments(order)
+    moments = joint.zero()
+    for k in range(1, impacts + 1):
+        struck = joint.jump(moments, law(c, orbit.mesh[k - 1])) if jump is None else jump(c, joint, moments)
+        moments = joint.fly(
+            struck, drift_matrix(c), lambda tau: c.sigma * modulation(c, tau), orbit.tau[k - 1],
+            orbit.tau[k] - orbit.tau[k - 1],
+        )  # fmt: skip
+    return joint, moments
+
+
+@pytest.mark.parametrize(("impacts", "order"), [(2, 4), (4, 4), (3, 6)])
+def test_joint_moments_are_those_of_a_gaussian(impacts, order):
+    """The hierarchy closes by itself: E of every degree up to 6, across the stages too, is Isserlis' of the covariance."""
+    scene = SCENES["DAT21"]
+    covariance = mean_map(scene, impacts=impacts, reading="mended").trace.covariance[impacts]
+    joint, moments = hierarchy(scene, impacts, order)
+    assert joint.covariance(moments) == pytest.approx(covariance, rel=1e-8, abs=1e-10)
+    assert moments == pytest.approx(joint.gaussian(covariance), rel=1e-7, abs=1e-10)
+
+
+@pytest.mark.parametrize("order", [4, 6])
+def test_raw_moments_of_a_stage_are_the_joint_ones(order):
+    scene = SCENES["DAT21"]
+    raw = mean_map(scene, impacts=3, reading="mended", order=order).trace.raw[3]
+    joint, moments = hierarchy(scene, 3, order)
+    for n in range(order + 1):
+        for p in range(order + 1 - n):
+            assert raw[0, n, p] == pytest.approx(moments[joint.index[n, p, 0, 0]], rel=1e-7, abs=1e-10)
+            assert raw[1, n, p] == pytest.approx(moments[joint.index[0, 0, n, p]], rel=1e-7, abs=1e-10)
+
+
+def printed_mesh_1_rule(c, joint, moments):
+    """Eq. 15 read for stage 1: -eps E[.. zeta^p], not (-eps)^p."""
+    return np.array([
+        -c.epsilon * value if a[1] else value for a, value in zip(joint.powers, moments, strict=True)
+    ])  # fmt: skip
+
+
+def test_the_printed_moment_rule_is_told_apart():
+    scene = Scene.from_gears(DAT21, sigma=0.3, stages=1)
+    found = mean_map(scene, impacts=2, reading="mended").trace.covariance[2]
+    joint, moments = hierarchy(scene, 2, 2, printed_mesh_1_rule)
+    wrong = joint.covariance(moments)[:2, :2]
+    assert abs(wrong - found[:2, :2]).max() > 0.5 * found[1, 1]
+    joint, moments = hierarchy(scene, 2, 2)
+    assert joint.covariance(moments)[:2, :2] == pytest.approx(found[:2, :2], rel=1e-8)
+
+
+unit = st.floats(0.0, 1.0)
+
+
+@given(
+    alpha=st.floats(0.1, 3.0), epsilon=unit, beta1=st.floats(0.0, 3.0), beta2=st.floats(0.0, 3.0), gamma1=unit,
+    gamma2=unit, mu=st.floats(0.05, 0.95), gap2=st.floats(0.1, 2.0), sigma=st.floats(1e-3, 3.0),
+    stages=st.sampled_from([1, 2]),
+)  # fmt: skip
+@settings(deadline=None, max_examples=40, derandomize=True)
+def test_every_covariance_is_realizable(stages, **values):
+    m = mean_map(Scene(**values, stages=stages), impacts=20, reading="mended")
+    assert m.breakdown is None
+    for k in range(1, m.trace.found + 1):
+        assert realizability(m.trace.covariance[k, :2, :2]).realizable
+        whole = m.trace.covariance[k]
+        assert np.linalg.eigvalsh(whole)[0] >= -1e-12 * whole.max()
+    rho = m.section[["rho1", "rho2"]].to_numpy()
+    assert (abs(rho[~np.isnan(rho)]) <= 1.0 + 1e-9).all()
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_without_noise_it_is_the_orbit_exactly(name):
+    scene = SCENES[name].with_sigma(0.0)
+    orbit, m = follow(scene, 12), mean_map(scene, impacts=12, reading="mended")
+    assert np.array_equal(m.trace.mean, orbit.before)
+    assert np.array_equal(m.section["tau"], orbit.tau[1:])
+    assert not m.trace.covariance.any()
+    assert m.section["realizable"].all()
+
+
+@pytest.mark.parametrize("factor", [0.1, 3.0])
+def test_covariance_goes_with_the_square_of_the_noise(factor):
+    scene = SCENES["DAT21"]
+    small, large = (
+        mean_map(scene.with_sigma(s), impacts=12, reading="mended").trace for s in (0.3, 0.3 * factor)
+    )  # fmt: skip
+    for k in range(13):
+        bound = 1e-13 * abs(large.covariance[k]).max()
+        assert large.covariance[k] == pytest.approx(factor**2 * small.covariance[k], rel=1e-12, abs=bound)
+
+
+def test_an_impact_shifts_the_struck_mean_inward_by_phi_0_sd():
+    """Eqs. 20, 21: the window ends at the struck wall and holds half of a Gaussian whose other wall is far."""
+    scene = Scene.from_gears(DAT21, sigma=0.01)
+    orbit, m = follow(scene, 4), mean_map(scene, impacts=4, reading="mended")
+    assert set(orbit.mesh[1:]) == {1, 2}
+    for k in range(1, 5):
+        i = 2 * (orbit.mesh[k] - 1)
+        rho = m.section.loc[k, f"rho{orbit.mesh[k]}"]
+        shift = (m.trace.mean[k] - orbit.before[k])[[i, i + 1]]
+        sd = m.trace.sd[k, [2 + i, 3 + i]]
+        assert sd[0] < 0.1  # so that the other wall is at least ten sds away
+        assert shift == pytest.approx(-orbit.side[k] * PHI0 * np.array([1.0, rho]) * sd, rel=1e-9)
+
+
+@pytest.mark.parametrize("sigma", [1e-2, 1e-4])
+def test_that_shift_is_of_the_order_of_the_noise(sigma):
+    scene = Scene.from_gears(DAT21, sigma=sigma)
+    shift = mean_map(scene, impacts=1, reading="mended").section.loc[1, "x1"] - follow(scene, 1).before[1, 0]
+    sd = mean_map(scene, impacts=1, reading="mended").section.loc[1, "sd_x1"]
+    assert abs(shift) / sd == pytest.approx(0.398942, rel=1e-4)
+
+
+def test_a_window_far_from_both_walls_shifts_nothing():
+    m = mean_map(Scene.from_gears(DAT21, sigma=1e-3), impacts=3, reading="mended")
+    orbit = follow(m.scene, 3)
+    other = [k for k in (1, 2, 3) if orbit.mesh[k] == 1 and abs(orbit.before[k, 2]) < 0.3]
+    assert other
+    for k in other:
+        assert m.trace.mean[k, 2:] == pytest.approx(orbit.before[k, 2:], abs=1e-12)
+
+
+@pytest.mark.parametrize("law_", ["fixed", "uniform"])
+def test_the_windows_reach_to_the_largest_gap(law_):
+    """Below Eqs. 20, 21: g + c_max.  A uniform tolerance leaves the orbit alone and so moves the window off its wall."""
+    scene = Scene.from_gears(DAT21, sigma=1e-3, tolerance=Tolerance(0.05, 0.05, law=law_))
+    shift = mean_map(scene, impacts=1, reading="mended").trace.mean[1] - follow(scene, 1).before[1]
+    sd = mean_map(scene, impacts=1, reading="mended").section.loc[1, "sd_x1"]
+    assert abs(shift[0]) / sd == pytest.approx(PHI0 if law_ == "fixed" else 0.0, abs=1e-6)
+
+
+def test_clock_is_continuous_inside_a_flight(dat21):
+    m = mean_map(dat21, impacts=6, reading="mended")
+    for k in range(1, 7):
+        low, high = m.trace.tau[k - 1], m.trace.tau[k]
+        times = np.linspace(low, high, 41)[1:-1]
+        near, next_ = m.clock(times).to_numpy(), m.clock(times + 1e-7).to_numpy()
+        # rho moves fastest just after an impact, over the flight's own time: below 1e3 per unit time here
+        assert np.nanmax(abs(next_ - near)) < 1e-4
+
+
+def test_clock_meets_the_section_from_below(dat21):
+    m = mean_map(dat21, impacts=6, reading="mended")
+    rows = m.clock(m.trace.tau[1:] - 1e-10)
+    for k in range(1, 7):
+        row, cov = rows.iloc[k - 1], m.trace.covariance[k]
+        scale = abs(cov).max()
+        assert row["cov_x1_x1"] == pytest.approx(m.section.loc[k, "sd_x1"] ** 2, abs=1e-8 * scale)
+        assert row["cov_y1_y2"] == pytest.approx(cov[1, 3], abs=1e-8 * scale)
+        assert row["cov_x2_y2"] == pytest.approx(cov[2, 3], abs=1e-8 * scale)
+        assert row["rho1"] == pytest.approx(m.section.loc[k, "rho1"], abs=1e-7)
+        assert row[["x1", "y1", "x2", "y2"]].to_numpy(float) == pytest.approx(m.trace.mean[k], abs=1e-8)
+
+
+def test_clock_between_impacts_solves_the_covariance_equation(dat21):
+    c, orbit, m = dat21.constants, follow(dat21, 5), mean_map(dat21, impacts=5, reading="mended")
+    k, t = 3, 0.4 * (orbit.tau[4] - orbit.tau[3])
+    r = law(c, orbit.mesh[k])
+    exact = covariance_flight(c, orbit.tau[k], r @ m.trace.covariance[k] @ r.T, t)
+    row = m.clock([orbit.tau[k] + t]).iloc[0]
+    names = ("x1", "y1", "x2", "y2")
+    found = [[row[f"cov_{names[min(i, j)]}_{names[max(i, j)]}"] for j in range(4)] for i in range(4)]
+    assert np.array(found) == pytest.approx(exact, rel=1e-9, abs=1e-14)

@@ -1,0 +1,229 @@
+from math import cos, exp, pi, sin, sqrt
+
+import numpy as np
+import pytest
+from reference_moments import stage_moments_after_flight
+
+from closure import mean_map
+from scene import DAT21, InputError, Scene, Start, Tolerance
+
+IMPACTS = 12
+LOUD, QUIET = 1.5**0.5, 0.02
+
+
+def printed(sigma, impacts=IMPACTS, **settings):
+    return mean_map(Scene.from_gears(DAT21, sigma=sigma, **settings), impacts=impacts, reading="printed")
+
+
+def window_shift(raw, x, half_window):
+    """sigma A and sigma B of Eqs. 20, 21 to fourth order, +psi_0 as printed; none where a variance is not positive."""
+    if not (raw[2, 0] > 0 and raw[0, 2] > 0):
+        return 0.0, 0.0
+    sx, sy = sqrt(raw[2, 0]), sqrt(raw[0, 2])
+    low, high = -(half_window + x) / sx, (half_window - x) / sx
+    psi = [(low**i * exp(-low * low / 2) - high**i * exp(-high * high / 2)) / sqrt(2 * pi) for i in range(5)]
+    rho = raw[1, 1] / (sx * sy)
+    a30, a40 = raw[3, 0] / (6 * sx**3), (raw[4, 0] / sx**4 - 3) / 24
+    a21, a31 = raw[2, 1] / (2 * sx**2 * sy), (raw[3, 1] / (sx**3 * sy) - 3 * rho) / 6
+    shift_x = psi[0] + a30 * psi[3] + a40 * (psi[4] - 2 * psi[2] + psi[0])
+    shift_y = rho * psi[0] + a21 * psi[1] + a31 * (psi[2] - psi[0])
+    return sx * shift_x, sy * shift_y
+
+
+def eq_22(c, tau, t, mean, old, new):
+    """The four lines of Eq. 22 with Eq. 10, in their gamma/beta form; `old`, `new` are the shifts sigma A ... sigma D."""
+    x1, y1, x2, y2 = np.array(mean) - old
+    e1, e2 = exp(-c.beta1 * t), exp(-c.beta2 * t)
+    d1, d2, here, later = c.gamma1 / c.beta1, c.gamma2 / c.beta2, c.alpha * cos(tau), c.alpha * cos(tau + t)
+    sine = c.alpha * (sin(tau + t) - sin(tau))
+    x1_next = x1 + (-c.epsilon * y1 - here - d1) * (1 - e1) / c.beta1 + sine + d1 * t + new[0]
+    y1_next = (-c.epsilon * mean[1] - here - d1) * e1 + d1 + later + new[1] + c.epsilon * old[1] * e1
+    x2_next = (
+        x2 + (y2 - y1 + here + d2) * (1 - e2) / c.beta2 + (d1 - d2) * t
+        + (-c.epsilon * y1 - here - d1) * (1 - e1) / c.beta1 + new[2]
+    )  # fmt: skip
+    y2_next = (
+        (mean[3] - (1 + c.epsilon) * mean[1] - here - d1) * e1
+        + (mean[3] - mean[1] + here + d2) * e2
+        + (d1 - d2)
+        + (new[3] - old[3] * e2 - old[3] * e2)
+        + ((1 + c.epsilon) * e1 + e2) * old[1]
+    )  # fmt: skip
+    return np.array([x1_next, y1_next, x2_next, y2_next])
+
+
+def unperturbed_x(c, tau, t, mean, old):
+    """x_1 and x_2 of Eq. 10: Eq. 22 without the new shift."""
+    return eq_22(c, tau, t, mean, old, np.zeros(4))[[0, 2]]
+
+
+def impact_of_moments(c, first, second):
+    """Eqs. 15 and 17 as printed."""
+    kappa = (1 + c.epsilon) * c.mu
+    first, second = first.copy(), second.copy()
+    first[:, 1:] -= kappa * second[:, 1:]
+    second[:, 1:] *= -c.epsilon
+    return first, second
+
+
+def follow_by_hand(scene, taus, impacts, contact=impact_of_moments):
+    """Means and moments at the given impact times by Eqs. 14-17, 20-22."""
+    c, windows = scene.constants, scene.windows
+    zero = np.zeros((5, 5))
+    zero[0, 0] = 1.0
+    after, mean, shift, rows = (zero, zero), np.array(scene.start_state), np.zeros(4), []
+    for k in range(1, impacts + 1):
+        tau, t = taus[k - 1], taus[k] - taus[k - 1]
+        first = stage_moments_after_flight(
+            after[0], c.beta1, tau, t, lambda s: c.sigma**2 * (-sin(s) + c.beta1 * cos(s)) ** 2
+        )
+        second = stage_moments_after_flight(after[1], c.beta2, tau, t, lambda s: c.sigma**2)
+        x1, x2 = unperturbed_x(c, tau, t, mean, shift)
+        new = np.array([*window_shift(first, x1, windows[0]), *window_shift(second, x2, windows[1])])
+        mean, shift, after = eq_22(c, tau, t, mean, shift, new), new, contact(c, first, second)
+        rows.append((mean, first, second))
+    return rows
+
+
+@pytest.mark.parametrize("sigma", [0.0, QUIET, 0.3, LOUD])
+def test_means_and_moments_are_those_of_eqs_14_to_22(sigma):
+    m = printed(sigma, impacts=4)
+    for k, (mean, first, second) in enumerate(follow_by_hand(m.scene, m.trace.tau, 4), 1):
+        # the integrator holds 1e-11 of the moments; near a vanishing variance a shift magnifies that
+        assert m.trace.mean[k] == pytest.approx(mean, rel=1e-7, abs=1e-9)
+        for n in range(5):
+            for p in range(5 - n):
+                assert m.trace.raw[k, 0, n, p] == pytest.approx(first[n, p], rel=1e-8, abs=1e-9)
+                assert m.trace.raw[k, 1, n, p] == pytest.approx(second[n, p], rel=1e-8, abs=1e-9)
+
+
+def test_means_follow_from_the_traces_own_moments_over_all_impacts():
+    """Eq. 22 alone, beyond the breakdown: with the moments taken as they are."""
+    m = printed(LOUD)
+    c, t, old = m.scene.constants, m.trace, np.zeros(4)
+    for k in range(1, t.found + 1):
+        flight = t.tau[k] - t.tau[k - 1]
+        x1, x2 = unperturbed_x(c, t.tau[k - 1], flight, t.mean[k - 1], old)
+        new = np.array([*window_shift(t.raw[k, 0], x1, 0.5), *window_shift(t.raw[k, 1], x2, 0.5)])
+        expected = eq_22(c, t.tau[k - 1], flight, t.mean[k - 1], old, new)
+        assert t.mean[k] == pytest.approx(expected, rel=1e-10, abs=1e-10)
+        old = new
+
+
+def mended_rule(c, first, second):
+    """(-eps)^p for stage 2, and stage 1 left alone."""
+    return first, second * (-c.epsilon) ** np.arange(5)
+
+
+def test_the_mended_moment_rule_is_told_apart():
+    m = printed(0.3, impacts=3)
+    _, _, second = follow_by_hand(m.scene, m.trace.tau, 3, mended_rule)[2]
+    assert abs(second[0, 2] - m.trace.raw[3, 1, 0, 2]) > 0.01
+
+
+def test_the_paper_s_case_breaks_down_at_impact_2():
+    m = printed(LOUD)
+    assert m.breakdown.impact == 2
+    assert m.breakdown.stage in (1, 2)
+    reasons = m.breakdown.reason
+    assert "< 0" in reasons or "|rho|" in reasons
+    assert m.section["realizable"].tolist()[:2] == [True, False]
+
+
+def test_both_failures_of_the_paper_are_there_at_impact_2(paper):
+    """MODEL section 6: |rho| > 1 and a negative variance appear at impact 2."""
+    raw = mean_map(paper, impacts=2, reading="printed").trace.raw[2]
+    variances = [raw[i, n, p] for i in (0, 1) for n, p in ((2, 0), (0, 2))]
+    squared_rho = [raw[i, 1, 1] ** 2 / (raw[i, 2, 0] * raw[i, 0, 2]) for i in (0, 1)]
+    assert min(variances) < 0.0
+    assert max(squared_rho) > 1.0
+
+
+def test_the_mean_of_x2_leaves_its_gap_within_ten_impacts():
+    m = printed(LOUD)
+    assert m.section["x2"].iloc[:10].abs().max() > 0.5
+
+
+@pytest.mark.parametrize("sigma", [0.0, QUIET, 0.3, LOUD])
+@pytest.mark.parametrize("stages", [1, 2])
+def test_every_impact_is_at_a_counter_mesh(sigma, stages):
+    t = printed(sigma, stages=stages).trace
+    for k in range(1, t.found + 1):
+        i = 2 * (t.mesh[k] - 1)
+        assert t.mean[k, i] == pytest.approx(-t.mean[k - 1, i], rel=0, abs=1e-10)
+
+
+@pytest.mark.parametrize("sigma", [0.0, QUIET, 0.3, LOUD])
+def test_no_counter_mesh_comes_earlier(sigma):
+    """On a grid twenty times finer than the scan: neither E[x_i] + E[x_i]_k changes its sign before."""
+    m = printed(sigma)
+    t = m.trace
+    for k in range(1, t.found + 1):
+        flight = t.tau[k] - t.tau[k - 1]
+        times = t.tau[k - 1] + np.linspace(0.0, 1.0, max(int(flight / 0.0025), 20))[1:-1] * flight
+        for i in (0, 2):
+            f = m.clock(times)[("x1", "y1", "x2", "y2")[i]].to_numpy() + t.mean[k - 1, i]
+            assert (f * t.mean[k - 1, i] > 0.0).all(), f"impact {k}, stage {1 + i // 2}"
+
+
+def test_without_noise_nothing_varies():
+    m = printed(0.0)
+    for k in range(1, IMPACTS + 1):
+        assert not m.trace.raw[k].ravel()[1:25].any()
+    assert m.section[["sd_x1", "sd_y1", "sd_x2", "sd_y2"]].to_numpy().max() == 0.0
+    assert m.breakdown is None
+
+
+def test_without_noise_the_first_flight_is_the_orbit_but_for_y2():
+    """Before any mesh-2 impact x_1, y_1, x_2 are Eq. 10's; the y_2 line of Eq. 22 is not (MODEL section 9)."""
+    from closure import follow
+
+    m = printed(0.0, impacts=1)
+    c, t = m.scene.constants, m.trace
+    after = follow(m.scene, 1).after[0]
+    from reference_dynamics import fly
+
+    state = fly(c, 0.0, after, t.tau[1])
+    assert t.mean[1, :3] == pytest.approx(state[:3], abs=1e-10)
+    assert abs(t.mean[1, 3] - state[3]) > 0.1
+
+
+@pytest.mark.parametrize("sigma", [0.0, QUIET, 0.3])
+def test_a_single_stage_is_stage_1_with_the_rule_of_eq_15(sigma):
+    m = printed(sigma, impacts=4, stages=1)
+    c, t = m.scene.constants, m.trace
+
+    def rule(c, first, second):
+        out = first.copy()
+        out[:, 1:] *= -c.epsilon
+        return out, second
+
+    for k, (mean, first, _) in enumerate(follow_by_hand(m.scene, t.tau, 4, rule), 1):
+        assert t.mean[k, :2] == pytest.approx(mean[:2], rel=1e-8, abs=1e-9)
+        for n in range(5):
+            assert t.raw[k, 0, n, : 5 - n] == pytest.approx(first[n, : 5 - n], rel=1e-8, abs=1e-9)
+    assert set(t.mesh) == {1}
+    assert m.section[["x2", "y2", "sd_x2", "sd_y2", "rho2"]].isna().all().all()
+    assert c.stages == 1
+
+
+@pytest.mark.parametrize("start", [Start(), Start(x2=0.5, y2=1.0, mesh=2)], ids=["in flight", "mesh 2"])
+def test_it_starts_at_mesh_1_only(start):
+    with pytest.raises(InputError, match=rf"start\.mesh = {start.mesh}: the printed reading needs a start at mesh 1"):
+        printed(0.1, start=start)
+
+
+def test_a_tolerance_widens_its_windows():
+    wide = printed(0.3, impacts=1, tolerance=Tolerance(0.1, 0.1))
+    mean, first, second = follow_by_hand(wide.scene, wide.trace.tau, 1)[0]
+    assert wide.trace.mean[1] == pytest.approx(mean, rel=1e-8, abs=1e-9)
+    assert abs(wide.trace.mean[1, 1] - printed(0.3, impacts=1).trace.mean[1, 1]) > 1e-3
+    assert min(first[2, 0], second[2, 0]) > 0.0
+
+
+def test_it_says_where_and_why_it_cannot_go_on():
+    scene = Scene(alpha=0.0, epsilon=0.5, beta1=1.0, gamma1=0.0, stages=1, start=Start(0.0, 0.5, 0.1, mesh=1))
+    m = mean_map(scene, impacts=3, reading="printed")
+    assert m.stopped == "no counter mesh within 200 after impact 0"
+    assert m.section["tau"].isna().all()
+    assert not m.section["realizable"].any()

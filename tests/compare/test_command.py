@@ -1,0 +1,190 @@
+"""The command ``rattle validate``, as a user meets it."""
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+from compare.__main__ import EXIT_NOT_MET, EXIT_NOT_REPEATED, main
+from compare.report import CONTENTS
+from scene import DAT21, Scene, Start
+
+SMALL = ["--paths", "600", "--impacts", "3", "--dt", "0.01"]
+
+
+def rattle(*words, code=0):
+    result = CliRunner().invoke(main, ["validate", *map(str, words)])
+    assert result.exit_code == code, result.output
+    return result
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    out = tmp_path_factory.mktemp("reports") / "small"
+    rattle(*SMALL, "--sigma", 0.1, "--sigma", 1.0, "--seed", 5, "--out", out)
+    return out
+
+
+def test_report_folder_is_complete(report):
+    assert {p.name for p in report.iterdir()} == CONTENTS
+    assert len(list((report / "figures").glob("*.svg"))) == 2 * 3 + 1
+    page = (report / "report.md").read_text()
+    for link in re.findall(r"\]\((figures/[^)]+)\)", page):
+        assert (report / link).is_file()
+
+
+def test_page_begins_with_the_answer(report):
+    answer = json.loads((report / "manifest.json").read_text())["answer"]
+    assert len(answer) == 3
+    page = (report / "report.md").read_text()
+    assert page.index(answer[0]) < page.index(answer[2]) < page.index("##")
+
+
+def test_html_is_self_contained(report):
+    html = (report / "report.html").read_text()
+    assert not re.findall(r"""(?:src|href)=["'](?!data:|#)""", html)
+    assert "<script" not in html
+
+
+def test_table_is_the_same_in_both_forms(report):
+    csv, parquet = pd.read_csv(report / "table.csv"), pd.read_parquet(report / "table.parquet")
+    pd.testing.assert_frame_equal(csv, parquet, check_dtype=False, rtol=1e-15)
+    assert set(csv["sigma"]) == {0.1, 1.0}
+    assert set(csv["verdict"]) <= {"accurate", "inaccurate", "undecided", "not predicted"}
+
+
+def test_repeats_bit_for_bit_for_any_workers(report, tmp_path):
+    out = tmp_path / "again"
+    result = rattle("--repeat", report / "manifest.json", "--workers", 3, "--out", out, "--json")
+    assert json.loads(result.stdout)["repeated"] is True
+    assert (out / "table.csv").read_bytes() == (report / "table.csv").read_bytes()
+
+
+def test_a_repeat_that_differs_says_so(report, tmp_path):
+    data = json.loads((report / "manifest.json").read_text())
+    data["settings"]["seed"] += 1
+    changed = tmp_path / "manifest.json"
+    changed.write_text(json.dumps(data))
+    result = rattle("--repeat", changed, "--out", tmp_path / "again", code=EXIT_NOT_REPEATED)
+    assert "differ" in result.output
+
+
+def test_require_accurate(tmp_path):
+    rattle(*SMALL, "--sigma", 1.0, "--out", tmp_path / "no", "--require", "accurate", code=EXIT_NOT_MET)
+    assert (tmp_path / "no" / "report.md").exists()
+    rattle(*SMALL, "--sigma", 0, "--reading", "mended", "--out", tmp_path / "yes", "--dt", 1e-3)
+
+
+def test_scene_file_in_either_form(tmp_path):
+    scene = Scene(alpha=1.0, epsilon=0.5, beta1=0.1, gamma1=0.05, sigma=0.2, stages=1)
+    (tmp_path / "single <b>.toml").write_text(scene.to_toml())
+    rattle(tmp_path / "single <b>.toml", *SMALL, "--out", tmp_path / "single")
+    html = (tmp_path / "single" / "report.html").read_text()
+    assert "single &lt;b&gt;" in html
+    assert "single <b>" not in html
+    (tmp_path / "gears.toml").write_text(Scene.from_gears(DAT21, sigma=0.3).to_toml())
+    rattle(tmp_path / "gears.toml", *SMALL, "--reading", "mended", "--out", tmp_path / "gears")
+    assert set(pd.read_csv(tmp_path / "gears" / "table.csv")["sigma"]) == {0.3}
+
+
+BAD = {
+    "unknown key": ("[scene]\nalpha = 1.0\nepsilom = 0.9\nbeta1 = 0.1\ngamma1 = 0.0\n", [], "epsilon"),
+    "wrong type": ('[scene]\nalpha = "big"\nepsilon = 0.9\nbeta1 = 0.1\ngamma1 = 0.0\nmu = 0.5\n', [], "alpha = 'big'"),
+    "not TOML": ("alpha == 1", [], "TOML"),
+    "sigma": (None, ["--sigma", "-1"], "sigma = -1.0"),
+    "paths": (None, ["--paths", "0"], "paths = 0: must be at least 1"),
+    "impacts": (None, ["--impacts", "0"], "impacts = 0"),
+    "workers": (None, ["--workers", "0"], "workers = 0"),
+    "dt": (None, ["--dt", "1"], "must be at most 0.0312"),
+    "dt sign": (None, ["--dt", "-1"], "dt = -1.0"),
+    "dt for a later sigma": (None, ["--sigma", "0.1", "--sigma", "1e4"], "cannot see the gap"),
+    "scheme": (None, ["--scheme", "euler-mayurama"], "did you mean 'euler-maruyama'"),
+    "reading": (None, ["--reading", "printd"], "did you mean 'printed'"),
+    "order": (None, ["--order", "9"], "order = 9: must be at most 6"),
+    "seed": (None, ["--seed", "-4"], "must be 0 or greater|must be at least 0"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_names_value_and_remedy_and_writes_nothing(case, tmp_path):
+    text, words, message = BAD[case]
+    scene = []
+    if text is not None:
+        (tmp_path / "scene.toml").write_text(text)
+        scene = [tmp_path / "scene.toml"]
+    result = rattle(*scene, *words, "--out", tmp_path / "out", code=2)
+    assert re.search(message, result.stderr)
+    assert "Traceback" not in result.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_missing_and_foreign_files(tmp_path):
+    assert "cannot be read" in rattle(tmp_path / "none.toml", "--out", tmp_path / "o", code=2).stderr
+    (tmp_path / "m.json").write_text('{"a": 1}')
+    assert "no manifest" in rattle("--repeat", tmp_path / "m.json", "--out", tmp_path / "o", code=2).stderr
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "thesis.tex").write_text("")
+    assert "other things" in rattle(*SMALL, "--out", tmp_path / "full", "--overwrite", code=2).stderr
+
+
+def test_printed_needs_a_mesh_1_start(tmp_path):
+    scene = Scene.from_gears(DAT21, sigma=0.1, start=Start(0.0, 0.0, 1.0, 0.0, 1.0))
+    (tmp_path / "flight.toml").write_text(scene.to_toml())
+    result = rattle(tmp_path / "flight.toml", *SMALL, "--out", tmp_path / "o", code=2)
+    assert "start.mesh = 0" in result.stderr
+    rattle(tmp_path / "flight.toml", *SMALL, "--reading", "mended", "--out", tmp_path / "o")
+
+
+def test_quiet_in_a_pipe(tmp_path):
+    command = [
+        sys.executable,
+        "-m",
+        "compare",
+        "validate",
+        *SMALL,
+        "--sigma",
+        "0.1",
+        "--out",
+        str(tmp_path / "o"),
+        "--json",
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stderr == ""
+    assert json.loads(done.stdout)["report"] == str(tmp_path / "o")
+
+
+def test_interrupt_ends_soon_and_leaves_nothing(tmp_path):
+    command = [sys.executable, "-m", "compare", "validate", "--paths", "100000000", "--out", str(tmp_path / "o")]
+    running = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    time.sleep(8.0)
+    running.send_signal(signal.SIGINT)
+    asked = time.monotonic()
+    _, err = running.communicate(timeout=30)
+    assert time.monotonic() - asked < 5.0
+    assert running.returncode == 130
+    assert "interrupted" in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_figures_are_deterministic(report, tmp_path):
+    rattle("--repeat", report / "manifest.json", "--out", tmp_path / "o")
+    for path in (report / "figures").iterdir():
+        assert path.read_bytes() == (tmp_path / "o" / "figures" / path.name).read_bytes()
+
+
+def test_committed_report_is_of_this_code():
+    """The committed default report holds the three noise intensities and its table matches its manifest."""
+    from compare.manifest import digest, read_settings
+
+    folder = Path(__file__).resolve().parents[2] / "reports" / "dat21"
+    settings, expected = read_settings(folder / "manifest.json")
+    assert digest((folder / "table.csv").read_text()) == expected
+    np.testing.assert_allclose([s.sigma for s in settings.scenes], [0.01, 0.1, 1.5**0.5])

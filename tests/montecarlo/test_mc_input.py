@@ -1,0 +1,120 @@
+"""What simulate() refuses, with which words, before any path has run."""
+
+import math
+
+import numpy as np
+import pytest
+from mc_checks import dat21
+
+from montecarlo import ensemble, largest_step, simulate
+from scene import DAT21, InputError, Scene, Start, Tolerance
+
+BAD = {
+    "no paths": ({"paths": 0}, "paths = 0: must be at least 1"),
+    "part of a path": ({"paths": 1.5}, "paths = 1.5: give a whole number"),
+    "no impacts": ({"impacts": 0}, "impacts = 0: must be at least 1"),
+    "no workers": ({"workers": 0}, "workers = 0: must be at least 1"),
+    "no step": ({"dt": 0.0}, "dt = 0.0: must be greater than 0"),
+    "a step back": ({"dt": -1e-3}, "dt = -0.001: must be greater than 0"),
+    "a step of NaN": ({"dt": math.nan}, "dt = nan: give a finite number"),
+    "an endless step": ({"dt": math.inf}, "dt = inf: give a finite number"),
+    "a step that misses the gap": ({"dt": 0.126}, r"dt = 0.126: must be at most 0.125: .* gap"),
+    "a step too long once quadrupled": ({"dt": 0.05, "step_bias": True}, r"at most 0.0312 \(4 dt .*\): .* gap"),
+    "a misspelt scheme": (
+        {"scheme": "euler-maruyama-locate"}, "scheme = 'euler-maruyama-locate': did you mean 'euler-maruyama-located'",
+    ),
+    "an unknown scheme": ({"scheme": "milstein"}, "valid are 'euler-maruyama', 'euler-maruyama-located'"),
+    "a clock before the start": ({"clock": [-1.0]}, "clock = -1.0: must lie between one step"),
+    "a clock at the start": ({"clock": [0.0]}, "clock = 0.0: must lie between one step"),
+    "a clock beyond the horizon": ({"clock": [1.0, 5.1], "horizon": 5.0}, "clock = 5.1: must lie .* and 5 after"),
+    "a clock of NaN": ({"clock": [math.nan]}, "clock = nan: give a finite number"),
+    "no horizon": ({"horizon": 0.0}, "horizon = 0.0: must be greater than 0"),
+    "a negative seed": ({"rng": -1}, "rng = -1: must be at least 0"),
+    "no seed": ({"rng": None}, "rng = None: give a whole number"),
+}  # fmt: skip
+
+
+def simulated(**settings):
+    return simulate(settings.pop("scene", dat21(0.1)), **({"paths": 10, "impacts": 3} | settings))
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_refused_before_any_block_runs(case, monkeypatch):
+    settings, words = BAD[case]
+    for work in ("run", "sample"):
+        monkeypatch.setattr(ensemble, work, lambda *_: pytest.fail("work was done"))
+    with pytest.raises(InputError, match=words):
+        simulated(**settings)
+
+
+@pytest.mark.parametrize("itinerary", [[], [1], [1, -1, 1, -1]])
+def test_itinerary_of_a_wrong_length_is_refused(itinerary):
+    with pytest.raises(InputError, match=r"itineraries\['mine'\] = .*: needs one entry for each of 3 impacts"):
+        simulated(itineraries={"mine": itinerary})
+
+
+@pytest.mark.xfail(strict=True, reason="the noise-free path is run before the itineraries are looked at")
+def test_itinerary_is_looked_at_before_any_path_is_run(monkeypatch):
+    monkeypatch.setattr(ensemble, "sample", lambda *_: pytest.fail("work was done"))
+    with pytest.raises(InputError):
+        simulated(itineraries={"mine": [1]})
+
+
+def test_something_else_than_a_scene_is_refused():
+    with pytest.raises(InputError, match=r"scene = .*: give a Scene"):
+        simulated(scene=DAT21)
+
+
+UNTYPED = {
+    "a clock that is no sequence": {"clock": 0.5},
+    "a clock of words": {"clock": ["noon"]},
+    "an itinerary of words": {"itineraries": {"mine": ["left", "right", "left"]}},
+}
+
+
+@pytest.mark.xfail(strict=True, reason="raises a bare TypeError or ValueError, which names no field and no remedy")
+@pytest.mark.parametrize("case", UNTYPED)
+def test_input_of_a_wrong_type_is_refused_by_name(case):
+    with pytest.raises(InputError):
+        simulated(**UNTYPED[case])
+
+
+STEADY = {"alpha": 0.0, "epsilon": 0.9, "gamma1": 0.0, "stages": 1, "start": Start(0.0, 0.0, 1e-3, mesh=0)}
+
+
+def test_step_is_limited_by_damping():
+    scene = Scene(**STEADY, beta1=20.0)
+    assert largest_step(scene) == (pytest.approx(0.05), "a longer step makes the damping unstable")
+    with pytest.raises(InputError, match=r"at most 0.05: .* damping unstable"):
+        simulated(scene=scene, dt=0.051)
+    simulated(scene=scene, dt=0.05, horizon=1.0)
+
+
+def test_step_is_limited_by_the_excitation():
+    scene = Scene(**STEADY, beta1=0.1)
+    assert largest_step(scene) == (pytest.approx(math.pi / 10.0), "a longer step cannot follow the excitation")
+
+
+@pytest.mark.parametrize(
+    ("change", "limit"),
+    [({"gap1": 0.1, "start": Start(0.0, 0.1, 2.0, 0.5, 2.0, mesh=1)}, 0.025), ({"sigma": 3.5}, 0.05)],
+)
+def test_step_is_limited_by_gap_and_speed(change, limit):
+    values = {name: getattr(dat21(), name) for name in ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu")}
+    assert largest_step(Scene(**(values | change)))[0] == pytest.approx(limit)
+
+
+def test_step_is_limited_by_the_narrowest_gap_a_tolerance_leaves():
+    assert largest_step(dat21(tolerance=Tolerance(0.1, 0.3)))[0] == pytest.approx(0.5 * 0.2 / 2.0)
+
+
+@pytest.mark.xfail(strict=True, reason="the damping of a stage that is not there enters the limit")
+def test_absent_stage_does_not_limit_the_step():
+    scene = Scene(**(STEADY | {"stages": 1}), beta1=0.1, beta2=1e3, gap2=1e-9)
+    assert scene.stages == 1
+    assert largest_step(scene)[0] == pytest.approx(math.pi / 10.0)
+
+
+def test_numpy_numbers_are_numbers():
+    run = simulated(paths=np.int64(10), dt=np.float64(1e-2), rng=np.int64(3), clock=np.array([0.5]))
+    assert run.section.paths.tolist() == [10, 10, 10]

@@ -1,0 +1,169 @@
+"""One scalar step: its law without walls, its order on the noise-free orbit, its conservation laws."""
+
+import numpy as np
+import pytest
+from mc_checks import dat21, open_space
+from scipy.integrate import quad_vec
+
+from closure.orbit import follow
+from montecarlo import simulate
+from montecarlo.schemes import SCHEMES, Progress, advance_inside, euler_step, step_forcing
+from scene import Scene, Start, Tolerance
+from scene.impact import struck
+
+ORBIT_IMPACTS = 8
+
+
+def affine_step(scene, tau, h):
+    """Matrix, shift and kick of one Euler step, read off the product's scalar function."""
+    c = scene.constants
+    f = step_forcing(c, tau, h)
+    shift = np.array(euler_step(c, f, h, 0.0, 0.0, 0.0, 0.0, 0.0))
+    matrix = np.array([euler_step(c, f, h, *e, 0.0) for e in np.eye(4)]).T - shift[:, None]
+    kick = np.array(euler_step(c, f, h, 0.0, 0.0, 0.0, 0.0, 1.0)) - shift
+    return matrix, shift, kick
+
+
+def by_steps(scene, t, h):
+    """Mean and covariance at time t after the start: exact moments of the scheme, no sampling."""
+    s = scene.start
+    mean, cov = np.array([s.x1, s.y1, s.x2, s.y2]), np.zeros((4, 4))
+    for n in range(round(t / h)):
+        matrix, shift, kick = affine_step(scene, s.tau + n * h, h)
+        mean, cov = matrix @ mean + shift, matrix @ cov @ matrix.T + np.outer(kick, kick)
+    return mean, cov
+
+
+def exact_covariance(scene, t):
+    """int exp(A r) g g' exp(A' r) sigma^2 dr, written from Eq. 5 and integrated by scipy."""
+    from scipy.linalg import expm
+
+    b1, b2 = scene.beta1, scene.beta2
+    a = np.array([[0, 1, 0, 0], [0, -b1, 0, 0], [0, 0, 0, 1], [0, b2 - b1, 0, -b2]], dtype=float)
+
+    def integrand(r):
+        tau = scene.start.tau + t - r
+        g = expm(a * r) @ [0.0, -np.sin(tau) + b1 * np.cos(tau), 0.0, (b1 - b2) * np.cos(tau)]
+        return np.outer(g, g)
+
+    return scene.sigma**2 * quad_vec(integrand, 0.0, t, epsabs=1e-12)[0]
+
+
+def slope(steps, errors):
+    return np.polyfit(np.log(steps), np.log(errors), 1)[0]
+
+
+def test_step_moments_converge_to_exact_covariance_at_first_order():
+    scene, steps = open_space(0.4, beta2=0.9), np.array([0.04, 0.02, 0.01, 0.005])
+    exact = exact_covariance(scene, 2.0)
+    errors = [np.abs(by_steps(scene, 2.0, h)[1] - exact).max() for h in steps]
+    assert slope(steps, errors) == pytest.approx(1.0, abs=0.1)
+
+
+def test_step_means_converge_to_flight_at_first_order():
+    scene, steps = open_space(0.0, beta2=0.9), np.array([0.04, 0.02, 0.01, 0.005])
+    exact = follow(scene, 1).state(scene.constants, scene.start.tau + 2.0)
+    errors = [np.abs(by_steps(scene, 2.0, h)[0] - exact).max() for h in steps]
+    assert slope(steps, errors) == pytest.approx(1.0, abs=0.1)
+
+
+def orbit_error(scheme, dt, scene=None):
+    """Largest error of impact times and states of a noise-free run against the exact orbit."""
+    scene = scene or dat21()
+    orbit = follow(scene, ORBIT_IMPACTS)
+    raw = simulate(scene, paths=1, impacts=ORBIT_IMPACTS, dt=dt, scheme=scheme, keep_paths=True).raw[0]
+    assert (raw[:, 6] == orbit.mesh[1:] * orbit.side[1:]).all()
+    return np.abs(raw[:, [0, 2, 3, 4, 5]] - np.column_stack([orbit.tau[1:], orbit.before[1:]])).max()
+
+
+def test_located_scheme_follows_noise_free_orbit_at_first_order():
+    steps = 2e-3 / 2.0 ** np.arange(6)
+    assert slope(steps, [orbit_error("euler-maruyama-located", h) for h in steps]) == pytest.approx(1.0, abs=0.1)
+
+
+def test_plain_scheme_follows_noise_free_orbit_within_a_multiple_of_the_step():
+    """Detection at the end of the step errs by a fraction of it that jumps with dt: a bound, not a slope.
+
+    The late detection, at most dt, is carried along 8 impacts of an expanding orbit.
+    """
+    steps = 1e-3 / 2.0 ** np.arange(8)
+    errors = np.array([orbit_error("euler-maruyama", h) for h in steps])
+    assert (errors / steps).max() < 60.0
+    assert errors[-1] < 0.05 * errors[0]
+
+
+def test_order_check_sees_a_wrong_drag():
+    """Planted: against the orbit of a drag 0.2 % off, the error stops falling with dt."""
+    values = {name: getattr(dat21(), name) for name in ("alpha", "epsilon", "beta1", "beta2", "gamma2", "mu")}
+    orbit = follow(Scene(**values, gamma1=1.002 * dat21().gamma1), 6)
+    steps = 2e-3 / 2.0 ** np.arange(8)
+    wrong = [abs(simulate(dat21(), paths=1, impacts=6, dt=h).section.tau[6] - orbit.tau[6]) for h in steps]
+    assert abs(slope(steps, wrong) - 1.0) > 0.1
+
+
+FREE = Scene(
+    alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, mu=0.3, gap1=0.5, gap2=0.4,
+    start=Start(0.0, 0.1, 1.0, -0.2, -0.7), tolerance=Tolerance(0.2, 0.2, draw="contact"),
+)  # fmt: skip
+"""No forces and no losses; random walls make every path another one."""
+
+
+def wheels(raw, mu):
+    """Energy and momentum of the wheels just before each impact: masses 1 - mu and mu, u1 = -y1, u2 = y2 - y1."""
+    u1, u2 = -raw[..., 3], raw[..., 5] - raw[..., 3]
+    return (1.0 - mu) * u1**2 + mu * u2**2, (1.0 - mu) * u1 + mu * u2
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_energy_is_conserved_on_every_path(scheme):
+    raw = simulate(FREE, paths=200, impacts=30, dt=0.02, scheme=scheme, keep_paths=True).raw
+    energy, _ = wheels(raw, FREE.mu)
+    start = (1.0 - FREE.mu) * 1.0**2 + FREE.mu * 1.7**2
+    assert np.abs(energy - start).max() < 1e-12
+    assert np.ptp(raw[:, :, 3]) > 0.5  # the paths do differ
+    assert np.ptp(wheels(raw, FREE.mu + 0.01)[0]) > 1e-3  # planted: another share of the impulse
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_momentum_is_conserved_by_mesh_2_and_not_by_mesh_1(scheme):
+    raw = simulate(FREE, paths=200, impacts=30, dt=0.02, scheme=scheme, keep_paths=True).raw
+    _, momentum = wheels(raw, FREE.mu)
+    change, mesh = np.abs(np.diff(momentum, axis=1)), np.abs(raw[:, :-1, 6])
+    assert change[mesh == 2].max() < 1e-12
+    assert np.median(change[mesh == 1]) > 0.1
+
+
+def test_struck_reverses_the_gap_speed_by_restitution():
+    c = dat21().constants
+    assert struck(c, 1, 2.0, 0.5)[0] == pytest.approx(-0.9 * 2.0, rel=1e-15)
+    assert struck(c, 2, 2.0, 0.5)[1] == pytest.approx(-0.9 * 0.5, rel=1e-15)
+
+
+def test_bridge_splits_an_increment_into_independent_normal_parts():
+    """Over many increments the part before the wall and the rest are uncorrelated, with variances s and left - s."""
+    scene = dat21(1.0)
+    c, h, distance, speed = scene.constants, 0.1, 0.03, 1.0
+    rng = np.random.default_rng(1)
+    n = 20_000
+    parts = np.empty((n, 2))
+    for i in range(n):
+        whole, normal = rng.normal(0.0, np.sqrt(h)), rng.normal()
+        at = Progress(0, 0.3, h, whole, 0.5 - distance, speed, 0.0, 0.0)
+        after = advance_inside(c, at, normal, 0.5, 0.5, 0.5, 0.5)
+        assert after.left == pytest.approx(h - distance / speed)
+        parts[i] = whole - after.increment, after.increment
+    s = np.array([distance / speed, h - distance / speed])
+    z_variance = (parts.var(axis=0) / s - 1.0) * np.sqrt(n / 2.0)
+    z_correlation = np.corrcoef(parts.T)[0, 1] * np.sqrt(n)
+    assert max(*np.abs(z_variance), abs(z_correlation)) < 3.6  # 1e-3 over three checks
+    planted = 1.1 * parts.var(axis=0)[0] / s[0] - 1.0  # variance 10 % too large
+    assert planted * np.sqrt(n / 2.0) > 3.6
+
+
+def test_noise_that_turns_a_path_at_the_wall_makes_no_impact():
+    c = dat21(1.0).constants
+    at = Progress(0, 1.5, 0.1, 5.0, 0.49, 0.2, 0.0, 0.0)  # at tau = 1.5 a positive increment pushes towards -x1
+    after = advance_inside(c, at, 0.0, 0.5, 0.5, 0.5, 0.5)
+    assert (after.code, after.x1) == (0, 0.5)
+    assert after.y1 < 0.0
+    assert 0.0 < after.left < 0.1

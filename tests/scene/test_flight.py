@@ -1,0 +1,160 @@
+import math
+from decimal import Decimal, getcontext
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from reference_dynamics import covariance_flight, drift_matrix, fly, modulation
+from scipy.integrate import quad_vec
+from scipy.linalg import expm
+
+from scene import Scene
+from scene.flight import decay, dragged, flow, jacobian, noise_covariance, noise_rate, turned, wheel_speeds
+
+BETAS = (0.0, 1e-12, 1e-6, 0.08, 1.0, 50.0)
+PAIRS = list(product(BETAS, BETAS))
+STATE = (0.31, -1.2, -0.17, 0.9)
+
+
+def constants(beta1, beta2, **changes):
+    values = {"alpha": 1.5, "epsilon": 0.9, "gamma1": 0.06, "gamma2": 0.03, "mu": 0.6, "sigma": 0.7} | changes
+    return Scene(beta1=beta1, beta2=beta2, **values).constants
+
+
+@pytest.mark.parametrize(("beta1", "beta2"), PAIRS)
+def test_flow_solves_the_equations_of_motion(beta1, beta2):
+    c = constants(beta1, beta2)
+    # the solver's own error at rtol 1e-12 over this flight stays below 1e-11
+    assert flow(c, 0.7, *STATE, 2.5) == pytest.approx(fly(c, 0.7, STATE, 2.5), rel=0, abs=3e-11)
+
+
+def test_flow_with_the_misprinted_damping_of_stage_2_is_told_apart():
+    c = constants(0.08, 0.13)
+    wrong = fly(c._replace(beta2=c.beta1), 0.7, STATE, 2.5)  # -beta_1 y_2, as (3) and (5) print it
+    assert abs(np.array(flow(c, 0.7, *STATE, 2.5)) - wrong).max() > 1e-3
+
+
+@pytest.mark.parametrize("tau", [0.0, 1.0, 1e3])
+def test_a_flight_of_no_time_changes_nothing(tau):
+    # wheel_speeds subtracts and adds alpha cos tau: one rounding of a number near 1
+    assert flow(constants(0.08, 0.13), tau, *STATE, 0.0) == pytest.approx(STATE, rel=0, abs=5e-16)
+
+
+def test_stage_1_flies_alike_with_and_without_stage_2():
+    one, two = constants(0.08, 0.13, stages=1), constants(0.08, 0.13)
+    assert flow(one, 0.7, *STATE, 2.5)[:2] == flow(two, 0.7, *STATE, 2.5)[:2]
+
+
+def test_wheel_speeds_are_undone_by_their_definition():
+    c = constants(0.08, 0.13)
+    u1, u2 = wheel_speeds(c, 0.7, -1.2, 0.9)
+    assert (c.alpha * math.cos(0.7) - u1, u2 - u1) == pytest.approx((-1.2, 0.9), rel=1e-15)
+
+
+@pytest.mark.parametrize("beta", [1e-300, 1e-12, 1e-6, 0.08, 0.249, 0.251, 1.0, 50.0])
+@pytest.mark.parametrize("t", [1e-9, 0.5, 2.0, 30.0])
+def test_travel_and_drag_hold_to_rounding(beta, t):
+    getcontext().prec = 700  # so that beta = 1e-300 cancels harmlessly
+    b, d = Decimal(beta), Decimal(t)
+    travel = (1 - (-b * d).exp()) / b
+    assert turned(beta, t) == pytest.approx(float(travel), rel=1e-15)
+    assert dragged(beta, t) == pytest.approx(float((d - travel) / b), rel=3e-15)  # the sum of its terms at z = 0.5
+    assert decay(beta, t) == pytest.approx(float((-b * d).exp()), rel=1e-15 * (1 + beta * t))
+
+
+@pytest.mark.parametrize(("beta1", "beta2"), PAIRS)
+def test_jacobian_is_the_exponential_of_the_drift(beta1, beta2):
+    c = constants(beta1, beta2)
+    assert jacobian(c, 1.7) == pytest.approx(expm(1.7 * drift_matrix(c)), rel=0, abs=1e-13)
+
+
+@pytest.mark.parametrize(("beta1", "beta2"), [(0.0, 0.0), (0.08, 0.13), (1.0, 50.0)])
+def test_jacobian_is_what_flow_does_to_a_difference(beta1, beta2):
+    c = constants(beta1, beta2)
+    base = np.array(flow(c, 0.7, *STATE, 1.7))
+    moved = np.array([np.array(flow(c, 0.7, *(STATE + step), 1.7)) - base for step in np.eye(4)]).T
+    assert jacobian(c, 1.7) == pytest.approx(moved, rel=0, abs=1e-14)  # flow is affine: no step error
+
+
+def test_noise_rate_is_eq_5():
+    c = constants(0.08, 0.13)
+    assert noise_rate(c, 0.7) == pytest.approx(modulation(c, 0.7)[[1, 3]], rel=1e-15)
+
+
+def integral(c, tau, t):
+    """sigma^2 int exp(A (t - s)) m m' exp(A' (t - s)) ds, by adaptive quadrature."""
+    a = drift_matrix(c)
+
+    def integrand(lag):
+        g = expm(a * lag) @ modulation(c, tau + t - lag)
+        return c.sigma**2 * np.outer(g, g)
+
+    fast = 1.0 / max(c.beta1, c.beta2, 1.0)
+    return quad_vec(integrand, 0.0, t, epsabs=1e-14, epsrel=1e-12, points=[fast, 5 * fast, 20 * fast])[0]
+
+
+NOISY = [(0.0, 0.0), (0.0, 0.08), (1e-12, 1e-6), (0.08, 0.08), (0.08, 1.0), (1.0, 50.0), (50.0, 50.0), (50.0, 0.08)]
+
+
+@pytest.mark.parametrize(("beta1", "beta2"), NOISY)
+def test_noise_covariance_is_its_integral(beta1, beta2):
+    c = constants(beta1, beta2)
+    exact = integral(c, 0.7, 4.5)
+    assert noise_covariance(c, 0.7, 4.5) == pytest.approx(exact, rel=0, abs=1e-12 * exact.max())
+
+
+@pytest.mark.parametrize(("beta1", "beta2"), [(0.0, 0.0), (0.08, 0.13), (1.0, 20.0)])
+def test_noise_covariance_solves_the_covariance_equation(beta1, beta2):
+    c = constants(beta1, beta2)
+    exact = covariance_flight(c, 0.7, np.zeros((4, 4)), 12.0)
+    assert noise_covariance(c, 0.7, 12.0) == pytest.approx(exact, rel=0, abs=1e-10 * exact.max())
+
+
+def test_noise_covariance_without_modulation_is_told_apart():
+    c = constants(0.08, 0.13)
+    a = drift_matrix(c)
+    flat, _ = quad_vec(lambda r: c.sigma**2 * np.outer(*[expm(a * r) @ [0.0, 1.0, 0.0, 1.0]] * 2), 0.0, 2.0)
+    assert abs(noise_covariance(c, 0.7, 2.0) - flat).max() > 0.1 * flat.max()
+
+
+def test_a_short_flight_collects_noise_like_its_leading_powers():
+    c, t = constants(0.08, 0.13), 1e-6
+    m = c.sigma * modulation(c, 0.7)[1]
+    q = noise_covariance(c, 0.7, t)
+    assert (q[0, 0], q[0, 1], q[1, 1]) == pytest.approx((m * m * t**3 / 3, m * m * t**2 / 2, m * m * t), rel=1e-5)
+
+
+def test_no_noise_no_covariance():
+    assert not noise_covariance(constants(0.08, 0.13, sigma=0.0), 0.7, 3.0).any()
+
+
+def test_a_single_stage_collects_no_noise_in_stage_2():
+    one, two = (noise_covariance(constants(0.08, 0.13, stages=s), 0.7, 3.0) for s in (1, 2))
+    assert not one[2:].any()
+    assert one[:2, :2] == pytest.approx(two[:2, :2], rel=1e-15)
+
+
+beta = st.sampled_from(BETAS) | st.floats(0.0, 20.0)
+duration = st.floats(0.0, 6.0)
+
+
+@given(beta, beta, st.floats(0.0, 6.3), duration, duration)
+@settings(deadline=None, max_examples=50, derandomize=True)
+def test_flights_compose(beta1, beta2, tau, first, second):
+    c = constants(beta1, beta2)
+    stop = flow(c, tau, *STATE, first)
+    assert flow(c, tau + first, *stop, second) == pytest.approx(flow(c, tau, *STATE, first + second), abs=1e-13)
+    assert jacobian(c, second) @ jacobian(c, first) == pytest.approx(jacobian(c, first + second), abs=1e-13)
+
+
+@given(beta, beta, st.floats(0.0, 6.3), duration, duration)
+@settings(deadline=None, max_examples=50, derandomize=True)
+def test_noise_of_composed_flights_composes(beta1, beta2, tau, first, second):
+    c = constants(beta1, beta2)
+    j = jacobian(c, second)
+    composed = j @ noise_covariance(c, tau, first) @ j.T + noise_covariance(c, tau + first, second)
+    whole = noise_covariance(c, tau, first + second)
+    assert composed == pytest.approx(whole, rel=0, abs=1e-13 * (1.0 + whole.max()))
+    assert np.linalg.eigvalsh(whole)[0] >= -1e-13 * (1.0 + whole.max())

@@ -1,0 +1,92 @@
+from dataclasses import FrozenInstanceError, replace
+
+import numpy as np
+import pytest
+
+from scene import DAT21, Gears, InputError
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        (DAT21.beta(1), 0.083333),
+        (DAT21.beta(2), 0.133333),
+        (DAT21.gamma(1), 0.056944),
+        (DAT21.gamma(2), 0.029333),
+        (DAT21.mu, 0.601187),
+        (DAT21.gap2, 0.5),
+        (DAT21.alpha, 1.5),
+        (DAT21.epsilon, 0.9),
+    ],
+)
+def test_dat21_has_the_dimensionless_numbers_of_the_model(value, expected):
+    assert value == pytest.approx(expected, abs=6e-7)  # MODEL section 1 prints six decimals
+
+
+def test_a_wider_second_play_widens_gap2_alone():
+    wide = replace(DAT21, backlash2=0.3)
+    assert wide.gap2 == pytest.approx(0.75)
+    assert (wide.beta(2), wide.gamma(2), wide.mu) == (DAT21.beta(2), DAT21.gamma(2), DAT21.mu)
+
+
+def test_both_drags_are_over_the_first_play():
+    wide = replace(DAT21, backlash1=0.4)
+    assert wide.gamma(1) == pytest.approx(DAT21.gamma(1) / 2)
+    assert wide.gamma(2) == pytest.approx(DAT21.gamma(2) / 2)
+
+
+def test_frequency_scales_damping_once_and_drag_twice():
+    fast = replace(DAT21, omega=600.0)
+    assert fast.beta(1) == pytest.approx(DAT21.beta(1) / 2)
+    assert fast.gamma(2) == pytest.approx(DAT21.gamma(2) / 4)
+
+
+def test_mu_is_the_share_of_wheel_1_in_the_reduced_masses():
+    mass1, mass2 = DAT21.inertia1 / DAT21.radius1**2, DAT21.inertia2 / DAT21.radius2**2
+    assert DAT21.mu == pytest.approx((1 / mass1) / (1 / mass1 + 1 / mass2))
+
+
+POSITIVE = ("omega", "inertia1", "inertia2", "radius1", "radius2", "backlash1", "backlash2")
+NON_NEGATIVE = ("alpha", "damping1", "damping2", "torque1", "torque2")
+NAMES = (*POSITIVE, *NON_NEGATIVE, "epsilon")
+BAD = (
+    [(name, value, "must be greater than 0") for name in POSITIVE for value in (0.0, -1.0)]
+    + [(name, -1.0, "must be 0 or greater") for name in NON_NEGATIVE]
+    + [("epsilon", value, "must lie between 0 and 1") for value in (-0.1, 1.1)]
+    + [(name, value, "give a finite number") for name in NAMES for value in (float("nan"), float("inf"))]
+    + [(name, value, "give a number") for name in NAMES for value in ("1", None, True, [1.0], 1j)]
+)
+
+
+@pytest.mark.parametrize(("name", "value", "remedy"), BAD)
+def test_a_bad_value_is_refused_by_field_value_and_remedy(name, value, remedy):
+    with pytest.raises(InputError) as caught:
+        replace(DAT21, **{name: value})
+    assert (caught.value.field, caught.value.remedy) == (name, remedy)
+    assert str(caught.value) == f"{name} = {value!r}: {remedy}"
+
+
+@pytest.mark.parametrize("name", NON_NEGATIVE)
+def test_zero_is_a_value_where_nothing_need_act(name):
+    assert getattr(replace(DAT21, **{name: 0.0}), name) == 0.0
+
+
+def test_whole_and_numpy_numbers_become_floats():
+    gears = replace(DAT21, omega=300, radius1=np.float32(41.0), inertia1=np.int64(4000))
+    assert gears == DAT21
+    assert {type(gears.omega), type(gears.radius1), type(gears.inertia1)} == {float}
+
+
+def test_there_are_two_wheels():
+    with pytest.raises(InputError, match="wheel = 3: the loose wheels are 1 and 2"):
+        DAT21.beta(3)
+
+
+def test_gears_do_not_change():
+    with pytest.raises(FrozenInstanceError):
+        DAT21.alpha = 2.0
+
+
+def test_every_value_must_be_given():
+    with pytest.raises(TypeError, match="torque2"):
+        Gears(alpha=1.5)
