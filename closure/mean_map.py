@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from closure import mended, printed
+from closure import mended, printed, saltation
 from closure.edgeworth import Edgeworth, coefficients
 from closure.trace import Trace
 from scene.errors import InputError
@@ -21,7 +21,11 @@ __all__ = ["READINGS", "Breakdown", "MeanMap", "mean_map"]
 
 Floats = NDArray[np.float64]
 
-READINGS: dict[str, Callable[[Scene, int, int], Trace]] = {"printed": printed.trace, "mended": mended.trace}
+READINGS: dict[str, Callable[[Scene, int, int], Trace]] = {
+    "printed": printed.trace,
+    "mended": mended.trace,
+    "saltation": saltation.trace,
+}
 ORDERS = (2, 6)
 
 
@@ -80,8 +84,8 @@ class MeanMap:
     def section(self) -> pd.DataFrame:
         """Moments of the state just before impact 1, 2, ... (dimensionless); NaN where the reading predicts none.
 
-        Columns: ``tau, flight, mesh, side, x1, y1, x2, y2``, ``sd_`` of each quantity, ``rho1, rho2`` (correlation of
-        displacement and velocity perturbation of a stage) and ``realizable``.
+        Columns: ``tau, flight, mesh, side, x1, y1, x2, y2``, ``sd_`` and ``skew_`` of each quantity, ``rho1, rho2``
+        (correlation of displacement and velocity perturbation of a stage) and ``realizable``.
         """
         t = self.trace
         columns: dict[str, object] = {
@@ -92,6 +96,7 @@ class MeanMap:
         }
         columns |= {name: t.mean[1:, i] for i, name in enumerate(STATE)}
         columns |= {f"sd_{name}": t.sd[1:, i] for i, name in enumerate(SECTION)}
+        columns |= {f"skew_{name}": t.skew[1:, i] for i, name in enumerate(SECTION)}
         impacts = range(1, self.impacts + 1)
         for stage in (1, 2):
             columns[f"rho{stage}"] = [correlation(self.stage_covariance(k, stage)) for k in impacts]
@@ -101,7 +106,7 @@ class MeanMap:
         ]
         table = pd.DataFrame(columns, index=pd.RangeIndex(1, self.impacts + 1, name="impact"))
         if self.scene.stages == 1:
-            table[["x2", "y2", "sd_x2", "sd_y2", "rho2"]] = np.nan
+            table[["x2", "y2", "sd_x2", "sd_y2", "skew_x2", "skew_y2", "rho2"]] = np.nan
         return table
 
     @property
@@ -156,7 +161,7 @@ def clock_row(mean: Floats, covariance: Floats) -> dict[str, float]:
     return row
 
 
-def mean_map(scene: Scene, *, impacts: int = 12, reading: str = "mended", order: int = 4) -> MeanMap:
+def mean_map(scene: Scene, *, impacts: int = 12, reading: str = "saltation", order: int = 4) -> MeanMap:
     """Predict the moments of the first impacts of a scene by a moment closure.
 
     Parameters
@@ -165,10 +170,11 @@ def mean_map(scene: Scene, *, impacts: int = 12, reading: str = "mended", order:
         What is modelled.
     impacts : int
         How many impacts after the start.
-    reading : {"printed", "mended"}
-        Which reading of the paper's closure (MODEL section 6).
+    reading : {"saltation", "mended", "printed"}
+        Which reading of the paper's closure (MODEL section 6); ``saltation`` is the one that is right for small noise.
     order : int
-        Highest order of moments that the Edgeworth series carries, 2 to 6.
+        Highest order of moments that the Edgeworth series carries, 2 to 6.  ``saltation`` stays with first-order
+        means and sds at order 2, and adds mean shifts and skewness from order 3 on.
 
     Returns
     -------

@@ -11,11 +11,11 @@ import numpy as np
 
 from closure.edgeworth import coefficients, window_means
 from closure.orbit import Floats, Ints, follow
+from closure.raw_moments import stage_raw_moments
 from closure.trace import Trace
 from scene.compiled import jit
 from scene.flight import jacobian, noise_covariance
 from scene.impact import contact_matrix
-from scene.moments import gaussian_raw_moments
 from scene.scene import Constants, Scene
 
 __all__ = ["trace"]
@@ -35,46 +35,45 @@ def window_shift(raw: Floats, x: float, half_window: float) -> tuple[float, floa
 
 
 @jit
-def stage_shifts(
-    covariance: Floats, state: Floats, windows: tuple[float, float], stages: int, order: int
-) -> tuple[Floats, Floats]:
-    """Raw moments of both stages, and the shift of the four means."""
-    raw = np.zeros((2, order + 1, order + 1))
+def stage_shifts(raw: Floats, state: Floats, windows: tuple[float, float], stages: int) -> Floats:
+    """Shift of the four means, from the raw moments (2, order + 1, order + 1) of the stages."""
     shift = np.zeros(4)
     for i in range(stages):
         j = 2 * i
-        raw[i] = gaussian_raw_moments(covariance[j, j], covariance[j, j + 1], covariance[j + 1, j + 1], order)
         shift[j], shift[j + 1] = window_shift(raw[i], state[j], windows[i])
-    return raw, shift
+    return shift
 
 
 @jit
-def _carry(
-    c: Constants, tau: Floats, mesh: Ints, before: Floats, found: int, windows: tuple[float, float], order: int
-) -> tuple[Floats, Floats, Floats]:
-    count = tau.size
-    mean = np.full((count, 4), np.nan)
-    covariance = np.full((count, 4, 4), np.nan)
-    raw = np.full((count, 2, order + 1, order + 1), np.nan)
-    mean[0], covariance[0] = before[0], 0.0
-    raw[0] = 0.0
-    raw[0, :, 0, 0] = 1.0
+def _carry(c: Constants, tau: Floats, mesh: Ints, found: int) -> Floats:
+    """Covariance just before each impact, shape (impacts + 1, 4, 4)."""
+    covariance = np.full((tau.size, 4, 4), np.nan)
+    covariance[0] = 0.0
     for k in range(1, found + 1):
         t = tau[k] - tau[k - 1]
         j = jacobian(c, t) @ contact_matrix(c, mesh[k - 1])
         covariance[k] = j @ covariance[k - 1] @ j.T + noise_covariance(c, tau[k - 1], t)
-        raw[k], shift = stage_shifts(covariance[k], before[k], windows, c.stages, order)
-        mean[k] = before[k] + shift
-    return mean, covariance, raw
+    return covariance
+
+
+@jit
+def _means(before: Floats, raw: Floats, windows: tuple[float, float], stages: int) -> Floats:
+    mean = before.copy()
+    for k in range(1, len(before)):
+        mean[k] += stage_shifts(raw[k], before[k], windows, stages)
+    return mean
 
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
     """Follow the mended closure through `impacts` impacts."""
     c, orbit = scene.constants, follow(scene, impacts)
     windows = scene.windows
-    mean, covariance, raw = _carry(c, orbit.tau, orbit.mesh, orbit.before, orbit.found, windows, order)
+    covariance = _carry(c, orbit.tau, orbit.mesh, orbit.found)
+    raw = stage_raw_moments(covariance, order)
+    mean = _means(orbit.before, raw, windows, c.stages)
     sd = np.full((impacts + 1, 6), np.nan)  # no sd of tau or of a flight: the impact time does not vary here
     sd[:, 2:] = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    skew = np.where(sd > 0.0, 0.0, np.nan)
 
     def at(time: float) -> tuple[Floats, Floats]:
         k = int(np.searchsorted(orbit.tau[: orbit.found + 1], time, side="right")) - 1
@@ -82,6 +81,6 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
         j = jacobian(c, t) @ contact_matrix(c, orbit.mesh[k])
         cov = j @ covariance[k] @ j.T + noise_covariance(c, orbit.tau[k], t)
         state = orbit.state(c, time)
-        return state + stage_shifts(cov, state, windows, c.stages, order)[1], cov
+        return state + stage_shifts(stage_raw_moments(cov[None], order)[0], state, windows, c.stages), cov
 
-    return Trace(orbit.tau, orbit.mesh, orbit.side, mean, sd, covariance, raw, at, orbit.found, orbit.stopped)
+    return Trace(orbit.tau, orbit.mesh, orbit.side, mean, sd, skew, covariance, raw, at, orbit.found, orbit.stopped)

@@ -192,4 +192,4 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
         return m, _covariance(r)
 
     stopped = "" if found == impacts else f"no counter mesh within {LONGEST:g} after impact {found}"
-    return Trace(tau, mesh, side, mean, sd, covariance, raw, at, found, stopped)
+    return Trace(tau, mesh, side, mean, sd, np.full_like(sd, np.nan), covariance, raw, at, found, stopped)

@@ -15,11 +15,29 @@ from scene.compiled import jit
 from scene.flight import NODES, PANEL, WEIGHTS, decay, turned
 from scene.moments import gaussian_raw_moments
 
-__all__ = ["after_flight", "unmodulated_covariance"]
+__all__ = ["after_flight", "stage_raw_moments", "unmodulated_covariance"]
 
 Floats = NDArray[np.float64]
 
 BINOMIAL = np.array([[comb(n, k) for k in range(7)] for n in range(7)], dtype=float)
+
+
+@jit
+def stage_raw_moments(covariance: Floats, order: int) -> Floats:
+    """Raw moments of both stages of Gaussian perturbations, shape (count, 2, order + 1, order + 1).
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (count, 4, 4)
+        Of ``(xi_1, zeta_1, xi_2, zeta_2)``.
+    """
+    raw = np.empty((len(covariance), 2, order + 1, order + 1))
+    for k in range(len(covariance)):
+        for i in range(2):
+            j = 2 * i
+            c = covariance[k]
+            raw[k, i] = gaussian_raw_moments(c[j, j], c[j, j + 1], c[j + 1, j + 1], order)
+    return raw
 
 
 @jit

@@ -28,7 +28,7 @@ PANEL = 2.0
 def turned(beta: float, t: float) -> float:
     """``E = (1 - exp(-beta t)) / beta``: what a unit speed travels in time t under damping beta."""
     z = beta * t
-    if z < 1e-300:
+    if abs(z) < 1e-300:
         return t
     return -t * math.expm1(-z) / z
 

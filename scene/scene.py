@@ -14,7 +14,14 @@ from scene.validate import choice, count, finite, known_keys, non_negative, posi
 
 __all__ = ["Constants", "Scene", "Start", "Tolerance"]
 
-LAWS = ("fixed", "uniform", "normal")
+CUT = 2.0  # standard deviations of the normal law at which c_max truncates it
+_edge = math.exp(-0.5 * CUT**2) / math.sqrt(2.0 * math.pi)
+UNIT_VARIANCE = {
+    "fixed": 0.0,
+    "uniform": 1.0 / 3.0,
+    "normal": (1.0 - 2.0 * CUT * _edge / math.erf(CUT / math.sqrt(2.0))) / CUT**2,
+}
+"""Variance of c for ``c_max = 1``, by law."""
 DRAWS = ("path", "contact")
 
 
@@ -71,8 +78,13 @@ class Tolerance:
     def __post_init__(self) -> None:
         for name in ("c1_max", "c2_max"):
             object.__setattr__(self, name, non_negative(f"tolerance.{name}", getattr(self, name)))
-        choice("tolerance.law", self.law, LAWS)
+        choice("tolerance.law", self.law, UNIT_VARIANCE)
         choice("tolerance.draw", self.draw, DRAWS)
+
+    @property
+    def variances(self) -> tuple[float, float]:
+        """Variances of ``c_1`` and ``c_2``."""
+        return self.c1_max**2 * UNIT_VARIANCE[self.law], self.c2_max**2 * UNIT_VARIANCE[self.law]
 
 
 @dataclass(frozen=True)
