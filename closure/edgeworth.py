@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from scene.compiled import jit
 
-__all__ = ["Edgeworth", "coefficients", "window_means"]
+__all__ = ["Edgeworth", "coefficients", "section_density", "window_means"]
 
 Floats = NDArray[np.float64]
 
@@ -85,6 +85,19 @@ def window_means(a: Floats, sd_x: float, sd_y: float, low: float, high: float) -
         if i < order:
             mean_y += a[i, 1] * moment[i]
     return sd_x * mean_x, sd_y * mean_y
+
+
+def section_density(values: Floats, mean: float, sd: float, skew: float) -> Floats:
+    """Edgeworth density of one quantity up to its third cumulant, the order to which its skewness is O(sigma).
+
+    Examples
+    --------
+    >>> section_density(np.array([0.0]), 0.0, 1.0, 0.3).round(6).tolist()
+    [0.398942]
+    """
+    z = (np.asarray(values) - mean) / sd
+    series = hermite_e.hermeval(z, [1.0, 0.0, 0.0, skew / 6.0])
+    return np.asarray(np.exp(-0.5 * z * z) / (np.sqrt(2.0 * np.pi) * sd) * series)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from closure import mended, printed, saltation
-from closure.edgeworth import Edgeworth, coefficients
+from closure.edgeworth import Edgeworth, coefficients, section_density
 from closure.trace import Trace
 from scene.errors import InputError
 from scene.moments import SECTION, STATE, correlation, realizability
@@ -27,6 +27,7 @@ READINGS: dict[str, Callable[[Scene, int, int], Trace]] = {
     "saltation": saltation.trace,
 }
 ORDERS = (2, 6)
+VELOCITIES = ("y1", "y2")
 
 
 class Breakdown(NamedTuple):
@@ -131,6 +132,24 @@ class MeanMap:
             mean, covariance = self.trace.at(float(time))
             rows.append(clock_row(mean, covariance))
         return pd.DataFrame(rows, index=pd.Index(np.asarray(times, dtype=float), name="time"))
+
+    def density(self, impact: int, quantity: str, values: Floats) -> Floats | None:
+        """Density that the reading gives to a section quantity at an impact; None where it gives none.
+
+        Around the reading's mean, with its sd and skewness; ``printed`` gives a velocity the marginal of its bivariate
+        series, for it speaks of raw moments.
+        """
+        i = SECTION.index(choice("quantity", quantity, SECTION))
+        skew, sd = float(self.trace.skew[impact, i]), float(self.trace.sd[impact, i])
+        if np.isfinite(skew):
+            return section_density(values, float(self.section[quantity].loc[impact]), sd, skew)
+        if quantity not in VELOCITIES:
+            return None
+        stage = VELOCITIES.index(quantity) + 1
+        if not (self.stage_covariance(impact, stage).diagonal() > 0.0).all():
+            return None
+        series = self.edgeworth(impact, stage)
+        return series.velocity_density(np.asarray(values) - self.trace.mean[impact, 2 * stage - 1])
 
     def edgeworth(self, impact: int, stage: int) -> Edgeworth:
         """Edgeworth series of a stage's perturbation just before an impact (Eqs. 18, 19).

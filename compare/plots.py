@@ -13,7 +13,6 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from compare.validate import Validation
-from scene.errors import InputError
 
 __all__ = ["FIGURES", "agreement_figure", "correlation_figure", "error_figure", "save", "section_figure"]
 
@@ -21,9 +20,10 @@ __all__ = ["FIGURES", "agreement_figure", "correlation_figure", "error_figure", 
 STYLE: Any = {
     "printed": {"color": "#D55E00", "marker": "s"},
     "mended": {"color": "#0072B2", "marker": "o"},
+    "saltation": {"color": "#009E73", "marker": "^"},
     "monte carlo": {"color": "#000000", "marker": "D"},
 }
-ACCURATE, FORBIDDEN = "#009E73", "#CC79A7"
+ACCURATE, FORBIDDEN = "#56B4E9", "#CC79A7"
 SYMBOL = {
     "tau": r"$\tau$",
     "flight": r"$\Delta\tau$",
@@ -112,7 +112,7 @@ def error_figure(v: Validation) -> Figure:
             ax.set_xlabel("impact")
             if column == 0:
                 ax.set_ylabel("error / sd of the quantity")
-    _legend(figure, axes, 4)
+    _legend(figure, axes, 5)
     return figure
 
 
@@ -179,7 +179,7 @@ def correlation_figure(v: Validation) -> Figure:
         ax.set_xlabel("impact (mid-flight: the flight that it ends)")
         ax.set_ylabel(SYMBOL[f"rho{stage}"])
         ax.set_title(f"stage {stage}", loc="left")
-    _legend(figure, axes, 4)
+    _legend(figure, axes, 5)
     return figure
 
 
@@ -197,9 +197,9 @@ def section_figure(v: Validation) -> Figure:
             shown = np.flatnonzero(density >= VISIBLE * density.max())
             y = np.linspace(edges[shown[0]], edges[shown[-1] + 1], 600)
             for reading, closure in v.closures.items():
-                curve = _velocity_density(v, reading, impact, row + 1, y)
+                curve = closure.density(impact, quantity, y)
                 if curve is not None:
-                    label = f"{reading}, Edgeworth order {closure.order}"
+                    label = f"{reading}, Edgeworth"
                     ax.plot(
                         y,
                         curve,
@@ -215,17 +215,8 @@ def section_figure(v: Validation) -> Figure:
             ax.set_xlabel(f"{SYMBOL[quantity]} before impact")
             if column == 0:
                 ax.set_ylabel("density")
-    _legend(figure, axes, 3)
+    _legend(figure, axes, 4)
     return figure
-
-
-def _velocity_density(v: Validation, reading: str, impact: int, stage: int, y: Floats) -> Floats | None:
-    closure = v.closures[reading]
-    try:
-        series = closure.edgeworth(impact, stage)
-    except InputError:
-        return None  # no positive variance: the reading has no density there
-    return series.velocity_density(y - closure.trace.mean[impact, 2 * stage - 1])
 
 
 def agreement_figure(validations: Sequence[Validation]) -> Figure:
