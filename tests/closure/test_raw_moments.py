@@ -75,7 +75,9 @@ def test_the_two_noises_are_told_apart():
 def test_unmodulated_covariance_is_the_ornstein_uhlenbeck_one(beta, t):
     found = unmodulated_covariance(beta, SIGMA, t)
     exact = stage_moments_after_flight(gaussian_raw_moments(0, 0, 0, 2), beta, 0.0, t, lambda s: SIGMA**2)
-    assert found == pytest.approx(np.array([[exact[2, 0], exact[1, 1]], [exact[1, 1], exact[0, 2]]]), rel=1e-9, abs=1e-13)
+    assert found == pytest.approx(
+        np.array([[exact[2, 0], exact[1, 1]], [exact[1, 1], exact[0, 2]]]), rel=1e-9, abs=1e-13
+    )
     if beta >= 0.2:
         assert found[1, 1] == pytest.approx(SIGMA**2 * -math.expm1(-2 * beta * t) / (2 * beta), rel=1e-12)
 

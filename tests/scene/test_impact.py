@@ -15,6 +15,23 @@ from scene.impact import NONE, REST, contact_matrix, next_impact, struck
 
 HORIZON = 50.0
 
+
+@pytest.fixture
+def dat21():
+    return Scene.from_gears(DAT21, sigma=0.1)
+
+
+@pytest.fixture
+def still():
+    """A scene in which nothing accelerates, but for the changes asked for: flights are parabolas."""
+
+    def build(**changes):
+        values = {"alpha": 0.0, "epsilon": 0.9, "beta1": 0.0, "gamma1": 0.0, "mu": 0.5} | changes
+        return Scene(**values)
+
+    return build
+
+
 # --- the contact laws ------------------------------------------------------------------------------------------------
 
 

@@ -6,7 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scene.moments import (
-    SECTION, STATE, central_from_raw, correlation, cumulants_from_central, gaussian_raw_moments, realizability,
+    SECTION,
+    STATE,
+    central_from_raw,
+    correlation,
+    cumulants_from_central,
+    gaussian_raw_moments,
+    realizability,
 )  # fmt: skip
 
 
@@ -134,5 +140,5 @@ def test_correlation_does_not_underflow():
 
 
 def test_the_language_names_each_quantity_once():
-    assert SECTION == ("tau", "flight", *STATE)
+    assert list(SECTION) == ["tau", "flight", *STATE]
     assert len(set(SECTION)) == 6
