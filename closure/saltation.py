@@ -10,10 +10,10 @@ import numpy as np
 
 from closure.orbit import Floats, Ints, follow
 from closure.raw_moments import stage_raw_moments
-from closure.section_map import derivatives, field, third_cumulants
+from closure.section_map import derivatives, third_cumulants
 from closure.trace import Trace
 from scene.compiled import jit
-from scene.flight import jacobian, noise_covariance
+from scene.flight import field, jacobian, noise_covariance
 from scene.impact import contact_matrix
 from scene.scene import Constants, Scene
 
@@ -40,14 +40,12 @@ def _carry(
     section = np.full((count, d, d), np.nan)  # before it
     covariance[0], section[0] = start, start
     moved, third = np.zeros(d), np.zeros((d, d, d))
-    s = np.zeros(d)
     for k in range(1, found + 1):
         speed = before[k, 1] if mesh[k] == 1 else before[k, 3]
         if abs(speed) < SLOWEST:
             return k - 1, shift, sd, skew, section, covariance
         t = tau[k] - tau[k - 1]
-        s[0], s[1:5] = tau[k - 1], after[k - 1]
-        first, hessian = derivatives(c, mesh[k], side[k], t, s, second)
+        first, hessian = derivatives(c, mesh[k], side[k], tau[k - 1], after[k - 1], t, before[k], d)
         q = noise_covariance(c, tau[k - 1], t)
         p = covariance[k - 1]
         linear, through = np.ascontiguousarray(first[:, :d]), np.ascontiguousarray(first[:, d:])

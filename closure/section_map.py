@@ -15,100 +15,76 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.compiled import jit
-from scene.flight import flow, noise_covariance, noise_rate, wheel_speeds
+from scene.flight import field, field_rate, jacobian, noise_covariance, noise_rate, system_matrix
 from scene.scene import Constants
 
-__all__ = ["derivatives", "field", "section_map", "third_cumulants"]
+__all__ = ["derivatives", "third_cumulants"]
 
 Floats = NDArray[np.float64]
 
-STEP = 1e-4  # of the central differences: truncation and rounding of a second derivative both stay near 1e-8
+STEP = 1e-5  # of the one difference taken: Q is smooth in tau on the scale 1
 
 
 @jit
-def field(c: Constants, tau: float, y1: float, y2: float) -> Floats:
-    """Time derivative of ``(x1, y1, x2, y2)`` in flight (Eq. 3), shape (4,)."""
-    u1, u2 = wheel_speeds(c, tau, y1, y2)
-    drag1 = c.beta1 * u1 + c.gamma1
-    f = np.array([y1, -c.alpha * np.sin(tau) + drag1, y2, drag1 - c.beta2 * u2 - c.gamma2])
-    if c.stages == 1:
-        f[2:] = 0.0
-    return f
+def derivatives(
+    c: Constants, mesh: int, side: int, tau: float, after: Floats, t: float, before: Floats, d: int
+) -> tuple[Floats, Floats]:
+    """First and second derivatives of the section map with respect to ``(s, n)``, exact.
 
-
-@jit
-def section_map(c: Constants, mesh: int, side: int, t: float, s: Floats, n: Floats, out: Floats) -> None:
-    """``H``: from a state after an impact to the state before the next, through a flight of about `t`.
+    The flight is linear but for the phase of its start; only where it ends is bent.
 
     Parameters
     ----------
     mesh, side : int
         The wall that is struck.
-    t : float
-        Flight time of the orbit.
-    s : ndarray, shape (5,) or (9,)
-        ``tau, x1, y1, x2, y2`` after the impact, and the deviations of the flanks +1, -1, +2, -2 from their gaps.
-    n : ndarray, shape (4,)
-        Noise of the flight.
-    out : ndarray, shape of `s`
-        Output: the same before the next impact; the deviations stay.
+    tau, after : float, ndarray of shape (4,)
+        Time of the last impact and the orbit's state after it.
+    t, before : float, ndarray of shape (4,)
+        Flight time of the orbit and its state before the next impact.
+    d : int
+        Size of s: 5, or 9 with the flanks.
+
+    Returns
+    -------
+    first : ndarray, shape (d, d + 4)
+    second : ndarray, shape (5, d + 4, d + 4)
     """
-    x1, y1, x2, y2 = flow(c, s[0], s[1], s[2], s[3], s[4], t)
-    x1, y1, x2, y2 = x1 + n[0], y1 + n[1], x2 + n[2], y2 + n[3]
-    wall = c.wall1 if mesh == 1 else c.wall2
-    if s.size > 5:
-        wall += s[5 + 2 * (mesh - 1) + (0 if side > 0 else 1)]
-    begin, delta = s[0] + t, 0.0
-    a1, b1, a2, b2 = x1, y1, x2, y2
-    for _ in range(8):  # Newton; the start is within a step of the differences
-        x, y = (a1, b1) if mesh == 1 else (a2, b2)
-        change = (side * wall - x) / y
-        delta += change
-        a1, b1, a2, b2 = flow(c, begin, x1, y1, x2, y2, delta)
-        if abs(change) < 1e-15:
-            break
-    if mesh == 1:
-        a1 = side * wall
-    else:
-        a2 = side * wall
-    out[:] = s
-    out[0], out[1], out[2], out[3], out[4] = begin + delta, a1, b1, a2, b2
-
-
-@jit
-def derivatives(c: Constants, mesh: int, side: int, t: float, s: Floats, second: bool) -> tuple[Floats, Floats]:
-    """First and second derivatives of the section map with respect to ``(s, n)`` by central differences.
-
-    Shapes (d, d + 4) and (5, d + 4, d + 4), d the size of s; the second is zero unless asked for.
-    """
-    d = s.size
     size = d + 4
-    u = np.zeros(size)
-    first, hessian = np.zeros((d, size)), np.zeros((5, size, size))
-    plus, minus, base, mixed = np.empty(d), np.empty(d), np.empty(d), np.empty((4, d))
-    section_map(c, mesh, side, t, s, u[d:], base)
-    for a in range(size):
-        u[:] = 0.0
-        u[a] = STEP
-        section_map(c, mesh, side, t, s + u[:d], u[d:], plus)
-        u[a] = -STEP
-        section_map(c, mesh, side, t, s + u[:d], u[d:], minus)
-        for i in range(d):
-            first[i, a] = (plus[i] - minus[i]) / (2.0 * STEP)
-        if not second:
-            continue
-        for i in range(5):
-            hessian[i, a, a] = (plus[i] - 2.0 * base[i] + minus[i]) / STEP**2
-        for b in range(a):
-            for k in range(4):
-                u[:] = 0.0
-                u[a] = STEP if k < 2 else -STEP
-                u[b] = STEP if k % 2 == 0 else -STEP
-                section_map(c, mesh, side, t, s + u[:d], u[d:], mixed[k])
-            for i in range(5):
-                value = (mixed[0, i] - mixed[1, i] - mixed[2, i] + mixed[3, i]) / (4.0 * STEP**2)
-                hessian[i, a, b] = hessian[i, b, a] = value
-    return first, hessian
+    i = 0 if mesh == 1 else 2
+    y = before[i + 1]
+    j, a = jacobian(c, t), system_matrix(c)
+    rate = field(c, tau + t, before[1], before[3])
+    explicit = field_rate(c, tau + t)
+    bend = a @ rate + explicit  # second time derivative along the flight
+    flown = np.zeros((4, size))  # derivative of the state after a flight of t, noise added
+    flown[:, 0] = rate - j @ field(c, tau, after[1], after[3])
+    flown[:, 1:5] = j
+    flown[:, d:] = np.eye(4)
+    late = -flown[i] / y  # derivative of the time that is left to the wall
+    if d > 5:
+        late[5 + i + (0 if side > 0 else 1)] += side / y
+    first = np.zeros((d, size))
+    first[0] = late
+    first[0, 0] += 1.0
+    for k in range(4):
+        first[1 + k] = flown[k] + rate[k] * late
+    first[1 + i] = 0.0  # on its wall, exactly
+    for k in range(5, d):
+        first[k, k] = 1.0
+    if d > 5:
+        first[1 + i, 5 + i + (0 if side > 0 else 1)] = side
+    drift = a @ flown
+    drift[:, 0] += explicit  # derivative of the rate at the end of the flight
+    twice_tau = explicit + a @ flown[:, 0].copy() - j @ field_rate(c, tau)
+    second = np.zeros((5, size, size))
+    for k in range(4):
+        second[1 + k] = np.outer(drift[k], late) + np.outer(late, drift[k]) + bend[k] * np.outer(late, late)
+        second[1 + k, 0, 0] += twice_tau[k]
+    second[0] = -second[1 + i] / y
+    for k in range(4):
+        second[1 + k] += rate[k] * second[0]
+    second[1 + i] = 0.0
+    return first, second
 
 
 @jit

@@ -39,16 +39,19 @@ def _block_sums(a: Floats, b: Floats, exponents: Ints) -> tuple[Floats, Floats, 
     paths, cells = a.shape
     orders = len(exponents)
     n, mean, sums = np.zeros(cells), np.zeros((2, cells)), np.zeros((orders, cells))
+    origin = np.zeros((2, cells))  # the first value: what does not vary then has deviations that are exactly zero
     for p in range(paths):
         for i in range(cells):
             if math.isfinite(a[p, i]) and math.isfinite(b[p, i]):
+                if n[i] == 0.0:
+                    origin[0, i], origin[1, i] = a[p, i], b[p, i]
                 n[i] += 1.0
-                mean[0, i] += a[p, i]
-                mean[1, i] += b[p, i]
+                mean[0, i] += a[p, i] - origin[0, i]
+                mean[1, i] += b[p, i] - origin[1, i]
     for i in range(cells):
         if n[i] > 0.0:
-            mean[0, i] /= n[i]
-            mean[1, i] /= n[i]
+            mean[0, i] = origin[0, i] + mean[0, i] / n[i]
+            mean[1, i] = origin[1, i] + mean[1, i] / n[i]
     da, db = np.empty(cells), np.empty(cells)
     power_a, power_b = np.ones((9, cells)), np.ones((9, cells))
     most_a, most_b = exponents[:, 0].max(), exponents[:, 1].max()

@@ -5,13 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from montecarlo.accumulate import COVARIANCE, PAIR, SINGLE, CentralSums, Orders
+from montecarlo.backlash import LAWS, draw_walls
 from montecarlo.kernel import run_block
 from montecarlo.noise import streams
 from scene.impact import struck
-from scene.scene import Scene
+from scene.scene import Scene, Tolerance
 
 __all__ = ["BLOCK", "BlockResult", "Plan", "Raw", "run", "sample"]
 
@@ -61,31 +61,6 @@ class Raw(NamedTuple):
         return np.concatenate([tau[:, :, None], flight[:, :, None], self.rows[level, :, :, 1:5]], axis=2)
 
 
-def _backlash(plan: Plan, generator: np.random.Generator, paths: int) -> tuple[Floats, Floats]:
-    """Walls (4, paths) of the flanks +1, -1, +2, -2, and the half gaps that flanks take later (2, draws, paths)."""
-    scene = plan.scene
-    gaps = np.array([scene.gap1, scene.gap2])
-    tolerance = scene.tolerance
-    if tolerance is None:
-        return np.repeat(gaps, 2)[:, None] + np.zeros((4, paths)), np.empty((2, 0, paths))
-    c_max = np.array([tolerance.c1_max, tolerance.c2_max])
-
-    def draw(shape: tuple[int, ...]) -> Floats:
-        """Deviations in units of c_max."""
-        if tolerance.law == "fixed":
-            return np.ones(shape)
-        if tolerance.law == "uniform":
-            return generator.uniform(-1.0, 1.0, shape)
-        return np.asarray(stats.truncnorm.rvs(-2.0, 2.0, scale=0.5, size=shape, random_state=generator))
-
-    if tolerance.draw == "path":
-        half = gaps[:, None] + c_max[:, None] * draw((2, paths))
-        return np.repeat(half, 2, axis=0), np.empty((2, 0, paths))
-    walls = np.repeat(gaps, 2)[:, None] + np.repeat(c_max, 2)[:, None] * draw((4, paths))
-    fresh = gaps[:, None, None] + c_max[:, None, None] * draw((2, plan.impacts + 1, paths))
-    return walls, fresh
-
-
 def _start(scene: Scene, walls: Floats) -> Floats:
     """State after the start, shape (4, paths): flank coordinates on each path's own flank, the start's impact done."""
     s = scene.start
@@ -103,13 +78,15 @@ def sample(plan: Plan, block: int) -> Raw:
     scene = plan.scene
     paths = min(BLOCK, plan.paths - block * BLOCK)
     stream = streams(plan.seed, block)
-    walls, fresh = _backlash(plan, stream.tolerance, paths)
+    walls, fresh = draw_walls(scene, plan.impacts, stream.tolerance, paths)
     rows = np.full((plan.levels, paths, plan.impacts, 6), np.nan)
     clock = np.full((plan.levels, paths, plan.clock_steps.size, 4), np.nan)
-    toleranced = scene.tolerance is not None and scene.tolerance.law != "fixed"
+    tolerance = scene.tolerance or Tolerance(law="fixed")
     work, held, unfinished = run_block(
-        scene.constants, scene.start.tau, plan.dt, plan.most_steps, plan.located, toleranced,
-        stream.steps, stream.bridges, _start(scene, walls), walls, fresh, rows, plan.clock_steps, clock,
+        scene.constants, scene.start.tau, plan.dt, plan.most_steps, plan.located, tolerance.law != "fixed",
+        stream.steps, stream.bridges, _start(scene, walls), walls, fresh,
+        (scene.gap1, scene.gap2), (tolerance.c1_max, tolerance.c2_max), LAWS[tolerance.law], rows,
+        plan.clock_steps, clock,
     )  # fmt: skip
     if scene.stages == 1:
         rows[:, :, :, 3:5] = np.nan

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from montecarlo.accumulate import pair_statistics, single_statistics
-from montecarlo.block import BLOCK, CODES, CROSS, PAIRS, BlockResult, Plan, Raw, run, sample
+from montecarlo.block import CODES, CROSS, PAIRS, BlockResult, Plan, Raw, run, sample
 from montecarlo.histogram import Histograms
 from montecarlo.noise import LEVELS
 from montecarlo.schemes import SCHEMES
@@ -27,6 +27,9 @@ from scene.validate import choice, count, finite, positive
 __all__ = ["Ensemble", "check_settings", "simulate"]
 
 Floats = NDArray[np.float64]
+
+NOISE_FREE = "noise-free"
+"""Name of the itinerary of the noise-free path, simulated by the same scheme."""
 
 HORIZON_PER_IMPACT = 50.0
 """Default time after which a path is given up, per impact asked for; flights of DAT21 last about 0.5."""
@@ -73,7 +76,7 @@ class Ensemble:
     @property
     def unfinished(self) -> int:
         """Paths that had not had all their impacts at the horizon; they count in the rows they reached."""
-        return self.result.unfinished
+        return round(self.result.unfinished * self._copies)
 
     @property
     def held(self) -> int:
@@ -96,7 +99,7 @@ class Ensemble:
                 absent = self.scene.stages == 1 and quantity in STATE[2:]
                 columns[prefix + quantity] = s[name][:, i] * (np.nan if absent else 1.0)
                 columns["se_" + prefix + quantity] = s["se_" + name][:, i] * (np.nan if absent else 1.0)
-        most = np.array(CODES)[np.argmax(self.result.codes, axis=1)]
+        most = np.array(CODES)[np.argmax(self.result.codes, axis=1)] * (self._reached > 0)
         covariance = self.covariance
         for stage in (1, 2):
             j = 2 * stage - 1
@@ -107,7 +110,7 @@ class Ensemble:
         table.insert(4, "mesh", np.abs(most))
         table.insert(5, "side", np.sign(most))
         table["paths"] = (self._reached * self._copies).astype(int)
-        table["agreement"] = self.agreement["noise-free"]
+        table["agreement"] = self.agreement[NOISE_FREE]
         return table
 
     @cached_property
@@ -133,7 +136,7 @@ class Ensemble:
         return out
 
     def clock(self, times: Sequence[float] | Floats | None = None) -> pd.DataFrame:
-        """Moments of all paths at fixed times, index ``time`` (on the step grid, within a step of what was asked).
+        """Moments of all paths at fixed times, index ``time`` (on the grid of the coarsest step, so within half of it).
 
         Columns as in the closure's clock, with ``se_`` beside each mean and covariance, and for each ``rho`` its
         standard error ``se_rho``, that of Fisher's artanh rho ``se_z_rho``, and ``coarse_rho``, the value at twice
@@ -149,7 +152,7 @@ class Ensemble:
             return table
         rows = []
         for t in np.asarray(times, dtype=float):
-            near = np.flatnonzero(np.abs(self.clock_times - t) <= 0.5 * LEVELS * self.dt + 1e-12)
+            near = np.flatnonzero(np.abs(self.clock_times - t) <= 0.5001 * self._clock_grid)
             if near.size == 0:
                 raise InputError("times", float(t), "was not recorded; give it to simulate(clock=...)")
             rows.append(int(near[np.argmin(np.abs(self.clock_times[near] - t))]))
@@ -166,7 +169,7 @@ class Ensemble:
         columns: dict[str, Floats] = {}
         for k, (i, j) in enumerate(CROSS):
             if i == j:
-                columns[STATE[i]] = sums.mean[0][:, k] * blank[k]
+                columns[STATE[i]] = np.where(sums.n[:, k] > 0, sums.mean[0][:, k], np.nan) * blank[k]
                 with np.errstate(invalid="ignore", divide="ignore"):
                     columns[f"se_{STATE[i]}"] = np.sqrt(s["cov"][:, k] / sums.n[:, k]) * blank[k]
         for k, (i, j) in enumerate(CROSS):
@@ -223,13 +226,17 @@ class Ensemble:
         return pd.concat(rows, ignore_index=True)
 
     @property
+    def _clock_grid(self) -> float:
+        return self.dt * (2 ** (LEVELS - 1) if "fine_coarse" in self.result.sums else 1)
+
+    @property
     def _reached(self) -> Floats:
         return np.asarray(self.result.codes.sum(axis=1))
 
     @property
     def _copies(self) -> float:
         """Paths that one computed path stands for: all of them, where nothing is random."""
-        return self.paths / max(self.result.sums["section"].n.max(), 1.0) if not _is_random(self.scene) else 1.0
+        return 1.0 if _is_random(self.scene) else float(self.paths)
 
 
 def _sd_influence(v: Mapping[tuple[int, int], Floats], a: Floats, b: Floats) -> list[Floats]:
@@ -363,13 +370,13 @@ def simulate(
     coarsest = 2 ** (levels - 1)
     dt = float(dt)
     horizon = HORIZON_PER_IMPACT * impacts if horizon is None else positive("horizon", horizon)
+    named = {name: _checked(name, itinerary, impacts) for name, itinerary in (itineraries or {}).items()}
+    steps = _clock_steps(scene, clock, dt * coarsest, horizon) * coarsest
     seed = rng if isinstance(rng, np.random.SeedSequence) else np.random.SeedSequence(rng)
     located = SCHEMES[scheme]
-    steps = _clock_steps(scene, clock, dt * coarsest, horizon) * coarsest
-    most_steps = math.ceil(horizon / dt)
+    most_steps = math.ceil(horizon / (dt * coarsest)) * coarsest
     quiet = Plan(scene.noise_free, 1, impacts, dt, located, seed, most_steps, np.empty(0, np.int64), {}, 1)
-    named = {"noise-free": tuple(np.nan_to_num(sample(quiet, 0).rows[0, 0, :, 5]).astype(int).tolist())}
-    named |= {name: _full_length(name, itinerary, impacts) for name, itinerary in (itineraries or {}).items()}
+    named[NOISE_FREE] = tuple(np.nan_to_num(sample(quiet, 0).rows[0, 0, :, 5]).astype(int).tolist())
     computed = paths if _is_random(scene) else 1
     plan = Plan(scene, computed, impacts, dt, located, seed, most_steps, steps, named, levels)
     started = time.perf_counter()
@@ -386,25 +393,35 @@ def simulate(
                 histograms.add(section)
             if keep_paths and section is not None:
                 kept.append(np.concatenate([section, raw.rows[0, :, :, 5:]], axis=2))
-            bar.update(min(BLOCK, computed))
+            bar.update(raw.rows.shape[1])
     assert merged is not None
+    whole = np.concatenate(kept) if kept else None
+    if whole is not None and computed < paths:
+        whole = np.broadcast_to(whole, (paths, *whole.shape[1:]))
     return Ensemble(
         scene, paths, impacts, dt, scheme, seed, merged, scene.start.tau + steps * dt, histograms,
-        np.concatenate(kept) if kept else None, time.perf_counter() - started,
+        whole, time.perf_counter() - started,
     )  # fmt: skip
 
 
 def _clock_steps(scene: Scene, times: Sequence[float] | Floats, dt: float, horizon: float) -> NDArray[np.int64]:
+    try:
+        listed = list(times)
+    except TypeError:
+        raise InputError("clock", times, "give a sequence of times") from None
     steps = []
-    for t in times:
-        since = finite("clock", float(t)) - scene.start.tau
+    for t in listed:
+        since = finite("clock", t) - scene.start.tau
         if not dt <= since <= horizon:
-            raise InputError("clock", float(t), f"must lie between one step and {horizon:g} after the start")
+            raise InputError("clock", t, f"must lie between {dt:g} and {horizon:g} after the start")
         steps.append(round(since / dt))
     return np.unique(np.array(steps, dtype=np.int64))
 
 
-def _full_length(name: str, itinerary: Sequence[int], impacts: int) -> tuple[int, ...]:
+def _checked(name: str, itinerary: Sequence[int], impacts: int) -> tuple[int, ...]:
+    field = f"itineraries[{name!r}]"
+    if name == NOISE_FREE:
+        raise InputError("itineraries", name, "this name is taken by the noise-free path")
     if len(itinerary) != impacts:
-        raise InputError(f"itineraries[{name!r}]", list(itinerary), f"needs one entry for each of {impacts} impacts")
-    return tuple(int(code) for code in itinerary)
+        raise InputError(field, list(itinerary), f"needs one entry for each of {impacts} impacts")
+    return tuple(count(field, code, least=-2, most=2) for code in itinerary)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from montecarlo.backlash import deviation
 from montecarlo.schemes import (
     MOST_IN_A_STEP,
     Progress,
@@ -88,7 +89,8 @@ def _list_marked(marks: Bools, lanes: int, out: Ints) -> int:
 def run_block(
     c: Constants, tau: float, dt: float, most_steps: int, located: bool, toleranced: bool,
     steps: Generator, bridges: tuple[Generator, Generator, Generator],
-    start: Floats, walls: Floats, fresh: Floats, rows: Floats, clock_steps: Ints, clock: Floats,
+    start: Floats, walls: Floats, fresh: Floats,
+    gaps: tuple[float, float], c_max: tuple[float, float], law: int, rows: Floats, clock_steps: Ints, clock: Floats,
 ) -> tuple[int, int, int]:  # fmt: skip
     """Follow a block of paths until each has had its impacts, at one or more step sizes on one noise.
 
@@ -108,6 +110,8 @@ def run_block(
         Distance of the flanks +1, -1, +2, -2 from the middle.
     fresh : ndarray, shape (2, draws, paths)
         Half gaps that a flank of mesh 1, 2 takes when the opposite flank is struck; no draws: it keeps its own.
+    gaps, c_max, law
+        Nominal half gaps, largest deviations and law, for a path that has used up its draws.
     rows : ndarray, shape (levels, paths, impacts, 6)
         Output: tau, x1, y1, x2, y2 just before each impact, and mesh * side; what is never reached stays as given.
     clock_steps : ndarray of int, ascending
@@ -135,12 +139,7 @@ def run_block(
     before = np.empty((paths, 4))
     work, lanes, next_clock, n = 0, paths, 0, 0
     while n < most_steps and lanes > 0:
-        for _ in range(CHUNK):
-            if next_clock < clock_steps.size and clock_steps[next_clock] == n:
-                for level in range(levels):
-                    for p in range(lanes):
-                        clock[level, path[p], next_clock] = state[level, :, p]
-                next_clock += 1
+        for _ in range(min(CHUNK, most_steps - n)):
             if c.sigma > 0.0:
                 _draw(steps, z[0], lanes)
             for level in range(levels):
@@ -193,7 +192,11 @@ def run_block(
                             count[level, p] = k + 1
                             if draws > 0:
                                 opposite = 2 * mesh - 1 if at.code > 0 else 2 * mesh - 2
-                                own_walls[level, opposite, p] = fresh[mesh - 1, k % draws, path[p]]
+                                own_walls[level, opposite, p] = (
+                                    fresh[mesh - 1, k, path[p]]
+                                    if k < draws
+                                    else gaps[mesh - 1] + c_max[mesh - 1] * deviation(law, bridges[level])
+                                )
                             y1p, y2p = struck(c, mesh, at.y1, at.y2)
                             at = Progress(at.code, at.tau, at.left, at.increment, at.x1, y1p, at.x2, y2p)
                         met += 1
@@ -205,6 +208,11 @@ def run_block(
                     z[level, :lanes] = 0.0
                 work += lanes
             n += 1
+            if next_clock < clock_steps.size and clock_steps[next_clock] == n:
+                for level in range(levels):
+                    for p in range(lanes):
+                        clock[level, path[p], next_clock] = state[level, :, p]
+                next_clock += 1
         if next_clock == clock_steps.size:
             p = 0
             while p < lanes:  # a finished path gives its lane to the last one

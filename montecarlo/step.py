@@ -24,16 +24,15 @@ def largest_step(scene: Scene) -> tuple[float, str]:
     """
     c, start, tolerance = scene.constants, scene.start, scene.tolerance
     fastest = max(c.beta1, c.beta2)
-    gaps = [
-        scene.gap1 - (tolerance.c1_max if tolerance else 0.0),
-        scene.gap2 - (tolerance.c2_max if tolerance else 0.0),
-    ]
+    c_max = (tolerance.c1_max, tolerance.c2_max) if tolerance else (0.0, 0.0)
+    gaps = [scene.gap1 - c_max[0], scene.gap2 - c_max[1]]
     speeds = [abs(start.y1), abs(start.y2)]
-    typical = max(*speeds[: scene.stages], c.alpha + c.sigma)
+    narrowest = min(gaps[: scene.stages])
+    typical = max(c.alpha + c.sigma, *speeds[: scene.stages])
     limits = {
         "a longer step makes the damping unstable": 1.0 / fastest if fastest > 0.0 else math.inf,
         "a longer step cannot follow the excitation": 2.0 * math.pi / 20.0,
-        "a longer step cannot see the gap": 0.5 * min(gaps[: scene.stages]) / typical if typical > 0.0 else math.inf,
+        "a longer step cannot see the gap": 0.5 * narrowest / typical if typical > 0.0 else math.inf,
     }
     reason = min(limits, key=lambda name: limits[name])
     return limits[reason], reason

@@ -13,7 +13,18 @@ from numpy.typing import NDArray
 from scene.compiled import jit
 from scene.scene import Constants
 
-__all__ = ["decay", "flow", "jacobian", "noise_covariance", "noise_rate", "turned", "wheel_speeds"]
+__all__ = [
+    "decay",
+    "field",
+    "field_rate",
+    "flow",
+    "jacobian",
+    "noise_covariance",
+    "noise_rate",
+    "system_matrix",
+    "turned",
+    "wheel_speeds",
+]
 
 Floats = NDArray[np.float64]
 State = tuple[float, float, float, float]
@@ -67,7 +78,7 @@ def flow(c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, t
     >>> from scene import DAT21, Scene
     >>> c = Scene.from_gears(DAT21).constants
     >>> [round(v, 6) for v in flow(c, 0.0, 0.5, -1.8, 0.5, -1.8, 0.1)]
-    [0.313222, -1.934894, 0.320848, -1.783301]
+    [0.321405, -1.774437, 0.320514, -1.789725]
     """
     u1, u2 = wheel_speeds(c, tau, y1, y2)
     travel1 = turned(c.beta1, t)
@@ -80,6 +91,38 @@ def flow(c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, t
         x2 = x2 + (u2 * travel2 - c.gamma2 * dragged(c.beta2, t)) - turn1
         u2 = u2 - (c.beta2 * u2 + c.gamma2) * travel2
     return x1, c.alpha * math.cos(tau + t) - u1, x2, u2 - u1
+
+
+@jit
+def field(c: Constants, tau: float, y1: float, y2: float) -> Floats:
+    """Time derivative of ``(x1, y1, x2, y2)`` in flight (Eq. 3), shape (4,)."""
+    u1, u2 = wheel_speeds(c, tau, y1, y2)
+    drag1 = c.beta1 * u1 + c.gamma1
+    f = np.zeros(4)
+    f[0], f[1] = y1, -c.alpha * math.sin(tau) + drag1
+    if c.stages == 2:
+        f[2], f[3] = y2, drag1 - c.beta2 * u2 - c.gamma2
+    return f
+
+
+@jit
+def field_rate(c: Constants, tau: float) -> Floats:
+    """Partial derivative of `field` with respect to time, shape (4,)."""
+    f = np.zeros(4)
+    f[1] = -c.alpha * (math.cos(tau) + c.beta1 * math.sin(tau))
+    if c.stages == 2:
+        f[3] = c.alpha * (c.beta2 - c.beta1) * math.sin(tau)
+    return f
+
+
+@jit
+def system_matrix(c: Constants) -> Floats:
+    """``A`` of the linear flight ``s' = A s + ...`` (Eq. 8), shape (4, 4)."""
+    a = np.zeros((4, 4))
+    a[0, 1], a[1, 1] = 1.0, -c.beta1
+    if c.stages == 2:
+        a[2, 3], a[3, 1], a[3, 3] = 1.0, c.beta2 - c.beta1, -c.beta2
+    return a
 
 
 @jit

@@ -12,6 +12,7 @@ __all__ = ["MISSES", "NONE", "REST", "contact_matrix", "next_impact", "struck"]
 
 NONE = 0  # mesh of an event that never came: no impact within the horizon
 REST = -1  # the mesh is pressed shut: the next impact is now, and so is every later one
+TOUCH = 1e-9  # step off a wall that is touched at rest; the displacement in it is below rounding
 MISSES = {NONE: "no impact within the horizon", REST: "a mesh rests closed"}
 
 
@@ -32,14 +33,26 @@ def struck(c: Constants, mesh: int, y1: float, y2: float) -> tuple[float, float]
 
 
 @jit
-def safe_time(distance: float, speed: float, most: float) -> float:
-    """A time within which no wall `distance` ahead is reached at `speed`, if no acceleration exceeds `most`."""
-    root = math.sqrt(speed * speed + 2.0 * most * max(distance, 0.0))
+def safe_time(distance: float, speed: float, acceleration: float, most: float, jerk: float) -> float:
+    """A time within which a wall `distance` ahead is not reached.
+
+    Parameters
+    ----------
+    distance, speed, acceleration : float
+        Towards the wall.
+    most, jerk : float
+        Bounds of the acceleration and of its rate from now on.
+    """
+    distance = max(distance, 0.0)
+    root = math.sqrt(speed * speed + 2.0 * most * distance)
     if speed > 0.0:
-        return 2.0 * max(distance, 0.0) / (speed + root)
+        return 2.0 * distance / (speed + root)
     if most == 0.0:
         return math.inf
-    return (root - speed) / most
+    step = (root - speed) / most
+    if acceleration < 0.0 and jerk > 0.0:  # drawn away: it takes the jerk this long to turn that round
+        step = max(step, -3.0 * acceleration / jerk)
+    return step
 
 
 @jit
@@ -77,26 +90,30 @@ def next_impact(
     a1, b1, a2, b2 = x1, y1, x2, y2
     tolerance1 = 1e-15 + 4e-16 * c.wall1
     tolerance2 = 1e-15 + 4e-16 * c.wall2
-    while t <= horizon:
+    while t < horizon:
         u1, u2 = wheel_speeds(c, tau + t, b1, b2)
-        drag1 = abs(c.beta1 * u1 + c.gamma1)
-        most = c.alpha + drag1
-        side = 1 if b1 > 0.0 or (b1 == 0.0 and a1 > 0.0) else -1
-        if c.wall1 - side * a1 <= tolerance1 and b1 * side > 0.0:
-            return t, 1, side, side * c.wall1, b1, a2, b2
-        step = min(safe_time(c.wall1 - a1, b1, most), safe_time(c.wall1 + a1, -b1, most))
-        if c.stages == 2:
-            most = drag1 + abs(c.beta2 * u2 + c.gamma2)
-            side = 1 if b2 > 0.0 or (b2 == 0.0 and a2 > 0.0) else -1
-            if c.wall2 - side * a2 <= tolerance2 and b2 * side > 0.0:
-                return t, 2, side, a1, b1, side * c.wall2, b2
-            step = min(step, safe_time(c.wall2 - a2, b2, most), safe_time(c.wall2 + a2, -b2, most))
-        if t + step == t:  # touching a wall at no speed: held there, or about to leave
-            step = 4e-16 * (1.0 + t)
-            n1, _, n2, _ = flow(c, tau, x1, y1, x2, y2, t + 1e-8)
-            if abs(n1) > c.wall1 or (c.stages == 2 and abs(n2) > c.wall2):
+        pull1, pull2 = c.beta1 * u1 + c.gamma1, c.beta2 * u2 + c.gamma2  # -u_i'
+        f1, f2 = pull1 - c.alpha * math.sin(tau + t), pull1 - pull2  # accelerations
+        if c.wall1 - abs(a1) <= tolerance1:
+            side = 1 if a1 > 0.0 else -1
+            if b1 * side > 0.0:
+                return t, 1, side, side * c.wall1, b1, a2, b2
+            if b1 == 0.0 and f1 * side > 0.0:
                 return t, REST, side, a1, b1, a2, b2
-        t += step
+        if c.stages == 2 and c.wall2 - abs(a2) <= tolerance2:
+            side = 1 if a2 > 0.0 else -1
+            if b2 * side > 0.0:
+                return t, 2, side, a1, b1, side * c.wall2, b2
+            if b2 == 0.0 and f2 * side > 0.0:
+                return t, REST, side, a1, b1, a2, b2
+        most, jerk = c.alpha + abs(pull1), c.alpha + c.beta1 * abs(pull1)
+        step = min(safe_time(c.wall1 - a1, b1, f1, most, jerk), safe_time(c.wall1 + a1, -b1, -f1, most, jerk))
+        if c.stages == 2:
+            most, jerk = abs(pull1) + abs(pull2), c.beta1 * abs(pull1) + c.beta2 * abs(pull2)
+            step = min(step, safe_time(c.wall2 - a2, b2, f2, most, jerk), safe_time(c.wall2 + a2, -b2, -f2, most, jerk))
+        if t + step == t:  # touching a wall at no speed and no acceleration: too slow to matter below this
+            step = TOUCH
+        t = min(t + step, horizon)
         a1, b1, a2, b2 = flow(c, tau, x1, y1, x2, y2, t)
     return horizon, NONE, 0, a1, b1, a2, b2
 

@@ -76,7 +76,7 @@ def gaussian_raw_moments(vx: float, cxy: float, vy: float, order: int) -> Floats
 
     Examples
     --------
-    >>> gaussian_raw_moments(1.0, 0.5, 2.0, 4)[2, 2]        # vx vy + 2 cxy^2
+    >>> float(gaussian_raw_moments(1.0, 0.5, 2.0, 4)[2, 2])  # vx vy + 2 cxy^2
     2.5
     """
     m = np.zeros((order + 1, order + 1))

@@ -117,7 +117,7 @@ class Start:
     def __post_init__(self) -> None:
         for name in ("tau", "x1", "y1", "x2", "y2"):
             object.__setattr__(self, name, finite(f"start.{name}", getattr(self, name)))
-        count("start.mesh", self.mesh, least=0, most=2)
+        object.__setattr__(self, "mesh", count("start.mesh", self.mesh, least=0, most=2))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,13 +178,16 @@ class Scene:
     gears: Gears | None = field(default=None, init=False, compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        count("stages", self.stages, least=1, most=2)
+        object.__setattr__(self, "stages", count("stages", self.stages, least=1, most=2))
+        for f in fields(self):
+            if f.type is float or f.type == "float":
+                object.__setattr__(self, f.name, finite(f.name, getattr(self, f.name)))
         for name in ("alpha", "beta1", "beta2", "gamma1", "gamma2", "sigma"):
-            object.__setattr__(self, name, float(non_negative(name, getattr(self, name))))
+            non_negative(name, getattr(self, name))
         unit_interval("epsilon", self.epsilon)
         for name in ("gap1", "gap2"):
-            object.__setattr__(self, name, float(positive(name, getattr(self, name))))
-        if self.stages == 2 and not 0.0 < finite("mu", self.mu) < 1.0:
+            positive(name, getattr(self, name))
+        if self.stages == 2 and not 0.0 < self.mu < 1.0:
             raise InputError("mu", self.mu, "two stages need mu = I2 R1^2 / (I1 R2^2 + I2 R1^2), between 0 and 1")
         self._check_tolerance()
         if self.start is None:
@@ -251,15 +254,18 @@ class Scene:
     def noise_free(self) -> "Scene":
         """The same scene without noise and without random tolerance: its deterministic orbit."""
         tolerance = self.tolerance if self.tolerance is not None and self.tolerance.law == "fixed" else None
-        return replace(self, sigma=0.0, tolerance=tolerance)
+        scene = replace(self, sigma=0.0, tolerance=tolerance)
+        object.__setattr__(scene, "gears", self.gears)
+        return scene
 
     @property
     def constants(self) -> Constants:
         """The numbers that compiled code needs."""
         fixed = self.tolerance is not None and self.tolerance.law == "fixed"
         wall1, wall2 = self.windows if fixed else (self.gap1, self.gap2)
+        beta2, gamma2, mu = (self.beta2, self.gamma2, self.mu) if self.stages == 2 else (0.0, 0.0, 0.0)
         return Constants(
-            self.alpha, self.epsilon, self.beta1, self.beta2, self.gamma1, self.gamma2, self.mu,
+            self.alpha, self.epsilon, self.beta1, beta2, self.gamma1, gamma2, mu,
             wall1, wall2, self.sigma, self.stages,
         )  # fmt: skip
 

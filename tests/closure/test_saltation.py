@@ -5,22 +5,22 @@ import pytest
 
 from closure import follow, mean_map
 from closure.orbit import HORIZON
-from closure.section_map import field, section_map
+from closure.section_map import derivatives
 from compare import validate
 from compare.moments import ABSOLUTE, Tolerances, section_errors
 from montecarlo import simulate
 from scene import DAT21, Scene, Start, Tolerance
-from scene.flight import flow, jacobian, noise_covariance
+from scene.flight import field, flow, jacobian, noise_covariance
 from scene.impact import contact_matrix, next_impact, struck
 from scene.moments import SECTION
 
-PLAIN = dict(alpha=1.5, epsilon=0.9, beta1=1 / 12, beta2=2 / 15, gamma1=0.057, gamma2=0.029, mu=0.6)
+PLAIN = {"alpha": 1.5, "epsilon": 0.9, "beta1": 1 / 12, "beta2": 2 / 15, "gamma1": 0.057, "gamma2": 0.029, "mu": 0.6}
 FLIGHT = Start(0.3, 0.1, 1.0, -0.2, -0.7)
 SCENES = {
     "DAT21": lambda s: Scene.from_gears(DAT21, sigma=s),
     "unequal gaps": lambda s: Scene(**{**PLAIN, "gap2": 0.3}, sigma=s),
     "equal damping": lambda s: Scene(**{**PLAIN, "beta2": 1 / 12}, sigma=s),
-    "single stage": lambda s: Scene(alpha=1.5, epsilon=0.9, beta1=0.1, gamma1=0.05, stages=1, sigma=s),
+    "single stage": lambda s: Scene.from_gears(DAT21, stages=1, sigma=s),
     "restitution 0.5": lambda s: Scene(**{**PLAIN, "epsilon": 0.5}, sigma=s),
     "flight start": lambda s: Scene(**PLAIN, start=FLIGHT, sigma=s),
 }
@@ -90,16 +90,47 @@ def test_covariance_is_carried_by_the_saltation_matrix(name):
         )
 
 
-def test_section_map_reproduces_the_orbit():
-    scene = SCENES["DAT21"](0.0)
-    c, orbit = scene.constants, follow(scene, 12)
-    out = np.empty(5)
-    for k in range(1, 13):
-        s = np.array([orbit.tau[k - 1], *orbit.after[k - 1]])
-        t = orbit.tau[k] - orbit.tau[k - 1]
-        for guess in (t, t + 1e-3, t - 1e-3):  # the flight time is only where the noise is added
-            section_map(c, orbit.mesh[k], orbit.side[k], guess, s, np.zeros(4), out)
-            np.testing.assert_allclose(out, [orbit.tau[k], *orbit.before[k]], atol=1e-12)
+def section_map(c, mesh, side, t, u, d):
+    """The section map at ``u = (s, n)``, by Newton on the flow."""
+    x1, y1, x2, y2 = np.array(flow(c, *u[:5], t)) + u[d:]
+    wall = side * (c.wall1 if mesh == 1 else c.wall2)
+    if d > 5:
+        wall += side * u[5 + 2 * (mesh - 1) + (side < 0)]
+    late, state = 0.0, (x1, y1, x2, y2)
+    for _ in range(10):
+        late += (wall - state[2 * mesh - 2]) / state[2 * mesh - 1]
+        state = flow(c, u[0] + t, x1, y1, x2, y2, late)
+    return np.array([u[0] + t + late, *state, *u[5:d]])
+
+
+@pytest.mark.parametrize("d", [5, 9])
+@pytest.mark.parametrize("name", ["DAT21", "unequal gaps", "restitution 0.5", "single stage"])
+def test_derivatives_of_the_section_map(name, d):
+    scene = SCENES[name](0.0)
+    c, orbit = scene.constants, follow(scene, 6)
+    live = [0, 1, 2, 3, 4] if scene.stages == 2 else [0, 1, 2]
+    for k in range(1, 7):
+        mesh, side, t = int(orbit.mesh[k]), int(orbit.side[k]), orbit.tau[k] - orbit.tau[k - 1]
+        first, second = derivatives(c, mesh, side, orbit.tau[k - 1], orbit.after[k - 1], t, orbit.before[k], d)
+        base = np.zeros(d + 4)
+        base[:5] = orbit.tau[k - 1], *orbit.after[k - 1]
+
+        def at(u, mesh=mesh, side=side, t=t, base=base):
+            return section_map(c, mesh, side, t, base + u, d)
+
+        np.testing.assert_allclose(at(0 * base)[live], np.array([orbit.tau[k], *orbit.before[k]])[live], atol=1e-12)
+        speed = abs(orbit.before[k][2 * mesh - 1])
+        step = 1e-4 * min(1.0, speed**2)  # the map bends on the scale speed^2
+        units = step * np.eye(d + 4)
+        varied = [i for i in range(d + 4) if scene.stages == 2 or i not in (3, 4, d + 2, d + 3)]
+        for i in varied:
+            slope = (at(units[i]) - at(-units[i])) / (2 * step)
+            np.testing.assert_allclose(slope[live], first[live, i], atol=1e-5 * max(1.0, np.abs(first[live]).max()))
+            for j in varied:
+                bend = at(units[i] + units[j]) - at(units[i] - units[j]) - at(units[j] - units[i])
+                bend = (bend + at(-units[i] - units[j])) / (4 * step**2)
+                scale = max(1.0, np.abs(second).max())
+                np.testing.assert_allclose(bend[live], second[live, i, j], atol=1e-15 / step**2 + 1e-4 * scale)
 
 
 def held_against(scene, paths, dt=1e-3, z=4.0, seed=5):
@@ -231,23 +262,15 @@ def test_always_realizable():
 
 
 def test_a_graze_is_said_and_ends_the_reading():
-    """The orbit stops short of the wall by its own turning point: the hit has no speed, and no derivative."""
+    """A start at the threshold of reaching the wall: it is hit at no speed, and no derivative exists there."""
     c = Scene.from_gears(DAT21, stages=1).constants
-
-    def turning_point(y1):
-        x, y, t = 0.0, y1, 0.0
-        step = 1e-3
-        while y > 0.0:
-            x, y, _, _ = flow(c, 0.0, 0.0, y1, 0.0, 0.0, t := t + step)
-        return x, t
-
-    low, high = 0.1, 3.0
-    for _ in range(200):
+    low, high = 0.01, 3.0
+    for _ in range(100):
         middle = 0.5 * (low + high)
-        t, mesh, side, *_ = next_impact(c, 0.0, 0.0, middle, 0.0, 0.0, 0.9)
-        low, high = (middle, high) if (mesh, side) != (1, 1) else (low, middle)
-    scene = Scene.from_gears(DAT21, stages=1, sigma=0.01, start=Start(0.0, 0.0, high, 0.0, 0.0))
-    m = mean_map(scene, impacts=3)
+        _, mesh, side, *_ = next_impact(c, 2.5, 0.4, middle, 0.0, 0.0, HORIZON)
+        low, high = (low, middle) if (mesh, side) == (1, 1) else (middle, high)
+    start = Start(2.5, 0.4, high, 0.0, 0.0)
+    m = mean_map(Scene.from_gears(DAT21, stages=1, sigma=0.01, start=start), impacts=3)
     assert "grazes" in m.stopped
     assert m.trace.found == 0
     assert m.section["tau"].isna().all()
