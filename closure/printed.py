@@ -24,7 +24,7 @@ from scene.scene import Constants, Scene
 __all__ = ["trace"]
 
 SCAN = 0.05  # time between two looks for a counter mesh; E[x_i] moves about a tenth of a gap in it
-LONGEST = 200.0  # a flight without a counter mesh by then ends the map
+LONGEST = 20.0  # a flight without a counter mesh by then ends the map
 Windows = tuple[float, float]
 
 

@@ -117,7 +117,7 @@ def validate(
     Examples
     --------
     >>> from scene import DAT21, Scene
-    >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=2, readings=["mended"], paths=2000, rng=7)
+    >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=2, readings=["saltation"], paths=20_000, rng=7)
     >>> row = v.table.query("quantity == 'tau' and moment == 'mean' and impact == 1").iloc[0]
     >>> row["verdict"], bool(row["low"] < 0.0 < row["high"])
     ('accurate', True)

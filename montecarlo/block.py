@@ -85,7 +85,7 @@ def sample(plan: Plan, block: int) -> Raw:
     work, held, unfinished = run_block(
         scene.constants, scene.start.tau, plan.dt, plan.most_steps, plan.located, tolerance.law != "fixed",
         stream.steps, stream.bridges, _start(scene, walls), walls, fresh,
-        (scene.gap1, scene.gap2), (tolerance.c1_max, tolerance.c2_max), LAWS[tolerance.law], rows,
+        (scene.gap1, scene.gap2), (tolerance.c1_max, tolerance.c2_max), LAWS[tolerance.law], stream.tolerance, rows,
         plan.clock_steps, clock,
     )  # fmt: skip
     if scene.stages == 1:

@@ -90,7 +90,8 @@ def run_block(
     c: Constants, tau: float, dt: float, most_steps: int, located: bool, toleranced: bool,
     steps: Generator, bridges: tuple[Generator, Generator, Generator],
     start: Floats, walls: Floats, fresh: Floats,
-    gaps: tuple[float, float], c_max: tuple[float, float], law: int, rows: Floats, clock_steps: Ints, clock: Floats,
+    gaps: tuple[float, float], c_max: tuple[float, float], law: int, later: Generator,
+    rows: Floats, clock_steps: Ints, clock: Floats,
 ) -> tuple[int, int, int]:  # fmt: skip
     """Follow a block of paths until each has had its impacts, at one or more step sizes on one noise.
 
@@ -110,8 +111,8 @@ def run_block(
         Distance of the flanks +1, -1, +2, -2 from the middle.
     fresh : ndarray, shape (2, draws, paths)
         Half gaps that a flank of mesh 1, 2 takes when the opposite flank is struck; no draws: it keeps its own.
-    gaps, c_max, law
-        Nominal half gaps, largest deviations and law, for a path that has used up its draws.
+    gaps, c_max, law, later
+        Nominal half gaps, largest deviations, law and generator, for a path that has used up its draws.
     rows : ndarray, shape (levels, paths, impacts, 6)
         Output: tau, x1, y1, x2, y2 just before each impact, and mesh * side; what is never reached stays as given.
     clock_steps : ndarray of int, ascending
@@ -195,7 +196,7 @@ def run_block(
                                 own_walls[level, opposite, p] = (
                                     fresh[mesh - 1, k, path[p]]
                                     if k < draws
-                                    else gaps[mesh - 1] + c_max[mesh - 1] * deviation(law, bridges[level])
+                                    else gaps[mesh - 1] + c_max[mesh - 1] * deviation(law, later)
                                 )
                             y1p, y2p = struck(c, mesh, at.y1, at.y2)
                             at = Progress(at.code, at.tau, at.left, at.increment, at.x1, y1p, at.x2, y2p)

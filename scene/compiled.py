@@ -1,6 +1,10 @@
-"""One place for the options under which scalar physics is compiled."""
+"""One place for the options under which scalar physics is compiled, and for where the machine code is kept."""
 
+import hashlib
+import os
+import shutil
 from collections.abc import Callable
+from pathlib import Path
 from typing import ParamSpec, TypeVar, cast
 
 import numba
@@ -9,6 +13,36 @@ __all__ = ["jit"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+PACKAGES = ("scene", "closure", "montecarlo")
+
+
+def _keep_machine_code_by_source() -> None:
+    """Point numba's cache to a folder named by the sources of all compiled code.
+
+    Numba by itself looks only at the file of the function that is called: after a change in a file that it calls
+    into, it would go on with the old machine code, and the numbers would be those of another program.
+    """
+    root = Path(__file__).resolve().parent.parent
+    digest = hashlib.sha256()
+    for package in PACKAGES:
+        for path in sorted((root / package).glob("*.py")):
+            digest.update(path.read_bytes())
+    folder = root / "scene" / "__pycache__" / f"machine-code-{digest.hexdigest()[:16]}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return  # an installation that cannot be written does not change either: numba finds a place of its own
+    if not os.access(folder, os.W_OK):
+        return
+    for other in folder.parent.glob("machine-code-*"):
+        if other != folder:
+            shutil.rmtree(other, ignore_errors=True)
+    setattr(numba.config, "CACHE_DIR", str(folder))  # noqa: B010  (numba.config has no types)
+
+
+if "NUMBA_CACHE_DIR" not in os.environ:
+    _keep_machine_code_by_source()
 
 
 def jit(function: Callable[P, R]) -> Callable[P, R]:

@@ -131,10 +131,6 @@ def test_a_start_in_flight_is_impact_0_at_no_mesh():
     assert np.array_equal(orbit.before[0], orbit.after[0])
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="epsilon = 0 and no damping: next_impact creeps along a closed wall by 4e-16 a step, seconds for 4 impacts",
-)
 def test_a_perfectly_plastic_mesh_is_followed_quickly():
     scene = Scene(alpha=0.1, epsilon=0.0, beta1=0.0, gamma1=0.0, stages=1)
     follow(scene, 1)  # compiled by now

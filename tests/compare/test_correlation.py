@@ -23,8 +23,8 @@ def test_printed_breaks_down_at_impact_2_and_nothing_else_does(validation):
 
 def test_every_rho_that_exists_is_tabulated(validation):
     table = validation.correlation
-    assert set(table["reading"]) == {"printed", "mended", SIMULATED}
-    for reading in ("mended", SIMULATED):
+    assert set(table["reading"]) == {"printed", "mended", "saltation", SIMULATED}
+    for reading in ("mended", "saltation", SIMULATED):
         rows = table[table["reading"] == reading]
         assert len(rows) == 6 * 2
         assert (rows["rho"].abs() <= 1.0).all()

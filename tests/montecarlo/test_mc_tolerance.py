@@ -204,7 +204,6 @@ def test_walls_of_successive_contacts_add_up_as_independent():
     assert abs(sd / (C1 / np.sqrt(3.0) * np.sqrt(1.0 + 4.0 * 20.0)) - 1.0) < 4.0 * error
 
 
-@pytest.mark.xfail(strict=True, reason="draws impacts + 1 walls and goes round them again: walls then repeat for ever")
 def test_contacts_beyond_the_impacts_asked_for_have_walls_of_their_own():
     """A clock beyond the last impact keeps paths running; how many impacts are tabled must not matter to it."""
     short, error = spread_after_twenty_crossings(1)

@@ -139,22 +139,17 @@ def test_parts_do_not_change(form):
 
 @pytest.mark.parametrize("name", NUMBERS)
 @pytest.mark.parametrize("number", [np.float32(0.25), Fraction(1, 4)], ids=["float32", "Fraction"])
-def test_numbers_lie_in_the_scene_as_plain_floats(name, number, request):
-    if name in ("epsilon", "mu"):
-        reason = "Scene keeps epsilon and mu in the type they were given in; kernels and TOML then see that type"
-        request.applymarker(pytest.mark.xfail(strict=True, reason=reason))
+def test_numbers_lie_in_the_scene_as_plain_floats(name, number):
     scene = Scene(**VALUES | {name: number})
     assert type(getattr(scene, name)) is float
     assert Scene.from_toml(scene.to_toml()) == scene
 
 
-@pytest.mark.xfail(strict=True, reason="count() returns a plain int, but Start keeps the numpy one: to_toml fails")
 def test_a_numpy_mesh_goes_through_toml():
     scene = Scene(**VALUES, start=Start(x1=0.5, y1=1.0, mesh=np.int64(1)))
     assert Scene.from_toml(scene.to_toml()) == scene
 
 
-@pytest.mark.xfail(strict=True, reason="with stages=1 mu is not looked at, so it reaches the kernels unchecked")
 @pytest.mark.parametrize("mu", [float("nan"), "0.6", None])
 def test_an_unused_mu_must_still_be_a_number(mu):
     with pytest.raises(InputError):
