@@ -1,7 +1,7 @@
 """Mergeable central sums: moments and their standard errors from a stream of blocks, in flat memory."""
 
-import math
 from dataclasses import dataclass
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ __all__ = ["COVARIANCE", "PAIR", "SINGLE", "CentralSums", "Orders", "pair_statis
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 Orders = tuple[tuple[int, int], ...]
 
 SINGLE: Orders = tuple((p, 0) for p in range(2, 9))
@@ -23,14 +24,24 @@ PAIR: Orders = tuple((p, q) for p in range(5) for q in range(5) if 2 <= p + q <=
 COVARIANCE: Orders = ((1, 1),)
 """A covariance alone."""
 
-BINOMIAL = np.array([[math.comb(n, k) for k in range(9)] for n in range(9)], dtype=float)
+BINOMIAL = np.array([[comb(n, k) for k in range(9)] for n in range(9)], dtype=float)
 
 
 @jit
-def _powers(d: Floats, most: int, out: Floats) -> None:
-    for k in range(most):
-        for i in range(d.size):
-            out[k + 1, i] = out[k, i] * d[i]
+def _means(v: Floats, seen: Bools, n: Floats) -> Floats:
+    """Means of the cells over the rows that were seen, about the first of them: what does not vary comes out exact."""
+    paths, cells = v.shape
+    origin, total, begun = np.zeros(cells), np.zeros(cells), np.zeros(cells, np.bool_)
+    for p in range(paths):
+        for i in range(cells):
+            if seen[p, i] and not begun[i]:
+                origin[i], begun[i] = v[p, i], True
+        if begun.all():
+            break
+    for p in range(paths):
+        for i in range(cells):
+            total[i] += v[p, i] - origin[i] if seen[p, i] else 0.0
+    return origin + total / np.maximum(n, 1.0)
 
 
 @jit
@@ -38,30 +49,25 @@ def _block_sums(a: Floats, b: Floats, exponents: Ints) -> tuple[Floats, Floats, 
     """Counts, means (2, cells) and sums of ``da^p db^q`` (orders, cells) over the rows where both are finite."""
     paths, cells = a.shape
     orders = len(exponents)
-    n, mean, sums = np.zeros(cells), np.zeros((2, cells)), np.zeros((orders, cells))
-    origin = np.zeros((2, cells))  # the first value: what does not vary then has deviations that are exactly zero
-    for p in range(paths):
-        for i in range(cells):
-            if math.isfinite(a[p, i]) and math.isfinite(b[p, i]):
-                if n[i] == 0.0:
-                    origin[0, i], origin[1, i] = a[p, i], b[p, i]
-                n[i] += 1.0
-                mean[0, i] += a[p, i] - origin[0, i]
-                mean[1, i] += b[p, i] - origin[1, i]
-    for i in range(cells):
-        if n[i] > 0.0:
-            mean[0, i] = origin[0, i] + mean[0, i] / n[i]
-            mean[1, i] = origin[1, i] + mean[1, i] / n[i]
-    da, db = np.empty(cells), np.empty(cells)
-    power_a, power_b = np.ones((9, cells)), np.ones((9, cells))
     most_a, most_b = exponents[:, 0].max(), exponents[:, 1].max()
+    seen = np.isfinite(a) & np.isfinite(b)
+    n = np.zeros(cells)
     for p in range(paths):
         for i in range(cells):
-            seen = math.isfinite(a[p, i]) and math.isfinite(b[p, i])
-            da[i] = a[p, i] - mean[0, i] if seen else 0.0
-            db[i] = b[p, i] - mean[1, i] if seen else 0.0
-        _powers(da, most_a, power_a)
-        _powers(db, most_b, power_b)
+            n[i] += seen[p, i]
+    mean, sums = np.empty((2, cells)), np.zeros((orders, cells))
+    mean[0], mean[1] = _means(a, seen, n), _means(b, seen, n)
+    power_a, power_b = np.ones((9, cells)), np.ones((9, cells))
+    for p in range(paths):
+        for i in range(cells):
+            power_a[1, i] = a[p, i] - mean[0, i] if seen[p, i] else 0.0
+            power_b[1, i] = b[p, i] - mean[1, i] if seen[p, i] else 0.0
+        for k in range(1, most_a):
+            for i in range(cells):
+                power_a[k + 1, i] = power_a[k, i] * power_a[1, i]
+        for k in range(1, most_b):
+            for i in range(cells):
+                power_b[k + 1, i] = power_b[k, i] * power_b[1, i]
         for o in range(orders):
             u, v, total = power_a[exponents[o, 0]], power_b[exponents[o, 1]], sums[o]
             for i in range(cells):

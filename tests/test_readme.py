@@ -1,0 +1,19 @@
+"""The README's example prints what the README says."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+README = Path(__file__).resolve().parent.parent / "README.md"
+
+
+def test_the_worked_example_prints_what_it_says():
+    code, printed = re.search(r"```python\n(.*?)```.*?```\n(.*?)```", README.read_text(), re.DOTALL).groups()
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert out.split() == printed.split()
+
+
+def test_pictures_and_links_exist():
+    for link in re.findall(r"\]\(([^)#]+)\)", README.read_text()):
+        assert (README.parent / link).exists(), link
