@@ -2,8 +2,8 @@
 
 A part is a weight and a Gaussian of the section state after an impact, as in the saltation reading.  The noise of the
 next flight is put at its start (the displacement ``exp(-A t) n`` leads to the same state at the flight's end), so that
-the next event is a function of a point in five dimensions.  Where the points of a part within `REACH` standard
-deviations meet another mesh or side, or miss, the Gaussian is cut by the plane between the two events into two parts with
+the next event is a function of a point in five dimensions.  Where points of a part that carry more than a negligible
+weight meet another mesh or side, or miss, the Gaussian is cut by the plane between the two events into two parts with
 the moments of its halves.  Where the section map bends too much over a part, the part is cut in three along that
 direction.  Parts of least weight are merged with others of the same itinerary; what is dropped is reported.
 """
@@ -22,12 +22,12 @@ from scene.flight import jacobian, noise_covariance
 from scene.impact import contact_matrix, next_impact
 from scene.scene import Constants, Scene
 
-__all__ = ["trace"]
+__all__ = ["check", "trace"]
 
 MOST_PARTS = 1000
 UNCUT = 2e-4  # weight below which a part is not cut any more
 LIGHTEST = 1e-7  # weight below which a part that finds no other of its itinerary is dropped
-REACH = 3.0  # standard deviations within which a part must share one event
+NEGLIGIBLE = 1e-5  # weight that may lie beyond a boundary without being looked for
 BEND = 0.15  # share of an output's sd by which its map may bend over one sd of a part
 LONGEST = 100.0  # flight after which a part counts as lost
 # The Gaussian in three, as close to it as three of equal width come: centres and width in units of its sd.
@@ -61,44 +61,74 @@ def _roots(sigma: Floats) -> tuple[int, Floats]:
 
 
 @jit
-def _cut_plane(
-    c: Constants, centre: Floats, rank: int, root: Floats, code: int, ignored: int, before: Floats
-) -> tuple[int, Floats]:
-    """The nearest other event within `REACH`, and the plane ``q z = 1`` that parts it from `code`, z along the axes.
-
-    Along an axis the plane is met where the event changes, at a distance ``1 / q_i``.  Events in the bit mask
-    `ignored` are not looked for.  Returns 0 where all points share one event.
-    """
-    other = np.zeros(2 * rank, np.int64)
-    distance = np.full(2 * rank, np.inf)
-    for ray in range(2 * rank):
-        direction = root[:, ray // 2] * (1.0 if ray % 2 == 0 else -1.0)
-        found = _event(c, centre + REACH * direction, before)[1]
-        if found == code or ignored & (1 << (found + 2)):
-            continue
-        low, high = 0.0, REACH
-        for _ in range(12):
-            middle = 0.5 * (low + high)
-            met = _event(c, centre + middle * direction, before)[1]
-            if met == code:
-                low = middle
-            else:
-                high, found = middle, met
-        other[ray], distance[ray] = found, max(high, 1e-3)
-    q = np.zeros(rank)
-    nearest = np.argmin(distance)
-    if not math.isfinite(distance[nearest]) or ignored & (1 << (other[nearest] + 2)):
-        return code, q
-    for ray in range(2 * rank):
-        if math.isfinite(distance[ray]) and other[ray] == other[nearest]:
-            slope = (1.0 if ray % 2 == 0 else -1.0) / distance[ray]
-            if abs(slope) > abs(q[ray // 2]):
-                q[ray // 2] = slope
-    return other[nearest], q
+def _boundary(
+    c: Constants, centre: Floats, axes: Floats, u: Floats, code: int, ignored: int, far: float, before: Floats
+) -> tuple[float, int]:
+    """Distance (in sds, up to `far`) along a unit vector at which the event changes from `code`, and to which."""
+    direction = axes @ u
+    found = _event(c, centre + far * direction, before)[1]
+    if found == code:
+        return np.inf, code
+    low, high = 0.0, far
+    for _ in range(12):
+        middle = 0.5 * (low + high)
+        met = _event(c, centre + middle * direction, before)[1]
+        if met == code:
+            low = middle
+        else:
+            high, found = middle, met
+    if ignored & (1 << (found + 2)):
+        return np.inf, code
+    return max(high, 1e-3), found
 
 
 @jit
-def _half(centre: Floats, rank: int, root: Floats, q: Floats, inner: bool) -> tuple[float, Floats, Floats]:
+def _cut_plane(
+    c: Constants, centre: Floats, axes: Floats, code: int, ignored: int, reach: float, before: Floats
+) -> tuple[int, Floats]:
+    """The nearest other event, and the plane ``q z = 1`` that parts it from `code`, z along the principal axes.
+
+    The nearest point of the boundary is sought as in the first-order reliability method (Hasofer and Lind 1974):
+    from the best axis, along the normal of the plane through the boundary's points nearby.  Events in the bit
+    mask `ignored` are not looked for.  Returns `code` itself where none is within `reach`.
+    """
+    rank = axes.shape[1]
+    far = 1.6 * reach  # a slanted plane within reach cuts one of the axes there
+    nearest, other = np.inf, code
+    u, trial = np.zeros(rank), np.zeros(rank)
+    for ray in range(2 * rank):
+        trial[:] = 0.0
+        trial[ray // 2] = 1.0 if ray % 2 == 0 else -1.0
+        distance, found = _boundary(c, centre, axes, trial, code, ignored, far, before)
+        if distance < nearest:
+            nearest, other = distance, found
+            u[:] = trial
+    if other == code:
+        return code, u
+    for _ in range(2):
+        q = np.zeros(rank)
+        for i in range(rank):
+            trial[:] = u
+            trial[i] += 0.5
+            length = math.sqrt((trial * trial).sum())
+            distance, found = _boundary(c, centre, axes, trial / length, code, ignored, far, before)
+            q[i] = 2.0 * ((length / distance if found == other else 0.0) - 1.0 / nearest)
+        length = math.sqrt((q * q).sum())
+        if length == 0.0:
+            break
+        trial[:] = q / length
+        distance, found = _boundary(c, centre, axes, trial, code, ignored, far, before)
+        if not (found == other and distance < nearest):
+            break
+        nearest = distance
+        u[:] = trial
+    if nearest > reach:
+        return code, u
+    return other, u / nearest
+
+
+@jit
+def _half(centre: Floats, axes: Floats, q: Floats, inner: bool) -> tuple[float, Floats, Floats]:
     """Weight, mean and covariance of the part of a Gaussian on one side of the plane ``q z = 1``."""
     length = math.sqrt((q * q).sum())
     depth, n = 1.0 / length, q / length
@@ -106,7 +136,6 @@ def _half(centre: Floats, rank: int, root: Floats, q: Floats, inner: bool) -> tu
     weight = 1.0 - beyond if inner else beyond
     rate = _normal(depth) / weight * (-1.0 if inner else 1.0)
     shrink = depth * rate - rate * rate  # of the variance across the plane
-    axes = np.ascontiguousarray(root[:, :rank])
     axis = axes @ n
     full = axes @ axes.T
     return weight, centre + rate * axis, full + shrink * np.outer(axis, axis)
@@ -145,7 +174,7 @@ def _step(c: Constants, live: int, now: Mixture, after: Mixture, section: Mixtur
     depth = 4 * 64
     weights, means, covariances = np.empty(depth), np.empty((depth, 5)), np.empty((depth, 5, 5))
     ignored = np.zeros(depth, np.int64)
-    before, count, lost = np.empty(4), 0, 0.0
+    before, before_other, count, lost = np.empty(4), np.empty(4), 0, 0.0
     for part in range(live):
         t, code = _event(c, now.mean[part], before)
         if code == 0:
@@ -167,10 +196,13 @@ def _step(c: Constants, live: int, now: Mixture, after: Mixture, section: Mixtur
             rank, root = _roots(sigma)
             may_cut = w > UNCUT and top + 3 < depth
             if may_cut and rank > 0:
-                other, q = _cut_plane(c, centre, rank, root, code, mask, np.empty(4))
+                axes = np.ascontiguousarray(root[:, :rank])
+                other, q = _cut_plane(
+                    c, centre, axes, code, mask, math.sqrt(2.0 * math.log(w / NEGLIGIBLE) - 2.0), before_other
+                )
                 if other != code:
                     for inner in (True, False):
-                        share, means[top], covariances[top] = _half(centre, rank, root, q, inner)
+                        share, means[top], covariances[top] = _half(centre, axes, q, inner)
                         weights[top] = w * share
                         ignored[top] = mask | (1 << ((other if inner else code) + 2))
                         top += 1
@@ -186,7 +218,7 @@ def _step(c: Constants, live: int, now: Mixture, after: Mixture, section: Mixtur
                 for j in range(5):
                     if spread[j, j] > 1e-24:
                         curve = 0.5 * (v @ np.ascontiguousarray(second[j, :5, :5]) @ v)
-                        bend = max(bend, abs(curve) / math.sqrt(spread[j, j]))
+                        bend = max(bend, float(abs(curve) / math.sqrt(spread[j, j])))
                 if bend > worst:
                     worst, axis = bend, i
                 if bend > BEND and not may_cut:  # too light to be cut: what its map cannot carry is left out
@@ -228,7 +260,7 @@ def _step(c: Constants, live: int, now: Mixture, after: Mixture, section: Mixtur
 
 @jit
 def _merge(parts: Mixture, count: int, most: int) -> tuple[int, float]:
-    """Merge the lightest parts into the next lightest of their itinerary until `most` are left; returns what is lost."""
+    """Merge the lightest parts into others of their itinerary until `most` are left; returns what is lost."""
     lost = 0.0
     order = np.argsort(parts.weight[:count])
     alive = np.ones(count, np.bool_)
@@ -283,16 +315,19 @@ def _moments(w: Floats, mean: Floats, variance: Floats) -> tuple[Floats, Floats,
         return centre, sd, np.where(sd > 0.0, third / sd**3, np.nan)
 
 
-def trace(scene: Scene, impacts: int, order: int) -> Trace:
-    """Follow the mixture through `impacts` impacts; `order` makes no difference to it.
+def check(scene: Scene) -> None:
+    """Refuse a random tolerance, which this reading does not carry.
 
     Raises
     ------
     InputError
-        If the backlash has a random tolerance, which this reading does not carry.
     """
     if scene.tolerance is not None and scene.tolerance.law != "fixed":
-        raise InputError("tolerance", scene.tolerance.law, "the branching reading takes none but 'fixed'; leave it out")
+        raise InputError("tolerance.law", scene.tolerance.law, "the branching reading takes only 'fixed'; leave it out")
+
+
+def trace(scene: Scene, impacts: int, order: int) -> Trace:
+    """Follow the mixture through `impacts` impacts; it carries no moments of a perturbation, whatever `order`."""
     c, orbit = scene.constants, follow(scene, impacts)
     room = 8 * MOST_PARTS
     now, after, section, flight = _empty(room), _empty(room), _empty(room), np.zeros((room, 2))
@@ -307,6 +342,7 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     tau[0], mean[0], covariance[0], mesh[0], side[0] = orbit.tau[0], orbit.before[0], 0.0, orbit.mesh[0], orbit.side[0]
     agreement[0], lost_at[0] = 1.0, 0.0
     found = impacts
+    parts: dict[int, tuple[Floats, Floats, Floats]] = {}
     for k in range(1, impacts + 1):
         count, gone = _step(c, live, now, after, section, flight)
         lost += gone
@@ -316,9 +352,9 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
         w, s = section.weight[:count], section.mean[:count]
         diagonal = np.diagonal(section.covariance[:count], axis1=1, axis2=2)
         values = np.column_stack([s[:, 0], flight[:count, 0], s[:, 1:]])
-        centre, sd[k], skew[k] = _moments(
-            w, values, np.column_stack([diagonal[:, 0], flight[:count, 1], diagonal[:, 1:]])
-        )
+        variances = np.column_stack([diagonal[:, 0], flight[:count, 1], diagonal[:, 1:]])
+        parts[k] = w / w.sum(), values, variances
+        centre, sd[k], skew[k] = _moments(w, values, variances)
         tau[k], mean[k] = centre[0], centre[2:]
         share, off = w / w.sum(), s[:, 1:] - mean[k]
         covariance[k] = np.einsum(
@@ -340,4 +376,19 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
 
     stopped = "" if found == impacts else f"more than half of the weight is lost after impact {found}"
     raw = np.full((impacts + 1, 2, order + 1, order + 1), np.nan)
-    return Trace(tau, mesh, side, mean, sd, skew, covariance, raw, at, found, stopped)
+    return Trace(
+        tau,
+        mesh,
+        side,
+        mean,
+        sd,
+        skew,
+        covariance,
+        raw,
+        at,
+        found,
+        stopped,
+        parts=parts,
+        agreement=agreement,
+        lost=lost_at,
+    )

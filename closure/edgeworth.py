@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from scene.compiled import jit
 
-__all__ = ["Edgeworth", "coefficients", "section_density", "window_means"]
+__all__ = ["Edgeworth", "coefficients", "mixture_density", "section_density", "window_means"]
 
 Floats = NDArray[np.float64]
 
@@ -98,6 +98,24 @@ def section_density(values: Floats, mean: float, sd: float, skew: float) -> Floa
     z = (np.asarray(values) - mean) / sd
     series = hermite_e.hermeval(z, [1.0, 0.0, 0.0, skew / 6.0])
     return np.asarray(np.exp(-0.5 * z * z) / (np.sqrt(2.0 * np.pi) * sd) * series)
+
+
+def mixture_density(values: Floats, weights: Floats, means: Floats, variances: Floats) -> Floats:
+    """Density of a Gaussian mixture; a part that is too light to have a width gets a hundredth of the mixture's sd.
+
+    Examples
+    --------
+    >>> mixture_density(np.array([0.0]), np.array([1.0]), np.array([0.0]), np.array([1.0])).round(6).tolist()
+    [0.398942]
+    """
+    centre = (weights * means).sum()
+    sd = np.sqrt((weights * (variances + (means - centre) ** 2)).sum())
+    width = np.maximum(np.sqrt(variances), 0.01 * sd)
+    out = np.zeros(np.shape(values))
+    for w, m, s in zip(weights, means, width, strict=True):
+        z = (np.asarray(values) - m) / s
+        out += w * np.exp(-0.5 * z * z) / (np.sqrt(2.0 * np.pi) * s)
+    return out
 
 
 @dataclass(frozen=True)

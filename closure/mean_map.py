@@ -9,23 +9,34 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from closure import mended, printed, saltation
-from closure.edgeworth import Edgeworth, coefficients, section_density
+from closure import branching, mended, printed, saltation
+from closure.edgeworth import Edgeworth, coefficients, mixture_density, section_density
 from closure.trace import Trace
 from scene.errors import InputError
 from scene.moments import SECTION, STATE, correlation, realizability
 from scene.scene import Scene
 from scene.validate import choice, count
 
-__all__ = ["READINGS", "Breakdown", "MeanMap", "mean_map"]
+__all__ = ["READINGS", "Breakdown", "MeanMap", "Reading", "mean_map", "readings_for"]
 
 Floats = NDArray[np.float64]
 
-READINGS: dict[str, Callable[[Scene, int, int], Trace]] = {
-    "printed": printed.trace,
-    "mended": mended.trace,
-    "saltation": saltation.trace,
+
+class Reading(NamedTuple):
+    """How a reading is followed, and what refuses the scenes that it cannot take."""
+
+    trace: Callable[[Scene, int, int], Trace]
+    check: Callable[[Scene], None] = lambda scene: None
+
+
+READINGS = {
+    "printed": Reading(printed.trace, printed.check),
+    "mended": Reading(mended.trace),
+    "saltation": Reading(saltation.trace),
+    "branching": Reading(branching.trace, branching.check),
 }
+"""The readings of the closure, by name."""
+
 ORDERS = (2, 6)
 VELOCITIES = ("y1", "y2")
 
@@ -86,7 +97,8 @@ class MeanMap:
         """Moments of the state just before impact 1, 2, ... (dimensionless); NaN where the reading predicts none.
 
         Columns: ``tau, flight, mesh, side, x1, y1, x2, y2``, ``sd_`` and ``skew_`` of each quantity, ``rho1, rho2``
-        (correlation of displacement and velocity perturbation of a stage) and ``realizable``.
+        (correlation of displacement and velocity perturbation of a stage) and ``realizable``; for ``branching`` also
+        ``agreement``, the share of paths expected on the orbit's itinerary so far, and ``lost``, the weight dropped.
         """
         t = self.trace
         columns: dict[str, object] = {
@@ -106,6 +118,8 @@ class MeanMap:
             for k in impacts
         ]
         table = pd.DataFrame(columns, index=pd.RangeIndex(1, self.impacts + 1, name="impact"))
+        if t.agreement is not None and t.lost is not None:
+            table["agreement"], table["lost"] = t.agreement[1:], t.lost[1:]
         if self.scene.stages == 1:
             table[["x2", "y2", "sd_x2", "sd_y2", "skew_x2", "skew_y2", "rho2"]] = np.nan
         return table
@@ -137,11 +151,15 @@ class MeanMap:
         """Density that the reading gives to a section quantity at an impact; None where it gives none.
 
         Around the reading's mean, with its sd and skewness; ``printed`` gives a velocity the marginal of its bivariate
-        series, for it speaks of raw moments.
+        series, for it speaks of raw moments; ``branching`` has its mixture.
         """
         i = SECTION.index(choice("quantity", quantity, SECTION))
+        if self.trace.parts is not None:
+            return mixture_density(values, *(a if a.ndim == 1 else a[:, i] for a in self.trace.parts[impact]))
         skew, sd = float(self.trace.skew[impact, i]), float(self.trace.sd[impact, i])
-        if np.isfinite(skew):
+        if np.isfinite(self.trace.sd[impact, 0]) and np.isfinite(sd):  # the moments are those of the section
+            skew = skew if np.isfinite(skew) else 0.0
+        if np.isfinite(skew) and sd > 0.0:
             return section_density(values, float(self.section[quantity].loc[impact]), sd, skew)
         if quantity not in VELOCITIES:
             return None
@@ -189,8 +207,9 @@ def mean_map(scene: Scene, *, impacts: int = 12, reading: str = "saltation", ord
         What is modelled.
     impacts : int
         How many impacts after the start.
-    reading : {"saltation", "mended", "printed"}
-        Which reading of the paper's closure (MODEL section 6); ``saltation`` is the one that is right for small noise.
+    reading : {"saltation", "branching", "mended", "printed"}
+        Which reading of the paper's closure (MODEL section 6).  ``saltation`` is right for small noise, ``branching``
+        follows the itineraries that larger noise parts; it predicts section moments and itineraries only.
     order : int
         Highest order of moments that the Edgeworth series carries, 2 to 6.  ``saltation`` stays with first-order
         means and sds at order 2, and adds mean shifts and skewness from order 3 on.
@@ -216,4 +235,25 @@ def mean_map(scene: Scene, *, impacts: int = 12, reading: str = "saltation", ord
     count("impacts", impacts)
     choice("reading", reading, READINGS)
     count("order", order, *ORDERS)
-    return MeanMap(scene, reading, impacts, order, READINGS[reading](scene, impacts, order))
+    READINGS[reading].check(scene)
+    return MeanMap(scene, reading, impacts, order, READINGS[reading].trace(scene, impacts, order))
+
+
+def readings_for(scene: Scene) -> tuple[str, ...]:
+    """The readings that can take a scene.
+
+    Examples
+    --------
+    >>> from scene import DAT21, Scene, Tolerance
+    >>> readings_for(Scene.from_gears(DAT21, sigma=0.1, tolerance=Tolerance(0.01, 0.01)))
+    ('printed', 'mended', 'saltation')
+    """
+
+    def takes(reading: Reading) -> bool:
+        try:
+            reading.check(scene)
+        except InputError:
+            return False
+        return True
+
+    return tuple(name for name, reading in READINGS.items() if takes(reading))

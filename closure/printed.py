@@ -21,7 +21,7 @@ from scene.flight import decay, flow, noise_covariance, turned
 from scene.impact import struck
 from scene.scene import Constants, Scene
 
-__all__ = ["trace"]
+__all__ = ["check", "trace"]
 
 SCAN = 0.05  # time between two looks for a counter mesh; E[x_i] moves about a tenth of a gap in it
 LONGEST = 20.0  # a flight without a counter mesh by then ends the map
@@ -162,13 +162,12 @@ def _covariance(raw: Floats) -> Floats:
     return out
 
 
-def trace(scene: Scene, impacts: int, order: int) -> Trace:
-    """Follow the printed mean map through `impacts` impacts.
+def check(scene: Scene) -> None:
+    """Refuse a scene that does not start with an impact at mesh 1: Eq. 10 knows no other.
 
     Raises
     ------
     InputError
-        If the scene does not start with an impact at mesh 1: Eq. 10 knows no other.
     """
     if scene.start.mesh != 1:
         raise InputError(
@@ -176,6 +175,10 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
             scene.start.mesh,
             "the printed reading needs a start at mesh 1 (Eq. 10); leave it out",
         )
+
+
+def trace(scene: Scene, impacts: int, order: int) -> Trace:
+    """Follow the printed mean map through `impacts` impacts."""
     c, windows = scene.constants, scene.windows
     start = np.array(scene.start_state)
     found, tau, mesh, mean, shift, raw, after = _iterate(c, scene.start.tau, start, impacts, windows, order)

@@ -33,6 +33,10 @@ class Trace:
         Of the perturbation just before the impact; NaN where the reading has no such moment.
     raw : ndarray, shape (impacts + 1, 2, order + 1, order + 1)
         Raw moments of each stage's perturbation just before the impact.
+    parts : dict of int to (weights, means, variances), optional
+        The mixture behind each impact, over ``tau, flight, x1, y1, x2, y2``; None where one Gaussian is all there is.
+    agreement, lost : ndarray, shape (impacts + 1,), optional
+        Share of paths that the reading expects on the orbit's itinerary so far, and the weight it has lost.
     at : callable
         ``at(time) -> (mean, covariance)`` between impacts.
     found : int
@@ -52,3 +56,6 @@ class Trace:
     at: Callable[[float], tuple[Floats, Floats]]
     found: int
     stopped: str
+    parts: dict[int, tuple[Floats, Floats, Floats]] | None = None
+    agreement: Floats | None = None
+    lost: Floats | None = None

@@ -47,7 +47,9 @@ def main() -> None:
 @click.option("--paths", type=int, default=256_000, show_default=True, help="Simulated paths.")
 @click.option("--dt", type=float, default=2e-3, show_default=True, help="Step; 2 dt and 4 dt run beside it.")
 @click.option("--scheme", default="euler-maruyama-located", show_default=True, help="Scheme of the simulation.")
-@click.option("--reading", "readings", multiple=True, help="Reading of the closure; again for more. [default: all]")
+@click.option(
+    "--reading", "readings", multiple=True, help="Reading of the closure; again for more. [default: all that can]"
+)
 @click.option("--order", type=int, default=4, show_default=True, help="Order of the closures' moments, 2 to 6.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of the simulation.")
 @click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
@@ -78,7 +80,7 @@ def validate(
     Exit codes: 0 the run is complete, whatever the verdicts; 2 bad input; 3 --require is not met; 4 --repeat differs.
     """
     # the scientific stack is loaded after the options are known to be well formed
-    from closure import READINGS
+    from closure import readings_for
     from compare import manifest
     from compare.folder import check_free
     from compare.report import CONTENTS, write_report
@@ -103,7 +105,7 @@ def validate(
             scheme,
             seed,
             order,
-            readings or tuple(READINGS),
+            readings or readings_for(base),
         )
         out = out or Path("reports") / name.lower()
     check_free(out, CONTENTS, overwrite)

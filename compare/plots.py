@@ -9,18 +9,29 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from compare.frontier import frontiers
 from compare.validate import Validation
 
-__all__ = ["FIGURES", "agreement_figure", "correlation_figure", "error_figure", "save", "section_figure"]
+__all__ = [
+    "FIGURES",
+    "agreement_figure",
+    "correlation_figure",
+    "error_figure",
+    "frontier_figure",
+    "save",
+    "section_figure",
+]
 
 # Okabe and Ito's palette: told apart with every common colour vision, and by marker as well.
 STYLE: Any = {
     "printed": {"color": "#D55E00", "marker": "s"},
     "mended": {"color": "#0072B2", "marker": "o"},
     "saltation": {"color": "#009E73", "marker": "^"},
+    "branching": {"color": "#E69F00", "marker": "v"},
     "monte carlo": {"color": "#000000", "marker": "D"},
 }
 ACCURATE, FORBIDDEN = "#56B4E9", "#CC79A7"
@@ -199,7 +210,7 @@ def section_figure(v: Validation) -> Figure:
             for reading, closure in v.closures.items():
                 curve = closure.density(impact, quantity, y)
                 if curve is not None:
-                    label = f"{reading}, Edgeworth"
+                    label = f"{reading}, {'mixture' if closure.trace.parts is not None else 'Edgeworth'}"
                     ax.plot(
                         y,
                         curve,
@@ -216,6 +227,32 @@ def section_figure(v: Validation) -> Figure:
             if column == 0:
                 ax.set_ylabel("density")
     _legend(figure, axes, 4)
+    return figure
+
+
+def frontier_figure(validations: Sequence[Validation]) -> Figure:
+    """Impact up to which each reading is accurate (filled) and not refuted (open), per noise intensity."""
+    table = frontiers(list(validations))
+    impacts = len(validations[0].run.section)
+    readings = list(validations[0].closures)
+    figure, axes = _figure(2.2 + 1.9 * len(validations), 3.2, 1, 1)
+    ax = axes[0]
+    width = 0.8 / len(readings)
+    for i, reading in enumerate(readings):
+        rows = table[table["reading"] == reading]
+        place = np.arange(len(rows)) + (i - 0.5 * (len(readings) - 1)) * width
+        colour = STYLE[reading]["color"]
+        ax.bar(place, rows["not_refuted"], 0.86 * width, facecolor="none", edgecolor=colour, hatch="////", lw=0.8)
+        ax.bar(place, rows["accurate"], 0.86 * width, color=colour, label=reading)
+        for x, height in zip(place, rows["not_refuted"], strict=True):
+            ax.text(x, height + 0.15, f"{height}", ha="center", va="bottom", fontsize=8)
+    ax.set_xticks(range(len(validations)), [rf"$\sigma$ = {v.scene.sigma:.4g}" for v in validations])
+    ax.set_ylim(0.0, 1.12 * impacts)
+    ax.set_ylabel("impact")
+    ax.grid(visible=False, axis="x")
+    handles: list[Artist] = [*ax.get_legend_handles_labels()[0], Patch(facecolor="none", edgecolor="0.3", hatch="////")]
+    labels = [*(f"{r}: accurate up to" for r in readings), "not refuted up to"]
+    figure.legend(handles, labels, loc="outside upper center", ncols=3)
     return figure
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from closure import READINGS, MeanMap, follow, mean_map
+from closure import READINGS, MeanMap, follow, mean_map, readings_for
 from compare.correlation import mid_flight_errors, validity
 from compare.moments import Tolerances, section_errors, widest
 from montecarlo import Ensemble, simulate
@@ -78,7 +78,7 @@ def validate(
     scene: Scene,
     *,
     impacts: int = 12,
-    readings: Sequence[str] = tuple(READINGS),
+    readings: Sequence[str] | None = None,
     paths: int = 256_000,
     dt: float = 2e-3,
     scheme: str = "euler-maruyama-located",
@@ -97,7 +97,7 @@ def validate(
     impacts : int
         Impacts after the start.
     readings : sequence of str
-        Readings of the closure.
+        Readings of the closure; by default all that can take the scene.
     paths, dt, scheme, rng, workers, progress
         Of the simulation, see `montecarlo.simulate`; 2 dt and 4 dt run on the same noise to measure the step bias.
     order : int
@@ -124,6 +124,7 @@ def validate(
     """
     if not isinstance(scene, Scene):
         raise InputError("scene", scene, "give a Scene")
+    readings = readings_for(scene) if readings is None else readings
     if isinstance(readings, str) or not readings:
         raise InputError("readings", readings, "give a list of " + ", ".join(READINGS))
     for reading in readings:

@@ -138,9 +138,10 @@ def test_missing_and_foreign_files(tmp_path):
 def test_printed_needs_a_mesh_1_start(tmp_path):
     scene = Scene.from_gears(DAT21, sigma=0.1, start=Start(0.0, 0.0, 1.0, 0.0, 1.0))
     (tmp_path / "flight.toml").write_text(scene.to_toml())
-    result = rattle(tmp_path / "flight.toml", *SMALL, "--out", tmp_path / "o", code=2)
+    result = rattle(tmp_path / "flight.toml", *SMALL, "--reading", "printed", "--out", tmp_path / "o", code=2)
     assert "start.mesh = 0" in result.stderr
-    rattle(tmp_path / "flight.toml", *SMALL, "--reading", "mended", "--out", tmp_path / "o")
+    rattle(tmp_path / "flight.toml", *SMALL, "--out", tmp_path / "o")
+    assert "printed" not in set(pd.read_csv(tmp_path / "o" / "table.csv")["reading"])
 
 
 def test_quiet_in_a_pipe(tmp_path):

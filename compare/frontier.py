@@ -1,0 +1,119 @@
+"""How far each reading can be believed: the impact up to which it is accurate, and why it ends there."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from closure import MeanMap
+from compare.correlation import first_failure
+from compare.validate import Validation
+
+__all__ = ["Frontier", "frontier", "frontiers"]
+
+PARTED = 0.99  # agreement below which paths have left the closure's itinerary in numbers that matter
+SLOW = 3.0  # impact speed in sds of it below which a Gaussian would have part of the paths miss the wall
+
+
+class Frontier(NamedTuple):
+    """How far a reading can be believed at one noise intensity.
+
+    ``accurate`` is the last impact up to which every section mean and sd that it predicts is accurate;
+    ``not_refuted`` the last up to which none is inaccurate (beyond ``accurate`` some are undecided); ``why`` says what
+    ends it.  The displacement at the mesh that most paths strike is left out: it does not vary along an itinerary,
+    and its sd says only how many strays there are.
+    """
+
+    reading: str
+    sigma: float
+    accurate: int
+    not_refuted: int
+    why: str
+
+
+def frontier(v: Validation, reading: str) -> Frontier:
+    """Judge one reading of a validation.
+
+    Examples
+    --------
+    >>> from compare import validate
+    >>> from scene import DAT21, Scene
+    >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=3, paths=20_000, rng=1)
+    >>> frontier(v, "saltation").accurate, frontier(v, "printed").not_refuted
+    (3, 0)
+    """
+    rows = _judged(v, reading)
+    impacts = range(1, len(v.run.section) + 1)
+    verdicts = {k: set(group["verdict"]) - {"not predicted"} for k, group in rows.groupby("impact")}
+    accurate = _unbroken(impacts, lambda k: verdicts[k] == {"accurate"})
+    not_refuted = _unbroken(impacts, lambda k: bool(verdicts[k]) and "inaccurate" not in verdicts[k])
+    if accurate == len(impacts):
+        return Frontier(reading, v.scene.sigma, accurate, not_refuted, "holds to the last impact followed")
+    return Frontier(reading, v.scene.sigma, accurate, not_refuted, _why(v, reading, accurate + 1, not_refuted))
+
+
+def frontiers(validations: list[Validation]) -> pd.DataFrame:
+    """Frontiers of all readings at all noise intensities, tidy."""
+    return pd.DataFrame([frontier(v, r) for v in validations for r in v.closures])
+
+
+def _judged(v: Validation, reading: str) -> pd.DataFrame:
+    rows = v.table[(v.table["reading"] == reading) & (v.table["kind"] == "section")]
+    struck = "x" + v.run.section["mesh"].astype(str)
+    return rows[rows["quantity"] != rows["impact"].map(struck)]
+
+
+def _unbroken(impacts: range, holds: Callable[[int], bool]) -> int:
+    reached = 0
+    for k in impacts:
+        if not holds(k):
+            break
+        reached = k
+    return reached
+
+
+def _why(v: Validation, reading: str, impact: int, not_refuted: int) -> str:
+    """What ends a reading at an impact; the first of the causes that applies."""
+    closure = v.closures[reading]
+    failed = first_failure(v.correlation, reading)
+    if failed and failed[0] <= impact:
+        return f"not realizable at impact {failed[0]}: {failed[2]}"
+    if closure.trace.found < impact:
+        return closure.stopped
+    if not_refuted >= impact:
+        return f"undecided from impact {impact} on: more paths or a smaller step would tell"
+    worst = _worst(v, reading, impact)
+    if closure.trace.parts is not None:
+        lost = float(closure.section["lost"].loc[impact])
+        return f"{worst} (weight lost so far {lost:.1e}): limit of a mixture of this size"
+    agreement = float(v.run.agreement[reading].loc[impact])
+    if agreement < PARTED:
+        return f"{worst}: {1.0 - agreement:.1%} of the paths have left its itinerary"
+    slow = _slowest(closure, impact)
+    if slow is not None:
+        return f"{worst}: impact {slow[0]} grazes (speed {slow[1]:.1f} of its sds)"
+    if reading == "saltation":
+        return f"{worst}: second order is no longer enough"
+    return f"{worst}, at any noise: the impact time does not vary in it"
+
+
+def _worst(v: Validation, reading: str, impact: int) -> str:
+    rows = _judged(v, reading)
+    rows = rows[(rows["impact"] == impact) & (rows["verdict"] == "inaccurate")]
+    rows = rows.assign(excess=(rows["error"] / rows["tolerance"]).abs()).sort_values("excess", ascending=False)
+    if rows.empty:
+        return f"moments of impact {impact} are undecided"
+    row = rows.iloc[0]
+    return f"{row['moment']} of {row['quantity']} wrong at impact {impact}"
+
+
+def _slowest(closure: MeanMap, impact: int) -> tuple[int, float] | None:
+    """The first impact up to one given whose speed is within `SLOW` of its own sds of zero."""
+    for k in range(1, impact + 1):
+        column = 1 if closure.trace.mesh[k] == 1 else 3
+        sd = closure.trace.sd[k, column + 2]
+        speed = abs(closure.trace.mean[k, column])
+        if np.isfinite(sd) and sd > 0.0 and speed < SLOW * sd:
+            return k, float(speed / sd)
+    return None

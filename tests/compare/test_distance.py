@@ -1,0 +1,180 @@
+"""Distances of densities: at the floor where they are right, far above it where they are not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from closure import mean_map
+from closure.edgeworth import section_density
+from compare.distance import bin_masses, distances, section_distances
+from montecarlo import simulate
+from montecarlo.histogram import BINS, Histograms
+from scene import DAT21, Scene
+from scene.errors import InputError
+
+PATHS = 20_000
+
+
+def gaussian(mean=0.0, sd=1.0, skew=0.0):
+    return lambda z: section_density(z, mean, sd, skew)
+
+
+def sampled(values):
+    """Edges and counts of a sample, binned as a simulation does."""
+    histograms = Histograms.sized_by(values[:, None, None] * np.ones(6))
+    histograms.add(values[:, None, None] * np.ones(6))
+    edges, _ = histograms.density(1, "tau")
+    return edges, histograms.counts[0, 0]
+
+
+def against_normal_sample(seed, mean=0.0, sd=1.0, paths=PATHS):
+    edges, counts = sampled(np.random.default_rng(seed).normal(3.0, 0.01, paths))
+    mean, sd = 3.0 + 0.01 * mean, 0.01 * sd
+    return distances(bin_masses(gaussian(mean, sd), edges, mean, sd), counts)
+
+
+def test_right_density_stays_at_the_floor():
+    found = [against_normal_sample(seed) for seed in range(60)]
+    above = sum(d.kolmogorov > d.kolmogorov_floor for d in found)
+    assert above <= stats.binom.isf(1e-4, len(found), 0.05)  # bins can only lower it
+    ratios = np.array([d.total_variation / d.total_variation_floor for d in found])
+    assert ratios.mean() == pytest.approx(1.0, abs=0.05)
+    assert ratios.max() < 1.5
+
+
+@pytest.mark.parametrize(("mean", "sd"), [(0.2, 1.0), (0.0, 1.3)])
+def test_planted_error_is_far_above(mean, sd):
+    found = against_normal_sample(1, mean, sd)
+    assert found.kolmogorov > 5.0 * found.kolmogorov_floor
+    assert found.total_variation > 2.0 * found.total_variation_floor
+    exact = float(
+        np.abs(stats.norm.cdf(np.linspace(-4, 4, 4001), mean, sd) - stats.norm.cdf(np.linspace(-4, 4, 4001))).max()
+    )
+    assert found.kolmogorov == pytest.approx(exact, abs=found.kolmogorov_floor)
+
+
+def test_floor_shrinks_with_the_root_of_paths():
+    few, many = (against_normal_sample(1, paths=n) for n in (10_000, 160_000))
+    assert few.kolmogorov_floor / many.kolmogorov_floor == pytest.approx(4.0)
+    assert few.total_variation_floor / many.total_variation_floor == pytest.approx(4.0, rel=0.05)
+
+
+def test_bin_masses_are_those_of_the_distribution():
+    edges = np.linspace(-2.0, 3.0, 41)
+    for mean, sd in ((0.3, 1.0), (0.3, 1e-3), (0.3, 40.0), (-9.0, 0.5), (30.0, 0.5)):
+        expected = np.diff(stats.norm.cdf(np.concatenate([[-np.inf], edges, [np.inf]]), mean, sd))
+        np.testing.assert_allclose(bin_masses(gaussian(mean, sd), edges, mean, sd), expected, atol=1e-9)
+
+
+def test_series_keeps_its_mass_and_its_sign():
+    edges = np.linspace(-6.0, 6.0, BINS + 1)
+    masses = bin_masses(gaussian(skew=1.0), edges, 0.0, 1.0)
+    assert masses.sum() == pytest.approx(1.0, abs=1e-12)
+    assert masses.min() < 0.0  # not clipped
+
+
+def test_total_variation_is_a_distance():
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        a, b = (rng.multinomial(500, rng.dirichlet(np.full(12, 0.3))) for _ in range(2))
+        there, back = distances(a / 500, b), distances(b / 500, a)
+        assert there.total_variation == pytest.approx(back.total_variation)
+        assert there.kolmogorov == pytest.approx(back.kolmogorov)
+        assert 0.0 <= there.kolmogorov <= there.total_variation + 1e-12 <= 1.0 + 1e-12
+    assert distances(a / 500, a)[::2] == (0.0, 0.0)
+    assert distances(np.array([1.0, 0.0, 0.0]), np.array([0, 0, 7]))[::2] == (1.0, 1.0)
+
+
+def test_mass_outside_the_bins_counts_on_its_side():
+    counts = np.zeros(42, int)
+    counts[20] = 100
+    for mean, place in ((-50.0, 0), (50.0, -1)):
+        masses = bin_masses(gaussian(mean), np.linspace(-1.0, 1.0, 41), mean, 1.0)
+        assert masses[place] == pytest.approx(1.0)
+        assert distances(masses, counts).total_variation == pytest.approx(1.0)
+
+
+@pytest.fixture(scope="module")
+def run():
+    scene = Scene.from_gears(DAT21, sigma=0.02)
+    return simulate(scene, paths=200_000, impacts=12, rng=11, workers=2, histogram=True, step_bias=True)
+
+
+def of(run, reading, **settings):
+    return section_distances(mean_map(run.scene, impacts=run.impacts, reading=reading, **settings), run)
+
+
+def test_saltation_is_at_the_floor_and_mended_is_not(run):
+    saltation, mended = of(run, "saltation"), of(run, "mended")
+    assert saltation["impact"].tolist() == np.repeat(range(1, 13), 4).tolist()
+    ratio = {name: t["kolmogorov"] / t["kolmogorov_floor"] for name, t in (("s", saltation), ("m", mended))}
+    assert ratio["s"].max() < 3.0
+    assert ratio["s"].median() < 1.0
+    assert (saltation["total_variation"] / saltation["total_variation_floor"]).max() < 1.5
+    assert ratio["m"].min() > 1.5
+    assert ratio["m"].median() > 20.0
+    assert ratio["m"].groupby(mended["impact"]).max().min() > 20.0  # at every impact
+
+
+def test_second_order_is_what_brings_saltation_to_the_floor(run):
+    """Planted: without the mean shift and skewness of the second order the distance shows."""
+    second = of(run, "saltation").set_index(["impact", "quantity"])
+    closure = mean_map(run.scene, impacts=12, reading="saltation")
+    gaussian_only = replace(closure, trace=replace(closure.trace, skew=0.0 * closure.trace.skew))
+    first = section_distances(gaussian_only, run).set_index(["impact", "quantity"])
+    assert first["kolmogorov"].max() > 2.0 * second["kolmogorov"].max()
+
+
+def test_rows_only_where_something_varies_and_is_predicted(run):
+    saltation = of(run, "saltation")
+    mesh = run.section["mesh"]
+    for impact, group in saltation.groupby("impact"):
+        struck = f"x{int(mesh[impact])}"
+        assert struck not in set(group["quantity"])
+    assert {"tau", "flight"}.isdisjoint(of(run, "mended")["quantity"])
+    assert set(of(run, "printed")["quantity"]) <= {"y1", "y2"}
+    assert (saltation["paths"] == run.paths).all()
+    assert saltation["total_variation"].between(0.0, 1.0).all()
+
+
+def test_few_paths_elsewhere_do_not_make_a_density():
+    """At sigma = 0.1 a few paths strike the other mesh first, so the sd of x at the usual one is not quite zero."""
+    scene = Scene.from_gears(DAT21, sigma=0.1)
+    wide = simulate(scene, paths=20_000, impacts=3, rng=7, histogram=True, step_bias=True, workers=2)
+    assert wide.section.loc[3, "sd_x1"] > 0.0
+    table = of(wide, "mended")
+    assert table.query("impact == 3")["quantity"].tolist() == ["y1", "x2", "y2"]
+
+
+def test_bias_of_the_step_is_taken_out_where_it_was_measured():
+    scene = Scene.from_gears(DAT21, sigma=0.02)
+    closure = mean_map(scene, impacts=1, reading="saltation")
+    tables = [
+        section_distances(closure, simulate(scene, paths=20_000, impacts=1, rng=3, histogram=True, step_bias=b))
+        for b in (False, True)
+    ]
+    worst = [(t["kolmogorov"] / t["kolmogorov_floor"]).max() for t in tables]
+    assert worst[0] > 5.0
+    assert worst[1] < 1.5
+
+
+def test_what_cannot_be_compared_is_refused(run):
+    with pytest.raises(InputError, match="histogram=True"):
+        section_distances(mean_map(run.scene, impacts=2), replace(run, histograms=None))
+    with pytest.raises(InputError, match="same scene"):
+        section_distances(mean_map(Scene.from_gears(DAT21, sigma=0.03), impacts=2), run)
+
+
+def test_no_noise_and_one_stage():
+    quiet = Scene.from_gears(DAT21)
+    found = section_distances(mean_map(quiet, impacts=2), simulate(quiet, paths=10, impacts=2, histogram=True))
+    assert found.empty
+    assert "total_variation_floor" in found
+    rattler = replace(Scene.from_gears(DAT21, sigma=0.02), stages=1)
+    single = section_distances(
+        mean_map(rattler, impacts=3), simulate(rattler, paths=5000, impacts=3, histogram=True, step_bias=True)
+    )
+    assert set(single["quantity"]) <= {"tau", "flight", "y1"}
+    assert not single.empty

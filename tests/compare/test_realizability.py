@@ -1,0 +1,269 @@
+"""Every bound that moments of a distribution keep, with a set of moments that breaks each."""
+
+from dataclasses import replace
+from math import comb
+
+import numpy as np
+import pytest
+
+from closure import mean_map
+from closure.edgeworth import Edgeworth, coefficients, section_density
+from compare.realizability import (
+    CHECKS,
+    POINTS,
+    QUADRATURE,
+    REACH,
+    covariance_eigenvalue,
+    first_failures,
+    kurtosis_margin,
+    moment_matrix_eigenvalue,
+    negative_mass,
+    realizability_table,
+)
+from scene import DAT21, Scene
+from scene.moments import gaussian_raw_moments
+
+IMPACTS = 12
+ALGEBRAIC = [name for name in CHECKS if "negative mass" not in name]
+
+
+def dat21(sigma, **changes):
+    return replace(Scene.from_gears(DAT21, sigma=sigma), **changes)
+
+
+def table_of(reading, sigma, **settings):
+    return realizability_table([mean_map(dat21(sigma), reading=reading, **{"impacts": IMPACTS, **settings})])
+
+
+def mixture(parts, order):
+    """Raw moments of a mixture of Gaussian pairs ``(weight, mean_x, mean_y, vx, cxy, vy)``."""
+    raw = np.zeros((order + 1, order + 1))
+    for weight, a, b, vx, cxy, vy in parts:
+        centred = gaussian_raw_moments(vx, cxy, vy, order)
+        for n in range(order + 1):
+            for p in range(order + 1 - n):
+                raw[n, p] += weight * sum(
+                    comb(n, i) * comb(p, j) * a ** (n - i) * b ** (p - j) * centred[i, j]
+                    for i in range(n + 1)
+                    for j in range(p + 1)
+                )
+    return raw
+
+
+def with_moments(raw, covariance=None, skew=None):
+    """A closure of one impact whose stages have these moments."""
+    closure = mean_map(dat21(0.1), impacts=1, reading="mended", order=len(raw) - 1)
+    if covariance is None:
+        covariance = np.zeros((4, 4))
+        covariance[:2, :2] = covariance[2:, 2:] = [[raw[2, 0], raw[1, 1]], [raw[1, 1], raw[0, 2]]]
+    changed = {"raw": closure.trace.raw.copy(), "covariance": closure.trace.covariance.copy()}
+    changed["raw"][1], changed["covariance"][1] = raw, covariance
+    if skew is not None:
+        changed["skew"] = np.where(closure.trace.sd > 0.0, skew, np.nan)
+    return replace(closure, trace=replace(closure.trace, **changed))
+
+
+def failing(closure):
+    return set(first_failures(realizability_table([closure]))["check"])
+
+
+@pytest.mark.parametrize("sigma", [0.01, 0.1, 1.5**0.5])
+def test_printed_first_fails_at_impact_2_in_its_moments(sigma):
+    table = table_of("printed", sigma)
+    first = first_failures(table[table["check"].isin(ALGEBRAIC)]).set_index("check")
+    assert first["impact"].min() == 2
+    at_2 = set(first[first["impact"] == 2].index)
+    assert at_2 == {
+        "variance of displacement",
+        "variance of velocity",
+        "covariance eigenvalue",
+        "kurtosis",
+        "moment matrix",
+    }
+    assert first.loc["|rho|", "impact"] == (7 if sigma > 1.0 else 3)  # the first at which a rho > 1 has its variances
+    assert (first["excess"] > 0.0).all()
+    # nothing is clipped: the negative variance is there to be read
+    assert table.query("check == 'variance of displacement'")["value"].min() < 0.0
+
+
+@pytest.mark.parametrize("reading", ["mended", "saltation"])
+@pytest.mark.parametrize("sigma", [0.01, 0.1, 1.5**0.5])
+@pytest.mark.parametrize("order", [2, 4, 6])
+def test_readings_with_a_covariance_are_realizable(reading, sigma, order):
+    table = table_of(reading, sigma, order=order)
+    rows = table[table["check"].isin(ALGEBRAIC)]
+    assert rows["holds"].all()
+    absent = set(rows.loc[rows["holds"].isna(), "check"])
+    assert absent == (set() if order >= 4 else {"kurtosis"})
+    assert (rows.loc[rows["holds"].notna(), "excess"] == 0.0).all()
+
+
+def series_mass(rho, order=4, points=POINTS):
+    series = Edgeworth(coefficients(gaussian_raw_moments(1.0, rho, 1.0, order), 1.0, 1.0), 1.0, 1.0)
+    z = np.linspace(-REACH, REACH, points)
+    return negative_mass(series.density(*np.meshgrid(z, z)), (z[1] - z[0]) ** 2)
+
+
+def test_series_of_a_gaussian_is_negative_from_a_rho_of_a_quarter_on():
+    """The series is Mehler's in powers of rho; cut at order 4 it has only the first two, and they do not suffice."""
+    assert series_mass(0.24) < QUADRATURE < series_mass(0.26)
+    assert series_mass(-0.6) == pytest.approx(series_mass(0.6))
+    masses = [series_mass(rho) for rho in (0.3, 0.5, 0.7, 0.9, 1.0)]
+    assert np.all(np.diff(masses) > 0.0)
+    assert masses[-1] == pytest.approx(0.125, abs=0.001)
+    # a longer series does not help at high rho: it makes it worse
+    assert series_mass(0.99, order=6) > series_mass(0.99, order=4)
+
+
+@pytest.mark.parametrize("reading", ["mended", "saltation"])
+def test_negative_mass_follows_rho_alone(reading):
+    table = table_of(reading, 0.1).query("stage > 0").set_index(["impact", "stage"])
+    rho = table.loc[table["check"] == "|rho|", "value"]
+    mass = table.loc[table["check"] == "negative mass"]
+    expected = [series_mass(r) for r in rho]
+    np.testing.assert_allclose(mass["value"], expected, rtol=1e-9, atol=1e-15)
+    assert not mass["holds"].all()
+    assert (mass["holds"] == (np.array(expected) <= QUADRATURE)).all()
+
+
+def test_quadrature_is_good_to_a_thousandth():
+    for rho in (0.3, 0.9):
+        assert series_mass(rho) == pytest.approx(series_mass(rho, points=2401), rel=1e-3)
+
+
+def test_section_negative_mass_grows_with_sigma():
+    """The skewness of the saltation reading is proportional to sigma; the series bears 0.08 before it shows."""
+    z = np.linspace(-REACH, REACH, POINTS)
+    for skew, within in ((0.07, True), (0.1, False)):
+        assert (negative_mass(section_density(z, 0.0, 1.0, skew), z[1] - z[0]) <= QUADRATURE) == within
+    values = [
+        table_of("saltation", sigma).query("check == 'section negative mass'")["value"].max() for sigma in (0.001, 0.1)
+    ]
+    assert values[0] <= QUADRATURE < values[1]
+    assert (table_of("mended", 1.5**0.5).query("check == 'section negative mass'")["value"] == 0.0).all()
+    assert table_of("printed", 0.1).query("check == 'section negative mass'")["holds"].isna().all()
+
+
+REALIZABLE = {
+    "gaussian": [(1.0, 0.0, 0.0, 2.0, 0.3, 1.0)],
+    "degenerate gaussian": [(1.0, 0.0, 0.0, 4.0, 2.0, 1.0)],
+    "two points": [(0.3, -1.0, 2.0, 0.0, 0.0, 0.0), (0.7, 1.0, 0.5, 0.0, 0.0, 0.0)],
+    "point mass": [(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)],
+    "skewed mixture": [(0.2, -3.0, 1.0, 0.1, 0.0, 2.0), (0.8, 0.75, -0.25, 1.0, -0.4, 0.3)],
+    "three parts": [
+        (0.1, 4.0, -1.0, 0.2, 0.1, 0.2),
+        (0.5, -1.0, 0.0, 1.0, 0.5, 1.0),
+        (0.4, 0.0, 0.5, 0.0, 0.0, 1.0),
+    ],
+}
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e4])
+@pytest.mark.parametrize("order", [2, 4, 6])
+@pytest.mark.parametrize("name", REALIZABLE)
+def test_mixtures_pass_at_any_scale(name, order, scale):
+    raw = mixture([(w, scale * a, b, scale**2 * vx, scale * c, vy) for w, a, b, vx, c, vy in REALIZABLE[name]], order)
+    centred = np.array([raw[1, 0], raw[0, 1]])
+    covariance = np.array([[raw[2, 0], raw[1, 1]], [raw[1, 1], raw[0, 2]]]) - np.outer(centred, centred)
+    whole = np.zeros((4, 4))
+    whole[:2, :2] = whole[2:, 2:] = covariance
+    assert failing(with_moments(raw, whole)) <= {"negative mass"}
+    assert moment_matrix_eigenvalue(raw) >= -1e-9 * max(1.0, abs(raw[-1, 0]) / scale**order)
+
+
+def planted():
+    """Moments that no distribution has, and the checks that must see them."""
+    base = gaussian_raw_moments(2.0, 0.4, 1.0, 4)
+
+    def changed(**entries):
+        raw = base.copy()
+        for key, value in entries.items():
+            raw[int(key[1]), int(key[2])] = value
+        return raw
+
+    return [
+        (changed(m20=-2.0), {"variance of displacement", "covariance eigenvalue", "moment matrix"}),
+        (changed(m02=-1.0), {"variance of velocity", "covariance eigenvalue", "moment matrix"}),
+        (changed(m11=1.5), {"|rho|", "covariance eigenvalue", "moment matrix"}),
+        (changed(m40=0.9 * 4.0), {"kurtosis", "moment matrix"}),
+        (changed(m04=1.5, m03=0.8), {"kurtosis", "moment matrix"}),  # kurtosis 1.5 < 0.64 + 1
+        (changed(m22=0.1), {"moment matrix"}),  # below m11^2: no marginal shows it
+    ]
+
+
+@pytest.mark.parametrize(("raw", "checks"), planted())
+@pytest.mark.parametrize("scale", [1e-5, 1.0, 1e5])
+def test_unrealizable_moments_are_caught(raw, checks, scale):
+    n, p = np.indices(raw.shape)
+    table = realizability_table([with_moments(raw * scale ** (n + p))])
+    rows = table[table["check"].isin(ALGEBRAIC) & (table["stage"] > 0)]
+    assert set(rows[~rows["holds"].fillna(True).astype(bool)]["check"]) == checks
+    assert (rows.loc[~rows["holds"].fillna(True).astype(bool), "excess"] > 0.0).all()
+
+
+def test_covariance_across_the_stages_is_judged():
+    whole = np.eye(4)
+    whole[0, 2] = whole[2, 0] = 1.2  # each stage is fine by itself
+    table = realizability_table([with_moments(gaussian_raw_moments(1.0, 0.0, 1.0, 4), whole)])
+    failed = table[~table["holds"].fillna(True).astype(bool)]
+    assert failed[["stage", "check"]].to_numpy().tolist() == [[0, "covariance eigenvalue"]]
+    assert failed["excess"].item() == pytest.approx(0.2)
+    printed = table_of("printed", 0.1).query("stage == 0 and check == 'covariance eigenvalue'")
+    assert printed["holds"].isna().all()
+    assert printed["excess"].isna().all()
+
+
+def test_negative_densities_are_caught():
+    raw = gaussian_raw_moments(1.0, 0.0, 1.0, 4)
+    assert failing(with_moments(raw, skew=0.05)) == set()
+    assert failing(with_moments(raw, skew=0.5)) == {"section negative mass"}
+    raw[3, 0] = 0.6
+    assert failing(with_moments(raw)) == {"negative mass"}  # realizable moments, but no density by this series
+
+
+def test_point_mass_and_untouched_stage_hold():
+    for scene in (dat21(0.0), dat21(0.1, beta2=Scene.from_gears(DAT21).beta1)):
+        table = realizability_table([mean_map(scene, impacts=1, reading="mended")])
+        rows = table[(table["stage"] == 2) & table["check"].isin(ALGEBRAIC)].set_index("check")
+        assert rows["holds"].all()
+        assert rows.loc["covariance eigenvalue", "value"] == 0.0
+        assert rows["holds"].isna().to_dict() == {n: n in ("|rho|", "kurtosis") for n in ALGEBRAIC}
+
+
+def test_single_stage_has_no_rows_for_the_other():
+    table = realizability_table([mean_map(dat21(0.1, stages=1), impacts=3, reading="saltation")])
+    assert set(table["stage"]) == {0, 1}
+    assert set(table.loc[table["stage"] == 0, "check"]) == {"section negative mass"}
+
+
+def test_table_is_tidy():
+    closures = [mean_map(dat21(0.1), impacts=3, reading=r) for r in ("printed", "mended")]
+    table = realizability_table(closures)
+    assert list(table) == ["reading", "impact", "stage", "check", "value", "bound", "holds", "excess"]
+    assert not table.duplicated(["reading", "impact", "stage", "check"]).any()
+    assert table["holds"].dtype == "boolean"
+    assert (table["excess"].isna() == table["holds"].isna()).all()
+    assert ((table["excess"] > 0.0) == ~table["holds"].fillna(True)).all()
+    assert realizability_table([]).columns.tolist() == list(table)
+    assert first_failures(realizability_table([])).empty
+
+
+def test_moments_that_are_not_finite_stay_visible():
+    raw = gaussian_raw_moments(1.0, 0.0, 1.0, 4)
+    raw[2, 0] = np.nan
+    rows = realizability_table([with_moments(raw)]).query("stage == 1").set_index("check")
+    assert rows.loc["variance of displacement", ["value", "excess"]].isna().all()
+    assert rows["holds"].isna().sum() == 5  # all but the velocity's variance and its kurtosis
+
+
+@pytest.mark.parametrize("order", [2, 3, 6])
+def test_printed_can_be_followed_far_beyond_its_breakdown(order):
+    table = table_of("printed", 1.5**0.5, impacts=40, order=order)
+    assert first_failures(table).set_index("check").loc["moment matrix", "impact"] == 2
+
+
+def test_scalars():
+    assert kurtosis_margin(mixture(REALIZABLE["two points"], 4)) == pytest.approx(0.0, abs=1e-12)
+    assert np.isnan(kurtosis_margin(gaussian_raw_moments(1.0, 0.0, 1.0, 3)))
+    assert covariance_eigenvalue(np.array([[0.0, 0.5], [0.5, 0.0]])) == pytest.approx(-1.0)
+    assert covariance_eigenvalue(np.zeros((2, 2))) == 0.0
