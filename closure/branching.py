@@ -339,7 +339,7 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     covariance = np.full((impacts + 1, 4, 4), np.nan)
     mesh, side = np.zeros(impacts + 1, np.int64), np.zeros(impacts + 1, np.int64)
     agreement, lost_at = np.full(impacts + 1, np.nan), np.full(impacts + 1, np.nan)
-    tau[0], mean[0], covariance[0], mesh[0], side[0] = orbit.tau[0], orbit.before[0], 0.0, orbit.mesh[0], orbit.side[0]
+    tau[0], mean[0], mesh[0], side[0] = orbit.tau[0], orbit.before[0], orbit.mesh[0], orbit.side[0]
     agreement[0], lost_at[0] = 1.0, 0.0
     found = impacts
     parts: dict[int, tuple[Floats, Floats, Floats]] = {}
@@ -356,10 +356,6 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
         parts[k] = w / w.sum(), values, variances
         centre, sd[k], skew[k] = _moments(w, values, variances)
         tau[k], mean[k] = centre[0], centre[2:]
-        share, off = w / w.sum(), s[:, 1:] - mean[k]
-        covariance[k] = np.einsum(
-            "p,pij->ij", share, section.covariance[:count, 1:, 1:] + off[:, :, None] * off[:, None, :]
-        )
         digits = section.itinerary[:count] % 5
         code = max((-2, -1, 1, 2), key=lambda a: w[digits == (a + 2 if a < 0 else a + 1)].sum())
         mesh[k], side[k] = abs(code), np.sign(code)

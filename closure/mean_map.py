@@ -84,7 +84,9 @@ class MeanMap:
 
     @cached_property
     def breakdown(self) -> Breakdown | None:
-        """The first impact at which the moments are not realizable, or None."""
+        """The first impact at which the moments are not realizable, or None; a mixture's always are."""
+        if self.trace.parts is not None:
+            return None
         for k in range(1, self.trace.found + 1):
             for stage in range(1, self.scene.stages + 1):
                 judged = realizability(self.stage_covariance(k, stage))
@@ -114,7 +116,10 @@ class MeanMap:
         for stage in (1, 2):
             columns[f"rho{stage}"] = [correlation(self.stage_covariance(k, stage)) for k in impacts]
         columns["realizable"] = [
-            k <= t.found and all(realizability(self.stage_covariance(k, s)).realizable for s in self._stages)
+            k <= t.found
+            and (
+                t.parts is not None or all(realizability(self.stage_covariance(k, s)).realizable for s in self._stages)
+            )
             for k in impacts
         ]
         table = pd.DataFrame(columns, index=pd.RangeIndex(1, self.impacts + 1, name="impact"))

@@ -27,6 +27,8 @@ def validity(closures: list[MeanMap], run: Ensemble, flights: Ints) -> pd.DataFr
     rows = []
     stages = range(1, run.scene.stages + 1)
     for closure in closures:
+        if closure.trace.parts is not None:
+            continue  # a mixture of paths at their own impacts has no moments of a perturbation
         for impact in range(1, closure.trace.found + 1):
             for stage in stages:
                 rows.append((closure.reading, impact, stage, closure.stage_covariance(impact, stage)))

@@ -132,6 +132,7 @@ def correlation_figure(v: Validation) -> Figure:
     stages = range(1, v.scene.stages + 1)
     figure, axes = _figure(5.2 * len(stages), 3.9, 1, len(stages))
     limit, impacts = 1.9, len(v.run.section)
+    readings = [name for name, closure in v.closures.items() if closure.trace.parts is None]
     for stage, ax in zip(stages, axes, strict=True):
         for sign in (-1.0, 1.0):
             ax.axhspan(
@@ -142,7 +143,7 @@ def correlation_figure(v: Validation) -> Figure:
                 lw=0,
                 label=r"impossible: $|\rho| > 1$" if sign > 0 else None,
             )
-        for reading, shift in _offsets(list(v.closures)).items():
+        for reading, shift in _offsets(readings).items():
             rows = v.correlation[(v.correlation["reading"] == reading) & (v.correlation["stage"] == stage)]
             rho = rows["rho"].clip(-limit + 0.12, limit - 0.12)
             colour, marker = STYLE[reading]["color"], STYLE[reading]["marker"]
@@ -159,7 +160,7 @@ def correlation_figure(v: Validation) -> Figure:
                     label=f"{reading}: negative variance",
                 )
         clock = v.table[(v.table["kind"] == "clock") & (v.table["quantity"] == f"rho{stage}")]
-        for reading in v.closures:
+        for reading in readings:
             rows = clock[clock["reading"] == reading].dropna(subset=["closure"])
             colour, marker = STYLE[reading]["color"], STYLE[reading]["marker"]
             ax.plot(
@@ -171,7 +172,7 @@ def correlation_figure(v: Validation) -> Figure:
                 color=colour,
                 label=f"{reading}, mid-flight",
             )
-        rows = clock[clock["reading"] == next(iter(v.closures))]
+        rows = clock[clock["reading"] == readings[0]]
         low, high = (rows["closure"] - rows["high"], rows["closure"] - rows["low"])
         known = rows["closure"].notna()
         errors = np.where(known, [rows["monte_carlo"] - low, high - rows["monte_carlo"]], v.z * rows["se"])
@@ -190,7 +191,7 @@ def correlation_figure(v: Validation) -> Figure:
         ax.set_xlabel("impact (mid-flight: the flight that it ends)")
         ax.set_ylabel(SYMBOL[f"rho{stage}"])
         ax.set_title(f"stage {stage}", loc="left")
-    _legend(figure, axes, 5)
+    _legend(figure, axes, 4)
     return figure
 
 
@@ -257,20 +258,25 @@ def frontier_figure(validations: Sequence[Validation]) -> Figure:
 
 
 def agreement_figure(validations: Sequence[Validation]) -> Figure:
-    """Share of paths whose impacts so far had the meshes and sides of the closure's, per noise intensity."""
-    readings = list(validations[0].closures)
-    figure, axes = _figure(4.4 * len(readings), 3.3, 1, len(readings))
+    """Share of paths that have followed an itinerary so far, per noise intensity; dashed what `branching` predicts."""
+    first = validations[0]
+    alike: dict[tuple[int, ...], list[str]] = {}  # readings by their itinerary at the first noise intensity
+    for reading, closure in first.closures.items():
+        alike.setdefault(closure.itinerary, []).append(reading)
+    figure, axes = _figure(4.6 * len(alike), 3.3, 1, len(alike))
     shades = mpl.colormaps["cividis"](np.linspace(0.0, 0.8, len(validations)))
-    for reading, ax in zip(readings, axes, strict=True):
+    for readings, ax in zip(alike.values(), axes, strict=True):
         for v, shade, marker in zip(validations, shades, "osD^vP*X" * 8, strict=False):
-            share = v.run.agreement[reading]
+            share = v.run.agreement[readings[0]]
             ax.plot(
                 share.index, share, marker=marker, ms=4, lw=1.2, color=shade, label=rf"$\sigma$ = {v.scene.sigma:.4g}"
             )
+            if "branching" in readings and "agreement" in v.closures["branching"].section:
+                ax.plot(share.index, v.closures["branching"].section["agreement"], color=shade, ls="--", lw=1.0)
         ax.set_ylim(-0.03, 1.05)
         ax.set_xlabel("impact")
         ax.set_ylabel("share of paths still agreeing")
-        ax.set_title(f"itinerary of the {reading} reading", loc="left")
+        ax.set_title("itinerary of " + ", ".join(readings), loc="left")
     axes[0].legend(loc="best")
     return figure
 

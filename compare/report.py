@@ -10,13 +10,16 @@ import jinja2
 import pandas as pd
 
 from compare import manifest
-from compare.correlation import SIMULATED, first_failure
+from compare.answer import answer, correlation_claim, sigma_text
+from compare.distance import section_distances
 from compare.folder import whole_folder
+from compare.frontier import frontiers
 from compare.moments import VERDICTS
-from compare.plots import FIGURES, agreement_figure, save
+from compare.plots import FIGURES, agreement_figure, frontier_figure, save
+from compare.realizability import first_failures, realizability_table
 from compare.validate import Validation
 
-__all__ = ["CONTENTS", "answer", "table_text", "write_report"]
+__all__ = ["CONTENTS", "table_text", "write_report"]
 
 CONTENTS = frozenset(
     {"report.md", "report.html", "table.csv", "table.parquet", "correlation.csv", "manifest.json", "figures"}
@@ -27,63 +30,14 @@ MARKS = {"accurate": "✓", "inaccurate": "✗", "undecided": "?", "not predicte
 SHOWN = [("mean", "tau"), ("mean", "y1"), ("mean", "y2"), ("sd", "tau"), ("sd", "y1"), ("sd", "y2")]
 """Section moments that the page tabulates; the table files hold all of them."""
 
-AGREEMENT = (
-    "Share of paths whose impacts so far had the meshes and sides of the closure's. "
-    "No closure of a single orbit can hold beyond it."
+FRONTIER = (
+    "How far each reading can be believed: the impact up to which every section mean and sd that it predicts is "
+    "accurate (filled) or at least not refuted (hatched, number)."
 )
-
-
-def _listed(items: Sequence[str]) -> str:
-    return items[0] if len(items) == 1 else ", ".join(items[:-1]) + " and " + items[-1]
-
-
-def _sigma(v: Validation) -> str:
-    return f"{v.scene.sigma:.4g}"
-
-
-def answer(validations: Sequence[Validation]) -> list[str]:
-    """The answer in three sentences: accuracy, realizability, agreement."""
-    impacts = len(validations[0].run.section)
-    tolerances = validations[0].tolerances
-    accuracy, realizability = [], []
-    for reading in validations[0].closures:
-        shares, failures = [], []
-        for v in validations:
-            rows = v.table[(v.table["reading"] == reading) & (v.table["kind"] == "section")]
-            predicted = rows[rows["verdict"] != "not predicted"]
-            right = int((predicted["verdict"] == "accurate").sum())
-            shares.append(f"{right} of {len(predicted)} at σ = {_sigma(v)}")
-            failures.append(first_failure(v.correlation, reading))
-        accuracy.append(f"the {reading} reading gets {_listed(shares)} right")
-        broken = [(v, f) for v, f in zip(validations, failures, strict=True) if f]
-        if not broken:
-            realizability.append(f"the {reading} reading stays realizable")
-        else:
-            last, (impact, stage, why) = broken[-1]
-            where = (
-                "at every σ"
-                if len({f[0] for _, f in broken}) == 1 and len(broken) == len(validations)
-                else (f"at σ = {_listed([_sigma(v) for v, _ in broken])}")
-            )
-            realizability.append(
-                f"the {reading} reading stops being realizable at impact {impact} {where} "
-                f"(at σ = {_sigma(last)}, stage {stage}: {why})"
-            )
-    largest = max(
-        (v.correlation.loc[v.correlation["reading"] == SIMULATED, "rho"].abs().max() for v in validations), default=0.0
-    )
-    agreement = []
-    for v in validations:
-        best = max(v.run.agreement[r].iloc[-1] for r in v.closures)
-        agreement.append(f"{best:.1%} at σ = {_sigma(v)}")
-    return [
-        f"Of the section moments that it predicts over {impacts} impacts, {'; '.join(accuracy)} (within "
-        f"{tolerances.mean:.0%} of an sd for means and {tolerances.sd:.0%} for sds, interval included).",
-        f"As for the correlation coefficient, {'; '.join(realizability)}; in the simulation |ρ| never exceeds "
-        f"{largest:.4f}.",
-        f"After {impacts} impacts the share of paths that still follow the closure's itinerary is "
-        f"{_listed(agreement)}: no closure of a single orbit can hold beyond it.",
-    ]
+AGREEMENT = (
+    "Share of paths whose impacts so far had the meshes and sides of the closure's; no closure of a single orbit can "
+    "hold beyond it. Dashed: the share that the branching reading predicts."
+)
 
 
 def _counts(v: Validation) -> list[dict[str, Any]]:
@@ -126,6 +80,36 @@ def _per_impact(v: Validation, reading: str) -> dict[str, Any]:
     heads = [f"{'E' if m == 'mean' else 'sd'} {q}" for m, q in columns]
     rhos = [f"ρ{s}" for s in range(1, v.scene.stages + 1)]
     return {"reading": reading, "heads": heads, "rhos": rhos, "rows": rows, "stopped": v.closures[reading].stopped}
+
+
+def _failure(row: pd.Series) -> dict[str, str]:
+    """One first failure of realizability as text."""
+    stage = f"stage {row['stage']}" if row["stage"] else "both stages"
+    return {
+        "reading": str(row["reading"]),
+        "check": str(row["check"]),
+        "where": f"impact {row['impact']}, {stage}",
+        "value": f"{row['value']:.3g}",
+        "excess": f"{row['excess']:.3g}",
+    }
+
+
+def _distances(v: Validation) -> list[dict[str, str]]:
+    """Distances between section density and histogram in units of their sampling floors, by reading."""
+    table = section_distances_of(v)
+    rows = []
+    for reading, group in table.groupby("reading", sort=False):
+        row = {"reading": str(reading)}
+        for name in ("kolmogorov", "total_variation"):
+            ratio = group[name] / group[f"{name}_floor"]
+            row[name], row[f"worst_{name}"] = f"{ratio.median():.2g}", f"{ratio.max():.3g}"
+        rows.append(row)
+    return rows
+
+
+def section_distances_of(v: Validation) -> pd.DataFrame:
+    """Distances of all readings of a validation."""
+    return pd.concat([section_distances(m, v.run) for m in v.closures.values()], ignore_index=True)
 
 
 def _simulation(v: Validation) -> str:
@@ -184,27 +168,38 @@ def write_report(
         for number, v in enumerate(validations, start=1):
             figures = []
             for name, (draw, caption) in FIGURES.items():
-                path = Path("figures") / f"{name}-{number}-sigma-{_sigma(v)}.svg"
+                path = Path("figures") / f"{name}-{number}-sigma-{sigma_text(v)}.svg"
                 save(draw(v), folder / path)
                 figures.append({"path": str(path), "caption": caption, "uri": _svg_uri(folder / path)})
+            failures = first_failures(realizability_table([m for m in v.closures.values() if m.trace.parts is None]))
             sections.append(
                 {
-                    "sigma": _sigma(v),
+                    "failures": [_failure(row) for _, row in failures.iterrows()],
+                    "distances": _distances(v),
+                    "sigma": sigma_text(v),
                     "counts": _counts(v),
                     "readings": [_per_impact(v, r) for r in v.closures],
                     "figures": figures,
                     "simulation": _simulation(v),
                 }
             )
-        path = Path("figures") / "agreement.svg"
-        save(agreement_figure(validations), folder / path)
+        overview = {}
+        for name, figure, caption in (
+            ("frontier", frontier_figure(validations), FRONTIER),
+            ("agreement", agreement_figure(validations), AGREEMENT),
+        ):
+            path = Path("figures") / f"{name}.svg"
+            save(figure, folder / path)
+            overview[name] = {"path": str(path), "caption": caption, "uri": _svg_uri(folder / path)}
         content = {
             "name": settings.name,
             "answer": record["answer"],
             "sections": sections,
             "marks": MARKS,
             "verdicts": VERDICTS,
-            "agreement": {"path": str(path), "caption": AGREEMENT, "uri": _svg_uri(folder / path)},
+            "overview": overview,
+            "frontiers": frontiers(list(validations)).to_dict("records"),
+            "claim": correlation_claim(validations),
             "manifest": record,
             "scene_toml": validations[0].scene.to_toml(),
         }
