@@ -25,7 +25,7 @@ from scene.scene import Constants, Scene
 __all__ = ["check", "trace"]
 
 MOST_PARTS = 1000
-UNCUT = 2e-4  # weight below which a part is not cut any more
+UNCUT = 1e-3  # weight below which a part is not cut any more
 LIGHTEST = 1e-7  # weight below which a part that finds no other of its itinerary is dropped
 NEGLIGIBLE = 1e-5  # weight that may lie beyond a boundary without being looked for
 BEND = 0.15  # share of an output's sd by which its map may bend over one sd of a part
@@ -259,8 +259,12 @@ def _step(c: Constants, live: int, now: Mixture, after: Mixture, section: Mixtur
 
 
 @jit
-def _merge(parts: Mixture, count: int, most: int) -> tuple[int, float]:
-    """Merge the lightest parts into others of their itinerary until `most` are left; returns what is lost."""
+def _merge(parts: Mixture, count: int, most: int, kept_apart: int) -> tuple[int, float]:
+    """Merge the lightest parts into others until `most` are left; returns how many, and the weight lost.
+
+    A part goes to one of its own itinerary, or else to one that has just struck the same flank; the itinerary
+    `kept_apart` takes no strangers, so that its probability stays right.
+    """
     lost = 0.0
     order = np.argsort(parts.weight[:count])
     alive = np.ones(count, np.bool_)
@@ -276,6 +280,9 @@ def _merge(parts: Mixture, count: int, most: int) -> tuple[int, float]:
             if parts.itinerary[j] == parts.itinerary[i]:
                 partner = j
                 break
+            same_flank = parts.itinerary[j] % 5 == parts.itinerary[i] % 5
+            if partner < 0 and same_flank and parts.itinerary[j] != kept_apart:
+                partner = j
         alive[i] = False
         left -= 1
         if partner < 0:
@@ -362,7 +369,7 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
         own = int(orbit.mesh[k] * orbit.side[k])
         expected = expected * 5 + (own + 2 if own < 0 else own + 1)
         agreement[k] = w[section.itinerary[:count] == expected].sum()
-        live, gone = _merge(after, count, MOST_PARTS)
+        live, gone = _merge(after, count, MOST_PARTS, expected)
         lost += gone
         lost_at[k] = lost
         now, after = after, now

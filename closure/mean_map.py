@@ -162,8 +162,8 @@ class MeanMap:
         if self.trace.parts is not None:
             return mixture_density(values, *(a if a.ndim == 1 else a[:, i] for a in self.trace.parts[impact]))
         skew, sd = float(self.trace.skew[impact, i]), float(self.trace.sd[impact, i])
-        if np.isfinite(self.trace.sd[impact, 0]) and np.isfinite(sd):  # the moments are those of the section
-            skew = skew if np.isfinite(skew) else 0.0
+        if np.isfinite(self.trace.sd[impact, 0]) and np.isnan(self.trace.skew[impact]).all():
+            skew = 0.0  # section moments of first order: Gaussian
         if np.isfinite(skew) and sd > 0.0:
             return section_density(values, float(self.section[quantity].loc[impact]), sd, skew)
         if quantity not in VELOCITIES:

@@ -68,6 +68,9 @@ def correlation_claim(validations: Sequence[Validation]) -> str:
     for v in validations:
         rows = v.correlation[(v.correlation["reading"] == "printed") & ~v.correlation["realizable"]]
         impacts = sorted(set(rows["impact"]))
+        if not impacts:
+            evidence.append(f"at σ = {sigma_text(v)} nowhere")
+            continue
         beyond = rows["rho"].abs().max()
         excess = f", |ρ| up to {beyond:.3g}" if beyond > 1.0 else ""
         evidence.append(f"at σ = {sigma_text(v)} at {len(impacts)} impacts, the first being {impacts[0]}{excess}")

@@ -35,7 +35,7 @@ def report(tmp_path_factory):
 
 def test_report_folder_is_complete(report):
     assert {p.name for p in report.iterdir()} == CONTENTS
-    assert len(list((report / "figures").glob("*.svg"))) == 2 * 3 + 1
+    assert len(list((report / "figures").glob("*.svg"))) == 2 * 3 + 2
     page = (report / "report.md").read_text()
     for link in re.findall(r"\]\((figures/[^)]+)\)", page):
         assert (report / link).is_file()

@@ -1,0 +1,173 @@
+"""The branching reading: a mixture over itineraries, held against simulation far beyond one orbit."""
+
+import math
+import time
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from closure import mean_map
+from closure.branching import THIRD_CENTRE, THIRD_WEIGHT, THIRD_WIDTH, _cut_plane, _half
+from montecarlo import simulate
+from scene import DAT21, InputError, Scene, Tolerance
+
+QUANTITIES = ("tau", "flight", "y1", "y2")
+
+
+def dat21(sigma, **changes):
+    return Scene.from_gears(DAT21, sigma=sigma, **changes)
+
+
+@pytest.fixture(scope="module", params=[0.1, 0.5, 1.5**0.5], ids=lambda s: f"sigma={s:.3g}")
+def pair(request):
+    scene = dat21(request.param)
+    orbit = mean_map(scene, impacts=1).scene
+    follows = tuple(mean_map(scene, impacts=12, reading="mended").itinerary)
+    run = simulate(orbit, paths=60_000, rng=3, workers=2, step_bias=True, itineraries={"orbit": follows})
+    return mean_map(scene, impacts=12, reading="branching"), run
+
+
+def corrected(run, moment, quantity):
+    rows = run.step_bias
+    return rows[(rows["moment"] == moment) & (rows["quantity"] == quantity)].set_index("impact")["corrected"]
+
+
+def test_unconditional_section_moments(pair):
+    """Median errors of a few per cent of an sd over all impacts, where one orbit is wrong by its own size."""
+    branching, run = pair
+    single = mean_map(branching.scene, impacts=12).section
+    mean_errors, sd_errors, single_errors = [], [], []
+    for quantity in QUANTITIES:
+        sd = corrected(run, "sd", quantity)
+        mean = corrected(run, "mean", quantity)
+        mean_errors += list(((branching.section[quantity] - mean) / sd).abs())
+        sd_errors += list((branching.section[f"sd_{quantity}"] / sd - 1.0).abs())
+        single_errors += list(((single[quantity] - mean) / sd).abs())
+    assert np.median(mean_errors) < 0.05
+    assert np.median(sd_errors) < 0.05
+    assert max(mean_errors) < 0.25
+    assert np.median(single_errors) > 3.0 * np.median(mean_errors)  # planted: one itinerary only
+
+
+def test_itinerary_probabilities(pair):
+    """The share of paths on the orbit's itinerary, from 95 % to 1.4 % at impact 12, within 0.03."""
+    branching, run = pair
+    np.testing.assert_allclose(branching.section["agreement"], run.agreement["orbit"], atol=0.03)
+
+
+def test_weight_is_accounted_for(pair):
+    branching, _ = pair
+    lost = branching.section["lost"]
+    assert (lost >= 0.0).all()
+    assert lost.is_monotonic_increasing
+    assert lost.iloc[-1] < 0.05
+    for weights, _, variances in branching.trace.parts.values():
+        assert weights.sum() == pytest.approx(1.0)
+        assert (variances > -1e-9 * variances.max()).all()
+
+
+def test_density_is_the_mixtures_and_sees_both_branches():
+    """At the paper's noise the velocity before impact 12 has two humps; share of the mass in the wrong place."""
+    scene = dat21(1.5**0.5)
+    m = mean_map(scene, impacts=12, reading="branching")
+    y = np.linspace(-10.0, 10.0, 8001)
+    density = m.density(12, "y1", y)
+    assert np.trapezoid(density, y) == pytest.approx(1.0, abs=2e-3)
+    run = simulate(scene, paths=60_000, rng=3, workers=2, keep_paths=True)
+    edges = np.linspace(-6.0, 6.0, 25)
+    sampled = np.histogram(run.raw[:, 11, 2 + 1], edges)[0] / run.paths
+
+    def misplaced(values):
+        mass = np.histogram(y, edges, weights=values * (y[1] - y[0]))[0]
+        return 0.5 * np.abs(mass - sampled).sum()
+
+    assert misplaced(density) < 0.12
+    single = mean_map(scene, impacts=12)
+    assert misplaced(single.density(12, "y1", y)) > 3.0 * misplaced(density)  # planted: one Gaussian, skewed or not
+
+
+def test_small_noise_is_the_saltation_reading():
+    branching, saltation = (mean_map(dat21(0.002), impacts=12, reading=r).section for r in ("branching", "saltation"))
+    for quantity in QUANTITIES:
+        sd = saltation[f"sd_{quantity}"]
+        assert ((branching[quantity] - saltation[quantity]).abs() < 1e-3 * sd).all()
+        np.testing.assert_allclose(branching[f"sd_{quantity}"], sd, rtol=1e-3)
+
+
+def test_no_noise_is_the_orbit():
+    branching, orbit = (mean_map(dat21(0.0), impacts=12, reading=r).section for r in ("branching", "mended"))
+    for quantity in ("tau", "x1", "y1", "x2", "y2"):
+        np.testing.assert_allclose(branching[quantity], orbit[quantity], atol=1e-12)
+
+
+@pytest.mark.parametrize("depth", [0.0, 0.7, 2.5])
+def test_halves_have_the_moments_of_a_cut_gaussian(depth):
+    """Together they are the whole; each has the moments of the truncated normal."""
+    axes = np.linalg.cholesky(np.array([[2.0, 0.3, 0.0], [0.3, 1.0, 0.2], [0.0, 0.2, 0.5]]))
+    centre = np.array([1.0, -2.0, 0.5])
+    q = np.array([0.6, 0.0, 0.8]) / max(depth, 1e-3)
+    depth = max(depth, 1e-3)
+    parts = [_half(centre, axes, q, inner) for inner in (True, False)]
+    assert parts[0][0] == pytest.approx(stats.norm.cdf(depth))
+    assert sum(w for w, _, _ in parts) == pytest.approx(1.0)
+    np.testing.assert_allclose(sum(w * m for w, m, _ in parts), centre, atol=1e-12)
+    second = sum(w * (s + np.outer(m - centre, m - centre)) for w, m, s in parts)
+    np.testing.assert_allclose(second, axes @ axes.T, atol=1e-12)
+    n = q * depth
+    inner = stats.truncnorm(-np.inf, depth)
+    along = np.linalg.solve(axes, parts[0][1] - centre) @ n
+    assert along == pytest.approx(inner.mean(), rel=1e-9)
+    whitened = np.linalg.inv(axes) @ parts[0][2] @ np.linalg.inv(axes).T
+    assert n @ whitened @ n == pytest.approx(inner.var(), rel=1e-9)
+
+
+def test_three_parts_keep_the_first_two_moments():
+    assert 1.0 - 2.0 * THIRD_WEIGHT > 0.0
+    variance = THIRD_WIDTH**2 + 2.0 * THIRD_WEIGHT * THIRD_CENTRE**2
+    assert variance == pytest.approx(1.0, abs=0.05)
+
+
+def test_cut_plane_finds_a_slanted_boundary():
+    """Two walls met at about one time: the plane between the events, against the events of many points."""
+    c = dat21(0.0).constants
+    centre = np.array([0.0, 0.0, 1.0, 0.02, 1.0])
+    axes = np.ascontiguousarray(0.02 * np.eye(5)[:, 1:])
+    from closure.branching import _event
+
+    before = np.empty(4)
+    code = _event(c, centre, before)[1]
+    other, q = _cut_plane(c, centre, axes, code, 0, 4.0, before)
+    assert {abs(code), abs(other)} == {1, 2}
+    rng = np.random.default_rng(1)
+    z = rng.standard_normal((3000, 4))
+    beyond = np.array([_event(c, centre + axes @ point, before)[1] == other for point in z])
+    predicted = z @ q > 1.0
+    assert (beyond == predicted).mean() > 0.98
+    assert beyond.mean() == pytest.approx(0.5 * math.erfc(1.0 / np.linalg.norm(q) / math.sqrt(2.0)), abs=0.03)
+
+
+def test_random_tolerance_is_refused_by_name():
+    with pytest.raises(InputError, match=r"tolerance\.law = 'uniform'"):
+        mean_map(dat21(0.1, tolerance=Tolerance(0.01, 0.01)), impacts=2, reading="branching")
+
+
+def test_single_stage():
+    """Slow impacts part the paths of a single stage soon: the mixture holds for five of them."""
+    scene = dat21(0.3, stages=1)
+    m = mean_map(scene, impacts=5, reading="branching")
+    run = simulate(scene, paths=30_000, impacts=5, rng=2, workers=2, step_bias=True)
+    sd = corrected(run, "sd", "tau")
+    assert ((m.section["tau"] - corrected(run, "mean", "tau")).abs() < 0.1 * sd).all()
+    assert m.section[["x2", "y2"]].isna().all().all()
+
+
+def test_a_thousand_parts_take_about_a_second():
+    m = mean_map(dat21(1.5**0.5), impacts=12, reading="branching")
+    assert max(len(parts[0]) for parts in m.trace.parts.values()) > 500
+    best = math.inf
+    for _ in range(3):
+        begin = time.perf_counter()
+        mean_map(m.scene, impacts=12, reading="branching")
+        best = min(best, time.perf_counter() - begin)
+    assert best < 4.0  # about 1 s on a quiet machine
