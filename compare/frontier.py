@@ -12,7 +12,8 @@ from compare.validate import Validation
 
 __all__ = ["Frontier", "frontier", "frontiers"]
 
-PARTED = 0.99  # agreement below which paths have left the closure's itinerary in numbers that matter
+PARTED = 0.99  # agreement below which a closure of one orbit cannot hold, whatever else is wrong with it
+STRAYS = 0.9999  # agreement below which a closure that is right otherwise fails: few strays, far away, make an sd
 SLOW = 3.0  # impact speed in sds of it below which a Gaussian would have part of the paths miss the wall
 
 
@@ -88,8 +89,8 @@ def _why(v: Validation, reading: str, impact: int, not_refuted: int) -> str:
         lost = float(closure.section["lost"].loc[impact])
         return f"{worst} (weight lost so far {lost:.1e}): limit of a mixture of this size"
     agreement = float(v.run.agreement[reading].loc[impact])
-    if agreement < PARTED:
-        return f"{worst}: {1.0 - agreement:.1%} of the paths have left its itinerary"
+    if agreement < (STRAYS if reading == "saltation" else PARTED):
+        return f"{worst}: {1.0 - agreement:.2%} of the paths have left its itinerary"
     slow = _slowest(closure, impact)
     if slow is not None:
         return f"{worst}: impact {slow[0]} grazes (speed {slow[1]:.1f} of its sds)"
