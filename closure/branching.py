@@ -28,7 +28,7 @@ MOST_PARTS = 1000
 UNCUT = 1e-3  # weight below which a part is not cut any more
 LIGHTEST = 1e-7  # weight below which a part that finds no other of its itinerary is dropped
 NEGLIGIBLE = 1e-5  # weight that may lie beyond a boundary without being looked for
-BEND = 0.05  # share of an output's sd by which its map may bend over one sd of a part
+BEND = 0.15  # share of an output's sd by which its map may bend over one sd of a part
 LONGEST = 100.0  # flight after which a part counts as lost
 # The Gaussian in three, as close to it as three of equal width come: centres and width in units of its sd.
 THIRD_WEIGHT, THIRD_CENTRE, THIRD_WIDTH = 0.2252246249, 1.0575154615, 0.6715662887
