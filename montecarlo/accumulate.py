@@ -28,50 +28,102 @@ BINOMIAL = np.array([[comb(n, k) for k in range(9)] for n in range(9)], dtype=fl
 
 
 @jit
-def _means(v: Floats, seen: Bools, n: Floats) -> Floats:
+def _means(v: Floats, columns: Ints, seen: Bools, n: Floats) -> Floats:
     """Means of the cells over the rows that were seen, about the first of them: what does not vary comes out exact."""
-    paths, cells = v.shape
-    origin, total, begun = np.zeros(cells), np.zeros(cells), np.zeros(cells, np.bool_)
-    for p in range(paths):
-        for i in range(cells):
-            if seen[p, i] and not begun[i]:
-                origin[i], begun[i] = v[p, i], True
-        if begun.all():
-            break
-    for p in range(paths):
-        for i in range(cells):
-            total[i] += v[p, i] - origin[i] if seen[p, i] else 0.0
+    cells = columns.size
+    origin, total = np.zeros(cells), np.zeros(cells)
+    for i in range(cells):
+        for p in range(len(v)):
+            if seen.size == 0 or seen[p, i]:
+                origin[i] = v[p, columns[i]]
+                break
+    for p in range(len(v)):
+        if seen.size == 0:
+            for i in range(cells):
+                total[i] += v[p, columns[i]] - origin[i]
+        else:
+            for i in range(cells):
+                total[i] += v[p, columns[i]] - origin[i] if seen[p, i] else 0.0
     return origin + total / np.maximum(n, 1.0)
 
 
 @jit
-def _block_sums(a: Floats, b: Floats, exponents: Ints) -> tuple[Floats, Floats, Floats]:
-    """Counts, means (2, cells) and sums of ``da^p db^q`` (orders, cells) over the rows where both are finite."""
-    paths, cells = a.shape
-    orders = len(exponents)
-    most_a, most_b = exponents[:, 0].max(), exponents[:, 1].max()
-    seen = np.isfinite(a) & np.isfinite(b)
-    n = np.zeros(cells)
-    for p in range(paths):
+def _seen(a: Floats, b: Floats, left: Ints, right: Ints) -> Bools:
+    """Whether both variables of each cell are finite, shape (paths, cells); empty where all are."""
+    cells = left.size
+    missing = 0
+    for p in range(len(a)):
+        for i in range(a.shape[1]):
+            missing += not np.isfinite(a[p, i])
+            missing += not np.isfinite(b[p, i])
+    if missing == 0:
+        return np.empty((0, cells), np.bool_)
+    seen = np.empty((len(a), cells), np.bool_)
+    for p in range(len(a)):
         for i in range(cells):
-            n[i] += seen[p, i]
-    mean, sums = np.empty((2, cells)), np.zeros((orders, cells))
-    mean[0], mean[1] = _means(a, seen, n), _means(b, seen, n)
-    power_a, power_b = np.ones((9, cells)), np.ones((9, cells))
-    for p in range(paths):
+            seen[p, i] = np.isfinite(a[p, left[i]]) & np.isfinite(b[p, right[i]])
+    return seen
+
+
+@jit
+def _add_powers(da: Floats, power: Floats, sums: Floats) -> None:
+    """Add ``da^2, da^3, ...`` to the rows of `sums`."""
+    cells = da.size
+    power[:] = da
+    for o in range(len(sums)):
+        total = sums[o]
         for i in range(cells):
-            power_a[1, i] = a[p, i] - mean[0, i] if seen[p, i] else 0.0
-            power_b[1, i] = b[p, i] - mean[1, i] if seen[p, i] else 0.0
-        for k in range(1, most_a):
+            power[i] *= da[i]
+            total[i] += power[i]
+
+
+@jit
+def _add_products(da: Floats, db: Floats, exponents: Ints, powers: Floats, sums: Floats) -> None:
+    """Add ``da^p db^q`` of all exponents to the rows of `sums`; scratch `powers`, shape (2, 9, cells)."""
+    cells = da.size
+    for side in range(2):
+        own, base = powers[side], da if side == 0 else db
+        own[1] = base
+        for k in range(1, exponents[:, side].max()):
             for i in range(cells):
-                power_a[k + 1, i] = power_a[k, i] * power_a[1, i]
-        for k in range(1, most_b):
+                own[k + 1, i] = own[k, i] * base[i]
+    for o in range(len(exponents)):
+        u, w, total = powers[0, exponents[o, 0]], powers[1, exponents[o, 1]], sums[o]
+        for i in range(cells):
+            total[i] += u[i] * w[i]
+
+
+@jit
+def _block_sums(a: Floats, b: Floats, left: Ints, right: Ints, exponents: Ints) -> tuple[Floats, Floats, Floats]:
+    """Counts, means (2, cells) and sums of ``da^p db^q`` (orders, cells) over the rows where both are finite.
+
+    Cell i is about the columns ``left[i]`` of `a` and ``right[i]`` of `b`, both of shape (paths, columns).
+    Exponents of one variable alone are 2, 3, 4, ... in this order.
+    """
+    cells, alone = left.size, exponents[:, 1].max() == 0
+    seen = _seen(a, b, left, right)
+    n = np.full(cells, float(len(a)))
+    if seen.size > 0:
+        for i in range(cells):
+            n[i] = seen[:, i].sum()
+    mean, sums = np.empty((2, cells)), np.zeros((len(exponents), cells))
+    mean[0] = _means(a, left, seen, n)
+    mean[1] = mean[0] if alone else _means(b, right, seen, n)
+    da, db, powers = np.empty(cells), np.empty(cells), np.ones((2, 9, cells))
+    for p in range(len(a)):
+        for i in range(cells):
+            da[i] = a[p, left[i]] - mean[0, i]
+        if not alone:
             for i in range(cells):
-                power_b[k + 1, i] = power_b[k, i] * power_b[1, i]
-        for o in range(orders):
-            u, v, total = power_a[exponents[o, 0]], power_b[exponents[o, 1]], sums[o]
+                db[i] = b[p, right[i]] - mean[1, i]
+        if seen.size > 0:
             for i in range(cells):
-                total[i] += u[i] * v[i]
+                if not seen[p, i]:
+                    da[i] = db[i] = 0.0
+        if alone:
+            _add_powers(da, db, sums)
+        else:
+            _add_products(da, db, exponents, powers, sums)
     return n, mean, sums
 
 
@@ -125,9 +177,15 @@ class CentralSums:
     @classmethod
     def of(cls, a: Floats, b: Floats, orders: Orders) -> "CentralSums":
         """Sums of one block; `a` and `b` have shape (paths, ...), and NaN marks what was never observed."""
-        shape = a.shape[1:]
-        flat_a, flat_b = (np.ascontiguousarray(v).reshape(len(v), -1) for v in (a, b))
-        n, mean, sums = _block_sums(flat_a, flat_b, np.array(orders))
+        cells = np.arange(a[0].size)
+        return cls.of_columns(a.reshape(len(a), -1), b.reshape(len(b), -1), cells, cells, orders, a.shape[1:])
+
+    @classmethod
+    def of_columns(
+        cls, a: Floats, b: Floats, left: Ints, right: Ints, orders: Orders, shape: tuple[int, ...]
+    ) -> "CentralSums":
+        """Sums of one block over cells of this shape, each about one column of `a` and one of `b`."""
+        n, mean, sums = _block_sums(a, b, left, right, np.array(orders))
         return cls(orders, n.reshape(shape), mean.reshape(2, *shape), sums.reshape(len(orders), *shape))
 
     def merged(self, other: "CentralSums") -> "CentralSums":

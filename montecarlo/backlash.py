@@ -1,66 +1,82 @@
 """Toleranced backlash: where the flanks of each path stand, and where they stand after a redraw (MODEL section 4)."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
+from montecarlo.noise import CONTACT, Key, Word, normals, uniforms
 from scene.compiled import jit
 from scene.scene import CUT, Scene
 
-__all__ = ["LAWS", "deviation", "draw_walls"]
+__all__ = ["Backlash", "backlash_of", "draw_walls", "half_gap"]
 
 Floats = NDArray[np.float64]
 
 LAWS = {"fixed": 0, "uniform": 1, "normal": 2}
-"""Code of a law in compiled code."""
+ATTEMPTS = Word(64)  # of one draw from the truncated normal law, which keeps 95 % of them
+
+
+class Backlash(NamedTuple):
+    """Half gaps and their tolerance, as compiled code reads them."""
+
+    gap1: float
+    gap2: float
+    c1_max: float
+    c2_max: float
+    law: int
+    random: bool
+    redrawn: bool
+
+
+def backlash_of(scene: Scene) -> Backlash:
+    """Backlash of a scene."""
+    t = scene.tolerance
+    if t is None:
+        return Backlash(scene.gap1, scene.gap2, 0.0, 0.0, LAWS["fixed"], False, False)
+    random = t.law != "fixed"
+    return Backlash(
+        scene.gap1, scene.gap2, t.c1_max, t.c2_max, LAWS[t.law], random, random and t.draw == "contact"
+    )  # fmt: skip
 
 
 @jit
-def deviation(law: int, generator: np.random.Generator) -> float:
-    """One deviation in units of c_max."""
+def _deviation(key: Key, path: Word, contact: Word, law: int) -> float:
+    """Deviation number `contact` of a path, in units of c_max."""
     if law == 0:
         return 1.0
+    first, purpose = contact * ATTEMPTS, Word(CONTACT)
     if law == 1:
-        return 2.0 * generator.random() - 1.0
-    while True:  # a normal law truncated at c_max keeps 95 % of its draws
-        c = generator.standard_normal() / CUT
+        return 2.0 * uniforms(key, path, first, purpose)[0] - 1.0
+    for attempt in range(ATTEMPTS):
+        c = normals(key, path, first + Word(attempt), purpose)[0] / CUT
         if abs(c) <= 1.0:
             return c
+    return 0.0  # once in 1e83 draws
 
 
-def draw_walls(scene: Scene, impacts: int, generator: np.random.Generator, paths: int) -> tuple[Floats, Floats]:
-    """Distances of the flanks from the middle.
+@jit
+def half_gap(b: Backlash, key: Key, path: Word, contact: Word, mesh: int) -> float:
+    """Half gap that a flank of `mesh` takes by draw number `contact` of a path."""
+    gap, c_max = (b.gap1, b.c1_max) if mesh == 1 else (b.gap2, b.c2_max)
+    return gap + c_max * _deviation(key, path, contact, b.law)
+
+
+@jit
+def draw_walls(b: Backlash, key: Key, first: int, walls: Floats) -> None:
+    """Distances of the flanks +1, -1, +2, -2 from the middle at the start, into `walls`, shape (4, paths).
 
     Parameters
     ----------
-    scene : Scene
-    impacts : int
-        Impacts of each path.
-    generator : Generator
-    paths : int
-
-    Returns
-    -------
-    walls : ndarray, shape (4, paths)
-        Of the flanks +1, -1, +2, -2 at the start.
-    fresh : ndarray, shape (2, draws, paths)
-        Half gaps that flanks of mesh 1, 2 take later, one for each impact; no draws where they keep their own.
+    b : Backlash
+    key : Key
+    first : int
+        Number of the first path.
+    walls : ndarray
+        Output.  Draws 0 to 3 are the flanks'; impact k uses draw 4 + k.
     """
-    gaps = np.array([scene.gap1, scene.gap2])
-    tolerance = scene.tolerance
-    if tolerance is None:
-        return np.repeat(gaps, 2)[:, None] + np.zeros((4, paths)), np.empty((2, 0, paths))
-    c_max = np.array([tolerance.c1_max, tolerance.c2_max])
-
-    def draw(shape: tuple[int, ...]) -> Floats:
-        if tolerance.law == "fixed":
-            return np.ones(shape)
-        if tolerance.law == "uniform":
-            return generator.uniform(-1.0, 1.0, shape)
-        return np.asarray(stats.truncnorm.rvs(-CUT, CUT, scale=1.0 / CUT, size=shape, random_state=generator))
-
-    if tolerance.draw == "path" or tolerance.law == "fixed":
-        half = gaps[:, None] + c_max[:, None] * draw((2, paths))
-        return np.repeat(half, 2, axis=0), np.empty((2, 0, paths))
-    walls = np.repeat(gaps, 2)[:, None] + np.repeat(c_max, 2)[:, None] * draw((4, paths))
-    return walls, gaps[:, None, None] + c_max[:, None, None] * draw((2, impacts + 1, paths))
+    for flank in range(4):
+        mesh = 1 + flank // 2
+        draw = flank if b.redrawn else 2 * (flank // 2)  # one draw for both flanks of a mesh
+        for p in range(walls.shape[1]):
+            walls[flank, p] = half_gap(b, key, Word(first + p), Word(draw), mesh)

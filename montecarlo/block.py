@@ -1,5 +1,7 @@
 """One block of paths: its streams, its walls and its start, run through the kernel and reduced to what is kept."""
 
+import threading
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -7,22 +9,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from montecarlo.accumulate import COVARIANCE, PAIR, SINGLE, CentralSums, Orders
-from montecarlo.backlash import LAWS, draw_walls
-from montecarlo.kernel import run_block
-from montecarlo.noise import streams
+from montecarlo.backlash import backlash_of, draw_walls
+from montecarlo.kernel import COLUMNS, Job, run_block
+from montecarlo.noise import key_of
+from montecarlo.schemes import SCHEMES
+from scene.compiled import jit
 from scene.impact import struck
-from scene.scene import Scene, Tolerance
+from scene.moments import SECTION
+from scene.scene import Scene
 
 __all__ = ["BLOCK", "BlockResult", "Plan", "Raw", "run", "sample"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-BLOCK = 512
-"""Paths of a block: their state fits the first-level cache."""
+BLOCK = 1024
+"""Paths of a block: their states fit the caches, and few lanes are empty while the last paths finish."""
 
 PAIRS = tuple((i, j) for i in range(5) for j in range(i))
 """Pairs among tau, x1, y1, x2, y2 whose covariance is kept."""
+
+SECTION_OF = (0, 2, 3, 4, 5)
+"""Columns of the section where those five are."""
 
 
 class Plan(NamedTuple):
@@ -32,12 +40,13 @@ class Plan(NamedTuple):
     paths: int
     impacts: int
     dt: float
-    located: bool
+    scheme: str
     seed: np.random.SeedSequence
     most_steps: int
     clock_steps: Ints
     itineraries: dict[str, tuple[int, ...]]
     levels: int
+    keep: bool = False
 
     @property
     def blocks(self) -> int:
@@ -54,12 +63,6 @@ class Raw(NamedTuple):
     held: int
     unfinished: int
 
-    def section(self, level: int = 0, start_tau: float = 0.0) -> Floats:
-        """``tau, flight, x1, y1, x2, y2`` of every impact, shape (paths, impacts, 6)."""
-        tau = self.rows[level, :, :, 0]
-        flight = np.diff(tau, axis=1, prepend=start_tau)
-        return np.concatenate([tau[:, :, None], flight[:, :, None], self.rows[level, :, :, 1:5]], axis=2)
-
 
 def _start(scene: Scene, walls: Floats) -> Floats:
     """State after the start, shape (4, paths): flank coordinates on each path's own flank, the start's impact done."""
@@ -73,24 +76,35 @@ def _start(scene: Scene, walls: Floats) -> Floats:
     return state
 
 
-def sample(plan: Plan, block: int) -> Raw:
-    """Run the paths of a block."""
+_own = threading.local()
+
+
+def _array(name: str, shape: tuple[int, ...], reuse: bool) -> Floats:
+    """An array full of NaN; with `reuse` the same memory for every block of a thread (fresh pages cost a fifth)."""
+    if not reuse:
+        return np.full(shape, np.nan)
+    held: Floats | None = getattr(_own, name, None)
+    if held is None or held.shape != shape:
+        held = np.empty(shape)
+        setattr(_own, name, held)
+    held.fill(np.nan)
+    return held
+
+
+def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
+    """Run the paths of a block; with `reuse` the thread's next block overwrites what is returned."""
     scene = plan.scene
-    paths = min(BLOCK, plan.paths - block * BLOCK)
-    stream = streams(plan.seed, block)
-    walls, fresh = draw_walls(scene, plan.impacts, stream.tolerance, paths)
-    rows = np.full((plan.levels, paths, plan.impacts, 6), np.nan)
-    clock = np.full((plan.levels, paths, plan.clock_steps.size, 4), np.nan)
-    tolerance = scene.tolerance or Tolerance(law="fixed")
-    work, held, unfinished = run_block(
-        scene.constants, scene.start.tau, plan.dt, plan.most_steps, plan.located, tolerance.law != "fixed",
-        stream.steps, stream.bridges, _start(scene, walls), walls, fresh,
-        (scene.gap1, scene.gap2), (tolerance.c1_max, tolerance.c2_max), LAWS[tolerance.law], stream.tolerance, rows,
-        plan.clock_steps, clock,
+    first = block * BLOCK
+    paths = min(BLOCK, plan.paths - first)
+    key, backlash = key_of(plan.seed), backlash_of(scene)
+    walls = np.empty((4, paths))
+    draw_walls(backlash, key, first, walls)
+    rows = _array("rows", (plan.levels, paths, plan.impacts, COLUMNS), reuse)
+    clock = _array("clock", (plan.levels, paths, plan.clock_steps.size, 4), reuse)
+    job = Job(
+        scene.constants, backlash, key, scene.start.tau, plan.dt, SCHEMES[plan.scheme].code, plan.most_steps
     )  # fmt: skip
-    if scene.stages == 1:
-        rows[:, :, :, 3:5] = np.nan
-        clock[..., 2:] = np.nan
+    work, held, unfinished = run_block(job, first, _start(scene, walls), walls, rows, plan.clock_steps, clock)
     return Raw(rows, clock, int(work), int(held), int(unfinished))
 
 
@@ -129,38 +143,55 @@ CROSS = tuple((i, j) for i in range(4) for j in range(i, 4))
 """Pairs of states whose clock covariance is kept."""
 
 
-def _observed(values: Floats, stages: int) -> Floats:
-    """Zeros in place of the stage that a single-stage scene does not have, so that NaN means unfinished only."""
-    return values if stages == 2 else np.concatenate([values[..., :-2], np.zeros_like(values[..., -2:])], axis=-1)
+def _pairs(
+    values: Floats, pairs: Sequence[tuple[int, int]], orders: Orders, other: Floats | None = None
+) -> CentralSums:
+    """Sums over pairs of variables of (paths, groups, variables), the second of each pair from `other` if given."""
+    paths, groups, variables = values.shape
+    other = values if other is None else other
+    first, second = np.array(pairs).T
+    base = variables * np.arange(groups)[:, None]
+    return CentralSums.of_columns(
+        values.reshape(paths, -1), other.reshape(paths, -1), (base + first).ravel(), (base + second).ravel(), orders,
+        (groups, len(pairs)),
+    )  # fmt: skip
 
 
-def _pairs(values: Floats, pairs: tuple[tuple[int, int], ...], orders: Orders) -> CentralSums:
-    first, second = (list(column) for column in zip(*pairs, strict=True))
-    return CentralSums.of(values[..., first], values[..., second], orders)
-
-
-def run(plan: Plan, block: int) -> tuple[BlockResult, Raw]:
-    """Run a block and reduce it."""
-    raw = sample(plan, block)
-    stages, tau0 = plan.scene.stages, plan.scene.start.tau
-    section = [_observed(raw.section(level, tau0), stages) for level in range(plan.levels)]
-    clock = [_observed(raw.clock[level], stages) for level in range(min(plan.levels, 2))]
-    xy = ((0, 1), (2, 3))
+def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
+    """Run a block and reduce it; its impacts, shape (paths, impacts, COLUMNS), if the plan keeps them."""
+    raw = sample(plan, block, reuse=True)
+    rows, clock = raw.rows, raw.clock
+    own = [(i, i) for i in range(len(SECTION))]
     sums = {
-        "section": CentralSums.of(section[0], section[0], SINGLE),
-        "section_pairs": _pairs(section[0][:, :, [0, 2, 3, 4, 5]], PAIRS, COVARIANCE),
+        "section": _pairs(rows[0], own, SINGLE),
+        "section_pairs": _pairs(rows[0], [(SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS], COVARIANCE),
     }
     if plan.clock_steps.size:
         sums["clock"] = _pairs(clock[0], CROSS, PAIR)
     if plan.levels > 1:
-        sums["fine_coarse"] = CentralSums.of(section[0], section[1], PAIR)
-        sums["coarse_coarser"] = CentralSums.of(section[1], section[2], ((0, 2),))
+        sums["fine_coarse"] = _pairs(rows[0], own, PAIR, rows[1])
+        sums["coarse_coarser"] = _pairs(rows[1], own, ((0, 2),), rows[2])
         if plan.clock_steps.size:
-            sums["coarse_clock"] = _pairs(clock[1], xy, PAIR)
-    code = raw.rows[0, :, :, 5]
-    agreeing = {
-        name: np.logical_and.accumulate(code == np.array(itinerary), axis=1).sum(axis=0).astype(float)
-        for name, itinerary in plan.itineraries.items()
-    }
-    codes = np.stack([(code == c).sum(axis=0) for c in CODES], axis=1).astype(float)
-    return BlockResult(sums, codes, agreeing, raw.path_steps, raw.held, raw.unfinished), raw
+            sums["coarse_clock"] = _pairs(clock[1], ((0, 1), (2, 3)), PAIR)
+    listed = np.array(list(plan.itineraries.values()), dtype=float).reshape(-1, plan.impacts)
+    codes, agreeing = _tally(raw.rows[0], listed)
+    return BlockResult(
+        sums, codes, dict(zip(plan.itineraries, agreeing, strict=True)), raw.path_steps, raw.held, raw.unfinished
+    ), rows[0].copy() if plan.keep else None
+
+
+@jit
+def _tally(rows: Floats, itineraries: Floats) -> tuple[Floats, Floats]:
+    """Counts of each of `CODES` per impact, and of the paths that have followed each itinerary so far."""
+    paths, impacts = rows.shape[:2]
+    codes, agreeing = np.zeros((impacts, len(CODES))), np.zeros((len(itineraries), impacts))
+    for p in range(paths):
+        for k in range(impacts):
+            for i, code in enumerate(CODES):
+                codes[k, i] += rows[p, k, 6] == code
+        for i in range(len(itineraries)):
+            for k in range(impacts):
+                if rows[p, k, 6] != itineraries[i, k]:
+                    break
+                agreeing[i, k] += 1.0
+    return codes, agreeing

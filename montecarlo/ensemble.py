@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from montecarlo.accumulate import pair_statistics, single_statistics
-from montecarlo.block import CODES, CROSS, PAIRS, BlockResult, Plan, Raw, run, sample
+from montecarlo.block import BLOCK, CODES, CROSS, PAIRS, BlockResult, Plan, run, sample
 from montecarlo.histogram import Histograms
 from montecarlo.noise import LEVELS
 from montecarlo.schemes import SCHEMES
@@ -254,11 +254,11 @@ def _is_random(scene: Scene) -> bool:
     return scene.sigma > 0.0 or (scene.tolerance is not None and scene.tolerance.law != "fixed")
 
 
-def _in_order(plan: Plan, workers: int) -> Iterator[tuple[BlockResult, Raw]]:
+def _in_order(plan: Plan, workers: int) -> Iterator[tuple[BlockResult, Floats | None]]:
     """Results of all blocks in block order; at most a few blocks per worker are alive at a time."""
     with ThreadPoolExecutor(workers) as pool:
         numbers = iter(range(plan.blocks))
-        waiting: list[Future[tuple[BlockResult, Raw]]] = [
+        waiting: list[Future[tuple[BlockResult, Floats | None]]] = [
             pool.submit(run, plan, b) for b in islice(numbers, 4 * workers)
         ]
         try:
@@ -296,7 +296,7 @@ def check_settings(
     choice("scheme", scheme, SCHEMES)
     if not isinstance(rng, np.random.SeedSequence):
         count("rng", rng, least=0)
-    check_step(scene, dt, 2 ** (LEVELS - 1) if step_bias else 1)
+    check_step(scene, dt, scheme, 2 ** (LEVELS - 1) if step_bias else 1)
 
 
 def simulate(
@@ -328,8 +328,8 @@ def simulate(
         Impacts of each path after the start.
     dt : float
         Step.
-    scheme : {"euler-maruyama-located", "euler-maruyama"}
-        Whether an impact is located inside its step or detected at the end of it.
+    scheme : {"euler-maruyama-located", "euler-maruyama", "exact-flight"}
+        See `montecarlo.schemes`.
     rng : int or SeedSequence
         Seed.  The result is the same bit for bit for any number of workers.
     workers : int
@@ -373,27 +373,25 @@ def simulate(
     named = {name: _checked(name, itinerary, impacts) for name, itinerary in (itineraries or {}).items()}
     steps = _clock_steps(scene, clock, dt * coarsest, horizon) * coarsest
     seed = rng if isinstance(rng, np.random.SeedSequence) else np.random.SeedSequence(rng)
-    located = SCHEMES[scheme]
     most_steps = math.ceil(horizon / (dt * coarsest)) * coarsest
-    quiet = Plan(scene.noise_free, 1, impacts, dt, located, seed, most_steps, np.empty(0, np.int64), {}, 1)
-    named[NOISE_FREE] = tuple(np.nan_to_num(sample(quiet, 0).rows[0, 0, :, 5]).astype(int).tolist())
+    quiet = Plan(scene.noise_free, 1, impacts, dt, scheme, seed, most_steps, np.empty(0, np.int64), {}, 1)
+    named[NOISE_FREE] = tuple(np.nan_to_num(sample(quiet, 0).rows[0, 0, :, 6]).astype(int).tolist())
     computed = paths if _is_random(scene) else 1
-    plan = Plan(scene, computed, impacts, dt, located, seed, most_steps, steps, named, levels)
+    plan = Plan(scene, computed, impacts, dt, scheme, seed, most_steps, steps, named, levels, histogram or keep_paths)
     started = time.perf_counter()
     merged: BlockResult | None = None
     histograms: Histograms | None = None
     kept = []
     bar = tqdm(total=computed, unit="path", unit_scale=True, desc=progress, disable=None if progress else True)
     with bar:
-        for result, raw in _in_order(plan, workers):
+        for block, (result, rows) in enumerate(_in_order(plan, workers)):
             merged = result if merged is None else merged.merged(result)
-            section = raw.section(0, scene.start.tau) if histogram or keep_paths else None
-            if histogram and section is not None:
-                histograms = histograms or Histograms.sized_by(section)
-                histograms.add(section)
-            if keep_paths and section is not None:
-                kept.append(np.concatenate([section, raw.rows[0, :, :, 5:]], axis=2))
-            bar.update(raw.rows.shape[1])
+            if histogram and rows is not None:
+                histograms = histograms or Histograms.sized_by(rows[:, :, :6])
+                histograms.add(rows[:, :, :6])
+            if keep_paths and rows is not None:
+                kept.append(rows)
+            bar.update(min(BLOCK, computed - block * BLOCK))
     assert merged is not None
     whole = np.concatenate(kept) if kept else None
     if whole is not None and computed < paths:

@@ -1,74 +1,130 @@
 """A block of paths through a scheme: paths side by side in lanes, impacts dealt with one by one."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from montecarlo.backlash import deviation
-from montecarlo.schemes import (
-    MOST_IN_A_STEP,
-    Progress,
-    StepForcing,
-    advance_at_end,
-    advance_inside,
-    euler_step,
-    step_forcing,
-)  # fmt: skip
-from scene.compiled import jit
+from montecarlo.backlash import Backlash, half_gap
+from montecarlo.euler import at_end, euler_lanes, step_forcing
+from montecarlo.euler_located import advance_inside, leaving, located_lanes
+from montecarlo.exact_flight import advance_exactly, flight_forcing, flight_lanes, near_second
+from montecarlo.noise import BRIDGE, Key, Word, fill_normals, normals
+from montecarlo.progress import MOST_IN_A_STEP, Noise, Progress, Walls
+from scene.compiled import inlined, jit
 from scene.impact import struck
 from scene.scene import Constants
 
-__all__ = ["CHUNK", "run_block"]
+__all__ = ["CHUNK", "COLUMNS", "Job", "run_block"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
-Generator = np.random.Generator
 
-CHUNK = 64  # finest steps between two looks at which paths are done; a multiple of the coarsest step
+CHUNK = 16  # finest steps between two looks at which paths are done; a multiple of the coarsest step, and of 4
+COLUMNS = 7  # of an impact: tau, flight, x1, y1, x2, y2, mesh * side
+SPLITS = Word(1 << 16)  # indices of random numbers that the splits of one step may use
 
-
-@jit
-def _draw(steps: Generator, z: Floats, lanes: int) -> None:
-    for p in range(lanes):
-        z[p] = steps.standard_normal()
+PLAIN, LOCATED, EXACT = 0, 1, 2
+FLANK_DRAWS = Word(4)  # draws of the walls at the start; those of the impacts follow
 
 
-@jit
-def _advance(
-    c: Constants, f: StepForcing, h: float, x1: Floats, y1: Floats, x2: Floats, y2: Floats, z: Floats, lanes: int
-) -> None:
-    """One Euler-Maruyama step of all lanes; vectorises."""
+class Job(NamedTuple):
+    """What all paths of a run have in common."""
+
+    c: Constants
+    backlash: Backlash
+    key: Key
+    tau: float
+    dt: float
+    scheme: int
+    most_steps: int
+
+
+class Lanes(NamedTuple):
+    """Paths side by side: arrays over (levels, ..., lanes), or for one level over (..., lanes).
+
+    ``before`` is the state at the start of the step, ``w`` and ``area`` its noise in standard units, ``last`` the time
+    of the last impact, ``impacts`` how many a path has had.
+    """
+
+    state: Floats
+    before: Floats
+    walls: Floats
+    w: Floats
+    area: Floats
+    last: Floats
+    impacts: Ints
+
+
+@inlined
+def _level(every: Lanes, level: int, w: Floats, area: Floats) -> Lanes:
+    """The lanes of one level, with this noise."""
+    return Lanes(
+        every.state[level], every.before[level], every.walls[level], w, area, every.last[level], every.impacts[level]
+    )  # fmt: skip
+
+
+@inlined
+def _finish_step(
+    job: Job, path: Word, row: int, step: int, level: int, p: int, at: Progress, lanes: Lanes, rows: Floats
+) -> bool:
+    """Carry one path from `at` through its impacts to the end of the step; whether it had to be held there."""
+    c, impacts, purpose = job.c, rows.shape[2], Word(BRIDGE + level)
+    index = Word(step) * SPLITS
+    walls = Walls(lanes.walls[0, p], lanes.walls[1, p], lanes.walls[2, p], lanes.walls[3, p])
+    held = False
+    for met in range(MOST_IN_A_STEP + 1):
+        if job.scheme == PLAIN:
+            at = at_end(c, at, walls)
+        elif at.left <= 0.0:
+            break
+        elif job.scheme == LOCATED:
+            at = advance_inside(c, at, normals(job.key, path, index + Word(met), purpose)[0], walls)
+        else:
+            at = advance_exactly(c, job.key, path, index + Word(1024 * met), purpose, at, walls)
+        if at.code == 0:
+            if job.scheme == PLAIN or at.left <= 0.0:
+                break
+            continue
+        if met == MOST_IN_A_STEP:
+            held = True
+            break
+        mesh, k = abs(at.code), lanes.impacts[p]
+        if k < impacts:
+            seen = (at.tau, at.tau - lanes.last[p], at.x1, at.y1, at.x2, at.y2, float(at.code))
+            for i in range(COLUMNS):
+                rows[level, row, k, i] = seen[i]
+        lanes.last[p] = at.tau
+        lanes.impacts[p] = k + 1
+        if job.backlash.redrawn:
+            opposite = 2 * mesh - 1 if at.code > 0 else 2 * mesh - 2
+            lanes.walls[opposite, p] = half_gap(job.backlash, job.key, path, Word(k) + FLANK_DRAWS, mesh)
+            walls = Walls(lanes.walls[0, p], lanes.walls[1, p], lanes.walls[2, p], lanes.walls[3, p])
+        y1, y2 = struck(c, mesh, at.y1, at.y2)
+        at = Progress(0, at.tau, at.left, at.noise, at.x1, y1, at.x2, y2)
+    lanes.state[0, p], lanes.state[1, p], lanes.state[2, p], lanes.state[3, p] = at.x1, at.y1, at.x2, at.y2
+    return held
+
+
+@inlined
+def _step_lanes(job: Job, tau: float, h: float, lanes: Lanes, marks: Bools, live: int) -> None:
+    """One step of all lanes; marks those that need `_finish_step`."""
+    c, state, before = job.c, lanes.state, lanes.before
+    if job.scheme == PLAIN:
+        euler_lanes(c, step_forcing(c, tau, h), h, job.backlash.random, lanes.walls, state, lanes.w, marks, live)
+        return
+    for i in range(2 * c.stages):
+        before[i, :live] = state[i, :live]
+    if job.scheme == LOCATED:
+        leaving(c, h, lanes.walls, state, marks, live)
+        located_lanes(c, step_forcing(c, tau, h), h, state, lanes.w, live)
+        return
+    f = flight_forcing(c, tau, h)
+    flight_lanes(c, f, h, lanes.walls, state, lanes.w, lanes.area, marks, live)
     if c.stages == 2:
-        for p in range(lanes):
-            x1[p], y1[p], x2[p], y2[p] = euler_step(c, f, h, x1[p], y1[p], x2[p], y2[p], z[p])
-    else:
-        for p in range(lanes):
-            x1[p], y1[p], _, _ = euler_step(c, f, h, x1[p], y1[p], 0.0, 0.0, z[p])
-
-
-@jit
-def _leaving(
-    c: Constants, h: float, toleranced: bool, walls: Floats,
-    x1: Floats, y1: Floats, x2: Floats, y2: Floats, leaves: Bools, lanes: int,
-) -> None:  # fmt: skip
-    """Mark the lanes whose next step ends beyond a wall (Euler moves x by h y); vectorises."""
-    if toleranced:
-        w1, v1, w2, v2 = walls[0], walls[1], walls[2], walls[3]
-        for p in range(lanes):
-            a = x1[p] + h * y1[p]
-            leaves[p] = (a > w1[p]) | (a < -v1[p])
-        if c.stages == 2:
-            for p in range(lanes):
-                b = x2[p] + h * y2[p]
-                leaves[p] |= (b > w2[p]) | (b < -v2[p])
-    elif c.stages == 2:
-        for p in range(lanes):
-            leaves[p] = (abs(x1[p] + h * y1[p]) > c.wall1) | (abs(x2[p] + h * y2[p]) > c.wall2)
-    else:
-        for p in range(lanes):
-            leaves[p] = abs(x1[p] + h * y1[p]) > c.wall1
+        near_second(h, f.margin2, lanes.walls, before, state, marks, live)
 
 
 @jit
@@ -86,35 +142,57 @@ def _list_marked(marks: Bools, lanes: int, out: Ints) -> int:
 
 
 @jit
+def _join_halves(fine_w: Floats, fine_area: Floats, w: Floats, area: Floats, second: bool, live: int) -> None:
+    """Noise of a coarse step from its halves', in standard units (`montecarlo.brownian.joined` at share 1/2)."""
+    root2, root3 = math.sqrt(2.0), math.sqrt(3.0)
+    for p in range(live):
+        w1, w2 = w[p], fine_w[p]
+        if second:
+            w[p] = (w1 + w2) / root2
+            area[p] = (root3 * (w2 - w1) + area[p] + fine_area[p]) / (2.0 * root2)
+        else:
+            w[p], area[p] = w2, fine_area[p]
+
+
+@jit
+def _retire(every: Lanes, path: NDArray[Word], impacts: int, live: int) -> int:
+    """Give the lane of a finished path to the last one; returns how many are left."""
+    p = 0
+    while p < live:
+        fewest = every.impacts[0, p]
+        for level in range(1, len(every.impacts)):
+            fewest = min(fewest, every.impacts[level, p])
+        if fewest < impacts:
+            p += 1
+            continue
+        live -= 1
+        path[p], path[live] = path[live], path[p]
+        for level in range(len(every.impacts)):
+            every.state[level, :, p] = every.state[level, :, live]
+            every.walls[level, :, p] = every.walls[level, :, live]
+            every.last[level, p] = every.last[level, live]
+            every.impacts[level, p] = every.impacts[level, live]
+    return live
+
+
+@jit
 def run_block(
-    c: Constants, tau: float, dt: float, most_steps: int, located: bool, toleranced: bool,
-    steps: Generator, bridges: tuple[Generator, Generator, Generator],
-    start: Floats, walls: Floats, fresh: Floats,
-    gaps: tuple[float, float], c_max: tuple[float, float], law: int, later: Generator,
-    rows: Floats, clock_steps: Ints, clock: Floats,
-) -> tuple[int, int, int]:  # fmt: skip
+    job: Job, first: int, start: Floats, walls: Floats, rows: Floats, clock_steps: Ints, clock: Floats
+) -> tuple[int, int, int]:
     """Follow a block of paths until each has had its impacts, at one or more step sizes on one noise.
 
     Parameters
     ----------
-    c, tau, dt
-        Constants, start time, finest step; level l steps by ``2**l dt``.
-    most_steps : int
-        Finest steps after which paths are given up.
-    located, toleranced : bool
-        Whether impacts are located inside the step; whether walls differ between paths.
-    steps, bridges : generators
-        See `montecarlo.noise`.
+    job : Job
+        Level l steps by ``2**l dt``; after ``most_steps`` finest steps paths are given up.
+    first : int
+        Number of the block's first path.
     start : ndarray, shape (4, paths)
         State after the start.
     walls : ndarray, shape (4, paths)
         Distance of the flanks +1, -1, +2, -2 from the middle.
-    fresh : ndarray, shape (2, draws, paths)
-        Half gaps that a flank of mesh 1, 2 takes when the opposite flank is struck; no draws: it keeps its own.
-    gaps, c_max, law, later
-        Nominal half gaps, largest deviations, law and generator, for a path that has used up its draws.
-    rows : ndarray, shape (levels, paths, impacts, 6)
-        Output: tau, x1, y1, x2, y2 just before each impact, and mesh * side; what is never reached stays as given.
+    rows : ndarray, shape (levels, paths, impacts, COLUMNS)
+        Output: each impact, just before it; what is never reached stays as given.
     clock_steps : ndarray of int, ascending
         Finest steps, multiples of the coarsest, at which states go to `clock`.
     clock : ndarray, shape (levels, paths, times, 4)
@@ -123,107 +201,62 @@ def run_block(
     Returns
     -------
     path_steps, held, unfinished : int
-        Steps taken, times a stage was held at its wall, paths given up.
+        Steps taken, times a path was held at its wall, paths given up.
     """
     levels, paths, impacts = rows.shape[0], rows.shape[1], rows.shape[2]
-    state = np.empty((levels, 4, paths))
-    own_walls = np.empty((levels, 4, paths))
+    room = (paths + 7) // 8 * 8  # whole vectors: what the last lanes compute when no path is in them is not looked at
+    every = Lanes(
+        np.zeros((levels, 4, room)), np.zeros((levels, 4, room)), np.ones((levels, 4, room)),
+        np.zeros((levels, room)), np.zeros((levels, room)), np.full((levels, room), job.tau),
+        np.zeros((levels, room), np.int64),
+    )  # fmt: skip
     for level in range(levels):
-        state[level], own_walls[level] = start, walls
-    count = np.zeros((levels, paths), np.int64)
-    held = np.zeros(levels, np.int64)
-    draws = fresh.shape[1]
-    path = np.arange(paths)
-    z = np.zeros((levels, paths))  # level 0: the increments; above: what they add up to since the last coarse step
-    leaves = np.zeros((paths + 7) // 8 * 8, np.bool_)
+        every.state[level, :, :paths], every.before[level, :, :paths] = start, start
+        every.walls[level, :, :paths] = walls
+    path = np.arange(first, first + room).astype(Word)
+    z = np.zeros((5, room))  # a draw of four normals serves four steps, or two that use the area; the last row stays 0
+    draws = 2 if job.scheme == EXACT else 4
+    marks = np.zeros(room, np.bool_)
     hits = np.empty(paths, np.int64)
-    before = np.empty((paths, 4))
-    work, lanes, next_clock, n = 0, paths, 0, 0
-    while n < most_steps and lanes > 0:
-        for _ in range(min(CHUNK, most_steps - n)):
-            if c.sigma > 0.0:
-                _draw(steps, z[0], lanes)
+    work, held, live, next_clock, n = 0, 0, paths, 0, 0
+    while n < job.most_steps and live > 0:
+        wide = (live + 7) // 8 * 8
+        for _ in range(min(CHUNK, job.most_steps - n)):
+            use = n % draws
+            if use == 0 and job.c.sigma > 0.0:
+                fill_normals(job.key, path, Word(n // draws), wide, z)
+            w, area = z[use * (4 // draws)], z[use * (4 // draws) + 1 if draws == 2 else 4]
+            n += 1
             for level in range(levels):
                 multiple = 1 << level
                 if level > 0:
-                    for p in range(lanes):
-                        z[level, p] += z[0, p]
-                    if (n + 1) % multiple != 0:
-                        continue
-                    for p in range(lanes):
-                        z[level, p] /= math.sqrt(multiple)
-                h = dt * multiple
-                begin = tau + (n + 1 - multiple) * dt
-                f = step_forcing(c, begin, h)
-                x1, y1, x2, y2 = state[level, 0], state[level, 1], state[level, 2], state[level, 3]
-                _leaving(c, h, toleranced, own_walls[level], x1, y1, x2, y2, leaves, lanes)
-                found = _list_marked(leaves, lanes, hits)
-                for i in range(found):
-                    before[i] = state[level, :, hits[i]]
-                _advance(c, f, h, x1, y1, x2, y2, z[level], lanes)
-                for i in range(found):
+                    if n % (multiple // 2) != 0:
+                        break
+                    _join_halves(w, area, every.w[level], every.area[level], n % multiple == 0, wide)
+                    w, area = every.w[level], every.area[level]
+                    if n % multiple != 0:
+                        break
+                lanes = _level(every, level, w, area)
+                h, begin = job.dt * multiple, job.tau + (n - multiple) * job.dt
+                _step_lanes(job, begin, h, lanes, marks, wide)
+                for i in range(_list_marked(marks, live, hits)):
                     p = hits[i]
-                    at = Progress(
-                        0, begin, h, z[level, p] * math.sqrt(h), before[i, 0], before[i, 1], before[i, 2], before[i, 3]
-                    )  # fmt: skip
-                    met = 0
-                    while at.left > 0.0 or at.code != 0:
-                        a, b, d, e = (
-                            own_walls[level, 0, p],
-                            own_walls[level, 1, p],
-                            own_walls[level, 2, p],
-                            own_walls[level, 3, p],
-                        )
-                        if located:
-                            at = advance_inside(c, at, bridges[level].standard_normal(), a, b, d, e)
-                        else:
-                            at = advance_at_end(c, at, 0.0, a, b, d, e)
-                        if at.code != 0:
-                            mesh, k = abs(at.code), count[level, p]
-                            if k < impacts:
-                                row = rows[level, path[p], k]
-                                row[0], row[1], row[2], row[3], row[4], row[5] = (
-                                    at.tau,
-                                    at.x1,
-                                    at.y1,
-                                    at.x2,
-                                    at.y2,
-                                    at.code,
-                                )
-                            count[level, p] = k + 1
-                            if draws > 0:
-                                opposite = 2 * mesh - 1 if at.code > 0 else 2 * mesh - 2
-                                own_walls[level, opposite, p] = (
-                                    fresh[mesh - 1, k, path[p]]
-                                    if k < draws
-                                    else gaps[mesh - 1] + c_max[mesh - 1] * deviation(law, later)
-                                )
-                            y1p, y2p = struck(c, mesh, at.y1, at.y2)
-                            at = Progress(at.code, at.tau, at.left, at.increment, at.x1, y1p, at.x2, y2p)
-                        met += 1
-                        if met == MOST_IN_A_STEP:
-                            held[level] += 1
-                            break
-                    x1[p], y1[p], x2[p], y2[p] = at.x1, at.y1, at.x2, at.y2
-                if level > 0:
-                    z[level, :lanes] = 0.0
-                work += lanes
-            n += 1
+                    if job.scheme == PLAIN:
+                        s = lanes.state
+                        at = Progress(0, begin + h, 0.0, Noise(0.0, 0.0), s[0, p], s[1, p], s[2, p], s[3, p])
+                    else:
+                        s = lanes.before
+                        noise = Noise(lanes.w[p] * math.sqrt(h), lanes.area[p] * math.sqrt(h / 12.0))
+                        at = Progress(0, begin, h, noise, s[0, p], s[1, p], s[2, p], s[3, p])
+                    row = int(path[p]) - first
+                    held += _finish_step(job, path[p], row, n - multiple, level, p, at, lanes, rows)
+                work += live
             if next_clock < clock_steps.size and clock_steps[next_clock] == n:
                 for level in range(levels):
-                    for p in range(lanes):
-                        clock[level, path[p], next_clock] = state[level, :, p]
+                    for p in range(live):
+                        for i in range(4):
+                            clock[level, int(path[p]) - first, next_clock, i] = every.state[level, i, p]
                 next_clock += 1
         if next_clock == clock_steps.size:
-            p = 0
-            while p < lanes:  # a finished path gives its lane to the last one
-                if count[:, p].min() >= impacts:
-                    lanes -= 1
-                    path[p], path[lanes] = path[lanes], path[p]
-                    for level in range(levels):
-                        state[level, :, p] = state[level, :, lanes]
-                        own_walls[level, :, p] = own_walls[level, :, lanes]
-                        count[level, p] = count[level, lanes]
-                else:
-                    p += 1
-    return work, held.sum(), lanes
+            live = _retire(every, path, impacts, live)
+    return work, held, live

@@ -1,0 +1,103 @@
+"""``euler-maruyama``: Eq. 5 by Euler's step, impacts looked for at the end of it.
+
+A path beyond a wall and moving outward is put back on the wall and thrown back.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from montecarlo.progress import Noise, Progress, Walls
+from scene.compiled import inlined, jit
+from scene.flight import noise_rate
+from scene.scene import Constants
+
+__all__ = ["StepForcing", "at_end", "euler_lanes", "euler_step", "step_forcing"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+class StepForcing(NamedTuple):
+    """What a step does to every path alike: ``y_i += push_i + kick_i z``, z standard normal."""
+
+    push1: float
+    kick1: float
+    push2: float
+    kick2: float
+
+
+@jit
+def step_forcing(c: Constants, tau: float, h: float) -> StepForcing:
+    """Forcing of an Euler-Maruyama step of length h at `tau` (Eq. 5)."""
+    m1, m2 = noise_rate(c, tau)
+    root = c.sigma * math.sqrt(h)
+    return StepForcing(
+        h * (c.gamma1 + c.alpha * m1), root * m1, h * (c.gamma1 - c.gamma2 + c.alpha * m2), root * m2
+    )  # fmt: skip
+
+
+@inlined
+def euler_step(
+    c: Constants, f: StepForcing, h: float, x1: float, y1: float, x2: float, y2: float, z: float
+) -> tuple[float, float, float, float]:
+    """One Euler-Maruyama step of Eq. 5 without walls; `z` is the one standard normal that both stages share."""
+    return (
+        x1 + h * y1,
+        y1 - h * c.beta1 * y1 + (f.push1 + f.kick1 * z),
+        x2 + h * y2,
+        y2 - h * c.beta2 * y2 + h * (c.beta2 - c.beta1) * y1 + (f.push2 + f.kick2 * z),
+    )
+
+
+@jit
+def euler_lanes(
+    c: Constants, f: StepForcing, h: float, toleranced: bool, walls: Floats, state: Floats, z: Floats, beyond: Bools,
+    lanes: int,
+) -> None:  # fmt: skip
+    """One step of all lanes; marks those that end beyond a wall.  Vectorises.
+
+    Parameters
+    ----------
+    walls, state : ndarray, shape (4, lanes or more)
+        Flanks and states of the paths; where walls are not toleranced they are the same for all.
+    z : ndarray
+        Standard normals.
+    beyond : ndarray of bool
+        Output.
+    """
+    x1, y1, x2, y2 = state[0], state[1], state[2], state[3]
+    if toleranced:
+        for p in range(lanes):
+            x1[p], y1[p], x2[p], y2[p] = euler_step(c, f, h, x1[p], y1[p], x2[p], y2[p], z[p])
+        high1, low1, high2, low2 = walls[0], walls[1], walls[2], walls[3]
+        for p in range(lanes):
+            beyond[p] = (x1[p] > high1[p]) | (x1[p] < -low1[p]) | (x2[p] > high2[p]) | (x2[p] < -low2[p])
+    elif c.stages == 2:
+        for p in range(lanes):
+            a, y1[p], b, y2[p] = euler_step(c, f, h, x1[p], y1[p], x2[p], y2[p], z[p])
+            x1[p], x2[p] = a, b
+            beyond[p] = (abs(a) > c.wall1) | (abs(b) > c.wall2)
+    else:
+        for p in range(lanes):
+            a, y1[p], _, _ = euler_step(c, f, h, x1[p], y1[p], 0.0, 0.0, z[p])
+            x1[p] = a
+            beyond[p] = abs(a) > c.wall1
+
+
+@inlined
+def at_end(c: Constants, at: Progress, walls: Walls) -> Progress:
+    """The impact that is due at the end of a step, mesh 1 before mesh 2."""
+    x1, y1, x2, y2 = at.x1, at.y1, at.x2, at.y2
+    none = Noise(0.0, 0.0)
+    if x1 > walls.high1 and y1 > 0.0:
+        return Progress(1, at.tau, 0.0, none, walls.high1, y1, x2, y2)
+    if x1 < -walls.low1 and y1 < 0.0:
+        return Progress(-1, at.tau, 0.0, none, -walls.low1, y1, x2, y2)
+    if c.stages == 2 and x2 > walls.high2 and y2 > 0.0:
+        return Progress(2, at.tau, 0.0, none, x1, y1, walls.high2, y2)
+    if c.stages == 2 and x2 < -walls.low2 and y2 < 0.0:
+        return Progress(-2, at.tau, 0.0, none, x1, y1, -walls.low2, y2)
+    return Progress(0, at.tau, 0.0, none, x1, y1, x2, y2)

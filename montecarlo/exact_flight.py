@@ -1,0 +1,269 @@
+"""``exact-flight``: the flight's Gaussian law taken exactly, impacts found by refining the noise where they may be.
+
+Between impacts Eq. 5 is linear: the state after a step is the flight of Eq. 3 plus a Gaussian displacement, an integral
+of the noise over known kernels.  The noise of a step is held by its increment and area (`montecarlo.brownian`); what
+kernels of such a short time would take from its higher coefficients is of relative size ``h^2`` and is left out
+(their share in the variance is about ``h^4 / 720``).
+
+Given increment and area, the displacement inside a step strays from the cubic through both end states by a Gaussian of
+sd at most ``sigma m h^(3/2) (s (1 - s))^(3/2) / sqrt(3)`` at the share s of the step; so a step whose cubic stays away
+from the walls by `STRAY` such sds meets none.  Any other step is cut where the cubic meets the wall, the noise with
+it, again and again: the distance to the wall falls as its power 3/2, and four cuts or so find an impact to `CLOSE`.
+There is no bias in the step but from these bounds.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from montecarlo.brownian import joined, split
+from montecarlo.noise import Key, Word, normals
+from montecarlo.progress import Noise, Progress, Walls
+from scene.compiled import inlined, jit
+from scene.flight import decay, flow, noise_rate, turned
+from scene.scene import Constants
+
+__all__ = ["FlightForcing", "advance_exactly", "flight_forcing", "flight_lanes", "near_second"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+STRAY = 6.0  # sds that a path is taken to stay within around the cubic: 2e-9 of the steps near a wall go beyond
+CLOSE = 1e-10  # distance to the wall, in units of the half gap, at which an impact is taken to be there
+MOST_CUTS = 1000  # of one step
+SCALE = 1.0 / (6.0 * math.sqrt(3.0))  # of the margin on a Bernstein coefficient that covers (s (1 - s))^(3/2) / sqrt(3)
+
+# Gauss-Legendre with three nodes on [0, 1]: exact to the fifth degree
+NODES = (0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(0.15))
+WEIGHTS = (5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0)
+
+
+class FlightForcing(NamedTuple):
+    """A step of all lanes: ``s' = J s + drift + z_w along + z_a across``, and the margins of the walls."""
+
+    x1y1: float
+    y1y1: float
+    x2y1: float
+    x2y2: float
+    y2y1: float
+    y2y2: float
+    drift: tuple[float, float, float, float]
+    along: tuple[float, float, float, float]
+    across: tuple[float, float, float, float]
+    margin1: float
+    margin2: float
+
+
+@jit
+def _margins(c: Constants, h: float) -> tuple[float, float]:
+    """Margins on the Bernstein coefficients of both stages' gaps over a time h: noise, and what a cubic cannot bend."""
+    spread = STRAY * c.sigma * h * math.sqrt(h) * SCALE
+    first = math.sqrt(1.0 + c.beta1**2)  # largest modulation of the noise in y1, and by way of y1 in y2
+    second = abs(c.beta1 - c.beta2) * (1.0 + h * first)
+    force = c.alpha * first + c.gamma1 + c.gamma2
+    bend = h**4 / 96.0 * force * (1.0 + max(c.beta1, c.beta2)) ** 2  # Hermite: h^4 / 384 times the fourth derivative
+    return spread * first + bend, spread * second + bend
+
+
+@jit
+def _kick(c: Constants, tau: float, h: float, first: float, slope: float) -> tuple[float, float, float, float]:
+    """Displacement at the end of a time h by the noise ``dB = (first + slope (s / h - 1/2)) ds / h``, by Eq. 5."""
+    x1, y1, x2, y2 = 0.0, 0.0, 0.0, 0.0
+    for node, weight in zip(NODES, WEIGHTS):  # noqa: B905  (compiled code has no strict)
+        lag = h * (1.0 - node)
+        m1, m2 = noise_rate(c, tau + h * node)
+        push = c.sigma * weight * (first + slope * (node - 0.5))
+        e1 = turned(c.beta1, lag)
+        d1 = 1.0 - c.beta1 * e1
+        x1 += push * e1 * m1
+        y1 += push * d1 * m1
+        if c.stages == 2:
+            e2 = turned(c.beta2, lag)
+            d2 = 1.0 - c.beta2 * e2
+            x2 += push * ((e1 - e2) * m1 + e2 * m2)
+            y2 += push * ((d1 - d2) * m1 + d2 * m2)
+    return x1, y1, x2, y2
+
+
+@jit
+def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
+    """All that a step of length h from `tau` needs that no path has of its own."""
+    e1, d1, e2, d2 = turned(c.beta1, h), decay(c.beta1, h), turned(c.beta2, h), decay(c.beta2, h)
+    margin1, margin2 = _margins(c, h)
+    return FlightForcing(
+        e1, d1, e1 - e2, e2, d1 - d2, d2, flow(c, tau, 0.0, 0.0, 0.0, 0.0, h),
+        _kick(c, tau, h, math.sqrt(h), 0.0), _kick(c, tau, h, 0.0, math.sqrt(12.0 * h)), margin1, margin2,
+    )  # fmt: skip
+
+
+@inlined
+def _near(a: float, b: float, end: float, high: float, low: float, margin: float) -> bool:
+    """Whether one of the Bernstein coefficients a, b or the end of a cubic comes close to a wall."""
+    return (max(a, b) > high - margin) | (min(a, b) < margin - low) | (end > high) | (end < -low)
+
+
+@jit
+def flight_lanes(
+    c: Constants, f: FlightForcing, h: float, walls: Floats, state: Floats, z: Floats, area: Floats, near: Bools,
+    lanes: int,
+) -> None:  # fmt: skip
+    """One step of all lanes, walls not minded; marks those that may meet one.  Vectorises."""
+    x1, y1, x2, y2 = state[0], state[1], state[2], state[3]
+    third = h / 3.0
+    high1, low1 = walls[0], walls[1]
+    for p in range(lanes):
+        a, b = y1[p], y2[p]
+        ahead = x1[p] + third * a
+        end = x1[p] + f.x1y1 * a + (f.drift[0] + f.along[0] * z[p] + f.across[0] * area[p])
+        speed = f.y1y1 * a + (f.drift[1] + f.along[1] * z[p] + f.across[1] * area[p])
+        near[p] = _near(ahead, end - third * speed, end, high1[p], low1[p], f.margin1)
+        x1[p], y1[p] = end, speed
+        if c.stages == 2:
+            x2[p] += f.x2y1 * a + f.x2y2 * b + (f.drift[2] + f.along[2] * z[p] + f.across[2] * area[p])
+            y2[p] = f.y2y1 * a + f.y2y2 * b + (f.drift[3] + f.along[3] * z[p] + f.across[3] * area[p])
+
+
+@jit
+def near_second(h: float, margin: float, walls: Floats, before: Floats, state: Floats, near: Bools, lanes: int) -> None:
+    """Mark the lanes whose second stage may meet a wall."""
+    third = h / 3.0
+    x0, y0, x1, y1, high, low = before[2], before[3], state[2], state[3], walls[2], walls[3]
+    for p in range(lanes):
+        near[p] |= _near(x0[p] + third * y0[p], x1[p] - third * y1[p], x1[p], high[p], low[p], margin)
+
+
+@inlined
+def _cubic(a: float, b: float, c: float, d: float, s: float) -> float:
+    """A cubic with these Bernstein coefficients."""
+    r = 1.0 - s
+    return r * r * r * a + 3.0 * r * s * (r * b + s * c) + s * s * s * d
+
+
+@jit
+def _first_root(a: float, b: float, c: float, d: float) -> float:
+    """First zero in (0, 1] of a cubic with Bernstein coefficients a >= 0, b, c, d; 2 if none is seen."""
+    low, pieces = 0.0, 8
+    for i in range(1, pieces + 1):
+        high = i / pieces
+        if _cubic(a, b, c, d, high) >= 0.0:
+            low = high
+            continue
+        for _ in range(60):
+            guess = 0.5 * (low + high)
+            for _ in range(2):  # the middle of the bracket, then Newton's step from there if it stays inside
+                value = _cubic(a, b, c, d, guess)
+                if value < 0.0:
+                    high = guess
+                else:
+                    low = guess
+                r = 1.0 - guess
+                slope = 3.0 * (r * r * (b - a) + 2.0 * r * guess * (c - b) + guess * guess * (d - c))
+                newton = guess - value / slope if slope < 0.0 else guess
+                if not low < newton < high:
+                    break
+                guess = newton
+            if high - low < 1e-15 or abs(_cubic(a, b, c, d, guess)) < 1e-15:
+                return guess
+        return low
+    return 2.0
+
+
+@jit
+def _cut_at(gap0: float, rate0: float, gap1: float, rate1: float, h: float, margin: float, close: float) -> float:
+    """Share of the time h after which to look again at a wall: 1 if it cannot be met before."""
+    b, c = gap0 + rate0 * h / 3.0, gap1 - rate1 * h / 3.0
+    if b > margin and c > margin and gap1 >= -close:
+        return 1.0
+    root = _first_root(max(gap0, 0.0), b, c, gap1)
+    return root if root < 1.0 else 0.5
+
+
+@jit
+def _due(c: Constants, at: Progress, walls: Walls) -> tuple[int, float]:
+    """``mesh * side`` of an impact that is due, and the time to the next wall ahead at the speed of now."""
+    code, reach = 0, math.inf
+    for mesh in range(1, c.stages + 1):
+        x, y = (at.x1, at.y1) if mesh == 1 else (at.x2, at.y2)
+        high, low = (walls.high1, walls.low1) if mesh == 1 else (walls.high2, walls.low2)
+        gap = high - x if y > 0.0 else low + x
+        if y != 0.0 and gap > CLOSE * (c.wall1 if mesh == 1 else c.wall2):
+            reach = min(reach, gap / abs(y))
+        elif y != 0.0 and code == 0:
+            code = mesh if y > 0.0 else -mesh
+    return code, reach
+
+
+@jit
+def _on_wall(at: Progress, code: int, walls: Walls) -> Progress:
+    """The same with the struck coordinate on its wall, and the impact due."""
+    x1, x2 = at.x1, at.x2
+    if abs(code) == 1:
+        x1 = walls.high1 if code > 0 else -walls.low1
+    elif abs(code) == 2:
+        x2 = walls.high2 if code > 0 else -walls.low2
+    return Progress(code, at.tau, at.left, at.noise, x1, at.y1, x2, at.y2)
+
+
+@jit
+def _cut_of_trial(c: Constants, at: Progress, end: Progress, h: float, walls: Walls) -> float:
+    """Share of a trial of length h after which to look again, over all walls: 1 if it meets none before its end."""
+    margin1, margin2 = _margins(c, h)
+    close = CLOSE * c.wall1
+    cut = min(
+        _cut_at(walls.high1 - at.x1, -at.y1, walls.high1 - end.x1, -end.y1, h, margin1, close),
+        _cut_at(walls.low1 + at.x1, at.y1, walls.low1 + end.x1, end.y1, h, margin1, close),
+    )
+    if c.stages == 2:
+        close = CLOSE * c.wall2
+        cut = min(
+            cut,
+            _cut_at(walls.high2 - at.x2, -at.y2, walls.high2 - end.x2, -end.y2, h, margin2, close),
+            _cut_at(walls.low2 + at.x2, at.y2, walls.low2 + end.x2, end.y2, h, margin2, close),
+        )
+    return cut
+
+
+@jit
+def advance_exactly(
+    c: Constants, key: Key, path: Word, index: Word, purpose: Word, at: Progress, walls: Walls
+) -> Progress:
+    """Go to the next wall that the path meets in this step, or to the step's end.
+
+    The time left is tried as a whole; a trial that may meet a wall is cut there and its first part tried.
+
+    Parameters
+    ----------
+    c : Constants
+    key, path, index, purpose
+        Of the random numbers that split the noise; cut number i uses index + i.
+    at : Progress
+        Just after an impact, or at the start of a step.
+    walls : Walls
+    """
+    nothing = Noise(0.0, 0.0)
+    cuts = Word(0)
+    share, trial, rest = 1.0, at.noise, nothing  # share of the time left that is tried, its noise, and the other part's
+    while True:
+        h = at.left * share
+        x1, y1, x2, y2 = flow(c, at.tau, at.x1, at.y1, at.x2, at.y2, h)
+        k1, l1, k2, l2 = _kick(c, at.tau, h, trial.increment, 12.0 * trial.area)
+        left = at.left - h if share < 1.0 else 0.0
+        end = Progress(0, at.tau + h, left, rest, x1 + k1, y1 + l1, x2 + k2, y2 + l2)
+        cut = _cut_of_trial(c, at, end, h, walls)
+        if cut == 1.0 or cuts >= MOST_CUTS:
+            code, reach = _due(c, end, walls)
+            if code != 0 or left <= 0.0:
+                return _on_wall(end, code, walls)
+            at = end
+            share, trial, rest = 1.0, at.noise, nothing
+            if reach >= left:
+                continue
+            cut = reach / left
+        z1, z2, _, _ = normals(key, path, index + cuts, purpose)
+        cuts += Word(1)
+        trial, second = split(trial, at.left * share, cut, z1, z2)
+        inner = cut * share
+        rest = second if share == 1.0 else joined(second, rest, (share - inner) / (1.0 - inner))
+        share = inner
