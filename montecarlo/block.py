@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from montecarlo.accumulate import COVARIANCE, PAIR, SINGLE, CentralSums, Orders
 from montecarlo.backlash import backlash_of, draw_walls
+from montecarlo.control import LinearPath
 from montecarlo.kernel import COLUMNS, Job, run_block
 from montecarlo.noise import key_of
 from montecarlo.schemes import SCHEMES
@@ -46,6 +47,7 @@ class Plan(NamedTuple):
     clock_steps: Ints
     itineraries: dict[str, tuple[int, ...]]
     levels: int
+    control: LinearPath
     keep: bool = False
 
     @property
@@ -55,10 +57,11 @@ class Plan(NamedTuple):
 
 
 class Raw(NamedTuple):
-    """What the kernel wrote: section rows, clock states, and the work it took."""
+    """What the kernel wrote: section rows, clock states, the linearised paths, and the work it took."""
 
     rows: Floats
     clock: Floats
+    controls: Floats
     path_steps: int
     held: int
     unfinished: int
@@ -79,15 +82,14 @@ def _start(scene: Scene, walls: Floats) -> Floats:
 _own = threading.local()
 
 
-def _array(name: str, shape: tuple[int, ...], reuse: bool) -> Floats:
-    """An array full of NaN; with `reuse` the same memory for every block of a thread (fresh pages cost a fifth)."""
-    if not reuse:
-        return np.full(shape, np.nan)
-    held: Floats | None = getattr(_own, name, None)
+def _array(name: str, shape: tuple[int, ...], fill: float, reuse: bool) -> Floats:
+    """A filled array; with `reuse` the same memory for every block of a thread (fresh pages cost a fifth)."""
+    held: Floats | None = getattr(_own, name, None) if reuse else None
     if held is None or held.shape != shape:
         held = np.empty(shape)
-        setattr(_own, name, held)
-    held.fill(np.nan)
+        if reuse:
+            setattr(_own, name, held)
+    held.fill(fill)
     return held
 
 
@@ -99,13 +101,17 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
     key, backlash = key_of(plan.seed), backlash_of(scene)
     walls = np.empty((4, paths))
     draw_walls(backlash, key, first, walls)
-    rows = _array("rows", (plan.levels, paths, plan.impacts, COLUMNS), reuse)
-    clock = _array("clock", (plan.levels, paths, plan.clock_steps.size, 4), reuse)
+    rows = _array("rows", (plan.levels, paths, plan.impacts, COLUMNS), np.nan, reuse)
+    clock = _array("clock", (plan.levels, paths, plan.clock_steps.size, 4), np.nan, reuse)
+    linear = paths if plan.control.at_step.size else 0
+    controls = _array("controls", (linear, plan.impacts, COLUMNS), 0.0, reuse)
     job = Job(
         scene.constants, backlash, key, scene.start.tau, plan.dt, SCHEMES[plan.scheme].code, plan.most_steps
     )  # fmt: skip
-    work, held, unfinished = run_block(job, first, _start(scene, walls), walls, rows, plan.clock_steps, clock)
-    return Raw(rows, clock, int(work), int(held), int(unfinished))
+    work, held, unfinished = run_block(
+        job, plan.control, first, _start(scene, walls), walls, rows, plan.clock_steps, clock, controls
+    )
+    return Raw(rows, clock, controls, int(work), int(held), int(unfinished))
 
 
 @dataclass(frozen=True)
@@ -115,8 +121,9 @@ class BlockResult:
     ``sums`` holds, by name: ``section`` over (impact, quantity); ``section_pairs`` over (impact, pair of `PAIRS`);
     ``clock`` over (time, pair of `CROSS`); with step bias also ``fine_coarse`` and ``coarse_coarser`` over (impact,
     quantity), the same quantity at two step sizes, and ``coarse_clock`` over (time, stage), displacement with
-    velocity.  ``codes`` counts mesh and side of each impact over (impact, `CODES`); ``agreeing`` counts the paths
-    that have followed each itinerary so far.
+    velocity; with a control ``control`` over (impact, quantity), the quantity and what the linearised path says of it.
+    ``codes`` counts mesh and side of each impact over (impact, `CODES`); ``agreeing`` counts the paths that have
+    followed each itinerary so far.
     """
 
     sums: dict[str, CentralSums]
@@ -166,6 +173,8 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
         "section": _pairs(rows[0], own, SINGLE),
         "section_pairs": _pairs(rows[0], [(SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS], COVARIANCE),
     }
+    if plan.control.at_step.size:
+        sums["control"] = _pairs(rows[0], own, PAIR, raw.controls)
     if plan.clock_steps.size:
         sums["clock"] = _pairs(clock[0], CROSS, PAIR)
     if plan.levels > 1:

@@ -15,6 +15,7 @@ from tqdm import tqdm
 
 from montecarlo.accumulate import pair_statistics, single_statistics
 from montecarlo.block import BLOCK, CODES, CROSS, PAIRS, BlockResult, Plan, run, sample
+from montecarlo.control import controlled_statistics, linear_path, no_control
 from montecarlo.histogram import Histograms
 from montecarlo.noise import LEVELS
 from montecarlo.schemes import SCHEMES
@@ -47,6 +48,8 @@ class Ensemble:
         The merged sums behind the tables.
     clock_times : ndarray
         Times at which clock statistics were taken (on the step grid).
+    control_variance : ndarray or None
+        Known variance of the linearised path's section quantities, shape (impacts, 6), if it was the control variate.
     histograms : Histograms or None
         Section histograms, if asked for.
     raw : ndarray or None
@@ -64,6 +67,7 @@ class Ensemble:
     seed: np.random.SeedSequence
     result: BlockResult
     clock_times: Floats
+    control_variance: Floats | None
     histograms: Histograms | None
     raw: Floats | None
     wall_seconds: float
@@ -90,9 +94,12 @@ class Ensemble:
         Columns: the mean of ``tau, flight, x1, y1, x2, y2`` under their own names, ``mesh`` and ``side`` of most paths,
         ``sd_``, ``skew_``, ``kurt_`` (third and fourth cumulants in units of the sd) of each quantity, the
         standard error of each of these under ``se_`` + its name, ``rho1, rho2``, ``paths`` that reached the impact,
-        and ``agreement``: the share that has followed the noise-free itinerary up to there.
+        and ``agreement``: the share that has followed the noise-free itinerary up to there.  With a control variate,
+        means and sds and their errors are the controlled ones.
         """
         s = single_statistics(self.result.sums["section"])
+        if self.control_variance is not None:
+            s |= controlled_statistics(self.result.sums["control"], self.control_variance)
         columns: dict[str, Floats] = {}
         for prefix, name in (("", "mean"), ("sd_", "sd"), ("skew_", "skew"), ("kurt_", "kurt")):
             for i, quantity in enumerate(SECTION):
@@ -313,6 +320,7 @@ def simulate(
     itineraries: Mapping[str, Sequence[int]] | None = None,
     histogram: bool = False,
     keep_paths: bool = False,
+    control: bool = False,
     horizon: float | None = None,
     progress: str | None = None,
 ) -> Ensemble:
@@ -342,6 +350,8 @@ def simulate(
         Named itineraries ``mesh * side`` whose agreement with the paths is counted, beside the noise-free one.
     histogram, keep_paths : bool
         Keep section histograms; keep every impact of every path (memory then grows with paths).
+    control : bool
+        Use the linearised path as a control variate for section means and sds (``exact-flight`` only).
     horizon : float
         Time after the start at which unfinished paths are given up; 50 per impact by default.
     progress : str
@@ -366,6 +376,8 @@ def simulate(
     check_settings(
         scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, step_bias=step_bias
     )
+    if control and SCHEMES[scheme].normals < 2:
+        raise InputError("control", control, f"works with scheme 'exact-flight' only; scheme = {scheme!r}")
     levels = LEVELS if step_bias else 1
     coarsest = 2 ** (levels - 1)
     dt = float(dt)
@@ -374,10 +386,13 @@ def simulate(
     steps = _clock_steps(scene, clock, dt * coarsest, horizon) * coarsest
     seed = rng if isinstance(rng, np.random.SeedSequence) else np.random.SeedSequence(rng)
     most_steps = math.ceil(horizon / (dt * coarsest)) * coarsest
-    quiet = Plan(scene.noise_free, 1, impacts, dt, scheme, seed, most_steps, np.empty(0, np.int64), {}, 1)
+    quiet = Plan(scene.noise_free, 1, impacts, dt, scheme, seed, most_steps, np.empty(0, np.int64), {}, 1, no_control())
+    path = linear_path(scene, impacts, dt) if control and scene.sigma > 0.0 else no_control()
     named[NOISE_FREE] = tuple(np.nan_to_num(sample(quiet, 0).rows[0, 0, :, 6]).astype(int).tolist())
     computed = paths if _is_random(scene) else 1
-    plan = Plan(scene, computed, impacts, dt, scheme, seed, most_steps, steps, named, levels, histogram or keep_paths)
+    plan = Plan(
+        scene, computed, impacts, dt, scheme, seed, most_steps, steps, named, levels, path, histogram or keep_paths
+    )
     started = time.perf_counter()
     merged: BlockResult | None = None
     histograms: Histograms | None = None
@@ -394,10 +409,14 @@ def simulate(
             bar.update(min(BLOCK, computed - block * BLOCK))
     assert merged is not None
     whole = np.concatenate(kept) if kept else None
+    variance = None
+    if path.at_step.size:
+        variance = np.zeros((impacts, len(SECTION)))
+        variance[: len(path.variance)] = path.variance
     if whole is not None and computed < paths:
         whole = np.broadcast_to(whole, (paths, *whole.shape[1:]))
     return Ensemble(
-        scene, paths, impacts, dt, scheme, seed, merged, scene.start.tau + steps * dt, histograms,
+        scene, paths, impacts, dt, scheme, seed, merged, scene.start.tau + steps * dt, variance, histograms,
         whole, time.perf_counter() - started,
     )  # fmt: skip
 

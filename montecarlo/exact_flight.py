@@ -25,7 +25,7 @@ from scene.compiled import inlined, jit
 from scene.flight import decay, flow, noise_rate, turned
 from scene.scene import Constants
 
-__all__ = ["FlightForcing", "advance_exactly", "flight_forcing", "flight_lanes", "near_second"]
+__all__ = ["FlightForcing", "advance_exactly", "flight_forcing", "flight_lanes", "kick", "near_second"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -68,7 +68,7 @@ def _margins(c: Constants, h: float) -> tuple[float, float]:
 
 
 @jit
-def _kick(c: Constants, tau: float, h: float, first: float, slope: float) -> tuple[float, float, float, float]:
+def kick(c: Constants, tau: float, h: float, first: float, slope: float) -> tuple[float, float, float, float]:
     """Displacement at the end of a time h by the noise ``dB = (first + slope (s / h - 1/2)) ds / h``, by Eq. 5."""
     x1, y1, x2, y2 = 0.0, 0.0, 0.0, 0.0
     for node, weight in zip(NODES, WEIGHTS):  # noqa: B905  (compiled code has no strict)
@@ -94,7 +94,7 @@ def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
     margin1, margin2 = _margins(c, h)
     return FlightForcing(
         e1, d1, e1 - e2, e2, d1 - d2, d2, flow(c, tau, 0.0, 0.0, 0.0, 0.0, h),
-        _kick(c, tau, h, math.sqrt(h), 0.0), _kick(c, tau, h, 0.0, math.sqrt(12.0 * h)), margin1, margin2,
+        kick(c, tau, h, math.sqrt(h), 0.0), kick(c, tau, h, 0.0, math.sqrt(12.0 * h)), margin1, margin2,
     )  # fmt: skip
 
 
@@ -248,7 +248,7 @@ def advance_exactly(
     while True:
         h = at.left * share
         x1, y1, x2, y2 = flow(c, at.tau, at.x1, at.y1, at.x2, at.y2, h)
-        k1, l1, k2, l2 = _kick(c, at.tau, h, trial.increment, 12.0 * trial.area)
+        k1, l1, k2, l2 = kick(c, at.tau, h, trial.increment, 12.0 * trial.area)
         left = at.left - h if share < 1.0 else 0.0
         end = Progress(0, at.tau + h, left, rest, x1 + k1, y1 + l1, x2 + k2, y2 + l2)
         cut = _cut_of_trial(c, at, end, h, walls)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from montecarlo.backlash import Backlash, half_gap
+from montecarlo.control import LinearPath
 from montecarlo.euler import at_end, euler_lanes, step_forcing
 from montecarlo.euler_located import advance_inside, leaving, located_lanes
 from montecarlo.exact_flight import advance_exactly, flight_forcing, flight_lanes, near_second
@@ -155,7 +156,39 @@ def _join_halves(fine_w: Floats, fine_area: Floats, w: Floats, area: Floats, sec
 
 
 @jit
-def _retire(every: Lanes, path: NDArray[Word], impacts: int, live: int) -> int:
+def _carry_linear(
+    path: LinearPath, n: int, done: int, first: int, numbers: NDArray[Word], xi: Floats, w: Floats, area: Floats,
+    controls: Floats, live: int,
+) -> int:  # fmt: skip
+    """Take the perturbations of all lanes through step n; returns how many of the orbit's impacts are behind it."""
+    while done < path.at_step.size and path.at_step[done] == n:
+        read, noise = path.read[done], path.read_noise[done]
+        for p in range(live):
+            row = int(numbers[p]) - first
+            for i in range(6):
+                total = noise[0, i] * w[p] + noise[1, i] * area[p]
+                for j in range(5):
+                    total += read[i, j] * xi[j, p]
+                controls[row, done, i] = total
+        done += 1
+    if done < path.at_step.size:
+        carry, noise = path.carry[n], path.noise[n]
+        x1, y1, x2, y2, last = xi[0], xi[1], xi[2], xi[3], xi[4]
+        for p in range(live):
+            a, b, c, d, e = x1[p], y1[p], x2[p], y2[p], last[p]
+            x1[p] = carry[0, 0] * a + carry[0, 1] * b + carry[0, 2] * c + carry[0, 3] * d
+            y1[p] = carry[1, 0] * a + carry[1, 1] * b + carry[1, 2] * c + carry[1, 3] * d
+            x2[p] = carry[2, 0] * a + carry[2, 1] * b + carry[2, 2] * c + carry[2, 3] * d
+            y2[p] = carry[3, 0] * a + carry[3, 1] * b + carry[3, 2] * c + carry[3, 3] * d
+            last[p] = carry[4, 0] * a + carry[4, 1] * b + carry[4, 2] * c + carry[4, 3] * d + carry[4, 4] * e
+        for i in range(5):
+            for p in range(live):
+                xi[i, p] += noise[0, i] * w[p] + noise[1, i] * area[p]
+    return done
+
+
+@jit
+def _retire(every: Lanes, path: NDArray[Word], xi: Floats, impacts: int, live: int) -> int:
     """Give the lane of a finished path to the last one; returns how many are left."""
     p = 0
     while p < live:
@@ -167,6 +200,7 @@ def _retire(every: Lanes, path: NDArray[Word], impacts: int, live: int) -> int:
             continue
         live -= 1
         path[p], path[live] = path[live], path[p]
+        xi[:, p] = xi[:, live]
         for level in range(len(every.impacts)):
             every.state[level, :, p] = every.state[level, :, live]
             every.walls[level, :, p] = every.walls[level, :, live]
@@ -177,7 +211,15 @@ def _retire(every: Lanes, path: NDArray[Word], impacts: int, live: int) -> int:
 
 @jit
 def run_block(
-    job: Job, first: int, start: Floats, walls: Floats, rows: Floats, clock_steps: Ints, clock: Floats
+    job: Job,
+    control: LinearPath,
+    first: int,
+    start: Floats,
+    walls: Floats,
+    rows: Floats,
+    clock_steps: Ints,
+    clock: Floats,
+    controls: Floats,
 ) -> tuple[int, int, int]:
     """Follow a block of paths until each has had its impacts, at one or more step sizes on one noise.
 
@@ -185,6 +227,8 @@ def run_block(
     ----------
     job : Job
         Level l steps by ``2**l dt``; after ``most_steps`` finest steps paths are given up.
+    control : LinearPath
+        Carried along beside the finest level; empty for none.
     first : int
         Number of the block's first path.
     start : ndarray, shape (4, paths)
@@ -197,6 +241,8 @@ def run_block(
         Finest steps, multiples of the coarsest, at which states go to `clock`.
     clock : ndarray, shape (levels, paths, times, 4)
         Output.
+    controls : ndarray, shape (paths, impacts, COLUMNS)
+        Output: what the linearised path says of each section quantity; as given where there is none.
 
     Returns
     -------
@@ -218,7 +264,8 @@ def run_block(
     draws = 2 if job.scheme == EXACT else 4
     marks = np.zeros(room, np.bool_)
     hits = np.empty(paths, np.int64)
-    work, held, live, next_clock, n = 0, 0, paths, 0, 0
+    xi = np.zeros((5, room))
+    work, held, live, next_clock, linear, n = 0, 0, paths, 0, 0, 0
     while n < job.most_steps and live > 0:
         wide = (live + 7) // 8 * 8
         for _ in range(min(CHUNK, job.most_steps - n)):
@@ -226,6 +273,8 @@ def run_block(
             if use == 0 and job.c.sigma > 0.0:
                 fill_normals(job.key, path, Word(n // draws), wide, z)
             w, area = z[use * (4 // draws)], z[use * (4 // draws) + 1 if draws == 2 else 4]
+            if linear < control.at_step.size:
+                linear = _carry_linear(control, n, linear, first, path, xi, w, area, controls, live)
             n += 1
             for level in range(levels):
                 multiple = 1 << level
@@ -257,6 +306,6 @@ def run_block(
                         for i in range(4):
                             clock[level, int(path[p]) - first, next_clock, i] = every.state[level, i, p]
                 next_clock += 1
-        if next_clock == clock_steps.size:
-            live = _retire(every, path, impacts, live)
+        if next_clock == clock_steps.size and linear == control.at_step.size:
+            live = _retire(every, path, xi, impacts, live)
     return work, held, live
