@@ -43,8 +43,8 @@ class LinearPath(NamedTuple):
         Step in which the orbit has each impact; those it never has are left out.
     read, read_noise : ndarray, shapes (impacts, 6, 5) and (impacts, 2, 6)
         From the perturbation at the start of that step, and its normals, to the section quantities.
-    variance : ndarray, shape (impacts, 6)
-        Of the section quantities.
+    variance : ndarray, shape (all impacts, 6)
+        Of the section quantities; zero at impacts that the orbit never has.
     """
 
     carry: Floats
@@ -124,10 +124,9 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
     """
     c, orbit = scene.constants, _impacts(scene, impacts)
     steps = int((orbit[-1].tau - scene.start.tau) / dt) + 1 if orbit else 0
-    empty = no_control()
     program = LinearPath(
         np.empty((steps, 5, 5)), np.empty((steps, 2, 5)), np.empty(len(orbit), np.int64),
-        *(np.empty((len(orbit), *a.shape[1:])) for a in (empty.read, empty.read_noise, empty.variance)),
+        np.empty((len(orbit), 6, 5)), np.empty((len(orbit), 2, 6)), np.zeros((impacts, 6)),
     )  # fmt: skip
     covariance, k = np.zeros((5, 5)), 0
     for n in range(steps):

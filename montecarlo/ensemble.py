@@ -5,8 +5,9 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import islice
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 import pandas as pd
@@ -36,20 +37,52 @@ HORIZON_PER_IMPACT = 50.0
 """Default time after which a path is given up, per impact asked for; flights of DAT21 last about 0.5."""
 
 
+class Reach(NamedTuple):
+    """How far an answer got towards the accuracy that was asked for.
+
+    Errors are the worst over all section means and sds, in units of each quantity's sd (absolute where none varies).
+
+    Attributes
+    ----------
+    asked : float
+        The accuracy.
+    sampling : float
+        Largest standard error.
+    step : float
+        Largest bias of the step; 0 for a scheme that has none.
+    worst : str
+        Where the standard error is largest.
+    schemes : DataFrame
+        What each scheme was expected to cost: index ``scheme``, columns ``dt, paths, core_seconds``.
+    more_seconds : float
+        Estimated time to what was asked, where the budget ended before it; 0 where it was reached.
+    """
+
+    asked: float
+    sampling: float
+    step: float
+    worst: str
+    schemes: pd.DataFrame
+    more_seconds: float
+
+    @property
+    def reached(self) -> bool:
+        """Whether both errors are within what was asked."""
+        return max(self.sampling, self.step) <= self.asked
+
+
 @dataclass(frozen=True)
 class Ensemble:
     """What a simulation found.
 
     Attributes
     ----------
-    scene, paths, impacts, dt, scheme, seed
-        What was asked; `seed` makes the run repeatable.
+    plan : Plan
+        What was computed, and the seed that makes it repeatable.
+    paths : int
+        Paths that were asked for.
     result : BlockResult
         The merged sums behind the tables.
-    clock_times : ndarray
-        Times at which clock statistics were taken (on the step grid).
-    control_variance : ndarray or None
-        Known variance of the linearised path's section quantities, shape (impacts, 6), if it was the control variate.
     histograms : Histograms or None
         Section histograms, if asked for.
     raw : ndarray or None
@@ -57,20 +90,42 @@ class Ensemble:
         asked for.
     wall_seconds : float
         Time the run took.
+    reach : Reach or None
+        How far it got, if an accuracy was asked for.
     """
 
-    scene: Scene
+    plan: Plan
     paths: int
-    impacts: int
-    dt: float
-    scheme: str
-    seed: np.random.SeedSequence
     result: BlockResult
-    clock_times: Floats
-    control_variance: Floats | None
     histograms: Histograms | None
     raw: Floats | None
     wall_seconds: float
+    reach: Reach | None = None
+
+    @property
+    def scene(self) -> Scene:
+        """What was modelled."""
+        return self.plan.scene
+
+    @property
+    def impacts(self) -> int:
+        """Impacts of each path."""
+        return self.plan.impacts
+
+    @property
+    def dt(self) -> float:
+        """Finest step."""
+        return self.plan.dt
+
+    @property
+    def scheme(self) -> str:
+        """Name of the scheme."""
+        return self.plan.scheme
+
+    @property
+    def clock_times(self) -> Floats:
+        """Times at which clock statistics were taken, on the step grid."""
+        return np.asarray(self.scene.start.tau + self.plan.clock_steps * self.dt)
 
     @property
     def path_steps(self) -> int:
@@ -98,8 +153,8 @@ class Ensemble:
         means and sds and their errors are the controlled ones.
         """
         s = single_statistics(self.result.sums["section"])
-        if self.control_variance is not None:
-            s |= controlled_statistics(self.result.sums["control"], self.control_variance)
+        if "control" in self.result.sums:
+            s |= controlled_statistics(self.result.sums["control"], self.plan.control.variance)
         columns: dict[str, Floats] = {}
         for prefix, name in (("", "mean"), ("sd_", "sd"), ("skew_", "skew"), ("kurt_", "kurt")):
             for i, quantity in enumerate(SECTION):
@@ -261,10 +316,10 @@ def _is_random(scene: Scene) -> bool:
     return scene.sigma > 0.0 or (scene.tolerance is not None and scene.tolerance.law != "fixed")
 
 
-def _in_order(plan: Plan, workers: int) -> Iterator[tuple[BlockResult, Floats | None]]:
-    """Results of all blocks in block order; at most a few blocks per worker are alive at a time."""
+def _in_order(plan: Plan, workers: int, first: int = 0) -> Iterator[tuple[BlockResult, Floats | None]]:
+    """Results of all blocks from `first` on, in block order; a few blocks per worker are alive at a time."""
     with ThreadPoolExecutor(workers) as pool:
-        numbers = iter(range(plan.blocks))
+        numbers = iter(range(first, plan.blocks))
         waiting: list[Future[tuple[BlockResult, Floats | None]]] = [
             pool.submit(run, plan, b) for b in islice(numbers, 4 * workers)
         ]
@@ -309,10 +364,11 @@ def check_settings(
 def simulate(
     scene: Scene,
     *,
-    paths: int,
+    paths: int | None = None,
     impacts: int = 12,
-    dt: float = 2e-3,
-    scheme: str = "euler-maruyama-located",
+    accuracy: float | None = None,
+    dt: float | None = None,
+    scheme: str | None = None,
     rng: int | np.random.SeedSequence = 0,
     workers: int = 1,
     clock: Sequence[float] | Floats = (),
@@ -322,6 +378,7 @@ def simulate(
     keep_paths: bool = False,
     control: bool = False,
     horizon: float | None = None,
+    budget: float = math.inf,
     progress: str | None = None,
 ) -> Ensemble:
     """Simulate an ensemble of paths of Eqs. 5 and 6 with both impact laws.
@@ -331,13 +388,16 @@ def simulate(
     scene : Scene
         What is modelled.
     paths : int
-        Number of paths.
+        Number of paths; or give `accuracy`.
     impacts : int
         Impacts of each path after the start.
+    accuracy : float
+        Largest standard error and largest bias of the step of all section means and sds, in units of each quantity's sd
+        (absolute where it does not vary).  Scheme, dt and paths are then chosen by pilot runs; see `Ensemble.reach`.
     dt : float
-        Step.
+        Step; 0.002 by default.
     scheme : {"euler-maruyama-located", "euler-maruyama", "exact-flight"}
-        See `montecarlo.schemes`.
+        See `montecarlo.schemes`; the first by default.
     rng : int or SeedSequence
         Seed.  The result is the same bit for bit for any number of workers.
     workers : int
@@ -354,6 +414,8 @@ def simulate(
         Use the linearised path as a control variate for section means and sds (``exact-flight`` only).
     horizon : float
         Time after the start at which unfinished paths are given up; 50 per impact by default.
+    budget : float
+        Seconds after which `accuracy` is given up: the best answer so far is returned, and says what was missing.
     progress : str
         Label of a progress bar on a terminal; none by default, and none in a pipe.
 
@@ -373,6 +435,28 @@ def simulate(
     >>> run.section[["mesh", "side", "paths", "agreement"]].loc[2].tolist()
     [2.0, 1.0, 1000.0, 1.0]
     """
+    if accuracy is not None:
+        settings = {"paths": paths, "dt": dt, "clock": clock or None, "itineraries": itineraries, "horizon": horizon}
+        for name, value in (settings | {"control": control or None, "step_bias": step_bias or None}).items():
+            if value is not None:
+                raise InputError(
+                    name, value, "accuracy chooses the settings itself; leave it out, or leave out accuracy"
+                )
+        from montecarlo.accuracy import reach  # it calls this function
+
+        check_settings(
+            scene, paths=1, impacts=impacts, dt=1e-12, scheme=scheme or "exact-flight", rng=rng, workers=workers,
+            step_bias=False,
+        )  # fmt: skip
+        positive("budget", budget) if budget != math.inf else None
+        again = partial(simulate, scene, impacts=impacts, rng=rng, workers=workers)
+        return reach(
+            scene, again, accuracy=positive("accuracy", accuracy), scheme=scheme, workers=workers, budget=budget,
+            progress=progress,
+        )  # fmt: skip
+    if paths is None:
+        raise InputError("paths", None, "give the number of paths, or an accuracy")
+    scheme, dt = scheme or "euler-maruyama-located", 2e-3 if dt is None else dt
     check_settings(
         scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, step_bias=step_bias
     )
@@ -397,8 +481,7 @@ def simulate(
     merged: BlockResult | None = None
     histograms: Histograms | None = None
     kept = []
-    bar = tqdm(total=computed, unit="path", unit_scale=True, desc=progress, disable=None if progress else True)
-    with bar:
+    with _bar(computed, progress) as bar:
         for block, (result, rows) in enumerate(_in_order(plan, workers)):
             merged = result if merged is None else merged.merged(result)
             if histogram and rows is not None:
@@ -409,16 +492,24 @@ def simulate(
             bar.update(min(BLOCK, computed - block * BLOCK))
     assert merged is not None
     whole = np.concatenate(kept) if kept else None
-    variance = None
-    if path.at_step.size:
-        variance = np.zeros((impacts, len(SECTION)))
-        variance[: len(path.variance)] = path.variance
     if whole is not None and computed < paths:
         whole = np.broadcast_to(whole, (paths, *whole.shape[1:]))
-    return Ensemble(
-        scene, paths, impacts, dt, scheme, seed, merged, scene.start.tau + steps * dt, variance, histograms,
-        whole, time.perf_counter() - started,
-    )  # fmt: skip
+    return Ensemble(plan, paths, merged, histograms, whole, time.perf_counter() - started)
+
+
+def _bar(paths: int, label: str | None) -> "tqdm[NoReturn]":
+    return tqdm(total=paths, unit="path", unit_scale=True, desc=label, disable=None if label else True)
+
+
+def extended(run: Ensemble, paths: int, workers: int, progress: str | None = None) -> Ensemble:
+    """The same run with more paths; what is there is not computed again.  Both numbers are whole blocks."""
+    started = time.perf_counter()
+    plan, merged = run.plan._replace(paths=paths), run.result
+    with _bar(paths - run.paths, progress) as bar:
+        for result, _ in _in_order(plan, workers, run.plan.blocks):
+            merged = merged.merged(result)
+            bar.update(BLOCK)
+    return Ensemble(plan, paths, merged, None, None, run.wall_seconds + time.perf_counter() - started)
 
 
 def _clock_steps(scene: Scene, times: Sequence[float] | Floats, dt: float, horizon: float) -> NDArray[np.int64]:

@@ -1,0 +1,144 @@
+"""Ask for accuracy, not for settings: scheme, step and number of paths from pilot runs, then paths until it is there.
+
+Errors count in units of each quantity's sd, the worst of all section means and sds: the standard error, and the bias of
+the step as measured on the same noise at dt, 2 dt and 4 dt.  They count absolutely where the sd is no scale: where
+nothing varies, and for the displacement at the mesh that most paths strike, which varies by the strays alone.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from montecarlo.block import BLOCK
+from montecarlo.ensemble import Ensemble, Reach, extended
+from montecarlo.schemes import SCHEMES
+from montecarlo.step import largest_step
+from scene.moments import SECTION
+from scene.scene import Scene
+
+__all__ = ["reach", "sampling_error", "step_error"]
+
+PILOT = 4 * BLOCK
+COARSEST = 4  # of the steps that run side by side for the bias, in units of the finest
+FLIGHT_STEP = 2.0 * math.pi / 128.0  # of exact flights: the time that steps cost is then less than that of the impacts
+FIRST_STEP = 0.01  # of the pilots of Euler and Maruyama, if the scene lets it through
+GROWTH = 8  # most by which the number of paths grows at once: the spread of heavy tails is found late
+STILL = 1e-9  # sd below which a quantity does not vary
+
+Simulate = Callable[..., Ensemble]
+
+
+class _Candidate(NamedTuple):
+    scheme: str
+    dt: float
+    paths: int
+    core_seconds: float
+
+
+def _units(run: Ensemble) -> pd.DataFrame:
+    """Unit of each quantity's errors, index ``impact``, columns the section quantities."""
+    section = run.section
+    unit = section[["sd_" + q for q in SECTION]].set_axis(SECTION, axis=1)
+    unit = unit.where(unit > STILL, 1.0)
+    for mesh in (1, 2):
+        unit[f"x{mesh}"] = unit[f"x{mesh}"].where(section["mesh"] != mesh, 1.0)
+    return unit
+
+
+def sampling_error(run: Ensemble) -> tuple[float, str]:
+    """Largest standard error of the section means and sds in units of the sd, and where it is."""
+    unit, section = _units(run), run.section
+    errors = {
+        f"{name} of {q}": section[prefix + q] / unit[q]
+        for q in SECTION
+        for name, prefix in (("mean", "se_"), ("sd", "se_sd_"))
+    }
+    table = pd.DataFrame(errors).fillna(0.0)
+    name = str(table.max().idxmax())
+    return float(table[name].max()), f"{name} at impact {table[name].idxmax()}"
+
+
+def step_error(run: Ensemble) -> tuple[float, float]:
+    """Largest bias of the step in units of the sd, and its standard error."""
+    unit, bias = _units(run), run.step_bias
+    scale = np.array([unit.at[k, q] for k, q in zip(bias["impact"], bias["quantity"], strict=True)])
+    share = bias["bias"].abs() / scale
+    worst = int(share.to_numpy().argmax())
+    return float(share.iloc[worst]), float(bias["se_bias"].iloc[worst] / scale[worst])
+
+
+def _candidate(scene: Scene, scheme: str, accuracy: float, simulate: Simulate) -> _Candidate:
+    """Step, paths and work that a scheme needs, from a pilot run."""
+    kind = SCHEMES[scheme]
+    exact = kind.weak_order is None
+    levels = 1 if exact else COARSEST
+    dt = min(FLIGHT_STEP if exact else FIRST_STEP, 0.99 * largest_step(scene, scheme)[0] / levels)
+    pilot = simulate(paths=PILOT, scheme=scheme, dt=dt, step_bias=not exact, control=exact)
+    error, _ = sampling_error(pilot)
+    if not exact:  # half of what is allowed: order 1 is that of the limit dt -> 0
+        dt *= min(1.0, 0.5 * accuracy / max(step_error(pilot)[0], 1e-300))
+    blocks = max(1, math.ceil(pilot.paths * (error / accuracy) ** 2 / BLOCK))
+    steps = pilot.path_steps / pilot.paths * pilot.dt / dt  # of all step sizes
+    work = steps * kind.step_ns + pilot.impacts * kind.impact_ns * (1.0 if exact else 3.0)
+    return _Candidate(scheme, dt, blocks * BLOCK, 1e-9 * work * blocks * BLOCK)
+
+
+def reach(
+    scene: Scene, simulate: Simulate, *, accuracy: float, scheme: str | None, workers: int, budget: float,
+    progress: str | None,
+) -> Ensemble:  # fmt: skip
+    """Simulate until both errors are within `accuracy`, or the budget is spent.
+
+    Parameters
+    ----------
+    scene : Scene
+    simulate : callable
+        `montecarlo.simulate` with all that does not change: scene, impacts, seed, workers.
+    accuracy : float
+    scheme : str or None
+        The one to use; None for the one that pilot runs expect to cost least.
+    workers : int
+    budget : float
+        Seconds.
+    progress : str or None
+
+    Returns
+    -------
+    Ensemble
+        With `Ensemble.reach`.
+    """
+    started = time.perf_counter()
+    names = [scheme] if scheme else list(SCHEMES)
+    candidates = [_candidate(scene, name, accuracy, simulate) for name in names]
+    table = pd.DataFrame(candidates).set_index("scheme")
+    best = min(candidates, key=lambda c: c.core_seconds)
+    exact = SCHEMES[best.scheme].weak_order is None
+    settings = {"scheme": best.scheme, "control": exact, "step_bias": not exact, "progress": progress}
+    dt, paths = best.dt, min(best.paths, GROWTH * PILOT)
+    before, run = time.perf_counter(), simulate(paths=paths, dt=dt, **settings)
+    while True:
+        seconds_per_path = (time.perf_counter() - before) / paths
+        error, worst = sampling_error(run)
+        step, se_step = (0.0, 0.0) if exact else step_error(run)
+        wanted = math.ceil(run.paths * (error / accuracy) ** 2 / BLOCK) * BLOCK
+        shorten = step > accuracy and step > 3.0 * se_step
+        if step > accuracy and not shorten:  # a bias that may be noise
+            wanted = max(wanted, 2 * run.paths)
+        more = 2 * run.paths if shorten else max(wanted - run.paths, 0)
+        left = budget - (time.perf_counter() - started)
+        affordable = int(min(left / seconds_per_path, 1e15)) // BLOCK * BLOCK
+        if more == 0 or affordable <= 0 or (shorten and affordable < more):
+            reached = Reach(accuracy, error, step, worst, table, more * seconds_per_path)
+            return replace(run, reach=reached)
+        before = time.perf_counter()
+        if shorten:
+            paths, dt = run.paths, 0.5 * dt
+            run = simulate(paths=paths, dt=dt, **settings)
+        else:
+            paths = min(more, affordable, (GROWTH - 1) * run.paths)
+            run = extended(run, run.paths + paths, workers, progress)
