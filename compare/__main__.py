@@ -96,7 +96,7 @@ def validate(
     from compare import manifest
     from compare.folder import check_free
     from compare.report import CONTENTS, write_report
-    from compare.sweep import grid, step_for, sweep
+    from compare.sweep import check_sweep, grid, sweep
     from compare.validate import validate as hold_against
     from montecarlo import check_settings
     from scene import DAT21, Scene
@@ -128,9 +128,7 @@ def validate(
     first = settings.scenes[0]
     for s in settings.scenes:
         check_settings(s, **settings.simulation, workers=workers, step_bias=True)
-    for sigma in settings.frontier:
-        planned = settings.sweep | {"dt": step_for(sigma, settings.dt)}
-        check_settings(first.with_sigma(sigma), **planned, workers=workers, step_bias=True)
+    check_sweep(first, settings.frontier, **settings.sweep, workers=workers)
     wall, cpu = time.perf_counter(), _cpu()
     closures: dict[str, Any] = {"readings": settings.readings, "order": settings.order}
     validations = [

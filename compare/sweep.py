@@ -11,11 +11,12 @@ from tqdm import tqdm
 from compare.frontier import Frontier, frontiers
 from compare.speed import Speed, path_step_seconds, speed
 from compare.validate import validate
+from montecarlo import check_settings
 from scene.errors import InputError
 from scene.scene import Scene
 from scene.validate import count, positive
 
-__all__ = ["Sweep", "grid", "step_for", "sweep"]
+__all__ = ["Sweep", "check_sweep", "grid", "step_for", "sweep"]
 
 EXAMPLE = "1e-3:2:12"
 FINE = 0.007
@@ -71,6 +72,21 @@ def step_for(sigma: float, dt: float) -> float:
     (0.002, 0.001)
     """
     return dt if sigma >= FINE else float(f"{dt * math.sqrt(sigma / FINE):.3g}")
+
+
+def check_sweep(scene: Scene, sigmas: Sequence[float], *, dt: float, **settings: Any) -> None:
+    """Refuse a sweep that could not be run to its end, before any work; settings as of `montecarlo.check_settings`.
+
+    Raises
+    ------
+    InputError
+        Names the noise intensity, what is wrong there, and the remedy.
+    """
+    for sigma in sigmas:
+        try:
+            check_settings(scene.with_sigma(sigma), dt=step_for(sigma, dt), step_bias=True, **settings)
+        except InputError as error:
+            raise InputError("frontier", sigma, f"cannot be run ({error}); change the range, or leave it out") from None
 
 
 def sweep(scene: Scene, sigmas: Sequence[float], *, dt: float, workers: int, **settings: Any) -> Sweep:
