@@ -145,10 +145,3 @@ class Edgeworth:
         v = np.asarray(zeta) / self.sd_y
         weight = np.exp(-0.5 * v * v) / (np.sqrt(2.0 * np.pi) * self.sd_y)
         return np.asarray(weight * hermite_e.hermeval(v, self.a[0]))
-
-    def lowest(self, reach: float = 6.0, points: int = 241) -> float:
-        """Lowest value of the joint density within `reach` standard deviations, relative to its highest."""
-        z = np.linspace(-reach, reach, points)
-        u, v = np.meshgrid(z * self.sd_x, z * self.sd_y)
-        p = self.density(u, v)
-        return float(p.min() / p.max())

@@ -53,6 +53,15 @@ def main() -> None:
 @click.option("--order", type=int, default=4, show_default=True, help="Order of the closures' moments, 2 to 6.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of the simulation.")
 @click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
+@click.option(
+    "--frontier",
+    default="1e-3:2:12",
+    show_default=True,
+    metavar="LOW:HIGH:POINTS",
+    help="Noise intensities of the figure that opens the report, evenly spaced in their logarithm.",
+)
+@click.option("--frontier-paths", type=int, default=40_000, show_default=True, help="Simulated paths of each of these.")
+@click.option("--no-frontier", is_flag=True, help="Leave that figure out.")
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="Report folder. [default: reports/NAME]")
 @click.option("--overwrite", is_flag=True, help="Replace an earlier report in that folder.")
 @click.option("--repeat", type=click.Path(path_type=Path), help="Repeat the run of a manifest.json.")
@@ -69,6 +78,9 @@ def validate(
     order: int,
     seed: int,
     workers: int,
+    frontier: str,
+    frontier_paths: int,
+    no_frontier: bool,
     out: Path | None,
     overwrite: bool,
     repeat: Path | None,
@@ -84,11 +96,13 @@ def validate(
     from compare import manifest
     from compare.folder import check_free
     from compare.report import CONTENTS, write_report
+    from compare.sweep import check_sweep, grid, sweep
     from compare.validate import validate as hold_against
     from montecarlo import check_settings
     from scene import DAT21, Scene
+    from scene.validate import count
 
-    expected = ""
+    expected = None
     if repeat is not None:
         settings, expected = manifest.read_settings(repeat)
         out = out or Path("reports") / f"{settings.name}-repeated"
@@ -106,36 +120,24 @@ def validate(
             seed,
             order,
             readings or readings_for(base),
+            () if no_frontier else grid(frontier),
+            0 if no_frontier else count("frontier-paths", frontier_paths),
         )
         out = out or Path("reports") / name.lower()
     check_free(out, CONTENTS, overwrite)
+    first = settings.scenes[0]
     for s in settings.scenes:
-        check_settings(
-            s,
-            paths=settings.paths,
-            impacts=settings.impacts,
-            dt=settings.dt,
-            scheme=settings.scheme,
-            rng=settings.seed,
-            workers=workers,
-            step_bias=True,
-        )
+        check_settings(s, **settings.simulation, workers=workers, step_bias=True)
+    check_sweep(first, settings.frontier, **settings.sweep, workers=workers)
     wall, cpu = time.perf_counter(), _cpu()
+    closures: dict[str, Any] = {"readings": settings.readings, "order": settings.order}
     validations = [
-        hold_against(
-            s,
-            impacts=settings.impacts,
-            readings=settings.readings,
-            paths=settings.paths,
-            dt=settings.dt,
-            scheme=settings.scheme,
-            rng=settings.seed,
-            workers=workers,
-            order=settings.order,
-            progress=f"sigma {s.sigma:.4g}",
-        )
+        hold_against(s, **settings.simulation, **closures, workers=workers, progress=f"sigma {s.sigma:.4g}")
         for s in settings.scenes
     ]
+    swept = (
+        sweep(first, settings.frontier, **settings.sweep, **closures, workers=workers) if settings.frontier else None
+    )
     provenance = {
         "command": shlex.join(["rattle", *sys.argv[1:]]),
         "repeat": shlex.join(["rattle", "validate", "--repeat", str(out / "manifest.json")]),
@@ -144,8 +146,8 @@ def validate(
         "wall_seconds": round(time.perf_counter() - wall, 1),
         "cpu_seconds": round(_cpu() - cpu, 1),
     }
-    record = write_report(out, settings, validations, provenance, overwrite)
-    repeated = None if repeat is None else record["table_sha256"] == expected
+    record = write_report(out, settings, validations, swept, provenance, overwrite)
+    repeated = None if expected is None else all(record[name] == digest for name, digest in expected.items())
     accurate = all(v.accurate for v in validations)
     if as_json:
         summary = {"report": str(out), "answer": record["answer"], "accurate": accurate, "repeated": repeated}

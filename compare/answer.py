@@ -1,11 +1,13 @@
-"""What a validation says in words: the answer in three sentences, and the paper's argument about rho judged."""
+"""What a validation says in words: the answer in a few sentences, and the paper's argument about rho judged."""
 
 from collections.abc import Sequence
+
+import pandas as pd
 
 from compare.correlation import SIMULATED, first_failure
 from compare.validate import Validation
 
-__all__ = ["answer", "correlation_claim", "sigma_text"]
+__all__ = ["answer", "correlation_claim", "frontier_sentence", "sigma_text"]
 
 
 def sigma_text(v: Validation) -> str:
@@ -22,8 +24,25 @@ def _largest_rho(validations: Sequence[Validation], reading: str) -> float:
     return max((float(r) for r in rows if r == r), default=0.0)
 
 
-def answer(validations: Sequence[Validation]) -> list[str]:
-    """The answer in three sentences: accuracy, realizability, agreement."""
+def frontier_sentence(frontier: pd.DataFrame, impacts: int) -> str:
+    """Up to which noise intensity each reading gets every impact right."""
+    holds: dict[float, list[str]] = {}  # readings by the last of the noise intensities that are right from the first on
+    for reading, rows in frontier.sort_values("sigma").groupby("reading", sort=False):
+        right = (rows["accurate"] == impacts).cummin()
+        holds.setdefault(float(rows["sigma"][right].max()) if right.any() else 0.0, []).append(str(reading))
+    shares = [
+        f"{f'up to σ = {sigma:.4g}' if sigma else 'at no σ'} for {_listed(readings)}"
+        for sigma, readings in sorted(holds.items(), reverse=True)
+    ]
+    sigmas = frontier["sigma"]
+    return (
+        f"Every section mean and sd over {impacts} impacts is accurate {_listed(shares)} (of {sigmas.nunique()} noise "
+        f"intensities from {sigmas.min():.4g} to {sigmas.max():.4g})."
+    )
+
+
+def answer(validations: Sequence[Validation], frontier: pd.DataFrame | None = None) -> list[str]:
+    """The answer in three sentences: accuracy, realizability, agreement; with frontiers one more, before them."""
     impacts = len(validations[0].run.section)
     tolerances = validations[0].tolerances
     shares = []
@@ -50,7 +69,9 @@ def answer(validations: Sequence[Validation]) -> list[str]:
     for v in validations:
         best = max(v.run.agreement[r].iloc[-1] for r in v.closures)
         agreement.append(f"{best:.1%} at σ = {sigma_text(v)}")
+    first = [] if frontier is None else [frontier_sentence(frontier, impacts)]
     return [
+        *first,
         f"Section moments that a reading predicts over {impacts} impacts and gets right (within {tolerances.mean:.0%} "
         f"of an sd for means and {tolerances.sd:.0%} for sds, interval included): {'; '.join(shares)}.",
         f"As for the correlation coefficient, {'; '.join(broken)}; in the simulation |ρ| never exceeds "

@@ -1,6 +1,6 @@
 """How far each reading can be believed: the impact up to which it is accurate, and why it ends there."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +10,20 @@ from closure import MeanMap
 from compare.correlation import first_failure
 from compare.validate import Validation
 
-__all__ = ["Frontier", "frontier", "frontiers"]
+__all__ = ["CAUSES", "Frontier", "frontier", "frontiers", "judged_rows"]
+
+CAUSES = {
+    "holds": "holds to the last impact followed",
+    "undecided": "more paths or a smaller step would tell",
+    "fixed instant": "the impact time does not vary in it",
+    "parted": "paths have left its itinerary",
+    "grazing": "an impact grazes",
+    "second order": "second order is no longer enough",
+    "mixture": "limit of a mixture of this size",
+    "not realizable": "its moments belong to no distribution",
+    "ended": "it cannot be followed further",
+}
+"""What ends a reading, in a word and in words."""
 
 PARTED = 0.99  # agreement below which a closure of one orbit cannot hold, whatever else is wrong with it
 STRAYS = 0.9999  # agreement below which a closure that is right otherwise fails: few strays, far away, make an sd
@@ -21,16 +34,22 @@ class Frontier(NamedTuple):
     """How far a reading can be believed at one noise intensity.
 
     ``accurate`` is the last impact up to which every section mean and sd that it predicts is accurate;
-    ``not_refuted`` the last up to which none is inaccurate (beyond ``accurate`` some are undecided); ``why`` says what
-    ends it.  The displacement at the mesh that most paths strike is left out: it does not vary along an itinerary,
-    and its sd says only how many strays there are.
+    ``not_refuted`` the last up to which none is inaccurate (beyond ``accurate`` some are undecided); ``cause`` is one
+    of `CAUSES`, and ``why`` gives the evidence for it.  ``together`` is the last impact up to which 99 % of the paths
+    have followed the reading's itinerary; ``paths`` and ``dt`` are those of the simulation.  The displacement at the
+    mesh that most paths strike is left out: it does not vary along an itinerary, and its sd says only how many strays
+    there are.
     """
 
     reading: str
     sigma: float
     accurate: int
     not_refuted: int
+    cause: str
     why: str
+    together: int
+    paths: int
+    dt: float
 
 
 def frontier(v: Validation, reading: str) -> Frontier:
@@ -44,22 +63,29 @@ def frontier(v: Validation, reading: str) -> Frontier:
     >>> frontier(v, "saltation").accurate, frontier(v, "printed").not_refuted
     (3, 0)
     """
-    rows = _judged(v, reading)
+    rows = judged_rows(v, reading)
     impacts = range(1, len(v.run.section) + 1)
     verdicts = {k: set(group["verdict"]) - {"not predicted"} for k, group in rows.groupby("impact")}
     accurate = _unbroken(impacts, lambda k: verdicts[k] == {"accurate"})
     not_refuted = _unbroken(impacts, lambda k: bool(verdicts[k]) and "inaccurate" not in verdicts[k])
+    agreement = v.run.agreement[reading]
+    together = _unbroken(impacts, lambda k: bool(agreement.loc[k] >= PARTED))
     if accurate == len(impacts):
-        return Frontier(reading, v.scene.sigma, accurate, not_refuted, "holds to the last impact followed")
-    return Frontier(reading, v.scene.sigma, accurate, not_refuted, _why(v, reading, accurate + 1, not_refuted))
+        cause, why = "holds", CAUSES["holds"]
+    elif not_refuted == len(impacts):
+        cause, why = "undecided", f"undecided from impact {accurate + 1} on: {CAUSES['undecided']}"
+    else:
+        cause, why = _why(v, reading, not_refuted + 1)
+    return Frontier(reading, v.scene.sigma, accurate, not_refuted, cause, why, together, v.run.paths, v.run.dt)
 
 
-def frontiers(validations: list[Validation]) -> pd.DataFrame:
+def frontiers(validations: Sequence[Validation]) -> pd.DataFrame:
     """Frontiers of all readings at all noise intensities, tidy."""
     return pd.DataFrame([frontier(v, r) for v in validations for r in v.closures])
 
 
-def _judged(v: Validation, reading: str) -> pd.DataFrame:
+def judged_rows(v: Validation, reading: str) -> pd.DataFrame:
+    """The section rows of a reading that its frontier is judged by."""
     rows = v.table[(v.table["reading"] == reading) & (v.table["kind"] == "section")]
     struck = "x" + v.run.section["mesh"].astype(str)
     return rows[rows["quantity"] != rows["impact"].map(struck)]
@@ -74,37 +100,35 @@ def _unbroken(impacts: range, holds: Callable[[int], bool]) -> int:
     return reached
 
 
-def _why(v: Validation, reading: str, impact: int, not_refuted: int) -> str:
-    """What ends a reading at an impact; the first of the causes that applies."""
+def _why(v: Validation, reading: str, impact: int) -> tuple[str, str]:
+    """What refutes a reading at an impact, as cause and evidence; the first of the causes that applies."""
     closure = v.closures[reading]
     failed = first_failure(v.correlation, reading)
     if failed and failed[0] <= impact:
-        return f"not realizable at impact {failed[0]}: {failed[2]}"
+        return "not realizable", f"not realizable at impact {failed[0]}: {failed[2]}"
     if closure.trace.found < impact:
-        return closure.stopped
-    if not_refuted >= impact:
-        return f"undecided from impact {impact} on: more paths or a smaller step would tell"
+        return "ended", closure.stopped
     worst = _worst(v, reading, impact)
     if closure.trace.parts is not None:
         lost = float(closure.section["lost"].loc[impact])
-        return f"{worst} (weight lost so far {lost:.1e}): limit of a mixture of this size"
+        return "mixture", f"{worst} (weight lost so far {lost:.1e}): {CAUSES['mixture']}"
     agreement = float(v.run.agreement[reading].loc[impact])
     if agreement < (STRAYS if reading == "saltation" else PARTED):
-        return f"{worst}: {1.0 - agreement:.2%} of the paths have left its itinerary"
+        return "parted", f"{worst}: {1.0 - agreement:.2%} of the {CAUSES['parted']}"
     slow = _slowest(closure, impact)
     if slow is not None:
-        return f"{worst}: impact {slow[0]} grazes (speed {slow[1]:.1f} of its sds)"
+        return "grazing", f"{worst}: impact {slow[0]} grazes (speed {slow[1]:.1f} of its sds)"
     if reading == "saltation":
-        return f"{worst}: second order is no longer enough"
-    return f"{worst}, at any noise: the impact time does not vary in it"
+        return "second order", f"{worst}: {CAUSES['second order']}"
+    return "fixed instant", f"{worst}, at any noise: {CAUSES['fixed instant']}"
 
 
 def _worst(v: Validation, reading: str, impact: int) -> str:
-    rows = _judged(v, reading)
+    rows = judged_rows(v, reading)
     rows = rows[(rows["impact"] == impact) & (rows["verdict"] == "inaccurate")]
     rows = rows.assign(excess=(rows["error"] / rows["tolerance"]).abs()).sort_values("excess", ascending=False)
     if rows.empty:
-        return f"moments of impact {impact} are undecided"
+        return f"nothing to compare at impact {impact}"
     row = rows.iloc[0]
     return f"{row['moment']} of {row['quantity']} wrong at impact {impact}"
 

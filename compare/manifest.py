@@ -12,9 +12,12 @@ from scene.errors import FileError, InputError
 from scene.scene import Scene
 from scene.validate import known_keys
 
-__all__ = ["Settings", "commit", "digest", "read_settings", "versions"]
+__all__ = ["DIGESTS", "Settings", "commit", "digest", "read_settings", "versions"]
 
 PACKAGES = ("rattle", "numpy", "numba", "llvmlite", "scipy", "pandas", "matplotlib", "pyarrow")
+
+DIGESTS = ("table_sha256", "frontier_sha256")
+"""What a repeated run must have in common with the first; timings are no part of it."""
 
 
 class Settings(NamedTuple):
@@ -29,14 +32,26 @@ class Settings(NamedTuple):
     seed: int
     order: int
     readings: tuple[str, ...]
+    frontier: tuple[float, ...] = ()
+    frontier_paths: int = 0
+
+    @property
+    def simulation(self) -> dict[str, Any]:
+        """What every simulation of the report is asked for, but for the scene and the threads."""
+        return {name: getattr(self, name) for name in ("paths", "impacts", "dt", "scheme")} | {"rng": self.seed}
+
+    @property
+    def sweep(self) -> dict[str, Any]:
+        """The same for the frontier, where the step depends on the noise intensity."""
+        return self.simulation | {"paths": self.frontier_paths}
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for the manifest."""
-        return {**self._asdict(), "scenes": [s.to_dict() for s in self.scenes], "readings": list(self.readings)}
+        return {**self._asdict(), "scenes": [s.to_dict() for s in self.scenes]}
 
 
-def read_settings(path: Path) -> tuple[Settings, str]:
-    """Settings of an earlier report, and the digest of its table, from its manifest.
+def read_settings(path: Path) -> tuple[Settings, dict[str, str | None]]:
+    """Settings of an earlier report, and the digests of its tables, from its manifest.
 
     Raises
     ------
@@ -45,10 +60,14 @@ def read_settings(path: Path) -> tuple[Settings, str]:
     """
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
-        settings, table = data["settings"], data["table_sha256"]
+        settings = data["settings"]
         known_keys("manifest.settings", settings, Settings._fields)
         scenes = tuple(Scene.from_dict(s) for s in settings["scenes"])
-        return Settings(**{**settings, "scenes": scenes, "readings": tuple(settings["readings"])}), str(table)
+        lists = {"readings": tuple(settings["readings"]), "frontier": tuple(settings.get("frontier", ()))}
+        digests = {name: data.get(name) for name in DIGESTS}
+        if digests["table_sha256"] is None:
+            raise KeyError("table_sha256")
+        return Settings(**{**settings, "scenes": scenes, **lists}), digests
     except OSError as error:
         raise FileError("manifest", str(path), f"cannot be read ({error.strerror})") from None
     except InputError:

@@ -1,81 +1,19 @@
 """Figures of a validation: errors, correlation, section histograms, agreement."""
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.artist import Artist
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
-from compare.frontier import frontiers
+from compare.style import ACCURATE, FORBIDDEN, STYLE, SYMBOL, legend_above, new_figure
 from compare.validate import Validation
 
-__all__ = [
-    "FIGURES",
-    "agreement_figure",
-    "correlation_figure",
-    "error_figure",
-    "frontier_figure",
-    "save",
-    "section_figure",
-]
+__all__ = ["FIGURES", "agreement_figure", "correlation_figure", "error_figure", "section_figure"]
 
-# Okabe and Ito's palette: told apart with every common colour vision, and by marker as well.
-STYLE: Any = {
-    "printed": {"color": "#D55E00", "marker": "s"},
-    "mended": {"color": "#0072B2", "marker": "o"},
-    "saltation": {"color": "#009E73", "marker": "^"},
-    "branching": {"color": "#E69F00", "marker": "v"},
-    "monte carlo": {"color": "#000000", "marker": "D"},
-}
-ACCURATE, FORBIDDEN = "#56B4E9", "#CC79A7"
-SYMBOL = {
-    "tau": r"$\tau$",
-    "flight": r"$\Delta\tau$",
-    "x1": "$x_1$",
-    "y1": "$y_1$",
-    "x2": "$x_2$",
-    "y2": "$y_2$",
-    "rho1": r"$\rho_1$",
-    "rho2": r"$\rho_2$",
-}
 VISIBLE = 2e-3  # a histogram is drawn as far as its bins reach this share of the highest
-Floats = NDArray[np.float64]
-
 LINEAR = 0.1  # errors up to this many sds are drawn to scale, larger ones by their logarithm
-
-SETTINGS: Any = {
-    "svg.hashsalt": "rattle",
-    "font.size": 9.0,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.alpha": 0.25,
-    "legend.frameon": False,
-    "figure.constrained_layout.use": True,
-}
-
-
-def _figure(width: float, height: float, rows: int, columns: int) -> tuple[Figure, list[Axes]]:
-    with mpl.rc_context(SETTINGS):
-        figure = Figure(figsize=(width, height), layout="constrained")
-        axes = figure.subplots(rows, columns, squeeze=False)
-    return figure, list(axes.ravel())
-
-
-def _legend(figure: Figure, axes: Sequence[Axes], columns: int) -> None:
-    """One legend for all panels, above them."""
-    gathered: dict[str, Artist] = {}
-    for ax in axes:
-        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            gathered.setdefault(label, handle)
-    figure.legend(list(gathered.values()), list(gathered), loc="outside upper center", ncols=columns)
 
 
 def _offsets(names: Sequence[str]) -> dict[str, float]:
@@ -86,7 +24,7 @@ def _offsets(names: Sequence[str]) -> dict[str, float]:
 def error_figure(v: Validation) -> Figure:
     """Errors of section means and sds per impact and reading, in units of the quantity's sd, with intervals."""
     quantities = [q for q in ("tau", "y1", "y2") if v.scene.stages == 2 or q != "y2"]
-    figure, axes = _figure(3.4 * len(quantities), 5.4, 2, len(quantities))
+    figure, axes = new_figure(3.4 * len(quantities), 5.4, 2, len(quantities))
     section = v.table[
         (v.table["kind"] == "section") & (v.table["verdict"] != "not predicted") & (v.table["unit"] > 0.0)
     ]
@@ -123,14 +61,14 @@ def error_figure(v: Validation) -> Figure:
             ax.set_xlabel("impact")
             if column == 0:
                 ax.set_ylabel("error / sd of the quantity")
-    _legend(figure, axes, 5)
+    legend_above(figure, axes, 5)
     return figure
 
 
 def correlation_figure(v: Validation) -> Figure:
     """Correlation of displacement and velocity per stage: closures before impacts, both sides at mid-flight."""
     stages = range(1, v.scene.stages + 1)
-    figure, axes = _figure(5.2 * len(stages), 3.9, 1, len(stages))
+    figure, axes = new_figure(5.2 * len(stages), 3.9, 1, len(stages))
     limit, impacts = 1.9, len(v.run.section)
     readings = [name for name, closure in v.closures.items() if closure.trace.parts is None]
     for stage, ax in zip(stages, axes, strict=True):
@@ -191,7 +129,7 @@ def correlation_figure(v: Validation) -> Figure:
         ax.set_xlabel("impact (mid-flight: the flight that it ends)")
         ax.set_ylabel(SYMBOL[f"rho{stage}"])
         ax.set_title(f"stage {stage}", loc="left")
-    _legend(figure, axes, 4)
+    legend_above(figure, axes, 4)
     return figure
 
 
@@ -199,7 +137,7 @@ def section_figure(v: Validation) -> Figure:
     """Histogram of the velocities before each path's own impact, with the closures' Edgeworth densities over it."""
     impacts = sorted(set(np.linspace(1, len(v.run.section), 4).round().astype(int).tolist()))
     velocities = ["y1", "y2"][: v.scene.stages]
-    figure, axes = _figure(3.0 * len(impacts), 2.7 * len(velocities), len(velocities), len(impacts))
+    figure, axes = new_figure(3.0 * len(impacts), 2.7 * len(velocities), len(velocities), len(impacts))
     assert v.run.histograms is not None
     for row, quantity in enumerate(velocities):
         for column, impact in enumerate(impacts):
@@ -227,33 +165,7 @@ def section_figure(v: Validation) -> Figure:
             ax.set_xlabel(f"{SYMBOL[quantity]} before impact")
             if column == 0:
                 ax.set_ylabel("density")
-    _legend(figure, axes, 4)
-    return figure
-
-
-def frontier_figure(validations: Sequence[Validation]) -> Figure:
-    """Impact up to which each reading is accurate (filled) and not refuted (open), per noise intensity."""
-    table = frontiers(list(validations))
-    impacts = len(validations[0].run.section)
-    readings = list(validations[0].closures)
-    figure, axes = _figure(2.2 + 1.9 * len(validations), 3.2, 1, 1)
-    ax = axes[0]
-    width = 0.8 / len(readings)
-    for i, reading in enumerate(readings):
-        rows = table[table["reading"] == reading]
-        place = np.arange(len(rows)) + (i - 0.5 * (len(readings) - 1)) * width
-        colour = STYLE[reading]["color"]
-        ax.bar(place, rows["not_refuted"], 0.86 * width, facecolor="none", edgecolor=colour, hatch="////", lw=0.8)
-        ax.bar(place, rows["accurate"], 0.86 * width, color=colour, label=reading)
-        for x, height in zip(place, rows["not_refuted"], strict=True):
-            ax.text(x, height + 0.15, f"{height}", ha="center", va="bottom", fontsize=8)
-    ax.set_xticks(range(len(validations)), [rf"$\sigma$ = {v.scene.sigma:.4g}" for v in validations])
-    ax.set_ylim(0.0, 1.12 * impacts)
-    ax.set_ylabel("impact")
-    ax.grid(visible=False, axis="x")
-    handles: list[Artist] = [*ax.get_legend_handles_labels()[0], Patch(facecolor="none", edgecolor="0.3", hatch="////")]
-    labels = [*(f"{r}: accurate up to" for r in readings), "not refuted up to"]
-    figure.legend(handles, labels, loc="outside upper center", ncols=3)
+    legend_above(figure, axes, 4)
     return figure
 
 
@@ -263,7 +175,7 @@ def agreement_figure(validations: Sequence[Validation]) -> Figure:
     alike: dict[tuple[int, ...], list[str]] = {}  # readings by their itinerary at the first noise intensity
     for reading, closure in first.closures.items():
         alike.setdefault(closure.itinerary, []).append(reading)
-    figure, axes = _figure(4.6 * len(alike), 3.3, 1, len(alike))
+    figure, axes = new_figure(4.6 * len(alike), 3.3, 1, len(alike))
     shades = mpl.colormaps["cividis"](np.linspace(0.0, 0.8, len(validations)))
     for readings, ax in zip(alike.values(), axes, strict=True):
         for v, shade, marker in zip(validations, shades, "osD^vP*X" * 8, strict=False):
@@ -300,9 +212,3 @@ FIGURES: dict[str, tuple[Callable[[Validation], Figure], str]] = {
     ),
 }
 """Figures of one validation: name, how it is drawn, what it shows."""
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure as SVG, the same bytes for the same figure."""
-    with mpl.rc_context(SETTINGS):
-        figure.savefig(path, format="svg", metadata={"Date": None})

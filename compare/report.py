@@ -8,125 +8,45 @@ from typing import Any
 
 import jinja2
 import pandas as pd
+from matplotlib.figure import Figure
 
 from compare import manifest
 from compare.answer import answer, correlation_claim, sigma_text
-from compare.distance import section_distances
 from compare.folder import whole_folder
 from compare.frontier import frontiers
+from compare.frontier_plot import frontier_figure
 from compare.moments import VERDICTS
-from compare.plots import FIGURES, agreement_figure, frontier_figure, save
-from compare.realizability import first_failures, realizability_table
+from compare.plots import FIGURES, agreement_figure
+from compare.rows import (
+    MARKS,
+    count_rows,
+    distance_rows,
+    failure_rows,
+    frontier_rows,
+    impact_rows,
+    simulation_text,
+    speed_rows,
+)
+from compare.style import save
+from compare.sweep import Sweep
 from compare.validate import Validation
 
 __all__ = ["CONTENTS", "table_text", "write_report"]
 
-CONTENTS = frozenset(
-    {"report.md", "report.html", "table.csv", "table.parquet", "correlation.csv", "manifest.json", "figures"}
-)
+CONTENTS = frozenset({
+    "report.md", "report.html", "table.csv", "table.parquet", "correlation.csv", "frontier.csv", "frontier.parquet",
+    "speed.csv", "manifest.json", "figures",
+})  # fmt: skip
 """What a report folder holds; anything else in it is not ours."""
-
-MARKS = {"accurate": "✓", "inaccurate": "✗", "undecided": "?", "not predicted": "–"}
-SHOWN = [("mean", "tau"), ("mean", "y1"), ("mean", "y2"), ("sd", "tau"), ("sd", "y1"), ("sd", "y2")]
-"""Section moments that the page tabulates; the table files hold all of them."""
 
 FRONTIER = (
     "How far each reading can be believed: the impact up to which every section mean and sd that it predicts is "
-    "accurate (filled) or at least not refuted (hatched, number)."
+    "accurate (filled), and up to which none is refuted (hatched: undecided). A marker says what refutes it there."
 )
 AGREEMENT = (
     "Share of paths whose impacts so far had the meshes and sides of the closure's; no closure of a single orbit can "
     "hold beyond it. Dashed: the share that the branching reading predicts."
 )
-
-
-def _counts(v: Validation) -> list[dict[str, Any]]:
-    rows = []
-    for (reading, kind, moment), group in v.table.groupby(["reading", "kind", "moment"], sort=False):
-        name = "ρ at mid-flight" if kind == "clock" else f"section {moment}s"
-        rows.append({"reading": reading, "what": name, **{w: int((group["verdict"] == w).sum()) for w in VERDICTS}})
-    return rows
-
-
-def _cell(row: pd.Series) -> dict[str, str]:
-    if row["verdict"] == "not predicted":
-        return {"text": "–", "verdict": "not predicted"}
-    unit = row["unit"] if row["unit"] > 0.0 else 1.0
-    error, half = row["error"] / unit, 0.5 * (row["high"] - row["low"]) / unit
-    text = f"{error:+.3f} ± {half:.3f}" if abs(error) < 1e3 else f"{error:+.2g} ± {half:.2g}"
-    return {"text": text, "verdict": str(row["verdict"])}
-
-
-def _per_impact(v: Validation, reading: str) -> dict[str, Any]:
-    table = v.table[(v.table["reading"] == reading) & (v.table["kind"] == "section")]
-    columns = [(m, q) for m, q in SHOWN if v.scene.stages == 2 or q != "y2"]
-    cells = {(r["moment"], r["quantity"], r["impact"]): _cell(r) for _, r in table.iterrows()}
-    section = v.closures[reading].section
-    rows = []
-    for impact in section.index:
-        row = section.loc[impact]
-        rhos = [
-            f"{row[f'rho{s}']:.3f}" if row[f"rho{s}"] == row[f"rho{s}"] else "–" for s in range(1, v.scene.stages + 1)
-        ]
-        rows.append(
-            {
-                "impact": int(impact),
-                "agreement": f"{v.run.agreement[reading].loc[impact]:.3f}",
-                "cells": [cells[m, q, impact] for m, q in columns],
-                "rhos": rhos,
-                "realizable": bool(row["realizable"]),
-            }
-        )
-    heads = [f"{'E' if m == 'mean' else 'sd'} {q}" for m, q in columns]
-    rhos = [f"ρ{s}" for s in range(1, v.scene.stages + 1)]
-    return {"reading": reading, "heads": heads, "rhos": rhos, "rows": rows, "stopped": v.closures[reading].stopped}
-
-
-def _failure(row: pd.Series) -> dict[str, str]:
-    """One first failure of realizability as text."""
-    stage = f"stage {row['stage']}" if row["stage"] else "both stages"
-    return {
-        "reading": str(row["reading"]),
-        "check": str(row["check"]),
-        "where": f"impact {row['impact']}, {stage}",
-        "value": f"{row['value']:.3g}",
-        "excess": f"{row['excess']:.3g}",
-    }
-
-
-def _distances(v: Validation) -> list[dict[str, str]]:
-    """Distances between section density and histogram in units of their sampling floors, by reading."""
-    table = section_distances_of(v)
-    rows = []
-    for reading, group in table.groupby("reading", sort=False):
-        row = {"reading": str(reading)}
-        for name in ("kolmogorov", "total_variation"):
-            ratio = group[name] / group[f"{name}_floor"]
-            row[name], row[f"worst_{name}"] = f"{ratio.median():.2g}", f"{ratio.max():.3g}"
-        rows.append(row)
-    return rows
-
-
-def section_distances_of(v: Validation) -> pd.DataFrame:
-    """Distances of all readings of a validation."""
-    return pd.concat([section_distances(m, v.run) for m in v.closures.values()], ignore_index=True)
-
-
-def _simulation(v: Validation) -> str:
-    run = v.run
-    mean = v.run.section
-    share = float((mean["se_tau"] / mean["sd_tau"]).median()) if v.scene.sigma > 0 else 0.0
-    text = (
-        f"{run.paths:,} paths of the {run.scheme} scheme, dt = {run.dt:g} (2 dt and 4 dt on the same noise); sampling "
-        f"error of E τ {share:.2%} of its sd at the median impact; intervals of {v.z:.2f} standard errors, so that "
-        f"all of them hold together with 95 %. They speak of the itineraries that were seen: one that fewer than 1 in "
-        f"{run.paths / 3:,.0f} paths take may have been missed."
-    )
-    if run.unfinished:
-        text += f" {run.unfinished:,} paths had not had all their impacts at the horizon."
-    if run.held:
-        text += f" In {run.held:,} steps impacts accumulated and the path was held to the end of the step."
-    return text
 
 
 def table_text(validations: Sequence[Validation]) -> tuple[pd.DataFrame, str]:
@@ -140,10 +60,33 @@ def _svg_uri(path: Path) -> str:
     return "data:image/svg+xml;base64," + base64.b64encode(path.read_bytes()).decode()
 
 
+def _drawn(figure: Figure, name: str, caption: str, folder: Path) -> dict[str, str]:
+    """Save a figure into the report folder; what the page needs to show it."""
+    path = Path("figures") / f"{name}.svg"
+    save(figure, folder / path)
+    return {"path": str(path), "caption": caption, "uri": _svg_uri(folder / path)}
+
+
+def _section(v: Validation, number: int, folder: Path) -> dict[str, Any]:
+    """One noise intensity of the page, its figures saved."""
+    name = f"{number}-sigma-{sigma_text(v)}"
+    return {
+        "sigma": sigma_text(v),
+        "simulation": simulation_text(v),
+        "frontiers": frontiers([v]).to_dict("records"),
+        "counts": count_rows(v),
+        "failures": failure_rows(v),
+        "distances": distance_rows(v),
+        "readings": [impact_rows(v, r) for r in v.closures],
+        "figures": [_drawn(draw(v), f"{kind}-{name}", caption, folder) for kind, (draw, caption) in FIGURES.items()],
+    }
+
+
 def write_report(
     out: Path,
     settings: manifest.Settings,
     validations: Sequence[Validation],
+    swept: Sweep | None,
     provenance: dict[str, Any],
     overwrite: bool,
 ) -> dict[str, Any]:
@@ -155,8 +98,14 @@ def write_report(
         If the folder holds other things, or an earlier report that may not be replaced.
     """
     table, text = table_text(validations)
-    record = {"settings": settings.to_dict(), "table_sha256": manifest.digest(text), **provenance}
-    record["answer"] = answer(validations)
+    frontier_text = swept.frontier.to_csv(index=False) if swept else None
+    record = {
+        "settings": settings.to_dict(),
+        "table_sha256": manifest.digest(text),
+        "frontier_sha256": manifest.digest(frontier_text) if frontier_text else None,
+        **provenance,
+        "answer": answer(validations, swept.frontier if swept else None),
+    }
     with whole_folder(out, CONTENTS, overwrite) as folder:
         (folder / "figures").mkdir()
         (folder / "table.csv").write_text(text, encoding="utf-8")
@@ -164,41 +113,26 @@ def write_report(
         pd.concat([v.correlation.assign(sigma=v.scene.sigma) for v in validations]).to_csv(
             folder / "correlation.csv", index=False
         )
-        sections = []
-        for number, v in enumerate(validations, start=1):
-            figures = []
-            for name, (draw, caption) in FIGURES.items():
-                path = Path("figures") / f"{name}-{number}-sigma-{sigma_text(v)}.svg"
-                save(draw(v), folder / path)
-                figures.append({"path": str(path), "caption": caption, "uri": _svg_uri(folder / path)})
-            failures = first_failures(realizability_table([m for m in v.closures.values() if m.trace.parts is None]))
-            sections.append(
-                {
-                    "failures": [_failure(row) for _, row in failures.iterrows()],
-                    "distances": _distances(v),
-                    "sigma": sigma_text(v),
-                    "counts": _counts(v),
-                    "readings": [_per_impact(v, r) for r in v.closures],
-                    "figures": figures,
-                    "simulation": _simulation(v),
-                }
-            )
-        overview = {}
-        for name, figure, caption in (
-            ("frontier", frontier_figure(validations), FRONTIER),
-            ("agreement", agreement_figure(validations), AGREEMENT),
-        ):
-            path = Path("figures") / f"{name}.svg"
-            save(figure, folder / path)
-            overview[name] = {"path": str(path), "caption": caption, "uri": _svg_uri(folder / path)}
+        opening = None
+        if swept and frontier_text:
+            (folder / "frontier.csv").write_text(frontier_text, encoding="utf-8")
+            swept.frontier.to_parquet(folder / "frontier.parquet", index=False)
+            swept.speed.to_csv(folder / "speed.csv", index=False)
+            opening = {
+                "figure": _drawn(frontier_figure(swept.frontier, settings.impacts), "frontier", FRONTIER, folder),
+                "frontiers": frontier_rows(swept.frontier),
+                "speeds": speed_rows(swept.speed),
+                "paths": f"{settings.frontier_paths:,}",
+                "shortest": f"{swept.frontier['dt'].min():g}",
+            }
         content = {
             "name": settings.name,
             "answer": record["answer"],
-            "sections": sections,
+            "opening": opening,
+            "agreement": _drawn(agreement_figure(validations), "agreement", AGREEMENT, folder),
+            "sections": [_section(v, number, folder) for number, v in enumerate(validations, start=1)],
             "marks": MARKS,
             "verdicts": VERDICTS,
-            "overview": overview,
-            "frontiers": frontiers(list(validations)).to_dict("records"),
             "claim": correlation_claim(validations),
             "manifest": record,
             "scene_toml": validations[0].scene.to_toml(),

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scene.compiled import jit
 
 __all__ = [
-    "SECTION", "STATE", "Realizability", "central_from_raw", "correlation", "cumulants_from_central",
-    "gaussian_raw_moments", "realizability",
+    "SECTION", "STATE", "Realizability", "central_from_raw", "correlation", "gaussian_raw_moments",
+    "realizability",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -107,15 +107,3 @@ def central_from_raw(raw: Floats) -> Floats:
         sum((comb(p, k) * (-mean) ** (p - k) * raw[k] for k in range(p + 1)), start=np.zeros_like(mean))
         for p in range(len(raw))
     ])  # fmt: skip
-
-
-def cumulants_from_central(m2: Floats, m3: Floats, m4: Floats) -> tuple[Floats, Floats, Floats]:
-    """Second, third and fourth cumulants from central moments.
-
-    Examples
-    --------
-    >>> k2, k3, k4 = cumulants_from_central(np.array(2.0), np.array(0.5), np.array(12.0))
-    >>> float(k4)
-    0.0
-    """
-    return m2, m3, m4 - 3.0 * m2 * m2

@@ -181,13 +181,6 @@ def test_a_gaussian_density_is_reached_as_the_order_grows():
     assert gap[0] > 2 * gap[1] > 4 * gap[2]
 
 
-def test_lowest_tells_a_density_from_none():
-    plain = Edgeworth(np.diag([1.0, 0.0, 0.0]), SD_X, SD_Y)
-    dented = Edgeworth(np.diag([1.0, 0.9, 0.0]), SD_X, SD_Y)
-    assert plain.lowest() >= 0.0
-    assert dented.lowest() < -0.01
-
-
 def test_the_normal_density_is_normal():
     assert normal_density(0.0) == pytest.approx(0.3989422804014327, rel=1e-15)
     assert normal_density(-2.0) == pytest.approx(exp(-2.0) / sqrt(2 * pi), rel=1e-15)

@@ -17,7 +17,8 @@ from compare.__main__ import EXIT_NOT_MET, EXIT_NOT_REPEATED, main
 from compare.report import CONTENTS
 from scene import DAT21, Scene, Start
 
-SMALL = ["--paths", "600", "--impacts", "3", "--dt", "0.01"]
+SWEPT = ["--paths", "600", "--impacts", "3", "--dt", "0.01", "--frontier", "0.01:1:3", "--frontier-paths", "600"]
+SMALL = [*SWEPT, "--no-frontier"]
 
 
 def rattle(*words, code=0):
@@ -29,7 +30,7 @@ def rattle(*words, code=0):
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     out = tmp_path_factory.mktemp("reports") / "small"
-    rattle(*SMALL, "--sigma", 0.1, "--sigma", 1.0, "--seed", 5, "--out", out)
+    rattle(*SWEPT, "--sigma", 0.1, "--sigma", 1.0, "--seed", 5, "--out", out)
     return out
 
 
@@ -43,9 +44,25 @@ def test_report_folder_is_complete(report):
 
 def test_page_begins_with_the_answer(report):
     answer = json.loads((report / "manifest.json").read_text())["answer"]
-    assert len(answer) == 3
+    assert len(answer) == 4
     page = (report / "report.md").read_text()
-    assert page.index(answer[0]) < page.index(answer[2]) < page.index("##")
+    assert page.index(answer[0]) < page.index(answer[3]) < page.index("figures/frontier.svg") < page.index("##")
+
+
+def test_frontier_is_the_same_in_both_forms_and_timings_stand_apart(report):
+    csv, parquet = pd.read_csv(report / "frontier.csv"), pd.read_parquet(report / "frontier.parquet")
+    pd.testing.assert_frame_equal(csv, parquet, check_dtype=False, rtol=1e-15)
+    assert set(csv["sigma"]) == {0.01, 0.1, 1.0}
+    assert not [name for name in csv if "seconds" in name]
+    assert "closure_seconds" in pd.read_csv(report / "speed.csv")
+
+
+def test_without_a_frontier(tmp_path):
+    out = tmp_path / "o"
+    rattle(*SMALL, "--sigma", 0.1, "--out", out)
+    assert not {"frontier.csv", "speed.csv"} & {p.name for p in out.iterdir()}
+    assert "frontier.svg" not in (out / "report.md").read_text()
+    assert json.loads((out / "manifest.json").read_text())["frontier_sha256"] is None
 
 
 def test_html_is_self_contained(report):
@@ -65,15 +82,17 @@ def test_repeats_bit_for_bit_for_any_workers(report, tmp_path):
     out = tmp_path / "again"
     result = rattle("--repeat", report / "manifest.json", "--workers", 3, "--out", out, "--json")
     assert json.loads(result.stdout)["repeated"] is True
-    assert (out / "table.csv").read_bytes() == (report / "table.csv").read_bytes()
+    for name in ("table.csv", "frontier.csv"):
+        assert (out / name).read_bytes() == (report / name).read_bytes()
 
 
-def test_a_repeat_that_differs_says_so(report, tmp_path):
+@pytest.mark.parametrize("changed", ["seed", "frontier"])
+def test_a_repeat_that_differs_says_so(report, tmp_path, changed):
     data = json.loads((report / "manifest.json").read_text())
-    data["settings"]["seed"] += 1
-    changed = tmp_path / "manifest.json"
-    changed.write_text(json.dumps(data))
-    result = rattle("--repeat", changed, "--out", tmp_path / "again", code=EXIT_NOT_REPEATED)
+    data["settings"][changed] = {"seed": 6, "frontier": [0.01, 0.1, 0.9]}[changed]
+    manifest = tmp_path / "manifest.json"
+    manifest.write_text(json.dumps(data))
+    result = rattle("--repeat", manifest, "--out", tmp_path / "again", code=EXIT_NOT_REPEATED)
     assert "differ" in result.output
 
 
@@ -86,7 +105,7 @@ def test_require_accurate(tmp_path):
 def test_scene_file_in_either_form(tmp_path):
     scene = Scene(alpha=1.0, epsilon=0.5, beta1=0.1, gamma1=0.05, sigma=0.2, stages=1)
     (tmp_path / "single <b>.toml").write_text(scene.to_toml())
-    rattle(tmp_path / "single <b>.toml", *SMALL, "--out", tmp_path / "single")
+    rattle(tmp_path / "single <b>.toml", *SWEPT, "--out", tmp_path / "single")
     html = (tmp_path / "single" / "report.html").read_text()
     assert "single &lt;b&gt;" in html
     assert "single <b>" not in html
@@ -109,6 +128,13 @@ BAD = {
     "scheme": (None, ["--scheme", "euler-mayurama"], "did you mean 'euler-maruyama'"),
     "reading": (None, ["--reading", "printd"], "did you mean 'printed'"),
     "order": (None, ["--order", "9"], "order = 9: must be at most 6"),
+    "frontier text": (None, ["--frontier", "1e-3:2"], "frontier = '1e-3:2': give LOW:HIGH:POINTS, as in"),
+    "frontier order": (None, ["--frontier", "2:1:5"], "frontier HIGH = 1.0: must be greater than LOW = 2"),
+    "frontier low": (None, ["--frontier", "0:1:5"], "frontier LOW = 0.0: must be greater than 0"),
+    "frontier points": (None, ["--frontier", "0.1:1:1"], "frontier POINTS = 1: must be at least 2"),
+    "frontier too fine": (None, ["--frontier", "1:1.01:50"], "take fewer"),
+    "frontier too loud": (None, ["--frontier", "1:1e4:3"], "frontier = 100.0: cannot be run .* cannot see the gap"),
+    "frontier paths": (None, ["--frontier-paths", "0"], "frontier-paths = 0: must be at least 1"),
     "seed": (None, ["--seed", "-4"], "must be 0 or greater|must be at least 0"),
 }
 
@@ -187,5 +213,5 @@ def test_committed_report_is_of_this_code():
 
     folder = Path(__file__).resolve().parents[2] / "reports" / "dat21"
     settings, expected = read_settings(folder / "manifest.json")
-    assert digest((folder / "table.csv").read_text()) == expected
+    assert digest((folder / "table.csv").read_text()) == expected["table_sha256"]
     np.testing.assert_allclose([s.sigma for s in settings.scenes], [0.01, 0.1, 1.5**0.5])

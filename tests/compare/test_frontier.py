@@ -4,7 +4,7 @@ import pytest
 
 from compare import validate
 from compare.answer import answer, correlation_claim
-from compare.frontier import frontier, frontiers
+from compare.frontier import CAUSES, frontier, frontiers
 from scene import DAT21, Scene
 
 
@@ -22,12 +22,22 @@ def test_right_readings_reach_the_end_at_small_noise(validations):
     for reading in ("printed", "mended"):
         assert table.loc[(0.01, reading), "not_refuted"] == 0
     assert (table["accurate"] <= table["not_refuted"]).all()
+    assert set(table["cause"]) <= set(CAUSES)
 
 
 def test_causes_are_told_apart(validations):
     quiet, loud = validations
     assert "impact time does not vary" in frontier(quiet, "mended").why
+    assert frontier(quiet, "mended").cause == "fixed instant"
     assert "have left its itinerary" in frontier(loud, "saltation").why
+    assert frontier(loud, "saltation").cause == "parted"
+
+
+def test_together_is_how_far_the_paths_share_an_itinerary(validations):
+    quiet, loud = validations
+    assert frontier(quiet, "saltation").together == 6
+    assert loud.run.agreement["saltation"].loc[1] < 0.99
+    assert frontier(loud, "saltation").together == 0
 
 
 def test_an_end_that_more_paths_would_decide_is_called_undecided():
@@ -35,7 +45,8 @@ def test_an_end_that_more_paths_would_decide_is_called_undecided():
     found = frontier(v, "saltation")
     assert found.not_refuted == 4
     assert found.accurate < 4
-    assert "undecided" in found.why
+    assert found.cause == "undecided"
+    assert "undecided from impact" in found.why
 
 
 def test_answer_is_three_sentences_with_the_counts(validations):

@@ -1,0 +1,113 @@
+"""The saltation reading between impacts: sds and rho of all paths at one time, against simulation."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from test_saltation import SCENES
+
+from closure import follow, mean_map
+from montecarlo import simulate
+from scene.moments import STATE
+
+LIMIT = 4.0  # standard errors; of at most 72 moments of a scene, Bonferroni at 0.5 %
+SIGMA, DT, PATHS = 0.002, 1e-3, 30_000
+CLEAR = 6.0  # sds of the impact times that must fit between an instant and the impacts around it
+SHORT = 100 * DT  # a flight of fewer steps is seen too coarsely
+SHIFTED = 10 * DT  # so is what follows an impact that the step displaces so far: one that nearly grazes
+COARSE = 0.05  # and a moment that doubling the step changes by this share: an sd where the paths cross, say
+
+
+def middles(orbit, run):
+    """Mid-flight instants that all paths reach along the orbit's itinerary, in flight, and well resolved."""
+    sd_tau, agreement = run.section["sd_tau"], run.agreement["noise-free"]
+    shift = run.step_bias.query("quantity == 'tau' and moment == 'mean'").set_index("impact")["bias"].abs()
+    times = []
+    for k in range(1, orbit.found + 1):
+        half = 0.5 * (orbit.tau[k] - orbit.tau[k - 1])
+        if agreement.loc[k] < 1.0 or half < CLEAR * sd_tau.loc[max(k - 1, 1) : k].max() or shift.loc[k] > SHIFTED:
+            break
+        if 2.0 * half > SHORT:
+            times.append(orbit.tau[k] - half)
+    return times
+
+
+def sampled(scene):
+    """Sds and rho of the simulation at mid-flight with standard errors and the change that doubling the step makes."""
+    orbit = follow(scene, 12)
+    all_middles = 0.5 * (orbit.tau[1 : orbit.found + 1] + orbit.tau[: orbit.found])
+    run = simulate(
+        scene, paths=PATHS, dt=DT, rng=5, workers=2, step_bias=True, clock=all_middles[all_middles > 4.0 * DT]
+    )
+    clock, coarse = run.clock(), run.result.sums["coarse_clock"]
+    parts = []
+    for i, name in enumerate(STATE[: 2 * scene.stages]):
+        variance = clock[f"cov_{name}_{name}"]
+        sd, doubled = np.sqrt(variance), np.sqrt(coarse.moment(*((2, 0), (0, 2))[i % 2])[:, i // 2])
+        se = 0.5 * clock[f"se_cov_{name}_{name}"] / sd
+        parts.append(pd.DataFrame({"what": name, "value": sd, "se": se, "step": doubled - sd, "unit": sd}))
+    for name in ("rho1", "rho2")[: scene.stages]:
+        change = clock[f"coarse_{name}"] - clock[name]
+        parts.append(
+            pd.DataFrame({"what": name, "value": clock[name], "se": clock[f"se_{name}"], "step": change, "unit": 1.0})
+        )
+    table = pd.concat(parts).reset_index()
+    judged = np.abs(table["time"].to_numpy()[:, None] - middles(orbit, run)).min(axis=1) <= 2.0 * DT
+    fine = table["step"].abs() < COARSE * table["unit"]  # false where sds are 0: stage 2 before an impact, damped alike
+    return table[judged & fine]
+
+
+def excess(table, closure, scale=1.0):
+    """Standard errors by which a closure, its covariances times `scale`, is beyond what the step may explain."""
+    clock = closure.clock(sorted(set(table["time"])))
+    predicted = pd.concat(
+        [np.sqrt(scale * clock[f"cov_{name}_{name}"]).rename(name) for name in STATE] + [clock[["rho1", "rho2"]]],
+        axis=1,
+    )
+    value = np.array([predicted.loc[t, w] for t, w in zip(table["time"], table["what"], strict=True)])
+    return (np.abs(value - table["value"]) - table["step"].abs()) / table["se"]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_sds_and_rho_between_impacts(name):
+    scene = SCENES[name](SIGMA)
+    table = sampled(scene)
+    assert table["time"].nunique() >= 4
+    found = excess(table, mean_map(scene, impacts=12))
+    assert (found < LIMIT).all(), table.assign(excess=found)[found > LIMIT]
+    # planted: covariances 5 % too large, and the reading whose impact times do not vary
+    assert (excess(table, mean_map(scene, impacts=12), scale=1.05) > LIMIT).any()
+    assert (excess(table, mean_map(scene, impacts=12, reading="mended")) > LIMIT).sum() > 0.2 * len(table)
+
+
+def test_what_remains_at_ten_times_the_noise_is_below_one_percent():
+    """DAT21 at sigma = 0.02: too little to tell its law from sampling error, hence the single stage below."""
+    scene = SCENES["DAT21"](0.02)
+    table = sampled(scene)
+    assert table["time"].nunique() >= 8
+    assert (excess(table, mean_map(scene, impacts=12)) * table["se"] < LIMIT * table["se"] + 0.01 * table["unit"]).all()
+
+
+def test_what_remains_between_impacts_grows_as_sigma_squared():
+    """Differences of rho in the middle of flight 7 of a single stage: a constant and a multiple of sigma^2 fit.
+
+    The constant is the sampling error, which the same random numbers make the same at every small sigma.
+    """
+    sigmas, seeds = np.array([0.0005, 0.0025, 0.005]), range(6)
+    differences = np.empty((len(seeds), len(sigmas)))
+    for column, sigma in enumerate(sigmas):
+        scene = SCENES["single stage"](sigma)
+        orbit, closure = follow(scene, 7), mean_map(scene, impacts=7)
+        for row, seed in enumerate(seeds):
+            middle = [0.5 * (orbit.tau[6] + orbit.tau[7])]
+            run = simulate(scene, paths=10_000, impacts=7, dt=4e-3, rng=seed, workers=2, clock=middle)
+            clock = run.clock()
+            differences[row, column] = (closure.clock(clock.index)["rho1"] - clock["rho1"]).item()
+
+    def departure(power):
+        """Standard errors by which the differences depart from a constant plus a multiple of this power."""
+        contrast = differences @ np.cross(np.ones(3), sigmas**power)
+        return abs(contrast.mean()) / (contrast.std(ddof=1) / np.sqrt(len(seeds)))
+
+    assert departure(2) < 5.9  # Student's t with 5 degrees of freedom at 0.2 %
+    assert departure(1) > 5.9
+    assert departure(3) > 5.9

@@ -1,0 +1,90 @@
+"""A sweep over sigma: its grid, its rows, its figure, and the sentence that they come to."""
+
+import pandas as pd
+import pytest
+
+from compare.answer import frontier_sentence
+from compare.frontier import Frontier, frontier
+from compare.frontier_plot import frontier_figure
+from compare.rows import frontier_rows, speed_rows
+from compare.speed import Speed
+from compare.sweep import grid, step_for, sweep
+from compare.validate import validate
+from scene import DAT21, InputError, Scene
+
+SETTINGS = {"impacts": 4, "paths": 20_000, "rng": 3, "workers": 2, "readings": ["mended", "saltation"]}
+
+
+@pytest.fixture(scope="module")
+def swept():
+    return sweep(Scene.from_gears(DAT21), (0.02, 0.5), dt=2e-3, **SETTINGS)
+
+
+def ended(sigma, accurate, not_refuted, cause="parted", reading="saltation", why="so"):
+    return Frontier(reading, sigma, accurate, not_refuted, cause, why, 4, 100, 1e-3)
+
+
+def test_rows_are_those_of_single_validations(swept):
+    assert list(swept.frontier) == list(Frontier._fields)
+    for sigma in (0.02, 0.5):
+        v = validate(Scene.from_gears(DAT21, sigma=sigma), dt=2e-3, **SETTINGS)
+        for reading in SETTINGS["readings"]:
+            row = swept.frontier.query("sigma == @sigma and reading == @reading")
+            assert tuple(row.iloc[0]) == tuple(frontier(v, reading))
+
+
+def test_only_what_is_accurate_is_timed(swept):
+    assert list(swept.speed) == list(Speed._fields)
+    assert list(zip(swept.speed["reading"], swept.speed["sigma"], strict=True)) == [("saltation", 0.02)]
+    row = swept.speed.iloc[0]
+    assert row["impacts"] == 4
+    assert 0.0 < row["median"] < row["worst"] < 0.1
+    assert row["speed_up"] == pytest.approx(row["monte_carlo_seconds"] / row["closure_seconds"])
+    assert row["speed_up"] > 5.0
+
+
+def test_nothing_accurate_leaves_a_table_without_rows():
+    none = sweep(Scene.from_gears(DAT21), (0.5, 1.0), dt=4e-3, **{**SETTINGS, "paths": 2000, "readings": ["mended"]})
+    assert none.speed.empty
+    assert speed_rows(none.speed) == []
+
+
+def test_grid_is_even_in_the_logarithm():
+    assert grid("1e-3:1:4") == (0.001, 0.01, 0.1, 1.0)
+    assert len(grid("1e-3:2:12")) == 12
+
+
+@pytest.mark.parametrize("text", ["", "1", "1:2:3:4", "a:b:c", "1:2:x", "1:2:2.5", "nan:1:3", "1:inf:3", "-1:1:3"])
+def test_bad_grids_are_refused(text):
+    with pytest.raises(InputError, match="frontier"):
+        grid(text)
+
+
+def test_the_step_shrinks_with_the_root_of_sigma():
+    assert step_for(0.1, 2e-3) == 2e-3
+    assert step_for(4e-3, 2e-3) == pytest.approx(2.0 * step_for(1e-3, 2e-3), rel=5e-3)
+
+
+def test_neighbours_with_one_frontier_and_cause_share_a_row():
+    table = pd.DataFrame([ended(0.01, 4, 4, "holds"), ended(0.1, 1, 2, why="a"), ended(0.2, 1, 2, why="b")])
+    rows = frontier_rows(table)
+    assert [r["sigma"] for r in rows] == ["0.01", "0.1 – 0.2"]
+    assert [r["why"] for r in rows] == ["so", "paths have left its itinerary"]
+
+
+def test_sentence_says_up_to_where_everything_is_right():
+    rows = [ended(s, a, 4) for s, a in ((0.01, 4), (0.1, 4), (0.2, 3), (0.4, 4))]  # the last one is luck
+    rows += [ended(s, 0, 0, reading="printed") for s in (0.01, 0.1, 0.2, 0.4)]
+    sentence = frontier_sentence(pd.DataFrame(rows), 4)
+    assert "up to σ = 0.1 for saltation and at no σ for printed" in sentence
+
+
+@pytest.mark.parametrize("readings", [["saltation"], ["printed", "mended", "saltation"]])
+def test_figure_has_a_panel_for_each_reading_and_every_cause_in_its_legend(readings):
+    rows = [ended(s, 1, 2, cause, r) for r in readings for s, cause in ((0.01, "grazing"), (0.1, "second order"))]
+    figure = frontier_figure(pd.DataFrame(rows), 4)
+    assert [ax.get_title(loc="left") for ax in figure.axes if ax.get_visible()] == readings
+    words = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "an impact grazes" in words
+    assert "second order is no longer enough" in words
+    assert "paths have left its itinerary" not in words
