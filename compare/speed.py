@@ -69,7 +69,7 @@ def path_step_seconds(v: Validation) -> float:
 
     def call() -> None:
         nonlocal steps
-        run = simulate(r.scene, paths=TIMED_PATHS, impacts=r.impacts, dt=r.dt, scheme=r.scheme, rng=r.seed)
+        run = simulate(r.scene, paths=TIMED_PATHS, impacts=r.impacts, dt=r.dt, scheme=r.scheme, rng=r.plan.seed)
         steps = run.path_steps
 
     return best_of(call) / steps

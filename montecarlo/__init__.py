@@ -1,7 +1,8 @@
 """Monte Carlo of the rattling system: Euler-Maruyama ensembles of Eqs. 5 and 6 with both impact laws."""
 
-from montecarlo.ensemble import Ensemble, check_settings, simulate
+from montecarlo.ensemble import Ensemble, simulate
 from montecarlo.schemes import SCHEMES
+from montecarlo.settings import check_settings
 from montecarlo.step import largest_step
 
 __all__ = ["SCHEMES", "Ensemble", "check_settings", "largest_step", "simulate"]

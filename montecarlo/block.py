@@ -49,6 +49,7 @@ class Plan(NamedTuple):
     levels: int
     control: LinearPath
     keep: bool = False
+    two_point: bool = False
 
     @property
     def blocks(self) -> int:
@@ -106,7 +107,8 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
     linear = paths if plan.control.at_step.size else 0
     controls = _array("controls", (linear, plan.impacts, COLUMNS), 0.0, reuse)
     job = Job(
-        scene.constants, backlash, key, scene.start.tau, plan.dt, SCHEMES[plan.scheme].code, plan.most_steps
+        scene.constants, backlash, key, scene.start.tau, plan.dt, SCHEMES[plan.scheme].code, plan.two_point,
+        plan.most_steps,
     )  # fmt: skip
     work, held, unfinished = run_block(
         job, plan.control, first, _start(scene, walls), walls, rows, plan.clock_steps, clock, controls

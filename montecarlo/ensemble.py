@@ -15,26 +15,19 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from montecarlo.accumulate import pair_statistics, single_statistics
-from montecarlo.block import BLOCK, CODES, CROSS, PAIRS, BlockResult, Plan, run, sample
-from montecarlo.control import controlled_statistics, linear_path, no_control
+from montecarlo.block import BLOCK, CODES, CROSS, PAIRS, BlockResult, Plan, run
+from montecarlo.control import controlled_statistics
 from montecarlo.histogram import Histograms
 from montecarlo.noise import LEVELS
-from montecarlo.schemes import SCHEMES
-from montecarlo.step import check_step
+from montecarlo.settings import NOISE_FREE, check_settings, is_random, plan_of
 from scene.errors import InputError
 from scene.moments import SECTION, STATE
 from scene.scene import Scene
-from scene.validate import choice, count, finite, positive
+from scene.validate import positive
 
-__all__ = ["Ensemble", "check_settings", "simulate"]
+__all__ = ["Ensemble", "Reach", "extended", "simulate"]
 
 Floats = NDArray[np.float64]
-
-NOISE_FREE = "noise-free"
-"""Name of the itinerary of the noise-free path, simulated by the same scheme."""
-
-HORIZON_PER_IMPACT = 50.0
-"""Default time after which a path is given up, per impact asked for; flights of DAT21 last about 0.5."""
 
 
 class Reach(NamedTuple):
@@ -298,7 +291,7 @@ class Ensemble:
     @property
     def _copies(self) -> float:
         """Paths that one computed path stands for: all of them, where nothing is random."""
-        return 1.0 if _is_random(self.scene) else float(self.paths)
+        return 1.0 if is_random(self.scene) else float(self.paths)
 
 
 def _sd_influence(v: Mapping[tuple[int, int], Floats], a: Floats, b: Floats) -> list[Floats]:
@@ -310,10 +303,6 @@ def _sd_influence(v: Mapping[tuple[int, int], Floats], a: Floats, b: Floats) -> 
             (v[0, 4] - v[0, 2] ** 2) / (4.0 * b * b),
         ]
     return [np.where((a > 0.0) & (b > 0.0), p, 0.0) for p in parts]
-
-
-def _is_random(scene: Scene) -> bool:
-    return scene.sigma > 0.0 or (scene.tolerance is not None and scene.tolerance.law != "fixed")
 
 
 def _in_order(plan: Plan, workers: int, first: int = 0) -> Iterator[tuple[BlockResult, Floats | None]]:
@@ -332,35 +321,6 @@ def _in_order(plan: Plan, workers: int, first: int = 0) -> Iterator[tuple[BlockR
                 future.cancel()
 
 
-def check_settings(
-    scene: Scene,
-    *,
-    paths: int,
-    impacts: int,
-    dt: float,
-    scheme: str,
-    rng: int | np.random.SeedSequence,
-    workers: int,
-    step_bias: bool,
-) -> None:
-    """Refuse settings that `simulate` could not run, before any work; parameters as there.
-
-    Raises
-    ------
-    InputError
-        Names the setting, its value and the remedy.
-    """
-    if not isinstance(scene, Scene):
-        raise InputError("scene", scene, "give a Scene")
-    count("paths", paths)
-    count("impacts", impacts)
-    count("workers", workers)
-    choice("scheme", scheme, SCHEMES)
-    if not isinstance(rng, np.random.SeedSequence):
-        count("rng", rng, least=0)
-    check_step(scene, dt, scheme, 2 ** (LEVELS - 1) if step_bias else 1)
-
-
 def simulate(
     scene: Scene,
     *,
@@ -377,6 +337,7 @@ def simulate(
     histogram: bool = False,
     keep_paths: bool = False,
     control: bool = False,
+    increments: str = "gaussian",
     horizon: float | None = None,
     budget: float = math.inf,
     progress: str | None = None,
@@ -412,6 +373,9 @@ def simulate(
         Keep section histograms; keep every impact of every path (memory then grows with paths).
     control : bool
         Use the linearised path as a control variate for section means and sds (``exact-flight`` only).
+    increments : {"gaussian", "two-point"}
+        Law of the Brownian increments of an Euler-Maruyama step; two-point ones (plus or minus the root of the step)
+        have the same weak order 1 and cost one random bit.
     horizon : float
         Time after the start at which unfinished paths are given up; 50 per impact by default.
     budget : float
@@ -457,26 +421,12 @@ def simulate(
     if paths is None:
         raise InputError("paths", None, "give the number of paths, or an accuracy")
     scheme, dt = scheme or "euler-maruyama-located", 2e-3 if dt is None else dt
-    check_settings(
-        scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, step_bias=step_bias
-    )
-    if control and SCHEMES[scheme].normals < 2:
-        raise InputError("control", control, f"works with scheme 'exact-flight' only; scheme = {scheme!r}")
-    levels = LEVELS if step_bias else 1
-    coarsest = 2 ** (levels - 1)
-    dt = float(dt)
-    horizon = HORIZON_PER_IMPACT * impacts if horizon is None else positive("horizon", horizon)
-    named = {name: _checked(name, itinerary, impacts) for name, itinerary in (itineraries or {}).items()}
-    steps = _clock_steps(scene, clock, dt * coarsest, horizon) * coarsest
-    seed = rng if isinstance(rng, np.random.SeedSequence) else np.random.SeedSequence(rng)
-    most_steps = math.ceil(horizon / (dt * coarsest)) * coarsest
-    quiet = Plan(scene.noise_free, 1, impacts, dt, scheme, seed, most_steps, np.empty(0, np.int64), {}, 1, no_control())
-    path = linear_path(scene, impacts, dt) if control and scene.sigma > 0.0 else no_control()
-    named[NOISE_FREE] = tuple(np.nan_to_num(sample(quiet, 0).rows[0, 0, :, 6]).astype(int).tolist())
-    computed = paths if _is_random(scene) else 1
-    plan = Plan(
-        scene, computed, impacts, dt, scheme, seed, most_steps, steps, named, levels, path, histogram or keep_paths
-    )
+    plan = plan_of(
+        scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, clock=clock,
+        step_bias=step_bias, itineraries=itineraries, keep=histogram or keep_paths, control=control,
+        increments=increments, horizon=horizon,
+    )  # fmt: skip
+    computed = plan.paths
     started = time.perf_counter()
     merged: BlockResult | None = None
     histograms: Histograms | None = None
@@ -510,26 +460,3 @@ def extended(run: Ensemble, paths: int, workers: int, progress: str | None = Non
             merged = merged.merged(result)
             bar.update(BLOCK)
     return Ensemble(plan, paths, merged, None, None, run.wall_seconds + time.perf_counter() - started)
-
-
-def _clock_steps(scene: Scene, times: Sequence[float] | Floats, dt: float, horizon: float) -> NDArray[np.int64]:
-    try:
-        listed = list(times)
-    except TypeError:
-        raise InputError("clock", times, "give a sequence of times") from None
-    steps = []
-    for t in listed:
-        since = finite("clock", t) - scene.start.tau
-        if not dt <= since <= horizon:
-            raise InputError("clock", t, f"must lie between {dt:g} and {horizon:g} after the start")
-        steps.append(round(since / dt))
-    return np.unique(np.array(steps, dtype=np.int64))
-
-
-def _checked(name: str, itinerary: Sequence[int], impacts: int) -> tuple[int, ...]:
-    field = f"itineraries[{name!r}]"
-    if name == NOISE_FREE:
-        raise InputError("itineraries", name, "this name is taken by the noise-free path")
-    if len(itinerary) != impacts:
-        raise InputError(field, list(itinerary), f"needs one entry for each of {impacts} impacts")
-    return tuple(count(field, code, least=-2, most=2) for code in itinerary)

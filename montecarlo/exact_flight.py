@@ -22,7 +22,7 @@ from montecarlo.brownian import joined, split
 from montecarlo.noise import Key, Word, normals
 from montecarlo.progress import Noise, Progress, Walls
 from scene.compiled import inlined, jit
-from scene.flight import decay, flow, noise_rate, turned
+from scene.flight import decay, flow, turned
 from scene.scene import Constants
 
 __all__ = ["FlightForcing", "advance_exactly", "flight_forcing", "flight_lanes", "kick", "near_second"]
@@ -35,9 +35,8 @@ CLOSE = 1e-10  # distance to the wall, in units of the half gap, at which an imp
 MOST_CUTS = 1000  # of one step
 SCALE = 1.0 / (6.0 * math.sqrt(3.0))  # of the margin on a Bernstein coefficient that covers (s (1 - s))^(3/2) / sqrt(3)
 
-# Gauss-Legendre with three nodes on [0, 1]: exact to the fifth degree
-NODES = (0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(0.15))
-WEIGHTS = (5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0)
+# Gauss-Legendre with three nodes on [0, 1], exact to the fifth degree: the outer nodes lie OUTER from the middle.
+OUTER, OUTER_WEIGHT, MIDDLE_WEIGHT = math.sqrt(0.15), 5.0 / 18.0, 4.0 / 9.0
 
 
 class FlightForcing(NamedTuple):
@@ -67,24 +66,44 @@ def _margins(c: Constants, h: float) -> tuple[float, float]:
     return spread * first + bend, spread * second + bend
 
 
+@inlined
+def _turned(beta: float, t: float) -> float:
+    """`scene.flight.turned` of a time within which damping does little (``beta t <= 0.2``), by its series to 1e-12."""
+    z = beta * t
+    return t * (1.0 - z / 2.0 * (1.0 - z / 3.0 * (1.0 - z / 4.0 * (1.0 - z / 5.0 * (1.0 - z / 6.0 * (1.0 - z / 7.0))))))
+
+
+@inlined
+def _node(c: Constants, sine: float, cosine: float, lag: float) -> tuple[float, float, float, float]:
+    """What unit noise at a phase does to the state `lag` later (Eq. 5)."""
+    m1, m2 = -sine + c.beta1 * cosine, (c.beta1 - c.beta2) * cosine
+    e1 = _turned(c.beta1, lag)
+    d1 = 1.0 - c.beta1 * e1
+    if c.stages == 1:
+        return e1 * m1, d1 * m1, 0.0, 0.0
+    e2 = _turned(c.beta2, lag)
+    d2 = 1.0 - c.beta2 * e2
+    return e1 * m1, d1 * m1, (e1 - e2) * m1 + e2 * m2, (d1 - d2) * m1 + d2 * m2
+
+
 @jit
 def kick(c: Constants, tau: float, h: float, first: float, slope: float) -> tuple[float, float, float, float]:
     """Displacement at the end of a time h by the noise ``dB = (first + slope (s / h - 1/2)) ds / h``, by Eq. 5."""
-    x1, y1, x2, y2 = 0.0, 0.0, 0.0, 0.0
-    for node, weight in zip(NODES, WEIGHTS):  # noqa: B905  (compiled code has no strict)
-        lag = h * (1.0 - node)
-        m1, m2 = noise_rate(c, tau + h * node)
-        push = c.sigma * weight * (first + slope * (node - 0.5))
-        e1 = turned(c.beta1, lag)
-        d1 = 1.0 - c.beta1 * e1
-        x1 += push * e1 * m1
-        y1 += push * d1 * m1
-        if c.stages == 2:
-            e2 = turned(c.beta2, lag)
-            d2 = 1.0 - c.beta2 * e2
-            x2 += push * ((e1 - e2) * m1 + e2 * m2)
-            y2 += push * ((d1 - d2) * m1 + d2 * m2)
-    return x1, y1, x2, y2
+    away = OUTER * h
+    sine, cosine = math.sin(tau + 0.5 * h), math.cos(tau + 0.5 * h)
+    s, k = math.sin(away), math.cos(away)
+    a = _node(c, sine * k - cosine * s, cosine * k + sine * s, 0.5 * h + away)
+    b = _node(c, sine, cosine, 0.5 * h)
+    d = _node(c, sine * k + cosine * s, cosine * k - sine * s, 0.5 * h - away)
+    before = c.sigma * OUTER_WEIGHT * (first - slope * OUTER)
+    middle = c.sigma * MIDDLE_WEIGHT * first
+    after = c.sigma * OUTER_WEIGHT * (first + slope * OUTER)
+    return (
+        before * a[0] + middle * b[0] + after * d[0],
+        before * a[1] + middle * b[1] + after * d[1],
+        before * a[2] + middle * b[2] + after * d[2],
+        before * a[3] + middle * b[3] + after * d[3],
+    )
 
 
 @jit

@@ -11,7 +11,7 @@ from montecarlo.control import LinearPath
 from montecarlo.euler import at_end, euler_lanes, step_forcing
 from montecarlo.euler_located import advance_inside, leaving, located_lanes
 from montecarlo.exact_flight import advance_exactly, flight_forcing, flight_lanes, near_second
-from montecarlo.noise import BRIDGE, Key, Word, fill_normals, normals
+from montecarlo.noise import BRIDGE, Key, Word, fill_normals, fill_signs, fill_words, normals
 from montecarlo.progress import MOST_IN_A_STEP, Noise, Progress, Walls
 from scene.compiled import inlined, jit
 from scene.impact import struck
@@ -40,6 +40,7 @@ class Job(NamedTuple):
     tau: float
     dt: float
     scheme: int
+    two_point: bool
     most_steps: int
 
 
@@ -188,7 +189,7 @@ def _carry_linear(
 
 
 @jit
-def _retire(every: Lanes, path: NDArray[Word], xi: Floats, impacts: int, live: int) -> int:
+def _retire(every: Lanes, path: NDArray[Word], bits: NDArray[Word], xi: Floats, impacts: int, live: int) -> int:
     """Give the lane of a finished path to the last one; returns how many are left."""
     p = 0
     while p < live:
@@ -200,6 +201,7 @@ def _retire(every: Lanes, path: NDArray[Word], xi: Floats, impacts: int, live: i
             continue
         live -= 1
         path[p], path[live] = path[live], path[p]
+        bits[p] = bits[live]
         xi[:, p] = xi[:, live]
         for level in range(len(every.impacts)):
             every.state[level, :, p] = every.state[level, :, live]
@@ -261,6 +263,7 @@ def run_block(
         every.walls[level, :, :paths] = walls
     path = np.arange(first, first + room).astype(Word)
     z = np.zeros((5, room))  # a draw of four normals serves four steps, or two that use the area; the last row stays 0
+    bits = np.zeros(room, Word)
     draws = 2 if job.scheme == EXACT else 4
     marks = np.zeros(room, np.bool_)
     hits = np.empty(paths, np.int64)
@@ -269,8 +272,12 @@ def run_block(
     while n < job.most_steps and live > 0:
         wide = (live + 7) // 8 * 8
         for _ in range(min(CHUNK, job.most_steps - n)):
-            use = n % draws
-            if use == 0 and job.c.sigma > 0.0:
+            use = 0 if job.two_point else n % draws
+            if job.two_point and job.c.sigma > 0.0:
+                if n % 64 == 0:
+                    fill_words(job.key, path, Word(n // 64), wide, bits)
+                fill_signs(bits, n % 64, wide, z[0])
+            elif use == 0 and job.c.sigma > 0.0:
                 fill_normals(job.key, path, Word(n // draws), wide, z)
             w, area = z[use * (4 // draws)], z[use * (4 // draws) + 1 if draws == 2 else 4]
             if linear < control.at_step.size:
@@ -307,5 +314,5 @@ def run_block(
                             clock[level, int(path[p]) - first, next_clock, i] = every.state[level, i, p]
                 next_clock += 1
         if next_clock == clock_steps.size and linear == control.at_step.size:
-            live = _retire(every, path, xi, impacts, live)
+            live = _retire(every, path, bits, xi, impacts, live)
     return work, held, live

@@ -181,3 +181,18 @@ def fill_normals(key: Key, paths: NDArray[np.uint64], index: Word, lanes: int, z
     z0, z1, z2, z3 = z[0], z[1], z[2], z[3]
     for p in range(lanes):
         z0[p], z1[p], z2[p], z3[p] = normals(key, paths[p], index, Word(STEP))
+
+
+@jit
+def fill_words(key: Key, paths: NDArray[Word], index: Word, lanes: int, out: NDArray[Word]) -> None:
+    """Sixty-four random bits of all lanes for one index of the steps; vectorises."""
+    for p in range(lanes):
+        a, b, _, _ = words(key, paths[p], index, Word(STEP))
+        out[p] = (a << HALF) | b
+
+
+@jit
+def fill_signs(bits: NDArray[Word], place: int, lanes: int, z: NDArray[np.float64]) -> None:
+    """Increments +1 and -1, with the first three moments of a standard normal, from one bit each; vectorises."""
+    for p in range(lanes):
+        z[p] = 1.0 - 2.0 * np.float64(np.int64((bits[p] >> Word(place)) & Word(1)))

@@ -34,6 +34,9 @@ _nodes, _weights = np.polynomial.legendre.leggauss(16)
 NODES, WEIGHTS = 0.5 * (_nodes + 1.0), 0.5 * _weights
 PANEL = 2.0
 
+DRAG_SERIES = np.array([1.0 / math.factorial(k) for k in range(16, 1, -1)])
+"""Coefficients of ``phi_2(z) = 1/2 - z/3! + z^2/4! - ...``, the highest first: to rounding for z below 0.5."""
+
 
 @jit
 def turned(beta: float, t: float) -> float:
@@ -51,9 +54,9 @@ def dragged(beta: float, t: float) -> float:
     if z > 0.5:
         return t * t * (z + math.expm1(-z)) / (z * z)
     total = 0.0
-    for k in range(16, 1, -1):  # phi_2(z) = 1/2 - z/3! + z^2/4! - ...
-        total = 1.0 - z / (k + 1) * total
-    return 0.5 * t * t * total
+    for coefficient in DRAG_SERIES:
+        total = coefficient - z * total
+    return t * t * total
 
 
 @jit

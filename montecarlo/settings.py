@@ -1,0 +1,125 @@
+"""The door of the sampler: settings in, a plan of the work out, or a clear refusal before any work starts."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from montecarlo.block import Plan, sample
+from montecarlo.control import linear_path, no_control
+from montecarlo.noise import LEVELS
+from montecarlo.schemes import SCHEMES
+from montecarlo.step import check_step
+from scene.errors import InputError
+from scene.scene import Scene
+from scene.validate import choice, count, finite, positive
+
+__all__ = ["NOISE_FREE", "check_settings", "is_random", "plan_of"]
+
+Floats = NDArray[np.float64]
+
+NOISE_FREE = "noise-free"
+"""Name of the itinerary of the noise-free path, simulated by the same scheme."""
+
+HORIZON_PER_IMPACT = 50.0
+"""Default time after which a path is given up, per impact asked for; flights of DAT21 last about 0.5."""
+
+
+def is_random(scene: Scene) -> bool:
+    """Whether one path differs from another."""
+    return scene.sigma > 0.0 or (scene.tolerance is not None and scene.tolerance.law != "fixed")
+
+
+def check_settings(
+    scene: Scene,
+    *,
+    paths: int,
+    impacts: int,
+    dt: float,
+    scheme: str,
+    rng: int | np.random.SeedSequence,
+    workers: int,
+    step_bias: bool,
+) -> None:
+    """Refuse settings that `simulate` could not run, before any work; parameters as there.
+
+    Raises
+    ------
+    InputError
+        Names the setting, its value and the remedy.
+    """
+    if not isinstance(scene, Scene):
+        raise InputError("scene", scene, "give a Scene")
+    count("paths", paths)
+    count("impacts", impacts)
+    count("workers", workers)
+    choice("scheme", scheme, SCHEMES)
+    if not isinstance(rng, np.random.SeedSequence):
+        count("rng", rng, least=0)
+    check_step(scene, dt, scheme, 2 ** (LEVELS - 1) if step_bias else 1)
+
+
+def plan_of(
+    scene: Scene, *, paths: int, impacts: int, dt: float, scheme: str, rng: int | np.random.SeedSequence = 0,
+    workers: int = 1, clock: Sequence[float] | Floats = (), step_bias: bool = False,
+    itineraries: Mapping[str, Sequence[int]] | None = None, keep: bool = False, control: bool = False,
+    increments: str = "gaussian", horizon: float | None = None,
+) -> Plan:  # fmt: skip
+    """The plan of a run with these settings, which are those of `montecarlo.simulate`.
+
+    Raises
+    ------
+    InputError
+        Names the setting, its value and the remedy.
+    """
+    check_settings(
+        scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, step_bias=step_bias
+    )
+    if control and SCHEMES[scheme].normals < 2:
+        raise InputError("control", control, f"works with scheme 'exact-flight' only; scheme = {scheme!r}")
+    two_point = choice("increments", increments, ("gaussian", "two-point")) == "two-point"
+    if two_point and SCHEMES[scheme].normals > 1:
+        raise InputError("increments", increments, f"works with the Euler-Maruyama schemes only; scheme = {scheme!r}")
+    levels = LEVELS if step_bias else 1
+    coarsest = 2 ** (levels - 1)
+    dt = float(dt)
+    horizon = HORIZON_PER_IMPACT * impacts if horizon is None else positive("horizon", horizon)
+    named = {name: _checked(name, itinerary, impacts) for name, itinerary in (itineraries or {}).items()}
+    plan = Plan(
+        scene=scene, paths=paths if is_random(scene) else 1, impacts=impacts, dt=dt, scheme=scheme,
+        seed=rng if isinstance(rng, np.random.SeedSequence) else np.random.SeedSequence(rng),
+        most_steps=math.ceil(horizon / (dt * coarsest)) * coarsest,
+        clock_steps=_clock_steps(scene, clock, dt * coarsest, horizon) * coarsest, itineraries=named, levels=levels,
+        control=linear_path(scene, impacts, dt) if control and scene.sigma > 0.0 else no_control(), keep=keep,
+        two_point=two_point,
+    )  # fmt: skip
+    quiet = plan._replace(
+        scene=scene.noise_free, paths=1, clock_steps=np.empty(0, np.int64), itineraries={}, levels=1,
+        control=no_control(), two_point=False,
+    )  # fmt: skip
+    named[NOISE_FREE] = tuple(np.nan_to_num(sample(quiet, 0).rows[0, 0, :, 6]).astype(int).tolist())
+    return plan
+
+
+def _clock_steps(scene: Scene, times: Sequence[float] | Floats, dt: float, horizon: float) -> NDArray[np.int64]:
+    try:
+        listed = list(times)
+    except TypeError:
+        raise InputError("clock", times, "give a sequence of times") from None
+    steps = []
+    for t in listed:
+        since = finite("clock", t) - scene.start.tau
+        if not dt <= since <= horizon:
+            raise InputError("clock", t, f"must lie between {dt:g} and {horizon:g} after the start")
+        steps.append(round(since / dt))
+    return np.unique(np.array(steps, dtype=np.int64))
+
+
+def _checked(name: str, itinerary: Sequence[int], impacts: int) -> tuple[int, ...]:
+    field = f"itineraries[{name!r}]"
+    if name == NOISE_FREE:
+        raise InputError("itineraries", name, "this name is taken by the noise-free path")
+    if len(itinerary) != impacts:
+        raise InputError(field, list(itinerary), f"needs one entry for each of {impacts} impacts")
+    return tuple(count(field, code, least=-2, most=2) for code in itinerary)
