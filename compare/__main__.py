@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from compare import sampling_commands
 from scene.errors import RattleError
 
 __all__ = ["EXIT_NOT_MET", "EXIT_NOT_REPEATED", "main"]
@@ -162,6 +163,10 @@ def validate(
         sys.exit(EXIT_NOT_REPEATED)
     if require and not accurate:
         sys.exit(EXIT_NOT_MET)
+
+
+main.add_command(sampling_commands.simulate)
+main.add_command(sampling_commands.bench)
 
 
 def _cpu() -> float:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import kolmogi
 
 from closure import MeanMap
 from montecarlo import Ensemble
@@ -101,7 +101,7 @@ def distances(masses: Floats, counts: Ints) -> Distances:
     tv_floor = np.sqrt(shares * (1.0 - shares) / (2.0 * np.pi * n)).sum()
     return Distances(
         float(np.abs(np.cumsum(gap)[:-1]).max()),
-        float(stats.kstwobign.ppf(CONFIDENCE) / np.sqrt(n)),
+        float(kolmogi(1.0 - CONFIDENCE) / np.sqrt(n)),
         float(0.5 * np.abs(gap).sum()),
         float(tv_floor),
     )

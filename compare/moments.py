@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy.special import ndtri
 
 from closure import MeanMap
 from montecarlo import Ensemble
@@ -36,7 +36,7 @@ def widest(checks: int, family_error: float = 0.05) -> float:
     >>> round(widest(1), 2), round(widest(100), 2)
     (1.96, 3.48)
     """
-    return float(stats.norm.isf(0.5 * family_error / max(checks, 1)))
+    return float(-ndtri(0.5 * family_error / max(checks, 1)))
 
 
 def judge(table: pd.DataFrame) -> pd.DataFrame:

@@ -63,6 +63,19 @@ class Reach(NamedTuple):
         """Whether both errors are within what was asked."""
         return max(self.sampling, self.step) <= self.asked
 
+    @property
+    def sentence(self) -> str:
+        """What was reached, in words."""
+        errors = (
+            f"largest standard error {self.sampling:.2g} sd ({self.worst}), largest bias of the step {self.step:.2g} sd"
+        )
+        if self.reached:
+            return f"Accuracy {self.asked:g} sd reached: {errors}."
+        return (
+            f"Accuracy {self.asked:g} sd NOT reached within the budget: {errors}; about {self.more_seconds:.0f} s more "
+            "would do."
+        )
+
 
 @dataclass(frozen=True)
 class Ensemble:

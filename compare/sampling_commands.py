@@ -1,0 +1,106 @@
+"""The commands of the sampler: ``rattle simulate`` and ``rattle bench``."""
+
+import json
+import math
+from pathlib import Path
+
+import click
+
+from scene.errors import InputError
+
+__all__ = ["bench", "simulate"]
+
+EXIT_NOT_MET = 3
+
+
+@click.command()
+@click.argument("scene", required=False, type=click.Path(path_type=Path))
+@click.option("--sigma", type=float, default=None, help="Noise intensity. [default: the scene's; sqrt(alpha) on DAT21]")
+@click.option("--impacts", type=int, default=12, show_default=True, help="Impacts after the start.")
+@click.option("--accuracy", type=float, default=None, help="Largest error of means and sds in sds. [default: 0.01]")
+@click.option("--paths", type=int, default=None, help="Number of paths, in place of an accuracy.")
+@click.option("--dt", type=float, default=None, help="Step, with --paths. [default: 0.002]")
+@click.option("--scheme", default=None, help="Scheme. [default: what costs least; euler-maruyama-located with --paths]")
+@click.option("--budget", type=float, default=math.inf, help="Seconds after which an accuracy is given up.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed.")
+@click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
+@click.option("--out", type=click.Path(path_type=Path), default=None, help="CSV file of the whole section table.")
+@click.option("--json", "as_json", is_flag=True, help="Print the section table and the settings as JSON.")
+def simulate(
+    scene: Path | None,
+    sigma: float | None,
+    impacts: int,
+    accuracy: float | None,
+    paths: int | None,
+    dt: float | None,
+    scheme: str | None,
+    budget: float,
+    seed: int,
+    workers: int,
+    out: Path | None,
+    as_json: bool,
+) -> None:
+    """Simulate SCENE (a TOML file; DAT21 if none) and print its section moments.
+
+    Exit codes: 0 done; 2 bad input; 3 the budget ended before the accuracy was reached.
+    """
+    from montecarlo import simulate as sample
+    from scene import DAT21, Scene
+
+    base = Scene.load(scene) if scene else Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha))
+    base = base if sigma is None else base.with_sigma(sigma)
+    if out is not None and not out.parent.is_dir():
+        raise InputError("out", str(out), f"the folder {out.parent} does not exist; make it first")
+    if accuracy is None and paths is None:
+        accuracy = 0.01
+    limit = budget if accuracy is not None else math.inf
+    run = sample(
+        base,
+        paths=paths,
+        accuracy=accuracy,
+        impacts=impacts,
+        dt=dt,
+        scheme=scheme,
+        budget=limit,
+        rng=seed,
+        workers=workers,
+        progress="simulate",
+    )
+    section, reach = run.section, run.reach
+    if out is not None:
+        section.to_csv(out)
+    if as_json:
+        record = {
+            "scheme": run.scheme,
+            "dt": run.dt,
+            "paths": run.paths,
+            "seconds": round(run.wall_seconds, 3),
+            "reach": None if reach is None else reach.sentence,
+            "section": section.reset_index().to_dict("records"),
+        }
+        click.echo(json.dumps(record, indent=2))
+    else:
+        shown = ["tau", "se_tau", "sd_tau", "y1", "se_y1", "sd_y1", "y2", "se_y2", "sd_y2", "mesh", "side", "agreement"]
+        click.echo(section[shown].dropna(axis=1, how="all").to_string(float_format="{:.5f}".format))
+        click.echo(
+            f"{run.paths:,} paths, {run.scheme}, dt = {run.dt:.4g}, {run.wall_seconds:.1f} s on {workers} threads"
+        )
+        if reach is not None:
+            click.echo(reach.sentence)
+    if reach is not None and not reach.reached:
+        raise click.exceptions.Exit(EXIT_NOT_MET)
+
+
+@click.command()
+@click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
+def bench(as_json: bool) -> None:
+    """Measure what a step of a path costs on this machine, beside the floor of random numbers and arithmetic."""
+    from montecarlo.bench import bench as measure
+
+    table = measure()
+    if as_json:
+        click.echo(table.reset_index().to_json(orient="records", indent=2))
+        return
+    shown = table.rename(columns={"ns": "ns per path-step", "times_floor": "times floor", "us": "us per path"})
+    click.echo(shown.to_string(float_format="{:.2f}".format, na_rep=""))
+    click.echo("One core, processor time, least of several repeats; floor = one normal + the arithmetic of one step.")
