@@ -28,48 +28,32 @@ BINOMIAL = np.array([[comb(n, k) for k in range(9)] for n in range(9)], dtype=fl
 
 
 @jit
-def _means(v: Floats, columns: Ints, seen: Bools, n: Floats) -> Floats:
+def _means(v: Floats, columns: Ints, seen: Bools, n: Floats, total: Floats, mean: Floats) -> None:
     """Means of the cells over the rows that were seen, about the first of them: what does not vary comes out exact."""
     cells = columns.size
-    origin, total = np.zeros(cells), np.zeros(cells)
     for i in range(cells):
+        total[i], mean[i] = 0.0, 0.0
         for p in range(len(v)):
-            if seen.size == 0 or seen[p, i]:
-                origin[i] = v[p, columns[i]]
+            if len(seen) == 0 or seen[p, i]:
+                mean[i] = v[p, columns[i]]
                 break
     for p in range(len(v)):
-        if seen.size == 0:
+        if len(seen) == 0:
             for i in range(cells):
-                total[i] += v[p, columns[i]] - origin[i]
+                total[i] += v[p, columns[i]] - mean[i]
         else:
             for i in range(cells):
-                total[i] += v[p, columns[i]] - origin[i] if seen[p, i] else 0.0
-    return origin + total / np.maximum(n, 1.0)
-
-
-@jit
-def _seen(a: Floats, b: Floats, left: Ints, right: Ints) -> Bools:
-    """Whether both variables of each cell are finite, shape (paths, cells); empty where all are."""
-    cells = left.size
-    missing = 0
-    for p in range(len(a)):
-        for i in range(a.shape[1]):
-            missing += not np.isfinite(a[p, i])
-            missing += not np.isfinite(b[p, i])
-    if missing == 0:
-        return np.empty((0, cells), np.bool_)
-    seen = np.empty((len(a), cells), np.bool_)
-    for p in range(len(a)):
-        for i in range(cells):
-            seen[p, i] = np.isfinite(a[p, left[i]]) & np.isfinite(b[p, right[i]])
-    return seen
+                total[i] += v[p, columns[i]] - mean[i] if seen[p, i] else 0.0
+    for i in range(cells):
+        mean[i] += total[i] / max(n[i], 1.0)
 
 
 @jit
 def _add_powers(da: Floats, power: Floats, sums: Floats) -> None:
     """Add ``da^2, da^3, ...`` to the rows of `sums`."""
     cells = da.size
-    power[:] = da
+    for i in range(cells):
+        power[i] = da[i]
     for o in range(len(sums)):
         total = sums[o]
         for i in range(cells):
@@ -78,13 +62,14 @@ def _add_powers(da: Floats, power: Floats, sums: Floats) -> None:
 
 
 @jit
-def _add_products(da: Floats, db: Floats, exponents: Ints, powers: Floats, sums: Floats) -> None:
+def _add_products(da: Floats, db: Floats, exponents: Ints, most: tuple[int, int], powers: Floats, sums: Floats) -> None:
     """Add ``da^p db^q`` of all exponents to the rows of `sums`; scratch `powers`, shape (2, 9, cells)."""
     cells = da.size
     for side in range(2):
         own, base = powers[side], da if side == 0 else db
-        own[1] = base
-        for k in range(1, exponents[:, side].max()):
+        for i in range(cells):
+            own[1, i] = base[i]
+        for k in range(1, most[side]):
             for i in range(cells):
                 own[k + 1, i] = own[k, i] * base[i]
     for o in range(len(exponents)):
@@ -94,37 +79,37 @@ def _add_products(da: Floats, db: Floats, exponents: Ints, powers: Floats, sums:
 
 
 @jit
-def _block_sums(a: Floats, b: Floats, left: Ints, right: Ints, exponents: Ints) -> tuple[Floats, Floats, Floats]:
-    """Counts, means (2, cells) and sums of ``da^p db^q`` (orders, cells) over the rows where both are finite.
+def _block_sums(
+    a: Floats, b: Floats, left: Ints, right: Ints, exponents: Ints, seen: Bools, n: Floats, scratch: Floats,
+    mean: Floats, sums: Floats,
+) -> None:  # fmt: skip
+    """Means (2, cells) and sums of ``da^p db^q`` (orders, cells) over the rows where both are finite.
 
     Cell i is about the columns ``left[i]`` of `a` and ``right[i]`` of `b`, both of shape (paths, columns).
-    Exponents of one variable alone are 2, 3, 4, ... in this order.
+    Exponents of one variable alone are 2, 3, 4, ... in this order.  `seen` is empty where everything was seen;
+    `scratch` has shape (4, 9, cells), and ones in it.
     """
-    cells, alone = left.size, exponents[:, 1].max() == 0
-    seen = _seen(a, b, left, right)
-    n = np.full(cells, float(len(a)))
-    if seen.size > 0:
-        for i in range(cells):
-            n[i] = seen[:, i].sum()
-    mean, sums = np.empty((2, cells)), np.zeros((len(exponents), cells))
-    mean[0] = _means(a, left, seen, n)
-    mean[1] = mean[0] if alone else _means(b, right, seen, n)
-    da, db, powers = np.empty(cells), np.empty(cells), np.ones((2, 9, cells))
+    cells, most_a, most_b = left.size, 0, 0
+    for o in range(len(exponents)):
+        most_a, most_b = max(most_a, exponents[o, 0]), max(most_b, exponents[o, 1])
+    alone = most_b == 0
+    da, db, powers = scratch[2, 0], scratch[3, 0], scratch[:2]
+    _means(a, left, seen, n, da, mean[0])
+    _means(b, right, seen, n, da, mean[1])
     for p in range(len(a)):
         for i in range(cells):
             da[i] = a[p, left[i]] - mean[0, i]
         if not alone:
             for i in range(cells):
                 db[i] = b[p, right[i]] - mean[1, i]
-        if seen.size > 0:
+        if len(seen) > 0:
             for i in range(cells):
                 if not seen[p, i]:
                     da[i] = db[i] = 0.0
         if alone:
             _add_powers(da, db, sums)
         else:
-            _add_products(da, db, exponents, powers, sums)
-    return n, mean, sums
+            _add_products(da, db, exponents, (most_a, most_b), powers, sums)
 
 
 @jit
@@ -185,7 +170,15 @@ class CentralSums:
         cls, a: Floats, b: Floats, left: Ints, right: Ints, orders: Orders, shape: tuple[int, ...]
     ) -> "CentralSums":
         """Sums of one block over cells of this shape, each about one column of `a` and one of `b`."""
-        n, mean, sums = _block_sums(a, b, left, right, np.array(orders))
+        cells = left.size
+        finite_a = np.isfinite(a)
+        finite_b = finite_a if b is a else np.isfinite(b)
+        seen, n = np.empty((0, cells), np.bool_), np.full(cells, float(len(a)))
+        if not (finite_a.all() and finite_b.all()):
+            seen = finite_a[:, left] & finite_b[:, right]
+            n = seen.sum(axis=0, dtype=float)
+        mean, sums = np.empty((2, cells)), np.zeros((len(orders), cells))
+        _block_sums(a, b, left, right, np.array(orders), seen, n, np.ones((4, 9, cells)), mean, sums)
         return cls(orders, n.reshape(shape), mean.reshape(2, *shape), sums.reshape(len(orders), *shape))
 
     def merged(self, other: "CentralSums") -> "CentralSums":

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from montecarlo.accumulate import COVARIANCE, PAIR, SINGLE, CentralSums, Orders
 from montecarlo.backlash import backlash_of, draw_walls
 from montecarlo.control import LinearPath
-from montecarlo.kernel import COLUMNS, Job, run_block
+from montecarlo.kernel import COLUMNS, Job, lanes_of, run_block
 from montecarlo.noise import key_of
 from montecarlo.schemes import SCHEMES
 from scene.compiled import jit
@@ -110,9 +110,10 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
         scene.constants, backlash, key, scene.start.tau, plan.dt, SCHEMES[plan.scheme].code, plan.two_point,
         plan.most_steps,
     )  # fmt: skip
+    every, room = lanes_of(plan.levels, first, _start(scene, walls), walls, scene.start.tau)
     work, held, unfinished = run_block(
-        job, plan.control, first, _start(scene, walls), walls, rows, plan.clock_steps, clock, controls
-    )
+        job, plan.control, first, every, room, rows, plan.clock_steps, clock, controls
+    )  # fmt: skip
     return Raw(rows, clock, controls, int(work), int(held), int(unfinished))
 
 

@@ -17,7 +17,7 @@ from scene.compiled import inlined, jit
 from scene.impact import struck
 from scene.scene import Constants
 
-__all__ = ["CHUNK", "COLUMNS", "Job", "run_block"]
+__all__ = ["CHUNK", "COLUMNS", "Job", "lanes_of", "run_block"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -58,6 +58,49 @@ class Lanes(NamedTuple):
     area: Floats
     last: Floats
     impacts: Ints
+
+
+class Room(NamedTuple):
+    """Scratch of a block: numbers of the paths in the lanes, random bits and normals, perturbations, marked lanes.
+
+    A draw of four normals serves four steps, or two that use the area; the fifth row of ``z`` stays zero.
+    """
+
+    path: NDArray[Word]
+    bits: NDArray[Word]
+    z: Floats
+    xi: Floats
+    marks: Bools
+    hits: Ints
+
+
+def lanes_of(levels: int, first: int, start: Floats, walls: Floats, tau: float) -> tuple[Lanes, Room]:
+    """Lanes and scratch of a block; allocated here, for compiled code that allocates takes long to compile.
+
+    Parameters
+    ----------
+    levels, first : int
+        Step sizes side by side; number of the first path.
+    start : ndarray, shape (4, paths)
+        State after the start.
+    walls : ndarray, shape (4, paths)
+        Distance of the flanks +1, -1, +2, -2 from the middle.
+    tau : float
+        Time of the start.
+    """
+    paths = start.shape[1]
+    lanes = (paths + 7) // 8 * 8  # whole vectors: what the last lanes compute when no path is in them is not looked at
+    state, wall = np.zeros((levels, 4, lanes)), np.ones((levels, 4, lanes))
+    state[:, :, :paths], wall[:, :, :paths] = start, walls
+    every = Lanes(
+        state, state.copy(), wall, np.zeros((levels, lanes)), np.zeros((levels, lanes)), np.full((levels, lanes), tau),
+        np.zeros((levels, lanes), np.int64),
+    )  # fmt: skip
+    room = Room(
+        np.arange(first, first + lanes, dtype=np.uint64), np.zeros(lanes, np.uint64), np.zeros((5, lanes)),
+        np.zeros((5, lanes)), np.zeros(lanes, np.bool_), np.empty(lanes, np.int64),
+    )  # fmt: skip
+    return every, room
 
 
 @inlined
@@ -118,7 +161,8 @@ def _step_lanes(job: Job, tau: float, h: float, lanes: Lanes, marks: Bools, live
         euler_lanes(c, step_forcing(c, tau, h), h, job.backlash.random, lanes.walls, state, lanes.w, marks, live)
         return
     for i in range(2 * c.stages):
-        before[i, :live] = state[i, :live]
+        for p in range(live):
+            before[i, p] = state[i, p]
     if job.scheme == LOCATED:
         leaving(c, h, lanes.walls, state, marks, live)
         located_lanes(c, step_forcing(c, tau, h), h, state, lanes.w, live)
@@ -202,10 +246,12 @@ def _retire(every: Lanes, path: NDArray[Word], bits: NDArray[Word], xi: Floats, 
         live -= 1
         path[p], path[live] = path[live], path[p]
         bits[p] = bits[live]
-        xi[:, p] = xi[:, live]
+        for i in range(5):
+            xi[i, p] = xi[i, live]
         for level in range(len(every.impacts)):
-            every.state[level, :, p] = every.state[level, :, live]
-            every.walls[level, :, p] = every.walls[level, :, live]
+            for i in range(4):
+                every.state[level, i, p] = every.state[level, i, live]
+                every.walls[level, i, p] = every.walls[level, i, live]
             every.last[level, p] = every.last[level, live]
             every.impacts[level, p] = every.impacts[level, live]
     return live
@@ -216,8 +262,8 @@ def run_block(
     job: Job,
     control: LinearPath,
     first: int,
-    start: Floats,
-    walls: Floats,
+    every: Lanes,
+    room: Room,
     rows: Floats,
     clock_steps: Ints,
     clock: Floats,
@@ -233,10 +279,8 @@ def run_block(
         Carried along beside the finest level; empty for none.
     first : int
         Number of the block's first path.
-    start : ndarray, shape (4, paths)
-        State after the start.
-    walls : ndarray, shape (4, paths)
-        Distance of the flanks +1, -1, +2, -2 from the middle.
+    every, room : Lanes, Room
+        From `lanes_of`.
     rows : ndarray, shape (levels, paths, impacts, COLUMNS)
         Output: each impact, just before it; what is never reached stays as given.
     clock_steps : ndarray of int, ascending
@@ -252,22 +296,8 @@ def run_block(
         Steps taken, times a path was held at its wall, paths given up.
     """
     levels, paths, impacts = rows.shape[0], rows.shape[1], rows.shape[2]
-    room = (paths + 7) // 8 * 8  # whole vectors: what the last lanes compute when no path is in them is not looked at
-    every = Lanes(
-        np.zeros((levels, 4, room)), np.zeros((levels, 4, room)), np.ones((levels, 4, room)),
-        np.zeros((levels, room)), np.zeros((levels, room)), np.full((levels, room), job.tau),
-        np.zeros((levels, room), np.int64),
-    )  # fmt: skip
-    for level in range(levels):
-        every.state[level, :, :paths], every.before[level, :, :paths] = start, start
-        every.walls[level, :, :paths] = walls
-    path = np.arange(first, first + room).astype(Word)
-    z = np.zeros((5, room))  # a draw of four normals serves four steps, or two that use the area; the last row stays 0
-    bits = np.zeros(room, Word)
+    path, bits, z, xi, marks, hits = room.path, room.bits, room.z, room.xi, room.marks, room.hits
     draws = 2 if job.scheme == EXACT else 4
-    marks = np.zeros(room, np.bool_)
-    hits = np.empty(paths, np.int64)
-    xi = np.zeros((5, room))
     work, held, live, next_clock, linear, n = 0, 0, paths, 0, 0, 0
     while n < job.most_steps and live > 0:
         wide = (live + 7) // 8 * 8

@@ -158,6 +158,14 @@ def _pair(high: Word, low: Word) -> tuple[float, float]:
 
 
 @inlined
+def _four(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, float, float, float]:
+    a, b, c, d = words(key, path, index, purpose)
+    z0, z1 = _pair(a, b)
+    z2, z3 = _pair(c, d)
+    return z0, z1, z2, z3
+
+
+@jit
 def normals(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, float, float, float]:
     """Four independent standard normals.
 
@@ -169,10 +177,7 @@ def normals(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, fl
     >>> normals(key, u(0), u(0), u(STEP)) == normals(key, u(1), u(0), u(STEP))
     False
     """
-    a, b, c, d = words(key, path, index, purpose)
-    z0, z1 = _pair(a, b)
-    z2, z3 = _pair(c, d)
-    return z0, z1, z2, z3
+    return _four(key, path, index, purpose)
 
 
 @jit
@@ -180,7 +185,7 @@ def fill_normals(key: Key, paths: NDArray[np.uint64], index: Word, lanes: int, z
     """Normals of all lanes for one index of the steps into `z`, shape (4, lanes or more); vectorises."""
     z0, z1, z2, z3 = z[0], z[1], z[2], z[3]
     for p in range(lanes):
-        z0[p], z1[p], z2[p], z3[p] = normals(key, paths[p], index, Word(STEP))
+        z0[p], z1[p], z2[p], z3[p] = _four(key, paths[p], index, Word(STEP))
 
 
 @jit
