@@ -21,7 +21,7 @@ from montecarlo.step import largest_step
 from scene.moments import SECTION
 from scene.scene import Scene
 
-__all__ = ["reach", "sampling_error", "step_error"]
+__all__ = ["reach", "sampling_error", "step_error", "units"]
 
 PILOT = 4 * BLOCK
 COARSEST = 4  # of the steps that run side by side for the bias, in units of the finest
@@ -40,7 +40,7 @@ class _Candidate(NamedTuple):
     core_seconds: float
 
 
-def _units(run: Ensemble) -> pd.DataFrame:
+def units(run: Ensemble) -> pd.DataFrame:
     """Unit of each quantity's errors, index ``impact``, columns the section quantities."""
     section = run.section
     unit = section[["sd_" + q for q in SECTION]].set_axis(SECTION, axis=1)
@@ -52,7 +52,7 @@ def _units(run: Ensemble) -> pd.DataFrame:
 
 def sampling_error(run: Ensemble) -> tuple[float, str]:
     """Largest standard error of the section means and sds in units of the sd, and where it is."""
-    unit, section = _units(run), run.section
+    unit, section = units(run), run.section
     errors = {
         f"{name} of {q}": section[prefix + q] / unit[q]
         for q in SECTION
@@ -65,7 +65,7 @@ def sampling_error(run: Ensemble) -> tuple[float, str]:
 
 def step_error(run: Ensemble) -> tuple[float, float]:
     """Largest bias of the step in units of the sd, and its standard error."""
-    unit, bias = _units(run), run.step_bias
+    unit, bias = units(run), run.step_bias
     scale = np.array([unit.at[k, q] for k, q in zip(bias["impact"], bias["quantity"], strict=True)])
     share = bias["bias"].abs() / scale
     worst = int(share.to_numpy().argmax())

@@ -1,0 +1,184 @@
+"""The weak order of a scheme with inelastic impacts, measured: no published order exists for it.
+
+Two questions are asked apart (as in the tests of diffrax): towards its own limit, how fast does a scheme converge; and
+is that limit the right one?  The first is answered by differences between a step and twice the step on the same noise;
+the second by Richardson's value of the smallest steps against exact flights, which have no step to converge in.
+"""
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+from tqdm import tqdm
+
+from compare.moments import widest
+from montecarlo import SCHEMES, Ensemble, simulate
+from montecarlo.accuracy import units
+from scene.scene import Scene
+from scene.validate import count
+
+__all__ = ["STEPS", "Order", "order_from", "weak_orders"]
+
+Floats = NDArray[np.float64]
+
+STEPS = (0.02, 0.01, 0.005, 0.0025)
+"""Larger step of each pair; the pair's other step is its half."""
+
+CONFIDENCE = 0.95
+FLIGHT_STEP = math.pi / 64.0
+STILL = 1e-9  # standard error below which a quantity does not vary
+
+
+class Order(NamedTuple):
+    """Measured order of one scheme in one kind of moment.
+
+    ``order`` lies in ``low, high`` with 95 % confidence; ``change`` is the size (root mean square over rows, in sds) of
+    the last change, from twice the smallest step to it.  ``limit_z`` is the largest difference between Richardson's
+    value and that of exact flights in standard errors, ``limit_allowed`` what chance alone would let through once in
+    twenty such tables.
+    """
+
+    scheme: str
+    sigma: float
+    moment: str
+    order: float
+    low: float
+    high: float
+    change: float
+    limit_z: float
+    limit_allowed: float
+
+
+def order_from(changes: Floats, steps: Sequence[float]) -> tuple[float, float, float]:
+    """Slope of log(change) over log(step), from replicates.
+
+    Parameters
+    ----------
+    changes : ndarray, shape (replicates, steps)
+        Size of the change between a step and its half.
+    steps : sequence of float
+
+    Returns
+    -------
+    order, low, high : float
+        Mean over the replicates with its Student interval.
+
+    Examples
+    --------
+    >>> order, low, high = order_from(np.array([[0.4, 0.2, 0.1], [0.41, 0.2, 0.1]]), (4.0, 2.0, 1.0))
+    >>> round(order, 2), low < 1.02 < high
+    (1.01, True)
+    """
+    x = np.log(np.asarray(steps))
+    slopes = ((x - x.mean()) * np.log(changes)).sum(axis=1) / ((x - x.mean()) ** 2).sum()
+    n = len(slopes)
+    half = float(stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE)) * float(slopes.std(ddof=1)) / math.sqrt(n)
+    return float(slopes.mean()), float(slopes.mean()) - half, float(slopes.mean()) + half
+
+
+def _rows(run: Ensemble, moment: str) -> pd.DataFrame:
+    """Step bias of the moments of one kind, in units of the quantities' sds."""
+    unit = units(run)
+    bias = run.step_bias
+    bias = bias[bias["moment"] == moment]
+    scale = np.array([unit.at[k, q] for k, q in zip(bias["impact"], bias["quantity"], strict=True)])
+    shares = bias[["bias", "se_bias"]].div(scale, axis=0)
+    return bias.assign(bias=shares["bias"], se_bias=shares["se_bias"])
+
+
+def _size(rows: pd.DataFrame) -> float:
+    """Root mean square over the rows of what changed, less what the noise of its measurement adds."""
+    square = float((rows["bias"] ** 2 - rows["se_bias"] ** 2).mean())
+    return math.sqrt(max(square, 1e-30))
+
+
+def _limit_z(run: Ensemble, exact: Ensemble, moment: str) -> tuple[float, int]:
+    """Largest difference of Richardson's value from exact flights in standard errors, and how many were compared."""
+    rows = run.step_bias[run.step_bias["moment"] == moment]
+    names = [q if moment == "mean" else "sd_" + q for q in rows["quantity"]]
+    impacts = rows["impact"].tolist()
+    value, se = (
+        np.array([exact.section.at[k, prefix + name] for k, name in zip(impacts, names, strict=True)])
+        for prefix in ("", "se_")
+    )
+    away = np.maximum(np.abs(rows["corrected"].to_numpy() - value) - rows["rest"].to_numpy(), 0.0)
+    error = np.hypot(rows["se_corrected"].to_numpy(), se)
+    varies = error > STILL
+    return float((away[varies] / error[varies]).max()), int(varies.sum())
+
+
+def weak_orders(
+    scene: Scene, *, impacts: int = 4, paths: int = 40_000, replicates: int = 6, rng: int = 0, workers: int = 2
+) -> pd.DataFrame:
+    """Weak order of every scheme that has one, on section means, sds, and the probability of the noise-free itinerary.
+
+    Parameters
+    ----------
+    scene : Scene
+    impacts, paths : int
+        Impacts, and paths of each replicate at each step.
+    replicates : int
+        Independent repeats behind the interval, at least 2.
+    rng, workers : int
+        Seed; threads.
+
+    Returns
+    -------
+    DataFrame
+        Rows of `Order`.
+    """
+    count("replicates", replicates, least=2)
+    seeds = np.random.SeedSequence(rng).spawn(replicates + 1)
+    sample = partial(simulate, scene, impacts=impacts, workers=workers)
+    exact = sample(paths=paths * replicates, scheme="exact-flight", dt=FLIGHT_STEP, rng=seeds[-1])
+    kept = float(exact.agreement["noise-free"].iloc[-1])
+    found = []
+    schemes = [name for name, kind in SCHEMES.items() if kind.weak_order is not None]
+    with tqdm(total=len(schemes) * replicates * len(STEPS), desc="weak order", unit="run", disable=None) as bar:
+        for scheme in schemes:
+            runs: list[list[Ensemble]] = []
+            for seed in seeds[:-1]:
+                runs.append([])
+                for step in STEPS:
+                    runs[-1].append(sample(paths=paths, scheme=scheme, dt=0.5 * step, rng=seed, step_bias=True))
+                    bar.update()
+            for moment in ("mean", "sd"):
+                changes = np.array([[_size(_rows(run, moment)) for run in row] for row in runs])
+                z, rows = zip(*(_limit_z(row[-1], exact, moment) for row in runs), strict=True)
+                allowed = widest(sum(rows), 1.0 - CONFIDENCE)
+                found.append(
+                    Order(
+                        scheme,
+                        scene.sigma,
+                        moment,
+                        *order_from(changes, STEPS),
+                        float(changes[:, -1].mean()),
+                        max(z),
+                        allowed,
+                    )
+                )
+            shares = np.array([[float(run.agreement["noise-free"].iloc[-1]) for run in row] for row in runs])
+            found.append(_itinerary_order(scheme, scene.sigma, shares, kept, paths * replicates))
+    return pd.DataFrame(found)
+
+
+def _itinerary_order(scheme: str, sigma: float, shares: Floats, kept: float, paths: int) -> Order:
+    """Order of the itinerary's probability, whose bias is taken against exact flights; NaN where noise hides it."""
+    means, spread = shares.mean(axis=0), shares.std(axis=0, ddof=1) / math.sqrt(len(shares))
+    floor = math.sqrt(max(kept * (1.0 - kept), 1e-300) / paths)
+    bias = means - kept
+    seen = np.abs(bias) > 3.0 * np.hypot(spread, floor)
+    steps = 0.5 * np.array(STEPS)
+    order, low, high = math.nan, math.nan, math.nan
+    if seen.sum() >= 2:
+        order, low, high = order_from(np.abs(shares[:, seen] - kept), tuple(steps[seen]))
+    last = 2.0 * means[-1] - means[-2]  # Richardson's value from the two smallest steps
+    error = math.hypot(math.hypot(2.0 * spread[-1], spread[-2]), floor)
+    away = abs(float(last) - kept) / max(error, 1e-300)
+    allowed = widest(1, 1.0 - CONFIDENCE)
+    return Order(scheme, sigma, "itinerary", order, low, high, abs(float(bias[-1])), away, allowed)
