@@ -10,7 +10,7 @@ import numpy as np
 
 from closure.orbit import Floats, Ints, follow
 from closure.raw_moments import stage_raw_moments
-from closure.section_map import derivatives, third_cumulants
+from closure.section_map import derivatives, flight_third_cumulant, third_cumulants
 from closure.trace import Trace
 from scene.compiled import jit
 from scene.flight import field, jacobian, noise_covariance
@@ -58,6 +58,8 @@ def _carry(
         last = moved[0]
         moved = linear @ moved
         if second:
+            if sd[k, 1] > 0.0:
+                skew[k, 1] = flight_third_cumulant(c, tau[k - 1], t, first, hessian, p, q, third) / sd[k, 1] ** 3
             third = third_cumulants(
                 c, tau[k - 1], t, before[k, 1], before[k, 3], first, hessian, p, q, third
             )  # fmt: skip

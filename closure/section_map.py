@@ -18,7 +18,7 @@ from scene.compiled import jit
 from scene.flight import field, field_rate, jacobian, noise_covariance, noise_rate, system_matrix
 from scene.scene import Constants
 
-__all__ = ["derivatives", "third_cumulants"]
+__all__ = ["derivatives", "flight_third_cumulant", "third_cumulants"]
 
 Floats = NDArray[np.float64]
 
@@ -88,6 +88,11 @@ def derivatives(
 
 
 @jit
+def _noise_slope(c: Constants, tau: float, t: float) -> Floats:
+    return (noise_covariance(c, tau + STEP, t) - noise_covariance(c, tau - STEP, t)) / (2.0 * STEP)
+
+
+@jit
 def third_cumulants(
     c: Constants, tau: float, t: float, y1: float, y2: float, first: Floats, hessian: Floats,
     p: Floats, q: Floats, third: Floats,
@@ -99,9 +104,8 @@ def third_cumulants(
     spread[:d, :d], spread[d:, d:] = p, q
     reach = first @ spread  # cov(s', (s, n))
     covariance = reach @ first.T
-    noise_slope = (noise_covariance(c, tau + STEP, t) - noise_covariance(c, tau - STEP, t)) / (2.0 * STEP)
     through = np.ascontiguousarray(first[:, d:])
-    varied = through @ noise_slope @ through.T  # d cov(s' | s) / d tau_k
+    varied = through @ _noise_slope(c, tau, t) @ through.T  # d cov(s' | s) / d tau_k
     late = covariance[0] - reach[:, 0]  # cov(delta, s'), delta = tau' - tau - t
     m1, m2 = noise_rate(c, tau + t)
     kick = np.zeros(d)
@@ -126,3 +130,23 @@ def third_cumulants(
                     total += linear[i, a] * carried[a, j, k]
                 out[i, j, k] = total
     return out
+
+
+@jit
+def flight_third_cumulant(
+    c: Constants, tau: float, t: float, first: Floats, hessian: Floats, p: Floats, q: Floats, third: Floats
+) -> float:
+    """Third cumulant of the flight time, which is the next tau less the last one: what is bent is the next tau alone.
+
+    The noise beyond the orbit's flight time is no part of it, for that kicks velocities.
+    """
+    d = p.shape[0]
+    own = first[0].copy()  # derivative of the flight time with respect to (s, n)
+    own[0] -= 1.0
+    reach = np.zeros(d + 4)  # its covariance with (s, n)
+    reach[:d], reach[d:] = own[:d] @ p, own[d:] @ q
+    varied = own[d:] @ _noise_slope(c, tau, t) @ own[d:]  # d var(flight | s) / d tau_k
+    total = 3.0 * (reach @ hessian[0] @ reach) + 3.0 * varied * reach[0]
+    for a in range(d):
+        total += own[a] * (own[:d] @ third[a] @ own[:d])
+    return float(total)

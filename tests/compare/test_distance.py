@@ -108,7 +108,7 @@ def of(run, reading, **settings):
 
 def test_saltation_is_at_the_floor_and_mended_is_not(run):
     saltation, mended = of(run, "saltation"), of(run, "mended")
-    assert saltation["impact"].tolist() == np.repeat(range(1, 13), 4).tolist()
+    assert saltation["impact"].tolist() == np.repeat(range(1, 13), 5).tolist()
     ratio = {name: t["kolmogorov"] / t["kolmogorov_floor"] for name, t in (("s", saltation), ("m", mended))}
     assert ratio["s"].max() < 3.0
     assert ratio["s"].median() < 1.0

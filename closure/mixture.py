@@ -1,0 +1,117 @@
+"""A mixture of Gaussians over the section state, its moments, and how many parts become few."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from closure.orbit import Floats, Ints
+from scene.compiled import jit
+
+__all__ = ["Mixture", "empty", "gather", "moments"]
+
+
+class Mixture(NamedTuple):
+    """Weight, mean, covariance and label of each part; parts of different labels are never merged."""
+
+    weight: Floats
+    mean: Floats
+    covariance: Floats
+    label: Ints
+
+
+def empty(size: int) -> Mixture:
+    """Room for `size` parts over ``(tau, x1, y1, x2, y2)``."""
+    return Mixture(np.zeros(size), np.zeros((size, 5)), np.zeros((size, 5, 5)), np.zeros(size, np.int64))
+
+
+@jit
+def _spread(parts: Mixture, members: Ints, axis: Floats) -> tuple[float, Floats]:
+    """Weight times variance of the members' means along their main axis, which is written to `axis`; their mean."""
+    total, centre = 0.0, np.zeros(5)
+    for i in members:
+        total += parts.weight[i]
+        centre += parts.weight[i] * parts.mean[i]
+    centre /= total
+    between = np.zeros((5, 5))
+    for i in members:
+        for a in range(5):
+            for b in range(5):
+                between[a, b] += parts.weight[i] * (parts.mean[i, a] - centre[a]) * (parts.mean[i, b] - centre[b])
+    values, vectors = np.linalg.eigh(between)
+    axis[:] = vectors[:, 4]
+    return values[4], centre
+
+
+@jit
+def gather(parts: Mixture, count: int, most: int, out: Mixture) -> int:
+    """Merge parts of one label that lie together until at most `most` are left; moments are kept.
+
+    From the top: the group whose means are spread widest, by weight, is divided across its main axis, until there
+    are as many groups as parts allowed.
+
+    Returns
+    -------
+    int
+        Parts written to `out`.
+    """
+    order = np.argsort(parts.label[:count])
+    first, last = np.zeros(most, np.int64), np.zeros(most, np.int64)
+    gain, axes, centres = np.zeros(most), np.zeros((most, 5)), np.zeros((most, 5))
+    groups = 0
+    for at in range(count):
+        if at == 0 or parts.label[order[at]] != parts.label[order[at - 1]]:
+            first[groups] = at
+            groups += 1
+        last[groups - 1] = at + 1
+    for g in range(groups):
+        gain[g], centres[g] = _spread(parts, order[first[g] : last[g]], axes[g])
+    while groups < most:
+        g = int(np.argmax(gain[:groups]))
+        if gain[g] <= 0.0:
+            break
+        low, high = first[g], last[g] - 1
+        while low <= high:
+            i = order[low]
+            if ((parts.mean[i] - centres[g]) * axes[g]).sum() < 0.0:
+                low += 1
+            else:
+                order[low], order[high] = order[high], i
+                high -= 1
+        if low == first[g] or low == last[g]:
+            gain[g] = 0.0
+            continue
+        first[groups], last[groups] = low, last[g]
+        last[g] = low
+        for h in (g, groups):
+            gain[h] = 0.0
+            if last[h] - first[h] > 1:
+                gain[h], centres[h] = _spread(parts, order[first[h] : last[h]], axes[h])
+        groups += 1
+    for g in range(groups):
+        out.weight[g], out.mean[g], out.covariance[g] = 0.0, 0.0, 0.0
+        out.label[g] = parts.label[order[first[g]]]
+        for i in order[first[g] : last[g]]:
+            w = parts.weight[i]
+            total = out.weight[g] + w
+            gap = parts.mean[i] - out.mean[g]
+            share = w / total
+            for a in range(5):
+                for b in range(5):
+                    out.covariance[g, a, b] += share * (
+                        parts.covariance[i, a, b] - out.covariance[g, a, b] + (1.0 - share) * gap[a] * gap[b]
+                    )
+            out.mean[g] += share * gap
+            out.weight[g] = total
+    return groups
+
+
+def moments(w: Floats, mean: Floats, variance: Floats) -> tuple[Floats, Floats, Floats]:
+    """Mean, sd and skewness of mixtures; arrays over (parts, quantities)."""
+    share = (w / w.sum())[:, None]
+    centre = (share * mean).sum(axis=0)
+    off = mean - centre
+    second = (share * (off**2 + variance)).sum(axis=0)
+    third = (share * (off**3 + 3.0 * off * variance)).sum(axis=0)
+    sd = np.sqrt(np.maximum(second, 0.0))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return centre, sd, np.where(sd > 0.0, third / sd**3, np.nan)
