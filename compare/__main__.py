@@ -167,6 +167,7 @@ def validate(
 
 main.add_command(sampling_commands.simulate)
 main.add_command(sampling_commands.bench)
+main.add_command(sampling_commands.order)
 
 
 def _cpu() -> float:

@@ -1,14 +1,18 @@
-"""The commands of the sampler: ``rattle simulate`` and ``rattle bench``."""
+"""The commands of the sampler: ``rattle simulate``, ``rattle bench`` and ``rattle order``."""
 
 import json
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from scene.errors import InputError
 
-__all__ = ["bench", "simulate"]
+if TYPE_CHECKING:
+    from scene import Scene
+
+__all__ = ["bench", "order", "simulate"]
 
 EXIT_NOT_MET = 3
 
@@ -45,10 +49,8 @@ def simulate(
     Exit codes: 0 done; 2 bad input; 3 the budget ended before the accuracy was reached.
     """
     from montecarlo import simulate as sample
-    from scene import DAT21, Scene
 
-    base = Scene.load(scene) if scene else Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha))
-    base = base if sigma is None else base.with_sigma(sigma)
+    base = _scene(scene, sigma)
     if out is not None and not out.parent.is_dir():
         raise InputError("out", str(out), f"the folder {out.parent} does not exist; make it first")
     if accuracy is None and paths is None:
@@ -104,3 +106,36 @@ def bench(as_json: bool) -> None:
     shown = table.rename(columns={"ns": "ns per path-step", "times_floor": "times floor", "us": "us per path"})
     click.echo(shown.to_string(float_format="{:.2f}".format, na_rep=""))
     click.echo("One core, processor time, least of several repeats; floor = one normal + the arithmetic of one step.")
+
+
+@click.command()
+@click.argument("scene", required=False, type=click.Path(path_type=Path))
+@click.option("--sigma", type=float, default=None, help="Noise intensity. [default: the scene's; sqrt(alpha) on DAT21]")
+@click.option("--impacts", type=int, default=4, show_default=True, help="Impacts after the start.")
+@click.option("--paths", type=int, default=20_000, show_default=True, help="Paths of each run.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed.")
+@click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
+@click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
+def order(
+    scene: Path | None, sigma: float | None, impacts: int, paths: int, seed: int, workers: int, as_json: bool
+) -> None:
+    """Measure the weak order of the Euler-Maruyama schemes on SCENE (a TOML file; DAT21 if none)."""
+    from compare.weak_order import weak_orders
+
+    table = weak_orders(_scene(scene, sigma), impacts=impacts, paths=paths, rng=seed, workers=workers)
+    if as_json:
+        click.echo(table.to_json(orient="records", indent=2))
+        return
+    click.echo(table.to_string(index=False, float_format="{:.4g}".format, na_rep="hidden by noise"))
+    click.echo(
+        "order lies in [low, high] with 95 % confidence; change: size of the last change, in sds;\nlimit_z: "
+        "Richardson's value against exact flights in standard errors; limit_allowed: what chance alone lets through."
+    )
+
+
+def _scene(path: Path | None, sigma: float | None) -> "Scene":
+    """The scene of a command: a file's, or DAT21 at the paper's noise."""
+    from scene import DAT21, Scene
+
+    base = Scene.load(path) if path else Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha))
+    return base if sigma is None else base.with_sigma(sigma)

@@ -26,7 +26,7 @@ __all__ = ["STEPS", "Order", "order_from", "weak_orders"]
 
 Floats = NDArray[np.float64]
 
-STEPS = (0.02, 0.01, 0.005, 0.0025)
+STEPS = (0.016, 0.008, 0.004, 0.002)
 """Larger step of each pair; the pair's other step is its half."""
 
 CONFIDENCE = 0.95
@@ -54,31 +54,45 @@ class Order(NamedTuple):
     limit_allowed: float
 
 
-def order_from(changes: Floats, steps: Sequence[float]) -> tuple[float, float, float]:
-    """Slope of log(change) over log(step), from replicates.
+def order_from(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[float, float, float, float]:
+    """Slope of log(change) over log(step) with its jackknife interval, and the last change.
+
+    The change at a step is the root mean square over the rows of the replicates' mean, less what the noise of its
+    measurement adds; NaN where noise hides it.
 
     Parameters
     ----------
-    changes : ndarray, shape (replicates, steps)
-        Size of the change between a step and its half.
+    bias, se : ndarray, shape (replicates, steps, rows)
+        Change between a step and its half in each row, with its standard error.
     steps : sequence of float
 
     Returns
     -------
-    order, low, high : float
-        Mean over the replicates with its Student interval.
+    order, low, high, last : float
 
     Examples
     --------
-    >>> order, low, high = order_from(np.array([[0.4, 0.2, 0.1], [0.41, 0.2, 0.1]]), (4.0, 2.0, 1.0))
-    >>> round(order, 2), low < 1.02 < high
-    (1.01, True)
+    >>> steps = np.array([4.0, 2.0, 1.0])
+    >>> bias = steps[:, None] * np.array([[[1.0, 0.5]], [[1.01, 0.5]], [[1.0, 0.49]]])
+    >>> order, low, high, last = order_from(bias, np.zeros_like(bias), steps)
+    >>> round(order, 6), round(last, 2)
+    (1.0, 0.79)
     """
     x = np.log(np.asarray(steps))
-    slopes = ((x - x.mean()) * np.log(changes)).sum(axis=1) / ((x - x.mean()) ** 2).sum()
-    n = len(slopes)
-    half = float(stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE)) * float(slopes.std(ddof=1)) / math.sqrt(n)
-    return float(slopes.mean()), float(slopes.mean()) - half, float(slopes.mean()) + half
+    n = len(bias)
+
+    def slope(chosen: Floats) -> tuple[float, float]:
+        weight = chosen / chosen.sum()
+        mean = np.einsum("r,rsi->si", weight, bias)
+        noise = np.einsum("r,rsi->si", weight**2, se**2)
+        square = (mean**2 - noise).mean(axis=1)
+        y = 0.5 * np.log(np.where(square > 0.0, square, np.nan))
+        return float(((x - x.mean()) * y).sum() / ((x - x.mean()) ** 2).sum()), float(np.exp(y[-1]))
+
+    order, last = slope(np.ones(n))
+    without = np.array([slope(1.0 - np.eye(n)[r])[0] for r in range(n)])
+    half = float(stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE)) * math.sqrt((n - 1) * float(without.var()))
+    return order, order - half, order + half, last
 
 
 def _rows(run: Ensemble, moment: str) -> pd.DataFrame:
@@ -89,12 +103,6 @@ def _rows(run: Ensemble, moment: str) -> pd.DataFrame:
     scale = np.array([unit.at[k, q] for k, q in zip(bias["impact"], bias["quantity"], strict=True)])
     shares = bias[["bias", "se_bias"]].div(scale, axis=0)
     return bias.assign(bias=shares["bias"], se_bias=shares["se_bias"])
-
-
-def _size(rows: pd.DataFrame) -> float:
-    """Root mean square over the rows of what changed, less what the noise of its measurement adds."""
-    square = float((rows["bias"] ** 2 - rows["se_bias"] ** 2).mean())
-    return math.sqrt(max(square, 1e-30))
 
 
 def _limit_z(run: Ensemble, exact: Ensemble, moment: str) -> tuple[float, int]:
@@ -148,20 +156,12 @@ def weak_orders(
                     runs[-1].append(sample(paths=paths, scheme=scheme, dt=0.5 * step, rng=seed, step_bias=True))
                     bar.update()
             for moment in ("mean", "sd"):
-                changes = np.array([[_size(_rows(run, moment)) for run in row] for row in runs])
-                z, rows = zip(*(_limit_z(row[-1], exact, moment) for row in runs), strict=True)
-                allowed = widest(sum(rows), 1.0 - CONFIDENCE)
-                found.append(
-                    Order(
-                        scheme,
-                        scene.sigma,
-                        moment,
-                        *order_from(changes, STEPS),
-                        float(changes[:, -1].mean()),
-                        max(z),
-                        allowed,
-                    )
-                )
+                rows = [[_rows(run, moment) for run in row] for row in runs]
+                bias, se = (np.array([[r[name] for r in row] for row in rows]) for name in ("bias", "se_bias"))
+                order, low, high, last = order_from(bias, se, STEPS)
+                z, compared = zip(*(_limit_z(row[-1], exact, moment) for row in runs), strict=True)
+                allowed = widest(sum(compared), 1.0 - CONFIDENCE)
+                found.append(Order(scheme, scene.sigma, moment, order, low, high, last, max(z), allowed))
             shares = np.array([[float(run.agreement["noise-free"].iloc[-1]) for run in row] for row in runs])
             found.append(_itinerary_order(scheme, scene.sigma, shares, kept, paths * replicates))
     return pd.DataFrame(found)
@@ -176,7 +176,8 @@ def _itinerary_order(scheme: str, sigma: float, shares: Floats, kept: float, pat
     steps = 0.5 * np.array(STEPS)
     order, low, high = math.nan, math.nan, math.nan
     if seen.sum() >= 2:
-        order, low, high = order_from(np.abs(shares[:, seen] - kept), tuple(steps[seen]))
+        distance = (shares - kept)[:, seen, None]
+        order, low, high, _ = order_from(distance, np.zeros_like(distance), tuple(steps[seen]))
     last = 2.0 * means[-1] - means[-2]  # Richardson's value from the two smallest steps
     error = math.hypot(math.hypot(2.0 * spread[-1], spread[-2]), floor)
     away = abs(float(last) - kept) / max(error, 1e-300)

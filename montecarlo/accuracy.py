@@ -25,7 +25,7 @@ __all__ = ["reach", "sampling_error", "step_error", "units"]
 
 PILOT = 4 * BLOCK
 COARSEST = 4  # of the steps that run side by side for the bias, in units of the finest
-FLIGHT_STEP = 2.0 * math.pi / 128.0  # of exact flights: the time that steps cost is then less than that of the impacts
+FLIGHT_STEP = math.pi / 256.0  # of exact flights: steps then cost less than impacts, and a control follows closely
 FIRST_STEP = 0.01  # of the pilots of Euler and Maruyama, if the scene lets it through
 GROWTH = 8  # most by which the number of paths grows at once: the spread of heavy tails is found late
 STILL = 1e-9  # sd below which a quantity does not vary

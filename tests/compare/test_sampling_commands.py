@@ -1,0 +1,68 @@
+"""The commands of the sampler as a user types them."""
+
+import json
+
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+from compare.__main__ import main
+
+
+def rattle(*words):
+    return CliRunner().invoke(main, list(words))
+
+
+def test_simulate_prints_moments_and_writes_the_whole_table(tmp_path):
+    out = tmp_path / "section.csv"
+    result = rattle("simulate", "--sigma", "0.01", "--impacts", "3", "--accuracy", "0.02", "--out", str(out))
+    assert result.exit_code == 0, result.output
+    assert "Accuracy 0.02 sd reached" in result.output
+    assert "exact-flight" in result.output
+    table = pd.read_csv(out, index_col="impact")
+    assert list(table.index) == [1, 2, 3]
+    assert table["sd_tau"].iloc[0] == pytest.approx(0.00016, rel=0.1)
+
+
+def test_simulate_with_a_number_of_paths_speaks_json():
+    result = rattle("simulate", "--impacts", "2", "--paths", "500", "--dt", "0.01", "--json")
+    record = json.loads(result.output)
+    assert (record["scheme"], record["paths"], record["reach"]) == ("euler-maruyama-located", 500, None)
+    assert len(record["section"]) == 2
+
+
+def test_a_budget_too_small_ends_with_code_3():
+    result = rattle("simulate", "--sigma", "0.1", "--accuracy", "0.0001", "--budget", "0.3")
+    assert result.exit_code == 3
+    assert "NOT reached" in result.output
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--scheme", "fast"], "scheme = 'fast'"),
+        (["--accuracy", "0"], "accuracy = 0.0: must be greater than 0"),
+        (["--sigma", "-1"], "sigma = -1.0"),
+        (["--out", "no/such/folder/table.csv"], "does not exist"),
+        (["--paths", "10", "--scheme", "exact-flight", "--dt", "1"], "dt = 1.0: must be at most"),
+    ],
+)
+def test_bad_input_is_one_line_and_code_2(words, message):
+    result = rattle("simulate", *words)
+    assert result.exit_code == 2
+    assert message in result.output
+
+
+def test_bench_has_the_floor_and_every_scheme(monkeypatch):
+    monkeypatch.setattr("montecarlo.bench.REPEATS", 1)
+    result = rattle("bench", "--json")
+    rows = {row["what"]: row for row in json.loads(result.output)}
+    assert rows["one standard normal"]["ns"] > 0.1
+    for name in ("euler-maruyama, paths alone", "euler-maruyama-located", "exact-flight, dt = pi/64"):
+        assert rows[name]["ns"] > rows["one standard normal"]["ns"]
+    assert all(row["times_floor"] > 0.0 for row in rows.values())
+
+
+def test_order_prints_its_table():
+    result = rattle("order", "--impacts", "1", "--paths", "1024", "--json")
+    assert {row["moment"] for row in json.loads(result.output)} == {"mean", "sd", "itinerary"}

@@ -1,0 +1,93 @@
+"""Asked for accuracy: it is reached, or the answer says what is missing; the settings are found, not given."""
+
+import numpy as np
+import pytest
+from mc_checks import dat21
+
+from montecarlo import SCHEMES, simulate
+from montecarlo.accuracy import sampling_error, step_error, units
+from scene import InputError
+from scene.moments import SECTION
+
+TRUTH = {"paths": 200_000, "dt": np.pi / 64.0, "scheme": "exact-flight", "control": True, "rng": 77, "workers": 2}
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return {sigma: simulate(dat21(sigma), impacts=3, **TRUTH).section for sigma in (0.01, 0.5)}
+
+
+@pytest.mark.parametrize(("sigma", "accuracy"), [(0.01, 0.01), (0.01, 2e-3), (0.5, 0.03)])
+def test_answer_lies_as_close_to_the_truth_as_asked(truth, sigma, accuracy):
+    run = simulate(dat21(sigma), impacts=3, accuracy=accuracy, rng=5, workers=2)
+    assert run.reach.reached
+    assert run.reach.asked == accuracy
+    assert sampling_error(run)[0] == run.reach.sampling <= accuracy
+    for prefix in ("", "sd_"):
+        away = (run.section[[prefix + q for q in SECTION]] - truth[sigma][[prefix + q for q in SECTION]]).abs()
+        # 36 errors, each with a standard error of at most the accuracy: none beyond 4 of them
+        assert (away.to_numpy() / units(run).to_numpy()).max() < 4.0 * accuracy
+
+
+def test_any_scheme_can_be_asked_for(truth):
+    for scheme in SCHEMES:
+        run = simulate(dat21(0.5), impacts=3, accuracy=0.1, scheme=scheme, rng=5, workers=2)
+        assert run.scheme == scheme
+        assert run.reach.reached
+        assert list(run.reach.schemes.index) == [scheme]
+        away = (run.section["tau"] - truth[0.5]["tau"]).abs() / truth[0.5]["sd_tau"]
+        assert away.max() < 0.4
+
+
+def test_a_run_that_goes_on_is_the_run_that_began_with_all_its_paths():
+    run = simulate(dat21(0.5), impacts=3, accuracy=0.02, scheme="exact-flight", rng=5)
+    whole = simulate(dat21(0.5), impacts=3, paths=run.paths, dt=run.dt, scheme="exact-flight", control=True, rng=5)
+    assert run.section.equals(whole.section)
+
+
+def test_a_spent_budget_gives_the_best_answer_and_says_what_is_missing():
+    run = simulate(dat21(0.1), impacts=12, accuracy=1e-4, rng=5, budget=0.5)
+    assert not run.reach.reached
+    assert run.reach.sampling > 1e-4
+    assert run.reach.more_seconds > 1.0
+    assert "NOT reached" in run.reach.sentence
+    assert run.section["tau"].notna().all()
+
+
+def test_choice_of_scheme_does_not_depend_on_the_clock(monkeypatch):
+    first = simulate(dat21(0.5), impacts=3, accuracy=0.05, rng=5).reach.schemes
+    ticks = iter(np.arange(1e6) ** 1.5)
+    monkeypatch.setattr("montecarlo.accuracy.time.perf_counter", lambda: next(ticks))
+    assert first.equals(simulate(dat21(0.5), impacts=3, accuracy=0.05, rng=5).reach.schemes)
+
+
+def test_bias_of_a_step_is_seen_in_units_of_sds():
+    run = simulate(dat21(0.01), paths=4096, impacts=3, dt=0.01, step_bias=True)
+    bias, se = step_error(run)
+    assert bias > 0.2
+    assert bias > 5.0 * se
+
+
+def test_struck_displacement_and_what_does_not_vary_count_absolutely():
+    run = simulate(dat21(0.1), paths=2048, impacts=3, dt=0.01)
+    unit = units(run)
+    for k, mesh in run.section["mesh"].items():
+        assert unit.at[k, f"x{mesh}"] == 1.0
+    assert (units(simulate(dat21(0.0), paths=1, impacts=2)) == 1.0).all(axis=None)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"accuracy": 0.0}, r"accuracy = 0.0: must be greater than 0"),
+        ({"accuracy": 0.1, "paths": 10}, r"paths = 10: accuracy chooses the settings itself"),
+        ({"accuracy": 0.1, "dt": 0.01}, r"dt = 0.01: accuracy chooses the settings itself"),
+        ({"accuracy": 0.1, "step_bias": True}, r"step_bias = True: accuracy chooses"),
+        ({"accuracy": 0.1, "scheme": "exact"}, r"scheme = 'exact'"),
+        ({"accuracy": 0.1, "budget": -1.0}, r"budget = -1.0: must be greater than 0"),
+        ({}, r"paths = None: give the number of paths, or an accuracy"),
+    ],
+)
+def test_bad_input_is_refused_by_name(settings, message):
+    with pytest.raises(InputError, match=message):
+        simulate(dat21(0.1), **settings)

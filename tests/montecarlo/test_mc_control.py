@@ -1,0 +1,137 @@
+"""The linearised path as a control variate: its mean and variance are known, and it only ever takes variance out."""
+
+import numpy as np
+import pytest
+from mc_checks import agrees, dat21
+from scipy import stats
+
+from montecarlo import simulate
+from montecarlo.accumulate import PAIR, CentralSums
+from montecarlo.block import sample
+from montecarlo.control import controlled_statistics, linear_path
+from montecarlo.settings import plan_of
+from scene import InputError, Scene, Start, Tolerance
+from scene.moments import SECTION
+
+STEP = np.pi / 64.0
+UNEQUAL = Scene(
+    alpha=1.2, epsilon=0.5, beta1=0.1, beta2=0.3, gamma1=0.05, gamma2=0.02, mu=0.4, gap1=0.5, gap2=0.3, sigma=0.02,
+    start=Start(0.2, 0.1, 1.0, -0.1, 0.5),
+)  # fmt: skip
+SCENES = {"DAT21": dat21(0.02), "unequal gaps, start in flight": UNEQUAL, "single": dat21(0.02, stages=1)}
+
+
+def linear(scene, paths=20_000, impacts=6, dt=STEP):
+    """Control and quantity of every path: (paths, impacts, 6) each, and the program."""
+    plan = plan_of(scene, paths=paths, impacts=impacts, dt=dt, scheme="exact-flight", rng=3, control=True)
+    raws = [sample(plan, b) for b in range(plan.blocks)]
+    return (
+        np.concatenate([r.controls[:, :, :6] for r in raws]),
+        np.concatenate([r.rows[0, :, :, :6] for r in raws]),
+        plan.control,
+    )
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_control_has_the_mean_and_variance_that_are_claimed(name):
+    control, _, path = linear(SCENES[name])
+    n = len(control)
+    varies = path.variance > 0.0
+    assert varies.sum() >= 6
+    z_mean = control.mean(axis=0)[varies] / np.sqrt(path.variance[varies] / n)
+    z_variance = (control.var(axis=0)[varies] / path.variance[varies] - 1.0) / np.sqrt(2.0 / n)
+    allowed = stats.norm.isf(0.5e-3 / (2 * varies.sum()))
+    assert np.abs(z_mean).max() < allowed
+    assert np.abs(z_variance).max() < allowed
+    assert np.abs((1.1 * control.var(axis=0)[varies] / path.variance[varies] - 1.0) / np.sqrt(2.0 / n)).max() > allowed
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_control_follows_the_paths_ever_closer_for_small_noise_and_short_steps(name):
+    """What is left of a quantity without its control is of second order in the noise, and the noise that the two
+    numbers of a cut step do not tell."""
+    left = []
+    for sigma, dt in ((0.02, STEP), (0.005, 0.25 * STEP)):
+        control, rows, path = linear(SCENES[name].with_sigma(sigma), paths=3000, impacts=3, dt=dt)
+        varies = path.variance > 1e-2 * sigma**2
+        left.append((rows - control).std(axis=0)[varies] / np.sqrt(path.variance[varies]))
+    assert np.median(left[0]) < 0.2
+    assert np.median(left[1]) < 0.6 * np.median(left[0])  # the root of the step, in velocities
+
+
+def test_program_ends_where_the_orbit_ends():
+    pressed = Scene(
+        alpha=0.1, epsilon=0.3, beta1=0.1, beta2=0.1, gamma1=2.0, gamma2=0.1, mu=0.4, gap1=0.5, gap2=0.5, sigma=0.01,
+        start=Start(0.0, 0.0, 0.0, 0.0, 0.0),
+    )  # fmt: skip
+    path = linear_path(pressed, 40, STEP)
+    assert path.at_step.size < 40
+    assert (path.variance[path.at_step.size :] == 0.0).all()
+
+
+def table(scene, control, seed=1, paths=40_000):
+    return simulate(
+        scene, paths=paths, impacts=6, dt=STEP, scheme="exact-flight", rng=seed, control=control
+    ).section  # fmt: skip
+
+
+def columns(section, prefix):
+    return section[[prefix + q for q in SECTION]].to_numpy()
+
+
+@pytest.mark.parametrize("sigma", [0.01, 0.1, 1.2])
+def test_controlled_and_plain_estimates_agree_and_the_error_never_grows(sigma):
+    scene = dat21(sigma)
+    plain, controlled = table(scene, False, seed=1), table(scene, True, seed=2)
+    for prefix in ("", "sd_"):
+        a, b = columns(plain, prefix), columns(controlled, prefix)
+        ea, eb = columns(plain, "se_" + prefix), columns(controlled, "se_" + prefix)
+        seen = (ea > 1e-12) & (columns(plain, "sd_") > 1e-3 * sigma)  # not the strays that make up a struck coordinate
+        assert agrees(a[seen], b[seen], np.hypot(ea[seen], eb[seen]))
+        assert not agrees(a[seen] * 1.02, b[seen], np.hypot(ea[seen], eb[seen]))
+        same = columns(table(scene, True, seed=1), "se_" + prefix)
+        assert (same[seen] <= 1.03 * ea[seen]).all()  # an error of an sd is divided by the sd, which is estimated anew
+
+
+def test_small_noise_costs_a_hundredth():
+    plain, controlled = table(dat21(0.005), False), table(dat21(0.005), True)
+    moves = columns(plain, "se_") > 1e-12
+    gain = (columns(plain, "se_")[moves] / columns(controlled, "se_")[moves]) ** 2
+    assert np.median(gain) > 100.0
+
+
+def test_errors_have_the_size_they_claim():
+    """Independent repeats scatter by their standard errors."""
+    runs = [table(dat21(0.05), True, seed=s, paths=2048) for s in range(40)]
+    for prefix in ("", "sd_"):
+        values = np.array([columns(r, prefix)[:, [0, 3, 5]] for r in runs])
+        errors = np.array([columns(r, "se_" + prefix)[:, [0, 3, 5]] for r in runs])
+        ratio = values.std(axis=0, ddof=1) / errors.mean(axis=0)
+        assert 0.75 < np.median(ratio) < 1.25
+
+
+def test_a_control_of_the_wrong_variance_would_be_seen():
+    """Planted: a variance 5 % too large shifts the sd by several of its standard errors."""
+    control, rows, path = linear(dat21(0.01))
+    sums = CentralSums.of(rows, control, PAIR)
+    right, wrong = (controlled_statistics(sums, f * path.variance) for f in (1.0, 1.05))
+    truth = np.sqrt(path.variance[:, 0])
+    assert (np.abs(right["sd"][:, 0] / truth - 1.0) < 0.02).all()
+    assert (np.abs(wrong["sd"] - right["sd"])[:, 0] > 5.0 * right["se_sd"][:, 0]).all()
+
+
+def test_random_gaps_do_not_mislead_it():
+    scene = dat21(0.02, tolerance=Tolerance(0.02, 0.02, draw="path"))
+    plain, controlled = table(scene, False, seed=1), table(scene, True, seed=2)
+    a, b = plain["tau"], controlled["tau"]
+    assert agrees(a, b, np.hypot(plain["se_tau"], controlled["se_tau"]))
+
+
+def test_no_noise_leaves_nothing_to_control():
+    run = simulate(dat21(0.0), paths=3, impacts=2, dt=STEP, scheme="exact-flight", control=True)
+    assert (run.section["sd_tau"] == 0.0).all()
+
+
+def test_euler_schemes_have_no_control():
+    with pytest.raises(InputError, match=r"control = True: works with scheme 'exact-flight' only"):
+        simulate(dat21(0.1), paths=10, control=True)

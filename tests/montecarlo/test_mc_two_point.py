@@ -1,0 +1,76 @@
+"""Two-point increments: moments of a normal up to the third, the same weak limit, one bit a step."""
+
+import numpy as np
+import pytest
+from mc_checks import agrees, dat21, open_space
+
+from montecarlo import simulate
+from montecarlo.noise import Word, fill_signs, fill_words, key_of
+from scene import InputError
+
+
+def signs(paths, steps):
+    key, numbers = key_of(np.random.SeedSequence(3)), np.arange(paths, dtype=np.uint64)
+    bits, z, found = np.zeros(paths, np.uint64), np.zeros(paths), []
+    for n in range(steps):
+        if n % 64 == 0:
+            fill_words(key, numbers, Word(n // 64), paths, bits)
+        fill_signs(bits, n % 64, paths, z)
+        found.append(z.copy())
+    return np.array(found)
+
+
+def test_increments_are_fair_independent_signs():
+    z = signs(512, 640)
+    assert set(np.unique(z)) == {-1.0, 1.0}
+    n = z.size
+    checks = [z.mean(), (z[1:] * z[:-1]).mean(), (z[:, 1:] * z[:, :-1]).mean(), (z[64:] * z[:-64]).mean()]
+    assert agrees(np.array(checks), 0.0, 1.0 / np.sqrt(n - 64 * 512))
+    by_place = z.reshape(10, 64, 512).mean(axis=(0, 2))  # no bit of a word is loaded
+    assert agrees(by_place, 0.0, 1.0 / np.sqrt(n / 64))
+
+
+def test_free_flight_has_the_covariance_of_gaussian_increments():
+    """Without walls both are linear maps of increments of equal variance: equal covariance, exactly in the mean."""
+    scene = open_space(0.5)
+    two, normal = (
+        simulate(scene, paths=40_000, impacts=1, dt=0.02, horizon=2.0, clock=[2.0], rng=4, increments=i,
+                 scheme="euler-maruyama").clock()
+        for i in ("two-point", "gaussian")
+    )  # fmt: skip
+    for name in ("cov_x1_x1", "cov_x1_y1", "cov_y1_y1", "cov_y2_y2"):
+        error = np.hypot(two["se_" + name], normal["se_" + name])
+        assert agrees(two[name], normal[name], error)
+        assert not agrees(1.1 * two[name], normal[name], error)
+
+
+@pytest.mark.parametrize("scheme", ["euler-maruyama", "euler-maruyama-located"])
+def test_section_moments_are_those_of_gaussian_increments(scheme):
+    settings = {"paths": 40_000, "impacts": 4, "dt": 2e-3, "scheme": scheme, "workers": 2}
+    two = simulate(dat21(1.0), increments="two-point", rng=1, **settings).section
+    normal = simulate(dat21(1.0), rng=2, **settings).section
+    for name in ("tau", "y1", "y2", "sd_tau", "sd_y1", "sd_y2"):
+        assert agrees(two[name], normal[name], np.hypot(two["se_" + name], normal["se_" + name]))
+
+
+def test_result_does_not_depend_on_workers():
+    a, b = (
+        simulate(dat21(1.0), paths=3000, impacts=2, dt=0.01, increments="two-point", workers=w, keep_paths=True).raw
+        for w in (1, 3)
+    )
+    assert np.array_equal(a, b)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"increments": "three-point"}, r"increments = 'three-point'"),
+        (
+            {"increments": "two-point", "scheme": "exact-flight", "dt": 0.05},
+            r"works with the Euler-Maruyama schemes only",
+        ),
+    ],
+)
+def test_bad_input_is_refused(settings, message):
+    with pytest.raises(InputError, match=message):
+        simulate(dat21(0.1), paths=10, **settings)
