@@ -46,7 +46,7 @@ def main() -> None:
 @click.option("--sigma", "sigmas", multiple=True, type=float, help="Noise intensity; give it again for more.")
 @click.option("--impacts", type=int, default=12, show_default=True, help="Impacts after the start.")
 @click.option("--paths", type=int, default=256_000, show_default=True, help="Simulated paths.")
-@click.option("--dt", type=float, default=2e-3, show_default=True, help="Step; 2 dt and 4 dt run beside it.")
+@click.option("--dt", type=float, default=None, help="Step. [default: the scheme's, 0.002 for Euler and Maruyama]")
 @click.option("--scheme", default="euler-maruyama-located", show_default=True, help="Scheme of the simulation.")
 @click.option(
     "--reading", "readings", multiple=True, help="Reading of the closure; again for more. [default: all that can]"
@@ -73,7 +73,7 @@ def validate(
     sigmas: tuple[float, ...],
     impacts: int,
     paths: int,
-    dt: float,
+    dt: float | None,
     scheme: str,
     readings: tuple[str, ...],
     order: int,
@@ -99,9 +99,9 @@ def validate(
     from compare.report import CONTENTS, write_report
     from compare.sweep import check_sweep, grid, sweep
     from compare.validate import validate as hold_against
-    from montecarlo import check_settings
+    from montecarlo import SCHEMES, check_settings
     from scene import DAT21, Scene
-    from scene.validate import count
+    from scene.validate import choice, count
 
     expected = None
     if repeat is not None:
@@ -110,13 +110,14 @@ def validate(
     else:
         base = Scene.load(scene) if scene else Scene.from_gears(DAT21)
         name = scene.stem if scene else "DAT21"
+        kind = SCHEMES[choice("scheme", scheme, SCHEMES)]
         wanted = sigmas or ((base.sigma,) if scene else PAPER_SIGMAS)
         settings = manifest.Settings(
             name,
             tuple(base.with_sigma(s) for s in dict.fromkeys(wanted)),
             impacts,
             paths,
-            dt,
+            kind.step if dt is None else dt,
             scheme,
             seed,
             order,
@@ -127,8 +128,9 @@ def validate(
         out = out or Path("reports") / name.lower()
     check_free(out, CONTENTS, overwrite)
     first = settings.scenes[0]
+    biased = SCHEMES[choice("scheme", settings.scheme, SCHEMES)].weak_order is not None
     for s in settings.scenes:
-        check_settings(s, **settings.simulation, workers=workers, step_bias=True)
+        check_settings(s, **settings.simulation, workers=workers, step_bias=biased)
     check_sweep(first, settings.frontier, **settings.sweep, workers=workers)
     wall, cpu = time.perf_counter(), _cpu()
     closures: dict[str, Any] = {"readings": settings.readings, "order": settings.order}

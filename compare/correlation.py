@@ -71,8 +71,8 @@ def mid_flight_errors(closure: MeanMap, run: Ensemble, flights: Ints, z: float, 
     """Error of ``rho`` at the instants of the run's clock, in the middle of the orbit's flights; tidy.
 
     The Monte Carlo interval is Fisher's, with the standard error of artanh rho measured (for a Gaussian pair it is
-    ``1 / sqrt(paths)``), widened by the change that doubling the step makes.  Rows as in `section_errors`; ``impact``
-    is the one that ends the flight (`flights`), ``time`` the instant.
+    ``1 / sqrt(paths)``), widened by the change that doubling the step makes where the step has a bias.  Rows as in
+    `section_errors`; ``impact`` is the one that ends the flight (`flights`), ``time`` the instant.
     """
     clock = run.clock()
     reached = clock.index[clock.index <= closure.trace.tau[closure.trace.found]]
@@ -82,7 +82,7 @@ def mid_flight_errors(closure: MeanMap, run: Ensemble, flights: Ints, z: float, 
         rho = clock[f"rho{stage}"]
         fisher = np.arctanh(rho.clip(-1.0 + 1e-15, 1.0 - 1e-15))
         half = z * clock[f"se_z_rho{stage}"]
-        bias = clock[f"coarse_rho{stage}"] - rho
+        bias = clock.get(f"coarse_rho{stage}", rho) - rho
         value = predicted[f"rho{stage}"].reindex(clock.index)
         low, high = value - np.tanh(fisher + half) - bias.abs(), value - np.tanh(fisher - half) + bias.abs()
         parts.append(

@@ -42,8 +42,8 @@ class Settings(NamedTuple):
 
     @property
     def sweep(self) -> dict[str, Any]:
-        """The same for the frontier, where the step depends on the noise intensity."""
-        return self.simulation | {"paths": self.frontier_paths}
+        """What the simulations of the frontier are asked for."""
+        return {"paths": self.frontier_paths, "impacts": self.impacts, "rng": self.seed}
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for the manifest."""

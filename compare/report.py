@@ -123,7 +123,6 @@ def write_report(
                 "frontiers": frontier_rows(swept.frontier),
                 "speeds": speed_rows(swept.speed),
                 "paths": f"{settings.frontier_paths:,}",
-                "shortest": f"{swept.frontier['dt'].min():g}",
             }
         content = {
             "name": settings.name,

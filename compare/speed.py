@@ -11,22 +11,11 @@ from closure import mean_map
 from compare.frontier import frontier, judged_rows
 from compare.validate import Validation
 from montecarlo import simulate
-from montecarlo.step import largest_step
 
-__all__ = ["Cost", "Speed", "best_of", "monte_carlo_cost", "path_step_seconds", "speed"]
+__all__ = ["Speed", "best_of", "path_seconds", "paths_for", "speed"]
 
 CALLS, SPAN = 5, 0.3  # a call is timed so often at most, and for so many seconds
-TIMED_PATHS = 1024
-RICHARDSON = 1.5  # work of a run with 2 dt beside dt, in runs with dt alone
-
-
-class Cost(NamedTuple):
-    """The cheaper way to simulate to an accuracy: paths, step, and whether 2 dt runs beside it to extrapolate."""
-
-    paths: int
-    dt: float
-    extrapolated: bool
-    seconds: float
+TIMED_PATHS = 4096
 
 
 class Speed(NamedTuple):
@@ -45,8 +34,6 @@ class Speed(NamedTuple):
     resolved: bool
     closure_seconds: float
     paths: int
-    dt: float
-    extrapolated: bool
     monte_carlo_seconds: float
     speed_up: float
 
@@ -62,73 +49,50 @@ def best_of(call: Callable[[], object]) -> float:
     return min(times)
 
 
-def path_step_seconds(v: Validation) -> float:
-    """Seconds of one step of one path on one core, for the scene, scheme and step of a validation."""
-    r = v.run
-    steps = 0
+def path_seconds(v: Validation) -> float:
+    """Seconds per impact of one path on one core, for the scene, scheme and step of a validation."""
+    plan = v.run.plan
+    control = "control" in v.run.result.sums
 
     def call() -> None:
-        nonlocal steps
-        run = simulate(r.scene, paths=TIMED_PATHS, impacts=r.impacts, dt=r.dt, scheme=r.scheme, rng=r.plan.seed)
-        steps = run.path_steps
+        simulate(
+            plan.scene, paths=TIMED_PATHS, impacts=plan.impacts, dt=plan.dt, scheme=plan.scheme, rng=plan.seed,
+            control=control,
+        )  # fmt: skip
 
-    return best_of(call) / steps
+    return best_of(call) / TIMED_PATHS / plan.impacts
 
 
-def monte_carlo_cost(rows: pd.DataFrame, error: float, dt: float, flight: float, longest: float, step: float) -> Cost:
-    """What it takes to simulate every moment to an error in units of its sd.
+def paths_for(rows: pd.DataFrame, error: float) -> int:
+    """Paths that make the standard error of every moment as small as `error`, in units of its sd.
 
     Parameters
     ----------
     rows : DataFrame
-        A moment each: ``unit`` (its sd), and of a run with step `dt` the standard errors of one path ``se`` and, after
-        Richardson's extrapolation, ``se_corrected``; the first-order ``bias`` of the step and the ``rest`` that
-        extrapolation leaves.
+        A moment each: its unit ``unit``, and the standard error ``se`` of one path.
     error : float
-        Standard error and step bias may each be as large.
-    dt, flight, longest, step : float
-        Step of that run; mean time to simulate; the longest step allowed; seconds of one step of one path.
-
-    Returns
-    -------
-    Cost
-        With the first-order bias taken to be proportional to the step, and the rest to its square.
 
     Examples
     --------
-    >>> rows = pd.DataFrame({"unit": [1.0], "se": [1.0], "se_corrected": [1.0], "bias": [0.1], "rest": [0.001]})
-    >>> cost = monte_carlo_cost(rows, 0.01, dt=0.01, flight=1.0, longest=0.1, step=1e-8)
-    >>> cost.paths, round(cost.dt, 4), cost.extrapolated, round(cost.seconds, 4)
-    (10000, 0.0316, True, 0.0047)
+    >>> paths_for(pd.DataFrame({"unit": [1.0, 0.5], "se": [1.0, 1.0]}), 0.01)
+    40000
     """
-    allowed = error * rows["unit"]
-    costs = []
-    for extrapolated, se, rest, power in ((False, "se", "bias", 1.0), (True, "se_corrected", "rest", 0.5)):
-        paths = math.ceil(float(((rows[se] / allowed) ** 2).max()))
-        excess = float((rows[rest].abs() / allowed).max())
-        widest = longest / 2.0 if extrapolated else longest
-        chosen = min(widest, dt * excess**-power) if excess > 0.0 else widest
-        seconds = paths * flight / chosen * step * (RICHARDSON if extrapolated else 1.0)
-        costs.append(Cost(paths, chosen, extrapolated, seconds))
-    return min(costs, key=lambda c: c.seconds)
+    return math.ceil(round(float(((rows["se"] / (error * rows["unit"])) ** 2).max()), 6))
 
 
-def speed(v: Validation, reading: str, step: float) -> Speed | None:
-    """Time a reading as far as it is accurate, or None where it is not; `step` is from `path_step_seconds`."""
+def speed(v: Validation, reading: str, seconds_per_impact: float) -> Speed | None:
+    """Time a reading as far as it is accurate, or None where it is not; `seconds_per_impact` is from `path_seconds`."""
     reached = frontier(v, reading).accurate
     if reached == 0:
         return None
     rows = judged_rows(v, reading)
     rows = rows[(rows["impact"] <= reached) & (rows["unit"] > 0.0) & (rows["verdict"] != "not predicted")]
-    keys = ["impact", "quantity", "moment"]
-    rows = rows.merge(v.run.step_bias[[*keys, "se_corrected", "rest"]], on=keys)
-    rows[["se", "se_corrected"]] *= math.sqrt(v.run.paths)
     errors = rows["error"].abs() / rows["unit"]
     worst = rows.iloc[int(errors.argmax())]
-    closure = v.closures[reading]
-    seconds = best_of(lambda: mean_map(v.scene, impacts=reached, reading=reading, order=closure.order))
-    flight = float(v.run.section["tau"].loc[reached]) - v.scene.start.tau
-    cost = monte_carlo_cost(rows, float(errors.max()), v.run.dt, flight, largest_step(v.scene)[0], step)
+    order = v.closures[reading].order
+    seconds = best_of(lambda: mean_map(v.scene, impacts=reached, reading=reading, order=order))
+    paths = paths_for(rows.assign(se=rows["se"] * math.sqrt(v.run.paths)), float(errors.max()))
+    cost = paths * reached * seconds_per_impact
     return Speed(
         reading=reading,
         sigma=v.scene.sigma,
@@ -137,9 +101,7 @@ def speed(v: Validation, reading: str, step: float) -> Speed | None:
         median=float(errors.median()),
         resolved=bool(worst["low"] > 0.0 or worst["high"] < 0.0),
         closure_seconds=seconds,
-        paths=cost.paths,
-        dt=cost.dt,
-        extrapolated=cost.extrapolated,
-        monte_carlo_seconds=cost.seconds,
-        speed_up=cost.seconds / seconds,
+        paths=paths,
+        monte_carlo_seconds=cost,
+        speed_up=cost / seconds,
     )

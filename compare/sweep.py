@@ -1,6 +1,5 @@
 """Validations over a grid of noise intensities: how far each reading holds, and what it saves there."""
 
-import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -9,18 +8,18 @@ import pandas as pd
 from tqdm import tqdm
 
 from compare.frontier import Frontier, frontiers
-from compare.speed import Speed, path_step_seconds, speed
+from compare.speed import Speed, path_seconds, speed
 from compare.validate import validate
-from montecarlo import check_settings
+from montecarlo import SCHEMES, check_settings
 from scene.errors import InputError
 from scene.scene import Scene
 from scene.validate import count, positive
 
-__all__ = ["Sweep", "check_sweep", "grid", "step_for", "sweep"]
+__all__ = ["Sweep", "check_sweep", "grid", "sweep"]
 
 EXAMPLE = "1e-3:2:12"
-FINE = 0.007
-"""Noise intensity from which on the step that was asked for leaves a bias well within the tolerances."""
+SCHEME = "exact-flight"
+"""Without a bias in the step, which would outgrow the tolerances as they shrink with sigma."""
 
 
 class Sweep(NamedTuple):
@@ -60,21 +59,7 @@ def grid(text: str) -> tuple[float, ...]:
     return found
 
 
-def step_for(sigma: float, dt: float) -> float:
-    """Step at a noise intensity: `dt`, and shorter below `FINE`.
-
-    Richardson's extrapolation leaves a bias of order dt^2, while tolerances shrink with sigma: so dt shrinks with its
-    root.
-
-    Examples
-    --------
-    >>> step_for(1.0, 2e-3), step_for(0.00175, 2e-3)
-    (0.002, 0.001)
-    """
-    return dt if sigma >= FINE else float(f"{dt * math.sqrt(sigma / FINE):.3g}")
-
-
-def check_sweep(scene: Scene, sigmas: Sequence[float], *, dt: float, **settings: Any) -> None:
+def check_sweep(scene: Scene, sigmas: Sequence[float], **settings: Any) -> None:
     """Refuse a sweep that could not be run to its end, before any work; settings as of `montecarlo.check_settings`.
 
     Raises
@@ -84,23 +69,22 @@ def check_sweep(scene: Scene, sigmas: Sequence[float], *, dt: float, **settings:
     """
     for sigma in sigmas:
         try:
-            check_settings(scene.with_sigma(sigma), dt=step_for(sigma, dt), step_bias=True, **settings)
+            check_settings(
+                scene.with_sigma(sigma), scheme=SCHEME, dt=SCHEMES[SCHEME].step, step_bias=False, **settings
+            )  # fmt: skip
         except InputError as error:
             raise InputError("frontier", sigma, f"cannot be run ({error}); change the range, or leave it out") from None
 
 
-def sweep(scene: Scene, sigmas: Sequence[float], *, dt: float, workers: int, **settings: Any) -> Sweep:
-    """Validate a scene at each noise intensity, all from one seed.
+def sweep(scene: Scene, sigmas: Sequence[float], *, workers: int, **settings: Any) -> Sweep:
+    """Validate a scene at each noise intensity against exact flights, all from one seed.
 
     Parameters
     ----------
     scene : Scene
         What is modelled; its own noise intensity is not used.
     sigmas : sequence of float
-        Noise intensities.  Those with the same step have the same random numbers, so that what changes along the grid
-        is not the sample.
-    dt : float
-        Step, see `step_for`.
+        Noise intensities.  All have the same random numbers, so that what changes along the grid is not the sample.
     workers : int
         Threads of the simulations.
     **settings
@@ -113,10 +97,10 @@ def sweep(scene: Scene, sigmas: Sequence[float], *, dt: float, workers: int, **s
     found: list[pd.DataFrame] = []
     timed: list[Speed] = []
     for sigma in tqdm(sigmas, desc="frontier", unit="sigma", disable=None):
-        v = validate(scene.with_sigma(sigma), dt=step_for(sigma, dt), workers=workers, **settings)
+        v = validate(scene.with_sigma(sigma), scheme=SCHEME, workers=workers, **settings)
         found.append(frontiers([v]))
-        step = path_step_seconds(v)
-        timed += [s for reading in v.closures if (s := speed(v, reading, step))]
+        seconds = path_seconds(v)
+        timed += [s for reading in v.closures if (s := speed(v, reading, seconds))]
     return Sweep(
         pd.concat(found, ignore_index=True)[list(Frontier._fields)], pd.DataFrame(timed, columns=list(Speed._fields))
     )

@@ -9,7 +9,7 @@ import pandas as pd
 from closure import READINGS, MeanMap, follow, mean_map, readings_for
 from compare.correlation import mid_flight_errors, validity
 from compare.moments import Tolerances, section_errors, widest
-from montecarlo import Ensemble, simulate
+from montecarlo import SCHEMES, Ensemble, simulate
 from scene.errors import InputError
 from scene.moments import SECTION
 from scene.scene import Scene
@@ -80,7 +80,7 @@ def validate(
     impacts: int = 12,
     readings: Sequence[str] | None = None,
     paths: int = 256_000,
-    dt: float = 2e-3,
+    dt: float | None = None,
     scheme: str = "euler-maruyama-located",
     rng: int | np.random.SeedSequence = 0,
     workers: int = 1,
@@ -99,7 +99,8 @@ def validate(
     readings : sequence of str
         Readings of the closure; by default all that can take the scene.
     paths, dt, scheme, rng, workers, progress
-        Of the simulation, see `montecarlo.simulate`; 2 dt and 4 dt run on the same noise to measure the step bias.
+        Of the simulation, see `montecarlo.simulate`; 2 dt and 4 dt run on the same noise to measure the step bias, if
+        the scheme has one, and a scheme that can takes the linearised path as control.
     order : int
         Order of the closures' moments.
     tolerances : Tolerances, optional
@@ -131,6 +132,9 @@ def validate(
         choice("readings", reading, READINGS)
     limits = tolerances or Tolerances()
     closures = {r: mean_map(scene, impacts=impacts, reading=r, order=order) for r in dict.fromkeys(readings)}
+    kind = SCHEMES[choice("scheme", scheme, SCHEMES)]
+    biased = kind.weak_order is not None
+    dt = kind.step if dt is None else dt
     orbit = follow(scene, impacts)
     tau = orbit.tau[: orbit.found + 1]
     middle = 0.5 * (tau[1:] + tau[:-1])
@@ -142,9 +146,10 @@ def validate(
         scheme=scheme,
         rng=rng,
         workers=workers,
-        step_bias=True,
+        step_bias=biased,
+        control=not biased,
         histogram=True,
-        clock=middle[middle - scene.start.tau > 4.0 * dt],
+        clock=middle[middle - scene.start.tau > (4.0 if biased else 1.0) * dt],
         progress=progress,
         itineraries={r: m.itinerary for r, m in closures.items()},
     )

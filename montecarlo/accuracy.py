@@ -25,7 +25,6 @@ __all__ = ["reach", "sampling_error", "step_error", "units"]
 
 PILOT = 4 * BLOCK
 COARSEST = 4  # of the steps that run side by side for the bias, in units of the finest
-FLIGHT_STEP = math.pi / 256.0  # of exact flights: steps then cost less than impacts, and a control follows closely
 FIRST_STEP = 0.01  # of the pilots of Euler and Maruyama, if the scene lets it through
 GROWTH = 8  # most by which the number of paths grows at once: the spread of heavy tails is found late
 STILL = 1e-9  # sd below which a quantity does not vary
@@ -77,7 +76,7 @@ def _candidate(scene: Scene, scheme: str, accuracy: float, simulate: Simulate) -
     kind = SCHEMES[scheme]
     exact = kind.weak_order is None
     levels = 1 if exact else COARSEST
-    dt = min(FLIGHT_STEP if exact else FIRST_STEP, 0.99 * largest_step(scene, scheme)[0] / levels)
+    dt = min(kind.step if exact else FIRST_STEP, 0.99 * largest_step(scene, scheme)[0] / levels)
     pilot = simulate(paths=PILOT, scheme=scheme, dt=dt, step_bias=not exact, control=exact)
     error, _ = sampling_error(pilot)
     if not exact:  # half of what is allowed: order 1 is that of the limit dt -> 0

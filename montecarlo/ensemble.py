@@ -19,11 +19,12 @@ from montecarlo.block import BLOCK, CODES, CROSS, PAIRS, BlockResult, Plan, run
 from montecarlo.control import controlled_statistics
 from montecarlo.histogram import Histograms
 from montecarlo.noise import LEVELS
+from montecarlo.schemes import SCHEMES
 from montecarlo.settings import NOISE_FREE, check_settings, is_random, plan_of
 from scene.errors import InputError
 from scene.moments import SECTION, STATE
 from scene.scene import Scene
-from scene.validate import positive
+from scene.validate import choice, positive
 
 __all__ = ["Ensemble", "Reach", "extended", "simulate"]
 
@@ -260,11 +261,15 @@ class Ensemble:
         Richardson's extrapolation; ``rest`` bounds what is left: a third of the change from the same
         extrapolation of 2 dt and 4 dt.
 
+        A scheme without a bias in the step has 0, and its own values.
+
         Raises
         ------
         InputError
             If the run was made without step bias.
         """
+        if "fine_coarse" not in self.result.sums and SCHEMES[self.scheme].weak_order is None:
+            return self._unbiased
         if "fine_coarse" not in self.result.sums:
             raise InputError("step_bias", False, "ask for it: simulate(step_bias=True)")
         fine, coarse = self.result.sums["fine_coarse"], self.result.sums["coarse_coarser"]
@@ -292,6 +297,20 @@ class Ensemble:
                     "corrected": (values[0] - bias)[:, i], "se_corrected": se_corrected[:, i], "rest": rest[:, i],
                 }))  # fmt: skip
         return pd.concat(rows, ignore_index=True)
+
+    @property
+    def _unbiased(self) -> pd.DataFrame:
+        stages = self.scene.stages
+        parts = [
+            pd.DataFrame({
+                "impact": self.section.index, "quantity": q, "moment": moment, "bias": 0.0, "se_bias": 0.0,
+                "corrected": self.section[prefix + q], "se_corrected": self.section["se_" + prefix + q], "rest": 0.0,
+            })
+            for moment, prefix in (("mean", ""), ("sd", "sd_"))
+            for q in SECTION
+            if stages == 2 or q not in STATE[2:]
+        ]  # fmt: skip
+        return pd.concat(parts, ignore_index=True)
 
     @property
     def _clock_grid(self) -> float:
@@ -369,7 +388,7 @@ def simulate(
         Largest standard error and largest bias of the step of all section means and sds, in units of each quantity's sd
         (absolute where it does not vary).  Scheme, dt and paths are then chosen by pilot runs; see `Ensemble.reach`.
     dt : float
-        Step; 0.002 by default.
+        Step; by default that of the scheme, 0.002 for Euler and Maruyama, pi / 256 for exact flights.
     scheme : {"euler-maruyama-located", "euler-maruyama", "exact-flight"}
         See `montecarlo.schemes`; the first by default.
     rng : int or SeedSequence
@@ -433,7 +452,8 @@ def simulate(
         )  # fmt: skip
     if paths is None:
         raise InputError("paths", None, "give the number of paths, or an accuracy")
-    scheme, dt = scheme or "euler-maruyama-located", 2e-3 if dt is None else dt
+    scheme = choice("scheme", scheme or "euler-maruyama-located", SCHEMES)
+    dt = SCHEMES[scheme].step if dt is None else dt
     plan = plan_of(
         scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, clock=clock,
         step_bias=step_bias, itineraries=itineraries, keep=histogram or keep_paths, control=control,

@@ -1,5 +1,6 @@
 """The ladder of schemes: what each is called, costs and promises."""
 
+import math
 from dataclasses import dataclass
 
 __all__ = ["SCHEMES", "Scheme"]
@@ -19,6 +20,8 @@ class Scheme:
         Order of its bias in the step; None where there is no bias in the step.
     normals : int
         Standard normals that a path uses in a step without an impact.
+    step : float
+        The step that is taken where none is given.
     step_ns, impact_ns : float
         Time of a path's step and of its impact on one core, statistics included: what schemes are chosen by.  Measured
         once by ``rattle bench``, and constant, so that the choice does not depend on the machine.
@@ -28,13 +31,14 @@ class Scheme:
     file: str
     weak_order: int | None
     normals: int
+    step: float
     step_ns: float
     impact_ns: float
 
 
 SCHEMES = {
-    "euler-maruyama": Scheme(0, "euler", 1, 1, 2.8, 140.0),
-    "euler-maruyama-located": Scheme(1, "euler_located", 1, 1, 3.6, 350.0),
-    "exact-flight": Scheme(2, "exact_flight", None, 2, 7.0, 1500.0),
+    "euler-maruyama": Scheme(0, "euler", 1, 1, 2e-3, 2.8, 140.0),
+    "euler-maruyama-located": Scheme(1, "euler_located", 1, 1, 2e-3, 3.6, 350.0),
+    "exact-flight": Scheme(2, "exact_flight", None, 2, math.pi / 256.0, 7.0, 1500.0),
 }
 """From the plainest to the most exact."""

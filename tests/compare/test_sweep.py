@@ -8,7 +8,7 @@ from compare.frontier import Frontier, frontier
 from compare.frontier_plot import frontier_figure
 from compare.rows import frontier_rows, speed_rows
 from compare.speed import Speed
-from compare.sweep import grid, step_for, sweep
+from compare.sweep import grid, sweep
 from compare.validate import validate
 from scene import DAT21, InputError, Scene
 
@@ -17,7 +17,7 @@ SETTINGS = {"impacts": 4, "paths": 20_000, "rng": 3, "workers": 2, "readings": [
 
 @pytest.fixture(scope="module")
 def swept():
-    return sweep(Scene.from_gears(DAT21), (0.02, 0.5), dt=2e-3, **SETTINGS)
+    return sweep(Scene.from_gears(DAT21), (0.02, 0.5), **SETTINGS)
 
 
 def ended(sigma, accurate, not_refuted, cause="parted", reading="saltation", why="so"):
@@ -27,7 +27,7 @@ def ended(sigma, accurate, not_refuted, cause="parted", reading="saltation", why
 def test_rows_are_those_of_single_validations(swept):
     assert list(swept.frontier) == list(Frontier._fields)
     for sigma in (0.02, 0.5):
-        v = validate(Scene.from_gears(DAT21, sigma=sigma), dt=2e-3, **SETTINGS)
+        v = validate(Scene.from_gears(DAT21, sigma=sigma), scheme="exact-flight", **SETTINGS)
         for reading in SETTINGS["readings"]:
             row = swept.frontier.query("sigma == @sigma and reading == @reading")
             assert tuple(row.iloc[0]) == tuple(frontier(v, reading))
@@ -44,7 +44,7 @@ def test_only_what_is_accurate_is_timed(swept):
 
 
 def test_nothing_accurate_leaves_a_table_without_rows():
-    none = sweep(Scene.from_gears(DAT21), (0.5, 1.0), dt=4e-3, **{**SETTINGS, "paths": 2000, "readings": ["mended"]})
+    none = sweep(Scene.from_gears(DAT21), (0.5, 1.0), **{**SETTINGS, "paths": 2000, "readings": ["mended"]})
     assert none.speed.empty
     assert speed_rows(none.speed) == []
 
@@ -58,11 +58,6 @@ def test_grid_is_even_in_the_logarithm():
 def test_bad_grids_are_refused(text):
     with pytest.raises(InputError, match="frontier"):
         grid(text)
-
-
-def test_the_step_shrinks_with_the_root_of_sigma():
-    assert step_for(0.1, 2e-3) == 2e-3
-    assert step_for(4e-3, 2e-3) == pytest.approx(2.0 * step_for(1e-3, 2e-3), rel=5e-3)
 
 
 def test_neighbours_with_one_frontier_and_cause_share_a_row():
