@@ -174,7 +174,7 @@ def _first_root(a: float, b: float, c: float, d: float) -> float:
 def _cut_at(gap0: float, rate0: float, gap1: float, rate1: float, h: float, margin: float, close: float) -> float:
     """Share of the time h after which to look again at a wall: 1 if it cannot be met before."""
     b, c = gap0 + rate0 * h / 3.0, gap1 - rate1 * h / 3.0
-    if b > margin and c > margin and gap1 >= -close:
+    if b > margin - close and c > margin - close and gap1 >= -close:  # `close`: a path at rest on a wall can start
         return 1.0
     root = _first_root(max(gap0, 0.0), b, c, gap1)
     return root if root < 1.0 else 0.5
