@@ -1,8 +1,10 @@
 """The compiled kernel against the plain-Python oracle, on the kernel's own random numbers, path by path."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from mc_checks import bridge_normal, dat21, open_space, step_normals
+from mc_checks import DAMPED, PRESSED, bridge_normal, dat21, open_space, step_normals
 from naive import FAULTS, LOCATED_FAULTS, Path
 from scipy.integrate import quad_vec
 
@@ -23,11 +25,7 @@ TIGHT = Scene(
     alpha=0.9, epsilon=0.95, beta1=0.08, beta2=0.5, gamma1=0.057, gamma2=0.2, mu=0.9, gap1=0.05, gap2=0.05, sigma=1.0,
     start=Start(0.3, 0.05, 2.0, 0.0, -2.0, mesh=1),
 )  # fmt: skip
-# strong unequal damping, so that both stages feel the noise and each other
-ROUGH = Scene(
-    alpha=1.5, epsilon=0.8, beta1=0.1, beta2=1.5, gamma1=0.2, gamma2=0.5, mu=0.4, gap1=0.5, gap2=0.3, sigma=0.8,
-    start=Start(0.2, 0.5, 2.0, 0.3, 2.0, mesh=1),
-)  # fmt: skip
+ROUGH = replace(DAMPED, sigma=0.8)
 CASES = {
     "DAT21": (dat21(0.5), 5e-3),
     "rough": (ROUGH, 5e-3),
@@ -210,13 +208,6 @@ def test_state_at_a_clock_time_is_the_state_after_that_many_steps(scheme):
             path = Path.start(scene, dt, SCHEMES[scheme])
             states.append(follow_oracle(path, key, p, lambda path, n=n: path.n >= n).state)
         assert np.abs(raw.clock[0, p] - np.array(states)).max() < 1e-10
-
-
-PRESSED = Scene(
-    alpha=0.0, epsilon=0.0, beta1=0.1, beta2=0.1, gamma1=2.0, gamma2=5.0, mu=0.5, sigma=0.01,
-    start=Start(0.0, 0.5, 1.0, -0.5, -1.0, mesh=1),
-)  # fmt: skip
-"""Both stages pressed into their corners: impacts without end within a step, if they are located."""
 
 
 def test_a_path_is_held_where_the_oracle_holds_it():
