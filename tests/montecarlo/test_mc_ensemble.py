@@ -164,15 +164,15 @@ def test_share_of_another_noise_is_seen_to_differ():
 
 # --- the bias of the step
 
-COARSE_DT, FINE_DT, LAST = 0.02, 5e-4, 4
+COARSE_DT, FINE_DT, LAST = 0.01, 5e-4, 4
 
 
 @pytest.fixture(scope="module")
 def biased():
-    """A coarse run with its estimated bias, and a fine run whose bias is a fortieth: sigma = 0.01."""
+    """A coarse run with its estimated bias, and a fine run whose bias is a twentieth: sigma = 0.01."""
     scene = dat21(0.01)
-    coarse = simulate(scene, paths=20_000, impacts=LAST, dt=COARSE_DT, rng=1, workers=2, step_bias=True)
-    fine = simulate(scene, paths=20_000, impacts=LAST, dt=FINE_DT, rng=2, workers=2, step_bias=True)
+    coarse = simulate(scene, paths=40_000, impacts=LAST, dt=COARSE_DT, rng=1, workers=2, step_bias=True)
+    fine = simulate(scene, paths=40_000, impacts=LAST, dt=FINE_DT, rng=2, workers=2, step_bias=True)
     return coarse, fine
 
 
@@ -339,7 +339,7 @@ def test_single_stage_run_has_no_second_stage():
     assert set(run.step_bias.quantity) == {"tau", "flight", "x1", "y1"}
 
 
-def seconds_per_step(scene, scheme="euler-maruyama", best_of=3, **settings):
+def seconds_per_step(scene, scheme="euler-maruyama", best_of=5, **settings):
     """Least wall seconds per path and step; the first call has compiled."""
     settings = {"paths": 8 * BLOCK, "impacts": 12, "dt": 2e-3} | settings
     simulate(scene, **(settings | {"paths": 2}), scheme=scheme)
