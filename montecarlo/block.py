@@ -187,9 +187,12 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
             sums["coarse_clock"] = _pairs(clock[1], ((0, 1), (2, 3)), PAIR)
     listed = np.array(list(plan.itineraries.values()), dtype=float).reshape(-1, plan.impacts)
     codes, agreeing = _tally(raw.rows[0], listed)
+    kept = rows[0].copy() if plan.keep else None
+    if kept is not None and plan.scene.stages == 1:
+        kept[:, :, 4:6] = np.nan  # the kernel leaves there whatever was
     return BlockResult(
         sums, codes, dict(zip(plan.itineraries, agreeing, strict=True)), raw.path_steps, raw.held, raw.unfinished
-    ), rows[0].copy() if plan.keep else None
+    ), kept
 
 
 @jit

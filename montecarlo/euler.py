@@ -69,7 +69,7 @@ def euler_lanes(
         Output.
     """
     x1, y1, x2, y2 = state[0], state[1], state[2], state[3]
-    if toleranced:
+    if toleranced and c.stages == 2:
         for p in range(lanes):
             x1[p], y1[p], x2[p], y2[p] = euler_step(c, f, h, x1[p], y1[p], x2[p], y2[p], z[p])
         high1, low1, high2, low2 = walls[0], walls[1], walls[2], walls[3]
@@ -80,6 +80,12 @@ def euler_lanes(
             a, y1[p], b, y2[p] = euler_step(c, f, h, x1[p], y1[p], x2[p], y2[p], z[p])
             x1[p], x2[p] = a, b
             beyond[p] = (abs(a) > c.wall1) | (abs(b) > c.wall2)
+    elif toleranced:
+        high1, low1 = walls[0], walls[1]
+        for p in range(lanes):
+            a, y1[p], _, _ = euler_step(c, f, h, x1[p], y1[p], 0.0, 0.0, z[p])
+            x1[p] = a
+            beyond[p] = (a > high1[p]) | (a < -low1[p])
     else:
         for p in range(lanes):
             a, y1[p], _, _ = euler_step(c, f, h, x1[p], y1[p], 0.0, 0.0, z[p])

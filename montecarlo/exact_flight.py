@@ -56,12 +56,18 @@ class FlightForcing(NamedTuple):
 
 
 @jit
-def _margins(c: Constants, h: float) -> tuple[float, float]:
-    """Margins on the Bernstein coefficients of both stages' gaps over a time h: noise, and what a cubic cannot bend."""
+def _margins(c: Constants, tau: float, h: float) -> tuple[float, float]:
+    """Margins on the Bernstein coefficients of both stages' gaps over a time h from `tau`: noise, and what a cubic
+    cannot bend.
+
+    The noise is taken at its largest modulation in this time: where it vanishes, a path that is pressed to its wall
+    must not be cut as if it were shaken.
+    """
     spread = STRAY * c.sigma * h * math.sqrt(h) * SCALE
-    first = math.sqrt(1.0 + c.beta1**2)  # largest modulation of the noise in y1, and by way of y1 in y2
-    second = abs(c.beta1 - c.beta2) * (1.0 + h * first)
-    force = c.alpha * first + c.gamma1 + c.gamma2
+    most = math.sqrt(1.0 + c.beta1**2)  # of the modulation of y1, and of its rate
+    first = min(most, abs(noise_rate(c, tau)[0]) + h * most)
+    second = abs(c.beta1 - c.beta2) * (min(1.0, abs(math.cos(tau)) + h) + h * first)  # the last by way of y1
+    force = c.alpha * most + c.gamma1 + c.gamma2
     bend = h**4 / 96.0 * force * (1.0 + max(c.beta1, c.beta2)) ** 2  # Hermite: h^4 / 384 times the fourth derivative
     return spread * first + bend, spread * second + bend
 
@@ -110,7 +116,7 @@ def kick(c: Constants, tau: float, h: float, first: float, slope: float) -> tupl
 def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
     """All that a step of length h from `tau` needs that no path has of its own."""
     e1, d1, e2, d2 = turned(c.beta1, h), decay(c.beta1, h), turned(c.beta2, h), decay(c.beta2, h)
-    margin1, margin2 = _margins(c, h)
+    margin1, margin2 = _margins(c, tau, h)
     return FlightForcing(
         e1, d1, e1 - e2, e2, d1 - d2, d2, flow(c, tau, 0.0, 0.0, 0.0, 0.0, h),
         kick(c, tau, h, math.sqrt(h), 0.0), kick(c, tau, h, 0.0, math.sqrt(12.0 * h)), margin1, margin2,
@@ -193,7 +199,7 @@ def _first_root(a: float, b: float, c: float, d: float) -> float:
 def _cut_at(gap0: float, rate0: float, gap1: float, rate1: float, h: float, margin: float, close: float) -> float:
     """Share of the time h after which to look again at a wall: 1 if it cannot be met before."""
     b, c = gap0 + rate0 * h / 3.0, gap1 - rate1 * h / 3.0
-    if b > margin and c > margin and gap1 >= -close:
+    if b > margin - close and c > margin - close and gap1 >= -close:  # `close`: a path at rest on a wall can start
         return 1.0
     root = _first_root(max(gap0, 0.0), b, c, gap1)
     return root if root < 1.0 else 0.5
@@ -226,9 +232,16 @@ def _on_wall(at: Progress, code: int, walls: Walls) -> Progress:
 
 
 @jit
+def _put_inside(at: Progress, walls: Walls) -> Progress:
+    """The same with what lies beyond a wall put on it: for a step that has used up its cuts."""
+    x1, x2 = min(max(at.x1, -walls.low1), walls.high1), min(max(at.x2, -walls.low2), walls.high2)
+    return Progress(at.code, at.tau, at.left, at.noise, x1, at.y1, x2, at.y2)
+
+
+@jit
 def _cut_of_trial(c: Constants, at: Progress, end: Progress, h: float, walls: Walls) -> float:
     """Share of a trial of length h after which to look again, over all walls: 1 if it meets none before its end."""
-    margin1, margin2 = _margins(c, h)
+    margin1, margin2 = _margins(c, at.tau, h)
     close = CLOSE * c.wall1
     cut = min(
         _cut_at(walls.high1 - at.x1, -at.y1, walls.high1 - end.x1, -end.y1, h, margin1, close),
@@ -272,6 +285,8 @@ def advance_exactly(
         end = Progress(0, at.tau + h, left, rest, x1 + k1, y1 + l1, x2 + k2, y2 + l2)
         cut = _cut_of_trial(c, at, end, h, walls)
         if cut == 1.0 or cuts >= MOST_CUTS:
+            if cuts >= MOST_CUTS:
+                end = _put_inside(end, walls)
             code, reach = _due(c, end, walls)
             if code != 0 or left <= 0.0:
                 return _on_wall(end, code, walls)

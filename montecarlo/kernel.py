@@ -26,6 +26,7 @@ Bools = NDArray[np.bool_]
 CHUNK = 16  # finest steps between two looks at which paths are done; a multiple of the coarsest step, and of 4
 COLUMNS = 7  # of an impact: tau, flight, x1, y1, x2, y2, mesh * side
 SPLITS = Word(1 << 16)  # indices of random numbers that the splits of one step may use
+CUTS_APART = SPLITS // Word(MOST_IN_A_STEP + 1)  # of those, for one call of the exact scheme
 
 PLAIN, LOCATED, EXACT = 0, 1, 2
 FLANK_DRAWS = Word(4)  # draws of the walls at the start; those of the impacts follow
@@ -128,7 +129,7 @@ def _finish_step(
         elif job.scheme == LOCATED:
             at = advance_inside(c, at, normals(job.key, path, index + Word(met), purpose)[0], walls)
         else:
-            at = advance_exactly(c, job.key, path, index + Word(1024 * met), purpose, at, walls)
+            at = advance_exactly(c, job.key, path, index + CUTS_APART * Word(met), purpose, at, walls)
         if at.code == 0:
             if job.scheme == PLAIN or at.left <= 0.0:
                 break

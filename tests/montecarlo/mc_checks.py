@@ -1,9 +1,14 @@
-"""What the statistical tests share: a limit on z-scores corrected for how many are looked at, and common scenes."""
+"""What the tests share: limits on z-scores corrected for how many are looked at, common scenes, a path's own noise."""
+
+from dataclasses import replace
 
 import numpy as np
 from scipy import stats
 
-from scene import DAT21, Scene, Start
+from montecarlo.noise import BRIDGE, STEP, Key, normals
+from scene import DAT21, Scene, Start, Tolerance
+from scene.compiled import jit
+from scene.impact import next_impact, struck
 
 FALSE_ALARM = 1e-3
 """Chance that a whole family of z-scores of a correct program fails, before its seed was fixed."""
@@ -31,3 +36,64 @@ def open_space(sigma: float, **changes) -> Scene:
     values = {name: getattr(s, name) for name in ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu")}
     start = Start(0.3, 0.1, -0.4, -0.2, 0.5)
     return Scene(**(values | {"gap1": 1e6, "gap2": 1e6, "sigma": sigma, "start": start} | changes))
+
+
+@jit
+def _steps(key, path, count):
+    out = np.empty((count + 3) // 4 * 4)
+    for n in range(out.size // 4):
+        out[4 * n], out[4 * n + 1], out[4 * n + 2], out[4 * n + 3] = normals(
+            key, np.uint64(path), np.uint64(n), np.uint64(STEP)
+        )
+    return out
+
+
+def step_normals(key: Key, path: int, steps: int) -> np.ndarray:
+    """Standard normals of a path's first finest steps under the Euler schemes, at least so many.
+
+    Read in pairs, they are increments and areas, in standard units, of the steps of the exact flight.
+    """
+    return _steps(key, path, steps)
+
+
+def bridge_normal(key: Key, path: int, step: int, call: int, level: int = 0) -> float:
+    """The normal that splits an increment: of a call within the step that begins at finest step `step`."""
+    index = np.uint64(step * 2**16 + call)
+    return normals(key, np.uint64(path), index, np.uint64(BRIDGE + level))[0]
+
+
+def orbit_of(scene: Scene, impacts: int) -> np.ndarray:
+    """Noise-free impacts from flight and contact law alone: rows tau, x1, y1, x2, y2, mesh * side."""
+    c, s = scene.constants, scene.start
+    tau, (x1, y1, x2, y2) = s.tau, scene.start_state
+    if s.mesh:
+        y1, y2 = struck(c, s.mesh, y1, y2)
+    rows = []
+    for _ in range(impacts):
+        t, mesh, side, x1, y1, x2, y2 = next_impact(c, tau, x1, y1, x2, y2, 100.0)
+        assert mesh > 0
+        tau += t
+        rows.append((tau, x1, y1, x2, y2, mesh * side))
+        y1, y2 = struck(c, mesh, y1, y2)
+    return np.array(rows)
+
+
+UNEQUAL_GAPS = Scene(
+    alpha=1.2, epsilon=0.5, beta1=0.08, beta2=0.13, gamma1=0.06, gamma2=0.03, mu=0.6, gap1=0.5, gap2=0.3,
+    start=Start(0.0, 0.5, 2.0, 0.1, 1.0, mesh=1),
+)  # fmt: skip
+"""Another restitution, gaps of their own, a start on one flank only."""
+
+DAMPED = Scene(
+    alpha=1.5, epsilon=0.8, beta1=0.1, beta2=1.5, gamma1=0.2, gamma2=0.5, mu=0.4, gap1=0.5, gap2=0.3,
+    start=Start(0.2, 0.5, 2.0, 0.3, 2.0, mesh=1),
+)  # fmt: skip
+"""Strong unequal damping, so that both stages feel the noise and each other."""
+
+PRESSED = Scene(
+    alpha=0.0, epsilon=0.0, beta1=0.1, beta2=0.1, gamma1=2.0, gamma2=5.0, mu=0.5, sigma=0.01,
+    start=Start(0.0, 0.5, 1.0, -0.5, -1.0, mesh=1),
+)  # fmt: skip
+"""Both stages pressed into their corners: impacts without end within a step, if they are located."""
+
+TOLERANT = replace(UNEQUAL_GAPS, tolerance=Tolerance(0.05, 0.03, draw="contact"))

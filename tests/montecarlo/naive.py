@@ -2,7 +2,8 @@
 
 It takes its normals from the caller: one per step, and one per *event call*.  In a step whose straight line ends
 beyond a wall, the located scheme asks for one bridge normal before each leg (to the next wall or to the end of the
-step), used or not; every other step asks for none.  `fault` plants one error, so that a comparison can be seen to fail.
+step), used or not, and tells which leg of the step it is; every other step asks for none.  `fault` plants one error, so
+that a comparison can be seen to fail.
 """
 
 import math
@@ -22,7 +23,7 @@ LOCATED_FAULTS = (
 )  # fmt: skip
 """Errors that only a scheme with located impacts can have."""
 
-MOST = 64  # impacts and turns within one step before the path is held
+MOST = 64  # impacts and turns within one step; one more, and the path is held there to the end of the step
 
 
 @dataclass
@@ -103,7 +104,7 @@ class Path:
     def _sides(self) -> tuple[int, ...]:
         return (1,) if self.fault == "one wall only" else (1, -1)
 
-    def step(self, z: float, bridge: Callable[[], float]) -> None:
+    def step(self, z: float, bridge: Callable[[int], float]) -> None:
         """One step of dt with the standard normal `z`; bridge normals as the located scheme needs them."""
         self.per_step.append([])
         begin = self.tau0 + self.n * self.dt
@@ -124,10 +125,10 @@ class Path:
                         self._record(begin + self.dt, s * m)
                         break
 
-    def _step_located(self, tau: float, dw: float, bridge: Callable[[], float]) -> None:
+    def _step_located(self, tau: float, dw: float, bridge: Callable[[int], float]) -> None:
         left = self.dt
-        for _ in range(MOST):
-            normal = bridge()
+        for leg in range(MOST + 1):
+            normal = bridge(leg)
             meetings = []
             for m in self._meshes():
                 x, y = self.state[2 * m - 2], self.state[2 * m - 1]
@@ -152,5 +153,7 @@ class Path:
                 dw -= part
             self.state[2 * m - 2] = s * self.walls[s * m]
             if s * self.state[2 * m - 1] > 0.0:
+                if leg == MOST:
+                    self.held += 1
+                    return
                 self._record(tau, s * m)
-        self.held += 1

@@ -20,10 +20,18 @@ BAD = {
     "an endless step": ({"dt": math.inf}, "dt = inf: give a finite number"),
     "a step that misses the gap": ({"dt": 0.126}, r"dt = 0.126: must be at most 0.125: .* gap"),
     "a step too long once quadrupled": ({"dt": 0.05, "step_bias": True}, r"at most 0.0312 \(4 dt .*\): .* gap"),
+    "an exact step that misses the excitation": (
+        {"dt": 0.32, "scheme": "exact-flight"}, "dt = 0.32: must be at most 0.314: .* excitation",
+    ),
+    "an exact step too long once quadrupled": (
+        {"dt": 0.1, "scheme": "exact-flight", "step_bias": True}, r"at most 0.0785 \(4 dt .*\): .* excitation",
+    ),
     "a misspelt scheme": (
         {"scheme": "euler-maruyama-locate"}, "scheme = 'euler-maruyama-locate': did you mean 'euler-maruyama-located'",
     ),
-    "an unknown scheme": ({"scheme": "milstein"}, "valid are 'euler-maruyama', 'euler-maruyama-located'"),
+    "an unknown scheme": (
+        {"scheme": "milstein"}, "valid are 'euler-maruyama', 'euler-maruyama-located', 'exact-flight'",
+    ),
     "a clock before the start": ({"clock": [-1.0]}, "clock = -1.0: must lie between 0.002"),
     "a clock at the start": ({"clock": [0.0]}, "clock = 0.0: must lie between 0.002"),
     "a clock beyond the horizon": ({"clock": [1.0, 5.1], "horizon": 5.0}, "clock = 5.1: must lie .* and 5 after"),
@@ -86,6 +94,15 @@ def test_step_is_limited_by_damping():
     with pytest.raises(InputError, match=r"at most 0.05: .* damping unstable"):
         simulated(scene=scene, dt=0.051)
     simulated(scene=scene, dt=0.05, horizon=1.0)
+
+
+def test_exact_step_is_limited_by_damping_and_by_no_gap():
+    scene = Scene(**STEADY, beta1=20.0)
+    limit = (pytest.approx(0.01), "a longer step cannot follow the damping")
+    assert largest_step(scene, "exact-flight") == limit
+    narrow = Scene(**(STEADY | {"gap1": 1e-9, "start": Start(0.0, 0.0, 2.0, mesh=0)}), beta1=20.0)
+    assert largest_step(narrow, "exact-flight") == limit
+    simulated(scene=scene, dt=0.01, scheme="exact-flight", horizon=1.0)
 
 
 def test_step_is_limited_by_the_excitation():

@@ -1,127 +1,300 @@
-"""Random streams: repeatable, apart from each other, tied to blocks and never to threads."""
+"""Random numbers: Philox 4x32-10 and its normals against independent references, their laws, and no counter twice."""
+
+import math
 
 import numpy as np
 import pytest
-from mc_checks import dat21
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mc_checks import FALSE_ALARM, limit
+from scipy import stats
 
-from montecarlo import block as block_module
-from montecarlo import simulate
-from montecarlo.block import BLOCK
-from montecarlo.noise import streams
+from montecarlo.exact_flight import MOST_CUTS
+from montecarlo.kernel import CUTS_APART, SPLITS
+from montecarlo.noise import BRIDGE, CONTACT, LEVELS, STEP, Key, fill_normals, key_of, normals, uniforms, words
+from montecarlo.noise import _pair as pair
+from montecarlo.progress import MOST_IN_A_STEP
+from scene.compiled import jit
 
-SEED = np.random.SeedSequence(7)
+U = np.uint64
+FULL = 0xFFFFFFFF
 
+# --- Philox 4x32-10
 
-def firsts(seed, block):
-    """Beginnings of the five streams of a block."""
-    s = streams(seed, block)
-    return [g.standard_normal(50) for g in (s.steps, *s.bridges, s.tolerance)]
-
-
-def test_same_seed_and_block_give_the_same_streams():
-    assert np.array_equal(firsts(np.random.SeedSequence(7), 3), firsts(np.random.SeedSequence(7), 3))
-
-
-def test_purposes_blocks_seeds_and_spawned_seeds_have_streams_of_their_own():
-    children = np.random.SeedSequence(7).spawn(2)
-    every = [
-        *firsts(SEED, 0), *firsts(SEED, 1), *firsts(SEED, 2), *firsts(np.random.SeedSequence(8), 0),
-        *firsts(children[0], 0), *firsts(children[1], 0), *firsts(children[0].spawn(1)[0], 0),
-    ]  # fmt: skip
-    assert len({x.tobytes() for x in every}) == len(every)
-    correlation = np.corrcoef(every)[np.triu_indices(len(every), 1)]
-    assert np.abs(correlation).max() < 0.75  # 595 pairs of 50 numbers: sd 0.14, five sigma
+# kat_vectors of Random123: counter, key, output
+KNOWN = [
+    ((0, 0, 0, 0), (0, 0), (0x6627E8D5, 0xE169C58D, 0xBC57AC4C, 0x9B00DBD8)),
+    ((FULL,) * 4, (FULL,) * 2, (0x408F276D, 0x41C83B0E, 0xA20BC7C6, 0x6D5451FD)),
+    (
+        (0x243F6A88, 0x85A308D3, 0x13198A2E, 0x03707344), (0xA4093822, 0x299F31D0),
+        (0xD16CFE09, 0x94FDCCEB, 0x5001E420, 0x24126EA1),
+    ),
+]  # fmt: skip
 
 
-def shared_times(run):
-    """First-impact times that occur more than once; located times are continuous, so none should."""
-    first = run.raw[:, 0, 0]
-    return first.size - np.unique(first).size
+def philox(counter, key, rounds=10):
+    """Philox 4x32 in Python integers, from the paper of Salmon et al. alone."""
+    c0, c1, c2, c3 = counter
+    k0, k1 = key
+    for _ in range(rounds):
+        p0, p1 = 0xD2511F53 * c0, 0xCD9E8D57 * c2
+        c0, c1, c2, c3 = (p1 >> 32) ^ c1 ^ k0, p1 & FULL, (p0 >> 32) ^ c3 ^ k1, p0 & FULL
+        k0, k1 = (k0 + 0x9E3779B9) & FULL, (k1 + 0xBB67AE85) & FULL
+    return c0, c1, c2, c3
 
 
-def correlation_of_blocks(run):
-    """Largest z-score of the correlation of first-impact times between two full blocks."""
-    first = run.raw[: run.paths // BLOCK * BLOCK, 0, 0].reshape(-1, BLOCK)
-    c = np.corrcoef(first)[np.triu_indices(len(first), 1)]
-    return np.abs(c).max() * np.sqrt(BLOCK)
+def counter_of(path, index, purpose):
+    """Counter words of a (path, index, purpose)."""
+    return path & FULL, path >> 32, index & FULL, index >> 32 | purpose << 24
 
 
-def three_blocks():
-    return simulate(dat21(0.2), paths=3 * BLOCK, impacts=1, dt=5e-3, rng=1, keep_paths=True)
+def address_of(counter):
+    """The (path, index, purpose) that has these counter words."""
+    c0, c1, c2, c3 = counter
+    return U(c0 | c1 << 32), U(c2 | (c3 & 0xFFFFFF) << 32), U(c3 >> 24)
 
 
-def test_no_block_repeats_another():
-    run = three_blocks()
-    assert shared_times(run) == 0
-    assert correlation_of_blocks(run) < 3.6  # 1e-3 over three pairs
+def found(counter, key):
+    return tuple(int(w) for w in words(Key(U(key[0]), U(key[1])), *address_of(counter)))
 
 
-def test_a_stream_used_twice_is_seen(monkeypatch):
-    monkeypatch.setattr(block_module, "streams", lambda seed, block: streams(seed, min(block, 1)))
-    run = three_blocks()
-    assert shared_times(run) >= BLOCK
-    assert correlation_of_blocks(run) > 3.6
+@pytest.mark.parametrize(("counter", "key", "output"), KNOWN)
+def test_known_answers(counter, key, output):
+    assert found(counter, key) == output
+    assert philox(counter, key) == output
+
+
+@settings(max_examples=300, deadline=None, derandomize=True)
+@given(
+    st.integers(0, 2**64 - 1), st.integers(0, 2**56 - 1), st.integers(0, 255),
+    st.tuples(st.integers(0, FULL), st.integers(0, FULL)),
+)  # fmt: skip
+def test_words_are_those_of_philox_in_python_integers(path, index, purpose, key):
+    counter = counter_of(path, index, purpose)
+    assert found(counter, key) == philox(counter, key)
+
+
+def test_comparison_of_words_sees_one_round_less():
+    counter, key, _ = KNOWN[2]
+    assert found(counter, key) != philox(counter, key, rounds=9)
+
+
+# --- normals
+
+EXTREME = [0, 1, 0xFF, 0x100, 0xFFFF, 0xFFFFFF, 0x1000000, 0x7FFFFFFF, 0x80000000, 0xFFFFFF00, FULL - 1, FULL]
+"""Words whose bits carry over, end a range, or lie on either side of a quadrant's border."""
+
+
+def box_muller(high, low):
+    """Two normals from 64 bits by the C library's log, cos and sin; the angle's quarter turns taken off exactly."""
+    bits = high << 32 | low
+    u = ((bits >> 24) + 0.5) / 2**40
+    radius = math.sqrt(-2.0 * (math.log1p(-((2**40 - (bits >> 24)) - 0.5) / 2**40) if u > 0.5 else math.log(u)))
+    angle = bits & 0xFFFFFF
+    quarter, rest = divmod(angle, 1 << 22)
+    c, s = math.cos(2.0 * math.pi * rest / 2**24), math.sin(2.0 * math.pi * rest / 2**24)
+    for _ in range(quarter):
+        c, s = -s, c
+    return radius * c, radius * s
+
+
+def furthest_pair(highs, lows, fault=1.0):
+    """Largest difference of a pair from the reference, over one or the normal's size."""
+    worst = 0.0
+    for high, low in zip(highs, lows, strict=True):
+        for a, b in zip(pair(U(high), U(low)), box_muller(high, low), strict=True):
+            worst = max(worst, abs(fault * a - b) / max(1.0, abs(b)))
+    return worst
+
+
+def test_normals_of_extreme_words_are_those_of_the_c_library():
+    highs, lows = np.array([(h, w) for h in EXTREME for w in EXTREME]).T.tolist()
+    borders = [k * 2**21 + d for k in range(1, 8) for d in (-1, 0, 1)]  # eighth turns, where the reduction changes
+    highs, lows = highs + [12345] * len(borders), lows + borders
+    assert furthest_pair(highs, lows) < 1e-14
+    assert furthest_pair(highs, lows, fault=1.0 + 3e-14) > 1e-14
+
+
+def test_normals_of_common_words_are_those_of_the_c_library():
+    rng = np.random.default_rng(2)
+    highs, lows = rng.integers(0, 2**32, (2, 3000)).tolist()
+    assert furthest_pair(highs, lows) < 1e-14
+
+
+def test_normals_near_a_radius_of_zero_and_the_longest():
+    """The uniform number nearest to one has a radius of about 1e-6; the nearest to zero one of about 7.5."""
+    nearest, longest = (math.hypot(*pair(U(h), U(h))) for h in (FULL, 0))
+    assert nearest == pytest.approx(math.sqrt(2.0 * 0.5 / 2**40), rel=1e-9)
+    assert longest == pytest.approx(math.sqrt(-2.0 * math.log(0.5 / 2**40)), rel=1e-14)
+
+
+def test_four_normals_are_the_two_pairs_of_the_words():
+    key = key_of(np.random.SeedSequence(3))
+    for path, index, purpose in ((0, 0, STEP), (2**40 + 5, 2**55 + 7, BRIDGE + 2), (9, 2**33, CONTACT)):
+        a, b, c, d = philox(counter_of(path, index, purpose), (int(key.low), int(key.high)))
+        expected = [*box_muller(a, b), *box_muller(c, d)]
+        assert np.allclose(normals(key, U(path), U(index), U(purpose)), expected, rtol=1e-14, atol=1e-14)
+
+
+def test_uniforms_are_the_upper_53_bits_of_the_words():
+    key = key_of(np.random.SeedSequence(3))
+    a, b, c, d = philox(counter_of(4, 5, CONTACT), (int(key.low), int(key.high)))
+    expected = [((w >> 11) + 0.5) / 2**53 for w in (a << 32 | b, c << 32 | d)]
+    assert list(uniforms(key, U(4), U(5), U(CONTACT))) == expected
+
+
+def test_filled_normals_are_those_of_the_single_function_bit_for_bit():
+    """Whatever the number of lanes and the order of the paths in them: vector and scalar code are one."""
+    key, rng = key_of(np.random.SeedSequence(3)), np.random.default_rng(1)
+    for lanes in (1, 7, 8, 100):
+        paths = rng.permutation(1000)[:lanes].astype(np.uint64)
+        z = np.zeros((5, 104))
+        fill_normals(key, paths, U(11), lanes, z)
+        expected = np.array([normals(key, p, U(11), U(STEP)) for p in paths]).T
+        assert np.array_equal(z[:4, :lanes], expected)
+        assert (z[:, lanes:] == 0.0).all()
+
+
+# --- laws
+
+
+@jit
+def drawn(low, high, paths, indices, purpose):
+    """Normals of many paths and indices, shape (paths, indices, 4)."""
+    out = np.empty((paths, indices, 4))
+    for p in range(paths):
+        for n in range(indices):
+            out[p, n] = normals(Key(low, high), np.uint64(p), np.uint64(n), np.uint64(purpose))
+    return out
+
+
+def sample(seed=7, paths=1000, indices=200, purpose=STEP):
+    return drawn(*key_of(np.random.SeedSequence(seed)), paths, indices, purpose)
 
 
 @pytest.fixture(scope="module")
-def alone():
-    return run_with(1)
+def z():
+    return sample()
 
 
-def run_with(workers, **changes):
-    return simulate(
-        dat21(0.3), paths=5 * BLOCK + 17, impacts=4, dt=1e-2, rng=3, workers=workers, keep_paths=True,
-        clock=[0.5, 1.0], histogram=True, **changes,
-    )  # fmt: skip
+def moment_scores(z, powers=range(1, 7)):
+    """z-scores of the raw moments of standard normals, per component."""
+    scores = []
+    for p in powers:
+        truth, second = stats.norm.moment(p), stats.norm.moment(2 * p)
+        scores.append(((z**p).mean(axis=(0, 1)) - truth) / np.sqrt((second - truth**2) / z[..., 0].size))
+    return np.concatenate(scores)
 
 
-@pytest.mark.parametrize("workers", [2, 3, 16])
-def test_result_is_the_same_bit_for_bit_for_any_number_of_workers(alone, workers):
-    run = run_with(workers)
-    assert np.array_equal(alone.raw, run.raw)
-    assert alone.section.equals(run.section)
-    assert alone.clock().equals(run.clock())
-    assert np.array_equal(alone.covariance, run.covariance)
-    assert np.array_equal(alone.histograms.counts, run.histograms.counts)
+PLANTED_MOMENTS = {
+    "mean": lambda z: z + 0.02,
+    "variance": lambda z: 1.02 * z,
+    "third moment": lambda z: (z + 0.02 * (z**2 - 1.0)) / np.sqrt(1.0008),
+    "fourth moment": lambda z: np.random.default_rng(1).standard_t(30, z.shape) / np.sqrt(30.0 / 28.0),
+}
 
 
-def test_more_paths_leave_the_earlier_full_blocks_as_they_were(alone):
-    fewer = simulate(
-        dat21(0.3), paths=2 * BLOCK, impacts=4, dt=1e-2, rng=3, keep_paths=True, clock=[0.5, 1.0]
-    )  # fmt: skip
-    assert np.array_equal(alone.raw[: 2 * BLOCK], fewer.raw)
+def test_moments_to_the_sixth_are_those_of_a_standard_normal(z):
+    scores = moment_scores(z)
+    assert np.abs(scores).max() < limit(scores.size)
 
 
-def test_a_seed_and_its_sequence_are_the_same_and_another_seed_is_not():
-    raws = [
-        simulate(dat21(0.3), paths=5, impacts=2, dt=1e-2, rng=rng, keep_paths=True).raw
-        for rng in (3, np.random.SeedSequence(3), 4, np.random.SeedSequence(3).spawn(1)[0])
+@pytest.mark.parametrize("fault", PLANTED_MOMENTS)
+def test_planted_moment_is_seen(z, fault):
+    scores = moment_scores(PLANTED_MOMENTS[fault](z))
+    assert np.abs(scores).max() > limit(scores.size)
+
+
+def kolmogorov(z):
+    return min(stats.kstest(z[..., k].ravel(), "norm").pvalue for k in range(4))
+
+
+def test_distribution_is_normal(z):
+    assert kolmogorov(z) > FALSE_ALARM / 4
+    assert kolmogorov(1.02 * z) < FALSE_ALARM / 4  # planted
+
+
+def test_tails_are_those_of_a_normal(z):
+    """Counts beyond 3, 4 and 4.5 on both sides of all components together, as Poisson numbers."""
+    for t in (3.0, 4.0, 4.5):
+        expected = 2.0 * stats.norm.sf(t) * z.size
+        seen = (np.abs(z) > t).sum()
+        tail = min(stats.poisson.cdf(seen, expected), stats.poisson.sf(seen - 1, expected))
+        assert tail > 0.5 * FALSE_ALARM / 3
+    assert stats.poisson.sf((np.abs(1.05 * z) > 3.0).sum() - 1, 2.0 * stats.norm.sf(3.0) * z.size) < FALSE_ALARM
+
+
+def correlations(pairs):
+    """z-scores of the correlation of each pair of samples, and of their squares."""
+    scores = []
+    for a, b in pairs:
+        a, b = a.ravel(), b.ravel()
+        for u, v in ((a, b), (a**2, b**2)):
+            scores.append(np.corrcoef(u, v)[0, 1] * math.sqrt(a.size))
+    return np.array(scores)
+
+
+def neighbours(z):
+    """Samples that must know nothing of each other: between components, neighbouring and far indices and paths."""
+    return [
+        *((z[..., i], z[..., j]) for i in range(4) for j in range(i)),
+        *((z[:, :-lag, i], z[:, lag:, j]) for lag in (1, 2, 64) for i in range(4) for j in range(4)),
+        *((z[:-lag, :, i], z[lag:, :, i]) for lag in (1, 2, 512) for i in range(4)),
     ]
-    assert np.array_equal(raws[0], raws[1])
-    assert not np.isin(raws[0][:, 0, 0], raws[2][:, 0, 0]).any()
-    assert not np.isin(raws[0][:, 0, 0], raws[3][:, 0, 0]).any()
 
 
-def test_a_spawned_seed_does_not_depend_on_what_else_it_was_used_for():
-    seed = np.random.SeedSequence(3)
-    first = simulate(dat21(0.3), paths=5, impacts=1, dt=1e-2, rng=seed).section
-    assert seed.n_children_spawned == 0
-    assert first.equals(simulate(dat21(0.3), paths=5, impacts=1, dt=1e-2, rng=seed).section)
+def test_components_indices_and_paths_are_uncorrelated_and_so_are_their_squares(z):
+    scores = correlations(neighbours(z))
+    assert np.abs(scores).max() < limit(scores.size)
 
 
-def test_step_bias_leaves_a_lone_path_of_the_fine_run_as_it_was():
-    """With more paths in a block, lanes are freed later, so the same stream is dealt out differently; see below."""
-    raws = [
-        simulate(dat21(0.3), paths=1, impacts=6, dt=5e-3, rng=9, keep_paths=True, step_bias=b).raw
-        for b in (False, True)
-    ]
-    assert np.array_equal(raws[0], raws[1])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_planted_correlation_is_seen(z, axis):
+    scores = correlations(neighbours(np.sqrt(1.0 - 4e-4) * z + 2e-2 * np.roll(z, 1, axis)))
+    assert np.abs(scores).max() > limit(scores.size)
 
 
-def test_step_bias_leaves_a_block_as_it_was_until_its_first_path_is_done():
-    raws = [
-        simulate(dat21(0.3), paths=100, impacts=12, dt=5e-3, rng=9, keep_paths=True, step_bias=b).raw
-        for b in (False, True)
-    ]
-    same = (raws[0] == raws[1]).all(axis=(0, 2))
-    assert same[:4].all()
+def test_purposes_and_seeds_are_uncorrelated(z):
+    others = [sample(purpose=p) for p in range(1, BRIDGE + LEVELS)]
+    seeds = [sample(seed=8), sample(seed=2**32 + 7)]
+    child = np.random.SeedSequence(7).spawn(1)[0]
+    seeds.append(drawn(*key_of(child), *z.shape[:2], STEP))
+    every = [z, *others, *seeds]
+    scores = correlations((every[i], every[j]) for i in range(len(every)) for j in range(i))
+    assert np.abs(scores).max() < limit(scores.size)
+    assert correlations([(every[0] + 2e-2 * every[1], every[1])])[0] > limit(scores.size)
+
+
+def test_keys_of_nearby_seeds_differ():
+    seeds = [np.random.SeedSequence(n) for n in range(1000)] + np.random.SeedSequence(0).spawn(1000)
+    assert len({tuple(int(w) for w in key_of(s)) for s in seeds}) == 2000
+
+
+# --- no counter twice
+
+COUNTERS = st.tuples(st.integers(0, 2**64 - 1), st.integers(0, 2**56 - 1), st.integers(0, 255))
+
+
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(COUNTERS)
+def test_an_address_is_told_by_its_counter(address):
+    """So two addresses never share a counter; and Philox is a bijection of counters."""
+    assert tuple(int(v) for v in address_of(counter_of(*address))) == address
+
+
+def test_purposes_fit_into_their_bits():
+    assert len({STEP, CONTACT, *range(BRIDGE, BRIDGE + LEVELS)}) == 2 + LEVELS
+    assert max(CONTACT, BRIDGE + LEVELS - 1) < 2**8
+
+
+def test_steps_leave_room_in_their_bits():
+    """The longest run: a horizon of 1e6 impacts at the finest step that is of any use."""
+    steps = 50.0 * 1e6 / 1e-4
+    assert steps * int(SPLITS) < 2.0**56
+
+
+def test_splits_of_a_step_stay_within_its_indices():
+    """Calls 0 to `MOST_IN_A_STEP`, each with its own indices for the cuts: none reaches into the next step's."""
+    assert int(CUTS_APART) > MOST_CUTS
+    assert MOST_IN_A_STEP * int(CUTS_APART) + MOST_CUTS < int(SPLITS)
+    assert int(SPLITS) > MOST_IN_A_STEP  # the located scheme: one split a call

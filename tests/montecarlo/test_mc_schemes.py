@@ -1,4 +1,4 @@
-"""One scalar step: its law without walls, its order on the noise-free orbit, its conservation laws."""
+"""One scalar step of the Euler schemes: its law without walls, its order on the noise-free orbit, its bridge."""
 
 import numpy as np
 import pytest
@@ -7,8 +7,10 @@ from scipy.integrate import quad_vec
 
 from closure.orbit import follow
 from montecarlo import simulate
-from montecarlo.schemes import SCHEMES, Progress, advance_inside, euler_step, step_forcing
-from scene import Scene, Start, Tolerance
+from montecarlo.euler import euler_step, step_forcing
+from montecarlo.euler_located import advance_inside
+from montecarlo.progress import Noise, Progress, Walls
+from scene import Scene
 from scene.impact import struck
 
 ORBIT_IMPACTS = 8
@@ -81,17 +83,6 @@ def test_located_scheme_follows_noise_free_orbit_at_first_order():
     assert slope(steps, [orbit_error("euler-maruyama-located", h) for h in steps]) == pytest.approx(1.0, abs=0.1)
 
 
-def test_plain_scheme_follows_noise_free_orbit_within_a_multiple_of_the_step():
-    """Detection at the end of the step errs by a fraction of it that jumps with dt: a bound, not a slope.
-
-    The late detection, at most dt, is carried along 8 impacts of an expanding orbit.
-    """
-    steps = 1e-3 / 2.0 ** np.arange(8)
-    errors = np.array([orbit_error("euler-maruyama", h) for h in steps])
-    assert (errors / steps).max() < 60.0
-    assert errors[-1] < 0.05 * errors[0]
-
-
 def test_order_check_sees_a_wrong_drag():
     """Planted: against the orbit of a drag 0.2 % off, the error stops falling with dt."""
     values = {name: getattr(dat21(), name) for name in ("alpha", "epsilon", "beta1", "beta2", "gamma2", "mu")}
@@ -99,38 +90,6 @@ def test_order_check_sees_a_wrong_drag():
     steps = 2e-3 / 2.0 ** np.arange(8)
     wrong = [abs(simulate(dat21(), paths=1, impacts=6, dt=h).section.tau[6] - orbit.tau[6]) for h in steps]
     assert abs(slope(steps, wrong) - 1.0) > 0.1
-
-
-FREE = Scene(
-    alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, mu=0.3, gap1=0.5, gap2=0.4,
-    start=Start(0.0, 0.1, 1.0, -0.2, -0.7), tolerance=Tolerance(0.2, 0.2, draw="contact"),
-)  # fmt: skip
-"""No forces and no losses; random walls make every path another one."""
-
-
-def wheels(raw, mu):
-    """Energy and momentum of the wheels just before each impact: masses 1 - mu and mu, u1 = -y1, u2 = y2 - y1."""
-    u1, u2 = -raw[..., 3], raw[..., 5] - raw[..., 3]
-    return (1.0 - mu) * u1**2 + mu * u2**2, (1.0 - mu) * u1 + mu * u2
-
-
-@pytest.mark.parametrize("scheme", SCHEMES)
-def test_energy_is_conserved_on_every_path(scheme):
-    raw = simulate(FREE, paths=200, impacts=30, dt=0.02, scheme=scheme, keep_paths=True).raw
-    energy, _ = wheels(raw, FREE.mu)
-    start = (1.0 - FREE.mu) * 1.0**2 + FREE.mu * 1.7**2
-    assert np.abs(energy - start).max() < 1e-12
-    assert np.ptp(raw[:, :, 3]) > 0.5  # the paths do differ
-    assert np.ptp(wheels(raw, FREE.mu + 0.01)[0]) > 1e-3  # planted: another share of the impulse
-
-
-@pytest.mark.parametrize("scheme", SCHEMES)
-def test_momentum_is_conserved_by_mesh_2_and_not_by_mesh_1(scheme):
-    raw = simulate(FREE, paths=200, impacts=30, dt=0.02, scheme=scheme, keep_paths=True).raw
-    _, momentum = wheels(raw, FREE.mu)
-    change, mesh = np.abs(np.diff(momentum, axis=1)), np.abs(raw[:, :-1, 6])
-    assert change[mesh == 2].max() < 1e-12
-    assert np.median(change[mesh == 1]) > 0.1
 
 
 def test_struck_reverses_the_gap_speed_by_restitution():
@@ -148,10 +107,10 @@ def test_bridge_splits_an_increment_into_independent_normal_parts():
     parts = np.empty((n, 2))
     for i in range(n):
         whole, normal = rng.normal(0.0, np.sqrt(h)), rng.normal()
-        at = Progress(0, 0.3, h, whole, 0.5 - distance, speed, 0.0, 0.0)
-        after = advance_inside(c, at, normal, 0.5, 0.5, 0.5, 0.5)
+        at = Progress(0, 0.3, h, Noise(whole, 0.0), 0.5 - distance, speed, 0.0, 0.0)
+        after = advance_inside(c, at, normal, Walls(0.5, 0.5, 0.5, 0.5))
         assert after.left == pytest.approx(h - distance / speed)
-        parts[i] = whole - after.increment, after.increment
+        parts[i] = whole - after.noise.increment, after.noise.increment
     s = np.array([distance / speed, h - distance / speed])
     z_variance = (parts.var(axis=0) / s - 1.0) * np.sqrt(n / 2.0)
     z_correlation = np.corrcoef(parts.T)[0, 1] * np.sqrt(n)
@@ -162,8 +121,10 @@ def test_bridge_splits_an_increment_into_independent_normal_parts():
 
 def test_noise_that_turns_a_path_at_the_wall_makes_no_impact():
     c = dat21(1.0).constants
-    at = Progress(0, 1.5, 0.1, 5.0, 0.49, 0.2, 0.0, 0.0)  # at tau = 1.5 a positive increment pushes towards -x1
-    after = advance_inside(c, at, 0.0, 0.5, 0.5, 0.5, 0.5)
+    at = Progress(
+        0, 1.5, 0.1, Noise(5.0, 0.0), 0.49, 0.2, 0.0, 0.0
+    )  # at tau = 1.5 a positive increment pushes towards -x1
+    after = advance_inside(c, at, 0.0, Walls(0.5, 0.5, 0.5, 0.5))
     assert (after.code, after.x1) == (0, 0.5)
     assert after.y1 < 0.0
     assert 0.0 < after.left < 0.1

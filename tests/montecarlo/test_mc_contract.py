@@ -1,0 +1,299 @@
+"""What every scheme promises, whatever its order: one class of tests, run for each entry of SCHEMES."""
+
+import math
+from dataclasses import replace
+from importlib import import_module
+
+import numpy as np
+import pytest
+from mc_checks import (
+    DAMPED,
+    FALSE_ALARM,
+    PRESSED,
+    TOLERANT,
+    UNEQUAL_GAPS,
+    agrees,
+    dat21,
+    limit,
+    open_space,
+    orbit_of,
+)
+from scipy import stats
+from test_mc_schemes import by_steps
+
+from montecarlo import SCHEMES, simulate
+from montecarlo.block import BLOCK
+from montecarlo.kernel import CHUNK
+from scene import Scene, Start, Tolerance
+from scene.flight import flow, noise_covariance
+
+STEP = {"euler-maruyama": 5e-3, "euler-maruyama-located": 5e-3, "exact-flight": math.pi / 64.0}
+"""A step at which each scheme is of use."""
+
+LOCATES = {"euler-maruyama": False, "euler-maruyama-located": True, "exact-flight": True}
+
+STATE = ("x1", "y1", "x2", "y2")
+PAIRS = [(i, j) for i in range(4) for j in range(i, 4)]
+TIMES = np.array([0.5, 1.5, 3.0])
+
+FREE = Scene(
+    alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, mu=0.3, gap1=0.5, gap2=0.4,
+    start=Start(0.0, 0.1, 1.0, -0.2, -0.7), tolerance=Tolerance(0.2, 0.2, draw="contact"),
+)  # fmt: skip
+"""No forces and no losses; random walls make every path another one."""
+
+LAWS = {
+    "uniform": lambda c: stats.uniform(-c, 2.0 * c),
+    "normal": lambda c: stats.truncnorm(-2.0, 2.0, scale=0.5 * c),
+}
+
+
+def wheels(raw, mu):
+    """Energy and momentum of the wheels just before each impact: masses 1 - mu and mu, u1 = -y1, u2 = y2 - y1."""
+    u1, u2 = -raw[..., 3], raw[..., 5] - raw[..., 3]
+    return (1.0 - mu) * u1**2 + mu * u2**2, (1.0 - mu) * u1 + mu * u2
+
+
+def flight_moments(scene, scheme, dt, t):
+    """Mean and covariance of a flight without walls, as the scheme has them."""
+    if SCHEMES[scheme].weak_order is not None:
+        return by_steps(scene, t, dt)
+    s = scene.start
+    mean = flow(scene.constants, s.tau, s.x1, s.y1, s.x2, s.y2, t)
+    return np.array(mean), noise_covariance(scene.constants, s.tau, t)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+class TestScheme:
+    """Each test takes the scheme's name."""
+
+    def run(self, scheme, scene, **settings):
+        settings = {"paths": 200, "impacts": 8, "dt": STEP[scheme], "rng": 2, "keep_paths": True} | settings
+        return simulate(scene, scheme=scheme, **settings)
+
+    # --- what it is
+
+    def test_it_is_registered_with_a_file_and_a_code_of_its_own(self, scheme):
+        import_module(f"montecarlo.{SCHEMES[scheme].file}")
+        assert [s.code for s in SCHEMES.values()].count(SCHEMES[scheme].code) == 1
+
+    # --- truths
+
+    @pytest.mark.parametrize("scene", [dat21(), UNEQUAL_GAPS, DAMPED], ids=["DAT21", "unequal gaps", "damped"])
+    def test_noise_free_path_converges_to_the_orbit(self, scheme, scene):
+        """At first order within a bound for Euler's steps (a late detection jumps with dt); at once for exact ones."""
+        impacts = 5
+        orbit = orbit_of(scene, impacts)
+        errors, steps = [], 2e-3 / 4.0 ** np.arange(5)
+        for dt in steps if SCHEMES[scheme].weak_order else 50.0 * steps:
+            raw = self.run(scheme, scene, paths=1, impacts=impacts, dt=dt).raw[0]
+            assert (raw[:, 6] == orbit[:, 5]).all()
+            errors.append(np.abs(raw[:, [0, 2, 3, 4, 5]] - orbit[:, :5]).max())
+        if SCHEMES[scheme].weak_order is None:
+            assert max(errors) < 1e-8
+        else:
+            assert (errors / steps).max() < 60.0
+            assert errors[-1] < 0.03 * errors[0]
+            if LOCATES[scheme]:
+                assert np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(1.0, abs=0.1)
+
+    def test_energy_is_conserved_on_every_path(self, scheme):
+        raw = self.run(scheme, FREE, impacts=30, dt=0.02).raw
+        energy, _ = wheels(raw, FREE.mu)
+        assert np.abs(energy - ((1.0 - FREE.mu) * 1.0**2 + FREE.mu * 1.7**2)).max() < 1e-12
+        assert np.ptp(raw[:, :, 3]) > 0.5  # the paths do differ
+        assert np.ptp(wheels(raw, FREE.mu + 0.01)[0]) > 1e-3  # planted: another share of the impulse
+
+    def test_momentum_is_conserved_by_mesh_2_and_not_by_mesh_1(self, scheme):
+        raw = self.run(scheme, FREE, impacts=30, dt=0.02).raw
+        _, momentum = wheels(raw, FREE.mu)
+        change, mesh = np.abs(np.diff(momentum, axis=1)), np.abs(raw[:, :-1, 6])
+        assert change[mesh == 2].max() < 1e-12
+        assert np.median(change[mesh == 1]) > 0.1
+
+    @pytest.mark.parametrize("louder", [1.0, 1.03])
+    def test_flight_without_walls_has_the_means_and_4d_covariance_of_the_scheme(self, scheme, louder):
+        """The clock's means and covariances, each with its own standard error; 3 % more noise is planted."""
+        scene, paths, dt = open_space(0.4, beta2=0.9), 20_000, 0.02
+        noisy = replace(scene, sigma=louder * scene.sigma)
+        run = self.run(
+            scheme, noisy, paths=paths, impacts=1, dt=dt, clock=scene.start.tau + TIMES, horizon=4.0, keep_paths=False
+        )
+        names = [*STATE, *(f"cov_{STATE[i]}_{STATE[j]}" for i, j in PAIRS)]
+        found, se = run.clock()[names].to_numpy(), run.clock()[[f"se_{n}" for n in names]].to_numpy()
+        moments = [flight_moments(scene, scheme, dt, t) for t in TIMES]
+        truth = np.array([[*mean, *(cov[i, j] for i, j in PAIRS)] for mean, cov in moments])
+        assert agrees(found, truth, se, slack=1e-8) == (louder == 1.0)
+
+    # --- paths and tables
+
+    def test_times_go_on_and_flights_are_their_differences(self, scheme):
+        raw = self.run(scheme, dat21(0.5), impacts=20).raw
+        tau = np.concatenate([np.zeros((len(raw), 1)), raw[:, :, 0]], axis=1)
+        assert np.array_equal(np.diff(tau, axis=1), raw[:, :, 1])
+        assert (raw[:, :, 1] >= 0.0).all()
+        assert (raw[:, :, 1] > 0.0).mean() > 0.99
+
+    @pytest.mark.parametrize("scene", [dat21(0.5), replace(UNEQUAL_GAPS, sigma=0.3)], ids=["DAT21", "unequal gaps"])
+    def test_impacts_are_on_the_wall_of_their_code_and_outward(self, scheme, scene):
+        raw = self.run(scheme, scene, impacts=20).raw
+        for mesh, gap in ((1, scene.gap1), (2, scene.gap2)):
+            rows = raw[np.abs(raw[:, :, 6]) == mesh]
+            side = np.sign(rows[:, 6])
+            assert len(rows) > 500
+            assert (rows[:, 2 * mesh] == side * gap).all()
+            assert (rows[:, 2 * mesh + 1] * side > 0.0).all()
+
+    @pytest.mark.parametrize("scene", [dat21(0.5), replace(TOLERANT, sigma=0.5)], ids=["DAT21", "redrawn walls"])
+    def test_states_are_within_the_walls_at_any_time(self, scheme, scene):
+        """Where impacts are located: without slack but rounding.  Detection at a step's end lets a step through."""
+        run = self.run(scheme, scene, paths=400, clock=np.arange(1, 60) * STEP[scheme] * 4, keep_paths=False)
+        spread = 6.0 * STEP[scheme] if not LOCATES[scheme] else 0.0
+        c1, c2 = (scene.tolerance.c1_max, scene.tolerance.c2_max) if scene.tolerance else (0.0, 0.0)
+        states = clock_states(run)
+        assert np.isfinite(states).all()
+        assert np.abs(states[..., 0]).max() <= scene.gap1 + c1 + 1e-9 + spread
+        assert np.abs(states[..., 2]).max() <= scene.gap2 + c2 + 1e-9 + spread
+
+    def test_agreement_is_a_share_that_never_grows(self, scheme):
+        orbit = orbit_of(dat21(), 8)[:, 5].astype(int).tolist()
+        run = self.run(scheme, dat21(0.5), impacts=8, itineraries={"orbit": orbit, "never": [0] * 8})
+        shares = run.agreement.to_numpy()
+        assert ((shares >= 0.0) & (shares <= 1.0)).all()
+        assert (np.diff(shares, axis=0) <= 0.0).all()
+        assert run.agreement["orbit"].equals(run.agreement["noise-free"].rename("orbit"))
+        assert (run.agreement["never"] == 0.0).all()
+        assert 0.0 < run.section.agreement[8] < 1.0
+        assert self.run(scheme, dat21(1e-4), impacts=8).section.agreement[8] == 1.0
+
+    def test_single_stage_is_the_first_stage_of_a_pair_whose_second_never_touches(self, scheme):
+        values = {n: getattr(dat21(), n) for n in ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu")}
+        pair = Scene(**values, gap2=1e6, sigma=0.2, start=Start(0.0, 0.5, 2.0, 0.0, 0.0, mesh=1))
+        lone, both = (self.run(scheme, s, impacts=6).raw for s in (dat21(0.2, stages=1), pair))
+        assert np.array_equal(lone[:, :, [0, 1, 2, 3, 6]], both[:, :, [0, 1, 2, 3, 6]])
+        assert np.isnan(lone[:, :, 4:6]).all()
+
+    def test_paths_cut_off_by_the_horizon_are_counted(self, scheme):
+        """A third impact at about 1.1: cut at 0.7, every path has had one impact and none has had three."""
+        run = self.run(scheme, dat21(0.05), paths=700, impacts=3, horizon=0.7)
+        assert run.unfinished == 700
+        assert run.section.paths.tolist() == [700, 0, 0]
+        assert np.isnan(run.section.tau[3])
+        assert np.isnan(run.raw[:, 1:]).all()
+        assert run.section.agreement[3] == 0.0
+
+    def test_no_path_runs_beyond_the_horizon_by_more_than_a_step(self, scheme):
+        run = self.run(scheme, dat21(0.3), impacts=60, horizon=1.5)
+        assert run.unfinished == 200
+        assert np.nanmax(run.raw[:, :, 0]) <= 1.5 + STEP[scheme]
+        steps = math.ceil(1.5 / STEP[scheme])
+        assert run.path_steps == 200 * steps
+
+    def test_steps_are_counted_by_the_chunk(self, scheme):
+        """A path is looked at every `CHUNK` steps: until then its steps are taken, and counted."""
+        run = self.run(scheme, dat21(0.3), paths=50)
+        least = np.ceil(run.raw[:, -1, 0] / STEP[scheme] / CHUNK - 1e-9) * CHUNK
+        assert run.path_steps == least.sum()
+
+    # --- impacts that pile up
+
+    def test_accumulating_impacts_return_and_are_counted(self, scheme):
+        """Both stages pressed into their corners: impacts without end within a step, if they are located."""
+        run = self.run(scheme, PRESSED, paths=20, impacts=500)
+        assert run.unfinished == 0
+        assert (run.held > 0) == LOCATES[scheme]
+        assert np.isfinite(run.raw).all()
+        assert (run.raw[:, :, 1] >= 0.0).all()
+
+    def test_paths_that_never_accumulate_are_never_held(self, scheme):
+        assert self.run(scheme, dat21(0.1), paths=500).held == 0
+
+    @pytest.mark.parametrize("epsilon", [0.0, 0.02])
+    def test_collapse_onto_the_wall_is_survived(self, scheme, epsilon):
+        """Below a restitution of 0.163 a randomly accelerated particle collapses (Cornell, Swift & Bray 1998)."""
+        scene = Scene(
+            alpha=0.0, epsilon=epsilon, beta1=0.0, gamma1=0.0, sigma=1.0, stages=1,
+            start=Start(-0.5 * math.pi, 0.5, 1.0, mesh=1),
+        )  # fmt: skip
+        run = self.run(scheme, scene, impacts=40, horizon=20.0)
+        reached = np.isfinite(run.raw[:, :, 0])
+        assert run.unfinished + reached[:, -1].sum() == 200
+        assert reached[:, -1].sum() > 100
+        assert (np.abs(run.raw[:, :, 2][reached]) == 0.5).all()
+        assert np.isfinite(run.raw[:, :, :4][reached]).all()
+
+    # --- walls
+
+    @pytest.mark.parametrize("draw", ["path", "contact"])
+    def test_fixed_tolerance_is_a_wider_gap(self, scheme, draw):
+        tolerant = self.run(scheme, dat21(0.3, tolerance=Tolerance(0.04, 0.02, law="fixed", draw=draw)))
+        wider = replace(dat21(0.3), gap1=0.54, gap2=0.52, start=Start(0.0, 0.54, 2.0, 0.52, 2.0, mesh=1))
+        assert np.array_equal(tolerant.raw, self.run(scheme, wider).raw)
+
+    @pytest.mark.parametrize("draw", ["path", "contact"])
+    def test_tolerance_of_no_width_is_none(self, scheme, draw):
+        raws = [self.run(scheme, dat21(0.3, tolerance=t)).raw for t in (None, Tolerance(0.0, 0.0, draw=draw))]
+        assert np.array_equal(*raws)
+
+    @pytest.mark.parametrize("law", LAWS)
+    @pytest.mark.parametrize("draw", ["path", "contact"])
+    def test_walls_have_the_distribution_asked_for(self, scheme, draw, law):
+        """A lossless wheel that meets the flanks -, +, - in turn, so that no path is selected by its walls."""
+        scene = Scene(
+            alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, stages=1, start=Start(0.0, 0.5, 2.0, mesh=1),
+            tolerance=Tolerance(0.04, law=law, draw=draw),
+        )  # fmt: skip
+        raw = self.run(scheme, scene, paths=4000, impacts=3, dt=0.01).raw
+        assert (raw[:, :, 6] == [-1, 1, -1]).all()
+        other = next(o for o in LAWS if o != law)
+        for k in range(3):
+            deviation = np.abs(raw[:, k, 2]) - 0.5
+            assert stats.kstest(deviation, LAWS[law](0.04).cdf).pvalue > FALSE_ALARM / 3.0
+            assert stats.kstest(deviation, LAWS[other](0.04).cdf).pvalue < FALSE_ALARM / 3.0
+        score = np.corrcoef(np.abs(raw[:, 0, 2]), np.abs(raw[:, 1, 2]))[0, 1] * math.sqrt(4000)
+        assert (abs(score) < limit(1)) == (draw == "contact")
+
+    @pytest.mark.parametrize("mesh", [1, 2])
+    def test_a_flank_is_redrawn_when_and_only_when_the_opposite_is_struck(self, scheme, mesh):
+        raw = self.run(scheme, dat21(0.5, tolerance=Tolerance(0.04, 0.02, draw="contact")), impacts=40).raw
+        moved, between = [], []
+        for path in raw:
+            last, struck = {}, {1: False, -1: False}
+            for row in path[np.abs(path[:, 6]) == mesh]:
+                side = int(np.sign(row[6]))
+                if side in last:
+                    moved.append(row[2 * mesh] != last[side])
+                    between.append(struck[side])
+                last[side], struck[side], struck[-side] = row[2 * mesh], False, True
+        assert np.array_equal(moved, between)
+        assert 200 < sum(between) < len(between) - 200  # both happened
+
+    # --- the same again
+
+    def test_same_seed_same_paths_another_seed_others(self, scheme):
+        raws = [self.run(scheme, dat21(0.3), paths=20, impacts=3, rng=rng).raw for rng in (3, 3, 4)]
+        assert np.array_equal(raws[0], raws[1])
+        assert not np.isin(raws[0][:, 0, 3], raws[2][:, 0, 3]).any()
+
+    def test_a_path_does_not_depend_on_the_others(self, scheme):
+        """Nor on whether coarser steps run beside it, on a clock, or on what is kept."""
+        scene = dat21(0.5)
+        alone = self.run(scheme, scene, paths=3).raw
+        clocked = {"clock": [0.5, 3.0], "histogram": True, "step_bias": True, "workers": 2}
+        among = self.run(scheme, scene, paths=BLOCK + 3, **clocked).raw
+        assert np.array_equal(alone, among[:3])
+        assert np.array_equal(self.run(scheme, scene, paths=BLOCK + 3).raw, among)
+
+    def test_default_scene_takes_a_step_bias(self, scheme):
+        run = self.run(scheme, dat21(0.3), impacts=4, step_bias=True, clock=[1.0])
+        assert np.isfinite(run.step_bias[["bias", "se_bias", "corrected", "se_corrected", "rest"]].to_numpy()).all()
+        assert np.isfinite(run.clock()[["coarse_rho1", "coarse_rho2"]].to_numpy()).all()
+
+
+def clock_states(run):
+    """States of a run's paths at its clock times, shape (paths, times, 4), by running its blocks again."""
+    from montecarlo.block import Plan, sample
+
+    steps = np.round((run.clock_times - run.scene.start.tau) / run.dt).astype(np.int64)
+    plan = Plan(run.scene, run.paths, run.impacts, run.dt, run.scheme, run.seed, 16 * int(steps[-1]), steps, {}, 1)
+    return np.concatenate([sample(plan, b).clock[0] for b in range(plan.blocks)])

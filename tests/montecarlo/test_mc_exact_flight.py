@@ -1,0 +1,427 @@
+"""The exact flight: its Gaussian law, its orbit, and no bias of the step, against truths and the other schemes."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mc_checks import DAMPED, FALSE_ALARM, PRESSED, TOLERANT, UNEQUAL_GAPS, agrees, dat21, limit, open_space, orbit_of
+from scipy import stats
+from scipy.integrate import quad_vec
+
+from montecarlo import largest_step, simulate
+from montecarlo.exact_flight import CLOSE, advance_exactly, flight_forcing
+from montecarlo.noise import BRIDGE, key_of
+from montecarlo.progress import Noise, Progress, Walls
+from scene import Scene, Start, Tolerance
+from scene.compiled import jit
+from scene.flight import flow, jacobian, noise_covariance, noise_rate
+
+EXACT, LOCATED = "exact-flight", "euler-maruyama-located"
+QUANTITIES = ("tau", "flight", "x1", "y1", "x2", "y2")
+
+# --- the Gaussian law of a flight
+
+
+def by_steps(scene, t, steps, across=1.0):
+    """Mean and covariance after a time t by the linear map of each step; `across` plants a wrong share of the area."""
+    s, h = scene.start, t / steps
+    mean, cov = np.array([s.x1, s.y1, s.x2, s.y2]), np.zeros((4, 4))
+    for n in range(steps):
+        f = flight_forcing(scene.constants, s.tau + n * h, h)
+        matrix = np.array([
+            [1.0, f.x1y1, 0.0, 0.0], [0.0, f.y1y1, 0.0, 0.0], [0.0, f.x2y1, 1.0, f.x2y2], [0.0, f.y2y1, 0.0, f.y2y2],
+        ])  # fmt: skip
+        kicks = np.array([f.along, across * np.array(f.across)])
+        mean, cov = matrix @ mean + f.drift, matrix @ cov @ matrix.T + kicks.T @ kicks
+    return mean, cov
+
+
+OPEN = {
+    "DAT21": open_space(0.4), "unequal damping": open_space(0.4, beta2=0.9), "undamped": open_space(0.4, beta1=0.0),
+}  # fmt: skip
+FLIGHT = 1.6
+
+
+def left_out(scene):
+    """What increment and area miss of the covariance, per h^4: sigma^2 int k k' dr / 720, k the kernel's second rate.
+
+    A function's part beyond its line over a short h has the square ``h^5 k^2 / 720`` to leading order.
+    """
+    tau, d = scene.start.tau + FLIGHT, 1e-3
+
+    def kernel(lag):
+        return jacobian(scene.constants, lag)[:, [1, 3]] @ np.array(noise_rate(scene.constants, tau - lag))
+
+    def integrand(lag):
+        bend = (kernel(lag + d) - 2.0 * kernel(lag) + kernel(lag - d)) / d**2
+        return np.outer(bend, bend)
+
+    return scene.sigma**2 / 720.0 * quad_vec(integrand, 0.0, FLIGHT, epsabs=1e-9)[0]
+
+
+def missing(scene, across=1.0):
+    """Covariance that the scheme lacks after a flight of 8, 16 and 32 steps, over the largest of what theory says."""
+    exact, scale = noise_covariance(scene.constants, scene.start.tau, FLIGHT), np.abs(left_out(scene)).max()
+    return [(exact - by_steps(scene, FLIGHT, n, across)[1]) / ((FLIGHT / n) ** 4 * scale) for n in (8, 16, 32)]
+
+
+@pytest.mark.parametrize("case", OPEN)
+def test_covariance_of_a_flight_lacks_only_what_is_said_to_be_left_out(case):
+    """It falls as h^4, by 16 at each halving, and has the size that the second derivative of the kernel gives it."""
+    rough, fine, finest = missing(OPEN[case])
+    truth = left_out(OPEN[case]) / np.abs(left_out(OPEN[case])).max()
+    assert np.abs(finest - truth).max() < 0.003
+    assert np.abs(fine - truth).max() < 0.012
+    assert np.abs(rough - truth).max() < 0.05
+
+
+def test_check_of_the_covariance_sees_a_wrong_area():
+    truth = left_out(OPEN["DAT21"]) / np.abs(left_out(OPEN["DAT21"])).max()
+    assert np.abs(missing(OPEN["DAT21"], across=0.9999)[-1] - truth).max() > 0.05
+
+
+@pytest.mark.parametrize("case", OPEN)
+def test_mean_of_a_flight_is_the_flow(case):
+    scene, s = OPEN[case], OPEN[case].start
+    exact = flow(scene.constants, s.tau, s.x1, s.y1, s.x2, s.y2, FLIGHT)
+    for steps in (1, 7, 50):
+        assert np.abs(by_steps(scene, FLIGHT, steps)[0] - exact).max() < 1e-13
+
+
+# --- the noise-free orbit
+
+ORBITS = {
+    "DAT21": dat21(), "unequal gaps": UNEQUAL_GAPS, "damped": DAMPED, "single": dat21(stages=1),
+    "wider": dat21(tolerance=Tolerance(0.04, 0.02, law="fixed")),
+    "plastic": replace(UNEQUAL_GAPS, epsilon=0.05), "slow": replace(dat21(), alpha=0.3),
+    "in flight": replace(dat21(), start=Start(0.4, 0.1, -0.3, -0.2, 0.6)),
+}  # fmt: skip
+
+
+def orbit_error(scene, dt, impacts=8, **changes):
+    """Largest difference of impact times and states from the orbit by flight and contact law alone."""
+    rows = orbit_of(replace(scene, **changes), impacts)
+    raw = simulate(scene, paths=1, impacts=impacts, dt=dt, scheme=EXACT, keep_paths=True).raw[0]
+    if (raw[:, 6] != rows[:, 5]).any():
+        return math.inf
+    columns = slice(0, 5 if scene.stages == 2 else 3)
+    return np.abs(raw[:, [0, 2, 3, 4, 5]] - rows[:, :5])[:, columns].max()
+
+
+@pytest.mark.parametrize("case", ORBITS)
+def test_noise_free_path_is_the_orbit_at_any_step(case):
+    """Impacts are placed to 1e-10 of the half gap, and orbits expand."""
+    scene = ORBITS[case]
+    largest = largest_step(scene, EXACT)[0]
+    for dt in (largest, 0.37 * largest, math.pi / 128.0, 1e-3):
+        assert orbit_error(scene, dt, impacts=5) < 1e-9
+        assert orbit_error(scene, dt, impacts=8) < 1e-8
+
+
+def test_orbit_check_sees_another_restitution():
+    assert orbit_error(dat21(), math.pi / 32.0, epsilon=dat21().epsilon + 1e-8) > 1e-9
+
+
+# --- no bias of the step
+
+
+def moments(run, prefixes=("", "sd_"), least=1e-9):
+    """Section means and sds of what varies, with standard errors, flat."""
+    table, names = run.section, [p + q for p in prefixes for q in QUANTITIES if q[-1] != "2" or run.scene.stages == 2]
+    values, se = table[names].to_numpy().ravel(), table[[f"se_{n}" for n in names]].to_numpy().ravel()
+    return values, se, se > least
+
+
+def same_moments(a, b, slack=0.0):
+    (u, se_u, varies), (v, se_v, _) = moments(a), moments(b)
+    return agrees(u[varies], v[varies], np.hypot(se_u, se_v)[varies], slack)
+
+
+NOISE = (0.05, 0.5, math.sqrt(1.5))
+WALLED = {"DAT21": dat21(), "unequal gaps": UNEQUAL_GAPS, "redrawn walls": TOLERANT}
+
+
+def sampled(scene, dt, paths=10_000, impacts=6, rng=1, **settings):
+    return simulate(scene, paths=paths, impacts=impacts, dt=dt, scheme=EXACT, rng=rng, **settings)
+
+
+@pytest.mark.parametrize("sigma", NOISE)
+@pytest.mark.parametrize("case", WALLED)
+def test_section_does_not_depend_on_the_step(case, sigma):
+    scene = replace(WALLED[case], sigma=sigma)
+    assert same_moments(sampled(scene, math.pi / 32.0), sampled(scene, math.pi / 128.0, rng=2))
+
+
+@pytest.mark.parametrize("change", [{"sigma": 1.1 * 0.5}, {"epsilon": 0.9 + 0.03}, {"gap1": 0.51}])
+def test_comparison_of_steps_sees_another_scene(change):
+    scene = dat21(0.5)
+    start = replace(scene.start, x1=change.get("gap1", 0.5))
+    other = sampled(replace(scene, start=start, **change), math.pi / 128.0, rng=2)
+    assert not same_moments(sampled(scene, math.pi / 32.0), other)
+
+
+def test_section_of_a_larger_sample_does_not_depend_on_the_step():
+    scene = dat21(0.5)
+    assert same_moments(sampled(scene, math.pi / 32.0, 40_000), sampled(scene, math.pi / 128.0, 40_000, rng=2))
+
+
+def test_what_is_left_out_shows_where_the_noise_begins_from_nothing():
+    """A limit, not a virtue: at tau = 0 the modulation all but vanishes, and so does the variance of a short flight.
+
+    What increment and area leave out is then no small share of it: 15 % of the sd of x1 after one step of 0.2, and
+    0.9 % after two of 0.1, around pi / 32.  It falls with the fourth power of the step.
+    """
+    scene, t = open_space(0.5, beta1=0.08, start=Start(0.0, 0.1, -0.4, -0.2, 0.5)), 0.2
+    exact = noise_covariance(scene.constants, 0.0, t)[0, 0]
+    lacking = 1.0 - np.sqrt([by_steps(scene, t, n)[1][0, 0] / exact for n in (1, 2, 4, 8)])
+    assert 0.14 < lacking[0] < 0.16
+    assert 0.008 < lacking[1] < 0.01
+    assert lacking[1:-1] / lacking[2:] == pytest.approx(16.0, rel=0.1)
+
+
+def test_coarse_levels_of_one_noise_differ_by_no_bias():
+    """Means at dt, 2 dt and 4 dt on the same noise: differences far below the spread, and within their errors."""
+    table = sampled(dat21(0.05), math.pi / 64.0, 20_000, 4, step_bias=True).step_bias
+    seen = table[table.se_bias > 1e-9]
+    assert len(seen) > 20
+    assert agrees(seen.bias, 0.0, seen.se_bias)
+
+
+# --- against Euler's steps, extrapolated
+
+EULER = {
+    "DAT21 0.05": (dat21(0.05), 60_000), "DAT21 0.5": (dat21(0.5), 20_000),
+    "DAT21 1.22": (dat21(math.sqrt(1.5)), 20_000),
+    "unequal gaps": (replace(UNEQUAL_GAPS, sigma=0.2), 20_000), "redrawn walls": (replace(TOLERANT, sigma=0.2), 20_000),
+}  # fmt: skip
+FEW = 3
+
+
+@pytest.fixture(scope="module")
+def extrapolated():
+    """Richardson's extrapolation of located Euler steps, once per case."""
+    kept = {}
+
+    def of(case):
+        if case not in kept:
+            scene, paths = EULER[case]
+            run = simulate(scene, paths=paths, impacts=FEW, dt=2.5e-3, scheme=LOCATED, rng=5, step_bias=True)
+            kept[case] = run.step_bias
+        return kept[case]
+
+    return of
+
+
+def agrees_with(table, run):
+    """Whether section means and sds are the extrapolated ones, to sampling errors and what extrapolation leaves."""
+    table = table[table.se_corrected > 1e-9]
+    names = [("" if m == "mean" else "sd_") + q for m, q in zip(table.moment, table.quantity, strict=True)]
+    value = np.array([run.section.loc[k, n] for k, n in zip(table.impact, names, strict=True)])
+    se = np.array([run.section.loc[k, f"se_{n}"] for k, n in zip(table.impact, names, strict=True)])
+    return agrees(value, table.corrected, np.hypot(se, table.se_corrected), slack=table["rest"].to_numpy())
+
+
+@pytest.mark.parametrize("case", EULER)
+def test_section_is_that_of_extrapolated_euler_steps(case, extrapolated):
+    assert agrees_with(extrapolated(case), sampled(EULER[case][0], math.pi / 128.0, EULER[case][1], FEW))
+
+
+PLANTED = {
+    "sigma": {"sigma": 1.03 * 0.05}, "epsilon": {"epsilon": 0.902}, "beta1": {"beta1": 0.0825 / 0.9},
+    "gamma2": {"gamma2": 0.036},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", PLANTED)
+def test_comparison_with_euler_steps_sees_another_scene(fault, extrapolated):
+    other = replace(dat21(0.05), **PLANTED[fault])
+    assert not agrees_with(extrapolated("DAT21 0.05"), sampled(other, math.pi / 128.0, 60_000, FEW))
+
+
+# --- close to a wall
+
+HALF = 1e-6
+
+
+def exit_scene(z, sigma=1.0):
+    """As in the exit test of the other schemes, but a thousand times smaller: the modulation stays 1 to 1e-6."""
+    start = Start(-0.5 * math.pi, HALF * (2.0 * z - 1.0), 0.0)
+    return Scene(alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, gap1=HALF, sigma=sigma, start=start, stages=1)
+
+
+def exit_times(z, dt, sigma=1.0, rng=8):
+    run = simulate(
+        exit_scene(z, sigma), paths=20_000, impacts=1, dt=dt, scheme=EXACT, rng=rng, horizon=0.05, keep_paths=True
+    )
+    assert run.unfinished == 0
+    return run.raw[:, 0, 0] + 0.5 * math.pi
+
+
+@pytest.mark.parametrize("z", [0.1, 0.25, 0.5])
+@pytest.mark.parametrize("dt", [1e-4, 2e-5])
+def test_mean_exit_time_of_random_acceleration(z, dt):
+    """Mean exit times lie around 2e-4, so that many an exit takes one long step; no slack but 2e-5."""
+    from test_mc_truths import mean_exit_time
+
+    truth = mean_exit_time(z * 2.0 * HALF, 2.0 * HALF, 1.0)
+    for sigma in (1.0, 1.05):  # the second is planted: exit times 3 % shorter
+        t = exit_times(z, dt, sigma)
+        assert agrees(t.mean(), truth, t.std() / math.sqrt(t.size), slack=2e-5 * truth) == (sigma == 1.0)
+
+
+def test_exit_times_have_one_distribution_at_any_step():
+    a, b = exit_times(0.25, 2e-4), exit_times(0.25, 1e-5, rng=9)
+    assert stats.ks_2samp(a, b).pvalue > FALSE_ALARM
+    assert stats.ks_2samp(1.04 * a, b).pvalue < FALSE_ALARM  # planted
+
+
+@jit
+def first_hits(c, key, rng, paths, h, x, y):
+    """Time of the first impact of a stage-1 step from (x, y) towards the wall at c.wall1, h if there is none."""
+    out = np.empty(paths)
+    walls = Walls(c.wall1, c.wall1, c.wall2, c.wall2)
+    for p in range(paths):
+        noise = Noise(math.sqrt(h) * rng.standard_normal(), math.sqrt(h / 12.0) * rng.standard_normal())
+        at = Progress(0, 0.7, h, noise, x, y, 0.0, 0.0)
+        after = advance_exactly(c, key, np.uint64(p), np.uint64(0), np.uint64(BRIDGE), at, walls)
+        out[p] = after.tau - 0.7 if after.code != 0 else h
+    return out
+
+
+@jit
+def first_hits_by_small_steps(c, rng, paths, h, x, y, pieces):
+    """The same by brute force: exact flights of h / pieces each, looked at after each of them alone."""
+    out = np.full(paths, h)
+    ends = np.zeros(paths, np.bool_)
+    a, b = np.full(paths, x), np.full(paths, y)
+    for n in range(pieces):
+        f = flight_forcing(c, 0.7 + n * h / pieces, h / pieces)
+        for p in range(paths):
+            z, w = rng.standard_normal(), rng.standard_normal()
+            a[p] += f.x1y1 * b[p] + f.drift[0] + z * f.along[0] + w * f.across[0]
+            b[p] = f.y1y1 * b[p] + f.drift[1] + z * f.along[1] + w * f.across[1]
+            if not ends[p] and abs(a[p]) > c.wall1:
+                ends[p] = True
+                out[p] = (n + 0.5) * h / pieces
+    return out
+
+
+GRAZING = {
+    "towards the wall": (0.4998, 0.01), "along the wall": (0.4998, 0.0), "away from it": (0.499, -0.01),
+    "turned before it": (0.48, 0.15),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", GRAZING)
+def test_grazing_impacts_within_a_step_have_the_law_of_small_steps(case):
+    """Whether and when a step of 0.1 meets a wall that it may just reach, in 20000 draws of its noise."""
+    c, h, (x, y), paths, pieces = dat21(0.5, stages=1).constants, 0.1, GRAZING[case], 20_000, 1000
+    rng = np.random.default_rng(1)
+    found = first_hits(c, key_of(np.random.SeedSequence(1)), rng, paths, h, x, y)
+    truth = first_hits_by_small_steps(c, rng, paths, h, x, y, pieces)
+    hit, hit_truth = found < h, truth < h
+    assert 0.03 < hit.mean() < 0.97
+    spread = math.sqrt(2.0 * hit.mean() * (1.0 - hit.mean()) / paths)
+    assert abs(hit.mean() - hit_truth.mean()) < limit(3) * spread
+    a, b = found[hit], truth[hit_truth]
+    assert agrees(a.mean(), b.mean(), math.hypot(a.std() / math.sqrt(a.size), b.std() / math.sqrt(b.size)), h / pieces)
+    assert stats.ks_2samp(np.round(a / h * 50.0), np.round(b / h * 50.0)).pvalue > FALSE_ALARM / 3.0
+
+
+def test_comparison_of_grazing_impacts_sees_a_wall_looked_at_too_rarely():
+    """Planted: four looks a step instead of a thousand miss impacts on paths that return."""
+    c, (x, y) = dat21(0.5, stages=1).constants, GRAZING["along the wall"]
+    rng = np.random.default_rng(1)
+    truth, rare = (first_hits_by_small_steps(c, rng, 20_000, 0.1, x, y, n) < 0.1 for n in (1000, 4))
+    assert abs(truth.mean() - rare.mean()) > limit(3) * math.sqrt(2.0 * truth.mean() * (1.0 - truth.mean()) / 20_000)
+
+
+CRAWLING = Scene(
+    alpha=0.0, epsilon=0.5, beta1=0.1, gamma1=0.05, gap1=0.5, sigma=0.02, stages=1,
+    start=Start(0.3, 0.5 - 1e-5, 1e-5),
+)  # fmt: skip
+"""Within 1e-5 of a wall, at speeds of 1e-5, pressed on by a weak drag."""
+
+CRAWLS = {f"single, epsilon {e}": replace(CRAWLING, epsilon=e) for e in (0.0, 0.02, 0.5, 1.0)} | {
+    "chatter at both meshes": replace(UNEQUAL_GAPS, sigma=0.2),
+    "chatter between redrawn walls": replace(TOLERANT, sigma=0.2),
+}
+
+
+@pytest.mark.parametrize("case", CRAWLS)
+def test_paths_that_crawl_along_a_wall_go_on(case):
+    """No hang, nothing NaN, time onward, each impact on its wall and outward, both stages within their walls."""
+    scene = CRAWLS[case]
+    c1, c2 = (scene.tolerance.c1_max, scene.tolerance.c2_max) if scene.tolerance else (0.0, 0.0)
+    run = simulate(
+        scene, paths=100, impacts=60, dt=0.1, scheme=EXACT, rng=1, horizon=5.0,
+        clock=scene.start.tau + np.arange(0.1, 5.0, 0.1), keep_paths=True,
+    )  # fmt: skip
+    met = 0
+    for path in run.raw:
+        seen = path[np.isfinite(path[:, 0])]
+        met += len(seen)
+        steps = np.diff(seen[:, 0])
+        assert ((steps > 0.0) | ((steps == 0.0) & (scene.stages == 2))).all()
+        assert (np.abs(seen[:, 2]) <= scene.gap1 * (1.0 + 2.0 * CLOSE) + c1).all()
+        if scene.stages == 2:
+            assert (np.abs(seen[:, 4]) <= scene.gap2 * (1.0 + 2.0 * CLOSE) + c2).all()
+        for row in seen:
+            mesh, side = abs(int(row[6])), np.sign(row[6])
+            assert side * row[2 * mesh + 1] > 0.0
+            if scene.tolerance is None:
+                assert row[2 * mesh] == side * (scene.gap1, scene.gap2)[mesh - 1]
+    assert met > 1000
+    assert np.isfinite(run.clock()[["x1", "y1"]].to_numpy()).all()
+    assert run.clock().x1.abs().max() <= scene.gap1 + c1
+
+
+@pytest.mark.parametrize("scene", [UNEQUAL_GAPS, TOLERANT], ids=["fixed walls", "redrawn walls"])
+def test_paths_pressed_to_a_wall_where_the_noise_vanishes_stay_within_it(scene):
+    """Around tau = 2 pi the noise of stage 1 goes through zero while the chatter of both stages dies out.
+
+    A path that creeps along a wall there must not use up its cuts, nor pass the wall if it does.
+    """
+    c1, c2 = (scene.tolerance.c1_max, scene.tolerance.c2_max) if scene.tolerance else (0.0, 0.0)
+    run = sampled(replace(scene, sigma=0.5), math.pi / 64.0, 4000, 60, rng=2, keep_paths=True, horizon=7.0)
+    raw = run.raw[np.isfinite(run.raw[:, :, 0])]
+    assert len(raw) > 50_000
+    assert np.isfinite(raw).all()
+    assert np.abs(raw[:, 2]).max() <= scene.gap1 * (1.0 + 2.0 * CLOSE) + c1
+    assert np.abs(raw[:, 4]).max() <= scene.gap2 * (1.0 + 2.0 * CLOSE) + c2
+
+
+def test_paths_pressed_to_rest_stay_finite():
+    """Without restitution a struck path is at rest on its wall: the next flight starts from a gap and a speed of 0."""
+    run = sampled(PRESSED, 0.1, 20, 500, keep_paths=True)
+    assert run.held > 0
+    assert run.unfinished == 0
+    assert np.isfinite(run.raw).all()
+    assert (np.diff(run.raw[:, :, 0], axis=1) >= 0.0).all()
+    assert np.abs(run.raw[:, :, [2, 4]]).max() <= 0.5 + CLOSE
+
+
+def test_every_call_comes_closer_to_the_end_of_the_step():
+    """From anywhere in the gap, on the wall and at rest included: to an impact, or to the end."""
+    c, key, rng = dat21(0.5).constants, key_of(np.random.SeedSequence(2)), np.random.default_rng(3)
+    walls = Walls(0.5, 0.5, 0.5, 0.5)
+    for i in range(500):
+        x = rng.choice([0.5, 0.5 - 1e-12, 0.5 - 1e-9, 0.5 - 1e-6, 0.3], 2) * rng.choice([-1.0, 1.0], 2)
+        y = -np.sign(x) * rng.choice([0.0, 1e-15, 1e-9, 1e-4, 1.0], 2)
+        h = rng.choice([1e-6, 1e-3, 0.1])
+        noise = Noise(math.sqrt(h) * rng.standard_normal(), math.sqrt(h / 12.0) * rng.standard_normal())
+        at = Progress(0, 0.7, h, noise, x[0], y[0], x[1], y[1])
+        after = advance_exactly(c, key, np.uint64(i), np.uint64(0), np.uint64(BRIDGE), at, walls)
+        assert np.isfinite([*after[1:3], *after.noise, *after[4:]]).all()
+        assert 0.0 <= after.left < h
+        assert max(abs(after.x1), abs(after.x2)) <= 0.5 + CLOSE
+        if after.code == 0:
+            assert after.left == 0.0
+        else:
+            side, (place, speed) = (
+                np.sign(after.code),
+                ((after.x1, after.y1), (after.x2, after.y2))[abs(after.code) - 1],
+            )
+            assert place == side * 0.5
+            assert side * speed > 0.0

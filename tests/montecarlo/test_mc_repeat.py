@@ -1,0 +1,107 @@
+"""A run is a function of its seed: the same bit for bit for any workers and blocks, and whatever runs beside it."""
+
+import numpy as np
+import pytest
+from mc_checks import TOLERANT, dat21
+
+from montecarlo import SCHEMES, block, ensemble, simulate
+from montecarlo.block import BLOCK
+
+STEP = {"euler-maruyama": 1e-2, "euler-maruyama-located": 1e-2, "exact-flight": 0.05}
+PATHS = 2 * BLOCK + 117
+
+
+def run_with(scheme="euler-maruyama-located", scene=None, **changes):
+    settings = {"paths": PATHS, "impacts": 4, "dt": STEP[scheme], "rng": 3, "keep_paths": True} | changes
+    return simulate(scene or dat21(0.3), scheme=scheme, **settings)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("workers", [2, 3, 16])
+def test_result_is_the_same_bit_for_bit_for_any_number_of_workers(scheme, workers):
+    settings = {"scheme": scheme, "clock": [0.6, 1.0], "histogram": True}
+    alone, many = run_with(**settings), run_with(**settings, workers=workers)
+    assert np.array_equal(alone.raw, many.raw)
+    assert alone.section.equals(many.section)
+    assert alone.clock().equals(many.clock())
+    assert np.array_equal(alone.covariance, many.covariance)
+    assert np.array_equal(alone.histograms.counts, many.histograms.counts)
+
+
+def with_blocks_of(monkeypatch, size, **settings):
+    """The same run with another number of paths in a block."""
+    with monkeypatch.context() as m:
+        m.setattr(block, "BLOCK", size)
+        m.setattr(ensemble, "BLOCK", size)
+        return run_with(**settings)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("scene", [dat21(0.5), TOLERANT.with_sigma(0.2)], ids=["DAT21", "redrawn walls"])
+def test_paths_are_the_same_bit_for_bit_for_any_size_of_a_block(scheme, scene, monkeypatch):
+    """Other neighbours, other lanes, other times at which lanes change hands; merged sums differ by rounding alone."""
+    settings = {"scheme": scheme, "scene": scene, "paths": 1100, "impacts": 12, "clock": [1.0]}
+    whole = run_with(**settings)
+    for size in (64, 100, 1024):
+        cut = with_blocks_of(monkeypatch, size, **settings)
+        assert np.array_equal(whole.raw, cut.raw)
+        a, b = (r.section.to_numpy(dtype=float) for r in (whole, cut))
+        assert np.allclose(a, b, rtol=1e-9, atol=1e-9, equal_nan=True)
+        assert np.allclose(whole.clock().to_numpy(), cut.clock().to_numpy(), rtol=1e-9, atol=1e-9, equal_nan=True)
+
+
+CHANGES = {
+    "step bias": {"step_bias": True}, "clock": {"clock": [0.6, 5.0]}, "histogram": {"histogram": True},
+    "more paths": {"paths": 2 * PATHS}, "fewer paths": {"paths": 7},
+    "itineraries": {"itineraries": {"mine": [1, -1, 1, -1]}}, "horizon": {"horizon": 77.7},
+    "sequence": {"rng": np.random.SeedSequence(3)},
+    "all": {"step_bias": True, "clock": [0.6, 5.0], "histogram": True, "workers": 3},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_paths_are_the_same_bit_for_bit_whatever_runs_beside_them(scheme, change):
+    plain, other = run_with(scheme).raw, run_with(scheme, **CHANGES[change]).raw
+    common = min(len(plain), len(other))
+    assert np.array_equal(plain[:common], other[:common])
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_more_impacts_leave_the_earlier_ones_as_they_were(scheme):
+    assert np.array_equal(run_with(scheme).raw, run_with(scheme, impacts=9).raw[:, :4])
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_keeping_no_paths_changes_no_table(scheme):
+    assert run_with(scheme).section.equals(run_with(scheme, keep_paths=False).section)
+
+
+def test_a_spawned_seed_is_another_and_is_not_used_up():
+    seed = np.random.SeedSequence(3)
+    first = run_with(rng=seed).raw
+    assert seed.n_children_spawned == 0
+    assert np.array_equal(first, run_with(rng=seed).raw)
+    for other in (4, seed.spawn(1)[0]):
+        assert not np.isin(first[:, 0, 0], run_with(rng=other).raw[:, 0, 0]).any()
+
+
+@pytest.mark.parametrize("scheme", ["euler-maruyama-located", "exact-flight"])
+def test_no_path_repeats_another(scheme):
+    """First-impact times are continuous, so none occurs twice; and blocks are uncorrelated."""
+    first = run_with(scheme, paths=3 * BLOCK, impacts=1).raw[:, 0, 0]
+    assert np.unique(first).size == first.size
+    correlation = np.corrcoef(first.reshape(3, -1))[np.triu_indices(3, 1)]
+    assert np.abs(correlation).max() * np.sqrt(BLOCK) < 3.6  # 1e-3 over three pairs
+
+
+def test_a_block_that_repeats_another_is_seen(monkeypatch):
+    true = block.sample
+
+    def repeating(plan, number, reuse=False):
+        return true(plan, min(number, 1), reuse)
+
+    monkeypatch.setattr(block, "sample", repeating)
+    first = run_with(paths=3 * BLOCK, impacts=1).raw[:, 0, 0]
+    assert first.size - np.unique(first).size >= BLOCK
+    assert np.corrcoef(first.reshape(3, -1))[1, 2] * np.sqrt(BLOCK) > 3.6
