@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from montecarlo.accumulate import COVARIANCE, PAIR, SINGLE, CentralSums, Orders
 from montecarlo.backlash import backlash_of, draw_walls
-from montecarlo.control import LinearPath
+from montecarlo.control import LinearPath, no_control
 from montecarlo.kernel import COLUMNS, Job, lanes_of, run_block
 from montecarlo.noise import key_of
 from montecarlo.schemes import SCHEMES
@@ -47,7 +47,7 @@ class Plan(NamedTuple):
     clock_steps: Ints
     itineraries: dict[str, tuple[int, ...]]
     levels: int
-    control: LinearPath
+    control: LinearPath = no_control()
     keep: bool = False
     two_point: bool = False
 

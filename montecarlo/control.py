@@ -120,7 +120,7 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
     >>> from scene import DAT21, Scene
     >>> path = linear_path(Scene.from_gears(DAT21, sigma=0.01), 2, 0.05)
     >>> path.at_step.tolist(), [round(v**0.5, 5) for v in path.variance[:, 0].tolist()]
-    ([11, 22], [0.00016, 0.00129])
+    ([11, 22], [0.00016, 0.00128])
     """
     c, orbit = scene.constants, _impacts(scene, impacts)
     steps = int((orbit[-1].tau - scene.start.tau) / dt) + 1 if orbit else 0

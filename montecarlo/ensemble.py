@@ -130,6 +130,11 @@ class Ensemble:
         return self.plan.scheme
 
     @property
+    def seed(self) -> np.random.SeedSequence:
+        """Seed that makes the run repeatable."""
+        return self.plan.seed
+
+    @property
     def clock_times(self) -> Floats:
         """Times at which clock statistics were taken, on the step grid."""
         return np.asarray(self.scene.start.tau + self.plan.clock_steps * self.dt)

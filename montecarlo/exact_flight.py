@@ -9,7 +9,7 @@ Given increment and area, the displacement inside a step strays from the cubic t
 sd at most ``sigma m h^(3/2) (s (1 - s))^(3/2) / sqrt(3)`` at the share s of the step; so a step whose cubic stays away
 from the walls by `STRAY` such sds meets none.  Any other step is cut where the cubic meets the wall, the noise with
 it, again and again: the distance to the wall falls as its power 3/2, and four cuts or so find an impact to `CLOSE`.
-There is no bias in the step but from these bounds.
+There is no bias in the step but from these bounds; at the default step what is left out is below 1e-6 of an sd.
 """
 
 import math
@@ -22,7 +22,7 @@ from montecarlo.brownian import joined, split
 from montecarlo.noise import Key, Word, normals
 from montecarlo.progress import Noise, Progress, Walls
 from scene.compiled import inlined, jit
-from scene.flight import decay, flow, turned
+from scene.flight import decay, flow, noise_rate, turned
 from scene.scene import Constants
 
 __all__ = ["FlightForcing", "advance_exactly", "flight_forcing", "flight_lanes", "kick", "near_second"]
