@@ -9,7 +9,7 @@ from montecarlo.noise import CONTACT, Key, Word, normals, uniforms
 from scene.compiled import jit
 from scene.scene import CUT, Scene
 
-__all__ = ["Backlash", "backlash_of", "draw_walls", "half_gap"]
+__all__ = ["Backlash", "backlash_of", "draw_walls", "first_half_gap", "half_gap"]
 
 Floats = NDArray[np.float64]
 
@@ -63,6 +63,13 @@ def half_gap(b: Backlash, key: Key, path: Word, contact: Word, mesh: int) -> flo
 
 
 @jit
+def first_half_gap(b: Backlash, key: Key, path: Word, flank: int) -> float:
+    """Half gap of flank 0 to 3 (+1, -1, +2, -2) at the start; both flanks of a mesh share a draw unless redrawn."""
+    draw = flank if b.redrawn else 2 * (flank // 2)
+    return half_gap(b, key, path, Word(draw), 1 + flank // 2)
+
+
+@jit
 def draw_walls(b: Backlash, key: Key, first: int, walls: Floats) -> None:
     """Distances of the flanks +1, -1, +2, -2 from the middle at the start, into `walls`, shape (4, paths).
 
@@ -76,7 +83,5 @@ def draw_walls(b: Backlash, key: Key, first: int, walls: Floats) -> None:
         Output.  Draws 0 to 3 are the flanks'; impact k uses draw 4 + k.
     """
     for flank in range(4):
-        mesh = 1 + flank // 2
-        draw = flank if b.redrawn else 2 * (flank // 2)  # one draw for both flanks of a mesh
         for p in range(walls.shape[1]):
-            walls[flank, p] = half_gap(b, key, Word(first + p), Word(draw), mesh)
+            walls[flank, p] = first_half_gap(b, key, Word(first + p), flank)

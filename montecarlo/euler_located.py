@@ -12,27 +12,32 @@ from numpy.typing import NDArray
 
 from montecarlo.euler import StepForcing, euler_step, step_forcing
 from montecarlo.progress import Noise, Progress, Walls
-from scene.compiled import jit
+from scene.compiled import inlined, jit
 from scene.scene import Constants
 
-__all__ = ["advance_inside", "leaving", "located_lanes"]
+__all__ = ["advance_inside", "leaves", "leaving", "located_lanes"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 
+@inlined
+def leaves(h: float, x: float, y: float, high: float, low: float) -> bool:
+    """Whether a stage's next step ends beyond a wall (Euler moves x by h y)."""
+    end = x + h * y
+    return (end > high) | (end < -low)
+
+
 @jit
 def leaving(c: Constants, h: float, walls: Floats, state: Floats, beyond: Bools, lanes: int) -> None:
-    """Mark the lanes whose next step ends beyond a wall (Euler moves x by h y); vectorises."""
+    """Mark the lanes whose next step ends beyond a wall; vectorises."""
     x1, y1, x2, y2 = state[0], state[1], state[2], state[3]
     high1, low1, high2, low2 = walls[0], walls[1], walls[2], walls[3]
     for p in range(lanes):
-        a = x1[p] + h * y1[p]
-        beyond[p] = (a > high1[p]) | (a < -low1[p])
+        beyond[p] = leaves(h, x1[p], y1[p], high1[p], low1[p])
     if c.stages == 2:
         for p in range(lanes):
-            b = x2[p] + h * y2[p]
-            beyond[p] |= (b > high2[p]) | (b < -low2[p])
+            beyond[p] |= leaves(h, x2[p], y2[p], high2[p], low2[p])
 
 
 @jit

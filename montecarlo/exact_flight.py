@@ -25,7 +25,17 @@ from scene.compiled import inlined, jit
 from scene.flight import decay, flow, noise_rate, turned
 from scene.scene import Constants
 
-__all__ = ["FlightForcing", "advance_exactly", "flight_forcing", "flight_lanes", "kick", "near_second"]
+__all__ = [
+    "FlightForcing",
+    "advance_exactly",
+    "first_stage",
+    "flight_forcing",
+    "flight_lanes",
+    "kick",
+    "near_second",
+    "near_wall",
+    "second_stage",
+]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -129,6 +139,30 @@ def _near(a: float, b: float, end: float, high: float, low: float, margin: float
     return (max(a, b) > high - margin) | (min(a, b) < margin - low) | (end > high) | (end < -low)
 
 
+@inlined
+def near_wall(third: float, x0: float, y0: float, x: float, y: float, high: float, low: float, margin: float) -> bool:
+    """Whether the cubic through both end states of a stage comes close to a wall; `third` is that of the step."""
+    return _near(x0 + third * y0, x - third * y, x, high, low, margin)
+
+
+@inlined
+def first_stage(f: FlightForcing, x1: float, y1: float, z: float, area: float) -> tuple[float, float]:
+    """Stage 1 after a step, walls not minded."""
+    return (
+        x1 + f.x1y1 * y1 + (f.drift[0] + f.along[0] * z + f.across[0] * area),
+        f.y1y1 * y1 + (f.drift[1] + f.along[1] * z + f.across[1] * area),
+    )
+
+
+@inlined
+def second_stage(f: FlightForcing, x2: float, y1: float, y2: float, z: float, area: float) -> tuple[float, float]:
+    """Stage 2 after a step, walls not minded."""
+    return (
+        x2 + (f.x2y1 * y1 + f.x2y2 * y2 + (f.drift[2] + f.along[2] * z + f.across[2] * area)),
+        f.y2y1 * y1 + f.y2y2 * y2 + (f.drift[3] + f.along[3] * z + f.across[3] * area),
+    )
+
+
 @jit
 def flight_lanes(
     c: Constants, f: FlightForcing, h: float, walls: Floats, state: Floats, z: Floats, area: Floats, near: Bools,
@@ -139,15 +173,12 @@ def flight_lanes(
     third = h / 3.0
     high1, low1 = walls[0], walls[1]
     for p in range(lanes):
-        a, b = y1[p], y2[p]
-        ahead = x1[p] + third * a
-        end = x1[p] + f.x1y1 * a + (f.drift[0] + f.along[0] * z[p] + f.across[0] * area[p])
-        speed = f.y1y1 * a + (f.drift[1] + f.along[1] * z[p] + f.across[1] * area[p])
-        near[p] = _near(ahead, end - third * speed, end, high1[p], low1[p], f.margin1)
+        x, y = x1[p], y1[p]
+        end, speed = first_stage(f, x, y, z[p], area[p])
+        near[p] = near_wall(third, x, y, end, speed, high1[p], low1[p], f.margin1)
         x1[p], y1[p] = end, speed
         if c.stages == 2:
-            x2[p] += f.x2y1 * a + f.x2y2 * b + (f.drift[2] + f.along[2] * z[p] + f.across[2] * area[p])
-            y2[p] = f.y2y1 * a + f.y2y2 * b + (f.drift[3] + f.along[3] * z[p] + f.across[3] * area[p])
+            x2[p], y2[p] = second_stage(f, x2[p], y, y2[p], z[p], area[p])
 
 
 @jit
@@ -156,7 +187,7 @@ def near_second(h: float, margin: float, walls: Floats, before: Floats, state: F
     third = h / 3.0
     x0, y0, x1, y1, high, low = before[2], before[3], state[2], state[3], walls[2], walls[3]
     for p in range(lanes):
-        near[p] |= _near(x0[p] + third * y0[p], x1[p] - third * y1[p], x1[p], high[p], low[p], margin)
+        near[p] |= near_wall(third, x0[p], y0[p], x1[p], y1[p], high[p], low[p], margin)
 
 
 @inlined

@@ -17,7 +17,18 @@ from scene.compiled import inlined, jit
 from scene.impact import struck
 from scene.scene import Constants
 
-__all__ = ["CHUNK", "COLUMNS", "Job", "lanes_of", "run_block"]
+__all__ = [
+    "CHUNK",
+    "COLUMNS",
+    "EXACT",
+    "FLANK_DRAWS",
+    "LOCATED",
+    "PLAIN",
+    "Job",
+    "lanes_of",
+    "next_event",
+    "run_block",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -113,23 +124,34 @@ def _level(every: Lanes, level: int, w: Floats, area: Floats) -> Lanes:
 
 
 @inlined
+def next_event(
+    scheme: int, c: Constants, key: Key, path: Word, step: int, level: int, met: int, at: Progress, walls: Walls
+) -> Progress:
+    """Go to the next impact within a step, or to the step's end; `met` counts the calls for one path and step.
+
+    Cards and processors call it alike; `scheme` is a parameter of its own so that a kernel made for one scheme holds
+    no other.
+    """
+    if scheme == PLAIN:
+        return at_end(c, at, walls)
+    index, purpose = Word(step) * SPLITS, Word(BRIDGE + level)
+    if scheme == LOCATED:
+        return advance_inside(c, at, normals(key, path, index + Word(met), purpose)[0], walls)
+    return advance_exactly(c, key, path, index + CUTS_APART * Word(met), purpose, at, walls)
+
+
+@inlined
 def _finish_step(
     job: Job, path: Word, row: int, step: int, level: int, p: int, at: Progress, lanes: Lanes, rows: Floats
 ) -> bool:
     """Carry one path from `at` through its impacts to the end of the step; whether it had to be held there."""
-    c, impacts, purpose = job.c, rows.shape[2], Word(BRIDGE + level)
-    index = Word(step) * SPLITS
+    c, impacts = job.c, rows.shape[2]
     walls = Walls(lanes.walls[0, p], lanes.walls[1, p], lanes.walls[2, p], lanes.walls[3, p])
     held = False
     for met in range(MOST_IN_A_STEP + 1):
-        if job.scheme == PLAIN:
-            at = at_end(c, at, walls)
-        elif at.left <= 0.0:
+        if job.scheme != PLAIN and at.left <= 0.0:
             break
-        elif job.scheme == LOCATED:
-            at = advance_inside(c, at, normals(job.key, path, index + Word(met), purpose)[0], walls)
-        else:
-            at = advance_exactly(c, job.key, path, index + CUTS_APART * Word(met), purpose, at, walls)
+        at = next_event(job.scheme, c, job.key, path, step, level, met, at, walls)
         if at.code == 0:
             if job.scheme == PLAIN or at.left <= 0.0:
                 break
