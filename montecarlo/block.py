@@ -19,7 +19,19 @@ from scene.impact import struck
 from scene.moments import SECTION
 from scene.scene import Scene
 
-__all__ = ["BLOCK", "BlockResult", "Plan", "Raw", "run", "sample"]
+__all__ = [
+    "BLOCK",
+    "CODES",
+    "CROSS",
+    "PAIRS",
+    "SECTION_OF",
+    "BlockResult",
+    "Plan",
+    "Raw",
+    "run",
+    "sample",
+    "start_state",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -68,7 +80,7 @@ class Raw(NamedTuple):
     unfinished: int
 
 
-def _start(scene: Scene, walls: Floats) -> Floats:
+def start_state(scene: Scene, walls: Floats) -> Floats:
     """State after the start, shape (4, paths): flank coordinates on each path's own flank, the start's impact done."""
     s = scene.start
     state = np.empty((4, walls.shape[1]))
@@ -110,7 +122,7 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
         scene.constants, backlash, key, scene.start.tau, plan.dt, SCHEMES[plan.scheme].code, plan.two_point,
         plan.most_steps,
     )  # fmt: skip
-    every, room = lanes_of(plan.levels, first, _start(scene, walls), walls, scene.start.tau)
+    every, room = lanes_of(plan.levels, first, start_state(scene, walls), walls, scene.start.tau)
     work, held, unfinished = run_block(
         job, plan.control, first, every, room, rows, plan.clock_steps, clock, controls
     )  # fmt: skip

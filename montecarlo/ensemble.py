@@ -377,6 +377,7 @@ def simulate(
     increments: str = "gaussian",
     horizon: float | None = None,
     budget: float = math.inf,
+    device: str = "cpu",
     progress: str | None = None,
 ) -> Ensemble:
     """Simulate an ensemble of paths of Eqs. 5 and 6 with both impact laws.
@@ -417,6 +418,9 @@ def simulate(
         Time after the start at which unfinished paths are given up; 50 per impact by default.
     budget : float
         Seconds after which `accuracy` is given up: the best answer so far is returned, and says what was missing.
+    device : {"cpu", "cuda"}
+        Where paths are followed and summed; "cuda" needs an NVIDIA card and the extra ``gpu`` (numba-cuda).  The paths
+        are the same to rounding.
     progress : str
         Label of a progress bar on a terminal; none by default, and none in a pipe.
 
@@ -438,7 +442,8 @@ def simulate(
     """
     if accuracy is not None:
         settings = {"paths": paths, "dt": dt, "clock": clock or None, "itineraries": itineraries, "horizon": horizon}
-        for name, value in (settings | {"control": control or None, "step_bias": step_bias or None}).items():
+        settings |= {"control": control or None, "step_bias": step_bias or None}
+        for name, value in (settings | {"device": None if device == "cpu" else device}).items():
             if value is not None:
                 raise InputError(
                     name, value, "accuracy chooses the settings itself; leave it out, or leave out accuracy"
@@ -462,22 +467,28 @@ def simulate(
     plan = plan_of(
         scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, clock=clock,
         step_bias=step_bias, itineraries=itineraries, keep=histogram or keep_paths, control=control,
-        increments=increments, horizon=horizon,
+        increments=increments, horizon=horizon, device=device,
     )  # fmt: skip
     computed = plan.paths
     started = time.perf_counter()
     merged: BlockResult | None = None
     histograms: Histograms | None = None
     kept = []
+    size, results = BLOCK, _in_order(plan, workers)
+    if device == "cuda":
+        from montecarlo import gpu  # nothing of it is loaded before a card is asked for
+
+        size = gpu.launch_size(plan)
+        results = gpu.launches(plan, size)
     with _bar(computed, progress) as bar:
-        for block, (result, rows) in enumerate(_in_order(plan, workers)):
+        for part, (result, rows) in enumerate(results):
             merged = result if merged is None else merged.merged(result)
             if histogram and rows is not None:
-                histograms = histograms or Histograms.sized_by(rows[:, :, :6])
+                histograms = histograms or Histograms.sized_by(rows[:BLOCK, :, :6])
                 histograms.add(rows[:, :, :6])
             if keep_paths and rows is not None:
                 kept.append(rows)
-            bar.update(min(BLOCK, computed - block * BLOCK))
+            bar.update(min(size, computed - part * size))
     assert merged is not None
     whole = np.concatenate(kept) if kept else None
     if whole is not None and computed < paths:

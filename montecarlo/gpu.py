@@ -6,25 +6,27 @@ Only this module and those it imports know of CUDA, and nothing imports it befor
 far the kernels have been compiled for one and run on numba's simulator of one.
 """
 
-import argparse
+import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from montecarlo.accumulate import COVARIANCE, PAIR, SINGLE, CentralSums, Orders
 from montecarlo.backlash import backlash_of
-from montecarlo.block import CODES, CROSS, PAIRS, SECTION_OF, BlockResult, Plan, start_state
+from montecarlo.block import BlockResult, Plan, start_state
 from montecarlo.kernel import COLUMNS, Job
 from montecarlo.noise import key_of
 from montecarlo.schemes import SCHEMES
+from montecarlo.settings import plan_of
 from scene.errors import InputError
-from scene.moments import SECTION
+from scene.gears import DAT21
+from scene.scene import Scene
 
-__all__ = ["check_card", "launch_size", "launches", "measure"]
+__all__ = ["check_card", "launch_size", "launches", "measure", "speed"]
 
 Floats = NDArray[np.float64]
 
@@ -65,7 +67,7 @@ def check_card() -> None:
 def _simulated() -> bool:
     from numba import config
 
-    return bool(config.ENABLE_CUDASIM)
+    return bool(getattr(config, "ENABLE_CUDASIM", False))
 
 
 def _resident() -> int:
@@ -97,7 +99,6 @@ class _Card(NamedTuple):
     flanks: tuple[int, ...]
     follow: Callable[..., Any]
     clock_steps: Any
-    itineraries: Any
 
 
 def _prepared(plan: Plan) -> _Card:
@@ -106,18 +107,19 @@ def _prepared(plan: Plan) -> _Card:
     from montecarlo.gpu_paths import path_kernel
 
     scene, scheme, backlash = plan.scene, SCHEMES[plan.scheme].code, backlash_of(plan.scene)
-    job = Job(scene.constants, backlash, key_of(plan.seed), scene.start.tau, plan.dt, scheme, plan.most_steps)
+    noise = "none" if scene.sigma == 0.0 else "two-point" if plan.two_point else "gaussian"
+    job = Job(
+        scene.constants, backlash, key_of(plan.seed), scene.start.tau, plan.dt, scheme, plan.two_point, plan.most_steps
+    )  # fmt: skip
     sides = ((scene.start.x1, scene.gap1), (scene.start.x2, scene.gap2))
     gaps = np.repeat([[scene.gap1], [scene.gap2]], 2, axis=0)
-    listed = np.array(list(plan.itineraries.values()), dtype=float).reshape(-1, plan.impacts)
     return _Card(
         plan,
         job,
         tuple(start_state(scene, gaps)[:, 0].tolist()),
         tuple(int(np.sign(x)) if abs(x) == gap else 0 for x, gap in sides),
-        path_kernel(scheme, scene.sigma > 0.0, backlash.random, backlash.redrawn),
+        path_kernel(scheme, noise, backlash.random, backlash.redrawn),
         cuda.to_device(plan.clock_steps),
-        cuda.to_device(listed),
     )
 
 
@@ -136,61 +138,93 @@ def _followed(card: _Card, first: int, paths: int) -> tuple[Any, Any, NDArray[np
     return rows, clock, counts.copy_to_host()
 
 
-def _sums(
-    v: Any, groups: int, variables: int, pairs: Sequence[tuple[int, int]], orders: Orders
-) -> CentralSums:
-    """Sums over pairs of variables, on the card; `v` has shape (groups, variables, paths)."""
-    from numba import cuda
+def launches(plan: Plan, size: int) -> Iterator[tuple[BlockResult, Floats | None]]:
+    """Results of launches of this many paths, in order, and their impacts, as `montecarlo.block.run` gives both."""
+    from montecarlo.gpu_sums import MOST_THREADS, reduced
 
-    from montecarlo.gpu_sums import THREADS as MOST
-    from montecarlo.gpu_sums import cell_sums
-
-    base = variables * np.arange(groups)[:, None]
-    left, right = ((base + np.array(side)).ravel() for side in zip(*pairs, strict=True))
-    cells = left.size
-    n, mean = cuda.device_array(cells, np.float64), cuda.device_array((2, cells), np.float64)
-    sums = cuda.device_array((len(orders), cells), np.float64)
-    cell_sums[cells, 2 if _simulated() else MOST](
-        v.reshape(groups * variables, v.shape[2]), cuda.to_device(left), cuda.to_device(right),
-        cuda.to_device(np.array(orders)), n, mean, sums,
-    )  # fmt: skip
-    shape = (groups, len(pairs))
-    return CentralSums(
-        orders, n.copy_to_host().reshape(shape), mean.copy_to_host().reshape(2, *shape),
-        sums.copy_to_host().reshape(len(orders), *shape),
-    )  # fmt: skip
-
-
-def _reduced(card: _Card, rows: Any, clock: Any, counts: NDArray[np.int64]) -> BlockResult:
-    from numba import cuda
-
-    from montecarlo.gpu_paths import HELD, STEPS, UNFINISHED
-    from montecarlo.gpu_sums import THREADS as MOST
-    from montecarlo.gpu_sums import tally
-
-    plan = card.plan
-    own, pairs = [(i, i) for i in range(len(SECTION))], [(SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS]
-    sums = {
-        "section": _sums(rows, plan.impacts, COLUMNS, own, SINGLE),
-        "section_pairs": _sums(rows, plan.impacts, COLUMNS, pairs, COVARIANCE),
-    }
-    if plan.clock_steps.size:
-        sums["clock"] = _sums(clock, plan.clock_steps.size, 4, CROSS, PAIR)
-    codes = cuda.device_array((plan.impacts, len(CODES)), np.float64)
-    agreeing = cuda.device_array(card.itineraries.shape, np.float64)
-    tally[(plan.impacts, len(CODES) + len(plan.itineraries)), 2 if _simulated() else MOST](
-        rows, card.itineraries, codes, agreeing
-    )
-    return BlockResult(
-        sums, codes.copy_to_host(), dict(zip(plan.itineraries, agreeing.copy_to_host(), strict=True)),
-        int(counts[STEPS]), int(counts[HELD]), int(counts[UNFINISHED]),
-    )  # fmt: skip
-
-
-def launches(plan: Plan) -> Iterator[tuple[BlockResult, Floats | None]]:
-    """Results of all launches in order, and the impacts (paths, impacts, COLUMNS) of each if the plan keeps them."""
-    card, size = _prepared(plan), launch_size(plan)
+    card = _prepared(plan)
     for first in range(0, plan.paths, size):
         rows, clock, counts = _followed(card, first, min(size, plan.paths - first))
         kept = np.ascontiguousarray(rows.copy_to_host().transpose(2, 0, 1)) if plan.keep else None
-        yield _reduced(card, rows, clock, counts), kept
+        yield reduced(plan, rows, clock, counts, 2 if _simulated() else MOST_THREADS), kept
+
+
+FP64_LANES = {(6, 0): 32, (7, 0): 32, (8, 0): 32, (9, 0): 64, (10, 0): 64}
+"""Float64 fused multiply-adds that a multiprocessor starts per clock, by compute capability; 2 on all others."""
+
+LANES = 128
+"""Instructions of threads that a multiprocessor starts per clock: four warps' worth."""
+
+
+class Cost(NamedTuple):
+    """What a path-step without an impact takes: counted in the machine code made for compute capability 9.0."""
+
+    instructions: float
+    float64_instructions: float
+    flops: float
+    random_words: float
+
+
+COSTS = {
+    ("euler-maruyama", "gaussian"): Cost(148, 42, 62, 1.0),
+    ("euler-maruyama", "two-point"): Cost(51, 15, 18, 1.0 / 16.0),
+    ("euler-maruyama-located", "gaussian"): Cost(156, 42, 62, 1.0),
+    ("exact-flight", "gaussian"): Cost(308, 93, 131, 2.0),
+}
+"""By scheme and increments, two stages and no tolerance."""
+
+
+def speed(plan: Plan, repeats: int = 3) -> float:
+    """Path-steps per second of a plan's first launch, the least time of several, after one that compiles."""
+    card, paths = _prepared(plan), launch_size(plan)
+    _followed(card, 0, paths)
+    best = 0.0
+    for _ in range(repeats):
+        begin = time.perf_counter()
+        *_, counts = _followed(card, 0, paths)  # fetching the counts waits for the paths
+        best = max(best, float(counts[0]) / (time.perf_counter() - begin))
+    return best
+
+
+def measure(dt: float = 2e-3, impacts: int = 12) -> pd.DataFrame:
+    """Path-steps per second in float64 on the card at hand, beside what the card could do at most.
+
+    Not yet run on a card.  The goal is 1e11 path-steps per second on an H200.
+
+    Returns
+    -------
+    DataFrame
+        Index ``scheme, increments``; columns ``path_steps_per_s``, ``flops_per_s``, ``words_per_s`` (random), and the
+        shares of two limits of the card that impacts and idle threads have not been counted in: ``of_float64``, its
+        float64 pipes always busy, and ``of_issue``, an instruction started at every clock.
+    """
+    from numba import cuda
+
+    check_card()
+    device = cuda.get_current_device()
+    clocks = 1e3 * device.CLOCK_RATE * device.MULTIPROCESSOR_COUNT
+    lanes = FP64_LANES.get(tuple(device.compute_capability), 2)
+    scene = Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha))
+    rows = []
+    for (scheme, increments), cost in COSTS.items():
+        plan = plan_of(
+            scene, paths=ROUNDS * _resident(), impacts=impacts, dt=dt, scheme=scheme, increments=increments,
+            device="cuda",
+        )  # fmt: skip
+        rate = speed(plan)
+        rows.append(
+            {
+                "scheme": scheme, "increments": increments, "path_steps_per_s": rate,
+                "flops_per_s": cost.flops * rate, "words_per_s": cost.random_words * rate,
+                "of_float64": cost.float64_instructions * rate / (clocks * lanes),
+                "of_issue": cost.instructions * rate / (clocks * LANES),
+            }
+        )  # fmt: skip
+    return pd.DataFrame(rows).set_index(["scheme", "increments"])
+
+
+if __name__ == "__main__":
+    try:
+        print(measure().to_string(float_format="{:.3g}".format))
+    except InputError as error:
+        raise SystemExit(str(error)) from None

@@ -16,17 +16,17 @@ from montecarlo.euler import StepForcing, euler_step, step_forcing
 from montecarlo.euler_located import leaves
 from montecarlo.exact_flight import FlightForcing, first_stage, flight_forcing, near_wall, second_stage
 from montecarlo.kernel import CHUNK, EXACT, FLANK_DRAWS, LOCATED, PLAIN, next_event
-from montecarlo.noise import STEP, Word, normals
+from montecarlo.noise import STEP, Word, bits_of, normals, sign_of
 from montecarlo.progress import MOST_IN_A_STEP, Noise, Progress, Walls
 from scene.impact import struck
 
 __all__ = ["HELD", "STEPS", "UNFINISHED", "path_kernel"]
 
-TABLE = 4 * CHUNK  # steps whose forcing a block of threads works out together, a thread a step
+TABLE = 64  # steps whose forcing a block of threads works out together, a thread a step; as many as a word has bits
 STEPS, HELD, UNFINISHED = 0, 1, 2  # places in the counts
 
 
-@cuda.jit(device=True, forceinline=True)
+@cuda.jit(device=True)
 def _tabulate(scheme, job, n, table):  # type: ignore[no-untyped-def]
     """Forcing of the steps from n on into `table`, shared by the threads of a block."""
     for s in range(cuda.threadIdx.x, TABLE, cuda.blockDim.x):
@@ -40,7 +40,7 @@ def _tabulate(scheme, job, n, table):  # type: ignore[no-untyped-def]
             table[s, 0], table[s, 1], table[s, 2], table[s, 3] = f.push1, f.kick1, f.push2, f.kick2
 
 
-@cuda.jit(device=True, forceinline=True)
+@cuda.jit(device=True)
 def _flight(c, h, whole, t, x1, y1, x2, y2, w, area, walls):  # type: ignore[no-untyped-def]
     """State after a step of exact flight, and whether a wall may have been met; `t` is the step's row of the table."""
     f = FlightForcing(
@@ -56,7 +56,7 @@ def _flight(c, h, whole, t, x1, y1, x2, y2, w, area, walls):  # type: ignore[no-
     return a1, b1, a2, b2, meets | near_wall(third, x2, y2, a2, b2, walls.high2, walls.low2, f.margin2)
 
 
-@cuda.jit(device=True, forceinline=True)
+@cuda.jit(device=True)
 def _euler(located, c, h, t, x1, y1, x2, y2, w, walls):  # type: ignore[no-untyped-def]
     """State after an Euler step, and whether it ends beyond a wall."""
     a1, b1, a2, b2 = euler_step(c, StepForcing(t[0], t[1], t[2], t[3]), h, x1, y1, x2, y2, w)
@@ -71,7 +71,7 @@ def _euler(located, c, h, t, x1, y1, x2, y2, w, walls):  # type: ignore[no-untyp
     return a1, b1, a2, b2, meets
 
 
-@cuda.jit(device=True, forceinline=True)
+@cuda.jit(device=True)
 def _first_walls(random, job, path):  # type: ignore[no-untyped-def]
     if not random:
         return Walls(job.c.wall1, job.c.wall1, job.c.wall2, job.c.wall2)
@@ -82,7 +82,7 @@ def _first_walls(random, job, path):  # type: ignore[no-untyped-def]
     )  # fmt: skip
 
 
-@cuda.jit(device=True, forceinline=True)
+@cuda.jit(device=True)
 def _moved(walls, code, drawn):  # type: ignore[no-untyped-def]
     """Walls after an impact: the flank opposite to the struck one has been drawn anew."""
     return Walls(
@@ -92,7 +92,7 @@ def _moved(walls, code, drawn):  # type: ignore[no-untyped-def]
 
 
 @cache
-def path_kernel(scheme: int, noisy: bool, random: bool, redrawn: bool) -> Callable[..., Any]:
+def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callable[..., Any]:
     """Kernel that follows paths by one scheme; what the scene does not have is not in it.
 
     Called with ``(job, first, start, flanks, rows, clock_steps, clock, counts)``: number of the first path; state after
@@ -103,9 +103,12 @@ def path_kernel(scheme: int, noisy: bool, random: bool, redrawn: bool) -> Callab
     ----------
     scheme : int
         Code of the scheme.
-    noisy, random, redrawn : bool
-        Whether there is noise, whether the backlash is random, and whether impacts redraw it.
+    noise : {"none", "gaussian", "two-point"}
+        Law of the increments of a step.
+    random, redrawn : bool
+        Whether the backlash is random, and whether impacts redraw it.
     """
+    gaussian, two_point = noise == "gaussian", noise == "two-point"
     width = 12 if scheme == EXACT else 4
     draws = 2 if scheme == EXACT else 4  # steps that a draw of four normals serves
 
@@ -122,7 +125,7 @@ def path_kernel(scheme: int, noisy: bool, random: bool, redrawn: bool) -> Callab
         if flanks[1] != 0:
             x2 = walls.high2 if flanks[1] > 0 else -walls.low2
         last, k, held, tick, n = job.tau, 0, 0, 0, 0
-        z0, z1, z2, z3 = 0.0, 0.0, 0.0, 0.0
+        z0, z1, z2, z3, bits = 0.0, 0.0, 0.0, 0.0, Word(0)
         whole = flight_forcing(c, job.tau, h)
         done = row >= paths
         while n < job.most_steps:
@@ -131,12 +134,16 @@ def path_kernel(scheme: int, noisy: bool, random: bool, redrawn: bool) -> Callab
             _tabulate(scheme, job, n, table)
             cuda.syncthreads()
             stop, s = min(TABLE, job.most_steps - n), 0
+            if two_point:
+                bits = Word(bits_of(job.key, path, Word(n // TABLE)))
             while s < stop and not done:
                 end = min(stop, s + CHUNK - s % CHUNK)  # the processor looks at these steps which paths are done
                 if tick < clock_steps.size:
                     end = min(end, clock_steps[tick] - n)
-                for s in range(s, end):  # noqa: B020, PLW2901
-                    if noisy:
+                for s in range(s, end):  # noqa: B020
+                    if two_point:
+                        z0 = sign_of(bits, s)
+                    elif gaussian:
                         if s & (draws - 1) == 0:  # bits, not remainders: the compiler does not know that s >= 0
                             z0, z1, z2, z3 = normals(job.key, path, Word((n + s) >> (draws // 2)), Word(STEP))
                         elif draws == 4:
@@ -145,9 +152,13 @@ def path_kernel(scheme: int, noisy: bool, random: bool, redrawn: bool) -> Callab
                             z0, z1 = z2, z3
                     a1, b1, a2, b2 = x1, y1, x2, y2
                     if scheme == EXACT:
-                        x1, y1, x2, y2, meets = _flight(c, h, whole, table[s & (TABLE - 1)], a1, b1, a2, b2, z0, z1, walls)
+                        x1, y1, x2, y2, meets = _flight(
+                            c, h, whole, table[s & (TABLE - 1)], a1, b1, a2, b2, z0, z1, walls
+                        )
                     else:
-                        x1, y1, x2, y2, meets = _euler(scheme == LOCATED, c, h, table[s & (TABLE - 1)], a1, b1, a2, b2, z0, walls)
+                        x1, y1, x2, y2, meets = _euler(
+                            scheme == LOCATED, c, h, table[s & (TABLE - 1)], a1, b1, a2, b2, z0, walls
+                        )
                     if not meets:
                         continue
                     begin = job.tau + (n + s) * h

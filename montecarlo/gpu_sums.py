@@ -4,15 +4,22 @@ Every sum is taken in an order that the number of threads and of paths alone dec
 """
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numba import cuda
+from numpy.typing import NDArray
 
-from montecarlo.block import CODES
+from montecarlo.accumulate import COVARIANCE, PAIR, SINGLE, CentralSums, Orders
+from montecarlo.block import CODES, CROSS, PAIRS, SECTION_OF, BlockResult, Plan
+from montecarlo.gpu_paths import HELD, STEPS, UNFINISHED
+from montecarlo.kernel import COLUMNS
+from scene.moments import SECTION
 
-__all__ = ["THREADS", "cell_sums", "tally"]
+__all__ = ["MOST_THREADS", "reduced"]
 
-THREADS = 256  # of a block, at most; a power of two
+MOST_THREADS = 256  # of a block, at most; a power of two
 MOST_ORDERS, MOST_POWERS = 16, 9
 
 
@@ -47,13 +54,13 @@ def _least(value, scratch):  # type: ignore[no-untyped-def]
 
 
 @cuda.jit
-def cell_sums(v, left, right, exponents, n, mean, sums):  # type: ignore[no-untyped-def]
+def _cell_sums(v, left, right, exponents, n, mean, sums):  # type: ignore[no-untyped-def]
     """Counts, means (2, cells) and sums of ``da^p db^q`` (orders, cells), as `montecarlo.accumulate` takes of a block.
 
     Block i of threads is about the rows ``left[i]`` and ``right[i]`` of `v`, shape (variables, paths), over the paths
     where both are finite; means are taken about the first of them, so that what does not vary comes out exact.
     """
-    scratch = cuda.shared.array(THREADS, np.float64)
+    scratch = cuda.shared.array(MOST_THREADS, np.float64)
     kept = cuda.local.array(MOST_ORDERS, np.float64)
     powers = cuda.local.array((2, MOST_POWERS), np.float64)
     cell, t, paths = cuda.blockIdx.x, cuda.threadIdx.x, v.shape[1]
@@ -98,12 +105,12 @@ def cell_sums(v, left, right, exponents, n, mean, sums):  # type: ignore[no-unty
 
 
 @cuda.jit
-def tally(rows, itineraries, codes, agreeing):  # type: ignore[no-untyped-def]
+def _tally(rows, itineraries, codes, agreeing):  # type: ignore[no-untyped-def]
     """Counts of each code per impact, and of the paths that have followed each itinerary so far.
 
     Block (k, j) of threads counts for impact k the code number j, or after the codes the itinerary.
     """
-    scratch = cuda.shared.array(THREADS, np.float64)
+    scratch = cuda.shared.array(MOST_THREADS, np.float64)
     k, j, t = cuda.blockIdx.x, cuda.blockIdx.y, cuda.threadIdx.x
     count = 0.0
     for p in range(t, rows.shape[2], cuda.blockDim.x):
@@ -122,3 +129,40 @@ def tally(rows, itineraries, codes, agreeing):  # type: ignore[no-untyped-def]
             codes[k, j] = count
         else:
             agreeing[j - len(CODES), k] = count
+
+
+def _sums(v: Any, variables: int, pairs: Sequence[tuple[int, int]], orders: Orders, threads: int) -> CentralSums:
+    """Sums over pairs of variables within each group; `v` is on the card, of shape (groups, variables, paths)."""
+    groups, _, paths = v.shape
+    base = variables * np.arange(groups)[:, None]
+    left, right = ((base + np.array(side)).ravel() for side in zip(*pairs, strict=True))
+    cells, shape = left.size, (groups, len(pairs))
+    n, mean = cuda.device_array(cells, np.float64), cuda.device_array((2, cells), np.float64)
+    sums = cuda.device_array((len(orders), cells), np.float64)
+    _cell_sums[cells, threads](
+        v.reshape(groups * variables, paths), cuda.to_device(left), cuda.to_device(right),
+        cuda.to_device(np.array(orders)), n, mean, sums,
+    )  # fmt: skip
+    return CentralSums(
+        orders, n.copy_to_host().reshape(shape), mean.copy_to_host().reshape(2, *shape),
+        sums.copy_to_host().reshape(len(orders), *shape),
+    )  # fmt: skip
+
+
+def reduced(plan: Plan, rows: Any, clock: Any, counts: NDArray[np.int64], threads: int) -> BlockResult:
+    """What a launch leaves behind, from its impacts and clock states on the card and the counts of its work."""
+    own, pairs = [(i, i) for i in range(len(SECTION))], [(SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS]
+    sums = {
+        "section": _sums(rows, COLUMNS, own, SINGLE, threads),
+        "section_pairs": _sums(rows, COLUMNS, pairs, COVARIANCE, threads),
+    }
+    if plan.clock_steps.size:
+        sums["clock"] = _sums(clock, 4, CROSS, PAIR, threads)
+    itineraries = np.array(list(plan.itineraries.values()), dtype=float).reshape(-1, plan.impacts)
+    codes = cuda.device_array((plan.impacts, len(CODES)), np.float64)
+    agreeing = cuda.device_array(itineraries.shape, np.float64)
+    _tally[(plan.impacts, len(CODES) + len(itineraries)), threads](rows, cuda.to_device(itineraries), codes, agreeing)
+    return BlockResult(
+        sums, codes.copy_to_host(), dict(zip(plan.itineraries, agreeing.copy_to_host(), strict=True)),
+        int(counts[STEPS]), int(counts[HELD]), int(counts[UNFINISHED]),
+    )  # fmt: skip

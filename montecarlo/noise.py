@@ -24,9 +24,13 @@ __all__ = [
     "STEP",
     "Key",
     "Word",
+    "bits_of",
     "fill_normals",
+    "fill_signs",
+    "fill_words",
     "key_of",
     "normals",
+    "sign_of",
     "uniforms",
     "words",
 ]
@@ -188,16 +192,28 @@ def fill_normals(key: Key, paths: NDArray[np.uint64], index: Word, lanes: int, z
         z0[p], z1[p], z2[p], z3[p] = _four(key, paths[p], index, Word(STEP))
 
 
+@inlined
+def bits_of(key: Key, path: Word, index: Word) -> Word:
+    """Sixty-four random bits for one index of the steps."""
+    a, b, _, _ = words(key, path, index, Word(STEP))
+    return (a << HALF) | b
+
+
+@inlined
+def sign_of(bits: Word, place: int) -> float:
+    """Increment +1 or -1, with the first three moments of a standard normal, from one bit."""
+    return 1.0 - 2.0 * np.float64(np.int64((bits >> Word(place)) & Word(1)))
+
+
 @jit
 def fill_words(key: Key, paths: NDArray[Word], index: Word, lanes: int, out: NDArray[Word]) -> None:
     """Sixty-four random bits of all lanes for one index of the steps; vectorises."""
     for p in range(lanes):
-        a, b, _, _ = words(key, paths[p], index, Word(STEP))
-        out[p] = (a << HALF) | b
+        out[p] = bits_of(key, paths[p], index)
 
 
 @jit
 def fill_signs(bits: NDArray[Word], place: int, lanes: int, z: NDArray[np.float64]) -> None:
-    """Increments +1 and -1, with the first three moments of a standard normal, from one bit each; vectorises."""
+    """Two-point increments of all lanes; vectorises."""
     for p in range(lanes):
-        z[p] = 1.0 - 2.0 * np.float64(np.int64((bits[p] >> Word(place)) & Word(1)))
+        z[p] = sign_of(bits[p], place)

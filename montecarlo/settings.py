@@ -64,7 +64,7 @@ def plan_of(
     scene: Scene, *, paths: int, impacts: int, dt: float, scheme: str, rng: int | np.random.SeedSequence = 0,
     workers: int = 1, clock: Sequence[float] | Floats = (), step_bias: bool = False,
     itineraries: Mapping[str, Sequence[int]] | None = None, keep: bool = False, control: bool = False,
-    increments: str = "gaussian", horizon: float | None = None,
+    increments: str = "gaussian", horizon: float | None = None, device: str = "cpu",
 ) -> Plan:  # fmt: skip
     """The plan of a run with these settings, which are those of `montecarlo.simulate`.
 
@@ -81,6 +81,13 @@ def plan_of(
     two_point = choice("increments", increments, ("gaussian", "two-point")) == "two-point"
     if two_point and SCHEMES[scheme].normals > 1:
         raise InputError("increments", increments, f"works with the Euler-Maruyama schemes only; scheme = {scheme!r}")
+    if choice("device", device, ("cpu", "cuda")) == "cuda":
+        from montecarlo.gpu import check_card  # nothing of it is loaded before a card is asked for
+
+        for name, value in (("step_bias", step_bias), ("control", control)):
+            if value:
+                raise InputError(name, value, "is not computed on a card; leave it out, or use device='cpu'")
+        check_card()
     levels = LEVELS if step_bias else 1
     coarsest = 2 ** (levels - 1)
     dt = float(dt)

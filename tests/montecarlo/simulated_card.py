@@ -1,0 +1,93 @@
+"""Runs on numba's simulator of a card beside the processor, in a process of its own; differences as JSON to stdout.
+
+The simulator is chosen by an environment variable that numba reads when it is imported.
+"""
+
+import json
+import os
+import sys
+import threading
+from dataclasses import replace
+
+os.environ["NUMBA_ENABLE_CUDASIM"] = "1"
+
+import numpy as np
+from mc_checks import dat21
+from numba.cuda.simulator import kernelapi
+
+from montecarlo import gpu, simulate
+from montecarlo.settings import plan_of
+from scene import Scene, Tolerance
+
+CONTACT = Tolerance(0.02, 0.03, law="uniform", draw="contact")
+PATH = Tolerance(0.02, 0.03, law="normal", draw="path")
+FIXED = Tolerance(0.02, 0.03, law="fixed")
+NOISY = dat21(0.3)
+
+CASES: dict[str, tuple[Scene, dict]] = {
+    "plain": (NOISY, {"clock": [0.1, 0.31, 1.0], "itineraries": {"other": [-1, -2]}}),
+    "plain, histograms": (NOISY, {"paths": 8, "histogram": True}),
+    "plain, one stage": (replace(NOISY, stages=1), {}),
+    "plain, contact": (replace(NOISY, tolerance=CONTACT), {}),
+    "plain, path": (replace(NOISY, tolerance=PATH), {}),
+    "plain, fixed": (replace(NOISY, tolerance=FIXED), {}),
+    "plain, two-point": (NOISY, {"increments": "two-point"}),
+    "plain, some unfinished": (NOISY, {"horizon": 1.15}),
+    "located": (NOISY, {"scheme": "euler-maruyama-located"}),
+    "located, one stage": (replace(NOISY, stages=1), {"scheme": "euler-maruyama-located"}),
+    "located, contact": (replace(NOISY, tolerance=CONTACT), {"scheme": "euler-maruyama-located"}),
+    "located, no noise": (replace(NOISY, sigma=0.0, tolerance=PATH), {"scheme": "euler-maruyama-located"}),
+    "exact": (NOISY, {"scheme": "exact-flight", "dt": 0.05}),
+    "exact, one stage": (replace(NOISY, stages=1), {"scheme": "exact-flight", "dt": 0.05}),
+    "exact, contact": (replace(NOISY, tolerance=CONTACT), {"scheme": "exact-flight", "dt": 0.05}),
+}
+
+
+_allocating = threading.Lock()
+
+
+def shared_array(self, shape, dtype):
+    """The simulator's shared array, made by one thread only: its own lets two threads make two at the same time."""
+    frame = sys._getframe(1)
+    with _allocating:
+        where = frame.f_code.co_filename, frame.f_lineno
+        if where not in self._allocations:
+            self._allocations[where] = np.full(shape, np.nan, dtype)
+        return self._allocations[where]
+
+
+def largest(a, b) -> float:
+    """Largest difference between two arrays that must be missing in the same places."""
+    a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    if a.shape != b.shape or (np.isnan(a) != np.isnan(b)).any():
+        return float("inf")
+    return float(np.nanmax(np.abs(a - b), initial=0.0))
+
+
+def compare(scene: Scene, rng: int = 5, **settings) -> dict:
+    """Differences between a run on the simulated card and one on the processor, whose seed is always 5."""
+    settings = {"paths": 10, "impacts": 2, "dt": 0.01, "scheme": "euler-maruyama", "keep_paths": True} | settings
+    host, card = simulate(scene, rng=5, **settings), simulate(scene, rng=rng, device="cuda", **settings)
+    seen = [0, 1, 2, 3, 6] if scene.stages == 1 else list(range(7))
+    return {
+        "rows": largest(host.raw[:, :, seen], card.raw[:, :, seen]),
+        "section": largest(host.section, card.section),
+        "covariance": largest(host.covariance, card.covariance),
+        "clock": largest(host.clock(), card.clock()),
+        "agreement": largest(host.agreement, card.agreement),
+        "histograms": largest(host.histograms.counts, card.histograms.counts) if host.histograms else 0.0,
+        "work": [[r.path_steps, r.held, r.unfinished] for r in (host, card)],
+    }
+
+
+def main() -> None:
+    kernelapi.FakeCUDAShared.array = shared_array
+    sys.setswitchinterval(1e-5)  # the simulator's threads wait for each other by looking again and again
+    found = {name: compare(scene, **settings) for name, (scene, settings) in CASES.items()}
+    found["planted: another key"] = compare(NOISY, rng=6)
+    found["speed"] = gpu.speed(plan_of(NOISY, paths=4, impacts=1, dt=0.01, scheme="euler-maruyama"), repeats=1)
+    print(json.dumps(found))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,133 @@
+"""``device="cuda"``: on a simulated card the paths and sums of the processor; without a card, a refusal that helps."""
+
+import json
+import os
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+from mc_checks import dat21
+
+from montecarlo import gpu, simulate
+from scene import InputError
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent.parent
+
+CASES = (
+    "plain", "plain, histograms", "plain, one stage", "plain, contact", "plain, path", "plain, fixed",
+    "plain, two-point", "plain, some unfinished", "located", "located, one stage",
+    "located, contact", "located, no noise", "exact", "exact, one stage", "exact, contact",
+)  # fmt: skip
+
+needs_package = pytest.mark.skipif(find_spec("numba_cuda") is None, reason="the package numba-cuda is not installed")
+
+
+needs_compiler = pytest.mark.skipif(
+    find_spec("numba_cuda") is None or find_spec("nvidia.cuda_nvcc") is None,
+    reason="CUDA's compiler (extra gpu) is not installed",
+)
+
+
+def python(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    path = os.pathsep.join((str(ROOT), str(HERE)))
+    return subprocess.run(
+        [sys.executable, *arguments], env=os.environ | {"PYTHONPATH": path} | variables, cwd=ROOT, text=True,
+        capture_output=True, check=False,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def simulated() -> dict:
+    done = python("-W", "error::RuntimeWarning", str(HERE / "simulated_card.py"))
+    assert done.returncode == 0, done.stderr[-3000:]
+    return json.loads(done.stdout)
+
+
+@needs_package
+def test_no_case_is_left_out(simulated):
+    assert set(simulated) == {*CASES, "planted: another key", "speed"}
+
+
+@needs_package
+@pytest.mark.parametrize("case", CASES)
+def test_a_card_follows_the_same_paths(simulated, case):
+    found = simulated[case]
+    assert found["rows"] < 1e-9
+    assert found["work"][0] == found["work"][1]
+
+
+@needs_package
+@pytest.mark.parametrize("case", CASES)
+def test_a_card_takes_the_same_sums(simulated, case):
+    for name in ("section", "covariance", "clock", "agreement", "histograms"):
+        assert simulated[case][name] < 1e-9, name
+
+
+@needs_package
+def test_unfinished_paths_were_among_them(simulated):
+    assert 0 < simulated["plain, some unfinished"]["work"][1][2] < 10
+
+
+@needs_package
+def test_another_key_would_be_seen(simulated):
+    found = simulated["planted: another key"]
+    assert found["rows"] > 1e-3
+    assert found["section"] > 1e-3
+
+
+@needs_package
+def test_speed_counts_path_steps(simulated):
+    assert simulated["speed"] > 0.0
+
+
+@needs_compiler
+def test_all_kernels_compile_for_a_card():
+    done = python(str(HERE / "compiled_card.py"), NUMBA_ENABLE_CUDASIM="0")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert done.stdout.split() == ["sm_90"] * 8
+
+
+def test_nothing_of_cuda_is_imported_before_a_card_is_asked_for():
+    done = python("-c", "import sys, montecarlo, compare; print(*sys.modules, sep='\\n')")
+    assert done.returncode == 0, done.stderr
+    loaded = done.stdout.split()
+    assert "numba" in loaded
+    assert not [name for name in loaded if name.startswith(("numba.cuda", "montecarlo.gpu"))]
+
+
+def test_a_missing_package_is_named(monkeypatch):
+    monkeypatch.setattr(gpu, "find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"device = 'cuda': needs the package numba-cuda.*rattle\[gpu\]"):
+        simulate(dat21(0.1), paths=10, device="cuda")
+
+
+@needs_package
+def test_a_missing_card_is_named():
+    done = python("-m", "montecarlo.gpu", CUDA_VISIBLE_DEVICES="-1", NUMBA_ENABLE_CUDASIM="0")
+    assert done.returncode == 1
+    assert done.stdout == ""
+    assert done.stderr.startswith("device = 'cuda': needs")
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("settings", "field"),
+    [
+        ({"device": "gpu"}, "device"),
+        ({"device": "cuda", "step_bias": True}, "step_bias"),
+        ({"device": "cuda", "control": True, "scheme": "exact-flight"}, "control"),
+    ],
+)
+def test_what_a_card_cannot_do_is_refused(settings, field):
+    with pytest.raises(InputError) as refused:
+        simulate(dat21(0.1), paths=10, **settings)
+    assert refused.value.field == field
+
+
+def test_accuracy_is_not_for_a_card():
+    with pytest.raises(InputError) as refused:
+        simulate(dat21(0.1), accuracy=0.1, device="cuda")
+    assert refused.value.field == "device"
