@@ -57,7 +57,7 @@ def check_card() -> None:
     try:
         cards = len(cuda.gpus)
     except cuda.CudaSupportError as error:
-        reason = " ".join(str(error).split())
+        reason = " ".join(str(error).split()).strip(" :")
         raise InputError("device", "cuda", f"needs an NVIDIA driver and a card; {reason}") from None
     if cards == 0:
         raise InputError("device", "cuda", "needs a card; the driver finds none")

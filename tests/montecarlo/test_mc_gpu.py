@@ -26,7 +26,7 @@ needs_package = pytest.mark.skipif(find_spec("numba_cuda") is None, reason="the 
 
 
 needs_compiler = pytest.mark.skipif(
-    find_spec("numba_cuda") is None or find_spec("nvidia.cuda_nvcc") is None,
+    any(find_spec(name) is None for name in ("numba_cuda", "nvidia")) or find_spec("nvidia.cuda_nvcc") is None,
     reason="CUDA's compiler (extra gpu) is not installed",
 )
 
