@@ -4,6 +4,7 @@ Every sum is taken in an order that the number of threads and of paths alone dec
 """
 
 import math
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,7 +18,7 @@ from montecarlo.gpu_paths import HELD, STEPS, UNFINISHED
 from montecarlo.kernel import COLUMNS
 from scene.moments import SECTION
 
-__all__ = ["MOST_THREADS", "reduced"]
+__all__ = ["MOST_THREADS", "launch", "reduced"]
 
 MOST_THREADS = 256  # of a block, at most; a power of two
 MOST_ORDERS, MOST_POWERS = 16, 9
@@ -131,6 +132,13 @@ def _tally(rows, itineraries, codes, agreeing):  # type: ignore[no-untyped-def]
             agreeing[j - len(CODES), k] = count
 
 
+def launch(kernel: Any, grid: int | tuple[int, int], threads: int, *arguments: Any) -> None:
+    """Run a kernel; a small run fills no card, and needs no warning that it does not."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "(?s).*Grid size")
+        kernel[grid, threads](*arguments)
+
+
 def _sums(v: Any, variables: int, pairs: Sequence[tuple[int, int]], orders: Orders, threads: int) -> CentralSums:
     """Sums over pairs of variables within each group; `v` is on the card, of shape (groups, variables, paths)."""
     groups, _, paths = v.shape
@@ -139,8 +147,8 @@ def _sums(v: Any, variables: int, pairs: Sequence[tuple[int, int]], orders: Orde
     cells, shape = left.size, (groups, len(pairs))
     n, mean = cuda.device_array(cells, np.float64), cuda.device_array((2, cells), np.float64)
     sums = cuda.device_array((len(orders), cells), np.float64)
-    _cell_sums[cells, threads](
-        v.reshape(groups * variables, paths), cuda.to_device(left), cuda.to_device(right),
+    launch(
+        _cell_sums, cells, threads, v.reshape(groups * variables, paths), cuda.to_device(left), cuda.to_device(right),
         cuda.to_device(np.array(orders)), n, mean, sums,
     )  # fmt: skip
     return CentralSums(
@@ -161,7 +169,8 @@ def reduced(plan: Plan, rows: Any, clock: Any, counts: NDArray[np.int64], thread
     itineraries = np.array(list(plan.itineraries.values()), dtype=float).reshape(-1, plan.impacts)
     codes = cuda.device_array((plan.impacts, len(CODES)), np.float64)
     agreeing = cuda.device_array(itineraries.shape, np.float64)
-    _tally[(plan.impacts, len(CODES) + len(itineraries)), threads](rows, cuda.to_device(itineraries), codes, agreeing)
+    grid = plan.impacts, len(CODES) + len(itineraries)
+    launch(_tally, grid, threads, rows, cuda.to_device(itineraries), codes, agreeing)
     return BlockResult(
         sums, codes.copy_to_host(), dict(zip(plan.itineraries, agreeing.copy_to_host(), strict=True)),
         int(counts[STEPS]), int(counts[HELD]), int(counts[UNFINISHED]),

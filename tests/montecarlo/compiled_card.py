@@ -35,8 +35,7 @@ def main() -> None:
     kernels = [
         (path_kernel(scheme, noise, random, random), follow)
         for scheme, noise, random in (
-            (PLAIN, "gaussian", False), (PLAIN, "two-point", True), (LOCATED, "gaussian", False),
-            (LOCATED, "none", True), (EXACT, "gaussian", False), (EXACT, "gaussian", True),
+            (PLAIN, "gaussian", False), (PLAIN, "two-point", True), (LOCATED, "none", True), (EXACT, "gaussian", True),
         )
     ]  # fmt: skip
     kernels.append((gpu_sums._cell_sums, types.void(FLOATS[2], INTS[1], INTS[1], INTS[2], FLOATS[1], *FLOATS[2:3] * 2)))
