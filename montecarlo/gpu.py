@@ -155,6 +155,8 @@ def launches(plan: Plan, size: int) -> Iterator[tuple[BlockResult, Floats | None
     for first in range(0, plan.paths, size):
         rows, clock, counts = _followed(card, first, min(size, plan.paths - first))
         kept = np.ascontiguousarray(rows.copy_to_host().transpose(2, 0, 1)) if plan.keep else None
+        if kept is not None and plan.scene.stages == 1:
+            kept[:, :, 4:6] = np.nan
         yield reduced(plan, rows, clock, counts, 2 if _simulated() else MOST_THREADS), kept
 
 

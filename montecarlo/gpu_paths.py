@@ -35,6 +35,7 @@ def _tabulate(scheme, job, n, table):  # type: ignore[no-untyped-def]
             own = flight_forcing(job.c, begin, job.dt)
             for j in range(4):
                 table[s, j], table[s, 4 + j], table[s, 8 + j] = own.drift[j], own.along[j], own.across[j]
+            table[s, 12], table[s, 13] = own.margin1, own.margin2
         else:
             f = step_forcing(job.c, begin, job.dt)
             table[s, 0], table[s, 1], table[s, 2], table[s, 3] = f.push1, f.kick1, f.push2, f.kick2
@@ -45,7 +46,7 @@ def _flight(c, h, whole, t, x1, y1, x2, y2, w, area, walls):  # type: ignore[no-
     """State after a step of exact flight, and whether a wall may have been met; `t` is the step's row of the table."""
     f = FlightForcing(
         whole.x1y1, whole.y1y1, whole.x2y1, whole.x2y2, whole.y2y1, whole.y2y2,
-        (t[0], t[1], t[2], t[3]), (t[4], t[5], t[6], t[7]), (t[8], t[9], t[10], t[11]), whole.margin1, whole.margin2,
+        (t[0], t[1], t[2], t[3]), (t[4], t[5], t[6], t[7]), (t[8], t[9], t[10], t[11]), t[12], t[13],
     )  # fmt: skip
     third = h / 3.0
     a1, b1 = first_stage(f, x1, y1, w, area)
@@ -109,7 +110,7 @@ def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callabl
         Whether the backlash is random, and whether impacts redraw it.
     """
     gaussian, two_point = noise == "gaussian", noise == "two-point"
-    width = 12 if scheme == EXACT else 4
+    width = 14 if scheme == EXACT else 4
     draws = 2 if scheme == EXACT else 4  # steps that a draw of four normals serves
 
     @cuda.jit
