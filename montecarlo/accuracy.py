@@ -21,7 +21,7 @@ from montecarlo.step import largest_step
 from scene.moments import SECTION
 from scene.scene import Scene
 
-__all__ = ["reach", "sampling_error", "step_error"]
+__all__ = ["PILOT", "pilot", "reach", "sampling_error", "step_error", "units"]
 
 PILOT = 4 * BLOCK
 COARSEST = 4  # of the steps that run side by side for the bias, in units of the finest
@@ -40,7 +40,7 @@ class _Candidate(NamedTuple):
     core_seconds: float
 
 
-def _units(run: Ensemble) -> pd.DataFrame:
+def units(run: Ensemble) -> pd.DataFrame:
     """Unit of each quantity's errors, index ``impact``, columns the section quantities."""
     section = run.section
     unit = section[["sd_" + q for q in SECTION]].set_axis(SECTION, axis=1)
@@ -52,7 +52,7 @@ def _units(run: Ensemble) -> pd.DataFrame:
 
 def sampling_error(run: Ensemble) -> tuple[float, str]:
     """Largest standard error of the section means and sds in units of the sd, and where it is."""
-    unit, section = _units(run), run.section
+    unit, section = units(run), run.section
     errors = {
         f"{name} of {q}": section[prefix + q] / unit[q]
         for q in SECTION
@@ -65,26 +65,31 @@ def sampling_error(run: Ensemble) -> tuple[float, str]:
 
 def step_error(run: Ensemble) -> tuple[float, float]:
     """Largest bias of the step in units of the sd, and its standard error."""
-    unit, bias = _units(run), run.step_bias
+    unit, bias = units(run), run.step_bias
     scale = np.array([unit.at[k, q] for k, q in zip(bias["impact"], bias["quantity"], strict=True)])
     share = bias["bias"].abs() / scale
     worst = int(share.to_numpy().argmax())
     return float(share.iloc[worst]), float(bias["se_bias"].iloc[worst] / scale[worst])
 
 
-def _candidate(scene: Scene, scheme: str, accuracy: float, simulate: Simulate) -> _Candidate:
-    """Step, paths and work that a scheme needs, from a pilot run."""
-    kind = SCHEMES[scheme]
-    exact = kind.weak_order is None
+def pilot(scene: Scene, scheme: str, simulate: Simulate) -> Ensemble:
+    """A small run that shows what accuracy takes: spread, and for a scheme with a step bias that bias."""
+    exact = SCHEMES[scheme].weak_order is None
     levels = 1 if exact else COARSEST
     dt = min(FLIGHT_STEP if exact else FIRST_STEP, 0.99 * largest_step(scene, scheme)[0] / levels)
-    pilot = simulate(paths=PILOT, scheme=scheme, dt=dt, step_bias=not exact, control=exact)
-    error, _ = sampling_error(pilot)
+    return simulate(paths=PILOT, scheme=scheme, dt=dt, step_bias=not exact, control=exact)
+
+
+def _candidate(scene: Scene, scheme: str, accuracy: float, simulate: Simulate) -> _Candidate:
+    """Step, paths and work that a scheme needs, from a pilot run."""
+    kind, first = SCHEMES[scheme], pilot(scene, scheme, simulate)
+    exact, dt = kind.weak_order is None, first.dt
+    error, _ = sampling_error(first)
     if not exact:  # half of what is allowed: order 1 is that of the limit dt -> 0
-        dt *= min(1.0, 0.5 * accuracy / max(step_error(pilot)[0], 1e-300))
-    blocks = max(1, math.ceil(pilot.paths * (error / accuracy) ** 2 / BLOCK))
-    steps = pilot.path_steps / pilot.paths * pilot.dt / dt  # of all step sizes
-    work = steps * kind.step_ns + pilot.impacts * kind.impact_ns * (1.0 if exact else 3.0)
+        dt *= min(1.0, 0.5 * accuracy / max(step_error(first)[0], 1e-300))
+    blocks = max(1, math.ceil(first.paths * (error / accuracy) ** 2 / BLOCK))
+    steps = first.path_steps / first.paths * first.dt / dt  # of all step sizes
+    work = steps * kind.step_ns + first.impacts * kind.impact_ns * (1.0 if exact else 3.0)
     return _Candidate(scheme, dt, blocks * BLOCK, 1e-9 * work * blocks * BLOCK)
 
 

@@ -1,0 +1,179 @@
+"""What accuracy costs: every scheme at every accuracy, measured or extrapolated, and every reading of the closure.
+
+An error is the larger of the worst standard error and the worst bias of the step over all section means and sds, in
+units of each quantity's sd (`montecarlo.accuracy`); of a closure it is its worst difference from the best simulation at
+hand.  Time is processor time, over all threads.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import NoReturn
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from closure import mean_map, readings_for
+from compare.cost_law import Law, Point, timed
+from compare.moments import widest
+from compare.multilevel import Levels, measure_levels
+from compare.speed import best_of
+from montecarlo import SCHEMES, Ensemble, simulate
+from montecarlo.accuracy import units
+from montecarlo.block import BLOCK
+from scene.errors import InputError
+from scene.moments import SECTION
+from scene.scene import Scene
+from scene.validate import positive
+
+__all__ = ["ACCURACIES", "HAND_TUNED_NS", "Measured", "check_accuracies", "measure", "slope"]
+
+ACCURACIES = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
+HAND_TUNED_NS = 10.7
+"""Time of a path-step of plain Euler-Maruyama in a hand-tuned numba block on the machine of the README."""
+
+FLOOR = 4 * BLOCK  # paths below which whole blocks and pilots, not accuracy, set the cost
+
+
+@dataclass(frozen=True)
+class Measured:
+    """All that a comparison of costs has found.
+
+    Attributes
+    ----------
+    points : DataFrame
+        The columns of `Point`.
+    laws : dict of str to Law
+        By scheme.
+    levels : dict of str to Levels
+        By Euler scheme.
+    reference : Ensemble
+        The simulation that closures are held against.
+    """
+
+    points: pd.DataFrame
+    laws: dict[str, Law]
+    levels: dict[str, Levels]
+    reference: Ensemble
+
+
+def check_accuracies(accuracies: Sequence[float]) -> tuple[float, ...]:
+    """Accuracies from the roughest to the finest, each once.
+
+    Raises
+    ------
+    InputError
+        For one that is not a positive number, or for none.
+    """
+    if not accuracies:
+        raise InputError("accuracy", accuracies, "give at least one")
+    return tuple(sorted({positive("accuracy", a) for a in accuracies}, reverse=True))
+
+
+def _scheme_points(
+    law: Law, scene: Scene, accuracies: Sequence[float], budget: float, workers: int, again: Callable[..., Ensemble],
+    bar: "tqdm[NoReturn]",
+) -> list[Point]:  # fmt: skip
+    points = []
+    for accuracy in accuracies:
+        bar.set_postfix_str(f"{law.scheme}, {accuracy:g}")
+        expected = law.at(accuracy)
+        if expected.core_seconds <= budget:
+            run, seconds = timed(
+                lambda a=accuracy: again(accuracy=a, scheme=law.scheme, budget=budget / workers)  # type: ignore[misc]
+            )
+            law.learn(run)
+            reach = run.reach
+            assert reach is not None
+            if reach.reached:
+                error = max(reach.sampling, reach.step)
+                expected = Point(
+                    law.scheme, "scheme", accuracy, run.dt, run.paths, seconds, reach.sampling, reach.step, error, True
+                )  # fmt: skip
+            else:
+                expected = law.at(accuracy)
+        points.append(expected)
+        bar.update()
+    rows = len(SECTION[: 2 + 2 * scene.stages]) * 2 * law.first.impacts
+    return [p._replace(rows=rows) for p in points]
+
+
+def closure_points(scene: Scene, impacts: int, reference: Ensemble) -> list[Point]:
+    """Worst and median error of every reading that can take the scene, and its time."""
+    unit, section = units(reference), reference.section
+    columns = [(prefix + q, q) for q in SECTION[: 2 + 2 * scene.stages] for prefix in ("", "sd_")]
+    readings = readings_for(scene)
+    z = widest(len(columns) * impacts * len(readings))
+    points = []
+    for reading in readings:
+        call = partial(mean_map, scene, impacts=impacts, reading=reading)
+        own = call().section.reindex(section.index)
+        error = np.array([(own[name] - section[name]) / unit[q] for name, q in columns])
+        half = z * np.array([section["se_" + name] / unit[q] for name, q in columns])
+        half, error = half[np.isfinite(error)], np.abs(error[np.isfinite(error)])
+        worst = int(error.argmax())
+        resolved = bool(error[worst] > half[worst])
+        bound = float(error[worst] if resolved else (error + half).max())
+        points.append(Point(
+            reading, "closure", math.nan, math.nan, 0, best_of(call), float(half[worst]), 0.0, bound, True,
+            float(np.median(error)), resolved, error.size,
+        ))  # fmt: skip
+    return points
+
+
+def multilevel_points(levels: dict[str, Levels], accuracies: Sequence[float]) -> list[Point]:
+    """Cost of the best multilevel estimator of the means by each Euler scheme, none of them run as a whole."""
+    points = []
+    for scheme, found in levels.items():
+        for a in accuracies:
+            e = found.estimate(a)
+            dt = found.table["dt"].iloc[0] / 2.0**e.last
+            points.append(Point(f"multilevel {scheme}", "multilevel", a, dt, 0, e.seconds, a, a, a, False))
+    return points
+
+
+def means_seconds(law: Law, accuracy: float, control: bool) -> float:
+    """Core-seconds of exact flights for the section means alone, with the control's errors or with the plain ones."""
+    unit, section = units(law.best), law.best.section
+    n = section["paths"].to_numpy(float)[:, None]
+    spread = np.sqrt(law.best.result.sums["section"].moment(2, 0))
+    errors = section[["se_" + q for q in SECTION]].to_numpy() * np.sqrt(n) if control else spread
+    worst = float(np.nanmax(errors / unit.to_numpy()))
+    return (worst / accuracy) ** 2 * (law.path_seconds + law.step_seconds * law.steps(law.first.dt))
+
+
+def slope(points: pd.DataFrame, method: str, measured: bool) -> tuple[float, int]:
+    """Power of the accuracy with which a method's cost grows, and of how many points, from their logarithms.
+
+    Left out are points so rough that whole blocks and pilots set the cost.
+    """
+    rows = points[(points["method"] == method) & (points["paths"] > FLOOR) & (points["measured"] | (not measured))]
+    if len(rows) < 2:
+        return math.nan, len(rows)
+    return float(np.polyfit(np.log(rows["accuracy"]), np.log(rows["core_seconds"]), 1)[0]), len(rows)
+
+
+def measure(
+    scene: Scene, *, impacts: int, accuracies: Sequence[float], budget: float, seed: int, workers: int
+) -> Measured:
+    """Measure every scheme at every accuracy that `budget` core-seconds each allow, extrapolate the rest.
+
+    Multilevel estimators are costed from runs at halved steps, closures held against the best run of exact flights.
+    """
+    again = partial(simulate, scene, impacts=impacts, rng=seed, workers=workers)
+    laws, points = {}, []
+    with tqdm(total=len(SCHEMES) * len(accuracies), desc="accuracy", unit="point", disable=None) as bar:
+        for scheme in SCHEMES:
+            laws[scheme] = Law.from_pilots(scene, scheme, again)
+            points += _scheme_points(laws[scheme], scene, accuracies, budget, workers, again, bar)
+    levels = {
+        scheme: measure_levels(scene, scheme, impacts=impacts, seed=seed, workers=workers)
+        for scheme, kind in SCHEMES.items()
+        if kind.weak_order is not None
+    }
+    reference = next(laws[scheme].best for scheme, kind in SCHEMES.items() if kind.weak_order is None)
+    points += multilevel_points(levels, accuracies)
+    points += closure_points(scene, impacts, reference)
+    return Measured(pd.DataFrame(points, columns=list(Point._fields)), laws, levels, reference)
