@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from montecarlo import SCHEMES, Ensemble
-from montecarlo.accuracy import PILOT, pilot, sampling_error, step_error
+from montecarlo.accuracy import pilot, sampling_error, step_error
 from montecarlo.block import BLOCK
 from scene.scene import Scene
 
@@ -23,7 +23,8 @@ class Point(NamedTuple):
     ``kind`` is ``scheme``, ``multilevel`` (section means alone) or ``closure``.  ``error`` is what is drawn: the larger
     of ``sampling_error`` and ``step_error`` where measured, else what was asked; of a closure the worst error, an upper
     bound unless ``resolved``, with ``median_error``, and ``sampling_error`` the half width of the worst row's interval.
-    ``rows`` counts the section means and sds that it speaks of.
+    ``rows`` counts the section means and sds that it speaks of, and ``actual_error`` is the worst difference of a
+    measured run from the best simulation at hand.
     """
 
     method: str
@@ -39,6 +40,7 @@ class Point(NamedTuple):
     median_error: float = math.nan
     resolved: bool = True
     rows: int = 0
+    actual_error: float = math.nan
 
 
 @dataclass
@@ -52,43 +54,46 @@ class Law:
         The pilot.
     path_seconds, step_seconds : float
         Time of a path is the first, and the second for each of its steps (of all step sizes).
+    pilot_seconds : float
+        Time of the pilot, which every answer takes.
     spread : float
         Worst standard error times the root of the paths.
     bias : float
         Worst bias of the step over the step; 0 where there is none.
     best : Ensemble
         The run with most paths.
+    shared : float
+        Least spread to believe in, from a run of another scheme: heavy tails show only in many paths.
     """
 
     scheme: str
     first: Ensemble
     path_seconds: float
     step_seconds: float
+    pilot_seconds: float
     spread: float
     bias: float
     best: Ensemble
+    shared: float = 0.0
 
     @classmethod
     def from_pilots(cls, scene: Scene, scheme: str, again: Callable[..., Ensemble]) -> "Law":
         """Measure a scheme by pilots: one for a scheme without step bias, else a second with a shorter step."""
         first, seconds = _least(lambda: pilot(scene, scheme, again))
+        spread = sampling_error(first)[0] * math.sqrt(first.paths)
         if SCHEMES[scheme].weak_order is None:
-            return cls(
-                scheme, first, 0.0, seconds / first.path_steps, sampling_error(first)[0] * PILOT**0.5, 0.0, first
-            )  # fmt: skip
-        finer, more = _least(lambda: again(paths=PILOT, scheme=scheme, dt=first.dt / FINER, step_bias=True))
+            return cls(scheme, first, 0.0, seconds / first.path_steps, seconds, spread, 0.0, first)
+        finer, more = _least(lambda: again(paths=first.paths, scheme=scheme, dt=first.dt / FINER, step_bias=True))
         step = (more - seconds) / (finer.path_steps - first.path_steps)
-        law = cls(
-            scheme, first, max(0.0, seconds - step * first.path_steps) / PILOT, step,
-            sampling_error(first)[0] * PILOT**0.5, step_error(first)[0] / first.dt, first,
-        )  # fmt: skip
+        path = max(0.0, seconds - step * first.path_steps) / first.paths
+        law = cls(scheme, first, path, step, seconds, spread, step_error(first)[0] / first.dt, first)
         law.learn(finer)
         return law
 
     def learn(self, run: Ensemble) -> None:
         """Take over what a run with more paths, or a bias that stands clear of noise at a shorter step, has shown."""
         if run.paths >= self.best.paths:
-            self.spread, self.best = sampling_error(run)[0] * math.sqrt(run.paths), run
+            self.spread, self.best = max(self.shared, sampling_error(run)[0] * math.sqrt(run.paths)), run
         if self.bias:
             step, se = step_error(run)
             if step > 3.0 * se:
@@ -102,20 +107,20 @@ class Law:
         """The point extrapolated to an accuracy."""
         paths = max(1, math.ceil((self.spread / accuracy) ** 2 / BLOCK)) * BLOCK
         dt = min(self.first.dt, accuracy / self.bias) if self.bias else self.first.dt
-        seconds = paths * (self.path_seconds + self.step_seconds * self.steps(dt))
+        seconds = self.pilot_seconds + paths * (self.path_seconds + self.step_seconds * self.steps(dt))
         return Point(
             self.scheme, "scheme", accuracy, dt, paths, seconds, self.spread / math.sqrt(paths), self.bias * dt,
             accuracy, False,
         )  # fmt: skip
 
-    def alone(self, accuracy: float, step_ns: float | None = None) -> float:
-        """Core-seconds at an accuracy without the longer steps beside it that measure the bias, impacts for nothing.
+    def path_alone(self, accuracy: float, step_ns: float | None = None) -> float:
+        """Seconds of a path at an accuracy without the longer steps beside it that measure the bias.
 
-        `step_ns` is the time of a path-step; that of the pilots by default.
+        With `step_ns`, at so many ns for a step, and impacts for nothing.
         """
-        point = self.at(accuracy)
         share = 4.0 / 7.0 if self.bias else 1.0  # of the steps dt + dt/2 + dt/4
-        return point.paths * self.steps(point.dt) * share * (self.step_seconds if step_ns is None else 1e-9 * step_ns)
+        steps = self.steps(self.at(accuracy).dt) * share
+        return 1e-9 * step_ns * steps if step_ns else self.path_seconds * share + self.step_seconds * steps
 
 
 def timed(call: Callable[[], Ensemble]) -> tuple[Ensemble, float]:

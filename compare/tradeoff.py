@@ -13,6 +13,7 @@ from typing import NoReturn
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from closure import mean_map, readings_for
@@ -29,6 +30,8 @@ from scene.scene import Scene
 from scene.validate import positive
 
 __all__ = ["ACCURACIES", "HAND_TUNED_NS", "Measured", "check_accuracies", "measure", "slope"]
+
+Floats = NDArray[np.float64]
 
 ACCURACIES = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 HAND_TUNED_NS = 10.7
@@ -73,51 +76,60 @@ def check_accuracies(accuracies: Sequence[float]) -> tuple[float, ...]:
 
 
 def _scheme_points(
-    law: Law, scene: Scene, accuracies: Sequence[float], budget: float, workers: int, again: Callable[..., Ensemble],
+    law: Law, accuracies: Sequence[float], budget: float, again: Callable[..., Ensemble],
     bar: "tqdm[NoReturn]",
-) -> list[Point]:  # fmt: skip
-    points = []
+) -> list[tuple[Point, Ensemble | None]]:  # fmt: skip
+    """Points of a scheme, with the run of each that was measured."""
+    points: list[tuple[Point, Ensemble | None]] = []
     for accuracy in accuracies:
         bar.set_postfix_str(f"{law.scheme}, {accuracy:g}")
-        expected = law.at(accuracy)
-        if expected.core_seconds <= budget:
-            run, seconds = timed(
-                lambda a=accuracy: again(accuracy=a, scheme=law.scheme, budget=budget / workers)  # type: ignore[misc]
-            )
+        point, measured = law.at(accuracy), None
+        if point.core_seconds <= budget:
+            run, seconds = timed(partial(again, accuracy=accuracy, scheme=law.scheme, budget=budget))
             law.learn(run)
             reach = run.reach
             assert reach is not None
+            point = law.at(accuracy)
             if reach.reached:
-                error = max(reach.sampling, reach.step)
-                expected = Point(
+                error, measured = max(reach.sampling, reach.step), run
+                point = Point(
                     law.scheme, "scheme", accuracy, run.dt, run.paths, seconds, reach.sampling, reach.step, error, True
                 )  # fmt: skip
-            else:
-                expected = law.at(accuracy)
-        points.append(expected)
+        points.append((point, measured))
         bar.update()
-    rows = len(SECTION[: 2 + 2 * scene.stages]) * 2 * law.first.impacts
-    return [p._replace(rows=rows) for p in points]
+    return points
+
+
+def _section_rows(scene: Scene) -> list[tuple[str, str]]:
+    """Column and quantity of every section mean and sd of a scene."""
+    return [(prefix + q, q) for q in SECTION[: 2 + 2 * scene.stages] for prefix in ("", "sd_")]
+
+
+def _differences(section: pd.DataFrame, reference: Ensemble) -> Floats:
+    """Section means and sds less those of a simulation, in units of its sds, shape (rows, impacts)."""
+    unit, own = units(reference), section.reindex(reference.section.index)
+    return np.array([
+        (own[name] - reference.section[name]) / unit[q] for name, q in _section_rows(reference.scene)
+    ])  # fmt: skip
 
 
 def closure_points(scene: Scene, impacts: int, reference: Ensemble) -> list[Point]:
     """Worst and median error of every reading that can take the scene, and its time."""
-    unit, section = units(reference), reference.section
-    columns = [(prefix + q, q) for q in SECTION[: 2 + 2 * scene.stages] for prefix in ("", "sd_")]
+    columns, unit = _section_rows(scene), units(reference)
     readings = readings_for(scene)
     z = widest(len(columns) * impacts * len(readings))
+    half = z * np.array([reference.section["se_" + name] / unit[q] for name, q in columns])
     points = []
     for reading in readings:
         call = partial(mean_map, scene, impacts=impacts, reading=reading)
-        own = call().section.reindex(section.index)
-        error = np.array([(own[name] - section[name]) / unit[q] for name, q in columns])
-        half = z * np.array([section["se_" + name] / unit[q] for name, q in columns])
-        half, error = half[np.isfinite(error)], np.abs(error[np.isfinite(error)])
+        error = np.abs(_differences(call().section, reference))
+        seen = np.isfinite(error)
+        error, noise = error[seen], half[seen]
         worst = int(error.argmax())
-        resolved = bool(error[worst] > half[worst])
-        bound = float(error[worst] if resolved else (error + half).max())
+        resolved = bool(error[worst] > noise[worst])
+        bound = float(error[worst] if resolved else (error + noise).max())
         points.append(Point(
-            reading, "closure", math.nan, math.nan, 0, best_of(call), float(half[worst]), 0.0, bound, True,
+            reading, "closure", math.nan, math.nan, 0, best_of(call), float(noise[worst]), 0.0, bound, True,
             float(np.median(error)), resolved, error.size,
         ))  # fmt: skip
     return points
@@ -163,17 +175,26 @@ def measure(
     Multilevel estimators are costed from runs at halved steps, closures held against the best run of exact flights.
     """
     again = partial(simulate, scene, impacts=impacts, rng=seed, workers=workers)
-    laws, points = {}, []
+    laws: dict[str, Law] = {}
+    found: dict[str, list[tuple[Point, Ensemble | None]]] = {}
+    exact_first = sorted(SCHEMES, key=lambda name: SCHEMES[name].weak_order is not None)
     with tqdm(total=len(SCHEMES) * len(accuracies), desc="accuracy", unit="point", disable=None) as bar:
-        for scheme in SCHEMES:
-            laws[scheme] = Law.from_pilots(scene, scheme, again)
-            points += _scheme_points(laws[scheme], scene, accuracies, budget, workers, again, bar)
+        for scheme in exact_first:
+            law = laws[scheme] = Law.from_pilots(scene, scheme, again)
+            law.shared = max(other.spread for other in laws.values())  # of the first, which affords most paths
+            law.spread = max(law.spread, law.shared)
+            found[scheme] = _scheme_points(law, accuracies, budget, again, bar)
+    reference = laws[exact_first[0]].best
     levels = {
-        scheme: measure_levels(scene, scheme, impacts=impacts, seed=seed, workers=workers)
-        for scheme, kind in SCHEMES.items()
-        if kind.weak_order is not None
+        scheme: measure_levels(scene, scheme, impacts=impacts, seed=seed, workers=workers) for scheme in exact_first[1:]
     }
-    reference = next(laws[scheme].best for scheme, kind in SCHEMES.items() if kind.weak_order is None)
-    points += multilevel_points(levels, accuracies)
-    points += closure_points(scene, impacts, reference)
+    rows = len(_section_rows(scene)) * impacts
+    points = []
+    for scheme in SCHEMES:
+        for point, run in found[scheme]:
+            known = run is not None and run.paths < reference.paths
+            actual = float(np.nanmax(np.abs(_differences(run.section, reference)))) if run and known else math.nan
+            points.append(point._replace(rows=rows, actual_error=actual))
+    points += multilevel_points(levels, accuracies) + closure_points(scene, impacts, reference)
+    laws = {scheme: laws[scheme] for scheme in SCHEMES}
     return Measured(pd.DataFrame(points, columns=list(Point._fields)), laws, levels, reference)

@@ -50,7 +50,9 @@ def tradeoff_figure(points: pd.DataFrame, slopes: dict[str, float], means_alone:
     ax.set_ylim(0.6 * min(points["error"].min(), points["median_error"].min()), 2.0 * points["error"].max())
     ax.set_xlabel("processor time (core-seconds)")
     ax.set_ylabel("error of the section means and sds / sd of each quantity")
-    figure.legend(handles=[*handles, MEASURED, EXTRAPOLATED], loc="outside upper center", ncols=3, fontsize=8.0)
+    figure.legend(
+        handles=[*handles, MEASURED, EXTRAPOLATED], loc="outside upper center", ncols=3, fontsize=8.0, frameon=False
+    )
     return figure
 
 

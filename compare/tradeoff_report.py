@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+import numpy as np
 import pandas as pd
 
 from compare.folder import whole_folder
@@ -77,13 +78,14 @@ def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
         else "No closure that predicts all of them is cheaper than a simulation as accurate as its worst error."
     )
     finest = accuracies[-1]
-    exact, plain = m.laws[EXACT].at(finest).core_seconds, m.laws[PLAIN].alone(finest)
-    tuned = m.laws[PLAIN].alone(finest, HAND_TUNED_NS)
-    need = m.laws[PLAIN].at(finest)
+    plain, exact = m.laws[PLAIN], m.laws[EXACT].path_alone(finest)
     found.append(
-        f"To {finest:g}, plain Euler-Maruyama would need dt = {need.dt:.2g}: at {1e9 * m.laws[PLAIN].step_seconds:.2g} "
-        f"ns per path-step that is {plain / exact:,.0f} times the processor time of exact flights ({_seconds(exact)}), "
-        f"and {tuned / exact:,.0f} times at the {HAND_TUNED_NS:g} ns of a hand-tuned block."
+        f"To {finest:g}, plain Euler-Maruyama would need dt = {plain.at(finest).dt:.2g}: at "
+        f"{1e9 * plain.step_seconds:.2g} ns per path-step the same number of paths takes "
+        f"{plain.path_alone(finest) / exact:,.0f} times the processor time of exact flights "
+        f"({_seconds(m.laws[EXACT].at(finest).core_seconds)}), and "
+        f"{plain.path_alone(finest, HAND_TUNED_NS) / exact:,.0f} times at the {HAND_TUNED_NS:g} ns of a hand-tuned "
+        "block."
     )
     return [*found, verdict(m, accuracies)]
 
@@ -116,7 +118,9 @@ def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> 
     p = m.points
     schemes = [
         (r["method"], f"{r['accuracy']:g}", f"{r['dt']:.2g}", f"{r['paths']:,}", f"{r['core_seconds']:.3g}",
-         f"{r['sampling_error']:.2g}", f"{r['step_error']:.2g}", "measured" if r["measured"] else "extrapolated")
+         f"{r['sampling_error']:.2g}", f"{r['step_error']:.2g}",
+         "–" if np.isnan(r["actual_error"]) else f"{r['actual_error']:.2g}",
+         "measured" if r["measured"] else "extrapolated")
         for _, r in p[p["kind"] == "scheme"].iterrows()
     ]  # fmt: skip
     slopes = [
@@ -147,7 +151,7 @@ def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> 
     ]  # fmt: skip
     return {
         "schemes": _table(
-            ["scheme", "accuracy", "dt", "paths", "core-seconds", "standard error", "step bias", ""], schemes
+            ["scheme", "accuracy", "dt", "paths", "core-seconds", "standard error", "step bias", "actual", ""], schemes
         ),
         "slopes": _table(
             ["scheme", "ns per path-step", "cost grows as accuracy to the", "of measured points alone"], slopes
@@ -193,8 +197,9 @@ def write_tradeoff(
         loader=jinja2.PackageLoader("compare"), autoescape=False, trim_blocks=True, lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )  # fmt: skip
+    shown = {name: record[name] for name in ("name", "budget", "command", "commit")}
     page = environment.get_template("tradeoff.md.j2").render(
-        **{k: record[k] for k in ("name", "budget", "command", "commit")}, answer=said[:-1], verdict=said[-1], tables=_tables(m, control, accuracies),
+        **shown, answer=said[:-1], verdict=said[-1], tables=_tables(m, control, accuracies),
         sigma=f"{m.reference.scene.sigma:.4g}", impacts=m.reference.impacts, reference=f"{m.reference.paths:,}",
         alarm=f"{KURTOSIS_ALARM:g}",
     )  # fmt: skip

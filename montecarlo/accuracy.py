@@ -21,7 +21,7 @@ from montecarlo.step import largest_step
 from scene.moments import SECTION
 from scene.scene import Scene
 
-__all__ = ["PILOT", "pilot", "reach", "sampling_error", "step_error", "units"]
+__all__ = ["FLIGHT_STEP", "STILL", "pilot", "reach", "sampling_error", "step_error", "units"]
 
 PILOT = 4 * BLOCK
 COARSEST = 4  # of the steps that run side by side for the bias, in units of the finest
