@@ -146,14 +146,18 @@ def multilevel_points(levels: dict[str, Levels], accuracies: Sequence[float]) ->
     return points
 
 
-def means_seconds(law: Law, accuracy: float, control: bool) -> float:
-    """Core-seconds of exact flights for the section means alone, with the control's errors or with the plain ones."""
+def means_seconds(law: Law, accuracy: float, *, control: bool, typical: bool = False) -> float:
+    """Core-seconds of exact flights for the section means alone, all of them or the typical one.
+
+    With `control` by the errors that the control variate leaves, else by the spread of the paths.
+    """
     unit, section = units(law.best), law.best.section
     n = section["paths"].to_numpy(float)[:, None]
     spread = np.sqrt(law.best.result.sums["section"].moment(2, 0))
     errors = section[["se_" + q for q in SECTION]].to_numpy() * np.sqrt(n) if control else spread
-    worst = float(np.nanmax(errors / unit.to_numpy()))
-    return (worst / accuracy) ** 2 * (law.path_seconds + law.step_seconds * law.steps(law.first.dt))
+    share = errors / unit.to_numpy()
+    one = float(np.nanmedian(share) if typical else np.nanmax(share))
+    return (one / accuracy) ** 2 * law.path_alone(accuracy)
 
 
 def slope(points: pd.DataFrame, method: str, measured: bool) -> tuple[float, int]:

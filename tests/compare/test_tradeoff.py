@@ -13,9 +13,9 @@ from compare.__main__ import main
 from compare.cost_law import Law, Point
 from compare.multilevel import Levels, Rate, fitted, giles_cost, levels_of
 from compare.reduction import control_table
-from compare.tradeoff import check_accuracies, closure_points, slope
+from compare.tradeoff import Measured, check_accuracies, closure_points, slope
 from compare.tradeoff_plot import tradeoff_figure
-from compare.tradeoff_report import CONTENTS
+from compare.tradeoff_report import CONTENTS, verdict
 from montecarlo import simulate
 from montecarlo.accuracy import units
 from scene import DAT21, InputError, Scene
@@ -179,6 +179,19 @@ def test_accuracies_are_ordered_and_checked():
     for bad in ((), (0.0,), (-1.0,), (math.nan,)):
         with pytest.raises(InputError, match="accuracy"):
             check_accuracies(bad)
+
+
+def test_the_verdict_on_multilevel_follows_the_numbers():
+    laws, table = {"exact-flight": law(0.0)}, pd.DataFrame()
+    cheap = synthetic()
+    dear = cheap._replace(table=cheap.table.assign(path_seconds=1e6, alone_seconds=1e6))
+    cheap = cheap._replace(table=cheap.table.assign(path_seconds=1e-12, alone_seconds=1e-12))
+    said = [
+        verdict(Measured(table, laws, {"euler-maruyama": x}, laws["exact-flight"].best), (0.1, 0.01))
+        for x in (cheap, dear)
+    ]
+    assert "is cheaper than exact flights for the section means at 0.1 (" in said[0]
+    assert "never wins" in said[1]
 
 
 # closures, control, figure
