@@ -24,7 +24,8 @@ class Point(NamedTuple):
     of ``sampling_error`` and ``step_error`` where measured, else what was asked; of a closure the worst error, an upper
     bound unless ``resolved``, with ``median_error``, and ``sampling_error`` the half width of the worst row's interval.
     ``rows`` counts the section means and sds that it speaks of, and ``actual_error`` is the worst difference of a
-    measured run from the best simulation at hand.
+    measured run from the best simulation at hand; it ``missed`` where that is beyond what its errors allow, for too few
+    paths know nothing of rare ones, and is then the ``error``.
     """
 
     method: str
@@ -41,6 +42,7 @@ class Point(NamedTuple):
     resolved: bool = True
     rows: int = 0
     actual_error: float = math.nan
+    missed: bool = False
 
 
 @dataclass

@@ -135,6 +135,17 @@ def closure_points(scene: Scene, impacts: int, reference: Ensemble) -> list[Poin
     return points
 
 
+def _held_against(point: Point, run: Ensemble | None, law: Law, reference: Ensemble) -> list[Point]:
+    """A point with its actual error; if it missed what was asked, the extrapolated point that would not beside it."""
+    if run is None or run.paths >= reference.paths:
+        return [point]
+    actual = float(np.nanmax(np.abs(_differences(run.section, reference))))
+    point = point._replace(actual_error=actual)
+    if actual <= point.step_error + widest(point.rows) * point.accuracy:
+        return [point]
+    return [point._replace(missed=True, error=actual), law.at(point.accuracy)._replace(rows=point.rows)]
+
+
 def multilevel_points(levels: dict[str, Levels], accuracies: Sequence[float]) -> list[Point]:
     """Cost of the best multilevel estimator of the means by each Euler scheme, none of them run as a whole."""
     points = []
@@ -165,7 +176,8 @@ def slope(points: pd.DataFrame, method: str, measured: bool) -> tuple[float, int
 
     Left out are points so rough that whole blocks and pilots set the cost.
     """
-    rows = points[(points["method"] == method) & (points["paths"] > FLOOR) & (points["measured"] | (not measured))]
+    rows = points[(points["method"] == method) & (points["paths"] > FLOOR) & ~points["missed"]]
+    rows = rows[rows["measured"]] if measured else rows
     if len(rows) < 2:
         return math.nan, len(rows)
     return float(np.polyfit(np.log(rows["accuracy"]), np.log(rows["core_seconds"]), 1)[0]), len(rows)
@@ -196,9 +208,7 @@ def measure(
     points = []
     for scheme in SCHEMES:
         for point, run in found[scheme]:
-            known = run is not None and run.paths < reference.paths
-            actual = float(np.nanmax(np.abs(_differences(run.section, reference)))) if run and known else math.nan
-            points.append(point._replace(rows=rows, actual_error=actual))
+            points += _held_against(point._replace(rows=rows), run, laws[scheme], reference)
     points += multilevel_points(levels, accuracies) + closure_points(scene, impacts, reference)
     laws = {scheme: laws[scheme] for scheme in SCHEMES}
     return Measured(pd.DataFrame(points, columns=list(Point._fields)), laws, levels, reference)

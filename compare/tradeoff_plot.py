@@ -18,6 +18,7 @@ SCHEME = {
 }
 MEASURED = Line2D([], [], ls="-", marker="D", ms=5, color="0.4", label="measured")
 EXTRAPOLATED = Line2D([], [], ls="--", marker="D", ms=5, mfc="none", color="0.4", label="extrapolated")
+MISSED = Line2D([], [], ls="none", marker="D", ms=5, color="0.4", alpha=0.35, label="missed: too few paths to know")
 
 
 def tradeoff_figure(points: pd.DataFrame, slopes: dict[str, float], means_alone: pd.DataFrame) -> Figure:
@@ -51,19 +52,26 @@ def tradeoff_figure(points: pd.DataFrame, slopes: dict[str, float], means_alone:
     ax.set_xlabel("processor time (core-seconds)")
     ax.set_ylabel("error of the section means and sds / sd of each quantity")
     figure.legend(
-        handles=[*handles, MEASURED, EXTRAPOLATED], loc="outside upper center", ncols=3, fontsize=8.0, frameon=False
+        handles=[*handles, MEASURED, EXTRAPOLATED, MISSED],
+        loc="outside upper center",
+        ncols=3,
+        fontsize=8.0,
+        frameon=False,
     )
     return figure
 
 
 def _scheme(ax: Axes, scheme: str, rows: pd.DataFrame, slope: float) -> Artist:
-    style, x, y = SCHEME[scheme], rows["core_seconds"].to_numpy(), rows["error"].to_numpy()
-    measured = rows["measured"].to_numpy(bool)
+    """A line through what holds, solid as far as it is measured; what missed its accuracy stands alone."""
+    style = SCHEME[scheme]
+    missed, held = rows[rows["missed"]], rows[~rows["missed"]]
+    x, y, measured = held["core_seconds"].to_numpy(), held["error"].to_numpy(), held["measured"].to_numpy(bool)
     ax.plot(x, y, ls="--", lw=1.3, color=style["color"])
-    together = int(np.argmin(measured)) if not measured.all() else measured.size  # measured from the roughest on
-    ax.plot(x[:together], y[:together], ls="-", lw=1.8, color=style["color"])
+    for i in np.flatnonzero(measured[:-1] & measured[1:]):
+        ax.plot(x[i : i + 2], y[i : i + 2], ls="-", lw=1.8, color=style["color"])
     ax.plot(x[measured], y[measured], ls="none", ms=7, **style)
     ax.plot(x[~measured], y[~measured], ls="none", ms=7, mfc="white", **style)
+    ax.plot(missed["core_seconds"], missed["error"], ls="none", ms=7, alpha=0.35, **style)
     grows = "" if np.isnan(slope) else rf", cost $\propto$ error$^{{{slope:.1f}}}$"
     return Line2D([], [], ms=7, lw=1.8, label=scheme + grows, **style)
 

@@ -46,7 +46,7 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
 
 def _cheapest(points: pd.DataFrame, accuracy: float) -> dict[str, Any]:
     """The cheapest of the schemes, and of the readings that predict everything as well as that."""
-    scheme = (points["kind"] == "scheme") & (points["accuracy"] == accuracy)
+    scheme = (points["kind"] == "scheme") & (points["accuracy"] == accuracy) & ~points["missed"]
     closure = (points["kind"] == "closure") & (points["error"] <= accuracy) & (points["rows"] == points["rows"].max())
     best: dict[str, Any] = points[scheme | closure].nsmallest(1, "core_seconds").to_dict("records")[0]
     return best
@@ -120,7 +120,7 @@ def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> 
         (r["method"], f"{r['accuracy']:g}", f"{r['dt']:.2g}", f"{r['paths']:,}", f"{r['core_seconds']:.3g}",
          f"{r['sampling_error']:.2g}", f"{r['step_error']:.2g}",
          "–" if np.isnan(r["actual_error"]) else f"{r['actual_error']:.2g}",
-         "measured" if r["measured"] else "extrapolated")
+         "missed" if r["missed"] else "measured" if r["measured"] else "extrapolated")
         for _, r in p[p["kind"] == "scheme"].iterrows()
     ]  # fmt: skip
     slopes = [

@@ -13,7 +13,7 @@ from compare.__main__ import main
 from compare.cost_law import Law, Point
 from compare.multilevel import Levels, Rate, fitted, giles_cost, levels_of
 from compare.reduction import control_table
-from compare.tradeoff import Measured, check_accuracies, closure_points, slope
+from compare.tradeoff import Measured, _held_against, check_accuracies, closure_points, slope
 from compare.tradeoff_plot import tradeoff_figure
 from compare.tradeoff_report import CONTENTS, verdict
 from montecarlo import simulate
@@ -156,6 +156,23 @@ def test_points_that_pilots_dominate_are_left_out_of_the_slope():
     assert slope(pd.DataFrame(rows), "s", True) == (pytest.approx(-2.0), 2)
 
 
+def test_a_run_that_promised_too_much_is_found_out():
+    """A run of so few paths that it cannot be as accurate as it claims, held against one with many."""
+    small, large = (
+        simulate(SCENE, paths=n, impacts=2, dt=0.05, scheme="exact-flight", control=True) for n in (300, 30_000)
+    )
+    own = law(0.0)
+    point = Point("exact-flight", "scheme", 0.3, 0.05, 300, 1.0, 0.1, 0.0, 0.1, True, rows=24)
+    (fair,) = _held_against(point, small, own, large)
+    assert fair.error == 0.1
+    assert not fair.missed
+    missed, beside = _held_against(point._replace(accuracy=0.001), small, own, large)
+    assert missed.missed
+    assert missed.error == missed.actual_error > 0.001
+    assert not beside.measured
+    assert beside.accuracy == 0.001
+
+
 def test_a_law_learns_from_more_paths_and_believes_in_shared_tails():
     own = law()
     more = simulate(SCENE, paths=3000, impacts=2, dt=0.005, scheme="euler-maruyama", step_bias=True)
@@ -251,10 +268,11 @@ def test_command_writes_its_folder_answer_first(tmp_path):
     points = pd.read_csv(out / "tradeoff.csv")
     schemes = points[points["kind"] == "scheme"]
     assert set(points["kind"]) == {"scheme", "multilevel", "closure"}
-    assert len(schemes) == 6
+    assert len(schemes[~schemes["missed"]]) == 6
     assert not schemes[schemes["accuracy"] == 0.001]["measured"].any()
-    assert schemes[(schemes["accuracy"] == 0.1) & (schemes["method"] == "exact-flight")]["measured"].all()
-    assert (schemes[schemes["measured"]]["error"] <= schemes[schemes["measured"]]["accuracy"]).all()
+    held = schemes[~schemes["missed"]]
+    assert held[(held["accuracy"] == 0.1) & (held["method"] == "exact-flight")]["measured"].all()
+    assert (held["error"] <= held["accuracy"]).all()
     levels = pd.read_csv(out / "levels.csv")
     assert set(levels["scheme"]) == {"euler-maruyama", "euler-maruyama-located"}
 
