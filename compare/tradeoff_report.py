@@ -70,7 +70,7 @@ def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
             wins.append(
                 f"`{row['method']}`, whose worst error is {'' if row['resolved'] else 'below '}{row['error']:.2g} "
                 f"(median {row['median_error']:.2g}) after {_seconds(row['core_seconds'])}: exact flights take "
-                f"{simulated / row['core_seconds']:.2g} times as long to its worst error"
+                f"{float(format(simulated / row['core_seconds'], '.2g')):g} times as long to its worst error"
             )
     found.append(
         f"A closure wins outright for any accuracy no finer than its own worst error: {'; '.join(wins)}."
