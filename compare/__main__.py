@@ -167,6 +167,67 @@ def validate(
         sys.exit(EXIT_NOT_MET)
 
 
+@main.command()
+@click.argument("scene", required=False, type=click.Path(path_type=Path))
+@click.option("--sigma", type=float, help="Noise intensity. [default: the scene's, or 0.1]")
+@click.option("--impacts", type=int, default=12, show_default=True, help="Impacts after the start.")
+@click.option(
+    "--accuracy", "accuracies", multiple=True, type=float, help="Error in sds; again for more. [default: 0.3 to 0.001]"
+)
+@click.option("--budget", type=float, default=100.0, show_default=True, help="Core-seconds of a point, else estimated.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the simulations.")
+@click.option("--workers", type=int, default=2, show_default=True, help="Threads.")
+@click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder. [default: reports/NAME-tradeoff]")
+@click.option("--overwrite", is_flag=True, help="Replace earlier results in that folder.")
+def tradeoff(
+    scene: Path | None,
+    sigma: float | None,
+    impacts: int,
+    accuracies: tuple[float, ...],
+    budget: float,
+    seed: int,
+    workers: int,
+    out: Path | None,
+    overwrite: bool,
+) -> None:
+    """Measure what accuracy costs on SCENE (a TOML file; DAT21 if none) by every scheme and every closure.
+
+    Exit codes: 0 complete; 2 bad input.
+    """
+    from compare import manifest
+    from compare.folder import check_free
+    from compare.reduction import control_table
+    from compare.tradeoff import ACCURACIES, check_accuracies, measure
+    from compare.tradeoff_report import CONTENTS, write_tradeoff
+    from montecarlo import SCHEMES, check_settings
+    from scene import DAT21, Scene
+    from scene.validate import positive
+
+    base = Scene.load(scene) if scene else Scene.from_gears(DAT21, sigma=0.1)
+    base = base if sigma is None else base.with_sigma(sigma)
+    positive("sigma", base.sigma)
+    asked = check_accuracies(accuracies or ACCURACIES)
+    positive("budget", budget)
+    common: dict[str, Any] = {"impacts": impacts, "workers": workers}
+    for scheme in SCHEMES:
+        check_settings(base, paths=1, dt=1e-12, scheme=scheme, rng=seed, step_bias=False, **common)
+    name = scene.stem if scene else "DAT21"
+    out = out or Path("reports") / f"{name.lower()}-tradeoff"
+    check_free(out, CONTENTS, overwrite)
+    wall, cpu = time.perf_counter(), _cpu()
+    found = measure(base, accuracies=asked, budget=budget, seed=seed, **common)
+    control = control_table(base, seed=seed, **common)
+    record = {
+        "name": name, "scene": base.to_dict(), "impacts": impacts, "accuracies": asked, "budget": budget,
+        "seed": seed, "workers": workers, "command": shlex.join(["rattle", *sys.argv[1:]]),
+        "commit": manifest.commit(), "versions": manifest.versions(),
+        "wall_seconds": round(time.perf_counter() - wall, 1), "cpu_seconds": round(_cpu() - cpu, 1),
+    }  # fmt: skip
+    for sentence in write_tradeoff(out, found, control, asked, record, overwrite):
+        click.echo(sentence)
+    click.echo(f"Page: {out / 'tradeoff.md'}")
+
+
 main.add_command(sampling_commands.simulate)
 main.add_command(sampling_commands.bench)
 main.add_command(sampling_commands.order)

@@ -30,7 +30,6 @@ STEPS = (0.016, 0.008, 0.004, 0.002)
 """Larger step of each pair; the pair's other step is its half."""
 
 CONFIDENCE = 0.95
-FLIGHT_STEP = math.pi / 64.0
 STILL = 1e-9  # standard error below which a quantity does not vary
 
 
@@ -143,7 +142,7 @@ def weak_orders(
     count("replicates", replicates, least=2)
     seeds = np.random.SeedSequence(rng).spawn(replicates + 1)
     sample = partial(simulate, scene, impacts=impacts, workers=workers)
-    exact = sample(paths=paths * replicates, scheme="exact-flight", dt=FLIGHT_STEP, rng=seeds[-1])
+    exact = sample(paths=paths * replicates, scheme="exact-flight", rng=seeds[-1])
     kept = float(exact.agreement["noise-free"].iloc[-1])
     found = []
     schemes = [name for name, kind in SCHEMES.items() if kind.weak_order is not None]

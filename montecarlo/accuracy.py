@@ -21,9 +21,10 @@ from montecarlo.step import largest_step
 from scene.moments import SECTION
 from scene.scene import Scene
 
-__all__ = ["reach", "sampling_error", "step_error", "units"]
+__all__ = ["STILL", "pilot", "reach", "sampling_error", "step_error", "units"]
 
 PILOT = 4 * BLOCK
+LEAST = 32 * BLOCK  # paths of an answer: what fewer than 1 in 10 000 do may make an sd, and is to be seen
 COARSEST = 4  # of the steps that run side by side for the bias, in units of the finest
 FIRST_STEP = 0.01  # of the pilots of Euler and Maruyama, if the scene lets it through
 GROWTH = 8  # most by which the number of paths grows at once: the spread of heavy tails is found late
@@ -71,19 +72,24 @@ def step_error(run: Ensemble) -> tuple[float, float]:
     return float(share.iloc[worst]), float(bias["se_bias"].iloc[worst] / scale[worst])
 
 
+def pilot(scene: Scene, scheme: str, simulate: Simulate) -> Ensemble:
+    """A small run that shows what accuracy takes: spread, and for a scheme with a step bias that bias."""
+    exact = SCHEMES[scheme].weak_order is None
+    levels = 1 if exact else COARSEST
+    dt = min(SCHEMES[scheme].step if exact else FIRST_STEP, 0.99 * largest_step(scene, scheme)[0] / levels)
+    return simulate(paths=PILOT, scheme=scheme, dt=dt, step_bias=not exact, control=exact)
+
+
 def _candidate(scene: Scene, scheme: str, accuracy: float, simulate: Simulate) -> _Candidate:
     """Step, paths and work that a scheme needs, from a pilot run."""
-    kind = SCHEMES[scheme]
-    exact = kind.weak_order is None
-    levels = 1 if exact else COARSEST
-    dt = min(kind.step if exact else FIRST_STEP, 0.99 * largest_step(scene, scheme)[0] / levels)
-    pilot = simulate(paths=PILOT, scheme=scheme, dt=dt, step_bias=not exact, control=exact)
-    error, _ = sampling_error(pilot)
+    kind, first = SCHEMES[scheme], pilot(scene, scheme, simulate)
+    exact, dt = kind.weak_order is None, first.dt
+    error, _ = sampling_error(first)
     if not exact:  # half of what is allowed: order 1 is that of the limit dt -> 0
-        dt *= min(1.0, 0.5 * accuracy / max(step_error(pilot)[0], 1e-300))
-    blocks = max(1, math.ceil(pilot.paths * (error / accuracy) ** 2 / BLOCK))
-    steps = pilot.path_steps / pilot.paths * pilot.dt / dt  # of all step sizes
-    work = steps * kind.step_ns + pilot.impacts * kind.impact_ns * (1.0 if exact else 3.0)
+        dt *= min(1.0, 0.5 * accuracy / max(step_error(first)[0], 1e-300))
+    blocks = max(LEAST // BLOCK, math.ceil(first.paths * (error / accuracy) ** 2 / BLOCK))
+    steps = first.path_steps / first.paths * first.dt / dt  # of all step sizes
+    work = steps * kind.step_ns + first.impacts * kind.impact_ns * (1.0 if exact else 3.0)
     return _Candidate(scheme, dt, blocks * BLOCK, 1e-9 * work * blocks * BLOCK)
 
 

@@ -1,0 +1,88 @@
+"""The figure of a trade-off: error against processor time, every scheme and every reading of the closure."""
+
+import numpy as np
+import pandas as pd
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from compare.style import STYLE, new_figure
+
+__all__ = ["tradeoff_figure"]
+
+SCHEME = {
+    "euler-maruyama": {"color": "#CC79A7", "marker": "P"},
+    "euler-maruyama-located": {"color": "#56B4E9", "marker": "X"},
+    "exact-flight": STYLE["monte carlo"],
+}
+MEASURED = Line2D([], [], ls="-", marker="D", ms=5, color="0.4", label="measured")
+EXTRAPOLATED = Line2D([], [], ls="--", marker="D", ms=5, mfc="none", color="0.4", label="extrapolated")
+MISSED = Line2D([], [], ls="none", marker="D", ms=5, color="0.4", alpha=0.35, label="missed: too few paths to know")
+
+
+def tradeoff_figure(points: pd.DataFrame, slopes: dict[str, float], means_alone: pd.DataFrame) -> Figure:
+    """Work and precision of all methods in one panel.
+
+    Parameters
+    ----------
+    points : DataFrame
+        Of `compare.tradeoff.measure`.
+    slopes : dict of str to float
+        Power of the accuracy by which the cost of each scheme grows.
+    means_alone : DataFrame
+        What exact flights cost for the section means alone: columns ``error, core_seconds``.
+    """
+    figure, (ax,) = new_figure(8.2, 6.4, 1, 1)
+    handles: list[Artist] = []
+    schemes = points[points["kind"] == "scheme"]
+    for scheme, rows in schemes.groupby("method", sort=False):
+        handles.append(_scheme(ax, str(scheme), rows, slopes[str(scheme)]))
+    for method, rows in points[points["kind"] == "multilevel"].groupby("method", sort=False):
+        colour = SCHEME[str(method).removeprefix("multilevel ")]["color"]
+        handles += ax.plot(rows["core_seconds"], rows["error"], ls="-.", lw=1.1, color=colour, label=f"{method}: means")
+    handles += ax.plot(
+        means_alone["core_seconds"], means_alone["error"], ls="-.", lw=1.1, color="k", label="exact-flight: means"
+    )
+    for _, row in points[points["kind"] == "closure"].iterrows():
+        handles.append(_closure(ax, row))
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.set_ylim(0.6 * min(points["error"].min(), points["median_error"].min()), 2.0 * points["error"].max())
+    ax.set_xlabel("processor time (core-seconds)")
+    ax.set_ylabel("error of the section means and sds / sd of each quantity")
+    figure.legend(
+        handles=[*handles, MEASURED, EXTRAPOLATED, MISSED],
+        loc="outside upper center",
+        ncols=3,
+        fontsize=8.0,
+        frameon=False,
+    )
+    return figure
+
+
+def _scheme(ax: Axes, scheme: str, rows: pd.DataFrame, slope: float) -> Artist:
+    """A line through what holds, solid as far as it is measured; what missed its accuracy stands alone."""
+    style = SCHEME[scheme]
+    missed, held = rows[rows["missed"]], rows[~rows["missed"]]
+    x, y, measured = held["core_seconds"].to_numpy(), held["error"].to_numpy(), held["measured"].to_numpy(bool)
+    ax.plot(x, y, ls="--", lw=1.3, color=style["color"])
+    for i in np.flatnonzero(measured[:-1] & measured[1:]):
+        ax.plot(x[i : i + 2], y[i : i + 2], ls="-", lw=1.8, color=style["color"])
+    ax.plot(x[measured], y[measured], ls="none", ms=7, **style)
+    ax.plot(x[~measured], y[~measured], ls="none", ms=7, mfc="white", **style)
+    ax.plot(missed["core_seconds"], missed["error"], ls="none", ms=7, alpha=0.35, **style)
+    grows = "" if np.isnan(slope) else rf", cost $\propto$ error$^{{{slope:.1f}}}$"
+    return Line2D([], [], ms=7, lw=1.8, label=scheme + grows, **style)
+
+
+def _closure(ax: Axes, row: pd.Series) -> Artist:
+    """Worst error filled, median open below it; an arrow where the worst is an upper bound only."""
+    style, x = STYLE[row["method"]], row["core_seconds"]
+    ax.plot([x, x], [row["median_error"], row["error"]], lw=1.0, color=style["color"])
+    ax.plot(x, row["median_error"], ls="none", ms=6, mfc="white", **style)
+    ax.plot(x, row["error"], ls="none", ms=9, **style)
+    if not row["resolved"]:
+        arrow = {"arrowstyle": "->", "color": style["color"]}
+        ax.annotate("", (x, 0.6 * row["error"]), (x, row["error"]), arrowprops=arrow)
+    return Line2D([], [], ls="none", ms=8, label=f"{row['method']}: worst, median (open)", **style)

@@ -1,0 +1,301 @@
+"""What accuracy costs: formulas, the table of levels, laws, and the command that writes them down."""
+
+import json
+import math
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+from compare.__main__ import main
+from compare.cost_law import Law, Point
+from compare.multilevel import Levels, Rate, fitted, giles_cost, levels_of
+from compare.reduction import control_table
+from compare.tradeoff import Measured, _held_against, check_accuracies, closure_points, slope
+from compare.tradeoff_plot import tradeoff_figure
+from compare.tradeoff_report import CONTENTS, verdict
+from montecarlo import simulate
+from montecarlo.accuracy import units
+from scene import DAT21, InputError, Scene
+
+SCENE = Scene.from_gears(DAT21, sigma=0.3)
+IMPACTS, PATHS = 3, 1500
+
+
+def level_run(level, scene=SCENE, **settings):
+    return simulate(
+        scene, paths=PATHS, impacts=IMPACTS, dt=0.02 / 2**level, step_bias=True, scheme="euler-maruyama",
+        rng=100 + level, **settings,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return [level_run(level) for level in range(4)]
+
+
+# multilevel
+
+
+def test_giles_cost_is_that_of_the_best_allocation():
+    """No allocation that reaches the accuracy is cheaper, and the one in proportion to sqrt(V/C) is as cheap."""
+    variance, seconds, accuracy = np.array([1.0, 0.2, 0.03]), np.array([1.0, 3.0, 7.0]), 0.01
+    least = giles_cost(variance, seconds, accuracy)
+    best = np.sqrt(variance / seconds)
+    for weights in (best, *np.random.default_rng(1).uniform(0.1, 1.0, (200, 3))):
+        paths = weights * (variance / weights).sum() / accuracy**2
+        cost = float(paths @ seconds)
+        assert cost >= least * (1.0 - 1e-9)
+    paths = best * (variance / best).sum() / accuracy**2
+    assert float(paths @ seconds) == pytest.approx(least)
+
+
+def synthetic(alpha=1.0, beta=2.0, gamma=1.0, levels=6):
+    level = np.arange(levels, dtype=float)
+    table = pd.DataFrame({
+        "level": level, "dt": 0.02 / 2**level, "variance_worst": 0.5 * 2 ** (-beta * level),
+        "variance_median": 0.5 * 2 ** (-beta * level), "path_seconds": 1.5 * 2 ** (gamma * level),
+        "alone_seconds": 2.0 ** (gamma * level),
+    })  # fmt: skip
+    rates = Rate(-alpha, 0.0, 0.0), Rate(-beta, 0.0, -1.0), Rate(gamma, 0.0, 0.0), Rate(-alpha, 0.0, 0.0)
+    return Levels(table, np.ones((levels, 1)), *rates, Rate(-beta, 0.0, -1.0))
+
+
+@pytest.mark.parametrize(("beta", "power"), [(2.0, -2.0), (0.5, -2.5)])
+def test_known_rates_give_the_known_complexity(beta, power):
+    """Giles' theorem: accuracy^-2 where beta > gamma, accuracy^-(2 + (gamma - beta) / alpha) where it is less."""
+    levels = synthetic(beta=beta)
+    accuracies = 2.0 ** -np.arange(12.0, 22.0)
+    costs = [levels.estimate(a).seconds for a in accuracies]
+    assert np.polyfit(np.log(accuracies), np.log(costs), 1)[0] == pytest.approx(power, abs=0.08)
+
+
+def test_an_estimate_has_the_levels_that_the_bias_asks_for():
+    found = synthetic().estimate(2.0**-4)
+    assert found.last == 4  # the difference at level 4 is 2^-4, and so is what is left beyond it
+    assert found.measured
+    assert not synthetic().estimate(2.0**-9).measured
+
+
+def test_table_of_levels_is_that_of_the_paths_themselves(runs):
+    """Against differences path by path: the longer step's own run has the same noise only beside the shorter one."""
+    levels = levels_of(runs, [1.0] * len(runs))
+    unit = units(runs[-1]).to_numpy()
+    run = simulate(
+        SCENE, paths=PATHS, impacts=IMPACTS, dt=0.005, scheme="euler-maruyama", rng=102, keep_paths=True
+    )  # fmt: skip
+    sums = runs[2].result.sums["fine_coarse"]
+    fine = run.raw[:, :, :6]
+    np.testing.assert_allclose(fine.mean(axis=0), sums.mean[0], rtol=1e-12)
+    from montecarlo.block import sample
+
+    raw = [sample(runs[2].plan, block).rows[:2, :, :, :6] for block in range(runs[2].plan.blocks)]
+    fine, coarse = np.concatenate(raw, axis=1)
+    difference = fine - coarse
+    row = levels.table.iloc[2]
+    mean = np.abs(difference.mean(axis=0)) / unit
+    variance = difference.var(axis=0)
+    assert row["mean_worst"] == pytest.approx(mean.max(), rel=1e-9)
+    assert row["mean_median"] == pytest.approx(np.median(mean), rel=1e-9)
+    assert row["variance_worst"] == pytest.approx((variance / unit**2).max(), rel=1e-8)
+    assert row["variance_median"] == pytest.approx(np.median(variance / unit**2), rel=1e-8)
+    fourth = ((difference - difference.mean(axis=0)) ** 4).mean(axis=0)
+    moving = variance > 1e-20
+    assert row["kurtosis"] == pytest.approx((fourth[moving] / variance[moving] ** 2).max(), rel=1e-5)
+    assert row["alarm"] == (row["kurtosis"] > 100.0)
+
+
+def test_levels_are_consistent_and_a_planted_one_is_caught(runs):
+    sound = levels_of(runs, [1.0] * len(runs)).table["consistency"]
+    assert math.isnan(sound[0])
+    assert (sound[1:] < 1.0).all()
+    planted = [*runs[:2], level_run(2, SCENE.with_sigma(0.45)), runs[3]]
+    caught = levels_of(planted, [1.0] * len(runs)).table["consistency"]
+    assert caught[2] > 1.0
+    assert caught[3] > 1.0
+
+
+def test_rates_come_with_intervals():
+    noisy = 2.0 ** (-np.arange(1.0, 7.0) + np.random.default_rng(0).normal(0.0, 0.2, 6))
+    rate = fitted(np.arange(1.0, 7.0), noisy)
+    assert abs(rate.slope + 1.0) < rate.half < 0.5
+
+
+# laws and slopes
+
+
+def law(bias=100.0, **given):
+    exact = bias == 0.0
+    scheme = "exact-flight" if exact else "euler-maruyama"
+    first = simulate(
+        SCENE, paths=1024, impacts=2, dt=0.01, scheme=scheme, step_bias=not exact, control=exact
+    )  # fmt: skip
+    return Law(scheme, first, **{
+        "path_seconds": 0.0, "step_seconds": 1e-9, "pilot_seconds": 0.0, "spread": 10.0, "bias": bias, "best": first,
+        **given,
+    })  # fmt: skip
+
+
+@pytest.mark.parametrize(("bias", "power"), [(100.0, -3.0), (0.0, -2.0)])
+def test_extrapolated_costs_grow_as_they_should_and_are_flagged(bias, power):
+    points = [law(bias).at(a) for a in (0.03, 0.01, 0.003, 0.001)]
+    assert not any(p.measured for p in points)
+    found, n = slope(pd.DataFrame(points), points[0].method, False)
+    assert n == 4
+    assert found == pytest.approx(power, abs=0.02)
+    assert math.isnan(slope(pd.DataFrame(points), points[0].method, True)[0])
+    assert all(p.sampling_error <= p.accuracy * 1.0001 and p.step_error <= p.accuracy * 1.0001 for p in points)
+
+
+def test_points_that_pilots_dominate_are_left_out_of_the_slope():
+    rows = [Point("s", "scheme", a, 0.1, n, t, a, 0.0, a, True) for a, n, t in (
+        (1.0, 1024, 1.0), (0.1, 10_000, 1.0), (0.01, 10**6, 100.0),
+    )]  # fmt: skip
+    assert slope(pd.DataFrame(rows), "s", True) == (pytest.approx(-2.0), 2)
+
+
+def test_a_run_that_promised_too_much_is_found_out():
+    """A run of so few paths that it cannot be as accurate as it claims, held against one with many."""
+    small, large = (
+        simulate(SCENE, paths=n, impacts=2, dt=0.05, scheme="exact-flight", control=True) for n in (300, 30_000)
+    )
+    own = law(0.0)
+    point = Point("exact-flight", "scheme", 0.3, 0.05, 300, 1.0, 0.1, 0.0, 0.1, True, rows=24)
+    (fair,) = _held_against(point, small, own, large)
+    assert fair.error == 0.1
+    assert not fair.missed
+    missed, beside = _held_against(point._replace(accuracy=0.001), small, own, large)
+    assert missed.missed
+    assert missed.error == missed.actual_error > 0.001
+    assert not beside.measured
+    assert beside.accuracy == 0.001
+
+
+def test_a_law_learns_from_more_paths_and_believes_in_shared_tails():
+    own = law()
+    more = simulate(SCENE, paths=3000, impacts=2, dt=0.005, scheme="euler-maruyama", step_bias=True)
+    own.learn(more)
+    assert own.best is more
+    assert own.spread < 10.0
+    own.shared = 50.0
+    own.learn(more)
+    assert own.spread == 50.0
+
+
+def test_a_path_alone_takes_the_steps_of_one_step_size():
+    own = law()
+    steps = simulate(SCENE, paths=1024, impacts=2, dt=0.01, scheme="euler-maruyama").path_steps / 1024
+    assert own.path_alone(1.0) == pytest.approx(1e-9 * steps, rel=0.03)
+    assert own.path_alone(1.0, 5.0) == pytest.approx(5.0 * own.path_alone(1.0))
+
+
+def test_accuracies_are_ordered_and_checked():
+    assert check_accuracies((0.1, 0.3, 0.1)) == (0.3, 0.1)
+    for bad in ((), (0.0,), (-1.0,), (math.nan,)):
+        with pytest.raises(InputError, match="accuracy"):
+            check_accuracies(bad)
+
+
+def test_the_verdict_on_multilevel_follows_the_numbers():
+    laws, table = {"exact-flight": law(0.0)}, pd.DataFrame()
+    cheap = synthetic()
+    dear = cheap._replace(table=cheap.table.assign(path_seconds=1e6, alone_seconds=1e6))
+    cheap = cheap._replace(table=cheap.table.assign(path_seconds=1e-12, alone_seconds=1e-12))
+    said = [
+        verdict(Measured(table, laws, {"euler-maruyama": x}, laws["exact-flight"].best), (0.1, 0.01))
+        for x in (cheap, dear)
+    ]
+    assert "is cheaper than exact flights for the section means at 0.1 (" in said[0]
+    assert "never wins" in said[1]
+
+
+# closures, control, figure
+
+
+def test_closures_have_errors_of_the_right_size():
+    quiet = Scene.from_gears(DAT21, sigma=0.01)
+    run = simulate(quiet, paths=20_000, impacts=2, dt=0.05, scheme="exact-flight", control=True)
+    points = {p.method: p for p in closure_points(quiet, 2, run)}
+    assert points["saltation"].error < 0.05
+    assert points["mended"].error > 0.2
+    assert points["mended"].resolved
+    assert points["mended"].rows < points["saltation"].rows == 24
+    assert 0.0 < points["saltation"].median_error < points["saltation"].error
+    assert all(p.core_seconds > 0.0 for p in points.values())
+
+
+def test_the_control_is_worth_most_at_small_noise():
+    table = control_table(SCENE, impacts=2, seed=1, workers=1, sigmas=(0.01, 1.0), paths=2048)
+    assert table["means_median"][0] > 20.0 > table["means_median"][1]
+    assert (table["means_smallest"] <= table["means_median"]).all()
+    assert (table["time_ratio"] > 0.5).all()
+
+
+def test_what_is_extrapolated_is_drawn_hollow():
+    points = pd.DataFrame([
+        Point("exact-flight", "scheme", a, 0.1, 5000, 1.0 / a**2, a, 0.0, a, a > 0.05) for a in (0.3, 0.1, 0.03, 0.01)
+    ])  # fmt: skip
+    means = pd.DataFrame({"error": [0.3, 0.01], "core_seconds": [0.1, 10.0]})
+    (ax,) = tradeoff_figure(points, {"exact-flight": -2.0}, means).axes
+    hollow = [line for line in ax.lines if line.get_markerfacecolor() == "white" and line.get_linestyle() == "None"]
+    assert [x for line in hollow for x in line.get_ydata()] == [0.03, 0.01]
+    solid = [line for line in ax.lines if line.get_linestyle() == "-" and line.get_linewidth() == 1.8]
+    assert [list(line.get_ydata()) for line in solid] == [[0.3, 0.1]]
+
+
+# the command
+
+
+def rattle(*words, code=0):
+    result = CliRunner().invoke(main, ["tradeoff", *map(str, words)])
+    assert result.exit_code == code, result.output
+    return result
+
+
+def test_command_writes_its_folder_answer_first(tmp_path):
+    (tmp_path / "loud.toml").write_text(SCENE.to_toml())
+    out = tmp_path / "o"
+    said = rattle(
+        tmp_path / "loud.toml", "--impacts", 2, "--accuracy", 0.1, "--accuracy", 0.001, "--budget", 0.5, "--out", out
+    ).stdout
+    assert {p.name for p in out.iterdir()} == CONTENTS
+    page = (out / "tradeoff.md").read_text()
+    answer = json.loads((out / "manifest.json").read_text())["answer"]
+    assert page.index(answer[0]) < page.index("tradeoff.svg") < page.index("| scheme |")
+    assert answer[0] in said
+    points = pd.read_csv(out / "tradeoff.csv")
+    schemes = points[points["kind"] == "scheme"]
+    assert set(points["kind"]) == {"scheme", "multilevel", "closure"}
+    assert len(schemes[~schemes["missed"]]) == 6
+    assert not schemes[schemes["accuracy"] == 0.001]["measured"].any()
+    held = schemes[~schemes["missed"]]
+    assert held[(held["accuracy"] == 0.1) & (held["method"] == "exact-flight")]["measured"].all()
+    assert (held["error"] <= held["accuracy"]).all()
+    levels = pd.read_csv(out / "levels.csv")
+    assert set(levels["scheme"]) == {"euler-maruyama", "euler-maruyama-located"}
+
+
+BAD = {
+    "accuracy": (["--accuracy", "0"], "accuracy = 0.0: must be greater than 0"),
+    "sigma": (["--sigma", "-1"], "sigma = -1.0"),
+    "no noise": (["--sigma", "0"], "sigma = 0.0: must be greater than 0"),
+    "budget": (["--budget", "0"], "budget = 0.0: must be greater than 0"),
+    "impacts": (["--impacts", "0"], "impacts = 0: must be at least 1"),
+    "workers": (["--workers", "0"], "workers = 0: must be at least 1"),
+    "seed": (["--seed", "-1"], "rng = -1: must be at least 0"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_names_value_and_remedy_and_writes_nothing(case, tmp_path):
+    words, message = BAD[case]
+    result = rattle(*words, "--out", tmp_path / "out", code=2)
+    assert re.search(message, result.stderr)
+    assert not (tmp_path / "out").exists()
+
+
+def test_other_folders_are_left_alone(tmp_path):
+    (tmp_path / "thesis.tex").write_text("")
+    assert "other things" in rattle("--out", tmp_path, "--overwrite", code=2).stderr
