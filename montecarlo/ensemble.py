@@ -1,5 +1,7 @@
 """The public entry of the Monte Carlo: validate, run blocks on workers, merge them in order."""
 
+from __future__ import annotations
+
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -7,10 +9,9 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import islice
-from typing import NamedTuple, NoReturn
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 from tqdm import tqdm
 
@@ -25,6 +26,9 @@ from scene.errors import InputError
 from scene.moments import SECTION, STATE
 from scene.scene import Scene
 from scene.validate import choice, positive
+
+if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
+    import pandas as pd
 
 __all__ = ["Ensemble", "Reach", "extended", "simulate"]
 
@@ -164,6 +168,8 @@ class Ensemble:
         and ``agreement``: the share that has followed the noise-free itinerary up to there.  With a control variate,
         means and sds and their errors are the controlled ones.
         """
+        import pandas as pd
+
         s = single_statistics(self.result.sums["section"])
         if "control" in self.result.sums:
             s |= controlled_statistics(self.result.sums["control"], self.plan.control.variance)
@@ -190,6 +196,8 @@ class Ensemble:
     @cached_property
     def agreement(self) -> pd.DataFrame:
         """Share of paths whose impacts so far had the meshes and sides of each itinerary given (columns)."""
+        import pandas as pd
+
         n = self.paths / self._copies
         return pd.DataFrame(
             {name: a / n for name, a in self.result.agreeing.items()},
@@ -234,6 +242,8 @@ class Ensemble:
 
     @cached_property
     def _clock_table(self) -> pd.DataFrame:
+        import pandas as pd
+
         if "clock" not in self.result.sums:
             return pd.DataFrame(index=pd.Index([], name="time"))
         sums, coarse = self.result.sums["clock"], self.result.sums.get("coarse_clock")
@@ -273,6 +283,8 @@ class Ensemble:
         InputError
             If the run was made without step bias.
         """
+        import pandas as pd
+
         if "fine_coarse" not in self.result.sums and SCHEMES[self.scheme].weak_order is None:
             return self._unbiased
         if "fine_coarse" not in self.result.sums:
@@ -305,6 +317,8 @@ class Ensemble:
 
     @property
     def _unbiased(self) -> pd.DataFrame:
+        import pandas as pd
+
         stages = self.scene.stages
         parts = [
             pd.DataFrame({
@@ -496,7 +510,7 @@ def simulate(
     return Ensemble(plan, paths, merged, histograms, whole, time.perf_counter() - started)
 
 
-def _bar(paths: int, label: str | None) -> "tqdm[NoReturn]":
+def _bar(paths: int, label: str | None) -> tqdm[NoReturn]:
     return tqdm(total=paths, unit="path", unit_scale=True, desc=label, disable=None if label else True)
 
 
