@@ -1,6 +1,7 @@
 """Monte Carlo of the rattling system: Euler-Maruyama ensembles of Eqs. 5 and 6 with both impact laws."""
 
-from montecarlo.ensemble import Ensemble, simulate
+from montecarlo.ensemble import simulate
+from montecarlo.result import Ensemble
 from montecarlo.schemes import SCHEMES
 from montecarlo.settings import check_settings
 from montecarlo.step import largest_step

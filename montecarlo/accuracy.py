@@ -15,7 +15,8 @@ import numpy as np
 import pandas as pd
 
 from montecarlo.block import BLOCK
-from montecarlo.ensemble import Ensemble, Reach, extended
+from montecarlo.ensemble import extended
+from montecarlo.result import Ensemble, Reach
 from montecarlo.schemes import SCHEMES
 from montecarlo.step import largest_step
 from scene.moments import SECTION

@@ -1,0 +1,350 @@
+"""What a simulation found: the tables behind which the merged sums stand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from montecarlo.accumulate import pair_statistics, single_statistics
+from montecarlo.block import CODES, CROSS, PAIRS, BlockResult, Plan
+from montecarlo.control import controlled_statistics
+from montecarlo.histogram import Histograms
+from montecarlo.noise import LEVELS
+from montecarlo.schemes import SCHEMES
+from montecarlo.settings import NOISE_FREE, is_random
+from scene.errors import InputError
+from scene.moments import SECTION, STATE
+from scene.scene import Scene
+
+if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
+    import pandas as pd
+
+__all__ = ["Ensemble", "Reach"]
+
+Floats = NDArray[np.float64]
+
+
+class Reach(NamedTuple):
+    """How far an answer got towards the accuracy that was asked for.
+
+    Errors are the worst over all section means and sds, in units of each quantity's sd (absolute where none varies).
+
+    Attributes
+    ----------
+    asked : float
+        The accuracy.
+    sampling : float
+        Largest standard error.
+    step : float
+        Largest bias of the step; 0 for a scheme that has none.
+    worst : str
+        Where the standard error is largest.
+    schemes : DataFrame
+        What each scheme was expected to cost: index ``scheme``, columns ``dt, paths, core_seconds``.
+    more_seconds : float
+        Estimated time to what was asked, where the budget ended before it; 0 where it was reached.
+    """
+
+    asked: float
+    sampling: float
+    step: float
+    worst: str
+    schemes: pd.DataFrame
+    more_seconds: float
+
+    @property
+    def reached(self) -> bool:
+        """Whether both errors are within what was asked."""
+        return max(self.sampling, self.step) <= self.asked
+
+    @property
+    def sentence(self) -> str:
+        """What was reached, in words."""
+        errors = (
+            f"largest standard error {self.sampling:.2g} sd ({self.worst}), largest bias of the step {self.step:.2g} sd"
+        )
+        if self.reached:
+            return f"Accuracy {self.asked:g} sd reached: {errors}."
+        return (
+            f"Accuracy {self.asked:g} sd NOT reached within the budget: {errors}; about {self.more_seconds:.0f} s more "
+            "would do."
+        )
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """What a simulation found.
+
+    Attributes
+    ----------
+    plan : Plan
+        What was computed, and the seed that makes it repeatable.
+    paths : int
+        Paths that were asked for.
+    result : BlockResult
+        The merged sums behind the tables.
+    histograms : Histograms or None
+        Section histograms, if asked for.
+    raw : ndarray or None
+        ``tau, flight, x1, y1, x2, y2, mesh * side`` of every impact of every path, shape (paths, impacts, 7), if
+        asked for.
+    wall_seconds : float
+        Time the run took.
+    reach : Reach or None
+        How far it got, if an accuracy was asked for.
+    """
+
+    plan: Plan
+    paths: int
+    result: BlockResult
+    histograms: Histograms | None
+    raw: Floats | None
+    wall_seconds: float
+    reach: Reach | None = None
+
+    @property
+    def scene(self) -> Scene:
+        """What was modelled."""
+        return self.plan.scene
+
+    @property
+    def impacts(self) -> int:
+        """Impacts of each path."""
+        return self.plan.impacts
+
+    @property
+    def dt(self) -> float:
+        """Finest step."""
+        return self.plan.dt
+
+    @property
+    def scheme(self) -> str:
+        """Name of the scheme."""
+        return self.plan.scheme
+
+    @property
+    def seed(self) -> np.random.SeedSequence:
+        """Seed that makes the run repeatable."""
+        return self.plan.seed
+
+    @property
+    def clock_times(self) -> Floats:
+        """Times at which clock statistics were taken, on the step grid."""
+        return np.asarray(self.scene.start.tau + self.plan.clock_steps * self.dt)
+
+    @property
+    def path_steps(self) -> int:
+        """Steps taken, over all paths and step sizes."""
+        return self.result.path_steps
+
+    @property
+    def unfinished(self) -> int:
+        """Paths that had not had all their impacts at the horizon; they count in the rows they reached."""
+        return round(self.result.unfinished * self._copies)
+
+    @property
+    def held(self) -> int:
+        """How often impacts accumulated within one step and the path was held to its end."""
+        return self.result.held
+
+    @cached_property
+    def section(self) -> pd.DataFrame:
+        """Moments of each path's own k-th impact, just before it (dimensionless), index ``impact``.
+
+        Columns: the mean of ``tau, flight, x1, y1, x2, y2`` under their own names, ``mesh`` and ``side`` of most paths,
+        ``sd_``, ``skew_``, ``kurt_`` (third and fourth cumulants in units of the sd) of each quantity, the
+        standard error of each of these under ``se_`` + its name, ``rho1, rho2``, ``paths`` that reached the impact,
+        and ``agreement``: the share that has followed the noise-free itinerary up to there.  With a control variate,
+        means and sds and their errors are the controlled ones.
+        """
+        import pandas as pd
+
+        s = single_statistics(self.result.sums["section"])
+        if "control" in self.result.sums:
+            s |= controlled_statistics(self.result.sums["control"], self.plan.control.variance)
+        columns: dict[str, Floats] = {}
+        for prefix, name in (("", "mean"), ("sd_", "sd"), ("skew_", "skew"), ("kurt_", "kurt")):
+            for i, quantity in enumerate(SECTION):
+                absent = self.scene.stages == 1 and quantity in STATE[2:]
+                columns[prefix + quantity] = s[name][:, i] * (np.nan if absent else 1.0)
+                columns["se_" + prefix + quantity] = s["se_" + name][:, i] * (np.nan if absent else 1.0)
+        most = np.array(CODES)[np.argmax(self.result.codes, axis=1)] * (self._reached > 0)
+        covariance = self.covariance
+        for stage in (1, 2):
+            j = 2 * stage - 1
+            with np.errstate(invalid="ignore", divide="ignore"):
+                scale = np.sqrt(covariance[:, j, j] * covariance[:, j + 1, j + 1])
+                columns[f"rho{stage}"] = np.where(scale > 0.0, covariance[:, j, j + 1] / scale, np.nan)
+        table = pd.DataFrame(columns, index=pd.RangeIndex(1, self.impacts + 1, name="impact"))
+        table.insert(4, "mesh", np.abs(most))
+        table.insert(5, "side", np.sign(most))
+        table["paths"] = (self._reached * self._copies).astype(int)
+        table["agreement"] = self.agreement[NOISE_FREE]
+        return table
+
+    @cached_property
+    def agreement(self) -> pd.DataFrame:
+        """Share of paths whose impacts so far had the meshes and sides of each itinerary given (columns)."""
+        import pandas as pd
+
+        n = self.paths / self._copies
+        return pd.DataFrame(
+            {name: a / n for name, a in self.result.agreeing.items()},
+            index=pd.RangeIndex(1, self.impacts + 1, name="impact"),
+        )
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """Covariance of ``tau, x1, y1, x2, y2`` at each impact, shape (impacts, 5, 5)."""
+        out = np.empty((self.impacts, 5, 5))
+        moment = self.result.sums["section_pairs"].moment(1, 1)
+        for k, (i, j) in enumerate(PAIRS):
+            out[:, i, j] = out[:, j, i] = moment[:, k]
+        variance = self.result.sums["section"].moment(2, 0)[:, [0, 2, 3, 4, 5]]
+        out[:, range(5), range(5)] = variance
+        if self.scene.stages == 1:
+            out[:, 3:, :] = out[:, :, 3:] = np.nan
+        return out
+
+    def clock(self, times: Sequence[float] | Floats | None = None) -> pd.DataFrame:
+        """Moments of all paths at fixed times, index ``time`` (on the grid of the coarsest step, so within half of it).
+
+        Columns as in the closure's clock, with ``se_`` beside each mean and covariance, and for each ``rho`` its
+        standard error ``se_rho``, that of Fisher's artanh rho ``se_z_rho``, and ``coarse_rho``, the value at twice
+        the step, if step bias was asked for.
+
+        Raises
+        ------
+        InputError
+            If a time was not among those given to `simulate`.
+        """
+        table = self._clock_table
+        if times is None:
+            return table
+        rows = []
+        for t in np.asarray(times, dtype=float):
+            near = np.flatnonzero(np.abs(self.clock_times - t) <= 0.5001 * self._clock_grid)
+            if near.size == 0:
+                raise InputError("times", float(t), "was not recorded; give it to simulate(clock=...)")
+            rows.append(int(near[np.argmin(np.abs(self.clock_times[near] - t))]))
+        return table.iloc[rows]
+
+    @cached_property
+    def _clock_table(self) -> pd.DataFrame:
+        import pandas as pd
+
+        if "clock" not in self.result.sums:
+            return pd.DataFrame(index=pd.Index([], name="time"))
+        sums, coarse = self.result.sums["clock"], self.result.sums.get("coarse_clock")
+        s = pair_statistics(sums)
+        absent = [self.scene.stages == 1 and (i >= 2 or j >= 2) for i, j in CROSS]
+        blank = np.where(absent, np.nan, 1.0)
+        columns: dict[str, Floats] = {}
+        for k, (i, j) in enumerate(CROSS):
+            if i == j:
+                columns[STATE[i]] = np.where(sums.n[:, k] > 0, sums.mean[0][:, k], np.nan) * blank[k]
+                with np.errstate(invalid="ignore", divide="ignore"):
+                    columns[f"se_{STATE[i]}"] = np.sqrt(s["cov"][:, k] / sums.n[:, k]) * blank[k]
+        for k, (i, j) in enumerate(CROSS):
+            columns[f"cov_{STATE[i]}_{STATE[j]}"] = s["cov"][:, k] * blank[k]
+            columns[f"se_cov_{STATE[i]}_{STATE[j]}"] = s["se_cov"][:, k] * blank[k]
+        for stage, k in ((1, CROSS.index((0, 1))), (2, CROSS.index((2, 3)))):
+            columns[f"rho{stage}"] = s["rho"][:, k] * blank[k]
+            columns[f"se_rho{stage}"] = s["se_rho"][:, k] * blank[k]
+            columns[f"se_z_rho{stage}"] = s["se_z"][:, k] * blank[k]
+            if coarse is not None:
+                columns[f"coarse_rho{stage}"] = pair_statistics(coarse)["rho"][:, stage - 1] * blank[k]
+        return pd.DataFrame(columns, index=pd.Index(self.clock_times, name="time"))
+
+    @cached_property
+    def step_bias(self) -> pd.DataFrame:
+        """What the step size does to section means and sds, from dt, 2 dt and 4 dt on the same noise; tidy.
+
+        Columns ``impact, quantity, moment, bias, se_bias, corrected, se_corrected, rest``.  ``bias`` is the
+        first-order estimate of (this run - limit): the change from dt to 2 dt; ``corrected = value - bias`` is
+        Richardson's extrapolation; ``rest`` bounds what is left: a third of the change from the same
+        extrapolation of 2 dt and 4 dt.
+
+        A scheme without a bias in the step has 0, and its own values.
+
+        Raises
+        ------
+        InputError
+            If the run was made without step bias.
+        """
+        import pandas as pd
+
+        if "fine_coarse" not in self.result.sums and SCHEMES[self.scheme].weak_order is None:
+            return self._unbiased
+        if "fine_coarse" not in self.result.sums:
+            raise InputError("step_bias", False, "ask for it: simulate(step_bias=True)")
+        fine, coarse = self.result.sums["fine_coarse"], self.result.sums["coarse_coarser"]
+        n = fine.n
+        v = {(p, q): fine.moment(p, q) for p, q in ((2, 0), (1, 1), (0, 2), (4, 0), (2, 2), (0, 4))}
+        sd = np.sqrt(np.stack([v[2, 0], v[0, 2], coarse.moment(0, 2)]))
+        means = np.stack([fine.mean[0], fine.mean[1], coarse.mean[1]])
+        a, b = sd[0], sd[1]
+        spread = np.stack([  # covariance of the influence functions at dt and 2 dt: of the means, then of the sds
+            [v[2, 0], v[1, 1], v[0, 2]],
+            _sd_influence(v, a, b),
+        ])  # fmt: skip
+        rows = []
+        for moment, values, (ff, fc, cc) in (("mean", means, spread[0]), ("sd", sd, spread[1])):
+            bias = values[1] - values[0]
+            rest = np.abs(2.0 * values[0] - 3.0 * values[1] + values[2]) / 3.0
+            se_bias = np.sqrt(np.maximum(ff - 2.0 * fc + cc, 0.0) / n)
+            se_corrected = np.sqrt(np.maximum(4.0 * ff - 4.0 * fc + cc, 0.0) / n)
+            for i, quantity in enumerate(SECTION):
+                if self.scene.stages == 1 and quantity in STATE[2:]:
+                    continue
+                rows.append(pd.DataFrame({
+                    "impact": np.arange(1, self.impacts + 1), "quantity": quantity, "moment": moment,
+                    "bias": bias[:, i], "se_bias": se_bias[:, i],
+                    "corrected": (values[0] - bias)[:, i], "se_corrected": se_corrected[:, i], "rest": rest[:, i],
+                }))  # fmt: skip
+        return pd.concat(rows, ignore_index=True)
+
+    @property
+    def _unbiased(self) -> pd.DataFrame:
+        import pandas as pd
+
+        stages = self.scene.stages
+        parts = [
+            pd.DataFrame({
+                "impact": self.section.index, "quantity": q, "moment": moment, "bias": 0.0, "se_bias": 0.0,
+                "corrected": self.section[prefix + q], "se_corrected": self.section["se_" + prefix + q], "rest": 0.0,
+            })
+            for moment, prefix in (("mean", ""), ("sd", "sd_"))
+            for q in SECTION
+            if stages == 2 or q not in STATE[2:]
+        ]  # fmt: skip
+        return pd.concat(parts, ignore_index=True)
+
+    @property
+    def _clock_grid(self) -> float:
+        return self.dt * (2 ** (LEVELS - 1) if "fine_coarse" in self.result.sums else 1)
+
+    @property
+    def _reached(self) -> Floats:
+        return np.asarray(self.result.codes.sum(axis=1))
+
+    @property
+    def _copies(self) -> float:
+        """Paths that one computed path stands for: all of them, where nothing is random."""
+        return 1.0 if is_random(self.scene) else float(self.paths)
+
+
+def _sd_influence(v: Mapping[tuple[int, int], Floats], a: Floats, b: Floats) -> list[Floats]:
+    """Variances and covariance of ``((u - E u)^2 - a^2) / 2a`` and the same of the second variable."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        parts = [
+            (v[4, 0] - v[2, 0] ** 2) / (4.0 * a * a),
+            (v[2, 2] - v[2, 0] * v[0, 2]) / (4.0 * a * b),
+            (v[0, 4] - v[0, 2] ** 2) / (4.0 * b * b),
+        ]
+    return [np.where((a > 0.0) & (b > 0.0), p, 0.0) for p in parts]
