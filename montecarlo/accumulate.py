@@ -113,10 +113,16 @@ def _block_sums(
 
 
 @jit
-def _about(n: Floats, mean: Floats, sums: Floats, centre: Floats, exponents: Ints, place: Ints, out: Floats) -> None:
-    """Add to `out` the sums of one part taken about another centre, by the binomial theorem."""
+def _about(
+    n: Floats, mean: Floats, sums: Floats, centre: Floats, exponents: Ints, place: Ints, powers: Floats, out: Floats
+) -> None:
+    """Add to `out` the sums of one part taken about another centre, by the binomial theorem (scratch `powers`)."""
     for i in range(n.size):
-        shift_a, shift_b = mean[0, i] - centre[0, i], mean[1, i] - centre[1, i]
+        for side in range(2):
+            shift = mean[side, i] - centre[side, i]
+            powers[side, 0] = 1.0
+            for k in range(1, 9):
+                powers[side, k] = powers[side, k - 1] * shift
         for o in range(len(exponents)):
             p, q = exponents[o]
             for j in range(p + 1):
@@ -124,7 +130,7 @@ def _about(n: Floats, mean: Floats, sums: Floats, centre: Floats, exponents: Int
                     if j + k == 1:
                         continue  # first powers about the own mean add up to zero
                     inner = n[i] if j + k == 0 else sums[place[j, k], i]
-                    out[o, i] += BINOMIAL[p, j] * BINOMIAL[q, k] * shift_a ** (p - j) * shift_b ** (q - k) * inner
+                    out[o, i] += BINOMIAL[p, j] * BINOMIAL[q, k] * powers[0, p - j] * powers[1, q - k] * inner
 
 
 @dataclass(frozen=True)
@@ -187,13 +193,13 @@ class CentralSums:
         weight = np.divide(other.n, n, out=np.zeros_like(n), where=n > 0)
         mean = self.mean + (other.mean - self.mean) * weight
         out = np.zeros((len(self.orders), n.size))
-        place = np.zeros((9, 9), np.int64)
+        place, powers = np.zeros((9, 9), np.int64), np.empty((2, 9))
         for o, (p, q) in enumerate(self.orders):
             place[p, q] = o
         for part in (self, other):
             _about(
                 part.n.ravel(), part.mean.reshape(2, -1), part.sums.reshape(len(self.orders), -1), mean.reshape(2, -1),
-                np.array(self.orders), place, out,
+                np.array(self.orders), place, powers, out,
             )  # fmt: skip
         return CentralSums(self.orders, n, mean, out.reshape(self.sums.shape))
 
