@@ -19,7 +19,7 @@ CAUSES = {
     "parted": "paths have left its itinerary",
     "grazing": "an impact grazes",
     "second order": "second order is no longer enough",
-    "mixture": "limit of a mixture of this size",
+    "mixture": "the mixture is too coarse",
     "not realizable": "its moments belong to no distribution",
     "ended": "it cannot be followed further",
 }
