@@ -39,10 +39,9 @@ class Speed(NamedTuple):
 
 
 def best_of(call: Callable[[], object]) -> float:
-    """Seconds of the fastest of a few calls, after one that compiles."""
-    call()
+    """Seconds of the fastest of a few calls of something that is compiled; a long one is called once."""
     times: list[float] = []
-    while len(times) < CALLS and sum(times) < SPAN:
+    while not times or (len(times) < CALLS and sum(times) < SPAN):
         started = time.perf_counter()
         call()
         times.append(time.perf_counter() - started)

@@ -1,5 +1,7 @@
 """What a simulation of a given accuracy costs."""
 
+import time
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -48,9 +50,11 @@ def test_speed_up_is_the_ratio_of_the_costs():
     assert found.speed_up == pytest.approx(found.monte_carlo_seconds / found.closure_seconds)
 
 
-def test_times_are_those_of_the_fastest_call_after_the_first():
+def test_short_calls_are_timed_five_times_and_long_ones_once():
     calls = []
     assert best_of(lambda: calls.append(0)) < 0.1
+    assert len(calls) == 5
+    assert best_of(lambda: (calls.append(0), time.sleep(0.31))) >= 0.31
     assert len(calls) == 6
 
 
