@@ -22,8 +22,7 @@ from compare.moments import widest
 from compare.multilevel import Levels, measure_levels
 from compare.speed import best_of
 from montecarlo import SCHEMES, Ensemble, simulate
-from montecarlo.accuracy import units
-from montecarlo.block import BLOCK
+from montecarlo.accuracy import LEAST, units
 from scene.errors import InputError
 from scene.moments import SECTION
 from scene.scene import Scene
@@ -36,8 +35,6 @@ Floats = NDArray[np.float64]
 ACCURACIES = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 HAND_TUNED_NS = 10.7
 """Time of a path-step of plain Euler-Maruyama in a hand-tuned numba block on the machine of the README."""
-
-FLOOR = 4 * BLOCK  # paths below which whole blocks and pilots, not accuracy, set the cost
 
 
 @dataclass(frozen=True)
@@ -174,9 +171,9 @@ def means_seconds(law: Law, accuracy: float, *, control: bool, typical: bool = F
 def slope(points: pd.DataFrame, method: str, measured: bool) -> tuple[float, int]:
     """Power of the accuracy with which a method's cost grows, and of how many points, from their logarithms.
 
-    Left out are points so rough that whole blocks and pilots set the cost.
+    Left out are points so rough that the least number of paths sets the cost.
     """
-    rows = points[(points["method"] == method) & (points["paths"] > FLOOR) & ~points["missed"]]
+    rows = points[(points["method"] == method) & (points["paths"] > LEAST) & ~points["missed"]]
     rows = rows[rows["measured"]] if measured else rows
     if len(rows) < 2:
         return math.nan, len(rows)

@@ -22,7 +22,7 @@ from montecarlo.step import largest_step
 from scene.moments import SECTION
 from scene.scene import Scene
 
-__all__ = ["STILL", "pilot", "reach", "sampling_error", "step_error", "units"]
+__all__ = ["LEAST", "STILL", "pilot", "reach", "sampling_error", "step_error", "units"]
 
 PILOT = 4 * BLOCK
 LEAST = 32 * BLOCK  # paths of an answer: what fewer than 1 in 10 000 do may make an sd, and is to be seen

@@ -151,7 +151,7 @@ def test_extrapolated_costs_grow_as_they_should_and_are_flagged(bias, power):
 
 def test_points_that_pilots_dominate_are_left_out_of_the_slope():
     rows = [Point("s", "scheme", a, 0.1, n, t, a, 0.0, a, True) for a, n, t in (
-        (1.0, 1024, 1.0), (0.1, 10_000, 1.0), (0.01, 10**6, 100.0),
+        (1.0, 1024, 1.0), (0.1, 100_000, 1.0), (0.01, 10**7, 100.0),
     )]  # fmt: skip
     assert slope(pd.DataFrame(rows), "s", True) == (pytest.approx(-2.0), 2)
 
