@@ -2,16 +2,16 @@
 
 A part is a weight and a Gaussian of the section state after an impact, as in the saltation reading.  The noise of the
 next flight is put at its start, so that the next event is a function of a point in five dimensions.  Parts are cut
-where the next event changes or the section map bends (`closure.bench`), carried to the event
+where the next event changes or the section map bends (`closure.refining`), carried to the event
 (`closure.gaussian_flight`), and merged after the impact where they lie together (`closure.mixture`).
 """
 
 import numpy as np
 
-from closure.bench import bench, fly
 from closure.gaussian_flight import Landing
 from closure.mixture import Mixture, empty, gather, moments
 from closure.orbit import Floats, follow
+from closure.refining import fly, workbench
 from closure.trace import Trace
 from scene.compiled import jit
 from scene.errors import InputError
@@ -66,7 +66,7 @@ def check(scene: Scene) -> None:
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
     """Follow the mixture through `impacts` impacts; it carries no moments of a perturbation, whatever `order`."""
     c, orbit = scene.constants, follow(scene, impacts)
-    b, after = bench(MOST_CUT), empty(2 * MOST_CUT)
+    b, after = workbench(MOST_CUT), empty(2 * MOST_CUT)
     section, flight = b.landing.section, b.landing.flight
     b.start.weight[0], b.start.label[0] = 1.0, ON_ORBIT
     b.start.mean[0] = orbit.tau[0], *orbit.after[0]

@@ -16,7 +16,7 @@ def largest_step(scene: Scene, scheme: str = "euler-maruyama") -> tuple[float, s
     A step of Euler and Maruyama must damp without overshoot (``beta dt <= 1``, well inside the stability bound 2),
     resolve the excitation (20 steps a period), and not cross half of the narrowest half gap at a typical speed.  A step
     of ``exact-flight`` sees every gap, but what it leaves out of the noise (a share of order h^4 of the variance)
-    counts where the variance begins from nothing: at this limit 1 % of sd(x1) after a flight of 0.2 from tau = 0, at
+    counts where the variance begins from nothing: at this limit 0.8 % of sd(x1) after a flight of 0.2 from tau = 0, at
     half of it 0.05 %.
 
     Examples

@@ -14,6 +14,7 @@ from mc_checks import (
     UNEQUAL_GAPS,
     agrees,
     dat21,
+    flank_changes,
     limit,
     open_space,
     orbit_of,
@@ -256,15 +257,7 @@ class TestScheme:
     @pytest.mark.parametrize("mesh", [1, 2])
     def test_a_flank_is_redrawn_when_and_only_when_the_opposite_is_struck(self, scheme, mesh):
         raw = self.run(scheme, dat21(0.5, tolerance=Tolerance(0.04, 0.02, draw="contact")), impacts=40).raw
-        moved, between = [], []
-        for path in raw:
-            last, struck = {}, {1: False, -1: False}
-            for row in path[np.abs(path[:, 6]) == mesh]:
-                side = int(np.sign(row[6]))
-                if side in last:
-                    moved.append(row[2 * mesh] != last[side])
-                    between.append(struck[side])
-                last[side], struck[side], struck[-side] = row[2 * mesh], False, True
+        moved, between = flank_changes(raw, mesh)
         assert np.array_equal(moved, between)
         assert 200 < sum(between) < len(between) - 200  # both happened
 

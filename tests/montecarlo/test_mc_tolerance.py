@@ -5,7 +5,7 @@ What holds for every scheme is in the contract.
 
 import numpy as np
 import pytest
-from mc_checks import FALSE_ALARM, dat21
+from mc_checks import FALSE_ALARM, dat21, flank_changes
 from scipy import stats
 
 from montecarlo import simulate
@@ -64,20 +64,6 @@ def test_per_path_a_mesh_has_one_half_gap_on_both_flanks(runs, law):
         assert (
             np.nanmax(x[np.isfinite(x).any(axis=1)], axis=1) == np.nanmin(x[np.isfinite(x).any(axis=1)], axis=1)
         ).all()
-
-
-def flank_changes(raw, mesh):
-    """Over successive impacts on one flank: did the wall move, and had the opposite flank been struck between?"""
-    moved, between = [], []
-    for path in raw:
-        last, struck = {}, {1: False, -1: False}
-        for row in path[np.abs(path[:, 6]) == mesh]:
-            side = int(np.sign(row[6]))
-            if side in last:
-                moved.append(row[2 * mesh] != last[side])
-                between.append(struck[side])
-            last[side], struck[side], struck[-side] = row[2 * mesh], False, True
-    return np.array(moved), np.array(between)
 
 
 @pytest.mark.parametrize("mesh", [1, 2])

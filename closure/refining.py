@@ -19,7 +19,7 @@ from scene.compiled import jit
 from scene.flight import jacobian, noise_covariance
 from scene.scene import Constants
 
-__all__ = ["Bench", "bench", "fly"]
+__all__ = ["Workbench", "fly", "workbench"]
 
 NEGLIGIBLE = 1e-6  # weight that may lie beyond a boundary without being looked for
 LIGHT = 1e-4  # weight of a part from which boundaries are looked for
@@ -30,7 +30,7 @@ FLAT = 1e-4  # second-order variance, as a share of the first-order one, that is
 POWER = 0.35  # error of a part over its weight, as a power of that share
 
 
-class Bench(NamedTuple):
+class Workbench(NamedTuple):
     """Parts at the start of a flight, noise included; part i lands at places 2 i and, where it is halved, 2 i + 1."""
 
     start: Mixture
@@ -42,10 +42,10 @@ class Bench(NamedTuple):
     beyond: Ints  # the event there
 
 
-def bench(size: int) -> Bench:
+def workbench(size: int) -> Workbench:
     """Room for `size` parts."""
     landing = Landing(empty(2 * size), np.zeros((2 * size, 2)))
-    return Bench(
+    return Workbench(
         empty(size), landing, np.zeros(size, np.int64), np.zeros(size), np.zeros((size, 5)), np.zeros(size),
         np.zeros(size, np.int64),
     )  # fmt: skip
@@ -57,7 +57,7 @@ def _bend_error(weight: float, bend: float) -> float:
 
 
 @jit
-def _land_in_halves(c: Constants, b: Bench, i: int, axes: Floats, q: Floats, before: Floats) -> None:
+def _land_in_halves(c: Constants, b: Workbench, i: int, axes: Floats, q: Floats, before: Floats) -> None:
     """Land part `i` in its halves beside the plane ``q z = 1``."""
     w, centre = b.start.weight[i], b.start.mean[i]
     length = math.sqrt((q * q).sum())
@@ -83,7 +83,7 @@ def _land_in_halves(c: Constants, b: Bench, i: int, axes: Floats, q: Floats, bef
 
 
 @jit
-def _examine(c: Constants, b: Bench, i: int, before: Floats) -> None:
+def _examine(c: Constants, b: Workbench, i: int, before: Floats) -> None:
     """Land part `i`, and find across which direction it would be cut and what that is worth."""
     w, centre = b.start.weight[i], b.start.mean[i]
     b.landing.section.weight[2 * i], b.landing.section.weight[2 * i + 1] = w, 0.0
@@ -108,7 +108,7 @@ def _examine(c: Constants, b: Bench, i: int, before: Floats) -> None:
 
 
 @jit
-def _cut(b: Bench, i: int, count: int) -> int:
+def _cut(b: Workbench, i: int, count: int) -> int:
     """Replace part `i` by two or three across its axis, the further ones from `count` on; returns the new count."""
     parts, v = b.start, b.axis[i].copy()
     w, centre, sigma = parts.weight[i], parts.mean[i].copy(), parts.covariance[i].copy()
@@ -132,7 +132,7 @@ def _cut(b: Bench, i: int, count: int) -> int:
 
 
 @jit
-def fly(c: Constants, live: int, b: Bench) -> int:
+def fly(c: Constants, live: int, b: Workbench) -> int:
     """Fly the first `live` parts to their next event; returns how many parts they were cut into.
 
     The noise of a flight is put at its start: the displacement ``exp(-A t) n`` leads to the same state at its end.
