@@ -223,7 +223,7 @@ def test_a_single_stage_has_no_second_series():
 @ONE_ORBIT
 @pytest.mark.parametrize("sigma", [0.05, 1.5**0.5])
 def test_twelve_impacts_take_milliseconds(sigma, reading):
-    """Below 1 ms on a quiet machine (a printed map that ends early scans longer); 5 ms leaves room for a busy one."""
+    """Quiet: 0.6 ms, 3.6 ms for a printed map that scans 20 time units for its end; a busy machine may take five times."""
     dat21 = Scene.from_gears(DAT21, sigma=sigma)
     assert isinstance(mean_map(dat21, impacts=12, reading=reading), MeanMap)  # compiled by now
     best = np.inf
@@ -231,7 +231,7 @@ def test_twelve_impacts_take_milliseconds(sigma, reading):
         begin = time.perf_counter()
         mean_map(dat21, impacts=12, reading=reading)
         best = min(best, time.perf_counter() - begin)
-    assert best < 5e-3
+    assert best < (18e-3 if reading == "printed" else 5e-3)
 
 
 def test_the_best_reading_is_the_one_left_out(dat21):
