@@ -223,7 +223,7 @@ def test_a_single_stage_has_no_second_series():
 @ONE_ORBIT
 @pytest.mark.parametrize("sigma", [0.05, 1.5**0.5])
 def test_twelve_impacts_take_milliseconds(sigma, reading):
-    """Quiet: 0.6 ms, 3.6 ms for a printed map that scans 20 time units for its end; a busy machine may take five times."""
+    """Quiet: 0.6 ms, 3.6 ms for a printed map that scans 20 time units for its end; busy: five times as much."""
     dat21 = Scene.from_gears(DAT21, sigma=sigma)
     assert isinstance(mean_map(dat21, impacts=12, reading=reading), MeanMap)  # compiled by now
     best = np.inf
