@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from compare import sampling_commands
+from compare.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_soon
 from scene.errors import RattleError
 
 __all__ = ["EXIT_NOT_MET", "EXIT_NOT_REPEATED", "main"]
@@ -26,13 +27,14 @@ class RattleGroup(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command."""
         try:
-            return super().invoke(ctx)
+            with ends_soon():
+                return super().invoke(ctx)
         except RattleError as error:
             click.echo(f"rattle: {error}", err=True)
             ctx.exit(EXIT_BAD_INPUT)
-        except KeyboardInterrupt:
-            click.echo("rattle: interrupted; nothing was written", err=True)
-            ctx.exit(130)
+        except KeyboardInterrupt as interrupt:
+            click.echo(f"rattle: {str(interrupt) or NOTHING_WRITTEN}", err=True)
+            ctx.exit(EXIT_INTERRUPTED)
 
 
 @click.group(cls=RattleGroup, context_settings={"help_option_names": ["-h", "--help"]})

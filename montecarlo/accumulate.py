@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 
 from scene.compiled import jit
 
-__all__ = ["COVARIANCE", "PAIR", "SINGLE", "CentralSums", "Orders", "pair_statistics", "single_statistics"]
+__all__ = [
+    "COVARIANCE", "PAIR", "SINGLE", "VARIANCE", "CentralSums", "Orders", "pair_statistics", "single_statistics",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -23,6 +25,9 @@ PAIR: Orders = tuple((p, q) for p in range(5) for q in range(5) if 2 <= p + q <=
 
 COVARIANCE: Orders = ((1, 1),)
 """A covariance alone."""
+
+VARIANCE: Orders = ((2, 0),)
+"""A variance alone."""
 
 BINOMIAL = np.array([[comb(n, k) for k in range(9)] for n in range(9)], dtype=float)
 

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from montecarlo.block import BLOCK
-from montecarlo.ensemble import extended
+from montecarlo.ensemble import Blocks, extended
 from montecarlo.result import Ensemble, Reach
 from montecarlo.schemes import SCHEMES
 from montecarlo.step import largest_step
@@ -95,7 +95,7 @@ def _candidate(scene: Scene, scheme: str, accuracy: float, simulate: Simulate) -
 
 
 def reach(
-    scene: Scene, simulate: Simulate, *, accuracy: float, scheme: str | None, workers: int, budget: float,
+    scene: Scene, simulate: Simulate, *, accuracy: float, scheme: str | None, blocks: Blocks, budget: float,
     progress: str | None,
 ) -> Ensemble:  # fmt: skip
     """Simulate until both errors are within `accuracy`, or the budget is spent.
@@ -108,7 +108,8 @@ def reach(
     accuracy : float
     scheme : str or None
         The one to use; None for the one that pilot runs expect to cost least.
-    workers : int
+    blocks : callable
+        Who runs the blocks.
     budget : float
         Seconds.
     progress : str or None
@@ -147,4 +148,4 @@ def reach(
             run = simulate(paths=paths, dt=dt, **settings)
         else:
             paths = min(more, affordable, (GROWTH - 1) * run.paths)
-            run = extended(run, run.paths + paths, workers, progress)
+            run = extended(run, run.paths + paths, blocks, progress)

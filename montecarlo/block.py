@@ -8,16 +8,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from montecarlo.accumulate import COVARIANCE, PAIR, SINGLE, CentralSums, Orders
+from montecarlo.accumulate import COVARIANCE, PAIR, SINGLE, VARIANCE, CentralSums, Orders
 from montecarlo.backlash import backlash_of, draw_walls
 from montecarlo.control import LinearPath, no_control
 from montecarlo.kernel import COLUMNS, Job, lanes_of, run_block
 from montecarlo.noise import key_of
 from montecarlo.schemes import SCHEMES
 from scene.compiled import jit
-from scene.impact import struck
+from scene.impact import energy_loss, struck
 from scene.moments import SECTION
-from scene.scene import Scene
+from scene.scene import Constants, Scene
 
 __all__ = [
     "BLOCK",
@@ -62,6 +62,7 @@ class Plan(NamedTuple):
     control: LinearPath = no_control()
     keep: bool = False
     two_point: bool = False
+    energy: bool = False
 
     @property
     def blocks(self) -> int:
@@ -136,7 +137,8 @@ class BlockResult:
     ``sums`` holds, by name: ``section`` over (impact, quantity); ``section_pairs`` over (impact, pair of `PAIRS`);
     ``clock`` over (time, pair of `CROSS`); with step bias also ``fine_coarse`` and ``coarse_coarser`` over (impact,
     quantity), the same quantity at two step sizes, and ``coarse_clock`` over (time, stage), displacement with
-    velocity; with a control ``control`` over (impact, quantity), the quantity and what the linearised path says of it.
+    velocity; with a control ``control`` over (impact, quantity), the quantity and what the linearised path says of
+    it; if asked for, ``energy`` over (impact, 1), what an impact takes.
     ``codes`` counts mesh and side of each impact over (impact, `CODES`); ``agreeing`` counts the paths that have
     followed each itinerary so far.
     """
@@ -188,6 +190,8 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
         "section": _pairs(rows[0], own, SINGLE),
         "section_pairs": _pairs(rows[0], [(SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS], COVARIANCE),
     }
+    if plan.energy:
+        sums["energy"] = _pairs(_losses(plan.scene.constants, rows[0]), [(0, 0)], VARIANCE)
     if plan.control.at_step.size:
         sums["control"] = _pairs(rows[0], own, PAIR, raw.controls)
     if plan.clock_steps.size:
@@ -205,6 +209,20 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
     return BlockResult(
         sums, codes, dict(zip(plan.itineraries, agreeing, strict=True)), raw.path_steps, raw.held, raw.unfinished
     ), kept
+
+
+@jit
+def _losses(c: Constants, rows: Floats) -> Floats:
+    """Energy that each impact of each path takes, shape (paths, impacts, 1); NaN where there was none."""
+    paths, impacts = rows.shape[:2]
+    lost = np.full((paths, impacts, 1), np.nan)
+    for p in range(paths):
+        for k in range(impacts):
+            code = rows[p, k, 6]
+            if np.isfinite(code):
+                mesh = 1 if abs(code) == 1.0 else 2
+                lost[p, k, 0] = energy_loss(c, mesh, rows[p, k, 3], rows[p, k, 5])
+    return lost
 
 
 @jit

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from itertools import islice
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from montecarlo.batches import Batches
 from montecarlo.block import BLOCK, BlockResult, Plan, run
 from montecarlo.histogram import Histograms
 from montecarlo.result import Ensemble
@@ -26,12 +27,19 @@ from scene.validate import choice, positive
 if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
     pass
 
-__all__ = ["extended", "simulate"]
+__all__ = ["Blocks", "extended", "in_threads", "simulate"]
 
 Floats = NDArray[np.float64]
+Blocks = Callable[[Plan, int], Iterator[tuple[BlockResult, Floats | None]]]
+"""Runs the blocks of a plan from one on, and gives their results in block order."""
 
 
-def _in_order(plan: Plan, workers: int, first: int = 0) -> Iterator[tuple[BlockResult, Floats | None]]:
+def in_threads(workers: int) -> Blocks:
+    """Blocks on threads of this process."""
+    return lambda plan, first: _in_order(plan, workers, first)
+
+
+def _in_order(plan: Plan, workers: int, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:
     """Results of all blocks from `first` on, in block order; a few blocks per worker are alive at a time."""
     with ThreadPoolExecutor(workers) as pool:
         numbers = iter(range(first, plan.blocks))
@@ -68,6 +76,9 @@ def simulate(
     budget: float = math.inf,
     device: str = "cpu",
     progress: str | None = None,
+    batches: bool = False,
+    energy: bool = False,
+    blocks: Blocks | None = None,
 ) -> Ensemble:
     """Simulate an ensemble of paths of Eqs. 5 and 6 with both impact laws.
 
@@ -112,6 +123,12 @@ def simulate(
         are the same to rounding.
     progress : str
         Label of a progress bar on a terminal; none by default, and none in a pipe.
+    batches : bool
+        Keep means and sds of batches of paths, see `montecarlo.batches`.
+    energy : bool
+        Take the mean energy loss of each impact.
+    blocks : callable
+        Who runs the blocks of paths; by default threads of this process.  The result does not depend on it.
 
     Returns
     -------
@@ -144,9 +161,10 @@ def simulate(
             step_bias=False,
         )  # fmt: skip
         positive("budget", budget) if budget != math.inf else None
-        again = partial(simulate, scene, impacts=impacts, rng=rng, workers=workers)
+        blocks = blocks or in_threads(workers)
+        again = partial(simulate, scene, impacts=impacts, rng=rng, blocks=blocks, batches=batches, energy=energy)
         return reach(
-            scene, again, accuracy=positive("accuracy", accuracy), scheme=scheme, workers=workers, budget=budget,
+            scene, again, accuracy=positive("accuracy", accuracy), scheme=scheme, blocks=blocks, budget=budget,
             progress=progress,
         )  # fmt: skip
     if paths is None:
@@ -156,14 +174,15 @@ def simulate(
     plan = plan_of(
         scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, clock=clock,
         step_bias=step_bias, itineraries=itineraries, keep=histogram or keep_paths, control=control,
-        increments=increments, horizon=horizon, device=device,
+        increments=increments, horizon=horizon, device=device, energy=energy,
     )  # fmt: skip
     computed = plan.paths
     started = time.perf_counter()
     merged: BlockResult | None = None
     histograms: Histograms | None = None
     kept = []
-    size, results = BLOCK, _in_order(plan, workers)
+    batched = Batches.empty(impacts) if batches else None
+    size, results = BLOCK, (blocks or in_threads(workers))(plan, 0)
     if device == "cuda":
         from montecarlo import gpu  # nothing of it is loaded before a card is asked for
 
@@ -172,6 +191,8 @@ def simulate(
     with _bar(computed, progress) as bar:
         for part, (result, rows) in enumerate(results):
             merged = result if merged is None else merged.merged(result)
+            if batched is not None:
+                batched.add(part, result.sums)
             if histogram and rows is not None:
                 histograms = histograms or Histograms.sized_by(rows[:BLOCK, :, :6])
                 histograms.add(rows[:, :, :6])
@@ -182,19 +203,22 @@ def simulate(
     whole = np.concatenate(kept) if kept else None
     if whole is not None and computed < paths:
         whole = np.broadcast_to(whole, (paths, *whole.shape[1:]))
-    return Ensemble(plan, paths, merged, histograms, whole, time.perf_counter() - started)
+    return Ensemble(plan, paths, merged, histograms, whole, time.perf_counter() - started, batched)
 
 
 def _bar(paths: int, label: str | None) -> tqdm[NoReturn]:
     return tqdm(total=paths, unit="path", unit_scale=True, desc=label, disable=None if label else True)
 
 
-def extended(run: Ensemble, paths: int, workers: int, progress: str | None = None) -> Ensemble:
+def extended(run: Ensemble, paths: int, blocks: Blocks, progress: str | None = None) -> Ensemble:
     """The same run with more paths; what is there is not computed again.  Both numbers are whole blocks."""
     started = time.perf_counter()
-    plan, merged = run.plan._replace(paths=paths), run.result
+    plan, merged, first = run.plan._replace(paths=paths), run.result, run.plan.blocks
+    batched = run.batches.copy() if run.batches is not None else None
     with _bar(paths - run.paths, progress) as bar:
-        for result, _ in _in_order(plan, workers, run.plan.blocks):
+        for block, (result, _) in enumerate(blocks(plan, first), start=first):
             merged = merged.merged(result)
+            if batched is not None:
+                batched.add(block, result.sums)
             bar.update(BLOCK)
-    return Ensemble(plan, paths, merged, None, None, run.wall_seconds + time.perf_counter() - started)
+    return Ensemble(plan, paths, merged, None, None, run.wall_seconds + time.perf_counter() - started, batched)

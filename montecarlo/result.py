@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from montecarlo.accumulate import pair_statistics, single_statistics
+from montecarlo.batches import Batches
 from montecarlo.block import CODES, CROSS, PAIRS, BlockResult, Plan
 from montecarlo.control import controlled_statistics
 from montecarlo.histogram import Histograms
@@ -95,6 +96,8 @@ class Ensemble:
         asked for.
     wall_seconds : float
         Time the run took.
+    batches : Batches or None
+        Means and sds of batches of paths, if asked for.
     reach : Reach or None
         How far it got, if an accuracy was asked for.
     """
@@ -105,6 +108,7 @@ class Ensemble:
     histograms: Histograms | None
     raw: Floats | None
     wall_seconds: float
+    batches: Batches | None = None
     reach: Reach | None = None
 
     @property
@@ -160,7 +164,8 @@ class Ensemble:
         ``sd_``, ``skew_``, ``kurt_`` (third and fourth cumulants in units of the sd) of each quantity, the
         standard error of each of these under ``se_`` + its name, ``rho1, rho2``, ``paths`` that reached the impact,
         and ``agreement``: the share that has followed the noise-free itinerary up to there.  With a control variate,
-        means and sds and their errors are the controlled ones.
+        means and sds and their errors are the controlled ones.  If asked for, ``energy`` and ``se_energy``: mean loss
+        at the impact, see `scene.impact.energy_loss`.
         """
         import pandas as pd
 
@@ -183,6 +188,11 @@ class Ensemble:
         table = pd.DataFrame(columns, index=pd.RangeIndex(1, self.impacts + 1, name="impact"))
         table.insert(4, "mesh", np.abs(most))
         table.insert(5, "side", np.sign(most))
+        energy = self.result.sums.get("energy")
+        if energy is not None:
+            table["energy"] = np.where(energy.n[:, 0] > 0, energy.mean[0][:, 0], np.nan)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                table["se_energy"] = np.sqrt(energy.moment(2, 0)[:, 0] / energy.n[:, 0])
         table["paths"] = (self._reached * self._copies).astype(int)
         table["agreement"] = self.agreement[NOISE_FREE]
         return table

@@ -64,7 +64,7 @@ def plan_of(
     scene: Scene, *, paths: int, impacts: int, dt: float, scheme: str, rng: int | np.random.SeedSequence = 0,
     workers: int = 1, clock: Sequence[float] | Floats = (), step_bias: bool = False,
     itineraries: Mapping[str, Sequence[int]] | None = None, keep: bool = False, control: bool = False,
-    increments: str = "gaussian", horizon: float | None = None, device: str = "cpu",
+    increments: str = "gaussian", horizon: float | None = None, device: str = "cpu", energy: bool = False,
 ) -> Plan:  # fmt: skip
     """The plan of a run with these settings, which are those of `montecarlo.simulate`.
 
@@ -84,7 +84,7 @@ def plan_of(
     if choice("device", device, ("cpu", "cuda")) == "cuda":
         from montecarlo.gpu import check_card  # nothing of it is loaded before a card is asked for
 
-        for name, value in (("step_bias", step_bias), ("control", control)):
+        for name, value in (("step_bias", step_bias), ("control", control), ("energy", energy)):
             if value:
                 raise InputError(name, value, "is not computed on a card; leave it out, or use device='cpu'")
         check_card()
@@ -99,11 +99,11 @@ def plan_of(
         most_steps=math.ceil(horizon / (dt * coarsest)) * coarsest,
         clock_steps=_clock_steps(scene, clock, dt * coarsest, horizon) * coarsest, itineraries=named, levels=levels,
         control=linear_path(scene, impacts, dt) if control and scene.sigma > 0.0 else no_control(), keep=keep,
-        two_point=two_point,
+        two_point=two_point, energy=energy,
     )  # fmt: skip
     quiet = plan._replace(
         scene=scene.noise_free, paths=1, clock_steps=np.empty(0, np.int64), itineraries={}, levels=1,
-        control=no_control(), two_point=False,
+        control=no_control(), two_point=False, energy=False,
     )  # fmt: skip
     named[NOISE_FREE] = tuple(np.nan_to_num(sample(quiet, 0).rows[0, 0, :, 6]).astype(int).tolist())
     return plan

@@ -8,7 +8,7 @@ from scene.compiled import jit
 from scene.flight import Floats, flow, wheel_speeds
 from scene.scene import Constants
 
-__all__ = ["MISSES", "NONE", "REST", "contact_matrix", "next_impact", "struck"]
+__all__ = ["MISSES", "NONE", "REST", "contact_matrix", "energy_loss", "next_impact", "struck"]
 
 NONE = 0  # mesh of an event that never came: no impact within the horizon
 REST = -1  # the mesh is pressed shut: the next impact is now, and so is every later one
@@ -30,6 +30,22 @@ def struck(c: Constants, mesh: int, y1: float, y2: float) -> tuple[float, float]
     if mesh == 1:  # the driver is prescribed: Eq. 10 uses this law, Eqs. 4 and 6 do not print it
         return -c.epsilon * y1, y2 - (1.0 + c.epsilon) * y1
     return y1 - (1.0 + c.epsilon) * c.mu * y2, -c.epsilon * y2  # Eq. 4
+
+
+@jit
+def energy_loss(c: Constants, mesh: int, y1: float, y2: float) -> float:
+    """Kinetic energy that an impact takes, in units of ``I1 / R1^2 (nu1 omega)^2``, the mass of wheel 1 at its rim.
+
+    ``(1 - eps^2) y^2 / 2`` times the reduced mass: 1 at mesh 1, whose driver is prescribed, and mu at mesh 2.
+
+    Examples
+    --------
+    >>> from scene import DAT21, Scene
+    >>> round(energy_loss(Scene.from_gears(DAT21).constants, 1, 2.0, 0.0), 12)
+    0.38
+    """
+    share = 0.5 * (1.0 - c.epsilon * c.epsilon)
+    return share * y1 * y1 if mesh == 1 else share * c.mu * y2 * y2
 
 
 @jit

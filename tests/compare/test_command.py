@@ -189,11 +189,14 @@ def test_quiet_in_a_pipe(tmp_path):
 
 def test_interrupt_ends_soon_and_leaves_nothing(tmp_path):
     command = [sys.executable, "-m", "compare", "validate", "--paths", "100000000", "--out", str(tmp_path / "o")]
-    running = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-    time.sleep(8.0)
-    running.send_signal(signal.SIGINT)
-    asked = time.monotonic()
-    _, err = running.communicate(timeout=30)
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as running:
+        time.sleep(8.0)
+        running.send_signal(signal.SIGINT)
+        asked = time.monotonic()
+        try:
+            _, err = running.communicate(timeout=30)
+        finally:
+            running.kill()
     assert time.monotonic() - asked < 5.0
     assert running.returncode == 130
     assert "interrupted" in err

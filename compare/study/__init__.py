@@ -1,0 +1,1 @@
+"""Ensemble studies: grids over any field of a scene, computed once, kept, and put together."""

@@ -1,0 +1,242 @@
+"""What one result is determined by: an ensemble of a scene, or a closure's prediction of it."""
+
+import hashlib
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+import pandas as pd
+
+from closure import mean_map
+from compare.study.store import Stored
+from compare.study.version import numerical_version
+from montecarlo import SCHEMES, Ensemble, simulate
+from montecarlo.ensemble import Blocks
+from scene.moments import SECTION
+from scene.scene import Scene
+
+__all__ = ["Cell", "Predicted", "Prediction", "Sample", "Sampled"]
+
+BATCH = "batch_{}_{}"  # column of what the batches say of a quantity
+
+
+class Cell(Protocol):
+    """One result to compute, or to find in a store under its key."""
+
+    @property
+    def key(self) -> str:
+        """Digest of everything that determines the result."""
+        ...
+
+    @property
+    def label(self) -> str:
+        """What a person reads on the progress line."""
+        ...
+
+    def compute(self, blocks: Blocks | None = None) -> Stored:
+        """The result; `blocks` runs the blocks of paths where there are any."""
+        ...
+
+
+def _key(kind: str, scene: Scene, settings: Mapping[str, Any]) -> str:
+    """Digest of a scene's dimensionless numbers, the settings, and the numerical version."""
+    numbers = replace(scene).to_dict()  # without the gears that it came from
+    content = {"kind": kind, "scene": numbers, "settings": settings, "version": numerical_version()}
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Section moments of an ensemble as they are stored; speaks as `montecarlo.Ensemble` does.
+
+    Attributes
+    ----------
+    scene : Scene
+    section : DataFrame
+        As `Ensemble.section`, with ``energy``.
+    step_bias : DataFrame
+        As `Ensemble.step_bias`.
+    batches : DataFrame
+        Index ``impact``; columns ``batch_mean_tau, batch_sd_tau, batch_control_tau, ...``, lists over the batches of
+        `montecarlo.batches`.
+    facts : dict
+        ``paths, dt, scheme, path_steps, held, unfinished, sampling, step, reached, seconds``.
+    """
+
+    scene: Scene
+    section: pd.DataFrame
+    step_bias: pd.DataFrame
+    batches: pd.DataFrame
+    facts: dict[str, Any]
+
+    @property
+    def paths(self) -> int:
+        """Paths that were followed."""
+        return int(self.facts["paths"])
+
+    @property
+    def agreement(self) -> pd.DataFrame:
+        """Share of paths on the noise-free itinerary, the only one that is counted."""
+        return self.section[["agreement"]]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """An ensemble of paths of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    impacts : int
+    seed : int
+    scheme : str
+    paths : int or None
+        Number of paths, or give `accuracy`.
+    accuracy : float or None
+        See `montecarlo.simulate`.
+    dt : float or None
+        Step; the scheme's by default.
+
+    Examples
+    --------
+    >>> from scene import DAT21, Scene
+    >>> cell = Sample(Scene.from_gears(DAT21, sigma=0.1), impacts=2, seed=0, paths=2048)
+    >>> run = cell.opened(cell.compute())
+    >>> round(float(run.section.loc[1, "tau"]), 3), run.paths
+    (0.56, 2048)
+    """
+
+    scene: Scene
+    impacts: int
+    seed: int
+    scheme: str = "exact-flight"
+    paths: int | None = None
+    accuracy: float | None = None
+    dt: float | None = None
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Everything but the scene."""
+        dt = SCHEMES[self.scheme].step if self.dt is None and self.accuracy is None else self.dt
+        return {
+            "impacts": self.impacts, "seed": self.seed, "scheme": self.scheme, "paths": self.paths,
+            "accuracy": self.accuracy, "dt": dt,
+        }  # fmt: skip
+
+    @cached_property
+    def key(self) -> str:
+        """Digest of everything that determines the result."""
+        return _key("ensemble", self.scene, self.settings)
+
+    @property
+    def label(self) -> str:
+        """What a person reads on the progress line."""
+        return f"simulate sigma {self.scene.sigma:.3g}"
+
+    def compute(self, blocks: Blocks | None = None) -> Stored:
+        """Simulate; raises InputError where the scene cannot be."""
+        started = time.perf_counter()
+        exact = SCHEMES[self.scheme].weak_order is None
+        common: dict[str, Any] = {
+            "impacts": self.impacts, "rng": self.seed, "scheme": self.scheme, "batches": True, "energy": True,
+            "blocks": blocks,
+        }  # fmt: skip
+        if self.accuracy is not None:
+            run = simulate(self.scene, accuracy=self.accuracy, **common)
+        else:
+            run = simulate(
+                self.scene, paths=self.paths, dt=self.dt, control=exact, step_bias=not exact, **common
+            )  # fmt: skip
+        facts = {
+            "paths": run.paths, "dt": run.dt, "scheme": run.scheme, "path_steps": run.path_steps, "held": run.held,
+            "unfinished": run.unfinished, "reached": run.reach is None or run.reach.reached,
+            "seconds": time.perf_counter() - started,
+        }  # fmt: skip
+        return Stored(_sections(run), facts)
+
+    def opened(self, stored: Stored) -> Sampled:
+        """The result as it speaks."""
+        wide = stored.table
+        first, last = wide.columns.get_loc("bias_tau"), wide.columns.get_loc(BATCH.format("mean", "tau"))
+        section, batches = wide.iloc[:, :first], wide.iloc[:, last:]
+        rows = [
+            wide[[f"{c}_{name}" for c in BIAS]].set_axis(list(BIAS), axis=1).reset_index().assign(quantity=q, moment=m)
+            for m, prefix in (("mean", ""), ("sd", "sd_"))
+            for q in SECTION
+            if f"bias_{(name := prefix + q)}" in wide
+        ]
+        return Sampled(self.scene, section, pd.concat(rows, ignore_index=True), batches, stored.facts)
+
+
+BIAS = ("bias", "se_bias", "corrected", "se_corrected", "rest")
+
+
+def _sections(run: Ensemble) -> pd.DataFrame:
+    """Everything that is stored of an ensemble, a row for each impact."""
+    parts = [run.section]
+    for (moment, quantity), rows in run.step_bias.groupby(["moment", "quantity"], sort=False):
+        name = quantity if moment == "mean" else f"sd_{quantity}"
+        parts.append(rows.set_index("impact")[list(BIAS)].add_suffix(f"_{name}"))
+    batches = run.batches
+    assert batches is not None
+    held = batches.n[:, 0, 0] > 0
+    columns: dict[str, Any] = {}
+    for what, values in (("mean", batches.mean), ("sd", batches.sd), ("control", batches.control)):
+        for i, quantity in enumerate(SECTION):
+            columns[BATCH.format(what, quantity)] = list(np.ascontiguousarray(values[held, :, i].T))
+    parts.append(pd.DataFrame(columns, index=run.section.index))
+    return pd.concat(parts, axis=1)
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """Section moments that a closure predicts, as they are stored; speaks as `closure.MeanMap` does."""
+
+    reading: str
+    section: pd.DataFrame
+    facts: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """A closure's prediction for a scene.
+
+    Examples
+    --------
+    >>> from scene import DAT21, Scene
+    >>> cell = Prediction(Scene.from_gears(DAT21, sigma=0.1), impacts=2, reading="mended")
+    >>> cell.opened(cell.compute()).section.loc[2, "mesh"]
+    np.int64(2)
+    """
+
+    scene: Scene
+    impacts: int
+    reading: str
+    order: int = 4
+
+    @cached_property
+    def key(self) -> str:
+        """Digest of everything that determines the result."""
+        settings = {"impacts": self.impacts, "reading": self.reading, "order": self.order}
+        return _key("prediction", self.scene, settings)
+
+    @property
+    def label(self) -> str:
+        """What a person reads on the progress line."""
+        return f"{self.reading} sigma {self.scene.sigma:.3g}"
+
+    def compute(self, blocks: Blocks | None = None) -> Stored:
+        """Follow the closure; raises InputError where the reading cannot take the scene."""
+        started = time.perf_counter()
+        closure = mean_map(self.scene, impacts=self.impacts, reading=self.reading, order=self.order)
+        table = closure.section
+        facts = {"stopped": closure.stopped, "found": closure.trace.found, "seconds": time.perf_counter() - started}
+        return Stored(table, facts)
+
+    def opened(self, stored: Stored) -> Predicted:
+        """The result as it speaks."""
+        return Predicted(self.reading, stored.table, stored.facts)

@@ -1,0 +1,52 @@
+"""One result: found in the store, or computed and kept there, by one process at a time."""
+
+import time
+
+from compare.study.cell import Cell
+from compare.study.store import Store, Stored
+from montecarlo.ensemble import Blocks
+
+__all__ = ["attempt", "obtain"]
+
+PAUSE = 0.2  # seconds between two looks at what another process is working on
+
+
+def attempt(store: Store, cell: Cell, blocks: Blocks | None = None) -> Stored | None:
+    """A cell's result; None where another process or thread is at work on it.
+
+    Raises
+    ------
+    InputError
+        If the cell's scene cannot be computed.
+    OutputError
+        If the result cannot be kept.
+    """
+    found = store.read(cell.key)
+    if found is not None:
+        return found
+    with store.alone(cell.key) as alone:
+        if not alone:
+            return None
+        found = store.read(cell.key)  # another process may have ended in this moment
+        if found is None:
+            found = cell.compute(blocks)
+            store.write(cell.key, found.table, found.facts)
+        return found
+
+
+def obtain(store: Store, cell: Cell, blocks: Blocks | None = None) -> Stored:
+    """A cell's result; waits where another process is at work on it, and goes on itself when that one ends.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from compare.study.cell import Prediction
+    >>> from scene import DAT21, Scene
+    >>> store, cell = Store(Path(tempfile.mkdtemp())), Prediction(Scene.from_gears(DAT21), impacts=1, reading="mended")
+    >>> round(cell.opened(obtain(store, cell)).section.loc[1, "tau"], 3)
+    np.float64(0.56)
+    """
+    while (found := attempt(store, cell, blocks)) is None:
+        time.sleep(PAUSE)
+    return found
