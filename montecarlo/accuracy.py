@@ -9,7 +9,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import pandas as pd
@@ -34,6 +34,15 @@ STILL = 1e-9  # sd below which a quantity does not vary
 Simulate = Callable[..., Ensemble]
 
 
+class HasSection(Protocol):
+    """An ensemble, or what is kept of one."""
+
+    @property
+    def section(self) -> pd.DataFrame:
+        """As `Ensemble.section`."""
+        ...
+
+
 class _Candidate(NamedTuple):
     scheme: str
     dt: float
@@ -41,7 +50,7 @@ class _Candidate(NamedTuple):
     core_seconds: float
 
 
-def units(run: Ensemble) -> pd.DataFrame:
+def units(run: HasSection) -> pd.DataFrame:
     """Unit of each quantity's errors, index ``impact``, columns the section quantities."""
     section = run.section
     unit = section[["sd_" + q for q in SECTION]].set_axis(SECTION, axis=1)
@@ -51,7 +60,7 @@ def units(run: Ensemble) -> pd.DataFrame:
     return unit
 
 
-def sampling_error(run: Ensemble) -> tuple[float, str]:
+def sampling_error(run: HasSection) -> tuple[float, str]:
     """Largest standard error of the section means and sds in units of the sd, and where it is."""
     unit, section = units(run), run.section
     errors = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, NoReturn
@@ -27,7 +27,7 @@ from scene.validate import choice, positive
 if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
     pass
 
-__all__ = ["Blocks", "extended", "in_threads", "simulate"]
+__all__ = ["Blocks", "extended", "in_pool", "in_threads", "simulate"]
 
 Floats = NDArray[np.float64]
 Blocks = Callable[[Plan, int], Iterator[tuple[BlockResult, Floats | None]]]
@@ -36,16 +36,20 @@ Blocks = Callable[[Plan, int], Iterator[tuple[BlockResult, Floats | None]]]
 
 def in_threads(workers: int) -> Blocks:
     """Blocks on threads of this process."""
-    return lambda plan, first: _in_order(plan, workers, first)
+
+    def blocks(plan: Plan, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:
+        with ThreadPoolExecutor(workers) as pool:
+            yield from in_pool(pool, workers)(plan, first)
+
+    return blocks
 
 
-def _in_order(plan: Plan, workers: int, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:
-    """Results of all blocks from `first` on, in block order; a few blocks per worker are alive at a time."""
-    with ThreadPoolExecutor(workers) as pool:
+def in_pool(pool: ThreadPoolExecutor, workers: int) -> Blocks:
+    """Blocks on the threads of a pool, which other runs may share; a few blocks per worker are alive at a time."""
+
+    def blocks(plan: Plan, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:
         numbers = iter(range(first, plan.blocks))
-        waiting: list[Future[tuple[BlockResult, Floats | None]]] = [
-            pool.submit(run, plan, b) for b in islice(numbers, 4 * workers)
-        ]
+        waiting = [pool.submit(run, plan, b) for b in islice(numbers, 4 * workers)]
         try:
             while waiting:
                 yield waiting.pop(0).result()
@@ -53,6 +57,8 @@ def _in_order(plan: Plan, workers: int, first: int) -> Iterator[tuple[BlockResul
         finally:
             for future in waiting:
                 future.cancel()
+
+    return blocks
 
 
 def simulate(

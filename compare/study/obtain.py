@@ -1,17 +1,24 @@
 """One result: found in the store, or computed and kept there, by one process at a time."""
 
 import time
+from collections.abc import Callable
 
 from compare.study.cell import Cell
 from compare.study.store import Store, Stored
-from montecarlo.ensemble import Blocks
 
-__all__ = ["attempt", "obtain"]
+__all__ = ["Compute", "attempt", "obtain"]
+
+Compute = Callable[[Cell], Stored]
+"""Where a cell is computed: here, by default."""
 
 PAUSE = 0.2  # seconds between two looks at what another process is working on
 
 
-def attempt(store: Store, cell: Cell, blocks: Blocks | None = None) -> Stored | None:
+def _here(cell: Cell) -> Stored:
+    return cell.compute()
+
+
+def attempt(store: Store, cell: Cell, compute: Compute = _here) -> Stored | None:
     """A cell's result; None where another process or thread is at work on it.
 
     Raises
@@ -29,12 +36,12 @@ def attempt(store: Store, cell: Cell, blocks: Blocks | None = None) -> Stored | 
             return None
         found = store.read(cell.key)  # another process may have ended in this moment
         if found is None:
-            found = cell.compute(blocks)
+            found = compute(cell)
             store.write(cell.key, found.table, found.facts)
         return found
 
 
-def obtain(store: Store, cell: Cell, blocks: Blocks | None = None) -> Stored:
+def obtain(store: Store, cell: Cell, compute: Compute = _here) -> Stored:
     """A cell's result; waits where another process is at work on it, and goes on itself when that one ends.
 
     Examples
@@ -44,9 +51,9 @@ def obtain(store: Store, cell: Cell, blocks: Blocks | None = None) -> Stored:
     >>> from compare.study.cell import Prediction
     >>> from scene import DAT21, Scene
     >>> store, cell = Store(Path(tempfile.mkdtemp())), Prediction(Scene.from_gears(DAT21), impacts=1, reading="mended")
-    >>> round(cell.opened(obtain(store, cell)).section.loc[1, "tau"], 3)
-    np.float64(0.56)
+    >>> round(float(cell.opened(obtain(store, cell)).section.loc[1, "tau"]), 3)
+    0.56
     """
-    while (found := attempt(store, cell, blocks)) is None:
+    while (found := attempt(store, cell, compute)) is None:
         time.sleep(PAUSE)
     return found

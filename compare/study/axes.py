@@ -1,0 +1,121 @@
+"""The axes of a study: which fields vary, over which values, together or against each other."""
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from scene.errors import InputError
+from scene.scene import Scene, Start, Tolerance
+from scene.validate import count, finite, known_keys, nearest, positive
+
+__all__ = ["SETTINGS", "Axis", "combinations", "read_axes"]
+
+SETTINGS = ("scheme", "paths", "accuracy", "dt", "seed")
+"""Settings of the simulation that may vary beside the fields of the scene."""
+
+PARTS = {"tolerance": Tolerance, "start": Start}
+FIELDS = tuple(
+    [f.name for f in fields(Scene) if f.init and f.name not in PARTS]
+    + [f"{part}.{f.name}" for part, kind in PARTS.items() for f in fields(kind)]
+)
+EXAMPLE = "write { log = [0.001, 2.0, 24] }, { linear = [0.5, 1.5, 11] } or a list of values"
+
+
+class Axis(NamedTuple):
+    """One or more fields that vary together.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The fields.
+    values : tuple of tuple
+        For each step along the axis one value of each field.
+    """
+
+    names: tuple[str, ...]
+    values: tuple[tuple[Any, ...], ...]
+
+    def named(self, step: tuple[Any, ...]) -> Iterator[tuple[str, Any]]:
+        """The fields with their values at a step."""
+        return zip(self.names, step, strict=True)
+
+
+def read_axes(tables: Sequence[Mapping[str, Any]]) -> tuple[Axis, ...]:
+    """Axes from the ``[[axes]]`` tables of a study file: fields of one table vary together, tables against each other.
+
+    Raises
+    ------
+    InputError
+        Names the axis, what is wrong with it, and the remedy.
+
+    Examples
+    --------
+    >>> read_axes([{"sigma": {"log": [0.01, 1.0, 3]}}, {"gap1": [0.4, 0.5], "gap2": [0.5, 0.6]}])[1].values
+    ((0.4, 0.5), (0.5, 0.6))
+    """
+    found: list[Axis] = []
+    for table in tables:
+        if not isinstance(table, Mapping) or not table:
+            raise InputError("axes", table, "give each [[axes]] a field and its values, as in sigma = [0.1, 0.2]")
+        columns = {name: _values(_known(name), table[name]) for name in table}
+        lengths = {name: len(values) for name, values in columns.items()}
+        if len(set(lengths.values())) > 1:
+            raise InputError("axes", lengths, "fields of one [[axes]] table vary together: give as many values each")
+        found.append(Axis(tuple(columns), tuple(zip(*columns.values(), strict=True))))
+    names = [name for axis in found for name in axis.names]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError("axes", name, "varies along two axes; keep one")
+    return tuple(found)
+
+
+def combinations(axes: Sequence[Axis]) -> list[dict[str, Any]]:
+    """All points of the grid, the last axis running fastest, as values by field."""
+    return [
+        {name: value for axis, step in zip(axes, steps, strict=True) for name, value in axis.named(step)}
+        for steps in itertools.product(*(axis.values for axis in axes))
+    ]
+
+
+def _known(name: str) -> str:
+    if name not in (*FIELDS, *SETTINGS):
+        raise InputError("axes", name, "no field of a scene or a simulation; " + nearest(name, (*FIELDS, *SETTINGS)))
+    return name
+
+
+def _values(name: str, given: Any) -> tuple[Any, ...]:
+    field = f"axes.{name}"
+    if isinstance(given, Mapping):
+        known_keys(field, given, ("linear", "log"))
+        if len(given) != 1:
+            raise InputError(field, dict(given), EXAMPLE)
+        kind, ends = next(iter(given.items()))
+        values = _spaced(field, kind, ends)
+    elif isinstance(given, Sequence) and not isinstance(given, str):
+        values = tuple(given)
+    else:
+        raise InputError(field, given, EXAMPLE)
+    if not values:
+        raise InputError(field, given, "has no values; " + EXAMPLE)
+    if len(set(values)) < len(values):
+        raise InputError(field, given, "holds a value twice")
+    return values
+
+
+def _spaced(field: str, kind: str, ends: Any) -> tuple[float, ...]:
+    """Evenly spaced values, or their logarithms, rounded to six digits."""
+    if not isinstance(ends, Sequence) or isinstance(ends, str) or len(ends) != 3:
+        raise InputError(field, ends, "give [LOW, HIGH, POINTS]")
+    low, high = finite(f"{field} LOW", ends[0]), finite(f"{field} HIGH", ends[1])
+    points = count(f"{field} POINTS", ends[2], least=2)
+    if kind == "log":
+        positive(f"{field} LOW", low)
+    if high <= low:
+        raise InputError(f"{field} HIGH", high, f"must be greater than LOW = {low:g}")
+    values = np.geomspace(low, high, points) if kind == "log" else np.linspace(low, high, points)
+    digits = 6 + max(0, math.ceil(math.log10(points)) - 3)
+    return tuple(float(f"{v:.{digits}g}") for v in values)

@@ -1,0 +1,255 @@
+"""A study as it is asked for: a scene, what varies, what is simulated, and which readings are held against it."""
+
+import hashlib
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from closure import READINGS
+from closure.mean_map import ORDERS
+from compare.moments import Tolerances
+from compare.study.axes import SETTINGS, Axis, combinations, read_axes
+from compare.study.cell import Cell, Prediction, Sample
+from montecarlo import SCHEMES, check_settings
+from scene.errors import FileError, InputError
+from scene.scene import Scene
+from scene.validate import choice, count, known_keys, positive
+
+__all__ = ["Point", "Study"]
+
+KEYS = (
+    "title", "impacts", "readings", "order", "scheme", "paths", "accuracy", "dt", "seed", "common_noise", "within",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Point:
+    """One point of the grid.
+
+    Attributes
+    ----------
+    coordinates : dict
+        Value of each field that varies.
+    sample : Sample or None
+        The ensemble; None where the scene or the settings cannot be simulated.
+    predictions : tuple of Prediction
+        The readings that can take the scene.
+    reasons : dict of str to str
+        Why something is missing: ``scene``, ``sample``, or the reading, and what was said.
+    """
+
+    coordinates: dict[str, Any]
+    sample: Sample | None
+    predictions: tuple[Prediction, ...]
+    reasons: dict[str, str]
+
+    @property
+    def cells(self) -> tuple[Cell, ...]:
+        """What has to be computed: nothing where the ensemble cannot be, for there is nothing to compare."""
+        return (self.sample, *self.predictions) if self.sample else ()
+
+
+@dataclass(frozen=True)
+class Study:
+    """A grid over fields of a scene and of its simulation.
+
+    Parameters
+    ----------
+    base : dict
+        The scene as `Scene.to_dict` gives it, without a start where the scene's own is to follow its gaps.
+    axes : tuple of Axis
+    readings : tuple of str
+    impacts, order : int
+    settings : dict
+        ``scheme, paths, accuracy, dt, seed``, where no axis has them.
+    common_noise : bool
+        The same random numbers at every point, so that differences along an axis have small errors; otherwise each
+        point has its own.
+    within : Tolerances
+        What counts as accurate.
+    title : str
+    text : str
+        The file that it was read from.
+
+    Examples
+    --------
+    >>> study = Study.from_toml('''
+    ... [study]
+    ... impacts = 2
+    ... readings = ["saltation"]
+    ... paths = 4096
+    ... [scene]
+    ... alpha = 1.5
+    ... epsilon = 0.9
+    ... beta1 = 0.08
+    ... gamma1 = 0.05
+    ... stages = 1
+    ... [[axes]]
+    ... sigma = { log = [0.01, 0.1, 3] }
+    ... ''')
+    >>> [p.coordinates["sigma"] for p in study.points]
+    [0.01, 0.0316228, 0.1]
+    """
+
+    base: dict[str, Any]
+    axes: tuple[Axis, ...]
+    readings: tuple[str, ...]
+    impacts: int
+    order: int
+    settings: dict[str, Any]
+    common_noise: bool
+    within: Tolerances
+    title: str = "study"
+    text: str = ""
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Study":
+        """A study from a TOML file.
+
+        Raises
+        ------
+        InputError
+            Names the key, its value and the remedy.
+        """
+        try:
+            text = Path(path).read_text(encoding="utf-8")
+        except UnicodeDecodeError:
+            raise FileError("study file", str(path), "is not UTF-8 text; give a TOML file") from None
+        except OSError as error:
+            raise FileError("study file", str(path), f"cannot be read ({error.strerror}); give a TOML file") from None
+        return cls.from_toml(text)
+
+    @classmethod
+    def from_toml(cls, text: str) -> "Study":
+        """A study from TOML text: ``[study]``, a scene as in a scene file, and ``[[axes]]``."""
+        try:
+            data = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise FileError("TOML", str(error), "correct the file at that place") from None
+        known_keys("top level", data, ("study", "gears", "scene", "axes"))
+        wanted = data.get("study", {})
+        if not isinstance(wanted, Mapping):
+            raise InputError("study", wanted, "write it as a table: [study]")
+        known_keys("study", wanted, KEYS)
+        given: dict[str, Any] = {name: data[name] for name in ("gears", "scene") if name in data}
+        base = replace(Scene.from_dict(given)).to_dict()["scene"]
+        if "start" not in given.get("scene", {}):
+            del base["start"]
+        axes = read_axes(data.get("axes", []))
+        settings = {name: wanted[name] for name in SETTINGS if name in wanted}
+        varying = {name for axis in axes for name in axis.names}
+        _check_settings(settings, varying)
+        return cls(
+            base=base, axes=axes, readings=_readings(wanted.get("readings", tuple(READINGS))),
+            impacts=count("study.impacts", wanted.get("impacts", 12)),
+            order=count("study.order", wanted.get("order", 4), *ORDERS), settings=settings,
+            common_noise=_flag("study.common_noise", wanted.get("common_noise", True)),
+            within=_within(wanted.get("within", {})), title=str(wanted.get("title", "study")), text=text,
+        )  # fmt: skip
+
+    @property
+    def digest(self) -> str:
+        """Digest of the file that the study was read from."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
+
+    @cached_property
+    def points(self) -> tuple[Point, ...]:
+        """The grid, the last axis running fastest.
+
+        Raises
+        ------
+        InputError
+            If not one point can be simulated.
+        """
+        found = tuple(self._point(coordinates) for coordinates in combinations(self.axes))
+        if not any(p.sample for p in found):
+            why = next(iter(found[0].reasons.values()))
+            raise InputError("study", self.title, f"not one point of the grid can be computed ({why})")
+        return found
+
+    @property
+    def cells(self) -> list[Cell]:
+        """What has to be computed, each once."""
+        return list({cell.key: cell for point in self.points for cell in point.cells}.values())
+
+    def _point(self, coordinates: dict[str, Any]) -> Point:
+        try:
+            scene = Scene.from_dict({"scene": _placed(self.base, coordinates)})
+        except InputError as error:
+            return Point(coordinates, None, (), {"scene": str(error)})
+        settings = {**self.settings, **{k: v for k, v in coordinates.items() if k in SETTINGS}}
+        seed = settings.pop("seed", 0)
+        reasons: dict[str, str] = {}
+        sample, predictions = None, []
+        try:
+            sample = _checked(Sample(scene, self.impacts, seed, **settings))
+            if not self.common_noise:
+                own = hashlib.sha256(f"{sample.key} {seed}".encode()).digest()
+                sample = replace(sample, seed=int.from_bytes(own[:8], "little"))
+        except InputError as error:
+            reasons["sample"] = str(error)
+        for reading in self.readings:
+            try:
+                READINGS[reading].check(scene)
+                predictions.append(Prediction(scene, self.impacts, reading, self.order))
+            except InputError as error:
+                reasons[reading] = str(error)
+        return Point(coordinates, sample, tuple(predictions), reasons)
+
+
+def _placed(base: dict[str, Any], coordinates: Mapping[str, Any]) -> dict[str, Any]:
+    """The scene's table with other values; a dotted name is a field of a table within."""
+    out = {name: dict(value) if isinstance(value, dict) else value for name, value in base.items()}
+    for name, value in coordinates.items():
+        part, _, field = name.partition(".")
+        if field:
+            out.setdefault(part, {})[field] = value
+        elif name not in SETTINGS:
+            out[name] = value
+    return out
+
+
+def _checked(sample: Sample) -> Sample:
+    scheme = choice("scheme", sample.scheme, SCHEMES)
+    kind = SCHEMES[scheme]
+    if sample.accuracy is not None:
+        positive("accuracy", sample.accuracy)
+    dt = kind.step if sample.dt is None else sample.dt
+    check_settings(
+        sample.scene, paths=1 if sample.paths is None else sample.paths, impacts=sample.impacts, dt=dt,
+        scheme=scheme, rng=sample.seed, workers=1, step_bias=kind.weak_order is not None,
+    )  # fmt: skip
+    return sample
+
+
+def _check_settings(settings: Mapping[str, Any], varying: set[str]) -> None:
+    for name in settings:
+        if name in varying:
+            raise InputError(f"study.{name}", settings[name], "varies along an axis too; keep one")
+    known = set(settings) | varying
+    if ("paths" in known) == ("accuracy" in known):
+        raise InputError("study.paths", settings.get("paths"), "give either paths or accuracy")
+    if "accuracy" in known and "dt" in known:
+        raise InputError("study.dt", settings.get("dt"), "accuracy chooses the step itself; leave it out")
+
+
+def _readings(given: Any) -> tuple[str, ...]:
+    if isinstance(given, str) or not isinstance(given, Sequence) or not given:
+        raise InputError("study.readings", given, "give a list of " + ", ".join(READINGS))
+    return tuple(dict.fromkeys(choice("study.readings", r, READINGS) for r in given))
+
+
+def _flag(field: str, value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise InputError(field, value, "give true or false")
+    return value
+
+
+def _within(given: Any) -> Tolerances:
+    if not isinstance(given, Mapping):
+        raise InputError("study.within", given, "write it as a table: within = { mean = 0.05, sd = 0.10 }")
+    known_keys("study.within", given, Tolerances._fields)
+    return Tolerances(**{name: positive(f"study.within.{name}", value) for name, value in given.items()})

@@ -1,0 +1,133 @@
+"""Runs what is missing of a study: every cell once, whatever happens on the way."""
+
+import time
+from collections.abc import Callable
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from typing import NamedTuple
+
+from compare.study.cell import Cell
+from compare.study.design import Study
+from compare.study.estimate import core_seconds
+from compare.study.obtain import attempt
+from compare.study.places import Place, Stopped
+from compare.study.progress import Progress
+from compare.study.store import Store, Stored
+from scene.errors import InputError
+
+__all__ = ["Outcome", "missing", "run"]
+
+CHANGED = "its file has changed while it ran; what is finished is kept: run the command again"
+LOOK = 0.2  # seconds between two looks at the threads: how soon Ctrl-C is heard
+
+
+class Outcome(NamedTuple):
+    """What a run did.
+
+    Attributes
+    ----------
+    computed : int
+        Cells that were computed now, here or by another process meanwhile.
+    failed : dict of str to str
+        Why a cell could not be computed, by key.
+    wall_seconds, sampling_seconds : float
+        Time the run took, and the sum of the cells' own times.
+    """
+
+    computed: int
+    failed: dict[str, str]
+    wall_seconds: float
+    sampling_seconds: float
+
+
+def missing(study: Study, store: Store) -> list[Cell]:
+    """Cells that are not there yet."""
+    return [cell for cell in study.cells if not store.path(cell.key).exists()]
+
+
+def run(
+    study: Study, store: Store, place: Place, *, show: bool = False, unchanged: Callable[[], bool] = lambda: True
+) -> Outcome:
+    """Compute the cells that are missing.
+
+    Parameters
+    ----------
+    study : Study
+    store : Store
+        Where results are kept; several processes may work on one.
+    place : Place
+        Where cells are computed.
+    show : bool
+        Draw a progress line on a terminal.
+    unchanged : callable
+        Whether the study is still what was asked for; asked between cells.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        With a text that says how far the study is and how to go on.
+    InputError
+        If the study has changed meanwhile.
+    OutputError
+        If a result cannot be kept.
+    """
+    store.sweep()
+    todo = {cell.key: cell for cell in study.cells if store.read(cell.key) is None}
+    there = len(study.cells) - len(todo)
+    started = time.perf_counter()
+    failed: dict[str, str] = {}
+    work = {key: core_seconds(cell) for key, cell in todo.items()}
+    with place, Progress(work, there, store.folder.parent, show) as progress, _threads(place.threads) as pool:
+        running: dict[Future[Stored | None], Cell] = {}
+        waiting = list(todo.values())
+        try:
+            while waiting or running:
+                while waiting and len(running) < place.threads:
+                    cell = waiting.pop(0)
+                    progress.begun(cell)
+                    running[pool.submit(attempt, store, cell, place.compute)] = cell
+                done, _ = wait(running, timeout=LOOK, return_when=FIRST_COMPLETED)
+                elsewhere = _gathered(done, running, progress, failed)
+                waiting += elsewhere
+                if elsewhere and len(elsewhere) == len(waiting) and not running:
+                    time.sleep(LOOK)  # all that is left is in other hands
+                if done and not unchanged():
+                    raise InputError(
+                        "study",
+                        study.title,
+                        "its file has changed while it ran; what is finished is kept: run it again",
+                    )
+        except KeyboardInterrupt:
+            have = len(study.cells) - sum(not store.path(key).exists() for key in todo)
+            text = f"interrupted; {have} of {len(study.cells)} cells are there: the same command goes on"
+            raise KeyboardInterrupt(text) from None
+        finally:
+            place.stop()
+            pool.shutdown(wait=False, cancel_futures=True)
+    return Outcome(len(todo) - len(failed), failed, time.perf_counter() - started, progress.seconds)
+
+
+def _threads(count: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(count, thread_name_prefix="cell")
+
+
+def _gathered(
+    done: set[Future[Stored | None]], running: dict[Future[Stored | None], Cell], progress: Progress,
+    failed: dict[str, str],
+) -> list[Cell]:  # fmt: skip
+    """Take note of what is done; the cells that others are at work on are given back."""
+    elsewhere = []
+    for future in done:
+        cell = running.pop(future)
+        try:
+            found = future.result()
+        except InputError as error:
+            failed[cell.key] = str(error)
+            progress.finished(cell, None, str(error))
+            continue
+        except Stopped:
+            raise KeyboardInterrupt from None
+        if found is None:
+            elsewhere.append(cell)
+        else:
+            progress.finished(cell, found)
+    return elsewhere

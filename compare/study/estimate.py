@@ -1,0 +1,112 @@
+"""What a study will take, before anything runs: seconds and memory, and how far more cores would carry."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from closure import follow
+from compare.study.cell import Cell, Prediction, Sample
+from compare.study.places import SHARE
+from montecarlo import SCHEMES
+from montecarlo.accuracy import LEAST
+from montecarlo.block import BLOCK
+from montecarlo.kernel import COLUMNS
+from scene.scene import Scene
+
+__all__ = ["Estimate", "calibrated", "core_seconds", "estimate", "scaling"]
+
+READING_SECONDS = {"printed": 0.005, "mended": 0.0005, "saltation": 0.001, "branching": 0.9}
+"""Of twelve impacts, compiled; measured on DAT21."""
+FLIGHT = 0.5  # time between impacts where the orbit does not tell
+BASE_MEGABYTES = 330.0  # interpreter, libraries and machine code
+LEVEL_WORK = 1.75  # steps of dt, 2 dt and 4 dt together, in units of those of dt
+TASK_SECONDS = 0.001  # that a Dask scheduler takes for a task (its documentation, "Scheduler overhead")
+MERGE_SECONDS = 150e-6  # that the client takes to merge a block
+
+
+class Estimate(NamedTuple):
+    """What the cells that are missing will take."""
+
+    core_seconds: float
+    wall_seconds: float
+    megabytes: float
+
+
+def core_seconds(cell: Cell) -> float:
+    """Nominal seconds of one core for a cell; heavy tails can make an accuracy cost many times as much.
+
+    Examples
+    --------
+    >>> from scene import DAT21, Scene
+    >>> cell = Sample(Scene.from_gears(DAT21, sigma=0.1), impacts=12, seed=0, paths=100_000)
+    >>> 1.0 < core_seconds(cell) < 5.0
+    True
+    """
+    if isinstance(cell, Prediction):
+        return READING_SECONDS[cell.reading] * cell.impacts / 12.0
+    assert isinstance(cell, Sample)
+    kind = SCHEMES[cell.scheme]
+    exact = kind.weak_order is None
+    dt = cell.settings["dt"] or kind.step
+    paths = cell.paths or max(LEAST, math.ceil(cell.accuracy**-2) if cell.accuracy else 0)
+    steps = _duration(cell.scene, cell.impacts) / dt * (1.0 if exact else LEVEL_WORK)
+    return 1e-9 * paths * (steps * kind.step_ns + cell.impacts * kind.impact_ns * (1.0 if exact else 3.0))
+
+
+def _duration(scene: Scene, impacts: int) -> float:
+    orbit = follow(scene, impacts)
+    followed = float(orbit.tau[orbit.found] - scene.start.tau)
+    return followed + FLIGHT * (impacts - orbit.found)
+
+
+def calibrated(expected: Mapping[str, float], taken: Mapping[str, float]) -> float:
+    """How many times longer than expected the finished cells have taken (median); 1 where there are none."""
+    ratios = [taken[key] / expected[key] for key in taken if expected.get(key, 0.0) > 0.0]
+    return float(np.median(ratios)) if ratios else 1.0
+
+
+def estimate(cells: Sequence[Cell], workers: int, factor: float = 1.0) -> Estimate:
+    """What cells will take on so many threads, at `factor` times the nominal speed."""
+    work = factor * sum(core_seconds(c) for c in cells)
+    longest = max((factor * core_seconds(c) for c in cells if isinstance(c, Prediction)), default=0.0)
+    rows = max((BLOCK * c.impacts * COLUMNS * 8 * _copies(c) for c in cells if isinstance(c, Sample)), default=0)
+    return Estimate(work, max(work / workers, longest), BASE_MEGABYTES + 4.0 * workers * rows / 1e6)
+
+
+def _copies(sample: Sample) -> int:
+    return 2 if SCHEMES[sample.scheme].weak_order is None else 3
+
+
+def scaling(cells: Sequence[Cell], factor: float = 1.0) -> pd.DataFrame:
+    """What more cores would do for these cells, and what would limit them.
+
+    Columns: ``cores``, ``wall_seconds``, ``efficiency`` and ``limit``: the cores themselves, the longest piece of work
+    that cannot be split, the scheduler (a millisecond a task) or the client that merges blocks.
+    """
+    pieces: list[float] = []
+    blocks = 0
+    for cell in cells:
+        seconds = factor * core_seconds(cell)
+        if isinstance(cell, Sample):
+            count = -(-(cell.paths or LEAST) // BLOCK)
+            parts = -(-count // SHARE)
+            blocks += count
+            pieces += [seconds / parts] * parts
+        else:
+            pieces.append(seconds)
+    work = sum(pieces)
+    rows: list[dict[str, Any]] = []
+    for cores in (1, 2, 10, 100, 1000, 10_000):
+        limits = {
+            "cores": work / cores, "longest task": max(pieces, default=0.0), "scheduler": len(pieces) * TASK_SECONDS,
+            "merging": blocks * MERGE_SECONDS,
+        }  # fmt: skip
+        limit = max(limits, key=lambda name: limits[name])
+        wall = limits[limit]
+        rows.append({
+            "cores": cores, "wall_seconds": wall, "efficiency": work / cores / wall if wall else 1.0, "limit": limit,
+        })  # fmt: skip
+    return pd.DataFrame(rows)

@@ -1,0 +1,95 @@
+"""What a person sees while a study runs: a line on a terminal, and a log file that stays."""
+
+import logging
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import NoReturn, Self
+
+from tqdm import tqdm
+
+from compare.study.cell import Cell, Sample
+from compare.study.store import Stored
+from montecarlo.accuracy import sampling_error
+
+__all__ = ["Progress"]
+
+LOG = "study.log"
+
+
+class Progress:
+    """Counts finished cells; the remaining time is that of the work that is left, not of the number of cells.
+
+    Parameters
+    ----------
+    work : mapping of str to float
+        Expected seconds of each cell that is to be computed, by key; in any unit, only ratios count.
+    there : int
+        Cells that were there before.
+    folder : Path
+        Where the log file is.
+    show : bool
+        Draw the line, if standard error is a terminal.
+    """
+
+    def __init__(self, work: Mapping[str, float], there: int, folder: Path, show: bool) -> None:
+        self.work, self.there = dict(work), there
+        self.done_work, self.all_work = 0.0, sum(work.values())
+        self.worst, self.seconds, self.started = 0.0, 0.0, time.perf_counter()
+        self._log = logging.getLogger(f"rattle.study.{folder}")
+        self._log.setLevel(logging.INFO)
+        self._log.propagate = False
+        self._file = logging.FileHandler(folder / LOG, encoding="utf-8")
+        self._file.setFormatter(logging.Formatter("%(asctime)s %(process)d %(message)s"))
+        self._bar: tqdm[NoReturn] = tqdm(
+            total=there + len(work), initial=there, desc="study", unit="cell", disable=None if show else True,
+            bar_format="{desc} {n}/{total} cells |{bar:20}| {elapsed}{postfix}",
+        )  # fmt: skip
+
+    def __enter__(self) -> Self:
+        self._log.addHandler(self._file)
+        self.say(f"start: {self.there} cells are there, {len(self.work)} to compute")
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._bar.close()
+        self.say("end" if error is None else f"ended by {kind.__name__ if kind else ''}: {error}")
+        self._log.removeHandler(self._file)
+        self._file.close()
+
+    @property
+    def seconds_left(self) -> float:
+        """Expected seconds to the end, from the work done so far."""
+        passed = time.perf_counter() - self.started
+        return passed * (self.all_work - self.done_work) / self.done_work if self.done_work > 0.0 else float("inf")
+
+    def say(self, text: str) -> None:
+        """A line in the log."""
+        self._log.info(text)
+
+    def begun(self, cell: Cell) -> None:
+        """A cell is being computed."""
+        self._draw(cell.label)
+
+    def finished(self, cell: Cell, found: Stored | None, why: str = "") -> None:
+        """A cell is there, or cannot be."""
+        self.done_work += self.work.get(cell.key, 0.0)
+        self.seconds += found.facts["seconds"] if found else 0.0
+        if found is not None and isinstance(cell, Sample):
+            error, where = sampling_error(cell.opened(found))
+            self.worst = max(self.worst, error)
+            taken = found.facts["seconds"]
+            self.say(f"done {cell.label} {cell.key}: {taken:.2f} s, largest se {error:.2g} sd ({where})")
+        else:
+            self.say(f"done {cell.label} {cell.key}" if found else f"failed {cell.label} {cell.key}: {why}")
+        self._bar.update(1)
+        self._draw(cell.label)
+
+    def _draw(self, label: str) -> None:
+        if self._bar.disable:
+            return
+        done = self._bar.n - self.there
+        rate = done / max(time.perf_counter() - self.started, 1e-9)
+        left = tqdm.format_interval(self.seconds_left) if self.done_work > 0.0 else "?"
+        self._bar.set_postfix_str(f"{left} left, {rate:.2g} cells/s, {label}, largest se {self.worst:.2g} sd")
