@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 import pandas as pd
 
-from closure import mean_map
+from closure import READINGS, mean_map
 from compare.study.store import Stored
 from compare.study.version import numerical_version
 from montecarlo import SCHEMES, Ensemble, simulate
@@ -80,8 +80,8 @@ class Sampled:
 
     @property
     def agreement(self) -> pd.DataFrame:
-        """Share of paths on the noise-free itinerary, the only one that is counted."""
-        return self.section[["agreement"]]
+        """Share of paths on the noise-free itinerary so far, under the name of every reading."""
+        return pd.DataFrame(dict.fromkeys(READINGS, self.section["agreement"]))
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,53 @@
+"""Differences between two ensembles on common random numbers."""
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from compare.study.cell import BATCH, Sampled
+from scene.moments import SECTION, STATE
+
+__all__ = ["paired_differences"]
+
+Floats = NDArray[np.float64]
+
+
+def paired_differences(one: Sampled, other: Sampled) -> pd.DataFrame:
+    """Section means and sds of another run less those of one, and how far common noise shrinks their error.
+
+    The standard error is that of the mean of the batches' differences; where both runs have a control variate, whose
+    mean is known to be zero, of what is left of them after regression on it.  Columns: ``impact, quantity, moment,
+    difference, se, se_independent``: the last is what runs on different noise would have (without the control).
+    """
+    rows = []
+    for quantity in SECTION:
+        if one.scene.stages == 1 and quantity in STATE[2:]:
+            continue
+        for moment, prefix in (("mean", ""), ("sd", "sd_")):
+            name = BATCH.format(moment, quantity)
+            first, second = (np.stack(list(run.batches[name])) for run in (one, other))
+            batches = min(first.shape[1], second.shape[1])
+            first, second = first[:, :batches], second[:, :batches]
+            control = np.stack(list(other.batches[BATCH.format("control", quantity)]))[:, :batches]
+            left = _residual(second - first, control) if moment == "mean" else _centred(second - first)
+            freedom = batches - 1 - (moment == "mean")
+            with np.errstate(invalid="ignore", divide="ignore"):
+                se = np.sqrt((left**2).sum(axis=1) / freedom / batches)
+                alone = np.sqrt((first.var(axis=1, ddof=1) + second.var(axis=1, ddof=1)) / batches)
+            difference = other.section[prefix + quantity] - one.section[prefix + quantity]
+            rows.append(pd.DataFrame({
+                "impact": one.section.index, "quantity": quantity, "moment": moment,
+                "difference": difference.to_numpy(), "se": se, "se_independent": alone,
+            }))  # fmt: skip
+    return pd.concat(rows, ignore_index=True)
+
+
+def _centred(values: Floats) -> Floats:
+    return np.asarray(values - values.mean(axis=1, keepdims=True))
+
+
+def _residual(values: Floats, control: Floats) -> Floats:
+    """What regression of each row on its control leaves."""
+    values, control = _centred(values), _centred(control)
+    product, square = ((v * control).sum(axis=1, keepdims=True) for v in (values, control))
+    return np.asarray(values - np.divide(product, square, out=np.zeros_like(square), where=square > 0.0) * control)

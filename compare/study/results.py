@@ -1,0 +1,257 @@
+"""What a study found, as tidy tables and as a dataset."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from compare.moments import Tolerances, judge, section_errors, widest
+from compare.study.cell import Predicted, Sampled
+from compare.study.design import Point, Study
+from compare.study.paired import paired_differences
+from compare.study.store import Store
+from scene.errors import FileError
+from scene.moments import SECTION, STATE
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["CELLS", "FILE", "Results", "load"]
+
+CELLS, FILE = "cells", "study.toml"
+"""Names in a study's folder: where the results are, and the study itself."""
+
+
+def load(folder: str | Path) -> "Results":
+    """The results of a study from its folder, as far as they are there.
+
+    Raises
+    ------
+    FileError
+        If the folder holds no study.
+
+    Examples
+    --------
+    >>> load("nowhere")
+    Traceback (most recent call last):
+    ...
+    scene.errors.FileError: study folder = 'nowhere': holds no study.toml; give the folder that rattle study has written
+    """
+    path = Path(folder) / FILE
+    if not path.is_file():
+        why = f"holds no {FILE}; give the folder that rattle study has written"
+        raise FileError("study folder", str(folder), why)
+    return Results.of(Study.load(path), Store(Path(folder) / CELLS))
+
+
+@dataclass(frozen=True)
+class Results:
+    """What a study found so far.
+
+    Attributes
+    ----------
+    study : Study
+    samples : list of Sampled or None
+        The ensemble of each point, where it is there.
+    predictions : list of list of Predicted
+        The readings of each point that are there.
+    """
+
+    study: Study
+    samples: list[Sampled | None]
+    predictions: list[list[Predicted]]
+
+    @classmethod
+    def of(cls, study: Study, store: Store) -> "Results":
+        """Read what is in a store."""
+        samples: list[Sampled | None] = []
+        predictions: list[list[Predicted]] = []
+        for point in study.points:
+            found = store.read(point.sample.key) if point.sample else None
+            samples.append(point.sample.opened(found) if point.sample and found else None)
+            read = [(p, store.read(p.key)) for p in point.predictions]
+            predictions.append([p.opened(s) for p, s in read if s])
+        return cls(study, samples, predictions)
+
+    @property
+    def names(self) -> list[str]:
+        """Fields that vary."""
+        return [name for axis in self.study.axes for name in axis.names]
+
+    @cached_property
+    def z(self) -> float:
+        """Standard errors of the intervals: all of a study hold together with 95 % (Bonferroni)."""
+        checks = sum(len(p) for p in self.predictions) * 2 * len(SECTION) * self.study.impacts
+        return widest(checks)
+
+    @cached_property
+    def errors(self) -> pd.DataFrame:
+        """Every section mean and sd of every reading at every point: error, interval, verdict.
+
+        Columns: the fields that vary, then those of `compare.moments.section_errors` and ``judged``: False for the
+        displacement at the mesh that most paths strike, which varies by the strays alone.
+        """
+        parts = []
+        for point, run, closure in self._pairs():
+            table = section_errors(closure, run, self.z, self.study.within)
+            struck = "x" + run.section["mesh"].astype(int).astype(str)
+            table["judged"] = (table["quantity"] != table["impact"].map(struck)).to_numpy()
+            parts.append(self._placed(point, table))
+        return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+    @cached_property
+    def sections(self) -> pd.DataFrame:
+        """Section moments of the simulation: a row for each point, impact, quantity and moment.
+
+        Moments ``mean, sd, skew`` of the section quantities, and the means of ``energy`` (lost at the impact) and of
+        ``rate`` (impacts so far over the mean time that they took).  Columns: the fields that vary, ``impact, quantity,
+        moment, value, se, paths, agreement``.
+        """
+        parts = []
+        for point, run in zip(self.study.points, self.samples, strict=True):
+            if run is None:
+                continue
+            s = run.section
+            since = s["tau"] - run.scene.start.tau
+            rate = s.index.to_numpy() / since
+            columns = [
+                ("rate", "mean", rate, rate * s["se_tau"] / since),
+                ("energy", "mean", s["energy"], s["se_energy"]),
+            ]
+            columns += [
+                (q, moment, s[prefix + q], s["se_" + prefix + q])
+                for moment, prefix in (("mean", ""), ("sd", "sd_"), ("skew", "skew_"))
+                for q in SECTION
+                if run.scene.stages == 2 or q not in STATE[2:]
+            ]
+            for quantity, moment, value, se in columns:
+                table = pd.DataFrame({
+                    "impact": s.index, "quantity": quantity, "moment": moment, "value": np.asarray(value),
+                    "se": np.asarray(se), "paths": s["paths"].to_numpy(), "agreement": s["agreement"].to_numpy(),
+                })  # fmt: skip
+                parts.append(self._placed(point, table))
+        return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+    @cached_property
+    def correlation(self) -> pd.DataFrame:
+        """Validity of the correlation of each reading: how many of the impacts that it reaches have an invalid one.
+
+        Columns: the fields that vary, ``reading, impacts, reached, invalid`` (impacts whose second moments belong to no
+        distribution), ``beyond`` (of these with ``|rho| > 1``), ``largest`` (|rho|).  ``branching`` has none.
+        """
+        rows = []
+        for point, _, closure in self._pairs():
+            reached = int(closure.facts["found"])
+            s = closure.section.iloc[:reached]
+            rho = s[["rho1", "rho2"]].abs()
+            if rho.isna().all(axis=None) and bool(s["realizable"].all()) and closure.reading == "branching":
+                continue
+            rows.append({
+                **point.coordinates, "reading": closure.reading, "impacts": self.study.impacts, "reached": reached,
+                "invalid": int((~s["realizable"]).sum()), "beyond": int((rho > 1.0).any(axis=1).sum()),
+                "largest": float(rho.max(axis=None)),
+            })  # fmt: skip
+        return pd.DataFrame(rows)
+
+    @cached_property
+    def frontier(self) -> pd.DataFrame:
+        """Largest value of the first axis up to which each reading is right, for the first k impacts.
+
+        Columns: the other fields that vary, ``reading, impact, accurate`` (the largest value such that every judged
+        moment of the first k impacts is accurate there and at all smaller ones) and ``not_refuted`` (none is
+        inaccurate); NaN where not even the smallest is.
+        """
+        if not self.names or self.errors.empty:
+            return pd.DataFrame()
+        first, others = self.names[0], self.names[1:]
+        rows = self.errors[self.errors["judged"]]
+        verdicts = rows.groupby([*others, "reading", first, "impact"], sort=True)["verdict"].agg(set).reset_index()
+        verdicts["accurate"] = [v - {"not predicted"} == {"accurate"} for v in verdicts["verdict"]]
+        verdicts["not_refuted"] = ["inaccurate" not in v and v != {"not predicted"} for v in verdicts["verdict"]]
+        found = []
+        for key, group in verdicts.groupby([*others, "reading"], sort=False):
+            held = dict(zip([*others, "reading"], key, strict=True))
+            for what in ("accurate", "not_refuted"):
+                table = group.pivot(index=first, columns="impact", values=what).sort_index().astype(bool)
+                right = table.cummin(axis=1).cummin(axis=0)  # the first k impacts; this value and all smaller ones
+                last = [table.index[right[k]].max() if right[k].any() else np.nan for k in table.columns]
+                found.append(pd.DataFrame({**held, "impact": table.columns, "what": what, "value": last}))
+        tidy = pd.concat(found, ignore_index=True)
+        return tidy.pivot(index=[*others, "reading", "impact"], columns="what", values="value").reset_index()
+
+    @cached_property
+    def paired(self) -> pd.DataFrame:
+        """Differences between neighbours along the first axis, with errors that take the common noise into account.
+
+        See `compare.study.paired`; empty where every point has random numbers of its own.
+        """
+        if not self.study.common_noise or not self.names:
+            return pd.DataFrame()
+        first, others = self.names[0], self.names[1:]
+        groups: dict[tuple[Any, ...], list[tuple[float, Sampled]]] = {}
+        for point, run in zip(self.study.points, self.samples, strict=True):
+            if run is not None:
+                key = tuple(point.coordinates[name] for name in others)
+                groups.setdefault(key, []).append((point.coordinates[first], run))
+        parts = []
+        for key, runs in groups.items():
+            ordered = sorted(runs, key=lambda pair: pair[0])
+            for (low, one), (high, other) in pairwise(ordered):
+                table = paired_differences(one, other)
+                table.insert(0, "to", high)
+                table.insert(0, "from", low)
+                for name, value in zip(others, key, strict=True):
+                    table.insert(0, name, value)
+                parts.append(table)
+        return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+    @cached_property
+    def cost(self) -> pd.DataFrame:
+        """Seconds that each cell took where it was computed; no part of what repeats."""
+        rows = []
+        for point, run, closures in zip(self.study.points, self.samples, self.predictions, strict=True):
+            if run is not None:
+                facts = {name: run.facts[name] for name in ("paths", "path_steps", "held", "unfinished")}
+                rows.append({**point.coordinates, "what": "monte carlo", "seconds": run.facts["seconds"], **facts})
+            rows += [{**point.coordinates, "what": c.reading, "seconds": c.facts["seconds"]} for c in closures]
+        return pd.DataFrame(rows)
+
+    @property
+    def reasons(self) -> pd.DataFrame:
+        """What could not be computed, and why."""
+        return pd.DataFrame(
+            [{**p.coordinates, "what": what, "why": why} for p in self.study.points for what, why in p.reasons.items()],
+            columns=[*self.names, "what", "why"],
+        )
+
+    def judged(self, within: Tolerances) -> pd.DataFrame:
+        """The errors judged by other tolerances."""
+        share = self.errors["moment"].map({"mean": within.mean, "sd": within.sd})
+        return judge(self.errors.assign(tolerance=np.maximum(share * self.errors["unit"], 1e-6)))
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Errors of the readings and moments of the simulation as a dataset over the fields that vary.
+
+        Dimensions: the fields that vary, ``impact, quantity, moment`` and, for what belongs to one, ``reading``.
+        Needs the extra ``xarray``.
+        """
+        index = [*self.names, "impact", "quantity", "moment"]
+        errors = self.errors.set_index([self.names[0], *index[1:], "reading"])
+        closures = errors[["closure", "error", "low", "high", "tolerance", "verdict"]].to_xarray()
+        sections = self.sections[self.sections["quantity"].isin(SECTION)].set_index(index)[["value", "se"]].to_xarray()
+        return closures.merge(sections.rename(value="monte_carlo"), join="outer")
+
+    def _pairs(self) -> Iterator[tuple[Point, Sampled, Predicted]]:
+        for point, run, closures in zip(self.study.points, self.samples, self.predictions, strict=True):
+            for closure in closures if run is not None else ():
+                assert run is not None
+                yield point, run, closure
+
+    def _placed(self, point: Point, table: pd.DataFrame) -> pd.DataFrame:
+        coordinates = pd.DataFrame({n: [v] * len(table) for n, v in point.coordinates.items()}, index=table.index)
+        return pd.concat([coordinates, table], axis=1)
