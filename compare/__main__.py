@@ -12,6 +12,7 @@ import click
 
 from compare import sampling_commands
 from compare.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_soon
+from compare.study.command import study
 from scene.errors import RattleError
 
 __all__ = ["EXIT_NOT_MET", "EXIT_NOT_REPEATED", "main"]
@@ -233,6 +234,7 @@ def tradeoff(
 main.add_command(sampling_commands.simulate)
 main.add_command(sampling_commands.bench)
 main.add_command(sampling_commands.order)
+main.add_command(study)
 
 
 def _cpu() -> float:

@@ -29,14 +29,14 @@ class Outcome(NamedTuple):
         Cells that were computed now, here or by another process meanwhile.
     failed : dict of str to str
         Why a cell could not be computed, by key.
-    wall_seconds, sampling_seconds : float
+    wall_seconds, cell_seconds : float
         Time the run took, and the sum of the cells' own times.
     """
 
     computed: int
     failed: dict[str, str]
     wall_seconds: float
-    sampling_seconds: float
+    cell_seconds: float
 
 
 def missing(study: Study, store: Store) -> list[Cell]:

@@ -5,7 +5,6 @@ import uuid
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
 from compare.study.cell import Cell, Prediction
@@ -61,7 +60,7 @@ class Here:
         self._pool = ThreadPoolExecutor(self.threads)
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *what: object) -> None:
         self._pool.shutdown(wait=True, cancel_futures=True)
 
     def compute(self, cell: Cell) -> Stored:
@@ -114,7 +113,7 @@ class Cluster:
             raise
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *what: object) -> None:
         self._client.close()
 
     def _check_workers(self) -> None:

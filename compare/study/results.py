@@ -83,6 +83,19 @@ class Results:
         """Fields that vary."""
         return [name for axis in self.study.axes for name in axis.names]
 
+    @property
+    def along(self) -> str:
+        """The field over which curves are drawn: the first that varies and holds numbers; empty where none does."""
+        for axis in self.study.axes:
+            if len(axis.values) > 1 and all(type(step[0]) in (int, float) for step in axis.values):
+                return axis.names[0]
+        return ""
+
+    @property
+    def others(self) -> list[str]:
+        """The first field of each other axis."""
+        return [axis.names[0] for axis in self.study.axes if self.along not in axis.names]
+
     @cached_property
     def z(self) -> float:
         """Standard errors of the intervals: all of a study hold together with 95 % (Bonferroni)."""
@@ -154,21 +167,21 @@ class Results:
             rows.append({
                 **point.coordinates, "reading": closure.reading, "impacts": self.study.impacts, "reached": reached,
                 "invalid": int((~s["realizable"]).sum()), "beyond": int((rho > 1.0).any(axis=1).sum()),
-                "largest": float(rho.max(axis=None)),
+                "largest": float(np.nan_to_num(rho.to_numpy(float)).max(initial=0.0)),
             })  # fmt: skip
         return pd.DataFrame(rows)
 
     @cached_property
     def frontier(self) -> pd.DataFrame:
-        """Largest value of the first axis up to which each reading is right, for the first k impacts.
+        """Largest value of the field `along` up to which each reading is right, for the first k impacts.
 
         Columns: the other fields that vary, ``reading, impact, accurate`` (the largest value such that every judged
         moment of the first k impacts is accurate there and at all smaller ones) and ``not_refuted`` (none is
         inaccurate); NaN where not even the smallest is.
         """
-        if not self.names or self.errors.empty:
+        if not self.along or self.errors.empty:
             return pd.DataFrame()
-        first, others = self.names[0], self.names[1:]
+        first, others = self.along, self.others
         rows = self.errors[self.errors["judged"]]
         verdicts = rows.groupby([*others, "reading", first, "impact"], sort=True)["verdict"].agg(set).reset_index()
         verdicts["accurate"] = [v - {"not predicted"} == {"accurate"} for v in verdicts["verdict"]]
@@ -186,13 +199,13 @@ class Results:
 
     @cached_property
     def paired(self) -> pd.DataFrame:
-        """Differences between neighbours along the first axis, with errors that take the common noise into account.
+        """Differences between neighbours along `along`, with errors that take the common noise into account.
 
         See `compare.study.paired`; empty where every point has random numbers of its own.
         """
-        if not self.study.common_noise or not self.names:
+        if not self.study.common_noise or not self.along:
             return pd.DataFrame()
-        first, others = self.names[0], self.names[1:]
+        first, others = self.along, self.others
         groups: dict[tuple[Any, ...], list[tuple[float, Sampled]]] = {}
         for point, run in zip(self.study.points, self.samples, strict=True):
             if run is not None:
@@ -237,11 +250,12 @@ class Results:
     def to_xarray(self) -> "xr.Dataset":
         """Errors of the readings and moments of the simulation as a dataset over the fields that vary.
 
-        Dimensions: the fields that vary, ``impact, quantity, moment`` and, for what belongs to one, ``reading``.
-        Needs the extra ``xarray``.
+        Dimensions: the first field of each axis, ``impact, quantity, moment`` and, for what belongs to one,
+        ``reading``.  Needs the extra ``xarray``.
         """
-        index = [*self.names, "impact", "quantity", "moment"]
-        errors = self.errors.set_index([self.names[0], *index[1:], "reading"])
+        fields = [axis.names[0] for axis in self.study.axes]
+        index = [*fields, "impact", "quantity", "moment"]
+        errors = self.errors.set_index([*index, "reading"])
         closures = errors[["closure", "error", "low", "high", "tolerance", "verdict"]].to_xarray()
         sections = self.sections[self.sections["quantity"].isin(SECTION)].set_index(index)[["value", "se"]].to_xarray()
         return closures.merge(sections.rename(value="monte_carlo"), join="outer")

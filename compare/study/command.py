@@ -1,0 +1,150 @@
+"""The command ``rattle study``."""
+
+import shlex
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from scene.errors import InputError, OutputError
+
+if TYPE_CHECKING:
+    from compare.study.design import Study
+    from compare.study.store import Store
+
+__all__ = ["study"]
+
+
+@click.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder. [default: FILE without its suffix]")
+@click.option("--workers", type=int, default=2, show_default=True, help="Threads; the results do not depend on it.")
+@click.option("--scheduler", default=None, metavar="tcp://HOST:PORT", help="Compute on a running Dask cluster instead.")
+@click.option("--explain", is_flag=True, help="Say what there is to compute and what it would take, and stop.")
+@click.option("--status", is_flag=True, help="Say what is there, and stop.")
+@click.option("--json", "as_json", is_flag=True, help="Print the record as JSON.")
+def study(
+    file: Path, out: Path | None, workers: int, scheduler: str | None, explain: bool, status: bool, as_json: bool
+) -> None:
+    """Compute what is missing of the study in FILE (TOML), and write its tables, figures and page.
+
+    Every result is kept as soon as it is there; the same command goes on where it was ended.  Exit codes: 0 complete;
+    1 complete but for points that cannot be computed, with the reasons; 2 bad input; 130 interrupted.
+    """
+    from compare.study.design import Study
+    from compare.study.results import CELLS, FILE
+    from compare.study.store import Store
+    from scene.validate import count
+
+    count("workers", workers)
+    wanted = Study.load(file)
+    _ = wanted.points  # what cannot be computed is known before anything is made
+    folder = out or file.with_suffix("")
+    if folder.resolve() == file.resolve():
+        raise InputError("out", str(folder), "is the study file itself; give --out a folder")
+    if explain or status:
+        store = Store(folder / CELLS) if (folder / CELLS).is_dir() else None
+        click.echo(_explained(wanted, store, workers) if explain else _status(wanted, store))
+        return
+    store = Store(folder / CELLS)
+    _keep_text(folder / FILE, wanted.text)
+    record = _record(wanted, store, folder, file, workers, scheduler)
+    if as_json:
+        import json
+
+        click.echo(json.dumps(record, indent=2, ensure_ascii=False))
+    else:
+        for sentence in record["answer"]:
+            click.echo(sentence)
+        click.echo(f"Page: {folder / 'study.md'}")
+    lacking = [(p.coordinates, why) for p in wanted.points if p.sample is None for why in p.reasons.values()]
+    lacking += [(label, why) for label, why in record.get("failed", {}).items()]
+    for where, why in lacking:
+        click.echo(f"rattle: {where}: {why}", err=True)
+    if lacking:
+        sys.exit(1)
+
+
+def _record(
+    wanted: "Study", store: "Store", folder: Path, file: Path, workers: int, scheduler: str | None
+) -> dict[str, Any]:
+    """Run the study and write its page; the record of what is there."""
+    from compare.study.engine import missing, run
+    from compare.study.page import is_current, write_page
+    from compare.study.places import Cluster, Here, Place
+    from compare.study.results import Results
+
+    current = is_current(wanted, folder)
+    if current and not missing(wanted, store):
+        click.echo(f"All {len(wanted.cells)} cells are there, and the page is of them.", err=True)
+        return current
+
+    def unchanged() -> bool:
+        return file.read_text(encoding="utf-8") == wanted.text
+
+    started = time.perf_counter()
+    place: Place = Cluster(scheduler) if scheduler else Here(workers)
+    outcome = run(wanted, store, place, show=True, unchanged=unchanged)
+    facts = {
+        "command": shlex.join(["rattle", *sys.argv[1:]]), "computed": outcome.computed, "failed": outcome.failed,
+        "wall_seconds": round(outcome.wall_seconds, 2), "cell_seconds": round(outcome.cell_seconds, 2),
+    }  # fmt: skip
+    record = write_page(folder, Results.of(wanted, store), facts)
+    took = time.perf_counter() - started
+    click.echo(f"{outcome.computed} cells computed, {len(wanted.cells)} there, {took:.1f} s.", err=True)
+    return record
+
+
+def _keep_text(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"out = {str(path.parent)!r}: cannot be written ({error.strerror})") from None
+
+
+def _explained(wanted: "Study", store: "Store | None", workers: int) -> str:
+    from compare.study.engine import missing
+    from compare.study.estimate import estimate, scaling
+
+    todo = missing(wanted, store) if store else wanted.cells
+    work = estimate(todo, workers)
+    lines = [f"{wanted.title}: {len(wanted.points)} points, {len(wanted.cells)} cells, {len(todo)} to compute."]
+    lines += [f"  {axis_text}" for axis_text in _axes_text(wanted)]
+    lines += [f"  cannot be computed: {p.coordinates}: {why}" for p in wanted.points for why in p.reasons.values()]
+    lines.append(
+        f"About {work.core_seconds:.0f} core-seconds, {work.wall_seconds:.0f} s on {workers} threads, "
+        f"{work.megabytes:.0f} MB (nominal; the first run compiles for about a minute"
+        + (", an accuracy may cost more where tails are heavy)." if _asks_accuracy(wanted) else ").")
+    )
+    lines.append("What more cores would do (Dask):")
+    lines.append(scaling(todo).to_string(index=False, float_format="{:.3g}".format))
+    return "\n".join(lines)
+
+
+def _asks_accuracy(wanted: "Study") -> bool:
+    return any(p.sample is not None and p.sample.accuracy is not None for p in wanted.points)
+
+
+def _axes_text(wanted: "Study") -> list[str]:
+    return [
+        f"{' with '.join(axis.names)}: {len(axis.values)} values, {axis.values[0]} to {axis.values[-1]}"
+        for axis in wanted.axes
+    ]
+
+
+def _status(wanted: "Study", store: "Store | None") -> str:
+    from compare.study.engine import missing
+
+    todo = missing(wanted, store) if store else wanted.cells
+    lines = [f"{wanted.title}: {len(wanted.cells) - len(todo)} of {len(wanted.cells)} cells are there."]
+    left: dict[str, int] = {}
+    for cell in todo:
+        kind = getattr(cell, "reading", "ensembles")
+        left[kind] = left.get(kind, 0) + 1
+    lines += [f"  missing: {number} {kind}" for kind, number in left.items()]
+    if store:
+        lines += [f"  set aside: {p.read_text(encoding='utf-8').strip()}" for p in sorted(store.aside.glob("*.txt"))]
+    lines += [f"  cannot be computed: {p.coordinates}: {why}" for p in wanted.points for why in p.reasons.values()]
+    return "\n".join(lines)

@@ -1,0 +1,233 @@
+"""What a study answers, drawn over the field that varies first."""
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy.stats import binomtest
+
+from compare.study.results import Results
+from compare.style import STYLE, SYMBOL, legend_above, new_figure
+
+__all__ = ["FIGURES", "panels"]
+
+GREEK = {"sigma": r"noise intensity $\sigma$", "alpha": r"excitation $\alpha$", "epsilon": r"restitution $\varepsilon$"}
+SHADES = ("#440154", "#31688E", "#35B779", "#C7B700")
+"""Four of viridis' colours, dark enough for lines: impacts, in order."""
+MOMENT_STYLE: Any = {"mean": {"color": "#0072B2", "marker": "o"}, "sd": {"color": "#D55E00", "marker": "s"}}
+BAND = 0.2  # opacity of an interval
+FLOOR = 1e-4  # of a logarithmic error axis, in sds
+
+
+def axis_label(name: str) -> str:
+    """What is written along the axis of a field."""
+    return GREEK.get(name, name)
+
+
+def _shown(impacts: int) -> list[int]:
+    """A few impacts from the first to the last."""
+    return sorted({1, *(round(impacts * share) for share in (1 / 3, 2 / 3, 1.0))} - {0})
+
+
+def _along(ax: Axes, name: str, values: Sequence[float]) -> None:
+    """Scale and label of the field's axis: logarithmic where values reach over more than a decade."""
+    ax.set_xlabel(axis_label(name))
+    if min(values) > 0.0 and max(values) / min(values) > 10.0:
+        ax.set_xscale("log")
+        ax.xaxis.set_major_formatter("{x:g}")
+
+
+def errors(r: Results, rows: pd.DataFrame) -> Figure:
+    """Largest error of each reading at some impacts over the field, with its interval: means above, sds below."""
+    name, shown = r.along, _shown(r.study.impacts)
+    figure, axes = new_figure(2.6 * len(shown) + 0.8, 5.6, 2, len(shown))
+    judged = rows[rows["judged"] & (rows["verdict"] != "not predicted")]
+    for i, (moment, limit) in enumerate((("mean", r.study.within.mean), ("sd", r.study.within.sd))):
+        for j, impact in enumerate(shown):
+            ax = axes[i * len(shown) + j]
+            part = judged[(judged["moment"] == moment) & (judged["impact"] == impact)]
+            for reading, group in part.groupby("reading", sort=False):
+                worst = _worst(group, name)
+                style = STYLE[str(reading)]
+                ax.plot(worst[name], worst["size"].clip(lower=FLOOR), label=str(reading), lw=1.4, ms=3.5, **style)
+                ax.fill_between(
+                    worst[name], worst["least"].clip(lower=FLOOR), worst["most"].clip(lower=FLOOR),
+                    color=style["color"], alpha=BAND, lw=0,
+                )  # fmt: skip
+            ax.axhline(limit, color="k", ls="--", lw=1.0, label="tolerance")
+            ax.set_yscale("log")
+            ax.set_ylim(FLOOR, None)
+            _along(ax, name, sorted(set(rows[name])))
+            ax.set_title(f"impact {impact}", loc="left")
+            if j == 0:
+                ax.set_ylabel(f"largest error of a {moment}, in sds")
+    legend_above(figure, axes, len(r.study.readings) + 1)
+    return figure
+
+
+def _worst(rows: pd.DataFrame, name: str) -> pd.DataFrame:
+    """The row with the largest error in sds at each value of a field, and the interval of its size."""
+    size = (rows["error"] / rows["unit"]).abs().fillna(0.0)
+    half = 0.5 * (rows["high"] - rows["low"]) / rows["unit"]
+    table = rows.assign(size=size, least=(size - half).clip(lower=0.0), most=size + half)
+    return table.sort_values("size").groupby(name).tail(1).sort_values(name)
+
+
+def frontier(r: Results, rows: pd.DataFrame) -> Figure:
+    """Largest value of the field up to which each reading is right for the first k impacts."""
+    figure, (ax,) = new_figure(6.2, 3.8, 1, 1)
+    name = r.along
+    for reading, group in rows.groupby("reading", sort=False):
+        style = STYLE[str(reading)]
+        if group["not_refuted"].isna().all():
+            ax.plot([], [], label=f"{reading}: at no value", **style)
+            continue
+        ax.plot(group["impact"], group["accurate"], label=f"{reading}: every moment accurate", lw=1.5, ms=5, **style)
+        ax.plot(group["impact"], group["not_refuted"], color=style["color"], ls=":", lw=1.5)
+        ax.fill_between(
+            group["impact"], group["accurate"], group["not_refuted"], color=style["color"], alpha=BAND, lw=0
+        )
+    ax.plot([], [], color="0.3", ls=":", lw=1.5, label="no moment refuted")
+    values = [float(v) for v in pd.unique(r.errors[name])]
+    if min(values) > 0.0 and max(values) / min(values) > 10.0:
+        ax.set_yscale("log")
+        ax.yaxis.set_major_formatter("{x:g}")
+    ax.set_ylim(min(values), max(values) * 1.1)
+    ax.set_xlabel("impacts that are right")
+    ax.set_ylabel(f"largest {axis_label(name)}")
+    legend_above(figure, [ax], 2)
+    return figure
+
+
+def correlation(r: Results, rows: pd.DataFrame) -> Figure:
+    """Share of a reading's impacts at which its correlation is invalid, and its largest size."""
+    figure, axes = new_figure(8.0, 3.4, 1, 2)
+    name = r.along
+    for reading, group in rows.groupby("reading", sort=False):
+        style = STYLE[str(reading)]
+        group = group.sort_values(name)
+        share = 100.0 * group["invalid"] / group["reached"].clip(lower=1)
+        axes[0].plot(group[name], share, label=str(reading), lw=1.4, ms=4, **style)
+        axes[1].plot(group[name], group["largest"], label=str(reading), lw=1.4, ms=4, **style)
+    axes[0].set_ylabel("impacts with invalid ρ, % of those reached")
+    axes[0].set_ylim(-2.0, max(10.0, axes[0].get_ylim()[1]))
+    axes[1].axhline(1.0, color="k", ls="--", lw=1.0, label="|ρ| = 1")
+    axes[1].set_ylabel("largest |ρ|")
+    for ax in axes:
+        _along(ax, name, sorted(set(rows[name])))
+    legend_above(figure, axes, 4)
+    return figure
+
+
+def agreement(r: Results, rows: pd.DataFrame) -> Figure:
+    """Share of paths that are still on the noise-free itinerary, with Wilson's 95 % interval."""
+    figure, (ax,) = new_figure(6.2, 3.8, 1, 1)
+    name = r.along
+    part = rows[(rows["quantity"] == "tau") & (rows["moment"] == "mean")]
+    for impact, colour in zip(_shown(r.study.impacts), SHADES, strict=False):
+        group = part[part["impact"] == impact].sort_values(name)
+        counts = zip(group["agreement"] * group["paths"], group["paths"], strict=True)
+        interval = np.array([binomtest(round(k), int(n)).proportion_ci(method="wilson") for k, n in counts])
+        ax.plot(group[name], group["agreement"], color=colour, lw=1.4, marker="o", ms=3, label=f"impact {impact}")
+        ax.fill_between(group[name], *interval.T, color=colour, alpha=BAND, lw=0)
+    ax.set_ylim(-0.02, 1.04)
+    ax.set_ylabel("paths on the noise-free itinerary")
+    _along(ax, name, sorted(set(rows[name])))
+    legend_above(figure, [ax], 4)
+    return figure
+
+
+def sections(r: Results, rows: pd.DataFrame) -> Figure:
+    """Sd and skewness at some impacts, impact rate and energy loss over the field, with 95 % intervals."""
+    figure, axes = new_figure(11.0, 5.8, 2, 3)
+    name = r.along
+    panels = [
+        ("tau", "sd"), ("y1", "sd"), ("rate", "mean"), ("tau", "skew"), ("y1", "skew"), ("energy", "mean"),
+    ]  # fmt: skip
+    labels = {
+        "sd": "sd of {}", "skew": "skewness of {}", "rate": r"impacts so far / mean $\tau$",
+        "energy": "energy lost at the impact",
+    }  # fmt: skip
+    for ax, (quantity, moment) in zip(axes, panels, strict=True):
+        part = rows[(rows["quantity"] == quantity) & (rows["moment"] == moment)]
+        for impact, colour in zip(_shown(r.study.impacts), SHADES, strict=False):
+            group = part[part["impact"] == impact].sort_values(name)
+            low, high = (group["value"] + sign * 1.96 * group["se"] for sign in (-1.0, 1.0))
+            ax.plot(group[name], group["value"], color=colour, lw=1.4, marker="o", ms=2.5, label=f"impact {impact}")
+            ax.fill_between(group[name], low, high, color=colour, alpha=BAND, lw=0)
+        ax.set_ylabel(labels.get(quantity, labels.get(moment, "")).format(SYMBOL.get(quantity, "")))
+        if moment == "sd":
+            ax.set_yscale("log")
+        if moment == "skew":
+            ax.set_yscale("symlog", linthresh=1.0)
+        _along(ax, name, sorted(set(rows[name])))
+    legend_above(figure, axes, 4)
+    return figure
+
+
+def paired(r: Results, rows: pd.DataFrame) -> Figure:
+    """How much smaller common noise makes the error of a difference between neighbours, for means and sds."""
+    figure, (ax,) = new_figure(6.2, 3.6, 1, 1)
+    name = r.along
+    part = rows[(rows["se"] > 0.0) & (rows["se_independent"] > 0.0)]
+    part = part.assign(gain=part["se_independent"] / part["se"], middle=0.5 * (part["from"] + part["to"]))
+    for moment, style in MOMENT_STYLE.items():
+        gains = part[part["moment"] == moment].groupby("middle")["gain"].quantile([0.1, 0.5, 0.9]).unstack()
+        ax.plot(gains.index, gains[0.5], lw=1.4, ms=4, label=f"{moment}s: median, 10 to 90 %", **style)
+        ax.fill_between(gains.index, gains[0.1], gains[0.9], color=style["color"], alpha=BAND, lw=0)
+    ax.axhline(1.0, color="k", ls="--", lw=1.0)
+    ax.set_yscale("log")
+    ax.yaxis.set_major_formatter("{x:g}")
+    ax.set_ylabel("error of a difference, independent / paired")
+    _along(ax, name, sorted(set(part["middle"])))
+    legend_above(figure, [ax], 2)
+    return figure
+
+
+def cost(r: Results, rows: pd.DataFrame) -> Figure:
+    """Seconds of each cell over the field."""
+    figure, (ax,) = new_figure(6.2, 3.8, 1, 1)
+    name = r.along
+    for what, group in rows.groupby("what", sort=False):
+        group = group.sort_values(name)
+        ax.plot(group[name], group["seconds"], label=str(what), lw=1.2, ms=4, **STYLE[str(what)])
+    ax.set_yscale("log")
+    ax.set_ylabel("seconds of one core")
+    _along(ax, name, sorted(set(rows[name])))
+    legend_above(figure, [ax], 4)
+    return figure
+
+
+class Drawing(NamedTuple):
+    """How a table becomes a figure."""
+
+    draw: Callable[[Results, pd.DataFrame], Figure]
+    table: str
+    title: str
+
+
+FIGURES = {
+    "frontier": Drawing(frontier, "frontier", "Up to where all means and sds of the first impacts are right"),
+    "errors": Drawing(errors, "errors", "Largest error of each reading, with its interval"),
+    "agreement": Drawing(agreement, "sections", "Itinerary agreement"),
+    "sections": Drawing(sections, "sections", "Section sds, skewness, impact rate and impact energy"),
+    "correlation": Drawing(correlation, "correlation", "Validity of the correlation"),
+    "paired": Drawing(paired, "paired", "What common random numbers save"),
+    "cost": Drawing(cost, "cost", "Cost of each cell"),
+}
+"""Figures by name, and the table of `Results` that each draws."""
+
+
+def panels(r: Results, table: pd.DataFrame, most: int = 6) -> Iterable[tuple[dict[str, Any], pd.DataFrame]]:
+    """Parts of a table with the fields beside the first fixed, at most so many of them."""
+    others = r.others
+    if not others:
+        yield {}, table
+        return
+    for number, (key, part) in enumerate(table.groupby(others, sort=False)):
+        if number == most:
+            return
+        yield dict(zip(others, key, strict=True)), part

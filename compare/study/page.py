@@ -1,0 +1,162 @@
+"""What a study leaves in its folder beside the cells: tables, figures, a page, and where it all comes from."""
+
+import hashlib
+import json
+import os
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from compare import manifest
+from compare.study.design import Study
+from compare.study.estimate import calibrated, core_seconds, scaling
+from compare.study.figures import FIGURES, axis_label, panels
+from compare.study.results import Results
+from compare.study.version import numerical_version
+from compare.style import save
+from scene.errors import OutputError
+
+__all__ = ["answer", "is_current", "write_page"]
+
+MANIFEST = "manifest.json"
+TABLES = ("errors", "sections", "correlation", "frontier", "paired", "cost", "reasons")
+SMALL = ("correlation", "frontier", "cost", "reasons")
+"""Tables that are written as CSV too."""
+
+
+def is_current(study: Study, folder: Path) -> dict[str, Any] | None:
+    """The record of what is in a folder, if it is of this study and all of its cells; else None."""
+    try:
+        record: dict[str, Any] = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    whole = all((folder / f"{name}.parquet").exists() for name in TABLES)
+    return record if whole and record.get("cells_sha256") == _cells_digest(study) and record.get("complete") else None
+
+
+def _cells_digest(study: Study) -> str:
+    keys = ",".join(sorted(cell.key for cell in study.cells))
+    return hashlib.sha256(f"{study.digest} {keys}".encode()).hexdigest()
+
+
+def _digest(table: pd.DataFrame) -> str:
+    return hashlib.sha256(pd.util.hash_pandas_object(table, index=False).to_numpy().tobytes()).hexdigest()
+
+
+def answer(r: Results) -> list[str]:
+    """What the study says, in a few sentences."""
+    sentences = []
+    table, impacts = r.frontier, r.study.impacts
+    if not table.empty:
+        last = table[table["impact"] == impacts]
+        name = r.along
+        values = [float(v) for v in r.errors[name].unique()]
+        for reading, rows in last.groupby("reading", sort=False):
+            accurate, not_refuted = rows["accurate"], rows["not_refuted"]
+            if accurate.isna().all():
+                held = f"is right at no {name}"
+            elif accurate.min() == accurate.max():
+                held = f"is right up to {name} = {accurate.max():.4g}"
+            else:
+                held = f"is right up to {name} = {accurate.min():.4g} to {accurate.max():.4g}"
+            beyond = not_refuted.max()
+            more = f", not refuted up to {beyond:.4g}" if beyond > accurate.max() else ""
+            sentences.append(f"{reading} {held}{more}.")
+        sentences.insert(
+            0, f"Every section mean and sd of {impacts} impacts, {name} from {min(values):.4g} to {max(values):.4g}:"
+        )
+    reached = r.sections[(r.sections["quantity"] == "tau") & (r.sections["moment"] == "mean")]
+    shares = reached[reached["impact"] == impacts]["agreement"]
+    if len(shares):
+        sentences.append(
+            f"After {impacts} impacts {shares.min():.1%} to {shares.max():.1%} of the paths are on the noise-free "
+            "itinerary."
+        )
+    return sentences
+
+
+def write_page(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
+    """Write tables, figures, the page and the manifest, each whole or not at all; returns the manifest.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be written; what was there before stays.
+    """
+    try:
+        scratch = Path(tempfile.mkdtemp(prefix=".page-", dir=folder))
+        try:
+            record = _written(scratch, r, facts)
+            for path in sorted(scratch.rglob("*"), key=lambda p: p.name == MANIFEST):  # it vouches for the rest
+                if path.is_file():
+                    target = folder / path.relative_to(scratch)
+                    target.parent.mkdir(exist_ok=True)
+                    os.replace(path, target)
+        finally:
+            shutil.rmtree(scratch, ignore_errors=True)
+    except OSError as error:
+        raise OutputError(
+            f"out = {str(folder)!r}: the page cannot be written ({error.strerror}); all cells are there: make room and "
+            "repeat the command"
+        ) from None
+    return record
+
+
+def _written(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
+    tables = {name: getattr(r, name) for name in TABLES}
+    for name, table in tables.items():
+        table.to_parquet(folder / f"{name}.parquet", compression="zstd")
+        if name in SMALL:
+            table.to_csv(folder / f"{name}.csv", index=False, float_format="%.9g")
+    (folder / "figures").mkdir()
+    drawn = []
+    for name, (draw, table_name, title) in FIGURES.items():
+        table = tables[table_name]
+        for number, (fixed, part) in enumerate(panels(r, table) if len(table) and r.along else ()):
+            file = f"figures/{name}.svg" if not fixed else f"figures/{name}-{number + 1}.svg"
+            save(draw(r, part), folder / file)
+            at = ", ".join(f"{axis_label(k)} = {v}" for k, v in fixed.items())
+            drawn.append({"file": file, "title": f"{title} ({at})" if at else title})
+    taken = _seconds(r)
+    factor = calibrated({c.key: core_seconds(c) for c in r.study.cells if c.key in taken}, taken)
+    record = {
+        "kind": "study", "title": r.study.title, "answer": answer(r), "complete": len(taken) == len(r.study.cells),
+        "points": len(r.study.points), "cells": len(r.study.cells), "cells_sha256": _cells_digest(r.study),
+        "errors_sha256": _digest(r.errors), "sections_sha256": _digest(r.sections), "z": r.z,
+        "numerical_version": numerical_version(), "commit": manifest.commit(), "versions": manifest.versions(), **facts,
+    }  # fmt: skip
+    environment = Environment(
+        loader=PackageLoader("compare"), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    page = environment.get_template("study.md.j2").render(
+        r=r, record=record, figures=drawn, counts=_counts(r), cost=_cost(tables["cost"]), factor=factor,
+        scaling=scaling(r.study.cells, factor).to_dict("records"), reasons=tables["reasons"].to_dict("records"),
+    )  # fmt: skip
+    (folder / "study.md").write_text(page, encoding="utf-8")
+    (folder / MANIFEST).write_text(json.dumps(record, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    return record
+
+
+def _counts(r: Results) -> list[dict[str, Any]]:
+    groups = r.errors[r.errors["judged"]].groupby(["reading", "moment"], sort=False)["verdict"]
+    return [{"reading": key[0], "moment": key[1], **verdicts.value_counts()} for key, verdicts in groups]
+
+
+def _cost(table: pd.DataFrame) -> list[dict[str, Any]]:
+    seconds = table.groupby("what", sort=False)["seconds"]
+    return [{"what": what, "median": s.median(), "all": s.sum(), "cells": len(s)} for what, s in seconds]
+
+
+def _seconds(r: Results) -> dict[str, float]:
+    """What each cell took, by key."""
+    found = {}
+    for point, run, closures in zip(r.study.points, r.samples, r.predictions, strict=True):
+        if point.sample and run:
+            found[point.sample.key] = run.facts["seconds"]
+        by_reading = {c.reading: c.facts["seconds"] for c in closures}
+        found |= {p.key: by_reading[p.reading] for p in point.predictions if p.reading in by_reading}
+    return found
