@@ -129,8 +129,10 @@ def _asks_accuracy(wanted: "Study") -> bool:
 
 def _axes_text(wanted: "Study") -> list[str]:
     return [
-        f"{' with '.join(axis.names)}: {len(axis.values)} values, {axis.values[0]} to {axis.values[-1]}"
+        f"{name}: {len(axis.values)} values, {axis.values[0][i]} to {axis.values[-1][i]}"
+        + (f" (with {', '.join(n for n in axis.names if n != name)})" if len(axis.names) > 1 else "")
         for axis in wanted.axes
+        for i, name in enumerate(axis.names)
     ]
 
 

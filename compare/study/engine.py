@@ -20,13 +20,20 @@ CHANGED = "its file has changed while it ran; what is finished is kept: run the 
 LOOK = 0.2  # seconds between two looks at the threads: how soon Ctrl-C is heard
 
 
+class Work(NamedTuple):
+    """What a thread brings back: a result, unless another process is at work on it, and whether it was made here."""
+
+    found: Stored | None
+    here: bool
+
+
 class Outcome(NamedTuple):
     """What a run did.
 
     Attributes
     ----------
     computed : int
-        Cells that were computed now, here or by another process meanwhile.
+        Cells that were computed by this run; others may have come from another process meanwhile.
     failed : dict of str to str
         Why a cell could not be computed, by key.
     wall_seconds, cell_seconds : float
@@ -77,14 +84,14 @@ def run(
     failed: dict[str, str] = {}
     work = {key: core_seconds(cell) for key, cell in todo.items()}
     with place, Progress(work, there, store.folder.parent, show) as progress, _threads(place.threads) as pool:
-        running: dict[Future[Stored | None], Cell] = {}
+        running: dict[Future[Work], Cell] = {}
         waiting = list(todo.values())
         try:
             while waiting or running:
                 while waiting and len(running) < place.threads:
                     cell = waiting.pop(0)
                     progress.begun(cell)
-                    running[pool.submit(attempt, store, cell, place.compute)] = cell
+                    running[pool.submit(_work, store, cell, place)] = cell
                 done, _ = wait(running, timeout=LOOK, return_when=FIRST_COMPLETED)
                 elsewhere = _gathered(done, running, progress, failed)
                 waiting += elsewhere
@@ -103,7 +110,17 @@ def run(
         finally:
             place.stop()
             pool.shutdown(wait=False, cancel_futures=True)
-    return Outcome(len(todo) - len(failed), failed, time.perf_counter() - started, progress.seconds)
+    return Outcome(progress.computed, failed, time.perf_counter() - started, progress.seconds)
+
+
+def _work(store: Store, cell: Cell, place: Place) -> Work:
+    computed = []
+
+    def compute(cell: Cell) -> Stored:
+        computed.append(cell.key)
+        return place.compute(cell)
+
+    return Work(attempt(store, cell, compute), bool(computed))
 
 
 def _threads(count: int) -> ThreadPoolExecutor:
@@ -111,23 +128,22 @@ def _threads(count: int) -> ThreadPoolExecutor:
 
 
 def _gathered(
-    done: set[Future[Stored | None]], running: dict[Future[Stored | None], Cell], progress: Progress,
-    failed: dict[str, str],
+    done: set[Future[Work]], running: dict[Future[Work], Cell], progress: Progress, failed: dict[str, str]
 ) -> list[Cell]:  # fmt: skip
     """Take note of what is done; the cells that others are at work on are given back."""
     elsewhere = []
     for future in done:
         cell = running.pop(future)
         try:
-            found = future.result()
+            found, here = future.result()
         except InputError as error:
             failed[cell.key] = str(error)
-            progress.finished(cell, None, str(error))
+            progress.failed(cell, str(error))
             continue
         except Stopped:
             raise KeyboardInterrupt from None
         if found is None:
             elsewhere.append(cell)
         else:
-            progress.finished(cell, found)
+            progress.finished(cell, found, here)
     return elsewhere

@@ -36,7 +36,8 @@ class Progress:
     def __init__(self, work: Mapping[str, float], there: int, folder: Path, show: bool) -> None:
         self.work, self.there = dict(work), there
         self.done_work, self.all_work = 0.0, sum(work.values())
-        self.worst, self.seconds, self.started = 0.0, 0.0, time.perf_counter()
+        self.worst, self.seconds, self.computed = 0.0, 0.0, 0
+        self.started = time.perf_counter()
         self._log = logging.getLogger(f"rattle.study.{folder}")
         self._log.setLevel(logging.INFO)
         self._log.propagate = False
@@ -72,17 +73,24 @@ class Progress:
         """A cell is being computed."""
         self._draw(cell.label)
 
-    def finished(self, cell: Cell, found: Stored | None, why: str = "") -> None:
-        """A cell is there, or cannot be."""
-        self.done_work += self.work.get(cell.key, 0.0)
-        self.seconds += found.facts["seconds"] if found else 0.0
-        if found is not None and isinstance(cell, Sample):
+    def finished(self, cell: Cell, found: Stored, here: bool) -> None:
+        """A cell is there: computed here, or by another process."""
+        text = f"{'done' if here else 'found'} {cell.label} {cell.key}: {found.facts['seconds']:.2f} s"
+        if isinstance(cell, Sample):
             error, where = sampling_error(cell.opened(found))
             self.worst = max(self.worst, error)
-            taken = found.facts["seconds"]
-            self.say(f"done {cell.label} {cell.key}: {taken:.2f} s, largest se {error:.2g} sd ({where})")
-        else:
-            self.say(f"done {cell.label} {cell.key}" if found else f"failed {cell.label} {cell.key}: {why}")
+            text += f", largest se {error:.2g} sd ({where})"
+        self.computed += here
+        self.seconds += found.facts["seconds"] if here else 0.0
+        self._count(cell, text)
+
+    def failed(self, cell: Cell, why: str) -> None:
+        """A cell cannot be computed."""
+        self._count(cell, f"failed {cell.label} {cell.key}: {why}")
+
+    def _count(self, cell: Cell, text: str) -> None:
+        self.say(text)
+        self.done_work += self.work.get(cell.key, 0.0)
         self._bar.update(1)
         self._draw(cell.label)
 

@@ -1,6 +1,7 @@
 """A folder of results, one Parquet file each, named by the content of what determines them."""
 
 import errno
+import hashlib
 import json
 import os
 import tempfile
@@ -9,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -19,6 +21,19 @@ from scene.errors import OutputError
 __all__ = ["Store", "Stored"]
 
 NAME = b"rattle"  # of the entry in a file's metadata that holds its key and its facts
+
+
+def _digest(table: pd.DataFrame, facts: dict[str, Any]) -> str:
+    """Digest of the values of a table and of the facts beside it."""
+    digest = hashlib.sha256(json.dumps([*map(str, table.columns), facts], sort_keys=True).encode())
+    for name in table:
+        values = table[name].to_numpy()
+        if values.dtype == object:
+            values = np.concatenate(values) if isinstance(values[0], np.ndarray) else values.astype(str)
+        if values.dtype.kind == "f":
+            values = np.where(np.isnan(values), np.nan, values)  # one NaN is as good as another
+        digest.update(np.ascontiguousarray(values).tobytes())
+    return digest.hexdigest()
 
 
 class Stored(NamedTuple):
@@ -83,7 +98,10 @@ class Store:
             record = json.loads(found.schema.metadata[NAME])
             if record["key"] != key:
                 raise ValueError("belongs to another key")
-            return Stored(found.to_pandas(), record["facts"])
+            stored = Stored(found.to_pandas(), record["facts"])
+            if record["sha256"] != _digest(*stored):
+                raise ValueError("its content is not what was written")
+            return stored
         except FileNotFoundError:  # set aside by another process in this moment
             return None
         except (pa.ArrowException, ValueError, KeyError, TypeError, OSError) as error:
@@ -99,7 +117,7 @@ class Store:
             If the disk is full or the folder cannot be written; what was stored before is untouched.
         """
         content = pa.Table.from_pandas(table)
-        record = json.dumps({"key": key, "facts": facts}).encode()
+        record = json.dumps({"key": key, "facts": facts, "sha256": _digest(table, facts)}).encode()
         content = content.replace_schema_metadata({**content.schema.metadata, NAME: record})
         scratch = None
         try:

@@ -1,0 +1,26 @@
+"""Small studies that the tests run."""
+
+HEAD = """
+[study]
+title = "small"
+impacts = {impacts}
+readings = ["saltation", "mended"]
+paths = {paths}
+seed = 3
+common_noise = {common}
+
+[scene]
+alpha = 1.5
+epsilon = 0.9
+beta1 = 0.083
+gamma1 = 0.057
+beta2 = 0.133
+gamma2 = 0.029
+mu = 0.6
+"""
+
+
+def study_text(sigmas=(0.01, 0.02, 0.05), paths=4096, impacts=2, common="true", more=""):
+    """A study over sigma; `more` is appended."""
+    head = HEAD.format(paths=paths, impacts=impacts, common=common)
+    return head + f"\n[[axes]]\nsigma = {list(sigmas)}\n" + more

@@ -1,0 +1,122 @@
+"""The study file: axes, products and zips, keys, and every refusal."""
+
+import numpy as np
+import pytest
+from study_files import study_text
+
+from compare.study.cell import Prediction, Sample
+from compare.study.design import Study
+from scene.errors import InputError
+
+
+def read(**settings):
+    return Study.from_toml(study_text(**settings))
+
+
+def test_axes_multiply_and_fields_of_one_table_go_together():
+    study = read(more='[[axes]]\ngap1 = [0.4, 0.5]\ngap2 = [0.5, 0.6]\n[[axes]]\n"tolerance.c1_max" = [0.0, 0.01]\n')
+    assert len(study.points) == 3 * 2 * 2
+    assert [(p.sample.scene.gap1, p.sample.scene.gap2) for p in study.points[:4:2]] == [(0.4, 0.5), (0.5, 0.6)]
+    assert study.points[1].sample.scene.tolerance.c1_max == 0.01
+    assert study.points[0].sample.scene.start.x1 == 0.4  # the paper's start follows the gap
+
+
+def test_log_and_linear_axes_keep_their_ends():
+    text = study_text().replace("[0.01, 0.02, 0.05]", "{ log = [1e-3, 2.0, 24] }")
+    sigmas = [p.coordinates["sigma"] for p in Study.from_toml(text).points]
+    assert (sigmas[0], sigmas[-1], len(sigmas)) == (0.001, 2.0, 24)
+    np.testing.assert_allclose(np.diff(np.log(sigmas)), np.log(2000) / 23, rtol=1e-4)
+    text = study_text().replace("[0.01, 0.02, 0.05]", "{ linear = [0.1, 0.5, 5] }")
+    assert [p.coordinates["sigma"] for p in Study.from_toml(text).points] == [0.1, 0.2, 0.3, 0.4, 0.5]
+
+
+def test_a_key_is_the_content():
+    """Two files that say the same share their cells; a change of anything that matters makes new ones."""
+    cells = {c.key for c in read().cells}
+    assert cells == {c.key for c in Study.from_toml(study_text().replace('"small"', '"other"')).cells}
+    assert len({c.key for c in read(sigmas=(0.01, 0.02, 0.05, 0.1)).cells} - cells) == 3  # a value more: its cells only
+    for changed in (read(paths=8192), read(impacts=3)):
+        assert not {c.key for c in changed.cells if isinstance(c, Sample)} & cells
+    assert {c.key for c in read(paths=8192).cells if isinstance(c, Prediction)} < cells  # closures do not care
+
+
+def test_the_numerical_version_is_in_the_key(monkeypatch):
+    from compare.study import cell
+
+    before = {c.key for c in read().cells}
+    monkeypatch.setattr(cell, "numerical_version", lambda: "another")
+    assert not before & {c.key for c in read().cells}
+
+
+def test_the_numerical_version_sees_code_and_not_comments():
+    from compare.study.version import _meaning
+
+    code = 'def f(x):\n    """Twice."""\n    return 2 * x\n'
+    assert _meaning(code) == _meaning(code.replace("Twice", "Double") + "# a comment\n")
+    assert _meaning(code) != _meaning(code.replace("2 * x", "3 * x"))
+
+
+def test_common_noise_is_one_seed_and_own_noise_is_many():
+    assert {p.sample.seed for p in read().points} == {3}
+    own = [p.sample.seed for p in read(common="false").points]
+    assert len(set(own)) == 3
+    assert own == [p.sample.seed for p in read(common="false").points]
+
+
+def test_an_invalid_point_says_why_and_the_others_stand():
+    study = read(more="[[axes]]\nepsilon = [0.9, 1.2]\n")
+    lost = [p for p in study.points if p.sample is None]
+    assert len(lost) == 3
+    assert "epsilon = 1.2" in lost[0].reasons["scene"]
+    assert len(study.cells) == 9
+
+
+def test_a_reading_that_cannot_take_a_scene_is_left_out_with_its_reason():
+    text = study_text(more='[[axes]]\n"tolerance.c1_max" = [0.01]\n').replace('"mended"', '"branching"')
+    point = Study.from_toml(text).points[0]
+    assert [p.reading for p in point.predictions] == ["saltation"]
+    assert "tolerance" in point.reasons["branching"]
+
+
+@pytest.mark.parametrize(
+    ("change", "field", "remedy"),
+    [
+        (("sigma = [", "sigme = ["), "sigme", "did you mean 'sigma'"),
+        (("[0.01, 0.02, 0.05]", "[]"), "axes.sigma", "has no values"),
+        (("[0.01, 0.02, 0.05]", "0.1"), "axes.sigma", "write {"),
+        (("[0.01, 0.02, 0.05]", "[0.1, 0.1]"), "axes.sigma", "twice"),
+        (("[0.01, 0.02, 0.05]", "{ log = [0.0, 1.0, 3] }"), "axes.sigma LOW", "greater than 0"),
+        (("[0.01, 0.02, 0.05]", "{ linear = [2.0, 1.0, 3] }"), "axes.sigma HIGH", "greater than LOW"),
+        (("[0.01, 0.02, 0.05]", "{ cubic = [0.0, 1.0, 3] }"), "axes.sigma", "unknown key"),
+        (("impacts = 2", "impact = 2"), "impact", "did you mean 'impacts'"),
+        (("paths = 4096", ""), "study.paths", "either paths or accuracy"),
+        (("paths = 4096", "paths = 4096\naccuracy = 0.1"), "study.paths", "either paths or accuracy"),
+        (("paths = 4096", "accuracy = 0.1\ndt = 0.01"), "study.dt", "leave it out"),
+        (('["saltation", "mended"]', '["saltations"]'), "study.readings", "did you mean 'saltation'"),
+        (("seed = 3", "seed = 3\nwithin = { means = 0.1 }"), "study.within", "did you mean 'mean'"),
+        (("common_noise = true", "common_noise = 1"), "study.common_noise", "true or false"),
+        (("epsilon = 0.9", "epsilon = 1.9"), "epsilon", "between 0 and 1"),
+        (("[scene]", "[scene"), "TOML", "correct the file"),
+    ],
+)
+def test_a_bad_file_is_refused_with_field_and_remedy(change, field, remedy):
+    text = study_text()
+    assert change[0] in text
+    with pytest.raises(InputError) as refused:
+        _ = Study.from_toml(text.replace(*change)).points
+    assert field in str(refused.value)
+    assert remedy in str(refused.value)
+
+
+def test_a_field_may_not_vary_twice():
+    with pytest.raises(InputError, match="two axes"):
+        read(more="[[axes]]\nsigma = [0.3]\n")
+    with pytest.raises(InputError, match="as many values"):
+        read(more="[[axes]]\ngap1 = [0.4, 0.5]\ngap2 = [0.5]\n")
+    with pytest.raises(InputError, match="along an axis too"):
+        read(more="[[axes]]\npaths = [1024]\n")
+
+
+def test_a_grid_without_a_single_valid_point_is_refused():
+    with pytest.raises(InputError, match="not one point"):
+        _ = read(sigmas=(-1.0, -2.0)).points

@@ -1,0 +1,286 @@
+"""Nothing is computed twice, nothing is lost: killed, interrupted, shared, damaged and full."""
+
+import errno
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+from study_files import study_text
+
+from compare.__main__ import main
+from compare.study.design import Study
+from compare.study.engine import missing, run
+from compare.study.obtain import obtain
+from compare.study.places import Here
+from compare.study.results import CELLS, Results, load
+from compare.study.store import Store
+from scene.errors import OutputError
+
+SLOW = {"sigmas": (0.01, 0.02, 0.03, 0.04, 0.05, 0.06), "paths": 100_000}
+
+
+def rattle(*words):
+    return CliRunner().invoke(main, ["study", *map(str, words)])
+
+
+def start(file, *words):
+    command = [sys.executable, "-m", "compare", "study", str(file), "--workers", "1", *words]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def wait_for_cells(folder, number, seconds=90.0):
+    end = time.monotonic() + seconds
+    while len(list(folder.glob("cells/*.parquet"))) < number:
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def digests(folder):
+    record = json.loads((folder / "manifest.json").read_text())
+    return record["errors_sha256"], record["sections_sha256"]
+
+
+@pytest.fixture(scope="module")
+def slow(tmp_path_factory):
+    """A study that takes a few seconds, run without interruption."""
+    folder = tmp_path_factory.mktemp("slow")
+    file = folder / "noise.toml"
+    file.write_text(study_text(**SLOW))
+    found = rattle(file)
+    assert found.exit_code == 0, found.output
+    return file, digests(folder / "noise")
+
+
+@pytest.fixture
+def small(tmp_path):
+    file = tmp_path / "small.toml"
+    file.write_text(study_text())
+    return file
+
+
+def test_tables_load_in_one_line(slow):
+    file, _ = slow
+    results = load(file.with_suffix(""))
+    assert len(results.errors) == 6 * 2 * 2 * 2 * 6  # sigma, reading, impact, moment, quantity
+    assert set(results.sections["moment"]) == {"mean", "sd", "skew"}
+    assert {"rate", "energy"} < set(results.sections["quantity"])
+    data = results.to_xarray()
+    row = results.errors.query("sigma == 0.02 and impact == 2 and quantity == 'y1' and moment == 'sd'")
+    row = row[row["reading"] == "saltation"].iloc[0]
+    at = {"sigma": 0.02, "impact": 2, "quantity": "y1", "moment": "sd"}
+    assert float(data["error"].sel(**at, reading="saltation")) == row["error"]
+    assert float(data["monte_carlo"].sel(**at)) == row["monte_carlo"]
+
+
+def test_killed_and_resumed_is_the_same_to_the_last_bit(slow, tmp_path):
+    _, whole = slow
+    file = tmp_path / "noise.toml"
+    file.write_text(study_text(**SLOW))
+    out = tmp_path / "noise"
+    for cells in (3, 9):  # twice
+        running = start(file)
+        wait_for_cells(out, cells)
+        running.send_signal(signal.SIGKILL)
+        running.communicate()
+    kept = {p.name: p.stat().st_mtime_ns for p in (out / CELLS).glob("*.parquet")}
+    assert 9 <= len(kept) < 18
+    found = rattle(file)
+    assert found.exit_code == 0, found.output
+    assert digests(out) == whole
+    assert all((out / CELLS / name).stat().st_mtime_ns == at for name, at in kept.items())
+    assert not list((out / CELLS).glob(".*"))  # nothing half written is left
+
+
+def test_interrupt_ends_within_two_seconds_and_says_how_to_go_on(tmp_path):
+    file = tmp_path / "noise.toml"
+    file.write_text(study_text(sigmas=(0.01, 0.02), paths=3_000_000))
+    running = start(file)
+    wait_for_cells(tmp_path / "noise", 2)  # the closures of the first point
+    time.sleep(0.5)
+    asked = time.monotonic()
+    running.send_signal(signal.SIGINT)
+    try:
+        _, err = running.communicate(timeout=30)
+    finally:
+        running.kill()
+    assert time.monotonic() - asked < 2.0
+    assert running.returncode == 130
+    assert "the same command goes on" in err
+
+
+def test_two_processes_share_the_work(slow, tmp_path):
+    _, whole = slow
+    file = tmp_path / "noise.toml"
+    file.write_text(study_text(**SLOW))
+    both = [start(file) for _ in range(2)]
+    for running in both:
+        _, err = running.communicate(timeout=120)
+        assert running.returncode == 0, err
+    assert digests(tmp_path / "noise") == whole
+    log = (tmp_path / "noise" / "study.log").read_text()
+    by = {line.split()[2] for line in log.splitlines() if " done " in line}
+    assert log.count(" done ") == 18  # each cell once
+    assert len(by) == 2  # and both took part
+
+
+@pytest.mark.parametrize("damage", ["truncated", "foreign", "flipped", "empty"])
+def test_a_damaged_file_is_set_aside_and_computed_again(tmp_path, damage):
+    study, store = Study.from_toml(study_text(paths=1024)), Store(tmp_path / CELLS)
+    run(study, store, Here(1))
+    before = Results.of(study, store).errors
+    paths = sorted(store.folder.glob("*.parquet"))
+    content = bytearray(paths[0].read_bytes())
+    if damage == "truncated":
+        content = content[: len(content) // 2]
+    elif damage == "foreign":
+        content = paths[1].read_bytes()
+    elif damage == "empty":
+        content = b""
+    else:
+        content[len(content) // 8] ^= 1
+    paths[0].write_bytes(content)
+    assert run(study, store, Here(1)).computed == 1
+    pd.testing.assert_frame_equal(Results.of(study, store).errors, before, check_exact=True)
+    assert (store.aside / paths[0].name).exists()
+    assert paths[0].name in (store.aside / paths[0].name).with_suffix(".txt").read_text()
+
+
+def test_a_flipped_bit_anywhere_is_found_or_does_not_matter(tmp_path):
+    store, cell = Store(tmp_path / "s"), Study.from_toml(study_text(paths=1024)).cells[0]
+    before = obtain(store, cell)
+    path = store.path(cell.key)
+    content = path.read_bytes()
+    found = 0
+    for place in range(0, len(content), len(content) // 60):
+        path.write_bytes(content[:place] + bytes([content[place] ^ 4]) + content[place + 1 :])
+        read = store.read(cell.key)
+        found += read is None
+        if read is not None:
+            pd.testing.assert_frame_equal(read.table, before.table, check_exact=True)
+            assert read.facts == before.facts
+    assert found > 10
+
+
+def test_a_value_more_computes_its_cells_only(small):
+    assert "9 cells computed" in rattle(small).output
+    small.write_text(study_text(sigmas=(0.01, 0.02, 0.05, 0.1)))
+    assert "12 cells, 3 to compute" in rattle(small, "--explain").output
+    assert "3 cells computed, 12 there" in rattle(small).output
+    assert "All 12 cells are there" in rattle(small).output
+
+
+def test_explain_and_status_make_nothing(small):
+    for option in ("--explain", "--status"):
+        found = rattle(small, option)
+        assert found.exit_code == 0
+        assert "9" in found.output
+        assert not small.with_suffix("").exists()
+
+
+def test_a_lost_point_is_reported_and_the_others_run(tmp_path):
+    file = tmp_path / "e.toml"
+    file.write_text(study_text(sigmas=(0.01,), more="[[axes]]\nepsilon = [0.9, 1.2]\n"))
+    found = rattle(file)
+    assert found.exit_code == 1
+    assert "epsilon = 1.2" in found.output
+    assert "epsilon = 1.2" in (tmp_path / "e" / "study.md").read_text()
+    assert len(load(tmp_path / "e").errors) == 2 * 2 * 2 * 6
+
+
+def test_a_study_that_changes_while_it_runs_stops(tmp_path):
+    study = Study.from_toml(study_text())
+    store = Store(tmp_path / CELLS)
+    with pytest.raises(ValueError, match="has changed while it ran"):
+        run(study, store, Here(1), unchanged=lambda: False)
+    assert len(missing(study, store)) < 9  # what is finished is kept
+
+
+def test_results_do_not_depend_on_workers(tmp_path):
+    study = Study.from_toml(study_text())
+    tables = []
+    for workers in (1, 3):
+        store = Store(tmp_path / str(workers) / CELLS)
+        run(study, store, Here(workers))
+        tables.append(Results.of(study, store))
+    pd.testing.assert_frame_equal(tables[0].errors, tables[1].errors, check_exact=True)
+    pd.testing.assert_frame_equal(tables[0].paired, tables[1].paired, check_exact=True)
+
+
+def test_a_full_disk_keeps_what_is_finished(tmp_path, monkeypatch):
+    """The real thing where a small file system may be mounted, else the system's refusal to write."""
+    study = Study.from_toml(study_text())
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounting = ["mount", "-t", "tmpfs", "-o", "size=250k", "none", disk]
+    mounted = subprocess.run(mounting, capture_output=True).returncode == 0
+    try:
+        store = Store(disk / CELLS)
+        if not mounted:
+            replace = os.replace
+
+            def refuse(source, target):
+                if len(list((disk / CELLS).glob("*.parquet"))) == 3:
+                    raise OSError(errno.ENOSPC, "No space left on device")
+                replace(source, target)
+
+            monkeypatch.setattr(os, "replace", refuse)
+        with pytest.raises(OutputError, match="the disk is full"):
+            run(study, store, Here(1))
+        kept = [c for c in study.cells if store.read(c.key)]
+        assert 0 < len(kept) < 9
+        assert not list((disk / CELLS).glob(".*.part"))
+        # with room the same study goes on from there
+        monkeypatch.undo()
+        roomy = Store(tmp_path / "roomy" / CELLS)
+        for path in store.folder.glob("*.parquet"):
+            shutil.copy(path, roomy.folder)
+        assert run(study, roomy, Here(1)).computed == 9 - len(kept)
+    finally:
+        if mounted:
+            subprocess.run(["umount", disk], check=True)
+
+
+def test_a_folder_that_cannot_be_made_is_refused(small, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    found = rattle(small, "--out", tmp_path / "file" / "deeper")
+    assert found.exit_code == 2
+    assert "cannot be made" in found.output
+    found = rattle(tmp_path / "absent.toml")
+    assert found.exit_code == 2
+    assert "cannot be read" in found.output
+
+
+def test_obtain_waits_for_another_process(small, tmp_path):
+    """While a lock is held elsewhere the cell is not computed here; when it ends, it is."""
+    import threading
+
+    store, cell = Store(tmp_path / "s"), Study.load(small).cells[0]
+    found = []
+    with store.alone(cell.key) as alone:
+        assert alone
+        with store.alone(cell.key) as again:
+            assert not again
+        waiting = threading.Thread(target=lambda: found.append(obtain(store, cell)))
+        waiting.start()
+        time.sleep(0.5)
+        assert not found
+    waiting.join(timeout=30)
+    assert found
+
+
+def test_overhead_of_the_study_is_small(tmp_path):
+    """The engine and the store take less than 2 % of the sampling: a second of sampling, two cells."""
+    study = Study.from_toml(study_text(sigmas=(0.01,), paths=600_000).replace('"saltation", "mended"', '"mended"'))
+    store = Store(tmp_path / CELLS)
+    run(Study.from_toml(study_text(sigmas=(0.01,)).replace('"saltation", "mended"', '"mended"')), store, Here(1))
+    before = time.thread_time()
+    outcome = run(study, store, Here(1))
+    # what the engine's own thread does; it shares the processor with the sampling
+    assert time.thread_time() - before < 0.02 * outcome.cell_seconds + 0.02
