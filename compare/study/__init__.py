@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from compare.study.design import Study
-    from compare.study.results import Results, load
+    from compare.study.tables import Tables, load
 
-__all__ = ["Results", "Study", "load"]
+__all__ = ["Study", "Tables", "load"]
 
-_HOMES = {"Results": "compare.study.results", "Study": "compare.study.design", "load": "compare.study.results"}
+_HOMES = {"Study": "compare.study.design", "Tables": "compare.study.tables", "load": "compare.study.tables"}
 
 
 def __getattr__(name: str) -> Any:
