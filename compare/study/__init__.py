@@ -1,1 +1,19 @@
 """Ensemble studies: grids over any field of a scene, computed once, kept, and put together."""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from compare.study.design import Study
+    from compare.study.tables import Tables, load
+
+__all__ = ["Study", "Tables", "load"]
+
+_HOMES = {"Study": "compare.study.design", "Tables": "compare.study.tables", "load": "compare.study.tables"}
+
+
+def __getattr__(name: str) -> Any:
+    """Load what is asked for: the command needs none of it before its options are known to be well formed."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'compare.study' has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name]), name)

@@ -34,8 +34,8 @@ def study(
     1 complete but for points that cannot be computed, with the reasons; 2 bad input; 130 interrupted.
     """
     from compare.study.design import Study
-    from compare.study.results import CELLS, FILE
     from compare.study.store import Store
+    from compare.study.tables import CELLS, FILE
     from scene.validate import count
 
     count("workers", workers)

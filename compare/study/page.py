@@ -18,14 +18,13 @@ from compare.study.design import Study
 from compare.study.estimate import calibrated, core_seconds, scaling
 from compare.study.figures import FIGURES, panels
 from compare.study.results import Results
+from compare.study.tables import MANIFEST, TABLES
 from compare.study.version import numerical_version
 from compare.style import save
 from scene.errors import OutputError
 
 __all__ = ["answer", "is_current", "write_page"]
 
-MANIFEST = "manifest.json"
-TABLES = ("errors", "sections", "correlation", "frontier", "paired", "cost", "reasons")
 SMALL = ("correlation", "frontier", "cost", "reasons")
 """Tables that are written as CSV too."""
 

@@ -1,52 +1,22 @@
-"""What a study found, as tidy tables and as a dataset."""
+"""What a study found, from its cells to tidy tables."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from compare.moments import Tolerances, judge, section_errors, widest
+from compare.moments import section_errors, widest
 from compare.study.cell import Predicted, Sampled
 from compare.study.design import Point, Study
 from compare.study.paired import paired_differences
 from compare.study.store import Store
-from scene.errors import FileError
 from scene.moments import SECTION, STATE
 
-if TYPE_CHECKING:
-    import xarray as xr
-
-__all__ = ["CELLS", "FILE", "Results", "load"]
-
-CELLS, FILE = "cells", "study.toml"
-"""Names in a study's folder: where the results are, and the study itself."""
-
-
-def load(folder: str | Path) -> "Results":
-    """The results of a study from its folder, as far as they are there.
-
-    Raises
-    ------
-    FileError
-        If the folder holds no study.
-
-    Examples
-    --------
-    >>> load("nowhere")
-    Traceback (most recent call last):
-    ...
-    scene.errors.FileError: study folder = 'nowhere': holds no study.toml; give the folder that rattle study has written
-    """
-    path = Path(folder) / FILE
-    if not path.is_file():
-        why = f"holds no {FILE}; give the folder that rattle study has written"
-        raise FileError("study folder", str(folder), why)
-    return Results.of(Study.load(path), Store(Path(folder) / CELLS))
+__all__ = ["Results"]
 
 
 @dataclass(frozen=True)
@@ -241,24 +211,6 @@ class Results:
             [{**p.coordinates, "what": what, "why": why} for p in self.study.points for what, why in p.reasons.items()],
             columns=[*self.names, "what", "why"],
         )
-
-    def judged(self, within: Tolerances) -> pd.DataFrame:
-        """The errors judged by other tolerances."""
-        share = self.errors["moment"].map({"mean": within.mean, "sd": within.sd})
-        return judge(self.errors.assign(tolerance=np.maximum(share * self.errors["unit"], 1e-6)))
-
-    def to_xarray(self) -> "xr.Dataset":
-        """Errors of the readings and moments of the simulation as a dataset over the fields that vary.
-
-        Dimensions: the first field of each axis, ``impact, quantity, moment`` and, for what belongs to one,
-        ``reading``.  Needs the extra ``xarray``.
-        """
-        fields = [axis.names[0] for axis in self.study.axes]
-        index = [*fields, "impact", "quantity", "moment"]
-        errors = self.errors.set_index([*index, "reading"])
-        closures = errors[["closure", "error", "low", "high", "tolerance", "verdict"]].to_xarray()
-        sections = self.sections[self.sections["quantity"].isin(SECTION)].set_index(index)[["value", "se"]].to_xarray()
-        return closures.merge(sections.rename(value="monte_carlo"), join="outer")
 
     def _pairs(self) -> Iterator[tuple[Point, Sampled, Predicted]]:
         for point, run, closures in zip(self.study.points, self.samples, self.predictions, strict=True):

@@ -13,8 +13,9 @@ from compare.study import places
 from compare.study.design import Study
 from compare.study.engine import run
 from compare.study.places import Cluster, Here
-from compare.study.results import CELLS, Results
+from compare.study.results import Results
 from compare.study.store import Store
+from compare.study.tables import CELLS
 from scene.errors import InputError
 
 distributed = pytest.importorskip("distributed", reason="needs the extra cluster")

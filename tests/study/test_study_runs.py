@@ -19,8 +19,9 @@ from compare.study.design import Study
 from compare.study.engine import missing, run
 from compare.study.obtain import obtain
 from compare.study.places import Here
-from compare.study.results import CELLS, Results, load
+from compare.study.results import Results
 from compare.study.store import Store
+from compare.study.tables import CELLS, load
 from scene.errors import OutputError
 
 SLOW = {"sigmas": (0.01, 0.02, 0.03, 0.04, 0.05, 0.06), "paths": 100_000}

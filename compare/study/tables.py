@@ -1,0 +1,91 @@
+"""A finished study, loaded from its folder: tidy tables, and the same as a dataset."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from compare.moments import ABSOLUTE, Tolerances, judge
+from compare.study.design import Study
+from scene.errors import FileError
+from scene.moments import SECTION
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["CELLS", "FILE", "MANIFEST", "TABLES", "Tables", "load"]
+
+CELLS, FILE, MANIFEST = "cells", "study.toml", "manifest.json"
+"""Names in a study's folder: where the results are, the study itself, and where it all comes from."""
+
+TABLES = ("errors", "sections", "correlation", "frontier", "paired", "cost", "reasons")
+"""Tables of a study, each a Parquet file."""
+
+
+@dataclass(frozen=True)
+class Tables:
+    """What a study found.
+
+    Attributes
+    ----------
+    study : Study
+    record : dict
+        The manifest.
+    errors, sections, correlation, frontier, paired, cost, reasons : DataFrame
+        See the properties of `compare.study.results.Results`.
+    """
+
+    study: Study
+    record: dict[str, Any]
+    errors: pd.DataFrame
+    sections: pd.DataFrame
+    correlation: pd.DataFrame
+    frontier: pd.DataFrame
+    paired: pd.DataFrame
+    cost: pd.DataFrame
+    reasons: pd.DataFrame
+
+    def judged(self, within: Tolerances) -> pd.DataFrame:
+        """The errors judged by other tolerances."""
+        share = self.errors["moment"].map({"mean": within.mean, "sd": within.sd})
+        return judge(self.errors.assign(tolerance=np.maximum(share * self.errors["unit"], ABSOLUTE)))
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Errors of the readings and moments of the simulation as a dataset over the fields that vary.
+
+        Dimensions: the first field of each axis, ``impact, quantity, moment`` and, for what belongs to one,
+        ``reading``.  Needs the extra ``xarray``.
+        """
+        index = [*(axis.names[0] for axis in self.study.axes), "impact", "quantity", "moment"]
+        errors = self.errors.set_index([*index, "reading"])
+        closures = errors[["closure", "error", "low", "high", "tolerance", "verdict"]].to_xarray()
+        sections = self.sections[self.sections["quantity"].isin(SECTION)].set_index(index)[["value", "se"]].to_xarray()
+        return closures.merge(sections.rename(value="monte_carlo"), join="outer")
+
+
+def load(folder: str | Path) -> Tables:
+    """The tables of a study from the folder that `rattle study` has written.
+
+    Raises
+    ------
+    FileError
+        If the folder holds no finished study.
+
+    Examples
+    --------
+    >>> load("nowhere")
+    Traceback (most recent call last):
+    ...
+    scene.errors.FileError: study folder = 'nowhere': holds no finished study; give what rattle study has written
+    """
+    place = Path(folder)
+    try:
+        record = json.loads((place / MANIFEST).read_text(encoding="utf-8"))
+        tables = {name: pd.read_parquet(place / f"{name}.parquet") for name in TABLES}
+    except (OSError, ValueError):
+        why = "holds no finished study; give what rattle study has written"
+        raise FileError("study folder", str(folder), why) from None
+    return Tables(Study.load(place / FILE), record, **tables)
