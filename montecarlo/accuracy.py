@@ -5,22 +5,27 @@ the step as measured on the same noise at dt, 2 dt and 4 dt.  They count absolut
 nothing varies, and for the displacement at the mesh that most paths strike, which varies by the strays alone.
 """
 
+from __future__ import annotations
+
 import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
+from numpy.typing import NDArray
 
 from montecarlo.block import BLOCK
 from montecarlo.ensemble import extended
-from montecarlo.result import Ensemble, Reach
+from montecarlo.result import Candidate, Ensemble, Reach
 from montecarlo.schemes import SCHEMES
 from montecarlo.step import largest_step
 from scene.moments import SECTION
 from scene.scene import Scene
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["LEAST", "STILL", "pilot", "reach", "sampling_error", "step_error", "units"]
 
@@ -29,39 +34,40 @@ LEAST = 32 * BLOCK  # paths of an answer: what fewer than 1 in 10 000 do may mak
 COARSEST = 4  # of the steps that run side by side for the bias, in units of the finest
 FIRST_STEP = 0.01  # of the pilots of Euler and Maruyama, if the scene lets it through
 GROWTH = 8  # most by which the number of paths grows at once: the spread of heavy tails is found late
+ENOUGH = 5.0  # core-seconds of exact flights below which nothing cheaper is looked for: pilots take as long
+FAINT = 0.2  # noise intensity up to which a control variate is tried, in units of alpha; on DAT21 it wins up to 0.07
 STILL = 1e-9  # sd below which a quantity does not vary
 
+Floats = NDArray[np.float64]
 Simulate = Callable[..., Ensemble]
 
 
-class _Candidate(NamedTuple):
-    scheme: str
-    dt: float
-    paths: int
-    core_seconds: float
+def _units(run: Ensemble) -> dict[str, Floats]:
+    columns = run.columns
+    unit = {q: np.where(columns["sd_" + q] > STILL, columns["sd_" + q], 1.0) for q in SECTION}
+    for mesh in (1, 2):
+        unit[f"x{mesh}"] = np.where(columns["mesh"] == mesh, 1.0, unit[f"x{mesh}"])
+    return unit
 
 
 def units(run: Ensemble) -> pd.DataFrame:
     """Unit of each quantity's errors, index ``impact``, columns the section quantities."""
-    section = run.section
-    unit = section[["sd_" + q for q in SECTION]].set_axis(SECTION, axis=1)
-    unit = unit.where(unit > STILL, 1.0)
-    for mesh in (1, 2):
-        unit[f"x{mesh}"] = unit[f"x{mesh}"].where(section["mesh"] != mesh, 1.0)
-    return unit
+    import pandas as pd
+
+    return pd.DataFrame(_units(run), index=run.section.index)
 
 
 def sampling_error(run: Ensemble) -> tuple[float, str]:
     """Largest standard error of the section means and sds in units of the sd, and where it is."""
-    unit, section = units(run), run.section
-    errors = {
-        f"{name} of {q}": section[prefix + q] / unit[q]
-        for q in SECTION
-        for name, prefix in (("mean", "se_"), ("sd", "se_sd_"))
-    }
-    table = pd.DataFrame(errors).fillna(0.0)
-    name = str(table.max().idxmax())
-    return float(table[name].max()), f"{name} at impact {table[name].idxmax()}"
+    unit, columns = _units(run), run.columns
+    worst, where = 0.0, "nothing varies"
+    for q in SECTION:
+        for name, prefix in (("mean", "se_"), ("sd", "se_sd_")):
+            errors = np.nan_to_num(columns[prefix + q] / unit[q])
+            k = int(errors.argmax())
+            if errors[k] > worst:
+                worst, where = float(errors[k]), f"{name} of {q} at impact {k + 1}"
+    return worst, where
 
 
 def step_error(run: Ensemble) -> tuple[float, float]:
@@ -78,10 +84,15 @@ def pilot(scene: Scene, scheme: str, simulate: Simulate) -> Ensemble:
     exact = SCHEMES[scheme].weak_order is None
     levels = 1 if exact else COARSEST
     dt = min(SCHEMES[scheme].step if exact else FIRST_STEP, 0.99 * largest_step(scene, scheme)[0] / levels)
-    return simulate(paths=PILOT, scheme=scheme, dt=dt, step_bias=not exact, control=exact)
+    return simulate(paths=PILOT, scheme=scheme, dt=dt, step_bias=not exact, control=exact and _faint(scene))
 
 
-def _candidate(scene: Scene, scheme: str, accuracy: float, simulate: Simulate) -> _Candidate:
+def _faint(scene: Scene) -> bool:
+    """Whether noise is so weak that the linearised path may be worth its time."""
+    return scene.sigma <= FAINT * scene.alpha
+
+
+def _candidate(scene: Scene, scheme: str, accuracy: float, simulate: Simulate) -> Candidate:
     """Step, paths and work that a scheme needs, from a pilot run."""
     kind, first = SCHEMES[scheme], pilot(scene, scheme, simulate)
     exact, dt = kind.weak_order is None, first.dt
@@ -91,7 +102,7 @@ def _candidate(scene: Scene, scheme: str, accuracy: float, simulate: Simulate) -
     blocks = max(LEAST // BLOCK, math.ceil(first.paths * (error / accuracy) ** 2 / BLOCK))
     steps = first.path_steps / first.paths * first.dt / dt  # of all step sizes
     work = steps * kind.step_ns + first.impacts * kind.impact_ns * (1.0 if exact else 3.0)
-    return _Candidate(scheme, dt, blocks * BLOCK, 1e-9 * work * blocks * BLOCK)
+    return Candidate(scheme, dt, blocks * BLOCK, 1e-9 * work * blocks * BLOCK)
 
 
 def reach(
@@ -119,12 +130,13 @@ def reach(
         With `Ensemble.reach`.
     """
     started = time.perf_counter()
-    names = [scheme] if scheme else list(SCHEMES)
-    candidates = [_candidate(scene, name, accuracy, simulate) for name in names]
-    table = pd.DataFrame(candidates).set_index("scheme")
+    names = [scheme] if scheme else sorted(SCHEMES, key=lambda name: SCHEMES[name].weak_order is not None)
+    candidates = [_candidate(scene, names[0], accuracy, simulate)]
+    if candidates[0].core_seconds > ENOUGH:
+        candidates += [_candidate(scene, name, accuracy, simulate) for name in names[1:]]
     best = min(candidates, key=lambda c: c.core_seconds)
     exact = SCHEMES[best.scheme].weak_order is None
-    settings = {"scheme": best.scheme, "control": exact, "step_bias": not exact, "progress": progress}
+    settings = {"scheme": best.scheme, "control": exact and _faint(scene), "step_bias": not exact, "progress": progress}
     dt, paths = best.dt, min(best.paths, GROWTH * PILOT)
     before, run = time.perf_counter(), simulate(paths=paths, dt=dt, **settings)
     while True:
@@ -139,7 +151,7 @@ def reach(
         left = budget - (time.perf_counter() - started)
         affordable = int(min(left / seconds_per_path, 1e15)) // BLOCK * BLOCK
         if more == 0 or affordable <= 0 or (shorten and affordable < more):
-            reached = Reach(accuracy, error, step, worst, table, more * seconds_per_path)
+            reached = Reach(accuracy, error, step, worst, candidates, more * seconds_per_path)
             return replace(run, reach=reached)
         before = time.perf_counter()
         if shorten:

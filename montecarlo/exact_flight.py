@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from montecarlo.brownian import joined, split
 from montecarlo.noise import Key, Word, normals
 from montecarlo.progress import Noise, Progress, Walls
-from scene.compiled import inlined, jit
+from scene.compiled import inlined, jit, spliced
 from scene.flight import decay, flow, noise_rate, turned
 from scene.scene import Constants
 
@@ -134,7 +134,7 @@ def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
     )  # fmt: skip
 
 
-@inlined
+@spliced
 def _near(a: float, b: float, end: float, high: float, low: float, margin: float) -> bool:
     """Whether one of the Bernstein coefficients a, b or the end of a cubic comes close to a wall."""
     return (max(a, b) > high - margin) | (min(a, b) < margin - low) | (end > high) | (end < -low)
@@ -198,7 +198,7 @@ def _cubic(a: float, b: float, c: float, d: float, s: float) -> float:
     return r * r * r * a + 3.0 * r * s * (r * b + s * c) + s * s * s * d
 
 
-@jit
+@spliced
 def _first_root(a: float, b: float, c: float, d: float) -> float:
     """First zero in (0, 1] of a cubic with Bernstein coefficients a >= 0, b, c, d; 2 if none is seen."""
     low, pieces = 0.0, 8
@@ -237,7 +237,7 @@ def _cut_at(gap0: float, rate0: float, gap1: float, rate1: float, h: float, marg
     return root if root < 1.0 else 0.5
 
 
-@jit
+@spliced
 def _due(c: Constants, at: Progress, walls: Walls) -> tuple[int, float]:
     """``mesh * side`` of an impact that is due, and the time to the next wall ahead at the speed of now."""
     code, reach = 0, math.inf
@@ -252,7 +252,7 @@ def _due(c: Constants, at: Progress, walls: Walls) -> tuple[int, float]:
     return code, reach
 
 
-@jit
+@spliced
 def _on_wall(at: Progress, code: int, walls: Walls) -> Progress:
     """The same with the struck coordinate on its wall, and the impact due."""
     x1, x2 = at.x1, at.x2
@@ -263,14 +263,14 @@ def _on_wall(at: Progress, code: int, walls: Walls) -> Progress:
     return Progress(code, at.tau, at.left, at.noise, x1, at.y1, x2, at.y2)
 
 
-@jit
+@spliced
 def _put_inside(at: Progress, walls: Walls) -> Progress:
     """The same with what lies beyond a wall put on it: for a step that has used up its cuts."""
     x1, x2 = min(max(at.x1, -walls.low1), walls.high1), min(max(at.x2, -walls.low2), walls.high2)
     return Progress(at.code, at.tau, at.left, at.noise, x1, at.y1, x2, at.y2)
 
 
-@jit
+@spliced
 def _cut_of_trial(c: Constants, at: Progress, end: Progress, h: float, walls: Walls) -> float:
     """Share of a trial of length h after which to look again, over all walls: 1 if it meets none before its end."""
     margin1, margin2 = _margins(c, at.tau, h)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.compiled import inlined, jit
+from scene.compiled import inlined, jit, spliced
 
 __all__ = [
     "BRIDGE",
@@ -104,7 +104,7 @@ def uniforms(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, f
     )
 
 
-@inlined
+@spliced
 def _log(u: float) -> float:
     """Natural logarithm of a normal float in (0, 1], to rounding; vectorises, unlike the one of the C library.
 
@@ -125,7 +125,7 @@ def _log(u: float) -> float:
     return k * LN2 - ((half - s * (half + odd + even)) - f)
 
 
-@inlined
+@spliced
 def _circle(turn: float, quadrant: np.int64) -> tuple[float, float]:
     """Cosine and sine of ``2 pi (turn + quadrant / 4)``, ``|turn| <= 1/8``, to rounding; vectorises."""
     x = TURN * turn

@@ -9,7 +9,7 @@ from typing import ParamSpec, TypeVar, cast
 
 import numba
 
-__all__ = ["inlined", "jit"]
+__all__ = ["inlined", "jit", "reducing", "spliced"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -51,9 +51,22 @@ def jit(function: Callable[P, R]) -> Callable[P, R]:
     Division follows IEEE rules instead of raising: a branch on every division keeps LLVM from
     vectorising the loops over paths.  No fast-math: results do not depend on how a loop is cut.
     """
-    return cast(Callable[P, R], numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+    return cast(Callable[P, R], numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True, error_model="numpy")(function))
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
     """As `jit`, and always made part of its caller: a loop over paths vectorises only when it calls nothing."""
-    return cast(Callable[P, R], numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(function))
+    return cast(Callable[P, R], numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True, no_cpython_wrapper=True, error_model="numpy", forceinline=True)(function))
+
+
+def reducing(function: Callable[P, R]) -> Callable[P, R]:
+    """As `jit`, and sums may be taken in any order that the compiler likes, always the same: they vectorise."""
+    return cast(
+        Callable[P, R],
+        numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True, no_cpython_wrapper=True, error_model="numpy", forceinline=True, fastmath={"reassoc"})(function),
+    )
+
+
+def spliced(function: Callable[P, R]) -> Callable[P, R]:
+    """Written into its caller before types are known: branches on the caller's constants go, with all they call."""
+    return cast(Callable[P, R], numba.njit(inline="always")(function))
