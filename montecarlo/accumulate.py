@@ -6,7 +6,7 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.compiled import jit, reducing
+from scene.compiled import lean, reducing
 
 __all__ = ["COVARIANCE", "PAIR", "SINGLE", "CentralSums", "Orders", "columns_of", "pair_statistics", "single_statistics"]
 
@@ -26,7 +26,7 @@ COVARIANCE: Orders = ((1, 1),)
 BINOMIAL = np.array([[comb(n, k) for k in range(9)] for n in range(9)], dtype=float)
 
 
-@jit
+@lean
 def _turn_over(rows: Floats, columns: Floats) -> None:
     """Copy `rows`, shape (paths, variables), to `columns`, shape (variables, paths), eight paths at a time."""
     paths, variables = rows.shape
@@ -86,7 +86,7 @@ def _product_sum(u: Floats, v: Floats) -> float:
     return total
 
 
-@jit
+@lean
 def _block_sums(
     a: Floats, b: Floats, left: Ints, right: Ints, exponents: Ints, alone: bool, most: int, powers: Floats, n: Floats,
     mean: Floats, sums: Floats,
@@ -112,7 +112,7 @@ def _block_sums(
             sums[o, i] = _product_sum(powers[0, exponents[o, 0]], powers[1, exponents[o, 1]])
 
 
-@jit
+@lean
 def _about(
     n: Floats, mean: Floats, sums: Floats, centre: Floats, exponents: Ints, place: Ints, powers: Floats, out: Floats
 ) -> None:

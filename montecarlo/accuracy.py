@@ -92,8 +92,8 @@ def _faint(scene: Scene) -> bool:
     return scene.sigma <= FAINT * scene.alpha
 
 
-def _candidate(scene: Scene, scheme: str, accuracy: float, simulate: Simulate) -> Candidate:
-    """Step, paths and work that a scheme needs, from a pilot run."""
+def _candidate(scene: Scene, scheme: str, accuracy: float, simulate: Simulate) -> tuple[Candidate, Ensemble]:
+    """Step, paths and work that a scheme needs, and the pilot run that says so."""
     kind, first = SCHEMES[scheme], pilot(scene, scheme, simulate)
     exact, dt = kind.weak_order is None, first.dt
     error, _ = sampling_error(first)
@@ -102,7 +102,7 @@ def _candidate(scene: Scene, scheme: str, accuracy: float, simulate: Simulate) -
     blocks = max(LEAST // BLOCK, math.ceil(first.paths * (error / accuracy) ** 2 / BLOCK))
     steps = first.path_steps / first.paths * first.dt / dt  # of all step sizes
     work = steps * kind.step_ns + first.impacts * kind.impact_ns * (1.0 if exact else 3.0)
-    return Candidate(scheme, dt, blocks * BLOCK, 1e-9 * work * blocks * BLOCK)
+    return Candidate(scheme, dt, blocks * BLOCK, 1e-9 * work * blocks * BLOCK), first
 
 
 def reach(
@@ -131,14 +131,15 @@ def reach(
     """
     started = time.perf_counter()
     names = [scheme] if scheme else sorted(SCHEMES, key=lambda name: SCHEMES[name].weak_order is not None)
-    candidates = [_candidate(scene, names[0], accuracy, simulate)]
-    if candidates[0].core_seconds > ENOUGH:
-        candidates += [_candidate(scene, name, accuracy, simulate) for name in names[1:]]
-    best = min(candidates, key=lambda c: c.core_seconds)
+    tried = [_candidate(scene, names[0], accuracy, simulate)]
+    if tried[0][0].core_seconds > ENOUGH:
+        tried += [_candidate(scene, name, accuracy, simulate) for name in names[1:]]
+    best, first = min(tried, key=lambda pair: pair[0].core_seconds)
     exact = SCHEMES[best.scheme].weak_order is None
     settings = {"scheme": best.scheme, "control": exact and _faint(scene), "step_bias": not exact, "progress": progress}
     dt, paths = best.dt, min(best.paths, GROWTH * PILOT)
-    before, run = time.perf_counter(), simulate(paths=paths, dt=dt, **settings)
+    before = time.perf_counter()
+    run = extended(first, paths, workers, progress) if exact else simulate(paths=paths, dt=dt, **settings)
     while True:
         seconds_per_path = (time.perf_counter() - before) / paths
         error, worst = sampling_error(run)
@@ -151,6 +152,7 @@ def reach(
         left = budget - (time.perf_counter() - started)
         affordable = int(min(left / seconds_per_path, 1e15)) // BLOCK * BLOCK
         if more == 0 or affordable <= 0 or (shorten and affordable < more):
+            candidates = [candidate for candidate, _ in tried]
             reached = Reach(accuracy, error, step, worst, candidates, more * seconds_per_path)
             return replace(run, reach=reached)
         before = time.perf_counter()

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from montecarlo.accumulate import CentralSums
 from montecarlo.exact_flight import kick
 from montecarlo.noise import Word
-from scene.compiled import jit
+from scene.compiled import lean
 from scene.flight import field, jacobian
 from scene.impact import contact_matrix, next_impact, struck
 from scene.moments import SECTION
@@ -150,7 +150,7 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
     return program
 
 
-@jit
+@lean
 def carry_along(
     path: LinearPath, n: int, done: int, first: int, numbers: NDArray[Word], xi: Floats, w: Floats, area: Floats,
     controls: Floats, live: int,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from montecarlo.progress import Noise, Progress, Walls
-from scene.compiled import inlined, jit, spliced
+from scene.compiled import inlined, lean, spliced
 from scene.flight import noise_rate
 from scene.scene import Constants
 
@@ -29,7 +29,7 @@ class StepForcing(NamedTuple):
     kick2: float
 
 
-@jit
+@lean
 def step_forcing(c: Constants, tau: float, h: float) -> StepForcing:
     """Forcing of an Euler-Maruyama step of length h at `tau` (Eq. 5)."""
     m1, m2 = noise_rate(c, tau)
@@ -52,7 +52,7 @@ def euler_step(
     )
 
 
-@jit
+@lean
 def euler_lanes(
     c: Constants, f: StepForcing, h: float, toleranced: bool, walls: Floats, state: Floats, z: Floats, beyond: Bools,
     lanes: int,

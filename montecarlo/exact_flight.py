@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from montecarlo.brownian import joined, split
 from montecarlo.noise import Key, Word, normals
 from montecarlo.progress import Noise, Progress, Walls
-from scene.compiled import inlined, jit, spliced
+from scene.compiled import inlined, lean, spliced
 from scene.flight import decay, flow, noise_rate, turned
 from scene.scene import Constants
 
@@ -66,7 +66,7 @@ class FlightForcing(NamedTuple):
     margin2: float
 
 
-@jit
+@lean
 def _margins(c: Constants, tau: float, h: float) -> tuple[float, float]:
     """Margins on the Bernstein coefficients of both stages' gaps over a time h from `tau`: noise, and what a cubic
     cannot bend.
@@ -103,7 +103,7 @@ def _node(c: Constants, sine: float, cosine: float, lag: float) -> tuple[float, 
     return e1 * m1, d1 * m1, (e1 - e2) * m1 + e2 * m2, (d1 - d2) * m1 + d2 * m2
 
 
-@jit
+@lean
 def kick(c: Constants, tau: float, h: float, first: float, slope: float) -> tuple[float, float, float, float]:
     """Displacement at the end of a time h by the noise ``dB = (first + slope (s / h - 1/2)) ds / h``, by Eq. 5."""
     away = OUTER * h
@@ -123,7 +123,7 @@ def kick(c: Constants, tau: float, h: float, first: float, slope: float) -> tupl
     )
 
 
-@jit
+@lean
 def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
     """All that a step of length h from `tau` needs that no path has of its own."""
     e1, d1, e2, d2 = turned(c.beta1, h), decay(c.beta1, h), turned(c.beta2, h), decay(c.beta2, h)
@@ -164,7 +164,7 @@ def second_stage(f: FlightForcing, x2: float, y1: float, y2: float, z: float, ar
     )
 
 
-@jit
+@lean
 def flight_lanes(
     c: Constants, f: FlightForcing, h: float, walls: Floats, state: Floats, z: Floats, area: Floats, near: Bools,
     lanes: int,
@@ -182,7 +182,7 @@ def flight_lanes(
             x2[p], y2[p] = second_stage(f, x2[p], y, y2[p], z[p], area[p])
 
 
-@jit
+@lean
 def near_second(h: float, margin: float, walls: Floats, before: Floats, state: Floats, near: Bools, lanes: int) -> None:
     """Mark the lanes whose second stage may meet a wall."""
     third = h / 3.0
@@ -227,7 +227,7 @@ def _first_root(a: float, b: float, c: float, d: float) -> float:
     return 2.0
 
 
-@jit
+@lean
 def _cut_at(gap0: float, rate0: float, gap1: float, rate1: float, h: float, margin: float, close: float) -> float:
     """Share of the time h after which to look again at a wall: 1 if it cannot be met before."""
     b, c = gap0 + rate0 * h / 3.0, gap1 - rate1 * h / 3.0
@@ -289,7 +289,7 @@ def _cut_of_trial(c: Constants, at: Progress, end: Progress, h: float, walls: Wa
     return cut
 
 
-@jit
+@inlined
 def advance_exactly(
     c: Constants, key: Key, path: Word, index: Word, purpose: Word, at: Progress, walls: Walls
 ) -> Progress:

@@ -16,7 +16,7 @@ from montecarlo.exact_flight import advance_exactly, flight_forcing, flight_lane
 from montecarlo.lanes import Lanes, Room, join_halves, list_marked, of_level, retire
 from montecarlo.noise import BRIDGE, Key, Word, fill_normals, fill_signs, fill_words, normals
 from montecarlo.progress import MOST_IN_A_STEP, Noise, Progress, Walls
-from scene.compiled import jit, spliced
+from scene.compiled import lean, spliced
 from scene.impact import struck
 from scene.scene import Constants
 
@@ -196,7 +196,7 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int, int]]:
     apart = 4 // draws
     zero = np.int64(0)  # a literal 0 would have what is called with it compiled twice
 
-    @jit
+    @lean
     def run_block(
         job: Job, control: LinearPath, first: int, every: Lanes, room: Room, rows: Floats, clock_steps: Ints,
         clock: Floats, controls: Floats,

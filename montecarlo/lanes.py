@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from montecarlo.noise import Word
-from scene.compiled import jit, spliced
+from scene.compiled import lean, spliced
 
 __all__ = ["Lanes", "Room", "join_halves", "lanes_of", "list_marked", "of_level", "retire"]
 
@@ -85,7 +85,7 @@ def of_level(every: Lanes, level: int, w: Floats, area: Floats) -> Lanes:
     )  # fmt: skip
 
 
-@jit
+@lean
 def list_marked(marks: Bools, lanes: int, groups: Ints, out: Ints) -> int:
     """Indices of the marked lanes into `out`, first by groups of eight, for marks are rare.
 
@@ -104,7 +104,7 @@ def list_marked(marks: Bools, lanes: int, groups: Ints, out: Ints) -> int:
     return found
 
 
-@jit
+@lean
 def join_halves(fine_w: Floats, fine_area: Floats, w: Floats, area: Floats, second: bool, live: int) -> None:
     """Noise of a coarse step from its halves', in standard units (`montecarlo.brownian.joined` at share 1/2)."""
     root2, root3 = math.sqrt(2.0), math.sqrt(3.0)
@@ -117,7 +117,7 @@ def join_halves(fine_w: Floats, fine_area: Floats, w: Floats, area: Floats, seco
             w[p], area[p] = w2, fine_area[p]
 
 
-@jit
+@lean
 def retire(every: Lanes, path: NDArray[Word], bits: NDArray[Word], xi: Floats, impacts: int, live: int) -> int:
     """Give the lane of a finished path to the last one; returns how many are left."""
     p = 0

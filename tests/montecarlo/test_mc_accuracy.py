@@ -39,10 +39,11 @@ def test_any_scheme_can_be_asked_for(truth):
         assert away.max() < 0.4
 
 
-def test_a_run_that_goes_on_is_the_run_that_began_with_all_its_paths():
-    run = simulate(dat21(0.5), impacts=3, accuracy=0.02, scheme="exact-flight", rng=5)
-    whole = simulate(dat21(0.5), impacts=3, paths=run.paths, dt=run.dt, scheme="exact-flight", control=True, rng=5)
-    assert run.section.equals(whole.section)
+@pytest.mark.parametrize(("sigma", "control"), [(0.5, False), (0.05, True)])
+def test_a_run_that_goes_on_is_the_run_that_began_with_all_its_paths(sigma, control):
+    run = simulate(dat21(sigma), impacts=3, accuracy=0.02, scheme="exact-flight", rng=5)
+    settings = {"paths": run.paths, "dt": run.dt, "scheme": "exact-flight", "control": control, "rng": 5}
+    assert run.section.equals(simulate(dat21(sigma), impacts=3, **settings).section)
 
 
 def test_a_spent_budget_gives_the_best_answer_and_says_what_is_missing():
