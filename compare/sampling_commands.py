@@ -140,7 +140,7 @@ def order(
     """Measure the weak order of the Euler-Maruyama schemes on SCENE (a TOML file; DAT21 if none)."""
     from compare.weak_order import weak_orders
 
-    table = weak_orders(_scene(scene, sigma), impacts=impacts, paths=paths, rng=seed, workers=workers)
+    table = weak_orders(_scene(scene, sigma), impacts=impacts, paths=paths, rng=seed, workers=workers).table
     if as_json:
         click.echo(table.to_json(orient="records", indent=2))
         return

@@ -8,7 +8,16 @@ from numpy.typing import NDArray
 
 from scene.compiled import lean, reducing
 
-__all__ = ["COVARIANCE", "PAIR", "SINGLE", "CentralSums", "Orders", "columns_of", "pair_statistics", "single_statistics"]
+__all__ = [
+    "COVARIANCE",
+    "PAIR",
+    "SINGLE",
+    "CentralSums",
+    "Orders",
+    "columns_of",
+    "pair_statistics",
+    "single_statistics",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

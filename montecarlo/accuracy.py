@@ -140,6 +140,7 @@ def reach(
     dt, paths = best.dt, min(best.paths, GROWTH * PILOT)
     before = time.perf_counter()
     run = extended(first, paths, workers, progress) if exact else simulate(paths=paths, dt=dt, **settings)
+    paths -= first.paths if exact else 0
     while True:
         seconds_per_path = (time.perf_counter() - before) / paths
         error, worst = sampling_error(run)

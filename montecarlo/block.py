@@ -49,7 +49,10 @@ SECTION_OF = (0, 2, 3, 4, 5)
 
 
 class Plan(NamedTuple):
-    """What every block of a run has in common."""
+    """What every block of a run has in common.
+
+    A ``mirrored`` plan runs the antithetic partner of each path: all its noise negated, its backlashes the same.
+    """
 
     scene: Scene
     paths: int
@@ -64,6 +67,7 @@ class Plan(NamedTuple):
     control: LinearPath = no_control()
     keep: bool = False
     two_point: bool = False
+    mirrored: bool = False
 
     @property
     def blocks(self) -> int:
@@ -121,6 +125,8 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
     clock = _array("clock", (plan.levels, paths, plan.clock_steps.size, 4), np.nan, reuse)
     linear = paths if plan.control.at_step.size else 0
     controls = _array("controls", (linear, plan.impacts, COLUMNS), 0.0, reuse)
+    if plan.mirrored:
+        c = c._replace(sigma=-c.sigma)
     job = Job(
         c, backlash, key, scene.start.tau, plan.dt, SCHEMES[plan.scheme].code, plan.two_point,
         plan.most_steps,

@@ -74,7 +74,7 @@ def _margins(c: Constants, tau: float, h: float) -> tuple[float, float]:
     The noise is taken at its largest modulation in this time: where it vanishes, a path that is pressed to its wall
     must not be cut as if it were shaken.
     """
-    spread = STRAY * c.sigma * h * math.sqrt(h) * SCALE
+    spread = STRAY * abs(c.sigma) * h * math.sqrt(h) * SCALE
     most = math.sqrt(1.0 + c.beta1**2)  # of the modulation of y1, and of its rate
     first = min(most, abs(noise_rate(c, tau)[0]) + h * most)
     second = abs(c.beta1 - c.beta2) * (min(1.0, abs(math.cos(tau)) + h) + h * first)  # the last by way of y1

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from functools import cache
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,8 @@ SPLITS = Word(1 << 16)  # indices of random numbers that the splits of one step 
 CUTS_APART = SPLITS // Word(MOST_IN_A_STEP + 1)  # of those, for one call of the exact scheme
 
 PLAIN, LOCATED, EXACT = 0, 1, 2
-FIRST, SECOND = np.int64(1), np.int64(2)  # meshes; a literal would have what is called with it compiled once more
+ZERO, FIRST, SECOND = cast(tuple[int, int, int], (np.int64(0), np.int64(1), np.int64(2)))
+"""Integers that the compiler takes for variables: what is called with a literal is compiled for it once more."""
 FLANK_DRAWS = Word(4)  # draws of the walls at the start; those of the impacts follow
 
 
@@ -194,7 +195,6 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int, int]]:
     """
     draws = 2 if scheme == EXACT else 4  # steps that a draw of four normals serves
     apart = 4 // draws
-    zero = np.int64(0)  # a literal 0 would have what is called with it compiled twice
 
     @lean
     def run_block(
@@ -203,21 +203,20 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int, int]]:
     ) -> tuple[int, int, int]:  # fmt: skip
         levels, paths, impacts = rows.shape[0], rows.shape[1], rows.shape[2]
         path, bits, z, xi, marks, hits = room.path, room.bits, room.z, room.xi, room.marks, room.hits
-        work, held, live, next_clock, linear, n = zero, zero, paths, zero, zero, zero
+        work, held, live, next_clock, linear, n = ZERO, ZERO, paths, ZERO, ZERO, ZERO
         while n < job.most_steps and live > 0:
             wide = (live + 7) // 8 * 8
             for _ in range(min(CHUNK, job.most_steps - n)):
                 use = 0 if job.two_point else n % draws
-                if scheme != EXACT and job.two_point and job.c.sigma > 0.0:
+                if scheme != EXACT and job.two_point and job.c.sigma != 0.0:
                     if n % 64 == 0:
                         fill_words(job.key, path, Word(n // 64), wide, bits)
                     fill_signs(bits, n % 64, wide, z[0])
-                elif use == 0 and job.c.sigma > 0.0:
+                elif use == 0 and job.c.sigma != 0.0:
                     fill_normals(job.key, path, Word(n // draws), wide, z)
                 w, area = z[use * apart], z[use * apart + 1 if scheme == EXACT else 4]
-                if scheme == EXACT:
-                    if linear < control.at_step.size:
-                        linear = carry_along(control, n, linear, first, path, xi, w, area, controls, live)
+                if scheme == EXACT and linear < control.at_step.size:
+                    linear = carry_along(control, n, linear, first, path, xi, w, area, controls, live)
                 n += 1
                 for level in range(levels):
                     multiple = 1 << level

@@ -69,7 +69,7 @@ class Reach(NamedTuple):
 
     @property
     def schemes(self) -> pd.DataFrame:
-        """What each scheme that was tried was expected to cost: index ``scheme``, columns ``dt, paths, core_seconds``."""
+        """The candidates as a table: index ``scheme``, columns ``dt, paths, core_seconds``."""
         import pandas as pd
 
         return pd.DataFrame(self.candidates).set_index("scheme")
