@@ -55,7 +55,17 @@ def test_a_spent_budget_gives_the_best_answer_and_says_what_is_missing():
     assert run.section["tau"].notna().all()
 
 
+def test_other_schemes_are_tried_only_where_exact_flights_take_long(monkeypatch):
+    ask = {"impacts": 3, "accuracy": 0.05, "rng": 5}
+    assert list(simulate(dat21(0.5), **ask).reach.schemes.index) == ["exact-flight"]
+    monkeypatch.setattr("montecarlo.accuracy.ENOUGH", 0.0)
+    run = simulate(dat21(0.5), **ask)
+    assert set(run.reach.schemes.index) == set(SCHEMES)
+    assert run.scheme == run.reach.schemes["core_seconds"].idxmin()
+
+
 def test_choice_of_scheme_does_not_depend_on_the_clock(monkeypatch):
+    monkeypatch.setattr("montecarlo.accuracy.ENOUGH", 0.0)
     first = simulate(dat21(0.5), impacts=3, accuracy=0.05, rng=5).reach.schemes
     ticks = iter(np.arange(1e6) ** 1.5)
     monkeypatch.setattr("montecarlo.accuracy.time.perf_counter", lambda: next(ticks))
