@@ -179,6 +179,7 @@ def validate(
 )
 @click.option("--budget", type=float, default=100.0, show_default=True, help="Core-seconds of a point, else estimated.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of the simulations.")
+@click.option("--orders/--no-orders", default=True, show_default=True, help="Measure the schemes' weak orders as well.")
 @click.option("--workers", type=int, default=2, show_default=True, help="Threads.")
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder. [default: reports/NAME-tradeoff]")
 @click.option("--overwrite", is_flag=True, help="Replace earlier results in that folder.")
@@ -189,6 +190,7 @@ def tradeoff(
     accuracies: tuple[float, ...],
     budget: float,
     seed: int,
+    orders: bool,
     workers: int,
     out: Path | None,
     overwrite: bool,
@@ -202,6 +204,7 @@ def tradeoff(
     from compare.reduction import control_table
     from compare.tradeoff import ACCURACIES, check_accuracies, measure
     from compare.tradeoff_report import CONTENTS, write_tradeoff
+    from compare.weak_order import orders_over
     from montecarlo import SCHEMES, check_settings
     from scene import DAT21, Scene
     from scene.validate import positive
@@ -220,13 +223,15 @@ def tradeoff(
     wall, cpu = time.perf_counter(), _cpu()
     found = measure(base, accuracies=asked, budget=budget, seed=seed, **common)
     control = control_table(base, seed=seed, **common)
+    sigmas = sorted({base.sigma, base.alpha**0.5})  # its own, and the paper's
+    measured = orders_over(base, sigmas, rng=seed, workers=workers) if orders else None
     record = {
         "name": name, "scene": base.to_dict(), "impacts": impacts, "accuracies": asked, "budget": budget,
-        "seed": seed, "workers": workers, "command": shlex.join(["rattle", *sys.argv[1:]]),
+        "seed": seed, "orders": orders, "workers": workers, "command": shlex.join(["rattle", *sys.argv[1:]]),
         "commit": manifest.commit(), "versions": manifest.versions(),
         "wall_seconds": round(time.perf_counter() - wall, 1), "cpu_seconds": round(_cpu() - cpu, 1),
     }  # fmt: skip
-    for sentence in write_tradeoff(out, found, control, asked, record, overwrite):
+    for sentence in write_tradeoff(out, found, control, measured, asked, record, overwrite):
         click.echo(sentence)
     click.echo(f"Page: {out / 'tradeoff.md'}")
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from montecarlo.brownian import joined, split
 from montecarlo.noise import Key, Word, normals
 from montecarlo.progress import Noise, Progress, Walls
-from scene.compiled import inlined, jit
+from scene.compiled import inlined, lean, spliced
 from scene.flight import decay, flow, noise_rate, turned
 from scene.scene import Constants
 
@@ -66,7 +66,7 @@ class FlightForcing(NamedTuple):
     margin2: float
 
 
-@jit
+@lean
 def _margins(c: Constants, tau: float, h: float) -> tuple[float, float]:
     """Margins on the Bernstein coefficients of both stages' gaps over a time h from `tau`: noise, and what a cubic
     cannot bend.
@@ -74,7 +74,7 @@ def _margins(c: Constants, tau: float, h: float) -> tuple[float, float]:
     The noise is taken at its largest modulation in this time: where it vanishes, a path that is pressed to its wall
     must not be cut as if it were shaken.
     """
-    spread = STRAY * c.sigma * h * math.sqrt(h) * SCALE
+    spread = STRAY * abs(c.sigma) * h * math.sqrt(h) * SCALE
     most = math.sqrt(1.0 + c.beta1**2)  # of the modulation of y1, and of its rate
     first = min(most, abs(noise_rate(c, tau)[0]) + h * most)
     second = abs(c.beta1 - c.beta2) * (min(1.0, abs(math.cos(tau)) + h) + h * first)  # the last by way of y1
@@ -103,7 +103,7 @@ def _node(c: Constants, sine: float, cosine: float, lag: float) -> tuple[float, 
     return e1 * m1, d1 * m1, (e1 - e2) * m1 + e2 * m2, (d1 - d2) * m1 + d2 * m2
 
 
-@jit
+@lean
 def kick(c: Constants, tau: float, h: float, first: float, slope: float) -> tuple[float, float, float, float]:
     """Displacement at the end of a time h by the noise ``dB = (first + slope (s / h - 1/2)) ds / h``, by Eq. 5."""
     away = OUTER * h
@@ -123,7 +123,7 @@ def kick(c: Constants, tau: float, h: float, first: float, slope: float) -> tupl
     )
 
 
-@jit
+@lean
 def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
     """All that a step of length h from `tau` needs that no path has of its own."""
     e1, d1, e2, d2 = turned(c.beta1, h), decay(c.beta1, h), turned(c.beta2, h), decay(c.beta2, h)
@@ -134,7 +134,7 @@ def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
     )  # fmt: skip
 
 
-@inlined
+@spliced
 def _near(a: float, b: float, end: float, high: float, low: float, margin: float) -> bool:
     """Whether one of the Bernstein coefficients a, b or the end of a cubic comes close to a wall."""
     return (max(a, b) > high - margin) | (min(a, b) < margin - low) | (end > high) | (end < -low)
@@ -164,7 +164,7 @@ def second_stage(f: FlightForcing, x2: float, y1: float, y2: float, z: float, ar
     )
 
 
-@jit
+@lean
 def flight_lanes(
     c: Constants, f: FlightForcing, h: float, walls: Floats, state: Floats, z: Floats, area: Floats, near: Bools,
     lanes: int,
@@ -182,7 +182,7 @@ def flight_lanes(
             x2[p], y2[p] = second_stage(f, x2[p], y, y2[p], z[p], area[p])
 
 
-@jit
+@lean
 def near_second(h: float, margin: float, walls: Floats, before: Floats, state: Floats, near: Bools, lanes: int) -> None:
     """Mark the lanes whose second stage may meet a wall."""
     third = h / 3.0
@@ -198,7 +198,7 @@ def _cubic(a: float, b: float, c: float, d: float, s: float) -> float:
     return r * r * r * a + 3.0 * r * s * (r * b + s * c) + s * s * s * d
 
 
-@jit
+@spliced
 def _first_root(a: float, b: float, c: float, d: float) -> float:
     """First zero in (0, 1] of a cubic with Bernstein coefficients a >= 0, b, c, d; 2 if none is seen."""
     low, pieces = 0.0, 8
@@ -227,7 +227,7 @@ def _first_root(a: float, b: float, c: float, d: float) -> float:
     return 2.0
 
 
-@jit
+@lean
 def _cut_at(gap0: float, rate0: float, gap1: float, rate1: float, h: float, margin: float, close: float) -> float:
     """Share of the time h after which to look again at a wall: 1 if it cannot be met before."""
     b, c = gap0 + rate0 * h / 3.0, gap1 - rate1 * h / 3.0
@@ -237,7 +237,7 @@ def _cut_at(gap0: float, rate0: float, gap1: float, rate1: float, h: float, marg
     return root if root < 1.0 else 0.5
 
 
-@jit
+@spliced
 def _due(c: Constants, at: Progress, walls: Walls) -> tuple[int, float]:
     """``mesh * side`` of an impact that is due, and the time to the next wall ahead at the speed of now."""
     code, reach = 0, math.inf
@@ -252,7 +252,7 @@ def _due(c: Constants, at: Progress, walls: Walls) -> tuple[int, float]:
     return code, reach
 
 
-@jit
+@spliced
 def _on_wall(at: Progress, code: int, walls: Walls) -> Progress:
     """The same with the struck coordinate on its wall, and the impact due."""
     x1, x2 = at.x1, at.x2
@@ -263,14 +263,14 @@ def _on_wall(at: Progress, code: int, walls: Walls) -> Progress:
     return Progress(code, at.tau, at.left, at.noise, x1, at.y1, x2, at.y2)
 
 
-@jit
+@spliced
 def _put_inside(at: Progress, walls: Walls) -> Progress:
     """The same with what lies beyond a wall put on it: for a step that has used up its cuts."""
     x1, x2 = min(max(at.x1, -walls.low1), walls.high1), min(max(at.x2, -walls.low2), walls.high2)
     return Progress(at.code, at.tau, at.left, at.noise, x1, at.y1, x2, at.y2)
 
 
-@jit
+@spliced
 def _cut_of_trial(c: Constants, at: Progress, end: Progress, h: float, walls: Walls) -> float:
     """Share of a trial of length h after which to look again, over all walls: 1 if it meets none before its end."""
     margin1, margin2 = _margins(c, at.tau, h)
@@ -289,7 +289,7 @@ def _cut_of_trial(c: Constants, at: Progress, end: Progress, h: float, walls: Wa
     return cut
 
 
-@jit
+@inlined
 def advance_exactly(
     c: Constants, key: Key, path: Word, index: Word, purpose: Word, at: Progress, walls: Walls
 ) -> Progress:
