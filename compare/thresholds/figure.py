@@ -37,9 +37,11 @@ def error_figure(table: pd.DataFrame, model: str) -> Figure:
         ax.hlines(place[own], low[own], high[own], color=colour, lw=1.6)
         ax.plot(error[own], place[own], ls="none", marker=marker, ms=6, color=colour)
     reach = float(np.max(np.abs([low, high, allowed])))
-    if reach > WIDE * allowed.min():
+    far = reach > WIDE * allowed.min()
+    if far:
         ax.set_xscale("symlog", linthresh=2.0 * float(allowed.max()), linscale=2.0)
-    ax.set_xlim(-1.15 * reach, 1.15 * reach)
+    room = 2.0 if far else 1.15
+    ax.set_xlim(-room * reach, room * reach)
     ax.axvline(0.0, color="0.3", lw=0.8)
     names = [
         rf"{'E' if r.moment == 'mean' else 'sd'} {SYMBOL[str(r.quantity)]}, impact {r.impact}"
@@ -55,6 +57,6 @@ def error_figure(table: pd.DataFrame, model: str) -> Figure:
     handles = [Line2D([], [], color=MARKS[o][0], marker=MARKS[o][1], ms=6, label=o) for o in shown]
     figure.legend(
         handles=[*handles, Patch(color=ACCURATE, alpha=0.35, lw=0, label="allowed")], loc="outside upper center",
-        ncols=4,
+        ncols=4, frameon=False,
     )  # fmt: skip
     return figure

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 import pandas as pd
@@ -31,7 +32,7 @@ class Rattle:
 
     def __init__(self, item: pytest.Item, claim: Claim, thresholds: Thresholds) -> None:
         self.claim, self._item, self._thresholds = claim, item, thresholds
-        self._checked = False
+        self._asked: set[str] = set()
 
     def check(self, model: Model) -> pd.DataFrame:
         """Hold a model's section moments against the simulation of the marker's scene.
@@ -50,9 +51,7 @@ class Rattle:
         DataFrame
             A row for each check; columns of `compare.moments.section_errors` and ``outcome``.
         """
-        if self._checked:
-            self._fail("a test checks one model, or its false alarms could not be counted; parametrize the test")
-        self._checked = True
+        self._once("check")
         prediction = self._guarded(lambda: predict(model, self.claim))
         drawn = self._guarded(lambda: self._thresholds.ensemble(self.claim))
         session = self._thresholds
@@ -62,7 +61,7 @@ class Rattle:
         self._record(
             kind="check", model=prediction.reading, rows=len(table), failed=failed, undecided=undecided, z=session.z,
             all_rows=session.rows, rate=session.settings.false_alarm, computed=drawn.computed, seconds=drawn.seconds,
-            decide=deciding(table), folder=str(session.folder),
+            decide=deciding(table), folder=self._shown(session.folder),
         )  # fmt: skip
         if failed:
             self._fail(failure_text(prediction.reading, table, drawn.run, session.z) + self._figure(prediction, table))
@@ -83,6 +82,7 @@ class Rattle:
         relative, absolute : float
             A value may differ by ``absolute + relative * |recorded|``.
         """
+        self._once("baseline")
         prediction = self._guarded(lambda: predict(model, self.claim))
         path = baseline.place(self._item.path, self._item.name)
         now = baseline.content(prediction, self.claim)
@@ -90,9 +90,9 @@ class Rattle:
         again = f"pytest '{self._item.nodeid}' --rattle-baselines"
         if not path.exists():
             if mode == "compare":
-                self._fail(f"there is no baseline {path}; record it: {again}=record")
+                self._fail(f"there is no baseline {self._shown(path)}; record it: {again}=record")
             baseline.write(path, now, prediction.reading)
-            self._record(kind="baseline", done=f"recorded {path}")
+            self._record(kind="baseline", done=f"recorded {self._shown(path)}")
             return
         recorded = self._guarded(lambda: baseline.read(path))
         changes = baseline.changes(recorded, now, relative, absolute)
@@ -100,19 +100,28 @@ class Rattle:
             self._record(kind="baseline", done="")
         elif mode == "regenerate":
             baseline.write(path, baseline.updated(recorded, now, changes), prediction.reading)
-            self._record(kind="baseline", done="\n".join([f"regenerated {path}", *baseline.listed(changes)]))
+            self._record(
+                kind="baseline", done="\n".join([f"regenerated {self._shown(path)}", *baseline.listed(changes)])
+            )
         else:
             lines = "\n".join(baseline.listed(changes))
             self._fail(
-                f"{prediction.reading} differs from its baseline {path} by more than {absolute:g} + {relative:g} of a "
-                f"value:\n{lines}\nIf that is meant: {again}=regenerate"
+                f"{prediction.reading} differs from its baseline {self._shown(path)} by more than {absolute:g} + "
+                f"{relative:g} of a value:\n{lines}\nIf that is meant: {again}=regenerate"
             )
+
+    def _once(self, kind: str) -> None:
+        """Its rows are counted once at collection, and its baseline is one file."""
+        if kind in self._asked:
+            self._fail(f"a test makes one {kind}; parametrize the test for more")
+        self._asked.add(kind)
 
     def _guarded(self, action: Callable[[], T]) -> T:
         try:
             return action()
         except RattleError as error:
-            self._fail(str(error))
+            refusal = str(error)
+        self._fail(refusal)
 
     def _fail(self, text: str) -> NoReturn:
         pytest.fail(f"rattle: {text}", pytrace=False)
@@ -128,4 +137,9 @@ class Rattle:
         path = self._thresholds.folder / "figures" / f"{name}.svg"
         path.parent.mkdir(parents=True, exist_ok=True)
         save(error_figure(table, prediction.reading), path)
-        return f"\nFigure: {path}"
+        return f"\nFigure: {self._shown(path)}"
+
+    def _shown(self, path: Path) -> str:
+        """A path as short as it can be from where pytest was called."""
+        here = self._item.config.invocation_params.dir
+        return str(path.relative_to(here) if path.is_relative_to(here) else path)

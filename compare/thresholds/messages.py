@@ -2,10 +2,10 @@
 
 import math
 
-import numpy as np
 import pandas as pd
 
 from compare.study.cell import Sampled
+from compare.thresholds.summary import decided_by
 
 __all__ = ["deciding", "failure_text", "row_table", "undecided_text"]
 
@@ -18,8 +18,8 @@ def row_table(rows: pd.DataFrame) -> str:
     >>> row = {"moment": "mean", "quantity": "y1", "impact": 2, "closure": 1.13, "monte_carlo": 1.03, "error": 0.1}
     >>> row |= {"low": 0.08, "high": 0.12, "tolerance": 0.005, "unit": 0.1, "agreement": 1.0, "outcome": "fail"}
     >>> print(row_table(pd.DataFrame([row])))
-                  model  simulated  error/sd       low      high  allowed  on itinerary
-    E y1 at 2  1.130000   1.030000   +1.0000   +0.8000   +1.2000   0.0500        1.0000
+                  model simulated error/sd      low     high  allowed on itinerary
+    E y1 at 2  1.130000  1.030000  +1.0000  +0.8000  +1.2000   0.0500       1.0000
     """
     unit = rows["unit"]
     shown = pd.DataFrame(
@@ -39,8 +39,8 @@ def row_table(rows: pd.DataFrame) -> str:
 
 def _means(rows: pd.DataFrame, run: Sampled, z: float) -> str:
     return (
-        f"{run.paths} paths, intervals of {z:.2f} standard errors; errors in sds of the quantity, at each path's own "
-        f"impact:\n{row_table(rows)}"
+        f"{run.paths} paths; intervals of {z:.2f} standard errors; errors in sds of the quantity, at each path's own "
+        f"impact\n{row_table(rows)}"
     )
 
 
@@ -49,7 +49,7 @@ def failure_text(model: str, table: pd.DataFrame, run: Sampled, z: float) -> str
     failed = table[table["outcome"] == "fail"]
     undecided = int((table["outcome"] == "undecided").sum())
     beside = f", {undecided} undecided" if undecided else ""
-    return f"{model} is outside what is allowed in {len(failed)} of {len(table)} rows{beside}; {_means(failed, run, z)}"
+    return f"{model} is outside what is allowed in {len(failed)} of {len(table)} rows{beside}\n{_means(failed, run, z)}"
 
 
 def deciding(table: pd.DataFrame) -> float:
@@ -61,9 +61,5 @@ def deciding(table: pd.DataFrame) -> float:
 def undecided_text(model: str, table: pd.DataFrame, run: Sampled, z: float) -> str:
     """Which rows are undecided, and what would decide them."""
     rows = table[table["outcome"] == "undecided"]
-    paths = deciding(table)
-    if np.isfinite(paths):
-        remedy = f"{paths:.2g} paths would decide: paths={float(f'{paths:.2g}'):.0f} in the marker"
-    else:
-        remedy = "no number of paths would decide; a smaller step may, or another tolerance"
-    return f"{model} is undecided in {len(rows)} of {len(table)} rows; {remedy}; {_means(rows, run, z)}"
+    remedy = decided_by(deciding(table))
+    return f"{model} is undecided in {len(rows)} of {len(table)} rows; {remedy}\n{_means(rows, run, z)}"

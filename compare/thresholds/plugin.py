@@ -18,6 +18,7 @@ __all__ = ["CLAIM", "THRESHOLDS", "rattle"]
 
 THRESHOLDS: pytest.StashKey[Thresholds] = pytest.StashKey()
 CLAIM: pytest.StashKey[Claim] = pytest.StashKey()
+REFUSED: pytest.StashKey[str] = pytest.StashKey()
 
 MARKER = (
     "rattle(scene, impacts=4, quantities=('tau', 'y1', 'y2'), moments=('mean', 'sd'), within={'mean': 0.05, 'sd': 0.1}"
@@ -90,7 +91,16 @@ def pytest_collection_finish(session: pytest.Session) -> None:
         chosen = {option.key: option_value(session.config, option) for option in OPTIONS}
         session.config.stash[THRESHOLDS] = thresholds_of(marked, chosen, session.config)
     except RattleError as error:
-        raise pytest.UsageError(str(error)) from None
+        if not hasattr(session.config, "workerinput"):
+            raise pytest.UsageError(str(error)) from None
+        for item in marked:  # a worker of xdist that ends here would take the whole session down without a word
+            item.stash[REFUSED] = str(error)
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Where the claims of the session could not be read, no test that makes one can speak."""
+    if REFUSED in item.stash:
+        pytest.fail(item.stash[REFUSED], pytrace=False)
 
 
 @pytest.fixture
@@ -109,10 +119,11 @@ def rattle(request: pytest.FixtureRequest) -> Rattle:
 def pytest_terminal_summary(terminalreporter: Any) -> None:
     """What was checked, and what it cost; nothing where nothing was."""
     reports = [r for listed in terminalreporter.stats.values() for r in listed if getattr(r, "when", None) == "call"]
-    records = [(r.nodeid, value) for r in reports for key, value in r.user_properties if key == "rattle"]
+    found = [(r.nodeid, value) for r in reports for key, value in r.user_properties if key == "rattle"]
+    records = {(test, facts["kind"]): (test, facts) for test, facts in found}  # reports of subtests repeat them
     if records:
         from compare.thresholds.summary import summary_lines
 
         terminalreporter.section("rattle: accuracy thresholds")
-        for line in summary_lines(records):
+        for line in summary_lines(list(records.values())):
             terminalreporter.write_line(line)

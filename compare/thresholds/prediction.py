@@ -52,10 +52,8 @@ def predict(model: Model, claim: Claim) -> Prediction:
     >>> from scene import DAT21, Scene
     >>> from compare.thresholds.claim import read_claim
     >>> claim = read_claim({"scene": Scene.from_gears(DAT21, sigma=0.1), "impacts": 1, "quantities": "tau"}, Path())
-    >>> predict("saltation", claim).section.round(4)
-               tau  sd_tau
-    impact
-    1       0.5601  0.0016
+    >>> predict("saltation", claim).section.round(4).to_dict("list")
+    {'tau': [0.56], 'sd_tau': [0.0016]}
     """
     impacts = claim.impacts[-1]
     if isinstance(model, str):
@@ -79,6 +77,8 @@ def _complete(name: str, table: object, claim: Claim, why: str = "") -> pd.DataF
             f"columns of {name}", list(table.columns), f"{missing[0]!r} is missing; add it, or change the marker's "
             "quantities and moments",
         )  # fmt: skip
+    if not table.columns.is_unique:
+        raise InputError(f"columns of {name}", list(table.columns), "must each have a name of their own")
     absent = [k for k in claim.impacts if k not in table.index]
     if absent or not table.index.is_unique:
         raise InputError(

@@ -16,7 +16,7 @@ from compare.study.store import Store, Stored
 from compare.thresholds.claim import Claim, merged, read_claim
 from compare.thresholds.plugin import CLAIM
 from montecarlo.ensemble import Blocks, in_threads
-from scene.errors import InputError
+from scene.errors import InputError, RattleError
 from scene.validate import choice, count, finite
 
 __all__ = ["PROFILES", "Drawn", "Settings", "Thresholds", "read_settings", "thresholds_of"]
@@ -164,7 +164,7 @@ def thresholds_of(marked: Sequence[pytest.Item], chosen: Mapping[str, str], conf
 
     Raises
     ------
-    InputError
+    RattleError
         Names the test, the option of its marker, the value and the remedy; every wrong marker in one message.
     """
     settings, rows, wrong = read_settings(chosen), 0, []
@@ -184,7 +184,7 @@ def thresholds_of(marked: Sequence[pytest.Item], chosen: Mapping[str, str], conf
             item.stash[CLAIM] = claim
             rows += len(claim.rows)
     if wrong:
-        raise pytest.UsageError("\n".join(f"rattle: {line}" for line in wrong))
+        raise RattleError("\n".join(f"rattle: {line}" for line in wrong))
     return Thresholds(settings, rows, settings.cache or _own_cache(config))
 
 

@@ -4,7 +4,20 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-__all__ = ["summary_lines"]
+__all__ = ["decided_by", "summary_lines"]
+
+
+def decided_by(paths: float) -> str:
+    """What would decide an undecided test, in words; infinite where no number of paths would.
+
+    Examples
+    --------
+    >>> decided_by(141_234.0)
+    '140,000 paths would decide'
+    """
+    if math.isfinite(paths):
+        return f"{float(f'{paths:.2g}'):,.0f} paths would decide"
+    return "no number of paths would decide; a smaller step may, or another tolerance"
 
 
 def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[str]:
@@ -38,9 +51,7 @@ def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[
         )
     for test, facts in checks:
         if facts["undecided"]:
-            decide = facts["decide"]
-            paths = f"{decide:.2g} paths would decide" if math.isfinite(decide) else "no number of paths would decide"
-            yield f"undecided  {test} ({facts['model']}): {paths}"
+            yield f"undecided  {test} ({facts['model']}): {decided_by(facts['decide'])}"
     compared = [(test, facts["done"]) for test, facts in records if facts["kind"] == "baseline"]
     if compared:
         written = [done for _, done in compared if done]
