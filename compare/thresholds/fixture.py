@@ -84,7 +84,7 @@ class Rattle:
         """
         self._once("baseline")
         prediction = self._guarded(lambda: predict(model, self.claim))
-        path = baseline.place(self._item.path, self._item.name)
+        path = baseline.place(self._item.path, ".".join(self._item.nodeid.split("::")[1:]))
         now = baseline.content(prediction, self.claim)
         mode = self._thresholds.settings.baselines
         again = f"pytest '{self._item.nodeid}' --rattle-baselines"

@@ -85,6 +85,20 @@ def test_another_scene_is_another_baseline(run):
     result.stdout.fnmatch_lines(["  scene.sigma: 0.02 -> 0.03"])
 
 
+def test_tests_of_one_name_in_two_classes_have_a_file_each(pytester):
+    classes = "\n".join(
+        f"class Test{c}:\n    @pytest.mark.rattle(scene=S, impacts=1)\n"
+        "    def test_it(self, rattle):\n        rattle.baseline('saltation')\n"
+        for c in "AB"
+    )
+    head = "import pytest\nfrom scene import DAT21, Scene\nS = Scene.from_gears(DAT21, sigma=0.02)\n"
+    pytester.makepyfile(test_gate=head + classes)
+    pytester.runpytest_inprocess("-p", "compare.thresholds.plugin", "--rattle-baselines=record").assert_outcomes(
+        passed=2
+    )
+    assert sorted(files(pytester)) == ["TestA.test_it.toml", "TestB.test_it.toml"]
+
+
 def test_a_damaged_file_is_named(run, pytester):
     run("--rattle-baselines=record")
     for path in (pytester.path / "baselines").rglob("*.toml"):
