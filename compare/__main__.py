@@ -101,7 +101,7 @@ def validate(
     from compare.folder import check_free
     from compare.report import CONTENTS, write_report
     from compare.sweep import check_sweep, grid, sweep
-    from compare.validate import validate as hold_against
+    from compare.validation import validate as hold_against
     from montecarlo import SCHEMES, check_settings
     from scene import DAT21, Scene
     from scene.validate import choice, count

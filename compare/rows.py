@@ -8,7 +8,7 @@ from compare.distance import section_distances
 from compare.frontier import CAUSES
 from compare.moments import VERDICTS
 from compare.realizability import first_failures, realizability_table
-from compare.validate import Validation
+from compare.validation import Validation
 
 __all__ = [
     "MARKS", "count_rows", "distance_rows", "failure_rows", "frontier_rows", "impact_rows", "simulation_text",
