@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from compare import sampling_commands
+from compare import chaos_command, sampling_commands
 from scene.errors import RattleError
 
 __all__ = ["EXIT_NOT_MET", "EXIT_NOT_REPEATED", "main"]
@@ -231,6 +231,7 @@ def tradeoff(
 main.add_command(sampling_commands.simulate)
 main.add_command(sampling_commands.bench)
 main.add_command(sampling_commands.order)
+main.add_command(chaos_command.chaos)
 
 
 def _cpu() -> float:
