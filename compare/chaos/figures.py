@@ -39,7 +39,7 @@ NAMES = {
     "epsilon": r"restitution $\epsilon$",
 }
 FLIGHT = r"time since the last impact $\Delta\tau$ (1/$\omega$)"
-HIGHEST = 8.0  # frequency, in units of the excitation's, up to which a spectrum is drawn
+HIGHEST = 6.5  # frequency, in units of the excitation's, up to which a spectrum is drawn
 
 
 def _velocity(stage: int) -> str:
@@ -69,7 +69,7 @@ def section_figure(found: Mapping[str, Section]) -> Figure:
         ax.set_xlim(s.flight[0], s.flight[-1])
         ax.set_ylim(s.velocity[0], s.velocity[-1])
         if stage == 0:
-            ax.set_title(f"{s.side}, {s.points:,} points", loc="left", color=SIDE[s.side]["color"], fontweight="bold")
+            ax.set_title(f"{s.side}\n{s.points:,} points", loc="left", color=SIDE[s.side]["color"], fontweight="bold")
         if stage == stages - 1:
             ax.set_xlabel(FLIGHT)
         if side == 0:
@@ -89,6 +89,7 @@ def spectrum_figure(found: Mapping[tuple[str, str, str], Spectrum]) -> Figure:
             if s is not None:
                 _spectrum(ax, s, side, HIGHEST if kind == TIME else math.inf)
         ax.set_yscale("log")
+        ax.set_rasterization_zorder(2.5)  # one image of all curves; text, axes and lines' markers stay drawings
         unit = "excitation frequency" if kind == TIME else "cycles per impact"
         ax.set_xlabel(f"frequency ({unit})" if kind == SEQUENCE else f"frequency / {unit}")
         ax.set_title(f"{SYMBOL[name]}: {kind}", loc="left")
@@ -102,17 +103,15 @@ def _spectrum(ax: Axes, s: Spectrum, side: str, highest: float) -> None:
     shown = s.frequency <= highest
     f, colour = s.frequency[shown], SIDE[side]["color"]
     low, high = s.band
-    ax.fill_between(
-        f, low[shown], high[shown], color=colour, alpha=0.25, lw=0, label=f"{side}: 95 % band", rasterized=True
-    )
-    ax.plot(f, s.power[shown], color=colour, lw=0.7, label=side, rasterized=True)
-    ax.plot(
-        f, s.floor[shown], color="k", lw=0.9, ls="--" if side == NOISY else ":", label=f"{side}: floor", rasterized=True
-    )
+    dashes = "--" if side == NOISY else ":"
+    ax.fill_between(f, low[shown], high[shown], color=colour, alpha=0.25, lw=0, label=f"{side}: 95 % band")
+    ax.plot(f, s.power[shown], color=colour, lw=0.7, label=side)
+    ax.plot(f, s.floor[shown], color="k", lw=0.9, ls=dashes, label=f"{side}: floor")
     near = s.lines[s.lines["frequency"] <= highest].head(12)
     if len(near):
         at = np.searchsorted(s.frequency, near["frequency"]).clip(0, s.power.size - 1)
-        ax.plot(near["frequency"], 2.0 * s.power[at], ls="none", ms=4, mfc="none", label=f"{side}: line", **SIDE[side])
+        place = near["frequency"], 2.0 * s.power[at]
+        ax.plot(*place, ls="none", ms=4, mfc="none", zorder=3, label=f"{side}: line", **SIDE[side])
 
 
 def _lines(ax: Axes, table: pd.DataFrame, field: str) -> None:

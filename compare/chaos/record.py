@@ -22,6 +22,7 @@ DISCARD = 1000  # impacts after each start that are not looked at
 CHUNK = 50_000  # impacts of an orbit at a time
 STEPS = 100_000  # of a noisy path at a time
 TRIAL = 20_000  # impacts after which an orbit that is at rest most of its time is given up
+ROUNDED = 1e-6  # speed below which impacts that accumulate no longer slow down one by one, for rounding
 WORTH = 0.25  # share of the impacts that must be of use by then
 
 
@@ -146,11 +147,11 @@ def orbit_record(scene: Scene, impacts: int, regime: Regime, *, tangent: bool = 
 
 def _accumulating(s: Stretch) -> int:
     """Number of impacts before those that accumulate at the end: each slower than the last one on the same flank."""
-    same = np.flatnonzero(s.code == s.code[-1]) if s.code.size else np.zeros(0, np.int64)
-    if same.size == 0:
+    if s.code.size == 0:
         return 0
-    speed = np.abs(s.before[same, 1 if abs(s.code[-1]) == 1 else 3])
-    rising = np.flatnonzero(speed[1:] >= speed[:-1])
+    every = np.abs(s.before[:, 1 if abs(s.code[-1]) == 1 else 3])
+    same = np.flatnonzero((s.code == s.code[-1]) & (every > ROUNDED))
+    rising = np.flatnonzero(every[same][1:] >= every[same][:-1])
     return int(same[rising[-1] + 1]) if rising.size else 0
 
 

@@ -37,7 +37,7 @@ FALSE_ALARM = 0.01
 AROUND = 32  # bins on either side from which the floor of a bin is taken
 TOGETHER = 2  # bins at least: under this window a single frequency stands out in three, chance in one
 NARROW = 2.0  # bins: what a single frequency takes up under this window is 1.5
-SEGMENT = {SEQUENCE: 2048, TIME: 16384}  # samples: 128 periods of the excitation in time
+SEGMENT = {SEQUENCE: 2048, TIME: 8192}  # samples: 64 periods of the excitation in time
 PARTS = 4  # noisy paths
 
 
@@ -70,7 +70,10 @@ class Spectrum:
 
     @cached_property
     def floor(self) -> Floats:
-        """Continuous floor: the median of the bins around each, put right for the median of chi-square."""
+        """Continuous floor: the median of the 65 bins around each, put right for the median of chi-square.
+
+        It is taken to be smooth over as many; what bends within fewer counts as a band.
+        """
         around = ndimage.median_filter(self.power, size=2 * AROUND + 1, mode="reflect")
         return np.asarray(around * (self.dof / float(stats.chi2.ppf(0.5, self.dof))))
 
@@ -182,7 +185,7 @@ def spectra(
     ----------
     scene : Scene
     impacts : int
-        Of the orbit; the noisy paths last as long as these take at the noise-free rate of DAT21, 2.3.
+        Of the orbit, and at least of the noisy paths together.
     seed : int
     workers : int
         Threads; the result does not depend on it.
@@ -195,11 +198,15 @@ def spectra(
     """
     count("impacts", impacts, least=20_000)
     h = clockwork(scene, 1).h
-    steps = math.ceil(impacts / 2.3 / PARTS / h)
 
     def noisy(path: int) -> tuple[list[Floats], list[Floats]]:
-        record = list(noisy_record(scene, steps, seed, Regime(), path=path, tangent=False))
-        return [s.before[:, 1::2] for s, _ in record], [np.concatenate([v for _, v in record])]
+        sequence, time, regime = [], [], Regime()
+        for s, velocity in noisy_record(scene, 2**30, seed, regime, path=path, tangent=False):
+            sequence.append(s.before[:, 1::2].copy())
+            time.append(velocity)
+            if regime.impacts * PARTS >= impacts:
+                break
+        return [np.concatenate(sequence)], [np.concatenate(time)]
 
     found: dict[tuple[str, str, str], Spectrum] = {}
     regime = Regime()
