@@ -39,6 +39,7 @@ NAMES = {
     "epsilon": r"restitution $\epsilon$",
 }
 FLIGHT = r"time since the last impact $\Delta\tau$ (1/$\omega$)"
+IMAGE: Any = {"rasterized": True}
 HIGHEST = 6.5  # frequency, in units of the excitation's, up to which a spectrum is drawn
 
 
@@ -89,7 +90,7 @@ def spectrum_figure(found: Mapping[tuple[str, str, str], Spectrum]) -> Figure:
             if s is not None:
                 _spectrum(ax, s, side, HIGHEST if kind == TIME else math.inf)
         ax.set_yscale("log")
-        ax.set_rasterization_zorder(2.5)  # one image of all curves; text, axes and lines' markers stay drawings
+        ax.set_axisbelow(True)  # so that all curves make one image; text and axes stay drawings
         unit = "excitation frequency" if kind == TIME else "cycles per impact"
         ax.set_xlabel(f"frequency ({unit})" if kind == SEQUENCE else f"frequency / {unit}")
         ax.set_title(f"{SYMBOL[name]}: {kind}", loc="left")
@@ -104,9 +105,9 @@ def _spectrum(ax: Axes, s: Spectrum, side: str, highest: float) -> None:
     f, colour = s.frequency[shown], SIDE[side]["color"]
     low, high = s.band
     dashes = "--" if side == NOISY else ":"
-    ax.fill_between(f, low[shown], high[shown], color=colour, alpha=0.25, lw=0, label=f"{side}: 95 % band")
-    ax.plot(f, s.power[shown], color=colour, lw=0.7, label=side)
-    ax.plot(f, s.floor[shown], color="k", lw=0.9, ls=dashes, label=f"{side}: floor")
+    ax.fill_between(f, low[shown], high[shown], color=colour, alpha=0.25, lw=0, label=f"{side}: 95 % band", **IMAGE)
+    ax.plot(f, s.power[shown], color=colour, lw=0.7, label=side, **IMAGE)
+    ax.plot(f, s.floor[shown], color="k", lw=0.9, ls=dashes, label=f"{side}: floor", **IMAGE)
     near = s.lines[s.lines["frequency"] <= highest].head(12)
     if len(near):
         at = np.searchsorted(s.frequency, near["frequency"]).clip(0, s.power.size - 1)

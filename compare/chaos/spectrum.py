@@ -35,7 +35,7 @@ CONFIDENCE = 0.95
 FALSE_ALARM = 0.01
 """Probability that a spectrum without lines shows one."""
 AROUND = 32  # bins on either side from which the floor of a bin is taken
-TOGETHER = 2  # bins at least: under this window a single frequency stands out in three, chance in one
+ALONE = 1.5  # times the threshold for a bin that stands alone: a frequency lifts its neighbours too, chance does not
 NARROW = 2.0  # bins: what a single frequency takes up under this window is 1.5
 SEGMENT = {SEQUENCE: 2048, TIME: 8192}  # samples: 64 periods of the excitation in time
 PARTS = 4  # noisy paths
@@ -101,7 +101,7 @@ class Spectrum:
         rows = []
         for place in ndimage.find_objects(label, n):
             p = extra[place]
-            if p.size < TOGETHER:
+            if p.size == 1 and not (self.power[place] > ALONE * self.threshold * self.floor[place]).any():
                 continue
             width = float(p.sum() / p.max())
             rows.append({
