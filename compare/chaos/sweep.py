@@ -9,14 +9,16 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
+from scipy import stats
 
 from closure import mean_map
-from compare.chaos.exponents import DRIFT, ORBIT, Exponents, drift_exponents, lyapunov
+from compare.chaos.exponents import CONFIDENCE, DRIFT, ORBIT, Exponents, drift_exponents, lyapunov
 from scene.errors import InputError
 from scene.scene import Scene, Start
 from scene.validate import choice, count, finite
 
-__all__ = ["ALPHAS", "FIELDS", "crossings", "paper_noise", "sweep", "values", "with_field"]
+__all__ = ["ALPHAS", "FIELDS", "crossings", "paper_noise", "signs", "sweep", "values", "with_field"]
 
 ALPHAS = "0.05:2.5:100"
 FIELDS = ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1", "gap2", "sigma")
@@ -142,11 +144,24 @@ def sweep(
     return pd.DataFrame([row for rows in found for row in rows])
 
 
+def signs(rows: pd.DataFrame) -> NDArray[np.int64]:
+    """Sign of the largest exponent at each value: 0 where its interval, corrected for their number, holds zero.
+
+    Examples
+    --------
+    >>> signs(pd.DataFrame({"low": [0.5, -1.0, np.nan], "high": [1.5, 1.0, np.nan]})).tolist()
+    [1, 0, 0]
+    """
+    wider = float(stats.norm.isf(0.5 * (1.0 - CONFIDENCE) / len(rows)) / stats.norm.isf(0.5 * (1.0 - CONFIDENCE)))
+    middle, half = 0.5 * (rows["high"] + rows["low"]), 0.5 * wider * (rows["high"] - rows["low"])
+    return np.where(middle - half > 0.0, 1, np.where(middle + half < 0.0, -1, 0))
+
+
 def crossings(table: pd.DataFrame, field: str = "alpha", of: str = ORBIT) -> pd.DataFrame:
     """Where the largest exponent changes its sign along a sweep.
 
     A change lies between the last value at which the interval is on one side of zero and the first at which it is on
-    the other; values that cannot say, or at which the orbit rests, widen it.
+    the other, all intervals together at 95 %; values that cannot say, or at which the orbit rests, widen it.
 
     Returns
     -------
@@ -161,7 +176,7 @@ def crossings(table: pd.DataFrame, field: str = "alpha", of: str = ORBIT) -> pd.
     [{'of': 'orbit', 'low': 1.0, 'high': 3.0, 'to': 1, 'undecided': 1}]
     """
     rows = table[table["of"] == of].sort_values(field)
-    sign = np.where(rows["low"] > 0.0, 1, np.where(rows["high"] < 0.0, -1, 0))
+    sign = signs(rows)
     x = rows[field].to_numpy()
     known = np.flatnonzero(sign)
     found = [

@@ -6,7 +6,7 @@ import pandas as pd
 from compare.chaos.exponents import DRIFT, ORBIT, Exponents
 from compare.chaos.spectrum import TIME
 from compare.chaos.sqrt_law import SqrtLaw
-from compare.chaos.sweep import crossings
+from compare.chaos.sweep import crossings, signs
 
 __all__ = ["answer"]
 
@@ -69,16 +69,17 @@ def _sweep(table: pd.DataFrame, field: str) -> list[str]:
     for of in (ORBIT, DRIFT):
         rows = table[table["of"] == of]
         changes = crossings(table, field, of)
-        signs = (
-            f"is positive at {(rows['low'] > 0.0).sum()}, negative at {(rows['high'] < 0.0).sum()} and undecided at "
-            f"{((rows['low'] <= 0.0) & (rows['high'] >= 0.0)).sum()} of {len(rows)} values of {field}"
+        found = signs(rows)
+        counted = (
+            f"is positive at {(found > 0).sum()}, negative at {(found < 0).sum()} and undecided at "
+            f"{((found == 0) & rows['low'].notna()).sum()} of {len(rows)} values of {field}"
         )
         rests = (rows["regime"] == "rests").sum(), (rows["regime"] == "rests at times").sum()
         marked = f"; it rests for good at {rests[0]} and at times at {rests[1]}" if any(rests) else ""
         where = "; ".join(
             f"{'+' if r['to'] > 0 else '-'} between {r['low']:.3g} and {r['high']:.3g}" for _, r in changes.iterrows()
         )
-        said.append(f"Largest exponent, {of}: {signs}{marked}. Changes of sign: {where or 'none'}.")
+        said.append(f"Largest exponent, {of}: {counted}{marked}. Changes of sign: {where or 'none'}.")
     return said
 
 
