@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from compare import sampling_commands
+from compare import chaos_command, sampling_commands
 from compare.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_soon
 from compare.study.command import study
 from scene.errors import RattleError
@@ -240,6 +240,7 @@ main.add_command(sampling_commands.simulate)
 main.add_command(sampling_commands.bench)
 main.add_command(sampling_commands.order)
 main.add_command(study)
+main.add_command(chaos_command.chaos)
 
 
 def _cpu() -> float:

@@ -23,16 +23,18 @@ from montecarlo.brownian import joined, split
 from montecarlo.noise import Key, Word, normals
 from montecarlo.progress import Noise, Progress, Walls
 from scene.compiled import inlined, lean, spliced
-from scene.flight import decay, flow, noise_rate, turned
+from scene.flight import decay, flow, turned
 from scene.scene import Constants
 
 __all__ = [
     "FlightForcing",
     "advance_exactly",
+    "first_root",
     "first_stage",
     "flight_forcing",
     "flight_lanes",
     "kick",
+    "margins",
     "near_second",
     "near_wall",
     "second_stage",
@@ -67,38 +69,39 @@ class FlightForcing(NamedTuple):
 
 
 @lean
-def _margins(c: Constants, tau: float, h: float) -> tuple[float, float]:
-    """Margins on the Bernstein coefficients of both stages' gaps over a time h from `tau`: noise, and what a cubic
-    cannot bend.
+def margins(c: Constants, sine: float, cosine: float, h: float) -> tuple[float, float]:
+    """Margins on the Bernstein coefficients of both stages' gaps over a time h: noise, and what a cubic cannot bend.
+
+    `sine` and `cosine` are those of any phase in this time.
 
     The noise is taken at its largest modulation in this time: where it vanishes, a path that is pressed to its wall
     must not be cut as if it were shaken.
     """
     spread = STRAY * abs(c.sigma) * h * math.sqrt(h) * SCALE
     most = math.sqrt(1.0 + c.beta1**2)  # of the modulation of y1, and of its rate
-    first = min(most, abs(noise_rate(c, tau)[0]) + h * most)
-    second = abs(c.beta1 - c.beta2) * (min(1.0, abs(math.cos(tau)) + h) + h * first)  # the last by way of y1
+    first = min(most, abs(c.beta1 * cosine - sine) + h * most)
+    second = abs(c.beta1 - c.beta2) * (min(1.0, abs(cosine) + h) + h * first)  # the last by way of y1
     force = c.alpha * most + c.gamma1 + c.gamma2
     bend = h**4 / 96.0 * force * (1.0 + max(c.beta1, c.beta2)) ** 2  # Hermite: h^4 / 384 times the fourth derivative
     return spread * first + bend, spread * second + bend
 
 
 @inlined
-def _turned(beta: float, t: float) -> float:
+def short_turned(beta: float, t: float) -> float:
     """`scene.flight.turned` of a time within which damping does little (``beta t <= 0.2``), by its series to 1e-12."""
     z = beta * t
     return t * (1.0 - z / 2.0 * (1.0 - z / 3.0 * (1.0 - z / 4.0 * (1.0 - z / 5.0 * (1.0 - z / 6.0 * (1.0 - z / 7.0))))))
 
 
 @inlined
-def _node(c: Constants, sine: float, cosine: float, lag: float) -> tuple[float, float, float, float]:
+def node(c: Constants, sine: float, cosine: float, lag: float) -> tuple[float, float, float, float]:
     """What unit noise at a phase does to the state `lag` later (Eq. 5)."""
     m1, m2 = -sine + c.beta1 * cosine, (c.beta1 - c.beta2) * cosine
-    e1 = _turned(c.beta1, lag)
+    e1 = short_turned(c.beta1, lag)
     d1 = 1.0 - c.beta1 * e1
     if c.stages == 1:
         return e1 * m1, d1 * m1, 0.0, 0.0
-    e2 = _turned(c.beta2, lag)
+    e2 = short_turned(c.beta2, lag)
     d2 = 1.0 - c.beta2 * e2
     return e1 * m1, d1 * m1, (e1 - e2) * m1 + e2 * m2, (d1 - d2) * m1 + d2 * m2
 
@@ -109,9 +112,9 @@ def kick(c: Constants, tau: float, h: float, first: float, slope: float) -> tupl
     away = OUTER * h
     sine, cosine = math.sin(tau + 0.5 * h), math.cos(tau + 0.5 * h)
     s, k = math.sin(away), math.cos(away)
-    a = _node(c, sine * k - cosine * s, cosine * k + sine * s, 0.5 * h + away)
-    b = _node(c, sine, cosine, 0.5 * h)
-    d = _node(c, sine * k + cosine * s, cosine * k - sine * s, 0.5 * h - away)
+    a = node(c, sine * k - cosine * s, cosine * k + sine * s, 0.5 * h + away)
+    b = node(c, sine, cosine, 0.5 * h)
+    d = node(c, sine * k + cosine * s, cosine * k - sine * s, 0.5 * h - away)
     before = c.sigma * OUTER_WEIGHT * (first - slope * OUTER)
     middle = c.sigma * MIDDLE_WEIGHT * first
     after = c.sigma * OUTER_WEIGHT * (first + slope * OUTER)
@@ -127,7 +130,7 @@ def kick(c: Constants, tau: float, h: float, first: float, slope: float) -> tupl
 def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
     """All that a step of length h from `tau` needs that no path has of its own."""
     e1, d1, e2, d2 = turned(c.beta1, h), decay(c.beta1, h), turned(c.beta2, h), decay(c.beta2, h)
-    margin1, margin2 = _margins(c, tau, h)
+    margin1, margin2 = margins(c, math.sin(tau), math.cos(tau), h)
     return FlightForcing(
         e1, d1, e1 - e2, e2, d1 - d2, d2, flow(c, tau, 0.0, 0.0, 0.0, 0.0, h),
         kick(c, tau, h, math.sqrt(h), 0.0), kick(c, tau, h, 0.0, math.sqrt(12.0 * h)), margin1, margin2,
@@ -199,7 +202,7 @@ def _cubic(a: float, b: float, c: float, d: float, s: float) -> float:
 
 
 @spliced
-def _first_root(a: float, b: float, c: float, d: float) -> float:
+def first_root(a: float, b: float, c: float, d: float) -> float:
     """First zero in (0, 1] of a cubic with Bernstein coefficients a >= 0, b, c, d; 2 if none is seen."""
     low, pieces = 0.0, 8
     for i in range(1, pieces + 1):
@@ -233,7 +236,7 @@ def _cut_at(gap0: float, rate0: float, gap1: float, rate1: float, h: float, marg
     b, c = gap0 + rate0 * h / 3.0, gap1 - rate1 * h / 3.0
     if b > margin - close and c > margin - close and gap1 >= -close:  # `close`: a path at rest on a wall can start
         return 1.0
-    root = _first_root(max(gap0, 0.0), b, c, gap1)
+    root = first_root(max(gap0, 0.0), b, c, gap1)
     return root if root < 1.0 else 0.5
 
 
@@ -273,7 +276,7 @@ def _put_inside(at: Progress, walls: Walls) -> Progress:
 @spliced
 def _cut_of_trial(c: Constants, at: Progress, end: Progress, h: float, walls: Walls) -> float:
     """Share of a trial of length h after which to look again, over all walls: 1 if it meets none before its end."""
-    margin1, margin2 = _margins(c, at.tau, h)
+    margin1, margin2 = margins(c, math.sin(at.tau), math.cos(at.tau), h)
     close = CLOSE * c.wall1
     cut = min(
         _cut_at(walls.high1 - at.x1, -at.y1, walls.high1 - end.x1, -end.y1, h, margin1, close),
