@@ -10,7 +10,7 @@ from compare.chaos.exponents import Exponents, Mean, drift_exponents, lyapunov, 
 from compare.chaos.record import Regime, noisy_record, orbit_record
 from compare.chaos.study import ChaosStudy, study
 from compare.chaos.sweep import paper_noise
-from compare.validate import Validation, validate
+from compare.validation import Validation, validate
 from montecarlo import Ensemble, simulate
 from scene.scene import Scene, Start
 from scene.tangent import Stretch

@@ -15,7 +15,7 @@ from compare.claims.evidence import Evidence
 from compare.correlation import SIMULATED, first_failure
 from compare.frontier import judged_rows
 from compare.moments import widest
-from compare.validate import Validation
+from compare.validation import Validation
 from scene.flight import noise_covariance
 from scene.moments import correlation
 
