@@ -12,6 +12,7 @@ import click
 
 from compare import chaos_command, sampling_commands
 from compare.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_soon
+from compare.page.command import show
 from compare.study.command import study
 from scene.errors import RattleError
 
@@ -241,6 +242,7 @@ main.add_command(sampling_commands.bench)
 main.add_command(sampling_commands.order)
 main.add_command(study)
 main.add_command(chaos_command.chaos)
+main.add_command(show)
 
 
 def _cpu() -> float:

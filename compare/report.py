@@ -1,31 +1,31 @@
-"""The report of a validation: a folder with one page in two forms, figures, tables and a manifest."""
+"""The report of a validation: a folder with its page, figures, tables and a manifest."""
 
-import base64
 import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import pandas as pd
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure as Drawing
 
 from compare import manifest
 from compare.answer import answer, correlation_claim, sigma_text
 from compare.folder import whole_folder
-from compare.frontier import frontiers
 from compare.frontier_plot import frontier_figure
 from compare.moments import VERDICTS
+from compare.page import Block, Code, Figure, Page, Section, Source, Text, pages, write_page
+from compare.page.content import MARKS as SIGNS
 from compare.plots import FIGURES, agreement_figure
 from compare.rows import (
     MARKS,
-    count_rows,
-    distance_rows,
-    failure_rows,
-    frontier_rows,
-    impact_rows,
+    count_table,
+    distance_table,
+    failure_table,
+    frontier_table,
+    impact_table,
+    reach_table,
     simulation_text,
-    speed_rows,
+    speed_table,
 )
 from compare.style import save
 from compare.sweep import Sweep
@@ -34,14 +34,20 @@ from compare.validation import Validation
 __all__ = ["CONTENTS", "table_text", "write_report"]
 
 CONTENTS = frozenset({
-    "report.md", "report.html", "table.csv", "table.parquet", "correlation.csv", "frontier.csv", "frontier.parquet",
-    "speed.csv", "manifest.json", "figures",
+    *pages("report"), "table.csv", "table.parquet", "correlation.csv", "frontier.csv", "frontier.parquet", "speed.csv",
+    "manifest.json", "figures",
 })  # fmt: skip
 """What a report folder holds; anything else in it is not ours."""
 
 FRONTIER = (
     "How far each reading can be believed: the impact up to which every section mean and sd that it predicts is "
     "accurate (filled), and up to which none is refuted (hatched: undecided). A marker says what refutes it there."
+)
+SPEED = (
+    "Time of the closure, as far as it is accurate, beside the cheapest simulation of equal accuracy: as many exact "
+    "flights with their control variate as make the standard error of every moment no larger than the closure's worst "
+    "error (in sds of the quantity). One core each; measured with this report (`speed.csv`). “≤”: the sample cannot "
+    "tell the error from zero, so the speed-up is a lower bound."
 )
 AGREEMENT = (
     "Share of paths whose impacts so far had the meshes and sides of the closure's; no closure of a single orbit can "
@@ -56,30 +62,90 @@ def table_text(validations: Sequence[Validation]) -> tuple[pd.DataFrame, str]:
     return table, table.to_csv(index=False)
 
 
-def _svg_uri(path: Path) -> str:
-    return "data:image/svg+xml;base64," + base64.b64encode(path.read_bytes()).decode()
+def _drawn(drawing: Drawing, name: str, caption: str, folder: Path) -> Figure:
+    """Save a figure into the report folder; the block that shows it."""
+    path = f"figures/{name}.svg"
+    save(drawing, folder / path)
+    return Figure(path, caption, caption)
 
 
-def _drawn(figure: Figure, name: str, caption: str, folder: Path) -> dict[str, str]:
-    """Save a figure into the report folder; what the page needs to show it."""
-    path = Path("figures") / f"{name}.svg"
-    save(figure, folder / path)
-    return {"path": str(path), "caption": caption, "uri": _svg_uri(folder / path)}
-
-
-def _section(v: Validation, number: int, folder: Path) -> dict[str, Any]:
+def _section(v: Validation, number: int, folder: Path) -> Section:
     """One noise intensity of the page, its figures saved."""
-    name = f"{number}-sigma-{sigma_text(v)}"
-    return {
-        "sigma": sigma_text(v),
-        "simulation": simulation_text(v),
-        "frontiers": frontiers([v]).to_dict("records"),
-        "counts": count_rows(v),
-        "failures": failure_rows(v),
-        "distances": distance_rows(v),
-        "readings": [impact_rows(v, r) for r in v.closures],
-        "figures": [_drawn(draw(v), f"{kind}-{name}", caption, folder) for kind, (draw, caption) in FIGURES.items()],
+    name, sigma = f"{number}-sigma-{sigma_text(v)}", f"σ = {sigma_text(v)}"
+    figures = [_drawn(draw(v), f"{kind}-{name}", caption, folder) for kind, (draw, caption) in FIGURES.items()]
+    failures = failure_table(v)
+    found: list[Block] = [Text("Every check holds.")]
+    if failures.rows:
+        what = "First failure of each check of the closures' moments; “negative mass” judges the truncated series, not "
+        found = [Text(what + "the moments.", note=True), failures]
+    distance = "Distance of the section densities from the histograms, in units of what sampling alone gives:"
+    errors: list[Block] = []
+    for reading, closure in v.closures.items():
+        errors.append(impact_table(v, reading, f"Errors of the {reading} reading per impact, {sigma}"))
+        if closure.stopped:
+            errors.append(Text(f"The {reading} reading ended early: {closure.stopped}.", note=True))
+    return Section(
+        sigma,
+        (Text(simulation_text(v), note=True), reach_table(v), count_table(v), *figures),
+        (
+            Section(f"Realizability at {sigma}", (*found, Text(distance, note=True), distance_table(v))),
+            Section(f"Errors per impact at {sigma}", tuple(errors)),
+        ),
+    )
+
+
+def _page(
+    settings: manifest.Settings,
+    validations: Sequence[Validation],
+    swept: Sweep | None,
+    record: dict[str, Any],
+    folder: Path,
+) -> Page:
+    """What the report says, its figures saved."""
+    opening: tuple[Block, ...] = ()
+    sections = []
+    if swept:
+        paths = (
+            f"{settings.frontier_paths:,} paths of exact flights at each σ (no bias in the step), all on the same "
+            "random numbers. Every σ by itself: `frontier.csv`."
+        )
+        figure = _drawn(frontier_figure(swept.frontier, settings.impacts), "frontier", FRONTIER, folder)
+        opening = (figure, Text(paths, note=True), frontier_table(swept.frontier))
+        speeds = speed_table(swept.speed)
+        none = Text("No reading gets the first impact right at any of these noise intensities.")
+        sections.append(
+            Section("What a closure saves where it holds", (Text(SPEED, note=True), speeds) if speeds.rows else (none,))
+        )
+    marks = ", ".join(f"{SIGNS[MARKS[verdict]] or '–'} {verdict}" for verdict in VERDICTS)
+    legend = (
+        f"Marks: {marks}. Errors are closure minus simulation, corrected for the measured step bias, in units of the "
+        "quantity's standard deviation, with the half width of their interval."
+    )
+    agreement = _drawn(agreement_figure(validations), "agreement", AGREEMENT, folder)
+    sections.append(Section("How long the paths stay together", (agreement,)))
+    if claim := correlation_claim(validations):
+        sections.append(Section("Is |ρ| > 1 a reason to leave the Gaussian?", (Text(claim),)))
+    sections.append(Section("How the tables are read", (Text(legend),)))
+    sections += [_section(v, number, folder) for number, v in enumerate(validations, start=1)]
+    scene = Code(validations[0].scene.to_toml(), "toml")
+    source = Source(record["repeat"], _facts(record), (Text("The scene at its first noise intensity:"), scene))
+    return Page(
+        f"Can the closure be believed? {settings.name}", tuple(record["answer"]), source, opening, tuple(sections)
+    )
+
+
+def _facts(record: dict[str, Any]) -> tuple[tuple[str, str], ...]:
+    facts = {
+        "command": f"`{record['command']}`",
+        "commit": record["commit"],
+        "seed": str(record["settings"]["seed"]),
+        "time": f"{record['wall_seconds']} s wall, {record['cpu_seconds']} s CPU",
+        "versions": ", ".join(f"{name} {version}" for name, version in record["versions"].items()),
+        "table.csv": f"sha256 {record['table_sha256']}",
     }
+    if record["frontier_sha256"]:
+        facts["frontier.csv"] = f"sha256 {record['frontier_sha256']}"
+    return tuple(facts.items())
 
 
 def write_report(
@@ -113,37 +179,10 @@ def write_report(
         pd.concat([v.correlation.assign(sigma=v.scene.sigma) for v in validations]).to_csv(
             folder / "correlation.csv", index=False
         )
-        opening = None
         if swept and frontier_text:
             (folder / "frontier.csv").write_text(frontier_text, encoding="utf-8")
             swept.frontier.to_parquet(folder / "frontier.parquet", index=False)
             swept.speed.to_csv(folder / "speed.csv", index=False)
-            opening = {
-                "figure": _drawn(frontier_figure(swept.frontier, settings.impacts), "frontier", FRONTIER, folder),
-                "frontiers": frontier_rows(swept.frontier),
-                "speeds": speed_rows(swept.speed),
-                "paths": f"{settings.frontier_paths:,}",
-            }
-        content = {
-            "name": settings.name,
-            "answer": record["answer"],
-            "opening": opening,
-            "agreement": _drawn(agreement_figure(validations), "agreement", AGREEMENT, folder),
-            "sections": [_section(v, number, folder) for number, v in enumerate(validations, start=1)],
-            "marks": MARKS,
-            "verdicts": VERDICTS,
-            "claim": correlation_claim(validations),
-            "manifest": record,
-            "scene_toml": validations[0].scene.to_toml(),
-        }
-        for page, escape in (("report.md", False), ("report.html", True)):
-            environment = jinja2.Environment(
-                loader=jinja2.PackageLoader("compare"),
-                autoescape=escape,
-                trim_blocks=True,
-                lstrip_blocks=True,
-                undefined=jinja2.StrictUndefined,
-            )
-            (folder / page).write_text(environment.get_template(page + ".j2").render(content), encoding="utf-8")
+        write_page(_page(settings, validations, swept, record, folder), folder, "report")
         (folder / "manifest.json").write_text(json.dumps(record, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     return record

@@ -1,100 +1,106 @@
-"""What the page of a report tabulates, as rows of text."""
-
-from typing import Any
+"""What the page of a report tabulates."""
 
 import pandas as pd
 
 from compare.distance import section_distances
-from compare.frontier import CAUSES
+from compare.frontier import CAUSES, frontiers
 from compare.moments import VERDICTS
+from compare.page import NUMBER, Cell, Column, Row, Table
 from compare.realizability import first_failures, realizability_table
 from compare.validation import Validation
 
 __all__ = [
-    "MARKS", "count_rows", "distance_rows", "failure_rows", "frontier_rows", "impact_rows", "simulation_text",
-    "speed_rows",
+    "MARKS", "count_table", "distance_table", "failure_table", "frontier_table", "impact_table", "reach_table",
+    "simulation_text", "speed_table",
 ]  # fmt: skip
 
-MARKS = {"accurate": "✓", "inaccurate": "✗", "undecided": "?", "not predicted": "–"}
+MARKS = {"accurate": "good", "inaccurate": "bad", "undecided": "open", "not predicted": ""}
+"""Verdicts as marks of a cell."""
+
 SHOWN = [("mean", "tau"), ("mean", "y1"), ("mean", "y2"), ("sd", "tau"), ("sd", "y1"), ("sd", "y2")]
 """Section moments that the page tabulates; the table files hold all of them."""
 
 
-def count_rows(v: Validation) -> list[dict[str, Any]]:
+def _numbers(*heads: str) -> list[Column]:
+    return [Column(head, NUMBER) for head in heads]
+
+
+def count_table(v: Validation) -> Table:
     """How many moments of each kind have each verdict, by reading."""
-    rows = []
+    rows: list[Row] = []
     for (reading, kind, moment), group in v.table.groupby(["reading", "kind", "moment"], sort=False):
         name = "ρ at mid-flight" if kind == "clock" else f"section {moment}s"
-        rows.append({"reading": reading, "what": name, **{w: int((group["verdict"] == w).sum()) for w in VERDICTS}})
-    return rows
+        rows.append([str(reading), name, *(int((group["verdict"] == w).sum()) for w in VERDICTS)])
+    return Table.of(["reading", "what", *_numbers(*VERDICTS)], rows)
 
 
-def _cell(row: pd.Series) -> dict[str, str]:
+def _cell(row: pd.Series) -> Cell:
     if row["verdict"] == "not predicted":
-        return {"text": "–", "verdict": "not predicted"}
+        return Cell("–")
     unit = row["unit"] if row["unit"] > 0.0 else 1.0
     error, half = row["error"] / unit, 0.5 * (row["high"] - row["low"]) / unit
     text = f"{error:+.3f} ± {half:.3f}" if abs(error) < 1e3 else f"{error:+.2g} ± {half:.2g}"
-    return {"text": text, "verdict": str(row["verdict"])}
+    return Cell(text, MARKS[row["verdict"]], float(error))
 
 
-def impact_rows(v: Validation, reading: str) -> dict[str, Any]:
-    """Errors of a reading per impact, with the heads of their columns."""
+def impact_table(v: Validation, reading: str, summary: str) -> Table:
+    """Errors of a reading per impact, folded away beneath a summary."""
     table = v.table[(v.table["reading"] == reading) & (v.table["kind"] == "section")]
     columns = [(m, q) for m, q in SHOWN if v.scene.stages == 2 or q != "y2"]
     cells = {(r["moment"], r["quantity"], r["impact"]): _cell(r) for _, r in table.iterrows()}
+    rhos = [f"rho{stage}" for stage in range(1, v.scene.stages + 1)]
+    rows: list[Row] = []
     section = v.closures[reading].section
-    rows = []
     for impact in section.index:
         row = section.loc[impact]
-        rhos = [
-            f"{row[f'rho{s}']:.3f}" if row[f"rho{s}"] == row[f"rho{s}"] else "–" for s in range(1, v.scene.stages + 1)
-        ]
-        rows.append(
-            {
-                "impact": int(impact),
-                "agreement": f"{v.run.agreement[reading].loc[impact]:.3f}",
-                "cells": [cells[m, q, impact] for m, q in columns],
-                "rhos": rhos,
-                "realizable": bool(row["realizable"]),
-            }
-        )
+        together = f"{v.run.agreement[reading].loc[impact]:.3f}"
+        seen = [f"{row[name]:.3f}" if row[name] == row[name] else "–" for name in rhos]
+        errors = [cells[m, q, impact] for m, q in columns]
+        rows.append([str(impact), together, *errors, *seen, "yes" if row["realizable"] else "no"])
     heads = [f"{'E' if m == 'mean' else 'sd'} {q}" for m, q in columns]
-    rhos = [f"ρ{s}" for s in range(1, v.scene.stages + 1)]
-    return {"reading": reading, "heads": heads, "rhos": rhos, "rows": rows, "stopped": v.closures[reading].stopped}
+    numbers = _numbers("impact", "agreement", *heads, *(name.replace("rho", "ρ") for name in rhos))
+    return Table.of([*numbers, "realizable"], rows, summary)
 
 
-def failure_rows(v: Validation) -> list[dict[str, str]]:
+def failure_table(v: Validation) -> Table:
     """First failure of each check of realizability."""
     failures = first_failures(realizability_table([m for m in v.closures.values() if m.trace.parts is None]))
-    return [
-        {
-            "reading": str(row["reading"]),
-            "check": str(row["check"]),
-            "where": f"impact {row['impact']}, " + (f"stage {row['stage']}" if row["stage"] else "both stages"),
-            "value": f"{row['value']:.3g}",
-            "excess": f"{row['excess']:.3g}",
-        }
+    rows: list[Row] = [
+        [
+            str(row["reading"]),
+            str(row["check"]),
+            f"impact {row['impact']}, " + (f"stage {row['stage']}" if row["stage"] else "both stages"),
+            f"{row['value']:.3g}",
+            f"{row['excess']:.3g}",
+        ]
         for _, row in failures.iterrows()
     ]
+    return Table.of(["reading", "check", "where", *_numbers("value", "missed by")], rows)
 
 
-def distance_rows(v: Validation) -> list[dict[str, str]]:
+def distance_table(v: Validation) -> Table:
     """Distances between section density and histogram in units of their sampling floors, by reading."""
     table = pd.concat([section_distances(m, v.run) for m in v.closures.values()], ignore_index=True)
-    rows = []
+    rows: list[Row] = []
     for reading, group in table.groupby("reading", sort=False):
-        row = {"reading": str(reading)}
+        ratios = []
         for name in ("kolmogorov", "total_variation"):
             ratio = group[name] / group[f"{name}_floor"]
-            row[name], row[f"worst_{name}"] = f"{ratio.median():.2g}", f"{ratio.max():.3g}"
-        rows.append(row)
-    return rows
+            ratios += [f"{ratio.median():.2g}", f"{ratio.max():.3g}"]
+        rows.append([str(reading), *ratios])
+    return Table.of(["reading", *_numbers("Kolmogorov, median", "worst", "total variation, median", "worst")], rows)
 
 
-def frontier_rows(table: pd.DataFrame) -> list[dict[str, Any]]:
+def reach_table(v: Validation) -> Table:
+    """How far each reading of a validation can be believed."""
+    found = frontiers([v]).to_dict("records")
+    rows: list[Row] = [[str(f["reading"]), int(f["accurate"]), int(f["not_refuted"]), str(f["why"])] for f in found]
+    return Table.of(["reading", *_numbers("accurate up to impact", "not refuted up to"), "why it ends"], rows)
+
+
+def frontier_table(table: pd.DataFrame) -> Table:
     """Frontiers by reading, neighbouring noise intensities with the same frontier and cause in one row."""
-    rows = []
+    rows: list[Row] = []
     for reading, group in table.groupby("reading", sort=False):
         group = group.sort_values("sigma")
         found = group[["accurate", "not_refuted", "cause"]]
@@ -102,27 +108,28 @@ def frontier_rows(table: pd.DataFrame) -> list[dict[str, Any]]:
             first, last = same.iloc[0], same.iloc[-1]
             sigma = f"{first['sigma']:.4g}" + (f" – {last['sigma']:.4g}" if len(same) > 1 else "")
             why = first["why"] if same["why"].nunique() == 1 else CAUSES[first["cause"]]
-            reached = {name: int(first[name]) for name in ("accurate", "not_refuted")}
-            rows.append({"reading": reading, "sigma": sigma, **reached, "why": why})
-    return rows
+            rows.append([str(reading), sigma, int(first["accurate"]), int(first["not_refuted"]), str(why)])
+    return Table.of(["reading", *_numbers("σ", "accurate up to impact", "not refuted up to"), "why it ends"], rows)
 
 
-def speed_rows(table: pd.DataFrame) -> list[dict[str, Any]]:
-    """Speed-ups as text; an error that its interval does not tell from zero is an upper bound, its speed-up a lower."""
-    return [
-        {
-            "reading": row["reading"],
-            "sigma": f"{row['sigma']:.4g}",
-            "impacts": int(row["impacts"]),
-            "worst": ("" if row["resolved"] else "≤ ") + f"{row['worst']:.4f}",
-            "median": f"{row['median']:.4f}",
-            "closure": f"{1e3 * row['closure_seconds']:.2f} ms",
-            "monte_carlo": f"{1e3 * row['monte_carlo_seconds']:.3g} ms",
-            "how": f"{row['paths']:,} paths",
-            "speed_up": ("" if row["resolved"] else "≥ ") + f"{float(format(row['speed_up'], '.2g')):g}",
-        }
+def speed_table(table: pd.DataFrame) -> Table:
+    """Speed-ups; an error that its interval does not tell from zero is an upper bound, its speed-up a lower."""
+    rows: list[Row] = [
+        [
+            str(row["reading"]),
+            f"{row['sigma']:.4g}",
+            int(row["impacts"]),
+            ("" if row["resolved"] else "≤ ") + f"{row['worst']:.4f}",
+            f"{row['median']:.4f}",
+            f"{1e3 * row['closure_seconds']:.2f} ms",
+            f"{1e3 * row['monte_carlo_seconds']:.3g} ms",
+            f"{row['paths']:,} paths",
+            ("" if row["resolved"] else "≥ ") + f"{float(format(row['speed_up'], '.2g')):g}",
+        ]
         for _, row in table.sort_values(["reading", "sigma"]).iterrows()
     ]
+    heads = ("σ", "impacts", "worst error", "median", "closure", "simulation", "which takes", "speed-up")
+    return Table.of(["reading", *_numbers(*heads)], rows)
 
 
 def simulation_text(v: Validation) -> str:

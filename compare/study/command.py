@@ -58,7 +58,7 @@ def study(
     else:
         for sentence in record["answer"]:
             click.echo(sentence)
-        click.echo(f"Page: {folder / 'study.md'}")
+        click.echo(f"Page: {folder / 'study.html'}")
     lacking = [(p.coordinates, why) for p in wanted.points if p.sample is None for why in p.reasons.values()]
     lacking += [(label, why) for label, why in record.get("failed", {}).items()]
     for where, why in lacking:

@@ -6,7 +6,7 @@ import pytest
 from compare.answer import frontier_sentence
 from compare.frontier import Frontier, frontier
 from compare.frontier_plot import frontier_figure
-from compare.rows import frontier_rows, speed_rows
+from compare.rows import frontier_table, speed_table
 from compare.speed import Speed
 from compare.sweep import grid, sweep
 from compare.validation import validate
@@ -46,7 +46,7 @@ def test_only_what_is_accurate_is_timed(swept):
 def test_nothing_accurate_leaves_a_table_without_rows():
     none = sweep(Scene.from_gears(DAT21), (0.5, 1.0), **{**SETTINGS, "paths": 2000, "readings": ["mended"]})
     assert none.speed.empty
-    assert speed_rows(none.speed) == []
+    assert speed_table(none.speed).rows == ()
 
 
 def test_grid_is_even_in_the_logarithm():
@@ -62,9 +62,9 @@ def test_bad_grids_are_refused(text):
 
 def test_neighbours_with_one_frontier_and_cause_share_a_row():
     table = pd.DataFrame([ended(0.01, 4, 4, "holds"), ended(0.1, 1, 2, why="a"), ended(0.2, 1, 2, why="b")])
-    rows = frontier_rows(table)
-    assert [r["sigma"] for r in rows] == ["0.01", "0.1 – 0.2"]
-    assert [r["why"] for r in rows] == ["so", "paths have left its itinerary"]
+    rows = frontier_table(table).rows
+    assert [row[1].text for row in rows] == ["0.01", "0.1 – 0.2"]
+    assert [row[-1].text for row in rows] == ["so", "paths have left its itinerary"]
 
 
 def test_sentence_says_up_to_where_everything_is_right():

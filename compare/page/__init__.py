@@ -1,0 +1,24 @@
+"""What a report says, once: as data, and shown as HTML, as Markdown and on a terminal."""
+
+from compare.page.content import (
+    NUMBER,
+    TEXT,
+    Block,
+    Cell,
+    Code,
+    Column,
+    Figure,
+    Page,
+    Row,
+    Section,
+    Source,
+    Table,
+    Text,
+)
+from compare.page.file import read_page
+from compare.page.write import pages, write_page
+
+__all__ = [
+    "NUMBER", "TEXT", "Block", "Cell", "Code", "Column", "Figure", "Page", "Row", "Section", "Source", "Table", "Text",
+    "pages", "read_page", "write_page",
+]  # fmt: skip

@@ -1,0 +1,98 @@
+"""A headless Chromium, spoken to through its own protocol over a pair of pipes."""
+
+import base64
+import json
+import os
+import select
+import shutil
+import subprocess
+import time
+from pathlib import Path
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+OPTIONS = [
+    "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage", "--hide-scrollbars",
+    "--remote-debugging-pipe",
+]  # fmt: skip
+
+
+class Browser:
+    """One running browser with one page; messages are JSON, ended by a zero byte."""
+
+    def __init__(self, home: Path):
+        command_in, self._out = os.pipe()
+        self._in, answer_out = os.pipe()
+        # Chromium reads from descriptor 3 and writes to 4; those of the pipes are first put out of their way
+        shell = f'exec 13<&{command_in} 14>&{answer_out}; exec 3<&13 4>&14 13<&- 14>&-; exec "$@"'
+        self._process = subprocess.Popen(
+            ["bash", "-c", shell, "chromium", CHROMIUM, *OPTIONS, f"--user-data-dir={home}", "about:blank"],
+            pass_fds=(command_in, answer_out), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        os.close(command_in)
+        os.close(answer_out)
+        self._number, self._read, self.events = 0, b"", []
+        target = self._send("Target.createTarget", url="about:blank")["targetId"]
+        self._session = self._send("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self.call(f"{domain}.enable")
+
+    def close(self):
+        self._process.terminate()
+        self._process.wait(20)
+        os.close(self._out)
+        os.close(self._in)
+
+    def call(self, method, **params):
+        return self._send(method, session=self._session, **params)
+
+    def _send(self, method, session=None, **params):
+        self._number += 1
+        message = {"id": self._number, "method": method, "params": params}
+        os.write(self._out, json.dumps(message | ({"sessionId": session} if session else {})).encode() + b"\0")
+        while (answer := self._next()).get("id") != self._number:
+            self.events.append(answer)
+        assert "error" not in answer, answer
+        return answer["result"]
+
+    def _next(self, seconds=60.0):
+        end = time.monotonic() + seconds
+        while b"\0" not in self._read:
+            ready, _, _ = select.select([self._in], [], [], max(0.0, end - time.monotonic()))
+            assert ready, f"the browser says nothing for {seconds} s"
+            more = os.read(self._in, 1 << 20)
+            assert more, "the browser has ended"
+            self._read += more
+        message, _, self._read = self._read.partition(b"\0")
+        return json.loads(message)
+
+    def open(self, path, width=1280, scheme="light", medium="screen"):
+        """Open a file; the events since then are in `events`."""
+        self.events.clear()
+        self.size(width)
+        features = [{"name": "prefers-color-scheme", "value": scheme}]
+        self.call("Emulation.setEmulatedMedia", media=medium, features=features)
+        self.call("Page.navigate", url=Path(path).resolve().as_uri())
+        while not any(event["method"] == "Page.loadEventFired" for event in self.events):
+            self.events.append(self._next())
+
+    def size(self, width, height=900):
+        self.call(
+            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600
+        )
+
+    def run(self, script):
+        """The value of a script."""
+        found = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in found, found
+        return found["result"].get("value")
+
+    def press(self, key, code):
+        for kind in ("keyDown", "keyUp"):
+            text = {"text": "\r"} if key == "Enter" and kind == "keyDown" else {}
+            self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code, **text)
+
+    def picture(self, path, whole=True):
+        """Save what is seen, or the whole page, as PNG."""
+        found = self.call("Page.captureScreenshot", captureBeyondViewport=whole)
+        Path(path).write_bytes(base64.b64decode(found["data"]))
