@@ -16,7 +16,8 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 HORIZON = 1e4  # longest flight that is followed, in units of 1 / omega
-CHATTER_FLIGHT, CHATTER_COUNT = 1e-9, 4  # so many flights in a row, each shorter than this: impacts accumulate
+CHATTER_FLIGHT, CHATTER_COUNT = 1e-7, 4  # so many flights in a row, each shorter than this: impacts accumulate;
+# the excursions of shorter flights are below the rounding of a wall, where the time of the next impact has no meaning
 
 
 @jit

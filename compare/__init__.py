@@ -1,6 +1,19 @@
 """One side held against the other: moment errors with intervals, validity of the correlation, reports."""
 
-from compare.moments import Tolerances
-from compare.validate import Validation, validate
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from compare.moments import Tolerances
+    from compare.validation import Validation, validate
 
 __all__ = ["Tolerances", "Validation", "validate"]
+
+_HOMES = {"Tolerances": "compare.moments", "Validation": "compare.validation", "validate": "compare.validation"}
+
+
+def __getattr__(name: str) -> Any:
+    """Load what is asked for: most commands, and an idle plugin of pytest, need neither closures nor tables."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'compare' has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name]), name)

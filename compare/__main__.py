@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from compare import sampling_commands
+from compare import chaos_command, sampling_commands
 from compare.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_soon
 from compare.page.command import show
 from compare.study.command import study
@@ -102,7 +102,7 @@ def validate(
     from compare.folder import check_free
     from compare.report import CONTENTS, write_report
     from compare.sweep import check_sweep, grid, sweep
-    from compare.validate import validate as hold_against
+    from compare.validation import validate as hold_against
     from montecarlo import SCHEMES, check_settings
     from scene import DAT21, Scene
     from scene.validate import choice, count
@@ -180,6 +180,7 @@ def validate(
 )
 @click.option("--budget", type=float, default=100.0, show_default=True, help="Core-seconds of a point, else estimated.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of the simulations.")
+@click.option("--orders/--no-orders", default=True, show_default=True, help="Measure the schemes' weak orders as well.")
 @click.option("--workers", type=int, default=2, show_default=True, help="Threads.")
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder. [default: reports/NAME-tradeoff]")
 @click.option("--overwrite", is_flag=True, help="Replace earlier results in that folder.")
@@ -190,6 +191,7 @@ def tradeoff(
     accuracies: tuple[float, ...],
     budget: float,
     seed: int,
+    orders: bool,
     workers: int,
     out: Path | None,
     overwrite: bool,
@@ -203,6 +205,7 @@ def tradeoff(
     from compare.reduction import control_table
     from compare.tradeoff import ACCURACIES, check_accuracies, measure
     from compare.tradeoff_report import CONTENTS, write_tradeoff
+    from compare.weak_order import orders_over
     from montecarlo import SCHEMES, check_settings
     from scene import DAT21, Scene
     from scene.validate import positive
@@ -221,13 +224,15 @@ def tradeoff(
     wall, cpu = time.perf_counter(), _cpu()
     found = measure(base, accuracies=asked, budget=budget, seed=seed, **common)
     control = control_table(base, seed=seed, **common)
+    sigmas = sorted({base.sigma, base.alpha**0.5})  # its own, and the paper's
+    measured = orders_over(base, sigmas, rng=seed, workers=workers) if orders else None
     record = {
         "name": name, "scene": base.to_dict(), "impacts": impacts, "accuracies": asked, "budget": budget,
-        "seed": seed, "workers": workers, "command": shlex.join(["rattle", *sys.argv[1:]]),
+        "seed": seed, "orders": orders, "workers": workers, "command": shlex.join(["rattle", *sys.argv[1:]]),
         "commit": manifest.commit(), "versions": manifest.versions(),
         "wall_seconds": round(time.perf_counter() - wall, 1), "cpu_seconds": round(_cpu() - cpu, 1),
     }  # fmt: skip
-    for sentence in write_tradeoff(out, found, control, asked, record, overwrite):
+    for sentence in write_tradeoff(out, found, control, measured, asked, record, overwrite):
         click.echo(sentence)
     click.echo(f"Page: {out / 'tradeoff.md'}")
 
@@ -236,6 +241,7 @@ main.add_command(sampling_commands.simulate)
 main.add_command(sampling_commands.bench)
 main.add_command(sampling_commands.order)
 main.add_command(study)
+main.add_command(chaos_command.chaos)
 main.add_command(show)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import pandas as pd
 
 from compare.correlation import SIMULATED, first_failure
-from compare.validate import Validation
+from compare.validation import Validation
 
 __all__ = ["answer", "correlation_claim", "frontier_sentence", "sigma_text"]
 

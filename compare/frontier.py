@@ -8,7 +8,7 @@ import pandas as pd
 
 from closure import MeanMap
 from compare.correlation import first_failure
-from compare.validate import Validation
+from compare.validation import Validation
 
 __all__ = ["CAUSES", "Frontier", "frontier", "frontiers", "judged_rows"]
 

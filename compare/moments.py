@@ -1,16 +1,13 @@
 """Errors of a closure's section moments, with their intervals, and the three-way verdict."""
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from closure import MeanMap
-from montecarlo import Ensemble
-from scene.moments import SECTION, STATE
-
-__all__ = ["ABSOLUTE", "VERDICTS", "Tolerances", "judge", "section_errors", "widest"]
+__all__ = ["ABSOLUTE", "VERDICTS", "Claimed", "Simulated", "Tolerances", "judge", "section_errors", "widest"]
 
 VERDICTS = ("accurate", "inaccurate", "undecided", "not predicted")
 
@@ -60,46 +57,83 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
     return out
 
 
-def section_errors(closure: MeanMap, run: Ensemble, z: float, tolerances: Tolerances) -> pd.DataFrame:
+class Claimed(Protocol):
+    """Section moments that somebody claims, in the columns of `closure.MeanMap.section`; what is missing is NaN."""
+
+    @property
+    def reading(self) -> str:
+        """Name, under which a run may have counted its itinerary."""
+        ...
+
+    @property
+    def section(self) -> pd.DataFrame:
+        """Index ``impact``."""
+        ...
+
+
+class Simulated(Protocol):
+    """Section moments of a simulation: an `montecarlo.Ensemble`, or what has been stored of one."""
+
+    @property
+    def section(self) -> pd.DataFrame:
+        """As `Ensemble.section`."""
+        ...
+
+    @property
+    def step_bias(self) -> pd.DataFrame:
+        """As `Ensemble.step_bias`."""
+        ...
+
+    @property
+    def agreement(self) -> pd.DataFrame:
+        """As `Ensemble.agreement`."""
+        ...
+
+
+def section_errors(closure: Claimed, run: Simulated, z: float, tolerances: Tolerances) -> pd.DataFrame:
     """One row per impact, quantity and moment: closure against Monte Carlo at each path's own impact; tidy.
 
     ``monte_carlo`` is the simulated value with its sampling error ``se`` and the measured step ``bias``; ``error`` is
     the closure minus the bias-corrected value; ``low`` and ``high`` bound it by `z` standard errors of the corrected
-    value and what the correction may have left.  ``unit`` is the sd of the quantity.
+    value and what the correction may have left.  ``unit`` is the sd of the quantity, ``se_unit`` its standard error;
+    ``agreement`` speaks of the closure's itinerary where the run has counted it, else of the noise-free one.
     """
-    steps = {key: group.set_index("impact") for key, group in run.step_bias.groupby(["moment", "quantity"])}
-    agreement = run.agreement[closure.reading]
-    parts = []
-    for moment, prefix, share in (("mean", "", tolerances.mean), ("sd", "sd_", tolerances.sd)):
-        for quantity in SECTION:
-            if run.scene.stages == 1 and quantity in STATE[2:]:
-                continue
-            step = steps[moment, quantity]
-            corrected_sd = steps["sd", quantity]["corrected"]
-            unit = corrected_sd.where(corrected_sd > 0.0, run.section["sd_" + quantity])
-            name = prefix + quantity
-            part = pd.DataFrame(
-                {
-                    "reading": closure.reading,
-                    "kind": "section",
-                    "impact": run.section.index,
-                    "quantity": quantity,
-                    "moment": moment,
-                    "closure": closure.section[name],
-                    "monte_carlo": run.section[name],
-                    "se": run.section["se_" + name],
-                    "bias": step["bias"],
-                    "error": closure.section[name] - step["corrected"],
-                    "noise": z * step["se_corrected"],
-                    "rest": step["rest"],
-                    "unit": unit,
-                    "tolerance": np.maximum(share * unit, ABSOLUTE),
-                    "agreement": agreement,
-                    "paths": run.section["paths"],
-                }
-            )
-            parts.append(part)
-    table = pd.concat(parts, ignore_index=True)
+    section, steps = run.section, run.step_bias
+    impact, quantity, is_mean = steps["impact"], steps["quantity"], steps["moment"] == "mean"
+    name = quantity.where(is_mean, "sd_" + quantity)
+    sd = steps[~is_mean].set_index(["impact", "quantity"])
+    own = sd.loc[pd.MultiIndex.from_arrays([impact, quantity])].reset_index(drop=True)
+    unit = own["corrected"].where(own["corrected"] > 0.0, _picked(section, impact, "sd_" + quantity))
+    agreement = run.agreement.get(closure.reading, section["agreement"])
+    predicted = _picked(closure.section, impact, name)
+    table = pd.DataFrame(
+        {
+            "reading": closure.reading,
+            "kind": "section",
+            "impact": impact,
+            "quantity": quantity,
+            "moment": steps["moment"],
+            "closure": predicted,
+            "monte_carlo": _picked(section, impact, name),
+            "se": _picked(section, impact, "se_" + name),
+            "bias": steps["bias"],
+            "error": predicted - steps["corrected"],
+            "noise": z * steps["se_corrected"],
+            "rest": steps["rest"],
+            "unit": unit,
+            "se_unit": own["se_corrected"],
+            "tolerance": np.maximum(np.where(is_mean, tolerances.mean, tolerances.sd) * unit, ABSOLUTE),
+            "agreement": agreement.loc[impact].to_numpy(),
+            "paths": section["paths"].loc[impact].to_numpy(),
+        }
+    )
     half = table["noise"] + table["rest"]
     table["low"], table["high"] = table["error"] - half, table["error"] + half
     return judge(table)
+
+
+def _picked(table: pd.DataFrame, impact: pd.Series, column: pd.Series) -> NDArray[np.float64]:
+    """Entries of a table by row and column; NaN where it has none."""
+    names = list(dict.fromkeys(column))
+    values = table.reindex(index=range(1, int(impact.max()) + 1), columns=names).to_numpy(float)
+    return np.asarray(values[impact.to_numpy() - 1, pd.Index(names).get_indexer(column)])

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from compare.style import ACCURATE, FORBIDDEN, STYLE, SYMBOL, legend_above, new_figure
-from compare.validate import Validation
+from compare.validation import Validation
 
 __all__ = ["FIGURES", "agreement_figure", "correlation_figure", "error_figure", "section_figure"]
 

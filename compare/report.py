@@ -29,7 +29,7 @@ from compare.rows import (
 )
 from compare.style import save
 from compare.sweep import Sweep
-from compare.validate import Validation
+from compare.validation import Validation
 
 __all__ = ["CONTENTS", "table_text", "write_report"]
 

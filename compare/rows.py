@@ -7,7 +7,7 @@ from compare.frontier import CAUSES, frontiers
 from compare.moments import VERDICTS
 from compare.page import NUMBER, Cell, Column, Row, Table
 from compare.realizability import first_failures, realizability_table
-from compare.validate import Validation
+from compare.validation import Validation
 
 __all__ = [
     "MARKS", "count_table", "distance_table", "failure_table", "frontier_table", "impact_table", "reach_table",

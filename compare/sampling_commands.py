@@ -2,14 +2,17 @@
 
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from scene.errors import InputError
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from scene import Scene
 
 __all__ = ["bench", "order", "simulate"]
@@ -68,9 +71,9 @@ def simulate(
         workers=workers,
         progress="simulate",
     )
-    section, reach = run.section, run.reach
+    reach = run.reach
     if out is not None:
-        section.to_csv(out)
+        run.section.to_csv(out)
     if as_json:
         record = {
             "scheme": run.scheme,
@@ -78,12 +81,11 @@ def simulate(
             "paths": run.paths,
             "seconds": round(run.wall_seconds, 3),
             "reach": None if reach is None else reach.sentence,
-            "section": section.reset_index().to_dict("records"),
+            "section": run.section.reset_index().to_dict("records"),
         }
         click.echo(json.dumps(record, indent=2))
     else:
-        shown = ["tau", "se_tau", "sd_tau", "y1", "se_y1", "sd_y1", "y2", "se_y2", "sd_y2", "mesh", "side", "agreement"]
-        click.echo(section[shown].dropna(axis=1, how="all").to_string(float_format="{:.5f}".format))
+        click.echo(_table(run.columns))
         click.echo(
             f"{run.paths:,} paths, {run.scheme}, dt = {run.dt:.4g}, {run.wall_seconds:.1f} s on {workers} threads"
         )
@@ -91,6 +93,22 @@ def simulate(
             click.echo(reach.sentence)
     if reach is not None and not reach.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)
+
+
+SHOWN = ("tau", "se_tau", "sd_tau", "y1", "se_y1", "sd_y1", "y2", "se_y2", "sd_y2", "mesh", "side", "agreement")
+
+
+def _table(columns: "Mapping[str, NDArray[Any]]") -> str:
+    """The columns shown on a terminal, those without a number left out; loading pandas takes as long as sampling."""
+    texts = [["impact", *(str(k) for k in range(1, len(columns["tau"]) + 1))]]
+    for name in SHOWN:
+        values = columns[name].tolist()
+        if not all(math.isnan(v) for v in values):
+            texts.append([name, *(f"{v:.5f}" if isinstance(v, float) else str(v) for v in values)])
+    wide = [max(map(len, text)) for text in texts]
+    return "\n".join(
+        "  ".join(cell.rjust(w) for cell, w in zip(line, wide, strict=True)) for line in zip(*texts, strict=True)
+    )
 
 
 @click.command()
@@ -122,7 +140,7 @@ def order(
     """Measure the weak order of the Euler-Maruyama schemes on SCENE (a TOML file; DAT21 if none)."""
     from compare.weak_order import weak_orders
 
-    table = weak_orders(_scene(scene, sigma), impacts=impacts, paths=paths, rng=seed, workers=workers)
+    table = weak_orders(_scene(scene, sigma), impacts=impacts, paths=paths, rng=seed, workers=workers).table
     if as_json:
         click.echo(table.to_json(orient="records", indent=2))
         return

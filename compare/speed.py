@@ -9,7 +9,7 @@ import pandas as pd
 
 from closure import mean_map
 from compare.frontier import frontier, judged_rows
-from compare.validate import Validation
+from compare.validation import Validation
 from montecarlo import simulate
 
 __all__ = ["Speed", "best_of", "path_seconds", "paths_for", "speed"]

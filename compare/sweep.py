@@ -9,7 +9,7 @@ from tqdm import tqdm
 
 from compare.frontier import Frontier, frontiers
 from compare.speed import Speed, path_seconds, speed
-from compare.validate import validate
+from compare.validation import validate
 from montecarlo import SCHEMES, check_settings
 from scene.errors import InputError
 from scene.scene import Scene

@@ -6,10 +6,11 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import NullFormatter
 
-from compare.style import STYLE, new_figure
+from compare.style import STYLE, legend_above, new_figure
 
-__all__ = ["tradeoff_figure"]
+__all__ = ["order_figure", "tradeoff_figure"]
 
 SCHEME = {
     "euler-maruyama": {"color": "#CC79A7", "marker": "P"},
@@ -58,6 +59,52 @@ def tradeoff_figure(points: pd.DataFrame, slopes: dict[str, float], means_alone:
         fontsize=8.0,
         frameon=False,
     )
+    return figure
+
+
+MOMENTS = {"mean": "section means", "sd": "section sds", "itinerary": "itinerary's probability"}
+
+
+def order_figure(changes: pd.DataFrame) -> Figure:
+    """Error against the step: a row of panels for each noise intensity, a panel for each kind of moment.
+
+    Parameters
+    ----------
+    changes : DataFrame
+        Of `compare.weak_order.Orders`.
+    """
+    sigmas = list(dict.fromkeys(changes["sigma"]))
+    figure, axes = new_figure(9.6, 3.0 * len(sigmas), len(sigmas), len(MOMENTS))
+    for i, sigma in enumerate(sigmas):
+        for j, (moment, title) in enumerate(MOMENTS.items()):
+            ax = axes[len(MOMENTS) * i + j]
+            own = changes[(changes["sigma"] == sigma) & (changes["moment"] == moment)].dropna()
+            for scheme, rows in own.groupby("scheme", sort=False):
+                away = [rows["change"] - rows["low"], rows["high"] - rows["change"]]
+                ax.errorbar(
+                    rows["dt"], rows["change"], away, label=str(scheme), ms=6, lw=1.3, capsize=2, **SCHEME[scheme]
+                )
+            if len(own):
+                ends, first = np.array([own["dt"].min(), own["dt"].max()]), own["change"].max()
+                ax.plot(ends, first * ends / ends[1], color="0.7", lw=1.0, zorder=0, label="order 1")
+            ax.set_xscale("log", base=2)
+            ax.set_yscale("log")
+            steps = sorted(own["dt"].unique())
+            ax.set_xticks(steps, [f"{step:g}" for step in steps], minor=False)
+            ax.yaxis.set_minor_formatter(NullFormatter())
+            if len(own):
+                ax.set_ylim(
+                    *(
+                        10.0
+                        ** np.array(
+                            [np.floor(np.log10(0.5 * own["change"].min())), np.ceil(np.log10(own["high"].max()))]
+                        )
+                    )
+                )
+            ax.set_title(rf"{title}, $\sigma$ = {sigma:.3g}", fontsize=9.0)
+            ax.set_xlabel("dt")
+            ax.set_ylabel("change from dt to dt / 2 (sds)" if moment != "itinerary" else "error")
+    legend_above(figure, axes, 3)
     return figure
 
 

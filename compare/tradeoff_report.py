@@ -13,12 +13,16 @@ from compare.folder import whole_folder
 from compare.multilevel import KURTOSIS_ALARM, Rate
 from compare.style import save
 from compare.tradeoff import HAND_TUNED_NS, Measured, means_seconds, slope
-from compare.tradeoff_plot import tradeoff_figure
+from compare.tradeoff_plot import order_figure, tradeoff_figure
+from compare.weak_order import ORDER_IMPACTS, Orders
 
-__all__ = ["CONTENTS", "answer", "verdict", "write_tradeoff"]
+__all__ = ["CONTENTS", "answer", "orders_in_words", "verdict", "write_tradeoff"]
 
 CONTENTS = frozenset(
-    {"tradeoff.md", "tradeoff.svg", "tradeoff.csv", "levels.csv", "control.csv", "manifest.json"}
+    {
+        "tradeoff.md", "tradeoff.svg", "tradeoff.csv", "levels.csv", "control.csv", "orders.svg", "orders.csv",
+        "changes.csv", "manifest.json",
+    }
 )  # fmt: skip
 """What a trade-off folder holds; anything else in it is not ours."""
 
@@ -146,7 +150,8 @@ def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> 
     ratios = ("means_median", "means_smallest", "sds_median", "sds_smallest")
     gains = [
         (f"{r['sigma']:.4g}", *(f"{r[n]:.3g}" for n in ratios),
-         f"{r['time_ratio']:.2f}", *(f"{r[n] / r['time_ratio']:.3g}" for n in ("means_median", "sds_median")))
+         f"{r['time_ratio']:.2f}", *(f"{r[n] / r['time_ratio']:.3g}" for n in ("means_median", "sds_median")),
+         *(f"{r[n]:.3g}" for n in ("antithetic_means", "antithetic_sds")))
         for _, r in control.iterrows()
     ]  # fmt: skip
     return {
@@ -161,14 +166,28 @@ def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> 
         "means": _table(heads, means),
         "control": _table(
             ["σ", "means: median", "smallest", "sds: median", "smallest", "time of a path", "means per second, median",
-             "sds per second, median"], gains,
+             "sds per second, median", "antithetic pairs: means", "sds"], gains,
         ),
     }  # fmt: skip
 
 
+def orders_in_words(table: pd.DataFrame) -> str:
+    """The measured weak orders, and whether each limit is the right one."""
+    rows = [
+        (f"{r['sigma']:.4g}", r["scheme"], r["moment"],
+         "hidden by noise" if np.isnan(r["order"]) else f"{r['order']:.2f} ({r['low']:.2f} to {r['high']:.2f})",
+         f"{r['change']:.2g}", f"{r['limit_z']:.1f}", f"{r['limit_allowed']:.1f}")
+        for _, r in table.iterrows()
+    ]  # fmt: skip
+    return _table(
+        ["σ", "scheme", "moment", "order", "last change", "limit: standard errors off", "allowed"], rows
+    )  # fmt: skip
+
+
 def write_tradeoff(
-    out: Path, m: Measured, control: pd.DataFrame, accuracies: Sequence[float], record: dict[str, Any], overwrite: bool
-) -> list[str]:
+    out: Path, m: Measured, control: pd.DataFrame, orders: Orders | None, accuracies: Sequence[float],
+    record: dict[str, Any], overwrite: bool,
+) -> list[str]:  # fmt: skip
     """Write the folder, whole or not at all, and return the answer.
 
     Parameters
@@ -177,6 +196,8 @@ def write_tradeoff(
     m : Measured
     control : DataFrame
         Of `compare.reduction.control_table`.
+    orders : Orders or None
+        Of `compare.weak_order.weak_orders`, where measured.
     accuracies : sequence of float
         From the roughest to the finest.
     record : dict
@@ -201,10 +222,15 @@ def write_tradeoff(
     page = environment.get_template("tradeoff.md.j2").render(
         **shown, answer=said[:-1], verdict=said[-1], tables=_tables(m, control, accuracies),
         sigma=f"{m.reference.scene.sigma:.4g}", impacts=m.reference.impacts, reference=f"{m.reference.paths:,}",
-        alarm=f"{KURTOSIS_ALARM:g}",
+        alarm=f"{KURTOSIS_ALARM:g}", orders=orders_in_words(orders.table) if orders else "",
+        order_impacts=ORDER_IMPACTS,
     )  # fmt: skip
     with whole_folder(out, CONTENTS, overwrite) as folder:
         save(figure, folder / "tradeoff.svg")
+        if orders:
+            save(order_figure(orders.changes), folder / "orders.svg")
+            orders.table.to_csv(folder / "orders.csv", index=False)
+            orders.changes.to_csv(folder / "changes.csv", index=False)
         m.points.to_csv(folder / "tradeoff.csv", index=False)
         pd.concat([levels.table for levels in m.levels.values()]).to_csv(folder / "levels.csv", index=False)
         control.to_csv(folder / "control.csv", index=False)

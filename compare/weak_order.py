@@ -8,7 +8,7 @@ the second by Richardson's value of the smallest steps against exact flights, wh
 import math
 from collections.abc import Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -22,13 +22,14 @@ from montecarlo.accuracy import units
 from scene.scene import Scene
 from scene.validate import count
 
-__all__ = ["STEPS", "Order", "order_from", "weak_orders"]
+__all__ = ["ORDER_IMPACTS", "STEPS", "Order", "Orders", "changes_from", "order_from", "orders_over", "weak_orders"]
 
 Floats = NDArray[np.float64]
 
 STEPS = (0.016, 0.008, 0.004, 0.002)
 """Larger step of each pair; the pair's other step is its half."""
 
+ORDER_IMPACTS = 4  # as far as paths stay comparable while dt shrinks
 CONFIDENCE = 0.95
 STILL = 1e-9  # standard error below which a quantity does not vary
 
@@ -51,6 +52,24 @@ class Order(NamedTuple):
     change: float
     limit_z: float
     limit_allowed: float
+
+
+class Orders(NamedTuple):
+    """What was measured: ``table`` with a row for each `Order`, and ``changes``, the errors behind them.
+
+    Columns of ``changes``: ``scheme, sigma, moment, dt, change, low, high``: of a mean or sd the size (root mean square
+    over rows, in sds) of the change between dt and dt / 2, of the itinerary the distance of its probability at dt from
+    that of exact flights; NaN where noise hides it.  Intervals are at 95 %, of each point by itself.
+    """
+
+    table: pd.DataFrame
+    changes: pd.DataFrame
+
+
+def orders_over(scene: Scene, sigmas: Sequence[float], **settings: int) -> Orders:
+    """Weak orders at several noise intensities; settings as of `weak_orders`."""
+    found = [weak_orders(scene.with_sigma(sigma), **settings) for sigma in sigmas]
+    return Orders(pd.concat([one.table for one in found]), pd.concat([one.changes for one in found]))
 
 
 def order_from(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[float, float, float, float]:
@@ -80,18 +99,43 @@ def order_from(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[float,
     x = np.log(np.asarray(steps))
     n = len(bias)
 
-    def slope(chosen: Floats) -> tuple[float, float]:
-        weight = chosen / chosen.sum()
-        mean = np.einsum("r,rsi->si", weight, bias)
-        noise = np.einsum("r,rsi->si", weight**2, se**2)
-        square = (mean**2 - noise).mean(axis=1)
-        y = 0.5 * np.log(np.where(square > 0.0, square, np.nan))
-        return float(((x - x.mean()) * y).sum() / ((x - x.mean()) ** 2).sum()), float(np.exp(y[-1]))
+    def slope(chosen: Floats) -> float:
+        y = np.log(_sizes(bias, se, chosen))
+        return float(((x - x.mean()) * y).sum() / ((x - x.mean()) ** 2).sum())
 
-    order, last = slope(np.ones(n))
-    without = np.array([slope(1.0 - np.eye(n)[r])[0] for r in range(n)])
-    half = float(stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE)) * math.sqrt((n - 1) * float(without.var()))
-    return order, order - half, order + half, last
+    order = slope(np.ones(n))
+    half = float(_half(np.array([slope(1.0 - np.eye(n)[r]) for r in range(n)])))
+    return order, order - half, order + half, float(_sizes(bias, se, np.ones(n))[-1])
+
+
+def changes_from(bias: Floats, se: Floats) -> tuple[Floats, Floats, Floats]:
+    """Size of the change at each step and its jackknife interval, on a logarithmic scale; parameters of `order_from`.
+
+    Examples
+    --------
+    >>> bias = np.array([[[1.0, 1.0]], [[1.1, 0.9]], [[0.9, 1.1]]])
+    >>> change, low, high = changes_from(bias, np.zeros_like(bias))
+    >>> change.tolist(), bool(low[0] < 1.0 < high[0])
+    ([1.0], True)
+    """
+    n = len(bias)
+    change = _sizes(bias, se, np.ones(n))
+    half = _half(np.log([_sizes(bias, se, 1.0 - np.eye(n)[r]) for r in range(n)]))
+    return change, change * np.exp(-half), change * np.exp(half)
+
+
+def _sizes(bias: Floats, se: Floats, chosen: Floats) -> Floats:
+    weight = chosen / chosen.sum()
+    mean = np.einsum("r,rsi->si", weight, bias)
+    noise = np.einsum("r,rsi->si", weight**2, se**2)
+    square = (mean**2 - noise).mean(axis=1)
+    return np.sqrt(np.where(square > 0.0, square, np.nan))
+
+
+def _half(without: Floats) -> Floats:
+    """Half width of the jackknife interval, from the values without each replicate, shape (replicates, ...)."""
+    n = len(without)
+    return np.asarray(float(stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE)) * np.sqrt((n - 1) * without.var(axis=0)))
 
 
 def _rows(run: Ensemble, moment: str) -> pd.DataFrame:
@@ -120,8 +164,14 @@ def _limit_z(run: Ensemble, exact: Ensemble, moment: str) -> tuple[float, int]:
 
 
 def weak_orders(
-    scene: Scene, *, impacts: int = 4, paths: int = 40_000, replicates: int = 6, rng: int = 0, workers: int = 2
-) -> pd.DataFrame:
+    scene: Scene,
+    *,
+    impacts: int = ORDER_IMPACTS,
+    paths: int = 40_000,
+    replicates: int = 6,
+    rng: int = 0,
+    workers: int = 2,
+) -> Orders:
     """Weak order of every scheme that has one, on section means, sds, and the probability of the noise-free itinerary.
 
     Parameters
@@ -136,15 +186,14 @@ def weak_orders(
 
     Returns
     -------
-    DataFrame
-        Rows of `Order`.
+    Orders
     """
     count("replicates", replicates, least=2)
     seeds = np.random.SeedSequence(rng).spawn(replicates + 1)
     sample = partial(simulate, scene, impacts=impacts, workers=workers)
     exact = sample(paths=paths * replicates, scheme="exact-flight", rng=seeds[-1])
     kept = float(exact.agreement["noise-free"].iloc[-1])
-    found = []
+    found, changes = [], []
     schemes = [name for name, kind in SCHEMES.items() if kind.weak_order is not None]
     with tqdm(total=len(schemes) * replicates * len(STEPS), desc="weak order", unit="run", disable=None) as bar:
         for scheme in schemes:
@@ -158,12 +207,28 @@ def weak_orders(
                 rows = [[_rows(run, moment) for run in row] for row in runs]
                 bias, se = (np.array([[r[name] for r in row] for row in rows]) for name in ("bias", "se_bias"))
                 order, low, high, last = order_from(bias, se, STEPS)
+                changes += _points(scheme, scene.sigma, moment, *changes_from(bias, se))
                 z, compared = zip(*(_limit_z(row[-1], exact, moment) for row in runs), strict=True)
                 allowed = widest(sum(compared), 1.0 - CONFIDENCE)
                 found.append(Order(scheme, scene.sigma, moment, order, low, high, last, max(z), allowed))
             shares = np.array([[float(run.agreement["noise-free"].iloc[-1]) for run in row] for row in runs])
             found.append(_itinerary_order(scheme, scene.sigma, shares, kept, paths * replicates))
-    return pd.DataFrame(found)
+            changes += _points(scheme, scene.sigma, "itinerary", *_itinerary_errors(shares, kept, paths * replicates))
+    columns = ["scheme", "sigma", "moment", "dt", "change", "low", "high"]
+    return Orders(pd.DataFrame(found), pd.DataFrame(changes, columns=columns))
+
+
+def _points(scheme: str, sigma: float, moment: str, change: Floats, low: Floats, high: Floats) -> list[tuple[Any, ...]]:
+    steps = [0.5 * step if moment == "itinerary" else step for step in STEPS]
+    return [(scheme, sigma, moment, *row) for row in zip(steps, change, low, high, strict=True)]
+
+
+def _itinerary_errors(shares: Floats, kept: float, paths: int) -> tuple[Floats, Floats, Floats]:
+    """Distance of the itinerary's probability from that of exact flights at each step, and its interval."""
+    distance = np.abs(shares.mean(axis=0) - kept)
+    spread = shares.std(axis=0, ddof=1) / math.sqrt(len(shares))
+    half = widest(1, 1.0 - CONFIDENCE) * np.hypot(spread, math.sqrt(kept * (1.0 - kept) / paths))
+    return np.where(distance > half, distance, np.nan), np.maximum(distance - half, 0.0), distance + half
 
 
 def _itinerary_order(scheme: str, sigma: float, shares: Floats, kept: float, paths: int) -> Order:

@@ -6,15 +6,22 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.compiled import jit
+from scene.compiled import lean, reducing
 
 __all__ = [
-    "COVARIANCE", "PAIR", "SINGLE", "VARIANCE", "CentralSums", "Orders", "pair_statistics", "single_statistics",
-]  # fmt: skip
+    "COVARIANCE",
+    "PAIR",
+    "SINGLE",
+    "VARIANCE",
+    "CentralSums",
+    "Orders",
+    "columns_of",
+    "pair_statistics",
+    "single_statistics",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 Orders = tuple[tuple[int, int], ...]
 
 SINGLE: Orders = tuple((p, 0) for p in range(2, 9))
@@ -32,92 +39,93 @@ VARIANCE: Orders = ((2, 0),)
 BINOMIAL = np.array([[comb(n, k) for k in range(9)] for n in range(9)], dtype=float)
 
 
-@jit
-def _means(v: Floats, columns: Ints, seen: Bools, n: Floats, total: Floats, mean: Floats) -> None:
-    """Means of the cells over the rows that were seen, about the first of them: what does not vary comes out exact."""
-    cells = columns.size
-    for i in range(cells):
-        total[i], mean[i] = 0.0, 0.0
-        for p in range(len(v)):
-            if len(seen) == 0 or seen[p, i]:
-                mean[i] = v[p, columns[i]]
-                break
-    for p in range(len(v)):
-        if len(seen) == 0:
-            for i in range(cells):
-                total[i] += v[p, columns[i]] - mean[i]
-        else:
-            for i in range(cells):
-                total[i] += v[p, columns[i]] - mean[i] if seen[p, i] else 0.0
-    for i in range(cells):
-        mean[i] += total[i] / max(n[i], 1.0)
+@lean
+def _turn_over(rows: Floats, columns: Floats) -> None:
+    """Copy `rows`, shape (paths, variables), to `columns`, shape (variables, paths), eight paths at a time."""
+    paths, variables = rows.shape
+    for p in range(0, paths, 8):
+        for i in range(variables):
+            for q in range(p, min(p + 8, paths)):
+                columns[i, q] = rows[q, i]
 
 
-@jit
-def _add_powers(da: Floats, power: Floats, sums: Floats) -> None:
-    """Add ``da^2, da^3, ...`` to the rows of `sums`."""
-    cells = da.size
-    for i in range(cells):
-        power[i] = da[i]
-    for o in range(len(sums)):
-        total = sums[o]
-        for i in range(cells):
-            power[i] *= da[i]
-            total[i] += power[i]
+@reducing
+def _centred(u: Floats, v: Floats, da: Floats, db: Floats) -> tuple[float, float, float]:
+    """Deviations of both from their means where both are finite, 0 elsewhere; how many there are, and the means.
+
+    Means are taken about the first value: what does not vary comes out exact.
+    """
+    n, first_u, first_v, total_u, total_v = 0.0, 0.0, 0.0, 0.0, 0.0
+    for p in range(u.size):
+        if np.isfinite(u[p]) and np.isfinite(v[p]):
+            first_u, first_v = u[p], v[p]
+            break
+    for p in range(u.size):
+        seen = np.isfinite(u[p]) & np.isfinite(v[p])
+        da[p], db[p] = u[p] - first_u if seen else 0.0, v[p] - first_v if seen else 0.0
+        n += 1.0 if seen else 0.0
+        total_u += da[p]
+        total_v += db[p]
+    shift_u, shift_v = total_u / max(n, 1.0), total_v / max(n, 1.0)
+    for p in range(u.size):
+        seen = np.isfinite(u[p]) & np.isfinite(v[p])
+        da[p] -= shift_u if seen else 0.0
+        db[p] -= shift_v if seen else 0.0
+    return n, first_u + shift_u, first_v + shift_v
 
 
-@jit
-def _add_products(da: Floats, db: Floats, exponents: Ints, most: tuple[int, int], powers: Floats, sums: Floats) -> None:
-    """Add ``da^p db^q`` of all exponents to the rows of `sums`; scratch `powers`, shape (2, 9, cells)."""
-    cells = da.size
-    for side in range(2):
-        own, base = powers[side], da if side == 0 else db
-        for i in range(cells):
-            own[1, i] = base[i]
-        for k in range(1, most[side]):
-            for i in range(cells):
-                own[k + 1, i] = own[k, i] * base[i]
-    for o in range(len(exponents)):
-        u, w, total = powers[0, exponents[o, 0]], powers[1, exponents[o, 1]], sums[o]
-        for i in range(cells):
-            total[i] += u[i] * w[i]
+@reducing
+def _power_sums(d: Floats) -> tuple[float, float, float, float, float, float, float]:
+    """Sums of ``d^2`` to ``d^8``."""
+    s2, s3, s4, s5, s6, s7, s8 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for p in range(d.size):
+        square = d[p] * d[p]
+        cube, fourth = square * d[p], square * square
+        s2 += square
+        s3 += cube
+        s4 += fourth
+        s5 += fourth * d[p]
+        s6 += fourth * square
+        s7 += fourth * cube
+        s8 += fourth * fourth
+    return s2, s3, s4, s5, s6, s7, s8
 
 
-@jit
+@reducing
+def _product_sum(u: Floats, v: Floats) -> float:
+    total = 0.0
+    for p in range(u.size):
+        total += u[p] * v[p]
+    return total
+
+
+@lean
 def _block_sums(
-    a: Floats, b: Floats, left: Ints, right: Ints, exponents: Ints, seen: Bools, n: Floats, scratch: Floats,
+    a: Floats, b: Floats, left: Ints, right: Ints, exponents: Ints, alone: bool, most: int, powers: Floats, n: Floats,
     mean: Floats, sums: Floats,
 ) -> None:  # fmt: skip
-    """Means (2, cells) and sums of ``da^p db^q`` (orders, cells) over the rows where both are finite.
+    """Counts (cells), means (2, cells) and sums of ``da^p db^q`` (orders, cells) over what is finite in both.
 
-    Cell i is about the columns ``left[i]`` of `a` and ``right[i]`` of `b`, both of shape (paths, columns).
-    Exponents of one variable alone are 2, 3, 4, ... in this order.  `seen` is empty where everything was seen;
-    `scratch` has shape (4, 9, cells), and ones in it.
+    Cell i is about the rows ``left[i]`` of `a` and ``right[i]`` of `b`, both of shape (variables, paths).
+    Exponents of one variable `alone` are 2, 3, 4, ... in this order, others at `most` the most; scratch `powers` has
+    shape (2, most + 1, paths) and ones in it.
     """
-    cells, most_a, most_b = left.size, 0, 0
-    for o in range(len(exponents)):
-        most_a, most_b = max(most_a, exponents[o, 0]), max(most_b, exponents[o, 1])
-    alone = most_b == 0
-    da, db, powers = scratch[2, 0], scratch[3, 0], scratch[:2]
-    _means(a, left, seen, n, da, mean[0])
-    _means(b, right, seen, n, da, mean[1])
-    for p in range(len(a)):
-        for i in range(cells):
-            da[i] = a[p, left[i]] - mean[0, i]
-        if not alone:
-            for i in range(cells):
-                db[i] = b[p, right[i]] - mean[1, i]
-        if len(seen) > 0:
-            for i in range(cells):
-                if not seen[p, i]:
-                    da[i] = db[i] = 0.0
+    for i in range(left.size):
+        n[i], mean[0, i], mean[1, i] = _centred(a[left[i]], b[right[i]], powers[0, 1], powers[1, 1])
         if alone:
-            _add_powers(da, db, sums)
-        else:
-            _add_products(da, db, exponents, (most_a, most_b), powers, sums)
+            found = _power_sums(powers[0, 1])
+            for o in range(len(exponents)):
+                sums[o, i] = found[o]
+            continue
+        for side in range(2):
+            for k in range(1, most):
+                for p in range(powers.shape[2]):
+                    powers[side, k + 1, p] = powers[side, k, p] * powers[side, 1, p]
+        for o in range(len(exponents)):
+            sums[o, i] = _product_sum(powers[0, exponents[o, 0]], powers[1, exponents[o, 1]])
 
 
-@jit
+@lean
 def _about(
     n: Floats, mean: Floats, sums: Floats, centre: Floats, exponents: Ints, place: Ints, powers: Floats, out: Floats
 ) -> None:
@@ -136,6 +144,14 @@ def _about(
                         continue  # first powers about the own mean add up to zero
                     inner = n[i] if j + k == 0 else sums[place[j, k], i]
                     out[o, i] += BINOMIAL[p, j] * BINOMIAL[q, k] * powers[0, p - j] * powers[1, q - k] * inner
+
+
+def columns_of(values: Floats) -> Floats:
+    """A block's values, shape (paths, ...), with the paths of each variable side by side, shape (variables, paths)."""
+    rows = values.reshape(len(values), -1)
+    columns = np.empty(rows.shape[::-1])
+    _turn_over(rows, columns)
+    return columns
 
 
 @dataclass(frozen=True)
@@ -174,22 +190,21 @@ class CentralSums:
     def of(cls, a: Floats, b: Floats, orders: Orders) -> "CentralSums":
         """Sums of one block; `a` and `b` have shape (paths, ...), and NaN marks what was never observed."""
         cells = np.arange(a[0].size)
-        return cls.of_columns(a.reshape(len(a), -1), b.reshape(len(b), -1), cells, cells, orders, a.shape[1:])
+        return cls.of_columns(columns_of(a), columns_of(b), cells, cells, orders, a.shape[1:])
 
     @classmethod
     def of_columns(
         cls, a: Floats, b: Floats, left: Ints, right: Ints, orders: Orders, shape: tuple[int, ...]
     ) -> "CentralSums":
-        """Sums of one block over cells of this shape, each about one column of `a` and one of `b`."""
-        cells = left.size
-        finite_a = np.isfinite(a)
-        finite_b = finite_a if b is a else np.isfinite(b)
-        seen, n = np.empty((0, cells), np.bool_), np.full(cells, float(len(a)))
-        if not (finite_a.all() and finite_b.all()):
-            seen = finite_a[:, left] & finite_b[:, right]
-            n = seen.sum(axis=0, dtype=float)
-        mean, sums = np.empty((2, cells)), np.zeros((len(orders), cells))
-        _block_sums(a, b, left, right, np.array(orders), seen, n, np.ones((4, 9, cells)), mean, sums)
+        """Sums of one block over cells of this shape, each about one variable of `a` and one of `b`.
+
+        Both are of shape (variables, paths), see `columns_of`.
+        """
+        n, mean, sums = np.empty(left.size), np.empty((2, left.size)), np.empty((len(orders), left.size))
+        exponents, alone = np.array(orders), orders == SINGLE[: len(orders)]
+        most = 1 if alone else int(exponents.max())
+        powers = np.ones((2, most + 1, a.shape[1]))
+        _block_sums(a, b, left, right, exponents, alone, most, powers, n, mean, sums)
         return cls(orders, n.reshape(shape), mean.reshape(2, *shape), sums.reshape(len(orders), *shape))
 
     def merged(self, other: "CentralSums") -> "CentralSums":

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from montecarlo.noise import CONTACT, Key, Word, normals, uniforms
-from scene.compiled import jit
+from scene.compiled import lean
 from scene.scene import CUT, Scene
 
 __all__ = ["Backlash", "backlash_of", "draw_walls", "first_half_gap", "half_gap"]
@@ -40,7 +40,7 @@ def backlash_of(scene: Scene) -> Backlash:
     )  # fmt: skip
 
 
-@jit
+@lean
 def _deviation(key: Key, path: Word, contact: Word, law: int) -> float:
     """Deviation number `contact` of a path, in units of c_max."""
     if law == 0:
@@ -55,21 +55,21 @@ def _deviation(key: Key, path: Word, contact: Word, law: int) -> float:
     return 0.0  # once in 1e83 draws
 
 
-@jit
+@lean
 def half_gap(b: Backlash, key: Key, path: Word, contact: Word, mesh: int) -> float:
     """Half gap that a flank of `mesh` takes by draw number `contact` of a path."""
     gap, c_max = (b.gap1, b.c1_max) if mesh == 1 else (b.gap2, b.c2_max)
     return gap + c_max * _deviation(key, path, contact, b.law)
 
 
-@jit
+@lean
 def first_half_gap(b: Backlash, key: Key, path: Word, flank: int) -> float:
     """Half gap of flank 0 to 3 (+1, -1, +2, -2) at the start; both flanks of a mesh share a draw unless redrawn."""
     draw = flank if b.redrawn else 2 * (flank // 2)
     return half_gap(b, key, path, Word(draw), 1 + flank // 2)
 
 
-@jit
+@lean
 def draw_walls(b: Backlash, key: Key, first: int, walls: Floats) -> None:
     """Distances of the flanks +1, -1, +2, -2 from the middle at the start, into `walls`, shape (4, paths).
 

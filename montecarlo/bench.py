@@ -16,7 +16,7 @@ from montecarlo.block import BLOCK, run, sample
 from montecarlo.euler import euler_lanes, step_forcing
 from montecarlo.noise import Word, fill_normals, key_of
 from montecarlo.settings import plan_of
-from scene.compiled import jit
+from scene.compiled import lean
 from scene.gears import DAT21
 from scene.scene import Constants, Scene, Tolerance
 
@@ -27,13 +27,13 @@ STEP = 2.0 * math.pi / 1000.0
 LOOPS = 400
 
 
-@jit
+@lean
 def _normals(key: Any, paths: Any, z: Any, loops: int) -> None:
     for i in range(loops):
         fill_normals(key, paths, Word(i), paths.size, z)
 
 
-@jit
+@lean
 def _steps(c: Constants, state: Any, z: Any, beyond: Any, loops: int) -> None:
     f = step_forcing(c, 0.0, 1e-12)  # so short that nobody gets anywhere
     for _ in range(loops):

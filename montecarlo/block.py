@@ -3,15 +3,17 @@
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from montecarlo.accumulate import COVARIANCE, PAIR, SINGLE, VARIANCE, CentralSums, Orders
+from montecarlo.accumulate import COVARIANCE, PAIR, SINGLE, VARIANCE, CentralSums, Orders, columns_of
 from montecarlo.backlash import backlash_of, draw_walls
 from montecarlo.control import LinearPath, no_control
-from montecarlo.kernel import COLUMNS, Job, lanes_of, run_block
+from montecarlo.kernel import COLUMNS, Job, block_kernel
+from montecarlo.lanes import lanes_of
 from montecarlo.noise import key_of
 from montecarlo.schemes import SCHEMES
 from scene.compiled import jit
@@ -47,7 +49,10 @@ SECTION_OF = (0, 2, 3, 4, 5)
 
 
 class Plan(NamedTuple):
-    """What every block of a run has in common."""
+    """What every block of a run has in common.
+
+    A ``mirrored`` plan runs the antithetic partner of each path: all its noise negated, its backlashes the same.
+    """
 
     scene: Scene
     paths: int
@@ -62,6 +67,7 @@ class Plan(NamedTuple):
     control: LinearPath = no_control()
     keep: bool = False
     two_point: bool = False
+    mirrored: bool = False
     energy: bool = False
 
     @property
@@ -112,19 +118,22 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
     scene = plan.scene
     first = block * BLOCK
     paths = min(BLOCK, plan.paths - first)
-    key, backlash = key_of(plan.seed), backlash_of(scene)
-    walls = np.empty((4, paths))
-    draw_walls(backlash, key, first, walls)
+    c, key, backlash = scene.constants, key_of(plan.seed), backlash_of(scene)
+    walls = np.repeat([[c.wall1], [c.wall1], [c.wall2], [c.wall2]], paths, axis=1)
+    if backlash.random:
+        draw_walls(backlash, key, first, walls)
     rows = _array("rows", (plan.levels, paths, plan.impacts, COLUMNS), np.nan, reuse)
     clock = _array("clock", (plan.levels, paths, plan.clock_steps.size, 4), np.nan, reuse)
     linear = paths if plan.control.at_step.size else 0
     controls = _array("controls", (linear, plan.impacts, COLUMNS), 0.0, reuse)
+    if plan.mirrored:
+        c = c._replace(sigma=-c.sigma)
     job = Job(
-        scene.constants, backlash, key, scene.start.tau, plan.dt, SCHEMES[plan.scheme].code, plan.two_point,
+        c, backlash, key, scene.start.tau, plan.dt, SCHEMES[plan.scheme].code, plan.two_point,
         plan.most_steps,
     )  # fmt: skip
     every, room = lanes_of(plan.levels, first, start_state(scene, walls), walls, scene.start.tau)
-    work, held, unfinished = run_block(
+    work, held, unfinished = block_kernel(job.scheme)(
         job, plan.control, first, every, room, rows, plan.clock_steps, clock, controls
     )  # fmt: skip
     return Raw(rows, clock, controls, int(work), int(held), int(unfinished))
@@ -168,15 +177,13 @@ CROSS = tuple((i, j) for i in range(4) for j in range(i, 4))
 
 
 def _pairs(
-    values: Floats, pairs: Sequence[tuple[int, int]], orders: Orders, other: Floats | None = None
+    groups: int, values: Floats, pairs: Sequence[tuple[int, int]], orders: Orders, other: Floats | None = None
 ) -> CentralSums:
-    """Sums over pairs of variables of (paths, groups, variables), the second of each pair from `other` if given."""
-    paths, groups, variables = values.shape
-    other = values if other is None else other
+    """Sums over pairs of variables of (groups * variables, paths), the second of each pair from `other` if given."""
     first, second = np.array(pairs).T
-    base = variables * np.arange(groups)[:, None]
+    base = len(values) // groups * np.arange(groups)[:, None]
     return CentralSums.of_columns(
-        values.reshape(paths, -1), other.reshape(paths, -1), (base + first).ravel(), (base + second).ravel(), orders,
+        values, values if other is None else other, (base + first).ravel(), (base + second).ravel(), orders,
         (groups, len(pairs)),
     )  # fmt: skip
 
@@ -184,26 +191,28 @@ def _pairs(
 def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
     """Run a block and reduce it; its impacts, shape (paths, impacts, COLUMNS), if the plan keeps them."""
     raw = sample(plan, block, reuse=True)
-    rows, clock = raw.rows, raw.clock
+    section, times = partial(_pairs, plan.impacts), partial(_pairs, plan.clock_steps.size)
+    rows = [columns_of(level) for level in raw.rows]
+    clock = [columns_of(level) for level in raw.clock] if plan.clock_steps.size else []
     own = [(i, i) for i in range(len(SECTION))]
     sums = {
-        "section": _pairs(rows[0], own, SINGLE),
-        "section_pairs": _pairs(rows[0], [(SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS], COVARIANCE),
+        "section": section(rows[0], own, SINGLE),
+        "section_pairs": section(rows[0], [(SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS], COVARIANCE),
     }
     if plan.energy:
-        sums["energy"] = _pairs(_losses(plan.scene.constants, rows[0]), [(0, 0)], VARIANCE)
+        sums["energy"] = section(columns_of(_losses(plan.scene.constants, raw.rows[0])), [(0, 0)], VARIANCE)
     if plan.control.at_step.size:
-        sums["control"] = _pairs(rows[0], own, PAIR, raw.controls)
+        sums["control"] = section(rows[0], own, PAIR, columns_of(raw.controls))
     if plan.clock_steps.size:
-        sums["clock"] = _pairs(clock[0], CROSS, PAIR)
+        sums["clock"] = times(clock[0], CROSS, PAIR)
     if plan.levels > 1:
-        sums["fine_coarse"] = _pairs(rows[0], own, PAIR, rows[1])
-        sums["coarse_coarser"] = _pairs(rows[1], own, ((0, 2),), rows[2])
+        sums["fine_coarse"] = section(rows[0], own, PAIR, rows[1])
+        sums["coarse_coarser"] = section(rows[1], own, ((0, 2),), rows[2])
         if plan.clock_steps.size:
-            sums["coarse_clock"] = _pairs(clock[1], ((0, 1), (2, 3)), PAIR)
+            sums["coarse_clock"] = times(clock[1], ((0, 1), (2, 3)), PAIR)
     listed = np.array(list(plan.itineraries.values()), dtype=float).reshape(-1, plan.impacts)
     codes, agreeing = _tally(raw.rows[0], listed)
-    kept = rows[0].copy() if plan.keep else None
+    kept = raw.rows[0].copy() if plan.keep else None
     if kept is not None and plan.scene.stages == 1:
         kept[:, :, 4:6] = np.nan  # the kernel leaves there whatever was
     return BlockResult(

@@ -12,14 +12,14 @@ Foster, Lyons and Oberhauser, "An optimal polynomial approximation of Brownian m
 import math
 
 from montecarlo.progress import Noise
-from scene.compiled import jit
+from scene.compiled import lean
 
 __all__ = ["joined", "split"]
 
 ROOT3 = math.sqrt(3.0)
 
 
-@jit
+@lean
 def split(whole: Noise, h: float, share: float, z1: float, z2: float) -> tuple[Noise, Noise]:
     """Noise of the first `share` of a time h and of the rest, given that of the whole.
 
@@ -52,7 +52,7 @@ def split(whole: Noise, h: float, share: float, z1: float, z2: float) -> tuple[N
     )
 
 
-@jit
+@lean
 def joined(first: Noise, second: Noise, share: float) -> Noise:
     """Noise of a whole time from that of its first `share` and of the rest.
 

@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 
 from montecarlo.accumulate import CentralSums
 from montecarlo.exact_flight import kick
+from montecarlo.noise import Word
+from scene.compiled import lean
 from scene.flight import field, jacobian
 from scene.impact import contact_matrix, next_impact, struck
 from scene.moments import SECTION
 from scene.scene import Constants, Scene
 
-__all__ = ["LinearPath", "controlled_statistics", "linear_path", "no_control"]
+__all__ = ["LinearPath", "carry_along", "controlled_statistics", "linear_path", "no_control"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -146,6 +148,42 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
         program.carry[n], program.noise[n] = linear @ carry, noise @ linear.T + pushed
         covariance = program.carry[n] @ covariance @ program.carry[n].T + program.noise[n].T @ program.noise[n]
     return program
+
+
+@lean
+def carry_along(
+    path: LinearPath, n: int, done: int, first: int, numbers: NDArray[Word], xi: Floats, w: Floats, area: Floats,
+    controls: Floats, live: int,
+) -> int:  # fmt: skip
+    """Take the perturbations of all lanes through step n; returns how many of the orbit's impacts are behind it.
+
+    `xi`, shape (5, lanes), holds the perturbations, `w` and `area` the step's normals; what the linearised path says of
+    the section goes to `controls`, shape (paths, impacts, COLUMNS).
+    """
+    while done < path.at_step.size and path.at_step[done] == n:
+        read, noise = path.read[done], path.read_noise[done]
+        for p in range(live):
+            row = int(numbers[p]) - first
+            for i in range(6):
+                total = noise[0, i] * w[p] + noise[1, i] * area[p]
+                for j in range(5):
+                    total += read[i, j] * xi[j, p]
+                controls[row, done, i] = total
+        done += 1
+    if done < path.at_step.size:
+        carry, noise = path.carry[n], path.noise[n]
+        x1, y1, x2, y2, last = xi[0], xi[1], xi[2], xi[3], xi[4]
+        for p in range(live):
+            a, b, c, d, e = x1[p], y1[p], x2[p], y2[p], last[p]
+            x1[p] = carry[0, 0] * a + carry[0, 1] * b + carry[0, 2] * c + carry[0, 3] * d
+            y1[p] = carry[1, 0] * a + carry[1, 1] * b + carry[1, 2] * c + carry[1, 3] * d
+            x2[p] = carry[2, 0] * a + carry[2, 1] * b + carry[2, 2] * c + carry[2, 3] * d
+            y2[p] = carry[3, 0] * a + carry[3, 1] * b + carry[3, 2] * c + carry[3, 3] * d
+            last[p] = carry[4, 0] * a + carry[4, 1] * b + carry[4, 2] * c + carry[4, 3] * d + carry[4, 4] * e
+        for i in range(5):
+            for p in range(live):
+                xi[i, p] += noise[0, i] * w[p] + noise[1, i] * area[p]
+    return done
 
 
 def controlled_statistics(sums: CentralSums, variance: Floats) -> dict[str, Floats]:

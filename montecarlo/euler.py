@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from montecarlo.progress import Noise, Progress, Walls
-from scene.compiled import inlined, jit
+from scene.compiled import inlined, lean, spliced
 from scene.flight import noise_rate
 from scene.scene import Constants
 
-__all__ = ["StepForcing", "at_end", "euler_lanes", "euler_step", "step_forcing"]
+__all__ = ["StepForcing", "at_end", "due", "euler_lanes", "euler_step", "put_on_wall", "step_forcing"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -29,7 +29,7 @@ class StepForcing(NamedTuple):
     kick2: float
 
 
-@jit
+@lean
 def step_forcing(c: Constants, tau: float, h: float) -> StepForcing:
     """Forcing of an Euler-Maruyama step of length h at `tau` (Eq. 5)."""
     m1, m2 = noise_rate(c, tau)
@@ -52,7 +52,7 @@ def euler_step(
     )
 
 
-@jit
+@lean
 def euler_lanes(
     c: Constants, f: StepForcing, h: float, toleranced: bool, walls: Floats, state: Floats, z: Floats, beyond: Bools,
     lanes: int,
@@ -93,17 +93,25 @@ def euler_lanes(
             beyond[p] = abs(a) > c.wall1
 
 
-@inlined
+@spliced
+def due(c: Constants, x1: float, y1: float, x2: float, y2: float, walls: Walls) -> int:
+    """``mesh * side`` of the impact that is due at the end of a step, mesh 1 before mesh 2, or 0; without a branch."""
+    first = int((x1 > walls.high1) & (y1 > 0.0)) - int((x1 < -walls.low1) & (y1 < 0.0))
+    second = int((x2 > walls.high2) & (y2 > 0.0)) - int((x2 < -walls.low2) & (y2 < 0.0))
+    return first if first != 0 else (2 * second if c.stages == 2 else 0)
+
+
+@spliced
+def put_on_wall(code: int, x1: float, x2: float, walls: Walls) -> tuple[float, float]:
+    """Displacements with that of the struck mesh put back on its wall."""
+    x1 = walls.high1 if code == 1 else (-walls.low1 if code == -1 else x1)
+    x2 = walls.high2 if code == 2 else (-walls.low2 if code == -2 else x2)
+    return x1, x2
+
+
+@spliced
 def at_end(c: Constants, at: Progress, walls: Walls) -> Progress:
-    """The impact that is due at the end of a step, mesh 1 before mesh 2."""
-    x1, y1, x2, y2 = at.x1, at.y1, at.x2, at.y2
-    none = Noise(0.0, 0.0)
-    if x1 > walls.high1 and y1 > 0.0:
-        return Progress(1, at.tau, 0.0, none, walls.high1, y1, x2, y2)
-    if x1 < -walls.low1 and y1 < 0.0:
-        return Progress(-1, at.tau, 0.0, none, -walls.low1, y1, x2, y2)
-    if c.stages == 2 and x2 > walls.high2 and y2 > 0.0:
-        return Progress(2, at.tau, 0.0, none, x1, y1, walls.high2, y2)
-    if c.stages == 2 and x2 < -walls.low2 and y2 < 0.0:
-        return Progress(-2, at.tau, 0.0, none, x1, y1, -walls.low2, y2)
-    return Progress(0, at.tau, 0.0, none, x1, y1, x2, y2)
+    """The impact that is due at the end of a step."""
+    code = due(c, at.x1, at.y1, at.x2, at.y2, walls)
+    x1, x2 = put_on_wall(code, at.x1, at.x2, walls)
+    return Progress(code, at.tau, 0.0, Noise(0.0, 0.0), x1, at.y1, x2, at.y2)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from montecarlo.euler import StepForcing, euler_step, step_forcing
 from montecarlo.progress import Noise, Progress, Walls
-from scene.compiled import inlined, jit
+from scene.compiled import inlined, lean
 from scene.scene import Constants
 
 __all__ = ["advance_inside", "leaves", "leaving", "located_lanes"]
@@ -28,7 +28,7 @@ def leaves(h: float, x: float, y: float, high: float, low: float) -> bool:
     return (end > high) | (end < -low)
 
 
-@jit
+@lean
 def leaving(c: Constants, h: float, walls: Floats, state: Floats, beyond: Bools, lanes: int) -> None:
     """Mark the lanes whose next step ends beyond a wall; vectorises."""
     x1, y1, x2, y2 = state[0], state[1], state[2], state[3]
@@ -40,7 +40,7 @@ def leaving(c: Constants, h: float, walls: Floats, state: Floats, beyond: Bools,
             beyond[p] |= leaves(h, x2[p], y2[p], high2[p], low2[p])
 
 
-@jit
+@lean
 def located_lanes(c: Constants, f: StepForcing, h: float, state: Floats, z: Floats, lanes: int) -> None:
     """One step of all lanes, walls not minded; vectorises."""
     x1, y1, x2, y2 = state[0], state[1], state[2], state[3]
@@ -48,7 +48,7 @@ def located_lanes(c: Constants, f: StepForcing, h: float, state: Floats, z: Floa
         x1[p], y1[p], x2[p], y2[p] = euler_step(c, f, h, x1[p], y1[p], x2[p], y2[p], z[p])
 
 
-@jit
+@lean
 def _part_of_step(
     c: Constants, tau: float, s: float, increment: float, x1: float, y1: float, x2: float, y2: float
 ) -> tuple[float, float, float, float]:
@@ -57,7 +57,7 @@ def _part_of_step(
     return euler_step(c, step_forcing(c, tau, s), s, x1, y1, x2, y2, increment / math.sqrt(s))
 
 
-@jit
+@lean
 def _reach(x: float, y: float, high: float, low: float) -> float:
     """Time in which a straight line from x at speed y meets ``high`` or ``-low``; infinite for y = 0."""
     if y > 0.0:
@@ -67,7 +67,7 @@ def _reach(x: float, y: float, high: float, low: float) -> float:
     return math.inf
 
 
-@jit
+@inlined
 def advance_inside(c: Constants, at: Progress, normal: float, walls: Walls) -> Progress:
     """Go to the next wall that the path meets in this step, or to the step's end.
 

@@ -22,17 +22,19 @@ from numpy.typing import NDArray
 from montecarlo.brownian import joined, split
 from montecarlo.noise import Key, Word, normals
 from montecarlo.progress import Noise, Progress, Walls
-from scene.compiled import inlined, jit
-from scene.flight import decay, flow, noise_rate, turned
+from scene.compiled import inlined, lean, spliced
+from scene.flight import decay, flow, turned
 from scene.scene import Constants
 
 __all__ = [
     "FlightForcing",
     "advance_exactly",
+    "first_root",
     "first_stage",
     "flight_forcing",
     "flight_lanes",
     "kick",
+    "margins",
     "near_second",
     "near_wall",
     "second_stage",
@@ -66,52 +68,53 @@ class FlightForcing(NamedTuple):
     margin2: float
 
 
-@jit
-def _margins(c: Constants, tau: float, h: float) -> tuple[float, float]:
-    """Margins on the Bernstein coefficients of both stages' gaps over a time h from `tau`: noise, and what a cubic
-    cannot bend.
+@lean
+def margins(c: Constants, sine: float, cosine: float, h: float) -> tuple[float, float]:
+    """Margins on the Bernstein coefficients of both stages' gaps over a time h: noise, and what a cubic cannot bend.
+
+    `sine` and `cosine` are those of any phase in this time.
 
     The noise is taken at its largest modulation in this time: where it vanishes, a path that is pressed to its wall
     must not be cut as if it were shaken.
     """
-    spread = STRAY * c.sigma * h * math.sqrt(h) * SCALE
+    spread = STRAY * abs(c.sigma) * h * math.sqrt(h) * SCALE
     most = math.sqrt(1.0 + c.beta1**2)  # of the modulation of y1, and of its rate
-    first = min(most, abs(noise_rate(c, tau)[0]) + h * most)
-    second = abs(c.beta1 - c.beta2) * (min(1.0, abs(math.cos(tau)) + h) + h * first)  # the last by way of y1
+    first = min(most, abs(c.beta1 * cosine - sine) + h * most)
+    second = abs(c.beta1 - c.beta2) * (min(1.0, abs(cosine) + h) + h * first)  # the last by way of y1
     force = c.alpha * most + c.gamma1 + c.gamma2
     bend = h**4 / 96.0 * force * (1.0 + max(c.beta1, c.beta2)) ** 2  # Hermite: h^4 / 384 times the fourth derivative
     return spread * first + bend, spread * second + bend
 
 
 @inlined
-def _turned(beta: float, t: float) -> float:
+def short_turned(beta: float, t: float) -> float:
     """`scene.flight.turned` of a time within which damping does little (``beta t <= 0.2``), by its series to 1e-12."""
     z = beta * t
     return t * (1.0 - z / 2.0 * (1.0 - z / 3.0 * (1.0 - z / 4.0 * (1.0 - z / 5.0 * (1.0 - z / 6.0 * (1.0 - z / 7.0))))))
 
 
 @inlined
-def _node(c: Constants, sine: float, cosine: float, lag: float) -> tuple[float, float, float, float]:
+def node(c: Constants, sine: float, cosine: float, lag: float) -> tuple[float, float, float, float]:
     """What unit noise at a phase does to the state `lag` later (Eq. 5)."""
     m1, m2 = -sine + c.beta1 * cosine, (c.beta1 - c.beta2) * cosine
-    e1 = _turned(c.beta1, lag)
+    e1 = short_turned(c.beta1, lag)
     d1 = 1.0 - c.beta1 * e1
     if c.stages == 1:
         return e1 * m1, d1 * m1, 0.0, 0.0
-    e2 = _turned(c.beta2, lag)
+    e2 = short_turned(c.beta2, lag)
     d2 = 1.0 - c.beta2 * e2
     return e1 * m1, d1 * m1, (e1 - e2) * m1 + e2 * m2, (d1 - d2) * m1 + d2 * m2
 
 
-@jit
+@lean
 def kick(c: Constants, tau: float, h: float, first: float, slope: float) -> tuple[float, float, float, float]:
     """Displacement at the end of a time h by the noise ``dB = (first + slope (s / h - 1/2)) ds / h``, by Eq. 5."""
     away = OUTER * h
     sine, cosine = math.sin(tau + 0.5 * h), math.cos(tau + 0.5 * h)
     s, k = math.sin(away), math.cos(away)
-    a = _node(c, sine * k - cosine * s, cosine * k + sine * s, 0.5 * h + away)
-    b = _node(c, sine, cosine, 0.5 * h)
-    d = _node(c, sine * k + cosine * s, cosine * k - sine * s, 0.5 * h - away)
+    a = node(c, sine * k - cosine * s, cosine * k + sine * s, 0.5 * h + away)
+    b = node(c, sine, cosine, 0.5 * h)
+    d = node(c, sine * k + cosine * s, cosine * k - sine * s, 0.5 * h - away)
     before = c.sigma * OUTER_WEIGHT * (first - slope * OUTER)
     middle = c.sigma * MIDDLE_WEIGHT * first
     after = c.sigma * OUTER_WEIGHT * (first + slope * OUTER)
@@ -123,18 +126,18 @@ def kick(c: Constants, tau: float, h: float, first: float, slope: float) -> tupl
     )
 
 
-@jit
+@lean
 def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
     """All that a step of length h from `tau` needs that no path has of its own."""
     e1, d1, e2, d2 = turned(c.beta1, h), decay(c.beta1, h), turned(c.beta2, h), decay(c.beta2, h)
-    margin1, margin2 = _margins(c, tau, h)
+    margin1, margin2 = margins(c, math.sin(tau), math.cos(tau), h)
     return FlightForcing(
         e1, d1, e1 - e2, e2, d1 - d2, d2, flow(c, tau, 0.0, 0.0, 0.0, 0.0, h),
         kick(c, tau, h, math.sqrt(h), 0.0), kick(c, tau, h, 0.0, math.sqrt(12.0 * h)), margin1, margin2,
     )  # fmt: skip
 
 
-@inlined
+@spliced
 def _near(a: float, b: float, end: float, high: float, low: float, margin: float) -> bool:
     """Whether one of the Bernstein coefficients a, b or the end of a cubic comes close to a wall."""
     return (max(a, b) > high - margin) | (min(a, b) < margin - low) | (end > high) | (end < -low)
@@ -164,7 +167,7 @@ def second_stage(f: FlightForcing, x2: float, y1: float, y2: float, z: float, ar
     )
 
 
-@jit
+@lean
 def flight_lanes(
     c: Constants, f: FlightForcing, h: float, walls: Floats, state: Floats, z: Floats, area: Floats, near: Bools,
     lanes: int,
@@ -182,7 +185,7 @@ def flight_lanes(
             x2[p], y2[p] = second_stage(f, x2[p], y, y2[p], z[p], area[p])
 
 
-@jit
+@lean
 def near_second(h: float, margin: float, walls: Floats, before: Floats, state: Floats, near: Bools, lanes: int) -> None:
     """Mark the lanes whose second stage may meet a wall."""
     third = h / 3.0
@@ -198,8 +201,8 @@ def _cubic(a: float, b: float, c: float, d: float, s: float) -> float:
     return r * r * r * a + 3.0 * r * s * (r * b + s * c) + s * s * s * d
 
 
-@jit
-def _first_root(a: float, b: float, c: float, d: float) -> float:
+@spliced
+def first_root(a: float, b: float, c: float, d: float) -> float:
     """First zero in (0, 1] of a cubic with Bernstein coefficients a >= 0, b, c, d; 2 if none is seen."""
     low, pieces = 0.0, 8
     for i in range(1, pieces + 1):
@@ -227,17 +230,17 @@ def _first_root(a: float, b: float, c: float, d: float) -> float:
     return 2.0
 
 
-@jit
+@lean
 def _cut_at(gap0: float, rate0: float, gap1: float, rate1: float, h: float, margin: float, close: float) -> float:
     """Share of the time h after which to look again at a wall: 1 if it cannot be met before."""
     b, c = gap0 + rate0 * h / 3.0, gap1 - rate1 * h / 3.0
     if b > margin - close and c > margin - close and gap1 >= -close:  # `close`: a path at rest on a wall can start
         return 1.0
-    root = _first_root(max(gap0, 0.0), b, c, gap1)
+    root = first_root(max(gap0, 0.0), b, c, gap1)
     return root if root < 1.0 else 0.5
 
 
-@jit
+@spliced
 def _due(c: Constants, at: Progress, walls: Walls) -> tuple[int, float]:
     """``mesh * side`` of an impact that is due, and the time to the next wall ahead at the speed of now."""
     code, reach = 0, math.inf
@@ -252,7 +255,7 @@ def _due(c: Constants, at: Progress, walls: Walls) -> tuple[int, float]:
     return code, reach
 
 
-@jit
+@spliced
 def _on_wall(at: Progress, code: int, walls: Walls) -> Progress:
     """The same with the struck coordinate on its wall, and the impact due."""
     x1, x2 = at.x1, at.x2
@@ -263,17 +266,17 @@ def _on_wall(at: Progress, code: int, walls: Walls) -> Progress:
     return Progress(code, at.tau, at.left, at.noise, x1, at.y1, x2, at.y2)
 
 
-@jit
+@spliced
 def _put_inside(at: Progress, walls: Walls) -> Progress:
     """The same with what lies beyond a wall put on it: for a step that has used up its cuts."""
     x1, x2 = min(max(at.x1, -walls.low1), walls.high1), min(max(at.x2, -walls.low2), walls.high2)
     return Progress(at.code, at.tau, at.left, at.noise, x1, at.y1, x2, at.y2)
 
 
-@jit
+@spliced
 def _cut_of_trial(c: Constants, at: Progress, end: Progress, h: float, walls: Walls) -> float:
     """Share of a trial of length h after which to look again, over all walls: 1 if it meets none before its end."""
-    margin1, margin2 = _margins(c, at.tau, h)
+    margin1, margin2 = margins(c, math.sin(at.tau), math.cos(at.tau), h)
     close = CLOSE * c.wall1
     cut = min(
         _cut_at(walls.high1 - at.x1, -at.y1, walls.high1 - end.x1, -end.y1, h, margin1, close),
@@ -289,7 +292,7 @@ def _cut_of_trial(c: Constants, at: Progress, end: Progress, h: float, walls: Wa
     return cut
 
 
-@jit
+@inlined
 def advance_exactly(
     c: Constants, key: Key, path: Word, index: Word, purpose: Word, at: Progress, walls: Walls
 ) -> Progress:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.compiled import inlined, jit
+from scene.compiled import inlined, lean, spliced
 
 __all__ = [
     "BRIDGE",
@@ -93,7 +93,7 @@ def words(key: Key, path: Word, index: Word, purpose: Word) -> tuple[Word, Word,
     return c0 & LOW, c1 & LOW, c2 & LOW, c3 & LOW
 
 
-@jit
+@lean
 def uniforms(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, float]:
     """Two uniform numbers in (0, 1), each with 53 bits."""
     a, b, c, d = words(key, path, index, purpose)
@@ -104,7 +104,7 @@ def uniforms(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, f
     )
 
 
-@inlined
+@spliced
 def _log(u: float) -> float:
     """Natural logarithm of a normal float in (0, 1], to rounding; vectorises, unlike the one of the C library.
 
@@ -125,7 +125,7 @@ def _log(u: float) -> float:
     return k * LN2 - ((half - s * (half + odd + even)) - f)
 
 
-@inlined
+@spliced
 def _circle(turn: float, quadrant: np.int64) -> tuple[float, float]:
     """Cosine and sine of ``2 pi (turn + quadrant / 4)``, ``|turn| <= 1/8``, to rounding; vectorises."""
     x = TURN * turn
@@ -169,7 +169,7 @@ def _four(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, floa
     return z0, z1, z2, z3
 
 
-@jit
+@lean
 def normals(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, float, float, float]:
     """Four independent standard normals.
 
@@ -184,7 +184,7 @@ def normals(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, fl
     return _four(key, path, index, purpose)
 
 
-@jit
+@lean
 def fill_normals(key: Key, paths: NDArray[np.uint64], index: Word, lanes: int, z: NDArray[np.float64]) -> None:
     """Normals of all lanes for one index of the steps into `z`, shape (4, lanes or more); vectorises."""
     z0, z1, z2, z3 = z[0], z[1], z[2], z[3]
@@ -205,14 +205,14 @@ def sign_of(bits: Word, place: int) -> float:
     return 1.0 - 2.0 * np.float64(np.int64((bits >> Word(place)) & Word(1)))
 
 
-@jit
+@lean
 def fill_words(key: Key, paths: NDArray[Word], index: Word, lanes: int, out: NDArray[Word]) -> None:
     """Sixty-four random bits of all lanes for one index of the steps; vectorises."""
     for p in range(lanes):
         out[p] = bits_of(key, paths[p], index)
 
 
-@jit
+@lean
 def fill_signs(bits: NDArray[Word], place: int, lanes: int, z: NDArray[np.float64]) -> None:
     """Two-point increments of all lanes; vectorises."""
     for p in range(lanes):

@@ -25,9 +25,19 @@ from scene.scene import Scene
 if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
     import pandas as pd
 
-__all__ = ["Ensemble", "Reach"]
+__all__ = ["Candidate", "Ensemble", "Reach"]
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Candidate(NamedTuple):
+    """Step, paths and processor time that a scheme is expected to need."""
+
+    scheme: str
+    dt: float
+    paths: int
+    core_seconds: float
 
 
 class Reach(NamedTuple):
@@ -45,8 +55,8 @@ class Reach(NamedTuple):
         Largest bias of the step; 0 for a scheme that has none.
     worst : str
         Where the standard error is largest.
-    schemes : DataFrame
-        What each scheme was expected to cost: index ``scheme``, columns ``dt, paths, core_seconds``.
+    candidates : sequence of Candidate
+        What each scheme that was tried was expected to cost.
     more_seconds : float
         Estimated time to what was asked, where the budget ended before it; 0 where it was reached.
     """
@@ -55,8 +65,15 @@ class Reach(NamedTuple):
     sampling: float
     step: float
     worst: str
-    schemes: pd.DataFrame
+    candidates: Sequence[Candidate]
     more_seconds: float
+
+    @property
+    def schemes(self) -> pd.DataFrame:
+        """The candidates as a table: index ``scheme``, columns ``dt, paths, core_seconds``."""
+        import pandas as pd
+
+        return pd.DataFrame(self.candidates).set_index("scheme")
 
     @property
     def reached(self) -> bool:
@@ -169,42 +186,45 @@ class Ensemble:
         """
         import pandas as pd
 
+        return pd.DataFrame(self.columns, index=pd.RangeIndex(1, self.impacts + 1, name="impact"))
+
+    @cached_property
+    def columns(self) -> dict[str, Floats | Ints]:
+        """The columns of `section`, each of shape (impacts,)."""
         s = single_statistics(self.result.sums["section"])
         if "control" in self.result.sums:
             s |= controlled_statistics(self.result.sums["control"], self.plan.control.variance)
-        columns: dict[str, Floats] = {}
+        columns: dict[str, Floats | Ints] = {}
+        most = np.array(CODES)[np.argmax(self.result.codes, axis=1)] * (self._reached > 0)
         for prefix, name in (("", "mean"), ("sd_", "sd"), ("skew_", "skew"), ("kurt_", "kurt")):
             for i, quantity in enumerate(SECTION):
                 absent = self.scene.stages == 1 and quantity in STATE[2:]
                 columns[prefix + quantity] = s[name][:, i] * (np.nan if absent else 1.0)
                 columns["se_" + prefix + quantity] = s["se_" + name][:, i] * (np.nan if absent else 1.0)
-        most = np.array(CODES)[np.argmax(self.result.codes, axis=1)] * (self._reached > 0)
+                if prefix + quantity == "flight":
+                    columns |= {"mesh": np.abs(most), "side": np.sign(most)}
         covariance = self.covariance
         for stage in (1, 2):
             j = 2 * stage - 1
             with np.errstate(invalid="ignore", divide="ignore"):
                 scale = np.sqrt(covariance[:, j, j] * covariance[:, j + 1, j + 1])
                 columns[f"rho{stage}"] = np.where(scale > 0.0, covariance[:, j, j + 1] / scale, np.nan)
-        table = pd.DataFrame(columns, index=pd.RangeIndex(1, self.impacts + 1, name="impact"))
-        table.insert(4, "mesh", np.abs(most))
-        table.insert(5, "side", np.sign(most))
         energy = self.result.sums.get("energy")
         if energy is not None:
-            table["energy"] = np.where(energy.n[:, 0] > 0, energy.mean[0][:, 0], np.nan)
+            columns["energy"] = np.where(energy.n[:, 0] > 0, energy.mean[0][:, 0], np.nan)
             with np.errstate(invalid="ignore", divide="ignore"):
-                table["se_energy"] = np.sqrt(energy.moment(2, 0)[:, 0] / energy.n[:, 0])
-        table["paths"] = (self._reached * self._copies).astype(int)
-        table["agreement"] = self.agreement[NOISE_FREE]
-        return table
+                columns["se_energy"] = np.sqrt(energy.moment(2, 0)[:, 0] / energy.n[:, 0])
+        columns["paths"] = (self._reached * self._copies).astype(int)
+        columns["agreement"] = self._share(self.result.agreeing[NOISE_FREE])
+        return columns
 
     @cached_property
     def agreement(self) -> pd.DataFrame:
         """Share of paths whose impacts so far had the meshes and sides of each itinerary given (columns)."""
         import pandas as pd
 
-        n = self.paths / self._copies
         return pd.DataFrame(
-            {name: a / n for name, a in self.result.agreeing.items()},
+            {name: self._share(a) for name, a in self.result.agreeing.items()},
             index=pd.RangeIndex(1, self.impacts + 1, name="impact"),
         )
 
@@ -342,6 +362,9 @@ class Ensemble:
     @property
     def _reached(self) -> Floats:
         return np.asarray(self.result.codes.sum(axis=1))
+
+    def _share(self, count: Floats) -> Floats:
+        return count / (self.paths / self._copies)
 
     @property
     def _copies(self) -> float:

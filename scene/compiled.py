@@ -5,16 +5,19 @@ import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import ParamSpec, TypeVar, cast
+from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 
-__all__ = ["inlined", "jit"]
+__all__ = ["inlined", "jit", "lean", "reducing", "spliced"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 PACKAGES = ("scene", "closure", "montecarlo")
+
+OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
+LEAN: dict[str, Any] = OPTIONS | {"_nrt": False}
 
 
 def _keep_machine_code_by_source() -> None:
@@ -51,9 +54,24 @@ def jit(function: Callable[P, R]) -> Callable[P, R]:
     Division follows IEEE rules instead of raising: a branch on every division keeps LLVM from
     vectorising the loops over paths.  No fast-math: results do not depend on how a loop is cut.
     """
-    return cast(Callable[P, R], numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+    return cast(Callable[P, R], numba.njit(**OPTIONS)(function))
+
+
+def lean(function: Callable[P, R]) -> Callable[P, R]:
+    """As `jit`, for loops that allocate nothing: views of arrays are taken without counting references to them."""
+    return cast(Callable[P, R], numba.njit(**LEAN)(function))
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
-    """As `jit`, and always made part of its caller: a loop over paths vectorises only when it calls nothing."""
-    return cast(Callable[P, R], numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(function))
+    """As `lean`, and always made part of its caller: a loop over paths vectorises only when it calls nothing."""
+    return cast(Callable[P, R], numba.njit(**LEAN, forceinline=True)(function))
+
+
+def reducing(function: Callable[P, R]) -> Callable[P, R]:
+    """As `lean`, and sums may be taken in any order that the compiler likes, always the same: they vectorise."""
+    return cast(Callable[P, R], numba.njit(**LEAN, fastmath={"reassoc"})(function))
+
+
+def spliced(function: Callable[P, R]) -> Callable[P, R]:
+    """Written into its caller before types are known: branches on the caller's constants go, with all they call."""
+    return cast(Callable[P, R], numba.njit(inline="always")(function))

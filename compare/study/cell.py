@@ -10,16 +10,20 @@ from typing import Any, Protocol
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from closure import READINGS, mean_map
 from compare.study.store import Stored
 from compare.study.version import numerical_version
 from montecarlo import SCHEMES, Ensemble, simulate
+from montecarlo.accuracy import faint
 from montecarlo.ensemble import Blocks
 from scene.moments import SECTION
 from scene.scene import Scene
 
 __all__ = ["Cell", "Predicted", "Prediction", "Sample", "Sampled"]
+
+Floats = NDArray[np.float64]
 
 BATCH = "batch_{}_{}"  # column of what the batches say of a quantity
 
@@ -72,6 +76,11 @@ class Sampled:
     step_bias: pd.DataFrame
     batches: pd.DataFrame
     facts: dict[str, Any]
+
+    @property
+    def columns(self) -> dict[str, Floats]:
+        """The columns of the section."""
+        return {str(name): self.section[name].to_numpy(float) for name in self.section}
 
     @property
     def paths(self) -> int:
@@ -149,7 +158,8 @@ class Sample:
             run = simulate(self.scene, accuracy=self.accuracy, **common)
         else:
             run = simulate(
-                self.scene, paths=self.paths, dt=self.dt, control=exact, step_bias=not exact, **common
+                self.scene, paths=self.paths, dt=self.dt, control=exact and faint(self.scene), step_bias=not exact,
+                **common,
             )  # fmt: skip
         facts = {
             "paths": run.paths, "dt": run.dt, "scheme": run.scheme, "path_steps": run.path_steps, "held": run.held,

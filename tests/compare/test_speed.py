@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from compare.speed import best_of, path_seconds, paths_for, speed
-from compare.validate import validate
+from compare.validation import validate
 from montecarlo import simulate
 from scene import DAT21, Scene
 

@@ -9,7 +9,7 @@ from compare.frontier_plot import frontier_figure
 from compare.rows import frontier_table, speed_table
 from compare.speed import Speed
 from compare.sweep import grid, sweep
-from compare.validate import validate
+from compare.validation import validate
 from scene import DAT21, InputError, Scene
 
 SETTINGS = {"impacts": 4, "paths": 20_000, "rng": 3, "workers": 2, "readings": ["mended", "saltation"]}

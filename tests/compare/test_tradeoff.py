@@ -12,12 +12,15 @@ from click.testing import CliRunner
 from compare.__main__ import main
 from compare.cost_law import Law, Point
 from compare.multilevel import Levels, Rate, fitted, giles_cost, levels_of
-from compare.reduction import control_table
+from compare.reduction import antithetic_gain, control_table
 from compare.tradeoff import Measured, _held_against, check_accuracies, closure_points, slope
-from compare.tradeoff_plot import tradeoff_figure
-from compare.tradeoff_report import CONTENTS, verdict
+from compare.tradeoff_plot import order_figure, tradeoff_figure
+from compare.tradeoff_report import CONTENTS, orders_in_words, verdict
+from compare.weak_order import orders_over
 from montecarlo import simulate
 from montecarlo.accuracy import units
+from montecarlo.block import sample
+from montecarlo.settings import plan_of
 from scene import DAT21, InputError, Scene
 
 SCENE = Scene.from_gears(DAT21, sigma=0.3)
@@ -231,6 +234,28 @@ def test_the_control_is_worth_most_at_small_noise():
     assert table["means_median"][0] > 20.0 > table["means_median"][1]
     assert (table["means_smallest"] <= table["means_median"]).all()
     assert (table["time_ratio"] > 0.5).all()
+    assert table["antithetic_means"][0] > 100.0 > table["antithetic_means"][1] > 0.5
+    assert table["antithetic_sds"][0] == pytest.approx(0.5, abs=0.01)
+
+
+def test_gain_of_antithetic_pairs_is_that_of_means_of_pairs():
+    """Variance of block means of paths over that of as many paths in pairs: a ratio known to a tenth or so."""
+    plan = plan_of(SCENE.with_sigma(0.05), paths=8192, impacts=1, dt=0.01, scheme="exact-flight", rng=2)
+    path, partner = (
+        np.concatenate([sample(p, block).rows[0, :, 0, 3] for block in range(plan.blocks)])
+        for p in (plan, plan._replace(mirrored=True))
+    )
+    apart = np.var(np.concatenate([path, partner]).reshape(512, -1).mean(axis=1))
+    together = np.var((0.5 * (path + partner)).reshape(512, -1).mean(axis=1))
+    gain = antithetic_gain(plan)[0][0, 3]
+    assert gain > 10.0
+    assert apart / together == pytest.approx(gain, rel=4.0 * math.sqrt(4.0 / 512))
+    assert antithetic_gain(plan._replace(seed=np.random.SeedSequence(3)))[0][0, 3] == pytest.approx(gain, rel=0.2)
+
+
+def test_partner_of_a_path_without_noise_is_itself():
+    plan = plan_of(SCENE.with_sigma(0.0), paths=4, impacts=2, dt=0.01, scheme="euler-maruyama")
+    np.testing.assert_array_equal(sample(plan, 0).rows, sample(plan._replace(mirrored=True), 0).rows)
 
 
 def test_what_is_extrapolated_is_drawn_hollow():
@@ -243,6 +268,19 @@ def test_what_is_extrapolated_is_drawn_hollow():
     assert [x for line in hollow for x in line.get_ydata()] == [0.03, 0.01]
     solid = [line for line in ax.lines if line.get_linestyle() == "-" and line.get_linewidth() == 1.8]
     assert [list(line.get_ydata()) for line in solid] == [[0.3, 0.1]]
+
+
+def test_orders_are_drawn_with_their_intervals_and_said_in_words():
+    orders = orders_over(SCENE, (0.3, 1.0), rng=1, workers=2, impacts=1, paths=1024, replicates=3)
+    axes = order_figure(orders.changes).axes
+    assert len(axes) == 6
+    means = orders.changes[(orders.changes["sigma"] == 1.0) & (orders.changes["moment"] == "mean")]
+    drawn = np.concatenate([bars[0].get_ydata() for bars in axes[3].containers])
+    np.testing.assert_array_equal(drawn, means["change"].dropna())
+    said = orders_in_words(orders.table).splitlines()
+    assert len(said) == 2 + 2 * 2 * 3
+    row = orders.table.iloc[0]
+    assert f"{row['order']:.2f} ({row['low']:.2f} to {row['high']:.2f})" in said[2]
 
 
 # the command
@@ -258,10 +296,12 @@ def test_command_writes_its_folder_answer_first(tmp_path):
     (tmp_path / "loud.toml").write_text(SCENE.to_toml())
     out = tmp_path / "o"
     said = rattle(
-        tmp_path / "loud.toml", "--impacts", 2, "--accuracy", 0.1, "--accuracy", 0.001, "--budget", 0.5, "--out", out
-    ).stdout
-    assert {p.name for p in out.iterdir()} == CONTENTS
+        tmp_path / "loud.toml", "--impacts", 2, "--accuracy", 0.1, "--accuracy", 0.001, "--budget", 0.5, "--no-orders",
+        "--out", out,
+    ).stdout  # fmt: skip
+    assert {p.name for p in out.iterdir()} == CONTENTS - {"orders.svg", "orders.csv", "changes.csv"}
     page = (out / "tradeoff.md").read_text()
+    assert "weak order" not in page
     answer = json.loads((out / "manifest.json").read_text())["answer"]
     assert page.index(answer[0]) < page.index("tradeoff.svg") < page.index("| scheme |")
     assert answer[0] in said

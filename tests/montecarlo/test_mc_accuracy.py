@@ -39,10 +39,11 @@ def test_any_scheme_can_be_asked_for(truth):
         assert away.max() < 0.4
 
 
-def test_a_run_that_goes_on_is_the_run_that_began_with_all_its_paths():
-    run = simulate(dat21(0.5), impacts=3, accuracy=0.02, scheme="exact-flight", rng=5)
-    whole = simulate(dat21(0.5), impacts=3, paths=run.paths, dt=run.dt, scheme="exact-flight", control=True, rng=5)
-    assert run.section.equals(whole.section)
+@pytest.mark.parametrize(("sigma", "control"), [(0.5, False), (0.05, True)])
+def test_a_run_that_goes_on_is_the_run_that_began_with_all_its_paths(sigma, control):
+    run = simulate(dat21(sigma), impacts=3, accuracy=0.02, scheme="exact-flight", rng=5)
+    settings = {"paths": run.paths, "dt": run.dt, "scheme": "exact-flight", "control": control, "rng": 5}
+    assert run.section.equals(simulate(dat21(sigma), impacts=3, **settings).section)
 
 
 def test_a_spent_budget_gives_the_best_answer_and_says_what_is_missing():
@@ -54,7 +55,17 @@ def test_a_spent_budget_gives_the_best_answer_and_says_what_is_missing():
     assert run.section["tau"].notna().all()
 
 
+def test_other_schemes_are_tried_only_where_exact_flights_take_long(monkeypatch):
+    ask = {"impacts": 3, "accuracy": 0.05, "rng": 5}
+    assert list(simulate(dat21(0.5), **ask).reach.schemes.index) == ["exact-flight"]
+    monkeypatch.setattr("montecarlo.accuracy.ENOUGH", 0.0)
+    run = simulate(dat21(0.5), **ask)
+    assert set(run.reach.schemes.index) == set(SCHEMES)
+    assert run.scheme == run.reach.schemes["core_seconds"].idxmin()
+
+
 def test_choice_of_scheme_does_not_depend_on_the_clock(monkeypatch):
+    monkeypatch.setattr("montecarlo.accuracy.ENOUGH", 0.0)
     first = simulate(dat21(0.5), impacts=3, accuracy=0.05, rng=5).reach.schemes
     ticks = iter(np.arange(1e6) ** 1.5)
     monkeypatch.setattr("montecarlo.accuracy.time.perf_counter", lambda: next(ticks))

@@ -1,0 +1,135 @@
+"""The bifurcation view: section values against a field of the scene, as a density, over the largest exponent."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from compare.chaos.record import Regime, check_finite, noisy_record, orbit_record
+from compare.chaos.section import NOISY, ORBIT
+from compare.chaos.sweep import with_field
+from scene.scene import Scene
+from scene.validate import choice, count
+
+__all__ = ["QUANTITIES", "Bifurcation", "bifurcation"]
+
+Floats = NDArray[np.float64]
+
+QUANTITIES = ("y1", "y2", "flight")
+BINS = 300
+
+
+@dataclass(frozen=True)
+class Bifurcation:
+    """Histograms of a section quantity, one for each value of a field.
+
+    Attributes
+    ----------
+    field : str
+    quantity : str
+    at : ndarray, shape (values,)
+    edges : ndarray
+        Of the quantity's bins.
+    counts : dict of str to ndarray of int, shape (values, bins)
+        By side; zero where the orbit rests.
+    regime : DataFrame
+        Per side and value: ``side, value, points, regime, reason``.
+    """
+
+    field: str
+    quantity: str
+    at: Floats
+    edges: Floats
+    counts: dict[str, NDArray[np.int64]]
+    regime: pd.DataFrame
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """Bins that hold something: ``side``, the field, the quantity (middle of the bin), ``count``."""
+        middle = 0.5 * (self.edges[1:] + self.edges[:-1])
+        parts = []
+        for side, counts in self.counts.items():
+            i, j = np.nonzero(counts)
+            parts.append(
+                pd.DataFrame({
+                    "side": side, self.field: self.at[i], self.quantity: middle[j], "count": counts[i, j],
+                })
+            )  # fmt: skip
+        return pd.concat(parts, ignore_index=True)
+
+
+def bifurcation(
+    scene: Scene, at: Sequence[float], *, field: str = "alpha", quantity: str = "y1", points: int = 10_000,
+    noise: Callable[[Scene], Scene] | None = None, seed: int = 0, workers: int = 2,
+) -> Bifurcation:  # fmt: skip
+    """Section values of the orbit and of the noisy system over a field.
+
+    Parameters
+    ----------
+    scene : Scene
+    at : sequence of float
+        Values of the field, ascending.
+    field : str
+        One of `compare.chaos.sweep.FIELDS`.
+    quantity : {"y1", "y2", "flight"}
+        Velocity before the impact, or time since the last one.
+    points : int
+        Impacts at each value.
+    noise : callable, optional
+        Gives each scene its noise; the scene's own by default.
+    seed : int
+    workers : int
+        Threads; the result does not depend on it.
+
+    Examples
+    --------
+    >>> from scene import DAT21
+    >>> b = bifurcation(Scene.from_gears(DAT21, sigma=0.1), (0.05, 0.5), points=500)
+    >>> b.regime.query("side == 'orbit'")["regime"].tolist()
+    ['rests', 'runs']
+    """
+    choice("quantity", quantity, QUANTITIES)
+    count("points", points)
+    count("workers", workers)
+
+    def values_of(flight: Floats, before: Floats) -> Floats:
+        found = flight if quantity == "flight" else before[:, 1 if quantity == "y1" else 3]
+        return check_finite(quantity, found)
+
+    def of(value: float) -> tuple[tuple[Floats, Regime], tuple[Floats, Regime]]:
+        s = with_field(scene, field, value)
+        s = noise(s) if noise else s
+        orbit, path = Regime(), Regime()
+        found = [values_of(x.flight, x.before) for x in orbit_record(s, points, orbit, tangent=False)]
+        if orbit.kind in ("rests", "silent"):
+            found = []
+        noisy: list[Floats] = []
+        for x, _ in noisy_record(s, 2**30, seed, path, tangent=False):
+            noisy.append(values_of(x.flight, x.before))
+            if path.impacts >= points:
+                break
+        empty = np.empty(0)
+        return (np.concatenate([empty, *found]), orbit), (np.concatenate([empty, *noisy])[:points], path)
+
+    with ThreadPoolExecutor(workers) as pool:
+        found = list(pool.map(of, at))
+    every = np.concatenate([v for pair in found for v, _ in pair])
+    low, high = np.quantile(every, [1e-4, 1.0 - 1e-4])
+    edges = np.linspace(low, high, BINS + 1)
+    counts, rows = {}, []
+    for n, side in enumerate((ORBIT, NOISY)):
+        counts[side] = np.array([np.histogram(pair[n][0], edges)[0] for pair in found])
+        rows += [
+            {
+                "side": side,
+                "value": v,
+                "points": pair[n][0].size,
+                "regime": pair[n][1].kind,
+                "reason": pair[n][1].reason,
+            }
+            for v, pair in zip(at, found, strict=True)
+        ]
+    return Bifurcation(field, quantity, np.asarray(at, dtype=float), edges, counts, pd.DataFrame(rows))

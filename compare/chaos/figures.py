@@ -1,0 +1,232 @@
+"""Figures of the chaos of map and noisy system: sections, spectra, exponents over a field, how two paths part."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from compare.chaos.bifurcation import Bifurcation
+from compare.chaos.exponents import DRIFT, Exponents
+from compare.chaos.section import MAP, NOISY, ORBIT, Section
+from compare.chaos.spectrum import SEQUENCE, TIME, Spectrum
+from compare.chaos.sqrt_law import SqrtLaw
+from compare.style import SYMBOL, legend_above, new_figure
+
+__all__ = ["bifurcation_figure", "finite_size_figure", "section_figure", "spectrum_figure", "sqrt_law_figure",
+           "sweep_figure"]  # fmt: skip
+
+Floats = NDArray[np.float64]
+
+SIDE: Any = {
+    ORBIT: {"color": "#0072B2", "marker": "o"},
+    MAP: {"color": "#009E73", "marker": "^"},
+    NOISY: {"color": "#D55E00", "marker": "D"},
+    DRIFT: {"color": "#D55E00", "marker": "D"},
+}
+"""Colours of the sides, from Okabe and Ito's palette."""
+RESTING: Any = {"color": "0.55", "alpha": 0.35, "lw": 0}
+SHADES, DEEP = "viridis", 1e-4
+NAMES = {
+    "alpha": r"excitation amplitude $\alpha$",
+    "sigma": r"noise intensity $\sigma$",
+    "epsilon": r"restitution $\epsilon$",
+}
+FLIGHT = r"time since the last impact $\Delta\tau$ (1/$\omega$)"
+IMAGE: Any = {"rasterized": True}
+HIGHEST = 6.5  # frequency, in units of the excitation's, up to which a spectrum is drawn
+
+
+def _velocity(stage: int) -> str:
+    return rf"velocity before the impact $y_{stage}$ ($\nu_1\omega$)"
+
+
+def _density(ax: Axes, x: Floats, y: Floats, share: Floats, highest: float) -> QuadMesh:
+    """A density as an image down to `DEEP` of the highest, empty bins left white."""
+    shown = np.ma.masked_less_equal(share.T, 0.0)
+    ax.grid(False)
+    return ax.pcolormesh(x, y, shown, norm=LogNorm(DEEP * highest, highest), cmap=SHADES, rasterized=True)
+
+
+def section_figure(found: Mapping[str, Section]) -> Figure:
+    """Poincare sections of all sides on the same axes, a row for each stage and a column for each side (Fig. 2)."""
+    sides = list(found)
+    stages = len(next(iter(found.values())).counts)
+    figure, axes = new_figure(1.0 + 3.2 * len(sides), 0.7 + 2.9 * stages, stages, len(sides))
+    one = next(iter(found.values()))
+    area = (one.flight[1] - one.flight[0]) * (one.velocity[1] - one.velocity[0])
+    highest = max(float(s.counts.max()) / (s.points * area) for s in found.values() if s.side != MAP)
+    images = []
+    for n, ax in enumerate(axes):
+        stage, side = divmod(n, len(sides))
+        s = found[sides[side]]
+        images.append(_density(ax, s.flight, s.velocity, s.counts[stage] / (s.points * area), highest))
+        ax.set_xlim(s.flight[0], s.flight[-1])
+        ax.set_ylim(s.velocity[0], s.velocity[-1])
+        if stage == 0:
+            ax.set_title(f"{s.side}\n{s.points:,} points", loc="left", color=SIDE[s.side]["color"], fontweight="bold")
+        if stage == stages - 1:
+            ax.set_xlabel(FLIGHT)
+        if side == 0:
+            ax.set_ylabel(_velocity(stage + 1))
+    figure.colorbar(images[0], ax=axes, label="density", pad=0.01, aspect=40)
+    return figure
+
+
+def spectrum_figure(found: Mapping[tuple[str, str, str], Spectrum]) -> Figure:
+    """Spectra of both sides with bands, floors and lines: a column for each velocity, a row for each kind (Fig. 3)."""
+    kinds, names = [TIME, SEQUENCE], sorted({name for _, _, name in found})
+    figure, axes = new_figure(4.6 * len(names), 6.4, 2, len(names))
+    for n, ax in enumerate(axes):
+        kind, name = kinds[n // len(names)], names[n % len(names)]
+        for side in (NOISY, ORBIT):
+            s = found.get((side, kind, name))
+            if s is not None:
+                _spectrum(ax, s, side, HIGHEST if kind == TIME else math.inf)
+        ax.set_yscale("log")
+        ax.set_axisbelow(True)  # so that all curves make one image; text and axes stay drawings
+        unit = "excitation frequency" if kind == TIME else "cycles per impact"
+        ax.set_xlabel(f"frequency ({unit})" if kind == SEQUENCE else f"frequency / {unit}")
+        ax.set_title(f"{SYMBOL[name]}: {kind}", loc="left")
+        if n % len(names) == 0:
+            ax.set_ylabel("power spectral density")
+    legend_above(figure, axes, 3)
+    return figure
+
+
+def _spectrum(ax: Axes, s: Spectrum, side: str, highest: float) -> None:
+    shown = s.frequency <= highest
+    f, colour = s.frequency[shown], SIDE[side]["color"]
+    low, high = s.band
+    dashes = "--" if side == NOISY else ":"
+    ax.fill_between(f, low[shown], high[shown], color=colour, alpha=0.25, lw=0, label=f"{side}: 95 % band", **IMAGE)
+    ax.plot(f, s.power[shown], color=colour, lw=0.7, label=side, **IMAGE)
+    ax.plot(f, s.floor[shown], color="k", lw=0.9, ls=dashes, label=f"{side}: floor", **IMAGE)
+    near = s.lines[s.lines["frequency"] <= highest].head(12)
+    if len(near):
+        at = np.searchsorted(s.frequency, near["frequency"]).clip(0, s.power.size - 1)
+        place = near["frequency"], 2.0 * s.power[at]
+        ax.plot(*place, ls="none", ms=4, mfc="none", zorder=3, label=f"{side}: line", **SIDE[side])
+
+
+def _lines(ax: Axes, table: pd.DataFrame, field: str) -> None:
+    """Largest exponents with their intervals, and where the orbit rests."""
+    for of in (ORBIT, DRIFT):
+        rows = table[table["of"] == of].sort_values(field)
+        if not len(rows):
+            continue
+        colour = SIDE[of]["color"]
+        x = rows[field].to_numpy()
+        ax.fill_between(x, rows["low"], rows["high"], color=colour, alpha=0.3, lw=0)
+        ax.plot(x, rows["largest"], color=colour, lw=1.2, label=of)
+        if of == ORBIT:
+            resting = (rows["regime"] == "rests").to_numpy()
+            _mark_rests(ax, x, resting)
+            at_times = (rows["regime"] == "rests at times").to_numpy()
+            ax.plot(
+                x[at_times], rows["largest"].to_numpy()[at_times], ls="none", marker="o", ms=3.5, mfc="none",
+                color=colour, label="orbit that rests at times: while it runs",
+            )  # fmt: skip
+    ax.axhline(0.0, color="k", lw=0.8)
+
+
+def _mark_rests(ax: Axes, x: Floats, resting: NDArray[np.bool_]) -> None:
+    half = 0.5 * float(np.diff(x).min()) if x.size > 1 else 0.5
+    for n, value in enumerate(x[resting]):
+        ax.axvspan(value - half, value + half, label="orbit rests" if n == 0 else None, **RESTING)
+
+
+def sweep_figure(table: pd.DataFrame, field: str = "alpha", claimed: tuple[float, float] | None = None) -> Figure:
+    """Largest exponent over a field (Fig. 4), with the range that the paper claims to be chaotic."""
+    figure, (ax,) = new_figure(8.0, 4.4, 1, 1)
+    if claimed:
+        ax.axvspan(
+            *claimed, color="#F0E442", alpha=0.25, lw=0, label=f"chaotic by the paper: {claimed[0]:g} to {claimed[1]:g}"
+        )
+    _lines(ax, table, field)
+    ax.set_xlabel(NAMES.get(field, field))
+    ax.set_ylabel(r"largest exponent ($\omega$)")
+    legend_above(figure, [ax], 2)
+    return figure
+
+
+def bifurcation_figure(b: Bifurcation, table: pd.DataFrame | None = None) -> Figure:
+    """Section values against a field, a row for each side, with the largest exponent beneath."""
+    rows = len(b.counts) + (table is not None)
+    figure, axes = new_figure(8.0, 2.6 * rows + 0.4, rows, 1)
+    half = 0.5 * float(np.diff(b.at).min()) if b.at.size > 1 else 0.5
+    x = np.concatenate([[b.at[0] - half], 0.5 * (b.at[1:] + b.at[:-1]), [b.at[-1] + half]])
+    label = FLIGHT if b.quantity == "flight" else _velocity(int(b.quantity[1]))
+    for ax, (side, counts) in zip(axes, b.counts.items(), strict=False):
+        share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+        _density(ax, x, b.edges, share, float(share.max()))
+        rests = b.regime[(b.regime["side"] == side) & b.regime["regime"].isin(["rests", "silent"])]
+        _mark_rests(ax, b.at, np.isin(b.at, rests["value"]))
+        ax.set_title(side, loc="left", color=SIDE[side]["color"], fontweight="bold")
+        ax.set_ylabel(label, fontsize=8)
+        ax.set_xlim(x[0], x[-1])
+    if table is not None:
+        _lines(axes[-1], table, b.field)
+        axes[-1].set_ylabel(r"largest exponent ($\omega$)")
+        axes[-1].set_xlim(x[0], x[-1])
+        legend_above(figure, [axes[-1]], 2)
+    axes[-1].set_xlabel(NAMES.get(b.field, b.field))
+    return figure
+
+
+def finite_size_figure(table: pd.DataFrame, orbit: Exponents, drift: Exponents | None = None) -> Figure:
+    """Finite-size exponent of the noisy system over scales, with the orbit's largest exponent."""
+    figure, (ax,) = new_figure(6.4, 4.4, 1, 1)
+    value = table["exponent"]
+    ax.errorbar(
+        table["delta"], value, [value - table["low"], table["high"] - value], ls="-", lw=1.0, ms=5, capsize=2,
+        label=r"finite-size exponent $\lambda(\delta)$ of the noisy system", **SIDE[NOISY],
+    )  # fmt: skip
+    for e, style, name in (
+        (orbit, "-", "orbit: largest Lyapunov exponent"),
+        (drift, ":", "drift's linearisation: largest"),
+    ):
+        if e is not None and np.isfinite(e.value[0]) and e.value[0] > 0.0:
+            ax.axhline(float(e.value[0]), color=SIDE[ORBIT]["color"], ls=style, lw=1.3, label=name)
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.set_xlabel(r"distance $\delta$ of two paths on one noise ($\nu_1$)")
+    ax.set_ylabel(r"growth rate ($\omega$)")
+    legend_above(figure, [ax], 1)
+    return figure
+
+
+def sqrt_law_figure(law: SqrtLaw) -> Figure:
+    """Distance after an impact against distance before it, and the measured share of the square-root law."""
+    figure, (ax, ratio) = new_figure(8.4, 3.9, 1, 2)
+    t = law.table
+    ax.plot(t["delta"], t["apart"], ls="none", ms=5, label="measured, root mean square", **SIDE[NOISY])
+    ax.plot(t["delta"], t["law"], color="k", lw=1.0, label=r"$(1+\epsilon)\,\sigma\,|m|\,\sqrt{\delta/|y|}$")
+    ax.plot(t["delta"], t["delta"], color="0.5", lw=1.0, ls=":", label=r"$\delta$: what a Jacobian would keep")
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.set_ylabel(r"velocities apart after the impact ($\nu_1\omega$)")
+    half = 0.5 * (law.high - law.low)
+    ax.set_title(f"exponent {law.exponent:.4f} ± {half:.4f}", loc="left")
+    ratio.errorbar(
+        t["delta"],
+        t["ratio"],
+        [t["ratio"] - t["low"], t["high"] - t["ratio"]],
+        ls="none",
+        ms=5,
+        capsize=2,
+        **SIDE[NOISY],
+    )
+    ratio.axhline(1.0, color="k", lw=1.0)
+    ratio.set_xscale("log")
+    ratio.set_ylabel("mean square / that of the law")
+    for a in (ax, ratio):
+        a.set_xlabel(r"distance before the impact $\delta$ ($\nu_1$)")
+    legend_above(figure, [ax], 3)
+    return figure

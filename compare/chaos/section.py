@@ -1,0 +1,213 @@
+"""Poincare sections in the paper's coordinates (Fig. 2) as densities: flight time against velocity before the impact.
+
+Ten million points take no more memory than the histogram and one stretch.
+"""
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from closure import mean_map
+from compare.chaos.record import Regime, check_finite, noisy_record, orbit_record
+from scene.errors import InputError
+from scene.scene import Scene
+from scene.validate import count
+
+__all__ = ["MAP", "NOISY", "ORBIT", "Section", "frame", "orbit_section", "sections"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+ORBIT, MAP, NOISY = "orbit", "mean map (mended)", "noisy system"
+BINS = 300  # along either axis
+PILOT = 20_000  # points that set the axes
+PARTS = 8  # noisy paths among which the points are shared; a section does not depend on the workers
+MARGIN = 0.05
+MAPPED = 4000  # points of the mean map, whose moments are carried along
+
+
+@dataclass(frozen=True)
+class Section:
+    """A Poincare section as counts.
+
+    Attributes
+    ----------
+    side : str
+        ``orbit``, ``mean map (mended)`` or ``noisy system``.
+    flight, velocity : ndarray
+        Edges of the bins.
+    counts : ndarray of int, shape (stages, flights, velocities)
+        Impacts by flight time and by the velocity of each stage before the impact.
+    outside : ndarray of int, shape (stages,)
+        Impacts beyond the edges.
+    points : int
+        Impacts in all: what each stage's counts and `outside` add up to.
+    reason : str
+        What the orbit or path did.
+    """
+
+    side: str
+    flight: Floats
+    velocity: Floats
+    counts: Ints
+    outside: Ints
+    points: int
+    reason: str
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """Bins that hold something: ``side, stage, flight, velocity`` (middles), ``count``."""
+        stage, i, j = np.nonzero(self.counts)
+        middle = [0.5 * (edges[1:] + edges[:-1]) for edges in (self.flight, self.velocity)]
+        return pd.DataFrame({
+            "side": self.side, "stage": stage + 1, "flight": middle[0][i], "velocity": middle[1][j],
+            "count": self.counts[stage, i, j],
+        })  # fmt: skip
+
+
+class _Counter:
+    """Counts of a section, filled in as points come."""
+
+    def __init__(self, edges: tuple[Floats, Floats], stages: int) -> None:
+        self.flight, self.velocity = edges
+        self.stages = stages
+        self.counts = np.zeros((stages, edges[0].size - 1, edges[1].size - 1), np.int64)
+        self.outside = np.zeros(stages, np.int64)
+        self.points = 0
+
+    def add(self, flight: Floats, before: Floats) -> None:
+        check_finite("flight", flight, self.points)
+        check_finite("before", before, self.points)
+        rows, columns = self.flight.size - 1, self.velocity.size - 1
+        i = np.floor((flight - self.flight[0]) * (rows / (self.flight[-1] - self.flight[0]))).astype(np.int64)
+        for stage in range(self.stages):
+            y = before[:, 2 * stage + 1]
+            j = np.floor((y - self.velocity[0]) * (columns / (self.velocity[-1] - self.velocity[0]))).astype(np.int64)
+            inside = (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
+            found = np.bincount(i[inside] * columns + j[inside], minlength=rows * columns)
+            self.counts[stage] += found.reshape(rows, columns)
+            self.outside[stage] += int((~inside).sum())
+        self.points += flight.size
+
+    def join(self, other: "_Counter") -> None:
+        self.counts += other.counts
+        self.outside += other.outside
+        self.points += other.points
+
+    def section(self, side: str, reason: str) -> Section:
+        return Section(side, self.flight, self.velocity, self.counts, self.outside, self.points, reason)
+
+
+def _orbit_points(scene: Scene, points: int, regime: Regime) -> Iterator[tuple[Floats, Floats]]:
+    for s in orbit_record(scene, points, regime, tangent=False):
+        yield s.flight, s.before
+    if regime.impacts == 0 or regime.kind in ("rests", "silent"):
+        raise InputError("scene", f"alpha = {scene.alpha:g}", f"has an orbit without a section: {regime.reason}")
+
+
+def _noisy_points(
+    scene: Scene, points: int, seed: int, path: int, regime: Regime
+) -> Iterator[tuple[Floats, Floats]]:  # fmt: skip
+    left = points
+    for s, _ in noisy_record(scene, 2**30, seed, regime, path=path, tangent=False):
+        yield s.flight[:left], s.before[:left]
+        left -= s.flight[:left].size
+        if left <= 0:
+            return
+    raise InputError("scene", f"alpha = {scene.alpha:g}", f"has a path without a section: {regime.reason}")
+
+
+def frame(scene: Scene, seed: int = 0, points: int = PILOT) -> tuple[Floats, Floats]:
+    """Edges of bins that take in both sides; an orbit that rests has no say."""
+    found = list(_noisy_points(scene, points, seed, PARTS, Regime()))
+    with suppress(InputError):
+        found += list(_orbit_points(scene, points, Regime()))
+    flight = np.concatenate([f for f, _ in found])
+    velocity = np.concatenate([b[:, 1 : 2 * scene.stages : 2].ravel() for _, b in found])
+    low, high = np.quantile(velocity, [1e-4, 1.0 - 1e-4])
+    room = MARGIN * (high - low)
+    longest = (1.0 + MARGIN) * float(np.quantile(flight, 1.0 - 1e-4))
+    return np.linspace(0.0, longest, BINS + 1), np.linspace(low - room, high + room, BINS + 1)
+
+
+def orbit_section(scene: Scene, points: int, edges: tuple[Floats, Floats]) -> Section:
+    """The section of the orbit.
+
+    Raises
+    ------
+    InputError
+        If the orbit rests or is silent: then it has no section.
+    """
+    counter, regime = _Counter(edges, scene.stages), Regime()
+    for flight, before in _orbit_points(scene, points, regime):
+        counter.add(flight, before)
+    return counter.section(ORBIT, regime.reason)
+
+
+def _noisy_section(scene: Scene, points: int, edges: tuple[Floats, Floats], seed: int, workers: int) -> Section:
+    shares = [points // PARTS + (p < points % PARTS) for p in range(PARTS)]
+
+    def part(p: int) -> tuple[_Counter, Regime]:
+        counter, regime = _Counter(edges, scene.stages), Regime()
+        if shares[p]:
+            for flight, before in _noisy_points(scene, shares[p], seed, p, regime):
+                counter.add(flight, before)
+        return counter, regime
+
+    whole, held, launched = _Counter(edges, scene.stages), 0, 0
+    with ThreadPoolExecutor(workers) as pool:
+        for counter, regime in pool.map(part, range(PARTS)):
+            whole.join(counter)
+            held, launched = held + regime.held, launched + regime.launched
+    return whole.section(NOISY, f"{PARTS} paths with {launched:,} impacts, {held} steps held at a wall")
+
+
+def _map_section(scene: Scene, edges: tuple[Floats, Floats]) -> Section:
+    """The section of the mended mean map, whose moments go with the orbit from its start on."""
+    t = mean_map(scene, impacts=MAPPED, reading="mended").trace
+    counter = _Counter(edges, scene.stages)
+    counter.add(np.diff(t.tau[: t.found + 1]), t.mean[1 : t.found + 1])
+    return counter.section(MAP, t.stopped or f"followed through {MAPPED:,} impacts from the start")
+
+
+def sections(scene: Scene, *, points: int = 1_000_000, seed: int = 0, workers: int = 2) -> dict[str, Section]:
+    """Sections of the orbit, of the mean map that goes with it and of the noisy system, on the same axes.
+
+    Parameters
+    ----------
+    scene : Scene
+        With its noise.
+    points : int
+        Of the orbit and of the noisy system.
+    seed : int
+    workers : int
+        Threads; the result does not depend on it.
+
+    Returns
+    -------
+    dict of str to Section
+        Without the orbit and its mean map where the orbit rests; `orbit_section` says why.
+
+    Examples
+    --------
+    >>> from scene import DAT21
+    >>> found = sections(Scene.from_gears(DAT21, sigma=0.1), points=5000)
+    >>> s = found["noisy system"]
+    >>> (s.counts.sum(axis=(1, 2)) + s.outside).tolist()
+    [5000, 5000]
+    """
+    count("points", points, least=100)
+    count("workers", workers)
+    edges = frame(scene, seed)
+    found: dict[str, Section] = {}
+    with suppress(InputError):
+        found[ORBIT] = orbit_section(scene, points, edges)
+        if scene.sigma > 0.0:
+            found[MAP] = _map_section(scene, edges)
+    found[NOISY] = _noisy_section(scene, points, edges, seed, workers)
+    return found

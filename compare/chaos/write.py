@@ -1,0 +1,46 @@
+"""The folder of a study of chaos: its figures, its tables, its answer and its manifest, whole or not at all."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from compare.chaos.study import ChaosStudy
+from compare.folder import whole_folder
+from compare.style import save
+
+__all__ = ["CONTENTS", "write_chaos"]
+
+TABLES = (
+    "exponents", "mean_maps", "sections", "spectra", "lines", "spectra_summary", "fsle", "sqrt_law", "sweep",
+    "crossings", "bifurcation",
+)  # fmt: skip
+FIGURES = ("section", "spectra", "finite_size", "sqrt_law", "sweep", "bifurcation")
+CONTENTS = frozenset({"manifest.json", *(f"{t}.csv" for t in TABLES), *(f"{f}.svg" for f in FIGURES)})
+"""What such a folder holds; anything else in it is not ours."""
+
+
+def write_chaos(out: Path, found: ChaosStudy, record: dict[str, Any], overwrite: bool) -> list[str]:
+    """Write the folder and return the answer.
+
+    Parameters
+    ----------
+    out : Path
+    found : ChaosStudy
+    record : dict
+        Of the manifest.
+    overwrite : bool
+
+    Raises
+    ------
+    OutputError
+        If the folder holds other things, or earlier ones that may not be replaced.
+    """
+    said = found.answer
+    with whole_folder(out, CONTENTS, overwrite) as folder:
+        for name, figure in found.figures().items():
+            save(figure, folder / f"{name}.svg")
+        for name, table in found.tables().items():
+            table.to_csv(folder / f"{name}.csv", index=False, float_format="%.10g")
+        text = json.dumps({**record, "answer": said}, indent=2, ensure_ascii=False) + "\n"
+        (folder / "manifest.json").write_text(text, encoding="utf-8")
+    return said

@@ -1,0 +1,313 @@
+"""The claims of the paper, one function each: the test, the evidence, the verdict."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from compare.chaos.exponents import DRIFT, ORBIT, Exponents
+from compare.chaos.section import Section
+from compare.chaos.spectrum import TIME, spectra_tables
+from compare.chaos.study import CLAIMED
+from compare.chaos.sweep import crossings
+from compare.claims.claim import HOLDS_ONLY, NOT_REPRODUCED, REPRODUCED, UNDECIDED, Claim
+from compare.claims.evidence import Evidence
+from compare.correlation import SIMULATED, first_failure
+from compare.frontier import judged_rows
+from compare.moments import widest
+from compare.validation import Validation
+from scene.flight import noise_covariance
+from scene.moments import correlation
+
+__all__ = ["CLAIMS", "judge"]
+
+FUZZY = 0.05  # share of the bins that the noisy set fills from which a set counts as more than a few points
+FINITE = 100  # bins at most that a periodic orbit of moderate length fills
+
+
+def _at(v: Validation) -> str:
+    return f"sigma = {v.scene.sigma:.3g}"
+
+
+def solvable(e: Evidence) -> Claim:
+    """Section 3: the flight's equation cannot be solved exactly."""
+    c, tau = e.open_space.constants, e.open_space.start.tau
+    clock = e.flight.clock()
+    worst = 0.0
+    for time, row in clock.iterrows():
+        q = noise_covariance(c, tau, float(time) - tau)  # type: ignore[arg-type]
+        for stage in (1, 2):
+            j = 2 * stage - 2
+            rho, rest = row[f"rho{stage}"], abs(row[f"coarse_rho{stage}"] - row[f"rho{stage}"])
+            away = abs(np.arctanh(rho) - np.arctanh(correlation(q[j : j + 2, j : j + 2])))
+            worst = max(worst, float((away - rest / (1.0 - rho**2)) / row[f"se_z_rho{stage}"]))
+    allowed = widest(2 * len(clock))
+    return Claim(
+        "section 3, below Eq. 9",
+        "Eq. 8 is a non-linear stochastic differential equation whose exact solution cannot be solved.",
+        "In flight Eq. 8 is linear in the state and its noise does not depend on it, so the state is Gaussian with the "
+        "covariance of MODEL section 8. Correlations of simulated flights without walls must agree with it.",
+        f"{e.flight.paths:,} paths, {len(clock)} instants, both stages: at most {worst:.1f} standard errors off beyond "
+        f"the measured step bias, {allowed:.1f} allowed.",
+        NOT_REPRODUCED if worst <= allowed else UNDECIDED,
+    )  # fmt: skip
+
+
+def beyond_one(e: Evidence) -> Claim:
+    """Section 3: the correlation exceeds 1, so the distribution is not Gaussian."""
+    found = []
+    for v in e.validations:
+        simulated = float(v.correlation[v.correlation["reading"] == SIMULATED]["rho"].abs().max())
+        mended = float(v.correlation[v.correlation["reading"] == "mended"]["rho"].abs().max())
+        failed = first_failure(v.correlation, "printed")
+        printed = f"printed fails at impact {failed[0]} ({failed[2]})" if failed else "printed does not fail"
+        text = f"{_at(v)}: {printed}, mended <= {mended:.4f}, simulation <= {simulated:.4f}"
+        found.append((simulated, mended, text))
+    only_printed = all(s <= 1.0 and m <= 1.0 for s, m, _ in found)
+    return Claim(
+        "section 3, below Eq. 9",
+        "The correlation from the moment equations does not always satisfy rho <= 1; therefore the distribution is "
+        "not Gaussian.",
+        "Correlation of displacement and velocity of each stage in the printed moment equations, in the mended ones, "
+        "and in the simulation. Reproduced if the mended equations exceed 1 as well.",
+        "; ".join(text for *_, text in found) + ".",
+        HOLDS_ONLY.format("the printed rule of Eq. 15, which gives a variance the sign of -epsilon")
+        if only_printed else REPRODUCED,
+    )  # fmt: skip
+
+
+def not_gaussian(e: Evidence) -> Claim:
+    """Section 3: the perturbation's distribution is not Gaussian (at the impacts)."""
+    shown: list[str] = []
+    beyond = 0
+    rows = [(v, k) for v in e.validations for k in v.run.section.index]
+    z = widest(len(rows))
+    for v in e.validations:
+        s = v.run.section
+        skew, se = s["skew_tau"].to_numpy(float), s["se_skew_tau"].to_numpy(float)
+        worst, many = int(np.abs(skew).argmax()), int((np.abs(skew) > z * se).sum())
+        beyond += many
+        shown.append(
+            f"{_at(v)}: skewness of tau beyond chance at {many} of {len(s)} impacts, largest "
+            f"{skew[worst]:.2f} +- {1.96 * se[worst]:.2f}"
+        )
+    return Claim(
+        "section 3", "The distribution at the impacts is not Gaussian; an Edgeworth series is to describe it.",
+        f"Skewness of each path's own impact time, beyond {z:.1f} standard errors of zero.", "; ".join(shown) + ".",
+        REPRODUCED if beyond else UNDECIDED,
+    )  # fmt: skip
+
+
+def stages_apart(e: Evidence) -> Claim:
+    """Section 3: the perturbations of the two stages have nothing to do with each other."""
+    shown: list[str] = []
+    coupled = 0
+    for v in e.validations:
+        clock = v.run.clock()
+        covariance, se = clock["cov_y1_y2"].to_numpy(float), clock["se_cov_y1_y2"].to_numpy(float)
+        rho = covariance / np.sqrt(clock["cov_y1_y1"].to_numpy(float) * clock["cov_y2_y2"].to_numpy(float))
+        many = int((np.abs(covariance) > widest(len(clock)) * se).sum())
+        coupled += many
+        largest = rho[np.abs(rho).argmax()]
+        shown.append(f"{_at(v)}: non-zero at {many} of {len(clock)} instants, largest {largest:.3f}")
+    return Claim(
+        "section 3, above Eq. 18", "xi_1 and zeta_1 have nothing to do with xi_2 and zeta_2.",
+        "Correlation of y1 and y2 over the paths in the middle of the orbit's flights, non-zero beyond its interval "
+        "(corrected for the number of instants).", "; ".join(shown) + ".",
+        NOT_REPRODUCED if coupled else UNDECIDED,
+    )  # fmt: skip
+
+
+def counter_meshes(e: Evidence) -> Claim:
+    """Section 4: consecutive impacts are at counter meshes."""
+    orbit, noisy = e.repeats["orbit"], e.repeats["noisy"]
+    none = all(m.value - m.half <= 0.0 for m in (orbit, noisy))
+    return Claim(
+        "section 4", "Counter meshes: the next impact is at the opposite flank, E[x]_{k+1} = -E[x]_k.",
+        "Share of consecutive impacts at one mesh that are on the same flank; zero if the claim holds.",
+        f"Orbit {orbit.value:.1%} +- {orbit.half:.1%}, noisy system {noisy.value:.1%} +- {noisy.half:.1%}.",
+        REPRODUCED if none else NOT_REPRODUCED,
+    )  # fmt: skip
+
+
+def fuzzy(e: Evidence) -> Claim:
+    """Fig. 2: the mean Poincare map is a fuzzy set of points."""
+    sections = e.chaos.sections
+    filled = {side: int((s.counts[0] > 0).sum()) for side, s in sections.items()}
+    noisy = filled["noisy system"]
+    printed = e.chaos.maps.set_index("reading").loc["printed"]
+    text = ", ".join(f"{side} {n:,} of {_bins(sections[side]):,} bins" for side, n in filled.items())
+    orbit = filled.get("orbit", 0)
+    return Claim(
+        "section 4, Fig. 2", "The mean Poincare map displays a fuzzy set of points.",
+        f"Bins of (flight time, velocity before impact of stage 1) that hold a point. A periodic orbit fills at most "
+        f"{FINITE}; a fuzzy set more than {FUZZY:.0%} of what the noisy system fills.",
+        f"{text}. The printed map is not realizable from impact {printed['not_realizable']:g} and ends at impact "
+        f"{printed['ends']:g}, so it has no section.",
+        HOLDS_ONLY.format("the orbit under the mended map; the printed map ends before it has a section")
+        if orbit > max(FINITE, FUZZY * noisy) else (UNDECIDED if orbit > FINITE else NOT_REPRODUCED),
+    )  # fmt: skip
+
+
+def _bins(s: Section) -> int:
+    return int(s.counts[0].size)
+
+
+def narrow_bands(e: Evidence) -> Claim:
+    """Fig. 3: narrow-band spectra."""
+    rows = _spectra(e)
+    shown = [
+        f"{r['side']} {r['velocity']}: {r['narrow']} narrow of {r['lines']} bands, {r['line_share']:.1%} of the power"
+        for r in rows
+    ]
+    sides = {r["side"] for r in rows if r["narrow"] > 0}
+    return Claim(
+        "section 4, Fig. 3", "The power spectra of the mean velocity exhibit narrow bands.",
+        "Bands of the velocity in time that stand above the local floor (1 % false alarm for the whole spectrum) and "
+        "are no wider than a single frequency.", "; ".join(shown) + ".",
+        REPRODUCED if len(sides) == len({r["side"] for r in rows})
+        else (HOLDS_ONLY.format("the " + " and the ".join(sorted(sides))) if sides else NOT_REPRODUCED),
+    )  # fmt: skip
+
+
+def continuous(e: Evidence) -> Claim:
+    """Section 5: continuous spectra."""
+    rows = _spectra(e)
+    shown = [f"{r['side']} {r['velocity']}: {r['floor_share']:.1%}" for r in rows]
+    least = min(r["floor_share"] for r in rows)
+    return Claim(
+        "section 5", "The power spectra of the mean velocity display the behaviour of a continuous spectrum.",
+        "Share of the power that is in no band above the floor; more than half on both sides.", "; ".join(shown) + ".",
+        REPRODUCED if least > 0.5 else HOLDS_ONLY.format(
+            f"{sum(r['floor_share'] > 0.5 for r in rows)} of {len(rows)} spectra; the others are mostly bands"
+        ),
+    )  # fmt: skip
+
+
+def _spectra(e: Evidence) -> list[dict[str, Any]]:
+    summary = spectra_tables(e.chaos.spectra)[2]
+    return [dict(row) for _, row in summary[summary["kind"] == TIME].iterrows()]
+
+
+def chaotic_range(e: Evidence) -> Claim:
+    """Fig. 4: the largest exponent is positive for 0.2 <= alpha <= 1.7, and not beyond."""
+    table = e.chaos.sweep
+    assert table is not None
+    shown: list[str] = []
+    held: list[str] = []
+    bounded = 0
+    for of in (ORBIT, DRIFT):
+        rows = table[table["of"] == of]
+        inside = rows["alpha"].between(*CLAIMED)
+        positive, negative = rows["low"] > 0.0, rows["high"] < 0.0
+        where = "; ".join(
+            f"{'+' if r['to'] > 0 else '-'} between {r['low']:.3g} and {r['high']:.3g}"
+            for _, r in crossings(table, "alpha", of).iterrows()
+        )
+        resting = int((rows["regime"] == "rests").sum())
+        shown.append(
+            f"{of}: positive at {int(positive[inside].sum())} of {int(inside.sum())} values inside and at "
+            f"{int(positive[~inside].sum())} of {int((~inside).sum())} outside, negative at "
+            f"{int(negative[inside].sum())} inside and {int(negative[~inside].sum())} outside, at rest at {resting}; "
+            f"changes of sign: {where or 'none'}"
+        )
+        if positive[inside].all():
+            held.append(of if not positive[~inside].any() else f"{of}, which is positive outside too")
+        bounded += bool(positive[inside].all() and not positive[~inside].any())
+    if bounded == 2:
+        verdict = REPRODUCED
+    else:
+        verdict = HOLDS_ONLY.format("the " + "; the ".join(held)) if held else NOT_REPRODUCED
+    return Claim(
+        "section 4, Fig. 4", f"The maximal Lyapunov exponent is positive for {CLAIMED[0]} <= alpha <= {CLAIMED[1]}.",
+        "Largest exponent with its 95 % interval at each alpha of the sweep, of the orbit (and of every mean map that "
+        "hangs on it) and of the drift's linearisation along noisy paths with sigma = sqrt(alpha). Reproduced if "
+        "positive throughout the range and nowhere outside.",
+        "; ".join(shown) + ".", verdict,
+    )  # fmt: skip
+
+
+def describes(e: Evidence) -> Claim:
+    """Section 5: the mean map describes the noisy system."""
+    shares = {r: [_accurate(v, r) for v in e.validations] for r in e.validations[0].closures}
+    sigmas = [v.scene.sigma for v in e.validations]
+    text = "; ".join(
+        f"{reading} " + ", ".join(f"{s:.0%} at sigma = {sigma:.3g}" for s, sigma in zip(each, sigmas, strict=True))
+        for reading, each in shares.items()
+    )
+    paper = {r: each[-1] for r, each in shares.items() if r in ("printed", "mended")}
+    held = [r for r, each in shares.items() if each[0] == 1.0]
+    verdict = NOT_REPRODUCED
+    if any(s == 1.0 for s in paper.values()):
+        verdict = REPRODUCED
+    elif held:
+        verdict = HOLDS_ONLY.format(f"closures right to first order ({', '.join(held)}), at {_at(e.validations[0])}")
+    return Claim(
+        "sections 4 and 5", "The stochastic rattling is described by the mean map.",
+        "Share of the section means and sds of 12 impacts that are accurate (within 5 % and 10 % of an sd, interval "
+        "included); reproduced if the paper's method has them all at the paper's noise.", text + ".",
+        verdict,
+    )  # fmt: skip
+
+
+def _accurate(v: Validation, reading: str) -> float:
+    rows = judged_rows(v, reading)
+    return float((rows["verdict"] == "accurate").mean())
+
+
+def both_models(e: Evidence) -> Claim:
+    """Section 5: the single-stage model and the two-stage model both show random chaos."""
+    found: dict[str, Exponents] = {
+        "single stage, orbit": e.single["orbit"], "single stage, along noisy paths": e.single["noisy"],
+        "two stages, orbit": e.chaos.orbit, "two stages, along noisy paths": e.chaos.drift,
+    }  # fmt: skip
+    signs = {name: _sign(x) for name, x in found.items()}
+    text = "; ".join(f"{name}: {_exponent(x)}" for name, x in found.items())
+    chaotic = [name for name, s in signs.items() if s > 0]
+    if len(chaotic) == len(found):
+        verdict = REPRODUCED
+    else:
+        verdict = HOLDS_ONLY.format("; ".join(chaotic)) if chaotic else NOT_REPRODUCED
+    return Claim(
+        "section 5", "Both the single-stage and the two-stage model reveal random chaos.",
+        "Largest exponent of DAT21 and of its single stage, positive beyond its 95 % interval; a noisy system has no "
+        "infinitesimal exponent (two paths leave an impact as the root of their distance), so that of the drift's "
+        "linearisation stands for it.", text + ".", verdict,
+    )  # fmt: skip
+
+
+def _sign(x: Exponents) -> int:
+    value, low, high = x.largest
+    return 0 if not np.isfinite(value) else (1 if low > 0.0 else (-1 if high < 0.0 else 0))
+
+
+def _exponent(x: Exponents) -> str:
+    value, low, high = x.largest
+    return f"{value:.4f} ({low:.4f} to {high:.4f})" if np.isfinite(value) else x.regime.reason
+
+
+def controlled(e: Evidence) -> Claim:
+    """Section 5: chaos can be controlled by a parameter."""
+    table = e.chaos.sweep
+    assert table is not None
+    rows = table[table["of"] == ORBIT]
+    positive, negative = int((rows["low"] > 0.0).sum()), int((rows["high"] < 0.0).sum())
+    resting = int((rows["regime"] == "rests").sum())
+    return Claim(
+        "section 5", "The chaotic vibration can be controlled by varying a parameter of the system.",
+        "Whether the largest exponent of the orbit has both signs over alpha, beyond its intervals.",
+        f"Positive at {positive}, negative at {negative}, at rest at {resting} of {len(rows)} values of alpha.",
+        REPRODUCED if positive and negative
+        else (HOLDS_ONLY.format("the way from rest to chaos") if positive and resting else UNDECIDED),
+    )  # fmt: skip
+
+
+CLAIMS: tuple[Callable[[Evidence], Claim], ...] = (
+    solvable, beyond_one, not_gaussian, stages_apart, counter_meshes, fuzzy, narrow_bands, continuous, chaotic_range,
+    describes, both_models, controlled,
+)  # fmt: skip
+
+
+def judge(evidence: Evidence) -> list[Claim]:
+    """All claims, judged."""
+    return [claim(evidence) for claim in CLAIMS]

@@ -1,0 +1,121 @@
+"""Baselines: what a model said when it was recorded, a readable file beside the test."""
+
+import hashlib
+import os
+import re
+import tempfile
+import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from compare.thresholds.claim import Claim
+from compare.thresholds.prediction import Prediction
+from scene.errors import FileError
+
+__all__ = ["changes", "content", "listed", "place", "read", "updated", "write"]
+
+Changes = dict[str, tuple[Any, Any]]
+"""What was and what is, by place in the file; None where there is nothing."""
+
+
+def place(module: Path, test: str) -> Path:
+    """The file of a test's baseline.
+
+    Examples
+    --------
+    >>> place(Path("tests/test_gate.py"), "test_mine").as_posix()
+    'tests/baselines/test_gate/test_mine.toml'
+    """
+    name = re.sub(r"[^\w.\[\]-]+", "-", test)
+    if name != test:  # two tests may not share a file
+        name += "-" + hashlib.sha256(test.encode()).hexdigest()[:6]
+    return module.parent / "baselines" / module.stem / f"{name}.toml"
+
+
+def content(prediction: Prediction, claim: Claim) -> dict[str, Any]:
+    """What is recorded: the model's values, and of what they speak."""
+    values = {
+        c: dict(zip(map(str, claim.impacts), map(float, prediction.section[c]), strict=True)) for c in claim.columns
+    }
+    return {"values": values, **replace(claim.scene).to_dict()}
+
+
+def read(path: Path) -> dict[str, Any]:
+    """A recorded baseline; raises FileError where the file is none."""
+    try:
+        found = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise FileError("baseline", str(path), f"is damaged ({error}); restore it, or remove and record it") from None
+    if not isinstance(found.get("values"), dict):
+        raise FileError("baseline", str(path), "has no table [values]; restore it, or remove and record it")
+    return found
+
+
+def write(path: Path, found: Mapping[str, Any], model: str) -> None:
+    """Write a baseline whole."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    head = f"# Section moments of {model} by quantity and impact, and the scene that they speak of; written by pytest\n"
+    number, scratch = tempfile.mkstemp(dir=path.parent, suffix=".part")
+    with os.fdopen(number, "w", encoding="utf-8") as file:
+        file.write(f"{head}# --rattle-baselines=record (or =regenerate).\n\n{tomli_w.dumps(found)}")
+    os.chmod(scratch, 0o644)
+    os.replace(scratch, path)
+
+
+def _flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in table.items():
+        found |= _flat(value, f"{before}{key}.") if isinstance(value, Mapping) else {before + key: value}
+    return found
+
+
+def changes(recorded: Mapping[str, Any], now: Mapping[str, Any], relative: float, absolute: float) -> Changes:
+    """Where two contents differ; values by more than ``absolute + relative * |recorded|``.
+
+    Examples
+    --------
+    >>> changes({"values": {"y1": {"2": 0.5}}}, {"values": {"y1": {"2": 0.6}}}, 1e-9, 1e-12)
+    {'values.y1.2': (0.5, 0.6)}
+    """
+    old, new = _flat(recorded), _flat(now)
+
+    def same(key: str) -> bool:
+        a, b = old.get(key), new.get(key)
+        if key.startswith("values.") and isinstance(a, int | float) and isinstance(b, int | float):
+            return abs(b - a) <= absolute + relative * abs(a)
+        return bool(a == b)
+
+    return {key: (old.get(key), new.get(key)) for key in dict.fromkeys([*old, *new]) if not same(key)}
+
+
+def updated(recorded: Mapping[str, Any], now: Mapping[str, Any], changed: Changes) -> dict[str, Any]:
+    """The present content, with the digits that were recorded wherever nothing has changed."""
+
+    def merge(old: Mapping[str, Any], new: Mapping[str, Any], before: str) -> dict[str, Any]:
+        return {
+            key: merge(old.get(key, {}), value, f"{before}{key}.")
+            if isinstance(value, Mapping)
+            else (value if before + key in changed else old[key])
+            for key, value in new.items()
+        }
+
+    return merge(recorded, now, "")
+
+
+def listed(changed: Changes) -> list[str]:
+    """Changes as lines of text.
+
+    Examples
+    --------
+    >>> listed({"values.y1.2": (0.5, 0.6), "scene.sigma": (0.1, None)})
+    ['  values.y1.2: 0.5 -> 0.6', '  scene.sigma: 0.1 -> nothing']
+    """
+    return [f"  {key}: {_text(old)} -> {_text(new)}" for key, (old, new) in changed.items()]
+
+
+def _text(value: object) -> str:
+    return "nothing" if value is None else f"{value:.12g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,145 @@
+"""The fixture: a model is held against the simulation, or against what it said when its baseline was recorded."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NoReturn, TypeVar
+
+import pandas as pd
+import pytest
+
+from compare.thresholds import baseline
+from compare.thresholds.claim import Claim
+from compare.thresholds.judging import errors_of, judged
+from compare.thresholds.messages import deciding, failure_text, undecided_text
+from compare.thresholds.prediction import Model, Prediction, predict
+from compare.thresholds.sessions import Thresholds
+from scene.errors import RattleError
+
+__all__ = ["Rattle"]
+
+T = TypeVar("T")
+
+
+class Rattle:
+    """What a test is given.
+
+    Attributes
+    ----------
+    claim : Claim
+        What the test's marker says.
+    """
+
+    def __init__(self, item: pytest.Item, claim: Claim, thresholds: Thresholds) -> None:
+        self.claim, self._item, self._thresholds = claim, item, thresholds
+        self._asked: set[str] = set()
+
+    def check(self, model: Model) -> pd.DataFrame:
+        """Hold a model's section moments against the simulation of the marker's scene.
+
+        The test fails if the whole interval of an error lies outside what is allowed, and passes if all intervals lie
+        inside; else it is undecided, and skipped or failed as ``--rattle-undecided`` says.
+
+        Parameters
+        ----------
+        model : str or callable
+            A reading of the closure, or a function ``(scene, impacts) -> DataFrame``; see
+            `compare.thresholds.prediction.predict`.
+
+        Returns
+        -------
+        DataFrame
+            A row for each check; columns of `compare.moments.section_errors` and ``outcome``.
+        """
+        self._once("check")
+        prediction = self._guarded(lambda: predict(model, self.claim))
+        drawn = self._guarded(lambda: self._thresholds.ensemble(self.claim))
+        session = self._thresholds
+        table = judged(errors_of(prediction, drawn.run, self.claim), session.z)
+        counts = table["outcome"].value_counts()
+        failed, undecided = int(counts.get("fail", 0)), int(counts.get("undecided", 0))
+        self._record(
+            kind="check", model=prediction.reading, rows=len(table), failed=failed, undecided=undecided, z=session.z,
+            all_rows=session.rows, rate=session.settings.false_alarm, computed=drawn.computed, seconds=drawn.seconds,
+            decide=deciding(table), folder=self._shown(session.folder),
+        )  # fmt: skip
+        if failed:
+            self._fail(failure_text(prediction.reading, table, drawn.run, session.z) + self._figure(prediction, table))
+        if undecided:
+            text = undecided_text(prediction.reading, table, drawn.run, session.z)
+            if session.settings.undecided == "fail":
+                self._fail(text + self._figure(prediction, table))
+            pytest.skip(f"rattle: {text}")
+        return table
+
+    def baseline(self, model: Model, *, relative: float = 1e-9, absolute: float = 1e-12) -> None:
+        """Hold a model's own values against those recorded beside the test, in ``baselines/``; nothing is simulated.
+
+        Parameters
+        ----------
+        model : str or callable
+            As for `check`.
+        relative, absolute : float
+            A value may differ by ``absolute + relative * |recorded|``.
+        """
+        self._once("baseline")
+        prediction = self._guarded(lambda: predict(model, self.claim))
+        path = baseline.place(self._item.path, ".".join(self._item.nodeid.split("::")[1:]))
+        now = baseline.content(prediction, self.claim)
+        mode = self._thresholds.settings.baselines
+        again = f"pytest '{self._item.nodeid}' --rattle-baselines"
+        if not path.exists():
+            if mode == "compare":
+                self._fail(f"there is no baseline {self._shown(path)}; record it: {again}=record")
+            baseline.write(path, now, prediction.reading)
+            self._record(kind="baseline", done=f"recorded {self._shown(path)}")
+            return
+        recorded = self._guarded(lambda: baseline.read(path))
+        changes = baseline.changes(recorded, now, relative, absolute)
+        if not changes:
+            self._record(kind="baseline", done="")
+        elif mode == "regenerate":
+            baseline.write(path, baseline.updated(recorded, now, changes), prediction.reading)
+            self._record(
+                kind="baseline", done="\n".join([f"regenerated {self._shown(path)}", *baseline.listed(changes)])
+            )
+        else:
+            lines = "\n".join(baseline.listed(changes))
+            self._fail(
+                f"{prediction.reading} differs from its baseline {self._shown(path)} by more than {absolute:g} + "
+                f"{relative:g} of a value:\n{lines}\nIf that is meant: {again}=regenerate"
+            )
+
+    def _once(self, kind: str) -> None:
+        """Its rows are counted once at collection, and its baseline is one file."""
+        if kind in self._asked:
+            self._fail(f"a test makes one {kind}; parametrize the test for more")
+        self._asked.add(kind)
+
+    def _guarded(self, action: Callable[[], T]) -> T:
+        try:
+            return action()
+        except RattleError as error:
+            refusal = str(error)
+        self._fail(refusal)
+
+    def _fail(self, text: str) -> NoReturn:
+        pytest.fail(f"rattle: {text}", pytrace=False)
+
+    def _record(self, **facts: Any) -> None:
+        self._item.user_properties.append(("rattle", facts))
+
+    def _figure(self, prediction: Prediction, table: pd.DataFrame) -> str:
+        from compare.style import save
+        from compare.thresholds.figure import error_figure
+
+        name = re.sub(r"[^\w.-]+", "-", self._item.nodeid)
+        path = self._thresholds.folder / "figures" / f"{name}.svg"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        save(error_figure(table, prediction.reading), path)
+        return f"\nFigure: {self._shown(path)}"
+
+    def _shown(self, path: Path) -> str:
+        """A path as short as it can be from where pytest was called."""
+        here = self._item.config.invocation_params.dir
+        return str(path.relative_to(here) if path.is_relative_to(here) else path)

@@ -1,0 +1,65 @@
+"""What a test says when it fails or cannot decide."""
+
+import math
+
+import pandas as pd
+
+from compare.study.cell import Sampled
+from compare.thresholds.summary import decided_by
+
+__all__ = ["deciding", "failure_text", "row_table", "undecided_text"]
+
+
+def row_table(rows: pd.DataFrame) -> str:
+    """Rows as an aligned table, errors and intervals in sds of the quantity.
+
+    Examples
+    --------
+    >>> row = {"moment": "mean", "quantity": "y1", "impact": 2, "closure": 1.13, "monte_carlo": 1.03, "error": 0.1}
+    >>> row |= {"low": 0.08, "high": 0.12, "tolerance": 0.005, "unit": 0.1, "agreement": 1.0, "outcome": "fail"}
+    >>> print(row_table(pd.DataFrame([row])))
+                  model simulated error/sd      low     high  allowed on itinerary
+    E y1 at 2  1.130000  1.030000  +1.0000  +0.8000  +1.2000   0.0500       1.0000
+    """
+    unit = rows["unit"]
+    shown = pd.DataFrame(
+        {
+            "model": rows["closure"].map("{:.6f}".format),
+            "simulated": rows["monte_carlo"].map("{:.6f}".format),
+            "error/sd": (rows["error"] / unit).map("{:+.4f}".format),
+            "low": (rows["low"] / unit).map("{:+.4f}".format),
+            "high": (rows["high"] / unit).map("{:+.4f}".format),
+            "allowed": (rows["tolerance"] / unit).map("{:.4f}".format),
+            "on itinerary": rows["agreement"].map("{:.4f}".format),
+        }
+    )
+    names = [f"{'E' if r.moment == 'mean' else 'sd'} {r.quantity} at {r.impact}" for r in rows.itertuples()]
+    return shown.set_axis(names, axis=0).to_string(col_space=8)
+
+
+def _means(rows: pd.DataFrame, run: Sampled, z: float) -> str:
+    return (
+        f"{run.paths} paths; intervals of {z:.2f} standard errors; errors in sds of the quantity, at each path's own "
+        f"impact\n{row_table(rows)}"
+    )
+
+
+def failure_text(model: str, table: pd.DataFrame, run: Sampled, z: float) -> str:
+    """Which rows failed, and by how much."""
+    failed = table[table["outcome"] == "fail"]
+    undecided = int((table["outcome"] == "undecided").sum())
+    beside = f", {undecided} undecided" if undecided else ""
+    return f"{model} is outside what is allowed in {len(failed)} of {len(table)} rows{beside}\n{_means(failed, run, z)}"
+
+
+def deciding(table: pd.DataFrame) -> float:
+    """Number of paths that would decide every undecided row; infinite where no number would, 0 where none is."""
+    undecided = table.loc[table["outcome"] == "undecided", "paths_needed"]
+    return float(undecided.fillna(math.inf).max()) if len(undecided) else 0.0
+
+
+def undecided_text(model: str, table: pd.DataFrame, run: Sampled, z: float) -> str:
+    """Which rows are undecided, and what would decide them."""
+    rows = table[table["outcome"] == "undecided"]
+    remedy = decided_by(deciding(table))
+    return f"{model} is undecided in {len(rows)} of {len(table)} rows; {remedy}\n{_means(rows, run, z)}"

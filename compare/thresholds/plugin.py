@@ -1,0 +1,129 @@
+"""What pytest sees: options, marker, fixture, summary.  Nothing heavy is loaded before a marked test is collected.
+
+PYTEST_DONT_REWRITE
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import pytest
+
+if TYPE_CHECKING:
+    from compare.thresholds.claim import Claim
+    from compare.thresholds.fixture import Rattle
+    from compare.thresholds.sessions import Thresholds
+
+__all__ = ["CLAIM", "THRESHOLDS", "rattle"]
+
+THRESHOLDS: pytest.StashKey[Thresholds] = pytest.StashKey()
+CLAIM: pytest.StashKey[Claim] = pytest.StashKey()
+REFUSED: pytest.StashKey[str] = pytest.StashKey()
+
+MARKER = (
+    "rattle(scene, impacts=4, quantities=('tau', 'y1', 'y2'), moments=('mean', 'sd'), within={'mean': 0.05, 'sd': 0.1}"
+    ", absolute=None, paths=None, accuracy=None, scheme='exact-flight'): section moments of a closure, and the error "
+    "that they may have, in sds of the quantity (within) or absolute."
+)
+
+
+class Option(NamedTuple):
+    """An option on the command line, and in the configuration file where that is given a name."""
+
+    name: str
+    default: str
+    help: str
+    choices: tuple[str, ...] | None = None
+    lasting: bool = True
+
+    @property
+    def key(self) -> str:
+        """Its name in the configuration file."""
+        return self.name.replace("-", "_")
+
+
+OPTIONS = (
+    Option("rattle-false-alarm", "0.01", "Probability that a session fails although every claim in it is true."),
+    Option("rattle-undecided", "skip", "What becomes of a test that more paths would decide.", ("skip", "fail")),
+    Option("rattle-profile", "quick", "Simulated paths: quick 32768, full 1048576.", ("quick", "full")),
+    Option("rattle-cache", "", "Folder of simulated ensembles. [default: in pytest's cache]"),
+    Option("rattle-seed", "0", "Seed of the simulations."),
+    Option("rattle-workers", "1", "Threads of a simulation; the result does not depend on it."),
+    Option(
+        "rattle-baselines", "compare", "Compare with recorded values, record those that are missing, or regenerate.",
+        ("compare", "record", "regenerate"), lasting=False,
+    ),
+)  # fmt: skip
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Options on the command line and in the configuration file, where the command line wins."""
+    group = parser.getgroup("rattle", "accuracy thresholds")
+    for option in OPTIONS:
+        text = option.help if option.name == "rattle-cache" else f"{option.help} [default: {option.default}]"
+        group.addoption(f"--{option.name}", dest=option.key, default=None, choices=option.choices, help=text)
+        if option.lasting:
+            parser.addini(option.key, option.help, default=option.default)
+
+
+def option_value(config: pytest.Config, option: Option) -> str:
+    """What the user has chosen, as text."""
+    given = config.getoption(option.key)
+    if given is None:
+        given = config.getini(option.key) if option.lasting else option.default
+    return str(given)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Make the marker known."""
+    config.addinivalue_line("markers", MARKER)
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Read the claims of the tests that were selected; the number of their rows fixes the intervals of all."""
+    marked = [item for item in session.items if item.get_closest_marker("rattle")]
+    if not marked:
+        return
+    from compare.thresholds.sessions import thresholds_of
+    from scene.errors import RattleError
+
+    try:
+        chosen = {option.key: option_value(session.config, option) for option in OPTIONS}
+        session.config.stash[THRESHOLDS] = thresholds_of(marked, chosen, session.config)
+    except RattleError as error:
+        if not hasattr(session.config, "workerinput"):
+            raise pytest.UsageError(str(error)) from None
+        for item in marked:  # a worker of xdist that ends here would take the whole session down without a word
+            item.stash[REFUSED] = str(error)
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Where the claims of the session could not be read, no test that makes one can speak."""
+    if REFUSED in item.stash:
+        pytest.fail(item.stash[REFUSED], pytrace=False)
+
+
+@pytest.fixture
+def rattle(request: pytest.FixtureRequest) -> Rattle:
+    """Hold a closure against the simulation of the marker's scene: ``rattle.check(model)``."""
+    from compare.thresholds.fixture import Rattle
+
+    if CLAIM not in request.node.stash:
+        pytest.fail(
+            "rattle: the test claims nothing; mark it, as in @pytest.mark.rattle(scene='dat21.toml', within=0.05)",
+            pytrace=False,
+        )
+    return Rattle(request.node, request.node.stash[CLAIM], request.config.stash[THRESHOLDS])
+
+
+def pytest_terminal_summary(terminalreporter: Any) -> None:
+    """What was checked, and what it cost; nothing where nothing was."""
+    reports = [r for listed in terminalreporter.stats.values() for r in listed if getattr(r, "when", None) == "call"]
+    found = [(r.nodeid, value) for r in reports for key, value in r.user_properties if key == "rattle"]
+    records = {(test, facts["kind"]): (test, facts) for test, facts in found}  # reports of subtests repeat them
+    if records:
+        from compare.thresholds.summary import summary_lines
+
+        terminalreporter.section("rattle: accuracy thresholds")
+        for line in summary_lines(list(records.values())):
+            terminalreporter.write_line(line)

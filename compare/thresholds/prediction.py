@@ -1,0 +1,100 @@
+"""What a closure or a user's own model says of a scene, checked before it is believed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from closure import READINGS, mean_map
+from compare.thresholds.claim import Claim
+from scene.errors import InputError
+from scene.scene import Scene
+from scene.validate import choice
+
+__all__ = ["Model", "Prediction", "predict"]
+
+Model = str | Callable[[Scene, int], pd.DataFrame]
+"""A reading's name, or a function of a scene and a number of impacts."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Section moments under the name of who predicts them, complete and finite where the claim speaks of them."""
+
+    reading: str
+    section: pd.DataFrame
+
+
+def predict(model: Model, claim: Claim) -> Prediction:
+    """Ask a model for the section moments that a claim is about.
+
+    Parameters
+    ----------
+    model : str or callable
+        A reading (``"saltation"``), or a function ``(scene, impacts) -> DataFrame`` that gives the first so many
+        impacts: index ``impact`` from 1, columns ``tau, flight, x1, y1, x2, y2`` for means and ``sd_tau, ...`` for
+        standard deviations, as far as they are claimed.
+    claim : Claim
+
+    Returns
+    -------
+    Prediction
+
+    Raises
+    ------
+    InputError
+        If there is no such reading, or what it gives is not such a table.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from scene import DAT21, Scene
+    >>> from compare.thresholds.claim import read_claim
+    >>> claim = read_claim({"scene": Scene.from_gears(DAT21, sigma=0.1), "impacts": 1, "quantities": "tau"}, Path())
+    >>> predict("saltation", claim).section.round(4).to_dict("list")
+    {'tau': [0.56], 'sd_tau': [0.0016]}
+    """
+    impacts = claim.impacts[-1]
+    if isinstance(model, str):
+        closure = mean_map(claim.scene, impacts=impacts, reading=choice("reading", model, READINGS))
+        return Prediction(
+            model, _complete(model, closure.section, claim, f" ({closure.stopped})" * bool(closure.stopped))
+        )
+    if not callable(model):
+        raise InputError("model", model, "give a reading's name, or a function (scene, impacts) -> DataFrame")
+    name = getattr(model, "__name__", type(model).__name__)
+    return Prediction(name, _complete(name, model(claim.scene, impacts), claim))
+
+
+def _complete(name: str, table: object, claim: Claim, why: str = "") -> pd.DataFrame:
+    """The part of a table that is claimed, as numbers."""
+    if not isinstance(table, pd.DataFrame):
+        raise InputError(f"result of {name}", type(table).__name__, "return a DataFrame, a row for each impact")
+    missing = [c for c in claim.columns if c not in table.columns]
+    if missing:
+        raise InputError(
+            f"columns of {name}", list(table.columns), f"{missing[0]!r} is missing; add it, or change the marker's "
+            "quantities and moments",
+        )  # fmt: skip
+    if not table.columns.is_unique:
+        raise InputError(f"columns of {name}", list(table.columns), "must each have a name of their own")
+    absent = [k for k in claim.impacts if k not in table.index]
+    if absent or not table.index.is_unique:
+        raise InputError(
+            f"index of {name}", table.index.tolist(), f"must hold each impact once, from 1 to {claim.impacts[-1]}"
+        )
+    picked = table.loc[list(claim.impacts), list(claim.columns)].rename_axis(index="impact")
+    try:
+        values = picked.astype(float)
+    except (TypeError, ValueError):
+        wrong = [c for c in picked if not pd.api.types.is_numeric_dtype(picked[c])]
+        raise InputError(f"column {wrong[0]!r} of {name}", picked[wrong[0]].tolist(), "must hold numbers") from None
+    bad = np.argwhere(~np.isfinite(values.to_numpy()))
+    if bad.size:
+        impact, column = values.index[bad[0][0]], values.columns[bad[0][1]]
+        raise InputError(
+            f"{column} of {name} at impact {impact}", float(values.loc[impact, column]),
+            f"is no prediction{why}; leave it out of the marker's quantities, moments or impacts, or mend the model",
+        )  # fmt: skip
+    return values

@@ -1,0 +1,60 @@
+"""What a session says of its checks at the end."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+__all__ = ["decided_by", "summary_lines"]
+
+
+def decided_by(paths: float) -> str:
+    """What would decide an undecided test, in words; infinite where no number of paths would.
+
+    Examples
+    --------
+    >>> decided_by(141_234.0)
+    '140,000 paths would decide'
+    """
+    if math.isfinite(paths):
+        return f"{float(f'{paths:.2g}'):,.0f} paths would decide"
+    return "no number of paths would decide; a smaller step may, or another tolerance"
+
+
+def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[str]:
+    """Lines of the summary, from what each test has recorded (its id, and facts).
+
+    Examples
+    --------
+    >>> facts = {"kind": "check", "model": "mended", "rows": 4, "failed": 1, "undecided": 0, "z": 3.2905}
+    >>> facts |= {"all_rows": 10, "rate": 0.01, "computed": True, "seconds": 1.5, "decide": 0.0, "folder": "cache"}
+    >>> print("\\n".join(summary_lines([("test_a", facts)])))
+    checks     4 rows in 1 test: 3 passed, 1 failed, 0 undecided
+    intervals  3.29 standard errors, for a false-alarm rate of 0.01 over the 10 rows that were collected
+    ensembles  1 simulated in 1.5 s, 0 from the cache cache
+    """
+    checks = [(test, facts) for test, facts in records if facts["kind"] == "check"]
+    if checks:
+        rows, failed, undecided = (sum(f[name] for _, f in checks) for name in ("rows", "failed", "undecided"))
+        computed = sum(f["computed"] for _, f in checks)
+        first = checks[0][1]
+        yield (
+            f"checks     {rows} rows in {len(checks)} test{'s' * (len(checks) > 1)}: "
+            f"{rows - failed - undecided} passed, {failed} failed, {undecided} undecided"
+        )
+        yield (
+            f"intervals  {first['z']:.2f} standard errors, for a false-alarm rate of {first['rate']:g} over the "
+            f"{first['all_rows']} rows that were collected"
+        )
+        yield (
+            f"ensembles  {computed} simulated in {sum(f['seconds'] for _, f in checks):.1f} s, "
+            f"{len(checks) - computed} from the cache {first['folder']}"
+        )
+    for test, facts in checks:
+        if facts["undecided"]:
+            yield f"undecided  {test} ({facts['model']}): {decided_by(facts['decide'])}"
+    compared = [(test, facts["done"]) for test, facts in records if facts["kind"] == "baseline"]
+    if compared:
+        written = [done for _, done in compared if done]
+        yield f"baselines  {len(compared) - len(written)} as recorded, {len(written)} written"
+        for done in written:
+            yield from (f"           {line}" for line in done.splitlines())

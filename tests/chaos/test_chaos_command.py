@@ -1,0 +1,64 @@
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+from compare.__main__ import main
+from compare.chaos.write import CONTENTS
+
+SMALL = ["--points", "2000", "--impacts", "40000", "--events", "300", "--width", "0.2"]
+
+
+def run(*words):
+    return CliRunner().invoke(main, ["chaos", *words])
+
+
+def test_a_folder_of_chaos_is_whole_and_said_in_a_few_lines(tmp_path):
+    out = tmp_path / "chaos"
+    done = run(*SMALL, "--over", "0.3:1.5:3", "--out", str(out))
+    assert done.exit_code == 0, done.output
+    assert {p.name for p in out.iterdir()} == CONTENTS
+    assert all(p.stat().st_size < 300_000 for p in out.glob("*.svg"))
+    assert not (out / "section.svg").read_text().count("<path") > 2000  # densities are images
+    exponents = pd.read_csv(out / "exponents.csv")
+    assert exponents.groupby("of")["exponent"].count().tolist() == [4, 4]
+    assert (exponents["sum_error"].abs() < 1e-10).all()
+    sweep = pd.read_csv(out / "sweep.csv")
+    assert sorted(sweep["alpha"].unique()) == [0.3, 0.9, 1.5]
+    assert np.isfinite(sweep[sweep["of"] == "orbit"]["largest"]).all()
+    manifest = json.loads((out / "manifest.json").read_text())
+    assert manifest["answer"] == done.output.splitlines()[:-1]
+    assert len(manifest["answer"]) < 10
+    again = run(*SMALL, "--out", str(out))
+    assert again.exit_code == 2
+    assert "--overwrite" in again.output
+
+
+def test_one_stage_and_weak_noise_say_what_is_missing(tmp_path):
+    scene = tmp_path / "one.toml"
+    scene.write_text("[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.083\ngamma1 = 0.057\nsigma = 0.01\nstages = 1\n")
+    out = tmp_path / "out"
+    done = run(str(scene), *SMALL, "--no-sweep", "--out", str(out))
+    assert done.exit_code == 0, done.output
+    assert "too weak" in done.output
+    assert not (out / "sweep.csv").exists()
+    assert pd.read_csv(out / "exponents.csv")["exponent"].max() == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--over", "1:2"], "LOW:HIGH:POINTS"),
+        (["--field", "alpa"], "did you mean 'alpha'"),
+        (["--field", "epsilon", "--over", "0.5:1.5:3"], "between 0 and 1"),
+        (["--width", "0"], "width"),
+        (["--points", "3"], "at least 100"),
+    ],
+)
+def test_bad_input_is_refused_before_any_work(tmp_path, words, said):
+    done = run(*words, "--out", str(tmp_path / "no"))
+    assert done.exit_code == 2
+    assert said in done.output
+    assert not (tmp_path / "no").exists()

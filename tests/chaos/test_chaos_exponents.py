@@ -1,0 +1,207 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from closure.long_orbit import LongOrbit
+from closure.orbit import follow
+from compare.chaos.exponents import drift_exponents, lyapunov, ratio_mean
+from compare.chaos.mean_maps import mean_maps
+from compare.chaos.record import Regime, orbit_record
+from compare.chaos.section import orbit_section, sections
+from compare.chaos.sweep import ALPHAS, crossings, paper_noise, sweep, values, with_field
+from scene import DAT21, InputError, Scene, Start
+from scene.flight import flow, jacobian
+from scene.impact import contact_matrix, next_impact, struck
+from scene.tangent import saltation_matrix
+
+DAT = Scene.from_gears(DAT21, sigma=1.5**0.5)
+
+
+def at(alpha: float, **changes) -> Scene:
+    return replace(DAT, alpha=alpha, start=None, **changes)
+
+
+def through(c, tau, state, time):
+    """The state a time later, through one impact at most."""
+    t, mesh, _, *before = next_impact(c, tau, *state, time)
+    if mesh <= 0:
+        return np.array(before)
+    y1, y2 = struck(c, mesh, before[1], before[3])
+    return np.array(flow(c, tau + t, before[0], y1, before[2], y2, time - t))
+
+
+@pytest.mark.parametrize("alpha", [0.6, 1.5, 2.2])
+def test_the_saltation_matrix_is_the_derivative_through_an_impact(alpha):
+    scene = at(alpha)
+    c, orbit = scene.constants, follow(scene, 12)
+    for k in range(1, 12):
+        early, late = 0.3 * np.diff(orbit.tau)[k - 1 : k + 1]
+        tau, state = orbit.tau[k] - early, orbit.state(c, orbit.tau[k] - early)
+        h = 1e-6
+        moved = [
+            (through(c, tau, state + h * e, early + late) - through(c, tau, state - h * e, early + late)) / (2.0 * h)
+            for e in np.eye(4)
+        ]
+        laws = (
+            saltation_matrix(c, orbit.mesh[k], orbit.tau[k], *orbit.before[k, 1::2]),
+            contact_matrix(c, orbit.mesh[k]),
+        )
+        right, wrong = (jacobian(c, late) @ law @ jacobian(c, early) for law in laws)
+        assert np.abs(np.transpose(moved) - right).max() < 1e-6 * np.abs(right).max()
+        assert np.abs(np.transpose(moved) - wrong).max() > 1e-2  # the contact law alone is not the derivative
+
+
+def test_growths_are_those_of_the_orbit_s_own_neighbours():
+    """Central differences of the orbit over seven impacts; their QR has the frame's growths on its diagonal."""
+    orbit = follow(DAT, 7)
+    c, after, end = DAT.constants, orbit.after[0], orbit.tau[7] + 0.05
+    early = 0.05  # after the start's impact, where a neighbour is off the wall
+    begin = np.array(flow(c, 0.0, *after, early))
+    h, columns = 1e-7, []
+    for e in np.eye(4):
+        pair = [_state_from(c, early, begin + s * h * e, end) for s in (1.0, -1.0)]
+        columns.append((pair[0] - pair[1]) / (2.0 * h))
+    whole = jacobian(c, -0.05) @ np.transpose(columns) @ jacobian(c, early)
+    expected = np.log(np.abs(np.diag(np.linalg.qr(whole)[1])))
+    assert LongOrbit(DAT).stretch(7).growth.sum(axis=0) == pytest.approx(expected, abs=1e-4)
+
+
+def _state_from(c, tau, state, end):
+    while True:
+        t, mesh, _, *before = next_impact(c, tau, *state, end - tau)
+        if mesh <= 0:
+            return np.array(before)
+        y1, y2 = struck(c, mesh, before[1], before[3])
+        tau, state = tau + t, (before[0], y1, before[2], y2)
+
+
+@pytest.mark.parametrize("alpha", [0.05, 0.3, 1.0, 1.5, 2.5])
+@pytest.mark.parametrize("stages", [1, 2])
+def test_exponents_add_up_exactly_of_orbit_and_noisy_path(alpha, stages):
+    scene = paper_noise(at(alpha, stages=stages))
+    for found in (lyapunov(scene, impacts=10_000), drift_exponents(scene, impacts=10_000, seed=1)):
+        assert found.value.size == 2 * stages
+        if np.isfinite(found.value[0]):
+            assert abs(found.sum_error) < 1e-10
+            assert (np.diff(found.value) <= 0.0).all()
+        else:
+            assert found.regime.kind in ("rests", "silent")
+
+
+def test_the_exact_sum_catches_contact_laws_without_saltation_and_a_rate_of_one_mesh():
+    s, c = LongOrbit(DAT).stretch(2000), DAT.constants
+    frame, total = np.eye(4), 0.0
+    for t, code in zip(s.flight, s.code, strict=True):
+        frame, r = np.linalg.qr(contact_matrix(c, abs(code)) @ jacobian(c, t) @ frame)
+        total += np.log(np.abs(np.diag(r))).sum()
+    time = s.flight.sum()
+    law = -(c.beta1 + c.beta2) * time + 2.0 * np.log(c.epsilon) * np.array([s.code.size, (np.abs(s.code) == 1).sum()])
+    assert s.growth.sum() == pytest.approx(law[0], abs=1e-9)
+    assert abs(total - law[0]) / time > 0.1
+    assert abs(s.growth.sum() - law[1]) / time > 0.1
+
+
+def test_an_interval_from_batches_covers_correlated_records_and_a_naive_one_does_not():
+    """AR(1) with coefficient 0.9 about 1: 400 records; 3.3 standard errors of a share of 0.95 are 0.036."""
+    rng, missed, naive = np.random.default_rng(3), 0, 0
+    for _ in range(400):
+        noise = rng.normal(size=3200 + 100)
+        x = np.empty_like(noise)
+        last = 0.0
+        for n, z in enumerate(noise):
+            last = 0.9 * last + z
+            x[n] = last
+        y = 1.0 + x[100:]
+        m = ratio_mean(y, np.ones(y.size))
+        missed += abs(m.value - 1.0) > m.half
+        naive += abs(y.mean() - 1.0) > 1.96 * y.std() / y.size**0.5
+    assert missed / 400 < 0.05 + 0.036
+    assert missed / 400 > 0.005
+    assert naive / 400 > 0.4
+
+
+def test_a_record_too_short_says_how_long_it_must_be_and_that_is_enough():
+    with pytest.raises(InputError, match="needs about") as caught:
+        lyapunov(DAT, impacts=10_000, width=0.01)
+    needed = int(str(caught.value).split("needs about ")[1].replace(",", ""))
+    assert 20_000 < needed < 1_000_000
+    assert lyapunov(DAT, impacts=2 * needed, width=0.01).width <= 0.01
+    with pytest.raises(InputError, match="at least 8192"):
+        lyapunov(DAT, impacts=100)
+
+
+def test_an_orbit_that_rests_is_marked_and_has_no_section():
+    scene = at(0.05)
+    found = lyapunov(scene)
+    assert found.regime.kind == "rests"
+    assert np.isnan(found.value).all()
+    assert "rests closed" in found.regime.reason
+    edges = np.linspace(0, 1, 11), np.linspace(-1, 1, 11)
+    with pytest.raises(InputError, match="without a section"):
+        orbit_section(scene, 1000, edges)
+    assert list(sections(scene, points=2000)) == ["noisy system"]
+
+
+def test_a_silent_orbit_is_told_from_a_resting_one():
+    scene = Scene(alpha=0.1, epsilon=0.5, beta1=1.0, gamma1=0.0, stages=1, gap1=5.0, start=Start(0.0, 0.0, 0.1))
+    assert lyapunov(scene).regime.kind == "silent"
+
+
+def test_what_accumulates_before_a_rest_is_left_out():
+    regime = Regime()
+    slowest = min(np.abs(s.before[s.code == 1, 1]).min() for s in orbit_record(at(0.1), 20_000, regime, tangent=False))
+    assert regime.rests > 0
+    assert slowest > 1e-6  # a rest is recognised at speeds of 1e-10
+
+
+def test_a_long_transient_is_recognised_and_left_out():
+    found = lyapunov(at(values("alpha", ALPHAS)[36]), width=0.01)
+    assert found.regime.transient > 0
+    assert found.largest[2] < 0.0
+
+
+def test_no_exponents_without_rebound():
+    with pytest.raises(InputError, match="epsilon"):
+        lyapunov(replace(DAT, epsilon=0.0))
+
+
+def test_sweeps_do_not_depend_on_workers_and_mark_what_rests():
+    one, two = (sweep(DAT, (0.05, 0.4, 1.5), noise=paper_noise, width=0.1, workers=n) for n in (1, 2))
+    assert one.equals(two)
+    orbit = one[one["of"] == "orbit"]
+    assert orbit["regime"].tolist() == ["rests", "runs", "runs"]
+    assert crossings(one)[["low", "high", "to"]].to_numpy().tolist() == [[0.4, 1.5, 1]]
+    assert (one["sum_error"].abs().dropna() < 1e-10).all()
+
+
+def test_fields_of_a_sweep_are_checked():
+    with pytest.raises(InputError, match="did you mean 'epsilon'"):
+        with_field(DAT, "epsilom", 0.5)
+    with pytest.raises(InputError, match="between 0 and 1"):
+        with_field(DAT, "epsilon", 1.5)
+    with pytest.raises(InputError, match="LOW:HIGH:POINTS"):
+        values("over", "1:0:5")
+
+
+def test_the_mended_map_grows_as_the_orbit_does():
+    """Means of two mended maps 1e-9 apart at the start: their logarithm grows by the orbit's own growth."""
+    from closure import mean_map
+
+    small = DAT.with_sigma(1e-3)
+    moved = replace(small, start=replace(small.start, y1=2.0 + 1e-9))
+    a, b = (mean_map(s, impacts=60, reading="mended", order=2).trace for s in (small, moved))
+    o, p = (follow(s, 60) for s in (small, moved))
+    means, orbits = np.abs(a.mean - b.mean).max(axis=1), np.abs(o.before - p.before).max(axis=1)
+    far = slice(20, 60)
+    assert np.abs(np.log(means[far] / orbits[far])).max() < 1.0
+    assert np.log(means[50] / 1e-9) > 2.0
+
+
+def test_what_mean_maps_say_of_themselves():
+    maps = mean_maps(DAT, lyapunov(DAT, impacts=10_000)).set_index("reading")
+    assert maps["not_realizable"]["printed"] == 2
+    assert np.isnan(maps["largest"]["printed"])
+    assert maps["ends"]["printed"] < maps["followed"]["printed"]
+    assert (maps["exponents"][["mended", "saltation"]] == "the orbit's").all()
+    assert (maps["blind"][["mended", "saltation"]] < 20).all()

@@ -1,0 +1,113 @@
+import tracemalloc
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from compare.chaos.bifurcation import bifurcation
+from compare.chaos.record import check_finite
+from compare.chaos.section import NOISY, ORBIT, frame, orbit_section, sections
+from compare.chaos.spectrum import FALSE_ALARM, SEQUENCE, TIME, spectra, spectra_tables, welch
+from compare.chaos.sweep import paper_noise
+from scene import DAT21, InputError, Scene
+
+DAT = Scene.from_gears(DAT21, sigma=1.5**0.5)
+
+
+def test_the_band_covers_white_noise():
+    """Bins of 60 spectra of 127 bins; neighbours go together, so 4 standard errors of half as many bins are 0.015."""
+    rng, inside, bins = np.random.default_rng(5), 0, 0
+    for _ in range(60):
+        low, high = (s := welch([rng.normal(size=20_000)], 256, 1.0)).band
+        inside += int(((low < 2.0) & (high > 2.0)).sum())
+        bins += s.power.size
+    assert inside / bins == pytest.approx(0.95, abs=0.015)
+    narrow = s.power * s.dof / 2.0 / np.array([[0.5 * s.dof * 1.02], [0.5 * s.dof * 0.98]])
+    assert ((narrow[0] < 2.0) & (narrow[1] > 2.0)).mean() < 0.8  # a band that is too narrow does not
+
+
+def test_degrees_of_freedom_are_those_of_the_scatter():
+    rng = np.random.default_rng(6)
+    found = [welch([rng.normal(size=8192), rng.normal(size=4096)], 256, 1.0) for _ in range(100)]
+    power = np.array([s.power for s in found])
+    assert 2.0 * power.mean() ** 2 / power.var() == pytest.approx(found[0].dof, rel=0.05)
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.6])
+def test_noise_has_no_lines(colour):
+    """300 spectra, white and red, whose slope is smooth over 65 bins: 3 alarms at most are expected, 9 once in 1000."""
+    rng = np.random.default_rng(7)
+    alarms = 0
+    for _ in range(300):
+        x = signal.lfilter([1.0], [1.0, -colour], rng.normal(size=60_000))
+        alarms += len(welch([x], 2048, 1.0).lines) > 0
+    assert alarms <= 3 * 300 * FALSE_ALARM
+
+
+def test_a_planted_line_is_found_where_it_is_with_the_power_it_has():
+    rng, n = np.random.default_rng(8), np.arange(200_000)
+    x = rng.normal(size=n.size) + 0.5 * np.sin(2.0 * np.pi * 0.1234 * n)
+    lines = welch([x], 1024, 1.0).lines
+    assert len(lines) == 1
+    assert lines["frequency"][0] == pytest.approx(0.1234, abs=2e-4)
+    assert lines["share"][0] == pytest.approx(0.125 / 1.125, rel=0.05)
+    assert lines["narrow"][0]
+
+
+def test_a_planted_wide_band_is_not_taken_for_narrow():
+    rng = np.random.default_rng(9)
+    b, a = signal.iirpeak(0.2, 30.0)
+    x = rng.normal(size=200_000) + 5.0 * signal.lfilter(b, a, rng.normal(size=200_000))
+    lines = welch([x], 1024, 1.0).lines
+    assert len(lines) >= 1
+    assert not lines["narrow"][0]
+
+
+def test_records_are_refused_with_their_place_or_length():
+    x = np.zeros(5000)
+    x[4321] = np.nan
+    with pytest.raises(InputError, match=r"piece 0 of the record\[4321\]"):
+        welch([x], 256, 1.0)
+    with pytest.raises(InputError, match="need 512 samples"):
+        welch([np.zeros(100)], 512, 1.0)
+    with pytest.raises(InputError, match=r"before\[12, 3\] = inf"):
+        check_finite("before", np.where(np.arange(8).reshape(2, 4) == 7, np.inf, 0.0), 11)
+
+
+def test_spectra_integrate_to_the_variance_and_shares_add_up():
+    found = spectra(DAT, impacts=40_000)
+    assert len(found) == 8
+    _, _, summary = spectra_tables(found)
+    assert (summary["line_share"] + summary["floor_share"]).to_numpy() == pytest.approx(1.0)
+    drive = found[ORBIT, TIME, "y1"].lines
+    assert drive["frequency"][0] == pytest.approx(1.0, abs=1e-3)  # the excitation itself
+    s = found[NOISY, SEQUENCE, "y1"]
+    assert s.power.sum() * (s.frequency[1] - s.frequency[0]) == pytest.approx(2.8, rel=0.1)
+
+
+def test_sections_hold_every_point_and_do_not_depend_on_workers():
+    one, two = (sections(DAT, points=6001, workers=n) for n in (1, 2))
+    assert list(one) == [ORBIT, "mean map (mended)", NOISY]
+    for side, s in one.items():
+        assert (s.counts.sum(axis=(1, 2)) + s.outside == s.points).all()
+        assert (s.counts == two[side].counts).all()
+        assert s.table["count"].sum() == s.counts.sum()
+    assert one[ORBIT].points == one[NOISY].points == 6001
+
+
+def test_sections_take_the_same_memory_however_many_points():
+    edges, peaks = frame(DAT, points=2000), []
+    for points in (100_000, 400_000):
+        tracemalloc.start()
+        orbit_section(DAT, points, edges)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < 1.2 * peaks[0]
+
+
+def test_bifurcations_hold_every_point_of_any_field():
+    b = bifurcation(DAT, (0.5, 0.7, 0.9), field="epsilon", quantity="flight", points=3000)
+    assert (b.regime["points"] == 3000).all()
+    assert (b.counts[NOISY].sum(axis=1) > 2980).all()
+    rests = bifurcation(DAT, (0.05, 0.4), points=1000, noise=paper_noise)
+    assert rests.counts[ORBIT].sum(axis=1).tolist()[0] == 0

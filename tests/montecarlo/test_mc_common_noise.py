@@ -1,0 +1,113 @@
+"""Long paths on a noise that is a function of time: right in law, the same however they are cut, and shared."""
+
+import numpy as np
+import pytest
+from mc_checks import dat21, open_space
+
+from montecarlo import simulate
+from montecarlo.common_noise import clockwork, flown
+from montecarlo.exact_flight import kick
+from montecarlo.long_path import LongPath
+from montecarlo.noise import Word
+from montecarlo.pairs import after_impact
+from montecarlo.progress import Noise
+from scene import InputError, Tolerance
+from scene.flight import flow, jacobian
+from scene.impact import next_impact, struck
+
+PAPER = 1.5**0.5
+
+
+@pytest.mark.parametrize("h", [0.049, 1e-3, 1e-9])
+def test_a_short_flight_is_the_flight(h):
+    c, state, end = dat21(PAPER).constants, np.array([0.1, 0.5, -0.2, 0.7]), np.empty(4)
+    for tau in np.linspace(0.0, 6.2, 20):
+        flown(c, tau, state, h, Noise(0.2, 0.03), end)
+        assert end == pytest.approx(np.array(flow(c, tau, *state, h)) + kick(c, tau, h, 0.2, 0.36), abs=2e-15)
+
+
+def test_without_noise_a_long_path_is_the_orbit():
+    scene = dat21()
+    c, tau = scene.constants, 0.0
+    x1, y1, x2, y2 = scene.start_state
+    y1, y2 = struck(c, 1, y1, y2)
+    s, _ = LongPath(scene, 0, depth=26).stretch(256)
+    for k in range(12):
+        t, mesh, side, x1, y1, x2, y2 = next_impact(c, tau, x1, y1, x2, y2, 1e3)
+        tau += t
+        assert s.flight[k] == pytest.approx(t, abs=1e-11)
+        assert s.code[k] == mesh * side
+        assert s.before[k] == pytest.approx([x1, y1, x2, y2], abs=1e-11)
+        y1, y2 = struck(c, mesh, y1, y2)
+
+
+def first_impacts(sigma: float, paths: int, impacts: int, depth: int, seed: int = 11) -> np.ndarray:
+    """Time and state at the first impacts of many paths, shape (paths, impacts, 5)."""
+    walker = LongPath(dat21(sigma), seed, depth=depth)
+    begin, out = walker.at.copy(), np.empty((paths, impacts, 5))
+    for p in range(paths):
+        walker.path, walker.steps = Word(p), 0
+        walker.at[:] = begin
+        s, _ = walker.stretch(400, tangent=False, velocities=False)
+        out[p, :, 0] = np.cumsum(s.flight[:impacts])
+        out[p, :, 1:] = s.before[:impacts]
+    return out
+
+
+@pytest.mark.parametrize("sigma", [0.1, PAPER])
+def test_sections_of_long_paths_are_those_of_exact_flights_on_the_same_increments(sigma):
+    """Same seed and step: only the splits near walls are drawn apart, so that most of the sampling error is shared.
+
+    Of 20 000 such paths sds differed by 0.4 % at most; 4 000 are allowed three times that, times sqrt(5).
+    """
+    paths, impacts, names = 4000, 4, ["tau", "y1", "y2"]
+    found = first_impacts(sigma, paths, impacts, 12)[:, :, [0, 2, 4]]
+    run = simulate(
+        dat21(sigma), paths=paths, impacts=impacts, scheme="exact-flight", rng=11, dt=2.0 * np.pi / 128.0
+    ).section  # fmt: skip
+    sd = run[[f"sd_{n}" for n in names]].to_numpy()
+    assert np.abs((found.mean(axis=0) - run[names].to_numpy()) / sd).max() < 0.03
+    assert np.abs(found.std(axis=0) / sd - 1.0)[0].max() < 0.027
+    wrong = first_impacts(1.05 * sigma, paths, 1, 12)[:, :, [0, 2, 4]]
+    assert np.abs(wrong.std(axis=0) / sd[:1] - 1.0).max() > 0.027
+
+
+def test_a_path_is_the_same_however_it_is_cut():
+    whole, velocity = LongPath(dat21(PAPER), 3).stretch(4001)
+    parts = LongPath(dat21(PAPER), 3)
+    pieces = [parts.stretch(n) for n in (1, 1000, 333, 2667)]
+    for i, name in enumerate(whole._fields):
+        assert (np.concatenate([s[i] for s, _ in pieces]) == whole[i]).all(), name
+    assert (np.concatenate([v for _, v in pieces]) == velocity).all()
+
+
+def test_paths_of_one_number_share_their_noise_and_others_do_not():
+    """Far from walls two of them differ by the linear flow alone."""
+    scene = open_space(1.0)
+    a, b, other = LongPath(scene, 3), LongPath(scene, 3), LongPath(scene, 3, path=1)
+    apart = np.array([0.3, -0.2, 0.1, 0.5])
+    b.at[:4] += apart
+    for path in (a, b, other):
+        path.stretch(500)
+    moved = jacobian(scene.constants, 500 * a.step) @ apart
+    assert b.at[:4] - a.at[:4] == pytest.approx(moved, abs=1e-9)
+    assert np.abs(other.at[:4] - a.at[:4] - moved).max() > 0.1
+
+
+def test_the_depth_of_the_tree_leaves_the_noise_of_its_coarser_levels_alone():
+    fine, coarse = (first_impacts(PAPER, 200, 1, depth)[:, 0] for depth in (22, 12))
+    assert np.median(np.abs(fine - coarse)[:, 0]) < 1e-4  # leaves of 1.2e-5
+    assert np.corrcoef(fine[:, 2], coarse[:, 2])[0, 1] > 0.99
+
+
+def test_neighbours_leave_a_hundredfold_distance_ten_times_as_far():
+    """Noise that were not common would leave them as far from any distance."""
+    apart, _, missed = after_impact(dat21(PAPER), np.array([1e-6, 1e-4]), 500, 1)
+    ratio = np.sqrt((apart**2).mean(axis=0))
+    assert ratio[1] / ratio[0] == pytest.approx(10.0, rel=0.2)
+    assert missed <= 5
+
+
+def test_random_gaps_are_refused():
+    with pytest.raises(InputError, match=r"tolerance\.law"):
+        clockwork(dat21(0.1, tolerance=Tolerance(0.01, 0.01)), 12)

@@ -1,0 +1,120 @@
+"""Baselines: recorded on request, compared by default, regenerated where something changed and never silently."""
+
+import tomllib
+
+import pytest
+
+from compare.thresholds.baseline import changes, place, updated
+
+SUITE = """
+import pytest
+from closure import mean_map
+from scene import DAT21, Scene
+
+@pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.02), impacts=2, quantities=["tau", "y1"], moments="mean")
+@pytest.mark.parametrize("name", ["one", "a/b"])
+def test_recorded(rattle, name):
+    def model(scene, impacts):
+        section = mean_map(scene, impacts=impacts).section
+        section.loc[2, "y1"] += SHIFT
+        return section
+    rattle.baseline(model, relative=1e-6)
+"""
+
+
+@pytest.fixture
+def run(pytester):
+    def running(*options, shift=0.0, sigma=0.02):
+        suite = SUITE.replace("SHIFT", str(shift)).replace("0.02", str(sigma))
+        pytester.makepyfile(test_gate=suite)
+        return pytester.runpytest_inprocess("-p", "compare.thresholds.plugin", *options)
+
+    return running
+
+
+def files(pytester):
+    return {
+        p.name: (p.stat().st_mtime_ns, p.read_text()) for p in (pytester.path / "baselines").rglob("*") if p.is_file()
+    }
+
+
+def test_record_compare_regenerate(run, pytester):
+    missing = run()
+    missing.assert_outcomes(failed=2)
+    missing.stdout.fnmatch_lines(["rattle: there is no baseline *; record it: pytest '*' --rattle-baselines=record"])
+    assert not (pytester.path / "baselines").exists()
+
+    recorded = run("--rattle-baselines=record")
+    recorded.assert_outcomes(passed=2)
+    recorded.stdout.fnmatch_lines(["baselines  0 as recorded, 2 written", "*recorded *test_recorded*.toml"])
+    first = files(pytester)
+    assert len(first) == 2  # names that a file cannot have are told apart
+    values = tomllib.loads(next(iter(first.values()))[1])
+    assert list(values["values"]) == ["tau", "y1"]
+    assert values["scene"]["sigma"] == 0.02
+
+    same = run()
+    same.assert_outcomes(passed=2)
+    same.stdout.fnmatch_lines(["baselines  2 as recorded, 0 written"])
+    run(shift=1e-7).assert_outcomes(passed=2)  # within the tolerance
+
+    for mode in ("compare", "record"):  # recording does not overwrite
+        changed = run(f"--rattle-baselines={mode}", shift=0.25)
+        changed.assert_outcomes(failed=2)
+        changed.stdout.fnmatch_lines(["rattle: model differs from its baseline *", "  values.y1.2: 1.03* -> 1.28*"])
+        changed.stdout.fnmatch_lines(["If that is meant: pytest '*' --rattle-baselines=regenerate"])
+    assert files(pytester) == first
+
+    unchanged = run("--rattle-baselines=regenerate", shift=1e-7)
+    unchanged.stdout.fnmatch_lines(["baselines  2 as recorded, 0 written"])
+    assert files(pytester) == first
+
+    regenerated = run("--rattle-baselines=regenerate", "-k", "one", shift=0.25)
+    regenerated.assert_outcomes(passed=1, deselected=1)
+    regenerated.stdout.fnmatch_lines(["*regenerated *one*.toml", "*values.y1.2: 1.03* -> 1.28*"])
+    second = files(pytester)
+    (name,) = [n for n in second if second[n] != first[n]]
+    lines = zip(first[name][1].splitlines(), second[name][1].splitlines(), strict=True)
+    assert sum(a != b for a, b in lines) == 1  # only what changed
+
+
+def test_another_scene_is_another_baseline(run):
+    run("--rattle-baselines=record")
+    result = run(sigma=0.03)
+    result.assert_outcomes(failed=2)
+    result.stdout.fnmatch_lines(["  scene.sigma: 0.02 -> 0.03"])
+
+
+def test_tests_of_one_name_in_two_classes_have_a_file_each(pytester):
+    classes = "\n".join(
+        f"class Test{c}:\n    @pytest.mark.rattle(scene=S, impacts=1)\n"
+        "    def test_it(self, rattle):\n        rattle.baseline('saltation')\n"
+        for c in "AB"
+    )
+    head = "import pytest\nfrom scene import DAT21, Scene\nS = Scene.from_gears(DAT21, sigma=0.02)\n"
+    pytester.makepyfile(test_gate=head + classes)
+    pytester.runpytest_inprocess("-p", "compare.thresholds.plugin", "--rattle-baselines=record").assert_outcomes(
+        passed=2
+    )
+    assert sorted(files(pytester)) == ["TestA.test_it.toml", "TestB.test_it.toml"]
+
+
+def test_a_damaged_file_is_named(run, pytester):
+    run("--rattle-baselines=record")
+    for path in (pytester.path / "baselines").rglob("*.toml"):
+        path.write_text("[values\n")
+    result = run()
+    result.assert_outcomes(failed=2)
+    result.stdout.fnmatch_lines(["rattle: baseline = '*.toml': is damaged *restore it, or remove and record it"])
+
+
+def test_what_is_left_out_or_new_counts_as_a_change():
+    old, new = {"values": {"y1": {"1": 0.5, "2": 0.6}}}, {"values": {"y1": {"2": 0.6 + 1e-12, "3": 0.7}}}
+    found = changes(old, new, 1e-9, 0.0)
+    assert found == {"values.y1.1": (0.5, None), "values.y1.3": (None, 0.7)}
+    assert updated(old, new, found) == {"values": {"y1": {"2": 0.6, "3": 0.7}}}
+
+
+def test_a_baseline_lies_beside_its_test(tmp_path):
+    assert place(tmp_path / "test_a.py", "test_b[x]") == tmp_path / "baselines" / "test_a" / "test_b[x].toml"
+    assert place(tmp_path / "test_a.py", "test_b[x/y]") != place(tmp_path / "test_a.py", "test_b[x:y]")
