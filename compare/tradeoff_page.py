@@ -25,10 +25,10 @@ FIGURE = (
 SCHEMES = (
     "Runs of `simulate(accuracy=..., scheme=...)` where {budget} core-seconds suffice, pilots and the longer steps "
     "that measure the bias included; the others are extrapolated from the time of a path-step, the spread of the paths "
-    "and the bias of the step that the pilots and the runs have shown. “Actual” is the worst difference of the run from "
-    "{reference} paths of exact flights over all rows, so that about three standard errors are to be expected. Where "
-    "rare paths make an sd, a run with few paths has not met them, and its standard error is too small: such a run "
-    "“missed” what was asked, and beside it stands what it would take by the spread of the run with most paths."
+    "and the bias of the step that the pilots and the runs have shown. “Actual” is the worst difference of the run "
+    "from {reference} paths of exact flights over all rows, so that about three standard errors are to be expected. "
+    "Where rare paths make an sd, a run with few paths has not met them, and its standard error is too small: such a "
+    "run “missed” what was asked, and beside it stands what it would take by the spread of the run with most paths."
 )
 STEP = (
     "A path-step is one step of one path at one step size, pilots with all statistics; for exact-flight its impacts "
