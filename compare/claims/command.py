@@ -70,5 +70,5 @@ def claims(
     for sentence in write_claims(out, judged, [c.__name__ for c in CLAIMS], found.chaos, record, overwrite):
         click.echo(sentence)
     for number, claim in enumerate(judged, start=1):
-        click.echo(f"{number:2d}. {claim.verdict}: {claim.says}")
+        click.echo(f"{number:2d}. {claim.name}: {claim.verdict}")
     click.echo(f"Page: {out / 'claims.html'}")

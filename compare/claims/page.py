@@ -24,7 +24,7 @@ CONTENTS = frozenset({"claims.csv", "manifest.json", *pages("claims"), *(f"{name
 
 
 def _kind(verdict: str) -> str:
-    return "holds in part" if verdict.startswith(HOLDS_ONLY.split("{", 1)[0]) else verdict
+    return "hold in part" if verdict.startswith(HOLDS_ONLY.split("{", 1)[0]) else verdict
 
 
 def _mark(verdict: str) -> str:
@@ -74,8 +74,9 @@ def write_claims(
         for i, (name, claim) in enumerate(zip(names, claims, strict=True), start=1):
             shown = SHOWN.get(name, "")
             pictures = [Figure(f"{shown}.svg", FIGURES[shown], FIGURES[shown])] if shown in drawn else []
-            sections.append(Section(f"{i}. {claim.says}", (
-                Text(f"Verdict: {claim.verdict}. ({claim.where})"), Text(f"Test: {claim.test}"),
+            sections.append(Section(f"{i}. {claim.name}", (
+                Text(f"The paper, {claim.where}: “{claim.says}”"),
+                Text(f"Verdict: {claim.verdict}."), Text(f"Test: {claim.test}"),
                 Text(f"Evidence: {claim.evidence}"), *pictures,
             )))  # fmt: skip
         page = Page("The paper's claims, judged", tuple(said), source_of(record), (overview,), tuple(sections))
