@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from compare import chaos_command, sampling_commands
+from compare.claims.command import claims
 from compare.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_soon
 from compare.page.command import show
 from compare.study.command import study
@@ -242,6 +243,7 @@ main.add_command(sampling_commands.bench)
 main.add_command(sampling_commands.order)
 main.add_command(study)
 main.add_command(chaos_command.chaos)
+main.add_command(claims)
 main.add_command(show)
 
 

@@ -4,8 +4,10 @@ import json
 from pathlib import Path
 from typing import Any
 
+from compare.chaos.page import FIGURES, chaos_page
 from compare.chaos.study import ChaosStudy
 from compare.folder import whole_folder
+from compare.page import pages, write_page
 from compare.style import save
 
 __all__ = ["CONTENTS", "write_chaos"]
@@ -14,8 +16,7 @@ TABLES = (
     "exponents", "mean_maps", "sections", "spectra", "lines", "spectra_summary", "fsle", "sqrt_law", "sweep",
     "crossings", "bifurcation",
 )  # fmt: skip
-FIGURES = ("section", "spectra", "finite_size", "sqrt_law", "sweep", "bifurcation")
-CONTENTS = frozenset({"manifest.json", *(f"{t}.csv" for t in TABLES), *(f"{f}.svg" for f in FIGURES)})
+CONTENTS = frozenset({"manifest.json", *pages("chaos"), *(f"{t}.csv" for t in TABLES), *(f"{f}.svg" for f in FIGURES)})
 """What such a folder holds; anything else in it is not ours."""
 
 
@@ -37,10 +38,12 @@ def write_chaos(out: Path, found: ChaosStudy, record: dict[str, Any], overwrite:
     """
     said = found.answer
     with whole_folder(out, CONTENTS, overwrite) as folder:
-        for name, figure in found.figures().items():
+        drawn = found.figures()
+        for name, figure in drawn.items():
             save(figure, folder / f"{name}.svg")
         for name, table in found.tables().items():
             table.to_csv(folder / f"{name}.csv", index=False, float_format="%.10g")
         text = json.dumps({**record, "answer": said}, indent=2, ensure_ascii=False) + "\n"
+        write_page(chaos_page(found, record, list(drawn)), folder, "chaos")
         (folder / "manifest.json").write_text(text, encoding="utf-8")
     return said

@@ -15,6 +15,8 @@ class Claim(NamedTuple):
 
     Attributes
     ----------
+    name : str
+        A few words for it.
     where : str
         Place in the paper.
     says : str
@@ -27,6 +29,7 @@ class Claim(NamedTuple):
         ``reproduced``, ``not reproduced``, ``holds only for ...`` or ``undecided``.
     """
 
+    name: str
     where: str
     says: str
     test: str

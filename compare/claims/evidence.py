@@ -55,7 +55,7 @@ class Evidence:
 
 def gather(
     scene: Scene, *, sigmas: Sequence[float], at: Sequence[float], paths: int = 100_000, impacts: int = 12,
-    seed: int = 0, workers: int = 2, **chaos: Any,
+    seed: int = 0, workers: int = 2, points: int = 1_000_000, spectrum_impacts: int = 200_000, events: int = 4000,
 ) -> Evidence:  # fmt: skip
     """Measure what the claims need.
 
@@ -69,8 +69,8 @@ def gather(
         Values of alpha in the sweep.
     paths, impacts, seed, workers
         Of the validations.
-    **chaos
-        Further settings of `compare.chaos.study.study`.
+    points, spectrum_impacts, events
+        Of the sections, of the spectra and of the pairs of paths, see `compare.chaos.study.study`.
     """
     scene = paper_noise(scene)
     levels = [*sorted(sigmas), scene.sigma]
@@ -83,8 +83,12 @@ def gather(
         open_space, paths=paths, impacts=1, dt=STEP, scheme="euler-maruyama", rng=seed, workers=workers, step_bias=True,
         clock=open_space.start.tau + FLIGHTS, horizon=float(FLIGHTS[-1]) + 1.0,
     )  # fmt: skip
+    chaos = study(
+        scene, at=at, noise=paper_noise, points=points, impacts=spectrum_impacts, events=events, seed=seed,
+        workers=workers,
+    )  # fmt: skip
     return Evidence(
-        scene, validations, study(scene, at=at, noise=paper_noise, seed=seed, workers=workers, **chaos),
+        scene, validations, chaos,
         {"orbit": lyapunov(single, **exponents), "noisy": drift_exponents(single, **exponents, seed=seed)},
         flight, open_space,
         {

@@ -26,7 +26,7 @@ FINITE = 100  # bins at most that a periodic orbit of moderate length fills
 
 
 def _at(v: Validation) -> str:
-    return f"sigma = {v.scene.sigma:.3g}"
+    return f"σ = {v.scene.sigma:.3g}"
 
 
 def solvable(e: Evidence) -> Claim:
@@ -43,10 +43,11 @@ def solvable(e: Evidence) -> Claim:
             worst = max(worst, float((away - rest / (1.0 - rho**2)) / row[f"se_z_rho{stage}"]))
     allowed = widest(2 * len(clock))
     return Claim(
+        "An exact solution",
         "section 3, below Eq. 9",
         "Eq. 8 is a non-linear stochastic differential equation whose exact solution cannot be solved.",
         "In flight Eq. 8 is linear in the state and its noise does not depend on it, so the state is Gaussian with the "
-        "covariance of MODEL section 8. Correlations of simulated flights without walls must agree with it.",
+        "covariance of a linear equation. Correlations of simulated flights without walls must agree with it.",
         f"{e.flight.paths:,} paths, {len(clock)} instants, both stages: at most {worst:.1f} standard errors off beyond "
         f"the measured step bias, {allowed:.1f} allowed.",
         NOT_REPRODUCED if worst <= allowed else UNDECIDED,
@@ -61,17 +62,18 @@ def beyond_one(e: Evidence) -> Claim:
         mended = float(v.correlation[v.correlation["reading"] == "mended"]["rho"].abs().max())
         failed = first_failure(v.correlation, "printed")
         printed = f"printed fails at impact {failed[0]} ({failed[2]})" if failed else "printed does not fail"
-        text = f"{_at(v)}: {printed}, mended <= {mended:.4f}, simulation <= {simulated:.4f}"
+        text = f"{_at(v)}: {printed}, mended ≤ {mended:.4f}, simulation ≤ {simulated:.4f}"
         found.append((simulated, mended, text))
     only_printed = all(s <= 1.0 and m <= 1.0 for s, m, _ in found)
     return Claim(
+        "ρ beyond 1",
         "section 3, below Eq. 9",
-        "The correlation from the moment equations does not always satisfy rho <= 1; therefore the distribution is "
+        "The correlation from the moment equations does not always satisfy ρ ≤ 1; therefore the distribution is "
         "not Gaussian.",
         "Correlation of displacement and velocity of each stage in the printed moment equations, in the mended ones, "
         "and in the simulation. Reproduced if the mended equations exceed 1 as well.",
         "; ".join(text for *_, text in found) + ".",
-        HOLDS_ONLY.format("the printed rule of Eq. 15, which gives a variance the sign of -epsilon")
+        HOLDS_ONLY.format("the printed rule of Eq. 15, which gives a variance the sign of −ε")
         if only_printed else REPRODUCED,
     )  # fmt: skip
 
@@ -88,10 +90,11 @@ def not_gaussian(e: Evidence) -> Claim:
         worst, many = int(np.abs(skew).argmax()), int((np.abs(skew) > z * se).sum())
         beyond += many
         shown.append(
-            f"{_at(v)}: skewness of tau beyond chance at {many} of {len(s)} impacts, largest "
-            f"{skew[worst]:.2f} +- {1.96 * se[worst]:.2f}"
+            f"{_at(v)}: skewness of τ beyond chance at {many} of {len(s)} impacts, largest "
+            f"{skew[worst]:.2f} ± {1.96 * se[worst]:.2f}"
         )
     return Claim(
+        "Not Gaussian",
         "section 3", "The distribution at the impacts is not Gaussian; an Edgeworth series is to describe it.",
         f"Skewness of each path's own impact time, beyond {z:.1f} standard errors of zero.", "; ".join(shown) + ".",
         REPRODUCED if beyond else UNDECIDED,
@@ -111,8 +114,9 @@ def stages_apart(e: Evidence) -> Claim:
         largest = rho[np.abs(rho).argmax()]
         shown.append(f"{_at(v)}: non-zero at {many} of {len(clock)} instants, largest {largest:.3f}")
     return Claim(
-        "section 3, above Eq. 18", "xi_1 and zeta_1 have nothing to do with xi_2 and zeta_2.",
-        "Correlation of y1 and y2 over the paths in the middle of the orbit's flights, non-zero beyond its interval "
+        "Stages that ignore each other",
+        "section 3, above Eq. 18", "ξ₁ and ζ₁ have nothing to do with ξ₂ and ζ₂.",
+        "Correlation of y₁ and y₂ over the paths in the middle of the orbit's flights, non-zero beyond its interval "
         "(corrected for the number of instants).", "; ".join(shown) + ".",
         NOT_REPRODUCED if coupled else UNDECIDED,
     )  # fmt: skip
@@ -123,9 +127,10 @@ def counter_meshes(e: Evidence) -> Claim:
     orbit, noisy = e.repeats["orbit"], e.repeats["noisy"]
     none = all(m.value - m.half <= 0.0 for m in (orbit, noisy))
     return Claim(
-        "section 4", "Counter meshes: the next impact is at the opposite flank, E[x]_{k+1} = -E[x]_k.",
+        "Counter meshes",
+        "section 4", "Counter meshes: the next impact is at the opposite flank, E[x] turns into −E[x].",
         "Share of consecutive impacts at one mesh that are on the same flank; zero if the claim holds.",
-        f"Orbit {orbit.value:.1%} +- {orbit.half:.1%}, noisy system {noisy.value:.1%} +- {noisy.half:.1%}.",
+        f"Orbit {orbit.value:.1%} ± {orbit.half:.1%}, noisy system {noisy.value:.1%} ± {noisy.half:.1%}.",
         REPRODUCED if none else NOT_REPRODUCED,
     )  # fmt: skip
 
@@ -139,7 +144,8 @@ def fuzzy(e: Evidence) -> Claim:
     text = ", ".join(f"{side} {n:,} of {_bins(sections[side]):,} bins" for side, n in filled.items())
     orbit = filled.get("orbit", 0)
     return Claim(
-        "section 4, Fig. 2", "The mean Poincare map displays a fuzzy set of points.",
+        "A fuzzy Poincaré map (Fig. 2)",
+        "section 4, Fig. 2", "The mean Poincaré map displays a fuzzy set of points.",
         f"Bins of (flight time, velocity before impact of stage 1) that hold a point. A periodic orbit fills at most "
         f"{FINITE}; a fuzzy set more than {FUZZY:.0%} of what the noisy system fills.",
         f"{text}. The printed map is not realizable from impact {printed['not_realizable']:g} and ends at impact "
@@ -162,6 +168,7 @@ def narrow_bands(e: Evidence) -> Claim:
     ]
     sides = {r["side"] for r in rows if r["narrow"] > 0}
     return Claim(
+        "Narrow bands (Fig. 3)",
         "section 4, Fig. 3", "The power spectra of the mean velocity exhibit narrow bands.",
         "Bands of the velocity in time that stand above the local floor (1 % false alarm for the whole spectrum) and "
         "are no wider than a single frequency.", "; ".join(shown) + ".",
@@ -176,6 +183,7 @@ def continuous(e: Evidence) -> Claim:
     shown = [f"{r['side']} {r['velocity']}: {r['floor_share']:.1%}" for r in rows]
     least = min(r["floor_share"] for r in rows)
     return Claim(
+        "A continuous spectrum",
         "section 5", "The power spectra of the mean velocity display the behaviour of a continuous spectrum.",
         "Share of the power that is in no band above the floor; more than half on both sides.", "; ".join(shown) + ".",
         REPRODUCED if least > 0.5 else HOLDS_ONLY.format(
@@ -219,9 +227,10 @@ def chaotic_range(e: Evidence) -> Claim:
     else:
         verdict = HOLDS_ONLY.format("the " + "; the ".join(held)) if held else NOT_REPRODUCED
     return Claim(
-        "section 4, Fig. 4", f"The maximal Lyapunov exponent is positive for {CLAIMED[0]} <= alpha <= {CLAIMED[1]}.",
-        "Largest exponent with its 95 % interval at each alpha of the sweep, of the orbit (and of every mean map that "
-        "hangs on it) and of the drift's linearisation along noisy paths with sigma = sqrt(alpha). Reproduced if "
+        "The range of chaos (Fig. 4)",
+        "section 4, Fig. 4", f"The maximal Lyapunov exponent is positive for {CLAIMED[0]} ≤ α ≤ {CLAIMED[1]}.",
+        "Largest exponent with its 95 % interval at each α of the sweep, of the orbit (and of every mean map that "
+        "hangs on it) and of the drift's linearisation along noisy paths with σ = √α. Reproduced if "
         "positive throughout the range and nowhere outside.",
         "; ".join(shown) + ".", verdict,
     )  # fmt: skip
@@ -232,7 +241,7 @@ def describes(e: Evidence) -> Claim:
     shares = {r: [_accurate(v, r) for v in e.validations] for r in e.validations[0].closures}
     sigmas = [v.scene.sigma for v in e.validations]
     text = "; ".join(
-        f"{reading} " + ", ".join(f"{s:.0%} at sigma = {sigma:.3g}" for s, sigma in zip(each, sigmas, strict=True))
+        f"{reading} " + ", ".join(f"{s:.0%} at σ = {sigma:.3g}" for s, sigma in zip(each, sigmas, strict=True))
         for reading, each in shares.items()
     )
     paper = {r: each[-1] for r, each in shares.items() if r in ("printed", "mended")}
@@ -243,6 +252,7 @@ def describes(e: Evidence) -> Claim:
     elif held:
         verdict = HOLDS_ONLY.format(f"closures right to first order ({', '.join(held)}), at {_at(e.validations[0])}")
     return Claim(
+        "The mean map describes the noisy system",
         "sections 4 and 5", "The stochastic rattling is described by the mean map.",
         "Share of the section means and sds of 12 impacts that are accurate (within 5 % and 10 % of an sd, interval "
         "included); reproduced if the paper's method has them all at the paper's noise.", text + ".",
@@ -269,6 +279,7 @@ def both_models(e: Evidence) -> Claim:
     else:
         verdict = HOLDS_ONLY.format("; ".join(chaotic)) if chaotic else NOT_REPRODUCED
     return Claim(
+        "Chaos with one stage and with two",
         "section 5", "Both the single-stage and the two-stage model reveal random chaos.",
         "Largest exponent of DAT21 and of its single stage, positive beyond its 95 % interval; a noisy system has no "
         "infinitesimal exponent (two paths leave an impact as the root of their distance), so that of the drift's "
@@ -294,9 +305,10 @@ def controlled(e: Evidence) -> Claim:
     positive, negative = int((rows["low"] > 0.0).sum()), int((rows["high"] < 0.0).sum())
     resting = int((rows["regime"] == "rests").sum())
     return Claim(
+        "Control by a parameter",
         "section 5", "The chaotic vibration can be controlled by varying a parameter of the system.",
-        "Whether the largest exponent of the orbit has both signs over alpha, beyond its intervals.",
-        f"Positive at {positive}, negative at {negative}, at rest at {resting} of {len(rows)} values of alpha.",
+        "Whether the largest exponent of the orbit has both signs over α, beyond its intervals.",
+        f"Positive at {positive}, negative at {negative}, at rest at {resting} of {len(rows)} values of α.",
         REPRODUCED if positive and negative
         else (HOLDS_ONLY.format("the way from rest to chaos") if positive and resting else UNDECIDED),
     )  # fmt: skip

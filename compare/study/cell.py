@@ -46,10 +46,10 @@ class Cell(Protocol):
         ...
 
 
-def _key(kind: str, scene: Scene, settings: Mapping[str, Any]) -> str:
-    """Digest of a scene's dimensionless numbers, the settings, and the numerical version."""
+def _key(kind: str, package: str, scene: Scene, settings: Mapping[str, Any]) -> str:
+    """Digest of a scene's dimensionless numbers, the settings, and the version of the code that makes the result."""
     numbers = replace(scene).to_dict()  # without the gears that it came from
-    content = {"kind": kind, "scene": numbers, "settings": settings, "version": numerical_version()}
+    content = {"kind": kind, "scene": numbers, "settings": settings, "version": numerical_version("scene", package)}
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
 
 
@@ -139,7 +139,7 @@ class Sample:
     @cached_property
     def key(self) -> str:
         """Digest of everything that determines the result."""
-        return _key("ensemble", self.scene, self.settings)
+        return _key("ensemble", "montecarlo", self.scene, self.settings)
 
     @property
     def label(self) -> str:
@@ -232,7 +232,7 @@ class Prediction:
     def key(self) -> str:
         """Digest of everything that determines the result."""
         settings = {"impacts": self.impacts, "reading": self.reading, "order": self.order}
-        return _key("prediction", self.scene, settings)
+        return _key("prediction", "closure", self.scene, settings)
 
     @property
     def label(self) -> str:

@@ -15,10 +15,15 @@ LIBRARIES = ("numpy", "numba", "llvmlite", "scipy")
 
 
 @cache
-def numerical_version() -> str:
+def numerical_version(*packages: str) -> str:
     """Digest of the code that makes numbers, of the libraries under it, and of the kind of processor.
 
     Code counts as it is understood, not as it is written: comments, docstrings and layout may change.
+
+    Parameters
+    ----------
+    *packages : str
+        Packages whose code makes the numbers in question; all by default.
 
     Examples
     --------
@@ -28,14 +33,14 @@ def numerical_version() -> str:
     digest = hashlib.sha256(platform.machine().encode())
     for library in LIBRARIES:
         digest.update(f"{library} {importlib.metadata.version(library)};".encode())
-    for path in _sources():
+    for path in _sources(packages or PACKAGES):
         digest.update(path.name.encode() + _meaning(path.read_text(encoding="utf-8")).encode())
     return digest.hexdigest()[:16]
 
 
-def _sources() -> Iterator[Path]:
+def _sources(packages: tuple[str, ...]) -> Iterator[Path]:
     root = Path(__file__).resolve().parents[2]
-    for package in PACKAGES:
+    for package in packages:
         yield from sorted((root / package).glob("*.py"))
 
 

@@ -73,7 +73,7 @@ def test_a_worker_of_another_version_is_refused(cluster, study, tmp_path, monkey
         run(study, Store(tmp_path / CELLS), Cluster(cluster.scheduler_address))
 
 
-def _another():
+def _another(*packages):
     return f"version of process {os.getpid()}"
 
 

@@ -44,7 +44,7 @@ def test_the_numerical_version_is_in_the_key(monkeypatch):
     from compare.study import cell
 
     before = {c.key for c in read().cells}
-    monkeypatch.setattr(cell, "numerical_version", lambda: "another")
+    monkeypatch.setattr(cell, "numerical_version", lambda *packages: "another")
     assert not before & {c.key for c in read().cells}
 
 

@@ -1,0 +1,122 @@
+"""The paper's claims: every verdict can come out either way, and the page says what was found."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+from compare.__main__ import main
+from compare.chaos.exponents import Mean
+from compare.claims import judged
+from compare.claims.claim import NOT_REPRODUCED, REPRODUCED, UNDECIDED, table
+from compare.claims.evidence import gather
+from compare.claims.page import write_claims
+from compare.page import read_page
+from scene import DAT21, Scene
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*too short.*")
+
+
+@pytest.fixture(scope="module")
+def evidence():
+    return gather(
+        Scene.from_gears(DAT21), sigmas=(0.02,), at=(0.3, 1.0, 2.0), paths=4000, points=20_000,
+        spectrum_impacts=20_000, events=128, impacts=6,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def claims(evidence):
+    return {function.__name__: claim for function, claim in zip(judged.CLAIMS, judged.judge(evidence), strict=True)}
+
+
+def test_every_claim_has_a_test_evidence_and_one_of_the_verdicts(claims):
+    for claim in claims.values():
+        assert all(claim)
+        assert claim.verdict in (REPRODUCED, NOT_REPRODUCED, UNDECIDED) or claim.verdict.startswith("holds only for ")
+        assert any(c.isdigit() for c in claim.evidence)
+    assert len(table(list(claims.values()))) == 12
+
+
+@pytest.mark.parametrize(
+    ("name", "verdict"),
+    [
+        ("solvable", NOT_REPRODUCED),
+        ("beyond_one", "holds only for the printed rule"),
+        ("stages_apart", NOT_REPRODUCED),
+        ("counter_meshes", NOT_REPRODUCED),
+        ("chaotic_range", "holds only for"),
+        ("describes", "holds only for closures right to first order"),
+    ],
+)
+def test_verdicts_on_dat21(claims, name, verdict):
+    assert claims[name].verdict.startswith(verdict)
+
+
+def test_another_covariance_would_not_pass_for_the_solution(evidence):
+    planted = replace(evidence, open_space=replace(evidence.open_space, beta1=0.3))
+    assert judged.solvable(planted).verdict == UNDECIDED
+
+
+def test_a_mended_correlation_beyond_one_would_reproduce_the_claim(evidence):
+    v = evidence.validations[0]
+    rows = v.correlation.assign(rho=v.correlation["rho"].where(v.correlation["reading"] != "mended", 1.2))
+    planted = replace(evidence, validations=[replace(v, correlation=rows), *evidence.validations[1:]])
+    assert judged.beyond_one(planted).verdict == REPRODUCED
+
+
+def test_impacts_that_alternate_would_reproduce_the_claim(evidence):
+    planted = replace(evidence, repeats=dict.fromkeys(("orbit", "noisy"), Mean(0.0, 0.0, 32.0)))
+    assert judged.counter_meshes(planted).verdict == REPRODUCED
+
+
+@pytest.mark.parametrize(
+    ("signs", "verdict"),
+    [((-1, 1, -1), REPRODUCED), ((-1, -1, -1), NOT_REPRODUCED), ((1, 1, 1), "holds only for the orbit, which is")],
+)
+def test_the_range_of_chaos_follows_the_signs(evidence, signs, verdict):
+    sweep = evidence.chaos.sweep
+    sign = sweep["alpha"].map(dict(zip((0.3, 1.0, 2.0), signs, strict=True)))
+    planted = sweep.assign(alpha=sweep["alpha"].replace(0.3, 0.1), low=sign - 0.1, high=sign + 0.1)
+    chaos = replace(evidence.chaos, sweep=planted)
+    assert judged.chaotic_range(replace(evidence, chaos=chaos)).verdict.startswith(verdict)
+    controlled = judged.controlled(replace(evidence, chaos=chaos)).verdict
+    assert (controlled == REPRODUCED) == (len(set(signs)) == 2)
+
+
+def test_a_right_mean_map_would_reproduce_the_claim(evidence):
+    last = evidence.validations[-1]
+    planted = replace(last, table=last.table.assign(verdict="accurate"))
+    assert judged.describes(replace(evidence, validations=[*evidence.validations[:-1], planted])).verdict == REPRODUCED
+
+
+def test_a_section_of_few_points_is_not_fuzzy(evidence):
+    section = evidence.chaos.sections["orbit"]
+    few = np.zeros_like(section.counts)
+    few[:, :5, :5] = 100
+    chaos = replace(evidence.chaos, sections={**evidence.chaos.sections, "orbit": replace(section, counts=few)})
+    assert judged.fuzzy(replace(evidence, chaos=chaos)).verdict == NOT_REPRODUCED
+
+
+def test_the_page_holds_every_claim(evidence, claims, tmp_path):
+    record = {
+        "name": "DAT21", "scene": evidence.scene.to_dict(), "seed": 0, "command": "rattle claims", "commit": "none",
+        "versions": {}, "wall_seconds": 1.0,
+    }  # fmt: skip
+    said = write_claims(tmp_path / "o", list(claims.values()), list(claims), evidence.chaos, record, False)
+    assert said[0].startswith("Of 12 testable claims")
+    page = read_page(tmp_path / "o" / "page.json")
+    assert [s.title.split(". ", 1)[1] for s in page.sections] == [c.name for c in claims.values()]
+    assert pd.read_csv(tmp_path / "o" / "claims.csv")["verdict"].tolist() == [c.verdict for c in claims.values()]
+    shown = CliRunner().invoke(main, ["show", str(tmp_path / "o")])
+    assert shown.exit_code == 0
+    assert all(c.name in shown.output for c in claims.values())
+
+
+def test_bad_input_of_the_command_is_refused_before_any_work(tmp_path):
+    for words in (["--paths", "10"], ["--over", "1:0:3"], ["--sigma", "-1"], ["--impacts", "5"]):
+        found = CliRunner().invoke(main, ["claims", *words, "--out", str(tmp_path / "o")])
+        assert found.exit_code == 2
+        assert words[0][2:] in found.output
