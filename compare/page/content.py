@@ -75,7 +75,8 @@ class Cell:
         elif not math.isfinite(content):
             cell = cls(NOTHING if math.isnan(content) else f"{content:g}")
         else:
-            cell = cls(f"{content:,}" if float(content).is_integer() else f"{content:.4g}", value=float(content))
+            whole = float(content).is_integer() and abs(content) < 1e9
+            cell = cls(f"{int(content):,}" if whole else f"{content:.4g}", value=float(content))
         if kind == TEXT:
             return cls(cell.text, cell.mark)
         return cell if cell.value is not None else cls(cell.text, cell.mark, leading_number(cell.text))

@@ -97,8 +97,10 @@ def test_a_figure_lies_in_the_folder(path):
 
 
 def test_numbers_of_cells():
-    table = Table.of(["a", Column("b", NUMBER)], [["1", 0.25], ["2", float("nan")], ["3", float("inf")], ["4", 1200]])
-    assert [row[1].text for row in table.rows] == ["0.25", "–", "inf", "1,200"]
-    assert [row[1].value for row in table.rows] == [0.25, None, None, 1200.0]
-    assert [row[0].value for row in table.rows] == [None] * 4
+    table = Table.of(
+        ["a", Column("b", NUMBER)], [["1", 0.25], ["2", float("nan")], ["3", float("inf")], ["4", 1200.0], ["5", 1e300]]
+    )
+    assert [row[1].text for row in table.rows] == ["0.25", "–", "inf", "1,200", "1e+300"]
+    assert [row[1].value for row in table.rows] == [0.25, None, None, 1200.0, 1e300]
+    assert [row[0].value for row in table.rows] == [None] * 5
     assert [leading_number(t) for t in ("below 0.5", "+3e-4 ✓", "0.001 – 2", "no")] == [0.5, 3e-4, 0.001, None]
