@@ -10,6 +10,7 @@ report: $(READY)
 	$(RUN)/rattle validate --out reports/dat21 --overwrite
 
 test: $(READY)
+	sh setup-browser.sh
 	$(RUN)/ruff check .
 	$(RUN)/ruff format --check .
 	$(RUN)/mypy

@@ -235,7 +235,7 @@ def tradeoff(
     }  # fmt: skip
     for sentence in write_tradeoff(out, found, control, measured, asked, record, overwrite):
         click.echo(sentence)
-    click.echo(f"Page: {out / 'tradeoff.md'}")
+    click.echo(f"Page: {out / 'tradeoff.html'}")
 
 
 main.add_command(sampling_commands.simulate)

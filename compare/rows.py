@@ -5,7 +5,7 @@ import pandas as pd
 from compare.distance import section_distances
 from compare.frontier import CAUSES, frontiers
 from compare.moments import VERDICTS
-from compare.page import NUMBER, Cell, Column, Row, Table
+from compare.page import Cell, Row, Table, numbers
 from compare.realizability import first_failures, realizability_table
 from compare.validation import Validation
 
@@ -21,17 +21,13 @@ SHOWN = [("mean", "tau"), ("mean", "y1"), ("mean", "y2"), ("sd", "tau"), ("sd", 
 """Section moments that the page tabulates; the table files hold all of them."""
 
 
-def _numbers(*heads: str) -> list[Column]:
-    return [Column(head, NUMBER) for head in heads]
-
-
 def count_table(v: Validation) -> Table:
     """How many moments of each kind have each verdict, by reading."""
     rows: list[Row] = []
     for (reading, kind, moment), group in v.table.groupby(["reading", "kind", "moment"], sort=False):
         name = "ρ at mid-flight" if kind == "clock" else f"section {moment}s"
         rows.append([str(reading), name, *(int((group["verdict"] == w).sum()) for w in VERDICTS)])
-    return Table.of(["reading", "what", *_numbers(*VERDICTS)], rows)
+    return Table.of(["reading", "what", *numbers(*VERDICTS)], rows)
 
 
 def _cell(row: pd.Series) -> Cell:
@@ -58,8 +54,8 @@ def impact_table(v: Validation, reading: str, summary: str) -> Table:
         errors = [cells[m, q, impact] for m, q in columns]
         rows.append([str(impact), together, *errors, *seen, "yes" if row["realizable"] else "no"])
     heads = [f"{'E' if m == 'mean' else 'sd'} {q}" for m, q in columns]
-    numbers = _numbers("impact", "agreement", *heads, *(name.replace("rho", "ρ") for name in rhos))
-    return Table.of([*numbers, "realizable"], rows, summary)
+    heads_of = numbers("impact", "agreement", *heads, *(name.replace("rho", "ρ") for name in rhos))
+    return Table.of([*heads_of, "realizable"], rows, summary)
 
 
 def failure_table(v: Validation) -> Table:
@@ -75,7 +71,7 @@ def failure_table(v: Validation) -> Table:
         ]
         for _, row in failures.iterrows()
     ]
-    return Table.of(["reading", "check", "where", *_numbers("value", "missed by")], rows)
+    return Table.of(["reading", "check", "where", *numbers("value", "missed by")], rows)
 
 
 def distance_table(v: Validation) -> Table:
@@ -88,14 +84,14 @@ def distance_table(v: Validation) -> Table:
             ratio = group[name] / group[f"{name}_floor"]
             ratios += [f"{ratio.median():.2g}", f"{ratio.max():.3g}"]
         rows.append([str(reading), *ratios])
-    return Table.of(["reading", *_numbers("Kolmogorov, median", "worst", "total variation, median", "worst")], rows)
+    return Table.of(["reading", *numbers("Kolmogorov, median", "worst", "total variation, median", "worst")], rows)
 
 
 def reach_table(v: Validation) -> Table:
     """How far each reading of a validation can be believed."""
     found = frontiers([v]).to_dict("records")
     rows: list[Row] = [[str(f["reading"]), int(f["accurate"]), int(f["not_refuted"]), str(f["why"])] for f in found]
-    return Table.of(["reading", *_numbers("accurate up to impact", "not refuted up to"), "why it ends"], rows)
+    return Table.of(["reading", *numbers("accurate up to impact", "not refuted up to"), "why it ends"], rows)
 
 
 def frontier_table(table: pd.DataFrame) -> Table:
@@ -109,7 +105,7 @@ def frontier_table(table: pd.DataFrame) -> Table:
             sigma = f"{first['sigma']:.4g}" + (f" – {last['sigma']:.4g}" if len(same) > 1 else "")
             why = first["why"] if same["why"].nunique() == 1 else CAUSES[first["cause"]]
             rows.append([str(reading), sigma, int(first["accurate"]), int(first["not_refuted"]), str(why)])
-    return Table.of(["reading", *_numbers("σ", "accurate up to impact", "not refuted up to"), "why it ends"], rows)
+    return Table.of(["reading", *numbers("σ", "accurate up to impact", "not refuted up to"), "why it ends"], rows)
 
 
 def speed_table(table: pd.DataFrame) -> Table:
@@ -129,7 +125,7 @@ def speed_table(table: pd.DataFrame) -> Table:
         for _, row in table.sort_values(["reading", "sigma"]).iterrows()
     ]
     heads = ("σ", "impacts", "worst error", "median", "closure", "simulation", "which takes", "speed-up")
-    return Table.of(["reading", *_numbers(*heads)], rows)
+    return Table.of(["reading", *numbers(*heads)], rows)
 
 
 def simulation_text(v: Validation) -> str:

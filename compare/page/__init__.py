@@ -14,11 +14,12 @@ from compare.page.content import (
     Source,
     Table,
     Text,
+    numbers,
 )
 from compare.page.file import read_page
 from compare.page.write import pages, write_page
 
 __all__ = [
     "NUMBER", "TEXT", "Block", "Cell", "Code", "Column", "Figure", "Page", "Row", "Section", "Source", "Table", "Text",
-    "pages", "read_page", "write_page",
+    "numbers", "pages", "read_page", "write_page",
 ]  # fmt: skip

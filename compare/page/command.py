@@ -26,7 +26,7 @@ def show(report: Path, section: str | None, width: int | None) -> None:
 
     path = report / NAME if report.is_dir() else report
     if report.is_dir() and not path.exists():
-        why = f"holds no {NAME}; give a folder that rattle validate, study or tradeoff of this version has written"
+        why = f"holds no {NAME}; give a folder into which this version of rattle has written a report"
         raise FileError("report", str(report), why)
     page = read_page(path)
     columns = count("width", shutil.get_terminal_size().columns if width is None else width, least=20)

@@ -15,7 +15,7 @@ from scene.validate import choice
 
 __all__ = [
     "MARKS", "NUMBER", "TEXT", "Block", "Cell", "Code", "Column", "Figure", "Page", "Row", "Section", "Source",
-    "Table", "Text", "leading_number",
+    "Table", "Text", "leading_number", "numbers",
 ]  # fmt: skip
 
 TEXT, NUMBER = "text", "number"
@@ -96,6 +96,11 @@ class Column:
         choice("kind", self.kind, (TEXT, NUMBER))
 
 
+def numbers(*heads: str) -> tuple[Column, ...]:
+    """Columns of numbers."""
+    return tuple(Column(head, NUMBER) for head in heads)
+
+
 @dataclass(frozen=True)
 class Table:
     """A table; with a summary it is folded away beneath it where the view can."""
@@ -117,7 +122,7 @@ class Table:
 
         Examples
         --------
-        >>> table = Table.of(["reading", Column("speed-up", NUMBER)], [["saltation", "≥ 480"], ["printed", 0.057]])
+        >>> table = Table.of(["reading", *numbers("speed-up")], [["saltation", "≥ 480"], ["printed", 0.057]])
         >>> table.rows[0][1].value, table.rows[1][1].text
         (480.0, '0.057')
         """

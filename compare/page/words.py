@@ -12,6 +12,7 @@ CODE = re.compile(r"`([^`\n]+)`")
 
 def plain(text: str) -> str:
     """A text without control characters but line ends and tabs: none reaches a terminal."""
+    text = text.replace("\r\n", "\n")
     return "".join(c if c in "\n\t" or unicodedata.category(c) not in ("Cc", "Cs") else "\ufffd" for c in text)
 
 

@@ -49,7 +49,7 @@ def html(page: Page, folder: Path) -> str:
     )
     environment = _environment(True)
     anchors = _anchors(page)
-    environment.filters |= {"inline": as_html, "anchor": lambda section: anchors[id(section)]}
+    environment.filters |= {"inline": as_html, "line": line, "anchor": lambda section: anchors[id(section)]}
     return environment.get_template("page.html.j2").render(
         page=page, kind=_kind, NUMBER=NUMBER, MARKS=MARKS, policy=policy, style=Markup(style), script=Markup(script),
         embedded=lambda figure: _embedded(folder / figure.path),

@@ -12,7 +12,7 @@ import pandas as pd
 
 from compare import manifest
 from compare.moments import VERDICTS
-from compare.page import NUMBER, Cell, Code, Column, Figure, Page, Row, Section, Source, Table, Text, pages
+from compare.page import Cell, Code, Figure, Page, Row, Section, Source, Table, Text, numbers, pages
 from compare.page import write_page as write_views
 from compare.study.design import Study
 from compare.study.estimate import calibrated, core_seconds, scaling
@@ -172,14 +172,13 @@ def _page(
 def _counts(r: Results) -> Table:
     groups = r.errors[r.errors["judged"]].groupby(["reading", "moment"], sort=False)["verdict"]
     rows: list[Row] = [[str(key[0]), f"{key[1]}s", *(int((said == v).sum()) for v in VERDICTS)] for key, said in groups]
-    return Table.of(["reading", "moments", *(Column(verdict, NUMBER) for verdict in VERDICTS)], rows)
+    return Table.of(["reading", "moments", *numbers(*VERDICTS)], rows)
 
 
 def _cost(table: pd.DataFrame) -> Table:
     seconds = table.groupby("what", sort=False)["seconds"]
     rows: list[Row] = [[str(what), len(s), Cell(f"{s.median():.3g}"), Cell(f"{s.sum():.3g}")] for what, s in seconds]
-    heads = (Column(head, NUMBER) for head in ("cells", "median seconds", "all seconds"))
-    return Table.of(["what", *heads], rows)
+    return Table.of(["what", *numbers("cells", "median seconds", "all seconds")], rows)
 
 
 def _scaling(r: Results, factor: float) -> Table:
@@ -187,8 +186,7 @@ def _scaling(r: Results, factor: float) -> Table:
         [str(row["cores"]), f"{row['wall_seconds']:.3g}", f"{row['efficiency']:.0%}", str(row["limit"])]
         for row in scaling(r.study.cells, factor).to_dict("records")
     )
-    heads = (Column(head, NUMBER) for head in ("cores", "seconds", "efficiency"))
-    return Table.of([*heads, "limited by"], rows)
+    return Table.of([*numbers("cores", "seconds", "efficiency"), "limited by"], rows)
 
 
 def _seconds(r: Results) -> dict[str, float]:

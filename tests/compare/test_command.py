@@ -68,7 +68,17 @@ def test_without_a_frontier(tmp_path):
 def test_html_is_self_contained(report):
     html = (report / "report.html").read_text()
     assert not re.findall(r"""(?:src|href)=["'](?!data:|#)""", html)
-    assert "<script" not in html
+    assert len(html) < 5_000_000
+    assert html.count("<script>") == 1
+    assert "default-src &#39;none&#39;" in html
+
+
+def test_show_says_what_the_report_says(report):
+    shown = CliRunner().invoke(main, ["show", str(report), "--width", "5000"])
+    assert shown.exit_code == 0, shown.output
+    record = json.loads((report / "manifest.json").read_text())
+    for sentence in (*record["answer"], record["repeat"], record["table_sha256"]):
+        assert sentence in shown.stdout
 
 
 def test_table_is_the_same_in_both_forms(report):

@@ -14,8 +14,9 @@ from compare.cost_law import Law, Point
 from compare.multilevel import Levels, Rate, fitted, giles_cost, levels_of
 from compare.reduction import antithetic_gain, control_table
 from compare.tradeoff import Measured, _held_against, check_accuracies, closure_points, slope
+from compare.tradeoff_page import orders_table
 from compare.tradeoff_plot import order_figure, tradeoff_figure
-from compare.tradeoff_report import CONTENTS, orders_in_words, verdict
+from compare.tradeoff_report import CONTENTS, verdict
 from compare.weak_order import orders_over
 from montecarlo import simulate
 from montecarlo.accuracy import units
@@ -277,10 +278,10 @@ def test_orders_are_drawn_with_their_intervals_and_said_in_words():
     means = orders.changes[(orders.changes["sigma"] == 1.0) & (orders.changes["moment"] == "mean")]
     drawn = np.concatenate([bars[0].get_ydata() for bars in axes[3].containers])
     np.testing.assert_array_equal(drawn, means["change"].dropna())
-    said = orders_in_words(orders.table).splitlines()
-    assert len(said) == 2 + 2 * 2 * 3
+    said = orders_table(orders.table).rows
+    assert len(said) == 2 * 2 * 3
     row = orders.table.iloc[0]
-    assert f"{row['order']:.2f} ({row['low']:.2f} to {row['high']:.2f})" in said[2]
+    assert f"{row['order']:.2f} ({row['low']:.2f} to {row['high']:.2f})" in said[0][3].text
 
 
 # the command

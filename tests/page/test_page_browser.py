@@ -1,0 +1,182 @@
+"""The page in a real browser: it loads by itself, sorts, filters, enlarges, fits, in the light and in the dark."""
+
+import pytest
+from browser import CHROMIUM, Browser
+from click.testing import CliRunner
+from sample_page import NASTY, figures, sample
+
+from compare.__main__ import main
+from compare.page import write_page
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium here: sudo apt-get install chromium")
+
+COLUMN = "[...document.querySelectorAll('section table')[0].rows].slice(1).map(row => row.cells[{}].textContent)"
+SPEED = "document.querySelectorAll('section table')[0].tHead.rows[0].cells[1]"
+NAMES = ["saltation", "printed", "mended", "branching", "other", "a plain text", *(f"row {i}" for i in range(6))]
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    browser = Browser(tmp_path_factory.mktemp("chromium"))
+    yield browser
+    browser.close()
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    folder = figures(tmp_path_factory.mktemp("page") / "plain")
+    write_page(sample(), folder, "report")
+    return folder / "report.html"
+
+
+@pytest.fixture(scope="module")
+def nasty(tmp_path_factory):
+    folder = figures(tmp_path_factory.mktemp("page") / "nasty")
+    write_page(sample(NASTY + "long" * 60), folder, "report")
+    return folder / "report.html"
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    """A report of the command itself."""
+    out = tmp_path_factory.mktemp("report") / "r"
+    words = "--sigma 0.1 --paths 600 --impacts 3 --dt 0.01 --frontier 0.01:1:2 --frontier-paths 600 --out"
+    found = CliRunner().invoke(main, ["validate", *words.split(), str(out)])
+    assert found.exit_code == 0, found.output
+    return out / "report.html"
+
+
+def complaints(browser):
+    """What a page has logged, and what it has asked for beside itself."""
+    said = [e["params"] for e in browser.events if e["method"] in ("Log.entryAdded", "Runtime.consoleAPICalled")]
+    thrown = [e["params"] for e in browser.events if e["method"] == "Runtime.exceptionThrown"]
+    asked = [e["params"]["request"]["url"] for e in browser.events if e["method"] == "Network.requestWillBeSent"]
+    return said + thrown + [url for url in asked[1:] if not url.startswith("data:")]
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize("name", ["page", "nasty", "report"])
+def test_loads_alone_and_fits(browser, request, name, width):
+    path = request.getfixturevalue(name)
+    assert path.stat().st_size < 5_000_000
+    browser.open(path, width)
+    browser.run("document.querySelectorAll('details').forEach(folded => { folded.open = true; })")
+    assert browser.run("document.documentElement.clientWidth") == width
+    assert browser.run("document.documentElement.scrollWidth") <= width
+    assert browser.run("[...document.images].every(image => !image.src || (image.complete && image.naturalWidth > 0))")
+    assert browser.run("[...document.querySelectorAll('figure img')].every(image => image.alt.trim().length > 0)")
+    assert complaints(browser) == []
+
+
+def test_what_a_scene_could_bring_is_stopped(browser, page, tmp_path):
+    """The escaping apart: a script, a style or a picture that were in the page all the same would do nothing."""
+    planted = (
+        "<script>document.title = 'owned'</script><img src='x' onerror=\"document.title = 'owned'\">"
+        "<img src='https://example.invalid/a.png'><style>body { display: none }</style></main>"
+    )
+    path = tmp_path / "planted.html"
+    path.write_text(page.read_text().replace("</main>", planted))
+    browser.open(path)
+    assert browser.run("document.title") == "Is a plain text right?"
+    assert browser.run("getComputedStyle(document.body).display") == "block"
+    assert len([c for c in complaints(browser) if "Content Security Policy" in str(c)]) >= 3
+
+
+def test_sorts_numbers_as_numbers_and_back(browser, page):
+    browser.open(page)
+    assert browser.run(COLUMN.format(0)) == NAMES
+    rows = NAMES[6:]
+    click = f"{SPEED}.querySelector('button').click(); {SPEED}.getAttribute('aria-sort')"
+    assert browser.run(click) == "ascending"
+    assert browser.run(COLUMN.format(0)) == [
+        "a plain text",
+        "other",
+        "printed",
+        *rows,
+        "saltation",
+        "branching",
+        "mended",
+    ]
+    assert browser.run(click) == "descending"
+    assert browser.run(COLUMN.format(0)) == [
+        "branching",
+        "saltation",
+        "printed",
+        *rows,
+        "other",
+        "a plain text",
+        "mended",
+    ]
+    assert browser.run(click) is None
+    assert browser.run(COLUMN.format(0)) == NAMES
+
+
+def test_sorts_words_from_the_keyboard(browser, page):
+    browser.open(page)
+    browser.run("document.querySelector('section table th button').focus()")
+    browser.press("Enter", 13)
+    assert browser.run(COLUMN.format(0)) == sorted(NAMES)
+    assert browser.run("document.querySelectorAll('[aria-sort]').length") == 1
+
+
+def test_filters_in_place(browser, page):
+    browser.open(page)
+    assert browser.run("document.querySelectorAll('.filter').length") == 1  # the other tables are short
+    typed = (
+        "const box = document.querySelector('.filter input'); box.value = '{}'; box.dispatchEvent(new Event('input'))"
+    )
+    shown = "[...document.querySelectorAll('section table')[0].tBodies[0].rows].filter(r => r.checkVisibility()).length"
+    counted = "document.querySelector('.filter span').textContent"
+    for words, rows, text in (("ROW 9", 6, "6 of 12 rows"), ("nothing", 0, "0 of 12 rows"), ("", 12, "")):
+        browser.run("{" + typed.format(words) + "}")
+        assert browser.run(shown) == rows
+        assert browser.run(counted) == text
+
+
+def test_figures_are_enlarged_and_escape_closes(browser, page):
+    browser.open(page)
+    width = "document.querySelector('{} img').getBoundingClientRect().width"
+    assert browser.run(width.format("section figure")) == 640
+    browser.run("document.querySelector('section button.enlarge').click()")
+    assert browser.run("document.querySelector('dialog').open")
+    assert browser.run(width.format("dialog")) > 1000
+    assert browser.run("document.querySelector('dialog img').alt") == "Shows a plain text"
+    browser.press("Escape", 27)
+    assert not browser.run("document.querySelector('dialog').open")
+
+
+def luminance(browser, what, of):
+    """Luminance, 0 to 1, of a colour that the page has computed."""
+    colour = browser.run(f"getComputedStyle(document.querySelector('{what}'))['{of}']")
+    red, green, blue = (int(part) / 255.0 for part in colour.strip("rgba()").split(",")[:3])
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (red, green, blue)]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_text_is_readable_by_day_and_by_night(browser, page, scheme):
+    browser.open(page, scheme=scheme)
+    ground = luminance(browser, "body", "backgroundColor")
+    assert (ground < 0.05) == (scheme == "dark")
+    assert luminance(browser, "figure img", "backgroundColor") == 1.0
+    for what in ("body", "a", "td.good", "td.bad", "td.open"):
+        ink = luminance(browser, what, "color")
+        assert (max(ink, ground) + 0.05) / (min(ink, ground) + 0.05) > 4.5, what  # WCAG 2.2, level AA
+
+
+def test_print_is_light_opens_everything_and_has_no_controls(browser, page):
+    browser.open(page, 794, scheme="dark", medium="print")
+    assert luminance(browser, "body", "backgroundColor") == 1.0
+    assert browser.run("document.querySelector('details table').getBoundingClientRect().height") > 20
+    assert not browser.run("['nav', '.filter', 'dialog'].some(s => document.querySelector(s).checkVisibility())")
+
+
+def test_reads_without_scripts(browser, page):
+    browser.call("Emulation.setScriptExecutionDisabled", value=True)
+    try:
+        browser.open(page)
+        assert not browser.run("document.querySelectorAll('th button, .filter, button.enlarge').length")
+        assert browser.run("document.querySelector('section table').checkVisibility()")
+        assert not browser.run("document.querySelector('dialog').checkVisibility()")
+    finally:
+        browser.call("Emulation.setScriptExecutionDisabled", value=False)

@@ -1,0 +1,104 @@
+"""A page as a file: what is written is read, and nothing else is."""
+
+import copy
+import json
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sample_page import NASTY, sample
+
+from compare.page import NUMBER, Cell, Column, Figure, Page, Section, Source, Table, Text, read_page
+from compare.page.content import leading_number
+from compare.page.file import page_text
+from scene import FileError, InputError
+
+
+@pytest.mark.parametrize("text", ["a plain text", NASTY])
+def test_what_is_written_is_read(tmp_path, text):
+    (tmp_path / "page.json").write_text(page_text(sample(text)))
+    assert read_page(tmp_path / "page.json") == sample(text)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.text(), st.floats(allow_nan=False, allow_infinity=False), st.lists(st.text()))
+def test_any_text_and_number_is_read_back(tmp_path_factory, text, value, titles):
+    table = Table((Column(text),), ((Cell(text, "open", value),),))
+    page = Page(text, (text,), Source(text), (table,), tuple(Section(t, (Text(text),)) for t in titles))
+    path = tmp_path_factory.mktemp("p") / "page.json"
+    path.write_text(page_text(page), encoding="utf-8")
+    assert read_page(path) == page
+
+
+def changed(place, value):
+    """The data of the sample with another value somewhere."""
+    data = json.loads(page_text(sample()))
+    *way, last = place
+    inner = data
+    for step in way:
+        inner = inner[step]
+    if value is KeyError:
+        del inner[last]
+    else:
+        inner[last] = copy.deepcopy(value)
+    return data
+
+
+BLOCK = ("page", "sections", 0, "blocks", 1)
+BAD = {
+    "newer": (("version",), 2, "newer version of rattle .page 2; this one reads 1.; update"),
+    "no version": (("version",), "1", "version: is no version"),
+    "other format": (("format",), "coffee", "is not 'rattle page'"),
+    "no title": (("page", "title"), KeyError, "page.title: is missing"),
+    "title of another type": (("page", "title"), 3, "page.title: is not of type str"),
+    "unknown field": (("page", "colour"), "red", "page.colour: is unknown"),
+    "no answer": (("page", "answer"), [], "page begins with its answer"),
+    "answer in one": (("page", "answer"), "yes", "page.answer: is no list"),
+    "fact of three": (("page", "source", "facts", 0), ["a", "b", "c"], "has 3 entries in place of 2"),
+    "unknown block": ((*BLOCK, "kind"), "video", r"page.sections\[0\].blocks\[1\]: is none of text, table"),
+    "kind no word": ((*BLOCK, "kind"), ["table"], "is none of text, table"),
+    "short row": ((*BLOCK, "rows", 0), [{"text": "a"}], "must have 2 cells"),
+    "unknown mark": ((*BLOCK, "rows", 0, 0, "mark"), "god", "did you mean 'good'"),
+    "unknown kind": ((*BLOCK, "columns", 0, "kind"), "date", "kind = 'date'"),
+    "value no number": ((*BLOCK, "rows", 0, 1, "value"), "9", "value: is no number"),
+    "value not finite": ((*BLOCK, "rows", 0, 1, "value"), float("nan"), "finite"),
+    "value beyond floats": ((*BLOCK, "rows", 0, 1, "value"), 10**400, "too large"),
+    "figure elsewhere": (("page", "blocks", 0, "path"), "../../etc/passwd.png", "inside the report's folder"),
+    "figure without words": (("page", "blocks", 0, "alt"), " ", "say what the figure shows"),
+    "page of another type": (("page",), [], "page: is no object"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_what_is_no_page_is_refused_with_its_place(case, tmp_path):
+    place, value, message = BAD[case]
+    (tmp_path / "page.json").write_text(json.dumps(changed(place, value)))
+    with pytest.raises(FileError, match=message):
+        read_page(tmp_path / "page.json")
+
+
+@pytest.mark.parametrize("text", ["", "[1", "[]", "null", '"rattle page"', "[" * 100_000])
+def test_what_is_no_object_is_refused(text, tmp_path):
+    (tmp_path / "page.json").write_text(text)
+    with pytest.raises(FileError, match="no page of a report"):
+        read_page(tmp_path / "page.json")
+
+
+def test_bytes_that_are_no_text_are_refused(tmp_path):
+    (tmp_path / "page.json").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(FileError, match="no page of a report"):
+        read_page(tmp_path / "page.json")
+
+
+@pytest.mark.parametrize("path", ["/etc/a.svg", "../a.svg", "a/../../b.png", "a.js", "a", ""])
+def test_a_figure_lies_in_the_folder(path):
+    with pytest.raises(InputError, match="path"):
+        Figure(path, "c", "a")
+
+
+def test_numbers_of_cells():
+    table = Table.of(["a", Column("b", NUMBER)], [["1", 0.25], ["2", float("nan")], ["3", float("inf")], ["4", 1200]])
+    assert [row[1].text for row in table.rows] == ["0.25", "–", "inf", "1,200"]
+    assert [row[1].value for row in table.rows] == [0.25, None, None, 1200.0]
+    assert [row[0].value for row in table.rows] == [None] * 4
+    assert [leading_number(t) for t in ("below 0.5", "+3e-4 ✓", "0.001 – 2", "no")] == [0.5, 3e-4, 0.001, None]

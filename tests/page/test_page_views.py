@@ -1,0 +1,148 @@
+"""HTML, Markdown and the terminal say the same, and nothing that a scene brings can break out of them."""
+
+import re
+from html.parser import HTMLParser
+
+import click
+import pytest
+from sample_page import NASTY, figures, sample
+
+from compare.page import Code, Figure, Text
+from compare.page.content import MARKS
+from compare.page.terminal import page_lines
+from compare.page.words import line
+from compare.page.write import html, markdown, pages, write_page
+
+
+class Read(HTMLParser):
+    """The tags of an HTML file with the names of their attributes, and the text that a reader sees."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.text, self.alts, self._hidden = [], "", [], False
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, tuple(name for name, _ in attrs)))
+        self._hidden = tag in ("style", "script")
+        self.alts += [value for name, value in attrs if name == "alt" and value]
+
+    def handle_endtag(self, tag):
+        self.tags.append(tag)
+        self._hidden = False
+
+    def handle_data(self, data):
+        self.text += "" if self._hidden else data
+
+
+def squeezed(text):
+    return re.sub(r"\s+", "", text)
+
+
+def said(page):
+    """Every text of a page, as a reader should see it."""
+
+    def of(blocks):
+        for block in blocks:
+            if isinstance(block, Text | Code):
+                yield block.text
+            elif isinstance(block, Figure):
+                yield block.caption
+            else:
+                yield block.summary
+                yield from (column.head for column in block.columns)
+                yield from (cell.text + MARKS[cell.mark] for row in block.rows for cell in row)
+
+    yield from (page.title, *page.answer, page.source.repeat)
+    for name, value in page.source.facts:
+        yield from (name, value)
+    yield from of((*page.blocks, *page.source.blocks))
+    for section in page.all_sections():
+        yield section.title
+        yield from of(section.blocks)
+
+
+def bare(markdown_text):
+    """Markdown without what marks it: escapes and code."""
+    return re.sub(r"\\([!-/:-@[-`{-~])|(?<!\\)`", r"\1", markdown_text)
+
+
+@pytest.mark.parametrize("text", ["a plain text", NASTY])
+def test_all_three_views_say_everything(text, tmp_path):
+    page = sample(text)
+    views = {
+        "html": Read(html(page, figures(tmp_path))).text,
+        "markdown": bare(markdown(page)),
+        "terminal": click.unstyle("\n".join(page_lines(page, 100_000))),
+    }
+    for view, shown in views.items():
+        seen = squeezed(shown).replace("`", "")
+        for words in said(page):
+            assert squeezed(line(words)).replace("`", "") in seen, (view, words)
+
+
+def test_what_is_left_out_would_be_noticed():
+    shown = squeezed(click.unstyle("\n".join(page_lines(sample(), 100_000))))
+    assert not all(squeezed(words) in shown for words in said(sample("another text")))
+
+
+def test_html_has_the_same_tags_whatever_the_texts(tmp_path):
+    figures(tmp_path)
+    tags = [
+        [tag for tag in Read(html(sample(t), tmp_path)).tags if "code" not in tag[0] and tag != "code"]
+        for t in ("a plain text", NASTY)
+    ]
+    assert tags[0] == tags[1]
+    assert [tag[0] for tag in tags[0]].count("script") == 1
+
+
+def test_html_asks_nothing_of_the_network_and_describes_every_figure(tmp_path):
+    text = html(sample(NASTY), figures(tmp_path))
+    assert not re.findall(r"""(?:src|href)=["'](?!data:|#)""", text)
+    assert "default-src &#39;none&#39;" in text
+    assert "unsafe" not in text
+    read = Read(text)
+    assert len(read.alts) == len([tag for tag in read.tags if tag[0] == "figure"]) == 2
+
+
+def test_links_of_the_contents_lead_somewhere(tmp_path):
+    text = html(sample(NASTY), figures(tmp_path))
+    links, ids = re.findall(r'href="#([^"]+)"', text), re.findall(r' id="([^"]+)"', text)
+    assert links == ids
+    assert len(set(ids)) == len(ids) == 4
+
+
+def test_markdown_has_the_same_lines_whatever_the_texts():
+    plain, nasty = (markdown(sample(t)).splitlines() for t in ("a plain text", NASTY))
+    code = [i for i, row in enumerate(nasty) if row.startswith("x = '")]
+    nasty[code[0] : code[0] + 3] = ["x = ..."]  # the text has two line ends, which code keeps
+    assert len(plain) == len(nasty)
+    for one, other in zip(plain, nasty, strict=True):
+        assert len(re.findall(r"(?<!\\)\|", one)) == len(re.findall(r"(?<!\\)\|", other)) or not one.startswith("|")
+        assert one[:2] == other[:2]
+        if not other.startswith("x = "):
+            assert not re.search(r"(?<!\\)<", re.sub(r"(?<!`)(`+)(?!`).*?(?<!`)\1(?!`)", "", other))
+
+
+def test_no_control_character_reaches_a_terminal():
+    for width in (20, 80, 200):
+        assert "\x1b" not in click.unstyle("\n".join(page_lines(sample(NASTY), width)))
+
+
+@pytest.mark.parametrize("width", [20, 40, 80, 132])
+def test_nothing_is_wider_than_the_terminal(width):
+    rows = [click.unstyle(row) for row in page_lines(sample(), width)]
+    assert max(len(row) for row in rows if not row.startswith("    ")) <= width
+
+
+def test_wide_tables_go_on_below_with_their_first_column():
+    rows = [click.unstyle(row) for row in page_lines(sample(), 80)]
+    heads = [row for row in rows if row.startswith("impact")]
+    assert len(heads) > 3
+    assert [head for row in heads for head in re.findall(r"E y\d+", row)] == [f"E y{i}" for i in range(14)]
+
+
+def test_files_of_a_page(tmp_path):
+    write_page(sample(), figures(tmp_path), "report")
+    assert {p.name for p in tmp_path.iterdir()} == {*pages("report"), "figures", "b.png"}
+    assert all((tmp_path / name).read_text(encoding="utf-8") for name in pages("report"))
