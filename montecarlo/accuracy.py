@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from montecarlo.block import BLOCK
 from montecarlo.ensemble import Blocks, extended
-from montecarlo.result import Candidate, Ensemble, Reach
+from montecarlo.reach import Candidate, Reach
+from montecarlo.result import Ensemble
 from montecarlo.schemes import SCHEMES
 from montecarlo.step import largest_step
 from scene.moments import SECTION

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,10 @@ from montecarlo.block import CODES, CROSS, PAIRS, BlockResult, Plan
 from montecarlo.control import controlled_statistics
 from montecarlo.histogram import Histograms
 from montecarlo.noise import LEVELS
+from montecarlo.reach import Reach
 from montecarlo.schemes import SCHEMES
 from montecarlo.settings import NOISE_FREE, is_random
+from montecarlo.step_bias import extrapolated
 from scene.errors import InputError
 from scene.moments import SECTION, STATE
 from scene.scene import Scene
@@ -25,73 +27,10 @@ from scene.scene import Scene
 if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
     import pandas as pd
 
-__all__ = ["Candidate", "Ensemble", "Reach"]
+__all__ = ["Ensemble"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-
-class Candidate(NamedTuple):
-    """Step, paths and processor time that a scheme is expected to need."""
-
-    scheme: str
-    dt: float
-    paths: int
-    core_seconds: float
-
-
-class Reach(NamedTuple):
-    """How far an answer got towards the accuracy that was asked for.
-
-    Errors are the worst over all section means and sds, in units of each quantity's sd (absolute where none varies).
-
-    Attributes
-    ----------
-    asked : float
-        The accuracy.
-    sampling : float
-        Largest standard error.
-    step : float
-        Largest bias of the step; 0 for a scheme that has none.
-    worst : str
-        Where the standard error is largest.
-    candidates : sequence of Candidate
-        What each scheme that was tried was expected to cost.
-    more_seconds : float
-        Estimated time to what was asked, where the budget ended before it; 0 where it was reached.
-    """
-
-    asked: float
-    sampling: float
-    step: float
-    worst: str
-    candidates: Sequence[Candidate]
-    more_seconds: float
-
-    @property
-    def schemes(self) -> pd.DataFrame:
-        """The candidates as a table: index ``scheme``, columns ``dt, paths, core_seconds``."""
-        import pandas as pd
-
-        return pd.DataFrame(self.candidates).set_index("scheme")
-
-    @property
-    def reached(self) -> bool:
-        """Whether both errors are within what was asked."""
-        return max(self.sampling, self.step) <= self.asked
-
-    @property
-    def sentence(self) -> str:
-        """What was reached, in words."""
-        errors = (
-            f"largest standard error {self.sampling:.2g} sd ({self.worst}), largest bias of the step {self.step:.2g} sd"
-        )
-        if self.reached:
-            return f"Accuracy {self.asked:g} sd reached: {errors}."
-        return (
-            f"Accuracy {self.asked:g} sd NOT reached within the budget: {errors}; about {self.more_seconds:.0f} s more "
-            "would do."
-        )
 
 
 @dataclass(frozen=True)
@@ -314,29 +253,16 @@ class Ensemble:
         if "fine_coarse" not in self.result.sums:
             raise InputError("step_bias", False, "ask for it: simulate(step_bias=True)")
         fine, coarse = self.result.sums["fine_coarse"], self.result.sums["coarse_coarser"]
-        n = fine.n
-        v = {(p, q): fine.moment(p, q) for p, q in ((2, 0), (1, 1), (0, 2), (4, 0), (2, 2), (0, 4))}
-        sd = np.sqrt(np.stack([v[2, 0], v[0, 2], coarse.moment(0, 2)]))
-        means = np.stack([fine.mean[0], fine.mean[1], coarse.mean[1]])
-        a, b = sd[0], sd[1]
-        spread = np.stack([  # covariance of the influence functions at dt and 2 dt: of the means, then of the sds
-            [v[2, 0], v[1, 1], v[0, 2]],
-            _sd_influence(v, a, b),
-        ])  # fmt: skip
-        rows = []
-        for moment, values, (ff, fc, cc) in (("mean", means, spread[0]), ("sd", sd, spread[1])):
-            bias = values[1] - values[0]
-            rest = np.abs(2.0 * values[0] - 3.0 * values[1] + values[2]) / 3.0
-            se_bias = np.sqrt(np.maximum(ff - 2.0 * fc + cc, 0.0) / n)
-            se_corrected = np.sqrt(np.maximum(4.0 * ff - 4.0 * fc + cc, 0.0) / n)
-            for i, quantity in enumerate(SECTION):
-                if self.scene.stages == 1 and quantity in STATE[2:]:
-                    continue
-                rows.append(pd.DataFrame({
-                    "impact": np.arange(1, self.impacts + 1), "quantity": quantity, "moment": moment,
-                    "bias": bias[:, i], "se_bias": se_bias[:, i],
-                    "corrected": (values[0] - bias)[:, i], "se_corrected": se_corrected[:, i], "rest": rest[:, i],
-                }))  # fmt: skip
+        found = extrapolated(fine, coarse)
+        rows = [
+            pd.DataFrame({
+                "impact": np.arange(1, self.impacts + 1), "quantity": quantity, "moment": moment,
+                **{name: values[:, i] for name, values in b._asdict().items()},
+            })
+            for moment, b in found.items()
+            for i, quantity in enumerate(SECTION)
+            if self.scene.stages == 2 or quantity not in STATE[2:]
+        ]  # fmt: skip
         return pd.concat(rows, ignore_index=True)
 
     @property
@@ -370,14 +296,3 @@ class Ensemble:
     def _copies(self) -> float:
         """Paths that one computed path stands for: all of them, where nothing is random."""
         return 1.0 if is_random(self.scene) else float(self.paths)
-
-
-def _sd_influence(v: Mapping[tuple[int, int], Floats], a: Floats, b: Floats) -> list[Floats]:
-    """Variances and covariance of ``((u - E u)^2 - a^2) / 2a`` and the same of the second variable."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        parts = [
-            (v[4, 0] - v[2, 0] ** 2) / (4.0 * a * a),
-            (v[2, 2] - v[2, 0] * v[0, 2]) / (4.0 * a * b),
-            (v[0, 4] - v[0, 2] ** 2) / (4.0 * b * b),
-        ]
-    return [np.where((a > 0.0) & (b > 0.0), p, 0.0) for p in parts]

@@ -1,14 +1,14 @@
 """What is modelled, dimensionless and validated once; everything behind this door trusts it."""
 
 import math
-import tomllib
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import tomli_w
 
-from scene.errors import FileError, InputError
+from scene.errors import InputError
+from scene.files import read_text, read_toml
 from scene.gears import Gears
 from scene.validate import choice, count, finite, known_keys, non_negative, positive, unit_interval
 
@@ -325,22 +325,12 @@ class Scene:
     @classmethod
     def from_toml(cls, text: str) -> "Scene":
         """A scene from TOML text with a ``[scene]`` table, or ``[gears]`` and what is left to ``[scene]``."""
-        try:
-            data = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise FileError("TOML", str(error), "correct the file at that place") from None
-        return cls.from_dict(data)
+        return cls.from_dict(read_toml(text))
 
     @classmethod
     def load(cls, path: str | Path) -> "Scene":
         """A scene from a TOML file."""
-        try:
-            text = Path(path).read_text(encoding="utf-8")
-        except UnicodeDecodeError:
-            raise FileError("scene file", str(path), "is not UTF-8 text; give a TOML file") from None
-        except OSError as error:
-            raise FileError("scene file", str(path), f"cannot be read ({error.strerror}); give a TOML file") from None
-        return cls.from_toml(text)
+        return cls.from_toml(read_text("scene file", path))
 
 
 def _table(name: str, value: object) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """A study as it is asked for: a scene, what varies, what is simulated, and which readings are held against it."""
 
 import hashlib
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,7 +13,8 @@ from compare.moments import Tolerances
 from compare.study.axes import SETTINGS, Axis, combinations, read_axes
 from compare.study.cell import Cell, Prediction, Sample
 from montecarlo import SCHEMES, check_settings
-from scene.errors import FileError, InputError
+from scene.errors import InputError
+from scene.files import read_text, read_toml
 from scene.scene import Scene
 from scene.validate import choice, count, known_keys, positive
 
@@ -114,21 +114,12 @@ class Study:
         InputError
             Names the key, its value and the remedy.
         """
-        try:
-            text = Path(path).read_text(encoding="utf-8")
-        except UnicodeDecodeError:
-            raise FileError("study file", str(path), "is not UTF-8 text; give a TOML file") from None
-        except OSError as error:
-            raise FileError("study file", str(path), f"cannot be read ({error.strerror}); give a TOML file") from None
-        return cls.from_toml(text)
+        return cls.from_toml(read_text("study file", path))
 
     @classmethod
     def from_toml(cls, text: str) -> "Study":
         """A study from TOML text: ``[study]``, a scene as in a scene file, and ``[[axes]]``."""
-        try:
-            data = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise FileError("TOML", str(error), "correct the file at that place") from None
+        data = read_toml(text)
         known_keys("top level", data, ("study", "gears", "scene", "axes"))
         wanted = data.get("study", {})
         if not isinstance(wanted, Mapping):
