@@ -17,3 +17,11 @@ def test_the_worked_example_prints_what_it_says():
 def test_pictures_and_links_exist():
     for link in re.findall(r"\]\(([^)#]+)\)", README.read_text()):
         assert (README.parent / link).exists(), link
+
+
+def test_the_study_in_it_can_be_computed():
+    from compare.study import Study
+
+    study = Study.from_toml(re.search(r"```toml\n(\[study\].*?)```", README.read_text(), re.DOTALL).group(1))
+    assert len(study.points) == 48
+    assert all(p.sample for p in study.points)
