@@ -177,6 +177,8 @@ def simulate(
         raise InputError("paths", None, "give the number of paths, or an accuracy")
     scheme = choice("scheme", scheme or "euler-maruyama-located", SCHEMES)
     dt = SCHEMES[scheme].step if dt is None else dt
+    if batches and device == "cuda":
+        raise InputError("batches", batches, "are not kept on a card; leave them out, or use device='cpu'")
     plan = plan_of(
         scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, clock=clock,
         step_bias=step_bias, itineraries=itineraries, keep=histogram or keep_paths, control=control,

@@ -82,7 +82,10 @@ def _record(
         return current
 
     def unchanged() -> bool:
-        return file.read_text(encoding="utf-8") == wanted.text
+        try:
+            return file.read_text(encoding="utf-8") == wanted.text
+        except (OSError, UnicodeDecodeError):
+            return False
 
     started = time.perf_counter()
     place: Place = Cluster(scheduler) if scheduler else Here(workers)

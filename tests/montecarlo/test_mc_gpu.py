@@ -130,6 +130,8 @@ def test_a_missing_card_is_named():
     [
         ({"device": "gpu"}, "device"),
         ({"device": "cuda", "step_bias": True}, "step_bias"),
+        ({"device": "cuda", "energy": True}, "energy"),
+        ({"device": "cuda", "batches": True}, "batches"),
         ({"device": "cuda", "control": True, "scheme": "exact-flight"}, "control"),
     ],
 )
