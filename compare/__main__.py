@@ -14,6 +14,7 @@ from compare import chaos_command, sampling_commands
 from compare.claims.command import claims
 from compare.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_soon
 from compare.page.command import show
+from compare.selftest.command import selftest
 from compare.study.command import study
 from scene.errors import RattleError
 
@@ -245,6 +246,7 @@ main.add_command(study)
 main.add_command(chaos_command.chaos)
 main.add_command(claims)
 main.add_command(show)
+main.add_command(selftest)
 
 
 def _cpu() -> float:

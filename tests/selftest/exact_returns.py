@@ -1,0 +1,42 @@
+"""The flights of `compare.selftest.returning` by the step of ``exact-flight``."""
+
+import math
+
+import numpy as np
+
+from montecarlo.exact_flight import advance_exactly
+from montecarlo.noise import BRIDGE, STEP, Word, key_of, normals
+from montecarlo.progress import Noise, Progress, Walls
+from scene import Scene, Start
+from scene.compiled import jit
+
+GROWTH, STEP_TIME, NEAR, FAR, MOST, CALLS = 64.0, 1e-4, 1e-5, 1.0, 200, Word(2**16)
+
+
+@jit
+def _returns(c, key, log_speed):
+    """Wall at 0, particle below it; impacts are found to 1e-10 of NEAR, 5e-7 of a particle's own scale."""
+    walls, tau, h = Walls(0.0, FAR, FAR, FAR), -0.5 * (math.pi + STEP_TIME), STEP_TIME
+    for p in range(log_speed.size):
+        x, y, scale = 0.0, -1.0, 0.0
+        for n in range(MOST):
+            s = math.sqrt(h / (GROWTH * max(y * y, abs(x) ** (2.0 / 3.0))))
+            x, y, scale = s**3 * x, s * y, scale - math.log(s)
+            z0, z1, _, _ = normals(key, Word(p), Word(n), Word(STEP))
+            noise = Noise(math.sqrt(h) * z0, math.sqrt(h / 12.0) * z1)
+            at = Progress(0, tau, h, noise, x, y, 0.0, 0.0)
+            at = advance_exactly(c, key, Word(p), Word(n) * CALLS, Word(BRIDGE), at, walls)
+            x, y = at.x1, at.y1
+            if at.code != 0:
+                break
+        log_speed[p] = scale + math.log(y)
+
+
+def log_ratios(paths: int, seed: int) -> np.ndarray:
+    """ln rho of so many flights."""
+    scene = Scene(
+        alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, gap1=NEAR, sigma=1.0, start=Start(0.0, 0.0, -1.0), stages=1
+    )  # fmt: skip
+    out = np.empty(paths)
+    _returns(scene.constants, key_of(np.random.SeedSequence(seed)), out)
+    return out

@@ -1,0 +1,127 @@
+"""Published laws: the program obeys them, and a law, a scene or a step that is wrong is seen."""
+
+import json
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from closure.orbit import follow
+from compare.__main__ import main
+from compare.chaos.exponents import lyapunov
+from compare.selftest import (
+    bouncing_ball,
+    elastic_box,
+    exponent_sum,
+    free_flight,
+    return_speed,
+    returning,
+)  # fmt: skip
+from compare.selftest.law import Check, Law, Measured, Planted, limit
+from compare.selftest.run import LAWS
+from compare.selftest.run import selftest as put_to_the_test
+from montecarlo import simulate
+
+pytestmark = pytest.mark.selftest
+
+
+@pytest.fixture(scope="module")
+def laws():
+    return dict(zip(LAWS, put_to_the_test(), strict=True))
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_law(laws, name):
+    law = laws[name]
+    assert law.obeyed, [c for c in law.measured.checks if not c.holds(law.allowed)]
+    assert len(law.measured.planted) >= 2
+    assert law.rejects, [p.error for p in law.measured.planted if not p.rejected(law.allowed)]
+
+
+def test_tolerance_counts_every_statistical_check(laws):
+    checks = [c for law in laws.values() for c in law.measured.checks]
+    assert {law.allowed for law in laws.values()} == {limit(sum(c.se > 0.0 for c in checks))}
+    for c in checks:  # where nothing is random the bound is of rounding or of the step, not of convenience
+        assert c.se > 0.0 or c.slack <= 1e-6 * max(1.0, abs(c.truth)), c
+        assert c.slack <= 2e-3 * max(abs(c.truth), 1e-2), c
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, ["selftest", *arguments])
+
+
+def test_command_prints_an_aligned_table():
+    done = run("--law", "exponent-sum", "--law", "bouncing-ball")
+    assert done.exit_code == 0
+    head, rule, *rows, sentence = done.output.splitlines()
+    at = head.index("verdict")
+    assert [row[at:] for row in rows] == ["holds", "holds"]
+    assert set(rule) == {"-"}
+    assert sentence.startswith("2 of 2 laws hold; 6 checks, 0 of them statistical")
+
+
+def test_command_gives_json():
+    done = run("--law", "free-flight", "--json")
+    found = json.loads(done.output)
+    assert found["holds"]
+    law = found["laws"][0]
+    assert law["allowed"] == pytest.approx(limit(22))
+    assert len(law["checks"]) == 32
+    assert all(p["rejected"] for p in law["planted"])
+    assert law["z"] == max(c["z"] for c in law["checks"])
+
+
+def test_unknown_law_is_refused():
+    done = run("--law", "gravity")
+    assert done.exit_code == 2
+    assert "law = 'gravity'" in done.output + done.stderr
+
+
+def test_wrong_truth_fails_the_run(monkeypatch):
+    monkeypatch.setattr(free_flight, "SCENE", replace(free_flight.SCENE, beta2=0.9))
+    assert run("--law", "free-flight").exit_code == 0
+    monkeypatch.setattr(bouncing_ball, "_checks", partial(_with_restitution, bouncing_ball._checks, 1.01))
+    done = run("--law", "bouncing-ball", "--law", "free-flight")
+    assert done.exit_code == 1
+    assert "1 of 2 laws hold" in done.output
+    assert "FAILS  time to rest, orbit" in done.output
+
+
+def _with_restitution(checks, factor, who, tau, close, epsilon):
+    return checks(who, tau, close, factor * epsilon)
+
+
+WRONG = {  # what a law calls, with an error in it
+    "free-flight": (free_flight, "simulate", lambda scene, **k: simulate(scene.with_sigma(1.03 * scene.sigma), **k)),
+    "bouncing-ball": (
+        bouncing_ball,
+        "follow",
+        lambda scene, n: follow(replace(scene, epsilon=0.69), n),
+    ),
+    "elastic-box": (elastic_box, "simulate", lambda scene, **k: simulate(replace(scene, beta1=0.52), **k)),
+    "exponent-sum": (exponent_sum, "lyapunov", lambda scene, **k: lyapunov(replace(scene, beta1=0.09), **k)),
+    "critical-restitution": (return_speed, "log_speeds", lambda epsilon, *k: returning.log_speeds(0.95 * epsilon, *k)),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_scene_fails_the_run(monkeypatch, name):
+    monkeypatch.setattr(*WRONG[name])
+    done = run("--law", name)
+    assert done.exit_code == 1
+    assert "FAILS" in done.output.splitlines()[2]
+
+
+def test_law_that_does_not_see_its_planted_error_fails():
+    checks = [Check("mean", 1.0, 1.0, 0.01)]
+    blind = Law(Measured("blind", "", "", checks, [Planted("1 % more", [Check("mean", 1.0, 1.01, 0.01)])]), 3.0, 0.0)
+    assert blind.obeyed
+    assert not blind.rejects
+    assert not blind.holds
+
+
+def test_what_is_not_a_number_fails():
+    assert not Check("mean", np.nan, 1.0, 0.1).holds(4.0)
+    assert not Check("sum", np.nan, 1.0).holds(4.0)
