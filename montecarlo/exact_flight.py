@@ -27,6 +27,7 @@ from scene.flight import decay, flow, turned
 from scene.scene import Constants
 
 __all__ = [
+    "PARTS",
     "FlightForcing",
     "advance_exactly",
     "first_root",
@@ -46,6 +47,7 @@ Bools = NDArray[np.bool_]
 STRAY = 6.0  # sds that a path is taken to stay within around the cubic: 2e-9 of the steps near a wall go beyond
 CLOSE = 1e-10  # distance to the wall, in units of the half gap, at which an impact is taken to be there
 MOST_CUTS = 1000  # of one step
+PARTS = 200  # of a step that are ahead at once; a cut in halves shortens the first of them by 2
 SCALE = 1.0 / (6.0 * math.sqrt(3.0))  # of the margin on a Bernstein coefficient that covers (s (1 - s))^(3/2) / sqrt(3)
 
 # Gauss-Legendre with three nodes on [0, 1], exact to the fifth degree: the outer nodes lie OUTER from the middle.
@@ -293,12 +295,26 @@ def _cut_of_trial(c: Constants, at: Progress, end: Progress, h: float, walls: Wa
 
 
 @inlined
+def _with_noise(at: Progress, ahead: Floats, top: int) -> Progress:
+    """The same with the noise of all parts below `top`, joined."""
+    noise, length = Noise(0.0, 0.0), 0.0
+    for i in range(top):  # from the end of the step on
+        whole = length + ahead[i, 0]
+        noise = joined(Noise(ahead[i, 1], ahead[i, 2]), noise, ahead[i, 0] / whole)
+        length = whole
+    return Progress(at.code, at.tau, at.left, noise, at.x1, at.y1, at.x2, at.y2)
+
+
+@inlined
 def advance_exactly(
-    c: Constants, key: Key, path: Word, index: Word, purpose: Word, at: Progress, walls: Walls
+    c: Constants, key: Key, path: Word, index: Word, purpose: Word, at: Progress, walls: Walls, ahead: Floats
 ) -> Progress:
     """Go to the next wall that the path meets in this step, or to the step's end.
 
-    The time left is tried as a whole; a trial that may meet a wall is cut there and its first part tried.
+    The time left is tried as a whole; a trial that may meet a wall is cut there and its first part tried, the other
+    kept as it is.  Parts must not be joined before an impact: a trial is cut because of what its end would be, and who
+    forgets that end and draws it anew gives the path a second chance to miss the wall.  At an impact they may be, for
+    that is a stopping time of the path.
 
     Parameters
     ----------
@@ -308,31 +324,35 @@ def advance_exactly(
     at : Progress
         Just after an impact, or at the start of a step.
     walls : Walls
+    ahead : ndarray, shape (PARTS, 3)
+        Scratch: length, increment and area of the parts of the step that are still ahead, the nearest last.
     """
-    nothing = Noise(0.0, 0.0)
     cuts = Word(0)
-    share, trial, rest = 1.0, at.noise, nothing  # share of the time left that is tried, its noise, and the other part's
+    top = 0
+    ahead[0, 0], ahead[0, 1], ahead[0, 2] = at.left, at.noise.increment, at.noise.area
     while True:
-        h = at.left * share
+        h, trial = ahead[top, 0], Noise(ahead[top, 1], ahead[top, 2])
         x1, y1, x2, y2 = flow(c, at.tau, at.x1, at.y1, at.x2, at.y2, h)
         k1, l1, k2, l2 = kick(c, at.tau, h, trial.increment, 12.0 * trial.area)
-        left = at.left - h if share < 1.0 else 0.0
-        end = Progress(0, at.tau + h, left, rest, x1 + k1, y1 + l1, x2 + k2, y2 + l2)
+        left = at.left - h if top > 0 else 0.0
+        end = Progress(0, at.tau + h, left, Noise(0.0, 0.0), x1 + k1, y1 + l1, x2 + k2, y2 + l2)
         cut = _cut_of_trial(c, at, end, h, walls)
-        if cut == 1.0 or cuts >= MOST_CUTS:
-            if cuts >= MOST_CUTS:
+        used_up = cuts >= MOST_CUTS or top + 1 >= len(ahead)
+        if cut == 1.0 or used_up:
+            if used_up:
                 end = _put_inside(end, walls)
             code, reach = _due(c, end, walls)
-            if code != 0 or left <= 0.0:
-                return _on_wall(end, code, walls)
+            if code != 0 or top == 0:
+                return _on_wall(_with_noise(end, ahead, top), code, walls)
             at = end
-            share, trial, rest = 1.0, at.noise, nothing
-            if reach >= left:
+            top -= 1
+            h, trial = ahead[top, 0], Noise(ahead[top, 1], ahead[top, 2])
+            if reach >= h:
                 continue
-            cut = reach / left
+            cut = reach / h
         z1, z2, _, _ = normals(key, path, index + cuts, purpose)
         cuts += Word(1)
-        trial, second = split(trial, at.left * share, cut, z1, z2)
-        inner = cut * share
-        rest = second if share == 1.0 else joined(second, rest, (share - inner) / (1.0 - inner))
-        share = inner
+        first, second = split(trial, h, cut, z1, z2)
+        ahead[top, 0], ahead[top, 1], ahead[top, 2] = h - cut * h, second.increment, second.area
+        top += 1
+        ahead[top, 0], ahead[top, 1], ahead[top, 2] = cut * h, first.increment, first.area

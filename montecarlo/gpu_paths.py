@@ -14,7 +14,7 @@ from numba import cuda
 from montecarlo.backlash import first_half_gap, half_gap
 from montecarlo.euler import StepForcing, euler_step, step_forcing
 from montecarlo.euler_located import leaves
-from montecarlo.exact_flight import FlightForcing, first_stage, flight_forcing, near_wall, second_stage
+from montecarlo.exact_flight import PARTS, FlightForcing, first_stage, flight_forcing, near_wall, second_stage
 from montecarlo.kernel import CHUNK, EXACT, FLANK_DRAWS, LOCATED, PLAIN, next_event
 from montecarlo.noise import STEP, Word, bits_of, normals, sign_of
 from montecarlo.progress import MOST_IN_A_STEP, Noise, Progress, Walls
@@ -117,6 +117,7 @@ def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callabl
     def follow(job, first, start, flanks, rows, clock_steps, clock, counts):  # type: ignore[no-untyped-def]
         c, h, impacts, paths = job.c, job.dt, rows.shape[0], rows.shape[2]
         table = cuda.shared.array((TABLE, width), np.float64)
+        ahead = cuda.local.array((PARTS if scheme == EXACT else 1, 3), np.float64)
         row = cuda.grid(1)
         path = Word(first + row)
         walls = _first_walls(random, job, path)
@@ -171,7 +172,7 @@ def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callabl
                     for met in range(MOST_IN_A_STEP + 1):
                         if scheme != PLAIN and at.left <= 0.0:
                             break
-                        at = next_event(scheme, c, job.key, path, n + s, 0, met, at, walls)
+                        at = next_event(scheme, c, job.key, path, n + s, 0, met, at, walls, ahead)
                         if at.code == 0:
                             if scheme == PLAIN or at.left <= 0.0:
                                 break

@@ -52,8 +52,9 @@ class Job(NamedTuple):
 
 @spliced
 def next_event(
-    scheme: int, c: Constants, key: Key, path: Word, step: int, level: int, met: int, at: Progress, walls: Walls
-) -> Progress:
+    scheme: int, c: Constants, key: Key, path: Word, step: int, level: int, met: int, at: Progress, walls: Walls,
+    ahead: Floats,
+) -> Progress:  # fmt: skip
     """Go to the next impact within a step, or to the step's end; `met` counts the calls for one path and step.
 
     Cards and processors call it alike; `scheme` is a constant of the kernel that calls, which holds no other.
@@ -63,7 +64,7 @@ def next_event(
     index, purpose = Word(step) * SPLITS, Word(BRIDGE + level)
     if scheme == LOCATED:
         return advance_inside(c, at, normals(key, path, index + Word(met), purpose)[0], walls)
-    return advance_exactly(c, key, path, index + CUTS_APART * Word(met), purpose, at, walls)
+    return advance_exactly(c, key, path, index + CUTS_APART * Word(met), purpose, at, walls, ahead)
 
 
 @spliced
@@ -129,14 +130,14 @@ def _finish_at_end(
 @spliced
 def _finish_inside(
     scheme: int, job: Job, path: Word, row: int, step: int, level: int, p: int, at: Progress, lanes: Lanes,
-    rows: Floats,
+    rows: Floats, ahead: Floats,
 ) -> bool:  # fmt: skip
     """Carry one path from `at` through its impacts to the end of the step; whether it had to be held there."""
     held = False
     for met in range(MOST_IN_A_STEP + 1):
         if at.left <= 0.0:
             break
-        at = next_event(scheme, job.c, job.key, path, step, level, met, at, _walls_of(lanes, p))
+        at = next_event(scheme, job.c, job.key, path, step, level, met, at, _walls_of(lanes, p), ahead)
         if at.code != 0:
             if met == MOST_IN_A_STEP:
                 held = True
@@ -239,7 +240,9 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int, int]]:
                             noise = Noise(lanes.w[p] * math.sqrt(h), lanes.area[p] * math.sqrt(h / 12.0))
                             at = Progress(0, begin, h, noise, s[0, p], s[1, p], s[2, p], s[3, p])
                             row = int(path[p]) - first
-                            held += _finish_inside(scheme, job, path[p], row, n - multiple, level, p, at, lanes, rows)
+                            held += _finish_inside(
+                                scheme, job, path[p], row, n - multiple, level, p, at, lanes, rows, room.ahead
+                            )  # fmt: skip
                     work += live
                 if next_clock < clock_steps.size and clock_steps[next_clock] == n:
                     for level in range(levels):

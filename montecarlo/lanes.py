@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from montecarlo.exact_flight import PARTS
 from montecarlo.noise import Word
 from scene.compiled import lean, spliced
 
@@ -33,7 +34,8 @@ class Lanes(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Scratch of a block: numbers of the paths in the lanes, random bits and normals, perturbations, marked lanes.
+    """Scratch of a block: numbers of the paths in the lanes, random bits and normals, perturbations, marked lanes, and
+    parts of a step.
 
     A draw of four normals serves four steps, or two that use the area; the fifth row of ``z`` stays zero.
     """
@@ -45,6 +47,7 @@ class Room(NamedTuple):
     marks: Bools
     groups: Ints
     hits: Ints
+    ahead: Floats
 
 
 def lanes_of(levels: int, first: int, start: Floats, walls: Floats, tau: float) -> tuple[Lanes, Room]:
@@ -72,7 +75,7 @@ def lanes_of(levels: int, first: int, start: Floats, walls: Floats, tau: float) 
     room = Room(
         np.arange(first, first + lanes, dtype=np.uint64), np.zeros(lanes, np.uint64), np.zeros((5, lanes)),
         np.zeros((5, lanes)), np.zeros(lanes, np.bool_), np.empty(lanes // 8 + 1, np.int64),
-        np.empty(lanes + 1, np.int64),
+        np.empty(lanes + 1, np.int64), np.empty((PARTS, 3)),
     )  # fmt: skip
     return every, room
 

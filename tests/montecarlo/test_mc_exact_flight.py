@@ -10,7 +10,7 @@ from scipy import stats
 from scipy.integrate import quad_vec
 
 from montecarlo import largest_step, simulate
-from montecarlo.exact_flight import CLOSE, advance_exactly, flight_forcing
+from montecarlo.exact_flight import CLOSE, PARTS, advance_exactly, flight_forcing
 from montecarlo.noise import BRIDGE, key_of
 from montecarlo.progress import Noise, Progress, Walls
 from scene import Scene, Start, Tolerance
@@ -284,7 +284,7 @@ def first_hits(c, key, rng, paths, h, x, y):
     for p in range(paths):
         noise = Noise(math.sqrt(h) * rng.standard_normal(), math.sqrt(h / 12.0) * rng.standard_normal())
         at = Progress(0, 0.7, h, noise, x, y, 0.0, 0.0)
-        after = advance_exactly(c, key, np.uint64(p), np.uint64(0), np.uint64(BRIDGE), at, walls)
+        after = advance_exactly(c, key, np.uint64(p), np.uint64(0), np.uint64(BRIDGE), at, walls, np.empty((PARTS, 3)))
         out[p] = after.tau - 0.7 if after.code != 0 else h
     return out
 
@@ -412,7 +412,7 @@ def test_every_call_comes_closer_to_the_end_of_the_step():
         h = rng.choice([1e-6, 1e-3, 0.1])
         noise = Noise(math.sqrt(h) * rng.standard_normal(), math.sqrt(h / 12.0) * rng.standard_normal())
         at = Progress(0, 0.7, h, noise, x[0], y[0], x[1], y[1])
-        after = advance_exactly(c, key, np.uint64(i), np.uint64(0), np.uint64(BRIDGE), at, walls)
+        after = advance_exactly(c, key, np.uint64(i), np.uint64(0), np.uint64(BRIDGE), at, walls, np.empty((PARTS, 3)))
         assert np.isfinite([*after[1:3], *after.noise, *after[4:]]).all()
         assert 0.0 <= after.left < h
         assert max(abs(after.x1), abs(after.x2)) <= 0.5 + CLOSE

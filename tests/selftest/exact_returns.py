@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from montecarlo.exact_flight import advance_exactly
+from montecarlo.exact_flight import PARTS, advance_exactly
 from montecarlo.noise import BRIDGE, STEP, Word, key_of, normals
 from montecarlo.progress import Noise, Progress, Walls
 from scene import Scene, Start
@@ -25,7 +25,7 @@ def _returns(c, key, log_speed):
             z0, z1, _, _ = normals(key, Word(p), Word(n), Word(STEP))
             noise = Noise(math.sqrt(h) * z0, math.sqrt(h / 12.0) * z1)
             at = Progress(0, tau, h, noise, x, y, 0.0, 0.0)
-            at = advance_exactly(c, key, Word(p), Word(n) * CALLS, Word(BRIDGE), at, walls)
+            at = advance_exactly(c, key, Word(p), Word(n) * CALLS, Word(BRIDGE), at, walls, np.empty((PARTS, 3)))
             x, y = at.x1, at.y1
             if at.code != 0:
                 break

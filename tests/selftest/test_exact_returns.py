@@ -1,8 +1,7 @@
-"""The return-speed law holds for the noise's tree; the refinement of ``exact-flight`` does not obey it yet."""
+"""The return-speed law holds for the noise's tree and for the refinement of ``exact-flight``."""
 
 import math
 
-import pytest
 from exact_returns import log_ratios
 
 from compare.selftest.law import limit
@@ -20,11 +19,6 @@ def test_steps_of_the_tree_obey_the_law():
     assert abs(z_of(log_speeds(1.0, PATHS, 1, seed=3)[:, 0])) < limit(1)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    raises=AssertionError,
-    reason="advance_exactly joins what is left of a cut trial with the rest (E ln rho is 1.93, not 1.81)",
-)
 def test_steps_of_exact_flight_obey_the_law():
-    """A trial is cut because of what its end would be; to forget that end and draw it anew gives a second chance."""
+    """A trial is cut because of what its end would be; to forget that end and draw it anew made E ln rho 1.93."""
     assert abs(z_of(log_ratios(PATHS, seed=3))) < limit(1)
