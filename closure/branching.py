@@ -8,6 +8,7 @@ where the next event changes or the section map bends (`closure.refining`), carr
 
 import numpy as np
 
+from closure.blocks import congruence, hit_matrix, put, put_row
 from closure.gaussian_flight import Landing
 from closure.mixture import Mixture, empty, gather, moments
 from closure.orbit import Floats, follow
@@ -15,7 +16,6 @@ from closure.refining import fly, workbench
 from closure.trace import Trace
 from scene.compiled import jit
 from scene.errors import InputError
-from scene.impact import contact_matrix
 from scene.scene import Constants, Scene
 
 __all__ = ["check", "trace"]
@@ -40,13 +40,14 @@ def _strike(c: Constants, start: Mixture, landing: Landing, count: int, own: int
         if code == 0:
             lost += w
             continue
-        hit = np.eye(5)
-        hit[1:, 1:] = contact_matrix(c, abs(code))
-        section.weight[kept], section.label[kept], flight[kept] = w, code, flight[i]
-        section.mean[kept], section.covariance[kept] = section.mean[i], section.covariance[i]
+        hit = hit_matrix(c, abs(code), 5)
+        section.weight[kept], section.label[kept] = w, code
+        put_row(flight[kept], flight[i])
+        put_row(section.mean[kept], section.mean[i])
+        put(section.covariance[kept], section.covariance[i])
         after.weight[kept] = w
-        after.mean[kept] = hit @ section.mean[i]
-        after.covariance[kept] = hit @ section.covariance[i] @ hit.T
+        put_row(after.mean[kept], hit @ section.mean[i])
+        put(after.covariance[kept], congruence(hit, section.covariance[i]))
         after.label[kept] = code + (ON_ORBIT if start.label[i // 2] > 2 and code == own else 0)
         kept += 1
     return kept, lost

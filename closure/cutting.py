@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from closure.blocks import beyond, norm, put_row, put_scaled
 from closure.orbit import Floats
 from scene.compiled import jit
 from scene.impact import next_impact
@@ -38,7 +39,8 @@ def root(sigma: Floats) -> tuple[int, Floats]:
     rank = 0
     for i in range(4, -1, -1):
         if values[i] > 1e-14 * values[4] and values[i] > 0.0:
-            columns[:, rank] = math.sqrt(values[i]) * vectors[:, i]
+            for k in range(5):
+                columns[k, rank] = math.sqrt(values[i]) * vectors[k, i]
             rank += 1
     return rank, columns
 
@@ -49,13 +51,13 @@ def _boundary(
 ) -> tuple[float, int]:
     """Distance (in sds, up to `far`) along a unit vector at which the event changes from `code`, and to which."""
     direction = axes @ u
-    found = event(c, centre + far * direction, before)[1]
+    found = event(c, beyond(centre, far, direction), before)[1]
     if found == code:
         return np.inf, code
     low, high = 0.0, far
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        met = event(c, centre + middle * direction, before)[1]
+        met = event(c, beyond(centre, middle, direction), before)[1]
         if met == code:
             low = middle
         else:
@@ -85,29 +87,31 @@ def cut_plane(
         distance, found = _boundary(c, centre, axes, trial, code, ignored, far, before)
         if distance < nearest:
             nearest, other = distance, found
-            u[:] = trial
+            put_row(u, trial)
     if other == code:
         return code, u
     for _ in range(2):
         q = np.zeros(rank)
         for i in range(rank):
-            trial[:] = u
+            put_row(trial, u)
             trial[i] += 0.5
-            length = math.sqrt((trial * trial).sum())
-            distance, found = _boundary(c, centre, axes, trial / length, code, ignored, far, before)
+            length = norm(trial)
+            put_scaled(trial, trial, length)
+            distance, found = _boundary(c, centre, axes, trial, code, ignored, far, before)
             q[i] = 2.0 * ((length / distance if found == other else 0.0) - 1.0 / nearest)
-        length = math.sqrt((q * q).sum())
+        length = norm(q)
         if length == 0.0:
             break
-        trial[:] = q / length
+        put_scaled(trial, q, length)
         distance, found = _boundary(c, centre, axes, trial, code, ignored, far, before)
         if not (found == other and distance < nearest):
             break
         nearest = distance
-        u[:] = trial
+        put_row(u, trial)
     if nearest > reach:
         return code, u
-    return other, u / nearest
+    put_scaled(u, u, nearest)
+    return other, u
 
 
 @jit

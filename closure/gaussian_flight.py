@@ -5,11 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from closure.blocks import block, inner, put
 from closure.cutting import event
 from closure.mixture import Mixture
 from closure.orbit import Floats
 from closure.section_map import derivatives
-from scene.compiled import jit
+from scene.compiled import jit, spliced
 from scene.flight import field, jacobian
 from scene.scene import Constants
 
@@ -26,7 +27,7 @@ class Landing(NamedTuple):
     flight: Floats
 
 
-@jit
+@spliced
 def _derivatives(
     c: Constants, code: int, centre: Floats, axes: Floats, t: float, before: Floats
 ) -> tuple[Floats, Floats]:
@@ -38,35 +39,47 @@ def _derivatives(
     mesh, side = abs(code), 1 if code > 0 else -1
     i = 0 if mesh == 1 else 2
     flown = jacobian(c, t)[i]
-    passing = flown @ np.ascontiguousarray(axes[1:])
-    passing += (before[i + 1] - flown @ field(c, centre[0], centre[2], centre[4])) * axes[0]
+    passing = flown @ axes[1:]
+    early = before[i + 1] - flown @ field(c, centre[0], centre[2], centre[4])
+    for k in range(passing.size):
+        passing[k] += early * axes[0, k]
     pull = field(c, centre[0] + t, before[1], before[3])[i + 1]
     slowest = GRAZE * math.sqrt(2.0 * abs(pull) * math.sqrt(passing @ passing)) + 1e-9
     steady = before.copy()
     steady[i + 1] = side * max(slowest, side * before[i + 1])
     first, second = derivatives(c, mesh, side, centre[0], centre[1:], t, steady, 5)
-    linear = np.ascontiguousarray(first[:, :5]) @ axes
+    linear = block(first, 5, 0, 5) @ axes
     curve = np.zeros((5, axes.shape[1], axes.shape[1]))
     for j in range(5):
-        curve[j] = axes.T @ np.ascontiguousarray(second[j, :5, :5]) @ axes
+        put(curve[j], axes.T @ block(second[j], 5, 0, 5) @ axes)
     return linear, curve
 
 
-@jit
+@spliced
 def _most_bent(linear: Floats, curve: Floats) -> tuple[float, Floats]:
     """Second-order variance of the output that is bent most, as a share of its first-order one, and the direction."""
     u = np.zeros(linear.shape[1])
     worst, at = 0.0, 0
     for j in range(5):
-        variance = (linear[j] ** 2).sum()
+        variance = inner(linear[j : j + 1], linear[j : j + 1], 0)
         if variance > 1e-24:
-            bend = 0.5 * (curve[j] ** 2).sum() / variance
+            bend = 0.5 * inner(curve[j], curve[j], 0) / variance
             if bend > worst:
                 worst, at = bend, j
     if worst > 0.0:
         values, vectors = np.linalg.eigh(curve[at])
-        u[:] = vectors[:, -1] if values[-1] > -values[0] else vectors[:, 0]
+        most = values.size - 1 if values[-1] > -values[0] else 0
+        for k in range(u.size):
+            u[k] = vectors[k, most]
     return worst, u
+
+
+@jit
+def _trace(square: Floats) -> float:
+    total = 0.0
+    for k in range(square.shape[0]):
+        total += square[k, k]
+    return total
 
 
 @jit
@@ -88,38 +101,50 @@ def lead(c: Constants, centre: Floats, axes: Floats, to: Landing, at: int, befor
     t, code = event(c, centre, before)
     to.section.label[at] = code
     rank = axes.shape[1]
-    mean, spread = to.section.mean[at], to.section.covariance[at]
-    mean[0], mean[1:] = centre[0] + t, before
+    mean, spread, flight = to.section.mean[at], to.section.covariance[at], to.flight[at]
+    mean[0] = centre[0] + t
+    for k in range(4):
+        mean[1 + k] = before[k]
     spread[:] = 0.0
-    to.flight[at, 0], to.flight[at, 1] = t, 0.0
+    flight[0], flight[1] = t, 0.0
     if code == 0 or rank == 0:
         return 0.0, np.zeros(rank)
     linear, curve = _derivatives(c, code, centre, axes, t, before)
     bend, u = _most_bent(linear, curve)
-    if bend < STRAIGHT**2:
-        own = linear[0] - axes[0]
-        spread[:] = linear @ linear.T
+    straight = bend < STRAIGHT**2
+    own, stretch = np.empty(rank), linear @ u
+    if not straight:  # the bent direction apart, by the events at one sd to either side
         for j in range(5):
-            mean[j] += 0.5 * np.trace(curve[j])
+            for k in range(rank):
+                linear[j, k] -= stretch[j] * u[k]
+    tilt, v = axes[0] @ u, axes @ u
+    for k in range(rank):
+        own[k] = linear[0, k] - axes[0, k] + (0.0 if straight else tilt * u[k])
+    put(spread, linear @ linear.T)
+    flight[1] = own @ own
+    if straight:
+        for j in range(5):
+            mean[j] += 0.5 * _trace(curve[j])
             for k in range(5):
-                spread[j, k] += 0.5 * (curve[j] * curve[k]).sum()
-        to.flight[at, 0] += 0.5 * np.trace(curve[0])
-        to.flight[at, 1] = own @ own + 0.5 * (curve[0] ** 2).sum()
+                spread[j, k] += 0.5 * inner(curve[j], curve[k], 0)
+        flight[0] += 0.5 * _trace(curve[0])
+        flight[1] += 0.5 * inner(curve[0], curve[0], 0)
         return bend, u
-    # the rest to first order, the bent direction by the events at one sd to either side
-    linear -= np.outer(linear @ u, u)
-    own = linear[0] - axes[0] + (axes[0] @ u) * u
-    spread[:] = linear @ linear.T
-    to.flight[at, 1] = own @ own
-    v = axes @ u
-    high, low = np.empty(5), np.empty(5)
-    high_t, high_code = event(c, centre + v, before)
-    high[0], high[1:] = centre[0] + v[0] + high_t, before
-    low_t, low_code = event(c, centre - v, before)
-    low[0], low[1:] = centre[0] - v[0] + low_t, before
-    if high_code == code and low_code == code:
-        mean[:] = 0.5 * (high + low)
-        spread += 0.25 * np.outer(high - low, high - low)
-        to.flight[at, 0] = 0.5 * (high_t + low_t)
-        to.flight[at, 1] += 0.25 * (high_t - low_t) ** 2
+    ends, times, met = np.empty((2, 5)), np.empty(2), 0
+    for k in range(2):
+        end = ends[k]
+        for j in range(5):
+            end[j] = centre[j] + (v[j] if k == 0 else -v[j])
+        times[k], there = event(c, end, before)
+        met += there == code
+        end[0] += times[k]
+        for j in range(4):
+            end[1 + j] = before[j]
+    if met == 2:
+        for j in range(5):
+            mean[j] = 0.5 * (ends[0, j] + ends[1, j])
+            for k in range(5):
+                spread[j, k] += 0.25 * ((ends[0, j] - ends[1, j]) * (ends[0, k] - ends[1, k]))
+        flight[0] = 0.5 * (times[0] + times[1])
+        flight[1] += 0.25 * (times[0] - times[1]) ** 2
     return bend, u

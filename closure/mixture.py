@@ -25,21 +25,25 @@ def empty(size: int) -> Mixture:
 
 
 @jit
-def _spread(parts: Mixture, members: Ints, axis: Floats) -> tuple[float, Floats]:
-    """Weight times variance of the members' means along their main axis, which is written to `axis`; their mean."""
-    total, centre = 0.0, np.zeros(5)
+def _spread(parts: Mixture, members: Ints, axis: Floats, centre: Floats) -> float:
+    """Weight times variance of the members' means along their main axis; `axis` and their mean are written."""
+    total = 0.0
+    centre[:] = 0.0
     for i in members:
         total += parts.weight[i]
-        centre += parts.weight[i] * parts.mean[i]
-    centre /= total
+        for a in range(5):
+            centre[a] += parts.weight[i] * parts.mean[i, a]
+    for a in range(5):
+        centre[a] /= total
     between = np.zeros((5, 5))
     for i in members:
         for a in range(5):
             for b in range(5):
                 between[a, b] += parts.weight[i] * (parts.mean[i, a] - centre[a]) * (parts.mean[i, b] - centre[b])
     values, vectors = np.linalg.eigh(between)
-    axis[:] = vectors[:, 4]
-    return values[4], centre
+    for a in range(5):
+        axis[a] = vectors[a, 4]
+    return float(values[4])
 
 
 @jit
@@ -64,7 +68,7 @@ def gather(parts: Mixture, count: int, most: int, out: Mixture) -> int:
             groups += 1
         last[groups - 1] = at + 1
     for g in range(groups):
-        gain[g], centres[g] = _spread(parts, order[first[g] : last[g]], axes[g])
+        gain[g] = _spread(parts, order[first[g] : last[g]], axes[g], centres[g])
     while groups < most:
         g = int(np.argmax(gain[:groups]))
         if gain[g] <= 0.0:
@@ -72,7 +76,10 @@ def gather(parts: Mixture, count: int, most: int, out: Mixture) -> int:
         low, high = first[g], last[g] - 1
         while low <= high:
             i = order[low]
-            if ((parts.mean[i] - centres[g]) * axes[g]).sum() < 0.0:
+            along = 0.0
+            for a in range(5):
+                along += (parts.mean[i, a] - centres[g, a]) * axes[g, a]
+            if along < 0.0:
                 low += 1
             else:
                 order[low], order[high] = order[high], i
@@ -85,7 +92,7 @@ def gather(parts: Mixture, count: int, most: int, out: Mixture) -> int:
         for h in (g, groups):
             gain[h] = 0.0
             if last[h] - first[h] > 1:
-                gain[h], centres[h] = _spread(parts, order[first[h] : last[h]], axes[h])
+                gain[h] = _spread(parts, order[first[h] : last[h]], axes[h], centres[h])
         groups += 1
     for g in range(groups):
         out.weight[g], out.mean[g], out.covariance[g] = 0.0, 0.0, 0.0
@@ -100,7 +107,8 @@ def gather(parts: Mixture, count: int, most: int, out: Mixture) -> int:
                     out.covariance[g, a, b] += share * (
                         parts.covariance[i, a, b] - out.covariance[g, a, b] + (1.0 - share) * gap[a] * gap[b]
                     )
-            out.mean[g] += share * gap
+            for a in range(5):
+                out.mean[g, a] += share * gap[a]
             out.weight[g] = total
     return groups
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.compiled import jit
+from scene.compiled import lean
 from scene.flight import flow
 from scene.impact import MISSES, REST, next_impact, struck
 from scene.scene import Constants, Scene
@@ -20,35 +20,32 @@ CHATTER_FLIGHT, CHATTER_COUNT = 1e-7, 4  # so many flights in a row, each shorte
 # the excursions of shorter flights are below the rounding of a wall, where the time of the next impact has no meaning
 
 
-@jit
+@lean
 def _follow(
-    c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, mesh: int, impacts: int
-) -> tuple[int, int, Floats, Ints, Ints, Floats, Floats]:
-    taus = np.full(impacts + 1, np.nan)
-    meshes = np.zeros(impacts + 1, np.int64)
-    sides = np.zeros(impacts + 1, np.int64)
-    before = np.full((impacts + 1, 4), np.nan)
-    after = np.full((impacts + 1, 4), np.nan)
+    c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, mesh: int,
+    taus: Floats, meshes: Ints, sides: Ints, before: Floats, after: Floats,
+) -> tuple[int, int]:  # fmt: skip
+    """Fill the arrays; returns how many impacts were found, and the mesh of the last event (`MISSES` if none)."""
     taus[0], meshes[0] = tau, mesh
-    before[0] = x1, y1, x2, y2
+    before[0, 0], before[0, 1], before[0, 2], before[0, 3] = x1, y1, x2, y2
     if mesh != 0:
         sides[0] = 1 if (x1 if mesh == 1 else x2) > 0.0 else -1
         y1, y2 = struck(c, mesh, y1, y2)
-    after[0] = x1, y1, x2, y2
+    after[0, 0], after[0, 1], after[0, 2], after[0, 3] = x1, y1, x2, y2
     short = 0
-    for k in range(1, impacts + 1):
+    for k in range(1, taus.size):
         t, mesh, side, x1, y1, x2, y2 = next_impact(c, tau, x1, y1, x2, y2, HORIZON)
         short = short + 1 if t < CHATTER_FLIGHT else 0
         if short >= CHATTER_COUNT:
             mesh = REST
         if mesh <= 0:
-            return k - 1, mesh, taus, meshes, sides, before, after
+            return k - 1, mesh
         tau += t
         taus[k], meshes[k], sides[k] = tau, mesh, side
-        before[k] = x1, y1, x2, y2
+        before[k, 0], before[k, 1], before[k, 2], before[k, 3] = x1, y1, x2, y2
         y1, y2 = struck(c, mesh, y1, y2)
-        after[k] = x1, y1, x2, y2
-    return impacts, 1, taus, meshes, sides, before, after
+        after[k, 0], after[k, 1], after[k, 2], after[k, 3] = x1, y1, x2, y2
+    return taus.size - 1, 1
 
 
 @dataclass(frozen=True)
@@ -96,6 +93,12 @@ def follow(scene: Scene, impacts: int) -> Orbit:
     """
     c = scene.constants
     start = scene.start
-    found, last, tau, mesh, side, before, after = _follow(c, start.tau, *scene.start_state, start.mesh, impacts)
+    tau, before, after = (
+        np.full(impacts + 1, np.nan),
+        np.full((impacts + 1, 4), np.nan),
+        np.full((impacts + 1, 4), np.nan),
+    )
+    mesh, side = np.zeros(impacts + 1, np.int64), np.zeros(impacts + 1, np.int64)
+    found, last = _follow(c, start.tau, *scene.start_state, start.mesh, tau, mesh, side, before, after)
     stopped = "" if last > 0 else f"{MISSES[last]} after impact {found}"
     return Orbit(tau, mesh, side, before, after, found, stopped)

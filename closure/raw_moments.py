@@ -11,6 +11,7 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
+from closure.blocks import put
 from scene.compiled import jit
 from scene.flight import NODES, PANEL, WEIGHTS, decay, turned
 from scene.moments import gaussian_raw_moments
@@ -36,7 +37,7 @@ def stage_raw_moments(covariance: Floats, order: int) -> Floats:
         for i in range(2):
             j = 2 * i
             c = covariance[k]
-            raw[k, i] = gaussian_raw_moments(c[j, j], c[j, j + 1], c[j + 1, j + 1], order)
+            put(raw[k, i], gaussian_raw_moments(c[j, j], c[j, j + 1], c[j + 1, j + 1], order))
     return raw
 
 

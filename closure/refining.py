@@ -11,11 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from closure.blocks import beyond, block, congruence, norm, put_row, put_scaled
 from closure.cutting import THIRD_CENTRE, THIRD_WEIGHT, THIRD_WIDTH, cut_plane, event, half, root
 from closure.gaussian_flight import Landing, lead
 from closure.mixture import Mixture, empty
 from closure.orbit import Floats, Ints
-from scene.compiled import jit
+from scene.compiled import jit, spliced
 from scene.flight import jacobian, noise_covariance
 from scene.scene import Constants
 
@@ -56,55 +57,65 @@ def _bend_error(weight: float, bend: float) -> float:
     return weight * bend**POWER if bend > FLAT else 0.0
 
 
-@jit
-def _land_in_halves(c: Constants, b: Workbench, i: int, axes: Floats, q: Floats, before: Floats) -> None:
-    """Land part `i` in its halves beside the plane ``q z = 1``."""
-    w, centre = b.start.weight[i], b.start.mean[i]
-    length = math.sqrt((q * q).sum())
-    depth, n = 1.0 / length, q / length
-    worst = 0.0
-    for k in range(2):
-        share, rate, variance = half(depth, k == 0)
-        narrow = math.sqrt(variance)
-        b.landing.section.weight[2 * i + k] = w * share
-        bend, u = lead(
-            c, centre + rate * (axes @ n), axes + (narrow - 1.0) * np.outer(axes @ n, n), b.landing, 2 * i + k, before
-        )
-        error = _bend_error(w * share, bend)
-        b.error[i] += error
-        if error > worst:
-            worst = error
-            u += (1.0 / narrow - 1.0) * (u @ n) * n  # across the same planes, in sds of the whole
-            b.axis[i] = axes @ (u / math.sqrt((u * u).sum()))
-    crossing = BRANCH * w * math.exp(-0.5 * depth * depth)
-    if crossing > b.error[i]:
-        b.axis[i] = axes @ n
-    b.error[i] += crossing
+@spliced
+def _across(axes: Floats, n: Floats, narrow: float) -> Floats:
+    """The axes, narrower by that factor along the unit vector n."""
+    along, out = axes @ n, np.empty_like(axes)
+    for i in range(5):
+        for j in range(n.size):
+            out[i, j] = axes[i, j] + (narrow - 1.0) * (along[i] * n[j])
+    return out
 
 
-@jit
+@spliced
 def _examine(c: Constants, b: Workbench, i: int, before: Floats) -> None:
-    """Land part `i`, and find across which direction it would be cut and what that is worth."""
+    """Land part `i`, whole or in its halves beside a plane, and find across which direction it would be cut.
+
+    Its error is what that cut is worth.
+    """
     w, centre = b.start.weight[i], b.start.mean[i]
     b.landing.section.weight[2 * i], b.landing.section.weight[2 * i + 1] = w, 0.0
     b.error[i], b.depth[i] = 0.0, 0.0
     rank, full = root(b.start.covariance[i])
-    axes = np.ascontiguousarray(full[:, :rank])
+    axes = block(full, 5, 0, rank)
     code = event(c, centre, before)[1]
+    n, depth, pieces = np.zeros(rank), 0.0, 1
     if w > LIGHT and rank > 0 and code != 0:
         reach = math.sqrt(2.0 * math.log(w / NEGLIGIBLE) - 2.0)
         other, q = cut_plane(c, centre, axes, code, b.ignored[i], reach, before)
-        length = math.sqrt((q * q).sum())
-        if other != code and length * TAIL < 1.0:
-            b.error[i], b.depth[i], b.beyond[i] = w, 1.0 / length, other
-            b.axis[i] = axes @ (q / length)
-        elif other != code:
-            _land_in_halves(c, b, i, axes, q, before)
+        if other != code:
+            length = norm(q)
+            put_scaled(n, q, length)
+            depth = 1.0 / length
+            if length * TAIL < 1.0:
+                b.error[i], b.depth[i], b.beyond[i] = w, depth, other
+                put_row(b.axis[i], axes @ n)
+            else:
+                pieces = 2
+    worst = 0.0
+    for k in range(pieces):
+        share, rate, variance = half(depth, k == 0) if pieces == 2 else (1.0, 0.0, 1.0)
+        narrow = math.sqrt(variance)
+        b.landing.section.weight[2 * i + k] = w * share
+        at, across = (beyond(centre, rate, axes @ n), _across(axes, n, narrow)) if pieces == 2 else (centre, axes)
+        bend, u = lead(c, at, across, b.landing, 2 * i + k, before)
+        if b.depth[i] > 0.0:
             return
-    bend, u = lead(c, centre, axes, b.landing, 2 * i, before)
-    if b.depth[i] == 0.0:
-        b.error[i] = _bend_error(w, bend)
-        b.axis[i] = axes @ u
+        error = _bend_error(w * share, bend)
+        b.error[i] += error
+        if pieces == 1 or error > worst:
+            worst = error
+            if pieces == 2:
+                slant = (1.0 / narrow - 1.0) * (u @ n)
+                for m in range(rank):
+                    u[m] += slant * n[m]  # across the same planes, in sds of the whole
+                put_scaled(u, u, norm(u))
+            put_row(b.axis[i], axes @ u)
+    if pieces == 2:
+        crossing = BRANCH * w * math.exp(-0.5 * depth * depth)
+        if crossing > b.error[i]:
+            put_row(b.axis[i], axes @ n)
+        b.error[i] += crossing
 
 
 @jit
@@ -112,7 +123,6 @@ def _cut(b: Workbench, i: int, count: int) -> int:
     """Replace part `i` by two or three across its axis, the further ones from `count` on; returns the new count."""
     parts, v = b.start, b.axis[i].copy()
     w, centre, sigma = parts.weight[i], parts.mean[i].copy(), parts.covariance[i].copy()
-    across = np.outer(v, v)
     pieces = 2 if b.depth[i] > 0.0 else 3
     code = b.landing.section.label[2 * i]
     for k in range(pieces):
@@ -122,8 +132,11 @@ def _cut(b: Workbench, i: int, count: int) -> int:
         else:
             share = THIRD_WEIGHT if k > 0 else 1.0 - 2.0 * THIRD_WEIGHT
             place, variance = (0.0 if k == 0 else (2 * k - 3) * THIRD_CENTRE), THIRD_WIDTH**2
-        parts.weight[at], parts.mean[at] = w * share, centre + place * v
-        parts.covariance[at] = sigma - (1.0 - variance) * across
+        parts.weight[at] = w * share
+        for m in range(5):
+            parts.mean[at, m] = centre[m] + place * v[m]
+            for n in range(5):
+                parts.covariance[at, m, n] = sigma[m, n] - (1.0 - variance) * (v[m] * v[n])
         parts.label[at], b.ignored[at] = parts.label[i], b.ignored[i]
     if pieces == 2:
         b.ignored[count] |= 1 << (code + 2)
@@ -142,17 +155,20 @@ def fly(c: Constants, live: int, b: Workbench) -> int:
         t, code = event(c, b.start.mean[i], before)
         if code != 0:
             back = jacobian(c, -t)
-            b.start.covariance[i, 1:, 1:] += back @ noise_covariance(c, b.start.mean[i, 0], t) @ back.T
+            noise = congruence(back, noise_covariance(c, b.start.mean[i, 0], t))
+            for m in range(4):
+                for n in range(4):
+                    b.start.covariance[i, 1 + m, 1 + n] += noise[m, n]
         b.ignored[i] = 0
-        _examine(c, b, i, before)
-    count = live
-    while count + 2 <= b.error.size:
-        i = int(np.argmax(b.error[:count]))
-        if b.error[i] < WORTH:
+    count, last, seen = live, 0, 0  # seen: parts examined already, but for the last one that was cut
+    while True:
+        for k in range(seen, count + (1 if seen > 0 else 0)):
+            _examine(c, b, last if k == count else k, before)
+        seen = count
+        if count + 2 > b.error.size:
             break
-        more = _cut(b, i, count)
-        _examine(c, b, i, before)
-        for k in range(count, more):
-            _examine(c, b, k, before)
-        count = more
+        last = int(np.argmax(b.error[:count]))
+        if b.error[last] < WORTH:
+            break
+        count = _cut(b, last, count)
     return count

@@ -8,13 +8,13 @@ second derivatives add the mean shift, an O(sigma^2) effect, and the third cumul
 
 import numpy as np
 
+from closure.blocks import block, congruence, hit_matrix, inner, put
 from closure.orbit import Floats, Ints, follow
 from closure.raw_moments import stage_raw_moments
-from closure.section_map import derivatives, flight_third_cumulant, third_cumulants
+from closure.section_map import derivatives, flight_third_cumulant, noise_slope, third_cumulants
 from closure.trace import Trace
 from scene.compiled import jit
 from scene.flight import field, jacobian, noise_covariance
-from scene.impact import contact_matrix
 from scene.scene import Constants, Scene
 
 __all__ = ["trace"]
@@ -38,7 +38,8 @@ def _carry(
     skew = np.full((count, 6), np.nan)
     covariance = np.full((count, d, d), np.nan)  # after the impact
     section = np.full((count, d, d), np.nan)  # before it
-    covariance[0], section[0] = start, start
+    put(covariance[0], start)
+    put(section[0], start)
     moved, third = np.zeros(d), np.zeros((d, d, d))
     for k in range(1, found + 1):
         speed = before[k, 1] if mesh[k] == 1 else before[k, 3]
@@ -48,8 +49,11 @@ def _carry(
         first, hessian = derivatives(c, mesh[k], side[k], tau[k - 1], after[k - 1], t, before[k], d)
         q = noise_covariance(c, tau[k - 1], t)
         p = covariance[k - 1]
-        linear, through = np.ascontiguousarray(first[:, :d]), np.ascontiguousarray(first[:, d:])
-        section[k] = linear @ p @ linear.T + through @ q @ through.T
+        linear = block(first, d, 0, d)
+        carried, kicked = congruence(linear, p), congruence(block(first, d, d, d + 4), q)
+        for i in range(d):
+            for j in range(d):
+                section[k, i, j] = carried[i, j] + kicked[i, j]
         together = (linear @ p)[0, 0]  # cov(tau_k, tau_k-1)
         spread = section[k, 0, 0] + p[0, 0] - 2.0 * together
         for i in range(5):
@@ -58,34 +62,36 @@ def _carry(
         last = moved[0]
         moved = linear @ moved
         if second:
+            slope = noise_slope(c, tau[k - 1], t)
             if sd[k, 1] > 0.0:
-                skew[k, 1] = flight_third_cumulant(c, tau[k - 1], t, first, hessian, p, q, third) / sd[k, 1] ** 3
-            third = third_cumulants(
-                c, tau[k - 1], t, before[k, 1], before[k, 3], first, hessian, p, q, third
-            )  # fmt: skip
+                skew[k, 1] = flight_third_cumulant(first, hessian, p, q, slope, third) / sd[k, 1] ** 3
+            third = third_cumulants(c, tau[k - 1] + t, first, hessian, p, q, slope, third)
             for i in range(5):
-                moved[i] += 0.5 * ((hessian[i, :d, :d] * p).sum() + (hessian[i, d:, d:] * q).sum())
+                moved[i] += 0.5 * (inner(hessian[i], p, 0) + inner(hessian[i], q, d))
                 place = 0 if i == 0 else i + 1
                 shift[k, place] = moved[i]
                 if sd[k, place] > 0.0:
                     skew[k, place] = third[i, i, i] / sd[k, place] ** 3
             shift[k, 1] = moved[0] - last
-        hit = np.eye(d)
-        hit[1:5, 1:5] = contact_matrix(c, mesh[k])
-        covariance[k] = hit @ section[k] @ hit.T
+        hit = hit_matrix(c, mesh[k], d)
+        put(covariance[k], congruence(hit, section[k]))
         moved = hit @ moved
         turned_third = np.zeros((d, d, d))
-        for i in range(d):
-            for a in range(d):
+        for a in range(d):
+            turned = congruence(hit, third[a])
+            for i in range(d):
                 if hit[i, a] != 0.0:
-                    turned_third[i] += hit[i, a] * (hit @ third[a] @ hit.T)
+                    for m in range(d):
+                        for n in range(d):
+                            turned_third[i, m, n] += hit[i, a] * turned[m, n]
         third = turned_third
         if redraw:
             flank = 5 + 2 * (mesh[k] - 1) + (1 if side[k] > 0 else 0)  # the opposite one
-            covariance[k, flank, :] = 0.0
-            covariance[k, :, flank] = 0.0
-            covariance[k, flank, flank] = variance[flank - 5]
-            third[flank], third[:, flank], third[:, :, flank], moved[flank] = 0.0, 0.0, 0.0, 0.0
+            for i in range(d):
+                covariance[k, flank, i] = covariance[k, i, flank] = 0.0
+                for j in range(d):
+                    third[flank, i, j] = third[i, flank, j] = third[i, j, flank] = 0.0
+            covariance[k, flank, flank], moved[flank] = variance[flank - 5], 0.0
     return found, shift, sd, skew, section, covariance
 
 

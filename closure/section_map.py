@@ -14,18 +14,19 @@ and nothing to the mean or the covariance.
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.compiled import jit
+from closure.blocks import block, congruence, put, put_row
+from scene.compiled import jit, spliced
 from scene.flight import field, field_rate, jacobian, noise_covariance, noise_rate, system_matrix
 from scene.scene import Constants
 
-__all__ = ["derivatives", "flight_third_cumulant", "third_cumulants"]
+__all__ = ["derivatives", "flight_third_cumulant", "noise_slope", "third_cumulants"]
 
 Floats = NDArray[np.float64]
 
 STEP = 1e-5  # of the one difference taken: Q is smooth in tau on the scale 1
 
 
-@jit
+@spliced
 def derivatives(
     c: Constants, mesh: int, side: int, tau: float, after: Floats, t: float, before: Floats, d: int
 ) -> tuple[Floats, Floats]:
@@ -57,69 +58,87 @@ def derivatives(
     explicit = field_rate(c, tau + t)
     bend = a @ rate + explicit  # second time derivative along the flight
     flown = np.zeros((4, size))  # derivative of the state after a flight of t, noise added
-    flown[:, 0] = rate - j @ field(c, tau, after[1], after[3])
-    flown[:, 1:5] = j
-    flown[:, d:] = np.eye(4)
-    late = -flown[i] / y  # derivative of the time that is left to the wall
-    if d > 5:
-        late[5 + i + (0 if side > 0 else 1)] += side / y
-    first = np.zeros((d, size))
-    first[0] = late
-    first[0, 0] += 1.0
+    begun, first_rate = j @ field(c, tau, after[1], after[3]), np.zeros(4)
     for k in range(4):
-        first[1 + k] = flown[k] + rate[k] * late
-    first[1 + i] = 0.0  # on its wall, exactly
+        first_rate[k] = flown[k, 0] = rate[k] - begun[k]
+        flown[k, d + k] = 1.0
+        for m in range(4):
+            flown[k, 1 + m] = j[k, m]
+    flank = 5 + i + (0 if side > 0 else 1)
+    late = np.zeros(size)  # derivative of the time that is left to the wall
+    for m in range(size):
+        late[m] = -flown[i, m] / y
+    if d > 5:
+        late[flank] += side / y
+    first = np.zeros((d, size))
+    for m in range(size):
+        first[0, m] = late[m]
+        for k in range(4):
+            if k != i:  # on its wall, exactly
+                first[1 + k, m] = flown[k, m] + rate[k] * late[m]
+    first[0, 0] += 1.0
     for k in range(5, d):
         first[k, k] = 1.0
     if d > 5:
-        first[1 + i, 5 + i + (0 if side > 0 else 1)] = side
+        first[1 + i, flank] = side
     drift = a @ flown
-    drift[:, 0] += explicit  # derivative of the rate at the end of the flight
-    twice_tau = explicit + a @ flown[:, 0].copy() - j @ field_rate(c, tau)
+    turn, twist = a @ first_rate, j @ field_rate(c, tau)
+    for k in range(4):
+        drift[k, 0] += explicit[k]  # derivative of the rate at the end of the flight
     second = np.zeros((5, size, size))
+    for m in range(size):
+        for n in range(size):
+            for k in range(4):
+                second[1 + k, m, n] = drift[k, m] * late[n] + late[m] * drift[k, n] + bend[k] * (late[m] * late[n])
     for k in range(4):
-        second[1 + k] = np.outer(drift[k], late) + np.outer(late, drift[k]) + bend[k] * np.outer(late, late)
-        second[1 + k, 0, 0] += twice_tau[k]
-    second[0] = -second[1 + i] / y
-    for k in range(4):
-        second[1 + k] += rate[k] * second[0]
-    second[1 + i] = 0.0
+        second[1 + k, 0, 0] += explicit[k] + turn[k] - twist[k]
+    for m in range(size):
+        for n in range(size):
+            second[0, m, n] = -second[1 + i, m, n] / y
+            for k in range(4):
+                second[1 + k, m, n] += rate[k] * second[0, m, n]
+            second[1 + i, m, n] = 0.0
     return first, second
 
 
 @jit
-def _noise_slope(c: Constants, tau: float, t: float) -> Floats:
+def noise_slope(c: Constants, tau: float, t: float) -> Floats:
+    """Derivative of the covariance of a flight's noise with respect to the time of its start, shape (4, 4)."""
     return (noise_covariance(c, tau + STEP, t) - noise_covariance(c, tau - STEP, t)) / (2.0 * STEP)
 
 
-@jit
+@spliced
 def third_cumulants(
-    c: Constants, tau: float, t: float, y1: float, y2: float, first: Floats, hessian: Floats,
-    p: Floats, q: Floats, third: Floats,
-) -> Floats:  # fmt: skip
-    """Third cumulants of the next section state, shape (d, d, d); see the module's docstring."""
+    c: Constants, tau: float, first: Floats, hessian: Floats, p: Floats, q: Floats, slope: Floats, third: Floats
+) -> Floats:
+    """Third cumulants of the next section state, shape (d, d, d); see the module's docstring.
+
+    `tau` is the time of the next impact, `slope` that of the noise's covariance (`noise_slope`).
+    """
     d = p.shape[0]
     size = d + 4
     spread = np.zeros((size, size))  # covariance of (s, n)
-    spread[:d, :d], spread[d:, d:] = p, q
+    put(spread[:d, :d], p)
+    put(spread[d:, d:], q)
     reach = first @ spread  # cov(s', (s, n))
     covariance = reach @ first.T
-    through = np.ascontiguousarray(first[:, d:])
-    varied = through @ _noise_slope(c, tau, t) @ through.T  # d cov(s' | s) / d tau_k
-    late = covariance[0] - reach[:, 0]  # cov(delta, s'), delta = tau' - tau - t
-    m1, m2 = noise_rate(c, tau + t)
+    varied = congruence(block(first, d, d, size), slope)  # d cov(s' | s) / d tau_k
+    late = np.empty(d)  # cov(delta, s'), delta = tau' - tau - t
+    for i in range(d):
+        late[i] = covariance[0, i] - reach[i, 0]
+    m1, m2 = noise_rate(c, tau)
     kick = np.zeros(d)
     kick[2] = c.sigma * m1
     if c.stages == 2:
         kick[4] = c.sigma * m2
     bent = np.zeros((d, d, d))  # bent[l, i, j]: the quadratic part is in component l
     for k in range(5):
-        bent[k] = reach @ hessian[k] @ reach.T
+        put(bent[k], congruence(reach, hessian[k]))
     out = np.zeros((d, d, d))
     carried = np.zeros((d, d, d))
-    linear = np.ascontiguousarray(first[:, :d])
+    linear = block(first, d, 0, d)
     for a in range(d):
-        carried[a] = linear @ third[a] @ linear.T
+        put(carried[a], congruence(linear, third[a]))
     for i in range(d):
         for j in range(d):
             for k in range(d):
@@ -132,10 +151,8 @@ def third_cumulants(
     return out
 
 
-@jit
-def flight_third_cumulant(
-    c: Constants, tau: float, t: float, first: Floats, hessian: Floats, p: Floats, q: Floats, third: Floats
-) -> float:
+@spliced
+def flight_third_cumulant(first: Floats, hessian: Floats, p: Floats, q: Floats, slope: Floats, third: Floats) -> float:
     """Third cumulant of the flight time, which is the next tau less the last one: what is bent is the next tau alone.
 
     The noise beyond the orbit's flight time is no part of it, for that kicks velocities.
@@ -144,8 +161,9 @@ def flight_third_cumulant(
     own = first[0].copy()  # derivative of the flight time with respect to (s, n)
     own[0] -= 1.0
     reach = np.zeros(d + 4)  # its covariance with (s, n)
-    reach[:d], reach[d:] = own[:d] @ p, own[d:] @ q
-    varied = own[d:] @ _noise_slope(c, tau, t) @ own[d:]  # d var(flight | s) / d tau_k
+    put_row(reach[:d], own[:d] @ p)
+    put_row(reach[d:], own[d:] @ q)
+    varied = own[d:] @ slope @ own[d:]  # d var(flight | s) / d tau_k
     total = 3.0 * (reach @ hessian[0] @ reach) + 3.0 * varied * reach[0]
     for a in range(d):
         total += own[a] * (own[:d] @ third[a] @ own[:d])

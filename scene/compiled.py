@@ -73,5 +73,8 @@ def reducing(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def spliced(function: Callable[P, R]) -> Callable[P, R]:
-    """Written into its caller before types are known: branches on the caller's constants go, with all they call."""
+    """Written into its caller before types are known: branches on the caller's constants go, with all they call.
+
+    A large body that is called from one place is then optimised once, not again in every function above it.
+    """
     return cast(Callable[P, R], numba.njit(inline="always")(function))
