@@ -71,15 +71,17 @@ def _record(
     wanted: "Study", store: "Store", folder: Path, file: Path, workers: int, scheduler: str | None
 ) -> dict[str, Any]:
     """Run the study and write its page; the record of what is there."""
-    from compare.study.engine import missing, run
-    from compare.study.page import is_current, write_page
-    from compare.study.places import Cluster, Here, Place
-    from compare.study.results import Results
+    from compare.study.current import is_current
 
     current = is_current(wanted, folder)
-    if current and not missing(wanted, store):
+    if current and all(store.path(cell.key).exists() for cell in wanted.cells):
         click.echo(f"All {len(wanted.cells)} cells are there, and the page is of them.", err=True)
         return current
+
+    from compare.study.engine import run
+    from compare.study.page import write_page
+    from compare.study.places import Cluster, Here, Place
+    from compare.study.results import Results
 
     def unchanged() -> bool:
         try:

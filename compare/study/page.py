@@ -12,9 +12,9 @@ import pandas as pd
 
 from compare import manifest
 from compare.moments import VERDICTS
-from compare.page import Cell, Code, Figure, Page, Row, Section, Source, Table, Text, numbers, pages
+from compare.page import Cell, Code, Figure, Page, Row, Section, Source, Table, Text, numbers
 from compare.page import write_page as write_views
-from compare.study.design import Study
+from compare.study.current import cells_digest
 from compare.study.estimate import calibrated, core_seconds, scaling
 from compare.study.figures import FIGURES, panels
 from compare.study.results import Results
@@ -23,26 +23,10 @@ from compare.study.version import numerical_version
 from compare.style import save
 from scene.errors import OutputError
 
-__all__ = ["answer", "is_current", "write_page"]
+__all__ = ["answer", "write_page"]
 
 SMALL = ("correlation", "frontier", "cost", "reasons")
 """Tables that are written as CSV too."""
-
-
-def is_current(study: Study, folder: Path) -> dict[str, Any] | None:
-    """The record of what is in a folder, if it is of this study and all of its cells; else None."""
-    try:
-        record: dict[str, Any] = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    files = [*(f"{name}.parquet" for name in TABLES), *pages("study")]
-    whole = all((folder / file).exists() for file in files)
-    return record if whole and record.get("cells_sha256") == _cells_digest(study) and record.get("complete") else None
-
-
-def _cells_digest(study: Study) -> str:
-    keys = ",".join(sorted(cell.key for cell in study.cells))
-    return hashlib.sha256(f"{study.digest} {keys}".encode()).hexdigest()
 
 
 def _digest(table: pd.DataFrame) -> str:
@@ -128,7 +112,7 @@ def _written(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
     factor = calibrated({c.key: core_seconds(c) for c in r.study.cells if c.key in taken}, taken)
     record = {
         "kind": "study", "title": r.study.title, "answer": answer(r), "complete": len(taken) == len(r.study.cells),
-        "points": len(r.study.points), "cells": len(r.study.cells), "cells_sha256": _cells_digest(r.study),
+        "points": len(r.study.points), "cells": len(r.study.cells), "cells_sha256": cells_digest(r.study),
         "errors_sha256": _digest(r.errors), "sections_sha256": _digest(r.sections), "z": r.z,
         "numerical_version": numerical_version(), "commit": manifest.commit(), "versions": manifest.versions(), **facts,
     }  # fmt: skip

@@ -34,7 +34,7 @@ def numerical_version(*packages: str) -> str:
     for library in LIBRARIES:
         digest.update(f"{library} {importlib.metadata.version(library)};".encode())
     for path in _sources(packages or PACKAGES):
-        digest.update(path.name.encode() + _meaning(path.read_text(encoding="utf-8")).encode())
+        digest.update(path.name.encode() + _meaning_of(path).encode())
     return digest.hexdigest()[:16]
 
 
@@ -42,6 +42,11 @@ def _sources(packages: tuple[str, ...]) -> Iterator[Path]:
     root = Path(__file__).resolve().parents[2]
     for package in packages:
         yield from sorted((root / package).glob("*.py"))
+
+
+@cache
+def _meaning_of(path: Path) -> str:
+    return _meaning(path.read_text(encoding="utf-8"))
 
 
 def _meaning(source: str) -> str:

@@ -1,0 +1,29 @@
+"""Whether what lies in a study's folder is of the study as it is now."""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from compare.page import pages
+from compare.study.design import Study
+from compare.study.tables import MANIFEST, TABLES
+
+__all__ = ["cells_digest", "is_current"]
+
+
+def is_current(study: Study, folder: Path) -> dict[str, Any] | None:
+    """The record of what is in a folder, if it is of this study and all of its cells; else None."""
+    try:
+        record: dict[str, Any] = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    files = [*(f"{name}.parquet" for name in TABLES), *pages("study")]
+    whole = all((folder / file).exists() for file in files)
+    return record if whole and record.get("cells_sha256") == cells_digest(study) and record.get("complete") else None
+
+
+def cells_digest(study: Study) -> str:
+    """Digest of the study's file and of the keys of its cells."""
+    keys = ",".join(sorted(cell.key for cell in study.cells))
+    return hashlib.sha256(f"{study.digest} {keys}".encode()).hexdigest()
