@@ -159,7 +159,7 @@ def test_the_example_suite_holds(pytester, ensembles):
 
 
 def test_the_readme_shows_what_is_printed(pytester):
-    section = (ROOT / "README.md").read_text().split("### Accuracy thresholds in pytest")[1]
+    section = (ROOT / "README.md").read_text().split("## Accuracy thresholds in pytest")[1]
     code, printed = re.search(r"```python\n(.*?)```.*?```\n(.*?)```", section, re.DOTALL).groups()
     pytester.makepyfile(test_gate=code)
     shutil.copy(HERE / "example_suite" / "dat21.toml", pytester.path)
