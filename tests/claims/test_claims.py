@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from compare.__main__ import main
 from compare.chaos.exponents import Mean
-from compare.claims import judged
+from compare.claims import judged, of_moments, of_motion
 from compare.claims.claim import NOT_REPRODUCED, REPRODUCED, UNDECIDED, table
 from compare.claims.evidence import gather
 from compare.claims.page import write_claims
@@ -57,19 +57,19 @@ def test_verdicts_on_dat21(claims, name, verdict):
 
 def test_another_covariance_would_not_pass_for_the_solution(evidence):
     planted = replace(evidence, open_space=replace(evidence.open_space, beta1=0.3))
-    assert judged.solvable(planted).verdict == UNDECIDED
+    assert of_moments.solvable(planted).verdict == UNDECIDED
 
 
 def test_a_mended_correlation_beyond_one_would_reproduce_the_claim(evidence):
     v = evidence.validations[0]
     rows = v.correlation.assign(rho=v.correlation["rho"].where(v.correlation["reading"] != "mended", 1.2))
     planted = replace(evidence, validations=[replace(v, correlation=rows), *evidence.validations[1:]])
-    assert judged.beyond_one(planted).verdict == REPRODUCED
+    assert of_moments.beyond_one(planted).verdict == REPRODUCED
 
 
 def test_impacts_that_alternate_would_reproduce_the_claim(evidence):
     planted = replace(evidence, repeats=dict.fromkeys(("orbit", "noisy"), Mean(0.0, 0.0, 32.0)))
-    assert judged.counter_meshes(planted).verdict == REPRODUCED
+    assert of_motion.counter_meshes(planted).verdict == REPRODUCED
 
 
 @pytest.mark.parametrize(
@@ -81,15 +81,17 @@ def test_the_range_of_chaos_follows_the_signs(evidence, signs, verdict):
     sign = sweep["alpha"].map(dict(zip((0.3, 1.0, 2.0), signs, strict=True)))
     planted = sweep.assign(alpha=sweep["alpha"].replace(0.3, 0.1), low=sign - 0.1, high=sign + 0.1)
     chaos = replace(evidence.chaos, sweep=planted)
-    assert judged.chaotic_range(replace(evidence, chaos=chaos)).verdict.startswith(verdict)
-    controlled = judged.controlled(replace(evidence, chaos=chaos)).verdict
+    assert of_motion.chaotic_range(replace(evidence, chaos=chaos)).verdict.startswith(verdict)
+    controlled = of_motion.controlled(replace(evidence, chaos=chaos)).verdict
     assert (controlled == REPRODUCED) == (len(set(signs)) == 2)
 
 
 def test_a_right_mean_map_would_reproduce_the_claim(evidence):
     last = evidence.validations[-1]
     planted = replace(last, table=last.table.assign(verdict="accurate"))
-    assert judged.describes(replace(evidence, validations=[*evidence.validations[:-1], planted])).verdict == REPRODUCED
+    assert (
+        of_moments.describes(replace(evidence, validations=[*evidence.validations[:-1], planted])).verdict == REPRODUCED
+    )
 
 
 def test_a_section_of_few_points_is_not_fuzzy(evidence):
@@ -97,7 +99,7 @@ def test_a_section_of_few_points_is_not_fuzzy(evidence):
     few = np.zeros_like(section.counts)
     few[:, :5, :5] = 100
     chaos = replace(evidence.chaos, sections={**evidence.chaos.sections, "orbit": replace(section, counts=few)})
-    assert judged.fuzzy(replace(evidence, chaos=chaos)).verdict == NOT_REPRODUCED
+    assert of_motion.fuzzy(replace(evidence, chaos=chaos)).verdict == NOT_REPRODUCED
 
 
 def test_the_page_holds_every_claim(evidence, claims, tmp_path):
