@@ -10,7 +10,8 @@ from typing import Any
 
 import click
 
-from compare import chaos_command, sampling_commands
+from compare import sampling_commands
+from compare.chaos.command import chaos
 from compare.claims.command import claims
 from compare.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_soon
 from compare.page.command import show
@@ -243,7 +244,7 @@ main.add_command(sampling_commands.simulate)
 main.add_command(sampling_commands.bench)
 main.add_command(sampling_commands.order)
 main.add_command(study)
-main.add_command(chaos_command.chaos)
+main.add_command(chaos)
 main.add_command(claims)
 main.add_command(show)
 main.add_command(selftest)
