@@ -11,8 +11,6 @@ from scene.errors import OutputError
 
 __all__ = ["check_free", "whole_folder"]
 
-MARK = "manifest.json"
-
 
 def check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
     """Refuse a folder that could not be written without losing something.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from closure import mean_map
-from compare.chaos.exponents import CONFIDENCE, DRIFT, ORBIT, Exponents, drift_exponents, lyapunov
+from compare.chaos.exponents import CONFIDENCE, ORBIT, Exponents, drift_exponents, lyapunov
 from scene.errors import InputError
 from scene.scene import Scene, Start
 from scene.validate import choice, count, finite
@@ -185,7 +185,3 @@ def crossings(table: pd.DataFrame, field: str = "alpha", of: str = ORBIT) -> pd.
         if sign[a] != sign[b]
     ]
     return pd.DataFrame(found, columns=["of", "low", "high", "to", "undecided"])
-
-
-LINES = (ORBIT, DRIFT)
-"""What a sweep draws."""

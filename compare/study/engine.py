@@ -98,11 +98,7 @@ def run(
                 if elsewhere and len(elsewhere) == len(waiting) and not running:
                     time.sleep(LOOK)  # all that is left is in other hands
                 if done and not unchanged():
-                    raise InputError(
-                        "study",
-                        study.title,
-                        "its file has changed while it ran; what is finished is kept: run it again",
-                    )
+                    raise InputError("study", study.title, CHANGED)
         except KeyboardInterrupt:
             have = len(study.cells) - sum(not store.path(key).exists() for key in todo)
             text = f"interrupted; {have} of {len(study.cells)} cells are there: the same command goes on"

@@ -121,7 +121,7 @@ class Store:
         content = content.replace_schema_metadata({**content.schema.metadata, NAME: record})
         scratch = None
         try:
-            number, scratch = tempfile.mkstemp(prefix=f".{key[:8]}-", suffix=".part", dir=self.folder)
+            number, scratch = tempfile.mkstemp(prefix=f".{key}-", suffix=".part", dir=self.folder)
             with os.fdopen(number, "wb") as file:
                 pq.write_table(content, file, compression="zstd", write_page_checksum=True)
                 file.flush()
@@ -148,9 +148,11 @@ class Store:
             lock.release()
 
     def sweep(self) -> None:
-        """Remove what a killed process has left half written."""
+        """Remove what killed processes have left half written; what another process is writing now is its own."""
         for part in self.folder.glob(".*.part"):
-            part.unlink(missing_ok=True)
+            with self.alone(part.name[1:].split("-")[0]) as alone:
+                if alone:
+                    part.unlink(missing_ok=True)
 
     def _refused(self, why: str) -> OutputError:
         return OutputError(f"out = {str(self.folder)!r}: {why}")

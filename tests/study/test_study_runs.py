@@ -276,6 +276,16 @@ def test_obtain_waits_for_another_process(small, tmp_path):
     assert found
 
 
+def test_what_another_process_is_writing_is_left_to_it(tmp_path):
+    store = Store(tmp_path / "s")
+    parts = [store.folder / f".{key}-x.part" for key in ("held", "left")]
+    for part in parts:
+        part.touch()
+    with store.alone("held"):
+        store.sweep()
+    assert [part.exists() for part in parts] == [True, False]
+
+
 def test_overhead_of_the_study_is_small(tmp_path):
     """The engine and the store take less than 2 % of the sampling: a second of sampling, two cells."""
     study = Study.from_toml(study_text(sigmas=(0.01,), paths=600_000).replace('"saltation", "mended"', '"mended"'))
