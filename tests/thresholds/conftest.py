@@ -18,5 +18,8 @@ def loaded():
 
 @pytest.fixture(autouse=True)
 def alone(monkeypatch):
-    """Inner sessions load no other plugin: some take longer than all that is tested here."""
+    """Inner sessions load no slow plugin of others, and print as on a terminal: pytest cuts no line in a CI."""
     monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
+    monkeypatch.setenv("COLUMNS", "80")
+    for name in ("CI", "BUILD_NUMBER"):
+        monkeypatch.delenv(name, raising=False)
