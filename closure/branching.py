@@ -6,6 +6,9 @@ where the next event changes or the section map bends (`closure.refining`), carr
 (`closure.gaussian_flight`), and merged after the impact where they lie together (`closure.mixture`).
 """
 
+import math
+from dataclasses import replace
+
 import numpy as np
 
 from closure.blocks import congruence, hit_matrix, put, put_row
@@ -65,7 +68,20 @@ def check(scene: Scene) -> None:
 
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
-    """Follow the mixture through `impacts` impacts; it carries no moments of a perturbation, whatever `order`."""
+    """Follow the mixture through `impacts` impacts; it carries no moments of a perturbation, whatever `order`.
+
+    Principal axes mix times and lengths: the unit of length is the power of two next to the gap, whatever the scene's.
+    """
+    unit = 2.0 ** math.frexp(scene.constants.wall1)[1]
+    found = _trace(scene.scaled(1.0 / unit), impacts, order)
+    lengths = np.array([1.0, 1.0, unit, unit, unit, unit])
+    parts = {
+        k: (w, means * lengths, variances * lengths**2) for k, (w, means, variances) in (found.parts or {}).items()
+    }
+    return replace(found, mean=found.mean * unit, sd=found.sd * lengths, parts=parts)
+
+
+def _trace(scene: Scene, impacts: int, order: int) -> Trace:
     c, orbit = scene.constants, follow(scene, impacts)
     b, after = workbench(MOST_CUT), empty(2 * MOST_CUT)
     section, flight = b.landing.section, b.landing.flight

@@ -1,19 +1,22 @@
 """The bivariate Edgeworth series of one stage (Eqs. 11-13, 18, 19) and its window means (Eqs. 20, 21)."""
 
 from dataclasses import dataclass
-from math import erf, exp, factorial, pi, sqrt
+from math import erf, erfc, exp, factorial, pi, sqrt
 
 import numpy as np
 from numpy.polynomial import hermite_e
 from numpy.typing import NDArray
 
 from scene.compiled import jit
+from scene.flight import NODES, WEIGHTS
 
 __all__ = ["Edgeworth", "coefficients", "mixture_density", "section_density", "window_means"]
 
 Floats = NDArray[np.float64]
 
 FACTORIAL = np.array([factorial(n) for n in range(8)], dtype=float)
+NARROW = 1.0  # width of a window, in sds, below which it is integrated by Gauss-Legendre
+FARTHEST = 40.0  # sds: the normal density is 0 there
 HERMITE = np.array([np.pad(hermite_e.herme2poly([0.0] * i + [1.0]), (0, 7 - i)) for i in range(8)])
 """Row i: the monomial coefficients of He_i."""
 
@@ -60,6 +63,56 @@ def normal_density(z: float) -> float:
 
 
 @jit
+def normal_mass(low: float, high: float) -> float:
+    """Mass of the standard normal between two points, to rounding also where both lie in one tail.
+
+    Examples
+    --------
+    >>> round(normal_mass(10.0, 40.0) * 1e24, 6)
+    7.619853
+    """
+    root = sqrt(2.0)
+    if low > 0.0:
+        return 0.5 * (erfc(low / root) - erfc(high / root))
+    if high < 0.0:
+        return 0.5 * (erfc(-high / root) - erfc(-low / root))
+    return 0.5 * (erf(high / root) - erf(low / root))
+
+
+@jit
+def hermite_masses(low: float, high: float, order: int) -> tuple[Floats, Floats]:
+    """``int He_i phi`` and ``int z He_i phi`` over a window, i = 0 to `order`.
+
+    The first is ``He_{i-1}(low) phi(low) - He_{i-1}(high) phi(high)`` and the second ``M_{i+1} + i M_{i-1}`` (below Eq.
+    21); a narrow window, where these are differences of what is nearly equal, by Gauss-Legendre.
+
+    Examples
+    --------
+    >>> mass, first = hermite_masses(-1e-6, 1e-6, 1)
+    >>> round(float(mass[0]) / 2e-6, 6), round(float(first[1]) / (2e-18 / 3.0), 6)  # phi(0) of both
+    (0.398942, 0.398942)
+    """
+    mass, first = np.zeros(order + 2), np.zeros(order + 1)
+    width = high - low
+    if width < NARROW:
+        for n in range(NODES.size):
+            z = low + width * NODES[n] if abs(low) < abs(high) else high - width * NODES[n]
+            w = width * WEIGHTS[n] * normal_density(z)
+            for i in range(order + 1):
+                mass[i] += w * hermite(i, z)
+                first[i] += w * z * hermite(i, z)
+        return mass[: order + 1], first
+    mass[0] = normal_mass(low, high)
+    for i in range(1, order + 2):
+        for z, sign in ((low, 1.0), (high, -1.0)):
+            if abs(z) < FARTHEST:  # beyond, the density is 0 and the polynomial may be infinite
+                mass[i] += sign * hermite(i - 1, z) * normal_density(z)
+    for i in range(order + 1):
+        first[i] = mass[i + 1] + (i * mass[i - 1] if i > 0 else 0.0)
+    return mass[: order + 1], first
+
+
+@jit
 def window_means(a: Floats, sd_x: float, sd_y: float, low: float, high: float) -> tuple[float, float]:
     """``E[xi; low < xi < high]`` and ``E[zeta; low < xi < high]`` of the series (Eqs. 20, 21).
 
@@ -74,16 +127,12 @@ def window_means(a: Floats, sd_x: float, sd_y: float, low: float, high: float) -
     (-0.797885, -0.199471)
     """
     order = a.shape[0] - 1
-    lo, hi = low / sd_x, high / sd_x
-    moment = np.zeros(order + 2)  # M_i = int He_i phi over the window
-    moment[0] = 0.5 * (erf(hi / sqrt(2.0)) - erf(lo / sqrt(2.0)))
-    for i in range(1, order + 2):
-        moment[i] = hermite(i - 1, lo) * normal_density(lo) - hermite(i - 1, hi) * normal_density(hi)
+    mass, first = hermite_masses(low / sd_x, high / sd_x, order)
     mean_x, mean_y = 0.0, 0.0
     for i in range(order + 1):
-        mean_x += a[i, 0] * (moment[i + 1] + (i * moment[i - 1] if i > 0 else 0.0))
+        mean_x += a[i, 0] * first[i]
         if i < order:
-            mean_y += a[i, 1] * moment[i]
+            mean_y += a[i, 1] * mass[i]
     return sd_x * mean_x, sd_y * mean_y
 
 

@@ -86,7 +86,7 @@ class LongOrbit:
         x1, y1, x2, y2 = scene.noise_free.start_state
         if scene.start.mesh != 0:
             y1, y2 = struck(self.c, scene.start.mesh, y1, y2)
-        tau = (scene.start.tau + start * PERIOD * (math.sqrt(5.0) - 1.0) / 2.0) % PERIOD
+        tau = (scene.phase + start * PERIOD * (math.sqrt(5.0) - 1.0) / 2.0) % PERIOD
         self.at = np.array([tau, x1, y1, x2, y2, 0.0])
         self.frame = np.eye(4)
         self.ended = 1

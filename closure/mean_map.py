@@ -1,7 +1,7 @@
 """The public entry of the closures: one call, three readings, one result."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -67,6 +67,11 @@ class MeanMap:
     order: int
     trace: Trace
 
+    @cached_property
+    def near(self) -> "MeanMap":
+        """The same result for the scene begun at its phase (`Scene.near`): tau has all its digits, however late."""
+        return self if self.scene.near is self.scene else replace(self, scene=self.scene.near)
+
     @property
     def stopped(self) -> str:
         """Why the closure ended before the last impact asked for, or an empty string."""
@@ -104,7 +109,7 @@ class MeanMap:
         """
         t = self.trace
         columns: dict[str, object] = {
-            "tau": t.tau[1:],
+            "tau": self.scene.stated(t.tau[1:]),
             "flight": np.diff(t.tau),
             "mesh": t.mesh[1:],
             "side": t.side[1:],
@@ -146,16 +151,17 @@ class MeanMap:
         low, high = self.trace.tau[0], self.trace.tau[self.trace.found]
         rows = []
         for time in np.asarray(times, dtype=float):
-            if not low <= time <= high:
-                raise InputError("times", float(time), f"lies outside the times followed, {low:g} to {high:g}")
-            mean, covariance = self.trace.at(float(time))
+            if not low <= self.scene.counted(time) <= high:
+                followed = f"{self.scene.stated(low):g} to {self.scene.stated(high):g}"
+                raise InputError("times", float(time), f"lies outside the times followed, {followed}")
+            mean, covariance = self.trace.at(self.scene.counted(float(time)))
             rows.append(clock_row(mean, covariance))
         return pd.DataFrame(rows, index=pd.Index(np.asarray(times, dtype=float), name="time"))
 
     def density(self, impact: int, quantity: str, values: Floats) -> Floats | None:
         """Density that the reading gives to a section quantity at an impact; None where it gives none.
 
-        Around the reading's mean, with its sd and skewness; ``printed`` gives a velocity the marginal of its bivariate
+        A tau among the values is counted from the start's phase (`Scene.phase`).  Around the reading's mean, with its sd and skewness; ``printed`` gives a velocity the marginal of its bivariate
         series, for it speaks of raw moments; ``branching`` has its mixture.
         """
         i = SECTION.index(choice("quantity", quantity, SECTION))
@@ -165,7 +171,7 @@ class MeanMap:
         if np.isfinite(self.trace.sd[impact, 0]) and np.isnan(self.trace.skew[impact]).all():
             skew = 0.0  # section moments of first order: Gaussian
         if np.isfinite(skew) and sd > 0.0:
-            return section_density(values, float(self.section[quantity].loc[impact]), sd, skew)
+            return section_density(values, float(self.near.section[quantity].loc[impact]), sd, skew)
         if quantity not in VELOCITIES:
             return None
         stage = VELOCITIES.index(quantity) + 1

@@ -55,7 +55,7 @@ class Orbit:
     Attributes
     ----------
     tau : ndarray, shape (impacts + 1,)
-        Impact times.
+        Impact times, counted from the start's phase (`Scene.phase`).
     mesh, side : ndarray of int, shape (impacts + 1,)
         Where it struck; 0 for a start in flight.
     before, after : ndarray, shape (impacts + 1, 4)
@@ -99,6 +99,6 @@ def follow(scene: Scene, impacts: int) -> Orbit:
         np.full((impacts + 1, 4), np.nan),
     )
     mesh, side = np.zeros(impacts + 1, np.int64), np.zeros(impacts + 1, np.int64)
-    found, last = _follow(c, start.tau, *scene.start_state, start.mesh, tau, mesh, side, before, after)
+    found, last = _follow(c, scene.phase, *scene.start_state, start.mesh, tau, mesh, side, before, after)
     stopped = "" if last > 0 else f"{MISSES[last]} after impact {found}"
     return Orbit(tau, mesh, side, before, after, found, stopped)

@@ -115,7 +115,7 @@ def _counter_mesh(
                 else:
                     f_low *= 0.5
                 high, f_high = t, f
-                if f == 0.0 or abs(high - low) < 1e-14 * (1.0 + t) or abs(f) < 1e-15:
+                if f == 0.0 or abs(high - low) < 1e-14 * (1.0 + t) or abs(f) < 1e-15 * windows[i]:
                     break
             if high < best and high > 0.0:
                 best, stage = high, i + 1
@@ -181,7 +181,7 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     """Follow the printed mean map through `impacts` impacts."""
     c, windows = scene.constants, scene.windows
     start = np.array(scene.start_state)
-    found, tau, mesh, mean, shift, raw, after = _iterate(c, scene.start.tau, start, impacts, windows, order)
+    found, tau, mesh, mean, shift, raw, after = _iterate(c, scene.phase, start, impacts, windows, order)
     covariance = _covariance(raw)
     variance = np.diagonal(covariance, axis1=1, axis2=2)
     sd = np.full((impacts + 1, 6), np.nan)

@@ -19,7 +19,9 @@ from scene.scene import Constants, Scene
 
 __all__ = ["trace"]
 
-SLOWEST = 1e-6  # impact speed below which the orbit grazes: derivatives of the section map do not exist there
+SLOWEST = (
+    1e-6  # impact speed, in units of what drives and starts it, below which the orbit grazes: no derivatives there
+)
 
 
 @jit
@@ -41,9 +43,10 @@ def _carry(
     put(covariance[0], start)
     put(section[0], start)
     moved, third = np.zeros(d), np.zeros((d, d, d))
+    fastest = max(c.alpha, c.gamma1, abs(before[0, 1]), abs(before[0, 3]))
     for k in range(1, found + 1):
         speed = before[k, 1] if mesh[k] == 1 else before[k, 3]
-        if abs(speed) < SLOWEST:
+        if abs(speed) < SLOWEST * fastest:
             return k - 1, shift, sd, skew, section, covariance
         t = tau[k] - tau[k - 1]
         first, hessian = derivatives(c, mesh[k], side[k], tau[k - 1], after[k - 1], t, before[k], d)

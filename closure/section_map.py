@@ -11,6 +11,8 @@ m the noise's modulation.  That adds ``sigma^2 m_i m_j cov(delta, s_l)`` and its
 and nothing to the mean or the covariance.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,8 +24,6 @@ from scene.scene import Constants
 __all__ = ["derivatives", "flight_third_cumulant", "noise_slope", "third_cumulants"]
 
 Floats = NDArray[np.float64]
-
-STEP = 1e-5  # of the one difference taken: Q is smooth in tau on the scale 1
 
 
 @spliced
@@ -103,8 +103,12 @@ def derivatives(
 
 @jit
 def noise_slope(c: Constants, tau: float, t: float) -> Floats:
-    """Derivative of the covariance of a flight's noise with respect to the time of its start, shape (4, 4)."""
-    return (noise_covariance(c, tau + STEP, t) - noise_covariance(c, tau - STEP, t)) / (2.0 * STEP)
+    """Derivative of the covariance of a flight's noise with respect to the time of its start, shape (4, 4).
+
+    That covariance is ``A + B cos 2 tau + C sin 2 tau``, so an eighth of a period to either side gives it exactly.
+    """
+    eighth = 0.25 * math.pi
+    return noise_covariance(c, tau + eighth, t) - noise_covariance(c, tau - eighth, t)
 
 
 @spliced

@@ -19,7 +19,7 @@ class Trace:
     Attributes
     ----------
     tau : ndarray, shape (impacts + 1,)
-        Mean impact times; NaN beyond `found`.
+        Mean impact times, counted from the start's phase (`Scene.phase`); NaN beyond `found`.
     mesh, side : ndarray of int, shape (impacts + 1,)
         Where the reading has its impacts.
     mean : ndarray, shape (impacts + 1, 4)
@@ -38,7 +38,7 @@ class Trace:
     agreement, lost : ndarray, shape (impacts + 1,), optional
         Share of paths that the reading expects on the orbit's itinerary so far, and the weight it has lost.
     at : callable
-        ``at(time) -> (mean, covariance)`` between impacts.
+        ``at(time) -> (mean, covariance)`` between impacts, the time counted likewise.
     found : int
         Impacts that could be evaluated.
     stopped : str

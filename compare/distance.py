@@ -153,6 +153,7 @@ def section_distances(closure: MeanMap, run: Ensemble) -> pd.DataFrame:
         raise InputError("run.histograms", None, "ask for them: simulate(histogram=True)")
     if closure.scene != run.scene:
         raise InputError("closure.scene", closure.scene, "is not the run's; compare the same scene")
+    closure, run = closure.near, run.near
     sampled, limit = run.section, _limits(run)
     records = []
     quantities = [q for q in SECTION if run.scene.stages == 2 or q not in STATE[2:]]

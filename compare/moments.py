@@ -7,9 +7,13 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-__all__ = ["ABSOLUTE", "VERDICTS", "Claimed", "Simulated", "Tolerances", "judge", "section_errors", "widest"]
+from scene.scene import Scene
+
+__all__ = ["ABSOLUTE", "VERDICTS", "Claimed", "Simulated", "Tolerances", "judge", "section_errors", "stated", "widest"]
 
 VERDICTS = ("accurate", "inaccurate", "undecided", "not predicted")
+
+SIDES = ("closure", "monte_carlo")
 
 ABSOLUTE = 1e-6
 """Tolerance where a quantity does not vary: the displacement at the mesh that every path strikes, say."""
@@ -130,6 +134,18 @@ def section_errors(closure: Claimed, run: Simulated, z: float, tolerances: Toler
     half = table["noise"] + table["rest"]
     table["low"], table["high"] = table["error"] - half, table["error"] + half
     return judge(table)
+
+
+def stated(table: pd.DataFrame, scene: Scene) -> pd.DataFrame:
+    """Errors that were found near the start's phase (`Scene.near`), with their times as the scene states them.
+
+    Errors, intervals and verdicts are what they are: only what is read as a time has the start's own added back.
+    """
+    late = (table["quantity"] == "tau") & (table["moment"] == "mean")
+    columns = {name: np.where(late, scene.stated(table[name].to_numpy(float)), table[name]) for name in SIDES}
+    if "time" in table:
+        columns["time"] = scene.stated(table["time"].to_numpy(float))
+    return table.assign(**columns)
 
 
 def _picked(table: pd.DataFrame, impact: pd.Series, column: pd.Series) -> NDArray[np.float64]:

@@ -191,7 +191,7 @@ def _series_negative_mass(closure: MeanMap, impact: int, stage: int) -> Judged:
 
 def _section_negative_mass(closure: MeanMap, impact: int) -> Judged:
     """The largest over the quantities that vary and have a skewness."""
-    table = closure.section
+    table = closure.near.section
     quantities = [q for q in SECTION if closure.scene.stages == 2 or q not in STATE[2:]]
     largest = np.nanmax([0.0, *(float(table[f"sd_{q}"].loc[impact]) for q in quantities)])
     masses = []

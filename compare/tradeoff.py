@@ -187,6 +187,7 @@ def measure(
 
     Multilevel estimators are costed from runs at halved steps, closures held against the best run of exact flights.
     """
+    scene = scene.near  # a late start costs no digits
     again = partial(simulate, scene, impacts=impacts, rng=seed, workers=workers)
     laws: dict[str, Law] = {}
     found: dict[str, list[tuple[Point, Ensemble | None]]] = {}

@@ -1,14 +1,14 @@
 """The public entry: closures against an ensemble of the same scene, with a verdict on every moment."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
 from closure import READINGS, MeanMap, follow, mean_map, readings_for
 from compare.correlation import mid_flight_errors, validity
-from compare.moments import Tolerances, section_errors, widest
+from compare.moments import Tolerances, section_errors, stated, widest
 from montecarlo import SCHEMES, Ensemble, simulate
 from scene.errors import InputError
 from scene.moments import SECTION
@@ -131,6 +131,7 @@ def validate(
     for reading in readings:
         choice("readings", reading, READINGS)
     limits = tolerances or Tolerances()
+    given, scene = scene, scene.near  # a late start costs neither digits nor verdicts: what is held together is near
     closures = {r: mean_map(scene, impacts=impacts, reading=r, order=order) for r in dict.fromkeys(readings)}
     kind = SCHEMES[choice("scheme", scheme, SCHEMES)]
     biased = kind.weak_order is not None
@@ -149,7 +150,7 @@ def validate(
         step_bias=biased,
         control=not biased,
         histogram=True,
-        clock=middle[middle - scene.start.tau > (4.0 if biased else 1.0) * dt],
+        clock=middle[middle - scene.phase > (4.0 if biased else 1.0) * dt],
         progress=progress,
         itineraries={r: m.itinerary for r, m in closures.items()},
     )
@@ -161,4 +162,8 @@ def validate(
     if scene.sigma > 0.0 and len(run.clock()):
         parts += [mid_flight_errors(m, run, flights, z, limits) for m in closures.values()]
     table = pd.concat(parts, ignore_index=True).reindex(columns=list(COLUMNS))
-    return Validation(scene, closures, run, table, validity(list(closures.values()), run, flights), z, limits)
+    valid = validity(list(closures.values()), run, flights)
+    closures = {name: replace(m, scene=given) for name, m in closures.items()}
+    return Validation(
+        given, closures, replace(run, plan=run.plan._replace(scene=given)), stated(table, given), valid, z, limits
+    )  # fmt: skip

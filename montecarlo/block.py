@@ -129,10 +129,10 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
     if plan.mirrored:
         c = c._replace(sigma=-c.sigma)
     job = Job(
-        c, backlash, key, scene.start.tau, plan.dt, SCHEMES[plan.scheme].code, plan.two_point,
+        c, backlash, key, scene.phase, plan.dt, SCHEMES[plan.scheme].code, plan.two_point,
         plan.most_steps,
     )  # fmt: skip
-    every, room = lanes_of(plan.levels, first, start_state(scene, walls), walls, scene.start.tau)
+    every, room = lanes_of(plan.levels, first, start_state(scene, walls), walls, scene.phase)
     work, held, unfinished = block_kernel(job.scheme)(
         job, plan.control, first, every, room, rows, plan.clock_steps, clock, controls
     )  # fmt: skip

@@ -23,10 +23,10 @@ from montecarlo.exact_flight import (
     margins,
     near_wall,
     node,
-    short_turned,
 )  # fmt: skip
 from montecarlo.noise import BRIDGE, LEVELS, Key, Word, normals
 from montecarlo.progress import Noise
+from montecarlo.short import short_dragged, short_turned
 from montecarlo.step import largest_step
 from scene.compiled import inlined, jit
 from scene.errors import InputError
@@ -120,13 +120,6 @@ def _small_angle(t: float) -> tuple[float, float]:
     return sine, 1.0 - 0.5 * z * (1.0 - z / 12.0 * (1.0 - z / 30.0 * (1.0 - z / 56.0)))
 
 
-@inlined
-def _dragged(beta: float, t: float) -> float:
-    """`scene.flight.dragged` of a time within which damping does little."""
-    z = beta * t
-    return 0.5 * t * t * (1.0 - z / 3.0 * (1.0 - z / 4.0 * (1.0 - z / 5.0 * (1.0 - z / 6.0 * (1.0 - z / 7.0)))))
-
-
 @jit
 def flown(c: Constants, tau: float, s: Floats, h: float, noise: Noise, end: Floats) -> tuple[float, float]:
     """State after a flight of time h, no longer than a step, with this noise, into `end`.
@@ -143,7 +136,7 @@ def flown(c: Constants, tau: float, s: Floats, h: float, noise: Noise, end: Floa
     y1, y2 = s[1], s[3]
     u1 = c.alpha * (cosine * ch + sine * sh) - y1
     e1 = short_turned(c.beta1, h)
-    turn1 = u1 * e1 - c.gamma1 * _dragged(c.beta1, h)
+    turn1 = u1 * e1 - c.gamma1 * short_dragged(c.beta1, h)
     v1 = u1 - (c.beta1 * u1 + c.gamma1) * e1
     end[0] = s[0] + 2.0 * c.alpha * cosine * sh - turn1
     end[1] = c.alpha * (cosine * ch - sine * sh) - v1
@@ -151,7 +144,7 @@ def flown(c: Constants, tau: float, s: Floats, h: float, noise: Noise, end: Floa
     if c.stages == 2:
         u2 = u1 + y2
         e2 = short_turned(c.beta2, h)
-        end[2] = s[2] + (u2 * e2 - c.gamma2 * _dragged(c.beta2, h)) - turn1
+        end[2] = s[2] + (u2 * e2 - c.gamma2 * short_dragged(c.beta2, h)) - turn1
         end[3] = u2 - (c.beta2 * u2 + c.gamma2) * e2 - v1
     if c.sigma > 0.0:
         away = OUTER * h

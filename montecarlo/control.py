@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 LONGEST = 1e3  # flight of the orbit that is followed
-GRAZE = 1e-6  # impact speed below which the orbit has no linearisation
+GRAZE = 1e-6  # impact speed below which the orbit has no linearisation, in units of what drives and starts it
 
 
 class LinearPath(NamedTuple):
@@ -77,11 +77,12 @@ def _impacts(scene: Scene, impacts: int) -> list[_Impact]:
     x1, y1, x2, y2 = scene.start_state
     if start.mesh:
         y1, y2 = struck(c, start.mesh, y1, y2)
-    tau, found = start.tau, []
+    tau, found = scene.phase, []
+    fastest = max(c.alpha, c.gamma1, abs(y1), abs(y2))
     for _ in range(impacts):
         t, mesh, _, x1, y1, x2, y2 = next_impact(c, tau, x1, y1, x2, y2, LONGEST)
         struck_x = 2 * (mesh - 1)
-        if mesh <= 0 or abs((y1, y2)[mesh - 1]) < GRAZE:
+        if mesh <= 0 or abs((y1, y2)[mesh - 1]) < GRAZE * fastest:
             break
         tau += t
         before = field(c, tau, y1, y2)
@@ -125,14 +126,14 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
     ([11, 22], [0.00016, 0.00128])
     """
     c, orbit = scene.constants, _impacts(scene, impacts)
-    steps = int((orbit[-1].tau - scene.start.tau) / dt) + 1 if orbit else 0
+    steps = int((orbit[-1].tau - scene.phase) / dt) + 1 if orbit else 0
     program = LinearPath(
         np.empty((steps, 5, 5)), np.empty((steps, 2, 5)), np.empty(len(orbit), np.int64),
         np.empty((len(orbit), 6, 5)), np.empty((len(orbit), 2, 6)), np.zeros((impacts, 6)),
     )  # fmt: skip
     covariance, k = np.zeros((5, 5)), 0
     for n in range(steps):
-        tau, at = scene.start.tau + n * dt, 0.0
+        tau, at = scene.phase + n * dt, 0.0
         carry, noise = np.eye(5), np.zeros((2, 5))
         while k < len(orbit) and orbit[k].tau < tau + dt:
             span = orbit[k].tau - tau - at

@@ -22,8 +22,10 @@ from numpy.typing import NDArray
 from montecarlo.brownian import joined, split
 from montecarlo.noise import Key, Word, normals
 from montecarlo.progress import Noise, Progress, Walls
+from montecarlo.short import short_apart, short_turned
 from scene.compiled import inlined, lean, spliced
-from scene.flight import decay, flow, turned
+from scene.damping import apart, damped
+from scene.flight import flow
 from scene.scene import Constants
 
 __all__ = [
@@ -89,23 +91,17 @@ def margins(c: Constants, sine: float, cosine: float, h: float) -> tuple[float, 
 
 
 @inlined
-def short_turned(beta: float, t: float) -> float:
-    """`scene.flight.turned` of a time within which damping does little (``beta t <= 0.2``), by its series to 1e-12."""
-    z = beta * t
-    return t * (1.0 - z / 2.0 * (1.0 - z / 3.0 * (1.0 - z / 4.0 * (1.0 - z / 5.0 * (1.0 - z / 6.0 * (1.0 - z / 7.0))))))
-
-
-@inlined
 def node(c: Constants, sine: float, cosine: float, lag: float) -> tuple[float, float, float, float]:
     """What unit noise at a phase does to the state `lag` later (Eq. 5)."""
-    m1, m2 = -sine + c.beta1 * cosine, (c.beta1 - c.beta2) * cosine
-    e1 = short_turned(c.beta1, lag)
-    d1 = 1.0 - c.beta1 * e1
+    m1 = -sine + c.beta1 * cosine
     if c.stages == 1:
-        return e1 * m1, d1 * m1, 0.0, 0.0
-    e2 = short_turned(c.beta2, lag)
-    d2 = 1.0 - c.beta2 * e2
-    return e1 * m1, d1 * m1, (e1 - e2) * m1 + e2 * m2, (d1 - d2) * m1 + d2 * m2
+        e1 = short_turned(c.beta1, lag)
+        return e1 * m1, (1.0 - c.beta1 * e1) * m1, 0.0, 0.0
+    d = c.beta1 - c.beta2
+    e1, e12 = short_apart(c.beta1, c.beta2, lag)
+    e2, d12 = e1 - e12, -d * e1 - c.beta2 * e12  # d12: the difference of both decays
+    m2 = d * cosine
+    return e1 * m1, (1.0 - c.beta1 * e1) * m1, e12 * m1 + e2 * m2, d12 * m1 + (1.0 - c.beta2 * e2) * m2
 
 
 @lean
@@ -131,10 +127,12 @@ def kick(c: Constants, tau: float, h: float, first: float, slope: float) -> tupl
 @lean
 def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
     """All that a step of length h from `tau` needs that no path has of its own."""
-    e1, d1, e2, d2 = turned(c.beta1, h), decay(c.beta1, h), turned(c.beta2, h), decay(c.beta2, h)
+    e1, d1 = damped(c.beta1, h)
+    e2, d2 = damped(c.beta2, h)
+    e12, d12 = apart(c.beta1, c.beta2, h)
     margin1, margin2 = margins(c, math.sin(tau), math.cos(tau), h)
     return FlightForcing(
-        e1, d1, e1 - e2, e2, d1 - d2, d2, flow(c, tau, 0.0, 0.0, 0.0, 0.0, h),
+        e1, d1, e12, e2, d12, d2, flow(c, tau, 0.0, 0.0, 0.0, 0.0, h),
         kick(c, tau, h, math.sqrt(h), 0.0), kick(c, tau, h, 0.0, math.sqrt(12.0 * h)), margin1, margin2,
     )  # fmt: skip
 
@@ -207,6 +205,7 @@ def _cubic(a: float, b: float, c: float, d: float, s: float) -> float:
 def first_root(a: float, b: float, c: float, d: float) -> float:
     """First zero in (0, 1] of a cubic with Bernstein coefficients a >= 0, b, c, d; 2 if none is seen."""
     low, pieces = 0.0, 8
+    there = 1e-15 * (abs(a) + abs(b) + abs(c) + abs(d))
     for i in range(1, pieces + 1):
         high = i / pieces
         if _cubic(a, b, c, d, high) >= 0.0:
@@ -226,7 +225,7 @@ def first_root(a: float, b: float, c: float, d: float) -> float:
                 if not low < newton < high:
                     break
                 guess = newton
-            if high - low < 1e-15 or abs(_cubic(a, b, c, d, guess)) < 1e-15:
+            if high - low < 1e-15 or abs(_cubic(a, b, c, d, guess)) <= there:
                 return guess
         return low
     return 2.0

@@ -115,7 +115,7 @@ def _prepared(plan: Plan) -> _Card:
     scene, scheme, backlash = plan.scene, SCHEMES[plan.scheme].code, backlash_of(plan.scene)
     noise = "none" if scene.sigma == 0.0 else "two-point" if plan.two_point else "gaussian"
     job = Job(
-        scene.constants, backlash, key_of(plan.seed), scene.start.tau, plan.dt, scheme, plan.two_point, plan.most_steps
+        scene.constants, backlash, key_of(plan.seed), scene.phase, plan.dt, scheme, plan.two_point, plan.most_steps
     )  # fmt: skip
     sides = ((scene.start.x1, scene.gap1), (scene.start.x2, scene.gap2))
     gaps = np.repeat([[scene.gap1], [scene.gap2]], 2, axis=0)

@@ -103,7 +103,7 @@ class LongPath:
         if scene.start.mesh != 0:
             y1, y2 = struck(self.c, scene.start.mesh, y1, y2)
         self.step = self.clock.h
-        self.steps = round(scene.start.tau % (2.0 * np.pi) / self.step)
+        self.steps = round(scene.phase % (2.0 * np.pi) / self.step)
         self.held = 0
         self.at = np.array([x1, y1, x2, y2, 0.0])
         self.frame = np.eye(4)

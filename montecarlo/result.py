@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -49,7 +49,7 @@ class Ensemble:
         Section histograms, if asked for.
     raw : ndarray or None
         ``tau, flight, x1, y1, x2, y2, mesh * side`` of every impact of every path, shape (paths, impacts, 7), if
-        asked for.
+        asked for; here and in the histograms tau is counted from the start's phase (`Scene.phase`).
     wall_seconds : float
         Time the run took.
     batches : Batches or None
@@ -66,6 +66,11 @@ class Ensemble:
     wall_seconds: float
     batches: Batches | None = None
     reach: Reach | None = None
+
+    @cached_property
+    def near(self) -> Ensemble:
+        """The same result for the scene begun at its phase (`Scene.near`): tau has all its digits, however late."""
+        return self if self.scene.near is self.scene else replace(self, plan=self.plan._replace(scene=self.scene.near))
 
     @property
     def scene(self) -> Scene:
@@ -138,7 +143,8 @@ class Ensemble:
         for prefix, name in (("", "mean"), ("sd_", "sd"), ("skew_", "skew"), ("kurt_", "kurt")):
             for i, quantity in enumerate(SECTION):
                 absent = self.scene.stages == 1 and quantity in STATE[2:]
-                columns[prefix + quantity] = s[name][:, i] * (np.nan if absent else 1.0)
+                found = self.scene.stated(s[name][:, i]) if prefix + quantity == "tau" else s[name][:, i]
+                columns[prefix + quantity] = found * (np.nan if absent else 1.0)
                 columns["se_" + prefix + quantity] = s["se_" + name][:, i] * (np.nan if absent else 1.0)
                 if prefix + quantity == "flight":
                     columns |= {"mesh": np.abs(most), "side": np.sign(most)}
@@ -197,10 +203,11 @@ class Ensemble:
             return table
         rows = []
         for t in np.asarray(times, dtype=float):
-            near = np.flatnonzero(np.abs(self.clock_times - t) <= 0.5001 * self._clock_grid)
+            away = np.abs(self.plan.clock_steps * self.dt - (t - self.scene.start.tau))
+            near = np.flatnonzero(away <= 0.5001 * self._clock_grid)
             if near.size == 0:
                 raise InputError("times", float(t), "was not recorded; give it to simulate(clock=...)")
-            rows.append(int(near[np.argmin(np.abs(self.clock_times[near] - t))]))
+            rows.append(int(near[np.argmin(away[near])]))
         return table.iloc[rows]
 
     @cached_property
@@ -258,7 +265,7 @@ class Ensemble:
             pd.DataFrame({
                 "impact": np.arange(1, self.impacts + 1), "quantity": quantity, "moment": moment,
                 **{name: values[:, i] for name, values in b._asdict().items()},
-            })
+            } | ({"corrected": self.scene.stated(b.corrected[:, i])} if (quantity, moment) == ("tau", "mean") else {}))
             for moment, b in found.items()
             for i, quantity in enumerate(SECTION)
             if self.scene.stages == 2 or quantity not in STATE[2:]

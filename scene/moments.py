@@ -1,5 +1,6 @@
 """The language both sides speak: which quantities, what a moment is called, when it can belong to a distribution."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -59,13 +60,24 @@ def realizability(covariance: Floats) -> Realizability:
     rho = correlation(covariance)
     if not np.isfinite(covariance).all():
         return Realizability(False, "moments are not finite", vx, vy, rho, float("nan"))
-    smallest = float(np.linalg.eigvalsh(covariance)[0])
+    cross = float(covariance[0, 1])
+    smallest = _smallest_eigenvalue(vx, cross, vy)
     reasons = [f"variance of {name} = {v:.3g} < 0" for name, v in (("x", vx), ("y", vy)) if v < 0.0]
     if abs(rho) > 1.0 + ROUNDING:
         reasons.append(f"|rho| = {abs(rho):.4g} > 1")
-    if not reasons and smallest < -ROUNDING * max(vx, vy):
-        reasons.append(f"smallest eigenvalue = {smallest:.3g} < 0")
+    if not reasons and cross != 0.0 and min(vx, vy) == 0.0:
+        reasons.append(f"covariance = {cross:.3g} beside a variance of 0: smallest eigenvalue = {smallest:.3g} < 0")
     return Realizability(not reasons, ", ".join(reasons), vx, vy, rho, smallest)
+
+
+def _smallest_eigenvalue(vx: float, cross: float, vy: float) -> float:
+    """Of a 2 x 2 covariance, a small one beside a large one kept: the determinant over the larger eigenvalue."""
+    scale = max(abs(vx), abs(vy), abs(cross))
+    if scale == 0.0:
+        return 0.0
+    a, b, d = vx / scale, cross / scale, vy / scale
+    mean, half = 0.5 * (a + d), math.hypot(0.5 * (a - d), b)
+    return scale * (mean - half if mean <= 0.0 else (a * d - b * b) / (mean + half))
 
 
 @jit

@@ -3,9 +3,11 @@
 import math
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
+import numpy as np
 import tomli_w
+from numpy.typing import NDArray
 
 from scene.errors import InputError
 from scene.files import read_text, read_toml
@@ -13,6 +15,8 @@ from scene.gears import Gears
 from scene.validate import choice, count, finite, known_keys, non_negative, positive, unit_interval
 
 __all__ = ["Constants", "Scene", "Start", "Tolerance"]
+
+Times = TypeVar("Times", float, NDArray[np.float64])
 
 CUT = 2.0  # standard deviations of the normal law at which c_max truncates it
 _edge = math.exp(-0.5 * CUT**2) / math.sqrt(2.0 * math.pi)
@@ -94,7 +98,7 @@ class Start:
     Parameters
     ----------
     tau : float
-        Time of the start; its phase is the phase of the excitation ``alpha sin tau``.
+        Time of the start; its phase is the phase of the excitation ``alpha sin tau``, kept however late it is.
     x1, y1, x2, y2 : float
         Relative displacement and velocity of both stages.
     mesh : {1, 2, 0}
@@ -249,6 +253,64 @@ class Scene:
         scene = replace(self, sigma=sigma)
         object.__setattr__(scene, "gears", self.gears)
         return scene
+
+    def scaled(self, factor: float) -> "Scene":
+        """The same system in another unit of length: what is a length over a power of time is `factor` times as large.
+
+        Its motion is the same but for that factor, to rounding, and bit for bit if the factor is a power of two.
+
+        Examples
+        --------
+        >>> from scene import DAT21
+        >>> s = Scene.from_gears(DAT21, sigma=0.1).scaled(2.0)
+        >>> s.alpha, s.gap1, s.sigma, s.start.y1, s.beta1 == DAT21.beta(1)
+        (3.0, 1.0, 0.2, 4.0, True)
+        """
+        s, t = self.start, self.tolerance
+        state = {name: factor * getattr(s, name) for name in ("x1", "y1", "x2", "y2")}
+        lengths = {n: factor * getattr(self, n) for n in ("alpha", "gamma1", "gamma2", "gap1", "gap2", "sigma")}
+        tolerance = t and replace(t, c1_max=factor * t.c1_max, c2_max=factor * t.c2_max)
+        return replace(self, **lengths, start=replace(s, **state), tolerance=tolerance)
+
+    @property
+    def phase(self) -> float:
+        """Phase of the start, in [-pi, pi], reduced to full precision however late the start is.
+
+        Engines count time from here, so that late starts cost no digits; `stated` and `counted` translate.
+
+        Examples
+        --------
+        >>> from scene import DAT21
+        >>> Scene.from_gears(DAT21, start=Start(1e12, 0.5, 2.0, 0.5, 2.0, mesh=1)).phase
+        -0.6576247591367865
+        """
+        tau = self.start.tau
+        return tau if abs(tau) <= math.pi else math.atan2(math.sin(tau), math.cos(tau))
+
+    @property
+    def near(self) -> "Scene":
+        """The same scene begun at its `phase`: it differs by a whole number of periods, so by nothing but its clock."""
+        if self.phase == self.start.tau:
+            return self
+        scene = replace(self, start=replace(self.start, tau=self.phase))
+        object.__setattr__(scene, "gears", self.gears)
+        return scene
+
+    def stated(self, time: Times) -> Times:
+        """A time as it is stated in tables, from one that an engine counts: as exact as a float can hold it.
+
+        Examples
+        --------
+        >>> from scene import DAT21
+        >>> s = Scene.from_gears(DAT21, start=Start(1e12, 0.5, 2.0, 0.5, 2.0, mesh=1))
+        >>> s.stated(s.phase + 0.25), s.counted(1e12 + 0.25) == s.phase + 0.25
+        (1000000000000.25, True)
+        """
+        return time if self.phase == self.start.tau else self.start.tau + (time - self.phase)
+
+    def counted(self, time: Times) -> Times:
+        """A time as engines count it, from one as it is stated."""
+        return time if self.phase == self.start.tau else self.phase + (time - self.start.tau)
 
     @property
     def noise_free(self) -> "Scene":

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.compiled import jit
-from scene.flight import decay, field, turned
+from scene.damping import apart, damped
+from scene.flight import field
 from scene.impact import contact_matrix, struck
 from scene.scene import Constants
 
@@ -80,14 +81,16 @@ def saltation_matrix(c: Constants, mesh: int, tau: float, y1: float, y2: float) 
 @jit
 def carry_frame(c: Constants, t: float, frame: Floats) -> None:
     """Fly all columns of a frame, shape (4, 4), for a time t, in place."""
-    e1, d1, e2, d2 = turned(c.beta1, t), decay(c.beta1, t), turned(c.beta2, t), decay(c.beta2, t)
+    e1, d1 = damped(c.beta1, t)
+    e2, d2 = damped(c.beta2, t)
+    e12, d12 = apart(c.beta1, c.beta2, t)
     for k in range(4):
         v1, v2 = frame[1, k], frame[3, k]
         frame[0, k] += e1 * v1
         frame[1, k] = d1 * v1
         if c.stages == 2:
-            frame[2, k] += (e1 - e2) * v1 + e2 * v2
-            frame[3, k] = (d1 - d2) * v1 + d2 * v2
+            frame[2, k] += e12 * v1 + e2 * v2
+            frame[3, k] = d12 * v1 + d2 * v2
 
 
 @jit

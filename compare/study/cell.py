@@ -155,10 +155,10 @@ class Sample:
             "blocks": blocks,
         }  # fmt: skip
         if self.accuracy is not None:
-            run = simulate(self.scene, accuracy=self.accuracy, **common)
+            run = simulate(self.scene.near, accuracy=self.accuracy, **common)
         else:
             run = simulate(
-                self.scene, paths=self.paths, dt=self.dt, control=exact and faint(self.scene), step_bias=not exact,
+                self.scene.near, paths=self.paths, dt=self.dt, control=exact and faint(self.scene), step_bias=not exact,
                 **common,
             )  # fmt: skip
         facts = {
@@ -242,7 +242,7 @@ class Prediction:
     def compute(self, blocks: Blocks | None = None) -> Stored:
         """Follow the closure; raises InputError where the reading cannot take the scene."""
         started = time.perf_counter()
-        closure = mean_map(self.scene, impacts=self.impacts, reading=self.reading, order=self.order)
+        closure = mean_map(self.scene.near, impacts=self.impacts, reading=self.reading, order=self.order)
         table = closure.section
         facts = {"stopped": closure.stopped, "found": closure.trace.found, "seconds": time.perf_counter() - started}
         return Stored(table, facts)

@@ -58,7 +58,7 @@ def core_seconds(cell: Cell) -> float:
 
 def _duration(scene: Scene, impacts: int) -> float:
     orbit = follow(scene, impacts)
-    followed = float(orbit.tau[orbit.found] - scene.start.tau)
+    followed = float(orbit.tau[orbit.found] - scene.phase)
     return followed + FLIGHT * (impacts - orbit.found)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from compare.moments import section_errors, widest
+from compare.moments import section_errors, stated, widest
 from compare.study.cell import Predicted, Sampled
 from compare.study.design import Point, Study
 from compare.study.paired import paired_differences
@@ -84,7 +84,7 @@ class Results:
             table = section_errors(closure, run, self.z, self.study.within)
             struck = "x" + run.section["mesh"].astype(int).astype(str)
             table["judged"] = (table["quantity"] != table["impact"].map(struck)).to_numpy()
-            parts.append(self._placed(point, table))
+            parts.append(self._placed(point, stated(table, run.scene)))
         return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
     @cached_property
@@ -100,7 +100,7 @@ class Results:
             if run is None:
                 continue
             s = run.section
-            since = s["tau"] - run.scene.start.tau
+            since = s["tau"] - run.scene.phase  # what is stored is counted from there
             rate = s.index.to_numpy() / since
             columns = [
                 ("rate", "mean", rate, rate * s["se_tau"] / since),
@@ -114,7 +114,8 @@ class Results:
             ]
             for quantity, moment, value, se in columns:
                 table = pd.DataFrame({
-                    "impact": s.index, "quantity": quantity, "moment": moment, "value": np.asarray(value),
+                    "impact": s.index, "quantity": quantity, "moment": moment,
+                    "value": run.scene.stated(np.asarray(value)) if quantity == "tau" and moment == "mean" else value,
                     "se": np.asarray(se), "paths": s["paths"].to_numpy(), "agreement": s["agreement"].to_numpy(),
                 })  # fmt: skip
                 parts.append(self._placed(point, table))
