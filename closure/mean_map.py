@@ -161,8 +161,8 @@ class MeanMap:
     def density(self, impact: int, quantity: str, values: Floats) -> Floats | None:
         """Density that the reading gives to a section quantity at an impact; None where it gives none.
 
-        A tau among the values is counted from the start's phase (`Scene.phase`).  Around the reading's mean, with its sd and skewness; ``printed`` gives a velocity the marginal of its bivariate
-        series, for it speaks of raw moments; ``branching`` has its mixture.
+        Around the reading's mean, with its sd and skewness; ``printed`` gives a velocity the marginal of its bivariate
+        series, for it speaks of raw moments; ``branching`` has its mixture.  A tau among the values is counted from the start's phase (`Scene.phase`).
         """
         i = SECTION.index(choice("quantity", quantity, SECTION))
         if self.trace.parts is not None:

@@ -13,6 +13,7 @@ import click
 from compare import sampling_commands
 from compare.chaos.command import chaos
 from compare.claims.command import claims
+from compare.extremes.command import extremes
 from compare.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_soon
 from compare.page.command import show
 from compare.selftest.command import selftest
@@ -248,6 +249,7 @@ main.add_command(chaos)
 main.add_command(claims)
 main.add_command(show)
 main.add_command(selftest)
+main.add_command(extremes)
 
 
 def _cpu() -> float:

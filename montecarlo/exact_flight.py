@@ -99,9 +99,8 @@ def node(c: Constants, sine: float, cosine: float, lag: float) -> tuple[float, f
         return e1 * m1, (1.0 - c.beta1 * e1) * m1, 0.0, 0.0
     d = c.beta1 - c.beta2
     e1, e12 = short_apart(c.beta1, c.beta2, lag)
-    e2, d12 = e1 - e12, -d * e1 - c.beta2 * e12  # d12: the difference of both decays
-    m2 = d * cosine
-    return e1 * m1, (1.0 - c.beta1 * e1) * m1, e12 * m1 + e2 * m2, d12 * m1 + (1.0 - c.beta2 * e2) * m2
+    d1, d12 = 1.0 - c.beta1 * e1, -d * e1 - c.beta2 * e12  # decay of the first, and less that of the second
+    return e1 * m1, d1 * m1, -cosine * d12 - sine * e12, cosine * (d * d1 + c.beta2 * d12) - sine * d12
 
 
 @lean

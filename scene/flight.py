@@ -1,8 +1,8 @@
 """Free flight (Eq. 3) exactly, its Jacobian, and the rates that drive it (Eqs. 5, 8).
 
 A wheel's speed ``u_i = R_i phi_i' / (nu_1 omega)`` obeys ``u_i' = -beta_i u_i - gamma_i`` on its own, and
-``y_1 = alpha cos tau - u_1``, ``y_2 = u_2 - u_1``.  What a flight adds is summed from terms that are each of the size of
-what they stand for: a flight of 1e-12 is as exact, in relative terms, as one of 1e6.
+``y_1 = alpha cos tau - u_1``, ``y_2 = u_2 - u_1``.  What a flight adds is summed from terms that are each of
+the size of what they stand for: a flight of 1e-12 is as exact, in relative terms, as one of 1e6.
 """
 
 import math
@@ -104,7 +104,7 @@ def flow(c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, t
 @jit
 def field(c: Constants, tau: float, y1: float, y2: float) -> Floats:
     """Time derivative of ``(x1, y1, x2, y2)`` in flight (Eq. 3), shape (4,)."""
-    u1, u2 = wheel_speeds(c, tau, y1, y2)
+    u1, _ = wheel_speeds(c, tau, y1, y2)
     drag1 = c.beta1 * u1 + c.gamma1
     f = np.zeros(4)
     f[0], f[1] = y1, -c.alpha * math.sin(tau) + drag1
@@ -151,47 +151,59 @@ def noise_rate(c: Constants, tau: float) -> tuple[float, float]:
 
 
 @jit
-def _harmonics(c: Constants, h: float) -> Floats:
-    """Covariance that unit noise collects in a time h: what goes with ``sin^2``, ``sin cos`` and ``cos^2`` of its start.
+def _on_their_own(c: Constants, t: float) -> bool:
+    """Whether the noise is to be collected in ``(x1, y1, x2 - x1, y2 - y1)``, which do not act on each other.
+
+    Where dampings are far apart for the time that speeds last; else what is small in x2 and y2 would be a difference.
+    """
+    most = max(c.beta1, c.beta2)
+    return c.stages == 2 and abs(c.beta1 - c.beta2) * (min(t, 1.0 / most) if most > 0.0 else t) > 0.5
+
+
+@jit
+def _responses(c: Constants, lag: float, sine: float, cosine: float, own: bool) -> State:
+    """What unit noise at a phase has done to ``(x1, y1, x2, y2)`` a lag later; or `own`, see `_on_their_own`."""
+    e1, d1 = damped(c.beta1, lag)
+    m1 = c.beta1 * cosine - sine
+    if c.stages == 1:
+        return e1 * m1, d1 * m1, 0.0, 0.0
+    e2, d2 = damped(c.beta2, lag)
+    if own:
+        m = sine - c.beta2 * cosine
+        return e1 * m1, d1 * m1, e2 * m, d2 * m
+    e12, d12 = apart(c.beta1, c.beta2, lag)
+    d = c.beta1 - c.beta2
+    faster = d * d1 + c.beta2 * d12 if d > 0.0 else d * d2 + c.beta1 * d12  # beta_1 d1 - beta_2 d2
+    return e1 * m1, d1 * m1, -cosine * d12 - sine * e12, cosine * faster - sine * d12
+
+
+@jit
+def _harmonics(c: Constants, h: float, own: bool) -> Floats:
+    """Covariance of a time's unit noise: what goes with ``sin^2``, ``sin cos`` and ``cos^2`` of the phase it starts at.
 
     Shape (3, 4, 4); by Gauss-Legendre over the lag before the end.
     """
-    q, g = np.zeros((3, 4, 4)), np.zeros((2, 4))
+    q, g = np.zeros((3, 4, 4)), np.empty((2, 4))
     for n in range(NODES.size):
         lag, since = h * NODES[n], h * NODES[NODES.size - 1 - n]
         sine, cosine = math.sin(since), math.cos(since)
-        e1, d1 = damped(c.beta1, lag)
-        e2, d2 = damped(c.beta2, lag)
-        e12, d12 = apart(c.beta1, c.beta2, lag)
-        for part in range(2):  # the modulation (m1, m2) of Eq. 5 as a sum over sin and cos of the phase at the start
-            m1 = -cosine - c.beta1 * sine if part == 0 else -sine + c.beta1 * cosine
-            m2 = (c.beta1 - c.beta2) * (-sine if part == 0 else cosine)
-            g[part, 0], g[part, 1] = e1 * m1, d1 * m1
-            if c.stages == 2:
-                g[part, 2], g[part, 3] = e12 * m1 + e2 * m2, d12 * m1 + d2 * m2
+        g[0, 0], g[0, 1], g[0, 2], g[0, 3] = _responses(c, lag, cosine, -sine, own)
+        g[1, 0], g[1, 1], g[1, 2], g[1, 3] = _responses(c, lag, sine, cosine, own)
         w = h * WEIGHTS[n]
         for i in range(4):
-            for j in range(i + 1):
+            for j in range(4):
                 q[0, i, j] += w * g[0, i] * g[0, j]
                 q[1, i, j] += w * (g[0, i] * g[1, j] + g[1, i] * g[0, j])
                 q[2, i, j] += w * g[1, i] * g[1, j]
-    for part in range(3):
-        _mirror(q[part])
     return q
 
 
 @jit
-def _mirror(q: Floats) -> None:
-    """Copy what is below the diagonal to above it."""
-    for i in range(4):
-        for j in range(i):
-            q[j, i] = q[i, j]
-
-
-@jit
-def _doubled(c: Constants, q: Floats, h: float) -> Floats:
+def _doubled(c: Constants, q: Floats, h: float, own: bool) -> Floats:
     """`_harmonics` of twice the time: the first half carried through the second, and the second h later in phase."""
     j, s, k = jacobian(c, h), math.sin(h), math.cos(h)
+    if own:
+        j[2, 1] = j[3, 1] = 0.0
     size, out = 2 * c.stages, np.zeros((3, 4, 4))
     for a in range(size):
         for b in range(a + 1):
@@ -203,8 +215,8 @@ def _doubled(c: Constants, q: Floats, h: float) -> Floats:
                     carried = j[a, m] * j[b, n]
                     for part in range(3):
                         out[part, a, b] += carried * q[part, m, n]
-    for part in range(3):
-        _mirror(out[part])
+            for part in range(3):
+                out[part, b, a] = out[part, a, b]
     return out
 
 
@@ -223,19 +235,25 @@ def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
     >>> float(noise_covariance(c, 0.0, 0.5)[1, 1].round(8))
     0.00023253
     """
-    fastest = max(c.beta1, c.beta2)
+    fastest, own = max(c.beta1, c.beta2), _on_their_own(c, t)
     panel = min(PANEL, 2.0 / fastest) if fastest > 0.0 else PANEL
     h, doublings = t, 0
     while h > panel:
         h *= 0.5
         doublings += 1
-    q = _harmonics(c, h)
+    q = _harmonics(c, h, own)
     for _ in range(doublings):
-        q = _doubled(c, q, h)
+        q = _doubled(c, q, h, own)
         h *= 2.0
     sine, cosine, square = math.sin(tau), math.cos(tau), c.sigma * c.sigma
     out = np.empty((4, 4))
     for i in range(4):
         for j in range(4):
             out[i, j] = square * (sine * (sine * q[0, i, j] + cosine * q[1, i, j]) + cosine * cosine * q[2, i, j])
+    if own:  # x2 and y2 themselves
+        for i in range(2):
+            for j in range(4):
+                out[2 + i, j] += out[i, j]
+            for j in range(4):
+                out[j, 2 + i] += out[j, i]
     return out

@@ -1,0 +1,1 @@
+"""Extreme values held against truths of their own: higher precision, limit formulas, published laws, exact scaling."""
