@@ -34,6 +34,12 @@ _nodes, _weights = np.polynomial.legendre.leggauss(16)
 NODES, WEIGHTS = 0.5 * (_nodes + 1.0), 0.5 * _weights
 PANEL = 2.0
 
+SHORT = 0.5
+"""Flights shorter than this have their displacement by terms that do not cancel; longer ones by what decays."""
+
+LAG_SERIES = np.array([1.0 / math.factorial(k) for k in range(17, 2, -2)])
+"""Coefficients of ``(t - sin t) / t^3 = 1/3! - t^2/5! + ...``, the highest first: to rounding for t below `SHORT`."""
+
 DRAG_SERIES = np.array([1.0 / math.factorial(k) for k in range(16, 1, -1)])
 """Coefficients of ``phi_2(z) = 1/2 - z/3! + z^2/4! - ...``, the highest first: to rounding for z below 0.5."""
 
@@ -73,8 +79,22 @@ def wheel_speeds(c: Constants, tau: float, y1: float, y2: float) -> tuple[float,
 
 
 @jit
+def lag_of_sine(t: float) -> float:
+    """``t - sin t``; by its series where the difference would cancel."""
+    if t > SHORT:
+        return t - math.sin(t)
+    total, square = 0.0, t * t
+    for coefficient in LAG_SERIES:
+        total = coefficient - square * total
+    return t * square * total
+
+
+@jit
 def flow(c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, t: float) -> State:
     """State after a flight of time `t` from `tau` (Eq. 3; Eq. 10 is this map after a mesh-1 impact).
+
+    With ``x1 = x2 = 0`` the displacements have full relative precision however short the flight is: those of a
+    flight below `SHORT` are ``y t`` and terms of second order in t.
 
     Examples
     --------
@@ -84,16 +104,25 @@ def flow(c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, t
     [0.321405, -1.774437, 0.320514, -1.789725]
     """
     u1, u2 = wheel_speeds(c, tau, y1, y2)
-    travel1 = turned(c.beta1, t)
-    turn1 = u1 * travel1 - c.gamma1 * dragged(c.beta1, t)
-    # alpha (sin(tau + t) - sin tau) without cancellation for a short flight
-    x1 = x1 + 2.0 * c.alpha * math.cos(tau + 0.5 * t) * math.sin(0.5 * t) - turn1
-    u1 = u1 - (c.beta1 * u1 + c.gamma1) * travel1
+    pull1 = c.beta1 * u1 + c.gamma1  # -u1'
+    sine, half = math.sin(tau), math.sin(0.5 * t)
+    if t < SHORT:
+        slowed1 = pull1 * dragged(c.beta1, t)
+        driven = -c.alpha * (2.0 * sine * half * half + math.cos(tau) * lag_of_sine(t))  # alpha cos(tau) t lies in y1 t
+        x1 = x1 + (y1 * t + (slowed1 + driven))
+    else:
+        turn1 = u1 * turned(c.beta1, t) - c.gamma1 * dragged(c.beta1, t)
+        x1 = x1 + (2.0 * c.alpha * math.cos(tau + 0.5 * t) * half - turn1)
+    # the same of the velocity: alpha (cos(tau + t) - cos(tau)) without cancellation
+    y1 = y1 + (pull1 * turned(c.beta1, t) - 2.0 * c.alpha * math.sin(tau + 0.5 * t) * half)
     if c.stages == 2:
-        travel2 = turned(c.beta2, t)
-        x2 = x2 + (u2 * travel2 - c.gamma2 * dragged(c.beta2, t)) - turn1
-        u2 = u2 - (c.beta2 * u2 + c.gamma2) * travel2
-    return x1, c.alpha * math.cos(tau + t) - u1, x2, u2 - u1
+        pull2 = c.beta2 * u2 + c.gamma2
+        if t < SHORT:
+            x2 = x2 + (y2 * t + (slowed1 - pull2 * dragged(c.beta2, t)))
+        else:
+            x2 = x2 + ((u2 * turned(c.beta2, t) - c.gamma2 * dragged(c.beta2, t)) - turn1)
+        y2 = y2 + (pull1 * turned(c.beta1, t) - pull2 * turned(c.beta2, t))
+    return x1, y1, x2, y2
 
 
 @jit
