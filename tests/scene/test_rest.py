@@ -35,7 +35,7 @@ def rest_of(scene, mesh, impacts, least=0.02):
 
 @pytest.mark.parametrize(
     ("scene", "mesh", "impacts"),
-    [(SINGLE, 1, 16), (FIRST, 1, 14), (SECOND, 2, 40), (BOTH, 1, 40)],
+    [(SINGLE, 1, 16), (FIRST, 1, 20), (SECOND, 2, 40), (BOTH, 1, 40)],
     ids=["one stage", "mesh 1, stage 2 in flight", "mesh 2", "both meshes"],
 )
 def test_a_rest_is_the_limit_of_compliant_contact(scene, mesh, impacts):
@@ -44,8 +44,8 @@ def test_a_rest_is_the_limit_of_compliant_contact(scene, mesh, impacts):
     both = any(r is not rest and r.closed <= rest.closed < r.opened for r in orbit.rests)
     since = rest.closed if both else float(orbit.tau[max(rest.impact - 3, 0)]) + 1e-3
     until = min([r.opened + 0.05 for r in (rest,)] + [t for t in orbit.tau if t > rest.closed + 1e-6])
-    soft, hard = (furthest(orbit, since, until - 1e-6, k) for k in (1e6, 1e8))
-    assert hard < 5e-4
+    soft, hard = (furthest(orbit, since, until - 1e-6, k) for k in (1e5, 1e7))
+    assert hard < 2e-3
     assert hard < 0.2 * soft
 
 
@@ -57,7 +57,7 @@ def test_a_mesh_kept_shut_too_long_is_noticed():
     moved[np.searchsorted(moved[:, 0], rest.opened - 1e-8), 0] = late
     object.__setattr__(orbit, "legs", moved)
     until = float(orbit.tau[rest.impact + 1]) - 1e-6
-    soft, hard = (furthest(orbit, rest.closed, until, k) for k in (1e6, 1e8))
+    soft, hard = (furthest(orbit, rest.closed, until, k) for k in (1e5, 1e7))
     assert hard > 0.9 * soft
 
 
