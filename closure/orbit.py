@@ -62,7 +62,9 @@ def _follow(
                 tau += t
         while True:  # through rests, to the next impact
             if closed[0] == 0 and closed[1] == 0:
-                closed = closed_sides(c, tau, x1, y1, x2, y2)
+                touching1 = int(x1 == c.wall1) - int(x1 == -c.wall1) if y1 == 0.0 else 0
+                touching2 = int(x2 == c.wall2) - int(x2 == -c.wall2) if y2 == 0.0 and c.stages == 2 else 0
+                closed = closed_sides(c, tau, y1, y2, (touching1, touching2))
             if closed[0] != 0 or closed[1] != 0:
                 n = _note(legs, n, tau, x1, y1, x2, y2, *closed)
                 t, mesh, side, x1, y1, x2, y2, closed = next_contact(c, tau, x1, y1, x2, y2, closed, HORIZON)

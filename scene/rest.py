@@ -19,7 +19,10 @@ from scene.flight import State, flow, wheel_speeds
 from scene.impact import NONE, REST, TOUCH, next_impact, safe_time
 from scene.scene import Constants
 
-__all__ = ["Sides", "carried", "closed_sides", "next_contact", "opening", "settled", "settling"]
+__all__ = [
+    "Sides", "carried", "closed_sides", "next_contact", "open_stage", "opening", "presses", "settled", "settled_on",
+    "settling",
+]  # fmt: skip
 
 Sides = tuple[int, int]
 """Side on which mesh 1 and mesh 2 are closed, +1 or -1; 0 for an open mesh."""
@@ -35,7 +38,7 @@ def _pulls(c: Constants, tau: float, y1: float, y2: float) -> tuple[float, float
 
 
 @jit
-def _presses(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tuple[float, float]:
+def presses(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tuple[float, float]:
     """What the contacts of the closed meshes push with, as accelerations; 0 for an open mesh, negative if they pull."""
     p1, p2, driver = _pulls(c, tau, y1, y2)
     f1, f2 = p1 + driver, p1 - p2
@@ -46,8 +49,8 @@ def _presses(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tu
 
 
 @jit
-def closed_sides(c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float) -> Sides:
-    """Which meshes stay closed in a state: those at their wall, at no speed, that are pressed shut.
+def closed_sides(c: Constants, tau: float, y1: float, y2: float, touching: Sides) -> Sides:
+    """Which meshes stay closed, of those that are at a wall at no speed (`touching`; y of others is as it is).
 
     Two meshes at their walls are told by the one combination in which every contact pushes and every open mesh is
     drawn away: there is just one, for the contacts' effects on each other have a positive determinant, ``1 - mu``.
@@ -56,13 +59,12 @@ def closed_sides(c: Constants, tau: float, x1: float, y1: float, x2: float, y2: 
     --------
     >>> from scene import Scene
     >>> c = Scene(alpha=0.5, epsilon=0.3, beta1=0.0, gamma1=1.0, stages=1).constants
-    >>> closed_sides(c, 0.0, 0.5, 0.0, 0.0, 0.0)
+    >>> closed_sides(c, 0.0, 0.0, 0.0, (1, 0))
     (1, 0)
     """
-    first = (1 if x1 > 0.0 else -1) if y1 == 0.0 and abs(x1) == c.wall1 else 0
-    second = (1 if x2 > 0.0 else -1) if c.stages == 2 and y2 == 0.0 and abs(x2) == c.wall2 else 0
+    first, second = touching
+    press1, press2 = presses(c, tau, y1, y2, touching)
     if first != 0 and second != 0:
-        press1, press2 = _presses(c, tau, y1, y2, (first, second))
         if press1 > 0.0 and press2 > 0.0:
             return first, second
         p1, p2, driver = _pulls(c, tau, y1, y2)
@@ -71,7 +73,6 @@ def closed_sides(c: Constants, tau: float, x1: float, y1: float, x2: float, y2: 
         if second * (p1 - p2) > 0.0:
             return 0, second
         return 0, 0
-    press1, press2 = _presses(c, tau, y1, y2, (first, second))
     return (first if press1 > 0.0 else 0), (second if press2 > 0.0 else 0)
 
 
@@ -125,7 +126,7 @@ def _as_one(c: Constants) -> tuple[float, float]:
 
 
 @jit
-def _open_stage(c: Constants, sides: Sides) -> Constants:
+def open_stage(c: Constants, sides: Sides) -> Constants:
     """The single stage that is left while one mesh is closed: ``x1``, or ``-x2``."""
     if sides[0] != 0:
         return Constants(
@@ -144,10 +145,10 @@ def carried(
     if first == 0 and second == 0:
         return flow(c, tau, x1, y1, x2, y2, t)
     if first == 0:
-        x1, y1, _, _ = flow(_open_stage(c, sides), tau, x1, y1, 0.0, 0.0, t)
+        x1, y1, _, _ = flow(open_stage(c, sides), tau, x1, y1, 0.0, 0.0, t)
         return x1, y1, x2, y2
     if second == 0 and c.stages == 2:
-        x2, y2, _, _ = flow(_open_stage(c, sides), tau, -x2, -y2, 0.0, 0.0, t)
+        x2, y2, _, _ = flow(open_stage(c, sides), tau, -x2, -y2, 0.0, 0.0, t)
         return x1, y1, -x2, -y2
     return x1, y1, x2, y2
 
@@ -181,9 +182,9 @@ def next_contact(
     until = min(opens, horizon)
     t, mesh, side = until, NONE, 0
     if first == 0:
-        t, mesh, side, x1, y1, _, _ = next_impact(_open_stage(c, sides), tau, x1, y1, 0.0, 0.0, until)
+        t, mesh, side, x1, y1, _, _ = next_impact(open_stage(c, sides), tau, x1, y1, 0.0, 0.0, until)
     elif second == 0 and c.stages == 2:
-        t, mesh, side, x2, y2, _, _ = next_impact(_open_stage(c, sides), tau, -x2, -y2, 0.0, 0.0, until)
+        t, mesh, side, x2, y2, _, _ = next_impact(open_stage(c, sides), tau, -x2, -y2, 0.0, 0.0, until)
         x2, y2 = -x2, -y2
         mesh, side = (2 if mesh == 1 else mesh), -side
     if mesh == REST:
@@ -203,17 +204,26 @@ def next_contact(
 
 
 @jit
+def settled_on(c: Constants, x1: float, y1: float, x2: float, y2: float, mesh: int, place: float) -> State:
+    """The state with a mesh at rest on its wall; what the contact does not act on keeps its place and speed.
+
+    That is wheel 2 at mesh 1, and the momentum of both wheels at mesh 2.
+    """
+    if mesh == 1:
+        return place, 0.0, x2 + (place - x1), y2 - y1
+    return x1 + c.mu * (place - x2), y1 - c.mu * y2, place, 0.0
+
+
+@jit
 def settled(c: Constants, x1: float, y1: float, x2: float, y2: float, sides: Sides) -> State:
-    """The state with meshes at rest on their walls; what their contact does not act on keeps its place and speed."""
+    """The same for one closed mesh, or for both."""
     first, second = sides
-    if first != 0:  # wheel 2
-        x2, y2 = x2 + (first * c.wall1 - x1), y2 - y1
-        x1, y1 = first * c.wall1, 0.0
-        if second != 0:
-            x2, y2 = second * c.wall2, 0.0
-    elif second != 0:  # the momentum of both wheels
-        x1, y1 = x1 + c.mu * (second * c.wall2 - x2), y1 - c.mu * y2
-        x2, y2 = second * c.wall2, 0.0
+    if first != 0 and second != 0:
+        return first * c.wall1, 0.0, second * c.wall2, 0.0
+    if first != 0:
+        return settled_on(c, x1, y1, x2, y2, 1, first * c.wall1)
+    if second != 0:
+        return settled_on(c, x1, y1, x2, y2, 2, second * c.wall2)
     return x1, y1, x2, y2
 
 
@@ -241,7 +251,7 @@ def settling(
     longest = 2.0 / (1.0 - c.epsilon)
     if c.stages == 2 and abs(x1) == c.wall1 and abs(x2) == c.wall2:
         sides = (1 if x1 > 0.0 else -1), (1 if x2 > 0.0 else -1)
-        press1, press2 = _presses(c, tau, y1, y2, sides)
+        press1, press2 = presses(c, tau, y1, y2, sides)
         jerk = jerk1 + jerk2
         if press1 > 0.0 and press2 > 0.0:
             weakest = min(press1, press2)
