@@ -82,7 +82,7 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
 
 
 def _trace(scene: Scene, impacts: int, order: int) -> Trace:
-    c, orbit = scene.constants, follow(scene, impacts)
+    c, orbit = scene.constants, follow(scene, impacts).until_rest
     b, after = workbench(MOST_CUT), empty(2 * MOST_CUT)
     section, flight = b.landing.section, b.landing.flight
     b.start.weight[0], b.start.label[0] = 1.0, ON_ORBIT

@@ -8,10 +8,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from closure.orbit import CHATTER_COUNT, CHATTER_FLIGHT, HORIZON
+from closure.orbit import HORIZON
 from scene.compiled import jit
 from scene.flight import flow
 from scene.impact import REST, next_impact, struck
+from scene.rest import settling
 from scene.scene import Constants, Scene
 from scene.tangent import Stretch, carry_frame, strike_frame
 
@@ -28,14 +29,10 @@ def _stretch(
     c: Constants, tangent: bool, at: Floats, frame: Floats, flight: Floats, phase: Floats, code: Ints, before: Floats,
     growth: Floats,
 ) -> tuple[int, int]:  # fmt: skip
-    """Fill the arrays with impacts from ``at = (tau, x1, y1, x2, y2, short flights in a row)`` on, and move `at`."""
+    """Fill the arrays with impacts from ``at = (tau, x1, y1, x2, y2)`` on, up to a rest, and move `at`."""
     tau, x1, y1, x2, y2 = at[0], at[1], at[2], at[3], at[4]
-    short = at[5]
     for k in range(flight.size):
         t, mesh, side, x1, y1, x2, y2 = next_impact(c, tau, x1, y1, x2, y2, HORIZON)
-        short = short + 1.0 if t < CHATTER_FLIGHT else 0.0
-        if short >= CHATTER_COUNT:
-            mesh = REST
         if mesh <= 0:
             return k, mesh
         tau = (tau + t) % PERIOD
@@ -45,7 +42,9 @@ def _stretch(
             carry_frame(c, t, frame)
             strike_frame(c, mesh, tau, y1, y2, frame, growth[k])
         y1, y2 = struck(c, mesh, y1, y2)
-    at[0], at[1], at[2], at[3], at[4], at[5] = tau, x1, y1, x2, y2, short
+        if settling(c, tau, x1, y1, x2, y2, mesh, side)[0] < math.inf:
+            return k + 1, REST
+    at[0], at[1], at[2], at[3], at[4] = tau, x1, y1, x2, y2
     return flight.size, 1
 
 
@@ -87,7 +86,7 @@ class LongOrbit:
         if scene.start.mesh != 0:
             y1, y2 = struck(self.c, scene.start.mesh, y1, y2)
         tau = (scene.phase + start * PERIOD * (math.sqrt(5.0) - 1.0) / 2.0) % PERIOD
-        self.at = np.array([tau, x1, y1, x2, y2, 0.0])
+        self.at = np.array([tau, x1, y1, x2, y2])
         self.frame = np.eye(4)
         self.ended = 1
 

@@ -66,7 +66,7 @@ def _means(before: Floats, raw: Floats, windows: tuple[float, float], stages: in
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
     """Follow the mended closure through `impacts` impacts."""
-    c, orbit = scene.constants, follow(scene, impacts)
+    c, orbit = scene.constants, follow(scene, impacts).until_rest
     windows = scene.windows
     covariance = _carry(c, orbit.tau, orbit.mesh, orbit.found)
     raw = stage_raw_moments(covariance, order)
@@ -80,7 +80,7 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
         t = time - orbit.tau[k]
         j = jacobian(c, t) @ contact_matrix(c, orbit.mesh[k])
         cov = j @ covariance[k] @ j.T + noise_covariance(c, orbit.tau[k], t)
-        state = orbit.state(c, time)
+        state = orbit.state(time)
         return state + stage_shifts(stage_raw_moments(cov[None], order)[0], state, windows, c.stages), cov
 
     return Trace(orbit.tau, orbit.mesh, orbit.side, mean, sd, skew, covariance, raw, at, orbit.found, orbit.stopped)

@@ -1,51 +1,110 @@
-"""The deterministic orbit (sigma = 0) from impact to impact over both meshes: what every closure is built around."""
+"""The deterministic orbit (sigma = 0) from impact to impact over both meshes: what every closure is built around.
+
+Between two impacts lies a flight, or a rest: impacts accumulate, the mesh stays closed while it is pressed shut, and
+opens.  The orbit goes through all of it.  Its linearisations end at the first rest, which forgets what came before.
+"""
 
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scene.compiled import lean
 from scene.flight import flow
-from scene.impact import MISSES, REST, next_impact, struck
+from scene.impact import LOST, MISSES, NONE, REST, next_impact, struck
+from scene.rest import carried, closed_sides, next_contact, settled, settling
 from scene.scene import Constants, Scene
 
-__all__ = ["HORIZON", "Orbit", "follow"]
+__all__ = ["HORIZON", "Orbit", "Rest", "follow"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-HORIZON = 1e4  # longest flight that is followed, in units of 1 / omega
-CHATTER_FLIGHT, CHATTER_COUNT = 1e-7, 4  # so many flights in a row, each shorter than this: impacts accumulate;
-# the excursions of shorter flights are below the rounding of a wall, where the time of the next impact has no meaning
+HORIZON = 1e4  # longest flight or rest that is followed, in units of 1 / omega
+LEGS = 8  # between one impact and the next, on average and at most; settling, opening and going on take 3 a mesh
+LEG = 7  # tau, x1, y1, x2, y2, side on which mesh 1 is closed, side on which mesh 2 is
+
+
+@lean
+def _note(legs: Floats, n: int, tau: float, x1: float, y1: float, x2: float, y2: float, first: int, second: int) -> int:
+    leg = legs[n]
+    leg[0], leg[1], leg[2], leg[3], leg[4], leg[5], leg[6] = tau, x1, y1, x2, y2, first, second
+    return n + 1
 
 
 @lean
 def _follow(
     c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, mesh: int,
-    taus: Floats, meshes: Ints, sides: Ints, before: Floats, after: Floats,
-) -> tuple[int, int]:  # fmt: skip
-    """Fill the arrays; returns how many impacts were found, and the mesh of the last event (`MISSES` if none)."""
+    taus: Floats, meshes: Ints, sides: Ints, before: Floats, after: Floats, legs: Floats, legs_after: Ints,
+) -> tuple[int, int, int]:  # fmt: skip
+    """Fill the arrays; returns how many impacts and legs were found, and the mesh of the last event."""
     taus[0], meshes[0] = tau, mesh
     before[0, 0], before[0, 1], before[0, 2], before[0, 3] = x1, y1, x2, y2
+    side = 0
     if mesh != 0:
-        sides[0] = 1 if (x1 if mesh == 1 else x2) > 0.0 else -1
+        side = 1 if (x1 if mesh == 1 else x2) > 0.0 else -1
         y1, y2 = struck(c, mesh, y1, y2)
+    sides[0] = side
     after[0, 0], after[0, 1], after[0, 2], after[0, 3] = x1, y1, x2, y2
-    short = 0
-    for k in range(1, taus.size):
-        t, mesh, side, x1, y1, x2, y2 = next_impact(c, tau, x1, y1, x2, y2, HORIZON)
-        short = short + 1 if t < CHATTER_FLIGHT else 0
-        if short >= CHATTER_COUNT:
-            mesh = REST
+    n, k = 0, 0
+    while True:
+        legs_after[k] = n
+        n = _note(legs, n, tau, x1, y1, x2, y2, 0, 0)
+        if k + 1 == taus.size:
+            return k, n, 1
+        closed = (0, 0)
+        if mesh > 0:
+            t, shut = settling(c, tau, x1, y1, x2, y2, mesh, side)
+            if t < np.inf:
+                x1, y1, x2, y2 = settled(c, *flow(c, tau, x1, y1, x2, y2, t), shut)
+                tau += t
+        while True:  # through rests, to the next impact
+            if closed[0] == 0 and closed[1] == 0:
+                touching1 = int(x1 == c.wall1) - int(x1 == -c.wall1) if y1 == 0.0 else 0
+                touching2 = int(x2 == c.wall2) - int(x2 == -c.wall2) if y2 == 0.0 and c.stages == 2 else 0
+                closed = closed_sides(c, tau, y1, y2, (touching1, touching2))
+            if closed[0] != 0 or closed[1] != 0:
+                n = _note(legs, n, tau, x1, y1, x2, y2, *closed)
+                t, mesh, side, x1, y1, x2, y2, closed = next_contact(c, tau, x1, y1, x2, y2, closed, HORIZON)
+                if mesh == NONE:
+                    return k, n, REST
+            else:
+                t, mesh, side, x1, y1, x2, y2 = next_impact(c, tau, x1, y1, x2, y2, HORIZON)
+            tau += t
+            if mesh != REST:
+                break
+            if n + 2 >= len(legs):
+                return k, n, LOST
+            n = _note(legs, n, tau, x1, y1, x2, y2, *closed)
         if mesh <= 0:
-            return k - 1, mesh
-        tau += t
+            return k, n, mesh
+        k += 1
         taus[k], meshes[k], sides[k] = tau, mesh, side
         before[k, 0], before[k, 1], before[k, 2], before[k, 3] = x1, y1, x2, y2
         y1, y2 = struck(c, mesh, y1, y2)
         after[k, 0], after[k, 1], after[k, 2], after[k, 3] = x1, y1, x2, y2
-    return taus.size - 1, 1
+
+
+class Rest(NamedTuple):
+    """A mesh that stays closed for a while.
+
+    Attributes
+    ----------
+    mesh, side : int
+        Which, and at which flank.
+    closed, opened : float
+        When; infinite for a mesh that never opens.
+    impact : int
+        The impact after which it closed.
+    """
+
+    mesh: int
+    side: int
+    closed: float
+    opened: float
+    impact: int
 
 
 @dataclass(frozen=True)
@@ -54,6 +113,8 @@ class Orbit:
 
     Attributes
     ----------
+    constants : Constants
+        Of its scene.
     tau : ndarray, shape (impacts + 1,)
         Impact times, counted from the start's phase (`Scene.phase`).
     mesh, side : ndarray of int, shape (impacts + 1,)
@@ -64,8 +125,14 @@ class Orbit:
         Impacts that were reached; the rest of the arrays is NaN (and mesh 0).
     stopped : str
         Why it ended early, or an empty string.
+    legs : ndarray, shape (legs, 7)
+        Its smooth pieces, one after each impact and one for each change of the closed meshes: time and state at which
+        it begins, and the sides on which mesh 1 and mesh 2 are closed (0 for open).
+    rests : tuple of Rest
+        Meshes that stayed closed, in the order of closing.
     """
 
+    constants: Constants
     tau: Floats
     mesh: Ints
     side: Ints
@@ -73,16 +140,30 @@ class Orbit:
     after: Floats
     found: int
     stopped: str
+    legs: Floats
+    rests: tuple[Rest, ...]
 
-    def state(self, c: Constants, time: float) -> Floats:
+    @property
+    def until_rest(self) -> "Orbit":
+        """The same up to its first rest: as far as neighbours of the orbit can be told by its derivatives."""
+        if not self.rests:
+            return self
+        k = self.rests[0].impact
+        left = np.arange(len(self.tau)) <= k
+        tau, mesh, side = np.where(left, self.tau, np.nan), np.where(left, self.mesh, 0), np.where(left, self.side, 0)
+        before, after = np.where(left[:, None], self.before, np.nan), np.where(left[:, None], self.after, np.nan)
+        legs = self.legs[: int(self.legs[:, 5:].any(axis=1).argmax())]
+        return Orbit(self.constants, tau, mesh, side, before, after, k, f"{MISSES[REST]} after impact {k}", legs, ())
+
+    def state(self, time: float) -> Floats:
         """State at a time of the orbit, after any impact at that very instant, shape (4,)."""
-        k = int(np.searchsorted(self.tau[: self.found + 1], time, side="right")) - 1
-        x1, y1, x2, y2 = self.after[k]
-        return np.asarray(flow(c, self.tau[k], x1, y1, x2, y2, time - self.tau[k]), dtype=float)
+        tau, x1, y1, x2, y2, first, second = self.legs[int(np.searchsorted(self.legs[:, 0], time, side="right")) - 1]
+        closed = int(first), int(second)
+        return np.array(carried(self.constants, tau, x1, y1, x2, y2, closed, time - tau))
 
 
 def follow(scene: Scene, impacts: int) -> Orbit:
-    """Follow the orbit of a scene through `impacts` impacts.
+    """Follow the orbit of a scene through `impacts` impacts, and through the rests between them.
 
     Examples
     --------
@@ -90,6 +171,12 @@ def follow(scene: Scene, impacts: int) -> Orbit:
     >>> orbit = follow(Scene.from_gears(DAT21), 3)
     >>> orbit.mesh.tolist(), orbit.side.tolist()
     ([1, 1, 2, 1], [1, -1, 1, -1])
+
+    A drag that presses mesh 1 shut, against an excitation that opens it once a period:
+
+    >>> orbit = follow(Scene(alpha=1.0, epsilon=0.3, beta1=0.0, gamma1=0.8, stages=1), 20)
+    >>> [round(value, 5) for value in orbit.rests[0]]
+    [1, 1, 4.97495, 7.21048, 14]
     """
     c = scene.constants
     start = scene.start
@@ -99,6 +186,25 @@ def follow(scene: Scene, impacts: int) -> Orbit:
         np.full((impacts + 1, 4), np.nan),
     )
     mesh, side = np.zeros(impacts + 1, np.int64), np.zeros(impacts + 1, np.int64)
-    found, last = _follow(c, scene.phase, *scene.start_state, start.mesh, tau, mesh, side, before, after)
+    legs, legs_after = np.empty((LEGS * (impacts + 2), LEG)), np.zeros(impacts + 1, np.int64)
+    found, pieces, last = _follow(
+        c, scene.phase, *scene.start_state, start.mesh, tau, mesh, side, before, after, legs, legs_after
+    )  # fmt: skip
+    legs = legs[:pieces].copy()
+    rests = _rests(legs, legs_after[: found + 1])
     stopped = "" if last > 0 else f"{MISSES[last]} after impact {found}"
-    return Orbit(tau, mesh, side, before, after, found, stopped)
+    return Orbit(c, tau, mesh, side, before, after, found, stopped, legs, rests)
+
+
+def _rests(legs: Floats, legs_after: Ints) -> tuple[Rest, ...]:
+    """Stretches of legs in which a mesh is closed."""
+    rests = []
+    for mesh in (1, 2):
+        closed = legs[:, 4 + mesh].astype(int)
+        (edges,) = np.nonzero(np.diff(closed, prepend=0, append=0))
+        for first, last in pairwise(edges):
+            if closed[first] != 0:
+                opened = float(legs[last, 0]) if last < len(legs) else np.inf
+                impact = int(np.searchsorted(legs_after, first, side="right")) - 1
+                rests.append(Rest(mesh, int(closed[first]), float(legs[first, 0]), opened, impact))
+    return tuple(sorted(rests, key=lambda rest: rest.closed))

@@ -118,7 +118,7 @@ def _start_covariance(scene: Scene) -> tuple[Floats, Floats, bool]:
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
     """Follow the saltation closure through `impacts` impacts; second order from `order` 3 on."""
-    c, orbit = scene.constants, follow(scene, impacts)
+    c, orbit = scene.constants, follow(scene, impacts).until_rest
     start, variance, redraw = _start_covariance(scene)
     found, shift, sd, skew, section, after = _carry(
         c, orbit.tau, orbit.mesh, orbit.side, orbit.before, orbit.after, orbit.found,
@@ -139,7 +139,7 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
         clock = _clock(field(c, orbit.tau[k], orbit.after[k, 1], orbit.after[k, 3]))
         t = time - orbit.tau[k]
         j = jacobian(c, t) @ clock
-        return orbit.state(c, time), j @ after[k, :5, :5] @ j.T + noise_covariance(c, orbit.tau[k], t)
+        return orbit.state(time), j @ after[k, :5, :5] @ j.T + noise_covariance(c, orbit.tau[k], t)
 
     return Trace(tau, orbit.mesh, orbit.side, mean, sd, skew, covariance, raw, at, found, stopped)
 

@@ -143,5 +143,5 @@ def simulation_text(v: Validation) -> str:
     if run.unfinished:
         text += f" {run.unfinished:,} paths had not had all their impacts at the horizon."
     if run.held:
-        text += f" In {run.held:,} steps impacts accumulated and the path was held to the end of the step."
+        text += f" In {run.held:,} steps of paths a mesh was held shut: impacts accumulated, or it rested."
     return text

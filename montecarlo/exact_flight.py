@@ -255,6 +255,15 @@ def _due(c: Constants, at: Progress, walls: Walls) -> tuple[int, float]:
     return code, reach
 
 
+@inlined
+def _due_at_once(c: Constants, at: Progress, walls: Walls) -> int:
+    """``mesh * side`` of an impact that is due at this very state, on a wall and outward, or 0: mesh 1 first."""
+    code = int((at.x1 == walls.high1) & (at.y1 > 0.0)) - int((at.x1 == -walls.low1) & (at.y1 < 0.0))
+    if code == 0 and c.stages == 2:
+        code = 2 * int((at.x2 == walls.high2) & (at.y2 > 0.0)) - 2 * int((at.x2 == -walls.low2) & (at.y2 < 0.0))
+    return code
+
+
 @spliced
 def _on_wall(at: Progress, code: int, walls: Walls) -> Progress:
     """The same with the struck coordinate on its wall, and the impact due."""
@@ -325,6 +334,9 @@ def advance_exactly(
     ahead : ndarray, shape (PARTS, 3)
         Scratch: length, increment and area of the parts of the step that are still ahead, the nearest last.
     """
+    code = _due_at_once(c, at, walls)
+    if code != 0:
+        return Progress(code, at.tau, at.left, at.noise, at.x1, at.y1, at.x2, at.y2)
     cuts = Word(0)
     top = 0
     ahead[0, 0], ahead[0, 1], ahead[0, 2] = at.left, at.noise.increment, at.noise.area

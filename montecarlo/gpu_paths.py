@@ -15,6 +15,7 @@ from montecarlo.backlash import first_half_gap, half_gap
 from montecarlo.euler import StepForcing, euler_step, step_forcing
 from montecarlo.euler_located import leaves
 from montecarlo.exact_flight import PARTS, FlightForcing, first_stage, flight_forcing, near_wall, second_stage
+from montecarlo.held import OPEN, held_to_end, resting, sides_of
 from montecarlo.kernel import CHUNK, EXACT, FLANK_DRAWS, LOCATED, PLAIN, next_event
 from montecarlo.noise import STEP, Word, bits_of, normals, sign_of
 from montecarlo.progress import MOST_IN_A_STEP, Noise, Progress, Walls
@@ -172,14 +173,18 @@ def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callabl
                     for met in range(MOST_IN_A_STEP + 1):
                         if scheme != PLAIN and at.left <= 0.0:
                             break
-                        at = next_event(scheme, c, job.key, path, n + s, 0, met, at, walls, ahead)
+                        sides = resting(c, at, walls) if scheme == EXACT else OPEN
+                        if sides[0] == 0 and sides[1] == 0:
+                            at = next_event(scheme, c, job.key, path, n + s, 0, met, at, walls, ahead)
+                        if sides[0] != 0 or sides[1] != 0 or (at.code != 0 and met == MOST_IN_A_STEP):
+                            if scheme != PLAIN:
+                                at = held_to_end(c, at, sides if at.code == 0 else sides_of(at.code), walls)
+                            held += 1
+                            break
                         if at.code == 0:
                             if scheme == PLAIN or at.left <= 0.0:
                                 break
                             continue
-                        if met == MOST_IN_A_STEP:
-                            held += 1
-                            break
                         mesh = abs(at.code)
                         if k < impacts:
                             rows[k, 0, row], rows[k, 1, row] = at.tau, at.tau - last

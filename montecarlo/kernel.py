@@ -13,6 +13,7 @@ from montecarlo.control import LinearPath, carry_along
 from montecarlo.euler import at_end, due, euler_lanes, put_on_wall, step_forcing
 from montecarlo.euler_located import advance_inside, leaving, located_lanes
 from montecarlo.exact_flight import advance_exactly, flight_forcing, flight_lanes, near_second
+from montecarlo.held import OPEN, held_to_end, resting, sides_of
 from montecarlo.lanes import Lanes, Room, join_halves, list_marked, of_level, retire
 from montecarlo.noise import BRIDGE, Key, Word, fill_normals, fill_signs, fill_words, normals
 from montecarlo.progress import MOST_IN_A_STEP, Noise, Progress, Walls
@@ -137,11 +138,15 @@ def _finish_inside(
     for met in range(MOST_IN_A_STEP + 1):
         if at.left <= 0.0:
             break
-        at = next_event(scheme, job.c, job.key, path, step, level, met, at, _walls_of(lanes, p), ahead)
+        walls = _walls_of(lanes, p)
+        sides = resting(job.c, at, walls) if scheme == EXACT else OPEN
+        if sides[0] == 0 and sides[1] == 0:
+            at = next_event(scheme, job.c, job.key, path, step, level, met, at, walls, ahead)
+        if sides[0] != 0 or sides[1] != 0 or (at.code != 0 and met == MOST_IN_A_STEP):
+            at = held_to_end(job.c, at, sides if at.code == 0 else sides_of(at.code), walls)
+            held = True
+            break
         if at.code != 0:
-            if met == MOST_IN_A_STEP:
-                held = True
-                break
             y1, y2 = _record(
                 job, path, row, level, p, at.code, at.tau, at.x1, at.y1, at.x2, at.y2, lanes, rows
             )  # fmt: skip

@@ -5,7 +5,7 @@ from typing import NamedTuple
 __all__ = ["MOST_IN_A_STEP", "Noise", "Progress", "Walls"]
 
 MOST_IN_A_STEP = 64
-"""Impacts of one path within one step; beyond, the path rests where it is to the end of the step, and is counted."""
+"""Impacts of one path within one step; beyond, the mesh stays closed to the end of the step, which is counted."""
 
 
 class Noise(NamedTuple):

@@ -114,7 +114,7 @@ class Ensemble:
 
     @property
     def held(self) -> int:
-        """How often impacts accumulated within one step and the path was held to its end."""
+        """Steps of paths in which a mesh was held shut: at rest, or impacts accumulated (`montecarlo.held`)."""
         return self.result.held
 
     @cached_property

@@ -8,12 +8,20 @@ from scene.compiled import jit
 from scene.flight import Floats, flow, wheel_speeds
 from scene.scene import Constants
 
-__all__ = ["MISSES", "NONE", "REST", "contact_matrix", "energy_loss", "next_impact", "struck"]
+__all__ = [
+    "LOST", "MISSES", "NONE", "REST", "TOUCH", "contact_matrix", "energy_loss", "next_impact", "safe_time", "struck",
+]  # fmt: skip
 
 NONE = 0  # mesh of an event that never came: no impact within the horizon
 REST = -1  # the mesh is pressed shut: the next impact is now, and so is every later one
+LOST = -2  # the search was given up
 TOUCH = 1e-9  # step off a wall that is touched at rest; the displacement in it is below rounding
-MISSES = {NONE: "no impact within the horizon", REST: "a mesh rests closed"}
+MOST_STEPS = 1_000_000  # of the search for one impact; DAT21 takes about ten
+MISSES = {
+    NONE: "no impact within the horizon",
+    REST: "a mesh rests closed",
+    LOST: "the search for the next impact takes too long",
+}
 
 
 @jit
@@ -72,15 +80,28 @@ def safe_time(distance: float, speed: float, acceleration: float, most: float, j
 
 
 @jit
+def _touching(t: float, high: float, low: float, to_high: float, to_low: float, speed: float) -> int:
+    """The wall that is reached, as a side, or 0: at no distance, or at a distance that rounding of time hides."""
+    if high <= 0.0 or (t + to_high == t and speed > 0.0):
+        return 1
+    if low <= 0.0 or (t + to_low == t and speed < 0.0):
+        return -1
+    return 0
+
+
+@jit
 def next_impact(
     c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, horizon: float
 ) -> tuple[float, int, int, float, float, float, float]:
     """The earliest outward crossing of a wall by a flight from a state.
 
-    The flight is followed by steps that no crossing fits into: ``|x_i''|`` is bounded by
-    ``alpha + |beta_1 u_1 + gamma_1|`` and ``|beta_1 u_1 + gamma_1| + |beta_2 u_2 + gamma_2|``, which only
-    decay along a flight.  Near a transversal hit these steps are Newton's, from the safe side; an
-    excursion beyond the wall and back cannot hide between two of them.
+    The flight is followed by steps that no crossing fits into: with ``p_i = beta_i u_i + gamma_i``, which only decays
+    along a flight, ``x_1''`` towards a wall is at most ``alpha`` and what of ``p_1`` draws that way, ``x_2''`` at
+    most what of ``p_1 - p_2`` does and what two dampings can make of the difference.  Near a transversal hit these
+    steps are Newton's, from the safe side; an excursion beyond the wall and back cannot hide between two of them.
+
+    Distances are those at the start and the displacement since: a flight of 1e-12 from a wall back to it is told
+    as well as any other.
 
     Parameters
     ----------
@@ -95,43 +116,55 @@ def next_impact(
     t : float
         Time of flight.
     mesh : int
-        1 or 2; `NONE` if the horizon came first; `REST` if a mesh stays closed.  Two walls met at
-        one instant are told apart by a second event of flight time 0, mesh 1 first.
+        1 or 2; `NONE` if the horizon came first; `REST` if a mesh stays closed; `LOST` after `MOST_STEPS` steps.  Two
+        walls met at one instant are told apart by a second event of flight time 0, mesh 1 first.
     side : int
         +1 or -1.
     x1, y1, x2, y2 : float
         State just before the impact; the struck coordinate lies on its wall exactly.
     """
-    t = 0.0
-    a1, b1, a2, b2 = x1, y1, x2, y2
-    tolerance1 = 1e-15 + 4e-16 * c.wall1
-    tolerance2 = 1e-15 + 4e-16 * c.wall2
-    while t < horizon:
+    high1, low1, high2, low2 = c.wall1 - x1, c.wall1 + x1, c.wall2 - x2, c.wall2 + x2
+    u1, u2 = wheel_speeds(c, tau, y1, y2)
+    rate = abs(u1) + abs(u2) + c.alpha  # rounding of a displacement is that of this speed times the time
+    uneven = abs(c.beta1 - c.beta2) / max(c.beta1, c.beta2) if c.beta1 != c.beta2 else 0.0
+    t, d1, d2, b1, b2 = 0.0, 0.0, 0.0, y1, y2
+    for _ in range(MOST_STEPS):
         u1, u2 = wheel_speeds(c, tau + t, b1, b2)
         pull1, pull2 = c.beta1 * u1 + c.gamma1, c.beta2 * u2 + c.gamma2  # -u_i'
         f1, f2 = pull1 - c.alpha * math.sin(tau + t), pull1 - pull2  # accelerations
-        if c.wall1 - abs(a1) <= tolerance1:
-            side = 1 if a1 > 0.0 else -1
-            if b1 * side > 0.0:
-                return t, 1, side, side * c.wall1, b1, a2, b2
-            if b1 == 0.0 and f1 * side > 0.0:
-                return t, REST, side, a1, b1, a2, b2
-        if c.stages == 2 and c.wall2 - abs(a2) <= tolerance2:
-            side = 1 if a2 > 0.0 else -1
-            if b2 * side > 0.0:
-                return t, 2, side, a1, b1, side * c.wall2, b2
-            if b2 == 0.0 and f2 * side > 0.0:
-                return t, REST, side, a1, b1, a2, b2
-        most, jerk = c.alpha + abs(pull1), c.alpha + c.beta1 * abs(pull1)
-        step = min(safe_time(c.wall1 - a1, b1, f1, most, jerk), safe_time(c.wall1 + a1, -b1, -f1, most, jerk))
+        up, down, jerk = c.alpha + max(pull1, 0.0), c.alpha + max(-pull1, 0.0), c.alpha + c.beta1 * abs(pull1)
+        to_high1 = safe_time(high1 - d1, b1, f1, up, jerk)
+        to_low1 = safe_time(low1 + d1, -b1, -f1, down, jerk)
+        side1 = _touching(t, high1 - d1, low1 + d1, to_high1, to_low1, b1)
+        to_high2 = to_low2 = math.inf
+        side2 = 0
         if c.stages == 2:
-            most, jerk = abs(pull1) + abs(pull2), c.beta1 * abs(pull1) + c.beta2 * abs(pull2)
-            step = min(step, safe_time(c.wall2 - a2, b2, f2, most, jerk), safe_time(c.wall2 + a2, -b2, -f2, most, jerk))
+            drift, jerk = uneven * min(abs(pull1), abs(pull2)), c.beta1 * abs(pull1) + c.beta2 * abs(pull2)
+            to_high2 = safe_time(high2 - d2, b2, f2, max(f2, 0.0) + drift, jerk)
+            to_low2 = safe_time(low2 + d2, -b2, -f2, max(-f2, 0.0) + drift, jerk)
+            side2 = _touching(t, high2 - d2, low2 + d2, to_high2, to_low2, b2)
+        if side1 != 0 and b1 * side1 > 0.0:
+            slack = 1e-15 * rate * min(t, 10.0)
+            if side2 != 0 or (min(high2 - d2, low2 + d2) <= slack and t > 0.0):  # both at one instant
+                x2, d2 = (c.wall2 if high2 - d2 < low2 + d2 else -c.wall2), 0.0
+            return t, 1, side1, side1 * c.wall1, b1, x2 + d2, b2
+        if side2 != 0 and b2 * side2 > 0.0:
+            slack = 1e-15 * rate * min(t, 10.0)
+            if side1 != 0 or (min(high1 - d1, low1 + d1) <= slack and t > 0.0):
+                x1, d1 = (c.wall1 if high1 - d1 < low1 + d1 else -c.wall1), 0.0
+            return t, 2, side2, x1 + d1, b1, side2 * c.wall2, b2
+        if side1 != 0 and b1 == 0.0 and f1 * side1 > 0.0:
+            return t, REST, side1, side1 * c.wall1, b1, x2 + d2, b2
+        if side2 != 0 and b2 == 0.0 and f2 * side2 > 0.0:
+            return t, REST, side2, x1 + d1, b1, side2 * c.wall2, b2
+        if t >= horizon:
+            return horizon, NONE, 0, x1 + d1, b1, x2 + d2, b2
+        step = min(to_high1, to_low1, to_high2, to_low2)
         if t + step == t:  # touching a wall at no speed and no acceleration: too slow to matter below this
             step = TOUCH
         t = min(t + step, horizon)
-        a1, b1, a2, b2 = flow(c, tau, x1, y1, x2, y2, t)
-    return horizon, NONE, 0, a1, b1, a2, b2
+        d1, b1, d2, b2 = flow(c, tau, 0.0, y1, 0.0, y2, t)
+    return t, LOST, 0, x1 + d1, b1, x2 + d2, b2
 
 
 @jit

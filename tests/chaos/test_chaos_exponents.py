@@ -37,7 +37,7 @@ def test_the_saltation_matrix_is_the_derivative_through_an_impact(alpha):
     c, orbit = scene.constants, follow(scene, 12)
     for k in range(1, 12):
         early, late = 0.3 * np.diff(orbit.tau)[k - 1 : k + 1]
-        tau, state = orbit.tau[k] - early, orbit.state(c, orbit.tau[k] - early)
+        tau, state = orbit.tau[k] - early, orbit.state(orbit.tau[k] - early)
         h = 1e-6
         moved = [
             (through(c, tau, state + h * e, early + late) - through(c, tau, state - h * e, early + late)) / (2.0 * h)

@@ -23,7 +23,7 @@ LOCATED_FAULTS = (
 )  # fmt: skip
 """Errors that only a scheme with located impacts can have."""
 
-MOST = 64  # impacts and turns within one step; one more, and the path is held there to the end of the step
+MOST = 64  # impacts and turns within one step; one more, and the mesh stays closed to the end of the step
 
 
 @dataclass
@@ -125,6 +125,23 @@ class Path:
                         self._record(begin + self.dt, s * m)
                         break
 
+    def _rest(self, tau: float, dw: float, left: float, m: int) -> None:
+        """Mesh m stays closed for the rest of the step: its contact gives both stages what keeps its speed at zero."""
+        per_impulse = (1.0, 1.0) if m == 1 else (self.scene.mu, 1.0)  # MODEL section 3: (y1, y2) per unit of contact
+        parts, i, j = 50, 2 * m - 1, 2 * (3 - m) - 1
+        self.state[j] -= per_impulse[2 - m] / per_impulse[m - 1] * self.state[i]
+        self.state[i] = 0.0
+        for k in range(parts):
+            h = left / parts
+            start, at = list(self.state), tau + k * h
+            for share in (0.5, 1.0):  # the midpoint rule
+                change = self._slope(at if share == 0.5 else at + 0.5 * h, dw / parts * share, h * share)
+                speed = self.state[j]
+                self.state[j] = start[j] + change[2 - m] - per_impulse[2 - m] / per_impulse[m - 1] * change[m - 1]
+                self.state[j - 1] = start[j - 1] + h * share * speed
+        for mesh in self._meshes():
+            self.state[2 * mesh - 2] = min(max(self.state[2 * mesh - 2], -self.walls[-mesh]), self.walls[mesh])
+
     def _step_located(self, tau: float, dw: float, bridge: Callable[[int], float]) -> None:
         left = self.dt
         for leg in range(MOST + 1):
@@ -155,5 +172,6 @@ class Path:
             if s * self.state[2 * m - 1] > 0.0:
                 if leg == MOST:
                     self.held += 1
+                    self._rest(tau, dw, left, m)
                     return
                 self._record(tau, s * m)

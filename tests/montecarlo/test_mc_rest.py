@@ -1,0 +1,84 @@
+"""Closed meshes in the sampler: the rule of `montecarlo.held`, and what it costs in accuracy."""
+
+import time
+
+import numpy as np
+import pytest
+
+from closure import follow
+from montecarlo import simulate
+from scene import Scene, Start
+
+SCENES = {
+    "one stage": Scene(alpha=1.0, epsilon=0.3, beta1=0.05, gamma1=0.8, stages=1),
+    "mesh 1": Scene(alpha=0.3, epsilon=0.3, beta1=0.1, beta2=0.3, gamma1=0.3, gamma2=0.1, mu=0.5),
+    "mesh 2": Scene(
+        alpha=0.0, epsilon=0.4, beta1=0.5, beta2=0.1, gamma1=0.0, gamma2=1.0, mu=0.6, gap1=50.0,
+        start=Start(0.0, 0.0, -5.0, 0.4, 0.1),
+    ),
+    "both meshes": Scene(alpha=1.5, epsilon=0.2, beta1=0.01, beta2=0.5, gamma1=0.02, gamma2=0.4, mu=0.6),
+    "plastic": Scene(alpha=1.0, epsilon=0.0, beta1=0.1, gamma1=0.3, stages=1),
+}  # fmt: skip
+
+
+def distances(scene, scheme, dt, sigma=0.0):
+    """Distance in x from the orbit at 200 times, as far as it is followed, and the run."""
+    orbit = follow(scene, 150)
+    end = min(float(orbit.tau[orbit.found]), 12.0)
+    run = simulate(
+        scene.with_sigma(sigma), paths=1, impacts=10_000, dt=dt, scheme=scheme, horizon=end,
+        clock=np.linspace(0.3, end - dt, 200), rng=1,
+    )  # fmt: skip
+    table = run.clock()
+    stages = ["x1", "x2"][: scene.stages]
+    followed = np.array([orbit.state(time)[:3:2] for time in table.index])[:, : scene.stages]
+    speeds = np.array([orbit.state(time)[1::2] for time in table.index])[:, : scene.stages]
+    return np.abs(table[stages].to_numpy() - followed).max(axis=1), float(np.abs(speeds).max()), run
+
+
+@pytest.mark.parametrize("scheme", ["exact-flight", "euler-maruyama-located", "euler-maruyama"])
+@pytest.mark.parametrize("name", SCENES)
+def test_rest_costs_no_more_than_the_way_of_a_step(name, scheme):
+    """The rule is late by less than a step.  What comes of that later, through ten or so impacts, is of its order."""
+    coarse, speed, _ = distances(SCENES[name], scheme, 0.02)
+    fine, _, _ = distances(SCENES[name], scheme, 0.0023)
+    assert np.median(coarse) <= 0.02 * speed
+    assert fine.max() <= 10.0 * 0.0023 * speed
+    assert np.median(fine) <= 0.0023 * speed
+    if scheme != "exact-flight":  # whose lateness is all that there is, and falls by chance
+        assert fine.mean() < 0.5 * coarse.mean()
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_exact_flights_are_right_to_second_order_through_rest(name):
+    """But where both meshes meet: there the impact of the other stage waits for the end of the step."""
+    far, _, run = distances(SCENES[name], "exact-flight", 0.005)
+    assert run.held > 10
+    assert np.median(far) < 1e-5
+
+
+def test_a_path_that_never_leaves_a_closed_mesh_is_noticed():
+    """Planted: the orbit of a scene that opens 1 % later."""
+    scene = SCENES["one stage"]
+    _, _, run = distances(scene, "exact-flight", 0.005)
+    orbit = follow(Scene(alpha=1.0, epsilon=0.3, beta1=0.05, gamma1=0.808, stages=1), 150)
+    table = run.clock()
+    far = np.abs(table["x1"].to_numpy() - [orbit.state(t)[0] for t in table.index])
+    assert np.median(far) > 1e-4
+
+
+def test_little_noise_does_not_open_a_closed_mesh():
+    far, _, run = distances(SCENES["one stage"], "exact-flight", 0.005, sigma=1e-5)
+    assert run.held > 10
+    assert np.median(far) < 1e-4
+
+
+def test_pressed_shut_for_good_is_cheap():
+    """A mesh that never opens again: a step of it took 4 ms when every touch was looked for."""
+    scene = Scene(alpha=0.5, epsilon=0.5, beta1=0.0, gamma1=2.0, stages=1, sigma=1e-3)
+    simulate(scene, paths=8, impacts=400, scheme="exact-flight", rng=1, horizon=5.0)
+    begin = time.perf_counter()
+    run = simulate(scene, paths=8, impacts=100_000, scheme="exact-flight", rng=1, horizon=60.0)
+    assert time.perf_counter() - begin < 2.0
+    assert run.unfinished == 8
+    assert run.held > 1000

@@ -1,0 +1,279 @@
+"""Meshes that close and open: the orbit through accumulation and rest."""
+
+import itertools
+import math
+import time
+
+import numpy as np
+import pytest
+from compliant_contact import furthest
+from reference_dynamics import rates
+from scipy.optimize import brentq
+
+from closure import follow, mean_map
+from scene import DAT21, Scene, Start
+from scene.impact import MISSES, NONE, REST, next_impact, struck
+from scene.rest import closed_sides, opening, settled
+
+SINGLE = Scene(alpha=1.0, epsilon=0.3, beta1=0.05, gamma1=0.8, stages=1)
+FIRST = Scene(alpha=0.3, epsilon=0.3, beta1=0.1, beta2=0.3, gamma1=0.3, gamma2=0.1, mu=0.5)
+SECOND = Scene(  # both wheels as one slow down, until wheel 2 is dragged behind
+    alpha=0.0, epsilon=0.4, beta1=0.5, beta2=0.1, gamma1=0.0, gamma2=1.0, mu=0.6, gap1=50.0,
+    start=Start(0.0, 0.0, -5.0, 0.4, 0.1),
+)  # fmt: skip
+BOTH = Scene(alpha=1.5, epsilon=0.2, beta1=0.01, beta2=0.5, gamma1=0.02, gamma2=0.4, mu=0.6)
+
+
+def rest_of(scene, mesh, impacts, least=0.02):
+    """The orbit, and its first rest at a mesh that lasts."""
+    orbit = follow(scene, impacts)
+    return orbit, next(r for r in orbit.rests if r.mesh == mesh and r.opened - r.closed > least)
+
+
+# --- against compliant contact: the distance falls as stiffness ** -1/2 -----------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("scene", "mesh", "impacts"),
+    [(SINGLE, 1, 16), (FIRST, 1, 20), (SECOND, 2, 40), (BOTH, 1, 40)],
+    ids=["one stage", "mesh 1, stage 2 in flight", "mesh 2", "both meshes"],
+)
+def test_a_rest_is_the_limit_of_compliant_contact(scene, mesh, impacts):
+    """From before the impacts accumulate (both meshes: from their closing) until after the mesh has opened."""
+    orbit, rest = rest_of(scene, mesh, impacts)
+    both = any(r is not rest and r.closed <= rest.closed < r.opened for r in orbit.rests)
+    since = rest.closed if both else float(orbit.tau[max(rest.impact - 3, 0)]) + 1e-3
+    until = min([r.opened + 0.05 for r in (rest,)] + [t for t in orbit.tau if t > rest.closed + 1e-6])
+    soft, hard = (furthest(orbit, since, until - 1e-6, k) for k in (1e5, 1e7))
+    assert hard < 2e-3
+    assert hard < 0.2 * soft
+
+
+def test_a_mesh_kept_shut_too_long_is_noticed():
+    """Planted: the opening 1 % of the rest late."""
+    orbit, rest = rest_of(SINGLE, 1, 16)
+    late = rest.opened + 0.01 * (rest.opened - rest.closed)
+    moved = orbit.legs.copy()
+    moved[np.searchsorted(moved[:, 0], rest.opened - 1e-8), 0] = late
+    object.__setattr__(orbit, "legs", moved)
+    until = float(orbit.tau[rest.impact + 1]) - 1e-6
+    soft, hard = (furthest(orbit, rest.closed, until, k) for k in (1e5, 1e7))
+    assert hard > 0.9 * soft
+
+
+# --- where it opens ---------------------------------------------------------------------------------------------------
+
+
+def contact_forces(c, tau, state, sides):
+    """Contact accelerations that keep meshes closed: a linear system from Eq. 5 and the impulses' proportions."""
+    f = np.array(rates(c, tau, state))[[1, 3]]
+    effect = np.array([[1.0, c.mu], [1.0, 1.0]])
+    held = [i for i in (0, 1) if sides[i]]
+    force = np.zeros(2)
+    force[held] = np.linalg.solve(effect[np.ix_(held, held)], -f[held])
+    return force, f + effect @ force
+
+
+@pytest.mark.parametrize(("scene", "impacts"), [(SINGLE, 60), (FIRST, 200), (SECOND, 40), (BOTH, 60)])
+def test_a_mesh_opens_when_its_contact_stops_pushing(scene, impacts):
+    orbit = follow(scene, impacts)
+    c = orbit.constants
+    seen = 0
+    for rest in orbit.rests:
+        if rest.opened - rest.closed < 0.02 or not np.isfinite(rest.opened):
+            continue
+        if np.abs(orbit.tau - rest.opened).min() < 1e-6:
+            continue  # thrown open by an impact
+
+        def pushes(tau, rest=rest):
+            leg = orbit.legs[np.searchsorted(orbit.legs[:, 0], tau, side="right") - 1]
+            sides = leg[5:].astype(int)
+            return -rest.side * contact_forces(c, tau, orbit.state(tau), sides)[0][rest.mesh - 1]
+
+        times = np.linspace(rest.closed + 1e-9, rest.opened - 2e-9, 50)
+        assert min(pushes(t) for t in times) > -1e-9  # the contact never pulls
+        assert abs(pushes(times[-1])) < 1e-7
+        seen += 1
+    assert seen >= 1
+
+
+@pytest.mark.parametrize("sides", [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)])
+def test_the_opening_is_the_first_root_of_the_contact_force(sides):
+    rng = np.random.default_rng(11)
+    seen = 0
+    while seen < 12:
+        b1, b2, g1, g2 = rng.uniform(0.0, 1.0, 4)
+        scene = Scene(
+            alpha=1.0, epsilon=0.5, beta1=b1, beta2=b2, gamma1=g1, gamma2=g2, mu=rng.uniform(0.1, 0.9), gap1=1e3
+        )
+        c, tau, y1 = scene.constants, rng.uniform(0.0, 6.0), 0.0 if sides[0] else rng.uniform(-5.0, 5.0)
+        state = (sides[0] * c.wall1, y1, sides[1] * c.wall2, 0.0 if sides[1] else rng.uniform(-1.0, 1.0))
+
+        def least(t, c=c, tau=tau, state=state):
+            """Of the contacts that are to push, at a time t later."""
+            s = orbit_state(c, tau, state, sides, t)
+            force, _ = contact_forces(c, tau + t, s, sides)
+            return min(-sides[i] * force[i] for i in (0, 1) if sides[i])
+
+        if least(0.0) < 1e-3:
+            continue
+        seen += 1
+        t, _ = opening(c, tau, state[1], state[3], sides)
+        grid = np.linspace(0.0, 12.0, 301)
+        values = np.array([least(s) for s in grid])
+        below = np.flatnonzero(values < 0.0)
+        if below.size == 0:
+            assert t > 12.0 or abs(least(t)) < 1e-9
+        else:
+            assert t == pytest.approx(brentq(least, grid[below[0] - 1], grid[below[0]], xtol=1e-14), abs=1e-10)
+
+
+def orbit_state(c, tau, state, sides, t):
+    """Closed meshes stay where they are; one common speed or the driver's, from first principles."""
+    x1, y1, x2, y2 = state
+    if sides[0]:
+        return x1, 0.0, x2, y2
+    beta, gamma = (1 - c.mu) * c.beta1 + c.mu * c.beta2, (1 - c.mu) * c.gamma1 + c.mu * c.gamma2
+    u = c.alpha * math.cos(tau) - y1
+    u = (u + gamma / beta) * math.exp(-beta * t) - gamma / beta
+    return x1, c.alpha * math.cos(tau + t) - u, x2, 0.0
+
+
+def test_which_meshes_stay_closed_is_the_only_combination_that_can():
+    """Among all four: every contact pushes, and every mesh left open is drawn away."""
+    rng = np.random.default_rng(3)
+    counts = dict.fromkeys(itertools.product((False, True), repeat=2), 0)
+    for _ in range(2000):
+        b1, b2, g1, g2 = rng.uniform(0.0, 1.0, 4)
+        c = Scene(
+            alpha=1.0, epsilon=0.5, beta1=b1, beta2=b2, gamma1=g1, gamma2=g2, mu=rng.uniform(0.1, 0.9)
+        ).constants  # fmt: skip
+        tau, at = rng.uniform(0.0, 6.3), rng.choice([-1, 1], 2)
+        state = at[0] * c.wall1, 0.0, at[1] * c.wall2, 0.0
+        able = []
+        for first, second in counts:
+            sides = (at[0] * first, at[1] * second)
+            force, left = contact_forces(c, tau, state, sides)
+            pushes = all(-at[i] * force[i] > 0.0 for i in (0, 1) if sides[i])
+            drawn = all(at[i] * left[i] <= 0.0 for i in (0, 1) if not sides[i])
+            if pushes and drawn:
+                able.append(sides)
+        assert able == [closed_sides(c, tau, 0.0, 0.0, tuple(at))]
+        counts[able[0][0] != 0, able[0][1] != 0] += 1
+    assert min(counts.values()) > 50
+
+
+def test_settling_keeps_what_the_contact_does_not_act_on():
+    """Momentum of both wheels at mesh 2, wheel 2 at mesh 1, in the speeds and in the places (MODEL section 3)."""
+    c = FIRST.constants
+    state = np.array([0.5 - 1e-7, -1e-6, -0.3, 0.7])
+    x1, y1, x2, y2 = settled(c, *state, (1, 0))
+    assert (x1, y1) == (c.wall1, 0.0)
+    assert (x2 - x1, y2 - y1) == pytest.approx((state[2] - state[0], state[3] - state[1]), abs=1e-15)
+    state = np.array([0.1, 0.7, -0.5 + 1e-7, 1e-6])
+    x1, y1, x2, y2 = settled(c, *state, (0, -1))
+    assert (x2, y2) == (-c.wall2, 0.0)
+    assert (x1 - c.mu * x2, y1 - c.mu * y2) == pytest.approx(
+        (state[0] - c.mu * state[2], state[1] - c.mu * state[3]), abs=1e-15
+    )
+
+
+# --- when it closes ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("epsilon", [0.0, 0.1, 0.5, 0.9, 0.99])
+@pytest.mark.parametrize("drag", [1e-3, 1.0, 50.0])
+def test_the_sum_of_all_bounces(epsilon, drag):
+    """A ball falls freely from rest: its bounces end after (1 + eps) / (1 - eps) times its first fall."""
+    scene = Scene(alpha=0.0, epsilon=epsilon, beta1=0.0, gamma1=drag, stages=1, start=Start())
+    orbit = follow(scene, 10_000)
+    assert orbit.stopped == f"{MISSES[REST]} after impact {orbit.found}"
+    assert (len(orbit.rests), orbit.rests[0].opened) == (1, math.inf)
+    assert orbit.rests[0].closed == pytest.approx(math.sqrt(1.0 / drag) * (1 + epsilon) / (1 - epsilon), rel=1e-11)
+
+
+def test_bounces_under_the_excitation_add_up():
+    """Against the same orbit with each bounce followed down to flights of 1e-11."""
+    orbit, rest = rest_of(SINGLE, 1, 16)
+    c, k = orbit.constants, rest.impact - 4
+    tau, t, state = orbit.tau[k], 1.0, tuple(orbit.after[k])
+    while t > 1e-11:
+        t, mesh, _, x1, y1, x2, y2 = next_impact(c, tau, *state, 10.0)
+        state = (x1, *struck(c, mesh, y1, y2)[:1], x2, y2)
+        tau += t
+    assert rest.closed == pytest.approx(tau, abs=1e-11)
+
+
+def test_flights_of_1e_minus_11_keep_their_ratio():
+    """Far below the rounding of a wall: epsilon from one flight to the next, to 1e-4."""
+    orbit, rest = rest_of(SINGLE, 1, 16)
+    c, k = orbit.constants, rest.impact - 4
+    tau, flights, state = orbit.tau[k], [], tuple(orbit.after[k])
+    for _ in range(14):
+        t, mesh, _, x1, y1, x2, y2 = next_impact(c, tau, *state, 10.0)
+        state, tau = (x1, *struck(c, mesh, y1, y2)[:1], x2, y2), tau + t
+        flights.append(t)
+    ratios = np.array(flights[1:]) / np.array(flights[:-1])
+    assert flights[-1] < 1e-11
+    assert ratios[-5:] == pytest.approx(c.epsilon, rel=1e-4)
+
+
+def test_an_elastic_mesh_never_settles():
+    orbit = follow(Scene(alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=1.0, stages=1, start=Start()), 5000)
+    assert (orbit.found, orbit.rests) == (5000, ())
+
+
+def test_wheels_alike_stay_together_after_a_plastic_impact():
+    """No contact force, no acceleration between them: mesh 2 touches, and the search must not crawl."""
+    scene = Scene(alpha=1.5, epsilon=0.0, beta1=0.1, beta2=0.1, gamma1=0.05, gamma2=0.05, mu=0.5, gap1=0.5, gap2=0.2)
+    follow(scene, 1)
+    begin = time.perf_counter()
+    orbit = follow(scene, 100)
+    assert time.perf_counter() - begin < 0.1
+    assert orbit.found > 0
+
+
+# --- what is said of it -----------------------------------------------------------------------------------------------
+
+
+def test_the_orbit_goes_on_and_linearisations_stop_at_the_rest():
+    orbit = follow(SINGLE, 40)
+    assert (orbit.found, orbit.stopped) == (40, "")
+    assert len(orbit.rests) >= 2
+    first = orbit.rests[0].impact
+    m = mean_map(SINGLE, impacts=40, reading="mended")
+    assert m.stopped == f"{MISSES[REST]} after impact {first}"
+    assert m.section["tau"].notna().sum() == first
+    m = mean_map(SINGLE, impacts=40, reading="saltation")  # which ends at the first impact that is too slow for it
+    assert m.stopped == f"impact {m.trace.found + 1} grazes its wall"
+    assert 0 < m.trace.found <= first
+
+
+def test_no_state_is_outside_its_walls_in_or_out_of_rest():
+    for scene, impacts in ((SINGLE, 60), (FIRST, 200), (BOTH, 60)):
+        orbit = follow(scene, impacts)
+        for t in np.linspace(orbit.tau[0], orbit.tau[orbit.found], 501):
+            x1, _, x2, _ = orbit.state(t)
+            assert abs(x1) <= scene.gap1 + 1e-12
+            assert scene.stages == 1 or abs(x2) <= scene.gap2 + 1e-12
+
+
+def test_dat21_rests_now_and_then_and_goes_on():
+    """Chatter is not confined to other scenes: at eps = 0.9 a slow enough hit against the excitation accumulates."""
+    begin = time.perf_counter()
+    orbit = follow(Scene.from_gears(DAT21), 100_000)
+    assert time.perf_counter() - begin < 5.0
+    assert (orbit.found, orbit.stopped) == (100_000, "")
+    assert 1 <= len(orbit.rests) <= 20
+    assert all(0.0 < rest.opened - rest.closed < math.pi for rest in orbit.rests)
+
+
+def test_pressed_shut_for_good_is_said():
+    orbit = follow(Scene(alpha=0.5, epsilon=0.5, beta1=0.0, gamma1=2.0, stages=1), 1000)
+    assert orbit.stopped == f"{MISSES[REST]} after impact {orbit.found}"
+    assert orbit.rests[-1].opened == math.inf
+
+
+def test_an_orbit_that_strikes_no_more_is_said():
+    orbit = follow(Scene(alpha=0.0, epsilon=0.9, beta1=0.1, gamma1=0.0, stages=1, start=Start(y1=0.01)), 5)
+    assert (orbit.found, orbit.stopped) == (0, f"{MISSES[NONE]} after impact 0")
