@@ -162,7 +162,8 @@ class MeanMap:
         """Density that the reading gives to a section quantity at an impact; None where it gives none.
 
         Around the reading's mean, with its sd and skewness; ``printed`` gives a velocity the marginal of its bivariate
-        series, for it speaks of raw moments; ``branching`` has its mixture.  A tau among the values is counted from the start's phase (`Scene.phase`).
+        series, for it speaks of raw moments; ``branching`` has its mixture.  Values of tau are counted
+        from the start's phase (`Scene.phase`).
         """
         i = SECTION.index(choice("quantity", quantity, SECTION))
         if self.trace.parts is not None:

@@ -87,7 +87,7 @@ def carried() -> Extreme:
             )
         )
     return Extreme(
-        "Jacobian of a flight", "beta1 = beta2, nearly", "beta 0 to 1e3, apart by 0, 1e-16 of it and more; t 1e-12 to 1e6",
+        "Jacobian of a flight", "beta1 = beta2, nearly", "beta 0 to 1e3, apart by 0, by 1e-16 of it and more",
         "MODEL 2 in 400 digits", worst_of(errors), ROUNDING, "each entry and the condition of exp(-beta t)",
     )  # fmt: skip
 

@@ -32,7 +32,7 @@ def parted() -> Extreme:
                 found = tangent.saltation_matrix(c, mesh, tau, y1, y2)
                 errors.append(farthest(found, exact, np.maximum(size, 1e-300)))
     return Extreme(
-        "saltation matrix", "epsilon", "epsilon 0 to 1, impact speed 1e-9 to 1e4, beta 0 to 1e3", "MODEL 6 in 400 digits",
+        "saltation matrix", "epsilon", "epsilon 0 to 1, speed 1e-9 to 1e4, beta 0 to 1e3", "MODEL 6 in 400 digits",
         worst_of(errors), ROUNDING, "the sum of its terms",
     )  # fmt: skip
 
@@ -55,7 +55,8 @@ def grazed() -> Extreme:
                     else:  # in roundings of the wall
                         errors.append(farthest(t, exact, exact + gap / speed))
     return Extreme(
-        "grazing hit, and near miss", "gap", "past the wall by 1e-12 to 0.1 of a gap of 1e-8, 0.5 and 1e4", "roots of a parabola",
+        "grazing hit, and near miss", "gap", "past the wall by 1e-12 to 0.1 of a gap of 1e-8, 0.5, 1e4",
+        "roots of a parabola",
         worst_of(errors), ROUNDING, "the flight, and the time the gap takes at the impact's speed",
     )  # fmt: skip
 
@@ -81,7 +82,7 @@ def together() -> Extreme:
         scene = Scene(
             alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, mu=0.25, gap1=gap, gap2=1.5 * gap, start=start
         )  # fmt: skip
-        # after 1/2: mesh 1 at +gap1 and mesh 2 at -gap2; then y = (-gap, -6 gap), and mesh 2 turns that to (1.25, 3) gap
+        # after 1/2: mesh 1 at +gap1 and mesh 2 at -gap2; the impact at mesh 1 leaves y = (-gap, -6 gap) to mesh 2
         exact = {"tau": [0.5, 0.5], "flight": [0.5, 0.0], "mesh": [1, 2], "side": [1, -1], "x1": [gap, gap],
                  "y1": [2.0 * gap, -gap], "x2": [-1.5 * gap] * 2, "y2": [-3.0 * gap, -6.0 * gap]}  # fmt: skip
         followed = orbit.follow(scene, 2)

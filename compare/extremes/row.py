@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 __all__ = ["ROUNDING", "Extreme", "farthest", "spread"]
 
 ROUNDING = 4e-15
-"""A few roundings of a double: allowed where a formula is held against a higher precision, unless a row says why more."""
+"""A few roundings of a double: allowed where a formula is held against a higher precision, unless a row says more."""
 
 
 class Extreme(NamedTuple):

@@ -29,7 +29,7 @@ def extremes() -> tuple[Extreme, ...]:
 
 
 def table(rows: Iterable[Extreme]) -> "pd.DataFrame":
-    """A row for each: what was tried, over which range, against which truth, the worst error, and whether it is allowed.
+    """A row for each: what was tried, over which range, against which truth, the worst error, whether it is allowed.
 
     Examples
     --------

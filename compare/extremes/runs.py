@@ -30,8 +30,8 @@ def energy() -> Extreme:
         errors.append(farthest(0.5 * (y1**2 + heavy * (y2 - y1) ** 2), most, most))
         errors.append(0.0 if len(s.flight) == STRETCH else math.inf)
     return Extreme(
-        "energy over 1e7 impacts", "epsilon = 1, all else 0", "1e7 impacts at two meshes", "it is kept", worst_of(errors), 1e-9,
-        "the energy",
+        "energy over 1e7 impacts", "epsilon = 1, all else 0", "1e7 impacts at two meshes", "it is kept",
+        worst_of(errors), 1e-9, "the energy",
     )  # fmt: skip
 
 
@@ -47,16 +47,16 @@ def clock() -> Extreme:
         turn = math.remainder((k + 1) * STRETCH * flight - s.phase[-1], 2.0 * math.pi)
         errors.append(abs(turn))
     return Extreme(
-        "speed, place and clock over 1e7 impacts", "epsilon = 1, all else 0", "1e7 impacts at one mesh", "gap over speed",
-        worst_of(errors), 1e-6, "flight, gap and speed; phase in radians",
+        "speed, place and clock over 1e7 impacts", "epsilon = 1, all else 0", "1e7 impacts at one mesh",
+        "gap over speed", worst_of(errors), 1e-6, "flight, gap and speed; phase in radians",
     )  # fmt: skip
 
 
 def locked() -> Extreme:
     """One impact a period on a driven wall that drag presses: its phase and speed in closed form.
 
-    ``x'' = gamma - alpha sin tau`` comes back to the wall after 2 pi if ``y0 + pi gamma = alpha cos tau0``, with a speed
-    ``2 pi gamma`` larger, and the impact gives y0 again if ``y0 = -2 pi gamma epsilon / (1 + epsilon)``.
+    ``x'' = gamma - alpha sin tau`` comes back to the wall after 2 pi if ``y0 + pi gamma = alpha cos tau0``, with a
+    speed ``2 pi gamma`` larger, and the impact gives y0 again if ``y0 = -2 pi gamma epsilon / (1 + epsilon)``.
     """
     alpha, epsilon, gamma, gap = 1.0, 0.5, 0.3, 10.0
     y0 = -2.0 * math.pi * gamma * epsilon / (1.0 + epsilon)

@@ -1,4 +1,4 @@
-"""The exact laws of the clock and of the unit of length: whole periods change nothing, nor does a factor on all lengths."""
+"""The exact laws of clock and unit of length: whole periods change nothing, nor does a factor on all lengths."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -54,7 +54,7 @@ def _stretches(scene: Scene) -> Iterator[np.ndarray]:
 
 def _factors(table: pd.DataFrame, factor: float) -> np.ndarray:
     """By which a change of the unit of length multiplies each column."""
-    plain = [name.removeprefix("se_").removeprefix("sd_") in LENGTHS for name in table]
+    plain = [str(name).removeprefix("se_").removeprefix("sd_") in LENGTHS for name in table]
     return np.where(plain, factor, 1.0)
 
 

@@ -38,7 +38,7 @@ def short_damping() -> Extreme:
         exact = np.array([j[0][1], drag, j[0][1], j[2][1]])
         errors.append(farthest(found, exact, np.maximum(np.abs(exact), 1e-300)))
     return Extreme(
-        "damping within a step", "beta", "beta 0 to 1e3, nearly equal too; beta h from 0 to 0.2", "MODEL 2 in 400 digits",
+        "damping within a step", "beta", "beta 0 to 1e3, nearly equal too; beta h 0 to 0.2", "MODEL 2 in 400 digits",
         worst_of(errors), ROUNDING, "its value",
     )  # fmt: skip
 
@@ -55,7 +55,7 @@ def kicked() -> Extreme:
             size = [m * h, m, abs(c.beta1 - c.beta2) * (1.0 + h) * h, abs(c.beta1 - c.beta2) * (1.0 + h)]
             errors.append(farthest(found, exact, np.maximum(size, 1e-300)))
     return Extreme(
-        "exact flight: what noise has done", "beta, beta1 = beta2", "beta 0 to 1e3, h 1e-12 to 0.1 with beta h up to 0.2",
+        "exact flight: what noise has done", "beta, beta1 = beta2", "beta 0 to 1e3, beta h up to 0.2, h up to 0.1",
         "sums of exponentials in 400 digits", worst_of(errors), ROUNDING, "largest modulation, times the time for x",
     )  # fmt: skip
 

@@ -35,7 +35,7 @@ def in_digits(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def _betas(c: Constants) -> tuple[Any, Any]:
-    return tuple(mp.mpf(b) if b > 0.0 else mp.mpf(NIL) for b in (c.beta1, c.beta2))  # type: ignore[return-value]
+    return mp.mpf(c.beta1 or NIL), mp.mpf(c.beta2 or NIL)
 
 
 def _turned(beta: Any, t: Any) -> Any:

@@ -31,16 +31,12 @@ def seen() -> Extreme:
             exact, size = _by_parts(a, low * sd / sd, high * sd / sd)
             found = edgeworth.window_means(a, sd, 2.0 * sd, low * sd, high * sd)
             condition = 1.0 + abs(middle) * (abs(middle) + width)  # of the density, for an edge is known to a rounding
-            edge = (
-                min(1.0, 1e-16 * (1.0 + abs(middle)) / width) / 1e-16
-            )  # of a width that is a difference of both edges
-            errors.append(
-                farthest(
-                    found, [sd * exact[0], 2.0 * sd * exact[1]], np.multiply(size, [sd, 2.0 * sd]) * (condition + edge)
-                )
-            )
+            condition += abs(middle) / width  # of a width between both edges
+            sds = np.array([sd, 2.0 * sd])
+            errors.append(farthest(found, sds * exact, sds * size * condition))
     return Extreme(
-        "window means (Eqs. 20, 21)", "sigma, gap", "windows 1e-12 to 30 sds wide, up to 50 sds away", "integration by parts in 400 digits",
+        "window means (Eqs. 20, 21)", "sigma, gap", "1e-12 to 30 sds wide, up to 50 sds away",
+        "integration by parts in 400 digits",
         worst_of(errors), ROUNDING, "the sum of its terms and the condition of the edges",
     )  # fmt: skip
 
@@ -77,7 +73,7 @@ def correlated() -> Extreme:
                 if near < moments.ROUNDING and not judged.realizable:
                     errors.append(np.inf)
     return Extreme(
-        "correlation, eigenvalue, verdict", "sigma, gap", "1 - |rho| 1e-12 to 1, both signs; sd of x 1e-16 to 1e8 sds of y",
+        "correlation, eigenvalue, verdict", "sigma, gap", "1 - |rho| 1e-12 to 1, both signs; units 1e-16 to 1e8",
         "eigenvalues in 400 digits", worst_of(errors), ROUNDING, "1, and the smaller variance",
     )  # fmt: skip
 

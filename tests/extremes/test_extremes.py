@@ -1,0 +1,232 @@
+"""Extremes are ordinary values: every row of the table holds, and sees an error that is planted in what it calls."""
+
+import json
+import math
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import closure
+import montecarlo
+import scene.damping as damping
+import scene.flight as flight
+from closure import edgeworth, long_orbit, orbit, section_map
+from compare import validation
+from compare.__main__ import main
+from compare.extremes import flights, impacts, run, runs, sampling, scaling, steps, truth, windows
+from compare.extremes.row import Extreme
+from compare.extremes.run import ROWS, table
+from compare.extremes.words import lines
+from compare.selftest import returning
+from montecarlo import exact_flight, short
+from scene import Scene, impact, moments, tangent
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_row_holds(name):
+    row = ROWS[name]()
+    assert row.holds, row
+    assert row.allowed <= (5.0 if row.unit == "z" else 1.0)
+
+
+def cancelling(c, t):
+    """The Jacobian with differences of what is nearly equal."""
+    j = flight.jacobian.py_func(c, t)
+    j[2, 1] = damping.turned(c.beta1, t) - damping.turned(c.beta2, t)
+    j[3, 1] = math.exp(-c.beta1 * t) - math.exp(-c.beta2 * t)
+    return j
+
+
+def plain_displacement(c, tau, y1, y2, t):
+    """Eq. 3 as it stands: alpha cos tau - y1 turned, which cancels in a short flight."""
+    u1 = c.alpha * math.cos(tau) - y1
+    u2 = u1 + y2
+    (e1, d1), (e2, d2) = damping.damped(c.beta1, t), damping.damped(c.beta2, t)
+    s1 = u1 * e1 - c.gamma1 * damping.dragged(c.beta1, t)
+    s2 = u2 * e2 - c.gamma2 * damping.dragged(c.beta2, t)
+    v1, v2 = u1 * d1 - c.gamma1 * e1, u2 * d2 - c.gamma2 * e2
+    return c.alpha * (math.sin(tau + t) - math.sin(tau)) - s1, c.alpha * math.cos(tau + t) - v1, s2 - s1, v2 - v1
+
+
+def masses_by_difference(low, high, order):
+    """Window moments by their ends alone, and mass by the error function."""
+    edges = [[edgeworth.hermite(i, z) * edgeworth.normal_density(z) for i in range(order + 1)] for z in (low, high)]
+    mass = [0.5 * (math.erf(high / math.sqrt(2.0)) - math.erf(low / math.sqrt(2.0)))]
+    mass += [edges[0][i] - edges[1][i] for i in range(order + 1)]
+    return mass, [mass[i + 1] + (i * mass[i - 1] if i else 0.0) for i in range(order + 1)]
+
+
+def wrong_windows(a, sd_x, sd_y, low, high):
+    mass, first = masses_by_difference(low / sd_x, high / sd_x, len(a) - 1)
+    return sd_x * sum(a[:, 0] * first), sd_y * sum(a[:-1, 1] * mass[: len(a) - 1])
+
+
+def early(found):
+    """An orbit's next impact, a ten-millionth of the flight too early."""
+
+    def next_impact(*args):
+        t, *rest = found(*args)
+        return (t * (1.0 - 1e-7), *rest)
+
+    return next_impact
+
+
+def swapped(scene, impacts):
+    """An orbit that tells mesh 2 before mesh 1."""
+    o = orbit_follow(scene, impacts)
+    return replace(o, mesh=o.mesh[[0, 2, 1]])
+
+
+orbit_follow, tangent_matrix, node = orbit.follow, tangent.saltation_matrix, exact_flight.node
+returned = returning.log_speeds
+simulate, mean_map, validate = montecarlo.simulate, closure.mean_map, validation.validate
+
+
+def absolute(scene, **settings):
+    """A simulation that moves paths by an absolute length."""
+    found = simulate(scene, **settings)
+    rows = None if found.raw is None else found.raw + 1e-3
+    sums = dict(found.result.sums)
+    s = sums["section"]
+    sums["section"] = replace(s, mean=s.mean + 1e-3)
+    return replace(found, raw=rows, result=replace(found.result, sums=sums))
+
+
+def held_outside(scene, **settings):
+    found = absolute(scene, **settings)
+    if "clock" in found.result.sums:
+        s = found.result.sums["clock"]
+        found = replace(
+            found, result=replace(found.result, sums=found.result.sums | {"clock": replace(s, mean=s.mean + 1e3)})
+        )
+    return found
+
+
+class Drifting(long_orbit.LongOrbit):
+    """An orbit that gains a billionth and a bit of its speed in a stretch, and of its phase."""
+
+    def stretch(self, impacts, tangent=True):
+        s = super().stretch(impacts, tangent)
+        return s._replace(before=s.before * (1.0 + 3e-9), phase=s.phase + 3e-6, flight=s.flight * (1.0 + 1e-11))
+
+
+def by_floats(self):
+    """The phase by the remainder of a rounded period."""
+    return math.remainder(self.start.tau, 2.0 * math.pi)
+
+
+def off(function, factor):
+    """A function whose result is off by a factor."""
+
+    def wrong(*args, **settings):
+        found = function(*args, **settings)
+        return tuple(factor * v for v in found) if isinstance(found, tuple) else factor * found
+
+    return wrong
+
+
+def differenced(c, tau, t):
+    """The slope by a difference that rounding spoils."""
+    step = 1e-7
+    return (flight.noise_covariance(c, tau + step, t) - flight.noise_covariance(c, tau - step, t)) / (2.0 * step)
+
+
+def absolutely_judged(covariance):
+    """A verdict with the eigenvalue that a library finds: absolute, where the units are not."""
+    judged = moments.realizability(covariance)
+    return judged._replace(smallest_eigenvalue=float(np.linalg.eigvalsh(covariance)[0]))
+
+
+def harder(c, *rest):
+    return tangent_matrix(c._replace(epsilon=c.epsilon + 1e-12), *rest)
+
+
+def louder_when_late(scene, **settings):
+    return validate(scene.with_sigma(scene.sigma * (1.0 + 1e-6 * (scene.start.tau > 10.0))), **settings)
+
+
+PLANTED = {
+    "damped": (damping, "dragged", lambda beta, t: (t - damping.turned(beta, t)) / beta if beta else 0.5 * t * t),
+    "flown": (flight, "displacement", plain_displacement),
+    "carried": (flight, "jacobian", cancelling),
+    "shaken": (flight, "noise_covariance", off(flight.noise_covariance, 1.0 + 1e-12)),
+    "shifted": (section_map, "noise_slope", differenced),
+    "parted": (tangent, "saltation_matrix", harder),
+    "grazed": (impact, "next_impact", early(impact.next_impact)),
+    "together": (orbit, "follow", swapped),
+    "seen": (edgeworth, "window_means", wrong_windows),
+    "correlated": (moments, "realizability", absolutely_judged),
+    "short_damping": (short, "short_turned", lambda beta, t: t * (1.0 - 0.5 * beta * t * (1.0 - beta * t / 3.0))),
+    "kicked": (exact_flight, "node", lambda c, *rest: node(c._replace(beta2=c.beta2 * (1.0 + 1e-12)), *rest)),
+    "summed": (exact_flight, "kick", off(exact_flight.kick, 1.0 + 1e-6)),
+    "left": (montecarlo, "simulate", lambda s, **k: simulate(s.with_sigma(1.15 * s.sigma), **k)),
+    "collapsed": (returning, "log_speeds", lambda epsilon, *rest: returned(0.8 * epsilon, *rest)),
+    "kept": (montecarlo, "simulate", held_outside),
+    "pressed": (montecarlo, "simulate", held_outside),
+    "nearly_closed": (closure, "mean_map", lambda s, **k: mean_map(replace(s, tolerance=None), **k)),
+    "unit_of_length": (closure, "mean_map", lambda s, **k: mean_map(replace(s, gamma1=s.gamma1 + 1e-12), **k)),
+    "phases": (Scene, "phase", property(by_floats)),
+    "whole_periods": (Scene, "phase", property(by_floats)),
+    "told": (validation, "validate", louder_when_late),
+    "energy": (long_orbit, "LongOrbit", Drifting),
+    "clock": (long_orbit, "LongOrbit", Drifting),
+    "locked": (long_orbit, "LongOrbit", Drifting),
+}  # fmt: skip
+"""For each row, what it calls with an error in it."""
+
+
+@pytest.fixture
+def shorter(monkeypatch):
+    """What a planted error needs no time for."""
+    monkeypatch.setattr(runs, "IMPACTS", runs.STRETCH)
+    monkeypatch.setattr(runs, "PERIODS", runs.STRETCH)
+    monkeypatch.setattr(flights, "POINTS", 60)
+    monkeypatch.setattr(scaling, "POWERS", (-26,))
+    monkeypatch.setattr(scaling, "STARTS", (1e12,))
+    monkeypatch.setattr(sampling, "SHAKEN", ((1.0, 1e-3),))
+
+
+@pytest.mark.usefixtures("shorter")
+@pytest.mark.parametrize("name", ROWS)
+def test_row_sees_a_planted_error(name, monkeypatch):
+    monkeypatch.setattr(*PLANTED[name])
+    assert not ROWS[name]().holds
+
+
+def test_truth_has_the_digits_it_needs():
+    c = flights.constants(beta1=0.0, beta2=1e-14)
+    before = truth.noise(c, 0.3, 1e-12)
+    truth_of = partial(truth.noise, c, 0.3, 1e-12)
+    try:
+        truth.DIGITS = 500
+        assert np.allclose(before, truth_of(), rtol=1e-15, atol=0.0)
+    finally:
+        truth.DIGITS = 400
+
+
+def test_table_and_terminal_say_what_failed(monkeypatch):
+    good = Extreme("E", "beta", "0 to 1e3", "mpmath", 2e-16, 4e-15, "its value")
+    bad = Extreme("exit", "sigma", "1e-3 to 1e4", "a law", 7.0, 4.5, "z")
+    found = table([good, bad])
+    assert found["holds"].tolist() == [True, False]
+    assert found.columns.tolist() == [*Extreme._fields, "holds"]
+    text = lines([good, bad])
+    assert text[-1] == "1 of 2 extremes hold."
+    assert "FAILS" in text[3]
+    assert text[4].strip() == "1e-3 to 1e4; against: a law"
+    monkeypatch.setattr(run, "ROWS", {"good": lambda: good, "bad": lambda: bad})
+    done = CliRunner().invoke(main, ["extremes", "--json"])
+    assert done.exit_code == 1
+    assert [row["holds"] for row in json.loads(done.output)] == [True, False]
+    monkeypatch.setattr(run, "ROWS", {"good": lambda: good})
+    assert CliRunner().invoke(main, ["extremes", "--all"]).exit_code == 0
+
+
+def test_what_is_not_a_number_fails():
+    assert not Extreme("E", "beta", "", "", math.nan, 1.0, "").holds
+    assert not impacts.worst_of([0.0, math.nan]) < 1.0
+    assert windows.worst_of([]) == math.inf
+    assert steps.farthest([1.0, np.nan], [1.0, 2.0]) == math.inf
