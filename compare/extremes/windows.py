@@ -60,6 +60,8 @@ def correlated() -> Extreme:
     """Correlations next to 1 and the smallest eigenvalue, in any units; what is possible and what is not."""
     errors = []
     for unit in spread(1e-16, 1e8, 7):
+        none = np.array([[0.0, 1e-3 * unit], [1e-3 * unit, 1.0]])  # no variance, yet a covariance
+        errors.append(np.inf if moments.realizability(none).realizable else 0.0)
         for near in spread(1e-12, 1.0, 7):
             for beyond in (False, True):
                 rho = 1.0 + near if beyond else 1.0 - near

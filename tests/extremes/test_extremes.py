@@ -34,7 +34,7 @@ def test_row_holds(name):
 
 def cancelling(c, t):
     """The Jacobian with differences of what is nearly equal."""
-    j = flight.jacobian.py_func(c, t)
+    j = jacobian(c, t)
     j[2, 1] = damping.turned(c.beta1, t) - damping.turned(c.beta2, t)
     j[3, 1] = math.exp(-c.beta1 * t) - math.exp(-c.beta2 * t)
     return j
@@ -81,7 +81,7 @@ def swapped(scene, impacts):
 
 
 orbit_follow, tangent_matrix, node = orbit.follow, tangent.saltation_matrix, exact_flight.node
-returned = returning.log_speeds
+returned, jacobian, realizability = returning.log_speeds, flight.jacobian, moments.realizability
 simulate, mean_map, validate = montecarlo.simulate, closure.mean_map, validation.validate
 
 
@@ -135,9 +135,10 @@ def differenced(c, tau, t):
 
 
 def absolutely_judged(covariance):
-    """A verdict with the eigenvalue that a library finds: absolute, where the units are not."""
-    judged = moments.realizability(covariance)
-    return judged._replace(smallest_eigenvalue=float(np.linalg.eigvalsh(covariance)[0]))
+    """A verdict by the smallest eigenvalue beside the largest variance, where x and y have units of their own."""
+    judged = realizability(covariance)
+    bound = -moments.ROUNDING * max(covariance[0, 0], covariance[1, 1])
+    return judged._replace(realizable=abs(judged.rho) <= 1.0 or judged.smallest_eigenvalue >= bound)
 
 
 def harder(c, *rest):
