@@ -54,9 +54,15 @@ def test_an_orbit_restarted_at_its_own_impact_repeats_itself(k):
     scene = Scene.from_gears(DAT21)
     orbit = follow(scene, 12)
     start = Start(orbit.tau[k], *orbit.before[k], mesh=int(orbit.mesh[k]))
-    again = follow(Scene.from_gears(DAT21, start=start), 12 - k)
+    scene = Scene.from_gears(DAT21, start=start)
+    again = follow(scene, 12 - k)
     for name in FIELDS:
-        assert np.array_equal(getattr(again, name), getattr(orbit, name)[k:])  # the same numbers, the same steps
+        found, expected = getattr(again, name), getattr(orbit, name)[k:]
+        if scene.phase == start.tau:
+            assert np.array_equal(found, expected)  # the same numbers, the same steps
+        else:  # counted from the phase, a whole period less
+            found = scene.stated(found) if name == "tau" else found
+            assert found == pytest.approx(expected, rel=0, abs=1e-13)
 
 
 def test_an_orbit_restarted_in_flight_goes_on_alike():
@@ -72,7 +78,7 @@ def test_a_period_of_the_excitation_later_all_is_the_same():
     early = follow(Scene.from_gears(DAT21), 8)
     start = Start(2 * math.pi, 0.5, 2.0, 0.5, 2.0, mesh=1)
     late = follow(Scene.from_gears(DAT21, start=start), 8)
-    assert late.tau - 2 * math.pi == pytest.approx(early.tau, abs=1e-11)
+    assert late.tau == pytest.approx(early.tau, abs=1e-14)  # counted from the phase
     assert late.before == pytest.approx(early.before, abs=1e-10)
 
 
