@@ -16,7 +16,7 @@ VERDICTS = ("accurate", "inaccurate", "undecided", "not predicted")
 SIDES = ("closure", "monte_carlo")
 
 ABSOLUTE = 1e-6
-"""Tolerance where a quantity does not vary: the displacement at the mesh that every path strikes, say."""
+"""Tolerance where a quantity does not vary (the displacement at the mesh that every path strikes, say), in its size."""
 
 
 class Tolerances(NamedTuple):
@@ -100,7 +100,8 @@ def section_errors(closure: Claimed, run: Simulated, z: float, tolerances: Toler
     ``monte_carlo`` is the simulated value with its sampling error ``se`` and the measured step ``bias``; ``error`` is
     the closure minus the bias-corrected value; ``low`` and ``high`` bound it by `z` standard errors of the corrected
     value and what the correction may have left.  ``unit`` is the sd of the quantity, ``se_unit`` its standard error;
-    ``agreement`` speaks of the closure's itinerary where the run has counted it, else of the noise-free one.
+    ``still`` is the sd from which a quantity varies: `ABSOLUTE` of its largest value over the impacts (of a flight, for
+    times); ``agreement`` speaks of the closure's itinerary where the run has counted it, else of the noise-free one.
     """
     section, steps = run.section, run.step_bias
     impact, quantity, is_mean = steps["impact"], steps["quantity"], steps["moment"] == "mean"
@@ -110,6 +111,8 @@ def section_errors(closure: Claimed, run: Simulated, z: float, tolerances: Toler
     unit = own["corrected"].where(own["corrected"] > 0.0, _picked(section, impact, "sd_" + quantity))
     agreement = run.agreement.get(closure.reading, section["agreement"])
     predicted = _picked(closure.section, impact, name)
+    sizes = {q: float(np.hypot(section[q], section["sd_" + q]).max()) for q in quantity.unique() if q != "tau"}
+    still = ABSOLUTE * quantity.map(sizes | {"tau": sizes["flight"]}).astype(float).fillna(0.0)
     table = pd.DataFrame(
         {
             "reading": closure.reading,
@@ -126,7 +129,8 @@ def section_errors(closure: Claimed, run: Simulated, z: float, tolerances: Toler
             "rest": steps["rest"],
             "unit": unit,
             "se_unit": own["se_corrected"],
-            "tolerance": np.maximum(np.where(is_mean, tolerances.mean, tolerances.sd) * unit, ABSOLUTE),
+            "tolerance": np.maximum(np.where(is_mean, tolerances.mean, tolerances.sd) * unit, still),
+            "still": still,
             "agreement": agreement.loc[impact].to_numpy(),
             "paths": section["paths"].loc[impact].to_numpy(),
         }

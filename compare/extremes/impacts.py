@@ -83,8 +83,10 @@ def together() -> Extreme:
             alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, mu=0.25, gap1=gap, gap2=1.5 * gap, start=start
         )  # fmt: skip
         # after 1/2: mesh 1 at +gap1 and mesh 2 at -gap2; the impact at mesh 1 leaves y = (-gap, -6 gap) to mesh 2
-        exact: dict[str, list[float]] = {"tau": [0.5, 0.5], "flight": [0.5, 0.0], "mesh": [1, 2], "side": [1, -1], "x1": [gap, gap],
-                 "y1": [2.0 * gap, -gap], "x2": [-1.5 * gap] * 2, "y2": [-3.0 * gap, -6.0 * gap]}  # fmt: skip
+        exact: dict[str, list[float]] = {
+            "tau": [0.5, 0.5], "flight": [0.5, 0.0], "mesh": [1, 2], "side": [1, -1], "x1": [gap, gap],
+            "y1": [2.0 * gap, -gap], "x2": [-1.5 * gap] * 2, "y2": [-3.0 * gap, -6.0 * gap],
+        }  # fmt: skip
         followed = orbit.follow(scene, 2)
         found = {"tau": followed.tau[1:], "flight": np.diff(followed.tau), "mesh": followed.mesh[1:]}
         found |= {"side": followed.side[1:]} | dict(zip(("x1", "y1", "x2", "y2"), followed.before[1:].T, strict=True))

@@ -52,6 +52,12 @@ def _stretches(scene: Scene) -> Iterator[np.ndarray]:
         yield np.column_stack([s.phase, s.flight, s.growth, s.before])
 
 
+def _verdicts(scene: Scene) -> np.ndarray:
+    """What is said of every moment of every reading."""
+    found = validation.validate(scene, impacts=2, paths=1024, rng=1, scheme="exact-flight")
+    return found.table["verdict"].to_numpy(str)
+
+
 def _factors(table: pd.DataFrame, factor: float) -> np.ndarray:
     """By which a change of the unit of length multiplies each column."""
     plain = [str(name).removeprefix("se_").removeprefix("sd_") in LENGTHS for name in table]
@@ -61,7 +67,7 @@ def _factors(table: pd.DataFrame, factor: float) -> np.ndarray:
 def unit_of_length() -> Extreme:
     """All lengths over a power of time times a power of two: every table is, bit for bit, its own multiple."""
     errors = []
-    tables, stretches = dict(_sections(_scene())), list(_stretches(_scene()))
+    tables, stretches, verdicts = dict(_sections(_scene())), list(_stretches(_scene())), _verdicts(_scene())
     for power in POWERS:
         factor = 2.0**power
         scene = _scene().scaled(factor)
@@ -69,12 +75,13 @@ def unit_of_length() -> Extreme:
             numbers = tables[name].select_dtypes("number")
             exact = numbers.to_numpy(float) * _factors(numbers, factor)
             errors.append(farthest(table.select_dtypes("number"), exact, np.maximum(np.abs(exact), 1e-300)))
+        errors.append(float((_verdicts(scene) != verdicts).sum()))
         for rows, exact in zip(_stretches(scene), stretches, strict=True):
             wide = exact * np.repeat([1.0, factor], [6, 4])
             errors.append(farthest(rows, wide, np.maximum(np.abs(wide), 1e-300)))
     return Extreme(
         "unit of length", "gap1, gap2, and all lengths with them",
-        "gaps 7e-9 to 8e3: every reading, every scheme, orbit and path of chaos", "exact scaling, bit for bit",
+        "gaps 7e-9 to 8e3: every reading, scheme and verdict, chaos", "exact scaling, bit for bit",
         worst_of(errors), 0.0, "each number",
     )  # fmt: skip
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from compare.moments import ABSOLUTE, Tolerances, judge
+from compare.moments import Tolerances, judge
 from compare.study.design import Study
 from scene.errors import FileError
 from scene.moments import SECTION
@@ -51,7 +51,7 @@ class Tables:
     def judged(self, within: Tolerances) -> pd.DataFrame:
         """The errors judged by other tolerances."""
         share = self.errors["moment"].map({"mean": within.mean, "sd": within.sd})
-        return judge(self.errors.assign(tolerance=np.maximum(share * self.errors["unit"], ABSOLUTE)))
+        return judge(self.errors.assign(tolerance=np.maximum(share * self.errors["unit"], self.errors["still"])))
 
     def to_xarray(self) -> "xr.Dataset":
         """Errors of the readings and moments of the simulation as a dataset over the fields that vary.

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from compare.moments import ABSOLUTE, Claimed, Simulated, Tolerances, judge, section_errors
+from compare.moments import Claimed, Simulated, Tolerances, judge, section_errors
 from compare.thresholds.claim import Claim
 
 __all__ = ["OUTCOMES", "errors_of", "judged"]
@@ -30,8 +30,8 @@ def errors_of(prediction: Claimed, run: Simulated, claim: Claim) -> pd.DataFrame
     error = rows["moment"].map({m: a.error for m, a in claim.allowed.items()}).astype(float)
     in_sd = rows["moment"].map({m: a.in_sd for m, a in claim.allowed.items()}).astype(bool)
     rows["noise"] += np.where(in_sd, error * rows["se_unit"], 0.0)
-    rows["tolerance"] = np.where(in_sd, np.maximum(error * rows["unit"], ABSOLUTE), error)
-    rows["unit"] = rows["unit"].where(rows["unit"] > ABSOLUTE, 1.0)
+    rows["tolerance"] = np.where(in_sd, np.maximum(error * rows["unit"], rows["still"]), error)
+    rows["unit"] = rows["unit"].where(rows["unit"] > rows["still"], 1.0)
     return rows
 
 
