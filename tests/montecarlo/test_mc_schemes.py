@@ -64,7 +64,7 @@ def test_step_moments_converge_to_exact_covariance_at_first_order():
 
 def test_step_means_converge_to_flight_at_first_order():
     scene, steps = open_space(0.0, beta2=0.9), np.array([0.04, 0.02, 0.01, 0.005])
-    exact = follow(scene, 1).state(scene.constants, scene.start.tau + 2.0)
+    exact = follow(scene, 1).state(scene.start.tau + 2.0)
     errors = [np.abs(by_steps(scene, 2.0, h)[0] - exact).max() for h in steps]
     assert slope(steps, errors) == pytest.approx(1.0, abs=0.1)
 
