@@ -24,7 +24,7 @@ from montecarlo.noise import Key, Word, normals
 from montecarlo.progress import Noise, Progress, Walls
 from montecarlo.short import short_apart, short_turned
 from scene.compiled import inlined, lean, spliced
-from scene.damping import apart, damped
+from scene.damping import pair
 from scene.flight import flow
 from scene.scene import Constants
 
@@ -126,12 +126,10 @@ def kick(c: Constants, tau: float, h: float, first: float, slope: float) -> tupl
 @lean
 def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
     """All that a step of length h from `tau` needs that no path has of its own."""
-    e1, d1 = damped(c.beta1, h)
-    e2, d2 = damped(c.beta2, h)
-    e12, d12 = apart(c.beta1, c.beta2, h)
+    p = pair(c.beta1, c.beta2, h)
     margin1, margin2 = margins(c, math.sin(tau), math.cos(tau), h)
     return FlightForcing(
-        e1, d1, e12, e2, d12, d2, flow(c, tau, 0.0, 0.0, 0.0, 0.0, h),
+        p.e1, p.d1, p.e12, p.e2, p.d12, p.d2, flow(c, tau, 0.0, 0.0, 0.0, 0.0, h),
         kick(c, tau, h, math.sqrt(h), 0.0), kick(c, tau, h, 0.0, math.sqrt(12.0 * h)), margin1, margin2,
     )  # fmt: skip
 

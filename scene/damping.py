@@ -5,12 +5,13 @@ little are ordinary values.  Times may be negative: `closure.refining` flies bac
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from scene.compiled import jit
 
-__all__ = ["apart", "damped", "decay", "dragged", "turned"]
+__all__ = ["Pair", "damped", "decay", "dragged", "pair", "turned"]
 
 SMALL = 0.5  # beta t below which a difference would cancel, and a series is taken
 DRAG_SERIES = np.array([1.0 / math.factorial(k) for k in range(18, 1, -1)])
@@ -69,35 +70,58 @@ def dragged(beta: float, t: float) -> float:
     return t * t * total
 
 
-@jit
-def apart(beta1: float, beta2: float, t: float) -> tuple[float, float]:
-    """``E(beta1, t) - E(beta2, t)`` and ``exp(-beta1 t) - exp(-beta2 t)``, to rounding however near both dampings are.
+class Pair(NamedTuple):
+    """Two dampings over one time.
 
-    With ``d = beta2 - beta1 > 0`` the second is ``exp(-beta1 t) (1 - exp(-d t))``, and the first ``(d E_1`` less that)
-    over beta2; for little damping ``t d t sum (-1)^k h_k / (k + 2)!``, h_k the complete symmetric polynomial of degree
-    k in ``beta_i t``.
+    Attributes
+    ----------
+    e1, e2 : float
+        `turned`.
+    d1, d2 : float
+        `decay`.
+    g1, g2 : float
+        `dragged`.
+    e12, d12 : float
+        ``e1 - e2`` and ``d1 - d2``, to rounding however near both dampings are.
+    """
+
+    e1: float
+    d1: float
+    g1: float
+    e2: float
+    d2: float
+    g2: float
+    e12: float
+    d12: float
+
+
+@jit
+def pair(beta1: float, beta2: float, t: float) -> Pair:
+    """All of two dampings.
+
+    For little damping by the series of `dragged`: Horner's scheme for a value and a divided difference, and from these
+    ``E = t - beta (t - E) / beta`` and so on, where nothing cancels.  Else ``d1 - d2`` is ``exp(-beta1 t) (1 - exp(-d
+    t))`` with ``d = beta2 - beta1 > 0``, and ``e1 - e2`` is ``(d e1`` less that) over beta2.
 
     Examples
     --------
-    >>> apart(0.5, 0.5, 3.0)
-    (0.0, 0.0)
-    >>> e, d = apart(0.1, 0.1 + 2.0**-40, 1e-3)  # a difference of 9e-13
-    >>> round(e / (0.5e-6 * 2.0**-40), 3), round(d / (1e-3 * 2.0**-40), 3)
+    >>> p = pair(0.1, 0.1 + 2.0**-40, 1e-3)  # a difference of 9e-13
+    >>> round(p.e12 / (0.5e-6 * 2.0**-40), 3), round(p.d12 / (1e-3 * 2.0**-40), 3)
     (1.0, 1.0)
     """
-    if beta1 == beta2:
-        return 0.0, 0.0
-    low, high = min(beta1, beta2), max(beta1, beta2)
-    d = high - low
-    left = -math.exp(-low * t) * math.expm1(-d * t)
-    z = high * t
-    if abs(z) < SMALL:
-        y, h, power, total = low * t, 1.0, 1.0, 0.0
-        for k in range(DRAG_SERIES.size - 1, -1, -1):
-            total += DRAG_SERIES[k] * h
-            power *= -z
-            h = power - y * h
-        gone = d * t * t * total
-    else:
-        gone = (d * turned(low, t) - left) / high
-    return (gone, left) if beta1 < beta2 else (-gone, -left)
+    d = beta2 - beta1
+    if max(beta1, beta2) * abs(t) < SMALL:
+        z1, z2, value, slope = -beta1 * t, -beta2 * t, 0.0, 0.0
+        for coefficient in DRAG_SERIES:
+            slope = value + z2 * slope
+            value = coefficient + z1 * value
+        g1, g12 = t * t * value, d * t * t * t * slope
+        e1, e12 = t - beta1 * g1, d * g1 - beta2 * g12
+        d1, d12 = 1.0 - beta1 * e1, d * e1 - beta2 * e12
+        return Pair(e1, d1, g1, e1 - e12, d1 - d12, g1 - g12, e12, d12)
+    e1, d1 = damped(beta1, t)
+    e2, d2 = damped(beta2, t)
+    less = -math.exp(-min(beta1, beta2) * t) * math.expm1(-abs(d) * t)
+    gone = (abs(d) * (e1 if d > 0.0 else e2) - less) / max(beta1, beta2)
+    sign = 1.0 if d > 0.0 else -1.0
+    return Pair(e1, d1, dragged(beta1, t), e2, d2, dragged(beta2, t), sign * gone, sign * less)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.compiled import jit
-from scene.damping import apart, damped, decay, dragged, turned
+from scene.damping import Pair, decay, dragged, pair, turned
 from scene.scene import Constants
 
 __all__ = [
@@ -71,19 +71,16 @@ def displacement(c: Constants, tau: float, y1: float, y2: float, t: float) -> St
     sine, cosine = math.sin(tau), math.cos(tau)
     sh, ch = math.sin(0.5 * t), math.cos(0.5 * t)
     fallen, risen = 2.0 * sh * sh, 2.0 * sh * ch  # 1 - cos t, sin t
-    e1, d1 = damped(c.beta1, t)
-    drag1 = dragged(c.beta1, t)
-    # alpha (sin(tau + t) - sin tau - cos tau E_1), with sin t - E_1 = beta_1 (t - E_1) / beta_1 - (t - sin t)
-    lead = c.beta1 * drag1 - _less_sine(t, risen) if t < 1.0 else risen - e1
-    dx1 = y1 * e1 + c.gamma1 * drag1 + c.alpha * (cosine * lead - sine * fallen)
-    z1 = y1 * d1 + c.gamma1 * e1 + c.alpha * (cosine * (c.beta1 * e1 - fallen) - sine * risen)
+    p = pair(c.beta1, c.beta2, t)
+    # alpha (sin(tau + t) - sin tau - cos tau e1), with sin t - e1 = beta_1 g1 - (t - sin t)
+    lead = c.beta1 * p.g1 - _less_sine(t, risen) if t < 1.0 else risen - p.e1
+    dx1 = y1 * p.e1 + c.gamma1 * p.g1 + c.alpha * (cosine * lead - sine * fallen)
+    z1 = y1 * p.d1 + c.gamma1 * p.e1 + c.alpha * (cosine * (c.beta1 * p.e1 - fallen) - sine * risen)
     if c.stages == 1:
         return dx1, z1, 0.0, y2
-    e2, d2 = damped(c.beta2, t)
-    e12, d12 = apart(c.beta1, c.beta2, t)
     u1 = c.alpha * cosine - y1
-    dx2 = y2 * e2 - u1 * e12 + (c.gamma1 * drag1 - c.gamma2 * dragged(c.beta2, t))
-    return dx1, z1, dx2, y2 * d2 - u1 * d12 + (c.gamma1 * e1 - c.gamma2 * e2)
+    dx2 = y2 * p.e2 - u1 * p.e12 + (c.gamma1 * p.g1 - c.gamma2 * p.g2)
+    return dx1, z1, dx2, y2 * p.d2 - u1 * p.d12 + (c.gamma1 * p.e1 - c.gamma2 * p.e2)
 
 
 @jit
@@ -137,9 +134,9 @@ def system_matrix(c: Constants) -> Floats:
 def jacobian(c: Constants, t: float) -> Floats:
     """``exp(A t)``, the derivative of `flow` with respect to ``(x1, y1, x2, y2)``, shape (4, 4)."""
     j = np.eye(4)
-    j[0, 1], j[1, 1] = damped(c.beta1, t)
-    j[2, 3], j[3, 3] = damped(c.beta2, t)
-    j[2, 1], j[3, 1] = apart(c.beta1, c.beta2, t)
+    p = pair(c.beta1, c.beta2, t)
+    j[0, 1], j[1, 1], j[2, 3], j[3, 3] = p.e1, p.d1, p.e2, p.d2
+    j[2, 1], j[3, 1] = p.e12, p.d12
     return j
 
 
@@ -161,20 +158,17 @@ def _on_their_own(c: Constants, t: float) -> bool:
 
 
 @jit
-def _responses(c: Constants, lag: float, sine: float, cosine: float, own: bool) -> State:
+def _responses(c: Constants, p: Pair, sine: float, cosine: float, own: bool) -> State:
     """What unit noise at a phase has done to ``(x1, y1, x2, y2)`` a lag later; or `own`, see `_on_their_own`."""
-    e1, d1 = damped(c.beta1, lag)
     m1 = c.beta1 * cosine - sine
     if c.stages == 1:
-        return e1 * m1, d1 * m1, 0.0, 0.0
-    e2, d2 = damped(c.beta2, lag)
+        return p.e1 * m1, p.d1 * m1, 0.0, 0.0
     if own:
         m = sine - c.beta2 * cosine
-        return e1 * m1, d1 * m1, e2 * m, d2 * m
-    e12, d12 = apart(c.beta1, c.beta2, lag)
+        return p.e1 * m1, p.d1 * m1, p.e2 * m, p.d2 * m
     d = c.beta1 - c.beta2
-    faster = d * d1 + c.beta2 * d12 if d > 0.0 else d * d2 + c.beta1 * d12  # beta_1 d1 - beta_2 d2
-    return e1 * m1, d1 * m1, -cosine * d12 - sine * e12, cosine * faster - sine * d12
+    faster = d * p.d1 + c.beta2 * p.d12 if d > 0.0 else d * p.d2 + c.beta1 * p.d12  # beta_1 d1 - beta_2 d2
+    return p.e1 * m1, p.d1 * m1, -cosine * p.d12 - sine * p.e12, cosine * faster - sine * p.d12
 
 
 @jit
@@ -186,15 +180,18 @@ def _harmonics(c: Constants, h: float, own: bool) -> Floats:
     q, g = np.zeros((3, 4, 4)), np.empty((2, 4))
     for n in range(NODES.size):
         lag, since = h * NODES[n], h * NODES[NODES.size - 1 - n]
-        sine, cosine = math.sin(since), math.cos(since)
-        g[0, 0], g[0, 1], g[0, 2], g[0, 3] = _responses(c, lag, cosine, -sine, own)
-        g[1, 0], g[1, 1], g[1, 2], g[1, 3] = _responses(c, lag, sine, cosine, own)
+        sine, cosine, p = math.sin(since), math.cos(since), pair(c.beta1, c.beta2, lag)
+        g[0, 0], g[0, 1], g[0, 2], g[0, 3] = _responses(c, p, cosine, -sine, own)
+        g[1, 0], g[1, 1], g[1, 2], g[1, 3] = _responses(c, p, sine, cosine, own)
         w = h * WEIGHTS[n]
-        for i in range(4):
-            for j in range(4):
+        for i in range(2 * c.stages):
+            for j in range(i + 1):
                 q[0, i, j] += w * g[0, i] * g[0, j]
                 q[1, i, j] += w * (g[0, i] * g[1, j] + g[1, i] * g[0, j])
                 q[2, i, j] += w * g[1, i] * g[1, j]
+    for i in range(4):
+        for j in range(i):
+            q[0, j, i], q[1, j, i], q[2, j, i] = q[0, i, j], q[1, i, j], q[2, i, j]
     return q
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.compiled import jit
-from scene.damping import apart, damped
+from scene.damping import pair
 from scene.flight import field
 from scene.impact import contact_matrix, struck
 from scene.scene import Constants
@@ -81,16 +81,14 @@ def saltation_matrix(c: Constants, mesh: int, tau: float, y1: float, y2: float) 
 @jit
 def carry_frame(c: Constants, t: float, frame: Floats) -> None:
     """Fly all columns of a frame, shape (4, 4), for a time t, in place."""
-    e1, d1 = damped(c.beta1, t)
-    e2, d2 = damped(c.beta2, t)
-    e12, d12 = apart(c.beta1, c.beta2, t)
+    p = pair(c.beta1, c.beta2, t)
     for k in range(4):
         v1, v2 = frame[1, k], frame[3, k]
-        frame[0, k] += e1 * v1
-        frame[1, k] = d1 * v1
+        frame[0, k] += p.e1 * v1
+        frame[1, k] = p.d1 * v1
         if c.stages == 2:
-            frame[2, k] += e12 * v1 + e2 * v2
-            frame[3, k] = d12 * v1 + d2 * v2
+            frame[2, k] += p.e12 * v1 + p.e2 * v2
+            frame[3, k] = p.d12 * v1 + p.d2 * v2
 
 
 @jit
