@@ -116,7 +116,7 @@ def validate(
     # the scientific stack is loaded after the options are known to be well formed
     from closure import readings_for
     from compare import manifest
-    from compare.folder import check_free, default_place
+    from compare.folder import check_free, default_place, named
     from compare.report import CONTENTS, write_report
     from compare.sweep import check_sweep, grid, sweep
     from compare.validation import validate as hold_against
@@ -130,7 +130,7 @@ def validate(
         out = out or default_place(settings.name, "-repeated")
     else:
         base = Scene.load(scene) if scene else Scene.from_gears(DAT21)
-        name = scene.stem if scene else "DAT21"
+        name = named(scene) if scene else "DAT21"
         kind = SCHEMES[choice("scheme", scheme, SCHEMES)]
         wanted = sigmas or ((base.sigma,) if scene else PAPER_SIGMAS)
         settings = manifest.Settings(
@@ -218,7 +218,7 @@ def tradeoff(
     Exit codes: 0 complete; 2 bad input.
     """
     from compare import manifest
-    from compare.folder import check_free, default_place
+    from compare.folder import check_free, default_place, named
     from compare.reduction import control_table
     from compare.tradeoff import ACCURACIES, check_accuracies, measure
     from compare.tradeoff_report import CONTENTS, write_tradeoff
@@ -235,7 +235,7 @@ def tradeoff(
     common: dict[str, Any] = {"impacts": impacts, "workers": workers}
     for scheme in SCHEMES:
         check_settings(base, paths=1, dt=1e-12, scheme=scheme, rng=seed, step_bias=False, **common)
-    name = scene.stem if scene else "DAT21"
+    name = named(scene) if scene else "DAT21"
     out = out or default_place(name, "-tradeoff")
     check_free(out, CONTENTS, overwrite)
     wall, cpu = time.perf_counter(), _cpu()

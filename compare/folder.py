@@ -13,7 +13,7 @@ from pathlib import Path
 
 from scene.errors import OutputError
 
-__all__ = ["check_free", "default_place", "refused", "scratch_folder", "whole_folder", "within", "write_whole"]
+__all__ = ["check_free", "default_place", "named", "refused", "scratch_folder", "whole_folder", "within", "write_whole"]
 
 ROOM = 20_000_000  # bytes that must be free before a long run begins; a report takes a few million
 PART, OLD = ".part", ".old"  # how scratch folders end: what is being written, what is being replaced
@@ -220,3 +220,14 @@ def _opened(folder: Path) -> Iterator[int]:
         yield number
     finally:
         os.close(number)
+
+
+def named(path: Path) -> str:
+    """The name that a file gives to what is in it, in characters that any other file can hold.
+
+    Examples
+    --------
+    >>> named(Path("gears/mine.toml"))
+    'mine'
+    """
+    return path.stem.encode(errors="replace").decode()

@@ -85,7 +85,8 @@ def read_settings(path: Path) -> tuple[Settings, dict[str, str | None]]:
         digests = {name: data.get(name) for name in DIGESTS}
         if digests["table_sha256"] is None:
             raise KeyError("table_sha256")
-        return Settings(**{**settings, "scenes": scenes, **lists}), digests
+        name = settings["name"].encode(errors="replace").decode()
+        return Settings(**{**settings, "name": name, "scenes": scenes, **lists}), digests
     except OSError as error:
         raise FileError("manifest", str(path), f"cannot be read ({error.strerror})") from None
     except InputError:

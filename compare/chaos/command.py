@@ -54,7 +54,7 @@ def chaos(
     from compare.chaos.study import study
     from compare.chaos.sweep import FIELDS, paper_noise, values, with_field
     from compare.chaos.write import CONTENTS, write_chaos
-    from compare.folder import check_free, default_place
+    from compare.folder import check_free, default_place, named
     from scene import DAT21, Scene
     from scene.validate import choice, count, positive
 
@@ -68,7 +68,7 @@ def chaos(
     for name, number, least in (("points", points, 100), ("impacts", impacts, 20_000), ("events", events, 128)):
         count(name, number, least=least)
     count("workers", workers)
-    name = scene.stem if scene else "DAT21"
+    name = named(scene) if scene else "DAT21"
     out = out or default_place(name, "-chaos")
     check_free(out, CONTENTS, overwrite)
     settings: dict[str, Any] = {
