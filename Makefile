@@ -26,11 +26,11 @@ test: $(READY)
 		$(RUN)/coverage report --include="$$package/*" --skip-covered --fail-under=95 || exit 1; \
 	done
 
-# Needs the network: the pinned versions against what is known of their vulnerabilities.
+# Needs the network: the pinned versions against what is known of their vulnerabilities; fails if one cannot be looked up.
 audit: $(READY)
 	$(PYTHON) -m venv $(VENV)/audit
 	$(VENV)/audit/bin/pip install --quiet --disable-pip-version-check pip-audit==2.10.1
-	$(VENV)/audit/bin/pip-audit --requirement requirements.txt --no-deps --disable-pip
+	$(VENV)/audit/bin/pip-audit --requirement requirements.txt --no-deps --disable-pip --strict
 
 $(READY): requirements.txt pyproject.toml setup-venv.sh
 	PYTHON=$(PYTHON) sh setup-venv.sh $(VENV)
