@@ -1,8 +1,8 @@
 """The command ``rattle``."""
 
+import errno
 import json
 import resource
-import shlex
 import sys
 import time
 from pathlib import Path
@@ -27,6 +27,14 @@ PAPER_SIGMAS = (0.01, 0.1, 1.5**0.5)
 """Noise intensities of the default report on DAT21: two small ones, and the paper's sqrt(alpha)."""
 
 
+STORAGE = {
+    errno.ENOSPC: "make room on that disk", errno.EDQUOT: "make room on that disk", errno.EROFS: "choose another place",
+    errno.EACCES: "choose another place", errno.EPERM: "choose another place", errno.EFBIG: "make room on that disk",
+    errno.ENAMETOOLONG: "choose a shorter name",
+}  # fmt: skip
+"""What helps where the system refuses to write: of files that no module of ours answers for (machine code, say)."""
+
+
 class RattleGroup(click.Group):
     """Turns the project's own errors into one line on standard error and exit code 2."""
 
@@ -37,6 +45,12 @@ class RattleGroup(click.Group):
                 return super().invoke(ctx)
         except RattleError as error:
             click.echo(f"rattle: {error}", err=True)
+            ctx.exit(EXIT_BAD_INPUT)
+        except OSError as error:
+            if error.errno not in STORAGE:
+                raise
+            where = error.filename or "a file"
+            click.echo(f"rattle: {where}: {error.strerror}; {STORAGE[error.errno]}, and repeat the command", err=True)
             ctx.exit(EXIT_BAD_INPUT)
         except KeyboardInterrupt as interrupt:
             click.echo(f"rattle: {str(interrupt) or NOTHING_WRITTEN}", err=True)
@@ -103,7 +117,7 @@ def validate(
     # the scientific stack is loaded after the options are known to be well formed
     from closure import readings_for
     from compare import manifest
-    from compare.folder import check_free
+    from compare.folder import check_free, default_place, named
     from compare.report import CONTENTS, write_report
     from compare.sweep import check_sweep, grid, sweep
     from compare.validation import validate as hold_against
@@ -114,10 +128,10 @@ def validate(
     expected = None
     if repeat is not None:
         settings, expected = manifest.read_settings(repeat)
-        out = out or Path("reports") / f"{settings.name}-repeated"
+        out = out or default_place(settings.name, "-repeated")
     else:
         base = Scene.load(scene) if scene else Scene.from_gears(DAT21)
-        name = scene.stem if scene else "DAT21"
+        name = named(scene) if scene else "DAT21"
         kind = SCHEMES[choice("scheme", scheme, SCHEMES)]
         wanted = sigmas or ((base.sigma,) if scene else PAPER_SIGMAS)
         settings = manifest.Settings(
@@ -133,7 +147,7 @@ def validate(
             () if no_frontier else grid(frontier),
             0 if no_frontier else count("frontier-paths", frontier_paths),
         )
-        out = out or Path("reports") / name.lower()
+        out = out or default_place(name)
     check_free(out, CONTENTS, overwrite)
     first = settings.scenes[0]
     biased = SCHEMES[choice("scheme", settings.scheme, SCHEMES)].weak_order is not None
@@ -150,8 +164,8 @@ def validate(
         sweep(first, settings.frontier, **settings.sweep, **closures, workers=workers) if settings.frontier else None
     )
     provenance = {
-        "command": shlex.join(["rattle", *sys.argv[1:]]),
-        "repeat": shlex.join(["rattle", "validate", "--repeat", str(out / "manifest.json")]),
+        "command": manifest.command_line(sys.argv[1:]),
+        "repeat": manifest.command_line(["validate", "--repeat", str(out / "manifest.json")]),
         "commit": manifest.commit(),
         "versions": manifest.versions(),
         "wall_seconds": round(time.perf_counter() - wall, 1),
@@ -205,7 +219,7 @@ def tradeoff(
     Exit codes: 0 complete; 2 bad input.
     """
     from compare import manifest
-    from compare.folder import check_free
+    from compare.folder import check_free, default_place, named
     from compare.reduction import control_table
     from compare.tradeoff import ACCURACIES, check_accuracies, measure
     from compare.tradeoff_report import CONTENTS, write_tradeoff
@@ -222,8 +236,8 @@ def tradeoff(
     common: dict[str, Any] = {"impacts": impacts, "workers": workers}
     for scheme in SCHEMES:
         check_settings(base, paths=1, dt=1e-12, scheme=scheme, rng=seed, step_bias=False, **common)
-    name = scene.stem if scene else "DAT21"
-    out = out or Path("reports") / f"{name.lower()}-tradeoff"
+    name = named(scene) if scene else "DAT21"
+    out = out or default_place(name, "-tradeoff")
     check_free(out, CONTENTS, overwrite)
     wall, cpu = time.perf_counter(), _cpu()
     found = measure(base, accuracies=asked, budget=budget, seed=seed, **common)
@@ -232,7 +246,7 @@ def tradeoff(
     measured = orders_over(base, sigmas, rng=seed, workers=workers) if orders else None
     record = {
         "name": name, "scene": base.to_dict(), "impacts": impacts, "accuracies": asked, "budget": budget,
-        "seed": seed, "orders": orders, "workers": workers, "command": shlex.join(["rattle", *sys.argv[1:]]),
+        "seed": seed, "orders": orders, "workers": workers, "command": manifest.command_line(sys.argv[1:]),
         "commit": manifest.commit(), "versions": manifest.versions(),
         "wall_seconds": round(time.perf_counter() - wall, 1), "cpu_seconds": round(_cpu() - cpu, 1),
     }  # fmt: skip

@@ -11,7 +11,7 @@ __all__ = ["EXIT_INTERRUPTED", "NOTHING_WRITTEN", "ends_soon"]
 
 EXIT_INTERRUPTED = 130
 NOTHING_WRITTEN = "interrupted; nothing was written"
-PATIENCE = 1.5
+PATIENCE = 1.2
 """Seconds from Ctrl-C to the end: long enough for the blocks of paths in flight, and for a word of farewell."""
 
 

@@ -4,7 +4,9 @@ import hashlib
 import importlib.metadata
 import json
 import platform
+import shlex
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,7 +14,20 @@ from scene.errors import FileError, InputError
 from scene.scene import Scene
 from scene.validate import known_keys
 
-__all__ = ["DIGESTS", "Settings", "commit", "digest", "read_settings", "versions"]
+__all__ = [
+    "DIGESTS",
+    "VERSION",
+    "Settings",
+    "command_line",
+    "commit",
+    "digest",
+    "not_newer",
+    "read_settings",
+    "versions",
+]
+
+VERSION = 1
+"""Of a manifest: what has another form is written with a greater one."""
 
 PACKAGES = ("rattle", "numpy", "numba", "llvmlite", "scipy", "pandas", "matplotlib", "pyarrow")
 
@@ -60,20 +75,49 @@ def read_settings(path: Path) -> tuple[Settings, dict[str, str | None]]:
     """
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
+        not_newer(data, path)
         settings = data["settings"]
+        if not isinstance(settings["name"], str):
+            raise TypeError("its name is no text")
         known_keys("manifest.settings", settings, Settings._fields)
         scenes = tuple(Scene.from_dict(s) for s in settings["scenes"])
         lists = {"readings": tuple(settings["readings"]), "frontier": tuple(settings.get("frontier", ()))}
         digests = {name: data.get(name) for name in DIGESTS}
         if digests["table_sha256"] is None:
             raise KeyError("table_sha256")
-        return Settings(**{**settings, "scenes": scenes, **lists}), digests
+        name = settings["name"].encode(errors="replace").decode()
+        return Settings(**{**settings, "name": name, "scenes": scenes, **lists}), digests
     except OSError as error:
         raise FileError("manifest", str(path), f"cannot be read ({error.strerror})") from None
     except InputError:
         raise
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise FileError("manifest", str(path), f"is no manifest of this version ({error})") from None
+
+
+def not_newer(data: dict[str, Any], path: Path) -> None:
+    """Refuse the data of a manifest that a newer version of this program has written.
+
+    Raises
+    ------
+    FileError
+        Says which version it has, and to update.
+    """
+    version = data.get("version", 1)
+    if type(version) is int and version > VERSION:
+        why = f"comes from a newer version of rattle (manifest {version}; this one reads {VERSION}); update rattle"
+        raise FileError("manifest", str(path), why)
+
+
+def command_line(words: Sequence[str]) -> str:
+    """A command as it is typed, in characters that any file can hold.
+
+    Examples
+    --------
+    >>> command_line(["show", "my report"])
+    "rattle show 'my report'"
+    """
+    return shlex.join(["rattle", *words]).encode(errors="backslashreplace").decode()
 
 
 def versions() -> dict[str, str]:

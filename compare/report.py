@@ -166,6 +166,7 @@ def write_report(
     table, text = table_text(validations)
     frontier_text = swept.frontier.to_csv(index=False) if swept else None
     record = {
+        "version": manifest.VERSION,
         "settings": settings.to_dict(),
         "table_sha256": manifest.digest(text),
         "frontier_sha256": manifest.digest(frontier_text) if frontier_text else None,

@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -51,11 +52,14 @@ def simulate(
 
     Exit codes: 0 done; 2 bad input; 3 the budget ended before the accuracy was reached.
     """
+    from compare.folder import write_whole
     from montecarlo import simulate as sample
 
     base = _scene(scene, sigma)
     if out is not None and not out.parent.is_dir():
         raise InputError("out", str(out), f"the folder {out.parent} does not exist; make it first")
+    if out is not None and (out.is_dir() or not os.access(out.parent, os.W_OK)):
+        raise InputError("out", str(out), "cannot be written; give the name of a file")
     if accuracy is None and paths is None:
         accuracy = 0.01
     limit = budget if accuracy is not None else math.inf
@@ -72,8 +76,6 @@ def simulate(
         progress="simulate",
     )
     reach = run.reach
-    if out is not None:
-        run.section.to_csv(out)
     if as_json:
         record = {
             "scheme": run.scheme,
@@ -91,6 +93,8 @@ def simulate(
         )
         if reach is not None:
             click.echo(reach.sentence)
+    if out is not None:  # last: what was found has been said if it cannot be written
+        write_whole(out, run.section.to_csv())
     if reach is not None and not reach.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)
 

@@ -270,7 +270,7 @@ def walk_step(
     while top >= 0:
         noise, depth, number = Noise(pending[top, 0], pending[top, 1]), level[top], node_of[top]
         top -= 1
-        h = math.ldexp(w.h, -depth)
+        h = math.ldexp(w.h, -int(depth))
         if depth == w.depth:
             n = _leaf(c, tau + offset, offset, h, noise, s, end, hits, n)
             offset += h

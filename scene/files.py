@@ -37,3 +37,5 @@ def read_toml(text: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise FileError("TOML", str(error), "correct the file at that place") from None
+    except RecursionError:
+        raise FileError("TOML", text[:20], "is nested too deeply; give a file that people write") from None

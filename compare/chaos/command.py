@@ -1,7 +1,6 @@
 """The command ``rattle chaos``."""
 
 import math
-import shlex
 import sys
 import time
 from pathlib import Path
@@ -55,7 +54,7 @@ def chaos(
     from compare.chaos.study import study
     from compare.chaos.sweep import FIELDS, paper_noise, values, with_field
     from compare.chaos.write import CONTENTS, write_chaos
-    from compare.folder import check_free
+    from compare.folder import check_free, default_place, named
     from scene import DAT21, Scene
     from scene.validate import choice, count, positive
 
@@ -69,8 +68,8 @@ def chaos(
     for name, number, least in (("points", points, 100), ("impacts", impacts, 20_000), ("events", events, 128)):
         count(name, number, least=least)
     count("workers", workers)
-    name = scene.stem if scene else "DAT21"
-    out = out or Path("reports") / f"{name.lower()}-chaos"
+    name = named(scene) if scene else "DAT21"
+    out = out or default_place(name, "-chaos")
     check_free(out, CONTENTS, overwrite)
     settings: dict[str, Any] = {
         "points": points, "impacts": impacts, "events": events, "width": width, "seed": seed, "field": field,
@@ -81,7 +80,7 @@ def chaos(
     record = {
         "name": name, "scene": base.to_dict(), **settings, "over": list(at), "workers": workers,
         "noise": "the scene's" if noise is None else "sqrt(alpha)",
-        "command": shlex.join(["rattle", *sys.argv[1:]]), "commit": manifest.commit(), "versions": manifest.versions(),
+        "command": manifest.command_line(sys.argv[1:]), "commit": manifest.commit(), "versions": manifest.versions(),
         "wall_seconds": round(time.perf_counter() - wall, 1),
     }  # fmt: skip
     for sentence in write_chaos(out, found, record, overwrite):

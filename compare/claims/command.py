@@ -1,6 +1,5 @@
 """The command ``rattle claims``."""
 
-import shlex
 import sys
 import time
 from pathlib import Path
@@ -64,7 +63,7 @@ def claims(
     record = {
         "name": "DAT21", "scene": found.scene.to_dict(), "sigmas": list(levels), "over": list(at), "paths": paths,
         "points": points, "impacts": impacts, "seed": seed, "workers": workers,
-        "command": shlex.join(["rattle", *sys.argv[1:]]), "commit": manifest.commit(), "versions": manifest.versions(),
+        "command": manifest.command_line(sys.argv[1:]), "commit": manifest.commit(), "versions": manifest.versions(),
         "wall_seconds": round(time.perf_counter() - started, 1),
     }  # fmt: skip
     for sentence in write_claims(out, judged, [c.__name__ for c in CLAIMS], found.chaos, record, overwrite):

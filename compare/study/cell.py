@@ -45,6 +45,10 @@ class Cell(Protocol):
         """The result; `blocks` runs the blocks of paths where there are any."""
         ...
 
+    def opened(self, stored: Stored) -> object:
+        """The result as it speaks."""
+        ...
+
 
 def _key(kind: str, package: str, scene: Scene, settings: Mapping[str, Any]) -> str:
     """Digest of a scene's dimensionless numbers, the settings, and the version of the code that makes the result."""

@@ -1,6 +1,5 @@
 """The command ``rattle study``."""
 
-import shlex
 import sys
 import time
 from pathlib import Path
@@ -8,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scene.errors import InputError, OutputError
+from compare.page.words import line
+from scene.errors import InputError
 
 if TYPE_CHECKING:
     from compare.study.design import Study
@@ -33,6 +33,7 @@ def study(
     Every result is kept as soon as it is there; the same command goes on where it was ended.  Exit codes: 0 complete;
     1 complete but for points that cannot be computed, with the reasons; 2 bad input; 130 interrupted.
     """
+    from compare.folder import within, write_whole
     from compare.study.design import Study
     from compare.study.store import Store
     from compare.study.tables import CELLS, FILE
@@ -48,8 +49,9 @@ def study(
         store = Store(folder / CELLS) if (folder / CELLS).is_dir() else None
         click.echo(_explained(wanted, store, workers) if explain else _status(wanted, store))
         return
+    within(folder, CELLS)
     store = Store(folder / CELLS)
-    _keep_text(folder / FILE, wanted.text)
+    write_whole(folder / FILE, wanted.text)
     record = _record(wanted, store, folder, file, workers, scheduler)
     if as_json:
         import json
@@ -78,6 +80,7 @@ def _record(
         click.echo(f"All {len(wanted.cells)} cells are there, and the page is of them.", err=True)
         return current
 
+    from compare.manifest import command_line
     from compare.study.engine import run
     from compare.study.page import write_page
     from compare.study.places import Cluster, Here, Place
@@ -93,7 +96,7 @@ def _record(
     place: Place = Cluster(scheduler) if scheduler else Here(workers)
     outcome = run(wanted, store, place, show=True, unchanged=unchanged)
     facts = {
-        "command": shlex.join(["rattle", *sys.argv[1:]]), "computed": outcome.computed, "failed": outcome.failed,
+        "command": command_line(sys.argv[1:]), "computed": outcome.computed, "failed": outcome.failed,
         "wall_seconds": round(outcome.wall_seconds, 2), "cell_seconds": round(outcome.cell_seconds, 2),
     }  # fmt: skip
     record = write_page(folder, Results.of(wanted, store), facts)
@@ -102,20 +105,13 @@ def _record(
     return record
 
 
-def _keep_text(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"out = {str(path.parent)!r}: cannot be written ({error.strerror})") from None
-
-
 def _explained(wanted: "Study", store: "Store | None", workers: int) -> str:
     from compare.study.engine import missing
     from compare.study.estimate import estimate, scaling
 
     todo = missing(wanted, store) if store else wanted.cells
     work = estimate(todo, workers)
-    lines = [f"{wanted.title}: {len(wanted.points)} points, {len(wanted.cells)} cells, {len(todo)} to compute."]
+    lines = [f"{line(wanted.title)}: {len(wanted.points)} points, {len(wanted.cells)} cells, {len(todo)} to compute."]
     lines += [f"  {axis_text}" for axis_text in _axes_text(wanted)]
     lines += [f"  cannot be computed: {p.coordinates}: {why}" for p in wanted.points for why in p.reasons.values()]
     lines.append(
@@ -145,13 +141,16 @@ def _status(wanted: "Study", store: "Store | None") -> str:
     from compare.study.engine import missing
 
     todo = missing(wanted, store) if store else wanted.cells
-    lines = [f"{wanted.title}: {len(wanted.cells) - len(todo)} of {len(wanted.cells)} cells are there."]
+    lines = [f"{line(wanted.title)}: {len(wanted.cells) - len(todo)} of {len(wanted.cells)} cells are there."]
     left: dict[str, int] = {}
     for cell in todo:
         kind = getattr(cell, "reading", "ensembles")
         left[kind] = left.get(kind, 0) + 1
     lines += [f"  missing: {number} {kind}" for kind, number in left.items()]
     if store:
-        lines += [f"  set aside: {p.read_text(encoding='utf-8').strip()}" for p in sorted(store.aside.glob("*.txt"))]
+        lines += [
+            f"  set aside: {line(p.read_text(encoding='utf-8', errors='replace'))}"
+            for p in sorted(store.aside.glob("*.txt"))
+        ]
     lines += [f"  cannot be computed: {p.coordinates}: {why}" for p in wanted.points for why in p.reasons.values()]
     return "\n".join(lines)

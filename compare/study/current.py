@@ -7,20 +7,25 @@ from typing import Any
 
 from compare.page import pages
 from compare.study.design import Study
-from compare.study.tables import MANIFEST, TABLES
+from compare.study.tables import MANIFEST, TABLES, damaged
 
-__all__ = ["cells_digest", "is_current"]
+__all__ = ["FILES", "cells_digest", "is_current"]
+
+FILES = (*(f"{name}.parquet" for name in TABLES), *pages("study"))
+"""What a finished study's manifest vouches for."""
 
 
 def is_current(study: Study, folder: Path) -> dict[str, Any] | None:
     """The record of what is in a folder, if it is of this study and all of its cells; else None."""
     try:
         record: dict[str, Any] = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        if not isinstance(record, dict):
+            return None
+    except (OSError, ValueError, RecursionError):
         return None
-    files = [*(f"{name}.parquet" for name in TABLES), *pages("study")]
-    whole = all((folder / file).exists() for file in files)
-    return record if whole and record.get("cells_sha256") == cells_digest(study) and record.get("complete") else None
+    if record.get("cells_sha256") != cells_digest(study) or not record.get("complete"):
+        return None
+    return record if not damaged(folder, record, FILES) else None
 
 
 def cells_digest(study: Study) -> str:

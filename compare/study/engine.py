@@ -8,7 +8,7 @@ from typing import NamedTuple
 from compare.study.cell import Cell
 from compare.study.design import Study
 from compare.study.estimate import core_seconds
-from compare.study.obtain import attempt
+from compare.study.obtain import attempt, kept
 from compare.study.places import Place, Stopped
 from compare.study.progress import Progress
 from compare.study.store import Store, Stored
@@ -78,7 +78,7 @@ def run(
         If a result cannot be kept.
     """
     store.sweep()
-    todo = {cell.key: cell for cell in study.cells if store.read(cell.key) is None}
+    todo = {cell.key: cell for cell in study.cells if kept(store, cell) is None}
     there = len(study.cells) - len(todo)
     started = time.perf_counter()
     failed: dict[str, str] = {}

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from compare.study.cell import Cell
 from compare.study.store import Store, Stored
 
-__all__ = ["Compute", "attempt", "obtain"]
+__all__ = ["Compute", "attempt", "kept", "obtain"]
 
 Compute = Callable[[Cell], Stored]
 """Where a cell is computed: here, by default."""
@@ -16,6 +16,20 @@ PAUSE = 0.2  # seconds between two looks at what another process is working on
 
 def _here(cell: Cell) -> Stored:
     return cell.compute()
+
+
+def kept(store: Store, cell: Cell) -> Stored | None:
+    """A cell's result, where it is there; what is stored in its place but is no result of its kind is set aside."""
+    found = store.read(cell.key)
+    if found is None:
+        return None
+    try:
+        cell.opened(found)
+        float(found.facts["seconds"])
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        store.set_aside(cell.key, f"is no result of this kind ({error})")
+        return None
+    return found
 
 
 def attempt(store: Store, cell: Cell, compute: Compute = _here) -> Stored | None:
@@ -28,13 +42,13 @@ def attempt(store: Store, cell: Cell, compute: Compute = _here) -> Stored | None
     OutputError
         If the result cannot be kept.
     """
-    found = store.read(cell.key)
+    found = kept(store, cell)
     if found is not None:
         return found
     with store.alone(cell.key) as alone:
         if not alone:
             return None
-        found = store.read(cell.key)  # another process may have ended in this moment
+        found = kept(store, cell)  # another process may have ended in this moment
         if found is None:
             found = compute(cell)
             store.write(cell.key, found.table, found.facts)

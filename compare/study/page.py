@@ -3,22 +3,21 @@
 import hashlib
 import json
 import os
-import shutil
-import tempfile
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from compare import manifest
+from compare.folder import scratch_folder, within
 from compare.moments import VERDICTS
 from compare.page import Cell, Code, Figure, Page, Row, Section, Source, Table, Text, numbers
 from compare.page import write_page as write_views
-from compare.study.current import cells_digest
+from compare.study.current import FILES, cells_digest
 from compare.study.estimate import calibrated, core_seconds, scaling
 from compare.study.figures import FIGURES, panels
 from compare.study.results import Results
-from compare.study.tables import MANIFEST, TABLES
+from compare.study.tables import FILE, MANIFEST, TABLES, file_digest
 from compare.study.version import numerical_version
 from compare.style import save
 from scene.errors import OutputError
@@ -74,16 +73,16 @@ def write_page(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any
         If the folder cannot be written; what was there before stays.
     """
     try:
-        scratch = Path(tempfile.mkdtemp(prefix=".page-", dir=folder))
-        try:
+        with scratch_folder(folder, "page") as scratch:
             record = _written(scratch, r, facts)
-            for path in sorted(scratch.rglob("*"), key=lambda p: p.name == MANIFEST):  # it vouches for the rest
-                if path.is_file():
-                    target = folder / path.relative_to(scratch)
-                    target.parent.mkdir(exist_ok=True)
-                    os.replace(path, target)
-        finally:
-            shutil.rmtree(scratch, ignore_errors=True)
+            files = [path.relative_to(scratch) for path in scratch.rglob("*") if path.is_file()]
+            within(folder, *{str(file.parent) for file in files})
+            (folder / MANIFEST).unlink(missing_ok=True)  # it vouches for the rest, so it goes first and comes last
+            for file in sorted(files, key=lambda f: f.name == MANIFEST):
+                (folder / file).parent.mkdir(exist_ok=True)
+                os.replace(scratch / file, folder / file)
+    except OutputError:
+        raise
     except OSError as error:
         raise OutputError(
             f"out = {str(folder)!r}: the page cannot be written ({error.strerror}); all cells are there: make room and "
@@ -98,6 +97,7 @@ def _written(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
         table.to_parquet(folder / f"{name}.parquet", compression="zstd")
         if name in SMALL:
             table.to_csv(folder / f"{name}.csv", index=False, float_format="%.9g")
+    (folder / FILE).write_text(r.study.text, encoding="utf-8")  # another study may have passed here meanwhile
     (folder / "figures").mkdir()
     drawn = []
     for name, (draw, table_name, title) in FIGURES.items():
@@ -111,12 +111,14 @@ def _written(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
     taken = _seconds(r)
     factor = calibrated({c.key: core_seconds(c) for c in r.study.cells if c.key in taken}, taken)
     record = {
-        "kind": "study", "title": r.study.title, "answer": answer(r), "complete": len(taken) == len(r.study.cells),
+        "version": manifest.VERSION, "kind": "study", "title": r.study.title, "answer": answer(r),
+        "complete": len(taken) == len(r.study.cells),
         "points": len(r.study.points), "cells": len(r.study.cells), "cells_sha256": cells_digest(r.study),
         "errors_sha256": _digest(r.errors), "sections_sha256": _digest(r.sections), "z": r.z,
         "numerical_version": numerical_version(), "commit": manifest.commit(), "versions": manifest.versions(), **facts,
     }  # fmt: skip
     write_views(_page(r, record, drawn, tables["cost"], tables["reasons"], factor), folder, "study")
+    record["files"] = {file: file_digest(folder / file) for file in FILES}
     (folder / MANIFEST).write_text(json.dumps(record, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     return record
 

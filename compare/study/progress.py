@@ -1,6 +1,7 @@
 """What a person sees while a study runs: a line on a terminal, and a log file that stays."""
 
 import logging
+import os
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import NoReturn, Self
 
 from tqdm import tqdm
 
+from compare.folder import refused
 from compare.study.cell import Cell, Sample
 from compare.study.store import Stored
 from montecarlo.accuracy import sampling_error
@@ -16,6 +18,20 @@ from montecarlo.accuracy import sampling_error
 __all__ = ["Progress"]
 
 LOG = "study.log"
+
+
+class _LogFile(logging.FileHandler):
+    """A log file; where it can no longer be written, the study goes on without."""
+
+    def __init__(self, path: Path) -> None:
+        try:
+            os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o644))  # no link to elsewhere
+            super().__init__(path, encoding="utf-8")
+        except OSError as error:
+            raise refused(path, error) from None
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """A full disk is told by what cannot be kept."""
 
 
 class Progress:
@@ -41,7 +57,7 @@ class Progress:
         self._log = logging.getLogger(f"rattle.study.{folder}")
         self._log.setLevel(logging.INFO)
         self._log.propagate = False
-        self._file = logging.FileHandler(folder / LOG, encoding="utf-8")
+        self._file = _LogFile(folder / LOG)
         self._file.setFormatter(logging.Formatter("%(asctime)s %(process)d %(message)s"))
         self._bar: tqdm[NoReturn] = tqdm(
             total=there + len(work), initial=there, desc="study", unit="cell", disable=None if show else True,

@@ -172,7 +172,7 @@ class Results:
     def paired(self) -> pd.DataFrame:
         """Differences between neighbours along `along`, with errors that take the common noise into account.
 
-        See `compare.study.paired`; empty where every point has random numbers of its own.
+        See `compare.study.paired`; empty where every point has random numbers of its own, or too few paths.
         """
         if not self.study.common_noise or not self.along:
             return pd.DataFrame()
@@ -187,6 +187,8 @@ class Results:
             ordered = sorted(runs, key=lambda pair: pair[0])
             for (low, one), (high, other) in pairwise(ordered):
                 table = paired_differences(one, other)
+                if table["se"].isna().all():
+                    continue
                 table.insert(0, "to", high)
                 table.insert(0, "from", low)
                 for name, value in zip(others, key, strict=True):

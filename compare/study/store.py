@@ -6,7 +6,7 @@ import json
 import os
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,11 +16,23 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 
+from compare.folder import refused, within, write_whole
 from scene.errors import OutputError
 
 __all__ = ["Store", "Stored"]
 
+MOST_VALUES, MOST_BYTES = 50_000_000, 400_000_000
+"""What a file may unpack to; a hundred thousand impacts fit."""
 NAME = b"rattle"  # of the entry in a file's metadata that holds its key and its facts
+
+
+def _check_size(metadata: Any) -> None:
+    """Refuse a file that would unpack to more than a result ever is; raises ValueError."""
+    groups = [metadata.row_group(i) for i in range(metadata.num_row_groups)]
+    values = sum(g.column(i).num_values for g in groups for i in range(g.num_columns))
+    size = sum(g.total_byte_size for g in groups)
+    if max(values, metadata.num_rows * metadata.num_columns) > MOST_VALUES or size > MOST_BYTES:
+        raise ValueError(f"would unpack to {values:,} values in {size:,} bytes: no result is as large")
 
 
 def _digest(table: pd.DataFrame, facts: dict[str, Any]) -> str:
@@ -67,6 +79,7 @@ class Store:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        within(folder, self._locks.name, self.aside.name)
         try:
             for part in (folder, self._locks):
                 part.mkdir(parents=True, exist_ok=True)
@@ -94,18 +107,20 @@ class Store:
         if not path.exists():
             return None
         try:
-            found = pq.read_table(path, page_checksum_verification=True, use_threads=False, memory_map=False)
+            with pq.ParquetFile(path, page_checksum_verification=True, memory_map=False) as file:
+                _check_size(file.metadata)
+                found = file.read(use_threads=False)
             record = json.loads(found.schema.metadata[NAME])
             if record["key"] != key:
                 raise ValueError("belongs to another key")
             stored = Stored(found.to_pandas(), record["facts"])
-            if record["sha256"] != _digest(*stored):
+            if not isinstance(stored.facts, dict) or record["sha256"] != _digest(*stored):
                 raise ValueError("its content is not what was written")
             return stored
         except FileNotFoundError:  # set aside by another process in this moment
             return None
-        except (pa.ArrowException, ValueError, KeyError, TypeError, OSError) as error:
-            self._set_aside(path, str(error).splitlines()[0])
+        except (pa.ArrowException, ValueError, LookupError, TypeError, OSError, RecursionError) as error:
+            self.set_aside(key, str(error))
             return None
 
     def write(self, key: str, table: pd.DataFrame, facts: dict[str, Any]) -> None:
@@ -142,6 +157,8 @@ class Store:
         except Timeout:
             yield False
             return
+        except OSError as error:
+            raise refused(self.folder, error) from None
         try:
             yield True
         finally:
@@ -157,15 +174,25 @@ class Store:
     def _refused(self, why: str) -> OutputError:
         return OutputError(f"out = {str(self.folder)!r}: {why}")
 
-    def _set_aside(self, path: Path, why: str) -> None:
-        self.aside.mkdir(exist_ok=True)
-        target = self.aside / path.name
-        number = 1
-        while target.exists():
-            target = self.aside / f"{path.stem}-{number}.parquet"
-            number += 1
+    def set_aside(self, key: str, why: str) -> None:
+        """Move away what is not what its name says, and note why.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be moved.
+        """
+        path, number = self.path(key), 1
         try:
+            self.aside.mkdir(exist_ok=True)
+            target = self.aside / path.name
+            while target.exists():
+                target = self.aside / f"{path.stem}-{number}.parquet"
+                number += 1
             os.replace(path, target)
         except FileNotFoundError:
             return
-        target.with_suffix(".txt").write_text(f"{path.name}: {why}\n", encoding="utf-8")
+        except OSError as error:
+            raise self._refused(f"{path.name} is damaged and cannot be moved away ({error.strerror})") from None
+        with suppress(OutputError):  # the reason is a courtesy
+            write_whole(target.with_suffix(".txt"), f"{path.name}: {why.splitlines()[0][:200] if why else '?'}\n")

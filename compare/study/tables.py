@@ -1,6 +1,8 @@
 """A finished study, loaded from its folder: tidy tables, and the same as a dataset."""
 
+import hashlib
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from compare.manifest import not_newer
 from compare.moments import Tolerances, judge
 from compare.study.design import Study
 from scene.errors import FileError
@@ -16,7 +19,7 @@ from scene.moments import SECTION
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["CELLS", "FILE", "MANIFEST", "TABLES", "Tables", "load"]
+__all__ = ["CELLS", "FILE", "MANIFEST", "TABLES", "Tables", "damaged", "file_digest", "load"]
 
 CELLS, FILE, MANIFEST = "cells", "study.toml", "manifest.json"
 """Names in a study's folder: where the results are, the study itself, and where it all comes from."""
@@ -84,8 +87,29 @@ def load(folder: str | Path) -> Tables:
     place = Path(folder)
     try:
         record = json.loads((place / MANIFEST).read_text(encoding="utf-8"))
+        not_newer(record, place / MANIFEST)
+        if "files" in record and (lost := damaged(place, record, [f"{name}.parquet" for name in TABLES])):
+            raise FileError(
+                "study folder", str(folder), f"{lost[0]} is damaged; run rattle study again, it is soon mended"
+            )
         tables = {name: pd.read_parquet(place / f"{name}.parquet") for name in TABLES}
-    except (OSError, ValueError):
+    except FileError:
+        raise
+    except (OSError, ValueError, AttributeError, RecursionError):
         why = "holds no finished study; give what rattle study has written"
         raise FileError("study folder", str(folder), why) from None
     return Tables(Study.load(place / FILE), record, **tables)
+
+
+def damaged(folder: Path, record: dict[str, Any], files: Iterable[str]) -> list[str]:
+    """The files in a study's folder that are not as they were written, or not there."""
+    written = record.get("files")
+    return [f for f in files if not isinstance(written, dict) or written.get(f) != file_digest(folder / f)]
+
+
+def file_digest(path: Path) -> str | None:
+    """Digest of a file; None where there is none."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return None

@@ -1,9 +1,7 @@
 """Baselines: what a model said when it was recorded, a readable file beside the test."""
 
 import hashlib
-import os
 import re
-import tempfile
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
@@ -12,6 +10,7 @@ from typing import Any
 
 import tomli_w
 
+from compare.folder import refused, write_whole
 from compare.thresholds.claim import Claim
 from compare.thresholds.prediction import Prediction
 from scene.errors import FileError
@@ -48,7 +47,9 @@ def read(path: Path) -> dict[str, Any]:
     """A recorded baseline; raises FileError where the file is none."""
     try:
         found = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except OSError as error:
+        raise FileError("baseline", str(path), f"cannot be read ({error.strerror})") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise FileError("baseline", str(path), f"is damaged ({error}); restore it, or remove and record it") from None
     if not isinstance(found.get("values"), dict):
         raise FileError("baseline", str(path), "has no table [values]; restore it, or remove and record it")
@@ -56,14 +57,13 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def write(path: Path, found: Mapping[str, Any], model: str) -> None:
-    """Write a baseline whole."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    """Write a baseline whole; raises OutputError where it cannot be."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise refused(path.parent, error) from None
     head = f"# Section moments of {model} by quantity and impact, and the scene that they speak of; written by pytest\n"
-    number, scratch = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    with os.fdopen(number, "w", encoding="utf-8") as file:
-        file.write(f"{head}# --rattle-baselines=record (or =regenerate).\n\n{tomli_w.dumps(found)}")
-    os.chmod(scratch, 0o644)
-    os.replace(scratch, path)
+    write_whole(path, f"{head}# --rattle-baselines=record (or =regenerate).\n\n{tomli_w.dumps(found)}")
 
 
 def _flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:

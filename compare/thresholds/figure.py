@@ -52,7 +52,8 @@ def error_figure(table: pd.DataFrame, model: str) -> Figure:
     ax.grid(False, axis="y")
     ax.set_xlabel("error and its interval, in sds of the quantity")
     worst = f" (the worst {MOST} of {len(table)} rows)" if len(table) > MOST else ""
-    ax.set_title(f"{model}{worst}", loc="left", fontweight="bold", color=STYLE.get(model, {"color": "k"})["color"])
+    colour = STYLE.get(model, {"color": "k"})["color"]
+    ax.set_title(f"{model[:60]}{worst}", loc="left", fontweight="bold", parse_math=False, color=colour)
     shown = [o for o in MARKS if (rows["outcome"] == o).any()]
     handles = [Line2D([], [], color=MARKS[o][0], marker=MARKS[o][1], ms=6, label=o) for o in shown]
     figure.legend(

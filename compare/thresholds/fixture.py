@@ -91,7 +91,7 @@ class Rattle:
         if not path.exists():
             if mode == "compare":
                 self._fail(f"there is no baseline {self._shown(path)}; record it: {again}=record")
-            baseline.write(path, now, prediction.reading)
+            self._guarded(lambda: baseline.write(path, now, prediction.reading))
             self._record(kind="baseline", done=f"recorded {self._shown(path)}")
             return
         recorded = self._guarded(lambda: baseline.read(path))
@@ -99,7 +99,8 @@ class Rattle:
         if not changes:
             self._record(kind="baseline", done="")
         elif mode == "regenerate":
-            baseline.write(path, baseline.updated(recorded, now, changes), prediction.reading)
+            new = baseline.updated(recorded, now, changes)
+            self._guarded(lambda: baseline.write(path, new, prediction.reading))
             self._record(
                 kind="baseline", done="\n".join([f"regenerated {self._shown(path)}", *baseline.listed(changes)])
             )
@@ -135,8 +136,11 @@ class Rattle:
 
         name = re.sub(r"[^\w.-]+", "-", self._item.nodeid)
         path = self._thresholds.folder / "figures" / f"{name}.svg"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        save(error_figure(table, prediction.reading), path)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            save(error_figure(table, prediction.reading), path)
+        except OSError as error:  # the verdict stands without its picture
+            return f"\nNo figure: {error.strerror}"
         return f"\nFigure: {self._shown(path)}"
 
     def _shown(self, path: Path) -> str:

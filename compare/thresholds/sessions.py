@@ -108,6 +108,9 @@ class _Watched:
     def label(self) -> str:
         return self.sample.label
 
+    def opened(self, stored: Stored) -> Sampled:
+        return self.sample.opened(stored)
+
     def compute(self, blocks: Blocks | None = None) -> Stored:
         self.computed = True
         return self.sample.compute(in_threads(self.workers))

@@ -1,0 +1,192 @@
+"""Each command against each fault: it ends with one line that says what to do, and nothing half written is left."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from click.testing import CliRunner
+from small_disks import disk, make_read_only
+
+from compare import folder
+from compare.__main__ import main
+
+STUDY = """
+[study]
+impacts = 2
+readings = ["mended"]
+paths = 50_000_000
+[scene]
+alpha = 1.5
+epsilon = 0.9
+beta1 = 0.083
+gamma1 = 0.057
+stages = 1
+[[axes]]
+sigma = [0.1, 0.2]
+"""
+WRITERS = {
+    "validate": ["--paths", "600", "--impacts", "2", "--dt", "0.01", "--no-frontier", "--sigma", "0.1"],
+    "tradeoff": [],
+    "chaos": ["--no-sweep"],
+    "claims": [],
+}
+"""Commands that write a report folder, by way of `compare.folder.whole_folder` alone."""
+
+
+def rattle(*words, code=0):
+    found = CliRunner().invoke(main, [str(w) for w in words])
+    assert found.exit_code == code, found.output
+    assert "Traceback" not in found.output
+    return found
+
+
+# --- disks
+
+
+@pytest.mark.parametrize("command", WRITERS)
+def test_no_room_is_said_before_any_work(command, tmp_path):
+    with disk(tmp_path / "disk", "64k") as place:
+        started = time.monotonic()
+        found = rattle(command, *WRITERS[command], "--out", place / "report", code=2)
+        assert time.monotonic() - started < 15.0  # of imports, on a busy machine
+        assert "MB are free there; make room" in found.stderr
+        make_read_only(place)
+        found = rattle(command, *WRITERS[command], "--out", place / "report", code=2)
+        assert "cannot be written; choose another place" in found.stderr
+        assert not any(place.iterdir())
+
+
+def test_a_disk_that_fills_while_the_report_is_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(folder, "ROOM", 0)
+    with disk(tmp_path / "disk", "100k") as place:
+        found = rattle("validate", *WRITERS["validate"], "--out", place / "report", code=2)
+        assert "the disk is full; nothing is half written" in found.stderr
+        assert not any(place.iterdir())
+
+
+def test_the_table_of_simulate_on_a_full_disk(tmp_path):
+    """What was found is printed, and the earlier table is whole."""
+    words = ["simulate", "--paths", "100", "--impacts", "2", "--dt", "0.01"]
+    with disk(tmp_path / "disk", "8k") as place:
+        (place / "table.csv").write_text("old")
+        (place / "filler").write_bytes(b"x" * 4096)
+        found = rattle(*words, "--out", place / "table.csv", code=2)
+        assert "100 paths" in found.stdout
+        assert "the disk is full" in found.stderr
+        assert (place / "table.csv").read_text() == "old"
+        assert sorted(p.name for p in place.iterdir()) == ["filler", "table.csv"]
+        make_read_only(place)
+        assert "cannot be written" in rattle(*words, "--out", place / "table.csv", code=2).stderr
+        assert "cannot be written" in rattle(*words, "--out", tmp_path, code=2).stderr
+
+
+def test_a_disk_without_room_for_machine_code(tmp_path):
+    """Numba keeps what it has compiled on a disk too; this one is full."""
+    with disk(tmp_path / "disk", "16k") as place:
+        command = [sys.executable, "-m", "compare", "simulate", "--paths", "8", "--impacts", "1", "--dt", "0.01"]
+        done = subprocess.run(command, env=os.environ | {"NUMBA_CACHE_DIR": str(place)}, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert "No space left on device; make room on that disk, and repeat the command" in done.stderr
+
+
+# --- kills
+
+
+def test_killed_while_it_writes_a_report_is_the_old_one(tmp_path):
+    out, words = tmp_path / "report", ["validate", *WRITERS["validate"], "--out"]
+    rattle(*words, out)
+    before = {p: p.read_bytes() for p in out.rglob("*") if p.is_file()}
+    command = [sys.executable, "-m", "compare", *words, str(out), "--overwrite", "--seed", "1"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL) as running:
+        while running.poll() is None and not list(tmp_path.glob(".report-*/table.csv")):
+            time.sleep(0.002)
+        running.kill()
+    assert running.returncode == -signal.SIGKILL
+    assert {p: p.read_bytes() for p in out.rglob("*") if p.is_file()} == before
+    assert list(tmp_path.glob(".report-*"))
+    rattle(*words, out, "--overwrite", "--seed", "1")  # and the next run clears away what it left
+    assert [p.name for p in tmp_path.iterdir()] == ["report"]
+    assert json.loads((out / "manifest.json").read_text())["settings"]["seed"] == 1
+
+
+# --- Ctrl-C
+
+LONG = {
+    "validate": ["--paths", "100000000"],
+    "simulate": ["--paths", "100000000"],
+    "tradeoff": [],
+    "order": ["--paths", "1000000"],
+    "study": ["study.toml"],
+    "claims": [],
+    "bench": [],
+    "chaos": [],
+    "selftest": [],
+}
+
+
+@pytest.mark.parametrize("commands", [list(LONG)[:4], list(LONG)[4:]], ids=" ".join)
+def test_an_interrupt_ends_each_command_within_two_seconds(commands, tmp_path):
+    """Several are started at once, and stopped while it is another's turn; nothing is left but a study's cells."""
+    running = {}
+    for command in commands:
+        place = tmp_path / command
+        place.mkdir()
+        (place / "study.toml").write_text(STUDY)
+        running[command] = subprocess.Popen(
+            [sys.executable, "-m", "compare", command, *LONG[command]],
+            cwd=place, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+        )  # fmt: skip
+    time.sleep(8.0)
+    try:
+        for process in running.values():
+            process.send_signal(signal.SIGSTOP)
+        for command, process in running.items():
+            process.send_signal(signal.SIGCONT)
+            time.sleep(0.5)
+            assert process.poll() is None, command  # still at work
+            asked = time.monotonic()
+            process.send_signal(signal.SIGINT)
+            _, said = process.communicate(timeout=30)
+            assert time.monotonic() - asked < 2.0, command
+            assert process.returncode in (130, -signal.SIGINT), said  # to a shell both are 130
+            assert "interrupted" in said
+            assert "Traceback" not in said
+            left = {p.name for p in (tmp_path / command).iterdir()}
+            assert left <= {"study.toml"} | ({"study"} if command == "study" else set())
+    finally:
+        for process in running.values():
+            process.kill()
+            process.communicate()
+
+
+# --- what was read
+
+
+def test_manifests_that_cannot_be_repeated(tmp_path):
+    rattle("validate", *WRITERS["validate"], "--out", tmp_path / "report")
+    text = (tmp_path / "report" / "manifest.json").read_text()
+    data = json.loads(text)
+    bad = {
+        "truncated": (text[: len(text) // 2], "is no manifest of this version"),
+        "empty": ("", "is no manifest of this version"),
+        "nested deeply": ("[" * 100_000, "is no manifest of this version"),
+        "a list": ("[1]", "is no manifest of this version"),
+        "newer": (json.dumps(data | {"version": 2}), "comes from a newer version of rattle"),
+        "name no text": (json.dumps(data | {"settings": data["settings"] | {"name": 3}}), "its name is no text"),
+    }
+    for content, said in bad.values():
+        (tmp_path / "manifest.json").write_text(content)
+        assert said in rattle("validate", "--repeat", tmp_path / "manifest.json", code=2).stderr
+    assert data["version"] == 1
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "x = " + "[" * 100_000])
+def test_a_scene_that_is_nested_deeply(tmp_path, text):
+    (tmp_path / "scene.toml").write_text(text)
+    assert "TOML" in rattle("simulate", tmp_path / "scene.toml", code=2).stderr

@@ -1,0 +1,195 @@
+"""Whatever happens while a folder is written, it holds the old report or the new one, and a message says what to do."""
+
+import errno
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from small_disks import disk, make_read_only
+
+from compare import folder as module
+from compare.folder import check_free, whole_folder, write_whole
+from scene import OutputError
+
+OURS = frozenset({"one.txt", "two.txt"})
+WRITER = """
+import sys
+from pathlib import Path
+from compare import folder
+from compare.folder import whole_folder
+if sys.argv[2] == "two steps":
+    folder._exchanged = lambda one, other: False
+for turn in range(1000000):
+    with whole_folder(Path(sys.argv[1]), frozenset({"one.txt", "two.txt"}), True) as inside:
+        (inside / "one.txt").write_text(str(turn))
+        (inside / "two.txt").write_text(str(turn))
+    print(turn, flush=True)
+"""
+
+
+def contents(folder):
+    return sorted(p.name for p in folder.iterdir())
+
+
+def written(out, text, size=1):
+    with whole_folder(out, OURS, overwrite=True) as inside:
+        (inside / "one.txt").write_text(text)
+        (inside / "two.txt").write_text(text * size)
+
+
+@pytest.mark.parametrize("how", ["one step", "two steps"])
+def test_killed_at_any_moment_a_folder_is_old_or_new(tmp_path, how):
+    """Each kill leaves a whole folder; where a system cannot exchange two, the next run mends it."""
+    out, draw = tmp_path / "report", random.Random(1)
+    for _ in range(8):
+        with subprocess.Popen([sys.executable, "-c", WRITER, out, how], stdout=subprocess.PIPE, text=True) as running:
+            running.stdout.readline()
+            time.sleep(draw.uniform(0.0, 0.02))
+            running.kill()
+        if how == "one step":
+            assert (out / "one.txt").read_text() == (out / "two.txt").read_text()
+        written(out, "after")
+        assert contents(tmp_path) == ["report"]  # what the killed process left is gone
+
+
+def test_what_was_moved_away_is_put_back(tmp_path):
+    """Killed between the two steps: the old report is there, under another name."""
+    out = tmp_path / "report"
+    written(out, "old")
+    out.rename(tmp_path / ".report-abcdefgh.old")
+    with module.scratch_folder(tmp_path, "report"):
+        assert (out / "one.txt").read_text() == "old"
+    assert contents(tmp_path) == ["report"]
+
+
+def test_what_a_living_process_writes_is_left_to_it(tmp_path):
+    with module.scratch_folder(tmp_path, "report") as one:
+        (one / "one.txt").write_text("mine")
+        with module.scratch_folder(tmp_path, "report") as other:
+            assert one.exists()
+            assert one != other
+    shutil.copytree(tmp_path, tmp_path / ".report-x", dirs_exist_ok=True)
+    with module.scratch_folder(tmp_path, "report"):
+        pass
+    assert contents(tmp_path) == [".report-x"]  # a name that is not ours
+
+
+def test_two_runs_into_one_folder_lose_nothing(tmp_path):
+    out = tmp_path / "report"
+
+    def both():
+        with whole_folder(out, OURS, overwrite=False) as slow:
+            (slow / "one.txt").write_text("slow")
+            with whole_folder(out, OURS, overwrite=False) as quick:
+                (quick / "one.txt").write_text("quick")
+
+    with pytest.raises(OutputError, match=r"taken by another run meanwhile; this report is kept as .*report-2"):
+        both()
+    assert (out / "one.txt").read_text() == "quick"
+    assert (tmp_path / "report-2" / "one.txt").read_text() == "slow"
+    assert contents(tmp_path) == ["report", "report-2"]
+
+
+def test_a_full_disk_keeps_the_old_report(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "ROOM", 0)
+    with disk(tmp_path / "disk", "64k") as place:
+        written(place / "report", "old")
+        with pytest.raises(OutputError, match=r"disk is full.*make room"):
+            written(place / "report", "new", 40_000)
+        with pytest.raises(OutputError, match=r"disk is full.*make room"):
+            write_whole(place / "one.csv", "new" * 40_000)
+        assert contents(place) == ["report"]
+        assert (place / "report" / "two.txt").read_text() == "old"
+
+
+def test_a_limit_on_the_size_of_files_does_too(tmp_path):
+    """The way that works without a disk of one's own: the system refuses to let a file grow."""
+    code = (
+        "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000));"
+        "sys.path.insert(0, sys.argv[2]); import test_faults_folder as t; from pathlib import Path;"
+        "t.written(Path(sys.argv[1]), 'old'); t.written(Path(sys.argv[1]), 'new', 4000)"
+    )
+    command = [sys.executable, "-c", code, tmp_path / "report", Path(__file__).parent]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert "OutputError" in done.stderr
+    assert "disk is full" in done.stderr.splitlines()[-1]
+    assert (tmp_path / "report" / "two.txt").read_text() == "old"
+    assert contents(tmp_path) == ["report"]
+    assert resource.getrlimit(resource.RLIMIT_FSIZE)[0] != 5000
+
+
+def test_too_little_room_is_said_before_the_work(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "ROOM", 10**18)
+    with pytest.raises(OutputError, match="MB are free there; make room"):
+        check_free(tmp_path / "report", OURS, overwrite=False)
+
+
+def test_a_read_only_disk(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "ROOM", 0)
+    with disk(tmp_path / "disk", "64k") as place:
+        written(place / "report", "old")
+        make_read_only(place)
+        with pytest.raises(OutputError, match="cannot be written; choose another place"):
+            check_free(place / "report", OURS, overwrite=True)
+        with pytest.raises(OutputError, match=r"cannot be written .Read-only file system.; choose another place"):
+            write_whole(place / "one.csv", "new")
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EACCES])
+def test_every_refusal_of_the_system_is_said(tmp_path, monkeypatch, code):
+    def refuse(*_):
+        raise OSError(code, os.strerror(code))
+
+    written(tmp_path / "report", "old")
+    monkeypatch.setattr(module, "_exchanged", refuse)
+    with pytest.raises(OutputError, match=r"try again|choose another place"):
+        written(tmp_path / "report", "new")
+    assert (tmp_path / "report" / "one.txt").read_text() == "old"
+    assert contents(tmp_path) == ["report"]
+
+
+def test_an_interrupt_leaves_the_old_report(tmp_path):
+    def interrupted():
+        with whole_folder(tmp_path / "report", OURS, overwrite=True) as inside:
+            (inside / "one.txt").write_text("half")
+            signal.raise_signal(signal.SIGINT)
+
+    written(tmp_path / "report", "old")
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert (tmp_path / "report" / "one.txt").read_text() == "old"
+    assert contents(tmp_path) == ["report"]
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "a" * 250])
+def test_a_name_that_is_too_long(tmp_path, name):
+    with pytest.raises(OutputError, match=r"File name too long.*choose another"):
+        written(tmp_path / name, "new")
+    assert contents(tmp_path) == []
+
+
+def test_links_are_not_followed(tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "thesis.tex").write_text("years of work")
+    out = tmp_path / "report"
+    out.symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(OutputError, match="not a folder"):
+        written(out, "new")
+    out.unlink()
+    written(out, "old")
+    (out / "one.txt").unlink()
+    (out / "one.txt").symlink_to(tmp_path / "elsewhere" / "thesis.tex")
+    written(out, "new")  # the link goes, and not what it led to
+    table = tmp_path / "table.csv"
+    table.symlink_to(tmp_path / "elsewhere" / "thesis.tex")
+    write_whole(table, "new")
+    assert (tmp_path / "elsewhere" / "thesis.tex").read_text() == "years of work"
+    assert (out / "one.txt").read_text() == table.read_text() == "new"
+    assert not table.is_symlink()

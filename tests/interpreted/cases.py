@@ -1,0 +1,167 @@
+"""Small runs through all that is compiled: few paths, few impacts, every kind of scene.
+
+As a program it prints the numbers of each case as hexadecimal floats; with NUMBA_DISABLE_JIT=1 the interpreter makes
+them, from the same source.
+"""
+
+import json
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from unittest import mock
+
+import numpy as np
+
+from closure import mean_map
+from closure.long_orbit import LongOrbit, velocities
+from closure.orbit import follow
+from montecarlo import SCHEMES, simulate
+from montecarlo.accumulate import CentralSums
+from montecarlo.bench import _normals, _steps
+from montecarlo.long_path import LongPath
+from montecarlo.noise import key_of
+from montecarlo.pairs import after_impact, growths
+from scene import DAT21, Scene, Start, Tolerance
+from scene.flight import field, field_rate, flow, jacobian, noise_covariance, system_matrix
+from scene.impact import contact_matrix, energy_loss
+
+PAIR = Scene.from_gears(DAT21, sigma=0.3)
+LONE = Scene.from_gears(DAT21, sigma=0.3, stages=1)
+UNDAMPED = Scene(alpha=0.5, epsilon=1.0, beta1=0.0, gamma1=0.0, beta2=0.0, gamma2=0.0, mu=0.3, sigma=0.1)
+PRESSED = Scene(
+    alpha=0.0, epsilon=0.4, beta1=0.0, gamma1=1.0, gamma2=2.0, mu=0.5, start=Start(0.0, 0.49, 0.2, -0.49, -0.2)
+)
+"""Both stages are pressed into their corners, where impacts accumulate."""
+DRIVEN = Scene(alpha=3.0, epsilon=0.1, beta1=0.1, gamma1=2.0, stages=1, sigma=2.0, start=Start(0.3, 0.5, 2.0, mesh=1))
+FAR = replace(PAIR, gap1=1e6, gap2=1e6, start=Start(0.0, 0.0, 1.0, 0.0, 1.0))
+SCENES = {
+    "two stages": PAIR,
+    "one stage": LONE,
+    "without noise": replace(PAIR, sigma=0.0),
+    "undamped": UNDAMPED,
+    "pressed": PRESSED,
+    "driven": DRIVEN,
+    "in flight": replace(PAIR, start=Start(0.2, 0.1, 1.0, 0.2, -1.0)),
+    "opposite": replace(PAIR, start=Start(0.0, -0.5, -2.0, -0.5, -2.0, mesh=2)),
+}
+
+
+def flights():
+    """Free flight and impact by themselves."""
+    for scene in (PAIR, LONE, UNDAMPED, DRIVEN):
+        c = scene.constants
+        for t in (1e-3, 0.7, 9.0):
+            yield flow(c, 0.3, 0.1, -0.4, -0.2, 0.5, t)
+            yield from (jacobian(c, t), noise_covariance(c, 0.3, t))
+        yield from (field(c, 0.3, -0.4, 0.5), field_rate(c, 0.3), system_matrix(c))
+        for mesh in (0, 1, 2):
+            yield contact_matrix(c, mesh)
+            yield energy_loss(c, mesh, 0.7, -0.4)
+
+
+def orbits(scene):
+    """The orbit, one after another, and the growth of its neighbours."""
+    orbit = follow(scene, 12)
+    yield from (orbit.tau, orbit.mesh, orbit.side, orbit.before, orbit.after)
+    for tangent in (True, False):
+        run = LongOrbit(scene, start=1)
+        s = run.stretch(40, tangent)
+        yield from (s.flight, s.phase, s.code, s.before, s.growth, run.frame)
+    if len(s.flight) > 2:
+        yield velocities(scene, s, 0.1)
+
+
+def predicted(scene, reading, impacts, order=4):
+    """All that a reading of the closure says, at its impacts and between them."""
+    m = mean_map(scene, impacts=impacts, reading=reading, order=order)
+    t = m.trace
+    yield m.section.drop(columns="realizable").to_numpy(float)
+    yield from (a for a in (t.mean, t.sd, t.skew, t.raw, t.agreement, t.lost) if a is not None)
+    if reading != "branching" and t.found > 1:
+        yield m.clock(np.linspace(t.tau[0], t.tau[t.found], 7)[1:-1]).to_numpy(float)
+        if t.raw[1, 0, 2, 0] > 0.0 and t.raw[1, 0, 0, 2] > 0.0:
+            yield m.density(1, "y1", np.linspace(-3.0, 3.0, 5))
+
+
+def in_few_parts(scene):
+    """The branching reading, its mixture kept small."""
+    with mock.patch.multiple("closure.branching", MOST_PARTS=4, MOST_CUT=12):
+        yield from predicted(scene, "branching", 3)
+
+
+def simulated(scene, scheme, paths=3, impacts=3, **settings):
+    """Every impact of a few paths, their moments, and what stands beside them."""
+    run = simulate(scene, paths=paths, impacts=impacts, scheme=scheme, rng=5, keep_paths=True, energy=True, **settings)
+    yield run.raw
+    yield run.section.to_numpy(float)
+    if settings.get("clock"):
+        yield run.clock().to_numpy(float)
+    if settings.get("step_bias"):
+        yield run.step_bias.select_dtypes("number").to_numpy(float)
+
+
+def on_one_noise(scene):
+    """A long path with the growth of its neighbours, and pairs of paths on one noise."""
+    path = LongPath(scene, seed=2)
+    for tangent in (True, False):
+        s, velocity = path.stretch(200, tangent, velocities=tangent)
+        yield from (s.flight, s.phase, s.code, s.before, s.growth, velocity, path.frame)
+    if scene.sigma > 0.0:
+        yield from after_impact(scene, np.array([1e-5, 1e-3]), 3, seed=4, settle=10)
+    yield from growths(scene, 1e-3, 4, seed=3, patience=3.0, settle=5)
+
+
+def sums():
+    """Central sums of a few numbers, some of them missing, and loops of the bench."""
+    values = np.random.default_rng(3).normal(size=(2, 50))
+    values[0, 7] = values[1, 9] = np.nan
+    both = CentralSums.of_columns(values, values, np.array([0, 0]), np.array([0, 1]), ((0, 2), (1, 1)), (2,))
+    yield from (both.n, both.mean, both.sums, both.merged(both).sums)
+    z, paths = np.zeros((4, 8)), np.arange(8, dtype=np.uint64)
+    _normals(key_of(np.random.SeedSequence(1)), paths, z, 2)
+    yield z.copy()
+    state = np.ones((4, 8))
+    _steps(PAIR.constants, state, z[0], np.zeros(8, np.bool_), 2)
+    yield state
+
+
+STEP = {"euler-maruyama": 5e-3, "euler-maruyama-located": 5e-3, "exact-flight": math.pi / 64.0}
+WALLS = [Tolerance(0.04, 0.02, law=law, draw=draw) for law, draw in (("uniform", "path"), ("normal", "contact"))]
+CASES: dict[str, Callable] = {"flights": flights, "sums": sums}
+CASES |= {f"orbit, {name}": lambda s=scene: orbits(s) for name, scene in {**SCENES, "far": FAR}.items()}
+CASES |= {
+    f"{reading}, {name}": lambda s=scene, r=reading: predicted(s, r, 6)
+    for name, scene in (SCENES | {"tolerances": replace(PAIR, tolerance=Tolerance(0.01, 0.02))}).items()
+    for reading in ("printed", "mended", "saltation")
+    if not (reading == "printed" and scene.start.mesh != 1)
+}
+CASES |= {
+    "saltation, order 2": lambda: predicted(PAIR, "saltation", 3, 2),
+    "mended, order 6": lambda: predicted(PAIR, "mended", 3, 6),
+    "branching, two stages": lambda: in_few_parts(replace(PAIR, sigma=0.5)),
+    "branching, one stage": lambda: in_few_parts(LONE),
+}
+for scheme, dt in STEP.items():
+    biased = SCHEMES[scheme].weak_order is not None
+    settings = {"dt": dt, "clock": [0.3 + 16 * dt, 0.3 + 64 * dt], "step_bias": biased}
+    CASES |= {f"{scheme}, {n}": lambda s=s, k=scheme, o=settings: simulated(s, k, **o) for n, s in SCENES.items()}
+    for tolerance in WALLS:
+        for name, scene in (("two stages", PAIR), ("one stage", LONE)):
+            walls = None if name == "one stage" else tolerance.c2_max
+            tolerant = replace(scene, tolerance=replace(tolerance, c2_max=walls or 0.0))
+            CASES[f"{scheme}, {name}, {tolerance.law} walls"] = lambda s=tolerant, k=scheme, d=dt: simulated(s, k, dt=d)
+    CASES[f"{scheme}, held"] = lambda k=scheme, d=dt: simulated(PRESSED, k, 1, 200, dt=d)
+    if biased:
+        CASES[f"{scheme}, two-point"] = lambda k=scheme, d=dt: simulated(PAIR, k, dt=d, increments="two-point")
+CASES["exact-flight, control"] = lambda: simulated(replace(PAIR, sigma=0.02), "exact-flight", control=True)
+CASES |= {f"long path, {n}": lambda s=SCENES[n]: on_one_noise(s) for n in ("two stages", "one stage", "without noise")}
+
+
+def parts(case: str) -> list[list[float]]:
+    """The numbers of a case."""
+    return [np.asarray(part, dtype=float).ravel().tolist() for part in CASES[case]()]
+
+
+if __name__ == "__main__":
+    json.dump({case: [[x.hex() for x in part] for part in parts(case)] for case in CASES}, sys.stdout)

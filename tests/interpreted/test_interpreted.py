@@ -1,0 +1,56 @@
+"""What the compiler makes of the source is what the source says: both are run, and give the same numbers."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import pytest
+from cases import CASES, STEP, parts
+
+ROUNDING = 1e-12
+"""Where sums may be taken in another order; found: 2e-14 at most."""
+
+
+def same(one, other, exact=False):
+    """Whether two lists hold the same numbers: to the last bit, or to rounding."""
+
+    def alike(a, b):
+        close = a == b or (math.isnan(a) and math.isnan(b))
+        return close or (not exact and abs(a - b) <= ROUNDING * max(1.0, abs(a)))
+
+    return len(one) == len(other) and all(map(alike, one, other))
+
+
+@pytest.fixture(scope="module")
+def other():
+    """The numbers of every case as a process makes them whose compiler is off, or on where it is off here."""
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "0" if numba.config.DISABLE_JIT else "1"}
+    command = [sys.executable, str(Path(__file__).with_name("cases.py"))]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    read = json.loads(done.stdout)
+    return {case: [[float.fromhex(x) for x in part] for part in found] for case, found in read.items()}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_interpreter_gives_what_the_compiler_gives(case, other):
+    """Every impact of every path of every scheme to the last bit, all else to rounding."""
+    found = parts(case)
+    finite = [math.isfinite(x) for part in found for x in part]
+    assert len(finite) > 20
+    assert sum(finite) > 0.3 * len(finite)
+    assert len(found) == len(other[case])
+    for number, (here, there) in enumerate(zip(found, other[case], strict=True)):
+        assert same(here, there, exact=number == 0 and case.startswith(tuple(STEP)))
+
+
+def test_another_last_bit_is_seen(other):
+    row = [x for x in other["exact-flight, two stages"][0] if x > 1.0]
+    assert same(row, row, exact=True)
+    assert not same(row, [math.nextafter(row[0], 9.0), *row[1:]], exact=True)
+    assert same(row, [math.nextafter(row[0], 9.0), *row[1:]])
+    for wrong in (row[0] + 1e-11, math.nan, math.inf):
+        assert not same(row, [wrong, *row[1:]])

@@ -1,0 +1,226 @@
+"""Files are data, names stay names, and nobody is called."""
+
+import ast
+import json
+import re
+import socket
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from compare.__main__ import main
+from compare.folder import default_place
+from compare.page import read_page
+from compare.style import save
+from compare.thresholds.baseline import place
+from compare.thresholds.figure import error_figure
+from scene import DAT21, Scene
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = [path for package in ("scene", "closure", "montecarlo", "compare") for path in (ROOT / package).rglob("*.py")]
+RUNS_CODE = {"pickle", "cPickle", "dill", "cloudpickle", "joblib", "marshal", "shelve", "yaml", "runpy", "code"}
+CALLS_OUT = {
+    "socket",
+    "ssl",
+    "http",
+    "urllib",
+    "requests",
+    "httpx",
+    "ftplib",
+    "smtplib",
+    "asyncio",
+    "tornado",
+    "distributed",
+}
+NAMES = {"eval", "exec", "compile", "__import__", "system", "popen", "read_pickle", "to_pickle", "Popen"}
+SMALL = ["--paths", "64", "--impacts", "1", "--dt", "0.01", "--no-frontier", "--reading", "mended", "--sigma", "0.1"]
+
+
+# --- what the sources may do
+
+
+def offences(path, source):
+    """What a source imports or calls that runs code from data, opens a shell or a connection."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            modules = [node.module or ""] if isinstance(node, ast.ImportFrom) else [alias.name for alias in node.names]
+            for module in {m.split(".")[0] for m in modules} & (RUNS_CODE | CALLS_OUT):
+                if not (module == "distributed" and path.name == "places.py"):  # of a cluster that was asked for
+                    yield f"imports {module}"
+        elif isinstance(node, ast.Call):
+            name = getattr(node.func, "attr", getattr(node.func, "id", ""))
+            of = getattr(getattr(node.func, "value", None), "id", "")
+            given_on = {k.arg for k in node.keywords if not (isinstance(k.value, ast.Constant) and not k.value.value)}
+            if name in NAMES and (of, name) != ("re", "compile"):
+                yield f"calls {name}"
+            if given_on & {"shell", "allow_pickle"}:
+                yield "opens a shell or a pickle"
+            if (of, name) == ("np", "load") or (name == "CDLL" and ast.unparse(node.args[0]) != "None"):
+                yield f"calls {of}.{name}"
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_nothing_runs_what_it_reads(path):
+    assert list(offences(path, path.read_text(encoding="utf-8"))) == []
+
+
+@pytest.mark.parametrize(
+    "source",
+    ["import pickle", "from marshal import loads", "eval(x)", "pd.read_pickle(x)", "np.load(x, allow_pickle=True)",
+     "np.load(x)", "run(x, shell=True)", "os.system(x)", "import urllib.request", "from distributed import Client",
+     "yaml.load(x); import yaml", "ctypes.CDLL(name)", "compile(x, y, z)"],
+)  # fmt: skip
+def test_what_would_run_it_is_seen(source):
+    assert list(offences(Path("x.py"), source))
+
+
+def test_every_dependency_is_pinned_by_name():
+    for line in (ROOT / "requirements.txt").read_text().splitlines():
+        assert re.fullmatch(r"[A-Za-z0-9_.-]+==[A-Za-z0-9.]+", line)
+
+
+# --- names
+
+NASTY = "a\"'<script>alert(1)<$\\frac{&`_*[x](y)|# \x1b[31m%s{0}…"
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.text(st.characters(codec=None)) | st.text("./\\~-a\0\n"))
+def test_a_name_never_leaves_the_reports(name):
+    path = default_place(name, "-repeated")
+    assert path.parent == Path("reports")
+    assert path.name not in ("", ".", "..")
+    assert "\0" not in path.name
+    assert len(path.name.encode()) < 160
+
+
+@given(st.text(st.characters(exclude_categories=("Cs",))) | st.text("./\\~-a[]\0\n"))
+def test_a_baseline_lies_in_its_folder(name):
+    path = place(Path("tests/test_a.py"), name)
+    assert path.parent == Path("tests/baselines/test_a")
+    assert "\0" not in path.name
+
+
+def test_a_hostile_name_in_a_report(tmp_path, monkeypatch):
+    """The name of a scene's file, with bytes that are no text, through figures, page and manifest."""
+    monkeypatch.chdir(tmp_path)
+    scene = tmp_path / (NASTY.replace("/", "") + "\udcff.toml")
+    scene.write_text(Scene.from_gears(DAT21).to_toml())
+    found = CliRunner().invoke(main, ["validate", str(scene), *SMALL])
+    assert found.exit_code == 0, found.output
+    (out,) = (tmp_path / "reports").iterdir()
+    html = (out / "report.html").read_text()
+    assert html.count("<script") == 1
+    assert "&lt;script&gt;alert(1)" in html
+    assert NASTY.replace("/", "")[:9] in read_page(out / "page.json").title
+    assert "\x1b" not in (out / "report.md").read_text() + html
+    for figure in (out / "figures").iterdir():
+        ET.parse(figure)
+    data = json.loads((out / "manifest.json").read_text())
+    data["settings"]["name"] = "../../../evil\ud800\0"
+    (tmp_path / "m.json").write_text(json.dumps(data))
+    before = set(tmp_path.parent.iterdir())
+    found = CliRunner().invoke(main, ["validate", "--repeat", "m.json"])
+    assert found.exit_code == 0, found.output
+    (other,) = set((tmp_path / "reports").iterdir()) - {out}
+    assert other.name.startswith("evil")
+    assert set(tmp_path.parent.iterdir()) == before
+
+
+@pytest.mark.parametrize("word", ["--explain", "--status"])
+def test_no_control_character_of_a_study_reaches_the_terminal(tmp_path, word):
+    text = (
+        '[study]\ntitle = "a\\u001b[31m\\u0000"\nimpacts = 1\npaths = 64\nreadings = ["mended"]\n'
+        "[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.08\ngamma1 = 0.05\nstages = 1\n[[axes]]\nsigma = [0.1]\n"
+    )
+    (tmp_path / "s.toml").write_text(text)
+    found = CliRunner().invoke(main, ["study", str(tmp_path / "s.toml"), word])
+    assert found.exit_code == 0, found.output
+    assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f]", found.output)
+
+
+@pytest.mark.parametrize("value", ['"../../x"', '"<script>"', '"$\\\\frac{$"', '"\\u0000"', '"' + "x" * 5000 + '"'])
+def test_hostile_values_along_an_axis_are_refused(tmp_path, value):
+    for axis in (f"scheme = [{value}]", f'"tolerance.law" = [{value}]', f"{value} = [1]"):
+        text = (
+            "[study]\nimpacts = 1\npaths = 64\n[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.08\ngamma1 = 0.05\n"
+            f"stages = 1\n[[axes]]\n{axis}\n"
+        )
+        (tmp_path / "s.toml").write_text(text)
+        found = CliRunner().invoke(main, ["study", str(tmp_path / "s.toml")])
+        assert found.exit_code == 2, found.output
+        assert "Traceback" not in found.output
+        assert not (tmp_path / "s").exists()
+
+
+@pytest.mark.parametrize("name", ["$\\frac{$", "$$", "a_$b", "<script>&", "x" * 500, "<lambda>"])
+def test_a_model_of_any_name_has_a_figure(tmp_path, name):
+    """Dollars are matplotlib's own mathematics; a model's name is none."""
+    table = pd.DataFrame({
+        "error": [0.1], "low": [0.0], "high": [0.2], "tolerance": [0.05], "unit": [1.0], "outcome": ["fail"],
+        "moment": ["mean"], "quantity": ["tau"], "impact": [1],
+    })  # fmt: skip
+    save(error_figure(table, name), tmp_path / "figure.svg")
+    assert not [e.tag for e in ET.parse(tmp_path / "figure.svg").iter() if e.tag.endswith("script")]
+
+
+# --- connections
+
+
+@pytest.fixture
+def alone(monkeypatch):
+    """Whoever calls out is refused, and found out."""
+    calls = []
+
+    def refuse(*given_to, **_):
+        calls.append(given_to)
+        raise ConnectionRefusedError("no command may call out")
+
+    for name in ("connect", "connect_ex", "sendto", "bind"):
+        monkeypatch.setattr(socket.socket, name, refuse)
+    for name in ("create_connection", "getaddrinfo", "gethostbyname"):
+        monkeypatch.setattr(socket, name, refuse)
+    return calls
+
+
+def test_no_command_calls_anybody(alone, tmp_path):
+    commands = [
+        ["validate", *SMALL, "--out", tmp_path / "report"],
+        ["show", tmp_path / "report"],
+        ["simulate", "--paths", "64", "--impacts", "1"],
+        ["order", "--impacts", "1", "--paths", "64"],
+        ["selftest", "--law", "bouncing-ball"],
+    ]
+    for command in commands:
+        found = CliRunner().invoke(main, [str(word) for word in command])
+        assert found.exit_code == 0, found.output
+    assert alone == []
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", 9))
+    assert len(alone) == 1
+
+
+def test_dask_is_not_even_loaded_without_a_scheduler(tmp_path):
+    text = (
+        '[study]\nimpacts = 1\npaths = 64\nreadings = ["mended"]\n[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.08\n'
+        "gamma1 = 0.05\nstages = 1\n[[axes]]\nsigma = [0.1]\n"
+    )
+    (tmp_path / "s.toml").write_text(text)
+    code = (
+        "import socket, sys\n"
+        "def refuse(*a): raise SystemExit('called out')\n"
+        "socket.socket.connect = refuse\n"
+        "from compare.__main__ import main\n"
+        "main(sys.argv[1:], standalone_mode=False)\n"
+        "print([m for m in ('distributed', 'dask', 'tornado') if m in sys.modules])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, "study", tmp_path / "s.toml"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "[]"
