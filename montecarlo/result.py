@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from montecarlo.accumulate import pair_statistics, single_statistics
 from montecarlo.batches import Batches
 from montecarlo.block import CODES, CROSS, PAIRS, BlockResult, Plan
+from montecarlo.cautions import cautions
 from montecarlo.control import controlled_statistics
 from montecarlo.histogram import Histograms
 from montecarlo.noise import LEVELS
@@ -111,6 +112,11 @@ class Ensemble:
     def held(self) -> int:
         """How often impacts accumulated within one step and the path was held to its end."""
         return self.result.held
+
+    @cached_property
+    def cautions(self) -> tuple[str, ...]:
+        """What may be wrong with these numbers, a sentence each: see `montecarlo.cautions`."""
+        return cautions(self)
 
     @cached_property
     def section(self) -> pd.DataFrame:
