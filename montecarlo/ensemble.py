@@ -175,6 +175,8 @@ def simulate(
             scene, again, accuracy=positive("accuracy", accuracy), scheme=scheme, blocks=blocks, budget=budget,
             progress=progress,
         )  # fmt: skip
+    if not isinstance(scene, Scene):
+        raise InputError("scene", scene, "give a Scene")
     if paths is None:
         raise InputError("paths", None, "give the number of paths, or an accuracy")
     scheme = choice("scheme", scheme or "euler-maruyama-located", SCHEMES)

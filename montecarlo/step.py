@@ -51,7 +51,7 @@ def scales_of(scene: Scene) -> Scales:
     --------
     >>> from scene import DAT21, Scene
     >>> [round(t, 3) for t in scales_of(Scene.from_gears(DAT21, sigma=0.5))]
-    [7.5, 0.25, 0.997, 12.87]
+    [7.5, 0.25, 0.998, 12.871]
     """
     c, start, tolerance = scene.constants, scene.start, scene.tolerance
     c_max = (tolerance.c1_max, tolerance.c2_max) if tolerance else (0.0, 0.0)

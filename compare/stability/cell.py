@@ -9,6 +9,7 @@ from compare.moments import Tolerances
 from compare.stability.reference import IMPACTS, Reference, horizon_of
 from montecarlo import Ensemble
 from montecarlo.block import BLOCK, BlockResult
+from montecarlo.cautions import shortened
 from montecarlo.ensemble import extended, in_threads
 from montecarlo.settings import plan_of
 from scene import Scene
@@ -52,7 +53,7 @@ class Judged(NamedTuple):
     where : str
         Which moment that is, or what has gone wrong.
     told : bool
-        Whether the run says by itself that something may be wrong.
+        Whether the run says by itself that something may be wrong; a shortened step alone is nothing wrong.
     paths : int
     """
 
@@ -111,7 +112,7 @@ def judged(
             if verdict != UNDECIDED or run.paths >= paths or run.scene.sigma == 0.0:
                 break
             run = extended(run, min(paths, GROWTH * run.paths), in_threads(workers))
-        return Judged(verdict, error, half, where, bool(run.cautions), run.plan.paths)
+        return Judged(verdict, error, half, where, len(run.cautions) > bool(shortened(run)), run.plan.paths)
 
 
 def _verdict(run: Ensemble, beside: Reference, z: float, within: Tolerances) -> tuple[str, float, float, str]:

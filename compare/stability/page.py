@@ -37,9 +37,9 @@ TOLERANCE = (
 BESIDE = (
     "Reference: {impacts} impacts of exact flights at a quarter of their default step with other random numbers and "
     "four times the paths, or root finding along the orbit where σ = 0. Left out: the displacement at the mesh that "
-    "most paths strike, and what less than about a hundredth of the paths make the sd of. Intervals of {z:.2f} standard "
-    "errors: all hold together with 95 %. Base scene: DAT21 at σ = 0.3, a start at τ = 1 whose speed suits gap and "
-    "noise."
+    "most paths strike, and what less than about a hundredth of the paths make the sd of. Intervals of {z:.2f} "
+    "standard errors: all hold together with 95 %. Base scene: DAT21 at σ = 0.3, a start at τ = 1 whose speed "
+    "suits gap and noise."
 )
 FLOATS = "All of it in double precision; single precision is not offered, neither on processors nor on a card."
 
