@@ -28,7 +28,7 @@ TOLERANCE = 0.05
 """Bias of a mean that goes without saying, in `motion_units`."""
 
 SMALLEST = 0.01  # share of the scale of the motion below which an sd is no unit
-FINER = 4  # times; three quarters of a first-order bias are seen
+FINER = 4  # times; of a first-order bias three quarters are seen, the rest is added
 COLLAPSE = math.exp(-math.pi / math.sqrt(3.0))
 """Restitution below which noise makes impacts accumulate (Cornell, Swift and Bray 1998)."""
 
@@ -88,7 +88,7 @@ def orbit_shift(run: Ensemble) -> tuple[float, str]:
         for i, q in enumerate(SECTION):
             if run.scene.stages == 1 and q in ("x2", "y2"):
                 continue
-            shift = abs(coarse[k, i] - fine[k, i]) / unit[q][k]
+            shift = abs(coarse[k, i] - fine[k, i]) / unit[q][k] * FINER / (FINER - 1)
             if shift > worst:
                 worst, where = float(shift), f"{q} at impact {k + 1}"
     return worst, where

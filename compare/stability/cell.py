@@ -55,6 +55,8 @@ class Judged(NamedTuple):
     told : bool
         Whether the run says by itself that something may be wrong; a shortened step alone is nothing wrong.
     paths : int
+    moments : int
+        How many are judged.
     """
 
     verdict: str
@@ -63,6 +65,7 @@ class Judged(NamedTuple):
     where: str
     told: bool
     paths: int
+    moments: int
 
 
 def sampled(scene: Scene, *, scheme: str, dt: float, paths: int, seed: int, workers: int) -> Ensemble:
@@ -98,10 +101,8 @@ def judged(
     >>> from compare.stability.reference import reference
     >>> scene = moderate(sigma=0.0)
     >>> beside = reference(scene, paths=1, seed=1, workers=1)
-    >>> [
-    ...     judged(scene, beside, scheme="euler-maruyama-located", dt=dt, paths=1, seed=0, workers=1, z=4.0).verdict
-    ...     for dt in (1e-4, 0.1)
-    ... ]
+    >>> settings = {"dt": 0.01, "paths": 1, "seed": 0, "workers": 1, "z": 4.0}
+    >>> [judged(scene, beside, scheme=name, **settings).verdict for name in ("exact-flight", "euler-maruyama")]
     ['unbiased', 'biased']
     """
     number = min(paths, FIRST)
@@ -112,7 +113,9 @@ def judged(
             if verdict != UNDECIDED or run.paths >= paths or run.scene.sigma == 0.0:
                 break
             run = extended(run, min(paths, GROWTH * run.paths), in_threads(workers))
-        return Judged(verdict, error, half, where, len(run.cautions) > bool(shortened(run)), run.plan.paths)
+        return Judged(
+            verdict, error, half, where, len(run.cautions) > bool(shortened(run)), run.plan.paths, beside.moments
+        )
 
 
 def _verdict(run: Ensemble, beside: Reference, z: float, within: Tolerances) -> tuple[str, float, float, str]:

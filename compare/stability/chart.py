@@ -86,8 +86,8 @@ def chart(
     with tqdm(total=cells, desc="stability", unit="cell", disable=None) as bar:
         for axis, value in places:
             scene = AXES[axis].scene(value)
-            collapses = scene.sigma > 0.0 and scene.epsilon < COLLAPSE
-            enough = min(paths, OUTSIDE) if collapses else paths
+            slow = scene.sigma > 0.0 and scene.epsilon < COLLAPSE
+            enough = min(paths, (OUTSIDE if scene.epsilon > 0.0 else BLOCK)) if slow else paths
             beside = reference(scene, paths=REFERENCE * enough, seed=seed + 1, workers=workers)
             for scheme in schemes:
                 largest, why = largest_step(scene, scheme)
