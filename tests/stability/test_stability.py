@@ -9,11 +9,11 @@ from click.testing import CliRunner
 
 from compare.__main__ import main
 from compare.page import read_page
-from compare.stability import AXES, chart, law
+from compare.stability import law
 from compare.stability import cell as cells
-from compare.stability.axes import moderate
+from compare.stability.axes import AXES, moderate
 from compare.stability.cell import BIASED, COLLAPSING, UNBIASED, UNDECIDED, UNSTABLE, judged, sampled
-from compare.stability.chart import Chart
+from compare.stability.chart import Chart, chart
 from compare.stability.figure import figure
 from compare.stability.reference import reference
 from montecarlo import SCHEMES, default_step, largest_step, simulate
