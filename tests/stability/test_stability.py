@@ -9,8 +9,8 @@ from click.testing import CliRunner
 
 from compare.__main__ import main
 from compare.page import read_page
-from compare.stability import law
 from compare.stability import cell as cells
+from compare.stability import law
 from compare.stability.axes import AXES, moderate
 from compare.stability.cell import BIASED, COLLAPSING, UNBIASED, UNDECIDED, UNSTABLE, judged, sampled
 from compare.stability.chart import Chart, chart
