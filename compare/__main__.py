@@ -17,6 +17,7 @@ from compare.extremes.command import extremes
 from compare.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_soon
 from compare.page.command import show
 from compare.selftest.command import selftest
+from compare.stability.command import stability
 from compare.study.command import study
 from scene.errors import RattleError
 
@@ -121,7 +122,7 @@ def validate(
     from compare.report import CONTENTS, write_report
     from compare.sweep import check_sweep, grid, sweep
     from compare.validation import validate as hold_against
-    from montecarlo import SCHEMES, check_settings
+    from montecarlo import SCHEMES, check_settings, default_step
     from scene import DAT21, Scene
     from scene.validate import choice, count
 
@@ -132,14 +133,15 @@ def validate(
     else:
         base = Scene.load(scene) if scene else Scene.from_gears(DAT21)
         name = named(scene) if scene else "DAT21"
-        kind = SCHEMES[choice("scheme", scheme, SCHEMES)]
+        biased = SCHEMES[choice("scheme", scheme, SCHEMES)].weak_order is not None
         wanted = sigmas or ((base.sigma,) if scene else PAPER_SIGMAS)
+        scenes = tuple(base.with_sigma(s) for s in dict.fromkeys(wanted))
         settings = manifest.Settings(
             name,
-            tuple(base.with_sigma(s) for s in dict.fromkeys(wanted)),
+            scenes,
             impacts,
             paths,
-            kind.step if dt is None else dt,
+            min(default_step(s, scheme, biased) for s in scenes) if dt is None else dt,
             scheme,
             seed,
             order,
@@ -263,6 +265,7 @@ main.add_command(chaos)
 main.add_command(claims)
 main.add_command(show)
 main.add_command(selftest)
+main.add_command(stability)
 main.add_command(extremes)
 
 

@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from montecarlo import SCHEMES, simulate
+from montecarlo import default_step, simulate
 from montecarlo.accuracy import STILL
 from montecarlo.block import Plan, sample
 from montecarlo.settings import plan_of
@@ -60,7 +60,7 @@ def control_table(
             ])  # fmt: skip
             row |= {f"{moment}_median": float(np.median(ratios)), f"{moment}_smallest": float(ratios.min())}
         plan = plan_of(
-            own, paths=paths, impacts=impacts, dt=SCHEMES["exact-flight"].step, scheme="exact-flight", rng=seed
+            own, paths=paths, impacts=impacts, dt=default_step(own, "exact-flight"), scheme="exact-flight", rng=seed
         )
         usable = [(plain["sd_" + q] > STILL) & (q != "x" + plain["mesh"].astype(str)) for q in SECTION]
         gains = [np.median(gain[np.array(usable).T]) for gain in antithetic_gain(plan)]

@@ -140,8 +140,4 @@ def simulation_text(v: Validation) -> str:
         f"all of them hold together with 95 %. They speak of the itineraries that were seen: one that fewer than 1 in "
         f"{run.paths / 3:,.0f} paths take may have been missed."
     )
-    if run.unfinished:
-        text += f" {run.unfinished:,} paths had not had all their impacts at the horizon."
-    if run.held:
-        text += f" In {run.held:,} steps of paths a mesh was held shut: impacts accumulated, or it rested."
-    return text
+    return " ".join((text, *run.cautions))

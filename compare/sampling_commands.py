@@ -83,6 +83,7 @@ def simulate(
             "paths": run.paths,
             "seconds": round(run.wall_seconds, 3),
             "reach": None if reach is None else reach.sentence,
+            "cautions": run.cautions,
             "section": run.section.reset_index().to_dict("records"),
         }
         click.echo(json.dumps(record, indent=2))
@@ -91,8 +92,8 @@ def simulate(
         click.echo(
             f"{run.paths:,} paths, {run.scheme}, dt = {run.dt:.4g}, {run.wall_seconds:.1f} s on {workers} threads"
         )
-        if reach is not None:
-            click.echo(reach.sentence)
+        for sentence in (*(() if reach is None else (reach.sentence,)), *run.cautions):
+            click.echo(sentence)
     if out is not None:  # last: what was found has been said if it cannot be written
         write_whole(out, run.section.to_csv())
     if reach is not None and not reach.reached:

@@ -10,7 +10,7 @@ from tqdm import tqdm
 from compare.frontier import Frontier, frontiers
 from compare.speed import Speed, path_seconds, speed
 from compare.validation import validate
-from montecarlo import SCHEMES, check_settings
+from montecarlo import check_settings, default_step
 from scene.errors import InputError
 from scene.scene import Scene
 from scene.validate import count, positive
@@ -69,9 +69,8 @@ def check_sweep(scene: Scene, sigmas: Sequence[float], **settings: Any) -> None:
     """
     for sigma in sigmas:
         try:
-            check_settings(
-                scene.with_sigma(sigma), scheme=SCHEME, dt=SCHEMES[SCHEME].step, step_bias=False, **settings
-            )  # fmt: skip
+            own = scene.with_sigma(sigma)
+            check_settings(own, scheme=SCHEME, dt=default_step(own, SCHEME), step_bias=False, **settings)
         except InputError as error:
             raise InputError("frontier", sigma, f"cannot be run ({error}); change the range, or leave it out") from None
 

@@ -9,7 +9,7 @@ import pandas as pd
 from closure import READINGS, MeanMap, follow, mean_map, readings_for
 from compare.correlation import mid_flight_errors, validity
 from compare.moments import Tolerances, section_errors, stated, widest
-from montecarlo import SCHEMES, Ensemble, simulate
+from montecarlo import SCHEMES, Ensemble, default_step, simulate
 from scene.errors import InputError
 from scene.moments import SECTION
 from scene.scene import Scene
@@ -135,7 +135,7 @@ def validate(
     closures = {r: mean_map(scene, impacts=impacts, reading=r, order=order) for r in dict.fromkeys(readings)}
     kind = SCHEMES[choice("scheme", scheme, SCHEMES)]
     biased = kind.weak_order is not None
-    dt = kind.step if dt is None else dt
+    dt = default_step(scene, scheme, biased) if dt is None else dt
     orbit = follow(scene, impacts)
     tau = orbit.tau[: orbit.found + 1]
     middle = 0.5 * (tau[1:] + tau[:-1])

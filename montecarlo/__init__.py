@@ -4,6 +4,6 @@ from montecarlo.ensemble import simulate
 from montecarlo.result import Ensemble
 from montecarlo.schemes import SCHEMES
 from montecarlo.settings import check_settings
-from montecarlo.step import largest_step
+from montecarlo.step import default_step, largest_step
 
-__all__ = ["SCHEMES", "Ensemble", "check_settings", "largest_step", "simulate"]
+__all__ = ["SCHEMES", "Ensemble", "check_settings", "default_step", "largest_step", "simulate"]

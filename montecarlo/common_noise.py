@@ -27,7 +27,7 @@ from montecarlo.exact_flight import (
 from montecarlo.noise import BRIDGE, LEVELS, Key, Word, normals
 from montecarlo.progress import Noise
 from montecarlo.short import short_dragged, short_turned
-from montecarlo.step import largest_step
+from montecarlo.step import accurate_flight
 from scene.compiled import inlined, jit
 from scene.errors import InputError
 from scene.impact import struck
@@ -85,7 +85,7 @@ def clockwork(scene: Scene, depth: int) -> Clockwork:
     """
     if scene.tolerance is not None and scene.tolerance.law != "fixed":
         raise InputError("tolerance.law", scene.tolerance.law, "long paths have gaps that stay: give 'fixed', or none")
-    longest = 0.5 * largest_step(scene, "exact-flight")[0]
+    longest = 0.5 * accurate_flight(scene)[0]
     steps = STEPS
     while 2.0 * math.pi / steps > longest:
         steps *= 2

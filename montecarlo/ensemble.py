@@ -20,6 +20,7 @@ from montecarlo.histogram import Histograms
 from montecarlo.result import Ensemble
 from montecarlo.schemes import SCHEMES
 from montecarlo.settings import check_settings, plan_of
+from montecarlo.step import default_step
 from scene.errors import InputError
 from scene.scene import Scene
 from scene.validate import choice, positive
@@ -100,7 +101,8 @@ def simulate(
         Largest standard error and largest bias of the step of all section means and sds, in units of each quantity's sd
         (absolute where it does not vary).  Scheme, dt and paths are then chosen by pilot runs; see `Ensemble.reach`.
     dt : float
-        Step; by default that of the scheme, 0.002 for Euler and Maruyama, pi / 256 for exact flights.
+        Step, at most `montecarlo.largest_step`; by default that of the scheme, 0.002 for Euler and Maruyama, pi / 256
+        for exact flights, or as much as the scene lets through.  `Ensemble.cautions` says what it may do.
     scheme : {"euler-maruyama-located", "euler-maruyama", "exact-flight"}
         See `montecarlo.schemes`; the first by default.
     rng : int or SeedSequence
@@ -121,7 +123,7 @@ def simulate(
         Law of the Brownian increments of an Euler-Maruyama step; two-point ones (plus or minus the root of the step)
         have the same weak order 1 and cost one random bit.
     horizon : float
-        Time after the start at which unfinished paths are given up; 50 per impact by default.
+        Time after the start at which unfinished paths are given up; by default 50 per impact, or 10 million steps.
     budget : float
         Seconds after which `accuracy` is given up: the best answer so far is returned, and says what was missing.
     device : {"cpu", "cuda"}
@@ -173,10 +175,12 @@ def simulate(
             scene, again, accuracy=positive("accuracy", accuracy), scheme=scheme, blocks=blocks, budget=budget,
             progress=progress,
         )  # fmt: skip
+    if not isinstance(scene, Scene):
+        raise InputError("scene", scene, "give a Scene")
     if paths is None:
         raise InputError("paths", None, "give the number of paths, or an accuracy")
     scheme = choice("scheme", scheme or "euler-maruyama-located", SCHEMES)
-    dt = SCHEMES[scheme].step if dt is None else dt
+    dt = default_step(scene, scheme, step_bias) if dt is None else dt
     if batches and device == "cuda":
         raise InputError("batches", batches, "are not kept on a card; leave them out, or use device='cpu'")
     plan = plan_of(

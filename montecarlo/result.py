@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from montecarlo.accumulate import pair_statistics, single_statistics
 from montecarlo.batches import Batches
 from montecarlo.block import CODES, CROSS, PAIRS, BlockResult, Plan
+from montecarlo.cautions import cautions
 from montecarlo.control import controlled_statistics
 from montecarlo.histogram import Histograms
 from montecarlo.noise import LEVELS
@@ -116,6 +117,11 @@ class Ensemble:
     def held(self) -> int:
         """Steps of paths in which a mesh was held shut: at rest, or impacts accumulated (`montecarlo.held`)."""
         return self.result.held
+
+    @cached_property
+    def cautions(self) -> tuple[str, ...]:
+        """What may be wrong with these numbers, a sentence each: see `montecarlo.cautions`."""
+        return cautions(self)
 
     @cached_property
     def section(self) -> pd.DataFrame:

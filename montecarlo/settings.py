@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from montecarlo.block import Plan, sample
+from montecarlo.block import BLOCK, Plan, sample
 from montecarlo.control import linear_path, no_control
 from montecarlo.noise import LEVELS
 from montecarlo.schemes import SCHEMES
-from montecarlo.step import check_step
+from montecarlo.step import check_step, default_step
 from scene.errors import InputError
 from scene.scene import Scene
 from scene.validate import choice, count, finite, positive
@@ -24,6 +24,9 @@ NOISE_FREE = "noise-free"
 
 HORIZON_PER_IMPACT = 50.0
 """Default time after which a path is given up, per impact asked for; flights of DAT21 last about 0.5."""
+
+STEPS, MOST_STEPS = 10**7, 10**9
+"""Steps after which a path is given up: by default (half a minute for a block of slow paths), and at the most."""
 
 
 def is_random(scene: Scene) -> bool:
@@ -65,8 +68,11 @@ def plan_of(
     workers: int = 1, clock: Sequence[float] | Floats = (), step_bias: bool = False,
     itineraries: Mapping[str, Sequence[int]] | None = None, keep: bool = False, control: bool = False,
     increments: str = "gaussian", horizon: float | None = None, device: str = "cpu", energy: bool = False,
+    past_the_door: bool = False,
 ) -> Plan:  # fmt: skip
     """The plan of a run with these settings, which are those of `montecarlo.simulate`.
+
+    With `past_the_door` any step is taken, to measure what becomes of it.
 
     Raises
     ------
@@ -74,8 +80,9 @@ def plan_of(
         Names the setting, its value and the remedy.
     """
     check_settings(
-        scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, step_bias=step_bias
-    )
+        scene, paths=paths, impacts=impacts, dt=min(dt, default_step(scene, scheme)) if past_the_door else dt,
+        scheme=scheme, rng=rng, workers=workers, step_bias=step_bias,
+    )  # fmt: skip
     if control and SCHEMES[scheme].normals < 2:
         raise InputError("control", control, f"works with scheme 'exact-flight' only; scheme = {scheme!r}")
     two_point = choice("increments", increments, ("gaussian", "two-point")) == "two-point"
@@ -91,7 +98,7 @@ def plan_of(
     levels = LEVELS if step_bias else 1
     coarsest = 2 ** (levels - 1)
     dt = float(dt)
-    horizon = HORIZON_PER_IMPACT * impacts if horizon is None else positive("horizon", horizon)
+    horizon = _horizon(horizon, impacts, dt * coarsest, scheme)
     named = {name: _checked(name, itinerary, impacts) for name, itinerary in (itineraries or {}).items()}
     plan = Plan(
         scene=scene, paths=paths if is_random(scene) else 1, impacts=impacts, dt=dt, scheme=scheme,
@@ -107,6 +114,19 @@ def plan_of(
     )  # fmt: skip
     named[NOISE_FREE] = tuple(np.nan_to_num(sample(quiet, 0).rows[0, 0, :, 6]).astype(int).tolist())
     return plan
+
+
+def _horizon(given: float | None, impacts: int, dt: float, scheme: str) -> float:
+    """Time after which a path is given up: as given, if it can be waited for, or the default, cut to `STEPS`."""
+    if given is None:
+        return min(HORIZON_PER_IMPACT * impacts, STEPS * dt)
+    if positive("horizon", given) / dt > MOST_STEPS:
+        hours = given / dt * BLOCK * SCHEMES[scheme].step_ns * 1e-9 / 3600.0
+        raise InputError(
+            "horizon", given, f"must be at most {MOST_STEPS * dt:.3g}, {MOST_STEPS:.0e} steps of {dt:.3g}; "
+            f"{BLOCK} paths that last would take {hours:.3g} h",
+        )  # fmt: skip
+    return given
 
 
 def _clock_steps(scene: Scene, times: Sequence[float] | Floats, dt: float, horizon: float) -> NDArray[np.int64]:

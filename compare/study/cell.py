@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from closure import READINGS, mean_map
 from compare.study.store import Stored
 from compare.study.version import numerical_version
-from montecarlo import SCHEMES, Ensemble, simulate
+from montecarlo import SCHEMES, Ensemble, default_step, simulate
 from montecarlo.accuracy import faint
 from montecarlo.ensemble import Blocks
 from scene.moments import SECTION
@@ -134,7 +134,9 @@ class Sample:
     @property
     def settings(self) -> dict[str, Any]:
         """Everything but the scene."""
-        dt = SCHEMES[self.scheme].step if self.dt is None and self.accuracy is None else self.dt
+        biased = SCHEMES[self.scheme].weak_order is not None
+        own = default_step(self.scene, self.scheme, biased)
+        dt = own if self.dt is None and self.accuracy is None else self.dt
         return {
             "impacts": self.impacts, "seed": self.seed, "scheme": self.scheme, "paths": self.paths,
             "accuracy": self.accuracy, "dt": dt,

@@ -12,7 +12,7 @@ from closure.mean_map import ORDERS
 from compare.moments import Tolerances
 from compare.study.axes import SETTINGS, Axis, combinations, read_axes
 from compare.study.cell import Cell, Prediction, Sample
-from montecarlo import SCHEMES, check_settings
+from montecarlo import SCHEMES, check_settings, default_step
 from scene.errors import InputError
 from scene.files import read_text, read_toml
 from scene.scene import Scene
@@ -208,10 +208,11 @@ def _checked(sample: Sample) -> Sample:
     kind = SCHEMES[scheme]
     if sample.accuracy is not None:
         positive("accuracy", sample.accuracy)
-    dt = kind.step if sample.dt is None else sample.dt
+    biased = kind.weak_order is not None
+    dt = default_step(sample.scene, scheme, biased) if sample.dt is None else sample.dt
     check_settings(
         sample.scene, paths=1 if sample.paths is None else sample.paths, impacts=sample.impacts, dt=dt,
-        scheme=scheme, rng=sample.seed, workers=1, step_bias=kind.weak_order is not None,
+        scheme=scheme, rng=sample.seed, workers=1, step_bias=biased,
     )  # fmt: skip
     return sample
 

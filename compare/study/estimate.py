@@ -10,7 +10,7 @@ import pandas as pd
 from closure import follow
 from compare.study.cell import Cell, Prediction, Sample
 from compare.study.places import SHARE
-from montecarlo import SCHEMES
+from montecarlo import SCHEMES, default_step
 from montecarlo.accuracy import LEAST
 from montecarlo.block import BLOCK
 from montecarlo.kernel import COLUMNS
@@ -50,7 +50,7 @@ def core_seconds(cell: Cell) -> float:
     assert isinstance(cell, Sample)
     kind = SCHEMES[cell.scheme]
     exact = kind.weak_order is None
-    dt = cell.settings["dt"] or kind.step
+    dt = cell.settings["dt"] or default_step(cell.scene, cell.scheme, not exact)
     paths = cell.paths or max(LEAST, math.ceil(cell.accuracy**-2) if cell.accuracy else 0)
     steps = _duration(cell.scene, cell.impacts) / dt * (1.0 if exact else LEVEL_WORK)
     return 1e-9 * paths * (steps * kind.step_ns + cell.impacts * kind.impact_ns * (1.0 if exact else 3.0))

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from compare.moments import Tolerances
-from montecarlo import SCHEMES, check_settings
+from montecarlo import SCHEMES, check_settings, default_step
 from scene.errors import FileError, InputError
 from scene.moments import SECTION, STATE
 from scene.scene import Scene
@@ -135,9 +135,10 @@ def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
     if accuracy is not None:
         positive("accuracy", accuracy)
     kind = SCHEMES[choice("scheme", scheme := options.get("scheme", "exact-flight"), SCHEMES)]
+    biased = kind.weak_order is not None
     check_settings(
         scene, paths=1 if paths is None else paths, impacts=impacts[-1], scheme=scheme, rng=0, workers=1,
-        dt=kind.step if accuracy is None else 1e-12, step_bias=kind.weak_order is not None,
+        dt=default_step(scene, scheme, biased) if accuracy is None else 1e-12, step_bias=biased,
     )  # fmt: skip
     return Claim(scene, impacts, quantities, _allowed(options, moments), paths, accuracy, scheme)
 

@@ -94,12 +94,12 @@ def test_step_is_limited_by_damping():
     simulated(scene=scene, dt=0.05, horizon=1.0)
 
 
-def test_exact_step_is_limited_by_damping_and_by_no_gap():
+def test_exact_step_is_limited_by_damping_and_by_the_impacts_that_it_may_hold():
     scene = Scene(**STEADY, beta1=20.0)
     limit = (pytest.approx(0.01), "a longer step cannot follow the damping")
     assert largest_step(scene, "exact-flight") == limit
     narrow = Scene(**(STEADY | {"gap1": 1e-9, "start": Start(0.0, 0.0, 2.0, mesh=0)}), beta1=20.0)
-    assert largest_step(narrow, "exact-flight") == limit
+    assert largest_step(narrow, "exact-flight") == (pytest.approx(1e-9), "a longer step holds too many impacts")
     simulated(scene=scene, dt=0.01, scheme="exact-flight", horizon=1.0)
 
 
@@ -110,9 +110,14 @@ def test_step_is_limited_by_the_excitation():
 
 @pytest.mark.parametrize(
     ("change", "limit"),
-    [({"gap1": 0.1, "start": Start(0.0, 0.1, 2.0, 0.5, 2.0, mesh=1)}, 0.025), ({"sigma": 3.5}, 0.05)],
+    [
+        ({"gap1": 0.1, "start": Start(0.0, 0.1, 2.0, 0.5, 2.0, mesh=1)}, 0.025),
+        ({"sigma": 35.0}, 0.25 * (0.5 / (35.0 * math.hypot(1.0, dat21().beta1))) ** (2.0 / 3.0)),
+        ({"gamma1": 50.0}, 0.5 * 0.5 / 10.0),  # dragged across the half gap the path is as fast as sqrt(4 gamma g)
+        ({"alpha": 40.0}, 0.5 * 0.5 / math.sqrt(4.0 * 40.0 * math.hypot(1.0, dat21().beta1) * 0.5)),
+    ],
 )
-def test_step_is_limited_by_gap_and_speed(change, limit):
+def test_step_is_limited_by_gap_and_by_what_drives_a_path_through_it(change, limit):
     values = {name: getattr(dat21(), name) for name in ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu")}
     assert largest_step(Scene(**(values | change)))[0] == pytest.approx(limit)
 
@@ -130,3 +135,26 @@ def test_absent_stage_does_not_limit_the_step():
 def test_numpy_numbers_are_numbers():
     run = simulated(paths=np.int64(10), dt=np.float64(1e-2), rng=np.int64(3), clock=np.array([0.5]))
     assert run.section.paths.tolist() == [10, 10, 10]
+
+
+def test_default_step_beyond_the_door_is_shortened_and_said_to_be():
+    scene = dat21(1e4)
+    run = simulated(scene=scene, horizon=0.05)
+    assert run.dt == largest_step(scene, "euler-maruyama-located")[0] < 2e-3
+    assert run.cautions[0].startswith("dt = 0.000339 in place of the scheme's 0.002: ")
+    with pytest.raises(InputError, match=r"dt = 0.002: must be at most 0.000339: .* noise throw"):
+        simulated(scene=scene, dt=2e-3)
+
+
+def test_run_that_could_not_end_is_refused_or_given_up_early():
+    narrow = Scene(**(STEADY | {"gap1": 1e-8, "start": Start(0.0, 1e-8, 1.0, mesh=1)}), beta1=0.0)
+    with pytest.raises(InputError, match=r"horizon = 600.0: must be at most 5, 1e\+09 steps of 5e-09; .* h$"):
+        simulated(scene=narrow, horizon=600.0, scheme="euler-maruyama", dt=5e-9)
+    plan = door.plan_of(narrow, paths=1, impacts=3, dt=5e-9, scheme="euler-maruyama")
+    assert plan.most_steps == door.STEPS
+
+
+def test_paths_that_the_horizon_leaves_behind_are_told_of():
+    run = simulated(horizon=0.3)
+    assert run.unfinished == 10
+    assert run.cautions[-1].startswith("10 of 10 paths had not had all their impacts when the horizon came, 0.3 after")

@@ -1,0 +1,153 @@
+"""The map as a report folder: page, figure, tables, manifest."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from compare.chaos.page import source_of
+from compare.folder import whole_folder
+from compare.moments import Tolerances
+from compare.page import Cell, Column, Figure, Page, Row, Section, Table, Text, numbers, pages, write_page
+from compare.stability.cell import BIASED, COLLAPSING, UNBIASED, UNDECIDED, UNSTABLE
+from compare.stability.chart import Chart
+from compare.stability.figure import figure
+from compare.stability.reference import IMPACTS
+from compare.style import save
+
+__all__ = ["CONTENTS", "answer", "write_stability"]
+
+CONTENTS = frozenset({"stability.svg", "stability.csv", "covariance.csv", "manifest.json", *pages("stability")})
+"""What such a folder holds; anything else in it is not ours."""
+
+MARK = {UNBIASED: "good", BIASED: "bad", UNSTABLE: "bad", UNDECIDED: "open"}
+DOOR = (
+    "A step beyond the door is refused before any path has run, with the longest step that is let through and what "
+    "limits it. A default step beyond the door is shortened to it, and the result says so. What the door lets through "
+    "and may still be biased says so in the result: Ensemble.cautions, which rattle simulate prints."
+)
+TOLERANCE = (
+    "A cell is unbiased if all section means are within {mean:.0%} and all sds within {sd:.0%} of an sd of the "
+    "reference, with their intervals; biased if one of them is outside with its interval; undecided between. Where an "
+    "sd is less than 1 % of the flight time, the half gap or the speed, that 1 % is the unit. Unstable is a run whose "
+    "moments are not finite, whose speeds are ten times those of the reference, or that gives up paths which the "
+    "reference does not. No limit: at restitution 0 noise shakes a path without end against its wall."
+)
+BESIDE = (
+    "Reference: {impacts} impacts of exact flights at a quarter of their default step with other random numbers and "
+    "four times the paths, or root finding along the orbit where σ = 0. Left out: the displacement at the mesh that "
+    "most paths strike, and what less than about 3 % of the paths make the sd of; {fewest} to {most} moments are "
+    "judged in a cell. Intervals of {z:.2f} standard errors: all hold together with 95 %. Base scene: DAT21 at "
+    "σ = 0.3, a start at τ = 1 whose speed suits gap and noise."
+)
+FLOATS = "All of it in double precision; single precision is not offered, neither on processors nor on a card."
+
+
+def answer(found: Chart) -> list[str]:
+    """What the map says, in sentences."""
+    inside, untold = found.let_through, found.untold
+    counts = {v: int((inside["verdict"] == v).sum()) for v in (UNBIASED, UNDECIDED, BIASED, UNSTABLE)}
+    wrong = inside[inside["verdict"].isin((BIASED, UNSTABLE))]
+    said = [
+        f"Inside the door {counts[UNBIASED]} of {len(inside)} cells are unbiased, {counts[UNDECIDED]} undecided, "
+        f"{counts[BIASED]} biased and {counts[UNSTABLE]} unstable; of those that are wrong "
+        f"{int(wrong['told'].sum())} of {len(wrong)} say so themselves.",
+    ]
+    if len(untold):
+        said.append(f"{len(untold)} cells are wrong inside the door and do not say so: a defect.")
+    for scheme, part in found.table.groupby("scheme", sort=False):
+        own = part[part["default"]]
+        good, told = own["verdict"] == UNBIASED, own["told"].astype(bool)
+        said.append(
+            f"{scheme} at its default step: {int(good.sum())} of {len(own)} places shown to be unbiased, "
+            f"{int((~good & told).sum())} others say that they may be off."
+        )
+    return said
+
+
+def write_stability(out: Path, found: Chart, law: pd.DataFrame, record: dict[str, Any], overwrite: bool) -> list[str]:
+    """Write the folder and return the answer.
+
+    Parameters
+    ----------
+    out : Path
+    found : Chart
+    law : DataFrame
+        Of `compare.stability.law.covariance_table`.
+    record : dict
+        Of the manifest.
+    overwrite : bool
+
+    Raises
+    ------
+    OutputError
+        If the folder holds other things, or earlier ones that may not be replaced.
+    """
+    said = answer(found)
+    tolerance = TOLERANCE.format(**Tolerances()._asdict())
+    moments = found.table["moments"]
+    beside = BESIDE.format(impacts=IMPACTS, z=found.z, fewest=moments.min(), most=moments.max())
+    caption = (
+        "Every scheme (rows) over every axis (columns): a mark for each step that was tried. Grey: the door refuses it."
+    )
+    page = Page(
+        "Where is each scheme stable and unbiased?", tuple(said), source_of(record),
+        (Figure("stability.svg", caption, caption), Text(DOOR), Text(FLOATS)),
+        (
+            Section("The worst cell inside the door", (Text(tolerance, note=True), worst(found))),
+            Section("At the default step", (_defaults(found),)),
+            Section("How it was measured", (Text(beside),)),
+            Section("Exact flights without walls against the exact covariance", (_law(law),)),
+        ),
+    )  # fmt: skip
+    with whole_folder(out, CONTENTS, overwrite) as folder:
+        save(figure(found.table), folder / "stability.svg")
+        found.table.to_csv(folder / "stability.csv", index=False, float_format="%.6g")
+        law.to_csv(folder / "covariance.csv", index=False, float_format="%.6g")
+        write_page(page, folder, "stability")
+        text = json.dumps({**record, "answer": said}, indent=2, ensure_ascii=False) + "\n"
+        (folder / "manifest.json").write_text(text, encoding="utf-8")
+    return said
+
+
+def worst(found: Chart) -> Table:
+    """The cell furthest beyond the tolerance inside the door, for each scheme and axis."""
+    inside = found.let_through[found.let_through["verdict"] != COLLAPSING]
+    chosen = inside.loc[inside.groupby(["scheme", "axis"], sort=False)["error"].idxmax()]
+    return _table(chosen)
+
+
+def _defaults(found: Chart) -> Table:
+    return _table(found.table[found.table["default"]], "every place at its default step")
+
+
+def _table(cells: pd.DataFrame, summary: str = "") -> Table:
+    rows: list[Row] = [
+        [
+            c["scheme"], c["axis"], c["value"], c["dt"], Cell(c["verdict"], MARK.get(c["verdict"], "open")),
+            Cell(f"{c['error']:.2g} ± {c['half']:.1g}"), c["where"], "yes" if c["told"] else "no",
+        ]
+        for _, c in cells.iterrows()
+    ]  # fmt: skip
+    heads: list[Column | str] = [
+        "scheme",
+        "axis",
+        *numbers("at", "dt"),
+        "verdict",
+        *numbers("error in tolerances"),
+        "of",
+        "says so",
+    ]
+    return Table.of(heads, rows, summary)
+
+
+def _law(law: pd.DataFrame) -> Table:
+    rows: list[Row] = [
+        [
+            r["beta"], r["dt"], Cell(f"{r['error']:+.2%} ± {r['half']:.1%}", "good" if r["holds"] else "bad"),
+            r["quantity"],
+        ]
+        for _, r in law.iterrows()
+    ]  # fmt: skip
+    return Table.of([*numbers("β₁", "dt", "sd over the law's − 1"), "of"], rows)

@@ -1,0 +1,80 @@
+"""What a run says by itself of its numbers."""
+
+import math
+
+import numpy as np
+import pytest
+from mc_checks import dat21
+
+from montecarlo import simulate
+from montecarlo.cautions import motion_units, orbit_shift
+from montecarlo.step import scales_of, trusted_step
+from scene import Scene, Start
+
+LOCATED, PLAIN, EXACT = "euler-maruyama-located", "euler-maruyama", "exact-flight"
+
+
+def run(sigma=0.1, **settings):
+    return simulate(dat21(sigma), **({"paths": 1000, "impacts": 4, "rng": 3} | settings))
+
+
+def test_run_without_a_fault_says_nothing():
+    assert run(sigma=0.5).cautions == ()
+    assert run(scheme=EXACT).cautions == ()
+    assert run(step_bias=True, dt=0.02).cautions == ()  # measured, and taken out
+
+
+def test_step_that_moves_the_orbit_is_told_in_sds_of_the_run():
+    found = run(dt=0.02)
+    shift, where = orbit_shift(found)
+    assert any(f"by {shift:.2g} sd ({where})" in said for said in found.cautions)
+    finer, _ = orbit_shift(run(dt=0.01))
+    assert shift == pytest.approx(2.0 * finer, rel=0.3)
+
+
+def test_shift_of_the_orbit_is_the_bias_of_the_mean():
+    """At small noise the measured step bias and that of the orbit are one thing."""
+    found, beside = run(sigma=0.003, dt=0.004), run(sigma=0.003, dt=0.004, step_bias=True)
+    unit = motion_units(found.columns, found.scene)
+    rows = beside.step_bias.query("moment == 'mean'")
+    shares = [abs(b) / unit[q][k - 1] for k, q, b in rows[["impact", "quantity", "bias"]].itertuples(index=False)]
+    assert orbit_shift(found)[0] == pytest.approx(max(shares), rel=0.35)
+
+
+def test_impacts_seen_at_the_end_of_a_step_are_told_to_be_late():
+    found = run(sigma=3.0, scheme=PLAIN, dt=0.03)
+    shift, where = orbit_shift(found)
+    late = 0.5 * 0.03 * np.arange(1, 5) / motion_units(found.columns, found.scene)["tau"]
+    assert shift >= late.max() > 0.05
+    assert where.startswith("tau at impact")
+
+
+def test_strong_noise_is_told_where_the_step_cannot_follow_it():
+    (said, *_) = run(sigma=30.0, scheme=LOCATED).cautions
+    limit, why = trusted_step(dat21(30.0), LOCATED)
+    assert said.endswith(f"{why}; dt = {limit:.2g} would do.")
+    assert 0.002 > limit == pytest.approx(0.05 * (1.8 / (30.0 * math.hypot(1.0, dat21().beta1))) ** 2)
+
+
+def test_scales_of_a_quiet_scene_are_endless():
+    still = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1, start=Start(0.0, 0.0, 0.0))
+    assert scales_of(still) == (math.inf, math.inf, math.inf, math.inf)
+
+
+def test_fast_damping_turns_flights_into_diffusion():
+    fast = Scene(
+        alpha=1.0, epsilon=0.5, beta1=1e3, gamma1=0.0, stages=1, sigma=0.1, gap1=0.5, start=Start(0.0, 0.0, 1.0)
+    )
+    assert scales_of(fast).shaking == pytest.approx((0.5 / 0.1) ** 2, rel=1e-5)
+
+
+def test_paths_held_after_their_impacts_are_no_fault_of_the_section():
+    collapsing = {"epsilon": 0.05, "sigma": 1.0}
+    values = {name: getattr(dat21(), name) for name in ("alpha", "beta1", "beta2", "gamma1", "gamma2", "mu")}
+    scene = Scene(**values, **collapsing)
+    quick = simulate(scene, paths=64, impacts=2, scheme=EXACT, horizon=3.0)
+    timed = simulate(scene, paths=64, impacts=2, scheme=EXACT, horizon=3.0, clock=[2.0])
+    assert quick.cautions[0].startswith("Noise at a restitution below 0.163")
+    assert not any("held" in said for said in quick.cautions)
+    assert timed.held > 0
+    assert any("the path was held to the end of the step" in said for said in timed.cautions)

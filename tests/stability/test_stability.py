@@ -1,0 +1,177 @@
+"""The map: what the door lets through is right or says that it may not be, and errors that are planted are seen."""
+
+import csv
+import json
+from dataclasses import replace
+
+import pytest
+from click.testing import CliRunner
+
+from compare.__main__ import main
+from compare.page import read_page
+from compare.stability import cell as cells
+from compare.stability import law
+from compare.stability.axes import AXES, moderate
+from compare.stability.cell import BIASED, COLLAPSING, UNBIASED, UNDECIDED, UNSTABLE, judged, sampled
+from compare.stability.chart import Chart, chart
+from compare.stability.figure import figure
+from compare.stability.reference import reference
+from montecarlo import SCHEMES, default_step, largest_step, simulate
+from scene import InputError
+
+PATHS = 8192
+Z = 4.5  # of the rows of all cells below at a family error below 1 %
+CORNERS = {"beta": 100.0, "gap": 1e-8, "sigma": 1e4, "epsilon": 1.0}
+EULER = [name for name, kind in SCHEMES.items() if kind.weak_order is not None]
+
+
+@pytest.fixture(scope="module")
+def corner():
+    return {
+        axis: (scene := AXES[axis].scene(value), reference(scene, paths=4 * PATHS, seed=1, workers=2))
+        for axis, value in CORNERS.items()
+    }
+
+
+def verdict(scene, beside, scheme, share, paths=PATHS):
+    dt = share * largest_step(scene, scheme)[0]
+    return judged(scene, beside, scheme=scheme, dt=dt, paths=paths, seed=0, workers=2, z=Z)
+
+
+@pytest.mark.parametrize("axis", CORNERS)
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("share", [1 / 64, 1 / 4, 1.0])
+def test_what_the_door_lets_through_is_right_or_says_so(corner, axis, scheme, share):
+    found = verdict(*corner[axis], scheme, share)
+    assert found.verdict != UNSTABLE, found
+    assert found.verdict != BIASED or found.told, found
+    if scheme == "exact-flight":
+        assert found.verdict in (UNBIASED, UNDECIDED), found
+        assert not found.told
+
+
+@pytest.mark.parametrize("axis", CORNERS)
+@pytest.mark.parametrize("scheme", EULER)
+def test_step_beyond_the_door_is_seen_to_be_wrong(corner, axis, scheme):
+    assert verdict(*corner[axis], scheme, 4.0, 2048).verdict in (BIASED, UNSTABLE)
+
+
+def test_damping_beyond_the_door_is_unstable(corner):
+    found = verdict(*corner["beta"], "euler-maruyama", 4.0, 2048)
+    assert found.verdict == UNSTABLE
+    assert found.where.startswith("speeds are ")
+
+
+WRONG = {"drag": {"gamma1": 1.0, "gamma2": 0.5}, "noise": {"sigma": 0.36}, "restitution": {"epsilon": 0.85}}
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("wrong", WRONG)
+def test_scheme_with_an_error_planted_is_seen_to_be_wrong(scheme, wrong):
+    scene = moderate()
+    beside = reference(scene, paths=2 * PATHS, seed=1, workers=2)
+    planted = replace(scene, **WRONG[wrong])
+    found = judged(planted, beside, scheme=scheme, dt=5e-4, paths=PATHS, seed=0, workers=2, z=Z)
+    assert found.verdict == BIASED
+
+
+@pytest.mark.parametrize("gap", AXES["gap"].values)
+def test_exact_flights_without_noise_are_the_orbit(gap):
+    scene = replace(moderate(gap=gap), sigma=0.0)
+    found = verdict(scene, reference(scene, paths=1, seed=1, workers=1), "exact-flight", 1.0, 1)
+    assert found.verdict == UNBIASED
+    assert found.error < 1e-3
+
+
+def test_restitution_of_nothing_has_no_limit():
+    scene = moderate(epsilon=0.0)
+    beside = reference(moderate(epsilon=0.5), paths=1024, seed=1, workers=1)  # any: it is not what decides
+    found = judged(scene, beside, scheme="euler-maruyama", dt=0.01, paths=1024, seed=0, workers=1, z=Z)
+    assert found.verdict == COLLAPSING
+    assert found.told
+
+
+def test_door_is_passed_by_measurements_alone():
+    scene = moderate()
+    assert sampled(scene, scheme="euler-maruyama", dt=1.0, paths=10, seed=0, workers=1).dt == 1.0
+    with pytest.raises(InputError, match=r"dt = 1.0: must be at most"):
+        simulate(scene, paths=10, scheme="euler-maruyama", dt=1.0)
+
+
+def test_free_flights_have_the_exact_covariance_and_another_is_seen(monkeypatch):
+    table = law.covariance_table(paths=PATHS, seed=0, workers=2)
+    assert table["holds"].all(), table
+    assert len(table) == 2 * len(AXES["beta"].values)
+    exact = law.noise_covariance
+    monkeypatch.setattr(law, "noise_covariance", lambda *a: 1.3 * exact(*a))  # 14 % of an sd
+    assert not law.covariance_table(points=3, paths=PATHS, seed=0, workers=2)["holds"].any()
+
+
+def run(tmp_path, *arguments):
+    small = ("--axis", "sigma", "--points", "2", "--paths", "1000", "--out", str(tmp_path / "map"))
+    return CliRunner().invoke(main, ["stability", *small, *arguments])
+
+
+def test_command_writes_map_tables_and_page(tmp_path):
+    done = run(tmp_path, "--scheme", "euler-maruyama", "--scheme", "exact-flight")
+    assert done.exit_code == 0, done.output
+    folder = tmp_path / "map"
+    page = read_page(folder / "page.json")
+    assert page.answer == tuple(done.output.splitlines()[:-1])
+    rows = list(csv.DictReader((folder / "stability.csv").read_text().splitlines()))
+    assert len(rows) == 2 * 2 * 7
+    assert {row["scheme"] for row in rows} == {"euler-maruyama", "exact-flight"}
+    for row in rows:
+        assert float(row["dt"]) == pytest.approx(float(row["share"]) * _door(row), rel=1e-4)
+    own = [row for row in rows if row["default"] == "True"]
+    assert [float(row["dt"]) for row in own] == pytest.approx([default_step(*_place(row)) for row in own], rel=1e-5)
+    assert "Ensemble.cautions" in (folder / "stability.md").read_text(encoding="utf-8")
+    assert json.loads((folder / "manifest.json").read_text())["axes"] == ["sigma"]
+    assert (folder / "stability.svg").stat().st_size > 10_000
+
+
+def _place(row):
+    return AXES[row["axis"]].scene(float(row["value"])), row["scheme"]
+
+
+def _door(row):
+    return largest_step(*_place(row))[0]
+
+
+def test_run_that_is_wrong_and_silent_ends_with_an_exit_code(tmp_path, monkeypatch):
+    monkeypatch.setattr(cells.Ensemble, "cautions", ())
+    done = run(tmp_path, "--scheme", "euler-maruyama")
+    assert done.exit_code == 1
+    assert "do not say so: a defect." in done.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--axis", "betta"), "axis = 'betta': did you mean 'beta'"),
+        (("--scheme", "milstein"), "scheme = 'milstein': valid are"),
+        (("--points", "8"), "points = 8: must be at most 7"),
+        (("--points", "0"), "points = 0: must be at least 1"),
+        (("--paths", "10"), "paths = 10: must be at least 1000"),
+        (("--workers", "0"), "workers = 0: must be at least 1"),
+        (("--seed", "-1"), "seed = -1: must be at least 0"),
+    ],
+)
+def test_bad_input_is_refused(tmp_path, arguments, words):
+    done = run(tmp_path, *arguments)
+    assert done.exit_code == 2
+    assert words in done.output
+    assert not (tmp_path / "map").exists()
+
+
+def test_folder_with_other_things_is_left_alone(tmp_path):
+    (tmp_path / "map").mkdir()
+    (tmp_path / "map" / "mine.txt").write_text("x")
+    assert "holds other things (mine.txt)" in run(tmp_path).output
+
+
+def test_figure_has_a_panel_for_each_scheme_and_axis():
+    found = chart(schemes=["euler-maruyama"], axes=["sigma"], points=1, paths=1)
+    both = Chart(found.table, found.z, 0.0)
+    assert len(figure(both.table).axes) == 1
+    assert len(both.untold) == 0
