@@ -15,7 +15,7 @@ from closure.trace import Trace
 from scene.errors import InputError
 from scene.moments import SECTION, STATE, correlation, realizability
 from scene.scene import Scene
-from scene.validate import choice, count
+from scene.validate import choice, count, finite
 
 __all__ = ["READINGS", "Breakdown", "MeanMap", "Reading", "mean_map", "readings_for"]
 
@@ -41,8 +41,11 @@ ORDERS = (2, 6)
 VELOCITIES = ("y1", "y2")
 
 
+MOST_IMPACTS = 100_000  # an impact takes some kilobytes; a long orbit is followed by closure.long_orbit
+
+
 class Breakdown(NamedTuple):
-    """The first impact at which a stage's moments belong to no distribution."""
+    """The first impact at which a stage's moments belong to no distribution; stage 0 is the time of flight."""
 
     impact: int
     stage: int
@@ -88,10 +91,13 @@ class MeanMap:
         if self.trace.parts is not None:
             return None
         for k in range(1, self.trace.found + 1):
-            for stage in range(1, self.scene.stages + 1):
+            for stage in self._stages:
                 judged = realizability(self.stage_covariance(k, stage))
                 if not judged.realizable:
                     return Breakdown(k, stage, judged.reason)
+            flight = float(self.trace.tau[k] - self.trace.tau[k - 1])
+            if flight < 0.0:
+                return Breakdown(k, 0, f"mean time of flight = {flight:.3g} < 0")
         return None
 
     @cached_property
@@ -99,7 +105,8 @@ class MeanMap:
         """Moments of the state just before impact 1, 2, ... (dimensionless); NaN where the reading predicts none.
 
         Columns: ``tau, flight, mesh, side, x1, y1, x2, y2``, ``sd_`` and ``skew_`` of each quantity, ``rho1, rho2``
-        (correlation of displacement and velocity perturbation of a stage) and ``realizable``; for ``branching`` also
+        (correlation of displacement and velocity perturbation of a stage) and ``realizable`` (a mean time of flight
+        below 0 is not); for ``branching`` also
         ``agreement``, the share of paths expected on the orbit's itinerary so far, and ``lost``, the weight dropped.
         """
         t = self.trace
@@ -118,7 +125,11 @@ class MeanMap:
         columns["realizable"] = [
             k <= t.found
             and (
-                t.parts is not None or all(realizability(self.stage_covariance(k, s)).realizable for s in self._stages)
+                t.parts is not None
+                or (
+                    t.tau[k] >= t.tau[k - 1]
+                    and all(realizability(self.stage_covariance(k, s)).realizable for s in self._stages)
+                )
             )
             for k in impacts
         ]
@@ -144,8 +155,9 @@ class MeanMap:
             If a time lies outside what was followed.
         """
         low, high = self.trace.tau[0], self.trace.tau[self.trace.found]
+        high = high if self.trace.until is None else self.trace.until
         rows = []
-        for time in np.asarray(times, dtype=float):
+        for time in (finite("times", t) for t in _listed(times)):
             if not low <= time <= high:
                 raise InputError("times", float(time), f"lies outside the times followed, {low:g} to {high:g}")
             mean, covariance = self.trace.at(float(time))
@@ -189,6 +201,13 @@ class MeanMap:
             raise InputError("impact", impact, f"stage {stage} has no positive variance there, so no Edgeworth series")
         sd_x, sd_y = float(np.sqrt(raw[2, 0])), float(np.sqrt(raw[0, 2]))
         return Edgeworth(coefficients(raw, sd_x, sd_y), sd_x, sd_y)
+
+
+def _listed(times: Sequence[float] | Floats) -> list[float]:
+    try:
+        return list(times)
+    except TypeError:
+        raise InputError("times", times, "give a sequence of times") from None
 
 
 def clock_row(mean: Floats, covariance: Floats) -> dict[str, float]:
@@ -237,7 +256,7 @@ def mean_map(scene: Scene, *, impacts: int = 12, reading: str = "saltation", ord
     """
     if not isinstance(scene, Scene):
         raise InputError("scene", scene, "give a Scene")
-    count("impacts", impacts)
+    count("impacts", impacts, most=MOST_IMPACTS)
     choice("reading", reading, READINGS)
     count("order", order, *ORDERS)
     READINGS[reading].check(scene)

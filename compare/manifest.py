@@ -5,6 +5,7 @@ import importlib.metadata
 import json
 import platform
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,7 +13,7 @@ from scene.errors import FileError, InputError
 from scene.scene import Scene
 from scene.validate import known_keys
 
-__all__ = ["DIGESTS", "Settings", "commit", "digest", "read_settings", "versions"]
+__all__ = ["DIGESTS", "Settings", "commit", "digest", "is_whole", "read_settings", "sealed", "versions"]
 
 PACKAGES = ("rattle", "numpy", "numba", "llvmlite", "scipy", "pandas", "matplotlib", "pyarrow")
 
@@ -62,7 +63,14 @@ def read_settings(path: Path) -> tuple[Settings, dict[str, str | None]]:
         data = json.loads(path.read_text(encoding="utf-8"))
         settings = data["settings"]
         known_keys("manifest.settings", settings, Settings._fields)
+        if not is_whole(data):
+            raise FileError("manifest", str(path), "was changed after it was written; restore it")
+        name = settings["name"]
+        if not isinstance(name, str) or Path(name).name != name:
+            raise InputError("manifest.settings.name", name, "must be the name of a file without its folder")
         scenes = tuple(Scene.from_dict(s) for s in settings["scenes"])
+        if not scenes:
+            raise InputError("manifest.settings.scenes", [], "must hold a scene")
         lists = {"readings": tuple(settings["readings"]), "frontier": tuple(settings.get("frontier", ()))}
         digests = {name: data.get(name) for name in DIGESTS}
         if digests["table_sha256"] is None:
@@ -72,8 +80,25 @@ def read_settings(path: Path) -> tuple[Settings, dict[str, str | None]]:
         raise FileError("manifest", str(path), f"cannot be read ({error.strerror})") from None
     except InputError:
         raise
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise FileError("manifest", str(path), f"is no manifest of this version ({error})") from None
+
+
+def sealed(record: Mapping[str, Any]) -> dict[str, Any]:
+    """A record with a digest of all the rest of it, so that a change is seen when it is read back.
+
+    Examples
+    --------
+    >>> is_whole(sealed({"z": 4.1})), is_whole(sealed({"z": 4.1}) | {"z": 1.4})
+    (True, False)
+    """
+    return {**record, "seal": digest(json.dumps(record, sort_keys=True))}
+
+
+def is_whole(record: Mapping[str, Any]) -> bool:
+    """Whether a record that was read back is as it was sealed; one of an earlier version has no seal."""
+    rest = {name: value for name, value in record.items() if name != "seal"}
+    return "seal" not in record or record["seal"] == digest(json.dumps(rest, sort_keys=True))
 
 
 def versions() -> dict[str, str]:

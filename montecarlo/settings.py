@@ -22,6 +22,10 @@ Floats = NDArray[np.float64]
 NOISE_FREE = "noise-free"
 """Name of the itinerary of the noise-free path, simulated by the same scheme."""
 
+MOST_STEPS = 2**40  # of a path: its random numbers are counted with 16 bits more
+MOST_PATHS, MOST_WORKERS = 2**40, 1024
+MOST_IMPACTS = 10_000  # a block of paths keeps every impact: 57 kB each
+
 HORIZON_PER_IMPACT = 50.0
 """Default time after which a path is given up, per impact asked for; flights of DAT21 last about 0.5."""
 
@@ -51,9 +55,9 @@ def check_settings(
     """
     if not isinstance(scene, Scene):
         raise InputError("scene", scene, "give a Scene")
-    count("paths", paths)
-    count("impacts", impacts)
-    count("workers", workers)
+    count("paths", paths, most=MOST_PATHS)
+    count("impacts", impacts, most=MOST_IMPACTS)
+    count("workers", workers, most=MOST_WORKERS)
     choice("scheme", scheme, SCHEMES)
     if not isinstance(rng, np.random.SeedSequence):
         count("rng", rng, least=0)
@@ -92,7 +96,12 @@ def plan_of(
     coarsest = 2 ** (levels - 1)
     dt = float(dt)
     horizon = HORIZON_PER_IMPACT * impacts if horizon is None else positive("horizon", horizon)
-    named = {name: _checked(name, itinerary, impacts) for name, itinerary in (itineraries or {}).items()}
+    if not horizon / dt <= MOST_STEPS:
+        raise InputError("dt", dt, f"makes more than {MOST_STEPS:g} steps of horizon = {horizon:g}; shorten that")
+    itineraries = {} if itineraries is None else itineraries
+    if not isinstance(itineraries, Mapping):
+        raise InputError("itineraries", itineraries, "give a mapping from names to sequences of mesh * side")
+    named = {name: _checked(name, itinerary, impacts) for name, itinerary in itineraries.items()}
     plan = Plan(
         scene=scene, paths=paths if is_random(scene) else 1, impacts=impacts, dt=dt, scheme=scheme,
         seed=rng if isinstance(rng, np.random.SeedSequence) else np.random.SeedSequence(rng),
@@ -127,6 +136,10 @@ def _checked(name: str, itinerary: Sequence[int], impacts: int) -> tuple[int, ..
     field = f"itineraries[{name!r}]"
     if name == NOISE_FREE:
         raise InputError("itineraries", name, "this name is taken by the noise-free path")
+    try:
+        itinerary = list(itinerary)
+    except TypeError:
+        raise InputError(field, itinerary, f"needs one entry for each of {impacts} impacts") from None
     if len(itinerary) != impacts:
-        raise InputError(field, list(itinerary), f"needs one entry for each of {impacts} impacts")
+        raise InputError(field, itinerary, f"needs one entry for each of {impacts} impacts")
     return tuple(count(field, code, least=-2, most=2) for code in itinerary)

@@ -8,12 +8,18 @@ from scene.compiled import jit
 from scene.flight import Floats, flow, wheel_speeds
 from scene.scene import Constants
 
-__all__ = ["MISSES", "NONE", "REST", "contact_matrix", "energy_loss", "next_impact", "struck"]
+__all__ = ["CLOSE", "MISSES", "NONE", "REST", "contact_matrix", "energy_loss", "next_impact", "struck"]
 
 NONE = 0  # mesh of an event that never came: no impact within the horizon
 REST = -1  # the mesh is pressed shut: the next impact is now, and so is every later one
+CLOSE = -2  # the flight is followed no further
+MOST_LOOKS = 1_000_000  # at one flight: 0.1 s
 TOUCH = 1e-9  # step off a wall that is touched at rest; the displacement in it is below rounding
-MISSES = {NONE: "no impact within the horizon", REST: "a mesh rests closed"}
+MISSES = {
+    NONE: "no impact within the horizon",
+    REST: "a mesh rests closed",
+    CLOSE: "a flight stays too close to a wall",
+}
 
 
 @jit
@@ -95,7 +101,8 @@ def next_impact(
     t : float
         Time of flight.
     mesh : int
-        1 or 2; `NONE` if the horizon came first; `REST` if a mesh stays closed.  Two walls met at
+        1 or 2; `NONE` if the horizon came first; `REST` if a mesh stays closed; `CLOSE` if the flight stays so
+        close to a wall that `MOST_LOOKS` steps do not end it.  Two walls met at
         one instant are told apart by a second event of flight time 0, mesh 1 first.
     side : int
         +1 or -1.
@@ -106,7 +113,9 @@ def next_impact(
     a1, b1, a2, b2 = x1, y1, x2, y2
     tolerance1 = 1e-15 + 4e-16 * c.wall1
     tolerance2 = 1e-15 + 4e-16 * c.wall2
-    while t < horizon:
+    for _ in range(MOST_LOOKS):
+        if not t < horizon:
+            return horizon, NONE, 0, a1, b1, a2, b2
         u1, u2 = wheel_speeds(c, tau + t, b1, b2)
         pull1, pull2 = c.beta1 * u1 + c.gamma1, c.beta2 * u2 + c.gamma2  # -u_i'
         f1, f2 = pull1 - c.alpha * math.sin(tau + t), pull1 - pull2  # accelerations
@@ -131,7 +140,7 @@ def next_impact(
             step = TOUCH
         t = min(t + step, horizon)
         a1, b1, a2, b2 = flow(c, tau, x1, y1, x2, y2, t)
-    return horizon, NONE, 0, a1, b1, a2, b2
+    return t, CLOSE, 0, a1, b1, a2, b2
 
 
 @jit

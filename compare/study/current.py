@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from compare.manifest import is_whole
 from compare.page import pages
 from compare.study.design import Study
 from compare.study.tables import MANIFEST, TABLES
@@ -16,7 +17,9 @@ def is_current(study: Study, folder: Path) -> dict[str, Any] | None:
     """The record of what is in a folder, if it is of this study and all of its cells; else None."""
     try:
         record: dict[str, Any] = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
+        return None
+    if not isinstance(record, dict) or not is_whole(record):
         return None
     files = [*(f"{name}.parquet" for name in TABLES), *pages("study")]
     whole = all((folder / file).exists() for file in files)

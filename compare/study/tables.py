@@ -1,5 +1,7 @@
 """A finished study, loaded from its folder: tidy tables, and the same as a dataset."""
 
+import hashlib
+import io
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from compare.manifest import is_whole
 from compare.moments import ABSOLUTE, Tolerances, judge
 from compare.study.design import Study
 from scene.errors import FileError
@@ -72,7 +75,7 @@ def load(folder: str | Path) -> Tables:
     Raises
     ------
     FileError
-        If the folder holds no finished study.
+        If the folder holds no finished study, or a file in it is not what was written.
 
     Examples
     --------
@@ -84,8 +87,23 @@ def load(folder: str | Path) -> Tables:
     place = Path(folder)
     try:
         record = json.loads((place / MANIFEST).read_text(encoding="utf-8"))
-        tables = {name: pd.read_parquet(place / f"{name}.parquet") for name in TABLES}
-    except (OSError, ValueError):
+        content = {name: (place / f"{name}.parquet").read_bytes() for name in TABLES}
+    except (OSError, ValueError, RecursionError):
         why = "holds no finished study; give what rattle study has written"
         raise FileError("study folder", str(folder), why) from None
-    return Tables(Study.load(place / FILE), record, **tables)
+    damaged = "is damaged; remove it and give the study to rattle again"
+    if not isinstance(record, dict) or not is_whole(record):
+        raise FileError("manifest", str(place / MANIFEST), damaged)
+    tables = {}
+    for name, found in content.items():
+        written = record.get("tables_sha256", {}).get(name)  # an earlier version kept none
+        try:
+            if written not in (None, hashlib.sha256(found).hexdigest()):
+                raise ValueError
+            tables[name] = pd.read_parquet(io.BytesIO(found))
+        except Exception:  # pyarrow and pandas raise whatever they meet in a damaged file
+            raise FileError("table", str(place / f"{name}.parquet"), damaged) from None
+    study = Study.load(place / FILE)
+    if record.get("study_sha256") not in (None, study.digest):
+        raise FileError("study file", str(place / FILE), "is not the one of these tables; give it to rattle again")
+    return Tables(study, record, **tables)

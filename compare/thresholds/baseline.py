@@ -48,7 +48,7 @@ def read(path: Path) -> dict[str, Any]:
     """A recorded baseline; raises FileError where the file is none."""
     try:
         found = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise FileError("baseline", str(path), f"is damaged ({error}); restore it, or remove and record it") from None
     if not isinstance(found.get("values"), dict):
         raise FileError("baseline", str(path), "has no table [values]; restore it, or remove and record it")
