@@ -171,6 +171,9 @@ class MeanMap:
         series, for it speaks of raw moments; ``branching`` has its mixture.
         """
         i = SECTION.index(choice("quantity", quantity, SECTION))
+        count("impact", impact, least=1, most=max(self.trace.found, 1))
+        if not (i == 0 or self.trace.sd[impact, i] != 0.0):
+            return None  # the displacement at the wall that is struck: one value, no density
         if self.trace.parts is not None:
             return mixture_density(values, *(a if a.ndim == 1 else a[:, i] for a in self.trace.parts[impact]))
         skew, sd = float(self.trace.skew[impact, i]), float(self.trace.sd[impact, i])
@@ -205,8 +208,8 @@ class MeanMap:
 
 def _listed(times: Sequence[float] | Floats) -> list[float]:
     try:
-        return list(times)
-    except TypeError:
+        return list(np.asarray(times, dtype=float).tolist())
+    except (TypeError, ValueError, OverflowError):
         raise InputError("times", times, "give a sequence of times") from None
 
 

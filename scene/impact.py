@@ -15,11 +15,7 @@ REST = -1  # the mesh is pressed shut: the next impact is now, and so is every l
 CLOSE = -2  # the flight is followed no further
 MOST_LOOKS = 1_000_000  # at one flight: 0.1 s
 TOUCH = 1e-9  # step off a wall that is touched at rest; the displacement in it is below rounding
-MISSES = {
-    NONE: "no impact within the horizon",
-    REST: "a mesh rests closed",
-    CLOSE: "a flight stays too close to a wall",
-}
+MISSES = {NONE: "no impact within the horizon", REST: "a mesh rests closed", CLOSE: "a flight clings to a wall"}
 
 
 @jit
@@ -101,9 +97,9 @@ def next_impact(
     t : float
         Time of flight.
     mesh : int
-        1 or 2; `NONE` if the horizon came first; `REST` if a mesh stays closed; `CLOSE` if the flight stays so
-        close to a wall that `MOST_LOOKS` steps do not end it.  Two walls met at
-        one instant are told apart by a second event of flight time 0, mesh 1 first.
+        1 or 2; `NONE` if the horizon came first; `REST` if a mesh stays closed; `CLOSE` if the flight clings to a
+        wall so long that `MOST_LOOKS` steps do not end it.  Two walls met at one instant are told apart by a second
+        event of flight time 0, mesh 1 first.
     side : int
         +1 or -1.
     x1, y1, x2, y2 : float
@@ -129,7 +125,7 @@ def next_impact(
             side = 1 if a2 > 0.0 else -1
             if b2 * side > 0.0:
                 return t, 2, side, a1, b1, side * c.wall2, b2
-            if b2 == 0.0 and f2 * side > 0.0:
+            if b2 == 0.0 and (f2 * side > 0.0 or (f2 == 0.0 and c.beta1 == c.beta2)):  # and then it stays 0
                 return t, REST, side, a1, b1, a2, b2
         most, jerk = c.alpha + abs(pull1), c.alpha + c.beta1 * abs(pull1)
         step = min(safe_time(c.wall1 - a1, b1, f1, most, jerk), safe_time(c.wall1 + a1, -b1, -f1, most, jerk))

@@ -31,7 +31,8 @@ def paired_differences(one: Sampled, other: Sampled) -> pd.DataFrame:
             control = np.stack(list(other.batches[BATCH.format("control", quantity)]))[:, :batches]
             left = _residual(second - first, control) if moment == "mean" else _centred(second - first)
             freedom = batches - 1 - (moment == "mean")
-            with np.errstate(invalid="ignore", divide="ignore"):
+            se = alone = np.full(len(first), np.nan)
+            if freedom > 0:  # fewer batches tell no error
                 se = np.sqrt((left**2).sum(axis=1) / freedom / batches)
                 alone = np.sqrt((first.var(axis=1, ddof=1) + second.var(axis=1, ddof=1)) / batches)
             difference = other.section[prefix + quantity] - one.section[prefix + quantity]

@@ -84,6 +84,8 @@ def load(folder: str | Path) -> Tables:
     ...
     scene.errors.FileError: study folder = 'nowhere': holds no finished study; give what rattle study has written
     """
+    if not isinstance(folder, str | Path):
+        raise FileError("study folder", folder, "is no path; give that of what rattle study has written")
     place = Path(folder)
     try:
         record = json.loads((place / MANIFEST).read_text(encoding="utf-8"))

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+import fuzz_doors
 import numpy as np
 
 from closure import READINGS, MeanMap, follow, mean_map
@@ -20,13 +21,12 @@ SLACK = 1e-9  # of a correlation and an eigenvalue, relative: rounding
 Ended = tuple[str, str]
 
 
-def check(entry: str, data: dict[str, Any], settings: dict[str, Any]) -> Ended:
-    """How an entry point ends with a scene: complete, stopped (and why), or refused (and which field)."""
+def check(entry: str, *given: Any) -> Ended:
+    """How an entry point ends: complete, stopped (and why), or refused (and which field)."""
     try:
-        return ENTRIES[entry](Scene.from_dict(data), settings)
+        return DOORS[entry](*given) if entry in DOORS else ENTRIES[entry](Scene.from_dict(given[0]), given[1])
     except RattleError as error:
-        assert str(error), "an error without words"
-        return "refused", getattr(error, "field", type(error).__name__)
+        return fuzz_doors.refused(error, "")
 
 
 def must(holds: Any, *what: Any) -> None:
@@ -217,6 +217,12 @@ def _same(a: Any, b: Any) -> bool:
 def _reason(stopped: str) -> str:
     return stopped.partition(" after impact")[0]
 
+
+DOORS: dict[str, Callable[..., Ended]] = {
+    "spoilt scene": fuzz_doors.spoilt, "setting": fuzz_doors.setting, "text": fuzz_doors.text,
+    "command": fuzz_doors.command, "file": fuzz_doors.file,
+}  # fmt: skip
+"""What takes something bad."""
 
 ENTRIES: dict[str, Callable[[Scene, dict[str, Any]], Ended]] = {
     "door": door, "orbit": orbit, "long orbit": long_orbit,
