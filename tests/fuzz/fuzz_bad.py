@@ -1,4 +1,4 @@
-"""Strategies over what nobody should give: values of the wrong kind or size, spoilt texts, spoilt bytes, odd commands."""
+"""Strategies over what nobody should give: wrong values, spoilt texts, spoilt bytes, odd commands."""
 
 import math
 from decimal import Decimal
@@ -9,11 +9,12 @@ import numpy as np
 from fuzz_space import scenes
 from hypothesis import strategies as st
 
-__all__ = ["KEYWORDS", "STUDY", "bad_values", "commands", "nonsense", "spoilt_bytes", "spoilt_scenes", "spoilt_texts"]
+__all__ = ["STUDY", "commands", "settings_of", "spoilt_bytes", "spoilt_scenes", "spoilt_texts"]
 
 nonsense = st.sampled_from([
-    math.nan, math.inf, -math.inf, "abc", "", "0.5", "é\x00", b"x", 1j, [], [0.5], [[0.5]], {}, {"a": 0.5}, (), True, False,
-    Decimal("0.5"), np.array([0.5, 0.6]), np.array([]), np.float32("nan"), object, 10**400, -(10**400), 10**5000, "x" * 10_000,
+    math.nan, math.inf, -math.inf, "abc", "", "0.5", "é\x00", b"x", 1j, [], [0.5], [[0.5]], {}, {"a": 0.5}, (), True,
+    False, Decimal("0.5"), np.array([0.5, 0.6]), np.array([]), np.float32("nan"), object, 10**400, -(10**400), 10**5000,
+    "x" * 10_000,
 ])  # fmt: skip
 """No number, name or table that anything here takes."""
 
@@ -60,16 +61,21 @@ def spoilt_scenes(draw: st.DrawFn) -> tuple[dict[str, Any], str]:
 KEYWORDS = {
     "mean_map": ("impacts", "reading", "order"),
     "simulate": (
-        "paths", "impacts", "accuracy", "dt", "scheme", "rng", "workers", "clock", "itineraries", "increments", "horizon",
-        "device",
+        "paths", "impacts", "accuracy", "dt", "scheme", "rng", "workers", "clock", "itineraries", "increments",
+        "horizon", "device",
     ),
     "validate": ("impacts", "readings", "paths", "dt", "scheme", "rng", "workers", "order"),
     "with_sigma": ("sigma",),
     "from_toml": ("text",), "load": ("path",), "from_dict": ("data",), "study": ("path",), "study_text": ("text",),
-    "read_page": ("path",), "tables": ("path",), "clock": ("times",), "density": ("impact", "quantity"),
+    "tables": ("path",), "clock": ("times",), "density": ("impact", "quantity"),
     "edgeworth": ("impact", "stage"),
 }  # fmt: skip
 """Settings of each entry point."""
+
+settings_of = st.sampled_from([(f, k) for f, ks in KEYWORDS.items() for k in ks]).flatmap(
+    lambda place: bad_values.map(lambda value: (*place, value))
+)
+"""A function, one of its settings, and a bad value of it."""
 
 STUDY = """
 [study]
@@ -95,8 +101,8 @@ gap1 = [0.4, 0.5]
 """
 TOKENS = (
     "nan", "inf", "-inf", "1e400", "-1", "0", "9" * 5000, "'x'", '"', "[", "]", "[[", "{", "}", "=", "\n", "[scene]\n",
-    "true", "1979-05-27", "é", "\x00", "\ufeff", "[[axes]]\n", "[" * 3000, "a.b.c = 1\n", "1_0", "0x1F", "sigma = 1\n", "#",
-    "paths = 1e9\n", "seed = [1]\n", "[1, 10, 1000000000]",
+    "true", "1979-05-27", "é", "\x00", "\ufeff", "[[axes]]\n", "[" * 3000, "a.b.c = 1\n", "1_0", "0x1F", "sigma = 1\n",
+    "#", "paths = 1e9\n", "seed = [1]\n", "[1, 10, 1000000000]",
 )  # fmt: skip
 
 
@@ -123,28 +129,28 @@ def spoilt_bytes(draw: st.DrawFn) -> list[tuple[str, float, int]]:
 OPTIONS: dict[str, dict[str, tuple[str, ...]]] = {
     "simulate": {
         "--paths": ("32", "0", "-1", "1e3", "x", "9" * 30), "--impacts": ("2", "0", "-3", "x", "9" * 20),
-        "--sigma": ("0.1", "0", "-1", "nan", "inf", "1e200", "1e-300", ""), "--dt": ("0.001", "0", "-1", "nan", "10", "1e-300"),
+        "--sigma": ("0.1", "0", "-1", "nan", "inf", "1e200", "1e-300", ""),
+        "--dt": ("0.001", "0", "-1", "nan", "10", "1e-300"),
         "--scheme": ("exact-flight", "euler-maruyama", "milstein", ""), "--seed": ("1", "-1", "9" * 40, "x"),
         "--workers": ("1", "0", "-2", "99999999"), "--out": ("{tmp}/s.csv", "{tmp}/no/s.csv"), "--json": (),
         "--budget": ("1", "nan", "-1"),
     },
+    "study": {"--workers": ("0", "x"), "--explain": (), "--status": (), "--out": ("{tmp}/study.toml",)},
+    "show": {"--width": ("0", "x", "-5", "80"), "--section": ("x", "")},
     "validate": {
-        "--paths": ("64", "0", "x"), "--impacts": ("1", "0"), "--sigma": ("0.1", "nan", "-1", "0"), "--order": ("2", "7", "-1"),
-        "--frontier": ("1e-3:2:2", "x", "1:0:3", "nan:1:2", "1:2:999999999", ":::"), "--reading": ("mended", "x"),
-        "--frontier-paths": ("0", "-1"), "--workers": ("0",), "--repeat": ("{tmp}/no.json", "{tmp}"), "--require": ("x",),
+        "--paths": ("0", "x"), "--impacts": ("0", "-1"), "--sigma": ("nan", "-1", "1e-300"), "--order": ("7", "-1"),
+        "--frontier": ("x", "1:0:3", "nan:1:2", "1:2:999999999", ":::"), "--reading": ("x", ""), "--workers": ("0",),
+        "--frontier-paths": ("0", "-1"), "--repeat": ("{tmp}/no.json", "{tmp}"), "--require": ("x",),
     },
-    "order": {"--paths": ("0", "-1", "x"), "--impacts": ("0", "x"), "--sigma": ("nan", "-1", "1e9"), "--workers": ("0",)},
-    "tradeoff": {
-        "--accuracy": ("0", "-1", "nan", "x"), "--budget": ("0", "nan", "-1"), "--sigma": ("0", "nan"), "--impacts": ("0",),
-    },
+    "order": {"--paths": ("0", "x"), "--impacts": ("0", "x"), "--sigma": ("nan", "-1", "1e9"), "--workers": ("0",)},
+    "tradeoff": {"--accuracy": ("0", "nan"), "--budget": ("0", "nan"), "--sigma": ("0", "nan"), "--impacts": ("0",)},
     "chaos": {
         "--points": ("1", "x"), "--impacts": ("0", "x"), "--events": ("0",), "--width": ("0", "nan", "-1"),
         "--over": ("x", "2:1:3", "nan:1:2", "0:1:1", "0:1:999999999999", "1e-3:1e300:3"), "--field": ("x", "epsilon"),
     },
-    "study": {"--workers": ("0", "x"), "--explain": (), "--status": (), "--out": ("{tmp}/study.toml",)},
-    "show": {"--width": ("0", "x", "-5", "80"), "--section": ("x", "")},
     "claims": {"--workers": ("0",), "--seed": ("-1",), "--nonsense": ()},
 }  # fmt: skip
+"""Options with values; but for the first three commands each value is refused, for their work takes minutes."""
 FILES = ("{tmp}/scene.toml", "{tmp}/bad.toml", "{tmp}/study.toml", "{tmp}/none.toml", "{tmp}", "", "\x00", "-")
 
 

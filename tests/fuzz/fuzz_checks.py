@@ -108,11 +108,9 @@ def reading(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
             times = m.trace.tau[0] + np.linspace(0.25, 0.75, 2) * (last - m.trace.tau[0])
             clock = m.clock(times)
             must(np.isfinite(clock[[*STATE[: 2 * scene.stages]]].to_numpy()), "clock\n", clock)
-        for k in range(1, n + 1):
-            for q in own:
-                values = np.array([table.loc[k, q]])
-                density = m.density(k, q, values)
-                must(density is None or not np.isnan(density).any(), "density of", q, density)
+        for q in own if n else ():
+            density = m.density(n, q, np.array([table.loc[n, q]]))
+            must(density is None or not np.isnan(density).any(), "density of", q, density)
         if m.stopped:
             return "stopped", _reason(m.stopped)
         return ("complete", "") if m.breakdown is None else ("complete", "not realizable")

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from click.testing import CliRunner
+from fuzz_bad import STUDY
 
 from closure import mean_map
 from compare import manifest, validate
@@ -18,11 +19,9 @@ from compare.__main__ import main
 from compare.page import read_page
 from compare.study.current import is_current
 from compare.study.design import Study
-from compare.study.results import Results
 from compare.study.store import Store
 from compare.study.tables import load
 from compare.thresholds import baseline
-from fuzz_bad import STUDY
 from montecarlo import simulate
 from scene import DAT21, Scene
 from scene.errors import InputError, RattleError
@@ -119,7 +118,8 @@ def _folder() -> Path:
 def content(kind: str) -> str:
     """The text of a file of that kind as it is written."""
     place = _folder()
-    files = {"scene": "scene.toml", "study": "study.toml", "manifest": "report/manifest.json", "page": "report/page.json"}
+    files = {"scene": "scene.toml", "study": "study.toml"}
+    files |= {"manifest": "report/manifest.json", "page": "report/page.json"}
     return (place / files.get(kind, "baseline.toml")).read_text(encoding="utf-8")
 
 
@@ -231,4 +231,3 @@ FILES = {
     "cell": _cell, "tables": _tables, "page": _json("page.json", read_page),
     "manifest": _json("manifest.json", manifest.read_settings),
 }  # fmt: skip
-_ = Results

@@ -1,7 +1,8 @@
-"""Strategies over all that a scene may be, and over what it may not: plain data, as a caller or a file would give it.
+"""A strategy over all that a scene may be: plain data, as a caller or a file would give it.
 
-Every scene is drawn field by field, each either near the paper's example or anywhere in its range (log-uniform, with the
-values that break things: zero, denormals, equal dampings, restitution 0 and 1), so that wild fields meet tame ones.
+Every scene is drawn field by field, each either near the paper's example or anywhere in its range (log-uniform, with
+the values that break things: zero, the ends of the range, equal dampings, restitution 0 and 1), so that wild fields
+meet tame ones.
 """
 
 import math
@@ -9,7 +10,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-__all__ = ["bad_values", "gears", "over", "scenes", "spoilt", "tolerances"]
+__all__ = ["scenes"]
 
 TINY = (1e-30, 1e-30, 1e-20, 1e-16, 1e-12)
 Data = dict[str, Any]
@@ -101,7 +102,7 @@ def scenes(draw: st.DrawFn, stages: int | None = None) -> Data:
         scene |= {"alpha": draw(ALPHA), "epsilon": draw(EPSILON), "beta1": draw(BETA), "gamma1": draw(GAMMA)}
         scene["gap1"] = draw(GAP)
         beta1, gap1 = scene["beta1"], scene["gap1"]
-        equal = st.sampled_from([beta1, math.nextafter(beta1, math.inf)])
+        equal = st.sampled_from([beta1, beta1 * (1.0 + 2.0**-52)])
         scene["beta2"] = draw(st.one_of(BETA, BETA, equal))
         scene["gamma2"] = draw(st.one_of(GAMMA, GAMMA, st.just(scene["gamma1"])))
         scene["gap2"] = draw(st.one_of(GAP, GAP, st.just(gap1)))
