@@ -17,6 +17,7 @@ from scene.moments import SECTION, STATE
 
 __all__ = ["ENTRIES", "check"]
 
+APART = 1e6
 SLACK = 1e-9  # of a correlation and an eigenvalue, relative: rounding
 Ended = tuple[str, str]
 
@@ -96,7 +97,10 @@ def reading(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
             must(sds.notna().to_numpy(), "no sd\n", sds)
         if name in ("saltation", "mended"):
             covariance = m.trace.covariance[1 : n + 1, : 2 * scene.stages, : 2 * scene.stages]
-            _semidefinite(covariance[told["realizable"]], _scales(m, n)[told["realizable"]])
+            scales, well = _scales(m, n), told["realizable"].to_numpy()
+            _semidefinite(covariance[well], scales[well])
+            for k in np.flatnonzero(~well & (told["flight"] >= 0.0)):  # sizes too far apart for the digits of a float
+                must(scales[k].max() > APART * scales[k][scales[k] > 0.0].min(), "not realizable", k, covariance[k])
         if name != "printed":
             rho = told[["rho1", "rho2"]].to_numpy()
             must(np.isnan(rho) | (abs(rho) <= 1.0 + SLACK) | ~told[["realizable"]].to_numpy(), "rho", rho)
