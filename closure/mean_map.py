@@ -175,7 +175,10 @@ class MeanMap:
         if not (i == 0 or self.trace.sd[impact, i] != 0.0):
             return None  # the displacement at the wall that is struck: one value, no density
         if self.trace.parts is not None:
-            return mixture_density(values, *(a if a.ndim == 1 else a[:, i] for a in self.trace.parts[impact]))
+            weights, means, variances = (a if a.ndim == 1 else a[:, i] for a in self.trace.parts[impact])
+            if not variances.any() and np.ptp(means) == 0.0:
+                return None
+            return mixture_density(values, weights, means, variances)
         skew, sd = float(self.trace.skew[impact, i]), float(self.trace.sd[impact, i])
         if np.isfinite(self.trace.sd[impact, 0]) and np.isnan(self.trace.skew[impact]).all():
             skew = 0.0  # section moments of first order: Gaussian

@@ -151,7 +151,7 @@ OPTIONS: dict[str, dict[str, tuple[str, ...]]] = {
     "claims": {"--workers": ("0",), "--seed": ("-1",), "--nonsense": ()},
 }  # fmt: skip
 """Options with values; but for the first three commands each value is refused, for their work takes minutes."""
-FILES = ("{tmp}/scene.toml", "{tmp}/bad.toml", "{tmp}/study.toml", "{tmp}/none.toml", "{tmp}", "", "\x00", "-")
+FILES = ("{tmp}/scene.toml", "{tmp}/bad.toml", "{tmp}/study.toml", "{tmp}/none.toml", "{tmp}", "", "-")
 
 
 @st.composite

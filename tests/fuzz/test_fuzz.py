@@ -6,11 +6,11 @@ from fuzz_checks import ENTRIES, check
 from fuzz_doors import FILES, content
 from fuzz_plan import BOUND, PLAN, examples, warm_up
 from fuzz_watched import Watched
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 SAME = settings(
-    derandomize=True, database=None, deadline=None, print_blob=False, suppress_health_check=list(HealthCheck)
+    derandomize=True, database=None, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
 )
 COUNT = {
     "door": 150, "orbit": 150, "long orbit": 100, "printed": 80, "mended": 80, "saltation": 120, "branching": 20,
@@ -21,7 +21,7 @@ TEXTS = ("scene", "study", "manifest", "page", "baseline")
 
 @pytest.fixture(scope="module")
 def watched():
-    process = Watched(check, BOUND, warm_up(*PLAN))
+    process = Watched(check, BOUND, [*warm_up(*PLAN), ("text", "page", "")])
     yield process
     process.close()
 
