@@ -134,7 +134,7 @@ class Start:
 class Scene:
     """A rattling system, its noise, its tolerances and its start (dimensionless).
 
-    What is not 0 is at least 1e-30: its moments would vanish in the floats.
+    What is not 0 is at least 1e-30, but for the dampings: moments of less would vanish in the floats.
 
     Parameters
     ----------
@@ -195,7 +195,8 @@ class Scene:
             if f.type is float or f.type == "float":
                 object.__setattr__(self, f.name, finite(f.name, getattr(self, f.name)))
         for name, most in LARGEST.items():
-            ranged(name, non_negative(name, getattr(self, name)), TINY, most)
+            least = 0.0 if name.startswith("beta") else TINY
+            ranged(name, non_negative(name, getattr(self, name)), least, most)
         ranged("epsilon", unit_interval("epsilon", self.epsilon), TINY, 1.0)
         for name in ("gap1", "gap2"):
             ranged(name, positive(name, getattr(self, name)), *GAPS, zero=False)

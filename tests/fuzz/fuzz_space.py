@@ -32,7 +32,7 @@ ALPHA = either(over(0.3, 3.0, 1.5, 0.0), over(1e-12, 1e4, *TINY, 1e6))
 EPSILON = either(st.sampled_from([0.9, 0.5, 0.7]), st.one_of(over(1e-3, 1.0), st.sampled_from(
     [0.0, 1.0, 0.163, 1e-30, 1e-12, 1.0 - 2.0**-53]
 )))  # fmt: skip
-BETA = either(over(0.03, 0.3, 0.0), over(1e-12, 1e3, *TINY, 1e4))
+BETA = either(over(0.03, 0.3, 0.0), over(1e-12, 1e3, *TINY, 5e-324, 1e4))
 GAMMA = either(over(0.02, 0.2, 0.0), over(1e-12, 1e4, *TINY, 1e6))
 GAP = either(over(0.2, 2.0, 0.5), over(1e-8, 1e4, 1e-9, 1e6))
 SIGMA = either(over(1e-3, 2.0, 0.0), over(1e-12, 1e4, *TINY, 1e6))
