@@ -99,8 +99,9 @@ def _trace(scene: Scene, impacts: int, order: int) -> Trace:
     parts: dict[int, tuple[Floats, Floats, Floats]] = {}
     for k in range(1, impacts + 1):
         own = int(orbit.mesh[k] * orbit.side[k])
-        count, gone = _strike(c, b.start, b.landing, fly(c, live, b), own, after)
-        lost += gone
+        flown, damped = fly(c, live, b)
+        count, gone = _strike(c, b.start, b.landing, flown, own, after)
+        lost += gone + damped
         if count == 0 or lost > 0.5:
             found = k - 1
             break

@@ -15,7 +15,7 @@ from closure.trace import Trace
 from scene.errors import InputError
 from scene.moments import SECTION, STATE, correlation, realizability
 from scene.scene import Scene
-from scene.validate import choice, count
+from scene.validate import choice, count, finite
 
 __all__ = ["READINGS", "Breakdown", "MeanMap", "Reading", "mean_map", "readings_for"]
 
@@ -41,8 +41,11 @@ ORDERS = (2, 6)
 VELOCITIES = ("y1", "y2")
 
 
+MOST_IMPACTS = 100_000  # an impact takes some kilobytes; a long orbit is followed by closure.long_orbit
+
+
 class Breakdown(NamedTuple):
-    """The first impact at which a stage's moments belong to no distribution."""
+    """The first impact at which a stage's moments belong to no distribution; stage 0 is the time of flight."""
 
     impact: int
     stage: int
@@ -93,10 +96,13 @@ class MeanMap:
         if self.trace.parts is not None:
             return None
         for k in range(1, self.trace.found + 1):
-            for stage in range(1, self.scene.stages + 1):
+            for stage in self._stages:
                 judged = realizability(self.stage_covariance(k, stage))
                 if not judged.realizable:
                     return Breakdown(k, stage, judged.reason)
+            flight = float(self.trace.tau[k] - self.trace.tau[k - 1])
+            if flight < 0.0:
+                return Breakdown(k, 0, f"mean time of flight = {flight:.3g} < 0")
         return None
 
     @cached_property
@@ -104,7 +110,8 @@ class MeanMap:
         """Moments of the state just before impact 1, 2, ... (dimensionless); NaN where the reading predicts none.
 
         Columns: ``tau, flight, mesh, side, x1, y1, x2, y2``, ``sd_`` and ``skew_`` of each quantity, ``rho1, rho2``
-        (correlation of displacement and velocity perturbation of a stage) and ``realizable``; for ``branching`` also
+        (correlation of displacement and velocity perturbation of a stage) and ``realizable`` (a mean time of flight
+        below 0 is not); for ``branching`` also
         ``agreement``, the share of paths expected on the orbit's itinerary so far, and ``lost``, the weight dropped.
         """
         t = self.trace
@@ -123,7 +130,11 @@ class MeanMap:
         columns["realizable"] = [
             k <= t.found
             and (
-                t.parts is not None or all(realizability(self.stage_covariance(k, s)).realizable for s in self._stages)
+                t.parts is not None
+                or (
+                    t.tau[k] >= t.tau[k - 1]
+                    and all(realizability(self.stage_covariance(k, s)).realizable for s in self._stages)
+                )
             )
             for k in impacts
         ]
@@ -149,12 +160,13 @@ class MeanMap:
             If a time lies outside what was followed.
         """
         low, high = self.trace.tau[0], self.trace.tau[self.trace.found]
+        high = high if self.trace.until is None else self.trace.until
         rows = []
-        for time in np.asarray(times, dtype=float):
+        for time in (finite("times", t) for t in _listed(times)):
             if not low <= self.scene.counted(time) <= high:
                 followed = f"{self.scene.stated(low):g} to {self.scene.stated(high):g}"
-                raise InputError("times", float(time), f"lies outside the times followed, {followed}")
-            mean, covariance = self.trace.at(self.scene.counted(float(time)))
+                raise InputError("times", time, f"lies outside the times followed, {followed}")
+            mean, covariance = self.trace.at(self.scene.counted(time))
             rows.append(clock_row(mean, covariance))
         return pd.DataFrame(rows, index=pd.Index(np.asarray(times, dtype=float), name="time"))
 
@@ -166,8 +178,14 @@ class MeanMap:
         from the start's phase (`Scene.phase`).
         """
         i = SECTION.index(choice("quantity", quantity, SECTION))
+        count("impact", impact, least=1, most=max(self.trace.found, 1))
+        if not (i == 0 or self.trace.sd[impact, i] != 0.0):
+            return None  # the displacement at the wall that is struck: one value, no density
         if self.trace.parts is not None:
-            return mixture_density(values, *(a if a.ndim == 1 else a[:, i] for a in self.trace.parts[impact]))
+            weights, means, variances = (a if a.ndim == 1 else a[:, i] for a in self.trace.parts[impact])
+            if not variances.any() and np.ptp(means) == 0.0:
+                return None
+            return mixture_density(values, weights, means, variances)
         skew, sd = float(self.trace.skew[impact, i]), float(self.trace.sd[impact, i])
         if np.isfinite(self.trace.sd[impact, 0]) and np.isnan(self.trace.skew[impact]).all():
             skew = 0.0  # section moments of first order: Gaussian
@@ -196,6 +214,13 @@ class MeanMap:
             raise InputError("impact", impact, f"stage {stage} has no positive variance there, so no Edgeworth series")
         sd_x, sd_y = float(np.sqrt(raw[2, 0])), float(np.sqrt(raw[0, 2]))
         return Edgeworth(coefficients(raw, sd_x, sd_y), sd_x, sd_y)
+
+
+def _listed(times: Sequence[float] | Floats) -> list[float]:
+    try:
+        return list(np.asarray(times, dtype=float).tolist())
+    except (TypeError, ValueError, OverflowError):
+        raise InputError("times", times, "give a sequence of times") from None
 
 
 def clock_row(mean: Floats, covariance: Floats) -> dict[str, float]:
@@ -244,7 +269,7 @@ def mean_map(scene: Scene, *, impacts: int = 12, reading: str = "saltation", ord
     """
     if not isinstance(scene, Scene):
         raise InputError("scene", scene, "give a Scene")
-    count("impacts", impacts)
+    count("impacts", impacts, most=MOST_IMPACTS)
     choice("reading", reading, READINGS)
     count("order", order, *ORDERS)
     READINGS[reading].check(scene)

@@ -28,6 +28,7 @@ TAIL = 2.0  # sds to a boundary from which what lies beyond is a tail
 WORTH = 1e-6  # error below which nothing is cut
 BRANCH = 0.03  # error of a boundary through the centre of a part, as a share of its weight
 FLAT = 1e-4  # second-order variance, as a share of the first-order one, that is not worth a cut
+DAMPED = 15.0  # of a flight, as damping times time
 POWER = 0.35  # error of a part over its weight, as a power of that share
 
 
@@ -145,15 +146,20 @@ def _cut(b: Workbench, i: int, count: int) -> int:
 
 
 @jit
-def fly(c: Constants, live: int, b: Workbench) -> int:
-    """Fly the first `live` parts to their next event; returns how many parts they were cut into.
+def fly(c: Constants, live: int, b: Workbench) -> tuple[int, float]:
+    """Fly the first `live` parts to their next event; returns how many they were cut into, and the weight given up.
 
     The noise of a flight is put at its start: the displacement ``exp(-A t) n`` leads to the same state at its end.
+    A flight that is damped by more than ``exp(-DAMPED)`` leaves no digits of it: such a part is given up.
     """
     before = np.empty(4)
+    gone = 0.0
     for i in range(live):
         t, code = event(c, b.start.mean[i], before)
-        if code != 0:
+        if code != 0 and t * max(c.beta1, c.beta2) > DAMPED:
+            gone += b.start.weight[i]
+            b.start.weight[i] = 0.0
+        elif code != 0:
             back = jacobian(c, -t)
             noise = congruence(back, noise_covariance(c, b.start.mean[i, 0], t))
             for m in range(4):
@@ -171,4 +177,4 @@ def fly(c: Constants, live: int, b: Workbench) -> int:
         if b.error[last] < WORTH:
             break
         count = _cut(b, last, count)
-    return count
+    return count, gone

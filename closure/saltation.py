@@ -15,6 +15,7 @@ from closure.section_map import derivatives, flight_third_cumulant, noise_slope,
 from closure.trace import Trace
 from scene.compiled import jit
 from scene.flight import field, jacobian, noise_covariance
+from scene.moments import semidefinite
 from scene.scene import Constants, Scene
 
 __all__ = ["trace"]
@@ -130,20 +131,24 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     mean[found + 1 :], tau[found + 1 :] = np.nan, np.nan
     covariance = np.full((impacts + 1, 4, 4), np.nan)
     for k in range(found + 1):
-        clock = _clock(field(c, orbit.tau[k], orbit.before[k, 1], orbit.before[k, 3]) if k else np.zeros(4))
-        covariance[k] = clock @ section[k, :5, :5] @ clock.T
+        rate = field(c, orbit.tau[k], orbit.before[k, 1], orbit.before[k, 3]) if k else np.zeros(4)
+        covariance[k] = _at_one_time(rate, section[k, :5, :5], np.eye(4))
     raw = stage_raw_moments(covariance, order)
 
     def at(time: float) -> tuple[Floats, Floats]:
         k = int(np.searchsorted(orbit.tau[: found + 1], time, side="right")) - 1
-        clock = _clock(field(c, orbit.tau[k], orbit.after[k, 1], orbit.after[k, 3]))
+        rate = field(c, orbit.tau[k], orbit.after[k, 1], orbit.after[k, 3])
         t = time - orbit.tau[k]
-        j = jacobian(c, t) @ clock
-        return orbit.state(time), j @ after[k, :5, :5] @ j.T + noise_covariance(c, orbit.tau[k], t)
+        carried = _at_one_time(rate, after[k, :5, :5], jacobian(c, t))
+        return orbit.state(time), carried + noise_covariance(c, orbit.tau[k], t)
 
-    return Trace(tau, orbit.mesh, orbit.side, mean, sd, skew, covariance, raw, at, found, stopped)
+    mesh, side = orbit.mesh.copy(), orbit.side.copy()
+    mesh[found + 1 :], side[found + 1 :] = 0, 0
+    return Trace(tau, mesh, side, mean, sd, skew, covariance, raw, at, found, stopped, until=float(orbit.tau[found]))
 
 
-def _clock(rate: Floats) -> Floats:
-    """From a path's own instant to the orbit's: ``xi = delta s - F delta tau``, shape (4, 5)."""
-    return np.concatenate([-rate[:, None], np.eye(4)], axis=1)
+def _at_one_time(rate: Floats, section: Floats, flown: Floats) -> Floats:
+    """Covariance of the state at one instant, ``xi = delta s - F delta tau`` carried by a flight, shape (4, 4)."""
+    clock = flown @ np.concatenate([-rate[:, None], np.eye(4)], axis=1)
+    sd = np.sqrt(np.maximum(np.diagonal(section), 0.0))
+    return semidefinite(clock @ section @ clock.T, np.abs(flown) @ (sd[1:] + np.abs(rate) * sd[0]))

@@ -43,6 +43,8 @@ class Trace:
         Impacts that could be evaluated.
     stopped : str
         Why it ended early, or an empty string.
+    until : float, optional
+        Last time of which `at` can tell; the mean time of the last impact by default.
     """
 
     tau: Floats
@@ -57,5 +59,6 @@ class Trace:
     found: int
     stopped: str
     parts: dict[int, tuple[Floats, Floats, Floats]] | None = None
+    until: float | None = None
     agreement: Floats | None = None
     lost: Floats | None = None

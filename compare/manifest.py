@@ -6,7 +6,7 @@ import json
 import platform
 import shlex
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,8 +21,10 @@ __all__ = [
     "command_line",
     "commit",
     "digest",
+    "is_whole",
     "not_newer",
     "read_settings",
+    "sealed",
     "versions",
 ]
 
@@ -80,7 +82,14 @@ def read_settings(path: Path) -> tuple[Settings, dict[str, str | None]]:
         if not isinstance(settings["name"], str):
             raise TypeError("its name is no text")
         known_keys("manifest.settings", settings, Settings._fields)
+        if not is_whole(data):
+            raise FileError("manifest", str(path), "was changed after it was written; restore it")
+        name = settings["name"]
+        if not isinstance(name, str) or Path(name).name != name:
+            raise InputError("manifest.settings.name", name, "must be the name of a file without its folder")
         scenes = tuple(Scene.from_dict(s) for s in settings["scenes"])
+        if not scenes:
+            raise InputError("manifest.settings.scenes", [], "must hold a scene")
         lists = {"readings": tuple(settings["readings"]), "frontier": tuple(settings.get("frontier", ()))}
         digests = {name: data.get(name) for name in DIGESTS}
         if digests["table_sha256"] is None:
@@ -118,6 +127,23 @@ def command_line(words: Sequence[str]) -> str:
     "rattle show 'my report'"
     """
     return shlex.join(["rattle", *words]).encode(errors="backslashreplace").decode()
+
+
+def sealed(record: Mapping[str, Any]) -> dict[str, Any]:
+    """A record with a digest of all the rest of it, so that a change is seen when it is read back.
+
+    Examples
+    --------
+    >>> is_whole(sealed({"z": 4.1})), is_whole(sealed({"z": 4.1}) | {"z": 1.4})
+    (True, False)
+    """
+    return {**record, "seal": digest(json.dumps(record, sort_keys=True))}
+
+
+def is_whole(record: Mapping[str, Any]) -> bool:
+    """Whether a record that was read back is as it was sealed; one of an earlier version has no seal."""
+    rest = {name: value for name, value in record.items() if name != "seal"}
+    return "seal" not in record or record["seal"] == digest(json.dumps(rest, sort_keys=True))
 
 
 def versions() -> dict[str, str]:

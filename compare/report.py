@@ -185,5 +185,6 @@ def write_report(
             swept.frontier.to_parquet(folder / "frontier.parquet", index=False)
             swept.speed.to_csv(folder / "speed.csv", index=False)
         write_page(_page(settings, validations, swept, record, folder), folder, "report")
-        (folder / "manifest.json").write_text(json.dumps(record, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+        sealed = json.dumps(manifest.sealed(record), indent=2, ensure_ascii=False)
+        (folder / "manifest.json").write_text(sealed + "\n", encoding="utf-8")
     return record

@@ -9,7 +9,7 @@ import pandas as pd
 from closure import READINGS, MeanMap, follow, mean_map, readings_for
 from compare.correlation import mid_flight_errors, validity
 from compare.moments import Tolerances, section_errors, stated, widest
-from montecarlo import SCHEMES, Ensemble, default_step, simulate
+from montecarlo import SCHEMES, Ensemble, check_settings, default_step, simulate
 from scene.errors import InputError
 from scene.moments import SECTION
 from scene.scene import Scene
@@ -126,16 +126,18 @@ def validate(
     if not isinstance(scene, Scene):
         raise InputError("scene", scene, "give a Scene")
     readings = readings_for(scene) if readings is None else readings
-    if isinstance(readings, str) or not readings:
+    if not isinstance(readings, list | tuple) or not readings:
         raise InputError("readings", readings, "give a list of " + ", ".join(READINGS))
     for reading in readings:
         choice("readings", reading, READINGS)
     limits = tolerances or Tolerances()
     given, scene = scene, scene.near  # a late start costs neither digits nor verdicts: what is held together is near
-    closures = {r: mean_map(scene, impacts=impacts, reading=r, order=order) for r in dict.fromkeys(readings)}
-    kind = SCHEMES[choice("scheme", scheme, SCHEMES)]
-    biased = kind.weak_order is not None
+    biased = SCHEMES[choice("scheme", scheme, SCHEMES)].weak_order is not None
     dt = default_step(scene, scheme, biased) if dt is None else dt
+    check_settings(
+        scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, step_bias=biased
+    )
+    closures = {r: mean_map(scene, impacts=impacts, reading=r, order=order) for r in dict.fromkeys(readings)}
     orbit = follow(scene, impacts)
     tau = orbit.tau[: orbit.found + 1]
     middle = 0.5 * (tau[1:] + tau[:-1])

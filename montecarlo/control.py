@@ -27,6 +27,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 LONGEST = 1e3  # flight of the orbit that is followed
+FEWEST = 32  # paths of a regression: with three it would leave no error at all
 GRAZE = 1e-6  # impact speed below which the orbit has no linearisation, in units of what drives and starts it
 
 
@@ -191,7 +192,8 @@ def controlled_statistics(sums: CentralSums, variance: Floats) -> dict[str, Floa
     """Mean and sd of a quantity with standard errors, by regression on a control of known mean zero and variance.
 
     The quantity and its square are regressed on the control l and on ``l^2``, whose means are known.  Cells in which
-    the control does not vary, or that some paths have not reached, are left as they are without it.
+    the control does not vary, that some paths have not reached, or that fewer than `FEWEST` have, are left as they are
+    without it.
 
     Parameters
     ----------
@@ -205,11 +207,13 @@ def controlled_statistics(sums: CentralSums, variance: Floats) -> dict[str, Floa
     Glasserman, "Monte Carlo methods in financial engineering" (2003), section 4.1.
     """
     n, m = sums.n, sums.moment
-    usable = (variance > 0.0) & (n == n.max()) & (m(0, 2) > 0.0)
+    usable = (variance > 0.0) & (n == n.max()) & (n >= FEWEST) & (m(0, 2) > 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         m02, m03, m20 = m(0, 2), m(0, 3), m(2, 0)
         m04 = m(0, 4) - m02**2
-        determinant = np.where(usable, m02 * m04 - m03**2, np.nan)
+        determinant = m02 * m04 - m03**2
+        usable &= determinant > 0.0
+        determinant = np.where(usable, determinant, np.nan)
         off = -sums.mean[1]  # what the means of the control and of its square about the sample mean should be, less
         off_square = variance + sums.mean[1] ** 2 - m02  # what they are
 

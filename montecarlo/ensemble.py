@@ -155,7 +155,8 @@ def simulate(
     [2.0, 1.0, 1000.0, 1.0]
     """
     if accuracy is not None:
-        settings = {"paths": paths, "dt": dt, "clock": clock or None, "itineraries": itineraries, "horizon": horizon}
+        settings: dict[str, object] = {"paths": paths, "dt": dt, "itineraries": itineraries, "horizon": horizon}
+        settings["clock"] = None if isinstance(clock, tuple) and not clock else clock
         settings |= {"control": control or None, "step_bias": step_bias or None}
         for name, value in (settings | {"device": None if device == "cpu" else device}).items():
             if value is not None:

@@ -22,6 +22,9 @@ Floats = NDArray[np.float64]
 NOISE_FREE = "noise-free"
 """Name of the itinerary of the noise-free path, simulated by the same scheme."""
 
+MOST_PATHS, MOST_WORKERS = 2**40, 1024
+MOST_IMPACTS = 10_000  # a block of paths keeps every impact: 57 kB each
+
 HORIZON_PER_IMPACT = 50.0
 """Default time after which a path is given up, per impact asked for; flights of DAT21 last about 0.5."""
 
@@ -54,9 +57,9 @@ def check_settings(
     """
     if not isinstance(scene, Scene):
         raise InputError("scene", scene, "give a Scene")
-    count("paths", paths)
-    count("impacts", impacts)
-    count("workers", workers)
+    count("paths", paths, most=MOST_PATHS)
+    count("impacts", impacts, most=MOST_IMPACTS)
+    count("workers", workers, most=MOST_WORKERS)
     choice("scheme", scheme, SCHEMES)
     if not isinstance(rng, np.random.SeedSequence):
         count("rng", rng, least=0)
@@ -99,7 +102,10 @@ def plan_of(
     coarsest = 2 ** (levels - 1)
     dt = float(dt)
     horizon = _horizon(horizon, impacts, dt * coarsest, scheme)
-    named = {name: _checked(name, itinerary, impacts) for name, itinerary in (itineraries or {}).items()}
+    itineraries = {} if itineraries is None else itineraries
+    if not isinstance(itineraries, Mapping):
+        raise InputError("itineraries", itineraries, "give a mapping from names to sequences of mesh * side")
+    named = {name: _checked(name, itinerary, impacts) for name, itinerary in itineraries.items()}
     plan = Plan(
         scene=scene, paths=paths if is_random(scene) else 1, impacts=impacts, dt=dt, scheme=scheme,
         seed=rng if isinstance(rng, np.random.SeedSequence) else np.random.SeedSequence(rng),
@@ -147,6 +153,10 @@ def _checked(name: str, itinerary: Sequence[int], impacts: int) -> tuple[int, ..
     field = f"itineraries[{name!r}]"
     if name == NOISE_FREE:
         raise InputError("itineraries", name, "this name is taken by the noise-free path")
+    try:
+        itinerary = list(itinerary)
+    except TypeError:
+        raise InputError(field, itinerary, f"needs one entry for each of {impacts} impacts") from None
     if len(itinerary) != impacts:
-        raise InputError(field, list(itinerary), f"needs one entry for each of {impacts} impacts")
+        raise InputError(field, itinerary, f"needs one entry for each of {impacts} impacts")
     return tuple(count(field, code, least=-2, most=2) for code in itinerary)

@@ -44,9 +44,9 @@ def extrapolated(fine: CentralSums, coarse: CentralSums) -> dict[str, StepBias]:
     Returns
     -------
     dict of str to StepBias
-        ``mean`` and ``sd``.
+        ``mean`` and ``sd``; NaN where no path has arrived.
     """
-    n = fine.n
+    n = np.where(fine.n > 0, fine.n, np.nan)
     v = {(p, q): fine.moment(p, q) for p, q in ((2, 0), (1, 1), (0, 2), (4, 0), (2, 2), (0, 4))}
     sd = np.sqrt(np.stack([v[2, 0], v[0, 2], coarse.moment(0, 2)]))
     means = np.stack([fine.mean[0], fine.mean[1], coarse.mean[1]])
@@ -54,6 +54,7 @@ def extrapolated(fine: CentralSums, coarse: CentralSums) -> dict[str, StepBias]:
     spread = ([v[2, 0], v[1, 1], v[0, 2]], _sd_influence(v, sd[0], sd[1]))
     found = {}
     for moment, values, (ff, fc, cc) in (("mean", means, spread[0]), ("sd", sd, spread[1])):
+        values = np.where(fine.n > 0, values, np.nan)
         bias = values[1] - values[0]
         found[moment] = StepBias(
             bias,

@@ -2,6 +2,8 @@
 
 __all__ = ["FileError", "InputError", "OutputError", "RattleError"]
 
+LONGEST = 300  # characters of a value in a message
+
 
 class RattleError(Exception):
     """Base of every error that this project raises on purpose."""
@@ -26,8 +28,17 @@ class InputError(RattleError, ValueError):
     """
 
     def __init__(self, field: str, value: object, remedy: str) -> None:
-        super().__init__(f"{field} = {value!r}: {remedy}")
+        super().__init__(f"{field} = {_shown(value)}: {remedy}")
         self.field, self.value, self.remedy = field, value, remedy
+
+
+def _shown(value: object) -> str:
+    """A value as it was given, cut where it is long; an integer of thousands of digits has no decimal form."""
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):
+        return f"<{type(value).__name__}>"
+    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 
 
 class FileError(InputError):

@@ -23,6 +23,8 @@ def read_text(what: str, path: str | Path) -> str:
         raise FileError(what, str(path), "is not UTF-8 text; give a TOML file") from None
     except OSError as error:
         raise FileError(what, str(path), f"cannot be read ({error.strerror}); give a TOML file") from None
+    except (TypeError, ValueError):  # no path at all, or one with a null character in it
+        raise FileError(what, path, "is no path; give that of a TOML file") from None
 
 
 def read_toml(text: str) -> dict[str, Any]:
@@ -33,9 +35,11 @@ def read_toml(text: str) -> dict[str, Any]:
     >>> read_toml("sigma = 0.1")
     {'sigma': 0.1}
     """
+    if not isinstance(text, str):
+        raise FileError("TOML", text, "give text")
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # a number of thousands of digits raises one that is not of TOML
         raise FileError("TOML", str(error), "correct the file at that place") from None
     except RecursionError:
         raise FileError("TOML", text[:20], "is nested too deeply; give a file that people write") from None

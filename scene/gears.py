@@ -3,16 +3,17 @@
 from dataclasses import dataclass, fields
 
 from scene.errors import InputError
-from scene.validate import finite, non_negative, positive, unit_interval
+from scene.validate import finite, non_negative, positive, ranged, unit_interval
 
 __all__ = ["DAT21", "Gears"]
 
 KG_MM_PER_S2_PER_N = 1000.0  # 1 N = 1000 kg mm / s^2
+SIZES = (1e-12, 1e12)  # of what is not 0, in the units below
 
 
 @dataclass(frozen=True, kw_only=True)
 class Gears:
-    """Physical data of the driver and the two loose wheels.
+    """Physical data of the driver and the two loose wheels; what is not 0 lies between 1e-12 and 1e12.
 
     Parameters
     ----------
@@ -62,9 +63,10 @@ class Gears:
         for f in fields(self):
             object.__setattr__(self, f.name, finite(f.name, getattr(self, f.name)))
         for name in ("omega", "inertia1", "inertia2", "radius1", "radius2", "backlash1", "backlash2"):
-            positive(name, getattr(self, name))
-        for name in ("alpha", "damping1", "damping2", "torque1", "torque2"):
-            non_negative(name, getattr(self, name))
+            ranged(name, positive(name, getattr(self, name)), *SIZES)
+        for name in ("damping1", "damping2", "torque1", "torque2"):
+            ranged(name, non_negative(name, getattr(self, name)), *SIZES)
+        non_negative("alpha", self.alpha)
         unit_interval("epsilon", self.epsilon)
 
     @property

@@ -10,7 +10,7 @@ from scene.compiled import jit
 
 __all__ = [
     "SECTION", "STATE", "Realizability", "central_from_raw", "correlation", "gaussian_raw_moments",
-    "realizability",
+    "realizability", "semidefinite",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -78,6 +78,27 @@ def _smallest_eigenvalue(vx: float, cross: float, vy: float) -> float:
     a, b, d = vx / scale, cross / scale, vy / scale
     mean, half = 0.5 * (a + d), math.hypot(0.5 * (a - d), b)
     return scale * (mean - half if mean <= 0.0 else (a * d - b * b) / (mean + half))
+
+
+def semidefinite(covariance: Floats, scale: Floats) -> Floats:
+    """A covariance that came from the difference of larger ones, without the negative eigenvalues that rounding left.
+
+    `scale` are sds of what was subtracted.  What is beyond rounding is left as it is, and so is what is semidefinite.
+
+    Examples
+    --------
+    >>> semidefinite(np.array([[1.0, 0.0], [0.0, -1e-17]]), np.array([1.0, 0.1])).tolist()
+    [[1.0, 0.0], [0.0, 0.0]]
+    """
+    if not np.isfinite(covariance).all():
+        return covariance
+    size = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh(covariance / size[:, None] / size)
+    judged = [realizability(covariance[i : i + 2, i : i + 2]).realizable for i in range(0, len(covariance), 2)]
+    if (values[0] >= 0.0 and all(judged)) or values[0] < -ROUNDING * max(values[-1], 1.0):
+        return covariance
+    root = size[:, None] * vectors * np.sqrt(np.where(values > 0.0, values, 0.0))
+    return np.asarray(root @ root.T)
 
 
 @jit

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scene.errors import InputError
 from scene.files import read_text, read_toml
 from scene.gears import Gears
-from scene.validate import choice, count, finite, known_keys, non_negative, positive, unit_interval
+from scene.validate import choice, count, finite, known_keys, non_negative, positive, ranged, unit_interval
 
 __all__ = ["Constants", "Scene", "Start", "Tolerance"]
 
@@ -27,6 +27,12 @@ UNIT_VARIANCE = {
 }
 """Variance of c for ``c_max = 1``, by law."""
 DRAWS = ("path", "contact")
+
+TINY = 1e-30
+"""Least size of a number that is not 0: sixth moments of what it makes are still floats."""
+LARGEST = {"alpha": 1e6, "beta1": 1e4, "beta2": 1e4, "gamma1": 1e6, "gamma2": 1e6, "sigma": 1e6}
+GAPS = (1e-9, 1e6)
+SPEED, TIME = 1e6, 1e12  # largest of a start: a float leaves 1e-4 of a time of 1e12
 
 
 class Constants(NamedTuple):
@@ -55,7 +61,7 @@ class Tolerance:
     Parameters
     ----------
     c1_max, c2_max : float
-        Largest deviation at each mesh; below the half gap.
+        Largest deviation at each mesh; below the half gap, and 0 or at least 1e-30.
     law : {"uniform", "fixed", "normal"}
         ``fixed`` puts every gap at ``+c_max``; ``uniform`` on ``[-c_max, c_max]``; ``normal`` with
         standard deviation ``c_max / 2``, truncated at ``c_max``.
@@ -81,7 +87,8 @@ class Tolerance:
 
     def __post_init__(self) -> None:
         for name in ("c1_max", "c2_max"):
-            object.__setattr__(self, name, non_negative(f"tolerance.{name}", getattr(self, name)))
+            object.__setattr__(self, name, finite(f"tolerance.{name}", getattr(self, name)))
+            ranged(f"tolerance.{name}", non_negative(f"tolerance.{name}", getattr(self, name)), TINY, GAPS[1])
         choice("tolerance.law", self.law, UNIT_VARIANCE)
         choice("tolerance.draw", self.draw, DRAWS)
 
@@ -98,9 +105,9 @@ class Start:
     Parameters
     ----------
     tau : float
-        Time of the start; its phase is the phase of the excitation ``alpha sin tau``, kept however late it is.
+        Time of the start, up to 1e12 in size; its phase is the phase of the excitation ``alpha sin tau``, kept exactly.
     x1, y1, x2, y2 : float
-        Relative displacement and velocity of both stages.
+        Relative displacement and velocity of both stages; a velocity is 0 or between 1e-30 and 1e6 in size.
     mesh : {1, 2, 0}
         The mesh that is struck at once (the state is the one just before that impact), or 0 for a
         start in flight.  The impact of the start is number 0; tables count from the next one.
@@ -121,6 +128,9 @@ class Start:
     def __post_init__(self) -> None:
         for name in ("tau", "x1", "y1", "x2", "y2"):
             object.__setattr__(self, name, finite(f"start.{name}", getattr(self, name)))
+        ranged("start.tau", self.tau, 0.0, TIME)
+        for name, most in (("x1", GAPS[1]), ("x2", GAPS[1]), ("y1", SPEED), ("y2", SPEED)):
+            ranged(f"start.{name}", getattr(self, name), TINY, most)
         object.__setattr__(self, "mesh", count("start.mesh", self.mesh, least=0, most=2))
 
 
@@ -128,22 +138,24 @@ class Start:
 class Scene:
     """A rattling system, its noise, its tolerances and its start (dimensionless).
 
+    What is not 0 is at least 1e-30, but for the dampings: moments of less would vanish in the floats.
+
     Parameters
     ----------
     alpha : float
-        Excitation amplitude.
+        Excitation amplitude, 0 to 1e6.
     epsilon : float
         Restitution, 0 to 1.
     beta1, beta2 : float
-        Damping ratios in flight.
+        Damping ratios in flight, 0 to 1e4.
     gamma1, gamma2 : float
-        Constant drags.
+        Constant drags, 0 to 1e6.
     mu : float
         Share of the mesh-2 impulse that wheel 1 takes, between 0 and 1.
     gap1, gap2 : float
-        Half gaps.
+        Half gaps, 1e-9 to 1e6.
     sigma : float
-        Intensity of the white noise that modulates the excitation.
+        Intensity of the white noise that modulates the excitation, 0 to 1e6.
     tolerance : Tolerance, optional
         Random part of the half gaps.
     start : Start, optional
@@ -186,13 +198,15 @@ class Scene:
         for f in fields(self):
             if f.type is float or f.type == "float":
                 object.__setattr__(self, f.name, finite(f.name, getattr(self, f.name)))
-        for name in ("alpha", "beta1", "beta2", "gamma1", "gamma2", "sigma"):
-            non_negative(name, getattr(self, name))
-        unit_interval("epsilon", self.epsilon)
+        for name, most in LARGEST.items():
+            least = 0.0 if name.startswith("beta") else TINY
+            ranged(name, non_negative(name, getattr(self, name)), least, most)
+        ranged("epsilon", unit_interval("epsilon", self.epsilon), TINY, 1.0)
         for name in ("gap1", "gap2"):
-            positive(name, getattr(self, name))
+            ranged(name, positive(name, getattr(self, name)), *GAPS, zero=False)
         if self.stages == 2 and not 0.0 < self.mu < 1.0:
             raise InputError("mu", self.mu, "two stages need mu = I2 R1^2 / (I1 R2^2 + I2 R1^2), between 0 and 1")
+        ranged("mu", self.mu, TINY, 1.0)
         self._check_tolerance()
         if self.start is None:
             object.__setattr__(self, "start", Start(0.0, self.gap1, 2.0, self.gap2, 2.0, mesh=1))
@@ -361,7 +375,7 @@ class Scene:
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> "Scene":
         """A scene from the form that `to_dict` gives."""
-        known_keys("top level", data, ("gears", "scene"))
+        known_keys("top level", _table("scene", data), ("gears", "scene"))
         settings = _table("scene", data.get("scene", {}))
         parts = {"tolerance": Tolerance, "start": Start}
         for name, kind in parts.items():

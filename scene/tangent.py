@@ -37,7 +37,7 @@ class Stretch(NamedTuple):
         ``(x1, y1, x2, y2)`` just before the impact.
     growth : ndarray, shape (impacts, 4)
         Logarithms by which a frame of neighbours has grown since the last impact, along its four axes (two for a
-        single stage, the others 0).
+        single stage, the others 0); minus infinity along an axis that the impact or the damping has brought to nothing.
     """
 
     flight: Floats
@@ -92,6 +92,32 @@ def carry_frame(c: Constants, t: float, frame: Floats) -> None:
 
 
 @jit
+def _replace(frame: Floats, size: int, k: int) -> None:
+    """Make column k of a frame a unit vector across the columns before it: of the axes, the one most across them."""
+    best, axis = -1.0, 0
+    for a in range(size):
+        across = 1.0
+        for j in range(k):
+            across -= frame[a, j] * frame[a, j]
+        if across > best:
+            best, axis = across, a
+    for i in range(size):
+        frame[i, k] = 1.0 if i == axis else 0.0
+    for _ in range(2):
+        for j in range(k):
+            dot = 0.0
+            for i in range(size):
+                dot += frame[i, j] * frame[i, k]
+            for i in range(size):
+                frame[i, k] -= dot * frame[i, j]
+    length = 0.0
+    for i in range(size):
+        length += frame[i, k] * frame[i, k]
+    for i in range(size):
+        frame[i, k] /= np.sqrt(length)
+
+
+@jit
 def _orthonormalise(frame: Floats, size: int, growth: Floats) -> None:
     """Gram and Schmidt, twice over, on the first `size` rows and columns, in place; adds logarithms of lengths."""
     for k in range(size):
@@ -107,6 +133,9 @@ def _orthonormalise(frame: Floats, size: int, growth: Floats) -> None:
             length += frame[i, k] * frame[i, k]
         length = np.sqrt(length)
         growth[k] += np.log(length)
+        if not length > 0.0:  # without restitution, or damped to nothing: this direction is forgotten
+            _replace(frame, size, k)
+            continue
         for i in range(size):
             frame[i, k] /= length
 

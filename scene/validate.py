@@ -7,14 +7,19 @@ from numbers import Integral, Real
 
 from scene.errors import InputError
 
-__all__ = ["choice", "count", "finite", "known_keys", "nearest", "non_negative", "positive", "unit_interval"]
+__all__ = [
+    "choice", "count", "finite", "known_keys", "nearest", "non_negative", "positive", "ranged", "unit_interval",
+]  # fmt: skip
 
 
 def finite(field: str, value: object) -> float:
     """A finite real number as a float; booleans and strings are refused."""
     if isinstance(value, bool) or not isinstance(value, Real):
         raise InputError(field, value, "give a number")
-    number = float(value)
+    try:
+        number = float(value)
+    except OverflowError:  # an integer or a fraction beyond the floats
+        number = math.inf
     if not math.isfinite(number):
         raise InputError(field, value, "give a finite number")
     return number
@@ -41,6 +46,22 @@ def unit_interval(field: str, value: float) -> float:
     return value
 
 
+def ranged(field: str, value: float, least: float, most: float, zero: bool = True) -> float:
+    """A number whose size lies between two others, or 0 where that is allowed.
+
+    Examples
+    --------
+    >>> ranged("alpha", 1e200, 1e-30, 1e6)
+    Traceback (most recent call last):
+    ...
+    scene.errors.InputError: alpha = 1e+200: must be 0 or between 1e-30 and 1e+06 in size
+    """
+    size = abs(finite(field, value))
+    if not least <= size <= most and not (zero and size == 0.0):
+        raise InputError(field, value, f"must be {'0 or ' if zero else ''}between {least:g} and {most:g} in size")
+    return value
+
+
 def count(field: str, value: object, least: int = 1, most: int | None = None) -> int:
     """A whole number of at least `least` (and at most `most`)."""
     if isinstance(value, bool) or not isinstance(value, Integral):
@@ -56,21 +77,21 @@ def count(field: str, value: object, least: int = 1, most: int | None = None) ->
 def nearest(word: str, valid: Iterable[str]) -> str:
     """The tail of a message about an unknown name: the nearest valid one, or all of them."""
     names = list(valid)
-    close = get_close_matches(word, names, n=1)
+    close = get_close_matches(word[:100], names, n=1)
     return f"did you mean {close[0]!r}?" if close else "valid are " + ", ".join(map(repr, names))
 
 
 def choice(field: str, value: object, valid: Iterable[str]) -> str:
     """One of a set of names."""
     names = list(valid)
-    if value not in names:
-        raise InputError(field, value, nearest(str(value), names))
-    return str(value)
+    if not isinstance(value, str) or value not in names:
+        raise InputError(field, value, nearest(value if isinstance(value, str) else "", names))
+    return value
 
 
 def known_keys(where: str, given: Iterable[str], valid: Iterable[str]) -> None:
     """Refuse a key that is not among the valid ones, and name the nearest."""
     names = list(valid)
     for key in given:
-        if key not in names:
-            raise InputError(where, key, f"unknown key; {nearest(key, names)}")
+        if not isinstance(key, str) or key not in names:
+            raise InputError(where, key, f"unknown key; {nearest(key if isinstance(key, str) else '', names)}")

@@ -1,6 +1,7 @@
 """A page as plain data: written as ``page.json``, read back and checked."""
 
 import dataclasses
+import hashlib
 import json
 import types
 import typing
@@ -31,10 +32,11 @@ def page_text(page: Page) -> str:
     Examples
     --------
     >>> from compare.page import Page, Source
-    >>> print(page_text(Page("t", ("a",), Source("again"))).strip())
-    {"format": "rattle page", "version": 1, "page": {"title": "t", "answer": ["a"], "source": {"repeat": "again"}}}
+    >>> json.loads(page_text(Page("t", ("a",), Source("again"))))["page"]
+    {'title': 't', 'answer': ['a'], 'source': {'repeat': 'again'}}
     """
-    data = {"format": FORMAT, "version": VERSION, "page": _plain(page)}
+    plain = _plain(page)
+    data = {"format": FORMAT, "version": VERSION, "sha256": _digest(plain), "page": plain}
     return json.dumps(data, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -64,6 +66,8 @@ def read_page(path: Path) -> Page:
             why = f"comes from a newer version of rattle (page {version}; this one reads {VERSION}); update rattle"
             raise FileError("page", str(path), why)
         page: Page = _read(Page, data.get("page"), "page")
+        if "sha256" in data and data["sha256"] != _digest(data["page"]):  # an earlier version wrote none
+            raise _Refused("sha256", "the page was changed after it was written")
     except OSError as error:
         raise FileError("page", str(path), f"cannot be read ({error.strerror})") from None
     except _Refused as error:
@@ -73,6 +77,10 @@ def read_page(path: Path) -> Page:
             raise
         raise FileError("page", str(path), f"is no page of a report ({error})") from None
     return page
+
+
+def _digest(plain: Any) -> str:
+    return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()
 
 
 def _plain(value: Any) -> Any:

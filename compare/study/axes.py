@@ -22,6 +22,7 @@ FIELDS = tuple(
     [f.name for f in fields(Scene) if f.init and f.name not in PARTS]
     + [f"{part}.{f.name}" for part, kind in PARTS.items() for f in fields(kind)]
 )
+MOST_POINTS = 100_000  # of a grid
 EXAMPLE = "write { log = [0.001, 2.0, 24] }, { linear = [0.5, 1.5, 11] } or a list of values"
 
 
@@ -58,6 +59,8 @@ def read_axes(tables: Sequence[Mapping[str, Any]]) -> tuple[Axis, ...]:
     ((0.4, 0.5), (0.5, 0.6))
     """
     found: list[Axis] = []
+    if isinstance(tables, str | Mapping) or not isinstance(tables, Sequence):
+        raise InputError("axes", tables, "write each axis as a table [[axes]]")
     for table in tables:
         if not isinstance(table, Mapping) or not table:
             raise InputError("axes", table, "give each [[axes]] a field and its values, as in sigma = [0.1, 0.2]")
@@ -70,6 +73,9 @@ def read_axes(tables: Sequence[Mapping[str, Any]]) -> tuple[Axis, ...]:
     for name in names:
         if names.count(name) > 1:
             raise InputError("axes", name, "varies along two axes; keep one")
+    points = math.prod(len(axis.values) for axis in found)
+    if points > MOST_POINTS:
+        raise InputError("axes", points, f"points make the grid; it may have {MOST_POINTS}: take fewer values")
     return tuple(found)
 
 
@@ -101,6 +107,9 @@ def _values(name: str, given: Any) -> tuple[Any, ...]:
         raise InputError(field, given, EXAMPLE)
     if not values:
         raise InputError(field, given, "has no values; " + EXAMPLE)
+    for value in values:
+        if isinstance(value, Sequence | Mapping) and not isinstance(value, str):
+            raise InputError(field, value, "each value is a number or a name")
     if len(set(values)) < len(values):
         raise InputError(field, given, "holds a value twice")
     return values
@@ -111,7 +120,7 @@ def _spaced(field: str, kind: str, ends: Any) -> tuple[float, ...]:
     if not isinstance(ends, Sequence) or isinstance(ends, str) or len(ends) != 3:
         raise InputError(field, ends, "give [LOW, HIGH, POINTS]")
     low, high = finite(f"{field} LOW", ends[0]), finite(f"{field} HIGH", ends[1])
-    points = count(f"{field} POINTS", ends[2], least=2)
+    points = count(f"{field} POINTS", ends[2], least=2, most=MOST_POINTS)
     if kind == "log":
         positive(f"{field} LOW", low)
     if high <= low:

@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from compare.manifest import is_whole
 from compare.page import pages
 from compare.study.design import Study
 from compare.study.tables import MANIFEST, TABLES, damaged
@@ -19,9 +20,9 @@ def is_current(study: Study, folder: Path) -> dict[str, Any] | None:
     """The record of what is in a folder, if it is of this study and all of its cells; else None."""
     try:
         record: dict[str, Any] = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-        if not isinstance(record, dict):
-            return None
     except (OSError, ValueError, RecursionError):
+        return None
+    if not isinstance(record, dict) or not is_whole(record):
         return None
     if record.get("cells_sha256") != cells_digest(study) or not record.get("complete"):
         return None

@@ -35,7 +35,7 @@ def _shown(impacts: int) -> list[int]:
 def _along(ax: Axes, name: str, values: Sequence[float]) -> None:
     """Scale and label of the field's axis: logarithmic where values reach over more than a decade."""
     ax.set_xlabel(axis_label(name))
-    if min(values) > 0.0 and max(values) / min(values) > 10.0:
+    if len(values) and min(values) > 0.0 and max(values) / min(values) > 10.0:
         ax.set_xscale("log")
         ax.xaxis.set_major_formatter("{x:g}")
 
@@ -92,7 +92,7 @@ def frontier(r: Results, rows: pd.DataFrame) -> Figure:
         )
     ax.plot([], [], color="0.3", ls=":", lw=1.5, label="no moment refuted")
     values = [float(v) for v in pd.unique(r.errors[name])]
-    if min(values) > 0.0 and max(values) / min(values) > 10.0:
+    if len(values) and min(values) > 0.0 and max(values) / min(values) > 10.0:
         ax.set_yscale("log")
         ax.yaxis.set_major_formatter("{x:g}")
     ax.set_ylim(min(values), max(values) * 1.1)
@@ -175,7 +175,10 @@ def paired(r: Results, rows: pd.DataFrame) -> Figure:
     part = rows[(rows["se"] > 0.0) & (rows["se_independent"] > 0.0)]
     part = part.assign(gain=part["se_independent"] / part["se"], middle=0.5 * (part["from"] + part["to"]))
     for moment, style in MOMENT_STYLE.items():
-        gains = part[part["moment"] == moment].groupby("middle")["gain"].quantile([0.1, 0.5, 0.9]).unstack()
+        known = part[part["moment"] == moment]
+        if known.empty:  # too few batches to tell an error
+            continue
+        gains = known.groupby("middle")["gain"].quantile([0.1, 0.5, 0.9]).unstack()
         ax.plot(gains.index, gains[0.5], lw=1.4, ms=4, label=f"{moment}s: median, 10 to 90 %", **style)
         ax.fill_between(gains.index, gains[0.1], gains[0.9], color=style["color"], alpha=BAND, lw=0)
     ax.axhline(1.0, color="k", ls="--", lw=1.0)

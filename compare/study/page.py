@@ -115,10 +115,11 @@ def _written(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
         "complete": len(taken) == len(r.study.cells),
         "points": len(r.study.points), "cells": len(r.study.cells), "cells_sha256": cells_digest(r.study),
         "errors_sha256": _digest(r.errors), "sections_sha256": _digest(r.sections), "z": r.z,
+        "study_sha256": r.study.digest,
         "numerical_version": numerical_version(), "commit": manifest.commit(), "versions": manifest.versions(), **facts,
     }  # fmt: skip
     write_views(_page(r, record, drawn, tables["cost"], tables["reasons"], factor), folder, "study")
-    record["files"] = {file: file_digest(folder / file) for file in FILES}
+    record = manifest.sealed(record | {"files": {file: file_digest(folder / file) for file in FILES}})
     (folder / MANIFEST).write_text(json.dumps(record, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     return record
 

@@ -31,8 +31,8 @@ def paired_differences(one: Sampled, other: Sampled) -> pd.DataFrame:
             control = np.stack(list(other.batches[BATCH.format("control", quantity)]))[:, :batches]
             left = _residual(second - first, control) if moment == "mean" else _centred(second - first)
             freedom = batches - 1 - (moment == "mean")
-            se = alone = np.full(len(left), np.nan)  # one batch says nothing of its error
-            if freedom > 0:
+            se = alone = np.full(len(left), np.nan)
+            if freedom > 0:  # fewer batches tell no error
                 se = np.sqrt((left**2).sum(axis=1) / freedom / batches)
             if batches > 1:
                 alone = np.sqrt((first.var(axis=1, ddof=1) + second.var(axis=1, ddof=1)) / batches)

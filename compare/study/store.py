@@ -36,14 +36,15 @@ def _check_size(metadata: Any) -> None:
 
 
 def _digest(table: pd.DataFrame, facts: dict[str, Any]) -> str:
-    """Digest of the values of a table and of the facts beside it."""
-    digest = hashlib.sha256(json.dumps([*map(str, table.columns), facts], sort_keys=True).encode())
-    for name in table:
-        values = table[name].to_numpy()
-        if values.dtype == object:
+    """Digest of the values of a table, of their types and their index, and of the facts beside it."""
+    names = [*map(str, table.columns), str(table.index.name), facts]
+    digest = hashlib.sha256(json.dumps(names, sort_keys=True).encode())
+    for values in (table.index.to_numpy(), *(table[name].to_numpy() for name in table)):
+        if values.dtype == object and len(values):
             values = np.concatenate(values) if isinstance(values[0], np.ndarray) else values.astype(str)
         if values.dtype.kind == "f":
             values = np.where(np.isnan(values), np.nan, values)  # one NaN is as good as another
+        digest.update(f"{values.dtype.str} {values.shape}".encode())
         digest.update(np.ascontiguousarray(values).tobytes())
     return digest.hexdigest()
 
@@ -119,8 +120,8 @@ class Store:
             return stored
         except FileNotFoundError:  # set aside by another process in this moment
             return None
-        except (pa.ArrowException, ValueError, LookupError, TypeError, OSError, RecursionError) as error:
-            self.set_aside(key, str(error))
+        except Exception as error:  # a damaged file makes pyarrow and pandas raise whatever they meet in it
+            self.set_aside(key, (str(error) or type(error).__name__).splitlines()[0])
             return None
 
     def write(self, key: str, table: pd.DataFrame, facts: dict[str, Any]) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from compare.manifest import not_newer
+from compare.manifest import is_whole, not_newer
 from compare.moments import Tolerances, judge
 from compare.study.design import Study
 from scene.errors import FileError
@@ -75,7 +75,7 @@ def load(folder: str | Path) -> Tables:
     Raises
     ------
     FileError
-        If the folder holds no finished study.
+        If the folder holds no finished study, or a file in it is not what was written.
 
     Examples
     --------
@@ -84,21 +84,35 @@ def load(folder: str | Path) -> Tables:
     ...
     scene.errors.FileError: study folder = 'nowhere': holds no finished study; give what rattle study has written
     """
+    if not isinstance(folder, str | Path):
+        raise FileError("study folder", folder, "is no path; give that of what rattle study has written")
     place = Path(folder)
     try:
         record = json.loads((place / MANIFEST).read_text(encoding="utf-8"))
+        if not isinstance(record, dict):
+            raise ValueError
         not_newer(record, place / MANIFEST)
-        if "files" in record and (lost := damaged(place, record, [f"{name}.parquet" for name in TABLES])):
-            raise FileError(
-                "study folder", str(folder), f"{lost[0]} is damaged; run rattle study again, it is soon mended"
-            )
-        tables = {name: pd.read_parquet(place / f"{name}.parquet") for name in TABLES}
     except FileError:
         raise
-    except (OSError, ValueError, AttributeError, RecursionError):
+    except (OSError, ValueError, RecursionError):
         why = "holds no finished study; give what rattle study has written"
         raise FileError("study folder", str(folder), why) from None
-    return Tables(Study.load(place / FILE), record, **tables)
+    mended = "is damaged; run rattle study again, it is soon mended"
+    if not is_whole(record):
+        raise FileError("study folder", str(folder), f"{MANIFEST} {mended}")
+    files = [f"{name}.parquet" for name in TABLES]
+    if "files" in record and (lost := damaged(place, record, files)):  # an earlier version kept no digests
+        raise FileError("study folder", str(folder), f"{lost[0]} {mended}")
+    tables = {}
+    for name, file in zip(TABLES, files, strict=True):
+        try:
+            tables[name] = pd.read_parquet(place / file)
+        except Exception:  # pyarrow and pandas raise whatever they meet in a damaged file
+            raise FileError("study folder", str(folder), f"{file} {mended}") from None
+    study = Study.load(place / FILE)
+    if record.get("study_sha256") not in (None, study.digest):
+        raise FileError("study file", str(place / FILE), "is not the one of these tables; give it to rattle again")
+    return Tables(study, record, **tables)
 
 
 def damaged(folder: Path, record: dict[str, Any], files: Iterable[str]) -> list[str]:

@@ -49,7 +49,7 @@ def read(path: Path) -> dict[str, Any]:
         found = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise FileError("baseline", str(path), f"cannot be read ({error.strerror})") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise FileError("baseline", str(path), f"is damaged ({error}); restore it, or remove and record it") from None
     if not isinstance(found.get("values"), dict):
         raise FileError("baseline", str(path), "has no table [values]; restore it, or remove and record it")

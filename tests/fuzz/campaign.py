@@ -1,0 +1,181 @@
+"""Try very many scenes once: ``PYTHONPATH=. python tests/fuzz/campaign.py``.
+
+Every scene goes through one entry point, drawn with the scene.  Finished chunks are kept in a working folder, so that
+the same command goes on where it was ended; the counts, their figure and what the slowest scenes were go to the report.
+"""
+
+import argparse
+import json
+import sys
+import time
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import cache
+from math import log10
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import pandas as pd
+from fuzz_checks import check
+from fuzz_plan import BOUND, PLAN, examples, warm_up
+from fuzz_watched import Watched
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import strategies as st
+from tqdm import tqdm
+
+from compare import manifest
+from compare.folder import check_free, whole_folder
+
+CHUNK = 500  # scenes
+RARE = {"validate": 1, "branching": 4}  # in 100 scenes; the rest is shared by the others
+COLOURS = {"complete": "#4c9f70", "stopped": "#e3b23c", "refused": "#8d99ae", "defect": "#c1292e"}
+NAMES = frozenset({"outcomes.csv", "summary.json", "outcomes.svg"})
+
+
+@st.composite
+def jobs(draw: st.DrawFn) -> tuple[str, dict[str, Any], dict[str, Any]]:
+    """An entry point, a scene, and settings."""
+    often = [name for name in PLAN if name not in RARE]
+    number, limit = draw(st.integers(0, 99)), 0
+    for name, share in RARE.items():
+        limit += share
+        if number < limit:
+            return name, *draw(examples(name))
+    name = often[number % len(often)]
+    return name, *draw(examples(name))
+
+
+def decade(data: dict[str, Any]) -> int:
+    """Decade of the time in which a typical path crosses the narrowest half gap."""
+    scene = data["scene"] | data.get("gears", {})
+    start = scene.get("start", {"y1": 2.0, "y2": 2.0})
+    speed = max(scene["alpha"] + scene["sigma"], abs(start["y1"]), abs(start["y2"]))
+    gaps = [scene.get("gap1", 0.5), scene.get("gap2", 0.5)][: scene["stages"]]
+    return max(-12, min(9, int(log10(min(gaps) / speed) // 1))) if speed > 0.0 else 9
+
+
+@cache
+def _watched() -> Watched:
+    return Watched(check, BOUND, warm_up(*PLAN))
+
+
+def run_chunk(number: int, scenes: int, first_seed: int) -> dict[str, Any]:
+    """Counts by (entry, how it ended, why, decade), defects, and the slowest scene of each entry point."""
+    counts: Counter[tuple[str, str, str, int]] = Counter()
+    defects: list[dict[str, Any]] = []
+    slowest: dict[str, Any] = {}
+    watched = _watched()
+
+    @seed(first_seed + number)
+    @settings(
+        max_examples=scenes, database=None, deadline=None, phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
+    )  # fmt: skip
+    @given(jobs())
+    def tried(job: tuple[str, dict[str, Any], dict[str, Any]]) -> None:
+        found = watched.run(*job)
+        entry, data, _ = job
+        ended, why = ("defect", found.ended) if found.defect else (found.ended, found.detail)
+        counts[entry, ended, why, decade(data)] += 1
+        if found.defect:
+            defects.append({"job": repr(job), "ended": found.ended, "detail": found.detail[-3000:]})
+        elif found.seconds > slowest.get(entry, {"seconds": 0.0})["seconds"]:
+            slowest[entry] = {"seconds": round(found.seconds, 3), "job": repr(job)}
+
+    tried()
+    rows = [[*key, count] for key, count in counts.items()]
+    return {"chunk": number, "rows": rows, "defects": defects, "slowest": slowest}
+
+
+def gathered(chunks: list[dict[str, Any]]) -> tuple[pd.DataFrame, list[dict[str, Any]], dict[str, Any]]:
+    """All chunks together."""
+    columns = ["entry", "ended", "why", "decade", "scenes"]
+    table = pd.DataFrame([row for c in chunks for row in c["rows"]], columns=columns)
+    table = table.groupby(columns[:-1], as_index=False)["scenes"].sum()
+    slowest: dict[str, Any] = {}
+    for chunk in chunks:
+        for entry, found in chunk["slowest"].items():
+            if found["seconds"] > slowest.get(entry, {"seconds": 0.0})["seconds"]:
+                slowest[entry] = found
+    return table, [d for c in chunks for d in c["defects"]], slowest
+
+
+def drawn(table: pd.DataFrame) -> Any:
+    """Share of outcomes of each entry point over the time in which a typical path crosses the narrowest half gap."""
+    figure, axes = plt.subplots(3, 4, figsize=(11.0, 6.6), sharex=True, sharey=True, layout="constrained")
+    for ax, entry in zip(axes.flat, PLAN, strict=False):
+        part = table[table["entry"] == entry].pivot_table("scenes", "decade", "ended", "sum", fill_value=0)
+        shares, bottom = part.div(part.sum(axis=1), axis=0), 0.0 * part.sum(axis=1)
+        for ended, colour in COLOURS.items():
+            if ended in shares:
+                ax.bar(shares.index + 0.5, shares[ended], 1.0, bottom=bottom, color=colour, label=ended)
+                bottom = bottom + shares[ended]
+        ax.set_title(f"{entry} ({int(part.to_numpy().sum()):,})", fontsize=9)
+    for ax in axes.flat[len(PLAN) :]:
+        ax.set_visible(False)
+    figure.supxlabel("narrowest half gap over typical speed, log10")
+    figure.supylabel("share of the scenes")
+    handles = [plt.Rectangle((0, 0), 1, 1, color=c) for c in COLOURS.values()]
+    figure.legend(handles, COLOURS, loc="lower right", ncols=2, frameon=False)
+    return figure
+
+
+def report(out: Path, chunks: list[dict[str, Any]], facts: dict[str, Any]) -> dict[str, Any]:
+    """Write the counts, the summary and the figure."""
+    table, defects, slowest = gathered(chunks)
+    tried = int(table["scenes"].sum())
+    ended = table.groupby("ended")["scenes"].sum().to_dict()
+    summary = {
+        "scenes": tried, "ended": {k: int(v) for k, v in ended.items()}, "defects": len(defects),
+        "entries": {
+            e: {str(k): int(v) for k, v in part.groupby("ended")["scenes"].sum().items()}
+            for e, part in table.groupby("entry")
+        },
+        "bound_seconds": BOUND, "slowest": slowest, "commit": manifest.commit(), "versions": manifest.versions(),
+        **facts,
+    }  # fmt: skip
+    with whole_folder(out, NAMES, overwrite=True) as folder:
+        table.to_csv(folder / "outcomes.csv", index=False)
+        (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+        plt.rcParams["svg.hashsalt"] = "rattle"
+        drawn(table).savefig(folder / "outcomes.svg", metadata={"Date": None})
+    for defect in defects:
+        print(defect["ended"], defect["job"], defect["detail"], sep="\n", file=sys.stderr)
+    return summary
+
+
+def main() -> int:
+    """Run what is missing of a campaign, and report."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--scenes", type=int, default=100_000)
+    options.add_argument("--seed", type=int, default=0)
+    options.add_argument("--workers", type=int, default=2)
+    options.add_argument("--work", type=Path, default=Path("build/fuzz"), help="where finished chunks are kept")
+    options.add_argument("--out", type=Path, default=Path("reports/fuzz"))
+    given_options = options.parse_args()
+    check_free(given_options.out, NAMES, overwrite=True)
+    work = given_options.work / f"{manifest.commit()[:16]}-{given_options.seed}"
+    work.mkdir(parents=True, exist_ok=True)
+    numbers = range(-(-given_options.scenes // CHUNK))
+    chunks = [json.loads(p.read_text(encoding="utf-8")) for n in numbers if (p := work / f"{n}.json").exists()]
+    left = [n for n in numbers if not (work / f"{n}.json").exists()]
+    started = time.perf_counter()
+    with ProcessPoolExecutor(given_options.workers) as pool:
+        futures = [pool.submit(run_chunk, n, CHUNK, 1_000_000 * given_options.seed) for n in left]
+        for future in tqdm(as_completed(futures), total=len(left), unit="chunk", disable=None):
+            chunk = future.result()
+            scratch = work / f"{chunk['chunk']}.part"
+            scratch.write_text(json.dumps(chunk), encoding="utf-8")
+            scratch.rename(work / f"{chunk['chunk']}.json")
+            chunks.append(chunk)
+    facts = {"seed": given_options.seed, "seconds_of_this_call": round(time.perf_counter() - started, 1)}
+    summary = report(given_options.out, sorted(chunks, key=lambda c: int(c["chunk"])), facts)
+    print(
+        f"{summary['scenes']:,} scenes: {summary['ended']}, {summary['defects']} defects; report in {given_options.out}"
+    )
+    return 1 if summary["defects"] else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

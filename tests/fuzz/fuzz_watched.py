@@ -1,0 +1,99 @@
+"""A process of its own that is given jobs with a time bound, and killed where one outlasts it.
+
+Compiled loops answer no signal; only from outside can a hang be told from work.
+"""
+
+import multiprocessing
+import time
+import traceback
+import warnings
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+__all__ = ["Outcome", "Watched"]
+
+START = 300.0  # seconds for the first job, which compiles
+
+
+class Outcome(NamedTuple):
+    """How a job ended: ``complete``, ``stopped`` or ``refused``, or a defect: ``broken``, ``hung`` or ``died``."""
+
+    ended: str
+    detail: str
+    seconds: float
+
+    @property
+    def defect(self) -> bool:
+        """Whether this must never happen."""
+        return self.ended in ("broken", "hung", "died")
+
+
+def _serve(jobs: Any, function: Callable[..., tuple[str, str]]) -> None:
+    warnings.simplefilter("error")
+    while True:
+        try:
+            job = jobs.recv()
+        except EOFError:
+            return
+        started = time.perf_counter()
+        try:
+            ended, detail = function(*job)
+        except Exception:
+            ended, detail = "broken", traceback.format_exc()
+        jobs.send(Outcome(ended, detail, time.perf_counter() - started))
+
+
+class Watched:
+    """Runs a function, which gives how it ended and a detail, in a process that is started anew after a hang.
+
+    Parameters
+    ----------
+    function : callable
+        Of a module that a new process can import.
+    bound : float
+        Seconds that a job may take.
+    warm : tuple
+        Arguments of a first job, which may take as long as compiling does.
+    """
+
+    def __init__(self, function: Callable[..., tuple[str, str]], bound: float, warm: list[tuple[Any, ...]]) -> None:
+        self.function, self.bound, self.warm = function, bound, warm
+        self._process: Any = None
+
+    def run(self, *job: Any) -> Outcome:
+        """One job."""
+        if self._process is None:
+            self._begin()
+        return self._ask(job, self.bound)
+
+    def _begin(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._jobs, theirs = context.Pipe()
+        self._process = context.Process(target=_serve, args=(theirs, self.function), daemon=True)
+        self._process.start()
+        theirs.close()
+        for job in self.warm:
+            first = self._ask(job, START)
+            assert not first.defect, first.detail
+
+    def _ask(self, job: tuple[Any, ...], bound: float) -> Outcome:
+        started = time.perf_counter()
+        self._jobs.send(job)
+        try:
+            if self._jobs.poll(bound):
+                answer: Outcome = self._jobs.recv()
+                return answer
+            ended, detail = "hung", f"no answer within {bound:g} s"
+        except EOFError:
+            self._process.join()
+            ended, detail = "died", f"exit code {self._process.exitcode}"
+        self.close()
+        return Outcome(ended, detail, time.perf_counter() - started)
+
+    def close(self) -> None:
+        """End the process."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+            self._jobs.close()
+            self._process = None

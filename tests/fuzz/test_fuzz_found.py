@@ -1,0 +1,228 @@
+"""What fuzzing has found, kept as the smallest case of each."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from closure import follow, mean_map
+from closure.long_orbit import LongOrbit
+from compare import manifest, validate
+from compare.study.axes import read_axes
+from compare.study.store import Store, _digest
+from montecarlo import simulate
+from scene import DAT21, FileError, InputError, Scene, Start, Tolerance
+from scene.files import read_text, read_toml
+from scene.moments import semidefinite
+from scene.tangent import strike_frame
+
+PLAIN = {"alpha": 1.5, "epsilon": 0.9, "beta1": 0.08, "beta2": 0.08, "gamma1": 0.06, "gamma2": 0.03, "mu": 0.6}
+DAT = Scene.from_gears(DAT21, sigma=0.1)
+
+
+def scene(**changed):
+    return Scene(**(PLAIN | {"sigma": 0.1} | changed))
+
+
+@pytest.mark.parametrize(
+    ("field", "inside", "beyond"),
+    [
+        ("alpha", (0, 1e-30, 1e6), (5e-324, 1e-31, 1.1e6, 1e200)),
+        ("beta1", (0, 5e-324, 1e4), (1.1e4, 1e300)),
+        ("beta2", (0, 5e-324, 1e4), (1.1e4, 1e300)),
+        ("gamma1", (0, 1e-30, 1e6), (5e-324, 1.1e6)),
+        ("gamma2", (0, 1e-30, 1e6), (5e-324, 1.1e6)),
+        ("sigma", (0, 1e-30, 1e6), (5e-324, 1e-81, 1.1e6)),
+        ("epsilon", (0, 1e-30, 1.0), (5e-324, 1.1)),
+        ("mu", (1e-30, 1.0 - 2.0**-53), (5e-324, 1.0, 0.0)),
+        ("gap1", (1e-9, 1e6), (0.0, 9e-10, 1.1e6)),
+        ("gap2", (1e-9, 1e6), (0.0, 9e-10, 1.1e6)),
+    ],
+)
+def test_the_range_of_a_field(field, inside, beyond):
+    for value in inside:
+        assert getattr(scene(**{field: value}), field) == value
+    for value in beyond:
+        with pytest.raises(InputError, match=f"^{field} = "):
+            scene(**{field: value})
+
+
+@pytest.mark.parametrize("field", ["y1", "tau"])
+def test_the_range_of_a_start(field):
+    for value in {"y1": (0.0, -1e6, 1e-30), "tau": (-1e12, 1e12, 5e-324)}[field]:
+        assert getattr(Start(**{field: value}), field) == value
+    for value in {"y1": (1.1e6, 5e-324), "tau": (1.1e12,)}[field]:
+        with pytest.raises(InputError, match=rf"^start\.{field} = "):
+            Start(**{field: value})
+
+
+def test_a_tolerance_whose_variance_would_vanish_is_refused():
+    with pytest.raises(InputError, match="c1_max"):
+        Tolerance(1e-300)
+
+
+@pytest.mark.parametrize("value", [10**400, 10**5000, "x" * 10_000, np.array([0.5, 0.6]), [[]], 1j, {}], ids=type)
+def test_any_value_is_refused_in_a_short_message(value):
+    with pytest.raises(InputError, match=r"^alpha = ") as caught:
+        scene(alpha=value)
+    assert len(str(caught.value)) < 500
+    with pytest.raises(InputError, match=r"^tolerance.law = "):
+        Tolerance(0.1, law=value)
+
+
+def test_keys_and_texts_of_any_kind():
+    for data in (5, {5: 1.0}, {"scene": {5: 1.0}}, []):
+        with pytest.raises(InputError):
+            Scene.from_dict(data)
+    for text in ("a = " + "9" * 5000, "a = " + "[" * 5000, None):
+        with pytest.raises(FileError):
+            read_toml(text)
+    for path in ("\x00", 5, None):
+        with pytest.raises(FileError, match="is no path"):
+            read_text("scene file", path)
+
+
+def test_equal_dampings_leave_the_second_stage_without_noise_and_realizable():
+    """Its variance is what rounding leaves of a difference; a negative rest of it is no breakdown."""
+    for sigma in (0.001, 0.03, 0.3, 1.0):
+        m = mean_map(scene(sigma=sigma), impacts=3)
+        assert m.section["realizable"].to_list()[:1] == [True]
+        rho = m.section[["rho1", "rho2"]].to_numpy()
+        assert (np.isnan(rho) | (np.abs(rho) <= 1.0 + 1e-12)).all()
+
+
+def test_rounding_is_taken_out_of_a_covariance_and_nothing_else():
+    scale = np.array([1.0, 1.0])
+    beyond = np.array([[1.0, 0.0], [0.0, -1e-6]])
+    good = np.array([[1.0, 0.3], [0.3, 1.0]])
+    assert semidefinite(beyond, scale) is beyond
+    assert semidefinite(good, scale) is good
+    mended = semidefinite(np.array([[1.0, 1e-9], [1e-9, -1e-17]]), scale)
+    assert np.linalg.eigvalsh(mended)[0] >= -1e-30
+    assert np.abs(mended - np.array([[1.0, 1e-9], [1e-9, 0.0]])).max() < 1e-15
+
+
+def test_a_mean_flight_below_nothing_is_a_breakdown_of_the_series():
+    m = mean_map(scene(alpha=1.0, sigma=1.0, beta1=0.03, gamma1=0.02, gap1=1.0, stages=1), impacts=3)
+    assert m.section["flight"].min() < 0.0
+    assert m.breakdown.stage == 0
+    assert "mean time of flight" in m.breakdown.reason
+    assert not m.section.loc[m.breakdown.impact, "realizable"]
+
+
+def test_the_itinerary_ends_where_saltation_does():
+    start = Start(1e9, -1.0, -2e-9, 0.9, -1e-7, mesh=1)
+    m = mean_map(scene(gap1=1.0, gap2=1.0, start=start), impacts=3)
+    assert "grazes" in m.stopped
+    assert set(m.itinerary[m.trace.found :]) <= {0}
+
+
+def test_clock_times_end_with_the_orbit_and_not_with_its_shifted_mean():
+    m = mean_map(scene(sigma=1e6), impacts=3)
+    last = follow(m.scene, 3).tau[m.trace.found]
+    assert len(m.clock([0.5 * last])) == 1
+    with pytest.raises(InputError, match="times"):
+        m.clock([last + 1e9])
+    for bad in ("", "abc", 3.0j, [None], [[1.0], [2.0, 3.0]], [np.nan]):
+        with pytest.raises(InputError, match="times"):
+            m.clock(bad)
+
+
+def test_a_displacement_on_its_wall_has_no_density():
+    for reading in ("saltation", "branching"):
+        m = mean_map(scene(sigma=0.0), impacts=1, reading=reading)
+        assert m.density(1, "x1", np.array([0.0])) is None
+        with pytest.raises(InputError, match="impact"):
+            m.density({"a": 1}, "y1", np.array([0.0]))
+    assert mean_map(DAT, impacts=1).density(1, "y1", np.array([-1.8])) is not None
+
+
+def test_a_flight_that_is_damped_away_is_no_part_of_the_branching_reading():
+    heavy = scene(alpha=0.0093, beta1=0.03, beta2=1e4, gamma1=0.0, gamma2=0.0, gap1=1e3, sigma=1.0)
+    m = mean_map(heavy, impacts=2, reading="branching")
+    assert "weight is lost" in m.stopped
+    assert m.section["tau"].isna().all()
+
+
+def test_a_mesh_that_touches_at_rest_without_pull_rests():
+    s = scene(
+        alpha=0.36, epsilon=1.0, beta1=0.1, beta2=0.1, gamma1=0.0, gamma2=0.0, gap1=1.0, gap2=1.0,
+        start=Start(0.0, 0.999, 1e-20, 1.0, 1e-20, mesh=2),
+    )  # fmt: skip
+    assert follow(s, 2).stopped == "a mesh rests closed after impact 0"
+
+
+def test_growth_without_restitution_is_minus_infinity_and_never_nan():
+    s = LongOrbit(scene(epsilon=0.0, beta1=1000.0, beta2=1000.0, stages=1)).stretch(2)
+    assert not np.isnan(s.growth).any()
+    frame, growth = np.eye(4), np.zeros(4)
+    frame[:, 1] = 0.0  # damped to nothing
+    strike_frame(DAT.constants, 1, 0.1, 1.0, 0.5, frame, growth)
+    assert growth[1] == -np.inf
+    assert np.allclose(frame.T @ frame, np.eye(4))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("impacts", 10**9), ("paths", 10**30), ("workers", 10**6), ("dt", 1e-300), ("horizon", 1e300),
+        ("itineraries", 5), ("itineraries", {"mine": 5}),
+    ],
+)  # fmt: skip
+def test_settings_without_end_are_refused(name, value):
+    with pytest.raises(InputError, match=name if name != "horizon" else "dt"):
+        simulate(DAT, **({"paths": 2, "impacts": 1} | {name: value}))
+
+
+def test_an_accuracy_takes_no_clock():
+    with pytest.raises(InputError, match="clock"):
+        simulate(DAT, accuracy=0.1, clock=np.array([0.5, 0.6]))
+
+
+@pytest.mark.parametrize("paths", [2, 3])
+def test_a_control_of_few_paths_is_none(paths):
+    """Three coefficients through three paths leave an error of 1e-10."""
+    settings = {"paths": paths, "impacts": 1, "scheme": "exact-flight", "dt": 0.01}
+    with_control, without = (simulate(DAT, **settings, control=c).section for c in (True, False))
+    assert with_control["se_y1"].to_list() == pytest.approx(without["se_y1"].to_list(), rel=1e-12)
+    assert with_control["se_y1"].loc[1] > 1e-4
+
+
+@pytest.mark.parametrize("bad", [{"readings": 3.0}, {"readings": object()}, {"dt": "x"}, {"paths": None}])
+def test_a_validation_is_refused_before_anything_is_computed(bad):
+    with pytest.raises(InputError, match=next(iter(bad))):
+        validate(DAT, impacts=1, **bad)
+
+
+@pytest.mark.parametrize(
+    ("tables", "word"),
+    [
+        (5, "axes"), ("abc", "axes"), ([{"sigma": [[1], [2]]}], "axes.sigma"),
+        ([{"sigma": {"log": [1e-3, 1.0, 10**9]}}], "POINTS"),
+        ([{"sigma": {"linear": [0, 1, 1000]}}, {"alpha": {"linear": [0, 1, 1000]}}], "axes"),
+    ],
+)  # fmt: skip
+def test_axes_that_are_none_or_too_long(tables, word):
+    with pytest.raises(InputError, match=word):
+        read_axes(tables)
+
+
+def test_a_cell_knows_its_index_and_its_types(tmp_path):
+    store = Store(tmp_path)
+    table = pd.DataFrame({"a": [1.0, 2.0]}, index=pd.RangeIndex(1, 3, name="impact"))
+    same_bytes = table.assign(a=table["a"].to_numpy().view(np.int64))
+    for other in (table.set_axis([2, 3]), table.rename_axis("k"), same_bytes):
+        assert _digest(other, {}) != _digest(table, {})
+    store.write("k", table, {})
+    assert store.read("k").table.equals(table)
+
+
+def test_a_changed_manifest_is_refused(tmp_path):
+    record = manifest.sealed({"settings": {"paths": 64}, "table_sha256": "x"})
+    assert manifest.is_whole(json.loads(json.dumps(record)))
+    record["settings"]["paths"] = 65
+    path = tmp_path / "manifest.json"
+    path.write_text(json.dumps(record), encoding="utf-8")
+    with pytest.raises(FileError, match="was changed"):
+        manifest.read_settings(path)
