@@ -166,7 +166,7 @@ def _of_impacts(run: Ensemble) -> tuple[str, ...]:
     )
     counts = run.impacts > MOST_IN_A_STEP or run.plan.clock_steps.size  # else the path has had its impacts by then
     held = (
-        f"In {run.held:,} steps of paths a mesh was held shut to the end of the step: impacts accumulated, or it rested."
+        f"In {run.held:,} steps of paths a mesh was held shut to the end: impacts accumulated, or it rested."
         if run.held and counts
         else ""
     )
