@@ -8,12 +8,12 @@ from scene.validate import finite, non_negative, positive, ranged, unit_interval
 __all__ = ["DAT21", "Gears"]
 
 KG_MM_PER_S2_PER_N = 1000.0  # 1 N = 1000 kg mm / s^2
-SIZES = (1e-12, 1e12)  # of what is not 0, in the units below
+SIZES = (1e-12, 1e12)  # in the units below
 
 
 @dataclass(frozen=True, kw_only=True)
 class Gears:
-    """Physical data of the driver and the two loose wheels; what is not 0 lies between 1e-12 and 1e12.
+    """Physical data of the driver and the two loose wheels: up to 1e12, sizes and inertias from 1e-12 on.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class Gears:
         for name in ("omega", "inertia1", "inertia2", "radius1", "radius2", "backlash1", "backlash2"):
             ranged(name, positive(name, getattr(self, name)), *SIZES)
         for name in ("damping1", "damping2", "torque1", "torque2"):
-            ranged(name, non_negative(name, getattr(self, name)), *SIZES)
+            ranged(name, non_negative(name, getattr(self, name)), 0.0, SIZES[1])
         non_negative("alpha", self.alpha)
         unit_interval("epsilon", self.epsilon)
 

@@ -107,7 +107,7 @@ class Start:
     tau : float
         Time of the start, up to 1e12 in size; its phase is the phase of the excitation ``alpha sin tau``, kept exactly.
     x1, y1, x2, y2 : float
-        Relative displacement and velocity of both stages; a velocity is 0 or between 1e-30 and 1e6 in size.
+        Relative displacement and velocity of both stages; velocities up to 1e6 in size.
     mesh : {1, 2, 0}
         The mesh that is struck at once (the state is the one just before that impact), or 0 for a
         start in flight.  The impact of the start is number 0; tables count from the next one.
@@ -130,7 +130,7 @@ class Start:
             object.__setattr__(self, name, finite(f"start.{name}", getattr(self, name)))
         ranged("start.tau", self.tau, 0.0, TIME)
         for name, most in (("x1", GAPS[1]), ("x2", GAPS[1]), ("y1", SPEED), ("y2", SPEED)):
-            ranged(f"start.{name}", getattr(self, name), TINY, most)
+            ranged(f"start.{name}", getattr(self, name), 0.0, most)
         object.__setattr__(self, "mesh", count("start.mesh", self.mesh, least=0, most=2))
 
 
@@ -138,7 +138,8 @@ class Start:
 class Scene:
     """A rattling system, its noise, its tolerances and its start (dimensionless).
 
-    What is not 0 is at least 1e-30, but for the dampings: moments of less would vanish in the floats.
+    ``alpha, gamma1, gamma2, mu, sigma`` and the tolerances are at least 1e-30 where they are not 0: the moments of what
+    is less would vanish in the floats.
 
     Parameters
     ----------
@@ -201,7 +202,7 @@ class Scene:
         for name, most in LARGEST.items():
             least = 0.0 if name.startswith("beta") else TINY
             ranged(name, non_negative(name, getattr(self, name)), least, most)
-        ranged("epsilon", unit_interval("epsilon", self.epsilon), TINY, 1.0)
+        unit_interval("epsilon", self.epsilon)
         for name in ("gap1", "gap2"):
             ranged(name, positive(name, getattr(self, name)), *GAPS, zero=False)
         if self.stages == 2 and not 0.0 < self.mu < 1.0:

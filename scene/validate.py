@@ -58,7 +58,8 @@ def ranged(field: str, value: float, least: float, most: float, zero: bool = Tru
     """
     size = abs(finite(field, value))
     if not least <= size <= most and not (zero and size == 0.0):
-        raise InputError(field, value, f"must be {'0 or ' if zero else ''}between {least:g} and {most:g} in size")
+        zeros = "0 or " if zero and least > 0.0 else ""
+        raise InputError(field, value, f"must be {zeros}between {least:g} and {most:g} in size")
     return value
 
 

@@ -30,7 +30,7 @@ def either(tame: st.SearchStrategy[float], wild: st.SearchStrategy[float]) -> st
 
 ALPHA = either(over(0.3, 3.0, 1.5, 0.0), over(1e-12, 1e4, *TINY, 1e6))
 EPSILON = either(st.sampled_from([0.9, 0.5, 0.7]), st.one_of(over(1e-3, 1.0), st.sampled_from(
-    [0.0, 1.0, 0.163, 1e-30, 1e-12, 1.0 - 2.0**-53]
+    [0.0, 1.0, 0.163, 5e-324, 1e-12, 1.0 - 2.0**-53]
 )))  # fmt: skip
 BETA = either(over(0.03, 0.3, 0.0), over(1e-12, 1e3, *TINY, 5e-324, 1e4))
 GAMMA = either(over(0.02, 0.2, 0.0), over(1e-12, 1e4, *TINY, 1e6))
@@ -39,7 +39,7 @@ SIGMA = either(over(1e-3, 2.0, 0.0), over(1e-12, 1e4, *TINY, 1e6))
 MU = either(st.sampled_from([0.6, 0.2]), st.one_of(
     over(1e-12, 0.999), st.sampled_from([1e-30, 1e-12, 0.5, 1.0 - 2.0**-53])
 ))  # fmt: skip
-SPEED = either(over(0.1, 5.0, 2.0), over(1e-12, 1e4, *TINY, 1e6))
+SPEED = either(over(0.1, 5.0, 2.0), over(1e-12, 1e4, *TINY, 5e-324, 1e6))
 SIGN = st.sampled_from([1.0, -1.0])
 TAU = either(st.floats(-10.0, 10.0), st.sampled_from([0.0, -0.0, 1e-300, 1e3, 1e6, 1e9, 1e12, -1e12]))
 

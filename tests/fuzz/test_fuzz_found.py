@@ -34,7 +34,7 @@ def scene(**changed):
         ("gamma1", (0, 1e-30, 1e6), (5e-324, 1.1e6)),
         ("gamma2", (0, 1e-30, 1e6), (5e-324, 1.1e6)),
         ("sigma", (0, 1e-30, 1e6), (5e-324, 1e-81, 1.1e6)),
-        ("epsilon", (0, 1e-30, 1.0), (5e-324, 1.1)),
+        ("epsilon", (0, 5e-324, 1.0), (-1e-30, 1.1)),
         ("mu", (1e-30, 1.0 - 2.0**-53), (5e-324, 1.0, 0.0)),
         ("gap1", (1e-9, 1e6), (0.0, 9e-10, 1.1e6)),
         ("gap2", (1e-9, 1e6), (0.0, 9e-10, 1.1e6)),
@@ -50,9 +50,9 @@ def test_the_range_of_a_field(field, inside, beyond):
 
 @pytest.mark.parametrize("field", ["y1", "tau"])
 def test_the_range_of_a_start(field):
-    for value in {"y1": (0.0, -1e6, 1e-30), "tau": (-1e12, 1e12, 5e-324)}[field]:
+    for value in {"y1": (0.0, -1e6, 5e-324), "tau": (-1e12, 1e12, 5e-324)}[field]:
         assert getattr(Start(**{field: value}), field) == value
-    for value in {"y1": (1.1e6, 5e-324), "tau": (1.1e12,)}[field]:
+    for value in {"y1": (1.1e6, -1e7), "tau": (1.1e12,)}[field]:
         with pytest.raises(InputError, match=rf"^start\.{field} = "):
             Start(**{field: value})
 

@@ -199,7 +199,8 @@ def test_only_a_fixed_tolerance_moves_the_orbits_walls(law, wall1):
 
 # --- TOML ----------------------------------------------------------------------------------------------------------
 
-some = st.floats(0.0, 1e6)
+some = st.just(0.0) | st.floats(1e-30, 1e6)
+damping = st.floats(0.0, 1e4)
 above = st.floats(1e-6, 1e6)
 share = st.floats(0.0, 1.0)
 speed = st.floats(-1e3, 1e3)
@@ -212,8 +213,8 @@ def settings_for(draw, gap1, gap2):
         st.none()
         | st.builds(
             Tolerance,
-            st.floats(0.0, 0.9 * gap1),
-            st.floats(0.0, 0.9 * gap2),
+            st.just(0.0) | st.floats(1e-30, 0.9 * gap1),
+            st.just(0.0) | st.floats(1e-30, 0.9 * gap2),
             st.sampled_from(["fixed", "uniform", "normal"]),
             st.sampled_from(["path", "contact"]),
         )
@@ -235,7 +236,7 @@ def settings_for(draw, gap1, gap2):
 def scenes(draw):
     gap1, gap2 = draw(above), draw(above)
     return Scene(
-        alpha=draw(some), epsilon=draw(share), beta1=draw(some), beta2=draw(some), gamma1=draw(some),
+        alpha=draw(some), epsilon=draw(share), beta1=draw(damping), beta2=draw(damping), gamma1=draw(some),
         gamma2=draw(some), mu=draw(st.floats(1e-9, 0.999)), gap1=gap1, gap2=gap2,
         **draw(settings_for(gap1, gap2)),
     )  # fmt: skip
@@ -249,7 +250,10 @@ def geared_scenes(draw):
         radius1=draw(size), radius2=draw(size), backlash1=draw(size), backlash2=draw(size), damping1=draw(some),
         damping2=draw(some), torque1=draw(some), torque2=draw(some),
     )  # fmt: skip
-    if not 0.0 < gears.mu < 1.0:
+    sizes = [gears.gamma(1), gears.gamma(2), gears.beta(1), gears.beta(2)]
+    if not (1e-30 < gears.mu < 1.0 and max(sizes) <= 1e4 and all(s == 0.0 or s >= 1e-30 for s in sizes)):
+        gears = DAT21
+    if not 1e-9 <= gears.gap2 <= 1e6:
         gears = DAT21
     return Scene.from_gears(gears, **draw(settings_for(0.5, gears.gap2)))
 
