@@ -134,7 +134,11 @@ BAD = {
     "workers": (None, ["--workers", "0"], "workers = 0"),
     "dt": (None, ["--dt", "1"], "must be at most 0.0312"),
     "dt sign": (None, ["--dt", "-1"], "dt = -1.0"),
-    "dt for a later sigma": (None, ["--sigma", "0.1", "--sigma", "1e4"], "cannot see the gap"),
+    "dt for a later sigma": (
+        None,
+        ["--sigma", "0.1", "--sigma", "1e4", "--dt", "2e-3"],
+        "must be at most 8.46e-05 .* throw a path through",
+    ),
     "scheme": (None, ["--scheme", "euler-mayurama"], "did you mean 'euler-maruyama'"),
     "reading": (None, ["--reading", "printd"], "did you mean 'printed'"),
     "order": (None, ["--order", "9"], "order = 9: must be at most 6"),
