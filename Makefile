@@ -20,7 +20,7 @@ test: $(READY)
 	$(RUN)/ruff format --check .
 	$(RUN)/mypy
 	$(RUN)/pytest $(FIRST)
-	$(RUN)/pytest --cov --cov-report= $(FIRST:%=--ignore=%)
+	$(RUN)/pytest --cov --cov-report= $(FIRST:%=--ignore=%) tests compare
 	NUMBA_DISABLE_JIT=1 $(RUN)/pytest --numprocesses=2 --dist=loadfile --cov --cov-append --cov-report= $(INTERPRETED)
 	for package in scene closure montecarlo compare; do \
 		$(RUN)/coverage report --include="$$package/*" --skip-covered --fail-under=95 || exit 1; \

@@ -113,14 +113,12 @@ def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
     It is locked as long as its process lives, so that no other takes it for a leftover.
     """
     _sweep(parent, name)
-    scratch = Path(tempfile.mkdtemp(prefix=f".{name}-", suffix=PART, dir=parent))
-    with _opened(scratch) as number:
-        with suppress(OSError):  # a file system without locks
-            fcntl.flock(number, fcntl.LOCK_EX)
-        try:
-            yield scratch
-        finally:
-            shutil.rmtree(scratch, ignore_errors=True)
+    scratch, number = _locked(parent, name)
+    try:
+        yield scratch
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+        os.close(number)
 
 
 def within(folder: Path, *names: str) -> None:
@@ -136,6 +134,19 @@ def within(folder: Path, *names: str) -> None:
             raise OutputError(
                 f"out = {str(folder)!r}: {name!r} is a link to elsewhere; remove it, or choose another place"
             )
+
+
+def _locked(parent: Path, name: str) -> tuple[Path, int]:
+    """A new folder, and the lock on it; once more if another process has swept it away before it was locked."""
+    while True:
+        scratch = Path(tempfile.mkdtemp(prefix=f".{name}-", suffix=PART, dir=parent))
+        with suppress(FileNotFoundError):
+            number = os.open(scratch, os.O_RDONLY | os.O_DIRECTORY)
+            with suppress(OSError):  # a file system without locks
+                fcntl.flock(number, fcntl.LOCK_EX)
+            if scratch.exists():
+                return scratch, number
+            os.close(number)
 
 
 def write_whole(path: Path, text: str) -> None:
@@ -205,9 +216,7 @@ def _sweep(parent: Path, name: str) -> None:
     for left in [p for p in parent.iterdir() if pattern.fullmatch(p.name) and p.is_dir() and not p.is_symlink()]:
         with suppress(OSError), _opened(left) as number:
             fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)  # raises where its process lives
-            if not any(left.iterdir()):
-                continue  # made in this moment, and not yet locked
-            if left.suffix == OLD and not (parent / name).exists():
+            if left.suffix == OLD and any(left.iterdir()) and not (parent / name).exists():
                 os.rename(left, parent / name)
             else:
                 shutil.rmtree(left, ignore_errors=True)

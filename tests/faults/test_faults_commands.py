@@ -1,5 +1,6 @@
 """Each command against each fault: it ends with one line that says what to do, and nothing half written is left."""
 
+import errno
 import json
 import os
 import signal
@@ -84,14 +85,25 @@ def test_the_table_of_simulate_on_a_full_disk(tmp_path):
         assert "cannot be written" in rattle(*words, "--out", tmp_path, code=2).stderr
 
 
-def test_a_disk_without_room_for_machine_code(tmp_path):
-    """Numba keeps what it has compiled on a disk too; this one is full."""
-    with disk(tmp_path / "disk", "16k") as place:
-        command = [sys.executable, "-m", "compare", "simulate", "--paths", "8", "--impacts", "1", "--dt", "0.01"]
-        done = subprocess.run(command, env=os.environ | {"NUMBA_CACHE_DIR": str(place)}, capture_output=True, text=True)
-    assert done.returncode == 2
-    assert "Traceback" not in done.stderr
-    assert "No space left on device; make room on that disk, and repeat the command" in done.stderr
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.ENAMETOOLONG])
+def test_what_no_module_answers_for_is_said_at_the_door(monkeypatch, code):
+    """Temporary folders of a library, say."""
+
+    def refuse(*_):
+        raise OSError(code, os.strerror(code), "/somewhere/x")
+
+    monkeypatch.setattr("compare.sampling_commands._scene", refuse)
+    said = rattle("simulate", code=2).stderr
+    assert said.startswith(f"rattle: /somewhere/x: {os.strerror(code)}; ")
+    assert said.endswith(", and repeat the command\n")
+
+
+def test_another_fault_of_the_system_keeps_its_trace(monkeypatch):
+    def refuse(*_):
+        raise OSError(errno.ECHILD, "a mistake of ours")
+
+    monkeypatch.setattr("compare.sampling_commands._scene", refuse)
+    assert isinstance(CliRunner().invoke(main, ["simulate"]).exception, OSError)
 
 
 # --- kills
