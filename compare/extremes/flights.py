@@ -87,8 +87,8 @@ def carried() -> Extreme:
             )
         )
     return Extreme(
-        "Jacobian of a flight", "beta1 = beta2, nearly", "beta 0 to 1e3, apart by 0, by 1e-16 of it and more",
-        "MODEL 2 in 400 digits", worst_of(errors), ROUNDING, "each entry and the condition of exp(-beta t)",
+        "Jacobian of a flight", "beta1 = beta2", "beta 0 to 1e3, apart by 0, by 1e-16 of it and more",
+        "MODEL 2 in 400 digits", worst_of(errors), ROUNDING, "each entry, (1 + beta t)",
     )  # fmt: skip
 
 
@@ -120,7 +120,7 @@ def shifted() -> Extreme:
         errors.append(farthest(found, exact, np.maximum(np.outer(most, most), 1e-300)))
     return Extreme(
         "how that noise changes with the phase", "sigma, beta", "as above", "the same truth at two phases",
-        worst_of(errors), 1e-11, "largest sd times sd, over the phase",
+        worst_of(errors), 1e-11, "largest sd times sd",
     )  # fmt: skip
 
 

@@ -57,7 +57,7 @@ def grazed() -> Extreme:
     return Extreme(
         "grazing hit, and near miss", "gap", "past the wall by 1e-12 to 0.1 of a gap of 1e-8, 0.5, 1e4",
         "roots of a parabola",
-        worst_of(errors), ROUNDING, "the flight, and the time the gap takes at the impact's speed",
+        worst_of(errors), ROUNDING, "flight, gap over speed",
     )  # fmt: skip
 
 
@@ -98,7 +98,7 @@ def together() -> Extreme:
             errors += [farthest(side[name], exact[name], units.get(name, gap)) for name in exact]
     return Extreme(
         "both meshes at one instant", "gap1, gap2", "gaps 7e-9 to 8e3; the orbit, located Euler, exact flights",
-        "contact laws by hand", worst_of(errors), 1e-9, "a gap, a gap per unit of time, a unit of time",
+        "contact laws by hand", worst_of(errors), 1e-9, "gap, unit of time",
     )  # fmt: skip
 
 

@@ -48,7 +48,7 @@ def clock() -> Extreme:
         errors.append(abs(turn))
     return Extreme(
         "speed, place and clock over 1e7 impacts", "epsilon = 1, all else 0", "1e7 impacts at one mesh",
-        "gap over speed", worst_of(errors), 1e-6, "flight, gap and speed; phase in radians",
+        "gap over speed", worst_of(errors), 1e-6, "each; phase in radians",
     )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ __all__ = ["ROWS"]
 IMPACTS, PATHS = 3, 64
 POWERS = (-26, -13, 14)  # of two, times the gaps of DAT21: half gaps of 7e-9, 6e-5 and 8e3
 STARTS = (1e4, 1e8, 1e12, -1e12)
+SIGMAS = (0.0, 1e-40, 1e-8, 1e4)
 LENGTHS = ("x1", "y1", "x2", "y2")
 
 
@@ -80,7 +81,7 @@ def unit_of_length() -> Extreme:
             wide = exact * np.repeat([1.0, factor], [6, 4])
             errors.append(farthest(rows, wide, np.maximum(np.abs(wide), 1e-300)))
     return Extreme(
-        "unit of length", "gap1, gap2, and all lengths with them",
+        "unit of length", "all lengths",
         "gaps 7e-9 to 8e3: every reading, scheme and verdict, chaos", "exact scaling, bit for bit",
         worst_of(errors), 0.0, "each number",
     )  # fmt: skip
@@ -98,7 +99,24 @@ def whole_periods() -> Extreme:
             errors.append(farthest(rows, exact, np.maximum(np.abs(exact), 1.0)))
     return Extreme(
         "late start: flights, sds, means", "start.tau", "1e4 to 1e12, and -1e12: every reading, every scheme, chaos",
-        "the same scene at the phase from 400 digits of pi", worst_of(errors), 1e-11, "1, or each number if larger",
+        "the same scene at the phase from 400 digits of pi", worst_of(errors), 1e-11, "1, or each number",
+    )  # fmt: skip
+
+
+def proportional() -> Extreme:
+    """Sds of the linear readings are the noise intensity times what they are at 1; none without noise."""
+    errors = []
+    for reading in ("mended", "saltation"):
+        one, *others = (
+            closure.mean_map(_scene().with_sigma(sigma), impacts=6, reading=reading).section.filter(like="sd_")
+            for sigma in (1.0, *SIGMAS)
+        )
+        for sigma, table in zip(SIGMAS, others, strict=True):
+            exact = sigma * one.to_numpy()
+            errors.append(farthest(table, exact, np.maximum(exact, 1e-13 * sigma)))
+    return Extreme(
+        "sds of linear readings", "sigma", "0, 1e-40 to 1e4: mended, saltation", "proportional to sigma",
+        worst_of(errors), 1e-11, "each sd",
     )  # fmt: skip
 
 
@@ -129,8 +147,8 @@ def told() -> Extreme:
     return Extreme(
         "late start: stated times, and verdicts", "start.tau", "1e4 to 1e12, and -1e12",
         "sums of fractions; the verdicts at the same phase", worst_of(errors), 0.5,
-        "last place of the time; verdicts; 1e-11",
+        "last place; verdicts",
     )  # fmt: skip
 
 
-ROWS = (unit_of_length, phases, whole_periods, told)
+ROWS = (unit_of_length, proportional, phases, whole_periods, told)

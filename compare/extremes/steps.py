@@ -56,7 +56,7 @@ def kicked() -> Extreme:
             errors.append(farthest(found, exact, np.maximum(size, 1e-300)))
     return Extreme(
         "exact flight: what noise has done", "beta, beta1 = beta2", "beta 0 to 1e3, beta h up to 0.2, h up to 0.1",
-        "sums of exponentials in 400 digits", worst_of(errors), ROUNDING, "largest modulation, times the time for x",
+        "sums of exponentials in 400 digits", worst_of(errors), ROUNDING, "modulation, (times time)",
     )  # fmt: skip
 
 
@@ -72,7 +72,7 @@ def summed() -> Extreme:
             errors.append(farthest(found, exact, np.maximum(size, 1e-300)))
     return Extreme(
         "exact flight: kick of a step", "beta, beta1 = beta2", "as above, by increment and by area",
-        "Gauss-Legendre in 30 digits", worst_of(errors), 1e-7, "largest modulation, times the time for x",
+        "Gauss-Legendre in 30 digits", worst_of(errors), 1e-7, "modulation, (times time)",
     )  # fmt: skip
 
 

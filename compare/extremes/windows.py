@@ -37,7 +37,7 @@ def seen() -> Extreme:
     return Extreme(
         "window means (Eqs. 20, 21)", "sigma, gap", "1e-12 to 30 sds wide, up to 50 sds away",
         "integration by parts in 400 digits",
-        worst_of(errors), ROUNDING, "the sum of its terms and the condition of the edges",
+        worst_of(errors), ROUNDING, "the sum of its terms",
     )  # fmt: skip
 
 

@@ -169,6 +169,7 @@ PLANTED = {
     "pressed": (montecarlo, "simulate", held_outside),
     "nearly_closed": (closure, "mean_map", lambda s, **k: mean_map(replace(s, tolerance=None), **k)),
     "unit_of_length": (closure, "mean_map", lambda s, **k: mean_map(replace(s, gamma1=s.gamma1 + 1e-12), **k)),
+    "proportional": (closure, "mean_map", lambda s, **k: mean_map(s.with_sigma(s.sigma + 1e-9), **k)),
     "phases": (Scene, "phase", property(by_floats)),
     "whole_periods": (Scene, "phase", property(by_floats)),
     "told": (validation, "validate", louder_when_late),
