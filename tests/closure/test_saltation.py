@@ -261,7 +261,7 @@ def test_struck_coordinate_does_not_vary():
 
 
 def test_always_realizable():
-    m = mean_map(Scene.from_gears(DAT21, sigma=1.5**0.5), impacts=12)
+    m = mean_map(Scene.from_gears(DAT21, sigma=1.5**0.5), impacts=12, order=2)
     assert m.breakdown is None
     assert m.section["realizable"].all()
 

