@@ -15,7 +15,7 @@ from closure.trace import Trace
 from scene.errors import InputError
 from scene.moments import SECTION, STATE, correlation, realizability
 from scene.scene import Scene
-from scene.validate import choice, count, finite
+from scene.validate import choice, count
 
 __all__ = ["READINGS", "Breakdown", "MeanMap", "Reading", "mean_map", "readings_for"]
 
@@ -157,7 +157,7 @@ class MeanMap:
         low, high = self.trace.tau[0], self.trace.tau[self.trace.found]
         high = high if self.trace.until is None else self.trace.until
         rows = []
-        for time in (finite("times", t) for t in _listed(times)):
+        for time in _listed(times):
             if not low <= time <= high:
                 raise InputError("times", float(time), f"lies outside the times followed, {low:g} to {high:g}")
             mean, covariance = self.trace.at(float(time))
