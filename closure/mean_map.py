@@ -162,7 +162,8 @@ class MeanMap:
                 raise InputError("times", float(time), f"lies outside the times followed, {low:g} to {high:g}")
             mean, covariance = self.trace.at(float(time))
             rows.append(clock_row(mean, covariance))
-        return pd.DataFrame(rows, index=pd.Index(np.asarray(times, dtype=float), name="time"))
+        columns = list(clock_row(np.zeros(4), np.zeros((4, 4))))
+        return pd.DataFrame(rows, index=pd.Index(np.asarray(times, dtype=float), name="time"), columns=columns)
 
     def density(self, impact: int, quantity: str, values: Floats) -> Floats | None:
         """Density that the reading gives to a section quantity at an impact; None where it gives none.
