@@ -15,7 +15,7 @@ from closure.trace import Trace
 from scene.errors import InputError
 from scene.moments import SECTION, STATE, correlation, realizability
 from scene.scene import Scene
-from scene.validate import choice, count, finite
+from scene.validate import choice, count
 
 __all__ = ["READINGS", "Breakdown", "MeanMap", "Reading", "mean_map", "readings_for"]
 
@@ -162,13 +162,21 @@ class MeanMap:
         low, high = self.trace.tau[0], self.trace.tau[self.trace.found]
         high = high if self.trace.until is None else self.trace.until
         rows = []
+<<<<<<< HEAD
         for time in (finite("times", t) for t in _listed(times)):
             if not low <= self.scene.counted(time) <= high:
                 followed = f"{self.scene.stated(low):g} to {self.scene.stated(high):g}"
                 raise InputError("times", time, f"lies outside the times followed, {followed}")
             mean, covariance = self.trace.at(self.scene.counted(time))
+=======
+        for time in _listed(times):
+            if not low <= time <= high:
+                raise InputError("times", float(time), f"lies outside the times followed, {low:g} to {high:g}")
+            mean, covariance = self.trace.at(float(time))
+>>>>>>> fuzz
             rows.append(clock_row(mean, covariance))
-        return pd.DataFrame(rows, index=pd.Index(np.asarray(times, dtype=float), name="time"))
+        columns = list(clock_row(np.zeros(4), np.zeros((4, 4))))
+        return pd.DataFrame(rows, index=pd.Index(np.asarray(times, dtype=float), name="time"), columns=columns)
 
     def density(self, impact: int, quantity: str, values: Floats) -> Floats | None:
         """Density that the reading gives to a section quantity at an impact; None where it gives none.
