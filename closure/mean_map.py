@@ -162,18 +162,11 @@ class MeanMap:
         low, high = self.trace.tau[0], self.trace.tau[self.trace.found]
         high = high if self.trace.until is None else self.trace.until
         rows = []
-<<<<<<< HEAD
-        for time in (finite("times", t) for t in _listed(times)):
+        for time in _listed(times):
             if not low <= self.scene.counted(time) <= high:
                 followed = f"{self.scene.stated(low):g} to {self.scene.stated(high):g}"
                 raise InputError("times", time, f"lies outside the times followed, {followed}")
             mean, covariance = self.trace.at(self.scene.counted(time))
-=======
-        for time in _listed(times):
-            if not low <= time <= high:
-                raise InputError("times", float(time), f"lies outside the times followed, {low:g} to {high:g}")
-            mean, covariance = self.trace.at(float(time))
->>>>>>> fuzz
             rows.append(clock_row(mean, covariance))
         columns = list(clock_row(np.zeros(4), np.zeros((4, 4))))
         return pd.DataFrame(rows, index=pd.Index(np.asarray(times, dtype=float), name="time"), columns=columns)
