@@ -92,11 +92,9 @@ class MeanMap:
 
     @cached_property
     def breakdown(self) -> Breakdown | None:
-        """The first impact at which the moments are not realizable, or None; a mixture's always are."""
-        if self.trace.parts is not None:
-            return None
+        """The first impact at which the moments are not realizable, or None; a mixture's covariances always are."""
         for k in range(1, self.trace.found + 1):
-            for stage in self._stages:
+            for stage in self._stages if self.trace.parts is None else ():
                 judged = realizability(self.stage_covariance(k, stage))
                 if not judged.realizable:
                     return Breakdown(k, stage, judged.reason)
@@ -129,12 +127,9 @@ class MeanMap:
             columns[f"rho{stage}"] = [correlation(self.stage_covariance(k, stage)) for k in impacts]
         columns["realizable"] = [
             k <= t.found
+            and t.tau[k] >= t.tau[k - 1]
             and (
-                t.parts is not None
-                or (
-                    t.tau[k] >= t.tau[k - 1]
-                    and all(realizability(self.stage_covariance(k, s)).realizable for s in self._stages)
-                )
+                t.parts is not None or all(realizability(self.stage_covariance(k, s)).realizable for s in self._stages)
             )
             for k in impacts
         ]

@@ -151,7 +151,8 @@ class Ensemble:
                 absent = self.scene.stages == 1 and quantity in STATE[2:]
                 found = self.scene.stated(s[name][:, i]) if prefix + quantity == "tau" else s[name][:, i]
                 columns[prefix + quantity] = found * (np.nan if absent else 1.0)
-                columns["se_" + prefix + quantity] = s["se_" + name][:, i] * (np.nan if absent else 1.0)
+                untold = absent | (is_random(self.scene) & (self._reached < 2))  # one path tells no error
+                columns["se_" + prefix + quantity] = s["se_" + name][:, i] * np.where(untold, np.nan, 1.0)
                 if prefix + quantity == "flight":
                     columns |= {"mesh": np.abs(most), "side": np.sign(most)}
         covariance = self.covariance

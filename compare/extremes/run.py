@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
-from compare.extremes import flights, impacts, runs, sampling, scaling, steps, windows
+from compare.extremes import flights, impacts, rests, runs, sampling, scaling, steps, windows
 from compare.extremes.row import Extreme
 
 if TYPE_CHECKING:
@@ -12,7 +12,9 @@ if TYPE_CHECKING:
 __all__ = ["ROWS", "extremes", "table"]
 
 ROWS: dict[str, Callable[[], Extreme]] = {
-    row.__name__: row for part in (flights, impacts, windows, steps, sampling, scaling, runs) for row in part.ROWS
+    row.__name__: row
+    for part in (flights, impacts, rests, windows, steps, sampling, scaling, runs)
+    for row in part.ROWS
 }
 """Every row by the name of its function."""
 

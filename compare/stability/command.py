@@ -20,6 +20,10 @@ __all__ = ["stability"]
 @click.option(
     "--out", type=click.Path(path_type=Path), default=Path("reports/stability"), show_default=True, help="Folder."
 )
+@click.option(
+    "--extremes/--no-extremes", "extreme", default=True, show_default=True,
+    help="Try extreme values too (`rattle extremes`), and put their table on the page.",
+)  # fmt: skip
 @click.option("--overwrite", is_flag=True, help="Replace earlier results in that folder.")
 def stability(
     schemes: tuple[str, ...],
@@ -29,13 +33,16 @@ def stability(
     seed: int,
     workers: int,
     out: Path,
+    extreme: bool,
     overwrite: bool,
 ) -> None:
     """Measure where each scheme is stable and unbiased, on both sides of the door, and write a page.
 
-    Exit codes: 0 complete; 1 a run is wrong inside the door and does not say so; 2 bad input.
+    Exit codes: 0 complete; 1 a run is wrong inside the door and does not say so, or an extreme does not hold; 2 bad
+    input.
     """
     from compare import manifest
+    from compare.extremes.run import extremes
     from compare.folder import check_free
     from compare.stability.axes import AXES, moderate
     from compare.stability.chart import chart
@@ -54,14 +61,15 @@ def stability(
     began = time.perf_counter()
     found = chart(schemes=chosen, axes=along, points=points, paths=paths, seed=seed, workers=workers)
     law = covariance_table(points=points, paths=paths, seed=seed, workers=workers)
+    tried = extremes() if extreme else ()
     record = {
         "scene": moderate().to_dict(), "schemes": chosen, "axes": along, "points": points, "paths": paths,
         "seed": seed, "workers": workers, "command": shlex.join(["rattle", *sys.argv[1:]]),
         "commit": manifest.commit(), "versions": manifest.versions(),
         "wall_seconds": round(time.perf_counter() - began, 1),
     }  # fmt: skip
-    for sentence in write_stability(out, found, law, record, overwrite):
+    for sentence in write_stability(out, found, law, tried, record, overwrite):
         click.echo(sentence)
     click.echo(f"Page: {out / 'stability.html'}")
-    if len(found.untold):
+    if len(found.untold) or not all(row.holds for row in tried):
         raise click.exceptions.Exit(1)

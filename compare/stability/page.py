@@ -1,12 +1,15 @@
 """The map as a report folder: page, figure, tables, manifest."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from compare.chaos.page import source_of
+from compare.extremes.row import Extreme
+from compare.extremes.run import table
 from compare.folder import whole_folder
 from compare.moments import Tolerances
 from compare.page import Cell, Column, Figure, Page, Row, Section, Table, Text, numbers, pages, write_page
@@ -18,7 +21,9 @@ from compare.style import save
 
 __all__ = ["CONTENTS", "answer", "write_stability"]
 
-CONTENTS = frozenset({"stability.svg", "stability.csv", "covariance.csv", "manifest.json", *pages("stability")})
+CONTENTS = frozenset(
+    {"stability.svg", "stability.csv", "covariance.csv", "extremes.csv", "manifest.json", *pages("stability")}
+)
 """What such a folder holds; anything else in it is not ours."""
 
 MARK = {UNBIASED: "good", BIASED: "bad", UNSTABLE: "bad", UNDECIDED: "open"}
@@ -41,6 +46,7 @@ BESIDE = (
     "judged in a cell. Intervals of {z:.2f} standard errors: all hold together with 95 %. Base scene: DAT21 at "
     "σ = 0.3, a start at τ = 1 whose speed suits gap and noise."
 )
+EXTREMES = "Extreme values are ordinary values: each row holds a part of the program against a truth of its own."
 FLOATS = "All of it in double precision; single precision is not offered, neither on processors nor on a card."
 
 
@@ -66,7 +72,9 @@ def answer(found: Chart) -> list[str]:
     return said
 
 
-def write_stability(out: Path, found: Chart, law: pd.DataFrame, record: dict[str, Any], overwrite: bool) -> list[str]:
+def write_stability(
+    out: Path, found: Chart, law: pd.DataFrame, tried: Sequence[Extreme], record: dict[str, Any], overwrite: bool
+) -> list[str]:
     """Write the folder and return the answer.
 
     Parameters
@@ -75,6 +83,8 @@ def write_stability(out: Path, found: Chart, law: pd.DataFrame, record: dict[str
     found : Chart
     law : DataFrame
         Of `compare.stability.law.covariance_table`.
+    tried : sequence of Extreme
+        Of `compare.extremes.run.extremes`; empty if they were not tried.
     record : dict
         Of the manifest.
     overwrite : bool
@@ -85,6 +95,8 @@ def write_stability(out: Path, found: Chart, law: pd.DataFrame, record: dict[str
         If the folder holds other things, or earlier ones that may not be replaced.
     """
     said = answer(found)
+    if tried:
+        said.append(f"{sum(row.holds for row in tried)} of {len(tried)} extremes of the formulas and samplers hold.")
     tolerance = TOLERANCE.format(**Tolerances()._asdict())
     moments = found.table["moments"]
     beside = BESIDE.format(impacts=IMPACTS, z=found.z, fewest=moments.min(), most=moments.max())
@@ -99,12 +111,15 @@ def write_stability(out: Path, found: Chart, law: pd.DataFrame, record: dict[str
             Section("At the default step", (_defaults(found),)),
             Section("How it was measured", (Text(beside),)),
             Section("Exact flights without walls against the exact covariance", (_law(law),)),
+            *((Section("Extreme values", (Text(EXTREMES, note=True), _extremes(tried))),) if tried else ()),
         ),
     )  # fmt: skip
     with whole_folder(out, CONTENTS, overwrite) as folder:
         save(figure(found.table), folder / "stability.svg")
         found.table.to_csv(folder / "stability.csv", index=False, float_format="%.6g")
         law.to_csv(folder / "covariance.csv", index=False, float_format="%.6g")
+        if tried:
+            table(tried).to_csv(folder / "extremes.csv", index=False, float_format="%.3g")
         write_page(page, folder, "stability")
         text = json.dumps({**record, "answer": said}, indent=2, ensure_ascii=False) + "\n"
         (folder / "manifest.json").write_text(text, encoding="utf-8")
@@ -140,6 +155,19 @@ def _table(cells: pd.DataFrame, summary: str = "") -> Table:
         "says so",
     ]
     return Table.of(heads, rows, summary)
+
+
+def _extremes(tried: Sequence[Extreme]) -> Table:
+    rows: list[Row] = [
+        [
+            row.name, row.field, row.tried, row.truth,
+            Cell(f"{row.worst:.2f}" if row.unit == "z" else f"{row.worst:.1e}", "good" if row.holds else "bad"),
+            row.allowed, "standard errors" if row.unit == "z" else row.unit,
+        ]
+        for row in tried
+    ]  # fmt: skip
+    heads: list[Column | str] = ["what", "field", "tried", "against", *numbers("worst error", "allowed"), "relative to"]
+    return Table.of(heads, rows, "every row")
 
 
 def _law(law: pd.DataFrame) -> Table:

@@ -142,7 +142,7 @@ def test_clock_rho_is_that_of_its_covariance(dat21):
     assert table["rho1"].to_numpy() == pytest.approx(expected.to_numpy())
 
 
-@pytest.mark.parametrize("outside", [-1e-9, 1e9])
+@pytest.mark.parametrize("outside", [-1e-9, 1e9, float("nan")])
 def test_clock_goes_no_further_than_was_followed(dat21, reading, outside):
     m = mean_map(dat21, impacts=3, reading=reading)
     with pytest.raises(InputError, match="lies outside the times followed, 0 to "):

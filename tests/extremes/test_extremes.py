@@ -149,6 +149,16 @@ def louder_when_late(scene, **settings):
     return validate(scene.with_sigma(scene.sigma * (1.0 + 1e-6 * (scene.start.tau > 10.0))), **settings)
 
 
+follow = orbit.follow
+
+
+def held_longer(scene, impacts):
+    """Rests that close and open a share of 1e-8 late."""
+    found = follow(scene, impacts)
+    late = 1.0 + 1e-8
+    return replace(found, rests=tuple(r._replace(closed=r.closed * late, opened=r.opened * late) for r in found.rests))
+
+
 PLANTED = {
     "damped": (damping, "dragged", lambda beta, t: (t - damping.turned(beta, t)) / beta if beta else 0.5 * t * t),
     "flown": (flight, "displacement", plain_displacement),
@@ -158,6 +168,8 @@ PLANTED = {
     "parted": (tangent, "saltation_matrix", harder),
     "grazed": (impact, "next_impact", early(impact.next_impact)),
     "together": (orbit, "follow", swapped),
+    "accumulated": (orbit, "follow", held_longer),
+    "opened": (orbit, "follow", held_longer),
     "seen": (edgeworth, "window_means", wrong_windows),
     "correlated": (moments, "realizability", absolutely_judged),
     "short_damping": (short, "short_turned", lambda beta, t: t * (1.0 - 0.5 * beta * t * (1.0 - beta * t / 3.0))),

@@ -8,6 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from compare.__main__ import main
+from compare.extremes.row import Extreme
 from compare.page import read_page
 from compare.stability import cell as cells
 from compare.stability import law
@@ -108,7 +109,7 @@ def test_free_flights_have_the_exact_covariance_and_another_is_seen(monkeypatch)
 
 
 def run(tmp_path, *arguments):
-    small = ("--axis", "sigma", "--points", "2", "--paths", "1000", "--out", str(tmp_path / "map"))
+    small = ("--axis", "sigma", "--points", "2", "--paths", "1000", "--out", str(tmp_path / "map"), "--no-extremes")
     return CliRunner().invoke(main, ["stability", *small, *arguments])
 
 
@@ -128,6 +129,20 @@ def test_command_writes_map_tables_and_page(tmp_path):
     assert "Ensemble.cautions" in (folder / "stability.md").read_text(encoding="utf-8")
     assert json.loads((folder / "manifest.json").read_text())["axes"] == ["sigma"]
     assert (folder / "stability.svg").stat().st_size > 10_000
+
+
+def test_an_extreme_that_does_not_hold_is_on_the_page_and_in_the_exit_code(tmp_path, monkeypatch):
+    rows = (
+        Extreme("E", "beta", "0 to 1e3", "mpmath", 2e-16, 4e-15, "its value"),
+        Extreme("u", "", "", "", 5.0, 4.5, "z"),
+    )
+    monkeypatch.setattr("compare.extremes.run.extremes", lambda: rows)
+    done = run(tmp_path, "--scheme", "exact-flight", "--points", "1", "--extremes")
+    assert done.exit_code == 1, done.output
+    assert "1 of 2 extremes of the formulas and samplers hold." in done.output
+    table = read_page(tmp_path / "map" / "page.json").sections[-1].blocks[-1]
+    assert [row[0] for row in table.rows] == ["E", "u"]
+    assert len((tmp_path / "map" / "extremes.csv").read_text().splitlines()) == 3
 
 
 def _place(row):
