@@ -80,6 +80,26 @@ def _smallest_eigenvalue(vx: float, cross: float, vy: float) -> float:
     return scale * (mean - half if mean <= 0.0 else (a * d - b * b) / (mean + half))
 
 
+@jit
+def _is_clearly_positive(a: Floats) -> bool:
+    """Whether Cholesky's pivots of a matrix all keep more than rounding of what they are the rest of."""
+    n = len(a)
+    root = np.zeros((n, n))
+    for j in range(n):
+        pivot = a[j, j]
+        for k in range(j):
+            pivot -= root[j, k] * root[j, k]
+        if not pivot > ROUNDING * a[j, j]:
+            return False
+        root[j, j] = math.sqrt(pivot)
+        for i in range(j + 1, n):
+            rest = a[i, j]
+            for k in range(j):
+                rest -= root[i, k] * root[j, k]
+            root[i, j] = rest / root[j, j]
+    return True
+
+
 def semidefinite(covariance: Floats, scale: Floats) -> Floats:
     """A covariance that came from the difference of larger ones, without the negative eigenvalues that rounding left.
 
@@ -93,7 +113,10 @@ def semidefinite(covariance: Floats, scale: Floats) -> Floats:
     if not np.isfinite(covariance).all():
         return covariance
     size = np.where(scale > 0.0, scale, 1.0)
-    values, vectors = np.linalg.eigh(covariance / size[:, None] / size)
+    relative = covariance / size[:, None] / size
+    if _is_clearly_positive(relative):
+        return covariance
+    values, vectors = np.linalg.eigh(relative)
     judged = [realizability(covariance[i : i + 2, i : i + 2]).realizable for i in range(0, len(covariance), 2)]
     if (values[0] >= 0.0 and all(judged)) or values[0] < -ROUNDING * max(values[-1], 1.0):
         return covariance
