@@ -9,6 +9,8 @@ FIRST := tests/scene tests/closure tests/montecarlo scene closure montecarlo
 # With the compiler off, for the lines of what it compiles; the other tests would take hours so.
 INTERPRETED := tests/interpreted tests/scene
 
+BOTH := --numprocesses=2 --dist=loadfile  # cores
+
 .PHONY: report test audit clean
 
 report: $(READY)
@@ -19,9 +21,9 @@ test: $(READY)
 	$(RUN)/ruff check .
 	$(RUN)/ruff format --check .
 	$(RUN)/mypy
-	$(RUN)/pytest $(FIRST)
-	$(RUN)/pytest --cov --cov-report= $(FIRST:%=--ignore=%) tests compare
-	NUMBA_DISABLE_JIT=1 $(RUN)/pytest --numprocesses=2 --dist=loadfile --cov --cov-append --cov-report= $(INTERPRETED)
+	$(RUN)/pytest $(BOTH) $(FIRST)
+	$(RUN)/pytest $(BOTH) --cov --cov-report= $(FIRST:%=--ignore=%) tests compare
+	NUMBA_DISABLE_JIT=1 $(RUN)/pytest $(BOTH) --cov --cov-append --cov-report= $(INTERPRETED)
 	for package in scene closure montecarlo compare; do \
 		$(RUN)/coverage report --include="$$package/*" --skip-covered --fail-under=95 || exit 1; \
 	done

@@ -78,15 +78,12 @@ def read_settings(path: Path) -> tuple[Settings, dict[str, str | None]]:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         not_newer(data, path)
+        if not is_whole(data):
+            raise FileError("manifest", str(path), "was changed after it was written; restore it")
         settings = data["settings"]
         if not isinstance(settings["name"], str):
             raise TypeError("its name is no text")
         known_keys("manifest.settings", settings, Settings._fields)
-        if not is_whole(data):
-            raise FileError("manifest", str(path), "was changed after it was written; restore it")
-        name = settings["name"]
-        if not isinstance(name, str) or Path(name).name != name:
-            raise InputError("manifest.settings.name", name, "must be the name of a file without its folder")
         scenes = tuple(Scene.from_dict(s) for s in settings["scenes"])
         if not scenes:
             raise InputError("manifest.settings.scenes", [], "must hold a scene")

@@ -54,8 +54,10 @@ def scales_of(scene: Scene) -> Scales:
     [7.5, 0.25, 0.998, 12.871]
     """
     c, start, tolerance = scene.constants, scene.start, scene.tolerance
-    c_max = (tolerance.c1_max, tolerance.c2_max) if tolerance else (0.0, 0.0)
-    gap = min((scene.gap1 - c_max[0], scene.gap2 - c_max[1])[: c.stages])
+    narrow = (0.0, 0.0)
+    if tolerance is not None and tolerance.law != "fixed":  # few paths have a gap below a tenth, however large c_max is
+        narrow = min(tolerance.c1_max, 0.9 * c.wall1), min(tolerance.c2_max, 0.9 * c.wall2)
+    gap = min((c.wall1 - narrow[0], c.wall2 - narrow[1])[: c.stages])
     damping = _over(1.0, max(c.beta1, c.beta2))
     most = math.hypot(1.0, c.beta1)  # of the modulation of excitation and noise in y1 (Eq. 5)
     shaken = min(c.alpha, 2.0 * math.sqrt(c.alpha * most * gap))  # in a narrow gap both flanks move together

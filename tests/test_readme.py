@@ -14,6 +14,13 @@ def test_the_worked_example_prints_what_it_says():
     assert out.split() == printed.split()
 
 
+def test_the_orbit_with_rests_prints_what_it_says():
+    section = README.read_text().split("## Numerical stability")[1]
+    code, printed = re.search(r"```python\n(.*?)```.*?```\n(.*?)```", section, re.DOTALL).groups()
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert out.split() == printed.split()
+
+
 def test_pictures_and_links_exist():
     for link in re.findall(r"\]\(([^)#]+)\)", README.read_text()):
         assert (README.parent / link).exists(), link

@@ -97,7 +97,7 @@ def pressed() -> Extreme:
             for scheme in SCHEMES:
                 dt = min(fall / 256.0, 0.05)
                 run = montecarlo.simulate(
-                    scene, paths=1, impacts=100_000, dt=dt, horizon=2.5 * rest, scheme=scheme, clock=[2.0 * rest]
+                    scene, paths=1, impacts=10_000, dt=dt, horizon=2.5 * rest, scheme=scheme, clock=[2.0 * rest]
                 )
                 row = run.clock().iloc[0]
                 bounce = 2.0 * drag * dt  # of the plain scheme, which meets a wall at the end of its step

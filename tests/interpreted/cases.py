@@ -79,7 +79,7 @@ def predicted(scene, reading, impacts, order=4):
     yield m.section.drop(columns="realizable").to_numpy(float)
     yield from (a for a in (t.mean, t.sd, t.skew, t.raw, t.agreement, t.lost) if a is not None)
     if reading != "branching" and t.found > 1:
-        yield m.clock(np.linspace(t.tau[0], t.tau[t.found], 7)[1:-1]).to_numpy(float)
+        yield m.clock(np.linspace(t.tau[0], t.tau[t.found] if t.until is None else t.until, 7)[1:-1]).to_numpy(float)
         if t.raw[1, 0, 2, 0] > 0.0 and t.raw[1, 0, 0, 2] > 0.0:
             yield m.density(1, "y1", np.linspace(-3.0, 3.0, 5))
 

@@ -141,7 +141,7 @@ def test_an_extreme_that_does_not_hold_is_on_the_page_and_in_the_exit_code(tmp_p
     assert done.exit_code == 1, done.output
     assert "1 of 2 extremes of the formulas and samplers hold." in done.output
     table = read_page(tmp_path / "map" / "page.json").sections[-1].blocks[-1]
-    assert [row[0] for row in table.rows] == ["E", "u"]
+    assert [row[0].text for row in table.rows] == ["E", "u"]
     assert len((tmp_path / "map" / "extremes.csv").read_text().splitlines()) == 3
 
 
