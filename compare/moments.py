@@ -57,7 +57,7 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
     with np.errstate(invalid="ignore", divide="ignore"):
         needed = out["paths"] * (out["noise"] / margin) ** 2
     undecided = out["verdict"] == "undecided"
-    out["paths_needed"] = np.where(undecided & (margin > 0.0), np.ceil(needed), np.nan)
+    out["paths_needed"] = np.where(undecided & (margin > 0.0), np.ceil(needed.astype(float)), np.nan)
     return out
 
 

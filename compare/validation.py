@@ -157,7 +157,7 @@ def validate(
         itineraries={r: m.itinerary for r, m in closures.items()},
     )
     # the impact that ends the flight of each clock instant
-    flights = np.searchsorted(tau, run.clock().index.to_numpy(float))
+    flights = np.minimum(np.searchsorted(tau, run.clock().index.to_numpy(float)), impacts)
     per_impact = len(SECTION) * 2 + 2 if scene.stages == 2 else (len(SECTION) - 2) * 2 + 1
     z = widest(per_impact * impacts * len(closures))
     parts = [section_errors(m, run, z, limits) for m in closures.values()]

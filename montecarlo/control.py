@@ -26,6 +26,7 @@ __all__ = ["LinearPath", "carry_along", "controlled_statistics", "linear_path", 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+MOST_STEPS = 100_000  # of the linearised path; what comes later goes without control
 LONGEST = 1e3  # flight of the orbit that is followed
 FEWEST = 32  # paths of a regression: with three it would leave no error at all
 GRAZE = 1e-6  # impact speed below which the orbit has no linearisation, in units of what drives and starts it
@@ -126,7 +127,8 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
     >>> path.at_step.tolist(), [round(v**0.5, 5) for v in path.variance[:, 0].tolist()]
     ([11, 22], [0.00016, 0.00128])
     """
-    c, orbit = scene.constants, _impacts(scene, impacts)
+    c = scene.constants
+    orbit = [impact for impact in _impacts(scene, impacts) if impact.tau - scene.phase < MOST_STEPS * dt]
     steps = int((orbit[-1].tau - scene.phase) / dt) + 1 if orbit else 0
     program = LinearPath(
         np.empty((steps, 5, 5)), np.empty((steps, 2, 5)), np.empty(len(orbit), np.int64),
@@ -136,7 +138,7 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
     for n in range(steps):
         tau, at = scene.phase + n * dt, 0.0
         carry, noise = np.eye(5), np.zeros((2, 5))
-        while k < len(orbit) and orbit[k].tau < tau + dt:
+        while k < len(orbit) and (orbit[k].tau < tau + dt or n == steps - 1):  # the last, whatever rounding says
             span = orbit[k].tau - tau - at
             linear, pushed = _flight(c, tau, at, dt, span)
             carry, noise = linear @ carry, noise @ linear.T + pushed

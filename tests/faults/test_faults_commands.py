@@ -184,7 +184,10 @@ def test_manifests_that_cannot_be_repeated(tmp_path):
     rattle("validate", *WRITERS["validate"], "--out", tmp_path / "report")
     text = (tmp_path / "report" / "manifest.json").read_text()
     data = json.loads(text)
+    changed = json.dumps(data | {"settings": data["settings"] | {"paths": 3}})
+    del data["seal"]  # as an earlier version wrote it
     bad = {
+        "changed": (changed, "was changed after it was written"),
         "truncated": (text[: len(text) // 2], "is no manifest of this version"),
         "empty": ("", "is no manifest of this version"),
         "nested deeply": ("[" * 100_000, "is no manifest of this version"),

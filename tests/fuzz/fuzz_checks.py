@@ -174,7 +174,7 @@ def _paths(scene: Scene, raw: Any) -> None:
     must(np.isfinite(raw[there]), "a path is not finite")
     must(flight[there] >= 0.0, "a flight runs backwards")
     must(np.isin(code[there], (-2, -1, 1, 2)), "itinerary")
-    c, at_rest = scene.tolerance, scene.start.tau
+    c, at_rest = scene.tolerance, scene.phase
     must(tau[there] >= at_rest, "before the start")
     for i in range(scene.stages):
         most = scene.windows[i] if c else (scene.gap1, scene.gap2)[i]

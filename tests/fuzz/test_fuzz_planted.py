@@ -112,7 +112,7 @@ def blind(self, key):
         found = pq.read_table(self.path(key), use_threads=False, memory_map=False)
         return store.Stored(found.to_pandas(), json.loads(found.schema.metadata[store.NAME])["facts"])
     except Exception:
-        self._set_aside(self.path(key), "damaged")
+        self.set_aside(key, "damaged")
         return None
 
 
