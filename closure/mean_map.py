@@ -174,7 +174,9 @@ class MeanMap:
         from the start's phase (`Scene.phase`).
         """
         i = SECTION.index(choice("quantity", quantity, SECTION))
-        count("impact", impact, least=1, most=max(self.trace.found, 1))
+        count("impact", impact, least=1, most=self.impacts)
+        if impact > self.trace.found:
+            return None
         if not (i == 0 or self.trace.sd[impact, i] != 0.0):
             return None  # the displacement at the wall that is struck: one value, no density
         if self.trace.parts is not None:

@@ -48,6 +48,8 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
     ``paths_needed`` is the number that would decide, NaN where only a smaller step can.
     """
     out = table.copy()
+    numbers = ["closure", "error", "low", "high", "noise", "tolerance"]
+    out[numbers] = out[numbers].astype(float)  # a part without rows has columns of no type
     tolerance = out["tolerance"]
     inside = (out["low"] >= -tolerance) & (out["high"] <= tolerance)
     outside = (out["low"] > tolerance) | (out["high"] < -tolerance)
@@ -57,7 +59,7 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
     with np.errstate(invalid="ignore", divide="ignore"):
         needed = out["paths"] * (out["noise"] / margin) ** 2
     undecided = out["verdict"] == "undecided"
-    out["paths_needed"] = np.where(undecided & (margin > 0.0), np.ceil(needed.astype(float)), np.nan)
+    out["paths_needed"] = np.where(undecided & (margin > 0.0), np.ceil(needed), np.nan)
     return out
 
 

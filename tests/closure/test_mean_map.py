@@ -236,3 +236,9 @@ def test_twelve_impacts_take_milliseconds(sigma, reading):
 
 def test_the_best_reading_is_the_one_left_out(dat21):
     assert mean_map(dat21, impacts=1).reading == "saltation"
+
+
+def test_an_impact_that_was_not_reached_has_no_density():
+    m = mean_map(Scene.from_gears(DAT21, sigma=0.01), impacts=8, reading="printed")
+    assert m.trace.found < 8
+    assert m.density(8, "y1", np.linspace(-3.0, 3.0, 5)) is None
