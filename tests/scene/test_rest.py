@@ -4,6 +4,7 @@ import itertools
 import math
 import time
 
+import numba
 import numpy as np
 import pytest
 from compliant_contact import furthest
@@ -14,6 +15,10 @@ from closure import follow, mean_map
 from scene import DAT21, Scene, Start
 from scene.impact import MISSES, NONE, REST, next_impact, struck
 from scene.rest import closed_sides, opening, settled
+
+COMPILED = pytest.mark.skipif(
+    bool(numba.config.DISABLE_JIT), reason="takes minutes, or states a time, with the compiler off"
+)
 
 SINGLE = Scene(alpha=1.0, epsilon=0.3, beta1=0.05, gamma1=0.8, stages=1)
 FIRST = Scene(alpha=0.3, epsilon=0.3, beta1=0.1, beta2=0.3, gamma1=0.3, gamma2=0.1, mu=0.5)
@@ -33,6 +38,7 @@ def rest_of(scene, mesh, impacts, least=0.02):
 # --- against compliant contact: the distance falls as stiffness ** -1/2 -----------------------------------------------
 
 
+@COMPILED
 @pytest.mark.parametrize(
     ("scene", "mesh", "impacts"),
     [(SINGLE, 1, 16), (FIRST, 1, 20), (SECOND, 2, 40), (BOTH, 1, 40)],
@@ -218,11 +224,13 @@ def test_flights_of_1e_minus_11_keep_their_ratio():
     assert ratios[-5:] == pytest.approx(c.epsilon, rel=1e-4)
 
 
+@COMPILED
 def test_an_elastic_mesh_never_settles():
     orbit = follow(Scene(alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=1.0, stages=1, start=Start()), 5000)
     assert (orbit.found, orbit.rests) == (5000, ())
 
 
+@COMPILED
 def test_wheels_alike_stay_together_after_a_plastic_impact():
     """No contact force, no acceleration between them: mesh 2 touches, and the search must not crawl."""
     scene = Scene(alpha=1.5, epsilon=0.0, beta1=0.1, beta2=0.1, gamma1=0.05, gamma2=0.05, mu=0.5, gap1=0.5, gap2=0.2)
@@ -258,6 +266,7 @@ def test_no_state_is_outside_its_walls_in_or_out_of_rest():
             assert scene.stages == 1 or abs(x2) <= scene.gap2 + 1e-12
 
 
+@COMPILED
 def test_dat21_rests_now_and_then_and_goes_on():
     """Chatter is not confined to other scenes: at eps = 0.9 a slow enough hit against the excitation accumulates."""
     begin = time.perf_counter()
