@@ -9,7 +9,8 @@ FIRST := tests/scene tests/closure tests/montecarlo scene closure montecarlo
 # With the compiler off, for the lines of what it compiles; the other tests would take hours so.
 INTERPRETED := tests/interpreted tests/scene
 
-BOTH := --numprocesses=2 --dist=loadfile  # cores
+# Two cores.
+BOTH := --numprocesses=2 --dist=loadfile
 
 .PHONY: report test audit clean
 
@@ -24,10 +25,9 @@ test: $(READY)
 	$(RUN)/pytest $(BOTH) $(FIRST)
 	$(RUN)/pytest $(BOTH) --cov --cov-report= $(FIRST:%=--ignore=%) tests compare
 	NUMBA_DISABLE_JIT=1 $(RUN)/pytest $(BOTH) --cov --cov-append --cov-report= $(INTERPRETED)
-	for package in scene closure montecarlo; do \
+	for package in scene closure montecarlo compare; do \
 		$(RUN)/coverage report --include="$$package/*" --skip-covered --fail-under=90 || exit 1; \
 	done
-	$(RUN)/coverage report --include="compare/*" --skip-covered --fail-under=90
 
 # Needs the network: the pinned versions against what is known of their vulnerabilities; fails if one cannot be looked up.
 audit: $(READY)

@@ -140,7 +140,8 @@ def validate(
     closures = {r: mean_map(scene, impacts=impacts, reading=r, order=order) for r in dict.fromkeys(readings)}
     orbit = follow(scene, impacts)
     tau = orbit.tau[: orbit.found + 1]
-    middle = 0.5 * (tau[1:] + tau[:-1])
+    grid = (4.0 if biased else 1.0) * dt  # clock instants are put on it: in a shorter flight they might miss that
+    middle = (0.5 * (tau[1:] + tau[:-1]))[np.diff(tau) > grid]
     run = simulate(
         scene,
         paths=paths,
@@ -152,12 +153,12 @@ def validate(
         step_bias=biased,
         control=not biased,
         histogram=True,
-        clock=middle[middle - scene.phase > (4.0 if biased else 1.0) * dt],
+        clock=middle[middle - scene.phase > grid],
         progress=progress,
         itineraries={r: m.itinerary for r, m in closures.items()},
     )
     # the impact that ends the flight of each clock instant
-    flights = np.minimum(np.searchsorted(tau, run.clock().index.to_numpy(float)), impacts)
+    flights = np.searchsorted(tau, run.clock().index.to_numpy(float))
     per_impact = len(SECTION) * 2 + 2 if scene.stages == 2 else (len(SECTION) - 2) * 2 + 1
     z = widest(per_impact * impacts * len(closures))
     parts = [section_errors(m, run, z, limits) for m in closures.values()]

@@ -133,7 +133,7 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
         plan.most_steps,
     )  # fmt: skip
     every, room = lanes_of(plan.levels, first, start_state(scene, walls), walls, scene.phase)
-    work, held, _ = block_kernel(job.scheme)(
+    work, held = block_kernel(job.scheme)(
         job, plan.control, first, every, room, rows, plan.clock_steps, clock, controls
     )  # fmt: skip
     unfinished = np.isnan(rows[:, :, -1, 0]).any(axis=0).sum()

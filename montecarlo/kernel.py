@@ -176,12 +176,12 @@ def _step_lanes(scheme: int, job: Job, tau: float, h: float, lanes: Lanes, marks
 
 
 @cache
-def block_kernel(scheme: int) -> Callable[..., tuple[int, int, int]]:
+def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
     """Kernel that follows a block of paths by one scheme; what other schemes need is not compiled.
 
     Called with ``(job, control, first, every, room, rows, clock_steps, clock, controls)``, it follows each path until
-    it has had its impacts, at one or more step sizes on one noise, and returns the steps taken, the times a path was
-    held at its wall, and the paths given up.
+    it has had its impacts, at one or more step sizes on one noise, and returns the steps taken and the times a path was
+    held at its wall.
 
     - job : Job.  Level l steps by ``2**l dt``; after ``most_steps`` finest steps paths are given up.
     - control : LinearPath, carried along beside the finest level; empty for none.
@@ -206,7 +206,7 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int, int]]:
     def run_block(
         job: Job, control: LinearPath, first: int, every: Lanes, room: Room, rows: Floats, clock_steps: Ints,
         clock: Floats, controls: Floats,
-    ) -> tuple[int, int, int]:  # fmt: skip
+    ) -> tuple[int, int]:  # fmt: skip
         levels, paths, impacts = rows.shape[0], rows.shape[1], rows.shape[2]
         path, bits, z, xi, marks, hits = room.path, room.bits, room.z, room.xi, room.marks, room.hits
         work, held, live, next_clock, linear, n = ZERO, ZERO, paths, ZERO, ZERO, ZERO
@@ -257,6 +257,6 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int, int]]:
                     next_clock += 1
             if next_clock == clock_steps.size and linear == control.at_step.size:
                 live = retire(every, path, bits, xi, impacts, live)
-        return work, held, live
+        return work, held
 
     return run_block

@@ -237,12 +237,12 @@ class Scene:
             on_flank = abs(x) == gap
             if abs(x) > gap - c_max and not on_flank:
                 raise InputError(f"start.x{i}", x, f"must lie on a flank (+-{gap}) or inside +-{gap - c_max}")
-            if start.mesh == i and not (on_flank and x * y > 0.0):
+            if start.mesh == i and not (on_flank and x * np.sign(y) > 0.0):
                 raise InputError(
                     "start.mesh", start.mesh,
                     f"an impact at mesh {i} needs x{i} = +-{gap} and y{i} outward; given x{i} = {x}, y{i} = {y}",
                 )  # fmt: skip
-            if start.mesh == 0 and on_flank and x * y >= 0.0:
+            if start.mesh == 0 and on_flank and x * np.sign(y) >= 0.0:
                 raise InputError(f"start.y{i}", y, f"a start in flight on a flank must move inward, or give mesh={i}")
 
     @classmethod

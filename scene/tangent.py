@@ -22,6 +22,10 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+SLOWEST = 1e-150
+"""Slower impacts part neighbours as if they had this speed: what is larger has no square in the floats."""
+
+
 class Stretch(NamedTuple):
     """A stretch of impacts of an orbit or of a path, and how its neighbours part.
 
@@ -72,7 +76,7 @@ def saltation_matrix(c: Constants, mesh: int, tau: float, y1: float, y2: float) 
         total = after[i]
         for k in range(4):
             total -= xi[i, k] * before[k]
-        jump[i] = total / before[j]
+        jump[i] = total / (before[j] if abs(before[j]) > SLOWEST else np.copysign(SLOWEST, before[j]))
     for i in range(4):
         xi[i, j] += jump[i]
     return xi
@@ -92,17 +96,8 @@ def carry_frame(c: Constants, t: float, frame: Floats) -> None:
 
 
 @jit
-def _replace(frame: Floats, size: int, k: int) -> None:
-    """Make column k of a frame a unit vector across the columns before it: of the axes, the one most across them."""
-    best, axis = -1.0, 0
-    for a in range(size):
-        across = 1.0
-        for j in range(k):
-            across -= frame[a, j] * frame[a, j]
-        if across > best:
-            best, axis = across, a
-    for i in range(size):
-        frame[i, k] = 1.0 if i == axis else 0.0
+def _across(frame: Floats, size: int, k: int) -> float:
+    """Take out of column k, twice over, what lies along the columns before it; returns the length that is left."""
     for _ in range(2):
         for j in range(k):
             dot = 0.0
@@ -113,29 +108,32 @@ def _replace(frame: Floats, size: int, k: int) -> None:
     length = 0.0
     for i in range(size):
         length += frame[i, k] * frame[i, k]
+    return float(np.sqrt(length))
+
+
+@jit
+def _replace(frame: Floats, size: int, k: int) -> float:
+    """Put into column k the axis that lies most across the columns before it; returns the length of what does."""
+    best, axis = -1.0, 0
+    for a in range(size):
+        across = 1.0
+        for j in range(k):
+            across -= frame[a, j] * frame[a, j]
+        if across > best:
+            best, axis = across, a
     for i in range(size):
-        frame[i, k] /= np.sqrt(length)
+        frame[i, k] = 1.0 if i == axis else 0.0
+    return _across(frame, size, k)
 
 
 @jit
 def _orthonormalise(frame: Floats, size: int, growth: Floats) -> None:
-    """Gram and Schmidt, twice over, on the first `size` rows and columns, in place; adds logarithms of lengths."""
+    """Gram and Schmidt on the first `size` rows and columns, in place; adds logarithms of lengths."""
     for k in range(size):
-        for _ in range(2):
-            for j in range(k):
-                dot = 0.0
-                for i in range(size):
-                    dot += frame[i, j] * frame[i, k]
-                for i in range(size):
-                    frame[i, k] -= dot * frame[i, j]
-        length = 0.0
-        for i in range(size):
-            length += frame[i, k] * frame[i, k]
-        length = np.sqrt(length)
+        length = _across(frame, size, k)
         growth[k] += np.log(length)
         if not length > 0.0:  # without restitution, or damped to nothing: this direction is forgotten
-            _replace(frame, size, k)
-            continue
+            length = _replace(frame, size, k)
         for i in range(size):
             frame[i, k] /= length
 

@@ -29,7 +29,7 @@ from compare.folder import check_free, whole_folder
 
 CHUNK = 500  # scenes
 RARE = {"validate": 1, "branching": 4}  # in 100 scenes; the rest is shared by the others
-COLOURS = {"complete": "#4c9f70", "stopped": "#e3b23c", "refused": "#8d99ae", "defect": "#c1292e"}
+COLOURS = {"complete": "#0072b2", "stopped": "#e69f00", "refused": "#bbbbbb", "defect": "#000000"}  # for every eye
 NAMES = frozenset({"outcomes.csv", "summary.json", "outcomes.svg"})
 
 

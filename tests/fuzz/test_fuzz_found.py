@@ -227,3 +227,39 @@ def test_a_changed_manifest_is_refused(tmp_path):
     path.write_text(json.dumps(record), encoding="utf-8")
     with pytest.raises(FileError, match="was changed"):
         manifest.read_settings(path)
+
+
+@pytest.mark.parametrize("changed", [
+    {"epsilon": 5e-324, "beta1": 0.03, "beta2": 0.03, "gamma1": 0.0, "gamma2": 0.0, "gap1": 0.2175899396752370},
+    {"start": Start(-3.1975900465201548, -0.5, -5e-324, 0.5, -5e-324, mesh=1)},
+])  # fmt: skip
+def test_impacts_of_hardly_any_speed_leave_the_growth_below_infinity(changed):
+    for start in (2, 3):
+        assert (LongOrbit(scene(**changed), start).stretch(3).growth < np.inf).all()  # nor NaN; what is forgotten: -inf
+
+
+def test_instants_in_flights_shorter_than_a_step_are_left_out():
+    """Put on the grid of steps, they would lie beyond the impact that ends their flight."""
+    s = Scene(
+        alpha=0.8755034123303632, epsilon=0.001, beta1=0.0, gamma1=0.0, gamma2=1e-30, mu=0.6,
+        gap1=0.003914641380533484, gap2=1000.0, sigma=1.4065959840509155,
+    )  # fmt: skip
+    found = validate(s, impacts=2, paths=64, scheme="exact-flight")
+    assert found.table["paths_needed"].dtype == float
+
+
+def test_the_control_has_its_last_impact_whatever_rounding_says():
+    """Memory was read that nobody had written: flights of one step of 1e-8, at a phase of -5.4."""
+    s = Scene(
+        alpha=1e-16, epsilon=1.0 - 2.0**-53, beta1=0.17720538247223122, gamma1=1e-12, gap1=1.1883738780892684e-08,
+        sigma=1e-30, stages=1, tolerance=Tolerance(1.1883738780892682e-28, 0.0),
+        start=Start(-5.425158500910333, -1.1883738780892684e-08, 2.0),
+    )  # fmt: skip
+    run = simulate(s, paths=64, impacts=2, scheme="exact-flight", rng=0, control=True)
+    assert (run.plan.control.at_step < len(run.plan.control.carry)).all()
+
+
+def test_paths_that_had_their_impacts_are_finished_though_the_linear_path_has_not():
+    s = Scene(alpha=1e-30, epsilon=1.0, beta1=0.0, gamma1=0.007, gap1=1e6, sigma=1e6, stages=1)
+    run = simulate(s, paths=8, impacts=2, scheme="exact-flight", dt=0.01, horizon=20.0, rng=1, control=True)
+    assert run.unfinished + run.section["paths"].loc[2] == 8
