@@ -154,8 +154,7 @@ class MeanMap:
         InputError
             If a time lies outside what was followed.
         """
-        low, high = self.trace.tau[0], self.trace.tau[self.trace.found]
-        high = high if self.trace.until is None else self.trace.until
+        low, high = self.trace.span
         rows = []
         for time in _listed(times):
             if not low <= self.scene.counted(time) <= high:

@@ -116,7 +116,7 @@ def gather(parts: Mixture, count: int, most: int, out: Mixture) -> int:
 def moments(w: Floats, mean: Floats, variance: Floats) -> tuple[Floats, Floats, Floats]:
     """Mean, sd and skewness of mixtures; arrays over (parts, quantities)."""
     share = (w / w.sum())[:, None]
-    centre = (share * mean).sum(axis=0)
+    centre = mean[0] + (share * (mean - mean[0])).sum(axis=0)  # exact where nothing varies
     off = mean - centre
     second = (share * (off**2 + variance)).sum(axis=0)
     third = (share * (off**3 + 3.0 * off * variance)).sum(axis=0)

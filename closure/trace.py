@@ -62,3 +62,8 @@ class Trace:
     until: float | None = None
     agreement: Floats | None = None
     lost: Floats | None = None
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The times between which `at` can tell."""
+        return float(self.tau[0]), float(self.tau[self.found]) if self.until is None else self.until

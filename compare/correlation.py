@@ -75,8 +75,8 @@ def mid_flight_errors(closure: MeanMap, run: Ensemble, flights: Ints, z: float, 
     `section_errors`; ``impact`` is the one that ends the flight (`flights`), ``time`` the instant.
     """
     clock = run.clock()
-    reached = clock.index[clock.index <= closure.trace.tau[closure.trace.found]]
-    predicted = closure.clock(reached)
+    reached = clock.index.to_numpy(float)
+    predicted = closure.clock(reached[reached <= closure.trace.span[1]])
     parts = []
     for stage in range(1, run.scene.stages + 1):
         rho = clock[f"rho{stage}"]

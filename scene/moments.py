@@ -112,6 +112,7 @@ def semidefinite(covariance: Floats, scale: Floats) -> Floats:
     """
     if not np.isfinite(covariance).all():
         return covariance
+    covariance = 0.5 * (covariance + covariance.T)  # rounding is not symmetric
     size = np.where(scale > 0.0, scale, 1.0)
     relative = covariance / size[:, None] / size
     if _is_clearly_positive(relative):

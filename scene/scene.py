@@ -1,6 +1,7 @@
 """What is modelled, dimensionless and validated once; everything behind this door trusts it."""
 
 import math
+from copy import copy
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -17,6 +18,7 @@ from scene.validate import choice, count, finite, known_keys, non_negative, posi
 __all__ = ["Constants", "Scene", "Start", "Tolerance"]
 
 Times = TypeVar("Times", float, NDArray[np.float64])
+Part = TypeVar("Part")
 
 CUT = 2.0  # standard deviations of the normal law at which c_max truncates it
 _edge = math.exp(-0.5 * CUT**2) / math.sqrt(2.0 * math.pi)
@@ -272,7 +274,8 @@ class Scene:
     def scaled(self, factor: float) -> "Scene":
         """The same system in another unit of length: what is a length over a power of time is `factor` times as large.
 
-        Its motion is the same but for that factor, to rounding, and bit for bit if the factor is a power of two.
+        Its motion is the same but for that factor, to rounding, and bit for bit if the factor is a power of two.  So it
+        is a scene even where its lengths are beyond the door's ranges.
 
         Examples
         --------
@@ -284,8 +287,8 @@ class Scene:
         s, t = self.start, self.tolerance
         state = {name: factor * getattr(s, name) for name in ("x1", "y1", "x2", "y2")}
         lengths = {n: factor * getattr(self, n) for n in ("alpha", "gamma1", "gamma2", "gap1", "gap2", "sigma")}
-        tolerance = t and replace(t, c1_max=factor * t.c1_max, c2_max=factor * t.c2_max)
-        return replace(self, **lengths, start=replace(s, **state), tolerance=tolerance)
+        tolerance = t and _as_given(t, c1_max=factor * t.c1_max, c2_max=factor * t.c2_max)
+        return _as_given(self, **lengths, start=_as_given(s, **state), tolerance=tolerance, gears=None)
 
     @property
     def phase(self) -> float:
@@ -307,9 +310,7 @@ class Scene:
         """The same scene begun at its `phase`: it differs by a whole number of periods, so by nothing but its clock."""
         if self.phase == self.start.tau:
             return self
-        scene = replace(self, start=replace(self.start, tau=self.phase))
-        object.__setattr__(scene, "gears", self.gears)
-        return scene
+        return _as_given(self, start=_as_given(self.start, tau=self.phase))
 
     def stated(self, time: Times) -> Times:
         """A time as it is stated in tables, from one that an engine counts: as exact as a float can hold it.
@@ -331,9 +332,7 @@ class Scene:
     def noise_free(self) -> "Scene":
         """The same scene without noise and without random tolerance: its deterministic orbit."""
         tolerance = self.tolerance if self.tolerance is not None and self.tolerance.law == "fixed" else None
-        scene = replace(self, sigma=0.0, tolerance=tolerance)
-        object.__setattr__(scene, "gears", self.gears)
-        return scene
+        return _as_given(self, sigma=0.0, tolerance=tolerance)
 
     @property
     def constants(self) -> Constants:
@@ -408,6 +407,13 @@ class Scene:
     def load(cls, path: str | Path) -> "Scene":
         """A scene from a TOML file."""
         return cls.from_toml(read_text("scene file", path))
+
+
+def _as_given(part: Part, **changes: Any) -> Part:
+    """A copy with changes that need no check at the door."""
+    changed = copy(part)
+    changed.__dict__.update(changes)
+    return changed
 
 
 def _table(name: str, value: object) -> dict[str, Any]:

@@ -10,7 +10,6 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -23,6 +22,7 @@ __all__ = ["Store", "Stored"]
 
 MOST_VALUES, MOST_BYTES = 50_000_000, 400_000_000
 """What a file may unpack to; a hundred thousand impacts fit."""
+SEAL = hashlib.sha256().digest_size
 NAME = b"rattle"  # of the entry in a file's metadata that holds its key and its facts
 
 
@@ -35,18 +35,24 @@ def _check_size(metadata: Any) -> None:
         raise ValueError(f"would unpack to {values:,} values in {size:,} bytes: no result is as large")
 
 
-def _digest(table: pd.DataFrame, facts: dict[str, Any]) -> str:
-    """Digest of the values of a table, of their types and their index, and of the facts beside it."""
-    names = [*map(str, table.columns), str(table.index.name), facts]
-    digest = hashlib.sha256(json.dumps(names, sort_keys=True).encode())
-    for values in (table.index.to_numpy(), *(table[name].to_numpy() for name in table)):
-        if values.dtype == object and len(values):
-            values = np.concatenate(values) if isinstance(values[0], np.ndarray) else values.astype(str)
-        if values.dtype.kind == "f":
-            values = np.where(np.isnan(values), np.nan, values)  # one NaN is as good as another
-        digest.update(f"{values.dtype.str} {values.shape}".encode())
-        digest.update(np.ascontiguousarray(values).tobytes())
-    return digest.hexdigest()
+def with_seal(parquet: bytes) -> bytes:
+    """A Parquet file with a digest of all its bytes in front of its footer, where no reader looks."""
+    at = _footer(parquet)
+    return parquet[:at] + hashlib.sha256(parquet).digest() + parquet[at:]
+
+
+def _without_seal(content: bytes) -> bytes:
+    """The file as it was written; raises ValueError if a bit of it is not: pyarrow may not survive reading that."""
+    at = _footer(content)
+    parquet = content[: max(at - SEAL, 0)] + content[max(at, 0) :]
+    if at < SEAL or content[at - SEAL : at] != hashlib.sha256(parquet).digest():
+        raise ValueError("its content is not what was written")
+    return parquet
+
+
+def _footer(parquet: bytes) -> int:
+    """Where the footer of a Parquet file begins, by the length that its last eight bytes tell."""
+    return len(parquet) - 8 - int.from_bytes(parquet[-8:-4], "little")
 
 
 class Stored(NamedTuple):
@@ -108,19 +114,20 @@ class Store:
         if not path.exists():
             return None
         try:
-            with pq.ParquetFile(path, page_checksum_verification=True, memory_map=False) as file:
+            if path.stat().st_size > MOST_BYTES:
+                raise ValueError("no result is as large")
+            with pq.ParquetFile(pa.BufferReader(_without_seal(path.read_bytes()))) as file:
                 _check_size(file.metadata)
                 found = file.read(use_threads=False)
             record = json.loads(found.schema.metadata[NAME])
             if record["key"] != key:
                 raise ValueError("belongs to another key")
-            stored = Stored(found.to_pandas(), record["facts"])
-            if not isinstance(stored.facts, dict) or record["sha256"] != _digest(*stored):
-                raise ValueError("its content is not what was written")
-            return stored
+            if not isinstance(record["facts"], dict):
+                raise ValueError("its facts are no table")
+            return Stored(found.to_pandas(), record["facts"])
         except FileNotFoundError:  # set aside by another process in this moment
             return None
-        except Exception as error:  # a damaged file makes pyarrow and pandas raise whatever they meet in it
+        except Exception as error:  # a foreign file makes pyarrow and pandas raise whatever they meet in it
             self.set_aside(key, (str(error) or type(error).__name__).splitlines()[0])
             return None
 
@@ -133,13 +140,14 @@ class Store:
             If the disk is full or the folder cannot be written; what was stored before is untouched.
         """
         content = pa.Table.from_pandas(table)
-        record = json.dumps({"key": key, "facts": facts, "sha256": _digest(table, facts)}).encode()
+        record = json.dumps({"key": key, "facts": facts}).encode()
         content = content.replace_schema_metadata({**content.schema.metadata, NAME: record})
-        scratch = None
+        sink, scratch = pa.BufferOutputStream(), None
+        pq.write_table(content, sink, compression="zstd")
         try:
             number, scratch = tempfile.mkstemp(prefix=f".{key}-", suffix=".part", dir=self.folder)
             with os.fdopen(number, "wb") as file:
-                pq.write_table(content, file, compression="zstd", write_page_checksum=True)
+                file.write(with_seal(sink.getvalue().to_pybytes()))
                 file.flush()
                 os.fsync(file.fileno())
             os.replace(scratch, self.path(key))

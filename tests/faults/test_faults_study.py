@@ -20,7 +20,7 @@ from compare.study.engine import run
 from compare.study.figures import FIGURES
 from compare.study.obtain import kept
 from compare.study.places import Here
-from compare.study.store import NAME, Store, _digest
+from compare.study.store import NAME, Store, with_seal
 from compare.study.tables import CELLS, MANIFEST, load
 from scene import FileError
 
@@ -166,9 +166,9 @@ def test_a_page_of_another_study_is_not_taken_for_ours(file, finished):
 
 
 def hostile(table, key, facts, record=None):
-    """A cell file with a valid digest of whatever is in it."""
+    """The table of a cell file with whatever is in it."""
     content = pa.Table.from_pandas(table)
-    text = json.dumps({"key": key, "facts": facts, "sha256": _digest(table, facts)}) if record is None else record
+    text = json.dumps({"key": key, "facts": facts}) if record is None else record
     return content.replace_schema_metadata({**content.schema.metadata, NAME: text.encode()})
 
 
@@ -189,11 +189,12 @@ HOSTILE = {
 
 @pytest.mark.parametrize("case", HOSTILE)
 def test_what_is_no_result_is_set_aside(case, tmp_path, monkeypatch):
-    """Whoever shares a folder can write a valid digest; that makes it no result, and no more than data."""
+    """Whoever shares a folder can write a valid seal; that makes it no result, and no more than data."""
     monkeypatch.setattr("compare.study.store.MOST_VALUES", 1_000_000)
     study, store = Study.from_toml(TEXT.format(title="noise")), Store(tmp_path / CELLS)
     cell = study.cells[0]
     pq.write_table(HOSTILE[case](cell.key), store.path(cell.key), compression="zstd")
+    store.path(cell.key).write_bytes(with_seal(store.path(cell.key).read_bytes()))
     assert store.path(cell.key).stat().st_size < (8_000_000 if case == "huge" else 300_000)
     assert kept(store, cell) is None
     assert not store.path(cell.key).exists()

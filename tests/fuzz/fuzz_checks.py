@@ -18,6 +18,8 @@ from scene.moments import SECTION, STATE
 __all__ = ["ENTRIES", "check"]
 
 APART = 1e6
+MAY_REFUSE = frozenset({"dt", "clock", "tolerance.law", "start.mesh"})
+"""Settings that do not suit a scene; `branching` takes no random tolerance, `printed` no start in flight."""
 SLACK = 1e-9  # of a correlation and an eigenvalue, relative: rounding
 Ended = tuple[str, str]
 
@@ -25,9 +27,17 @@ Ended = tuple[str, str]
 def check(entry: str, *given: Any) -> Ended:
     """How an entry point ends: complete, stopped (and why), or refused (and which field)."""
     try:
-        return DOORS[entry](*given) if entry in DOORS else ENTRIES[entry](Scene.from_dict(given[0]), given[1])
+        if entry in DOORS:
+            return DOORS[entry](*given)
+        scene = Scene.from_dict(given[0])
     except RattleError as error:
         return fuzz_doors.refused(error, "")
+    try:
+        return ENTRIES[entry](scene, given[1])
+    except RattleError as error:
+        ended, field = fuzz_doors.refused(error, "")
+        must(field in MAY_REFUSE, f"refused for its {field}, though the door had let it in: {error}")
+        return ended, field
 
 
 def must(holds: Any, *what: Any) -> None:
@@ -108,9 +118,8 @@ def reading(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
             share = told[["agreement", "lost"]].to_numpy()
             must((share >= 0.0) & (share <= 1.0 + SLACK), "shares", share)
         else:
-            last = m.trace.tau[n] if m.trace.until is None else m.trace.until
-            times = m.trace.tau[0] + np.linspace(0.25, 0.75, 2) * (last - m.trace.tau[0])
-            clock = m.clock(times)
+            low, high = m.trace.span
+            clock = m.clock(scene.stated(low + np.linspace(0.25, 0.75, 2) * (high - low)))
             must(np.isfinite(clock[[*STATE[: 2 * scene.stages]]].to_numpy()), "clock\n", clock)
         for q in own if n else ():
             density = m.density(n, q, np.array([table.loc[n, q]]))
