@@ -163,7 +163,8 @@ class MeanMap:
             mean, covariance = self.trace.at(self.scene.counted(time))
             rows.append(clock_row(mean, covariance))
         columns = list(clock_row(np.zeros(4), np.zeros((4, 4))))
-        return pd.DataFrame(rows, index=pd.Index(np.asarray(times, dtype=float), name="time"), columns=columns)
+        index = pd.Index(np.asarray(times, dtype=float), name="time")
+        return pd.DataFrame(rows, index=index, columns=columns, dtype=float)
 
     def density(self, impact: int, quantity: str, values: Floats) -> Floats | None:
         """Density that the reading gives to a section quantity at an impact; None where it gives none.

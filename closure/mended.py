@@ -16,6 +16,7 @@ from closure.trace import Trace
 from scene.compiled import jit
 from scene.flight import jacobian, noise_covariance
 from scene.impact import contact_matrix
+from scene.moments import semidefinite
 from scene.scene import Constants, Scene
 
 __all__ = ["trace"]
@@ -45,15 +46,21 @@ def stage_shifts(raw: Floats, state: Floats, windows: tuple[float, float], stage
 
 
 @jit
-def _carry(c: Constants, tau: Floats, mesh: Ints, found: int) -> Floats:
-    """Covariance just before each impact, shape (impacts + 1, 4, 4)."""
-    covariance = np.full((tau.size, 4, 4), np.nan)
+def _flown(c: Constants, mesh: int, covariance: Floats, tau: float, t: float) -> tuple[Floats, Floats]:
+    """Covariance a time t after an impact, from that before it, and the sds of what may cancel to it."""
+    j, noise = jacobian(c, t) @ contact_matrix(c, mesh), noise_covariance(c, tau, t)
+    scale = np.abs(j) @ np.sqrt(np.abs(np.diag(covariance))) + np.sqrt(np.diag(noise))
+    return j @ covariance @ j.T + noise, scale
+
+
+@jit
+def _carry(c: Constants, tau: Floats, mesh: Ints, found: int) -> tuple[Floats, Floats]:
+    """Covariance just before each impact, shape (impacts + 1, 4, 4), and sds of what its terms may cancel to that."""
+    covariance, scale = np.full((tau.size, 4, 4), np.nan), np.zeros((tau.size, 4))
     covariance[0] = 0.0
     for k in range(1, found + 1):
-        t = tau[k] - tau[k - 1]
-        j = jacobian(c, t) @ contact_matrix(c, mesh[k - 1])
-        covariance[k] = j @ covariance[k - 1] @ j.T + noise_covariance(c, tau[k - 1], t)
-    return covariance
+        covariance[k], scale[k] = _flown(c, mesh[k - 1], covariance[k - 1], tau[k - 1], tau[k] - tau[k - 1])
+    return covariance, scale
 
 
 @jit
@@ -68,7 +75,8 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     """Follow the mended closure through `impacts` impacts."""
     c, orbit = scene.constants, follow(scene, impacts).until_rest
     windows = scene.windows
-    covariance = _carry(c, orbit.tau, orbit.mesh, orbit.found)
+    carried, scale = _carry(c, orbit.tau, orbit.mesh, orbit.found)
+    covariance = np.array([semidefinite(p, s) for p, s in zip(carried, scale, strict=True)])
     raw = stage_raw_moments(covariance, order)
     mean = _means(orbit.before, raw, windows, c.stages)
     sd = np.full((impacts + 1, 6), np.nan)  # no sd of tau or of a flight: the impact time does not vary here
@@ -77,9 +85,7 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
 
     def at(time: float) -> tuple[Floats, Floats]:
         k = int(np.searchsorted(orbit.tau[: orbit.found + 1], time, side="right")) - 1
-        t = time - orbit.tau[k]
-        j = jacobian(c, t) @ contact_matrix(c, orbit.mesh[k])
-        cov = j @ covariance[k] @ j.T + noise_covariance(c, orbit.tau[k], t)
+        cov = semidefinite(*_flown(c, orbit.mesh[k], covariance[k], orbit.tau[k], time - orbit.tau[k]))
         state = orbit.state(time)
         return state + stage_shifts(stage_raw_moments(cov[None], order)[0], state, windows, c.stages), cov
 

@@ -187,7 +187,7 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     sd = np.full((impacts + 1, 6), np.nan)
     sd[:, 2:] = np.sqrt(np.where(variance >= 0.0, variance, np.nan))
     struck_x = np.where(mesh == 2, mean[:, 2], mean[:, 0])
-    side = np.where(mesh > 0, np.sign(struck_x), 0).astype(np.int64)
+    side = np.where(mesh > 0, np.copysign(1.0, struck_x), 0).astype(np.int64)
 
     def at(time: float) -> tuple[Floats, Floats]:
         k = int(np.searchsorted(tau[: found + 1], time, side="right")) - 1

@@ -1,7 +1,9 @@
 """The public entry: closures against an ensemble of the same scene, with a verdict on every moment."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -16,6 +18,8 @@ from scene.scene import Scene
 from scene.validate import choice
 
 __all__ = ["COLUMNS", "Validation", "validate"]
+
+PILOT, FAR = 64, 10.0  # paths that are sent ahead, and times their last impact beyond which no instant is compared
 
 COLUMNS = (
     "reading",
@@ -142,6 +146,7 @@ def validate(
     tau = orbit.tau[: orbit.found + 1]
     grid = (4.0 if biased else 1.0) * dt  # clock instants are put on it: in a shorter flight they might miss that
     middle = (0.5 * (tau[1:] + tau[:-1]))[np.diff(tau) > grid]
+    last = _last_impact(scene, impacts=impacts, dt=dt, scheme=scheme, rng=rng)
     run = simulate(
         scene,
         paths=paths,
@@ -151,9 +156,9 @@ def validate(
         rng=rng,
         workers=workers,
         step_bias=biased,
-        control=not biased,
+        control=not biased and tau[-1] <= last,
         histogram=True,
-        clock=middle[middle - scene.phase > grid],
+        clock=middle[(middle - scene.phase > grid) & (middle <= last)],
         progress=progress,
         itineraries={r: m.itinerary for r, m in closures.items()},
     )
@@ -170,3 +175,14 @@ def validate(
     return Validation(
         given, closures, replace(run, plan=run.plan._replace(scene=given)), stated(table, given), valid, z, limits
     )  # fmt: skip
+
+
+def _last_impact(scene: Scene, **settings: Any) -> float:
+    """When any path has had its impacts, with much to spare, by a few of them.
+
+    Where the orbit's flights are longer by far, nothing of them can be compared, and to wait for them may take millions
+    of steps.
+    """
+    at = simulate(scene, paths=PILOT, **settings).section.iloc[-1]
+    latest = scene.phase + FAR * (at["tau"] + 6.0 * at["sd_tau"] - scene.phase)
+    return math.inf if math.isnan(latest) else float(latest)

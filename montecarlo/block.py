@@ -136,7 +136,7 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
     work, held = block_kernel(job.scheme)(
         job, plan.control, first, every, room, rows, plan.clock_steps, clock, controls
     )  # fmt: skip
-    unfinished = np.isnan(rows[:, :, -1, 0]).any(axis=0).sum()
+    unfinished = np.isnan(rows[0, :, -1, 0]).sum()
     return Raw(rows, clock, controls, int(work), int(held), int(unfinished))
 
 

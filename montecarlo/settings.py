@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from montecarlo.block import BLOCK, Plan, sample
 from montecarlo.control import linear_path, no_control
 from montecarlo.noise import LEVELS
+from montecarlo.progress import MOST_IN_A_STEP
 from montecarlo.schemes import SCHEMES
-from montecarlo.step import check_step, default_step
+from montecarlo.step import accurate_flight, check_step, default_step
 from scene.errors import InputError
 from scene.scene import Scene
 from scene.validate import choice, count, finite, positive
@@ -114,12 +115,21 @@ def plan_of(
         control=linear_path(scene, impacts, dt) if control and scene.sigma > 0.0 else no_control(), keep=keep,
         two_point=two_point, energy=energy,
     )  # fmt: skip
+    step = _noise_free_step(scene, scheme, impacts, dt)
     quiet = plan._replace(
-        scene=scene.noise_free, paths=1, clock_steps=np.empty(0, np.int64), itineraries={}, levels=1,
-        control=no_control(), two_point=False, energy=False,
+        scene=scene.noise_free, dt=step, most_steps=math.ceil(plan.most_steps * dt / step), paths=1,
+        clock_steps=np.empty(0, np.int64), itineraries={}, levels=1, control=no_control(), two_point=False,
+        energy=False,
     )  # fmt: skip
     named[NOISE_FREE] = tuple(np.nan_to_num(sample(quiet, 0).rows[0, 0, :, 6]).astype(int).tolist())
     return plan
+
+
+def _noise_free_step(scene: Scene, scheme: str, impacts: int, dt: float) -> float:
+    """The step of the noise-free path: that of the others, for its bias is the scheme's, unless the scheme has none."""
+    if SCHEMES[scheme].weak_order is not None or impacts > MOST_IN_A_STEP:
+        return dt
+    return max(dt, min(SCHEMES[scheme].step, accurate_flight(scene)[0]))
 
 
 def _horizon(given: float | None, impacts: int, dt: float, scheme: str) -> float:

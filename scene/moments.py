@@ -20,6 +20,7 @@ SECTION = ("tau", "flight", *STATE)
 """The quantities of a path at its own k-th impact, just before it."""
 
 ROUNDING = 1e-9  # relative slack below which a negative variance or an excess of |rho| is rounding
+LOST = 4.0 * 2.0**-52  # of the square of what a variance is the difference of: rounding
 
 
 class Realizability(NamedTuple):
@@ -81,15 +82,17 @@ def _smallest_eigenvalue(vx: float, cross: float, vy: float) -> float:
 
 
 @jit
-def _is_clearly_positive(a: Floats) -> bool:
-    """Whether Cholesky's pivots of a matrix all keep more than rounding of what they are the rest of."""
+def _is_clear(a: Floats, scale: Floats) -> bool:
+    """Whether a covariance keeps more than rounding of `scale`, and Cholesky's pivots of what they are the rest of."""
     n = len(a)
     root = np.zeros((n, n))
     for j in range(n):
+        if a[j, j] == 0.0 and not a[j].any():
+            continue
         pivot = a[j, j]
         for k in range(j):
             pivot -= root[j, k] * root[j, k]
-        if not pivot > ROUNDING * a[j, j]:
+        if not (pivot > ROUNDING * a[j, j] and a[j, j] > LOST * scale[j] * scale[j]):
             return False
         root[j, j] = math.sqrt(pivot)
         for i in range(j + 1, n):
@@ -101,28 +104,23 @@ def _is_clearly_positive(a: Floats) -> bool:
 
 
 def semidefinite(covariance: Floats, scale: Floats) -> Floats:
-    """A covariance that came from the difference of larger ones, without the negative eigenvalues that rounding left.
+    """A covariance that is the difference of larger ones, without what rounding has made of it.
 
-    `scale` are sds of what was subtracted.  What is beyond rounding is left as it is, and so is what is semidefinite.
+    `scale` are the sds of what was subtracted: a variance that is below their rounding is 0, and no negative eigenvalue
+    is left.
 
     Examples
     --------
-    >>> semidefinite(np.array([[1.0, 0.0], [0.0, -1e-17]]), np.array([1.0, 0.1])).tolist()
+    >>> semidefinite(np.array([[1.0, 1e-9], [1e-9, -1e-17]]), np.array([1.0, 0.1])).tolist()
     [[1.0, 0.0], [0.0, 0.0]]
     """
-    if not np.isfinite(covariance).all():
+    if _is_clear(covariance, scale) or not np.isfinite(covariance).all():
         return covariance
-    covariance = 0.5 * (covariance + covariance.T)  # rounding is not symmetric
-    size = np.where(scale > 0.0, scale, 1.0)
-    relative = covariance / size[:, None] / size
-    if _is_clearly_positive(relative):
-        return covariance
-    values, vectors = np.linalg.eigh(relative)
-    judged = [realizability(covariance[i : i + 2, i : i + 2]).realizable for i in range(0, len(covariance), 2)]
-    if (values[0] >= 0.0 and all(judged)) or values[0] < -ROUNDING * max(values[-1], 1.0):
-        return covariance
+    told = np.diagonal(covariance) > LOST * scale**2
+    size = np.where(told, scale, 1.0)
+    values, vectors = np.linalg.eigh(np.where(told & told[:, None], covariance / size[:, None] / size, 0.0))
     root = size[:, None] * vectors * np.sqrt(np.where(values > 0.0, values, 0.0))
-    return np.asarray(root @ root.T)
+    return np.where(told & told[:, None], root @ root.T, 0.0)
 
 
 @jit

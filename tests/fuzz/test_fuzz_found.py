@@ -12,8 +12,10 @@ from compare import manifest, validate
 from compare.study.axes import read_axes
 from compare.study.store import Store
 from montecarlo import simulate
+from montecarlo.settings import _noise_free_step
 from scene import DAT21, FileError, InputError, Scene, Start, Tolerance
 from scene.files import read_text, read_toml
+from scene.impact import next_impact, safe_time
 from scene.moments import semidefinite
 from scene.tangent import strike_frame
 
@@ -94,13 +96,13 @@ def test_equal_dampings_leave_the_second_stage_without_noise_and_realizable():
 
 def test_rounding_is_taken_out_of_a_covariance_and_nothing_else():
     scale = np.array([1.0, 1.0])
-    beyond = np.array([[1.0, 0.0], [0.0, -1e-6]])
     good = np.array([[1.0, 0.3], [0.3, 1.0]])
-    assert np.array_equal(semidefinite(beyond, scale), beyond)
     assert np.array_equal(semidefinite(good, scale), good)
-    mended = semidefinite(np.array([[1.0, 1e-9], [1e-9, -1e-17]]), scale)
-    assert np.linalg.eigvalsh(mended)[0] >= -1e-30
-    assert np.abs(mended - np.array([[1.0, 1e-9], [1e-9, 0.0]])).max() < 1e-15
+    assert np.array_equal(semidefinite(np.diag([1.0, 1e-15]), scale), np.diag([1.0, 1e-15]))
+    assert np.array_equal(semidefinite(np.diag([1.0, 1e-16]), scale), np.diag([1.0, 0.0]))
+    mended = semidefinite(np.array([[1.0, 1.0], [1.0, 1.0 - 1e-15]]), scale)
+    assert np.linalg.eigvalsh(mended)[0] >= -1e-16
+    assert np.abs(mended - 1.0).max() < 1e-15
 
 
 def test_a_mean_flight_below_nothing_is_a_breakdown_of_the_series():
@@ -299,3 +301,89 @@ def test_validate_asks_a_closure_only_for_times_that_it_tells_of():
     m = mean_map(s, impacts=2)
     assert m.trace.span[1] < m.trace.tau[m.trace.found]
     assert len(validate(s, impacts=2, paths=64, scheme="exact-flight").table)
+
+
+SLOW_START = Start(-5e-324, 0.2511719249323631, 1.2058368112506402e-12, -0.25, 2.0, mesh=1)
+
+
+def test_a_flight_that_begins_without_speed_and_acceleration_takes_few_steps():
+    """Steps that held the acceleration to its largest grew to 1e5 for one impact, and `branching` to half a minute."""
+    s = Scene(
+        alpha=1.9211969040880859, epsilon=0.163, beta1=7e-7, gamma1=1e-30, gap1=0.2511719249323631, sigma=1.58,
+        stages=1, start=SLOW_START,
+    )  # fmt: skip
+    c = s.constants
+    steps, t = 0, 0.0
+    x, y = c.wall1, -1.7e-11
+    while t < 0.1 and steps < 1000:  # away from the wall
+        f, jerk = -c.alpha * np.sin(t), c.alpha
+        t += safe_time(c.wall1 - x, y, f, c.alpha, jerk)
+        x, y = c.wall1 - 1.7e-11 * t - c.alpha * t**3 / 6.0, -1.7e-11 - c.alpha * t * t / 2.0
+        steps += 1
+    assert steps < 100
+    t, mesh, side, *_ = next_impact(c, 0.0, c.wall1, -1.7e-11, 0.0, 0.0, 20.0)
+    assert (mesh, side) == (1, -1)
+    fine = np.cumsum(np.full(200_000, 1e-5))
+    crossed = -1.7e-11 * fine + c.alpha * (np.sin(fine) - fine)
+    assert t == pytest.approx(np.interp(2.0 * c.wall1, -crossed, fine), rel=1e-6)
+
+
+@pytest.mark.parametrize("jerk", [0.1, 1.0, 30.0])
+def test_a_safe_time_is_safe_where_the_acceleration_grows_as_fast_as_it_may(jerk):
+    rng = np.random.default_rng(3)
+    for d, v, a in rng.normal(size=(2000, 3)) * 10.0 ** rng.uniform(-9.0, 1.0, (2000, 3)):
+        most = abs(a) + 10.0 ** rng.uniform(-3.0, 3.0)
+        t = safe_time(abs(d), v, a, most, jerk)
+        turn = (most - a) / jerk  # from then on the acceleration is the largest
+        s = np.linspace(0.0, t, 400)[1:-1]
+        early, late = np.minimum(s, turn), np.maximum(s - turn, 0.0)
+        speed = v + a * early + 0.5 * jerk * early**2
+        gone = v * early + 0.5 * a * early**2 + jerk * early**3 / 6.0 + speed * late + 0.5 * most * late**2
+        assert (gone <= abs(d) * (1.0 + 1e-9) + 1e-25).all(), (d, v, a, most)
+
+
+def test_instants_that_no_path_has_impacts_for_are_not_waited_for():
+    """The orbit's flights last for 2e6 steps of paths that are shaken through a gap of 1e-9."""
+    s = Scene(
+        alpha=6.85e-7, epsilon=5e-324, beta1=1e-30, beta2=1e-20, gamma1=0.0, gamma2=1e-11, mu=1e-12, gap1=1e-9,
+        gap2=0.5, sigma=1.0, tolerance=Tolerance(1e-11, 0.005, "normal", "path"),
+        start=Start(4.458512519081175, 1e-9, 1e-30, -0.2475, 0.0, mesh=1),
+    )  # fmt: skip
+    found = validate(s, impacts=2, paths=64, scheme="exact-flight")
+    assert set(found.table["kind"]) == {"section"}
+    assert found.run.plan.control.at_step.size == 0
+
+
+def test_a_path_without_noise_is_not_followed_by_the_steps_of_noise():
+    """It rests after one impact, and ten million steps were taken to see that no other comes."""
+    s = Scene(
+        alpha=4.8e-12, epsilon=0.0, beta1=0.0865, beta2=0.215, gamma1=1.0, gamma2=0.0, mu=1e-12, gap1=1.6531566127e-08,
+        gap2=1.0, sigma=654.0, start=Start(1e-300, -1.6531566127e-08, -0.0729, -0.5, 0.0, mesh=1),
+    )  # fmt: skip
+    assert s.noise_free.sigma == 0.0
+    assert _noise_free_step(s, "exact-flight", 2, 1e-7) > 0.01
+    assert _noise_free_step(s, "euler-maruyama", 2, 1e-7) == 1e-7
+
+
+def test_coarse_paths_that_are_not_finished_leave_the_others_finished():
+    s = Scene(alpha=0.0, epsilon=0.0029, beta1=0.0, gamma1=1e-16, gap1=0.5, sigma=0.0029, stages=1,
+              start=Start(5.94, 0.5, 0.26698, 0.5, 2.0, mesh=1))  # fmt: skip
+    run = simulate(s, paths=64, impacts=2, dt=0.002, scheme="euler-maruyama-located", step_bias=True, horizon=20.0)
+    assert run.unfinished + run.section["paths"].loc[2] == 64
+
+
+def test_a_printed_mean_of_zero_still_has_a_side():
+    s = Scene(alpha=1.0, epsilon=0.65, beta1=1e-16, beta2=1e-16, gamma1=0.1, gamma2=2.2e-10, mu=7.7e-9, gap1=1.0,
+              gap2=1.0, sigma=0.1, start=Start(-8.85, 1.0, 1.0, 0.0, 1.0, mesh=1))  # fmt: skip
+    m = mean_map(s, impacts=3, reading="printed")
+    assert set(m.itinerary[: m.trace.found]) <= {-2, -1, 1, 2}
+
+
+def test_a_mended_variance_that_cancels_is_zero(recwarn):
+    """Two wheels of one mass, no damping: the second stage has no spread of its own after an impact of the first."""
+    s = Scene(alpha=3.6e-12, epsilon=0.7, beta1=1e-12, beta2=1e-12, gamma1=1e-30, gamma2=1e-30, mu=1.0 - 2.0**-53,
+              gap2=0.7247324509712859, sigma=1e6)  # fmt: skip
+    section = mean_map(s, impacts=3, reading="mended", order=6).section
+    assert (section["sd_x2"] >= 0.0).all()
+    assert section["realizable"].all()
+    assert not recwarn.list
