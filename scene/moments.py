@@ -114,9 +114,10 @@ def semidefinite(covariance: Floats, scale: Floats) -> Floats:
     >>> semidefinite(np.array([[1.0, 1e-9], [1e-9, -1e-17]]), np.array([1.0, 0.1])).tolist()
     [[1.0, 0.0], [0.0, 0.0]]
     """
+    covariance = 0.5 * (covariance + covariance.T)  # rounding is not symmetric
     if _is_clear(covariance, scale) or not np.isfinite(covariance).all():
         return covariance
-    told = np.diagonal(covariance) > LOST * scale**2
+    told = (np.diagonal(covariance) > LOST * scale**2) & (scale > 0.0)
     size = np.where(told, scale, 1.0)
     values, vectors = np.linalg.eigh(np.where(told & told[:, None], covariance / size[:, None] / size, 0.0))
     root = size[:, None] * vectors * np.sqrt(np.where(values > 0.0, values, 0.0))

@@ -25,6 +25,7 @@ __all__ = [
     "VERDICTS",
     "Judged",
     "judged",
+    "looks",
     "sampled",
 ]
 
@@ -66,6 +67,20 @@ class Judged(NamedTuple):
     told: bool
     paths: int
     moments: int
+
+
+def looks(paths: int) -> int:
+    """How often a verdict may be tried with up to so many paths.
+
+    Examples
+    --------
+    >>> looks(FIRST), looks(FIRST + 1), looks(FIRST * GROWTH**2)
+    (1, 2, 3)
+    """
+    number, tried = FIRST, 1
+    while number < paths:
+        number, tried = number * GROWTH, tried + 1
+    return tried
 
 
 def sampled(scene: Scene, *, scheme: str, dt: float, paths: int, seed: int, workers: int) -> Ensemble:

@@ -9,7 +9,7 @@ from tqdm import tqdm
 
 from compare.moments import widest
 from compare.stability.axes import AXES
-from compare.stability.cell import BIASED, UNSTABLE, judged
+from compare.stability.cell import BIASED, UNSTABLE, judged, looks
 from compare.stability.reference import IMPACTS, reference
 from montecarlo import SCHEMES, default_step, largest_step
 from montecarlo.block import BLOCK
@@ -81,7 +81,7 @@ def chart(
     began = time.perf_counter()
     places = [(axis, value) for axis in axes for value in _spread(AXES[axis].values, points)]
     cells = len(places) * len(schemes) * (len(SHARES) + 1)
-    z = widest(cells * 2 * len(SECTION) * IMPACTS)
+    z = widest(cells * 2 * len(SECTION) * IMPACTS * looks(paths))
     rows = []
     with tqdm(total=cells, desc="stability", unit="cell", disable=None) as bar:
         for axis, value in places:

@@ -100,6 +100,9 @@ def test_rounding_is_taken_out_of_a_covariance_and_nothing_else():
     assert np.array_equal(semidefinite(good, scale), good)
     assert np.array_equal(semidefinite(np.diag([1.0, 1e-15]), scale), np.diag([1.0, 1e-15]))
     assert np.array_equal(semidefinite(np.diag([1.0, 1e-16]), scale), np.diag([1.0, 0.0]))
+    assert np.array_equal(semidefinite(np.array([[1.0, 1e-20], [0.0, 0.0]]), scale), np.diag([1.0, 0.0]))
+    assert np.array_equal(semidefinite(np.diag([1.0, -1e-30]), np.array([1.0, 0.0])), np.diag([1.0, 0.0]))
+    assert np.array_equal(semidefinite(np.diag([1.0, 1e-30]), np.array([1.0, 0.0])), np.diag([1.0, 1e-30]))
     mended = semidefinite(np.array([[1.0, 1.0], [1.0, 1.0 - 1e-15]]), scale)
     assert np.linalg.eigvalsh(mended)[0] >= -1e-16
     assert np.abs(mended - 1.0).max() < 1e-15
