@@ -74,7 +74,7 @@ def safe_time(distance: float, speed: float, acceleration: float, most: float, j
         return step
     if speed <= 0.0 and acceleration < 0.0:  # drawn away: it takes the jerk this long to turn that round
         step = max(step, -3.0 * acceleration / jerk)
-    for _ in range(SOON):
+    for _ in range(SOON):  # for a while the acceleration stays near what it is now: as long as that allows more
         longer = 8.0 * step
         soon = max(acceleration, 0.0) + jerk * longer
         if not soon < 0.5 * most:
@@ -88,6 +88,7 @@ def safe_time(distance: float, speed: float, acceleration: float, most: float, j
 
 @jit
 def _within(distance: float, speed: float, most: float) -> float:
+    """The same for an acceleration that is never more than `most`."""
     root = math.sqrt(speed * speed + 2.0 * most * distance)
     if speed > 0.0:
         return 2.0 * distance / (speed + root)

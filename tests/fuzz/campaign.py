@@ -52,7 +52,7 @@ def decade(data: dict[str, Any]) -> int:
     start = scene.get("start", {"y1": 2.0, "y2": 2.0})
     speed = max(scene["alpha"] + scene["sigma"], abs(start["y1"]), abs(start["y2"]))
     gaps = [scene.get("gap1", 0.5), scene.get("gap2", 0.5)][: scene["stages"]]
-    return max(-12, min(9, int(log10(min(gaps) / speed) // 1))) if speed > 0.0 else 9
+    return max(-12, min(9, int((log10(min(gaps)) - log10(speed)) // 1))) if speed > 0.0 else 9
 
 
 @cache
@@ -163,12 +163,16 @@ def main() -> int:
     started = time.perf_counter()
     with ProcessPoolExecutor(given_options.workers) as pool:
         futures = [pool.submit(run_chunk, n, CHUNK, 1_000_000 * given_options.seed) for n in left]
-        for future in tqdm(as_completed(futures), total=len(left), unit="chunk", disable=None):
-            chunk = future.result()
-            scratch = work / f"{chunk['chunk']}.part"
-            scratch.write_text(json.dumps(chunk), encoding="utf-8")
-            scratch.rename(work / f"{chunk['chunk']}.json")
-            chunks.append(chunk)
+        try:
+            for future in tqdm(as_completed(futures), total=len(left), unit="chunk", disable=None):
+                chunk = future.result()
+                scratch = work / f"{chunk['chunk']}.part"
+                scratch.write_text(json.dumps(chunk), encoding="utf-8")
+                scratch.rename(work / f"{chunk['chunk']}.json")
+                chunks.append(chunk)
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
     facts = {"seed": given_options.seed, "seconds_of_this_call": round(time.perf_counter() - started, 1)}
     summary = report(given_options.out, sorted(chunks, key=lambda c: int(c["chunk"])), facts)
     print(
