@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from scene.compiled import jit
 from scene.flight import NODES, WEIGHTS
 
-__all__ = ["Edgeworth", "coefficients", "mixture_density", "section_density", "window_means"]
+__all__ = ["Edgeworth", "coefficients", "has_series", "mixture_density", "section_density", "window_means"]
 
 Floats = NDArray[np.float64]
 
 FACTORIAL = np.array([factorial(n) for n in range(8)], dtype=float)
 NARROW = 1.0  # width of a window, in sds, below which it is integrated by Gauss-Legendre
+SMALLEST = 1e-290  # power of an sd that is still divided by
 FARTHEST = 40.0  # sds: the normal density is 0 there
 HERMITE = np.array([np.pad(hermite_e.herme2poly([0.0] * i + [1.0]), (0, 7 - i)) for i in range(8)])
 """Row i: the monomial coefficients of He_i."""
@@ -45,6 +46,20 @@ def coefficients(raw: Floats, sd_x: float, sd_y: float) -> Floats:
                     a[i, j] += HERMITE[i, n] * HERMITE[j, p] * raw[n, p] / sd_x**n / sd_y**p
             a[i, j] /= FACTORIAL[i] * FACTORIAL[j]
     return a
+
+
+@jit
+def has_series(vx: float, vy: float, order: int) -> bool:
+    """Whether two variances are positive, and all powers of the sds that a series of that order needs are floats.
+
+    Examples
+    --------
+    >>> has_series(1.0, 0.5, 6), has_series(1.0, -0.5, 6), has_series(1e-120, 1.0, 6)
+    (True, False, False)
+    """
+    if not (vx > 0.0 and vy > 0.0):
+        return False
+    return bool(min(vx, vy) ** (0.5 * order) > SMALLEST and max(vx, vy) ** (0.5 * order) * SMALLEST < 1.0)
 
 
 @jit

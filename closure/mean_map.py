@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from closure import branching, mended, printed, saltation
-from closure.edgeworth import Edgeworth, coefficients, mixture_density, section_density
+from closure.edgeworth import Edgeworth, coefficients, has_series, mixture_density, section_density
 from closure.trace import Trace
 from scene.errors import InputError
 from scene.moments import SECTION, STATE, correlation, realizability
@@ -177,12 +177,10 @@ class MeanMap:
         count("impact", impact, least=1, most=self.impacts)
         if impact > self.trace.found:
             return None
-        if not (i == 0 or self.trace.sd[impact, i] != 0.0):
+        if self.trace.sd[impact, i] == 0.0:
             return None  # the displacement at the wall that is struck: one value, no density
         if self.trace.parts is not None:
             weights, means, variances = (a if a.ndim == 1 else a[:, i] for a in self.trace.parts[impact])
-            if not variances.any() and np.ptp(means) == 0.0:
-                return None
             return mixture_density(values, weights, means, variances)
         skew, sd = float(self.trace.skew[impact, i]), float(self.trace.sd[impact, i])
         if np.isfinite(self.trace.sd[impact, 0]) and np.isnan(self.trace.skew[impact]).all():
@@ -192,7 +190,8 @@ class MeanMap:
         if quantity not in VELOCITIES:
             return None
         stage = VELOCITIES.index(quantity) + 1
-        if not (self.stage_covariance(impact, stage).diagonal() > 0.0).all():
+        vx, vy = self.stage_covariance(impact, stage).diagonal()
+        if not has_series(vx, vy, self.order):
             return None
         series = self.edgeworth(impact, stage)
         return series.velocity_density(np.asarray(values) - self.trace.mean[impact, 2 * stage - 1])
@@ -208,7 +207,7 @@ class MeanMap:
         count("impact", impact, least=1, most=max(self.trace.found, 1))
         count("stage", stage, least=1, most=self.scene.stages)
         raw = self.trace.raw[impact, stage - 1]
-        if not (raw[2, 0] > 0.0 and raw[0, 2] > 0.0):
+        if not has_series(raw[2, 0], raw[0, 2], self.order):
             raise InputError("impact", impact, f"stage {stage} has no positive variance there, so no Edgeworth series")
         sd_x, sd_y = float(np.sqrt(raw[2, 0])), float(np.sqrt(raw[0, 2]))
         return Edgeworth(coefficients(raw, sd_x, sd_y), sd_x, sd_y)

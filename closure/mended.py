@@ -9,7 +9,7 @@ of Eqs. 20 and 21.
 
 import numpy as np
 
-from closure.edgeworth import coefficients, window_means
+from closure.edgeworth import coefficients, has_series, window_means
 from closure.orbit import Floats, Ints, follow
 from closure.raw_moments import stage_raw_moments
 from closure.trace import Trace
@@ -26,10 +26,10 @@ __all__ = ["trace"]
 def window_shift(raw: Floats, x: float, half_window: float) -> tuple[float, float]:
     """Shift of a stage's mean displacement and velocity (Eqs. 20, 21) for a wall at ``+-half_window``.
 
-    Zero where a variance is not positive: no window mean can be formed there.
+    Zero where a variance is not positive, or nothing: no window mean can be formed there.
     """
     vx, vy = raw[2, 0], raw[0, 2]
-    if not (vx > 0.0 and vy > 0.0):
+    if not has_series(vx, vy, len(raw) - 1):
         return 0.0, 0.0
     sd_x, sd_y = np.sqrt(vx), np.sqrt(vy)
     return window_means(coefficients(raw, sd_x, sd_y), sd_x, sd_y, -half_window - x, half_window - x)

@@ -11,7 +11,7 @@ variance is not positive has no window mean, so its shift is left out and the ma
 
 import numpy as np
 
-from closure.edgeworth import coefficients, normal_density, window_means
+from closure.edgeworth import coefficients, has_series, normal_density, window_means
 from closure.orbit import Floats, Ints
 from closure.raw_moments import after_flight, unmodulated_covariance
 from closure.trace import Trace
@@ -32,7 +32,7 @@ Windows = tuple[float, float]
 def _printed_shift(raw: Floats, x: float, half_window: float) -> tuple[float, float]:
     """Eqs. 20 and 21: A or C and B or D, times their standard deviations."""
     vx, vy = raw[2, 0], raw[0, 2]
-    if not (vx > 0.0 and vy > 0.0):
+    if not has_series(vx, vy, len(raw) - 1):
         return 0.0, 0.0
     sd_x, sd_y = np.sqrt(vx), np.sqrt(vy)
     a = coefficients(raw, sd_x, sd_y)

@@ -18,7 +18,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 import pandas as pd
 from fuzz_checks import check
-from fuzz_plan import BOUND, PLAN, examples, warm_up
+from fuzz_plan import BOUNDS, PLAN, examples, warm_up
 from fuzz_watched import Watched
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
@@ -57,7 +57,7 @@ def decade(data: dict[str, Any]) -> int:
 
 @cache
 def _watched() -> Watched:
-    return Watched(check, BOUND, warm_up(*PLAN))
+    return Watched(check, BOUNDS, warm_up(*PLAN))
 
 
 def run_chunk(number: int, scenes: int, first_seed: int) -> dict[str, Any]:
@@ -132,7 +132,7 @@ def report(out: Path, chunks: list[dict[str, Any]], facts: dict[str, Any]) -> di
             e: {str(k): int(v) for k, v in part.groupby("ended")["scenes"].sum().items()}
             for e, part in table.groupby("entry")
         },
-        "bound_seconds": BOUND, "slowest": slowest, "commit": manifest.commit(), "versions": manifest.versions(),
+        "bound_seconds": BOUNDS, "slowest": slowest, "commit": manifest.commit(), "versions": manifest.versions(),
         **facts,
     }  # fmt: skip
     with whole_folder(out, NAMES, overwrite=True) as folder:

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 __all__ = ["Outcome", "Watched"]
 
+BOUND = 60.0  # seconds for a job
 START = 300.0  # seconds for the first job, which compiles
 
 
@@ -50,21 +51,23 @@ class Watched:
     ----------
     function : callable
         Of a module that a new process can import.
-    bound : float
-        Seconds that a job may take.
+    bounds : dict of str to float
+        Seconds that a job may take, by the first of its arguments; `BOUND` for others.
     warm : tuple
         Arguments of a first job, which may take as long as compiling does.
     """
 
-    def __init__(self, function: Callable[..., tuple[str, str]], bound: float, warm: list[tuple[Any, ...]]) -> None:
-        self.function, self.bound, self.warm = function, bound, warm
+    def __init__(
+        self, function: Callable[..., tuple[str, str]], bounds: dict[str, float], warm: list[tuple[Any, ...]]
+    ) -> None:
+        self.function, self.bounds, self.warm = function, bounds, warm
         self._process: Any = None
 
     def run(self, *job: Any) -> Outcome:
         """One job."""
         if self._process is None:
             self._begin()
-        return self._ask(job, self.bound)
+        return self._ask(job, self.bounds.get(str(job[0]), BOUND))
 
     def _begin(self) -> None:
         context = multiprocessing.get_context("spawn")

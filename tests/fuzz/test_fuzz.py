@@ -4,7 +4,7 @@ import pytest
 from fuzz_bad import commands, settings_of, spoilt_bytes, spoilt_scenes, spoilt_texts
 from fuzz_checks import ENTRIES, check
 from fuzz_doors import FILES, content
-from fuzz_plan import BOUND, PLAN, examples, warm_up
+from fuzz_plan import BOUNDS, PLAN, examples, warm_up
 from fuzz_watched import Watched
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
@@ -21,7 +21,7 @@ TEXTS = ("scene", "study", "manifest", "page", "baseline")
 
 @pytest.fixture(scope="module")
 def watched():
-    process = Watched(check, BOUND, [*warm_up(*PLAN), ("text", "page", "")])
+    process = Watched(check, BOUNDS, [*warm_up(*PLAN), ("text", "page", "")])
     yield process
     process.close()
 

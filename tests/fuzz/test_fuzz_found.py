@@ -13,7 +13,7 @@ from compare.study.axes import read_axes
 from compare.study.store import Store
 from montecarlo import simulate
 from montecarlo.settings import _noise_free_step
-from scene import DAT21, FileError, InputError, Scene, Start, Tolerance
+from scene import DAT21, FileError, Gears, InputError, Scene, Start, Tolerance
 from scene.files import read_text, read_toml
 from scene.impact import next_impact, safe_time
 from scene.moments import semidefinite
@@ -389,4 +389,29 @@ def test_a_mended_variance_that_cancels_is_zero(recwarn):
     section = mean_map(s, impacts=3, reading="mended", order=6).section
     assert (section["sd_x2"] >= 0.0).all()
     assert section["realizable"].all()
+    assert not recwarn.list
+
+
+@pytest.mark.parametrize(("reading", "order"), [("mended", 6), ("printed", 6), ("printed", 4)])
+def test_a_spread_whose_powers_are_no_floats_has_no_series(reading, order):
+    """A first flight of 5e-25: the sixth power of the sd of x1 is 0, and the window's means were 0 / 0."""
+    s = Scene(
+        alpha=1e-16, epsilon=0.9, beta1=0.0, gamma1=1e-30, beta2=0.0, gamma2=0.0446, mu=9.7e-9, gap1=1.625, gap2=1e-9,
+        sigma=4.46e-7, start=Start(0.0, 1.625, 1e6, -9.99999999999999e-10, -2.0, mesh=1),
+    )  # fmt: skip
+    m = mean_map(s, impacts=3, reading=reading, order=order)
+    assert np.isfinite(m.section[["tau", "x1", "y1", "x2", "y2"]].iloc[: m.trace.found].to_numpy()).all()
+
+
+def test_parts_that_differ_by_less_than_a_float_can_square_have_no_density(recwarn):
+    gears = Gears(
+        alpha=1.5, epsilon=5e-324, omega=425.5446430873588, inertia1=3094.203978801337, inertia2=176449.90308106618,
+        radius1=41.0, radius2=83.48413022844521, backlash1=0.15471019894006688, backlash2=0.632455532033676,
+        damping1=100.0, damping2=60122.40662962755, torque1=100.0, torque2=50.0,
+    )  # fmt: skip
+    m = mean_map(Scene.from_gears(gears, sigma=0.7735509947003343), impacts=2, reading="branching")
+    for k in range(1, m.trace.found + 1):
+        for q in ("tau", "flight", "x1", "y1", "x2", "y2"):
+            density = m.density(k, q, m.section.loc[[k], q].to_numpy())
+            assert density is None or np.isfinite(density).all()
     assert not recwarn.list

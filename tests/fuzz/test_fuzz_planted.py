@@ -15,7 +15,7 @@ from montecarlo.result import Ensemble
 
 
 def test_the_watch_tells_hangs_deaths_and_warnings_and_goes_on():
-    watched = Watched(planted, 4.0, [])
+    watched = Watched(planted, {"hangs": 4.0}, [])
     found = {kind: watched.run(kind) for kind in ("hangs", "fine", "dies", "warns", "well")}
     watched.close()
     assert {kind: o.ended for kind, o in found.items()} == {
