@@ -17,7 +17,7 @@ from montecarlo.budget import Budget, clock
 from montecarlo.reach import Candidate
 from montecarlo.result import Ensemble
 from montecarlo.schemes import SCHEMES
-from montecarlo.settings import computed, is_random
+from montecarlo.settings import computed, default_horizon, is_random
 from montecarlo.step import largest_step
 from scene.scene import Scene
 
@@ -28,6 +28,8 @@ PILOT = 4 * BLOCK
 COARSEST = 4  # of the steps that run side by side for the bias, in units of the finest
 FIRST_STEP = 0.01  # of the pilots of Euler and Maruyama, if the scene lets it through
 ENOUGH = 5.0  # core-seconds of exact flights below which nothing cheaper is looked for: pilots take as long
+GLANCE = 0.01  # share of the horizon in which the first scouts are looked at
+ALONE = 32.0  # paths that, side by side, take a step in the time of one path
 HELD_NS = 110.0  # of a step in which a mesh is held shut, measured
 ROUGHEST = 1e3  # accuracy, in sds, beyond which there is none
 
@@ -56,15 +58,13 @@ class Sent:
         The pilot; where the budget had none for it, the last scout that it had.
     path_seconds : float
         What a path of it took, or on one core should have if that is more.
+    whole : bool
+        Whether it is the pilot.
     """
 
     run: Ensemble
     path_seconds: float
-
-    @property
-    def whole(self) -> bool:
-        """Whether it is the pilot."""
-        return self.run.paths >= computed(self.run.scene, PILOT)
+    whole: bool
 
     @cached_property
     def errors(self) -> tuple[float, float]:
@@ -96,6 +96,7 @@ def _nanoseconds(run: Ensemble, dt: float) -> float:
     """Nominal time of a path like those of a run, at a step; the same on every machine."""
     kind, finer = SCHEMES[run.scheme], run.dt / dt
     steps = run.path_steps / run.plan.paths * run.dt / dt  # of all step sizes
+    steps *= ALONE if run.plan.paths == 1 else 1.0
     work = steps * kind.step_ns + run.impacts * kind.impact_ns * (1.0 if kind.weak_order is None else 3.0)
     return work + run.held / run.plan.paths * finer * HELD_NS
 
@@ -111,13 +112,19 @@ def sent_ahead(scene: Scene, scheme: str, simulate: Simulate, budget: Budget, wo
         return simulate(**settings | changed), clock() - began
 
     for _ in range(2):  # what a run takes before its first path, once its plan is made
-        _, before = timed(paths=1, horizon=settings["dt"])
+        run, before = timed(paths=1, horizon=settings["dt"])
+    horizon = default_horizon(run.impacts, run.dt * (COARSEST if settings["step_bias"] else 1))
+    glance, _ = timed(paths=computed(scene, SCOUTS[0]), horizon=GLANCE * horizon)
+    slow = 1e-9 * _nanoseconds(glance, glance.dt) / GLANCE
+    if glance.unfinished and slow * glance.paths > budget.left:
+        return Sent(glance, slow, False)
     followed, sent = 0, None
     for paths in (*SCOUTS, PILOT) if is_random(scene) else (1,):
         if sent is not None and sent.path_seconds * paths / min(workers, -(-paths // BLOCK)) > budget.left:
             break
         run, seconds = timed(paths=paths)
-        sent = Sent(run, max(1e-9 * _nanoseconds(run, run.dt), (seconds - before) / (paths - followed)))
+        took = max(1e-9 * _nanoseconds(run, run.dt), (seconds - before) / (paths - followed))
+        sent = Sent(run, took, run.paths == computed(scene, PILOT))
         before, followed = seconds, paths
     assert sent is not None
     return sent

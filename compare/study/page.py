@@ -61,7 +61,7 @@ def answer(r: Results) -> list[str]:
             f"After {impacts} impacts {shares.min():.1%} to {shares.max():.1%} of the paths are on the noise-free "
             "itinerary."
         )
-    return sentences
+    return sentences or ["No point could be computed; the command says why."]
 
 
 def write_page(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:

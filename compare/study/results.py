@@ -85,7 +85,8 @@ class Results:
             struck = "x" + run.section["mesh"].astype(int).astype(str)
             table["judged"] = (table["quantity"] != table["impact"].map(struck)).to_numpy()
             parts.append(self._placed(point, stated(table, run.scene)))
-        return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+        none = pd.DataFrame({"reading": [], "moment": [], "verdict": [], "judged": np.empty(0, bool)})
+        return pd.concat(parts, ignore_index=True) if parts else none
 
     @cached_property
     def sections(self) -> pd.DataFrame:

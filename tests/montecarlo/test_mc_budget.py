@@ -13,7 +13,7 @@ from montecarlo import AccuracyWarning, simulate
 from montecarlo.block import BLOCK
 from montecarlo.budget import Budget, in_words
 from montecarlo.ensemble import in_threads
-from scene import InputError
+from scene import InputError, Scene, Start
 
 
 class Watched:
@@ -39,10 +39,10 @@ def test_paths_are_followed_until_the_budget_is_spent(monkeypatch):
     with pytest.warns(AccuracyWarning, match="Accuracy 1e-09 sd NOT reached within the budget: .* years more would do"):
         run = ask(watched, 1e-9, budget=10.0, scheme="exact-flight")
     assert watched.now == 11.0  # the first run, which compiles, is not counted
-    assert run.paths == run.plan.paths == 6 * BLOCK
-    assert (run.section["paths"] == 6 * BLOCK).all()
+    assert run.paths == run.plan.paths == 5 * BLOCK
+    assert (run.section["paths"] == 5 * BLOCK).all()
     assert run.section.equals(
-        simulate(dat21(0.5), impacts=2, paths=6 * BLOCK, dt=run.dt, scheme=run.scheme, rng=5).section
+        simulate(dat21(0.5), impacts=2, paths=5 * BLOCK, dt=run.dt, scheme=run.scheme, rng=5).section
     )
     assert run.cautions[0] == run.reach.sentence
     assert "of too few paths to show what few of them do" in run.reach.sentence
@@ -64,10 +64,24 @@ def test_a_pilot_is_not_sent_where_scouts_show_that_it_cannot_be_paid(monkeypatc
     watched = Watched(monkeypatch, lambda paths: float(paths))
     with pytest.warns(AccuracyWarning):
         run = ask(watched, 0.1, budget=20.0)
-    assert watched.paths == [1, 1, 1, 8]
+    assert watched.paths == [1, 1, 1, 8, 8]
     assert (run.paths, run.scheme) == (8, "exact-flight")
     assert list(run.reach.schemes.index) == ["exact-flight"]
     assert run.reach.more_seconds > 2e4
+
+
+@pytest.mark.parametrize("sigma", [0.0, 1.0])
+def test_paths_that_take_ten_million_steps_are_looked_at_from_the_start(sigma):
+    """Damping so fast that a step is 1e-5, and a gap that nobody crosses: eight paths of it would take seconds."""
+    scene = Scene(
+        alpha=0.1, epsilon=0.5, beta1=1e4, gamma1=0.0, gap1=1e3, sigma=sigma, stages=1, start=Start(0.0, 0.0, 0.0)
+    )
+    with pytest.warns(AccuracyWarning):
+        run = simulate(scene, accuracy=1e-3, impacts=12, budget=1.0, scheme="euler-maruyama-located")
+    assert run.unfinished == run.paths == (8 if sigma else 1)
+    assert run.path_steps < 4e6  # of 4e8 to the horizon
+    assert run.reach.more_seconds > 1.0
+    assert any("when the horizon came" in said for said in run.cautions)
 
 
 def test_what_takes_more_than_an_hour_is_refused_unless_a_budget_is_given(monkeypatch):
@@ -89,7 +103,7 @@ def test_slow_paths_are_refused_before_a_pilot(monkeypatch):
     watched = Watched(monkeypatch, lambda paths: float(paths))
     with pytest.raises(InputError, match=r"is expected to take .* on 1 thread .*: give the seconds"):
         ask(watched, 0.1)
-    assert watched.paths == [1, 1, 1, 8, 256]
+    assert watched.paths == [1, 1, 1, 8, 8, 256]
 
 
 def test_no_budget_at_all_may_be_asked_for(monkeypatch):
