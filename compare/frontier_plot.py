@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from compare.frontier import CAUSES
 from compare.style import STYLE, new_figure
 
-__all__ = ["frontier_figure"]
+__all__ = ["FRONTIER", "frontier_figure"]
 
 MARKER = {
     "undecided": "$?$",
@@ -25,6 +25,14 @@ MARKER = {
     "ended": "|",
 }
 """Markers of the causes; a reading that holds has none."""
+FRONTIER = (
+    ("How far each reading can be believed: the impact up to which every section mean and sd that it predicts is "
+     "accurate (filled)", ""),
+    (", and up to which none is refuted (hatched: undecided)", "undecided"),
+    (".", ""),
+    (" A marker says what refutes it there.", "refuted"),
+)  # fmt: skip
+"""What is said beneath the figure, for `compare.style.caption_of`."""
 ROOM = 0.9  # of a marker above the band that it explains
 
 
@@ -49,12 +57,14 @@ def frontier_figure(table: pd.DataFrame, impacts: int) -> Figure:
     for ax in axes[: len(readings)]:
         if ax.get_subplotspec().is_first_col():  # type: ignore[union-attr]
             ax.set_ylabel("impact")
-    handles: list[Artist] = [
-        Patch(facecolor="0.35", label="every moment accurate"),
-        Patch(facecolor="none", edgecolor="0.35", hatch="////", label="undecided"),
-        Patch(facecolor="none", edgecolor="0.6", label="refuted"),
-        Line2D([], [], color="k", ls=":", lw=1.4, label="99 % of the paths on its itinerary up to here"),
+    accurate, not_refuted = table["accurate"], table["not_refuted"]
+    areas = [
+        (accurate > 0, Patch(facecolor="0.35", label="every moment accurate")),
+        (not_refuted > accurate, Patch(facecolor="none", edgecolor="0.35", hatch="////", label="undecided")),
+        (not_refuted < impacts, Patch(facecolor="none", edgecolor="0.6", label="refuted")),
     ]
+    handles: list[Artist] = [patch for drawn, patch in areas if drawn.any()]
+    handles.append(Line2D([], [], color="k", ls=":", lw=1.4, label="99 % of the paths on its itinerary up to here"))
     handles += [
         Line2D([], [], ls="none", marker=marker, color="k", ms=6, label=CAUSES[cause])
         for cause, marker in MARKER.items()
