@@ -1,9 +1,10 @@
 """The closure beyond one itinerary: a Gaussian mixture whose parts go on along their own impacts.
 
 A part is a weight and a Gaussian of the section state after an impact, as in the saltation reading.  The noise of the
-next flight is put at its start, so that the next event is a function of a point in five dimensions.  Parts are cut
-where the next event changes or the section map bends (`closure.refining`), carried to the event
-(`closure.gaussian_flight`), and merged after the impact where they lie together (`closure.mixture`).
+next flight is put at its start, so that the next event is a function of a point in five dimensions; in nine where
+flanks are random, whose laws are Gaussians here, or a few of them (`closure.flanks`).  Parts are cut where the next
+event changes or the section map bends (`closure.refining`), carried to the event (`closure.gaussian_flight`), and
+merged after the impact where they lie together (`closure.mixture`).
 """
 
 import math
@@ -12,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from closure.blocks import congruence, hit_matrix, put, put_row
-from closure.flanks import PLAIN, Flanks, column, flanks_of, renew
+from closure.flanks import PLAIN, column, forget, random_tolerance, start_pieces
 from closure.gaussian_flight import Landing
 from closure.mixture import Mixture, empty, gather, moments
 from closure.orbit import Floats, follow
@@ -30,11 +31,12 @@ ON_ORBIT = 10  # added to the label of a part whose itinerary is the orbit's
 
 @jit
 def _strike(
-    c: Constants, flanks: Flanks, start: Mixture, landing: Landing, count: int, own: int, after: Mixture
+    c: Constants, redrawn: Floats, start: Mixture, landing: Landing, count: int, own: int, after: Mixture
 ) -> tuple[int, float]:
     """The impact of all that has landed, packed to the front; also the weight that met no wall.
 
     The labels of `after` tell the event, and whether the itinerary is still the orbit's, whose event is `own`.
+    `redrawn` has the variances of the deviations of +1, -1, +2, -2 that contacts draw anew; it is empty if none are.
     """
     section, flight = landing.section, landing.flight
     kept, lost = 0, 0.0
@@ -53,9 +55,10 @@ def _strike(
         after.weight[kept] = w
         put_row(after.mean[kept], hit @ section.mean[i])
         put(after.covariance[kept], congruence(hit, section.covariance[i]))
-        if flanks.redrawn:
-            opposite = column(abs(code), -code)
-            renew(opposite, flanks.variance[opposite - PLAIN], after.mean[kept], after.covariance[kept])
+        if redrawn.size > 0:
+            flank = column(abs(code), -code)
+            forget(flank, after.mean[kept], after.covariance[kept])
+            after.covariance[kept, flank, flank] = redrawn[flank - PLAIN]
         after.label[kept] = code + (ON_ORBIT if start.label[i // 2] > 2 and code == own else 0)
         kept += 1
     return kept, lost
@@ -77,14 +80,17 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
 
 def _trace(scene: Scene, impacts: int, order: int) -> Trace:
     c, orbit = scene.constants, follow(scene, impacts).until_rest
-    flanks = flanks_of(scene)
-    d = flanks.start.shape[0]
+    tolerance = random_tolerance(scene)
+    redrawn = np.repeat(tolerance.variances, 2) if tolerance and tolerance.draw == "contact" else np.zeros(0)
+    first = start_pieces(scene)
+    live, d = first.mean.shape
     b, after = workbench(MOST_CUT, d), empty(2 * MOST_CUT, d)
     section, flight = b.landing.section, b.landing.flight
-    b.start.weight[0], b.start.label[0] = 1.0, ON_ORBIT
-    b.start.mean[0, :PLAIN] = orbit.tau[0], *orbit.after[0]
-    b.start.covariance[0] = flanks.start
-    live, lost = 1, 0.0
+    b.start.weight[:live], b.start.label[:live] = first.weight, ON_ORBIT
+    b.start.mean[:live] = first.mean
+    b.start.mean[:live, :PLAIN] += np.array([orbit.tau[0], *orbit.after[0]])
+    b.start.covariance[:live] = first.variance
+    lost = 0.0
     tau, mean = np.full(impacts + 1, np.nan), np.full((impacts + 1, 4), np.nan)
     sd, skew = np.full((impacts + 1, 6), np.nan), np.full((impacts + 1, 6), np.nan)
     covariance = np.full((impacts + 1, 4, 4), np.nan)
@@ -97,7 +103,7 @@ def _trace(scene: Scene, impacts: int, order: int) -> Trace:
     for k in range(1, impacts + 1):
         own = int(orbit.mesh[k] * orbit.side[k])
         flown, damped = fly(c, live, b)
-        count, gone = _strike(c, flanks, b.start, b.landing, flown, own, after)
+        count, gone = _strike(c, redrawn, b.start, b.landing, flown, own, after)
         lost += gone + damped
         if count == 0 or lost > 0.5:
             found = k - 1

@@ -9,7 +9,7 @@ second derivatives add the mean shift, an O(sigma^2) effect, and the third cumul
 import numpy as np
 
 from closure.blocks import block, congruence, hit_matrix, inner, put
-from closure.flanks import column, flanks_of, renew
+from closure.flanks import column, forget, random_tolerance, start_covariance
 from closure.orbit import Floats, Ints, follow
 from closure.raw_moments import stage_raw_moments
 from closure.section_map import derivatives, flight_third_cumulant, noise_slope, third_cumulants
@@ -92,7 +92,8 @@ def _carry(
         third = turned_third
         if redraw:
             flank = column(mesh[k], -side[k])
-            renew(flank, variance[flank - 5], moved, covariance[k])
+            forget(flank, moved, covariance[k])
+            covariance[k, flank, flank] = variance[flank - 5]
             for i in range(d):
                 for j in range(d):
                     third[flank, i, j] = third[i, flank, j] = third[i, j, flank] = 0.0
@@ -102,10 +103,12 @@ def _carry(
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
     """Follow the saltation closure through `impacts` impacts; second order from `order` 3 on."""
     c, orbit = scene.constants, follow(scene, impacts).until_rest
-    flanks = flanks_of(scene)
+    tolerance = random_tolerance(scene)
+    variance = np.zeros(4) if tolerance is None else np.repeat(tolerance.variances, 2)
+    redraw = tolerance is not None and tolerance.draw == "contact"
     found, shift, sd, skew, section, after = _carry(
         c, orbit.tau, orbit.mesh, orbit.side, orbit.before, orbit.after, orbit.found,
-        *flanks, order >= 3,
+        start_covariance(scene), variance, redraw, order >= 3,
     )  # fmt: skip
     stopped = orbit.stopped if found == orbit.found else f"impact {found + 1} grazes its wall"
     mean = orbit.before + np.nan_to_num(shift[:, 2:])

@@ -68,7 +68,7 @@ def caption_of(figure: Figure, parts: Sequence[tuple[str, str]]) -> str:
     >>> figure, (ax,) = new_figure(2.0, 2.0, 1, 1)
     >>> _ = ax.plot([0.0, 1.0], label="closure")
     >>> legend_above(figure, [ax], 1)
-    >>> caption_of(figure, (("Means", ""), (" of the closure", "closure"), (" and of the simulation", "Monte"), (".", "")))
+    >>> caption_of(figure, (("Means", ""), (" of the closure", "closure"), (" and of the paths", "Monte"), (".", "")))
     'Means of the closure.'
     """
     drawn = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
