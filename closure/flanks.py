@@ -1,9 +1,11 @@
 """Random backlash as columns of the section state: ``(tau, x1, y1, x2, y2)`` and the deviations of +1, -1, +2, -2.
 
 Flank ``side`` of a mesh stands at ``side (g + c)``, c its column.  One Gaussian gives c the mean and the variance of
-its law, but not that c never exceeds ``c_max``: its tails reach events that no gear has.  For deviations that are
-drawn anew at contacts a mixture does with that, as with a noise; those that a path keeps it has in `PIECES`, each a
-Gaussian with the mean and the variance of the law in a cell of ``[-c_max, c_max]``.
+its law, but not that c never exceeds ``c_max``: its tails reach events that no gear has.  So a mixture has a deviation
+that a path keeps in `PIECES`, each a Gaussian with the mean and the variance of the law in a cell of
+``[-c_max, c_max]``: with one Gaussian for it the means of DAT21 are off by up to 0.2 sds without noise, with six by
+0.02.  A deviation that contacts draw anew is one Gaussian all the same: there pieces use up parts that follow the
+branches, and where there is noise the moments came out worse with them.
 """
 
 from typing import NamedTuple
