@@ -1,4 +1,4 @@
-"""More than a thousand scenes and bad inputs on every run, always the same ones; scenes of every magnitude, by every door.
+"""More than a thousand scenes and bad inputs on every run, always the same ones, and scenes of any size by every door.
 
 A watched process answers.
 """
