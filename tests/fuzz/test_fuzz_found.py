@@ -11,6 +11,8 @@ from closure import follow, mean_map
 from closure.long_orbit import LongOrbit
 from compare import manifest, validate
 from compare.__main__ import main
+from compare.answer import answer
+from compare.correlation import first_failure
 from compare.study.axes import read_axes
 from compare.study.store import Store
 from compare.study.tables import load
@@ -443,6 +445,23 @@ def test_a_skewness_of_what_hardly_varies_is_told_or_left_out(recwarn):
         assert table.loc[cube < 1e-290, f"skew_{q}"].isna().all()
     assert ((table["sd_x2"] > 0.0) & (table["sd_x2"] ** 3 < 1e-290) & (table["sd_x2"] ** 3 > 0.0)).any()
     assert not recwarn.list
+
+
+def test_a_growth_whose_square_is_no_float_is_told():
+    """An impact of hardly any speed, under a strong force, parts neighbours by 1e155."""
+    frame, growth = np.eye(4), np.zeros(4)
+    strike_frame(scene(alpha=1e6).constants, 1, 0.1, 1e-200, 0.5, frame, growth)
+    assert np.isfinite(growth).all()
+    assert 355.0 < growth.max() < 360.0
+    assert np.allclose(frame.T @ frame, np.eye(4))
+
+
+def test_nothing_to_judge_is_a_table_without_rows():
+    """No closure has an impact, no instant lies between two: the command ended in a KeyError."""
+    still = scene(alpha=0.0, gamma1=0.0, beta1=0.0, stages=1, gap1=1e6, start=Start())
+    found = validate(still, impacts=1, paths=2, scheme="exact-flight", readings=["saltation"])
+    assert first_failure(found.correlation, "saltation") is None
+    assert answer([found], None)
 
 
 STILL = """
