@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 __all__ = ["BOUNDS", "PLAN", "SIMPLE", "examples", "warm_up"]
 
-BOUNDS = {"validate": 300.0}
+BOUNDS = {"validate": 300.0, "validate a file": 300.0, "study a file": 300.0}
 """Seconds that one answer may take, if not 60.
 
 `validate` gives paths up after ten million steps, 72 s for 64 of them that are pressed shut, and sends others ahead.

@@ -13,8 +13,6 @@ from fuzz_wide_plan import WIDE, job
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-DOORS = [job(0, 0, "validate a file"), job(0, 0, "study a file")]
-"""What loads all that pages need."""
 SAME = settings(
     derandomize=True, database=None, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
 )
@@ -32,7 +30,7 @@ TEXTS = ("scene", "study", "manifest", "page", "baseline")
 
 @pytest.fixture(scope="module")
 def watched():
-    process = Watched(check, BOUNDS, [*warm_up(*PLAN), ("text", "page", ""), *DOORS])
+    process = Watched(check, BOUNDS, [*warm_up(*PLAN), ("text", "page", "")])
     yield process
     process.close()
 
