@@ -11,6 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from compare.frontier import CAUSES
 from compare.style import STYLE, new_figure
+from compare.validity_range import ACCURATE, NOT_WRONG, UNDECIDED, WRONG
 
 __all__ = ["frontier_figure"]
 
@@ -29,7 +30,7 @@ ROOM = 0.9  # of a marker above the band that it explains
 
 
 def frontier_figure(table: pd.DataFrame, impacts: int) -> Figure:
-    """Impact up to which each reading is accurate and not refuted, over sigma, a panel for each reading.
+    """Impact up to which each reading is accurate and not shown wrong, over sigma, a panel for each reading.
 
     Parameters
     ----------
@@ -50,9 +51,9 @@ def frontier_figure(table: pd.DataFrame, impacts: int) -> Figure:
         if ax.get_subplotspec().is_first_col():  # type: ignore[union-attr]
             ax.set_ylabel("impact")
     handles: list[Artist] = [
-        Patch(facecolor="0.35", label="every moment accurate"),
-        Patch(facecolor="none", edgecolor="0.35", hatch="////", label="undecided"),
-        Patch(facecolor="none", edgecolor="0.6", label="refuted"),
+        Patch(facecolor="0.35", label=f"{ACCURATE} here"),
+        Patch(facecolor="none", edgecolor="0.35", hatch="////", label=f"{NOT_WRONG} here: {UNDECIDED}"),
+        Patch(facecolor="none", edgecolor="0.6", label=WRONG),
         Line2D([], [], color="k", ls=":", lw=1.4, label="99 % of the paths on its itinerary up to here"),
     ]
     handles += [

@@ -12,7 +12,7 @@ from compare import manifest
 from compare.answer import answer, correlation_claim, sigma_text
 from compare.folder import whole_folder
 from compare.frontier_plot import frontier_figure
-from compare.moments import VERDICTS
+from compare.moments import NOT_JUDGED, RULE
 from compare.page import Block, Code, Figure, Page, Section, Source, Text, pages, write_page
 from compare.page.content import MARKS as SIGNS
 from compare.plots import FIGURES, agreement_figure
@@ -30,6 +30,7 @@ from compare.rows import (
 from compare.style import save
 from compare.sweep import Sweep
 from compare.validation import Validation
+from compare.validity_range import NOT_WRONG
 
 __all__ = ["CONTENTS", "table_text", "write_report"]
 
@@ -40,8 +41,9 @@ CONTENTS = frozenset({
 """What a report folder holds; anything else in it is not ours."""
 
 FRONTIER = (
-    "How far each reading can be believed: the impact up to which every section mean and sd that it predicts is "
-    "accurate (filled), and up to which none is refuted (hatched: undecided). A marker says what refutes it there."
+    "How far each reading can be believed: filled, the impact up to which every section mean and sd that it predicts "
+    f"is accurate; hatched, undecided for want of paths, so {NOT_WRONG} its upper edge. A marker says what ends it "
+    "there."
 )
 SPEED = (
     "Time of the closure, as far as it is accurate, beside the cheapest simulation of equal accuracy: as many exact "
@@ -49,6 +51,7 @@ SPEED = (
     "error (in sds of the quantity). One core each; measured with this report (`speed.csv`). “≤”: the sample cannot "
     "tell the error from zero, so the speed-up is a lower bound."
 )
+NONE = "No reading is shown to be accurate up to the first impact at any of these noise intensities; {} undecided."
 AGREEMENT = (
     "Share of paths whose impacts so far had the meshes and sides of the closure's; no closure of a single orbit can "
     "hold beyond it. Dashed: the share that the branching reading predicts."
@@ -112,14 +115,14 @@ def _page(
         figure = _drawn(frontier_figure(swept.frontier, settings.impacts), "frontier", FRONTIER, folder)
         opening = (figure, Text(paths, note=True), frontier_table(swept.frontier))
         speeds = speed_table(swept.speed)
-        none = Text("No reading gets the first impact right at any of these noise intensities.")
+        none = Text(NONE.format("some are" if (swept.frontier["not_refuted"] > 0).any() else "none is"))
         sections.append(
             Section("What a closure saves where it holds", (Text(SPEED, note=True), speeds) if speeds.rows else (none,))
         )
-    marks = ", ".join(f"{SIGNS[MARKS[verdict]] or '–'} {verdict}" for verdict in VERDICTS)
+    marks = ", ".join(f"{SIGNS[mark] or '–'} {verdict}" for verdict, mark in MARKS.items() if verdict != NOT_JUDGED)
     legend = (
         f"Marks: {marks}. Errors are closure minus simulation, corrected for the measured step bias, in units of the "
-        "quantity's standard deviation, with the half width of their interval."
+        f"quantity's standard deviation, with the half width of their interval. {RULE}"
     )
     agreement = _drawn(agreement_figure(validations), "agreement", AGREEMENT, folder)
     sections.append(Section("How long the paths stay together", (agreement,)))

@@ -57,7 +57,8 @@ def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
     found.append(
         f"A closure wins outright for any accuracy no finer than its own worst error: {'; '.join(wins)}."
         if wins
-        else "No closure that predicts all of them is cheaper than a simulation as accurate as its worst error."
+        else "No closure that predicts all of them is shown to be cheaper than a simulation as accurate as its worst "
+        "error."
     )
     finest = accuracies[-1]
     plain, exact = m.laws[PLAIN], m.laws[EXACT].path_alone(finest)

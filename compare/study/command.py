@@ -31,10 +31,11 @@ def study(
     """Compute what is missing of the study in FILE (TOML), and write its tables, figures and page.
 
     Every result is kept as soon as it is there; the same command goes on where it was ended.  Exit codes: 0 complete;
-    1 complete but for points that cannot be computed, with the reasons; 2 bad input; 130 interrupted.
+    1 complete but for what cannot be computed at some points, with the reasons; 2 bad input; 130 interrupted.
     """
     from compare.folder import within, write_whole
     from compare.study.design import Study
+    from compare.study.lacking import lacking
     from compare.study.store import Store
     from compare.study.tables import CELLS, FILE
     from scene.validate import count
@@ -61,11 +62,10 @@ def study(
         for sentence in record["answer"]:
             click.echo(sentence)
         click.echo(f"Page: {folder / 'study.html'}")
-    lacking = [(p.coordinates, why) for p in wanted.points if p.sample is None for why in p.reasons.values()]
-    lacking += [(label, why) for label, why in record.get("failed", {}).items()]
-    for where, why in lacking:
-        click.echo(f"rattle: {where}: {why}", err=True)
-    if lacking:
+    lacks = lacking(wanted.points, record.get("failed", {}))
+    for lack in lacks:
+        click.echo(f"rattle: {line(str(lack))}", err=True)
+    if lacks:
         sys.exit(1)
 
 
@@ -108,12 +108,13 @@ def _record(
 def _explained(wanted: "Study", store: "Store | None", workers: int) -> str:
     from compare.study.engine import missing
     from compare.study.estimate import estimate, scaling
+    from compare.study.lacking import lacking
 
     todo = missing(wanted, store) if store else wanted.cells
     work = estimate(todo, workers)
     lines = [f"{line(wanted.title)}: {len(wanted.points)} points, {len(wanted.cells)} cells, {len(todo)} to compute."]
     lines += [f"  {axis_text}" for axis_text in _axes_text(wanted)]
-    lines += [f"  cannot be computed: {p.coordinates}: {why}" for p in wanted.points for why in p.reasons.values()]
+    lines += [f"  {line(str(lack))}" for lack in lacking(wanted.points, {})]
     lines.append(
         f"About {work.core_seconds:.0f} core-seconds, {work.wall_seconds:.0f} s on {workers} threads, "
         f"{work.megabytes:.0f} MB (nominal; the first run compiles for about a minute"
@@ -139,6 +140,7 @@ def _axes_text(wanted: "Study") -> list[str]:
 
 def _status(wanted: "Study", store: "Store | None") -> str:
     from compare.study.engine import missing
+    from compare.study.lacking import lacking
 
     todo = missing(wanted, store) if store else wanted.cells
     lines = [f"{line(wanted.title)}: {len(wanted.cells) - len(todo)} of {len(wanted.cells)} cells are there."]
@@ -152,5 +154,5 @@ def _status(wanted: "Study", store: "Store | None") -> str:
             f"  set aside: {line(p.read_text(encoding='utf-8', errors='replace'))}"
             for p in sorted(store.aside.glob("*.txt"))
         ]
-    lines += [f"  cannot be computed: {p.coordinates}: {why}" for p in wanted.points for why in p.reasons.values()]
+    lines += [f"  {line(str(lack))}" for lack in lacking(wanted.points, {})]
     return "\n".join(lines)

@@ -20,7 +20,7 @@ OPTIONS = ("scene", "impacts", "quantities", "moments", "within", "absolute", "p
 RIVALS = ({"within", "absolute"}, {"paths", "accuracy"})
 """Options that say the same thing in two ways."""
 VARYING = ("tau", "y1", "y2")
-"""Quantities that vary at every impact; a displacement does not at the mesh that is struck."""
+"""Quantities that vary at every impact; a displacement is not judged at the mesh that is struck."""
 
 
 class Row(NamedTuple):

@@ -55,7 +55,7 @@ class Rattle:
         prediction = self._guarded(lambda: predict(model, self.claim))
         drawn = self._guarded(lambda: self._thresholds.ensemble(self.claim))
         session = self._thresholds
-        table = judged(errors_of(prediction, drawn.run, self.claim), session.z)
+        table = judged(self._guarded(lambda: errors_of(prediction, drawn.run, self.claim)), session.z)
         counts = table["outcome"].value_counts()
         failed, undecided = int(counts.get("fail", 0)), int(counts.get("undecided", 0))
         self._record(
