@@ -4,7 +4,7 @@ import pandas as pd
 
 from compare.distance import section_distances
 from compare.frontier import CAUSES, frontiers
-from compare.moments import VERDICTS
+from compare.moments import JUDGED, VERDICTS
 from compare.page import Cell, Row, Table, numbers
 from compare.realizability import first_failures, realizability_table
 from compare.validation import Validation
@@ -32,7 +32,7 @@ def count_table(v: Validation) -> Table:
 
 
 def _cell(row: pd.Series) -> Cell:
-    if row["verdict"] == "not predicted":
+    if row["verdict"] not in JUDGED:
         return Cell("–")
     unit = row["unit"] if row["unit"] > 0.0 else 1.0
     error, half = row["error"] / unit, 0.5 * (row["high"] - row["low"]) / unit

@@ -14,7 +14,9 @@ import pytest
 from click.testing import CliRunner
 
 from compare.__main__ import EXIT_NOT_MET, EXIT_NOT_REPEATED, main
+from compare.moments import RULE, VERDICTS
 from compare.report import CONTENTS
+from compare.validity_range import ACCURATE, NOT_WRONG
 from scene import DAT21, Scene, Start
 
 SWEPT = ["--paths", "600", "--impacts", "3", "--dt", "0.01", "--frontier", "0.01:1:3", "--frontier-paths", "600"]
@@ -40,6 +42,13 @@ def test_report_folder_is_complete(report):
     page = (report / "report.md").read_text()
     for link in re.findall(r"\]\((figures/[^)]+)\)", page):
         assert (report / link).is_file()
+
+
+def test_page_states_once_what_is_judged_and_speaks_in_three_phrases(report):
+    page = (report / "report.md").read_text()
+    assert page.count(RULE) == 1
+    assert f"| {ACCURATE} impact | {NOT_WRONG} |" in page
+    assert "refuted" not in page
 
 
 def test_page_begins_with_the_answer(report):
@@ -85,7 +94,7 @@ def test_table_is_the_same_in_both_forms(report):
     csv, parquet = pd.read_csv(report / "table.csv"), pd.read_parquet(report / "table.parquet")
     pd.testing.assert_frame_equal(csv, parquet, check_dtype=False, rtol=1e-15)
     assert set(csv["sigma"]) == {0.1, 1.0}
-    assert set(csv["verdict"]) <= {"accurate", "inaccurate", "undecided", "not predicted"}
+    assert set(csv["verdict"]) <= set(VERDICTS)
 
 
 def test_repeats_bit_for_bit_for_any_workers(report, tmp_path):

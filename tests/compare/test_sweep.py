@@ -71,7 +71,28 @@ def test_sentence_says_up_to_where_everything_is_right():
     rows = [ended(s, a, 4) for s, a in ((0.01, 4), (0.1, 4), (0.2, 3), (0.4, 4))]  # the last one is luck
     rows += [ended(s, 0, 0, reading="printed") for s in (0.01, 0.1, 0.2, 0.4)]
     sentence = frontier_sentence(pd.DataFrame(rows), 4)
-    assert "up to σ = 0.1 for saltation and at no σ for printed" in sentence
+    assert "saltation: accurate up to σ = 0.1, not shown wrong up to 0.4 (undecided for want of paths);" in sentence
+    assert "printed: shown wrong at σ = 0.01, the smallest." in sentence
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ([(0.01, 2, 4), (0.1, 4, 4)], "not shown wrong up to σ = 0.1 (undecided for want of paths)."),
+        ([(0.01, 4, 4), (0.1, 4, 4)], "accurate up to σ = 0.1."),
+        ([(0.01, 4, 4), (0.1, 0, 2)], "accurate up to σ = 0.01, shown wrong at 0.1."),
+        ([(0.01, 2, 4), (0.1, 0, 2)], "not shown wrong up to σ = 0.01 (undecided for want of paths), shown wrong at"),
+    ],
+)
+def test_undecided_is_neither_right_nor_wrong(rows, said):
+    sentence = frontier_sentence(pd.DataFrame([ended(*row) for row in rows]), 4)
+    assert said in sentence
+    assert "at no" not in sentence
+
+
+def test_a_reading_that_cannot_be_followed_is_not_called_wrong():
+    rows = [ended(0.01, 4, 4, "holds"), ended(0.1, 2, 2, "ended")]
+    assert "accurate up to σ = 0.01, not followed to its end at 0.1." in frontier_sentence(pd.DataFrame(rows), 4)
 
 
 @pytest.mark.parametrize("readings", [["saltation"], ["printed", "mended", "saltation"]])

@@ -9,6 +9,7 @@ import numpy as np
 from closure import READINGS, MeanMap, follow, mean_map
 from closure.long_orbit import LongOrbit
 from compare import validate
+from compare.moments import VERDICTS
 from montecarlo import SCHEMES, simulate
 from scene import Scene
 from scene.errors import RattleError
@@ -199,7 +200,7 @@ def validation(scene: Scene, settings: dict[str, Any]) -> Ended:
     """Every row of a validation has a verdict; where there is one, numbers are behind it."""
     found = validate(scene, **settings)
     table = found.table
-    must(table["verdict"].isin(["accurate", "inaccurate", "undecided", "not predicted"]), table["verdict"].unique())
+    must(table["verdict"].isin(VERDICTS), table["verdict"].unique())
     judged = table[table["verdict"].isin(["accurate", "inaccurate"])]
     must(np.isfinite(judged[["closure", "monte_carlo", "error", "low", "high"]].to_numpy()), "judged\n", judged.T)
     must(judged["low"] <= judged["high"], "interval")

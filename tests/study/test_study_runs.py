@@ -9,15 +9,19 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
 from study_files import study_text
 
 from compare.__main__ import main
+from compare.moments import Tolerances
 from compare.study.design import Study
 from compare.study.engine import missing, run
+from compare.study.figures import frontier
 from compare.study.obtain import obtain
+from compare.study.page import answer
 from compare.study.places import Here
 from compare.study.results import Results
 from compare.study.store import Store
@@ -72,6 +76,10 @@ def test_tables_load_in_one_line(slow):
     assert len(results.errors) == 6 * 2 * 2 * 2 * 6  # sigma, reading, impact, moment, quantity
     assert set(results.sections["moment"]) == {"mean", "sd", "skew"}
     assert {"rate", "energy"} < set(results.sections["quantity"])
+    assert set(results.errors.loc[~results.errors["judged"], "verdict"]) == {"not judged"}
+    loose = results.judged(Tolerances(1e9, 1e9))
+    assert set(loose["verdict"]) <= {"accurate", "not judged", "not predicted"}
+    assert (loose["verdict"] == "not judged").equals(~loose["judged"])
     data = results.to_xarray()
     row = results.errors.query("sigma == 0.02 and impact == 2 and quantity == 'y1' and moment == 'sd'")
     row = row[row["reading"] == "saltation"].iloc[0]
@@ -193,6 +201,93 @@ def test_a_lost_point_is_reported_and_the_others_run(tmp_path):
     assert "epsilon = 1.2" in found.output
     assert "epsilon = 1.2" in (tmp_path / "e" / "study.md").read_text()
     assert len(load(tmp_path / "e").errors) == 2 * 2 * 2 * 6
+
+
+def test_what_a_closure_cannot_take_is_said_once_with_exit_code_1(tmp_path):
+    """A closure that cannot take a scene with a start in flight, beside one that can, at six points."""
+    file = tmp_path / "s.toml"
+    start = '[[axes]]\n"start.mesh" = [0]\n"start.x1" = [0.1]\n[[axes]]\nepsilon = [0.8, 0.9]\n'
+    file.write_text(study_text(paths=512, more=start).replace('"mended"', '"printed"'))
+    for words, code in (((file, "--explain"), 0), ((file,), 1), ((file, "--status"), 0), ((file,), 1)):
+        found = rattle(*words)
+        assert found.exit_code == code, found.output
+        said = [text for text in found.output.splitlines() if "cannot be computed" in text]
+        assert len(said) == 1, found.output
+        assert "printed cannot be computed at 6 of 6 points, first at sigma = 0.01" in said[0]
+        assert "start.mesh = 0: " in said[0]
+    page = (tmp_path / "s" / "study.md").read_text()
+    assert page.count("start.mesh = 0: ") == 1
+    assert len(load(tmp_path / "s").reasons) == 6
+
+
+def test_a_study_without_a_closure_that_can_still_ends(tmp_path):
+    file = tmp_path / "s.toml"
+    start = '[[axes]]\n"start.mesh" = [0]\n"start.x1" = [0.1]\n'
+    file.write_text(study_text(paths=512, more=start).replace('"saltation", "mended"', '"printed"'))
+    found = rattle(file)
+    assert found.exit_code == 1, found.output
+    assert load(tmp_path / "s").errors.empty
+
+
+UNDECIDED = """
+[study]
+impacts = 4
+readings = ["saltation", "printed"]
+scheme = "euler-maruyama-located"
+paths = 3000
+seed = 1
+[scene]
+alpha = 1.5
+epsilon = 0.9
+beta1 = 0.083
+gamma1 = 0.057
+stages = 1
+[[axes]]
+sigma = [0.01, 0.02]
+"""
+
+
+def test_undecided_is_not_called_wrong(tmp_path):
+    """At the smallest value no row of a reading is inaccurate and some are undecided: so it is said, and drawn."""
+    study, store = Study.from_toml(UNDECIDED), Store(tmp_path / CELLS)
+    run(study, store, Here(1))
+    found = Results.of(study, store)
+    first = found.errors.query("sigma == 0.01 and reading == 'saltation'")["verdict"].value_counts()
+    assert "inaccurate" not in first
+    assert first["accurate"] > 5
+    assert first["undecided"] > 5
+    _, printed, saltation, _ = answer(found)
+    assert saltation.startswith("saltation: not shown wrong up to sigma = 0.02 (undecided for want of paths")
+    assert printed == "printed: shown wrong at sigma = 0.01, the smallest."
+    figure = frontier(found, found.frontier)
+    words = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "saltation: accurate up to" in words
+    assert "not shown wrong up to" in words
+    assert any(text.startswith("undecided for want of paths") for text in words)
+    assert "printed: shown wrong at the smallest" in words
+    (band,) = (c for c in figure.axes[0].collections if c.get_paths() and len(c.get_paths()[0].vertices) > 3)
+    assert band.get_paths()[0].vertices[:, 1].max() == 0.02  # from the smallest up, though nothing is accurate
+
+
+def test_a_range_that_depends_on_another_field_is_said_for_each(tmp_path):
+    text = UNDECIDED.replace("[0.01, 0.02]", "[0.01, 0.3]") + "[[axes]]\nepsilon = [0.5, 0.9]\n"
+    study, store = Study.from_toml(text), Store(tmp_path / CELLS)
+    run(study, store, Here(1))
+    found = Results.of(study, store)
+    found.errors["verdict"] = "accurate"
+    assert "saltation: accurate up to sigma = 0.3." in answer(found)
+    found = Results.of(study, store)
+    errors = found.errors
+    wrong = (errors["epsilon"] == 0.5) & (errors["sigma"] == 0.3) & (errors["reading"] == "saltation")
+    errors["verdict"] = np.where(wrong, "inaccurate", "accurate")
+    said = (
+        "saltation: accurate up to sigma = 0.01, shown wrong at 0.3 (at epsilon = 0.5); accurate up to sigma = 0.3 (at "
+        "epsilon = 0.9)."
+    )
+    assert said in answer(found)
+    errors.loc[wrong, "verdict"] = "not predicted"
+    del found.__dict__["frontier"]
+    assert said.replace("shown wrong at", "not followed to its end at") in answer(found)
 
 
 def test_a_study_that_changes_while_it_runs_stops(tmp_path):
