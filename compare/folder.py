@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from scene.errors import OutputError
+from scene.text import harmless, line
 
 __all__ = ["check_free", "default_place", "named", "refused", "scratch_folder", "whole_folder", "within", "write_whole"]
 
@@ -29,9 +30,7 @@ def default_place(name: str, suffix: str = "") -> Path:
     >>> default_place("DAT21").as_posix(), default_place("../../etc/x", "-repeated").as_posix()
     ('reports/dat21', 'reports/etc-x-repeated')
     """
-    safe = (
-        re.sub(r"[/\\\x00-\x1f\x7f]+|\.\.+", "-", name.lower()).encode(errors="replace")[:120].decode(errors="ignore")
-    )
+    safe = re.sub(r"[/\\]+|\.\.+", "-", harmless(name.lower(), keep="")).encode()[:120].decode(errors="ignore")
     return Path("reports") / f"{safe.strip('.- ') or 'scene'}{suffix}"
 
 
@@ -79,7 +78,9 @@ def _check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
     inside = {p.name for p in out.iterdir()}
     foreign = sorted(inside - ours)
     if foreign:
-        raise OutputError(f"out = {str(out)!r}: holds other things ({', '.join(foreign[:3])}); choose another folder")
+        raise OutputError(
+            f"out = {str(out)!r}: holds other things ({', '.join(map(line, foreign[:3]))}); choose another folder"
+        )
     if inside and not overwrite:
         raise OutputError(f"out = {str(out)!r}: holds an earlier report; choose another folder, or give --overwrite")
 

@@ -1,6 +1,5 @@
 """The report of a validation: a folder with its page, figures, tables and a manifest."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,8 +9,10 @@ from matplotlib.figure import Figure as Drawing
 
 from compare import manifest
 from compare.answer import answer, correlation_claim, sigma_text
+from compare.csv_text import csv_text, write_csv
 from compare.folder import whole_folder
 from compare.frontier_plot import frontier_figure
+from compare.json_text import json_text
 from compare.moments import NOT_JUDGED, RULE
 from compare.page import Block, Code, Figure, Page, Section, Source, Text, pages, write_page
 from compare.page.content import MARKS as SIGNS
@@ -62,7 +63,7 @@ def table_text(validations: Sequence[Validation]) -> tuple[pd.DataFrame, str]:
     """All rows with their noise intensity, and the same as CSV text to the last bit."""
     table = pd.concat([v.table.assign(sigma=v.scene.sigma) for v in validations], ignore_index=True)
     table.insert(0, "sigma", table.pop("sigma"))
-    return table, table.to_csv(index=False)
+    return table, csv_text(table, index=False)
 
 
 def _drawn(drawing: Drawing, name: str, caption: str, folder: Path) -> Figure:
@@ -167,7 +168,7 @@ def write_report(
         If the folder holds other things, or an earlier report that may not be replaced.
     """
     table, text = table_text(validations)
-    frontier_text = swept.frontier.to_csv(index=False) if swept else None
+    frontier_text = csv_text(swept.frontier, index=False) if swept else None
     record = {
         "version": manifest.VERSION,
         "settings": settings.to_dict(),
@@ -180,14 +181,12 @@ def write_report(
         (folder / "figures").mkdir()
         (folder / "table.csv").write_text(text, encoding="utf-8")
         table.to_parquet(folder / "table.parquet", index=False)
-        pd.concat([v.correlation.assign(sigma=v.scene.sigma) for v in validations]).to_csv(
-            folder / "correlation.csv", index=False
-        )
+        correlation = pd.concat([v.correlation.assign(sigma=v.scene.sigma) for v in validations])
+        write_csv(correlation, folder / "correlation.csv", index=False)
         if swept and frontier_text:
             (folder / "frontier.csv").write_text(frontier_text, encoding="utf-8")
             swept.frontier.to_parquet(folder / "frontier.parquet", index=False)
-            swept.speed.to_csv(folder / "speed.csv", index=False)
+            write_csv(swept.speed, folder / "speed.csv", index=False)
         write_page(_page(settings, validations, swept, record, folder), folder, "report")
-        sealed = json.dumps(manifest.sealed(record), indent=2, ensure_ascii=False)
-        (folder / "manifest.json").write_text(sealed + "\n", encoding="utf-8")
+        (folder / "manifest.json").write_text(json_text(manifest.sealed(record)) + "\n", encoding="utf-8")
     return record

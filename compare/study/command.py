@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from compare.page.words import line
+from compare.console import say, say_json
 from scene.errors import InputError
+from scene.text import line
 
 if TYPE_CHECKING:
     from compare.study.design import Study
@@ -48,23 +49,21 @@ def study(
         raise InputError("out", str(folder), "is the study file itself; give --out a folder")
     if explain or status:
         store = Store(folder / CELLS) if (folder / CELLS).is_dir() else None
-        click.echo(_explained(wanted, store, workers) if explain else _status(wanted, store))
+        say(_explained(wanted, store, workers) if explain else _status(wanted, store))
         return
     within(folder, CELLS)
     store = Store(folder / CELLS)
     write_whole(folder / FILE, wanted.text)
     record = _record(wanted, store, folder, file, workers, scheduler)
     if as_json:
-        import json
-
-        click.echo(json.dumps(record, indent=2, ensure_ascii=False))
+        say_json(record)
     else:
         for sentence in record["answer"]:
-            click.echo(sentence)
-        click.echo(f"Page: {folder / 'study.html'}")
+            say(sentence)
+        say(f"Page: {folder / 'study.html'}")
     lacks = lacking(wanted.points, record.get("failed", {}))
     for lack in lacks:
-        click.echo(f"rattle: {line(str(lack))}", err=True)
+        say(f"rattle: {lack}", err=True)
     if lacks:
         sys.exit(1)
 
@@ -77,7 +76,7 @@ def _record(
 
     current = is_current(wanted, folder)
     if current and all(store.path(cell.key).exists() for cell in wanted.cells):
-        click.echo(f"All {len(wanted.cells)} cells are there, and the page is of them.", err=True)
+        say(f"All {len(wanted.cells)} cells are there, and the page is of them.", err=True)
         return current
 
     from compare.manifest import command_line
@@ -101,7 +100,7 @@ def _record(
     }  # fmt: skip
     record = write_page(folder, Results.of(wanted, store), facts)
     took = time.perf_counter() - started
-    click.echo(f"{outcome.computed} cells computed, {len(wanted.cells)} there, {took:.1f} s.", err=True)
+    say(f"{outcome.computed} cells computed, {len(wanted.cells)} there, {took:.1f} s.", err=True)
     return record
 
 
@@ -131,7 +130,7 @@ def _asks_accuracy(wanted: "Study") -> bool:
 
 def _axes_text(wanted: "Study") -> list[str]:
     return [
-        f"{name}: {len(axis.values)} values, {axis.values[0][i]} to {axis.values[-1][i]}"
+        f"{name}: {len(axis.values)} values, {line(str(axis.values[0][i]))} to {line(str(axis.values[-1][i]))}"
         + (f" (with {', '.join(n for n in axis.names if n != name)})" if len(axis.names) > 1 else "")
         for axis in wanted.axes
         for i, name in enumerate(axis.names)

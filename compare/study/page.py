@@ -1,7 +1,6 @@
 """What a study leaves in its folder beside the cells: tables, figures, a page, and where it all comes from."""
 
 import hashlib
-import json
 import os
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,9 @@ from typing import Any
 import pandas as pd
 
 from compare import manifest
+from compare.csv_text import write_csv
 from compare.folder import scratch_folder, within
+from compare.json_text import json_text
 from compare.moments import RULE, VERDICTS
 from compare.page import Cell, Code, Figure, Page, Row, Section, Source, Table, Text, numbers
 from compare.page import write_page as write_views
@@ -110,7 +111,7 @@ def _written(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
     for name, table in tables.items():
         table.to_parquet(folder / f"{name}.parquet", compression="zstd")
         if name in SMALL:
-            table.to_csv(folder / f"{name}.csv", index=False, float_format="%.9g")
+            write_csv(table, folder / f"{name}.csv", index=False, float_format="%.9g")
     (folder / FILE).write_text(r.study.text, encoding="utf-8")  # another study may have passed here meanwhile
     (folder / "figures").mkdir()
     drawn = []
@@ -134,7 +135,7 @@ def _written(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
     }  # fmt: skip
     write_views(_page(r, record, drawn, tables["cost"], factor), folder, "study")
     record = manifest.sealed(record | {"files": {file: file_digest(folder / file) for file in FILES}})
-    (folder / MANIFEST).write_text(json.dumps(record, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    (folder / MANIFEST).write_text(json_text(record) + "\n", encoding="utf-8")
     return record
 
 

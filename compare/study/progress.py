@@ -14,6 +14,7 @@ from compare.folder import refused
 from compare.study.cell import Cell, Sample
 from compare.study.store import Stored
 from montecarlo.accuracy import sampling_error
+from scene.text import line
 
 __all__ = ["Progress"]
 
@@ -83,7 +84,7 @@ class Progress:
 
     def say(self, text: str) -> None:
         """A line in the log."""
-        self._log.info(text)
+        self._log.info(line(text))
 
     def begun(self, cell: Cell) -> None:
         """A cell is being computed."""

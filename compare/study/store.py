@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 
 from compare.folder import refused, within, write_whole
+from compare.json_text import json_text
 from scene.errors import OutputError
 
 __all__ = ["Store", "Stored"]
@@ -140,7 +141,7 @@ class Store:
             If the disk is full or the folder cannot be written; what was stored before is untouched.
         """
         content = pa.Table.from_pandas(table)
-        record = json.dumps({"key": key, "facts": facts}).encode()
+        record = json_text({"key": key, "facts": facts}, indent=None).encode()
         content = content.replace_schema_metadata({**content.schema.metadata, NAME: record})
         sink, scratch = pa.BufferOutputStream(), None
         pq.write_table(content, sink, compression="zstd")

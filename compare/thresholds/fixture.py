@@ -15,6 +15,7 @@ from compare.thresholds.messages import deciding, failure_text, undecided_text
 from compare.thresholds.prediction import Model, Prediction, predict
 from compare.thresholds.sessions import Thresholds
 from scene.errors import RattleError
+from scene.text import harmless
 
 __all__ = ["Rattle"]
 
@@ -69,7 +70,7 @@ class Rattle:
             text = undecided_text(prediction.reading, table, drawn.run, session.z)
             if session.settings.undecided == "fail":
                 self._fail(text + self._figure(prediction, table))
-            pytest.skip(f"rattle: {text}")
+            pytest.skip(harmless(f"rattle: {text}"))
         return table
 
     def baseline(self, model: Model, *, relative: float = 1e-9, absolute: float = 1e-12) -> None:
@@ -125,7 +126,7 @@ class Rattle:
         self._fail(refusal)
 
     def _fail(self, text: str) -> NoReturn:
-        pytest.fail(f"rattle: {text}", pytrace=False)
+        pytest.fail(harmless(f"rattle: {text}"), pytrace=False)
 
     def _record(self, **facts: Any) -> None:
         self._item.user_properties.append(("rattle", facts))

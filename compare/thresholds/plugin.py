@@ -123,7 +123,8 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
     records = {(test, facts["kind"]): (test, facts) for test, facts in found}  # reports of subtests repeat them
     if records:
         from compare.thresholds.summary import summary_lines
+        from scene.text import harmless
 
         terminalreporter.section("rattle: accuracy thresholds")
         for line in summary_lines(list(records.values())):
-            terminalreporter.write_line(line)
+            terminalreporter.write_line(harmless(line))

@@ -238,6 +238,6 @@ def test_committed_report_is_of_this_code():
     from compare.manifest import digest, read_settings
 
     folder = Path(__file__).resolve().parents[2] / "reports" / "dat21"
-    settings, expected = read_settings(folder / "manifest.json")
+    settings, expected, _ = read_settings(folder / "manifest.json")
     assert digest((folder / "table.csv").read_text()) == expected["table_sha256"]
     np.testing.assert_allclose([s.sigma for s in settings.scenes], [0.01, 0.1, 1.5**0.5])

@@ -26,6 +26,7 @@ from tqdm import tqdm
 
 from compare import manifest
 from compare.folder import check_free, whole_folder
+from compare.json_text import json_text
 
 CHUNK = 500  # scenes
 RARE = {"validate": 1, "branching": 4}  # in 100 scenes; the rest is shared by the others
@@ -137,7 +138,7 @@ def report(out: Path, chunks: list[dict[str, Any]], facts: dict[str, Any]) -> di
     }  # fmt: skip
     with whole_folder(out, NAMES, overwrite=True) as folder:
         table.to_csv(folder / "outcomes.csv", index=False)
-        (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+        (folder / "summary.json").write_text(json_text(summary) + "\n", encoding="utf-8")
         plt.rcParams["svg.hashsalt"] = "rattle"
         drawn(table).savefig(folder / "outcomes.svg", metadata={"Date": None})
     for defect in defects:
