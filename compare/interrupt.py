@@ -58,6 +58,9 @@ def ends_soon() -> Iterator[None]:
     said.clear()
     with _heard_by(interrupted):
         yield
+        if asked.is_set() and not raised.is_set():
+            raised.set()
+            raise KeyboardInterrupt("interrupted")
 
 
 @contextmanager

@@ -165,7 +165,7 @@ class Kept(NUMBAS_CACHE):  # type: ignore[misc]
 def sealed(function: D) -> D:
     """A compiled function whose machine code is kept under seal."""
     cache = getattr(function, "_cache", None)
-    if isinstance(cache, FunctionCache):  # not where the compiler is off, or has no place to keep anything
+    if isinstance(cache, NUMBAS_CACHE):  # not where the compiler is off, or has no place to keep anything
         cache.__class__ = Kept
         cache._cache_file.__class__ = Sealed
         if Path(cache.cache_path).parent != _folder:  # numba has found it unfit meanwhile, and taken another

@@ -8,13 +8,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from compare.page.words import line
-from scene.errors import InputError
+from scene.errors import InputError, OutputError
 
 if TYPE_CHECKING:
-    from compare.study.design import Study
+    from compare.study.cell import Cell
+    from compare.study.design import Point, Study
     from compare.study.store import Store
 
 __all__ = ["study"]
+
+LOOKED_AT = 200  # points of a grid on which --explain tells what all of them take
 
 
 @click.command()
@@ -33,26 +36,29 @@ def study(
     Every result is kept as soon as it is there; the same command goes on where it was ended.  Exit codes: 0 complete;
     1 complete but for points that cannot be computed, with the reasons; 2 bad input; 130 interrupted.
     """
-    from compare.folder import within, write_whole
+    from compare.folder import within
     from compare.study.design import Study
     from compare.study.store import Store
-    from compare.study.tables import CELLS, FILE
+    from compare.study.tables import CELLS
     from scene.validate import count
 
     count("workers", workers)
     wanted = Study.load(file)
-    _ = wanted.points  # what cannot be computed is known before anything is made
     folder = out or file.with_suffix("")
     if folder.resolve() == file.resolve():
         raise InputError("out", str(folder), "is the study file itself; give --out a folder")
-    if explain or status:
-        store = Store(folder / CELLS) if (folder / CELLS).is_dir() else None
-        click.echo(_explained(wanted, store, workers) if explain else _status(wanted, store))
-        return
     within(folder, CELLS)
-    store = Store(folder / CELLS)
-    write_whole(folder / FILE, wanted.text)
-    record = _record(wanted, store, folder, file, workers, scheduler)
+    seen = Store(folder / CELLS, read_only=True)
+    if explain:
+        click.echo(_explained(wanted, seen, workers))
+        return
+    _ = wanted.points  # what cannot be computed is known before anything is made
+    if status:
+        click.echo(_status(wanted, seen))
+        return
+    record = _finished(wanted, seen, folder)
+    if record is None:
+        record = _computed(wanted, seen, folder, file, workers, scheduler)
     if as_json:
         import json
 
@@ -60,7 +66,8 @@ def study(
     else:
         for sentence in record["answer"]:
             click.echo(sentence)
-        click.echo(f"Page: {folder / 'study.html'}")
+        if "files" in record:
+            click.echo(f"Page: {folder / 'study.html'}")
     lacking = [(p.coordinates, why) for p in wanted.points if p.sample is None for why in p.reasons.values()]
     lacking += [(label, why) for label, why in record.get("failed", {}).items()]
     for where, why in lacking:
@@ -69,22 +76,33 @@ def study(
         sys.exit(1)
 
 
-def _record(
-    wanted: "Study", store: "Store", folder: Path, file: Path, workers: int, scheduler: str | None
+def _computed(
+    wanted: "Study", seen: "Store", folder: Path, file: Path, workers: int, scheduler: str | None
 ) -> dict[str, Any]:
-    """Run the study and write its page; the record of what is there."""
-    from compare.study.current import is_current
+    """Run the study and write its page; the record of what is there, or only the answer where nothing can be written.
 
-    current = is_current(wanted, folder)
-    if current and all(store.path(cell.key).exists() for cell in wanted.cells):
-        click.echo(f"All {len(wanted.cells)} cells are there, and the page is of them.", err=True)
-        return current
-
+    Raises
+    ------
+    OutputError
+        If nothing can be written and cells are missing.
+    """
+    from compare.folder import write_whole
     from compare.manifest import command_line
-    from compare.study.engine import run
-    from compare.study.page import write_page
+    from compare.study.engine import missing, run
+    from compare.study.page import answer, write_page
     from compare.study.places import Cluster, Here, Place
     from compare.study.results import Results
+    from compare.study.store import Store
+    from compare.study.tables import FILE
+
+    try:
+        store = Store(seen.folder)
+        write_whole(folder / FILE, wanted.text)
+    except OutputError as error:
+        if missing(wanted, seen):
+            raise
+        click.echo(f"rattle: {error}; all cells are there, their page is not written", err=True)
+        return {"answer": answer(Results.of(wanted, seen))}
 
     def unchanged() -> bool:
         try:
@@ -105,27 +123,56 @@ def _record(
     return record
 
 
-def _explained(wanted: "Study", store: "Store | None", workers: int) -> str:
+def _finished(wanted: "Study", seen: "Store", folder: Path) -> dict[str, Any] | None:
+    """The record of a study that is there, page and all; None where there is something to do."""
+    from compare.folder import write_whole
+    from compare.study.current import is_current
     from compare.study.engine import missing
+    from compare.study.tables import FILE, file_digest
+
+    current = is_current(wanted, folder)
+    if current is None or missing(wanted, seen):
+        return None
+    click.echo(f"All {len(wanted.cells)} cells are there, and the page is of them.", err=True)
+    if file_digest(folder / FILE) != wanted.digest:
+        try:
+            write_whole(folder / FILE, wanted.text)
+        except OutputError as error:
+            click.echo(f"rattle: {error}; it stays as it is", err=True)
+    return current
+
+
+def _explained(wanted: "Study", seen: "Store", workers: int) -> str:
+    from compare.study.cell import Prediction
     from compare.study.estimate import estimate, scaling
 
-    todo = missing(wanted, store) if store else wanted.cells
-    work = estimate(todo, workers)
-    lines = [f"{line(wanted.title)}: {len(wanted.points)} points, {len(wanted.cells)} cells, {len(todo)} to compute."]
+    points = wanted.some_points(LOOKED_AT)
+    part = len(points) < wanted.size
+    cells = [cell for point in points for cell in point.cells] if part else wanted.cells
+
+    def times(cell: "Cell") -> float:
+        return (wanted.scenes if isinstance(cell, Prediction) else wanted.size) / len(points) if part else 1.0
+
+    todo = [c for c in cells if not seen.path(c.key).exists()] if seen.folder.is_dir() else cells
+    work = estimate(todo, workers, times)
+    number, left = (f"{'about ' * part}{sum(map(times, some)):.0f}" for some in (cells, todo))
+    lines = [f"{line(wanted.title)}: {wanted.size} points, {number} cells, {left} to compute."]
+    if part:
+        lines.append(f"  from {len(points)} points, taken at random; --status looks at all")
     lines += [f"  {axis_text}" for axis_text in _axes_text(wanted)]
-    lines += [f"  cannot be computed: {p.coordinates}: {why}" for p in wanted.points for why in p.reasons.values()]
+    lines += [f"  cannot be computed: {p.coordinates}: {why}" for p in points for why in p.reasons.values()]
     lines.append(
         f"About {work.core_seconds:.0f} core-seconds, {work.wall_seconds:.0f} s on {workers} threads, "
         f"{work.megabytes:.0f} MB (nominal; the first run compiles for about a minute"
-        + (", an accuracy may cost more where tails are heavy)." if _asks_accuracy(wanted) else ").")
+        + (", an accuracy may cost more where tails are heavy)." if _asks_accuracy(points) else ").")
     )
     lines.append("What more cores would do (Dask):")
-    lines.append(scaling(todo).to_string(index=False, float_format="{:.3g}".format))
+    lines.append(scaling(todo, times=times).to_string(index=False, float_format="{:.3g}".format))
     return "\n".join(lines)
 
 
-def _asks_accuracy(wanted: "Study") -> bool:
-    return any(p.sample is not None and p.sample.accuracy is not None for p in wanted.points)
+def _asks_accuracy(points: "tuple[Point, ...]") -> bool:
+    return any(p.sample is not None and p.sample.accuracy is not None for p in points)
 
 
 def _axes_text(wanted: "Study") -> list[str]:
@@ -137,20 +184,17 @@ def _axes_text(wanted: "Study") -> list[str]:
     ]
 
 
-def _status(wanted: "Study", store: "Store | None") -> str:
+def _status(wanted: "Study", seen: "Store") -> str:
     from compare.study.engine import missing
 
-    todo = missing(wanted, store) if store else wanted.cells
+    todo = missing(wanted, seen)
     lines = [f"{line(wanted.title)}: {len(wanted.cells) - len(todo)} of {len(wanted.cells)} cells are there."]
     left: dict[str, int] = {}
     for cell in todo:
         kind = getattr(cell, "reading", "ensembles")
         left[kind] = left.get(kind, 0) + 1
     lines += [f"  missing: {number} {kind}" for kind, number in left.items()]
-    if store:
-        lines += [
-            f"  set aside: {line(p.read_text(encoding='utf-8', errors='replace'))}"
-            for p in sorted(store.aside.glob("*.txt"))
-        ]
+    aside = [p.read_text(encoding="utf-8", errors="replace") for p in sorted(seen.aside.glob("*.txt"))]
+    lines += [f"  set aside: {line(text)}" for text in aside]
     lines += [f"  cannot be computed: {p.coordinates}: {why}" for p in wanted.points for why in p.reasons.values()]
     return "\n".join(lines)

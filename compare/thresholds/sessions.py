@@ -1,7 +1,8 @@
 """What the tests of a session share: settings, the number of checks and so the width of every interval, ensembles."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -13,6 +14,7 @@ from compare.moments import widest
 from compare.study.cell import Sample, Sampled
 from compare.study.obtain import obtain
 from compare.study.store import Store, Stored
+from compare.study.waiting import aloud
 from compare.thresholds.claim import Claim, merged, read_claim
 from compare.thresholds.plugin import CLAIM
 from montecarlo.ensemble import Blocks, in_threads
@@ -127,11 +129,13 @@ class Thresholds:
         Checks of all tests that were selected.
     folder : Path
         Where ensembles are kept.
+    config : pytest.Config
     """
 
     settings: Settings
     rows: int
     folder: Path
+    config: pytest.Config
     _drawn: dict[str, Sampled] = field(default_factory=dict)
 
     @property
@@ -156,7 +160,7 @@ class Thresholds:
         cell = _Watched(self.sample(claim), self.settings.workers)
         started = time.perf_counter()
         if cell.key not in self._drawn:
-            self._drawn[cell.key] = cell.sample.opened(obtain(self.store, cell))
+            self._drawn[cell.key] = cell.sample.opened(obtain(self.store, cell, say=_past_capture(self.config)))
         return Drawn(self._drawn[cell.key], cell.computed, cell.computed * (time.perf_counter() - started))
 
 
@@ -188,7 +192,18 @@ def thresholds_of(marked: Sequence[pytest.Item], chosen: Mapping[str, str], conf
             rows += len(claim.rows)
     if wrong:
         raise RattleError("\n".join(f"rattle: {line}" for line in wrong))
-    return Thresholds(settings, rows, settings.cache or _own_cache(config))
+    return Thresholds(settings, rows, settings.cache or _own_cache(config), config)
+
+
+def _past_capture(config: pytest.Config) -> Callable[[str], None]:
+    """Says a line on the terminal while a test runs."""
+
+    def say(text: str) -> None:
+        capture = config.pluginmanager.getplugin("capturemanager")
+        with capture.global_and_fixture_disabled() if capture else nullcontext():
+            aloud(text)
+
+    return say
 
 
 def _own_cache(config: pytest.Config) -> Path:
