@@ -1,26 +1,28 @@
 """The command ``rattle``."""
 
-import errno
-import resource
-import sys
-import time
-from pathlib import Path
-from typing import Any
+from compare.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_at_once, ends_soon, said
 
-import click
+with ends_at_once():
+    import errno
+    import resource
+    import sys
+    import time
+    from pathlib import Path
+    from typing import Any
 
-from compare import sampling_commands
-from compare.chaos.command import chaos
-from compare.claims.command import claims
-from compare.console import say, say_json
-from compare.extremes.command import extremes
-from compare.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_soon
-from compare.page.command import show
-from compare.selftest.command import selftest
-from compare.stability.command import stability
-from compare.study.command import study
-from scene.errors import RattleError
-from scene.text import harmless, line
+    import click
+
+    from compare import sampling_commands
+    from compare.chaos.command import chaos
+    from compare.claims.command import claims
+    from compare.console import say, say_json
+    from compare.extremes.command import extremes
+    from compare.page.command import show
+    from compare.selftest.command import selftest
+    from compare.stability.command import stability
+    from compare.study.command import study
+    from scene.errors import RattleError
+    from scene.text import harmless, line
 
 __all__ = ["EXIT_NOT_MET", "EXIT_NOT_REPEATED", "EXIT_ROUNDED", "main"]
 
@@ -40,6 +42,11 @@ STORAGE = {
 class RattleGroup(click.Group):
     """Turns the project's own errors into one line on standard error and exit code 2."""
 
+    def main(self, *args: Any, **extra: Any) -> Any:
+        """Run the command line."""
+        with ends_at_once():
+            return super().main(*args, **extra)
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command."""
         try:
@@ -58,6 +65,7 @@ class RattleGroup(click.Group):
             say(f"rattle: {where}: {error.strerror}; {STORAGE[error.errno]}, and repeat the command", err=True)
             ctx.exit(EXIT_BAD_INPUT)
         except KeyboardInterrupt as interrupt:
+            said.set()
             say(f"rattle: {str(interrupt) or NOTHING_WRITTEN}", err=True)
             ctx.exit(EXIT_INTERRUPTED)
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from compare.interrupt import unfinished
 from scene.errors import OutputError
 from scene.text import harmless, line
 
@@ -115,10 +116,12 @@ def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
     """
     _sweep(parent, name)
     scratch, number = _locked(parent, name)
+    unfinished.add(scratch)
     try:
         yield scratch
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
+        unfinished.discard(scratch)
         os.close(number)
 
 

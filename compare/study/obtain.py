@@ -1,17 +1,15 @@
 """One result: found in the store, or computed and kept there, by one process at a time."""
 
-import time
 from collections.abc import Callable
 
 from compare.study.cell import Cell
 from compare.study.store import Store, Stored
+from compare.study.waiting import Waiting, aloud
 
 __all__ = ["Compute", "attempt", "kept", "obtain"]
 
 Compute = Callable[[Cell], Stored]
 """Where a cell is computed: here, by default."""
-
-PAUSE = 0.2  # seconds between two looks at what another process is working on
 
 
 def _here(cell: Cell) -> Stored:
@@ -55,8 +53,8 @@ def attempt(store: Store, cell: Cell, compute: Compute = _here) -> Stored | None
         return found
 
 
-def obtain(store: Store, cell: Cell, compute: Compute = _here) -> Stored:
-    """A cell's result; waits where another process is at work on it, and goes on itself when that one ends.
+def obtain(store: Store, cell: Cell, compute: Compute = _here, say: Callable[[str], object] = aloud) -> Stored:
+    """A cell's result; waits where another process is at work on it, says for whom, and goes on when that one ends.
 
     Examples
     --------
@@ -68,6 +66,7 @@ def obtain(store: Store, cell: Cell, compute: Compute = _here) -> Stored:
     >>> round(float(cell.opened(obtain(store, cell)).section.loc[1, "tau"]), 3)
     0.56
     """
+    waiting = Waiting(store.lock, say)
     while (found := attempt(store, cell, compute)) is None:
-        time.sleep(PAUSE)
+        waiting.pause([cell])
     return found

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -47,12 +48,13 @@ class Progress:
     folder : Path
         Where the log file is.
     show : bool
-        Draw the line, if standard error is a terminal.
+        Draw the line, if standard error is a terminal; and say there for whom this process waits.
     """
 
     def __init__(self, work: Mapping[str, float], there: int, folder: Path, show: bool) -> None:
         self.work, self.there = dict(work), there
         self.done_work, self.all_work = 0.0, sum(work.values())
+        self._show = show
         self.worst, self.seconds, self.computed = 0.0, 0.0, 0
         self.started = time.perf_counter()
         self._log = logging.getLogger(f"rattle.study.{folder}")
@@ -85,6 +87,12 @@ class Progress:
     def say(self, text: str) -> None:
         """A line in the log."""
         self._log.info(line(text))
+
+    def waits(self, text: str) -> None:
+        """Another process is waited for."""
+        self.say(text)
+        if self._show:
+            self._bar.write(text, file=sys.stderr)
 
     def begun(self, cell: Cell) -> None:
         """A cell is being computed."""

@@ -17,6 +17,7 @@ from filelock import FileLock, Timeout
 
 from compare.folder import refused, within, write_whole
 from compare.json_text import json_text
+from compare.study.waiting import sign
 from scene.errors import OutputError
 
 __all__ = ["Store", "Stored"]
@@ -70,6 +71,8 @@ class Store:
     ----------
     folder : Path
         Where the files are; made when it is missing.
+    read_only : bool
+        Make nothing, and write nothing: for what only looks.
 
     Raises
     ------
@@ -85,9 +88,11 @@ class Store:
     ({'seconds': 1.0}, None)
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, read_only: bool = False) -> None:
         self.folder = folder
         within(folder, self._locks.name, self.aside.name)
+        if read_only:
+            return
         try:
             for part in (folder, self._locks):
                 part.mkdir(parents=True, exist_ok=True)
@@ -108,6 +113,10 @@ class Store:
     def path(self, key: str) -> Path:
         """The file of a key."""
         return self.folder / f"{key}.parquet"
+
+    def lock(self, key: str) -> Path:
+        """The lock of a key, which says who holds it."""
+        return self._locks / key
 
     def read(self, key: str) -> Stored | None:
         """What is stored under a key; None where nothing is.  What is damaged or foreign is set aside."""
@@ -161,7 +170,7 @@ class Store:
     @contextmanager
     def alone(self, key: str) -> Iterator[bool]:
         """Whether this thread is the only one, of all processes, at work on a key; a lock ends with its process."""
-        lock = FileLock(self._locks / key, thread_local=False)
+        lock = FileLock(self.lock(key), thread_local=False)
         try:
             lock.acquire(blocking=False)
         except Timeout:
@@ -170,6 +179,7 @@ class Store:
         except OSError as error:
             raise refused(self.folder, error) from None
         try:
+            sign(lock)
             yield True
         finally:
             lock.release()

@@ -1,7 +1,8 @@
 """What the tests of a session share: settings, the number of intervals and so the width of each, ensembles."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -13,6 +14,7 @@ from compare.moments import widest
 from compare.study.cell import Sample, Sampled
 from compare.study.obtain import obtain
 from compare.study.store import Store, Stored
+from compare.study.waiting import aloud
 from compare.thresholds.claim import Claim, merged, read_claim
 from compare.thresholds.plugin import CLAIM, REFUSED
 from compare.thresholds.settings import Settings
@@ -107,7 +109,7 @@ class Thresholds:
         cell = _Watched(sample, self.settings.workers)
         started = time.perf_counter()
         if cell.key not in self._drawn:
-            self._drawn[cell.key] = sample.opened(obtain(self.store, cell))
+            self._drawn[cell.key] = sample.opened(obtain(self.store, cell, say=_past_capture(self.config)))
         return Drawn(self._drawn[cell.key], cell.computed, cell.computed * (time.perf_counter() - started))
 
 
@@ -129,6 +131,17 @@ def thresholds_of(marked: Sequence[pytest.Item], settings: Settings, config: pyt
         else:
             item.stash[CLAIM] = claims[-1]
     return Thresholds(settings, claims, config)
+
+
+def _past_capture(config: pytest.Config) -> Callable[[str], None]:
+    """Says a line on the terminal while a test runs."""
+
+    def say(text: str) -> None:
+        capture = config.pluginmanager.getplugin("capturemanager")
+        with capture.global_and_fixture_disabled() if capture else nullcontext():
+            aloud(text)
+
+    return say
 
 
 def _claim(item: pytest.Item) -> Claim:
