@@ -1,16 +1,18 @@
 """What a validation says in words: the answer in a few sentences, and the paper's argument about rho judged."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import pandas as pd
 
+from closure import refusals
 from compare.correlation import SIMULATED, first_failure
 from compare.moments import JUDGED
 from compare.validation import Validation
 from compare.validity_range import in_words, listed, unbroken
+from scene.scene import Scene
 
-__all__ = ["answer", "correlation_claim", "frontier_sentence", "sigma_text"]
+__all__ = ["answer", "correlation_claim", "frontier_sentence", "left_out", "sigma_text"]
 
 
 def sigma_text(v: Validation) -> str:
@@ -41,8 +43,24 @@ def frontier_sentence(frontier: pd.DataFrame, impacts: int) -> str:
     )
 
 
+def left_out(scene: Scene, shown: Iterable[str]) -> list[str]:
+    """Which readings cannot take a scene, and why: a sentence, or none if no other than those `shown` are missing.
+
+    Examples
+    --------
+    >>> from scene import DAT21, Scene, Start
+    >>> left_out(Scene.from_gears(DAT21, start=Start()), ["mended", "saltation"])
+    ['Left out: printed (start.mesh = 0: the printed reading needs a start at mesh 1 (Eq. 10)).']
+    """
+    missing = [f"{name} ({why})" for name, why in refusals(scene).items() if name not in shown]
+    return [f"Left out: {listed(missing)}."] if missing else []
+
+
 def answer(validations: Sequence[Validation], frontier: pd.DataFrame | None = None) -> list[str]:
-    """The answer in three sentences: accuracy, realizability, agreement; with frontiers one more, before them."""
+    """The answer in three sentences: accuracy, realizability, agreement; with frontiers one more, before them.
+
+    Readings that cannot take the scene are named in a last one.
+    """
     impacts = len(validations[0].run.section)
     tolerances = validations[0].tolerances
     shares = []
@@ -81,6 +99,7 @@ def answer(validations: Sequence[Validation], frontier: pd.DataFrame | None = No
         f"{_largest_rho(validations, SIMULATED):.4f}.",
         f"After {impacts} impacts the share of paths that still follow one itinerary of a closure is "
         f"{listed(agreement)}: a closure of a single orbit cannot hold beyond it.",
+        *left_out(validations[0].scene, validations[0].closures),
     ]
 
 

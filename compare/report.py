@@ -11,7 +11,7 @@ from compare import manifest
 from compare.answer import answer, correlation_claim, sigma_text
 from compare.csv_text import csv_text, write_csv
 from compare.folder import whole_folder
-from compare.frontier_plot import frontier_figure
+from compare.frontier_plot import FRONTIER, frontier_figure
 from compare.json_text import json_text
 from compare.moments import NOT_JUDGED, RULE
 from compare.page import Block, Code, Figure, Page, Section, Source, Text, pages, write_page
@@ -28,10 +28,9 @@ from compare.rows import (
     simulation_text,
     speed_table,
 )
-from compare.style import save
+from compare.style import caption_of, save
 from compare.sweep import Sweep
 from compare.validation import Validation
-from compare.validity_range import NOT_WRONG
 
 __all__ = ["CONTENTS", "table_text", "write_report"]
 
@@ -41,22 +40,18 @@ CONTENTS = frozenset({
 })  # fmt: skip
 """What a report folder holds; anything else in it is not ours."""
 
-FRONTIER = (
-    "How far each reading can be believed: filled, the impact up to which every section mean and sd that it predicts "
-    f"is accurate; hatched, undecided for want of paths, so {NOT_WRONG} its upper edge. A marker says what ends it "
-    "there."
-)
 SPEED = (
     "Time of the closure, as far as it is accurate, beside the cheapest simulation of equal accuracy: as many exact "
     "flights with their control variate as make the standard error of every moment no larger than the closure's worst "
-    "error (in sds of the quantity). One core each; measured with this report (`speed.csv`). “≤”: the sample cannot "
-    "tell the error from zero, so the speed-up is a lower bound."
+    "error (in sds of the quantity). One core each; measured with this report (`speed.csv`)."
 )
 NONE = "No reading is shown to be accurate up to the first impact at any of these noise intensities; {} undecided."
+UNRESOLVED = " “≤”: the sample cannot tell the error from zero, so the speed-up is a lower bound."
 AGREEMENT = (
     "Share of paths whose impacts so far had the meshes and sides of the closure's; no closure of a single orbit can "
-    "hold beyond it. Dashed: the share that the branching reading predicts."
+    "hold beyond it."
 )
+PREDICTED = " Dashed: the share that the branching reading predicts."
 
 
 def table_text(validations: Sequence[Validation]) -> tuple[pd.DataFrame, str]:
@@ -76,7 +71,11 @@ def _drawn(drawing: Drawing, name: str, caption: str, folder: Path) -> Figure:
 def _section(v: Validation, number: int, folder: Path) -> Section:
     """One noise intensity of the page, its figures saved."""
     name, sigma = f"{number}-sigma-{sigma_text(v)}", f"σ = {sigma_text(v)}"
-    figures = [_drawn(draw(v), f"{kind}-{name}", caption, folder) for kind, (draw, caption) in FIGURES.items()]
+    figures = []
+    for kind, drawn in FIGURES.items():
+        if drawn.suits(v):
+            drawing = drawn.draw(v)
+            figures.append(_drawn(drawing, f"{kind}-{name}", caption_of(drawing, drawn.caption), folder))
     failures = failure_table(v)
     found: list[Block] = [Text("Every check holds.")]
     if failures.rows:
@@ -113,19 +112,22 @@ def _page(
             f"{settings.frontier_paths:,} paths of exact flights at each σ (no bias in the step), all on the same "
             "random numbers. Every σ by itself: `frontier.csv`."
         )
-        figure = _drawn(frontier_figure(swept.frontier, settings.impacts), "frontier", FRONTIER, folder)
+        drawing = frontier_figure(swept.frontier, settings.impacts)
+        figure = _drawn(drawing, "frontier", caption_of(drawing, FRONTIER), folder)
         opening = (figure, Text(paths, note=True), frontier_table(swept.frontier))
         speeds = speed_table(swept.speed)
+        note = SPEED + ("" if swept.speed["resolved"].all() else UNRESOLVED)
         none = Text(NONE.format("some are" if (swept.frontier["not_refuted"] > 0).any() else "none is"))
         sections.append(
-            Section("What a closure saves where it holds", (Text(SPEED, note=True), speeds) if speeds.rows else (none,))
+            Section("What a closure saves where it holds", (Text(note, note=True), speeds) if speeds.rows else (none,))
         )
     marks = ", ".join(f"{SIGNS[mark] or '–'} {verdict}" for verdict, mark in MARKS.items() if verdict != NOT_JUDGED)
     legend = (
         f"Marks: {marks}. Errors are closure minus simulation, corrected for the measured step bias, in units of the "
         f"quantity's standard deviation, with the half width of their interval. {RULE}"
     )
-    agreement = _drawn(agreement_figure(validations), "agreement", AGREEMENT, folder)
+    together = AGREEMENT + (PREDICTED if "branching" in validations[0].closures else "")
+    agreement = _drawn(agreement_figure(validations), "agreement", together, folder)
     sections.append(Section("How long the paths stay together", (agreement,)))
     if claim := correlation_claim(validations):
         sections.append(Section("Is |ρ| > 1 a reason to leave the Gaussian?", (Text(claim),)))

@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from compare.answer import left_out
 from compare.csv_text import write_csv
 from compare.folder import whole_folder
 from compare.json_text import json_text
@@ -71,7 +72,7 @@ def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
         f"{plain.path_alone(finest, HAND_TUNED_NS) / exact:,.0f} times at the {HAND_TUNED_NS:g} ns of a hand-tuned "
         "block."
     )
-    return [*found, verdict(m, accuracies)]
+    return [*found, *left_out(m.reference.scene, list(closures["method"])), verdict(m, accuracies)]
 
 
 def verdict(m: Measured, accuracies: Sequence[float]) -> str:

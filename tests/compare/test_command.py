@@ -134,6 +134,52 @@ def test_scene_file_in_either_form(tmp_path):
     assert set(pd.read_csv(tmp_path / "gears" / "table.csv")["sigma"]) == {0.3}
 
 
+def captions(page):
+    """What is said beneath the figures of a page."""
+    return "\n".join(re.findall(r"!\[([^\]]*)\]", page))
+
+
+def test_a_reading_that_cannot_take_the_scene_is_named_with_the_reason(tmp_path):
+    flying = Scene.from_gears(DAT21, sigma=0.1, start=Start(0.0, 0.1, 1.0, 0.1, -1.0))
+    (tmp_path / "flying.toml").write_text(flying.to_toml())
+    result = rattle(tmp_path / "flying.toml", *SMALL, "--out", tmp_path / "o")
+    page = (tmp_path / "o" / "report.md").read_text()
+    for said in (result.stdout, page):
+        assert "Left out: printed (start.mesh = 0: the printed reading needs a start at mesh 1 (Eq. 10))." in said
+    assert set(pd.read_csv(tmp_path / "o" / "table.csv")["reading"]) == {"mended", "saltation", "branching"}
+    refused = rattle(tmp_path / "flying.toml", *SMALL, "--reading", "printed", "--out", tmp_path / "p", code=2)
+    assert "start.mesh = 0" in refused.stderr
+
+
+def test_no_reading_is_left_out_for_a_random_tolerance(tmp_path):
+    """The scene file of the README, in a few paths."""
+    text = (Path(__file__).parents[2] / "README.md").read_text()
+    (scene,) = (block for block in re.findall(r"```toml\n(.*?)```", text, re.DOTALL) if "[scene.tolerance]" in block)
+    (tmp_path / "scene.toml").write_text(scene)
+    result = rattle(tmp_path / "scene.toml", *SMALL, "--out", tmp_path / "o")
+    assert "Left out" not in result.stdout
+    table = pd.read_csv(tmp_path / "o" / "table.csv")
+    assert set(table["reading"]) == {"printed", "mended", "saltation", "branching"}
+    assert "Dashed" in captions((tmp_path / "o" / "report.md").read_text())
+
+
+@pytest.mark.parametrize(
+    ("words", "drawn", "absent"),
+    [
+        (("saltation", 0.1), ("Filled", "Open", "Edgeworth"), ("branching", "Dashed", "mixture", "cross marks")),
+        (("branching", 0.1), ("Dashed", "mixture"), ("Filled", "Open", "shaded", "Edgeworth", "cross marks")),
+        (("saltation", 0.0), (), ("Filled", "Open", "Edgeworth", "Dashed", "cross marks")),
+        (("printed", 1.0), ("Filled", "Open", "cross marks"), ("Dashed", "mixture")),
+    ],
+)
+def test_captions_speak_of_what_is_drawn(tmp_path, words, drawn, absent):
+    reading, sigma = words
+    rattle(*SMALL, "--sigma", sigma, "--reading", reading, "--out", tmp_path / "o")
+    said = captions((tmp_path / "o" / "report.md").read_text())
+    assert all(word in said for word in drawn), said
+    assert not [word for word in absent if word in said], said
+
+
 BAD = {
     "unknown key": ("[scene]\nalpha = 1.0\nepsilom = 0.9\nbeta1 = 0.1\ngamma1 = 0.0\n", [], "epsilon"),
     "wrong type": ('[scene]\nalpha = "big"\nepsilon = 0.9\nbeta1 = 0.1\ngamma1 = 0.0\nmu = 0.5\n', [], "alpha = 'big'"),

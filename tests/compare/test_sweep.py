@@ -5,9 +5,10 @@ import pytest
 
 from compare.answer import frontier_sentence
 from compare.frontier import Frontier, frontier
-from compare.frontier_plot import frontier_figure
+from compare.frontier_plot import FRONTIER, frontier_figure
 from compare.rows import frontier_table, speed_table
 from compare.speed import Speed
+from compare.style import caption_of
 from compare.sweep import grid, sweep
 from compare.validation import validate
 from scene import DAT21, InputError, Scene
@@ -104,3 +105,14 @@ def test_figure_has_a_panel_for_each_reading_and_every_cause_in_its_legend(readi
     assert "an impact grazes" in words
     assert "second order is no longer enough" in words
     assert "paths have left its itinerary" not in words
+
+
+def test_legend_and_caption_of_the_frontier_name_what_is_there():
+    """Two readings that hold everywhere: nothing is undecided, nothing refuted."""
+    holds = [ended(s, 4, 4) for s in (0.01, 0.1)]
+    for rows, undecided, refuted in ((holds, False, False), ([*holds, ended(0.2, 1, 2)], True, True)):
+        figure = frontier_figure(pd.DataFrame(rows), 4)
+        words = [text.get_text() for text in figure.legends[0].get_texts()]
+        said = caption_of(figure, FRONTIER)
+        assert ("undecided" in words, "refuted" in words) == (undecided, refuted)
+        assert ("undecided" in said, "refutes" in said) == (undecided, refuted)

@@ -19,8 +19,8 @@ from scene.moments import SECTION, STATE
 __all__ = ["ENTRIES", "check"]
 
 APART = 1e6
-MAY_REFUSE = frozenset({"dt", "clock", "tolerance.law", "start.mesh"})
-"""Settings that do not suit a scene; `branching` takes no random tolerance, `printed` no start in flight."""
+MAY_REFUSE = frozenset({"dt", "clock", "start.mesh"})
+"""Settings that do not suit a scene; `printed` takes no start in flight."""
 SLACK = 1e-9  # of a correlation and an eigenvalue, relative: rounding
 Ended = tuple[str, str]
 

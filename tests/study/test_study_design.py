@@ -72,10 +72,10 @@ def test_an_invalid_point_says_why_and_the_others_stand():
 
 
 def test_a_reading_that_cannot_take_a_scene_is_left_out_with_its_reason():
-    text = study_text(more='[[axes]]\n"tolerance.c1_max" = [0.01]\n').replace('"mended"', '"branching"')
+    text = study_text(more='[[axes]]\n"start.y1" = [-1.0]\n"start.mesh" = [0]\n').replace('"mended"', '"printed"')
     point = Study.from_toml(text).points[0]
     assert [p.reading for p in point.predictions] == ["saltation"]
-    assert "tolerance" in point.reasons["branching"]
+    assert "start.mesh = 0" in point.reasons["printed"]
 
 
 @pytest.mark.parametrize(
