@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from compare.page.words import line
-from scene.errors import InputError
+from scene.errors import InputError, RattleError
 
 if TYPE_CHECKING:
     from compare.study.design import Study
@@ -21,7 +21,13 @@ __all__ = ["study"]
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder. [default: FILE without its suffix]")
 @click.option("--workers", type=int, default=2, show_default=True, help="Threads; the results do not depend on it.")
-@click.option("--scheduler", default=None, metavar="tcp://HOST:PORT", help="Compute on a running Dask cluster instead.")
+@click.option(
+    "--scheduler",
+    default=None,
+    metavar="tcp://HOST:PORT",
+    help="Compute on a running Dask cluster instead. A Dask scheduler has no authentication and runs what it is sent: "
+    "use one in a trusted network only, or tls://HOST:PORT with the certificates that Dask's configuration names.",
+)
 @click.option("--explain", is_flag=True, help="Say what there is to compute and what it would take, and stop.")
 @click.option("--status", is_flag=True, help="Say what is there, and stop.")
 @click.option("--json", "as_json", is_flag=True, help="Print the record as JSON.")
@@ -40,6 +46,10 @@ def study(
     from scene.validate import count
 
     count("workers", workers)
+    if scheduler is not None:
+        from compare.study.connection import check_address
+
+        check_address(scheduler)
     wanted = Study.load(file)
     _ = wanted.points  # what cannot be computed is known before anything is made
     folder = out or file.with_suffix("")
@@ -73,17 +83,21 @@ def _record(
     wanted: "Study", store: "Store", folder: Path, file: Path, workers: int, scheduler: str | None
 ) -> dict[str, Any]:
     """Run the study and write its page; the record of what is there."""
+    from compare.folder import sweep
     from compare.study.current import is_current
+    from compare.study.tables import PAGE
 
     current = is_current(wanted, folder)
     if current and all(store.path(cell.key).exists() for cell in wanted.cells):
+        store.sweep()
+        sweep(folder, PAGE)
         click.echo(f"All {len(wanted.cells)} cells are there, and the page is of them.", err=True)
         return current
 
     from compare.manifest import command_line
     from compare.study.engine import run
     from compare.study.page import write_page
-    from compare.study.places import Cluster, Here, Place
+    from compare.study.places import Here, Place
     from compare.study.results import Results
 
     def unchanged() -> bool:
@@ -93,13 +107,23 @@ def _record(
             return False
 
     started = time.perf_counter()
-    place: Place = Cluster(scheduler) if scheduler else Here(workers)
+    place: Place = Here(workers)
+    if scheduler is not None:
+        from compare.study.cluster import Cluster
+        from compare.study.connection import silence
+
+        silence()
+        place = Cluster(scheduler)
     outcome = run(wanted, store, place, show=True, unchanged=unchanged)
     facts = {
         "command": command_line(sys.argv[1:]), "computed": outcome.computed, "failed": outcome.failed,
         "wall_seconds": round(outcome.wall_seconds, 2), "cell_seconds": round(outcome.cell_seconds, 2),
     }  # fmt: skip
-    record = write_page(folder, Results.of(wanted, store), facts)
+    results = Results.of(wanted, store)
+    if outcome.failed and results.errors.empty:
+        why = next(iter(outcome.failed.values()))
+        raise RattleError(f"nothing can be compared yet, {len(outcome.failed)} cells were not computed: {why}")
+    record = write_page(folder, results, facts)
     took = time.perf_counter() - started
     click.echo(f"{outcome.computed} cells computed, {len(wanted.cells)} there, {took:.1f} s.", err=True)
     return record
