@@ -36,6 +36,9 @@ class InputError(RattleError, ValueError):
         super().__init__(harmless(f"{field} = {_shown(value)}: {remedy}", keep=""))
         self.field, self.value, self.remedy = field, value, remedy
 
+    def __reduce__(self) -> tuple[type["InputError"], tuple[str, object, str]]:
+        return type(self), (self.field, self.value, self.remedy)  # so that it comes back whole from another process
+
 
 def _shown(value: object) -> str:
     """A value as it was given, cut where it is long; an integer of thousands of digits has no decimal form."""

@@ -2,13 +2,14 @@
 
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from compare.console import say, say_json
-from scene.errors import InputError, OutputError
+from scene.errors import InputError, OutputError, RattleError
 from scene.text import line
 
 if TYPE_CHECKING:
@@ -25,7 +26,13 @@ LOOKED_AT = 200  # points of a grid on which --explain tells what all of them ta
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder. [default: FILE without its suffix]")
 @click.option("--workers", type=int, default=2, show_default=True, help="Threads; the results do not depend on it.")
-@click.option("--scheduler", default=None, metavar="tcp://HOST:PORT", help="Compute on a running Dask cluster instead.")
+@click.option(
+    "--scheduler",
+    default=None,
+    metavar="tcp://HOST:PORT",
+    help="Compute on a running Dask cluster instead. A Dask scheduler has no authentication and runs what it is sent: "
+    "use one in a trusted network only, or tls://HOST:PORT with the certificates that Dask's configuration names.",
+)
 @click.option("--explain", is_flag=True, help="Say what there is to compute and what it would take, and stop.")
 @click.option("--status", is_flag=True, help="Say what is there, and stop.")
 @click.option("--json", "as_json", is_flag=True, help="Print the record as JSON.")
@@ -45,6 +52,10 @@ def study(
     from scene.validate import count
 
     count("workers", workers)
+    if scheduler is not None:
+        from compare.study.connection import check_address
+
+        check_address(scheduler)
     wanted = Study.load(file)
     folder = out or file.with_suffix("")
     if folder.resolve() == file.resolve():
@@ -89,7 +100,7 @@ def _computed(
     from compare.manifest import command_line
     from compare.study.engine import missing, run
     from compare.study.page import answer, write_page
-    from compare.study.places import Cluster, Here, Place
+    from compare.study.places import Here, Place
     from compare.study.results import Results
     from compare.study.store import Store
     from compare.study.tables import FILE
@@ -110,13 +121,23 @@ def _computed(
             return False
 
     started = time.perf_counter()
-    place: Place = Cluster(scheduler) if scheduler else Here(workers)
+    place: Place = Here(workers)
+    if scheduler is not None:
+        from compare.study.cluster import Cluster
+        from compare.study.connection import silence
+
+        silence()
+        place = Cluster(scheduler)
     outcome = run(wanted, store, place, show=True, unchanged=unchanged)
     facts = {
         "command": command_line(sys.argv[1:]), "computed": outcome.computed, "failed": outcome.failed,
         "wall_seconds": round(outcome.wall_seconds, 2), "cell_seconds": round(outcome.cell_seconds, 2),
     }  # fmt: skip
-    record = write_page(folder, Results.of(wanted, store), facts)
+    results = Results.of(wanted, store)
+    if outcome.failed and results.errors.empty:
+        why = next(iter(outcome.failed.values()))
+        raise RattleError(f"nothing can be compared yet, {len(outcome.failed)} cells were not computed: {why}")
+    record = write_page(folder, results, facts)
     took = time.perf_counter() - started
     say(f"{outcome.computed} cells computed, {len(wanted.cells)} there, {took:.1f} s.", err=True)
     return record
@@ -124,15 +145,18 @@ def _computed(
 
 def _finished(wanted: "Study", seen: "Store", folder: Path) -> dict[str, Any] | None:
     """The record of a study that is there, page and all; None where there is something to do."""
-    from compare.folder import write_whole
+    from compare.folder import sweep, write_whole
     from compare.study.current import is_current
     from compare.study.engine import missing
-    from compare.study.tables import FILE, file_digest
+    from compare.study.tables import FILE, PAGE, file_digest
 
     current = is_current(wanted, folder)
     if current is None or missing(wanted, seen):
         return None
     say(f"All {len(wanted.cells)} cells are there, and the page is of them.", err=True)
+    with suppress(OutputError):  # where nothing can be written, nothing is left half written either
+        seen.sweep()
+        sweep(folder, PAGE)
     if file_digest(folder / FILE) != wanted.digest:
         try:
             write_whole(folder / FILE, wanted.text)

@@ -9,7 +9,7 @@ from compare.study.cell import Cell
 from compare.study.design import Study
 from compare.study.estimate import core_seconds
 from compare.study.obtain import attempt, kept
-from compare.study.places import Place, Stopped
+from compare.study.places import Failed, Place, Stopped
 from compare.study.progress import Progress
 from compare.study.store import Store, Stored
 from compare.study.waiting import Waiting
@@ -134,7 +134,7 @@ def _gathered(
         cell = running.pop(future)
         try:
             found, here = future.result()
-        except InputError as error:
+        except (InputError, Failed) as error:
             failed[cell.key] = str(error)
             progress.failed(cell, str(error))
             continue

@@ -17,7 +17,13 @@ def _here(cell: Cell) -> Stored:
 
 
 def kept(store: Store, cell: Cell) -> Stored | None:
-    """A cell's result, where it is there; what is stored in its place but is no result of its kind is set aside."""
+    """A cell's result, where it is there; what is stored in its place but is no result of its kind is set aside.
+
+    Raises
+    ------
+    OutputError
+        If the system does not let it be read; then it stays where it is.
+    """
     found = store.read(cell.key)
     if found is None:
         return None
@@ -27,6 +33,8 @@ def kept(store: Store, cell: Cell) -> Stored | None:
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         store.set_aside(cell.key, f"is no result of this kind ({error})")
         return None
+    except MemoryError as error:
+        raise store.unreadable(cell.key, error) from None
     return found
 
 
@@ -38,7 +46,7 @@ def attempt(store: Store, cell: Cell, compute: Compute = _here) -> Stored | None
     InputError
         If the cell's scene cannot be computed.
     OutputError
-        If the result cannot be kept.
+        If the result cannot be kept, or one that is there cannot be read.
     """
     found = kept(store, cell)
     if found is not None:

@@ -19,7 +19,7 @@ from compare.study.estimate import calibrated, core_seconds, scaling
 from compare.study.figures import FIGURES, panels
 from compare.study.lacking import lacking
 from compare.study.results import Results
-from compare.study.tables import FILE, MANIFEST, TABLES, file_digest
+from compare.study.tables import FILE, MANIFEST, PAGE, TABLES, file_digest
 from compare.study.version import numerical_version
 from compare.style import save
 from compare.validity_range import in_words, want
@@ -88,7 +88,7 @@ def write_page(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any
         If the folder cannot be written; what was there before stays.
     """
     try:
-        with scratch_folder(folder, "page") as scratch:
+        with scratch_folder(folder, PAGE) as scratch:
             record = _written(scratch, r, facts)
             files = [path.relative_to(scratch) for path in scratch.rglob("*") if path.is_file()]
             within(folder, *{str(file.parent) for file in files})

@@ -27,7 +27,7 @@ class _LogFile(logging.FileHandler):
 
     def __init__(self, path: Path) -> None:
         try:
-            os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o644))  # no link to elsewhere
+            os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o666))  # no link to elsewhere
             super().__init__(path, encoding="utf-8")
         except OSError as error:
             raise refused(path, error) from None
@@ -48,7 +48,8 @@ class Progress:
     folder : Path
         Where the log file is.
     show : bool
-        Draw the line, if standard error is a terminal; and say there for whom this process waits.
+        Draw the line, if standard error is a terminal; say there for whom this process waits, and at once what cannot be
+        computed.
     """
 
     def __init__(self, work: Mapping[str, float], there: int, folder: Path, show: bool) -> None:
@@ -111,6 +112,8 @@ class Progress:
 
     def failed(self, cell: Cell, why: str) -> None:
         """A cell cannot be computed."""
+        if self._show:
+            self._bar.write(f"rattle: {why}", file=sys.stderr)  # now: the others may take hours
         self._count(cell, f"failed {cell.label} {cell.key}: {why}")
 
     def _count(self, cell: Cell, text: str) -> None:
