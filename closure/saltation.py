@@ -9,6 +9,7 @@ second derivatives add the mean shift, an O(sigma^2) effect, and the third cumul
 import numpy as np
 
 from closure.blocks import block, congruence, hit_matrix, inner, put
+from closure.edgeworth import SMALLEST
 from closure.flanks import column, forget, random_tolerance, start_covariance
 from closure.orbit import Floats, Ints, follow
 from closure.raw_moments import stage_raw_moments
@@ -68,14 +69,14 @@ def _carry(
         moved = linear @ moved
         if second:
             slope = noise_slope(c, tau[k - 1], t)
-            if sd[k, 1] > 0.0:
+            if sd[k, 1] ** 3 > SMALLEST:
                 skew[k, 1] = flight_third_cumulant(first, hessian, p, q, slope, third) / sd[k, 1] ** 3
             third = third_cumulants(c, tau[k - 1] + t, first, hessian, p, q, slope, third)
             for i in range(5):
                 moved[i] += 0.5 * (inner(hessian[i], p, 0) + inner(hessian[i], q, d))
                 place = 0 if i == 0 else i + 1
                 shift[k, place] = moved[i]
-                if sd[k, place] > 0.0:
+                if sd[k, place] ** 3 > SMALLEST:
                     skew[k, place] = third[i, i, i] / sd[k, place] ** 3
             shift[k, 1] = moved[0] - last
         hit = hit_matrix(c, mesh[k], d)

@@ -178,11 +178,12 @@ def validate(
 
 
 def _last_impact(scene: Scene, **settings: Any) -> float:
-    """When any path has had its impacts, with much to spare, by a few of them.
+    """When any path has had its impacts, with much to spare, by a few of them; at most when paths are given up.
 
     Where the orbit's flights are longer by far, nothing of them can be compared, and to wait for them may take millions
     of steps.
     """
-    at = simulate(scene, paths=PILOT, **settings).section.iloc[-1]
+    pilot = simulate(scene, paths=PILOT, **settings)
+    at, horizon = pilot.section.iloc[-1], scene.phase + (pilot.plan.most_steps - 1) * pilot.dt
     latest = scene.phase + FAR * (at["tau"] + 6.0 * at["sd_tau"] - scene.phase)
-    return math.inf if math.isnan(latest) else float(latest)
+    return float(min(horizon, math.inf if math.isnan(latest) else latest))

@@ -48,8 +48,8 @@ class Progress:
     folder : Path
         Where the log file is.
     show : bool
-        Draw the line, if standard error is a terminal; say there for whom this process waits, and at once what cannot be
-        computed.
+        Draw the line, if standard error is a terminal; say there for whom this process waits, and what cannot be
+        computed as soon as that is known.
     """
 
     def __init__(self, work: Mapping[str, float], there: int, folder: Path, show: bool) -> None:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import fuzz_checks
 import fuzz_doors
+import fuzz_sampled
 import numpy as np
 import pytest
 from fuzz_plan import SIMPLE
@@ -76,14 +77,14 @@ def test_a_wrong_simulation_is_seen(column, value, monkeypatch):
 
 
 def test_workers_that_differ_are_seen(monkeypatch):
-    right = fuzz_checks.simulate
+    right = fuzz_sampled.simulate
     settings = {"paths": 1030, "impacts": 1, "dt": 0.01}
     assert fuzz_checks.check("exact-flight", SIMPLE, settings) == ("complete", "")
 
     def wrong(*given, workers=1, **chosen):
         return right(*given, workers=workers, **(chosen | {"rng": workers}))
 
-    monkeypatch.setattr(fuzz_checks, "simulate", wrong)
+    monkeypatch.setattr(fuzz_sampled, "simulate", wrong)
     with pytest.raises(AssertionError, match="workers change"):
         fuzz_checks.check("exact-flight", SIMPLE, settings)
 
