@@ -13,26 +13,57 @@ from numpy.typing import NDArray
 from compare.manifest import DIGESTS, Recorded, digest, versions
 from scene.text import line
 
-__all__ = ["DIFFERENT", "ROUNDED", "ROUNDING", "SAME", "Repeat", "compared", "difference", "tables_beside"]
+__all__ = [
+    "DIFFERENT", "EXACT", "ROUNDED", "ROUNDING", "SAME", "Difference", "Repeat", "compared", "difference",
+    "tables_beside",
+]  # fmt: skip
+
+Floats = NDArray[np.float64]
 
 SAME, ROUNDED, DIFFERENT = "bit for bit", "but for rounding", "different"
 
-ROUNDING = 1e-9
-"""The largest difference that is called rounding, in sds of the quantity.
+ROUNDING = 0.01
+"""The largest difference that is called rounding, in standard errors of the simulated number.
 
-Other vector instructions add the same paths up in another order, which moves a mean by some 1e-14 of an sd (measured
-between two kinds of processor: 2e-14); other elementary functions move each path by its last bit, which impacts make
-larger.  One path that takes another itinerary, whatever the reason, moves a mean by about 1/paths of an sd: 1e-6 of a
-million.  The bound stands between the two, so that what it lets through has every path on the itinerary that it had.
+Machine code for other vector instructions adds the same paths up in another order, which moves a mean by some 1e-14 of
+an sd (measured on DAT21 between two kinds of x86-64: 2e-14).  Where products are rounded otherwise too, each path
+starts with another last bit, and impacts make it larger: without fused products, 256 000 paths at sigma = 1.2 differ
+by 1e-11 sd at their impacts, and at a time after twelve of them by 1e-6 sd, or 1e-3 standard errors: one path in a
+million has gone its own way.  Their number grows with the paths, what each of them moves falls; in standard errors the
+sum stays small.  Another seed moves the rows by about one, and of hundreds of rows some by more: the bound stands a
+hundred times below that, ten times above what was measured.
 """
+EXACT = 1e-9
+"""The same for what is not sampled, in sds of the quantity: a closure's own numbers (measured: 5e-15)."""
 FAINT = 1e-3
 """Where this share of a value is more than the sd, it is the unit: rounding is of the value, however small its sd."""
 
 TABLES = {"table_sha256": "table.csv", "frontier_sha256": "frontier.csv"}
+SAMPLED = {"monte_carlo", "se", "bias", "error", "low", "high", "unit", "tolerance", "agreement"}
+"""Columns that follow from the paths."""
 DERIVED = {"paths_needed"}
 """Follows from the other columns, through a difference that may be next to nothing."""
 NAMING = ("sigma", "reading", "kind", "moment", "quantity", "impact")
 """Columns that say which row it is."""
+
+
+class Difference(NamedTuple):
+    """The difference between two tables that is farthest beyond what rounding explains, or nearest to it.
+
+    Attributes
+    ----------
+    excess : float
+        In units of what rounding explains; infinite where it is not one of numbers.
+    sds, errors : float
+        The same in sds of the quantity, and in standard errors (NaN where nothing is sampled).
+    where : str
+        Its column, its row, and both entries.
+    """
+
+    excess: float
+    sds: float
+    errors: float
+    where: str
 
 
 class Repeat(NamedTuple):
@@ -42,17 +73,17 @@ class Repeat(NamedTuple):
     ----------
     outcome : str
         `SAME`, `ROUNDED` or `DIFFERENT`.
-    largest : float or None
-        The largest difference, in sds of the quantity; None where only digests could be compared.
-    where : str
-        Its table, column and row.
+    largest : Difference or None
+        None where it is the same, or where only digests could be compared.
+    why : str
+        Why no more than digests could be.
     changed : dict of str to (str or None, str or None)
         Versions and parts of the processor that differ: recorded (None where not), and here.
     """
 
     outcome: str
-    largest: float | None
-    where: str
+    largest: Difference | None
+    why: str
     changed: dict[str, tuple[str | None, str | None]]
 
     @property
@@ -60,15 +91,15 @@ class Repeat(NamedTuple):
         """What a person is told."""
         if self.outcome == SAME:
             return ["Repeated bit for bit."]
+        found = "Repeated but for rounding" if self.outcome == ROUNDED else "The numbers differ from the manifest's"
         if self.largest is None:
-            found = f"The numbers differ from the manifest's. Only digests could be compared: {self.where}."
-        elif math.isinf(self.largest):
-            found = f"The numbers differ from the manifest's: {self.where}."
-        else:
-            bound = f"the largest difference is {self.largest:.2g} sd ({self.where}; up to {ROUNDING:g} is rounding)."
-            said = "Repeated but for rounding" if self.outcome == ROUNDED else "The numbers differ from the manifest's"
-            found = f"{said}: {bound}"
-        return [found, self._versions]
+            return [f"{found}. Only digests could be compared: {self.why}.", self._versions]
+        if math.isinf(self.largest.sds):
+            return [f"{found}: {self.largest.where}.", self._versions]
+        errors = "" if math.isnan(self.largest.errors) else f", {self.largest.errors:.2g} standard errors"
+        size = f"the largest difference is {self.largest.sds:.2g} sd{errors} ({self.largest.where})"
+        bound = f"Up to {ROUNDING:g} standard errors, or {EXACT:g} sd of what is not sampled, is rounding."
+        return [f"{found}: {size}. {bound}", self._versions]
 
     @property
     def _versions(self) -> str:
@@ -81,10 +112,8 @@ class Repeat(NamedTuple):
     def to_dict(self) -> dict[str, Any]:
         """Plain data."""
         changed = {name: {"manifest": there, "here": here} for name, (there, here) in self.changed.items()}
-        return {
-            "outcome": self.outcome, "largest_difference": self.largest, "where": self.where, "changed": changed,
-            "rounding": ROUNDING,
-        }  # fmt: skip
+        largest = self.largest and self.largest._asdict()
+        return {"outcome": self.outcome, "largest_difference": largest, "why": self.why, "changed": changed}
 
 
 def tables_beside(path: Path, recorded: Recorded) -> dict[str, str]:
@@ -118,52 +147,67 @@ def compared(recorded: Recorded, earlier: Mapping[str, str], now: Mapping[str, A
     changed = {n: (recorded.versions.get(n), here.get(n)) for n in dict.fromkeys([*here, *recorded.versions])}
     changed = {name: pair for name, pair in changed.items() if pair[0] != pair[1]}
     differing = [name for name in DIGESTS if now[name] != recorded.digests[name]]
-    if not differing:
-        return Repeat(SAME, 0.0, "", changed)
-    worst, where = 0.0, ""
+    found = []
     for name in differing:
         file = TABLES[name]
         if now[name] is None or recorded.digests[name] is None:
-            return Repeat(DIFFERENT, math.inf, f"only one of them has {file}", changed)
-        if name not in earlier:
+            found.append(Difference(math.inf, math.inf, math.nan, f"only one of them has {file}"))
+        elif name not in earlier:
             return Repeat(DIFFERENT, None, f"no {file} with the manifest's digest lies beside it", changed)
-        tables = (pd.read_csv(io.StringIO(text)) for text in (earlier[name], (folder / file).read_text("utf-8")))
-        found, at = difference(*tables)
-        if found >= worst:
-            worst, where = found, f"{file}, {at}"
-    return Repeat(ROUNDED if worst <= ROUNDING else DIFFERENT, worst, where, changed)
+        else:
+            before, after = (pd.read_csv(io.StringIO(t)) for t in (earlier[name], (folder / file).read_text("utf-8")))
+            one = difference(before, after, recorded.settings.paths)
+            found.append(one._replace(where=f"{file}, {one.where}"))
+    if not found:
+        return Repeat(SAME, None, "", changed)
+    largest = max(found, key=lambda one: one.excess)
+    return Repeat(ROUNDED if largest.excess <= 1.0 else DIFFERENT, largest, "", changed)
 
 
-def difference(one: pd.DataFrame, other: pd.DataFrame) -> tuple[float, str]:
-    """The largest difference between two tables of a report and where it is; infinite where it is not one of numbers.
+def difference(one: pd.DataFrame, other: pd.DataFrame, paths: int) -> Difference:
+    """The difference between two tables of a report that is largest beside what rounding explains.
 
-    Numbers differ in units of the row's ``unit`` (the sd of the quantity), or of `FAINT` of the value.
+    Parameters
+    ----------
+    one, other : DataFrame
+        Sds are those of the column ``unit``, or `FAINT` of a value where that is more; standard errors those of ``se``.
+    paths : int
+        Behind each row.
 
     Examples
     --------
-    >>> table = pd.DataFrame({"quantity": ["y1"], "closure": [1.0], "monte_carlo": [1.5], "unit": [0.5]})
-    >>> difference(table, table.assign(closure=1.25))
-    (0.5, 'column closure, quantity y1: 1.0 and 1.25')
+    >>> table = pd.DataFrame({"quantity": ["y1"], "closure": [1.0], "monte_carlo": [1.5], "unit": [0.5], "se": [0.1]})
+    >>> difference(table, table.assign(monte_carlo=1.75), 25)  # doctest: +ELLIPSIS
+    Difference(excess=249.9..., sds=0.5, errors=2.5, where='column monte_carlo, quantity y1: 1.5 and 1.75')
     """
     if list(one) != list(other) or len(one) != len(other):
-        return math.inf, "it has other rows or columns"
-    worst, where = 0.0, "written with other digits alone"
+        return Difference(math.inf, math.inf, math.nan, "it has other rows or columns")
+    largest = Difference(0.0, 0.0, math.nan, "written with other digits alone")
     for name in one.columns.difference(list(DERIVED), sort=False):
-        error = _errors(one, other, name)
-        row = int(np.argmax(error)) if len(error) else 0
-        if len(error) and error[row] > worst:
+        sds, errors = _differences(one, other, name, paths)
+        sampled = np.isfinite(errors) & (errors > 0.0)
+        allowed = EXACT + ROUNDING * np.divide(sds, errors, out=np.zeros_like(sds), where=sampled)
+        excess = sds / allowed
+        row = int(np.argmax(excess)) if len(excess) else 0
+        if len(excess) and excess[row] > largest.excess:
             which = ", ".join(f"{n} {one[n].iloc[row]}" for n in NAMING if n in one and n != name)
-            values = f"{one[name].iloc[row]} and {other[name].iloc[row]}"
-            worst, where = float(error[row]), f"column {name}, {which}: {values}"
-    return worst, where
+            where = f"column {name}, {which}: {one[name].iloc[row]} and {other[name].iloc[row]}"
+            largest = Difference(float(excess[row]), float(sds[row]), float(errors[row]), where)
+    return largest
 
 
-def _errors(one: pd.DataFrame, other: pd.DataFrame, name: str) -> NDArray[np.float64]:
+def _differences(one: pd.DataFrame, other: pd.DataFrame, name: str, paths: int) -> tuple[Floats, Floats]:
+    """Differences of a column in sds and in standard errors."""
     a, b = one[name], other[name]
+    same = ((a == b) | (a.isna() & b.isna())).to_numpy(bool)
+    none = np.full(len(one), math.nan)
     if not (pd.api.types.is_float_dtype(a) and pd.api.types.is_float_dtype(b)):  # words and counts are equal or not
-        return np.where((a != b) & ~(a.isna() & b.isna()), math.inf, 0.0)
-    sizes = [FAINT * a.abs(), FAINT * b.abs(), one.get("unit", 0.0 * a), FAINT * one.get("monte_carlo", 0.0 * a).abs()]
+        return np.where(same, 0.0, math.inf), none
+    nothing = pd.Series(0.0, index=one.index)
+    sizes = [FAINT * a.abs(), FAINT * b.abs(), one.get("unit", nothing), FAINT * one.get("monte_carlo", nothing).abs()]
+    error = one.get("se", nothing).to_numpy(float) if name != "agreement" else paths**-0.5
+    gap = np.where(same, 0.0, (a - b).abs())
     with np.errstate(invalid="ignore", divide="ignore"):
-        error = (a - b).abs().to_numpy() / np.fmax.reduce([s.to_numpy(float) for s in sizes])
-    same = (a == b) | (a.isna() & b.isna())
-    return np.where(same, 0.0, np.where(np.isnan(error), math.inf, error))
+        sds = np.where(same, 0.0, gap / np.fmax.reduce([s.to_numpy(float) for s in sizes]))
+        errors = np.where(error > 0.0, gap / error, math.nan) if name in SAMPLED else none
+    return np.where(np.isnan(sds), math.inf, sds), errors

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from compare import manifest
 from compare.__main__ import EXIT_NOT_MET, EXIT_NOT_REPEATED, EXIT_ROUNDED, main
-from compare.repeat import ROUNDING, difference
+from compare.repeat import EXACT, ROUNDING, difference
 
 SWEPT = ["--paths", "600", "--impacts", "2", "--dt", "0.01", "--frontier", "0.1:1:2", "--frontier-paths", "600"]
 
@@ -47,7 +47,7 @@ def rounded(table):
 
 
 def one_path(table):
-    """One of the paths on another itinerary: a mean moves by about 1/paths of its sd."""
+    """One of the paths on another itinerary: a mean moves by about 1/paths of its sd, 0.04 standard errors here."""
     row = table.index[(table["quantity"] == "y1") & (table["moment"] == "mean")][1]
     table.loc[row, "monte_carlo"] += table.loc[row, "unit"] / 600
     return table
@@ -73,11 +73,12 @@ def test_the_same_in_json_and_in_the_same_folder(first, tmp_path):
     record = json.loads(validate(*words, code=EXIT_ROUNDED).stdout)
     assert record["repeated"] is False
     assert record["repeat"]["outcome"] == "but for rounding"
-    assert 0.0 < record["repeat"]["largest_difference"] < 1e-10
+    assert 0.0 < record["repeat"]["largest_difference"]["sds"] < 1e-10
+    assert "column monte_carlo" in record["repeat"]["largest_difference"]["where"]
     assert record["repeat"]["changed"] == {}
     again = json.loads(validate(*words).stdout)
     assert again["repeated"] is True
-    assert again["repeat"]["largest_difference"] == 0.0
+    assert again["repeat"]["largest_difference"] is None
 
 
 @pytest.mark.parametrize(
@@ -135,23 +136,34 @@ def test_the_manifest_says_on_what_it_was_made(first):
 
 ROWS = pd.DataFrame({
     "quantity": ["tau", "y1"], "closure": [1.0, np.nan], "monte_carlo": [2.0, -1.5], "unit": [1e-8, 0.5],
-    "paths": [5, 5], "paths_needed": [1e9, np.nan],
+    "se": [0.0, 0.05], "agreement": [1.0, 0.9], "paths": [100, 100], "paths_needed": [1e9, np.nan],
 })  # fmt: skip
 
 
-def test_differences_are_in_sds_and_where_the_sd_is_faint_of_the_value():
-    assert difference(ROWS, ROWS)[0] == 0.0
-    assert difference(ROWS, ROWS.assign(monte_carlo=[2.0, -1.75]))[0] == 0.5
-    assert difference(ROWS, ROWS.assign(monte_carlo=[2.0 + 4.4e-16, -1.5]))[0] < 1e-12 < ROUNDING
-    assert difference(ROWS, ROWS.assign(unit=[1e-8, math.nextafter(0.5, 1.0)]))[0] < ROUNDING
-    assert difference(ROWS, ROWS.assign(paths_needed=[2e9, np.nan]))[0] == 0.0
-    assert difference(ROWS.assign(unit=0.0), ROWS.assign(unit=0.0, closure=[1.5, np.nan]))[0] > 1.0
+def found(**changed):
+    return difference(ROWS, ROWS.assign(**changed), paths=100)
+
+
+def test_differences_are_in_sds_and_in_standard_errors():
+    assert found() == (0.0, 0.0, pytest.approx(math.nan, nan_ok=True), "written with other digits alone")
+    assert found(monte_carlo=[2.0, -1.75])[1:3] == pytest.approx((0.5, 5.0))
+    assert found(agreement=[1.0, 0.8])[2] == pytest.approx(1.0)
+    assert found(paths_needed=[2e9, np.nan]).excess == 0.0
+
+
+def test_the_bound_of_what_is_sampled_is_in_standard_errors_and_else_of_the_digits():
+    assert found(monte_carlo=[2.0, -1.5 + 0.9 * ROUNDING * 0.05]).excess < 1.0
+    assert found(monte_carlo=[2.0, -1.5 + 1.1 * ROUNDING * 0.05]).excess > 1.0
+    assert found(closure=[1.0 + 0.9 * EXACT * 1e-3, np.nan]).excess < 1.0  # of the value: its sd is faint
+    assert found(closure=[1.0 + 3.0 * EXACT * 1e-3, np.nan]).excess > 1.0
+    assert found(monte_carlo=[2.0 + 4.4e-16, -1.5]).excess < 1e-3  # without a standard error
+    assert found(monte_carlo=[2.0 + 1e-10, -1.5]).excess > 1.0
 
 
 @pytest.mark.parametrize(
     "changed",
-    [{"closure": [1.0, 2.0]}, {"closure": [np.nan, np.nan]}, {"monte_carlo": [np.inf, -1.5]}, {"paths": [5, 6]},
-     {"quantity": ["tau", "y2"]}, {"more": 1}],
+    [{"closure": [1.0, 2.0]}, {"closure": [np.nan, np.nan]}, {"monte_carlo": [2.0, np.inf]},
+     {"monte_carlo": [np.inf, -1.5]}, {"paths": [100, 99]}, {"quantity": ["tau", "y2"]}, {"more": 1}],
 )  # fmt: skip
 def test_what_is_no_difference_of_numbers_is_infinite(changed):
-    assert difference(ROWS, ROWS.assign(**changed))[0] == math.inf
+    assert found(**changed).excess == math.inf
