@@ -129,11 +129,11 @@ def agreement(r: Results, rows: pd.DataFrame) -> Figure:
     name = r.along
     part = rows[(rows["quantity"] == "tau") & (rows["moment"] == "mean")]
     for impact, colour in zip(_shown(r.study.impacts), SHADES, strict=False):
-        group = part[part["impact"] == impact].sort_values(name)
+        group = part[(part["impact"] == impact) & (part["paths"] > 0)].sort_values(name)
         counts = zip(group["agreement"] * group["paths"], group["paths"], strict=True)
-        interval = np.array([binomtest(round(k), int(n)).proportion_ci(method="wilson") for k, n in counts])
+        interval = [binomtest(round(k), int(n)).proportion_ci(method="wilson") for k, n in counts]
         ax.plot(group[name], group["agreement"], color=colour, lw=1.4, marker="o", ms=3, label=f"impact {impact}")
-        ax.fill_between(group[name], *interval.T, color=colour, alpha=BAND, lw=0)
+        ax.fill_between(group[name], *np.reshape(interval, (-1, 2)).T, color=colour, alpha=BAND, lw=0)
     ax.set_ylim(-0.02, 1.04)
     ax.set_ylabel("paths on the noise-free itinerary")
     _along(ax, name, sorted(set(rows[name])))
@@ -160,7 +160,7 @@ def sections(r: Results, rows: pd.DataFrame) -> Figure:
             ax.plot(group[name], group["value"], color=colour, lw=1.4, marker="o", ms=2.5, label=f"impact {impact}")
             ax.fill_between(group[name], low, high, color=colour, alpha=BAND, lw=0)
         ax.set_ylabel(labels.get(quantity, labels.get(moment, "")).format(SYMBOL.get(quantity, "")))
-        if moment == "sd":
+        if moment == "sd" and (part["value"] > 0.0).any():
             ax.set_yscale("log")
         if moment == "skew":
             ax.set_yscale("symlog", linthresh=1.0)

@@ -72,18 +72,17 @@ def of_an_ensemble(run: Ensemble) -> None:
     _at_times(run)
     _kept(run)
     must(all(isinstance(c, str) and c for c in run.cautions), "cautions", run.cautions)
-    must(run.cautions if run.unfinished else True, "nobody is told that paths are unfinished", run.unfinished)
+    must(bool(run.cautions) or not run.unfinished, "nobody is told that paths are unfinished", run.unfinished)
 
 
 def _shares(run: Ensemble, reached: Any) -> None:
     must((reached >= 0) & (reached <= run.paths), "more paths than were asked for", reached, run.paths)
     must(np.diff(reached) <= 0, "paths", reached)
     must(reached[-1] + run.unfinished == run.paths, "unfinished", run.unfinished, reached)
-    share = run.agreement.to_numpy()
-    must((share >= 0.0) & (share <= 1.0), "agreement", run.agreement)
-    must((run.section["agreement"] >= 0.0) & (run.section["agreement"] <= 1.0), "agreement", run.section["agreement"])
-    must(np.diff(share, axis=0) <= 0.0, "agreement rises", run.agreement)
-    must(share <= reached[:, None] / run.paths * (1.0 + 1e-12), "more agree than are there", run.agreement, reached)
+    share = np.column_stack([run.section["agreement"], run.agreement])
+    must((share >= 0.0) & (share <= 1.0), "agreement", share)
+    must(np.diff(share, axis=0) <= 0.0, "agreement rises", share)
+    must(share <= reached[:, None] / run.paths * (1.0 + 1e-12), "more agree than are there", share, reached)
 
 
 def _moments(run: Ensemble, reached: Any) -> None:

@@ -14,6 +14,7 @@ __all__ = ["WIDE", "job"]
 
 WORK = 1e6  # steps of all paths
 ALONE = 2  # paths that may take the default horizon, of up to ten million steps
+USUAL = 0.3  # of the default step: least step of those who wait for the default horizon
 SOON = 1e5  # steps of the default horizon for an impact, beyond which a door that takes no other is tried rarely
 Settings = dict[str, Any]
 
@@ -30,10 +31,10 @@ def _closure(n: Numbers, scene: Scene) -> Settings:
     return {"impacts": n.count(64), "order": n.one(2, 3, 4, 5, 6)}
 
 
-def _step(n: Numbers, scene: Scene, scheme: str, biased: bool) -> tuple[float | None, float]:
+def _step(n: Numbers, scene: Scene, scheme: str, biased: bool, least: float = LEAST) -> tuple[float | None, float]:
     """A step as it is given, the default among them, and its size."""
     longest = largest_step(scene, scheme)[0] / (4 if biased else 1)
-    least = n.one(1e-3 * longest, 1e-3 * longest, LEAST)
+    least = max(n.one(1e-3 * longest, 1e-3 * longest, LEAST), least)
     dt = None if n.often(0.4) else n.size(least, longest, zero=False)
     return dt, default_step(scene, scheme, biased) if dt is None else dt
 
@@ -43,19 +44,18 @@ def _run(scheme: str) -> Callable[[Numbers, Scene], Settings]:
 
     def settings(n: Numbers, scene: Scene) -> Settings:
         biased = not exact and n.often(0.3)
-        dt, step = _step(n, scene, scheme, biased)
         paths, impacts = n.one(1, 2, 3, 31, 33, n.one(31, 33, 1000, 1030)), n.count(64)
+        waits = paths <= ALONE and n.often(0.05 if _soon(scene) else 0.005)
+        dt, step = _step(n, scene, scheme, biased, USUAL * default_step(scene, scheme, biased) if waits else LEAST)
         out: Settings = {"paths": paths, "impacts": impacts, "dt": dt, "rng": n.seed(), "step_bias": biased}
-        out["horizon"] = step * n.size(1.0, WORK / paths, False)
-        if paths <= ALONE and n.often(0.03):
-            out["horizon"] = None
+        out["horizon"] = None if waits else step * n.size(1.0, WORK / paths, False)
         longest = min(HORIZON_PER_IMPACT * impacts, STEPS * step) if out["horizon"] is None else out["horizon"]
         coarsest = 4.0 * step if biased else step
         if n.often(0.3) and longest > coarsest:
             since = [n.size(coarsest, longest, False) for _ in range(n.one(1, 1, 3))]
             out["clock"] = tuple(scene.start.tau + t for t in since)
         if exact:
-            out["control"] = n.often(0.4)
+            out["control"] = n.often(0.25)
         else:
             out["increments"] = n.one("gaussian", "gaussian", "two-point")
         if n.often(0.2):
@@ -83,7 +83,7 @@ def _validation(n: Numbers, scene: Scene) -> Settings:
 def _command(n: Numbers, scene: Scene) -> Settings:
     """Options of ``rattle simulate``, whose horizon is the default one: few paths."""
     scheme = n.one(*SCHEMES)
-    dt, step = _step(n, scene, scheme, False)
+    dt, step = _step(n, scene, scheme, False, USUAL * default_step(scene, scheme))
     impacts = n.one(1, 2, n.count(64))
     steps = min(HORIZON_PER_IMPACT * impacts / step, STEPS)
     given: Settings = {"impacts": impacts, "seed": n.seed()}

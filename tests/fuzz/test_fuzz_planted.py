@@ -90,16 +90,15 @@ def test_workers_that_differ_are_seen(monkeypatch):
 
 
 def test_a_changed_number_in_a_cell_is_seen_where_there_is_no_seal(monkeypatch):
-    """A changed footer renumbers the impacts in silence."""
-    flips = [[("flip", share, 0)] for share in np.linspace(0.75, 0.999, 60)]
+    """A changed footer renumbers the impacts in silence; where in the file that is differs from run to run."""
 
-    def ends():
-        return {fuzz_doors.file("cell", how)[0] for how in flips}
+    def ends(flips):
+        return {fuzz_doors.file("cell", [("flip", share, 0)])[0] for share in np.linspace(0.75, 0.999, flips)}
 
-    assert ends() <= {"refused", "complete"}
+    assert ends(60) <= {"refused", "complete"}
     monkeypatch.setattr(store.Store, "read", blind)
     with pytest.raises(AssertionError):
-        ends()
+        ends(5000)
 
 
 def blind(self, key):
