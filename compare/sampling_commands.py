@@ -1,8 +1,11 @@
 """The commands of the sampler: ``rattle simulate``, ``rattle bench`` and ``rattle order``."""
 
+import logging
 import math
 import os
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["bench", "order", "simulate"]
 
 EXIT_NOT_MET = 3
+AN_HOUR = "an hour; what is expected to take longer is refused"
 
 
 @click.command()
@@ -29,7 +33,7 @@ EXIT_NOT_MET = 3
 @click.option("--paths", type=int, default=None, help="Number of paths, in place of an accuracy.")
 @click.option("--dt", type=float, default=None, help="Step, with --paths. [default: 0.002]")
 @click.option("--scheme", default=None, help="Scheme. [default: what costs least; euler-maruyama-located with --paths]")
-@click.option("--budget", type=float, default=math.inf, help="Seconds after which an accuracy is given up.")
+@click.option("--budget", type=float, default=None, help=f"Seconds that an accuracy may take. [default: {AN_HOUR}]")
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed.")
 @click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="CSV file of the whole section table.")
@@ -42,7 +46,7 @@ def simulate(
     paths: int | None,
     dt: float | None,
     scheme: str | None,
-    budget: float,
+    budget: float | None,
     seed: int,
     workers: int,
     out: Path | None,
@@ -50,7 +54,8 @@ def simulate(
 ) -> None:
     """Simulate SCENE (a TOML file; DAT21 if none) and print its section moments.
 
-    Exit codes: 0 done; 2 bad input; 3 the budget ended before the accuracy was reached.
+    What an accuracy is expected to take is said before the work starts.  Exit codes: 0 done; 2 bad input, or an
+    accuracy that would take too long; 3 the budget ended before the accuracy was reached.
     """
     from compare.folder import write_whole
     from montecarlo import simulate as sample
@@ -62,19 +67,19 @@ def simulate(
         raise InputError("out", str(out), "cannot be written; give the name of a file")
     if accuracy is None and paths is None:
         accuracy = 0.01
-    limit = budget if accuracy is not None else math.inf
-    run = sample(
-        base,
-        paths=paths,
-        accuracy=accuracy,
-        impacts=impacts,
-        dt=dt,
-        scheme=scheme,
-        budget=limit,
-        rng=seed,
-        workers=workers,
-        progress="simulate",
-    )
+    with _estimates_shown():
+        run = sample(
+            base,
+            paths=paths,
+            accuracy=accuracy,
+            impacts=impacts,
+            dt=dt,
+            scheme=scheme,
+            budget=None if accuracy is None else budget,
+            rng=seed,
+            workers=workers,
+            progress="simulate",
+        )
     reach = run.reach
     if as_json:
         record = {
@@ -90,7 +95,9 @@ def simulate(
     else:
         say(_table(run.columns))
         say(f"{run.paths:,} paths, {run.scheme}, dt = {run.dt:.4g}, {run.wall_seconds:.1f} s on {workers} threads")
-        for sentence in (*(() if reach is None else (reach.sentence,)), *run.cautions):
+        if reach is not None and reach.reached:  # else it is among the cautions
+            say(reach.sentence)
+        for sentence in run.cautions:
             say(sentence)
     if out is not None:  # last: what was found has been said if it cannot be written
         from compare.csv_text import csv_text
@@ -98,6 +105,32 @@ def simulate(
         write_whole(out, csv_text(run.section))
     if reach is not None and not reach.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)
+
+
+class _OnStderr(logging.Handler):
+    """A log on standard error, a line each."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print a line."""
+        say(self.format(record), err=True)
+
+
+@contextmanager
+def _estimates_shown() -> "Iterator[None]":
+    """Show what an accuracy is expected to take; that it was not reached is said by the command itself."""
+    from montecarlo import AccuracyWarning
+    from montecarlo.simulate_to import ESTIMATES
+
+    handler, level = _OnStderr(), ESTIMATES.level
+    ESTIMATES.addHandler(handler)
+    ESTIMATES.setLevel(logging.INFO)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", AccuracyWarning)
+            yield
+    finally:
+        ESTIMATES.removeHandler(handler)
+        ESTIMATES.setLevel(level)
 
 
 SHOWN = ("tau", "se_tau", "sd_tau", "y1", "se_y1", "sd_y1", "y2", "se_y2", "sd_y2", "mesh", "side", "agreement")

@@ -17,6 +17,7 @@ from compare.study.version import numerical_version
 from montecarlo import SCHEMES, Ensemble, default_step, simulate
 from montecarlo.accuracy import faint
 from montecarlo.ensemble import Blocks
+from scene.errors import InputError
 from scene.moments import SECTION
 from scene.scene import Scene
 
@@ -152,7 +153,7 @@ class Sample:
         return f"simulate sigma {self.scene.sigma:.3g}"
 
     def compute(self, blocks: Blocks | None = None) -> Stored:
-        """Simulate; raises InputError where the scene cannot be."""
+        """Simulate; raises InputError where the scene cannot be, or an accuracy not within an hour of one core."""
         started = time.perf_counter()
         exact = SCHEMES[self.scheme].weak_order is None
         common: dict[str, Any] = {
@@ -161,6 +162,8 @@ class Sample:
         }  # fmt: skip
         if self.accuracy is not None:
             run = simulate(self.scene.near, accuracy=self.accuracy, **common)
+            if run.reach is not None and not run.reach.reached:  # how far it came is told by the clock: no result
+                raise InputError("accuracy", self.accuracy, run.reach.sentence)
         else:
             run = simulate(
                 self.scene.near, paths=self.paths, dt=self.dt, control=exact and faint(self.scene), step_bias=not exact,

@@ -14,6 +14,7 @@ from montecarlo import SCHEMES, default_step
 from montecarlo.accuracy import LEAST
 from montecarlo.block import BLOCK
 from montecarlo.kernel import COLUMNS
+from montecarlo.settings import computed
 from scene.scene import Scene
 
 __all__ = ["Estimate", "calibrated", "core_seconds", "estimate", "scaling"]
@@ -21,6 +22,7 @@ __all__ = ["Estimate", "calibrated", "core_seconds", "estimate", "scaling"]
 READING_SECONDS = {"printed": 0.005, "mended": 0.0005, "saltation": 0.001, "branching": 0.9}
 """Of twelve impacts, compiled; measured on DAT21."""
 FLIGHT = 0.5  # time between impacts where the orbit does not tell
+FINEST = 1e-100  # accuracy that is told from finer ones
 BASE_MEGABYTES = 330.0  # interpreter, libraries and machine code
 LEVEL_WORK = 1.75  # steps of dt, 2 dt and 4 dt together, in units of those of dt
 TASK_SECONDS = 0.0035  # of an empty task, measured with scheduler, workers and client on two cores: an upper bound
@@ -51,9 +53,13 @@ def core_seconds(cell: Cell) -> float:
     kind = SCHEMES[cell.scheme]
     exact = kind.weak_order is None
     dt = cell.settings["dt"] or default_step(cell.scene, cell.scheme, not exact)
-    paths = cell.paths or max(LEAST, math.ceil(cell.accuracy**-2) if cell.accuracy else 0)
+    paths = computed(cell.scene, _paths(cell))
     steps = _duration(cell.scene, cell.impacts) / dt * (1.0 if exact else LEVEL_WORK)
     return 1e-9 * paths * (steps * kind.step_ns + cell.impacts * kind.impact_ns * (1.0 if exact else 3.0))
+
+
+def _paths(cell: Sample) -> int:
+    return cell.paths or max(LEAST, math.ceil(max(cell.accuracy or 1.0, FINEST) ** -2))
 
 
 def _duration(scene: Scene, impacts: int) -> float:
@@ -95,7 +101,7 @@ def scaling(cells: Sequence[Cell], factor: float = 1.0, times: Callable[[Cell], 
     for cell in cells:
         seconds, pieces = factor * core_seconds(cell), 1
         if isinstance(cell, Sample):
-            count = -(-(cell.paths or LEAST) // BLOCK)
+            count = -(-computed(cell.scene, cell.paths or LEAST) // BLOCK)
             pieces = -(-count // SHARE)
             blocks += times(cell) * count
         work += times(cell) * seconds

@@ -123,6 +123,14 @@ def correlation(r: Results, rows: pd.DataFrame) -> Figure:
     return figure
 
 
+def _wilson(k: int, n: int) -> tuple[float, float]:
+    """Wilson's 95 % interval of a share k / n; one path that stands for all, where nothing is random, is no sample."""
+    if n <= 1:
+        return (float(k), float(k)) if n else (0.0, 1.0)
+    low, high = binomtest(k, n).proportion_ci(method="wilson")
+    return float(low), float(high)
+
+
 def agreement(r: Results, rows: pd.DataFrame) -> Figure:
     """Share of paths that are still on the noise-free itinerary, with Wilson's 95 % interval."""
     figure, (ax,) = new_figure(6.2, 3.8, 1, 1)
@@ -131,7 +139,7 @@ def agreement(r: Results, rows: pd.DataFrame) -> Figure:
     for impact, colour in zip(_shown(r.study.impacts), SHADES, strict=False):
         group = part[(part["impact"] == impact) & (part["paths"] > 0)].sort_values(name)
         counts = zip(group["agreement"] * group["paths"], group["paths"], strict=True)
-        interval = [binomtest(round(k), int(n)).proportion_ci(method="wilson") for k, n in counts]
+        interval = [_wilson(round(k), int(n)) for k, n in counts]
         ax.plot(group[name], group["agreement"], color=colour, lw=1.4, marker="o", ms=3, label=f"impact {impact}")
         ax.fill_between(group[name], *np.reshape(interval, (-1, 2)).T, color=colour, alpha=BAND, lw=0)
     ax.set_ylim(-0.02, 1.04)
