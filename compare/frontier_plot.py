@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from compare.frontier import CAUSES
 from compare.style import STYLE, new_figure
-from compare.validity_range import ACCURATE, NOT_WRONG, UNDECIDED, WRONG
+from compare.validity_range import ACCURATE, NOT_WRONG, WRONG
 
 __all__ = ["frontier_figure"]
 
@@ -52,7 +52,7 @@ def frontier_figure(table: pd.DataFrame, impacts: int) -> Figure:
             ax.set_ylabel("impact")
     handles: list[Artist] = [
         Patch(facecolor="0.35", label=f"{ACCURATE} here"),
-        Patch(facecolor="none", edgecolor="0.35", hatch="////", label=f"{NOT_WRONG} here: {UNDECIDED}"),
+        Patch(facecolor="none", edgecolor="0.35", hatch="////", label=f"{NOT_WRONG} here"),
         Patch(facecolor="none", edgecolor="0.6", label=WRONG),
         Line2D([], [], color="k", ls=":", lw=1.4, label="99 % of the paths on its itinerary up to here"),
     ]
