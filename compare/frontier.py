@@ -10,13 +10,13 @@ from closure import MeanMap
 from compare.correlation import first_failure
 from compare.moments import NOT_JUDGED
 from compare.validation import Validation
-from compare.validity_range import is_accurate, is_wrong, unbroken, want
+from compare.validity_range import UNDECIDED, is_accurate, is_wrong, unbroken, want
 
 __all__ = ["CAUSES", "Frontier", "frontier", "frontiers", "judged_rows"]
 
 CAUSES = {
     "holds": "holds to the last impact followed",
-    "undecided": "undecided for want of paths (or of a smaller step)",
+    "undecided": UNDECIDED,
     "fixed instant": "the impact time does not vary in it",
     "parted": "paths have left its itinerary",
     "grazing": "an impact grazes",

@@ -59,10 +59,9 @@ def frontier_figure(table: pd.DataFrame, impacts: int) -> Figure:
         if ax.get_subplotspec().is_first_col():  # type: ignore[union-attr]
             ax.set_ylabel("impact")
     accurate, not_refuted = table["accurate"], table["not_refuted"]
-    undecided = Patch(facecolor="none", edgecolor="0.35", hatch="////", label=f"{NOT_WRONG} here: {UNDECIDED}")
     areas = [
         (accurate > 0, Patch(facecolor="0.35", label=f"{ACCURATE} here")),
-        (not_refuted > accurate, undecided),
+        (not_refuted > accurate, Patch(facecolor="none", edgecolor="0.35", hatch="////", label=f"{NOT_WRONG} here")),
         (not_refuted < impacts, Patch(facecolor="none", edgecolor="0.6", label=WRONG)),
     ]
     handles: list[Artist] = [patch for drawn, patch in areas if drawn.any()]
