@@ -33,9 +33,10 @@ stages = 1
 [[axes]]
 sigma = [0.0, 0.1]
 """
+SINGLE = "[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.08\ngamma1 = 0.05\nstages = 1\nsigma = 0.1\n"
 SMALL = {
     "validate": ["--paths", "64", "--impacts", "2", "--dt", "0.01", "--no-frontier", "--sigma", "0.1", "--out", "out"],
-    "simulate": ["--paths", "64", "--impacts", "2", "--dt", "0.01"],
+    "simulate": ["scene.toml", "--paths", "64", "--impacts", "2", "--dt", "0.01"],
     "order": ["--impacts", "1", "--paths", "64"],
     "bench": [],
     "study": ["study.toml"],
@@ -66,6 +67,7 @@ def test_the_parser_of_these_tests_is_strict():
 def test_every_command_prints_strict_json_and_writes_it(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "study.toml").write_text(STUDY)
+    (tmp_path / "scene.toml").write_text(SINGLE)  # without a second stage, and so without numbers for it
     rows = {"lost": lambda: Extreme("lost", "β", "", "", math.inf, 1.0, "z")}
     monkeypatch.setattr(extremes, "ROWS", rows)  # all of them take a minute
     monkeypatch.setattr("montecarlo.bench.bench", lambda: pd.DataFrame({"ns": [1.5, np.nan]}, index=["a", "b"]))
