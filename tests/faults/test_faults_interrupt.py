@@ -68,6 +68,12 @@ def test_an_interrupt_while_the_command_itself_is_loaded(tmp_path, library):
     assert done.stderr == "rattle: interrupted\n"
 
 
+def test_an_interrupt_that_is_put_off_to_the_end_of_a_command_is_not_forgotten(tmp_path):
+    done = rattle(COMMAND.replace("time.sleep(60.0)", "pass"), tmp_path, extension=EXTENSION)
+    assert done.returncode == 130
+    assert re.fullmatch(r"rattle: interrupted[^\n]*\n", done.stderr)
+
+
 def test_what_is_half_written_goes_with_a_process_that_is_ended(tmp_path):
     writing = """
 from pathlib import Path
