@@ -81,6 +81,9 @@ class Cluster:
         except TimeoutError:
             self._close()
             raise self._refused("has no workers; start some: dask worker ADDRESS") from None
+        except OSError as error:
+            self._close()
+            raise self._refused(f"does not answer any more ({error}); start it again") from None
         except BaseException:
             self._close()
             raise

@@ -12,6 +12,8 @@ import asyncio
 import logging
 import re
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from scene.errors import InputError
@@ -46,6 +48,8 @@ certificates
 
 def silence() -> None:
     """Keep Dask's own log off a terminal: what matters of it is said in one line."""
+    with suppress(ModuleNotFoundError):
+        import_module("distributed")  # which sets these levels itself
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
 

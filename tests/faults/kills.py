@@ -8,6 +8,9 @@ import time
 from collections import Counter
 from pathlib import Path
 
+from click.testing import CliRunner
+
+from compare.__main__ import main
 from compare.study.store import Store
 from compare.study.tables import CELLS, TABLES
 
@@ -28,11 +31,18 @@ stages = 1
 [[axes]]
 sigma = [0.01, 0.02, 0.03, 0.04, 0.05, 0.06]
 """
-BEGUN = {"imports": ".", "cells": CELLS, "page": ".page-*.part"}
-"""Phases of a run, and what is in its folder as soon as one has begun."""
+BEGUN = {"imports": "noise.toml", "cells": f"noise/{CELLS}", "page": "noise/.page-*.part"}
+"""Phases of a run, and what is there as soon as one has begun."""
 LIFE = ("imports", "cells", "cells", "page", "page")
 """Phases in which a study is killed, one run after the other, before it is let go to its end."""
 LOOK = 0.002  # seconds between two looks at a folder
+COMMAND = ("-m", "compare")
+QUICK = (
+    "-c",
+    "from compare.study import page; page.FIGURES = dict([*page.FIGURES.items()][:1]);"
+    "from compare.__main__ import main; main()",
+)
+"""The command as anybody gives it, and one that draws one figure, which takes most of a small study's time."""
 
 
 class Life:
@@ -46,8 +56,9 @@ class Life:
         The cells that have been seen there: each must stay as it is.
     """
 
-    def __init__(self, place):
+    def __init__(self, place, command):
         place.mkdir()
+        self.command = command
         self.file = place / "noise.toml"
         self.file.write_text(TEXT)
         self.out = place / "noise"
@@ -55,13 +66,13 @@ class Life:
         self.sound = {}
 
     def start(self):
-        """The command, as anybody gives it."""
-        command = [sys.executable, "-m", "compare", "study", str(self.file)]
-        return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        """A run of its command."""
+        words = [sys.executable, *self.command, "study", str(self.file)]
+        return subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
 
     def wait_for(self, phase, running):
         """Whether a run has come to a phase; else it has ended."""
-        while not any(self.out.glob(BEGUN[phase])):
+        while not any(self.file.parent.glob(BEGUN[phase])):
             if running.poll() is not None:
                 return False
             time.sleep(LOOK)
@@ -113,16 +124,15 @@ class Life:
         return {name: (self.out / f"{name}.parquet").read_bytes() for name in TABLES if name != "cost"}
 
 
-def campaign(place, kills, seed):
+def campaign(place, kills, seed, command=COMMAND):
     """Kill studies so many times; raises AssertionError where one loses anything.  How often in which phase."""
-    draw, done = random.Random(seed), Counter()
-    whole = Life(place / "whole")
-    whole.ended(whole.start())  # machine code is there from now on
-    once_more = Life(place / "timed")
-    seconds = once_more.seconds()
-    assert once_more.tables() == whole.tables()
+    warm = place / "warm.toml"
+    warm.write_text(TEXT.replace("60_000", "64"))
+    assert CliRunner().invoke(main, ["study", str(warm)]).exit_code == 0  # machine code is there from now on
+    draw, done, whole = random.Random(seed), Counter(), Life(place / "whole", command)
+    seconds = whole.seconds()
     for number in range(2 * kills):  # lives, if every other run had ended before it was killed
-        life = Life(place / str(number))
+        life = Life(place / str(number), command)
         for phase in LIFE:
             done[phase] += life.killed(phase, draw.uniform(0.0, seconds[phase]))
             if done.total() == kills:

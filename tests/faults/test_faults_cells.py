@@ -2,6 +2,7 @@
 
 import builtins
 import errno
+import fcntl
 import io
 import os
 
@@ -101,7 +102,7 @@ def test_what_the_system_does_not_let_be_read_stays(tmp_path, monkeypatch, cell,
     content = store.path(cell.key).read_bytes()
     with monkeypatch.context() as patch:
         refusing(patch, error, at)
-        with pytest.raises(OutputError, match=rf"{cell.key}.parquet cannot be read .{why}, and repeat the command"):
+        with pytest.raises(OutputError, match=rf"{cell.key}.parquet cannot be read .{why}.*, and repeat the command"):
             kept(store, cell)
         with pytest.raises(OutputError, match="stays as it is"):
             obtain(store, cell)
@@ -202,3 +203,28 @@ def test_so_may_reports_tables_baselines_and_ensembles_of_tests(tmp_path, cell, 
     store.set_aside(cell.key, "for a look at it")
     found = rights(place)
     assert set(found) == as_asked(umask), found
+
+
+# --- what killed processes leave
+
+
+def test_what_killed_processes_have_left_is_gone_after_the_next_run(file):
+    """Killed after the last file has been put in its place, too: then there is nothing to compute, or to draw again."""
+    assert CliRunner().invoke(main, ["study", str(file)]).exit_code == 0
+    out = file.with_suffix("")
+    key = next((out / CELLS).glob("*.parquet")).stem
+    for left in (out / ".rattle-0123abcd.part", out / CELLS / f".{key}-0123abcd.part"):
+        left.touch()
+    (out / ".page-0123abcd.part" / "figures").mkdir(parents=True)
+    found = CliRunner().invoke(main, ["study", str(file)])
+    assert "All 2 cells are there" in found.output
+    assert not list(out.rglob(".*"))
+
+
+def test_a_text_that_a_process_is_writing_is_left_to_it(tmp_path):
+    with open(tmp_path / ".rattle-0123abcd.part", "w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        write_whole(tmp_path / "one.csv", "1")
+        assert sorted(p.name for p in tmp_path.iterdir()) == [".rattle-0123abcd.part", "one.csv"]
+    write_whole(tmp_path / "one.csv", "2")
+    assert [p.name for p in tmp_path.iterdir()] == ["one.csv"]
