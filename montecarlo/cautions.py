@@ -94,9 +94,10 @@ def orbit_shift(run: Ensemble) -> tuple[float, str]:
     return worst, where
 
 
-def _share(of: Floats, unit: Floats) -> Floats:
+def _share(of: NDArray[np.floating[Any]], unit: Floats) -> Floats:
     """A change in its unit; none where the unit is zero: nothing moves there whose size the change could be told by."""
-    return np.divide(of, unit, out=np.zeros_like(unit), where=unit != 0.0)
+    share: Floats = np.divide(of, unit, out=np.zeros_like(unit), where=unit != 0.0)
+    return share
 
 
 def _orbit(plan: Plan, finer: int) -> Floats:

@@ -117,7 +117,8 @@ class Results:
                     "se": np.asarray(se), "paths": s["paths"].to_numpy(), "agreement": s["agreement"].to_numpy(),
                 })  # fmt: skip
                 parts.append(self._placed(point, table))
-        return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+        none = pd.DataFrame(columns=["impact", "quantity", "moment", "value", "se", "paths", "agreement"])
+        return pd.concat(parts, ignore_index=True) if parts else none
 
     @cached_property
     def correlation(self) -> pd.DataFrame:
