@@ -1,8 +1,8 @@
 """Waiting for what another process is at work on, and saying for whom."""
 
 import os
+import platform
 import re
-import socket
 import sys
 import time
 from collections.abc import Callable, Iterable
@@ -29,7 +29,7 @@ def sign(lock: FileLock) -> None:
         with suppress(OSError):  # a courtesy
             number = os.open(lock.lock_file, os.O_WRONLY | os.O_TRUNC | SAFELY)
             with os.fdopen(number, "w", encoding="ascii", errors="replace") as file:
-                file.write(f"{os.getpid()}\n{socket.gethostname()}\n")
+                file.write(f"{os.getpid()}\n{platform.node()}\n")
 
 
 def holder(lock: Path) -> tuple[str, str]:

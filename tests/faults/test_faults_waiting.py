@@ -1,7 +1,7 @@
 """Whoever waits for another process says for whom; and goes on when that one ends."""
 
+import platform
 import re
-import socket
 import subprocess
 import sys
 import threading
@@ -88,7 +88,7 @@ def test_whoever_waits_for_a_cell_says_for_whom(study, store):
     (text,) = said
     at = r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d"
     assert re.fullmatch(
-        rf"rattle: waiting for process {number} on {re.escape(socket.gethostname())}, "
+        rf"rattle: waiting for process {number} on {re.escape(platform.node())}, "
         rf"at work on {re.escape(cell.label)} since {at}; when it ends, this one goes on",
         text,
     )
