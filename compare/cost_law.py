@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from montecarlo import SCHEMES, Ensemble
-from montecarlo.accuracy import pilot, sampling_error, step_error
+from montecarlo.accuracy import sampling_error, step_error
 from montecarlo.block import BLOCK
+from montecarlo.pilots import pilot
 from scene.scene import Scene
 
 __all__ = ["Law", "Point", "timed"]

@@ -1,14 +1,17 @@
 """The commands of the sampler: ``rattle simulate``, ``rattle bench`` and ``rattle order``."""
 
-import json
+import logging
 import math
 import os
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from compare.console import say, say_json
 from scene.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["bench", "order", "simulate"]
 
 EXIT_NOT_MET = 3
+AN_HOUR = "an hour; what is expected to take longer is refused"
 
 
 @click.command()
@@ -29,7 +33,7 @@ EXIT_NOT_MET = 3
 @click.option("--paths", type=int, default=None, help="Number of paths, in place of an accuracy.")
 @click.option("--dt", type=float, default=None, help="Step, with --paths. [default: 0.002]")
 @click.option("--scheme", default=None, help="Scheme. [default: what costs least; euler-maruyama-located with --paths]")
-@click.option("--budget", type=float, default=math.inf, help="Seconds after which an accuracy is given up.")
+@click.option("--budget", type=float, default=None, help=f"Seconds that an accuracy may take. [default: {AN_HOUR}]")
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed.")
 @click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="CSV file of the whole section table.")
@@ -42,7 +46,7 @@ def simulate(
     paths: int | None,
     dt: float | None,
     scheme: str | None,
-    budget: float,
+    budget: float | None,
     seed: int,
     workers: int,
     out: Path | None,
@@ -50,7 +54,8 @@ def simulate(
 ) -> None:
     """Simulate SCENE (a TOML file; DAT21 if none) and print its section moments.
 
-    Exit codes: 0 done; 2 bad input; 3 the budget ended before the accuracy was reached.
+    What an accuracy is expected to take is said before the work starts.  Exit codes: 0 done; 2 bad input, or an
+    accuracy that would take too long; 3 the budget ended before the accuracy was reached.
     """
     from compare.folder import write_whole
     from montecarlo import simulate as sample
@@ -62,19 +67,19 @@ def simulate(
         raise InputError("out", str(out), "cannot be written; give the name of a file")
     if accuracy is None and paths is None:
         accuracy = 0.01
-    limit = budget if accuracy is not None else math.inf
-    run = sample(
-        base,
-        paths=paths,
-        accuracy=accuracy,
-        impacts=impacts,
-        dt=dt,
-        scheme=scheme,
-        budget=limit,
-        rng=seed,
-        workers=workers,
-        progress="simulate",
-    )
+    with _estimates_shown():
+        run = sample(
+            base,
+            paths=paths,
+            accuracy=accuracy,
+            impacts=impacts,
+            dt=dt,
+            scheme=scheme,
+            budget=None if accuracy is None else budget,
+            rng=seed,
+            workers=workers,
+            progress="simulate",
+        )
     reach = run.reach
     if as_json:
         record = {
@@ -86,18 +91,46 @@ def simulate(
             "cautions": run.cautions,
             "section": run.section.reset_index().to_dict("records"),
         }
-        click.echo(json.dumps(record, indent=2))
+        say_json(record)
     else:
-        click.echo(_table(run.columns))
-        click.echo(
-            f"{run.paths:,} paths, {run.scheme}, dt = {run.dt:.4g}, {run.wall_seconds:.1f} s on {workers} threads"
-        )
-        for sentence in (*(() if reach is None else (reach.sentence,)), *run.cautions):
-            click.echo(sentence)
+        say(_table(run.columns))
+        say(f"{run.paths:,} paths, {run.scheme}, dt = {run.dt:.4g}, {run.wall_seconds:.1f} s on {workers} threads")
+        if reach is not None and reach.reached:  # else it is among the cautions
+            say(reach.sentence)
+        for sentence in run.cautions:
+            say(sentence)
     if out is not None:  # last: what was found has been said if it cannot be written
-        write_whole(out, run.section.to_csv())
+        from compare.csv_text import csv_text
+
+        write_whole(out, csv_text(run.section))
     if reach is not None and not reach.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)
+
+
+class _OnStderr(logging.Handler):
+    """A log on standard error, a line each."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print a line."""
+        say(self.format(record), err=True)
+
+
+@contextmanager
+def _estimates_shown() -> "Iterator[None]":
+    """Show what an accuracy is expected to take; that it was not reached is said by the command itself."""
+    from montecarlo import AccuracyWarning
+    from montecarlo.simulate_to import ESTIMATES
+
+    handler, level = _OnStderr(), ESTIMATES.level
+    ESTIMATES.addHandler(handler)
+    ESTIMATES.setLevel(logging.INFO)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", AccuracyWarning)
+            yield
+    finally:
+        ESTIMATES.removeHandler(handler)
+        ESTIMATES.setLevel(level)
 
 
 SHOWN = ("tau", "se_tau", "sd_tau", "y1", "se_y1", "sd_y1", "y2", "se_y2", "sd_y2", "mesh", "side", "agreement")
@@ -124,11 +157,11 @@ def bench(as_json: bool) -> None:
 
     table = measure()
     if as_json:
-        click.echo(table.reset_index().to_json(orient="records", indent=2))
+        say_json(table.reset_index().to_dict("records"))
         return
     shown = table.rename(columns={"ns": "ns per path-step", "times_floor": "times floor", "us": "us per path"})
-    click.echo(shown.to_string(float_format="{:.2f}".format, na_rep=""))
-    click.echo("One core, processor time, least of several repeats; floor = one normal + the arithmetic of one step.")
+    say(shown.to_string(float_format="{:.2f}".format, na_rep=""))
+    say("One core, processor time, least of several repeats; floor = one normal + the arithmetic of one step.")
 
 
 @click.command()
@@ -147,10 +180,10 @@ def order(
 
     table = weak_orders(_scene(scene, sigma), impacts=impacts, paths=paths, rng=seed, workers=workers).table
     if as_json:
-        click.echo(table.to_json(orient="records", indent=2))
+        say_json(table.to_dict("records"))
         return
-    click.echo(table.to_string(index=False, float_format="{:.4g}".format, na_rep="hidden by noise"))
-    click.echo(
+    say(table.to_string(index=False, float_format="{:.4g}".format, na_rep="hidden by noise"))
+    say(
         "order lies in [low, high] with 95 % confidence; change: size of the last change, in sds;\nlimit_z: "
         "Richardson's value against exact flights in standard errors; limit_allowed: what chance alone lets through."
     )

@@ -6,6 +6,7 @@ hand.  Time is processor time, over all threads.
 """
 
 import math
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -21,7 +22,7 @@ from compare.cost_law import Law, Point, timed
 from compare.moments import widest
 from compare.multilevel import Levels, measure_levels
 from compare.speed import best_of
-from montecarlo import SCHEMES, Ensemble, simulate
+from montecarlo import SCHEMES, AccuracyWarning, Ensemble, simulate
 from montecarlo.accuracy import LEAST, units
 from scene.errors import InputError
 from scene.moments import SECTION
@@ -82,7 +83,9 @@ def _scheme_points(
         bar.set_postfix_str(f"{law.scheme}, {accuracy:g}")
         point, measured = law.at(accuracy), None
         if point.core_seconds <= budget:
-            run, seconds = timed(partial(again, accuracy=accuracy, scheme=law.scheme, budget=budget))
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", AccuracyWarning)  # then the point is not a measured one
+                run, seconds = timed(partial(again, accuracy=accuracy, scheme=law.scheme, budget=budget))
             law.learn(run)
             reach = run.reach
             assert reach is not None

@@ -10,7 +10,7 @@ import pandas as pd
 
 from closure import READINGS, MeanMap, follow, mean_map, readings_for
 from compare.correlation import mid_flight_errors, validity
-from compare.moments import Tolerances, section_errors, stated, widest
+from compare.moments import JUDGED, Tolerances, section_errors, stated, widest
 from montecarlo import SCHEMES, Ensemble, check_settings, default_step, simulate
 from scene.errors import InputError
 from scene.moments import SECTION
@@ -73,9 +73,9 @@ class Validation:
 
     @property
     def accurate(self) -> bool:
-        """Whether every moment that was predicted is accurate."""
-        predicted = self.table[self.table["verdict"] != "not predicted"]
-        return bool((predicted["verdict"] == "accurate").all())
+        """Whether every moment that was predicted, and is judged (`compare.moments.RULE`), is accurate."""
+        judged = self.table[self.table["verdict"].isin(JUDGED)]
+        return bool((judged["verdict"] == "accurate").all())
 
 
 def validate(

@@ -10,6 +10,7 @@ from scene.compiled import lean, reducing
 
 __all__ = [
     "COVARIANCE",
+    "FEWEST",
     "PAIR",
     "SINGLE",
     "VARIANCE",
@@ -35,6 +36,13 @@ COVARIANCE: Orders = ((1, 1),)
 
 VARIANCE: Orders = ((2, 0),)
 """A variance alone."""
+
+FEWEST = {"mean": 2, "sd": 3, "cov": 3, "rho": 3, "skew": 3, "kurt": 4}
+"""Least number of paths that tell the standard error of a statistic.
+
+With fewer the statistic, or its error, is the same whatever the paths are: the spread of one is 0, the squared
+deviations of two are alike and their correlation is 1 in size, the kurtosis of three is 1.5.
+"""
 
 BINOMIAL = np.array([[comb(n, k) for k in range(9)] for n in range(9)], dtype=float)
 
@@ -272,7 +280,8 @@ def single_statistics(sums: CentralSums) -> dict[str, Floats]:
 def pair_statistics(sums: CentralSums) -> dict[str, Floats]:
     """Covariance and correlation of a pair with their standard errors, from sums over the orders `PAIR`.
 
-    ``se_z`` is the standard error of Fisher's ``artanh rho``; it is ``1 / sqrt(n)`` for a Gaussian pair.
+    ``se_z`` is the standard error of Fisher's ``artanh rho``; it is ``1 / sqrt(n)`` for a Gaussian pair, and NaN where
+    rho is 1 in size.
     """
     n = sums.n
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -289,5 +298,5 @@ def pair_statistics(sums: CentralSums) -> dict[str, Floats]:
             "se_cov": np.sqrt(np.maximum(sums.moment(2, 2) - c**2, 0.0) / n),
             "rho": rho,
             "se_rho": se,
-            "se_z": se / (1.0 - rho**2),
+            "se_z": np.where(np.abs(rho) < 1.0, se / (1.0 - rho**2), np.nan),
         }

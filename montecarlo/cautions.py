@@ -78,7 +78,7 @@ def orbit_shift(run: Ensemble) -> tuple[float, str]:
     coarse, fine = (_orbit(run.plan, times) for times in (1, FINER))
     worst, where = 0.0, "nothing moves"
     if run.scheme == "euler-maruyama":
-        late = np.nan_to_num(0.5 * run.dt * np.arange(1, run.impacts + 1) / unit["tau"])
+        late = np.nan_to_num(_share(0.5 * run.dt * np.arange(1, run.impacts + 1), unit["tau"]))
         worst, where = float(late.max()), f"tau at impact {int(late.argmax()) + 1}"
     for k in range(run.impacts):
         if not columns["agreement"][k] >= 0.5:
@@ -88,10 +88,16 @@ def orbit_shift(run: Ensemble) -> tuple[float, str]:
         for i, q in enumerate(SECTION):
             if run.scene.stages == 1 and q in ("x2", "y2"):
                 continue
-            shift = abs(coarse[k, i] - fine[k, i]) / unit[q][k] * FINER / (FINER - 1)
+            shift = float(_share(abs(coarse[k, i] - fine[k, i]), unit[q][k])) * FINER / (FINER - 1)
             if shift > worst:
-                worst, where = float(shift), f"{q} at impact {k + 1}"
+                worst, where = shift, f"{q} at impact {k + 1}"
     return worst, where
+
+
+def _share(of: NDArray[np.floating[Any]], unit: Floats) -> Floats:
+    """A change in its unit; none where the unit is zero: nothing moves there whose size the change could be told by."""
+    share: Floats = np.divide(of, unit, out=np.zeros_like(unit), where=unit != 0.0)
+    return share
 
 
 def _orbit(plan: Plan, finer: int) -> Floats:
@@ -117,7 +123,11 @@ def cautions(run: Ensemble) -> tuple[str, ...]:
     >>> cautions(simulate(run.scene, paths=1000, impacts=2, scheme="exact-flight"))
     ()
     """
-    return tuple(said for said in (shortened(run), *_of_step(run), *_of_impacts(run)) if said)
+    return tuple(said for said in (_of_accuracy(run), shortened(run), *_of_step(run), *_of_impacts(run)) if said)
+
+
+def _of_accuracy(run: Ensemble) -> str:
+    return "" if run.reach is None or run.reach.reached else run.reach.sentence
 
 
 def shortened(run: Ensemble) -> str:

@@ -7,6 +7,7 @@ is zero and its variance is known without sampling, whatever it is worth as an a
 of an estimate, never bring bias in.  It is worth most at small noise.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -117,6 +118,7 @@ def _flight(c: Constants, tau: float, begin: float, h: float, span: float) -> tu
     return carry, noise
 
 
+@lru_cache(maxsize=2)  # runs of one scene follow one another, and a program of many steps takes seconds
 def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
     """The program of a scene at a step.
 
@@ -195,12 +197,14 @@ def controlled_statistics(sums: CentralSums, variance: Floats) -> dict[str, Floa
 
     The quantity and its square are regressed on the control l and on ``l^2``, whose means are known.  Cells in which
     the control does not vary, that some paths have not reached, or that fewer than `FEWEST` have, are left as they are
-    without it.
+    without it.  So is what regression makes impossible, as it may where few paths tell the slopes: a variance that is
+    not positive, and times and flights as a whole where a mean impact would come before the one that it follows, or a
+    mean flight be negative.
 
     Parameters
     ----------
     sums : CentralSums
-        Of the quantity (first) and the control (second), orders `PAIR`.
+        Of the quantity (first) and the control (second), orders `PAIR`, shape (impacts, quantities of `SECTION`).
     variance : ndarray
         Known variance of the control.
 
@@ -209,7 +213,8 @@ def controlled_statistics(sums: CentralSums, variance: Floats) -> dict[str, Floa
     Glasserman, "Monte Carlo methods in financial engineering" (2003), section 4.1.
     """
     n, m = sums.n, sums.moment
-    usable = (variance > 0.0) & (n == n.max()) & (n >= FEWEST) & (m(0, 2) > 0.0)
+    reached = n == n.max()
+    usable = (variance > 0.0) & reached & (n >= FEWEST) & (m(0, 2) > 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         m02, m03, m20 = m(0, 2), m(0, 3), m(2, 0)
         m04 = m(0, 4) - m02**2
@@ -221,14 +226,16 @@ def controlled_statistics(sums: CentralSums, variance: Floats) -> dict[str, Floa
 
         def regressed(g1: Floats, g2: Floats, spread: Floats) -> tuple[Floats, Floats]:
             b1, b2 = (m04 * g1 - m03 * g2) / determinant, (m02 * g2 - m03 * g1) / determinant
-            left = np.maximum(spread - b1 * g1 - b2 * g2, 0.0)
-            return (
-                np.where(usable, b1 * off + b2 * off_square, 0.0),
-                np.sqrt(np.where(usable, left, np.maximum(spread, 0.0)) / n),
-            )
+            return b1 * off + b2 * off_square, np.maximum(spread - b1 * g1 - b2 * g2, 0.0)
 
-        shift, se_mean = regressed(m(1, 1), m(1, 2), m20)
-        change, se_square = regressed(m(2, 1), m(2, 2) - m20 * m02, m(4, 0) - m20**2)
+        square = m(4, 0) - m20**2
+        shift, left = regressed(m(1, 1), m(1, 2), m20)
+        change, left_square = regressed(m(2, 1), m(2, 2) - m20 * m02, square)
+        usable &= m20 + change - shift**2 > 0.0
+        usable[:, :2] &= _in_order(sums.mean[0] + np.where(usable, shift, 0.0), reached)
+        shift, change = np.where(usable, shift, 0.0), np.where(usable, change, 0.0)
+        se_mean = np.sqrt(np.where(usable, left, np.maximum(m20, 0.0)) / n)
+        se_square = np.sqrt(np.where(usable, left_square, np.maximum(square, 0.0)) / n)
         sd = np.sqrt(np.maximum(m20 + change - shift**2, 0.0))
         return {
             "mean": np.where(n > 0, sums.mean[0] + shift, np.nan),
@@ -236,3 +243,9 @@ def controlled_statistics(sums: CentralSums, variance: Floats) -> dict[str, Floa
             "sd": sd,
             "se_sd": np.where(sd > 0.0, se_square / (2.0 * sd), 0.0 * sd),
         }
+
+
+def _in_order(mean: Floats, reached: NDArray[np.bool_]) -> bool:
+    """Whether mean times rise and mean flights are not negative, of the impacts that all paths have reached."""
+    tau, flight = mean[reached[:, 0], 0], mean[reached[:, 1], 1]
+    return bool((np.diff(tau) >= 0.0).all() and (flight >= 0.0).all())

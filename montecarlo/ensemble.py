@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -17,12 +18,14 @@ from tqdm import tqdm
 from montecarlo.batches import Batches
 from montecarlo.block import BLOCK, BlockResult, Plan, run
 from montecarlo.histogram import Histograms
+from montecarlo.reach import AccuracyWarning
 from montecarlo.result import Ensemble
 from montecarlo.schemes import SCHEMES
-from montecarlo.settings import check_settings, plan_of
+from montecarlo.settings import check_settings, computed, plan_of
 from montecarlo.step import default_step
 from scene.errors import InputError
 from scene.scene import Scene
+from scene.text import line
 from scene.validate import choice, positive
 
 if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
@@ -32,7 +35,7 @@ __all__ = ["Blocks", "extended", "in_pool", "in_threads", "simulate"]
 
 Floats = NDArray[np.float64]
 Blocks = Callable[[Plan, int], Iterator[tuple[BlockResult, Floats | None]]]
-"""Runs the blocks of a plan from one on, and gives their results in block order."""
+"""Runs the blocks of a plan from one on, and gives their results in block order; may end before the last."""
 
 
 def in_threads(workers: int) -> Blocks:
@@ -80,7 +83,7 @@ def simulate(
     control: bool = False,
     increments: str = "gaussian",
     horizon: float | None = None,
-    budget: float = math.inf,
+    budget: float | None = None,
     device: str = "cpu",
     progress: str | None = None,
     batches: bool = False,
@@ -125,7 +128,9 @@ def simulate(
     horizon : float
         Time after the start at which unfinished paths are given up; by default 50 per impact, or 10 million steps.
     budget : float
-        Seconds after which `accuracy` is given up: the best answer so far is returned, and says what was missing.
+        Seconds that `accuracy` may take, looked at between blocks of paths: when they are spent, the best answer so far
+        is returned, `Ensemble.cautions` says what is missing, and an `AccuracyWarning` is given.  None: an hour, and
+        what pilot runs expect to take longer is refused before the work.  What compiling takes is not counted.
     device : {"cpu", "cuda"}
         Where paths are followed and summed; "cuda" needs an NVIDIA card and the extra ``gpu`` (numba-cuda).  The paths
         are the same to rounding.
@@ -145,7 +150,13 @@ def simulate(
     Raises
     ------
     InputError
-        For any setting that cannot be run; nothing has started then.
+        For any setting that cannot be run, and an accuracy that would take more than the default budget; no more than
+        pilot runs has started then.
+
+    Warns
+    -----
+    AccuracyWarning
+        Where the budget ended before the accuracy was reached.
 
     Examples
     --------
@@ -163,19 +174,22 @@ def simulate(
                 raise InputError(
                     name, value, "accuracy chooses the settings itself; leave it out, or leave out accuracy"
                 )
-        from montecarlo.accuracy import reach  # it calls this function
+        from montecarlo.simulate_to import simulate_to  # it calls this function
 
         check_settings(
             scene, paths=1, impacts=impacts, dt=1e-12, scheme=scheme or "exact-flight", rng=rng, workers=workers,
             step_bias=False,
         )  # fmt: skip
-        positive("budget", budget) if budget != math.inf else None
+        positive("budget", budget) if budget is not None and budget != math.inf else None
         blocks = blocks or in_threads(workers)
-        again = partial(simulate, scene, impacts=impacts, rng=rng, blocks=blocks, batches=batches, energy=energy)
-        return reach(
-            scene, again, accuracy=positive("accuracy", accuracy), scheme=scheme, blocks=blocks, budget=budget,
-            progress=progress,
+        again = partial(simulate, scene, impacts=impacts, rng=rng, batches=batches, energy=energy)
+        run = simulate_to(
+            scene, again, accuracy=positive("accuracy", accuracy), scheme=scheme, blocks=blocks, workers=workers,
+            budget=budget, progress=progress,
         )  # fmt: skip
+        if run.reach is not None and not run.reach.reached:
+            warnings.warn(run.reach.sentence, AccuracyWarning, stacklevel=2)
+        return run
     if not isinstance(scene, Scene):
         raise InputError("scene", scene, "give a Scene")
     if paths is None:
@@ -189,7 +203,6 @@ def simulate(
         step_bias=step_bias, itineraries=itineraries, keep=histogram or keep_paths, control=control,
         increments=increments, horizon=horizon, device=device, energy=energy,
     )  # fmt: skip
-    computed = plan.paths
     started = time.perf_counter()
     merged: BlockResult | None = None
     histograms: Histograms | None = None
@@ -201,7 +214,7 @@ def simulate(
 
         size = gpu.launch_size(plan)
         results = gpu.launches(plan, size)
-    with _bar(computed, progress) as bar:
+    with _bar(plan.paths, progress) as bar:
         for part, (result, rows) in enumerate(results):
             merged = result if merged is None else merged.merged(result)
             if batched is not None:
@@ -211,27 +224,45 @@ def simulate(
                 histograms.add(rows[:, :, :6])
             if keep_paths and rows is not None:
                 kept.append(rows)
-            bar.update(min(size, computed - part * size))
+            bar.update(min(size, plan.paths - part * size))
     assert merged is not None
+    plan, paths = _followed(plan, paths, (part + 1) * size)
     whole = np.concatenate(kept) if kept else None
-    if whole is not None and computed < paths:
+    if whole is not None and plan.paths < paths:
         whole = np.broadcast_to(whole, (paths, *whole.shape[1:]))
     return Ensemble(plan, paths, merged, histograms, whole, time.perf_counter() - started, batched)
 
 
+def _followed(plan: Plan, paths: int, most: int) -> tuple[Plan, int]:
+    """Plan and number of paths of a run whose blocks ended after at `most` this many paths."""
+    return (plan, paths) if most >= plan.paths else (plan._replace(paths=most), most)
+
+
 def _bar(paths: int, label: str | None) -> tqdm[NoReturn]:
-    return tqdm(total=paths, unit="path", unit_scale=True, desc=label, disable=None if label else True)
+    return tqdm(total=paths, unit="path", unit_scale=True, desc=label and line(label), disable=None if label else True)
 
 
 def extended(run: Ensemble, paths: int, blocks: Blocks, progress: str | None = None) -> Ensemble:
-    """The same run with more paths; what is there is not computed again.  Both numbers are whole blocks."""
+    """The same run with more paths; what is there is not computed again.  Both numbers are whole blocks.
+
+    Where nothing is random, the one path that is there stands for the others too.
+
+    Examples
+    --------
+    >>> from scene import DAT21
+    >>> more = extended(simulate(Scene.from_gears(DAT21), paths=1024, impacts=1), 2048, in_threads(1))
+    >>> more.section[["paths", "agreement"]].loc[1].tolist()
+    [2048.0, 1.0]
+    """
     started = time.perf_counter()
-    plan, merged, first = run.plan._replace(paths=paths), run.result, run.plan.blocks
+    plan, merged, done = run.plan._replace(paths=computed(run.scene, paths)), run.result, run.plan.blocks
     batched = run.batches.copy() if run.batches is not None else None
     with _bar(paths - run.paths, progress) as bar:
-        for block, (result, _) in enumerate(blocks(plan, first), start=first):
+        for result, _ in blocks(plan, done):
             merged = merged.merged(result)
             if batched is not None:
-                batched.add(block, result.sums)
+                batched.add(done, result.sums)
+            done += 1
             bar.update(BLOCK)
+    plan, paths = _followed(plan, paths, done * BLOCK)
     return Ensemble(plan, paths, merged, None, None, run.wall_seconds + time.perf_counter() - started, batched)

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
+
+from montecarlo.budget import in_words
 
 if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
     import pandas as pd
 
-__all__ = ["Candidate", "Reach"]
+__all__ = ["AccuracyWarning", "Candidate", "Reach"]
+
+
+class AccuracyWarning(UserWarning):
+    """An answer is less accurate than was asked for; those who say so themselves silence this."""
 
 
 class Candidate(NamedTuple):
@@ -18,6 +25,15 @@ class Candidate(NamedTuple):
     dt: float
     paths: int
     core_seconds: float
+
+    @property
+    def sentence(self) -> str:
+        """What is expected, in words."""
+        paths = f"{self.paths:,}" if self.paths < 1e12 else f"{self.paths:.2g}"
+        return (
+            f"about {self.core_seconds:.2g} core-seconds: {self.scheme}, dt = {self.dt:.3g}, {paths} "
+            f"path{'s' if self.paths > 1 else ''}"
+        )
 
 
 class Reach(NamedTuple):
@@ -38,7 +54,10 @@ class Reach(NamedTuple):
     candidates : sequence of Candidate
         What each scheme that was tried was expected to cost.
     more_seconds : float
-        Estimated time to what was asked, where the budget ended before it; 0 where it was reached.
+        Estimated time to what was asked, where the budget ended before it; 0 where it was reached, infinite where no
+        time would do.
+    enough : bool
+        Whether the paths are as many as an answer needs, so that what few of them do is seen.
     """
 
     asked: float
@@ -47,6 +66,7 @@ class Reach(NamedTuple):
     worst: str
     candidates: Sequence[Candidate]
     more_seconds: float
+    enough: bool = True
 
     @property
     def schemes(self) -> pd.DataFrame:
@@ -56,9 +76,14 @@ class Reach(NamedTuple):
         return pd.DataFrame(self.candidates).set_index("scheme")
 
     @property
+    def expected(self) -> Candidate:
+        """The candidate that was taken: the one of least cost."""
+        return min(self.candidates, key=lambda candidate: candidate.core_seconds)
+
+    @property
     def reached(self) -> bool:
-        """Whether both errors are within what was asked."""
-        return max(self.sampling, self.step) <= self.asked
+        """Whether both errors are within what was asked, and stand on enough paths."""
+        return self.enough and max(self.sampling, self.step) <= self.asked
 
     @property
     def sentence(self) -> str:
@@ -68,7 +93,8 @@ class Reach(NamedTuple):
         )
         if self.reached:
             return f"Accuracy {self.asked:g} sd reached: {errors}."
-        return (
-            f"Accuracy {self.asked:g} sd NOT reached within the budget: {errors}; about {self.more_seconds:.0f} s more "
-            "would do."
-        )
+        if math.isinf(self.more_seconds):
+            return f"Accuracy {self.asked:g} sd NOT reached: {errors}; no shorter step can be taken."
+        few = "" if self.enough else ", of too few paths to show what few of them do"
+        more = in_words(self.more_seconds)
+        return f"Accuracy {self.asked:g} sd NOT reached within the budget: {errors}{few}; about {more} more would do."

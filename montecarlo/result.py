@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from montecarlo.accumulate import pair_statistics, single_statistics
+from montecarlo.accumulate import FEWEST, pair_statistics, single_statistics
 from montecarlo.batches import Batches
 from montecarlo.block import CODES, CROSS, PAIRS, BlockResult, Plan
 from montecarlo.cautions import cautions
@@ -129,7 +129,8 @@ class Ensemble:
 
         Columns: the mean of ``tau, flight, x1, y1, x2, y2`` under their own names, ``mesh`` and ``side`` of most paths,
         ``sd_``, ``skew_``, ``kurt_`` (third and fourth cumulants in units of the sd) of each quantity, the
-        standard error of each of these under ``se_`` + its name, ``rho1, rho2``, ``paths`` that reached the impact,
+        standard error of each of these under ``se_`` + its name (NaN where fewer than
+        `montecarlo.accumulate.FEWEST` paths tell none), ``rho1, rho2``, ``paths`` that reached the impact,
         and ``agreement``: the share that has followed the noise-free itinerary up to there.  With a control variate,
         means and sds and their errors are the controlled ones.  If asked for, ``energy`` and ``se_energy``: mean loss
         at the impact, see `scene.impact.energy_loss`.
@@ -151,8 +152,8 @@ class Ensemble:
                 absent = self.scene.stages == 1 and quantity in STATE[2:]
                 found = self.scene.stated(s[name][:, i]) if prefix + quantity == "tau" else s[name][:, i]
                 columns[prefix + quantity] = found * (np.nan if absent else 1.0)
-                untold = absent | (is_random(self.scene) & (self._reached < 2))  # one path tells no error
-                columns["se_" + prefix + quantity] = s["se_" + name][:, i] * np.where(untold, np.nan, 1.0)
+                told = self._told(self._reached, name) * (np.nan if absent else 1.0)
+                columns["se_" + prefix + quantity] = s["se_" + name][:, i] * told
                 if prefix + quantity == "flight":
                     columns |= {"mesh": np.abs(most), "side": np.sign(most)}
         covariance = self.covariance
@@ -165,7 +166,8 @@ class Ensemble:
         if energy is not None:
             columns["energy"] = np.where(energy.n[:, 0] > 0, energy.mean[0][:, 0], np.nan)
             with np.errstate(invalid="ignore", divide="ignore"):
-                columns["se_energy"] = np.sqrt(energy.moment(2, 0)[:, 0] / energy.n[:, 0])
+                se = np.sqrt(energy.moment(2, 0)[:, 0] / energy.n[:, 0])
+            columns["se_energy"] = se * self._told(self._reached, "mean")
         columns["paths"] = (self._reached * self._copies).astype(int)
         columns["agreement"] = self._share(self.result.agreeing[NOISE_FREE])
         return columns
@@ -198,7 +200,7 @@ class Ensemble:
 
         Columns as in the closure's clock, with ``se_`` beside each mean and covariance, and for each ``rho`` its
         standard error ``se_rho``, that of Fisher's artanh rho ``se_z_rho``, and ``coarse_rho``, the value at twice
-        the step, if step bias was asked for.
+        the step, if step bias was asked for.  Errors are NaN as in `section`.
 
         Raises
         ------
@@ -227,19 +229,20 @@ class Ensemble:
         s = pair_statistics(sums)
         absent = [self.scene.stages == 1 and (i >= 2 or j >= 2) for i, j in CROSS]
         blank = np.where(absent, np.nan, 1.0)
+        told = {name: self._told(sums.n[:, 0], name) for name in ("mean", "cov", "rho")}
         columns: dict[str, Floats] = {}
         for k, (i, j) in enumerate(CROSS):
             if i == j:
                 columns[STATE[i]] = np.where(sums.n[:, k] > 0, sums.mean[0][:, k], np.nan) * blank[k]
                 with np.errstate(invalid="ignore", divide="ignore"):
-                    columns[f"se_{STATE[i]}"] = np.sqrt(s["cov"][:, k] / sums.n[:, k]) * blank[k]
+                    columns[f"se_{STATE[i]}"] = np.sqrt(s["cov"][:, k] / sums.n[:, k]) * blank[k] * told["mean"]
         for k, (i, j) in enumerate(CROSS):
             columns[f"cov_{STATE[i]}_{STATE[j]}"] = s["cov"][:, k] * blank[k]
-            columns[f"se_cov_{STATE[i]}_{STATE[j]}"] = s["se_cov"][:, k] * blank[k]
+            columns[f"se_cov_{STATE[i]}_{STATE[j]}"] = s["se_cov"][:, k] * blank[k] * told["cov"]
         for stage, k in ((1, CROSS.index((0, 1))), (2, CROSS.index((2, 3)))):
             columns[f"rho{stage}"] = s["rho"][:, k] * blank[k]
-            columns[f"se_rho{stage}"] = s["se_rho"][:, k] * blank[k]
-            columns[f"se_z_rho{stage}"] = s["se_z"][:, k] * blank[k]
+            columns[f"se_rho{stage}"] = s["se_rho"][:, k] * blank[k] * told["rho"]
+            columns[f"se_z_rho{stage}"] = s["se_z"][:, k] * blank[k] * told["rho"]
             if coarse is not None:
                 columns[f"coarse_rho{stage}"] = pair_statistics(coarse)["rho"][:, stage - 1] * blank[k]
         return pd.DataFrame(columns, index=pd.Index(self.clock_times, name="time"))
@@ -268,10 +271,11 @@ class Ensemble:
             raise InputError("step_bias", False, "ask for it: simulate(step_bias=True)")
         fine, coarse = self.result.sums["fine_coarse"], self.result.sums["coarse_coarser"]
         found = extrapolated(fine, coarse)
+        told = {moment: self._told(self._reached, moment) for moment in found}
         rows = [
             pd.DataFrame({
                 "impact": np.arange(1, self.impacts + 1), "quantity": quantity, "moment": moment,
-                **{name: values[:, i] for name, values in b._asdict().items()},
+                **{n: v[:, i] * (told[moment] if n.startswith("se_") else 1.0) for n, v in b._asdict().items()},
             } | ({"corrected": self.scene.stated(b.corrected[:, i])} if (quantity, moment) == ("tau", "mean") else {}))
             for moment, b in found.items()
             for i, quantity in enumerate(SECTION)
@@ -302,6 +306,10 @@ class Ensemble:
     @property
     def _reached(self) -> Floats:
         return np.asarray(self.result.codes.sum(axis=1))
+
+    def _told(self, paths: Floats, name: str) -> Floats:
+        """1 where so many paths tell the error of a statistic, else NaN; what is not random has none to tell."""
+        return np.where(is_random(self.scene) & (paths < FEWEST[name]), np.nan, 1.0)
 
     def _share(self, count: Floats) -> Floats:
         return count / (self.paths / self._copies)

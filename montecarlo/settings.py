@@ -16,7 +16,7 @@ from scene.errors import InputError
 from scene.scene import Scene
 from scene.validate import choice, count, finite, positive
 
-__all__ = ["NOISE_FREE", "check_settings", "is_random", "plan_of"]
+__all__ = ["MOST_STEPS", "NOISE_FREE", "check_settings", "computed", "default_horizon", "is_random", "plan_of"]
 
 Floats = NDArray[np.float64]
 
@@ -36,6 +36,23 @@ STEPS, MOST_STEPS = 10**7, 10**9
 def is_random(scene: Scene) -> bool:
     """Whether one path differs from another."""
     return scene.sigma > 0.0 or (scene.tolerance is not None and scene.tolerance.law != "fixed")
+
+
+def computed(scene: Scene, paths: int) -> int:
+    """How many of these paths are followed: one stands for all where nothing is random.
+
+    Examples
+    --------
+    >>> from scene import DAT21
+    >>> computed(Scene.from_gears(DAT21), 1000), computed(Scene.from_gears(DAT21, sigma=0.1), 1000)
+    (1, 1000)
+    """
+    return paths if is_random(scene) else 1
+
+
+def default_horizon(impacts: int, dt: float) -> float:
+    """Time after which a path is given up where none is given: `HORIZON_PER_IMPACT`, cut to `STEPS`."""
+    return min(HORIZON_PER_IMPACT * impacts, STEPS * dt)
 
 
 def check_settings(
@@ -108,7 +125,7 @@ def plan_of(
         raise InputError("itineraries", itineraries, "give a mapping from names to sequences of mesh * side")
     named = {name: _checked(name, itinerary, impacts) for name, itinerary in itineraries.items()}
     plan = Plan(
-        scene=scene, paths=paths if is_random(scene) else 1, impacts=impacts, dt=dt, scheme=scheme,
+        scene=scene, paths=computed(scene, paths), impacts=impacts, dt=dt, scheme=scheme,
         seed=rng if isinstance(rng, np.random.SeedSequence) else np.random.SeedSequence(rng),
         most_steps=math.ceil(horizon / (dt * coarsest)) * coarsest,
         clock_steps=_clock_steps(scene, clock, dt * coarsest, horizon) * coarsest, itineraries=named, levels=levels,
@@ -133,9 +150,9 @@ def _noise_free_step(scene: Scene, scheme: str, impacts: int, dt: float) -> floa
 
 
 def _horizon(given: float | None, impacts: int, dt: float, scheme: str) -> float:
-    """Time after which a path is given up: as given, if it can be waited for, or the default, cut to `STEPS`."""
+    """Time after which a path is given up: as given, if it can be waited for, or the default."""
     if given is None:
-        return min(HORIZON_PER_IMPACT * impacts, STEPS * dt)
+        return default_horizon(impacts, dt)
     if positive("horizon", given) / dt > MOST_STEPS:
         hours = given / dt * BLOCK * SCHEMES[scheme].step_ns * 1e-9 / 3600.0
         raise InputError(

@@ -11,7 +11,7 @@ from montecarlo import Ensemble
 from montecarlo.block import BLOCK, BlockResult
 from montecarlo.cautions import shortened
 from montecarlo.ensemble import extended, in_threads
-from montecarlo.settings import plan_of
+from montecarlo.settings import is_random, plan_of
 from scene import Scene
 from scene.moments import SECTION
 
@@ -125,7 +125,7 @@ def judged(
         run = sampled(scene, scheme=scheme, dt=dt, paths=number, seed=seed, workers=workers)
         while True:
             verdict, error, half, where = _verdict(run, beside, z, within)
-            if verdict != UNDECIDED or run.paths >= paths or run.scene.sigma == 0.0:
+            if verdict != UNDECIDED or run.paths >= paths or not is_random(run.scene):
                 break
             run = extended(run, min(paths, GROWTH * run.paths), in_threads(workers))
         return Judged(

@@ -1,7 +1,5 @@
 """What one result is determined by: an ensemble of a scene, or a closure's prediction of it."""
 
-import hashlib
-import json
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -13,11 +11,13 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from closure import READINGS, mean_map
+from compare.json_text import json_digest
 from compare.study.store import Stored
 from compare.study.version import numerical_version
 from montecarlo import SCHEMES, Ensemble, default_step, simulate
 from montecarlo.accuracy import faint
 from montecarlo.ensemble import Blocks
+from scene.errors import InputError
 from scene.moments import SECTION
 from scene.scene import Scene
 
@@ -54,7 +54,7 @@ def _key(kind: str, package: str, scene: Scene, settings: Mapping[str, Any]) -> 
     """Digest of a scene's dimensionless numbers, the settings, and the version of the code that makes the result."""
     numbers = replace(scene).to_dict()  # without the gears that it came from
     content = {"kind": kind, "scene": numbers, "settings": settings, "version": numerical_version("scene", package)}
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
+    return json_digest(content)[:32]
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ class Sample:
         return f"simulate sigma {self.scene.sigma:.3g}"
 
     def compute(self, blocks: Blocks | None = None) -> Stored:
-        """Simulate; raises InputError where the scene cannot be."""
+        """Simulate; raises InputError where the scene cannot be, or an accuracy not within an hour of one core."""
         started = time.perf_counter()
         exact = SCHEMES[self.scheme].weak_order is None
         common: dict[str, Any] = {
@@ -162,6 +162,8 @@ class Sample:
         }  # fmt: skip
         if self.accuracy is not None:
             run = simulate(self.scene.near, accuracy=self.accuracy, **common)
+            if run.reach is not None and not run.reach.reached:  # how far it came is told by the clock: no result
+                raise InputError("accuracy", self.accuracy, run.reach.sentence)
         else:
             run = simulate(
                 self.scene.near, paths=self.paths, dt=self.dt, control=exact and faint(self.scene), step_bias=not exact,

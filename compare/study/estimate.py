@@ -1,7 +1,7 @@
 """What a study will take, before anything runs: seconds and memory, and how far more cores would carry."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from montecarlo import SCHEMES, default_step
 from montecarlo.accuracy import LEAST
 from montecarlo.block import BLOCK
 from montecarlo.kernel import COLUMNS
+from montecarlo.settings import computed
 from scene.scene import Scene
 
 __all__ = ["Estimate", "calibrated", "core_seconds", "estimate", "scaling"]
@@ -21,6 +22,7 @@ __all__ = ["Estimate", "calibrated", "core_seconds", "estimate", "scaling"]
 READING_SECONDS = {"printed": 0.005, "mended": 0.0005, "saltation": 0.001, "branching": 0.9}
 """Of twelve impacts, compiled; measured on DAT21."""
 FLIGHT = 0.5  # time between impacts where the orbit does not tell
+FINEST = 1e-100  # accuracy that is told from finer ones
 BASE_MEGABYTES = 330.0  # interpreter, libraries and machine code
 LEVEL_WORK = 1.75  # steps of dt, 2 dt and 4 dt together, in units of those of dt
 TASK_SECONDS = 0.0035  # of an empty task, measured with scheduler, workers and client on two cores: an upper bound
@@ -51,9 +53,13 @@ def core_seconds(cell: Cell) -> float:
     kind = SCHEMES[cell.scheme]
     exact = kind.weak_order is None
     dt = cell.settings["dt"] or default_step(cell.scene, cell.scheme, not exact)
-    paths = cell.paths or max(LEAST, math.ceil(cell.accuracy**-2) if cell.accuracy else 0)
+    paths = computed(cell.scene, _paths(cell))
     steps = _duration(cell.scene, cell.impacts) / dt * (1.0 if exact else LEVEL_WORK)
     return 1e-9 * paths * (steps * kind.step_ns + cell.impacts * kind.impact_ns * (1.0 if exact else 3.0))
+
+
+def _paths(cell: Sample) -> int:
+    return cell.paths or max(LEAST, math.ceil(max(cell.accuracy or 1.0, FINEST) ** -2))
 
 
 def _duration(scene: Scene, impacts: int) -> float:
@@ -68,10 +74,15 @@ def calibrated(expected: Mapping[str, float], taken: Mapping[str, float]) -> flo
     return float(np.median(ratios)) if ratios else 1.0
 
 
-def estimate(cells: Sequence[Cell], workers: int, factor: float = 1.0) -> Estimate:
-    """What cells will take on so many threads, at `factor` times the nominal speed."""
-    work = factor * sum(core_seconds(c) for c in cells)
-    longest = max((factor * core_seconds(c) for c in cells if isinstance(c, Prediction)), default=0.0)
+def _once(cell: Cell) -> float:
+    return 1.0
+
+
+def estimate(cells: Sequence[Cell], workers: int, times: Callable[[Cell], float] = _once) -> Estimate:
+    """What cells will take on so many threads; each stands for so many like it."""
+    seconds = [core_seconds(c) for c in cells]
+    work = sum(times(c) * s for c, s in zip(cells, seconds, strict=True))
+    longest = max((s for c, s in zip(cells, seconds, strict=True) if isinstance(c, Prediction)), default=0.0)
     rows = max((BLOCK * c.impacts * COLUMNS * 8 * _copies(c) for c in cells if isinstance(c, Sample)), default=0)
     return Estimate(work, max(work / workers, longest), BASE_MEGABYTES + 4.0 * workers * rows / 1e6)
 
@@ -80,28 +91,26 @@ def _copies(sample: Sample) -> int:
     return 2 if SCHEMES[sample.scheme].weak_order is None else 3
 
 
-def scaling(cells: Sequence[Cell], factor: float = 1.0) -> pd.DataFrame:
-    """What more cores would do for these cells, and what would limit them.
+def scaling(cells: Sequence[Cell], factor: float = 1.0, times: Callable[[Cell], float] = _once) -> pd.DataFrame:
+    """What more cores would do for these cells, at `factor` times the nominal time, and what would limit them.
 
     Columns: ``cores``, ``wall_seconds``, ``efficiency`` and ``limit``: the cores themselves, the longest piece of work
     that cannot be split, the scheduler (3.5 ms a task) or the client that merges blocks.
     """
-    pieces: list[float] = []
-    blocks = 0
+    work = tasks = blocks = longest = 0.0  # added up: a single cell may have a million blocks
     for cell in cells:
-        seconds = factor * core_seconds(cell)
+        seconds, pieces = factor * core_seconds(cell), 1
         if isinstance(cell, Sample):
-            count = -(-(cell.paths or LEAST) // BLOCK)
-            parts = -(-count // SHARE)
-            blocks += count
-            pieces += [seconds / parts] * parts
-        else:
-            pieces.append(seconds)
-    work = sum(pieces)
+            count = -(-computed(cell.scene, cell.paths or LEAST) // BLOCK)
+            pieces = -(-count // SHARE)
+            blocks += times(cell) * count
+        work += times(cell) * seconds
+        tasks += times(cell) * pieces
+        longest = max(longest, seconds / pieces)
     rows: list[dict[str, Any]] = []
     for cores in (1, 2, 10, 100, 1000, 10_000):
         limits = {
-            "cores": work / cores, "longest task": max(pieces, default=0.0), "scheduler": len(pieces) * TASK_SECONDS,
+            "cores": work / cores, "longest task": longest, "scheduler": tasks * TASK_SECONDS,
             "merging": blocks * MERGE_SECONDS,
         }  # fmt: skip
         limit = max(limits, key=lambda name: limits[name])

@@ -9,7 +9,7 @@ import pytest
 from closure import mean_map
 from compare import validate
 from montecarlo import simulate
-from scene import DAT21, InputError, Scene, Tolerance
+from scene import DAT21, Scene
 
 QUANTITIES = ("tau", "flight", "y1", "y2")
 
@@ -111,11 +111,6 @@ def test_no_noise_is_the_orbit():
     branching, orbit = (mean_map(dat21(0.0), impacts=12, reading=r).section for r in ("branching", "mended"))
     for quantity in ("tau", "x1", "y1", "x2", "y2"):
         np.testing.assert_allclose(branching[quantity], orbit[quantity], atol=1e-12)
-
-
-def test_random_tolerance_is_refused_by_name():
-    with pytest.raises(InputError, match=r"tolerance\.law = 'uniform'"):
-        mean_map(dat21(0.1, tolerance=Tolerance(0.01, 0.01)), impacts=2, reading="branching")
 
 
 def test_single_stage():

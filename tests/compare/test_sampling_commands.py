@@ -34,7 +34,26 @@ def test_simulate_with_a_number_of_paths_speaks_json():
 def test_a_budget_too_small_ends_with_code_3():
     result = rattle("simulate", "--sigma", "0.1", "--accuracy", "0.0001", "--budget", "0.3")
     assert result.exit_code == 3
-    assert "NOT reached" in result.output
+    assert result.output.count("NOT reached") == 1
+
+
+def test_what_an_accuracy_takes_is_one_line_before_the_work():
+    result = rattle("simulate", "--sigma", "0", "--impacts", "2", "--accuracy", "0.05", "--json")
+    assert result.stderr.startswith("Accuracy 0.05 sd: about ")
+    assert result.stderr.endswith("core-seconds: exact-flight, dt = 0.0123, 1 path.\n")
+    assert result.stderr.count("\n") == 1
+    record = json.loads(result.stdout)
+    assert record["paths"] == 1
+    assert [row["agreement"] for row in record["section"]] == [1.0, 1.0]
+
+
+def test_an_accuracy_beyond_an_hour_is_refused_before_the_work_unless_a_budget_is_given():
+    result = rattle("simulate", "--sigma", "0.1", "--impacts", "2", "--accuracy", "1e-9")
+    assert result.exit_code == 2
+    assert "accuracy = 1e-09: is expected to take" in result.output
+    assert " years on 2 threads " in result.output
+    assert "give the seconds that it may take as budget" in result.output
+    assert rattle("simulate", "--sigma", "0.1", "--impacts", "2", "--accuracy", "1e-9", "--budget", "1").exit_code == 3
 
 
 @pytest.mark.parametrize(

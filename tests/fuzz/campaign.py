@@ -30,6 +30,7 @@ from tqdm import tqdm
 
 from compare import manifest
 from compare.folder import check_free, whole_folder
+from compare.json_text import json_text
 
 CHUNK = 100  # scenes
 RARE = {"validate": 1, "branching": 4}  # in 100 scenes; the rest is shared by the others
@@ -178,7 +179,7 @@ def report(out: Path, space: str, chunks: list[dict[str, Any]], facts: dict[str,
     }  # fmt: skip
     with whole_folder(out, NAMES, overwrite=True) as folder:
         table.to_csv(folder / "outcomes.csv", index=False)
-        (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+        (folder / "summary.json").write_text(json_text(summary) + "\n", encoding="utf-8")
         plt.rcParams["svg.hashsalt"] = "rattle"
         drawn(table, SPACES[space].entries).savefig(folder / "outcomes.svg", metadata={"Date": None})
     for defect in defects:

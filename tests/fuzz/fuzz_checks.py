@@ -21,9 +21,8 @@ from scene.moments import STATE
 __all__ = ["ENTRIES", "check"]
 
 APART = 1e6
-MAY_REFUSE = frozenset({"dt", "clock", "tolerance.law", "start.mesh"})
-"""Settings that do not suit a scene, where they are given; `branching` takes no random tolerance, `printed` no start in
-flight."""
+MAY_REFUSE = frozenset({"dt", "clock", "start.mesh"})
+"""Settings that do not suit a scene, where they are given; `printed` takes no start in flight."""
 
 
 def check(entry: str, *given: Any) -> Ended:

@@ -1,4 +1,4 @@
-"""More than a thousand scenes and bad inputs on every run, always the same ones, and scenes of any size by every door.
+"""More than a thousand scenes and bad inputs on every run, always the same; scenes of every magnitude, by every entry.
 
 A watched process answers.
 """

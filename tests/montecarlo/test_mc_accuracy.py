@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mc_checks import dat21
 
-from montecarlo import SCHEMES, simulate
+from montecarlo import SCHEMES, AccuracyWarning, simulate
 from montecarlo.accuracy import sampling_error, step_error, units
 from scene import InputError
 from scene.moments import SECTION
@@ -47,7 +47,9 @@ def test_a_run_that_goes_on_is_the_run_that_began_with_all_its_paths(sigma, cont
 
 
 def test_a_spent_budget_gives_the_best_answer_and_says_what_is_missing():
-    run = simulate(dat21(0.1), impacts=12, accuracy=1e-4, rng=5, budget=0.5)
+    with pytest.warns(AccuracyWarning, match="NOT reached within the budget"):
+        run = simulate(dat21(0.1), impacts=12, accuracy=1e-4, rng=5, budget=0.5)
+    assert run.cautions[0] == run.reach.sentence
     assert not run.reach.reached
     assert run.reach.sampling > 1e-4
     assert run.reach.more_seconds > 1.0
@@ -58,17 +60,17 @@ def test_a_spent_budget_gives_the_best_answer_and_says_what_is_missing():
 def test_other_schemes_are_tried_only_where_exact_flights_take_long(monkeypatch):
     ask = {"impacts": 3, "accuracy": 0.05, "rng": 5}
     assert list(simulate(dat21(0.5), **ask).reach.schemes.index) == ["exact-flight"]
-    monkeypatch.setattr("montecarlo.accuracy.ENOUGH", 0.0)
+    monkeypatch.setattr("montecarlo.pilots.ENOUGH", 0.0)
     run = simulate(dat21(0.5), **ask)
     assert set(run.reach.schemes.index) == set(SCHEMES)
     assert run.scheme == run.reach.schemes["core_seconds"].idxmin()
 
 
 def test_choice_of_scheme_does_not_depend_on_the_clock(monkeypatch):
-    monkeypatch.setattr("montecarlo.accuracy.ENOUGH", 0.0)
+    monkeypatch.setattr("montecarlo.pilots.ENOUGH", 0.0)
     first = simulate(dat21(0.5), impacts=3, accuracy=0.05, rng=5).reach.schemes
-    ticks = iter(np.arange(1e6) ** 1.5)
-    monkeypatch.setattr("montecarlo.accuracy.time.perf_counter", lambda: next(ticks))
+    ticks = iter(np.arange(1e6) ** 1.1)
+    monkeypatch.setattr("montecarlo.budget.time.perf_counter", lambda: next(ticks))
     assert first.equals(simulate(dat21(0.5), impacts=3, accuracy=0.05, rng=5).reach.schemes)
 
 

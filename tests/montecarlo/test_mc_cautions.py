@@ -78,3 +78,25 @@ def test_paths_held_after_their_impacts_are_no_fault_of_the_section():
     assert not any("held" in said for said in quick.cautions)
     assert timed.held > 0
     assert any("a mesh was held shut" in said for said in timed.cautions)
+
+
+@pytest.mark.parametrize("scheme", [LOCATED, PLAIN, EXACT])
+def test_a_flight_of_no_length_is_no_unit(scheme):
+    """A start within rounding of its wall: the first impact comes at once, and moves by nothing of nothing."""
+    scene = Scene(
+        alpha=1.0, epsilon=0.5, beta1=0.0, beta2=0.03, gamma1=0.0, gamma2=0.02, mu=1e-4, gap1=1.0, gap2=0.5,
+        start=Start(5.0, 0.999999999999999, 1e6, 0.0, 0.0),
+    )  # fmt: skip
+    found = simulate(scene, paths=1, impacts=1, scheme=scheme)
+    assert (motion_units(found.columns, scene)["tau"] == 0.0).any() == (scheme != PLAIN)
+    assert math.isfinite(orbit_shift(found)[0])
+    assert not any("nan" in said or "inf " in said for said in found.cautions)
+
+
+def test_few_paths_and_a_horizon_that_nobody_reaches_are_told_without_a_warning():
+    for sigma in (0.0, 0.1):
+        for settings in ({"paths": 1}, {"paths": 2}, {"paths": 2, "horizon": 0.02}):
+            for scheme in (LOCATED, PLAIN, EXACT):
+                found = run(sigma=sigma, scheme=scheme, step_bias=scheme != EXACT, clock=[0.016], **settings)
+                assert (found.unfinished > 0) == any("when the horizon came" in said for said in found.cautions)
+                assert (len(found.section), len(found.clock())) == (4, 1)

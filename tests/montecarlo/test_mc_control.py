@@ -120,6 +120,40 @@ def test_a_control_of_the_wrong_variance_would_be_seen():
     assert (np.abs(wrong["sd"] - right["sd"])[:, 0] > 5.0 * right["se_sd"][:, 0]).all()
 
 
+CHATTER = Scene(
+    alpha=1.2, epsilon=0.05, beta1=0.04, beta2=0.07, gamma1=0.08, gamma2=0.38, mu=0.55, gap1=0.2, gap2=0.08, sigma=0.2
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("paths", [32, 64])
+def test_mean_times_rise_from_impact_to_impact_whatever_few_paths_make_of_the_slopes(paths):
+    """Flights far shorter than the error of their times: half of these runs had a mean impact before the last one."""
+    left = 0
+    for seed in range(10):
+        run, plain = (
+            simulate(CHATTER, paths=paths, impacts=8, scheme="exact-flight", horizon=40.0, rng=seed, control=control)
+            for control in (True, False)
+        )
+        assert run.unfinished == 0
+        assert run.section["tau"].is_monotonic_increasing
+        assert (run.section["flight"] >= 0.0).all()
+        left += run.section["tau"].equals(plain.section["tau"])
+        assert not run.section["y1"].equals(plain.section["y1"])  # what is possible is adjusted all the same
+    assert 0 < left < 10
+
+
+def test_a_variance_that_regression_makes_negative_is_left_as_it_was():
+    """Planted: a known variance so far from that of the sample that the adjusted one would be negative."""
+    control, rows, path = linear(dat21(0.01), paths=64)
+    sums = CentralSums.of(rows, control, PAIR)
+    found, plain = (controlled_statistics(sums, f * path.variance) for f in (1e-3, 0.0))
+    varies = sums.moment(2, 0) > 1e-12
+    assert (found["sd"][varies] > 0.0).all()
+    assert (found["se_sd"][varies] > 0.0).all()
+    left = found["sd"][varies] == plain["sd"][varies]
+    assert 0 < left.sum() < left.size
+
+
 def test_random_gaps_do_not_mislead_it():
     scene = dat21(0.02, tolerance=Tolerance(0.02, 0.02, draw="path"))
     plain, controlled = table(scene, False, seed=1), table(scene, True, seed=2)

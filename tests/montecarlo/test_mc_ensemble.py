@@ -9,6 +9,7 @@ from scipy import stats
 
 from closure.orbit import follow
 from montecarlo import simulate
+from montecarlo.accumulate import FEWEST
 from montecarlo.block import BLOCK
 from montecarlo.schemes import SCHEMES
 from scene import InputError, Tolerance
@@ -382,3 +383,29 @@ def test_path_steps_count_every_lane_and_step_size():
 def test_progress_is_silent_in_a_pipe(capfd):
     simulate(dat21(0.1), paths=600, impacts=1, progress="paths")
     assert capfd.readouterr() == ("", "")
+
+
+def test_too_few_paths_tell_no_error():
+    """The spread of one path, the squared deviations of two and the kurtosis of three say nothing of the next path."""
+    told = {
+        n: simulate(dat21(0.1), paths=n, impacts=1, dt=0.01, clock=[0.4], step_bias=True, energy=True, rng=2)
+        for n in (1, 2, 3, 4)
+    }
+    least = {"se_y1": 2, "se_energy": 2, "se_sd_y1": 3, "se_skew_y1": 3, "se_kurt_y1": 4}
+    clock = {"se_x1": 2, "se_cov_x1_y1": 3, "se_rho1": 3, "se_z_rho1": 3}
+    for n, run in told.items():
+        for table, names in ((run.section.loc[1], least), (run.clock().iloc[0], clock)):
+            for name, fewest in names.items():
+                assert np.isfinite(table[name]) == (n >= fewest), (name, n)
+                assert not table[name] <= 0.0, (name, n)
+        bias = run.step_bias.query("quantity == 'y1'").set_index("moment")
+        assert np.isfinite(bias[["se_bias", "se_corrected"]].loc["mean"]).all() == (n >= 2)
+        assert np.isfinite(bias[["se_bias", "se_corrected"]].loc["sd"]).all() == (n >= 3)
+    assert FEWEST == {"mean": 2, "sd": 3, "cov": 3, "rho": 3, "skew": 3, "kurt": 4}
+
+
+def test_what_is_not_random_has_no_error():
+    run = simulate(dat21(0.0), paths=1, impacts=1, dt=0.01, clock=[0.4], step_bias=True, energy=True)
+    assert (run.section[["se_y1", "se_sd_y1", "se_energy"]] == 0.0).all(axis=None)
+    assert (run.clock()[["se_x1", "se_cov_x1_y1"]] == 0.0).all(axis=None)
+    assert (run.step_bias["se_bias"] == 0.0).all()

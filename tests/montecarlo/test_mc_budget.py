@@ -1,0 +1,136 @@
+"""What an accuracy is expected to take is said before the work; a budget bounds it, pilots included.
+
+The clock of these tests ticks with the blocks of paths that are run, so that no machine is too slow for them.
+"""
+
+import logging
+import math
+
+import pytest
+from mc_checks import dat21
+
+from montecarlo import AccuracyWarning, simulate
+from montecarlo.block import BLOCK
+from montecarlo.budget import Budget, in_words
+from montecarlo.ensemble import in_threads
+from scene import InputError
+
+
+class Watched:
+    """Blocks on one thread, and a clock that each of them moves on."""
+
+    def __init__(self, monkeypatch, seconds=lambda paths: 1.0):
+        self.now, self.seconds, self.paths = 0.0, seconds, []
+        monkeypatch.setattr("montecarlo.budget.time.perf_counter", lambda: self.now)
+
+    def __call__(self, plan, first):
+        for block, result in enumerate(in_threads(1)(plan, first), start=first):
+            self.paths.append(min(BLOCK, plan.paths - block * BLOCK))
+            self.now += self.seconds(self.paths[-1])
+            yield result
+
+
+def ask(watched, accuracy, **settings):
+    return simulate(dat21(0.5), impacts=2, accuracy=accuracy, rng=5, blocks=watched, **settings)
+
+
+def test_paths_are_followed_until_the_budget_is_spent(monkeypatch):
+    watched = Watched(monkeypatch)
+    with pytest.warns(AccuracyWarning, match="Accuracy 1e-09 sd NOT reached within the budget: .* years more would do"):
+        run = ask(watched, 1e-9, budget=10.0, scheme="exact-flight")
+    assert watched.now == 11.0  # the first run, which compiles, is not counted
+    assert run.paths == run.plan.paths == 6 * BLOCK
+    assert (run.section["paths"] == 6 * BLOCK).all()
+    assert run.section.equals(
+        simulate(dat21(0.5), impacts=2, paths=6 * BLOCK, dt=run.dt, scheme=run.scheme, rng=5).section
+    )
+    assert run.cautions[0] == run.reach.sentence
+    assert "of too few paths to show what few of them do" in run.reach.sentence
+
+
+@pytest.mark.parametrize("scheme", ["euler-maruyama", "euler-maruyama-located"])
+def test_a_step_is_no_shorter_than_the_budget_affords(monkeypatch, scheme):
+    """At once as short as the accuracy asks, it would have been 1e-9 of the pilot's, and a block an hour long."""
+    watched = Watched(monkeypatch)
+    with pytest.warns(AccuracyWarning):
+        run = ask(watched, 1e-9, budget=10.0, scheme=scheme)
+    assert watched.now <= 11.0
+    assert run.dt > 1e-6
+    assert run.unfinished == 0
+    assert run.reach.more_seconds > 1e9
+
+
+def test_a_pilot_is_not_sent_where_scouts_show_that_it_cannot_be_paid(monkeypatch):
+    watched = Watched(monkeypatch, lambda paths: float(paths))
+    with pytest.warns(AccuracyWarning):
+        run = ask(watched, 0.1, budget=20.0)
+    assert watched.paths == [1, 1, 1, 8]
+    assert (run.paths, run.scheme) == (8, "exact-flight")
+    assert list(run.reach.schemes.index) == ["exact-flight"]
+    assert run.reach.more_seconds > 2e4
+
+
+def test_what_takes_more_than_an_hour_is_refused_unless_a_budget_is_given(monkeypatch):
+    watched = Watched(monkeypatch)
+    with pytest.raises(InputError) as refused:
+        ask(watched, 1e-9, workers=2)
+    said = str(refused.value)
+    assert said.startswith("accuracy = 1e-09: is expected to take ")
+    assert " years on 2 threads (about " in said
+    assert "core-seconds" in said
+    assert "give the seconds that it may take as budget" in said
+    assert max(watched.paths) <= BLOCK
+    assert sum(watched.paths) < 15 * BLOCK  # pilots alone
+    gives = float(said.partition("ask for ")[2].split(",")[0])
+    assert ask(in_threads(1), 100.0 * gives).reach.reached
+
+
+def test_slow_paths_are_refused_before_a_pilot(monkeypatch):
+    watched = Watched(monkeypatch, lambda paths: float(paths))
+    with pytest.raises(InputError, match=r"is expected to take .* on 1 thread .*: give the seconds"):
+        ask(watched, 0.1)
+    assert watched.paths == [1, 1, 1, 8, 256]
+
+
+def test_no_budget_at_all_may_be_asked_for(monkeypatch):
+    watched = Watched(monkeypatch, lambda paths: 1e6)
+    run = ask(watched, 0.1, budget=math.inf)
+    assert run.reach.reached
+
+
+def test_other_schemes_are_not_tried_without_a_budget_for_them(monkeypatch):
+    monkeypatch.setattr("montecarlo.pilots.ENOUGH", 0.0)
+    watched = Watched(monkeypatch, lambda paths: 3.0)
+    with pytest.warns(AccuracyWarning):
+        run = ask(watched, 1e-3, budget=20.0)
+    assert list(run.reach.schemes.index) == ["exact-flight"]
+
+
+def test_the_estimate_is_said_before_the_work(monkeypatch, caplog):
+    watched = Watched(monkeypatch)
+    with caplog.at_level(logging.INFO, "rattle.estimate"):
+        run = ask(watched, 0.02)
+    (record,) = caplog.records
+    assert record.getMessage() == f"Accuracy 0.02 sd: {run.reach.expected.sentence}."
+    assert record.getMessage().startswith("Accuracy 0.02 sd: about ")
+    assert "core-seconds: exact-flight, dt = 0.0123, " in record.getMessage()
+
+
+def test_the_finest_accuracies_are_refused_as_others_are():
+    for accuracy in (1e-300, 5e-324):
+        for scheme in ("exact-flight", "euler-maruyama-located"):
+            with pytest.raises(InputError, match="is expected to take"):
+                simulate(dat21(0.5), impacts=1, accuracy=accuracy, scheme=scheme)
+
+
+def test_what_is_uncounted_costs_nothing(monkeypatch):
+    now = iter((0.0, 1.0, 5.0, 6.0))
+    monkeypatch.setattr("montecarlo.budget.time.perf_counter", lambda: next(now))
+    budget = Budget(10.0)
+    with budget.uncounted():
+        pass
+    assert budget.left == 8.0
+
+
+def test_durations_are_said_as_people_say_them():
+    assert [in_words(s) for s in (0.2, 80.0, 600.0, 86400.0)] == ["0.2 s", "80 s", "10 minutes", "24 h"]
