@@ -1,7 +1,7 @@
 """Moment closures of the rattling system: cheap predictions, three readings of one interface."""
 
 from closure.edgeworth import Edgeworth
-from closure.mean_map import READINGS, Breakdown, MeanMap, mean_map, readings_for
+from closure.mean_map import READINGS, Breakdown, MeanMap, mean_map, readings_for, refusals
 from closure.orbit import Orbit, follow
 
-__all__ = ["READINGS", "Breakdown", "Edgeworth", "MeanMap", "Orbit", "follow", "mean_map", "readings_for"]
+__all__ = ["READINGS", "Breakdown", "Edgeworth", "MeanMap", "Orbit", "follow", "mean_map", "readings_for", "refusals"]

@@ -1,9 +1,10 @@
 """The closure beyond one itinerary: a Gaussian mixture whose parts go on along their own impacts.
 
 A part is a weight and a Gaussian of the section state after an impact, as in the saltation reading.  The noise of the
-next flight is put at its start, so that the next event is a function of a point in five dimensions.  Parts are cut
-where the next event changes or the section map bends (`closure.refining`), carried to the event
-(`closure.gaussian_flight`), and merged after the impact where they lie together (`closure.mixture`).
+next flight is put at its start, so that the next event is a function of a point in five dimensions; in nine where
+flanks are random, whose laws are Gaussians here, or a few of them (`closure.flanks`).  Parts are cut where the next
+event changes or the section map bends (`closure.refining`), carried to the event (`closure.gaussian_flight`), and
+merged after the impact where they lie together (`closure.mixture`).
 """
 
 import math
@@ -12,16 +13,16 @@ from dataclasses import replace
 import numpy as np
 
 from closure.blocks import congruence, hit_matrix, put, put_row
+from closure.flanks import PLAIN, column, forget, random_tolerance, start_pieces
 from closure.gaussian_flight import Landing
 from closure.mixture import Mixture, empty, gather, moments
 from closure.orbit import Floats, follow
 from closure.refining import fly, workbench
 from closure.trace import Trace
 from scene.compiled import jit
-from scene.errors import InputError
 from scene.scene import Constants, Scene
 
-__all__ = ["check", "trace"]
+__all__ = ["trace"]
 
 MOST_PARTS = 80  # after an impact
 MOST_CUT = 600  # before it, not counting halves
@@ -29,10 +30,13 @@ ON_ORBIT = 10  # added to the label of a part whose itinerary is the orbit's
 
 
 @jit
-def _strike(c: Constants, start: Mixture, landing: Landing, count: int, own: int, after: Mixture) -> tuple[int, float]:
+def _strike(
+    c: Constants, redrawn: Floats, start: Mixture, landing: Landing, count: int, own: int, after: Mixture
+) -> tuple[int, float]:
     """The impact of all that has landed, packed to the front; also the weight that met no wall.
 
     The labels of `after` tell the event, and whether the itinerary is still the orbit's, whose event is `own`.
+    `redrawn` has the variances of the deviations of +1, -1, +2, -2 that contacts draw anew; it is empty if none are.
     """
     section, flight = landing.section, landing.flight
     kept, lost = 0, 0.0
@@ -43,7 +47,7 @@ def _strike(c: Constants, start: Mixture, landing: Landing, count: int, own: int
         if code == 0:
             lost += w
             continue
-        hit = hit_matrix(c, abs(code), 5)
+        hit = hit_matrix(c, abs(code), section.mean.shape[1])
         section.weight[kept], section.label[kept] = w, code
         put_row(flight[kept], flight[i])
         put_row(section.mean[kept], section.mean[i])
@@ -51,20 +55,13 @@ def _strike(c: Constants, start: Mixture, landing: Landing, count: int, own: int
         after.weight[kept] = w
         put_row(after.mean[kept], hit @ section.mean[i])
         put(after.covariance[kept], congruence(hit, section.covariance[i]))
+        if redrawn.size > 0:
+            flank = column(abs(code), -code)
+            forget(flank, after.mean[kept], after.covariance[kept])
+            after.covariance[kept, flank, flank] = redrawn[flank - PLAIN]
         after.label[kept] = code + (ON_ORBIT if start.label[i // 2] > 2 and code == own else 0)
         kept += 1
     return kept, lost
-
-
-def check(scene: Scene) -> None:
-    """Refuse a random tolerance, which this reading does not carry.
-
-    Raises
-    ------
-    InputError
-    """
-    if scene.tolerance is not None and scene.tolerance.law != "fixed":
-        raise InputError("tolerance.law", scene.tolerance.law, "the branching reading takes only 'fixed'; leave it out")
 
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
@@ -83,11 +80,17 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
 
 def _trace(scene: Scene, impacts: int, order: int) -> Trace:
     c, orbit = scene.constants, follow(scene, impacts).until_rest
-    b, after = workbench(MOST_CUT), empty(2 * MOST_CUT)
+    tolerance = random_tolerance(scene)
+    redrawn = np.repeat(tolerance.variances, 2) if tolerance and tolerance.draw == "contact" else np.zeros(0)
+    first = start_pieces(scene)
+    live, d = first.mean.shape
+    b, after = workbench(MOST_CUT, d), empty(2 * MOST_CUT, d)
     section, flight = b.landing.section, b.landing.flight
-    b.start.weight[0], b.start.label[0] = 1.0, ON_ORBIT
-    b.start.mean[0] = orbit.tau[0], *orbit.after[0]
-    live, lost = 1, 0.0
+    b.start.weight[:live], b.start.label[:live] = first.weight, ON_ORBIT
+    b.start.mean[:live] = first.mean
+    b.start.mean[:live, :PLAIN] += np.array([orbit.tau[0], *orbit.after[0]])
+    b.start.covariance[:live] = first.variance
+    lost = 0.0
     tau, mean = np.full(impacts + 1, np.nan), np.full((impacts + 1, 4), np.nan)
     sd, skew = np.full((impacts + 1, 6), np.nan), np.full((impacts + 1, 6), np.nan)
     covariance = np.full((impacts + 1, 4, 4), np.nan)
@@ -100,15 +103,15 @@ def _trace(scene: Scene, impacts: int, order: int) -> Trace:
     for k in range(1, impacts + 1):
         own = int(orbit.mesh[k] * orbit.side[k])
         flown, damped = fly(c, live, b)
-        count, gone = _strike(c, b.start, b.landing, flown, own, after)
+        count, gone = _strike(c, redrawn, b.start, b.landing, flown, own, after)
         lost += gone + damped
         if count == 0 or lost > 0.5:
             found = k - 1
             break
         w, s = after.weight[:count], section.mean[:count]
         diagonal = np.diagonal(section.covariance[:count], axis1=1, axis2=2)
-        values = np.column_stack([s[:, 0], flight[:count, 0], s[:, 1:]])
-        variances = np.column_stack([diagonal[:, 0], flight[:count, 1], diagonal[:, 1:]])
+        values = np.column_stack([s[:, 0], flight[:count, 0], s[:, 1:PLAIN]])
+        variances = np.column_stack([diagonal[:, 0], flight[:count, 1], diagonal[:, 1:PLAIN]])
         parts[k] = w / w.sum(), values, variances
         centre, sd[k], skew[k] = moments(w, values, variances)
         tau[k], mean[k] = centre[0], centre[2:]

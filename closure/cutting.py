@@ -1,7 +1,7 @@
 """Cutting a Gaussian in parts: by the plane where the next event changes, or in three across a direction.
 
-What a flight leads to is a function of a point ``e = (tau, x1, y1, x2, y2)``; a Gaussian part of it is a centre and a
-square root of its covariance, the `axes`.
+What a flight leads to is a function of a point ``e = (tau, x1, y1, x2, y2)``, with the deviations of the flanks where
+they vary; a Gaussian part of it is a centre and a square root of its covariance, the `axes`.
 """
 
 import math
@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from closure.blocks import beyond, norm, put_row, put_scaled
+from closure.flanks import PLAIN, between
 from closure.orbit import Floats
 from scene.compiled import jit
 from scene.impact import next_impact
@@ -25,9 +26,12 @@ THIRD_CENTRE = math.sqrt(0.5 * (1.0 - THIRD_WIDTH**2) / THIRD_WEIGHT)
 
 @jit
 def event(c: Constants, e: Floats, before: Floats) -> tuple[float, int]:
-    """Flight time and ``mesh * side`` of the next impact from ``e = (tau, x1, y1, x2, y2)``; 0 if there is none."""
-    t, mesh, side, x1, y1, x2, y2 = next_impact(c, e[0], e[1], e[2], e[3], e[4], LONGEST)
-    before[0], before[1], before[2], before[3] = x1, y1, x2, y2
+    """Flight time and ``mesh * side`` of the next impact from a point, or 0 if there is none; `before` is written."""
+    middle1 = middle2 = 0.0
+    if e.size > PLAIN:
+        c, middle1, middle2 = between(c, e)
+    t, mesh, side, x1, y1, x2, y2 = next_impact(c, e[0], e[1] - middle1, e[2], e[3] - middle2, e[4], LONGEST)
+    before[0], before[1], before[2], before[3] = x1 + middle1, y1, x2 + middle2, y2
     return t, (mesh * side if mesh > 0 else 0)
 
 
@@ -35,11 +39,12 @@ def event(c: Constants, e: Floats, before: Floats) -> tuple[float, int]:
 def root(sigma: Floats) -> tuple[int, Floats]:
     """Square root of a covariance by its principal axes: ``rank`` columns, the rest zero."""
     values, vectors = np.linalg.eigh(sigma)
-    columns = np.zeros((5, 5))
+    d = values.size
+    columns = np.zeros((d, d))
     rank = 0
-    for i in range(4, -1, -1):
-        if values[i] > 1e-14 * values[4] and values[i] > 0.0:
-            for k in range(5):
+    for i in range(d - 1, -1, -1):
+        if values[i] > 1e-14 * values[d - 1] and values[i] > 0.0:
+            for k in range(d):
                 columns[k, rank] = math.sqrt(values[i]) * vectors[k, i]
             rank += 1
     return rank, columns

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from scene.compiled import jit
 from scene.flight import NODES, WEIGHTS
 
-__all__ = ["Edgeworth", "coefficients", "has_series", "mixture_density", "section_density", "window_means"]
+__all__ = [
+    "SMALLEST", "Edgeworth", "coefficients", "has_series", "mixture_density", "section_density", "window_means",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 

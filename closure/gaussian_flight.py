@@ -1,4 +1,4 @@
-"""What the flight makes of one Gaussian of points ``e = (tau, x1, y1, x2, y2)``, up to second order."""
+"""What the flight makes of one Gaussian of points ``e = (tau, x1, y1, x2, y2, ...)``, up to second order."""
 
 import math
 from typing import NamedTuple
@@ -7,6 +7,7 @@ import numpy as np
 
 from closure.blocks import block, inner, put
 from closure.cutting import event
+from closure.flanks import PLAIN, column
 from closure.mixture import Mixture
 from closure.orbit import Floats
 from closure.section_map import derivatives
@@ -36,22 +37,24 @@ def _derivatives(
     At a graze the impact speed goes as the square root of how far the flight would pass the wall, and its derivative
     has no bound; a Gaussian sees that far as its own sd of the passing distance reaches.
     """
-    mesh, side = abs(code), 1 if code > 0 else -1
+    mesh, side, d = abs(code), 1 if code > 0 else -1, centre.size
     i = 0 if mesh == 1 else 2
     flown = jacobian(c, t)[i]
-    passing = flown @ axes[1:]
+    passing = flown @ axes[1:PLAIN]
     early = before[i + 1] - flown @ field(c, centre[0], centre[2], centre[4])
     for k in range(passing.size):
         passing[k] += early * axes[0, k]
+        if d > PLAIN:
+            passing[k] -= side * axes[column(mesh, side), k]
     pull = field(c, centre[0] + t, before[1], before[3])[i + 1]
     slowest = GRAZE * math.sqrt(2.0 * abs(pull) * math.sqrt(passing @ passing)) + 1e-9
     steady = before.copy()
     steady[i + 1] = side * max(slowest, side * before[i + 1])
-    first, second = derivatives(c, mesh, side, centre[0], centre[1:], t, steady, 5)
-    linear = block(first, 5, 0, 5) @ axes
-    curve = np.zeros((5, axes.shape[1], axes.shape[1]))
-    for j in range(5):
-        put(curve[j], axes.T @ block(second[j], 5, 0, 5) @ axes)
+    first, second = derivatives(c, mesh, side, centre[0], centre[1:PLAIN], t, steady, d)
+    linear = block(first, d, 0, d) @ axes
+    curve = np.zeros((PLAIN, axes.shape[1], axes.shape[1]))
+    for j in range(PLAIN):
+        put(curve[j], axes.T @ block(second[j], d, 0, d) @ axes)
     return linear, curve
 
 
@@ -60,7 +63,7 @@ def _most_bent(linear: Floats, curve: Floats) -> tuple[float, Floats]:
     """Second-order variance of the output that is bent most, as a share of its first-order one, and the direction."""
     u = np.zeros(linear.shape[1])
     worst, at = 0.0, 0
-    for j in range(5):
+    for j in range(PLAIN):
         variance = inner(linear[j : j + 1], linear[j : j + 1], 0)
         if variance > 1e-24:
             bend = 0.5 * inner(curve[j], curve[j], 0) / variance
@@ -88,7 +91,7 @@ def lead(c: Constants, centre: Floats, axes: Floats, to: Landing, at: int, befor
 
     Parameters
     ----------
-    axes : ndarray, shape (5, rank)
+    axes : ndarray, shape (d, rank)
         Root of the covariance.
 
     Returns
@@ -100,11 +103,13 @@ def lead(c: Constants, centre: Floats, axes: Floats, to: Landing, at: int, befor
     """
     t, code = event(c, centre, before)
     to.section.label[at] = code
-    rank = axes.shape[1]
+    d, rank = axes.shape
     mean, spread, flight = to.section.mean[at], to.section.covariance[at], to.flight[at]
     mean[0] = centre[0] + t
     for k in range(4):
         mean[1 + k] = before[k]
+    for k in range(PLAIN, d):
+        mean[k] = centre[k]
     spread[:] = 0.0
     flight[0], flight[1] = t, 0.0
     if code == 0 or rank == 0:
@@ -114,7 +119,7 @@ def lead(c: Constants, centre: Floats, axes: Floats, to: Landing, at: int, befor
     straight = bend < STRAIGHT**2
     own, stretch = np.empty(rank), linear @ u
     if not straight:  # the bent direction apart, by the events at one sd to either side
-        for j in range(5):
+        for j in range(d):
             for k in range(rank):
                 linear[j, k] -= stretch[j] * u[k]
     tilt, v = axes[0] @ u, axes @ u
@@ -123,17 +128,17 @@ def lead(c: Constants, centre: Floats, axes: Floats, to: Landing, at: int, befor
     put(spread, linear @ linear.T)
     flight[1] = own @ own
     if straight:
-        for j in range(5):
+        for j in range(PLAIN):
             mean[j] += 0.5 * _trace(curve[j])
-            for k in range(5):
+            for k in range(PLAIN):
                 spread[j, k] += 0.5 * inner(curve[j], curve[k], 0)
         flight[0] += 0.5 * _trace(curve[0])
         flight[1] += 0.5 * inner(curve[0], curve[0], 0)
         return bend, u
-    ends, times, met = np.empty((2, 5)), np.empty(2), 0
+    ends, times, met = np.empty((2, d)), np.empty(2), 0
     for k in range(2):
         end = ends[k]
-        for j in range(5):
+        for j in range(d):
             end[j] = centre[j] + (v[j] if k == 0 else -v[j])
         times[k], there = event(c, end, before)
         met += there == code
@@ -141,9 +146,9 @@ def lead(c: Constants, centre: Floats, axes: Floats, to: Landing, at: int, befor
         for j in range(4):
             end[1 + j] = before[j]
     if met == 2:
-        for j in range(5):
+        for j in range(d):
             mean[j] = 0.5 * (ends[0, j] + ends[1, j])
-            for k in range(5):
+            for k in range(d):
                 spread[j, k] += 0.25 * ((ends[0, j] - ends[1, j]) * (ends[0, k] - ends[1, k]))
         flight[0] = 0.5 * (times[0] + times[1])
         flight[1] += 0.25 * (times[0] - times[1]) ** 2

@@ -17,7 +17,7 @@ from scene.moments import SECTION, STATE, correlation, realizability
 from scene.scene import Scene
 from scene.validate import choice, count
 
-__all__ = ["READINGS", "Breakdown", "MeanMap", "Reading", "mean_map", "readings_for"]
+__all__ = ["READINGS", "Breakdown", "MeanMap", "Reading", "mean_map", "readings_for", "refusals"]
 
 Floats = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ READINGS = {
     "printed": Reading(printed.trace, printed.check),
     "mended": Reading(mended.trace),
     "saltation": Reading(saltation.trace),
-    "branching": Reading(branching.trace, branching.check),
+    "branching": Reading(branching.trace),
 }
 """The readings of the closure, by name."""
 
@@ -273,21 +273,32 @@ def mean_map(scene: Scene, *, impacts: int = 12, reading: str = "saltation", ord
     return MeanMap(scene, reading, impacts, order, READINGS[reading].trace(scene, impacts, order))
 
 
+def refusals(scene: Scene) -> dict[str, str]:
+    """Why readings cannot take a scene, by name; a reading that can has no entry.
+
+    Examples
+    --------
+    >>> from scene import DAT21, Scene, Start
+    >>> refusals(Scene.from_gears(DAT21, start=Start()))
+    {'printed': 'start.mesh = 0: the printed reading needs a start at mesh 1 (Eq. 10)'}
+    """
+    found = {}
+    for name, reading in READINGS.items():
+        try:
+            reading.check(scene)
+        except InputError as error:
+            found[name] = str(error)
+    return found
+
+
 def readings_for(scene: Scene) -> tuple[str, ...]:
     """The readings that can take a scene.
 
     Examples
     --------
-    >>> from scene import DAT21, Scene, Tolerance
-    >>> readings_for(Scene.from_gears(DAT21, sigma=0.1, tolerance=Tolerance(0.01, 0.01)))
-    ('printed', 'mended', 'saltation')
+    >>> from scene import DAT21, Scene, Start
+    >>> readings_for(Scene.from_gears(DAT21, start=Start()))
+    ('mended', 'saltation', 'branching')
     """
-
-    def takes(reading: Reading) -> bool:
-        try:
-            reading.check(scene)
-        except InputError:
-            return False
-        return True
-
-    return tuple(name for name, reading in READINGS.items() if takes(reading))
+    refused = refusals(scene)
+    return tuple(name for name in READINGS if name not in refused)

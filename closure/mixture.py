@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from closure.flanks import PLAIN
 from closure.orbit import Floats, Ints
 from scene.compiled import jit
 
@@ -19,31 +20,31 @@ class Mixture(NamedTuple):
     label: Ints
 
 
-def empty(size: int) -> Mixture:
-    """Room for `size` parts over ``(tau, x1, y1, x2, y2)``."""
-    return Mixture(np.zeros(size), np.zeros((size, 5)), np.zeros((size, 5, 5)), np.zeros(size, np.int64))
+def empty(size: int, d: int = PLAIN) -> Mixture:
+    """Room for `size` parts over d quantities: ``(tau, x1, y1, x2, y2)``, with the flanks where they vary."""
+    return Mixture(np.zeros(size), np.zeros((size, d)), np.zeros((size, d, d)), np.zeros(size, np.int64))
 
 
 @jit
 def _spread(parts: Mixture, members: Ints, axis: Floats, centre: Floats) -> float:
     """Weight times variance of the members' means along their main axis; `axis` and their mean are written."""
-    total = 0.0
+    d, total = centre.size, 0.0
     centre[:] = 0.0
     for i in members:
         total += parts.weight[i]
-        for a in range(5):
+        for a in range(d):
             centre[a] += parts.weight[i] * parts.mean[i, a]
-    for a in range(5):
+    for a in range(d):
         centre[a] /= total
-    between = np.zeros((5, 5))
+    between = np.zeros((d, d))
     for i in members:
-        for a in range(5):
-            for b in range(5):
+        for a in range(d):
+            for b in range(d):
                 between[a, b] += parts.weight[i] * (parts.mean[i, a] - centre[a]) * (parts.mean[i, b] - centre[b])
     values, vectors = np.linalg.eigh(between)
-    for a in range(5):
-        axis[a] = vectors[a, 4]
-    return float(values[4])
+    for a in range(d):
+        axis[a] = vectors[a, d - 1]
+    return float(values[d - 1])
 
 
 @jit
@@ -58,9 +59,9 @@ def gather(parts: Mixture, count: int, most: int, out: Mixture) -> int:
     int
         Parts written to `out`.
     """
-    order = np.argsort(parts.label[:count])
+    d, order = parts.mean.shape[1], np.argsort(parts.label[:count])
     first, last = np.zeros(most, np.int64), np.zeros(most, np.int64)
-    gain, axes, centres = np.zeros(most), np.zeros((most, 5)), np.zeros((most, 5))
+    gain, axes, centres = np.zeros(most), np.zeros((most, d)), np.zeros((most, d))
     groups = 0
     for at in range(count):
         if at == 0 or parts.label[order[at]] != parts.label[order[at - 1]]:
@@ -77,7 +78,7 @@ def gather(parts: Mixture, count: int, most: int, out: Mixture) -> int:
         while low <= high:
             i = order[low]
             along = 0.0
-            for a in range(5):
+            for a in range(d):
                 along += (parts.mean[i, a] - centres[g, a]) * axes[g, a]
             if along < 0.0:
                 low += 1
@@ -102,12 +103,12 @@ def gather(parts: Mixture, count: int, most: int, out: Mixture) -> int:
             total = out.weight[g] + w
             gap = parts.mean[i] - out.mean[g]
             share = w / total
-            for a in range(5):
-                for b in range(5):
+            for a in range(d):
+                for b in range(d):
                     out.covariance[g, a, b] += share * (
                         parts.covariance[i, a, b] - out.covariance[g, a, b] + (1.0 - share) * gap[a] * gap[b]
                     )
-            for a in range(5):
+            for a in range(d):
                 out.mean[g, a] += share * gap[a]
             out.weight[g] = total
     return groups

@@ -173,7 +173,7 @@ def check(scene: Scene) -> None:
         raise InputError(
             "start.mesh",
             scene.start.mesh,
-            "the printed reading needs a start at mesh 1 (Eq. 10); leave it out",
+            "the printed reading needs a start at mesh 1 (Eq. 10)",
         )
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from closure.blocks import beyond, block, congruence, norm, put_row, put_scaled
 from closure.cutting import THIRD_CENTRE, THIRD_WEIGHT, THIRD_WIDTH, cut_plane, event, half, root
+from closure.flanks import PLAIN
 from closure.gaussian_flight import Landing, lead
 from closure.mixture import Mixture, empty
 from closure.orbit import Floats, Ints
@@ -44,11 +45,11 @@ class Workbench(NamedTuple):
     beyond: Ints  # the event there
 
 
-def workbench(size: int) -> Workbench:
-    """Room for `size` parts."""
-    landing = Landing(empty(2 * size), np.zeros((2 * size, 2)))
+def workbench(size: int, d: int = PLAIN) -> Workbench:
+    """Room for `size` parts over d quantities."""
+    landing = Landing(empty(2 * size, d), np.zeros((2 * size, 2)))
     return Workbench(
-        empty(size), landing, np.zeros(size, np.int64), np.zeros(size), np.zeros((size, 5)), np.zeros(size),
+        empty(size, d), landing, np.zeros(size, np.int64), np.zeros(size), np.zeros((size, d)), np.zeros(size),
         np.zeros(size, np.int64),
     )  # fmt: skip
 
@@ -62,7 +63,7 @@ def _bend_error(weight: float, bend: float) -> float:
 def _across(axes: Floats, n: Floats, narrow: float) -> Floats:
     """The axes, narrower by that factor along the unit vector n."""
     along, out = axes @ n, np.empty_like(axes)
-    for i in range(5):
+    for i in range(out.shape[0]):
         for j in range(n.size):
             out[i, j] = axes[i, j] + (narrow - 1.0) * (along[i] * n[j])
     return out
@@ -78,7 +79,7 @@ def _examine(c: Constants, b: Workbench, i: int, before: Floats) -> None:
     b.landing.section.weight[2 * i], b.landing.section.weight[2 * i + 1] = w, 0.0
     b.error[i], b.depth[i] = 0.0, 0.0
     rank, full = root(b.start.covariance[i])
-    axes = block(full, 5, 0, rank)
+    axes = block(full, centre.size, 0, rank)
     code = event(c, centre, before)[1]
     n, depth, pieces = np.zeros(rank), 0.0, 1
     if w > LIGHT and rank > 0 and code != 0:
@@ -134,9 +135,9 @@ def _cut(b: Workbench, i: int, count: int) -> int:
             share = THIRD_WEIGHT if k > 0 else 1.0 - 2.0 * THIRD_WEIGHT
             place, variance = (0.0 if k == 0 else (2 * k - 3) * THIRD_CENTRE), THIRD_WIDTH**2
         parts.weight[at] = w * share
-        for m in range(5):
+        for m in range(v.size):
             parts.mean[at, m] = centre[m] + place * v[m]
-            for n in range(5):
+            for n in range(v.size):
                 parts.covariance[at, m, n] = sigma[m, n] - (1.0 - variance) * (v[m] * v[n])
         parts.label[at], b.ignored[at] = parts.label[i], b.ignored[i]
     if pieces == 2:

@@ -9,6 +9,8 @@ second derivatives add the mean shift, an O(sigma^2) effect, and the third cumul
 import numpy as np
 
 from closure.blocks import block, congruence, hit_matrix, inner, put
+from closure.edgeworth import SMALLEST
+from closure.flanks import column, forget, random_tolerance, start_covariance
 from closure.orbit import Floats, Ints, follow
 from closure.raw_moments import stage_raw_moments
 from closure.section_map import derivatives, flight_third_cumulant, noise_slope, third_cumulants
@@ -67,14 +69,14 @@ def _carry(
         moved = linear @ moved
         if second:
             slope = noise_slope(c, tau[k - 1], t)
-            if sd[k, 1] > 0.0:
+            if sd[k, 1] ** 3 > SMALLEST:
                 skew[k, 1] = flight_third_cumulant(first, hessian, p, q, slope, third) / sd[k, 1] ** 3
             third = third_cumulants(c, tau[k - 1] + t, first, hessian, p, q, slope, third)
             for i in range(5):
                 moved[i] += 0.5 * (inner(hessian[i], p, 0) + inner(hessian[i], q, d))
                 place = 0 if i == 0 else i + 1
                 shift[k, place] = moved[i]
-                if sd[k, place] > 0.0:
+                if sd[k, place] ** 3 > SMALLEST:
                     skew[k, place] = third[i, i, i] / sd[k, place] ** 3
             shift[k, 1] = moved[0] - last
         hit = hit_matrix(c, mesh[k], d)
@@ -90,40 +92,24 @@ def _carry(
                             turned_third[i, m, n] += hit[i, a] * turned[m, n]
         third = turned_third
         if redraw:
-            flank = 5 + 2 * (mesh[k] - 1) + (1 if side[k] > 0 else 0)  # the opposite one
+            flank = column(mesh[k], -side[k])
+            forget(flank, moved, covariance[k])
+            covariance[k, flank, flank] = variance[flank - 5]
             for i in range(d):
-                covariance[k, flank, i] = covariance[k, i, flank] = 0.0
                 for j in range(d):
                     third[flank, i, j] = third[i, flank, j] = third[i, j, flank] = 0.0
-            covariance[k, flank, flank], moved[flank] = variance[flank - 5], 0.0
     return found, shift, sd, skew, section, covariance
-
-
-def _start_covariance(scene: Scene) -> tuple[Floats, Floats, bool]:
-    """Covariance of the section state after the start, variances of the flanks, and whether they are redrawn."""
-    tolerance = scene.tolerance
-    if tolerance is None or tolerance.law == "fixed":
-        return np.zeros((5, 5)), np.zeros(4), False
-    variance = np.repeat(tolerance.variances, 2)
-    per_path = tolerance.draw == "path"
-    flanks = np.diag(variance)
-    if per_path:  # both flanks of a mesh have one deviation
-        flanks[[0, 1], [1, 0]], flanks[[2, 3], [3, 2]] = variance[0], variance[2]
-    placed = np.zeros((9, 4))
-    placed[5:] = np.eye(4)
-    for row, x, gap, flank in ((1, scene.start.x1, scene.gap1, 0), (3, scene.start.x2, scene.gap2, 2)):
-        if abs(x) == gap:  # the start lies on each path's own flank
-            placed[row, flank + (0 if x > 0.0 else 1)] = np.sign(x)
-    return placed @ flanks @ placed.T, variance, not per_path
 
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
     """Follow the saltation closure through `impacts` impacts; second order from `order` 3 on."""
     c, orbit = scene.constants, follow(scene, impacts).until_rest
-    start, variance, redraw = _start_covariance(scene)
+    tolerance = random_tolerance(scene)
+    variance = np.zeros(4) if tolerance is None else np.repeat(tolerance.variances, 2)
+    redraw = tolerance is not None and tolerance.draw == "contact"
     found, shift, sd, skew, section, after = _carry(
         c, orbit.tau, orbit.mesh, orbit.side, orbit.before, orbit.after, orbit.found,
-        start, variance, redraw, order >= 3,
+        start_covariance(scene), variance, redraw, order >= 3,
     )  # fmt: skip
     stopped = orbit.stopped if found == orbit.found else f"impact {found + 1} grazes its wall"
     mean = orbit.before + np.nan_to_num(shift[:, 2:])

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from closure.blocks import block, congruence, put, put_row
+from closure.flanks import column
 from scene.compiled import jit, spliced
 from scene.flight import field, field_rate, jacobian, noise_covariance, noise_rate, system_matrix
 from scene.scene import Constants
@@ -64,7 +65,7 @@ def derivatives(
         flown[k, d + k] = 1.0
         for m in range(4):
             flown[k, 1 + m] = j[k, m]
-    flank = 5 + i + (0 if side > 0 else 1)
+    flank = column(mesh, side)
     late = np.zeros(size)  # derivative of the time that is left to the wall
     for m in range(size):
         late[m] = -flown[i, m] / y

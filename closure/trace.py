@@ -28,7 +28,7 @@ class Trace:
         What the reading calls the standard deviations of ``tau, flight, x1, y1, x2, y2``; NaN where it
         predicts none, or where its variance is negative.
     skew : ndarray, shape (impacts + 1, 6)
-        Skewness of the same; NaN where the reading predicts none.
+        Skewness of the same; NaN where the reading predicts none, or where the cube of the sd is no float.
     covariance : ndarray, shape (impacts + 1, 4, 4)
         Of the perturbation just before the impact; NaN where the reading has no such moment.
     raw : ndarray, shape (impacts + 1, 2, order + 1, order + 1)

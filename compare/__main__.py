@@ -1,29 +1,32 @@
 """The command ``rattle``."""
 
-import errno
-import json
-import resource
-import sys
-import time
-from pathlib import Path
-from typing import Any
+from compare.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_at_once, ends_soon, said
 
-import click
+with ends_at_once():
+    import errno
+    import resource
+    import sys
+    import time
+    from pathlib import Path
+    from typing import Any
 
-from compare import sampling_commands
-from compare.chaos.command import chaos
-from compare.claims.command import claims
-from compare.extremes.command import extremes
-from compare.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_soon
-from compare.page.command import show
-from compare.selftest.command import selftest
-from compare.stability.command import stability
-from compare.study.command import study
-from scene.errors import RattleError
+    import click
 
-__all__ = ["EXIT_NOT_MET", "EXIT_NOT_REPEATED", "main"]
+    from compare import sampling_commands
+    from compare.chaos.command import chaos
+    from compare.claims.command import claims
+    from compare.console import say, say_json
+    from compare.extremes.command import extremes
+    from compare.page.command import show
+    from compare.selftest.command import selftest
+    from compare.stability.command import stability
+    from compare.study.command import study
+    from scene.errors import RattleError
+    from scene.text import harmless, line
 
-EXIT_BAD_INPUT, EXIT_NOT_MET, EXIT_NOT_REPEATED = 2, 3, 4
+__all__ = ["EXIT_NOT_MET", "EXIT_NOT_REPEATED", "EXIT_ROUNDED", "main"]
+
+EXIT_BAD_INPUT, EXIT_NOT_MET, EXIT_NOT_REPEATED, EXIT_ROUNDED = 2, 3, 4, 5
 PAPER_SIGMAS = (0.01, 0.1, 1.5**0.5)
 """Noise intensities of the default report on DAT21: two small ones, and the paper's sqrt(alpha)."""
 
@@ -39,22 +42,31 @@ STORAGE = {
 class RattleGroup(click.Group):
     """Turns the project's own errors into one line on standard error and exit code 2."""
 
+    def main(self, *args: Any, **extra: Any) -> Any:
+        """Run the command line."""
+        with ends_at_once():
+            return super().main(*args, **extra)
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command."""
         try:
             with ends_soon():
                 return super().invoke(ctx)
+        except click.ClickException as error:  # words of the command line are names of files more often than not
+            setattr(error, "message", harmless(error.message))  # noqa: B010  (final by its type)
+            raise
         except RattleError as error:
-            click.echo(f"rattle: {error}", err=True)
+            say(f"rattle: {error}", err=True)
             ctx.exit(EXIT_BAD_INPUT)
         except OSError as error:
             if error.errno not in STORAGE:
                 raise
-            where = error.filename or "a file"
-            click.echo(f"rattle: {where}: {error.strerror}; {STORAGE[error.errno]}, and repeat the command", err=True)
+            where = line(str(error.filename or "a file"))
+            say(f"rattle: {where}: {error.strerror}; {STORAGE[error.errno]}, and repeat the command", err=True)
             ctx.exit(EXIT_BAD_INPUT)
         except KeyboardInterrupt as interrupt:
-            click.echo(f"rattle: {str(interrupt) or NOTHING_WRITTEN}", err=True)
+            said.set()
+            say(f"rattle: {str(interrupt) or NOTHING_WRITTEN}", err=True)
             ctx.exit(EXIT_INTERRUPTED)
 
 
@@ -113,12 +125,14 @@ def validate(
 ) -> None:
     """Hold closures against a simulation of SCENE (a TOML file; DAT21 if none) and write a report.
 
-    Exit codes: 0 the run is complete, whatever the verdicts; 2 bad input; 3 --require is not met; 4 --repeat differs.
+    Exit codes: 0 the run is complete, whatever the verdicts; 2 bad input; 3 --require is not met; 4 --repeat differs;
+    5 --repeat is the same but for rounding, as on another kind of processor.
     """
     # the scientific stack is loaded after the options are known to be well formed
     from closure import readings_for
     from compare import manifest
     from compare.folder import check_free, default_place, named
+    from compare.repeat import DIFFERENT, ROUNDED, SAME, compared, tables_beside
     from compare.report import CONTENTS, write_report
     from compare.sweep import check_sweep, grid, sweep
     from compare.validation import validate as hold_against
@@ -126,9 +140,10 @@ def validate(
     from scene import DAT21, Scene
     from scene.validate import choice, count
 
-    expected = None
+    recorded, earlier = None, {}
     if repeat is not None:
-        settings, expected = manifest.read_settings(repeat)
+        recorded = manifest.read_settings(repeat)
+        settings, earlier = recorded.settings, tables_beside(repeat, recorded)
         out = out or default_place(settings.name, "-repeated")
     else:
         base = Scene.load(scene) if scene else Scene.from_gears(DAT21)
@@ -174,21 +189,23 @@ def validate(
         "cpu_seconds": round(_cpu() - cpu, 1),
     }
     record = write_report(out, settings, validations, swept, provenance, overwrite)
-    repeated = None if expected is None else all(record[name] == digest for name, digest in expected.items())
+    repeated = None if recorded is None else compared(recorded, earlier, record, out)
     accurate = all(v.accurate for v in validations)
     if as_json:
-        summary = {"report": str(out), "answer": record["answer"], "accurate": accurate, "repeated": repeated}
-        click.echo(json.dumps(summary, ensure_ascii=False, indent=2))
+        summary = {"report": out, "answer": record["answer"], "accurate": accurate, "repeated": None}
+        if repeated:
+            summary |= {"repeated": repeated.outcome == SAME, "repeat": repeated.to_dict()}
+        say_json(summary)
     else:
-        for sentence in record["answer"]:
-            click.echo(sentence)
-        click.echo(f"Report: {out / 'report.html'}")
-        if repeated is not None:
-            click.echo("Repeated bit for bit." if repeated else "The numbers differ from the manifest's.")
-    if repeated is False:
+        comparison = repeated.sentences if repeated else []
+        for sentence in (*record["answer"], f"Report: {out / 'report.html'}", *comparison):
+            say(sentence)
+    if repeated and repeated.outcome == DIFFERENT:
         sys.exit(EXIT_NOT_REPEATED)
     if require and not accurate:
         sys.exit(EXIT_NOT_MET)
+    if repeated and repeated.outcome == ROUNDED:
+        sys.exit(EXIT_ROUNDED)
 
 
 @main.command()
@@ -253,8 +270,8 @@ def tradeoff(
         "wall_seconds": round(time.perf_counter() - wall, 1), "cpu_seconds": round(_cpu() - cpu, 1),
     }  # fmt: skip
     for sentence in write_tradeoff(out, found, control, measured, asked, record, overwrite):
-        click.echo(sentence)
-    click.echo(f"Page: {out / 'tradeoff.html'}")
+        say(sentence)
+    say(f"Page: {out / 'tradeoff.html'}")
 
 
 main.add_command(sampling_commands.simulate)

@@ -1,22 +1,23 @@
 """What a validation says in words: the answer in a few sentences, and the paper's argument about rho judged."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 
 import pandas as pd
 
+from closure import refusals
 from compare.correlation import SIMULATED, first_failure
+from compare.moments import JUDGED
 from compare.validation import Validation
+from compare.validity_range import in_words, listed, unbroken
+from scene.scene import Scene
 
-__all__ = ["answer", "correlation_claim", "frontier_sentence", "sigma_text"]
+__all__ = ["answer", "correlation_claim", "frontier_sentence", "left_out", "sigma_text"]
 
 
 def sigma_text(v: Validation) -> str:
     """The noise intensity of a validation, as it is written in the report."""
     return f"{v.scene.sigma:.4g}"
-
-
-def _listed(items: Sequence[str]) -> str:
-    return items[0] if len(items) == 1 else ", ".join(items[:-1]) + " and " + items[-1]
 
 
 def _largest_rho(validations: Sequence[Validation], reading: str) -> float:
@@ -25,24 +26,41 @@ def _largest_rho(validations: Sequence[Validation], reading: str) -> float:
 
 
 def frontier_sentence(frontier: pd.DataFrame, impacts: int) -> str:
-    """Up to which noise intensity each reading gets every impact right."""
-    holds: dict[float, list[str]] = {}  # readings by the last of the noise intensities that are right from the first on
-    for reading, rows in frontier.sort_values("sigma").groupby("reading", sort=False):
-        right = (rows["accurate"] == impacts).cummin()
-        holds.setdefault(float(rows["sigma"][right].max()) if right.any() else 0.0, []).append(str(reading))
-    shares = [
-        f"{f'up to σ = {sigma:.4g}' if sigma else 'at no σ'} for {_listed(readings)}"
-        for sigma, readings in sorted(holds.items(), reverse=True)
-    ]
+    """Up to which noise intensity each reading gets every impact right, in the words of `compare.validity_range`."""
+    found: dict[str, list[str]] = {}  # readings by what is said of them
+    for reading, rows in frontier.groupby("reading", sort=False):
+        at = rows.sort_values("sigma").set_index("sigma")
+        accurate, not_wrong = (
+            unbroken(at.index, at[name] == impacts) or math.nan for name in ("accurate", "not_refuted")
+        )
+        ended = bool((at[at["not_refuted"] < impacts]["cause"][:1] == "ended").any())
+        found.setdefault(in_words("σ", list(at.index), accurate, not_wrong, ended=ended), []).append(str(reading))
+    shares = [f"{listed(readings)}: {said}" for said, readings in found.items()]
     sigmas = frontier["sigma"]
     return (
-        f"Every section mean and sd over {impacts} impacts is accurate {_listed(shares)} (of {sigmas.nunique()} noise "
-        f"intensities from {sigmas.min():.4g} to {sigmas.max():.4g})."
+        f"Every section mean and sd over {impacts} impacts ({sigmas.nunique()} noise intensities from "
+        f"{sigmas.min():.4g} to {sigmas.max():.4g}) — {'; '.join(shares)}."
     )
 
 
+def left_out(scene: Scene, shown: Iterable[str]) -> list[str]:
+    """Which readings cannot take a scene, and why: a sentence, or none if no other than those `shown` are missing.
+
+    Examples
+    --------
+    >>> from scene import DAT21, Scene, Start
+    >>> left_out(Scene.from_gears(DAT21, start=Start()), ["mended", "saltation"])
+    ['Left out: printed (start.mesh = 0: the printed reading needs a start at mesh 1 (Eq. 10)).']
+    """
+    missing = [f"{name} ({why})" for name, why in refusals(scene).items() if name not in shown]
+    return [f"Left out: {listed(missing)}."] if missing else []
+
+
 def answer(validations: Sequence[Validation], frontier: pd.DataFrame | None = None) -> list[str]:
-    """The answer in three sentences: accuracy, realizability, agreement; with frontiers one more, before them."""
+    """The answer in three sentences: accuracy, realizability, agreement; with frontiers one more, before them.
+
+    Readings that cannot take the scene are named in a last one.
+    """
     impacts = len(validations[0].run.section)
     tolerances = validations[0].tolerances
     shares = []
@@ -50,9 +68,11 @@ def answer(validations: Sequence[Validation], frontier: pd.DataFrame | None = No
         each = []
         for reading in v.closures:
             rows = v.table[(v.table["reading"] == reading) & (v.table["kind"] == "section")]
-            predicted = rows[rows["verdict"] != "not predicted"]
-            each.append(f"{reading} {int((predicted['verdict'] == 'accurate').sum())} of {len(predicted)}")
-        shares.append(f"at σ = {sigma_text(v)} {_listed(each)}")
+            said = rows["verdict"].value_counts()
+            accurate, _, undecided = (int(said.get(verdict, 0)) for verdict in JUDGED)
+            beside = f" ({undecided} undecided)" if undecided else ""
+            each.append(f"{reading} {accurate} of {int(said.reindex(list(JUDGED)).sum())}{beside}")
+        shares.append(f"at σ = {sigma_text(v)} {listed(each)}")
     broken = []
     for reading in validations[0].closures:
         failures = [(v, f) for v in validations if (f := first_failure(v.correlation, reading))]
@@ -64,7 +84,7 @@ def answer(validations: Sequence[Validation], frontier: pd.DataFrame | None = No
             )
     sound = [r for r in validations[0].closures if not any(first_failure(v.correlation, r) for v in validations)]
     if sound:
-        broken.append(f"the moments of {_listed(sound)} stay realizable")
+        broken.append(f"the moments of {listed(sound)} stay realizable")
     agreement = []
     for v in validations:
         best = max(v.run.agreement[r].iloc[-1] for r in v.closures)
@@ -72,12 +92,14 @@ def answer(validations: Sequence[Validation], frontier: pd.DataFrame | None = No
     first = [] if frontier is None else [frontier_sentence(frontier, impacts)]
     return [
         *first,
-        f"Section moments that a reading predicts over {impacts} impacts and gets right (within {tolerances.mean:.0%} "
-        f"of an sd for means and {tolerances.sd:.0%} for sds, interval included): {'; '.join(shares)}.",
+        f"Section moments that a reading predicts over {impacts} impacts and that are accurate (within "
+        f"{tolerances.mean:.0%} of an sd for means and {tolerances.sd:.0%} for sds, interval included): "
+        f"{'; '.join(shares)}.",
         f"As for the correlation coefficient, {'; '.join(broken)}; in the simulation |ρ| never exceeds "
         f"{_largest_rho(validations, SIMULATED):.4f}.",
         f"After {impacts} impacts the share of paths that still follow one itinerary of a closure is "
-        f"{_listed(agreement)}: a closure of a single orbit cannot hold beyond it.",
+        f"{listed(agreement)}: a closure of a single orbit cannot hold beyond it.",
+        *left_out(validations[0].scene, validations[0].closures),
     ]
 
 

@@ -15,6 +15,10 @@ __all__ = ["first_failure", "mid_flight_errors", "validity"]
 
 SIMULATED = "monte carlo"
 
+COLUMNS = (
+    "reading", "impact", "stage", "variance_x", "variance_y", "rho", "smallest_eigenvalue", "realizable", "reason",
+)  # fmt: skip
+
 
 def validity(closures: list[MeanMap], run: Ensemble, flights: Ints) -> pd.DataFrame:
     """Realizability of each stage's second moments; one row per reading, impact and stage.
@@ -55,7 +59,7 @@ def validity(closures: list[MeanMap], run: Ensemble, flights: Ints) -> pd.DataFr
                 "reason": r.reason,
             }
         )
-    return pd.DataFrame(records)
+    return pd.DataFrame(records, columns=COLUMNS).astype({"realizable": bool})
 
 
 def first_failure(table: pd.DataFrame, reading: str) -> tuple[int, int, str] | None:

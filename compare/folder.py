@@ -5,18 +5,31 @@ import errno
 import fcntl
 import os
 import re
+import secrets
 import shutil
-import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from compare.interrupt import unfinished
 from scene.errors import OutputError
+from scene.text import harmless, line
 
-__all__ = ["check_free", "default_place", "named", "refused", "scratch_folder", "whole_folder", "within", "write_whole"]
+__all__ = [
+    "check_free",
+    "default_place",
+    "named",
+    "refused",
+    "scratch_folder",
+    "sweep",
+    "whole_folder",
+    "within",
+    "write_whole",
+]
 
 ROOM = 20_000_000  # bytes that must be free before a long run begins; a report takes a few million
-PART, OLD = ".part", ".old"  # how scratch folders end: what is being written, what is being replaced
+PART, OLD = ".part", ".old"  # how scratch names end: what is being written, what is being replaced
+ANY_TEXT = "rattle"  # in the scratch names of single files
 AT_FDCWD, RENAME_EXCHANGE = -100, 2  # of Linux, renameat2(2)
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
@@ -29,9 +42,7 @@ def default_place(name: str, suffix: str = "") -> Path:
     >>> default_place("DAT21").as_posix(), default_place("../../etc/x", "-repeated").as_posix()
     ('reports/dat21', 'reports/etc-x-repeated')
     """
-    safe = (
-        re.sub(r"[/\\\x00-\x1f\x7f]+|\.\.+", "-", name.lower()).encode(errors="replace")[:120].decode(errors="ignore")
-    )
+    safe = re.sub(r"[/\\]+|\.\.+", "-", harmless(name.lower(), keep="")).encode()[:120].decode(errors="ignore")
     return Path("reports") / f"{safe.strip('.- ') or 'scene'}{suffix}"
 
 
@@ -79,7 +90,9 @@ def _check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
     inside = {p.name for p in out.iterdir()}
     foreign = sorted(inside - ours)
     if foreign:
-        raise OutputError(f"out = {str(out)!r}: holds other things ({', '.join(foreign[:3])}); choose another folder")
+        raise OutputError(
+            f"out = {str(out)!r}: holds other things ({', '.join(map(line, foreign[:3]))}); choose another folder"
+        )
     if inside and not overwrite:
         raise OutputError(f"out = {str(out)!r}: holds an earlier report; choose another folder, or give --overwrite")
 
@@ -98,7 +111,6 @@ def whole_folder(out: Path, ours: frozenset[str], overwrite: bool) -> Iterator[P
         out.parent.mkdir(parents=True, exist_ok=True)
         with scratch_folder(out.parent, out.name) as scratch:
             yield scratch
-            scratch.chmod(0o755)
             _put(scratch, out, ours, overwrite)
     except OutputError:
         raise
@@ -112,12 +124,14 @@ def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
 
     It is locked as long as its process lives, so that no other takes it for a leftover.
     """
-    _sweep(parent, name)
-    scratch, number = _locked(parent, name)
+    sweep(parent, name)
+    scratch, number = _locked(parent, name, Path.mkdir)
+    unfinished.add(scratch)
     try:
         yield scratch
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
+        unfinished.discard(scratch)
         os.close(number)
 
 
@@ -136,17 +150,27 @@ def within(folder: Path, *names: str) -> None:
             )
 
 
-def _locked(parent: Path, name: str) -> tuple[Path, int]:
-    """A new folder, and the lock on it; once more if another process has swept it away before it was locked."""
+def _locked(parent: Path, name: str, make: Callable[[Path], object]) -> tuple[Path, int]:
+    """What `make` has made, and the lock on it; once more if another process has swept it away before it was locked."""
     while True:
-        scratch = Path(tempfile.mkdtemp(prefix=f".{name}-", suffix=PART, dir=parent))
+        scratch = _scratch(parent, name, PART)
+        make(scratch)
         with suppress(FileNotFoundError):
-            number = os.open(scratch, os.O_RDONLY | os.O_DIRECTORY)
+            number = os.open(scratch, os.O_RDONLY | os.O_NOFOLLOW)
             with suppress(OSError):  # a file system without locks
                 fcntl.flock(number, fcntl.LOCK_EX)
             if scratch.exists():
                 return scratch, number
             os.close(number)
+
+
+def _scratch(parent: Path, name: str, suffix: str) -> Path:
+    """A new name; what is made under it has the rights that the umask leaves, which a temporary file has not."""
+    return parent / f".{name}-{secrets.token_hex(4)}{suffix}"
+
+
+def _empty(path: Path) -> None:
+    path.touch(exist_ok=False)
 
 
 def write_whole(path: Path, text: str) -> None:
@@ -157,16 +181,16 @@ def write_whole(path: Path, text: str) -> None:
     OutputError
         If it cannot be written; what was there before stays.
     """
-    scratch = None
     try:
-        number, scratch = tempfile.mkstemp(prefix=".", suffix=PART, dir=path.parent)
-        with os.fdopen(number, "w", encoding="utf-8") as file:
-            file.write(text)
-        os.chmod(scratch, 0o644)
-        os.replace(scratch, path)
+        sweep(path.parent, ANY_TEXT)
+        scratch, number = _locked(path.parent, ANY_TEXT, _empty)
+        try:
+            scratch.write_text(text, encoding="utf-8")
+            os.replace(scratch, path)
+        finally:
+            scratch.unlink(missing_ok=True)
+            os.close(number)
     except OSError as error:
-        if scratch is not None:
-            Path(scratch).unlink(missing_ok=True)
         raise refused(path, error) from None
 
 
@@ -199,8 +223,9 @@ def _exchanged(one: Path, other: Path) -> bool:
 
 
 def _replace(scratch: Path, out: Path) -> None:
-    """The same in two steps; who is killed between them leaves the old folder to `_sweep`."""
-    old = Path(tempfile.mkdtemp(prefix=f".{out.name}-", suffix=OLD, dir=out.parent))
+    """The same in two steps; who is killed between them leaves the old folder to `sweep`."""
+    old = _scratch(out.parent, out.name, OLD)
+    old.mkdir()
     os.rename(out, old)
     try:
         os.rename(scratch, out)
@@ -210,21 +235,27 @@ def _replace(scratch: Path, out: Path) -> None:
     shutil.rmtree(old, ignore_errors=True)
 
 
-def _sweep(parent: Path, name: str) -> None:
-    """Remove what killed processes have left; put back what one had moved away when it was killed."""
+def sweep(parent: Path, name: str) -> None:
+    """Remove what killed processes have left of `name`; put back what one had moved away when it was killed."""
     pattern = re.compile(rf"\.{re.escape(name)}-[a-z0-9_]{{8}}(\{PART}|\{OLD})")
-    for left in [p for p in parent.iterdir() if pattern.fullmatch(p.name) and p.is_dir() and not p.is_symlink()]:
+    try:
+        found = [parent / name for name in os.listdir(parent) if pattern.fullmatch(name)]
+    except OSError:  # a folder that may be written and not read
+        return
+    for left in found:
         with suppress(OSError), _opened(left) as number:
             fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)  # raises where its process lives
-            if left.suffix == OLD and any(left.iterdir()) and not (parent / name).exists():
+            if not left.is_dir():
+                left.unlink()
+            elif left.suffix == OLD and any(left.iterdir()) and not (parent / name).exists():
                 os.rename(left, parent / name)
             else:
                 shutil.rmtree(left, ignore_errors=True)
 
 
 @contextmanager
-def _opened(folder: Path) -> Iterator[int]:
-    number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+def _opened(path: Path) -> Iterator[int]:
+    number = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
     try:
         yield number
     finally:

@@ -1,6 +1,6 @@
 """How far each reading can be believed: the impact up to which it is accurate, and why it ends there."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -8,13 +8,15 @@ import pandas as pd
 
 from closure import MeanMap
 from compare.correlation import first_failure
+from compare.moments import NOT_JUDGED
 from compare.validation import Validation
+from compare.validity_range import UNDECIDED, is_accurate, is_wrong, unbroken, want
 
 __all__ = ["CAUSES", "Frontier", "frontier", "frontiers", "judged_rows"]
 
 CAUSES = {
     "holds": "holds to the last impact followed",
-    "undecided": "more paths or a smaller step would tell",
+    "undecided": UNDECIDED,
     "fixed instant": "the impact time does not vary in it",
     "parted": "paths have left its itinerary",
     "grazing": "an impact grazes",
@@ -36,9 +38,8 @@ class Frontier(NamedTuple):
     ``accurate`` is the last impact up to which every section mean and sd that it predicts is accurate;
     ``not_refuted`` the last up to which none is inaccurate (beyond ``accurate`` some are undecided); ``cause`` is one
     of `CAUSES`, and ``why`` gives the evidence for it.  ``together`` is the last impact up to which 99 % of the paths
-    have followed the reading's itinerary; ``paths`` and ``dt`` are those of the simulation.  The displacement at the
-    mesh that most paths strike is left out: it does not vary along an itinerary, and its sd says only how many strays
-    there are.
+    have followed the reading's itinerary; ``paths`` and ``dt`` are those of the simulation.  What is judged:
+    `compare.moments.RULE`.
     """
 
     reading: str
@@ -65,15 +66,14 @@ def frontier(v: Validation, reading: str) -> Frontier:
     """
     rows = judged_rows(v, reading)
     impacts = range(1, len(v.run.section) + 1)
-    verdicts = {k: set(group["verdict"]) - {"not predicted"} for k, group in rows.groupby("impact")}
-    accurate = _unbroken(impacts, lambda k: verdicts[k] == {"accurate"})
-    not_refuted = _unbroken(impacts, lambda k: bool(verdicts[k]) and "inaccurate" not in verdicts[k])
-    agreement = v.run.agreement[reading]
-    together = _unbroken(impacts, lambda k: bool(agreement.loc[k] >= PARTED))
+    verdicts = {k: set(group["verdict"]) for k, group in rows.groupby("impact")}
+    accurate = unbroken(impacts, [is_accurate(verdicts[k]) for k in impacts]) or 0
+    not_refuted = unbroken(impacts, [not is_wrong(verdicts[k]) for k in impacts]) or 0
+    together = unbroken(impacts, v.run.agreement[reading] >= PARTED) or 0
     if accurate == len(impacts):
         cause, why = "holds", CAUSES["holds"]
     elif not_refuted == len(impacts):
-        cause, why = "undecided", f"undecided from impact {accurate + 1} on: {CAUSES['undecided']}"
+        cause, why = "undecided", f"{want(rows)} from impact {accurate + 1} on"
     else:
         cause, why = _why(v, reading, not_refuted + 1)
     return Frontier(reading, v.scene.sigma, accurate, not_refuted, cause, why, together, v.run.paths, v.run.dt)
@@ -85,19 +85,9 @@ def frontiers(validations: Sequence[Validation]) -> pd.DataFrame:
 
 
 def judged_rows(v: Validation, reading: str) -> pd.DataFrame:
-    """The section rows of a reading that its frontier is judged by."""
+    """The section rows of a reading that are judged, see `compare.moments.RULE`."""
     rows = v.table[(v.table["reading"] == reading) & (v.table["kind"] == "section")]
-    struck = "x" + v.run.section["mesh"].astype(str)
-    return rows[rows["quantity"] != rows["impact"].map(struck)]
-
-
-def _unbroken(impacts: range, holds: Callable[[int], bool]) -> int:
-    reached = 0
-    for k in impacts:
-        if not holds(k):
-            break
-        reached = k
-    return reached
+    return rows[rows["verdict"] != NOT_JUDGED]
 
 
 def _why(v: Validation, reading: str, impact: int) -> tuple[str, str]:

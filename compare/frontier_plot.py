@@ -11,8 +11,9 @@ from matplotlib.ticker import MaxNLocator
 
 from compare.frontier import CAUSES
 from compare.style import STYLE, new_figure
+from compare.validity_range import ACCURATE, NOT_WRONG, UNDECIDED, WRONG
 
-__all__ = ["frontier_figure"]
+__all__ = ["FRONTIER", "frontier_figure"]
 
 MARKER = {
     "undecided": "$?$",
@@ -25,11 +26,19 @@ MARKER = {
     "ended": "|",
 }
 """Markers of the causes; a reading that holds has none."""
+FRONTIER = (
+    ("How far each reading can be believed: the impact up to which every section mean and sd that it predicts is "
+     "accurate (filled)", ""),
+    (f"; hatched, {UNDECIDED}, so {NOT_WRONG} its upper edge", NOT_WRONG),
+    (".", ""),
+    (" A marker says what ends it there.", WRONG),
+)  # fmt: skip
+"""What is said beneath the figure, for `compare.style.caption_of`."""
 ROOM = 0.9  # of a marker above the band that it explains
 
 
 def frontier_figure(table: pd.DataFrame, impacts: int) -> Figure:
-    """Impact up to which each reading is accurate and not refuted, over sigma, a panel for each reading.
+    """Impact up to which each reading is accurate and not shown wrong, over sigma, a panel for each reading.
 
     Parameters
     ----------
@@ -49,12 +58,14 @@ def frontier_figure(table: pd.DataFrame, impacts: int) -> Figure:
     for ax in axes[: len(readings)]:
         if ax.get_subplotspec().is_first_col():  # type: ignore[union-attr]
             ax.set_ylabel("impact")
-    handles: list[Artist] = [
-        Patch(facecolor="0.35", label="every moment accurate"),
-        Patch(facecolor="none", edgecolor="0.35", hatch="////", label="undecided"),
-        Patch(facecolor="none", edgecolor="0.6", label="refuted"),
-        Line2D([], [], color="k", ls=":", lw=1.4, label="99 % of the paths on its itinerary up to here"),
+    accurate, not_refuted = table["accurate"], table["not_refuted"]
+    areas = [
+        (accurate > 0, Patch(facecolor="0.35", label=f"{ACCURATE} here")),
+        (not_refuted > accurate, Patch(facecolor="none", edgecolor="0.35", hatch="////", label=f"{NOT_WRONG} here")),
+        (not_refuted < impacts, Patch(facecolor="none", edgecolor="0.6", label=WRONG)),
     ]
+    handles: list[Artist] = [patch for drawn, patch in areas if drawn.any()]
+    handles.append(Line2D([], [], color="k", ls=":", lw=1.4, label="99 % of the paths on its itinerary up to here"))
     handles += [
         Line2D([], [], ls="none", marker=marker, color="k", ms=6, label=CAUSES[cause])
         for cause, marker in MARKER.items()

@@ -4,12 +4,17 @@ import hashlib
 import importlib.metadata
 import json
 import platform
+import re
 import shlex
 import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numba
+from llvmlite import binding
+
+from compare.json_text import json_digest, plain
 from scene.errors import FileError, InputError
 from scene.scene import Scene
 from scene.validate import known_keys
@@ -17,6 +22,7 @@ from scene.validate import known_keys
 __all__ = [
     "DIGESTS",
     "VERSION",
+    "Recorded",
     "Settings",
     "command_line",
     "commit",
@@ -27,6 +33,8 @@ __all__ = [
     "sealed",
     "versions",
 ]
+
+COMPILER: Any = numba.config  # it has no types
 
 VERSION = 1
 """Of a manifest: what has another form is written with a greater one."""
@@ -67,8 +75,25 @@ class Settings(NamedTuple):
         return {**self._asdict(), "scenes": [s.to_dict() for s in self.scenes]}
 
 
-def read_settings(path: Path) -> tuple[Settings, dict[str, str | None]]:
-    """Settings of an earlier report, and the digests of its tables, from its manifest.
+class Recorded(NamedTuple):
+    """What a manifest says of an earlier report.
+
+    Attributes
+    ----------
+    settings : Settings
+    digests : dict of str to str
+        Of its tables, by `DIGESTS`; None where it has no such table.
+    versions : dict of str to str
+        As `versions` gives them; what an earlier version of this program did not record is missing.
+    """
+
+    settings: Settings
+    digests: dict[str, str | None]
+    versions: dict[str, str]
+
+
+def read_settings(path: Path) -> Recorded:
+    """What an earlier report was asked for, the digests of its tables and the versions, from its manifest.
 
     Raises
     ------
@@ -92,7 +117,8 @@ def read_settings(path: Path) -> tuple[Settings, dict[str, str | None]]:
         if digests["table_sha256"] is None:
             raise KeyError("table_sha256")
         name = settings["name"].encode(errors="replace").decode()
-        return Settings(**{**settings, "name": name, "scenes": scenes, **lists}), digests
+        versions = {str(of): str(version) for of, version in data.get("versions", {}).items()}
+        return Recorded(Settings(**{**settings, "name": name, "scenes": scenes, **lists}), digests, versions)
     except OSError as error:
         raise FileError("manifest", str(path), f"cannot be read ({error.strerror})") from None
     except InputError:
@@ -134,24 +160,44 @@ def sealed(record: Mapping[str, Any]) -> dict[str, Any]:
     >>> is_whole(sealed({"z": 4.1})), is_whole(sealed({"z": 4.1}) | {"z": 1.4})
     (True, False)
     """
-    return {**record, "seal": digest(json.dumps(record, sort_keys=True))}
+    record = plain(record)
+    return {**record, "seal": json_digest(record)}
 
 
 def is_whole(record: Mapping[str, Any]) -> bool:
     """Whether a record that was read back is as it was sealed; one of an earlier version has no seal."""
     rest = {name: value for name, value in record.items() if name != "seal"}
-    return "seal" not in record or record["seal"] == digest(json.dumps(rest, sort_keys=True))
+    return "seal" not in record or record["seal"] == json_digest(rest)
 
 
 def versions() -> dict[str, str]:
-    """Versions of what the numbers depend on."""
-    found = {"python": platform.python_version(), "machine": platform.machine()}
+    """Versions of what the numbers depend on, and the processor: its model, and what the compiler makes of it."""
+    found = {
+        "python": platform.python_version(), "machine": platform.machine(), "processor": _processor(),
+        "compiled for": COMPILER.CPU_NAME or binding.get_host_cpu_name(), "vectors": _vectors(),
+    }  # fmt: skip
     for package in PACKAGES:
         try:
             found[package] = importlib.metadata.version(package)
         except importlib.metadata.PackageNotFoundError:
             found[package] = "not installed"
     return found
+
+
+def _processor() -> str:
+    """The model of the processor as the system names it."""
+    try:
+        found = re.search(r"^model name\s*:\s*(.+)$", Path("/proc/cpuinfo").read_text(errors="replace"), re.MULTILINE)
+    except OSError:
+        found = None
+    return found[1] if found else platform.processor() or "unknown"
+
+
+def _vectors() -> str:
+    """The vector instructions for which code is compiled: they decide the order of sums, and so their last bits."""
+    chosen = COMPILER.CPU_FEATURES
+    features = binding.get_host_cpu_features().flatten() if chosen is None else chosen
+    return " ".join(sorted(re.findall(r"\+(s?sse[\w.]*|avx[\w.]*|fma\w*|neon|sve\w*)", features))) or "none"
 
 
 def commit() -> str:

@@ -1,6 +1,6 @@
 """Errors of a closure's section moments, with their intervals, and the three-way verdict."""
 
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import pandas as pd
@@ -9,9 +9,23 @@ from scipy.special import ndtri
 
 from scene.scene import Scene
 
-__all__ = ["ABSOLUTE", "VERDICTS", "Claimed", "Simulated", "Tolerances", "judge", "section_errors", "stated", "widest"]
+__all__ = [
+    "ABSOLUTE", "JUDGED", "NOT_JUDGED", "RULE", "VERDICTS", "Claimed", "Simulated", "Tolerances", "at_wall", "judge",
+    "section_errors", "stated", "widest",
+]  # fmt: skip
 
-VERDICTS = ("accurate", "inaccurate", "undecided", "not predicted")
+JUDGED = ("accurate", "inaccurate", "undecided")
+"""Verdicts on what is judged and predicted: all that counts and sentences speak of."""
+
+NOT_JUDGED = "not judged"
+VERDICTS = (*JUDGED, "not predicted", NOT_JUDGED)
+
+RULE = (
+    "At each impact the displacement at the mesh that most simulated paths strike is not judged, in any table, count "
+    "or sentence: there it is the wall itself, known beforehand, and its spread says only how many paths have left the "
+    "itinerary (with a random tolerance, what was drawn besides)."
+)
+"""What `at_wall` leaves out, and why, as pages state it."""
 
 SIDES = ("closure", "monte_carlo")
 
@@ -40,12 +54,24 @@ def widest(checks: int, family_error: float = 0.05) -> float:
     return float(-ndtri(0.5 * family_error / max(checks, 1)))
 
 
+def at_wall(quantity: Any, mesh: Any) -> Any:
+    """Whether a quantity is the displacement at the mesh that is struck, see `RULE`; either may be an array.
+
+    Examples
+    --------
+    >>> at_wall(np.array(["x1", "x2", "y1"]), np.array([1, 1, 1])).tolist()
+    [True, False, False]
+    """
+    return ((quantity == "x1") & (mesh == 1)) | ((quantity == "x2") & (mesh == 2))
+
+
 def judge(table: pd.DataFrame) -> pd.DataFrame:
     """Add ``verdict`` and ``paths_needed`` to rows that have ``error, low, high, tolerance, noise, paths``.
 
     ``accurate``: the whole interval of the error lies within the tolerance; ``inaccurate``: all of it outside;
-    ``undecided``: neither.  ``noise`` is the part of the interval's half width that more paths would shrink;
-    ``paths_needed`` is the number that would decide, NaN where only a smaller step can.
+    ``undecided``: neither; ``not judged``: where the rows have a column ``judged`` that says so.  ``noise`` is the part
+    of the interval's half width that more paths would shrink; ``paths_needed`` is the number that would decide, NaN
+    where only a smaller step can.
     """
     out = table.copy()
     numbers = ["closure", "error", "low", "high", "noise", "tolerance"]
@@ -54,7 +80,10 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
     inside = (out["low"] >= -tolerance) & (out["high"] <= tolerance)
     outside = (out["low"] > tolerance) | (out["high"] < -tolerance)
     absent = out["closure"].isna() | out["low"].isna()
-    out["verdict"] = np.select([absent, inside, outside], ["not predicted", "accurate", "inaccurate"], "undecided")
+    spared = ~out["judged"].astype(bool) if "judged" in out else np.zeros(len(out), bool)
+    out["verdict"] = np.select(
+        [spared, absent, inside, outside], [NOT_JUDGED, "not predicted", "accurate", "inaccurate"], "undecided"
+    )
     margin = (out["error"].abs() - tolerance).abs() - (0.5 * (out["high"] - out["low"]) - out["noise"])
     with np.errstate(invalid="ignore", divide="ignore"):
         needed = out["paths"] * (out["noise"] / margin) ** 2
@@ -104,6 +133,7 @@ def section_errors(closure: Claimed, run: Simulated, z: float, tolerances: Toler
     value and what the correction may have left.  ``unit`` is the sd of the quantity, ``se_unit`` its standard error;
     ``still`` is the sd from which a quantity varies: `ABSOLUTE` of its largest value over the impacts (of a flight, for
     times); ``agreement`` speaks of the closure's itinerary where the run has counted it, else of the noise-free one.
+    ``judged`` is False where `RULE` says so.
     """
     section, steps = run.section, run.step_bias
     impact, quantity, is_mean = steps["impact"], steps["quantity"], steps["moment"] == "mean"
@@ -133,6 +163,7 @@ def section_errors(closure: Claimed, run: Simulated, z: float, tolerances: Toler
             "se_unit": own["se_corrected"],
             "tolerance": np.maximum(np.where(is_mean, tolerances.mean, tolerances.sd) * unit, still),
             "still": still,
+            "judged": ~at_wall(quantity, section["mesh"].loc[impact].to_numpy()),
             "agreement": agreement.loc[impact].to_numpy(),
             "paths": section["paths"].loc[impact].to_numpy(),
         }

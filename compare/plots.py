@@ -1,6 +1,7 @@
 """Figures of a validation: errors, correlation, section histograms, agreement."""
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import matplotlib as mpl
 import numpy as np
@@ -10,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from compare.style import ACCURATE, FORBIDDEN, STYLE, SYMBOL, legend_above, new_figure
 from compare.validation import Validation
 
-__all__ = ["FIGURES", "agreement_figure", "correlation_figure", "error_figure", "section_figure"]
+__all__ = ["FIGURES", "Drawn", "agreement_figure", "correlation_figure", "error_figure", "section_figure"]
 
 VISIBLE = 2e-3  # a histogram is drawn as far as its bins reach this share of the highest
 LINEAR = 0.1  # errors up to this many sds are drawn to scale, larger ones by their logarithm
@@ -85,7 +86,8 @@ def correlation_figure(v: Validation) -> Figure:
             rows = v.correlation[(v.correlation["reading"] == reading) & (v.correlation["stage"] == stage)]
             rho = rows["rho"].clip(-limit + 0.12, limit - 0.12)
             colour, marker = STYLE[reading]["color"], STYLE[reading]["marker"]
-            ax.plot(rows["impact"] + shift, rho, marker, ms=5, color=colour, label=f"{reading}, before impact")
+            if rho.notna().any():
+                ax.plot(rows["impact"] + shift, rho, marker, ms=5, color=colour, label=f"{reading}, before impact")
             broken = rows[rows["rho"].isna() & ~rows["realizable"]]
             if len(broken):
                 ax.plot(
@@ -100,6 +102,8 @@ def correlation_figure(v: Validation) -> Figure:
         clock = v.table[(v.table["kind"] == "clock") & (v.table["quantity"] == f"rho{stage}")]
         for reading in readings:
             rows = clock[clock["reading"] == reading].dropna(subset=["closure"])
+            if rows.empty:
+                continue
             colour, marker = STYLE[reading]["color"], STYLE[reading]["marker"]
             ax.plot(
                 rows["impact"] - 0.5,
@@ -111,19 +115,20 @@ def correlation_figure(v: Validation) -> Figure:
                 label=f"{reading}, mid-flight",
             )
         rows = clock[clock["reading"] == readings[0]]
-        low, high = (rows["closure"] - rows["high"], rows["closure"] - rows["low"])
-        known = rows["closure"].notna()
-        errors = np.where(known, [rows["monte_carlo"] - low, high - rows["monte_carlo"]], v.z * rows["se"])
-        ax.errorbar(
-            rows["impact"] - 0.5,
-            rows["monte_carlo"],
-            np.abs(errors),
-            ls="none",
-            ms=3.5,
-            capsize=2,
-            label="Monte Carlo, mid-flight",
-            **STYLE["monte carlo"],
-        )
+        if len(rows):
+            low, high = (rows["closure"] - rows["high"], rows["closure"] - rows["low"])
+            known = rows["closure"].notna()
+            errors = np.where(known, [rows["monte_carlo"] - low, high - rows["monte_carlo"]], v.z * rows["se"])
+            ax.errorbar(
+                rows["impact"] - 0.5,
+                rows["monte_carlo"],
+                np.abs(errors),
+                ls="none",
+                ms=3.5,
+                capsize=2,
+                label="Monte Carlo, mid-flight",
+                **STYLE["monte carlo"],
+            )
         ax.set_ylim(-limit, limit)
         ax.set_xlim(0.0, impacts + 0.5)
         ax.set_xlabel("impact (mid-flight: the flight that it ends)")
@@ -193,22 +198,55 @@ def agreement_figure(validations: Sequence[Validation]) -> Figure:
     return figure
 
 
-FIGURES: dict[str, tuple[Callable[[Validation], Figure], str]] = {
-    "errors": (
+class Drawn(NamedTuple):
+    """A figure of one validation.
+
+    Attributes
+    ----------
+    draw : callable
+    caption : tuple of (str, str)
+        What it shows, for `compare.style.caption_of`.
+    moments : bool
+        Whether it needs a reading of one Gaussian, moments of a perturbation and all.
+    """
+
+    draw: Callable[[Validation], Figure]
+    caption: tuple[tuple[str, str], ...]
+    moments: bool = False
+
+    def suits(self, v: Validation) -> bool:
+        """Whether there is anything to draw."""
+        return not self.moments or any(m.trace.parts is None for m in v.closures.values())
+
+
+FIGURES = {
+    "errors": Drawn(
         error_figure,
-        "Errors of the closure's section moments per impact, in units of the quantity's sd; bars are intervals with "
-        "step bias, the band is what counts as accurate. Beyond 0.1 the scale is logarithmic.",
+        (
+            ("Errors of the closure's section moments per impact, in units of the quantity's sd; bars are intervals "
+             "with step bias, the band is what counts as accurate. Beyond 0.1 the scale is logarithmic.", ""),
+        ),
     ),
-    "correlation": (
+    "correlation": Drawn(
         correlation_figure,
-        "Correlation of displacement and velocity per stage. Filled: closure just before its impacts. Open: closure at "
-        "mid-flight, beside the Monte Carlo there. No correlation can lie in the shaded zone; a cross marks a variance "
-        "that is negative.",
+        (
+            ("Correlation of displacement and velocity per stage.", ""),
+            (" Filled: closure just before its impacts.", "before impact"),
+            (" Open: closure at mid-flight, beside the Monte Carlo there.", "Monte Carlo, mid-flight"),
+            (" No correlation can lie in the shaded zone", ""),
+            ("; a cross marks a variance that is negative", "negative variance"),
+            (".", ""),
+        ),
+        moments=True,
     ),
-    "section": (
+    "section": Drawn(
         section_figure,
-        "Velocity of each path just before its own impact (histogram), and the Edgeworth density of the closures "
-        "around their mean.",
+        (
+            ("Velocity of each path just before its own impact (histogram)", ""),
+            (", and the Edgeworth density of the closures around their mean", "Edgeworth"),
+            (", and the density of the mixture", "mixture"),
+            (".", ""),
+        ),
     ),
-}
-"""Figures of one validation: name, how it is drawn, what it shows."""
+}  # fmt: skip
+"""Figures of one validation, by name."""

@@ -1,6 +1,5 @@
 """The report of a validation: a folder with its page, figures, tables and a manifest."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,9 +9,11 @@ from matplotlib.figure import Figure as Drawing
 
 from compare import manifest
 from compare.answer import answer, correlation_claim, sigma_text
+from compare.csv_text import csv_text, write_csv
 from compare.folder import whole_folder
-from compare.frontier_plot import frontier_figure
-from compare.moments import VERDICTS
+from compare.frontier_plot import FRONTIER, frontier_figure
+from compare.json_text import json_text
+from compare.moments import NOT_JUDGED, RULE
 from compare.page import Block, Code, Figure, Page, Section, Source, Text, pages, write_page
 from compare.page.content import MARKS as SIGNS
 from compare.plots import FIGURES, agreement_figure
@@ -27,7 +28,7 @@ from compare.rows import (
     simulation_text,
     speed_table,
 )
-from compare.style import save
+from compare.style import caption_of, save
 from compare.sweep import Sweep
 from compare.validation import Validation
 
@@ -39,27 +40,25 @@ CONTENTS = frozenset({
 })  # fmt: skip
 """What a report folder holds; anything else in it is not ours."""
 
-FRONTIER = (
-    "How far each reading can be believed: the impact up to which every section mean and sd that it predicts is "
-    "accurate (filled), and up to which none is refuted (hatched: undecided). A marker says what refutes it there."
-)
 SPEED = (
     "Time of the closure, as far as it is accurate, beside the cheapest simulation of equal accuracy: as many exact "
     "flights with their control variate as make the standard error of every moment no larger than the closure's worst "
-    "error (in sds of the quantity). One core each; measured with this report (`speed.csv`). “≤”: the sample cannot "
-    "tell the error from zero, so the speed-up is a lower bound."
+    "error (in sds of the quantity). One core each; measured with this report (`speed.csv`)."
 )
+NONE = "No reading is shown to be accurate up to the first impact at any of these noise intensities; {} undecided."
+UNRESOLVED = " “≤”: the sample cannot tell the error from zero, so the speed-up is a lower bound."
 AGREEMENT = (
     "Share of paths whose impacts so far had the meshes and sides of the closure's; no closure of a single orbit can "
-    "hold beyond it. Dashed: the share that the branching reading predicts."
+    "hold beyond it."
 )
+PREDICTED = " Dashed: the share that the branching reading predicts."
 
 
 def table_text(validations: Sequence[Validation]) -> tuple[pd.DataFrame, str]:
     """All rows with their noise intensity, and the same as CSV text to the last bit."""
     table = pd.concat([v.table.assign(sigma=v.scene.sigma) for v in validations], ignore_index=True)
     table.insert(0, "sigma", table.pop("sigma"))
-    return table, table.to_csv(index=False)
+    return table, csv_text(table, index=False)
 
 
 def _drawn(drawing: Drawing, name: str, caption: str, folder: Path) -> Figure:
@@ -72,7 +71,11 @@ def _drawn(drawing: Drawing, name: str, caption: str, folder: Path) -> Figure:
 def _section(v: Validation, number: int, folder: Path) -> Section:
     """One noise intensity of the page, its figures saved."""
     name, sigma = f"{number}-sigma-{sigma_text(v)}", f"σ = {sigma_text(v)}"
-    figures = [_drawn(draw(v), f"{kind}-{name}", caption, folder) for kind, (draw, caption) in FIGURES.items()]
+    figures = []
+    for kind, drawn in FIGURES.items():
+        if drawn.suits(v):
+            drawing = drawn.draw(v)
+            figures.append(_drawn(drawing, f"{kind}-{name}", caption_of(drawing, drawn.caption), folder))
     failures = failure_table(v)
     found: list[Block] = [Text("Every check holds.")]
     if failures.rows:
@@ -109,19 +112,22 @@ def _page(
             f"{settings.frontier_paths:,} paths of exact flights at each σ (no bias in the step), all on the same "
             "random numbers. Every σ by itself: `frontier.csv`."
         )
-        figure = _drawn(frontier_figure(swept.frontier, settings.impacts), "frontier", FRONTIER, folder)
+        drawing = frontier_figure(swept.frontier, settings.impacts)
+        figure = _drawn(drawing, "frontier", caption_of(drawing, FRONTIER), folder)
         opening = (figure, Text(paths, note=True), frontier_table(swept.frontier))
         speeds = speed_table(swept.speed)
-        none = Text("No reading gets the first impact right at any of these noise intensities.")
+        note = SPEED + ("" if swept.speed["resolved"].all() else UNRESOLVED)
+        none = Text(NONE.format("some are" if (swept.frontier["not_refuted"] > 0).any() else "none is"))
         sections.append(
-            Section("What a closure saves where it holds", (Text(SPEED, note=True), speeds) if speeds.rows else (none,))
+            Section("What a closure saves where it holds", (Text(note, note=True), speeds) if speeds.rows else (none,))
         )
-    marks = ", ".join(f"{SIGNS[MARKS[verdict]] or '–'} {verdict}" for verdict in VERDICTS)
+    marks = ", ".join(f"{SIGNS[mark] or '–'} {verdict}" for verdict, mark in MARKS.items() if verdict != NOT_JUDGED)
     legend = (
         f"Marks: {marks}. Errors are closure minus simulation, corrected for the measured step bias, in units of the "
-        "quantity's standard deviation, with the half width of their interval."
+        f"quantity's standard deviation, with the half width of their interval. {RULE}"
     )
-    agreement = _drawn(agreement_figure(validations), "agreement", AGREEMENT, folder)
+    together = AGREEMENT + (PREDICTED if "branching" in validations[0].closures else "")
+    agreement = _drawn(agreement_figure(validations), "agreement", together, folder)
     sections.append(Section("How long the paths stay together", (agreement,)))
     if claim := correlation_claim(validations):
         sections.append(Section("Is |ρ| > 1 a reason to leave the Gaussian?", (Text(claim),)))
@@ -164,7 +170,7 @@ def write_report(
         If the folder holds other things, or an earlier report that may not be replaced.
     """
     table, text = table_text(validations)
-    frontier_text = swept.frontier.to_csv(index=False) if swept else None
+    frontier_text = csv_text(swept.frontier, index=False) if swept else None
     record = {
         "version": manifest.VERSION,
         "settings": settings.to_dict(),
@@ -177,14 +183,12 @@ def write_report(
         (folder / "figures").mkdir()
         (folder / "table.csv").write_text(text, encoding="utf-8")
         table.to_parquet(folder / "table.parquet", index=False)
-        pd.concat([v.correlation.assign(sigma=v.scene.sigma) for v in validations]).to_csv(
-            folder / "correlation.csv", index=False
-        )
+        correlation = pd.concat([v.correlation.assign(sigma=v.scene.sigma) for v in validations])
+        write_csv(correlation, folder / "correlation.csv", index=False)
         if swept and frontier_text:
             (folder / "frontier.csv").write_text(frontier_text, encoding="utf-8")
             swept.frontier.to_parquet(folder / "frontier.parquet", index=False)
-            swept.speed.to_csv(folder / "speed.csv", index=False)
+            write_csv(swept.speed, folder / "speed.csv", index=False)
         write_page(_page(settings, validations, swept, record, folder), folder, "report")
-        sealed = json.dumps(manifest.sealed(record), indent=2, ensure_ascii=False)
-        (folder / "manifest.json").write_text(sealed + "\n", encoding="utf-8")
+        (folder / "manifest.json").write_text(json_text(manifest.sealed(record)) + "\n", encoding="utf-8")
     return record

@@ -4,17 +4,18 @@ import pandas as pd
 
 from compare.distance import section_distances
 from compare.frontier import CAUSES, frontiers
-from compare.moments import VERDICTS
+from compare.moments import JUDGED, VERDICTS
 from compare.page import Cell, Row, Table, numbers
 from compare.realizability import first_failures, realizability_table
 from compare.validation import Validation
+from compare.validity_range import ACCURATE, NOT_WRONG
 
 __all__ = [
     "MARKS", "count_table", "distance_table", "failure_table", "frontier_table", "impact_table", "reach_table",
     "simulation_text", "speed_table",
 ]  # fmt: skip
 
-MARKS = {"accurate": "good", "inaccurate": "bad", "undecided": "open", "not predicted": ""}
+MARKS = {"accurate": "good", "inaccurate": "bad", "undecided": "open", "not predicted": "", "not judged": ""}
 """Verdicts as marks of a cell."""
 
 SHOWN = [("mean", "tau"), ("mean", "y1"), ("mean", "y2"), ("sd", "tau"), ("sd", "y1"), ("sd", "y2")]
@@ -31,7 +32,7 @@ def count_table(v: Validation) -> Table:
 
 
 def _cell(row: pd.Series) -> Cell:
-    if row["verdict"] == "not predicted":
+    if row["verdict"] not in JUDGED:
         return Cell("–")
     unit = row["unit"] if row["unit"] > 0.0 else 1.0
     error, half = row["error"] / unit, 0.5 * (row["high"] - row["low"]) / unit
@@ -91,7 +92,7 @@ def reach_table(v: Validation) -> Table:
     """How far each reading of a validation can be believed."""
     found = frontiers([v]).to_dict("records")
     rows: list[Row] = [[str(f["reading"]), int(f["accurate"]), int(f["not_refuted"]), str(f["why"])] for f in found]
-    return Table.of(["reading", *numbers("accurate up to impact", "not refuted up to"), "why it ends"], rows)
+    return Table.of(["reading", *numbers(f"{ACCURATE} impact", NOT_WRONG), "why it ends"], rows)
 
 
 def frontier_table(table: pd.DataFrame) -> Table:
@@ -105,7 +106,7 @@ def frontier_table(table: pd.DataFrame) -> Table:
             sigma = f"{first['sigma']:.4g}" + (f" – {last['sigma']:.4g}" if len(same) > 1 else "")
             why = first["why"] if same["why"].nunique() == 1 else CAUSES[first["cause"]]
             rows.append([str(reading), sigma, int(first["accurate"]), int(first["not_refuted"]), str(why)])
-    return Table.of(["reading", *numbers("σ", "accurate up to impact", "not refuted up to"), "why it ends"], rows)
+    return Table.of(["reading", *numbers("σ", f"{ACCURATE} impact", NOT_WRONG), "why it ends"], rows)
 
 
 def speed_table(table: pd.DataFrame) -> Table:

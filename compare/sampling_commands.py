@@ -1,6 +1,5 @@
 """The commands of the sampler: ``rattle simulate``, ``rattle bench`` and ``rattle order``."""
 
-import json
 import logging
 import math
 import os
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from compare.console import say, say_json
 from scene.errors import InputError
 
 if TYPE_CHECKING:
@@ -91,18 +91,18 @@ def simulate(
             "cautions": run.cautions,
             "section": run.section.reset_index().to_dict("records"),
         }
-        click.echo(json.dumps(record, indent=2))
+        say_json(record)
     else:
-        click.echo(_table(run.columns))
-        click.echo(
-            f"{run.paths:,} paths, {run.scheme}, dt = {run.dt:.4g}, {run.wall_seconds:.1f} s on {workers} threads"
-        )
+        say(_table(run.columns))
+        say(f"{run.paths:,} paths, {run.scheme}, dt = {run.dt:.4g}, {run.wall_seconds:.1f} s on {workers} threads")
         if reach is not None and reach.reached:  # else it is among the cautions
-            click.echo(reach.sentence)
+            say(reach.sentence)
         for sentence in run.cautions:
-            click.echo(sentence)
+            say(sentence)
     if out is not None:  # last: what was found has been said if it cannot be written
-        write_whole(out, run.section.to_csv())
+        from compare.csv_text import csv_text
+
+        write_whole(out, csv_text(run.section))
     if reach is not None and not reach.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)
 
@@ -112,7 +112,7 @@ class _OnStderr(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print a line."""
-        click.echo(self.format(record), err=True)
+        say(self.format(record), err=True)
 
 
 @contextmanager
@@ -157,11 +157,11 @@ def bench(as_json: bool) -> None:
 
     table = measure()
     if as_json:
-        click.echo(table.reset_index().to_json(orient="records", indent=2))
+        say_json(table.reset_index().to_dict("records"))
         return
     shown = table.rename(columns={"ns": "ns per path-step", "times_floor": "times floor", "us": "us per path"})
-    click.echo(shown.to_string(float_format="{:.2f}".format, na_rep=""))
-    click.echo("One core, processor time, least of several repeats; floor = one normal + the arithmetic of one step.")
+    say(shown.to_string(float_format="{:.2f}".format, na_rep=""))
+    say("One core, processor time, least of several repeats; floor = one normal + the arithmetic of one step.")
 
 
 @click.command()
@@ -180,10 +180,10 @@ def order(
 
     table = weak_orders(_scene(scene, sigma), impacts=impacts, paths=paths, rng=seed, workers=workers).table
     if as_json:
-        click.echo(table.to_json(orient="records", indent=2))
+        say_json(table.to_dict("records"))
         return
-    click.echo(table.to_string(index=False, float_format="{:.4g}".format, na_rep="hidden by noise"))
-    click.echo(
+    say(table.to_string(index=False, float_format="{:.4g}".format, na_rep="hidden by noise"))
+    say(
         "order lies in [low, high] with 95 % confidence; change: size of the last change, in sds;\nlimit_z: "
         "Richardson's value against exact flights in standard errors; limit_allowed: what chance alone lets through."
     )

@@ -9,7 +9,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-__all__ = ["ACCURATE", "FORBIDDEN", "STYLE", "SYMBOL", "legend_above", "new_figure", "save"]
+__all__ = ["ACCURATE", "FORBIDDEN", "STYLE", "SYMBOL", "caption_of", "legend_above", "new_figure", "save"]
 
 # Okabe and Ito's palette: told apart with every common colour vision, and by marker as well.
 STYLE: Any = {
@@ -58,6 +58,21 @@ def legend_above(figure: Figure, axes: Sequence[Axes], columns: int) -> None:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             gathered.setdefault(label, handle)
     figure.legend(list(gathered.values()), list(gathered), loc="outside upper center", ncols=columns)
+
+
+def caption_of(figure: Figure, parts: Sequence[tuple[str, str]]) -> str:
+    """What is said beneath a figure: those parts whose word its legend has; an empty word is always said.
+
+    Examples
+    --------
+    >>> figure, (ax,) = new_figure(2.0, 2.0, 1, 1)
+    >>> _ = ax.plot([0.0, 1.0], label="closure")
+    >>> legend_above(figure, [ax], 1)
+    >>> caption_of(figure, (("Means", ""), (" of the closure", "closure"), (" and of the paths", "Monte"), (".", "")))
+    'Means of the closure.'
+    """
+    drawn = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    return "".join(said for said, word in parts if any(word in label for label in drawn) or not word)
 
 
 def save(figure: Figure, path: Path) -> None:

@@ -1,13 +1,15 @@
 """The folder of a trade-off: its answer in words, its figure, its tables."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from compare.answer import left_out
+from compare.csv_text import write_csv
 from compare.folder import whole_folder
+from compare.json_text import json_text
 from compare.page import pages, write_page
 from compare.style import save
 from compare.tradeoff import HAND_TUNED_NS, Measured, means_seconds, slope
@@ -57,7 +59,8 @@ def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
     found.append(
         f"A closure wins outright for any accuracy no finer than its own worst error: {'; '.join(wins)}."
         if wins
-        else "No closure that predicts all of them is cheaper than a simulation as accurate as its worst error."
+        else "No closure that predicts all of them is shown to be cheaper than a simulation as accurate as its worst "
+        "error."
     )
     finest = accuracies[-1]
     plain, exact = m.laws[PLAIN], m.laws[EXACT].path_alone(finest)
@@ -69,7 +72,7 @@ def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
         f"{plain.path_alone(finest, HAND_TUNED_NS) / exact:,.0f} times at the {HAND_TUNED_NS:g} ns of a hand-tuned "
         "block."
     )
-    return [*found, verdict(m, accuracies)]
+    return [*found, *left_out(m.reference.scene, list(closures["method"])), verdict(m, accuracies)]
 
 
 def verdict(m: Measured, accuracies: Sequence[float]) -> str:
@@ -126,14 +129,12 @@ def write_tradeoff(
         save(figure, folder / "tradeoff.svg")
         if orders:
             save(order_figure(orders.changes), folder / "orders.svg")
-            orders.table.to_csv(folder / "orders.csv", index=False)
-            orders.changes.to_csv(folder / "changes.csv", index=False)
-        m.points.to_csv(folder / "tradeoff.csv", index=False)
-        pd.concat([levels.table for levels in m.levels.values()]).to_csv(folder / "levels.csv", index=False)
-        control.to_csv(folder / "control.csv", index=False)
+            write_csv(orders.table, folder / "orders.csv", index=False)
+            write_csv(orders.changes, folder / "changes.csv", index=False)
+        write_csv(m.points, folder / "tradeoff.csv", index=False)
+        write_csv(pd.concat([levels.table for levels in m.levels.values()]), folder / "levels.csv", index=False)
+        write_csv(control, folder / "control.csv", index=False)
         page = tradeoff_page(m, control, orders, accuracies, said, record)
         write_page(page, folder, "tradeoff")
-        (folder / "manifest.json").write_text(
-            json.dumps({**record, "answer": said}, indent=2, ensure_ascii=False) + "\n", encoding="utf-8"
-        )
+        (folder / "manifest.json").write_text(json_text({**record, "answer": said}) + "\n", encoding="utf-8")
     return said

@@ -10,7 +10,7 @@ import pandas as pd
 
 from closure import READINGS, MeanMap, follow, mean_map, readings_for
 from compare.correlation import mid_flight_errors, validity
-from compare.moments import Tolerances, section_errors, stated, widest
+from compare.moments import JUDGED, Tolerances, section_errors, stated, widest
 from montecarlo import SCHEMES, Ensemble, check_settings, default_step, simulate
 from scene.errors import InputError
 from scene.moments import SECTION
@@ -73,9 +73,9 @@ class Validation:
 
     @property
     def accurate(self) -> bool:
-        """Whether every moment that was predicted is accurate."""
-        predicted = self.table[self.table["verdict"] != "not predicted"]
-        return bool((predicted["verdict"] == "accurate").all())
+        """Whether every moment that was predicted, and is judged (`compare.moments.RULE`), is accurate."""
+        judged = self.table[self.table["verdict"].isin(JUDGED)]
+        return bool((judged["verdict"] == "accurate").all())
 
 
 def validate(
@@ -178,11 +178,12 @@ def validate(
 
 
 def _last_impact(scene: Scene, **settings: Any) -> float:
-    """When any path has had its impacts, with much to spare, by a few of them.
+    """When any path has had its impacts, with much to spare, by a few of them; at most when paths are given up.
 
     Where the orbit's flights are longer by far, nothing of them can be compared, and to wait for them may take millions
     of steps.
     """
-    at = simulate(scene, paths=PILOT, **settings).section.iloc[-1]
+    pilot = simulate(scene, paths=PILOT, **settings)
+    at, horizon = pilot.section.iloc[-1], scene.phase + (pilot.plan.most_steps - 1) * pilot.dt
     latest = scene.phase + FAR * (at["tau"] + 6.0 * at["sd_tau"] - scene.phase)
-    return math.inf if math.isnan(latest) else float(latest)
+    return float(min(horizon, math.inf if math.isnan(latest) else latest))

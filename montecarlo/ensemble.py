@@ -25,6 +25,7 @@ from montecarlo.settings import check_settings, computed, plan_of
 from montecarlo.step import default_step
 from scene.errors import InputError
 from scene.scene import Scene
+from scene.text import line
 from scene.validate import choice, positive
 
 if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
@@ -238,7 +239,7 @@ def _followed(plan: Plan, paths: int, most: int) -> tuple[Plan, int]:
 
 
 def _bar(paths: int, label: str | None) -> tqdm[NoReturn]:
-    return tqdm(total=paths, unit="path", unit_scale=True, desc=label, disable=None if label else True)
+    return tqdm(total=paths, unit="path", unit_scale=True, desc=label and line(label), disable=None if label else True)
 
 
 def extended(run: Ensemble, paths: int, blocks: Blocks, progress: str | None = None) -> Ensemble:

@@ -1,6 +1,5 @@
 """One place for the options under which scalar physics is compiled."""
 
-import os
 from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar, cast
 
@@ -13,12 +12,10 @@ __all__ = ["inlined", "jit", "lean", "reducing", "spliced"]
 P = ParamSpec("P")
 R = TypeVar("R")
 
-OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
+OPTIONS: dict[str, Any] = {
+    "cache": keep_by_source(), "nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy",
+}  # fmt: skip
 LEAN: dict[str, Any] = OPTIONS | {"_nrt": False}
-
-
-if "NUMBA_CACHE_DIR" not in os.environ:
-    keep_by_source()
 
 
 def jit(function: Callable[P, R]) -> Callable[P, R]:

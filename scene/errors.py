@@ -1,12 +1,17 @@
 """The exceptions of the project; every message names the field, the value and the remedy."""
 
+from scene.text import harmless
+
 __all__ = ["FileError", "InputError", "OutputError", "RattleError"]
 
 LONGEST = 300  # characters of a value in a message
 
 
 class RattleError(Exception):
-    """Base of every error that this project raises on purpose."""
+    """Base of every error that this project raises on purpose; nothing in its message can steer a terminal."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(harmless(message))
 
 
 class InputError(RattleError, ValueError):
@@ -28,8 +33,11 @@ class InputError(RattleError, ValueError):
     """
 
     def __init__(self, field: str, value: object, remedy: str) -> None:
-        super().__init__(f"{field} = {_shown(value)}: {remedy}")
+        super().__init__(harmless(f"{field} = {_shown(value)}: {remedy}", keep=""))
         self.field, self.value, self.remedy = field, value, remedy
+
+    def __reduce__(self) -> tuple[type["InputError"], tuple[str, object, str]]:
+        return type(self), (self.field, self.value, self.remedy)  # so that it comes back whole from another process
 
 
 def _shown(value: object) -> str:

@@ -105,10 +105,16 @@ def _across(frame: Floats, size: int, k: int) -> float:
                 dot += frame[i, j] * frame[i, k]
             for i in range(size):
                 frame[i, k] -= dot * frame[i, j]
-    length = 0.0
+    length, largest = 0.0, 0.0
     for i in range(size):
         length += frame[i, k] * frame[i, k]
-    return float(np.sqrt(length))
+        largest = max(largest, abs(frame[i, k]))
+    if length < np.inf:
+        return float(np.sqrt(length))
+    length = 0.0  # a square beyond the floats
+    for i in range(size):
+        length += (frame[i, k] / largest) ** 2
+    return float(largest * np.sqrt(length))
 
 
 @jit

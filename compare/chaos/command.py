@@ -8,6 +8,8 @@ from typing import Any
 
 import click
 
+from compare.console import say
+
 __all__ = ["chaos"]
 
 
@@ -84,5 +86,5 @@ def chaos(
         "wall_seconds": round(time.perf_counter() - wall, 1),
     }  # fmt: skip
     for sentence in write_chaos(out, found, record, overwrite):
-        click.echo(sentence)
-    click.echo(f"Folder: {out}")
+        say(sentence)
+    say(f"Folder: {out}")

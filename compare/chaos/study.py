@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import pandas as pd
 from matplotlib.figure import Figure
 
+from compare.answer import left_out
 from compare.chaos import figures
 from compare.chaos.bifurcation import Bifurcation, bifurcation
 from compare.chaos.exponents import Exponents, drift_exponents, lyapunov
@@ -65,10 +66,11 @@ class ChaosStudy:
     @property
     def answer(self) -> list[str]:
         """The answer in a few sentences."""
-        return answer(
+        said = answer(
             self.orbit, self.drift, self.maps, self.law, self.law_missing, self.finite_size,
             spectra_tables(self.spectra)[2], self.field, self.sweep,
         )  # fmt: skip
+        return said + left_out(self.scene, list(self.maps["reading"]))
 
     def tables(self) -> dict[str, pd.DataFrame]:
         """Tidy tables by name: exponents, mean_maps, sections, spectra, lines, spectra_summary, fsle, sqrt_law, ..."""

@@ -1,12 +1,13 @@
 """The folder of a study of chaos: its figures, its tables, its answer and its manifest, whole or not at all."""
 
-import json
 from pathlib import Path
 from typing import Any
 
 from compare.chaos.page import FIGURES, chaos_page
 from compare.chaos.study import ChaosStudy
+from compare.csv_text import write_csv
 from compare.folder import whole_folder
+from compare.json_text import json_text
 from compare.page import pages, write_page
 from compare.style import save
 
@@ -42,8 +43,8 @@ def write_chaos(out: Path, found: ChaosStudy, record: dict[str, Any], overwrite:
         for name, figure in drawn.items():
             save(figure, folder / f"{name}.svg")
         for name, table in found.tables().items():
-            table.to_csv(folder / f"{name}.csv", index=False, float_format="%.10g")
-        text = json.dumps({**record, "answer": said}, indent=2, ensure_ascii=False) + "\n"
+            write_csv(table, folder / f"{name}.csv", index=False, float_format="%.10g")
+        text = json_text({**record, "answer": said}) + "\n"
         write_page(chaos_page(found, record, list(drawn)), folder, "chaos")
         (folder / "manifest.json").write_text(text, encoding="utf-8")
     return said

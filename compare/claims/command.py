@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from compare.console import say
+
 __all__ = ["claims"]
 
 
@@ -67,7 +69,7 @@ def claims(
         "wall_seconds": round(time.perf_counter() - started, 1),
     }  # fmt: skip
     for sentence in write_claims(out, judged, [c.__name__ for c in CLAIMS], found.chaos, record, overwrite):
-        click.echo(sentence)
+        say(sentence)
     for number, claim in enumerate(judged, start=1):
-        click.echo(f"{number:2d}. {claim.name}: {claim.verdict}")
-    click.echo(f"Page: {out / 'claims.html'}")
+        say(f"{number:2d}. {claim.name}: {claim.verdict}")
+    say(f"Page: {out / 'claims.html'}")

@@ -119,11 +119,13 @@ def describes(e: Evidence) -> Claim:
         f"{reading} " + ", ".join(f"{s:.0%} at σ = {sigma:.3g}" for s, sigma in zip(each, sigmas, strict=True))
         for reading, each in shares.items()
     )
-    paper = {r: each[-1] for r, each in shares.items() if r in ("printed", "mended")}
     held = [r for r, each in shares.items() if each[0] == 1.0]
+    paper = [set(judged_rows(e.validations[-1], r)["verdict"]) for r in shares if r in ("printed", "mended")]
     verdict = NOT_REPRODUCED
-    if any(s == 1.0 for s in paper.values()):
+    if any(said == {"accurate"} for said in paper):
         verdict = REPRODUCED
+    elif any(said <= {"accurate", "undecided"} for said in paper):
+        verdict = UNDECIDED
     elif held:
         verdict = HOLDS_ONLY.format(f"closures right to first order ({', '.join(held)}), at {_at(e.validations[0])}")
     return Claim(

@@ -1,6 +1,5 @@
 """The claims as a page."""
 
-import json
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -8,7 +7,9 @@ from typing import Any
 from compare.chaos.page import FIGURES, source_of
 from compare.chaos.study import ChaosStudy
 from compare.claims.claim import HOLDS_ONLY, NOT_REPRODUCED, REPRODUCED, Claim, table
+from compare.csv_text import write_csv
 from compare.folder import whole_folder
+from compare.json_text import json_text
 from compare.page import Cell, Figure, Page, Row, Section, Table, Text, pages, write_page
 from compare.style import save
 
@@ -65,7 +66,7 @@ def write_claims(
         drawn = {name: figure for name, figure in chaos.figures().items() if name in SHOWN.values()}
         for name, figure in drawn.items():
             save(figure, folder / f"{name}.svg")
-        table(claims).to_csv(folder / "claims.csv")
+        write_csv(table(claims), folder / "claims.csv")
         rows: list[Row] = [
             [str(i), c.says, Cell(c.verdict, _mark(c.verdict)), c.where] for i, c in enumerate(claims, start=1)
         ]
@@ -81,6 +82,6 @@ def write_claims(
             )))  # fmt: skip
         page = Page("The paper's claims, judged", tuple(said), source_of(record), (overview,), tuple(sections))
         write_page(page, folder, "claims")
-        text = json.dumps({**record, "answer": said}, indent=2, ensure_ascii=False) + "\n"
+        text = json_text({**record, "answer": said}) + "\n"
         (folder / "manifest.json").write_text(text, encoding="utf-8")
     return said

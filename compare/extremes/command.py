@@ -4,6 +4,8 @@ import sys
 
 import click
 
+from compare.console import say, say_json
+
 __all__ = ["extremes"]
 
 EXIT_BROKEN = 1
@@ -23,11 +25,9 @@ def extremes(ranges: bool, as_json: bool) -> None:
 
     rows = try_them()
     if as_json:
-        import json
-
-        click.echo(json.dumps([row._asdict() | {"holds": row.holds} for row in rows], indent=2))
+        say_json([row._asdict() | {"holds": row.holds} for row in rows])
     else:
         for line in lines(rows, ranges=ranges):
-            click.echo(line)
+            say(line)
     if not all(row.holds for row in rows):
         sys.exit(EXIT_BROKEN)

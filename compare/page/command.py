@@ -20,8 +20,8 @@ def show(report: Path, section: str | None, width: int | None) -> None:
     """
     from compare.page.file import NAME, read_page
     from compare.page.terminal import page_lines, section_lines
-    from compare.page.words import line
     from scene.errors import FileError, InputError
+    from scene.text import line
     from scene.validate import count, nearest
 
     path = report / NAME if report.is_dir() else report

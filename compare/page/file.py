@@ -1,13 +1,13 @@
 """A page as plain data: written as ``page.json``, read back and checked."""
 
 import dataclasses
-import hashlib
 import json
 import types
 import typing
 from pathlib import Path
 from typing import Any
 
+from compare.json_text import json_digest, json_text
 from compare.page.content import Block, Code, Figure, Page, Table, Text
 from scene.errors import FileError, InputError
 
@@ -36,8 +36,8 @@ def page_text(page: Page) -> str:
     {'title': 't', 'answer': ['a'], 'source': {'repeat': 'again'}}
     """
     plain = _plain(page)
-    data = {"format": FORMAT, "version": VERSION, "sha256": _digest(plain), "page": plain}
-    return json.dumps(data, ensure_ascii=False, allow_nan=False) + "\n"
+    data = {"format": FORMAT, "version": VERSION, "sha256": json_digest(plain), "page": plain}
+    return json_text(data, indent=None) + "\n"
 
 
 def read_page(path: Path) -> Page:
@@ -66,7 +66,7 @@ def read_page(path: Path) -> Page:
             why = f"comes from a newer version of rattle (page {version}; this one reads {VERSION}); update rattle"
             raise FileError("page", str(path), why)
         page: Page = _read(Page, data.get("page"), "page")
-        if "sha256" in data and data["sha256"] != _digest(data["page"]):  # an earlier version wrote none
+        if "sha256" in data and data["sha256"] != json_digest(data["page"]):  # an earlier version wrote none
             raise _Refused("sha256", "the page was changed after it was written")
     except OSError as error:
         raise FileError("page", str(path), f"cannot be read ({error.strerror})") from None
@@ -77,10 +77,6 @@ def read_page(path: Path) -> Page:
             raise
         raise FileError("page", str(path), f"is no page of a report ({error})") from None
     return page
-
-
-def _digest(plain: Any) -> str:
-    return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()
 
 
 def _plain(value: Any) -> Any:

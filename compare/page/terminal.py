@@ -7,7 +7,8 @@ from itertools import zip_longest
 import click
 
 from compare.page.content import NUMBER, Block, Cell, Code, Figure, Page, Section, Source, Table, Text
-from compare.page.words import line, parts, plain
+from compare.page.words import parts
+from scene.text import harmless, line
 
 __all__ = ["page_lines", "section_lines"]
 
@@ -72,7 +73,7 @@ def _block(block: Block, width: int) -> Iterator[str]:
         case Figure(path, caption):
             yield from _paragraph(f"[{path}] {caption}", width)
         case Code(text):
-            yield from ("    " + row for row in plain(text).expandtabs().splitlines())
+            yield from ("    " + row for row in harmless(text).expandtabs().splitlines())
             yield ""
         case Table():
             if block.summary:

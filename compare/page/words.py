@@ -1,30 +1,14 @@
 """How a text is written in each view, so that nothing in it can be taken for markup or for a command."""
 
 import re
-import unicodedata
 
 from markupsafe import Markup, escape
 
-__all__ = ["as_code", "as_html", "as_markdown", "fence", "line", "parts", "plain"]
+from scene.text import line
+
+__all__ = ["as_code", "as_html", "as_markdown", "fence", "parts"]
 
 CODE = re.compile(r"`([^`\n]+)`")
-
-
-def plain(text: str) -> str:
-    """A text without control characters but line ends and tabs: none reaches a terminal."""
-    text = text.replace("\r\n", "\n")
-    return "".join(c if c in "\n\t" or unicodedata.category(c) not in ("Cc", "Cs") else "\ufffd" for c in text)
-
-
-def line(text: str) -> str:
-    """A text on one line.
-
-    Examples
-    --------
-    >>> line("one\\n two\\x1b[31m")
-    'one two\ufffd[31m'
-    """
-    return plain(" ".join(text.split()))
 
 
 def parts(text: str) -> list[tuple[str, bool]]:

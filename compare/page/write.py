@@ -13,7 +13,8 @@ from markupsafe import Markup
 
 from compare.page.content import MARKS, NUMBER, Block, Code, Figure, Page, Section, Table, Text
 from compare.page.file import NAME, page_text
-from compare.page.words import as_code, as_html, as_markdown, fence, line, plain
+from compare.page.words import as_code, as_html, as_markdown, fence
+from scene.text import harmless, line
 
 __all__ = ["pages", "write_page"]
 
@@ -59,7 +60,7 @@ def html(page: Page, folder: Path) -> str:
 def _environment(escaped: bool) -> Environment:
     return Environment(
         loader=PackageLoader("compare.page"), autoescape=escaped, trim_blocks=True, lstrip_blocks=True,
-        undefined=StrictUndefined, finalize=lambda value: plain(value) if type(value) is str else value,
+        undefined=StrictUndefined, finalize=lambda value: harmless(value) if type(value) is str else value,
     )  # fmt: skip
 
 

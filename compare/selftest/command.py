@@ -4,6 +4,8 @@ import sys
 
 import click
 
+from compare.console import say, say_json
+
 __all__ = ["selftest"]
 
 EXIT_BROKEN = 1
@@ -26,11 +28,9 @@ def selftest(names: tuple[str, ...], all_checks: bool, seed: int, workers: int, 
 
     laws = put_to_the_test(names, seed=seed, workers=workers)
     if as_json:
-        import json
-
-        click.echo(json.dumps(record(laws, seed), indent=2, ensure_ascii=False))
+        say_json(record(laws, seed))
     else:
         for line in lines(laws, all_checks=all_checks):
-            click.echo(line)
+            say(line)
     if not all(law.holds for law in laws):
         sys.exit(EXIT_BROKEN)

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import click
 
+from compare.console import say
+
 __all__ = ["stability"]
 
 
@@ -69,7 +71,7 @@ def stability(
         "wall_seconds": round(time.perf_counter() - began, 1),
     }  # fmt: skip
     for sentence in write_stability(out, found, law, tried, record, overwrite):
-        click.echo(sentence)
-    click.echo(f"Page: {out / 'stability.html'}")
+        say(sentence)
+    say(f"Page: {out / 'stability.html'}")
     if len(found.untold) or not all(row.holds for row in tried):
         raise click.exceptions.Exit(1)

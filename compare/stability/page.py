@@ -1,6 +1,5 @@
 """The map as a report folder: page, figure, tables, manifest."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -8,9 +7,11 @@ from typing import Any
 import pandas as pd
 
 from compare.chaos.page import source_of
+from compare.csv_text import write_csv
 from compare.extremes.row import Extreme
 from compare.extremes.run import table
 from compare.folder import whole_folder
+from compare.json_text import json_text
 from compare.moments import Tolerances
 from compare.page import Cell, Column, Figure, Page, Row, Section, Table, Text, numbers, pages, write_page
 from compare.stability.cell import BIASED, COLLAPSING, UNBIASED, UNDECIDED, UNSTABLE
@@ -116,12 +117,12 @@ def write_stability(
     )  # fmt: skip
     with whole_folder(out, CONTENTS, overwrite) as folder:
         save(figure(found.table), folder / "stability.svg")
-        found.table.to_csv(folder / "stability.csv", index=False, float_format="%.6g")
-        law.to_csv(folder / "covariance.csv", index=False, float_format="%.6g")
+        write_csv(found.table, folder / "stability.csv", index=False, float_format="%.6g")
+        write_csv(law, folder / "covariance.csv", index=False, float_format="%.6g")
         if tried:
-            table(tried).to_csv(folder / "extremes.csv", index=False, float_format="%.3g")
+            write_csv(table(tried), folder / "extremes.csv", index=False, float_format="%.3g")
         write_page(page, folder, "stability")
-        text = json.dumps({**record, "answer": said}, indent=2, ensure_ascii=False) + "\n"
+        text = json_text({**record, "answer": said}) + "\n"
         (folder / "manifest.json").write_text(text, encoding="utf-8")
     return said
 

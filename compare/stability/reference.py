@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from compare.moments import at_wall
 from montecarlo import Ensemble, default_step, simulate
 from montecarlo.cautions import motion_units
 from scene import Scene
@@ -53,8 +54,8 @@ def horizon_of(scene: Scene) -> float:
 def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference:
     """Exact flights at a quarter of their default step, or `scene.impact.next_impact` where nothing is random.
 
-    Not judged is the displacement at the mesh that most paths strike, which varies by the strays alone, and what
-    less than about 3 % of the paths make the sd of: a sample of them says too little.
+    Not judged is what `compare.moments.RULE` leaves out, and what less than about 3 % of the paths make the sd of: a
+    sample of them says too little.
 
     Examples
     --------
@@ -74,9 +75,8 @@ def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference
         columns, late = run.columns, run.unfinished / run.paths
     unit = motion_units(columns, scene)
     for q in SECTION:
-        struck_here = (q == "x1") & (columns["mesh"] == 1) | (q == "x2") & (columns["mesh"] == 2)
         rare = np.nan_to_num(columns["kurt_" + q]) > MOST_KURTOSIS
-        unit[q] = np.where(struck_here | rare | np.isnan(columns[q]), np.nan, unit[q])
+        unit[q] = np.where(at_wall(q, columns["mesh"]) | rare | np.isnan(columns[q]), np.nan, unit[q])
     return Reference(columns, unit, late)
 
 

@@ -12,7 +12,7 @@ from scene.errors import InputError
 from scene.scene import Scene, Start, Tolerance
 from scene.validate import count, finite, known_keys, nearest, positive
 
-__all__ = ["SETTINGS", "Axis", "combinations", "read_axes"]
+__all__ = ["SETTINGS", "Axis", "combination", "combinations", "read_axes"]
 
 SETTINGS = ("scheme", "paths", "accuracy", "dt", "seed")
 """Settings of the simulation that may vary beside the fields of the scene."""
@@ -85,6 +85,18 @@ def combinations(axes: Sequence[Axis]) -> list[dict[str, Any]]:
         {name: value for axis, step in zip(axes, steps, strict=True) for name, value in axis.named(step)}
         for steps in itertools.product(*(axis.values for axis in axes))
     ]
+
+
+def combination(axes: Sequence[Axis], number: int) -> dict[str, Any]:
+    """One point of the grid, by its place in `combinations`.
+
+    Examples
+    --------
+    >>> combination(read_axes([{"sigma": [0.1, 0.2]}, {"gap1": [0.4, 0.5, 0.6]}]), 4)
+    {'sigma': 0.2, 'gap1': 0.5}
+    """
+    steps = np.unravel_index(number, [len(axis.values) for axis in axes])
+    return {name: value for axis, i in zip(axes, steps, strict=True) for name, value in axis.named(axis.values[i])}
 
 
 def _known(name: str) -> str:

@@ -1,7 +1,5 @@
 """What one result is determined by: an ensemble of a scene, or a closure's prediction of it."""
 
-import hashlib
-import json
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -13,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from closure import READINGS, mean_map
+from compare.json_text import json_digest
 from compare.study.store import Stored
 from compare.study.version import numerical_version
 from montecarlo import SCHEMES, Ensemble, default_step, simulate
@@ -55,7 +54,7 @@ def _key(kind: str, package: str, scene: Scene, settings: Mapping[str, Any]) -> 
     """Digest of a scene's dimensionless numbers, the settings, and the version of the code that makes the result."""
     numbers = replace(scene).to_dict()  # without the gears that it came from
     content = {"kind": kind, "scene": numbers, "settings": settings, "version": numerical_version("scene", package)}
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
+    return json_digest(content)[:32]
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,10 @@ def is_current(study: Study, folder: Path) -> dict[str, Any] | None:
         return None
     if record.get("cells_sha256") != cells_digest(study) or not record.get("complete"):
         return None
-    return record if not damaged(folder, record, FILES) else None
+    try:
+        return record if not damaged(folder, record, FILES) else None
+    except OSError:  # what cannot be read is written again, from the cells
+        return None
 
 
 def cells_digest(study: Study) -> str:

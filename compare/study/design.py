@@ -1,6 +1,8 @@
 """A study as it is asked for: a scene, what varies, what is simulated, and which readings are held against it."""
 
 import hashlib
+import math
+import random
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -10,7 +12,7 @@ from typing import Any
 from closure import READINGS
 from closure.mean_map import ORDERS
 from compare.moments import Tolerances
-from compare.study.axes import SETTINGS, Axis, combinations, read_axes
+from compare.study.axes import SETTINGS, Axis, combination, combinations, read_axes
 from compare.study.cell import Cell, Prediction, Sample
 from montecarlo import SCHEMES, check_settings, default_step
 from scene.errors import InputError
@@ -162,6 +164,23 @@ class Study:
         return found
 
     @property
+    def size(self) -> int:
+        """Points of the grid."""
+        return math.prod(len(axis.values) for axis in self.axes)
+
+    @property
+    def scenes(self) -> int:
+        """Scenes of the grid: points that differ in nothing but settings of the simulation share one."""
+        return math.prod(len(axis.values) for axis in self.axes if not set(axis.names) <= set(SETTINGS))
+
+    def some_points(self, most: int) -> tuple[Point, ...]:
+        """All points of a small grid; `most` of a larger one, at random but always the same."""
+        if self.size <= most:
+            return self.points
+        numbers = sorted(random.Random(0).sample(range(self.size), most))
+        return tuple(self._point(combination(self.axes, number)) for number in numbers)
+
+    @cached_property
     def cells(self) -> list[Cell]:
         """What has to be computed, each once."""
         return list({cell.key: cell for point in self.points for cell in point.cells}.values())

@@ -9,9 +9,10 @@ from compare.study.cell import Cell
 from compare.study.design import Study
 from compare.study.estimate import core_seconds
 from compare.study.obtain import attempt, kept
-from compare.study.places import Place, Stopped
+from compare.study.places import Failed, Place, Stopped
 from compare.study.progress import Progress
 from compare.study.store import Store, Stored
+from compare.study.waiting import Waiting
 from scene.errors import InputError
 
 __all__ = ["Outcome", "missing", "run"]
@@ -85,18 +86,19 @@ def run(
     work = {key: core_seconds(cell) for key, cell in todo.items()}
     with place, Progress(work, there, store.folder.parent, show) as progress, _threads(place.threads) as pool:
         running: dict[Future[Work], Cell] = {}
-        waiting = list(todo.values())
+        waiting, others = list(todo.values()), Waiting(store.lock, progress.waits)
+        elsewhere: list[Cell] = []  # in other hands, to be looked at again when nothing else is left
         try:
-            while waiting or running:
+            while waiting or running or elsewhere:
                 while waiting and len(running) < place.threads:
                     cell = waiting.pop(0)
                     progress.begun(cell)
                     running[pool.submit(_work, store, cell, place)] = cell
                 done, _ = wait(running, timeout=LOOK, return_when=FIRST_COMPLETED)
-                elsewhere = _gathered(done, running, progress, failed)
-                waiting += elsewhere
-                if elsewhere and len(elsewhere) == len(waiting) and not running:
-                    time.sleep(LOOK)  # all that is left is in other hands
+                elsewhere += _gathered(done, running, progress, failed)
+                if elsewhere and not waiting and not running:
+                    others.pause(elsewhere)
+                    waiting, elsewhere = elsewhere, []
                 if done and not unchanged():
                     raise InputError("study", study.title, CHANGED)
         except KeyboardInterrupt:
@@ -132,7 +134,7 @@ def _gathered(
         cell = running.pop(future)
         try:
             found, here = future.result()
-        except InputError as error:
+        except (InputError, Failed) as error:
             failed[cell.key] = str(error)
             progress.failed(cell, str(error))
             continue

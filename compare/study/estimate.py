@@ -1,7 +1,7 @@
 """What a study will take, before anything runs: seconds and memory, and how far more cores would carry."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -74,10 +74,15 @@ def calibrated(expected: Mapping[str, float], taken: Mapping[str, float]) -> flo
     return float(np.median(ratios)) if ratios else 1.0
 
 
-def estimate(cells: Sequence[Cell], workers: int, factor: float = 1.0) -> Estimate:
-    """What cells will take on so many threads, at `factor` times the nominal speed."""
-    work = factor * sum(core_seconds(c) for c in cells)
-    longest = max((factor * core_seconds(c) for c in cells if isinstance(c, Prediction)), default=0.0)
+def _once(cell: Cell) -> float:
+    return 1.0
+
+
+def estimate(cells: Sequence[Cell], workers: int, times: Callable[[Cell], float] = _once) -> Estimate:
+    """What cells will take on so many threads; each stands for so many like it."""
+    seconds = [core_seconds(c) for c in cells]
+    work = sum(times(c) * s for c, s in zip(cells, seconds, strict=True))
+    longest = max((s for c, s in zip(cells, seconds, strict=True) if isinstance(c, Prediction)), default=0.0)
     rows = max((BLOCK * c.impacts * COLUMNS * 8 * _copies(c) for c in cells if isinstance(c, Sample)), default=0)
     return Estimate(work, max(work / workers, longest), BASE_MEGABYTES + 4.0 * workers * rows / 1e6)
 
@@ -86,28 +91,26 @@ def _copies(sample: Sample) -> int:
     return 2 if SCHEMES[sample.scheme].weak_order is None else 3
 
 
-def scaling(cells: Sequence[Cell], factor: float = 1.0) -> pd.DataFrame:
-    """What more cores would do for these cells, and what would limit them.
+def scaling(cells: Sequence[Cell], factor: float = 1.0, times: Callable[[Cell], float] = _once) -> pd.DataFrame:
+    """What more cores would do for these cells, at `factor` times the nominal time, and what would limit them.
 
     Columns: ``cores``, ``wall_seconds``, ``efficiency`` and ``limit``: the cores themselves, the longest piece of work
     that cannot be split, the scheduler (3.5 ms a task) or the client that merges blocks.
     """
-    pieces: list[float] = []
-    blocks = 0
+    work = tasks = blocks = longest = 0.0  # added up: a single cell may have a million blocks
     for cell in cells:
-        seconds = factor * core_seconds(cell)
+        seconds, pieces = factor * core_seconds(cell), 1
         if isinstance(cell, Sample):
             count = -(-computed(cell.scene, cell.paths or LEAST) // BLOCK)
-            parts = -(-count // SHARE)
-            blocks += count
-            pieces += [seconds / parts] * parts
-        else:
-            pieces.append(seconds)
-    work = sum(pieces)
+            pieces = -(-count // SHARE)
+            blocks += times(cell) * count
+        work += times(cell) * seconds
+        tasks += times(cell) * pieces
+        longest = max(longest, seconds / pieces)
     rows: list[dict[str, Any]] = []
     for cores in (1, 2, 10, 100, 1000, 10_000):
         limits = {
-            "cores": work / cores, "longest task": max(pieces, default=0.0), "scheduler": len(pieces) * TASK_SECONDS,
+            "cores": work / cores, "longest task": longest, "scheduler": tasks * TASK_SECONDS,
             "merging": blocks * MERGE_SECONDS,
         }  # fmt: skip
         limit = max(limits, key=lambda name: limits[name])

@@ -11,6 +11,7 @@ from scipy.stats import binomtest
 
 from compare.study.results import Results
 from compare.style import STYLE, SYMBOL, legend_above, new_figure
+from compare.validity_range import ACCURATE, ENDED, NOT_WRONG, WRONG, want
 
 __all__ = ["FIGURES", "panels"]
 
@@ -77,26 +78,26 @@ def _worst(rows: pd.DataFrame, name: str) -> pd.DataFrame:
 
 
 def frontier(r: Results, rows: pd.DataFrame) -> Figure:
-    """Largest value of the field up to which each reading is right for the first k impacts."""
-    figure, (ax,) = new_figure(6.2, 3.8, 1, 1)
-    name = r.along
+    """How far each reading holds over the first k impacts: accurate up to, and not shown wrong up to."""
+    figure, (ax,) = new_figure(8.0, 3.8, 1, 1)
+    name, values = r.along, [float(v) for v in pd.unique(r.errors[r.along])]
     for reading, group in rows.groupby("reading", sort=False):
-        style = STYLE[str(reading)]
-        if group["not_refuted"].isna().all():
-            ax.plot([], [], label=f"{reading}: at no value", **style)
+        style, impact = STYLE[str(reading)], group["impact"]
+        accurate, not_wrong = group["accurate"], group["not_refuted"]
+        if not_wrong.isna().all():
+            what = ENDED if group["ended"].all() else WRONG
+            ax.plot([], [], label=f"{reading}: {what} at the smallest", **style)
             continue
-        ax.plot(group["impact"], group["accurate"], label=f"{reading}: every moment accurate", lw=1.5, ms=5, **style)
-        ax.plot(group["impact"], group["not_refuted"], color=style["color"], ls=":", lw=1.5)
-        ax.fill_between(
-            group["impact"], group["accurate"], group["not_refuted"], color=style["color"], alpha=BAND, lw=0
-        )
-    ax.plot([], [], color="0.3", ls=":", lw=1.5, label="no moment refuted")
-    values = [float(v) for v in pd.unique(r.errors[name])]
+        ax.plot(impact, accurate, label=f"{reading}: {ACCURATE}", lw=1.5, ms=5, **style)
+        ax.plot(impact, not_wrong, color=style["color"], ls=":", lw=1.5)
+        ax.fill_between(impact, accurate.fillna(min(values)), not_wrong, color=style["color"], alpha=BAND, lw=0)
+    ax.plot([], [], color="0.3", ls=":", lw=1.5, label=NOT_WRONG)
+    ax.fill_between([], [], color="0.3", alpha=BAND, lw=0, label=want(r.errors))
     if len(values) and min(values) > 0.0 and max(values) / min(values) > 10.0:
         ax.set_yscale("log")
         ax.yaxis.set_major_formatter("{x:g}")
     ax.set_ylim(min(values), max(values) * 1.1)
-    ax.set_xlabel("impacts that are right")
+    ax.set_xlabel("first impacts")
     ax.set_ylabel(f"largest {axis_label(name)}")
     legend_above(figure, [ax], 2)
     return figure
@@ -136,11 +137,11 @@ def agreement(r: Results, rows: pd.DataFrame) -> Figure:
     name = r.along
     part = rows[(rows["quantity"] == "tau") & (rows["moment"] == "mean")]
     for impact, colour in zip(_shown(r.study.impacts), SHADES, strict=False):
-        group = part[part["impact"] == impact].sort_values(name)
+        group = part[(part["impact"] == impact) & (part["paths"] > 0)].sort_values(name)
         counts = zip(group["agreement"] * group["paths"], group["paths"], strict=True)
-        interval = np.array([_wilson(round(k), int(n)) for k, n in counts])
+        interval = [_wilson(round(k), int(n)) for k, n in counts]
         ax.plot(group[name], group["agreement"], color=colour, lw=1.4, marker="o", ms=3, label=f"impact {impact}")
-        ax.fill_between(group[name], *interval.T, color=colour, alpha=BAND, lw=0)
+        ax.fill_between(group[name], *np.reshape(interval, (-1, 2)).T, color=colour, alpha=BAND, lw=0)
     ax.set_ylim(-0.02, 1.04)
     ax.set_ylabel("paths on the noise-free itinerary")
     _along(ax, name, sorted(set(rows[name])))
@@ -167,7 +168,7 @@ def sections(r: Results, rows: pd.DataFrame) -> Figure:
             ax.plot(group[name], group["value"], color=colour, lw=1.4, marker="o", ms=2.5, label=f"impact {impact}")
             ax.fill_between(group[name], low, high, color=colour, alpha=BAND, lw=0)
         ax.set_ylabel(labels.get(quantity, labels.get(moment, "")).format(SYMBOL.get(quantity, "")))
-        if moment == "sd":
+        if moment == "sd" and (part["value"] > 0.0).any():
             ax.set_yscale("log")
         if moment == "skew":
             ax.set_yscale("symlog", linthresh=1.0)
@@ -221,7 +222,7 @@ class Drawing(NamedTuple):
 
 
 FIGURES = {
-    "frontier": Drawing(frontier, "frontier", "Up to where all means and sds of the first impacts are right"),
+    "frontier": Drawing(frontier, "frontier", "How far all means and sds of the first impacts are accurate"),
     "errors": Drawing(errors, "errors", "Largest error of each reading, with its interval"),
     "agreement": Drawing(agreement, "sections", "Itinerary agreement"),
     "sections": Drawing(sections, "sections", "Section sds, skewness, impact rate and impact energy"),

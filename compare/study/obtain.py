@@ -1,17 +1,15 @@
 """One result: found in the store, or computed and kept there, by one process at a time."""
 
-import time
 from collections.abc import Callable
 
 from compare.study.cell import Cell
 from compare.study.store import Store, Stored
+from compare.study.waiting import Waiting, aloud
 
 __all__ = ["Compute", "attempt", "kept", "obtain"]
 
 Compute = Callable[[Cell], Stored]
 """Where a cell is computed: here, by default."""
-
-PAUSE = 0.2  # seconds between two looks at what another process is working on
 
 
 def _here(cell: Cell) -> Stored:
@@ -19,7 +17,13 @@ def _here(cell: Cell) -> Stored:
 
 
 def kept(store: Store, cell: Cell) -> Stored | None:
-    """A cell's result, where it is there; what is stored in its place but is no result of its kind is set aside."""
+    """A cell's result, where it is there; what is stored in its place but is no result of its kind is set aside.
+
+    Raises
+    ------
+    OutputError
+        If the system does not let it be read; then it stays where it is.
+    """
     found = store.read(cell.key)
     if found is None:
         return None
@@ -29,6 +33,8 @@ def kept(store: Store, cell: Cell) -> Stored | None:
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         store.set_aside(cell.key, f"is no result of this kind ({error})")
         return None
+    except MemoryError as error:
+        raise store.unreadable(cell.key, error) from None
     return found
 
 
@@ -40,7 +46,7 @@ def attempt(store: Store, cell: Cell, compute: Compute = _here) -> Stored | None
     InputError
         If the cell's scene cannot be computed.
     OutputError
-        If the result cannot be kept.
+        If the result cannot be kept, or one that is there cannot be read.
     """
     found = kept(store, cell)
     if found is not None:
@@ -55,8 +61,8 @@ def attempt(store: Store, cell: Cell, compute: Compute = _here) -> Stored | None
         return found
 
 
-def obtain(store: Store, cell: Cell, compute: Compute = _here) -> Stored:
-    """A cell's result; waits where another process is at work on it, and goes on itself when that one ends.
+def obtain(store: Store, cell: Cell, compute: Compute = _here, say: Callable[[str], object] = aloud) -> Stored:
+    """A cell's result; waits where another process is at work on it, says for whom, and goes on when that one ends.
 
     Examples
     --------
@@ -68,6 +74,7 @@ def obtain(store: Store, cell: Cell, compute: Compute = _here) -> Stored:
     >>> round(float(cell.opened(obtain(store, cell)).section.loc[1, "tau"]), 3)
     0.56
     """
+    waiting = Waiting(store.lock, say)
     while (found := attempt(store, cell, compute)) is None:
-        time.sleep(PAUSE)
+        waiting.pause([cell])
     return found

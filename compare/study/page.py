@@ -1,7 +1,6 @@
 """What a study leaves in its folder beside the cells: tables, figures, a page, and where it all comes from."""
 
 import hashlib
-import json
 import os
 from pathlib import Path
 from typing import Any
@@ -9,23 +8,29 @@ from typing import Any
 import pandas as pd
 
 from compare import manifest
+from compare.csv_text import write_csv
 from compare.folder import scratch_folder, within
-from compare.moments import VERDICTS
+from compare.json_text import json_text
+from compare.moments import RULE, VERDICTS
 from compare.page import Cell, Code, Figure, Page, Row, Section, Source, Table, Text, numbers
 from compare.page import write_page as write_views
 from compare.study.current import FILES, cells_digest
 from compare.study.estimate import calibrated, core_seconds, scaling
 from compare.study.figures import FIGURES, panels
+from compare.study.lacking import lacking
 from compare.study.results import Results
-from compare.study.tables import FILE, MANIFEST, TABLES, file_digest
+from compare.study.tables import FILE, MANIFEST, PAGE, TABLES, file_digest
 from compare.study.version import numerical_version
 from compare.style import save
+from compare.validity_range import in_words, want
 from scene.errors import OutputError
 
 __all__ = ["answer", "write_page"]
 
 SMALL = ("correlation", "frontier", "cost", "reasons")
 """Tables that are written as CSV too."""
+
+FEW = 4  # distinct ranges of validity of a reading that the answer lists one by one
 
 
 def _digest(table: pd.DataFrame) -> str:
@@ -37,23 +42,12 @@ def answer(r: Results) -> list[str]:
     sentences = []
     table, impacts = r.frontier, r.study.impacts
     if not table.empty:
-        last = table[table["impact"] == impacts]
-        name = r.along
-        values = [float(v) for v in r.errors[name].unique()]
-        for reading, rows in last.groupby("reading", sort=False):
-            accurate, not_refuted = rows["accurate"], rows["not_refuted"]
-            if accurate.isna().all():
-                held = f"is right at no {name}"
-            elif accurate.min() == accurate.max():
-                held = f"is right up to {name} = {accurate.max():.4g}"
-            else:
-                held = f"is right up to {name} = {accurate.min():.4g} to {accurate.max():.4g}"
-            beyond = not_refuted.max()
-            more = f", not refuted up to {beyond:.4g}" if beyond > accurate.max() else ""
-            sentences.append(f"{reading} {held}{more}.")
-        sentences.insert(
-            0, f"Every section mean and sd of {impacts} impacts, {name} from {min(values):.4g} to {max(values):.4g}:"
-        )
+        last, name = table[table["impact"] == impacts], r.along
+        values = r.errors[name]
+        sentences = [
+            f"Every section mean and sd of {impacts} impacts, {name} from {values.min():.4g} to {values.max():.4g}:",
+            *(f"{reading}: {_held(r, rows)}." for reading, rows in last.groupby("reading", sort=False)),
+        ]
     reached = r.sections[(r.sections["quantity"] == "tau") & (r.sections["moment"] == "mean")]
     shares = reached[reached["impact"] == impacts]["agreement"]
     if len(shares):
@@ -62,6 +56,27 @@ def answer(r: Results) -> list[str]:
             "itinerary."
         )
     return sentences or ["No point could be computed; the command says why."]
+
+
+def _held(r: Results, rows: pd.DataFrame) -> str:
+    """How far a reading holds, at each value of the other fields; of many only where least far and where farthest."""
+    found: dict[str, list[str]] = {}  # where, by what is said
+    for row in rows.sort_values(["accurate", "not_refuted"], na_position="first").to_dict("records"):
+        own = r.errors[(r.errors["reading"] == row["reading"]) & r.errors["judged"]]
+        for name in r.others:
+            own = own[own[name] == row[name]]
+        values = sorted(own[r.along].unique())
+        said = in_words(
+            r.along, values, row["accurate"], row["not_refuted"], ended=row["ended"],
+            undecided=want(own[own[r.along] <= row["not_refuted"]]),
+        )  # fmt: skip
+        found.setdefault(said, []).append(", ".join(f"{name} = {row[name]}" for name in r.others))
+    if len(found) == 1:
+        return next(iter(found))
+    if len(found) <= FEW:
+        return "; ".join(f"{said} (at {' and '.join(where)})" for said, where in found.items())
+    (least, low), *_, (most, high) = found.items()
+    return f"from {least} (at {low[0]}) to {most} (at {high[-1]})"
 
 
 def write_page(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
@@ -73,7 +88,7 @@ def write_page(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any
         If the folder cannot be written; what was there before stays.
     """
     try:
-        with scratch_folder(folder, "page") as scratch:
+        with scratch_folder(folder, PAGE) as scratch:
             record = _written(scratch, r, facts)
             files = [path.relative_to(scratch) for path in scratch.rglob("*") if path.is_file()]
             within(folder, *{str(file.parent) for file in files})
@@ -96,7 +111,7 @@ def _written(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
     for name, table in tables.items():
         table.to_parquet(folder / f"{name}.parquet", compression="zstd")
         if name in SMALL:
-            table.to_csv(folder / f"{name}.csv", index=False, float_format="%.9g")
+            write_csv(table, folder / f"{name}.csv", index=False, float_format="%.9g")
     (folder / FILE).write_text(r.study.text, encoding="utf-8")  # another study may have passed here meanwhile
     (folder / "figures").mkdir()
     drawn = []
@@ -118,30 +133,29 @@ def _written(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
         "study_sha256": r.study.digest,
         "numerical_version": numerical_version(), "commit": manifest.commit(), "versions": manifest.versions(), **facts,
     }  # fmt: skip
-    write_views(_page(r, record, drawn, tables["cost"], tables["reasons"], factor), folder, "study")
+    write_views(_page(r, record, drawn, tables["cost"], factor), folder, "study")
     record = manifest.sealed(record | {"files": {file: file_digest(folder / file) for file in FILES}})
-    (folder / MANIFEST).write_text(json.dumps(record, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    (folder / MANIFEST).write_text(json_text(record) + "\n", encoding="utf-8")
     return record
 
 
-def _page(
-    r: Results, record: dict[str, Any], figures: list[Figure], cost: pd.DataFrame, reasons: pd.DataFrame, factor: float
-) -> Page:
+def _page(r: Results, record: dict[str, Any], figures: list[Figure], cost: pd.DataFrame, factor: float) -> Page:
     """What the study says."""
     held = (
         f"{record['points']} points, intervals of {record['z']:.2f} standard errors (all of the study hold together "
-        f"with 95 %), tolerance {r.study.within.mean:.0%} of an sd for means and {r.study.within.sd:.0%} for sds; the "
-        "displacement at the mesh that most paths strike is left out. All rows: `errors.parquet`."
+        f"with 95 %), tolerance {r.study.within.mean:.0%} of an sd for means and {r.study.within.sd:.0%} for sds. "
+        f"{RULE} All rows: `errors.parquet`."
     )
     more = (
         f"From these (a cell takes {factor:.2g} times its nominal time) and 3.5 ms of a Dask scheduler for a task of "
         "at most 65 536 paths, more cores would do:"
     )
     sections = [Section("Verdicts", (Text(held, note=True), _counts(r)))]
-    if len(reasons):
-        rows = ([*(str(row[n]) for n in r.names), row["what"], row["why"]] for _, row in reasons.iterrows())
-        lost = Table.of([*r.names, "what", "why"], rows)
-        sections.append(Section("What could not be computed", (lost,)))
+    if lacks := lacking(r.study.points, record.get("failed", {})):
+        rows: list[Row] = [[lack.what, lack.points, lack.where, lack.why] for lack in lacks]
+        every = Text("Every point by itself: `reasons.csv`.", note=True)
+        lost = Table.of(["what", *numbers("points"), "the first", "why"], rows)
+        sections.append(Section("What could not be computed", (every, lost)))
     sections.append(Section("Cost", (_cost(cost), Text(more), _scaling(r, factor))))
     facts = {
         "commit": record["commit"],
@@ -157,7 +171,7 @@ def _page(
 
 
 def _counts(r: Results) -> Table:
-    groups = r.errors[r.errors["judged"]].groupby(["reading", "moment"], sort=False)["verdict"]
+    groups = r.errors.groupby(["reading", "moment"], sort=False)["verdict"] if len(r.errors) else ()
     rows: list[Row] = [[str(key[0]), f"{key[1]}s", *(int((said == v).sum()) for v in VERDICTS)] for key, said in groups]
     return Table.of(["reading", "moments", *numbers(*VERDICTS)], rows)
 

@@ -29,10 +29,10 @@ def paired_differences(one: Sampled, other: Sampled) -> pd.DataFrame:
             batches = min(first.shape[1], second.shape[1])
             first, second = first[:, :batches], second[:, :batches]
             control = np.stack(list(other.batches[BATCH.format("control", quantity)]))[:, :batches]
-            left = _residual(second - first, control) if moment == "mean" else _centred(second - first)
             freedom = batches - 1 - (moment == "mean")
-            se = alone = np.full(len(left), np.nan)
+            se = alone = np.full(len(first), np.nan)
             if freedom > 0:  # fewer batches tell no error
+                left = _residual(second - first, control) if moment == "mean" else _centred(second - first)
                 se = np.sqrt((left**2).sum(axis=1) / freedom / batches)
             if batches > 1:
                 alone = np.sqrt((first.var(axis=1, ddof=1) + second.var(axis=1, ddof=1)) / batches)

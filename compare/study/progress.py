@@ -2,6 +2,7 @@
 
 import logging
 import os
+import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,6 +15,7 @@ from compare.folder import refused
 from compare.study.cell import Cell, Sample
 from compare.study.store import Stored
 from montecarlo.accuracy import sampling_error
+from scene.text import line
 
 __all__ = ["Progress"]
 
@@ -25,7 +27,7 @@ class _LogFile(logging.FileHandler):
 
     def __init__(self, path: Path) -> None:
         try:
-            os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o644))  # no link to elsewhere
+            os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o666))  # no link to elsewhere
             super().__init__(path, encoding="utf-8")
         except OSError as error:
             raise refused(path, error) from None
@@ -46,12 +48,14 @@ class Progress:
     folder : Path
         Where the log file is.
     show : bool
-        Draw the line, if standard error is a terminal.
+        Draw the line, if standard error is a terminal; say there for whom this process waits, and what cannot be
+        computed as soon as that is known.
     """
 
     def __init__(self, work: Mapping[str, float], there: int, folder: Path, show: bool) -> None:
         self.work, self.there = dict(work), there
         self.done_work, self.all_work = 0.0, sum(work.values())
+        self._show = show
         self.worst, self.seconds, self.computed = 0.0, 0.0, 0
         self.started = time.perf_counter()
         self._log = logging.getLogger(f"rattle.study.{folder}")
@@ -83,7 +87,13 @@ class Progress:
 
     def say(self, text: str) -> None:
         """A line in the log."""
-        self._log.info(text)
+        self._log.info(line(text))
+
+    def waits(self, text: str) -> None:
+        """Another process is waited for."""
+        self.say(text)
+        if self._show:
+            self._bar.write(text, file=sys.stderr)
 
     def begun(self, cell: Cell) -> None:
         """A cell is being computed."""
@@ -102,6 +112,8 @@ class Progress:
 
     def failed(self, cell: Cell, why: str) -> None:
         """A cell cannot be computed."""
+        if self._show:
+            self._bar.write(f"rattle: {why}", file=sys.stderr)  # now: the others may take hours
         self._count(cell, f"failed {cell.label} {cell.key}: {why}")
 
     def _count(self, cell: Cell, text: str) -> None:

@@ -14,6 +14,7 @@ from compare.study.cell import Predicted, Sampled
 from compare.study.design import Point, Study
 from compare.study.paired import paired_differences
 from compare.study.store import Store
+from compare.validity_range import is_accurate, is_wrong, unbroken
 from scene.moments import SECTION, STATE
 
 __all__ = ["Results"]
@@ -76,14 +77,11 @@ class Results:
     def errors(self) -> pd.DataFrame:
         """Every section mean and sd of every reading at every point: error, interval, verdict.
 
-        Columns: the fields that vary, then those of `compare.moments.section_errors` and ``judged``: False for the
-        displacement at the mesh that most paths strike, which varies by the strays alone.
+        Columns: the fields that vary, then those of `compare.moments.section_errors`.
         """
         parts = []
         for point, run, closure in self._pairs():
             table = section_errors(closure, run, self.z, self.study.within)
-            struck = "x" + run.section["mesh"].astype(int).astype(str)
-            table["judged"] = (table["quantity"] != table["impact"].map(struck)).to_numpy()
             parts.append(self._placed(point, stated(table, run.scene)))
         none = pd.DataFrame({"reading": [], "moment": [], "verdict": [], "judged": np.empty(0, bool)})
         return pd.concat(parts, ignore_index=True) if parts else none
@@ -146,29 +144,32 @@ class Results:
 
     @cached_property
     def frontier(self) -> pd.DataFrame:
-        """Largest value of the field `along` up to which each reading is right, for the first k impacts.
+        """How far each reading holds along the field `along`, for the first k impacts.
 
         Columns: the other fields that vary, ``reading, impact, accurate`` (the largest value such that every judged
-        moment of the first k impacts is accurate there and at all smaller ones) and ``not_refuted`` (none is
-        inaccurate); NaN where not even the smallest is.
+        moment of the first k impacts is accurate there and at all smaller ones), ``not_refuted`` (none is
+        inaccurate), NaN where not even at the smallest, and ``ended``: whether at the next value the reading is not
+        inaccurate, but predicts too few impacts.
         """
         if not self.along or self.errors.empty:
             return pd.DataFrame()
-        first, others = self.along, self.others
-        rows = self.errors[self.errors["judged"]]
-        verdicts = rows.groupby([*others, "reading", first, "impact"], sort=True)["verdict"].agg(set).reset_index()
-        verdicts["accurate"] = [v - {"not predicted"} == {"accurate"} for v in verdicts["verdict"]]
-        verdicts["not_refuted"] = ["inaccurate" not in v and v != {"not predicted"} for v in verdicts["verdict"]]
+        first, keys = self.along, [*self.others, "reading"]
+        verdicts = self.errors.groupby([*keys, first, "impact"], sort=True)["verdict"].agg(set).reset_index()
         found = []
-        for key, group in verdicts.groupby([*others, "reading"], sort=False):
-            held = dict(zip([*others, "reading"], key, strict=True))
-            for what in ("accurate", "not_refuted"):
-                table = group.pivot(index=first, columns="impact", values=what).sort_index().astype(bool)
-                right = table.cummin(axis=1).cummin(axis=0)  # the first k impacts; this value and all smaller ones
-                last = [table.index[right[k]].max() if right[k].any() else np.nan for k in table.columns]
-                found.append(pd.DataFrame({**held, "impact": table.columns, "what": what, "value": last}))
-        tidy = pd.concat(found, ignore_index=True)
-        return tidy.pivot(index=[*others, "reading", "impact"], columns="what", values="value").reset_index()
+        for key, group in verdicts.groupby(keys, sort=False):
+            said = group.pivot(index=first, columns="impact", values="verdict").sort_index()
+            inaccurate, wrong, inexact = (  # at one of the first k impacts
+                said.map(what).astype(bool).cummax(axis=1)
+                for what in ({"inaccurate"}.issubset, is_wrong, lambda v: not is_accurate(v))
+            )
+            for impact in said:
+                found.append({
+                    **dict(zip(keys, key, strict=True)), "impact": impact,
+                    "accurate": unbroken(said.index, ~inexact[impact]),
+                    "not_refuted": unbroken(said.index, ~wrong[impact]),
+                    "ended": bool((~inaccurate[impact][wrong[impact]][:1]).any()),
+                })  # fmt: skip
+        return pd.DataFrame(found).astype({"accurate": float, "not_refuted": float})
 
     @cached_property
     def paired(self) -> pd.DataFrame:

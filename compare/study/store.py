@@ -4,7 +4,7 @@ import errno
 import hashlib
 import json
 import os
-import tempfile
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -16,6 +16,8 @@ import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 
 from compare.folder import refused, within, write_whole
+from compare.json_text import json_text
+from compare.study.waiting import sign
 from scene.errors import OutputError
 
 __all__ = ["Store", "Stored"]
@@ -23,6 +25,19 @@ __all__ = ["Store", "Stored"]
 MOST_VALUES, MOST_BYTES = 50_000_000, 400_000_000
 """What a file may unpack to; a hundred thousand impacts fit."""
 SEAL = hashlib.sha256().digest_size
+SYSTEM = (OSError, MemoryError, ImportError)
+"""No fault of a file: no right to read it, no descriptor or memory left, a disk that fails, a module that is not there.
+
+Pyarrow raises an OSError too, without a number, of what it cannot parse.
+"""
+REMEDIES = {
+    errno.EACCES: "let its owner give you the right to read it (chmod g+r)",
+    errno.EPERM: "let its owner give you the right to read it (chmod g+r)",
+    errno.EMFILE: "close what holds files open, or allow more of them (ulimit -n)",
+    errno.ENFILE: "close what holds files open",
+    errno.ENOMEM: "free memory",
+    errno.EIO: "see to the disk",
+}  # fmt: skip
 NAME = b"rattle"  # of the entry in a file's metadata that holds its key and its facts
 
 
@@ -55,6 +70,28 @@ def _footer(parquet: bytes) -> int:
     return len(parquet) - 8 - int.from_bytes(parquet[-8:-4], "little")
 
 
+class _Wrong(Exception):
+    """A file was read to its end and is not the result that its name promises."""
+
+
+def _parsed(key: str, content: bytes) -> "Stored":
+    """The result in a file's content; raises _Wrong where there is none, and what the system raises as it is."""
+    try:
+        with pq.ParquetFile(pa.BufferReader(_without_seal(content))) as file:
+            _check_size(file.metadata)
+            found = file.read(use_threads=False)
+        record = json.loads(found.schema.metadata[NAME])
+        if record["key"] != key:
+            raise ValueError("belongs to another key")
+        if not isinstance(record["facts"], dict):
+            raise ValueError("its facts are no table")
+        return Stored(found.to_pandas(use_threads=False), record["facts"])
+    except Exception as error:  # a foreign file makes pyarrow and pandas raise whatever they meet in it
+        if isinstance(error, SYSTEM) and not (isinstance(error, OSError) and error.errno is None):
+            raise
+        raise _Wrong((str(error) or type(error).__name__).splitlines()[0]) from None
+
+
 class Stored(NamedTuple):
     """What a file holds: a table, and facts beside it that need not repeat (times, say)."""
 
@@ -69,6 +106,8 @@ class Store:
     ----------
     folder : Path
         Where the files are; made when it is missing.
+    read_only : bool
+        Make nothing, and write nothing: for what only looks.
 
     Raises
     ------
@@ -84,9 +123,11 @@ class Store:
     ({'seconds': 1.0}, None)
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, read_only: bool = False) -> None:
         self.folder = folder
         within(folder, self._locks.name, self.aside.name)
+        if read_only:
+            return
         try:
             for part in (folder, self._locks):
                 part.mkdir(parents=True, exist_ok=True)
@@ -108,28 +149,43 @@ class Store:
         """The file of a key."""
         return self.folder / f"{key}.parquet"
 
+    def lock(self, key: str) -> Path:
+        """The lock of a key, which says who holds it."""
+        return self._locks / key
+
     def read(self, key: str) -> Stored | None:
-        """What is stored under a key; None where nothing is.  What is damaged or foreign is set aside."""
-        path = self.path(key)
-        if not path.exists():
-            return None
+        """What is stored under a key; None where nothing is.  What is damaged or foreign is set aside.
+
+        Raises
+        ------
+        OutputError
+            If the system does not let it be read, for the moment or at all: it may be sound, and stays where it is.
+        """
         try:
-            if path.stat().st_size > MOST_BYTES:
-                raise ValueError("no result is as large")
-            with pq.ParquetFile(pa.BufferReader(_without_seal(path.read_bytes()))) as file:
-                _check_size(file.metadata)
-                found = file.read(use_threads=False)
-            record = json.loads(found.schema.metadata[NAME])
-            if record["key"] != key:
-                raise ValueError("belongs to another key")
-            if not isinstance(record["facts"], dict):
-                raise ValueError("its facts are no table")
-            return Stored(found.to_pandas(), record["facts"])
-        except FileNotFoundError:  # set aside by another process in this moment
+            content = self._content(key)
+            return None if content is None else _parsed(key, content)
+        except _Wrong as wrong:
+            self.set_aside(key, str(wrong))
             return None
-        except Exception as error:  # a foreign file makes pyarrow and pandas raise whatever they meet in it
-            self.set_aside(key, (str(error) or type(error).__name__).splitlines()[0])
+        except SYSTEM as error:
+            raise self.unreadable(key, error) from None
+
+    def _content(self, key: str) -> bytes | None:
+        try:
+            with open(self.path(key), "rb") as file:
+                if os.fstat(file.fileno()).st_size > MOST_BYTES:
+                    raise _Wrong("no result is as large")
+                return file.read()
+        except FileNotFoundError:
             return None
+
+    def unreadable(self, key: str, error: BaseException) -> OutputError:
+        """What a person is told when the system does not let a result be read."""
+        number = errno.ENOMEM if isinstance(error, MemoryError) else getattr(error, "errno", None)
+        what = os.strerror(number) if number else str(error)
+        remedy = REMEDIES.get(number or 0, "mend that")
+        name = self.path(key).name
+        return self._refused(f"{name} cannot be read ({what}); it stays as it is: {remedy}, and repeat the command")
 
     def write(self, key: str, table: pd.DataFrame, facts: dict[str, Any]) -> None:
         """Store a table under a key: the file appears whole or not at all.
@@ -140,27 +196,25 @@ class Store:
             If the disk is full or the folder cannot be written; what was stored before is untouched.
         """
         content = pa.Table.from_pandas(table)
-        record = json.dumps({"key": key, "facts": facts}).encode()
+        record = json_text({"key": key, "facts": facts}, indent=None).encode()
         content = content.replace_schema_metadata({**content.schema.metadata, NAME: record})
-        sink, scratch = pa.BufferOutputStream(), None
+        sink, scratch = pa.BufferOutputStream(), self.folder / f".{key}-{secrets.token_hex(4)}.part"
         pq.write_table(content, sink, compression="zstd")
         try:
-            number, scratch = tempfile.mkstemp(prefix=f".{key}-", suffix=".part", dir=self.folder)
-            with os.fdopen(number, "wb") as file:
+            with open(scratch, "xb") as file:  # with the rights that the umask leaves: others may read it too
                 file.write(with_seal(sink.getvalue().to_pybytes()))
                 file.flush()
                 os.fsync(file.fileno())
             os.replace(scratch, self.path(key))
         except OSError as error:
-            if scratch is not None:
-                Path(scratch).unlink(missing_ok=True)
+            scratch.unlink(missing_ok=True)
             why = "the disk is full" if error.errno == errno.ENOSPC else f"cannot be written ({error.strerror})"
             raise self._refused(f"{why}; what is finished is there: make room and repeat the command") from None
 
     @contextmanager
     def alone(self, key: str) -> Iterator[bool]:
         """Whether this thread is the only one, of all processes, at work on a key; a lock ends with its process."""
-        lock = FileLock(self._locks / key, thread_local=False)
+        lock = FileLock(self.lock(key), thread_local=False)
         try:
             lock.acquire(blocking=False)
         except Timeout:
@@ -169,6 +223,7 @@ class Store:
         except OSError as error:
             raise refused(self.folder, error) from None
         try:
+            sign(lock)
             yield True
         finally:
             lock.release()
@@ -176,7 +231,7 @@ class Store:
     def sweep(self) -> None:
         """Remove what killed processes have left half written; what another process is writing now is its own."""
         for part in self.folder.glob(".*.part"):
-            with self.alone(part.name[1:].split("-")[0]) as alone:
+            with suppress(OSError), self.alone(part.name[1:].split("-")[0]) as alone:
                 if alone:
                     part.unlink(missing_ok=True)
 

@@ -19,10 +19,13 @@ from scene.moments import SECTION
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["CELLS", "FILE", "MANIFEST", "TABLES", "Tables", "damaged", "file_digest", "load"]
+__all__ = ["CELLS", "FILE", "MANIFEST", "PAGE", "TABLES", "Tables", "damaged", "file_digest", "load"]
 
 CELLS, FILE, MANIFEST = "cells", "study.toml", "manifest.json"
 """Names in a study's folder: where the results are, the study itself, and where it all comes from."""
+
+PAGE = "page"
+"""In the names of scratch folders: where all of it is written before it takes its place."""
 
 TABLES = ("errors", "sections", "correlation", "frontier", "paired", "cost", "reasons")
 """Tables of a study, each a Parquet file."""
@@ -75,7 +78,7 @@ def load(folder: str | Path) -> Tables:
     Raises
     ------
     FileError
-        If the folder holds no finished study, or a file in it is not what was written.
+        If the folder holds no finished study, or a file in it is not what was written or cannot be read.
 
     Examples
     --------
@@ -94,19 +97,27 @@ def load(folder: str | Path) -> Tables:
         not_newer(record, place / MANIFEST)
     except FileError:
         raise
-    except (OSError, ValueError, RecursionError):
+    except (FileNotFoundError, NotADirectoryError, IsADirectoryError, ValueError, RecursionError):
         why = "holds no finished study; give what rattle study has written"
         raise FileError("study folder", str(folder), why) from None
+    except OSError as error:
+        raise FileError("study folder", str(folder), f"{MANIFEST} cannot be read ({error.strerror})") from None
     mended = "is damaged; run rattle study again, it is soon mended"
     if not is_whole(record):
         raise FileError("study folder", str(folder), f"{MANIFEST} {mended}")
     files = [f"{name}.parquet" for name in TABLES]
-    if "files" in record and (lost := damaged(place, record, files)):  # an earlier version kept no digests
+    try:
+        lost = damaged(place, record, files) if "files" in record else []  # an earlier version kept no digests
+    except OSError as error:
+        raise FileError("study folder", str(folder), f"{error.filename} cannot be read ({error.strerror})") from None
+    if lost:
         raise FileError("study folder", str(folder), f"{lost[0]} {mended}")
     tables = {}
     for name, file in zip(TABLES, files, strict=True):
         try:
             tables[name] = pd.read_parquet(place / file)
+        except (MemoryError, ImportError):
+            raise
         except Exception:  # pyarrow and pandas raise whatever they meet in a damaged file
             raise FileError("study folder", str(folder), f"{file} {mended}") from None
     study = Study.load(place / FILE)
@@ -116,14 +127,14 @@ def load(folder: str | Path) -> Tables:
 
 
 def damaged(folder: Path, record: dict[str, Any], files: Iterable[str]) -> list[str]:
-    """The files in a study's folder that are not as they were written, or not there."""
+    """The files in a study's folder that are not as they were written, or not there; OSError where none can tell."""
     written = record.get("files")
     return [f for f in files if not isinstance(written, dict) or written.get(f) != file_digest(folder / f)]
 
 
 def file_digest(path: Path) -> str | None:
-    """Digest of a file; None where there is none."""
+    """Digest of a file; None where there is none.  OSError where the system does not let it be read."""
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError:
+    except (FileNotFoundError, IsADirectoryError):
         return None

@@ -41,7 +41,7 @@ def numerical_version(*packages: str) -> str:
 def _sources(packages: tuple[str, ...]) -> Iterator[Path]:
     root = Path(__file__).resolve().parents[2]
     for package in packages:
-        yield from sorted((root / package).glob("*.py"))
+        yield from sorted((root / package).rglob("*.py"))
 
 
 @cache

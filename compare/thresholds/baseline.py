@@ -14,6 +14,7 @@ from compare.folder import refused, write_whole
 from compare.thresholds.claim import Claim
 from compare.thresholds.prediction import Prediction
 from scene.errors import FileError
+from scene.text import line
 
 __all__ = ["changes", "content", "listed", "place", "read", "updated", "write"]
 
@@ -62,8 +63,9 @@ def write(path: Path, found: Mapping[str, Any], model: str) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise refused(path.parent, error) from None
-    head = f"# Section moments of {model} by quantity and impact, and the scene that they speak of; written by pytest\n"
-    write_whole(path, f"{head}# --rattle-baselines=record (or =regenerate).\n\n{tomli_w.dumps(found)}")
+    what = f"Section moments of {line(model)} by quantity and impact, and the scene that they speak of"
+    head = f"# {what}; written by pytest\n# --rattle-baselines=record (or =regenerate).\n\n"
+    write_whole(path, head + tomli_w.dumps(found))
 
 
 def _flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
@@ -114,7 +116,7 @@ def listed(changed: Changes) -> list[str]:
     >>> listed({"values.y1.2": (0.5, 0.6), "scene.sigma": (0.1, None)})
     ['  values.y1.2: 0.5 -> 0.6', '  scene.sigma: 0.1 -> nothing']
     """
-    return [f"  {key}: {_text(old)} -> {_text(new)}" for key, (old, new) in changed.items()]
+    return [f"  {line(f'{key}: {_text(old)} -> {_text(new)}')}" for key, (old, new) in changed.items()]
 
 
 def _text(value: object) -> str:

@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from compare.moments import Tolerances
+from compare.thresholds.settings import UNDECIDED
 from montecarlo import SCHEMES, check_settings, default_step
+from montecarlo.settings import MOST_PATHS
 from scene.errors import FileError, InputError
 from scene.moments import SECTION, STATE
 from scene.scene import Scene
@@ -16,11 +18,16 @@ from scene.validate import choice, count, known_keys, positive
 __all__ = ["Allowed", "Claim", "Row", "merged", "read_claim"]
 
 MOMENTS = ("mean", "sd")
-OPTIONS = ("scene", "impacts", "quantities", "moments", "within", "absolute", "paths", "accuracy", "scheme")
-RIVALS = ({"within", "absolute"}, {"paths", "accuracy"})
+OPTIONS = (
+    "scene", "impacts", "quantities", "moments", "within", "absolute", "paths", "budget", "accuracy", "scheme",
+    "undecided",
+)  # fmt: skip
+RIVALS = ({"within", "absolute"}, {"paths", "accuracy"}, {"budget", "accuracy"})
 """Options that say the same thing in two ways."""
+FEWEST = 1024
+"""Paths of which a standard error can be believed; two have none of an sd."""
 VARYING = ("tau", "y1", "y2")
-"""Quantities that vary at every impact; a displacement does not at the mesh that is struck."""
+"""Quantities that vary at every impact; a displacement is not judged at the mesh that is struck."""
 
 
 class Row(NamedTuple):
@@ -57,11 +64,15 @@ class Claim:
     allowed : dict of str to Allowed
         For each of the moments, ``mean`` and ``sd``.
     paths : int or None
-        Simulated paths; None for those of the session's profile.
+        Simulated paths to begin with; None for those of the session's profile.
+    budget : int or None
+        Most paths while it is undecided; None for what the session says.
     accuracy : float or None
         Or simulate to this accuracy, see `montecarlo.simulate`.
     scheme : str
         Of the simulation.
+    undecided : str or None
+        What becomes of the test if its budget cannot decide it, ``fail`` or ``skip``; None for what the session says.
     """
 
     scene: Scene
@@ -69,8 +80,10 @@ class Claim:
     quantities: tuple[str, ...]
     allowed: Mapping[str, Allowed]
     paths: int | None = None
+    budget: int | None = None
     accuracy: float | None = None
     scheme: str = "exact-flight"
+    undecided: str | None = None
 
     @cached_property
     def rows(self) -> tuple[Row, ...]:
@@ -106,7 +119,7 @@ def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
     options : mapping
         Of the marker: ``scene`` (a Scene, or a TOML file), ``impacts`` (the first so many, or a list), ``quantities``,
         ``moments``, ``within`` (allowed error in sds of the quantity) or ``absolute``, each a number or one for each
-        moment, ``paths`` or ``accuracy``, and ``scheme``.
+        moment, ``paths`` and ``budget`` or ``accuracy``, ``scheme``, and ``undecided``.
     folder : Path
         Where a scene file is looked for: the test's own.
 
@@ -129,18 +142,25 @@ def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
     quantities = _names("quantities", options.get("quantities", [q for q in VARYING if q in valid]), valid)
     moments = _names("moments", options.get("moments", MOMENTS), MOMENTS)
     impacts = _impacts(options.get("impacts", 4))
-    paths, accuracy = options.get("paths"), options.get("accuracy")
-    if paths is not None and accuracy is not None:
-        raise InputError("accuracy", accuracy, f"chooses the number of paths itself; leave out paths = {paths!r}")
+    paths, budget, accuracy = (options.get(name) for name in ("paths", "budget", "accuracy"))
+    for name, value in (("paths", paths), ("budget", budget)):
+        if value is not None and accuracy is not None:
+            raise InputError("accuracy", accuracy, f"chooses the number of paths itself; leave out {name} = {value!r}")
     if accuracy is not None:
         positive("accuracy", accuracy)
+    if paths is not None:
+        count("paths", paths, least=FEWEST)
+    if budget is not None:
+        count("budget", budget, most=MOST_PATHS)
+    if (undecided := options.get("undecided")) is not None:
+        choice("undecided", undecided, UNDECIDED)
     kind = SCHEMES[choice("scheme", scheme := options.get("scheme", "exact-flight"), SCHEMES)]
     biased = kind.weak_order is not None
     check_settings(
         scene, paths=1 if paths is None else paths, impacts=impacts[-1], scheme=scheme, rng=0, workers=1,
         dt=default_step(scene, scheme, biased) if accuracy is None else 1e-12, step_bias=biased,
     )  # fmt: skip
-    return Claim(scene, impacts, quantities, _allowed(options, moments), paths, accuracy, scheme)
+    return Claim(scene, impacts, quantities, _allowed(options, moments), paths, budget, accuracy, scheme, undecided)
 
 
 def _scene(given: object, folder: Path) -> Scene:

@@ -7,6 +7,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from compare.style import ACCURATE, STYLE, SYMBOL, new_figure
+from scene.text import line
 
 __all__ = ["error_figure"]
 
@@ -53,7 +54,7 @@ def error_figure(table: pd.DataFrame, model: str) -> Figure:
     ax.set_xlabel("error and its interval, in sds of the quantity")
     worst = f" (the worst {MOST} of {len(table)} rows)" if len(table) > MOST else ""
     colour = STYLE.get(model, {"color": "k"})["color"]
-    ax.set_title(f"{model[:60]}{worst}", loc="left", fontweight="bold", parse_math=False, color=colour)
+    ax.set_title(f"{line(model)[:60]}{worst}", loc="left", fontweight="bold", parse_math=False, color=colour)
     shown = [o for o in MARKS if (rows["outcome"] == o).any()]
     handles = [Line2D([], [], color=MARKS[o][0], marker=MARKS[o][1], ms=6, label=o) for o in shown]
     figure.legend(

@@ -10,11 +10,12 @@ import pytest
 
 from compare.thresholds import baseline
 from compare.thresholds.claim import Claim
-from compare.thresholds.judging import errors_of, judged
-from compare.thresholds.messages import deciding, failure_text, undecided_text
+from compare.thresholds.looks import decide
+from compare.thresholds.messages import deciding, failure_text, remedies, undecided_text
 from compare.thresholds.prediction import Model, Prediction, predict
 from compare.thresholds.sessions import Thresholds
 from scene.errors import RattleError
+from scene.text import harmless
 
 __all__ = ["Rattle"]
 
@@ -38,7 +39,9 @@ class Rattle:
         """Hold a model's section moments against the simulation of the marker's scene.
 
         The test fails if the whole interval of an error lies outside what is allowed, and passes if all intervals lie
-        inside; else it is undecided, and skipped or failed as ``--rattle-undecided`` says.
+        inside.  Else it is undecided, and is looked at with more paths, up to its budget (`compare.thresholds.looks`).
+        Where that does not decide it, it fails, unless the marker's ``undecided`` or ``--rattle-undecided`` has it
+        skipped.
 
         Parameters
         ----------
@@ -53,23 +56,24 @@ class Rattle:
         """
         self._once("check")
         prediction = self._guarded(lambda: predict(model, self.claim))
-        drawn = self._guarded(lambda: self._thresholds.ensemble(self.claim))
         session = self._thresholds
-        table = judged(errors_of(prediction, drawn.run, self.claim), session.z)
+        table, drawn = self._guarded(lambda: decide(prediction, self.claim, session))
+        run = drawn[-1].run
         counts = table["outcome"].value_counts()
         failed, undecided = int(counts.get("fail", 0)), int(counts.get("undecided", 0))
         self._record(
             kind="check", model=prediction.reading, rows=len(table), failed=failed, undecided=undecided, z=session.z,
-            all_rows=session.rows, rate=session.settings.false_alarm, computed=drawn.computed, seconds=drawn.seconds,
+            all_rows=session.rows, looks=session.looks, rate=session.settings.false_alarm, drawn=len(drawn),
+            computed=sum(d.computed for d in drawn), seconds=sum(d.seconds for d in drawn), paths=run.paths,
             decide=deciding(table), folder=self._shown(session.folder),
         )  # fmt: skip
         if failed:
-            self._fail(failure_text(prediction.reading, table, drawn.run, session.z) + self._figure(prediction, table))
+            self._fail(failure_text(prediction.reading, table, run, session.z) + self._figure(prediction, table))
         if undecided:
-            text = undecided_text(prediction.reading, table, drawn.run, session.z)
-            if session.settings.undecided == "fail":
-                self._fail(text + self._figure(prediction, table))
-            pytest.skip(f"rattle: {text}")
+            text = undecided_text(prediction.reading, table, run, session.z)
+            if (self.claim.undecided or session.settings.undecided) == "skip":
+                pytest.skip(harmless(f"rattle: {text}"))
+            self._fail(f"{text}\n{remedies(table, self.claim)}{self._figure(prediction, table)}")
         return table
 
     def baseline(self, model: Model, *, relative: float = 1e-9, absolute: float = 1e-12) -> None:
@@ -125,7 +129,7 @@ class Rattle:
         self._fail(refusal)
 
     def _fail(self, text: str) -> NoReturn:
-        pytest.fail(f"rattle: {text}", pytrace=False)
+        pytest.fail(harmless(f"rattle: {text}"), pytrace=False)
 
     def _record(self, **facts: Any) -> None:
         self._item.user_properties.append(("rattle", facts))

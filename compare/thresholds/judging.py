@@ -3,8 +3,9 @@
 import numpy as np
 import pandas as pd
 
-from compare.moments import Claimed, Simulated, Tolerances, judge, section_errors
+from compare.moments import RULE, Claimed, Simulated, Tolerances, judge, section_errors
 from compare.thresholds.claim import Claim
+from scene.errors import InputError
 
 __all__ = ["OUTCOMES", "errors_of", "judged"]
 
@@ -22,11 +23,19 @@ def errors_of(prediction: Claimed, run: Simulated, claim: Claim) -> pd.DataFrame
     -------
     DataFrame
         Columns as of `compare.moments.section_errors`; ``error`` is absolute, ``unit`` the sd of the quantity (1 where
-        it does not vary), ``noise`` one standard error.
+        it does not vary), ``noise`` one standard error.  Only rows that are judged (`compare.moments.RULE`).
+
+    Raises
+    ------
+    InputError
+        If not one of the rows is judged.
     """
     table = section_errors(prediction, run, 1.0, Tolerances(0.0, 0.0, 0.0))
     places = pd.MultiIndex.from_frame(table[["moment", "quantity", "impact"]])
     rows = table.iloc[places.get_indexer(pd.MultiIndex.from_tuples(claim.rows))].reset_index(drop=True)
+    rows = rows[rows["judged"]].reset_index(drop=True)
+    if rows.empty:
+        raise InputError("quantities", claim.quantities, f"not one row of them is judged; add tau or y1. {RULE}")
     error = rows["moment"].map({m: a.error for m, a in claim.allowed.items()}).astype(float)
     in_sd = rows["moment"].map({m: a.in_sd for m, a in claim.allowed.items()}).astype(bool)
     rows["noise"] += np.where(in_sd, error * rows["se_unit"], 0.0)

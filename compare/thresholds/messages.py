@@ -5,9 +5,13 @@ import math
 import pandas as pd
 
 from compare.study.cell import Sampled
+from compare.thresholds.claim import Claim
 from compare.thresholds.summary import decided_by
 
-__all__ = ["deciding", "failure_text", "row_table", "undecided_text"]
+__all__ = ["deciding", "failure_text", "remedies", "row_table", "undecided_text"]
+
+MARGIN = 2.0
+"""Times the number of paths that should decide, worth giving: the error from which it is found moves as well."""
 
 
 def row_table(rows: pd.DataFrame) -> str:
@@ -63,3 +67,30 @@ def undecided_text(model: str, table: pd.DataFrame, run: Sampled, z: float) -> s
     rows = table[table["outcome"] == "undecided"]
     remedy = decided_by(deciding(table))
     return f"{model} is undecided in {len(rows)} of {len(table)} rows; {remedy}\n{_means(rows, run, z)}"
+
+
+def remedies(table: pd.DataFrame, claim: Claim) -> str:
+    """What can be done about undecided rows, in words.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from compare.thresholds.claim import read_claim
+    >>> from scene import DAT21, Scene
+    >>> claim = read_claim({"scene": Scene.from_gears(DAT21, sigma=0.1), "within": 0.01}, Path())
+    >>> print(remedies(pd.DataFrame({"outcome": ["undecided"], "paths_needed": [410_000.0]}), claim))
+    Undecided is not passed. Give it more paths (budget=820_000 in its marker, or --rattle-budget), allow a larger error
+    (within), or let it be undecided (undecided="skip" in its marker, or --rattle-undecided=skip).
+    """
+    needed = MARGIN * deciding(table)
+    if not math.isfinite(needed):
+        more = ""
+    elif claim.accuracy is not None:
+        more = f"Ask for a smaller accuracy than {claim.accuracy:g}, allow"
+    else:
+        more = f"Give it more paths (budget={float(f'{needed:.2g}'):_.0f} in its marker, or --rattle-budget), allow"
+    given = " or ".join(dict.fromkeys("within" if a.in_sd else "absolute" for a in claim.allowed.values()))
+    return (
+        f"Undecided is not passed. {more or 'Allow'} a larger error\n({given}), or let it be undecided "
+        '(undecided="skip" in its marker, or --rattle-undecided=skip).'
+    )

@@ -10,20 +10,22 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import pytest
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from compare.thresholds.claim import Claim
     from compare.thresholds.fixture import Rattle
     from compare.thresholds.sessions import Thresholds
 
-__all__ = ["CLAIM", "THRESHOLDS", "rattle"]
+__all__ = ["CLAIM", "REFUSED", "THRESHOLDS", "rattle"]
 
 THRESHOLDS: pytest.StashKey[Thresholds] = pytest.StashKey()
 CLAIM: pytest.StashKey[Claim] = pytest.StashKey()
-REFUSED: pytest.StashKey[str] = pytest.StashKey()
+REFUSED: pytest.StashKey[Exception] = pytest.StashKey()
 
 MARKER = (
     "rattle(scene, impacts=4, quantities=('tau', 'y1', 'y2'), moments=('mean', 'sd'), within={'mean': 0.05, 'sd': 0.1}"
-    ", absolute=None, paths=None, accuracy=None, scheme='exact-flight'): section moments of a closure, and the error "
-    "that they may have, in sds of the quantity (within) or absolute."
+    ", absolute=None, paths=None, budget=None, accuracy=None, scheme='exact-flight', undecided=None): section moments "
+    "of a closure, and the error that they may have, in sds of the quantity (within) or absolute."
 )
 
 
@@ -44,8 +46,9 @@ class Option(NamedTuple):
 
 OPTIONS = (
     Option("rattle-false-alarm", "0.01", "Probability that a session fails although every claim in it is true."),
-    Option("rattle-undecided", "skip", "What becomes of a test that more paths would decide.", ("skip", "fail")),
-    Option("rattle-profile", "quick", "Simulated paths: quick 32768, full 1048576.", ("quick", "full")),
+    Option("rattle-undecided", "fail", "What becomes of a test that its budget cannot decide.", ("fail", "skip")),
+    Option("rattle-profile", "quick", "Simulated paths to begin with: quick 32768, full 1048576.", ("quick", "full")),
+    Option("rattle-budget", "", "Most paths for a test that is undecided. [default: 8 times those it begins with]"),
     Option("rattle-cache", "", "Folder of simulated ensembles. [default: in pytest's cache]"),
     Option("rattle-seed", "0", "Seed of the simulations."),
     Option("rattle-workers", "1", "Threads of a simulation; the result does not depend on it."),
@@ -60,7 +63,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Options on the command line and in the configuration file, where the command line wins."""
     group = parser.getgroup("rattle", "accuracy thresholds")
     for option in OPTIONS:
-        text = option.help if option.name == "rattle-cache" else f"{option.help} [default: {option.default}]"
+        text = f"{option.help} [default: {option.default}]" if option.default else option.help
         group.addoption(f"--{option.name}", dest=option.key, default=None, choices=option.choices, help=text)
         if option.lasting:
             parser.addini(option.key, option.help, default=option.default)
@@ -74,33 +77,49 @@ def option_value(config: pytest.Config, option: Option) -> str:
     return str(given)
 
 
+def chosen(config: pytest.Config) -> dict[str, str]:
+    """What the user has chosen, by option."""
+    return {option.key: option_value(config, option) for option in OPTIONS}
+
+
 def pytest_configure(config: pytest.Config) -> None:
-    """Make the marker known."""
+    """Make the marker known, and refuse a wrong option before anything is collected."""
     config.addinivalue_line("markers", MARKER)
+    if chosen(config) != {option.key: option.default for option in OPTIONS}:
+        from compare.thresholds.settings import read_settings
+        from scene.errors import InputError
+
+        try:
+            read_settings(chosen(config))
+        except InputError as error:
+            raise pytest.UsageError(str(error)) from None
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_finish(session: pytest.Session) -> None:
     """Read the claims of the tests that were selected; the number of their rows fixes the intervals of all."""
     marked = [item for item in session.items if item.get_closest_marker("rattle")]
-    if not marked:
-        return
-    from compare.thresholds.sessions import thresholds_of
-    from scene.errors import RattleError
+    if marked:
+        from compare.thresholds.sessions import thresholds_of
+        from compare.thresholds.settings import read_settings
 
-    try:
-        chosen = {option.key: option_value(session.config, option) for option in OPTIONS}
-        session.config.stash[THRESHOLDS] = thresholds_of(marked, chosen, session.config)
-    except RattleError as error:
-        if not hasattr(session.config, "workerinput"):
-            raise pytest.UsageError(str(error)) from None
-        for item in marked:  # a worker of xdist that ends here would take the whole session down without a word
-            item.stash[REFUSED] = str(error)
+        session.config.stash[THRESHOLDS] = thresholds_of(marked, read_settings(chosen(session.config)), session.config)
+
+
+def pytest_report_collectionfinish(config: pytest.Config, items: Sequence[pytest.Item]) -> list[str]:
+    """Markers that cannot be read, where no test is run that would say so."""
+    refused = [item for item in items if REFUSED in item.stash] if config.option.collectonly else []
+    return [f"rattle: {item.nodeid}: {item.stash[REFUSED]}" for item in refused]
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Where the claims of the session could not be read, no test that makes one can speak."""
+    """A marker that could not be read is an error of its own test, and of no other."""
     if REFUSED in item.stash:
-        pytest.fail(item.stash[REFUSED], pytrace=False)
+        from scene.errors import RattleError
+
+        if isinstance(error := item.stash[REFUSED], RattleError):
+            pytest.fail(f"rattle: {error}", pytrace=False)
+        raise error
 
 
 @pytest.fixture
@@ -123,7 +142,8 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
     records = {(test, facts["kind"]): (test, facts) for test, facts in found}  # reports of subtests repeat them
     if records:
         from compare.thresholds.summary import summary_lines
+        from scene.text import harmless
 
         terminalreporter.section("rattle: accuracy thresholds")
         for line in summary_lines(list(records.values())):
-            terminalreporter.write_line(line)
+            terminalreporter.write_line(harmless(line))

@@ -26,32 +26,33 @@ def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[
     Examples
     --------
     >>> facts = {"kind": "check", "model": "mended", "rows": 4, "failed": 1, "undecided": 0, "z": 3.2905}
-    >>> facts |= {"all_rows": 10, "rate": 0.01, "computed": True, "seconds": 1.5, "decide": 0.0, "folder": "cache"}
+    >>> facts |= {"all_rows": 10, "looks": 40, "rate": 0.01, "drawn": 2, "computed": 1, "seconds": 1.5, "decide": 0.0}
+    >>> facts |= {"folder": "cache"}
     >>> print("\\n".join(summary_lines([("test_a", facts)])))
     checks     4 rows in 1 test: 3 passed, 1 failed, 0 undecided
-    intervals  3.29 standard errors, for a false-alarm rate of 0.01 over the 10 rows that were collected
-    ensembles  1 simulated in 1.5 s, 0 from the cache cache
+    intervals  3.29 standard errors, for a false-alarm rate of 0.01 over up to 40 looks at the 10 rows collected
+    ensembles  1 simulated in 1.5 s, 1 from the cache cache
     """
     checks = [(test, facts) for test, facts in records if facts["kind"] == "check"]
     if checks:
         rows, failed, undecided = (sum(f[name] for _, f in checks) for name in ("rows", "failed", "undecided"))
-        computed = sum(f["computed"] for _, f in checks)
+        drawn, computed = (sum(f[name] for _, f in checks) for name in ("drawn", "computed"))
         first = checks[0][1]
         yield (
             f"checks     {rows} rows in {len(checks)} test{'s' * (len(checks) > 1)}: "
             f"{rows - failed - undecided} passed, {failed} failed, {undecided} undecided"
         )
         yield (
-            f"intervals  {first['z']:.2f} standard errors, for a false-alarm rate of {first['rate']:g} over the "
-            f"{first['all_rows']} rows that were collected"
+            f"intervals  {first['z']:.2f} standard errors, for a false-alarm rate of {first['rate']:g} over up to "
+            f"{first['looks']} looks at the {first['all_rows']} rows collected"
         )
         yield (
             f"ensembles  {computed} simulated in {sum(f['seconds'] for _, f in checks):.1f} s, "
-            f"{len(checks) - computed} from the cache {first['folder']}"
+            f"{drawn - computed} from the cache {first['folder']}"
         )
     for test, facts in checks:
         if facts["undecided"]:
-            yield f"undecided  {test} ({facts['model']}): {decided_by(facts['decide'])}"
+            yield f"undecided  {test} ({facts['model']}) after {facts['paths']:,} paths: {decided_by(facts['decide'])}"
     compared = [(test, facts["done"]) for test, facts in records if facts["kind"] == "baseline"]
     if compared:
         written = [done for _, done in compared if done]

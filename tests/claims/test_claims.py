@@ -94,6 +94,14 @@ def test_a_right_mean_map_would_reproduce_the_claim(evidence):
     )
 
 
+def test_a_mean_map_that_too_few_paths_can_judge_is_undecided(evidence):
+    last = evidence.validations[-1]
+    planted = replace(last, table=last.table.assign(verdict="undecided"))
+    assert (
+        of_moments.describes(replace(evidence, validations=[*evidence.validations[:-1], planted])).verdict == UNDECIDED
+    )
+
+
 def test_a_section_of_few_points_is_not_fuzzy(evidence):
     section = evidence.chaos.sections["orbit"]
     few = np.zeros_like(section.counts)

@@ -14,7 +14,9 @@ import pytest
 from click.testing import CliRunner
 
 from compare.__main__ import EXIT_NOT_MET, EXIT_NOT_REPEATED, main
+from compare.moments import RULE, VERDICTS
 from compare.report import CONTENTS
+from compare.validity_range import ACCURATE, NOT_WRONG
 from scene import DAT21, Scene, Start
 
 SWEPT = ["--paths", "600", "--impacts", "3", "--dt", "0.01", "--frontier", "0.01:1:3", "--frontier-paths", "600"]
@@ -40,6 +42,13 @@ def test_report_folder_is_complete(report):
     page = (report / "report.md").read_text()
     for link in re.findall(r"\]\((figures/[^)]+)\)", page):
         assert (report / link).is_file()
+
+
+def test_page_states_once_what_is_judged_and_speaks_in_three_phrases(report):
+    page = (report / "report.md").read_text()
+    assert page.count(RULE) == 1
+    assert f"| {ACCURATE} impact | {NOT_WRONG} |" in page
+    assert "refuted" not in page
 
 
 def test_page_begins_with_the_answer(report):
@@ -85,7 +94,7 @@ def test_table_is_the_same_in_both_forms(report):
     csv, parquet = pd.read_csv(report / "table.csv"), pd.read_parquet(report / "table.parquet")
     pd.testing.assert_frame_equal(csv, parquet, check_dtype=False, rtol=1e-15)
     assert set(csv["sigma"]) == {0.1, 1.0}
-    assert set(csv["verdict"]) <= {"accurate", "inaccurate", "undecided", "not predicted"}
+    assert set(csv["verdict"]) <= set(VERDICTS)
 
 
 def test_repeats_bit_for_bit_for_any_workers(report, tmp_path):
@@ -123,6 +132,52 @@ def test_scene_file_in_either_form(tmp_path):
     (tmp_path / "gears.toml").write_text(Scene.from_gears(DAT21, sigma=0.3).to_toml())
     rattle(tmp_path / "gears.toml", *SMALL, "--reading", "mended", "--out", tmp_path / "gears")
     assert set(pd.read_csv(tmp_path / "gears" / "table.csv")["sigma"]) == {0.3}
+
+
+def captions(page):
+    """What is said beneath the figures of a page."""
+    return "\n".join(re.findall(r"!\[([^\]]*)\]", page))
+
+
+def test_a_reading_that_cannot_take_the_scene_is_named_with_the_reason(tmp_path):
+    flying = Scene.from_gears(DAT21, sigma=0.1, start=Start(0.0, 0.1, 1.0, 0.1, -1.0))
+    (tmp_path / "flying.toml").write_text(flying.to_toml())
+    result = rattle(tmp_path / "flying.toml", *SMALL, "--out", tmp_path / "o")
+    page = (tmp_path / "o" / "report.md").read_text()
+    for said in (result.stdout, page):
+        assert "Left out: printed (start.mesh = 0: the printed reading needs a start at mesh 1 (Eq. 10))." in said
+    assert set(pd.read_csv(tmp_path / "o" / "table.csv")["reading"]) == {"mended", "saltation", "branching"}
+    refused = rattle(tmp_path / "flying.toml", *SMALL, "--reading", "printed", "--out", tmp_path / "p", code=2)
+    assert "start.mesh = 0" in refused.stderr
+
+
+def test_no_reading_is_left_out_for_a_random_tolerance(tmp_path):
+    """The scene file of the README, in a few paths."""
+    text = (Path(__file__).parents[2] / "README.md").read_text()
+    (scene,) = (block for block in re.findall(r"```toml\n(.*?)```", text, re.DOTALL) if "[scene.tolerance]" in block)
+    (tmp_path / "scene.toml").write_text(scene)
+    result = rattle(tmp_path / "scene.toml", *SMALL, "--out", tmp_path / "o")
+    assert "Left out" not in result.stdout
+    table = pd.read_csv(tmp_path / "o" / "table.csv")
+    assert set(table["reading"]) == {"printed", "mended", "saltation", "branching"}
+    assert "Dashed" in captions((tmp_path / "o" / "report.md").read_text())
+
+
+@pytest.mark.parametrize(
+    ("words", "drawn", "absent"),
+    [
+        (("saltation", 0.1), ("Filled", "Open", "Edgeworth"), ("branching", "Dashed", "mixture", "cross marks")),
+        (("branching", 0.1), ("Dashed", "mixture"), ("Filled", "Open", "shaded", "Edgeworth", "cross marks")),
+        (("saltation", 0.0), (), ("Filled", "Open", "Edgeworth", "Dashed", "cross marks")),
+        (("printed", 1.0), ("Filled", "Open", "cross marks"), ("Dashed", "mixture")),
+    ],
+)
+def test_captions_speak_of_what_is_drawn(tmp_path, words, drawn, absent):
+    reading, sigma = words
+    rattle(*SMALL, "--sigma", sigma, "--reading", reading, "--out", tmp_path / "o")
+    said = captions((tmp_path / "o" / "report.md").read_text())
+    assert all(word in said for word in drawn), said
+    assert not [word for word in absent if word in said], said
 
 
 BAD = {
@@ -229,6 +284,6 @@ def test_committed_report_is_of_this_code():
     from compare.manifest import digest, read_settings
 
     folder = Path(__file__).resolve().parents[2] / "reports" / "dat21"
-    settings, expected = read_settings(folder / "manifest.json")
+    settings, expected, _ = read_settings(folder / "manifest.json")
     assert digest((folder / "table.csv").read_text()) == expected["table_sha256"]
     np.testing.assert_allclose([s.sigma for s in settings.scenes], [0.01, 0.1, 1.5**0.5])

@@ -1,10 +1,14 @@
 """How far a reading can be believed, and the words for it."""
 
+from dataclasses import replace
+
 import pytest
 
 from compare import validate
 from compare.answer import answer, correlation_claim
-from compare.frontier import CAUSES, frontier, frontiers
+from compare.frontier import CAUSES, frontier, frontiers, judged_rows
+from compare.moments import JUDGED, NOT_JUDGED
+from compare.rows import count_table, reach_table
 from scene import DAT21, Scene
 
 
@@ -46,15 +50,17 @@ def test_an_end_that_more_paths_would_decide_is_called_undecided():
     assert found.not_refuted == 4
     assert found.accurate < 4
     assert found.cause == "undecided"
-    assert "undecided from impact" in found.why
+    assert found.why.startswith("undecided for want of paths")
+    assert f"from impact {found.accurate + 1} on" in found.why
 
 
 def test_answer_is_three_sentences_with_the_counts(validations):
     sentences = answer(validations)
     assert len(sentences) == 3
     rows = validations[0].table.query("reading == 'saltation' and kind == 'section'")
-    right, predicted = (rows["verdict"] == "accurate").sum(), (rows["verdict"] != "not predicted").sum()
-    assert f"saltation {right} of {predicted}" in sentences[0]
+    right, judged = (rows["verdict"] == "accurate").sum(), rows["verdict"].isin(JUDGED).sum()
+    assert judged == 6 * (12 - 2)  # all but the displacement at the struck mesh
+    assert f"saltation {right} of {judged}" in sentences[0]
     assert "printed reading stops being realizable at impact 2" in sentences[1]
 
 
@@ -66,3 +72,25 @@ def test_claim_about_rho_names_rule_and_impact(validations):
         correlation_claim([validate(Scene.from_gears(DAT21, sigma=0.01), impacts=1, readings=["mended"], paths=600)])
         == ""
     )
+
+
+def test_counts_frontier_answer_and_requirement_follow_one_rule():
+    """Strays alone make the sd of the displacement at the struck mesh: nothing that is said may depend on it."""
+    v = validate(Scene.from_gears(DAT21, sigma=0.1), impacts=3, readings=["saltation"], paths=60_000, rng=2)
+    struck = "x" + v.run.section["mesh"].astype(str)
+    wall = v.table["quantity"] == v.table["impact"].map(struck)
+    assert (wall == (v.table["verdict"] == NOT_JUDGED)).all()
+    outside = (v.table["low"] > v.table["tolerance"]) | (v.table["high"] < -v.table["tolerance"])
+    assert (outside & wall).any()  # by its interval alone one of them is wrong
+    only_wall = v.table.assign(verdict=v.table["verdict"].where(wall, "accurate"))
+    v = replace(v, table=only_wall)
+    assert v.accurate
+    found = frontier(v, "saltation")
+    assert (found.accurate, found.not_refuted) == (3, 3)
+    assert [row[2].text for row in reach_table(v).rows] == ["3"]
+    heads = [column.head for column in count_table(v).columns]
+    counts = [dict(zip(heads[2:], (int(cell.text) for cell in row[2:]), strict=True)) for row in count_table(v).rows]
+    assert [c["inaccurate"] + c["undecided"] for c in counts] == [0, 0, 0]
+    assert [c["not judged"] for c in counts] == [3, 3, 0]  # means, sds, rho
+    assert "saltation 30 of 30" in answer([v])[0]
+    assert len(judged_rows(v, "saltation")) == 30

@@ -5,9 +5,10 @@ import pytest
 
 from compare.answer import frontier_sentence
 from compare.frontier import Frontier, frontier
-from compare.frontier_plot import frontier_figure
+from compare.frontier_plot import FRONTIER, frontier_figure
 from compare.rows import frontier_table, speed_table
 from compare.speed import Speed
+from compare.style import caption_of
 from compare.sweep import grid, sweep
 from compare.validation import validate
 from scene import DAT21, InputError, Scene
@@ -71,7 +72,28 @@ def test_sentence_says_up_to_where_everything_is_right():
     rows = [ended(s, a, 4) for s, a in ((0.01, 4), (0.1, 4), (0.2, 3), (0.4, 4))]  # the last one is luck
     rows += [ended(s, 0, 0, reading="printed") for s in (0.01, 0.1, 0.2, 0.4)]
     sentence = frontier_sentence(pd.DataFrame(rows), 4)
-    assert "up to σ = 0.1 for saltation and at no σ for printed" in sentence
+    assert "saltation: accurate up to σ = 0.1, not shown wrong up to 0.4 (undecided for want of paths);" in sentence
+    assert "printed: shown wrong at σ = 0.01, the smallest." in sentence
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ([(0.01, 2, 4), (0.1, 4, 4)], "not shown wrong up to σ = 0.1 (undecided for want of paths)."),
+        ([(0.01, 4, 4), (0.1, 4, 4)], "accurate up to σ = 0.1."),
+        ([(0.01, 4, 4), (0.1, 0, 2)], "accurate up to σ = 0.01, shown wrong at 0.1."),
+        ([(0.01, 2, 4), (0.1, 0, 2)], "not shown wrong up to σ = 0.01 (undecided for want of paths), shown wrong at"),
+    ],
+)
+def test_undecided_is_neither_right_nor_wrong(rows, said):
+    sentence = frontier_sentence(pd.DataFrame([ended(*row) for row in rows]), 4)
+    assert said in sentence
+    assert "at no" not in sentence
+
+
+def test_a_reading_that_cannot_be_followed_is_not_called_wrong():
+    rows = [ended(0.01, 4, 4, "holds"), ended(0.1, 2, 2, "ended")]
+    assert "accurate up to σ = 0.01, not followed to its end at 0.1." in frontier_sentence(pd.DataFrame(rows), 4)
 
 
 @pytest.mark.parametrize("readings", [["saltation"], ["printed", "mended", "saltation"]])
@@ -83,3 +105,14 @@ def test_figure_has_a_panel_for_each_reading_and_every_cause_in_its_legend(readi
     assert "an impact grazes" in words
     assert "second order is no longer enough" in words
     assert "paths have left its itinerary" not in words
+
+
+def test_legend_and_caption_of_the_frontier_name_what_is_there():
+    """Two readings that hold everywhere: nothing is undecided, nothing refuted."""
+    holds = [ended(s, 4, 4) for s in (0.01, 0.1)]
+    for rows, undecided, refuted in ((holds, False, False), ([*holds, ended(0.2, 1, 2)], True, True)):
+        figure = frontier_figure(pd.DataFrame(rows), 4)
+        words = [text.get_text() for text in figure.legends[0].get_texts()]
+        said = caption_of(figure, FRONTIER)
+        assert ("undecided" in words, "refuted" in words) == (undecided, refuted)
+        assert ("undecided" in said, "refutes" in said) == (undecided, refuted)

@@ -37,6 +37,12 @@ def test_verdict(low, high, verdict):
     assert out["verdict"].item() == verdict
 
 
+def test_what_is_not_judged_has_no_other_verdict():
+    out = judge(rows(error=[0.0, 0.1], low=[-0.01, 0.09], high=[0.01, 0.11], judged=[False, True]))
+    assert out["verdict"].tolist() == ["not judged", "inaccurate"]
+    assert out["paths_needed"].isna().all()
+
+
 def test_no_prediction_is_no_verdict():
     out = judge(rows(closure=[np.nan], error=[np.nan], low=[np.nan], high=[np.nan]))
     assert out["verdict"].item() == "not predicted"

@@ -4,10 +4,14 @@ import os
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from small_disks import disk
 
+from scene.machine_code import PACKAGES, Sealed, source_digest
+
+ROOT = Path(__file__).resolve().parents[2]
 CODE = (
     "from scene.moments import gaussian_raw_moments as f;"
     "print(float(f(1.0, 0.5, 2.0, 4)[2, 2]), sum(f.stats.cache_hits.values()) if hasattr(f, 'stats') else 1)"
@@ -19,14 +23,22 @@ DAMAGE = {
 }
 
 
-def computed(cache):
-    """What a process prints that keeps its machine code in a folder: the number, and how much it had not to compile."""
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
-    done = subprocess.run([sys.executable, "-c", CODE], env=environment, capture_output=True, text=True, check=True)
-    assert done.stderr == ""
+def run(code=CODE, cwd=None, **environment):
+    """What a process computes, how much of it it had not to compile, and what it said; None unsets a variable."""
+    changed = {name: str(value) for name, value in environment.items() if value is not None}
+    kept = {name: value for name, value in os.environ.items() if name not in environment}
+    done = subprocess.run([sys.executable, "-c", code], env=kept | changed, cwd=cwd, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
     number, hits = done.stdout.split()
     assert float(number) == 2.5
-    return int(hits)
+    return int(hits), done.stderr
+
+
+def computed(cache):
+    """How much a process had not to compile that keeps its machine code in a folder, without a word."""
+    hits, said = run(NUMBA_CACHE_DIR=cache)
+    assert said == ""
+    return hits
 
 
 @pytest.fixture(scope="module")
@@ -37,9 +49,11 @@ def kept(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize(
-    ("kind", "damage"), [("nbi", "truncated"), ("nbi", "foreign"), ("nbc", "flipped"), ("nbc", "truncated")]
-)
+# --- damage
+
+
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+@pytest.mark.parametrize("damage", DAMAGE)
 def test_damaged_machine_code_is_compiled_again(kept, tmp_path, kind, damage):
     folder = shutil.copytree(kept, tmp_path / "code")
     (path,) = folder.rglob(f"*gaussian*.{kind}")
@@ -47,7 +61,158 @@ def test_damaged_machine_code_is_compiled_again(kept, tmp_path, kind, damage):
     assert computed(folder) == 0
 
 
+def test_no_flipped_bit_of_an_index_is_read(tmp_path):
+    """Numba unpickles its index: every single bit of it counts."""
+    file = Sealed(str(tmp_path), "f", b"the sources")
+    file.save(("signature", ("x86_64", "some processor", "+avx2"), ("code", "closure")), {"machine": "code"})
+    index = file._load_index()
+    assert len(index) == 1
+    path = tmp_path / "f.nbi"
+    content = path.read_bytes()
+    for bit in range(8 * len(content)):
+        at, mask = bit // 8, 1 << bit % 8
+        path.write_bytes(content[:at] + bytes([content[at] ^ mask]) + content[at + 1 :])
+        assert file._load_index() == {}, bit
+    path.write_bytes(content)
+    assert file._load_index() == index
+
+
 def test_without_room_it_is_compiled_every_time(tmp_path):
     with disk(tmp_path / "disk", "8k") as place:
         assert computed(place) == 0
         assert not list(place.rglob("*.nbc"))
+
+
+def test_a_folder_that_is_swept_away_in_use_breaks_nothing(kept, tmp_path):
+    """As another version of the sources does with it: what is not loaded yet is compiled, and kept if it can be."""
+    before = "import numba, pathlib, shutil; import scene.{}; folder = pathlib.Path(numba.config.CACHE_DIR); {};"
+    folder = shutil.copytree(kept, tmp_path / "code")
+    for module in ("compiled", "moments"):  # before numba has made a folder for the function, and after that
+        assert run(before.format(module, "shutil.rmtree(folder)") + CODE, NUMBA_CACHE_DIR=folder) == (0, "")
+    assert computed(folder) == 1
+    in_the_way = "shutil.rmtree(folder); folder.write_text('')"
+    assert run(before.format("moments", in_the_way) + CODE, NUMBA_CACHE_DIR=folder) == (0, "")
+
+
+# --- sources
+
+
+def test_every_source_however_deep_is_in_the_digest(tmp_path):
+    for package in PACKAGES:
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    nested = tmp_path / "closure" / "deep" / "deeper" / "new.py"
+    before = source_digest(tmp_path)
+    nested.parent.mkdir(parents=True)
+    nested.write_text("x = 1\n")
+    seen = {before, source_digest(tmp_path)}
+    sources = sorted(tmp_path.rglob("*.py"))
+    assert len(sources) > 50
+    for path in sources:
+        with path.open("a") as file:
+            file.write("# touched\n")
+        seen.add(source_digest(tmp_path))
+    nested.rename(nested.with_name("other.py"))
+    seen.add(source_digest(tmp_path))
+    assert len(seen) == len(sources) + 3
+
+
+def test_only_the_folders_of_earlier_sources_are_removed(kept, tmp_path):
+    folder = shutil.copytree(kept, tmp_path / "code")
+    (current,) = folder.iterdir()
+    _, user, installation, _ = current.name.split("-")
+    earlier, others = (
+        folder / f"rattle-{user}-{installation}-0123",
+        [folder / "numba", folder / f"rattle-{user}-ab-0123"],
+    )
+    for place in (earlier, *others):
+        place.mkdir()
+    assert computed(folder) == 1
+    assert sorted(folder.iterdir()) == sorted([current, *others])
+
+
+# --- where nothing can be written: files stand where folders would be, which stops a privileged process too
+
+
+@pytest.fixture
+def installed(tmp_path):
+    """An installation that nobody can write, and an environment without a home."""
+    place = tmp_path / "installed"
+    shutil.copytree(ROOT / "scene", place / "scene", ignore=shutil.ignore_patterns("__pycache__"))
+    (place / "scene" / "__pycache__").touch()
+    (tmp_path / "tmp").mkdir()
+    return {
+        "cwd": tmp_path, "PYTHONPATH": place, "HOME": "/dev/null", "TMPDIR": tmp_path / "tmp",
+        "NUMBA_CACHE_DIR": None, "XDG_CACHE_HOME": None,
+    }  # fmt: skip
+
+
+def test_a_read_only_installation_without_a_home(installed, tmp_path):
+    """A private folder among the temporary files, said by the process that compiles, and used again by the next."""
+    hits, said = run(**installed)
+    (folder,) = (tmp_path / "tmp").iterdir()
+    assert hits == 0
+    assert said.count("\n") == 1
+    assert said.endswith(f"cannot be written: machine code is kept in {folder}\n")
+    assert folder.stat().st_mode & 0o777 == 0o700
+    assert run(**installed) == (1, "")
+
+
+def test_a_home_is_better(installed, tmp_path):
+    hits, said = run(**installed | {"HOME": tmp_path / "home"})
+    (folder,) = (tmp_path / "home" / ".cache").iterdir()
+    assert hits == 0
+    assert said.endswith(f"machine code is kept in {folder}\n")
+    assert not list((tmp_path / "tmp").iterdir())
+
+
+def test_a_place_that_is_asked_for_and_cannot_be_written(installed, tmp_path):
+    (tmp_path / "file").touch()
+    hits, said = run(**installed | {"NUMBA_CACHE_DIR": tmp_path / "file" / "cache"})
+    assert hits == 0
+    assert said.startswith(f"rattle: {tmp_path / 'file' / 'cache'} cannot be written: machine code is kept in ")
+    assert said.count("\n") == 1
+
+
+def link_elsewhere(folder):
+    elsewhere = folder.parent.parent / "elsewhere"
+    elsewhere.mkdir(mode=0o700)
+    folder.symlink_to(elsewhere)
+
+
+NOT_OURS = {
+    "a link": link_elsewhere,
+    "a file": lambda folder: folder.touch(),
+}
+
+
+@pytest.mark.parametrize("kind", NOT_OURS)
+def test_a_temporary_folder_that_is_not_ours_alone_is_not_used(installed, tmp_path, kind):
+    """Whoever knows its name could have made it; machine code then goes with the process."""
+    run(**installed)
+    (folder,) = (tmp_path / "tmp").iterdir()
+    shutil.rmtree(folder)
+    NOT_OURS[kind](folder)
+    hits, said = run(**installed)
+    assert hits == 0
+    assert "machine code is kept in" in said
+    assert str(folder) not in said
+    assert [*(tmp_path / "tmp").iterdir()] == [folder]
+    assert not [p for p in tmp_path.rglob("*.nbi") if p.is_relative_to(tmp_path / "elsewhere") or folder in p.parents]
+
+
+def test_a_folder_that_was_open_to_others_is_made_anew(kept, tmp_path):
+    """They may have put something into it."""
+    folder = shutil.copytree(kept, tmp_path / "code")
+    (current,) = folder.iterdir()
+    current.chmod(0o755)
+    assert computed(folder) == 0
+    assert current.stat().st_mode & 0o777 == 0o700
+    assert computed(folder) == 1
+
+
+def test_nowhere_at_all(installed, tmp_path):
+    """Then nothing is kept, and it works all the same."""
+    code = f"import tempfile; tempfile._candidate_tempdir_list = lambda: ['/dev/null'];{CODE}"
+    hits, said = run(code, **installed)
+    assert hits in (0, 1)
+    assert said.endswith("cannot be written: machine code is not kept\n")

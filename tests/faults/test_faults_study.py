@@ -109,12 +109,42 @@ def test_a_log_that_cannot_grow_stops_nothing(file, tmp_path, capfd):
     assert "Logging error" not in capfd.readouterr().err
 
 
-def test_a_read_only_folder(file, finished, tmp_path):
+def test_a_finished_study_on_a_read_only_disk_shows_its_result(file, finished, tmp_path):
+    words = ("study", file, "--out", tmp_path / "disk" / "noise")
     with disk(tmp_path / "disk", "20m") as place:
-        rattle("study", file, "--out", place / "noise")
+        shutil.copytree(finished, place / "noise")
+        whole = rattle(*words)
         make_read_only(place)
-        assert "cannot be written" in rattle("study", file, "--out", place / "noise", code=2).output
+        shown = rattle(*words)
+        assert shown.stdout == whole.stdout
+        assert shown.stderr == whole.stderr == "All 4 cells are there, and the page is of them.\n"
+        assert json.loads(rattle(*words, "--json").stdout)["complete"]
+        assert "4 cells, 0 to compute" in rattle(*words, "--explain").stdout
+        assert "4 of 4 cells are there" in rattle(*words, "--status").stdout
         assert len(load(place / "noise").errors) == 32
+
+
+def test_what_a_finished_study_lacks_on_a_read_only_disk_is_said(file, finished, tmp_path):
+    words = ("study", file, "--out", tmp_path / "disk" / "noise")
+    answer = rattle("study", file).stdout.splitlines()
+    with disk(tmp_path / "disk", "20m") as place:
+        shutil.copytree(finished, place / "noise")
+        (place / "noise" / "study.toml").write_text("")
+        make_read_only(place)
+        shown = rattle(*words)
+        assert "study.toml': cannot be written (Read-only file system)" in shown.stderr
+        assert shown.stdout.splitlines()[:-1] == answer[:-1]
+        subprocess.run(["mount", "-o", "remount,rw", place], check=True)
+        (place / "noise" / MANIFEST).unlink()  # so the page is nobody's
+        make_read_only(place)
+        shown = rattle(*words)
+        assert "cannot be written" in shown.stderr
+        assert shown.stderr.endswith("all cells are there, their page is not written\n")
+        assert shown.stdout.splitlines() == answer[:-1]
+        subprocess.run(["mount", "-o", "remount,rw", place], check=True)
+        next((place / "noise" / CELLS).glob("*.parquet")).unlink()
+        make_read_only(place)
+        assert "cannot be written" in rattle(*words, code=2).output
 
 
 # --- damaged and newer

@@ -1,7 +1,9 @@
-"""Try very many scenes once: ``PYTHONPATH=. python tests/fuzz/campaign.py``.
+"""Try very many scenes once: ``PYTHONPATH=. python tests/fuzz/campaign.py [--space wide]``.
 
-Every scene goes through one entry point, drawn with the scene.  Finished chunks are kept in a working folder, so that
-the same command goes on where it was ended; the counts, their figure and what the slowest scenes were go to the report.
+Every scene goes through one entry point, drawn with the scene: near the paper's example and anywhere (`fuzz_space`), or
+log-uniform over all that is let in, from every door (`fuzz_wide`).  Finished chunks are kept in a working folder, so
+that the same command goes on where it was ended; the counts, their figure and what the slowest scenes were go to the
+report.
 """
 
 import argparse
@@ -9,33 +11,40 @@ import json
 import sys
 import time
 from collections import Counter
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import cache
 from math import log10
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import matplotlib.pyplot as plt
 import pandas as pd
 from fuzz_checks import check
 from fuzz_plan import BOUNDS, PLAN, examples, warm_up
-from fuzz_watched import Watched
+from fuzz_watched import Outcome, Watched
+from fuzz_wide_plan import WIDE, job
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 from tqdm import tqdm
 
 from compare import manifest
 from compare.folder import check_free, whole_folder
+from compare.json_text import json_text
 
-CHUNK = 500  # scenes
+CHUNK = 100  # scenes
 RARE = {"validate": 1, "branching": 4}  # in 100 scenes; the rest is shared by the others
 COLOURS = {"complete": "#0072b2", "stopped": "#e69f00", "refused": "#bbbbbb", "defect": "#000000"}  # for every eye
 NAMES = frozenset({"outcomes.csv", "summary.json", "outcomes.svg"})
 
 
+Job = tuple[str, dict[str, Any], dict[str, Any]]
+"""An entry point, a scene, and settings."""
+
+
 @st.composite
-def jobs(draw: st.DrawFn) -> tuple[str, dict[str, Any], dict[str, Any]]:
-    """An entry point, a scene, and settings."""
+def jobs(draw: st.DrawFn) -> Job:
+    """A job of the space near the paper's example."""
     often = [name for name in PLAN if name not in RARE]
     number, limit = draw(st.integers(0, 99)), 0
     for name, share in RARE.items():
@@ -44,6 +53,42 @@ def jobs(draw: st.DrawFn) -> tuple[str, dict[str, Any], dict[str, Any]]:
             return name, *draw(examples(name))
     name = often[number % len(often)]
     return name, *draw(examples(name))
+
+
+def near(visit: Callable[[Job], None], chunk: int, first_seed: int) -> None:
+    """Visit a chunk of scenes near the paper's example and beyond, by hypothesis."""
+
+    @seed(1_000_000 * first_seed + chunk)
+    @settings(
+        max_examples=CHUNK, database=None, deadline=None, phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
+    )  # fmt: skip
+    @given(jobs())
+    def visited(drawn: Job) -> None:
+        visit(drawn)
+
+    visited()
+
+
+def wide(visit: Callable[[Job], None], chunk: int, first_seed: int) -> None:
+    """Visit a chunk of scenes of all magnitudes that are let in."""
+    for number in range(CHUNK * chunk, CHUNK * (chunk + 1)):
+        visit(job(first_seed, number))
+
+
+class Space(NamedTuple):
+    """What is tried, and where the report goes."""
+
+    visit: Callable[[Callable[[Job], None], int, int], None]
+    entries: tuple[str, ...]
+    scenes: int
+    out: Path
+
+
+SPACES = {
+    "near": Space(near, tuple(PLAN), 100_000, Path("reports/fuzz")),
+    "wide": Space(wide, tuple(WIDE), 20_000, Path("reports/fuzz-wide")),
+}
 
 
 def decade(data: dict[str, Any]) -> int:
@@ -56,36 +101,32 @@ def decade(data: dict[str, Any]) -> int:
 
 
 @cache
-def _watched() -> Watched:
-    return Watched(check, BOUNDS, warm_up(*PLAN))
+def _watched(space: str) -> Watched:
+    return Watched(check, BOUNDS, warm_up(*SPACES[space].entries))
 
 
-def run_chunk(number: int, scenes: int, first_seed: int) -> dict[str, Any]:
-    """Counts by (entry, how it ended, why, decade), defects, and the slowest scene of each entry point."""
+def run_chunk(space: str, chunk: int, first_seed: int) -> dict[str, Any]:
+    """Counts by (entry, how it ended, why, decade), defects, seconds by entry, and the slowest scene of each."""
     counts: Counter[tuple[str, str, str, int]] = Counter()
+    seconds: Counter[str] = Counter()
     defects: list[dict[str, Any]] = []
     slowest: dict[str, Any] = {}
-    watched = _watched()
+    watched = _watched(space)
 
-    @seed(first_seed + number)
-    @settings(
-        max_examples=scenes, database=None, deadline=None, phases=[Phase.generate],
-        suppress_health_check=list(HealthCheck),
-    )  # fmt: skip
-    @given(jobs())
-    def tried(job: tuple[str, dict[str, Any], dict[str, Any]]) -> None:
-        found = watched.run(*job)
-        entry, data, _ = job
+    def visit(drawn: Job) -> None:
+        found: Outcome = watched.run(*drawn)
+        entry, data, _ = drawn
         ended, why = ("defect", found.ended) if found.defect else (found.ended, found.detail)
         counts[entry, ended, why, decade(data)] += 1
+        seconds[entry] += found.seconds
         if found.defect:
-            defects.append({"job": repr(job), "ended": found.ended, "detail": found.detail[-3000:]})
+            defects.append({"job": repr(drawn), "ended": found.ended, "detail": found.detail[-3000:]})
         elif found.seconds > slowest.get(entry, {"seconds": 0.0})["seconds"]:
-            slowest[entry] = {"seconds": round(found.seconds, 3), "job": repr(job)}
+            slowest[entry] = {"seconds": round(found.seconds, 3), "job": repr(drawn)}
 
-    tried()
+    SPACES[space].visit(visit, chunk, first_seed)
     rows = [[*key, count] for key, count in counts.items()]
-    return {"chunk": number, "rows": rows, "defects": defects, "slowest": slowest}
+    return {"chunk": chunk, "rows": rows, "defects": defects, "seconds": dict(seconds), "slowest": slowest}
 
 
 def gathered(chunks: list[dict[str, Any]]) -> tuple[pd.DataFrame, list[dict[str, Any]], dict[str, Any]]:
@@ -101,10 +142,11 @@ def gathered(chunks: list[dict[str, Any]]) -> tuple[pd.DataFrame, list[dict[str,
     return table, [d for c in chunks for d in c["defects"]], slowest
 
 
-def drawn(table: pd.DataFrame) -> Any:
+def drawn(table: pd.DataFrame, entries: tuple[str, ...]) -> Any:
     """Share of outcomes of each entry point over the time in which a typical path crosses the narrowest half gap."""
-    figure, axes = plt.subplots(3, 4, figsize=(11.0, 6.6), sharex=True, sharey=True, layout="constrained")
-    for ax, entry in zip(axes.flat, PLAN, strict=False):
+    rows = -(-(len(entries) + 1) // 4)  # a place is left for the legend
+    figure, axes = plt.subplots(rows, 4, figsize=(11.0, 2.2 * rows), sharex=True, sharey=True, layout="constrained")
+    for ax, entry in zip(axes.flat, entries, strict=False):
         part = table[table["entry"] == entry].pivot_table("scenes", "decade", "ended", "sum", fill_value=0)
         shares, bottom = part.div(part.sum(axis=1), axis=0), 0.0 * part.sum(axis=1)
         for ended, colour in COLOURS.items():
@@ -112,7 +154,7 @@ def drawn(table: pd.DataFrame) -> Any:
                 ax.bar(shares.index + 0.5, shares[ended], 1.0, bottom=bottom, color=colour, label=ended)
                 bottom = bottom + shares[ended]
         ax.set_title(f"{entry} ({int(part.to_numpy().sum()):,})", fontsize=9)
-    for ax in axes.flat[len(PLAN) :]:
+    for ax in axes.flat[len(entries) :]:
         ax.set_visible(False)
     figure.supxlabel("narrowest half gap over typical speed, log10")
     figure.supylabel("share of the scenes")
@@ -121,13 +163,13 @@ def drawn(table: pd.DataFrame) -> Any:
     return figure
 
 
-def report(out: Path, chunks: list[dict[str, Any]], facts: dict[str, Any]) -> dict[str, Any]:
+def report(out: Path, space: str, chunks: list[dict[str, Any]], facts: dict[str, Any]) -> dict[str, Any]:
     """Write the counts, the summary and the figure."""
     table, defects, slowest = gathered(chunks)
     tried = int(table["scenes"].sum())
     ended = table.groupby("ended")["scenes"].sum().to_dict()
     summary = {
-        "scenes": tried, "ended": {k: int(v) for k, v in ended.items()}, "defects": len(defects),
+        "space": space, "scenes": tried, "ended": {k: int(v) for k, v in ended.items()}, "defects": len(defects),
         "entries": {
             e: {str(k): int(v) for k, v in part.groupby("ended")["scenes"].sum().items()}
             for e, part in table.groupby("entry")
@@ -137,9 +179,9 @@ def report(out: Path, chunks: list[dict[str, Any]], facts: dict[str, Any]) -> di
     }  # fmt: skip
     with whole_folder(out, NAMES, overwrite=True) as folder:
         table.to_csv(folder / "outcomes.csv", index=False)
-        (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+        (folder / "summary.json").write_text(json_text(summary) + "\n", encoding="utf-8")
         plt.rcParams["svg.hashsalt"] = "rattle"
-        drawn(table).savefig(folder / "outcomes.svg", metadata={"Date": None})
+        drawn(table, SPACES[space].entries).savefig(folder / "outcomes.svg", metadata={"Date": None})
     for defect in defects:
         print(defect["ended"], defect["job"], defect["detail"], sep="\n", file=sys.stderr)
     return summary
@@ -148,21 +190,24 @@ def report(out: Path, chunks: list[dict[str, Any]], facts: dict[str, Any]) -> di
 def main() -> int:
     """Run what is missing of a campaign, and report."""
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--scenes", type=int, default=100_000)
+    options.add_argument("--space", choices=SPACES, default="near")
+    options.add_argument("--scenes", type=int, help=f"in whole chunks of {CHUNK}; 100 000 near, 20 000 wide by default")
     options.add_argument("--seed", type=int, default=0)
     options.add_argument("--workers", type=int, default=2)
     options.add_argument("--work", type=Path, default=Path("build/fuzz"), help="where finished chunks are kept")
-    options.add_argument("--out", type=Path, default=Path("reports/fuzz"))
-    given_options = options.parse_args()
-    check_free(given_options.out, NAMES, overwrite=True)
-    work = given_options.work / f"{manifest.commit()[:16]}-{given_options.seed}"
+    options.add_argument("--out", type=Path, help="reports/fuzz or reports/fuzz-wide by default")
+    asked = options.parse_args()
+    space = SPACES[asked.space]
+    out, scenes = asked.out or space.out, asked.scenes or space.scenes
+    check_free(out, NAMES, overwrite=True)
+    work = asked.work / f"{manifest.commit()[:16]}-{asked.space}-{asked.seed}"
     work.mkdir(parents=True, exist_ok=True)
-    numbers = range(-(-given_options.scenes // CHUNK))
+    numbers = range(-(-scenes // CHUNK))
     chunks = [json.loads(p.read_text(encoding="utf-8")) for n in numbers if (p := work / f"{n}.json").exists()]
     left = [n for n in numbers if not (work / f"{n}.json").exists()]
     started = time.perf_counter()
-    with ProcessPoolExecutor(given_options.workers) as pool:
-        futures = [pool.submit(run_chunk, n, CHUNK, 1_000_000 * given_options.seed) for n in left]
+    with ProcessPoolExecutor(asked.workers) as pool:
+        futures = [pool.submit(run_chunk, asked.space, n, asked.seed) for n in left]
         try:
             for future in tqdm(as_completed(futures), total=len(left), unit="chunk", disable=None):
                 chunk = future.result()
@@ -173,11 +218,9 @@ def main() -> int:
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
-    facts = {"seed": given_options.seed, "seconds_of_this_call": round(time.perf_counter() - started, 1)}
-    summary = report(given_options.out, sorted(chunks, key=lambda c: int(c["chunk"])), facts)
-    print(
-        f"{summary['scenes']:,} scenes: {summary['ended']}, {summary['defects']} defects; report in {given_options.out}"
-    )
+    facts = {"seed": asked.seed, "seconds_of_this_call": round(time.perf_counter() - started, 1)}
+    summary = report(out, asked.space, sorted(chunks, key=lambda c: int(c["chunk"])), facts)
+    print(f"{summary['scenes']:,} scenes: {summary['ended']}, {summary['defects']} defects; report in {out}")
     return 1 if summary["defects"] else 0
 
 

@@ -4,24 +4,25 @@ from collections.abc import Callable
 from typing import Any
 
 import fuzz_doors
+import fuzz_sampled
 import numpy as np
+from fuzz_files import simulate_file, study_file, validate_file
+from fuzz_must import FAINTEST, SLACK, Ended, has_verdicts, must, own, semidefinite
 
 from closure import READINGS, MeanMap, follow, mean_map
 from closure.long_orbit import LongOrbit
 from compare import validate
-from montecarlo import SCHEMES, simulate
+from montecarlo import SCHEMES
 from scene import Scene
 from scene.errors import RattleError
 from scene.flight import field
-from scene.moments import SECTION, STATE
+from scene.moments import STATE
 
 __all__ = ["ENTRIES", "check"]
 
 APART = 1e6
-MAY_REFUSE = frozenset({"dt", "clock", "tolerance.law", "start.mesh"})
-"""Settings that do not suit a scene; `branching` takes no random tolerance, `printed` no start in flight."""
-SLACK = 1e-9  # of a correlation and an eigenvalue, relative: rounding
-Ended = tuple[str, str]
+MAY_REFUSE = frozenset({"dt", "clock", "start.mesh"})
+"""Settings that do not suit a scene, where they are given; `printed` takes no start in flight."""
 
 
 def check(entry: str, *given: Any) -> Ended:
@@ -36,14 +37,9 @@ def check(entry: str, *given: Any) -> Ended:
         return ENTRIES[entry](scene, given[1])
     except RattleError as error:
         ended, field = fuzz_doors.refused(error, "")
-        must(field in MAY_REFUSE, f"refused for its {field}, though the door had let it in: {error}")
+        asked = field not in ("dt", "clock") or field in given[1]
+        must(field in MAY_REFUSE and asked, f"refused for its {field}, though the door had let it in: {error}")
         return ended, field
-
-
-def must(holds: Any, *what: Any) -> None:
-    """An invariant; what it is about goes into the message."""
-    if not np.all(holds):
-        raise AssertionError(" ".join(map(str, what)))
 
 
 def door(scene: Scene, settings: dict[str, Any]) -> Ended:
@@ -94,21 +90,21 @@ def reading(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
         m = mean_map(scene, impacts=settings["impacts"], reading=name, order=settings.get("order", 4))
         n, table = m.trace.found, m.section
         must((m.stopped == "") == (n == settings["impacts"]), "stopped", m.stopped, n)
-        own = [q for q in SECTION if scene.stages == 2 or q not in STATE[2:]]
+        names = own(scene)
         told = table.iloc[:n]
-        must(np.isfinite(told[own].to_numpy()), "means are not finite\n", told[own])
-        must(table.iloc[n:][own].isna().to_numpy(), "numbers beyond the end\n", table[own])
+        must(np.isfinite(told[names].to_numpy()), "means are not finite\n", told[names])
+        must(table.iloc[n:][names].isna().to_numpy(), "numbers beyond the end\n", table[names])
         must((told["flight"] >= 0.0) | ~told["realizable"], "time runs backwards", told["flight"])
         must(set(m.itinerary[:n]) <= {-2, -1, 1, 2} and set(m.itinerary[n:]) <= {0}, m.itinerary)
-        sds = told[[f"sd_{q}" for q in own]]
+        sds = told[[f"sd_{q}" for q in names]]
         must(~(sds < 0.0).to_numpy() & ~np.isinf(sds.to_numpy()), "sd\n", sds)
         must(~np.isinf(told.to_numpy(float)), "infinite\n", told)
-        if name in ("saltation", "branching"):
-            must(sds.notna().to_numpy(), "no sd\n", sds)
+        for column, silent in _unexplained(m, n).items():
+            must(~silent, "a number is missing without a reason:", column, "\n", told)
         if name in ("saltation", "mended"):
             covariance = m.trace.covariance[1 : n + 1, : 2 * scene.stages, : 2 * scene.stages]
             scales, well = _scales(m, n), told["realizable"].to_numpy()
-            _semidefinite(covariance[well], scales[well])
+            semidefinite(covariance[well], scales[well])
             for k in np.flatnonzero(~well & (told["flight"] >= 0.0)):  # sizes too far apart for the digits of a float
                 must(scales[k].max() > APART * scales[k][scales[k] > 0.0].min(), "not realizable", k, covariance[k])
         if name != "printed":
@@ -123,7 +119,7 @@ def reading(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
             late = 0.1 * (high - low) < np.spacing(abs(times)).max()  # a float cannot tell the times apart
             clock = m.clock(times[:0] if late else times)
             must(np.isfinite(clock[[*STATE[: 2 * scene.stages]]].to_numpy()), "clock\n", clock)
-        for q in own if n else ():
+        for q in names if n else ():
             density = m.density(n, q, np.array([table.loc[n, q]]))
             must(density is None or not np.isnan(density).any(), "density of", q, density)
         if m.stopped:
@@ -133,78 +129,32 @@ def reading(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
     return closure
 
 
-def scheme(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
-    """A simulation is the same on any number of workers, and its statistics belong to distributions."""
-
-    def ensemble(scene: Scene, settings: dict[str, Any]) -> Ended:
-        given = {"scheme": name, "keep_paths": True} | settings
-        run = simulate(scene, **given)
-        if settings["paths"] > 1024:
-            other = simulate(scene, **given, workers=2)
-            for column, values in run.columns.items():
-                must(_same(values, other.columns[column]), "workers change", column)
-        table, impacts = run.section, settings["impacts"]
-        own = [q for q in SECTION if scene.stages == 2 or q not in STATE[2:]]
-        reached = table["paths"].to_numpy()
-        must(np.diff(reached) <= 0, "paths", reached)
-        must(reached[-1] + run.unfinished == settings["paths"], "unfinished", run.unfinished, reached)
-        means = table[own].to_numpy()
-        must(np.isfinite(means[reached > 0]), "means are not finite\n", table[own])
-        must(np.isnan(means[reached == 0]), "means of nothing\n", table[own])
-        sds = table[[f"sd_{q}" for q in own]].to_numpy()
-        must(np.isfinite(sds[reached > 1]) & (sds[reached > 1] >= 0.0), "sds\n", sds)
-        errors = table[[f"se_{q}" for q in own]].to_numpy()
-        must(np.isfinite(errors[reached > 1]) & (errors[reached > 1] >= 0.0), "errors\n", errors)
-        must(~np.isinf(table.to_numpy(float)), "infinite\n", table.T)
-        must((table["agreement"] >= 0.0) & (table["agreement"] <= 1.0), "agreement", table["agreement"])
-        must(table["agreement"].diff().dropna() <= 0.0, "agreement rises", table["agreement"])
-        rho = table[["rho1", "rho2"]].to_numpy()
-        must(np.isnan(rho) | (abs(rho) <= 1.0 + SLACK), "rho", rho)
-        for k in range(impacts):
-            if reached[k] > 1:
-                _semidefinite(run.covariance[k : k + 1, : 1 + 2 * scene.stages, : 1 + 2 * scene.stages])
-        raw = np.asarray(run.raw)
-        _paths(scene, raw[..., [0, 1, 2, 3, 6]] if scene.stages == 1 else raw)
-        if "energy" in table:
-            must(table["energy"].isna() | (table["energy"] >= 0.0), "energy", table["energy"])
-        if settings.get("step_bias"):
-            must(~np.isinf(run.step_bias["bias"].to_numpy()), "bias")
-        if len(settings.get("clock", ())):
-            clock = run.clock()
-            must(np.isfinite(clock[[*STATE[: 2 * scene.stages]]].to_numpy()), "clock\n", clock)
-        return ("stopped", "unfinished paths") if run.unfinished else ("complete", "")
-
-    return ensemble
-
-
-def _paths(scene: Scene, raw: Any) -> None:
-    """Every path is causal and inside the widest its walls may be."""
-    tau, flight, code = raw[..., 0], raw[..., 1], raw[..., -1]
-    there = ~np.isnan(tau)
-    must(there[:, 1:] <= there[:, :-1], "a path comes back")
-    must(np.isfinite(raw[there]), "a path is not finite")
-    must(flight[there] >= 0.0, "a flight runs backwards")
-    must(np.isin(code[there], (-2, -1, 1, 2)), "itinerary")
-    c, at_rest = scene.tolerance, scene.phase
-    must(tau[there] >= at_rest, "before the start")
-    for i in range(scene.stages):
-        most = scene.windows[i] if c else (scene.gap1, scene.gap2)[i]
-        x, y = raw[..., 2 + 2 * i][there], raw[..., 3 + 2 * i][there]
-        hit = abs(code[there]) == i + 1
-        must(abs(x[hit]) <= most * (1.0 + SLACK), "beyond the widest wall", most, x[hit])
-        must(y[hit] * code[there][hit] >= 0.0, "not outward")
-
-
 def validation(scene: Scene, settings: dict[str, Any]) -> Ended:
     """Every row of a validation has a verdict; where there is one, numbers are behind it."""
-    found = validate(scene, **settings)
-    table = found.table
-    must(table["verdict"].isin(["accurate", "inaccurate", "undecided", "not predicted"]), table["verdict"].unique())
-    judged = table[table["verdict"].isin(["accurate", "inaccurate"])]
-    must(np.isfinite(judged[["closure", "monte_carlo", "error", "low", "high"]].to_numpy()), "judged\n", judged.T)
-    must(judged["low"] <= judged["high"], "interval")
-    must((table["agreement"].dropna() >= 0.0) & (table["agreement"].dropna() <= 1.0), "agreement")
+    has_verdicts(validate(scene, **settings).table)
     return "complete", ""
+
+
+def _unexplained(m: MeanMap, n: int) -> dict[str, Any]:
+    """Entries of the section that are NaN, and may not be, as far as the closure goes; by column, shape (n,).
+
+    ``printed`` and ``mended`` have no sds of times and no skewness, and no sd or correlation of a stage where its
+    moments are not realizable; ``saltation`` has a skewness from order 3 on; what does not vary has none, nor has what
+    varies so little that the cube of its sd is no float, and no correlation with anything; ``branching`` has no
+    correlations.
+    """
+    table, fixed = m.section.iloc[:n], m.reading in ("printed", "mended")
+    broken = ~table["realizable"].to_numpy(bool)
+    skewed = m.reading == "branching" or (m.reading == "saltation" and m.order >= 3)
+    missing = {}
+    for q in own(m.scene):
+        still, free = (table[f"sd_{q}"] ** 3 < FAINTEST).to_numpy(), fixed and q in ("tau", "flight")
+        missing[f"sd_{q}"] = table[f"sd_{q}"].isna().to_numpy() & ~(fixed & broken) & (not free)
+        missing[f"skew_{q}"] = table[f"skew_{q}"].isna().to_numpy() & ~still & skewed
+    for stage in range(1, m.scene.stages + 1) if m.reading != "branching" else ():
+        spread = np.array([np.diagonal(m.stage_covariance(k, stage)) for k in range(1, n + 1)]).reshape(n, 2)
+        missing[f"rho{stage}"] = table[f"rho{stage}"].isna().to_numpy() & (spread > 0.0).all(axis=1)
+    return missing
 
 
 def _scales(m: MeanMap, n: int) -> Any:
@@ -212,19 +162,6 @@ def _scales(m: MeanMap, n: int) -> Any:
     c, sd = m.scene.constants, np.nan_to_num(m.trace.sd[1 : n + 1])
     rate = [abs(field(c, t, s[1], s[3])) for t, s in zip(m.trace.tau[1 : n + 1], m.trace.mean[1 : n + 1], strict=True)]
     return (sd[:, 2:] + np.reshape(rate, (n, 4)) * sd[:, :1])[:, : 2 * m.scene.stages]
-
-
-def _semidefinite(covariance: Any, scales: Any = None) -> None:
-    for k, matrix in enumerate(covariance):
-        must(np.isfinite(matrix), "covariance is not finite", matrix)
-        scale = np.sqrt(np.abs(np.diagonal(matrix))) if scales is None else scales[k]
-        scale = np.where(scale > 0.0, scale, 1.0)
-        shape = matrix / scale / scale[:, None]  # as correlations: a small stage counts as much as a large one
-        must(np.linalg.eigvalsh(shape)[0] >= -SLACK, "covariance is not semidefinite", matrix, shape)
-
-
-def _same(a: Any, b: Any) -> bool:
-    return bool(np.array_equal(np.asarray(a), np.asarray(b), equal_nan=np.asarray(a).dtype.kind == "f"))
 
 
 def _reason(stopped: str) -> str:
@@ -239,5 +176,8 @@ DOORS: dict[str, Callable[..., Ended]] = {
 
 ENTRIES: dict[str, Callable[[Scene, dict[str, Any]], Ended]] = {
     "door": door, "orbit": orbit, "long orbit": long_orbit,
-    **{name: reading(name) for name in READINGS}, **{name: scheme(name) for name in SCHEMES}, "validate": validation,
+    **{name: reading(name) for name in READINGS},
+    **{name: fuzz_sampled.scheme(name) for name in SCHEMES}, "accuracy": fuzz_sampled.accuracy,
+    "validate": validation, "simulate a file": simulate_file, "validate a file": validate_file,
+    "study a file": study_file,
 }  # fmt: skip

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from click.testing import CliRunner
+from click.testing import CliRunner, Result
 from fuzz_bad import STUDY
 
 from closure import mean_map
@@ -26,7 +26,7 @@ from montecarlo import simulate
 from scene import DAT21, Scene
 from scene.errors import InputError, RattleError
 
-__all__ = ["command", "file", "setting", "spoilt", "text"]
+__all__ = ["command", "file", "ran", "refused", "setting", "spoilt", "text"]
 
 Ended = tuple[str, str]
 DAT = Scene.from_gears(DAT21, sigma=0.1)
@@ -126,10 +126,16 @@ def content(kind: str) -> str:
 def command(words: list[str]) -> Ended:
     """A command line ends with an exit code of ours, and says what is wrong where it does nothing."""
     place = _folder()
+    done = ran([word.replace("{tmp}", str(place)) for word in words], Path(tempfile.mkdtemp(dir=place)))
+    return "refused" if done.exit_code == 2 else "complete", words[0]
+
+
+def ran(words: list[str], folder: Path) -> Result:
+    """A command line that has ended, begun in a folder: a report without --out goes below it."""
     before = Path.cwd()
-    os.chdir(tempfile.mkdtemp(dir=place))  # a report without --out goes below the working folder
+    os.chdir(folder)
     try:
-        done = CliRunner().invoke(main, [word.replace("{tmp}", str(place)) for word in words])
+        done = CliRunner().invoke(main, words)
     finally:
         os.chdir(before)
     if done.exception is not None and not isinstance(done.exception, SystemExit):
@@ -138,10 +144,9 @@ def command(words: list[str]) -> Ended:
         said = done.stderr.strip()
         if not ("rattle: " in said or "Error: " in said or "Usage: " in said) or "Traceback" in done.output:
             raise AssertionError(f"exit code 2 without a reason: {done.output!r} {said!r}")
-        return "refused", words[0]
-    if done.exit_code not in (0, 1, 3, 4):
+    elif done.exit_code not in (0, 1, 3, 4):
         raise AssertionError(f"exit code {done.exit_code}: {done.output}")
-    return "complete", words[0]
+    return done
 
 
 def mutated(data: bytes, how: list[tuple[str, float, int]]) -> bytes:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 __all__ = ["BOUNDS", "PLAN", "SIMPLE", "examples", "warm_up"]
 
-BOUNDS = {"validate": 300.0}
+BOUNDS = {"validate": 300.0, "validate a file": 300.0, "study a file": 300.0}
 """Seconds that one answer may take, if not 60.
 
 `validate` gives paths up after ten million steps, 72 s for 64 of them that are pressed shut, and sends others ahead.
@@ -52,11 +52,10 @@ def examples(draw: st.DrawFn, entry: str) -> tuple[dict[str, Any], dict[str, Any
 
 def warm_up(*entries: str) -> list[tuple[Any, ...]]:
     """Jobs that compile what these entry points need."""
-    simple = {"scene": {k: v for k, v in SIMPLE["scene"].items() if k != "tolerance"}}
     few: dict[str, Any] = {"paths": 2, "impacts": 1, "horizon": 1.0, "dt": 0.002}
     settings: dict[str, dict[str, Any]] = {
         "euler-maruyama": few | {"step_bias": True}, "euler-maruyama-located": few | {"step_bias": True},
         "exact-flight": few | {"control": True}, "long orbit": {"impacts": 1},
         "validate": {"impacts": 1, "paths": 64, "scheme": "exact-flight"},
     }  # fmt: skip
-    return [(e, simple if e == "branching" else SIMPLE, settings.get(e, {"impacts": 1})) for e in entries if e in PLAN]
+    return [(e, SIMPLE, settings.get(e, {"impacts": 1})) for e in entries if e in PLAN]

@@ -1,4 +1,7 @@
-"""More than a thousand scenes and bad inputs on every run, always the same ones; a watched process answers."""
+"""More than a thousand scenes and bad inputs on every run, always the same; scenes of every magnitude, by every entry.
+
+A watched process answers.
+"""
 
 import pytest
 from fuzz_bad import commands, settings_of, spoilt_bytes, spoilt_scenes, spoilt_texts
@@ -6,6 +9,7 @@ from fuzz_checks import ENTRIES, check
 from fuzz_doors import FILES, content
 from fuzz_plan import BOUNDS, PLAN, examples, warm_up
 from fuzz_watched import Watched
+from fuzz_wide_plan import WIDE, job
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
@@ -15,6 +19,11 @@ SAME = settings(
 COUNT = {
     "door": 150, "orbit": 150, "long orbit": 100, "printed": 80, "mended": 80, "saltation": 120, "branching": 20,
     "euler-maruyama": 100, "euler-maruyama-located": 100, "exact-flight": 120, "validate": 8,
+}  # fmt: skip
+WIDE_COUNT = {
+    "door": 30, "orbit": 40, "long orbit": 20, "printed": 20, "mended": 25, "saltation": 30, "branching": 8,
+    "euler-maruyama": 30, "euler-maruyama-located": 30, "exact-flight": 40, "accuracy": 6, "validate": 5,
+    "simulate a file": 10, "validate a file": 1, "study a file": 2,
 }  # fmt: skip
 TEXTS = ("scene", "study", "manifest", "page", "baseline")
 
@@ -33,7 +42,8 @@ def answer(watched, *job):
 
 
 def test_a_thousand_scenes_and_every_entry_point():
-    assert set(COUNT) == set(PLAN) == set(ENTRIES)
+    assert set(COUNT) == set(PLAN)
+    assert set(WIDE_COUNT) == set(WIDE) == set(ENTRIES)
     assert sum(COUNT.values()) >= 1000
 
 
@@ -48,6 +58,12 @@ def test_a_scene_is_answered_stopped_with_a_reason_or_refused_by_name(entry, wat
 
     tried()
     assert ended.count("complete") > 0.2 * len(ended)  # the space is not one that is refused throughout
+
+
+@pytest.mark.parametrize("entry", WIDE_COUNT)
+def test_a_scene_of_any_magnitude_is_answered_stopped_with_a_reason_or_refused_by_name(entry, watched):
+    ended = [answer(watched, *job(0, number, entry)).ended for number in range(WIDE_COUNT[entry])]
+    assert ended.count("refused") < 0.6 * len(ended)
 
 
 def test_bad_scenes_are_refused_by_name(watched):

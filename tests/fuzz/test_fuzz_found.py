@@ -5,12 +5,17 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from click.testing import CliRunner
 
 from closure import follow, mean_map
 from closure.long_orbit import LongOrbit
 from compare import manifest, validate
+from compare.__main__ import main
+from compare.answer import answer
+from compare.correlation import first_failure
 from compare.study.axes import read_axes
 from compare.study.store import Store
+from compare.study.tables import load
 from montecarlo import simulate
 from montecarlo.settings import _noise_free_step
 from scene import DAT21, FileError, Gears, InputError, Scene, Start, Tolerance
@@ -414,4 +419,78 @@ def test_parts_that_differ_by_less_than_a_float_can_square_have_no_density(recwa
         for q in ("tau", "flight", "x1", "y1", "x2", "y2"):
             density = m.density(k, q, m.section.loc[[k], q].to_numpy())
             assert density is None or np.isfinite(density).all()
+    assert not recwarn.list
+
+
+def test_validate_asks_for_no_instant_after_its_paths_are_given_up():
+    """No path had its impacts; after minutes a clock was refused that nobody had given."""
+    s = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=1e-4, gap1=1.0, stages=1, start=Start(0.0, 1.0, 0.0153, mesh=1))
+    found = validate(s, impacts=2, paths=2, scheme="exact-flight", readings=["saltation"])
+    assert follow(s, 2).tau[1] > 100.0
+    assert set(found.table["verdict"]) == {"not predicted"}
+
+
+def test_a_skewness_of_what_hardly_varies_is_told_or_left_out(recwarn):
+    """0 / 0, and 1e13, where the cube of an sd is no float: each impact takes eight digits of the speed."""
+    s = Scene(
+        alpha=3.3333333333333335e-12, epsilon=2.3141804585167484e-08, beta1=7.43137815095566,
+        gamma1=5.811388217317941e-12, gap1=1.236979994325671e-09, beta2=0.6976810485237064,
+        gamma2=2.147816449777596e-10, gap2=1.236979994325671e-09, mu=0.8736728783000797, sigma=1.0732068947548498e-07,
+        start=Start(0.0, 1.2369799943195137e-09, 4.936831408669641e-10, -1.236979994325671e-09, -6.2622e-11, mesh=2),
+    )  # fmt: skip
+    table = mean_map(s, impacts=64, order=6).section
+    for q in ("tau", "flight", "x1", "y1", "x2", "y2"):
+        cube = table[f"sd_{q}"] ** 3
+        assert table.loc[cube > 1e-289, f"skew_{q}"].notna().all()
+        assert table.loc[cube < 1e-290, f"skew_{q}"].isna().all()
+    assert ((table["sd_x2"] > 0.0) & (table["sd_x2"] ** 3 < 1e-290) & (table["sd_x2"] ** 3 > 0.0)).any()
+    assert not recwarn.list
+
+
+def test_a_growth_whose_square_is_no_float_is_told():
+    """An impact of hardly any speed, under a strong force, parts neighbours by 1e155."""
+    frame, growth = np.eye(4), np.zeros(4)
+    strike_frame(scene(alpha=1e6).constants, 1, 0.1, 1e-200, 0.5, frame, growth)
+    assert np.isfinite(growth).all()
+    assert 355.0 < growth.max() < 360.0
+    assert np.linalg.norm(frame, axis=0) == pytest.approx(1.0)
+
+
+def test_nothing_to_judge_is_a_table_without_rows():
+    """No closure has an impact, no instant lies between two: the command ended in a KeyError."""
+    still = scene(alpha=0.0, gamma1=0.0, beta1=0.0, stages=1, gap1=1e6, start=Start())
+    found = validate(still, impacts=1, paths=2, scheme="exact-flight", readings=["saltation"])
+    assert first_failure(found.correlation, "saltation") is None
+    assert answer([found], None)
+
+
+STILL = """
+[study]
+impacts = 1
+readings = ["saltation"]
+paths = 64
+[scene]
+alpha = 0.0
+epsilon = 0.0
+beta1 = 0.325
+gamma1 = 1e-8
+gap1 = 0.0572
+stages = 1
+tolerance = { c1_max = 1e-30 }
+[scene.start]
+tau = 0.0
+x1 = 0.0
+[[axes]]
+sigma = [0.0, 2.9e-11]
+"""
+
+
+def test_a_study_in_which_no_path_has_an_impact_has_a_page(tmp_path, recwarn):
+    """Means of no batches, an interval of a share of none, and a logarithmic axis for spreads that are not there."""
+    (tmp_path / "study.toml").write_text(STILL, encoding="utf-8")
+    done = CliRunner().invoke(main, ["study", str(tmp_path / "study.toml"), "--workers", "1"], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    tables = load(tmp_path / "study")
+    assert (tables.sections["paths"] == 0).all()
+    assert set(tables.errors["verdict"]) == {"not predicted"}
     assert not recwarn.list

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import fuzz_checks
 import fuzz_doors
+import fuzz_sampled
 import numpy as np
 import pytest
 from fuzz_plan import SIMPLE
@@ -76,29 +77,28 @@ def test_a_wrong_simulation_is_seen(column, value, monkeypatch):
 
 
 def test_workers_that_differ_are_seen(monkeypatch):
-    right = fuzz_checks.simulate
+    right = fuzz_sampled.simulate
     settings = {"paths": 1030, "impacts": 1, "dt": 0.01}
     assert fuzz_checks.check("exact-flight", SIMPLE, settings) == ("complete", "")
 
     def wrong(*given, workers=1, **chosen):
         return right(*given, workers=workers, **(chosen | {"rng": workers}))
 
-    monkeypatch.setattr(fuzz_checks, "simulate", wrong)
+    monkeypatch.setattr(fuzz_sampled, "simulate", wrong)
     with pytest.raises(AssertionError, match="workers change"):
         fuzz_checks.check("exact-flight", SIMPLE, settings)
 
 
 def test_a_changed_number_in_a_cell_is_seen_where_there_is_no_seal(monkeypatch):
-    """A changed footer renumbers the impacts in silence."""
-    flips = [[("flip", share, 0)] for share in np.linspace(0.75, 0.999, 60)]
+    """A changed footer renumbers the impacts in silence; where in the file that is differs from run to run."""
 
-    def ends():
-        return {fuzz_doors.file("cell", how)[0] for how in flips}
+    def ends(flips):
+        return {fuzz_doors.file("cell", [("flip", share, 0)])[0] for share in np.linspace(0.75, 0.999, flips)}
 
-    assert ends() <= {"refused", "complete"}
+    assert ends(60) <= {"refused", "complete"}
     monkeypatch.setattr(store.Store, "read", blind)
     with pytest.raises(AssertionError):
-        ends()
+        ends(5000)
 
 
 def blind(self, key):

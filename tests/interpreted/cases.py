@@ -141,6 +141,9 @@ CASES |= {
     "mended, order 6": lambda: predicted(PAIR, "mended", 3, 6),
     "branching, two stages": lambda: in_few_parts(replace(PAIR, sigma=0.5)),
     "branching, one stage": lambda: in_few_parts(LONE),
+    "branching, flanks drawn anew": lambda: in_few_parts(
+        replace(PAIR, tolerance=Tolerance(0.04, 0.02, draw="contact"))
+    ),
 }
 for scheme, dt in STEP.items():
     biased = SCHEMES[scheme].weak_order is not None

@@ -12,8 +12,8 @@ from sample_page import NASTY, figures, sample
 from compare.page import Code, Figure, Text
 from compare.page.content import MARKS
 from compare.page.terminal import page_lines
-from compare.page.words import line
 from compare.page.write import html, markdown, pages, write_page
+from scene.text import line
 
 
 class Read(HTMLParser):

@@ -1,4 +1,11 @@
-"""Small studies that the tests run."""
+"""Small studies that the tests run, and cells that go wrong."""
+
+import os
+import signal
+from dataclasses import dataclass
+
+from compare.study.cell import Prediction
+from scene.errors import InputError
 
 HEAD = """
 [study]
@@ -24,3 +31,19 @@ def study_text(sigmas=(0.01, 0.02, 0.05), paths=4096, impacts=2, common="true", 
     """A study over sigma; `more` is appended."""
     head = HEAD.format(paths=paths, impacts=impacts, common=common)
     return head + f"\n[[axes]]\nsigma = {list(sigmas)}\n" + more
+
+
+@dataclass(frozen=True)
+class Deadly(Prediction):
+    """A cell that kills the process that computes it."""
+
+    def compute(self, blocks=None):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+@dataclass(frozen=True)
+class Refused(Prediction):
+    """A cell that turns out to be none that can be computed."""
+
+    def compute(self, blocks=None):
+        raise InputError("impacts", self.impacts, "are too many")

@@ -1,24 +1,36 @@
 """The same cells on a real Dask cluster of several processes."""
 
 import os
+import re
+import shutil
 import signal
+import socket
+import subprocess
+import sys
 import threading
 import time
+from contextlib import ExitStack, contextmanager
+from types import SimpleNamespace
 
 import pandas as pd
+import processes
 import pytest
-from study_files import study_text
+from click.testing import CliRunner
+from study_files import Deadly, Refused, study_text
 
-from compare.study import places
+from compare.__main__ import main
+from compare.study import cluster as module
+from compare.study.cluster import Cluster, Lost
 from compare.study.design import Study
 from compare.study.engine import run
-from compare.study.places import Cluster, Here
+from compare.study.places import SHARE, Here
 from compare.study.results import Results
 from compare.study.store import Store
 from compare.study.tables import CELLS
 from scene.errors import InputError
 
 distributed = pytest.importorskip("distributed", reason="needs the extra cluster")
+dask = pytest.importorskip("dask")
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Dask's own, as workers are killed and loops are closed
 
@@ -34,7 +46,7 @@ def cluster():
 @pytest.fixture(scope="module")
 def study():
     """Ensembles of three parts each."""
-    return Study.from_toml(study_text(sigmas=(0.02, 0.1), paths=(2 * places.SHARE + 5) * 1024 + 77))
+    return Study.from_toml(study_text(sigmas=(0.02, 0.1), paths=(2 * SHARE + 5) * 1024 + 77))
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +80,7 @@ def test_a_killed_worker_costs_time_only(cluster, study, local, tmp_path):
 
 
 def test_a_worker_of_another_version_is_refused(cluster, study, tmp_path, monkeypatch):
-    monkeypatch.setattr(places, "numerical_version", _another)
+    monkeypatch.setattr(module, "numerical_version", _another)
     with pytest.raises(InputError, match=r"numerical version .*, here it is"):
         run(study, Store(tmp_path / CELLS), Cluster(cluster.scheduler_address))
 
@@ -89,3 +101,218 @@ def test_a_cluster_without_workers_is_named(study, tmp_path):
         pytest.raises(InputError, match="has no workers"),
     ):
         run(study, Store(tmp_path / CELLS), Cluster(empty.scheduler_address, patience=1.0))
+
+
+# --- what goes wrong later: nothing of it is waited for, what is finished is kept
+
+
+@pytest.fixture
+def small():
+    return Study.from_toml(study_text(sigmas=(0.02, 0.1)))
+
+
+@contextmanager
+def of_our_own(*before, **environment):
+    """A scheduler with workers of one thread each, as processes: its process and address, and theirs."""
+    with ExitStack() as stack:
+        running, address = stack.enter_context(processes.scheduler(**environment))
+        yield running, address, [stack.enter_context(processes.worker(address, line))[0] for line in before]
+
+
+def meanwhile(store, cells, act):
+    """Do something once so many cells are there."""
+
+    def watch():
+        end = time.monotonic() + 240.0
+        while len(list(store.folder.glob("*.parquet"))) < cells and time.monotonic() < end:
+            time.sleep(0.01)
+        act()
+
+    thread = threading.Thread(target=watch)
+    thread.start()
+    return thread
+
+
+def kept(study, store):
+    return [cell for cell in study.cells if store.read(cell.key)]
+
+
+def test_a_worker_of_another_version_that_joins_later_is_named(small, tmp_path):
+    """It passed the check of the start, for it was not there; the task itself refuses."""
+    store = Store(tmp_path / CELLS)
+    with of_our_own("") as (_, address, (worker,)), Cluster(address, patience=60.0) as place:
+        store.write("before", place.compute(small.cells[0]).table, {})
+        with processes.worker(address, processes.OTHER) as (_, other):
+            worker.kill()
+            with pytest.raises(Lost, match=rf"worker {other} has numerical version .*, here it is .*kept"):
+                place.compute(small.cells[1])
+            with pytest.raises(Lost, match=rf"worker {other} has numerical version"):
+                place.compute(small.cells[0])
+    assert store.read("before") is not None
+
+
+def test_a_lost_scheduler_ends_the_study_with_one_line(small, tmp_path):
+    """A command that is in the middle of it; the same command goes on, here or there."""
+    file = tmp_path / "s.toml"
+    file.write_text(study_text(sigmas=(0.02, 0.05, 0.1), paths=400_000))
+    store = Store(tmp_path / "s" / CELLS)
+    with of_our_own("") as (scheduler, address, _):
+        command = [sys.executable, "-m", "compare", "study", file, "--scheduler", address]
+        killer = meanwhile(store, 2, scheduler.kill)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+        killer.join()
+    assert done.returncode == 2, done.stderr
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"rattle: scheduler = {address!r}: no longer answers: start it again; what is finished is")
+    assert 2 <= len(kept(Study.load(file), store)) < 9
+
+
+def test_a_scheduler_that_falls_silent_is_not_waited_for(small, tmp_path):
+    with of_our_own("") as (scheduler, address, _), Cluster(address, patience=60.0) as place:
+        place.patience = 3.0
+        scheduler.send_signal(signal.SIGSTOP)
+        with pytest.raises(Lost, match="no longer answers"):
+            place.compute(small.cells[0])
+
+
+def test_the_loss_of_all_workers_is_said(small, tmp_path):
+    store = Store(tmp_path / CELLS)
+    with of_our_own("", "") as (_, address, workers):
+        place = Cluster(address, patience=60.0)
+
+        def act():
+            place.patience = 5.0
+            for worker in workers:
+                worker.kill()
+
+        killer = meanwhile(store, 1, act)
+        with pytest.raises(
+            Lost, match=r"has had no workers for 5 s: start some .dask worker ADDRESS.; what is finished"
+        ):
+            run(Study.from_toml(study_text(sigmas=(0.02, 0.1), paths=30_000_000)), store, place)
+        killer.join()
+        assert list(store.folder.glob("*.parquet"))
+        assert not list(store.folder.glob(".*"))
+        with processes.worker(address):  # the same study goes on
+            assert run(small, store, Cluster(address, patience=60.0)).failed == {}
+    assert len(kept(small, store)) == len(small.cells)
+
+
+@pytest.mark.parametrize(
+    ("kind", "why"),
+    [(Deadly, r"the workers that computed it died \(1 of them"), (Refused, "impacts = 2: are too many")],
+)
+def test_a_cell_that_cannot_be_computed_costs_itself_only(small, tmp_path, kind, why):
+    """One that kills its workers, and one that is refused there: the reason is given, all others are computed."""
+    store, first = Store(tmp_path / CELLS), next(c for c in small.cells if hasattr(c, "reading"))
+    wrong = kind(first.scene, first.impacts, first.reading)
+    others = [c for c in small.cells if c.key != first.key]
+    with of_our_own("", "", DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0") as (_, address, _):
+        study = SimpleNamespace(cells=[wrong, *others], title="some")
+        outcome = run(study, store, Cluster(address, patience=60.0))
+    ((key, reason),) = outcome.failed.items()
+    assert key == wrong.key
+    assert re.search(why, reason)
+    assert len(kept(SimpleNamespace(cells=others), store)) == len(others)
+
+
+# --- what is no scheduler
+
+
+@contextmanager
+def server(answer=b""):
+    """Something that accepts connections, and says this or nothing."""
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        held = []
+
+        def accept():
+            while True:
+                try:
+                    held.append(listening.accept()[0])
+                except OSError:
+                    return
+                if answer:
+                    held[-1].sendall(answer)
+
+        threading.Thread(target=accept, daemon=True).start()
+        yield f"tcp://127.0.0.1:{listening.getsockname()[1]}"
+        listening.shutdown(socket.SHUT_RDWR)
+        for one in held:
+            one.close()
+
+
+@pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", b"\0" * 400])
+def test_a_server_that_is_no_scheduler_is_named(small, tmp_path, answer):
+    with server(answer) as address, pytest.raises(InputError, match="does not answer") as refused:
+        run(small, Store(tmp_path / CELLS), Cluster(address, patience=1.0))
+    assert address in str(refused.value)
+
+
+def test_a_workers_address_is_none_of_a_scheduler(small, tmp_path):
+    store = Store(tmp_path / CELLS)
+    with processes.scheduler() as (_, address), processes.worker(address) as (_, worker):  # noqa: SIM117
+        with pytest.raises(InputError, match="does not answer"):
+            run(small, store, Cluster(worker, patience=5.0))
+
+
+@pytest.mark.parametrize(
+    "address",
+    ["ucx://127.0.0.1:8786", "ws://127.0.0.1:8786", "inproc://1/2/3", "127.0.0.1:8786", "tcp://127.0.0.1", "",
+     "tcp://127.0.0.1:0", "tcp://127.0.0.1:99999", "tcp://a b:1", "tcp://user@host:1", "tcp://:8786", "tcp:///x:1"],
+)  # fmt: skip
+def test_an_address_of_another_form_is_refused_before_anything_is_made(tmp_path, address):
+    file = tmp_path / "s.toml"
+    file.write_text(study_text())
+    found = CliRunner().invoke(main, ["study", str(file), "--scheduler", address])
+    assert found.exit_code == 2
+    assert f"scheduler = {address!r}: give tcp://HOST:PORT, or tls://HOST:PORT" in found.output
+    assert not (tmp_path / "s").exists()
+
+
+# --- who may talk to whom
+
+
+def test_the_help_says_what_a_scheduler_trusts():
+    text = " ".join(CliRunner().invoke(main, ["study", "--help"]).output.split())
+    assert "no authentication and runs what it is sent" in text
+    assert "tls://HOST:PORT" in text
+
+
+@pytest.fixture(scope="module")
+def certificates(tmp_path_factory):
+    """Dask's settings for a certificate that an authority of our own has signed."""
+    if shutil.which("openssl") is None:
+        pytest.skip("no openssl here: only with it can certificates be made")
+    at = tmp_path_factory.mktemp("certificates")
+
+    def openssl(*words):
+        subprocess.run(["openssl", *map(str, words)], check=True, capture_output=True)
+
+    made = ("-newkey", "rsa:2048", "-nodes")
+    openssl("req", "-x509", *made, "-keyout", at / "ca.key", "-out", at / "ca.pem", "-days", 2, "-subj", "/CN=ours")
+    openssl("req", *made, "-keyout", at / "key", "-out", at / "csr", "-subj", "/CN=rattle")
+    signed = ("-CA", at / "ca.pem", "-CAkey", at / "ca.key", "-CAcreateserial", "-days", 2)
+    openssl("x509", "-req", "-in", at / "csr", *signed, "-out", at / "cert")
+    own = {f"{who}.{what}": str(at / what) for who in ("client", "scheduler", "worker") for what in ("cert", "key")}
+    return {f"distributed.comm.tls.{name}": path for name, path in {"ca-file": str(at / "ca.pem"), **own}.items()}
+
+
+def test_a_study_over_tls(small, tmp_path, certificates):
+    """With certificates in Dask's configuration; without them it is said what is missing."""
+    settings = {**certificates, "distributed.comm.require-encryption": "true"}
+    environment = {f"DASK_{name.replace('.', '__').replace('-', '_').upper()}": v for name, v in settings.items()}
+    store = Store(tmp_path / CELLS)
+    with processes.scheduler("tls://", **environment) as (_, address), processes.worker(address, **environment):
+        assert address.startswith("tls://")
+        with dask.config.set(certificates):
+            assert run(small, store, Cluster(address, patience=60.0)).computed == len(small.cells)
+        with pytest.raises(InputError, match=r"needs certificates; name them in Dask's configuration"):
+            Cluster(address).__enter__()
+        with pytest.raises(InputError, match="does not answer"):
+            Cluster(address.replace("tls:", "tcp:"), patience=2.0).__enter__()
+        lost = {**certificates, "distributed.comm.tls.ca-file": str(tmp_path / "absent")}
+        with (
+            dask.config.set(lost),
+            pytest.raises(InputError, match="certificates in Dask's configuration"),
+        ):
+            Cluster(address).__enter__()

@@ -1,9 +1,12 @@
 """The study file: axes, products and zips, keys, and every refusal."""
 
+import re
+
 import numpy as np
 import pytest
 from study_files import study_text
 
+from compare.study.axes import EXAMPLE
 from compare.study.cell import Prediction, Sample
 from compare.study.design import Study
 from scene.errors import InputError
@@ -72,10 +75,10 @@ def test_an_invalid_point_says_why_and_the_others_stand():
 
 
 def test_a_reading_that_cannot_take_a_scene_is_left_out_with_its_reason():
-    text = study_text(more='[[axes]]\n"tolerance.c1_max" = [0.01]\n').replace('"mended"', '"branching"')
+    text = study_text(more='[[axes]]\n"start.y1" = [-1.0]\n"start.mesh" = [0]\n').replace('"mended"', '"printed"')
     point = Study.from_toml(text).points[0]
     assert [p.reading for p in point.predictions] == ["saltation"]
-    assert "tolerance" in point.reasons["branching"]
+    assert "start.mesh = 0" in point.reasons["printed"]
 
 
 @pytest.mark.parametrize(
@@ -106,6 +109,18 @@ def test_a_bad_file_is_refused_with_field_and_remedy(change, field, remedy):
         _ = Study.from_toml(text.replace(*change)).points
     assert field in str(refused.value)
     assert remedy in str(refused.value)
+
+
+@pytest.mark.parametrize("example", [*re.findall(r"\{.*?\}", EXAMPLE), "[0.1, 0.2]"])
+def test_the_values_that_messages_propose_are_taken(example):
+    assert len(Study.from_toml(study_text().replace("[0.01, 0.02, 0.05]", example)).points) > 1
+
+
+def test_the_tolerances_that_a_message_proposes_are_taken():
+    with pytest.raises(InputError) as refused:
+        Study.from_toml(study_text().replace("seed = 3", "seed = 3\nwithin = 0.1"))
+    proposed = str(refused.value).split("table: ")[1]
+    assert Study.from_toml(study_text().replace("seed = 3", f"seed = 3\n{proposed}")).within.mean == 0.05
 
 
 def test_a_field_may_not_vary_twice():

@@ -1,5 +1,7 @@
 """What the sessions within a session share."""
 
+import re
+
 import pytest
 
 from closure import mean_map
@@ -23,3 +25,43 @@ def alone(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     for name in ("CI", "BUILD_NUMBER"):
         monkeypatch.delenv(name, raising=False)
+
+
+@pytest.fixture(scope="session")
+def ensembles(tmp_path_factory):
+    return tmp_path_factory.mktemp("ensembles")
+
+
+@pytest.fixture
+def run(pytester, ensembles):
+    """Pytest on a suite, with ensembles that the tests of this folder share."""
+
+    def running(suite, *options, cache=ensembles):
+        pytester.makepyfile(test_suite=suite)
+        return pytester.runpytest_inprocess("-p", "compare.thresholds.plugin", f"--rattle-cache={cache}", *options)
+
+    return running
+
+
+@pytest.fixture
+def run_workers(pytester, ensembles):
+    """The same on two workers of xdist, each a process of its own."""
+
+    def running(suite, *options):
+        pytester.makepyfile(test_suite=suite)
+        plugins = ("-p", "compare.thresholds.plugin", "-p", "xdist", "-n2")
+        return pytester.runpytest_subprocess(*plugins, f"--rattle-cache={ensembles}", *options)
+
+    return running
+
+
+@pytest.fixture(scope="session")
+def said():
+    """What the output of a session says where a pattern has its group."""
+
+    def saying(result, pattern):
+        found = re.search(pattern, result.stdout.str())
+        assert found, result.stdout.str()
+        return found.group(1)
+
+    return saying

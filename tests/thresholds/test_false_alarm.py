@@ -1,12 +1,16 @@
-"""The stated false-alarm rate against the measured one, over seeds; the rate of wrong passes beside it.
+"""The stated false-alarm rate against the measured one; the rate of wrong passes beside it.
 
 A true claim fails most easily where the model is exactly as wrong as it may be.  Intervals are two-sided, and an error
 at one edge of what is allowed can be missed on one side only: so a single row fails with half the stated rate there,
 and with all of it where nothing is allowed.
+
+A session is measured with one look at its paths, and with four: at a block of them, and at two, four and eight.
 """
 
 from dataclasses import dataclass
+from functools import reduce
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -16,16 +20,21 @@ from scipy.stats import binomtest
 from compare.moments import widest
 from compare.thresholds.claim import read_claim
 from compare.thresholds.judging import errors_of, judged
+from compare.thresholds.looks import decide, standing
 from compare.thresholds.prediction import Prediction
+from compare.thresholds.sessions import Drawn
+from compare.thresholds.settings import Settings
 from montecarlo import simulate
 from montecarlo.accumulate import single_statistics
+from montecarlo.block import BLOCK
 from montecarlo.control import controlled_statistics
+from montecarlo.ensemble import in_threads
 from scene import DAT21, Scene
 from scene.moments import SECTION
 
 SCENE = Scene.from_gears(DAT21, sigma=0.05, stages=1)
-IMPACTS, PATHS, SEEDS = 2, 1024, 1000
-SETTINGS = {"impacts": IMPACTS, "scheme": "exact-flight", "control": True}
+IMPACTS, BLOCKS = 2, 2400
+LOOKS = (1, 2, 4, 8)  # blocks
 RATE = 0.1
 CONFIDENCE = 0.999
 STATED = SECTION[:4]  # of a single stage
@@ -54,49 +63,99 @@ class Stacked:
         ]  # fmt: skip
         return pd.concat(parts, ignore_index=True)
 
+    @property
+    def sessions(self):
+        return len(self.section) // IMPACTS
 
-def columns_of(run):
-    """What `Ensemble.section` holds of means and sds, without the time that tables take."""
-    s = single_statistics(run.result.sums["section"])
-    s |= controlled_statistics(run.result.sums["control"], run.plan.control.variance)
+    def session(self, i):
+        """One of the runs, with its own impacts."""
+        return Stacked(self.section.iloc[i * IMPACTS : (i + 1) * IMPACTS].set_axis(range(1, IMPACTS + 1)))
+
+
+def merged(results):
+    return reduce(lambda one, other: one.merged(other), results)
+
+
+def stacked(results, size, control):
+    """Runs of `size` blocks; columns that `Ensemble.section` holds of means and sds, without the time of its tables."""
     names = {"": "mean", "sd_": "sd", "se_": "se_mean", "se_sd_": "se_sd"}
-    return {prefix + q: s[name][:, i] for prefix, name in names.items() for i, q in enumerate(STATED)}
-
-
-@pytest.fixture(scope="module")
-def truth():
-    return simulate(SCENE, paths=2**19, rng=10**9, workers=2, **SETTINGS).section
-
-
-@pytest.fixture(scope="module")
-def runs():
-    found = [columns_of(simulate(SCENE, paths=PATHS, rng=seed, **SETTINGS)) for seed in range(SEEDS)]
+    found = []
+    for result in results:
+        s = single_statistics(result.sums["section"]) | controlled_statistics(result.sums["control"], control.variance)
+        found.append({prefix + q: s[name][:, i] for prefix, name in names.items() for i, q in enumerate(STATED)})
     table = pd.DataFrame({name: np.concatenate([f[name] for f in found]) for name in found[0]})
     table.index += 1
-    return Stacked(table.assign(paths=PATHS, agreement=1.0))
+    return Stacked(table.assign(flight=table["tau"], sd_flight=table["sd_tau"], paths=size * BLOCK, agreement=1.0))
 
 
-def outcomes(runs, truth, displaced, rate=RATE, impacts=(1, 2), naive=(), **options):
-    """Outcomes, shape (sessions, rows), of a model that is `displaced` allowed errors away from the truth.
+@pytest.fixture(scope="module")
+def simulated():
+    """The blocks of one run, each by itself, and its control; their streams are independent."""
+    results = []
 
-    `naive` leaves a correction out: the one for the number of "rows", or the one for the "unit" being measured.
-    """
-    places = [i * IMPACTS + k for i in range(SEEDS) for k in impacts]
-    claim = read_claim({"scene": SCENE, "impacts": places, "quantities": ["tau", "y1"], **options}, Path())
-    whole = pd.concat([truth] * SEEDS, ignore_index=True)
+    def blocks(plan, first):
+        for result, rows in in_threads(2)(plan, first):
+            results.append(result)
+            yield result, rows
+
+    run = simulate(
+        SCENE, paths=BLOCKS * BLOCK, impacts=IMPACTS, scheme="exact-flight", control=True, rng=1, blocks=blocks
+    )
+    return results, run.plan.control
+
+
+@pytest.fixture(scope="module")
+def truth(simulated):
+    """All blocks together: so much larger than a session that its own error and their correlation do not matter."""
+    results, control = simulated
+    return stacked([merged(results)], BLOCKS, control).section
+
+
+@pytest.fixture(scope="module")
+def once(simulated):
+    """Sessions of one block and one look."""
+    results, control = simulated
+    return [stacked(results, 1, control)]
+
+
+@pytest.fixture(scope="module")
+def looks(simulated):
+    """Sessions of eight blocks, as they are at each of four looks."""
+    results, control = simulated
+    starts = range(0, BLOCKS, LOOKS[-1])
+    return [stacked([merged(results[i : i + n]) for i in starts], n, control) for n in LOOKS]
+
+
+def displaced(truth, claim, by, sessions=1):
+    """What a model says that is `by` allowed errors away from the truth."""
+    whole = pd.concat([truth] * sessions, ignore_index=True)
     whole.index += 1
     off = whole.copy()
     for moment, allowed in claim.allowed.items():
         for q in claim.quantities:
             unit = whole["sd_" + q] if allowed.in_sd else 1.0
-            off[("" if moment == "mean" else "sd_") + q] += displaced * allowed.error * unit
-    errors = errors_of(Prediction("truth", off), runs, claim)
-    if "unit" in naive:
-        errors["noise"] = errors["se"]
-    rows = len(claim.rows) // SEEDS
-    table = judged(errors, widest(1 if "rows" in naive else rows, rate))
+            off[("" if moment == "mean" else "sd_") + q] += by * allowed.error * unit
+    return Prediction("truth", off)
+
+
+def outcomes(runs, truth, by, rate=RATE, impacts=(1, 2), naive=(), **options):
+    """Outcomes, shape (sessions, rows), of a model that is `by` allowed errors away from the truth.
+
+    `naive` leaves a correction out: the one for the number of "rows" or "looks", or for the "unit" being measured.
+    """
+    sessions = runs[0].sessions
+    places = [i * IMPACTS + k for i in range(sessions) for k in impacts]
+    claim = read_claim({"scene": SCENE, "impacts": places, "quantities": ["tau", "y1"], **options}, Path())
+    rows = len(claim.rows) // sessions
+    z = widest((1 if "rows" in naive else rows) * (1 if "looks" in naive else len(runs)), rate)
+    prediction, table = displaced(truth, claim, by, sessions), None
+    for run in runs:
+        errors = errors_of(prediction, run, claim)
+        if "unit" in naive:
+            errors["noise"] = errors["se"]
+        table = judged(errors, z) if table is None else standing(table, judged(errors, z))
     table["session"] = (table["impact"] - 1) // IMPACTS
-    return table.sort_values("session", kind="stable")["outcome"].to_numpy().reshape(SEEDS, rows)
+    return table.sort_values("session", kind="stable")["outcome"].to_numpy().reshape(sessions, rows)
 
 
 def share(hits):
@@ -116,17 +175,20 @@ def passing(found):
 ONE = {"impacts": (2,), "quantities": "y1", "moments": "mean"}
 
 
-def test_one_row_that_is_allowed_nothing_fails_at_the_stated_rate(runs, truth):
-    low, measured, high = failing(outcomes(runs, truth, 0.0, **ONE, absolute=1e-12))
+def test_one_row_that_is_allowed_nothing_fails_at_the_stated_rate(once, looks, truth):
+    low, measured, high = failing(outcomes(once, truth, 0.0, **ONE, absolute=1e-12))
     assert low <= RATE <= high, measured
+    low, measured, high = failing(outcomes(looks, truth, 0.0, **ONE, absolute=1e-12))
+    assert low <= RATE, measured
+    assert high >= 0.5 * RATE, measured  # looks at the same paths are not independent
 
 
 @pytest.mark.parametrize("edge", [-1.0, 1.0])
-def test_one_row_at_the_edge_fails_at_half_the_stated_rate(runs, truth, edge):
-    low, measured, high = failing(outcomes(runs, truth, edge, **ONE, absolute=2e-3))
+def test_one_row_at_the_edge_fails_at_half_the_stated_rate(once, truth, edge):
+    low, measured, high = failing(outcomes(once, truth, edge, **ONE, absolute=2e-3))
     assert low <= 0.5 * RATE <= high, measured
     low, measured, high = failing(
-        outcomes(runs, truth, edge, **ONE, within=0.05)
+        outcomes(once, truth, edge, **ONE, within=0.05)
     )  # its bound on the error is not tight
     assert low <= 0.5 * RATE, measured
     assert high >= 0.25 * RATE, measured
@@ -134,28 +196,58 @@ def test_one_row_at_the_edge_fails_at_half_the_stated_rate(runs, truth, edge):
 
 @pytest.mark.parametrize("within", [0.05, 0.5])
 @pytest.mark.parametrize("edge", [-1.0, 0.0, 1.0])
-def test_sessions_whose_claims_are_true_fail_at_most_at_the_stated_rate(runs, truth, edge, within):
-    low, measured, _ = failing(outcomes(runs, truth, edge, within=within))
+def test_sessions_whose_claims_are_true_fail_at_most_at_the_stated_rate(once, looks, truth, edge, within):
+    for runs in (once, looks):
+        low, measured, _ = failing(outcomes(runs, truth, edge, within=within))
+        assert low <= RATE, measured
+        assert edge or measured == 0.0
+
+
+def test_looks_as_they_are_taken_fail_at_most_at_the_stated_rate(looks, truth):
+    """Which looks are taken depends on what has been seen."""
+    options = {"scene": SCENE, "impacts": IMPACTS, "quantities": ["tau", "y1"], "within": 0.05, "paths": BLOCK}
+    claim = read_claim(options, Path())
+    prediction, settings, taken = displaced(truth, claim, 1.0), Settings(RATE), set()
+    assert settings.sizes(claim) == tuple(n * BLOCK for n in LOOKS)
+    z = widest(len(claim.rows) * len(LOOKS), RATE)
+
+    def failed(i):
+        def ensemble(claim, paths):
+            return Drawn(looks[LOOKS.index(paths // BLOCK)].session(i), True, 0.0)
+
+        table, drawn = decide(prediction, claim, SimpleNamespace(settings=settings, z=z, ensemble=ensemble))
+        taken.add(tuple(int(d.run.section["paths"].iloc[0]) // BLOCK for d in drawn))
+        return (table["outcome"] == "fail").any()
+
+    low, measured, _ = share(np.array([failed(i) for i in range(100)]))
     assert low <= RATE, measured
-    assert edge or measured == 0.0
+    assert len(taken) > 1  # not the same looks each time
 
 
-def test_without_a_correction_it_would_be_found_out(runs, truth):
-    low, _, _ = failing(outcomes(runs, truth, 1.0, within=0.05, naive=("rows",)))
+def test_without_a_correction_it_would_be_found_out(once, looks, truth):
+    low, _, _ = failing(outcomes(once, truth, 1.0, within=0.05, naive=("rows",)))
     assert low > RATE
     sds = {"impacts": (2,), "quantities": "y1", "moments": "sd", "within": 0.9}
-    honest, naive = (failing(outcomes(runs, truth, 1.0, 0.02, naive=n, **sds)) for n in ((), ("unit",)))
+    honest, naive = (failing(outcomes(once, truth, 1.0, 0.02, naive=n, **sds)) for n in ((), ("unit",)))
     assert honest[0] <= 0.02 < naive[0]
+    low, _, _ = failing(outcomes(looks, truth, 0.0, **ONE, absolute=1e-12, naive=("looks",)))
+    assert low > RATE
 
 
 @pytest.mark.parametrize("beyond", [-1.0001, 1.0001])
-def test_a_model_just_outside_seldom_passes(runs, truth, beyond):
-    low, measured, _ = passing(outcomes(runs, truth, beyond, **ONE, within=0.05))
-    assert low <= 0.5 * RATE, measured
-    _, whole, _ = passing(outcomes(runs, truth, beyond, within=0.05))
-    assert whole == 0.0  # every row would have to
+def test_a_model_just_outside_seldom_passes(once, looks, truth, beyond):
+    for runs in (once, looks):
+        low, measured, _ = passing(outcomes(runs, truth, beyond, **ONE, within=0.05))
+        assert low <= 0.5 * RATE, measured
+        _, whole, _ = passing(outcomes(runs, truth, beyond, within=0.05))
+        assert whole == 0.0  # every row would have to
 
 
-def test_a_model_well_outside_fails_and_one_well_inside_passes(runs, truth):
-    assert failing(outcomes(runs, truth, 4.0, rate=0.01, within=0.05))[1] > 0.99
-    assert passing(outcomes(runs, truth, 0.0, rate=0.01, within=0.3))[1] == 1.0
+def test_a_model_well_outside_fails_and_one_well_inside_passes(once, truth):
+    assert failing(outcomes(once, truth, 4.0, rate=0.01, within=0.05))[1] > 0.99
+    assert passing(outcomes(once, truth, 0.0, rate=0.01, within=0.3))[1] == 1.0
+
+
+def test_more_looks_decide_more(once, looks, truth):
+    few, many = (passing(outcomes(runs, truth, 0.0, rate=0.01, within=0.02)) for runs in (once, looks))
+    assert few[2] < many[0]

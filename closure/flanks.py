@@ -1,0 +1,171 @@
+"""Random backlash as columns of the section state: ``(tau, x1, y1, x2, y2)`` and the deviations of +1, -1, +2, -2.
+
+Flank ``side`` of a mesh stands at ``side (g + c)``, c its column.  One Gaussian gives c the mean and the variance of
+its law, but not that c never exceeds ``c_max``: its tails reach events that no gear has.  So a mixture has a deviation
+that a path keeps in `PIECES`, each a Gaussian with the mean and the variance of the law in a cell of
+``[-c_max, c_max]``: with one Gaussian for it the means of DAT21 are off by up to 0.2 sds without noise, with six by
+0.02.  A deviation that contacts draw anew is one Gaussian all the same: there pieces use up parts that follow the
+branches, and where there is noise the moments came out worse with them.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from closure.orbit import Floats
+from scene.compiled import jit
+from scene.scene import CUT, Constants, Scene, Tolerance
+
+__all__ = [
+    "PLAIN", "Pieces", "between", "column", "forget", "pieces", "random_tolerance", "start_covariance", "start_pieces",
+]  # fmt: skip
+
+PLAIN = 5  # quantities of the section state where no flank varies
+NARROWEST = 0.01  # of a nominal half gap: the tail of a Gaussian never closes it
+PIECES = 6  # of the law of a deviation that a path keeps
+NODES = 20  # of the quadrature over a cell
+
+
+class Pieces(NamedTuple):
+    """A mixture of Gaussians: weight, mean and variance of each (of one deviation, or of a whole section state)."""
+
+    weight: Floats
+    mean: Floats
+    variance: Floats
+
+
+def random_tolerance(scene: Scene) -> Tolerance | None:
+    """The tolerance of a scene whose flanks are random, or None.
+
+    Examples
+    --------
+    >>> from scene import DAT21
+    >>> random_tolerance(Scene.from_gears(DAT21, tolerance=Tolerance(0.1, law="fixed"))) is None
+    True
+    """
+    return scene.tolerance if scene.tolerance is not None and scene.tolerance.law != "fixed" else None
+
+
+def pieces(law: str) -> Pieces:
+    """A random deviation over ``c_max``, its law cut in cells that are narrower towards the ends.
+
+    Examples
+    --------
+    >>> cut = pieces("uniform")
+    >>> cut.weight.round(4).tolist()
+    [0.067, 0.183, 0.25, 0.25, 0.183, 0.067]
+    >>> round(float(cut.weight @ (cut.variance + cut.mean**2)), 12)
+    0.333333333333
+    """
+    edges = -np.cos(np.linspace(0.0, np.pi, PIECES + 1))
+    node, share = np.polynomial.legendre.leggauss(NODES)
+    c = 0.5 * (edges[:-1, None] + edges[1:, None] + np.diff(edges)[:, None] * node)
+    mass = share * np.diff(edges)[:, None] * (np.exp(-0.5 * (CUT * c) ** 2) if law == "normal" else 1.0)
+    weight = mass.sum(axis=1)
+    mean = (mass * c).sum(axis=1) / weight
+    variance = (mass * (c - mean[:, None]) ** 2).sum(axis=1) / weight
+    return Pieces(weight / weight.sum(), mean, variance)
+
+
+def _placed(scene: Scene) -> Floats:
+    """What the deviations of the four flanks make of the section state after the start, shape (9, 4)."""
+    out = np.zeros((9, 4))
+    out[5:] = np.eye(4)
+    for row, x, gap, flank in ((1, scene.start.x1, scene.gap1, 0), (3, scene.start.x2, scene.gap2, 2)):
+        if abs(x) == gap:  # the start lies on each path's own flank
+            out[row, flank + (0 if x > 0.0 else 1)] = np.sign(x)
+    return out
+
+
+def start_covariance(scene: Scene) -> Floats:
+    """Covariance of the section state after the start, shape (9, 9), or (5, 5) where no flank varies.
+
+    Examples
+    --------
+    >>> from scene import DAT21
+    >>> start_covariance(Scene.from_gears(DAT21, tolerance=Tolerance(0.03, 0.06))).diagonal()[5:].round(6).tolist()
+    [0.0003, 0.0003, 0.0012, 0.0012]
+    """
+    tolerance = random_tolerance(scene)
+    if tolerance is None:
+        return np.zeros((PLAIN, PLAIN))
+    variance = np.repeat(tolerance.variances, 2)
+    if scene.stages == 1:
+        variance[2:] = 0.0
+    flanks = np.diag(variance)
+    if tolerance.draw == "path":  # both flanks of a mesh have one deviation
+        flanks[[0, 1], [1, 0]], flanks[[2, 3], [3, 2]] = variance[0], variance[2]
+    return _placed(scene) @ flanks @ _placed(scene).T
+
+
+def start_pieces(scene: Scene) -> Pieces:
+    """The section state after the start, less the orbit's, with the deviations that a path keeps in pieces.
+
+    Examples
+    --------
+    >>> from scene import DAT21
+    >>> parts = start_pieces(Scene.from_gears(DAT21, tolerance=Tolerance(0.03, 0.0)))
+    >>> parts.mean.shape, parts.mean[0].round(4).tolist()
+    ((6, 9), [0.0, -0.028, 0.0, 0.0, 0.0, -0.028, -0.028, 0.0, 0.0])
+    """
+    tolerance = random_tolerance(scene)
+    if tolerance is None or tolerance.draw == "contact":
+        whole = start_covariance(scene)
+        return Pieces(np.ones(1), np.zeros((1, len(whole))), whole[None])
+    law, to = pieces(tolerance.law), _placed(scene)
+    weight, mean, variance = np.ones(1), np.zeros((1, 9)), np.zeros((1, 9, 9))
+    for i, size in enumerate((tolerance.c1_max, tolerance.c2_max)[: scene.stages]):
+        if size > 0.0:
+            by = size * (to[:, 2 * i] + to[:, 2 * i + 1])  # both flanks of a mesh have one deviation
+            weight = (weight[:, None] * law.weight).ravel()
+            mean = (mean[:, None] + law.mean[:, None] * by).reshape(-1, 9)
+            variance = (variance[:, None] + law.variance[:, None, None] * np.outer(by, by)).reshape(-1, 9, 9)
+    return Pieces(weight, mean, variance)
+
+
+@jit
+def column(mesh: int, side: int) -> int:
+    """Place of a flank's deviation in the section state.
+
+    Examples
+    --------
+    >>> [column(mesh, side) for mesh in (1, 2) for side in (1, -1)]
+    [5, 6, 7, 8]
+    """
+    return 3 + 2 * mesh + (0 if side > 0 else 1)
+
+
+@jit
+def between(c: Constants, e: Floats) -> tuple[Constants, float, float]:
+    """The scene between flanks of its own, shape (9,): its half gaps, and where the middles of the gaps are.
+
+    Examples
+    --------
+    >>> from scene import DAT21, Scene
+    >>> e = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.03, 0.01, 0.0, 0.0])
+    >>> c, middle1, middle2 = between(Scene.from_gears(DAT21).constants, e)
+    >>> round(c.wall1, 12), round(middle1, 12), middle2
+    (0.52, 0.01, 0.0)
+    """
+    wall1 = max(c.wall1 + 0.5 * (e[5] + e[6]), NARROWEST * c.wall1)
+    wall2 = max(c.wall2 + 0.5 * (e[7] + e[8]), NARROWEST * c.wall2)
+    own = Constants(
+        c.alpha, c.epsilon, c.beta1, c.beta2, c.gamma1, c.gamma2, c.mu, wall1, wall2, c.sigma, c.stages
+    )  # fmt: skip
+    return own, 0.5 * (e[5] - e[6]), 0.5 * (e[7] - e[8])
+
+
+@jit
+def forget(flank: int, mean: Floats, covariance: Floats) -> None:
+    """Take out of a Gaussian all that is known of the deviation in column `flank`, for it is drawn anew.
+
+    Examples
+    --------
+    >>> mean, covariance = np.full(9, 0.1), np.ones((9, 9))
+    >>> forget(6, mean, covariance)
+    >>> float(mean[6]), covariance[6, 5:].tolist(), covariance[5, 5:].tolist()
+    (0.0, [0.0, 0.0, 0.0, 0.0], [1.0, 0.0, 1.0, 1.0])
+    """
+    mean[flank] = 0.0
+    for i in range(mean.size):
+        covariance[flank, i] = covariance[i, flank] = 0.0

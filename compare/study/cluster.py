@@ -1,0 +1,244 @@
+"""The cells of a study on a running Dask cluster, whose workers and scheduler may come and go."""
+
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError
+from contextlib import suppress
+from itertools import islice
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
+
+from compare.study.cell import Cell, Prediction
+from compare.study.connection import check_address, connected
+from compare.study.places import SHARE, Failed, Stopped, stoppable
+from compare.study.store import Stored
+from compare.study.version import numerical_version
+from montecarlo.block import BlockResult, Plan, run
+from montecarlo.ensemble import Floats
+from scene.errors import InputError, RattleError
+
+if TYPE_CHECKING:
+    from distributed import Future
+
+__all__ = ["Cluster", "Lost"]
+
+PATIENCE = 15.0
+"""Seconds that a scheduler may take to answer, and a cluster may be without a worker: a nanny starts another sooner."""
+LOOK = 0.2  # seconds between two looks at whether to go on waiting: how soon Ctrl-C and a lost cluster are heard
+WATCH = 1.0  # seconds between two questions to the scheduler, who still works for it
+FETCH = 120.0  # seconds that the results of a task may take through the network
+RETRIES = 3  # of a task that has raised something on its worker, there or on another
+
+
+class Lost(RattleError):
+    """The cluster is of no more use; the message says why, and what to do."""
+
+
+class Foreign(NamedTuple):
+    """What a task gives on a worker whose numbers would not be the same."""
+
+    worker: str
+    version: str
+
+
+class Cluster:
+    """Workers of a running Dask cluster; an ensemble is split into parts of `SHARE` blocks, merged here in order.
+
+    Every task carries the numerical version that it was planned with, and a worker of another refuses it: one may join
+    at any time.
+
+    Parameters
+    ----------
+    address : str
+        Of the scheduler, as in ``tcp://host:8786``, or ``tls://host:8786`` with the certificates that Dask's
+        configuration names.
+    patience : float
+        Seconds to wait for an answer of the scheduler, and for a worker where there is none.
+
+    Raises
+    ------
+    InputError
+        Where the address is none, Dask is not installed, the scheduler does not answer or has no workers, or a worker
+        has another numerical version: its results would not be the same.
+    Lost
+        Where such a thing happens later.
+    """
+
+    def __init__(self, address: str, patience: float = PATIENCE) -> None:
+        check_address(address)
+        self.address, self.patience = address, patience
+        self._stopped = threading.Event()
+        self._lost = ""
+        self.threads = 0
+
+    def __enter__(self) -> Self:
+        self._client = connected(self.address, self.patience)
+        try:
+            self._client.wait_for_workers(1, timeout=self.patience)
+            self._check_workers()
+            self.threads = sum(self._client.nthreads(callback_timeout=self.patience).values())
+        except TimeoutError:
+            self._close()
+            raise self._refused("has no workers; start some: dask worker ADDRESS") from None
+        except OSError as error:
+            self._close()
+            raise self._refused(f"does not answer any more ({error}); start it again") from None
+        except BaseException:
+            self._close()
+            raise
+        threading.Thread(target=self._watch, daemon=True).start()
+        return self
+
+    def __exit__(self, *what: object) -> None:
+        self._stopped.set()
+        self._close()
+
+    def _close(self) -> None:
+        with suppress(Exception):  # of a scheduler that is gone or silent there is nothing to take leave of
+            self._client.close(timeout=self.patience)
+
+    def stop(self) -> None:
+        """Give up what is in flight."""
+        self._stopped.set()
+
+    def compute(self, cell: Cell) -> Stored:
+        """The result of a cell.
+
+        Raises
+        ------
+        Failed
+            If it kills its workers again and again.
+        Lost
+            If the scheduler or all workers are gone, or a worker has another numerical version.
+        """
+        from distributed import KilledWorker
+
+        try:
+            if isinstance(cell, Prediction):
+                found: Stored = self._result(self._submitted(f"{cell.key}-{_own()}", cell.compute))
+                return found
+            return cell.compute(stoppable(self._blocks, self._stopped))
+        except KilledWorker as error:
+            raise Failed(
+                f"{cell.label}: the workers that computed it died ({error.allowed_failures + 1} of them, the last at "
+                f"{error.last_worker.address}): see their logs, and whether they have memory enough"
+            ) from None
+
+    def _blocks(self, plan: Plan, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:
+        name = _own()
+        starts = iter(range(first, plan.blocks, SHARE))
+
+        def submitted(start: int) -> "Future":
+            end = min(start + SHARE, plan.blocks)
+            return self._submitted(f"blocks-{name}-{start}", run_part, plan, start, end)
+
+        waiting = [submitted(s) for s in islice(starts, 2 * self.threads)]
+        try:
+            while waiting:
+                yield from ((result, None) for result in self._result(waiting.pop(0)))
+                waiting.extend(submitted(s) for s in islice(starts, 1))
+        finally:
+            for future in waiting:
+                future.release()  # what nobody waits for is not begun
+
+    def _submitted(self, key: str, work: Callable[..., Any], *given: Any) -> "Future":
+        try:
+            return self._client.submit(checked, numerical_version(), work, *given, key=key, retries=RETRIES)
+        except Exception as error:  # of a client whose connection is lost
+            raise self._gone(error) from None
+
+    def _result(self, future: "Future") -> Any:
+        """What a task gives; raises Stopped or Lost where that is not to be waited for."""
+        done = threading.Event()
+        future.add_done_callback(lambda _: done.set())
+        while not done.wait(LOOK):
+            if self._stopped.is_set():
+                raise Stopped("interrupted")
+            if self._lost:
+                raise Lost(self._lost)
+        if future.status == "error":
+            return self._raised(future.exception())
+        try:
+            found = future.result(timeout=FETCH)
+        except (CancelledError, OSError) as error:
+            raise self._gone(error) from None
+        if isinstance(found, Foreign):
+            raise self._lasting(_differs(found))
+        return found
+
+    def _raised(self, error: BaseException) -> None:
+        """Raise what a task has raised; a worker that cannot run it at all is named instead."""
+        from distributed import KilledWorker
+
+        if not isinstance(error, RattleError | KilledWorker):
+            try:
+                self._check_workers()
+            except InputError as refused:
+                raise self._lasting(refused.remedy) from None
+        raise error
+
+    def _gone(self, error: BaseException) -> RattleError:
+        """Why the cluster does not go on, in our words."""
+        if self._stopped.is_set():
+            return Stopped("interrupted")
+        return Lost(self._lost) if self._lost else self._lasting("no longer answers: start it again")
+
+    def _lasting(self, why: str) -> Lost:
+        return Lost(f"scheduler = {self.address!r}: {why}; what is finished is kept: the same command goes on")
+
+    def _refused(self, why: str) -> InputError:
+        return InputError("scheduler", self.address, why)
+
+    def _watch(self) -> None:
+        """Notice that nobody is left to wait for: Dask would wait for ever."""
+        seen = time.monotonic()
+        while not self._stopped.wait(WATCH):
+            try:
+                if self._client.nthreads(callback_timeout=self.patience):
+                    seen = time.monotonic()
+            except Exception:  # whatever a client makes of a scheduler that is gone or silent
+                self._lost = self._lost or str(self._lasting("no longer answers: start it again"))
+            if time.monotonic() - seen > self.patience:
+                why = f"has had no workers for {self.patience:.0f} s: start some (dask worker ADDRESS)"
+                self._lost = self._lost or str(self._lasting(why))
+            if self._lost:
+                return
+
+    def _check_workers(self) -> None:
+        """Refuse workers whose numbers would not be the same."""
+        try:
+            versions = self._client.run(numerical_version, on_error="return", callback_timeout=self.patience)
+        except (CancelledError, OSError) as error:
+            raise self._refused(f"or a worker of it does not answer ({error or type(error).__name__})") from None
+        own = numerical_version()
+        for worker, version in versions.items():
+            if isinstance(version, BaseException):  # without this package, or with another Python
+                why = f"worker {worker} cannot run rattle ({version}); install the same version there"
+                raise self._refused(why)
+            if version != own:
+                raise self._refused(_differs(Foreign(worker, version)))
+
+
+def checked(version: str, work: Callable[..., Any], *given: Any) -> Any:
+    """On a worker: the result of some work, or who refuses it because its numbers would not be those of `version`."""
+    from distributed import get_worker
+
+    own = numerical_version()
+    return work(*given) if own == version else Foreign(get_worker().address, own)
+
+
+def run_part(plan: Plan, first: int, end: int) -> list[BlockResult]:
+    """The results of some blocks of a plan, each by itself: they are merged in block order wherever they were run."""
+    return [run(plan, block)[0] for block in range(first, end)]
+
+
+def _differs(found: Foreign) -> str:
+    return (
+        f"worker {found.worker} has numerical version {found.version}, here it is {numerical_version()}: "
+        "install the same there, or stop it"
+    )
+
+
+def _own() -> str:
+    return uuid.uuid4().hex[:12]

@@ -1,0 +1,70 @@
+"""What a study lacks, and why: one line for each reason, however many points it holds for."""
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from compare.study.design import Point
+
+__all__ = ["Lack", "lacking"]
+
+NUMBER = re.compile(r"(?<![\w.])[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?")
+NAMES = {"scene": "the scene", "sample": "the simulation"}
+"""What a point's reasons are of, where it is no closure."""
+
+
+class Lack(NamedTuple):
+    """Something that cannot be computed at some points, for one reason but for the numbers in it.
+
+    Attributes
+    ----------
+    what : str
+        The scene, the simulation, or a closure.
+    why : str
+        What was said at the first of the points: field, value and remedy.
+    points, of : int
+        At how many, and how many there are.
+    first : dict
+        Coordinates of the first.
+    """
+
+    what: str
+    why: str
+    points: int
+    of: int
+    first: dict[str, Any]
+
+    @property
+    def where(self) -> str:
+        """The first of the points."""
+        return ", ".join(f"{name} = {value}" for name, value in self.first.items()) or "the only point"
+
+    def __str__(self) -> str:
+        """One sentence."""
+        return f"{self.what} cannot be computed at {self.points} of {self.of} points, first at {self.where}: {self.why}"
+
+
+def lacking(points: Sequence[Point], failed: Mapping[str, str]) -> list[Lack]:
+    """What cannot be computed at the points of a study.
+
+    Parameters
+    ----------
+    points : sequence of Point
+    failed : mapping
+        Why a cell could not be computed after all, by key.
+
+    Examples
+    --------
+    >>> said = "gap1 = {}: must be greater than 0"
+    >>> print(*lacking([Point({"gap1": g}, None, (), {"scene": said.format(g)}) for g in (-0.1, -0.2)], {}))
+    the scene cannot be computed at 2 of 2 points, first at gap1 = -0.1: gap1 = -0.1: must be greater than 0
+    """
+    found: dict[tuple[str, str], list[tuple[Point, str]]] = {}
+    for point in points:
+        lost = {getattr(cell, "reading", "sample"): failed[cell.key] for cell in point.cells if cell.key in failed}
+        for what, why in (point.reasons | lost).items():
+            found.setdefault((what, NUMBER.sub("", why)), []).append((point, why))
+    return [
+        Lack(NAMES.get(what, what), where[0][1], len(where), len(points), where[0][0].coordinates)
+        for (what, _), where in found.items()
+    ]

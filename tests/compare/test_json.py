@@ -1,0 +1,148 @@
+"""Every ``--json`` and every JSON file is what a strict parser reads, and one place writes them all."""
+
+import ast
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+from compare import manifest
+from compare.__main__ import main
+from compare.csv_text import csv_text
+from compare.extremes import run as extremes
+from compare.extremes.row import Extreme
+from compare.json_text import json_text, plain
+
+ROOT = Path(__file__).resolve().parents[2]
+STUDY = """
+[study]
+title = "σ \\u202e\\u009b"
+impacts = 1
+paths = 64
+readings = ["mended"]
+[scene]
+alpha = 1.5
+epsilon = 0.9
+beta1 = 0.08
+gamma1 = 0.05
+stages = 1
+[[axes]]
+sigma = [0.0, 0.1]
+"""
+SINGLE = "[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.08\ngamma1 = 0.05\nstages = 1\nsigma = 0.1\n"
+SMALL = {
+    "validate": ["--paths", "64", "--impacts", "2", "--dt", "0.01", "--no-frontier", "--sigma", "0.1", "--out", "out"],
+    "simulate": ["scene.toml", "--paths", "64", "--impacts", "2", "--dt", "0.01"],
+    "order": ["--impacts", "1", "--paths", "64"],
+    "bench": [],
+    "study": ["study.toml"],
+    "selftest": ["--law", "bouncing-ball"],
+    "extremes": [],
+}
+"""A small run of each command that has ``--json``."""
+
+
+def strict(text):
+    """The data in a JSON text; fails on what JSON does not have."""
+
+    def refused(word):
+        raise AssertionError(f"{word} is no JSON")
+
+    return json.loads(text, parse_constant=refused)
+
+
+def test_the_parser_of_these_tests_is_strict():
+    for word in ("NaN", "Infinity", "-Infinity"):
+        with pytest.raises(AssertionError, match="is no JSON"):
+            strict(f'{{"a": {word}}}')
+
+
+@pytest.mark.parametrize(
+    "command", [c for c in main.commands if any("--json" in p.opts for p in main.commands[c].params)]
+)
+def test_every_command_prints_strict_json_and_writes_it(command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "study.toml").write_text(STUDY)
+    (tmp_path / "scene.toml").write_text(SINGLE)  # without a second stage, and so without numbers for it
+    rows = {"lost": lambda: Extreme("lost", "β", "", "", math.inf, 1.0, "z")}
+    monkeypatch.setattr(extremes, "ROWS", rows)  # all of them take a minute
+    monkeypatch.setattr("montecarlo.bench.bench", lambda: pd.DataFrame({"ns": [1.5, np.nan]}, index=["a", "b"]))
+    found = CliRunner().invoke(main, [command, *SMALL[command], "--json"])
+    assert found.exit_code == (1 if command == "extremes" else 0), found.output
+    assert strict(found.stdout)
+    for path in tmp_path.rglob("*.json"):
+        strict(path.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "reports").rglob("*.json")), ids=lambda p: p.parent.name + "-" + p.name)
+def test_committed_files_are_strict(path):
+    strict(path.read_text(encoding="utf-8"))
+
+
+def test_what_is_no_number_is_null_and_what_is_numpys_is_plain():
+    data = {
+        "a": (np.float64("nan"), -math.inf, np.float32(0.5), np.int64(2), np.bool_(True)),
+        "b": {"at": Path("x/y"), 3: np.array([[1.0, math.nan]]), "none": None, "series": pd.Series([1, 2])},
+    }  # fmt: skip
+    said = strict(json_text(data))
+    assert said == {
+        "a": [None, None, 0.5, 2, True],
+        "b": {"at": "x/y", "3": [[1.0, None]], "none": None, "series": [1, 2]},
+    }  # fmt: skip
+    assert said == plain(data)
+    assert strict(json_text(0.1 + 0.2)) == 0.1 + 0.2
+
+
+def test_what_has_no_form_in_json_is_refused():
+    with pytest.raises(TypeError, match="not JSON serializable"):
+        json_text({"a": object()})
+
+
+def test_a_sealed_record_is_whole_after_it_was_written_whatever_is_in_it():
+    record = manifest.sealed({"seconds": math.nan, "paths": np.int64(3), "over": (1.0, math.inf)})
+    read = strict(json_text(record))
+    assert read["seconds"] is None
+    assert manifest.is_whole(read)
+    assert not manifest.is_whole(read | {"paths": 4})
+
+
+WRITERS = {"json_text.py": {"dumps"}, "csv_text.py": {"to_csv"}, "console.py": {"echo"}, "page/command.py": {"echo"}}
+"""Where each of these may be called: the page on a terminal has colours, and its words are harmless one by one."""
+
+
+def written_elsewhere(source, allowed=frozenset()):
+    """Calls in a source that print, or write JSON or CSV, by other ways than the one for it."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.ImportFrom) and node.module in ("json", "click"):
+            yield from ({a.name for a in node.names} & {"dump", "dumps", "echo", "secho"}) - allowed
+        if not isinstance(node, ast.Call):
+            continue
+        name = getattr(node.func, "attr", getattr(node.func, "id", ""))
+        of = getattr(getattr(node.func, "value", None), "id", "")
+        json_or_terminal = (of == "json" and name in ("dump", "dumps")) or (of == "click" and name in ("echo", "secho"))
+        if (json_or_terminal or name in ("to_json", "to_csv", "print")) and name not in allowed:
+            yield name
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "compare").rglob("*.py")), ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_one_place_prints_and_writes(path):
+    name = path.relative_to(ROOT / "compare").as_posix()
+    assert list(written_elsewhere(path.read_text(encoding="utf-8"), WRITERS.get(name, frozenset()))) == []
+
+
+@pytest.mark.parametrize(
+    "source",
+    ["json.dumps(x)", "json.dump(x, f)", "from json import dumps", "x.to_json()", "x.to_csv(f)", "click.echo(x)",
+     "from click import echo", "click.secho(x)", "print(x)"],
+)  # fmt: skip
+def test_what_writes_elsewhere_is_seen(source):
+    assert list(written_elsewhere(source))
+
+
+def test_numbers_in_csv_are_whole_and_texts_harmless():
+    table = pd.DataFrame({"x": [0.1 + 0.2, np.nan], "why": ["a\x1b[31m\n\u202eb", None], "n": [1, 2]})
+    assert csv_text(table, index=False) == "x,why,n\n0.30000000000000004,a\\x1b[31m\\n\\u202eb,1\n,,2\n"

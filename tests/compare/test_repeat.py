@@ -1,0 +1,169 @@
+"""A repeated report says whether it is the same, the same but for rounding, or different; and on what it was made."""
+
+import json
+import math
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+from compare import manifest
+from compare.__main__ import EXIT_NOT_MET, EXIT_NOT_REPEATED, EXIT_ROUNDED, main
+from compare.repeat import EXACT, ROUNDING, difference
+
+SWEPT = ["--paths", "600", "--impacts", "2", "--dt", "0.01", "--frontier", "0.1:1:2", "--frontier-paths", "600"]
+
+
+def validate(*words, code=0):
+    result = CliRunner().invoke(main, ["validate", *map(str, words)])
+    assert result.exit_code == code, result.output
+    return result
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory):
+    out = tmp_path_factory.mktemp("reports") / "first"
+    validate(*SWEPT, "--sigma", 0.1, "--out", out)
+    return out
+
+
+def elsewhere(first, folder, change, versions=None, file="table.csv"):
+    """The report as another processor might have written it: its rows changed, its digest, versions and seal anew."""
+    shutil.copytree(first, folder)
+    table = change(pd.read_csv(folder / file))
+    table.to_csv(folder / file, index=False)
+    data = json.loads((folder / "manifest.json").read_text())
+    data[file.replace(".csv", "_sha256")] = manifest.digest((folder / file).read_text())
+    data["versions"] = {k: v for k, v in (data["versions"] | (versions or {})).items() if v is not None}
+    del data["seal"]
+    (folder / "manifest.json").write_text(json.dumps(manifest.sealed(data)))
+    return folder / "manifest.json"
+
+
+def rounded(table):
+    return table.assign(monte_carlo=table["monte_carlo"] * (1.0 + 3e-14), paths_needed=table["paths_needed"] * 1.001)
+
+
+def one_path(table):
+    """One of the paths on another itinerary: a mean moves by about 1/paths of its sd, 0.04 standard errors here."""
+    row = table.index[(table["quantity"] == "y1") & (table["moment"] == "mean")][1]
+    table.loc[row, "monte_carlo"] += table.loc[row, "unit"] / 600
+    return table
+
+
+def test_the_same_but_for_rounding(first, tmp_path):
+    changed = {"processor": "Another Processor", "numpy": "1.0", "vectors": None}
+    earlier = elsewhere(first, tmp_path / "there", rounded, changed)
+    said = validate("--repeat", earlier, "--out", tmp_path / "here", code=EXIT_ROUNDED).stdout
+    assert "Repeated but for rounding: the largest difference is" in said
+    assert "table.csv, column monte_carlo" in said
+    here = manifest.versions()
+    assert f"processor Another Processor, here {here['processor']}" in said
+    assert f"numpy 1.0, here {here['numpy']}" in said
+    assert f"does not say: vectors (here {here['vectors']})" in said
+    assert "scipy" not in said
+
+
+def test_the_same_in_json_and_in_the_same_folder(first, tmp_path):
+    """What lies there is read before it is replaced."""
+    earlier = elsewhere(first, tmp_path / "there", rounded)
+    words = ["--repeat", earlier, "--out", earlier.parent, "--overwrite", "--json"]
+    record = json.loads(validate(*words, code=EXIT_ROUNDED).stdout)
+    assert record["repeated"] is False
+    assert record["repeat"]["outcome"] == "but for rounding"
+    assert 0.0 < record["repeat"]["largest_difference"]["sds"] < 1e-10
+    assert "column monte_carlo" in record["repeat"]["largest_difference"]["where"]
+    assert record["repeat"]["changed"] == {}
+    again = json.loads(validate(*words).stdout)
+    assert again["repeated"] is True
+    assert again["repeat"]["largest_difference"] is None
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (one_path, "column monte_carlo, sigma 0.1, reading printed, kind section, moment mean, quantity y1, impact 2"),
+        (lambda t: t.assign(verdict=t["verdict"].replace("accurate", "undecided")), "column verdict"),
+        (lambda t: t.iloc[1:], "other rows or columns"),
+    ],
+    ids=["one path", "verdict", "rows"],
+)
+def test_what_is_different_is_not_called_rounding(first, tmp_path, change, said):
+    earlier = elsewhere(first, tmp_path / "there", change)
+    found = validate("--repeat", earlier, "--out", tmp_path / "here", code=EXIT_NOT_REPEATED).stdout
+    assert "The numbers differ from the manifest's" in found
+    assert said in found
+    assert "All versions and the processor are those of the manifest." in found
+
+
+def test_a_frontier_that_differs(first, tmp_path):
+    earlier = elsewhere(first, tmp_path / "there", lambda t: t.assign(accurate=t["accurate"] + 1), file="frontier.csv")
+    found = validate("--repeat", earlier, "--out", tmp_path / "here", code=EXIT_NOT_REPEATED).stdout
+    assert "frontier.csv, column accurate, sigma 0.1, reading printed" in found
+
+
+@pytest.mark.parametrize("left", ["nothing", "another table"])
+def test_without_the_tables_only_digests_are_compared(first, tmp_path, left):
+    earlier = elsewhere(first, tmp_path / "there", rounded)
+    if left == "nothing":
+        (earlier.parent / "table.csv").unlink()
+    else:
+        shutil.copy(first / "table.csv", earlier.parent)
+    found = validate("--repeat", earlier, "--out", tmp_path / "here", code=EXIT_NOT_REPEATED).stdout
+    assert "Only digests could be compared: no table.csv with the manifest's digest lies beside it" in found
+
+
+def test_a_requirement_that_is_not_met_counts_more_than_rounding(first, tmp_path):
+    earlier = elsewhere(first, tmp_path / "there", rounded)
+    validate("--repeat", earlier, "--out", tmp_path / "here", "--require", "accurate", code=EXIT_NOT_MET)
+
+
+def test_the_codes_are_documented():
+    said = " ".join(CliRunner().invoke(main, ["validate", "--help"]).output.split())
+    assert "4 --repeat differs; 5 --repeat is the same but for rounding" in said
+
+
+def test_the_manifest_says_on_what_it_was_made(first):
+    made = json.loads((first / "manifest.json").read_text())["versions"]
+    assert made["processor"] not in ("", "unknown")
+    assert made["compiled for"]
+    assert made["vectors"] == "none" or set(made["vectors"].split())
+    for page in ("report.md", "report.html"):
+        assert made["compiled for"] in (first / page).read_text()
+
+
+ROWS = pd.DataFrame({
+    "quantity": ["tau", "y1"], "closure": [1.0, np.nan], "monte_carlo": [2.0, -1.5], "unit": [1e-8, 0.5],
+    "se": [0.0, 0.05], "agreement": [1.0, 0.9], "paths": [100, 100], "paths_needed": [1e9, np.nan],
+})  # fmt: skip
+
+
+def found(**changed):
+    return difference(ROWS, ROWS.assign(**changed), paths=100)
+
+
+def test_differences_are_in_sds_and_in_standard_errors():
+    assert found() == (0.0, 0.0, pytest.approx(math.nan, nan_ok=True), "written with other digits alone")
+    assert found(monte_carlo=[2.0, -1.75])[1:3] == pytest.approx((0.5, 5.0))
+    assert found(agreement=[1.0, 0.8])[2] == pytest.approx(1.0)
+    assert found(paths_needed=[2e9, np.nan]).excess == 0.0
+
+
+def test_the_bound_of_what_is_sampled_is_in_standard_errors_and_else_of_the_digits():
+    assert found(monte_carlo=[2.0, -1.5 + 0.9 * ROUNDING * 0.05]).excess < 1.0
+    assert found(monte_carlo=[2.0, -1.5 + 1.1 * ROUNDING * 0.05]).excess > 1.0
+    assert found(closure=[1.0 + 0.9 * EXACT * 1e-3, np.nan]).excess < 1.0  # of the value: its sd is faint
+    assert found(closure=[1.0 + 3.0 * EXACT * 1e-3, np.nan]).excess > 1.0
+    assert found(monte_carlo=[2.0 + 4.4e-16, -1.5]).excess < 1e-3  # without a standard error
+    assert found(monte_carlo=[2.0 + 1e-10, -1.5]).excess > 1.0
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [{"closure": [1.0, 2.0]}, {"closure": [np.nan, np.nan]}, {"monte_carlo": [2.0, np.inf]},
+     {"monte_carlo": [np.inf, -1.5]}, {"paths": [100, 99]}, {"quantity": ["tau", "y2"]}, {"more": 1}],
+)  # fmt: skip
+def test_what_is_no_difference_of_numbers_is_infinite(changed):
+    assert found(**changed).excess == math.inf

@@ -1,0 +1,149 @@
+"""kill -9 at random moments of a study, as it is loaded, computed and written: ``python tests/faults/kills.py 100``."""
+
+import random
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+from click.testing import CliRunner
+
+from compare.__main__ import main
+from compare.study.store import Store
+from compare.study.tables import CELLS, TABLES
+
+TEXT = """
+[study]
+title = "killed"
+impacts = 2
+readings = ["saltation", "mended"]
+paths = 60_000
+
+[scene]
+alpha = 1.5
+epsilon = 0.9
+beta1 = 0.083
+gamma1 = 0.057
+stages = 1
+
+[[axes]]
+sigma = [0.01, 0.02, 0.03, 0.04, 0.05, 0.06]
+"""
+BEGUN = {"imports": "noise.toml", "cells": f"noise/{CELLS}", "page": "noise/.page-*.part"}
+"""Phases of a run, and what is there as soon as one has begun."""
+LIFE = ("imports", "cells", "cells", "page", "page")
+"""Phases in which a study is killed, one run after the other, before it is let go to its end."""
+LOOK = 0.002  # seconds between two looks at a folder
+COMMAND = ("-m", "compare")
+QUICK = (
+    "-c",
+    "from compare.study import page; page.FIGURES = dict([*page.FIGURES.items()][:1]);"
+    "from compare.__main__ import main; main()",
+)
+"""The command as anybody gives it, and one that draws one figure, which takes most of a small study's time."""
+
+
+class Life:
+    """A study in a folder of its own, killed again and again.
+
+    Attributes
+    ----------
+    out : Path
+        Its results.
+    sound : dict of str to bytes
+        The cells that have been seen there: each must stay as it is.
+    """
+
+    def __init__(self, place, command):
+        place.mkdir()
+        self.command = command
+        self.file = place / "noise.toml"
+        self.file.write_text(TEXT)
+        self.out = place / "noise"
+        self.out.mkdir()
+        self.sound = {}
+
+    def start(self):
+        """A run of its command."""
+        words = [sys.executable, *self.command, "study", str(self.file)]
+        return subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+
+    def wait_for(self, phase, running):
+        """Whether a run has come to a phase; else it has ended."""
+        while not any(self.file.parent.glob(BEGUN[phase])):
+            if running.poll() is not None:
+                return False
+            time.sleep(LOOK)
+        return True
+
+    def seconds(self):
+        """Run it to its end; what each phase takes here and now."""
+        running, begun = self.start(), {}
+        for phase in BEGUN:
+            self.wait_for(phase, running)
+            begun[phase] = time.monotonic()
+        self.ended(running)
+        ends = [*list(begun.values())[1:], time.monotonic()]
+        return {phase: end - begun[phase] for phase, end in zip(BEGUN, ends, strict=True)}
+
+    def killed(self, phase, after):
+        """Whether a run was killed, so many seconds after a phase had begun; one that has ended before is well."""
+        running = self.start()
+        if self.wait_for(phase, running):
+            time.sleep(after)
+            running.kill()
+        _, said = running.communicate()
+        assert running.returncode in (0, -9), said
+        self.look()
+        return running.returncode == -9
+
+    def ended(self, running):
+        """A run that is left to itself ends well, and leaves nothing half written."""
+        _, said = running.communicate()
+        assert running.returncode == 0, said
+        self.look()
+        assert len(self.sound) == 18
+        assert not list(self.out.rglob(".*"))
+        assert not list(self.out.rglob("*.part"))
+
+    def look(self):
+        """All cells that were there are there, byte for byte, and all that are there are whole."""
+        there = {path.name: path.read_bytes() for path in self.out.glob(f"{CELLS}/*.parquet")}
+        lost = [name for name, content in self.sound.items() if there.get(name) != content]
+        assert not lost, f"{lost} are lost"
+        if there:
+            store = Store(self.out / CELLS)
+            assert all(store.read(Path(name).stem) is not None for name in there)
+            assert not store.aside.exists()
+        self.sound = there
+
+    def tables(self):
+        """All tables, as bytes; that of the times is another each time."""
+        return {name: (self.out / f"{name}.parquet").read_bytes() for name in TABLES if name != "cost"}
+
+
+def campaign(place, kills, seed, command=COMMAND):
+    """Kill studies so many times; raises AssertionError where one loses anything.  How often in which phase."""
+    warm = place / "warm.toml"
+    warm.write_text(TEXT.replace("60_000", "64"))
+    assert CliRunner().invoke(main, ["study", str(warm)]).exit_code == 0  # machine code is there from now on
+    draw, done, whole = random.Random(seed), Counter(), Life(place / "whole", command)
+    seconds = whole.seconds()
+    for number in range(2 * kills):  # lives, if every other run had ended before it was killed
+        life = Life(place / str(number), command)
+        for phase in LIFE:
+            done[phase] += life.killed(phase, draw.uniform(0.0, seconds[phase]))
+            if done.total() == kills:
+                break
+        life.ended(life.start())
+        assert life.tables() == whole.tables()
+        if done.total() == kills:
+            return done
+    raise AssertionError(f"only {done} runs could be killed")
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        print(campaign(Path(folder), int(sys.argv[1]), seed=13))

@@ -1,0 +1,230 @@
+"""Cells that the system does not let be read for a while, and who may read what is written."""
+
+import builtins
+import errno
+import fcntl
+import io
+import os
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from click.testing import CliRunner
+
+from compare.__main__ import main
+from compare.folder import whole_folder, write_whole
+from compare.study.cell import Prediction
+from compare.study.figures import FIGURES
+from compare.study.obtain import kept, obtain
+from compare.study.store import Store
+from compare.study.tables import CELLS, MANIFEST, load
+from compare.thresholds import baseline
+from scene import DAT21, FileError, OutputError, Scene
+
+TEXT = """
+[study]
+impacts = 1
+readings = ["mended"]
+paths = 64
+
+[scene]
+alpha = 1.5
+epsilon = 0.9
+beta1 = 0.083
+gamma1 = 0.057
+stages = 1
+
+[[axes]]
+sigma = [0.01]
+"""
+
+
+@pytest.fixture
+def file(tmp_path, monkeypatch):
+    """A study whose page is soon drawn."""
+    monkeypatch.setattr("compare.study.page.FIGURES", dict([*FIGURES.items()][:1]))
+    (tmp_path / "s.toml").write_text(TEXT)
+    return tmp_path / "s.toml"
+
+
+@pytest.fixture
+def cell():
+    return Prediction(Scene.from_gears(DAT21, sigma=0.1), impacts=2, reading="mended")
+
+
+def system(code):
+    return OSError(code, os.strerror(code))
+
+
+REFUSALS = {
+    "no right": (system(errno.EACCES), "Permission denied.*chmod"),
+    "too many files": (system(errno.EMFILE), "Too many open files.*ulimit"),
+    "a failing disk": (system(errno.EIO), "Input/output error.*disk"),
+    "another machine's file": (system(errno.ESTALE), "Stale file handle.*mend that"),
+    "no memory": (MemoryError(), "Cannot allocate memory.*free memory"),
+}
+
+
+def refusing(monkeypatch, error, at):
+    """Let the system refuse to open, to read or to unpack Parquet files."""
+
+    class Failing(io.FileIO):
+        def read(self, *_):
+            raise error
+
+        readall = readinto = read
+
+    def opened(path, mode="r", *more, **options):
+        if not str(path).endswith(".parquet") or "r" not in mode:
+            return plain(path, mode, *more, **options)
+        if at == "open":
+            raise error
+        return Failing(path)
+
+    def unpacked(*_, **__):
+        raise error
+
+    plain = io.open
+    if at == "unpack":
+        monkeypatch.setattr(pq.ParquetFile, "read", unpacked)
+    else:
+        monkeypatch.setattr(builtins, "open", opened)
+        monkeypatch.setattr(io, "open", opened)
+
+
+@pytest.mark.parametrize("at", ["open", "read", "unpack"])
+@pytest.mark.parametrize("case", REFUSALS)
+def test_what_the_system_does_not_let_be_read_stays(tmp_path, monkeypatch, cell, case, at):
+    """The file may be sound: which one and why is said, and nothing is moved, or computed in its place."""
+    error, why = REFUSALS[case]
+    store = Store(tmp_path / "s")
+    before = obtain(store, cell)
+    content = store.path(cell.key).read_bytes()
+    with monkeypatch.context() as patch:
+        refusing(patch, error, at)
+        with pytest.raises(OutputError, match=rf"{cell.key}.parquet cannot be read .{why}.*, and repeat the command"):
+            kept(store, cell)
+        with pytest.raises(OutputError, match="stays as it is"):
+            obtain(store, cell)
+    assert store.path(cell.key).read_bytes() == content
+    assert not store.aside.exists()
+    assert kept(store, cell).table.equals(before.table)
+
+
+@pytest.mark.parametrize("error", [pa.ArrowMemoryError("malloc of size 64 failed"), ImportError("no module")])
+def test_what_a_library_lacks_is_no_fault_of_the_file(tmp_path, monkeypatch, cell, error):
+    store = Store(tmp_path / "s")
+    obtain(store, cell)
+    with monkeypatch.context() as patch:
+        refusing(patch, error, "unpack")
+        with pytest.raises(OutputError, match="stays as it is"):
+            kept(store, cell)
+    assert kept(store, cell) is not None
+
+
+def test_memory_that_ends_while_a_result_is_looked_at(tmp_path, monkeypatch, cell):
+    store = Store(tmp_path / "s")
+    obtain(store, cell)
+
+    def ended(*_):
+        raise MemoryError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Prediction, "opened", ended)
+        with pytest.raises(OutputError, match="Cannot allocate memory"):
+            kept(store, cell)
+    assert kept(store, cell) is not None
+
+
+def test_a_command_says_it_in_one_line(file, monkeypatch):
+    """A study whose cells are another's: they stay, and it ends."""
+    assert CliRunner().invoke(main, ["study", str(file)]).exit_code == 0
+    cells = file.with_suffix("") / CELLS
+    before = {path: path.read_bytes() for path in cells.glob("*.parquet")}
+    (file.with_suffix("") / MANIFEST).unlink()
+    with monkeypatch.context() as patch:
+        refusing(patch, system(errno.EACCES), "open")
+        found = CliRunner().invoke(main, ["study", str(file)])
+    assert found.exit_code == 2
+    (line,) = found.output.splitlines()
+    assert line.startswith("rattle: out = ")
+    assert "Permission denied" in line
+    assert before == {path: path.read_bytes() for path in cells.glob("*.parquet")}
+    assert not (cells / "set-aside").exists()
+
+
+def test_tables_that_cannot_be_read_are_not_called_damaged(file, monkeypatch):
+    assert CliRunner().invoke(main, ["study", str(file)]).exit_code == 0
+    with monkeypatch.context() as patch:
+        refusing(patch, system(errno.EACCES), "open")
+        with pytest.raises(FileError, match=r"cannot be read \(Permission denied\)"):
+            load(file.with_suffix(""))
+    assert len(load(file.with_suffix("")).errors)
+
+
+# --- who may read it
+
+
+@pytest.fixture(params=[0o022, 0o002, 0o077], ids=oct)
+def umask(request):
+    before = os.umask(request.param)
+    yield request.param
+    os.umask(before)
+
+
+def rights(place):
+    """Files and folders, by what anybody may do with them."""
+    found = {}
+    for path in [place, *place.rglob("*")]:
+        found.setdefault((path.is_dir(), path.stat().st_mode & 0o777), []).append(path.name)
+    return found
+
+
+def as_asked(umask):
+    return {(False, 0o666 & ~umask), (True, 0o777 & ~umask)}
+
+
+def test_all_that_a_study_writes_may_be_read_by_whom_the_umask_lets(file, umask):
+    """Cells, locks, log, tables, page and figures; nobody sets a colleague's results aside for want of a right."""
+    assert CliRunner().invoke(main, ["study", str(file)]).exit_code == 0
+    found = rights(file.with_suffix(""))
+    assert set(found) == as_asked(umask), found
+
+
+def test_so_may_reports_tables_baselines_and_ensembles_of_tests(tmp_path, cell, umask):
+    place = tmp_path / "all"
+    for _ in range(2):  # new, and in the place of another
+        with whole_folder(place / "report", frozenset({"one.txt"}), overwrite=True) as inside:
+            (inside / "one.txt").write_text("one")
+        write_whole(place / "table.csv", "1,2\n")
+    baseline.write(place / "baselines" / "test_a" / "test_b.toml", {"values": {}}, "mended")
+    store = Store(place / "ensembles")
+    obtain(store, cell)
+    store.set_aside(cell.key, "for a look at it")
+    found = rights(place)
+    assert set(found) == as_asked(umask), found
+
+
+# --- what killed processes leave
+
+
+def test_what_killed_processes_have_left_is_gone_after_the_next_run(file):
+    """Killed after the last file has been put in its place, too: then there is nothing to compute, or to draw again."""
+    assert CliRunner().invoke(main, ["study", str(file)]).exit_code == 0
+    out = file.with_suffix("")
+    key = next((out / CELLS).glob("*.parquet")).stem
+    for left in (out / ".rattle-0123abcd.part", out / CELLS / f".{key}-0123abcd.part"):
+        left.touch()
+    (out / ".page-0123abcd.part" / "figures").mkdir(parents=True)
+    found = CliRunner().invoke(main, ["study", str(file)])
+    assert "All 2 cells are there" in found.output
+    assert not list(out.rglob(".*"))
+
+
+def test_a_text_that_a_process_is_writing_is_left_to_it(tmp_path):
+    with open(tmp_path / ".rattle-0123abcd.part", "w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        write_whole(tmp_path / "one.csv", "1")
+        assert sorted(p.name for p in tmp_path.iterdir()) == [".rattle-0123abcd.part", "one.csv"]
+    write_whole(tmp_path / "one.csv", "2")
+    assert [p.name for p in tmp_path.iterdir()] == ["one.csv"]

@@ -1,0 +1,132 @@
+"""Ctrl-C at any moment, in the middle of an import too: one line, exit code 130, nothing half written."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+
+import pytest
+
+LONG = 120  # seconds that nothing here takes, however busy the machine
+INTERRUPT = "import os, signal; os.kill(os.getpid(), signal.SIGINT)"
+EXTENSION = f"""
+try:
+    {INTERRUPT}
+    for _ in range(1000):
+        pass  # where an interrupt is heard
+except BaseException:
+    raise ImportError("initialization failed")
+"""
+"""As a library's C extension does that is interrupted while it is loaded."""
+ENDLESS = f"""
+{INTERRUPT}
+import time
+while True:
+    try:
+        time.sleep(10.0)
+    except BaseException:
+        pass
+"""
+COMMAND = """
+from compare.__main__ import main
+
+@main.command()
+def load():
+    import extension
+    import time
+    time.sleep(60.0)
+    print("it went on")
+
+main(["load"])
+"""
+
+
+def rattle(code, folder, **files):
+    """What becomes of a process that finds modules of ours before all others."""
+    for name, text in files.items():
+        (folder / f"{name}.py").write_text(text)
+    path = os.pathsep.join([str(folder), *filter(None, sys.path)])
+    return subprocess.run(
+        [sys.executable, "-c", code], env=os.environ | {"PYTHONPATH": path}, cwd=folder, capture_output=True, text=True,
+        timeout=LONG,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("loaded", [EXTENSION, ENDLESS, INTERRUPT], ids=["caught", "endless", "plain"])
+def test_an_interrupt_while_a_command_loads_a_library(tmp_path, loaded):
+    done = rattle(COMMAND, tmp_path, extension=loaded)
+    assert done.returncode == 130, done.stderr
+    assert re.fullmatch(r"rattle: interrupted[^\n]*\n", done.stderr)
+    assert done.stdout == ""
+
+
+@pytest.mark.parametrize("library", ["click", "jinja2", "tomli_w", "numpy"])
+def test_an_interrupt_while_the_command_itself_is_loaded(tmp_path, library):
+    done = rattle("import compare.__main__", tmp_path, **{library: EXTENSION})
+    assert done.returncode == 130, done.stderr
+    assert done.stderr == "rattle: interrupted\n"
+
+
+def test_an_interrupt_that_is_put_off_to_the_end_of_a_command_is_not_forgotten(tmp_path):
+    done = rattle(COMMAND.replace("time.sleep(60.0)", "pass"), tmp_path, extension=EXTENSION)
+    assert done.returncode == 130
+    assert re.fullmatch(r"rattle: interrupted[^\n]*\n", done.stderr)
+
+
+def test_what_is_half_written_goes_with_a_process_that_is_ended(tmp_path):
+    writing = """
+from pathlib import Path
+from compare.folder import whole_folder
+
+with whole_folder(Path("report"), frozenset(), False) as inside:
+    (inside / "half.txt").write_text("half")
+    import extension
+"""
+    command = COMMAND.replace("    import extension", "    import runpy; runpy.run_path('writing.py')")
+    done = rattle(command, tmp_path, writing=writing, extension=ENDLESS)
+    assert done.returncode == 130, done.stderr
+    assert {p.name for p in tmp_path.iterdir()} <= {"writing.py", "extension.py", "__pycache__"}
+
+
+def test_a_second_interrupt_does_not_stop_the_cleaning_up(tmp_path):
+    command = COMMAND.replace("    import extension", """
+    import os, signal
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+        for _ in range(1000): pass
+    finally:
+        os.kill(os.getpid(), signal.SIGINT)
+        for _ in range(1000): pass
+        open("cleaned", "w").close()
+""")  # fmt: skip
+    done = rattle(command, tmp_path)
+    assert done.returncode == 130, done.stderr
+    assert done.stderr.count("\n") == 1
+    assert (tmp_path / "cleaned").exists()
+
+
+MOMENTS = ["json", "click", "numpy._core", "scene.scene", "llvmlite", "numba", "scipy.special", "pandas", "matplotlib"]
+
+
+@pytest.mark.parametrize("module", MOMENTS)
+def test_a_command_that_is_interrupted_while_it_loads_its_libraries(tmp_path, module):
+    """At several moments, told by what Python says that it has imported; wherever it is then."""
+    command = [sys.executable, "-X", "importtime", "-m", "compare", "validate", "--paths", "100000000", "--out", "it"]
+    path = os.pathsep.join(filter(None, sys.path))
+    running = subprocess.Popen(
+        command, cwd=tmp_path, env=os.environ | {"PYTHONPATH": path}, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        for line in running.stderr:
+            if line.startswith("import time:") and line.rpartition("|")[2].strip() == module:
+                break
+        running.send_signal(signal.SIGINT)
+        _, said = running.communicate(timeout=LONG)
+    finally:
+        running.kill()
+    said = [line for line in said.splitlines() if not line.startswith("import time:")]
+    assert running.returncode == 130, said
+    assert len(said) == 1, said
+    assert said[0].startswith("rattle: interrupted")
+    assert not list(tmp_path.iterdir())

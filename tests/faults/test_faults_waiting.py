@@ -1,0 +1,146 @@
+"""Whoever waits for another process says for whom; and goes on when that one ends."""
+
+import platform
+import re
+import subprocess
+import sys
+import threading
+from contextlib import contextmanager
+
+import pytest
+
+from compare.study.design import Study
+from compare.study.engine import run
+from compare.study.obtain import obtain
+from compare.study.places import Here
+from compare.study.store import Store
+from compare.study.waiting import holder
+
+TEXT = """
+[study]
+impacts = 1
+readings = ["mended"]
+paths = 1024
+[scene]
+alpha = 1.5
+epsilon = 0.9
+beta1 = 0.083
+gamma1 = 0.057
+stages = 1
+[[axes]]
+sigma = [0.1]
+"""
+HOLD = """
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from compare.study.store import Store
+
+store = Store(Path(sys.argv[1]))
+with ExitStack() as stack:
+    print(all([stack.enter_context(store.alone(key)) for key in sys.argv[2:]]), flush=True)
+    sys.stdin.read()
+"""
+LONG = 120.0  # seconds that nothing here takes, however busy the machine
+
+
+@contextmanager
+def held(store, cells):
+    """Another process at work on cells; its number."""
+    command = [sys.executable, "-c", HOLD, store.folder, *(cell.key for cell in cells)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout.readline() == "True\n"
+        yield other.pid
+        other.stdin.close()
+
+
+@pytest.fixture
+def study():
+    return Study.from_toml(TEXT)
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store(tmp_path / "cells")
+
+
+def in_the_background(work):
+    """A thread that is at it, and what it will have found."""
+    found = []
+    thread = threading.Thread(target=lambda: found.append(work()), daemon=True)
+    thread.start()
+    return thread, found
+
+
+def test_whoever_waits_for_a_cell_says_for_whom(study, store):
+    cell, said, heard = study.cells[1], [], threading.Event()
+
+    def say(text):
+        said.append(text)
+        heard.set()
+
+    with held(store, [cell]) as number:
+        waiting, found = in_the_background(lambda: obtain(store, cell, say=say))
+        assert heard.wait(LONG)
+        assert not found
+    waiting.join(LONG)
+    assert found
+    (text,) = said
+    at = r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d"
+    assert re.fullmatch(
+        rf"rattle: waiting for process {number} on {re.escape(platform.node())}, "
+        rf"at work on {re.escape(cell.label)} since {at}; when it ends, this one goes on",
+        text,
+    )
+
+
+def test_a_study_whose_cells_are_in_other_hands_says_so_once(study, store, monkeypatch):
+    """More of them than it has threads, too."""
+    heard, said = threading.Event(), []
+
+    def write(bar, text, **_):
+        said.append(text)
+        heard.set()
+
+    monkeypatch.setattr("compare.study.progress.tqdm.write", write)
+    with held(store, study.cells) as number:
+        waiting, found = in_the_background(lambda: run(study, store, Here(1), show=True))
+        assert heard.wait(LONG)
+        assert not found
+    waiting.join(LONG)
+    assert found[0].computed == len(study.cells) == 2
+    (text,) = said
+    assert f"process {number} on " in text
+    assert text in (store.folder.parent / "study.log").read_text()
+
+
+def test_what_a_lock_says_is_not_believed_blindly(store):
+    lock = store.lock("k")
+    with store.alone("k"):
+        assert holder(lock)[0].startswith("process ")
+    for text in ("", "12\n", "\x1b[31m\nhost\n", "12\nho\x1b]0;st\n", "1" * 5000):
+        lock.write_text(text)
+        assert holder(lock) == ("another process", "")
+
+
+def test_a_link_in_place_of_a_lock_is_not_followed(store, tmp_path):
+    """In a folder that others can write."""
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with store.alone("k"):
+        store.lock("k").unlink()
+        store.lock("k").symlink_to(tmp_path / "thesis.tex")
+        assert holder(store.lock("k")) == ("another process", "")
+    (tmp_path / "thesis.tex").write_text("years of work")
+
+
+def test_under_pytest_it_is_said_while_the_test_runs(pytester):
+    pytester.makepyfile("""
+        from compare.thresholds.sessions import _past_capture
+
+        def test_it(request):
+            _past_capture(request.config)("rattle: waiting for process 1")
+    """)
+    for words in ([], ["-s"]):
+        found = pytester.runpytest_subprocess(*words)
+        found.assert_outcomes(passed=1)
+        found.stderr.fnmatch_lines(["rattle: waiting for process 1"])

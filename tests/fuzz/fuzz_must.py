@@ -1,0 +1,50 @@
+"""The words in which checks speak."""
+
+from typing import Any
+
+import numpy as np
+
+from compare.moments import VERDICTS
+from scene.moments import SECTION, STATE
+from scene.scene import Scene
+
+__all__ = ["FAINTEST", "SLACK", "Ended", "has_verdicts", "must", "own", "semidefinite"]
+
+FAINTEST = 1e-289  # power of an sd below which it is no divisor
+SLACK = 1e-9  # of a correlation and an eigenvalue, relative: rounding
+Ended = tuple[str, str]
+
+
+def must(holds: Any, *what: Any) -> None:
+    """An invariant; what it is about goes into the message."""
+    if not np.all(holds):
+        raise AssertionError(" ".join(map(str, what)))
+
+
+def own(scene: Scene) -> list[str]:
+    """The section quantities that a scene has."""
+    return [q for q in SECTION if scene.stages == 2 or q not in STATE[2:]]
+
+
+def semidefinite(covariance: Any, scales: Any = None) -> None:
+    """No eigenvalue is negative but for rounding."""
+    for k, matrix in enumerate(covariance):
+        must(np.isfinite(matrix), "covariance is not finite", matrix)
+        scale = np.sqrt(np.abs(np.diagonal(matrix))) if scales is None else scales[k]
+        scale = np.where(scale > 0.0, scale, 1.0)
+        shape = matrix / scale / scale[:, None]  # as correlations: a small stage counts as much as a large one
+        must(np.linalg.eigvalsh(shape)[0] >= -SLACK, "covariance is not semidefinite", matrix, shape)
+
+
+def has_verdicts(table: Any) -> None:
+    """Every row of a comparison has a verdict; where it says more than that there is nothing to say, numbers do too."""
+    must(table["verdict"].isin(VERDICTS), table["verdict"].unique())
+    judged = table[table["verdict"].isin(["accurate", "inaccurate", "undecided"])]
+    numbers = ["closure", "monte_carlo", "se", "error", "low", "high", "tolerance", "agreement"]
+    must(np.isfinite(judged[numbers].to_numpy(float)), "judged without a number\n", judged[numbers])
+    must(judged["low"] <= judged["high"], "interval\n", judged[numbers])
+    must((judged["se"] >= 0.0) & (judged["tolerance"] >= 0.0), "widths\n", judged[numbers])
+    silent = table[(table["verdict"] == "not predicted") & table[["closure", "low"]].notna().all(axis=1)]
+    must(silent.empty, "predicted, and not judged\n", silent)
+    share = table["agreement"].dropna()
+    must((share >= 0.0) & (share <= 1.0), "agreement", share)

@@ -1,0 +1,190 @@
+"""What must hold of every simulation: shares, spreads, clocks, walls, and no number missing without a reason."""
+
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from fuzz_flights import follows_the_flow
+from fuzz_must import FAINTEST, SLACK, Ended, must, own, semidefinite
+
+from montecarlo import Ensemble, simulate
+from montecarlo.settings import is_random
+from scene import Scene
+from scene.moments import SECTION
+
+__all__ = ["accuracy", "scheme"]
+
+OVERSHOOTS = ("euler-maruyama",)
+"""Schemes that look for walls at the end of a step, and leave there a stage that the noise has turned back."""
+CORRELATION = 1.0 + 1e-12
+LEAST = {"": (2, 0, 0), "sd_": (3, 0, 2), "skew_": (3, 3, 6), "kurt_": (4, 4, 8)}
+"""Paths that tell the error of a moment; powers of the sd that divide the moment, and its error."""
+
+
+def scheme(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
+    """A simulation is the same on any number of workers, and its statistics belong to distributions."""
+
+    def ensemble(scene: Scene, settings: dict[str, Any]) -> Ended:
+        given = {"scheme": name, "keep_paths": True} | settings
+        run = simulate(scene, **given)
+        if settings["paths"] > 1024:
+            other = simulate(scene, **given, workers=2)
+            for column, values in run.columns.items():
+                must(_same(values, other.columns[column]), "workers change", column)
+        must(run.paths == settings["paths"], "paths", run.paths)
+        of_an_ensemble(run)
+        if settings.get("step_bias"):
+            must(~np.isinf(run.step_bias["bias"].to_numpy()), "bias")
+        if run.raw is not None and given["keep_paths"]:
+            raw = np.asarray(run.raw)
+            of_its_paths(scene, raw[..., [0, 1, 2, 3, 6]] if scene.stages == 1 else raw, name)
+            follows_the_flow(run)
+        return ("stopped", "unfinished paths") if run.unfinished else ("complete", "")
+
+    return ensemble
+
+
+def accuracy(scene: Scene, settings: dict[str, Any]) -> Ended:
+    """An accuracy is reached, or what was reached and what is missing is said."""
+    with warnings.catch_warnings(record=True) as said:
+        run = simulate(scene, **settings)
+    of_an_ensemble(run)
+    reach = run.reach
+    assert reach is not None
+    for warning in said:  # that it is not reached is worth a warning, and nothing else is
+        must(not reach.reached and "ccuracy" in str(warning.message), "warns", warning)
+    told = [reach.sampling, reach.step, reach.more_seconds, *(c.core_seconds for c in reach.candidates)]
+    must(np.array(told) >= 0.0, "reach", reach)  # seconds without end, where no time would do
+    must(np.isfinite([reach.sampling, reach.step]), "reach", reach)
+    must(reach.sentence and ("NOT" in reach.sentence) != reach.reached, "sentence", reach.sentence)
+    if not is_random(scene):
+        must(run.plan.paths == 1, "identical paths are computed", run.plan.paths)
+    return ("complete", "") if reach.reached else ("stopped", "budget")
+
+
+def of_an_ensemble(run: Ensemble) -> None:
+    """All tables of an ensemble."""
+    reached = run.section["paths"].to_numpy()
+    _shares(run, reached)
+    _moments(run, reached)
+    _in_time(run, reached)
+    _at_times(run)
+    _kept(run)
+    must(all(isinstance(c, str) and c for c in run.cautions), "cautions", run.cautions)
+    must(bool(run.cautions) or not run.unfinished, "nobody is told that paths are unfinished", run.unfinished)
+
+
+def _shares(run: Ensemble, reached: Any) -> None:
+    must((reached >= 0) & (reached <= run.paths), "more paths than were asked for", reached, run.paths)
+    must(np.diff(reached) <= 0, "paths", reached)
+    must(reached[-1] + run.unfinished == run.paths, "unfinished", run.unfinished, reached)
+    share = np.column_stack([run.section["agreement"], run.agreement])
+    must((share >= 0.0) & (share <= 1.0), "agreement", share)
+    must(np.diff(share, axis=0) <= 0.0, "agreement rises", share)
+    must(share <= reached[:, None] / run.paths * (1.0 + 1e-12), "more agree than are there", share, reached)
+
+
+def _moments(run: Ensemble, reached: Any) -> None:
+    table, names, stages = run.section, own(run.scene), run.scene.stages
+    must(~np.isinf(table.to_numpy(float)), "infinite\n", table.T)
+    for prefix in ("sd_", "se_", "se_sd_", "se_skew_", "se_kurt_"):
+        must(~(table[[prefix + q for q in names]] < 0.0), "a negative spread", prefix, "\n", table.T)
+    rho = table[["rho1", "rho2"]].to_numpy()
+    must(np.isnan(rho) | (abs(rho) <= CORRELATION), "rho", rho)
+    for name, silent in unexplained(run).items():
+        must(~silent, "a number is missing without a reason:", name, "\n", table[name])
+    for k in np.flatnonzero(reached > 1):
+        semidefinite(run.covariance[k : k + 1, : 1 + 2 * stages, : 1 + 2 * stages])
+    if "energy" in table:
+        must(table["energy"].isna() | (table["energy"] >= 0.0), "energy", table["energy"])
+
+
+def _at_times(run: Ensemble) -> None:
+    clock, stages = run.clock(), range(1, run.scene.stages + 1)
+    must(~np.isinf(clock.to_numpy(float)), "an infinite number at a time\n", clock.T)
+    for x, y, rho in [(f"x{s}", f"y{s}", f"rho{s}") for s in stages if len(clock)]:
+        told = clock[[x, y, f"cov_{x}_{x}", f"cov_{x}_{y}", f"cov_{y}_{y}"]]
+        must(told.notna(), "no moment at a time\n", clock.T)
+        varies = (told[f"cov_{x}_{x}"] * told[f"cov_{y}_{y}"] > FAINTEST).to_numpy()
+        must(abs(clock.loc[varies, rho]) <= CORRELATION, "no correlation at a time\n", clock.T)
+
+
+def _kept(run: Ensemble) -> None:
+    section = run.result.sums["section"]
+    if run.histograms is not None:
+        counted, there = run.histograms.counts.sum(axis=-1), [SECTION.index(q) for q in own(run.scene)]
+        must(counted[:, there] == section.n[:, there], "histogram", counted)
+    if run.batches is not None:
+        must(run.batches.n.sum(axis=0) == section.n, "batches", run.batches.n)
+        must(np.isfinite(run.batches.mean) & (run.batches.squares >= 0.0), "batches\n", run.batches)
+
+
+def unexplained(run: Ensemble) -> dict[str, Any]:
+    """Entries of the section that are NaN, and may not be; by column, shape (impacts,).
+
+    A number may be missing where nothing has it (a second stage of a single one; an impact that no path had, which
+    ``paths`` tells), a standard error where so few paths of a random scene have the impact that they tell none
+    (`LEAST`), a skewness, kurtosis, their errors and a correlation where a quantity does not vary (its sd is 0), or so
+    little that the power of the sd that divides them is no float.
+    """
+    table, computed = run.section, run.result.sums["section"]
+    variance = np.nan_to_num(computed.moment(2, 0))
+    nobody = table["paths"].to_numpy() == 0
+    few = [is_random(run.scene) & (table["paths"].to_numpy() < least) for least in range(5)]
+    missing: dict[str, Any] = {}
+    for q in own(run.scene):
+        sd = np.sqrt(variance[:, SECTION.index(q)])
+        for prefix, (least, power, se_power) in LEAST.items():
+            missing[prefix + q] = table[prefix + q].isna().to_numpy() & ~nobody & (sd**power > FAINTEST)
+            faint = few[least] | (sd**se_power < FAINTEST)
+            missing["se_" + prefix + q] = table["se_" + prefix + q].isna().to_numpy() & ~nobody & ~faint
+    for stage in range(1, run.scene.stages + 1):
+        still = (variance[:, [2 * stage, 2 * stage + 1]] == 0.0).any(axis=1)
+        missing[f"rho{stage}"] = table[f"rho{stage}"].isna().to_numpy() & ~nobody & ~still
+    for name in ("mesh", "side", "agreement", "paths", *(n for n in ("energy", "se_energy") if n in table)):
+        missing[name] = table[name].isna().to_numpy() & ~nobody
+    return missing
+
+
+def _in_time(run: Ensemble, reached: Any) -> None:
+    """The mean time of impacts that the same paths have increases, by the mean flight, and no mean is beyond a wall."""
+    columns = run.near.columns  # with all their digits
+    tau, flight, controlled = columns["tau"], columns["flight"], "control" in run.result.sums
+    same = (reached[1:] == reached[:-1]) & (reached[1:] > 0)
+    back = same & (np.diff(tau) < -1e-12 * abs(tau[1:]))
+    must(~back, "impacts run backwards", tau)
+    must(~(flight < 0.0), "a mean flight below 0", flight)
+    if not controlled:
+        apart = abs(np.diff(tau) - flight[1:]) > 1e-9 * flight[1:] + 1e-12 * abs(tau[1:])
+        must(~(same & apart), "times and flights", tau, flight)
+    for stage in range(1, run.scene.stages + 1) if not controlled and run.scheme not in OVERSHOOTS else ():
+        x, most = columns[f"x{stage}"], run.scene.windows[stage - 1]
+        must(~(abs(x) > most * (1.0 + SLACK)), "a mean beyond its walls", x, most)
+
+
+def of_its_paths(scene: Scene, raw: Any, name: str) -> None:
+    """Every path is causal and inside the widest its walls may be, on a wall where it strikes one."""
+    tau, flight, code = raw[..., 0], raw[..., 1], raw[..., -1]
+    there = ~np.isnan(tau)
+    must(there[:, 1:] <= there[:, :-1], "a path comes back")
+    must(np.isfinite(raw[there]), "a path is not finite")
+    must(flight[there] >= 0.0, "a flight runs backwards")
+    must(np.isin(code[there], (-2, -1, 1, 2)), "itinerary")
+    must(tau[there] >= scene.phase, "before the start")
+    c_max = (scene.tolerance.c1_max, scene.tolerance.c2_max) if scene.tolerance else (0.0, 0.0)
+    fixed = scene.tolerance is not None and scene.tolerance.law == "fixed"
+    for i in range(scene.stages):
+        gap = (scene.gap1, scene.gap2)[i]
+        least, most = (gap + c_max[i] if fixed else gap - c_max[i]), gap + c_max[i]
+        x, y = raw[..., 2 + 2 * i][there], raw[..., 3 + 2 * i][there]
+        hit = abs(code[there]) == i + 1
+        must(abs(x[hit]) <= most * (1.0 + SLACK), "beyond the widest wall", most, x[hit])
+        must(abs(x[hit]) >= least * (1.0 - SLACK) - 1e-15 * most, "not on a wall", least, x[hit])
+        must(y[hit] * code[there][hit] >= 0.0, "not outward")
+        if name not in OVERSHOOTS:
+            must(abs(x) <= most * (1.0 + SLACK), "beside its walls", most, x)
+
+
+def _same(a: Any, b: Any) -> bool:
+    return bool(np.array_equal(np.asarray(a), np.asarray(b), equal_nan=np.asarray(a).dtype.kind == "f"))

@@ -1,0 +1,178 @@
+"""Another space of scenes: every magnitude log-uniform over the whole of what is let in, and weight on the ends.
+
+Numbers come from a stream of numpy's Philox, so that a job is a function of the seed and of its own number.  Half of
+the scenes draw each field by itself, over all decades; the others draw lengths around one unit, itself of any size, so
+that something happens in them.
+"""
+
+import math
+from typing import Any, TypeVar
+
+import numpy as np
+
+from scene.scene import GAPS, LARGEST, SPEED, TIME, TINY, UNIT_VARIANCE
+
+__all__ = ["LEAST", "Numbers", "wide_scene"]
+
+LEAST = 5e-324
+"""The least number above 0."""
+BELOW_ONE = 1.0 - 2.0**-53
+SIZES = (1e-12, 1e12)  # of a gear
+NEAR = 300.0  # times the unit, to both sides
+Data = dict[str, Any]
+T = TypeVar("T")
+
+
+class Numbers:
+    """What is drawn, one after the other."""
+
+    def __init__(self, *key: int) -> None:
+        self.stream = np.random.Generator(np.random.Philox(np.random.SeedSequence(key)))
+
+    def often(self, share: float) -> bool:
+        """True in this share of the draws."""
+        return bool(self.stream.random() < share)
+
+    def one(self, *values: T) -> T:
+        """One of some values; what is given twice comes twice as often."""
+        return values[int(self.stream.integers(len(values)))]
+
+    def size(self, least: float, most: float, zero: bool = True) -> float:
+        """Log-uniform between two ends; each end in one draw of twenty, 0 in one of ten where it is let in.
+
+        Where the least is the least of all floats, half of the draws keep to those that have a square.
+        """
+        if zero and self.often(0.1):
+            return 0.0
+        if self.often(0.1):
+            return self.one(least, most)
+        if least < TINY < most and self.often(0.5):
+            least = TINY
+        return float(min(max(10.0 ** self.stream.uniform(math.log10(least), math.log10(most)), least), most))
+
+    def count(self, most: int) -> int:
+        """A log-uniform whole number from 1 on."""
+        return min(int(self.size(1.0, most + 1.0, zero=False)), most)
+
+    def signed(self, most: float) -> float:
+        """A number of either sign, 0 among them."""
+        return self.one(1.0, -1.0) * self.size(LEAST, most)
+
+    def seed(self) -> int:
+        """A seed."""
+        return self.one(0, 1, 2**63, 2**128 - 1, int(self.stream.integers(2**62)))
+
+
+class _Lengths:
+    """Sizes of what is a length over a power of time: anywhere, or around one unit."""
+
+    def __init__(self, numbers: Numbers) -> None:
+        self.numbers, self.unit = numbers, numbers.size(*GAPS, zero=False) if numbers.often(0.5) else None
+
+    def size(self, least: float, most: float, zero: bool = True) -> float:
+        if self.unit is None:
+            return self.numbers.size(least, most, zero)
+        low, high = max(least, self.unit / NEAR), min(most, self.unit * NEAR)
+        return self.numbers.size(low, high, zero)
+
+
+def _share(n: Numbers) -> float:
+    """Between 0 and 1, both let in, as near to either as floats come."""
+    return n.one(
+        0.0,
+        1.0,
+        LEAST,
+        BELOW_ONE,
+        n.size(LEAST, 1.0),
+        1.0 - n.size(2.0**-53, 1.0),
+        n.stream.random(),
+        n.stream.random(),
+    )
+
+
+def _damping(n: Numbers, tame: bool) -> float:
+    return n.size(1e-3, 10.0) if tame else n.size(LEAST, LARGEST["beta1"])
+
+
+def _plain(n: Numbers, lengths: _Lengths, stages: int) -> Data:
+    tame = lengths.unit is not None
+    scene: Data = {
+        "alpha": lengths.size(TINY, LARGEST["alpha"]), "epsilon": _share(n), "beta1": _damping(n, tame),
+        "gamma1": lengths.size(TINY, LARGEST["gamma1"]), "gap1": lengths.size(*GAPS, zero=False),
+    }  # fmt: skip
+    if stages == 2 or n.often(0.2):
+        beta1 = scene["beta1"]
+        scene["beta2"] = n.one(beta1, min(math.nextafter(beta1, math.inf), 1e4), *(_damping(n, tame) for _ in range(6)))
+        scene["gamma2"] = lengths.size(TINY, LARGEST["gamma2"])
+        scene["gap2"] = n.one(scene["gap1"], *(lengths.size(*GAPS, zero=False) for _ in range(3)))
+        near_one = 1.0 - n.size(2.0**-53, 0.5, zero=False)
+        scene["mu"] = n.one(n.size(TINY, BELOW_ONE, zero=False), near_one, n.stream.uniform(0.1, 0.9))
+    return scene
+
+
+def _gears(n: Numbers, scene: Data) -> Data:
+    """A gear pair of any size that makes about this scene."""
+    names = ("omega", "inertia1", "inertia2", "radius1", "radius2", "backlash1")
+    pair = {name: n.size(1e-3, 1e3) if n.often(0.7) else n.size(*SIZES, zero=False) for name in names}
+    pair = {name: value or 1.0 for name, value in pair.items()}
+    for i in (1, 2):
+        inertia, omega = pair[f"inertia{i}"], pair["omega"]
+        pair[f"damping{i}"] = min(1e-3 * scene[f"beta{i}"] * inertia * omega, SIZES[1])
+        drag = 1e-3 * scene[f"gamma{i}"] * inertia * omega**2 * pair["backlash1"] / pair[f"radius{i}"]
+        pair[f"torque{i}"] = min(drag, SIZES[1])
+    pair["backlash2"] = min(max(2.0 * scene["gap2"] * pair["backlash1"], SIZES[0]), SIZES[1])
+    return pair | {"alpha": scene["alpha"], "epsilon": scene["epsilon"]}
+
+
+def _deviation(n: Numbers, gap: float) -> float:
+    """0, the least, anything below the gap, or just under it."""
+    under = math.nextafter(gap, 0.0)
+    return n.one(0.0, TINY, under, 0.1 * gap, n.size(TINY, under), n.size(TINY, under))
+
+
+def _tolerance(n: Numbers, gaps: tuple[float, float], stages: int) -> Data:
+    second = n.size(TINY, GAPS[1]) if stages == 1 and n.often(0.3) else _deviation(n, gaps[1])
+    return {
+        "c1_max": _deviation(n, gaps[0]), "c2_max": second, "law": n.one(*UNIT_VARIANCE),
+        "draw": n.one("path", "contact"),
+    }  # fmt: skip
+
+
+def _start(n: Numbers, lengths: _Lengths, stages: int, gaps: tuple[float, float], free: tuple[float, float]) -> Data:
+    """At a mesh or in flight; at rest, at an edge, in the middle; early, and as late as may be."""
+    mesh = n.one(*range(stages + 1))
+    tau = n.one(n.signed(TIME), n.stream.uniform(-10.0, 10.0))
+    start: Data = {"tau": tau, "mesh": mesh}
+    for i in (1, 2):
+        side, speed = n.one(1.0, -1.0), lengths.size(LEAST, SPEED, zero=False)
+        where = "flank" if mesh == i else n.one("flank", "edge", "inside", "inside", "near")
+        inward = mesh == 0 and i <= stages
+        if where == "flank":
+            x, y = gaps[i - 1] * side, side * speed * (1.0 if mesh == i else -1.0 if inward else n.one(1.0, -1.0))
+        else:
+            share = {"edge": 1.0, "inside": n.size(1e-300, 1.0), "near": 1.0 - n.size(2.0**-53, 1.0)}[where]
+            x, y = free[i - 1] * share * side, n.one(0.0, speed, -speed)
+            y = -side * speed if inward and abs(x) == gaps[i - 1] else y
+        start |= {f"x{i}": x, f"y{i}": y}
+    return start
+
+
+def wide_scene(n: Numbers) -> Data:
+    """A scene in the form of `Scene.from_dict`; nearly all of them are let in at the door."""
+    stages, lengths = n.one(2, 2, 1), _Lengths(n)
+    scene = _plain(n, lengths, stages)
+    if stages == 2 and n.often(0.1):
+        data: Data = {"gears": _gears(n, scene), "scene": {"stages": stages}}
+        gaps = 0.5, data["gears"]["backlash2"] / (2.0 * data["gears"]["backlash1"])
+    else:
+        data = {"scene": scene | {"stages": stages}}
+        gaps = scene["gap1"], scene.get("gap2", 0.5)
+    scene, deviations = data["scene"], (0.0, 0.0)
+    scene["sigma"] = 0.0 if n.often(0.2) else lengths.size(TINY, LARGEST["sigma"])
+    if n.often(0.4):
+        scene["tolerance"] = tolerance = _tolerance(n, gaps, stages)
+        deviations = tolerance["c1_max"], tolerance["c2_max"]
+    if n.often(0.6):
+        free = gaps[0] - deviations[0], max(gaps[1] - deviations[1], 0.0)
+        scene["start"] = _start(n, lengths, stages, gaps, free)
+    return data

@@ -1,0 +1,159 @@
+"""Which entry points the wide space tries, how often, and with which settings: small work mostly, much of it rarely."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from fuzz_wide import LEAST, Numbers, wide_scene
+
+from montecarlo import SCHEMES, default_step, largest_step
+from montecarlo.settings import HORIZON_PER_IMPACT, STEPS, is_random
+from scene import Scene
+from scene.errors import RattleError
+
+__all__ = ["WIDE", "job"]
+
+WORK = 1e6  # steps of all paths
+ALONE = 2  # paths that may take the default horizon, of up to ten million steps
+USUAL = 0.3  # of the default step: least step of those who wait for the default horizon
+SOON = 1e5  # steps of the default horizon for an impact, beyond which a door that takes no other is tried rarely
+Settings = dict[str, Any]
+
+
+def built(data: dict[str, Any]) -> Scene | None:
+    """The scene, if it is one."""
+    try:
+        return Scene.from_dict(data)
+    except RattleError:
+        return None
+
+
+def _closure(n: Numbers, scene: Scene) -> Settings:
+    return {"impacts": n.count(64), "order": n.one(2, 3, 4, 5, 6)}
+
+
+def _step(n: Numbers, scene: Scene, scheme: str, biased: bool, least: float = LEAST) -> tuple[float | None, float]:
+    """A step as it is given, the default among them, and its size."""
+    longest = largest_step(scene, scheme)[0] / (4 if biased else 1)
+    least = max(n.one(1e-3 * longest, 1e-3 * longest, LEAST), least)
+    dt = None if n.often(0.4) else n.size(least, longest, zero=False)
+    return dt, default_step(scene, scheme, biased) if dt is None else dt
+
+
+def _run(scheme: str) -> Callable[[Numbers, Scene], Settings]:
+    exact = SCHEMES[scheme].weak_order is None
+
+    def settings(n: Numbers, scene: Scene) -> Settings:
+        biased = not exact and n.often(0.3)
+        paths, impacts = n.one(1, 2, 3, 31, 33, n.one(31, 33, 1000, 1030)), n.count(64)
+        waits = paths <= ALONE and n.often(0.05 if _soon(scene) else 0.005)
+        dt, step = _step(n, scene, scheme, biased, USUAL * default_step(scene, scheme, biased) if waits else LEAST)
+        out: Settings = {"paths": paths, "impacts": impacts, "dt": dt, "rng": n.seed(), "step_bias": biased}
+        out["horizon"] = None if waits else step * n.size(1.0, WORK / paths, False)
+        longest = min(HORIZON_PER_IMPACT * impacts, STEPS * step) if out["horizon"] is None else out["horizon"]
+        coarsest = 4.0 * step if biased else step
+        if n.often(0.3) and longest > coarsest:
+            since = [n.size(coarsest, longest, False) for _ in range(n.one(1, 1, 3))]
+            out["clock"] = tuple(scene.start.tau + t for t in since)
+        if exact:
+            out["control"] = n.often(0.25)
+        else:
+            out["increments"] = n.one("gaussian", "gaussian", "two-point")
+        if n.often(0.2):
+            out["itineraries"] = {"mine": tuple(n.one(1, -1, 2, -2) for _ in range(impacts))}
+        return out | {name: n.often(0.3) for name in ("histogram", "batches", "energy")} | {"keep_paths": n.often(0.8)}
+
+    return settings
+
+
+def _accuracy(n: Numbers, scene: Scene) -> Settings:
+    return {
+        "impacts": n.one(1, 1, 2, n.count(64)), "accuracy": n.size(1e-9, 0.9, False),
+        "budget": n.size(1e-2, 0.3, False),
+        "scheme": n.one(None, None, *SCHEMES), "rng": n.seed(), "batches": n.often(0.3), "energy": n.often(0.3),
+    }  # fmt: skip
+
+
+def _validation(n: Numbers, scene: Scene) -> Settings:
+    return {
+        "impacts": n.one(1, 2, 3, n.count(12)), "paths": n.one(1, 2, 3, 31, 33, 64),
+        "scheme": n.one("exact-flight", "exact-flight", *SCHEMES), "order": n.one(2, 3, 4, 5, 6), "rng": n.seed(),
+    }  # fmt: skip
+
+
+def _command(n: Numbers, scene: Scene) -> Settings:
+    """Options of ``rattle simulate``, whose horizon is the default one: few paths."""
+    scheme = n.one(*SCHEMES)
+    dt, step = _step(n, scene, scheme, False, USUAL * default_step(scene, scheme))
+    impacts = n.one(1, 2, n.count(64))
+    steps = min(HORIZON_PER_IMPACT * impacts / step, STEPS)
+    given: Settings = {"impacts": impacts, "seed": n.seed()}
+    if n.often(0.25):
+        return given | {"accuracy": n.size(1e-9, 0.9, False), "budget": n.size(1e-2, 0.3, False)}
+    paths = n.one(1, 2, 3, 31, 33, 1000)
+    given |= {"paths": paths if paths * steps < 10.0 * WORK else n.one(1, 2), "scheme": scheme}
+    return given if dt is None else given | {"dt": dt}
+
+
+def _report(n: Numbers, scene: Scene) -> Settings:
+    return {"impacts": n.one(1, 2), "paths": n.one(2, 33), "seed": n.seed()}
+
+
+def _study(n: Numbers, scene: Scene) -> Settings:
+    """A study over one or two fields; an accuracy only where nothing is random: it has no budget there."""
+    sigmas = sorted({0.0, scene.sigma, 0.5 * scene.sigma, n.size(1e-30, 1e6, False)})
+    axes = [{"sigma": sigmas[: n.one(1, 2, 3)]}]
+    if n.often(0.5):
+        axes.append({n.one("epsilon", "start.tau"): [0.25, 0.75]})
+    study: Settings = {"impacts": n.one(1, 2, 3), "order": n.one(2, 4, 6), "seed": n.one(0, 1, 2**60), "paths": 64}
+    study["readings"] = n.one(["saltation"], ["saltation", "mended"], ["printed", "branching", "saltation"])
+    if not is_random(scene) and n.often(0.5):
+        del study["paths"]
+        study["accuracy"], axes[0] = n.size(1e-9, 0.9, False), {"sigma": [0.0]}
+    return {"study": study, "axes": axes}
+
+
+def _soon(scene: Scene) -> bool:
+    """Whether paths of a scene are given up soon, where nothing else is said."""
+    return min(HORIZON_PER_IMPACT / default_step(scene, "exact-flight"), STEPS) < SOON
+
+
+class Tried(NamedTuple):
+    """How often an entry point is tried, of `sum` of all, with which settings, and whether it waits for the horizon."""
+
+    share: float
+    settings: Callable[[Numbers, Scene], Settings]
+    waits: bool = False
+
+
+WIDE: dict[str, Tried] = {
+    "door": Tried(8, lambda n, scene: {}),
+    "orbit": Tried(12, lambda n, scene: {"impacts": n.count(1000)}),
+    "long orbit": Tried(6, lambda n, scene: {"impacts": n.count(64), "start": n.one(0, 1, 2, 3)}),
+    "printed": Tried(8, _closure), "mended": Tried(8, _closure), "saltation": Tried(10, _closure),
+    "branching": Tried(3, lambda n, scene: {"impacts": n.one(1, 2, 3), "order": n.one(2, 3, 4, 5, 6)}),
+    "euler-maruyama": Tried(10, _run("euler-maruyama")),
+    "euler-maruyama-located": Tried(10, _run("euler-maruyama-located")),
+    "exact-flight": Tried(14, _run("exact-flight")),
+    "accuracy": Tried(4, _accuracy),
+    "validate": Tried(1.5, _validation, waits=True),
+    "simulate a file": Tried(5, _command, waits=True),
+    "validate a file": Tried(0.2, _report, waits=True),
+    "study a file": Tried(0.5, _study, waits=True),
+}  # fmt: skip
+"""Every entry point: the API, scene files, the command line, studies; the last three read back what was written."""
+
+_EDGES = [sum(tried.share for tried in list(WIDE.values())[: i + 1]) for i in range(len(WIDE))]
+
+
+def job(seed: int, number: int, entry: str = "") -> tuple[str, dict[str, Any], Settings]:
+    """The scene of this number, with an entry point and settings; always the same for the same seed."""
+    n = Numbers(seed, number)
+    at = n.stream.random() * _EDGES[-1]
+    drawn = next(name for name, edge in zip(WIDE, _EDGES, strict=True) if at <= edge)
+    entry = entry or drawn
+    for _ in range(20):
+        data = wide_scene(n)
+        scene = built(data)
+        if scene is None or not WIDE[entry].waits or _soon(scene) or n.often(0.01):
+            break
+    return entry, data, WIDE[entry].settings(n, scene) if scene else {"impacts": 1}

@@ -1,0 +1,218 @@
+"""Nothing that a file, a name or a message brings can steer a terminal or turn the text of a page."""
+
+import json
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+from compare import manifest
+from compare.__main__ import main
+from compare.folder import default_place
+from compare.page import Code, Figure, Page, Section, Source, Table, Text, write_page
+from compare.study.progress import Progress
+from compare.thresholds.baseline import listed, write
+from montecarlo.ensemble import _bar
+from scene import DAT21, Scene
+from scene.errors import FileError, InputError, OutputError, RattleError
+from scene.text import harmless, line
+
+STEERING = "\x1b]0;pwned\x07\x9b31m\x08\x7f\x85\u202e\u2066\u2069\u200b\u200e\u061c\u2028\u2029\ufeff\u00ad\U000e0041"
+"""A title for the terminal, a colour, what deletes; text turned around; nothing wide; lines of another kind; tags."""
+IN_A_NAME = STEERING.replace("\x85", "")
+RAW = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u00ad\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\U000e0000-\U000e007f]"
+)
+SMALL = ["--paths", "64", "--impacts", "1", "--dt", "0.01", "--no-frontier", "--reading", "mended", "--sigma", "0.1"]
+STUDY = (
+    '[study]\ntitle = {title}\nimpacts = 1\npaths = 64\nreadings = ["mended"]\n[scene]\nalpha = 1.5\nepsilon = 0.9\n'
+    "beta1 = 0.08\ngamma1 = 0.05\nstages = 1\n[scene.tolerance]\nc1_max = 0.01\n[[axes]]\nsigma = [0.1]\n[[axes]]\n"
+    '"tolerance.law" = ["uniform", {value}]\n'
+)
+
+
+def quoted(text):
+    """A text as TOML has it."""
+    return '"' + "".join(c if c.isalnum() else f"\\U{ord(c):08x}" for c in text) + '"'
+
+
+def rattle(*words, code=0):
+    """A command, and that nothing in what it says steers the terminal."""
+    found = CliRunner().invoke(main, [str(word) for word in words])
+    assert found.exit_code == code, found.output
+    assert not RAW.search(found.stdout + found.stderr)
+    assert "Traceback" not in found.output
+    return found
+
+
+def files_are_harmless(folder):
+    """No file that a person opens has anything in it that steers."""
+    read = [p for p in folder.rglob("*") if p.suffix in {".md", ".html", ".csv", ".json", ".log", ".svg", ".txt"}]
+    assert read
+    for path in read:
+        assert not RAW.search(path.read_text(encoding="utf-8")), path
+
+
+def test_every_such_character_is_shown():
+    for c in STEERING:
+        shown = c.encode("unicode_escape").decode()
+        assert harmless(f"a{c}b") == line(f"a{c}b") == f"a{shown}b"
+    plain = "σ = 0.1, ü 中 🙂 “a” – \xa0 1\u202f000"
+    assert harmless(f"{plain}\n\tb\r\n") == f"{plain}\n\tb\n"
+    assert harmless("a\nb", keep="") == "a\\nb"
+    assert harmless("\udcff") == "\\udcff"
+    assert harmless(harmless(STEERING)) == harmless(STEERING)
+
+
+class Steering:
+    """A value that is shown as it likes."""
+
+    def __repr__(self):
+        return STEERING
+
+
+@pytest.mark.parametrize("error", [
+    RattleError(STEERING), OutputError(STEERING), InputError(STEERING, STEERING, STEERING),
+    FileError("page", Path(STEERING), STEERING), InputError("model", Steering(), "-"),
+])  # fmt: skip
+def test_errors_are_harmless_wherever_they_are_shown(error):
+    assert not RAW.search(str(error))
+    assert "\\x1b]0;pwned" in str(error)
+
+
+def test_a_message_of_one_error_is_one_line():
+    """A value cannot add a line that looks like a message of its own."""
+    assert "\n" not in str(InputError("a\nrattle: all is well", "b\nrattle: all is well", "c\nrattle: all is well"))
+
+
+def test_a_study_from_end_to_end(tmp_path):
+    """Title, and a value of an axis that no scene can have, on the terminal and in all that is written."""
+    file = tmp_path / (IN_A_NAME.replace("/", "") + ".toml")
+    file.write_text(STUDY.format(title=quoted(STEERING), value=quoted(STEERING)))
+    for word in ("--explain", "--status"):
+        said = rattle("study", file, word, "--out", tmp_path / "out").output
+        assert "\\x1b]0;pwned\\x07\\x9b31m" in said
+        assert "\\u202e" in said
+    said = rattle("study", file, "--out", tmp_path / "out", code=1)
+    assert "\\x1b]0;pwned" in said.stderr
+    files_are_harmless(tmp_path / "out")
+    reasons = (tmp_path / "out" / "reasons.csv").read_text()
+    assert "\\x1b]0;pwned\\x07\\x9b31m" in reasons
+    record = json.loads(rattle("study", file, "--out", tmp_path / "out", "--json", code=1).stdout)
+    assert record["title"] == STEERING  # data are as they were
+    assert "\\x1b]0;pwned" in rattle("show", tmp_path / "out").stdout
+    set_aside = tmp_path / "out" / "cells" / "set-aside"
+    set_aside.mkdir()
+    (set_aside / "x.txt").write_text(STEERING)
+    rattle("study", file, "--out", tmp_path / "out", "--status")
+
+
+@pytest.mark.parametrize("law", ['"\\u001b]0;pwned\\u0007"', '"\\u202e"', '"\u202e\u200b"', '"a\\nb"'])
+def test_the_axis_that_was_seen(tmp_path, law):
+    (tmp_path / "s.toml").write_text(STUDY.format(title='"t"', value=law))
+    said = rattle("study", tmp_path / "s.toml", "--explain").stdout
+    assert len([row for row in said.splitlines() if "tolerance.law: 2 values" in row]) == 1
+    assert "b" not in said.splitlines()
+
+
+@pytest.mark.parametrize("command", ["validate", "simulate", "order", "tradeoff", "chaos"])
+@pytest.mark.parametrize(
+    "text",
+    ["[scene]\n{q} = 1\n", "[scene]\nalpha = {q}\n", "{q} = 1", "[scene.tolerance]\nlaw = {q}\n[scene]\nalpha = 1.0\n",
+     "alpha = \u202e", "[gears]\nalpha = [{q}]\n"],
+)  # fmt: skip
+def test_a_scene_that_is_none(command, text, tmp_path):
+    file = tmp_path / f"{IN_A_NAME}.toml"
+    file.write_text(text.format(q=quoted(STEERING)))
+    said = rattle(command, file, code=2)
+    assert said.stderr.startswith("rattle: ")
+    assert said.stderr.count("\n") == 1
+    rattle(command, tmp_path / STEERING, code=2)
+
+
+def test_names_of_files_and_folders(tmp_path, monkeypatch):
+    """Of a scene, of the folder, of what lies in it; of words that no command takes."""
+    monkeypatch.chdir(tmp_path)
+    scene = tmp_path / f"{IN_A_NAME}.toml"
+    scene.write_text(Scene.from_gears(DAT21).to_toml())
+    rattle("validate", scene, *SMALL)
+    (out,) = (tmp_path / "reports").iterdir()
+    assert not RAW.search(out.name)
+    files_are_harmless(out)
+    assert "\\x1b]0;pwned" in rattle("show", out).stdout
+    rattle("show", out, "--section", STEERING, code=2)
+    rattle("validate", scene, *SMALL, "--out", STEERING)
+    rattle("validate", scene, *SMALL, "--out", STEERING, code=2)
+    rattle("show", f"{STEERING}-2", code=2)
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / STEERING).touch()
+    assert "\\x1b]0;pwned" in rattle("validate", scene, *SMALL, "--out", "full", code=2).stderr
+    assert "\\x1b]0;pwned" in rattle("simulate", scene, STEERING, code=2).stderr
+    rattle(STEERING, code=2)
+    rattle("simulate", f"--{STEERING}", code=2)
+    rattle("simulate", scene, "--paths", "64", "--impacts", "1", "--out", f"none{STEERING}/x.csv", code=2)
+
+
+def test_a_manifest(tmp_path, monkeypatch):
+    """Its name and the versions that it states are somebody else's."""
+    monkeypatch.chdir(tmp_path)
+    rattle("validate", *SMALL, "--out", "first")
+    data = json.loads(Path("first/manifest.json").read_text())
+    del data["seal"]
+    data["settings"]["name"] = STEERING + "\ud800"
+    data["versions"] = {STEERING: "1", "numpy": STEERING + "\nRepeated bit for bit."}
+    table = pd.read_csv("first/table.csv")
+    table["monte_carlo"] *= 1.0 + 1e-13
+    table.to_csv("first/table.csv", index=False)
+    data["table_sha256"] = manifest.digest(Path("first/table.csv").read_text())
+    Path("first/manifest.json").write_text(json.dumps(data))
+    said = rattle("validate", "--repeat", "first/manifest.json", code=5).stdout
+    assert "\\x1b]0;pwned" in said
+    assert "Repeated bit for bit." not in said.splitlines()
+    (out,) = Path("reports").iterdir()
+    assert not RAW.search(out.name)
+    files_are_harmless(out)
+    for wrong in ({"settings": {STEERING: 1}}, {STEERING: 1}, data | {"settings": data["settings"] | {STEERING: 1}}):
+        Path("wrong.json").write_text(json.dumps(wrong))
+        rattle("validate", "--repeat", "wrong.json", code=2)
+
+
+def test_a_page_in_all_views(tmp_path):
+    blocks = (
+        Text(STEERING), Text(f"`{STEERING}`", note=True), Code(f"{STEERING}\nb", STEERING),
+        Table.of([STEERING, "b"], [[STEERING, f"| {STEERING}"]], STEERING),
+    )  # fmt: skip
+    (tmp_path / "a.svg").write_text("<svg/>")
+    figure = Figure("a.svg", STEERING, STEERING)
+    facts = ((STEERING, STEERING),)
+    page = Page(STEERING, (STEERING,), Source(STEERING, facts, blocks), (*blocks, figure), (Section(STEERING, blocks),))
+    write_page(page, tmp_path, "p")
+    files_are_harmless(tmp_path)
+    assert (tmp_path / "p.html").read_text().count("\\u202e") > 15
+    for width in ("20", "80", "500"):
+        rattle("show", tmp_path, "--width", width)
+    data = json.loads((tmp_path / "page.json").read_text())
+    for wrong in (
+        data | {"format": STEERING},
+        data | {"page": {STEERING: 1}},
+        data | {"page": data["page"] | {"title": 1, STEERING: 2}},
+    ):
+        (tmp_path / "page.json").write_text(json.dumps(data | wrong))
+        rattle("show", tmp_path, code=2)
+
+
+def test_folders_baselines_logs_and_labels(tmp_path, monkeypatch):
+    assert not RAW.search(str(default_place(STEERING)))
+    assert not RAW.search("\n".join(listed({STEERING: (STEERING, None), "a\nb": (1.0, "c\nd")})))
+    assert len(listed({"a\nb": (1.0, "c\nd")})[0].splitlines()) == 1
+    write(tmp_path / "b.toml", {"values": {}}, STEERING)
+    assert not RAW.search((tmp_path / "b.toml").read_text())
+    with Progress({}, 0, tmp_path, show=False) as progress:
+        progress.say(STEERING + "\nforged")
+    said = (tmp_path / "study.log").read_text()
+    assert not RAW.search(said)
+    assert "forged" not in [row.split(" ")[0] for row in said.splitlines()]
+    monkeypatch.setattr("montecarlo.ensemble.tqdm", lambda **settings: settings)
+    assert not RAW.search(_bar(1, STEERING)["desc"])

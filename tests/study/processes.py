@@ -1,0 +1,64 @@
+"""A Dask scheduler and workers as processes of their own, which can be killed and stopped."""
+
+import os
+import subprocess
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+SCHEDULER = """
+import asyncio, sys
+from distributed import Scheduler
+
+async def main():
+    async with Scheduler(protocol=sys.argv[1], host="127.0.0.1", port=0, dashboard=False) as scheduler:
+        print(scheduler.address, flush=True)
+        await scheduler.finished()
+
+if __name__ == "__main__":
+    asyncio.run(main())
+"""
+WORKER = """
+import asyncio, sys
+from distributed import Worker
+
+{before}
+
+async def main():
+    async with Worker(sys.argv[1], nthreads=1, dashboard=False) as worker:
+        print(worker.address, flush=True)
+        await worker.finished()
+
+if __name__ == "__main__":
+    asyncio.run(main())
+"""
+OTHER = "from compare.study import version; version.LIBRARIES = ('numpy',)"
+"""What makes a worker one of another numerical version."""
+
+
+@contextmanager
+def _running(code, *words, **environment):
+    """A process, and the address that it prints once it answers there; killed in the end."""
+    path = os.pathsep.join([str(ROOT), str(Path(__file__).parent)])
+    running = subprocess.Popen(
+        [sys.executable, "-c", code, *words], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+        env={**os.environ, "PYTHONPATH": path, **environment},
+    )  # fmt: skip
+    try:
+        address = running.stdout.readline().strip()
+        assert address, "it has ended before it answered"
+        yield running, address
+    finally:
+        running.kill()
+        running.communicate()
+
+
+def scheduler(protocol="tcp://", **environment):
+    """A scheduler without workers."""
+    return _running(SCHEDULER, protocol, **environment)
+
+
+def worker(address, before="", **environment):
+    """A worker of one thread; it has run the line `before` first."""
+    return _running(WORKER.format(before=before), address, **environment)

@@ -1,0 +1,184 @@
+"""A wrong marker is an error of its own test and of no other; a wrong option one of the session."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from compare.moments import widest
+from compare.thresholds.claim import merged
+
+DAT21 = Path(__file__).resolve().parent / "example_suite" / "dat21.toml"
+HEAD = """
+import pytest
+from scene import DAT21, Scene
+S = Scene.from_gears(DAT21, sigma=0.02)
+
+@pytest.mark.rattle(scene=S, impacts=1, paths=2048)
+def test_good(rattle):
+    rattle.check("saltation")
+
+def test_other():
+    pass
+
+class Surprise:
+    def __iter__(self):
+        raise ZeroDivisionError("when it is read")
+
+"""
+GOOD_ROWS = 6
+
+BAD_MARKERS = {
+    "scene='nowhere.toml'": "scene = 'nowhere.toml': there is no file",
+    "scene='.'": "scene = '.': there is no file",
+    "scene='impossible.toml'": "scene = 'impossible.toml': is not a scene (epsilon = 1.9: ",
+    "scene='damaged.toml'": "scene = 'damaged.toml': is not a scene (",
+    "": "scene = None: give a Scene",
+    "scene=S, quantities=['y1', 'speed']": "quantities = 'speed': valid are 'tau'",
+    "scene=S, moments='skew'": "moments = 'skew': valid are 'mean', 'sd'",
+    "scene=S, impact=3": "option of the marker rattle = 'impact': unknown key; did you mean 'impacts'?",
+    "scene=S, impacts=[0, 1]": "impacts = 0: must be at least 1",
+    "scene=S, within=-0.1": "within of the mean = -0.1: must be greater than 0",
+    "scene=S, within={'mean': 0.1}": "within = {'mean': 0.1}: allow 'sd' an error too",
+    "scene=S, within=0.1, absolute=0.1": "absolute = 0.1: within allows the mean an error already",
+    "scene=S, paths=2": "paths = 2: must be at least 1024",
+    "scene=S, paths=4096, accuracy=0.1": "accuracy = 0.1: chooses the number of paths itself; leave out paths = 4096",
+    "scene=S, budget=4096, accuracy=0.1": "accuracy = 0.1: chooses the number of paths itself; leave out budget = 4096",
+    "scene=S, budget=0": "budget = 0: must be at least 1",
+    "scene=S, undecided='pass'": "undecided = 'pass': valid are 'fail', 'skip'",
+    "scene=S, scheme='euler'": "scheme = 'euler': valid are 'euler-maruyama', ",
+    "'dat21.toml'": "marker rattle = ('dat21.toml',): name every option",
+    "scene=S, impacts=Surprise()": "ZeroDivisionError: when it is read",
+}
+IDLE = "\n@pytest.mark.rattle(scene=S)\ndef test_idle(): pass\n"
+
+
+def marked(options, name="test_bad"):
+    return f"\n@pytest.mark.rattle({options})\ndef {name}(rattle): pass\n"
+
+
+def test_bad_markers_are_errors_of_their_own_tests(run, pytester, said):
+    (pytester.path / "impossible.toml").write_text(DAT21.read_text().replace("epsilon = 0.9", "epsilon = 1.9"))
+    (pytester.path / "damaged.toml").write_text("[scene\n")
+    bad = [marked(options, f"test_{i}") for i, options in enumerate(BAD_MARKERS)]
+    result = run(HEAD + "".join(bad) + IDLE)
+    result.assert_outcomes(passed=2, errors=len(BAD_MARKERS) + 1)
+    assert result.ret == pytest.ExitCode.TESTS_FAILED
+    sections = re.split(r"_+ ERROR at setup of (\w+) _+\n", result.stdout.str())
+    shown = dict(zip(sections[1::2], sections[2::2], strict=True))
+    for i, message in enumerate(BAD_MARKERS.values()):
+        assert message in shown[f"test_{i}"]
+    assert "its marker checks nothing; let the test take the fixture 'rattle'" in shown["test_idle"]
+    z = f"{widest(4 * GOOD_ROWS, 0.01):.2f}"  # as if the others were not there
+    assert said(result, r"intervals  (\S+) .* looks at the 6 rows collected") == z
+
+
+def test_a_session_of_bad_markers_alone_fails(run):
+    result = run(HEAD.replace("def test_good", "def good") + marked("scene=S, within=0.0"))
+    result.assert_outcomes(passed=1, errors=1)
+    assert result.ret == pytest.ExitCode.TESTS_FAILED
+
+
+def test_on_workers_of_xdist_too(run_workers):
+    result = run_workers(HEAD + marked("scene=S, within=0.0"))
+    result.assert_outcomes(passed=2, errors=1)
+    result.stdout.fnmatch_lines(["rattle: within of the mean = 0.0: must be greater than 0", "*looks at the 6 rows *"])
+
+
+def test_a_bad_marker_that_is_not_selected_is_not_read(run):
+    result = run(HEAD + marked("scene=S, within=0.0"), "-k", "good")
+    result.assert_outcomes(passed=1, deselected=2)
+    assert result.ret == pytest.ExitCode.OK
+
+
+CLASSES = """
+@pytest.mark.rattle(scene="nowhere.toml", impacts=1, paths=2048)
+class TestClass:
+    def test_inherits(self, rattle): pass
+
+    @pytest.mark.rattle(scene=S)
+    def test_refines(self, rattle):
+        rattle.check("saltation")
+
+    def test_claims_nothing(self): pass
+
+@pytest.mark.parametrize("model", [
+    "saltation",
+    pytest.param("saltation", marks=pytest.mark.rattle(within=-1.0), id="bad"),
+])
+@pytest.mark.rattle(scene=S, impacts=1, paths=2048)
+def test_each(rattle, model):
+    rattle.check(model)
+"""
+
+
+def test_only_the_tests_that_a_bad_marker_reaches_are_errors(run):
+    result = run(HEAD + CLASSES, "-rA")
+    result.assert_outcomes(passed=5, errors=2)
+    text = result.stdout.str()
+    assert re.findall(r"^ERROR test_suite.py::(\S+)", text, re.MULTILINE) == [
+        "TestClass::test_inherits",
+        "test_each[bad]",
+    ]
+
+
+def test_a_module_with_a_bad_marker_leaves_the_others(run, pytester):
+    pytester.makepyfile(test_module=f"{HEAD}\npytestmark = pytest.mark.rattle(within=-1.0)\n" + marked("scene=S"))
+    result = run(HEAD)
+    result.assert_outcomes(passed=3, errors=2)
+
+
+def test_collecting_alone_says_what_could_not_be_read(run):
+    result = run(HEAD + marked("scene=S, within=0.0"), "--collect-only", "-q")
+    assert result.ret == pytest.ExitCode.OK
+    result.stdout.fnmatch_lines(
+        ["rattle: test_suite.py::test_bad: within of the mean = 0.0: must be *", "test_suite.py::test_good"]
+    )
+
+
+def test_a_nearer_accuracy_replaces_paths_and_budget():
+    far = {"paths": 2048, "budget": 4096}
+    assert merged([{"accuracy": 0.1}, far]) == {"accuracy": 0.1}
+    assert merged([{"budget": 8192}, far]) == {"paths": 2048, "budget": 8192}
+    assert merged([{"budget": 8192}, {"accuracy": 0.1}]) == {"budget": 8192}
+
+
+BAD_OPTIONS = {
+    "rattle-false-alarm=2": "rattle-false-alarm = 2.0: must lie between 0 and 1",
+    "rattle-false-alarm=few": "rattle-false-alarm = 'few': give a number",
+    "rattle-seed=-1": "rattle-seed = -1: must be at least 0",
+    "rattle-workers=1.5": "rattle-workers = '1.5': give a whole number",
+    "rattle-budget=0": "rattle-budget = 0: must be at least 1",
+    "rattle-budget=1e6": "rattle-budget = '1e6': give a whole number",
+}
+
+
+@pytest.mark.parametrize("option", BAD_OPTIONS)
+@pytest.mark.parametrize("where", ["command line", "configuration file", "collecting alone"])
+def test_bad_options_end_the_session(run, pytester, option, where):
+    if where == "configuration file":
+        name, value = option.split("=")
+        pytester.makeini(f"[pytest]\n{name.replace('-', '_')} = {value}\n")
+    options = {"command line": [f"--{option}"], "collecting alone": [f"--{option}", "--collect-only"]}.get(where, [])
+    result = run(HEAD, *options)
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    assert BAD_OPTIONS[option] in result.stderr.str()
+
+
+def test_a_bad_choice_in_the_configuration_file_ends_the_session(run, pytester):
+    pytester.makeini("[pytest]\nrattle_undecided = pass\n")
+    result = run(HEAD)
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    assert "rattle-undecided = 'pass': valid are 'fail', 'skip'" in result.stderr.str()
+
+
+def test_a_bad_option_ends_the_session_before_workers_start(run_workers):
+    result = run_workers(HEAD, "--rattle-false-alarm=2")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(["ERROR: rattle-false-alarm = 2.0: must lie between 0 and 1*"])
+
+
+def test_without_a_place_for_ensembles_only_checks_fail(run):
+    result = run(HEAD, "--rattle-cache=", "-p", "no:cacheprovider")
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(["rattle: rattle-cache = '': pytest's own cache is switched off; name a folder *"])
