@@ -57,7 +57,7 @@ class Reach(NamedTuple):
         Estimated time to what was asked, where the budget ended before it; 0 where it was reached, infinite where no
         time would do.
     enough : bool
-        Whether the paths are as many as an answer needs, so that what few of them do is seen.
+        Whether the paths are as many as an answer needs, so that what few of them do is seen, and followed as long.
     """
 
     asked: float
@@ -95,6 +95,6 @@ class Reach(NamedTuple):
             return f"Accuracy {self.asked:g} sd reached: {errors}."
         if math.isinf(self.more_seconds):
             return f"Accuracy {self.asked:g} sd NOT reached: {errors}; no shorter step can be taken."
-        few = "" if self.enough else ", of too few paths to show what few of them do"
+        few = "" if self.enough else ", from fewer paths or a shorter time than an answer needs"
         more = in_words(self.more_seconds)
         return f"Accuracy {self.asked:g} sd NOT reached within the budget: {errors}{few}; about {more} more would do."

@@ -98,7 +98,7 @@ def simulate_to(
     error, worst = sampling_error(run)
     step = 0.0 if SCHEMES[run.scheme].weak_order is None else step_error(run)[0]
     worst += "" if is_random(scene) else ": one path is the answer"
-    enough = run.paths >= computed(scene, LEAST)
+    enough = sent.whole and run.paths >= computed(scene, LEAST)
     return replace(run, reach=Reach(accuracy, error, step, worst, candidates, more, enough))
 
 

@@ -47,7 +47,7 @@ def scheme(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
 
 def accuracy(scene: Scene, settings: dict[str, Any]) -> Ended:
     """An accuracy is reached, or what was reached and what is missing is said."""
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True, action="always") as said:
         run = simulate(scene, **settings)
     of_an_ensemble(run)
     reach = run.reach
@@ -143,7 +143,7 @@ def unexplained(run: Ensemble) -> dict[str, Any]:
         still = (variance[:, [2 * stage, 2 * stage + 1]] == 0.0).any(axis=1)
         missing[f"rho{stage}"] = table[f"rho{stage}"].isna().to_numpy() & ~nobody & ~still
     for name in ("mesh", "side", "agreement", "paths", *(n for n in ("energy", "se_energy") if n in table)):
-        missing[name] = table[name].isna().to_numpy() & ~nobody
+        missing[name] = table[name].isna().to_numpy() & ~nobody & ~(few[2] & (name == "se_energy"))
     return missing
 
 

@@ -464,6 +464,14 @@ def test_nothing_to_judge_is_a_table_without_rows():
     assert answer([found], None)
 
 
+def test_an_accuracy_is_not_refused_for_a_step_that_nobody_has_given():
+    """A gap of 1e-9 at a speed of 9e4: the step that stood in until one was chosen was longer than the door allows."""
+    fast = scene(sigma=0.0, gap1=1e-9, start=Start(0.0, 1e-9, 9e4, 0.5, 2.0, mesh=1), stages=1)
+    run = simulate(fast, accuracy=0.5, impacts=1, scheme="euler-maruyama-located")
+    assert run.dt < 1e-12
+    assert run.section["paths"].loc[1] == run.paths == 1
+
+
 STILL = """
 [study]
 impacts = 1
