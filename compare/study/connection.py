@@ -50,7 +50,7 @@ def silence() -> None:
     """Keep Dask's own log off a terminal: what matters of it is said in one line."""
     with suppress(ModuleNotFoundError):
         import_module("distributed")  # which sets these levels itself
-    for name in ("distributed", "distributed.client"):
+    for name in ("distributed", "distributed.client", "tornado.application", "asyncio"):
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
 
 
