@@ -37,15 +37,30 @@ def event(c: Constants, e: Floats, before: Floats) -> tuple[float, int]:
 
 @jit
 def root(sigma: Floats) -> tuple[int, Floats]:
-    """Square root of a covariance by its principal axes: ``rank`` columns, the rest zero."""
-    values, vectors = np.linalg.eigh(sigma)
-    d = values.size
+    """Square root of a covariance by its principal axes: ``rank`` columns, the rest zero.
+
+    Flanks are weighed apart, for two of one variance share a plane of axes, which rounding turns as it likes; and
+    where there are flanks most blocks are apart, so that rounding chooses the sense of an axis too, unless one is set.
+    """
+    d = sigma.shape[0]
+    weight, weighed = np.ones(d), sigma
+    if d > PLAIN:
+        weighed = np.empty((d, d))
+        for i in range(PLAIN, d):
+            weight[i] += (i - PLAIN) / 8.0
+        for i in range(d):
+            for k in range(d):
+                weighed[i, k] = weight[i] * sigma[i, k] * weight[k]
+    values, vectors = np.linalg.eigh(weighed)
     columns = np.zeros((d, d))
     rank = 0
     for i in range(d - 1, -1, -1):
         if values[i] > 1e-14 * values[d - 1] and values[i] > 0.0:
+            sense = 0.0
+            for k in range(d if d > PLAIN else 0):
+                sense += (k + 1) * vectors[k, i]
             for k in range(d):
-                columns[k, rank] = math.sqrt(values[i]) * vectors[k, i]
+                columns[k, rank] = math.copysign(math.sqrt(values[i]), sense) * vectors[k, i] / weight[k]
             rank += 1
     return rank, columns
 

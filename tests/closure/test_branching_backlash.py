@@ -1,6 +1,6 @@
 """Random backlash in the branching reading: against exact flights, the saltation reading, and differences."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -106,6 +106,17 @@ def test_small_tolerance_is_the_saltation_reading(law, draw, stages):
         assert ((b[q] - s[q]).abs() < 2e-3 * sd + 1e-12).all()
         np.testing.assert_allclose(b[f"sd_{q}"], sd, rtol=2e-3)
     assert (without["sd_tau"] < 0.8 * b["sd_tau"]).any()  # planted: no tolerance
+
+
+@pytest.mark.parametrize("name", ["contact, normal", "path, normal", "another pair"])
+def test_rounding_does_not_choose_the_cuts(name):
+    """Blocks of a covariance that are apart have axes whose sense, and plane, rounding would choose."""
+    scene, impacts = SCENES[name]
+    scene = Scene(**{f.name: getattr(scene, f.name) for f in fields(scene) if f.init})
+    other = replace(scene, alpha=scene.alpha * (1.0 + 4e-16), sigma=scene.sigma * (1.0 + 4e-16))
+    one, two = (mean_map(s, impacts=impacts, reading="branching").section for s in (scene, other))
+    quantities = [*QUANTITIES, *(f"sd_{q}" for q in QUANTITIES), "agreement"]
+    np.testing.assert_allclose(one[quantities], two[quantities], rtol=1e-9, atol=1e-9)
 
 
 def test_walls_that_do_not_vary_are_walls_without_tolerance():
