@@ -1,12 +1,10 @@
 """The branching reading: a mixture over itineraries, held against simulation far beyond one orbit."""
 
-import math
-import time
-
 import numpy as np
 import pytest
 
 from closure import mean_map
+from closure.branching import MOST_CUT
 from compare import validate
 from montecarlo import simulate
 from scene import DAT21, Scene
@@ -123,12 +121,7 @@ def test_single_stage():
     assert m.section[["x2", "y2"]].isna().all().all()
 
 
-def test_a_thousand_parts_take_about_a_second():
+def test_parts_are_many_and_bounded():
+    """The work of an impact is in the parts that fly to it."""
     m = mean_map(dat21(1.5**0.5), impacts=12, reading="branching")
-    assert max(len(parts[0]) for parts in m.trace.parts.values()) > 500
-    best = math.inf
-    for _ in range(3):
-        begin = time.process_time()
-        mean_map(m.scene, impacts=12, reading="branching")
-        best = min(best, time.process_time() - begin)
-    assert best < 10.0  # about 1 s of a core, whatever else the machine does
+    assert 500 < max(len(parts[0]) for parts in m.trace.parts.values()) <= 2 * MOST_CUT

@@ -1,10 +1,9 @@
 import re
-import time
 
 import numpy as np
 import pytest
 
-from closure import READINGS, MeanMap, mean_map
+from closure import READINGS, mean_map
 from scene import DAT21, InputError, Scene, Start
 from scene.moments import correlation
 
@@ -218,20 +217,6 @@ def test_edgeworth_asks_for_an_impact_and_a_stage_that_exist(dat21, impact, stag
 def test_a_single_stage_has_no_second_series():
     with pytest.raises(InputError, match="stage = 2: must be at most 1"):
         mean_map(Scene.from_gears(DAT21, sigma=0.1, stages=1), impacts=2).edgeworth(1, 2)
-
-
-@ONE_ORBIT
-@pytest.mark.parametrize("sigma", [0.05, 1.5**0.5])
-def test_twelve_impacts_take_milliseconds(sigma, reading):
-    """Quiet: 0.6 ms, 3.6 ms for a printed map that scans 20 time units for its end; busy: five times as much."""
-    dat21 = Scene.from_gears(DAT21, sigma=sigma)
-    assert isinstance(mean_map(dat21, impacts=12, reading=reading), MeanMap)  # compiled by now
-    best = np.inf
-    for _ in range(10):
-        begin = time.perf_counter()
-        mean_map(dat21, impacts=12, reading=reading)
-        best = min(best, time.perf_counter() - begin)
-    assert best < (18e-3 if reading == "printed" else 5e-3)
 
 
 def test_the_best_reading_is_the_one_left_out(dat21):

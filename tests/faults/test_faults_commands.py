@@ -11,6 +11,7 @@ import time
 import pytest
 from click.testing import CliRunner
 from small_disks import disk, make_read_only
+from timing import wait_for_work
 
 from compare import folder
 from compare.__main__ import main
@@ -49,11 +50,10 @@ def rattle(*words, code=0):
 
 
 @pytest.mark.parametrize("command", WRITERS)
-def test_no_room_is_said_before_any_work(command, tmp_path):
+def test_no_room_is_said_before_any_work(command, tmp_path, monkeypatch):
+    monkeypatch.setattr("montecarlo.ensemble.run", lambda *_: pytest.fail("paths were followed"))
     with disk(tmp_path / "disk", "64k") as place:
-        started = time.monotonic()
         found = rattle(command, *WRITERS[command], "--out", place / "report", code=2)
-        assert time.monotonic() - started < 15.0  # of imports, on a busy machine
         assert "MB are free there; make room" in found.stderr
         make_read_only(place)
         found = rattle(command, *WRITERS[command], "--out", place / "report", code=2)
@@ -156,7 +156,6 @@ def test_an_interrupt_ends_each_command_soon(commands, tmp_path):
                 cwd=place, stdout=subprocess.DEVNULL, stderr=file,
                 env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
             )  # fmt: skip
-    time.sleep(8.0)  # most are at work then, but on a busy machine
     try:
         for command, process in running.items():
             while "| json" not in said[command].read_text():  # the first that is loaded by the command itself
@@ -165,7 +164,7 @@ def test_an_interrupt_ends_each_command_soon(commands, tmp_path):
             process.send_signal(signal.SIGSTOP)
         for command, process in running.items():
             process.send_signal(signal.SIGCONT)
-            time.sleep(0.5)
+            wait_for_work(process, 0.5)
             assert process.poll() is None, command  # still at work
             process.send_signal(signal.SIGINT)
             process.wait(timeout=60)  # two seconds where the machine has nothing else to do

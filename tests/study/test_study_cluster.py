@@ -71,9 +71,7 @@ def test_a_killed_worker_costs_time_only(cluster, study, local, tmp_path):
     victim = next(iter(cluster.workers.values())).pid
     killer = threading.Timer(0.7, os.kill, (victim, signal.SIGKILL))
     killer.start()
-    started = time.monotonic()
     run(study, store, Cluster(cluster.scheduler_address))
-    assert time.monotonic() - started < 60.0
     killer.join()
     pd.testing.assert_frame_equal(Results.of(study, store).errors, local.errors, check_exact=True)
     assert victim not in {w.pid for w in cluster.workers.values() if w.pid}  # it was killed, and another took its place
