@@ -5,7 +5,7 @@ from compare.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_at_once, e
 with ends_at_once():
     import errno
     import math
-import resource
+    import resource
     import sys
     import time
     from pathlib import Path
