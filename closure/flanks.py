@@ -35,7 +35,7 @@ class Pieces(NamedTuple):
 
 
 def random_tolerance(scene: Scene) -> Tolerance | None:
-    """The tolerance of a scene whose flanks are random, or None.
+    """The tolerance of a scene of which a flank is random, or None.
 
     Examples
     --------
@@ -43,7 +43,8 @@ def random_tolerance(scene: Scene) -> Tolerance | None:
     >>> random_tolerance(Scene.from_gears(DAT21, tolerance=Tolerance(0.1, law="fixed"))) is None
     True
     """
-    return scene.tolerance if scene.tolerance is not None and scene.tolerance.law != "fixed" else None
+    tolerance = scene.tolerance
+    return tolerance if tolerance is not None and any(tolerance.variances[: scene.stages]) else None
 
 
 def pieces(law: str) -> Pieces:

@@ -168,13 +168,15 @@ def report(out: Path, space: str, chunks: list[dict[str, Any]], facts: dict[str,
     table, defects, slowest = gathered(chunks)
     tried = int(table["scenes"].sum())
     ended = table.groupby("ended")["scenes"].sum().to_dict()
+    seconds = sum((Counter(c["seconds"]) for c in chunks), Counter[str]())
     summary = {
         "space": space, "scenes": tried, "ended": {k: int(v) for k, v in ended.items()}, "defects": len(defects),
         "entries": {
             e: {str(k): int(v) for k, v in part.groupby("ended")["scenes"].sum().items()}
             for e, part in table.groupby("entry")
         },
-        "bound_seconds": BOUNDS, "slowest": slowest, "commit": manifest.commit(), "versions": manifest.versions(),
+        "seconds": {e: round(s, 1) for e, s in seconds.items()}, "bound_seconds": BOUNDS,
+        "slowest": slowest, "commit": manifest.commit(), "versions": manifest.versions(),
         **facts,
     }  # fmt: skip
     with whole_folder(out, NAMES, overwrite=True) as folder:

@@ -23,7 +23,7 @@ COUNT = {
 WIDE_COUNT = {
     "door": 30, "orbit": 40, "long orbit": 20, "printed": 20, "mended": 25, "saltation": 30, "branching": 8,
     "euler-maruyama": 30, "euler-maruyama-located": 30, "exact-flight": 40, "accuracy": 6, "validate": 5,
-    "simulate a file": 10, "validate a file": 1, "study a file": 2,
+    "simulate a file": 10, "validate a file": 1, "study a file": 1,
 }  # fmt: skip
 TEXTS = ("scene", "study", "manifest", "page", "baseline")
 
