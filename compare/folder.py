@@ -16,6 +16,7 @@ from scene.errors import OutputError
 from scene.text import harmless, line
 
 __all__ = [
+    "ANY_TEXT",
     "check_free",
     "default_place",
     "named",

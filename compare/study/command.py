@@ -136,7 +136,8 @@ def _computed(
     results = Results.of(wanted, store)
     if outcome.failed and results.errors.empty:
         why = next(iter(outcome.failed.values()))
-        raise RattleError(f"nothing can be compared yet, {len(outcome.failed)} cells were not computed: {why}")
+        lost = f"{len(outcome.failed)} of {len(wanted.cells)} cells could not be computed"
+        raise RattleError(f"study = {wanted.title!r}: nothing can be compared yet, {lost} ({why})")
     record = write_page(folder, results, facts)
     took = time.perf_counter() - started
     say(f"{outcome.computed} cells computed, {len(wanted.cells)} there, {took:.1f} s.", err=True)
@@ -145,7 +146,7 @@ def _computed(
 
 def _finished(wanted: "Study", seen: "Store", folder: Path) -> dict[str, Any] | None:
     """The record of a study that is there, page and all; None where there is something to do."""
-    from compare.folder import sweep, write_whole
+    from compare.folder import ANY_TEXT, sweep, write_whole
     from compare.study.current import is_current
     from compare.study.engine import missing
     from compare.study.tables import FILE, PAGE, file_digest
@@ -156,7 +157,8 @@ def _finished(wanted: "Study", seen: "Store", folder: Path) -> dict[str, Any] | 
     say(f"All {len(wanted.cells)} cells are there, and the page is of them.", err=True)
     with suppress(OutputError):  # where nothing can be written, nothing is left half written either
         seen.sweep()
-        sweep(folder, PAGE)
+        for name in (PAGE, ANY_TEXT):
+            sweep(folder, name)
     if file_digest(folder / FILE) != wanted.digest:
         try:
             write_whole(folder / FILE, wanted.text)

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 from filelock import FileLock, SoftFileLock
 
+from scene.text import harmless
+
 if TYPE_CHECKING:  # cells know the store, and the store signs its locks
     from compare.study.cell import Cell
 
@@ -53,7 +55,7 @@ def holder(lock: Path) -> tuple[str, str]:
 
 def aloud(text: str) -> None:
     """A line on standard error."""
-    print(text, file=sys.stderr, flush=True)
+    print(harmless(text), file=sys.stderr, flush=True)
 
 
 class Waiting:

@@ -110,8 +110,15 @@ def test_a_sealed_record_is_whole_after_it_was_written_whatever_is_in_it():
     assert not manifest.is_whole(read | {"paths": 4})
 
 
-WRITERS = {"json_text.py": {"dumps"}, "csv_text.py": {"to_csv"}, "console.py": {"echo"}, "page/command.py": {"echo"}}
-"""Where each of these may be called: the page on a terminal has colours, and its words are harmless one by one."""
+WRITERS = {
+    "json_text.py": {"dumps"},
+    "csv_text.py": {"to_csv"},
+    "console.py": {"echo"},
+    "page/command.py": {"echo"},
+    "study/waiting.py": {"print"},
+}
+"""Where each of these may be called: the page on a terminal has colours, and its words are harmless one by one; who
+waits says so on standard error, also within pytest."""
 
 
 def written_elsewhere(source, allowed=frozenset()):

@@ -13,13 +13,13 @@ from click.testing import CliRunner
 
 from compare.__main__ import main
 from compare.folder import whole_folder, write_whole
-from compare.study.cell import Prediction
+from compare.study.cell import Prediction, Sample
 from compare.study.figures import FIGURES
 from compare.study.obtain import kept, obtain
 from compare.study.store import Store
 from compare.study.tables import CELLS, MANIFEST, load
 from compare.thresholds import baseline
-from scene import DAT21, FileError, OutputError, Scene
+from scene import DAT21, FileError, InputError, OutputError, Scene
 
 TEXT = """
 [study]
@@ -160,6 +160,18 @@ def test_tables_that_cannot_be_read_are_not_called_damaged(file, monkeypatch):
         with pytest.raises(FileError, match=r"cannot be read \(Permission denied\)"):
             load(file.with_suffix(""))
     assert len(load(file.with_suffix("")).errors)
+
+
+def test_a_study_without_a_single_ensemble_says_why(file, monkeypatch):
+    """Whatever made its cells fail: there is no page of nothing."""
+
+    def refused(*_):
+        raise InputError("paths", 64, "are too few")
+
+    monkeypatch.setattr(Sample, "compute", refused)
+    found = CliRunner().invoke(main, ["study", str(file)])
+    assert found.exit_code == 2
+    assert "nothing can be compared yet, 1 of 2 cells could not be computed (paths = 64: are too few)" in found.output
 
 
 # --- who may read it
