@@ -164,7 +164,8 @@ def section_figure(v: Validation) -> Figure:
                         label=label,
                     )
             ax.set_ylim(0.0, 1.25 * max(density.max(), 1e-12))
-            ax.set_xlim(y[0], y[-1])
+            if y[0] < y[-1]:  # bins too narrow for two floats have no width
+                ax.set_xlim(y[0], y[-1])
             ax.xaxis.set_major_locator(MaxNLocator(4))
             ax.set_title(f"impact {impact}", loc="left")
             ax.set_xlabel(f"{SYMBOL[quantity]} before impact")

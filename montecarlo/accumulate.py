@@ -37,6 +37,7 @@ COVARIANCE: Orders = ((1, 1),)
 VARIANCE: Orders = ((2, 0),)
 """A variance alone."""
 
+TINY = float(np.finfo(float).tiny)  # below it floats lose digits
 FEWEST = {"mean": 2, "sd": 3, "cov": 3, "rho": 3, "skew": 3, "kurt": 4}
 """Least number of paths that tell the standard error of a statistic.
 
@@ -281,13 +282,13 @@ def pair_statistics(sums: CentralSums) -> dict[str, Floats]:
     """Covariance and correlation of a pair with their standard errors, from sums over the orders `PAIR`.
 
     ``se_z`` is the standard error of Fisher's ``artanh rho``; it is ``1 / sqrt(n)`` for a Gaussian pair, and NaN where
-    rho is 1 in size.
+    rho is 1 in size.  All three are NaN where the product of the variances is no normal float.
     """
     n = sums.n
     with np.errstate(invalid="ignore", divide="ignore"):
         a, b, c = sums.moment(2, 0), sums.moment(0, 2), sums.moment(1, 1)
-        rho = c / np.sqrt(a * b)
-        root = np.sqrt(a * b)
+        root = np.sqrt(np.where(a * b >= TINY, a * b, np.nan))
+        rho = c / root
         m22, m31, m13 = sums.moment(2, 2) / (a * b), sums.moment(3, 1) / (a * root), sums.moment(1, 3) / (b * root)
         m40, m04 = sums.moment(4, 0) / a**2, sums.moment(0, 4) / b**2
         # influence function u v - rho (u^2 + v^2) / 2 of a correlation, u and v standardised

@@ -502,3 +502,32 @@ def test_a_study_in_which_no_path_has_an_impact_has_a_page(tmp_path, recwarn):
     assert (tables.sections["paths"] == 0).all()
     assert set(tables.errors["verdict"]) == {"not predicted"}
     assert not recwarn.list
+
+
+def test_a_correlation_is_left_out_where_the_product_of_variances_is_no_float():
+    scene = Scene(
+        alpha=2.7e-23, epsilon=3e-45, beta1=1.8e-40, gamma1=8.2e-07, gap1=1.3e-4, beta2=2.3e-25, gamma2=3.3e-7,
+        gap2=2.3e-8, mu=0.5, sigma=2.6e-26, tolerance=Tolerance(3.4e-18, 2.3e-9, "uniform", "contact"),
+    )  # fmt: skip
+    run = simulate(
+        scene, paths=31, impacts=4, scheme="euler-maruyama", dt=4.6e-272, horizon=1.6e-268, clock=[6e-270],
+        step_bias=True,
+    )  # fmt: skip
+    found = run.clock()
+    assert found["cov_x2_x2"].iloc[0] > 0.0
+    assert found[["rho2", "coarse_rho2", "se_rho2", "se_z_rho2"]].isna().all(axis=None)
+
+
+def test_a_report_of_a_speed_that_varies_by_less_than_a_float(tmp_path):
+    start = Start(8.27597051186902, 5.211304781746529, 965.9243053385085, 3.2010607983637507, 0.9828226909473343, 2)
+    file = tmp_path / "fast.toml"
+    file.write_text(
+        Scene(
+            alpha=9.507045049299355, epsilon=0.9999999999999999, beta1=0.0019562748254586862, gamma1=0.6462975974376286,
+            gap1=5.211304781746529, beta2=0.09335714439263738, gamma2=0.0, gap2=3.2010607983637507,
+            mu=1.3375156798484208e-15, start=start,
+        ).to_toml()
+    )  # fmt: skip
+    words = ["validate", file, "--impacts", 1, "--paths", 2, "--no-frontier", "--out", tmp_path / "report"]
+    found = CliRunner().invoke(main, [str(word) for word in words])
+    assert found.exit_code == 0, found.output + repr(found.exception)
