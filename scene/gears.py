@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass, fields
 
-from scene.errors import InputError
-from scene.validate import finite, non_negative, positive, ranged, unit_interval
+from rattle.scene.errors import InputError
+from rattle.scene.validate import finite, non_negative, positive, ranged, unit_interval
 
 __all__ = ["DAT21", "Gears"]
 

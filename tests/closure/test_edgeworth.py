@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad
 
-from closure.edgeworth import Edgeworth, coefficients, hermite, normal_density, window_means
-from closure.printed import _printed_shift
-from scene.moments import gaussian_raw_moments
+from rattle.closure.edgeworth import Edgeworth, coefficients, hermite, normal_density, window_means
+from rattle.closure.published import _printed_shift
+from rattle.scene.moments import gaussian_raw_moments
 
 SD_X, SD_Y = 0.7, 1.9
 ORDERS = (2, 3, 4, 5, 6)

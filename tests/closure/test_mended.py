@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from reference_moments import JointMoments, contact, covariance_flight, drift_matrix, modulation
 
-from closure import follow, mean_map
-from scene import DAT21, Scene, Start, Tolerance
-from scene.moments import realizability
+from rattle.closure import follow, mean_map
+from rattle.scene import DAT21, Scene, Start, Tolerance
+from rattle.scene.moments import realizability
 
 PHI0 = 1 / math.sqrt(2 * math.pi)
 

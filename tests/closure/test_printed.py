@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from reference_moments import contact, fly, stage_moments_after_flight
 
-from closure import mean_map
-from scene import DAT21, InputError, Scene, Start, Tolerance
+from rattle.closure import mean_map
+from rattle.scene import DAT21, InputError, Scene, Start, Tolerance
 
 IMPACTS = 12
 LOUD, QUIET = 1.5**0.5, 0.02

@@ -8,10 +8,10 @@ from mc_checks import agrees, dat21, open_space
 from scipy.special import gamma, hyp2f1
 from test_mc_schemes import affine_step, by_steps
 
-from closure.orbit import follow
-from montecarlo import simulate
-from scene import Scene, Start
-from scene.flight import noise_covariance
+from rattle.closure.orbit import follow
+from rattle.montecarlo import simulate
+from rattle.scene import Scene, Start
+from rattle.scene.flight import noise_covariance
 
 PAIRS = [(i, j) for i in range(4) for j in range(i, 4)]
 TIMES = np.array([0.5, 1.5, 3.0])

@@ -3,7 +3,7 @@ from dataclasses import FrozenInstanceError, replace
 import numpy as np
 import pytest
 
-from scene import DAT21, Gears, InputError
+from rattle.scene import DAT21, Gears, InputError
 
 
 @pytest.mark.parametrize(

@@ -12,10 +12,10 @@ from reference_dynamics import rates
 from scipy.optimize import brentq
 from timing import times_as_long
 
-from closure import follow, mean_map
-from scene import DAT21, Scene, Start
-from scene.impact import MISSES, NONE, REST, next_impact, struck
-from scene.rest import closed_sides, opening, settled
+from rattle.closure import follow, mean_map
+from rattle.scene import DAT21, Scene, Start
+from rattle.scene.impact import MISSES, NONE, REST, next_impact, struck
+from rattle.scene.sticking import closed_sides, opening, settled
 
 COMPILED = pytest.mark.skipif(
     bool(numba.config.DISABLE_JIT), reason="takes minutes, or states a time, with the compiler off"
