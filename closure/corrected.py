@@ -1,4 +1,4 @@
-"""The paper's closure with its algebra mended (MODEL sections 5, 6, 9).
+"""The paper's closure with its algebra mended (docs/model.md sections 5, 6, 9).
 
 The deterministic part is the event-driven orbit.  Linear flow, linear contact laws taken at the orbit's own
 instants, and additive noise keep ``(xi_1, zeta_1, xi_2, zeta_2)`` exactly Gaussian: every cumulant beyond the

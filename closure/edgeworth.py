@@ -30,7 +30,7 @@ def coefficients(raw: Floats, sd_x: float, sd_y: float) -> Floats:
 
     By orthogonality of the Hermite polynomials these are the only coefficients for which the series
     has the given moments; Eq. 11 groups the same terms by order, with moments of order 4 where
-    cumulants belong (MODEL section 9).
+    cumulants belong (docs/model.md section 9).
 
     Examples
     --------

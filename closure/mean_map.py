@@ -245,8 +245,8 @@ def mean_map(scene: Scene, *, impacts: int = 12, reading: str = "saltation", ord
     impacts : int
         How many impacts after the start.
     reading : {"saltation", "branching", "mended", "printed"}
-        Which reading of the paper's closure (MODEL section 6).  ``saltation`` is right for small noise, ``branching``
-        follows the itineraries that larger noise parts; it predicts section moments and itineraries only.
+        Which reading of the paper's closure (docs/model.md section 6).  ``saltation`` is right for small noise,
+        ``branching`` follows the itineraries that larger noise parts; it predicts section moments and itineraries only.
     order : int
         Highest order of moments that the Edgeworth series carries, 2 to 6.  ``saltation`` stays with first-order
         means and sds at order 2, and adds mean shifts and skewness from order 3 on.

@@ -1,4 +1,5 @@
-"""The paper's mean map as it stands: Eqs. 10, 14-17, 20-22 with only their misprints corrected (MODEL section 9).
+"""The paper's mean map as it stands: Eqs. 10, 14-17, 20-22 with only their misprints corrected (docs/model.md section
+9).
 
 What is kept although it is wrong: the moments of both stages follow the mesh-2 rules (15) and (17) at every
 impact, with ``-eps m_np`` where ``(-eps)^p m_np`` belongs; the noise of Eq. 14 is not modulated; the flight

@@ -1,8 +1,8 @@
 """The closure that is right to first order, and its second order: a Markov step from section to section.
 
-A perturbed path meets the wall at another instant than the orbit.  So the state that is followed is the one that
-each path has at its own k-th impact.  Its covariance is carried by the derivative of the section map; in clock
-coordinates that is the saltation matrix ``Xi = R + (F+ - R F-) g' / (g' F-)`` (MODEL section 6).  From order 3 on, the
+A perturbed path meets the wall at another instant than the orbit.  So the state that is followed is the one that each
+path has at its own k-th impact.  Its covariance is carried by the derivative of the section map; in clock coordinates
+that is the saltation matrix ``Xi = R + (F+ - R F-) g' / (g' F-)`` (docs/model.md section 6).  From order 3 on, the
 second derivatives add the mean shift, an O(sigma^2) effect, and the third cumulants.
 """
 

@@ -77,7 +77,7 @@ class Gears:
 
     @property
     def gap2(self) -> float:
-        """Half gap of mesh 2 in units of ``backlash1`` (MODEL section 1)."""
+        """Half gap of mesh 2 in units of ``backlash1`` (docs/model.md section 1)."""
         return self.backlash2 / (2.0 * self.backlash1)
 
     def beta(self, wheel: int) -> float:

@@ -1,4 +1,4 @@
-"""Impacts at both meshes: the contact laws, and the next outward crossing of a flight (MODEL section 3)."""
+"""Impacts at both meshes: the contact laws, and the next outward crossing of a flight (docs/model.md section 3)."""
 
 import math
 

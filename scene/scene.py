@@ -58,7 +58,7 @@ class Constants(NamedTuple):
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Random part ``c_i`` of the half gaps ``g_i + c_i`` (MODEL section 4, dimensionless).
+    """Random part ``c_i`` of the half gaps ``g_i + c_i`` (docs/model.md section 4, dimensionless).
 
     Parameters
     ----------

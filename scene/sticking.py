@@ -1,7 +1,7 @@
 """Closed meshes: when impacts accumulate, what holds a mesh shut, when it opens, and how the rest moves meanwhile.
 
 A mesh is closed on a side while its contact pushes.  The contact at mesh 1 changes the accelerations of ``(y1, y2)`` in
-the proportion (1, 1), that at mesh 2 in the proportion (mu, 1), as their impulses do (MODEL section 3).  With
+the proportion (1, 1), that at mesh 2 in the proportion (mu, 1), as their impulses do (docs/model.md section 3).  With
 ``p_i = beta_i u_i + gamma_i`` and the free accelerations ``f1 = p1 - alpha sin tau``, ``f2 = p1 - p2``:
 
 - mesh 1 closed: wheel 1 moves with the driver and ``-x2`` is a single stage with the damping and drag of wheel 2;

@@ -1,8 +1,8 @@
 """How neighbours of a path part: the saltation matrix at an impact, and orthonormal frames that keep the growth.
 
 A neighbour meets the wall at another instant.  Carried back to the path's own instant, its displacement after the
-impact is ``Xi = R + (F+ - R F-) g' / (g' F-)`` times that before it (MODEL section 6), F the rate just before and just
-after, R the contact law, g the normal of the wall.  Whatever the accelerations, ``det Xi = epsilon^2``.
+impact is ``Xi = R + (F+ - R F-) g' / (g' F-)`` times that before it (docs/model.md section 6), F the rate just before
+and just after, R the contact law, g the normal of the wall.  Whatever the accelerations, ``det Xi = epsilon^2``.
 """
 
 from typing import NamedTuple

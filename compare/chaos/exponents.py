@@ -268,8 +268,8 @@ def drift_exponents(
 ) -> Exponents:  # fmt: skip
     """Exponents of the drift's linearisation along a noisy path (`rattle.montecarlo.coupling.long_path`).
 
-    These are not the Lyapunov exponents of the noisy system, which has none (MODEL section 8): along the noisy path,
-    neighbours are carried by the Jacobian of the flight and by the saltation matrix with the drift's rates.
+    These are not the Lyapunov exponents of the noisy system, which has none (docs/model.md section 8): along the noisy
+    path, neighbours are carried by the Jacobian of the flight and by the saltation matrix with the drift's rates.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """The square-root law: two paths on one noise that reach a wall delta apart leave it about sqrt(delta) apart.
 
 One has been thrown back while the other still runs on for ``delta / |y|``, and in that time the noise acts on them with
-different signs: they leave ``(1 + eps) sigma |m| sqrt(delta / |y|) |N(0, 1)|`` apart (MODEL section 8).
+different signs: they leave ``(1 + eps) sigma |m| sqrt(delta / |y|) |N(0, 1)|`` apart (docs/model.md section 8).
 """
 
 from typing import NamedTuple

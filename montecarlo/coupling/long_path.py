@@ -1,7 +1,7 @@
 """One path over as many impacts as wanted, a stretch at a time, with the growth of the drift's neighbours along it.
 
-Under white noise no two paths stay close in proportion to where they started (MODEL section 8), so a path has no
-Jacobian.  What grows here is a frame under the **linearisation of the drift**: the exact Jacobian of the flight, and
+Under white noise no two paths stay close in proportion to where they started (docs/model.md section 8), so a path has
+no Jacobian.  What grows here is a frame under the **linearisation of the drift**: the exact Jacobian of the flight, and
 the saltation matrix with the drift's rates at the path's own impacts.  Its determinant obeys the orbit's law.
 """
 

@@ -1,10 +1,10 @@
 """The linearised path as a control variate: first order in the noise, driven by the very noise of the simulated path.
 
 Around the noise-free orbit a perturbation obeys the linear flight, and at each of the orbit's impacts the saltation
-matrix ``Xi = R + (F+ - R F-) g' / (g' F-)`` (MODEL section 6); ``-xi_i / y_i`` and ``(I - F- g' / (g' F-)) xi`` are
-what it does to time and state at a path's own impact.  Step by step this is a linear map of normals, so its mean
-is zero and its variance is known without sampling, whatever it is worth as an approximation: it can take variance out
-of an estimate, never bring bias in.  It is worth most at small noise.
+matrix ``Xi = R + (F+ - R F-) g' / (g' F-)`` (docs/model.md section 6); ``-xi_i / y_i`` and ``(I - F- g' / (g' F-)) xi``
+are what it does to time and state at a path's own impact.  Step by step this is a linear map of normals, so its mean is
+zero and its variance is known without sampling, whatever it is worth as an approximation: it can take variance out of
+an estimate, never bring bias in.  It is worth most at small noise.
 """
 
 from functools import lru_cache

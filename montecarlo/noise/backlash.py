@@ -1,4 +1,6 @@
-"""Toleranced backlash: where the flanks of each path stand, and where they stand after a redraw (MODEL section 4)."""
+"""Toleranced backlash: where the flanks of each path stand, and where they stand after a redraw (docs/model.md section
+4).
+"""
 
 from typing import NamedTuple
 

@@ -115,7 +115,7 @@ def test_window_means_are_integrals_over_the_window(window, order):
 
 
 def explicit_window_means(a, sd_x, sd_y, low, high, psi_0_sign=-1):
-    """A and B of Eqs. 20, 21 to fourth order (MODEL section 5), times their standard deviations."""
+    """A and B of Eqs. 20, 21 to fourth order (docs/model.md section 5), times their standard deviations."""
     lo, hi = low / sd_x, high / sd_x
 
     def psi(i):

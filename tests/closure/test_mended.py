@@ -19,7 +19,7 @@ def dat21():
 
 
 def law(c, mesh):
-    """The contact law as a matrix, column by column from MODEL section 3."""
+    """The contact law as a matrix, column by column from docs/model.md section 3."""
     return np.array([contact(c, mesh, column) for column in np.eye(4)]).T
 
 

@@ -33,7 +33,7 @@ TOLERANCES = {
 
 
 def saltation_matrix(c, mesh, side, tau, before):
-    """``Xi = R + (F+ - R F-) g' / (g' F-)`` as MODEL section 6 writes it."""
+    """``Xi = R + (F+ - R F-) g' / (g' F-)`` as docs/model.md section 6 writes it."""
     r = contact_matrix(c, mesh)
     y1, y2 = struck(c, mesh, before[1], before[3])
     f_minus, f_plus = field(c, tau, before[1], before[3]), field(c, tau, y1, y2)

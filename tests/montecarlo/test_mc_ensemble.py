@@ -144,7 +144,7 @@ def test_paths_that_run_on_to_a_late_clock_are_finished():
 
 # --- how far the orbit holds
 
-# MODEL section 7, at impact 12 of DAT21 from the paper's start; given to three digits at most
+# docs/model.md section 7, at impact 12 of DAT21 from the paper's start; given to three digits at most
 SHARES = {0.01: 1.00, 0.1: 0.945, 0.5: 0.13, np.sqrt(1.5): 0.014}
 AGREEING = 20_000
 

@@ -1,4 +1,4 @@
-"""The simulator against known truths (MODEL section 8): Gaussian flight, small noise, mean exit time, collapse."""
+"""The simulator against known truths (model.md section 8): Gaussian flight, small noise, mean exit time, collapse."""
 
 import math
 
@@ -87,7 +87,7 @@ def test_small_noise_limit_of_the_first_impact_time(scheme):
 
 
 def mean_exit_time(start, gap, sigma):
-    """Masoliver & Porra 1995, as in MODEL section 8: x'' = sigma eta on a gap, from rest at distance `start`."""
+    """Masoliver & Porra 1995, as in model.md section 8: x'' = sigma eta on a gap, from rest at distance `start`."""
     z = start / gap
     both = hyp2f1(1.0, -1.0 / 3.0, 7.0 / 6.0, z) + hyp2f1(1.0, -1.0 / 3.0, 7.0 / 6.0, 1.0 - z)
     scale = (4.0 / 3.0) ** (1.0 / 6.0) / gamma(7.0 / 3.0) * (2.0 * gap**2 / sigma**2) ** (1.0 / 3.0)

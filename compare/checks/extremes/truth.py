@@ -1,4 +1,5 @@
-"""Truths in a higher precision, from the formulas of MODEL sections 2, 3 and 6 as they stand there; needs mpmath.
+"""Truths in a higher precision, from the formulas of docs/model.md sections 2, 3 and 6 as they stand there; needs
+mpmath.
 
 A flight is written as a sum of exponentials, divisions by beta and all: with `DIGITS` digits nothing cancels that
 matters, and beta = 0 is the value 1e-30.  No function of `rattle.scene.flight` is used.
@@ -147,7 +148,7 @@ def noise(c: Constants, tau: float, t: float) -> list[list[float]]:
 
 @in_digits
 def saltation(c: Constants, mesh: int, tau: float, y1: float, y2: float) -> tuple[list[list[float]], list[list[float]]]:
-    """``R + (F+ - R F-) g' / (g' F-)`` of MODEL section 6, and the size of the terms of each entry."""
+    """``R + (F+ - R F-) g' / (g' F-)`` of docs/model.md section 6, and the size of the terms of each entry."""
     a, eps, mu = mp.mpf(c.alpha), mp.mpf(c.epsilon), mp.mpf(c.mu)
     law = mp.eye(4)
     if mesh == 1:

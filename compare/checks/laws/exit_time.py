@@ -25,7 +25,7 @@ SCHEMES = {"euler-maruyama": (1e-5, 2e-3), "euler-maruyama-located": (2e-5, 2e-3
 def mean_exit_time(start: float, gap: float, sigma: float) -> float:
     """Mean time in which ``x'' = sigma eta`` leaves a gap from rest at distance `start` of one end.
 
-    Masoliver and Porra 1995; MODEL section 8.
+    Masoliver and Porra 1995; docs/model.md section 8.
 
     Examples
     --------

@@ -105,7 +105,7 @@ def free_flight(seed: int = 0, workers: int = 2) -> Measured:
         return out
 
     return Measured(
-        "free-flight covariance", "Wang & Uhlenbeck 1945; MODEL section 8",
+        "free-flight covariance", "Wang & Uhlenbeck 1945; docs/model.md section 8",
         "without walls the state is Gaussian with covariance int exp(A s) m m' exp(A' s) sigma^2 ds: simulate() and "
         "rattle.scene.flight against an ODE",
         [*checks(SCENE), *shape(0.0, 0.0)],
