@@ -19,7 +19,7 @@ TEXT = """
 title = "killed"
 impacts = 2
 readings = ["saltation", "mended"]
-paths = 200_000
+paths = 60_000
 
 [scene]
 alpha = 1.5
@@ -133,7 +133,7 @@ class Life:
 def campaign(place, kills, seed, command=COMMAND):
     """Kill studies so many times; raises AssertionError where one loses anything.  How often in which phase."""
     warm = place / "warm.toml"
-    warm.write_text(TEXT.replace("200_000", "64"))
+    warm.write_text(TEXT.replace("60_000", "64"))
     assert CliRunner().invoke(main, ["study", str(warm)]).exit_code == 0  # machine code is there from now on
     draw, done, whole = random.Random(seed), Counter(), Life(place / "whole", command)
     seconds = whole.seconds()
