@@ -119,11 +119,11 @@ def model(scene, impacts):
     return section.assign(y1=1.5 * section["y1"])
 model.__name__ = "\x1b]0;pwned\x07\u202e\x9b"
 
-@pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.02), impacts=1, quantities="y1", moments="mean", paths=64)
+@pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.02), impacts=1, quantities="y1", moments="mean", paths=1024)
 def test_recorded(rattle):
     rattle.baseline(model)
 
-@pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.02), impacts=1, quantities="y1", moments="mean", paths=64)
+@pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.02), impacts=1, quantities="y1", moments="mean", paths=1024)
 def test_checked(rattle):
     rattle.check(model)
 """
