@@ -5,7 +5,7 @@ RUN := $(VENV)/bin
 READY := $(VENV)/ready
 
 # Compiled first, without coverage: tracing slows the compiler.  All other tests count the lines of compare.
-FIRST := tests/scene tests/closure tests/montecarlo scene closure montecarlo
+FIRST := tests/scene tests/closure tests/montecarlo rattle/scene rattle/closure rattle/montecarlo
 # With the compiler off, for the lines of what it compiles; the other tests would take hours so.
 INTERPRETED := tests/interpreted tests/scene
 
@@ -23,7 +23,7 @@ test: $(READY)
 	$(RUN)/ruff format --check .
 	$(RUN)/mypy
 	$(RUN)/pytest $(BOTH) $(FIRST)
-	$(RUN)/pytest $(BOTH) --cov --cov-report= $(FIRST:%=--ignore=%) tests compare
+	$(RUN)/pytest $(BOTH) --cov --cov-report= $(FIRST:%=--ignore=%) tests rattle/compare
 	NUMBA_DISABLE_JIT=1 $(RUN)/pytest $(BOTH) --cov --cov-append --cov-report= $(INTERPRETED)
 	for package in scene closure montecarlo compare; do \
 		$(RUN)/coverage report --include="$$package/*" --skip-covered --fail-under=95 || exit 1; \

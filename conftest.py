@@ -1,3 +1,3 @@
 """Plugins of the project's own tests; its plugin for accuracy thresholds is named in case it has not been installed."""
 
-pytest_plugins = ["pytester", "compare.thresholds.plugin"]
+pytest_plugins = ["pytester", "rattle.compare.thresholds.plugin"]

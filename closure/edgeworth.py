@@ -7,8 +7,8 @@ import numpy as np
 from numpy.polynomial import hermite_e
 from numpy.typing import NDArray
 
-from scene.compiled import jit
-from scene.flight import NODES, WEIGHTS
+from rattle.scene.compiled import jit
+from rattle.scene.flight import NODES, WEIGHTS
 
 __all__ = [
     "SMALLEST", "Edgeworth", "coefficients", "has_series", "mixture_density", "section_density", "window_means",
@@ -30,11 +30,11 @@ def coefficients(raw: Floats, sd_x: float, sd_y: float) -> Floats:
 
     By orthogonality of the Hermite polynomials these are the only coefficients for which the series
     has the given moments; Eq. 11 groups the same terms by order, with moments of order 4 where
-    cumulants belong (MODEL section 9).
+    cumulants belong (docs/model.md section 9).
 
     Examples
     --------
-    >>> from scene.moments import gaussian_raw_moments
+    >>> from rattle.scene.moments import gaussian_raw_moments
     >>> a = coefficients(gaussian_raw_moments(4.0, 1.0, 1.0, 4), 2.0, 1.0)
     >>> [float(v) for v in (a[0, 0], a[1, 1], a[2, 2], a[4, 0])]         # rho^n / n!, and no excess
     [1.0, 0.5, 0.125, 0.0]

@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from closure.orbit import Floats
-from scene.compiled import jit
-from scene.scene import CUT, Constants, Scene, Tolerance
+from rattle.closure.orbit import Floats
+from rattle.scene.compiled import jit
+from rattle.scene.scene import CUT, Constants, Scene, Tolerance
 
 __all__ = [
     "PLAIN", "Pieces", "between", "column", "forget", "pieces", "random_tolerance", "start_covariance", "start_pieces",
@@ -39,7 +39,7 @@ def random_tolerance(scene: Scene) -> Tolerance | None:
 
     Examples
     --------
-    >>> from scene import DAT21
+    >>> from rattle.scene import DAT21
     >>> random_tolerance(Scene.from_gears(DAT21, tolerance=Tolerance(0.1, law="fixed"))) is None
     True
     """
@@ -83,7 +83,7 @@ def start_covariance(scene: Scene) -> Floats:
 
     Examples
     --------
-    >>> from scene import DAT21
+    >>> from rattle.scene import DAT21
     >>> start_covariance(Scene.from_gears(DAT21, tolerance=Tolerance(0.03, 0.06))).diagonal()[5:].round(6).tolist()
     [0.0003, 0.0003, 0.0012, 0.0012]
     """
@@ -104,7 +104,7 @@ def start_pieces(scene: Scene) -> Pieces:
 
     Examples
     --------
-    >>> from scene import DAT21
+    >>> from rattle.scene import DAT21
     >>> parts = start_pieces(Scene.from_gears(DAT21, tolerance=Tolerance(0.03, 0.0)))
     >>> parts.mean.shape, parts.mean[0].round(4).tolist()
     ((6, 9), [0.0, -0.028, 0.0, 0.0, 0.0, -0.028, -0.028, 0.0, 0.0])
@@ -142,7 +142,7 @@ def between(c: Constants, e: Floats) -> tuple[Constants, float, float]:
 
     Examples
     --------
-    >>> from scene import DAT21, Scene
+    >>> from rattle.scene import DAT21, Scene
     >>> e = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.03, 0.01, 0.0, 0.0])
     >>> c, middle1, middle2 = between(Scene.from_gears(DAT21).constants, e)
     >>> round(c.wall1, 12), round(middle1, 12), middle2

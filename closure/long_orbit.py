@@ -8,13 +8,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from closure.orbit import HORIZON
-from scene.compiled import jit
-from scene.flight import flow
-from scene.impact import REST, next_impact, struck
-from scene.rest import settling
-from scene.scene import Constants, Scene
-from scene.tangent import Stretch, carry_frame, strike_frame
+from rattle.closure.orbit import HORIZON
+from rattle.scene.compiled import jit
+from rattle.scene.flight import flow
+from rattle.scene.impact import REST, next_impact, struck
+from rattle.scene.scene import Constants, Scene
+from rattle.scene.sticking import settling
+from rattle.scene.tangent import Stretch, carry_frame, strike_frame
 
 __all__ = ["LongOrbit", "velocities"]
 
@@ -73,7 +73,7 @@ class LongOrbit:
 
     Examples
     --------
-    >>> from scene import DAT21, Scene
+    >>> from rattle.scene import DAT21, Scene
     >>> orbit = LongOrbit(Scene.from_gears(DAT21))
     >>> s = orbit.stretch(3)
     >>> s.code.tolist(), s.growth.shape
@@ -107,7 +107,7 @@ def velocities(scene: Scene, s: Stretch, step: float) -> Floats:
 
     Examples
     --------
-    >>> from scene import DAT21
+    >>> from rattle.scene import DAT21
     >>> scene = Scene.from_gears(DAT21)
     >>> velocities(scene, LongOrbit(scene).stretch(100), 0.05).shape[1]
     2

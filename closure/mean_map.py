@@ -9,13 +9,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from closure import branching, mended, printed, saltation
-from closure.edgeworth import Edgeworth, coefficients, has_series, mixture_density, section_density
-from closure.trace import Trace
-from scene.errors import InputError
-from scene.moments import SECTION, STATE, correlation, realizability
-from scene.scene import Scene
-from scene.validate import choice, count
+from rattle.closure import corrected as mended
+from rattle.closure import published as printed
+from rattle.closure import saltation
+from rattle.closure.branching import trace as branching
+from rattle.closure.edgeworth import Edgeworth, coefficients, has_series, mixture_density, section_density
+from rattle.closure.moments import Trace
+from rattle.scene.errors import InputError
+from rattle.scene.moments import SECTION, STATE, correlation, realizability
+from rattle.scene.scene import Scene
+from rattle.scene.validate import choice, count
 
 __all__ = ["READINGS", "Breakdown", "MeanMap", "Reading", "mean_map", "readings_for", "refusals"]
 
@@ -41,7 +44,7 @@ ORDERS = (2, 6)
 VELOCITIES = ("y1", "y2")
 
 
-MOST_IMPACTS = 100_000  # an impact takes some kilobytes; a long orbit is followed by closure.long_orbit
+MOST_IMPACTS = 100_000  # an impact takes some kilobytes; a long orbit is followed by rattle.closure.long_orbit
 
 
 class Breakdown(NamedTuple):
@@ -242,8 +245,8 @@ def mean_map(scene: Scene, *, impacts: int = 12, reading: str = "saltation", ord
     impacts : int
         How many impacts after the start.
     reading : {"saltation", "branching", "mended", "printed"}
-        Which reading of the paper's closure (MODEL section 6).  ``saltation`` is right for small noise, ``branching``
-        follows the itineraries that larger noise parts; it predicts section moments and itineraries only.
+        Which reading of the paper's closure (docs/model.md section 6).  ``saltation`` is right for small noise,
+        ``branching`` follows the itineraries that larger noise parts; it predicts section moments and itineraries only.
     order : int
         Highest order of moments that the Edgeworth series carries, 2 to 6.  ``saltation`` stays with first-order
         means and sds at order 2, and adds mean shifts and skewness from order 3 on.
@@ -259,7 +262,7 @@ def mean_map(scene: Scene, *, impacts: int = 12, reading: str = "saltation", ord
 
     Examples
     --------
-    >>> from scene import DAT21, Scene
+    >>> from rattle.scene import DAT21, Scene
     >>> m = mean_map(Scene.from_gears(DAT21, sigma=1.5**0.5), impacts=4, reading="printed")
     >>> m.breakdown.impact
     2
@@ -278,7 +281,7 @@ def refusals(scene: Scene) -> dict[str, str]:
 
     Examples
     --------
-    >>> from scene import DAT21, Scene, Start
+    >>> from rattle.scene import DAT21, Scene, Start
     >>> refusals(Scene.from_gears(DAT21, start=Start()))
     {'printed': 'start.mesh = 0: the printed reading needs a start at mesh 1 (Eq. 10)'}
     """
@@ -296,7 +299,7 @@ def readings_for(scene: Scene) -> tuple[str, ...]:
 
     Examples
     --------
-    >>> from scene import DAT21, Scene, Start
+    >>> from rattle.scene import DAT21, Scene, Start
     >>> readings_for(Scene.from_gears(DAT21, start=Start()))
     ('mended', 'saltation', 'branching')
     """

@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.compiled import lean
-from scene.flight import flow
-from scene.impact import LOST, MISSES, NONE, REST, next_impact, struck
-from scene.rest import carried, closed_sides, next_contact, settled, settling
-from scene.scene import Constants, Scene
+from rattle.scene.compiled import lean
+from rattle.scene.flight import flow
+from rattle.scene.impact import LOST, MISSES, NONE, REST, next_impact, struck
+from rattle.scene.scene import Constants, Scene
+from rattle.scene.sticking import carried, closed_sides, next_contact, settled, settling
 
 __all__ = ["HORIZON", "Orbit", "Rest", "follow"]
 
@@ -167,7 +167,7 @@ def follow(scene: Scene, impacts: int) -> Orbit:
 
     Examples
     --------
-    >>> from scene import DAT21, Scene
+    >>> from rattle.scene import DAT21, Scene
     >>> orbit = follow(Scene.from_gears(DAT21), 3)
     >>> orbit.mesh.tolist(), orbit.side.tolist()
     ([1, 1, 2, 1], [1, -1, 1, -1])

@@ -11,10 +11,10 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from closure.blocks import put
-from scene.compiled import jit
-from scene.flight import NODES, PANEL, WEIGHTS, decay, turned
-from scene.moments import gaussian_raw_moments
+from rattle.closure.small_matrices import put
+from rattle.scene.compiled import jit
+from rattle.scene.flight import NODES, PANEL, WEIGHTS, decay, turned
+from rattle.scene.moments import gaussian_raw_moments
 
 __all__ = ["after_flight", "stage_raw_moments", "unmodulated_covariance"]
 

@@ -1,24 +1,24 @@
 """The closure that is right to first order, and its second order: a Markov step from section to section.
 
-A perturbed path meets the wall at another instant than the orbit.  So the state that is followed is the one that
-each path has at its own k-th impact.  Its covariance is carried by the derivative of the section map; in clock
-coordinates that is the saltation matrix ``Xi = R + (F+ - R F-) g' / (g' F-)`` (MODEL section 6).  From order 3 on, the
+A perturbed path meets the wall at another instant than the orbit.  So the state that is followed is the one that each
+path has at its own k-th impact.  Its covariance is carried by the derivative of the section map; in clock coordinates
+that is the saltation matrix ``Xi = R + (F+ - R F-) g' / (g' F-)`` (docs/model.md section 6).  From order 3 on, the
 second derivatives add the mean shift, an O(sigma^2) effect, and the third cumulants.
 """
 
 import numpy as np
 
-from closure.blocks import block, congruence, hit_matrix, inner, put
-from closure.edgeworth import SMALLEST
-from closure.flanks import column, forget, random_tolerance, start_covariance
-from closure.orbit import Floats, Ints, follow
-from closure.raw_moments import stage_raw_moments
-from closure.section_map import derivatives, flight_third_cumulant, noise_slope, third_cumulants
-from closure.trace import Trace
-from scene.compiled import jit
-from scene.flight import field, jacobian, noise_covariance
-from scene.moments import semidefinite
-from scene.scene import Constants, Scene
+from rattle.closure.edgeworth import SMALLEST
+from rattle.closure.flanks import column, forget, random_tolerance, start_covariance
+from rattle.closure.moments import Trace
+from rattle.closure.orbit import Floats, Ints, follow
+from rattle.closure.raw_moments import stage_raw_moments
+from rattle.closure.section_map import derivatives, flight_third_cumulant, noise_slope, third_cumulants
+from rattle.closure.small_matrices import block, congruence, hit_matrix, inner, put
+from rattle.scene.compiled import jit
+from rattle.scene.flight import field, jacobian, noise_covariance
+from rattle.scene.moments import semidefinite
+from rattle.scene.scene import Constants, Scene
 
 __all__ = ["trace"]
 

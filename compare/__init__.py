@@ -4,12 +4,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from compare.moments import Tolerances
-    from compare.validation import Validation, validate
+    from rattle.compare.validation.validate import Validation, validate
+    from rattle.compare.validation.verdict import Tolerances
 
 __all__ = ["Tolerances", "Validation", "validate"]
 
-_HOMES = {"Tolerances": "compare.moments", "Validation": "compare.validation", "validate": "compare.validation"}
+_HOMES = {
+    "Tolerances": "rattle.compare.validation.verdict",
+    "Validation": "rattle.compare.validation.validate",
+    "validate": "rattle.compare.validation.validate",
+}
 
 
 def __getattr__(name: str) -> Any:

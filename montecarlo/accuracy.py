@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from montecarlo.block import BLOCK
-from montecarlo.result import Ensemble
-from scene.moments import SECTION
-from scene.scene import Scene
+from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.result import Ensemble
+from rattle.scene.moments import SECTION
+from rattle.scene.scene import Scene
 
 if TYPE_CHECKING:
     import pandas as pd

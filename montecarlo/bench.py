@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from montecarlo.block import BLOCK, run, sample
-from montecarlo.euler import euler_lanes, step_forcing
-from montecarlo.noise import Word, fill_normals, key_of
-from montecarlo.settings import plan_of
-from scene.compiled import lean
-from scene.gears import DAT21
-from scene.scene import Constants, Scene, Tolerance
+from rattle.montecarlo.kernel.block import BLOCK, run, sample
+from rattle.montecarlo.noise.philox import Word, fill_normals, key_of
+from rattle.montecarlo.schemes.euler import euler_lanes, step_forcing
+from rattle.montecarlo.settings import plan_of
+from rattle.scene.compiled import lean
+from rattle.scene.gears import DAT21
+from rattle.scene.scene import Constants, Scene, Tolerance
 
 __all__ = ["bench", "floor"]
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from montecarlo.block import BlockResult, Plan
-    from montecarlo.ensemble import Blocks
+    from rattle.montecarlo.ensemble import Blocks
+    from rattle.montecarlo.kernel.block import BlockResult, Plan
 
 __all__ = ["HOUR", "Budget", "clock", "in_words"]
 

@@ -15,18 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from montecarlo.batches import Batches
-from montecarlo.block import BLOCK, BlockResult, Plan, run
-from montecarlo.histogram import Histograms
-from montecarlo.reach import AccuracyWarning
-from montecarlo.result import Ensemble
-from montecarlo.schemes import SCHEMES
-from montecarlo.settings import check_settings, computed, plan_of
-from montecarlo.step import default_step
-from scene.errors import InputError
-from scene.scene import Scene
-from scene.text import line
-from scene.validate import choice, positive
+from rattle.montecarlo.kernel.block import BLOCK, BlockResult, Plan, run
+from rattle.montecarlo.reach import AccuracyWarning
+from rattle.montecarlo.result import Ensemble
+from rattle.montecarlo.schemes.step_size import default_step
+from rattle.montecarlo.schemes.table import SCHEMES
+from rattle.montecarlo.settings import check_settings, computed, plan_of
+from rattle.montecarlo.statistics.batches import Batches
+from rattle.montecarlo.statistics.histogram import Histograms
+from rattle.scene.errors import InputError
+from rattle.scene.scene import Scene
+from rattle.scene.text import line
+from rattle.scene.validate import choice, positive
 
 if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
     pass
@@ -107,7 +107,7 @@ def simulate(
         Step, at most `montecarlo.largest_step`; by default that of the scheme, 0.002 for Euler and Maruyama, pi / 256
         for exact flights, or as much as the scene lets through.  `Ensemble.cautions` says what it may do.
     scheme : {"euler-maruyama-located", "euler-maruyama", "exact-flight"}
-        See `montecarlo.schemes`; the first by default.
+        See `rattle.montecarlo.schemes.table`; the first by default.
     rng : int or SeedSequence
         Seed.  The result is the same bit for bit for any number of workers.
     workers : int
@@ -137,7 +137,7 @@ def simulate(
     progress : str
         Label of a progress bar on a terminal; none by default, and none in a pipe.
     batches : bool
-        Keep means and sds of batches of paths, see `montecarlo.batches`.
+        Keep means and sds of batches of paths, see `rattle.montecarlo.statistics.batches`.
     energy : bool
         Take the mean energy loss of each impact.
     blocks : callable
@@ -160,7 +160,7 @@ def simulate(
 
     Examples
     --------
-    >>> from scene import DAT21, Scene
+    >>> from rattle.scene import DAT21, Scene
     >>> run = simulate(Scene.from_gears(DAT21, sigma=0.01), paths=1000, impacts=2, rng=7)
     >>> run.section[["mesh", "side", "paths", "agreement"]].loc[2].tolist()
     [2.0, 1.0, 1000.0, 1.0]
@@ -174,7 +174,7 @@ def simulate(
                 raise InputError(
                     name, value, "accuracy chooses the settings itself; leave it out, or leave out accuracy"
                 )
-        from montecarlo.simulate_to import simulate_to  # it calls this function
+        from rattle.montecarlo.simulate_to import simulate_to  # it calls this function
 
         check_settings(
             scene, paths=1, impacts=impacts, dt=math.ulp(0.0), scheme=scheme or "exact-flight", rng=rng,
@@ -210,7 +210,7 @@ def simulate(
     batched = Batches.empty(impacts) if batches else None
     size, results = BLOCK, (blocks or in_threads(workers))(plan, 0)
     if device == "cuda":
-        from montecarlo import gpu  # nothing of it is loaded before a card is asked for
+        from rattle.montecarlo.cuda import launch as gpu  # nothing of it is loaded before a card is asked for
 
         size = gpu.launch_size(plan)
         results = gpu.launches(plan, size)
@@ -249,7 +249,7 @@ def extended(run: Ensemble, paths: int, blocks: Blocks, progress: str | None = N
 
     Examples
     --------
-    >>> from scene import DAT21
+    >>> from rattle.scene import DAT21
     >>> more = extended(simulate(Scene.from_gears(DAT21), paths=1024, impacts=1), 2048, in_threads(1))
     >>> more.section[["paths", "agreement"]].loc[1].tolist()
     [2048.0, 1.0]

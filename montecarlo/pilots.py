@@ -11,15 +11,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from montecarlo.accuracy import LEAST, faint, sampling_error, step_error
-from montecarlo.block import BLOCK
-from montecarlo.budget import Budget, clock
-from montecarlo.reach import Candidate
-from montecarlo.result import Ensemble
-from montecarlo.schemes import SCHEMES
-from montecarlo.settings import computed, default_horizon, is_random
-from montecarlo.step import largest_step
-from scene.scene import Scene
+from rattle.montecarlo.accuracy import LEAST, faint, sampling_error, step_error
+from rattle.montecarlo.budget import Budget, clock
+from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.reach import Candidate
+from rattle.montecarlo.result import Ensemble
+from rattle.montecarlo.schemes.step_size import largest_step
+from rattle.montecarlo.schemes.table import SCHEMES
+from rattle.montecarlo.settings import computed, default_horizon, is_random
+from rattle.scene.scene import Scene
 
 __all__ = ["COARSEST", "ROUGHEST", "Sent", "Simulate", "chosen", "pilot"]
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from montecarlo.budget import in_words
+from rattle.montecarlo.budget import in_words
 
 if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
     import pandas as pd

@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from montecarlo.accumulate import FEWEST, pair_statistics, single_statistics
-from montecarlo.batches import Batches
-from montecarlo.block import CODES, CROSS, PAIRS, BlockResult, Plan
-from montecarlo.cautions import cautions
-from montecarlo.control import controlled_statistics
-from montecarlo.histogram import Histograms
-from montecarlo.noise import LEVELS
-from montecarlo.reach import Reach
-from montecarlo.schemes import SCHEMES
-from montecarlo.settings import NOISE_FREE, is_random
-from montecarlo.step_bias import extrapolated
-from scene.errors import InputError
-from scene.moments import SECTION, STATE
-from scene.scene import Scene
+from rattle.montecarlo.diagnostics import cautions
+from rattle.montecarlo.kernel.block import CODES, CROSS, PAIRS, BlockResult, Plan
+from rattle.montecarlo.kernel.control_variate import controlled_statistics
+from rattle.montecarlo.noise.philox import LEVELS
+from rattle.montecarlo.reach import Reach
+from rattle.montecarlo.schemes.table import SCHEMES
+from rattle.montecarlo.settings import NOISE_FREE, is_random
+from rattle.montecarlo.statistics.batches import Batches
+from rattle.montecarlo.statistics.central_sums import FEWEST, pair_statistics, single_statistics
+from rattle.montecarlo.statistics.histogram import Histograms
+from rattle.montecarlo.statistics.step_bias import extrapolated
+from rattle.scene.errors import InputError
+from rattle.scene.moments import SECTION, STATE
+from rattle.scene.scene import Scene
 
 if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
     import pandas as pd
@@ -115,12 +115,14 @@ class Ensemble:
 
     @property
     def held(self) -> int:
-        """Steps of paths in which a mesh was held shut: at rest, or impacts accumulated (`montecarlo.held`)."""
+        """Steps of paths in which a mesh was held shut: at rest, or impacts accumulated
+        (`rattle.montecarlo.schemes.sticking`).
+        """
         return self.result.held
 
     @cached_property
     def cautions(self) -> tuple[str, ...]:
-        """What may be wrong with these numbers, a sentence each: see `montecarlo.cautions`."""
+        """What may be wrong with these numbers, a sentence each: see `rattle.montecarlo.diagnostics`."""
         return cautions(self)
 
     @cached_property
@@ -128,12 +130,12 @@ class Ensemble:
         """Moments of each path's own k-th impact, just before it (dimensionless), index ``impact``.
 
         Columns: the mean of ``tau, flight, x1, y1, x2, y2`` under their own names, ``mesh`` and ``side`` of most paths,
-        ``sd_``, ``skew_``, ``kurt_`` (third and fourth cumulants in units of the sd) of each quantity, the
-        standard error of each of these under ``se_`` + its name (NaN where fewer than
-        `montecarlo.accumulate.FEWEST` paths tell none), ``rho1, rho2``, ``paths`` that reached the impact,
-        and ``agreement``: the share that has followed the noise-free itinerary up to there.  With a control variate,
-        means and sds and their errors are the controlled ones.  If asked for, ``energy`` and ``se_energy``: mean loss
-        at the impact, see `scene.impact.energy_loss`.
+        ``sd_``, ``skew_``, ``kurt_`` (third and fourth cumulants in units of the sd) of each quantity, the standard
+        error of each of these under ``se_`` + its name (NaN where fewer than
+        `rattle.montecarlo.statistics.central_sums.FEWEST` paths tell none), ``rho1, rho2``, ``paths`` that reached the
+        impact, and ``agreement``: the share that has followed the noise-free itinerary up to there.  With a control
+        variate, means and sds and their errors are the controlled ones.  If asked for, ``energy`` and ``se_energy``:
+        mean loss at the impact, see `rattle.scene.impact.energy_loss`.
         """
         import pandas as pd
 

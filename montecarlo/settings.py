@@ -6,15 +6,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from montecarlo.block import BLOCK, Plan, sample
-from montecarlo.control import linear_path, no_control
-from montecarlo.noise import LEVELS
-from montecarlo.progress import MOST_IN_A_STEP
-from montecarlo.schemes import SCHEMES
-from montecarlo.step import accurate_flight, check_step, default_step
-from scene.errors import InputError
-from scene.scene import Scene
-from scene.validate import choice, count, finite, positive
+from rattle.montecarlo.kernel.block import BLOCK, Plan, sample
+from rattle.montecarlo.kernel.control_variate import linear_path, no_control
+from rattle.montecarlo.noise.philox import LEVELS
+from rattle.montecarlo.schemes.step_size import accurate_flight, check_step, default_step
+from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
+from rattle.montecarlo.schemes.table import SCHEMES
+from rattle.scene.errors import InputError
+from rattle.scene.scene import Scene
+from rattle.scene.validate import choice, count, finite, positive
 
 __all__ = ["MOST_STEPS", "NOISE_FREE", "check_settings", "computed", "default_horizon", "is_random", "plan_of"]
 
@@ -43,7 +43,7 @@ def computed(scene: Scene, paths: int) -> int:
 
     Examples
     --------
-    >>> from scene import DAT21
+    >>> from rattle.scene import DAT21
     >>> computed(Scene.from_gears(DAT21), 1000), computed(Scene.from_gears(DAT21, sigma=0.1), 1000)
     (1, 1000)
     """
@@ -110,7 +110,7 @@ def plan_of(
     if two_point and SCHEMES[scheme].normals > 1:
         raise InputError("increments", increments, f"works with the Euler-Maruyama schemes only; scheme = {scheme!r}")
     if choice("device", device, ("cpu", "cuda")) == "cuda":
-        from montecarlo.gpu import check_card  # nothing of it is loaded before a card is asked for
+        from rattle.montecarlo.cuda.launch import check_card  # nothing of it is loaded before a card is asked for
 
         for name, value in (("step_bias", step_bias), ("control", control), ("energy", energy)):
             if value:

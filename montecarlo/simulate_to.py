@@ -13,17 +13,17 @@ import math
 from dataclasses import replace
 from functools import partial
 
-from montecarlo.accuracy import LEAST, faint, sampling_error, step_error
-from montecarlo.block import BLOCK
-from montecarlo.budget import HOUR, Budget, clock, in_words
-from montecarlo.ensemble import Blocks, extended
-from montecarlo.pilots import COARSEST, ROUGHEST, Sent, Simulate, chosen
-from montecarlo.reach import Reach
-from montecarlo.result import Ensemble
-from montecarlo.schemes import SCHEMES
-from montecarlo.settings import MOST_STEPS, computed, default_horizon, is_random
-from scene.errors import InputError
-from scene.scene import Scene
+from rattle.montecarlo.accuracy import LEAST, faint, sampling_error, step_error
+from rattle.montecarlo.budget import HOUR, Budget, clock, in_words
+from rattle.montecarlo.ensemble import Blocks, extended
+from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.pilots import COARSEST, ROUGHEST, Sent, Simulate, chosen
+from rattle.montecarlo.reach import Reach
+from rattle.montecarlo.result import Ensemble
+from rattle.montecarlo.schemes.table import SCHEMES
+from rattle.montecarlo.settings import MOST_STEPS, computed, default_horizon, is_random
+from rattle.scene.errors import InputError
+from rattle.scene.scene import Scene
 
 __all__ = ["ESTIMATES", "simulate_to"]
 

@@ -1,8 +1,8 @@
 """What is modelled, and the physics that closures and simulation share."""
 
-from scene.errors import FileError, InputError, OutputError, RattleError
-from scene.gears import DAT21, Gears
-from scene.scene import Constants, Scene, Start, Tolerance
+from rattle.scene.errors import FileError, InputError, OutputError, RattleError
+from rattle.scene.gears import DAT21, Gears
+from rattle.scene.scene import Constants, Scene, Start, Tolerance
 
 __all__ = [
     "DAT21", "Constants", "FileError", "Gears", "InputError", "OutputError", "RattleError", "Scene", "Start",

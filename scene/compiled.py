@@ -5,7 +5,7 @@ from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 
-from scene.machine_code import keep_by_source, sealed
+from rattle.scene.machine_code import keep_by_source, sealed
 
 __all__ = ["inlined", "jit", "lean", "reducing", "spliced"]
 

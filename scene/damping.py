@@ -1,7 +1,7 @@
 """What damping makes of a speed in a time: turned, dragged and left, and how two dampings differ, all to rounding.
 
 No formula here divides by beta where beta is small, so ``beta = 0``, ``beta_1 = beta_2`` and dampings that differ by
-little are ordinary values.  Times may be negative: `closure.refining` flies back.
+little are ordinary values.  Times may be negative: `rattle.closure.branching.refine` flies back.
 """
 
 import math
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.compiled import jit
+from rattle.scene.compiled import jit
 
 __all__ = ["Pair", "damped", "decay", "dragged", "pair", "turned"]
 

@@ -1,6 +1,6 @@
 """The exceptions of the project; every message names the field, the value and the remedy."""
 
-from scene.text import harmless
+from rattle.scene.text import harmless
 
 __all__ = ["FileError", "InputError", "OutputError", "RattleError"]
 

@@ -4,7 +4,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from scene.errors import FileError
+from rattle.scene.errors import FileError
 
 __all__ = ["read_text", "read_toml"]
 

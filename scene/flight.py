@@ -10,9 +10,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.compiled import jit
-from scene.damping import Pair, decay, dragged, pair, turned
-from scene.scene import Constants
+from rattle.scene.compiled import jit
+from rattle.scene.damping import Pair, decay, dragged, pair, turned
+from rattle.scene.scene import Constants
 
 __all__ = [
     "decay",
@@ -63,7 +63,7 @@ def displacement(c: Constants, tau: float, y1: float, y2: float, t: float) -> St
 
     Examples
     --------
-    >>> from scene import DAT21, Scene
+    >>> from rattle.scene import DAT21, Scene
     >>> dx1, y1, dx2, y2 = displacement(Scene.from_gears(DAT21).constants, 0.0, 1e-9, 0.0, 1e-12)
     >>> round(dx1 / 1e-21, 4)  # 1e-9 t, and half the drags' pull 0.1819 t^2
     1.0001
@@ -89,7 +89,7 @@ def flow(c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, t
 
     Examples
     --------
-    >>> from scene import DAT21, Scene
+    >>> from rattle.scene import DAT21, Scene
     >>> c = Scene.from_gears(DAT21).constants
     >>> [round(v, 6) for v in flow(c, 0.0, 0.5, -1.8, 0.5, -1.8, 0.1)]
     [0.321405, -1.774437, 0.320514, -1.789725]
@@ -227,7 +227,7 @@ def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
 
     Examples
     --------
-    >>> from scene import DAT21, Scene
+    >>> from rattle.scene import DAT21, Scene
     >>> c = Scene.from_gears(DAT21, sigma=0.1).constants
     >>> float(noise_covariance(c, 0.0, 0.5)[1, 1].round(8))
     0.00023253

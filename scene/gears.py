@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass, fields
 
-from scene.errors import InputError
-from scene.validate import finite, non_negative, positive, ranged, unit_interval
+from rattle.scene.errors import InputError
+from rattle.scene.validate import finite, non_negative, positive, ranged, unit_interval
 
 __all__ = ["DAT21", "Gears"]
 
@@ -77,7 +77,7 @@ class Gears:
 
     @property
     def gap2(self) -> float:
-        """Half gap of mesh 2 in units of ``backlash1`` (MODEL section 1)."""
+        """Half gap of mesh 2 in units of ``backlash1`` (docs/model.md section 1)."""
         return self.backlash2 / (2.0 * self.backlash1)
 
     def beta(self, wheel: int) -> float:

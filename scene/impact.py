@@ -1,12 +1,12 @@
-"""Impacts at both meshes: the contact laws, and the next outward crossing of a flight (MODEL section 3)."""
+"""Impacts at both meshes: the contact laws, and the next outward crossing of a flight (docs/model.md section 3)."""
 
 import math
 
 import numpy as np
 
-from scene.compiled import jit
-from scene.flight import Floats, flow, wheel_speeds
-from scene.scene import Constants
+from rattle.scene.compiled import jit
+from rattle.scene.flight import Floats, flow, wheel_speeds
+from rattle.scene.scene import Constants
 
 __all__ = [
     "LOST", "MISSES", "NONE", "REST", "TOUCH", "contact_matrix", "energy_loss", "next_impact", "safe_time", "struck",
@@ -31,7 +31,7 @@ def struck(c: Constants, mesh: int, y1: float, y2: float) -> tuple[float, float]
 
     Examples
     --------
-    >>> from scene import DAT21, Scene
+    >>> from rattle.scene import DAT21, Scene
     >>> y1, y2 = struck(Scene.from_gears(DAT21).constants, 1, 2.0, 2.0)
     >>> round(y1, 12), round(y2, 12)
     (-1.8, -1.8)
@@ -49,7 +49,7 @@ def energy_loss(c: Constants, mesh: int, y1: float, y2: float) -> float:
 
     Examples
     --------
-    >>> from scene import DAT21, Scene
+    >>> from rattle.scene import DAT21, Scene
     >>> round(energy_loss(Scene.from_gears(DAT21).constants, 1, 2.0, 0.0), 12)
     0.38
     """

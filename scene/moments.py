@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.compiled import jit
+from rattle.scene.compiled import jit
 
 __all__ = [
     "SECTION", "STATE", "Realizability", "central_from_raw", "correlation", "gaussian_raw_moments",

@@ -10,10 +10,10 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from scene.errors import InputError
-from scene.files import read_text, read_toml
-from scene.gears import Gears
-from scene.validate import choice, count, finite, known_keys, non_negative, positive, ranged, unit_interval
+from rattle.scene.errors import InputError
+from rattle.scene.files import read_text, read_toml
+from rattle.scene.gears import Gears
+from rattle.scene.validate import choice, count, finite, known_keys, non_negative, positive, ranged, unit_interval
 
 __all__ = ["Constants", "Scene", "Start", "Tolerance"]
 
@@ -58,7 +58,7 @@ class Constants(NamedTuple):
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Random part ``c_i`` of the half gaps ``g_i + c_i`` (MODEL section 4, dimensionless).
+    """Random part ``c_i`` of the half gaps ``g_i + c_i`` (docs/model.md section 4, dimensionless).
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ class Scene:
 
     Examples
     --------
-    >>> from scene import DAT21
+    >>> from rattle.scene import DAT21
     >>> s = Scene.from_gears(DAT21, sigma=0.1)
     >>> round(s.beta1, 6), s.gap2
     (0.083333, 0.5)
@@ -253,7 +253,7 @@ class Scene:
 
         Examples
         --------
-        >>> from scene import DAT21
+        >>> from rattle.scene import DAT21
         >>> Scene.from_gears(DAT21, sigma=0.1, stages=1).stages
         1
         """
@@ -279,7 +279,7 @@ class Scene:
 
         Examples
         --------
-        >>> from scene import DAT21
+        >>> from rattle.scene import DAT21
         >>> s = Scene.from_gears(DAT21, sigma=0.1).scaled(2.0)
         >>> s.alpha, s.gap1, s.sigma, s.start.y1, s.beta1 == DAT21.beta(1)
         (3.0, 1.0, 0.2, 4.0, True)
@@ -298,7 +298,7 @@ class Scene:
 
         Examples
         --------
-        >>> from scene import DAT21
+        >>> from rattle.scene import DAT21
         >>> Scene.from_gears(DAT21, start=Start(1e12, 0.5, 2.0, 0.5, 2.0, mesh=1)).phase
         -0.6576247591367865
         """
@@ -317,7 +317,7 @@ class Scene:
 
         Examples
         --------
-        >>> from scene import DAT21
+        >>> from rattle.scene import DAT21
         >>> s = Scene.from_gears(DAT21, start=Start(1e12, 0.5, 2.0, 0.5, 2.0, mesh=1))
         >>> s.stated(s.phase + 0.25), s.counted(1e12 + 0.25) == s.phase + 0.25
         (1000000000000.25, True)

@@ -1,8 +1,8 @@
 """How neighbours of a path part: the saltation matrix at an impact, and orthonormal frames that keep the growth.
 
 A neighbour meets the wall at another instant.  Carried back to the path's own instant, its displacement after the
-impact is ``Xi = R + (F+ - R F-) g' / (g' F-)`` times that before it (MODEL section 6), F the rate just before and just
-after, R the contact law, g the normal of the wall.  Whatever the accelerations, ``det Xi = epsilon^2``.
+impact is ``Xi = R + (F+ - R F-) g' / (g' F-)`` times that before it (docs/model.md section 6), F the rate just before
+and just after, R the contact law, g the normal of the wall.  Whatever the accelerations, ``det Xi = epsilon^2``.
 """
 
 from typing import NamedTuple
@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.compiled import jit
-from scene.damping import pair
-from scene.flight import field
-from scene.impact import contact_matrix, struck
-from scene.scene import Constants
+from rattle.scene.compiled import jit
+from rattle.scene.damping import pair
+from rattle.scene.flight import field
+from rattle.scene.impact import contact_matrix, struck
+from rattle.scene.scene import Constants
 
 __all__ = ["Stretch", "carry_frame", "saltation_matrix", "strike_frame"]
 
@@ -62,7 +62,7 @@ def saltation_matrix(c: Constants, mesh: int, tau: float, y1: float, y2: float) 
 
     Examples
     --------
-    >>> from scene import DAT21, Scene
+    >>> from rattle.scene import DAT21, Scene
     >>> c = Scene.from_gears(DAT21).constants
     >>> round(float(np.linalg.det(saltation_matrix(c, 2, 0.3, 0.4, -1.0))), 12) == round(c.epsilon**2, 12)
     True

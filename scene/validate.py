@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 from numbers import Integral, Real
 
-from scene.errors import InputError
+from rattle.scene.errors import InputError
 
 __all__ = [
     "choice", "count", "finite", "known_keys", "nearest", "non_negative", "positive", "ranged", "unit_interval",
@@ -54,7 +54,7 @@ def ranged(field: str, value: float, least: float, most: float, zero: bool = Tru
     >>> ranged("alpha", 1e200, 1e-30, 1e6)
     Traceback (most recent call last):
     ...
-    scene.errors.InputError: alpha = 1e+200: must be 0 or between 1e-30 and 1e+06 in size
+    rattle.scene.errors.InputError: alpha = 1e+200: must be 0 or between 1e-30 and 1e+06 in size
     """
     size = abs(finite(field, value))
     if not least <= size <= most and not (zero and size == 0.0):

@@ -3,6 +3,8 @@
 import ast
 import subprocess
 import sys
+from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -16,30 +18,56 @@ MAY_IMPORT = {
 }
 
 
-def imported(path: Path) -> set[str]:
-    names = set()
+def modules(path: Path) -> Iterator[str]:
+    """Full names of the modules that a source imports."""
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
-            names |= {alias.name.split(".")[0] for alias in node.names}
+            yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
-            names.add(node.module.split(".")[0])
-    return names & set(MAY_IMPORT)
+            yield from ([f"rattle.{alias.name}" for alias in node.names] if node.module == "rattle" else [node.module])
+
+
+def packages(path: Path) -> set[str]:
+    """Our packages that a source imports."""
+    return {name.split(".")[1] for name in modules(path) if name.startswith("rattle.")}
 
 
 @pytest.mark.parametrize("package", MAY_IMPORT)
 def test_import_direction(package):
     for path in (ROOT / package).rglob("*.py"):
-        assert imported(path) <= MAY_IMPORT[package], path
+        assert packages(path) <= MAY_IMPORT[package], path
 
 
-@pytest.mark.parametrize("package", MAY_IMPORT)
+def test_imports_are_by_the_one_name():
+    """``import scene`` would make a second module of the same file."""
+    for folder in (*MAY_IMPORT, "tests"):
+        for path in (ROOT / folder).rglob("*.py"):
+            assert not {name.split(".")[0] for name in modules(path)} & set(MAY_IMPORT), path
+
+
+def test_click_stays_in_the_command_line():
+    """What can be used from Python knows nothing of a command line."""
+    for path in (ROOT / "compare").rglob("*.py"):
+        if path.parent.name != "cli":
+            assert "click" not in {name.split(".")[0] for name in modules(path)}, path
+
+
+def test_nothing_but_the_command_line_imports_it():
+    for path in (ROOT / "compare").rglob("*.py"):
+        if path.parent.name != "cli" and path.name != "__main__.py":
+            assert not any(name.startswith("rattle.compare.cli") for name in modules(path)), path
+
+
+@pytest.mark.parametrize("package", ["", *(f".{name}" for name in MAY_IMPORT)])
 def test_public_names_exist(package):
-    module = __import__(package)
+    module = import_module(f"rattle{package}")
     for name in getattr(module, "__all__", ()):
         assert hasattr(module, name)
 
 
 def test_help_does_not_load_the_scientific_stack():
-    code = "import sys, compare.__main__; print([m for m in ('numba', 'pandas', 'matplotlib') if m in sys.modules])"
+    code = (
+        "import sys, rattle.compare.cli.main; print([m for m in ('numba', 'pandas', 'matplotlib') if m in sys.modules])"
+    )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert out.strip() == "[]"

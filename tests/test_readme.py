@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from compare.__main__ import main
-from compare.study import Study
-from scene import Scene
+from rattle.compare.cli.main import main
+from rattle.compare.study import Study
+from rattle.scene import Scene
 
 README = Path(__file__).resolve().parent.parent / "README.md"
 TEXT = README.read_text()
@@ -26,7 +26,7 @@ NOT_RUN = {
     "pip install rattle[cluster]": "changes the environment",
     "pip install rattle[gpu]": "changes the environment",
     "pytest -m selftest": "is part of the suite",
-    "python -m montecarlo.gpu": "needs a card",
+    "python -m rattle.montecarlo.cuda.launch": "needs a card",
 }
 """Shell examples that no test can run, and why."""
 

@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from compare.chaos.record import Regime, check_finite, noisy_record, orbit_record
-from compare.chaos.section import NOISY, ORBIT
-from compare.chaos.sweep import with_field
-from scene.scene import Scene
-from scene.validate import choice, count
+from rattle.compare.chaos.record import Regime, check_finite, noisy_record, orbit_record
+from rattle.compare.chaos.section import NOISY, ORBIT
+from rattle.compare.chaos.sweep import with_field
+from rattle.scene.scene import Scene
+from rattle.scene.validate import choice, count
 
 __all__ = ["QUANTITIES", "Bifurcation", "bifurcation"]
 
@@ -73,7 +73,7 @@ def bifurcation(
     at : sequence of float
         Values of the field, ascending.
     field : str
-        One of `compare.chaos.sweep.FIELDS`.
+        One of `rattle.compare.chaos.sweep.FIELDS`.
     quantity : {"y1", "y2", "flight"}
         Velocity before the impact, or time since the last one.
     points : int
@@ -86,7 +86,7 @@ def bifurcation(
 
     Examples
     --------
-    >>> from scene import DAT21
+    >>> from rattle.scene import DAT21
     >>> b = bifurcation(Scene.from_gears(DAT21, sigma=0.1), (0.05, 0.5), points=500)
     >>> b.regime.query("side == 'orbit'")["regime"].tolist()
     ['rests', 'runs']

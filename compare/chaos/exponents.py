@@ -10,11 +10,11 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import stats
 
-from compare.chaos.record import Regime, check_finite, noisy_record, orbit_record
-from scene.errors import InputError
-from scene.scene import Scene
-from scene.tangent import Stretch
-from scene.validate import count, positive
+from rattle.compare.chaos.record import Regime, check_finite, noisy_record, orbit_record
+from rattle.scene.errors import InputError
+from rattle.scene.scene import Scene
+from rattle.scene.tangent import Stretch
+from rattle.scene.validate import count, positive
 
 __all__ = [
     "DRIFT", "ORBIT", "Exponents", "Mean", "drift_exponents", "lyapunov", "ratio_mean",
@@ -251,7 +251,7 @@ def lyapunov(scene: Scene, *, impacts: int | None = None, width: float | None = 
 
     Examples
     --------
-    >>> from scene import DAT21
+    >>> from rattle.scene import DAT21
     >>> found = lyapunov(Scene.from_gears(DAT21), impacts=20_000)
     >>> bool(found.value[0] - found.half[0] > 0.0), abs(found.sum_error) < 1e-10
     (True, True)
@@ -266,10 +266,10 @@ def drift_exponents(
     scene: Scene, *, impacts: int | None = None, width: float | None = None, strict: bool = True, seed: int = 0,
     path: int = 0,
 ) -> Exponents:  # fmt: skip
-    """Exponents of the drift's linearisation along a noisy path (`montecarlo.long_path`).
+    """Exponents of the drift's linearisation along a noisy path (`rattle.montecarlo.coupling.long_path`).
 
-    These are not the Lyapunov exponents of the noisy system, which has none (MODEL section 8): along the noisy path,
-    neighbours are carried by the Jacobian of the flight and by the saltation matrix with the drift's rates.
+    These are not the Lyapunov exponents of the noisy system, which has none (docs/model.md section 8): along the noisy
+    path, neighbours are carried by the Jacobian of the flight and by the saltation matrix with the drift's rates.
 
     Parameters
     ----------
@@ -291,7 +291,7 @@ def drift_exponents(
 
     Examples
     --------
-    >>> from scene import DAT21
+    >>> from rattle.scene import DAT21
     >>> found = drift_exponents(Scene.from_gears(DAT21, sigma=0.1), impacts=20_000, seed=3)
     >>> abs(found.sum_error) < 1e-10
     True

@@ -12,12 +12,12 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from compare.chaos.bifurcation import Bifurcation
-from compare.chaos.exponents import DRIFT, Exponents
-from compare.chaos.section import MAP, NOISY, ORBIT, Section
-from compare.chaos.spectrum import SEQUENCE, TIME, Spectrum
-from compare.chaos.sqrt_law import SqrtLaw
-from compare.style import SYMBOL, legend_above, new_figure
+from rattle.compare.chaos.bifurcation import Bifurcation
+from rattle.compare.chaos.exponents import DRIFT, Exponents
+from rattle.compare.chaos.section import MAP, NOISY, ORBIT, Section
+from rattle.compare.chaos.spectrum import SEQUENCE, TIME, Spectrum
+from rattle.compare.chaos.sqrt_law import SqrtLaw
+from rattle.compare.report.style import SYMBOL, legend_above, new_figure
 
 __all__ = ["bifurcation_figure", "finite_size_figure", "section_figure", "spectrum_figure", "sqrt_law_figure",
            "sweep_figure"]  # fmt: skip

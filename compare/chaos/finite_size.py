@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from compare.chaos.exponents import ratio_mean
-from montecarlo.pairs import growths
-from scene.scene import Scene
-from scene.validate import count
+from rattle.compare.chaos.exponents import ratio_mean
+from rattle.montecarlo.coupling.pairs import growths
+from rattle.scene.scene import Scene
+from rattle.scene.validate import count
 
 __all__ = ["finite_size"]
 
@@ -47,7 +47,7 @@ def finite_size(
 
     Examples
     --------
-    >>> from scene import DAT21
+    >>> from rattle.scene import DAT21
     >>> t = finite_size(Scene.from_gears(DAT21, sigma=1.0), deltas=(1e-6, 1e-3), events=200)
     >>> bool(t["exponent"][0] > t["exponent"][1])
     True

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from closure import mean_map, readings_for
-from closure.long_orbit import LongOrbit
-from compare.chaos.exponents import Exponents, lyapunov
-from scene.scene import Scene
+from rattle.closure import mean_map, readings_for
+from rattle.closure.long_orbit import LongOrbit
+from rattle.compare.chaos.exponents import Exponents, lyapunov
+from rattle.scene.scene import Scene
 
 __all__ = ["MAPS", "MapOf", "mean_maps"]
 
@@ -76,7 +76,7 @@ def mean_maps(scene: Scene, orbit: Exponents | None = None) -> pd.DataFrame:
 
     Examples
     --------
-    >>> from scene import DAT21
+    >>> from rattle.scene import DAT21
     >>> maps = mean_maps(Scene.from_gears(DAT21, sigma=1.5**0.5)).set_index("reading")
     >>> int(maps["not_realizable"]["printed"]), maps["exponents"]["mended"]
     (2, "the orbit's")

@@ -4,9 +4,9 @@ from typing import Any
 
 import pandas as pd
 
-from compare.chaos.study import ChaosStudy
-from compare.page import NUMBER, TEXT, Code, Column, Figure, Page, Section, Source, Table, Text
-from scene.scene import Scene
+from rattle.compare.chaos.measure import ChaosStudy
+from rattle.compare.report import NUMBER, TEXT, Code, Column, Figure, Page, Section, Source, Table, Text
+from rattle.scene.scene import Scene
 
 __all__ = ["FIGURES", "chaos_page", "table_of"]
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from closure.long_orbit import LongOrbit
-from montecarlo.long_path import LongPath
-from scene.errors import InputError
-from scene.impact import MISSES, NONE
-from scene.scene import Scene
-from scene.tangent import Stretch
+from rattle.closure.long_orbit import LongOrbit
+from rattle.montecarlo.coupling.long_path import LongPath
+from rattle.scene.errors import InputError
+from rattle.scene.impact import MISSES, NONE
+from rattle.scene.scene import Scene
+from rattle.scene.tangent import Stretch
 
 __all__ = ["DISCARD", "Regime", "check_finite", "noisy_record", "orbit_record"]
 
@@ -94,7 +94,7 @@ def check_finite(name: str, values: Floats, offset: int = 0) -> Floats:
     >>> check_finite("y1", np.array([0.0, np.nan]))
     Traceback (most recent call last):
         ...
-    scene.errors.InputError: y1[1] = nan: give finite values
+    rattle.scene.errors.InputError: y1[1] = nan: give finite values
     """
     bad = ~np.isfinite(values)
     if bad.any():
@@ -119,7 +119,7 @@ def orbit_record(scene: Scene, impacts: int, regime: Regime, *, tangent: bool = 
 
     Examples
     --------
-    >>> from scene import DAT21
+    >>> from rattle.scene import DAT21
     >>> regime = Regime()
     >>> sum(s.flight.size for s in orbit_record(Scene.from_gears(DAT21), 5000, regime)), regime.kind
     (5000, 'runs')
@@ -164,7 +164,7 @@ def noisy_record(
     ----------
     scene : Scene
     steps : int
-        2 pi / 128 each, or less where damping asks for it (`montecarlo.common_noise`).
+        2 pi / 128 each, or less where damping asks for it (`rattle.montecarlo.coupling.dyadic`).
     seed, path : int
         Which path.
     regime : Regime

@@ -12,11 +12,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from closure import mean_map
-from compare.chaos.record import Regime, check_finite, noisy_record, orbit_record
-from scene.errors import InputError
-from scene.scene import Scene
-from scene.validate import count
+from rattle.closure import mean_map
+from rattle.compare.chaos.record import Regime, check_finite, noisy_record, orbit_record
+from rattle.scene.errors import InputError
+from rattle.scene.scene import Scene
+from rattle.scene.validate import count
 
 __all__ = ["MAP", "NOISY", "ORBIT", "Section", "frame", "orbit_section", "sections"]
 
@@ -195,7 +195,7 @@ def sections(scene: Scene, *, points: int = 1_000_000, seed: int = 0, workers: i
 
     Examples
     --------
-    >>> from scene import DAT21
+    >>> from rattle.scene import DAT21
     >>> found = sections(Scene.from_gears(DAT21, sigma=0.1), points=5000)
     >>> s = found["noisy system"]
     >>> (s.counts.sum(axis=(1, 2)) + s.outside).tolist()

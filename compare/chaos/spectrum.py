@@ -18,13 +18,13 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import ndimage, signal, stats
 
-from closure.long_orbit import velocities
-from compare.chaos.record import Regime, check_finite, noisy_record, orbit_record
-from compare.chaos.section import NOISY, ORBIT
-from montecarlo.common_noise import clockwork
-from scene.errors import InputError
-from scene.scene import Scene
-from scene.validate import count
+from rattle.closure.long_orbit import velocities
+from rattle.compare.chaos.record import Regime, check_finite, noisy_record, orbit_record
+from rattle.compare.chaos.section import NOISY, ORBIT
+from rattle.montecarlo.coupling.dyadic import clockwork
+from rattle.scene.errors import InputError
+from rattle.scene.scene import Scene
+from rattle.scene.validate import count
 
 __all__ = ["FALSE_ALARM", "SEQUENCE", "TIME", "Spectrum", "spectra", "spectra_tables", "welch"]
 

@@ -1,7 +1,7 @@
 """The square-root law: two paths on one noise that reach a wall delta apart leave it about sqrt(delta) apart.
 
 One has been thrown back while the other still runs on for ``delta / |y|``, and in that time the noise acts on them with
-different signs: they leave ``(1 + eps) sigma |m| sqrt(delta / |y|) |N(0, 1)|`` apart (MODEL section 8).
+different signs: they leave ``(1 + eps) sigma |m| sqrt(delta / |y|) |N(0, 1)|`` apart (docs/model.md section 8).
 """
 
 from typing import NamedTuple
@@ -11,10 +11,10 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import stats
 
-from compare.chaos.exponents import CONFIDENCE
-from montecarlo.pairs import after_impact
-from scene.errors import InputError
-from scene.scene import Scene
+from rattle.compare.chaos.exponents import CONFIDENCE
+from rattle.montecarlo.coupling.pairs import after_impact
+from rattle.scene.errors import InputError
+from rattle.scene.scene import Scene
 
 __all__ = ["SqrtLaw", "fitted", "sqrt_law"]
 
@@ -83,7 +83,7 @@ def sqrt_law(scene: Scene, *, impacts: int = 4000, seed: int = 0, deltas: Floats
 
     Examples
     --------
-    >>> from scene import DAT21
+    >>> from rattle.scene import DAT21
     >>> law = sqrt_law(Scene.from_gears(DAT21, sigma=0.5), impacts=500)
     >>> bool(abs(law.exponent - 0.5) < 0.02)
     True

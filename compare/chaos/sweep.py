@@ -12,11 +12,11 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import stats
 
-from closure import mean_map
-from compare.chaos.exponents import CONFIDENCE, ORBIT, Exponents, drift_exponents, lyapunov
-from scene.errors import InputError
-from scene.scene import Scene, Start
-from scene.validate import choice, count, finite
+from rattle.closure import mean_map
+from rattle.compare.chaos.exponents import CONFIDENCE, ORBIT, Exponents, drift_exponents, lyapunov
+from rattle.scene.errors import InputError
+from rattle.scene.scene import Scene, Start
+from rattle.scene.validate import choice, count, finite
 
 __all__ = ["ALPHAS", "FIELDS", "crossings", "paper_noise", "signs", "sweep", "values", "with_field"]
 
@@ -53,7 +53,7 @@ def with_field(scene: Scene, name: str, value: float) -> Scene:
 
     Examples
     --------
-    >>> from scene import DAT21
+    >>> from rattle.scene import DAT21
     >>> with_field(Scene.from_gears(DAT21), "gap1", 0.4).start.x1
     0.4
     """
@@ -129,7 +129,7 @@ def sweep(
 
     Examples
     --------
-    >>> from scene import DAT21
+    >>> from rattle.scene import DAT21
     >>> t = sweep(Scene.from_gears(DAT21), (0.05, 0.3), noise=paper_noise, width=0.1)
     >>> t[t["of"] == "orbit"]["regime"].tolist()
     ['rests', 'runs']

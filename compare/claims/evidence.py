@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from compare.chaos.exponents import Exponents, Mean, drift_exponents, lyapunov, ratio_mean
-from compare.chaos.record import Regime, noisy_record, orbit_record
-from compare.chaos.study import ChaosStudy, study
-from compare.chaos.sweep import paper_noise
-from compare.validation import Validation, validate
-from montecarlo import Ensemble, simulate
-from scene.scene import Scene, Start
-from scene.tangent import Stretch
+from rattle.compare.chaos.exponents import Exponents, Mean, drift_exponents, lyapunov, ratio_mean
+from rattle.compare.chaos.measure import ChaosStudy, study
+from rattle.compare.chaos.record import Regime, noisy_record, orbit_record
+from rattle.compare.chaos.sweep import paper_noise
+from rattle.compare.validation.validate import Validation, validate
+from rattle.montecarlo import Ensemble, simulate
+from rattle.scene.scene import Scene, Start
+from rattle.scene.tangent import Stretch
 
 __all__ = ["Evidence", "gather"]
 
@@ -70,7 +70,7 @@ def gather(
     paths, impacts, seed, workers
         Of the validations.
     points, spectrum_impacts, events
-        Of the sections, of the spectra and of the pairs of paths, see `compare.chaos.study.study`.
+        Of the sections, of the spectra and of the pairs of paths, see `rattle.compare.chaos.measure.study`.
     """
     scene = paper_noise(scene)
     levels = [*sorted(sigmas), scene.sigma]

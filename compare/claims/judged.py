@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 
-from compare.claims.claim import Claim
-from compare.claims.evidence import Evidence
-from compare.claims.of_moments import beyond_one, describes, not_gaussian, solvable, stages_apart
-from compare.claims.of_motion import (
+from rattle.compare.claims.claim import Claim
+from rattle.compare.claims.evidence import Evidence
+from rattle.compare.claims.of_moments import beyond_one, describes, not_gaussian, solvable, stages_apart
+from rattle.compare.claims.of_motion import (
     both_models,
     chaotic_range,
     continuous,

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from compare.claims.claim import HOLDS_ONLY, NOT_REPRODUCED, REPRODUCED, UNDECIDED, Claim
-from compare.claims.evidence import Evidence
-from compare.correlation import SIMULATED, first_failure
-from compare.frontier import judged_rows
-from compare.moments import widest
-from compare.validation import Validation
-from scene.flight import noise_covariance
-from scene.moments import correlation
+from rattle.compare.claims.claim import HOLDS_ONLY, NOT_REPRODUCED, REPRODUCED, UNDECIDED, Claim
+from rattle.compare.claims.evidence import Evidence
+from rattle.compare.validation.correlation import SIMULATED, first_failure
+from rattle.compare.validation.frontier import judged_rows
+from rattle.compare.validation.validate import Validation
+from rattle.compare.validation.verdict import widest
+from rattle.scene.flight import noise_covariance
+from rattle.scene.moments import correlation
 
 __all__ = ["beyond_one", "describes", "not_gaussian", "solvable", "stages_apart"]
 

@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 
-from compare.chaos.exponents import DRIFT, ORBIT, Exponents
-from compare.chaos.section import Section
-from compare.chaos.spectrum import TIME, spectra_tables
-from compare.chaos.study import CLAIMED
-from compare.chaos.sweep import crossings
-from compare.claims.claim import HOLDS_ONLY, NOT_REPRODUCED, REPRODUCED, UNDECIDED, Claim
-from compare.claims.evidence import Evidence
+from rattle.compare.chaos.exponents import DRIFT, ORBIT, Exponents
+from rattle.compare.chaos.measure import CLAIMED
+from rattle.compare.chaos.section import Section
+from rattle.compare.chaos.spectrum import TIME, spectra_tables
+from rattle.compare.chaos.sweep import crossings
+from rattle.compare.claims.claim import HOLDS_ONLY, NOT_REPRODUCED, REPRODUCED, UNDECIDED, Claim
+from rattle.compare.claims.evidence import Evidence
 
 __all__ = ["both_models", "chaotic_range", "continuous", "controlled", "counter_meshes", "fuzzy", "narrow_bands"]
 

@@ -4,14 +4,14 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from compare.chaos.page import FIGURES, source_of
-from compare.chaos.study import ChaosStudy
-from compare.claims.claim import HOLDS_ONLY, NOT_REPRODUCED, REPRODUCED, Claim, table
-from compare.csv_text import write_csv
-from compare.folder import whole_folder
-from compare.json_text import json_text
-from compare.page import Cell, Figure, Page, Row, Section, Table, Text, pages, write_page
-from compare.style import save
+from rattle.compare.chaos.measure import ChaosStudy
+from rattle.compare.chaos.page import FIGURES, source_of
+from rattle.compare.claims.claim import HOLDS_ONLY, NOT_REPRODUCED, REPRODUCED, Claim, table
+from rattle.compare.report import Cell, Figure, Page, Row, Section, Table, Text, pages, write_page
+from rattle.compare.report.csv_text import write_csv
+from rattle.compare.report.folder import whole_folder
+from rattle.compare.report.json_text import json_text
+from rattle.compare.report.style import save
 
 __all__ = ["CONTENTS", "answer", "write_claims"]
 

@@ -4,12 +4,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from compare.study.design import Study
-    from compare.study.tables import Tables, load
+    from rattle.compare.study.design import Study
+    from rattle.compare.study.tables import Tables, load
 
 __all__ = ["Study", "Tables", "load"]
 
-_HOMES = {"Study": "compare.study.design", "Tables": "compare.study.tables", "load": "compare.study.tables"}
+_HOMES = {
+    "Study": "rattle.compare.study.design",
+    "Tables": "rattle.compare.study.tables",
+    "load": "rattle.compare.study.tables",
+}
 
 
 def __getattr__(name: str) -> Any:

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from scene.errors import InputError
-from scene.scene import Scene, Start, Tolerance
-from scene.validate import count, finite, known_keys, nearest, positive
+from rattle.scene.errors import InputError
+from rattle.scene.scene import Scene, Start, Tolerance
+from rattle.scene.validate import count, finite, known_keys, nearest, positive
 
 __all__ = ["SETTINGS", "Axis", "combination", "combinations", "read_axes"]
 

@@ -9,14 +9,14 @@ from contextlib import suppress
 from itertools import islice
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
-from compare.study.cell import Cell, Prediction
-from compare.study.connection import check_address, connected
-from compare.study.places import SHARE, Failed, Stopped, stoppable
-from compare.study.store import Stored
-from compare.study.version import numerical_version
-from montecarlo.block import BlockResult, Plan, run
-from montecarlo.ensemble import Floats
-from scene.errors import InputError, RattleError
+from rattle.compare.study.cells import Cell, Prediction
+from rattle.compare.study.connection import check_address, connected
+from rattle.compare.study.executors import SHARE, Failed, Stopped, stoppable
+from rattle.compare.study.store import Stored
+from rattle.compare.study.version import numerical_version
+from rattle.montecarlo.ensemble import Floats
+from rattle.montecarlo.kernel.block import BlockResult, Plan, run
+from rattle.scene.errors import InputError, RattleError
 
 if TYPE_CHECKING:
     from distributed import Future

@@ -16,7 +16,7 @@ from contextlib import suppress
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from scene.errors import InputError
+from rattle.scene.errors import InputError
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -38,8 +38,8 @@ def check_address(address: str) -> None:
     >>> check_address("ucx://127.0.0.1:8786")
     Traceback (most recent call last):
     ...
-    scene.errors.InputError: scheduler = 'ucx://127.0.0.1:8786': give tcp://HOST:PORT, or tls://HOST:PORT where it has \
-certificates
+    rattle.scene.errors.InputError: scheduler = 'ucx://127.0.0.1:8786': give tcp://HOST:PORT, or tls://HOST:PORT where \
+it has certificates
     """
     found = re.fullmatch(r"(tcp|tls)://(\[[0-9a-fA-F:.]+\]|[\w.-]+):(\d{1,5})", address)
     if not found or not 0 < int(found[3]) < 2**16:

@@ -5,10 +5,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-from compare.manifest import is_whole
-from compare.page import pages
-from compare.study.design import Study
-from compare.study.tables import MANIFEST, TABLES, damaged
+from rattle.compare.report import pages
+from rattle.compare.report.manifest import is_whole
+from rattle.compare.study.design import Study
+from rattle.compare.study.tables import MANIFEST, TABLES, damaged
 
 __all__ = ["FILES", "cells_digest", "is_current"]
 

@@ -9,16 +9,16 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from closure import READINGS
-from closure.mean_map import ORDERS
-from compare.moments import Tolerances
-from compare.study.axes import SETTINGS, Axis, combination, combinations, read_axes
-from compare.study.cell import Cell, Prediction, Sample
-from montecarlo import SCHEMES, check_settings, default_step
-from scene.errors import InputError
-from scene.files import read_text, read_toml
-from scene.scene import Scene
-from scene.validate import choice, count, known_keys, positive
+from rattle.closure import READINGS
+from rattle.closure.mean_map import ORDERS
+from rattle.compare.study.axes import SETTINGS, Axis, combination, combinations, read_axes
+from rattle.compare.study.cells import Cell, Prediction, Sample
+from rattle.compare.validation.verdict import Tolerances
+from rattle.montecarlo import SCHEMES, check_settings, default_step
+from rattle.scene.errors import InputError
+from rattle.scene.files import read_text, read_toml
+from rattle.scene.scene import Scene
+from rattle.scene.validate import choice, count, known_keys, positive
 
 __all__ = ["Point", "Study"]
 

@@ -5,15 +5,15 @@ from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from typing import NamedTuple
 
-from compare.study.cell import Cell
-from compare.study.design import Study
-from compare.study.estimate import core_seconds
-from compare.study.obtain import attempt, kept
-from compare.study.places import Failed, Place, Stopped
-from compare.study.progress import Progress
-from compare.study.store import Store, Stored
-from compare.study.waiting import Waiting
-from scene.errors import InputError
+from rattle.compare.study.cells import Cell
+from rattle.compare.study.design import Study
+from rattle.compare.study.estimate import core_seconds
+from rattle.compare.study.executors import Failed, Place, Stopped
+from rattle.compare.study.obtain import attempt, kept
+from rattle.compare.study.progress import Progress
+from rattle.compare.study.store import Store, Stored
+from rattle.compare.study.waiting import Waiting
+from rattle.scene.errors import InputError
 
 __all__ = ["Outcome", "missing", "run"]
 

@@ -7,15 +7,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from closure import follow
-from compare.study.cell import Cell, Prediction, Sample
-from compare.study.places import SHARE
-from montecarlo import SCHEMES, default_step
-from montecarlo.accuracy import LEAST
-from montecarlo.block import BLOCK
-from montecarlo.kernel import COLUMNS
-from montecarlo.settings import computed
-from scene.scene import Scene
+from rattle.closure import follow
+from rattle.compare.study.cells import Cell, Prediction, Sample
+from rattle.compare.study.executors import SHARE
+from rattle.montecarlo import SCHEMES, default_step
+from rattle.montecarlo.accuracy import LEAST
+from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.kernel.kernel import COLUMNS
+from rattle.montecarlo.settings import computed
+from rattle.scene.scene import Scene
 
 __all__ = ["Estimate", "calibrated", "core_seconds", "estimate", "scaling"]
 
@@ -42,7 +42,7 @@ def core_seconds(cell: Cell) -> float:
 
     Examples
     --------
-    >>> from scene import DAT21, Scene
+    >>> from rattle.scene import DAT21, Scene
     >>> cell = Sample(Scene.from_gears(DAT21, sigma=0.1), impacts=12, seed=0, paths=100_000)
     >>> 1.0 < core_seconds(cell) < 5.0
     True

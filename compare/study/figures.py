@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.stats import binomtest
 
-from compare.study.results import Results
-from compare.style import STYLE, SYMBOL, legend_above, new_figure
-from compare.validity_range import ACCURATE, ENDED, NOT_WRONG, WRONG, want
+from rattle.compare.report.style import STYLE, SYMBOL, legend_above, new_figure
+from rattle.compare.study.results import Results
+from rattle.compare.validation.validity_range import ACCURATE, ENDED, NOT_WRONG, WRONG, want
 
 __all__ = ["FIGURES", "panels"]
 

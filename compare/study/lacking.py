@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from compare.study.design import Point
+from rattle.compare.study.design import Point
 
 __all__ = ["Lack", "lacking"]
 

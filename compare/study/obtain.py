@@ -2,9 +2,9 @@
 
 from collections.abc import Callable
 
-from compare.study.cell import Cell
-from compare.study.store import Store, Stored
-from compare.study.waiting import Waiting, aloud
+from rattle.compare.study.cells import Cell
+from rattle.compare.study.store import Store, Stored
+from rattle.compare.study.waiting import Waiting, aloud
 
 __all__ = ["Compute", "attempt", "kept", "obtain"]
 
@@ -68,8 +68,8 @@ def obtain(store: Store, cell: Cell, compute: Compute = _here, say: Callable[[st
     --------
     >>> import tempfile
     >>> from pathlib import Path
-    >>> from compare.study.cell import Prediction
-    >>> from scene import DAT21, Scene
+    >>> from rattle.compare.study.cells import Prediction
+    >>> from rattle.scene import DAT21, Scene
     >>> store, cell = Store(Path(tempfile.mkdtemp())), Prediction(Scene.from_gears(DAT21), impacts=1, reading="mended")
     >>> round(float(cell.opened(obtain(store, cell)).section.loc[1, "tau"]), 3)
     0.56

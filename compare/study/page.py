@@ -7,23 +7,22 @@ from typing import Any
 
 import pandas as pd
 
-from compare import manifest
-from compare.csv_text import write_csv
-from compare.folder import scratch_folder, within
-from compare.json_text import json_text
-from compare.moments import RULE, VERDICTS
-from compare.page import Cell, Code, Figure, Page, Row, Section, Source, Table, Text, numbers
-from compare.page import write_page as write_views
-from compare.study.current import FILES, cells_digest
-from compare.study.estimate import calibrated, core_seconds, scaling
-from compare.study.figures import FIGURES, panels
-from compare.study.lacking import lacking
-from compare.study.results import Results
-from compare.study.tables import FILE, MANIFEST, PAGE, TABLES, file_digest
-from compare.study.version import numerical_version
-from compare.style import save
-from compare.validity_range import in_words, want
-from scene.errors import OutputError
+from rattle.compare.report import Cell, Code, Figure, Page, Row, Section, Source, Table, Text, manifest, numbers
+from rattle.compare.report import write_page as write_views
+from rattle.compare.report.csv_text import write_csv
+from rattle.compare.report.folder import scratch_folder, within
+from rattle.compare.report.json_text import json_text
+from rattle.compare.report.style import save
+from rattle.compare.study.current import FILES, cells_digest
+from rattle.compare.study.estimate import calibrated, core_seconds, scaling
+from rattle.compare.study.figures import FIGURES, panels
+from rattle.compare.study.lacking import lacking
+from rattle.compare.study.results import Results
+from rattle.compare.study.tables import FILE, MANIFEST, PAGE, TABLES, file_digest
+from rattle.compare.study.version import numerical_version
+from rattle.compare.validation.validity_range import in_words, want
+from rattle.compare.validation.verdict import RULE, VERDICTS
+from rattle.scene.errors import OutputError
 
 __all__ = ["answer", "write_page"]
 
@@ -162,7 +161,7 @@ def _page(r: Results, record: dict[str, Any], figures: list[Figure], cost: pd.Da
         "numerical version": record["numerical_version"],
         "time": f"{record['wall_seconds']} s wall, {record['cell_seconds']} s of cells",
         "versions": ", ".join(f"{name} {version}" for name, version in record["versions"].items()),
-        "rows": "`compare.study.load(FOLDER)` loads every one",
+        "rows": "`rattle.compare.study.load(FOLDER)` loads every one",
     }
     source = Source(
         record["command"], tuple(facts.items()), (Text("The study, `study.toml`:"), Code(r.study.text, "toml"))

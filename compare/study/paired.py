@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from compare.study.cell import BATCH, Sampled
-from scene.moments import SECTION, STATE
+from rattle.compare.study.cells import BATCH, Sampled
+from rattle.scene.moments import SECTION, STATE
 
 __all__ = ["paired_differences"]
 

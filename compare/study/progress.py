@@ -11,11 +11,11 @@ from typing import NoReturn, Self
 
 from tqdm import tqdm
 
-from compare.folder import refused
-from compare.study.cell import Cell, Sample
-from compare.study.store import Stored
-from montecarlo.accuracy import sampling_error
-from scene.text import line
+from rattle.compare.report.folder import refused
+from rattle.compare.study.cells import Cell, Sample
+from rattle.compare.study.store import Stored
+from rattle.montecarlo.accuracy import sampling_error
+from rattle.scene.text import line
 
 __all__ = ["Progress"]
 

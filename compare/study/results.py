@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from compare.moments import section_errors, stated, widest
-from compare.study.cell import Predicted, Sampled
-from compare.study.design import Point, Study
-from compare.study.paired import paired_differences
-from compare.study.store import Store
-from compare.validity_range import is_accurate, is_wrong, unbroken
-from scene.moments import SECTION, STATE
+from rattle.compare.study.cells import Predicted, Sampled
+from rattle.compare.study.design import Point, Study
+from rattle.compare.study.paired import paired_differences
+from rattle.compare.study.store import Store
+from rattle.compare.validation.validity_range import is_accurate, is_wrong, unbroken
+from rattle.compare.validation.verdict import section_errors, stated, widest
+from rattle.scene.moments import SECTION, STATE
 
 __all__ = ["Results"]
 
@@ -77,7 +77,7 @@ class Results:
     def errors(self) -> pd.DataFrame:
         """Every section mean and sd of every reading at every point: error, interval, verdict.
 
-        Columns: the fields that vary, then those of `compare.moments.section_errors`.
+        Columns: the fields that vary, then those of `rattle.compare.validation.verdict.section_errors`.
         """
         parts = []
         for point, run, closure in self._pairs():
@@ -175,7 +175,7 @@ class Results:
     def paired(self) -> pd.DataFrame:
         """Differences between neighbours along `along`, with errors that take the common noise into account.
 
-        See `compare.study.paired`; empty where every point has random numbers of its own, or too few paths.
+        See `rattle.compare.study.paired`; empty where every point has random numbers of its own, or too few paths.
         """
         if not self.study.common_noise or not self.along:
             return pd.DataFrame()

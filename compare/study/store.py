@@ -15,10 +15,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 
-from compare.folder import refused, within, write_whole
-from compare.json_text import json_text
-from compare.study.waiting import sign
-from scene.errors import OutputError
+from rattle.compare.report.folder import refused, within, write_whole
+from rattle.compare.report.json_text import json_text
+from rattle.compare.study.waiting import sign
+from rattle.scene.errors import OutputError
 
 __all__ = ["Store", "Stored"]
 

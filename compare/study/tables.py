@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from compare.manifest import is_whole, not_newer
-from compare.moments import Tolerances, judge
-from compare.study.design import Study
-from scene.errors import FileError
-from scene.moments import SECTION
+from rattle.compare.report.manifest import is_whole, not_newer
+from rattle.compare.study.design import Study
+from rattle.compare.validation.verdict import Tolerances, judge
+from rattle.scene.errors import FileError
+from rattle.scene.moments import SECTION
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -41,7 +41,7 @@ class Tables:
     record : dict
         The manifest.
     errors, sections, correlation, frontier, paired, cost, reasons : DataFrame
-        See the properties of `compare.study.results.Results`.
+        See the properties of `rattle.compare.study.results.Results`.
     """
 
     study: Study
@@ -85,7 +85,7 @@ def load(folder: str | Path) -> Tables:
     >>> load("nowhere")
     Traceback (most recent call last):
     ...
-    scene.errors.FileError: study folder = 'nowhere': holds no finished study; give what rattle study has written
+    rattle.scene.errors.FileError: study folder = 'nowhere': holds no finished study; give what rattle study has written
     """
     if not isinstance(folder, str | Path):
         raise FileError("study folder", folder, "is no path; give that of what rattle study has written")

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 from filelock import FileLock, SoftFileLock
 
-from scene.text import harmless
+from rattle.scene.text import harmless
 
 if TYPE_CHECKING:  # cells know the store, and the store signs its locks
-    from compare.study.cell import Cell
+    from rattle.compare.study.cells import Cell
 
 __all__ = ["Waiting", "aloud", "holder", "sign"]
 

@@ -3,4 +3,4 @@
 The entry point names this package, which names the plugin: so it is registered once, however it was asked for.
 """
 
-pytest_plugins = ("compare.thresholds.plugin",)
+pytest_plugins = ("rattle.compare.thresholds.plugin",)

@@ -10,11 +10,11 @@ from typing import Any
 
 import tomli_w
 
-from compare.folder import refused, write_whole
-from compare.thresholds.claim import Claim
-from compare.thresholds.prediction import Prediction
-from scene.errors import FileError
-from scene.text import line
+from rattle.compare.report.folder import refused, write_whole
+from rattle.compare.thresholds.claim import Claim
+from rattle.compare.thresholds.prediction import Prediction
+from rattle.scene.errors import FileError
+from rattle.scene.text import line
 
 __all__ = ["changes", "content", "listed", "place", "read", "updated", "write"]
 

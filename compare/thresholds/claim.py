@@ -6,14 +6,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from compare.moments import Tolerances
-from compare.thresholds.settings import UNDECIDED
-from montecarlo import SCHEMES, check_settings, default_step
-from montecarlo.settings import MOST_PATHS
-from scene.errors import FileError, InputError
-from scene.moments import SECTION, STATE
-from scene.scene import Scene
-from scene.validate import choice, count, known_keys, positive
+from rattle.compare.thresholds.settings import UNDECIDED
+from rattle.compare.validation.verdict import Tolerances
+from rattle.montecarlo import SCHEMES, check_settings, default_step
+from rattle.montecarlo.settings import MOST_PATHS
+from rattle.scene.errors import FileError, InputError
+from rattle.scene.moments import SECTION, STATE
+from rattle.scene.scene import Scene
+from rattle.scene.validate import choice, count, known_keys, positive
 
 __all__ = ["Allowed", "Claim", "Row", "merged", "read_claim"]
 
@@ -60,7 +60,7 @@ class Claim:
     impacts : tuple of int
         Impacts that are checked, ascending.
     quantities : tuple of str
-        Of `scene.moments.SECTION`.
+        Of `rattle.scene.moments.SECTION`.
     allowed : dict of str to Allowed
         For each of the moments, ``mean`` and ``sd``.
     paths : int or None
@@ -130,7 +130,7 @@ def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
 
     Examples
     --------
-    >>> from scene import DAT21
+    >>> from rattle.scene import DAT21
     >>> claim = read_claim({"scene": Scene.from_gears(DAT21, sigma=0.1), "impacts": 2, "within": 0.05}, Path())
     >>> len(claim.rows), claim.rows[0], claim.allowed["sd"]
     (12, Row(moment='mean', quantity='tau', impact=1), Allowed(error=0.05, in_sd=True))

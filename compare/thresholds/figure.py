@@ -6,8 +6,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from compare.style import ACCURATE, STYLE, SYMBOL, new_figure
-from scene.text import line
+from rattle.compare.report.style import ACCURATE, STYLE, SYMBOL, new_figure
+from rattle.scene.text import line
 
 __all__ = ["error_figure"]
 
@@ -18,7 +18,7 @@ WIDE = 12.0  # times what is allowed, beyond which the axis turns logarithmic
 
 
 def error_figure(table: pd.DataFrame, model: str) -> Figure:
-    """Errors of the rows from `compare.thresholds.judging.judged` in sds of each quantity.
+    """Errors of the rows from `rattle.compare.thresholds.judging.judged` in sds of each quantity.
 
     Parameters
     ----------

@@ -8,14 +8,14 @@ from typing import Any, NoReturn, TypeVar
 import pandas as pd
 import pytest
 
-from compare.thresholds import baseline
-from compare.thresholds.claim import Claim
-from compare.thresholds.looks import decide
-from compare.thresholds.messages import deciding, failure_text, remedies, undecided_text
-from compare.thresholds.prediction import Model, Prediction, predict
-from compare.thresholds.sessions import Thresholds
-from scene.errors import RattleError
-from scene.text import harmless
+from rattle.compare.thresholds import baseline
+from rattle.compare.thresholds.claim import Claim
+from rattle.compare.thresholds.looks import decide
+from rattle.compare.thresholds.messages import deciding, failure_text, remedies, undecided_text
+from rattle.compare.thresholds.prediction import Model, Prediction, predict
+from rattle.compare.thresholds.sessions import Thresholds
+from rattle.scene.errors import RattleError
+from rattle.scene.text import harmless
 
 __all__ = ["Rattle"]
 
@@ -39,20 +39,20 @@ class Rattle:
         """Hold a model's section moments against the simulation of the marker's scene.
 
         The test fails if the whole interval of an error lies outside what is allowed, and passes if all intervals lie
-        inside.  Else it is undecided, and is looked at with more paths, up to its budget (`compare.thresholds.looks`).
-        Where that does not decide it, it fails, unless the marker's ``undecided`` or ``--rattle-undecided`` has it
-        skipped.
+        inside.  Else it is undecided, and is looked at with more paths, up to its budget
+        (`rattle.compare.thresholds.looks`). Where that does not decide it, it fails, unless the marker's ``undecided``
+        or ``--rattle-undecided`` has it skipped.
 
         Parameters
         ----------
         model : str or callable
             A reading of the closure, or a function ``(scene, impacts) -> DataFrame``; see
-            `compare.thresholds.prediction.predict`.
+            `rattle.compare.thresholds.prediction.predict`.
 
         Returns
         -------
         DataFrame
-            A row for each check; columns of `compare.moments.section_errors` and ``outcome``.
+            A row for each check; columns of `rattle.compare.validation.verdict.section_errors` and ``outcome``.
         """
         self._once("check")
         prediction = self._guarded(lambda: predict(model, self.claim))
@@ -135,8 +135,8 @@ class Rattle:
         self._item.user_properties.append(("rattle", facts))
 
     def _figure(self, prediction: Prediction, table: pd.DataFrame) -> str:
-        from compare.style import save
-        from compare.thresholds.figure import error_figure
+        from rattle.compare.report.style import save
+        from rattle.compare.thresholds.figure import error_figure
 
         name = re.sub(r"[^\w.-]+", "-", self._item.nodeid)
         path = self._thresholds.folder / "figures" / f"{name}.svg"

@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 
-from compare.moments import RULE, Claimed, Simulated, Tolerances, judge, section_errors
-from compare.thresholds.claim import Claim
-from scene.errors import InputError
+from rattle.compare.thresholds.claim import Claim
+from rattle.compare.validation.verdict import RULE, Claimed, Simulated, Tolerances, judge, section_errors
+from rattle.scene.errors import InputError
 
 __all__ = ["OUTCOMES", "errors_of", "judged"]
 
@@ -22,8 +22,9 @@ def errors_of(prediction: Claimed, run: Simulated, claim: Claim) -> pd.DataFrame
     Returns
     -------
     DataFrame
-        Columns as of `compare.moments.section_errors`; ``error`` is absolute, ``unit`` the sd of the quantity (1 where
-        it does not vary), ``noise`` one standard error.  Only rows that are judged (`compare.moments.RULE`).
+        Columns as of `rattle.compare.validation.verdict.section_errors`; ``error`` is absolute, ``unit`` the sd of the
+        quantity (1 where it does not vary), ``noise`` one standard error.  Only rows that are judged
+        (`rattle.compare.validation.verdict.RULE`).
 
     Raises
     ------
@@ -50,11 +51,11 @@ def judged(errors: pd.DataFrame, z: float) -> pd.DataFrame:
     Examples
     --------
     >>> from pathlib import Path
-    >>> from compare.moments import widest
-    >>> from compare.thresholds.claim import read_claim
-    >>> from compare.thresholds.prediction import predict
-    >>> from montecarlo import simulate
-    >>> from scene import DAT21, Scene
+    >>> from rattle.compare.validation.verdict import widest
+    >>> from rattle.compare.thresholds.claim import read_claim
+    >>> from rattle.compare.thresholds.prediction import predict
+    >>> from rattle.montecarlo import simulate
+    >>> from rattle.scene import DAT21, Scene
     >>> claim = read_claim({"scene": Scene.from_gears(DAT21, sigma=0.01), "impacts": 1, "quantities": "y1"}, Path())
     >>> run = simulate(claim.scene, paths=4096, impacts=1, scheme="exact-flight", control=True)
     >>> z = widest(len(claim.rows), 0.01)

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from compare.thresholds.claim import Claim
-from compare.thresholds.judging import errors_of, judged
-from compare.thresholds.prediction import Prediction
-from compare.thresholds.sessions import Drawn, Thresholds
+from rattle.compare.thresholds.claim import Claim
+from rattle.compare.thresholds.judging import errors_of, judged
+from rattle.compare.thresholds.prediction import Prediction
+from rattle.compare.thresholds.sessions import Drawn, Thresholds
 
 __all__ = ["Looked", "decide", "following", "standing"]
 

@@ -4,9 +4,9 @@ import math
 
 import pandas as pd
 
-from compare.study.cell import Sampled
-from compare.thresholds.claim import Claim
-from compare.thresholds.summary import decided_by
+from rattle.compare.study.cells import Sampled
+from rattle.compare.thresholds.claim import Claim
+from rattle.compare.thresholds.summary import decided_by
 
 __all__ = ["deciding", "failure_text", "remedies", "row_table", "undecided_text"]
 
@@ -75,8 +75,8 @@ def remedies(table: pd.DataFrame, claim: Claim) -> str:
     Examples
     --------
     >>> from pathlib import Path
-    >>> from compare.thresholds.claim import read_claim
-    >>> from scene import DAT21, Scene
+    >>> from rattle.compare.thresholds.claim import read_claim
+    >>> from rattle.scene import DAT21, Scene
     >>> claim = read_claim({"scene": Scene.from_gears(DAT21, sigma=0.1), "within": 0.01}, Path())
     >>> print(remedies(pd.DataFrame({"outcome": ["undecided"], "paths_needed": [410_000.0]}), claim))
     Undecided is not passed. Give it more paths (budget=820_000 in its marker, or --rattle-budget), allow a larger error

@@ -12,9 +12,9 @@ import pytest
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from compare.thresholds.claim import Claim
-    from compare.thresholds.fixture import Rattle
-    from compare.thresholds.sessions import Thresholds
+    from rattle.compare.thresholds.claim import Claim
+    from rattle.compare.thresholds.fixture import Rattle
+    from rattle.compare.thresholds.sessions import Thresholds
 
 __all__ = ["CLAIM", "REFUSED", "THRESHOLDS", "rattle"]
 
@@ -86,8 +86,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """Make the marker known, and refuse a wrong option before anything is collected."""
     config.addinivalue_line("markers", MARKER)
     if chosen(config) != {option.key: option.default for option in OPTIONS}:
-        from compare.thresholds.settings import read_settings
-        from scene.errors import InputError
+        from rattle.compare.thresholds.settings import read_settings
+        from rattle.scene.errors import InputError
 
         try:
             read_settings(chosen(config))
@@ -100,8 +100,8 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     """Read the claims of the tests that were selected; the number of their rows fixes the intervals of all."""
     marked = [item for item in session.items if item.get_closest_marker("rattle")]
     if marked:
-        from compare.thresholds.sessions import thresholds_of
-        from compare.thresholds.settings import read_settings
+        from rattle.compare.thresholds.sessions import thresholds_of
+        from rattle.compare.thresholds.settings import read_settings
 
         session.config.stash[THRESHOLDS] = thresholds_of(marked, read_settings(chosen(session.config)), session.config)
 
@@ -115,7 +115,7 @@ def pytest_report_collectionfinish(config: pytest.Config, items: Sequence[pytest
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """A marker that could not be read is an error of its own test, and of no other."""
     if REFUSED in item.stash:
-        from scene.errors import RattleError
+        from rattle.scene.errors import RattleError
 
         if isinstance(error := item.stash[REFUSED], RattleError):
             pytest.fail(f"rattle: {error}", pytrace=False)
@@ -125,7 +125,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 @pytest.fixture
 def rattle(request: pytest.FixtureRequest) -> Rattle:
     """Hold a closure against the simulation of the marker's scene: ``rattle.check(model)``."""
-    from compare.thresholds.fixture import Rattle
+    from rattle.compare.thresholds.fixture import Rattle
 
     if CLAIM not in request.node.stash:
         pytest.fail(
@@ -141,8 +141,8 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
     found = [(r.nodeid, value) for r in reports for key, value in r.user_properties if key == "rattle"]
     records = {(test, facts["kind"]): (test, facts) for test, facts in found}  # reports of subtests repeat them
     if records:
-        from compare.thresholds.summary import summary_lines
-        from scene.text import harmless
+        from rattle.compare.thresholds.summary import summary_lines
+        from rattle.scene.text import harmless
 
         terminalreporter.section("rattle: accuracy thresholds")
         for line in summary_lines(list(records.values())):

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from closure import READINGS, mean_map
-from compare.thresholds.claim import Claim
-from scene.errors import InputError
-from scene.scene import Scene
-from scene.validate import choice
+from rattle.closure import READINGS, mean_map
+from rattle.compare.thresholds.claim import Claim
+from rattle.scene.errors import InputError
+from rattle.scene.scene import Scene
+from rattle.scene.validate import choice
 
 __all__ = ["Model", "Prediction", "predict"]
 
@@ -49,8 +49,8 @@ def predict(model: Model, claim: Claim) -> Prediction:
     Examples
     --------
     >>> from pathlib import Path
-    >>> from scene import DAT21, Scene
-    >>> from compare.thresholds.claim import read_claim
+    >>> from rattle.scene import DAT21, Scene
+    >>> from rattle.compare.thresholds.claim import read_claim
     >>> claim = read_claim({"scene": Scene.from_gears(DAT21, sigma=0.1), "impacts": 1, "quantities": "tau"}, Path())
     >>> predict("saltation", claim).section.round(4).to_dict("list")
     {'tau': [0.56], 'sd_tau': [0.0016]}

@@ -10,16 +10,16 @@ from typing import NamedTuple
 
 import pytest
 
-from compare.moments import widest
-from compare.study.cell import Sample, Sampled
-from compare.study.obtain import obtain
-from compare.study.store import Store, Stored
-from compare.study.waiting import aloud
-from compare.thresholds.claim import Claim, merged, read_claim
-from compare.thresholds.plugin import CLAIM, REFUSED
-from compare.thresholds.settings import Settings
-from montecarlo.ensemble import Blocks, in_threads
-from scene.errors import InputError, RattleError
+from rattle.compare.study.cells import Sample, Sampled
+from rattle.compare.study.obtain import obtain
+from rattle.compare.study.store import Store, Stored
+from rattle.compare.study.waiting import aloud
+from rattle.compare.thresholds.claim import Claim, merged, read_claim
+from rattle.compare.thresholds.plugin import CLAIM, REFUSED
+from rattle.compare.thresholds.settings import Settings
+from rattle.compare.validation.verdict import widest
+from rattle.montecarlo.ensemble import Blocks, in_threads
+from rattle.scene.errors import InputError, RattleError
 
 __all__ = ["Drawn", "Thresholds", "thresholds_of"]
 

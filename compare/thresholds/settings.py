@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from scene.errors import InputError
-from scene.validate import choice, count, finite
+from rattle.scene.errors import InputError
+from rattle.scene.validate import choice, count, finite
 
 if TYPE_CHECKING:
-    from compare.thresholds.claim import Claim
+    from rattle.compare.thresholds.claim import Claim
 
 __all__ = ["BASELINES", "PROFILES", "TIMES", "UNDECIDED", "Settings", "read_settings"]
 
@@ -44,8 +44,8 @@ class Settings(NamedTuple):
 
         Examples
         --------
-        >>> from compare.thresholds.claim import read_claim
-        >>> from scene import DAT21, Scene
+        >>> from rattle.compare.thresholds.claim import read_claim
+        >>> from rattle.scene import DAT21, Scene
         >>> claim = read_claim({"scene": Scene.from_gears(DAT21, sigma=0.1), "paths": 10_000}, Path())
         >>> Settings().sizes(claim), Settings(budget=30_000).sizes(claim), Settings(budget=1).sizes(claim)
         ((10000, 20000, 40000, 80000), (10000, 20000, 30000), (10000,))

@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from compare.__main__ import main
-from compare.chaos.write import CONTENTS
+from rattle.compare.chaos.save import CONTENTS
+from rattle.compare.cli.main import main
 
 SMALL = ["--points", "2000", "--impacts", "40000", "--events", "300", "--width", "0.2"]
 

@@ -3,17 +3,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from closure.long_orbit import LongOrbit
-from closure.orbit import follow
-from compare.chaos.exponents import drift_exponents, lyapunov, ratio_mean
-from compare.chaos.mean_maps import mean_maps
-from compare.chaos.record import Regime, orbit_record
-from compare.chaos.section import orbit_section, sections
-from compare.chaos.sweep import ALPHAS, crossings, paper_noise, sweep, values, with_field
-from scene import DAT21, InputError, Scene, Start
-from scene.flight import flow, jacobian
-from scene.impact import contact_matrix, next_impact, struck
-from scene.tangent import saltation_matrix
+from rattle.closure.long_orbit import LongOrbit
+from rattle.closure.orbit import follow
+from rattle.compare.chaos.exponents import drift_exponents, lyapunov, ratio_mean
+from rattle.compare.chaos.mean_maps import mean_maps
+from rattle.compare.chaos.record import Regime, orbit_record
+from rattle.compare.chaos.section import orbit_section, sections
+from rattle.compare.chaos.sweep import ALPHAS, crossings, paper_noise, sweep, values, with_field
+from rattle.scene import DAT21, InputError, Scene, Start
+from rattle.scene.flight import flow, jacobian
+from rattle.scene.impact import contact_matrix, next_impact, struck
+from rattle.scene.tangent import saltation_matrix
 
 DAT = Scene.from_gears(DAT21, sigma=1.5**0.5)
 
@@ -186,7 +186,7 @@ def test_fields_of_a_sweep_are_checked():
 
 def test_the_mended_map_grows_as_the_orbit_does():
     """Means of two mended maps 1e-9 apart at the start: their logarithm grows by the orbit's own growth."""
-    from closure import mean_map
+    from rattle.closure import mean_map
 
     small = DAT.with_sigma(1e-3)
     moved = replace(small, start=replace(small.start, y1=2.0 + 1e-9))

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from compare.chaos.exponents import lyapunov, ratio_mean
-from compare.chaos.finite_size import finite_size
-from compare.chaos.sqrt_law import fitted, sqrt_law
-from scene import DAT21, InputError, Scene
+from rattle.compare.chaos.exponents import lyapunov, ratio_mean
+from rattle.compare.chaos.finite_size import finite_size
+from rattle.compare.chaos.sqrt_law import fitted, sqrt_law
+from rattle.scene import DAT21, InputError, Scene
 
 DAT = Scene.from_gears(DAT21, sigma=1.5**0.5)
 

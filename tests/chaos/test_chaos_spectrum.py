@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from compare.chaos.bifurcation import bifurcation
-from compare.chaos.record import check_finite
-from compare.chaos.section import NOISY, ORBIT, frame, orbit_section, sections
-from compare.chaos.spectrum import FALSE_ALARM, SEQUENCE, TIME, spectra, spectra_tables, welch
-from compare.chaos.sweep import paper_noise
-from scene import DAT21, InputError, Scene
+from rattle.compare.chaos.bifurcation import bifurcation
+from rattle.compare.chaos.record import check_finite
+from rattle.compare.chaos.section import NOISY, ORBIT, frame, orbit_section, sections
+from rattle.compare.chaos.spectrum import FALSE_ALARM, SEQUENCE, TIME, spectra, spectra_tables, welch
+from rattle.compare.chaos.sweep import paper_noise
+from rattle.scene import DAT21, InputError, Scene
 
 DAT = Scene.from_gears(DAT21, sigma=1.5**0.5)
 

@@ -7,14 +7,14 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from compare.__main__ import main
-from compare.chaos.exponents import Mean
-from compare.claims import judged, of_moments, of_motion
-from compare.claims.claim import NOT_REPRODUCED, REPRODUCED, UNDECIDED, table
-from compare.claims.evidence import gather
-from compare.claims.page import write_claims
-from compare.page import read_page
-from scene import DAT21, Scene
+from rattle.compare.chaos.exponents import Mean
+from rattle.compare.claims import judged, of_moments, of_motion
+from rattle.compare.claims.claim import NOT_REPRODUCED, REPRODUCED, UNDECIDED, table
+from rattle.compare.claims.evidence import gather
+from rattle.compare.claims.page import write_claims
+from rattle.compare.cli.main import main
+from rattle.compare.report import read_page
+from rattle.scene import DAT21, Scene
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*too short.*")
 

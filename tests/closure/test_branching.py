@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from closure import mean_map
-from closure.branching import MOST_CUT
-from compare import validate
-from montecarlo import simulate
-from scene import DAT21, Scene
+from rattle.closure import mean_map
+from rattle.closure.branching.trace import MOST_CUT
+from rattle.compare import validate
+from rattle.montecarlo import simulate
+from rattle.scene import DAT21, Scene
 
 QUANTITIES = ("tau", "flight", "y1", "y2")
 

@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from closure import flanks, mean_map
-from closure.cutting import event
-from closure.flanks import column, pieces, start_covariance, start_pieces
-from closure.gaussian_flight import _derivatives
-from montecarlo import simulate
-from scene import DAT21, Scene, Start, Tolerance
+from rattle.closure import flanks, mean_map
+from rattle.closure.branching.propagate import _derivatives
+from rattle.closure.branching.split import event
+from rattle.closure.flanks import column, pieces, start_covariance, start_pieces
+from rattle.montecarlo import simulate
+from rattle.scene import DAT21, Scene, Start, Tolerance
 
 QUANTITIES = ("tau", "flight", "x1", "y1", "x2", "y2")
 WITHIN = {"mean": 0.05, "sd": 0.10}  # what a validation calls accurate, in sds

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from closure.cutting import cut_plane, event, half
-from closure.refining import _cut, workbench
-from scene import DAT21, Scene
+from rattle.closure.branching.refine import _cut, workbench
+from rattle.closure.branching.split import cut_plane, event, half
+from rattle.scene import DAT21, Scene
 
 
 def whole():

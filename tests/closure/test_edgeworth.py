@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad
 
-from closure.edgeworth import Edgeworth, coefficients, hermite, normal_density, window_means
-from closure.printed import _printed_shift
-from scene.moments import gaussian_raw_moments
+from rattle.closure.edgeworth import Edgeworth, coefficients, hermite, normal_density, window_means
+from rattle.closure.published import _printed_shift
+from rattle.scene.moments import gaussian_raw_moments
 
 SD_X, SD_Y = 0.7, 1.9
 ORDERS = (2, 3, 4, 5, 6)
@@ -115,7 +115,7 @@ def test_window_means_are_integrals_over_the_window(window, order):
 
 
 def explicit_window_means(a, sd_x, sd_y, low, high, psi_0_sign=-1):
-    """A and B of Eqs. 20, 21 to fourth order (MODEL section 5), times their standard deviations."""
+    """A and B of Eqs. 20, 21 to fourth order (docs/model.md section 5), times their standard deviations."""
     lo, hi = low / sd_x, high / sd_x
 
     def psi(i):

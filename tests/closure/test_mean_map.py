@@ -3,9 +3,9 @@ import re
 import numpy as np
 import pytest
 
-from closure import READINGS, mean_map
-from scene import DAT21, InputError, Scene, Start
-from scene.moments import correlation
+from rattle.closure import READINGS, mean_map
+from rattle.scene import DAT21, InputError, Scene, Start
+from rattle.scene.moments import correlation
 
 STATE = ["x1", "y1", "x2", "y2"]
 SECTION = ["tau", "flight", "mesh", "side", *STATE, *(f"sd_{q}" for q in ("tau", "flight", *STATE)), "rho1", "rho2"]

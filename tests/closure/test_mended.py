@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from reference_moments import JointMoments, contact, covariance_flight, drift_matrix, modulation
 
-from closure import follow, mean_map
-from scene import DAT21, Scene, Start, Tolerance
-from scene.moments import realizability
+from rattle.closure import follow, mean_map
+from rattle.scene import DAT21, Scene, Start, Tolerance
+from rattle.scene.moments import realizability
 
 PHI0 = 1 / math.sqrt(2 * math.pi)
 
@@ -19,7 +19,7 @@ def dat21():
 
 
 def law(c, mesh):
-    """The contact law as a matrix, column by column from MODEL section 3."""
+    """The contact law as a matrix, column by column from docs/model.md section 3."""
     return np.array([contact(c, mesh, column) for column in np.eye(4)]).T
 
 

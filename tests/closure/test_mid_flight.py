@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 from test_saltation import SCENES
 
-from closure import follow, mean_map
-from montecarlo import simulate
-from scene.moments import STATE
+from rattle.closure import follow, mean_map
+from rattle.montecarlo import simulate
+from rattle.scene.moments import STATE
 
 LIMIT = 4.0  # standard errors; of at most 72 moments of a scene, Bonferroni at 0.5 %
 SIGMA, DT, PATHS = 0.002, 1e-3, 30_000

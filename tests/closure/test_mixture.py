@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from closure.mixture import empty, gather, moments
+from rattle.closure.branching.mixture import empty, gather, moments
 
 
 def cloud(count, seed=2):

@@ -5,8 +5,8 @@ import pytest
 from reference_moments import contact, first_crossing
 from timing import times_as_long
 
-from closure.orbit import follow
-from scene import DAT21, Scene, Start
+from rattle.closure.orbit import follow
+from rattle.scene import DAT21, Scene, Start
 
 FIELDS = ("tau", "mesh", "side", "before", "after")
 

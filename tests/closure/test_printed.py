@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from reference_moments import contact, fly, stage_moments_after_flight
 
-from closure import mean_map
-from scene import DAT21, InputError, Scene, Start, Tolerance
+from rattle.closure import mean_map
+from rattle.scene import DAT21, InputError, Scene, Start, Tolerance
 
 IMPACTS = 12
 LOUD, QUIET = 1.5**0.5, 0.02
@@ -139,7 +139,7 @@ def test_the_paper_s_case_breaks_down_at_impact_2():
 
 
 def test_both_failures_of_the_paper_are_there_at_impact_2(paper):
-    """MODEL section 6: |rho| > 1 and a negative variance appear at impact 2."""
+    """docs/model.md section 6: |rho| > 1 and a negative variance appear at impact 2."""
     raw = mean_map(paper, impacts=2, reading="printed").trace.raw[2]
     variances = [raw[i, n, p] for i in (0, 1) for n, p in ((2, 0), (0, 2))]
     squared_rho = [raw[i, 1, 1] ** 2 / (raw[i, 2, 0] * raw[i, 0, 2]) for i in (0, 1)]
@@ -184,7 +184,7 @@ def test_without_noise_nothing_varies():
 
 
 def test_without_noise_the_first_flight_is_the_orbit_but_for_y2():
-    """Before any mesh-2 impact x_1, y_1, x_2 are Eq. 10's; the y_2 line of Eq. 22 is not (MODEL section 9)."""
+    """Before any mesh-2 impact x_1, y_1, x_2 are Eq. 10's; the y_2 line of Eq. 22 is not (docs/model.md section 9)."""
     start = (0.5, 2.0, 0.3, 1.0)  # y_1 = y_2 = 2, the paper's start, would hide the slip: it multiplies y_2 - y_1
     m = printed(0.0, impacts=1, start=Start(0.0, *start, mesh=1))
     c, t = m.scene.constants, m.trace

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from reference_moments import stage_moments_after_flight
 
-from closure.raw_moments import after_flight, unmodulated_covariance
-from scene import DAT21, Scene
-from scene.flight import noise_covariance
-from scene.moments import gaussian_raw_moments
+from rattle.closure.raw_moments import after_flight, unmodulated_covariance
+from rattle.scene import DAT21, Scene
+from rattle.scene.flight import noise_covariance
+from rattle.scene.moments import gaussian_raw_moments
 
 TAU, T, SIGMA = 0.7, 1.9, 0.8
 ORDERS = (2, 3, 4, 5, 6)

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from closure import follow, mean_map
-from closure.section_map import derivatives
-from compare import validate
-from compare.moments import ABSOLUTE, Tolerances, section_errors
-from montecarlo import simulate
-from scene import DAT21, Scene, Start, Tolerance
-from scene.flight import field, flow, jacobian, noise_covariance
-from scene.impact import contact_matrix, next_impact, struck
-from scene.moments import SECTION
+from rattle.closure import follow, mean_map
+from rattle.closure.section_map import derivatives
+from rattle.compare import validate
+from rattle.compare.validation.verdict import ABSOLUTE, Tolerances, section_errors
+from rattle.montecarlo import simulate
+from rattle.scene import DAT21, Scene, Start, Tolerance
+from rattle.scene.flight import field, flow, jacobian, noise_covariance
+from rattle.scene.impact import contact_matrix, next_impact, struck
+from rattle.scene.moments import SECTION
 
 PLAIN = {"alpha": 1.5, "epsilon": 0.9, "beta1": 1 / 12, "beta2": 2 / 15, "gamma1": 0.057, "gamma2": 0.029, "mu": 0.6}
 FLIGHT = Start(0.3, 0.1, 1.0, -0.2, -0.7)
@@ -33,7 +33,7 @@ TOLERANCES = {
 
 
 def saltation_matrix(c, mesh, side, tau, before):
-    """``Xi = R + (F+ - R F-) g' / (g' F-)`` as MODEL section 6 writes it."""
+    """``Xi = R + (F+ - R F-) g' / (g' F-)`` as docs/model.md section 6 writes it."""
     r = contact_matrix(c, mesh)
     y1, y2 = struck(c, mesh, before[1], before[3])
     f_minus, f_plus = field(c, tau, before[1], before[3]), field(c, tau, y1, y2)

@@ -13,11 +13,11 @@ import pytest
 from click.testing import CliRunner
 from timing import wait_for_work
 
-from compare.__main__ import EXIT_NOT_MET, EXIT_NOT_REPEATED, main
-from compare.moments import RULE, VERDICTS
-from compare.report import CONTENTS
-from compare.validity_range import ACCURATE, NOT_WRONG
-from scene import DAT21, Scene, Start
+from rattle.compare.cli.main import EXIT_NOT_MET, EXIT_NOT_REPEATED, main
+from rattle.compare.validation.page import CONTENTS
+from rattle.compare.validation.validity_range import ACCURATE, NOT_WRONG
+from rattle.compare.validation.verdict import RULE, VERDICTS
+from rattle.scene import DAT21, Scene, Start
 
 SWEPT = ["--paths", "600", "--impacts", "3", "--dt", "0.01", "--frontier", "0.01:1:3", "--frontier-paths", "600"]
 SMALL = [*SWEPT, "--no-frontier"]
@@ -243,7 +243,7 @@ def test_quiet_in_a_pipe(tmp_path):
     command = [
         sys.executable,
         "-m",
-        "compare",
+        "rattle.compare",
         "validate",
         *SMALL,
         "--sigma",
@@ -258,7 +258,7 @@ def test_quiet_in_a_pipe(tmp_path):
 
 
 def test_interrupt_ends_soon_and_leaves_nothing(tmp_path):
-    command = [sys.executable, "-m", "compare", "validate", "--paths", "100000000", "--out", str(tmp_path / "o")]
+    command = [sys.executable, "-m", "rattle.compare", "validate", "--paths", "100000000", "--out", str(tmp_path / "o")]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as running:
         wait_for_work(running, 3.0)
         running.send_signal(signal.SIGINT)
@@ -279,7 +279,7 @@ def test_figures_are_deterministic(report, tmp_path):
 
 def test_committed_report_is_of_this_code():
     """The committed default report holds the three noise intensities and its table matches its manifest."""
-    from compare.manifest import digest, read_settings
+    from rattle.compare.report.manifest import digest, read_settings
 
     folder = Path(__file__).resolve().parents[2] / "reports" / "dat21"
     settings, expected, _ = read_settings(folder / "manifest.json")

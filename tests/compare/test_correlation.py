@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from compare import validate
-from compare.correlation import SIMULATED, first_failure
-from scene import DAT21, Scene
+from rattle.compare import validate
+from rattle.compare.validation.correlation import SIMULATED, first_failure
+from rattle.scene import DAT21, Scene
 
 
 @pytest.fixture(scope="module")

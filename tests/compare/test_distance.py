@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from closure import mean_map
-from closure.edgeworth import section_density
-from compare.distance import bin_masses, distances, section_distances
-from montecarlo import simulate
-from montecarlo.histogram import BINS, Histograms
-from scene import DAT21, Scene
-from scene.errors import InputError
+from rattle.closure import mean_map
+from rattle.closure.edgeworth import section_density
+from rattle.compare.validation.distance import bin_masses, distances, section_distances
+from rattle.montecarlo import simulate
+from rattle.montecarlo.statistics.histogram import BINS, Histograms
+from rattle.scene import DAT21, Scene
+from rattle.scene.errors import InputError
 
 PATHS = 20_000
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from compare.folder import check_free, whole_folder
-from scene import OutputError
+from rattle.compare.report.folder import check_free, whole_folder
+from rattle.scene import OutputError
 
 OURS = frozenset({"page.txt"})
 

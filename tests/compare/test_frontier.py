@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from compare import validate
-from compare.answer import answer, correlation_claim
-from compare.frontier import CAUSES, frontier, frontiers, judged_rows
-from compare.moments import JUDGED, NOT_JUDGED
-from compare.rows import count_table, reach_table
-from scene import DAT21, Scene
+from rattle.compare import validate
+from rattle.compare.validation.answer import answer, correlation_claim
+from rattle.compare.validation.frontier import CAUSES, frontier, frontiers, judged_rows
+from rattle.compare.validation.tables import count_table, reach_table
+from rattle.compare.validation.verdict import JUDGED, NOT_JUDGED
+from rattle.scene import DAT21, Scene
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,12 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from compare import manifest
-from compare.__main__ import main
-from compare.csv_text import csv_text
-from compare.extremes import run as extremes
-from compare.extremes.row import Extreme
-from compare.json_text import json_text, plain
+from rattle.compare.checks.extremes import run as extremes
+from rattle.compare.checks.extremes.row import Extreme
+from rattle.compare.cli.main import main
+from rattle.compare.report import manifest
+from rattle.compare.report.csv_text import csv_text
+from rattle.compare.report.json_text import json_text, plain
 
 ROOT = Path(__file__).resolve().parents[2]
 STUDY = """
@@ -70,7 +70,7 @@ def test_every_command_prints_strict_json_and_writes_it(command, tmp_path, monke
     (tmp_path / "scene.toml").write_text(SINGLE)  # without a second stage, and so without numbers for it
     rows = {"lost": lambda: Extreme("lost", "β", "", "", math.inf, 1.0, "z")}
     monkeypatch.setattr(extremes, "ROWS", rows)  # all of them take a minute
-    monkeypatch.setattr("montecarlo.bench.bench", lambda: pd.DataFrame({"ns": [1.5, np.nan]}, index=["a", "b"]))
+    monkeypatch.setattr("rattle.montecarlo.bench.bench", lambda: pd.DataFrame({"ns": [1.5, np.nan]}, index=["a", "b"]))
     found = CliRunner().invoke(main, [command, *SMALL[command], "--json"])
     assert found.exit_code == (1 if command == "extremes" else 0), found.output
     assert strict(found.stdout)
@@ -111,10 +111,10 @@ def test_a_sealed_record_is_whole_after_it_was_written_whatever_is_in_it():
 
 
 WRITERS = {
-    "json_text.py": {"dumps"},
-    "csv_text.py": {"to_csv"},
-    "console.py": {"echo"},
-    "page/command.py": {"echo"},
+    "report/json_text.py": {"dumps"},
+    "report/csv_text.py": {"to_csv"},
+    "cli/console.py": {"echo"},
+    "cli/show.py": {"echo"},
     "study/waiting.py": {"print"},
 }
 """Where each of these may be called: the page on a terminal has colours, and its words are harmless one by one; who

@@ -6,9 +6,9 @@ from math import comb
 import numpy as np
 import pytest
 
-from closure import mean_map
-from closure.edgeworth import Edgeworth, coefficients, section_density
-from compare.realizability import (
+from rattle.closure import mean_map
+from rattle.closure.edgeworth import Edgeworth, coefficients, section_density
+from rattle.compare.validation.realizability import (
     CHECKS,
     POINTS,
     QUADRATURE,
@@ -20,8 +20,8 @@ from compare.realizability import (
     negative_mass,
     realizability_table,
 )
-from scene import DAT21, Scene
-from scene.moments import gaussian_raw_moments
+from rattle.scene import DAT21, Scene
+from rattle.scene.moments import gaussian_raw_moments
 
 IMPACTS = 12
 ALGEBRAIC = [name for name in CHECKS if "negative mass" not in name]

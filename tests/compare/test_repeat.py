@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from compare import manifest
-from compare.__main__ import EXIT_NOT_MET, EXIT_NOT_REPEATED, EXIT_ROUNDED, main
-from compare.repeat import EXACT, ROUNDING, difference
+from rattle.compare.cli.main import EXIT_NOT_MET, EXIT_NOT_REPEATED, EXIT_ROUNDED, main
+from rattle.compare.report import manifest
+from rattle.compare.report.repeat import EXACT, ROUNDING, difference
 
 SWEPT = ["--paths", "600", "--impacts", "2", "--dt", "0.01", "--frontier", "0.1:1:2", "--frontier-paths", "600"]
 

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from compare.__main__ import main
+from rattle.compare.cli.main import main
 
 
 def rattle(*words):
@@ -73,7 +73,7 @@ def test_bad_input_is_one_line_and_code_2(words, message):
 
 
 def test_bench_has_the_floor_and_every_scheme(monkeypatch):
-    monkeypatch.setattr("montecarlo.bench.REPEATS", 1)
+    monkeypatch.setattr("rattle.montecarlo.bench.REPEATS", 1)
     result = rattle("bench", "--json")
     rows = {row["what"]: row for row in json.loads(result.output)}
     assert rows["one standard normal"]["ns"] > 0.1

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from compare.speed import best_of, path_seconds, paths_for, speed
-from compare.validation import validate
-from montecarlo import simulate
-from scene import DAT21, Scene
+from rattle.compare.validation.speed import best_of, path_seconds, paths_for, speed
+from rattle.compare.validation.validate import validate
+from rattle.montecarlo import simulate
+from rattle.scene import DAT21, Scene
 
 
 def rows(**columns):

@@ -3,16 +3,16 @@
 import pandas as pd
 import pytest
 
-from compare.answer import frontier_sentence
-from compare.frontier import Frontier, frontier
-from compare.frontier_plot import FRONTIER, frontier_figure
-from compare.rows import frontier_table, speed_table
-from compare.speed import Speed
-from compare.style import caption_of
-from compare.sweep import grid, sweep
-from compare.validation import validate
-from compare.validity_range import NOT_WRONG, WRONG
-from scene import DAT21, InputError, Scene
+from rattle.compare.report.style import caption_of
+from rattle.compare.validation.answer import frontier_sentence
+from rattle.compare.validation.frontier import Frontier, frontier
+from rattle.compare.validation.frontier_figure import FRONTIER, frontier_figure
+from rattle.compare.validation.speed import Speed
+from rattle.compare.validation.sweep import grid, sweep
+from rattle.compare.validation.tables import frontier_table, speed_table
+from rattle.compare.validation.validate import validate
+from rattle.compare.validation.validity_range import NOT_WRONG, WRONG
+from rattle.scene import DAT21, InputError, Scene
 
 SETTINGS = {"impacts": 4, "paths": 20_000, "rng": 3, "workers": 2, "readings": ["mended", "saltation"]}
 

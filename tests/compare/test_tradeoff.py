@@ -9,20 +9,20 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from compare.__main__ import main
-from compare.cost_law import Law, Point
-from compare.multilevel import Levels, Rate, fitted, giles_cost, levels_of
-from compare.reduction import antithetic_gain, control_table
-from compare.tradeoff import Measured, _held_against, check_accuracies, closure_points, slope
-from compare.tradeoff_page import orders_table
-from compare.tradeoff_plot import order_figure, tradeoff_figure
-from compare.tradeoff_report import CONTENTS, verdict
-from compare.weak_order import orders_over
-from montecarlo import simulate
-from montecarlo.accuracy import units
-from montecarlo.block import sample
-from montecarlo.settings import plan_of
-from scene import DAT21, InputError, Scene
+from rattle.compare.cli.main import main
+from rattle.compare.tradeoff.cost_model import Law, Point
+from rattle.compare.tradeoff.figures import order_figure, tradeoff_figure
+from rattle.compare.tradeoff.measure import Measured, _held_against, check_accuracies, closure_points, slope
+from rattle.compare.tradeoff.multilevel import Levels, Rate, fitted, giles_cost, levels_of
+from rattle.compare.tradeoff.page import orders_table
+from rattle.compare.tradeoff.save import CONTENTS, verdict
+from rattle.compare.tradeoff.variance_reduction import antithetic_gain, control_table
+from rattle.compare.tradeoff.weak_order import orders_over
+from rattle.montecarlo import simulate
+from rattle.montecarlo.accuracy import units
+from rattle.montecarlo.kernel.block import sample
+from rattle.montecarlo.settings import plan_of
+from rattle.scene import DAT21, InputError, Scene
 
 SCENE = Scene.from_gears(DAT21, sigma=0.3)
 IMPACTS, PATHS = 3, 1500
@@ -93,7 +93,7 @@ def test_table_of_levels_is_that_of_the_paths_themselves(runs):
     sums = runs[2].result.sums["fine_coarse"]
     fine = run.raw[:, :, :6]
     np.testing.assert_allclose(fine.mean(axis=0), sums.mean[0], rtol=1e-12)
-    from montecarlo.block import sample
+    from rattle.montecarlo.kernel.block import sample
 
     raw = [sample(runs[2].plan, block).rows[:2, :, :, :6] for block in range(runs[2].plan.blocks)]
     fine, coarse = np.concatenate(raw, axis=1)

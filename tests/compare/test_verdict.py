@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from closure import mean_map
-from compare.moments import ABSOLUTE, Tolerances, judge, section_errors, widest
-from montecarlo import simulate
-from scene import DAT21, Scene
-from scene.moments import SECTION
+from rattle.closure import mean_map
+from rattle.compare.validation.verdict import ABSOLUTE, Tolerances, judge, section_errors, widest
+from rattle.montecarlo import simulate
+from rattle.scene import DAT21, Scene
+from rattle.scene.moments import SECTION
 
 IMPACTS = 4
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from compare.weak_order import changes_from, order_from, weak_orders
-from scene import DAT21, InputError, Scene
+from rattle.compare.tradeoff.weak_order import changes_from, order_from, weak_orders
+from rattle.scene import DAT21, InputError, Scene
 
 STEPS = (0.04, 0.02, 0.01)
 

@@ -9,20 +9,18 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-import closure
-import montecarlo
-import scene.damping as damping
-import scene.flight as flight
-from closure import edgeworth, long_orbit, orbit, section_map
-from compare import validation
-from compare.__main__ import main
-from compare.extremes import flights, impacts, run, runs, sampling, scaling, steps, truth, windows
-from compare.extremes.row import Extreme
-from compare.extremes.run import ROWS, table
-from compare.extremes.words import lines
-from compare.selftest import returning
-from montecarlo import exact_flight, short
-from scene import Scene, impact, moments, tangent
+from rattle import closure, montecarlo
+from rattle.closure import edgeworth, long_orbit, orbit, section_map
+from rattle.compare.checks.extremes import flights, impacts, run, runs, sampling, scaling, steps, truth, windows
+from rattle.compare.checks.extremes.row import Extreme
+from rattle.compare.checks.extremes.run import ROWS, table
+from rattle.compare.checks.extremes.table import lines
+from rattle.compare.checks.laws import returning
+from rattle.compare.cli.main import main
+from rattle.compare.validation import validate as validation
+from rattle.montecarlo.schemes import exact_flight
+from rattle.montecarlo.schemes import series as short
+from rattle.scene import Scene, damping, flight, impact, moments, tangent
 
 
 @pytest.mark.parametrize("name", ROWS)

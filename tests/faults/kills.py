@@ -10,9 +10,9 @@ from pathlib import Path
 
 from click.testing import CliRunner
 
-from compare.__main__ import main
-from compare.study.store import Store
-from compare.study.tables import CELLS, TABLES
+from rattle.compare.cli.main import main
+from rattle.compare.study.store import Store
+from rattle.compare.study.tables import CELLS, TABLES
 
 TEXT = """
 [study]
@@ -37,11 +37,11 @@ CELLS_OF_ALL = 18
 LIFE = ("imports", "cells", "cells", "page", "page")
 """Phases in which a study is killed, one run after the other, before it is let go to its end."""
 LOOK = 0.002  # seconds between two looks at a folder
-COMMAND = ("-m", "compare")
+COMMAND = ("-m", "rattle.compare")
 QUICK = (
     "-c",
-    "from compare.study import page; page.FIGURES = dict([*page.FIGURES.items()][:1]);"
-    "from compare.__main__ import main; main()",
+    "from rattle.compare.study import page; page.FIGURES = dict([*page.FIGURES.items()][:1]);"
+    "from rattle.compare.cli.main import main; main()",
 )
 """The command as anybody gives it, and one that draws one figure, which takes most of a small study's time."""
 

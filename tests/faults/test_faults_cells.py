@@ -11,15 +11,15 @@ import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 
-from compare.__main__ import main
-from compare.folder import whole_folder, write_whole
-from compare.study.cell import Prediction, Sample
-from compare.study.figures import FIGURES
-from compare.study.obtain import kept, obtain
-from compare.study.store import Store
-from compare.study.tables import CELLS, MANIFEST, load
-from compare.thresholds import baseline
-from scene import DAT21, FileError, InputError, OutputError, Scene
+from rattle.compare.cli.main import main
+from rattle.compare.report.folder import whole_folder, write_whole
+from rattle.compare.study.cells import Prediction, Sample
+from rattle.compare.study.figures import FIGURES
+from rattle.compare.study.obtain import kept, obtain
+from rattle.compare.study.store import Store
+from rattle.compare.study.tables import CELLS, MANIFEST, load
+from rattle.compare.thresholds import baseline
+from rattle.scene import DAT21, FileError, InputError, OutputError, Scene
 
 TEXT = """
 [study]
@@ -42,7 +42,7 @@ sigma = [0.01]
 @pytest.fixture
 def file(tmp_path, monkeypatch):
     """A study whose page is soon drawn."""
-    monkeypatch.setattr("compare.study.page.FIGURES", dict([*FIGURES.items()][:1]))
+    monkeypatch.setattr("rattle.compare.study.page.FIGURES", dict([*FIGURES.items()][:1]))
     (tmp_path / "s.toml").write_text(TEXT)
     return tmp_path / "s.toml"
 

@@ -13,8 +13,8 @@ from click.testing import CliRunner
 from small_disks import disk, make_read_only
 from timing import wait_for_work
 
-from compare import folder
-from compare.__main__ import main
+from rattle.compare.cli.main import main
+from rattle.compare.report import folder
 
 STUDY = """
 [study]
@@ -36,7 +36,7 @@ WRITERS = {
     "chaos": ["--no-sweep"],
     "claims": [],
 }
-"""Commands that write a report folder, by way of `compare.folder.whole_folder` alone."""
+"""Commands that write a report folder, by way of `rattle.compare.report.folder.whole_folder` alone."""
 
 
 def rattle(*words, code=0):
@@ -51,7 +51,7 @@ def rattle(*words, code=0):
 
 @pytest.mark.parametrize("command", WRITERS)
 def test_no_room_is_said_before_any_work(command, tmp_path, monkeypatch):
-    monkeypatch.setattr("montecarlo.ensemble.run", lambda *_: pytest.fail("paths were followed"))
+    monkeypatch.setattr("rattle.montecarlo.ensemble.run", lambda *_: pytest.fail("paths were followed"))
     with disk(tmp_path / "disk", "64k") as place:
         found = rattle(command, *WRITERS[command], "--out", place / "report", code=2)
         assert "MB are free there; make room" in found.stderr
@@ -92,7 +92,7 @@ def test_what_no_module_answers_for_is_said_at_the_door(monkeypatch, code):
     def refuse(*_):
         raise OSError(code, os.strerror(code), "/somewhere/x")
 
-    monkeypatch.setattr("compare.sampling_commands._scene", refuse)
+    monkeypatch.setattr("rattle.compare.cli.sampling._scene", refuse)
     said = rattle("simulate", code=2).stderr
     assert said.startswith(f"rattle: /somewhere/x: {os.strerror(code)}; ")
     assert said.endswith(", and repeat the command\n")
@@ -102,7 +102,7 @@ def test_another_fault_of_the_system_keeps_its_trace(monkeypatch):
     def refuse(*_):
         raise OSError(errno.ECHILD, "a mistake of ours")
 
-    monkeypatch.setattr("compare.sampling_commands._scene", refuse)
+    monkeypatch.setattr("rattle.compare.cli.sampling._scene", refuse)
     assert isinstance(CliRunner().invoke(main, ["simulate"]).exception, OSError)
 
 
@@ -113,7 +113,7 @@ def test_killed_while_it_writes_a_report_is_the_old_one(tmp_path):
     out, words = tmp_path / "report", ["validate", *WRITERS["validate"], "--out"]
     rattle(*words, out)
     before = {p: p.read_bytes() for p in out.rglob("*") if p.is_file()}
-    command = [sys.executable, "-m", "compare", *words, str(out), "--overwrite", "--seed", "1"]
+    command = [sys.executable, "-m", "rattle.compare", *words, str(out), "--overwrite", "--seed", "1"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL) as running:
         while running.poll() is None and not list(tmp_path.glob(".report-*/table.csv")):
             time.sleep(0.002)
@@ -152,7 +152,7 @@ def test_an_interrupt_ends_each_command_soon(commands, tmp_path):
         said[command] = tmp_path / f"{command}.txt"
         with said[command].open("wb") as file:
             running[command] = subprocess.Popen(
-                [sys.executable, "-X", "importtime", "-m", "compare", command, *LONG[command]],
+                [sys.executable, "-X", "importtime", "-m", "rattle.compare", command, *LONG[command]],
                 cwd=place, stdout=subprocess.DEVNULL, stderr=file,
                 env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
             )  # fmt: skip

@@ -14,16 +14,16 @@ from pathlib import Path
 import pytest
 from small_disks import disk, make_read_only
 
-from compare import folder as module
-from compare.folder import check_free, whole_folder, write_whole
-from scene import OutputError
+from rattle.compare.report import folder as module
+from rattle.compare.report.folder import check_free, whole_folder, write_whole
+from rattle.scene import OutputError
 
 OURS = frozenset({"one.txt", "two.txt"})
 WRITER = """
 import sys
 from pathlib import Path
-from compare import folder
-from compare.folder import whole_folder
+from rattle.compare.report import folder
+from rattle.compare.report.folder import whole_folder
 if sys.argv[2] == "two steps":
     folder._exchanged = lambda one, other: False
 for turn in range(1000000):

@@ -29,7 +29,7 @@ while True:
         pass
 """
 COMMAND = """
-from compare.__main__ import main
+from rattle.compare.cli.main import main
 
 @main.command()
 def load():
@@ -63,7 +63,7 @@ def test_an_interrupt_while_a_command_loads_a_library(tmp_path, loaded):
 
 @pytest.mark.parametrize("library", ["click", "jinja2", "tomli_w", "numpy"])
 def test_an_interrupt_while_the_command_itself_is_loaded(tmp_path, library):
-    done = rattle("import compare.__main__", tmp_path, **{library: EXTENSION})
+    done = rattle("import rattle.compare.cli.main", tmp_path, **{library: EXTENSION})
     assert done.returncode == 130, done.stderr
     assert done.stderr == "rattle: interrupted\n"
 
@@ -77,7 +77,7 @@ def test_an_interrupt_that_is_put_off_to_the_end_of_a_command_is_not_forgotten(t
 def test_what_is_half_written_goes_with_a_process_that_is_ended(tmp_path):
     writing = """
 from pathlib import Path
-from compare.folder import whole_folder
+from rattle.compare.report.folder import whole_folder
 
 with whole_folder(Path("report"), frozenset(), False) as inside:
     (inside / "half.txt").write_text("half")
@@ -106,13 +106,34 @@ def test_a_second_interrupt_does_not_stop_the_cleaning_up(tmp_path):
     assert (tmp_path / "cleaned").exists()
 
 
-MOMENTS = ["json", "click", "numpy._core", "scene.scene", "llvmlite", "numba", "scipy.special", "pandas", "matplotlib"]
+MOMENTS = [
+    "json",
+    "click",
+    "numpy._core",
+    "rattle.scene.scene",
+    "llvmlite",
+    "numba",
+    "scipy.special",
+    "pandas",
+    "matplotlib",
+]
 
 
 @pytest.mark.parametrize("module", MOMENTS)
 def test_a_command_that_is_interrupted_while_it_loads_its_libraries(tmp_path, module):
     """At several moments, told by what Python says that it has imported; wherever it is then."""
-    command = [sys.executable, "-X", "importtime", "-m", "compare", "validate", "--paths", "100000000", "--out", "it"]
+    command = [
+        sys.executable,
+        "-X",
+        "importtime",
+        "-m",
+        "rattle.compare",
+        "validate",
+        "--paths",
+        "100000000",
+        "--out",
+        "it",
+    ]
     path = os.pathsep.join(filter(None, sys.path))
     running = subprocess.Popen(
         command, cwd=tmp_path, env=os.environ | {"PYTHONPATH": path}, stderr=subprocess.PIPE, text=True

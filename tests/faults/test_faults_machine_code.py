@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from small_disks import disk
 
-from scene.machine_code import PACKAGES, Sealed, source_digest
+from rattle.scene.machine_code import PACKAGES, Sealed, source_digest
 
 ROOT = Path(__file__).resolve().parents[2]
 CODE = (
-    "from scene.moments import gaussian_raw_moments as f;"
+    "from rattle.scene.moments import gaussian_raw_moments as f;"
     "print(float(f(1.0, 0.5, 2.0, 4)[2, 2]), sum(f.stats.cache_hits.values()) if hasattr(f, 'stats') else 1)"
 )
 DAMAGE = {
@@ -85,7 +85,7 @@ def test_without_room_it_is_compiled_every_time(tmp_path):
 
 def test_a_folder_that_is_swept_away_in_use_breaks_nothing(kept, tmp_path):
     """As another version of the sources does with it: what is not loaded yet is compiled, and kept if it can be."""
-    before = "import numba, pathlib, shutil; import scene.{}; folder = pathlib.Path(numba.config.CACHE_DIR); {};"
+    before = "import numba, pathlib, shutil; import rattle.scene.{}; folder = pathlib.Path(numba.config.CACHE_DIR); {};"
     folder = shutil.copytree(kept, tmp_path / "code")
     for module in ("compiled", "moments"):  # before numba has made a folder for the function, and after that
         assert run(before.format(module, "shutil.rmtree(folder)") + CODE, NUMBA_CACHE_DIR=folder) == (0, "")
@@ -137,8 +137,9 @@ def test_only_the_folders_of_earlier_sources_are_removed(kept, tmp_path):
 def installed(tmp_path):
     """An installation that nobody can write, and an environment without a home."""
     place = tmp_path / "installed"
-    shutil.copytree(ROOT / "scene", place / "scene", ignore=shutil.ignore_patterns("__pycache__"))
-    (place / "scene" / "__pycache__").touch()
+    shutil.copytree(ROOT / "scene", place / "rattle" / "scene", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "rattle" / "__init__.py", place / "rattle")
+    (place / "rattle" / "scene" / "__pycache__").touch()
     (tmp_path / "tmp").mkdir()
     return {
         "cwd": tmp_path, "PYTHONPATH": place, "HOME": "/dev/null", "TMPDIR": tmp_path / "tmp",

@@ -13,16 +13,16 @@ import pytest
 from click.testing import CliRunner
 from small_disks import disk, make_read_only
 
-from compare.__main__ import main
-from compare.study.current import is_current
-from compare.study.design import Study
-from compare.study.engine import run
-from compare.study.figures import FIGURES
-from compare.study.obtain import kept
-from compare.study.places import Here
-from compare.study.store import NAME, Store, with_seal
-from compare.study.tables import CELLS, MANIFEST, load
-from scene import FileError
+from rattle.compare.cli.main import main
+from rattle.compare.study.current import is_current
+from rattle.compare.study.design import Study
+from rattle.compare.study.engine import run
+from rattle.compare.study.executors import Here
+from rattle.compare.study.figures import FIGURES
+from rattle.compare.study.obtain import kept
+from rattle.compare.study.store import NAME, Store, with_seal
+from rattle.compare.study.tables import CELLS, MANIFEST, load
+from rattle.scene import FileError
 
 TEXT = """
 [study]
@@ -60,7 +60,7 @@ def file(tmp_path):
 def few_figures():
     """Drawing takes most of a small study's time; one figure is as good as seven here."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("compare.study.page.FIGURES", dict([*FIGURES.items()][:1]))
+        patch.setattr("rattle.compare.study.page.FIGURES", dict([*FIGURES.items()][:1]))
         yield
 
 
@@ -220,7 +220,7 @@ HOSTILE = {
 @pytest.mark.parametrize("case", HOSTILE)
 def test_what_is_no_result_is_set_aside(case, tmp_path, monkeypatch):
     """Whoever shares a folder can write a valid seal; that makes it no result, and no more than data."""
-    monkeypatch.setattr("compare.study.store.MOST_VALUES", 1_000_000)
+    monkeypatch.setattr("rattle.compare.study.store.MOST_VALUES", 1_000_000)
     study, store = Study.from_toml(TEXT.format(title="noise")), Store(tmp_path / CELLS)
     cell = study.cells[0]
     pq.write_table(HOSTILE[case](cell.key), store.path(cell.key), compression="zstd")
@@ -272,7 +272,7 @@ def test_a_clock_that_goes_backwards(file, finished, tmp_path, monkeypatch):
 
 
 def test_times_left_do_not_hang_on_the_clock(tmp_path, monkeypatch):
-    from compare.study.progress import Progress
+    from rattle.compare.study.progress import Progress
 
     study = Study.from_toml(TEXT.format(title="noise"))
     cells = study.cells

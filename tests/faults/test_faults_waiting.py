@@ -9,12 +9,12 @@ from contextlib import contextmanager
 
 import pytest
 
-from compare.study.design import Study
-from compare.study.engine import run
-from compare.study.obtain import obtain
-from compare.study.places import Here
-from compare.study.store import Store
-from compare.study.waiting import holder
+from rattle.compare.study.design import Study
+from rattle.compare.study.engine import run
+from rattle.compare.study.executors import Here
+from rattle.compare.study.obtain import obtain
+from rattle.compare.study.store import Store
+from rattle.compare.study.waiting import holder
 
 TEXT = """
 [study]
@@ -34,7 +34,7 @@ HOLD = """
 import sys
 from contextlib import ExitStack
 from pathlib import Path
-from compare.study.store import Store
+from rattle.compare.study.store import Store
 
 store = Store(Path(sys.argv[1]))
 with ExitStack() as stack:
@@ -102,7 +102,7 @@ def test_a_study_whose_cells_are_in_other_hands_says_so_once(study, store, monke
         said.append(text)
         heard.set()
 
-    monkeypatch.setattr("compare.study.progress.tqdm.write", write)
+    monkeypatch.setattr("rattle.compare.study.progress.tqdm.write", write)
     with held(store, study.cells) as number:
         waiting, found = in_the_background(lambda: run(study, store, Here(1), show=True))
         assert heard.wait(LONG)
@@ -135,7 +135,7 @@ def test_a_link_in_place_of_a_lock_is_not_followed(store, tmp_path):
 
 def test_under_pytest_it_is_said_while_the_test_runs(pytester):
     pytester.makepyfile("""
-        from compare.thresholds.sessions import _past_capture
+        from rattle.compare.thresholds.sessions import _past_capture
 
         def test_it(request):
             _past_capture(request.config)("rattle: waiting for process 1")

@@ -28,9 +28,9 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 from tqdm import tqdm
 
-from compare import manifest
-from compare.folder import check_free, whole_folder
-from compare.json_text import json_text
+from rattle.compare.report import manifest
+from rattle.compare.report.folder import check_free, whole_folder
+from rattle.compare.report.json_text import json_text
 
 CHUNK = 100  # scenes
 RARE = {"validate": 1, "branching": 4}  # in 100 scenes; the rest is shared by the others

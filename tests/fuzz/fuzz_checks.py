@@ -9,14 +9,14 @@ import numpy as np
 from fuzz_files import simulate_file, study_file, validate_file
 from fuzz_must import FAINTEST, SLACK, Ended, has_verdicts, must, own, semidefinite
 
-from closure import READINGS, MeanMap, follow, mean_map
-from closure.long_orbit import LongOrbit
-from compare import validate
-from montecarlo import SCHEMES
-from scene import Scene
-from scene.errors import RattleError
-from scene.flight import field
-from scene.moments import STATE
+from rattle.closure import READINGS, MeanMap, follow, mean_map
+from rattle.closure.long_orbit import LongOrbit
+from rattle.compare import validate
+from rattle.montecarlo import SCHEMES
+from rattle.scene import Scene
+from rattle.scene.errors import RattleError
+from rattle.scene.flight import field
+from rattle.scene.moments import STATE
 
 __all__ = ["ENTRIES", "check"]
 

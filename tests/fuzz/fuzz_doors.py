@@ -13,18 +13,18 @@ import pandas as pd
 from click.testing import CliRunner, Result
 from fuzz_bad import STUDY
 
-from closure import mean_map
-from compare import manifest, validate
-from compare.__main__ import main
-from compare.page import read_page
-from compare.study.current import is_current
-from compare.study.design import Study
-from compare.study.store import Store
-from compare.study.tables import load
-from compare.thresholds import baseline
-from montecarlo import simulate
-from scene import DAT21, Scene
-from scene.errors import InputError, RattleError
+from rattle.closure import mean_map
+from rattle.compare import validate
+from rattle.compare.cli.main import main
+from rattle.compare.report import manifest, read_page
+from rattle.compare.study.current import is_current
+from rattle.compare.study.design import Study
+from rattle.compare.study.store import Store
+from rattle.compare.study.tables import load
+from rattle.compare.thresholds import baseline
+from rattle.montecarlo import simulate
+from rattle.scene import DAT21, Scene
+from rattle.scene.errors import InputError, RattleError
 
 __all__ = ["command", "file", "ran", "refused", "setting", "spoilt", "text"]
 

@@ -11,11 +11,11 @@ import tomli_w
 from fuzz_doors import ran, refused
 from fuzz_must import Ended, has_verdicts, must
 
-from compare.page import read_page
-from compare.study.tables import load
-from montecarlo import simulate
-from scene import Scene
-from scene.errors import FileError
+from rattle.compare.report import read_page
+from rattle.compare.study.tables import load
+from rattle.montecarlo import simulate
+from rattle.scene import Scene
+from rattle.scene.errors import FileError
 
 __all__ = ["simulate_file", "strict", "study_file", "validate_file"]
 

@@ -9,10 +9,10 @@ import math
 import numpy as np
 from fuzz_must import must
 
-from montecarlo import Ensemble
-from scene.flight import flow, wheel_speeds
-from scene.impact import struck
-from scene.scene import Constants
+from rattle.montecarlo import Ensemble
+from rattle.scene.flight import flow, wheel_speeds
+from rattle.scene.impact import struck
+from rattle.scene.scene import Constants
 
 __all__ = ["follows_the_flow"]
 

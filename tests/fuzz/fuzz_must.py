@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from compare.moments import VERDICTS
-from scene.moments import SECTION, STATE
-from scene.scene import Scene
+from rattle.compare.validation.verdict import VERDICTS
+from rattle.scene.moments import SECTION, STATE
+from rattle.scene.scene import Scene
 
 __all__ = ["FAINTEST", "SLACK", "Ended", "has_verdicts", "must", "own", "semidefinite"]
 

@@ -8,10 +8,10 @@ import numpy as np
 from fuzz_flights import follows_the_flow
 from fuzz_must import FAINTEST, SLACK, Ended, must, own, semidefinite
 
-from montecarlo import Ensemble, simulate
-from montecarlo.settings import is_random
-from scene import Scene
-from scene.moments import SECTION
+from rattle.montecarlo import Ensemble, simulate
+from rattle.montecarlo.settings import is_random
+from rattle.scene import Scene
+from rattle.scene.moments import SECTION
 
 __all__ = ["accuracy", "scheme"]
 

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from scene.scene import GAPS, LARGEST, SPEED, TIME, TINY, UNIT_VARIANCE
+from rattle.scene.scene import GAPS, LARGEST, SPEED, TIME, TINY, UNIT_VARIANCE
 
 __all__ = ["LEAST", "Numbers", "wide_scene"]
 

@@ -5,10 +5,10 @@ from typing import Any, NamedTuple
 
 from fuzz_wide import LEAST, Numbers, wide_scene
 
-from montecarlo import SCHEMES, default_step, largest_step
-from montecarlo.settings import HORIZON_PER_IMPACT, STEPS, is_random
-from scene import Scene
-from scene.errors import RattleError
+from rattle.montecarlo import SCHEMES, default_step, largest_step
+from rattle.montecarlo.settings import HORIZON_PER_IMPACT, STEPS, is_random
+from rattle.scene import Scene
+from rattle.scene.errors import RattleError
 
 __all__ = ["WIDE", "job"]
 

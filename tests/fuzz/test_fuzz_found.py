@@ -7,22 +7,23 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from closure import follow, mean_map
-from closure.long_orbit import LongOrbit
-from compare import manifest, validate
-from compare.__main__ import main
-from compare.answer import answer
-from compare.correlation import first_failure
-from compare.study.axes import read_axes
-from compare.study.store import Store
-from compare.study.tables import load
-from montecarlo import simulate
-from montecarlo.settings import _noise_free_step
-from scene import DAT21, FileError, Gears, InputError, Scene, Start, Tolerance
-from scene.files import read_text, read_toml
-from scene.impact import next_impact, safe_time
-from scene.moments import semidefinite
-from scene.tangent import strike_frame
+from rattle.closure import follow, mean_map
+from rattle.closure.long_orbit import LongOrbit
+from rattle.compare import validate
+from rattle.compare.cli.main import main
+from rattle.compare.report import manifest
+from rattle.compare.study.axes import read_axes
+from rattle.compare.study.store import Store
+from rattle.compare.study.tables import load
+from rattle.compare.validation.answer import answer
+from rattle.compare.validation.correlation import first_failure
+from rattle.montecarlo import simulate
+from rattle.montecarlo.settings import _noise_free_step
+from rattle.scene import DAT21, FileError, Gears, InputError, Scene, Start, Tolerance
+from rattle.scene.files import read_text, read_toml
+from rattle.scene.impact import next_impact, safe_time
+from rattle.scene.moments import semidefinite
+from rattle.scene.tangent import strike_frame
 
 PLAIN = {"alpha": 1.5, "epsilon": 0.9, "beta1": 0.08, "beta2": 0.08, "gamma1": 0.06, "gamma2": 0.03, "mu": 0.6}
 DAT = Scene.from_gears(DAT21, sigma=0.1)
@@ -230,7 +231,7 @@ def test_a_cell_is_not_parsed_unless_it_is_what_was_written(tmp_path, monkeypatc
     content = bytearray(store.path("k").read_bytes())
     content[int(at * len(content)) if 0 < abs(at) < 1 else at] ^= 4
     store.path("k").write_bytes(content)
-    monkeypatch.setattr("compare.study.store.pq.ParquetFile", None)
+    monkeypatch.setattr("rattle.compare.study.store.pq.ParquetFile", None)
     assert store.read("k") is None
     assert "not what was written" in next(store.aside.glob("*.txt")).read_text()
 

@@ -11,8 +11,8 @@ from fuzz_plan import SIMPLE
 from fuzz_planted import planted
 from fuzz_watched import Watched
 
-from compare.study import store
-from montecarlo.result import Ensemble
+from rattle.compare.study import store
+from rattle.montecarlo.result import Ensemble
 
 
 def test_the_watch_tells_hangs_deaths_and_warnings_and_goes_on():

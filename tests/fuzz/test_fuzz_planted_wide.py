@@ -16,10 +16,10 @@ from fuzz_plan import SIMPLE
 from fuzz_wide import LEAST, Numbers, wide_scene
 from fuzz_wide_plan import WIDE, job
 
-from montecarlo import simulate
-from montecarlo.histogram import Histograms
-from montecarlo.result import Ensemble
-from scene import DAT21, Scene
+from rattle.montecarlo import simulate
+from rattle.montecarlo.result import Ensemble
+from rattle.montecarlo.statistics.histogram import Histograms
+from rattle.scene import DAT21, Scene
 
 SCENE = Scene.from_dict(SIMPLE)
 QUIET = Scene.from_gears(DAT21)
@@ -134,7 +134,7 @@ def test_a_flight_without_noise_that_is_none_of_eq_3_is_seen(scheme):
 
 def test_identical_paths_behind_an_accuracy_and_what_is_not_said_of_it_are_seen(monkeypatch):
     reached = simulate(SCENE, paths=2048, impacts=1, scheme="exact-flight")
-    from montecarlo.reach import Candidate, Reach
+    from rattle.montecarlo.reach import Candidate, Reach
 
     candidates = [Candidate("exact-flight", 0.01, 2048, 1.0)]
     right = Reach(0.5, 0.1, 0.0, "mean of tau at impact 1", candidates, 0.0)

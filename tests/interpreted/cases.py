@@ -13,18 +13,18 @@ from unittest import mock
 
 import numpy as np
 
-from closure import mean_map
-from closure.long_orbit import LongOrbit, velocities
-from closure.orbit import follow
-from montecarlo import SCHEMES, simulate
-from montecarlo.accumulate import CentralSums
-from montecarlo.bench import _normals, _steps
-from montecarlo.long_path import LongPath
-from montecarlo.noise import key_of
-from montecarlo.pairs import after_impact, growths
-from scene import DAT21, Scene, Start, Tolerance
-from scene.flight import field, field_rate, flow, jacobian, noise_covariance, system_matrix
-from scene.impact import contact_matrix, energy_loss
+from rattle.closure import mean_map
+from rattle.closure.long_orbit import LongOrbit, velocities
+from rattle.closure.orbit import follow
+from rattle.montecarlo import SCHEMES, simulate
+from rattle.montecarlo.bench import _normals, _steps
+from rattle.montecarlo.coupling.long_path import LongPath
+from rattle.montecarlo.coupling.pairs import after_impact, growths
+from rattle.montecarlo.noise.philox import key_of
+from rattle.montecarlo.statistics.central_sums import CentralSums
+from rattle.scene import DAT21, Scene, Start, Tolerance
+from rattle.scene.flight import field, field_rate, flow, jacobian, noise_covariance, system_matrix
+from rattle.scene.impact import contact_matrix, energy_loss
 
 PAIR = Scene.from_gears(DAT21, sigma=0.3)
 LONE = Scene.from_gears(DAT21, sigma=0.3, stages=1)
@@ -86,7 +86,7 @@ def predicted(scene, reading, impacts, order=4):
 
 def in_few_parts(scene):
     """The branching reading, its mixture kept small."""
-    with mock.patch.multiple("closure.branching", MOST_PARTS=4, MOST_CUT=12):
+    with mock.patch.multiple("rattle.closure.branching.trace", MOST_PARTS=4, MOST_CUT=12):
         yield from predicted(scene, "branching", 3)
 
 

@@ -12,11 +12,11 @@ import numpy as np
 from mc_checks import dat21
 from numba import cuda, types
 
-from montecarlo import gpu_sums
-from montecarlo.backlash import backlash_of
-from montecarlo.gpu_paths import path_kernel
-from montecarlo.kernel import EXACT, LOCATED, PLAIN, Job
-from montecarlo.noise import key_of
+from rattle.montecarlo.cuda import sums as gpu_sums
+from rattle.montecarlo.cuda.paths import path_kernel
+from rattle.montecarlo.kernel.kernel import EXACT, LOCATED, PLAIN, Job
+from rattle.montecarlo.noise.backlash import backlash_of
+from rattle.montecarlo.noise.philox import key_of
 
 CAPABILITY = (9, 0)
 FLOATS = [types.Array(types.float64, n, "C") for n in range(4)]

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from montecarlo.noise import BRIDGE, STEP, Key, normals
-from scene import DAT21, Scene, Start, Tolerance
-from scene.compiled import jit
-from scene.impact import next_impact, struck
+from rattle.montecarlo.noise.philox import BRIDGE, STEP, Key, normals
+from rattle.scene import DAT21, Scene, Start, Tolerance
+from rattle.scene.compiled import jit
+from rattle.scene.impact import next_impact, struck
 
 FALSE_ALARM = 1e-3
 """Chance that a whole family of z-scores of a correct program fails, before its seed was fixed."""

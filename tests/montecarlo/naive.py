@@ -1,4 +1,4 @@
-"""A slow plain-Python oracle of both Euler-Maruyama schemes, written from MODEL sections 3 and 4 alone.
+"""A slow plain-Python oracle of both Euler-Maruyama schemes, written from docs/model.md sections 3 and 4 alone.
 
 It takes its normals from the caller: one per step, and one per *event call*.  In a step whose straight line ends
 beyond a wall, the located scheme asks for one bridge normal before each leg (to the next wall or to the end of the
@@ -127,7 +127,9 @@ class Path:
 
     def _rest(self, tau: float, dw: float, left: float, m: int) -> None:
         """Mesh m stays closed for the rest of the step: its contact gives both stages what keeps its speed at zero."""
-        per_impulse = (1.0, 1.0) if m == 1 else (self.scene.mu, 1.0)  # MODEL section 3: (y1, y2) per unit of contact
+        per_impulse = (
+            (1.0, 1.0) if m == 1 else (self.scene.mu, 1.0)
+        )  # docs/model.md section 3: (y1, y2) per unit of contact
         parts, i, j = 50, 2 * m - 1, 2 * (3 - m) - 1
         self.state[j] -= per_impulse[2 - m] / per_impulse[m - 1] * self.state[i]
         self.state[i] = 0.0

@@ -15,9 +15,10 @@ import numpy as np
 from mc_checks import dat21
 from numba.cuda.simulator import kernelapi
 
-from montecarlo import gpu, simulate
-from montecarlo.settings import plan_of
-from scene import Scene, Tolerance
+from rattle.montecarlo import simulate
+from rattle.montecarlo.cuda import launch as gpu
+from rattle.montecarlo.settings import plan_of
+from rattle.scene import Scene, Tolerance
 
 CONTACT = Tolerance(0.02, 0.03, law="uniform", draw="contact")
 PATH = Tolerance(0.02, 0.03, law="normal", draw="path")

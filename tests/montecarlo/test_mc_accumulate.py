@@ -8,7 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from montecarlo.accumulate import COVARIANCE, PAIR, SINGLE, CentralSums, pair_statistics, single_statistics
+from rattle.montecarlo.statistics.central_sums import (
+    COVARIANCE,
+    PAIR,
+    SINGLE,
+    CentralSums,
+    pair_statistics,
+    single_statistics,
+)
 
 ORDERS = {"SINGLE": SINGLE, "PAIR": PAIR, "COVARIANCE": COVARIANCE, "cross": ((0, 2),)}
 

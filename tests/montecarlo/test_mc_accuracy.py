@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from mc_checks import dat21
 
-from montecarlo import SCHEMES, AccuracyWarning, simulate
-from montecarlo.accuracy import sampling_error, step_error, units
-from scene import InputError
-from scene.moments import SECTION
+from rattle.montecarlo import SCHEMES, AccuracyWarning, simulate
+from rattle.montecarlo.accuracy import sampling_error, step_error, units
+from rattle.scene import InputError
+from rattle.scene.moments import SECTION
 
 TRUTH = {"paths": 200_000, "dt": np.pi / 64.0, "scheme": "exact-flight", "control": True, "rng": 77, "workers": 2}
 
@@ -60,17 +60,17 @@ def test_a_spent_budget_gives_the_best_answer_and_says_what_is_missing():
 def test_other_schemes_are_tried_only_where_exact_flights_take_long(monkeypatch):
     ask = {"impacts": 3, "accuracy": 0.05, "rng": 5}
     assert list(simulate(dat21(0.5), **ask).reach.schemes.index) == ["exact-flight"]
-    monkeypatch.setattr("montecarlo.pilots.ENOUGH", 0.0)
+    monkeypatch.setattr("rattle.montecarlo.pilots.ENOUGH", 0.0)
     run = simulate(dat21(0.5), **ask)
     assert set(run.reach.schemes.index) == set(SCHEMES)
     assert run.scheme == run.reach.schemes["core_seconds"].idxmin()
 
 
 def test_choice_of_scheme_does_not_depend_on_the_clock(monkeypatch):
-    monkeypatch.setattr("montecarlo.pilots.ENOUGH", 0.0)
+    monkeypatch.setattr("rattle.montecarlo.pilots.ENOUGH", 0.0)
     first = simulate(dat21(0.5), impacts=3, accuracy=0.05, rng=5).reach.schemes
     ticks = iter(np.arange(1e6) ** 1.1)
-    monkeypatch.setattr("montecarlo.budget.time.perf_counter", lambda: next(ticks))
+    monkeypatch.setattr("rattle.montecarlo.budget.time.perf_counter", lambda: next(ticks))
     assert first.equals(simulate(dat21(0.5), impacts=3, accuracy=0.05, rng=5).reach.schemes)
 
 

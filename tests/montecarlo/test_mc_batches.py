@@ -3,11 +3,11 @@
 import numpy as np
 from mc_checks import dat21, limit
 
-from montecarlo import simulate
-from montecarlo.batches import BATCHES
-from montecarlo.block import BLOCK
-from montecarlo.ensemble import extended, in_threads
-from scene.impact import energy_loss, struck
+from rattle.montecarlo import simulate
+from rattle.montecarlo.ensemble import extended, in_threads
+from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.statistics.batches import BATCHES
+from rattle.scene.impact import energy_loss, struck
 
 
 def test_batches_are_the_paths_of_their_blocks():
@@ -57,8 +57,8 @@ def test_energy_loss_is_the_change_of_kinetic_energy():
 
 def test_paired_differences_have_the_errors_that_they_state():
     """Twenty pairs of short runs on common noise: the spread of their differences is the paired standard error."""
-    from compare.study.cell import Sample
-    from compare.study.paired import paired_differences
+    from rattle.compare.study.cells import Sample
+    from rattle.compare.study.paired import paired_differences
 
     found = []
     for seed in range(20):

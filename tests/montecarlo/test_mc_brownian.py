@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mc_checks import agrees
 
-from montecarlo.brownian import joined, split
-from montecarlo.progress import Noise
-from scene.compiled import jit
+from rattle.montecarlo.noise.brownian import joined, split
+from rattle.montecarlo.schemes.step_state import Noise
+from rattle.scene.compiled import jit
 
 SHARES = (1e-6, 0.1, 0.37, 0.5, 0.9, 1.0 - 1e-6)
 NORMAL = st.floats(-8.0, 8.0)

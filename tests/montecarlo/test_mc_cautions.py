@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from mc_checks import dat21
 
-from montecarlo import simulate
-from montecarlo.cautions import motion_units, orbit_shift
-from montecarlo.step import scales_of, trusted_step
-from scene import Scene, Start
+from rattle.montecarlo import simulate
+from rattle.montecarlo.diagnostics import motion_units, orbit_shift
+from rattle.montecarlo.schemes.step_size import scales_of, trusted_step
+from rattle.scene import Scene, Start
 
 LOCATED, PLAIN, EXACT = "euler-maruyama-located", "euler-maruyama", "exact-flight"
 

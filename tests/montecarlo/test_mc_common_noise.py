@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from mc_checks import dat21, open_space
 
-from montecarlo import simulate
-from montecarlo.common_noise import clockwork, flown
-from montecarlo.exact_flight import kick
-from montecarlo.long_path import LongPath
-from montecarlo.noise import Word
-from montecarlo.pairs import after_impact
-from montecarlo.progress import Noise
-from scene import InputError, Tolerance
-from scene.flight import flow, jacobian
-from scene.impact import next_impact, struck
+from rattle.montecarlo import simulate
+from rattle.montecarlo.coupling.dyadic import clockwork, flown
+from rattle.montecarlo.coupling.long_path import LongPath
+from rattle.montecarlo.coupling.pairs import after_impact
+from rattle.montecarlo.noise.philox import Word
+from rattle.montecarlo.schemes.exact_flight import kick
+from rattle.montecarlo.schemes.step_state import Noise
+from rattle.scene import InputError, Tolerance
+from rattle.scene.flight import flow, jacobian
+from rattle.scene.impact import next_impact, struck
 
 PAPER = 1.5**0.5
 

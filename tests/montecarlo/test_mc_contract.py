@@ -22,11 +22,11 @@ from mc_checks import (
 from scipy import stats
 from test_mc_schemes import by_steps
 
-from montecarlo import SCHEMES, simulate
-from montecarlo.block import BLOCK
-from montecarlo.kernel import CHUNK
-from scene import Scene, Start, Tolerance
-from scene.flight import flow, noise_covariance
+from rattle.montecarlo import SCHEMES, simulate
+from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.kernel.kernel import CHUNK
+from rattle.scene import Scene, Start, Tolerance
+from rattle.scene.flight import flow, noise_covariance
 
 STEP = {"euler-maruyama": 5e-3, "euler-maruyama-located": 5e-3, "exact-flight": math.pi / 64.0}
 """A step at which each scheme is of use."""
@@ -75,7 +75,7 @@ class TestScheme:
     # --- what it is
 
     def test_it_is_registered_with_a_file_and_a_code_of_its_own(self, scheme):
-        import_module(f"montecarlo.{SCHEMES[scheme].file}")
+        import_module(f"rattle.montecarlo.schemes.{SCHEMES[scheme].file}")
         assert [s.code for s in SCHEMES.values()].count(SCHEMES[scheme].code) == 1
 
     # --- truths
@@ -285,7 +285,7 @@ class TestScheme:
 
 def clock_states(run):
     """States of a run's paths at its clock times, shape (paths, times, 4), by running its blocks again."""
-    from montecarlo.block import Plan, sample
+    from rattle.montecarlo.kernel.block import Plan, sample
 
     steps = np.round((run.clock_times - run.scene.start.tau) / run.dt).astype(np.int64)
     plan = Plan(run.scene, run.paths, run.impacts, run.dt, run.scheme, run.seed, 16 * int(steps[-1]), steps, {}, 1)

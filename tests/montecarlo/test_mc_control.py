@@ -5,13 +5,13 @@ import pytest
 from mc_checks import agrees, dat21
 from scipy import stats
 
-from montecarlo import simulate
-from montecarlo.accumulate import PAIR, CentralSums
-from montecarlo.block import sample
-from montecarlo.control import controlled_statistics, linear_path
-from montecarlo.settings import plan_of
-from scene import InputError, Scene, Start, Tolerance
-from scene.moments import SECTION
+from rattle.montecarlo import simulate
+from rattle.montecarlo.kernel.block import sample
+from rattle.montecarlo.kernel.control_variate import controlled_statistics, linear_path
+from rattle.montecarlo.settings import plan_of
+from rattle.montecarlo.statistics.central_sums import PAIR, CentralSums
+from rattle.scene import InputError, Scene, Start, Tolerance
+from rattle.scene.moments import SECTION
 
 STEP = np.pi / 64.0
 UNEQUAL = Scene(

@@ -7,12 +7,12 @@ import pytest
 from mc_checks import agrees, dat21, limit, open_space
 from scipy import stats
 
-from closure.orbit import follow
-from montecarlo import simulate
-from montecarlo.accumulate import FEWEST
-from montecarlo.block import BLOCK
-from montecarlo.schemes import SCHEMES
-from scene import InputError, Tolerance
+from rattle.closure.orbit import follow
+from rattle.montecarlo import simulate
+from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.schemes.table import SCHEMES
+from rattle.montecarlo.statistics.central_sums import FEWEST
+from rattle.scene import InputError, Tolerance
 
 SECTION = ("tau", "flight", "x1", "y1", "x2", "y2")
 STATE = SECTION[2:]
@@ -144,7 +144,7 @@ def test_paths_that_run_on_to_a_late_clock_are_finished():
 
 # --- how far the orbit holds
 
-# MODEL section 7, at impact 12 of DAT21 from the paper's start; given to three digits at most
+# docs/model.md section 7, at impact 12 of DAT21 from the paper's start; given to three digits at most
 SHARES = {0.01: 1.00, 0.1: 0.945, 0.5: 0.13, np.sqrt(1.5): 0.014}
 AGREEING = 20_000
 

@@ -9,13 +9,13 @@ from mc_checks import DAMPED, FALSE_ALARM, PRESSED, TOLERANT, UNEQUAL_GAPS, agre
 from scipy import stats
 from scipy.integrate import quad_vec
 
-from montecarlo import largest_step, simulate
-from montecarlo.exact_flight import CLOSE, PARTS, advance_exactly, flight_forcing
-from montecarlo.noise import BRIDGE, key_of
-from montecarlo.progress import Noise, Progress, Walls
-from scene import Scene, Start, Tolerance
-from scene.compiled import jit
-from scene.flight import flow, jacobian, noise_covariance, noise_rate
+from rattle.montecarlo import largest_step, simulate
+from rattle.montecarlo.noise.philox import BRIDGE, key_of
+from rattle.montecarlo.schemes.exact_flight import CLOSE, PARTS, advance_exactly, flight_forcing
+from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
+from rattle.scene import Scene, Start, Tolerance
+from rattle.scene.compiled import jit
+from rattle.scene.flight import flow, jacobian, noise_covariance, noise_rate
 
 EXACT, LOCATED = "exact-flight", "euler-maruyama-located"
 QUANTITIES = ("tau", "flight", "x1", "y1", "x2", "y2")

@@ -12,8 +12,9 @@ from pathlib import Path
 import pytest
 from mc_checks import dat21
 
-from montecarlo import gpu, simulate
-from scene import InputError
+from rattle.montecarlo import simulate
+from rattle.montecarlo.cuda import launch as gpu
+from rattle.scene import InputError
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
@@ -107,7 +108,7 @@ def test_nothing_of_cuda_is_imported_before_a_card_is_asked_for():
     assert done.returncode == 0, done.stderr
     loaded = done.stdout.split()
     assert "numba" in loaded
-    assert not [name for name in loaded if name.startswith(("numba.cuda", "montecarlo.gpu"))]
+    assert not [name for name in loaded if name.startswith(("numba.cuda", "rattle.montecarlo.cuda.launch"))]
 
 
 def test_a_missing_package_is_named(monkeypatch):
@@ -118,7 +119,7 @@ def test_a_missing_package_is_named(monkeypatch):
 
 @needs_package
 def test_a_missing_card_is_named():
-    done = python("-m", "montecarlo.gpu", CUDA_VISIBLE_DEVICES="-1", NUMBA_ENABLE_CUDASIM="0")
+    done = python("-m", "rattle.montecarlo.cuda.launch", CUDA_VISIBLE_DEVICES="-1", NUMBA_ENABLE_CUDASIM="0")
     assert done.returncode == 1
     assert done.stdout == ""
     assert done.stderr.startswith("device = 'cuda': needs")

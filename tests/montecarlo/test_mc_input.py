@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from mc_checks import dat21
 
-from montecarlo import ensemble, largest_step, simulate
-from montecarlo import settings as door
-from scene import DAT21, InputError, Scene, Start, Tolerance
+from rattle.montecarlo import ensemble, largest_step, simulate
+from rattle.montecarlo import settings as door
+from rattle.scene import DAT21, InputError, Scene, Start, Tolerance
 
 BAD = {
     "no paths": ({"paths": 0}, "paths = 0: must be at least 1"),

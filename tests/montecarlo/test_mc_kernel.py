@@ -8,13 +8,13 @@ from mc_checks import DAMPED, PRESSED, bridge_normal, dat21, open_space, step_no
 from naive import FAULTS, LOCATED_FAULTS, Path
 from scipy.integrate import quad_vec
 
-from montecarlo import largest_step, simulate
-from montecarlo.block import BLOCK, Plan, sample
-from montecarlo.brownian import joined
-from montecarlo.noise import CONTACT, key_of, normals, uniforms
-from montecarlo.progress import Noise
-from scene import Scene, Start, Tolerance
-from scene.flight import flow, jacobian, noise_rate
+from rattle.montecarlo import largest_step, simulate
+from rattle.montecarlo.kernel.block import BLOCK, Plan, sample
+from rattle.montecarlo.noise.brownian import joined
+from rattle.montecarlo.noise.philox import CONTACT, key_of, normals, uniforms
+from rattle.montecarlo.schemes.step_state import Noise
+from rattle.scene import Scene, Start, Tolerance
+from rattle.scene.flight import flow, jacobian, noise_rate
 
 KEPT = [0, 2, 3, 4, 5, 6]  # columns of a row that the oracle has: all but the time of flight
 IMPACTS = 12

@@ -9,12 +9,23 @@ from hypothesis import strategies as st
 from mc_checks import FALSE_ALARM, limit
 from scipy import stats
 
-from montecarlo.exact_flight import MOST_CUTS
-from montecarlo.kernel import CUTS_APART, SPLITS
-from montecarlo.noise import BRIDGE, CONTACT, LEVELS, STEP, Key, fill_normals, key_of, normals, uniforms, words
-from montecarlo.noise import _pair as pair
-from montecarlo.progress import MOST_IN_A_STEP
-from scene.compiled import jit
+from rattle.montecarlo.kernel.kernel import CUTS_APART, SPLITS
+from rattle.montecarlo.noise.philox import (
+    BRIDGE,
+    CONTACT,
+    LEVELS,
+    STEP,
+    Key,
+    fill_normals,
+    key_of,
+    normals,
+    uniforms,
+    words,
+)
+from rattle.montecarlo.noise.philox import _pair as pair
+from rattle.montecarlo.schemes.exact_flight import MOST_CUTS
+from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
+from rattle.scene.compiled import jit
 
 U = np.uint64
 FULL = 0xFFFFFFFF

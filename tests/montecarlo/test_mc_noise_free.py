@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from mc_checks import dat21
 
-from montecarlo import SCHEMES, simulate
-from montecarlo.block import BLOCK
-from montecarlo.ensemble import extended, in_threads
-from scene import Tolerance
-from scene.moments import SECTION
+from rattle.montecarlo import SCHEMES, simulate
+from rattle.montecarlo.ensemble import extended, in_threads
+from rattle.montecarlo.kernel.block import BLOCK
+from rattle.scene import Tolerance
+from rattle.scene.moments import SECTION
 
 STILL = {"no noise": dat21(0.0), "fixed backlash": dat21(0.0, tolerance=Tolerance(0.02, 0.02, law="fixed"))}
 

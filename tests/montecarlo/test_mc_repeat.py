@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from mc_checks import TOLERANT, dat21
 
-from montecarlo import SCHEMES, block, ensemble, simulate
-from montecarlo.block import BLOCK
+from rattle.montecarlo import SCHEMES, ensemble, simulate
+from rattle.montecarlo.kernel import block
+from rattle.montecarlo.kernel.block import BLOCK
 
 STEP = {"euler-maruyama": 1e-2, "euler-maruyama-located": 1e-2, "exact-flight": 0.05}
 PATHS = 2 * BLOCK + 117

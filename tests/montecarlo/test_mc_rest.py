@@ -1,4 +1,4 @@
-"""Closed meshes in the sampler: the rule of `montecarlo.held`, and what it costs in accuracy."""
+"""Closed meshes in the sampler: the rule of `rattle.montecarlo.schemes.sticking`, and what it costs in accuracy."""
 
 from dataclasses import replace
 
@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from timing import times_as_long
 
-from closure import follow
-from montecarlo import simulate
-from scene import Scene, Start
+from rattle.closure import follow
+from rattle.montecarlo import simulate
+from rattle.scene import Scene, Start
 
 SCENES = {
     "one stage": Scene(alpha=1.0, epsilon=0.3, beta1=0.05, gamma1=0.8, stages=1),

@@ -5,13 +5,13 @@ import pytest
 from mc_checks import dat21, open_space
 from scipy.integrate import quad_vec
 
-from closure.orbit import follow
-from montecarlo import simulate
-from montecarlo.euler import euler_step, step_forcing
-from montecarlo.euler_located import advance_inside
-from montecarlo.progress import Noise, Progress, Walls
-from scene import Scene
-from scene.impact import struck
+from rattle.closure.orbit import follow
+from rattle.montecarlo import simulate
+from rattle.montecarlo.schemes.euler import euler_step, step_forcing
+from rattle.montecarlo.schemes.euler_located import advance_inside
+from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
+from rattle.scene import Scene
+from rattle.scene.impact import struck
 
 ORBIT_IMPACTS = 8
 

@@ -8,8 +8,8 @@ import pytest
 from mc_checks import FALSE_ALARM, dat21, flank_changes
 from scipy import stats
 
-from montecarlo import simulate
-from scene import Scene, Start, Tolerance
+from rattle.montecarlo import simulate
+from rattle.scene import Scene, Start, Tolerance
 
 GAP, C1, C2 = 0.5, 0.04, 0.02
 PATHS = 4000

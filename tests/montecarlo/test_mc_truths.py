@@ -1,4 +1,4 @@
-"""The simulator against known truths (MODEL section 8): Gaussian flight, small noise, mean exit time, collapse."""
+"""The simulator against known truths (model.md section 8): Gaussian flight, small noise, mean exit time, collapse."""
 
 import math
 
@@ -8,10 +8,10 @@ from mc_checks import agrees, dat21, open_space
 from scipy.special import gamma, hyp2f1
 from test_mc_schemes import affine_step, by_steps
 
-from closure.orbit import follow
-from montecarlo import simulate
-from scene import Scene, Start
-from scene.flight import noise_covariance
+from rattle.closure.orbit import follow
+from rattle.montecarlo import simulate
+from rattle.scene import Scene, Start
+from rattle.scene.flight import noise_covariance
 
 PAIRS = [(i, j) for i in range(4) for j in range(i, 4)]
 TIMES = np.array([0.5, 1.5, 3.0])
@@ -87,7 +87,7 @@ def test_small_noise_limit_of_the_first_impact_time(scheme):
 
 
 def mean_exit_time(start, gap, sigma):
-    """Masoliver & Porra 1995, as in MODEL section 8: x'' = sigma eta on a gap, from rest at distance `start`."""
+    """Masoliver & Porra 1995, as in model.md section 8: x'' = sigma eta on a gap, from rest at distance `start`."""
     z = start / gap
     both = hyp2f1(1.0, -1.0 / 3.0, 7.0 / 6.0, z) + hyp2f1(1.0, -1.0 / 3.0, 7.0 / 6.0, 1.0 - z)
     scale = (4.0 / 3.0) ** (1.0 / 6.0) / gamma(7.0 / 3.0) * (2.0 * gap**2 / sigma**2) ** (1.0 / 3.0)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from mc_checks import agrees, dat21, open_space
 
-from montecarlo import simulate
-from montecarlo.noise import Word, fill_signs, fill_words, key_of
-from scene import InputError
+from rattle.montecarlo import simulate
+from rattle.montecarlo.noise.philox import Word, fill_signs, fill_words, key_of
+from rattle.scene import InputError
 
 
 def signs(paths, steps):

@@ -3,7 +3,7 @@
 import struct
 import zlib
 
-from compare.page import NUMBER, Cell, Code, Column, Figure, Page, Section, Source, Table, Text
+from rattle.compare.report import NUMBER, Cell, Code, Column, Figure, Page, Section, Source, Table, Text
 
 NASTY = "</style><script>alert(1)</script> `x` | *y* _z_ [a](b) ![c](d) &lt; $e$\n# f\r\n| g |\x1b[2J \u202e"
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" width="640" height="200"><circle cx="320" cy="100" r="90"/></svg>'

@@ -5,8 +5,8 @@ from browser import CHROMIUM, Browser
 from click.testing import CliRunner
 from sample_page import NASTY, figures, sample
 
-from compare.__main__ import main
-from compare.page import write_page
+from rattle.compare.cli.main import main
+from rattle.compare.report import write_page
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium here: sudo apt-get install chromium")
 

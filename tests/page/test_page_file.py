@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_page import NASTY, sample
 
-from compare.page import NUMBER, Cell, Column, Figure, Page, Section, Source, Table, Text, read_page
-from compare.page.content import leading_number
-from compare.page.file import page_text
-from scene import FileError, InputError
+from rattle.compare.report import NUMBER, Cell, Column, Figure, Page, Section, Source, Table, Text, read_page
+from rattle.compare.report.content import leading_number
+from rattle.compare.report.page_file import page_text
+from rattle.scene import FileError, InputError
 
 
 @pytest.mark.parametrize("text", ["a plain text", NASTY])

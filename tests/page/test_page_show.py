@@ -6,8 +6,8 @@ import pytest
 from click.testing import CliRunner
 from sample_page import figures, sample
 
-from compare.__main__ import main
-from compare.page import write_page
+from rattle.compare.cli.main import main
+from rattle.compare.report import write_page
 
 
 def show(*words, code=0, **settings):

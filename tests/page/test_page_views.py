@@ -9,11 +9,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from sample_page import NASTY, figures, sample
 
-from compare.page import Code, Figure, Text
-from compare.page.content import MARKS
-from compare.page.terminal import page_lines
-from compare.page.write import html, markdown, pages, write_page
-from scene.text import line
+from rattle.compare.cli.terminal import page_lines
+from rattle.compare.report import Code, Figure, Text
+from rattle.compare.report.content import MARKS
+from rattle.compare.report.render import html, markdown, pages, write_page
+from rattle.scene.text import line
 
 
 class Read(HTMLParser):

@@ -14,7 +14,7 @@ def spring_and_damper(epsilon, stiffness):
 
 
 def compliant(c, tau, state, until, stiffness):
-    """Solution from a state, with contact forces in the proportions of the contact laws (MODEL section 3)."""
+    """Solution from a state, with contact forces in the proportions of the contact laws (docs/model.md section 3)."""
     damping = spring_and_damper(c.epsilon, stiffness)
 
     def push(x, y, wall):

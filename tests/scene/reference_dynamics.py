@@ -1,4 +1,6 @@
-"""The equations of MODEL sections 3 and 4 written a second time: y-form, integrated numerically, no product formula."""
+"""The equations of docs/model.md sections 3 and 4 written a second time: y-form, integrated numerically, no product
+formula.
+"""
 
 import math
 
@@ -36,7 +38,7 @@ def modulation(c, tau):
 
 
 def contact(c, mesh, s):
-    """State after an impact, MODEL section 3."""
+    """State after an impact, docs/model.md section 3."""
     x1, y1, x2, y2 = s
     if mesh == 1:
         return np.array([x1, -c.epsilon * y1, x2, y2 - (1 + c.epsilon) * y1])

@@ -10,8 +10,8 @@ from reference_dynamics import covariance_flight, drift_matrix, fly, modulation
 from scipy.integrate import quad_vec
 from scipy.linalg import expm
 
-from scene import Scene
-from scene.flight import decay, dragged, flow, jacobian, noise_covariance, noise_rate, turned, wheel_speeds
+from rattle.scene import Scene
+from rattle.scene.flight import decay, dragged, flow, jacobian, noise_covariance, noise_rate, turned, wheel_speeds
 
 BETAS = (0.0, 1e-12, 1e-6, 0.08, 1.0, 50.0)
 PAIRS = list(product(BETAS, BETAS))

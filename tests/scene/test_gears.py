@@ -3,7 +3,7 @@ from dataclasses import FrozenInstanceError, replace
 import numpy as np
 import pytest
 
-from scene import DAT21, Gears, InputError
+from rattle.scene import DAT21, Gears, InputError
 
 
 @pytest.mark.parametrize(
@@ -20,7 +20,7 @@ from scene import DAT21, Gears, InputError
     ],
 )
 def test_dat21_has_the_dimensionless_numbers_of_the_model(value, expected):
-    assert value == pytest.approx(expected, abs=6e-7)  # MODEL section 1 prints six decimals
+    assert value == pytest.approx(expected, abs=6e-7)  # docs/model.md section 1 prints six decimals
 
 
 def test_a_wider_second_play_widens_gap2_alone():

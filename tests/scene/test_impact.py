@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from reference_dynamics import contact, first_crossing
 from timing import times_as_long
 
-from closure.orbit import follow
-from scene import DAT21, Scene, Start
-from scene.flight import flow, jacobian
-from scene.impact import NONE, REST, contact_matrix, next_impact, struck
+from rattle.closure.orbit import follow
+from rattle.scene import DAT21, Scene, Start
+from rattle.scene.flight import flow, jacobian
+from rattle.scene.impact import NONE, REST, contact_matrix, next_impact, struck
 
 HORIZON = 50.0
 

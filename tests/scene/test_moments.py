@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scene.moments import (
+from rattle.scene.moments import (
     SECTION,
     STATE,
     central_from_raw,

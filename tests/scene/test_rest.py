@@ -12,10 +12,10 @@ from reference_dynamics import rates
 from scipy.optimize import brentq
 from timing import times_as_long
 
-from closure import follow, mean_map
-from scene import DAT21, Scene, Start
-from scene.impact import MISSES, NONE, REST, next_impact, struck
-from scene.rest import closed_sides, opening, settled
+from rattle.closure import follow, mean_map
+from rattle.scene import DAT21, Scene, Start
+from rattle.scene.impact import MISSES, NONE, REST, next_impact, struck
+from rattle.scene.sticking import closed_sides, opening, settled
 
 COMPILED = pytest.mark.skipif(
     bool(numba.config.DISABLE_JIT), reason="takes minutes, or states a time, with the compiler off"
@@ -171,7 +171,7 @@ def test_which_meshes_stay_closed_is_the_only_combination_that_can():
 
 
 def test_settling_keeps_what_the_contact_does_not_act_on():
-    """Momentum of both wheels at mesh 2, wheel 2 at mesh 1, in the speeds and in the places (MODEL section 3)."""
+    """Momentum of both wheels at mesh 2, wheel 2 at mesh 1, in the speeds and in the places (model.md section 3)."""
     c = FIRST.constants
     state = np.array([0.5 - 1e-7, -1e-6, -0.3, 0.7])
     x1, y1, x2, y2 = settled(c, *state, (1, 0))

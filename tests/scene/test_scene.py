@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scene import DAT21, FileError, Gears, InputError, Scene, Start, Tolerance
+from rattle.scene import DAT21, FileError, Gears, InputError, Scene, Start, Tolerance
 
 VALUES = {
     "alpha": 1.5, "epsilon": 0.9, "beta1": 0.08, "beta2": 0.13, "gamma1": 0.06, "gamma2": 0.03, "mu": 0.6,

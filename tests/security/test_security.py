@@ -15,13 +15,13 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compare.__main__ import main
-from compare.folder import default_place
-from compare.page import read_page
-from compare.style import save
-from compare.thresholds.baseline import place
-from compare.thresholds.figure import error_figure
-from scene import DAT21, Scene
+from rattle.compare.cli.main import main
+from rattle.compare.report import read_page
+from rattle.compare.report.folder import default_place
+from rattle.compare.report.style import save
+from rattle.compare.thresholds.baseline import place
+from rattle.compare.thresholds.figure import error_figure
+from rattle.scene import DAT21, Scene
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = [path for package in ("scene", "closure", "montecarlo", "compare") for path in (ROOT / package).rglob("*.py")]
@@ -219,7 +219,7 @@ def test_dask_is_not_even_loaded_without_a_scheduler(tmp_path):
         "import socket, sys\n"
         "def refuse(*a): raise SystemExit('called out')\n"
         "socket.socket.connect = refuse\n"
-        "from compare.__main__ import main\n"
+        "from rattle.compare.cli.main import main\n"
         "main(sys.argv[1:], standalone_mode=False)\n"
         "print([m for m in ('distributed', 'dask', 'tornado') if m in sys.modules])\n"
     )

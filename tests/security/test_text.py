@@ -8,16 +8,15 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from compare import manifest
-from compare.__main__ import main
-from compare.folder import default_place
-from compare.page import Code, Figure, Page, Section, Source, Table, Text, write_page
-from compare.study.progress import Progress
-from compare.thresholds.baseline import listed, write
-from montecarlo.ensemble import _bar
-from scene import DAT21, Scene
-from scene.errors import FileError, InputError, OutputError, RattleError
-from scene.text import harmless, line
+from rattle.compare.cli.main import main
+from rattle.compare.report import Code, Figure, Page, Section, Source, Table, Text, manifest, write_page
+from rattle.compare.report.folder import default_place
+from rattle.compare.study.progress import Progress
+from rattle.compare.thresholds.baseline import listed, write
+from rattle.montecarlo.ensemble import _bar
+from rattle.scene import DAT21, Scene
+from rattle.scene.errors import FileError, InputError, OutputError, RattleError
+from rattle.scene.text import harmless, line
 
 STEERING = "\x1b]0;pwned\x07\x9b31m\x08\x7f\x85\u202e\u2066\u2069\u200b\u200e\u061c\u2028\u2029\ufeff\u00ad\U000e0041"
 """A title for the terminal, a colour, what deletes; text turned around; nothing wide; lines of another kind; tags."""
@@ -214,5 +213,5 @@ def test_folders_baselines_logs_and_labels(tmp_path, monkeypatch):
     said = (tmp_path / "study.log").read_text()
     assert not RAW.search(said)
     assert "forged" not in [row.split(" ")[0] for row in said.splitlines()]
-    monkeypatch.setattr("montecarlo.ensemble.tqdm", lambda **settings: settings)
+    monkeypatch.setattr("rattle.montecarlo.ensemble.tqdm", lambda **settings: settings)
     assert not RAW.search(_bar(1, STEERING)["desc"])

@@ -1,14 +1,14 @@
-"""The flights of `compare.selftest.returning` by the step of ``exact-flight``."""
+"""The flights of `rattle.compare.checks.laws.returning` by the step of ``exact-flight``."""
 
 import math
 
 import numpy as np
 
-from montecarlo.exact_flight import PARTS, advance_exactly
-from montecarlo.noise import BRIDGE, STEP, Word, key_of, normals
-from montecarlo.progress import Noise, Progress, Walls
-from scene import Scene, Start
-from scene.compiled import jit
+from rattle.montecarlo.noise.philox import BRIDGE, STEP, Word, key_of, normals
+from rattle.montecarlo.schemes.exact_flight import PARTS, advance_exactly
+from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
+from rattle.scene import Scene, Start
+from rattle.scene.compiled import jit
 
 GROWTH, STEP_TIME, NEAR, FAR, MOST, CALLS = 64.0, 1e-4, 1e-5, 1.0, 200, Word(2**16)
 

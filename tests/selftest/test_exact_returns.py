@@ -4,9 +4,9 @@ import math
 
 from exact_returns import log_ratios
 
-from compare.selftest.law import limit
-from compare.selftest.return_speed import MEAN
-from compare.selftest.returning import log_speeds
+from rattle.compare.checks.laws.law import limit
+from rattle.compare.checks.laws.return_speed import MEAN
+from rattle.compare.checks.laws.returning import log_speeds
 
 PATHS = 40_000
 

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from closure.orbit import follow
-from compare.__main__ import main
-from compare.chaos.exponents import lyapunov
-from compare.selftest import (
+from rattle.closure.orbit import follow
+from rattle.compare.chaos.exponents import lyapunov
+from rattle.compare.checks.laws import (
     bouncing_ball,
     elastic_box,
     exponent_sum,
@@ -19,10 +18,11 @@ from compare.selftest import (
     return_speed,
     returning,
 )  # fmt: skip
-from compare.selftest.law import Check, Law, Measured, Planted, limit
-from compare.selftest.run import LAWS
-from compare.selftest.run import selftest as put_to_the_test
-from montecarlo import simulate
+from rattle.compare.checks.laws.law import Check, Law, Measured, Planted, limit
+from rattle.compare.checks.laws.run import LAWS
+from rattle.compare.checks.laws.run import selftest as put_to_the_test
+from rattle.compare.cli.main import main
+from rattle.montecarlo import simulate
 
 pytestmark = pytest.mark.selftest
 

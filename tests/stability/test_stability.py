@@ -7,18 +7,18 @@ from dataclasses import replace
 import pytest
 from click.testing import CliRunner
 
-from compare.__main__ import main
-from compare.extremes.row import Extreme
-from compare.page import read_page
-from compare.stability import cell as cells
-from compare.stability import law
-from compare.stability.axes import AXES, moderate
-from compare.stability.cell import BIASED, COLLAPSING, UNBIASED, UNDECIDED, UNSTABLE, judged, sampled
-from compare.stability.chart import Chart, chart
-from compare.stability.figure import figure
-from compare.stability.reference import reference
-from montecarlo import SCHEMES, default_step, largest_step, simulate
-from scene import InputError
+from rattle.compare.checks.extremes.row import Extreme
+from rattle.compare.checks.stability import cell as cells
+from rattle.compare.checks.stability import free_flight as law
+from rattle.compare.checks.stability.axes import AXES, moderate
+from rattle.compare.checks.stability.cell import BIASED, COLLAPSING, UNBIASED, UNDECIDED, UNSTABLE, judged, sampled
+from rattle.compare.checks.stability.chart import Chart, chart
+from rattle.compare.checks.stability.figure import figure
+from rattle.compare.checks.stability.reference import reference
+from rattle.compare.cli.main import main
+from rattle.compare.report import read_page
+from rattle.montecarlo import SCHEMES, default_step, largest_step, simulate
+from rattle.scene import InputError
 
 PATHS = 8192
 Z = 4.5  # of the rows of all cells below at a family error below 1 %
@@ -136,7 +136,7 @@ def test_an_extreme_that_does_not_hold_is_on_the_page_and_in_the_exit_code(tmp_p
         Extreme("E", "beta", "0 to 1e3", "mpmath", 2e-16, 4e-15, "its value"),
         Extreme("u", "", "", "", 5.0, 4.5, "z"),
     )
-    monkeypatch.setattr("compare.extremes.run.extremes", lambda: rows)
+    monkeypatch.setattr("rattle.compare.checks.extremes.run.extremes", lambda: rows)
     done = run(tmp_path, "--scheme", "exact-flight", "--points", "1", "--extremes")
     assert done.exit_code == 1, done.output
     assert "1 of 2 extremes of the formulas and samplers hold." in done.output

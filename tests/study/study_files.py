@@ -4,8 +4,8 @@ import os
 import signal
 from dataclasses import dataclass
 
-from compare.study.cell import Prediction
-from scene.errors import InputError
+from rattle.compare.study.cells import Prediction
+from rattle.scene.errors import InputError
 
 HEAD = """
 [study]

@@ -4,11 +4,11 @@ import pandas as pd
 from click.testing import CliRunner
 from study_files import study_text
 
-from compare.__main__ import main
-from compare.study.cell import Sample
-from compare.study.estimate import core_seconds, scaling
-from montecarlo.block import BLOCK
-from scene import DAT21, Scene
+from rattle.compare.cli.main import main
+from rattle.compare.study.cells import Sample
+from rattle.compare.study.estimate import core_seconds, scaling
+from rattle.montecarlo.kernel.block import BLOCK
+from rattle.scene import DAT21, Scene
 
 
 def asked(folder, accuracy, sigmas):

@@ -18,16 +18,16 @@ import pytest
 from click.testing import CliRunner
 from study_files import Deadly, Refused, study_text
 
-from compare.__main__ import main
-from compare.study import cluster as module
-from compare.study.cluster import Cluster, Lost
-from compare.study.design import Study
-from compare.study.engine import run
-from compare.study.places import SHARE, Here
-from compare.study.results import Results
-from compare.study.store import Store
-from compare.study.tables import CELLS
-from scene.errors import InputError
+from rattle.compare.cli.main import main
+from rattle.compare.study import cluster as module
+from rattle.compare.study.cluster import Cluster, Lost
+from rattle.compare.study.design import Study
+from rattle.compare.study.engine import run
+from rattle.compare.study.executors import SHARE, Here
+from rattle.compare.study.results import Results
+from rattle.compare.study.store import Store
+from rattle.compare.study.tables import CELLS
+from rattle.scene.errors import InputError
 
 distributed = pytest.importorskip("distributed", reason="needs the extra cluster")
 dask = pytest.importorskip("dask")
@@ -110,8 +110,8 @@ def small():
 
 
 PATIENT = (
-    "from compare.study.cluster import Cluster; Cluster.__init__.__defaults__ = (120.0,);"
-    "from compare.__main__ import main; main()"
+    "from rattle.compare.study.cluster import Cluster; Cluster.__init__.__defaults__ = (120.0,);"
+    "from rattle.compare.cli.main import main; main()"
 )
 """The command, on a machine that may have much else to do."""
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from study_files import study_text
 
-from compare.study.axes import EXAMPLE
-from compare.study.cell import Prediction, Sample
-from compare.study.design import Study
-from scene.errors import InputError
+from rattle.compare.study.axes import EXAMPLE
+from rattle.compare.study.cells import Prediction, Sample
+from rattle.compare.study.design import Study
+from rattle.scene.errors import InputError
 
 
 def read(**settings):
@@ -44,7 +44,7 @@ def test_a_key_is_the_content():
 
 
 def test_the_numerical_version_is_in_the_key(monkeypatch):
-    from compare.study import cell
+    from rattle.compare.study import cells as cell
 
     before = {c.key for c in read().cells}
     monkeypatch.setattr(cell, "numerical_version", lambda *packages: "another")
@@ -52,7 +52,7 @@ def test_the_numerical_version_is_in_the_key(monkeypatch):
 
 
 def test_the_numerical_version_sees_code_and_not_comments():
-    from compare.study.version import _meaning
+    from rattle.compare.study.version import _meaning
 
     code = 'def f(x):\n    """Twice."""\n    return 2 * x\n'
     assert _meaning(code) == _meaning(code.replace("Twice", "Double") + "# a comment\n")

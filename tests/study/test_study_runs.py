@@ -16,18 +16,18 @@ import pytest
 from click.testing import CliRunner
 from study_files import study_text
 
-from compare.__main__ import main
-from compare.moments import Tolerances
-from compare.study.design import Study
-from compare.study.engine import missing, run
-from compare.study.figures import frontier
-from compare.study.obtain import obtain
-from compare.study.page import answer
-from compare.study.places import Here
-from compare.study.results import Results
-from compare.study.store import Store
-from compare.study.tables import CELLS, load
-from scene.errors import OutputError
+from rattle.compare.cli.main import main
+from rattle.compare.study.design import Study
+from rattle.compare.study.engine import missing, run
+from rattle.compare.study.executors import Here
+from rattle.compare.study.figures import frontier
+from rattle.compare.study.obtain import obtain
+from rattle.compare.study.page import answer
+from rattle.compare.study.results import Results
+from rattle.compare.study.store import Store
+from rattle.compare.study.tables import CELLS, load
+from rattle.compare.validation.verdict import Tolerances
+from rattle.scene.errors import OutputError
 
 SLOW = {"sigmas": (0.01, 0.02, 0.03, 0.04, 0.05, 0.06), "paths": 100_000}
 
@@ -37,7 +37,7 @@ def rattle(*words):
 
 
 def start(file, *words):
-    command = [sys.executable, "-m", "compare", "study", str(file), "--workers", "1", *words]
+    command = [sys.executable, "-m", "rattle.compare", "study", str(file), "--workers", "1", *words]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
@@ -217,7 +217,7 @@ def test_an_estimate_from_some_points_is_that_of_all(tmp_path, monkeypatch):
         return [int(re.search(rf"([0-9]+) {word}", output)[1]) for word in words]
 
     sampled = explained()
-    monkeypatch.setattr("compare.study.command.LOOKED_AT", 1000)
+    monkeypatch.setattr("rattle.compare.cli.study.LOOKED_AT", 1000)
     whole = explained()
     assert sampled[:3] == whole[:3] == [400, 800, 800]  # predictions do not know the seed
     assert sampled[3] == pytest.approx(whole[3], rel=0.01)

@@ -4,10 +4,12 @@ import re
 
 import pytest
 
-from closure import mean_map
-from compare.thresholds import figure, fixture, summary  # noqa: F401
-from montecarlo import simulate
-from scene import DAT21, Scene
+from rattle.closure import mean_map
+from rattle.compare.thresholds import (
+    summary,  # noqa: F401
+)
+from rattle.montecarlo import simulate
+from rattle.scene import DAT21, Scene
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -38,7 +40,9 @@ def run(pytester, ensembles):
 
     def running(suite, *options, cache=ensembles):
         pytester.makepyfile(test_suite=suite)
-        return pytester.runpytest_inprocess("-p", "compare.thresholds.plugin", f"--rattle-cache={cache}", *options)
+        return pytester.runpytest_inprocess(
+            "-p", "rattle.compare.thresholds.plugin", f"--rattle-cache={cache}", *options
+        )
 
     return running
 
@@ -49,7 +53,7 @@ def run_workers(pytester, ensembles):
 
     def running(suite, *options):
         pytester.makepyfile(test_suite=suite)
-        plugins = ("-p", "compare.thresholds.plugin", "-p", "xdist", "-n2")
+        plugins = ("-p", "rattle.compare.thresholds.plugin", "-p", "xdist", "-n2")
         return pytester.runpytest_subprocess(*plugins, f"--rattle-cache={ensembles}", *options)
 
     return running

@@ -17,20 +17,20 @@ import pandas as pd
 import pytest
 from scipy.stats import binomtest
 
-from compare.moments import widest
-from compare.thresholds.claim import read_claim
-from compare.thresholds.judging import errors_of, judged
-from compare.thresholds.looks import decide, standing
-from compare.thresholds.prediction import Prediction
-from compare.thresholds.sessions import Drawn
-from compare.thresholds.settings import Settings
-from montecarlo import simulate
-from montecarlo.accumulate import single_statistics
-from montecarlo.block import BLOCK
-from montecarlo.control import controlled_statistics
-from montecarlo.ensemble import in_threads
-from scene import DAT21, Scene
-from scene.moments import SECTION
+from rattle.compare.thresholds.claim import read_claim
+from rattle.compare.thresholds.judging import errors_of, judged
+from rattle.compare.thresholds.looks import decide, standing
+from rattle.compare.thresholds.prediction import Prediction
+from rattle.compare.thresholds.sessions import Drawn
+from rattle.compare.thresholds.settings import Settings
+from rattle.compare.validation.verdict import widest
+from rattle.montecarlo import simulate
+from rattle.montecarlo.ensemble import in_threads
+from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.kernel.control_variate import controlled_statistics
+from rattle.montecarlo.statistics.central_sums import single_statistics
+from rattle.scene import DAT21, Scene
+from rattle.scene.moments import SECTION
 
 SCENE = Scene.from_gears(DAT21, sigma=0.05, stages=1)
 IMPACTS, BLOCKS = 2, 2400

@@ -5,12 +5,12 @@ import tomllib
 
 import pytest
 
-from compare.thresholds.baseline import changes, place, updated
+from rattle.compare.thresholds.baseline import changes, place, updated
 
 SUITE = """
 import pytest
-from closure import mean_map
-from scene import DAT21, Scene
+from rattle.closure import mean_map
+from rattle.scene import DAT21, Scene
 
 @pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.02), impacts=2, quantities=["tau", "y1"], moments="mean")
 @pytest.mark.parametrize("name", ["one", "a/b"])
@@ -28,7 +28,7 @@ def run(pytester):
     def running(*options, shift=0.0, sigma=0.02):
         suite = SUITE.replace("SHIFT", str(shift)).replace("0.02", str(sigma))
         pytester.makepyfile(test_gate=suite)
-        return pytester.runpytest_inprocess("-p", "compare.thresholds.plugin", *options)
+        return pytester.runpytest_inprocess("-p", "rattle.compare.thresholds.plugin", *options)
 
     return running
 
@@ -94,7 +94,7 @@ def test_tests_of_one_name_in_two_classes_have_a_file_each(pytester):
     )
     head = "import pytest\nfrom scene import DAT21, Scene\nS = Scene.from_gears(DAT21, sigma=0.02)\n"
     pytester.makepyfile(test_gate=head + classes)
-    pytester.runpytest_inprocess("-p", "compare.thresholds.plugin", "--rattle-baselines=record").assert_outcomes(
+    pytester.runpytest_inprocess("-p", "rattle.compare.thresholds.plugin", "--rattle-baselines=record").assert_outcomes(
         passed=2
     )
     assert sorted(files(pytester)) == ["TestA.test_it.toml", "TestB.test_it.toml"]
@@ -111,8 +111,8 @@ def test_a_damaged_file_is_named(run, pytester):
 
 HOSTILE = """
 import pytest
-from closure import mean_map
-from scene import DAT21, Scene
+from rattle.closure import mean_map
+from rattle.scene import DAT21, Scene
 
 def model(scene, impacts):
     section = mean_map(scene, impacts=impacts).section
@@ -134,7 +134,7 @@ def test_no_name_of_a_model_or_in_a_baseline_steers_the_terminal(pytester):
     steering = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e]")
 
     def said(*options):
-        found = pytester.runpytest_inprocess("-p", "compare.thresholds.plugin", "--color=no", "-rA", *options)
+        found = pytester.runpytest_inprocess("-p", "rattle.compare.thresholds.plugin", "--color=no", "-rA", *options)
         text = found.stdout.str() + found.stderr.str()
         assert not steering.search(text)
         assert r"\x1b]0;pwned\x07\u202e\x9b is outside what is allowed" in text

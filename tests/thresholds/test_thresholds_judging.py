@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from compare.thresholds.claim import read_claim
-from compare.thresholds.judging import errors_of, judged
-from compare.thresholds.prediction import predict
-from montecarlo import simulate
-from scene import DAT21, InputError, Scene
+from rattle.compare.thresholds.claim import read_claim
+from rattle.compare.thresholds.judging import errors_of, judged
+from rattle.compare.thresholds.prediction import predict
+from rattle.montecarlo import simulate
+from rattle.scene import DAT21, InputError, Scene
 
 SCENE = Scene.from_gears(DAT21, sigma=0.02)
 

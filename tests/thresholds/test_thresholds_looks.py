@@ -5,14 +5,14 @@ import math
 import pandas as pd
 import pytest
 
-from compare.moments import widest
-from compare.thresholds.looks import following, standing
-from compare.thresholds.settings import PROFILES, Settings
+from rattle.compare.thresholds.looks import following, standing
+from rattle.compare.thresholds.settings import PROFILES, Settings
+from rattle.compare.validation.verdict import widest
 
 HEAD = """
 import pytest
-from closure import mean_map
-from scene import DAT21, Scene
+from rattle.closure import mean_map
+from rattle.scene import DAT21, Scene
 """
 SUITE = (
     HEAD

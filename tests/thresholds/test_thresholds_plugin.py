@@ -7,16 +7,16 @@ import subprocess
 import sys
 from pathlib import Path
 
-from compare.moments import widest
-from compare.thresholds import settings
+from rattle.compare.thresholds import settings
+from rattle.compare.validation.verdict import widest
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 
 SUITE = """
 import pytest
-from closure import mean_map
-from scene import DAT21, Scene
+from rattle.closure import mean_map
+from rattle.scene import DAT21, Scene
 
 pytestmark = pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.02), impacts=2, paths=2048)
 
@@ -114,7 +114,7 @@ def test_workers_of_xdist_count_the_same_rows(run_workers):
 def test_the_example_suite_holds(pytester, ensembles):
     shutil.copytree(HERE / "example_suite", pytester.path / "gate")
     result = pytester.runpytest_inprocess(
-        "-p", "compare.thresholds.plugin", f"--rattle-cache={ensembles}", "--import-mode=importlib", "gate"
+        "-p", "rattle.compare.thresholds.plugin", f"--rattle-cache={ensembles}", "--import-mode=importlib", "gate"
     )
     result.assert_outcomes(passed=5)
     result.stdout.fnmatch_lines(["checks * 70 rows in 4 tests: 70 passed, 0 failed, 0 undecided", "*1 as recorded*"])
@@ -125,7 +125,7 @@ def test_the_readme_shows_what_is_printed(pytester):
     code, printed = re.search(r"```python\n(.*?)```.*?```\n(.*?)```", section, re.DOTALL).groups()
     pytester.makepyfile(test_gate=code)
     shutil.copy(HERE / "example_suite" / "dat21.toml", pytester.path)
-    shown = pytester.runpytest_inprocess("-p", "compare.thresholds.plugin", "-q").stdout.str().splitlines()
+    shown = pytester.runpytest_inprocess("-p", "rattle.compare.thresholds.plugin", "-q").stdout.str().splitlines()
     steady = [line for line in printed.splitlines() if not re.search(r"in \d+\.\d+ s|in \d+\.\d+s", line)]
     assert len(steady) >= 10
     assert [line for line in steady if line not in shown] == []
@@ -167,10 +167,10 @@ def test_an_idle_plugin_loads_nothing(tmp_path):
         "import sys\ndef test_idle():\n"
         "    heavy = {'numpy', 'pandas', 'scipy', 'numba', 'matplotlib', 'scene', 'closure', 'montecarlo'}\n"
         "    assert not heavy & sys.modules.keys()\n"
-        "    assert 'compare.thresholds.plugin' in sys.modules\n"
+        "    assert 'rattle.compare.thresholds.plugin' in sys.modules\n"
     )
     out = subprocess.run(
-        [sys.executable, "-m", "pytest", "-p", "compare.thresholds.plugin", "-W", "error", "."],
+        [sys.executable, "-m", "pytest", "-p", "rattle.compare.thresholds.plugin", "-W", "error", "."],
         cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True, text=True, check=False,
     )  # fmt: skip
@@ -184,9 +184,9 @@ def test_naming_the_plugin_twice_registers_it_once(tmp_path, monkeypatch):
     info = tmp_path / "rattle_entry-1.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: rattle-entry\nVersion: 1\n")
-    (info / "entry_points.txt").write_text("[pytest11]\nrattle = compare.thresholds\n")
+    (info / "entry_points.txt").write_text("[pytest11]\nrattle = rattle.compare.thresholds\n")
     (tmp_path / "test_nothing.py").write_text("def test_nothing(): pass\n")
-    for options in ([], ["-p", "compare.thresholds.plugin"], ["-p", "rattle"]):
+    for options in ([], ["-p", "rattle.compare.thresholds.plugin"], ["-p", "rattle"]):
         out = subprocess.run(
             [sys.executable, "-m", "pytest", "-W", "error", "--markers", *options], cwd=tmp_path,
             env={**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}, capture_output=True, text=True,

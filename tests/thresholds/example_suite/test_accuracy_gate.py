@@ -9,8 +9,8 @@ pytest --rattle-baselines=record     writes the baselines that are missing
 import pandas as pd
 import pytest
 
-from closure import mean_map
-from scene import Scene
+from rattle.closure import mean_map
+from rattle.scene import Scene
 
 pytestmark = pytest.mark.rattle(scene="dat21.toml", impacts=4)
 

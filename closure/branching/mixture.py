@@ -1,0 +1,126 @@
+"""A mixture of Gaussians over the section state, its moments, and how many parts become few."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rattle.closure.flanks import PLAIN
+from rattle.closure.orbit import Floats, Ints
+from rattle.scene.compiled import jit
+
+__all__ = ["Mixture", "empty", "gather", "moments"]
+
+
+class Mixture(NamedTuple):
+    """Weight, mean, covariance and label of each part; parts of different labels are never merged."""
+
+    weight: Floats
+    mean: Floats
+    covariance: Floats
+    label: Ints
+
+
+def empty(size: int, d: int = PLAIN) -> Mixture:
+    """Room for `size` parts over d quantities: ``(tau, x1, y1, x2, y2)``, with the flanks where they vary."""
+    return Mixture(np.zeros(size), np.zeros((size, d)), np.zeros((size, d, d)), np.zeros(size, np.int64))
+
+
+@jit
+def _spread(parts: Mixture, members: Ints, axis: Floats, centre: Floats) -> float:
+    """Weight times variance of the members' means along their main axis; `axis` and their mean are written."""
+    d, total = centre.size, 0.0
+    centre[:] = 0.0
+    for i in members:
+        total += parts.weight[i]
+        for a in range(d):
+            centre[a] += parts.weight[i] * parts.mean[i, a]
+    for a in range(d):
+        centre[a] /= total
+    between = np.zeros((d, d))
+    for i in members:
+        for a in range(d):
+            for b in range(d):
+                between[a, b] += parts.weight[i] * (parts.mean[i, a] - centre[a]) * (parts.mean[i, b] - centre[b])
+    values, vectors = np.linalg.eigh(between)
+    for a in range(d):
+        axis[a] = vectors[a, d - 1]
+    return float(values[d - 1])
+
+
+@jit
+def gather(parts: Mixture, count: int, most: int, out: Mixture) -> int:
+    """Merge parts of one label that lie together until at most `most` are left; moments are kept.
+
+    From the top: the group whose means are spread widest, by weight, is divided across its main axis, until there
+    are as many groups as parts allowed.
+
+    Returns
+    -------
+    int
+        Parts written to `out`.
+    """
+    d, order = parts.mean.shape[1], np.argsort(parts.label[:count])
+    first, last = np.zeros(most, np.int64), np.zeros(most, np.int64)
+    gain, axes, centres = np.zeros(most), np.zeros((most, d)), np.zeros((most, d))
+    groups = 0
+    for at in range(count):
+        if at == 0 or parts.label[order[at]] != parts.label[order[at - 1]]:
+            first[groups] = at
+            groups += 1
+        last[groups - 1] = at + 1
+    for g in range(groups):
+        gain[g] = _spread(parts, order[first[g] : last[g]], axes[g], centres[g])
+    while groups < most:
+        g = int(np.argmax(gain[:groups]))
+        if gain[g] <= 0.0:
+            break
+        low, high = first[g], last[g] - 1
+        while low <= high:
+            i = order[low]
+            along = 0.0
+            for a in range(d):
+                along += (parts.mean[i, a] - centres[g, a]) * axes[g, a]
+            if along < 0.0:
+                low += 1
+            else:
+                order[low], order[high] = order[high], i
+                high -= 1
+        if low == first[g] or low == last[g]:
+            gain[g] = 0.0
+            continue
+        first[groups], last[groups] = low, last[g]
+        last[g] = low
+        for h in (g, groups):
+            gain[h] = 0.0
+            if last[h] - first[h] > 1:
+                gain[h] = _spread(parts, order[first[h] : last[h]], axes[h], centres[h])
+        groups += 1
+    for g in range(groups):
+        out.weight[g], out.mean[g], out.covariance[g] = 0.0, 0.0, 0.0
+        out.label[g] = parts.label[order[first[g]]]
+        for i in order[first[g] : last[g]]:
+            w = parts.weight[i]
+            total = out.weight[g] + w
+            gap = parts.mean[i] - out.mean[g]
+            share = w / total
+            for a in range(d):
+                for b in range(d):
+                    out.covariance[g, a, b] += share * (
+                        parts.covariance[i, a, b] - out.covariance[g, a, b] + (1.0 - share) * gap[a] * gap[b]
+                    )
+            for a in range(d):
+                out.mean[g, a] += share * gap[a]
+            out.weight[g] = total
+    return groups
+
+
+def moments(w: Floats, mean: Floats, variance: Floats) -> tuple[Floats, Floats, Floats]:
+    """Mean, sd and skewness of mixtures; arrays over (parts, quantities)."""
+    share = (w / w.sum())[:, None]
+    centre = mean[0] + (share * (mean - mean[0])).sum(axis=0)  # exact where nothing varies
+    off = mean - centre
+    second = (share * (off**2 + variance)).sum(axis=0)
+    third = (share * (off**3 + 3.0 * off * variance)).sum(axis=0)
+    sd = np.sqrt(np.maximum(second, 0.0))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return centre, sd, np.where(sd > 0.0, third / sd**3, np.nan)

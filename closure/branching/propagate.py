@@ -1,0 +1,155 @@
+"""What the flight makes of one Gaussian of points ``e = (tau, x1, y1, x2, y2, ...)``, up to second order."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from rattle.closure.branching.mixture import Mixture
+from rattle.closure.branching.split import event
+from rattle.closure.flanks import PLAIN, column
+from rattle.closure.orbit import Floats
+from rattle.closure.section_map import derivatives
+from rattle.closure.small_matrices import block, inner, put
+from rattle.scene.compiled import jit, spliced
+from rattle.scene.flight import field, jacobian
+from rattle.scene.scene import Constants
+
+__all__ = ["Landing", "lead"]
+
+STRAIGHT = 0.1  # second-order sd, as a share of the first-order one, from which two points replace the expansion
+GRAZE = 2.0  # slowest impact that derivatives are taken at, in speeds that the spread of a Gaussian makes at a graze
+
+
+class Landing(NamedTuple):
+    """Gaussians of the section state just before the next event, its code the label; mean and variance of flights."""
+
+    section: Mixture
+    flight: Floats
+
+
+@spliced
+def _derivatives(
+    c: Constants, code: int, centre: Floats, axes: Floats, t: float, before: Floats
+) -> tuple[Floats, Floats]:
+    """Derivatives of the section map along the axes; near a graze, those of the slowest impact that is resolved.
+
+    At a graze the impact speed goes as the square root of how far the flight would pass the wall, and its derivative
+    has no bound; a Gaussian sees that far as its own sd of the passing distance reaches.
+    """
+    mesh, side, d = abs(code), 1 if code > 0 else -1, centre.size
+    i = 0 if mesh == 1 else 2
+    flown = jacobian(c, t)[i]
+    passing = flown @ axes[1:PLAIN]
+    early = before[i + 1] - flown @ field(c, centre[0], centre[2], centre[4])
+    for k in range(passing.size):
+        passing[k] += early * axes[0, k]
+        if d > PLAIN:
+            passing[k] -= side * axes[column(mesh, side), k]
+    pull = field(c, centre[0] + t, before[1], before[3])[i + 1]
+    slowest = GRAZE * math.sqrt(2.0 * abs(pull) * math.sqrt(passing @ passing)) + 1e-9
+    steady = before.copy()
+    steady[i + 1] = side * max(slowest, side * before[i + 1])
+    first, second = derivatives(c, mesh, side, centre[0], centre[1:PLAIN], t, steady, d)
+    linear = block(first, d, 0, d) @ axes
+    curve = np.zeros((PLAIN, axes.shape[1], axes.shape[1]))
+    for j in range(PLAIN):
+        put(curve[j], axes.T @ block(second[j], d, 0, d) @ axes)
+    return linear, curve
+
+
+@spliced
+def _most_bent(linear: Floats, curve: Floats) -> tuple[float, Floats]:
+    """Second-order variance of the output that is bent most, as a share of its first-order one, and the direction."""
+    u = np.zeros(linear.shape[1])
+    worst, at = 0.0, 0
+    for j in range(PLAIN):
+        variance = inner(linear[j : j + 1], linear[j : j + 1], 0)
+        if variance > 1e-24:
+            bend = 0.5 * inner(curve[j], curve[j], 0) / variance
+            if bend > worst:
+                worst, at = bend, j
+    if worst > 0.0:
+        values, vectors = np.linalg.eigh(curve[at])
+        most = values.size - 1 if values[-1] > -values[0] else 0
+        for k in range(u.size):
+            u[k] = vectors[k, most]
+    return worst, u
+
+
+@jit
+def _trace(square: Floats) -> float:
+    total = 0.0
+    for k in range(square.shape[0]):
+        total += square[k, k]
+    return total
+
+
+@jit
+def lead(c: Constants, centre: Floats, axes: Floats, to: Landing, at: int, before: Floats) -> tuple[float, Floats]:
+    """Carry a Gaussian to its next event; the result goes to place `at`.
+
+    Parameters
+    ----------
+    axes : ndarray, shape (d, rank)
+        Root of the covariance.
+
+    Returns
+    -------
+    bend : float
+        Second-order variance of the output that is bent most, as a share of its first-order one.
+    u : ndarray, shape (rank,)
+        The direction in which it is bent.
+    """
+    t, code = event(c, centre, before)
+    to.section.label[at] = code
+    d, rank = axes.shape
+    mean, spread, flight = to.section.mean[at], to.section.covariance[at], to.flight[at]
+    mean[0] = centre[0] + t
+    for k in range(4):
+        mean[1 + k] = before[k]
+    for k in range(PLAIN, d):
+        mean[k] = centre[k]
+    spread[:] = 0.0
+    flight[0], flight[1] = t, 0.0
+    if code == 0 or rank == 0:
+        return 0.0, np.zeros(rank)
+    linear, curve = _derivatives(c, code, centre, axes, t, before)
+    bend, u = _most_bent(linear, curve)
+    straight = bend < STRAIGHT**2
+    own, stretch = np.empty(rank), linear @ u
+    if not straight:  # the bent direction apart, by the events at one sd to either side
+        for j in range(d):
+            for k in range(rank):
+                linear[j, k] -= stretch[j] * u[k]
+    tilt, v = axes[0] @ u, axes @ u
+    for k in range(rank):
+        own[k] = linear[0, k] - axes[0, k] + (0.0 if straight else tilt * u[k])
+    put(spread, linear @ linear.T)
+    flight[1] = own @ own
+    if straight:
+        for j in range(PLAIN):
+            mean[j] += 0.5 * _trace(curve[j])
+            for k in range(PLAIN):
+                spread[j, k] += 0.5 * inner(curve[j], curve[k], 0)
+        flight[0] += 0.5 * _trace(curve[0])
+        flight[1] += 0.5 * inner(curve[0], curve[0], 0)
+        return bend, u
+    ends, times, met = np.empty((2, d)), np.empty(2), 0
+    for k in range(2):
+        end = ends[k]
+        for j in range(d):
+            end[j] = centre[j] + (v[j] if k == 0 else -v[j])
+        times[k], there = event(c, end, before)
+        met += there == code
+        end[0] += times[k]
+        for j in range(4):
+            end[1 + j] = before[j]
+    if met == 2:
+        for j in range(d):
+            mean[j] = 0.5 * (ends[0, j] + ends[1, j])
+            for k in range(d):
+                spread[j, k] += 0.25 * ((ends[0, j] - ends[1, j]) * (ends[0, k] - ends[1, k]))
+        flight[0] = 0.5 * (times[0] + times[1])
+        flight[1] += 0.25 * (times[0] - times[1]) ** 2
+    return bend, u

@@ -1,0 +1,144 @@
+"""The closure beyond one itinerary: a Gaussian mixture whose parts go on along their own impacts.
+
+A part is a weight and a Gaussian of the section state after an impact, as in the saltation reading.  The noise of the
+next flight is put at its start, so that the next event is a function of a point in five dimensions; in nine where
+flanks are random, whose laws are Gaussians here, or a few of them (`rattle.closure.flanks`).  Parts are cut where the
+next event changes or the section map bends (`rattle.closure.branching.refine`), carried to the event
+(`rattle.closure.branching.propagate`), and merged after the impact where they lie together
+(`rattle.closure.branching.mixture`).
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from rattle.closure.branching.mixture import Mixture, empty, gather, moments
+from rattle.closure.branching.propagate import Landing
+from rattle.closure.branching.refine import fly, workbench
+from rattle.closure.flanks import PLAIN, column, forget, random_tolerance, start_pieces
+from rattle.closure.moments import Trace
+from rattle.closure.orbit import Floats, follow
+from rattle.closure.small_matrices import congruence, hit_matrix, put, put_row
+from rattle.scene.compiled import jit
+from rattle.scene.scene import Constants, Scene
+
+__all__ = ["trace"]
+
+MOST_PARTS = 80  # after an impact
+MOST_CUT = 600  # before it, not counting halves
+ON_ORBIT = 10  # added to the label of a part whose itinerary is the orbit's
+
+
+@jit
+def _strike(
+    c: Constants, redrawn: Floats, start: Mixture, landing: Landing, count: int, own: int, after: Mixture
+) -> tuple[int, float]:
+    """The impact of all that has landed, packed to the front; also the weight that met no wall.
+
+    The labels of `after` tell the event, and whether the itinerary is still the orbit's, whose event is `own`.
+    `redrawn` has the variances of the deviations of +1, -1, +2, -2 that contacts draw anew; it is empty if none are.
+    """
+    section, flight = landing.section, landing.flight
+    kept, lost = 0, 0.0
+    for i in range(2 * count):
+        w, code = section.weight[i], section.label[i]
+        if w == 0.0:
+            continue
+        if code == 0:
+            lost += w
+            continue
+        hit = hit_matrix(c, abs(code), section.mean.shape[1])
+        section.weight[kept], section.label[kept] = w, code
+        put_row(flight[kept], flight[i])
+        put_row(section.mean[kept], section.mean[i])
+        put(section.covariance[kept], section.covariance[i])
+        after.weight[kept] = w
+        put_row(after.mean[kept], hit @ section.mean[i])
+        put(after.covariance[kept], congruence(hit, section.covariance[i]))
+        if redrawn.size > 0:
+            flank = column(abs(code), -code)
+            forget(flank, after.mean[kept], after.covariance[kept])
+            after.covariance[kept, flank, flank] = redrawn[flank - PLAIN]
+        after.label[kept] = code + (ON_ORBIT if start.label[i // 2] > 2 and code == own else 0)
+        kept += 1
+    return kept, lost
+
+
+def trace(scene: Scene, impacts: int, order: int) -> Trace:
+    """Follow the mixture through `impacts` impacts; it carries no moments of a perturbation, whatever `order`.
+
+    Principal axes mix times and lengths: the unit of length is the power of two next to the gap, whatever the scene's.
+    """
+    unit = 2.0 ** math.frexp(scene.constants.wall1)[1]
+    found = _trace(scene.scaled(1.0 / unit), impacts, order)
+    lengths = np.array([1.0, 1.0, unit, unit, unit, unit])
+    parts = {
+        k: (w, means * lengths, variances * lengths**2) for k, (w, means, variances) in (found.parts or {}).items()
+    }
+    return replace(found, mean=found.mean * unit, sd=found.sd * lengths, parts=parts)
+
+
+def _trace(scene: Scene, impacts: int, order: int) -> Trace:
+    c, orbit = scene.constants, follow(scene, impacts).until_rest
+    tolerance = random_tolerance(scene)
+    redrawn = np.repeat(tolerance.variances, 2) if tolerance and tolerance.draw == "contact" else np.zeros(0)
+    first = start_pieces(scene)
+    live, d = first.mean.shape
+    b, after = workbench(MOST_CUT, d), empty(2 * MOST_CUT, d)
+    section, flight = b.landing.section, b.landing.flight
+    b.start.weight[:live], b.start.label[:live] = first.weight, ON_ORBIT
+    b.start.mean[:live] = first.mean
+    b.start.mean[:live, :PLAIN] += np.array([orbit.tau[0], *orbit.after[0]])
+    b.start.covariance[:live] = first.variance
+    lost = 0.0
+    tau, mean = np.full(impacts + 1, np.nan), np.full((impacts + 1, 4), np.nan)
+    sd, skew = np.full((impacts + 1, 6), np.nan), np.full((impacts + 1, 6), np.nan)
+    covariance = np.full((impacts + 1, 4, 4), np.nan)
+    mesh, side = np.zeros(impacts + 1, np.int64), np.zeros(impacts + 1, np.int64)
+    agreement, lost_at = np.full(impacts + 1, np.nan), np.full(impacts + 1, np.nan)
+    tau[0], mean[0], mesh[0], side[0] = orbit.tau[0], orbit.before[0], orbit.mesh[0], orbit.side[0]
+    agreement[0], lost_at[0] = 1.0, 0.0
+    found = impacts
+    parts: dict[int, tuple[Floats, Floats, Floats]] = {}
+    for k in range(1, impacts + 1):
+        own = int(orbit.mesh[k] * orbit.side[k])
+        flown, damped = fly(c, live, b)
+        count, gone = _strike(c, redrawn, b.start, b.landing, flown, own, after)
+        lost += gone + damped
+        if count == 0 or lost > 0.5:
+            found = k - 1
+            break
+        w, s = after.weight[:count], section.mean[:count]
+        diagonal = np.diagonal(section.covariance[:count], axis1=1, axis2=2)
+        values = np.column_stack([s[:, 0], flight[:count, 0], s[:, 1:PLAIN]])
+        variances = np.column_stack([diagonal[:, 0], flight[:count, 1], diagonal[:, 1:PLAIN]])
+        parts[k] = w / w.sum(), values, variances
+        centre, sd[k], skew[k] = moments(w, values, variances)
+        tau[k], mean[k] = centre[0], centre[2:]
+        code = max((-2, -1, 1, 2), key=lambda a: w[section.label[:count] == a].sum())
+        mesh[k], side[k] = abs(code), np.sign(code)
+        agreement[k], lost_at[k] = w[after.label[:count] > 2].sum(), lost
+        live = gather(after, count, MOST_PARTS, b.start)
+
+    def at(time: float) -> tuple[Floats, Floats]:
+        return np.full(4, np.nan), np.full((4, 4), np.nan)  # the parts are at different impacts at one time
+
+    stopped = "" if found == impacts else f"more than half of the weight is lost after impact {found}"
+    raw = np.full((impacts + 1, 2, order + 1, order + 1), np.nan)
+    return Trace(
+        tau,
+        mesh,
+        side,
+        mean,
+        sd,
+        skew,
+        covariance,
+        raw,
+        at,
+        found,
+        stopped,
+        parts=parts,
+        agreement=agreement,
+        lost=lost_at,
+    )

@@ -1,0 +1,92 @@
+"""The paper's closure with its algebra mended (docs/model.md sections 5, 6, 9).
+
+The deterministic part is the event-driven orbit.  Linear flow, linear contact laws taken at the orbit's own
+instants, and additive noise keep ``(xi_1, zeta_1, xi_2, zeta_2)`` exactly Gaussian: every cumulant beyond the
+second starts at zero and is only ever mapped linearly.  So the covariance is all there is to carry, raw
+moments of any order follow from it, and ``|rho| <= 1`` always.  The means are shifted by the window means
+of Eqs. 20 and 21.
+"""
+
+import numpy as np
+
+from rattle.closure.edgeworth import coefficients, has_series, window_means
+from rattle.closure.moments import Trace
+from rattle.closure.orbit import Floats, Ints, follow
+from rattle.closure.raw_moments import stage_raw_moments
+from rattle.scene.compiled import jit
+from rattle.scene.flight import jacobian, noise_covariance
+from rattle.scene.impact import contact_matrix
+from rattle.scene.moments import semidefinite
+from rattle.scene.scene import Constants, Scene
+
+__all__ = ["trace"]
+
+
+@jit
+def window_shift(raw: Floats, x: float, half_window: float) -> tuple[float, float]:
+    """Shift of a stage's mean displacement and velocity (Eqs. 20, 21) for a wall at ``+-half_window``.
+
+    Zero where a variance is not positive, or nothing: no window mean can be formed there.
+    """
+    vx, vy = raw[2, 0], raw[0, 2]
+    if not has_series(vx, vy, len(raw) - 1):
+        return 0.0, 0.0
+    sd_x, sd_y = np.sqrt(vx), np.sqrt(vy)
+    return window_means(coefficients(raw, sd_x, sd_y), sd_x, sd_y, -half_window - x, half_window - x)
+
+
+@jit
+def stage_shifts(raw: Floats, state: Floats, windows: tuple[float, float], stages: int) -> Floats:
+    """Shift of the four means, from the raw moments (2, order + 1, order + 1) of the stages."""
+    shift = np.zeros(4)
+    for i in range(stages):
+        j = 2 * i
+        shift[j], shift[j + 1] = window_shift(raw[i], state[j], windows[i])
+    return shift
+
+
+@jit
+def _flown(c: Constants, mesh: int, covariance: Floats, tau: float, t: float) -> tuple[Floats, Floats]:
+    """Covariance a time t after an impact, from that before it, and the sds of what may cancel to it."""
+    j, noise = jacobian(c, t) @ contact_matrix(c, mesh), noise_covariance(c, tau, t)
+    scale = np.abs(j) @ np.sqrt(np.abs(np.diag(covariance))) + np.sqrt(np.diag(noise))
+    return j @ covariance @ j.T + noise, scale
+
+
+@jit
+def _carry(c: Constants, tau: Floats, mesh: Ints, found: int) -> tuple[Floats, Floats]:
+    """Covariance just before each impact, shape (impacts + 1, 4, 4), and sds of what its terms may cancel to that."""
+    covariance, scale = np.full((tau.size, 4, 4), np.nan), np.zeros((tau.size, 4))
+    covariance[0] = 0.0
+    for k in range(1, found + 1):
+        covariance[k], scale[k] = _flown(c, mesh[k - 1], covariance[k - 1], tau[k - 1], tau[k] - tau[k - 1])
+    return covariance, scale
+
+
+@jit
+def _means(before: Floats, raw: Floats, windows: tuple[float, float], stages: int) -> Floats:
+    mean = before.copy()
+    for k in range(1, len(before)):
+        mean[k] += stage_shifts(raw[k], before[k], windows, stages)
+    return mean
+
+
+def trace(scene: Scene, impacts: int, order: int) -> Trace:
+    """Follow the mended closure through `impacts` impacts."""
+    c, orbit = scene.constants, follow(scene, impacts).until_rest
+    windows = scene.windows
+    carried, scale = _carry(c, orbit.tau, orbit.mesh, orbit.found)
+    covariance = np.array([semidefinite(p, s) for p, s in zip(carried, scale, strict=True)])
+    raw = stage_raw_moments(covariance, order)
+    mean = _means(orbit.before, raw, windows, c.stages)
+    sd = np.full((impacts + 1, 6), np.nan)  # no sd of tau or of a flight: the impact time does not vary here
+    sd[:, 2:] = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    skew = np.where(sd > 0.0, 0.0, np.nan)
+
+    def at(time: float) -> tuple[Floats, Floats]:
+        k = int(np.searchsorted(orbit.tau[: orbit.found + 1], time, side="right")) - 1
+        cov = semidefinite(*_flown(c, orbit.mesh[k], covariance[k], orbit.tau[k], time - orbit.tau[k]))
+        state = orbit.state(time)
+        return state + stage_shifts(stage_raw_moments(cov[None], order)[0], state, windows, c.stages), cov
+
+    return Trace(orbit.tau, orbit.mesh, orbit.side, mean, sd, skew, covariance, raw, at, orbit.found, orbit.stopped)

@@ -1,0 +1,199 @@
+"""The paper's mean map as it stands: Eqs. 10, 14-17, 20-22 with only their misprints corrected (docs/model.md section
+9).
+
+What is kept although it is wrong: the moments of both stages follow the mesh-2 rules (15) and (17) at every
+impact, with ``-eps m_np`` where ``(-eps)^p m_np`` belongs; the noise of Eq. 14 is not modulated; the flight
+after every impact is the one after a mesh-1 impact; the next impact is where ``E[x_i]`` has changed its sign
+(counter meshes); the ``y_2`` line of Eq. 22; ``+psi_0`` in the fourth-order term of A and C.
+
+Choices where the paper is silent: ``B_k`` and ``D_k`` go with the standard deviations of impact k; a stage whose
+variance is not positive has no window mean, so its shift is left out and the map goes on.
+"""
+
+import numpy as np
+
+from rattle.closure.edgeworth import coefficients, has_series, normal_density, window_means
+from rattle.closure.moments import Trace
+from rattle.closure.orbit import Floats, Ints
+from rattle.closure.raw_moments import after_flight, unmodulated_covariance
+from rattle.scene.compiled import jit
+from rattle.scene.errors import InputError
+from rattle.scene.flight import decay, flow, noise_covariance, turned
+from rattle.scene.impact import struck
+from rattle.scene.scene import Constants, Scene
+
+__all__ = ["check", "trace"]
+
+SCAN = 0.05  # time between two looks for a counter mesh; E[x_i] moves about a tenth of a gap in it
+LONGEST = 20.0  # a flight without a counter mesh by then ends the map
+Windows = tuple[float, float]
+
+
+@jit
+def _printed_shift(raw: Floats, x: float, half_window: float) -> tuple[float, float]:
+    """Eqs. 20 and 21: A or C and B or D, times their standard deviations."""
+    vx, vy = raw[2, 0], raw[0, 2]
+    if not has_series(vx, vy, len(raw) - 1):
+        return 0.0, 0.0
+    sd_x, sd_y = np.sqrt(vx), np.sqrt(vy)
+    a = coefficients(raw, sd_x, sd_y)
+    low, high = -half_window - x, half_window - x
+    shift_x, shift_y = window_means(a, sd_x, sd_y, low, high)
+    if raw.shape[0] > 4:  # A and C print psi_4 - 2 psi_2 + psi_0 where the integral has - psi_0
+        shift_x += 2.0 * sd_x * a[4, 0] * (normal_density(low / sd_x) - normal_density(high / sd_x))
+    return shift_x, shift_y
+
+
+@jit
+def _in_flight(
+    c: Constants, tau: float, mean: Floats, shift: Floats, raw: Floats, t: float, windows: Windows
+) -> tuple[Floats, Floats, Floats]:
+    """Mean (Eq. 22), its shift, and the raw moments of both stages, a time `t` after the impact at `tau`."""
+    state = mean - shift  # the unperturbed x, y of Eqs. 7 and 10
+    y1, y2 = struck(c, 1, state[1], state[3])
+    x1, y1, x2, y2 = flow(c, tau, state[0], y1, state[2], y2, t)  # Eq. 10
+    raw_t = np.zeros_like(raw)
+    q1 = noise_covariance(c, tau, t)
+    raw_t[0] = after_flight(raw[0], c.beta1, t, q1[:2, :2])  # Eq. 16
+    mean_t, shift_t = np.zeros(4), np.zeros(4)
+    shift_t[0], shift_t[1] = _printed_shift(raw_t[0], x1, windows[0])
+    mean_t[0], mean_t[1] = x1 + shift_t[0], y1 + shift_t[1]
+    if c.stages == 2:
+        # Eq. 14; its term with E[zeta_1] stays zero, for every first moment starts at zero
+        raw_t[1] = after_flight(raw[1], c.beta2, t, unmodulated_covariance(c.beta2, c.sigma, t))
+        shift_t[2], shift_t[3] = _printed_shift(raw_t[1], x2, windows[1])
+        d1, d2 = decay(c.beta1, t), decay(c.beta2, t)
+        driver = c.alpha * np.cos(tau)
+        mean_t[2] = x2 + shift_t[2]
+        mean_t[3] = (  # Eq. 22, last line
+            (mean[3] - (1.0 + c.epsilon) * mean[1] - driver) * d1
+            + (mean[3] - mean[1] + driver) * d2
+            + c.gamma1 * turned(c.beta1, t)
+            - c.gamma2 * turned(c.beta2, t)
+            + shift_t[3]
+            - 2.0 * d2 * shift[3]
+            + ((1.0 + c.epsilon) * d1 + d2) * shift[1]
+        )
+    return mean_t, shift_t, raw_t
+
+
+@jit
+def _after_impact(c: Constants, raw: Floats) -> Floats:
+    """Eqs. 15 and 17 for ``p != 0``; what has ``p = 0`` stays (a single stage follows Eq. 15)."""
+    out = raw.copy()
+    kappa = (1.0 + c.epsilon) * c.mu
+    for n in range(raw.shape[1]):
+        for p in range(1, raw.shape[2] - n):
+            if c.stages == 1:
+                out[0, n, p] = -c.epsilon * raw[0, n, p]
+            else:
+                out[0, n, p] = raw[0, n, p] - kappa * raw[1, n, p]
+                out[1, n, p] = -c.epsilon * raw[1, n, p]
+    return out
+
+
+@jit
+def _counter_mesh(
+    c: Constants, tau: float, mean: Floats, shift: Floats, raw: Floats, windows: Windows
+) -> tuple[float, int]:
+    """The smaller time at which ``E[x_i] = -E[x_i]_k``, and its stage; stage 0 if there is none."""
+    earlier = 0.0
+    before = 2.0 * mean
+    while earlier < LONGEST:
+        later = earlier + SCAN
+        now = _in_flight(c, tau, mean, shift, raw, later, windows)[0] + mean
+        best, stage = np.inf, 0
+        for i in range(c.stages):
+            f_low, f_high = before[2 * i], now[2 * i]
+            if not f_low * f_high <= 0.0:
+                continue
+            low, high = earlier, later
+            for _ in range(60):  # regula falsi, Illinois
+                t = (low * f_high - high * f_low) / (f_high - f_low)
+                f = _in_flight(c, tau, mean, shift, raw, t, windows)[0][2 * i] + mean[2 * i]
+                if f * f_high < 0.0:
+                    low, f_low = high, f_high
+                else:
+                    f_low *= 0.5
+                high, f_high = t, f
+                if f == 0.0 or abs(high - low) < 1e-14 * (1.0 + t) or abs(f) < 1e-15 * windows[i]:
+                    break
+            if high < best and high > 0.0:
+                best, stage = high, i + 1
+        if stage:
+            return best, stage
+        earlier, before = later, now
+    return LONGEST, 0
+
+
+@jit
+def _iterate(
+    c: Constants, tau: float, start: Floats, impacts: int, windows: Windows, order: int
+) -> tuple[int, Floats, Ints, Floats, Floats, Floats, Floats]:
+    taus = np.full(impacts + 1, np.nan)
+    meshes = np.zeros(impacts + 1, np.int64)
+    means = np.full((impacts + 1, 4), np.nan)
+    shifts = np.full((impacts + 1, 4), np.nan)
+    raws = np.full((impacts + 1, 2, order + 1, order + 1), np.nan)
+    raws_after = raws.copy()
+    taus[0], meshes[0], means[0], shifts[0] = tau, 1, start, 0.0
+    raws[0] = 0.0
+    raws[0, :, 0, 0] = 1.0
+    raws_after[0] = raws[0]
+    for k in range(1, impacts + 1):
+        t, stage = _counter_mesh(c, tau, means[k - 1], shifts[k - 1], raws_after[k - 1], windows)
+        if stage == 0:
+            return k - 1, taus, meshes, means, shifts, raws, raws_after
+        means[k], shifts[k], raws[k] = _in_flight(
+            c, tau, means[k - 1], shifts[k - 1], raws_after[k - 1], t, windows
+        )  # fmt: skip
+        raws_after[k] = _after_impact(c, raws[k])
+        tau += t
+        taus[k], meshes[k] = tau, stage
+    return impacts, taus, meshes, means, shifts, raws, raws_after
+
+
+def _covariance(raw: Floats) -> Floats:
+    """Second moments of both stages as a 4 x 4; the printed closure has none across the stages."""
+    out = np.full((*raw.shape[:-3], 4, 4), np.nan)
+    for i in (0, 1):
+        j = 2 * i
+        out[..., j, j], out[..., j + 1, j + 1] = raw[..., i, 2, 0], raw[..., i, 0, 2]
+        out[..., j, j + 1] = out[..., j + 1, j] = raw[..., i, 1, 1]
+    return out
+
+
+def check(scene: Scene) -> None:
+    """Refuse a scene that does not start with an impact at mesh 1: Eq. 10 knows no other.
+
+    Raises
+    ------
+    InputError
+    """
+    if scene.start.mesh != 1:
+        raise InputError(
+            "start.mesh",
+            scene.start.mesh,
+            "the printed reading needs a start at mesh 1 (Eq. 10)",
+        )
+
+
+def trace(scene: Scene, impacts: int, order: int) -> Trace:
+    """Follow the printed mean map through `impacts` impacts."""
+    c, windows = scene.constants, scene.windows
+    start = np.array(scene.start_state)
+    found, tau, mesh, mean, shift, raw, after = _iterate(c, scene.phase, start, impacts, windows, order)
+    covariance = _covariance(raw)
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    sd = np.full((impacts + 1, 6), np.nan)
+    sd[:, 2:] = np.sqrt(np.where(variance >= 0.0, variance, np.nan))
+    struck_x = np.where(mesh == 2, mean[:, 2], mean[:, 0])
+    side = np.where(mesh > 0, np.copysign(1.0, struck_x), 0).astype(np.int64)
+
+    def at(time: float) -> tuple[Floats, Floats]:
+        k = int(np.searchsorted(tau[: found + 1], time, side="right")) - 1
+        m, _, r = _in_flight(c, tau[k], mean[k], shift[k], after[k], time - tau[k], windows)
+        return m, _covariance(r)
+
+    stopped = "" if found == impacts else f"no counter mesh within {LONGEST:g} after impact {found}"
+    return Trace(tau, mesh, side, mean, sd, np.full_like(sd, np.nan), covariance, raw, at, found, stopped)

@@ -1,0 +1,98 @@
+"""The answer of a study of chaos in a few sentences."""
+
+import numpy as np
+import pandas as pd
+
+from rattle.compare.chaos.exponents import DRIFT, ORBIT, Exponents
+from rattle.compare.chaos.spectrum import TIME
+from rattle.compare.chaos.sqrt_law import SqrtLaw
+from rattle.compare.chaos.sweep import crossings, signs
+
+__all__ = ["answer"]
+
+
+def _exponents(e: Exponents, name: str) -> str:
+    if not np.isfinite(e.value[0]):
+        return f"The {name} has no exponents: {e.regime.reason}."
+    shown = ", ".join(f"{v:.4f} ± {h:.4f}" for v, h in zip(e.value, e.half, strict=True))
+    return (
+        f"The {name} has the exponents {shown} per unit of dimensionless time ({e.impacts:,} impacts, "
+        f"{e.rate:.3f} a unit; their sum is off the exact rule by {abs(e.sum_error):.0e}); it {e.regime.reason}."
+    )
+
+
+def _maps(maps: pd.DataFrame) -> str:
+    words = []
+    for _, row in maps.iterrows():
+        if row["reading"] == "printed":
+            broken = (
+                "" if np.isnan(row["not_realizable"]) else f"is not realizable from impact {row['not_realizable']:g}"
+            )
+            ended = f"ends at impact {row['ends']:g}" if row["ends"] < row["followed"] else "goes on"
+            words.append(f"`printed` {broken}, {ended} and has no exponents")
+        elif np.isfinite(row["blind"]):
+            words.append(f"`{row['reading']}` has the orbit's, and is blind from impact {row['blind']:g}")
+        else:
+            words.append(f"`{row['reading']}` has the orbit's")
+    return f"Mean maps: {'; '.join(words)}."
+
+
+def _law(law: SqrtLaw | None, missing: str, table: pd.DataFrame) -> str:
+    first, last = table.iloc[0], table.iloc[-1]
+    sizes = (
+        f"The finite-size exponent is {first['exponent']:.3g} ± {0.5 * (first['high'] - first['low']):.2g} at "
+        f"{first['delta']:.0e} and {last['exponent']:.3g} ± {0.5 * (last['high'] - last['low']):.2g} at "
+        f"{last['delta']:.0e}."
+    )
+    if law is None:
+        return f"The square-root law was not measured ({missing}). {sizes}"
+    half = 0.5 * (law.high - law.low)
+    return (
+        f"Two paths on one noise leave an impact as delta to the {law.exponent:.4f} ± {half:.4f}, with "
+        f"{law.table['ratio'].min():.3f} to {law.table['ratio'].max():.3f} times the law's mean square: "
+        f"the noisy system has no infinitesimal exponent. {sizes}"
+    )
+
+
+def _spectra(summary: pd.DataFrame) -> str:
+    rows = summary[summary["kind"] == TIME]
+    parts = [
+        f"{r['side']} {r['velocity']}: {r['lines']} bands ({r['narrow']} as narrow as a single frequency) with "
+        f"{r['line_share']:.1%} of the power"
+        for _, r in rows.iterrows()
+    ]
+    return f"Velocity in time, power above a continuous floor: {'; '.join(parts)}."
+
+
+def _sweep(table: pd.DataFrame, field: str) -> list[str]:
+    said = []
+    for of in (ORBIT, DRIFT):
+        rows = table[table["of"] == of]
+        changes = crossings(table, field, of)
+        found = signs(rows)
+        counted = (
+            f"is positive at {(found > 0).sum()}, negative at {(found < 0).sum()} and undecided at "
+            f"{((found == 0) & rows['low'].notna()).sum()} of {len(rows)} values of {field}"
+        )
+        rests = (rows["regime"] == "rests").sum(), (rows["regime"] == "rests at times").sum()
+        marked = f"; it rests for good at {rests[0]} and at times at {rests[1]}" if any(rests) else ""
+        where = "; ".join(
+            f"{'+' if r['to'] > 0 else '-'} between {r['low']:.3g} and {r['high']:.3g}" for _, r in changes.iterrows()
+        )
+        said.append(f"Largest exponent, {of}: {counted}{marked}. Changes of sign: {where or 'none'}.")
+    return said
+
+
+def answer(
+    orbit: Exponents, drift: Exponents, maps: pd.DataFrame, law: SqrtLaw | None, missing: str, sizes: pd.DataFrame,
+    summary: pd.DataFrame, field: str, sweep: pd.DataFrame | None,
+) -> list[str]:  # fmt: skip
+    """Sentences on exponents, mean maps, how two paths part, spectra, and the sweep."""
+    said = [
+        _exponents(orbit, ORBIT),
+        _exponents(drift, DRIFT),
+        _maps(maps),
+        _law(law, missing, sizes),
+        _spectra(summary),
+    ]
+    return said + (_sweep(sweep, field) if sweep is not None else [])

@@ -1,0 +1,157 @@
+"""All of a scene's chaos in one call: what a page or a folder shows of it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from rattle.compare.chaos import figures
+from rattle.compare.chaos.answer import answer
+from rattle.compare.chaos.bifurcation import Bifurcation, bifurcation
+from rattle.compare.chaos.exponents import Exponents, drift_exponents, lyapunov
+from rattle.compare.chaos.finite_size import finite_size
+from rattle.compare.chaos.mean_maps import mean_maps
+from rattle.compare.chaos.section import Section, sections
+from rattle.compare.chaos.spectrum import Spectrum, spectra, spectra_tables
+from rattle.compare.chaos.sqrt_law import SqrtLaw, sqrt_law
+from rattle.compare.chaos.sweep import crossings, sweep
+from rattle.compare.validation.answer import left_out
+from rattle.scene.errors import InputError
+from rattle.scene.scene import Scene
+
+__all__ = ["CLAIMED", "ChaosStudy", "study"]
+
+CLAIMED = (0.2, 1.7)
+"""Range of alpha that the paper claims to be chaotic (section 4)."""
+WIDTH = 0.01
+
+
+@dataclass(frozen=True)
+class ChaosStudy:
+    """Everything that was measured of a scene's chaos.
+
+    Attributes
+    ----------
+    scene : Scene
+    orbit, drift : Exponents
+    maps : DataFrame
+        Of `mean_maps`.
+    sections : dict of str to Section
+    spectra : dict
+        Of `rattle.compare.chaos.spectrum.spectra`.
+    law : SqrtLaw or None
+        None where `law_missing` says why.
+    law_missing : str
+    finite_size : DataFrame
+    field : str
+        Field of the sweep.
+    sweep : DataFrame or None
+    view : Bifurcation or None
+    """
+
+    scene: Scene
+    orbit: Exponents
+    drift: Exponents
+    maps: pd.DataFrame
+    sections: dict[str, Section]
+    spectra: dict[tuple[str, str, str], Spectrum]
+    law: SqrtLaw | None
+    law_missing: str
+    finite_size: pd.DataFrame
+    field: str
+    sweep: pd.DataFrame | None
+    view: Bifurcation | None
+
+    @property
+    def answer(self) -> list[str]:
+        """The answer in a few sentences."""
+        said = answer(
+            self.orbit, self.drift, self.maps, self.law, self.law_missing, self.finite_size,
+            spectra_tables(self.spectra)[2], self.field, self.sweep,
+        )  # fmt: skip
+        return said + left_out(self.scene, list(self.maps["reading"]))
+
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """Tidy tables by name: exponents, mean_maps, sections, spectra, lines, spectra_summary, fsle, sqrt_law, ..."""
+        density, lines, summary = spectra_tables(self.spectra)
+        found = {
+            "exponents": pd.concat([self.orbit.table, self.drift.table], ignore_index=True), "mean_maps": self.maps,
+            "sections": pd.concat([s.table for s in self.sections.values()], ignore_index=True), "spectra": density,
+            "lines": lines, "spectra_summary": summary, "fsle": self.finite_size,
+        }  # fmt: skip
+        if self.law is not None:
+            found["sqrt_law"] = self.law.table.assign(
+                exponent=self.law.exponent, exponent_low=self.law.low, exponent_high=self.law.high
+            )
+        if self.sweep is not None:
+            ofs = self.sweep["of"].unique()
+            found["sweep"] = self.sweep
+            found["crossings"] = pd.concat([crossings(self.sweep, self.field, of) for of in ofs], ignore_index=True)
+        if self.view is not None:
+            found["bifurcation"] = self.view.table
+        return found
+
+    def figures(self) -> dict[str, Figure]:
+        """Figures by name."""
+        found = {
+            "section": figures.section_figure(self.sections), "spectra": figures.spectrum_figure(self.spectra),
+            "finite_size": figures.finite_size_figure(self.finite_size, self.orbit, self.drift),
+        }  # fmt: skip
+        if self.law is not None:
+            found["sqrt_law"] = figures.sqrt_law_figure(self.law)
+        if self.sweep is not None:
+            claimed = CLAIMED if self.field == "alpha" else None
+            found["sweep"] = figures.sweep_figure(self.sweep, self.field, claimed)
+        if self.view is not None:
+            found["bifurcation"] = figures.bifurcation_figure(self.view, self.sweep)
+        return found
+
+
+def study(
+    scene: Scene, *, at: Sequence[float] = (), field: str = "alpha", noise: Callable[[Scene], Scene] | None = None,
+    points: int = 1_000_000, impacts: int = 200_000, events: int = 4000, width: float = WIDTH, seed: int = 0,
+    workers: int = 2,
+) -> ChaosStudy:  # fmt: skip
+    """Measure the chaos of a scene: exponents, sections, spectra, how two paths part, and a sweep over a field.
+
+    Parameters
+    ----------
+    scene : Scene
+        With noise.
+    at : sequence of float
+        Values of the field; none for no sweep.
+    field : str
+        One of `rattle.compare.chaos.sweep.FIELDS`.
+    noise : callable, optional
+        Gives each scene of the sweep its noise; the scene's own by default.
+    points : int
+        Of each section.
+    impacts : int
+        Of the spectra.
+    events : int
+        Impacts behind the square-root law, and growths behind each finite-size exponent.
+    width : float
+        Widest interval of each largest exponent.
+    seed : int
+    workers : int
+        Threads; the result does not depend on it.
+
+    Returns
+    -------
+    ChaosStudy
+    """
+    orbit = lyapunov(scene, width=width, strict=False)
+    law, missing = None, ""
+    try:
+        law = sqrt_law(scene, impacts=events, seed=seed)
+    except InputError as error:
+        missing = str(error)
+    return ChaosStudy(
+        scene, orbit, drift_exponents(scene, width=width, strict=False, seed=seed), mean_maps(scene, orbit),
+        sections(scene, points=points, seed=seed, workers=workers),
+        spectra(scene, impacts=impacts, seed=seed, workers=workers), law, missing,
+        finite_size(scene, events=events, seed=seed, workers=workers), field,
+        sweep(scene, at, field=field, noise=noise, width=width, seed=seed, workers=workers) if at else None,
+        bifurcation(scene, at, field=field, noise=noise, seed=seed, workers=workers) if at else None,
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""What the installed program must obey: published results, extreme values, stability."""

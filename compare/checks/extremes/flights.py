@@ -1,0 +1,126 @@
+"""Flights, their derivatives and their noise against a higher precision, over all of damping, drag and time."""
+
+import math
+
+import numpy as np
+
+from rattle.closure import section_map
+from rattle.compare.checks.extremes import truth
+from rattle.compare.checks.extremes.row import ROUNDING, Extreme, farthest, spread, worst_of
+from rattle.scene import damping, flight
+from rattle.scene.scene import Constants
+
+__all__ = ["ROWS", "constants"]
+
+BETAS = spread(1e-14, 1e3, 7, 0.0)
+TIMES = spread(1e-12, 1e6, 10)
+POINTS = 120  # of a row, drawn from the grid
+
+
+def constants(**fields: float) -> Constants:
+    """Constants of a scene of two stages, most of them plain."""
+    plain = {"alpha": 1.5, "epsilon": 0.9, "beta1": 0.08, "beta2": 0.13, "gamma1": 0.06, "gamma2": 0.03, "mu": 0.6}
+    return Constants(**({**plain, "wall1": 0.5, "wall2": 0.5, "sigma": 1.0, "stages": 2} | fields))  # type: ignore[arg-type]
+
+
+def _pairs(rng: np.random.Generator) -> tuple[float, float]:
+    """Two dampings: far apart, equal, or as near as two doubles get."""
+    beta = float(rng.choice(BETAS))
+    other = (float(rng.choice(BETAS)), beta, beta * (1.0 + 2.0 ** -float(rng.integers(1, 53))))[rng.integers(3)]
+    return (beta, other) if rng.random() < 0.5 else (other, beta)
+
+
+def _drawn(seed: int) -> list[tuple[Constants, float, float]]:
+    """Scenes with a phase and a time of flight each."""
+    rng = np.random.default_rng(seed)
+    out = []
+    for _ in range(POINTS):
+        beta1, beta2 = _pairs(rng)
+        alpha = float(rng.choice(spread(1e-8, 1e4, 4, 0.0)))
+        gamma1, gamma2 = (float(v) for v in rng.choice(spread(1e-8, 1e6, 4, 0.0), 2))
+        c = constants(alpha=alpha, beta1=beta1, beta2=beta2, gamma1=gamma1, gamma2=gamma2)
+        out.append(
+            (c, float(rng.choice([0.0, math.pi, 0.5 * math.pi, rng.uniform(-3.0, 3.0)])), float(rng.choice(TIMES)))
+        )
+    return out
+
+
+def flown() -> Extreme:
+    """Displacements and velocities after a flight."""
+    rng, errors = np.random.default_rng(1), []
+    for c, tau, t in _drawn(0):
+        y1, y2 = (float(rng.choice([-1.0, 1.0]) * v) for v in rng.choice(spread(1e-12, 1e4, 5, 0.0), 2))
+        values, sizes = truth.flight(c, tau, y1, y2, t)
+        errors.append(farthest(flight.displacement(c, tau, y1, y2, t), values, sizes))
+    return Extreme(
+        "flight", "alpha, beta, gamma", "t 1e-12 to 1e6, beta 0 to 1e3, alpha 0 to 1e4, gamma 0 to 1e6",
+        "MODEL 2 in 400 digits", worst_of(errors), ROUNDING, "the sum of its terms",
+    )  # fmt: skip
+
+
+def damped() -> Extreme:
+    """``E`` and ``(t - E) / beta``."""
+    errors = []
+    for beta in BETAS:
+        for t in TIMES:
+            values, _ = truth.flight(constants(alpha=0.0, beta1=beta, gamma1=1.0), 0.0, 0.0, 0.0, t)
+            (_, e, _, _), *_ = truth.jacobian(constants(beta1=beta), t)
+            errors += [
+                farthest(damping.turned(beta, t), e, e),
+                farthest(damping.dragged(beta, t), values[0], values[0]),
+            ]
+    return Extreme(
+        "speed and drag turned into travel", "beta", "beta 0, 1e-14 to 1e3; t 1e-12 to 1e6", "MODEL 2 in 400 digits",
+        worst_of(errors), ROUNDING, "its value",
+    )  # fmt: skip
+
+
+def carried() -> Extreme:
+    """Every entry of the Jacobian, however small."""
+    errors = []
+    for c, _, t in _drawn(2):
+        exact = np.array(truth.jacobian(c, t))
+        errors.append(
+            farthest(
+                flight.jacobian(c, t), exact, np.maximum(np.abs(exact) * (1.0 + max(c.beta1, c.beta2) * t), 1e-300)
+            )
+        )
+    return Extreme(
+        "Jacobian of a flight", "beta1 = beta2", "beta 0 to 1e3, apart by 0, by 1e-16 of it and more",
+        "MODEL 2 in 400 digits", worst_of(errors), ROUNDING, "each entry, (1 + beta t)",
+    )  # fmt: skip
+
+
+def shaken() -> Extreme:
+    """Covariance of a flight's noise."""
+    errors = []
+    for c, tau, t in _drawn(3):
+        unit = np.array(truth.noise(c, tau, t))
+        for sigma in (1e-8, 1e4):
+            exact = sigma * sigma * unit
+            sd = np.sqrt(exact.diagonal())
+            found = flight.noise_covariance(c._replace(sigma=sigma), tau, t)
+            errors.append(farthest(found, exact, np.maximum(np.outer(sd, sd), 1e-300)))
+    return Extreme(
+        "noise of a flight", "sigma, beta", "t 1e-12 to 1e6, beta 0 to 1e3, nearly equal too; sigma 1e-8 and 1e4",
+        "sums of exponentials in 400 digits", worst_of(errors), 1e-13, "sd times sd",
+    )  # fmt: skip
+
+
+def shifted() -> Extreme:
+    """Derivative of that covariance with respect to the start."""
+    errors = []
+    for c, tau, t in _drawn(4)[: POINTS // 3]:
+        h = 1e-3
+        ahead, behind = (np.array(truth.noise(c, tau + k * h, t)) for k in (1.0, -1.0))
+        exact = (ahead - behind) / math.sin(2.0 * h)  # of A + B cos 2 tau + C sin 2 tau, exactly
+        most = np.sqrt(np.maximum(ahead.diagonal(), np.array(truth.noise(c, tau + 0.5 * math.pi, t)).diagonal()))
+        found = section_map.noise_slope(c, tau, t)
+        errors.append(farthest(found, exact, np.maximum(np.outer(most, most), 1e-300)))
+    return Extreme(
+        "how that noise changes with the phase", "sigma, beta", "as above", "the same truth at two phases",
+        worst_of(errors), 1e-11, "largest sd times sd",
+    )  # fmt: skip
+
+
+ROWS = (damped, flown, carried, shaken, shifted)

@@ -1,0 +1,43 @@
+"""All rows, one after the other, and the table that they make."""
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
+
+from rattle.compare.checks.extremes import flights, impacts, rests, runs, sampling, scaling, steps, windows
+from rattle.compare.checks.extremes.row import Extreme
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["ROWS", "extremes", "table"]
+
+ROWS: dict[str, Callable[[], Extreme]] = {
+    row.__name__: row
+    for part in (flights, impacts, rests, windows, steps, sampling, scaling, runs)
+    for row in part.ROWS
+}
+"""Every row by the name of its function."""
+
+
+def extremes() -> tuple[Extreme, ...]:
+    """Try everything at its extremes; a minute.
+
+    Examples
+    --------
+    >>> all(row.holds for row in extremes())  # doctest: +SKIP
+    True
+    """
+    return tuple(row() for row in ROWS.values())
+
+
+def table(rows: Iterable[Extreme]) -> "pd.DataFrame":
+    """A row for each: what was tried, over which range, against which truth, the worst error, whether it is allowed.
+
+    Examples
+    --------
+    >>> table([Extreme("E", "beta", "0 to 1e3", "mpmath", 2e-16, 4e-15, "its value")])["holds"].tolist()
+    [True]
+    """
+    import pandas as pd
+
+    return pd.DataFrame([row._asdict() | {"holds": row.holds} for row in rows])

@@ -1,0 +1,149 @@
+"""Samplers at their extremes: published laws of a shaken particle, meshes pressed shut, gaps that nearly close."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from rattle import closure, montecarlo
+from rattle.compare.checks.extremes.row import Extreme, farthest, worst_of
+from rattle.compare.checks.laws import returning
+from rattle.compare.checks.laws.exit_time import mean_exit_time
+from rattle.montecarlo import SCHEMES
+from rattle.montecarlo.kernel.kernel import PLAIN
+from rattle.scene import DAT21, Scene, Start, Tolerance
+
+__all__ = ["ROWS"]
+
+PATHS = 3_000
+Z = 4.5
+"""Standard errors allowed to the worst of a row: 40 checks of a correct program exceed it with a chance of 3e-4."""
+
+DRIFT = math.pi / math.sqrt(3.0)  # E ln of the speed ratio between two returns (Cornell, Swift and Bray 1998)
+SHAKEN = ((1e-3, 1e-8), (1e-3, 1e-6), (1.0, 1e-3), (1e4, 1e-8), (1e4, 1e-3), (1e4, 10.0))  # sigma, half gap
+LEFT = 2e-3  # of an exit time: by a step of a thousandth of it, and by the noise's modulation
+
+
+def left() -> Extreme:
+    """Mean exit times of a shaken particle from the middle of a gap, and from a tenth of it."""
+    worst = []
+    for n, (sigma, half) in enumerate(SHAKEN):
+        for share in (0.1, 0.5):
+            truth = mean_exit_time(2.0 * half * share, 2.0 * half, sigma)
+            start = Start(-0.5 * math.pi, half * (2.0 * share - 1.0), 0.0)
+            scene = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, gap1=half, sigma=sigma, start=start, stages=1)
+            for scheme, step in (("euler-maruyama-located", 1e-3), ("exact-flight", 0.3)):
+                dt = min(step * truth, montecarlo.largest_step(scene, scheme)[0])
+                run = montecarlo.simulate(
+                    scene, paths=4096, impacts=1, dt=dt, horizon=40.0 * truth, scheme=scheme, rng=n
+                )
+                mean, se = (float(run.columns[name][0]) for name in ("flight", "se_flight"))
+                worst.append(max(abs(mean - truth) - LEFT * truth, 0.0) / se if run.unfinished == 0 else math.inf)
+    return Extreme(
+        "mean exit time from a gap", "sigma, gap", "sigma 1e-3 to 1e4, half gap 1e-8 to 10; two schemes",
+        "Masoliver & Porra 1995", worst_of(worst), Z, "z",
+    )  # fmt: skip
+
+
+def collapsed() -> Extreme:
+    """Drift of ln speed per bounce, on both sides of the restitution below which a shaken particle collapses."""
+    worst = []
+    for n, epsilon in enumerate((1e-9, 0.1, math.exp(-DRIFT), 1.0)):
+        whole = returning.log_speeds(epsilon, PATHS, 6, n)[:, -1] / 6.0
+        worst.append(abs(float(whole.mean()) - math.log(epsilon) - DRIFT) / (float(whole.std()) / math.sqrt(PATHS)))
+    return Extreme(
+        "drift of ln speed per bounce", "epsilon", "1e-9 to 1, the collapse below 0.163 too",
+        "Cornell, Swift & Bray 1998", worst_of(worst), Z, "z",
+    )  # fmt: skip
+
+
+def kept() -> Extreme:
+    """Paths that collapse onto a wall, or stick to it, stay between the walls to the end."""
+    errors = []
+    for epsilon in (0.0, 0.05, 0.163, 1.0):
+        for sigma in (1e-3, 1.0, 1e3):
+            scene = Scene.from_gears(replace(DAT21, epsilon=epsilon), sigma=sigma)
+            for scheme in SCHEMES:
+                dt = min(5e-3, 0.1 / (2.0 + sigma))
+                clock = dt * np.array([64.0, 128.0, 256.0])
+                run = montecarlo.simulate(
+                    scene, paths=32, impacts=4, dt=dt, horizon=256.0 * dt, scheme=scheme, clock=clock, keep_paths=True
+                )
+                means = run.clock()[["x1", "x2"]].abs().to_numpy()
+                assert run.raw is not None
+                struck = np.nan_to_num(np.abs(run.raw[:, :, [2, 4]]))
+                over = max(float(means.max()), float(struck.max())) - 0.5
+                plain = SCHEMES[scheme].code == PLAIN  # it looks for walls at the ends of its steps
+                unit = 0.5 + (10.0 + 5.0 * sigma * math.sqrt(dt)) * dt * 1e9 * plain
+                errors.append(max(over, 0.0) / unit if len(means) == len(clock) else math.inf)
+    return Extreme(
+        "paths that stick or collapse", "epsilon, sigma", "epsilon 0, 0.05, 0.163, 1; sigma 1e-3 to 1e3; every scheme",
+        "they end, between the walls", worst_of(errors), 1e-9, "half gap, or plain step",
+    )  # fmt: skip
+
+
+def pressed() -> Extreme:
+    """Drag that presses a mesh shut: the bouncing ball's sum says when; then a path lies still at its wall."""
+    errors = []
+    for gap in (1e-8, 0.5, 1e4):
+        for pull in (p for p in (1.0, 1e2, 1e4) if p * gap <= 1e6):  # of the drag, in gaps per unit of time squared
+            drag, epsilon = pull * gap, 0.5
+            fall = math.sqrt(4.0 / pull)  # time to fall through the whole gap from rest
+            rest = fall * (1.0 + 2.0 * epsilon / (1.0 - epsilon))
+            start = Start(0.0, -gap, math.ulp(0.0) + 1e-12 * gap / fall)
+            scene = Scene(alpha=0.0, epsilon=epsilon, beta1=0.0, gamma1=drag, gap1=gap, start=start, stages=1)
+            for scheme in SCHEMES:
+                dt = min(fall / 256.0, 0.05)
+                run = montecarlo.simulate(
+                    scene, paths=1, impacts=10_000, dt=dt, horizon=2.5 * rest, scheme=scheme, clock=[2.0 * rest]
+                )
+                row = run.clock().iloc[0]
+                bounce = 2.0 * drag * dt  # of the plain scheme, which meets a wall at the end of its step
+                errors.append(farthest(row["x1"], gap, gap + drag * dt * dt))
+                errors.append(max(abs(float(row["y1"])) / bounce - 1.0, 0.0))
+            orbit = closure.follow(scene, 2000)
+            said = "rest" in orbit.stopped or bool((np.diff(orbit.tau) > 0.0).all())
+            errors.append(0.0 if said else math.inf)
+            for reading in ("mended", "saltation"):
+                m = closure.mean_map(scene.with_sigma(1e-3 * gap), impacts=200, reading=reading)
+                errors.append(0.0 if m.stopped or m.trace.found == 200 else math.inf)
+    return Extreme(
+        "a mesh pressed shut", "gamma", "drags of 1 to 1e4 gaps, gaps 1e-8 to 1e4; every scheme; closures say why",
+        "it lies at its wall after the bouncing ball's sum", worst_of(errors), 0.02,
+        "half gap, or step's fall",
+    )  # fmt: skip
+
+
+def nearly_closed() -> Extreme:
+    """Tolerances as large as the gap: fixed, the scene of a wider gap; drawn, walls that no path is beyond."""
+    errors = []
+    for gap in (1e-8, 0.5, 1e4):
+        plain = Scene.from_gears(DAT21, sigma=0.1).scaled(2.0 * gap)
+        most = gap * (1.0 - 2.0**-40)
+        fixed = replace(plain, tolerance=Tolerance(most, most, law="fixed"))
+        start = replace(plain.start, x1=gap + most, x2=gap + most)
+        wide = replace(plain, gap1=gap + most, gap2=gap + most, start=start)
+        for reading in ("printed", "mended", "saltation"):
+            a, b = (closure.mean_map(s, impacts=3, reading=reading).section for s in (fixed, wide))
+            errors.append(farthest(a.select_dtypes("number"), b.select_dtypes("number"), gap))
+        for control in (False, True):
+            a, b = (
+                montecarlo.simulate(s, paths=32, impacts=3, scheme="exact-flight", rng=1, control=control).section
+                for s in (fixed, wide)
+            )
+            errors.append(farthest(a.select_dtypes("number"), b.select_dtypes("number"), gap))
+        for law in ("uniform", "normal"):
+            for draw in ("path", "contact"):
+                loose = replace(plain, tolerance=Tolerance(most, most, law=law, draw=draw), start=Start(0.0, 0.0, gap))
+                run = montecarlo.simulate(
+                    loose, paths=64, impacts=4, scheme="exact-flight", rng=2, keep_paths=True, horizon=20.0
+                )
+                assert run.raw is not None
+                errors.append(max(float(np.nan_to_num(np.abs(run.raw[:, :, [2, 4]])).max()) / (gap + most) - 1.0, 0.0))
+    return Extreme(
+        "tolerances as large as the gap", "c_max", "c_max within 1e-12 of gaps of 1e-8, 0.5, 1e4; every law",
+        "a wider gap; no path beyond it", worst_of(errors), 0.0, "a half gap",
+    )  # fmt: skip
+
+
+ROWS = (left, collapsed, kept, pressed, nearly_closed)

@@ -1,0 +1,154 @@
+"""The exact laws of clock and unit of length: whole periods change nothing, nor does a factor on all lengths."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pandas as pd
+
+from rattle import closure, montecarlo
+from rattle.closure import READINGS, long_orbit
+from rattle.compare.checks.extremes import truth
+from rattle.compare.checks.extremes.row import ROUNDING, Extreme, farthest, worst_of
+from rattle.compare.validation import validate as validation
+from rattle.montecarlo import SCHEMES
+from rattle.montecarlo.coupling import long_path
+from rattle.scene import DAT21, Scene, Start, Tolerance
+
+__all__ = ["ROWS"]
+
+IMPACTS, PATHS = 3, 64
+POWERS = (-26, -13, 14)  # of two, times the gaps of DAT21: half gaps of 7e-9, 6e-5 and 8e3
+STARTS = (1e4, 1e8, 1e12, -1e12)
+SIGMAS = (0.0, 1e-30, 1e-8, 1e4)
+LENGTHS = ("x1", "y1", "x2", "y2")
+
+
+def _scene(tau: float = 0.0) -> Scene:
+    start = Start(tau, 0.5, 2.0, 0.5, 2.0, mesh=1)
+    return Scene.from_gears(DAT21, sigma=0.1, start=start)
+
+
+def _sections(scene: Scene) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Section tables of every reading and every scheme, the times counted from the phase."""
+    for reading in READINGS:
+        yield reading, closure.mean_map(scene, impacts=IMPACTS, reading=reading).near.section
+    for scheme in SCHEMES:
+        yield scheme, montecarlo.simulate(scene, paths=PATHS, impacts=IMPACTS, scheme=scheme, rng=3).near.section
+    loose = Tolerance(scene.gap1 / 64.0, scene.gap2 / 64.0, draw="contact")
+    noisy = replace(scene, tolerance=loose)
+    yield "saltation, loose", closure.mean_map(noisy, impacts=IMPACTS, reading="saltation").near.section
+    yield (
+        "exact-flight, loose",
+        montecarlo.simulate(noisy, paths=PATHS, impacts=IMPACTS, scheme="exact-flight", rng=3).near.section,
+    )
+
+
+def _stretches(scene: Scene) -> Iterator[np.ndarray]:
+    """Phases, and states before impacts, of the engines of chaos."""
+    orbit = long_orbit.LongOrbit(scene).stretch(50)
+    path, _ = long_path.LongPath(scene, seed=3).stretch(500)
+    for s in (orbit, path):
+        yield np.column_stack([s.phase, s.flight, s.growth, s.before])
+
+
+def _verdicts(scene: Scene) -> np.ndarray:
+    """What is said of every moment of every reading."""
+    found = validation.validate(scene, impacts=2, paths=1024, rng=1, scheme="exact-flight")
+    return found.table["verdict"].to_numpy(str)
+
+
+def _factors(table: pd.DataFrame, factor: float) -> np.ndarray:
+    """By which a change of the unit of length multiplies each column."""
+    plain = [str(name).removeprefix("se_").removeprefix("sd_") in LENGTHS for name in table]
+    return np.where(plain, factor, 1.0)
+
+
+def unit_of_length() -> Extreme:
+    """All lengths over a power of time times a power of two: every table is, bit for bit, its own multiple."""
+    errors = []
+    tables, stretches, verdicts = dict(_sections(_scene())), list(_stretches(_scene())), _verdicts(_scene())
+    for power in POWERS:
+        factor = 2.0**power
+        scene = _scene().scaled(factor)
+        for name, table in _sections(scene):
+            numbers = tables[name].select_dtypes("number")
+            exact = numbers.to_numpy(float) * _factors(numbers, factor)
+            errors.append(farthest(table.select_dtypes("number"), exact, np.maximum(np.abs(exact), 1e-300)))
+        errors.append(float((_verdicts(scene) != verdicts).sum()))
+        for rows, exact in zip(_stretches(scene), stretches, strict=True):
+            wide = exact * np.repeat([1.0, factor], [6, 4])
+            errors.append(farthest(rows, wide, np.maximum(np.abs(wide), 1e-300)))
+    return Extreme(
+        "unit of length", "all lengths",
+        "gaps 7e-9 to 8e3: every reading, scheme and verdict, chaos", "exact scaling, bit for bit",
+        worst_of(errors), 0.0, "each number",
+    )  # fmt: skip
+
+
+def whole_periods() -> Extreme:
+    """A start so late that its time has lost the digits of a flight, against the same phase near 0."""
+    errors = []
+    for tau in STARTS:
+        late, near = _scene(tau), _scene(truth.phase(tau))
+        for (_, a), (_, b) in zip(_sections(late), _sections(near), strict=True):
+            exact = b.select_dtypes("number").to_numpy(float)
+            errors.append(farthest(a.select_dtypes("number"), exact, np.maximum(np.abs(exact), 1.0)))
+        for rows, exact in zip(_stretches(late), _stretches(near), strict=True):
+            errors.append(farthest(rows, exact, np.maximum(np.abs(exact), 1.0)))
+    return Extreme(
+        "late start: flights, sds, means", "start.tau", "1e4 to 1e12, and -1e12: every reading, every scheme, chaos",
+        "the same scene at the phase from 400 digits of pi", worst_of(errors), 1e-11, "1, or each number",
+    )  # fmt: skip
+
+
+def proportional() -> Extreme:
+    """Sds of the linear readings are the noise intensity times what they are at 1; none without noise."""
+    errors = []
+    for reading in ("mended", "saltation"):
+        one, *others = (
+            closure.mean_map(_scene().with_sigma(sigma), impacts=6, reading=reading).section.filter(like="sd_")
+            for sigma in (1.0, *SIGMAS)
+        )
+        for sigma, table in zip(SIGMAS, others, strict=True):
+            exact = sigma * one.to_numpy()
+            errors.append(farthest(table, exact, np.maximum(exact, 1e-13 * sigma)))
+    return Extreme(
+        "sds of linear readings", "sigma", "0, 1e-30 to 1e4: mended, saltation", "proportional to sigma",
+        worst_of(errors), 1e-11, "each sd",
+    )  # fmt: skip
+
+
+def phases() -> Extreme:
+    """The phase of a late start."""
+    starts = [s * 10.0**k for k in range(1, 12) for s in (1.0, -1.0, 3.7, 10.0)]
+    found = [Scene.from_gears(DAT21, start=Start(t, 0.5, 2.0, 0.5, 2.0, mesh=1)).phase for t in starts]
+    exact = np.array([truth.phase(t) for t in starts])
+    return Extreme(
+        "phase of a late start", "start.tau", "10 to 1e12, both signs", "400 digits of pi",
+        farthest(found, exact, np.abs(exact)), ROUNDING, "its value",
+    )  # fmt: skip
+
+
+def told() -> Extreme:
+    """Times as they are stated: the start's own added back, rounded once; and verdicts that know nothing of it."""
+    errors = []
+    for tau in STARTS:
+        late = _scene(tau)
+        m = closure.mean_map(late, impacts=IMPACTS)
+        since = m.near.section["tau"].to_numpy() - late.phase
+        exact = [float(Fraction(tau) + Fraction(s)) for s in since]
+        errors.append(farthest(m.section["tau"], exact, np.spacing(abs(tau))))
+        scenes = (late, _scene(truth.phase(tau)))
+        a, b = (validation.validate(s, impacts=2, paths=4096, rng=1, dt=0.01).table for s in scenes)
+        errors.append(float((a["verdict"] != b["verdict"]).sum()))
+        errors.append(farthest(a[["error", "low", "high"]], b[["error", "low", "high"]], 1e-11))
+    return Extreme(
+        "late start: stated times, and verdicts", "start.tau", "1e4 to 1e12, and -1e12",
+        "sums of fractions; the verdicts at the same phase", worst_of(errors), 0.5,
+        "last place; verdicts",
+    )  # fmt: skip
+
+
+ROWS = (unit_of_length, proportional, phases, whole_periods, told)

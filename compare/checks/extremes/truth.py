@@ -1,0 +1,210 @@
+"""Truths in a higher precision, from the formulas of docs/model.md sections 2, 3 and 6 as they stand there; needs
+mpmath.
+
+A flight is written as a sum of exponentials, divisions by beta and all: with `DIGITS` digits nothing cancels that
+matters, and beta = 0 is the value 1e-30.  No function of `rattle.scene.flight` is used.
+"""
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar
+
+import mpmath as mp
+
+from rattle.scene.scene import Constants
+
+__all__ = ["flight", "in_digits", "jacobian", "noise", "normal_integrals", "phase", "saltation", "unit_noise"]
+
+P = ParamSpec("P")
+R = TypeVar("R")
+Sum = dict[tuple[int, int, int], Any]
+"""``sum c exp((-n beta_1 - m beta_2 + i k) t)`` by ``(n, m, k)``."""
+
+DIGITS = 400
+NIL = "1e-30"
+
+
+def in_digits(function: Callable[P, R]) -> Callable[P, R]:
+    """With `DIGITS` digits."""
+
+    @wraps(function)
+    def precise(*args: P.args, **kwargs: P.kwargs) -> R:
+        with mp.workdps(DIGITS):
+            return function(*args, **kwargs)
+
+    return precise
+
+
+def _betas(c: Constants) -> tuple[Any, Any]:
+    return mp.mpf(c.beta1 or NIL), mp.mpf(c.beta2 or NIL)
+
+
+def _turned(beta: Any, t: Any) -> Any:
+    return -mp.expm1(-beta * t) / beta
+
+
+@in_digits
+def flight(c: Constants, tau: float, y1: float, y2: float, t: float) -> tuple[list[float], list[float]]:
+    """What a flight adds to x1, x2 and makes of y1, y2 (in the order x1, y1, x2, y2), and the size of the terms."""
+    b1, b2 = _betas(c)
+    a, g1, g2, tau, t = (mp.mpf(v) for v in (c.alpha, c.gamma1, c.gamma2, tau, t))
+    u1 = a * mp.cos(tau) - y1
+    u2 = u1 + y2
+    e1, e2, d1, d2 = _turned(b1, t), _turned(b2, t), mp.exp(-b1 * t), mp.exp(-b2 * t)
+    drag1, drag2 = (t - e1) / b1, (t - e2) / b2
+    s1, s2 = u1 * e1 - g1 * drag1, u2 * e2 - g2 * drag2
+    v1, v2 = u1 * d1 - g1 * e1, u2 * d2 - g2 * e2
+    driven = mp.sin(tau + t) - mp.sin(tau)
+    values = a * driven - s1, a * mp.cos(tau + t) - v1, s2 - s1, v2 - v1
+    sine, cosine, most = abs(mp.sin(tau)), abs(mp.cos(tau)), abs(a * mp.cos(tau)) + abs(y1)
+    sizes = (
+        abs(y1) * e1 + g1 * drag1 + a * (cosine * abs(mp.sin(t) - e1) + sine * (1 - mp.cos(t))),
+        abs(y1) * d1 + g1 * e1 + a * (cosine * (b1 * e1 + (1 - mp.cos(t))) + sine * abs(mp.sin(t))),
+        abs(y2) * e2 + most * abs(e1 - e2) + g1 * drag1 + g2 * drag2,
+        abs(y2) * d2 + most * abs(d1 - d2) + g1 * e1 + g2 * e2,
+    )
+    return [float(v) for v in values], [float(v) for v in sizes]
+
+
+@in_digits
+def jacobian(c: Constants, t: float) -> list[list[float]]:
+    """``exp(A t)``."""
+    b1, b2 = _betas(c)
+    time = mp.mpf(t)
+    e1, e2, d1, d2 = _turned(b1, time), _turned(b2, time), mp.exp(-b1 * time), mp.exp(-b2 * time)
+    rows = [[1, e1, 0, 0], [0, d1, 0, 0], [0, e1 - e2, 1, e2], [0, d1 - d2, 0, d2]]
+    return [[float(v) for v in row] for row in rows]
+
+
+def _product(*factors: Sum) -> Sum:
+    out: Sum = {(0, 0, 0): mp.mpc(1)}
+    for factor in factors:
+        new: Sum = {}
+        for (n, m, k), a in out.items():
+            for (p, q, r), b in factor.items():
+                new[n + p, m + q, k + r] = new.get((n + p, m + q, k + r), 0) + a * b
+        out = new
+    return out
+
+
+def _total(*terms: Sum) -> Sum:
+    out: Sum = {}
+    for term in terms:
+        for key, value in term.items():
+            out[key] = out.get(key, 0) + value
+    return out
+
+
+def _responses(c: Constants, end: Any) -> list[Sum]:
+    """What unit noise does to ``(x1, y1, x2, y2)`` a lag before the phase `end`, as sums of exponentials of the lag."""
+    b1, b2 = _betas(c)
+    one, back = mp.expj(end) / 2, mp.expj(-end) / 2
+    cosine: Sum = {(0, 0, -1): one, (0, 0, 1): back}
+    sine: Sum = {(0, 0, -1): -1j * one, (0, 0, 1): 1j * back}
+    m1 = _total({k: -v for k, v in sine.items()}, {k: b1 * v for k, v in cosine.items()})
+    m2 = {k: (b1 - b2) * v for k, v in cosine.items()}
+    d1: Sum = {(1, 0, 0): mp.mpc(1)}
+    d2: Sum = {(0, 1, 0): mp.mpc(1)}
+    e1: Sum = {(0, 0, 0): 1 / b1, (1, 0, 0): -1 / b1}
+    e2: Sum = {(0, 0, 0): 1 / b2, (0, 1, 0): -1 / b2}
+    less = [_total(a, {k: -v for k, v in b.items()}) for a, b in ((e1, e2), (d1, d2))]
+    return [
+        _product(e1, m1), _product(d1, m1), _total(_product(less[0], m1), _product(e2, m2)),
+        _total(_product(less[1], m1), _product(d2, m2)),
+    ]  # fmt: skip
+
+
+@in_digits
+def unit_noise(c: Constants, end: float, lag: float) -> list[float]:
+    """What unit noise `lag` before the phase `end` has done to ``(x1, y1, x2, y2)``."""
+    b1, b2 = _betas(c)
+    time = mp.mpf(lag)
+    return [
+        float(mp.re(sum(v * mp.exp((-n * b1 - m * b2 + 1j * k) * time) for (n, m, k), v in g.items())))
+        for g in _responses(c, mp.mpf(end))
+    ]
+
+
+@in_digits
+def noise(c: Constants, tau: float, t: float) -> list[list[float]]:
+    """Covariance that the noise adds in a flight of time t from tau."""
+    b1, b2 = _betas(c)
+    time = mp.mpf(t)
+    g = _responses(c, mp.mpf(tau) + time)
+    integral: dict[tuple[int, int, int], Any] = {}
+
+    def over(key: tuple[int, int, int]) -> Any:
+        if key not in integral:
+            rate = -key[0] * b1 - key[1] * b2 + 1j * key[2]
+            integral[key] = mp.expm1(rate * time) / rate if rate != 0 else time
+        return integral[key]
+
+    square = mp.mpf(c.sigma) ** 2
+    return [
+        [float(mp.re(square * sum(v * over(k) for k, v in _product(g[i], g[j]).items()))) for j in range(4)]
+        for i in range(4)
+    ]
+
+
+@in_digits
+def saltation(c: Constants, mesh: int, tau: float, y1: float, y2: float) -> tuple[list[list[float]], list[list[float]]]:
+    """``R + (F+ - R F-) g' / (g' F-)`` of docs/model.md section 6, and the size of the terms of each entry."""
+    a, eps, mu = mp.mpf(c.alpha), mp.mpf(c.epsilon), mp.mpf(c.mu)
+    law = mp.eye(4)
+    if mesh == 1:
+        law[1, 1], law[3, 1] = -eps, -(1 + eps)
+    else:
+        law[1, 3], law[3, 3] = -(1 + eps) * mu, -eps
+
+    def rate(s: Any) -> tuple[Any, Any]:
+        u1 = a * mp.cos(tau) - s[1]
+        u2 = u1 + s[3]
+        pulls = c.beta1 * u1 + mp.mpf(c.gamma1), c.beta2 * u2 + mp.mpf(c.gamma2)
+        most = abs(a * mp.cos(tau)) + abs(s[1])
+        size = c.beta1 * most + c.gamma1, c.beta2 * (most + abs(s[3])) + c.gamma2
+        value = mp.matrix([s[1], -a * mp.sin(tau) + pulls[0], s[3], pulls[0] - pulls[1]])
+        return value, mp.matrix([abs(s[1]), abs(a * mp.sin(tau)) + size[0], abs(s[3]), size[0] + size[1]])
+
+    before = mp.matrix([0, mp.mpf(y1), 0, mp.mpf(y2)])
+    (f, f_size), (h, h_size) = rate(before), rate(law * before)
+    absolute = law.apply(abs)
+    j = 2 * (mesh - 1)
+    jump, size = (h - law * f) / f[j], (h_size + absolute * f_size) / abs(f[j])
+    for i in range(4):
+        law[i, j] += jump[i]
+        absolute[i, j] += size[i]
+    return [[float(law[i, k]) for k in range(4)] for i in range(4)], [
+        [float(absolute[i, k]) for k in range(4)] for i in range(4)
+    ]
+
+
+@in_digits
+def normal_integrals(low: float, high: float, order: int) -> tuple[list[Any], list[Any]]:
+    """``int z^n phi`` and ``int |z|^n phi`` over a window, n = 0 to `order`, by parts from the error function."""
+
+    def upwards(a: Any, b: Any) -> list[Any]:
+        edges = [mp.exp(-z * z / 2) / mp.sqrt(2 * mp.pi) for z in (a, b)]
+        out = [(mp.erfc(a / mp.sqrt(2)) - mp.erfc(b / mp.sqrt(2))) / 2]
+        for n in range(1, order + 1):
+            out.append(a ** (n - 1) * edges[0] - b ** (n - 1) * edges[1] + ((n - 1) * out[n - 2] if n > 1 else 0))
+        return out
+
+    a, b = mp.mpf(low), mp.mpf(high)
+    if b <= 0:
+        size = upwards(-b, -a)
+        return [(-1) ** n * v for n, v in enumerate(size)], size
+    if a >= 0:
+        size = upwards(a, b)
+        return size, size
+    left, right = upwards(mp.mpf(0), -a), upwards(mp.mpf(0), b)
+    return (
+        [r + (-1) ** n * v for n, (v, r) in enumerate(zip(left, right, strict=True))],
+        [v + r for v, r in zip(left, right, strict=True)],
+    )
+
+
+@in_digits
+def phase(tau: float) -> float:
+    """Phase in [-pi, pi], from 400 digits of pi."""
+    turn = 2 * mp.pi
+    return float(mp.mpf(tau) - turn * mp.nint(mp.mpf(tau) / turn))

@@ -1,0 +1,62 @@
+"""Bounces under a constant pull: a geometric series of flights, and a finite time to rest."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rattle.closure.orbit import follow
+from rattle.compare.checks.laws.law import Check, Measured, Planted
+from rattle.montecarlo import simulate
+from rattle.montecarlo.schemes.exact_flight import CLOSE
+from rattle.scene import Scene, Start
+
+__all__ = ["bouncing_ball"]
+
+Floats = NDArray[np.float64]
+
+GAMMA, EPSILON, SPEED, HALF = 1.0, 0.7, 1.0, 0.5
+IMPACTS = 12  # of the sampler's path
+ROUNDING = 1e-15 + 4e-16 * HALF  # distance at which the orbit takes a wall to be met
+
+
+def _checks(who: str, tau: Floats, close: float, epsilon: float) -> list[Check]:
+    """First flight, its ratios to the next, and the time to rest; impacts are found at `close` to their wall."""
+    flights = np.diff(tau)
+    first = 2.0 * epsilon * SPEED / GAMMA
+    speeds = 0.5 * GAMMA * flights
+    when = 2.0 * close / speeds[-1] / (1.0 - EPSILON)  # of time: each impact by close / speed, at both ends of a flight
+    k = np.arange(flights.size)
+    worst = int(np.argmax(np.abs(flights - first * epsilon**k)))
+    rest = float(tau[-1] - tau[0] + flights[-1] * epsilon / (1.0 - epsilon))
+    return [
+        Check(f"flight {worst + 1} of {flights.size}, {who}", float(flights[worst]), first * epsilon**worst, 0.0, when),
+        Check(f"time to rest, {who}", rest, first / (1.0 - epsilon), 0.0, when),
+    ]
+
+
+def bouncing_ball(seed: int = 0, workers: int = 2) -> Measured:
+    """Flights and time to rest of one stage that constant drag pulls to a wall, by the orbit and by the sampler.
+
+    With ``alpha = beta = sigma = 0`` Eq. 3 is ``y' = gamma``: an impact at speed v is followed by a flight of
+    ``2 epsilon v / gamma`` and an impact at ``epsilon v``, so that all flights add up to ``t1 / (1 - epsilon)``.
+
+    Examples
+    --------
+    >>> [check.holds(4.5) for check in bouncing_ball().checks]
+    [True, True, True, True]
+    """
+    start = Start(0.0, HALF, SPEED, mesh=1)
+    scene = Scene(alpha=0.0, epsilon=EPSILON, beta1=0.0, gamma1=GAMMA, gap1=HALF, start=start, stages=1)
+    orbit = follow(scene, 40)
+    run = simulate(scene, paths=1, impacts=IMPACTS, scheme="exact-flight", keep_paths=True)
+    assert run.raw is not None
+    sides = {"orbit": (orbit.tau, ROUNDING), "exact-flight": (np.append(0.0, run.raw[0, :, 0]), CLOSE * HALF)}
+
+    def checks(epsilon: float) -> list[Check]:
+        return [check for who, (tau, close) in sides.items() for check in _checks(who, tau, close, epsilon)]
+
+    return Measured(
+        "bouncing-ball sum", "Luck & Mehta 1993",
+        "under a constant pull flights shrink by epsilon and add up to t1 / (1 - epsilon): the orbit, simulate()",
+        checks(EPSILON),
+        [Planted("epsilon 1 % larger", checks(1.01 * EPSILON)), Planted("epsilon squared", checks(EPSILON**2))],
+    )  # fmt: skip

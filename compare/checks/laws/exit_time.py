@@ -1,0 +1,69 @@
+"""Mean exit time of a randomly accelerated particle from a gap."""
+
+import math
+
+import numpy as np
+from scipy.special import gamma, hyp2f1
+
+from rattle.compare.checks.laws.law import Check, Measured, Planted
+from rattle.montecarlo import simulate
+from rattle.scene import Scene, Start
+
+__all__ = ["exit_time", "mean_exit_time"]
+
+SIGMA = 1.0
+HALF = 1e-3  # half gap: an exit takes 0.02, in which the modulation of the noise, 1 at tau = -pi/2, falls by 3e-4
+PATHS = 20_000
+SHARES = (0.1, 0.25, 0.5)  # of the gap, at which a path starts
+STRONGER = 1.05  # noise of the planted error
+
+# step, and what it leaves relative to the time: a thousandth of it and the modulation for Euler's schemes, the
+# modulation alone for exact flights
+SCHEMES = {"euler-maruyama": (1e-5, 2e-3), "euler-maruyama-located": (2e-5, 2e-3), "exact-flight": (1e-2, 3e-4)}
+
+
+def mean_exit_time(start: float, gap: float, sigma: float) -> float:
+    """Mean time in which ``x'' = sigma eta`` leaves a gap from rest at distance `start` of one end.
+
+    Masoliver and Porra 1995; docs/model.md section 8.
+
+    Examples
+    --------
+    >>> round(mean_exit_time(0.5, 1.0, 1.0) / mean_exit_time(0.5, 1.0, 8.0), 12)
+    4.0
+    """
+    z = start / gap
+    both = hyp2f1(1.0, -1.0 / 3.0, 7.0 / 6.0, z) + hyp2f1(1.0, -1.0 / 3.0, 7.0 / 6.0, 1.0 - z)
+    scale = (4.0 / 3.0) ** (1.0 / 6.0) / gamma(7.0 / 3.0) * (2.0 * gap**2 / sigma**2) ** (1.0 / 3.0)
+    return float(scale * (z * (1.0 - z)) ** (1.0 / 6.0) * both)
+
+
+def _check(scheme: str, share: float, sigma: float, seed: int, workers: int) -> Check:
+    dt, left = SCHEMES[scheme]
+    start = Start(-0.5 * math.pi, HALF * (2.0 * share - 1.0), 0.0)
+    scene = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, gap1=HALF, sigma=sigma, start=start, stages=1)
+    rng = np.random.SeedSequence([seed, 1])
+    run = simulate(scene, paths=PATHS, impacts=1, dt=dt, rng=rng, horizon=1.0, scheme=scheme, workers=workers)
+    tau, se = float(run.columns["tau"][0]), float(run.columns["se_tau"][0])
+    truth = mean_exit_time(2.0 * HALF * share, 2.0 * HALF, SIGMA)
+    return Check(f"mean exit time from {share:g}, {scheme}", tau - start.tau, truth, se, left * truth)
+
+
+def exit_time(seed: int = 0, workers: int = 2) -> Measured:
+    """Mean exit time from three starts, by all three schemes of `montecarlo.simulate`.
+
+    Examples
+    --------
+    >>> all(check.holds(4.5) for check in exit_time().checks)  # doctest: +SKIP
+    True
+    """
+    return Measured(
+        "mean exit time", "Masoliver & Porra 1995",
+        "x'' = sigma eta leaves a gap after the closed-form mean time: simulate(), all schemes, at the phase where the "
+        "modulation is stationary",
+        [_check(scheme, share, SIGMA, seed, workers) for scheme in SCHEMES for share in SHARES],
+        [
+            Planted(f"{STRONGER - 1.0:.0%} more noise, {scheme}", [_check(scheme, 0.5, STRONGER, seed, workers)])
+            for scheme in SCHEMES
+        ],
+    )  # fmt: skip

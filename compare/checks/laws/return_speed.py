@@ -1,0 +1,91 @@
+"""The speed with which a randomly accelerated particle returns to a wall, and the restitution of its collapse."""
+
+import math
+
+import numpy as np
+from scipy.integrate import quad
+
+from rattle.compare.checks.laws.law import Check, Measured, Planted
+from rattle.compare.checks.laws.returning import Floats, log_speeds
+
+__all__ = ["critical_restitution", "return_speed"]
+
+MEAN = math.pi / math.sqrt(3.0)
+"""E ln rho of the speed ratio, whose density is ``3 / (2 pi) rho^(3/2) / (1 + rho^3)``."""
+
+VARIANCE = 4.0 * math.pi**2 / 9.0
+"""Var ln rho."""
+
+RETURNS = 300_000
+BELOW, ABOVE = 0.12, 0.22  # restitutions on both sides of the critical one, exp(-MEAN) = 0.163
+PATHS, BOUNCES = 20_000, 8
+
+
+def _moments(ln: Floats, mean: float, variance: float, slower: float) -> list[Check]:
+    n, own = ln.size, float(ln.var())
+    fourth = float(((ln - ln.mean()) ** 4).mean())
+    share = float((ln < 0.0).mean())
+    return [
+        Check("E ln rho", float(ln.mean()), mean, math.sqrt(own / n)),
+        Check("Var ln rho", own, variance, math.sqrt((fourth - own**2) / n)),
+        Check("P(rho < 1)", share, slower, math.sqrt(share * (1.0 - share) / n)),
+    ]
+
+
+def return_speed(seed: int = 0, workers: int = 2) -> Measured:
+    """Mean and variance of ln rho, and the share of slower returns, over `RETURNS` flights that leave at speed 1.
+
+    Examples
+    --------
+    >>> all(check.holds(4.5) for check in return_speed().checks)  # doctest: +SKIP
+    True
+    """
+    ln = log_speeds(1.0, RETURNS, 1, seed)[:, 0]
+    slower = quad(lambda r: 1.5 / math.pi * r**1.5 / (1.0 + r**3), 0.0, 1.0)[0]
+    return Measured(
+        "return speed", "McKean 1963; Cornell, Swift & Bray 1998",
+        "a randomly accelerated particle that leaves a wall at speed v returns at rho v: steps of "
+        "rattle.montecarlo.coupling.dyadic, rescaled from one to the next, no cut in time",
+        _moments(ln, MEAN, VARIANCE, slower),
+        [
+            Planted("mean 3 % larger", _moments(ln, 1.03 * MEAN, VARIANCE, slower)),
+            Planted("variance 3 % smaller", _moments(ln, MEAN, 0.97 * VARIANCE, slower)),
+            Planted("an impact that keeps 97 %", _moments(ln + math.log(0.97), MEAN, VARIANCE, slower)),
+        ],
+    )  # fmt: skip
+
+
+def _drift(epsilon: float, seed: int) -> tuple[float, float]:
+    """Mean change of ln speed per bounce, and its standard error."""
+    whole = log_speeds(epsilon, PATHS, BOUNCES, seed)[:, -1] / BOUNCES
+    return float(whole.mean()), float(whole.std()) / math.sqrt(PATHS)
+
+
+def critical_restitution(seed: int = 0, workers: int = 2) -> Measured:
+    """Drift of ln speed per bounce on both sides of the critical restitution, and where it changes its sign.
+
+    Examples
+    --------
+    >>> all(check.holds(4.5) for check in critical_restitution().checks)  # doctest: +SKIP
+    True
+    """
+    (d0, s0), (d1, s1) = _drift(BELOW, seed), _drift(ABOVE, seed + 1)
+    span = math.log(ABOVE / BELOW)
+    share = -d0 / (d1 - d0)  # of the way from BELOW to ABOVE at which the drift is zero
+    zero = BELOW * math.exp(span * share)
+    se = zero * span / (d1 - d0) * float(np.hypot((1.0 - share) * s0, share * s1))
+
+    def checks(power: float, mean: float) -> list[Check]:
+        return [
+            Check(f"drift per bounce at epsilon {BELOW:g}", d0, power * math.log(BELOW) + mean, s0),
+            Check(f"drift per bounce at epsilon {ABOVE:g}", d1, power * math.log(ABOVE) + mean, s1),
+            Check("critical restitution", zero if d0 < 0.0 < d1 else math.nan, math.exp(-mean / power), se),
+        ]
+
+    return Measured(
+        "critical restitution", "Cornell, Swift & Bray 1998",
+        "ln speed drifts by ln epsilon + pi / sqrt(3) per bounce: collapse below exp(-pi / sqrt(3)) = 0.163; the same "
+        "flights, joined by the contact law",
+        checks(1.0, MEAN),
+        [Planted("mean 3 % larger", checks(1.0, 1.03 * MEAN)), Planted("epsilon squared", checks(2.0, MEAN))],
+    )  # fmt: skip

@@ -1,0 +1,99 @@
+"""What a cell of the map is held against: exact flights at a fine step, or the orbit itself where nothing is random."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rattle.compare.validation.verdict import at_wall
+from rattle.montecarlo import Ensemble, default_step, simulate
+from rattle.montecarlo.diagnostics import motion_units
+from rattle.scene import Scene
+from rattle.scene.impact import next_impact, struck
+from rattle.scene.moments import SECTION
+
+__all__ = ["IMPACTS", "Reference", "horizon_of", "reference"]
+
+Floats = NDArray[np.float64]
+
+IMPACTS = 4
+FINER = 4.0  # times than the default of exact flights
+MOST_KURTOSIS = 30.0  # excess, beyond which too few paths make an sd
+CROSSINGS = 40.0  # of a half gap at the speed of the start, after which a path is given up
+
+
+class Reference(NamedTuple):
+    """Section moments that a cell should have.
+
+    Attributes
+    ----------
+    columns : mapping
+        Means, sds and their standard errors, as of `Ensemble.columns`.
+    unit : dict
+        Of the errors, see `rattle.montecarlo.diagnostics.motion_units`; NaN where a quantity is not judged.
+    late : float
+        Share of the paths that had not had all their impacts at the horizon.
+    """
+
+    columns: Mapping[str, NDArray[Any]]
+    unit: dict[str, Floats]
+    late: float
+
+    @property
+    def moments(self) -> int:
+        """How many means and sds are judged."""
+        return 2 * sum(int(np.isfinite(unit).sum()) for unit in self.unit.values())
+
+
+def horizon_of(scene: Scene) -> float:
+    """Time after which paths of the map are given up."""
+    return CROSSINGS * scene.gap1 / abs(scene.start.y1)
+
+
+def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference:
+    """Exact flights at a quarter of their default step, or `rattle.scene.impact.next_impact` where nothing is random.
+
+    Not judged is what `rattle.compare.validation.verdict.RULE` leaves out, and what less than about 3 % of the paths
+    make the sd of: a sample of them says too little.
+
+    Examples
+    --------
+    >>> from rattle.compare.checks.stability.axes import moderate
+    >>> found = reference(moderate(sigma=0.0), paths=1, seed=0, workers=1)
+    >>> found.columns["tau"].round(3).tolist()
+    [1.338, 1.918, 1.954, 1.964]
+    """
+    if scene.sigma == 0.0:
+        columns: Mapping[str, NDArray[Any]] = _orbit(scene)
+        late = 0.0
+    else:
+        run: Ensemble = simulate(
+            scene, paths=paths, impacts=IMPACTS, scheme="exact-flight", horizon=horizon_of(scene),
+            dt=default_step(scene, "exact-flight") / FINER, rng=seed, workers=workers,
+        )  # fmt: skip
+        columns, late = run.columns, run.unfinished / run.paths
+    unit = motion_units(columns, scene)
+    for q in SECTION:
+        rare = np.nan_to_num(columns["kurt_" + q]) > MOST_KURTOSIS
+        unit[q] = np.where(at_wall(q, columns["mesh"]) | rare | np.isnan(columns[q]), np.nan, unit[q])
+    return Reference(columns, unit, late)
+
+
+def _orbit(scene: Scene) -> dict[str, Floats]:
+    """The noise-free path by root finding, in the columns of an ensemble."""
+    c, tau = scene.constants, scene.start.tau
+    x1, y1, x2, y2 = scene.start_state
+    if scene.start.mesh:
+        y1, y2 = struck(c, scene.start.mesh, y1, y2)
+    rows = np.full((IMPACTS, len(SECTION) + 1), np.nan)
+    for k in range(IMPACTS):
+        t, mesh, _, x1, y1, x2, y2 = next_impact(c, tau, x1, y1, x2, y2, horizon_of(scene))
+        if mesh <= 0:
+            break
+        tau += t
+        rows[k] = tau, t, x1, y1, x2, y2, mesh
+        y1, y2 = struck(c, mesh, y1, y2)
+    columns = {q: rows[:, i] for i, q in enumerate(SECTION)} | {"mesh": rows[:, -1]}
+    nothing = np.zeros(IMPACTS)
+    return columns | {prefix + q: nothing for q in SECTION for prefix in ("sd_", "se_", "se_sd_", "kurt_")}

@@ -1,0 +1,1 @@
+"""The command ``rattle``, a module for each of its commands."""

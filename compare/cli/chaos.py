@@ -1,0 +1,90 @@
+"""The command ``rattle chaos``."""
+
+import math
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import click
+
+from rattle.compare.cli.console import say
+
+__all__ = ["chaos"]
+
+
+@click.command()
+@click.argument("scene", required=False, type=click.Path(path_type=Path))
+@click.option("--sigma", type=float, default=None, help="Noise intensity. [default: the scene's; sqrt(alpha) on DAT21]")
+@click.option("--field", default="alpha", show_default=True, help="Field of the scene that the sweep varies.")
+@click.option("--over", default="0.05:2.5:100", show_default=True, metavar="LOW:HIGH:POINTS", help="Its values.")
+@click.option(
+    "--keep-sigma",
+    is_flag=True,
+    help="Keep the noise along the sweep; else it is the paper's, sqrt(alpha).",
+)
+@click.option("--no-sweep", is_flag=True, help="Leave sweep and bifurcation view out.")
+@click.option("--width", type=float, default=0.01, show_default=True, help="Widest interval of a largest exponent.")
+@click.option("--points", type=int, default=1_000_000, show_default=True, help="Points of each Poincare section.")
+@click.option("--impacts", type=int, default=200_000, show_default=True, help="Impacts of the spectra.")
+@click.option("--events", type=int, default=4000, show_default=True, help="Pairs of paths behind each figure.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the noise.")
+@click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
+@click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder. [default: reports/NAME-chaos]")
+@click.option("--overwrite", is_flag=True, help="Replace earlier results in that folder.")
+def chaos(
+    scene: Path | None,
+    sigma: float | None,
+    field: str,
+    over: str,
+    keep_sigma: bool,
+    no_sweep: bool,
+    width: float,
+    points: int,
+    impacts: int,
+    events: int,
+    seed: int,
+    workers: int,
+    out: Path | None,
+    overwrite: bool,
+) -> None:
+    """Measure the chaos of SCENE (a TOML file; DAT21 if none): Lyapunov exponents, Poincare sections, spectra, a sweep.
+
+    Exit codes: 0 complete; 2 bad input.
+    """
+    from rattle.compare.chaos.measure import study
+    from rattle.compare.chaos.save import CONTENTS, write_chaos
+    from rattle.compare.chaos.sweep import FIELDS, paper_noise, values, with_field
+    from rattle.compare.report import manifest
+    from rattle.compare.report.folder import check_free, default_place, named
+    from rattle.scene import DAT21, Scene
+    from rattle.scene.validate import choice, count, positive
+
+    base = Scene.load(scene) if scene else Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha))
+    base = base if sigma is None else base.with_sigma(sigma)
+    choice("field", field, FIELDS)
+    at = () if no_sweep else values("over", over)
+    for value in at:
+        with_field(base, field, value)
+    positive("width", width)
+    for name, number, least in (("points", points, 100), ("impacts", impacts, 20_000), ("events", events, 128)):
+        count(name, number, least=least)
+    count("workers", workers)
+    name = named(scene) if scene else "DAT21"
+    out = out or default_place(name, "-chaos")
+    check_free(out, CONTENTS, overwrite)
+    settings: dict[str, Any] = {
+        "points": points, "impacts": impacts, "events": events, "width": width, "seed": seed, "field": field,
+    }  # fmt: skip
+    wall = time.perf_counter()
+    noise = None if keep_sigma or field == "sigma" else paper_noise
+    found = study(base, at=at, noise=noise, workers=workers, **settings)
+    record = {
+        "name": name, "scene": base.to_dict(), **settings, "over": list(at), "workers": workers,
+        "noise": "the scene's" if noise is None else "sqrt(alpha)",
+        "command": manifest.command_line(sys.argv[1:]), "commit": manifest.commit(), "versions": manifest.versions(),
+        "wall_seconds": round(time.perf_counter() - wall, 1),
+    }  # fmt: skip
+    for sentence in write_chaos(out, found, record, overwrite):
+        say(sentence)
+    say(f"Folder: {out}")

@@ -1,0 +1,75 @@
+"""The command ``rattle claims``."""
+
+import sys
+import time
+from pathlib import Path
+
+import click
+
+from rattle.compare.cli.console import say
+
+__all__ = ["claims"]
+
+
+@click.command()
+@click.option("--sigma", "sigmas", multiple=True, type=float, help="Noise of a validation; again for more. [0.01, 0.1]")
+@click.option("--over", default="0.05:2.5:100", show_default=True, metavar="LOW:HIGH:POINTS", help="Values of alpha.")
+@click.option("--paths", type=int, default=100_000, show_default=True, help="Paths of each validation.")
+@click.option("--points", type=int, default=1_000_000, show_default=True, help="Points of each Poincare section.")
+@click.option("--impacts", type=int, default=200_000, show_default=True, help="Impacts of the spectra.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed.")
+@click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), default=Path("reports/claims"), show_default=True, help="Folder."
+)
+@click.option("--overwrite", is_flag=True, help="Replace earlier results in that folder.")
+def claims(
+    sigmas: tuple[float, ...],
+    over: str,
+    paths: int,
+    points: int,
+    impacts: int,
+    seed: int,
+    workers: int,
+    out: Path | None,
+    overwrite: bool,
+) -> None:
+    """Judge every testable claim of the paper on its own example, DAT21: test, evidence, verdict.
+
+    Exit codes: 0 complete, whatever the verdicts; 2 bad input.
+    """
+    from rattle.compare.chaos.sweep import values
+    from rattle.compare.claims.evidence import gather
+    from rattle.compare.claims.judged import CLAIMS, judge
+    from rattle.compare.claims.page import CONTENTS, write_claims
+    from rattle.compare.report import manifest
+    from rattle.compare.report.folder import check_free
+    from rattle.scene import DAT21, Scene
+    from rattle.scene.validate import count, positive
+
+    at = values("over", over)
+    levels = sigmas or (0.01, 0.1)
+    for sigma in levels:
+        positive("sigma", sigma)
+    for name, number, least in (("paths", paths, 1000), ("points", points, 100), ("impacts", impacts, 20_000)):
+        count(name, number, least=least)
+    count("workers", workers)
+    out = out or Path("reports/claims")
+    check_free(out, CONTENTS, overwrite)
+    started = time.perf_counter()
+    found = gather(
+        Scene.from_gears(DAT21), sigmas=levels, at=at, paths=paths, seed=seed, workers=workers, points=points,
+        spectrum_impacts=impacts,
+    )  # fmt: skip
+    judged = judge(found)
+    record = {
+        "name": "DAT21", "scene": found.scene.to_dict(), "sigmas": list(levels), "over": list(at), "paths": paths,
+        "points": points, "impacts": impacts, "seed": seed, "workers": workers,
+        "command": manifest.command_line(sys.argv[1:]), "commit": manifest.commit(), "versions": manifest.versions(),
+        "wall_seconds": round(time.perf_counter() - started, 1),
+    }  # fmt: skip
+    for sentence in write_claims(out, judged, [c.__name__ for c in CLAIMS], found.chaos, record, overwrite):
+        say(sentence)
+    for number, claim in enumerate(judged, start=1):
+        say(f"{number:2d}. {claim.name}: {claim.verdict}")
+    say(f"Page: {out / 'claims.html'}")

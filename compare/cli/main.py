@@ -1,0 +1,292 @@
+"""The command ``rattle``."""
+
+from rattle.compare.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_at_once, ends_soon, said
+
+with ends_at_once():
+    import errno
+    import math
+    import resource
+    import sys
+    import time
+    from pathlib import Path
+    from typing import Any
+
+    import click
+
+    from rattle.compare.cli import sampling as sampling_commands
+    from rattle.compare.cli.chaos import chaos
+    from rattle.compare.cli.claims import claims
+    from rattle.compare.cli.console import say, say_json
+    from rattle.compare.cli.extremes import extremes
+    from rattle.compare.cli.selftest import selftest
+    from rattle.compare.cli.show import show
+    from rattle.compare.cli.stability import stability
+    from rattle.compare.cli.study import study
+    from rattle.scene.errors import RattleError
+    from rattle.scene.text import harmless, line
+
+__all__ = ["EXIT_NOT_MET", "EXIT_NOT_REPEATED", "EXIT_ROUNDED", "main"]
+
+EXIT_BAD_INPUT, EXIT_NOT_MET, EXIT_NOT_REPEATED, EXIT_ROUNDED = 2, 3, 4, 5
+PAPER_SIGMAS = (0.01, 0.1, 1.5**0.5)
+"""Noise intensities of the default report on DAT21: two small ones, and the paper's sqrt(alpha)."""
+
+
+STORAGE = {
+    errno.ENOSPC: "make room on that disk", errno.EDQUOT: "make room on that disk", errno.EROFS: "choose another place",
+    errno.EACCES: "choose another place", errno.EPERM: "choose another place", errno.EFBIG: "make room on that disk",
+    errno.ENAMETOOLONG: "choose a shorter name",
+}  # fmt: skip
+"""What helps where the system refuses to write: of files that no module of ours answers for (machine code, say)."""
+
+
+class RattleGroup(click.Group):
+    """Turns the project's own errors into one line on standard error and exit code 2."""
+
+    def main(self, *args: Any, **extra: Any) -> Any:
+        """Run the command line."""
+        with ends_at_once():
+            return super().main(*args, **extra)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run a command."""
+        try:
+            with ends_soon():
+                return super().invoke(ctx)
+        except click.ClickException as error:  # words of the command line are names of files more often than not
+            setattr(error, "message", harmless(error.message))  # noqa: B010  (final by its type)
+            raise
+        except RattleError as error:
+            say(f"rattle: {error}", err=True)
+            ctx.exit(EXIT_BAD_INPUT)
+        except OSError as error:
+            if error.errno not in STORAGE:
+                raise
+            where = line(str(error.filename or "a file"))
+            say(f"rattle: {where}: {error.strerror}; {STORAGE[error.errno]}, and repeat the command", err=True)
+            ctx.exit(EXIT_BAD_INPUT)
+        except KeyboardInterrupt as interrupt:
+            said.set()
+            say(f"rattle: {str(interrupt) or NOTHING_WRITTEN}", err=True)
+            ctx.exit(EXIT_INTERRUPTED)
+
+
+@click.group(cls=RattleGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="rattle")
+def main() -> None:
+    """When can a cheap moment closure of a noisy vibro-impact system be believed?"""
+
+
+@main.command()
+@click.argument("scene", required=False, type=click.Path(path_type=Path))
+@click.option("--sigma", "sigmas", multiple=True, type=float, help="Noise intensity; give it again for more.")
+@click.option("--impacts", type=int, default=12, show_default=True, help="Impacts after the start.")
+@click.option("--paths", type=int, default=256_000, show_default=True, help="Simulated paths.")
+@click.option("--dt", type=float, default=None, help="Step. [default: the scheme's, 0.002 for Euler and Maruyama]")
+@click.option("--scheme", default="euler-maruyama-located", show_default=True, help="Scheme of the simulation.")
+@click.option(
+    "--reading", "readings", multiple=True, help="Reading of the closure; again for more. [default: all that can]"
+)
+@click.option("--order", type=int, default=4, show_default=True, help="Order of the closures' moments, 2 to 6.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the simulation.")
+@click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
+@click.option(
+    "--frontier",
+    default="1e-3:2:12",
+    show_default=True,
+    metavar="LOW:HIGH:POINTS",
+    help="Noise intensities of the figure that opens the report, evenly spaced in their logarithm.",
+)
+@click.option("--frontier-paths", type=int, default=40_000, show_default=True, help="Simulated paths of each of these.")
+@click.option("--no-frontier", is_flag=True, help="Leave that figure out.")
+@click.option("--out", type=click.Path(path_type=Path), default=None, help="Report folder. [default: reports/NAME]")
+@click.option("--overwrite", is_flag=True, help="Replace an earlier report in that folder.")
+@click.option("--repeat", type=click.Path(path_type=Path), help="Repeat the run of a manifest.json.")
+@click.option("--require", type=click.Choice(["accurate"]), help="Exit 3 unless every predicted moment is accurate.")
+@click.option("--json", "as_json", is_flag=True, help="Print the answer as JSON.")
+def validate(
+    scene: Path | None,
+    sigmas: tuple[float, ...],
+    impacts: int,
+    paths: int,
+    dt: float | None,
+    scheme: str,
+    readings: tuple[str, ...],
+    order: int,
+    seed: int,
+    workers: int,
+    frontier: str,
+    frontier_paths: int,
+    no_frontier: bool,
+    out: Path | None,
+    overwrite: bool,
+    repeat: Path | None,
+    require: str | None,
+    as_json: bool,
+) -> None:
+    """Hold closures against a simulation of SCENE (a TOML file; DAT21 if none) and write a report.
+
+    Exit codes: 0 the run is complete, whatever the verdicts; 2 bad input; 3 --require is not met; 4 --repeat differs;
+    5 --repeat is the same but for rounding, as on another kind of processor.
+    """
+    # the scientific stack is loaded after the options are known to be well formed
+    from rattle.closure import readings_for
+    from rattle.compare.report import manifest
+    from rattle.compare.report.folder import check_free, default_place, named
+    from rattle.compare.report.repeat import DIFFERENT, ROUNDED, SAME, compared, tables_beside
+    from rattle.compare.validation.page import CONTENTS, write_report
+    from rattle.compare.validation.sweep import check_sweep, grid, sweep
+    from rattle.compare.validation.validate import validate as hold_against
+    from rattle.montecarlo import SCHEMES, check_settings, default_step
+    from rattle.scene import DAT21, Scene
+    from rattle.scene.validate import choice, count
+
+    recorded, earlier = None, {}
+    if repeat is not None:
+        recorded = manifest.read_settings(repeat)
+        settings, earlier = recorded.settings, tables_beside(repeat, recorded)
+        out = out or default_place(settings.name, "-repeated")
+    else:
+        base = Scene.load(scene) if scene else Scene.from_gears(DAT21)
+        name = named(scene) if scene else "DAT21"
+        biased = SCHEMES[choice("scheme", scheme, SCHEMES)].weak_order is not None
+        wanted = sigmas or ((base.sigma,) if scene else PAPER_SIGMAS)
+        scenes = tuple(base.with_sigma(s) for s in dict.fromkeys(wanted))
+        settings = manifest.Settings(
+            name,
+            scenes,
+            impacts,
+            paths,
+            min(default_step(s, scheme, biased) for s in scenes) if dt is None else dt,
+            scheme,
+            seed,
+            order,
+            readings or readings_for(base),
+            () if no_frontier else grid(frontier),
+            0 if no_frontier else count("frontier-paths", frontier_paths),
+        )
+        out = out or default_place(name)
+    check_free(out, CONTENTS, overwrite)
+    first = settings.scenes[0]
+    biased = SCHEMES[choice("scheme", settings.scheme, SCHEMES)].weak_order is not None
+    for s in settings.scenes:
+        check_settings(s, **settings.simulation, workers=workers, step_bias=biased)
+    check_sweep(first, settings.frontier, **settings.sweep, workers=workers)
+    wall, cpu = time.perf_counter(), _cpu()
+    closures: dict[str, Any] = {"readings": settings.readings, "order": settings.order}
+    validations = [
+        hold_against(s, **settings.simulation, **closures, workers=workers, progress=f"sigma {s.sigma:.4g}")
+        for s in settings.scenes
+    ]
+    swept = (
+        sweep(first, settings.frontier, **settings.sweep, **closures, workers=workers) if settings.frontier else None
+    )
+    provenance = {
+        "command": manifest.command_line(sys.argv[1:]),
+        "repeat": manifest.command_line(["validate", "--repeat", str(out / "manifest.json")]),
+        "commit": manifest.commit(),
+        "versions": manifest.versions(),
+        "wall_seconds": round(time.perf_counter() - wall, 1),
+        "cpu_seconds": round(_cpu() - cpu, 1),
+    }
+    record = write_report(out, settings, validations, swept, provenance, overwrite)
+    repeated = None if recorded is None else compared(recorded, earlier, record, out)
+    accurate = all(v.accurate for v in validations)
+    if as_json:
+        summary = {"report": out, "answer": record["answer"], "accurate": accurate, "repeated": None}
+        if repeated:
+            summary |= {"repeated": repeated.outcome == SAME, "repeat": repeated.to_dict()}
+        say_json(summary)
+    else:
+        comparison = repeated.sentences if repeated else []
+        for sentence in (*record["answer"], f"Report: {out / 'report.html'}", *comparison):
+            say(sentence)
+    if repeated and repeated.outcome == DIFFERENT:
+        sys.exit(EXIT_NOT_REPEATED)
+    if require and not accurate:
+        sys.exit(EXIT_NOT_MET)
+    if repeated and repeated.outcome == ROUNDED:
+        sys.exit(EXIT_ROUNDED)
+
+
+@main.command()
+@click.argument("scene", required=False, type=click.Path(path_type=Path))
+@click.option("--sigma", type=float, help="Noise intensity. [default: the scene's, or 0.1]")
+@click.option("--impacts", type=int, default=12, show_default=True, help="Impacts after the start.")
+@click.option(
+    "--accuracy", "accuracies", multiple=True, type=float, help="Error in sds; again for more. [default: 0.3 to 0.001]"
+)
+@click.option("--budget", type=float, default=100.0, show_default=True, help="Core-seconds of a point, else estimated.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the simulations.")
+@click.option("--orders/--no-orders", default=True, show_default=True, help="Measure the schemes' weak orders as well.")
+@click.option("--workers", type=int, default=2, show_default=True, help="Threads.")
+@click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder. [default: reports/NAME-tradeoff]")
+@click.option("--overwrite", is_flag=True, help="Replace earlier results in that folder.")
+def tradeoff(
+    scene: Path | None,
+    sigma: float | None,
+    impacts: int,
+    accuracies: tuple[float, ...],
+    budget: float,
+    seed: int,
+    orders: bool,
+    workers: int,
+    out: Path | None,
+    overwrite: bool,
+) -> None:
+    """Measure what accuracy costs on SCENE (a TOML file; DAT21 if none) by every scheme and every closure.
+
+    Exit codes: 0 complete; 2 bad input.
+    """
+    from rattle.compare.report import manifest
+    from rattle.compare.report.folder import check_free, default_place, named
+    from rattle.compare.tradeoff.measure import ACCURACIES, check_accuracies, measure
+    from rattle.compare.tradeoff.save import CONTENTS, write_tradeoff
+    from rattle.compare.tradeoff.variance_reduction import control_table
+    from rattle.compare.tradeoff.weak_order import orders_over
+    from rattle.montecarlo import SCHEMES, check_settings
+    from rattle.scene import DAT21, Scene
+    from rattle.scene.validate import positive
+
+    base = Scene.load(scene) if scene else Scene.from_gears(DAT21, sigma=0.1)
+    base = base if sigma is None else base.with_sigma(sigma)
+    positive("sigma", base.sigma)
+    asked = check_accuracies(accuracies or ACCURACIES)
+    positive("budget", budget)
+    common: dict[str, Any] = {"impacts": impacts, "workers": workers}
+    for scheme in SCHEMES:
+        check_settings(base, paths=1, dt=math.ulp(0.0), scheme=scheme, rng=seed, step_bias=False, **common)
+    name = named(scene) if scene else "DAT21"
+    out = out or default_place(name, "-tradeoff")
+    check_free(out, CONTENTS, overwrite)
+    wall, cpu = time.perf_counter(), _cpu()
+    found = measure(base, accuracies=asked, budget=budget, seed=seed, **common)
+    control = control_table(base, seed=seed, **common)
+    sigmas = sorted({base.sigma, base.alpha**0.5})  # its own, and the paper's
+    measured = orders_over(base, sigmas, rng=seed, workers=workers) if orders else None
+    record = {
+        "name": name, "scene": base.to_dict(), "impacts": impacts, "accuracies": asked, "budget": budget,
+        "seed": seed, "orders": orders, "workers": workers, "command": manifest.command_line(sys.argv[1:]),
+        "commit": manifest.commit(), "versions": manifest.versions(),
+        "wall_seconds": round(time.perf_counter() - wall, 1), "cpu_seconds": round(_cpu() - cpu, 1),
+    }  # fmt: skip
+    for sentence in write_tradeoff(out, found, control, measured, asked, record, overwrite):
+        say(sentence)
+    say(f"Page: {out / 'tradeoff.html'}")
+
+
+main.add_command(sampling_commands.simulate)
+main.add_command(sampling_commands.bench)
+main.add_command(sampling_commands.order)
+main.add_command(study)
+main.add_command(chaos)
+main.add_command(claims)
+main.add_command(show)
+main.add_command(selftest)
+main.add_command(stability)
+main.add_command(extremes)
+
+
+def _cpu() -> float:
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    return usage.ru_utime + usage.ru_stime

@@ -1,0 +1,197 @@
+"""The commands of the sampler: ``rattle simulate``, ``rattle bench`` and ``rattle order``."""
+
+import logging
+import math
+import os
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rattle.compare.cli.console import say, say_json
+from rattle.scene.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from rattle.scene import Scene
+
+__all__ = ["bench", "order", "simulate"]
+
+EXIT_NOT_MET = 3
+AN_HOUR = "an hour; what is expected to take longer is refused"
+
+
+@click.command()
+@click.argument("scene", required=False, type=click.Path(path_type=Path))
+@click.option("--sigma", type=float, default=None, help="Noise intensity. [default: the scene's; sqrt(alpha) on DAT21]")
+@click.option("--impacts", type=int, default=12, show_default=True, help="Impacts after the start.")
+@click.option("--accuracy", type=float, default=None, help="Largest error of means and sds in sds. [default: 0.01]")
+@click.option("--paths", type=int, default=None, help="Number of paths, in place of an accuracy.")
+@click.option("--dt", type=float, default=None, help="Step, with --paths. [default: 0.002]")
+@click.option("--scheme", default=None, help="Scheme. [default: what costs least; euler-maruyama-located with --paths]")
+@click.option("--budget", type=float, default=None, help=f"Seconds that an accuracy may take. [default: {AN_HOUR}]")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed.")
+@click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
+@click.option("--out", type=click.Path(path_type=Path), default=None, help="CSV file of the whole section table.")
+@click.option("--json", "as_json", is_flag=True, help="Print the section table and the settings as JSON.")
+def simulate(
+    scene: Path | None,
+    sigma: float | None,
+    impacts: int,
+    accuracy: float | None,
+    paths: int | None,
+    dt: float | None,
+    scheme: str | None,
+    budget: float | None,
+    seed: int,
+    workers: int,
+    out: Path | None,
+    as_json: bool,
+) -> None:
+    """Simulate SCENE (a TOML file; DAT21 if none) and print its section moments.
+
+    What an accuracy is expected to take is said before the work starts.  Exit codes: 0 done; 2 bad input, or an
+    accuracy that would take too long; 3 the budget ended before the accuracy was reached.
+    """
+    from rattle.compare.report.folder import write_whole
+    from rattle.montecarlo import simulate as sample
+
+    base = _scene(scene, sigma)
+    if out is not None and not out.parent.is_dir():
+        raise InputError("out", str(out), f"the folder {out.parent} does not exist; make it first")
+    if out is not None and (out.is_dir() or not os.access(out.parent, os.W_OK)):
+        raise InputError("out", str(out), "cannot be written; give the name of a file")
+    if accuracy is None and paths is None:
+        accuracy = 0.01
+    with _estimates_shown():
+        run = sample(
+            base,
+            paths=paths,
+            accuracy=accuracy,
+            impacts=impacts,
+            dt=dt,
+            scheme=scheme,
+            budget=None if accuracy is None else budget,
+            rng=seed,
+            workers=workers,
+            progress="simulate",
+        )
+    reach = run.reach
+    if as_json:
+        record = {
+            "scheme": run.scheme,
+            "dt": run.dt,
+            "paths": run.paths,
+            "seconds": round(run.wall_seconds, 3),
+            "reach": None if reach is None else reach.sentence,
+            "cautions": run.cautions,
+            "section": run.section.reset_index().to_dict("records"),
+        }
+        say_json(record)
+    else:
+        say(_table(run.columns))
+        say(f"{run.paths:,} paths, {run.scheme}, dt = {run.dt:.4g}, {run.wall_seconds:.1f} s on {workers} threads")
+        if reach is not None and reach.reached:  # else it is among the cautions
+            say(reach.sentence)
+        for sentence in run.cautions:
+            say(sentence)
+    if out is not None:  # last: what was found has been said if it cannot be written
+        from rattle.compare.report.csv_text import csv_text
+
+        write_whole(out, csv_text(run.section))
+    if reach is not None and not reach.reached:
+        raise click.exceptions.Exit(EXIT_NOT_MET)
+
+
+class _OnStderr(logging.Handler):
+    """A log on standard error, a line each."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print a line."""
+        say(self.format(record), err=True)
+
+
+@contextmanager
+def _estimates_shown() -> "Iterator[None]":
+    """Show what an accuracy is expected to take; that it was not reached is said by the command itself."""
+    from rattle.montecarlo import AccuracyWarning
+    from rattle.montecarlo.simulate_to import ESTIMATES
+
+    handler, level = _OnStderr(), ESTIMATES.level
+    ESTIMATES.addHandler(handler)
+    ESTIMATES.setLevel(logging.INFO)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", AccuracyWarning)
+            yield
+    finally:
+        ESTIMATES.removeHandler(handler)
+        ESTIMATES.setLevel(level)
+
+
+SHOWN = ("tau", "se_tau", "sd_tau", "y1", "se_y1", "sd_y1", "y2", "se_y2", "sd_y2", "mesh", "side", "agreement")
+
+
+def _table(columns: "Mapping[str, NDArray[Any]]") -> str:
+    """The columns shown on a terminal, those without a number left out; loading pandas takes as long as sampling."""
+    texts = [["impact", *(str(k) for k in range(1, len(columns["tau"]) + 1))]]
+    for name in SHOWN:
+        values = columns[name].tolist()
+        if not all(math.isnan(v) for v in values):
+            texts.append([name, *(f"{v:.5f}" if isinstance(v, float) else str(v) for v in values)])
+    wide = [max(map(len, text)) for text in texts]
+    return "\n".join(
+        "  ".join(cell.rjust(w) for cell, w in zip(line, wide, strict=True)) for line in zip(*texts, strict=True)
+    )
+
+
+@click.command()
+@click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
+def bench(as_json: bool) -> None:
+    """Measure what a step of a path costs on this machine, beside the floor of random numbers and arithmetic."""
+    from rattle.montecarlo.bench import bench as measure
+
+    table = measure()
+    if as_json:
+        say_json(table.reset_index().to_dict("records"))
+        return
+    shown = table.rename(columns={"ns": "ns per path-step", "times_floor": "times floor", "us": "us per path"})
+    say(shown.to_string(float_format="{:.2f}".format, na_rep=""))
+    say("One core, processor time, least of several repeats; floor = one normal + the arithmetic of one step.")
+
+
+@click.command()
+@click.argument("scene", required=False, type=click.Path(path_type=Path))
+@click.option("--sigma", type=float, default=None, help="Noise intensity. [default: the scene's; sqrt(alpha) on DAT21]")
+@click.option("--impacts", type=int, default=4, show_default=True, help="Impacts after the start.")
+@click.option("--paths", type=int, default=20_000, show_default=True, help="Paths of each run.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed.")
+@click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
+@click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
+def order(
+    scene: Path | None, sigma: float | None, impacts: int, paths: int, seed: int, workers: int, as_json: bool
+) -> None:
+    """Measure the weak order of the Euler-Maruyama schemes on SCENE (a TOML file; DAT21 if none)."""
+    from rattle.compare.tradeoff.weak_order import weak_orders
+
+    table = weak_orders(_scene(scene, sigma), impacts=impacts, paths=paths, rng=seed, workers=workers).table
+    if as_json:
+        say_json(table.to_dict("records"))
+        return
+    say(table.to_string(index=False, float_format="{:.4g}".format, na_rep="hidden by noise"))
+    say(
+        "order lies in [low, high] with 95 % confidence; change: size of the last change, in sds;\nlimit_z: "
+        "Richardson's value against exact flights in standard errors; limit_allowed: what chance alone lets through."
+    )
+
+
+def _scene(path: Path | None, sigma: float | None) -> "Scene":
+    """The scene of a command: a file's, or DAT21 at the paper's noise."""
+    from rattle.scene import DAT21, Scene
+
+    base = Scene.load(path) if path else Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha))
+    return base if sigma is None else base.with_sigma(sigma)

@@ -1,0 +1,77 @@
+"""The command ``rattle stability``."""
+
+import shlex
+import sys
+import time
+from pathlib import Path
+
+import click
+
+from rattle.compare.cli.console import say
+
+__all__ = ["stability"]
+
+
+@click.command()
+@click.option("--scheme", "schemes", multiple=True, help="Scheme; again for more. [default: all]")
+@click.option("--axis", "axes", multiple=True, help="beta, gap, sigma or epsilon; again for more. [default: all]")
+@click.option("--points", type=int, default=7, show_default=True, help="Values of each axis, 1 to 7.")
+@click.option("--paths", type=int, default=32_768, show_default=True, help="Most paths of a cell.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed.")
+@click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), default=Path("reports/stability"), show_default=True, help="Folder."
+)
+@click.option(
+    "--extremes/--no-extremes", "extreme", default=True, show_default=True,
+    help="Try extreme values too (`rattle extremes`), and put their table on the page.",
+)  # fmt: skip
+@click.option("--overwrite", is_flag=True, help="Replace earlier results in that folder.")
+def stability(
+    schemes: tuple[str, ...],
+    axes: tuple[str, ...],
+    points: int,
+    paths: int,
+    seed: int,
+    workers: int,
+    out: Path,
+    extreme: bool,
+    overwrite: bool,
+) -> None:
+    """Measure where each scheme is stable and unbiased, on both sides of the door, and write a page.
+
+    Exit codes: 0 complete; 1 a run is wrong inside the door and does not say so, or an extreme does not hold; 2 bad
+    input.
+    """
+    from rattle.compare.checks.extremes.run import extremes
+    from rattle.compare.checks.stability.axes import AXES, moderate
+    from rattle.compare.checks.stability.chart import chart
+    from rattle.compare.checks.stability.free_flight import covariance_table
+    from rattle.compare.checks.stability.page import CONTENTS, write_stability
+    from rattle.compare.report import manifest
+    from rattle.compare.report.folder import check_free
+    from rattle.montecarlo import SCHEMES
+    from rattle.scene.validate import choice, count
+
+    chosen = [choice("scheme", s, SCHEMES) for s in dict.fromkeys(schemes)] or list(SCHEMES)
+    along = [choice("axis", a, AXES) for a in dict.fromkeys(axes)] or list(AXES)
+    count("points", points, most=7)
+    count("paths", paths, least=1000)
+    count("seed", seed, least=0)
+    count("workers", workers)
+    check_free(out, CONTENTS, overwrite)
+    began = time.perf_counter()
+    found = chart(schemes=chosen, axes=along, points=points, paths=paths, seed=seed, workers=workers)
+    law = covariance_table(points=points, paths=paths, seed=seed, workers=workers)
+    tried = extremes() if extreme else ()
+    record = {
+        "scene": moderate().to_dict(), "schemes": chosen, "axes": along, "points": points, "paths": paths,
+        "seed": seed, "workers": workers, "command": shlex.join(["rattle", *sys.argv[1:]]),
+        "commit": manifest.commit(), "versions": manifest.versions(),
+        "wall_seconds": round(time.perf_counter() - began, 1),
+    }  # fmt: skip
+    for sentence in write_stability(out, found, law, tried, record, overwrite):
+        say(sentence)
+    say(f"Page: {out / 'stability.html'}")
+    if len(found.untold) or not all(row.holds for row in tried):
+        raise click.exceptions.Exit(1)

@@ -1,0 +1,227 @@
+"""The command ``rattle study``."""
+
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rattle.compare.cli.console import say, say_json
+from rattle.scene.errors import InputError, OutputError, RattleError
+from rattle.scene.text import line
+
+if TYPE_CHECKING:
+    from rattle.compare.study.cells import Cell
+    from rattle.compare.study.design import Point, Study
+    from rattle.compare.study.store import Store
+
+__all__ = ["study"]
+
+LOOKED_AT = 200  # points of a grid on which --explain tells what all of them take
+
+
+@click.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder. [default: FILE without its suffix]")
+@click.option("--workers", type=int, default=2, show_default=True, help="Threads; the results do not depend on it.")
+@click.option(
+    "--scheduler",
+    default=None,
+    metavar="tcp://HOST:PORT",
+    help="Compute on a running Dask cluster instead. A Dask scheduler has no authentication and runs what it is sent: "
+    "use one in a trusted network only, or tls://HOST:PORT with the certificates that Dask's configuration names.",
+)
+@click.option("--explain", is_flag=True, help="Say what there is to compute and what it would take, and stop.")
+@click.option("--status", is_flag=True, help="Say what is there, and stop.")
+@click.option("--json", "as_json", is_flag=True, help="Print the record as JSON.")
+def study(
+    file: Path, out: Path | None, workers: int, scheduler: str | None, explain: bool, status: bool, as_json: bool
+) -> None:
+    """Compute what is missing of the study in FILE (TOML), and write its tables, figures and page.
+
+    Every result is kept as soon as it is there; the same command goes on where it was ended.  Exit codes: 0 complete;
+    1 complete but for what cannot be computed at some points, with the reasons; 2 bad input; 130 interrupted.
+    """
+    from rattle.compare.report.folder import within
+    from rattle.compare.study.design import Study
+    from rattle.compare.study.lacking import lacking
+    from rattle.compare.study.store import Store
+    from rattle.compare.study.tables import CELLS
+    from rattle.scene.validate import count
+
+    count("workers", workers)
+    if scheduler is not None:
+        from rattle.compare.study.connection import check_address
+
+        check_address(scheduler)
+    wanted = Study.load(file)
+    folder = out or file.with_suffix("")
+    if folder.resolve() == file.resolve():
+        raise InputError("out", str(folder), "is the study file itself; give --out a folder")
+    within(folder, CELLS)
+    seen = Store(folder / CELLS, read_only=True)
+    if explain:
+        say(_explained(wanted, seen, workers))
+        return
+    _ = wanted.points  # what cannot be computed is known before anything is made
+    if status:
+        say(_status(wanted, seen))
+        return
+    record = _finished(wanted, seen, folder)
+    if record is None:
+        record = _computed(wanted, seen, folder, file, workers, scheduler)
+    if as_json:
+        say_json(record)
+    else:
+        for sentence in record["answer"]:
+            say(sentence)
+        if "files" in record:
+            say(f"Page: {folder / 'study.html'}")
+    lacks = lacking(wanted.points, record.get("failed", {}))
+    for lack in lacks:
+        say(f"rattle: {lack}", err=True)
+    if lacks:
+        sys.exit(1)
+
+
+def _computed(
+    wanted: "Study", seen: "Store", folder: Path, file: Path, workers: int, scheduler: str | None
+) -> dict[str, Any]:
+    """Run the study and write its page; the record of what is there, or only the answer where nothing can be written.
+
+    Raises
+    ------
+    OutputError
+        If nothing can be written and cells are missing.
+    """
+    from rattle.compare.report.folder import write_whole
+    from rattle.compare.report.manifest import command_line
+    from rattle.compare.study.engine import missing, run
+    from rattle.compare.study.executors import Here, Place
+    from rattle.compare.study.page import answer, write_page
+    from rattle.compare.study.results import Results
+    from rattle.compare.study.store import Store
+    from rattle.compare.study.tables import FILE
+
+    try:
+        store = Store(seen.folder)
+        write_whole(folder / FILE, wanted.text)
+    except OutputError as error:
+        if missing(wanted, seen):
+            raise
+        say(f"rattle: {error}; all cells are there, their page is not written", err=True)
+        return {"answer": answer(Results.of(wanted, seen))}
+
+    def unchanged() -> bool:
+        try:
+            return file.read_text(encoding="utf-8") == wanted.text
+        except (OSError, UnicodeDecodeError):
+            return False
+
+    started = time.perf_counter()
+    place: Place = Here(workers)
+    if scheduler is not None:
+        from rattle.compare.study.cluster import Cluster
+        from rattle.compare.study.connection import silence
+
+        silence()
+        place = Cluster(scheduler)
+    outcome = run(wanted, store, place, show=True, unchanged=unchanged)
+    facts = {
+        "command": command_line(sys.argv[1:]), "computed": outcome.computed, "failed": outcome.failed,
+        "wall_seconds": round(outcome.wall_seconds, 2), "cell_seconds": round(outcome.cell_seconds, 2),
+    }  # fmt: skip
+    results = Results.of(wanted, store)
+    if outcome.failed and results.errors.empty:
+        why = next(iter(outcome.failed.values()))
+        lost = f"{len(outcome.failed)} of {len(wanted.cells)} cells could not be computed"
+        raise RattleError(f"study = {wanted.title!r}: nothing can be compared yet, {lost} ({why})")
+    record = write_page(folder, results, facts)
+    took = time.perf_counter() - started
+    say(f"{outcome.computed} cells computed, {len(wanted.cells)} there, {took:.1f} s.", err=True)
+    return record
+
+
+def _finished(wanted: "Study", seen: "Store", folder: Path) -> dict[str, Any] | None:
+    """The record of a study that is there, page and all; None where there is something to do."""
+    from rattle.compare.report.folder import ANY_TEXT, sweep, write_whole
+    from rattle.compare.study.current import is_current
+    from rattle.compare.study.engine import missing
+    from rattle.compare.study.tables import FILE, PAGE, file_digest
+
+    current = is_current(wanted, folder)
+    if current is None or missing(wanted, seen):
+        return None
+    say(f"All {len(wanted.cells)} cells are there, and the page is of them.", err=True)
+    with suppress(OutputError):  # where nothing can be written, nothing is left half written either
+        seen.sweep()
+        for name in (PAGE, ANY_TEXT):
+            sweep(folder, name)
+    if file_digest(folder / FILE) != wanted.digest:
+        try:
+            write_whole(folder / FILE, wanted.text)
+        except OutputError as error:
+            say(f"rattle: {error}; it stays as it is", err=True)
+    return current
+
+
+def _explained(wanted: "Study", seen: "Store", workers: int) -> str:
+    from rattle.compare.study.cells import Prediction
+    from rattle.compare.study.estimate import estimate, scaling
+    from rattle.compare.study.lacking import lacking
+
+    points = wanted.some_points(LOOKED_AT)
+    part = len(points) < wanted.size
+    cells = [cell for point in points for cell in point.cells] if part else wanted.cells
+
+    def times(cell: "Cell") -> float:
+        return (wanted.scenes if isinstance(cell, Prediction) else wanted.size) / len(points) if part else 1.0
+
+    todo = [c for c in cells if not seen.path(c.key).exists()] if seen.folder.is_dir() else cells
+    work = estimate(todo, workers, times)
+    number, left = (f"{'about ' * part}{sum(map(times, some)):.0f}" for some in (cells, todo))
+    lines = [f"{line(wanted.title)}: {wanted.size} points, {number} cells, {left} to compute."]
+    if part:
+        lines.append(f"  from {len(points)} points, taken at random; --status looks at all")
+    lines += [f"  {axis_text}" for axis_text in _axes_text(wanted)]
+    lines += [f"  {line(str(lack))}" for lack in lacking(points, {})]
+    lines.append(
+        f"About {work.core_seconds:.0f} core-seconds, {work.wall_seconds:.0f} s on {workers} threads, "
+        f"{work.megabytes:.0f} MB (nominal; the first run compiles for about a minute"
+        + (", an accuracy may cost more where tails are heavy)." if _asks_accuracy(points) else ").")
+    )
+    lines.append("What more cores would do (Dask):")
+    lines.append(scaling(todo, times=times).to_string(index=False, float_format="{:.3g}".format))
+    return "\n".join(lines)
+
+
+def _asks_accuracy(points: "tuple[Point, ...]") -> bool:
+    return any(p.sample is not None and p.sample.accuracy is not None for p in points)
+
+
+def _axes_text(wanted: "Study") -> list[str]:
+    return [
+        f"{name}: {len(axis.values)} values, {line(str(axis.values[0][i]))} to {line(str(axis.values[-1][i]))}"
+        + (f" (with {', '.join(n for n in axis.names if n != name)})" if len(axis.names) > 1 else "")
+        for axis in wanted.axes
+        for i, name in enumerate(axis.names)
+    ]
+
+
+def _status(wanted: "Study", seen: "Store") -> str:
+    from rattle.compare.study.engine import missing
+    from rattle.compare.study.lacking import lacking
+
+    todo = missing(wanted, seen)
+    lines = [f"{line(wanted.title)}: {len(wanted.cells) - len(todo)} of {len(wanted.cells)} cells are there."]
+    left: dict[str, int] = {}
+    for cell in todo:
+        kind = getattr(cell, "reading", "ensembles")
+        left[kind] = left.get(kind, 0) + 1
+    lines += [f"  missing: {number} {kind}" for kind, number in left.items()]
+    aside = [p.read_text(encoding="utf-8", errors="replace") for p in sorted(seen.aside.glob("*.txt"))]
+    lines += [f"  set aside: {line(text)}" for text in aside]
+    lines += [f"  {line(str(lack))}" for lack in lacking(wanted.points, {})]
+    return "\n".join(lines)

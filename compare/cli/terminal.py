@@ -1,0 +1,140 @@
+"""A page on a terminal: paragraphs wrapped, tables fitted to the width, verdicts in colour."""
+
+import textwrap
+from collections.abc import Iterator, Sequence
+from itertools import zip_longest
+
+import click
+
+from rattle.compare.report.content import NUMBER, Block, Cell, Code, Figure, Page, Section, Source, Table, Text
+from rattle.compare.report.markup import parts
+from rattle.scene.text import harmless, line
+
+__all__ = ["page_lines", "section_lines"]
+
+COLOUR = {"good": "green", "bad": "red", "open": "magenta"}
+NARROW = 16
+"""Characters to which a column of text may be narrowed."""
+GAP = "  "
+
+
+def page_lines(page: Page, width: int) -> Iterator[str]:
+    """The lines of a page, none wider than the width but code and paths."""
+    yield from _heading(page.title, 1, width)
+    for sentence in page.answer:
+        yield from _paragraph(sentence, width)
+    for block in page.blocks:
+        yield from _block(block, width)
+    for section in page.sections:
+        yield from section_lines(section, width)
+    yield from source_lines(page.source, width)
+
+
+def section_lines(section: Section, width: int, level: int = 2) -> Iterator[str]:
+    """The lines of a section and its parts."""
+    yield from _heading(section.title, level, width)
+    for block in section.blocks:
+        yield from _block(block, width)
+    for inner in section.sections:
+        yield from section_lines(inner, width, level + 1)
+
+
+def source_lines(source: Source, width: int) -> Iterator[str]:
+    """The lines that say where a page comes from."""
+    yield from _heading("Where this comes from", 2, width)
+    yield from _paragraph("Repeat it:", width)
+    yield from ("    " + line(source.repeat), "")
+    for name, value in source.facts:
+        yield from textwrap.wrap(f"{line(name)}: {_words(value)}", width, subsequent_indent="    ")
+    yield ""
+    for block in source.blocks:
+        yield from _block(block, width)
+
+
+def _words(text: str) -> str:
+    return "".join(piece for piece, _ in parts(text))
+
+
+def _heading(title: str, level: int, width: int) -> Iterator[str]:
+    for words in textwrap.wrap(_words(title), width):
+        yield click.style(words, bold=True, underline=level < 3 or None)
+    yield ""
+
+
+def _paragraph(text: str, width: int) -> Iterator[str]:
+    yield from textwrap.wrap(_words(text), width)
+    yield ""
+
+
+def _block(block: Block, width: int) -> Iterator[str]:
+    match block:
+        case Text(text):
+            yield from _paragraph(text, width)
+        case Figure(path, caption):
+            yield from _paragraph(f"[{path}] {caption}", width)
+        case Code(text):
+            yield from ("    " + row for row in harmless(text).expandtabs().splitlines())
+            yield ""
+        case Table():
+            if block.summary:
+                yield from (click.style(row, bold=True) for row in textwrap.wrap(_words(block.summary), width))
+            for columns, widths in _panels(block, width):
+                yield from _panel(block, columns, widths)
+                yield ""
+
+
+def _panels(table: Table, width: int) -> Iterator[tuple[list[int], list[int]]]:
+    """Columns that fit beside each other, and their widths; each panel begins with the first column."""
+    least, whole = zip(*(_extent(table, column) for column in range(len(table.columns))), strict=True)
+    first, *rest = range(len(table.columns))
+    while True:
+        panel = [first]
+        while rest and (len(panel) == 1 or _total([least[c] for c in [*panel, rest[0]]]) <= width):
+            panel.append(rest.pop(0))
+        widths, spare = [least[c] for c in panel], width - _total([least[c] for c in panel])
+        for i, column in enumerate(panel):  # what is left goes to the columns that want it, from the left
+            more = min(max(spare, 0), whole[column] - least[column])
+            widths[i], spare = widths[i] + more, spare - more
+        if spare < 0:  # a column alone is too wide
+            widths[-1] = max(1, widths[-1] + spare)
+        yield panel, widths
+        if not rest:
+            return
+
+
+def _total(widths: Sequence[int]) -> int:
+    return sum(widths) + len(GAP) * (len(widths) - 1)
+
+
+def _extent(table: Table, column: int) -> tuple[int, int]:
+    """The least width of a column, and the one at which nothing in it is wrapped."""
+    head = _words(table.columns[column].head)
+    cells = [len(_words(row[column].shown)) for row in table.rows]
+    word = max((len(w) for w in head.split()), default=0)
+    longest = max([*cells, word])
+    least = longest if table.columns[column].kind == NUMBER else max(min(longest, NARROW), min(word, NARROW))
+    return least, max(longest, min(len(head), 2 * longest))
+
+
+def _panel(table: Table, columns: Sequence[int], widths: Sequence[int]) -> Iterator[str]:
+    heads = [textwrap.wrap(_words(table.columns[c].head), w) for c, w in zip(columns, widths, strict=True)]
+    deepest = max(len(h) for h in heads)
+    lowered = [[""] * (deepest - len(h)) + h for h in heads]
+    yield from _rows(table, columns, widths, lowered, [Cell("")] * len(columns))
+    yield GAP.join("─" * w for w in widths)
+    for row in table.rows:
+        cells = [row[c] for c in columns]
+        wrapped = [textwrap.wrap(_words(cell.shown), w) for cell, w in zip(cells, widths, strict=True)]
+        yield from _rows(table, columns, widths, wrapped, cells)
+
+
+def _rows(
+    table: Table, columns: Sequence[int], widths: Sequence[int], wrapped: Sequence[list[str]], cells: Sequence[Cell]
+) -> Iterator[str]:
+    for pieces in zip_longest(*wrapped, fillvalue=""):
+        shown = []
+        for piece, column, width, cell in zip(pieces, columns, widths, cells, strict=True):
+            room = " " * (width - len(piece))
+            styled = click.style(piece, fg=COLOUR[cell.mark]) if cell.mark and piece else piece
+            shown.append(room + styled if table.columns[column].kind == NUMBER else styled + room)
+        yield GAP.join(shown).rstrip()

@@ -1,0 +1,38 @@
+"""The one writer of CSV: every number to the last bit unless told otherwise, and no text that steers a terminal."""
+
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from rattle.scene.text import harmless
+
+__all__ = ["csv_text", "write_csv"]
+
+
+def csv_text(table: pd.DataFrame, **options: Any) -> str:
+    r"""A table as CSV.
+
+    Parameters
+    ----------
+    table : DataFrame
+    **options
+        Of `pandas.DataFrame.to_csv`.
+
+    Examples
+    --------
+    >>> print(csv_text(pd.DataFrame({"law": ["\x1b[31mnormal"], "sigma": [0.1]}), index=False).strip())
+    law,sigma
+    \x1b[31mnormal,0.1
+    """
+    texts = table.select_dtypes(exclude=["number", "bool"])
+    return str(table.assign(**{str(name): texts[name].map(_cell) for name in texts}).to_csv(**options))
+
+
+def write_csv(table: pd.DataFrame, path: Path, **options: Any) -> None:
+    """Write a table as `csv_text` has it."""
+    path.write_text(csv_text(table, **options), encoding="utf-8")
+
+
+def _cell(value: object) -> object:
+    return harmless(value, keep="") if isinstance(value, str) else value

@@ -1,0 +1,274 @@
+"""An output folder that is either written whole or not at all, and never replaces what is not ours."""
+
+import ctypes
+import errno
+import fcntl
+import os
+import re
+import secrets
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from rattle.compare.interrupt import unfinished
+from rattle.scene.errors import OutputError
+from rattle.scene.text import harmless, line
+
+__all__ = [
+    "ANY_TEXT",
+    "check_free",
+    "default_place",
+    "named",
+    "refused",
+    "scratch_folder",
+    "sweep",
+    "whole_folder",
+    "within",
+    "write_whole",
+]
+
+ROOM = 20_000_000  # bytes that must be free before a long run begins; a report takes a few million
+PART, OLD = ".part", ".old"  # how scratch names end: what is being written, what is being replaced
+ANY_TEXT = "rattle"  # in the scratch names of single files
+AT_FDCWD, RENAME_EXCHANGE = -100, 2  # of Linux, renameat2(2)
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+def default_place(name: str, suffix: str = "") -> Path:
+    """``reports/NAME``, one folder deep whatever is in a name that a file has brought.
+
+    Examples
+    --------
+    >>> default_place("DAT21").as_posix(), default_place("../../etc/x", "-repeated").as_posix()
+    ('reports/dat21', 'reports/etc-x-repeated')
+    """
+    safe = re.sub(r"[/\\]+|\.\.+", "-", harmless(name.lower(), keep="")).encode()[:120].decode(errors="ignore")
+    return Path("reports") / f"{safe.strip('.- ') or 'scene'}{suffix}"
+
+
+def refused(out: Path, error: OSError) -> OutputError:
+    """What a person is told when the system refuses to write.
+
+    Examples
+    --------
+    >>> print(refused(Path("a"), OSError(errno.ENOSPC, "No space left on device")))
+    out = 'a': the disk is full; nothing is half written, what was there is untouched: make room and try again
+    """
+    if error.errno in FULL:
+        why = "the disk is full; nothing is half written, what was there is untouched: make room and try again"
+    else:
+        why = f"cannot be written ({error.strerror or error}); choose another place"
+    return OutputError(f"out = {str(out)!r}: {why}")
+
+
+def check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
+    """Refuse a folder that could not be written without losing something.
+
+    Raises
+    ------
+    OutputError
+        Names the folder, what is in the way, and what to do.
+    """
+    try:
+        _check_free(out, ours, overwrite)
+    except OutputError:
+        raise
+    except OSError as error:  # a name that is too long, a folder that may not be looked into
+        raise refused(out, error) from None
+
+
+def _check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
+    if out.is_symlink() or (out.exists() and not out.is_dir()):
+        raise OutputError(f"out = {str(out)!r}: exists and is not a folder; choose another name")
+    parent = next((p for p in out.absolute().parents if p.exists()), Path("/"))
+    if not parent.is_dir() or not os.access(parent, os.W_OK):
+        raise OutputError(f"out = {str(out)!r}: {str(parent)!r} cannot be written; choose another place")
+    if (free := shutil.disk_usage(parent).free) < ROOM:
+        raise OutputError(f"out = {str(out)!r}: {free / 1e6:.1f} MB are free there; make room for {ROOM / 1e6:.0f} MB")
+    if not out.exists():
+        return
+    inside = {p.name for p in out.iterdir()}
+    foreign = sorted(inside - ours)
+    if foreign:
+        raise OutputError(
+            f"out = {str(out)!r}: holds other things ({', '.join(map(line, foreign[:3]))}); choose another folder"
+        )
+    if inside and not overwrite:
+        raise OutputError(f"out = {str(out)!r}: holds an earlier report; choose another folder, or give --overwrite")
+
+
+@contextmanager
+def whole_folder(out: Path, ours: frozenset[str], overwrite: bool) -> Iterator[Path]:
+    """A scratch folder beside `out` that takes its place when the block ends well, and vanishes when it does not.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.  If another run has written `out` meanwhile, this one is kept beside it, and said.
+    """
+    check_free(out, ours, overwrite)
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with scratch_folder(out.parent, out.name) as scratch:
+            yield scratch
+            _put(scratch, out, ours, overwrite)
+    except OutputError:
+        raise
+    except OSError as error:
+        raise refused(out, error) from None
+
+
+@contextmanager
+def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
+    """A folder of one's own in `parent`, gone after the block; so is what killed processes have left there of `name`.
+
+    It is locked as long as its process lives, so that no other takes it for a leftover.
+    """
+    sweep(parent, name)
+    scratch, number = _locked(parent, name, Path.mkdir)
+    unfinished.add(scratch)
+    try:
+        yield scratch
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+        unfinished.discard(scratch)
+        os.close(number)
+
+
+def within(folder: Path, *names: str) -> None:
+    """Refuse folders of these names that are links: what is written into them would lie elsewhere.
+
+    Raises
+    ------
+    OutputError
+        Names the link.
+    """
+    for name in names:
+        if (folder / name).is_symlink() and name != ".":
+            raise OutputError(
+                f"out = {str(folder)!r}: {name!r} is a link to elsewhere; remove it, or choose another place"
+            )
+
+
+def _locked(parent: Path, name: str, make: Callable[[Path], object]) -> tuple[Path, int]:
+    """What `make` has made, and the lock on it; once more if another process has swept it away before it was locked."""
+    while True:
+        scratch = _scratch(parent, name, PART)
+        make(scratch)
+        with suppress(FileNotFoundError):
+            number = os.open(scratch, os.O_RDONLY | os.O_NOFOLLOW)
+            with suppress(OSError):  # a file system without locks
+                fcntl.flock(number, fcntl.LOCK_EX)
+            if scratch.exists():
+                return scratch, number
+            os.close(number)
+
+
+def _scratch(parent: Path, name: str, suffix: str) -> Path:
+    """A new name; what is made under it has the rights that the umask leaves, which a temporary file has not."""
+    return parent / f".{name}-{secrets.token_hex(4)}{suffix}"
+
+
+def _empty(path: Path) -> None:
+    path.touch(exist_ok=False)
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a text file whole or not at all; a link of that name is replaced, not followed.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written; what was there before stays.
+    """
+    try:
+        sweep(path.parent, ANY_TEXT)
+        scratch, number = _locked(path.parent, ANY_TEXT, _empty)
+        try:
+            scratch.write_text(text, encoding="utf-8")
+            os.replace(scratch, path)
+        finally:
+            scratch.unlink(missing_ok=True)
+            os.close(number)
+    except OSError as error:
+        raise refused(path, error) from None
+
+
+def _put(scratch: Path, out: Path, ours: frozenset[str], overwrite: bool) -> None:
+    """Put a scratch folder in its place; where that has been taken meanwhile, beside it."""
+    try:
+        check_free(out, ours, overwrite)
+        if not out.exists():
+            os.rename(scratch, out)
+        elif not _exchanged(scratch, out):
+            _replace(scratch, out)
+    except OSError as error:
+        if not (isinstance(error, OutputError) or error.errno in (errno.ENOTEMPTY, errno.EEXIST)):
+            raise
+        number = 2
+        while (kept := out.with_name(f"{out.name}-{number}")).exists():
+            number += 1
+        os.rename(scratch, kept)
+        raise OutputError(
+            f"out = {str(out)!r}: has been taken by another run meanwhile; this report is kept as {str(kept)!r}"
+        ) from None
+
+
+def _exchanged(one: Path, other: Path) -> bool:
+    """Exchange two folders in one step, where the system can: then there is no moment without either."""
+    rename = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
+    if rename is None:
+        return False
+    return bool(rename(AT_FDCWD, os.fsencode(one), AT_FDCWD, os.fsencode(other), RENAME_EXCHANGE) == 0)
+
+
+def _replace(scratch: Path, out: Path) -> None:
+    """The same in two steps; who is killed between them leaves the old folder to `sweep`."""
+    old = _scratch(out.parent, out.name, OLD)
+    old.mkdir()
+    os.rename(out, old)
+    try:
+        os.rename(scratch, out)
+    except OSError:
+        os.rename(old, out)
+        raise
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def sweep(parent: Path, name: str) -> None:
+    """Remove what killed processes have left of `name`; put back what one had moved away when it was killed."""
+    pattern = re.compile(rf"\.{re.escape(name)}-[a-z0-9_]{{8}}(\{PART}|\{OLD})")
+    try:
+        found = [parent / name for name in os.listdir(parent) if pattern.fullmatch(name)]
+    except OSError:  # a folder that may be written and not read
+        return
+    for left in found:
+        with suppress(OSError), _opened(left) as number:
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)  # raises where its process lives
+            if not left.is_dir():
+                left.unlink()
+            elif left.suffix == OLD and any(left.iterdir()) and not (parent / name).exists():
+                os.rename(left, parent / name)
+            else:
+                shutil.rmtree(left, ignore_errors=True)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[int]:
+    number = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+    try:
+        yield number
+    finally:
+        os.close(number)
+
+
+def named(path: Path) -> str:
+    """The name that a file gives to what is in it, in characters that any other file can hold.
+
+    Examples
+    --------
+    >>> named(Path("gears/mine.toml"))
+    'mine'
+    """
+    return path.stem.encode(errors="replace").decode()

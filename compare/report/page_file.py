@@ -1,0 +1,143 @@
+"""A page as plain data: written as ``page.json``, read back and checked."""
+
+import dataclasses
+import json
+import types
+import typing
+from pathlib import Path
+from typing import Any
+
+from rattle.compare.report.content import Block, Code, Figure, Page, Table, Text
+from rattle.compare.report.json_text import json_digest, json_text
+from rattle.scene.errors import FileError, InputError
+
+__all__ = ["NAME", "page_text", "read_page"]
+
+NAME = "page.json"
+FORMAT, VERSION = "rattle page", 1
+BLOCKS = {"text": Text, "table": Table, "figure": Figure, "code": Code}
+"""Blocks by the kind that the file gives them."""
+
+
+class _Refused(Exception):
+    """Where the data are not a page, and why."""
+
+    def __init__(self, where: str, why: str) -> None:
+        super().__init__(f"{where}: {why}")
+
+
+def page_text(page: Page) -> str:
+    """A page as JSON; what has its default is left out.
+
+    Examples
+    --------
+    >>> from rattle.compare.report import Page, Source
+    >>> json.loads(page_text(Page("t", ("a",), Source("again"))))["page"]
+    {'title': 't', 'answer': ['a'], 'source': {'repeat': 'again'}}
+    """
+    plain = _plain(page)
+    data = {"format": FORMAT, "version": VERSION, "sha256": json_digest(plain), "page": plain}
+    return json_text(data, indent=None) + "\n"
+
+
+def read_page(path: Path) -> Page:
+    """Read a page from its file.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, is no page, or is of a newer version; it names the place.
+
+    Examples
+    --------
+    >>> read_page(Path("nowhere.json"))
+    Traceback (most recent call last):
+    ...
+    rattle.scene.errors.FileError: page = 'nowhere.json': cannot be read (No such file or directory)
+    """
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(data, dict) or data.get("format") != FORMAT:
+            raise _Refused("format", f"is not {FORMAT!r}")
+        version = data.get("version")
+        if type(version) is not int or version < 1:
+            raise _Refused("version", "is no version")
+        if version > VERSION:
+            why = f"comes from a newer version of rattle (page {version}; this one reads {VERSION}); update rattle"
+            raise FileError("page", str(path), why)
+        page: Page = _read(Page, data.get("page"), "page")
+        if "sha256" in data and data["sha256"] != json_digest(data["page"]):  # an earlier version wrote none
+            raise _Refused("sha256", "the page was changed after it was written")
+    except OSError as error:
+        raise FileError("page", str(path), f"cannot be read ({error.strerror})") from None
+    except _Refused as error:
+        raise FileError("page", str(path), f"is no page of a report ({error})") from None
+    except (ValueError, OverflowError, RecursionError) as error:
+        if isinstance(error, FileError):
+            raise
+        raise FileError("page", str(path), f"is no page of a report ({error})") from None
+    return page
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    if not dataclasses.is_dataclass(value):
+        return value
+    kinds = {kind: name for name, kind in BLOCKS.items()}
+    named = {"kind": kinds[type(value)]} if type(value) in kinds else {}
+    told = ((f.name, f.default, getattr(value, f.name)) for f in dataclasses.fields(value))
+    return named | {name: _plain(found) for name, default, found in told if found != default}
+
+
+def _read(kind: Any, data: Any, where: str) -> Any:
+    """Data as what the type says: a string, a number, a tuple, a block, or a dataclass of these."""
+    if kind is Block:
+        name = data.get("kind") if isinstance(data, dict) else None
+        if not isinstance(name, str) or name not in BLOCKS:
+            raise _Refused(where, f"is none of {', '.join(BLOCKS)}")
+        return _made(BLOCKS[name], {k: v for k, v in data.items() if k != "kind"}, where)
+    if typing.get_origin(kind) is tuple:
+        return _tuple(typing.get_args(kind), data, where)
+    if isinstance(kind, types.UnionType):  # float | None
+        return None if data is None else _number(data, where)
+    if dataclasses.is_dataclass(kind):
+        return _made(kind, data, where)
+    if type(data) is not kind:
+        raise _Refused(where, f"is not of type {kind.__name__}")
+    return data
+
+
+def _number(data: Any, where: str) -> float:
+    if type(data) not in (int, float):
+        raise _Refused(where, "is no number")
+    return float(data)
+
+
+def _tuple(kinds: tuple[Any, ...], data: Any, where: str) -> tuple[Any, ...]:
+    if not isinstance(data, list):
+        raise _Refused(where, "is no list")
+    if kinds[-1] is ...:
+        kinds = (kinds[0],) * len(data)
+    if len(data) != len(kinds):
+        raise _Refused(where, f"has {len(data)} entries in place of {len(kinds)}")
+    return tuple(_read(kind, item, f"{where}[{i}]") for i, (kind, item) in enumerate(zip(kinds, data, strict=True)))
+
+
+def _made(kind: Any, data: Any, where: str) -> Any:
+    """A dataclass of its fields."""
+    if not isinstance(data, dict):
+        raise _Refused(where, "is no object")
+    fields = {field.name: field for field in dataclasses.fields(kind)}
+    for name in data:
+        if name not in fields:
+            raise _Refused(f"{where}.{name}", "is unknown")
+    for name, field in fields.items():
+        if name not in data and field.default is dataclasses.MISSING:
+            raise _Refused(f"{where}.{name}", "is missing")
+    hints = typing.get_type_hints(kind)
+    found = {name: _read(hints[name], item, f"{where}.{name}") for name, item in data.items()}
+    try:
+        return kind(**found)
+    except InputError as error:
+        raise _Refused(where, str(error)) from None

@@ -1,0 +1,94 @@
+"""A page written into its report's folder: as data, as Markdown, as one self-contained HTML file."""
+
+import base64
+import hashlib
+import re
+from collections.abc import Iterator
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from rattle.compare.report.content import MARKS, NUMBER, Block, Code, Figure, Page, Section, Table, Text
+from rattle.compare.report.markup import as_code, as_html, as_markdown, fence
+from rattle.compare.report.page_file import NAME, page_text
+from rattle.scene.text import harmless, line
+
+__all__ = ["pages", "write_page"]
+
+TYPES = {".svg": "image/svg+xml", ".png": "image/png"}
+KINDS = {Text: "text", Table: "table", Figure: "figure", Code: "code"}
+
+
+def pages(name: str) -> tuple[str, str, str]:
+    """Names of the files that `write_page` writes."""
+    return NAME, f"{name}.md", f"{name}.html"
+
+
+def write_page(page: Page, folder: Path, name: str) -> None:
+    """Write a page into the folder where its figures are: ``page.json``, ``name.md`` and ``name.html``."""
+    for file, text in zip(pages(name), (page_text(page), markdown(page), html(page, folder)), strict=True):
+        (folder / file).write_text(text, encoding="utf-8")
+
+
+def markdown(page: Page) -> str:
+    """A page as Markdown; the figures are linked."""
+    environment = _environment(False)
+    environment.filters |= {"md": as_markdown, "code": as_code, "fence": fence, "line": line}
+    text = environment.get_template("page.md.j2").render(page=page, kind=_kind, NUMBER=NUMBER)
+    return re.sub(r"\n{3,}", "\n\n", text).rstrip() + "\n"
+
+
+def html(page: Page, folder: Path) -> str:
+    """A page as one HTML file that asks nothing of the network; the figures are read from the folder."""
+    style, script = _part("page.css"), _part("page.js")
+    policy = (
+        f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; script-src '{_hash(script)}'; "
+        "base-uri 'none'; form-action 'none'"
+    )
+    environment = _environment(True)
+    anchors = _anchors(page)
+    environment.filters |= {"inline": as_html, "line": line, "anchor": lambda section: anchors[id(section)]}
+    return environment.get_template("page.html.j2").render(
+        page=page, kind=_kind, NUMBER=NUMBER, MARKS=MARKS, policy=policy, style=Markup(style), script=Markup(script),
+        embedded=lambda figure: _embedded(folder / figure.path),
+    )  # fmt: skip
+
+
+def _environment(escaped: bool) -> Environment:
+    return Environment(
+        loader=PackageLoader("rattle.compare.report"), autoescape=escaped, trim_blocks=True, lstrip_blocks=True,
+        undefined=StrictUndefined, finalize=lambda value: harmless(value) if type(value) is str else value,
+    )  # fmt: skip
+
+
+def _kind(block: Block) -> str:
+    return KINDS[type(block)]
+
+
+@cache
+def _part(name: str) -> str:
+    return files("rattle.compare.report").joinpath("templates", name).read_text(encoding="utf-8")
+
+
+def _hash(text: str) -> str:
+    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+
+
+def _embedded(path: Path) -> str:
+    return f"data:{TYPES[path.suffix]};base64," + base64.b64encode(path.read_bytes()).decode()
+
+
+def _anchors(page: Page) -> dict[int, str]:
+    """A name for each section to link to, by the section's identity: its title's words, numbered where they repeat."""
+
+    def names() -> Iterator[tuple[Section, str]]:
+        taken: dict[str, int] = {"source": 1}
+        for section in page.all_sections():
+            words = re.sub(r"\W+", "-", section.title.lower()).strip("-") or "section"
+            taken[words] = taken.get(words, 0) + 1
+            yield section, words if taken[words] == 1 else f"{words}--{taken[words]}"
+
+    return {id(section): anchor for section, anchor in names()}

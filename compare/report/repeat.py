@@ -1,0 +1,213 @@
+"""Whether a repeated report has the numbers of the first: bit for bit, but for rounding, or not."""
+
+import io
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from rattle.compare.report.manifest import DIGESTS, Recorded, digest, versions
+from rattle.scene.text import line
+
+__all__ = [
+    "DIFFERENT", "EXACT", "ROUNDED", "ROUNDING", "SAME", "Difference", "Repeat", "compared", "difference",
+    "tables_beside",
+]  # fmt: skip
+
+Floats = NDArray[np.float64]
+
+SAME, ROUNDED, DIFFERENT = "bit for bit", "but for rounding", "different"
+
+ROUNDING = 0.01
+"""The largest difference that is called rounding, in standard errors of the simulated number.
+
+Machine code for other vector instructions adds the same paths up in another order, which moves a mean by some 1e-14 of
+an sd (measured on DAT21 between two kinds of x86-64: 2e-14).  Where products are rounded otherwise too, each path
+starts with another last bit, and impacts make it larger: without fused products, 256 000 paths at sigma = 1.2 differ
+by 1e-11 sd at their impacts, and at a time after twelve of them by 1e-6 sd, or 1e-3 standard errors: one path in a
+million has gone its own way.  Their number grows with the paths, what each of them moves falls; in standard errors the
+sum stays small.  Another seed moves the rows by about one, and of hundreds of rows some by more: the bound stands a
+hundred times below that, ten times above what was measured.
+"""
+EXACT = 1e-9
+"""The same for what is not sampled, in sds of the quantity: a closure's own numbers (measured: 5e-15)."""
+FAINT = 1e-3
+"""Where this share of a value is more than the sd, it is the unit: rounding is of the value, however small its sd."""
+
+TABLES = {"table_sha256": "table.csv", "frontier_sha256": "frontier.csv"}
+SAMPLED = {"monte_carlo", "se", "bias", "error", "low", "high", "unit", "tolerance", "agreement"}
+"""Columns that follow from the paths."""
+DERIVED = {"paths_needed"}
+"""Follows from the other columns, through a difference that may be next to nothing."""
+NAMING = ("sigma", "reading", "kind", "moment", "quantity", "impact")
+"""Columns that say which row it is."""
+
+
+class Difference(NamedTuple):
+    """The difference between two tables that is farthest beyond what rounding explains, or nearest to it.
+
+    Attributes
+    ----------
+    excess : float
+        In units of what rounding explains; infinite where it is not one of numbers.
+    sds, errors : float
+        The same in sds of the quantity, and in standard errors (NaN where nothing is sampled).
+    where : str
+        Its column, its row, and both entries.
+    """
+
+    excess: float
+    sds: float
+    errors: float
+    where: str
+
+
+class Repeat(NamedTuple):
+    """How a repeated report compares with the first.
+
+    Attributes
+    ----------
+    outcome : str
+        `SAME`, `ROUNDED` or `DIFFERENT`.
+    largest : Difference or None
+        None where it is the same, or where only digests could be compared.
+    why : str
+        Why no more than digests could be.
+    changed : dict of str to (str or None, str or None)
+        Versions and parts of the processor that differ: recorded (None where not), and here.
+    """
+
+    outcome: str
+    largest: Difference | None
+    why: str
+    changed: dict[str, tuple[str | None, str | None]]
+
+    @property
+    def sentences(self) -> list[str]:
+        """What a person is told."""
+        if self.outcome == SAME:
+            return ["Repeated bit for bit."]
+        found = "Repeated but for rounding" if self.outcome == ROUNDED else "The numbers differ from the manifest's"
+        if self.largest is None:
+            return [f"{found}. Only digests could be compared: {self.why}.", self._versions]
+        if math.isinf(self.largest.sds):
+            return [f"{found}: {self.largest.where}.", self._versions]
+        errors = "" if math.isnan(self.largest.errors) else f", {self.largest.errors:.2g} standard errors"
+        size = f"the largest difference is {self.largest.sds:.2g} sd{errors} ({self.largest.where})"
+        bound = f"Up to {ROUNDING:g} standard errors, or {EXACT:g} sd of what is not sampled, is rounding."
+        return [f"{found}: {size}. {bound}", self._versions]
+
+    @property
+    def _versions(self) -> str:
+        silent = [f"{name} (here {here})" for name, (there, here) in self.changed.items() if there is None]
+        told = [f"{n} {there}, here {here}" for n, (there, here) in self.changed.items() if there is not None]
+        said = [f"The manifest's versions that differ: {'; '.join(told)}."] if told else []
+        said += [f"The manifest does not say: {', '.join(silent)}."] if silent else []
+        return " ".join(map(line, said)) or "All versions and the processor are those of the manifest."
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data."""
+        changed = {name: {"manifest": there, "here": here} for name, (there, here) in self.changed.items()}
+        largest = self.largest and self.largest._asdict()
+        return {"outcome": self.outcome, "largest_difference": largest, "why": self.why, "changed": changed}
+
+
+def tables_beside(path: Path, recorded: Recorded) -> dict[str, str]:
+    """The tables beside a manifest as CSV text, by the name of their digests: those that are the manifest's own."""
+    found = {}
+    for name, file in TABLES.items():
+        try:
+            text = (path.parent / file).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError):
+            continue
+        if digest(text) == recorded.digests[name]:
+            found[name] = text
+    return found
+
+
+def compared(recorded: Recorded, earlier: Mapping[str, str], now: Mapping[str, Any], folder: Path) -> Repeat:
+    """Compare a repeated report with the first.
+
+    Parameters
+    ----------
+    recorded : Recorded
+        What the manifest of the first says.
+    earlier : mapping of str to str
+        Its tables, as `tables_beside` finds them.
+    now : mapping
+        The manifest of the repeated one.
+    folder : Path
+        Where that one lies.
+    """
+    here = versions()
+    changed = {n: (recorded.versions.get(n), here.get(n)) for n in dict.fromkeys([*here, *recorded.versions])}
+    changed = {name: pair for name, pair in changed.items() if pair[0] != pair[1]}
+    differing = [name for name in DIGESTS if now[name] != recorded.digests[name]]
+    found = []
+    for name in differing:
+        file = TABLES[name]
+        if now[name] is None or recorded.digests[name] is None:
+            found.append(Difference(math.inf, math.inf, math.nan, f"only one of them has {file}"))
+        elif name not in earlier:
+            return Repeat(DIFFERENT, None, f"no {file} with the manifest's digest lies beside it", changed)
+        else:
+            before, after = (pd.read_csv(io.StringIO(t)) for t in (earlier[name], (folder / file).read_text("utf-8")))
+            one = difference(before, after, recorded.settings.paths)
+            found.append(one._replace(where=f"{file}, {one.where}"))
+    if not found:
+        return Repeat(SAME, None, "", changed)
+    largest = max(found, key=lambda one: one.excess)
+    return Repeat(ROUNDED if largest.excess <= 1.0 else DIFFERENT, largest, "", changed)
+
+
+def difference(one: pd.DataFrame, other: pd.DataFrame, paths: int) -> Difference:
+    """The difference between two tables of a report that is largest beside what rounding explains.
+
+    Parameters
+    ----------
+    one, other : DataFrame
+        Sds are those of the column ``unit``, or `FAINT` of a value where that is more; standard errors those of ``se``.
+    paths : int
+        Behind each row.
+
+    Examples
+    --------
+    >>> table = pd.DataFrame({"quantity": ["y1"], "closure": [1.0], "monte_carlo": [1.5], "unit": [0.5], "se": [0.1]})
+    >>> difference(table, table.assign(monte_carlo=1.75), 25)  # doctest: +ELLIPSIS
+    Difference(excess=249.9..., sds=0.5, errors=2.5, where='column monte_carlo, quantity y1: 1.5 and 1.75')
+    """
+    if list(one) != list(other) or len(one) != len(other):
+        return Difference(math.inf, math.inf, math.nan, "it has other rows or columns")
+    largest = Difference(0.0, 0.0, math.nan, "written with other digits alone")
+    for name in one.columns.difference(list(DERIVED), sort=False):
+        sds, errors = _differences(one, other, name, paths)
+        sampled = np.isfinite(errors) & (errors > 0.0)
+        allowed = EXACT + ROUNDING * np.divide(sds, errors, out=np.zeros_like(sds), where=sampled)
+        excess = sds / allowed
+        row = int(np.argmax(excess)) if len(excess) else 0
+        if len(excess) and excess[row] > largest.excess:
+            which = ", ".join(f"{n} {one[n].iloc[row]}" for n in NAMING if n in one and n != name)
+            where = f"column {name}, {which}: {one[name].iloc[row]} and {other[name].iloc[row]}"
+            largest = Difference(float(excess[row]), float(sds[row]), float(errors[row]), where)
+    return largest
+
+
+def _differences(one: pd.DataFrame, other: pd.DataFrame, name: str, paths: int) -> tuple[Floats, Floats]:
+    """Differences of a column in sds and in standard errors."""
+    a, b = one[name], other[name]
+    same = ((a == b) | (a.isna() & b.isna())).to_numpy(bool)
+    none = np.full(len(one), math.nan)
+    if not (pd.api.types.is_float_dtype(a) and pd.api.types.is_float_dtype(b)):  # words and counts are equal or not
+        return np.where(same, 0.0, math.inf), none
+    nothing = pd.Series(0.0, index=one.index)
+    sizes = [FAINT * a.abs(), FAINT * b.abs(), one.get("unit", nothing), FAINT * one.get("monte_carlo", nothing).abs()]
+    error = one.get("se", nothing).to_numpy(float) if name != "agreement" else paths**-0.5
+    gap = np.where(same, 0.0, (a - b).abs())
+    with np.errstate(invalid="ignore", divide="ignore"):
+        sds = np.where(same, 0.0, gap / np.fmax.reduce([s.to_numpy(float) for s in sizes]))
+        errors = np.where(error > 0.0, gap / error, math.nan) if name in SAMPLED else none
+    return np.where(np.isnan(sds), math.inf, sds), errors

@@ -1,0 +1,260 @@
+"""What one result is determined by: an ensemble of a scene, or a closure's prediction of it."""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from rattle.closure import READINGS, mean_map
+from rattle.compare.report.json_text import json_digest
+from rattle.compare.study.store import Stored
+from rattle.compare.study.version import numerical_version
+from rattle.montecarlo import SCHEMES, Ensemble, default_step, simulate
+from rattle.montecarlo.accuracy import faint
+from rattle.montecarlo.ensemble import Blocks
+from rattle.scene.errors import InputError
+from rattle.scene.moments import SECTION
+from rattle.scene.scene import Scene
+
+__all__ = ["Cell", "Predicted", "Prediction", "Sample", "Sampled"]
+
+Floats = NDArray[np.float64]
+
+BATCH = "batch_{}_{}"  # column of what the batches say of a quantity
+
+
+class Cell(Protocol):
+    """One result to compute, or to find in a store under its key."""
+
+    @property
+    def key(self) -> str:
+        """Digest of everything that determines the result."""
+        ...
+
+    @property
+    def label(self) -> str:
+        """What a person reads on the progress line."""
+        ...
+
+    def compute(self, blocks: Blocks | None = None) -> Stored:
+        """The result; `blocks` runs the blocks of paths where there are any."""
+        ...
+
+    def opened(self, stored: Stored) -> object:
+        """The result as it speaks."""
+        ...
+
+
+def _key(kind: str, package: str, scene: Scene, settings: Mapping[str, Any]) -> str:
+    """Digest of a scene's dimensionless numbers, the settings, and the version of the code that makes the result."""
+    numbers = replace(scene).to_dict()  # without the gears that it came from
+    content = {"kind": kind, "scene": numbers, "settings": settings, "version": numerical_version("scene", package)}
+    return json_digest(content)[:32]
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Section moments of an ensemble as they are stored; speaks as `montecarlo.Ensemble` does.
+
+    Attributes
+    ----------
+    scene : Scene
+    section : DataFrame
+        As `Ensemble.section`, with ``energy``.
+    step_bias : DataFrame
+        As `Ensemble.step_bias`.
+    batches : DataFrame
+        Index ``impact``; columns ``batch_mean_tau, batch_sd_tau, batch_control_tau, ...``, lists over the batches of
+        `rattle.montecarlo.statistics.batches`.
+    facts : dict
+        ``paths, dt, scheme, path_steps, held, unfinished, sampling, step, reached, seconds``.
+    """
+
+    scene: Scene
+    section: pd.DataFrame
+    step_bias: pd.DataFrame
+    batches: pd.DataFrame
+    facts: dict[str, Any]
+
+    @property
+    def columns(self) -> dict[str, Floats]:
+        """The columns of the section."""
+        return {str(name): self.section[name].to_numpy(float) for name in self.section}
+
+    @property
+    def paths(self) -> int:
+        """Paths that were followed."""
+        return int(self.facts["paths"])
+
+    @property
+    def agreement(self) -> pd.DataFrame:
+        """Share of paths on the noise-free itinerary so far, under the name of every reading."""
+        return pd.DataFrame(dict.fromkeys(READINGS, self.section["agreement"]))
+
+
+@dataclass(frozen=True)
+class Sample:
+    """An ensemble of paths of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    impacts : int
+    seed : int
+    scheme : str
+    paths : int or None
+        Number of paths, or give `accuracy`.
+    accuracy : float or None
+        See `montecarlo.simulate`.
+    dt : float or None
+        Step; the scheme's by default.
+
+    Examples
+    --------
+    >>> from rattle.scene import DAT21, Scene
+    >>> cell = Sample(Scene.from_gears(DAT21, sigma=0.1), impacts=2, seed=0, paths=2048)
+    >>> run = cell.opened(cell.compute())
+    >>> round(float(run.section.loc[1, "tau"]), 3), run.paths
+    (0.56, 2048)
+    """
+
+    scene: Scene
+    impacts: int
+    seed: int
+    scheme: str = "exact-flight"
+    paths: int | None = None
+    accuracy: float | None = None
+    dt: float | None = None
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Everything but the scene."""
+        biased = SCHEMES[self.scheme].weak_order is not None
+        own = default_step(self.scene, self.scheme, biased)
+        dt = own if self.dt is None and self.accuracy is None else self.dt
+        return {
+            "impacts": self.impacts, "seed": self.seed, "scheme": self.scheme, "paths": self.paths,
+            "accuracy": self.accuracy, "dt": dt,
+        }  # fmt: skip
+
+    @cached_property
+    def key(self) -> str:
+        """Digest of everything that determines the result."""
+        return _key("ensemble", "montecarlo", self.scene, self.settings)
+
+    @property
+    def label(self) -> str:
+        """What a person reads on the progress line."""
+        return f"simulate sigma {self.scene.sigma:.3g}"
+
+    def compute(self, blocks: Blocks | None = None) -> Stored:
+        """Simulate; raises InputError where the scene cannot be, or an accuracy not within an hour of one core."""
+        started = time.perf_counter()
+        exact = SCHEMES[self.scheme].weak_order is None
+        common: dict[str, Any] = {
+            "impacts": self.impacts, "rng": self.seed, "scheme": self.scheme, "batches": True, "energy": True,
+            "blocks": blocks,
+        }  # fmt: skip
+        if self.accuracy is not None:
+            run = simulate(self.scene.near, accuracy=self.accuracy, **common)
+            if run.reach is not None and not run.reach.reached:  # how far it came is told by the clock: no result
+                raise InputError("accuracy", self.accuracy, run.reach.sentence)
+        else:
+            run = simulate(
+                self.scene.near, paths=self.paths, dt=self.dt, control=exact and faint(self.scene), step_bias=not exact,
+                **common,
+            )  # fmt: skip
+        facts = {
+            "paths": run.paths, "dt": run.dt, "scheme": run.scheme, "path_steps": run.path_steps, "held": run.held,
+            "unfinished": run.unfinished, "reached": run.reach is None or run.reach.reached,
+            "seconds": time.perf_counter() - started,
+        }  # fmt: skip
+        return Stored(_sections(run), facts)
+
+    def opened(self, stored: Stored) -> Sampled:
+        """The result as it speaks."""
+        wide = stored.table
+        first, last = wide.columns.get_loc("bias_tau"), wide.columns.get_loc(BATCH.format("mean", "tau"))
+        section, batches = wide.iloc[:, :first], wide.iloc[:, last:]
+        rows = [
+            wide[[f"{c}_{name}" for c in BIAS]].set_axis(list(BIAS), axis=1).reset_index().assign(quantity=q, moment=m)
+            for m, prefix in (("mean", ""), ("sd", "sd_"))
+            for q in SECTION
+            if f"bias_{(name := prefix + q)}" in wide
+        ]
+        return Sampled(self.scene, section, pd.concat(rows, ignore_index=True), batches, stored.facts)
+
+
+BIAS = ("bias", "se_bias", "corrected", "se_corrected", "rest")
+
+
+def _sections(run: Ensemble) -> pd.DataFrame:
+    """Everything that is stored of an ensemble, a row for each impact."""
+    parts = [run.section]
+    for (moment, quantity), rows in run.step_bias.groupby(["moment", "quantity"], sort=False):
+        name = quantity if moment == "mean" else f"sd_{quantity}"
+        parts.append(rows.set_index("impact")[list(BIAS)].add_suffix(f"_{name}"))
+    batches = run.batches
+    assert batches is not None
+    held = batches.n[:, 0, 0] > 0
+    columns: dict[str, Any] = {}
+    for what, values in (("mean", batches.mean), ("sd", batches.sd), ("control", batches.control)):
+        for i, quantity in enumerate(SECTION):
+            columns[BATCH.format(what, quantity)] = list(np.ascontiguousarray(values[held, :, i].T))
+    parts.append(pd.DataFrame(columns, index=run.section.index))
+    return pd.concat(parts, axis=1)
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """Section moments that a closure predicts, as they are stored; speaks as `closure.MeanMap` does."""
+
+    reading: str
+    section: pd.DataFrame
+    facts: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """A closure's prediction for a scene.
+
+    Examples
+    --------
+    >>> from rattle.scene import DAT21, Scene
+    >>> cell = Prediction(Scene.from_gears(DAT21, sigma=0.1), impacts=2, reading="mended")
+    >>> cell.opened(cell.compute()).section.loc[2, "mesh"]
+    np.int64(2)
+    """
+
+    scene: Scene
+    impacts: int
+    reading: str
+    order: int = 4
+
+    @cached_property
+    def key(self) -> str:
+        """Digest of everything that determines the result."""
+        settings = {"impacts": self.impacts, "reading": self.reading, "order": self.order}
+        return _key("prediction", "closure", self.scene, settings)
+
+    @property
+    def label(self) -> str:
+        """What a person reads on the progress line."""
+        return f"{self.reading} sigma {self.scene.sigma:.3g}"
+
+    def compute(self, blocks: Blocks | None = None) -> Stored:
+        """Follow the closure; raises InputError where the reading cannot take the scene."""
+        started = time.perf_counter()
+        closure = mean_map(self.scene.near, impacts=self.impacts, reading=self.reading, order=self.order)
+        table = closure.section
+        facts = {"stopped": closure.stopped, "found": closure.trace.found, "seconds": time.perf_counter() - started}
+        return Stored(table, facts)
+
+    def opened(self, stored: Stored) -> Predicted:
+        """The result as it speaks."""
+        return Predicted(self.reading, stored.table, stored.facts)

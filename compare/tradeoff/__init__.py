@@ -1,0 +1,1 @@
+"""What accuracy costs, with each scheme and each closure."""

@@ -1,0 +1,135 @@
+"""The figure of a trade-off: error against processor time, every scheme and every reading of the closure."""
+
+import numpy as np
+import pandas as pd
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import NullFormatter
+
+from rattle.compare.report.style import STYLE, legend_above, new_figure
+
+__all__ = ["order_figure", "tradeoff_figure"]
+
+SCHEME = {
+    "euler-maruyama": {"color": "#CC79A7", "marker": "P"},
+    "euler-maruyama-located": {"color": "#56B4E9", "marker": "X"},
+    "exact-flight": STYLE["monte carlo"],
+}
+MEASURED = Line2D([], [], ls="-", marker="D", ms=5, color="0.4", label="measured")
+EXTRAPOLATED = Line2D([], [], ls="--", marker="D", ms=5, mfc="none", color="0.4", label="extrapolated")
+MISSED = Line2D([], [], ls="none", marker="D", ms=5, color="0.4", alpha=0.35, label="missed: too few paths to know")
+
+
+def tradeoff_figure(points: pd.DataFrame, slopes: dict[str, float], means_alone: pd.DataFrame) -> Figure:
+    """Work and precision of all methods in one panel.
+
+    Parameters
+    ----------
+    points : DataFrame
+        Of `rattle.compare.tradeoff.measure.measure`.
+    slopes : dict of str to float
+        Power of the accuracy by which the cost of each scheme grows.
+    means_alone : DataFrame
+        What exact flights cost for the section means alone: columns ``error, core_seconds``.
+    """
+    figure, (ax,) = new_figure(8.2, 6.4, 1, 1)
+    handles: list[Artist] = []
+    schemes = points[points["kind"] == "scheme"]
+    for scheme, rows in schemes.groupby("method", sort=False):
+        handles.append(_scheme(ax, str(scheme), rows, slopes[str(scheme)]))
+    for method, rows in points[points["kind"] == "multilevel"].groupby("method", sort=False):
+        colour = SCHEME[str(method).removeprefix("multilevel ")]["color"]
+        handles += ax.plot(rows["core_seconds"], rows["error"], ls="-.", lw=1.1, color=colour, label=f"{method}: means")
+    handles += ax.plot(
+        means_alone["core_seconds"], means_alone["error"], ls="-.", lw=1.1, color="k", label="exact-flight: means"
+    )
+    for _, row in points[points["kind"] == "closure"].iterrows():
+        handles.append(_closure(ax, row))
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.set_ylim(0.6 * min(points["error"].min(), points["median_error"].min()), 2.0 * points["error"].max())
+    ax.set_xlabel("processor time (core-seconds)")
+    ax.set_ylabel("error of the section means and sds / sd of each quantity")
+    figure.legend(
+        handles=[*handles, MEASURED, EXTRAPOLATED, MISSED],
+        loc="outside upper center",
+        ncols=3,
+        fontsize=8.0,
+        frameon=False,
+    )
+    return figure
+
+
+MOMENTS = {"mean": "section means", "sd": "section sds", "itinerary": "itinerary's probability"}
+
+
+def order_figure(changes: pd.DataFrame) -> Figure:
+    """Error against the step: a row of panels for each noise intensity, a panel for each kind of moment.
+
+    Parameters
+    ----------
+    changes : DataFrame
+        Of `rattle.compare.tradeoff.weak_order.Orders`.
+    """
+    sigmas = list(dict.fromkeys(changes["sigma"]))
+    figure, axes = new_figure(9.6, 3.0 * len(sigmas), len(sigmas), len(MOMENTS))
+    for i, sigma in enumerate(sigmas):
+        for j, (moment, title) in enumerate(MOMENTS.items()):
+            ax = axes[len(MOMENTS) * i + j]
+            own = changes[(changes["sigma"] == sigma) & (changes["moment"] == moment)].dropna()
+            for scheme, rows in own.groupby("scheme", sort=False):
+                away = [rows["change"] - rows["low"], rows["high"] - rows["change"]]
+                ax.errorbar(
+                    rows["dt"], rows["change"], away, label=str(scheme), ms=6, lw=1.3, capsize=2, **SCHEME[scheme]
+                )
+            if len(own):
+                ends, first = np.array([own["dt"].min(), own["dt"].max()]), own["change"].max()
+                ax.plot(ends, first * ends / ends[1], color="0.7", lw=1.0, zorder=0, label="order 1")
+            ax.set_xscale("log", base=2)
+            ax.set_yscale("log")
+            steps = sorted(own["dt"].unique())
+            ax.set_xticks(steps, [f"{step:g}" for step in steps], minor=False)
+            ax.yaxis.set_minor_formatter(NullFormatter())
+            if len(own):
+                ax.set_ylim(
+                    *(
+                        10.0
+                        ** np.array(
+                            [np.floor(np.log10(0.5 * own["change"].min())), np.ceil(np.log10(own["high"].max()))]
+                        )
+                    )
+                )
+            ax.set_title(rf"{title}, $\sigma$ = {sigma:.3g}", fontsize=9.0)
+            ax.set_xlabel("dt")
+            ax.set_ylabel("change from dt to dt / 2 (sds)" if moment != "itinerary" else "error")
+    legend_above(figure, axes, 3)
+    return figure
+
+
+def _scheme(ax: Axes, scheme: str, rows: pd.DataFrame, slope: float) -> Artist:
+    """A line through what holds, solid as far as it is measured; what missed its accuracy stands alone."""
+    style = SCHEME[scheme]
+    missed, held = rows[rows["missed"]], rows[~rows["missed"]]
+    x, y, measured = held["core_seconds"].to_numpy(), held["error"].to_numpy(), held["measured"].to_numpy(bool)
+    ax.plot(x, y, ls="--", lw=1.3, color=style["color"])
+    for i in np.flatnonzero(measured[:-1] & measured[1:]):
+        ax.plot(x[i : i + 2], y[i : i + 2], ls="-", lw=1.8, color=style["color"])
+    ax.plot(x[measured], y[measured], ls="none", ms=7, **style)
+    ax.plot(x[~measured], y[~measured], ls="none", ms=7, mfc="white", **style)
+    ax.plot(missed["core_seconds"], missed["error"], ls="none", ms=7, alpha=0.35, **style)
+    grows = "" if np.isnan(slope) else rf", cost $\propto$ error$^{{{slope:.1f}}}$"
+    return Line2D([], [], ms=7, lw=1.8, label=scheme + grows, **style)
+
+
+def _closure(ax: Axes, row: pd.Series) -> Artist:
+    """Worst error filled, median open below it; an arrow where the worst is an upper bound only."""
+    style, x = STYLE[row["method"]], row["core_seconds"]
+    ax.plot([x, x], [row["median_error"], row["error"]], lw=1.0, color=style["color"])
+    ax.plot(x, row["median_error"], ls="none", ms=6, mfc="white", **style)
+    ax.plot(x, row["error"], ls="none", ms=9, **style)
+    if not row["resolved"]:
+        arrow = {"arrowstyle": "->", "color": style["color"]}
+        ax.annotate("", (x, 0.6 * row["error"]), (x, row["error"]), arrowprops=arrow)
+    return Line2D([], [], ls="none", ms=8, label=f"{row['method']}: worst, median (open)", **style)

@@ -1,0 +1,217 @@
+"""What accuracy costs: every scheme at every accuracy, measured or extrapolated, and every reading of the closure.
+
+An error is the larger of the worst standard error and the worst bias of the step over all section means and sds, in
+units of each quantity's sd (`rattle.montecarlo.accuracy`); of a closure it is its worst difference from the best
+simulation at hand.  Time is processor time, over all threads.
+"""
+
+import math
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import NoReturn
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from rattle.closure import mean_map, readings_for
+from rattle.compare.tradeoff.cost_model import Law, Point, timed
+from rattle.compare.tradeoff.multilevel import Levels, measure_levels
+from rattle.compare.validation.speed import best_of
+from rattle.compare.validation.verdict import widest
+from rattle.montecarlo import SCHEMES, AccuracyWarning, Ensemble, simulate
+from rattle.montecarlo.accuracy import LEAST, units
+from rattle.scene.errors import InputError
+from rattle.scene.moments import SECTION
+from rattle.scene.scene import Scene
+from rattle.scene.validate import positive
+
+__all__ = ["ACCURACIES", "HAND_TUNED_NS", "Measured", "check_accuracies", "measure", "slope"]
+
+Floats = NDArray[np.float64]
+
+ACCURACIES = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
+BUSY = 10.0  # times as long as its processor time may a point take on a busy machine
+HAND_TUNED_NS = 10.7
+"""Time of a path-step of plain Euler-Maruyama in a hand-tuned numba block on the machine of the README."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """All that a comparison of costs has found.
+
+    Attributes
+    ----------
+    points : DataFrame
+        The columns of `Point`.
+    laws : dict of str to Law
+        By scheme.
+    levels : dict of str to Levels
+        By Euler scheme.
+    reference : Ensemble
+        The simulation that closures are held against.
+    """
+
+    points: pd.DataFrame
+    laws: dict[str, Law]
+    levels: dict[str, Levels]
+    reference: Ensemble
+
+
+def check_accuracies(accuracies: Sequence[float]) -> tuple[float, ...]:
+    """Accuracies from the roughest to the finest, each once.
+
+    Raises
+    ------
+    InputError
+        For one that is not a positive number, or for none.
+    """
+    if not accuracies:
+        raise InputError("accuracy", accuracies, "give at least one")
+    return tuple(sorted({positive("accuracy", a) for a in accuracies}, reverse=True))
+
+
+def _scheme_points(
+    law: Law, accuracies: Sequence[float], budget: float, again: Callable[..., Ensemble],
+    bar: "tqdm[NoReturn]",
+) -> list[tuple[Point, Ensemble | None]]:  # fmt: skip
+    """Points of a scheme, with the run of each that was measured."""
+    points: list[tuple[Point, Ensemble | None]] = []
+    for accuracy in accuracies:
+        bar.set_postfix_str(f"{law.scheme}, {accuracy:g}")
+        point, measured = law.at(accuracy), None
+        if point.core_seconds <= budget:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", AccuracyWarning)  # then the point is not a measured one
+                call = partial(again, accuracy=accuracy, scheme=law.scheme, budget=BUSY * budget)
+                run, seconds = timed(call)
+            law.learn(run)
+            reach = run.reach
+            assert reach is not None
+            point = law.at(accuracy)
+            if reach.reached:
+                error, measured = max(reach.sampling, reach.step), run
+                point = Point(
+                    law.scheme, "scheme", accuracy, run.dt, run.paths, seconds, reach.sampling, reach.step, error, True
+                )  # fmt: skip
+        points.append((point, measured))
+        bar.update()
+    return points
+
+
+def _section_rows(scene: Scene) -> list[tuple[str, str]]:
+    """Column and quantity of every section mean and sd of a scene."""
+    return [(prefix + q, q) for q in SECTION[: 2 + 2 * scene.stages] for prefix in ("", "sd_")]
+
+
+def _differences(section: pd.DataFrame, reference: Ensemble) -> Floats:
+    """Section means and sds less those of a simulation, in units of its sds, shape (rows, impacts)."""
+    unit, own = units(reference), section.reindex(reference.section.index)
+    return np.array([
+        (own[name] - reference.section[name]) / unit[q] for name, q in _section_rows(reference.scene)
+    ])  # fmt: skip
+
+
+def closure_points(scene: Scene, impacts: int, reference: Ensemble) -> list[Point]:
+    """Worst and median error of every reading that can take the scene, and its time."""
+    columns, unit = _section_rows(scene), units(reference)
+    readings = readings_for(scene)
+    z = widest(len(columns) * impacts * len(readings))
+    half = z * np.array([reference.section["se_" + name] / unit[q] for name, q in columns])
+    points = []
+    for reading in readings:
+        call = partial(mean_map, scene, impacts=impacts, reading=reading)
+        error = np.abs(_differences(call().section, reference))
+        seen = np.isfinite(error)
+        error, noise = error[seen], half[seen]
+        worst = int(error.argmax())
+        resolved = bool(error[worst] > noise[worst])
+        bound = float(error[worst] if resolved else (error + noise).max())
+        points.append(Point(
+            reading, "closure", math.nan, math.nan, 0, best_of(call), float(noise[worst]), 0.0, bound, True,
+            float(np.median(error)), resolved, error.size,
+        ))  # fmt: skip
+    return points
+
+
+def _held_against(point: Point, run: Ensemble | None, law: Law, reference: Ensemble) -> list[Point]:
+    """A point with its actual error; if it missed what was asked, the extrapolated point that would not beside it."""
+    if run is None or run.paths >= reference.paths:
+        return [point]
+    actual = float(np.nanmax(np.abs(_differences(run.section, reference))))
+    point = point._replace(actual_error=actual)
+    if actual <= point.step_error + widest(point.rows) * point.accuracy:
+        return [point]
+    return [point._replace(missed=True, error=actual), law.at(point.accuracy)._replace(rows=point.rows)]
+
+
+def multilevel_points(levels: dict[str, Levels], accuracies: Sequence[float]) -> list[Point]:
+    """Cost of the best multilevel estimator of the means by each Euler scheme, none of them run as a whole."""
+    points = []
+    for scheme, found in levels.items():
+        for a in accuracies:
+            e = found.estimate(a)
+            dt = found.table["dt"].iloc[0] / 2.0**e.last
+            points.append(Point(f"multilevel {scheme}", "multilevel", a, dt, 0, e.seconds, a, a, a, False))
+    return points
+
+
+def means_seconds(law: Law, accuracy: float, *, control: bool, typical: bool = False) -> float:
+    """Core-seconds of exact flights for the section means alone, all of them or the typical one.
+
+    With `control` by the errors that the control variate leaves, else by the spread of the paths.
+    """
+    unit, section = units(law.best), law.best.section
+    n = section["paths"].to_numpy(float)[:, None]
+    spread = np.sqrt(law.best.result.sums["section"].moment(2, 0))
+    errors = section[["se_" + q for q in SECTION]].to_numpy() * np.sqrt(n) if control else spread
+    share = errors / unit.to_numpy()
+    one = float(np.nanmedian(share) if typical else np.nanmax(share))
+    return (one / accuracy) ** 2 * law.path_alone(accuracy)
+
+
+def slope(points: pd.DataFrame, method: str, measured: bool) -> tuple[float, int]:
+    """Power of the accuracy with which a method's cost grows, and of how many points, from their logarithms.
+
+    Left out are points so rough that the least number of paths sets the cost.
+    """
+    rows = points[(points["method"] == method) & (points["paths"] > LEAST) & ~points["missed"]]
+    rows = rows[rows["measured"]] if measured else rows
+    if len(rows) < 2:
+        return math.nan, len(rows)
+    return float(np.polyfit(np.log(rows["accuracy"]), np.log(rows["core_seconds"]), 1)[0]), len(rows)
+
+
+def measure(
+    scene: Scene, *, impacts: int, accuracies: Sequence[float], budget: float, seed: int, workers: int
+) -> Measured:
+    """Measure every scheme at every accuracy that `budget` core-seconds each allow, extrapolate the rest.
+
+    Multilevel estimators are costed from runs at halved steps, closures held against the best run of exact flights.
+    """
+    scene = scene.near  # a late start costs no digits
+    again = partial(simulate, scene, impacts=impacts, rng=seed, workers=workers)
+    laws: dict[str, Law] = {}
+    found: dict[str, list[tuple[Point, Ensemble | None]]] = {}
+    exact_first = sorted(SCHEMES, key=lambda name: SCHEMES[name].weak_order is not None)
+    with tqdm(total=len(SCHEMES) * len(accuracies), desc="accuracy", unit="point", disable=None) as bar:
+        for scheme in exact_first:
+            law = laws[scheme] = Law.from_pilots(scene, scheme, again)
+            law.shared = max(other.spread for other in laws.values())  # of the first, which affords most paths
+            law.spread = max(law.spread, law.shared)
+            found[scheme] = _scheme_points(law, accuracies, budget, again, bar)
+    reference = laws[exact_first[0]].best
+    levels = {
+        scheme: measure_levels(scene, scheme, impacts=impacts, seed=seed, workers=workers) for scheme in exact_first[1:]
+    }
+    rows = len(_section_rows(scene)) * impacts
+    points = []
+    for scheme in SCHEMES:
+        for point, run in found[scheme]:
+            points += _held_against(point._replace(rows=rows), run, laws[scheme], reference)
+    points += multilevel_points(levels, accuracies) + closure_points(scene, impacts, reference)
+    laws = {scheme: laws[scheme] for scheme in SCHEMES}
+    return Measured(pd.DataFrame(points, columns=list(Point._fields)), laws, levels, reference)

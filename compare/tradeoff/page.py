@@ -1,0 +1,187 @@
+"""What the page of a trade-off says: its figures explained, its tables."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from rattle.compare.report import Block, Cell, Code, Figure, Page, Row, Section, Source, Table, Text, numbers
+from rattle.compare.tradeoff.measure import Measured, means_seconds, slope
+from rattle.compare.tradeoff.multilevel import KURTOSIS_ALARM, Rate
+from rattle.compare.tradeoff.weak_order import ORDER_IMPACTS, Orders
+from rattle.scene.scene import Scene
+
+__all__ = ["EXACT", "orders_table", "seconds", "tradeoff_page"]
+
+EXACT = "exact-flight"
+
+FIGURE = (
+    "Error against processor time, both on logarithmic scales. Schemes: the larger of the worst standard error and the "
+    "worst step bias of all section means and sds. Closures: worst and median error against {reference} paths of exact "
+    "flights. Dash-dotted: the section means alone. Open and dashed: extrapolated. Pale: runs that missed what was "
+    "asked, at their actual error."
+)
+SCHEMES = (
+    "Runs of `simulate(accuracy=..., scheme=...)` where {budget} core-seconds suffice, pilots and the longer steps "
+    "that measure the bias included; the others are extrapolated from the time of a path-step, the spread of the paths "
+    "and the bias of the step that the pilots and the runs have shown. “Actual” is the worst difference of the run "
+    "from {reference} paths of exact flights over all rows, so that about three standard errors are to be expected. "
+    "Where rare paths make an sd, a run with few paths has not met them, and its standard error is too small: such a "
+    "run “missed” what was asked, and beside it stands what it would take by the spread of the run with most paths."
+)
+STEP = (
+    "A path-step is one step of one path at one step size, pilots with all statistics; for exact-flight its impacts "
+    "are in it."
+)
+RATES = "Powers of two per halving of the step, with 95 % intervals. Core-seconds of the section means:"
+LEVELS = (
+    "In brackets: for a row with the median of the variances and biases alone. Every level by itself: `levels.csv`; a "
+    "kurtosis beyond {alarm} there says that a few paths make the variance of the difference, so that it is hardly "
+    "known."
+)
+ORDERS = (
+    "No order is published for schemes that meet inelastic impacts. Two questions apart. How fast does a scheme "
+    "converge towards its own limit: the change of a section mean or sd between dt and dt / 2 on the same noise, root "
+    "mean square over {impacts} impacts and all quantities in units of the sd; the order is the slope with its 95 % "
+    "interval. Is that limit the right one: Richardson's value from the smallest steps against exact flights, the "
+    "largest difference in standard errors, beside what chance alone lets through once in twenty such tables. Of the "
+    "noise-free itinerary it is the probability, whose error is its distance from that of exact flights."
+)
+ORDER_FIGURE = (
+    "Error against the step, both on logarithmic scales, with 95 % intervals; what noise hides is left out. Grey: "
+    "order 1. A limit that is further off than allowed says that at these steps a scheme is not yet where its order "
+    "holds, or that its limit is another one."
+)
+GAINS = (
+    "Variance of exact flights without the linearised path as control over that with it, on the same paths; divided by "
+    "the time ratio it is what a second is worth. Antithetic pairs, paths with the same noise and its negative, take "
+    "no more time: their gain, median over the rows, is one over one plus the correlation of a pair, at the least 0.5."
+)
+
+
+def seconds(value: float) -> str:
+    """A time with its unit.
+
+    Examples
+    --------
+    >>> seconds(0.00056), seconds(12.3), seconds(86400.0 * 3)
+    ('0.56 ms', '12 s', '72 h')
+    """
+    for factor, unit, below in ((1e-3, "ms", 1.0), (1.0, "s", 120.0), (60.0, "min", 7200.0)):
+        if value < below:
+            return f"{float(f'{value / factor:.2g}'):g} {unit}"
+    return f"{float(f'{value / 3600.0:.2g}'):g} h"
+
+
+def _rate(rate: Rate, sign: float) -> str:
+    return f"{sign * rate.slope:.2f} ± {rate.half:.2f}"
+
+
+def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> dict[str, Table]:
+    p = m.points
+    schemes: list[Row] = [
+        (r["method"], f"{r['accuracy']:g}", f"{r['dt']:.2g}", f"{r['paths']:,}", f"{r['core_seconds']:.3g}",
+         f"{r['sampling_error']:.2g}", f"{r['step_error']:.2g}",
+         "–" if np.isnan(r["actual_error"]) else f"{r['actual_error']:.2g}",
+         "missed" if r["missed"] else "measured" if r["measured"] else "extrapolated")
+        for _, r in p[p["kind"] == "scheme"].iterrows()
+    ]  # fmt: skip
+    slopes: list[Row] = [
+        (name, f"{1e9 * law.step_seconds:.3g}",
+         *(f"{power:.2f} ({n} points)" if n > 1 else "–" for power, n in (slope(p, name, x) for x in (False, True))))
+        for name, law in m.laws.items()
+    ]  # fmt: skip
+    closures: list[Row] = [
+        (r["method"], f"{r['rows']} of {p['rows'].max()}", ("" if r["resolved"] else "below ") + f"{r['error']:.3g}",
+         f"{r['median_error']:.2g}", Cell(seconds(r["core_seconds"]), value=float(r["core_seconds"])))
+        for _, r in p[p["kind"] == "closure"].iterrows()
+    ]  # fmt: skip
+    rates: list[Row] = [
+        (name, _rate(x.alpha, -1), _rate(x.beta, -1), _rate(x.typical_beta, -1), _rate(x.gamma, 1))
+        for name, x in m.levels.items()
+    ]
+    means: list[Row] = []
+    for a in accuracies:
+        cells = [f"{e.seconds:.2g} ({e.typical:.2g})" for e in (x.estimate(a) for x in m.levels.values())]
+        cells += [f"{means_seconds(m.laws[EXACT], a, control=control):.2g}" for control in (True, False)]
+        means.append((f"{a:g}", *cells))
+    heads = ["accuracy", *(f"multilevel {n}" for n in m.levels), f"{EXACT} with control", f"{EXACT} without"]
+    ratios = ("means_median", "means_smallest", "sds_median", "sds_smallest")
+    gains: list[Row] = [
+        (f"{r['sigma']:.4g}", *(f"{r[n]:.3g}" for n in ratios),
+         f"{r['time_ratio']:.2f}", *(f"{r[n] / r['time_ratio']:.3g}" for n in ("means_median", "sds_median")),
+         *(f"{r[n]:.3g}" for n in ("antithetic_means", "antithetic_sds")))
+        for _, r in control.iterrows()
+    ]  # fmt: skip
+    return {
+        "schemes": Table.of(
+            ["scheme", *numbers("accuracy", "dt", "paths", "core-seconds", "standard error", "step bias", "actual"),
+             "found"], schemes
+        ),
+        "slopes": Table.of(
+            ["scheme", *numbers("ns per path-step", "cost grows as accuracy to the", "of measured points alone")],
+            slopes,
+        ),
+        "closures": Table.of(["reading", *numbers("rows predicted", "worst error", "median", "time")], closures),
+        "rates": Table.of(
+            ["scheme", *numbers("α (bias)", "β (variance, worst row)", "β (median row)", "γ (time)")], rates
+        ),
+        "means": Table.of(numbers(*heads), means),
+        "control": Table.of(
+            numbers("σ", "means: median", "smallest", "sds: median", "smallest", "time of a path",
+                    "means per second, median", "sds per second, median", "antithetic pairs: means", "sds"), gains,
+        ),
+    }  # fmt: skip
+
+
+def orders_table(table: pd.DataFrame) -> Table:
+    """The measured weak orders, and whether each limit is the right one."""
+    rows: list[Row] = [
+        (f"{r['sigma']:.4g}", r["scheme"], r["moment"],
+         "hidden by noise" if np.isnan(r["order"]) else f"{r['order']:.2f} ({r['low']:.2f} to {r['high']:.2f})",
+         f"{r['change']:.2g}", f"{r['limit_z']:.1f}", f"{r['limit_allowed']:.1f}")
+        for _, r in table.iterrows()
+    ]  # fmt: skip
+    beside = numbers("order", "last change", "limit: standard errors off", "allowed")
+    return Table.of([*numbers("σ"), "scheme", "moment", *beside], rows)
+
+
+def tradeoff_page(
+    m: Measured, control: pd.DataFrame, orders: Orders | None, accuracies: Sequence[float], said: Sequence[str],
+    record: dict[str, Any],
+) -> Page:  # fmt: skip
+    """The page of a trade-off, whose last sentence is that of the multilevel section."""
+    tables, reference = _tables(m, control, accuracies), f"{m.reference.paths:,}"
+    figure = "Error against processor time of every scheme and every reading"
+    schemes = Text(SCHEMES.format(budget=record["budget"], reference=reference), note=True)
+    levels = Text(LEVELS.format(alarm=f"{KURTOSIS_ALARM:g}"), note=True)
+    sections = [
+        Section("Schemes", (schemes, tables["schemes"], tables["slopes"], Text(STEP, note=True))),
+        Section("Closures", (tables["closures"],)),
+        Section(
+            "Multilevel Monte Carlo over the step, for the section means alone",
+            (Text(said[-1]), tables["rates"], Text(RATES, note=True), tables["means"], levels),
+        ),
+    ]
+    if orders:
+        alt = "Change of means and sds, and error of the itinerary's probability, against the step"
+        shown: tuple[Block, ...] = (orders_table(orders.table), Figure("orders.svg", ORDER_FIGURE, alt))
+        note = Text(ORDERS.format(impacts=ORDER_IMPACTS), note=True)
+        sections.append(Section("The weak order of the schemes, measured", (note, *shown)))
+    gains = (Text(GAINS, note=True), tables["control"])
+    sections.append(Section("What the control variate and antithetic pairs are worth", gains))
+    facts = (
+        ("commit", record["commit"]),
+        ("versions", ", ".join(f"{name} {version}" for name, version in record["versions"].items())),
+        ("all points", "`tradeoff.csv`"),
+    )
+    scene = (Text("The scene:"), Code(Scene.from_dict(record["scene"]).to_toml(), "toml"))
+    sigma, impacts = f"{m.reference.scene.sigma:.4g}", m.reference.impacts
+    return Page(
+        f"What accuracy costs: {record['name']}, σ = {sigma}, {impacts} impacts",
+        tuple(said[:-1]),
+        Source(record["command"], facts, scene),
+        (Figure("tradeoff.svg", FIGURE.format(reference=reference), figure),),
+        tuple(sections),
+    )

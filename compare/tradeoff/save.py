@@ -1,0 +1,140 @@
+"""The folder of a trade-off: its answer in words, its figure, its tables."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from rattle.compare.report import pages, write_page
+from rattle.compare.report.csv_text import write_csv
+from rattle.compare.report.folder import whole_folder
+from rattle.compare.report.json_text import json_text
+from rattle.compare.report.style import save
+from rattle.compare.tradeoff.figures import order_figure, tradeoff_figure
+from rattle.compare.tradeoff.measure import HAND_TUNED_NS, Measured, means_seconds, slope
+from rattle.compare.tradeoff.page import EXACT, seconds, tradeoff_page
+from rattle.compare.tradeoff.weak_order import Orders
+from rattle.compare.validation.answer import left_out
+
+__all__ = ["CONTENTS", "answer", "verdict", "write_tradeoff"]
+
+CONTENTS = frozenset({
+    *pages("tradeoff"), "tradeoff.svg", "tradeoff.csv", "levels.csv", "control.csv", "orders.svg", "orders.csv",
+    "changes.csv", "manifest.json",
+})  # fmt: skip
+"""What a trade-off folder holds; anything else in it is not ours."""
+
+PLAIN = "euler-maruyama"
+
+
+def _cheapest(points: pd.DataFrame, accuracy: float) -> dict[str, Any]:
+    """The cheapest of the schemes, and of the readings that predict everything as well as that."""
+    scheme = (points["kind"] == "scheme") & (points["accuracy"] == accuracy) & ~points["missed"]
+    closure = (points["kind"] == "closure") & (points["error"] <= accuracy) & (points["rows"] == points["rows"].max())
+    best: dict[str, Any] = points[scheme | closure].nsmallest(1, "core_seconds").to_dict("records")[0]
+    return best
+
+
+def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
+    """Which method is cheapest for which accuracy, where a closure wins, and what plain steps would cost."""
+    p = m.points
+    whole = p["rows"].max()
+    parts = []
+    for accuracy in accuracies:
+        best = _cheapest(p, accuracy)
+        how = "" if best["measured"] else ", extrapolated"
+        parts.append(f"{accuracy:g}: `{best['method']}` ({seconds(best['core_seconds'])}{how})")
+    found = [f"The cheapest way to every section mean and sd within a share of its sd — {'; '.join(parts)}."]
+    closures = p[p["kind"] == "closure"]
+    wins = []
+    for _, row in closures[closures["rows"] == whole].iterrows():
+        simulated = m.laws[EXACT].at(row["error"]).core_seconds
+        if simulated > row["core_seconds"] and row["error"] <= 1.0:
+            wins.append(
+                f"`{row['method']}`, whose worst error is {'' if row['resolved'] else 'below '}{row['error']:.2g} "
+                f"(median {row['median_error']:.2g}) after {seconds(row['core_seconds'])}: exact flights take "
+                f"{float(format(simulated / row['core_seconds'], '.2g')):g} times as long to its worst error"
+            )
+    found.append(
+        f"A closure wins outright for any accuracy no finer than its own worst error: {'; '.join(wins)}."
+        if wins
+        else "No closure that predicts all of them is shown to be cheaper than a simulation as accurate as its worst "
+        "error."
+    )
+    finest = accuracies[-1]
+    plain, exact = m.laws[PLAIN], m.laws[EXACT].path_alone(finest)
+    found.append(
+        f"To {finest:g}, plain Euler-Maruyama would need dt = {plain.at(finest).dt:.2g}: at "
+        f"{1e9 * plain.step_seconds:.2g} ns per path-step the same number of paths takes "
+        f"{plain.path_alone(finest) / exact:,.0f} times the processor time of exact flights "
+        f"({seconds(m.laws[EXACT].at(finest).core_seconds)}), and "
+        f"{plain.path_alone(finest, HAND_TUNED_NS) / exact:,.0f} times at the {HAND_TUNED_NS:g} ns of a hand-tuned "
+        "block."
+    )
+    return [*found, *left_out(m.reference.scene, list(closures["method"])), verdict(m, accuracies)]
+
+
+def verdict(m: Measured, accuracies: Sequence[float]) -> str:
+    """Whether multilevel over the step is cheaper than exact flights anywhere, for the section means alone."""
+    exact, factors, typical = m.laws[EXACT], [], []
+    for a in accuracies:
+        estimates = [levels.estimate(a) for levels in m.levels.values()]
+        factors.append(min(e.seconds for e in estimates) / means_seconds(exact, a, control=True))
+        typical.append(min(e.typical for e in estimates) / means_seconds(exact, a, control=True, typical=True))
+    wins = [f"{a:g} ({1.0 / f:.2g} times)" for a, f in zip(accuracies, factors, strict=True) if f < 1.0]
+    found = (
+        f"Multilevel Monte Carlo over the step is cheaper than exact flights for the section means at {', '.join(wins)}"
+        if wins
+        else "Multilevel Monte Carlo over the step never wins for all section means"
+    )
+    return (
+        f"{found}: from {accuracies[0]:g} to {accuracies[-1]:g} the better of both Euler schemes takes "
+        f"{factors[0]:.2g} to {factors[-1]:.2g} times as long as exact flights. For a typical mean alone it takes "
+        f"{typical[0]:.2g} to {typical[-1]:.2g} times as long."
+    )
+
+
+def write_tradeoff(
+    out: Path, m: Measured, control: pd.DataFrame, orders: Orders | None, accuracies: Sequence[float],
+    record: dict[str, Any], overwrite: bool,
+) -> list[str]:  # fmt: skip
+    """Write the folder, whole or not at all, and return the answer.
+
+    Parameters
+    ----------
+    out : Path
+    m : Measured
+    control : DataFrame
+        Of `rattle.compare.tradeoff.variance_reduction.control_table`.
+    orders : Orders or None
+        Of `rattle.compare.tradeoff.weak_order.weak_orders`, where measured.
+    accuracies : sequence of float
+        From the roughest to the finest.
+    record : dict
+        Of the manifest: at least ``name, scene, budget, command, commit, versions``.
+    overwrite : bool
+
+    Raises
+    ------
+    OutputError
+        If the folder holds other things, or earlier ones that may not be replaced.
+    """
+    said = answer(m, accuracies)
+    means = pd.DataFrame({
+        "error": accuracies, "core_seconds": [means_seconds(m.laws[EXACT], a, control=True) for a in accuracies],
+    })  # fmt: skip
+    figure = tradeoff_figure(m.points, {name: slope(m.points, name, False)[0] for name in m.laws}, means)
+    with whole_folder(out, CONTENTS, overwrite) as folder:
+        save(figure, folder / "tradeoff.svg")
+        if orders:
+            save(order_figure(orders.changes), folder / "orders.svg")
+            write_csv(orders.table, folder / "orders.csv", index=False)
+            write_csv(orders.changes, folder / "changes.csv", index=False)
+        write_csv(m.points, folder / "tradeoff.csv", index=False)
+        write_csv(pd.concat([levels.table for levels in m.levels.values()]), folder / "levels.csv", index=False)
+        write_csv(control, folder / "control.csv", index=False)
+        page = tradeoff_page(m, control, orders, accuracies, said, record)
+        write_page(page, folder, "tradeoff")
+        (folder / "manifest.json").write_text(json_text({**record, "answer": said}) + "\n", encoding="utf-8")
+    return said

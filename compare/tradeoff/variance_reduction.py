@@ -1,0 +1,96 @@
+"""What the linearised path and antithetic pairs are worth for exact flights, per path and per second."""
+
+import time
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from rattle.montecarlo import default_step, simulate
+from rattle.montecarlo.accuracy import STILL
+from rattle.montecarlo.kernel.block import Plan, sample
+from rattle.montecarlo.settings import plan_of
+from rattle.scene.moments import SECTION
+from rattle.scene.scene import Scene
+
+__all__ = ["SIGMAS", "antithetic_gain", "control_table"]
+
+Floats = NDArray[np.float64]
+
+SIGMAS = (1e-3, 1e-2, 0.05, 0.1, 0.3, 1.5**0.5)
+PATHS = 16_384
+REPEATS = 3
+
+
+def control_table(
+    scene: Scene, *, impacts: int, seed: int, workers: int, sigmas: Sequence[float] = SIGMAS, paths: int = PATHS
+) -> pd.DataFrame:
+    """Variance without the control over variance with it, on the same paths; a row per noise intensity.
+
+    Columns: ``sigma``; median and smallest ratio over the section ``means`` and over the ``sds`` that vary by more than
+    strays; ``time_ratio``, the time of a path with the control over that without.  A ratio of variances over
+    ``time_ratio`` is what a second is worth.  ``antithetic_means, antithetic_sds``: the median ratio of antithetic
+    pairs, which take no time, see `antithetic_gain`.
+    """
+    rows = []
+    for sigma in tqdm(sigmas, desc="control variate", unit="sigma", disable=None, leave=False):
+        own = scene.with_sigma(sigma)
+        call = partial(
+            simulate, own, paths=paths, impacts=impacts, scheme="exact-flight", rng=seed,
+            workers=workers,
+        )  # fmt: skip
+        call(control=True)
+        times, runs = {False: np.inf, True: np.inf}, {}
+        for _ in range(REPEATS):
+            for control in (False, True):
+                began = time.process_time()
+                runs[control] = call(control=control).section
+                times[control] = min(times[control], time.process_time() - began)
+        plain, controlled = runs[False], runs[True]
+        row: dict[str, float] = {"sigma": sigma}
+        for moment, prefix in (("means", "se_"), ("sds", "se_sd_")):
+            ratios = np.concatenate([
+                ((plain[prefix + q] / controlled[prefix + q]) ** 2)[
+                    (plain["sd_" + q] > STILL) & (q != "x" + plain["mesh"].astype(str))
+                ]
+                for q in SECTION
+            ])  # fmt: skip
+            row |= {f"{moment}_median": float(np.median(ratios)), f"{moment}_smallest": float(ratios.min())}
+        plan = plan_of(
+            own, paths=paths, impacts=impacts, dt=default_step(own, "exact-flight"), scheme="exact-flight", rng=seed
+        )
+        usable = [(plain["sd_" + q] > STILL) & (q != "x" + plain["mesh"].astype(str)) for q in SECTION]
+        gains = [np.median(gain[np.array(usable).T]) for gain in antithetic_gain(plan)]
+        row |= {"antithetic_means": float(gains[0]), "antithetic_sds": float(gains[1])}
+        rows.append({**row, "time_ratio": times[True] / times[False]})
+    return pd.DataFrame(rows)
+
+
+def antithetic_gain(plan: Plan) -> tuple[Floats, Floats]:
+    """Variance of as many independent paths over that of antithetic pairs; for section means, sds: (impacts, 6) each.
+
+    A path and its partner of negated noise, with correlation r, have a mean of variance ``(1 + r) / 2`` in units of a
+    path's: the gain is ``1 / (1 + r)``.  For an sd, r is that of the squared deviations.
+
+    Examples
+    --------
+    >>> from rattle.montecarlo.settings import plan_of
+    >>> from rattle.scene import DAT21, Scene
+    >>> faint = Scene.from_gears(DAT21, sigma=0.001)
+    >>> means, sds = antithetic_gain(plan_of(faint, paths=500, impacts=1, dt=0.01, scheme="exact-flight"))
+    >>> bool(means[0, 0] > 100.0), round(float(sds[0, 0]), 2)
+    (True, 0.5)
+    """
+    both = np.stack([
+        np.concatenate([sample(one, block).rows[0, :, :, : len(SECTION)] for block in range(plan.blocks)])
+        for one in (plan, plan._replace(mirrored=True))
+    ])  # fmt: skip
+    gains = []
+    for values in (both, (both - np.nanmean(both, axis=(0, 1))) ** 2):
+        away = values - np.nanmean(values, axis=(0, 1))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            gains.append(np.nanmean(away**2, axis=(0, 1)) / (2.0 * np.nanmean(away.mean(axis=0) ** 2, axis=0)))
+    return gains[0], gains[1]

@@ -1,0 +1,1 @@
+"""Closures compared with a simulation of the same scene: errors, intervals, verdicts, figures, the page."""

@@ -1,0 +1,205 @@
+"""How far a closure's section density is from the sampled one, beside what sampling alone would give."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.special import kolmogi
+
+from rattle.closure import MeanMap
+from rattle.montecarlo import Ensemble
+from rattle.scene.errors import InputError
+from rattle.scene.moments import SECTION, STATE
+
+__all__ = ["Distances", "bin_masses", "distances", "section_distances"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+MOMENTS = ("mean", "sd")
+CONFIDENCE = 0.95  # of the Kolmogorov floor
+REACH = 10.0  # sd around a density's mean within which its mass is looked for
+STEP = 0.25  # width of a panel in units of the density's sd, where bins are wider
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(5)
+ATOM = 0.5  # share of the paths in one bin from which on the sample is an atom and not a density
+VARIES = 1e-6  # share of the largest sd at an impact below which a quantity's own sd is rounding
+
+
+class Distances(NamedTuple):
+    """Distances of two distributions on the same bins, and what sampling alone gives."""
+
+    kolmogorov: float
+    kolmogorov_floor: float
+    total_variation: float
+    total_variation_floor: float
+
+
+def bin_masses(density: Callable[[Floats], Floats], edges: Floats, mean: float, sd: float) -> Floats:
+    """Mass of a density below, in and above the bins; Gauss-Legendre on panels no wider than a bin.
+
+    Parameters
+    ----------
+    density : callable
+        Density at an array of values.
+    edges : ndarray, shape (bins + 1,)
+        Edges of the bins, increasing.
+    mean, sd : float
+        Of the density: panels are also no wider than a quarter of its sd, so that a density much narrower than a bin
+        is not missed.
+
+    Returns
+    -------
+    ndarray, shape (bins + 2,)
+        Sums to one: the last is what remains of 1, and the first is integrated from 10 sd below the mean.  Where a
+        density is negative, so can a mass be.
+
+    Examples
+    --------
+    >>> from rattle.closure.edgeworth import section_density
+    >>> bin_masses(lambda z: section_density(z, 0.0, 1.0, 0.0), np.array([-1.0, 0.0, 1.0]), 0.0, 1.0).round(6).tolist()
+    [0.158655, 0.341345, 0.341345, 0.158655]
+    """
+    own = mean + sd * np.arange(-REACH, REACH + STEP, STEP)
+    panels = np.union1d(edges, own)
+    half = 0.5 * np.diff(panels)[:, None]
+    points = panels[:-1, None] + half * (1.0 + NODES)
+    mass = (half * WEIGHTS * np.asarray(density(points.ravel())).reshape(points.shape)).sum(axis=1)
+    below = np.concatenate([[0.0], np.cumsum(mass)])[np.searchsorted(panels, edges)]
+    return np.diff(np.concatenate([[0.0], below, [1.0]]))
+
+
+def distances(masses: Floats, counts: Ints) -> Distances:
+    """Kolmogorov and total variation distance of a density from a sample on the same bins.
+
+    Parameters
+    ----------
+    masses : ndarray, shape (bins + 2,)
+        From `bin_masses`.
+    counts : ndarray of int, shape (bins + 2,)
+        Counts of the sample below, in and above the bins; at least one.
+
+    Returns
+    -------
+    Distances
+        ``kolmogorov`` is the largest difference of the distribution functions at the edges of the bins;
+        ``total_variation`` half the sum of the absolute differences, in [0, 1] unless a mass is negative.
+        ``kolmogorov_floor`` is the 95 % quantile of Kolmogorov's limit law over sqrt(n), conservative on bins;
+        ``total_variation_floor`` the expected value for a sample of the true density.
+
+    Examples
+    --------
+    >>> distances(np.array([0.0, 0.5, 0.5, 0.0]), np.array([0, 75, 25, 0]))[::2]
+    (0.25, 0.25)
+    """
+    n = int(counts.sum())
+    shares = counts / n
+    gap = masses - shares
+    # A count is binomial, nearly normal: E|N(0, s^2)| = s sqrt(2/pi) with s^2 = p (1 - p) / n, and half of the sum.
+    # The sampled shares stand for the unknown p.
+    tv_floor = np.sqrt(shares * (1.0 - shares) / (2.0 * np.pi * n)).sum()
+    return Distances(
+        float(np.abs(np.cumsum(gap)[:-1]).max()),
+        float(kolmogi(1.0 - CONFIDENCE) / np.sqrt(n)),
+        float(0.5 * np.abs(gap).sum()),
+        float(tv_floor),
+    )
+
+
+def section_distances(closure: MeanMap, run: Ensemble) -> pd.DataFrame:
+    """Distance of a closure's section densities from the sampled histograms; tidy.
+
+    Parameters
+    ----------
+    closure : MeanMap
+        The reading, of the same scene as `run`.
+    run : Ensemble
+        A simulation with ``histogram=True``, and better with ``step_bias=True``.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``reading, impact, quantity, kolmogorov, kolmogorov_floor, total_variation, total_variation_floor,
+        paths``; distances are shares of the probability, see `distances`.  ``paths`` is how many reached the impact.
+        A row only where the closure has a density and the quantity varies on both sides: not the displacement at the
+        mesh that most paths strike.
+
+    Raises
+    ------
+    InputError
+        If the run kept no histograms, or is of another scene.
+
+    Notes
+    -----
+    The bias of the step is no error of the closure, yet at small noise it is many floors wide: the mean of an impact
+    time is off by a fixed share of dt, whatever its sd.  Where the run has ``step_bias=True`` the sample is moved and
+    stretched to the mean and sd that Richardson's extrapolation gives, and only the bias of the shape remains; else all
+    of it is in every distance.
+
+    Examples
+    --------
+    >>> from rattle.closure import mean_map
+    >>> from rattle.montecarlo import simulate
+    >>> from rattle.scene import DAT21, Scene
+    >>> scene = Scene.from_gears(DAT21, sigma=0.02)
+    >>> run = simulate(scene, paths=10_000, impacts=1, rng=7, histogram=True, step_bias=True)
+    >>> table = section_distances(mean_map(scene, impacts=1, reading="saltation"), run).set_index("quantity")
+    >>> bool((table["kolmogorov"] < 1.5 * table["kolmogorov_floor"]).all())
+    True
+    """
+    histograms = run.histograms
+    if histograms is None:
+        raise InputError("run.histograms", None, "ask for them: simulate(histogram=True)")
+    if closure.scene != run.scene:
+        raise InputError("closure.scene", closure.scene, "is not the run's; compare the same scene")
+    closure, run = closure.near, run.near
+    sampled, limit = run.section, _limits(run)
+    records = []
+    quantities = [q for q in SECTION if run.scene.stages == 2 or q not in STATE[2:]]
+    for impact in range(1, min(closure.trace.found, run.impacts) + 1):
+        for quantity in quantities:
+            if not (_varies(closure.section, impact, quantity) and _varies(sampled, impact, quantity)):
+                continue
+            mean, sd = (float(closure.section[prefix + quantity].loc[impact]) for prefix in ("", "sd_"))
+
+            def density(values: Floats, impact: int = impact, quantity: str = quantity) -> Floats:
+                found = closure.density(impact, quantity, values)
+                assert found is not None
+                return found
+
+            if closure.density(impact, quantity, np.array([mean])) is None:
+                continue
+            edges, _ = histograms.density(impact, quantity)
+            counts = histograms.counts[impact - 1, SECTION.index(quantity)]
+            if counts.max() > ATOM * counts.sum():  # paths at the wall, but for a few that have struck elsewhere
+                continue
+            seen_mean, seen_sd = (float(sampled[prefix + quantity].loc[impact]) for prefix in ("", "sd_"))
+            true_mean, true_sd = limit.get((impact, quantity), (seen_mean, seen_sd))
+            moved = true_mean + (edges - seen_mean) * (true_sd / seen_sd)
+            found = distances(bin_masses(density, moved, mean, sd), counts)
+            records.append(
+                {
+                    "reading": closure.reading,
+                    "impact": impact,
+                    "quantity": quantity,
+                    **found._asdict(),
+                    "paths": int(counts.sum()),
+                }
+            )
+    return pd.DataFrame(records, columns=["reading", "impact", "quantity", *Distances._fields, "paths"])
+
+
+def _varies(section: pd.DataFrame, impact: int, quantity: str) -> bool:
+    """Whether a quantity has an sd that is not rounding beside the largest one there."""
+    sds = {q: float(section[f"sd_{q}"].loc[impact]) for q in SECTION}
+    return bool(sds[quantity] > VARIES * np.nanmax([0.0, *sds.values()]))
+
+
+def _limits(run: Ensemble) -> dict[tuple[int, str], tuple[float, float]]:
+    """Mean and sd without the bias of the step, by impact and quantity; empty where the run did not measure it."""
+    if "fine_coarse" not in run.result.sums:
+        return {}
+    table = run.step_bias
+    mean, sd = (table[table["moment"] == moment].set_index(["impact", "quantity"])["corrected"] for moment in MOMENTS)
+    return {(int(k), str(q)): (float(mean[k, q]), float(sd[k, q])) for k, q in mean.index}

@@ -1,0 +1,134 @@
+"""How far each reading can be believed: the impact up to which it is accurate, and why it ends there."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from rattle.closure import MeanMap
+from rattle.compare.validation.correlation import first_failure
+from rattle.compare.validation.validate import Validation
+from rattle.compare.validation.validity_range import UNDECIDED, is_accurate, is_wrong, unbroken, want
+from rattle.compare.validation.verdict import NOT_JUDGED
+
+__all__ = ["CAUSES", "Frontier", "frontier", "frontiers", "judged_rows"]
+
+CAUSES = {
+    "holds": "holds to the last impact followed",
+    "undecided": UNDECIDED,
+    "fixed instant": "the impact time does not vary in it",
+    "parted": "paths have left its itinerary",
+    "grazing": "an impact grazes",
+    "second order": "second order is no longer enough",
+    "mixture": "the mixture is too coarse",
+    "not realizable": "its moments belong to no distribution",
+    "ended": "it cannot be followed further",
+}
+"""What ends a reading, in a word and in words."""
+
+PARTED = 0.99  # agreement below which a closure of one orbit cannot hold, whatever else is wrong with it
+STRAYS = 0.9999  # agreement below which a closure that is right otherwise fails: few strays, far away, make an sd
+SLOW = 3.0  # impact speed in sds of it below which a Gaussian would have part of the paths miss the wall
+
+
+class Frontier(NamedTuple):
+    """How far a reading can be believed at one noise intensity.
+
+    ``accurate`` is the last impact up to which every section mean and sd that it predicts is accurate;
+    ``not_refuted`` the last up to which none is inaccurate (beyond ``accurate`` some are undecided); ``cause`` is one
+    of `CAUSES`, and ``why`` gives the evidence for it.  ``together`` is the last impact up to which 99 % of the paths
+    have followed the reading's itinerary; ``paths`` and ``dt`` are those of the simulation.  What is judged:
+    `rattle.compare.validation.verdict.RULE`.
+    """
+
+    reading: str
+    sigma: float
+    accurate: int
+    not_refuted: int
+    cause: str
+    why: str
+    together: int
+    paths: int
+    dt: float
+
+
+def frontier(v: Validation, reading: str) -> Frontier:
+    """Judge one reading of a validation.
+
+    Examples
+    --------
+    >>> from rattle.compare import validate
+    >>> from rattle.scene import DAT21, Scene
+    >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=3, paths=20_000, rng=1)
+    >>> frontier(v, "saltation").accurate, frontier(v, "printed").not_refuted
+    (3, 0)
+    """
+    rows = judged_rows(v, reading)
+    impacts = range(1, len(v.run.section) + 1)
+    verdicts = {k: set(group["verdict"]) for k, group in rows.groupby("impact")}
+    accurate = unbroken(impacts, [is_accurate(verdicts[k]) for k in impacts]) or 0
+    not_refuted = unbroken(impacts, [not is_wrong(verdicts[k]) for k in impacts]) or 0
+    together = unbroken(impacts, v.run.agreement[reading] >= PARTED) or 0
+    if accurate == len(impacts):
+        cause, why = "holds", CAUSES["holds"]
+    elif not_refuted == len(impacts):
+        cause, why = "undecided", f"{want(rows)} from impact {accurate + 1} on"
+    else:
+        cause, why = _why(v, reading, not_refuted + 1)
+    return Frontier(reading, v.scene.sigma, accurate, not_refuted, cause, why, together, v.run.paths, v.run.dt)
+
+
+def frontiers(validations: Sequence[Validation]) -> pd.DataFrame:
+    """Frontiers of all readings at all noise intensities, tidy."""
+    return pd.DataFrame([frontier(v, r) for v in validations for r in v.closures])
+
+
+def judged_rows(v: Validation, reading: str) -> pd.DataFrame:
+    """The section rows of a reading that are judged, see `rattle.compare.validation.verdict.RULE`."""
+    rows = v.table[(v.table["reading"] == reading) & (v.table["kind"] == "section")]
+    return rows[rows["verdict"] != NOT_JUDGED]
+
+
+def _why(v: Validation, reading: str, impact: int) -> tuple[str, str]:
+    """What refutes a reading at an impact, as cause and evidence; the first of the causes that applies."""
+    closure = v.closures[reading]
+    failed = first_failure(v.correlation, reading)
+    if failed and failed[0] <= impact:
+        return "not realizable", f"not realizable at impact {failed[0]}: {failed[2]}"
+    if closure.trace.found < impact:
+        return "ended", closure.stopped
+    worst = _worst(v, reading, impact)
+    if closure.trace.parts is not None:
+        lost = float(closure.section["lost"].loc[impact])
+        return "mixture", f"{worst} (weight lost so far {lost:.1e}): {CAUSES['mixture']}"
+    agreement = float(v.run.agreement[reading].loc[impact])
+    if agreement < (STRAYS if reading == "saltation" else PARTED):
+        return "parted", f"{worst}: {1.0 - agreement:.2%} of the {CAUSES['parted']}"
+    slow = _slowest(closure, impact)
+    if slow is not None:
+        return "grazing", f"{worst}: impact {slow[0]} grazes (speed {slow[1]:.1f} of its sds)"
+    if reading == "saltation":
+        return "second order", f"{worst}: {CAUSES['second order']}"
+    return "fixed instant", f"{worst}, at any noise: {CAUSES['fixed instant']}"
+
+
+def _worst(v: Validation, reading: str, impact: int) -> str:
+    rows = judged_rows(v, reading)
+    rows = rows[(rows["impact"] == impact) & (rows["verdict"] == "inaccurate")]
+    rows = rows.assign(excess=(rows["error"] / rows["tolerance"]).abs()).sort_values("excess", ascending=False)
+    if rows.empty:
+        return f"nothing to compare at impact {impact}"
+    row = rows.iloc[0]
+    return f"{row['moment']} of {row['quantity']} wrong at impact {impact}"
+
+
+def _slowest(closure: MeanMap, impact: int) -> tuple[int, float] | None:
+    """The first impact up to one given whose speed is within `SLOW` of its own sds of zero."""
+    for k in range(1, impact + 1):
+        column = 1 if closure.trace.mesh[k] == 1 else 3
+        sd = closure.trace.sd[k, column + 2]
+        speed = abs(closure.trace.mean[k, column])
+        if np.isfinite(sd) and sd > 0.0 and speed < SLOW * sd:
+            return k, float(speed / sd)
+    return None

@@ -1,0 +1,193 @@
+"""The report of a validation: a folder with its page, figures, tables and a manifest."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from matplotlib.figure import Figure as Drawing
+
+from rattle.compare.report import Block, Code, Figure, Page, Section, Source, Text, manifest, pages, write_page
+from rattle.compare.report.content import MARKS as SIGNS
+from rattle.compare.report.csv_text import csv_text, write_csv
+from rattle.compare.report.folder import whole_folder
+from rattle.compare.report.json_text import json_text
+from rattle.compare.report.style import caption_of, save
+from rattle.compare.validation.answer import answer, correlation_claim, sigma_text
+from rattle.compare.validation.figures import FIGURES, agreement_figure
+from rattle.compare.validation.frontier_figure import FRONTIER, frontier_figure
+from rattle.compare.validation.sweep import Sweep
+from rattle.compare.validation.tables import (
+    MARKS,
+    count_table,
+    distance_table,
+    failure_table,
+    frontier_table,
+    impact_table,
+    reach_table,
+    simulation_text,
+    speed_table,
+)
+from rattle.compare.validation.validate import Validation
+from rattle.compare.validation.verdict import NOT_JUDGED, RULE
+
+__all__ = ["CONTENTS", "table_text", "write_report"]
+
+CONTENTS = frozenset({
+    *pages("report"), "table.csv", "table.parquet", "correlation.csv", "frontier.csv", "frontier.parquet", "speed.csv",
+    "manifest.json", "figures",
+})  # fmt: skip
+"""What a report folder holds; anything else in it is not ours."""
+
+SPEED = (
+    "Time of the closure, as far as it is accurate, beside the cheapest simulation of equal accuracy: as many exact "
+    "flights with their control variate as make the standard error of every moment no larger than the closure's worst "
+    "error (in sds of the quantity). One core each; measured with this report (`speed.csv`)."
+)
+NONE = "No reading is shown to be accurate up to the first impact at any of these noise intensities; {} undecided."
+UNRESOLVED = " “≤”: the sample cannot tell the error from zero, so the speed-up is a lower bound."
+AGREEMENT = (
+    "Share of paths whose impacts so far had the meshes and sides of the closure's; no closure of a single orbit can "
+    "hold beyond it."
+)
+PREDICTED = " Dashed: the share that the branching reading predicts."
+
+
+def table_text(validations: Sequence[Validation]) -> tuple[pd.DataFrame, str]:
+    """All rows with their noise intensity, and the same as CSV text to the last bit."""
+    table = pd.concat([v.table.assign(sigma=v.scene.sigma) for v in validations], ignore_index=True)
+    table.insert(0, "sigma", table.pop("sigma"))
+    return table, csv_text(table, index=False)
+
+
+def _drawn(drawing: Drawing, name: str, caption: str, folder: Path) -> Figure:
+    """Save a figure into the report folder; the block that shows it."""
+    path = f"figures/{name}.svg"
+    save(drawing, folder / path)
+    return Figure(path, caption, caption)
+
+
+def _section(v: Validation, number: int, folder: Path) -> Section:
+    """One noise intensity of the page, its figures saved."""
+    name, sigma = f"{number}-sigma-{sigma_text(v)}", f"σ = {sigma_text(v)}"
+    figures = []
+    for kind, drawn in FIGURES.items():
+        if drawn.suits(v):
+            drawing = drawn.draw(v)
+            figures.append(_drawn(drawing, f"{kind}-{name}", caption_of(drawing, drawn.caption), folder))
+    failures = failure_table(v)
+    found: list[Block] = [Text("Every check holds.")]
+    if failures.rows:
+        what = "First failure of each check of the closures' moments; “negative mass” judges the truncated series, not "
+        found = [Text(what + "the moments.", note=True), failures]
+    distance = "Distance of the section densities from the histograms, in units of what sampling alone gives:"
+    errors: list[Block] = []
+    for reading, closure in v.closures.items():
+        errors.append(impact_table(v, reading, f"Errors of the {reading} reading per impact, {sigma}"))
+        if closure.stopped:
+            errors.append(Text(f"The {reading} reading ended early: {closure.stopped}.", note=True))
+    return Section(
+        sigma,
+        (Text(simulation_text(v), note=True), reach_table(v), count_table(v), *figures),
+        (
+            Section(f"Realizability at {sigma}", (*found, Text(distance, note=True), distance_table(v))),
+            Section(f"Errors per impact at {sigma}", tuple(errors)),
+        ),
+    )
+
+
+def _page(
+    settings: manifest.Settings,
+    validations: Sequence[Validation],
+    swept: Sweep | None,
+    record: dict[str, Any],
+    folder: Path,
+) -> Page:
+    """What the report says, its figures saved."""
+    opening: tuple[Block, ...] = ()
+    sections = []
+    if swept:
+        paths = (
+            f"{settings.frontier_paths:,} paths of exact flights at each σ (no bias in the step), all on the same "
+            "random numbers. Every σ by itself: `frontier.csv`."
+        )
+        drawing = frontier_figure(swept.frontier, settings.impacts)
+        figure = _drawn(drawing, "frontier", caption_of(drawing, FRONTIER), folder)
+        opening = (figure, Text(paths, note=True), frontier_table(swept.frontier))
+        speeds = speed_table(swept.speed)
+        note = SPEED + ("" if swept.speed["resolved"].all() else UNRESOLVED)
+        none = Text(NONE.format("some are" if (swept.frontier["not_refuted"] > 0).any() else "none is"))
+        sections.append(
+            Section("What a closure saves where it holds", (Text(note, note=True), speeds) if speeds.rows else (none,))
+        )
+    marks = ", ".join(f"{SIGNS[mark] or '–'} {verdict}" for verdict, mark in MARKS.items() if verdict != NOT_JUDGED)
+    legend = (
+        f"Marks: {marks}. Errors are closure minus simulation, corrected for the measured step bias, in units of the "
+        f"quantity's standard deviation, with the half width of their interval. {RULE}"
+    )
+    together = AGREEMENT + (PREDICTED if "branching" in validations[0].closures else "")
+    agreement = _drawn(agreement_figure(validations), "agreement", together, folder)
+    sections.append(Section("How long the paths stay together", (agreement,)))
+    if claim := correlation_claim(validations):
+        sections.append(Section("Is |ρ| > 1 a reason to leave the Gaussian?", (Text(claim),)))
+    sections.append(Section("How the tables are read", (Text(legend),)))
+    sections += [_section(v, number, folder) for number, v in enumerate(validations, start=1)]
+    scene = Code(validations[0].scene.to_toml(), "toml")
+    source = Source(record["repeat"], _facts(record), (Text("The scene at its first noise intensity:"), scene))
+    return Page(
+        f"Can the closure be believed? {settings.name}", tuple(record["answer"]), source, opening, tuple(sections)
+    )
+
+
+def _facts(record: dict[str, Any]) -> tuple[tuple[str, str], ...]:
+    facts = {
+        "command": f"`{record['command']}`",
+        "commit": record["commit"],
+        "seed": str(record["settings"]["seed"]),
+        "time": f"{record['wall_seconds']} s wall, {record['cpu_seconds']} s CPU",
+        "versions": ", ".join(f"{name} {version}" for name, version in record["versions"].items()),
+        "table.csv": f"sha256 {record['table_sha256']}",
+    }
+    if record["frontier_sha256"]:
+        facts["frontier.csv"] = f"sha256 {record['frontier_sha256']}"
+    return tuple(facts.items())
+
+
+def write_report(
+    out: Path,
+    settings: manifest.Settings,
+    validations: Sequence[Validation],
+    swept: Sweep | None,
+    provenance: dict[str, Any],
+    overwrite: bool,
+) -> dict[str, Any]:
+    """Write the report folder, whole or not at all, and return its manifest.
+
+    Raises
+    ------
+    OutputError
+        If the folder holds other things, or an earlier report that may not be replaced.
+    """
+    table, text = table_text(validations)
+    frontier_text = csv_text(swept.frontier, index=False) if swept else None
+    record = {
+        "version": manifest.VERSION,
+        "settings": settings.to_dict(),
+        "table_sha256": manifest.digest(text),
+        "frontier_sha256": manifest.digest(frontier_text) if frontier_text else None,
+        **provenance,
+        "answer": answer(validations, swept.frontier if swept else None),
+    }
+    with whole_folder(out, CONTENTS, overwrite) as folder:
+        (folder / "figures").mkdir()
+        (folder / "table.csv").write_text(text, encoding="utf-8")
+        table.to_parquet(folder / "table.parquet", index=False)
+        correlation = pd.concat([v.correlation.assign(sigma=v.scene.sigma) for v in validations])
+        write_csv(correlation, folder / "correlation.csv", index=False)
+        if swept and frontier_text:
+            (folder / "frontier.csv").write_text(frontier_text, encoding="utf-8")
+            swept.frontier.to_parquet(folder / "frontier.parquet", index=False)
+            write_csv(swept.speed, folder / "speed.csv", index=False)
+        write_page(_page(settings, validations, swept, record, folder), folder, "report")
+        (folder / "manifest.json").write_text(json_text(manifest.sealed(record)) + "\n", encoding="utf-8")
+    return record

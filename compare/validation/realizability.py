@@ -1,0 +1,313 @@
+"""Whether a closure's moments, and the densities built from them, can belong to any distribution at all.
+
+The correlation alone says little: a set of moments is realizable if and only if every polynomial's square has a
+mean that is not negative, so the moment matrix decides (necessary in two variables, Hamburger's condition in one).
+Edgeworth densities are judged apart: a truncated series can be negative although its moments are realizable.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from rattle.closure import MeanMap
+from rattle.scene.moments import ROUNDING, SECTION, STATE, central_from_raw, correlation
+
+__all__ = [
+    "CHECKS", "QUADRATURE", "covariance_eigenvalue", "first_failures", "kurtosis_margin", "moment_matrix_eigenvalue",
+    "negative_mass", "realizability_table",
+]  # fmt: skip
+
+Floats = NDArray[np.float64]
+
+QUADRATURE = 1e-6
+"""Negative mass below which a density counts as positive: less than one path in a million.
+
+The quadrature tells a mass of this size to 0.1 %.  All other slack is `rattle.scene.moments.ROUNDING`, relative to the
+largest of the terms that are compared; the sign of a variance needs none.
+"""
+
+REACH, POINTS = 8.0, 481  # sd to both sides, and points per axis, of the quadratures of negative parts
+VARIES = 1e-6  # share of the largest sd at an impact below which a section quantity's own sd is rounding
+
+NAN = float("nan")
+
+
+class Check(NamedTuple):
+    """A bound that moments of a distribution keep: ``sign * (value - bound) >= 0``."""
+
+    bound: float
+    sign: int
+    slack: float
+
+
+CHECKS = {
+    "variance of displacement": Check(0.0, 1, 0.0),
+    "variance of velocity": Check(0.0, 1, 0.0),
+    "|rho|": Check(1.0, -1, ROUNDING),
+    "covariance eigenvalue": Check(0.0, 1, ROUNDING),
+    "kurtosis": Check(0.0, 1, ROUNDING),
+    "moment matrix": Check(0.0, 1, ROUNDING),
+    "negative mass": Check(0.0, -1, QUADRATURE),
+    "section negative mass": Check(0.0, -1, QUADRATURE),
+}
+
+
+class Judged(NamedTuple):
+    """Value of a check, and the size of the terms that it is a difference of; NaN where there is no such moment."""
+
+    value: float
+    scale: float = 1.0
+
+
+def covariance_eigenvalue(covariance: Floats) -> float:
+    """Smallest eigenvalue over the largest diagonal entry; 0 for a point mass, NaN where a moment is missing.
+
+    Examples
+    --------
+    >>> round(covariance_eigenvalue(np.array([[2.0, 3.0], [3.0, 2.0]])), 6)
+    -0.5
+    """
+    if not np.isfinite(covariance).all():
+        return NAN
+    # without a diagonal any covariance at all is impossible, so it sets the scale itself
+    scale = float(np.abs(covariance.diagonal()).max()) or float(np.abs(covariance).max()) or 1.0
+    return float(np.linalg.eigvalsh(covariance / scale)[0])
+
+
+def _least_kurtosis_margin(raw: Floats) -> Judged:
+    """The lesser margin of both marginals; a marginal without positive variance has no kurtosis."""
+    if len(raw) < 5:
+        return Judged(NAN)
+    margins = []
+    for marginal in (raw[:5, 0], raw[0, :5]):
+        m2, m3, m4 = central_from_raw(marginal)[2:]
+        if m2 > 0.0 and np.isfinite(marginal).all():
+            with np.errstate(over="ignore", invalid="ignore"):
+                kurtosis, square = m4 / m2 / m2, (m3 / m2**1.5) ** 2
+            margins.append(Judged(float(kurtosis - square - 1.0), float(max(abs(kurtosis), square, 1.0))))
+    return min(margins, key=lambda m: m.value, default=Judged(NAN))
+
+
+def kurtosis_margin(raw: Floats) -> float:
+    """``kurtosis - skewness^2 - 1``, the lesser one of both marginals: not negative for any distribution.
+
+    Pearson (1916), Phil. Trans. R. Soc. A 216, 429.  Two points reach zero.
+
+    Parameters
+    ----------
+    raw : ndarray, shape (order + 1, order + 1)
+        ``E[xi^n zeta^p]``.
+
+    Returns
+    -------
+    float
+        NaN below order 4, or where no variance is positive.
+
+    Examples
+    --------
+    >>> from rattle.scene.moments import gaussian_raw_moments
+    >>> kurtosis_margin(gaussian_raw_moments(4.0, 1.0, 1.0, 4))
+    2.0
+    """
+    return _least_kurtosis_margin(raw).value
+
+
+def _moment_matrix(raw: Floats) -> Judged:
+    order = len(raw) - 1
+    monomials = [(n, p) for n in range(order // 2 + 1) for p in range(order // 2 + 1 - n)]
+    scales = []
+    for marginal in (raw[:, 0], raw[0, :]):
+        # a negative variance keeps its sign this way; a vanishing one leaves the scale to what remains
+        rest = max(abs(m) ** (1.0 / n) for n, m in enumerate(marginal) if n > 0)
+        scales.append(float(np.sqrt(abs(marginal[2])) or rest or 1.0))
+    sd_x, sd_y = scales
+    with np.errstate(over="ignore", invalid="ignore"):
+        matrix = np.array([
+            [raw[n + m, p + q] / sd_x ** (n + m) / sd_y ** (p + q) for m, q in monomials] for n, p in monomials
+        ])  # fmt: skip
+    if not np.isfinite(matrix).all():
+        return Judged(NAN)
+    return Judged(float(np.linalg.eigvalsh(matrix)[0]), float(np.abs(matrix.diagonal()).max()))
+
+
+def moment_matrix_eigenvalue(raw: Floats) -> float:
+    """Smallest eigenvalue of ``E[u^(n+m) v^(p+q)]`` over the monomials of degree up to half the order.
+
+    ``u, v`` are displacement and velocity in units of the root of their second moment, so the value has no scale.  It
+    is the least mean of the square of a polynomial with unit coefficients: negative for no distribution
+    (Akhiezer 1965, The Classical Moment Problem, chapter 2).
+
+    Parameters
+    ----------
+    raw : ndarray, shape (order + 1, order + 1)
+        ``E[xi^n zeta^p]``.
+
+    Examples
+    --------
+    >>> from rattle.scene.moments import gaussian_raw_moments
+    >>> raw = gaussian_raw_moments(4.0, 1.0, 1.0, 4)
+    >>> round(moment_matrix_eigenvalue(raw), 4)
+    0.2682
+    >>> raw[2, 2] = 0.5                                # E[u^2 v^2] = 0.125 with rho = 0.5: below rho^2
+    >>> moment_matrix_eigenvalue(raw) < 0.0
+    True
+    """
+    return _moment_matrix(raw).value
+
+
+def negative_mass(values: Floats, spacing: float) -> float:
+    """Mass of the negative part of a density given on a uniform grid of any dimension, by the rectangle rule.
+
+    Parameters
+    ----------
+    values : ndarray
+        Density at the grid points; it vanishes at the grid's ends, so that this is the trapezoidal rule.
+    spacing : float
+        Length, area, ... of a cell.
+
+    Examples
+    --------
+    >>> from rattle.closure.edgeworth import section_density
+    >>> z = np.linspace(-8.0, 8.0, 481)
+    >>> round(negative_mass(section_density(z, 0.0, 1.0, 1.0), z[1] - z[0]), 4)           # of skewness 1
+    0.0096
+    """
+    return float(np.maximum(-values, 0.0).sum() * spacing)
+
+
+def _series_negative_mass(closure: MeanMap, impact: int, stage: int) -> Judged:
+    raw = closure.trace.raw[impact, stage - 1]
+    if not (raw[2, 0] > 0.0 and raw[0, 2] > 0.0 and np.isfinite(raw).all()):
+        return Judged(NAN)  # no series can be formed
+    series = closure.edgeworth(impact, stage)
+    z = np.linspace(-REACH, REACH, POINTS)
+    xi, zeta = np.meshgrid(z * series.sd_x, z * series.sd_y)
+    cell = (z[1] - z[0]) ** 2 * series.sd_x * series.sd_y
+    return Judged(negative_mass(series.density(xi, zeta), cell))
+
+
+def _section_negative_mass(closure: MeanMap, impact: int) -> Judged:
+    """The largest over the quantities that vary and have a skewness."""
+    table = closure.near.section
+    quantities = [q for q in SECTION if closure.scene.stages == 2 or q not in STATE[2:]]
+    largest = np.nanmax([0.0, *(float(table[f"sd_{q}"].loc[impact]) for q in quantities)])
+    masses = []
+    for quantity in quantities:
+        mean, sd, skew = (float(table[prefix + quantity].loc[impact]) for prefix in ("", "sd_", "skew_"))
+        if not (sd > VARIES * largest and np.isfinite(skew)):
+            continue
+        grid = mean + sd * np.linspace(-REACH, REACH, POINTS)
+        density = closure.density(impact, quantity, grid)
+        if density is not None:
+            masses.append(negative_mass(density, float(grid[1] - grid[0])))
+    return Judged(max(masses, default=NAN))
+
+
+def _judgements(closure: MeanMap, impact: int) -> Iterator[tuple[int, str, Judged]]:
+    """Stage, check and its value, at one impact; stage 0 is both together."""
+    if closure.scene.stages == 2:
+        yield 0, "covariance eigenvalue", Judged(covariance_eigenvalue(closure.trace.covariance[impact]))
+    yield 0, "section negative mass", _section_negative_mass(closure, impact)
+    for stage in range(1, closure.scene.stages + 1):
+        covariance, raw = closure.stage_covariance(impact, stage), closure.trace.raw[impact, stage - 1]
+        yield stage, "variance of displacement", Judged(float(covariance[0, 0]))
+        yield stage, "variance of velocity", Judged(float(covariance[1, 1]))
+        yield stage, "|rho|", Judged(abs(correlation(covariance)) if np.isfinite(covariance).all() else NAN)
+        yield stage, "covariance eigenvalue", Judged(covariance_eigenvalue(covariance))
+        yield stage, "kurtosis", _least_kurtosis_margin(raw)
+        yield stage, "moment matrix", _moment_matrix(raw)
+        yield stage, "negative mass", _series_negative_mass(closure, impact, stage)
+
+
+def realizability_table(closures: Sequence[MeanMap]) -> pd.DataFrame:
+    """Every bound that moments of a distribution keep, at each impact of each reading; tidy.
+
+    Parameters
+    ----------
+    closures : sequence of MeanMap
+        Readings, judged just before each impact that they found.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``reading, impact, stage, check, value, bound, holds, excess`` (dimensionless).  Stage 0 is both stages
+        together.  ``holds`` is nullable: NA where the reading has no such moment, and then ``value`` and ``excess`` are
+        NaN.  ``excess`` says by how much a bound is missed, and is 0 where it holds.  Nothing is clipped.
+
+    Notes
+    -----
+    ``variance of displacement``, ``variance of velocity``: not negative.
+    ``|rho|``: at most 1; NA without positive variances.
+    ``covariance eigenvalue``: the smallest, over the largest diagonal entry; of a stage, and at stage 0 of all four
+    quantities (NA for ``printed``, which has no moments across the stages).
+    ``kurtosis``, ``moment matrix``: see `kurtosis_margin` and `moment_matrix_eigenvalue`.
+    ``negative mass``: of the stage's Edgeworth series (Eqs. 18, 19), within 8 sd.  A series truncated at order 4 is
+    negative somewhere for every ``rho`` but 0: along an axis it is ``1 - rho^2 (u^2 - 1) / 2``.  So this speaks of
+    the truncation, also where the moments are realizable.
+    ``section negative mass``: of the one-dimensional section densities with a skewness, the largest.
+    A point mass keeps every bound: it has no correlation, kurtosis or series, and these are NA.
+
+    Examples
+    --------
+    >>> from rattle.closure import mean_map
+    >>> from rattle.scene import DAT21, Scene
+    >>> scene = Scene.from_gears(DAT21, sigma=1.5**0.5)
+    >>> table = realizability_table([mean_map(scene, impacts=4, reading="printed")])
+    >>> first_failures(table).set_index("check").loc[["variance of velocity", "moment matrix"], "impact"].tolist()
+    [2, 2]
+    """
+    records = []
+    for closure in closures:
+        for impact in range(1, closure.trace.found + 1):
+            for stage, name, (value, scale) in _judgements(closure, impact):
+                bound, sign, slack = CHECKS[name]
+                missed = sign * (bound - value)
+                known = not np.isnan(value)
+                holds = missed <= slack * scale
+                records.append(
+                    {
+                        "reading": closure.reading,
+                        "impact": impact,
+                        "stage": stage,
+                        "check": name,
+                        "value": value,
+                        "bound": bound,
+                        "holds": holds if known else None,
+                        "excess": (0.0 if holds else missed) if known else NAN,
+                    }
+                )
+    columns = ["reading", "impact", "stage", "check", "value", "bound", "holds", "excess"]
+    table = pd.DataFrame(records, columns=columns)
+    table["holds"] = table["holds"].astype("boolean")
+    return table
+
+
+def first_failures(table: pd.DataFrame) -> pd.DataFrame:
+    """The first impact (and there the first stage) at which each reading misses each bound.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `realizability_table`.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``reading, check, impact, stage, value, excess``; no row for a bound that is never missed.
+
+    Examples
+    --------
+    >>> from rattle.closure import mean_map
+    >>> from rattle.scene import DAT21, Scene
+    >>> first_failures(realizability_table([mean_map(Scene.from_gears(DAT21), impacts=2, reading="printed")])).empty
+    True
+    """
+    failed = table[~table["holds"].fillna(True).astype(bool)]
+    first = failed.sort_values(["impact", "stage"], kind="stable").groupby(["reading", "check"], sort=False).head(1)
+    places = pd.MultiIndex.from_frame(table[["reading", "check"]].drop_duplicates())
+    order = places.get_indexer(pd.MultiIndex.from_frame(first[["reading", "check"]]))
+    columns = ["reading", "check", "impact", "stage", "value", "excess"]
+    return first.iloc[np.argsort(order, kind="stable")][columns].reset_index(drop=True)

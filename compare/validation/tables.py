@@ -1,0 +1,144 @@
+"""What the page of a report tabulates."""
+
+import pandas as pd
+
+from rattle.compare.report import Cell, Row, Table, numbers
+from rattle.compare.validation.distance import section_distances
+from rattle.compare.validation.frontier import CAUSES, frontiers
+from rattle.compare.validation.realizability import first_failures, realizability_table
+from rattle.compare.validation.validate import Validation
+from rattle.compare.validation.validity_range import ACCURATE, NOT_WRONG
+from rattle.compare.validation.verdict import JUDGED, VERDICTS
+
+__all__ = [
+    "MARKS", "count_table", "distance_table", "failure_table", "frontier_table", "impact_table", "reach_table",
+    "simulation_text", "speed_table",
+]  # fmt: skip
+
+MARKS = {"accurate": "good", "inaccurate": "bad", "undecided": "open", "not predicted": "", "not judged": ""}
+"""Verdicts as marks of a cell."""
+
+SHOWN = [("mean", "tau"), ("mean", "y1"), ("mean", "y2"), ("sd", "tau"), ("sd", "y1"), ("sd", "y2")]
+"""Section moments that the page tabulates; the table files hold all of them."""
+
+
+def count_table(v: Validation) -> Table:
+    """How many moments of each kind have each verdict, by reading."""
+    rows: list[Row] = []
+    for (reading, kind, moment), group in v.table.groupby(["reading", "kind", "moment"], sort=False):
+        name = "ρ at mid-flight" if kind == "clock" else f"section {moment}s"
+        rows.append([str(reading), name, *(int((group["verdict"] == w).sum()) for w in VERDICTS)])
+    return Table.of(["reading", "what", *numbers(*VERDICTS)], rows)
+
+
+def _cell(row: pd.Series) -> Cell:
+    if row["verdict"] not in JUDGED:
+        return Cell("–")
+    unit = row["unit"] if row["unit"] > 0.0 else 1.0
+    error, half = row["error"] / unit, 0.5 * (row["high"] - row["low"]) / unit
+    text = f"{error:+.3f} ± {half:.3f}" if abs(error) < 1e3 else f"{error:+.2g} ± {half:.2g}"
+    return Cell(text, MARKS[row["verdict"]], float(error))
+
+
+def impact_table(v: Validation, reading: str, summary: str) -> Table:
+    """Errors of a reading per impact, folded away beneath a summary."""
+    table = v.table[(v.table["reading"] == reading) & (v.table["kind"] == "section")]
+    columns = [(m, q) for m, q in SHOWN if v.scene.stages == 2 or q != "y2"]
+    cells = {(r["moment"], r["quantity"], r["impact"]): _cell(r) for _, r in table.iterrows()}
+    rhos = [f"rho{stage}" for stage in range(1, v.scene.stages + 1)]
+    rows: list[Row] = []
+    section = v.closures[reading].section
+    for impact in section.index:
+        row = section.loc[impact]
+        together = f"{v.run.agreement[reading].loc[impact]:.3f}"
+        seen = [f"{row[name]:.3f}" if row[name] == row[name] else "–" for name in rhos]
+        errors = [cells[m, q, impact] for m, q in columns]
+        rows.append([str(impact), together, *errors, *seen, "yes" if row["realizable"] else "no"])
+    heads = [f"{'E' if m == 'mean' else 'sd'} {q}" for m, q in columns]
+    heads_of = numbers("impact", "agreement", *heads, *(name.replace("rho", "ρ") for name in rhos))
+    return Table.of([*heads_of, "realizable"], rows, summary)
+
+
+def failure_table(v: Validation) -> Table:
+    """First failure of each check of realizability."""
+    failures = first_failures(realizability_table([m for m in v.closures.values() if m.trace.parts is None]))
+    rows: list[Row] = [
+        [
+            str(row["reading"]),
+            str(row["check"]),
+            f"impact {row['impact']}, " + (f"stage {row['stage']}" if row["stage"] else "both stages"),
+            f"{row['value']:.3g}",
+            f"{row['excess']:.3g}",
+        ]
+        for _, row in failures.iterrows()
+    ]
+    return Table.of(["reading", "check", "where", *numbers("value", "missed by")], rows)
+
+
+def distance_table(v: Validation) -> Table:
+    """Distances between section density and histogram in units of their sampling floors, by reading."""
+    table = pd.concat([section_distances(m, v.run) for m in v.closures.values()], ignore_index=True)
+    rows: list[Row] = []
+    for reading, group in table.groupby("reading", sort=False):
+        ratios = []
+        for name in ("kolmogorov", "total_variation"):
+            ratio = group[name] / group[f"{name}_floor"]
+            ratios += [f"{ratio.median():.2g}", f"{ratio.max():.3g}"]
+        rows.append([str(reading), *ratios])
+    return Table.of(["reading", *numbers("Kolmogorov, median", "worst", "total variation, median", "worst")], rows)
+
+
+def reach_table(v: Validation) -> Table:
+    """How far each reading of a validation can be believed."""
+    found = frontiers([v]).to_dict("records")
+    rows: list[Row] = [[str(f["reading"]), int(f["accurate"]), int(f["not_refuted"]), str(f["why"])] for f in found]
+    return Table.of(["reading", *numbers(f"{ACCURATE} impact", NOT_WRONG), "why it ends"], rows)
+
+
+def frontier_table(table: pd.DataFrame) -> Table:
+    """Frontiers by reading, neighbouring noise intensities with the same frontier and cause in one row."""
+    rows: list[Row] = []
+    for reading, group in table.groupby("reading", sort=False):
+        group = group.sort_values("sigma")
+        found = group[["accurate", "not_refuted", "cause"]]
+        for _, same in group.groupby((found != found.shift()).any(axis=1).cumsum()):
+            first, last = same.iloc[0], same.iloc[-1]
+            sigma = f"{first['sigma']:.4g}" + (f" – {last['sigma']:.4g}" if len(same) > 1 else "")
+            why = first["why"] if same["why"].nunique() == 1 else CAUSES[first["cause"]]
+            rows.append([str(reading), sigma, int(first["accurate"]), int(first["not_refuted"]), str(why)])
+    return Table.of(["reading", *numbers("σ", f"{ACCURATE} impact", NOT_WRONG), "why it ends"], rows)
+
+
+def speed_table(table: pd.DataFrame) -> Table:
+    """Speed-ups; an error that its interval does not tell from zero is an upper bound, its speed-up a lower."""
+    rows: list[Row] = [
+        [
+            str(row["reading"]),
+            f"{row['sigma']:.4g}",
+            int(row["impacts"]),
+            ("" if row["resolved"] else "≤ ") + f"{row['worst']:.4f}",
+            f"{row['median']:.4f}",
+            f"{1e3 * row['closure_seconds']:.2f} ms",
+            f"{1e3 * row['monte_carlo_seconds']:.3g} ms",
+            f"{row['paths']:,} paths",
+            ("" if row["resolved"] else "≥ ") + f"{float(format(row['speed_up'], '.2g')):g}",
+        ]
+        for _, row in table.sort_values(["reading", "sigma"]).iterrows()
+    ]
+    heads = ("σ", "impacts", "worst error", "median", "closure", "simulation", "which takes", "speed-up")
+    return Table.of(["reading", *numbers(*heads)], rows)
+
+
+def simulation_text(v: Validation) -> str:
+    """How a validation was simulated, and what that leaves open."""
+    run = v.run
+    mean = v.run.section
+    beside = " (2 dt and 4 dt on the same noise)" if "fine_coarse" in run.result.sums else ", no bias in the step"
+    share = float((mean["se_tau"] / mean["sd_tau"]).median()) if v.scene.sigma > 0 else 0.0
+    text = (
+        f"{run.paths:,} paths of the {run.scheme} scheme, dt = {run.dt:.4g}{beside}; sampling "
+        f"error of E τ {share:.2%} of its sd at the median impact; intervals of {v.z:.2f} standard errors, so that "
+        f"all of them hold together with 95 %. They speak of the itineraries that were seen: one that fewer than 1 in "
+        f"{run.paths / 3:,.0f} paths take may have been missed."
+    )
+    return " ".join((text, *run.cautions))

@@ -1,0 +1,191 @@
+"""The public entry: closures against an ensemble of the same scene, with a verdict on every moment."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from rattle.closure import READINGS, MeanMap, follow, mean_map, readings_for
+from rattle.compare.validation.correlation import mid_flight_errors, validity
+from rattle.compare.validation.verdict import JUDGED, Tolerances, section_errors, stated, widest
+from rattle.montecarlo import SCHEMES, Ensemble, check_settings, default_step, simulate
+from rattle.scene.errors import InputError
+from rattle.scene.moments import SECTION
+from rattle.scene.scene import Scene
+from rattle.scene.validate import choice
+
+__all__ = ["COLUMNS", "Validation", "validate"]
+
+PILOT, FAR = 64, 10.0  # paths that are sent ahead, and times their last impact beyond which no instant is compared
+
+COLUMNS = (
+    "reading",
+    "kind",
+    "impact",
+    "time",
+    "quantity",
+    "moment",
+    "closure",
+    "monte_carlo",
+    "se",
+    "bias",
+    "error",
+    "low",
+    "high",
+    "unit",
+    "tolerance",
+    "verdict",
+    "paths_needed",
+    "agreement",
+)
+
+
+@dataclass(frozen=True)
+class Validation:
+    """What a comparison found.
+
+    Attributes
+    ----------
+    scene : Scene
+    closures : dict of str to MeanMap
+        The readings, by name.
+    run : Ensemble
+        The simulation.
+    table : DataFrame
+        Every moment of every reading with error, interval and verdict; the columns are `COLUMNS`.
+    correlation : DataFrame
+        Validity of the correlation on both sides, see `rattle.compare.validation.correlation.validity`.
+    z : float
+        Standard errors of the intervals, corrected for the number of rows.
+    tolerances : Tolerances
+    """
+
+    scene: Scene
+    closures: dict[str, MeanMap]
+    run: Ensemble
+    table: pd.DataFrame
+    correlation: pd.DataFrame
+    z: float
+    tolerances: Tolerances
+
+    @property
+    def accurate(self) -> bool:
+        """Whether every moment that was predicted, and is judged (`rattle.compare.validation.verdict.RULE`), is
+        accurate.
+        """
+        judged = self.table[self.table["verdict"].isin(JUDGED)]
+        return bool((judged["verdict"] == "accurate").all())
+
+
+def validate(
+    scene: Scene,
+    *,
+    impacts: int = 12,
+    readings: Sequence[str] | None = None,
+    paths: int = 256_000,
+    dt: float | None = None,
+    scheme: str = "euler-maruyama-located",
+    rng: int | np.random.SeedSequence = 0,
+    workers: int = 1,
+    order: int = 4,
+    tolerances: Tolerances | None = None,
+    progress: str | None = None,
+) -> Validation:
+    """Hold closures against a Monte Carlo of the same scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled.
+    impacts : int
+        Impacts after the start.
+    readings : sequence of str
+        Readings of the closure; by default all that can take the scene.
+    paths, dt, scheme, rng, workers, progress
+        Of the simulation, see `montecarlo.simulate`; 2 dt and 4 dt run on the same noise to measure the step bias, if
+        the scheme has one, and a scheme that can takes the linearised path as control.
+    order : int
+        Order of the closures' moments.
+    tolerances : Tolerances, optional
+        What counts as accurate: 5 % of an sd for means, 10 % for sds, 0.05 for correlations.
+
+    Returns
+    -------
+    Validation
+
+    Raises
+    ------
+    InputError
+        For any setting that cannot be run; nothing has started then.
+
+    Examples
+    --------
+    >>> from rattle.scene import DAT21, Scene
+    >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=2, readings=["saltation"], paths=20_000, rng=7)
+    >>> row = v.table.query("quantity == 'tau' and moment == 'mean' and impact == 1").iloc[0]
+    >>> row["verdict"], bool(row["low"] < 0.0 < row["high"])
+    ('accurate', True)
+    """
+    if not isinstance(scene, Scene):
+        raise InputError("scene", scene, "give a Scene")
+    readings = readings_for(scene) if readings is None else readings
+    if not isinstance(readings, list | tuple) or not readings:
+        raise InputError("readings", readings, "give a list of " + ", ".join(READINGS))
+    for reading in readings:
+        choice("readings", reading, READINGS)
+    limits = tolerances or Tolerances()
+    given, scene = scene, scene.near  # a late start costs neither digits nor verdicts: what is held together is near
+    biased = SCHEMES[choice("scheme", scheme, SCHEMES)].weak_order is not None
+    dt = default_step(scene, scheme, biased) if dt is None else dt
+    check_settings(
+        scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, step_bias=biased
+    )
+    closures = {r: mean_map(scene, impacts=impacts, reading=r, order=order) for r in dict.fromkeys(readings)}
+    orbit = follow(scene, impacts)
+    tau = orbit.tau[: orbit.found + 1]
+    grid = (4.0 if biased else 1.0) * dt  # clock instants are put on it: in a shorter flight they might miss that
+    middle = (0.5 * (tau[1:] + tau[:-1]))[np.diff(tau) > grid]
+    last = _last_impact(scene, impacts=impacts, dt=dt, scheme=scheme, rng=rng)
+    run = simulate(
+        scene,
+        paths=paths,
+        impacts=impacts,
+        dt=dt,
+        scheme=scheme,
+        rng=rng,
+        workers=workers,
+        step_bias=biased,
+        control=not biased and tau[-1] <= last,
+        histogram=True,
+        clock=middle[(middle - scene.phase > grid) & (middle <= last)],
+        progress=progress,
+        itineraries={r: m.itinerary for r, m in closures.items()},
+    )
+    # the impact that ends the flight of each clock instant
+    flights = np.searchsorted(tau, run.clock().index.to_numpy(float))
+    per_impact = len(SECTION) * 2 + 2 if scene.stages == 2 else (len(SECTION) - 2) * 2 + 1
+    z = widest(per_impact * impacts * len(closures))
+    parts = [section_errors(m, run, z, limits) for m in closures.values()]
+    if scene.sigma > 0.0 and len(run.clock()):
+        parts += [mid_flight_errors(m, run, flights, z, limits) for m in closures.values()]
+    table = pd.concat(parts, ignore_index=True).reindex(columns=list(COLUMNS))
+    valid = validity(list(closures.values()), run, flights)
+    closures = {name: replace(m, scene=given) for name, m in closures.items()}
+    return Validation(
+        given, closures, replace(run, plan=run.plan._replace(scene=given)), stated(table, given), valid, z, limits
+    )  # fmt: skip
+
+
+def _last_impact(scene: Scene, **settings: Any) -> float:
+    """When any path has had its impacts, with much to spare, by a few of them; at most when paths are given up.
+
+    Where the orbit's flights are longer by far, nothing of them can be compared, and to wait for them may take millions
+    of steps.
+    """
+    pilot = simulate(scene, paths=PILOT, **settings)
+    at, horizon = pilot.section.iloc[-1], scene.phase + (pilot.plan.most_steps - 1) * pilot.dt
+    latest = scene.phase + FAR * (at["tau"] + 6.0 * at["sd_tau"] - scene.phase)
+    return float(min(horizon, math.inf if math.isnan(latest) else latest))

@@ -1,0 +1,117 @@
+"""How far a closure holds, in the same three phrases wherever it is stated.
+
+*Accurate up to*: every judged moment is accurate, there and before.  *Not shown wrong up to*: none is inaccurate, but
+beyond the first some are *undecided*, for want of paths or of a smaller step.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import TypeVar
+
+import pandas as pd
+
+from rattle.compare.validation.verdict import JUDGED
+
+__all__ = [
+    "ACCURATE", "ENDED", "NOT_WRONG", "UNDECIDED", "WRONG", "in_words", "is_accurate", "is_wrong", "listed", "unbroken",
+    "want",
+]  # fmt: skip
+
+ACCURATE, NOT_WRONG = "accurate up to", "not shown wrong up to"
+WRONG, ENDED = "shown wrong", "not followed to its end"
+UNDECIDED = "undecided for want of paths"
+"""What is said of a range of validity, and of what lies beyond it."""
+
+T = TypeVar("T")
+
+
+def is_accurate(verdicts: Iterable[str]) -> bool:
+    """Whether all that is judged and predicted is accurate, and something is."""
+    return set(verdicts) & set(JUDGED) == {"accurate"}
+
+
+def is_wrong(verdicts: Iterable[str]) -> bool:
+    """Whether something that is judged is inaccurate, or nothing is predicted."""
+    judged = set(verdicts) & set(JUDGED)
+    return not judged or "inaccurate" in judged
+
+
+def unbroken(values: Iterable[T], holds: Iterable[bool]) -> T | None:
+    """The last of the values at which something holds, there and at all before; None where not at the first.
+
+    Examples
+    --------
+    >>> unbroken([0.1, 0.2, 0.4, 0.8], [True, True, False, True])
+    0.2
+    """
+    reached = None
+    for value, held in zip(values, holds, strict=True):
+        if not held:
+            break
+        reached = value
+    return reached
+
+
+def want(rows: pd.DataFrame) -> str:
+    """What the undecided ones among rows of `rattle.compare.validation.verdict.judge` want: paths, or a smaller step.
+
+    Examples
+    --------
+    >>> want(pd.DataFrame({"verdict": ["undecided", "accurate"], "paths_needed": [1e6, float("nan")]}))
+    'undecided for want of paths'
+    """
+    needed = rows.loc[rows["verdict"] == "undecided", "paths_needed"]
+    if not needed.isna().any():
+        return UNDECIDED
+    return f"{UNDECIDED} and of a smaller step" if needed.notna().any() else "undecided for want of a smaller step"
+
+
+def in_words(
+    name: str, values: Sequence[float], accurate: float, not_wrong: float, *, ended: bool = False,
+    undecided: str = UNDECIDED,
+) -> str:  # fmt: skip
+    """A range of validity over a field, and what lies beyond it.
+
+    Parameters
+    ----------
+    name : str
+        Of the field.
+    values : sequence of float
+        That were tried, ascending.
+    accurate, not_wrong : float
+        The last up to which all is accurate, and up to which nothing is inaccurate; NaN where not at the first.
+    ended : bool
+        Whether the closure is not shown to be wrong at the next, but cannot be followed to its end there.
+    undecided : str
+        See `want`.
+
+    Examples
+    --------
+    >>> in_words("σ", [0.1, 0.2, 0.4], 0.1, 0.2)
+    'accurate up to σ = 0.1, not shown wrong up to 0.2 (undecided for want of paths), shown wrong at 0.4'
+    >>> in_words("σ", [0.1, 0.2], math.nan, 0.2)
+    'not shown wrong up to σ = 0.2 (undecided for want of paths)'
+    >>> in_words("σ", [0.1, 0.2], math.nan, math.nan)
+    'shown wrong at σ = 0.1, the smallest'
+    """
+    beyond = [value for value in values if not value <= not_wrong]
+    parts = []
+    if not math.isnan(accurate):
+        parts.append((ACCURATE, accurate, ""))
+    if not math.isnan(not_wrong) and not_wrong != accurate:
+        parts.append((NOT_WRONG, not_wrong, f" ({undecided})"))
+    if beyond:
+        parts.append((f"{ENDED if ended else WRONG} at", beyond[0], "" if parts else ", the smallest"))
+    said = [f"{what} {'' if i else f'{name} = '}{value:.4g}{more}" for i, (what, value, more) in enumerate(parts)]
+    return ", ".join(said)
+
+
+def listed(items: Sequence[str]) -> str:
+    """Items as a sentence lists them.
+
+    Examples
+    --------
+    >>> listed(["a", "b", "c"])
+    'a, b and c'
+    """
+    return items[0] if len(items) == 1 else ", ".join(items[:-1]) + " and " + items[-1]

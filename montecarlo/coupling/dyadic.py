@@ -1,0 +1,297 @@
+"""Steps of a path on a Brownian path that is a function of time alone: whoever shares its number shares it wholly.
+
+The noise of a step is known by its increment and area (`rattle.montecarlo.noise.brownian`) and, where a wall may be
+near, cut in halves again and again; the normals of a cut belong to the node of the dyadic tree, not to the path that
+asks.  At the leaves, ``2^-depth`` steps long, the noise is constant, so that the path is a smooth flight there and its
+impact a root.  Two paths on one noise therefore have the same noise at every time, before, between and after their
+impacts; the only influence of the grid is that noise is smooth below a leaf.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rattle.montecarlo.noise.brownian import split
+from rattle.montecarlo.noise.philox import BRIDGE, LEVELS, Key, Word, normals
+from rattle.montecarlo.schemes.exact_flight import (
+    MIDDLE_WEIGHT,
+    OUTER,
+    OUTER_WEIGHT,
+    first_root,
+    flight_forcing,
+    margins,
+    near_wall,
+    node,
+)  # fmt: skip
+from rattle.montecarlo.schemes.series import short_dragged, short_turned
+from rattle.montecarlo.schemes.step_size import accurate_flight
+from rattle.montecarlo.schemes.step_state import Noise
+from rattle.scene.compiled import inlined, jit
+from rattle.scene.errors import InputError
+from rattle.scene.impact import struck
+from rattle.scene.scene import Constants, Scene
+
+__all__ = ["DEEPEST", "HIT", "Clockwork", "Room", "clockwork", "flown", "new_room", "walk_step"]
+
+Floats = NDArray[np.float64]
+
+TREE = BRIDGE + LEVELS
+"""Purpose of the normals of this module, beside those of `rattle.montecarlo.noise.philox`."""
+
+DEEPEST = 26  # levels below a step: the nodes of a tree are numbered by as many bits, the steps by the 30 above them
+TREE_BITS = Word(DEEPEST)
+STEPS = 128  # of a period, where nothing asks for more
+IN_A_LEAF = 8  # impacts; beyond, what is left of the leaf is passed with the path put inside its walls
+HIT = 6
+"""Columns of a hit: time since the start of the step, ``mesh * side``, state just before."""
+
+
+class Clockwork(NamedTuple):
+    """What steps need that is the same in every period.
+
+    Attributes
+    ----------
+    h : float
+        Length of a step; a whole number of them makes a period.
+    depth : int
+        Levels of the tree below a step.
+    forcing : ndarray, shape (steps, 14)
+        By phase: drift, effect of a unit increment and of a unit area (4 each), margins of both walls.
+    carry : ndarray, shape (6,)
+        ``x1y1, y1y1, x2y1, x2y2, y2y1, y2y2`` of a step.
+    """
+
+    h: float
+    depth: int
+    forcing: Floats
+    carry: Floats
+
+
+def clockwork(scene: Scene, depth: int) -> Clockwork:
+    """The clockwork of a scene.
+
+    Raises
+    ------
+    InputError
+        If gaps are random, for then a path is that of one gear set or has no noise in common with another.
+
+    Examples
+    --------
+    >>> from rattle.scene import DAT21, Scene
+    >>> clockwork(Scene.from_gears(DAT21), 12).forcing.shape
+    (128, 14)
+    """
+    if scene.tolerance is not None and scene.tolerance.law != "fixed":
+        raise InputError("tolerance.law", scene.tolerance.law, "long paths have gaps that stay: give 'fixed', or none")
+    longest = 0.5 * accurate_flight(scene)[0]
+    steps = STEPS
+    while 2.0 * math.pi / steps > longest:
+        steps *= 2
+    c, h = scene.constants, 2.0 * math.pi / steps
+    forces = [flight_forcing(c, n * h, h) for n in range(steps)]
+    table = np.array([(*f.drift, *f.along, *f.across, f.margin1, f.margin2) for f in forces])
+    carry = np.array([forces[0].x1y1, forces[0].y1y1, forces[0].x2y1, forces[0].x2y2, forces[0].y2y1, forces[0].y2y2])
+    return Clockwork(h, depth, table, carry)
+
+
+class Room(NamedTuple):
+    """Memory that a walk reuses: the end of a trial, and the parts of a step that are still to be walked."""
+
+    end: Floats
+    pending: Floats
+    level: NDArray[np.int64]
+    node: NDArray[np.int64]
+
+
+@jit
+def new_room(depth: int) -> Room:
+    """Room for a tree of so many levels."""
+    size = depth + 2
+    return Room(np.empty(4), np.empty((size, 2)), np.empty(size, np.int64), np.empty(size, np.int64))
+
+
+@inlined
+def _small_angle(t: float) -> tuple[float, float]:
+    """Sine and cosine of an angle below 0.06, by their series to rounding."""
+    z = t * t
+    sine = t * (1.0 - z / 6.0 * (1.0 - z / 20.0 * (1.0 - z / 42.0)))
+    return sine, 1.0 - 0.5 * z * (1.0 - z / 12.0 * (1.0 - z / 30.0 * (1.0 - z / 56.0)))
+
+
+@jit
+def flown(c: Constants, tau: float, s: Floats, h: float, noise: Noise, end: Floats) -> tuple[float, float]:
+    """State after a flight of time h, no longer than a step, with this noise, into `end`.
+
+    As `rattle.scene.flight.flow` and `rattle.montecarlo.schemes.exact_flight.kick`, with one sine and one cosine for
+    all phases.
+
+    Returns
+    -------
+    margin1, margin2 : float
+        How near a wall may be met (`rattle.montecarlo.schemes.exact_flight`), for any path in this time.
+    """
+    sine, cosine = math.sin(tau + 0.5 * h), math.cos(tau + 0.5 * h)
+    sh, ch = _small_angle(0.5 * h)
+    y1, y2 = s[1], s[3]
+    u1 = c.alpha * (cosine * ch + sine * sh) - y1
+    e1 = short_turned(c.beta1, h)
+    turn1 = u1 * e1 - c.gamma1 * short_dragged(c.beta1, h)
+    v1 = u1 - (c.beta1 * u1 + c.gamma1) * e1
+    end[0] = s[0] + 2.0 * c.alpha * cosine * sh - turn1
+    end[1] = c.alpha * (cosine * ch - sine * sh) - v1
+    end[2], end[3] = s[2], y2
+    if c.stages == 2:
+        u2 = u1 + y2
+        e2 = short_turned(c.beta2, h)
+        end[2] = s[2] + (u2 * e2 - c.gamma2 * short_dragged(c.beta2, h)) - turn1
+        end[3] = u2 - (c.beta2 * u2 + c.gamma2) * e2 - v1
+    if c.sigma > 0.0:
+        away = OUTER * h
+        sa, ca = _small_angle(away)
+        slope = 12.0 * noise.area
+        weights = (
+            c.sigma * OUTER_WEIGHT * (noise.increment - slope * OUTER),
+            c.sigma * MIDDLE_WEIGHT * noise.increment,
+            c.sigma * OUTER_WEIGHT * (noise.increment + slope * OUTER),
+        )
+        n = node(c, sine * ca - cosine * sa, cosine * ca + sine * sa, 0.5 * h + away)
+        m = node(c, sine, cosine, 0.5 * h)
+        p = node(c, sine * ca + cosine * sa, cosine * ca - sine * sa, 0.5 * h - away)
+        for i in range(2 * c.stages):
+            end[i] += weights[0] * n[i] + weights[1] * m[i] + weights[2] * p[i]
+    return margins(c, sine, cosine, h)
+
+
+@jit
+def _is_near(c: Constants, h: float, s: Floats, end: Floats, margin1: float, margin2: float) -> bool:
+    third = h / 3.0
+    if near_wall(third, s[0], s[1], end[0], end[1], c.wall1, c.wall1, margin1):
+        return True
+    return c.stages == 2 and near_wall(third, s[2], s[3], end[2], end[3], c.wall2, c.wall2, margin2)
+
+
+@jit
+def _first_wall(c: Constants, h: float, s: Floats, end: Floats) -> tuple[float, int]:
+    """Share of a leaf's time after which a wall is met, and ``mesh * side`` of it; 1 and 0 if none is."""
+    share, code = 1.0, 0
+    for mesh in range(1, c.stages + 1):
+        j = 2 * (mesh - 1)
+        wall = c.wall1 if mesh == 1 else c.wall2
+        for side in (1, -1):
+            gap1 = wall - side * end[j]
+            if gap1 < 0.0:
+                gap0, out0, out1 = max(wall - side * s[j], 0.0), side * s[j + 1], side * end[j + 1]
+                root = 0.0
+                if gap0 > 0.0 or out0 < 0.0:
+                    root = first_root(gap0, gap0 - out0 * h / 3.0, gap1 + out1 * h / 3.0, gap1)
+                if root < share:
+                    share, code = root, mesh * side
+    return share, code
+
+
+@jit
+def _leaf(
+    c: Constants, tau: float, offset: float, h: float, noise: Noise, s: Floats, end: Floats, hits: Floats, n: int
+) -> int:
+    """Carry a path through a leaf; returns the number of hits so far."""
+    left, gone = h, 0.0
+    for _ in range(IN_A_LEAF):
+        flown(c, tau + gone, s, left, Noise(noise.increment * (left / h), 0.0), end)
+        share, code = _first_wall(c, left, s, end)
+        if code != 0 and n < len(hits):
+            t = share * left
+            flown(c, tau + gone, s, t, Noise(noise.increment * (t / h), 0.0), end)
+            j = 2 * (abs(code) - 1)
+            side = 1 if code > 0 else -1
+            end[j] = side * (c.wall1 if j == 0 else c.wall2)
+            s[:] = end
+            gone, left = gone + t, left - t
+            if side * s[j + 1] > 0.0:
+                hits[n, 0], hits[n, 1] = offset + gone, code
+                hits[n, 2:] = s
+                n += 1
+                s[1], s[3] = struck(c, abs(code), s[1], s[3])
+            continue
+        s[:] = end
+        left = 0.0
+        break
+    s[0] = min(max(s[0], -c.wall1), c.wall1)
+    if c.stages == 2:
+        s[2] = min(max(s[2], -c.wall2), c.wall2)
+    return n
+
+
+@jit
+def walk_step(
+    c: Constants, w: Clockwork, room: Room, key: Key, path: Word, step: int, z: tuple[float, float], s: Floats,
+    hits: Floats,
+) -> tuple[int, bool]:  # fmt: skip
+    """Carry a path through a step, in place.
+
+    Parameters
+    ----------
+    c, w, room : Constants, Clockwork, Room
+    key, path
+        Which noise.
+    step : int
+        Number of the step since time 0, below 2^30.
+    z : tuple
+        Its two standard normals: of increment and area.
+    s : ndarray, shape (4,)
+        State; output too.
+    hits : ndarray, shape (MOST_IN_A_STEP, HIT)
+        Output: the impacts in the step.
+
+    Returns
+    -------
+    hits : int
+        How many.
+    held : bool
+        Whether there were more than fit: the path is then held where it is to the end of the step.
+    """
+    row = step % len(w.forcing)
+    f, m = w.forcing[row], w.carry
+    end, pending, level, node_of = room.end, room.pending, room.level, room.node
+    a, b = z
+    end[0] = s[0] + m[0] * s[1] + (f[0] + f[4] * a + f[8] * b)
+    end[1] = m[1] * s[1] + (f[1] + f[5] * a + f[9] * b)
+    end[2], end[3] = s[2], s[3]
+    if c.stages == 2:
+        end[2] = s[2] + m[2] * s[1] + m[3] * s[3] + (f[2] + f[6] * a + f[10] * b)
+        end[3] = m[4] * s[1] + m[5] * s[3] + (f[3] + f[7] * a + f[11] * b)
+    if not _is_near(c, w.h, s, end, f[12], f[13]):
+        s[:] = end
+        return 0, False
+    tau, offset, n = row * w.h, 0.0, 0
+    pending[0, 0], pending[0, 1] = a * math.sqrt(w.h), b * math.sqrt(w.h / 12.0)
+    level[0], node_of[0] = 0, 1
+    top, first = 0, True
+    while top >= 0:
+        noise, depth, number = Noise(pending[top, 0], pending[top, 1]), level[top], node_of[top]
+        top -= 1
+        h = math.ldexp(w.h, -int(depth))
+        if depth == w.depth:
+            n = _leaf(c, tau + offset, offset, h, noise, s, end, hits, n)
+            offset += h
+            if n == len(hits):
+                return n, True
+            continue
+        if not first:  # the whole step is known to be near
+            margin1, margin2 = flown(c, tau + offset, s, h, noise, end)
+            if not _is_near(c, h, s, end, margin1, margin2):
+                s[:] = end
+                offset += h
+                continue
+        first = False
+        z1, z2 = 0.0, 0.0
+        if c.sigma > 0.0:
+            z1, z2, _, _ = normals(key, path, (Word(step) << TREE_BITS) + Word(number), Word(TREE))
+        left, right = split(noise, h, 0.5, z1, z2)
+        pending[top + 1, 0], pending[top + 1, 1] = right.increment, right.area
+        pending[top + 2, 0], pending[top + 2, 1] = left.increment, left.area
+        level[top + 1] = level[top + 2] = depth + 1
+        node_of[top + 1], node_of[top + 2] = 2 * number + 1, 2 * number
+        top += 2
+    return n, False

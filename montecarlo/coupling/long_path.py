@@ -1,0 +1,126 @@
+"""One path over as many impacts as wanted, a stretch at a time, with the growth of the drift's neighbours along it.
+
+Under white noise no two paths stay close in proportion to where they started (docs/model.md section 8), so a path has
+no Jacobian.  What grows here is a frame under the **linearisation of the drift**: the exact Jacobian of the flight, and
+the saltation matrix with the drift's rates at the path's own impacts.  Its determinant obeys the orbit's law.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rattle.montecarlo.coupling.dyadic import HIT, Clockwork, clockwork, new_room, walk_step
+from rattle.montecarlo.noise.philox import STEP, Key, Word, key_of, normals
+from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
+from rattle.scene.compiled import jit
+from rattle.scene.impact import struck
+from rattle.scene.scene import Constants, Scene
+from rattle.scene.tangent import Stretch, carry_frame, strike_frame
+
+__all__ = ["LongPath"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+DEPTH = 12  # of the tree: leaves of 1.2e-5, in which noise moves a velocity by 3.5e-3 sigma
+
+
+@jit
+def _stretch(
+    c: Constants, w: Clockwork, key: Key, path: Word, tangent: bool, step: int, most: int, at: Floats, frame: Floats,
+    s: Stretch, velocity: Floats,
+) -> tuple[int, int, int]:  # fmt: skip
+    """Fill the arrays from ``at = (x1, y1, x2, y2, time since the last impact)`` on; returns impacts, steps, held."""
+    hits, room = np.empty((MOST_IN_A_STEP, HIT)), new_room(w.depth)
+    state = at[:4]
+    n, taken, held = 0, 0, 0
+    z0, z1, z2, z3 = 0.0, 0.0, 0.0, 0.0
+    while taken < most and n + MOST_IN_A_STEP <= s.flight.size:
+        if len(velocity) > 0:
+            velocity[taken, 0], velocity[taken, 1] = state[1], state[3]
+        if c.sigma > 0.0:
+            if taken == 0 or step % 2 == 0:
+                z0, z1, z2, z3 = normals(key, path, Word(step // 2), Word(STEP))
+            z = (z0, z1) if step % 2 == 0 else (z2, z3)
+        else:
+            z = (0.0, 0.0)
+        found, stuck = walk_step(c, w, room, key, path, step, z, state, hits)
+        held += stuck
+        last = 0.0
+        for i in range(found):
+            flight = at[4] + hits[i, 0] - last
+            code = int(hits[i, 1])
+            tau = (step % len(w.forcing)) * w.h + hits[i, 0]
+            s.flight[n], s.phase[n], s.code[n] = flight, tau, code
+            s.before[n] = hits[i, 2:]
+            if tangent:
+                carry_frame(c, flight, frame)
+                strike_frame(c, abs(code), tau, hits[i, 3], hits[i, 5], frame, s.growth[n])
+            at[4], last = 0.0, hits[i, 0]
+            n += 1
+        at[4] += w.h - last
+        step += 1
+        taken += 1
+    return n, taken, held
+
+
+class LongPath:
+    """One path of a scene, to be followed a stretch at a time.
+
+    Parameters
+    ----------
+    scene : Scene
+        Without random tolerance.
+    seed : int
+        Of the noise.
+    path : int
+        Which of the paths of this seed.
+    depth : int
+        Levels of the noise's tree (`rattle.montecarlo.coupling.dyadic`).
+
+    Attributes
+    ----------
+    step : float
+        Of time, between the velocities of `stretch`.
+    steps : int
+        Steps taken so far.
+    held : int
+        Steps in which the path had so many impacts that it was held at its wall.
+
+    Examples
+    --------
+    >>> from rattle.scene import DAT21, Scene
+    >>> path = LongPath(Scene.from_gears(DAT21, sigma=0.01), seed=7)
+    >>> s, velocity = path.stretch(5000)
+    >>> s.code[:3].tolist(), velocity.shape[1]
+    ([-1, 2, -1], 2)
+    """
+
+    def __init__(self, scene: Scene, seed: int, path: int = 0, depth: int = DEPTH) -> None:
+        self.c = scene.constants
+        self.clock = clockwork(scene, depth)
+        self.key, self.path = key_of(np.random.SeedSequence(seed)), Word(path)
+        x1, y1, x2, y2 = scene.start_state
+        if scene.start.mesh != 0:
+            y1, y2 = struck(self.c, scene.start.mesh, y1, y2)
+        self.step = self.clock.h
+        self.steps = round(scene.phase % (2.0 * np.pi) / self.step)
+        self.held = 0
+        self.at = np.array([x1, y1, x2, y2, 0.0])
+        self.frame = np.eye(4)
+
+    def stretch(self, steps: int, tangent: bool = True, velocities: bool = True) -> tuple[Stretch, Floats]:
+        """The impacts of the next `steps` steps, and ``(y1, y2)`` at the start of each step if asked for.
+
+        A path that has more impacts than there is room for (one in two steps) ends its stretch early.
+        """
+        room = steps // 2 + MOST_IN_A_STEP
+        s = Stretch(
+            np.empty(room), np.empty(room), np.empty(room, np.int64), np.empty((room, 4)), np.zeros((room, 4))
+        )  # fmt: skip
+        velocity = np.empty((steps if velocities else 0, 2))
+        n, taken, held = _stretch(
+            self.c, self.clock, self.key, self.path, tangent, self.steps, steps, self.at, self.frame, s, velocity
+        )  # fmt: skip
+        self.steps += taken
+        self.held += held
+        return s.first(n), velocity[:taken]

@@ -1,0 +1,218 @@
+"""Two paths on one noise: how far apart an impact leaves them, and how long they take to part.
+
+Both experiments walk `rattle.montecarlo.coupling.dyadic` at its full depth, so that the noise is common to scales of
+1e-9.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Clockwork, clockwork, new_room, walk_step
+from rattle.montecarlo.noise.philox import STEP, Key, Word, key_of, normals
+from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
+from rattle.scene.compiled import jit
+from rattle.scene.flight import jacobian, noise_rate
+from rattle.scene.impact import struck
+from rattle.scene.scene import Constants, Scene
+
+__all__ = ["EARLIEST", "LATEST", "after_impact", "growths"]
+
+Floats = NDArray[np.float64]
+
+EARLIEST, LATEST = 0.2, 0.6  # shares of a step between which an impact is taken, so that the partner's is in it too
+TINY = 1e-16  # two paths nearer than this are one
+
+
+@jit
+def _two_normals(c: Constants, key: Key, path: Word, step: int) -> tuple[float, float]:
+    if c.sigma == 0.0:
+        return 0.0, 0.0
+    z0, z1, z2, z3 = normals(key, path, Word(step // 2), Word(STEP))
+    return (z0, z1) if step % 2 == 0 else (z2, z3)
+
+
+@jit
+def _after_impact(
+    c: Constants, w: Clockwork, key: Key, path: Word, step: int, steps: int, settle: int, state: Floats, least: float,
+    deltas: Floats, apart: Floats, place: Floats,
+) -> tuple[int, int]:  # fmt: skip
+    hits, other = np.empty((MOST_IN_A_STEP, HIT)), np.empty((MOST_IN_A_STEP, HIT))
+    begin, partner, room = np.empty(4), np.empty(4), new_room(w.depth)
+    n, missed = 0, 0
+    for k in range(steps):
+        begin[:] = state
+        z = _two_normals(c, key, path, step + k)
+        found, _ = walk_step(c, w, room, key, path, step + k, z, state, hits)
+        if k < settle or found != 1 or abs(hits[0, 1]) != 1:
+            continue
+        share, speed = hits[0, 0] / w.h, abs(hits[0, 3])
+        if not (EARLIEST < share < LATEST and speed > least):
+            continue
+        whole = True
+        for i in range(deltas.size):
+            partner[:] = begin
+            partner[0] -= hits[0, 1] * deltas[i]
+            met, _ = walk_step(c, w, room, key, path, step + k, z, partner, other)
+            if met != 1 or other[0, 1] != hits[0, 1]:
+                whole = False
+                break
+            # once both are struck the noise leaves their difference alone: take it back to the later impact
+            back = jacobian(c, other[0, 0] - w.h)
+            apart[n, i] = 0.0
+            for j in range(4):
+                apart[n, i] += back[1, j] * (state[j] - partner[j])
+        if not whole:
+            missed += 1
+            continue
+        tau = ((step + k) % len(w.forcing)) * w.h + hits[0, 0]
+        place[n, 0], place[n, 1], place[n, 2] = tau, speed, noise_rate(c, tau)[0]
+        n += 1
+        if n == len(apart):
+            break
+    return n, missed
+
+
+def after_impact(
+    scene: Scene, deltas: Floats, impacts: int, seed: int, *, least: float = 0.25, settle: int = 5000
+) -> tuple[Floats, Floats, int]:
+    """How far apart in ``y1`` an impact at mesh 1 leaves two paths that reach the wall some distance apart.
+
+    Parameters
+    ----------
+    scene : Scene
+        With noise.
+    deltas : ndarray
+        Distances in ``x1`` at which the partner follows.
+    impacts : int
+        How many impacts of one long path are taken.
+    seed : int
+    least : float
+        Slowest impact that is taken.
+    settle : int
+        Steps that are not looked at.
+
+    Returns
+    -------
+    apart : ndarray, shape (impacts, deltas)
+        Difference of ``y1`` just after the later of both impacts.
+    place : ndarray, shape (impacts, 3)
+        Time modulo 2 pi, speed before the impact, modulation of the noise there.
+    missed : int
+        Impacts left out because the partner did not have the same one.
+
+    Examples
+    --------
+    >>> from rattle.scene import DAT21
+    >>> apart, place, missed = after_impact(Scene.from_gears(DAT21, sigma=0.5), np.array([1e-5]), 100, seed=1)
+    >>> apart.shape
+    (100, 1)
+    """
+    c, w, key = scene.constants, clockwork(scene, DEEPEST), key_of(np.random.SeedSequence(seed))
+    apart, place = np.empty((impacts, deltas.size)), np.empty((impacts, 3))
+    n, missed = _after_impact(
+        c, w, key, Word(0), 0, settle + 2000 * impacts, settle, _start(scene), least, deltas, apart, place
+    )  # fmt: skip
+    return apart[:n], place[:n], missed
+
+
+@jit
+def _place(c: Constants, a: Floats, b: Floats, delta: float) -> bool:
+    """Put b at the distance `delta` from a, where it lies or opposite to that; False if walls forbid both."""
+    d = math.sqrt(((a - b) ** 2).sum())
+    for sign in (1.0, -1.0):
+        x1 = a[0] + sign * (b[0] - a[0]) * delta / d
+        x2 = a[2] + sign * (b[2] - a[2]) * delta / d
+        if abs(x1) < c.wall1 and (c.stages == 1 or abs(x2) < c.wall2):
+            for i in range(4):
+                b[i] = a[i] + sign * (b[i] - a[i]) * delta / d
+            return True
+    return False
+
+
+@jit
+def _growths(
+    c: Constants, w: Clockwork, key: Key, path: Word, step: int, settle: int, patience: int, steps: int, a: Floats,
+    delta: float, ratio: float, duration: Floats, growth: Floats,
+) -> int:  # fmt: skip
+    hits, room = np.empty((MOST_IN_A_STEP, HIT)), new_room(w.depth)
+    b = a.copy()
+    n, waited, last, together = 0, 0, 0.0, True
+    for k in range(steps):
+        z = _two_normals(c, key, path, step + k)
+        walk_step(c, w, room, key, path, step + k, z, a, hits)
+        if k < settle:
+            continue
+        if together:  # begin with a partner beside the path
+            for i in range(2 * c.stages):
+                b[i] = a[i] + delta / math.sqrt(2.0 * c.stages)
+            together = not _place(c, a, b, delta)
+            waited, last = 0, delta
+            continue
+        walk_step(c, w, room, key, path, step + k, z, b, hits)
+        waited += 1
+        now = math.sqrt(((a - b) ** 2).sum())
+        far = min(now, last)  # while one is struck and the other is not, for less than a step, they are not apart
+        last = now
+        if far >= ratio * delta or waited >= patience:
+            duration[n], growth[n] = waited * w.h, math.log(max(far, TINY) / delta)
+            n += 1
+            if n == growth.size:
+                break
+            together = now < 1e-3 * delta or not _place(c, a, b, delta)
+            waited, last = 0, delta
+    return n
+
+
+def growths(
+    scene: Scene, delta: float, events: int, seed: int, *, ratio: float = 2.0, patience: float = 200.0,
+    settle: int = 5000,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """How long two paths on one noise take from `delta` to `ratio` times as far apart, and how far they then are.
+
+    They are looked at once a step (2 pi / 128 or less); the partner is then put back to `delta` in the direction in
+    which it lies.  Distance is that of ``(x1, y1, x2, y2)``, the smaller one of two neighbouring instants.
+
+    Parameters
+    ----------
+    scene : Scene
+        Without noise these are two orbits.
+    delta : float
+        Distance at the start.
+    events : int
+        How many growths of one long path are taken.
+    seed : int
+    ratio : float
+    patience : float
+        Time after which a growth is given up; it is returned as it is then.
+    settle : int
+        Steps that are not looked at.
+
+    Returns
+    -------
+    duration, growth : ndarray
+        Times, and logarithms of the distance at their end over `delta`.
+
+    Examples
+    --------
+    >>> from rattle.scene import DAT21
+    >>> duration, growth = growths(Scene.from_gears(DAT21, sigma=0.5), 1e-4, 50, seed=1)
+    >>> bool((growth >= np.log(2.0)).all())
+    True
+    """
+    c, w, key = scene.constants, clockwork(scene, DEEPEST), key_of(np.random.SeedSequence(seed))
+    duration, growth = np.empty(events), np.empty(events)
+    wait = max(2, int(patience / w.h))
+    n = _growths(
+        c, w, key, Word(0), 0, settle, wait, settle + wait * events, _start(scene), delta, ratio, duration, growth
+    )  # fmt: skip
+    return duration[:n], growth[:n]
+
+
+def _start(scene: Scene) -> Floats:
+    """State with which the paths of a scene start, after the impact of the start."""
+    x1, y1, x2, y2 = scene.start_state
+    if scene.start.mesh != 0:
+        y1, y2 = struck(scene.constants, scene.start.mesh, y1, y2)
+    return np.array([x1, y1, x2, y2])

@@ -1,0 +1,1 @@
+"""Ensembles on a GPU: the same scalar steps, the same random numbers."""

@@ -1,0 +1,243 @@
+"""Ensembles on a card: ``simulate(..., device="cuda")``.
+
+Only this module and those it imports know of CUDA, and nothing imports it before a card is asked for.
+
+``python -m rattle.montecarlo.cuda.launch`` measures path-steps per second on the card at hand.  IT HAS NOT YET BEEN RUN
+ON A CARD: so far the kernels have been compiled for one and run on numba's simulator of one.
+
+From the counts in `COSTS` an H200 (132 multiprocessors at 1.98 GHz, 128 instructions and 64 float64 ones per clock) can
+start at most 2.3e11 path-steps of ``euler-maruyama`` per second, 6.6e11 with two-point increments.  An ESTIMATE, with
+half to 0.7 of these instructions started, a tenth of the steps of a warp stopped by an impact, and threads that wait
+for the slowest path of their warp (0.94 of them at work at sigma = 0.1, 0.64 at sigma = 1.2): 0.6e11 to 1.3e11, and
+1.5e11 to 3e11 with two-point increments.
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from importlib.util import find_spec
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from rattle.montecarlo.kernel.block import BlockResult, Plan, start_state
+from rattle.montecarlo.kernel.kernel import COLUMNS, Job
+from rattle.montecarlo.noise.backlash import backlash_of
+from rattle.montecarlo.noise.philox import key_of
+from rattle.montecarlo.schemes.table import SCHEMES
+from rattle.montecarlo.settings import plan_of
+from rattle.scene.errors import InputError
+from rattle.scene.gears import DAT21
+from rattle.scene.scene import Scene
+
+__all__ = ["check_card", "launch_size", "launches", "measure", "speed"]
+
+Floats = NDArray[np.float64]
+
+THREADS = 128
+"""Threads of a block of paths."""
+
+ROUNDS = 8
+"""Paths per thread that the card can hold at a time: fewer launches, and few idle threads at the end of each."""
+
+SIMULATED = 8
+"""Paths of a launch on the simulator, on half as many threads."""
+
+
+def check_card() -> None:
+    """Refuse to go on where there is no card to run on.
+
+    Raises
+    ------
+    InputError
+        Names what is missing: the package, the compiler's libraries, the driver, or the card.
+    """
+    if find_spec("numba_cuda") is None:
+        raise InputError("device", "cuda", "needs the package numba-cuda; run: pip install 'rattle[gpu]'")
+    from numba import cuda
+
+    if cuda.is_available():
+        return
+    try:
+        cards = len(cuda.gpus)
+    except cuda.CudaSupportError as error:
+        reason = " ".join(str(error).split()).strip(" :")
+        raise InputError("device", "cuda", f"needs an NVIDIA driver and a card; {reason}") from None
+    if cards == 0:
+        raise InputError("device", "cuda", "needs a card; the driver finds none")
+    raise InputError("device", "cuda", "needs CUDA's compiler libraries; run: pip install 'rattle[gpu]'")
+
+
+def _simulated() -> bool:
+    from numba import config
+
+    return bool(getattr(config, "ENABLE_CUDASIM", False))
+
+
+def _resident() -> int:
+    """Threads that the card holds at a time."""
+    from numba import cuda
+
+    device = cuda.get_current_device()
+    return int(device.MULTIPROCESSOR_COUNT * device.MAX_THREADS_PER_MULTIPROCESSOR)
+
+
+def launch_size(plan: Plan) -> int:
+    """Paths of a launch: a few per thread of the card, as far as a quarter of its free memory holds their impacts."""
+    if _simulated():
+        return min(SIMULATED, plan.paths)
+    from numba import cuda
+
+    free, _ = cuda.current_context().get_memory_info()
+    bytes_per_path = 8 * (plan.impacts * COLUMNS + 4 * plan.clock_steps.size)
+    room = max(int(free / 4 / bytes_per_path) // THREADS * THREADS, THREADS)
+    return min(ROUNDS * _resident(), room, plan.paths)
+
+
+class _Card(NamedTuple):
+    """What stays on the card from launch to launch."""
+
+    plan: Plan
+    job: Job
+    start: tuple[float, ...]
+    flanks: tuple[int, ...]
+    follow: Callable[..., Any]
+    clock_steps: Any
+
+
+def _prepared(plan: Plan) -> _Card:
+    from numba import cuda
+
+    from rattle.montecarlo.cuda.paths import path_kernel
+
+    scene, scheme, backlash = plan.scene, SCHEMES[plan.scheme].code, backlash_of(plan.scene)
+    noise = "none" if scene.sigma == 0.0 else "two-point" if plan.two_point else "gaussian"
+    job = Job(
+        scene.constants, backlash, key_of(plan.seed), scene.phase, plan.dt, scheme, plan.two_point, plan.most_steps
+    )  # fmt: skip
+    sides = ((scene.start.x1, scene.gap1), (scene.start.x2, scene.gap2))
+    gaps = np.repeat([[scene.gap1], [scene.gap2]], 2, axis=0)
+    return _Card(
+        plan,
+        job,
+        tuple(start_state(scene, gaps)[:, 0].tolist()),
+        tuple(int(np.sign(x)) if abs(x) == gap else 0 for x, gap in sides),
+        path_kernel(scheme, noise, backlash.random, backlash.redrawn),
+        cuda.to_device(plan.clock_steps),
+    )
+
+
+def _followed(card: _Card, first: int, paths: int) -> tuple[Any, Any, NDArray[np.int64]]:
+    """Follow paths from number `first` on: impacts and clock states on the card, and the counts of the work."""
+    from numba import cuda
+
+    from rattle.montecarlo.cuda.sums import launch
+
+    plan = card.plan
+    threads = SIMULATED // 2 if _simulated() else THREADS
+    rows = cuda.device_array((plan.impacts, COLUMNS, paths), np.float64)
+    clock = cuda.device_array((plan.clock_steps.size, 4, paths), np.float64)
+    counts = cuda.to_device(np.zeros(3, np.int64))
+    launch(
+        card.follow, -(-paths // threads), threads, card.job, first, card.start, card.flanks, rows, card.clock_steps,
+        clock, counts,
+    )  # fmt: skip
+    return rows, clock, counts.copy_to_host()
+
+
+def launches(plan: Plan, size: int) -> Iterator[tuple[BlockResult, Floats | None]]:
+    """Results of launches of this many paths, in order, and their impacts, as `rattle.montecarlo.kernel.block.run`
+    gives both.
+    """
+    from rattle.montecarlo.cuda.sums import MOST_THREADS, reduced
+
+    card = _prepared(plan)
+    for first in range(0, plan.paths, size):
+        rows, clock, counts = _followed(card, first, min(size, plan.paths - first))
+        kept = np.ascontiguousarray(rows.copy_to_host().transpose(2, 0, 1)) if plan.keep else None
+        if kept is not None and plan.scene.stages == 1:
+            kept[:, :, 4:6] = np.nan
+        yield reduced(plan, rows, clock, counts, 2 if _simulated() else MOST_THREADS), kept
+
+
+FP64_LANES = {(6, 0): 32, (7, 0): 32, (8, 0): 32, (9, 0): 64, (10, 0): 64}
+"""Float64 fused multiply-adds that a multiprocessor starts per clock, by compute capability; 2 on all others."""
+
+LANES = 128
+"""Instructions of threads that a multiprocessor starts per clock: four warps' worth."""
+
+
+class Cost(NamedTuple):
+    """What a path-step without an impact takes: counted in the machine code made for compute capability 9.0."""
+
+    instructions: float
+    float64_instructions: float
+    flops: float
+    random_words: float
+
+
+COSTS = {
+    ("euler-maruyama", "gaussian"): Cost(148, 42, 62, 1.0),
+    ("euler-maruyama", "two-point"): Cost(51, 15, 18, 1.0 / 16.0),
+    ("euler-maruyama-located", "gaussian"): Cost(156, 42, 62, 1.0),
+    ("exact-flight", "gaussian"): Cost(308, 93, 131, 2.0),
+}
+"""By scheme and increments, two stages and no tolerance."""
+
+
+def speed(plan: Plan, repeats: int = 3) -> float:
+    """Path-steps per second of a plan's first launch, the least time of several, after one that compiles."""
+    card, paths = _prepared(plan), launch_size(plan)
+    _followed(card, 0, paths)
+    best = 0.0
+    for _ in range(repeats):
+        begin = time.perf_counter()
+        *_, counts = _followed(card, 0, paths)  # fetching the counts waits for the paths
+        best = max(best, float(counts[0]) / (time.perf_counter() - begin))
+    return best
+
+
+def measure(dt: float = 2e-3, impacts: int = 12) -> pd.DataFrame:
+    """Path-steps per second in float64 on the card at hand, beside what the card could do at most.
+
+    Not yet run on a card.  The goal is 1e11 path-steps per second on an H200.
+
+    Returns
+    -------
+    DataFrame
+        Index ``scheme, increments``; columns ``path_steps_per_s``, ``flops_per_s``, ``words_per_s`` (random), and the
+        shares of two limits of the card that impacts and idle threads have not been counted in: ``of_float64``, its
+        float64 pipes always busy, and ``of_issue``, an instruction started at every clock.
+    """
+    from numba import cuda
+
+    check_card()
+    device = cuda.get_current_device()
+    clocks = 1e3 * device.CLOCK_RATE * device.MULTIPROCESSOR_COUNT
+    lanes = FP64_LANES.get(tuple(device.compute_capability), 2)
+    scene = Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha))
+    rows = []
+    for (scheme, increments), cost in COSTS.items():
+        plan = plan_of(
+            scene, paths=ROUNDS * _resident(), impacts=impacts, dt=dt, scheme=scheme, increments=increments,
+            device="cuda",
+        )  # fmt: skip
+        rate = speed(plan)
+        rows.append(
+            {
+                "scheme": scheme, "increments": increments, "path_steps_per_s": rate,
+                "flops_per_s": cost.flops * rate, "words_per_s": cost.random_words * rate,
+                "of_float64": cost.float64_instructions * rate / (clocks * lanes),
+                "of_issue": cost.instructions * rate / (clocks * LANES),
+            }
+        )  # fmt: skip
+    return pd.DataFrame(rows).set_index(["scheme", "increments"])
+
+
+if __name__ == "__main__":
+    try:
+        print(measure().to_string(float_format="{:.3g}".format))
+    except InputError as error:
+        raise SystemExit(str(error)) from None

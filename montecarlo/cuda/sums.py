@@ -1,0 +1,178 @@
+"""Sums over paths on a card, so that only sums cross the bus: a block of threads for each cell.
+
+Every sum is taken in an order that the number of threads and of paths alone decides: a run is repeatable bit for bit.
+"""
+
+import math
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numba import cuda
+from numpy.typing import NDArray
+
+from rattle.montecarlo.cuda.paths import HELD, STEPS, UNFINISHED
+from rattle.montecarlo.kernel.block import CODES, CROSS, PAIRS, SECTION_OF, BlockResult, Plan
+from rattle.montecarlo.kernel.kernel import COLUMNS
+from rattle.montecarlo.statistics.central_sums import COVARIANCE, PAIR, SINGLE, CentralSums, Orders
+from rattle.scene.moments import SECTION
+
+__all__ = ["MOST_THREADS", "launch", "reduced"]
+
+MOST_THREADS = 256  # of a block, at most; a power of two
+MOST_ORDERS, MOST_POWERS = 16, 9
+
+
+@cuda.jit(device=True)
+def _total(value, scratch):  # type: ignore[no-untyped-def]
+    """Sum of the threads' values, by halves; every thread gets it."""
+    t, width = cuda.threadIdx.x, cuda.blockDim.x // 2
+    cuda.syncthreads()
+    scratch[t] = value
+    cuda.syncthreads()
+    while width > 0:
+        if t < width:
+            scratch[t] += scratch[t + width]
+        cuda.syncthreads()
+        width //= 2
+    return scratch[0]
+
+
+@cuda.jit(device=True)
+def _least(value, scratch):  # type: ignore[no-untyped-def]
+    """Least of the threads' values."""
+    t, width = cuda.threadIdx.x, cuda.blockDim.x // 2
+    cuda.syncthreads()
+    scratch[t] = value
+    cuda.syncthreads()
+    while width > 0:
+        if t < width:
+            scratch[t] = min(scratch[t], scratch[t + width])
+        cuda.syncthreads()
+        width //= 2
+    return scratch[0]
+
+
+@cuda.jit
+def _cell_sums(v, left, right, exponents, n, mean, sums):  # type: ignore[no-untyped-def]
+    """Counts, means (2, cells) and sums of ``da^p db^q`` (orders, cells), as
+    `rattle.montecarlo.statistics.central_sums` takes of a block.
+
+    Block i of threads is about the rows ``left[i]`` and ``right[i]`` of `v`, shape (variables, paths), over the paths
+    where both are finite; means are taken about the first of them, so that what does not vary comes out exact.
+    """
+    scratch = cuda.shared.array(MOST_THREADS, np.float64)
+    kept = cuda.local.array(MOST_ORDERS, np.float64)
+    powers = cuda.local.array((2, MOST_POWERS), np.float64)
+    cell, t, paths = cuda.blockIdx.x, cuda.threadIdx.x, v.shape[1]
+    a, b = v[left[cell]], v[right[cell]]
+    first = float(paths)
+    for p in range(t, paths, cuda.blockDim.x):
+        if math.isfinite(a[p]) and math.isfinite(b[p]):
+            first = float(p)
+            break
+    origin = int(_least(first, scratch))
+    if origin == paths:
+        if t == 0:
+            n[cell], mean[0, cell], mean[1, cell] = 0.0, 0.0, 0.0
+            for o in range(exponents.shape[0]):
+                sums[o, cell] = 0.0
+        return
+    count, total_a, total_b = 0.0, 0.0, 0.0
+    for p in range(t, paths, cuda.blockDim.x):
+        if math.isfinite(a[p]) and math.isfinite(b[p]):
+            count += 1.0
+            total_a += a[p] - a[origin]
+            total_b += b[p] - b[origin]
+    count = _total(count, scratch)
+    mean_a = a[origin] + _total(total_a, scratch) / count
+    mean_b = b[origin] + _total(total_b, scratch) / count
+    for o in range(exponents.shape[0]):
+        kept[o] = 0.0
+    powers[0, 0], powers[1, 0] = 1.0, 1.0
+    for p in range(t, paths, cuda.blockDim.x):
+        if math.isfinite(a[p]) and math.isfinite(b[p]):
+            for j in range(1, MOST_POWERS):
+                powers[0, j] = powers[0, j - 1] * (a[p] - mean_a)
+                powers[1, j] = powers[1, j - 1] * (b[p] - mean_b)
+            for o in range(exponents.shape[0]):
+                kept[o] += powers[0, exponents[o, 0]] * powers[1, exponents[o, 1]]
+    for o in range(exponents.shape[0]):
+        whole = _total(kept[o], scratch)
+        if t == 0:
+            sums[o, cell] = whole
+    if t == 0:
+        n[cell], mean[0, cell], mean[1, cell] = count, mean_a, mean_b
+
+
+@cuda.jit
+def _tally(rows, itineraries, codes, agreeing):  # type: ignore[no-untyped-def]
+    """Counts of each code per impact, and of the paths that have followed each itinerary so far.
+
+    Block (k, j) of threads counts for impact k the code number j, or after the codes the itinerary.
+    """
+    scratch = cuda.shared.array(MOST_THREADS, np.float64)
+    k, j, t = cuda.blockIdx.x, cuda.blockIdx.y, cuda.threadIdx.x
+    count = 0.0
+    for p in range(t, rows.shape[2], cuda.blockDim.x):
+        if j < len(CODES):
+            if rows[k, 6, p] == CODES[j]:
+                count += 1.0
+        else:
+            same = True
+            for i in range(k + 1):
+                same = same and rows[i, 6, p] == itineraries[j - len(CODES), i]
+            if same:
+                count += 1.0
+    count = _total(count, scratch)
+    if t == 0:
+        if j < len(CODES):
+            codes[k, j] = count
+        else:
+            agreeing[j - len(CODES), k] = count
+
+
+def launch(kernel: Any, grid: int | tuple[int, int], threads: int, *arguments: Any) -> None:
+    """Run a kernel; a small run fills no card, and needs no warning that it does not."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "(?s).*Grid size")
+        kernel[grid, threads](*arguments)
+
+
+def _sums(v: Any, variables: int, pairs: Sequence[tuple[int, int]], orders: Orders, threads: int) -> CentralSums:
+    """Sums over pairs of variables within each group; `v` is on the card, of shape (groups, variables, paths)."""
+    groups, _, paths = v.shape
+    base = variables * np.arange(groups)[:, None]
+    left, right = ((base + np.array(side)).ravel() for side in zip(*pairs, strict=True))
+    cells, shape = left.size, (groups, len(pairs))
+    n, mean = cuda.device_array(cells, np.float64), cuda.device_array((2, cells), np.float64)
+    sums = cuda.device_array((len(orders), cells), np.float64)
+    launch(
+        _cell_sums, cells, threads, v.reshape(groups * variables, paths), cuda.to_device(left), cuda.to_device(right),
+        cuda.to_device(np.array(orders)), n, mean, sums,
+    )  # fmt: skip
+    return CentralSums(
+        orders, n.copy_to_host().reshape(shape), mean.copy_to_host().reshape(2, *shape),
+        sums.copy_to_host().reshape(len(orders), *shape),
+    )  # fmt: skip
+
+
+def reduced(plan: Plan, rows: Any, clock: Any, counts: NDArray[np.int64], threads: int) -> BlockResult:
+    """What a launch leaves behind, from its impacts and clock states on the card and the counts of its work."""
+    own, pairs = [(i, i) for i in range(len(SECTION))], [(SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS]
+    sums = {
+        "section": _sums(rows, COLUMNS, own, SINGLE, threads),
+        "section_pairs": _sums(rows, COLUMNS, pairs, COVARIANCE, threads),
+    }
+    if plan.clock_steps.size:
+        sums["clock"] = _sums(clock, 4, CROSS, PAIR, threads)
+    itineraries = np.array(list(plan.itineraries.values()), dtype=float).reshape(-1, plan.impacts)
+    codes = cuda.device_array((plan.impacts, len(CODES)), np.float64)
+    agreeing = cuda.device_array(itineraries.shape, np.float64)
+    grid = plan.impacts, len(CODES) + len(itineraries)
+    launch(_tally, grid, threads, rows, cuda.to_device(itineraries), codes, agreeing)
+    return BlockResult(
+        sums, codes.copy_to_host(), dict(zip(plan.itineraries, agreeing.copy_to_host(), strict=True)),
+        int(counts[STEPS]), int(counts[HELD]), int(counts[UNFINISHED]),
+    )  # fmt: skip

@@ -1,0 +1,189 @@
+"""What the reader of a run should know before its numbers are believed: where they may be off, and what to do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rattle.montecarlo.kernel.block import Plan, sample
+from rattle.montecarlo.kernel.control_variate import no_control
+from rattle.montecarlo.schemes.step_size import default_step, largest_step, trusted_step
+from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
+from rattle.montecarlo.schemes.table import SCHEMES
+from rattle.scene.moments import SECTION
+from rattle.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from rattle.montecarlo.result import Ensemble
+
+__all__ = ["COLLAPSE", "TOLERANCE", "cautions", "motion_units", "orbit_shift", "shortened"]
+
+Floats = NDArray[np.float64]
+
+TOLERANCE = 0.05
+"""Bias of a mean that goes without saying, in `motion_units`."""
+
+SMALLEST = 0.01  # share of the scale of the motion below which an sd is no unit
+FINER = 4  # times; of a first-order bias three quarters are seen, the rest is added
+COLLAPSE = math.exp(-math.pi / math.sqrt(3.0))
+"""Restitution below which noise makes impacts accumulate (Cornell, Swift and Bray 1998)."""
+
+
+def motion_units(columns: Mapping[str, NDArray[Any]], scene: Scene) -> dict[str, Floats]:
+    """Unit of each section quantity's errors: its sd, or 1 % of flight time, half gap or speed where that is more.
+
+    Parameters
+    ----------
+    columns : mapping
+        Means and sds as of `Ensemble.columns`, each of shape (impacts,).
+    scene : Scene
+
+    Examples
+    --------
+    >>> from rattle.montecarlo import simulate
+    >>> from rattle.scene import DAT21
+    >>> still = Scene.from_gears(DAT21)
+    >>> float(motion_units(simulate(still, paths=1, impacts=1).columns, still)["x2"][0])
+    0.005
+    """
+    flight = np.abs(columns["flight"])
+    speed = np.hypot(columns["y1"], columns["sd_y1"])
+    if scene.stages == 2:
+        speed = np.maximum(speed, np.hypot(columns["y2"], columns["sd_y2"]))
+    fastest = np.full_like(flight, np.nanmax(speed, initial=0.0))
+    scale = {"tau": flight, "flight": flight, "x1": scene.gap1, "y1": fastest, "x2": scene.gap2, "y2": fastest}
+    return {q: np.fmax(columns["sd_" + q], SMALLEST * scale[q]) for q in SECTION}
+
+
+def orbit_shift(run: Ensemble) -> tuple[float, str]:
+    """How far the step moves the noise-free path, in `motion_units` of the run, and where most.
+
+    It is followed at dt and at dt / 4, as long as it stands for half of the paths.  Impacts that are looked for at the
+    end of a step are late by half of it each.
+
+    Examples
+    --------
+    >>> from rattle.montecarlo import simulate
+    >>> from rattle.scene import DAT21
+    >>> run = simulate(Scene.from_gears(DAT21, sigma=0.01), paths=1000, impacts=2)
+    >>> shift, where = orbit_shift(run)
+    >>> round(shift, 1), where
+    (0.2, 'x1 at impact 2')
+    """
+    unit, columns = motion_units(run.columns, run.scene), run.columns
+    coarse, fine = (_orbit(run.plan, times) for times in (1, FINER))
+    worst, where = 0.0, "nothing moves"
+    if run.scheme == "euler-maruyama":
+        late = np.nan_to_num(_share(0.5 * run.dt * np.arange(1, run.impacts + 1), unit["tau"]))
+        worst, where = float(late.max()), f"tau at impact {int(late.argmax()) + 1}"
+    for k in range(run.impacts):
+        if not columns["agreement"][k] >= 0.5:
+            break
+        if coarse[k, -1] != fine[k, -1]:
+            return math.inf, f"the mesh of impact {k + 1}"
+        for i, q in enumerate(SECTION):
+            if run.scene.stages == 1 and q in ("x2", "y2"):
+                continue
+            shift = float(_share(abs(coarse[k, i] - fine[k, i]), unit[q][k])) * FINER / (FINER - 1)
+            if shift > worst:
+                worst, where = shift, f"{q} at impact {k + 1}"
+    return worst, where
+
+
+def _share(of: NDArray[np.floating[Any]], unit: Floats) -> Floats:
+    """A change in its unit; none where the unit is zero: nothing moves there whose size the change could be told by."""
+    share: Floats = np.divide(of, unit, out=np.zeros_like(unit), where=unit != 0.0)
+    return share
+
+
+def _orbit(plan: Plan, finer: int) -> Floats:
+    quiet = plan._replace(
+        scene=plan.scene.noise_free, paths=1, dt=plan.dt / finer, most_steps=plan.most_steps * finer,
+        clock_steps=np.empty(0, np.int64), itineraries={}, levels=1, control=no_control(), two_point=False,
+        mirrored=False, energy=False,
+    )  # fmt: skip
+    found: Floats = np.nan_to_num(sample(quiet, 0).rows[0, 0])
+    return found
+
+
+def cautions(run: Ensemble) -> tuple[str, ...]:
+    """What may be wrong with the numbers of a run, a sentence each; none if nothing is known to be.
+
+    Examples
+    --------
+    >>> from rattle.montecarlo import simulate
+    >>> from rattle.scene import DAT21
+    >>> run = simulate(Scene.from_gears(DAT21, sigma=0.5), paths=1000, impacts=2, dt=0.05)
+    >>> len(cautions(run))
+    2
+    >>> cautions(simulate(run.scene, paths=1000, impacts=2, scheme="exact-flight"))
+    ()
+    """
+    return tuple(said for said in (_of_accuracy(run), shortened(run), *_of_step(run), *_of_impacts(run)) if said)
+
+
+def _of_accuracy(run: Ensemble) -> str:
+    return "" if run.reach is None or run.reach.reached else run.reach.sentence
+
+
+def shortened(run: Ensemble) -> str:
+    """Says so where the step is shorter than the scheme's own because the scene wants it; else empty.
+
+    Examples
+    --------
+    >>> from rattle.montecarlo import simulate
+    >>> from rattle.scene import DAT21
+    >>> print(shortened(simulate(Scene.from_gears(DAT21, sigma=1e4), paths=100, impacts=1, horizon=0.01)))
+    dt = 0.000339 in place of the scheme's 0.002: a longer step lets the noise throw a path through the gap.
+    """
+    own, usual = default_step(run.scene, run.scheme, run.plan.levels > 1), SCHEMES[run.scheme].step
+    if not run.dt == own < usual:
+        return ""
+    return f"dt = {own:.3g} in place of the scheme's {usual:.3g}: {largest_step(run.scene, run.scheme)[1]}."
+
+
+def _of_step(run: Ensemble) -> tuple[str, ...]:
+    scene, scheme, dt, kind = run.scene, run.scheme, run.dt, SCHEMES[run.scheme]
+    if kind.weak_order is None or run.plan.levels > 1:  # without a bias of the step, or it is measured
+        return ()
+    limit, why = trusted_step(scene, scheme)
+    noisy = (
+        f"The step may bias moments by more than {TOLERANCE:.0%} of an sd: {why}; dt = {limit:.2g} would do."
+        if dt > limit
+        else ""
+    )
+    shift, where = orbit_shift(run)
+    moved = (
+        f"The step moves the noise-free path by {shift:.2g} sd ({where}): shorten it, have the bias measured "
+        "(step_bias=True), or take exact-flight, which has none."
+        if shift > TOLERANCE
+        else ""
+    )
+    return noisy, moved
+
+
+def _of_impacts(run: Ensemble) -> tuple[str, ...]:
+    scene = run.scene
+    collapsing = (
+        f"Noise at a restitution below {COLLAPSE:.3f} lets impacts accumulate without end: the later an impact, the "
+        "more its number depends on the step."
+        if scene.sigma > 0.0 and scene.epsilon < COLLAPSE
+        else ""
+    )
+    counts = run.impacts > MOST_IN_A_STEP or run.plan.clock_steps.size  # else the path has had its impacts by then
+    held = (
+        f"In {run.held:,} steps of paths a mesh was held shut to the end: impacts accumulated, or it rested."
+        if run.held and counts
+        else ""
+    )
+    late = (
+        f"{run.unfinished:,} of {run.paths:,} paths had not had all their impacts when the horizon came, "
+        f"{run.plan.most_steps * run.dt:.3g} after the start; the moments are those of the others."
+        if run.unfinished
+        else ""
+    )
+    return collapsing, held, late

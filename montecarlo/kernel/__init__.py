@@ -1,0 +1,1 @@
+"""How a block of paths is computed: lanes side by side, steps, impacts, and what is kept of them."""

@@ -1,0 +1,260 @@
+"""One block of paths: its streams, its walls and its start, run through the kernel and reduced to what is kept."""
+
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rattle.montecarlo.kernel.control_variate import LinearPath, no_control
+from rattle.montecarlo.kernel.kernel import COLUMNS, Job, block_kernel
+from rattle.montecarlo.kernel.lanes import lanes_of
+from rattle.montecarlo.noise.backlash import backlash_of, draw_walls
+from rattle.montecarlo.noise.philox import key_of
+from rattle.montecarlo.schemes.table import SCHEMES
+from rattle.montecarlo.statistics.central_sums import (
+    COVARIANCE,
+    PAIR,
+    SINGLE,
+    VARIANCE,
+    CentralSums,
+    Orders,
+    columns_of,
+)
+from rattle.scene.compiled import jit
+from rattle.scene.impact import energy_loss, struck
+from rattle.scene.moments import SECTION
+from rattle.scene.scene import Constants, Scene
+
+__all__ = [
+    "BLOCK",
+    "CODES",
+    "CROSS",
+    "PAIRS",
+    "SECTION_OF",
+    "BlockResult",
+    "Plan",
+    "Raw",
+    "run",
+    "sample",
+    "start_state",
+]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+BLOCK = 1024
+"""Paths of a block: their states fit the caches, and few lanes are empty while the last paths finish."""
+
+PAIRS = tuple((i, j) for i in range(5) for j in range(i))
+"""Pairs among tau, x1, y1, x2, y2 whose covariance is kept."""
+
+SECTION_OF = (0, 2, 3, 4, 5)
+"""Columns of the section where those five are."""
+
+
+class Plan(NamedTuple):
+    """What every block of a run has in common.
+
+    A ``mirrored`` plan runs the antithetic partner of each path: all its noise negated, its backlashes the same.
+    """
+
+    scene: Scene
+    paths: int
+    impacts: int
+    dt: float
+    scheme: str
+    seed: np.random.SeedSequence
+    most_steps: int
+    clock_steps: Ints
+    itineraries: dict[str, tuple[int, ...]]
+    levels: int
+    control: LinearPath = no_control()
+    keep: bool = False
+    two_point: bool = False
+    mirrored: bool = False
+    energy: bool = False
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks."""
+        return -(-self.paths // BLOCK)
+
+
+class Raw(NamedTuple):
+    """What the kernel wrote: section rows, clock states, the linearised paths, and the work it took."""
+
+    rows: Floats
+    clock: Floats
+    controls: Floats
+    path_steps: int
+    held: int
+    unfinished: int
+
+
+def start_state(scene: Scene, walls: Floats) -> Floats:
+    """State after the start, shape (4, paths): flank coordinates on each path's own flank, the start's impact done."""
+    s = scene.start
+    state = np.empty((4, walls.shape[1]))
+    for i, (x, gap) in enumerate(((s.x1, scene.gap1), (s.x2, scene.gap2))):
+        state[2 * i] = x if abs(x) != gap else (walls[2 * i] if x > 0.0 else -walls[2 * i + 1])
+    state[1], state[3] = s.y1, s.y2
+    if s.mesh:
+        state[1], state[3] = struck(scene.constants, s.mesh, s.y1, s.y2)
+    return state
+
+
+_own = threading.local()
+
+
+def _array(name: str, shape: tuple[int, ...], fill: float, reuse: bool) -> Floats:
+    """A filled array; with `reuse` the same memory for every block of a thread (fresh pages cost a fifth)."""
+    held: Floats | None = getattr(_own, name, None) if reuse else None
+    if held is None or held.shape != shape:
+        held = np.empty(shape)
+        if reuse:
+            setattr(_own, name, held)
+    held.fill(fill)
+    return held
+
+
+def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
+    """Run the paths of a block; with `reuse` the thread's next block overwrites what is returned."""
+    scene = plan.scene
+    first = block * BLOCK
+    paths = min(BLOCK, plan.paths - first)
+    c, key, backlash = scene.constants, key_of(plan.seed), backlash_of(scene)
+    walls = np.repeat([[c.wall1], [c.wall1], [c.wall2], [c.wall2]], paths, axis=1)
+    if backlash.random:
+        draw_walls(backlash, key, first, walls)
+    rows = _array("rows", (plan.levels, paths, plan.impacts, COLUMNS), np.nan, reuse)
+    clock = _array("clock", (plan.levels, paths, plan.clock_steps.size, 4), np.nan, reuse)
+    linear = paths if plan.control.at_step.size else 0
+    controls = _array("controls", (linear, plan.impacts, COLUMNS), 0.0, reuse)
+    if plan.mirrored:
+        c = c._replace(sigma=-c.sigma)
+    job = Job(
+        c, backlash, key, scene.phase, plan.dt, SCHEMES[plan.scheme].code, plan.two_point,
+        plan.most_steps,
+    )  # fmt: skip
+    every, room = lanes_of(plan.levels, first, start_state(scene, walls), walls, scene.phase)
+    work, held = block_kernel(job.scheme)(
+        job, plan.control, first, every, room, rows, plan.clock_steps, clock, controls
+    )  # fmt: skip
+    unfinished = np.isnan(rows[0, :, -1, 0]).sum()
+    return Raw(rows, clock, controls, int(work), int(held), int(unfinished))
+
+
+@dataclass(frozen=True)
+class BlockResult:
+    """What a block leaves behind: mergeable sums and counts.
+
+    ``sums`` holds, by name: ``section`` over (impact, quantity); ``section_pairs`` over (impact, pair of `PAIRS`);
+    ``clock`` over (time, pair of `CROSS`); with step bias also ``fine_coarse`` and ``coarse_coarser`` over (impact,
+    quantity), the same quantity at two step sizes, and ``coarse_clock`` over (time, stage), displacement with
+    velocity; with a control ``control`` over (impact, quantity), the quantity and what the linearised path says of
+    it; if asked for, ``energy`` over (impact, 1), what an impact takes.
+    ``codes`` counts mesh and side of each impact over (impact, `CODES`); ``agreeing`` counts the paths that have
+    followed each itinerary so far.
+    """
+
+    sums: dict[str, CentralSums]
+    codes: Floats
+    agreeing: dict[str, Floats]
+    path_steps: int
+    held: int
+    unfinished: int
+
+    def merged(self, other: "BlockResult") -> "BlockResult":
+        """Both blocks together."""
+        return BlockResult(
+            {name: s.merged(other.sums[name]) for name, s in self.sums.items()},
+            self.codes + other.codes,
+            {name: count + other.agreeing[name] for name, count in self.agreeing.items()},
+            self.path_steps + other.path_steps,
+            self.held + other.held,
+            self.unfinished + other.unfinished,
+        )
+
+
+CODES = (1, -1, 2, -2)
+CROSS = tuple((i, j) for i in range(4) for j in range(i, 4))
+"""Pairs of states whose clock covariance is kept."""
+
+
+def _pairs(
+    groups: int, values: Floats, pairs: Sequence[tuple[int, int]], orders: Orders, other: Floats | None = None
+) -> CentralSums:
+    """Sums over pairs of variables of (groups * variables, paths), the second of each pair from `other` if given."""
+    first, second = np.array(pairs).T
+    base = len(values) // groups * np.arange(groups)[:, None]
+    return CentralSums.of_columns(
+        values, values if other is None else other, (base + first).ravel(), (base + second).ravel(), orders,
+        (groups, len(pairs)),
+    )  # fmt: skip
+
+
+def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
+    """Run a block and reduce it; its impacts, shape (paths, impacts, COLUMNS), if the plan keeps them."""
+    raw = sample(plan, block, reuse=True)
+    section, times = partial(_pairs, plan.impacts), partial(_pairs, plan.clock_steps.size)
+    rows = [columns_of(level) for level in raw.rows]
+    clock = [columns_of(level) for level in raw.clock] if plan.clock_steps.size else []
+    own = [(i, i) for i in range(len(SECTION))]
+    sums = {
+        "section": section(rows[0], own, SINGLE),
+        "section_pairs": section(rows[0], [(SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS], COVARIANCE),
+    }
+    if plan.energy:
+        sums["energy"] = section(columns_of(_losses(plan.scene.constants, raw.rows[0])), [(0, 0)], VARIANCE)
+    if plan.control.at_step.size:
+        sums["control"] = section(rows[0], own, PAIR, columns_of(raw.controls))
+    if plan.clock_steps.size:
+        sums["clock"] = times(clock[0], CROSS, PAIR)
+    if plan.levels > 1:
+        sums["fine_coarse"] = section(rows[0], own, PAIR, rows[1])
+        sums["coarse_coarser"] = section(rows[1], own, ((0, 2),), rows[2])
+        if plan.clock_steps.size:
+            sums["coarse_clock"] = times(clock[1], ((0, 1), (2, 3)), PAIR)
+    listed = np.array(list(plan.itineraries.values()), dtype=float).reshape(-1, plan.impacts)
+    codes, agreeing = _tally(raw.rows[0], listed)
+    kept = raw.rows[0].copy() if plan.keep else None
+    if kept is not None and plan.scene.stages == 1:
+        kept[:, :, 4:6] = np.nan  # the kernel leaves there whatever was
+    return BlockResult(
+        sums, codes, dict(zip(plan.itineraries, agreeing, strict=True)), raw.path_steps, raw.held, raw.unfinished
+    ), kept
+
+
+@jit
+def _losses(c: Constants, rows: Floats) -> Floats:
+    """Energy that each impact of each path takes, shape (paths, impacts, 1); NaN where there was none."""
+    paths, impacts = rows.shape[:2]
+    lost = np.full((paths, impacts, 1), np.nan)
+    for p in range(paths):
+        for k in range(impacts):
+            code = rows[p, k, 6]
+            if np.isfinite(code):
+                mesh = 1 if abs(code) == 1.0 else 2
+                lost[p, k, 0] = energy_loss(c, mesh, rows[p, k, 3], rows[p, k, 5])
+    return lost
+
+
+@jit
+def _tally(rows: Floats, itineraries: Floats) -> tuple[Floats, Floats]:
+    """Counts of each of `CODES` per impact, and of the paths that have followed each itinerary so far."""
+    paths, impacts = rows.shape[:2]
+    codes, agreeing = np.zeros((impacts, len(CODES))), np.zeros((len(itineraries), impacts))
+    for p in range(paths):
+        for k in range(impacts):
+            for i, code in enumerate(CODES):
+                codes[k, i] += rows[p, k, 6] == code
+        for i in range(len(itineraries)):
+            for k in range(impacts):
+                if rows[p, k, 6] != itineraries[i, k]:
+                    break
+                agreeing[i, k] += 1.0
+    return codes, agreeing

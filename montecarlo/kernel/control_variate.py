@@ -1,0 +1,251 @@
+"""The linearised path as a control variate: first order in the noise, driven by the very noise of the simulated path.
+
+Around the noise-free orbit a perturbation obeys the linear flight, and at each of the orbit's impacts the saltation
+matrix ``Xi = R + (F+ - R F-) g' / (g' F-)`` (docs/model.md section 6); ``-xi_i / y_i`` and ``(I - F- g' / (g' F-)) xi``
+are what it does to time and state at a path's own impact.  Step by step this is a linear map of normals, so its mean is
+zero and its variance is known without sampling, whatever it is worth as an approximation: it can take variance out of
+an estimate, never bring bias in.  It is worth most at small noise.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rattle.montecarlo.noise.philox import Word
+from rattle.montecarlo.schemes.exact_flight import kick
+from rattle.montecarlo.statistics.central_sums import CentralSums
+from rattle.scene.compiled import lean
+from rattle.scene.flight import field, jacobian
+from rattle.scene.impact import contact_matrix, next_impact, struck
+from rattle.scene.moments import SECTION
+from rattle.scene.scene import Constants, Scene
+
+__all__ = ["LinearPath", "carry_along", "controlled_statistics", "linear_path", "no_control"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+MOST_STEPS = 100_000  # of the linearised path; what comes later goes without control
+LONGEST = 1e3  # flight of the orbit that is followed
+FEWEST = 32  # paths of a regression: with three it would leave no error at all
+GRAZE = 1e-6  # impact speed below which the orbit has no linearisation, in units of what drives and starts it
+
+
+class LinearPath(NamedTuple):
+    """The linearised path as a program over steps, for compiled code.
+
+    The perturbation has five components: of ``x1, y1, x2, y2``, and of the time of the last impact.
+
+    Attributes
+    ----------
+    carry : ndarray, shape (steps, 5, 5)
+        Of the perturbation over a step.
+    noise : ndarray, shape (steps, 2, 5)
+        What the two standard normals of a step add.
+    at_step : ndarray of int, shape (impacts,)
+        Step in which the orbit has each impact; those it never has are left out.
+    read, read_noise : ndarray, shapes (impacts, 6, 5) and (impacts, 2, 6)
+        From the perturbation at the start of that step, and its normals, to the section quantities.
+    variance : ndarray, shape (all impacts, 6)
+        Of the section quantities; zero at impacts that the orbit never has.
+    """
+
+    carry: Floats
+    noise: Floats
+    at_step: Ints
+    read: Floats
+    read_noise: Floats
+    variance: Floats
+
+
+def no_control() -> LinearPath:
+    """No steps and no impacts: nothing is carried along."""
+    return LinearPath(
+        np.empty((0, 5, 5)), np.empty((0, 2, 5)), np.empty(0, np.int64), np.empty((0, 6, 5)), np.empty((0, 2, 6)),
+        np.empty((0, 6)),
+    )  # fmt: skip
+
+
+class _Impact(NamedTuple):
+    tau: float
+    read: Floats
+    carry: Floats
+
+
+def _impacts(scene: Scene, impacts: int) -> list[_Impact]:
+    """The orbit's impacts, as far as it can be linearised: section quantities and saltation, both of (xi, last tau)."""
+    c, start = scene.constants, scene.start
+    x1, y1, x2, y2 = scene.start_state
+    if start.mesh:
+        y1, y2 = struck(c, start.mesh, y1, y2)
+    tau, found = scene.phase, []
+    fastest = max(c.alpha, c.gamma1, abs(y1), abs(y2))
+    for _ in range(impacts):
+        t, mesh, _, x1, y1, x2, y2 = next_impact(c, tau, x1, y1, x2, y2, LONGEST)
+        struck_x = 2 * (mesh - 1)
+        if mesh <= 0 or abs((y1, y2)[mesh - 1]) < GRAZE * fastest:
+            break
+        tau += t
+        before = field(c, tau, y1, y2)
+        r = contact_matrix(c, mesh)
+        y1, y2 = struck(c, mesh, y1, y2)
+        jump = field(c, tau, y1, y2) - r @ before
+        delay = np.zeros(5)
+        delay[struck_x] = -1.0 / before[struck_x]
+        read = np.zeros((len(SECTION), 5))
+        read[0] = read[1] = delay
+        read[1, 4] -= 1.0
+        read[2:, :4] = np.eye(4)
+        read[2:] += before[:, None] * delay
+        carry = np.zeros((5, 5))
+        carry[:4, :4] = r
+        carry[:4] -= jump[:, None] * delay
+        carry[4] = delay
+        found.append(_Impact(tau, read, carry))
+    return found
+
+
+def _flight(c: Constants, tau: float, begin: float, h: float, span: float) -> tuple[Floats, Floats]:
+    """Carry over a part of a step of length h, from `begin` into it, and what the step's two normals do in it."""
+    carry, noise = np.eye(5), np.zeros((2, 5))
+    carry[:4, :4] = jacobian(c, span)
+    part = span / h
+    increment, slope = np.sqrt(h), np.sqrt(12.0 * h)
+    noise[0, :4] = kick(c, tau + begin, span, increment * part, 0.0)
+    noise[1, :4] = kick(c, tau + begin, span, slope * part * ((begin + 0.5 * span) / h - 0.5), slope * part * part)
+    return carry, noise
+
+
+@lru_cache(maxsize=2)  # runs of one scene follow one another, and a program of many steps takes seconds
+def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
+    """The program of a scene at a step.
+
+    Examples
+    --------
+    >>> from rattle.scene import DAT21, Scene
+    >>> path = linear_path(Scene.from_gears(DAT21, sigma=0.01), 2, 0.05)
+    >>> path.at_step.tolist(), [round(v**0.5, 5) for v in path.variance[:, 0].tolist()]
+    ([11, 22], [0.00016, 0.00128])
+    """
+    c = scene.constants
+    orbit = [impact for impact in _impacts(scene, impacts) if impact.tau - scene.phase < MOST_STEPS * dt]
+    steps = int((orbit[-1].tau - scene.phase) / dt) + 1 if orbit else 0
+    program = LinearPath(
+        np.empty((steps, 5, 5)), np.empty((steps, 2, 5)), np.empty(len(orbit), np.int64),
+        np.empty((len(orbit), 6, 5)), np.empty((len(orbit), 2, 6)), np.zeros((impacts, 6)),
+    )  # fmt: skip
+    covariance, k = np.zeros((5, 5)), 0
+    for n in range(steps):
+        tau, at = scene.phase + n * dt, 0.0
+        carry, noise = np.eye(5), np.zeros((2, 5))
+        while k < len(orbit) and (orbit[k].tau < tau + dt or n == steps - 1):  # the last, whatever rounding says
+            span = orbit[k].tau - tau - at
+            linear, pushed = _flight(c, tau, at, dt, span)
+            carry, noise = linear @ carry, noise @ linear.T + pushed
+            program.at_step[k] = n
+            program.read[k], program.read_noise[k] = orbit[k].read @ carry, noise @ orbit[k].read.T
+            program.variance[k] = np.einsum("ij,jk,ik->i", program.read[k], covariance, program.read[k])
+            program.variance[k] += (program.read_noise[k] ** 2).sum(axis=0)
+            carry, noise = orbit[k].carry @ carry, noise @ orbit[k].carry.T
+            at, k = at + span, k + 1
+        linear, pushed = _flight(c, tau, at, dt, dt - at)
+        program.carry[n], program.noise[n] = linear @ carry, noise @ linear.T + pushed
+        covariance = program.carry[n] @ covariance @ program.carry[n].T + program.noise[n].T @ program.noise[n]
+    return program
+
+
+@lean
+def carry_along(
+    path: LinearPath, n: int, done: int, first: int, numbers: NDArray[Word], xi: Floats, w: Floats, area: Floats,
+    controls: Floats, live: int,
+) -> int:  # fmt: skip
+    """Take the perturbations of all lanes through step n; returns how many of the orbit's impacts are behind it.
+
+    `xi`, shape (5, lanes), holds the perturbations, `w` and `area` the step's normals; what the linearised path says of
+    the section goes to `controls`, shape (paths, impacts, COLUMNS).
+    """
+    while done < path.at_step.size and path.at_step[done] == n:
+        read, noise = path.read[done], path.read_noise[done]
+        for p in range(live):
+            row = int(numbers[p]) - first
+            for i in range(6):
+                total = noise[0, i] * w[p] + noise[1, i] * area[p]
+                for j in range(5):
+                    total += read[i, j] * xi[j, p]
+                controls[row, done, i] = total
+        done += 1
+    if done < path.at_step.size:
+        carry, noise = path.carry[n], path.noise[n]
+        x1, y1, x2, y2, last = xi[0], xi[1], xi[2], xi[3], xi[4]
+        for p in range(live):
+            a, b, c, d, e = x1[p], y1[p], x2[p], y2[p], last[p]
+            x1[p] = carry[0, 0] * a + carry[0, 1] * b + carry[0, 2] * c + carry[0, 3] * d
+            y1[p] = carry[1, 0] * a + carry[1, 1] * b + carry[1, 2] * c + carry[1, 3] * d
+            x2[p] = carry[2, 0] * a + carry[2, 1] * b + carry[2, 2] * c + carry[2, 3] * d
+            y2[p] = carry[3, 0] * a + carry[3, 1] * b + carry[3, 2] * c + carry[3, 3] * d
+            last[p] = carry[4, 0] * a + carry[4, 1] * b + carry[4, 2] * c + carry[4, 3] * d + carry[4, 4] * e
+        for i in range(5):
+            for p in range(live):
+                xi[i, p] += noise[0, i] * w[p] + noise[1, i] * area[p]
+    return done
+
+
+def controlled_statistics(sums: CentralSums, variance: Floats) -> dict[str, Floats]:
+    """Mean and sd of a quantity with standard errors, by regression on a control of known mean zero and variance.
+
+    The quantity and its square are regressed on the control l and on ``l^2``, whose means are known.  Cells in which
+    the control does not vary, that some paths have not reached, or that fewer than `FEWEST` have, are left as they are
+    without it.  So is what regression makes impossible, as it may where few paths tell the slopes: a variance that is
+    not positive, and times and flights as a whole where a mean impact would come before the one that it follows, or a
+    mean flight be negative.
+
+    Parameters
+    ----------
+    sums : CentralSums
+        Of the quantity (first) and the control (second), orders `PAIR`, shape (impacts, quantities of `SECTION`).
+    variance : ndarray
+        Known variance of the control.
+
+    References
+    ----------
+    Glasserman, "Monte Carlo methods in financial engineering" (2003), section 4.1.
+    """
+    n, m = sums.n, sums.moment
+    reached = n == n.max()
+    usable = (variance > 0.0) & reached & (n >= FEWEST) & (m(0, 2) > 0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        m02, m03, m20 = m(0, 2), m(0, 3), m(2, 0)
+        m04 = m(0, 4) - m02**2
+        determinant = m02 * m04 - m03**2
+        usable &= determinant > 0.0
+        determinant = np.where(usable, determinant, np.nan)
+        off = -sums.mean[1]  # what the means of the control and of its square about the sample mean should be, less
+        off_square = variance + sums.mean[1] ** 2 - m02  # what they are
+
+        def regressed(g1: Floats, g2: Floats, spread: Floats) -> tuple[Floats, Floats]:
+            b1, b2 = (m04 * g1 - m03 * g2) / determinant, (m02 * g2 - m03 * g1) / determinant
+            return b1 * off + b2 * off_square, np.maximum(spread - b1 * g1 - b2 * g2, 0.0)
+
+        square = m(4, 0) - m20**2
+        shift, left = regressed(m(1, 1), m(1, 2), m20)
+        change, left_square = regressed(m(2, 1), m(2, 2) - m20 * m02, square)
+        usable &= m20 + change - shift**2 > 0.0
+        usable[:, :2] &= _in_order(sums.mean[0] + np.where(usable, shift, 0.0), reached)
+        shift, change = np.where(usable, shift, 0.0), np.where(usable, change, 0.0)
+        se_mean = np.sqrt(np.where(usable, left, np.maximum(m20, 0.0)) / n)
+        se_square = np.sqrt(np.where(usable, left_square, np.maximum(square, 0.0)) / n)
+        sd = np.sqrt(np.maximum(m20 + change - shift**2, 0.0))
+        return {
+            "mean": np.where(n > 0, sums.mean[0] + shift, np.nan),
+            "se_mean": se_mean,
+            "sd": sd,
+            "se_sd": np.where(sd > 0.0, se_square / (2.0 * sd), 0.0 * sd),
+        }
+
+
+def _in_order(mean: Floats, reached: NDArray[np.bool_]) -> bool:
+    """Whether mean times rise and mean flights are not negative, of the impacts that all paths have reached."""
+    tau, flight = mean[reached[:, 0], 0], mean[reached[:, 1], 1]
+    return bool((np.diff(tau) >= 0.0).all() and (flight >= 0.0).all())

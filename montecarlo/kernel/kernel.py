@@ -1,0 +1,262 @@
+"""A block of paths through a scheme: paths side by side in lanes, impacts apart from the steps."""
+
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rattle.montecarlo.kernel.control_variate import LinearPath, carry_along
+from rattle.montecarlo.kernel.lanes import Lanes, Room, join_halves, list_marked, of_level, retire
+from rattle.montecarlo.noise.backlash import Backlash, half_gap
+from rattle.montecarlo.noise.philox import BRIDGE, Key, Word, fill_normals, fill_signs, fill_words, normals
+from rattle.montecarlo.schemes.euler import at_end, due, euler_lanes, put_on_wall, step_forcing
+from rattle.montecarlo.schemes.euler_located import advance_inside, leaving, located_lanes
+from rattle.montecarlo.schemes.exact_flight import advance_exactly, flight_forcing, flight_lanes, near_second
+from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Noise, Progress, Walls
+from rattle.montecarlo.schemes.sticking import OPEN, held_to_end, resting, sides_of
+from rattle.scene.compiled import lean, spliced
+from rattle.scene.impact import struck
+from rattle.scene.scene import Constants
+
+__all__ = ["CHUNK", "COLUMNS", "EXACT", "FLANK_DRAWS", "LOCATED", "PLAIN", "Job", "block_kernel", "next_event"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+CHUNK = 16  # finest steps between two looks at which paths are done; a multiple of the coarsest step, and of 4
+COLUMNS = 7  # of an impact: tau, flight, x1, y1, x2, y2, mesh * side
+SPLITS = Word(1 << 16)  # indices of random numbers that the splits of one step may use
+CUTS_APART = SPLITS // Word(MOST_IN_A_STEP + 1)  # of those, for one call of the exact scheme
+
+PLAIN, LOCATED, EXACT = 0, 1, 2
+ZERO, FIRST, SECOND = cast(tuple[int, int, int], (np.int64(0), np.int64(1), np.int64(2)))
+"""Integers that the compiler takes for variables: what is called with a literal is compiled for it once more."""
+FLANK_DRAWS = Word(4)  # draws of the walls at the start; those of the impacts follow
+
+
+class Job(NamedTuple):
+    """What all paths of a run have in common."""
+
+    c: Constants
+    backlash: Backlash
+    key: Key
+    tau: float
+    dt: float
+    scheme: int
+    two_point: bool
+    most_steps: int
+
+
+@spliced
+def next_event(
+    scheme: int, c: Constants, key: Key, path: Word, step: int, level: int, met: int, at: Progress, walls: Walls,
+    ahead: Floats,
+) -> Progress:  # fmt: skip
+    """Go to the next impact within a step, or to the step's end; `met` counts the calls for one path and step.
+
+    Cards and processors call it alike; `scheme` is a constant of the kernel that calls, which holds no other.
+    """
+    if scheme == PLAIN:
+        return at_end(c, at, walls)
+    index, purpose = Word(step) * SPLITS, Word(BRIDGE + level)
+    if scheme == LOCATED:
+        return advance_inside(c, at, normals(key, path, index + Word(met), purpose)[0], walls)
+    return advance_exactly(c, key, path, index + CUTS_APART * Word(met), purpose, at, walls, ahead)
+
+
+@spliced
+def _walls_of(lanes: Lanes, p: int) -> Walls:
+    return Walls(lanes.walls[0, p], lanes.walls[1, p], lanes.walls[2, p], lanes.walls[3, p])
+
+
+@spliced
+def _record(
+    job: Job, path: Word, row: int, level: int, p: int, code: int, tau: float, x1: float, y1: float, x2: float,
+    y2: float, lanes: Lanes, rows: Floats,
+) -> tuple[float, float]:  # fmt: skip
+    """An impact of the path in lane p: note it in `rows`, redraw the flank; returns the speeds after it."""
+    c, k = job.c, lanes.impacts[p]
+    if k < rows.shape[2]:
+        seen = (tau, tau - lanes.last[p], x1, y1, x2, y2, float(code))
+        for i in range(COLUMNS):
+            rows[level, row, k, i] = seen[i]
+    lanes.last[p] = tau
+    lanes.impacts[p] = k + 1
+    mesh = abs(code)
+    if job.backlash.redrawn:
+        opposite = 2 * mesh - 1 if code > 0 else 2 * mesh - 2
+        lanes.walls[opposite, p] = half_gap(job.backlash, job.key, path, Word(k) + FLANK_DRAWS, mesh)
+    a1, a2 = struck(c, FIRST, y1, y2)  # both, for which mesh is next no processor foresees
+    b1, b2 = struck(c, SECOND, y1, y2)
+    return (a1, a2) if mesh == 1 else (b1, b2)
+
+
+@spliced
+def _finish_at_end(
+    job: Job, path: NDArray[Word], first: int, level: int, tau: float, found: int, hits: Ints, lanes: Lanes,
+    rows: Floats,
+) -> int:  # fmt: skip
+    """Impacts of the plain scheme at the end of a step in the first `found` lanes of `hits`; returns how many are held.
+
+    All lanes have their first impact, then those that have one have their second, and so on.
+    """
+    c, state = job.c, lanes.state
+    for met in range(MOST_IN_A_STEP + 1):
+        more = 0
+        for i in range(found):
+            p = hits[i]
+            walls = _walls_of(lanes, p)
+            x1, y1, x2, y2 = state[0, p], state[1, p], state[2, p], state[3, p]
+            code = due(c, x1, y1, x2, y2, walls)
+            if code == 0:
+                continue
+            x1, x2 = put_on_wall(code, x1, x2, walls)
+            if met < MOST_IN_A_STEP:
+                y1, y2 = _record(
+                    job, path[p], int(path[p]) - first, level, p, code, tau, x1, y1, x2, y2, lanes, rows
+                )  # fmt: skip
+            state[0, p], state[1, p], state[2, p], state[3, p] = x1, y1, x2, y2
+            hits[more] = p
+            more += due(c, x1, y1, x2, y2, _walls_of(lanes, p)) != 0
+        found = more if met < MOST_IN_A_STEP else found
+        if found == 0:
+            break
+    return found
+
+
+@spliced
+def _finish_inside(
+    scheme: int, job: Job, path: Word, row: int, step: int, level: int, p: int, at: Progress, lanes: Lanes,
+    rows: Floats, ahead: Floats,
+) -> bool:  # fmt: skip
+    """Carry one path from `at` through its impacts to the end of the step; whether it had to be held there."""
+    held = False
+    for met in range(MOST_IN_A_STEP + 1):
+        if at.left <= 0.0:
+            break
+        walls = _walls_of(lanes, p)
+        sides = resting(job.c, at, walls) if scheme == EXACT else OPEN
+        if sides[0] == 0 and sides[1] == 0:
+            at = next_event(scheme, job.c, job.key, path, step, level, met, at, walls, ahead)
+        if sides[0] != 0 or sides[1] != 0 or (at.code != 0 and met == MOST_IN_A_STEP):
+            at = held_to_end(job.c, at, sides if at.code == 0 else sides_of(at.code), walls)
+            held = True
+            break
+        if at.code != 0:
+            y1, y2 = _record(
+                job, path, row, level, p, at.code, at.tau, at.x1, at.y1, at.x2, at.y2, lanes, rows
+            )  # fmt: skip
+            at = Progress(0, at.tau, at.left, at.noise, at.x1, y1, at.x2, y2)
+    lanes.state[0, p], lanes.state[1, p], lanes.state[2, p], lanes.state[3, p] = at.x1, at.y1, at.x2, at.y2
+    return held
+
+
+@spliced
+def _step_lanes(scheme: int, job: Job, tau: float, h: float, lanes: Lanes, marks: Bools, live: int) -> None:
+    """One step of all lanes; marks those that may meet a wall."""
+    c, state, before = job.c, lanes.state, lanes.before
+    if scheme == PLAIN:
+        euler_lanes(c, step_forcing(c, tau, h), h, job.backlash.random, lanes.walls, state, lanes.w, marks, live)
+    else:
+        for i in range(2 * c.stages):
+            for p in range(live):
+                before[i, p] = state[i, p]
+        if scheme == LOCATED:
+            leaving(c, h, lanes.walls, state, marks, live)
+            located_lanes(c, step_forcing(c, tau, h), h, state, lanes.w, live)
+        else:
+            f = flight_forcing(c, tau, h)
+            flight_lanes(c, f, h, lanes.walls, state, lanes.w, lanes.area, marks, live)
+            if c.stages == 2:
+                near_second(h, f.margin2, lanes.walls, before, state, marks, live)
+
+
+@cache
+def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
+    """Kernel that follows a block of paths by one scheme; what other schemes need is not compiled.
+
+    Called with ``(job, control, first, every, room, rows, clock_steps, clock, controls)``, it follows each path until
+    it has had its impacts, at one or more step sizes on one noise, and returns the steps taken and the times a path was
+    held at its wall.
+
+    - job : Job.  Level l steps by ``2**l dt``; after ``most_steps`` finest steps paths are given up.
+    - control : LinearPath, carried along beside the finest level; empty for none.
+    - first : int, number of the block's first path.
+    - every, room : Lanes, Room, from `rattle.montecarlo.kernel.lanes.lanes_of`.
+    - rows : ndarray, shape (levels, paths, impacts, COLUMNS).  Output: each impact, just before it; what is never
+      reached stays as given.
+    - clock_steps : ndarray of int, ascending.  Finest steps, multiples of the coarsest, at which states go to `clock`,
+      shape (levels, paths, times, 4).
+    - controls : ndarray, shape (paths, impacts, COLUMNS).  Output: what the linearised path says of each section
+      quantity; as given where there is none.
+
+    Parameters
+    ----------
+    scheme : int
+        Code of the scheme.
+    """
+    draws = 2 if scheme == EXACT else 4  # steps that a draw of four normals serves
+    apart = 4 // draws
+
+    @lean
+    def run_block(
+        job: Job, control: LinearPath, first: int, every: Lanes, room: Room, rows: Floats, clock_steps: Ints,
+        clock: Floats, controls: Floats,
+    ) -> tuple[int, int]:  # fmt: skip
+        levels, paths, impacts = rows.shape[0], rows.shape[1], rows.shape[2]
+        path, bits, z, xi, marks, hits = room.path, room.bits, room.z, room.xi, room.marks, room.hits
+        work, held, live, next_clock, linear, n = ZERO, ZERO, paths, ZERO, ZERO, ZERO
+        while n < job.most_steps and live > 0:
+            wide = (live + 7) // 8 * 8
+            for _ in range(min(CHUNK, job.most_steps - n)):
+                use = 0 if job.two_point else n % draws
+                if scheme != EXACT and job.two_point and job.c.sigma != 0.0:
+                    if n % 64 == 0:
+                        fill_words(job.key, path, Word(n // 64), wide, bits)
+                    fill_signs(bits, n % 64, wide, z[0])
+                elif use == 0 and job.c.sigma != 0.0:
+                    fill_normals(job.key, path, Word(n // draws), wide, z)
+                w, area = z[use * apart], z[use * apart + 1 if scheme == EXACT else 4]
+                if scheme == EXACT and linear < control.at_step.size:
+                    linear = carry_along(control, n, linear, first, path, xi, w, area, controls, live)
+                n += 1
+                for level in range(levels):
+                    multiple = 1 << level
+                    if level > 0:
+                        if n % (multiple // 2) != 0:
+                            break
+                        join_halves(w, area, every.w[level], every.area[level], n % multiple == 0, wide)
+                        w, area = every.w[level], every.area[level]
+                        if n % multiple != 0:
+                            break
+                    lanes = of_level(every, level, w, area)
+                    h, begin = job.dt * multiple, job.tau + (n - multiple) * job.dt
+                    _step_lanes(scheme, job, begin, h, lanes, marks, wide)
+                    found = list_marked(marks, live, room.groups, hits)
+                    if scheme == PLAIN:
+                        held += _finish_at_end(job, path, first, level, begin + h, found, hits, lanes, rows)
+                    else:
+                        for i in range(found):
+                            p, s = hits[i], lanes.before
+                            noise = Noise(lanes.w[p] * math.sqrt(h), lanes.area[p] * math.sqrt(h / 12.0))
+                            at = Progress(0, begin, h, noise, s[0, p], s[1, p], s[2, p], s[3, p])
+                            row = int(path[p]) - first
+                            held += _finish_inside(
+                                scheme, job, path[p], row, n - multiple, level, p, at, lanes, rows, room.ahead
+                            )  # fmt: skip
+                    work += live
+                if next_clock < clock_steps.size and clock_steps[next_clock] == n:
+                    for level in range(levels):
+                        for p in range(live):
+                            for i in range(4):
+                                clock[level, int(path[p]) - first, next_clock, i] = every.state[level, i, p]
+                    next_clock += 1
+            if next_clock == clock_steps.size and linear == control.at_step.size:
+                live = retire(every, path, bits, xi, impacts, live)
+        return work, held
+
+    return run_block

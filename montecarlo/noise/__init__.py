@@ -1,0 +1,1 @@
+"""Random numbers, Brownian increments and backlash draws as functions of seed, path and step."""

@@ -1,0 +1,89 @@
+"""Toleranced backlash: where the flanks of each path stand, and where they stand after a redraw (docs/model.md section
+4).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rattle.montecarlo.noise.philox import CONTACT, Key, Word, normals, uniforms
+from rattle.scene.compiled import lean
+from rattle.scene.scene import CUT, Scene
+
+__all__ = ["Backlash", "backlash_of", "draw_walls", "first_half_gap", "half_gap"]
+
+Floats = NDArray[np.float64]
+
+LAWS = {"fixed": 0, "uniform": 1, "normal": 2}
+ATTEMPTS = Word(64)  # of one draw from the truncated normal law, which keeps 95 % of them
+
+
+class Backlash(NamedTuple):
+    """Half gaps and their tolerance, as compiled code reads them."""
+
+    gap1: float
+    gap2: float
+    c1_max: float
+    c2_max: float
+    law: int
+    random: bool
+    redrawn: bool
+
+
+def backlash_of(scene: Scene) -> Backlash:
+    """Backlash of a scene."""
+    t = scene.tolerance
+    if t is None:
+        return Backlash(scene.gap1, scene.gap2, 0.0, 0.0, LAWS["fixed"], False, False)
+    random = t.law != "fixed"
+    return Backlash(
+        scene.gap1, scene.gap2, t.c1_max, t.c2_max, LAWS[t.law], random, random and t.draw == "contact"
+    )  # fmt: skip
+
+
+@lean
+def _deviation(key: Key, path: Word, contact: Word, law: int) -> float:
+    """Deviation number `contact` of a path, in units of c_max."""
+    if law == 0:
+        return 1.0
+    first, purpose = contact * ATTEMPTS, Word(CONTACT)
+    if law == 1:
+        return 2.0 * uniforms(key, path, first, purpose)[0] - 1.0
+    for attempt in range(ATTEMPTS):
+        c = normals(key, path, first + Word(attempt), purpose)[0] / CUT
+        if abs(c) <= 1.0:
+            return c
+    return 0.0  # once in 1e83 draws
+
+
+@lean
+def half_gap(b: Backlash, key: Key, path: Word, contact: Word, mesh: int) -> float:
+    """Half gap that a flank of `mesh` takes by draw number `contact` of a path."""
+    gap, c_max = (b.gap1, b.c1_max) if mesh == 1 else (b.gap2, b.c2_max)
+    return gap + c_max * _deviation(key, path, contact, b.law)
+
+
+@lean
+def first_half_gap(b: Backlash, key: Key, path: Word, flank: int) -> float:
+    """Half gap of flank 0 to 3 (+1, -1, +2, -2) at the start; both flanks of a mesh share a draw unless redrawn."""
+    draw = flank if b.redrawn else 2 * (flank // 2)
+    return half_gap(b, key, path, Word(draw), 1 + flank // 2)
+
+
+@lean
+def draw_walls(b: Backlash, key: Key, first: int, walls: Floats) -> None:
+    """Distances of the flanks +1, -1, +2, -2 from the middle at the start, into `walls`, shape (4, paths).
+
+    Parameters
+    ----------
+    b : Backlash
+    key : Key
+    first : int
+        Number of the first path.
+    walls : ndarray
+        Output.  Draws 0 to 3 are the flanks'; impact k uses draw 4 + k.
+    """
+    for flank in range(4):
+        for p in range(walls.shape[1]):
+            walls[flank, p] = first_half_gap(b, key, Word(first + p), flank)

@@ -1,0 +1,69 @@
+"""Brownian motion known by its increment and its area, cut in two and put together again, exactly in law.
+
+On a time h the increment W and the area ``A = int (s / h - 1/2) dB`` are independent, with variances h and h / 12:
+they are the first two coefficients of the noise in Legendre polynomials.  Given both, the coefficients of the two parts
+of the time are Gaussian again (a rotation of four standard normals).
+
+References
+----------
+Foster, Lyons and Oberhauser, "An optimal polynomial approximation of Brownian motion" (2020).
+"""
+
+import math
+
+from rattle.montecarlo.schemes.step_state import Noise
+from rattle.scene.compiled import lean
+
+__all__ = ["joined", "split"]
+
+ROOT3 = math.sqrt(3.0)
+
+
+@lean
+def split(whole: Noise, h: float, share: float, z1: float, z2: float) -> tuple[Noise, Noise]:
+    """Noise of the first `share` of a time h and of the rest, given that of the whole.
+
+    Parameters
+    ----------
+    whole : Noise
+    h, share : float
+        Length, and the part of it before the cut, in (0, 1).
+    z1, z2 : float
+        Standard normals that nothing else uses.
+
+    Examples
+    --------
+    >>> left, right = split(Noise(1.0, 0.1), 1.0, 0.25, 0.3, -0.4)
+    >>> round(left.increment + right.increment, 12)
+    1.0
+    """
+    rest = 1.0 - share
+    w, a = whole.increment / math.sqrt(h), whole.area * math.sqrt(12.0 / h)
+    c = math.sqrt(1.0 - 3.0 * share * rest)
+    root, other = math.sqrt(share), math.sqrt(rest)
+    mixed = a + z1 * ROOT3 * root * other / c
+    w1 = w * root - a * ROOT3 * rest * root + z1 * c * other
+    a1 = share * root * mixed + z2 * rest * other / c
+    a2 = rest * other * mixed - z2 * share * root / c
+    left, right = math.sqrt(share * h), math.sqrt(rest * h)
+    return (
+        Noise(left * w1, left * a1 / math.sqrt(12.0)),
+        Noise(whole.increment - left * w1, right * a2 / math.sqrt(12.0)),
+    )
+
+
+@lean
+def joined(first: Noise, second: Noise, share: float) -> Noise:
+    """Noise of a whole time from that of its first `share` and of the rest.
+
+    Examples
+    --------
+    >>> whole = joined(*split(Noise(1.0, 0.1), 2.0, 0.25, 0.3, -0.4), 0.25)
+    >>> round(whole.increment, 12), round(whole.area, 12)
+    (1.0, 0.1)
+    """
+    rest = 1.0 - share
+    return Noise(
+        first.increment + second.increment,
+        share * first.area + rest * second.area + 0.5 * (share * second.increment - rest * first.increment),
+    )

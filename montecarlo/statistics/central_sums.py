@@ -1,0 +1,303 @@
+"""Mergeable central sums: moments and their standard errors from a stream of blocks, in flat memory."""
+
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rattle.scene.compiled import lean, reducing
+
+__all__ = [
+    "COVARIANCE",
+    "FEWEST",
+    "PAIR",
+    "SINGLE",
+    "VARIANCE",
+    "CentralSums",
+    "Orders",
+    "columns_of",
+    "pair_statistics",
+    "single_statistics",
+]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Orders = tuple[tuple[int, int], ...]
+
+SINGLE: Orders = tuple((p, 0) for p in range(2, 9))
+"""Orders for one variable: up to 8, for the standard error of the fourth cumulant needs the eighth moment."""
+
+PAIR: Orders = tuple((p, q) for p in range(5) for q in range(5) if 2 <= p + q <= 4)
+"""Orders for two variables: up to 4, for the standard error of a correlation needs the fourth."""
+
+COVARIANCE: Orders = ((1, 1),)
+"""A covariance alone."""
+
+VARIANCE: Orders = ((2, 0),)
+"""A variance alone."""
+
+TINY = float(np.finfo(float).tiny)  # below it floats lose digits
+FEWEST = {"mean": 2, "sd": 3, "cov": 3, "rho": 3, "skew": 3, "kurt": 4}
+"""Least number of paths that tell the standard error of a statistic.
+
+With fewer the statistic, or its error, is the same whatever the paths are: the spread of one is 0, the squared
+deviations of two are alike and their correlation is 1 in size, the kurtosis of three is 1.5.
+"""
+
+BINOMIAL = np.array([[comb(n, k) for k in range(9)] for n in range(9)], dtype=float)
+
+
+@lean
+def _turn_over(rows: Floats, columns: Floats) -> None:
+    """Copy `rows`, shape (paths, variables), to `columns`, shape (variables, paths), eight paths at a time."""
+    paths, variables = rows.shape
+    for p in range(0, paths, 8):
+        for i in range(variables):
+            for q in range(p, min(p + 8, paths)):
+                columns[i, q] = rows[q, i]
+
+
+@reducing
+def _centred(u: Floats, v: Floats, da: Floats, db: Floats) -> tuple[float, float, float]:
+    """Deviations of both from their means where both are finite, 0 elsewhere; how many there are, and the means.
+
+    Means are taken about the first value: what does not vary comes out exact.
+    """
+    n, first_u, first_v, total_u, total_v = 0.0, 0.0, 0.0, 0.0, 0.0
+    for p in range(u.size):
+        if np.isfinite(u[p]) and np.isfinite(v[p]):
+            first_u, first_v = u[p], v[p]
+            break
+    for p in range(u.size):
+        seen = np.isfinite(u[p]) & np.isfinite(v[p])
+        da[p], db[p] = u[p] - first_u if seen else 0.0, v[p] - first_v if seen else 0.0
+        n += 1.0 if seen else 0.0
+        total_u += da[p]
+        total_v += db[p]
+    shift_u, shift_v = total_u / max(n, 1.0), total_v / max(n, 1.0)
+    for p in range(u.size):
+        seen = np.isfinite(u[p]) & np.isfinite(v[p])
+        da[p] -= shift_u if seen else 0.0
+        db[p] -= shift_v if seen else 0.0
+    return n, first_u + shift_u, first_v + shift_v
+
+
+@reducing
+def _power_sums(d: Floats) -> tuple[float, float, float, float, float, float, float]:
+    """Sums of ``d^2`` to ``d^8``."""
+    s2, s3, s4, s5, s6, s7, s8 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for p in range(d.size):
+        square = d[p] * d[p]
+        cube, fourth = square * d[p], square * square
+        s2 += square
+        s3 += cube
+        s4 += fourth
+        s5 += fourth * d[p]
+        s6 += fourth * square
+        s7 += fourth * cube
+        s8 += fourth * fourth
+    return s2, s3, s4, s5, s6, s7, s8
+
+
+@reducing
+def _product_sum(u: Floats, v: Floats) -> float:
+    total = 0.0
+    for p in range(u.size):
+        total += u[p] * v[p]
+    return total
+
+
+@lean
+def _block_sums(
+    a: Floats, b: Floats, left: Ints, right: Ints, exponents: Ints, alone: bool, most: int, powers: Floats, n: Floats,
+    mean: Floats, sums: Floats,
+) -> None:  # fmt: skip
+    """Counts (cells), means (2, cells) and sums of ``da^p db^q`` (orders, cells) over what is finite in both.
+
+    Cell i is about the rows ``left[i]`` of `a` and ``right[i]`` of `b`, both of shape (variables, paths).
+    Exponents of one variable `alone` are 2, 3, 4, ... in this order, others at `most` the most; scratch `powers` has
+    shape (2, most + 1, paths) and ones in it.
+    """
+    for i in range(left.size):
+        n[i], mean[0, i], mean[1, i] = _centred(a[left[i]], b[right[i]], powers[0, 1], powers[1, 1])
+        if alone:
+            found = _power_sums(powers[0, 1])
+            for o in range(len(exponents)):
+                sums[o, i] = found[o]
+            continue
+        for side in range(2):
+            for k in range(1, most):
+                for p in range(powers.shape[2]):
+                    powers[side, k + 1, p] = powers[side, k, p] * powers[side, 1, p]
+        for o in range(len(exponents)):
+            sums[o, i] = _product_sum(powers[0, exponents[o, 0]], powers[1, exponents[o, 1]])
+
+
+@lean
+def _about(
+    n: Floats, mean: Floats, sums: Floats, centre: Floats, exponents: Ints, place: Ints, powers: Floats, out: Floats
+) -> None:
+    """Add to `out` the sums of one part taken about another centre, by the binomial theorem (scratch `powers`)."""
+    for i in range(n.size):
+        for side in range(2):
+            shift = mean[side, i] - centre[side, i]
+            powers[side, 0] = 1.0
+            for k in range(1, 9):
+                powers[side, k] = powers[side, k - 1] * shift
+        for o in range(len(exponents)):
+            p, q = exponents[o]
+            for j in range(p + 1):
+                for k in range(q + 1):
+                    if j + k == 1:
+                        continue  # first powers about the own mean add up to zero
+                    inner = n[i] if j + k == 0 else sums[place[j, k], i]
+                    out[o, i] += BINOMIAL[p, j] * BINOMIAL[q, k] * powers[0, p - j] * powers[1, q - k] * inner
+
+
+def columns_of(values: Floats) -> Floats:
+    """A block's values, shape (paths, ...), with the paths of each variable side by side, shape (variables, paths)."""
+    rows = values.reshape(len(values), -1)
+    columns = np.empty(rows.shape[::-1])
+    _turn_over(rows, columns)
+    return columns
+
+
+@dataclass(frozen=True)
+class CentralSums:
+    """Sums ``sum (a - mean_a)^p (b - mean_b)^q`` of two variables over observations, for many cells at once.
+
+    Blocks are merged about the new mean (Pebay 2008), always in block order, so that the result does not depend on
+    who computed which block.
+
+    Attributes
+    ----------
+    orders : tuple of (p, q)
+        Which sums are kept; with an order, all lower ones of degree 2 and more.
+    n : ndarray
+        Number of observations of each cell.
+    mean : ndarray, shape (2, ...)
+        Means of both variables.
+    sums : ndarray, shape (orders, ...)
+        The sums.
+
+    Examples
+    --------
+    >>> x = np.arange(10.0)[:, None]
+    >>> whole, parts = CentralSums.of(x, x, SINGLE), CentralSums.of(x[:4], x[:4], SINGLE)
+    >>> parts = parts.merged(CentralSums.of(x[4:], x[4:], SINGLE))
+    >>> bool(np.allclose(whole.sums, parts.sums))
+    True
+    """
+
+    orders: Orders
+    n: Floats
+    mean: Floats
+    sums: Floats
+
+    @classmethod
+    def of(cls, a: Floats, b: Floats, orders: Orders) -> "CentralSums":
+        """Sums of one block; `a` and `b` have shape (paths, ...), and NaN marks what was never observed."""
+        cells = np.arange(a[0].size)
+        return cls.of_columns(columns_of(a), columns_of(b), cells, cells, orders, a.shape[1:])
+
+    @classmethod
+    def of_columns(
+        cls, a: Floats, b: Floats, left: Ints, right: Ints, orders: Orders, shape: tuple[int, ...]
+    ) -> "CentralSums":
+        """Sums of one block over cells of this shape, each about one variable of `a` and one of `b`.
+
+        Both are of shape (variables, paths), see `columns_of`.
+        """
+        n, mean, sums = np.empty(left.size), np.empty((2, left.size)), np.empty((len(orders), left.size))
+        exponents, alone = np.array(orders), orders == SINGLE[: len(orders)]
+        most = 1 if alone else int(exponents.max())
+        powers = np.ones((2, most + 1, a.shape[1]))
+        _block_sums(a, b, left, right, exponents, alone, most, powers, n, mean, sums)
+        return cls(orders, n.reshape(shape), mean.reshape(2, *shape), sums.reshape(len(orders), *shape))
+
+    def merged(self, other: "CentralSums") -> "CentralSums":
+        """The sums of both sets of observations together."""
+        n = self.n + other.n
+        weight = np.divide(other.n, n, out=np.zeros_like(n), where=n > 0)
+        mean = self.mean + (other.mean - self.mean) * weight
+        out = np.zeros((len(self.orders), n.size))
+        place, powers = np.zeros((9, 9), np.int64), np.empty((2, 9))
+        for o, (p, q) in enumerate(self.orders):
+            place[p, q] = o
+        for part in (self, other):
+            _about(
+                part.n.ravel(), part.mean.reshape(2, -1), part.sums.reshape(len(self.orders), -1), mean.reshape(2, -1),
+                np.array(self.orders), place, powers, out,
+            )  # fmt: skip
+        return CentralSums(self.orders, n, mean, out.reshape(self.sums.shape))
+
+    def moment(self, p: int, q: int) -> Floats:
+        """Central moment ``E[(a - E a)^p (b - E b)^q]``; NaN where nothing was observed."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(self.sums[self.orders.index((p, q))] / self.n)
+
+
+def _variance_of(coefficients: list[Floats], moments: list[Floats]) -> Floats:
+    """Variance of a polynomial in a standardised variable, coefficients in ascending order, given its moments."""
+    square: Floats | float = 0.0
+    mean: Floats | float = 0.0
+    for i, a in enumerate(coefficients):
+        mean = mean + a * moments[i]
+        for j, b in enumerate(coefficients):
+            square = square + a * b * moments[i + j]
+    return np.maximum(square - np.square(mean), 0.0)
+
+
+def single_statistics(sums: CentralSums) -> dict[str, Floats]:
+    """Mean, sd, skewness and excess kurtosis with standard errors, from sums over the orders `SINGLE`.
+
+    Skewness and excess kurtosis are the third and fourth cumulants in units of the sd.  Standard errors are those
+    of the influence functions (delta method); they hold for any distribution with eight moments.  What does not
+    vary has sd 0 with error 0 and no skewness.
+    """
+    n = sums.n
+    with np.errstate(invalid="ignore", divide="ignore"):
+        m2 = sums.moment(2, 0)
+        sd = np.sqrt(m2)
+        z = [np.ones_like(n), np.zeros_like(n), np.ones_like(n)] + [sums.moment(p, 0) / sd**p for p in range(3, 9)]
+        skew, kurt = z[3], z[4]
+        one, nil = np.ones_like(n), np.zeros_like(n)
+        influence_skew = [1.5 * skew, -3.0 * one, -1.5 * skew, one]  # z^3 - 3 z - 3/2 g (z^2 - 1)
+        influence_kurt = [2.0 * kurt, -4.0 * skew, -2.0 * kurt, nil, one]  # z^4 - 4 g z - 2 k (z^2 - 1)
+        fourth = sums.moment(4, 0)
+        return {
+            "mean": np.where(n > 0, sums.mean[0], np.nan),
+            "se_mean": sd / np.sqrt(n),
+            "sd": sd,
+            "se_sd": np.where(sd > 0.0, np.sqrt(np.maximum(fourth - m2**2, 0.0) / n) / (2.0 * sd), 0.0 * sd),
+            "skew": skew,
+            "se_skew": np.sqrt(_variance_of(influence_skew, z) / n),
+            "kurt": kurt - 3.0,
+            "se_kurt": np.sqrt(_variance_of(influence_kurt, z) / n),
+        }
+
+
+def pair_statistics(sums: CentralSums) -> dict[str, Floats]:
+    """Covariance and correlation of a pair with their standard errors, from sums over the orders `PAIR`.
+
+    ``se_z`` is the standard error of Fisher's ``artanh rho``; it is ``1 / sqrt(n)`` for a Gaussian pair, and NaN where
+    rho is 1 in size.  All three are NaN where the product of the variances is no normal float.
+    """
+    n = sums.n
+    with np.errstate(invalid="ignore", divide="ignore"):
+        a, b, c = sums.moment(2, 0), sums.moment(0, 2), sums.moment(1, 1)
+        root = np.sqrt(np.where(a * b >= TINY, a * b, np.nan))
+        rho = c / root
+        m22, m31, m13 = sums.moment(2, 2) / (a * b), sums.moment(3, 1) / (a * root), sums.moment(1, 3) / (b * root)
+        m40, m04 = sums.moment(4, 0) / a**2, sums.moment(0, 4) / b**2
+        # influence function u v - rho (u^2 + v^2) / 2 of a correlation, u and v standardised
+        variance = m22 - rho * (m31 + m13) + rho**2 * (m40 + 2.0 * m22 + m04) / 4.0
+        se = np.sqrt(np.maximum(variance, 0.0) / n)
+        return {
+            "cov": c,
+            "se_cov": np.sqrt(np.maximum(sums.moment(2, 2) - c**2, 0.0) / n),
+            "rho": rho,
+            "se_rho": se,
+            "se_z": np.where(np.abs(rho) < 1.0, se / (1.0 - rho**2), np.nan),
+        }

@@ -1,0 +1,59 @@
+"""Histograms of the section, with edges that the first block sets and no later block can move."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rattle.scene.moments import SECTION
+
+__all__ = ["Histograms"]
+
+Floats = NDArray[np.float64]
+
+BINS, REACH = 240, 6.0
+
+
+@dataclass
+class Histograms:
+    """Counts over equal bins, for every impact and quantity.
+
+    Attributes
+    ----------
+    low, width : ndarray, shape (impacts, 6)
+        Lower edge of the first bin and width of a bin.
+    counts : ndarray of int, shape (impacts, 6, BINS + 2)
+        Counts; the first and last are what lies below and above.
+    """
+
+    low: Floats
+    width: Floats
+    counts: NDArray[np.int64]
+
+    @classmethod
+    def sized_by(cls, section: Floats) -> "Histograms":
+        """Empty histograms that reach `REACH` standard deviations of the given (paths, impacts, 6) to both sides."""
+        impacts = section.shape[1]
+        seen = np.isfinite(section)
+        n = np.maximum(seen.sum(axis=0), 1)
+        mean = np.where(seen, section, 0.0).sum(axis=0) / n
+        sd = np.sqrt((np.where(seen, section - mean, 0.0) ** 2).sum(axis=0) / n)
+        sd = np.where(sd > 0.0, sd, 1e-12)
+        return cls(mean - REACH * sd, 2.0 * REACH * sd / BINS, np.zeros((impacts, 6, BINS + 2), np.int64))
+
+    def add(self, section: Floats) -> None:
+        """Count a block of (paths, impacts, 6); NaN counts nowhere."""
+        _, impacts, quantities = section.shape
+        seen = np.isfinite(section)
+        with np.errstate(invalid="ignore"):
+            place = np.clip(np.floor((section - self.low) / self.width), -1, BINS) + 1
+        cell = np.arange(impacts * quantities).reshape(impacts, quantities) * (BINS + 2)
+        flat = (cell + np.where(seen, place, 0)).astype(np.int64)[seen]
+        self.counts += np.bincount(flat, minlength=self.counts.size).reshape(self.counts.shape)
+
+    def density(self, impact: int, quantity: str) -> tuple[Floats, Floats]:
+        """Edges (BINS + 1) and density (BINS) of a quantity at an impact, over all paths that reached it."""
+        k, i = impact - 1, SECTION.index(quantity)
+        edges = self.low[k, i] + self.width[k, i] * np.arange(BINS + 1)
+        counts = self.counts[k, i]
+        return edges, counts[1:-1] / max(counts.sum(), 1) / self.width[k, i]

@@ -1,0 +1,63 @@
+"""When can a cheap moment closure of a noisy vibro-impact system be believed?
+
+The public names; each is loaded when it is asked for, so that importing this package costs next to nothing.
+
+Examples
+--------
+>>> import rattle as rt
+>>> scene = rt.Scene.from_gears(rt.DAT21, sigma=0.01)
+>>> orbit = rt.mean_map(scene, impacts=2, reading="saltation")
+>>> orbit.section["mesh"].tolist()
+[1, 1]
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rattle.closure import READINGS, MeanMap, Orbit, follow, mean_map
+    from rattle.compare import Tolerances, Validation, validate
+    from rattle.compare.study import Study
+    from rattle.montecarlo import SCHEMES, Ensemble, simulate
+    from rattle.scene import DAT21, Gears, InputError, RattleError, Scene, Start, Tolerance
+
+__all__ = [
+    "DAT21",
+    "READINGS",
+    "SCHEMES",
+    "Ensemble",
+    "Gears",
+    "InputError",
+    "MeanMap",
+    "Orbit",
+    "RattleError",
+    "Scene",
+    "Start",
+    "Study",
+    "Tolerance",
+    "Tolerances",
+    "Validation",
+    "follow",
+    "mean_map",
+    "simulate",
+    "validate",
+]  # fmt: skip
+
+_HOMES = {
+    "scene": ("DAT21", "Gears", "InputError", "RattleError", "Scene", "Start", "Tolerance"),
+    "closure": ("READINGS", "MeanMap", "Orbit", "follow", "mean_map"),
+    "montecarlo": ("SCHEMES", "Ensemble", "simulate"),
+    "compare": ("Tolerances", "Validation", "validate"),
+    "compare.study": ("Study",),
+}
+_HOME = {name: home for home, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
