@@ -177,7 +177,7 @@ def simulate(
         from rattle.montecarlo.simulate_to import simulate_to  # it calls this function
 
         check_settings(
-            scene, paths=1, impacts=impacts, dt=math.ulp(0.0), scheme=scheme or "exact-flight", rng=rng,
+            scene, paths=1, impacts=impacts, dt=None, scheme=scheme or "exact-flight", rng=rng,
             workers=workers, step_bias=False,
         )  # fmt: skip
         positive("budget", budget) if budget is not None and budget != math.inf else None

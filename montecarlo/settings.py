@@ -60,13 +60,13 @@ def check_settings(
     *,
     paths: int,
     impacts: int,
-    dt: float,
+    dt: float | None,
     scheme: str,
     rng: int | np.random.SeedSequence,
     workers: int,
     step_bias: bool,
 ) -> None:
-    """Refuse settings that `simulate` could not run, before any work; parameters as there.
+    """Refuse settings that `simulate` could not run, before any work; parameters as there (`dt` None: chosen later).
 
     Raises
     ------
@@ -81,7 +81,8 @@ def check_settings(
     choice("scheme", scheme, SCHEMES)
     if not isinstance(rng, np.random.SeedSequence):
         count("rng", rng, least=0)
-    check_step(scene, dt, scheme, 2 ** (LEVELS - 1) if step_bias else 1)
+    if dt is not None:
+        check_step(scene, dt, scheme, 2 ** (LEVELS - 1) if step_bias else 1)
 
 
 def plan_of(

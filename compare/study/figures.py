@@ -138,7 +138,7 @@ def agreement(r: Results, rows: pd.DataFrame) -> Figure:
     part = rows[(rows["quantity"] == "tau") & (rows["moment"] == "mean")]
     for impact, colour in zip(_shown(r.study.impacts), SHADES, strict=False):
         group = part[(part["impact"] == impact) & (part["paths"] > 0)].sort_values(name)
-        counts = zip(group["agreement"] * group["paths"], group["paths"], strict=True)
+        counts = zip(group["agreement"] * group["followed"], group["followed"], strict=True)
         interval = [_wilson(round(k), int(n)) for k, n in counts]
         ax.plot(group[name], group["agreement"], color=colour, lw=1.4, marker="o", ms=3, label=f"impact {impact}")
         ax.fill_between(group[name], *np.reshape(interval, (-1, 2)).T, color=colour, alpha=BAND, lw=0)

@@ -92,7 +92,8 @@ class Results:
 
         Moments ``mean, sd, skew`` of the section quantities, and the means of ``energy`` (lost at the impact) and of
         ``rate`` (impacts so far over the mean time that they took).  Columns: the fields that vary, ``impact, quantity,
-        moment, value, se, paths, agreement``.
+        moment, value, se, paths`` (that reached the impact), ``followed`` (that were begun) and ``agreement``, a share
+        of these.
         """
         parts = []
         for point, run in zip(self.study.points, self.samples, strict=True):
@@ -115,10 +116,11 @@ class Results:
                 table = pd.DataFrame({
                     "impact": s.index, "quantity": quantity, "moment": moment,
                     "value": run.scene.stated(np.asarray(value)) if quantity == "tau" and moment == "mean" else value,
-                    "se": np.asarray(se), "paths": s["paths"].to_numpy(), "agreement": s["agreement"].to_numpy(),
+                    "se": np.asarray(se), "paths": s["paths"].to_numpy(), "followed": run.paths,
+                    "agreement": s["agreement"].to_numpy(),
                 })  # fmt: skip
                 parts.append(self._placed(point, table))
-        none = pd.DataFrame(columns=["impact", "quantity", "moment", "value", "se", "paths", "agreement"])
+        none = pd.DataFrame(columns=["impact", "quantity", "moment", "value", "se", "paths", "followed", "agreement"])
         return pd.concat(parts, ignore_index=True) if parts else none
 
     @cached_property

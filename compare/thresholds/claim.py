@@ -158,7 +158,7 @@ def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
     biased = kind.weak_order is not None
     check_settings(
         scene, paths=1 if paths is None else paths, impacts=impacts[-1], scheme=scheme, rng=0, workers=1,
-        dt=default_step(scene, scheme, biased) if accuracy is None else 1e-12, step_bias=biased,
+        dt=default_step(scene, scheme, biased) if accuracy is None else None, step_bias=biased,
     )  # fmt: skip
     return Claim(scene, impacts, quantities, _allowed(options, moments), paths, budget, accuracy, scheme, undecided)
 

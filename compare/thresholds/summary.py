@@ -27,9 +27,10 @@ def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[
     --------
     >>> facts = {"kind": "check", "model": "mended", "rows": 4, "failed": 1, "undecided": 0, "z": 3.2905}
     >>> facts |= {"all_rows": 10, "looks": 40, "rate": 0.01, "drawn": 2, "computed": 1, "seconds": 1.5, "decide": 0.0}
-    >>> facts |= {"folder": "cache"}
+    >>> facts |= {"folder": "cache", "not_judged": 1}
     >>> print("\\n".join(summary_lines([("test_a", facts)])))
     checks     4 rows in 1 test: 3 passed, 1 failed, 0 undecided
+    not judged 1 row more: a displacement at the mesh that most simulated paths strike is the wall itself
     intervals  3.29 standard errors, for a false-alarm rate of 0.01 over up to 40 looks at the 10 rows collected
     ensembles  1 simulated in 1.5 s, 1 from the cache cache
     """
@@ -42,6 +43,11 @@ def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[
             f"checks     {rows} rows in {len(checks)} test{'s' * (len(checks) > 1)}: "
             f"{rows - failed - undecided} passed, {failed} failed, {undecided} undecided"
         )
+        if spared := sum(f["not_judged"] for _, f in checks):
+            yield (
+                f"not judged {spared} row{'s' * (spared > 1)} more: a displacement at the mesh that most simulated "
+                "paths strike is the wall itself"
+            )
         yield (
             f"intervals  {first['z']:.2f} standard errors, for a false-alarm rate of {first['rate']:g} over up to "
             f"{first['looks']} looks at the {first['all_rows']} rows collected"

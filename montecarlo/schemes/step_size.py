@@ -17,6 +17,9 @@ __all__ = ["Scales", "accurate_flight", "check_step", "default_step", "largest_s
 
 Limit = tuple[float, str]
 
+MOST_PER_STEP = 10**7
+"""Least step: so many of them make the longest that may be used."""
+
 COARSEST = 2 ** (LEVELS - 1)
 """Step, in units of the finest, of those that run side by side for the step bias."""
 
@@ -188,11 +191,16 @@ def check_step(scene: Scene, dt: float, scheme: str, coarsest: int = 1) -> float
     Raises
     ------
     InputError
-        Says how long the step may be, and why.
+        Says how long or short the step may be, and why.
     """
     if not finite("dt", dt) > 0.0:
         raise InputError("dt", dt, "must be greater than 0")
     largest, reason = largest_step(scene, scheme)
+    if dt < largest / MOST_PER_STEP:
+        raise InputError(
+            "dt", dt, f"must be at least {largest / MOST_PER_STEP:.3g}: {MOST_PER_STEP:.0e} shorter steps, after which "
+            "a path is given up by default, do not make one of the longest that may be used",
+        )  # fmt: skip
     coarsest = 1 if SCHEMES[scheme].weak_order is None else coarsest
     if dt * coarsest > largest:
         with_bias = f" ({coarsest} dt is run beside it for the step bias)" if coarsest > 1 else ""

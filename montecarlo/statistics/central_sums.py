@@ -254,7 +254,8 @@ def single_statistics(sums: CentralSums) -> dict[str, Floats]:
 
     Skewness and excess kurtosis are the third and fourth cumulants in units of the sd.  Standard errors are those
     of the influence functions (delta method); they hold for any distribution with eight moments.  What does not
-    vary has sd 0 with error 0 and no skewness.
+    vary has sd 0 with error 0 and no skewness.  ``se_skew`` and ``se_kurt`` are NaN where the sixth and the eighth
+    power of the sd underflow: below about 1e-51 and 1e-38.
     """
     n = sums.n
     with np.errstate(invalid="ignore", divide="ignore"):

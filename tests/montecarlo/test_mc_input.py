@@ -17,6 +17,7 @@ BAD = {
     "no workers": ({"workers": 0}, "workers = 0: must be at least 1"),
     "no step": ({"dt": 0.0}, "dt = 0.0: must be greater than 0"),
     "a step back": ({"dt": -1e-3}, "dt = -0.001: must be greater than 0"),
+    "a step in which nothing moves": ({"dt": 1e-306}, "dt = 1e-306: must be at least 1.25e-08: 1e[+]07 shorter steps"),
     "a step of NaN": ({"dt": math.nan}, "dt = nan: give a finite number"),
     "an endless step": ({"dt": math.inf}, "dt = inf: give a finite number"),
     "a step that misses the gap": ({"dt": 0.126}, r"dt = 0.126: must be at most 0.125: .* gap"),
