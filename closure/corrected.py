@@ -72,8 +72,8 @@ def _means(before: Floats, raw: Floats, windows: tuple[float, float], stages: in
 
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
-    """Follow the mended closure through `impacts` impacts."""
-    c, orbit = scene.constants, follow(scene, impacts).until_rest
+    """Follow the corrected closure through `impacts` impacts."""
+    c, orbit = scene.constants, follow(scene, impacts).until_sticking
     windows = scene.windows
     carried, scale = _carry(c, orbit.tau, orbit.mesh, orbit.found)
     covariance = np.array([semidefinite(p, s) for p, s in zip(carried, scale, strict=True)])

@@ -40,14 +40,14 @@ def random_tolerance(scene: Scene) -> Tolerance | None:
     Examples
     --------
     >>> from rattle.scene import DAT21
-    >>> random_tolerance(Scene.from_gears(DAT21, tolerance=Tolerance(0.1, law="fixed"))) is None
+    >>> random_tolerance(Scene.from_gears(DAT21, tolerance=Tolerance(0.1, distribution="fixed"))) is None
     True
     """
     tolerance = scene.tolerance
     return tolerance if tolerance is not None and any(tolerance.variances[: scene.stages]) else None
 
 
-def pieces(law: str) -> Pieces:
+def pieces(distribution: str) -> Pieces:
     """A random deviation over ``c_max``, its law cut in cells that are narrower towards the ends.
 
     Examples
@@ -61,7 +61,7 @@ def pieces(law: str) -> Pieces:
     edges = -np.cos(np.linspace(0.0, np.pi, PIECES + 1))
     node, share = np.polynomial.legendre.leggauss(NODES)
     c = 0.5 * (edges[:-1, None] + edges[1:, None] + np.diff(edges)[:, None] * node)
-    mass = share * np.diff(edges)[:, None] * (np.exp(-0.5 * (CUT * c) ** 2) if law == "normal" else 1.0)
+    mass = share * np.diff(edges)[:, None] * (np.exp(-0.5 * (CUT * c) ** 2) if distribution == "normal" else 1.0)
     weight = mass.sum(axis=1)
     mean = (mass * c).sum(axis=1) / weight
     variance = (mass * (c - mean[:, None]) ** 2).sum(axis=1) / weight
@@ -113,14 +113,14 @@ def start_pieces(scene: Scene) -> Pieces:
     if tolerance is None or tolerance.draw == "contact":
         whole = start_covariance(scene)
         return Pieces(np.ones(1), np.zeros((1, len(whole))), whole[None])
-    law, to = pieces(tolerance.law), _placed(scene)
+    cut, to = pieces(tolerance.distribution), _placed(scene)
     weight, mean, variance = np.ones(1), np.zeros((1, 9)), np.zeros((1, 9, 9))
     for i, size in enumerate((tolerance.c1_max, tolerance.c2_max)[: scene.stages]):
         if size > 0.0:
             by = size * (to[:, 2 * i] + to[:, 2 * i + 1])  # both flanks of a mesh have one deviation
-            weight = (weight[:, None] * law.weight).ravel()
-            mean = (mean[:, None] + law.mean[:, None] * by).reshape(-1, 9)
-            variance = (variance[:, None] + law.variance[:, None, None] * np.outer(by, by)).reshape(-1, 9, 9)
+            weight = (weight[:, None] * cut.weight).ravel()
+            mean = (mean[:, None] + cut.mean[:, None] * by).reshape(-1, 9)
+            variance = (variance[:, None] + cut.variance[:, None, None] * np.outer(by, by)).reshape(-1, 9, 9)
     return Pieces(weight, mean, variance)
 
 

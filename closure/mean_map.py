@@ -1,4 +1,4 @@
-"""The public entry of the closures: one call, three readings, one result."""
+"""The public entry of the closures: one call, three closures, one result."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from rattle.closure import corrected as mended
-from rattle.closure import published as printed
+from rattle.closure import corrected as corrected
+from rattle.closure import published as published
 from rattle.closure import saltation
 from rattle.closure.branching import trace as branching
 from rattle.closure.edgeworth import Edgeworth, coefficients, has_series, mixture_density, section_density
@@ -20,25 +20,25 @@ from rattle.scene.moments import SECTION, STATE, correlation, realizability
 from rattle.scene.scene import Scene
 from rattle.scene.validate import choice, count
 
-__all__ = ["READINGS", "Breakdown", "MeanMap", "Reading", "mean_map", "readings_for", "refusals"]
+__all__ = ["CLOSURES", "Breakdown", "Closure", "MeanMap", "closures_for", "mean_map", "refusals"]
 
 Floats = NDArray[np.float64]
 
 
-class Reading(NamedTuple):
-    """How a reading is followed, and what refuses the scenes that it cannot take."""
+class Closure(NamedTuple):
+    """How a closure is followed, and what refuses the scenes that it cannot take."""
 
     trace: Callable[[Scene, int, int], Trace]
     check: Callable[[Scene], None] = lambda scene: None
 
 
-READINGS = {
-    "printed": Reading(printed.trace, printed.check),
-    "mended": Reading(mended.trace),
-    "saltation": Reading(saltation.trace),
-    "branching": Reading(branching.trace),
+CLOSURES = {
+    "published": Closure(published.trace, published.check),
+    "corrected": Closure(corrected.trace),
+    "saltation": Closure(saltation.trace),
+    "branching": Closure(branching.trace),
 }
-"""The readings of the closure, by name."""
+"""The closures, by name."""
 
 ORDERS = (2, 6)
 VELOCITIES = ("y1", "y2")
@@ -61,22 +61,22 @@ class MeanMap:
 
     Attributes
     ----------
-    scene, reading, impacts, order
+    scene, closure, impacts, order
         What was asked.
     trace : Trace
         The arrays behind the tables.
     """
 
     scene: Scene
-    reading: str
+    closure: str
     impacts: int
     order: int
     trace: Trace
 
     @cached_property
-    def near(self) -> "MeanMap":
+    def phase_reduced(self) -> "MeanMap":
         """The same result for the scene begun at its phase (`Scene.near`): tau has all its digits, however late."""
-        return self if self.scene.near is self.scene else replace(self, scene=self.scene.near)
+        return self if self.scene.phase_reduced is self.scene else replace(self, scene=self.scene.phase_reduced)
 
     @property
     def stopped(self) -> str:
@@ -108,7 +108,7 @@ class MeanMap:
 
     @cached_property
     def section(self) -> pd.DataFrame:
-        """Moments of the state just before impact 1, 2, ... (dimensionless); NaN where the reading predicts none.
+        """Moments of the state just before impact 1, 2, ... (dimensionless); NaN where the closure predicts none.
 
         Columns: ``tau, flight, mesh, side, x1, y1, x2, y2``, ``sd_`` and ``skew_`` of each quantity, ``rho1, rho2``
         (correlation of displacement and velocity perturbation of a stage) and ``realizable`` (a mean time of flight
@@ -117,7 +117,7 @@ class MeanMap:
         """
         t = self.trace
         columns: dict[str, object] = {
-            "tau": self.scene.stated(t.tau[1:]),
+            "tau": self.scene.to_absolute_time(t.tau[1:]),
             "flight": np.diff(t.tau),
             "mesh": t.mesh[1:],
             "side": t.side[1:],
@@ -147,7 +147,7 @@ class MeanMap:
     def _stages(self) -> range:
         return range(1, self.scene.stages + 1)
 
-    def clock(self, times: Sequence[float] | Floats) -> pd.DataFrame:
+    def at_times(self, times: Sequence[float] | Floats) -> pd.DataFrame:
         """Means, covariances and ``rho1, rho2`` at fixed times between the start and the last impact.
 
         Columns: ``x1, y1, x2, y2``, ``cov_x1_x1, cov_x1_y1, ...`` and ``rho1, rho2``; index ``time``.
@@ -160,20 +160,20 @@ class MeanMap:
         low, high = self.trace.span
         rows = []
         for time in _listed(times):
-            if not low <= self.scene.counted(time) <= high:
-                followed = f"{self.scene.stated(low):g} to {self.scene.stated(high):g}"
+            if not low <= self.scene.to_local_time(time) <= high:
+                followed = f"{self.scene.to_absolute_time(low):g} to {self.scene.to_absolute_time(high):g}"
                 raise InputError("times", time, f"lies outside the times followed, {followed}")
-            mean, covariance = self.trace.at(self.scene.counted(time))
-            rows.append(clock_row(mean, covariance))
-        columns = list(clock_row(np.zeros(4), np.zeros((4, 4))))
+            mean, covariance = self.trace.at(self.scene.to_local_time(time))
+            rows.append(fixed_row(mean, covariance))
+        columns = list(fixed_row(np.zeros(4), np.zeros((4, 4))))
         index = pd.Index(np.asarray(times, dtype=float), name="time")
         return pd.DataFrame(rows, index=index, columns=columns, dtype=float)
 
     def density(self, impact: int, quantity: str, values: Floats) -> Floats | None:
-        """Density that the reading gives to a section quantity at an impact; None where it gives none.
+        """Density that the closure gives to a section quantity at an impact; None where it gives none.
 
-        Around the reading's mean, with its sd and skewness; ``printed`` gives a velocity the marginal of its bivariate
-        series, for it speaks of raw moments; ``branching`` has its mixture.  Values of tau are counted
+        Around the closure's mean, with its sd and skewness; ``published`` gives a velocity the marginal of its
+        bivariate series, for it speaks of raw moments; ``branching`` has its mixture.  Values of tau are counted
         from the start's phase (`Scene.phase`).
         """
         i = SECTION.index(choice("quantity", quantity, SECTION))
@@ -189,7 +189,7 @@ class MeanMap:
         if np.isfinite(self.trace.sd[impact, 0]) and np.isnan(self.trace.skew[impact]).all():
             skew = 0.0  # section moments of first order: Gaussian
         if np.isfinite(skew) and sd > 0.0:
-            return section_density(values, float(self.near.section[quantity].loc[impact]), sd, skew)
+            return section_density(values, float(self.phase_reduced.section[quantity].loc[impact]), sd, skew)
         if quantity not in VELOCITIES:
             return None
         stage = VELOCITIES.index(quantity) + 1
@@ -223,8 +223,8 @@ def _listed(times: Sequence[float] | Floats) -> list[float]:
         raise InputError("times", times, "give a sequence of times") from None
 
 
-def clock_row(mean: Floats, covariance: Floats) -> dict[str, float]:
-    """One row of a clock table, in the column order that both sides share."""
+def fixed_row(mean: Floats, covariance: Floats) -> dict[str, float]:
+    """One row of a table at fixed times, in the column order that both sides share."""
     row = {name: float(mean[i]) for i, name in enumerate(STATE)}
     for i, a in enumerate(STATE):
         for j in range(i, 4):
@@ -235,7 +235,7 @@ def clock_row(mean: Floats, covariance: Floats) -> dict[str, float]:
     return row
 
 
-def mean_map(scene: Scene, *, impacts: int = 12, reading: str = "saltation", order: int = 4) -> MeanMap:
+def mean_map(scene: Scene, *, impacts: int = 12, closure: str = "saltation", order: int = 4) -> MeanMap:
     """Predict the moments of the first impacts of a scene by a moment closure.
 
     Parameters
@@ -244,8 +244,8 @@ def mean_map(scene: Scene, *, impacts: int = 12, reading: str = "saltation", ord
         What is modelled.
     impacts : int
         How many impacts after the start.
-    reading : {"saltation", "branching", "mended", "printed"}
-        Which reading of the paper's closure (docs/model.md section 6).  ``saltation`` is right for small noise,
+    closure : {"saltation", "branching", "corrected", "published"}
+        Which closure (docs/model.md section 6).  ``saltation`` is right for small noise,
         ``branching`` follows the itineraries that larger noise parts; it predicts section moments and itineraries only.
     order : int
         Highest order of moments that the Edgeworth series carries, 2 to 6.  ``saltation`` stays with first-order
@@ -258,50 +258,50 @@ def mean_map(scene: Scene, *, impacts: int = 12, reading: str = "saltation", ord
     Raises
     ------
     InputError
-        For an unknown reading or an order out of range; names the valid ones.
+        For an unknown closure or an order out of range; names the valid ones.
 
     Examples
     --------
     >>> from rattle.scene import DAT21, Scene
-    >>> m = mean_map(Scene.from_gears(DAT21, sigma=1.5**0.5), impacts=4, reading="printed")
+    >>> m = mean_map(Scene.from_gears(DAT21, sigma=1.5**0.5), impacts=4, closure="published")
     >>> m.breakdown.impact
     2
     """
     if not isinstance(scene, Scene):
         raise InputError("scene", scene, "give a Scene")
     count("impacts", impacts, most=MOST_IMPACTS)
-    choice("reading", reading, READINGS)
+    choice("closure", closure, CLOSURES)
     count("order", order, *ORDERS)
-    READINGS[reading].check(scene)
-    return MeanMap(scene, reading, impacts, order, READINGS[reading].trace(scene, impacts, order))
+    CLOSURES[closure].check(scene)
+    return MeanMap(scene, closure, impacts, order, CLOSURES[closure].trace(scene, impacts, order))
 
 
 def refusals(scene: Scene) -> dict[str, str]:
-    """Why readings cannot take a scene, by name; a reading that can has no entry.
+    """Why closures cannot take a scene, by name; a closure that can has no entry.
 
     Examples
     --------
     >>> from rattle.scene import DAT21, Scene, Start
     >>> refusals(Scene.from_gears(DAT21, start=Start()))
-    {'printed': 'start.mesh = 0: the printed reading needs a start at mesh 1 (Eq. 10)'}
+    {'published': 'start.mesh = 0: the published closure needs a start at mesh 1 (Eq. 10)'}
     """
     found = {}
-    for name, reading in READINGS.items():
+    for name, closure in CLOSURES.items():
         try:
-            reading.check(scene)
+            closure.check(scene)
         except InputError as error:
             found[name] = str(error)
     return found
 
 
-def readings_for(scene: Scene) -> tuple[str, ...]:
-    """The readings that can take a scene.
+def closures_for(scene: Scene) -> tuple[str, ...]:
+    """The closures that can take a scene.
 
     Examples
     --------
     >>> from rattle.scene import DAT21, Scene, Start
-    >>> readings_for(Scene.from_gears(DAT21, start=Start()))
-    ('mended', 'saltation', 'branching')
+    >>> closures_for(Scene.from_gears(DAT21, start=Start()))
+    ('corrected', 'saltation', 'branching')
     """
     refused = refusals(scene)
-    return tuple(name for name in READINGS if name not in refused)
+    return tuple(name for name in CLOSURES if name not in refused)

@@ -1,4 +1,4 @@
-"""What every reading of the closure hands over: means and covariances just before each impact, and between them."""
+"""What every closure hands over: means and covariances just before each impact, and between them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,29 +14,29 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Trace:
-    """One reading followed through its impacts; index 0 of every array is the start.
+    """One closure followed through its impacts; index 0 of every array is the start.
 
     Attributes
     ----------
     tau : ndarray, shape (impacts + 1,)
         Mean impact times, counted from the start's phase (`Scene.phase`); NaN beyond `found`.
     mesh, side : ndarray of int, shape (impacts + 1,)
-        Where the reading has its impacts.
+        Where the closure has its impacts.
     mean : ndarray, shape (impacts + 1, 4)
         ``E[X_s]`` just before the impact, in the order ``x1, y1, x2, y2``.
     sd : ndarray, shape (impacts + 1, 6)
-        What the reading calls the standard deviations of ``tau, flight, x1, y1, x2, y2``; NaN where it
+        What the closure calls the standard deviations of ``tau, flight, x1, y1, x2, y2``; NaN where it
         predicts none, or where its variance is negative.
     skew : ndarray, shape (impacts + 1, 6)
-        Skewness of the same; NaN where the reading predicts none, or where the cube of the sd is no float.
+        Skewness of the same; NaN where the closure predicts none, or where the cube of the sd is no float.
     covariance : ndarray, shape (impacts + 1, 4, 4)
-        Of the perturbation just before the impact; NaN where the reading has no such moment.
+        Of the perturbation just before the impact; NaN where the closure has no such moment.
     raw : ndarray, shape (impacts + 1, 2, order + 1, order + 1)
         Raw moments of each stage's perturbation just before the impact.
     parts : dict of int to (weights, means, variances), optional
         The mixture behind each impact, over ``tau, flight, x1, y1, x2, y2``; None where one Gaussian is all there is.
     agreement, lost : ndarray, shape (impacts + 1,), optional
-        Share of paths that the reading expects on the orbit's itinerary so far, and the weight it has lost.
+        Share of paths that the closure expects on the orbit's itinerary so far, and the weight it has lost.
     at : callable
         ``at(time) -> (mean, covariance)`` between impacts, the time counted likewise.
     found : int

@@ -17,7 +17,7 @@ from rattle.scene.impact import LOST, MISSES, NONE, REST, next_impact, struck
 from rattle.scene.scene import Constants, Scene
 from rattle.scene.sticking import carried, closed_sides, next_contact, settled, settling
 
-__all__ = ["HORIZON", "Orbit", "Rest", "follow"]
+__all__ = ["HORIZON", "Orbit", "StickingPhase", "follow"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -87,7 +87,7 @@ def _follow(
         after[k, 0], after[k, 1], after[k, 2], after[k, 3] = x1, y1, x2, y2
 
 
-class Rest(NamedTuple):
+class StickingPhase(NamedTuple):
     """A mesh that stays closed for a while.
 
     Attributes
@@ -128,7 +128,7 @@ class Orbit:
     legs : ndarray, shape (legs, 7)
         Its smooth pieces, one after each impact and one for each change of the closed meshes: time and state at which
         it begins, and the sides on which mesh 1 and mesh 2 are closed (0 for open).
-    rests : tuple of Rest
+    sticking : tuple of StickingPhase
         Meshes that stayed closed, in the order of closing.
     """
 
@@ -141,14 +141,14 @@ class Orbit:
     found: int
     stopped: str
     legs: Floats
-    rests: tuple[Rest, ...]
+    sticking: tuple[StickingPhase, ...]
 
     @property
-    def until_rest(self) -> "Orbit":
+    def until_sticking(self) -> "Orbit":
         """The same up to its first rest: as far as neighbours of the orbit can be told by its derivatives."""
-        if not self.rests:
+        if not self.sticking:
             return self
-        k = self.rests[0].impact
+        k = self.sticking[0].impact
         left = np.arange(len(self.tau)) <= k
         tau, mesh, side = np.where(left, self.tau, np.nan), np.where(left, self.mesh, 0), np.where(left, self.side, 0)
         before, after = np.where(left[:, None], self.before, np.nan), np.where(left[:, None], self.after, np.nan)
@@ -175,7 +175,7 @@ def follow(scene: Scene, impacts: int) -> Orbit:
     A drag that presses mesh 1 shut, against an excitation that opens it once a period:
 
     >>> orbit = follow(Scene(alpha=1.0, epsilon=0.3, beta1=0.0, gamma1=0.8, stages=1), 20)
-    >>> [round(value, 5) for value in orbit.rests[0]]
+    >>> [round(value, 5) for value in orbit.sticking[0]]
     [1, 1, 4.97495, 7.21048, 14]
     """
     c = scene.constants
@@ -191,14 +191,14 @@ def follow(scene: Scene, impacts: int) -> Orbit:
         c, scene.phase, *scene.start_state, start.mesh, tau, mesh, side, before, after, legs, legs_after
     )  # fmt: skip
     legs = legs[:pieces].copy()
-    rests = _rests(legs, legs_after[: found + 1])
+    phases = _sticking_phases(legs, legs_after[: found + 1])
     stopped = "" if last > 0 else f"{MISSES[last]} after impact {found}"
-    return Orbit(c, tau, mesh, side, before, after, found, stopped, legs, rests)
+    return Orbit(c, tau, mesh, side, before, after, found, stopped, legs, phases)
 
 
-def _rests(legs: Floats, legs_after: Ints) -> tuple[Rest, ...]:
+def _sticking_phases(legs: Floats, legs_after: Ints) -> tuple[StickingPhase, ...]:
     """Stretches of legs in which a mesh is closed."""
-    rests = []
+    phases = []
     for mesh in (1, 2):
         closed = legs[:, 4 + mesh].astype(int)
         (edges,) = np.nonzero(np.diff(closed, prepend=0, append=0))
@@ -206,5 +206,5 @@ def _rests(legs: Floats, legs_after: Ints) -> tuple[Rest, ...]:
             if closed[first] != 0:
                 opened = float(legs[last, 0]) if last < len(legs) else np.inf
                 impact = int(np.searchsorted(legs_after, first, side="right")) - 1
-                rests.append(Rest(mesh, int(closed[first]), float(legs[first, 0]), opened, impact))
-    return tuple(sorted(rests, key=lambda rest: rest.closed))
+                phases.append(StickingPhase(mesh, int(closed[first]), float(legs[first, 0]), opened, impact))
+    return tuple(sorted(phases, key=lambda phase: phase.closed))

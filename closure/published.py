@@ -18,7 +18,7 @@ from rattle.closure.orbit import Floats, Ints
 from rattle.closure.raw_moments import after_flight, unmodulated_covariance
 from rattle.scene.compiled import jit
 from rattle.scene.errors import InputError
-from rattle.scene.flight import decay, flow, noise_covariance, turned
+from rattle.scene.flight import decay, flow, noise_covariance, phi1
 from rattle.scene.impact import struck
 from rattle.scene.scene import Constants, Scene
 
@@ -30,7 +30,7 @@ Windows = tuple[float, float]
 
 
 @jit
-def _printed_shift(raw: Floats, x: float, half_window: float) -> tuple[float, float]:
+def _published_shift(raw: Floats, x: float, half_window: float) -> tuple[float, float]:
     """Eqs. 20 and 21: A or C and B or D, times their standard deviations."""
     vx, vy = raw[2, 0], raw[0, 2]
     if not has_series(vx, vy, len(raw) - 1):
@@ -56,20 +56,20 @@ def _in_flight(
     q1 = noise_covariance(c, tau, t)
     raw_t[0] = after_flight(raw[0], c.beta1, t, q1[:2, :2])  # Eq. 16
     mean_t, shift_t = np.zeros(4), np.zeros(4)
-    shift_t[0], shift_t[1] = _printed_shift(raw_t[0], x1, windows[0])
+    shift_t[0], shift_t[1] = _published_shift(raw_t[0], x1, windows[0])
     mean_t[0], mean_t[1] = x1 + shift_t[0], y1 + shift_t[1]
     if c.stages == 2:
         # Eq. 14; its term with E[zeta_1] stays zero, for every first moment starts at zero
         raw_t[1] = after_flight(raw[1], c.beta2, t, unmodulated_covariance(c.beta2, c.sigma, t))
-        shift_t[2], shift_t[3] = _printed_shift(raw_t[1], x2, windows[1])
+        shift_t[2], shift_t[3] = _published_shift(raw_t[1], x2, windows[1])
         d1, d2 = decay(c.beta1, t), decay(c.beta2, t)
         driver = c.alpha * np.cos(tau)
         mean_t[2] = x2 + shift_t[2]
         mean_t[3] = (  # Eq. 22, last line
             (mean[3] - (1.0 + c.epsilon) * mean[1] - driver) * d1
             + (mean[3] - mean[1] + driver) * d2
-            + c.gamma1 * turned(c.beta1, t)
-            - c.gamma2 * turned(c.beta2, t)
+            + c.gamma1 * phi1(c.beta1, t)
+            - c.gamma2 * phi1(c.beta2, t)
             + shift_t[3]
             - 2.0 * d2 * shift[3]
             + ((1.0 + c.epsilon) * d1 + d2) * shift[1]
@@ -154,7 +154,7 @@ def _iterate(
 
 
 def _covariance(raw: Floats) -> Floats:
-    """Second moments of both stages as a 4 x 4; the printed closure has none across the stages."""
+    """Second moments of both stages as a 4 x 4; the published closure has none across the stages."""
     out = np.full((*raw.shape[:-3], 4, 4), np.nan)
     for i in (0, 1):
         j = 2 * i
@@ -174,12 +174,12 @@ def check(scene: Scene) -> None:
         raise InputError(
             "start.mesh",
             scene.start.mesh,
-            "the printed reading needs a start at mesh 1 (Eq. 10)",
+            "the published closure needs a start at mesh 1 (Eq. 10)",
         )
 
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
-    """Follow the printed mean map through `impacts` impacts."""
+    """Follow the published mean map through `impacts` impacts."""
     c, windows = scene.constants, scene.windows
     start = np.array(scene.start_state)
     found, tau, mesh, mean, shift, raw, after = _iterate(c, scene.phase, start, impacts, windows, order)

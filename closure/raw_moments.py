@@ -3,7 +3,7 @@
 A flight maps ``(xi, zeta)`` to ``(xi + E zeta + w_1, exp(-beta t) zeta + w_2)`` with ``w`` an independent
 Gaussian.  The moment equations are linear and close at every order, so their solution is the
 binomial expansion of that map, also for moments that no distribution has: that is how the printed
-reading can be followed beyond its own breakdown.
+closure can be followed beyond its own breakdown.
 """
 
 from math import comb
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rattle.closure.small_matrices import put
 from rattle.scene.compiled import jit
-from rattle.scene.flight import NODES, PANEL, WEIGHTS, decay, turned
+from rattle.scene.flight import NODES, PANEL, WEIGHTS, decay, phi1
 from rattle.scene.moments import gaussian_raw_moments
 
 __all__ = ["after_flight", "stage_raw_moments", "unmodulated_covariance"]
@@ -57,7 +57,7 @@ def after_flight(raw: Floats, beta: float, t: float, q: Floats) -> Floats:
     4.0
     """
     order = raw.shape[0] - 1
-    e, d = turned(beta, t), decay(beta, t)
+    e, d = phi1(beta, t), decay(beta, t)
     turned_raw = np.zeros_like(raw)
     for n in range(order + 1):
         for p in range(order + 1 - n):
@@ -83,7 +83,7 @@ def unmodulated_covariance(beta: float, sigma: float, t: float) -> Floats:
         h = min(panel, t - lag)
         for n in range(NODES.size):
             r = lag + h * NODES[n]
-            e, d, w = turned(beta, r), decay(beta, r), sigma * sigma * h * WEIGHTS[n]
+            e, d, w = phi1(beta, r), decay(beta, r), sigma * sigma * h * WEIGHTS[n]
             q[0, 0] += w * e * e
             q[0, 1] += w * e * d
             q[1, 1] += w * d * d

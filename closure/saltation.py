@@ -1,7 +1,7 @@
 """The closure that is right to first order, and its second order: a Markov step from section to section.
 
 A perturbed path meets the wall at another instant than the orbit.  So the state that is followed is the one that each
-path has at its own k-th impact.  Its covariance is carried by the derivative of the section map; in clock coordinates
+path has at its own k-th impact.  Its covariance is carried by the derivative of the section map; at fixed times
 that is the saltation matrix ``Xi = R + (F+ - R F-) g' / (g' F-)`` (docs/model.md section 6).  From order 3 on, the
 second derivatives add the mean shift, an O(sigma^2) effect, and the third cumulants.
 """
@@ -84,12 +84,12 @@ def _carry(
         moved = hit @ moved
         turned_third = np.zeros((d, d, d))
         for a in range(d):
-            turned = congruence(hit, third[a])
+            phi1 = congruence(hit, third[a])
             for i in range(d):
                 if hit[i, a] != 0.0:
                     for m in range(d):
                         for n in range(d):
-                            turned_third[i, m, n] += hit[i, a] * turned[m, n]
+                            turned_third[i, m, n] += hit[i, a] * phi1[m, n]
         third = turned_third
         if redraw:
             flank = column(mesh[k], -side[k])
@@ -103,7 +103,7 @@ def _carry(
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
     """Follow the saltation closure through `impacts` impacts; second order from `order` 3 on."""
-    c, orbit = scene.constants, follow(scene, impacts).until_rest
+    c, orbit = scene.constants, follow(scene, impacts).until_sticking
     tolerance = random_tolerance(scene)
     variance = np.zeros(4) if tolerance is None else np.repeat(tolerance.variances, 2)
     redraw = tolerance is not None and tolerance.draw == "contact"
@@ -135,6 +135,6 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
 
 def _at_one_time(rate: Floats, section: Floats, flown: Floats) -> Floats:
     """Covariance of the state at one instant, ``xi = delta s - F delta tau`` carried by a flight, shape (4, 4)."""
-    clock = flown @ np.concatenate([-rate[:, None], np.eye(4)], axis=1)
+    fixed = flown @ np.concatenate([-rate[:, None], np.eye(4)], axis=1)
     sd = np.sqrt(np.maximum(np.diagonal(section), 0.0))
-    return semidefinite(clock @ section @ clock.T, np.abs(flown) @ (sd[1:] + np.abs(rate) * sd[0]))
+    return semidefinite(fixed @ section @ fixed.T, np.abs(flown) @ (sd[1:] + np.abs(rate) * sd[0]))

@@ -21,7 +21,7 @@ from rattle.scene.scene import Scene
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["LEAST", "STILL", "faint", "sampling_error", "step_error", "units"]
+__all__ = ["LEAST", "STILL", "sampling_error", "small_noise", "step_error", "units"]
 
 LEAST = 32 * BLOCK  # paths of an answer: what fewer than 1 in 10 000 do may make an sd, and is to be seen
 FAINT = 0.2  # noise intensity up to which a control variate is tried, in units of alpha; on DAT21 it wins up to 0.07
@@ -81,6 +81,6 @@ def step_error(run: Ensemble) -> tuple[float, float]:
     return float(share.iloc[worst]), float(np.nan_to_num(bias["se_bias"].iloc[worst] / scale[worst]))
 
 
-def faint(scene: Scene) -> bool:
+def small_noise(scene: Scene) -> bool:
     """Whether noise is so weak that the linearised path may be worth its time."""
     return scene.sigma <= FAINT * scene.alpha

@@ -96,7 +96,7 @@ def bench(scene: Scene | None = None) -> pd.DataFrame:
         "  with one stage": (replace(base, stages=1), {}),
         "  with gaps that vary by path": (loose, {}),
         "  with gaps that vary by contact": (replace(base, tolerance=contact), {}),
-        "  with statistics at 12 instants": (base, {"clock": np.linspace(0.5, 4.0, 12)}),
+        "  with statistics at 12 instants": (base, {"fixed": np.linspace(0.5, 4.0, 12)}),
         "  with 2 dt and 4 dt beside it": (base, {"step_bias": True}),
         "euler-maruyama-located": (base, {"scheme": "euler-maruyama-located"}),
         "exact-flight, dt = pi/64": (base, {"scheme": "exact-flight", "dt": math.pi / 64.0}),

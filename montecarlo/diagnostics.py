@@ -20,7 +20,7 @@ from rattle.scene.scene import Scene
 if TYPE_CHECKING:
     from rattle.montecarlo.result import Ensemble
 
-__all__ = ["COLLAPSE", "TOLERANCE", "cautions", "motion_units", "orbit_shift", "shortened"]
+__all__ = ["COLLAPSE", "TOLERANCE", "diagnostics", "motion_units", "orbit_shift", "shortened"]
 
 Floats = NDArray[np.float64]
 
@@ -103,14 +103,14 @@ def _share(of: NDArray[np.floating[Any]], unit: Floats) -> Floats:
 def _orbit(plan: Plan, finer: int) -> Floats:
     quiet = plan._replace(
         scene=plan.scene.noise_free, paths=1, dt=plan.dt / finer, most_steps=plan.most_steps * finer,
-        clock_steps=np.empty(0, np.int64), itineraries={}, levels=1, control=no_control(), two_point=False,
+        fixed_steps=np.empty(0, np.int64), itineraries={}, levels=1, control=no_control(), two_point=False,
         mirrored=False, energy=False,
     )  # fmt: skip
     found: Floats = np.nan_to_num(sample(quiet, 0).rows[0, 0])
     return found
 
 
-def cautions(run: Ensemble) -> tuple[str, ...]:
+def diagnostics(run: Ensemble) -> tuple[str, ...]:
     """What may be wrong with the numbers of a run, a sentence each; none if nothing is known to be.
 
     Examples
@@ -118,9 +118,9 @@ def cautions(run: Ensemble) -> tuple[str, ...]:
     >>> from rattle.montecarlo import simulate
     >>> from rattle.scene import DAT21
     >>> run = simulate(Scene.from_gears(DAT21, sigma=0.5), paths=1000, impacts=2, dt=0.05)
-    >>> len(cautions(run))
+    >>> len(diagnostics(run))
     2
-    >>> cautions(simulate(run.scene, paths=1000, impacts=2, scheme="exact-flight"))
+    >>> diagnostics(simulate(run.scene, paths=1000, impacts=2, scheme="exact-flight"))
     ()
     """
     return tuple(said for said in (_of_accuracy(run), shortened(run), *_of_step(run), *_of_impacts(run)) if said)
@@ -174,10 +174,10 @@ def _of_impacts(run: Ensemble) -> tuple[str, ...]:
         if scene.sigma > 0.0 and scene.epsilon < COLLAPSE
         else ""
     )
-    counts = run.impacts > MOST_IN_A_STEP or run.plan.clock_steps.size  # else the path has had its impacts by then
+    counts = run.impacts > MOST_IN_A_STEP or run.plan.fixed_steps.size  # else the path has had its impacts by then
     held = (
-        f"In {run.held:,} steps of paths a mesh was held shut to the end: impacts accumulated, or it rested."
-        if run.held and counts
+        f"In {run.sticking_steps:,} steps of paths a mesh was held shut to the end: impacts accumulated, or it rested."
+        if run.sticking_steps and counts
         else ""
     )
     late = (

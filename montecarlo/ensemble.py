@@ -75,7 +75,7 @@ def simulate(
     scheme: str | None = None,
     rng: int | np.random.SeedSequence = 0,
     workers: int = 1,
-    clock: Sequence[float] | Floats = (),
+    times: Sequence[float] | Floats = (),
     step_bias: bool = False,
     itineraries: Mapping[str, Sequence[int]] | None = None,
     histogram: bool = False,
@@ -105,14 +105,14 @@ def simulate(
         (absolute where it does not vary).  Scheme, dt and paths are then chosen by pilot runs; see `Ensemble.reach`.
     dt : float
         Step, at most `montecarlo.largest_step`; by default that of the scheme, 0.002 for Euler and Maruyama, pi / 256
-        for exact flights, or as much as the scene lets through.  `Ensemble.cautions` says what it may do.
+        for exact flights, or as much as the scene lets through.  `Ensemble.diagnostics` says what it may do.
     scheme : {"euler-maruyama-located", "euler-maruyama", "exact-flight"}
         See `rattle.montecarlo.schemes.table`; the first by default.
     rng : int or SeedSequence
         Seed.  The result is the same bit for bit for any number of workers.
     workers : int
         Threads.
-    clock : sequence of float
+    times : sequence of float
         Times at which moments of all paths are taken.
     step_bias : bool
         Run 2 dt and 4 dt on the same noise beside dt, and estimate the bias of the step (about two thirds more work).
@@ -129,7 +129,7 @@ def simulate(
         Time after the start at which unfinished paths are given up; by default 50 per impact, or 10 million steps.
     budget : float
         Seconds that `accuracy` may take, looked at between blocks of paths: when they are spent, the best answer so far
-        is returned, `Ensemble.cautions` says what is missing, and an `AccuracyWarning` is given.  None: an hour, and
+        is returned, `Ensemble.diagnostics` says what is missing, and an `AccuracyWarning` is given.  None: an hour, and
         what pilot runs expect to take longer is refused before the work.  What compiling takes is not counted.
     device : {"cpu", "cuda"}
         Where paths are followed and summed; "cuda" needs an NVIDIA card and the extra ``gpu`` (numba-cuda).  The paths
@@ -167,7 +167,7 @@ def simulate(
     """
     if accuracy is not None:
         settings: dict[str, object] = {"paths": paths, "dt": dt, "itineraries": itineraries, "horizon": horizon}
-        settings["clock"] = None if isinstance(clock, tuple) and not clock else clock
+        settings["times"] = None if isinstance(times, tuple) and not times else times
         settings |= {"control": control or None, "step_bias": step_bias or None}
         for name, value in (settings | {"device": None if device == "cpu" else device}).items():
             if value is not None:
@@ -199,7 +199,7 @@ def simulate(
     if batches and device == "cuda":
         raise InputError("batches", batches, "are not kept on a card; leave them out, or use device='cpu'")
     plan = plan_of(
-        scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, clock=clock,
+        scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, times=times,
         step_bias=step_bias, itineraries=itineraries, keep=histogram or keep_paths, control=control,
         increments=increments, horizon=horizon, device=device, energy=energy,
     )  # fmt: skip

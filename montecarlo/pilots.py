@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from rattle.montecarlo.accuracy import LEAST, faint, sampling_error, step_error
+from rattle.montecarlo.accuracy import LEAST, sampling_error, small_noise, step_error
 from rattle.montecarlo.budget import Budget, clock
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.reach import Candidate
@@ -30,7 +30,7 @@ FIRST_STEP = 0.01  # of the pilots of Euler and Maruyama, if the scene lets it t
 ENOUGH = 5.0  # core-seconds of exact flights below which nothing cheaper is looked for: pilots take as long
 GLANCE = 0.01  # share of the horizon in which the first scouts are looked at
 ALONE = 32.0  # paths that, side by side, take a step in the time of one path
-HELD_NS = 110.0  # of a step in which a mesh is held shut, measured
+STICKING_NS = 110.0  # of a step in which a mesh is held shut, measured
 ROUGHEST = 1e3  # accuracy, in sds, beyond which there is none
 
 Simulate = Callable[..., Ensemble]
@@ -45,7 +45,7 @@ def _pilot_settings(scene: Scene, scheme: str) -> dict[str, Any]:
     exact = SCHEMES[scheme].weak_order is None
     levels = 1 if exact else COARSEST
     dt = min(SCHEMES[scheme].step if exact else FIRST_STEP, 0.99 * largest_step(scene, scheme)[0] / levels)
-    return {"scheme": scheme, "dt": dt, "step_bias": not exact, "control": exact and faint(scene)}
+    return {"scheme": scheme, "dt": dt, "step_bias": not exact, "control": exact and small_noise(scene)}
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def _nanoseconds(run: Ensemble, dt: float) -> float:
     steps = run.path_steps / run.plan.paths * run.dt / dt  # of all step sizes
     steps *= ALONE if run.plan.paths == 1 else 1.0
     work = steps * kind.step_ns + run.impacts * kind.impact_ns * (1.0 if kind.weak_order is None else 3.0)
-    return work + run.held / run.plan.paths * finer * HELD_NS
+    return work + run.sticking_steps / run.plan.paths * finer * STICKING_NS
 
 
 def sent_ahead(scene: Scene, scheme: str, simulate: Simulate, budget: Budget, workers: int) -> Sent:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.montecarlo.diagnostics import cautions
+from rattle.montecarlo.diagnostics import diagnostics
 from rattle.montecarlo.kernel.block import CODES, CROSS, PAIRS, BlockResult, Plan
 from rattle.montecarlo.kernel.control_variate import controlled_statistics
 from rattle.montecarlo.noise.philox import LEVELS
@@ -69,9 +69,13 @@ class Ensemble:
     reach: Reach | None = None
 
     @cached_property
-    def near(self) -> Ensemble:
+    def phase_reduced(self) -> Ensemble:
         """The same result for the scene begun at its phase (`Scene.near`): tau has all its digits, however late."""
-        return self if self.scene.near is self.scene else replace(self, plan=self.plan._replace(scene=self.scene.near))
+        return (
+            self
+            if self.scene.phase_reduced is self.scene
+            else replace(self, plan=self.plan._replace(scene=self.scene.phase_reduced))
+        )
 
     @property
     def scene(self) -> Scene:
@@ -99,9 +103,9 @@ class Ensemble:
         return self.plan.seed
 
     @property
-    def clock_times(self) -> Floats:
-        """Times at which clock statistics were taken, on the step grid."""
-        return np.asarray(self.scene.start.tau + self.plan.clock_steps * self.dt)
+    def fixed_times(self) -> Floats:
+        """Times at which moments of all paths were taken, on the step grid."""
+        return np.asarray(self.scene.start.tau + self.plan.fixed_steps * self.dt)
 
     @property
     def path_steps(self) -> int:
@@ -114,16 +118,16 @@ class Ensemble:
         return round(self.result.unfinished * self._copies)
 
     @property
-    def held(self) -> int:
+    def sticking_steps(self) -> int:
         """Steps of paths in which a mesh was held shut: at rest, or impacts accumulated
         (`rattle.montecarlo.schemes.sticking`).
         """
-        return self.result.held
+        return self.result.sticking_steps
 
     @cached_property
-    def cautions(self) -> tuple[str, ...]:
+    def diagnostics(self) -> tuple[str, ...]:
         """What may be wrong with these numbers, a sentence each: see `rattle.montecarlo.diagnostics`."""
-        return cautions(self)
+        return diagnostics(self)
 
     @cached_property
     def section(self) -> pd.DataFrame:
@@ -152,7 +156,7 @@ class Ensemble:
         for prefix, name in (("", "mean"), ("sd_", "sd"), ("skew_", "skew"), ("kurt_", "kurt")):
             for i, quantity in enumerate(SECTION):
                 absent = self.scene.stages == 1 and quantity in STATE[2:]
-                found = self.scene.stated(s[name][:, i]) if prefix + quantity == "tau" else s[name][:, i]
+                found = self.scene.to_absolute_time(s[name][:, i]) if prefix + quantity == "tau" else s[name][:, i]
                 columns[prefix + quantity] = found * (np.nan if absent else 1.0)
                 told = self._told(self._reached, name) * (np.nan if absent else 1.0)
                 columns["se_" + prefix + quantity] = s["se_" + name][:, i] * told
@@ -197,11 +201,11 @@ class Ensemble:
             out[:, 3:, :] = out[:, :, 3:] = np.nan
         return out
 
-    def clock(self, times: Sequence[float] | Floats | None = None) -> pd.DataFrame:
+    def at_times(self, times: Sequence[float] | Floats | None = None) -> pd.DataFrame:
         """Moments of all paths at fixed times, index ``time`` (on the grid of the coarsest step, so within half of it).
 
-        Columns as in the closure's clock, with ``se_`` beside each mean and covariance, and for each ``rho`` its
-        standard error ``se_rho``, that of Fisher's artanh rho ``se_z_rho``, and ``coarse_rho``, the value at twice
+        Columns as in `rattle.closure.MeanMap.at_times`, with ``se_`` beside each mean and covariance, and for each
+        ``rho`` its standard error ``se_rho``, that of Fisher's artanh rho ``se_z_rho``, and ``coarse_rho``, the value at twice
         the step, if step bias was asked for.  Errors are NaN as in `section`.
 
         Raises
@@ -209,25 +213,25 @@ class Ensemble:
         InputError
             If a time was not among those given to `simulate`.
         """
-        table = self._clock_table
+        table = self._fixed_table
         if times is None:
             return table
         rows = []
         for t in np.asarray(times, dtype=float):
-            away = np.abs(self.plan.clock_steps * self.dt - (t - self.scene.start.tau))
-            near = np.flatnonzero(away <= 0.5001 * self._clock_grid)
+            away = np.abs(self.plan.fixed_steps * self.dt - (t - self.scene.start.tau))
+            near = np.flatnonzero(away <= 0.5001 * self._fixed_grid)
             if near.size == 0:
-                raise InputError("times", float(t), "was not recorded; give it to simulate(clock=...)")
+                raise InputError("times", float(t), "was not recorded; give it to simulate(times=...)")
             rows.append(int(near[np.argmin(away[near])]))
         return table.iloc[rows]
 
     @cached_property
-    def _clock_table(self) -> pd.DataFrame:
+    def _fixed_table(self) -> pd.DataFrame:
         import pandas as pd
 
-        if "clock" not in self.result.sums:
+        if "fixed" not in self.result.sums:
             return pd.DataFrame(index=pd.Index([], name="time"))
-        sums, coarse = self.result.sums["clock"], self.result.sums.get("coarse_clock")
+        sums, coarse = self.result.sums["fixed"], self.result.sums.get("coarse_fixed")
         s = pair_statistics(sums)
         absent = [self.scene.stages == 1 and (i >= 2 or j >= 2) for i, j in CROSS]
         blank = np.where(absent, np.nan, 1.0)
@@ -247,7 +251,7 @@ class Ensemble:
             columns[f"se_z_rho{stage}"] = s["se_z"][:, k] * blank[k] * told["rho"]
             if coarse is not None:
                 columns[f"coarse_rho{stage}"] = pair_statistics(coarse)["rho"][:, stage - 1] * blank[k]
-        return pd.DataFrame(columns, index=pd.Index(self.clock_times, name="time"))
+        return pd.DataFrame(columns, index=pd.Index(self.fixed_times, name="time"))
 
     @cached_property
     def step_bias(self) -> pd.DataFrame:
@@ -274,11 +278,12 @@ class Ensemble:
         fine, coarse = self.result.sums["fine_coarse"], self.result.sums["coarse_coarser"]
         found = extrapolated(fine, coarse)
         told = {moment: self._told(self._reached, moment) for moment in found}
+        late = ("tau", "mean")  # counted from the phase, and said in absolute time
         rows = [
             pd.DataFrame({
                 "impact": np.arange(1, self.impacts + 1), "quantity": quantity, "moment": moment,
                 **{n: v[:, i] * (told[moment] if n.startswith("se_") else 1.0) for n, v in b._asdict().items()},
-            } | ({"corrected": self.scene.stated(b.corrected[:, i])} if (quantity, moment) == ("tau", "mean") else {}))
+            } | ({"corrected": self.scene.to_absolute_time(b.corrected[:, i])} if (quantity, moment) == late else {}))
             for moment, b in found.items()
             for i, quantity in enumerate(SECTION)
             if self.scene.stages == 2 or quantity not in STATE[2:]
@@ -302,7 +307,7 @@ class Ensemble:
         return pd.concat(parts, ignore_index=True)
 
     @property
-    def _clock_grid(self) -> float:
+    def _fixed_grid(self) -> float:
         return self.dt * (2 ** (LEVELS - 1) if "fine_coarse" in self.result.sums else 1)
 
     @property

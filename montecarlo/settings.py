@@ -35,7 +35,7 @@ STEPS, MOST_STEPS = 10**7, 10**9
 
 def is_random(scene: Scene) -> bool:
     """Whether one path differs from another."""
-    return scene.sigma > 0.0 or (scene.tolerance is not None and scene.tolerance.law != "fixed")
+    return scene.sigma > 0.0 or (scene.tolerance is not None and scene.tolerance.distribution != "fixed")
 
 
 def computed(scene: Scene, paths: int) -> int:
@@ -87,10 +87,10 @@ def check_settings(
 
 def plan_of(
     scene: Scene, *, paths: int, impacts: int, dt: float, scheme: str, rng: int | np.random.SeedSequence = 0,
-    workers: int = 1, clock: Sequence[float] | Floats = (), step_bias: bool = False,
+    workers: int = 1, times: Sequence[float] | Floats = (), step_bias: bool = False,
     itineraries: Mapping[str, Sequence[int]] | None = None, keep: bool = False, control: bool = False,
     increments: str = "gaussian", horizon: float | None = None, device: str = "cpu", energy: bool = False,
-    past_the_door: bool = False,
+    any_step: bool = False,
 ) -> Plan:  # fmt: skip
     """The plan of a run with these settings, which are those of `montecarlo.simulate`.
 
@@ -102,7 +102,7 @@ def plan_of(
         Names the setting, its value and the remedy.
     """
     check_settings(
-        scene, paths=paths, impacts=impacts, dt=min(dt, default_step(scene, scheme)) if past_the_door else dt,
+        scene, paths=paths, impacts=impacts, dt=min(dt, default_step(scene, scheme)) if any_step else dt,
         scheme=scheme, rng=rng, workers=workers, step_bias=step_bias,
     )  # fmt: skip
     if control and SCHEMES[scheme].normals < 2:
@@ -111,12 +111,12 @@ def plan_of(
     if two_point and SCHEMES[scheme].normals > 1:
         raise InputError("increments", increments, f"works with the Euler-Maruyama schemes only; scheme = {scheme!r}")
     if choice("device", device, ("cpu", "cuda")) == "cuda":
-        from rattle.montecarlo.cuda.launch import check_card  # nothing of it is loaded before a card is asked for
+        from rattle.montecarlo.cuda.launch import check_gpu  # nothing of it is loaded before a card is asked for
 
         for name, value in (("step_bias", step_bias), ("control", control), ("energy", energy)):
             if value:
                 raise InputError(name, value, "is not computed on a card; leave it out, or use device='cpu'")
-        check_card()
+        check_gpu()
     levels = LEVELS if step_bias else 1
     coarsest = 2 ** (levels - 1)
     dt = float(dt)
@@ -129,14 +129,14 @@ def plan_of(
         scene=scene, paths=computed(scene, paths), impacts=impacts, dt=dt, scheme=scheme,
         seed=rng if isinstance(rng, np.random.SeedSequence) else np.random.SeedSequence(rng),
         most_steps=math.ceil(horizon / (dt * coarsest)) * coarsest,
-        clock_steps=_clock_steps(scene, clock, dt * coarsest, horizon) * coarsest, itineraries=named, levels=levels,
+        fixed_steps=_fixed_steps(scene, times, dt * coarsest, horizon) * coarsest, itineraries=named, levels=levels,
         control=linear_path(scene, impacts, dt) if control and scene.sigma > 0.0 else no_control(), keep=keep,
         two_point=two_point, energy=energy,
     )  # fmt: skip
     step = _noise_free_step(scene, scheme, impacts, dt)
     quiet = plan._replace(
         scene=scene.noise_free, dt=step, most_steps=math.ceil(plan.most_steps * dt / step), paths=1,
-        clock_steps=np.empty(0, np.int64), itineraries={}, levels=1, control=no_control(), two_point=False,
+        fixed_steps=np.empty(0, np.int64), itineraries={}, levels=1, control=no_control(), two_point=False,
         energy=False,
     )  # fmt: skip
     named[NOISE_FREE] = tuple(np.nan_to_num(sample(quiet, 0).rows[0, 0, :, 6]).astype(int).tolist())
@@ -163,16 +163,16 @@ def _horizon(given: float | None, impacts: int, dt: float, scheme: str) -> float
     return given
 
 
-def _clock_steps(scene: Scene, times: Sequence[float] | Floats, dt: float, horizon: float) -> NDArray[np.int64]:
+def _fixed_steps(scene: Scene, times: Sequence[float] | Floats, dt: float, horizon: float) -> NDArray[np.int64]:
     try:
         listed = list(times)
     except TypeError:
-        raise InputError("clock", times, "give a sequence of times") from None
+        raise InputError("times", times, "give a sequence of times") from None
     steps = []
     for t in listed:
-        since = finite("clock", t) - scene.start.tau
+        since = finite("times", t) - scene.start.tau
         if not dt <= since <= horizon:
-            raise InputError("clock", t, f"must lie between {dt:g} and {horizon:g} after the start")
+            raise InputError("times", t, f"must lie between {dt:g} and {horizon:g} after the start")
         steps.append(round(since / dt))
     return np.unique(np.array(steps, dtype=np.int64))
 

@@ -13,7 +13,7 @@ import math
 from dataclasses import replace
 from functools import partial
 
-from rattle.montecarlo.accuracy import LEAST, faint, sampling_error, step_error
+from rattle.montecarlo.accuracy import LEAST, sampling_error, small_noise, step_error
 from rattle.montecarlo.budget import HOUR, Budget, clock, in_words
 from rattle.montecarlo.ensemble import Blocks, extended
 from rattle.montecarlo.kernel.block import BLOCK
@@ -114,7 +114,7 @@ def _followed_up(
     horizon = default_horizon(run.impacts, run.dt * (1 if exact else COARSEST))
     shortest = horizon / MOST_STEPS
     settings = {
-        "scheme": run.scheme, "control": exact and faint(scene), "step_bias": not exact, "progress": progress,
+        "scheme": run.scheme, "control": exact and small_noise(scene), "step_bias": not exact, "progress": progress,
         "horizon": horizon,
     }  # fmt: skip
     began, before = clock(), 0

@@ -6,7 +6,7 @@ Examples
 --------
 >>> import rattle as rt
 >>> scene = rt.Scene.from_gears(rt.DAT21, sigma=0.01)
->>> orbit = rt.mean_map(scene, impacts=2, reading="saltation")
+>>> orbit = rt.mean_map(scene, impacts=2, closure="saltation")
 >>> orbit.section["mesh"].tolist()
 [1, 1]
 """
@@ -15,15 +15,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rattle.closure import READINGS, MeanMap, Orbit, follow, mean_map
+    from rattle.closure import CLOSURES, MeanMap, Orbit, follow, mean_map
     from rattle.compare import Tolerances, Validation, validate
     from rattle.compare.study import Study
     from rattle.montecarlo import SCHEMES, Ensemble, simulate
     from rattle.scene import DAT21, Gears, InputError, RattleError, Scene, Start, Tolerance
 
 __all__ = [
+    "CLOSURES",
     "DAT21",
-    "READINGS",
     "SCHEMES",
     "Ensemble",
     "Gears",
@@ -45,7 +45,7 @@ __all__ = [
 
 _HOMES = {
     "scene": ("DAT21", "Gears", "InputError", "RattleError", "Scene", "Start", "Tolerance"),
-    "closure": ("READINGS", "MeanMap", "Orbit", "follow", "mean_map"),
+    "closure": ("CLOSURES", "MeanMap", "Orbit", "follow", "mean_map"),
     "montecarlo": ("SCHEMES", "Ensemble", "simulate"),
     "compare": ("Tolerances", "Validation", "validate"),
     "compare.study": ("Study",),

@@ -11,7 +11,7 @@ import numpy as np
 
 from rattle.scene.compiled import jit
 
-__all__ = ["Pair", "damped", "decay", "dragged", "pair", "turned"]
+__all__ = ["Pair", "damped", "decay", "pair", "phi1", "phi2"]
 
 SMALL = 0.5  # beta t below which a difference would cancel, and a series is taken
 DRAG_SERIES = np.array([1.0 / math.factorial(k) for k in range(18, 1, -1)])
@@ -19,12 +19,12 @@ DRAG_SERIES = np.array([1.0 / math.factorial(k) for k in range(18, 1, -1)])
 
 
 @jit
-def turned(beta: float, t: float) -> float:
+def phi1(beta: float, t: float) -> float:
     """``E = (1 - exp(-beta t)) / beta``: what a unit speed travels in time t under damping beta.
 
     Examples
     --------
-    >>> turned(0.0, 2.0), turned(1e3, 1e6)
+    >>> phi1(0.0, 2.0), phi1(1e3, 1e6)
     (2.0, 0.001)
     """
     z = beta * t
@@ -41,24 +41,24 @@ def decay(beta: float, t: float) -> float:
 
 @jit
 def damped(beta: float, t: float) -> tuple[float, float]:
-    """`turned` and `decay` together.
+    """`phi1` and `decay` together.
 
     Examples
     --------
     >>> damped(0.0, 2.0)
     (2.0, 1.0)
     """
-    e = turned(beta, t)
+    e = phi1(beta, t)
     return e, (1.0 - beta * e if abs(beta * t) < SMALL else decay(beta, t))
 
 
 @jit
-def dragged(beta: float, t: float) -> float:
+def phi2(beta: float, t: float) -> float:
     """``(t - E) / beta``: what a unit drag travels; by its series where the difference would cancel.
 
     Examples
     --------
-    >>> dragged(0.0, 2.0)
+    >>> phi2(0.0, 2.0)
     2.0
     """
     z = beta * t
@@ -76,11 +76,11 @@ class Pair(NamedTuple):
     Attributes
     ----------
     e1, e2 : float
-        `turned`.
+        `phi1`.
     d1, d2 : float
         `decay`.
     g1, g2 : float
-        `dragged`.
+        `phi2`.
     e12, d12 : float
         ``e1 - e2`` and ``d1 - d2``, to rounding however near both dampings are.
     """
@@ -99,7 +99,7 @@ class Pair(NamedTuple):
 def pair(beta1: float, beta2: float, t: float) -> Pair:
     """All of two dampings.
 
-    For little damping by the series of `dragged`: Horner's scheme for a value and a divided difference, and from these
+    For little damping by the series of `phi2`: Horner's scheme for a value and a divided difference, and from these
     ``E = t - beta (t - E) / beta`` and so on, where nothing cancels.  Else ``d1 - d2`` is ``exp(-beta1 t) (1 - exp(-d
     t))`` with ``d = beta2 - beta1 > 0``, and ``e1 - e2`` is ``(d e1`` less that) over beta2.
 
@@ -124,4 +124,4 @@ def pair(beta1: float, beta2: float, t: float) -> Pair:
     less = -math.exp(-min(beta1, beta2) * t) * math.expm1(-abs(d) * t)
     gone = (abs(d) * (e1 if d > 0.0 else e2) - less) / max(beta1, beta2)
     sign = 1.0 if d > 0.0 else -1.0
-    return Pair(e1, d1, dragged(beta1, t), e2, d2, dragged(beta2, t), sign * gone, sign * less)
+    return Pair(e1, d1, phi2(beta1, t), e2, d2, phi2(beta2, t), sign * gone, sign * less)

@@ -11,21 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.scene.compiled import jit
-from rattle.scene.damping import Pair, decay, dragged, pair, turned
+from rattle.scene.damping import Pair, decay, pair, phi1, phi2
 from rattle.scene.scene import Constants
 
 __all__ = [
     "decay",
     "displacement",
-    "dragged",
     "field",
     "field_rate",
     "flow",
     "jacobian",
     "noise_covariance",
     "noise_rate",
+    "phi1",
+    "phi2",
     "system_matrix",
-    "turned",
     "wheel_speeds",
 ]
 

@@ -124,7 +124,7 @@ def _say() -> None:
 
 
 class Sealed(NUMBAS_FILES):  # type: ignore[misc]
-    """Numba's index and machine code of a function, with a digest at their ends, which its own reading passes over."""
+    """Numba's index and machine code of a function, with a digest at their ends, which its own closure passes over."""
 
     @contextmanager
     def _open_for_write(self, filepath: str) -> Iterator[io.BytesIO]:

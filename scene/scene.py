@@ -20,7 +20,7 @@ __all__ = ["Constants", "Scene", "Start", "Tolerance"]
 Times = TypeVar("Times", float, NDArray[np.float64])
 Part = TypeVar("Part")
 
-CUT = 2.0  # standard deviations of the normal law at which c_max truncates it
+CUT = 2.0  # standard deviations of the normal distribution at which c_max truncates it
 _edge = math.exp(-0.5 * CUT**2) / math.sqrt(2.0 * math.pi)
 UNIT_VARIANCE = {
     "fixed": 0.0,
@@ -64,7 +64,7 @@ class Tolerance:
     ----------
     c1_max, c2_max : float
         Largest deviation at each mesh; below the half gap, and 0 or at least 1e-30.
-    law : {"uniform", "fixed", "normal"}
+    distribution : {"uniform", "fixed", "normal"}
         ``fixed`` puts every gap at ``+c_max``; ``uniform`` on ``[-c_max, c_max]``; ``normal`` with
         standard deviation ``c_max / 2``, truncated at ``c_max``.
     draw : {"path", "contact"}
@@ -78,26 +78,26 @@ class Tolerance:
 
     Examples
     --------
-    >>> Tolerance(0.01, 0.02, law="normal").draw
+    >>> Tolerance(0.01, 0.02, distribution="normal").draw
     'path'
     """
 
     c1_max: float = 0.0
     c2_max: float = 0.0
-    law: str = "uniform"
+    distribution: str = "uniform"
     draw: str = "path"
 
     def __post_init__(self) -> None:
         for name in ("c1_max", "c2_max"):
             object.__setattr__(self, name, finite(f"tolerance.{name}", getattr(self, name)))
             ranged(f"tolerance.{name}", non_negative(f"tolerance.{name}", getattr(self, name)), TINY, GAPS[1])
-        choice("tolerance.law", self.law, UNIT_VARIANCE)
+        choice("tolerance.distribution", self.distribution, UNIT_VARIANCE)
         choice("tolerance.draw", self.draw, DRAWS)
 
     @property
     def variances(self) -> tuple[float, float]:
         """Variances of ``c_1`` and ``c_2``."""
-        return self.c1_max**2 * UNIT_VARIANCE[self.law], self.c2_max**2 * UNIT_VARIANCE[self.law]
+        return self.c1_max**2 * UNIT_VARIANCE[self.distribution], self.c2_max**2 * UNIT_VARIANCE[self.distribution]
 
 
 @dataclass(frozen=True)
@@ -306,38 +306,38 @@ class Scene:
         return tau if abs(tau) <= math.pi else math.atan2(math.sin(tau), math.cos(tau))
 
     @property
-    def near(self) -> "Scene":
+    def phase_reduced(self) -> "Scene":
         """The same scene begun at its `phase`: it differs by a whole number of periods, so by nothing but its clock."""
         if self.phase == self.start.tau:
             return self
         return _as_given(self, start=_as_given(self.start, tau=self.phase))
 
-    def stated(self, time: Times) -> Times:
+    def to_absolute_time(self, time: Times) -> Times:
         """A time as it is stated in tables, from one that an engine counts: as exact as a float can hold it.
 
         Examples
         --------
         >>> from rattle.scene import DAT21
         >>> s = Scene.from_gears(DAT21, start=Start(1e12, 0.5, 2.0, 0.5, 2.0, mesh=1))
-        >>> s.stated(s.phase + 0.25), s.counted(1e12 + 0.25) == s.phase + 0.25
+        >>> s.to_absolute_time(s.phase + 0.25), s.to_local_time(1e12 + 0.25) == s.phase + 0.25
         (1000000000000.25, True)
         """
         return time if self.phase == self.start.tau else self.start.tau + (time - self.phase)
 
-    def counted(self, time: Times) -> Times:
+    def to_local_time(self, time: Times) -> Times:
         """A time as engines count it, from one as it is stated."""
         return time if self.phase == self.start.tau else self.phase + (time - self.start.tau)
 
     @property
     def noise_free(self) -> "Scene":
         """The same scene without noise and without random tolerance: its deterministic orbit."""
-        tolerance = self.tolerance if self.tolerance is not None and self.tolerance.law == "fixed" else None
+        tolerance = self.tolerance if self.tolerance is not None and self.tolerance.distribution == "fixed" else None
         return _as_given(self, sigma=0.0, tolerance=tolerance)
 
     @property
     def constants(self) -> Constants:
         """The numbers that compiled code needs."""
-        fixed = self.tolerance is not None and self.tolerance.law == "fixed"
+        fixed = self.tolerance is not None and self.tolerance.distribution == "fixed"
         wall1, wall2 = self.windows if fixed else (self.gap1, self.gap2)
         beta2, gamma2, mu = (self.beta2, self.gamma2, self.mu) if self.stages == 2 else (0.0, 0.0, 0.0)
         return Constants(

@@ -31,7 +31,7 @@ NOT_RUN = {
 """Shell examples that no test can run, and why."""
 
 APPENDED = {
-    "validate": "--paths 600 --frontier 0.01:0.02:2 --frontier-paths 600",
+    "validate": "--paths 600 --validity 0.01:0.02:2 --validity-paths 600",
     "chaos": "--points 2000 --impacts 40000 --events 300 --width 0.2 --no-sweep",
 }
 """Options that a test appends to a command for less work; the last of an option's values holds."""
@@ -58,16 +58,16 @@ def rattle(*words):
 
 
 def test_the_worked_example_prints_what_it_says():
-    code, printed = re.search(r"```python\n(.*?)```.*?```\n(.*?)```", TEXT, re.DOTALL).groups()
+    code, published = re.search(r"```python\n(.*?)```.*?```\n(.*?)```", TEXT, re.DOTALL).groups()
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert out.split() == printed.split()
+    assert out.split() == published.split()
 
 
 def test_the_orbit_with_rests_prints_what_it_says():
     section = TEXT.split("## Numerical stability")[1]
-    code, printed = re.search(r"```python\n(.*?)```.*?```\n(.*?)```", section, re.DOTALL).groups()
+    code, published = re.search(r"```python\n(.*?)```.*?```\n(.*?)```", section, re.DOTALL).groups()
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert out.split() == printed.split()
+    assert out.split() == published.split()
 
 
 def test_the_committed_study_loads_as_it_says(monkeypatch):
@@ -75,7 +75,7 @@ def test_the_committed_study_loads_as_it_says(monkeypatch):
     monkeypatch.chdir(README.parent)
     found = {}
     exec(code, found)
-    assert len(found["results"].errors) == 24 * 4 * 12 * 2 * 6  # sigma, reading, impact, moment, quantity
+    assert len(found["results"].errors) == 24 * 4 * 12 * 2 * 6  # sigma, closure, impact, moment, quantity
 
 
 def test_pictures_and_links_exist():

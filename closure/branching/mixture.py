@@ -8,7 +8,7 @@ from rattle.closure.flanks import PLAIN
 from rattle.closure.orbit import Floats, Ints
 from rattle.scene.compiled import jit
 
-__all__ = ["Mixture", "empty", "gather", "moments"]
+__all__ = ["Mixture", "empty", "moments", "reduce"]
 
 
 class Mixture(NamedTuple):
@@ -48,7 +48,7 @@ def _spread(parts: Mixture, members: Ints, axis: Floats, centre: Floats) -> floa
 
 
 @jit
-def gather(parts: Mixture, count: int, most: int, out: Mixture) -> int:
+def reduce(parts: Mixture, count: int, most: int, out: Mixture) -> int:
     """Merge parts of one label that lie together until at most `most` are left; moments are kept.
 
     From the top: the group whose means are spread widest, by weight, is divided across its main axis, until there

@@ -15,7 +15,7 @@ from rattle.scene.compiled import jit, spliced
 from rattle.scene.flight import field, jacobian
 from rattle.scene.scene import Constants
 
-__all__ = ["Landing", "lead"]
+__all__ = ["Landing", "propagate"]
 
 STRAIGHT = 0.1  # second-order sd, as a share of the first-order one, from which two points replace the expansion
 GRAZE = 2.0  # slowest impact that derivatives are taken at, in speeds that the spread of a Gaussian makes at a graze
@@ -86,7 +86,7 @@ def _trace(square: Floats) -> float:
 
 
 @jit
-def lead(c: Constants, centre: Floats, axes: Floats, to: Landing, at: int, before: Floats) -> tuple[float, Floats]:
+def propagate(c: Constants, centre: Floats, axes: Floats, to: Landing, at: int, before: Floats) -> tuple[float, Floats]:
     """Carry a Gaussian to its next event; the result goes to place `at`.
 
     Parameters

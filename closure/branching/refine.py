@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rattle.closure.branching.mixture import Mixture, empty
-from rattle.closure.branching.propagate import Landing, lead
+from rattle.closure.branching.propagate import Landing, propagate
 from rattle.closure.branching.split import THIRD_CENTRE, THIRD_WEIGHT, THIRD_WIDTH, cut_plane, event, half, root
 from rattle.closure.flanks import PLAIN
 from rattle.closure.orbit import Floats, Ints
@@ -21,7 +21,7 @@ from rattle.scene.compiled import jit, spliced
 from rattle.scene.flight import jacobian, noise_covariance
 from rattle.scene.scene import Constants
 
-__all__ = ["Workbench", "fly", "workbench"]
+__all__ = ["Workbench", "buffers", "fly"]
 
 NEGLIGIBLE = 1e-6  # weight that may lie beyond a boundary without being looked for
 LIGHT = 1e-4  # weight of a part from which boundaries are looked for
@@ -37,7 +37,7 @@ class Workbench(NamedTuple):
     """Parts at the start of a flight, noise included; part i lands at places 2 i and, where it is halved, 2 i + 1."""
 
     start: Mixture
-    landing: Landing
+    image: Landing
     ignored: Ints  # bit mask of events that were cut off
     error: Floats  # by weight
     axis: Floats  # one sd across the cut
@@ -45,11 +45,11 @@ class Workbench(NamedTuple):
     beyond: Ints  # the event there
 
 
-def workbench(size: int, d: int = PLAIN) -> Workbench:
+def buffers(size: int, d: int = PLAIN) -> Workbench:
     """Room for `size` parts over d quantities."""
-    landing = Landing(empty(2 * size, d), np.zeros((2 * size, 2)))
+    image = Landing(empty(2 * size, d), np.zeros((2 * size, 2)))
     return Workbench(
-        empty(size, d), landing, np.zeros(size, np.int64), np.zeros(size), np.zeros((size, d)), np.zeros(size),
+        empty(size, d), image, np.zeros(size, np.int64), np.zeros(size), np.zeros((size, d)), np.zeros(size),
         np.zeros(size, np.int64),
     )  # fmt: skip
 
@@ -76,7 +76,7 @@ def _examine(c: Constants, b: Workbench, i: int, before: Floats) -> None:
     Its error is what that cut is worth.
     """
     w, centre = b.start.weight[i], b.start.mean[i]
-    b.landing.section.weight[2 * i], b.landing.section.weight[2 * i + 1] = w, 0.0
+    b.image.section.weight[2 * i], b.image.section.weight[2 * i + 1] = w, 0.0
     b.error[i], b.depth[i] = 0.0, 0.0
     rank, full = root(b.start.covariance[i])
     axes = block(full, centre.size, 0, rank)
@@ -98,9 +98,9 @@ def _examine(c: Constants, b: Workbench, i: int, before: Floats) -> None:
     for k in range(pieces):
         share, rate, variance = half(depth, k == 0) if pieces == 2 else (1.0, 0.0, 1.0)
         narrow = math.sqrt(variance)
-        b.landing.section.weight[2 * i + k] = w * share
+        b.image.section.weight[2 * i + k] = w * share
         at, across = (beyond(centre, rate, axes @ n), _across(axes, n, narrow)) if pieces == 2 else (centre, axes)
-        bend, u = lead(c, at, across, b.landing, 2 * i + k, before)
+        bend, u = propagate(c, at, across, b.image, 2 * i + k, before)
         if b.depth[i] > 0.0:
             return
         error = _bend_error(w * share, bend)
@@ -126,7 +126,7 @@ def _cut(b: Workbench, i: int, count: int) -> int:
     parts, v = b.start, b.axis[i].copy()
     w, centre, sigma = parts.weight[i], parts.mean[i].copy(), parts.covariance[i].copy()
     pieces = 2 if b.depth[i] > 0.0 else 3
-    code = b.landing.section.label[2 * i]
+    code = b.image.section.label[2 * i]
     for k in range(pieces):
         at = i if k == 0 else count + k - 1
         if pieces == 2:

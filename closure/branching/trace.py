@@ -1,6 +1,6 @@
 """The closure beyond one itinerary: a Gaussian mixture whose parts go on along their own impacts.
 
-A part is a weight and a Gaussian of the section state after an impact, as in the saltation reading.  The noise of the
+A part is a weight and a Gaussian of the section state after an impact, as in the saltation closure.  The noise of the
 next flight is put at its start, so that the next event is a function of a point in five dimensions; in nine where
 flanks are random, whose laws are Gaussians here, or a few of them (`rattle.closure.flanks`).  Parts are cut where the
 next event changes or the section map bends (`rattle.closure.branching.refine`), carried to the event
@@ -13,9 +13,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from rattle.closure.branching.mixture import Mixture, empty, gather, moments
+from rattle.closure.branching.mixture import Mixture, empty, moments, reduce
 from rattle.closure.branching.propagate import Landing
-from rattle.closure.branching.refine import fly, workbench
+from rattle.closure.branching.refine import buffers, fly
 from rattle.closure.flanks import PLAIN, column, forget, random_tolerance, start_pieces
 from rattle.closure.moments import Trace
 from rattle.closure.orbit import Floats, follow
@@ -32,14 +32,14 @@ ON_ORBIT = 10  # added to the label of a part whose itinerary is the orbit's
 
 @jit
 def _strike(
-    c: Constants, redrawn: Floats, start: Mixture, landing: Landing, count: int, own: int, after: Mixture
+    c: Constants, redrawn: Floats, start: Mixture, image: Landing, count: int, own: int, after: Mixture
 ) -> tuple[int, float]:
     """The impact of all that has landed, packed to the front; also the weight that met no wall.
 
     The labels of `after` tell the event, and whether the itinerary is still the orbit's, whose event is `own`.
     `redrawn` has the variances of the deviations of +1, -1, +2, -2 that contacts draw anew; it is empty if none are.
     """
-    section, flight = landing.section, landing.flight
+    section, flight = image.section, image.flight
     kept, lost = 0, 0.0
     for i in range(2 * count):
         w, code = section.weight[i], section.label[i]
@@ -80,13 +80,13 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
 
 
 def _trace(scene: Scene, impacts: int, order: int) -> Trace:
-    c, orbit = scene.constants, follow(scene, impacts).until_rest
+    c, orbit = scene.constants, follow(scene, impacts).until_sticking
     tolerance = random_tolerance(scene)
     redrawn = np.repeat(tolerance.variances, 2) if tolerance and tolerance.draw == "contact" else np.zeros(0)
     first = start_pieces(scene)
     live, d = first.mean.shape
-    b, after = workbench(MOST_CUT, d), empty(2 * MOST_CUT, d)
-    section, flight = b.landing.section, b.landing.flight
+    b, after = buffers(MOST_CUT, d), empty(2 * MOST_CUT, d)
+    section, flight = b.image.section, b.image.flight
     b.start.weight[:live], b.start.label[:live] = first.weight, ON_ORBIT
     b.start.mean[:live] = first.mean
     b.start.mean[:live, :PLAIN] += np.array([orbit.tau[0], *orbit.after[0]])
@@ -104,7 +104,7 @@ def _trace(scene: Scene, impacts: int, order: int) -> Trace:
     for k in range(1, impacts + 1):
         own = int(orbit.mesh[k] * orbit.side[k])
         flown, damped = fly(c, live, b)
-        count, gone = _strike(c, redrawn, b.start, b.landing, flown, own, after)
+        count, gone = _strike(c, redrawn, b.start, b.image, flown, own, after)
         lost += gone + damped
         if count == 0 or lost > 0.5:
             found = k - 1
@@ -119,7 +119,7 @@ def _trace(scene: Scene, impacts: int, order: int) -> Trace:
         code = max((-2, -1, 1, 2), key=lambda a: w[section.label[:count] == a].sum())
         mesh[k], side[k] = abs(code), np.sign(code)
         agreement[k], lost_at[k] = w[after.label[:count] > 2].sum(), lost
-        live = gather(after, count, MOST_PARTS, b.start)
+        live = reduce(after, count, MOST_PARTS, b.start)
 
     def at(time: float) -> tuple[Floats, Floats]:
         return np.full(4, np.nan), np.full((4, 4), np.nan)  # the parts are at different impacts at one time

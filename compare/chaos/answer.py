@@ -24,16 +24,16 @@ def _exponents(e: Exponents, name: str) -> str:
 def _maps(maps: pd.DataFrame) -> str:
     words = []
     for _, row in maps.iterrows():
-        if row["reading"] == "printed":
+        if row["closure"] == "published":
             broken = (
                 "" if np.isnan(row["not_realizable"]) else f"is not realizable from impact {row['not_realizable']:g}"
             )
             ended = f"ends at impact {row['ends']:g}" if row["ends"] < row["followed"] else "goes on"
-            words.append(f"`printed` {broken}, {ended} and has no exponents")
+            words.append(f"`published` {broken}, {ended} and has no exponents")
         elif np.isfinite(row["blind"]):
-            words.append(f"`{row['reading']}` has the orbit's, and is blind from impact {row['blind']:g}")
+            words.append(f"`{row['closure']}` has the orbit's, and is blind from impact {row['blind']:g}")
         else:
-            words.append(f"`{row['reading']}` has the orbit's")
+            words.append(f"`{row['closure']}` has the orbit's")
     return f"Mean maps: {'; '.join(words)}."
 
 

@@ -126,8 +126,8 @@ def _lines(ax: Axes, table: pd.DataFrame, field: str) -> None:
         ax.fill_between(x, rows["low"], rows["high"], color=colour, alpha=0.3, lw=0)
         ax.plot(x, rows["largest"], color=colour, lw=1.2, label=of)
         if of == ORBIT:
-            resting = (rows["regime"] == "rests").to_numpy()
-            _mark_rests(ax, x, resting)
+            sticking_sides = (rows["regime"] == "rests").to_numpy()
+            _mark_sticking(ax, x, sticking_sides)
             at_times = (rows["regime"] == "rests at times").to_numpy()
             ax.plot(
                 x[at_times], rows["largest"].to_numpy()[at_times], ls="none", marker="o", ms=3.5, mfc="none",
@@ -136,9 +136,9 @@ def _lines(ax: Axes, table: pd.DataFrame, field: str) -> None:
     ax.axhline(0.0, color="k", lw=0.8)
 
 
-def _mark_rests(ax: Axes, x: Floats, resting: NDArray[np.bool_]) -> None:
+def _mark_sticking(ax: Axes, x: Floats, sticking_sides: NDArray[np.bool_]) -> None:
     half = 0.5 * float(np.diff(x).min()) if x.size > 1 else 0.5
-    for n, value in enumerate(x[resting]):
+    for n, value in enumerate(x[sticking_sides]):
         ax.axvspan(value - half, value + half, label="orbit rests" if n == 0 else None, **RESTING)
 
 
@@ -167,7 +167,7 @@ def bifurcation_figure(b: Bifurcation, table: pd.DataFrame | None = None) -> Fig
         share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
         _density(ax, x, b.edges, share, float(share.max()))
         rests = b.regime[(b.regime["side"] == side) & b.regime["regime"].isin(["rests", "silent"])]
-        _mark_rests(ax, b.at, np.isin(b.at, rests["value"]))
+        _mark_sticking(ax, b.at, np.isin(b.at, rests["value"]))
         ax.set_title(side, loc="left", color=SIDE[side]["color"], fontweight="bold")
         ax.set_ylabel(label, fontsize=8)
         ax.set_xlim(x[0], x[-1])

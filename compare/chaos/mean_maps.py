@@ -1,8 +1,8 @@
-"""What each reading of the closure iterates, how long it survives as a map, and whose exponents it has.
+"""What each closure iterates, how long it survives as a map, and whose exponents it has.
 
-`mended`, `saltation` and `branching` hang moments on the orbit: the orbit feeds the moments and is not fed by them.
+`corrected`, `saltation` and `branching` hang moments on the orbit: the orbit feeds the moments and is not fed by them.
 Such a map is triangular, so its exponents are the orbit's own, and those of the moments along the orbit beside
-them.  Only `printed` feeds its shifts back into the next impact.
+them.  Only `published` feeds its shifts back into the next impact.
 """
 
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from rattle.closure import mean_map, readings_for
+from rattle.closure import closures_for, mean_map
 from rattle.closure.long_orbit import LongOrbit
 from rattle.compare.chaos.exponents import Exponents, lyapunov
 from rattle.scene.scene import Scene
@@ -23,7 +23,7 @@ BLIND = 1.0  # of the orbit's own spread: an sd of y1 beyond says nothing any mo
 
 
 class MapOf(NamedTuple):
-    """What a reading iterates.
+    """What a closure iterates.
 
     Attributes
     ----------
@@ -41,8 +41,8 @@ class MapOf(NamedTuple):
 
 
 MAPS = {
-    "printed": MapOf("Eq. 22: means and shifts to means, with its own next impact", True, "not realizable"),
-    "mended": MapOf(
+    "published": MapOf("Eq. 22: means and shifts to means, with its own next impact", True, "not realizable"),
+    "corrected": MapOf(
         "the orbit, its means shifted by the windows of Eqs. 20 and 21", False,
         "0: contact laws at one instant leave a displacement as it is, so its variance grows by what noise adds",
     ),
@@ -57,7 +57,7 @@ MAPS = {
 
 
 def mean_maps(scene: Scene, orbit: Exponents | None = None) -> pd.DataFrame:
-    """How each reading fares as an iterated map.
+    """How each closure fares as an iterated map.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def mean_maps(scene: Scene, orbit: Exponents | None = None) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Columns: ``reading, map, exponents`` (whose the exponents of its means are), ``largest, low, high``,
+        Columns: ``closure, map, exponents`` (whose the exponents of its means are), ``largest, low, high``,
         ``moments, not_realizable`` (the first impact at which its moments belong to no distribution), ``leaves_gap``
         (the first impact whose mean lies beyond a wall), ``blind`` (the first impact at which its sd of y1 exceeds
         that of the orbit's own values), ``ends`` (impacts that could be evaluated) and ``followed`` (asked for).
@@ -77,25 +77,25 @@ def mean_maps(scene: Scene, orbit: Exponents | None = None) -> pd.DataFrame:
     Examples
     --------
     >>> from rattle.scene import DAT21
-    >>> maps = mean_maps(Scene.from_gears(DAT21, sigma=1.5**0.5)).set_index("reading")
-    >>> int(maps["not_realizable"]["printed"]), maps["exponents"]["mended"]
+    >>> maps = mean_maps(Scene.from_gears(DAT21, sigma=1.5**0.5)).set_index("closure")
+    >>> int(maps["not_realizable"]["published"]), maps["exponents"]["corrected"]
     (2, "the orbit's")
     """
     found = orbit or lyapunov(scene)
     spread = float(np.std(LongOrbit(scene).stretch(SPREAD, tangent=False).before[:, 1]))
     value, low, high = found.largest
     rows = []
-    for reading in readings_for(scene):
-        kind = MAPS[reading]
-        row: dict[str, object] = {"reading": reading, "map": kind.map, "moments": kind.moments}
+    for closure in closures_for(scene):
+        kind = MAPS[closure]
+        row: dict[str, object] = {"closure": closure, "map": kind.map, "moments": kind.moments}
         row |= {"largest": np.nan, "low": np.nan, "high": np.nan}
         row["exponents"] = "none: it ends before it has any" if kind.own else "the orbit's"
         if not kind.own:
             row |= {"largest": value, "low": low, "high": high}
-        if reading == "branching":  # its cost grows with every impact, and its means mix parts on different orbits
+        if closure == "branching":  # its cost grows with every impact, and its means mix parts on different orbits
             rows.append(row | {"exponents": "each part has the orbit's", "followed": 0})
             continue
-        m = mean_map(scene, impacts=FOLLOWED, reading=reading, order=4)
+        m = mean_map(scene, impacts=FOLLOWED, closure=closure, order=4)
         t, ends = m.trace, m.trace.found
         walls = np.array(scene.windows)[: scene.stages] * (1.0 + 1e-9)
         beyond = (np.abs(t.mean[1 : ends + 1, : 2 * scene.stages : 2]) > walls).any(axis=1)
@@ -108,7 +108,7 @@ def mean_maps(scene: Scene, orbit: Exponents | None = None) -> pd.DataFrame:
         }  # fmt: skip
         rows.append(row)
     columns = [
-        "reading", "map", "exponents", "largest", "low", "high", "moments", "not_realizable", "leaves_gap", "blind",
+        "closure", "map", "exponents", "largest", "low", "high", "moments", "not_realizable", "leaves_gap", "blind",
         "ends", "followed",
     ]  # fmt: skip
     return pd.DataFrame(rows).reindex(columns=columns)

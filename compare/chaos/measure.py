@@ -70,7 +70,7 @@ class ChaosStudy:
             self.orbit, self.drift, self.maps, self.law, self.law_missing, self.finite_size,
             spectra_tables(self.spectra)[2], self.field, self.sweep,
         )  # fmt: skip
-        return said + left_out(self.scene, list(self.maps["reading"]))
+        return said + left_out(self.scene, list(self.maps["closure"]))
 
     def tables(self) -> dict[str, pd.DataFrame]:
         """Tidy tables by name: exponents, mean_maps, sections, spectra, lines, spectra_summary, fsle, sqrt_law, ..."""

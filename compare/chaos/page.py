@@ -41,8 +41,8 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
     figures = {name: Figure(f"{name}.svg", FIGURES[name], FIGURES[name]) for name in drawn}
     shown = ["of", "exponent", "value", "low", "high", "rate", "sum_error", "impacts", "reason"]
     exponents = table_of(tables["exponents"][shown], ("of", "reason"))
-    shown = ["reading", "map", "exponents", "not_realizable", "ends", "moments"]
-    maps = table_of(tables["mean_maps"][shown], ("reading", "map", "exponents", "moments"))
+    shown = ["closure", "map", "exponents", "not_realizable", "ends", "moments"]
+    maps = table_of(tables["mean_maps"][shown], ("closure", "map", "exponents", "moments"))
     parts = [
         Section(
             "Lyapunov exponents",
@@ -50,7 +50,7 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
                 Text("Per unit of dimensionless time, by orthonormal frames, with 95 % intervals of batch means. "
                      "`sum_error` is what their sum misses of -(beta1 + beta2) + rate 2 ln epsilon.", True),
                 exponents,
-                Text("The mean maps: what each reading iterates, and whose exponents its means have.", True),
+                Text("The mean maps: what each closure iterates, and whose exponents its means have.", True),
                 maps,
             ),
         ),

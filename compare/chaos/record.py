@@ -36,11 +36,11 @@ class Regime:
         Recorded, after transients and without what leads to a rest.
     launched : int
         All impacts that were computed.
-    starts, rests : int
-        Starts, and how many of them ended at rest.
+    starts, stuck : int
+        Starts, and how many of them ended sticking for good.
     silent : bool
         Whether an orbit ended without a next impact.
-    held : int
+    sticking_steps : int
         Steps of a noisy path in which it was held at a wall.
     gave_up : bool
         Whether the record was given up because next to nothing of it was of use.
@@ -51,9 +51,9 @@ class Regime:
     impacts: int = 0
     launched: int = 0
     starts: int = 0
-    rests: int = 0
+    stuck: int = 0
     silent: bool = False
-    held: int = 0
+    sticking_steps: int = 0
     gave_up: bool = False
     transient: int = 0
 
@@ -64,12 +64,12 @@ class Regime:
             return "silent"
         if self.gave_up:
             return "rests"
-        return "rests at times" if self.rests else "runs"
+        return "rests at times" if self.stuck else "runs"
 
     @property
     def reason(self) -> str:
         """The same as a sentence."""
-        life = f"{self.launched / max(self.rests, 1):,.0f} impacts"
+        life = f"{self.launched / max(self.stuck, 1):,.0f} impacts"
         settled = f", the first {self.transient:,} of them another motion" if self.transient else ""
         return {
             "runs": f"ran through all {self.launched:,} impacts{settled}",
@@ -136,7 +136,7 @@ def orbit_record(scene: Scene, impacts: int, regime: Regime, *, tangent: bool = 
             regime.impacts += s.flight.size
             if s.flight.size:
                 yield s
-        regime.rests += orbit.ended < 0
+        regime.stuck += orbit.ended < 0
         if orbit.ended == NONE:
             regime.silent = True
             return
@@ -184,7 +184,7 @@ def noisy_record(
         done += walker.steps - before
         regime.launched += s.flight.size
         regime.impacts += s.flight.size
-        regime.held = walker.held
+        regime.sticking_steps = walker.sticking_steps
         if s.flight.size == 0:
             regime.silent = True
             return

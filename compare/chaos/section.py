@@ -23,7 +23,7 @@ __all__ = ["MAP", "NOISY", "ORBIT", "Section", "frame", "orbit_section", "sectio
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-ORBIT, MAP, NOISY = "orbit", "mean map (mended)", "noisy system"
+ORBIT, MAP, NOISY = "orbit", "mean map (corrected)", "noisy system"
 BINS = 300  # along either axis
 PILOT = 20_000  # points that set the axes
 PARTS = 8  # noisy paths among which the points are shared; a section does not depend on the workers
@@ -38,7 +38,7 @@ class Section:
     Attributes
     ----------
     side : str
-        ``orbit``, ``mean map (mended)`` or ``noisy system``.
+        ``orbit``, ``mean map (corrected)`` or ``noisy system``.
     flight, velocity : ndarray
         Edges of the bins.
     counts : ndarray of int, shape (stages, flights, velocities)
@@ -163,13 +163,13 @@ def _noisy_section(scene: Scene, points: int, edges: tuple[Floats, Floats], seed
     with ThreadPoolExecutor(workers) as pool:
         for counter, regime in pool.map(part, range(PARTS)):
             whole.join(counter)
-            held, launched = held + regime.held, launched + regime.launched
+            held, launched = held + regime.sticking_steps, launched + regime.launched
     return whole.section(NOISY, f"{PARTS} paths with {launched:,} impacts, {held} steps held at a wall")
 
 
 def _map_section(scene: Scene, edges: tuple[Floats, Floats]) -> Section:
-    """The section of the mended mean map, whose moments go with the orbit from its start on."""
-    t = mean_map(scene, impacts=MAPPED, reading="mended").trace
+    """The section of the corrected mean map, whose moments go with the orbit from its start on."""
+    t = mean_map(scene, impacts=MAPPED, closure="corrected").trace
     counter = _Counter(edges, scene.stages)
     counter.add(np.diff(t.tau[: t.found + 1]), t.mean[1 : t.found + 1])
     return counter.section(MAP, t.stopped or f"followed through {MAPPED:,} impacts from the start")

@@ -22,7 +22,7 @@ __all__ = ["ALPHAS", "FIELDS", "crossings", "paper_noise", "signs", "sweep", "va
 
 ALPHAS = "0.05:2.5:100"
 FIELDS = ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1", "gap2", "sigma")
-PRINTED = 30  # impacts through which the printed map is followed at each value
+PUBLISHED = 30  # impacts through which the published map is followed at each value
 
 
 def values(name: str, text: str) -> tuple[float, ...]:
@@ -86,15 +86,15 @@ def _row(name: str, job: _Job, e: Exponents) -> dict[str, object]:
 
 def _at(name: str, job: _Job) -> list[dict[str, object]]:
     orbit = lyapunov(job.scene, width=job.width, strict=False)
-    rows = [_row(name, job, orbit), _row(name, job, orbit) | {"of": "mean map (mended, saltation)"}]
+    rows = [_row(name, job, orbit), _row(name, job, orbit) | {"of": "mean map (corrected, saltation)"}]
     rows.append(_row(name, job, drift_exponents(job.scene, width=job.width, strict=False, seed=job.seed)))
     if job.scene.start.mesh == 1 and job.scene.sigma > 0.0:
-        m = mean_map(job.scene, impacts=PRINTED, reading="printed")
+        m = mean_map(job.scene, impacts=PUBLISHED, closure="published")
         how = f"not realizable from impact {m.breakdown.impact}" if m.breakdown else "realizable throughout"
         empty = dict.fromkeys(("largest", "low", "high", "rate", "sum_error"), np.nan)
         rows.append({
-            name: job.value, "of": "mean map (printed)", **empty, "impacts": m.trace.found, "regime": "breaks down",
-            "reason": f"{how}; {m.stopped or f'followed through {PRINTED} impacts'}",
+            name: job.value, "of": "mean map (published)", **empty, "impacts": m.trace.found, "regime": "breaks down",
+            "reason": f"{how}; {m.stopped or f'followed through {PUBLISHED} impacts'}",
         })  # fmt: skip
     return rows
 

@@ -81,7 +81,7 @@ def gather(
     open_space = replace(scene, gap1=1e6, gap2=1e6, tolerance=None, start=Start(0.3, 0.1, -0.4, -0.2, 0.5))
     flight = simulate(
         open_space, paths=paths, impacts=1, dt=STEP, scheme="euler-maruyama", rng=seed, workers=workers, step_bias=True,
-        clock=open_space.start.tau + FLIGHTS, horizon=float(FLIGHTS[-1]) + 1.0,
+        times=open_space.start.tau + FLIGHTS, horizon=float(FLIGHTS[-1]) + 1.0,
     )  # fmt: skip
     chaos = study(
         scene, at=at, noise=paper_noise, points=points, impacts=spectrum_impacts, events=events, seed=seed,

@@ -5,8 +5,8 @@ import numpy as np
 from rattle.compare.claims.claim import HOLDS_ONLY, NOT_REPRODUCED, REPRODUCED, UNDECIDED, Claim
 from rattle.compare.claims.evidence import Evidence
 from rattle.compare.validation.correlation import SIMULATED, first_failure
-from rattle.compare.validation.frontier import judged_rows
 from rattle.compare.validation.validate import Validation
+from rattle.compare.validation.validity import judged_rows
 from rattle.compare.validation.verdict import widest
 from rattle.scene.flight import noise_covariance
 from rattle.scene.moments import correlation
@@ -21,23 +21,23 @@ def _at(v: Validation) -> str:
 def solvable(e: Evidence) -> Claim:
     """Section 3: the flight's equation cannot be solved exactly."""
     c, tau = e.open_space.constants, e.open_space.start.tau
-    clock = e.flight.clock()
+    fixed = e.flight.at_times()
     worst = 0.0
-    for time, row in clock.iterrows():
+    for time, row in fixed.iterrows():
         q = noise_covariance(c, tau, float(time) - tau)  # type: ignore[arg-type]
         for stage in (1, 2):
             j = 2 * stage - 2
             rho, rest = row[f"rho{stage}"], abs(row[f"coarse_rho{stage}"] - row[f"rho{stage}"])
             away = abs(np.arctanh(rho) - np.arctanh(correlation(q[j : j + 2, j : j + 2])))
             worst = max(worst, float((away - rest / (1.0 - rho**2)) / row[f"se_z_rho{stage}"]))
-    allowed = widest(2 * len(clock))
+    allowed = widest(2 * len(fixed))
     return Claim(
         "An exact solution",
         "section 3, below Eq. 9",
         "Eq. 8 is a non-linear stochastic differential equation whose exact solution cannot be solved.",
         "In flight Eq. 8 is linear in the state and its noise does not depend on it, so the state is Gaussian with the "
         "covariance of a linear equation. Correlations of simulated flights without walls must agree with it.",
-        f"{e.flight.paths:,} paths, {len(clock)} instants, both stages: at most {worst:.1f} standard errors off beyond "
+        f"{e.flight.paths:,} paths, {len(fixed)} instants, both stages: at most {worst:.1f} standard errors off beyond "
         f"the measured step bias, {allowed:.1f} allowed.",
         NOT_REPRODUCED if worst <= allowed else UNDECIDED,
     )  # fmt: skip
@@ -47,23 +47,23 @@ def beyond_one(e: Evidence) -> Claim:
     """Section 3: the correlation exceeds 1, so the distribution is not Gaussian."""
     found = []
     for v in e.validations:
-        simulated = float(v.correlation[v.correlation["reading"] == SIMULATED]["rho"].abs().max())
-        mended = float(v.correlation[v.correlation["reading"] == "mended"]["rho"].abs().max())
-        failed = first_failure(v.correlation, "printed")
-        printed = f"printed fails at impact {failed[0]} ({failed[2]})" if failed else "printed does not fail"
-        text = f"{_at(v)}: {printed}, mended ≤ {mended:.4f}, simulation ≤ {simulated:.4f}"
-        found.append((simulated, mended, text))
-    only_printed = all(s <= 1.0 and m <= 1.0 for s, m, _ in found)
+        simulated = float(v.correlation[v.correlation["closure"] == SIMULATED]["rho"].abs().max())
+        corrected = float(v.correlation[v.correlation["closure"] == "corrected"]["rho"].abs().max())
+        failed = first_failure(v.correlation, "published")
+        published = f"printed fails at impact {failed[0]} ({failed[2]})" if failed else "printed does not fail"
+        text = f"{_at(v)}: {published}, mended ≤ {corrected:.4f}, simulation ≤ {simulated:.4f}"
+        found.append((simulated, corrected, text))
+    only_published = all(s <= 1.0 and m <= 1.0 for s, m, _ in found)
     return Claim(
         "ρ beyond 1",
         "section 3, below Eq. 9",
         "The correlation from the moment equations does not always satisfy ρ ≤ 1; therefore the distribution is "
         "not Gaussian.",
-        "Correlation of displacement and velocity of each stage in the printed moment equations, in the mended ones, "
-        "and in the simulation. Reproduced if the mended equations exceed 1 as well.",
+        "Correlation of displacement and velocity of each stage in the published moment equations, in the corrected "
+        "ones, and in the simulation. Reproduced if the corrected equations exceed 1 as well.",
         "; ".join(text for *_, text in found) + ".",
-        HOLDS_ONLY.format("the printed rule of Eq. 15, which gives a variance the sign of −ε")
-        if only_printed else REPRODUCED,
+        HOLDS_ONLY.format("the published rule of Eq. 15, which gives a variance the sign of −ε")
+        if only_published else REPRODUCED,
     )  # fmt: skip
 
 
@@ -95,13 +95,13 @@ def stages_apart(e: Evidence) -> Claim:
     shown: list[str] = []
     coupled = 0
     for v in e.validations:
-        clock = v.run.clock()
-        covariance, se = clock["cov_y1_y2"].to_numpy(float), clock["se_cov_y1_y2"].to_numpy(float)
-        rho = covariance / np.sqrt(clock["cov_y1_y1"].to_numpy(float) * clock["cov_y2_y2"].to_numpy(float))
-        many = int((np.abs(covariance) > widest(len(clock)) * se).sum())
+        fixed = v.run.at_times()
+        covariance, se = fixed["cov_y1_y2"].to_numpy(float), fixed["se_cov_y1_y2"].to_numpy(float)
+        rho = covariance / np.sqrt(fixed["cov_y1_y1"].to_numpy(float) * fixed["cov_y2_y2"].to_numpy(float))
+        many = int((np.abs(covariance) > widest(len(fixed)) * se).sum())
         coupled += many
         largest = rho[np.abs(rho).argmax()]
-        shown.append(f"{_at(v)}: non-zero at {many} of {len(clock)} instants, largest {largest:.3f}")
+        shown.append(f"{_at(v)}: non-zero at {many} of {len(fixed)} instants, largest {largest:.3f}")
     return Claim(
         "Stages that ignore each other",
         "section 3, above Eq. 18", "ξ₁ and ζ₁ have nothing to do with ξ₂ and ζ₂.",
@@ -113,14 +113,14 @@ def stages_apart(e: Evidence) -> Claim:
 
 def describes(e: Evidence) -> Claim:
     """Section 5: the mean map describes the noisy system."""
-    shares = {r: [_accurate(v, r) for v in e.validations] for r in e.validations[0].closures}
+    shares = {r: [_accurate(v, r) for v in e.validations] for r in e.validations[0].predictions}
     sigmas = [v.scene.sigma for v in e.validations]
     text = "; ".join(
-        f"{reading} " + ", ".join(f"{s:.0%} at σ = {sigma:.3g}" for s, sigma in zip(each, sigmas, strict=True))
-        for reading, each in shares.items()
+        f"{closure} " + ", ".join(f"{s:.0%} at σ = {sigma:.3g}" for s, sigma in zip(each, sigmas, strict=True))
+        for closure, each in shares.items()
     )
     held = [r for r, each in shares.items() if each[0] == 1.0]
-    paper = [set(judged_rows(e.validations[-1], r)["verdict"]) for r in shares if r in ("printed", "mended")]
+    paper = [set(judged_rows(e.validations[-1], r)["verdict"]) for r in shares if r in ("published", "corrected")]
     verdict = NOT_REPRODUCED
     if any(said == {"accurate"} for said in paper):
         verdict = REPRODUCED
@@ -137,6 +137,6 @@ def describes(e: Evidence) -> Claim:
     )  # fmt: skip
 
 
-def _accurate(v: Validation, reading: str) -> float:
-    rows = judged_rows(v, reading)
+def _accurate(v: Validation, closure: str) -> float:
+    rows = judged_rows(v, closure)
     return float((rows["verdict"] == "accurate").mean())

@@ -36,7 +36,7 @@ def fuzzy(e: Evidence) -> Claim:
     sections = e.chaos.sections
     filled = {side: int((s.counts[0] > 0).sum()) for side, s in sections.items()}
     noisy = filled["noisy system"]
-    printed = e.chaos.maps.set_index("reading").loc["printed"]
+    published = e.chaos.maps.set_index("closure").loc["published"]
     text = ", ".join(f"{side} {n:,} of {_bins(sections[side]):,} bins" for side, n in filled.items())
     orbit = filled.get("orbit", 0)
     return Claim(
@@ -44,9 +44,9 @@ def fuzzy(e: Evidence) -> Claim:
         "section 4, Fig. 2", "The mean Poincaré map displays a fuzzy set of points.",
         f"Bins of (flight time, velocity before impact of stage 1) that hold a point. A periodic orbit fills at most "
         f"{FINITE}; a fuzzy set more than {FUZZY:.0%} of what the noisy system fills.",
-        f"{text}. The printed map is not realizable from impact {printed['not_realizable']:g} and ends at impact "
-        f"{printed['ends']:g}, so it has no section.",
-        HOLDS_ONLY.format("the orbit under the mended map; the printed map ends before it has a section")
+        f"{text}. The published map is not realizable from impact {published['not_realizable']:g} and ends at impact "
+        f"{published['ends']:g}, so it has no section.",
+        HOLDS_ONLY.format("the orbit under the corrected map; the published map ends before it has a section")
         if orbit > max(FINITE, FUZZY * noisy) else (UNDECIDED if orbit > FINITE else NOT_REPRODUCED),
     )  # fmt: skip
 
@@ -108,12 +108,12 @@ def chaotic_range(e: Evidence) -> Claim:
             f"{'+' if r['to'] > 0 else '-'} between {r['low']:.3g} and {r['high']:.3g}"
             for _, r in crossings(table, "alpha", of).iterrows()
         )
-        resting = int((rows["regime"] == "rests").sum())
+        sticking_sides = int((rows["regime"] == "rests").sum())
         shown.append(
             f"{of}: positive at {int(positive[inside].sum())} of {int(inside.sum())} values inside and at "
             f"{int(positive[~inside].sum())} of {int((~inside).sum())} outside, negative at "
-            f"{int(negative[inside].sum())} inside and {int(negative[~inside].sum())} outside, at rest at {resting}; "
-            f"changes of sign: {where or 'none'}"
+            f"{int(negative[inside].sum())} inside and {int(negative[~inside].sum())} outside, at rest at "
+            f"{sticking_sides}; changes of sign: {where or 'none'}"
         )
         if positive[inside].all():
             held.append(of if not positive[~inside].any() else f"{of}, which is positive outside too")
@@ -170,12 +170,12 @@ def controlled(e: Evidence) -> Claim:
     assert table is not None
     rows = table[table["of"] == ORBIT]
     positive, negative = int((rows["low"] > 0.0).sum()), int((rows["high"] < 0.0).sum())
-    resting = int((rows["regime"] == "rests").sum())
+    sticking_sides = int((rows["regime"] == "rests").sum())
     return Claim(
         "Control by a parameter",
         "section 5", "The chaotic vibration can be controlled by varying a parameter of the system.",
         "Whether the largest exponent of the orbit has both signs over α, beyond its intervals.",
-        f"Positive at {positive}, negative at {negative}, at rest at {resting} of {len(rows)} values of α.",
+        f"Positive at {positive}, negative at {negative}, at rest at {sticking_sides} of {len(rows)} values of α.",
         REPRODUCED if positive and negative
-        else (HOLDS_ONLY.format("the way from rest to chaos") if positive and resting else UNDECIDED),
+        else (HOLDS_ONLY.format("the way from rest to chaos") if positive and sticking_sides else UNDECIDED),
     )  # fmt: skip

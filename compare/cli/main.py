@@ -83,21 +83,19 @@ def main() -> None:
 @click.option("--paths", type=int, default=256_000, show_default=True, help="Simulated paths.")
 @click.option("--dt", type=float, default=None, help="Step. [default: the scheme's, 0.002 for Euler and Maruyama]")
 @click.option("--scheme", default="euler-maruyama-located", show_default=True, help="Scheme of the simulation.")
-@click.option(
-    "--reading", "readings", multiple=True, help="Reading of the closure; again for more. [default: all that can]"
-)
+@click.option("--closure", "closures", multiple=True, help="Closure; again for more. [default: all that can]")
 @click.option("--order", type=int, default=4, show_default=True, help="Order of the closures' moments, 2 to 6.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of the simulation.")
 @click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
 @click.option(
-    "--frontier",
+    "--validity",
     default="1e-3:2:12",
     show_default=True,
     metavar="LOW:HIGH:POINTS",
     help="Noise intensities of the figure that opens the report, evenly spaced in their logarithm.",
 )
-@click.option("--frontier-paths", type=int, default=40_000, show_default=True, help="Simulated paths of each of these.")
-@click.option("--no-frontier", is_flag=True, help="Leave that figure out.")
+@click.option("--validity-paths", type=int, default=40_000, show_default=True, help="Simulated paths of each of these.")
+@click.option("--no-validity", is_flag=True, help="Leave that figure out.")
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="Report folder. [default: reports/NAME]")
 @click.option("--overwrite", is_flag=True, help="Replace an earlier report in that folder.")
 @click.option("--repeat", type=click.Path(path_type=Path), help="Repeat the run of a manifest.json.")
@@ -110,13 +108,13 @@ def validate(
     paths: int,
     dt: float | None,
     scheme: str,
-    readings: tuple[str, ...],
+    closures: tuple[str, ...],
     order: int,
     seed: int,
     workers: int,
-    frontier: str,
-    frontier_paths: int,
-    no_frontier: bool,
+    validity: str,
+    validity_paths: int,
+    no_validity: bool,
     out: Path | None,
     overwrite: bool,
     repeat: Path | None,
@@ -129,7 +127,7 @@ def validate(
     5 --repeat is the same but for rounding, as on another kind of processor.
     """
     # the scientific stack is loaded after the options are known to be well formed
-    from rattle.closure import readings_for
+    from rattle.closure import closures_for
     from rattle.compare.report import manifest
     from rattle.compare.report.folder import check_free, default_place, named
     from rattle.compare.report.repeat import DIFFERENT, ROUNDED, SAME, compared, tables_beside
@@ -160,9 +158,9 @@ def validate(
             scheme,
             seed,
             order,
-            readings or readings_for(base),
-            () if no_frontier else grid(frontier),
-            0 if no_frontier else count("frontier-paths", frontier_paths),
+            closures or closures_for(base),
+            () if no_validity else grid(validity),
+            0 if no_validity else count("validity-paths", validity_paths),
         )
         out = out or default_place(name)
     check_free(out, CONTENTS, overwrite)
@@ -170,15 +168,15 @@ def validate(
     biased = SCHEMES[choice("scheme", settings.scheme, SCHEMES)].weak_order is not None
     for s in settings.scenes:
         check_settings(s, **settings.simulation, workers=workers, step_bias=biased)
-    check_sweep(first, settings.frontier, **settings.sweep, workers=workers)
+    check_sweep(first, settings.validity, **settings.sweep, workers=workers)
     wall, cpu = time.perf_counter(), _cpu()
-    closures: dict[str, Any] = {"readings": settings.readings, "order": settings.order}
+    predictions: dict[str, Any] = {"closures": settings.closures, "order": settings.order}
     validations = [
-        hold_against(s, **settings.simulation, **closures, workers=workers, progress=f"sigma {s.sigma:.4g}")
+        hold_against(s, **settings.simulation, **predictions, workers=workers, progress=f"sigma {s.sigma:.4g}")
         for s in settings.scenes
     ]
     swept = (
-        sweep(first, settings.frontier, **settings.sweep, **closures, workers=workers) if settings.frontier else None
+        sweep(first, settings.validity, **settings.sweep, **predictions, workers=workers) if settings.validity else None
     )
     provenance = {
         "command": manifest.command_line(sys.argv[1:]),

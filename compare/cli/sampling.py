@@ -88,16 +88,16 @@ def simulate(
             "paths": run.paths,
             "seconds": round(run.wall_seconds, 3),
             "reach": None if reach is None else reach.sentence,
-            "cautions": run.cautions,
+            "diagnostics": run.diagnostics,
             "section": run.section.reset_index().to_dict("records"),
         }
         say_json(record)
     else:
         say(_table(run.columns))
         say(f"{run.paths:,} paths, {run.scheme}, dt = {run.dt:.4g}, {run.wall_seconds:.1f} s on {workers} threads")
-        if reach is not None and reach.reached:  # else it is among the cautions
+        if reach is not None and reach.reached:  # else it is among the diagnostics
             say(reach.sentence)
-        for sentence in run.cautions:
+        for sentence in run.diagnostics:
             say(sentence)
     if out is not None:  # last: what was found has been said if it cannot be written
         from rattle.compare.report.csv_text import csv_text

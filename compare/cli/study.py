@@ -218,7 +218,7 @@ def _status(wanted: "Study", seen: "Store") -> str:
     lines = [f"{line(wanted.title)}: {len(wanted.cells) - len(todo)} of {len(wanted.cells)} cells are there."]
     left: dict[str, int] = {}
     for cell in todo:
-        kind = getattr(cell, "reading", "ensembles")
+        kind = getattr(cell, "closure", "ensembles")
         left[kind] = left.get(kind, 0) + 1
     lines += [f"  missing: {number} {kind}" for kind, number in left.items()]
     aside = [p.read_text(encoding="utf-8", errors="replace") for p in sorted(seen.aside.glob("*.txt"))]

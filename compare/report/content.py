@@ -123,7 +123,7 @@ class Table:
 
         Examples
         --------
-        >>> table = Table.of(["reading", *numbers("speed-up")], [["saltation", "≥ 480"], ["printed", 0.057]])
+        >>> table = Table.of(["closure", *numbers("speed-up")], [["saltation", "≥ 480"], ["published", 0.057]])
         >>> table.rows[0][1].value, table.rows[1][1].text
         (480.0, '0.057')
         """

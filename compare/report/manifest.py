@@ -41,7 +41,7 @@ VERSION = 1
 
 PACKAGES = ("rattle", "numpy", "numba", "llvmlite", "scipy", "pandas", "matplotlib", "pyarrow")
 
-DIGESTS = ("table_sha256", "frontier_sha256")
+DIGESTS = ("table_sha256", "validity_sha256")
 """What a repeated run must have in common with the first; timings are no part of it."""
 
 
@@ -56,9 +56,9 @@ class Settings(NamedTuple):
     scheme: str
     seed: int
     order: int
-    readings: tuple[str, ...]
-    frontier: tuple[float, ...] = ()
-    frontier_paths: int = 0
+    closures: tuple[str, ...]
+    validity: tuple[float, ...] = ()
+    validity_paths: int = 0
 
     @property
     def simulation(self) -> dict[str, Any]:
@@ -67,8 +67,8 @@ class Settings(NamedTuple):
 
     @property
     def sweep(self) -> dict[str, Any]:
-        """What the simulations of the frontier are asked for."""
-        return {"paths": self.frontier_paths, "impacts": self.impacts, "rng": self.seed}
+        """What the simulations of the range of validity are asked for."""
+        return {"paths": self.validity_paths, "impacts": self.impacts, "rng": self.seed}
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for the manifest."""
@@ -112,7 +112,7 @@ def read_settings(path: Path) -> Recorded:
         scenes = tuple(Scene.from_dict(s) for s in settings["scenes"])
         if not scenes:
             raise InputError("manifest.settings.scenes", [], "must hold a scene")
-        lists = {"readings": tuple(settings["readings"]), "frontier": tuple(settings.get("frontier", ()))}
+        lists = {"closures": tuple(settings["closures"]), "validity": tuple(settings.get("validity", ()))}
         digests = {name: data.get(name) for name in DIGESTS}
         if digests["table_sha256"] is None:
             raise KeyError("table_sha256")

@@ -38,12 +38,12 @@ EXACT = 1e-9
 FAINT = 1e-3
 """Where this share of a value is more than the sd, it is the unit: rounding is of the value, however small its sd."""
 
-TABLES = {"table_sha256": "table.csv", "frontier_sha256": "frontier.csv"}
-SAMPLED = {"monte_carlo", "se", "bias", "error", "low", "high", "unit", "tolerance", "agreement"}
+TABLES = {"table_sha256": "table.csv", "validity_sha256": "validity.csv"}
+SAMPLED = {"simulated", "se", "bias", "error", "low", "high", "unit", "tolerance", "agreement"}
 """Columns that follow from the paths."""
 DERIVED = {"paths_needed"}
 """Follows from the other columns, through a difference that may be next to nothing."""
-NAMING = ("sigma", "reading", "kind", "moment", "quantity", "impact")
+NAMING = ("sigma", "closure", "kind", "moment", "quantity", "impact")
 """Columns that say which row it is."""
 
 
@@ -176,9 +176,9 @@ def difference(one: pd.DataFrame, other: pd.DataFrame, paths: int) -> Difference
 
     Examples
     --------
-    >>> table = pd.DataFrame({"quantity": ["y1"], "closure": [1.0], "monte_carlo": [1.5], "unit": [0.5], "se": [0.1]})
-    >>> difference(table, table.assign(monte_carlo=1.75), 25)  # doctest: +ELLIPSIS
-    Difference(excess=249.9..., sds=0.5, errors=2.5, where='column monte_carlo, quantity y1: 1.5 and 1.75')
+    >>> table = pd.DataFrame({"quantity": ["y1"], "closure": [1.0], "simulated": [1.5], "unit": [0.5], "se": [0.1]})
+    >>> difference(table, table.assign(simulated=1.75), 25)  # doctest: +ELLIPSIS
+    Difference(excess=249.9..., sds=0.5, errors=2.5, where='column simulated, quantity y1: 1.5 and 1.75')
     """
     if list(one) != list(other) or len(one) != len(other):
         return Difference(math.inf, math.inf, math.nan, "it has other rows or columns")
@@ -204,7 +204,7 @@ def _differences(one: pd.DataFrame, other: pd.DataFrame, name: str, paths: int) 
     if not (pd.api.types.is_float_dtype(a) and pd.api.types.is_float_dtype(b)):  # words and counts are equal or not
         return np.where(same, 0.0, math.inf), none
     nothing = pd.Series(0.0, index=one.index)
-    sizes = [FAINT * a.abs(), FAINT * b.abs(), one.get("unit", nothing), FAINT * one.get("monte_carlo", nothing).abs()]
+    sizes = [FAINT * a.abs(), FAINT * b.abs(), one.get("unit", nothing), FAINT * one.get("simulated", nothing).abs()]
     error = one.get("se", nothing).to_numpy(float) if name != "agreement" else paths**-0.5
     gap = np.where(same, 0.0, (a - b).abs())
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -13,8 +13,8 @@ __all__ = ["ACCURATE", "FORBIDDEN", "STYLE", "SYMBOL", "caption_of", "legend_abo
 
 # Okabe and Ito's palette: told apart with every common colour vision, and by marker as well.
 STYLE: Any = {
-    "printed": {"color": "#D55E00", "marker": "s"},
-    "mended": {"color": "#0072B2", "marker": "o"},
+    "published": {"color": "#D55E00", "marker": "s"},
+    "corrected": {"color": "#0072B2", "marker": "o"},
     "saltation": {"color": "#009E73", "marker": "^"},
     "branching": {"color": "#E69F00", "marker": "v"},
     "monte carlo": {"color": "#000000", "marker": "D"},

@@ -10,12 +10,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from rattle.closure import READINGS, mean_map
+from rattle.closure import CLOSURES, mean_map
 from rattle.compare.report.json_text import json_digest
 from rattle.compare.study.store import Stored
 from rattle.compare.study.version import numerical_version
 from rattle.montecarlo import SCHEMES, Ensemble, default_step, simulate
-from rattle.montecarlo.accuracy import faint
+from rattle.montecarlo.accuracy import small_noise
 from rattle.montecarlo.ensemble import Blocks
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION
@@ -72,7 +72,7 @@ class Sampled:
         Index ``impact``; columns ``batch_mean_tau, batch_sd_tau, batch_control_tau, ...``, lists over the batches of
         `rattle.montecarlo.statistics.batches`.
     facts : dict
-        ``paths, dt, scheme, path_steps, held, unfinished, sampling, step, reached, seconds``.
+        ``paths, dt, scheme, path_steps, sticking_steps, unfinished, sampling, step, reached, seconds``.
     """
 
     scene: Scene
@@ -93,8 +93,8 @@ class Sampled:
 
     @property
     def agreement(self) -> pd.DataFrame:
-        """Share of paths on the noise-free itinerary so far, under the name of every reading."""
-        return pd.DataFrame(dict.fromkeys(READINGS, self.section["agreement"]))
+        """Share of paths on the noise-free itinerary so far, under the name of every closure."""
+        return pd.DataFrame(dict.fromkeys(CLOSURES, self.section["agreement"]))
 
 
 @dataclass(frozen=True)
@@ -161,16 +161,17 @@ class Sample:
             "blocks": blocks,
         }  # fmt: skip
         if self.accuracy is not None:
-            run = simulate(self.scene.near, accuracy=self.accuracy, **common)
+            run = simulate(self.scene.phase_reduced, accuracy=self.accuracy, **common)
             if run.reach is not None and not run.reach.reached:  # how far it came is told by the clock: no result
                 raise InputError("accuracy", self.accuracy, run.reach.sentence)
         else:
             run = simulate(
-                self.scene.near, paths=self.paths, dt=self.dt, control=exact and faint(self.scene), step_bias=not exact,
-                **common,
+                self.scene.phase_reduced, paths=self.paths, dt=self.dt, control=exact and small_noise(self.scene),
+                step_bias=not exact, **common,
             )  # fmt: skip
         facts = {
-            "paths": run.paths, "dt": run.dt, "scheme": run.scheme, "path_steps": run.path_steps, "held": run.held,
+            "paths": run.paths, "dt": run.dt, "scheme": run.scheme, "path_steps": run.path_steps,
+            "sticking_steps": run.sticking_steps,
             "unfinished": run.unfinished, "reached": run.reach is None or run.reach.reached,
             "seconds": time.perf_counter() - started,
         }  # fmt: skip
@@ -214,7 +215,7 @@ def _sections(run: Ensemble) -> pd.DataFrame:
 class Predicted:
     """Section moments that a closure predicts, as they are stored; speaks as `closure.MeanMap` does."""
 
-    reading: str
+    closure: str
     section: pd.DataFrame
     facts: dict[str, Any]
 
@@ -226,35 +227,39 @@ class Prediction:
     Examples
     --------
     >>> from rattle.scene import DAT21, Scene
-    >>> cell = Prediction(Scene.from_gears(DAT21, sigma=0.1), impacts=2, reading="mended")
+    >>> cell = Prediction(Scene.from_gears(DAT21, sigma=0.1), impacts=2, closure="corrected")
     >>> cell.opened(cell.compute()).section.loc[2, "mesh"]
     np.int64(2)
     """
 
     scene: Scene
     impacts: int
-    reading: str
+    closure: str
     order: int = 4
 
     @cached_property
     def key(self) -> str:
         """Digest of everything that determines the result."""
-        settings = {"impacts": self.impacts, "reading": self.reading, "order": self.order}
+        settings = {"impacts": self.impacts, "closure": self.closure, "order": self.order}
         return _key("prediction", "closure", self.scene, settings)
 
     @property
     def label(self) -> str:
         """What a person reads on the progress line."""
-        return f"{self.reading} sigma {self.scene.sigma:.3g}"
+        return f"{self.closure} sigma {self.scene.sigma:.3g}"
 
     def compute(self, blocks: Blocks | None = None) -> Stored:
-        """Follow the closure; raises InputError where the reading cannot take the scene."""
+        """Follow the closure; raises InputError where the closure cannot take the scene."""
         started = time.perf_counter()
-        closure = mean_map(self.scene.near, impacts=self.impacts, reading=self.reading, order=self.order)
-        table = closure.section
-        facts = {"stopped": closure.stopped, "found": closure.trace.found, "seconds": time.perf_counter() - started}
+        prediction = mean_map(self.scene.phase_reduced, impacts=self.impacts, closure=self.closure, order=self.order)
+        table = prediction.section
+        facts = {
+            "stopped": prediction.stopped,
+            "found": prediction.trace.found,
+            "seconds": time.perf_counter() - started,
+        }
         return Stored(table, facts)
 
     def opened(self, stored: Stored) -> Predicted:
         """The result as it speaks."""
-        return Predicted(self.reading, stored.table, stored.facts)
+        return Predicted(self.closure, stored.table, stored.facts)

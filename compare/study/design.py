@@ -1,4 +1,4 @@
-"""A study as it is asked for: a scene, what varies, what is simulated, and which readings are held against it."""
+"""A study as it is asked for: a scene, what varies, what is simulated, and which closures are held against it."""
 
 import hashlib
 import math
@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from rattle.closure import READINGS
+from rattle.closure import CLOSURES
 from rattle.closure.mean_map import ORDERS
 from rattle.compare.study.axes import SETTINGS, Axis, combination, combinations, read_axes
 from rattle.compare.study.cells import Cell, Prediction, Sample
@@ -23,7 +23,7 @@ from rattle.scene.validate import choice, count, known_keys, positive
 __all__ = ["Point", "Study"]
 
 KEYS = (
-    "title", "impacts", "readings", "order", "scheme", "paths", "accuracy", "dt", "seed", "common_noise", "within",
+    "title", "impacts", "closures", "order", "scheme", "paths", "accuracy", "dt", "seed", "common_noise", "within",
 )  # fmt: skip
 
 
@@ -38,9 +38,9 @@ class Point:
     sample : Sample or None
         The ensemble; None where the scene or the settings cannot be simulated.
     predictions : tuple of Prediction
-        The readings that can take the scene.
+        The closures that can take the scene.
     reasons : dict of str to str
-        Why something is missing: ``scene``, ``sample``, or the reading, and what was said.
+        Why something is missing: ``scene``, ``sample``, or the closure, and what was said.
     """
 
     coordinates: dict[str, Any]
@@ -63,7 +63,7 @@ class Study:
     base : dict
         The scene as `Scene.to_dict` gives it, without a start where the scene's own is to follow its gaps.
     axes : tuple of Axis
-    readings : tuple of str
+    closures : tuple of str
     impacts, order : int
     settings : dict
         ``scheme, paths, accuracy, dt, seed``, where no axis has them.
@@ -81,7 +81,7 @@ class Study:
     >>> study = Study.from_toml('''
     ... [study]
     ... impacts = 2
-    ... readings = ["saltation"]
+    ... closures = ["saltation"]
     ... paths = 4096
     ... [scene]
     ... alpha = 1.5
@@ -98,7 +98,7 @@ class Study:
 
     base: dict[str, Any]
     axes: tuple[Axis, ...]
-    readings: tuple[str, ...]
+    closures: tuple[str, ...]
     impacts: int
     order: int
     settings: dict[str, Any]
@@ -136,7 +136,7 @@ class Study:
         varying = {name for axis in axes for name in axis.names}
         _check_settings(settings, varying)
         return cls(
-            base=base, axes=axes, readings=_readings(wanted.get("readings", tuple(READINGS))),
+            base=base, axes=axes, closures=_closures(wanted.get("closures", tuple(CLOSURES))),
             impacts=count("study.impacts", wanted.get("impacts", 12)),
             order=count("study.order", wanted.get("order", 4), *ORDERS), settings=settings,
             common_noise=_flag("study.common_noise", wanted.get("common_noise", True)),
@@ -201,12 +201,12 @@ class Study:
                 sample = replace(sample, seed=int.from_bytes(own[:8], "little"))
         except InputError as error:
             reasons["sample"] = str(error)
-        for reading in self.readings:
+        for closure in self.closures:
             try:
-                READINGS[reading].check(scene)
-                predictions.append(Prediction(scene, self.impacts, reading, self.order))
+                CLOSURES[closure].check(scene)
+                predictions.append(Prediction(scene, self.impacts, closure, self.order))
             except InputError as error:
-                reasons[reading] = str(error)
+                reasons[closure] = str(error)
         return Point(coordinates, sample, tuple(predictions), reasons)
 
 
@@ -247,10 +247,10 @@ def _check_settings(settings: Mapping[str, Any], varying: set[str]) -> None:
         raise InputError("study.dt", settings.get("dt"), "accuracy chooses the step itself; leave it out")
 
 
-def _readings(given: Any) -> tuple[str, ...]:
+def _closures(given: Any) -> tuple[str, ...]:
     if isinstance(given, str) or not isinstance(given, Sequence) or not given:
-        raise InputError("study.readings", given, "give a list of " + ", ".join(READINGS))
-    return tuple(dict.fromkeys(choice("study.readings", r, READINGS) for r in given))
+        raise InputError("study.closures", given, "give a list of " + ", ".join(CLOSURES))
+    return tuple(dict.fromkeys(choice("study.closures", r, CLOSURES) for r in given))
 
 
 def _flag(field: str, value: Any) -> bool:

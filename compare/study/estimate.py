@@ -19,7 +19,7 @@ from rattle.scene.scene import Scene
 
 __all__ = ["Estimate", "calibrated", "core_seconds", "estimate", "scaling"]
 
-READING_SECONDS = {"printed": 0.005, "mended": 0.0005, "saltation": 0.001, "branching": 0.9}
+CLOSURE_SECONDS = {"published": 0.005, "corrected": 0.0005, "saltation": 0.001, "branching": 0.9}
 """Of twelve impacts, compiled; measured on DAT21."""
 FLIGHT = 0.5  # time between impacts where the orbit does not tell
 FINEST = 1e-100  # accuracy that is told from finer ones
@@ -48,7 +48,7 @@ def core_seconds(cell: Cell) -> float:
     True
     """
     if isinstance(cell, Prediction):
-        return READING_SECONDS[cell.reading] * cell.impacts / 12.0
+        return CLOSURE_SECONDS[cell.closure] * cell.impacts / 12.0
     assert isinstance(cell, Sample)
     kind = SCHEMES[cell.scheme]
     exact = kind.weak_order is None

@@ -42,7 +42,7 @@ def _along(ax: Axes, name: str, values: Sequence[float]) -> None:
 
 
 def errors(r: Results, rows: pd.DataFrame) -> Figure:
-    """Largest error of each reading at some impacts over the field, with its interval: means above, sds below."""
+    """Largest error of each closure at some impacts over the field, with its interval: means above, sds below."""
     name, shown = r.along, _shown(r.study.impacts)
     figure, axes = new_figure(2.6 * len(shown) + 0.8, 5.6, 2, len(shown))
     judged = rows[rows["judged"] & (rows["verdict"] != "not predicted")]
@@ -50,10 +50,10 @@ def errors(r: Results, rows: pd.DataFrame) -> Figure:
         for j, impact in enumerate(shown):
             ax = axes[i * len(shown) + j]
             part = judged[(judged["moment"] == moment) & (judged["impact"] == impact)]
-            for reading, group in part.groupby("reading", sort=False):
+            for closure, group in part.groupby("closure", sort=False):
                 worst = _worst(group, name)
-                style = STYLE[str(reading)]
-                ax.plot(worst[name], worst["size"].clip(lower=FLOOR), label=str(reading), lw=1.4, ms=3.5, **style)
+                style = STYLE[str(closure)]
+                ax.plot(worst[name], worst["size"].clip(lower=FLOOR), label=str(closure), lw=1.4, ms=3.5, **style)
                 ax.fill_between(
                     worst[name], worst["least"].clip(lower=FLOOR), worst["most"].clip(lower=FLOOR),
                     color=style["color"], alpha=BAND, lw=0,
@@ -65,7 +65,7 @@ def errors(r: Results, rows: pd.DataFrame) -> Figure:
             ax.set_title(f"impact {impact}", loc="left")
             if j == 0:
                 ax.set_ylabel(f"largest error of a {moment}, in sds")
-    legend_above(figure, axes, len(r.study.readings) + 1)
+    legend_above(figure, axes, len(r.study.closures) + 1)
     return figure
 
 
@@ -77,18 +77,18 @@ def _worst(rows: pd.DataFrame, name: str) -> pd.DataFrame:
     return table.sort_values("size").groupby(name).tail(1).sort_values(name)
 
 
-def frontier(r: Results, rows: pd.DataFrame) -> Figure:
-    """How far each reading holds over the first k impacts: accurate up to, and not shown wrong up to."""
+def validity(r: Results, rows: pd.DataFrame) -> Figure:
+    """How far each closure holds over the first k impacts: accurate up to, and not shown wrong up to."""
     figure, (ax,) = new_figure(8.0, 3.8, 1, 1)
     name, values = r.along, [float(v) for v in pd.unique(r.errors[r.along])]
-    for reading, group in rows.groupby("reading", sort=False):
-        style, impact = STYLE[str(reading)], group["impact"]
-        accurate, not_wrong = group["accurate"], group["not_refuted"]
+    for closure, group in rows.groupby("closure", sort=False):
+        style, impact = STYLE[str(closure)], group["impact"]
+        accurate, not_wrong = group["accurate"], group["not_inaccurate"]
         if not_wrong.isna().all():
             what = ENDED if group["ended"].all() else WRONG
-            ax.plot([], [], label=f"{reading}: {what} at the smallest", **style)
+            ax.plot([], [], label=f"{closure}: {what} at the smallest", **style)
             continue
-        ax.plot(impact, accurate, label=f"{reading}: {ACCURATE}", lw=1.5, ms=5, **style)
+        ax.plot(impact, accurate, label=f"{closure}: {ACCURATE}", lw=1.5, ms=5, **style)
         ax.plot(impact, not_wrong, color=style["color"], ls=":", lw=1.5)
         ax.fill_between(impact, accurate.fillna(min(values)), not_wrong, color=style["color"], alpha=BAND, lw=0)
     ax.plot([], [], color="0.3", ls=":", lw=1.5, label=NOT_WRONG)
@@ -104,15 +104,15 @@ def frontier(r: Results, rows: pd.DataFrame) -> Figure:
 
 
 def correlation(r: Results, rows: pd.DataFrame) -> Figure:
-    """Share of a reading's impacts at which its correlation is invalid, and its largest size."""
+    """Share of a closure's impacts at which its correlation is invalid, and its largest size."""
     figure, axes = new_figure(8.0, 3.4, 1, 2)
     name = r.along
-    for reading, group in rows.groupby("reading", sort=False):
-        style = STYLE[str(reading)]
+    for closure, group in rows.groupby("closure", sort=False):
+        style = STYLE[str(closure)]
         group = group.sort_values(name)
         share = 100.0 * group["invalid"] / group["reached"].clip(lower=1)
-        axes[0].plot(group[name], share, label=str(reading), lw=1.4, ms=4, **style)
-        axes[1].plot(group[name], group["largest"], label=str(reading), lw=1.4, ms=4, **style)
+        axes[0].plot(group[name], share, label=str(closure), lw=1.4, ms=4, **style)
+        axes[1].plot(group[name], group["largest"], label=str(closure), lw=1.4, ms=4, **style)
     axes[0].set_ylabel("impacts with invalid ρ, % of those reached")
     axes[0].set_ylim(-2.0, max(10.0, axes[0].get_ylim()[1]))
     axes[1].axhline(1.0, color="k", ls="--", lw=1.0, label="|ρ| = 1")
@@ -222,8 +222,8 @@ class Drawing(NamedTuple):
 
 
 FIGURES = {
-    "frontier": Drawing(frontier, "frontier", "How far all means and sds of the first impacts are accurate"),
-    "errors": Drawing(errors, "errors", "Largest error of each reading, with its interval"),
+    "validity": Drawing(validity, "validity", "How far all means and sds of the first impacts are accurate"),
+    "errors": Drawing(errors, "errors", "Largest error of each closure, with its interval"),
     "agreement": Drawing(agreement, "sections", "Itinerary agreement"),
     "sections": Drawing(sections, "sections", "Section sds, skewness, impact rate and impact energy"),
     "correlation": Drawing(correlation, "correlation", "Validity of the correlation"),

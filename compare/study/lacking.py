@@ -61,7 +61,7 @@ def lacking(points: Sequence[Point], failed: Mapping[str, str]) -> list[Lack]:
     """
     found: dict[tuple[str, str], list[tuple[Point, str]]] = {}
     for point in points:
-        lost = {getattr(cell, "reading", "sample"): failed[cell.key] for cell in point.cells if cell.key in failed}
+        lost = {getattr(cell, "closure", "sample"): failed[cell.key] for cell in point.cells if cell.key in failed}
         for what, why in (point.reasons | lost).items():
             found.setdefault((what, NUMBER.sub("", why)), []).append((point, why))
     return [

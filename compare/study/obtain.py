@@ -70,7 +70,8 @@ def obtain(store: Store, cell: Cell, compute: Compute = _here, say: Callable[[st
     >>> from pathlib import Path
     >>> from rattle.compare.study.cells import Prediction
     >>> from rattle.scene import DAT21, Scene
-    >>> store, cell = Store(Path(tempfile.mkdtemp())), Prediction(Scene.from_gears(DAT21), impacts=1, reading="mended")
+    >>> store = Store(Path(tempfile.mkdtemp()))
+    >>> cell = Prediction(Scene.from_gears(DAT21), impacts=1, closure="corrected")
     >>> round(float(cell.opened(obtain(store, cell)).section.loc[1, "tau"]), 3)
     0.56
     """

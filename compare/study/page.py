@@ -26,10 +26,10 @@ from rattle.scene.errors import OutputError
 
 __all__ = ["answer", "write_page"]
 
-SMALL = ("correlation", "frontier", "cost", "reasons")
+SMALL = ("correlation", "validity", "cost", "reasons")
 """Tables that are written as CSV too."""
 
-FEW = 4  # distinct ranges of validity of a reading that the answer lists one by one
+FEW = 4  # distinct ranges of validity of a closure that the answer lists one by one
 
 
 def _digest(table: pd.DataFrame) -> str:
@@ -39,13 +39,13 @@ def _digest(table: pd.DataFrame) -> str:
 def answer(r: Results) -> list[str]:
     """What the study says, in a few sentences."""
     sentences = []
-    table, impacts = r.frontier, r.study.impacts
+    table, impacts = r.validity, r.study.impacts
     if not table.empty:
         last, name = table[table["impact"] == impacts], r.along
         values = r.errors[name]
         sentences = [
             f"Every section mean and sd of {impacts} impacts, {name} from {values.min():.4g} to {values.max():.4g}:",
-            *(f"{reading}: {_held(r, rows)}." for reading, rows in last.groupby("reading", sort=False)),
+            *(f"{closure}: {_held(r, rows)}." for closure, rows in last.groupby("closure", sort=False)),
         ]
     reached = r.sections[(r.sections["quantity"] == "tau") & (r.sections["moment"] == "mean")]
     shares = reached[reached["impact"] == impacts]["agreement"]
@@ -58,16 +58,16 @@ def answer(r: Results) -> list[str]:
 
 
 def _held(r: Results, rows: pd.DataFrame) -> str:
-    """How far a reading holds, at each value of the other fields; of many only where least far and where farthest."""
+    """How far a closure holds, at each value of the other fields; of many only where least far and where farthest."""
     found: dict[str, list[str]] = {}  # where, by what is said
-    for row in rows.sort_values(["accurate", "not_refuted"], na_position="first").to_dict("records"):
-        own = r.errors[(r.errors["reading"] == row["reading"]) & r.errors["judged"]]
+    for row in rows.sort_values(["accurate", "not_inaccurate"], na_position="first").to_dict("records"):
+        own = r.errors[(r.errors["closure"] == row["closure"]) & r.errors["judged"]]
         for name in r.others:
             own = own[own[name] == row[name]]
         values = sorted(own[r.along].unique())
         said = in_words(
-            r.along, values, row["accurate"], row["not_refuted"], ended=row["ended"],
-            undecided=want(own[own[r.along] <= row["not_refuted"]]),
+            r.along, values, row["accurate"], row["not_inaccurate"], ended=row["ended"],
+            undecided=want(own[own[r.along] <= row["not_inaccurate"]]),
         )  # fmt: skip
         found.setdefault(said, []).append(", ".join(f"{name} = {row[name]}" for name in r.others))
     if len(found) == 1:
@@ -170,9 +170,9 @@ def _page(r: Results, record: dict[str, Any], figures: list[Figure], cost: pd.Da
 
 
 def _counts(r: Results) -> Table:
-    groups = r.errors.groupby(["reading", "moment"], sort=False)["verdict"] if len(r.errors) else ()
+    groups = r.errors.groupby(["closure", "moment"], sort=False)["verdict"] if len(r.errors) else ()
     rows: list[Row] = [[str(key[0]), f"{key[1]}s", *(int((said == v).sum()) for v in VERDICTS)] for key, said in groups]
-    return Table.of(["reading", "moments", *numbers(*VERDICTS)], rows)
+    return Table.of(["closure", "moments", *numbers(*VERDICTS)], rows)
 
 
 def _cost(table: pd.DataFrame) -> Table:
@@ -192,9 +192,9 @@ def _scaling(r: Results, factor: float) -> Table:
 def _seconds(r: Results) -> dict[str, float]:
     """What each cell took, by key."""
     found = {}
-    for point, run, closures in zip(r.study.points, r.samples, r.predictions, strict=True):
+    for point, run, predictions in zip(r.study.points, r.samples, r.predictions, strict=True):
         if point.sample and run:
             found[point.sample.key] = run.facts["seconds"]
-        by_reading = {c.reading: c.facts["seconds"] for c in closures}
-        found |= {p.key: by_reading[p.reading] for p in point.predictions if p.reading in by_reading}
+        by_closure = {c.closure: c.facts["seconds"] for c in predictions}
+        found |= {p.key: by_closure[p.closure] for p in point.predictions if p.closure in by_closure}
     return found

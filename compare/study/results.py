@@ -14,7 +14,7 @@ from rattle.compare.study.design import Point, Study
 from rattle.compare.study.paired import paired_differences
 from rattle.compare.study.store import Store
 from rattle.compare.validation.validity_range import is_accurate, is_wrong, unbroken
-from rattle.compare.validation.verdict import section_errors, stated, widest
+from rattle.compare.validation.verdict import section_errors, to_absolute_time, widest
 from rattle.scene.moments import SECTION, STATE
 
 __all__ = ["Results"]
@@ -30,7 +30,7 @@ class Results:
     samples : list of Sampled or None
         The ensemble of each point, where it is there.
     predictions : list of list of Predicted
-        The readings of each point that are there.
+        The closures of each point that are there.
     """
 
     study: Study
@@ -75,15 +75,15 @@ class Results:
 
     @cached_property
     def errors(self) -> pd.DataFrame:
-        """Every section mean and sd of every reading at every point: error, interval, verdict.
+        """Every section mean and sd of every closure at every point: error, interval, verdict.
 
         Columns: the fields that vary, then those of `rattle.compare.validation.verdict.section_errors`.
         """
         parts = []
-        for point, run, closure in self._pairs():
-            table = section_errors(closure, run, self.z, self.study.within)
-            parts.append(self._placed(point, stated(table, run.scene)))
-        none = pd.DataFrame({"reading": [], "moment": [], "verdict": [], "judged": np.empty(0, bool)})
+        for point, run, prediction in self._pairs():
+            table = section_errors(prediction, run, self.z, self.study.within)
+            parts.append(self._placed(point, to_absolute_time(table, run.scene)))
+        none = pd.DataFrame({"closure": [], "moment": [], "verdict": [], "judged": np.empty(0, bool)})
         return pd.concat(parts, ignore_index=True) if parts else none
 
     @cached_property
@@ -113,9 +113,10 @@ class Results:
                 if run.scene.stages == 2 or q not in STATE[2:]
             ]
             for quantity, moment, value, se in columns:
+                late = quantity == "tau" and moment == "mean"
                 table = pd.DataFrame({
                     "impact": s.index, "quantity": quantity, "moment": moment,
-                    "value": run.scene.stated(np.asarray(value)) if quantity == "tau" and moment == "mean" else value,
+                    "value": run.scene.to_absolute_time(np.asarray(value)) if late else value,
                     "se": np.asarray(se), "paths": s["paths"].to_numpy(), "followed": run.paths,
                     "agreement": s["agreement"].to_numpy(),
                 })  # fmt: skip
@@ -125,37 +126,37 @@ class Results:
 
     @cached_property
     def correlation(self) -> pd.DataFrame:
-        """Validity of the correlation of each reading: how many of the impacts that it reaches have an invalid one.
+        """Validity of the correlation of each closure: how many of the impacts that it reaches have an invalid one.
 
-        Columns: the fields that vary, ``reading, impacts, reached, invalid`` (impacts whose second moments belong to no
+        Columns: the fields that vary, ``closure, impacts, reached, invalid`` (impacts whose second moments belong to no
         distribution), ``beyond`` (of these with ``|rho| > 1``), ``largest`` (|rho|).  ``branching`` has none.
         """
         rows = []
-        for point, _, closure in self._pairs():
-            reached = int(closure.facts["found"])
-            s = closure.section.iloc[:reached]
+        for point, _, prediction in self._pairs():
+            reached = int(prediction.facts["found"])
+            s = prediction.section.iloc[:reached]
             rho = s[["rho1", "rho2"]].abs()
-            if rho.isna().all(axis=None) and bool(s["realizable"].all()) and closure.reading == "branching":
+            if rho.isna().all(axis=None) and bool(s["realizable"].all()) and prediction.closure == "branching":
                 continue
             rows.append({
-                **point.coordinates, "reading": closure.reading, "impacts": self.study.impacts, "reached": reached,
+                **point.coordinates, "closure": prediction.closure, "impacts": self.study.impacts, "reached": reached,
                 "invalid": int((~s["realizable"]).sum()), "beyond": int((rho > 1.0).any(axis=1).sum()),
                 "largest": float(np.nan_to_num(rho.to_numpy(float)).max(initial=0.0)),
             })  # fmt: skip
         return pd.DataFrame(rows)
 
     @cached_property
-    def frontier(self) -> pd.DataFrame:
-        """How far each reading holds along the field `along`, for the first k impacts.
+    def validity(self) -> pd.DataFrame:
+        """How far each closure holds along the field `along`, for the first k impacts.
 
-        Columns: the other fields that vary, ``reading, impact, accurate`` (the largest value such that every judged
-        moment of the first k impacts is accurate there and at all smaller ones), ``not_refuted`` (none is
-        inaccurate), NaN where not even at the smallest, and ``ended``: whether at the next value the reading is not
+        Columns: the other fields that vary, ``closure, impact, accurate`` (the largest value such that every judged
+        moment of the first k impacts is accurate there and at all smaller ones), ``not_inaccurate`` (none is
+        inaccurate), NaN where not even at the smallest, and ``ended``: whether at the next value the closure is not
         inaccurate, but predicts too few impacts.
         """
         if not self.along or self.errors.empty:
             return pd.DataFrame()
-        first, keys = self.along, [*self.others, "reading"]
+        first, keys = self.along, [*self.others, "closure"]
         verdicts = self.errors.groupby([*keys, first, "impact"], sort=True)["verdict"].agg(set).reset_index()
         found = []
         for key, group in verdicts.groupby(keys, sort=False):
@@ -168,10 +169,10 @@ class Results:
                 found.append({
                     **dict(zip(keys, key, strict=True)), "impact": impact,
                     "accurate": unbroken(said.index, ~inexact[impact]),
-                    "not_refuted": unbroken(said.index, ~wrong[impact]),
+                    "not_inaccurate": unbroken(said.index, ~wrong[impact]),
                     "ended": bool((~inaccurate[impact][wrong[impact]][:1]).any()),
                 })  # fmt: skip
-        return pd.DataFrame(found).astype({"accurate": float, "not_refuted": float})
+        return pd.DataFrame(found).astype({"accurate": float, "not_inaccurate": float})
 
     @cached_property
     def paired(self) -> pd.DataFrame:
@@ -205,11 +206,11 @@ class Results:
     def cost(self) -> pd.DataFrame:
         """Seconds that each cell took where it was computed; no part of what repeats."""
         rows = []
-        for point, run, closures in zip(self.study.points, self.samples, self.predictions, strict=True):
+        for point, run, predictions in zip(self.study.points, self.samples, self.predictions, strict=True):
             if run is not None:
-                facts = {name: run.facts[name] for name in ("paths", "path_steps", "held", "unfinished")}
+                facts = {name: run.facts[name] for name in ("paths", "path_steps", "sticking_steps", "unfinished")}
                 rows.append({**point.coordinates, "what": "monte carlo", "seconds": run.facts["seconds"], **facts})
-            rows += [{**point.coordinates, "what": c.reading, "seconds": c.facts["seconds"]} for c in closures]
+            rows += [{**point.coordinates, "what": c.closure, "seconds": c.facts["seconds"]} for c in predictions]
         return pd.DataFrame(rows)
 
     @property
@@ -221,10 +222,10 @@ class Results:
         )
 
     def _pairs(self) -> Iterator[tuple[Point, Sampled, Predicted]]:
-        for point, run, closures in zip(self.study.points, self.samples, self.predictions, strict=True):
-            for closure in closures if run is not None else ():
+        for point, run, predictions in zip(self.study.points, self.samples, self.predictions, strict=True):
+            for prediction in predictions if run is not None else ():
                 assert run is not None
-                yield point, run, closure
+                yield point, run, prediction
 
     def _placed(self, point: Point, table: pd.DataFrame) -> pd.DataFrame:
         coordinates = pd.DataFrame({n: [v] * len(table) for n, v in point.coordinates.items()}, index=table.index)

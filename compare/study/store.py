@@ -57,7 +57,7 @@ def with_seal(parquet: bytes) -> bytes:
 
 
 def _without_seal(content: bytes) -> bytes:
-    """The file as it was written; raises ValueError if a bit of it is not: pyarrow may not survive reading that."""
+    """The file as it was written; raises ValueError if a bit of it is not: pyarrow may not survive closure that."""
     at = _footer(content)
     parquet = content[: max(at - SEAL, 0)] + content[max(at, 0) :]
     if at < SEAL or content[at - SEAL : at] != hashlib.sha256(parquet).digest():

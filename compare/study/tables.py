@@ -27,7 +27,7 @@ CELLS, FILE, MANIFEST = "cells", "study.toml", "manifest.json"
 PAGE = "page"
 """In the names of scratch folders: where all of it is written before it takes its place."""
 
-TABLES = ("errors", "sections", "correlation", "frontier", "paired", "cost", "reasons")
+TABLES = ("errors", "sections", "correlation", "validity", "paired", "cost", "reasons")
 """Tables of a study, each a Parquet file."""
 
 
@@ -40,7 +40,7 @@ class Tables:
     study : Study
     record : dict
         The manifest.
-    errors, sections, correlation, frontier, paired, cost, reasons : DataFrame
+    errors, sections, correlation, range of validity, paired, cost, reasons : DataFrame
         See the properties of `rattle.compare.study.results.Results`.
     """
 
@@ -49,7 +49,7 @@ class Tables:
     errors: pd.DataFrame
     sections: pd.DataFrame
     correlation: pd.DataFrame
-    frontier: pd.DataFrame
+    validity: pd.DataFrame
     paired: pd.DataFrame
     cost: pd.DataFrame
     reasons: pd.DataFrame
@@ -60,16 +60,16 @@ class Tables:
         return judge(self.errors.assign(tolerance=np.maximum(share * self.errors["unit"], self.errors["still"])))
 
     def to_xarray(self) -> "xr.Dataset":
-        """Errors of the readings and moments of the simulation as a dataset over the fields that vary.
+        """Errors of the closures and moments of the simulation as a dataset over the fields that vary.
 
         Dimensions: the first field of each axis, ``impact, quantity, moment`` and, for what belongs to one,
-        ``reading``.  Needs the extra ``xarray``.
+        ``closure``.  Needs the extra ``xarray``.
         """
         index = [*(axis.names[0] for axis in self.study.axes), "impact", "quantity", "moment"]
-        errors = self.errors.set_index([*index, "reading"])
-        closures = errors[["closure", "error", "low", "high", "tolerance", "verdict"]].to_xarray()
+        errors = self.errors.set_index([*index, "closure"])
+        predictions = errors[["predicted", "error", "low", "high", "tolerance", "verdict"]].to_xarray()
         sections = self.sections[self.sections["quantity"].isin(SECTION)].set_index(index)[["value", "se"]].to_xarray()
-        return closures.merge(sections.rename(value="monte_carlo"), join="outer")
+        return predictions.merge(sections.rename(value="simulated"), join="outer")
 
 
 def load(folder: str | Path) -> Tables:
@@ -102,16 +102,16 @@ def load(folder: str | Path) -> Tables:
         raise FileError("study folder", str(folder), why) from None
     except OSError as error:
         raise FileError("study folder", str(folder), f"{MANIFEST} cannot be read ({error.strerror})") from None
-    mended = "is damaged; run rattle study again, it is soon mended"
+    corrected = "is damaged; run rattle study again, it is soon corrected"
     if not is_whole(record):
-        raise FileError("study folder", str(folder), f"{MANIFEST} {mended}")
+        raise FileError("study folder", str(folder), f"{MANIFEST} {corrected}")
     files = [f"{name}.parquet" for name in TABLES]
     try:
         lost = damaged(place, record, files) if "files" in record else []  # an earlier version kept no digests
     except OSError as error:
         raise FileError("study folder", str(folder), f"{error.filename} cannot be read ({error.strerror})") from None
     if lost:
-        raise FileError("study folder", str(folder), f"{lost[0]} {mended}")
+        raise FileError("study folder", str(folder), f"{lost[0]} {corrected}")
     tables = {}
     for name, file in zip(TABLES, files, strict=True):
         try:
@@ -119,7 +119,7 @@ def load(folder: str | Path) -> Tables:
         except (MemoryError, ImportError):
             raise
         except Exception:  # pyarrow and pandas raise whatever they meet in a damaged file
-            raise FileError("study folder", str(folder), f"{file} {mended}") from None
+            raise FileError("study folder", str(folder), f"{file} {corrected}") from None
     study = Study.load(place / FILE)
     if record.get("study_sha256") not in (None, study.digest):
         raise FileError("study file", str(place / FILE), "is not the one of these tables; give it to rattle again")

@@ -136,7 +136,7 @@ def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
     (12, Row(moment='mean', quantity='tau', impact=1), Allowed(error=0.05, in_sd=True))
     """
     known_keys("option of the marker rattle", options, OPTIONS)
-    scene = _scene(options.get("scene"), folder).near  # a late start costs no digits
+    scene = _scene(options.get("scene"), folder).phase_reduced  # a late start costs no digits
     stated = STATE[: 2 * scene.stages]
     valid = [q for q in SECTION if q not in STATE or q in stated]
     quantities = _names("quantities", options.get("quantities", [q for q in VARYING if q in valid]), valid)

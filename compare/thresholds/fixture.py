@@ -46,7 +46,7 @@ class Rattle:
         Parameters
         ----------
         model : str or callable
-            A reading of the closure, or a function ``(scene, impacts) -> DataFrame``; see
+            A closure, or a function ``(scene, impacts) -> DataFrame``; see
             `rattle.compare.thresholds.prediction.predict`.
 
         Returns
@@ -62,16 +62,16 @@ class Rattle:
         counts = table["outcome"].value_counts()
         failed, undecided = int(counts.get("fail", 0)), int(counts.get("undecided", 0))
         self._record(
-            kind="check", model=prediction.reading, rows=len(table), failed=failed, undecided=undecided, z=session.z,
+            kind="check", model=prediction.closure, rows=len(table), failed=failed, undecided=undecided, z=session.z,
             not_judged=len(self.claim.rows) - len(table),
             all_rows=session.rows, looks=session.looks, rate=session.settings.false_alarm, drawn=len(drawn),
             computed=sum(d.computed for d in drawn), seconds=sum(d.seconds for d in drawn), paths=run.paths,
             decide=deciding(table), folder=self._shown(session.folder),
         )  # fmt: skip
         if failed:
-            self._fail(failure_text(prediction.reading, table, run, session.z) + self._figure(prediction, table))
+            self._fail(failure_text(prediction.closure, table, run, session.z) + self._figure(prediction, table))
         if undecided:
-            text = undecided_text(prediction.reading, table, run, session.z)
+            text = undecided_text(prediction.closure, table, run, session.z)
             if (self.claim.undecided or session.settings.undecided) == "skip":
                 pytest.skip(harmless(f"rattle: {text}"))
             self._fail(f"{text}\n{remedies(table, self.claim)}{self._figure(prediction, table)}")
@@ -96,7 +96,7 @@ class Rattle:
         if not path.exists():
             if mode == "compare":
                 self._fail(f"there is no baseline {self._shown(path)}; record it: {again}=record")
-            self._guarded(lambda: baseline.write(path, now, prediction.reading))
+            self._guarded(lambda: baseline.write(path, now, prediction.closure))
             self._record(kind="baseline", done=f"recorded {self._shown(path)}")
             return
         recorded = self._guarded(lambda: baseline.read(path))
@@ -105,14 +105,14 @@ class Rattle:
             self._record(kind="baseline", done="")
         elif mode == "regenerate":
             new = baseline.updated(recorded, now, changes)
-            self._guarded(lambda: baseline.write(path, new, prediction.reading))
+            self._guarded(lambda: baseline.write(path, new, prediction.closure))
             self._record(
                 kind="baseline", done="\n".join([f"regenerated {self._shown(path)}", *baseline.listed(changes)])
             )
         else:
             lines = "\n".join(baseline.listed(changes))
             self._fail(
-                f"{prediction.reading} differs from its baseline {self._shown(path)} by more than {absolute:g} + "
+                f"{prediction.closure} differs from its baseline {self._shown(path)} by more than {absolute:g} + "
                 f"{relative:g} of a value:\n{lines}\nIf that is meant: {again}=regenerate"
             )
 
@@ -143,7 +143,7 @@ class Rattle:
         path = self._thresholds.folder / "figures" / f"{name}.svg"
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            save(error_figure(table, prediction.reading), path)
+            save(error_figure(table, prediction.closure), path)
         except OSError as error:  # the verdict stands without its picture
             return f"\nNo figure: {error.strerror}"
         return f"\nFigure: {self._shown(path)}"

@@ -19,7 +19,7 @@ def row_table(rows: pd.DataFrame) -> str:
 
     Examples
     --------
-    >>> row = {"moment": "mean", "quantity": "y1", "impact": 2, "closure": 1.13, "monte_carlo": 1.03, "error": 0.1}
+    >>> row = {"moment": "mean", "quantity": "y1", "impact": 2, "predicted": 1.13, "simulated": 1.03, "error": 0.1}
     >>> row |= {"low": 0.08, "high": 0.12, "tolerance": 0.005, "unit": 0.1, "agreement": 1.0, "outcome": "fail"}
     >>> print(row_table(pd.DataFrame([row])))
                   model simulated error/sd      low     high  allowed on itinerary
@@ -28,8 +28,8 @@ def row_table(rows: pd.DataFrame) -> str:
     unit = rows["unit"]
     shown = pd.DataFrame(
         {
-            "model": rows["closure"].map("{:.6f}".format),
-            "simulated": rows["monte_carlo"].map("{:.6f}".format),
+            "model": rows["predicted"].map("{:.6f}".format),
+            "simulated": rows["simulated"].map("{:.6f}".format),
             "error/sd": (rows["error"] / unit).map("{:+.4f}".format),
             "low": (rows["low"] / unit).map("{:+.4f}".format),
             "high": (rows["high"] / unit).map("{:+.4f}".format),

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from rattle.closure import READINGS, mean_map
+from rattle.closure import CLOSURES, mean_map
 from rattle.compare.thresholds.claim import Claim
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
@@ -15,14 +15,14 @@ from rattle.scene.validate import choice
 __all__ = ["Model", "Prediction", "predict"]
 
 Model = str | Callable[[Scene, int], pd.DataFrame]
-"""A reading's name, or a function of a scene and a number of impacts."""
+"""A closure's name, or a function of a scene and a number of impacts."""
 
 
 @dataclass(frozen=True)
 class Prediction:
     """Section moments under the name of who predicts them, complete and finite where the claim speaks of them."""
 
-    reading: str
+    closure: str
     section: pd.DataFrame
 
 
@@ -32,7 +32,7 @@ def predict(model: Model, claim: Claim) -> Prediction:
     Parameters
     ----------
     model : str or callable
-        A reading (``"saltation"``), or a function ``(scene, impacts) -> DataFrame`` that gives the first so many
+        A closure (``"saltation"``), or a function ``(scene, impacts) -> DataFrame`` that gives the first so many
         impacts: index ``impact`` from 1, columns ``tau, flight, x1, y1, x2, y2`` for means and ``sd_tau, ...`` for
         standard deviations, as far as they are claimed.
     claim : Claim
@@ -44,7 +44,7 @@ def predict(model: Model, claim: Claim) -> Prediction:
     Raises
     ------
     InputError
-        If there is no such reading, or what it gives is not such a table.
+        If there is no such closure, or what it gives is not such a table.
 
     Examples
     --------
@@ -57,12 +57,12 @@ def predict(model: Model, claim: Claim) -> Prediction:
     """
     impacts = claim.impacts[-1]
     if isinstance(model, str):
-        closure = mean_map(claim.scene, impacts=impacts, reading=choice("reading", model, READINGS))
+        prediction = mean_map(claim.scene, impacts=impacts, closure=choice("closure", model, CLOSURES))
         return Prediction(
-            model, _complete(model, closure.section, claim, f" ({closure.stopped})" * bool(closure.stopped))
+            model, _complete(model, prediction.section, claim, f" ({prediction.stopped})" * bool(prediction.stopped))
         )
     if not callable(model):
-        raise InputError("model", model, "give a reading's name, or a function (scene, impacts) -> DataFrame")
+        raise InputError("model", model, "give a closure's name, or a function (scene, impacts) -> DataFrame")
     name = getattr(model, "__name__", type(model).__name__)
     return Prediction(name, _complete(name, model(claim.scene, impacts), claim))
 

@@ -25,7 +25,7 @@ def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[
 
     Examples
     --------
-    >>> facts = {"kind": "check", "model": "mended", "rows": 4, "failed": 1, "undecided": 0, "z": 3.2905}
+    >>> facts = {"kind": "check", "model": "corrected", "rows": 4, "failed": 1, "undecided": 0, "z": 3.2905}
     >>> facts |= {"all_rows": 10, "looks": 40, "rate": 0.01, "drawn": 2, "computed": 1, "seconds": 1.5, "decide": 0.0}
     >>> facts |= {"folder": "cache", "not_judged": 1}
     >>> print("\\n".join(summary_lines([("test_a", facts)])))

@@ -1,4 +1,4 @@
-"""What a scheme costs at an accuracy, as laws of paths and step that pilots and runs have shown."""
+"""What a scheme costs at an accuracy, as models of paths and step that pilots and runs have shown."""
 
 import math
 import time
@@ -12,7 +12,7 @@ from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.pilots import pilot
 from rattle.scene.scene import Scene
 
-__all__ = ["Law", "Point", "timed"]
+__all__ = ["CostModel", "Point", "timed"]
 
 FINER = 8.0  # by which a second pilot's step is shorter, to tell the time of steps from that of impacts
 REPEATS = 3
@@ -47,8 +47,8 @@ class Point(NamedTuple):
 
 
 @dataclass
-class Law:
-    """What a scheme's pilots and runs have shown, as laws of paths and step.
+class CostModel:
+    """What a scheme's pilots and runs have shown, as models of paths and step.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Law:
     shared: float = 0.0
 
     @classmethod
-    def from_pilots(cls, scene: Scene, scheme: str, again: Callable[..., Ensemble]) -> "Law":
+    def from_pilots(cls, scene: Scene, scheme: str, again: Callable[..., Ensemble]) -> "CostModel":
         """Measure a scheme by pilots: one for a scheme without step bias, else a second with a shorter step."""
         first, seconds = _least(lambda: pilot(scene, scheme, again))
         spread = sampling_error(first)[0] * math.sqrt(first.paths)
@@ -89,9 +89,9 @@ class Law:
         finer, more = _least(lambda: again(paths=first.paths, scheme=scheme, dt=first.dt / FINER, step_bias=True))
         step = (more - seconds) / (finer.path_steps - first.path_steps)
         path = max(0.0, seconds - step * first.path_steps) / first.paths
-        law = cls(scheme, first, path, step, seconds, spread, step_error(first)[0] / first.dt, first)
-        law.learn(finer)
-        return law
+        model = cls(scheme, first, path, step, seconds, spread, step_error(first)[0] / first.dt, first)
+        model.learn(finer)
+        return model
 
     def learn(self, run: Ensemble) -> None:
         """Take over what a run with more paths, or a bias that stands clear of noise at a shorter step, has shown."""

@@ -1,4 +1,4 @@
-"""The figure of a trade-off: error against processor time, every scheme and every reading of the closure."""
+"""The figure of a trade-off: error against processor time, every scheme and every closure."""
 
 import numpy as np
 import pandas as pd

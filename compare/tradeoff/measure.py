@@ -1,4 +1,4 @@
-"""What accuracy costs: every scheme at every accuracy, measured or extrapolated, and every reading of the closure.
+"""What accuracy costs: every scheme at every accuracy, measured or extrapolated, and every closure.
 
 An error is the larger of the worst standard error and the worst bias of the step over all section means and sds, in
 units of each quantity's sd (`rattle.montecarlo.accuracy`); of a closure it is its worst difference from the best
@@ -17,8 +17,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from rattle.closure import mean_map, readings_for
-from rattle.compare.tradeoff.cost_model import Law, Point, timed
+from rattle.closure import closures_for, mean_map
+from rattle.compare.tradeoff.cost_model import CostModel, Point, timed
 from rattle.compare.tradeoff.multilevel import Levels, measure_levels
 from rattle.compare.validation.speed import best_of
 from rattle.compare.validation.verdict import widest
@@ -47,7 +47,7 @@ class Measured:
     ----------
     points : DataFrame
         The columns of `Point`.
-    laws : dict of str to Law
+    models : dict of str to Law
         By scheme.
     levels : dict of str to Levels
         By Euler scheme.
@@ -56,7 +56,7 @@ class Measured:
     """
 
     points: pd.DataFrame
-    laws: dict[str, Law]
+    models: dict[str, CostModel]
     levels: dict[str, Levels]
     reference: Ensemble
 
@@ -75,27 +75,28 @@ def check_accuracies(accuracies: Sequence[float]) -> tuple[float, ...]:
 
 
 def _scheme_points(
-    law: Law, accuracies: Sequence[float], budget: float, again: Callable[..., Ensemble],
+    model: CostModel, accuracies: Sequence[float], budget: float, again: Callable[..., Ensemble],
     bar: "tqdm[NoReturn]",
 ) -> list[tuple[Point, Ensemble | None]]:  # fmt: skip
     """Points of a scheme, with the run of each that was measured."""
     points: list[tuple[Point, Ensemble | None]] = []
     for accuracy in accuracies:
-        bar.set_postfix_str(f"{law.scheme}, {accuracy:g}")
-        point, measured = law.at(accuracy), None
+        bar.set_postfix_str(f"{model.scheme}, {accuracy:g}")
+        point, measured = model.at(accuracy), None
         if point.core_seconds <= budget:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", AccuracyWarning)  # then the point is not a measured one
-                call = partial(again, accuracy=accuracy, scheme=law.scheme, budget=BUSY * budget)
+                call = partial(again, accuracy=accuracy, scheme=model.scheme, budget=BUSY * budget)
                 run, seconds = timed(call)
-            law.learn(run)
+            model.learn(run)
             reach = run.reach
             assert reach is not None
-            point = law.at(accuracy)
+            point = model.at(accuracy)
             if reach.reached:
                 error, measured = max(reach.sampling, reach.step), run
                 point = Point(
-                    law.scheme, "scheme", accuracy, run.dt, run.paths, seconds, reach.sampling, reach.step, error, True
+                    model.scheme, "scheme", accuracy, run.dt, run.paths, seconds, reach.sampling, reach.step, error,
+                    True
                 )  # fmt: skip
         points.append((point, measured))
         bar.update()
@@ -116,14 +117,14 @@ def _differences(section: pd.DataFrame, reference: Ensemble) -> Floats:
 
 
 def closure_points(scene: Scene, impacts: int, reference: Ensemble) -> list[Point]:
-    """Worst and median error of every reading that can take the scene, and its time."""
+    """Worst and median error of every closure that can take the scene, and its time."""
     columns, unit = _section_rows(scene), units(reference)
-    readings = readings_for(scene)
-    z = widest(len(columns) * impacts * len(readings))
+    closures = closures_for(scene)
+    z = widest(len(columns) * impacts * len(closures))
     half = z * np.array([reference.section["se_" + name] / unit[q] for name, q in columns])
     points = []
-    for reading in readings:
-        call = partial(mean_map, scene, impacts=impacts, reading=reading)
+    for closure in closures:
+        call = partial(mean_map, scene, impacts=impacts, closure=closure)
         error = np.abs(_differences(call().section, reference))
         seen = np.isfinite(error)
         error, noise = error[seen], half[seen]
@@ -131,13 +132,13 @@ def closure_points(scene: Scene, impacts: int, reference: Ensemble) -> list[Poin
         resolved = bool(error[worst] > noise[worst])
         bound = float(error[worst] if resolved else (error + noise).max())
         points.append(Point(
-            reading, "closure", math.nan, math.nan, 0, best_of(call), float(noise[worst]), 0.0, bound, True,
+            closure, "closure", math.nan, math.nan, 0, best_of(call), float(noise[worst]), 0.0, bound, True,
             float(np.median(error)), resolved, error.size,
         ))  # fmt: skip
     return points
 
 
-def _held_against(point: Point, run: Ensemble | None, law: Law, reference: Ensemble) -> list[Point]:
+def _compared_with(point: Point, run: Ensemble | None, model: CostModel, reference: Ensemble) -> list[Point]:
     """A point with its actual error; if it missed what was asked, the extrapolated point that would not beside it."""
     if run is None or run.paths >= reference.paths:
         return [point]
@@ -145,7 +146,7 @@ def _held_against(point: Point, run: Ensemble | None, law: Law, reference: Ensem
     point = point._replace(actual_error=actual)
     if actual <= point.step_error + widest(point.rows) * point.accuracy:
         return [point]
-    return [point._replace(missed=True, error=actual), law.at(point.accuracy)._replace(rows=point.rows)]
+    return [point._replace(missed=True, error=actual), model.at(point.accuracy)._replace(rows=point.rows)]
 
 
 def multilevel_points(levels: dict[str, Levels], accuracies: Sequence[float]) -> list[Point]:
@@ -159,18 +160,18 @@ def multilevel_points(levels: dict[str, Levels], accuracies: Sequence[float]) ->
     return points
 
 
-def means_seconds(law: Law, accuracy: float, *, control: bool, typical: bool = False) -> float:
+def means_seconds(model: CostModel, accuracy: float, *, control: bool, typical: bool = False) -> float:
     """Core-seconds of exact flights for the section means alone, all of them or the typical one.
 
     With `control` by the errors that the control variate leaves, else by the spread of the paths.
     """
-    unit, section = units(law.best), law.best.section
+    unit, section = units(model.best), model.best.section
     n = section["paths"].to_numpy(float)[:, None]
-    spread = np.sqrt(law.best.result.sums["section"].moment(2, 0))
+    spread = np.sqrt(model.best.result.sums["section"].moment(2, 0))
     errors = section[["se_" + q for q in SECTION]].to_numpy() * np.sqrt(n) if control else spread
     share = errors / unit.to_numpy()
     one = float(np.nanmedian(share) if typical else np.nanmax(share))
-    return (one / accuracy) ** 2 * law.path_alone(accuracy)
+    return (one / accuracy) ** 2 * model.path_alone(accuracy)
 
 
 def slope(points: pd.DataFrame, method: str, measured: bool) -> tuple[float, int]:
@@ -192,18 +193,18 @@ def measure(
 
     Multilevel estimators are costed from runs at halved steps, closures held against the best run of exact flights.
     """
-    scene = scene.near  # a late start costs no digits
+    scene = scene.phase_reduced  # a late start costs no digits
     again = partial(simulate, scene, impacts=impacts, rng=seed, workers=workers)
-    laws: dict[str, Law] = {}
+    models: dict[str, CostModel] = {}
     found: dict[str, list[tuple[Point, Ensemble | None]]] = {}
     exact_first = sorted(SCHEMES, key=lambda name: SCHEMES[name].weak_order is not None)
     with tqdm(total=len(SCHEMES) * len(accuracies), desc="accuracy", unit="point", disable=None) as bar:
         for scheme in exact_first:
-            law = laws[scheme] = Law.from_pilots(scene, scheme, again)
-            law.shared = max(other.spread for other in laws.values())  # of the first, which affords most paths
-            law.spread = max(law.spread, law.shared)
-            found[scheme] = _scheme_points(law, accuracies, budget, again, bar)
-    reference = laws[exact_first[0]].best
+            model = models[scheme] = CostModel.from_pilots(scene, scheme, again)
+            model.shared = max(other.spread for other in models.values())  # of the first, which affords most paths
+            model.spread = max(model.spread, model.shared)
+            found[scheme] = _scheme_points(model, accuracies, budget, again, bar)
+    reference = models[exact_first[0]].best
     levels = {
         scheme: measure_levels(scene, scheme, impacts=impacts, seed=seed, workers=workers) for scheme in exact_first[1:]
     }
@@ -211,7 +212,7 @@ def measure(
     points = []
     for scheme in SCHEMES:
         for point, run in found[scheme]:
-            points += _held_against(point._replace(rows=rows), run, laws[scheme], reference)
+            points += _compared_with(point._replace(rows=rows), run, models[scheme], reference)
     points += multilevel_points(levels, accuracies) + closure_points(scene, impacts, reference)
-    laws = {scheme: laws[scheme] for scheme in SCHEMES}
-    return Measured(pd.DataFrame(points, columns=list(Point._fields)), laws, levels, reference)
+    models = {scheme: models[scheme] for scheme in SCHEMES}
+    return Measured(pd.DataFrame(points, columns=list(Point._fields)), models, levels, reference)

@@ -88,11 +88,11 @@ def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> 
         for _, r in p[p["kind"] == "scheme"].iterrows()
     ]  # fmt: skip
     slopes: list[Row] = [
-        (name, f"{1e9 * law.step_seconds:.3g}",
+        (name, f"{1e9 * model.step_seconds:.3g}",
          *(f"{power:.2f} ({n} points)" if n > 1 else "–" for power, n in (slope(p, name, x) for x in (False, True))))
-        for name, law in m.laws.items()
+        for name, model in m.models.items()
     ]  # fmt: skip
-    closures: list[Row] = [
+    predictions: list[Row] = [
         (r["method"], f"{r['rows']} of {p['rows'].max()}", ("" if r["resolved"] else "below ") + f"{r['error']:.3g}",
          f"{r['median_error']:.2g}", Cell(seconds(r["core_seconds"]), value=float(r["core_seconds"])))
         for _, r in p[p["kind"] == "closure"].iterrows()
@@ -104,7 +104,7 @@ def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> 
     means: list[Row] = []
     for a in accuracies:
         cells = [f"{e.seconds:.2g} ({e.typical:.2g})" for e in (x.estimate(a) for x in m.levels.values())]
-        cells += [f"{means_seconds(m.laws[EXACT], a, control=control):.2g}" for control in (True, False)]
+        cells += [f"{means_seconds(m.models[EXACT], a, control=control):.2g}" for control in (True, False)]
         means.append((f"{a:g}", *cells))
     heads = ["accuracy", *(f"multilevel {n}" for n in m.levels), f"{EXACT} with control", f"{EXACT} without"]
     ratios = ("means_median", "means_smallest", "sds_median", "sds_smallest")
@@ -123,7 +123,7 @@ def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> 
             ["scheme", *numbers("ns per path-step", "cost grows as accuracy to the", "of measured points alone")],
             slopes,
         ),
-        "closures": Table.of(["reading", *numbers("rows predicted", "worst error", "median", "time")], closures),
+        "closures": Table.of(["closure", *numbers("rows predicted", "worst error", "median", "time")], predictions),
         "rates": Table.of(
             ["scheme", *numbers("α (bias)", "β (variance, worst row)", "β (median row)", "γ (time)")], rates
         ),
@@ -153,7 +153,7 @@ def tradeoff_page(
 ) -> Page:  # fmt: skip
     """The page of a trade-off, whose last sentence is that of the multilevel section."""
     tables, reference = _tables(m, control, accuracies), f"{m.reference.paths:,}"
-    figure = "Error against processor time of every scheme and every reading"
+    figure = "Error against processor time of every scheme and every closure"
     schemes = Text(SCHEMES.format(budget=record["budget"], reference=reference), note=True)
     levels = Text(LEVELS.format(alarm=f"{KURTOSIS_ALARM:g}"), note=True)
     sections = [

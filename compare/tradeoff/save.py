@@ -29,10 +29,12 @@ PLAIN = "euler-maruyama"
 
 
 def _cheapest(points: pd.DataFrame, accuracy: float) -> dict[str, Any]:
-    """The cheapest of the schemes, and of the readings that predict everything as well as that."""
+    """The cheapest of the schemes, and of the closures that predict everything as well as that."""
     scheme = (points["kind"] == "scheme") & (points["accuracy"] == accuracy) & ~points["missed"]
-    closure = (points["kind"] == "closure") & (points["error"] <= accuracy) & (points["rows"] == points["rows"].max())
-    best: dict[str, Any] = points[scheme | closure].nsmallest(1, "core_seconds").to_dict("records")[0]
+    prediction = (
+        (points["kind"] == "closure") & (points["error"] <= accuracy) & (points["rows"] == points["rows"].max())
+    )
+    best: dict[str, Any] = points[scheme | prediction].nsmallest(1, "core_seconds").to_dict("records")[0]
     return best
 
 
@@ -46,10 +48,10 @@ def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
         how = "" if best["measured"] else ", extrapolated"
         parts.append(f"{accuracy:g}: `{best['method']}` ({seconds(best['core_seconds'])}{how})")
     found = [f"The cheapest way to every section mean and sd within a share of its sd — {'; '.join(parts)}."]
-    closures = p[p["kind"] == "closure"]
+    predictions = p[p["kind"] == "closure"]
     wins = []
-    for _, row in closures[closures["rows"] == whole].iterrows():
-        simulated = m.laws[EXACT].at(row["error"]).core_seconds
+    for _, row in predictions[predictions["rows"] == whole].iterrows():
+        simulated = m.models[EXACT].at(row["error"]).core_seconds
         if simulated > row["core_seconds"] and row["error"] <= 1.0:
             wins.append(
                 f"`{row['method']}`, whose worst error is {'' if row['resolved'] else 'below '}{row['error']:.2g} "
@@ -63,21 +65,21 @@ def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
         "error."
     )
     finest = accuracies[-1]
-    plain, exact = m.laws[PLAIN], m.laws[EXACT].path_alone(finest)
+    plain, exact = m.models[PLAIN], m.models[EXACT].path_alone(finest)
     found.append(
         f"To {finest:g}, plain Euler-Maruyama would need dt = {plain.at(finest).dt:.2g}: at "
         f"{1e9 * plain.step_seconds:.2g} ns per path-step the same number of paths takes "
         f"{plain.path_alone(finest) / exact:,.0f} times the processor time of exact flights "
-        f"({seconds(m.laws[EXACT].at(finest).core_seconds)}), and "
+        f"({seconds(m.models[EXACT].at(finest).core_seconds)}), and "
         f"{plain.path_alone(finest, HAND_TUNED_NS) / exact:,.0f} times at the {HAND_TUNED_NS:g} ns of a hand-tuned "
         "block."
     )
-    return [*found, *left_out(m.reference.scene, list(closures["method"])), verdict(m, accuracies)]
+    return [*found, *left_out(m.reference.scene, list(predictions["method"])), verdict(m, accuracies)]
 
 
 def verdict(m: Measured, accuracies: Sequence[float]) -> str:
     """Whether multilevel over the step is cheaper than exact flights anywhere, for the section means alone."""
-    exact, factors, typical = m.laws[EXACT], [], []
+    exact, factors, typical = m.models[EXACT], [], []
     for a in accuracies:
         estimates = [levels.estimate(a) for levels in m.levels.values()]
         factors.append(min(e.seconds for e in estimates) / means_seconds(exact, a, control=True))
@@ -122,9 +124,9 @@ def write_tradeoff(
     """
     said = answer(m, accuracies)
     means = pd.DataFrame({
-        "error": accuracies, "core_seconds": [means_seconds(m.laws[EXACT], a, control=True) for a in accuracies],
+        "error": accuracies, "core_seconds": [means_seconds(m.models[EXACT], a, control=True) for a in accuracies],
     })  # fmt: skip
-    figure = tradeoff_figure(m.points, {name: slope(m.points, name, False)[0] for name in m.laws}, means)
+    figure = tradeoff_figure(m.points, {name: slope(m.points, name, False)[0] for name in m.models}, means)
     with whole_folder(out, CONTENTS, overwrite) as folder:
         save(figure, folder / "tradeoff.svg")
         if orders:

@@ -190,7 +190,7 @@ def weak_orders(
     """
     count("replicates", replicates, least=2)
     seeds = np.random.SeedSequence(rng).spawn(replicates + 1)
-    sample = partial(simulate, scene.near, impacts=impacts, workers=workers)
+    sample = partial(simulate, scene.phase_reduced, impacts=impacts, workers=workers)
     exact = sample(paths=paths * replicates, scheme="exact-flight", rng=seeds[-1])
     kept = float(exact.agreement["noise-free"].iloc[-1])
     found, changes = [], []

@@ -107,20 +107,20 @@ def distances(masses: Floats, counts: Ints) -> Distances:
     )
 
 
-def section_distances(closure: MeanMap, run: Ensemble) -> pd.DataFrame:
+def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
     """Distance of a closure's section densities from the sampled histograms; tidy.
 
     Parameters
     ----------
     closure : MeanMap
-        The reading, of the same scene as `run`.
+        The closure, of the same scene as `run`.
     run : Ensemble
         A simulation with ``histogram=True``, and better with ``step_bias=True``.
 
     Returns
     -------
     DataFrame
-        Columns ``reading, impact, quantity, kolmogorov, kolmogorov_floor, total_variation, total_variation_floor,
+        Columns ``closure, impact, quantity, kolmogorov, kolmogorov_floor, total_variation, total_variation_floor,
         paths``; distances are shares of the probability, see `distances`.  ``paths`` is how many reached the impact.
         A row only where the closure has a density and the quantity varies on both sides: not the displacement at the
         mesh that most paths strike.
@@ -144,31 +144,31 @@ def section_distances(closure: MeanMap, run: Ensemble) -> pd.DataFrame:
     >>> from rattle.scene import DAT21, Scene
     >>> scene = Scene.from_gears(DAT21, sigma=0.02)
     >>> run = simulate(scene, paths=10_000, impacts=1, rng=7, histogram=True, step_bias=True)
-    >>> table = section_distances(mean_map(scene, impacts=1, reading="saltation"), run).set_index("quantity")
+    >>> table = section_distances(mean_map(scene, impacts=1, closure="saltation"), run).set_index("quantity")
     >>> bool((table["kolmogorov"] < 1.5 * table["kolmogorov_floor"]).all())
     True
     """
     histograms = run.histograms
     if histograms is None:
         raise InputError("run.histograms", None, "ask for them: simulate(histogram=True)")
-    if closure.scene != run.scene:
-        raise InputError("closure.scene", closure.scene, "is not the run's; compare the same scene")
-    closure, run = closure.near, run.near
+    if prediction.scene != run.scene:
+        raise InputError("closure.scene", prediction.scene, "is not the run's; compare the same scene")
+    prediction, run = prediction.phase_reduced, run.phase_reduced
     sampled, limit = run.section, _limits(run)
     records = []
     quantities = [q for q in SECTION if run.scene.stages == 2 or q not in STATE[2:]]
-    for impact in range(1, min(closure.trace.found, run.impacts) + 1):
+    for impact in range(1, min(prediction.trace.found, run.impacts) + 1):
         for quantity in quantities:
-            if not (_varies(closure.section, impact, quantity) and _varies(sampled, impact, quantity)):
+            if not (_varies(prediction.section, impact, quantity) and _varies(sampled, impact, quantity)):
                 continue
-            mean, sd = (float(closure.section[prefix + quantity].loc[impact]) for prefix in ("", "sd_"))
+            mean, sd = (float(prediction.section[prefix + quantity].loc[impact]) for prefix in ("", "sd_"))
 
             def density(values: Floats, impact: int = impact, quantity: str = quantity) -> Floats:
-                found = closure.density(impact, quantity, values)
+                found = prediction.density(impact, quantity, values)
                 assert found is not None
                 return found
 
-            if closure.density(impact, quantity, np.array([mean])) is None:
+            if prediction.density(impact, quantity, np.array([mean])) is None:
                 continue
             edges, _ = histograms.density(impact, quantity)
             counts = histograms.counts[impact - 1, SECTION.index(quantity)]
@@ -180,14 +180,14 @@ def section_distances(closure: MeanMap, run: Ensemble) -> pd.DataFrame:
             found = distances(bin_masses(density, moved, mean, sd), counts)
             records.append(
                 {
-                    "reading": closure.reading,
+                    "closure": prediction.closure,
                     "impact": impact,
                     "quantity": quantity,
                     **found._asdict(),
                     "paths": int(counts.sum()),
                 }
             )
-    return pd.DataFrame(records, columns=["reading", "impact", "quantity", *Distances._fields, "paths"])
+    return pd.DataFrame(records, columns=["closure", "impact", "quantity", *Distances._fields, "paths"])
 
 
 def _varies(section: pd.DataFrame, impact: int, quantity: str) -> bool:

@@ -23,36 +23,36 @@ def _offsets(names: Sequence[str]) -> dict[str, float]:
 
 
 def error_figure(v: Validation) -> Figure:
-    """Errors of section means and sds per impact and reading, in units of the quantity's sd, with intervals."""
+    """Errors of section means and sds per impact and closure, in units of the quantity's sd, with intervals."""
     quantities = [q for q in ("tau", "y1", "y2") if v.scene.stages == 2 or q != "y2"]
     figure, axes = new_figure(3.4 * len(quantities), 5.4, 2, len(quantities))
     section = v.table[
         (v.table["kind"] == "section") & (v.table["verdict"] != "not predicted") & (v.table["unit"] > 0.0)
     ]
-    shift = _offsets(list(v.closures))
+    shift = _offsets(list(v.predictions))
     for row, moment in enumerate(("mean", "sd")):
         share = getattr(v.tolerances, moment)
         for column, quantity in enumerate(quantities):
             ax = axes[row * len(quantities) + column]
             ax.axhspan(-share, share, color=ACCURATE, alpha=0.18, lw=0, label=f"accurate: within {share:.0%} of an sd")
             ax.axhline(0.0, color="0.4", lw=0.8)
-            for reading in v.closures:
+            for closure in v.predictions:
                 rows = section[
-                    (section["reading"] == reading) & (section["quantity"] == quantity) & (section["moment"] == moment)
+                    (section["closure"] == closure) & (section["quantity"] == quantity) & (section["moment"] == moment)
                 ]
                 error, low, high = (rows[name] / rows["unit"] for name in ("error", "low", "high"))
                 ax.errorbar(
-                    rows["impact"] + shift[reading],
+                    rows["impact"] + shift[closure],
                     error,
                     [error - low, high - error],
                     ls="none",
                     ms=4,
                     capsize=2,
-                    label=reading,
-                    **STYLE[reading],
+                    label=closure,
+                    **STYLE[closure],
                 )
             if not ((section["quantity"] == quantity) & (section["moment"] == moment)).any():
-                ax.text(0.5, 0.75, "no reading predicts it", transform=ax.transAxes, ha="center", color="0.35")
+                ax.text(0.5, 0.75, "no closure predicts it", transform=ax.transAxes, ha="center", color="0.35")
             ax.set_yscale("symlog", linthresh=LINEAR)
             limit = max(10.0, *(abs(t) for t in ax.get_ylim()))
             ax.set_ylim(-limit, limit)
@@ -71,7 +71,7 @@ def correlation_figure(v: Validation) -> Figure:
     stages = range(1, v.scene.stages + 1)
     figure, axes = new_figure(5.2 * len(stages), 3.9, 1, len(stages))
     limit, impacts = 1.9, len(v.run.section)
-    readings = [name for name, closure in v.closures.items() if closure.trace.parts is None]
+    closures = [name for name, prediction in v.predictions.items() if prediction.trace.parts is None]
     for stage, ax in zip(stages, axes, strict=True):
         for sign in (-1.0, 1.0):
             ax.axhspan(
@@ -82,12 +82,12 @@ def correlation_figure(v: Validation) -> Figure:
                 lw=0,
                 label=r"impossible: $|\rho| > 1$" if sign > 0 else None,
             )
-        for reading, shift in _offsets(readings).items():
-            rows = v.correlation[(v.correlation["reading"] == reading) & (v.correlation["stage"] == stage)]
+        for closure, shift in _offsets(closures).items():
+            rows = v.correlation[(v.correlation["closure"] == closure) & (v.correlation["stage"] == stage)]
             rho = rows["rho"].clip(-limit + 0.12, limit - 0.12)
-            colour, marker = STYLE[reading]["color"], STYLE[reading]["marker"]
+            colour, marker = STYLE[closure]["color"], STYLE[closure]["marker"]
             if rho.notna().any():
-                ax.plot(rows["impact"] + shift, rho, marker, ms=5, color=colour, label=f"{reading}, before impact")
+                ax.plot(rows["impact"] + shift, rho, marker, ms=5, color=colour, label=f"{closure}, before impact")
             broken = rows[rows["rho"].isna() & ~rows["realizable"]]
             if len(broken):
                 ax.plot(
@@ -97,31 +97,31 @@ def correlation_figure(v: Validation) -> Figure:
                     ms=6,
                     mew=1.6,
                     color=colour,
-                    label=f"{reading}: negative variance",
+                    label=f"{closure}: negative variance",
                 )
-        clock = v.table[(v.table["kind"] == "clock") & (v.table["quantity"] == f"rho{stage}")]
-        for reading in readings:
-            rows = clock[clock["reading"] == reading].dropna(subset=["closure"])
+        fixed = v.table[(v.table["kind"] == "fixed time") & (v.table["quantity"] == f"rho{stage}")]
+        for closure in closures:
+            rows = fixed[fixed["closure"] == closure].dropna(subset=["predicted"])
             if rows.empty:
                 continue
-            colour, marker = STYLE[reading]["color"], STYLE[reading]["marker"]
+            colour, marker = STYLE[closure]["color"], STYLE[closure]["marker"]
             ax.plot(
                 rows["impact"] - 0.5,
-                rows["closure"].clip(-limit, limit),
+                rows["predicted"].clip(-limit, limit),
                 marker,
                 ms=5,
                 mfc="none",
                 color=colour,
-                label=f"{reading}, mid-flight",
+                label=f"{closure}, mid-flight",
             )
-        rows = clock[clock["reading"] == readings[0]]
+        rows = fixed[fixed["closure"] == closures[0]]
         if len(rows):
-            low, high = (rows["closure"] - rows["high"], rows["closure"] - rows["low"])
-            known = rows["closure"].notna()
-            errors = np.where(known, [rows["monte_carlo"] - low, high - rows["monte_carlo"]], v.z * rows["se"])
+            low, high = (rows["predicted"] - rows["high"], rows["predicted"] - rows["low"])
+            known = rows["predicted"].notna()
+            errors = np.where(known, [rows["simulated"] - low, high - rows["simulated"]], v.z * rows["se"])
             ax.errorbar(
                 rows["impact"] - 0.5,
-                rows["monte_carlo"],
+                rows["simulated"],
                 np.abs(errors),
                 ls="none",
                 ms=3.5,
@@ -151,16 +151,16 @@ def section_figure(v: Validation) -> Figure:
             ax.stairs(density, edges, fill=True, color="0.75", label="Monte Carlo, own impact")
             shown = np.flatnonzero(density >= VISIBLE * density.max())
             y = np.linspace(edges[shown[0]], edges[shown[-1] + 1], 600)
-            for reading, closure in v.closures.items():
-                curve = closure.density(impact, quantity, y)
+            for closure, prediction in v.predictions.items():
+                curve = prediction.density(impact, quantity, y)
                 if curve is not None:
-                    label = f"{reading}, {'mixture' if closure.trace.parts is not None else 'Edgeworth'}"
+                    label = f"{closure}, {'mixture' if prediction.trace.parts is not None else 'Edgeworth'}"
                     ax.plot(
                         y,
                         curve,
-                        color=STYLE[reading]["color"],
+                        color=STYLE[closure]["color"],
                         lw=1.4,
-                        ls="--" if reading == "printed" else "-",
+                        ls="--" if closure == "published" else "-",
                         label=label,
                     )
             ax.set_ylim(0.0, 1.25 * max(density.max(), 1e-12))
@@ -178,23 +178,23 @@ def section_figure(v: Validation) -> Figure:
 def agreement_figure(validations: Sequence[Validation]) -> Figure:
     """Share of paths that have followed an itinerary so far, per noise intensity; dashed what `branching` predicts."""
     first = validations[0]
-    alike: dict[tuple[int, ...], list[str]] = {}  # readings by their itinerary at the first noise intensity
-    for reading, closure in first.closures.items():
-        alike.setdefault(closure.itinerary, []).append(reading)
+    alike: dict[tuple[int, ...], list[str]] = {}  # closures by their itinerary at the first noise intensity
+    for closure, prediction in first.predictions.items():
+        alike.setdefault(prediction.itinerary, []).append(closure)
     figure, axes = new_figure(4.6 * len(alike), 3.3, 1, len(alike))
     shades = mpl.colormaps["cividis"](np.linspace(0.0, 0.8, len(validations)))
-    for readings, ax in zip(alike.values(), axes, strict=True):
+    for closures, ax in zip(alike.values(), axes, strict=True):
         for v, shade, marker in zip(validations, shades, "osD^vP*X" * 8, strict=False):
-            share = v.run.agreement[readings[0]]
+            share = v.run.agreement[closures[0]]
             ax.plot(
                 share.index, share, marker=marker, ms=4, lw=1.2, color=shade, label=rf"$\sigma$ = {v.scene.sigma:.4g}"
             )
-            if "branching" in readings and "agreement" in v.closures["branching"].section:
-                ax.plot(share.index, v.closures["branching"].section["agreement"], color=shade, ls="--", lw=1.0)
+            if "branching" in closures and "agreement" in v.predictions["branching"].section:
+                ax.plot(share.index, v.predictions["branching"].section["agreement"], color=shade, ls="--", lw=1.0)
         ax.set_ylim(-0.03, 1.05)
         ax.set_xlabel("impact")
         ax.set_ylabel("share of paths still agreeing")
-        ax.set_title("itinerary of " + ", ".join(readings), loc="left")
+        ax.set_title("itinerary of " + ", ".join(closures), loc="left")
     axes[0].legend(loc="best")
     return figure
 
@@ -208,7 +208,7 @@ class Drawn(NamedTuple):
     caption : tuple of (str, str)
         What it shows, for `rattle.compare.report.style.caption_of`.
     moments : bool
-        Whether it needs a reading of one Gaussian, moments of a perturbation and all.
+        Whether it needs a closure of one Gaussian, moments of a perturbation and all.
     """
 
     draw: Callable[[Validation], Figure]
@@ -217,7 +217,7 @@ class Drawn(NamedTuple):
 
     def suits(self, v: Validation) -> bool:
         """Whether there is anything to draw."""
-        return not self.moments or any(m.trace.parts is None for m in v.closures.values())
+        return not self.moments or any(m.trace.parts is None for m in v.predictions.values())
 
 
 FIGURES = {

@@ -15,26 +15,26 @@ from rattle.compare.report.json_text import json_text
 from rattle.compare.report.style import caption_of, save
 from rattle.compare.validation.answer import answer, correlation_claim, sigma_text
 from rattle.compare.validation.figures import FIGURES, agreement_figure
-from rattle.compare.validation.frontier_figure import FRONTIER, frontier_figure
 from rattle.compare.validation.sweep import Sweep
 from rattle.compare.validation.tables import (
     MARKS,
     count_table,
     distance_table,
     failure_table,
-    frontier_table,
     impact_table,
     reach_table,
     simulation_text,
     speed_table,
+    validity_table,
 )
 from rattle.compare.validation.validate import Validation
+from rattle.compare.validation.validity_figure import VALIDITY, validity_figure
 from rattle.compare.validation.verdict import NOT_JUDGED, RULE
 
 __all__ = ["CONTENTS", "table_text", "write_report"]
 
 CONTENTS = frozenset({
-    *pages("report"), "table.csv", "table.parquet", "correlation.csv", "frontier.csv", "frontier.parquet", "speed.csv",
+    *pages("report"), "table.csv", "table.parquet", "correlation.csv", "validity.csv", "validity.parquet", "speed.csv",
     "manifest.json", "figures",
 })  # fmt: skip
 """What a report folder holds; anything else in it is not ours."""
@@ -44,13 +44,13 @@ SPEED = (
     "flights with their control variate as make the standard error of every moment no larger than the closure's worst "
     "error (in sds of the quantity). One core each; measured with this report (`speed.csv`)."
 )
-NONE = "No reading is shown to be accurate up to the first impact at any of these noise intensities; {} undecided."
+NONE = "No closure is shown to be accurate up to the first impact at any of these noise intensities; {} undecided."
 UNRESOLVED = " “≤”: the sample cannot tell the error from zero, so the speed-up is a lower bound."
 AGREEMENT = (
     "Share of paths whose impacts so far had the meshes and sides of the closure's; no closure of a single orbit can "
     "hold beyond it."
 )
-PREDICTED = " Dashed: the share that the branching reading predicts."
+PREDICTED = " Dashed: the share that the branching closure predicts."
 
 
 def table_text(validations: Sequence[Validation]) -> tuple[pd.DataFrame, str]:
@@ -82,10 +82,10 @@ def _section(v: Validation, number: int, folder: Path) -> Section:
         found = [Text(what + "the moments.", note=True), failures]
     distance = "Distance of the section densities from the histograms, in units of what sampling alone gives:"
     errors: list[Block] = []
-    for reading, closure in v.closures.items():
-        errors.append(impact_table(v, reading, f"Errors of the {reading} reading per impact, {sigma}"))
-        if closure.stopped:
-            errors.append(Text(f"The {reading} reading ended early: {closure.stopped}.", note=True))
+    for closure, prediction in v.predictions.items():
+        errors.append(impact_table(v, closure, f"Errors of the {closure} closure per impact, {sigma}"))
+        if prediction.stopped:
+            errors.append(Text(f"The {closure} closure ended early: {prediction.stopped}.", note=True))
     return Section(
         sigma,
         (Text(simulation_text(v), note=True), reach_table(v), count_table(v), *figures),
@@ -108,15 +108,15 @@ def _page(
     sections = []
     if swept:
         paths = (
-            f"{settings.frontier_paths:,} paths of exact flights at each σ (no bias in the step), all on the same "
-            "random numbers. Every σ by itself: `frontier.csv`."
+            f"{settings.validity_paths:,} paths of exact flights at each σ (no bias in the step), all on the same "
+            "random numbers. Every σ by itself: `validity.csv`."
         )
-        drawing = frontier_figure(swept.frontier, settings.impacts)
-        figure = _drawn(drawing, "frontier", caption_of(drawing, FRONTIER), folder)
-        opening = (figure, Text(paths, note=True), frontier_table(swept.frontier))
+        drawing = validity_figure(swept.validity, settings.impacts)
+        figure = _drawn(drawing, "validity", caption_of(drawing, VALIDITY), folder)
+        opening = (figure, Text(paths, note=True), validity_table(swept.validity))
         speeds = speed_table(swept.speed)
         note = SPEED + ("" if swept.speed["resolved"].all() else UNRESOLVED)
-        none = Text(NONE.format("some are" if (swept.frontier["not_refuted"] > 0).any() else "none is"))
+        none = Text(NONE.format("some are" if (swept.validity["not_inaccurate"] > 0).any() else "none is"))
         sections.append(
             Section("What a closure saves where it holds", (Text(note, note=True), speeds) if speeds.rows else (none,))
         )
@@ -125,7 +125,7 @@ def _page(
         f"Marks: {marks}. Errors are closure minus simulation, corrected for the measured step bias, in units of the "
         f"quantity's standard deviation, with the half width of their interval. {RULE}"
     )
-    together = AGREEMENT + (PREDICTED if "branching" in validations[0].closures else "")
+    together = AGREEMENT + (PREDICTED if "branching" in validations[0].predictions else "")
     agreement = _drawn(agreement_figure(validations), "agreement", together, folder)
     sections.append(Section("How long the paths stay together", (agreement,)))
     if claim := correlation_claim(validations):
@@ -148,8 +148,8 @@ def _facts(record: dict[str, Any]) -> tuple[tuple[str, str], ...]:
         "versions": ", ".join(f"{name} {version}" for name, version in record["versions"].items()),
         "table.csv": f"sha256 {record['table_sha256']}",
     }
-    if record["frontier_sha256"]:
-        facts["frontier.csv"] = f"sha256 {record['frontier_sha256']}"
+    if record["validity_sha256"]:
+        facts["validity.csv"] = f"sha256 {record['validity_sha256']}"
     return tuple(facts.items())
 
 
@@ -169,14 +169,14 @@ def write_report(
         If the folder holds other things, or an earlier report that may not be replaced.
     """
     table, text = table_text(validations)
-    frontier_text = csv_text(swept.frontier, index=False) if swept else None
+    validity_text = csv_text(swept.validity, index=False) if swept else None
     record = {
         "version": manifest.VERSION,
         "settings": settings.to_dict(),
         "table_sha256": manifest.digest(text),
-        "frontier_sha256": manifest.digest(frontier_text) if frontier_text else None,
+        "validity_sha256": manifest.digest(validity_text) if validity_text else None,
         **provenance,
-        "answer": answer(validations, swept.frontier if swept else None),
+        "answer": answer(validations, swept.validity if swept else None),
     }
     with whole_folder(out, CONTENTS, overwrite) as folder:
         (folder / "figures").mkdir()
@@ -184,9 +184,9 @@ def write_report(
         table.to_parquet(folder / "table.parquet", index=False)
         correlation = pd.concat([v.correlation.assign(sigma=v.scene.sigma) for v in validations])
         write_csv(correlation, folder / "correlation.csv", index=False)
-        if swept and frontier_text:
-            (folder / "frontier.csv").write_text(frontier_text, encoding="utf-8")
-            swept.frontier.to_parquet(folder / "frontier.parquet", index=False)
+        if swept and validity_text:
+            (folder / "validity.csv").write_text(validity_text, encoding="utf-8")
+            swept.validity.to_parquet(folder / "validity.parquet", index=False)
             write_csv(swept.speed, folder / "speed.csv", index=False)
         write_page(_page(settings, validations, swept, record, folder), folder, "report")
         (folder / "manifest.json").write_text(json_text(manifest.sealed(record)) + "\n", encoding="utf-8")

@@ -178,21 +178,21 @@ def negative_mass(values: Floats, spacing: float) -> float:
     return float(np.maximum(-values, 0.0).sum() * spacing)
 
 
-def _series_negative_mass(closure: MeanMap, impact: int, stage: int) -> Judged:
-    raw = closure.trace.raw[impact, stage - 1]
+def _series_negative_mass(prediction: MeanMap, impact: int, stage: int) -> Judged:
+    raw = prediction.trace.raw[impact, stage - 1]
     if not (raw[2, 0] > 0.0 and raw[0, 2] > 0.0 and np.isfinite(raw).all()):
         return Judged(NAN)  # no series can be formed
-    series = closure.edgeworth(impact, stage)
+    series = prediction.edgeworth(impact, stage)
     z = np.linspace(-REACH, REACH, POINTS)
     xi, zeta = np.meshgrid(z * series.sd_x, z * series.sd_y)
     cell = (z[1] - z[0]) ** 2 * series.sd_x * series.sd_y
     return Judged(negative_mass(series.density(xi, zeta), cell))
 
 
-def _section_negative_mass(closure: MeanMap, impact: int) -> Judged:
+def _section_negative_mass(prediction: MeanMap, impact: int) -> Judged:
     """The largest over the quantities that vary and have a skewness."""
-    table = closure.near.section
-    quantities = [q for q in SECTION if closure.scene.stages == 2 or q not in STATE[2:]]
+    table = prediction.phase_reduced.section
+    quantities = [q for q in SECTION if prediction.scene.stages == 2 or q not in STATE[2:]]
     largest = np.nanmax([0.0, *(float(table[f"sd_{q}"].loc[impact]) for q in quantities)])
     masses = []
     for quantity in quantities:
@@ -200,41 +200,41 @@ def _section_negative_mass(closure: MeanMap, impact: int) -> Judged:
         if not (sd > VARIES * largest and np.isfinite(skew)):
             continue
         grid = mean + sd * np.linspace(-REACH, REACH, POINTS)
-        density = closure.density(impact, quantity, grid)
+        density = prediction.density(impact, quantity, grid)
         if density is not None:
             masses.append(negative_mass(density, float(grid[1] - grid[0])))
     return Judged(max(masses, default=NAN))
 
 
-def _judgements(closure: MeanMap, impact: int) -> Iterator[tuple[int, str, Judged]]:
+def _judgements(prediction: MeanMap, impact: int) -> Iterator[tuple[int, str, Judged]]:
     """Stage, check and its value, at one impact; stage 0 is both together."""
-    if closure.scene.stages == 2:
-        yield 0, "covariance eigenvalue", Judged(covariance_eigenvalue(closure.trace.covariance[impact]))
-    yield 0, "section negative mass", _section_negative_mass(closure, impact)
-    for stage in range(1, closure.scene.stages + 1):
-        covariance, raw = closure.stage_covariance(impact, stage), closure.trace.raw[impact, stage - 1]
+    if prediction.scene.stages == 2:
+        yield 0, "covariance eigenvalue", Judged(covariance_eigenvalue(prediction.trace.covariance[impact]))
+    yield 0, "section negative mass", _section_negative_mass(prediction, impact)
+    for stage in range(1, prediction.scene.stages + 1):
+        covariance, raw = prediction.stage_covariance(impact, stage), prediction.trace.raw[impact, stage - 1]
         yield stage, "variance of displacement", Judged(float(covariance[0, 0]))
         yield stage, "variance of velocity", Judged(float(covariance[1, 1]))
         yield stage, "|rho|", Judged(abs(correlation(covariance)) if np.isfinite(covariance).all() else NAN)
         yield stage, "covariance eigenvalue", Judged(covariance_eigenvalue(covariance))
         yield stage, "kurtosis", _least_kurtosis_margin(raw)
         yield stage, "moment matrix", _moment_matrix(raw)
-        yield stage, "negative mass", _series_negative_mass(closure, impact, stage)
+        yield stage, "negative mass", _series_negative_mass(prediction, impact, stage)
 
 
-def realizability_table(closures: Sequence[MeanMap]) -> pd.DataFrame:
-    """Every bound that moments of a distribution keep, at each impact of each reading; tidy.
+def realizability_table(predictions: Sequence[MeanMap]) -> pd.DataFrame:
+    """Every bound that moments of a distribution keep, at each impact of each closure; tidy.
 
     Parameters
     ----------
     closures : sequence of MeanMap
-        Readings, judged just before each impact that they found.
+        Closures, judged just before each impact that they found.
 
     Returns
     -------
     DataFrame
-        Columns ``reading, impact, stage, check, value, bound, holds, excess`` (dimensionless).  Stage 0 is both stages
-        together.  ``holds`` is nullable: NA where the reading has no such moment, and then ``value`` and ``excess`` are
+        Columns ``closure, impact, stage, check, value, bound, holds, excess`` (dimensionless).  Stage 0 is both stages
+        together.  ``holds`` is nullable: NA where the closure has no such moment, and then ``value`` and ``excess`` are
         NaN.  ``excess`` says by how much a bound is missed, and is 0 where it holds.  Nothing is clipped.
 
     Notes
@@ -242,7 +242,7 @@ def realizability_table(closures: Sequence[MeanMap]) -> pd.DataFrame:
     ``variance of displacement``, ``variance of velocity``: not negative.
     ``|rho|``: at most 1; NA without positive variances.
     ``covariance eigenvalue``: the smallest, over the largest diagonal entry; of a stage, and at stage 0 of all four
-    quantities (NA for ``printed``, which has no moments across the stages).
+    quantities (NA for ``published``, which has no moments across the stages).
     ``kurtosis``, ``moment matrix``: see `kurtosis_margin` and `moment_matrix_eigenvalue`.
     ``negative mass``: of the stage's Edgeworth series (Eqs. 18, 19), within 8 sd.  A series truncated at order 4 is
     negative somewhere for every ``rho`` but 0: along an axis it is ``1 - rho^2 (u^2 - 1) / 2``.  So this speaks of
@@ -255,21 +255,21 @@ def realizability_table(closures: Sequence[MeanMap]) -> pd.DataFrame:
     >>> from rattle.closure import mean_map
     >>> from rattle.scene import DAT21, Scene
     >>> scene = Scene.from_gears(DAT21, sigma=1.5**0.5)
-    >>> table = realizability_table([mean_map(scene, impacts=4, reading="printed")])
+    >>> table = realizability_table([mean_map(scene, impacts=4, closure="published")])
     >>> first_failures(table).set_index("check").loc[["variance of velocity", "moment matrix"], "impact"].tolist()
     [2, 2]
     """
     records = []
-    for closure in closures:
-        for impact in range(1, closure.trace.found + 1):
-            for stage, name, (value, scale) in _judgements(closure, impact):
+    for prediction in predictions:
+        for impact in range(1, prediction.trace.found + 1):
+            for stage, name, (value, scale) in _judgements(prediction, impact):
                 bound, sign, slack = CHECKS[name]
                 missed = sign * (bound - value)
                 known = not np.isnan(value)
                 holds = missed <= slack * scale
                 records.append(
                     {
-                        "reading": closure.reading,
+                        "closure": prediction.closure,
                         "impact": impact,
                         "stage": stage,
                         "check": name,
@@ -279,14 +279,14 @@ def realizability_table(closures: Sequence[MeanMap]) -> pd.DataFrame:
                         "excess": (0.0 if holds else missed) if known else NAN,
                     }
                 )
-    columns = ["reading", "impact", "stage", "check", "value", "bound", "holds", "excess"]
+    columns = ["closure", "impact", "stage", "check", "value", "bound", "holds", "excess"]
     table = pd.DataFrame(records, columns=columns)
     table["holds"] = table["holds"].astype("boolean")
     return table
 
 
 def first_failures(table: pd.DataFrame) -> pd.DataFrame:
-    """The first impact (and there the first stage) at which each reading misses each bound.
+    """The first impact (and there the first stage) at which each closure misses each bound.
 
     Parameters
     ----------
@@ -296,18 +296,18 @@ def first_failures(table: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Columns ``reading, check, impact, stage, value, excess``; no row for a bound that is never missed.
+        Columns ``closure, check, impact, stage, value, excess``; no row for a bound that is never missed.
 
     Examples
     --------
     >>> from rattle.closure import mean_map
     >>> from rattle.scene import DAT21, Scene
-    >>> first_failures(realizability_table([mean_map(Scene.from_gears(DAT21), impacts=2, reading="printed")])).empty
+    >>> first_failures(realizability_table([mean_map(Scene.from_gears(DAT21), impacts=2, closure="published")])).empty
     True
     """
     failed = table[~table["holds"].fillna(True).astype(bool)]
-    first = failed.sort_values(["impact", "stage"], kind="stable").groupby(["reading", "check"], sort=False).head(1)
-    places = pd.MultiIndex.from_frame(table[["reading", "check"]].drop_duplicates())
-    order = places.get_indexer(pd.MultiIndex.from_frame(first[["reading", "check"]]))
-    columns = ["reading", "check", "impact", "stage", "value", "excess"]
+    first = failed.sort_values(["impact", "stage"], kind="stable").groupby(["closure", "check"], sort=False).head(1)
+    places = pd.MultiIndex.from_frame(table[["closure", "check"]].drop_duplicates())
+    order = places.get_indexer(pd.MultiIndex.from_frame(first[["closure", "check"]]))
+    columns = ["closure", "check", "impact", "stage", "value", "excess"]
     return first.iloc[np.argsort(order, kind="stable")][columns].reset_index(drop=True)

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import pandas as pd
 
 from rattle.closure import mean_map
-from rattle.compare.validation.frontier import frontier, judged_rows
 from rattle.compare.validation.validate import Validation
+from rattle.compare.validation.validity import judged_rows, validity
 from rattle.montecarlo import simulate
 
 __all__ = ["Speed", "best_of", "path_seconds", "paths_for", "speed"]
@@ -21,12 +21,12 @@ TIMED_PATHS = 4096
 class Speed(NamedTuple):
     """Time of a closure beside that of a simulation as accurate, both on one core.
 
-    ``impacts`` is how far the reading is accurate, and both go that far; ``worst`` and ``median`` are its errors there
+    ``impacts`` is how far the closure is accurate, and both go that far; ``worst`` and ``median`` are its errors there
     in units of the quantities' sds.  Where the interval of the worst error holds zero (``resolved`` is False) the
     error may be smaller, and the speed-up larger.
     """
 
-    reading: str
+    closure: str
     sigma: float
     impacts: int
     worst: float
@@ -79,21 +79,21 @@ def paths_for(rows: pd.DataFrame, error: float) -> int:
     return math.ceil(round(float(((rows["se"] / (error * rows["unit"])) ** 2).max()), 6))
 
 
-def speed(v: Validation, reading: str, seconds_per_impact: float) -> Speed | None:
-    """Time a reading as far as it is accurate, or None where it is not; `seconds_per_impact` is from `path_seconds`."""
-    reached = frontier(v, reading).accurate
+def speed(v: Validation, closure: str, seconds_per_impact: float) -> Speed | None:
+    """Time a closure as far as it is accurate, or None where it is not; `seconds_per_impact` is from `path_seconds`."""
+    reached = validity(v, closure).accurate
     if reached == 0:
         return None
-    rows = judged_rows(v, reading)
+    rows = judged_rows(v, closure)
     rows = rows[(rows["impact"] <= reached) & (rows["unit"] > 0.0) & (rows["verdict"] != "not predicted")]
     errors = rows["error"].abs() / rows["unit"]
     worst = rows.iloc[int(errors.argmax())]
-    order = v.closures[reading].order
-    seconds = best_of(lambda: mean_map(v.scene, impacts=reached, reading=reading, order=order))
+    order = v.predictions[closure].order
+    seconds = best_of(lambda: mean_map(v.scene, impacts=reached, closure=closure, order=order))
     paths = paths_for(rows.assign(se=rows["se"] * math.sqrt(v.run.paths)), float(errors.max()))
     cost = paths * reached * seconds_per_impact
     return Speed(
-        reading=reading,
+        closure=closure,
         sigma=v.scene.sigma,
         impacts=reached,
         worst=float(errors.max()),

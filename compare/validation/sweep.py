@@ -1,4 +1,4 @@
-"""Validations over a grid of noise intensities: how far each reading holds, and what it saves there."""
+"""Validations over a grid of noise intensities: how far each closure holds, and what it saves there."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from rattle.compare.validation.frontier import Frontier, frontiers
 from rattle.compare.validation.speed import Speed, path_seconds, speed
 from rattle.compare.validation.validate import validate
+from rattle.compare.validation.validity import Validity, validities
 from rattle.montecarlo import check_settings, default_step
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
@@ -23,9 +23,9 @@ SCHEME = "exact-flight"
 
 
 class Sweep(NamedTuple):
-    """Frontiers of all readings at all noise intensities, which repeat bit for bit, and timings, which do not."""
+    """Frontiers of all closures at all noise intensities, which repeat bit for bit, and timings, which do not."""
 
-    frontier: pd.DataFrame
+    validity: pd.DataFrame
     speed: pd.DataFrame
 
 
@@ -46,16 +46,16 @@ def grid(text: str) -> tuple[float, ...]:
     try:
         low, high, points = float(words[0]), float(words[1]), int(words[2])
     except (ValueError, IndexError):
-        raise InputError("frontier", text, f"give LOW:HIGH:POINTS, as in {EXAMPLE}") from None
+        raise InputError("validity", text, f"give LOW:HIGH:POINTS, as in {EXAMPLE}") from None
     if len(words) > 3:
-        raise InputError("frontier", text, f"give LOW:HIGH:POINTS, as in {EXAMPLE}")
-    positive("frontier LOW", low)
-    if positive("frontier HIGH", high) <= low:
-        raise InputError("frontier HIGH", high, f"must be greater than LOW = {low:g}")
-    count("frontier POINTS", points, least=2)
+        raise InputError("validity", text, f"give LOW:HIGH:POINTS, as in {EXAMPLE}")
+    positive("validity LOW", low)
+    if positive("validity HIGH", high) <= low:
+        raise InputError("validity HIGH", high, f"must be greater than LOW = {low:g}")
+    count("validity POINTS", points, least=2)
     found = tuple(float(f"{s:.3g}") for s in np.geomspace(low, high, points))
     if len(set(found)) < points:
-        raise InputError("frontier POINTS", points, f"are more than {low:g} and {high:g} can hold; take fewer")
+        raise InputError("validity POINTS", points, f"are more than {low:g} and {high:g} can hold; take fewer")
     return found
 
 
@@ -72,7 +72,7 @@ def check_sweep(scene: Scene, sigmas: Sequence[float], **settings: Any) -> None:
             own = scene.with_sigma(sigma)
             check_settings(own, scheme=SCHEME, dt=default_step(own, SCHEME), step_bias=False, **settings)
         except InputError as error:
-            raise InputError("frontier", sigma, f"cannot be run ({error}); change the range, or leave it out") from None
+            raise InputError("validity", sigma, f"cannot be run ({error}); change the range, or leave it out") from None
 
 
 def sweep(scene: Scene, sigmas: Sequence[float], *, workers: int, **settings: Any) -> Sweep:
@@ -95,11 +95,11 @@ def sweep(scene: Scene, sigmas: Sequence[float], *, workers: int, **settings: An
     """
     found: list[pd.DataFrame] = []
     timed: list[Speed] = []
-    for sigma in tqdm(sigmas, desc="frontier", unit="sigma", disable=None):
+    for sigma in tqdm(sigmas, desc="validity", unit="sigma", disable=None):
         v = validate(scene.with_sigma(sigma), scheme=SCHEME, workers=workers, **settings)
-        found.append(frontiers([v]))
+        found.append(validities([v]))
         seconds = path_seconds(v)
-        timed += [s for reading in v.closures if (s := speed(v, reading, seconds))]
+        timed += [s for closure in v.predictions if (s := speed(v, closure, seconds))]
     return Sweep(
-        pd.concat(found, ignore_index=True)[list(Frontier._fields)], pd.DataFrame(timed, columns=list(Speed._fields))
+        pd.concat(found, ignore_index=True)[list(Validity._fields)], pd.DataFrame(timed, columns=list(Speed._fields))
     )

@@ -4,15 +4,22 @@ import pandas as pd
 
 from rattle.compare.report import Cell, Row, Table, numbers
 from rattle.compare.validation.distance import section_distances
-from rattle.compare.validation.frontier import CAUSES, frontiers
 from rattle.compare.validation.realizability import first_failures, realizability_table
 from rattle.compare.validation.validate import Validation
+from rattle.compare.validation.validity import CAUSES, validities
 from rattle.compare.validation.validity_range import ACCURATE, NOT_WRONG
 from rattle.compare.validation.verdict import JUDGED, VERDICTS
 
 __all__ = [
-    "MARKS", "count_table", "distance_table", "failure_table", "frontier_table", "impact_table", "reach_table",
-    "simulation_text", "speed_table",
+    "MARKS",
+    "count_table",
+    "distance_table",
+    "failure_table",
+    "impact_table",
+    "reach_table",
+    "simulation_text",
+    "speed_table",
+    "validity_table",
 ]  # fmt: skip
 
 MARKS = {"accurate": "good", "inaccurate": "bad", "undecided": "open", "not predicted": "", "not judged": ""}
@@ -23,12 +30,12 @@ SHOWN = [("mean", "tau"), ("mean", "y1"), ("mean", "y2"), ("sd", "tau"), ("sd", 
 
 
 def count_table(v: Validation) -> Table:
-    """How many moments of each kind have each verdict, by reading."""
+    """How many moments of each kind have each verdict, by closure."""
     rows: list[Row] = []
-    for (reading, kind, moment), group in v.table.groupby(["reading", "kind", "moment"], sort=False):
-        name = "ρ at mid-flight" if kind == "clock" else f"section {moment}s"
-        rows.append([str(reading), name, *(int((group["verdict"] == w).sum()) for w in VERDICTS)])
-    return Table.of(["reading", "what", *numbers(*VERDICTS)], rows)
+    for (closure, kind, moment), group in v.table.groupby(["closure", "kind", "moment"], sort=False):
+        name = "ρ at mid-flight" if kind == "fixed time" else f"section {moment}s"
+        rows.append([str(closure), name, *(int((group["verdict"] == w).sum()) for w in VERDICTS)])
+    return Table.of(["closure", "what", *numbers(*VERDICTS)], rows)
 
 
 def _cell(row: pd.Series) -> Cell:
@@ -40,17 +47,17 @@ def _cell(row: pd.Series) -> Cell:
     return Cell(text, MARKS[row["verdict"]], float(error))
 
 
-def impact_table(v: Validation, reading: str, summary: str) -> Table:
-    """Errors of a reading per impact, folded away beneath a summary."""
-    table = v.table[(v.table["reading"] == reading) & (v.table["kind"] == "section")]
+def impact_table(v: Validation, closure: str, summary: str) -> Table:
+    """Errors of a closure per impact, folded away beneath a summary."""
+    table = v.table[(v.table["closure"] == closure) & (v.table["kind"] == "section")]
     columns = [(m, q) for m, q in SHOWN if v.scene.stages == 2 or q != "y2"]
     cells = {(r["moment"], r["quantity"], r["impact"]): _cell(r) for _, r in table.iterrows()}
     rhos = [f"rho{stage}" for stage in range(1, v.scene.stages + 1)]
     rows: list[Row] = []
-    section = v.closures[reading].section
+    section = v.predictions[closure].section
     for impact in section.index:
         row = section.loc[impact]
-        together = f"{v.run.agreement[reading].loc[impact]:.3f}"
+        together = f"{v.run.agreement[closure].loc[impact]:.3f}"
         seen = [f"{row[name]:.3f}" if row[name] == row[name] else "–" for name in rhos]
         errors = [cells[m, q, impact] for m, q in columns]
         rows.append([str(impact), together, *errors, *seen, "yes" if row["realizable"] else "no"])
@@ -61,10 +68,10 @@ def impact_table(v: Validation, reading: str, summary: str) -> Table:
 
 def failure_table(v: Validation) -> Table:
     """First failure of each check of realizability."""
-    failures = first_failures(realizability_table([m for m in v.closures.values() if m.trace.parts is None]))
+    failures = first_failures(realizability_table([m for m in v.predictions.values() if m.trace.parts is None]))
     rows: list[Row] = [
         [
-            str(row["reading"]),
+            str(row["closure"]),
             str(row["check"]),
             f"impact {row['impact']}, " + (f"stage {row['stage']}" if row["stage"] else "both stages"),
             f"{row['value']:.3g}",
@@ -72,48 +79,48 @@ def failure_table(v: Validation) -> Table:
         ]
         for _, row in failures.iterrows()
     ]
-    return Table.of(["reading", "check", "where", *numbers("value", "missed by")], rows)
+    return Table.of(["closure", "check", "where", *numbers("value", "missed by")], rows)
 
 
 def distance_table(v: Validation) -> Table:
-    """Distances between section density and histogram in units of their sampling floors, by reading."""
-    table = pd.concat([section_distances(m, v.run) for m in v.closures.values()], ignore_index=True)
+    """Distances between section density and histogram in units of their sampling floors, by closure."""
+    table = pd.concat([section_distances(m, v.run) for m in v.predictions.values()], ignore_index=True)
     rows: list[Row] = []
-    for reading, group in table.groupby("reading", sort=False):
+    for closure, group in table.groupby("closure", sort=False):
         ratios = []
         for name in ("kolmogorov", "total_variation"):
             ratio = group[name] / group[f"{name}_floor"]
             ratios += [f"{ratio.median():.2g}", f"{ratio.max():.3g}"]
-        rows.append([str(reading), *ratios])
-    return Table.of(["reading", *numbers("Kolmogorov, median", "worst", "total variation, median", "worst")], rows)
+        rows.append([str(closure), *ratios])
+    return Table.of(["closure", *numbers("Kolmogorov, median", "worst", "total variation, median", "worst")], rows)
 
 
 def reach_table(v: Validation) -> Table:
-    """How far each reading of a validation can be believed."""
-    found = frontiers([v]).to_dict("records")
-    rows: list[Row] = [[str(f["reading"]), int(f["accurate"]), int(f["not_refuted"]), str(f["why"])] for f in found]
-    return Table.of(["reading", *numbers(f"{ACCURATE} impact", NOT_WRONG), "why it ends"], rows)
+    """How far each closure of a validation can be believed."""
+    found = validities([v]).to_dict("records")
+    rows: list[Row] = [[str(f["closure"]), int(f["accurate"]), int(f["not_inaccurate"]), str(f["why"])] for f in found]
+    return Table.of(["closure", *numbers(f"{ACCURATE} impact", NOT_WRONG), "why it ends"], rows)
 
 
-def frontier_table(table: pd.DataFrame) -> Table:
-    """Frontiers by reading, neighbouring noise intensities with the same frontier and cause in one row."""
+def validity_table(table: pd.DataFrame) -> Table:
+    """Frontiers by closure, neighbouring noise intensities with the same range of validity and cause in one row."""
     rows: list[Row] = []
-    for reading, group in table.groupby("reading", sort=False):
+    for closure, group in table.groupby("closure", sort=False):
         group = group.sort_values("sigma")
-        found = group[["accurate", "not_refuted", "cause"]]
+        found = group[["accurate", "not_inaccurate", "cause"]]
         for _, same in group.groupby((found != found.shift()).any(axis=1).cumsum()):
             first, last = same.iloc[0], same.iloc[-1]
             sigma = f"{first['sigma']:.4g}" + (f" – {last['sigma']:.4g}" if len(same) > 1 else "")
             why = first["why"] if same["why"].nunique() == 1 else CAUSES[first["cause"]]
-            rows.append([str(reading), sigma, int(first["accurate"]), int(first["not_refuted"]), str(why)])
-    return Table.of(["reading", *numbers("σ", f"{ACCURATE} impact", NOT_WRONG), "why it ends"], rows)
+            rows.append([str(closure), sigma, int(first["accurate"]), int(first["not_inaccurate"]), str(why)])
+    return Table.of(["closure", *numbers("σ", f"{ACCURATE} impact", NOT_WRONG), "why it ends"], rows)
 
 
 def speed_table(table: pd.DataFrame) -> Table:
     """Speed-ups; an error that its interval does not tell from zero is an upper bound, its speed-up a lower."""
     rows: list[Row] = [
         [
-            str(row["reading"]),
+            str(row["closure"]),
             f"{row['sigma']:.4g}",
             int(row["impacts"]),
             ("" if row["resolved"] else "≤ ") + f"{row['worst']:.4f}",
@@ -123,10 +130,10 @@ def speed_table(table: pd.DataFrame) -> Table:
             f"{row['paths']:,} paths",
             ("" if row["resolved"] else "≥ ") + f"{float(format(row['speed_up'], '.2g')):g}",
         ]
-        for _, row in table.sort_values(["reading", "sigma"]).iterrows()
+        for _, row in table.sort_values(["closure", "sigma"]).iterrows()
     ]
     heads = ("σ", "impacts", "worst error", "median", "closure", "simulation", "which takes", "speed-up")
-    return Table.of(["reading", *numbers(*heads)], rows)
+    return Table.of(["closure", *numbers(*heads)], rows)
 
 
 def simulation_text(v: Validation) -> str:
@@ -141,4 +148,4 @@ def simulation_text(v: Validation) -> str:
         f"all of them hold together with 95 %. They speak of the itineraries that were seen: one that fewer than 1 in "
         f"{run.paths / 3:,.0f} paths take may have been missed."
     )
-    return " ".join((text, *run.cautions))
+    return " ".join((text, *run.diagnostics))

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rattle.closure import READINGS, MeanMap, follow, mean_map, readings_for
+from rattle.closure import CLOSURES, MeanMap, closures_for, follow, mean_map
 from rattle.compare.validation.correlation import mid_flight_errors, validity
-from rattle.compare.validation.verdict import JUDGED, Tolerances, section_errors, stated, widest
+from rattle.compare.validation.verdict import JUDGED, Tolerances, section_errors, to_absolute_time, widest
 from rattle.montecarlo import SCHEMES, Ensemble, check_settings, default_step, simulate
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION
@@ -22,14 +22,14 @@ __all__ = ["COLUMNS", "Validation", "validate"]
 PILOT, FAR = 64, 10.0  # paths that are sent ahead, and times their last impact beyond which no instant is compared
 
 COLUMNS = (
-    "reading",
+    "closure",
     "kind",
     "impact",
     "time",
     "quantity",
     "moment",
-    "closure",
-    "monte_carlo",
+    "predicted",
+    "simulated",
     "se",
     "bias",
     "error",
@@ -51,11 +51,11 @@ class Validation:
     ----------
     scene : Scene
     closures : dict of str to MeanMap
-        The readings, by name.
+        The closures, by name.
     run : Ensemble
         The simulation.
     table : DataFrame
-        Every moment of every reading with error, interval and verdict; the columns are `COLUMNS`.
+        Every moment of every closure with error, interval and verdict; the columns are `COLUMNS`.
     correlation : DataFrame
         Validity of the correlation on both sides, see `rattle.compare.validation.correlation.validity`.
     z : float
@@ -64,7 +64,7 @@ class Validation:
     """
 
     scene: Scene
-    closures: dict[str, MeanMap]
+    predictions: dict[str, MeanMap]
     run: Ensemble
     table: pd.DataFrame
     correlation: pd.DataFrame
@@ -84,7 +84,7 @@ def validate(
     scene: Scene,
     *,
     impacts: int = 12,
-    readings: Sequence[str] | None = None,
+    closures: Sequence[str] | None = None,
     paths: int = 256_000,
     dt: float | None = None,
     scheme: str = "euler-maruyama-located",
@@ -102,8 +102,8 @@ def validate(
         What is modelled.
     impacts : int
         Impacts after the start.
-    readings : sequence of str
-        Readings of the closure; by default all that can take the scene.
+    closures : sequence of str
+        Closures of the closure; by default all that can take the scene.
     paths, dt, scheme, rng, workers, progress
         Of the simulation, see `montecarlo.simulate`; 2 dt and 4 dt run on the same noise to measure the step bias, if
         the scheme has one, and a scheme that can takes the linearised path as control.
@@ -124,29 +124,32 @@ def validate(
     Examples
     --------
     >>> from rattle.scene import DAT21, Scene
-    >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=2, readings=["saltation"], paths=20_000, rng=7)
+    >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=2, closures=["saltation"], paths=20_000, rng=7)
     >>> row = v.table.query("quantity == 'tau' and moment == 'mean' and impact == 1").iloc[0]
     >>> row["verdict"], bool(row["low"] < 0.0 < row["high"])
     ('accurate', True)
     """
     if not isinstance(scene, Scene):
         raise InputError("scene", scene, "give a Scene")
-    readings = readings_for(scene) if readings is None else readings
-    if not isinstance(readings, list | tuple) or not readings:
-        raise InputError("readings", readings, "give a list of " + ", ".join(READINGS))
-    for reading in readings:
-        choice("readings", reading, READINGS)
+    closures = closures_for(scene) if closures is None else closures
+    if not isinstance(closures, list | tuple) or not closures:
+        raise InputError("closures", closures, "give a list of " + ", ".join(CLOSURES))
+    for closure in closures:
+        choice("closures", closure, CLOSURES)
     limits = tolerances or Tolerances()
-    given, scene = scene, scene.near  # a late start costs neither digits nor verdicts: what is held together is near
+    given, scene = (
+        scene,
+        scene.phase_reduced,
+    )  # a late start costs neither digits nor verdicts: what is held together is near
     biased = SCHEMES[choice("scheme", scheme, SCHEMES)].weak_order is not None
     dt = default_step(scene, scheme, biased) if dt is None else dt
     check_settings(
         scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, step_bias=biased
     )
-    closures = {r: mean_map(scene, impacts=impacts, reading=r, order=order) for r in dict.fromkeys(readings)}
+    predictions = {r: mean_map(scene, impacts=impacts, closure=r, order=order) for r in dict.fromkeys(closures)}
     orbit = follow(scene, impacts)
     tau = orbit.tau[: orbit.found + 1]
-    grid = (4.0 if biased else 1.0) * dt  # clock instants are put on it: in a shorter flight they might miss that
+    grid = (4.0 if biased else 1.0) * dt  # fixed times are put on it: in a shorter flight they might miss that
     middle = (0.5 * (tau[1:] + tau[:-1]))[np.diff(tau) > grid]
     last = _last_impact(scene, impacts=impacts, dt=dt, scheme=scheme, rng=rng)
     run = simulate(
@@ -160,22 +163,23 @@ def validate(
         step_bias=biased,
         control=not biased and tau[-1] <= last,
         histogram=True,
-        clock=middle[(middle - scene.phase > grid) & (middle <= last)],
+        times=middle[(middle - scene.phase > grid) & (middle <= last)],
         progress=progress,
-        itineraries={r: m.itinerary for r, m in closures.items()},
+        itineraries={r: m.itinerary for r, m in predictions.items()},
     )
-    # the impact that ends the flight of each clock instant
-    flights = np.searchsorted(tau, run.clock().index.to_numpy(float))
+    # the impact that ends the flight of each fixed time
+    flights = np.searchsorted(tau, run.at_times().index.to_numpy(float))
     per_impact = len(SECTION) * 2 + 2 if scene.stages == 2 else (len(SECTION) - 2) * 2 + 1
-    z = widest(per_impact * impacts * len(closures))
-    parts = [section_errors(m, run, z, limits) for m in closures.values()]
-    if scene.sigma > 0.0 and len(run.clock()):
-        parts += [mid_flight_errors(m, run, flights, z, limits) for m in closures.values()]
+    z = widest(per_impact * impacts * len(predictions))
+    parts = [section_errors(m, run, z, limits) for m in predictions.values()]
+    if scene.sigma > 0.0 and len(run.at_times()):
+        parts += [mid_flight_errors(m, run, flights, z, limits) for m in predictions.values()]
     table = pd.concat(parts, ignore_index=True).reindex(columns=list(COLUMNS))
-    valid = validity(list(closures.values()), run, flights)
-    closures = {name: replace(m, scene=given) for name, m in closures.items()}
+    valid = validity(list(predictions.values()), run, flights)
+    predictions = {name: replace(m, scene=given) for name, m in predictions.items()}
     return Validation(
-        given, closures, replace(run, plan=run.plan._replace(scene=given)), stated(table, given), valid, z, limits
+        given, predictions, replace(run, plan=run.plan._replace(scene=given)), to_absolute_time(table, given), valid,
+        z, limits
     )  # fmt: skip
 
 

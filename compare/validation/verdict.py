@@ -11,7 +11,7 @@ from rattle.scene.scene import Scene
 
 __all__ = [
     "ABSOLUTE", "JUDGED", "NOT_JUDGED", "RULE", "VERDICTS", "Claimed", "Simulated", "Tolerances", "at_wall", "judge",
-    "section_errors", "stated", "widest",
+    "section_errors", "to_absolute_time", "widest",
 ]  # fmt: skip
 
 JUDGED = ("accurate", "inaccurate", "undecided")
@@ -27,7 +27,7 @@ RULE = (
 )
 """What `at_wall` leaves out, and why, as pages state it."""
 
-SIDES = ("closure", "monte_carlo")
+SIDES = ("predicted", "simulated")
 
 ABSOLUTE = 1e-6
 """Tolerance where a quantity does not vary (the displacement at the mesh that every path strikes, say), in its size."""
@@ -74,12 +74,12 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
     where only a smaller step can.
     """
     out = table.copy()
-    numbers = ["closure", "error", "low", "high", "noise", "tolerance"]
+    numbers = ["predicted", "error", "low", "high", "noise", "tolerance"]
     out[numbers] = out[numbers].astype(float)  # a part without rows has columns of no type
     tolerance = out["tolerance"]
     inside = (out["low"] >= -tolerance) & (out["high"] <= tolerance)
     outside = (out["low"] > tolerance) | (out["high"] < -tolerance)
-    absent = out["closure"].isna() | out["low"].isna()
+    absent = out["predicted"].isna() | out["low"].isna()
     spared = ~out["judged"].astype(bool) if "judged" in out else np.zeros(len(out), bool)
     out["verdict"] = np.select(
         [spared, absent, inside, outside], [NOT_JUDGED, "not predicted", "accurate", "inaccurate"], "undecided"
@@ -96,7 +96,7 @@ class Claimed(Protocol):
     """Section moments that somebody claims, in the columns of `closure.MeanMap.section`; what is missing is NaN."""
 
     @property
-    def reading(self) -> str:
+    def closure(self) -> str:
         """Name, under which a run may have counted its itinerary."""
         ...
 
@@ -125,10 +125,10 @@ class Simulated(Protocol):
         ...
 
 
-def section_errors(closure: Claimed, run: Simulated, z: float, tolerances: Tolerances) -> pd.DataFrame:
+def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: Tolerances) -> pd.DataFrame:
     """One row per impact, quantity and moment: closure against Monte Carlo at each path's own impact; tidy.
 
-    ``monte_carlo`` is the simulated value with its sampling error ``se`` and the measured step ``bias``; ``error`` is
+    ``simulated`` is the simulated value with its sampling error ``se`` and the measured step ``bias``; ``error`` is
     the closure minus the bias-corrected value; ``low`` and ``high`` bound it by `z` standard errors of the corrected
     value and what the correction may have left.  ``unit`` is the sd of the quantity, ``se_unit`` its standard error;
     ``still`` is the sd from which a quantity varies: `ABSOLUTE` of its largest value over the impacts (of a flight, for
@@ -141,19 +141,19 @@ def section_errors(closure: Claimed, run: Simulated, z: float, tolerances: Toler
     sd = steps[~is_mean].set_index(["impact", "quantity"])
     own = sd.loc[pd.MultiIndex.from_arrays([impact, quantity])].reset_index(drop=True)
     unit = own["corrected"].where(own["corrected"] > 0.0, _picked(section, impact, "sd_" + quantity))
-    agreement = run.agreement.get(closure.reading, section["agreement"])
-    predicted = _picked(closure.section, impact, name)
+    agreement = run.agreement.get(prediction.closure, section["agreement"])
+    predicted = _picked(prediction.section, impact, name)
     sizes = {q: float(np.hypot(section[q], section["sd_" + q]).max()) for q in quantity.unique() if q != "tau"}
     still = ABSOLUTE * quantity.map(sizes | {"tau": sizes["flight"]}).astype(float).fillna(0.0)
     table = pd.DataFrame(
         {
-            "reading": closure.reading,
+            "closure": prediction.closure,
             "kind": "section",
             "impact": impact,
             "quantity": quantity,
             "moment": steps["moment"],
-            "closure": predicted,
-            "monte_carlo": _picked(section, impact, name),
+            "predicted": predicted,
+            "simulated": _picked(section, impact, name),
             "se": _picked(section, impact, "se_" + name),
             "bias": steps["bias"],
             "error": predicted - steps["corrected"],
@@ -173,15 +173,15 @@ def section_errors(closure: Claimed, run: Simulated, z: float, tolerances: Toler
     return judge(table)
 
 
-def stated(table: pd.DataFrame, scene: Scene) -> pd.DataFrame:
+def to_absolute_time(table: pd.DataFrame, scene: Scene) -> pd.DataFrame:
     """Errors that were found near the start's phase (`Scene.near`), with their times as the scene states them.
 
     Errors, intervals and verdicts are what they are: only what is read as a time has the start's own added back.
     """
     late = (table["quantity"] == "tau") & (table["moment"] == "mean")
-    columns = {name: np.where(late, scene.stated(table[name].to_numpy(float)), table[name]) for name in SIDES}
+    columns = {name: np.where(late, scene.to_absolute_time(table[name].to_numpy(float)), table[name]) for name in SIDES}
     if "time" in table:
-        columns["time"] = scene.stated(table["time"].to_numpy(float))
+        columns["time"] = scene.to_absolute_time(table["time"].to_numpy(float))
     return table.assign(**columns)
 
 

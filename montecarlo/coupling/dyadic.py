@@ -25,7 +25,7 @@ from rattle.montecarlo.schemes.exact_flight import (
     near_wall,
     node,
 )  # fmt: skip
-from rattle.montecarlo.schemes.series import short_dragged, short_turned
+from rattle.montecarlo.schemes.series import short_phi1, short_phi2
 from rattle.montecarlo.schemes.step_size import accurate_flight
 from rattle.montecarlo.schemes.step_state import Noise
 from rattle.scene.compiled import inlined, jit
@@ -83,8 +83,12 @@ def clockwork(scene: Scene, depth: int) -> Clockwork:
     >>> clockwork(Scene.from_gears(DAT21), 12).forcing.shape
     (128, 14)
     """
-    if scene.tolerance is not None and scene.tolerance.law != "fixed":
-        raise InputError("tolerance.law", scene.tolerance.law, "long paths have gaps that stay: give 'fixed', or none")
+    if scene.tolerance is not None and scene.tolerance.distribution != "fixed":
+        raise InputError(
+            "tolerance.distribution",
+            scene.tolerance.distribution,
+            "long paths have gaps that stay: give 'fixed', or none",
+        )
     longest = 0.5 * accurate_flight(scene)[0]
     steps = STEPS
     while 2.0 * math.pi / steps > longest:
@@ -136,16 +140,16 @@ def flown(c: Constants, tau: float, s: Floats, h: float, noise: Noise, end: Floa
     sh, ch = _small_angle(0.5 * h)
     y1, y2 = s[1], s[3]
     u1 = c.alpha * (cosine * ch + sine * sh) - y1
-    e1 = short_turned(c.beta1, h)
-    turn1 = u1 * e1 - c.gamma1 * short_dragged(c.beta1, h)
+    e1 = short_phi1(c.beta1, h)
+    turn1 = u1 * e1 - c.gamma1 * short_phi2(c.beta1, h)
     v1 = u1 - (c.beta1 * u1 + c.gamma1) * e1
     end[0] = s[0] + 2.0 * c.alpha * cosine * sh - turn1
     end[1] = c.alpha * (cosine * ch - sine * sh) - v1
     end[2], end[3] = s[2], y2
     if c.stages == 2:
         u2 = u1 + y2
-        e2 = short_turned(c.beta2, h)
-        end[2] = s[2] + (u2 * e2 - c.gamma2 * short_dragged(c.beta2, h)) - turn1
+        e2 = short_phi1(c.beta2, h)
+        end[2] = s[2] + (u2 * e2 - c.gamma2 * short_phi2(c.beta2, h)) - turn1
         end[3] = u2 - (c.beta2 * u2 + c.gamma2) * e2 - v1
     if c.sigma > 0.0:
         away = OUTER * h

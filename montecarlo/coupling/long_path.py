@@ -104,7 +104,7 @@ class LongPath:
             y1, y2 = struck(self.c, scene.start.mesh, y1, y2)
         self.step = self.clock.h
         self.steps = round(scene.phase % (2.0 * np.pi) / self.step)
-        self.held = 0
+        self.sticking_steps = 0
         self.at = np.array([x1, y1, x2, y2, 0.0])
         self.frame = np.eye(4)
 
@@ -122,5 +122,5 @@ class LongPath:
             self.c, self.clock, self.key, self.path, tangent, self.steps, steps, self.at, self.frame, s, velocity
         )  # fmt: skip
         self.steps += taken
-        self.held += held
+        self.sticking_steps += held
         return s.first(n), velocity[:taken]

@@ -32,7 +32,7 @@ from rattle.scene.errors import InputError
 from rattle.scene.gears import DAT21
 from rattle.scene.scene import Scene
 
-__all__ = ["check_card", "launch_size", "launches", "measure", "speed"]
+__all__ = ["check_gpu", "launch_size", "launches", "measure", "speed"]
 
 Floats = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ SIMULATED = 8
 """Paths of a launch on the simulator, on half as many threads."""
 
 
-def check_card() -> None:
+def check_gpu() -> None:
     """Refuse to go on where there is no card to run on.
 
     Raises
@@ -61,11 +61,11 @@ def check_card() -> None:
     if cuda.is_available():
         return
     try:
-        cards = len(cuda.gpus)
+        gpus = len(cuda.gpus)
     except cuda.CudaSupportError as error:
         reason = " ".join(str(error).split()).strip(" :")
         raise InputError("device", "cuda", f"needs an NVIDIA driver and a card; {reason}") from None
-    if cards == 0:
+    if gpus == 0:
         raise InputError("device", "cuda", "needs a card; the driver finds none")
     raise InputError("device", "cuda", "needs CUDA's compiler libraries; run: pip install 'rattle[gpu]'")
 
@@ -91,7 +91,7 @@ def launch_size(plan: Plan) -> int:
     from numba import cuda
 
     free, _ = cuda.current_context().get_memory_info()
-    bytes_per_path = 8 * (plan.impacts * COLUMNS + 4 * plan.clock_steps.size)
+    bytes_per_path = 8 * (plan.impacts * COLUMNS + 4 * plan.fixed_steps.size)
     room = max(int(free / 4 / bytes_per_path) // THREADS * THREADS, THREADS)
     return min(ROUNDS * _resident(), room, plan.paths)
 
@@ -104,7 +104,7 @@ class _Card(NamedTuple):
     start: tuple[float, ...]
     flanks: tuple[int, ...]
     follow: Callable[..., Any]
-    clock_steps: Any
+    fixed_steps: Any
 
 
 def _prepared(plan: Plan) -> _Card:
@@ -125,26 +125,26 @@ def _prepared(plan: Plan) -> _Card:
         tuple(start_state(scene, gaps)[:, 0].tolist()),
         tuple(int(np.sign(x)) if abs(x) == gap else 0 for x, gap in sides),
         path_kernel(scheme, noise, backlash.random, backlash.redrawn),
-        cuda.to_device(plan.clock_steps),
+        cuda.to_device(plan.fixed_steps),
     )
 
 
-def _followed(card: _Card, first: int, paths: int) -> tuple[Any, Any, NDArray[np.int64]]:
-    """Follow paths from number `first` on: impacts and clock states on the card, and the counts of the work."""
+def _followed(gpu: _Card, first: int, paths: int) -> tuple[Any, Any, NDArray[np.int64]]:
+    """Follow paths from number `first` on: impacts, states at fixed times, and the counts of the work."""
     from numba import cuda
 
     from rattle.montecarlo.cuda.sums import launch
 
-    plan = card.plan
+    plan = gpu.plan
     threads = SIMULATED // 2 if _simulated() else THREADS
     rows = cuda.device_array((plan.impacts, COLUMNS, paths), np.float64)
-    clock = cuda.device_array((plan.clock_steps.size, 4, paths), np.float64)
+    fixed = cuda.device_array((plan.fixed_steps.size, 4, paths), np.float64)
     counts = cuda.to_device(np.zeros(3, np.int64))
     launch(
-        card.follow, -(-paths // threads), threads, card.job, first, card.start, card.flanks, rows, card.clock_steps,
-        clock, counts,
+        gpu.follow, -(-paths // threads), threads, gpu.job, first, gpu.start, gpu.flanks, rows, gpu.fixed_steps,
+        fixed, counts,
     )  # fmt: skip
-    return rows, clock, counts.copy_to_host()
+    return rows, fixed, counts.copy_to_host()
 
 
 def launches(plan: Plan, size: int) -> Iterator[tuple[BlockResult, Floats | None]]:
@@ -153,13 +153,13 @@ def launches(plan: Plan, size: int) -> Iterator[tuple[BlockResult, Floats | None
     """
     from rattle.montecarlo.cuda.sums import MOST_THREADS, reduced
 
-    card = _prepared(plan)
+    gpu = _prepared(plan)
     for first in range(0, plan.paths, size):
-        rows, clock, counts = _followed(card, first, min(size, plan.paths - first))
+        rows, fixed, counts = _followed(gpu, first, min(size, plan.paths - first))
         kept = np.ascontiguousarray(rows.copy_to_host().transpose(2, 0, 1)) if plan.keep else None
         if kept is not None and plan.scene.stages == 1:
             kept[:, :, 4:6] = np.nan
-        yield reduced(plan, rows, clock, counts, 2 if _simulated() else MOST_THREADS), kept
+        yield reduced(plan, rows, fixed, counts, 2 if _simulated() else MOST_THREADS), kept
 
 
 FP64_LANES = {(6, 0): 32, (7, 0): 32, (8, 0): 32, (9, 0): 64, (10, 0): 64}
@@ -189,12 +189,12 @@ COSTS = {
 
 def speed(plan: Plan, repeats: int = 3) -> float:
     """Path-steps per second of a plan's first launch, the least time of several, after one that compiles."""
-    card, paths = _prepared(plan), launch_size(plan)
-    _followed(card, 0, paths)
+    gpu, paths = _prepared(plan), launch_size(plan)
+    _followed(gpu, 0, paths)
     best = 0.0
     for _ in range(repeats):
         begin = time.perf_counter()
-        *_, counts = _followed(card, 0, paths)  # fetching the counts waits for the paths
+        *_, counts = _followed(gpu, 0, paths)  # fetching the counts waits for the paths
         best = max(best, float(counts[0]) / (time.perf_counter() - begin))
     return best
 
@@ -213,7 +213,7 @@ def measure(dt: float = 2e-3, impacts: int = 12) -> pd.DataFrame:
     """
     from numba import cuda
 
-    check_card()
+    check_gpu()
     device = cuda.get_current_device()
     clocks = 1e3 * device.CLOCK_RATE * device.MULTIPROCESSOR_COUNT
     lanes = FP64_LANES.get(tuple(device.compute_capability), 2)

@@ -26,13 +26,13 @@ from rattle.montecarlo.schemes.exact_flight import (
     second_stage,
 )
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Noise, Progress, Walls
-from rattle.montecarlo.schemes.sticking import OPEN, held_to_end, resting, sides_of
+from rattle.montecarlo.schemes.sticking import OPEN, sides_of, stick_to_end, sticking_sides
 from rattle.scene.impact import struck
 
-__all__ = ["HELD", "STEPS", "UNFINISHED", "path_kernel"]
+__all__ = ["STEPS", "STICKING", "UNFINISHED", "path_kernel"]
 
 TABLE = 64  # steps whose forcing a block of threads works out together, a thread a step; as many as a word has bits
-STEPS, HELD, UNFINISHED = 0, 1, 2  # places in the counts
+STEPS, STICKING, UNFINISHED = 0, 1, 2  # places in the counts
 
 
 @cuda.jit(device=True)
@@ -105,9 +105,9 @@ def _moved(walls, code, drawn):  # type: ignore[no-untyped-def]
 def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callable[..., Any]:
     """Kernel that follows paths by one scheme; what the scene does not have is not in it.
 
-    Called with ``(job, first, start, flanks, rows, clock_steps, clock, counts)``: number of the first path; state after
+    Called with ``(job, first, start, flanks, rows, fixed_steps, fixed, counts)``: number of the first path; state after
     the start as a tuple; +1, -1 or 0 per mesh for a coordinate that starts on a flank; then device arrays, `rows` of
-    shape (impacts, COLUMNS, paths), `clock` (times, 4, paths) and three integer `counts` that are added to.
+    shape (impacts, COLUMNS, paths), `at_times` (times, 4, paths) and three integer `counts` that are added to.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callabl
     draws = 2 if scheme == EXACT else 4  # steps that a draw of four normals serves
 
     @cuda.jit
-    def follow(job, first, start, flanks, rows, clock_steps, clock, counts):  # type: ignore[no-untyped-def]
+    def follow(job, first, start, flanks, rows, fixed_steps, fixed, counts):  # type: ignore[no-untyped-def]
         c, h, impacts, paths = job.c, job.dt, rows.shape[0], rows.shape[2]
         table = cuda.shared.array((TABLE, width), np.float64)
         ahead = cuda.local.array((PARTS if scheme == EXACT else 1, 3), np.float64)
@@ -149,8 +149,8 @@ def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callabl
                 bits = Word(bits_of(job.key, path, Word(n // TABLE)))
             while s < stop and not done:
                 end = min(stop, s + CHUNK - s % CHUNK)  # the processor looks at these steps which paths are done
-                if tick < clock_steps.size:
-                    end = min(end, clock_steps[tick] - n)
+                if tick < fixed_steps.size:
+                    end = min(end, fixed_steps[tick] - n)
                 for s in range(s, end):  # noqa: B020
                     if two_point:
                         z0 = sign_of(bits, s)
@@ -181,12 +181,12 @@ def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callabl
                     for met in range(MOST_IN_A_STEP + 1):
                         if scheme != PLAIN and at.left <= 0.0:
                             break
-                        sides = resting(c, at, walls) if scheme == EXACT else OPEN
+                        sides = sticking_sides(c, at, walls) if scheme == EXACT else OPEN
                         if sides[0] == 0 and sides[1] == 0:
                             at = next_event(scheme, c, job.key, path, n + s, 0, met, at, walls, ahead)
                         if sides[0] != 0 or sides[1] != 0 or (at.code != 0 and met == MOST_IN_A_STEP):
                             if scheme != PLAIN:
-                                at = held_to_end(c, at, sides if at.code == 0 else sides_of(at.code), walls)
+                                at = stick_to_end(c, at, sides if at.code == 0 else sides_of(at.code), walls)
                             held += 1
                             break
                         if at.code == 0:
@@ -208,11 +208,11 @@ def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callabl
                         at = Progress(0, at.tau, at.left, at.noise, at.x1, u1, at.x2, u2)
                     x1, y1, x2, y2 = at.x1, at.y1, at.x2, at.y2
                 s = end
-                if tick < clock_steps.size and clock_steps[tick] == n + s:
-                    clock[tick, 0, row], clock[tick, 1, row] = x1, y1
-                    clock[tick, 2, row], clock[tick, 3, row] = x2, y2
+                if tick < fixed_steps.size and fixed_steps[tick] == n + s:
+                    fixed[tick, 0, row], fixed[tick, 1, row] = x1, y1
+                    fixed[tick, 2, row], fixed[tick, 3, row] = x2, y2
                     tick += 1
-                if (s % CHUNK == 0 or s == stop) and k >= impacts and tick == clock_steps.size:
+                if (s % CHUNK == 0 or s == stop) and k >= impacts and tick == fixed_steps.size:
                     done = True
                     cuda.atomic.add(counts, STEPS, n + s)
             n += stop
@@ -221,7 +221,7 @@ def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callabl
                 cuda.atomic.add(counts, STEPS, n)
             if k < impacts:
                 cuda.atomic.add(counts, UNFINISHED, 1)
-            cuda.atomic.add(counts, HELD, held)
+            cuda.atomic.add(counts, STICKING, held)
             for unmet in range(k, impacts):
                 for j in range(rows.shape[1]):
                     rows[unmet, j, row] = math.nan

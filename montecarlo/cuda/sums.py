@@ -12,7 +12,7 @@ import numpy as np
 from numba import cuda
 from numpy.typing import NDArray
 
-from rattle.montecarlo.cuda.paths import HELD, STEPS, UNFINISHED
+from rattle.montecarlo.cuda.paths import STEPS, STICKING, UNFINISHED
 from rattle.montecarlo.kernel.block import CODES, CROSS, PAIRS, SECTION_OF, BlockResult, Plan
 from rattle.montecarlo.kernel.kernel import COLUMNS
 from rattle.montecarlo.statistics.central_sums import COVARIANCE, PAIR, SINGLE, CentralSums, Orders
@@ -158,15 +158,15 @@ def _sums(v: Any, variables: int, pairs: Sequence[tuple[int, int]], orders: Orde
     )  # fmt: skip
 
 
-def reduced(plan: Plan, rows: Any, clock: Any, counts: NDArray[np.int64], threads: int) -> BlockResult:
-    """What a launch leaves behind, from its impacts and clock states on the card and the counts of its work."""
+def reduced(plan: Plan, rows: Any, fixed: Any, counts: NDArray[np.int64], threads: int) -> BlockResult:
+    """What a launch leaves behind, from its impacts, states at fixed times and the counts of its work."""
     own, pairs = [(i, i) for i in range(len(SECTION))], [(SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS]
     sums = {
         "section": _sums(rows, COLUMNS, own, SINGLE, threads),
         "section_pairs": _sums(rows, COLUMNS, pairs, COVARIANCE, threads),
     }
-    if plan.clock_steps.size:
-        sums["clock"] = _sums(clock, 4, CROSS, PAIR, threads)
+    if plan.fixed_steps.size:
+        sums["fixed"] = _sums(fixed, 4, CROSS, PAIR, threads)
     itineraries = np.array(list(plan.itineraries.values()), dtype=float).reshape(-1, plan.impacts)
     codes = cuda.device_array((plan.impacts, len(CODES)), np.float64)
     agreeing = cuda.device_array(itineraries.shape, np.float64)
@@ -174,5 +174,5 @@ def reduced(plan: Plan, rows: Any, clock: Any, counts: NDArray[np.int64], thread
     launch(_tally, grid, threads, rows, cuda.to_device(itineraries), codes, agreeing)
     return BlockResult(
         sums, codes.copy_to_host(), dict(zip(plan.itineraries, agreeing.copy_to_host(), strict=True)),
-        int(counts[STEPS]), int(counts[HELD]), int(counts[UNFINISHED]),
+        int(counts[STEPS]), int(counts[STICKING]), int(counts[UNFINISHED]),
     )  # fmt: skip

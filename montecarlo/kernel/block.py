@@ -69,7 +69,7 @@ class Plan(NamedTuple):
     scheme: str
     seed: np.random.SeedSequence
     most_steps: int
-    clock_steps: Ints
+    fixed_steps: Ints
     itineraries: dict[str, tuple[int, ...]]
     levels: int
     control: LinearPath = no_control()
@@ -85,13 +85,13 @@ class Plan(NamedTuple):
 
 
 class Raw(NamedTuple):
-    """What the kernel wrote: section rows, clock states, the linearised paths, and the work it took."""
+    """What the kernel wrote: section rows, states at fixed times, the linearised paths, and the work it took."""
 
     rows: Floats
-    clock: Floats
+    fixed: Floats
     controls: Floats
     path_steps: int
-    held: int
+    sticking_steps: int
     unfinished: int
 
 
@@ -131,7 +131,7 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
     if backlash.random:
         draw_walls(backlash, key, first, walls)
     rows = _array("rows", (plan.levels, paths, plan.impacts, COLUMNS), np.nan, reuse)
-    clock = _array("clock", (plan.levels, paths, plan.clock_steps.size, 4), np.nan, reuse)
+    fixed = _array("fixed", (plan.levels, paths, plan.fixed_steps.size, 4), np.nan, reuse)
     linear = paths if plan.control.at_step.size else 0
     controls = _array("controls", (linear, plan.impacts, COLUMNS), 0.0, reuse)
     if plan.mirrored:
@@ -142,10 +142,10 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
     )  # fmt: skip
     every, room = lanes_of(plan.levels, first, start_state(scene, walls), walls, scene.phase)
     work, held = block_kernel(job.scheme)(
-        job, plan.control, first, every, room, rows, plan.clock_steps, clock, controls
+        job, plan.control, first, every, room, rows, plan.fixed_steps, fixed, controls
     )  # fmt: skip
     unfinished = np.isnan(rows[0, :, -1, 0]).sum()
-    return Raw(rows, clock, controls, int(work), int(held), int(unfinished))
+    return Raw(rows, fixed, controls, int(work), int(held), int(unfinished))
 
 
 @dataclass(frozen=True)
@@ -153,8 +153,8 @@ class BlockResult:
     """What a block leaves behind: mergeable sums and counts.
 
     ``sums`` holds, by name: ``section`` over (impact, quantity); ``section_pairs`` over (impact, pair of `PAIRS`);
-    ``clock`` over (time, pair of `CROSS`); with step bias also ``fine_coarse`` and ``coarse_coarser`` over (impact,
-    quantity), the same quantity at two step sizes, and ``coarse_clock`` over (time, stage), displacement with
+    ``at_times`` over (time, pair of `CROSS`); with step bias also ``fine_coarse`` and ``coarse_coarser`` over (impact,
+    quantity), the same quantity at two step sizes, and ``coarse_fixed`` over (time, stage), displacement with
     velocity; with a control ``control`` over (impact, quantity), the quantity and what the linearised path says of
     it; if asked for, ``energy`` over (impact, 1), what an impact takes.
     ``codes`` counts mesh and side of each impact over (impact, `CODES`); ``agreeing`` counts the paths that have
@@ -165,7 +165,7 @@ class BlockResult:
     codes: Floats
     agreeing: dict[str, Floats]
     path_steps: int
-    held: int
+    sticking_steps: int
     unfinished: int
 
     def merged(self, other: "BlockResult") -> "BlockResult":
@@ -175,14 +175,14 @@ class BlockResult:
             self.codes + other.codes,
             {name: count + other.agreeing[name] for name, count in self.agreeing.items()},
             self.path_steps + other.path_steps,
-            self.held + other.held,
+            self.sticking_steps + other.sticking_steps,
             self.unfinished + other.unfinished,
         )
 
 
 CODES = (1, -1, 2, -2)
 CROSS = tuple((i, j) for i in range(4) for j in range(i, 4))
-"""Pairs of states whose clock covariance is kept."""
+"""Pairs of states whose covariance at fixed times is kept."""
 
 
 def _pairs(
@@ -200,9 +200,9 @@ def _pairs(
 def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
     """Run a block and reduce it; its impacts, shape (paths, impacts, COLUMNS), if the plan keeps them."""
     raw = sample(plan, block, reuse=True)
-    section, times = partial(_pairs, plan.impacts), partial(_pairs, plan.clock_steps.size)
+    section, times = partial(_pairs, plan.impacts), partial(_pairs, plan.fixed_steps.size)
     rows = [columns_of(level) for level in raw.rows]
-    clock = [columns_of(level) for level in raw.clock] if plan.clock_steps.size else []
+    fixed = [columns_of(level) for level in raw.fixed] if plan.fixed_steps.size else []
     own = [(i, i) for i in range(len(SECTION))]
     sums = {
         "section": section(rows[0], own, SINGLE),
@@ -212,20 +212,25 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
         sums["energy"] = section(columns_of(_losses(plan.scene.constants, raw.rows[0])), [(0, 0)], VARIANCE)
     if plan.control.at_step.size:
         sums["control"] = section(rows[0], own, PAIR, columns_of(raw.controls))
-    if plan.clock_steps.size:
-        sums["clock"] = times(clock[0], CROSS, PAIR)
+    if plan.fixed_steps.size:
+        sums["fixed"] = times(fixed[0], CROSS, PAIR)
     if plan.levels > 1:
         sums["fine_coarse"] = section(rows[0], own, PAIR, rows[1])
         sums["coarse_coarser"] = section(rows[1], own, ((0, 2),), rows[2])
-        if plan.clock_steps.size:
-            sums["coarse_clock"] = times(clock[1], ((0, 1), (2, 3)), PAIR)
+        if plan.fixed_steps.size:
+            sums["coarse_fixed"] = times(fixed[1], ((0, 1), (2, 3)), PAIR)
     listed = np.array(list(plan.itineraries.values()), dtype=float).reshape(-1, plan.impacts)
     codes, agreeing = _tally(raw.rows[0], listed)
     kept = raw.rows[0].copy() if plan.keep else None
     if kept is not None and plan.scene.stages == 1:
         kept[:, :, 4:6] = np.nan  # the kernel leaves there whatever was
     return BlockResult(
-        sums, codes, dict(zip(plan.itineraries, agreeing, strict=True)), raw.path_steps, raw.held, raw.unfinished
+        sums,
+        codes,
+        dict(zip(plan.itineraries, agreeing, strict=True)),
+        raw.path_steps,
+        raw.sticking_steps,
+        raw.unfinished,
     ), kept
 
 

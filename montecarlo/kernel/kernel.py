@@ -16,7 +16,7 @@ from rattle.montecarlo.schemes.euler import at_end, due, euler_lanes, put_on_wal
 from rattle.montecarlo.schemes.euler_located import advance_inside, leaving, located_lanes
 from rattle.montecarlo.schemes.exact_flight import advance_exactly, flight_forcing, flight_lanes, near_second
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Noise, Progress, Walls
-from rattle.montecarlo.schemes.sticking import OPEN, held_to_end, resting, sides_of
+from rattle.montecarlo.schemes.sticking import OPEN, sides_of, stick_to_end, sticking_sides
 from rattle.scene.compiled import lean, spliced
 from rattle.scene.impact import struck
 from rattle.scene.scene import Constants
@@ -139,11 +139,11 @@ def _finish_inside(
         if at.left <= 0.0:
             break
         walls = _walls_of(lanes, p)
-        sides = resting(job.c, at, walls) if scheme == EXACT else OPEN
+        sides = sticking_sides(job.c, at, walls) if scheme == EXACT else OPEN
         if sides[0] == 0 and sides[1] == 0:
             at = next_event(scheme, job.c, job.key, path, step, level, met, at, walls, ahead)
         if sides[0] != 0 or sides[1] != 0 or (at.code != 0 and met == MOST_IN_A_STEP):
-            at = held_to_end(job.c, at, sides if at.code == 0 else sides_of(at.code), walls)
+            at = stick_to_end(job.c, at, sides if at.code == 0 else sides_of(at.code), walls)
             held = True
             break
         if at.code != 0:
@@ -179,7 +179,7 @@ def _step_lanes(scheme: int, job: Job, tau: float, h: float, lanes: Lanes, marks
 def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
     """Kernel that follows a block of paths by one scheme; what other schemes need is not compiled.
 
-    Called with ``(job, control, first, every, room, rows, clock_steps, clock, controls)``, it follows each path until
+    Called with ``(job, control, first, every, room, rows, fixed_steps, fixed, controls)``, it follows each path until
     it has had its impacts, at one or more step sizes on one noise, and returns the steps taken and the times a path was
     held at its wall.
 
@@ -189,7 +189,7 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
     - every, room : Lanes, Room, from `rattle.montecarlo.kernel.lanes.lanes_of`.
     - rows : ndarray, shape (levels, paths, impacts, COLUMNS).  Output: each impact, just before it; what is never
       reached stays as given.
-    - clock_steps : ndarray of int, ascending.  Finest steps, multiples of the coarsest, at which states go to `clock`,
+    - fixed_steps : ndarray of int, ascending.  Finest steps, multiples of the coarsest, at which states go to `fixed`,
       shape (levels, paths, times, 4).
     - controls : ndarray, shape (paths, impacts, COLUMNS).  Output: what the linearised path says of each section
       quantity; as given where there is none.
@@ -204,12 +204,12 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
 
     @lean
     def run_block(
-        job: Job, control: LinearPath, first: int, every: Lanes, room: Room, rows: Floats, clock_steps: Ints,
-        clock: Floats, controls: Floats,
+        job: Job, control: LinearPath, first: int, every: Lanes, room: Room, rows: Floats, fixed_steps: Ints,
+        fixed: Floats, controls: Floats,
     ) -> tuple[int, int]:  # fmt: skip
         levels, paths, impacts = rows.shape[0], rows.shape[1], rows.shape[2]
         path, bits, z, xi, marks, hits = room.path, room.bits, room.z, room.xi, room.marks, room.hits
-        work, held, live, next_clock, linear, n = ZERO, ZERO, paths, ZERO, ZERO, ZERO
+        work, held, live, next_fixed, linear, n = ZERO, ZERO, paths, ZERO, ZERO, ZERO
         while n < job.most_steps and live > 0:
             wide = (live + 7) // 8 * 8
             for _ in range(min(CHUNK, job.most_steps - n)):
@@ -249,13 +249,13 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
                                 scheme, job, path[p], row, n - multiple, level, p, at, lanes, rows, room.ahead
                             )  # fmt: skip
                     work += live
-                if next_clock < clock_steps.size and clock_steps[next_clock] == n:
+                if next_fixed < fixed_steps.size and fixed_steps[next_fixed] == n:
                     for level in range(levels):
                         for p in range(live):
                             for i in range(4):
-                                clock[level, int(path[p]) - first, next_clock, i] = every.state[level, i, p]
-                    next_clock += 1
-            if next_clock == clock_steps.size and linear == control.at_step.size:
+                                fixed[level, int(path[p]) - first, next_fixed, i] = every.state[level, i, p]
+                    next_fixed += 1
+            if next_fixed == fixed_steps.size and linear == control.at_step.size:
                 live = retire(every, path, bits, xi, impacts, live)
         return work, held
 

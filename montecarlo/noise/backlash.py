@@ -15,7 +15,7 @@ __all__ = ["Backlash", "backlash_of", "draw_walls", "first_half_gap", "half_gap"
 
 Floats = NDArray[np.float64]
 
-LAWS = {"fixed": 0, "uniform": 1, "normal": 2}
+DISTRIBUTIONS = {"fixed": 0, "uniform": 1, "normal": 2}
 ATTEMPTS = Word(64)  # of one draw from the truncated normal law, which keeps 95 % of them
 
 
@@ -26,7 +26,7 @@ class Backlash(NamedTuple):
     gap2: float
     c1_max: float
     c2_max: float
-    law: int
+    distribution: int
     random: bool
     redrawn: bool
 
@@ -35,20 +35,21 @@ def backlash_of(scene: Scene) -> Backlash:
     """Backlash of a scene."""
     t = scene.tolerance
     if t is None:
-        return Backlash(scene.gap1, scene.gap2, 0.0, 0.0, LAWS["fixed"], False, False)
-    random = t.law != "fixed"
+        return Backlash(scene.gap1, scene.gap2, 0.0, 0.0, DISTRIBUTIONS["fixed"], False, False)
+    random = t.distribution != "fixed"
     return Backlash(
-        scene.gap1, scene.gap2, t.c1_max, t.c2_max, LAWS[t.law], random, random and t.draw == "contact"
+        scene.gap1, scene.gap2, t.c1_max, t.c2_max, DISTRIBUTIONS[t.distribution], random,
+        random and t.draw == "contact"
     )  # fmt: skip
 
 
 @lean
-def _deviation(key: Key, path: Word, contact: Word, law: int) -> float:
+def _deviation(key: Key, path: Word, contact: Word, distribution: int) -> float:
     """Deviation number `contact` of a path, in units of c_max."""
-    if law == 0:
+    if distribution == 0:
         return 1.0
     first, purpose = contact * ATTEMPTS, Word(CONTACT)
-    if law == 1:
+    if distribution == 1:
         return 2.0 * uniforms(key, path, first, purpose)[0] - 1.0
     for attempt in range(ATTEMPTS):
         c = normals(key, path, first + Word(attempt), purpose)[0] / CUT
@@ -61,7 +62,7 @@ def _deviation(key: Key, path: Word, contact: Word, law: int) -> float:
 def half_gap(b: Backlash, key: Key, path: Word, contact: Word, mesh: int) -> float:
     """Half gap that a flank of `mesh` takes by draw number `contact` of a path."""
     gap, c_max = (b.gap1, b.c1_max) if mesh == 1 else (b.gap2, b.c2_max)
-    return gap + c_max * _deviation(key, path, contact, b.law)
+    return gap + c_max * _deviation(key, path, contact, b.distribution)
 
 
 @lean

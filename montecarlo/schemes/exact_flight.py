@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from rattle.montecarlo.noise.brownian import joined, split
 from rattle.montecarlo.noise.philox import Key, Word, normals
-from rattle.montecarlo.schemes.series import short_apart, short_turned
+from rattle.montecarlo.schemes.series import short_apart, short_phi1
 from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
 from rattle.scene.compiled import inlined, lean, spliced
 from rattle.scene.damping import pair
@@ -95,7 +95,7 @@ def node(c: Constants, sine: float, cosine: float, lag: float) -> tuple[float, f
     """What unit noise at a phase does to the state `lag` later (Eq. 5)."""
     m1 = -sine + c.beta1 * cosine
     if c.stages == 1:
-        e1 = short_turned(c.beta1, lag)
+        e1 = short_phi1(c.beta1, lag)
         return e1 * m1, (1.0 - c.beta1 * e1) * m1, 0.0, 0.0
     d = c.beta1 - c.beta2
     e1, e12 = short_apart(c.beta1, c.beta2, lag)

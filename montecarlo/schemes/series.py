@@ -4,7 +4,7 @@ from math import factorial
 
 from rattle.scene.compiled import inlined
 
-__all__ = ["short_apart", "short_dragged", "short_turned"]
+__all__ = ["short_apart", "short_phi1", "short_phi2"]
 
 TURNED = tuple(1.0 / factorial(k + 1) for k in range(12, -1, -1))
 """Coefficients of ``(1 - exp(-z)) / z = 1 - z/2! + z^2/3! - ...``, the highest first; what is left out is 2e-18."""
@@ -13,8 +13,8 @@ DRAGGED = tuple(1.0 / factorial(k + 2) for k in range(12, -1, -1))
 
 
 @inlined
-def short_turned(beta: float, t: float) -> float:
-    """`rattle.scene.damping.turned`."""
+def short_phi1(beta: float, t: float) -> float:
+    """`rattle.scene.damping.phi1`."""
     z, total = -beta * t, 0.0
     for coefficient in TURNED:
         total = coefficient + z * total
@@ -22,8 +22,8 @@ def short_turned(beta: float, t: float) -> float:
 
 
 @inlined
-def short_dragged(beta: float, t: float) -> float:
-    """`rattle.scene.damping.dragged`."""
+def short_phi2(beta: float, t: float) -> float:
+    """`rattle.scene.damping.phi2`."""
     z, total = -beta * t, 0.0
     for coefficient in DRAGGED:
         total = coefficient + z * total

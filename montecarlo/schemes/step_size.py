@@ -58,17 +58,19 @@ def scales_of(scene: Scene) -> Scales:
     """
     c, start, tolerance = scene.constants, scene.start, scene.tolerance
     narrow = (0.0, 0.0)
-    if tolerance is not None and tolerance.law != "fixed":  # few paths have a gap below a tenth, however large c_max is
+    if (
+        tolerance is not None and tolerance.distribution != "fixed"
+    ):  # few paths have a gap below a tenth, however large c_max is
         narrow = min(tolerance.c1_max, 0.9 * c.wall1), min(tolerance.c2_max, 0.9 * c.wall2)
     gap = min((c.wall1 - narrow[0], c.wall2 - narrow[1])[: c.stages])
     damping = _over(1.0, max(c.beta1, c.beta2))
     most = math.hypot(1.0, c.beta1)  # of the modulation of excitation and noise in y1 (Eq. 5)
     shaken = min(c.alpha, 2.0 * math.sqrt(c.alpha * most * gap))  # in a narrow gap both flanks move together
-    dragged = (
+    phi2 = (
         min(_over(gamma, beta), 2.0 * math.sqrt(gamma * gap))
         for gamma, beta in ((c.gamma1, c.beta1), (c.gamma2, c.beta2))
     )
-    typical = max(shaken, *dragged, *(abs(start.y1), abs(start.y2))[: c.stages])
+    typical = max(shaken, *phi2, *(abs(start.y1), abs(start.y2))[: c.stages])
     noise = c.sigma * most
     shaking = _over(gap, noise) ** (2.0 / 3.0)
     if shaking > damping:
@@ -153,11 +155,11 @@ def trusted_step(scene: Scene, scheme: str) -> Limit:
     """
     if SCHEMES[scheme].weak_order is None:
         return largest_step(scene, scheme)
-    t, (seen, turned) = scales_of(scene), SEEN[scheme]
+    t, (seen, phi1) = scales_of(scene), SEEN[scheme]
     return _least({
         "a longer step changes the spread of the damped speeds": 0.3 * t.damping,
         "a longer step sees the impacts of a shaken path late": seen * t.shaking,
-        "a longer step loses paths that the noise turns back to their wall": turned * t.turning,
+        "a longer step loses paths that the noise turns back to their wall": phi1 * t.turning,
     })  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from rattle.scene.compiled import lean
 from rattle.scene.scene import Constants
 from rattle.scene.sticking import Sides, carried, closed_sides, open_stage, presses, settled_on
 
-__all__ = ["OPEN", "held_to_end", "resting", "sides_of"]
+__all__ = ["OPEN", "sides_of", "stick_to_end", "sticking_sides"]
 
 OPEN: Sides = (0, 0)
 
@@ -26,7 +26,7 @@ def sides_of(code: int) -> Sides:
 
 
 @lean
-def resting(c: Constants, at: Progress, walls: Walls) -> Sides:
+def sticking_sides(c: Constants, at: Progress, walls: Walls) -> Sides:
     """The sides on which a path rests through what is left of a step; 0 for an open mesh.
 
     At no speed on its wall, and pressed so that no noise of this time (`STRAY` sds of it) lifts it off.
@@ -49,7 +49,7 @@ def resting(c: Constants, at: Progress, walls: Walls) -> Sides:
 
 
 @lean
-def held_to_end(c: Constants, at: Progress, sides: Sides, walls: Walls) -> Progress:
+def stick_to_end(c: Constants, at: Progress, sides: Sides, walls: Walls) -> Progress:
     """The path at the end of its step, with these meshes closed until then."""
     first, second = sides
     x1, y1, x2, y2 = at.x1, at.y1, at.x2, at.y2

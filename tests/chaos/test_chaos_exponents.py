@@ -151,7 +151,7 @@ def test_a_silent_orbit_is_told_from_a_resting_one():
 def test_what_accumulates_before_a_rest_is_left_out():
     regime = Regime()
     slowest = min(np.abs(s.before[s.code == 1, 1]).min() for s in orbit_record(at(0.1), 20_000, regime, tangent=False))
-    assert regime.rests > 0
+    assert regime.stuck > 0
     assert slowest > 1e-6  # a rest is recognised at speeds of 1e-10
 
 
@@ -184,13 +184,13 @@ def test_fields_of_a_sweep_are_checked():
         values("over", "1:0:5")
 
 
-def test_the_mended_map_grows_as_the_orbit_does():
-    """Means of two mended maps 1e-9 apart at the start: their logarithm grows by the orbit's own growth."""
+def test_the_corrected_map_grows_as_the_orbit_does():
+    """Means of two corrected maps 1e-9 apart at the start: their logarithm grows by the orbit's own growth."""
     from rattle.closure import mean_map
 
     small = DAT.with_sigma(1e-3)
     moved = replace(small, start=replace(small.start, y1=2.0 + 1e-9))
-    a, b = (mean_map(s, impacts=60, reading="mended", order=2).trace for s in (small, moved))
+    a, b = (mean_map(s, impacts=60, closure="corrected", order=2).trace for s in (small, moved))
     o, p = (follow(s, 60) for s in (small, moved))
     means, orbits = np.abs(a.mean - b.mean).max(axis=1), np.abs(o.before - p.before).max(axis=1)
     far = slice(20, 60)
@@ -199,9 +199,9 @@ def test_the_mended_map_grows_as_the_orbit_does():
 
 
 def test_what_mean_maps_say_of_themselves():
-    maps = mean_maps(DAT, lyapunov(DAT, impacts=10_000)).set_index("reading")
-    assert maps["not_realizable"]["printed"] == 2
-    assert np.isnan(maps["largest"]["printed"])
-    assert maps["ends"]["printed"] < maps["followed"]["printed"]
-    assert (maps["exponents"][["mended", "saltation"]] == "the orbit's").all()
-    assert (maps["blind"][["mended", "saltation"]] < 20).all()
+    maps = mean_maps(DAT, lyapunov(DAT, impacts=10_000)).set_index("closure")
+    assert maps["not_realizable"]["published"] == 2
+    assert np.isnan(maps["largest"]["published"])
+    assert maps["ends"]["published"] < maps["followed"]["published"]
+    assert (maps["exponents"][["corrected", "saltation"]] == "the orbit's").all()
+    assert (maps["blind"][["corrected", "saltation"]] < 20).all()

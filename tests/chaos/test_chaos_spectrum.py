@@ -87,7 +87,7 @@ def test_spectra_integrate_to_the_variance_and_shares_add_up():
 
 def test_sections_hold_every_point_and_do_not_depend_on_workers():
     one, two = (sections(DAT, points=6001, workers=n) for n in (1, 2))
-    assert list(one) == [ORBIT, "mean map (mended)", NOISY]
+    assert list(one) == [ORBIT, "mean map (corrected)", NOISY]
     for side, s in one.items():
         assert (s.counts.sum(axis=(1, 2)) + s.outside == s.points).all()
         assert (s.counts == two[side].counts).all()

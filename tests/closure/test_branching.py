@@ -1,4 +1,4 @@
-"""The branching reading: a mixture over itineraries, held against simulation far beyond one orbit."""
+"""The branching closure: a mixture over itineraries, held against simulation far beyond one orbit."""
 
 import numpy as np
 import pytest
@@ -20,9 +20,9 @@ def dat21(sigma, **changes):
 def pair(request):
     scene = dat21(request.param)
     orbit = mean_map(scene, impacts=1).scene
-    follows = tuple(mean_map(scene, impacts=12, reading="mended").itinerary)
+    follows = tuple(mean_map(scene, impacts=12, closure="corrected").itinerary)
     run = simulate(orbit, paths=60_000, rng=3, workers=2, step_bias=True, itineraries={"orbit": follows})
-    return mean_map(scene, impacts=12, reading="branching"), run
+    return mean_map(scene, impacts=12, closure="branching"), run
 
 
 def corrected(run, moment, quantity):
@@ -50,13 +50,13 @@ def test_unconditional_section_moments(pair):
 @pytest.mark.parametrize("sigma", [0.1, 0.2])
 def test_no_moment_is_refuted(sigma):
     """Means to 5 % of an sd and sds to 10 %, rare events and all; one orbit alone is refuted in most rows."""
-    v = validate(dat21(sigma), impacts=12, readings=("branching", "saltation"), paths=60_000, rng=7, workers=2)
+    v = validate(dat21(sigma), impacts=12, closures=("branching", "saltation"), paths=60_000, rng=7, workers=2)
     rows = v.table.query("kind == 'section'")
-    own = v.closures["saltation"].section["mesh"].loc[rows["impact"]].to_numpy()
+    own = v.predictions["saltation"].section["mesh"].loc[rows["impact"]].to_numpy()
     rows = rows[rows["quantity"] != np.array([f"x{mesh}" for mesh in own])]  # hardly spread at the mesh struck
-    verdicts = rows.groupby("reading")["verdict"].value_counts(normalize=True).unstack(fill_value=0.0)
+    verdicts = rows.groupby("closure")["verdict"].value_counts(normalize=True).unstack(fill_value=0.0)
     assert verdicts.loc["branching", "accurate"] > 0.85
-    assert (rows[rows["reading"] == "branching"]["verdict"] != "inaccurate").all()
+    assert (rows[rows["closure"] == "branching"]["verdict"] != "inaccurate").all()
     assert verdicts.loc["saltation", "inaccurate"] > 0.5  # planted: one itinerary only
 
 
@@ -80,7 +80,7 @@ def test_weight_is_accounted_for(pair):
 def test_density_is_the_mixtures_and_sees_both_branches():
     """At the paper's noise the velocity before impact 12 has two humps; share of the mass in the wrong place."""
     scene = dat21(1.5**0.5)
-    m = mean_map(scene, impacts=12, reading="branching")
+    m = mean_map(scene, impacts=12, closure="branching")
     y = np.linspace(-10.0, 10.0, 8001)
     density = m.density(12, "y1", y)
     assert np.trapezoid(density, y) == pytest.approx(1.0, abs=2e-3)
@@ -97,8 +97,8 @@ def test_density_is_the_mixtures_and_sees_both_branches():
     assert misplaced(single.density(12, "y1", y)) > 3.0 * misplaced(density)  # planted: one Gaussian, skewed or not
 
 
-def test_small_noise_is_the_saltation_reading():
-    branching, saltation = (mean_map(dat21(0.002), impacts=12, reading=r).section for r in ("branching", "saltation"))
+def test_small_noise_is_the_saltation_closure():
+    branching, saltation = (mean_map(dat21(0.002), impacts=12, closure=r).section for r in ("branching", "saltation"))
     for quantity in QUANTITIES:
         sd = saltation[f"sd_{quantity}"]
         assert ((branching[quantity] - saltation[quantity]).abs() < 1e-3 * sd).all()
@@ -106,7 +106,7 @@ def test_small_noise_is_the_saltation_reading():
 
 
 def test_no_noise_is_the_orbit():
-    branching, orbit = (mean_map(dat21(0.0), impacts=12, reading=r).section for r in ("branching", "mended"))
+    branching, orbit = (mean_map(dat21(0.0), impacts=12, closure=r).section for r in ("branching", "corrected"))
     for quantity in ("tau", "x1", "y1", "x2", "y2"):
         np.testing.assert_allclose(branching[quantity], orbit[quantity], atol=1e-12)
 
@@ -114,7 +114,7 @@ def test_no_noise_is_the_orbit():
 def test_single_stage():
     """Slow impacts part the paths of a single stage soon: the mixture holds for five of them."""
     scene = dat21(0.3, stages=1)
-    m = mean_map(scene, impacts=5, reading="branching")
+    m = mean_map(scene, impacts=5, closure="branching")
     run = simulate(scene, paths=30_000, impacts=5, rng=2, workers=2, step_bias=True)
     sd = corrected(run, "sd", "tau")
     assert ((m.section["tau"] - corrected(run, "mean", "tau")).abs() < 0.1 * sd).all()
@@ -123,5 +123,5 @@ def test_single_stage():
 
 def test_parts_are_many_and_bounded():
     """The work of an impact is in the parts that fly to it."""
-    m = mean_map(dat21(1.5**0.5), impacts=12, reading="branching")
+    m = mean_map(dat21(1.5**0.5), impacts=12, closure="branching")
     assert 500 < max(len(parts[0]) for parts in m.trace.parts.values()) <= 2 * MOST_CUT

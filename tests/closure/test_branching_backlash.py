@@ -1,4 +1,4 @@
-"""Random backlash in the branching reading: against exact flights, the saltation reading, and differences."""
+"""Random backlash in the branching closure: against exact flights, the saltation closure, and differences."""
 
 from dataclasses import fields, replace
 
@@ -27,11 +27,11 @@ def dat21(sigma, tolerance, **settings):
 SCENES = {  # and the impacts that are followed
     "no noise, path, uniform": (dat21(0.0, Tolerance(0.01, 0.02)), 12),
     "no noise, contact, uniform": (dat21(0.0, Tolerance(0.03, 0.03, draw="contact")), 6),
-    "contact, normal": (dat21(0.1, Tolerance(0.01, 0.02, law="normal", draw="contact")), 6),
-    "path, normal": (dat21(0.5, Tolerance(0.05, 0.1, law="normal")), 6),
+    "contact, normal": (dat21(0.1, Tolerance(0.01, 0.02, distribution="normal", draw="contact")), 6),
+    "path, normal": (dat21(0.5, Tolerance(0.05, 0.1, distribution="normal")), 6),
     "one stage, path, uniform": (dat21(0.1, Tolerance(0.05, 0.05), stages=1), 5),
     "another pair": (
-        Scene(**PAIR, gap2=0.365, sigma=0.01, tolerance=Tolerance(0.05, 0.05, law="normal", draw="contact")),
+        Scene(**PAIR, gap2=0.365, sigma=0.01, tolerance=Tolerance(0.05, 0.05, distribution="normal", draw="contact")),
         8,
     ),
     "a third pair": (Scene(**OTHER, gap2=0.358, sigma=0.0, tolerance=Tolerance(0.05, 0.05)), 6),
@@ -40,7 +40,7 @@ SCENES = {  # and the impacts that are followed
 
 def outside(scene, impacts, run):
     """Rows of a prediction that are off by more than is allowed: all means and sds but of what is struck."""
-    predicted, found = mean_map(scene, impacts=impacts, reading="branching").section, run.section
+    predicted, found = mean_map(scene, impacts=impacts, closure="branching").section, run.section
     rows = []
     for q in QUANTITIES[: 2 + 2 * scene.stages]:
         unit = found[f"sd_{q}"]
@@ -53,7 +53,7 @@ def outside(scene, impacts, run):
 
 
 def flown(scene, impacts):
-    follows = tuple(mean_map(scene, impacts=impacts, reading="mended").itinerary)
+    follows = tuple(mean_map(scene, impacts=impacts, closure="corrected").itinerary)
     return simulate(
         scene, paths=60_000, impacts=impacts, rng=5, workers=2, scheme="exact-flight", itineraries={"orbit": follows}
     )
@@ -71,7 +71,7 @@ def test_section_moments_against_exact_flights(case):
 
 def test_itinerary_probabilities_against_exact_flights(case):
     scene, impacts, run = case
-    expected = mean_map(scene, impacts=impacts, reading="branching").section["agreement"]
+    expected = mean_map(scene, impacts=impacts, closure="branching").section["agreement"]
     np.testing.assert_allclose(expected, run.agreement["orbit"], atol=0.02)
 
 
@@ -97,11 +97,11 @@ def test_one_gaussian_in_place_of_the_law_is_seen(monkeypatch):
 
 @pytest.mark.parametrize("stages", [1, 2])
 @pytest.mark.parametrize("draw", ["path", "contact"])
-@pytest.mark.parametrize("law", ["uniform", "normal"])
-def test_small_tolerance_is_the_saltation_reading(law, draw, stages):
-    scene = dat21(0.001, Tolerance(5e-4, 1e-3, law=law, draw=draw), stages=stages)
-    b, s = (mean_map(scene, impacts=5, reading=r).section for r in ("branching", "saltation"))
-    without = mean_map(replace(scene, tolerance=None), impacts=5, reading="branching").section
+@pytest.mark.parametrize("distribution", ["uniform", "normal"])
+def test_small_tolerance_is_the_saltation_closure(distribution, draw, stages):
+    scene = dat21(0.001, Tolerance(5e-4, 1e-3, distribution=distribution, draw=draw), stages=stages)
+    b, s = (mean_map(scene, impacts=5, closure=r).section for r in ("branching", "saltation"))
+    without = mean_map(replace(scene, tolerance=None), impacts=5, closure="branching").section
     for q in QUANTITIES[: 2 + 2 * stages]:
         sd = s[f"sd_{q}"]
         assert ((b[q] - s[q]).abs() < 2e-3 * sd + 1e-12).all()
@@ -115,7 +115,7 @@ def test_rounding_does_not_choose_the_cuts(name):
     scene, impacts = SCENES[name]
     scene = Scene(**{f.name: getattr(scene, f.name) for f in fields(scene) if f.init})
     other = replace(scene, alpha=scene.alpha * (1.0 + 4e-16), sigma=scene.sigma * (1.0 + 4e-16))
-    one, two = (mean_map(s, impacts=impacts, reading="branching").section for s in (scene, other))
+    one, two = (mean_map(s, impacts=impacts, closure="branching").section for s in (scene, other))
     quantities = [*QUANTITIES, *(f"sd_{q}" for q in QUANTITIES), "agreement"]
     np.testing.assert_allclose(one[quantities], two[quantities], rtol=1e-9, atol=1e-9)
 
@@ -124,7 +124,7 @@ def test_walls_that_do_not_vary_are_walls_without_tolerance():
     """To the last bit, and at no cost: what does not vary has no columns."""
     plain = dat21(0.1, None, stages=1)
     for tolerance in (Tolerance(0.0, 0.0), Tolerance(0.0, 0.1, draw="contact")):  # of a mesh that is not there
-        b, none = (mean_map(s, impacts=4, reading="branching") for s in (replace(plain, tolerance=tolerance), plain))
+        b, none = (mean_map(s, impacts=4, closure="branching") for s in (replace(plain, tolerance=tolerance), plain))
         pd.testing.assert_frame_equal(b.section, none.section, check_exact=True)
 
 
@@ -160,10 +160,10 @@ def test_derivatives_with_respect_to_flanks(y):
     assert abs(found[:, column(abs(code), code)]).max() > 0.1  # the wall that is struck matters
 
 
-@pytest.mark.parametrize("law", ["uniform", "normal"])
-def test_pieces_have_the_moments_of_the_law(law):
-    tolerance = Tolerance(0.1, 0.05, law=law)
-    cut = pieces(law)
+@pytest.mark.parametrize("distribution", ["uniform", "normal"])
+def test_pieces_have_the_moments_of_the_distribution(distribution):
+    tolerance = Tolerance(0.1, 0.05, distribution=distribution)
+    cut = pieces(distribution)
     assert cut.weight.sum() == pytest.approx(1.0)
     assert cut.weight @ cut.mean == pytest.approx(0.0, abs=1e-15)
     assert 0.01 * (cut.weight @ (cut.variance + cut.mean**2)) == pytest.approx(tolerance.variances[0])
@@ -172,7 +172,7 @@ def test_pieces_have_the_moments_of_the_law(law):
 @pytest.mark.parametrize("draw", ["path", "contact"])
 @pytest.mark.parametrize("start", [None, Start(0.0, -0.5, -2.0, 0.2, 1.0, mesh=1), Start(0.3, 0.1, 1.0, -0.5, 1.0)])
 def test_start_in_pieces_has_the_covariance_of_the_whole(draw, start):
-    scene = dat21(0.0, Tolerance(0.03, 0.06, law="normal", draw=draw), start=start)
+    scene = dat21(0.0, Tolerance(0.03, 0.06, distribution="normal", draw=draw), start=start)
     parts = start_pieces(scene)
     assert len(parts.weight) == {"path": 36, "contact": 1}[draw]
     second = np.einsum("p,pab->ab", parts.weight, parts.variance + parts.mean[:, :, None] * parts.mean[:, None, :])

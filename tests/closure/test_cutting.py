@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rattle.closure.branching.refine import _cut, workbench
+from rattle.closure.branching.refine import _cut, buffers
 from rattle.closure.branching.split import cut_plane, event, half
 from rattle.scene import DAT21, Scene
 
@@ -20,9 +20,9 @@ def pieces(depth):
     """What `_cut` makes of a Gaussian across a slanted direction; `depth` 0 is the cut in three."""
     centre, root = whole()
     n = np.array([0.6, 0.0, 0.8, 0.0, 0.0])
-    b = workbench(4)
+    b = buffers(4)
     b.start.weight[0], b.start.mean[0], b.start.covariance[0] = 0.7, centre, root @ root.T
-    b.axis[0], b.depth[0], b.landing.section.label[0], b.beyond[0] = root @ n, depth, 1, -2
+    b.axis[0], b.depth[0], b.image.section.label[0], b.beyond[0] = root @ n, depth, 1, -2
     count = _cut(b, 0, 1)
     return count, b, n
 

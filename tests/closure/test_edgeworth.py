@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import dblquad
 
 from rattle.closure.edgeworth import Edgeworth, coefficients, hermite, normal_density, window_means
-from rattle.closure.published import _printed_shift
+from rattle.closure.published import _published_shift
 from rattle.scene.moments import gaussian_raw_moments
 
 SD_X, SD_Y = 0.7, 1.9
@@ -64,7 +64,7 @@ def test_a_misprinted_coefficient_loses_its_moment():
     assert abs(grid_moments(series, 4)[3, 0] - raw[3, 0]) > 0.01
 
 
-def test_coefficients_have_their_printed_low_orders():
+def test_coefficients_have_their_published_low_orders():
     raw = mixture_moments(4)
     sx, sy = sqrt(raw[2, 0]), sqrt(raw[0, 2])
     rho, a = raw[1, 1] / (sx * sy), coefficients(raw, sx, sy)
@@ -134,18 +134,18 @@ def test_window_means_are_the_a_and_b_of_the_paper(window):
     assert window_means(*args) == pytest.approx(explicit_window_means(*args), rel=1e-12, abs=1e-14)
 
 
-def test_the_printed_sign_of_psi_0_is_told_apart():
+def test_the_published_sign_of_psi_0_is_told_apart():
     series = scaled(mixture_moments(4))
     args = (series.a, series.sd_x, series.sd_y, -0.9, 0.0)
-    printed = explicit_window_means(*args, psi_0_sign=+1)
-    assert abs(window_means(*args)[0] - printed[0]) > 1e-3
+    published = explicit_window_means(*args, psi_0_sign=+1)
+    assert abs(window_means(*args)[0] - published[0]) > 1e-3
 
 
-def test_the_printed_reading_has_the_printed_sign():
+def test_the_published_closure_has_the_published_sign():
     raw = mixture_moments(4)
     series = scaled(raw)
     expected = explicit_window_means(series.a, series.sd_x, series.sd_y, -0.9, 0.1, psi_0_sign=+1)
-    assert _printed_shift(raw, 0.4, 0.5) == pytest.approx(expected, rel=1e-12)
+    assert _published_shift(raw, 0.4, 0.5) == pytest.approx(expected, rel=1e-12)
 
 
 def test_a_whole_window_has_the_whole_mean():

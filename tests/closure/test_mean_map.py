@@ -3,7 +3,7 @@ import re
 import numpy as np
 import pytest
 
-from rattle.closure import READINGS, mean_map
+from rattle.closure import CLOSURES, mean_map
 from rattle.scene import DAT21, InputError, Scene, Start
 from rattle.scene.moments import correlation
 
@@ -23,29 +23,29 @@ def paper():
     return Scene.from_gears(DAT21, sigma=1.5**0.5)
 
 
-@pytest.fixture(params=sorted(READINGS))
-def reading(request):
+@pytest.fixture(params=sorted(CLOSURES))
+def closure(request):
     return request.param
 
 
-ONE_ORBIT = pytest.mark.parametrize("reading", ["printed", "mended", "saltation"])
+ONE_ORBIT = pytest.mark.parametrize("closure", ["published", "corrected", "saltation"])
 
 
-def test_four_readings_are_offered():
-    assert set(READINGS) == {"printed", "mended", "saltation", "branching"}
+def test_four_closures_are_offered():
+    assert set(CLOSURES) == {"published", "corrected", "saltation", "branching"}
 
 
-def test_section_keeps_the_contract(dat21, reading):
-    section = mean_map(dat21, impacts=7, reading=reading).section
-    others = [f"skew_{q}" for q in ("tau", "flight", *STATE)] + ["agreement", "lost"] * (reading == "branching")
+def test_section_keeps_the_contract(dat21, closure):
+    section = mean_map(dat21, impacts=7, closure=closure).section
+    others = [f"skew_{q}" for q in ("tau", "flight", *STATE)] + ["agreement", "lost"] * (closure == "branching")
     assert [c for c in section.columns if c not in others] == [*SECTION, "realizable"]
     assert set(others) <= set(section.columns)
     assert section.index.name == "impact"
     assert section.index.tolist() == [1, 2, 3, 4, 5, 6, 7]
 
 
-def test_section_agrees_with_itself(dat21, reading):
-    m = mean_map(dat21, impacts=7, reading=reading)
+def test_section_agrees_with_itself(dat21, closure):
+    m = mean_map(dat21, impacts=7, closure=closure)
     section, tau = m.section, np.array([dat21.start.tau, *m.section["tau"]])
     found = m.trace.found
     assert section["flight"].to_numpy() == pytest.approx(np.diff(tau), nan_ok=True)
@@ -59,16 +59,16 @@ def test_section_agrees_with_itself(dat21, reading):
             )
 
 
-@pytest.mark.parametrize("reading", ["printed", "mended"])
-def test_the_paper_s_readings_predict_no_sd_of_times(dat21, reading):
-    section = mean_map(dat21, impacts=7, reading=reading).section
+@pytest.mark.parametrize("closure", ["published", "corrected"])
+def test_the_paper_s_closures_predict_no_sd_of_times(dat21, closure):
+    section = mean_map(dat21, impacts=7, closure=closure).section
     assert section[["sd_tau", "sd_flight"]].isna().all().all()
 
 
-def test_a_single_stage_leaves_stage_2_empty(reading):
-    section = mean_map(Scene.from_gears(DAT21, sigma=0.02, stages=1), impacts=4, reading=reading).section
+def test_a_single_stage_leaves_stage_2_empty(closure):
+    section = mean_map(Scene.from_gears(DAT21, sigma=0.02, stages=1), impacts=4, closure=closure).section
     assert section[["x2", "y2", "sd_x2", "sd_y2", "rho2"]].isna().all().all()
-    predicted = ["tau", "x1", "y1", "sd_y1"] + ["rho1"] * (reading != "branching")
+    predicted = ["tau", "x1", "y1", "sd_y1"] + ["rho1"] * (closure != "branching")
     assert section[predicted].notna().any().all()
 
 
@@ -81,9 +81,9 @@ def test_itinerary_is_mesh_times_side(dat21):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"reading": "printd"}, "reading = 'printd': did you mean 'printed'?"),
-        ({"reading": "xyz"}, "valid are 'printed', 'mended', 'saltation'"),
-        ({"reading": None}, "reading = None: "),
+        ({"closure": "printd"}, "closure = 'printd': did you mean 'published'?"),
+        ({"closure": "xyz"}, "valid are 'published', 'corrected', 'saltation'"),
+        ({"closure": None}, "closure = None: "),
         ({"order": 1}, "order = 1: must be at least 2"),
         ({"order": 7}, "order = 7: must be at most 6"),
         ({"order": 4.0}, "order = 4.0: give a whole number"),
@@ -105,19 +105,19 @@ def test_a_scene_is_needed(scene):
 
 @ONE_ORBIT
 @pytest.mark.parametrize("order", [2, 3, 4, 5, 6])
-def test_every_order_is_carried(dat21, reading, order):
-    m = mean_map(dat21, impacts=3, reading=reading, order=order)
+def test_every_order_is_carried(dat21, closure, order):
+    m = mean_map(dat21, impacts=3, closure=closure, order=order)
     assert m.edgeworth(1, 1).a.shape == (order + 1, order + 1)
     assert m.section.loc[1, "realizable"]
 
 
-def test_mended_breaks_down_nowhere(dat21, paper):
+def test_corrected_breaks_down_nowhere(dat21, paper):
     for scene in (dat21, paper):
-        assert mean_map(scene, impacts=40, reading="mended").breakdown is None
+        assert mean_map(scene, impacts=40, closure="corrected").breakdown is None
 
 
 def test_breakdown_is_the_first_unrealizable_row(paper):
-    m = mean_map(paper, impacts=12, reading="printed")
+    m = mean_map(paper, impacts=12, closure="published")
     realizable = m.section["realizable"].to_numpy()
     assert realizable[: m.breakdown.impact - 1].all()
     assert not realizable[m.breakdown.impact - 1]
@@ -126,39 +126,39 @@ def test_breakdown_is_the_first_unrealizable_row(paper):
 # --- clock -----------------------------------------------------------------------------------------------------------
 
 
-def test_clock_keeps_the_contract(dat21, reading):
-    m = mean_map(dat21, impacts=5, reading=reading)
+def test_clock_keeps_the_contract(dat21, closure):
+    m = mean_map(dat21, impacts=5, closure=closure)
     times = [0.05, 0.4, 1.0]
-    table = m.clock(times)
+    table = m.at_times(times)
     assert list(table.columns) == CLOCK
     assert table.index.name == "time"
     assert table.index.tolist() == times
 
 
 def test_clock_rho_is_that_of_its_covariance(dat21):
-    table = mean_map(dat21, impacts=5).clock([0.1, 0.8])
+    table = mean_map(dat21, impacts=5).at_times([0.1, 0.8])
     expected = table["cov_x1_y1"] / np.sqrt(table["cov_x1_x1"] * table["cov_y1_y1"])
     assert table["rho1"].to_numpy() == pytest.approx(expected.to_numpy())
 
 
 @pytest.mark.parametrize("outside", [-1e-9, 1e9, float("nan")])
-def test_clock_goes_no_further_than_was_followed(dat21, reading, outside):
-    m = mean_map(dat21, impacts=3, reading=reading)
+def test_clock_goes_no_further_than_was_followed(dat21, closure, outside):
+    m = mean_map(dat21, impacts=3, closure=closure)
     with pytest.raises(InputError, match="lies outside the times followed, 0 to "):
-        m.clock([0.1, outside])
+        m.at_times([0.1, outside])
 
 
 def test_clock_ends_where_the_closure_stopped():
     scene = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=1.0, sigma=0.1, stages=1, start=Start())
-    m = mean_map(scene, impacts=500, reading="mended")
+    m = mean_map(scene, impacts=500, closure="corrected")
     end = m.trace.tau[m.trace.found]
-    assert m.clock([end]).shape[0] == 1
+    assert m.at_times([end]).shape[0] == 1
     with pytest.raises(InputError, match="outside"):
-        m.clock([end + 1e-6])
+        m.at_times([end + 1e-6])
 
 
 def test_clock_takes_no_times_at_all(dat21):
-    assert mean_map(dat21, impacts=2).clock([]).empty
+    assert mean_map(dat21, impacts=2).at_times([]).empty
 
 
 # --- the end, and the series -----------------------------------------------------------------------------------------
@@ -166,7 +166,7 @@ def test_clock_takes_no_times_at_all(dat21):
 
 def test_a_closure_that_stops_early_says_why_and_leaves_the_rest_empty():
     scene = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=1.0, sigma=0.1, stages=1, start=Start())
-    m = mean_map(scene, impacts=60, reading="mended")
+    m = mean_map(scene, impacts=60, closure="corrected")
     assert m.stopped == f"a mesh rests closed after impact {m.trace.found}"
     rest = m.section.loc[m.trace.found + 1 :]
     assert len(rest) == 60 - m.trace.found > 0
@@ -175,8 +175,8 @@ def test_a_closure_that_stops_early_says_why_and_leaves_the_rest_empty():
     assert set(m.itinerary[m.trace.found :]) == {0}
 
 
-def test_a_closure_that_ends_well_says_nothing(dat21, reading):
-    assert mean_map(dat21, impacts=3, reading=reading).stopped == ""
+def test_a_closure_that_ends_well_says_nothing(dat21, closure):
+    assert mean_map(dat21, impacts=3, closure=closure).stopped == ""
 
 
 def test_edgeworth_has_the_moments_of_its_impact(dat21):
@@ -187,8 +187,8 @@ def test_edgeworth_has_the_moments_of_its_impact(dat21):
     assert series.a[1, 1] == pytest.approx(m.section.loc[2, "rho2"])
 
 
-def test_a_mended_series_has_the_powers_of_rho_alone(dat21):
-    a = mean_map(dat21, impacts=3, reading="mended", order=6).edgeworth(3, 1).a
+def test_a_corrected_series_has_the_powers_of_rho_alone(dat21):
+    a = mean_map(dat21, impacts=3, closure="corrected", order=6).edgeworth(3, 1).a
     rho = a[1, 1]
     assert a == pytest.approx(np.diag([1.0, rho, rho**2 / 2, rho**3 / 6, 0, 0, 0]), abs=1e-12)
 
@@ -200,7 +200,7 @@ def test_no_series_without_noise():
 
 
 def test_no_series_beyond_the_breakdown(paper):
-    m = mean_map(paper, impacts=12, reading="printed")
+    m = mean_map(paper, impacts=12, closure="published")
     bad = next(
         (k, s) for k in range(1, 13) for s in (1, 2) if np.diagonal(m.stage_covariance(k, s)).min() < 0.0
     )  # fmt: skip
@@ -219,11 +219,11 @@ def test_a_single_stage_has_no_second_series():
         mean_map(Scene.from_gears(DAT21, sigma=0.1, stages=1), impacts=2).edgeworth(1, 2)
 
 
-def test_the_best_reading_is_the_one_left_out(dat21):
-    assert mean_map(dat21, impacts=1).reading == "saltation"
+def test_the_best_closure_is_the_one_left_out(dat21):
+    assert mean_map(dat21, impacts=1).closure == "saltation"
 
 
 def test_an_impact_that_was_not_reached_has_no_density():
-    m = mean_map(Scene.from_gears(DAT21, sigma=0.01), impacts=8, reading="printed")
+    m = mean_map(Scene.from_gears(DAT21, sigma=0.01), impacts=8, closure="published")
     assert m.trace.found < 8
     assert m.density(8, "y1", np.linspace(-3.0, 3.0, 5)) is None

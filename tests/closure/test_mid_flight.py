@@ -1,4 +1,4 @@
-"""The saltation reading between impacts: sds and rho of all paths at one time, against simulation."""
+"""The saltation closure between impacts: sds and rho of all paths at one time, against simulation."""
 
 import numpy as np
 import pandas as pd
@@ -36,19 +36,19 @@ def sampled(scene):
     orbit = follow(scene, 12)
     all_middles = 0.5 * (orbit.tau[1 : orbit.found + 1] + orbit.tau[: orbit.found])
     run = simulate(
-        scene, paths=PATHS, dt=DT, rng=5, workers=2, step_bias=True, clock=all_middles[all_middles > 4.0 * DT]
+        scene, paths=PATHS, dt=DT, rng=5, workers=2, step_bias=True, times=all_middles[all_middles > 4.0 * DT]
     )
-    clock, coarse = run.clock(), run.result.sums["coarse_clock"]
+    fixed, coarse = run.at_times(), run.result.sums["coarse_fixed"]
     parts = []
     for i, name in enumerate(STATE[: 2 * scene.stages]):
-        variance = clock[f"cov_{name}_{name}"]
+        variance = fixed[f"cov_{name}_{name}"]
         sd, doubled = np.sqrt(variance), np.sqrt(coarse.moment(*((2, 0), (0, 2))[i % 2])[:, i // 2])
-        se = 0.5 * clock[f"se_cov_{name}_{name}"] / sd
+        se = 0.5 * fixed[f"se_cov_{name}_{name}"] / sd
         parts.append(pd.DataFrame({"what": name, "value": sd, "se": se, "step": doubled - sd, "unit": sd}))
     for name in ("rho1", "rho2")[: scene.stages]:
-        change = clock[f"coarse_{name}"] - clock[name]
+        change = fixed[f"coarse_{name}"] - fixed[name]
         parts.append(
-            pd.DataFrame({"what": name, "value": clock[name], "se": clock[f"se_{name}"], "step": change, "unit": 1.0})
+            pd.DataFrame({"what": name, "value": fixed[name], "se": fixed[f"se_{name}"], "step": change, "unit": 1.0})
         )
     table = pd.concat(parts).reset_index()
     judged = np.abs(table["time"].to_numpy()[:, None] - middles(orbit, run)).min(axis=1) <= 2.0 * DT
@@ -56,11 +56,11 @@ def sampled(scene):
     return table[judged & fine]
 
 
-def excess(table, closure, scale=1.0):
+def excess(table, prediction, scale=1.0):
     """Standard errors by which a closure, its covariances times `scale`, is beyond what the step may explain."""
-    clock = closure.clock(sorted(set(table["time"])))
+    fixed = prediction.at_times(sorted(set(table["time"])))
     predicted = pd.concat(
-        [np.sqrt(scale * clock[f"cov_{name}_{name}"]).rename(name) for name in STATE] + [clock[["rho1", "rho2"]]],
+        [np.sqrt(scale * fixed[f"cov_{name}_{name}"]).rename(name) for name in STATE] + [fixed[["rho1", "rho2"]]],
         axis=1,
     )
     value = np.array([predicted.loc[t, w] for t, w in zip(table["time"], table["what"], strict=True)])
@@ -74,9 +74,9 @@ def test_sds_and_rho_between_impacts(name):
     assert table["time"].nunique() >= 4
     found = excess(table, mean_map(scene, impacts=12))
     assert (found < LIMIT).all(), table.assign(excess=found)[found > LIMIT]
-    # planted: covariances 5 % too large, and the reading whose impact times do not vary
+    # planted: covariances 5 % too large, and the closure whose impact times do not vary
     assert (excess(table, mean_map(scene, impacts=12), scale=1.05) > LIMIT).any()
-    assert (excess(table, mean_map(scene, impacts=12, reading="mended")) > LIMIT).sum() > 0.2 * len(table)
+    assert (excess(table, mean_map(scene, impacts=12, closure="corrected")) > LIMIT).sum() > 0.2 * len(table)
 
 
 def test_what_remains_at_ten_times_the_noise_is_below_one_percent():
@@ -96,12 +96,12 @@ def test_what_remains_between_impacts_grows_as_sigma_squared():
     differences = np.empty((len(seeds), len(sigmas)))
     for column, sigma in enumerate(sigmas):
         scene = SCENES["single stage"](sigma)
-        orbit, closure = follow(scene, 7), mean_map(scene, impacts=7)
+        orbit, prediction = follow(scene, 7), mean_map(scene, impacts=7)
         for row, seed in enumerate(seeds):
             middle = [0.5 * (orbit.tau[6] + orbit.tau[7])]
-            run = simulate(scene, paths=10_000, impacts=7, dt=4e-3, rng=seed, workers=2, clock=middle)
-            clock = run.clock()
-            differences[row, column] = (closure.clock(clock.index)["rho1"] - clock["rho1"]).item()
+            run = simulate(scene, paths=10_000, impacts=7, dt=4e-3, rng=seed, workers=2, times=middle)
+            fixed = run.at_times()
+            differences[row, column] = (prediction.at_times(fixed.index)["rho1"] - fixed["rho1"]).item()
 
     def departure(power):
         """Standard errors by which the differences depart from a constant plus a multiple of this power."""

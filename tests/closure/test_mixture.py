@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rattle.closure.branching.mixture import empty, gather, moments
+from rattle.closure.branching.mixture import empty, reduce, moments
 
 
 def cloud(count, seed=2):
@@ -28,7 +28,7 @@ def total(parts, count):
 @pytest.mark.parametrize("most", [2, 7, 50])
 def test_merging_keeps_weight_mean_and_covariance_of_every_label(most):
     parts, out = cloud(200), empty(most)
-    assert gather(parts, 200, most, out) == most
+    assert reduce(parts, 200, most, out) == most
     for a, b in zip(total(parts, 200), total(out, most), strict=True):
         np.testing.assert_allclose(a, b, atol=1e-12)
     for label in (1, 2):
@@ -37,7 +37,7 @@ def test_merging_keeps_weight_mean_and_covariance_of_every_label(most):
 
 def test_few_parts_stay_as_they_are():
     parts, out = cloud(9), empty(20)
-    assert gather(parts, 9, 20, out) == 9
+    assert reduce(parts, 9, 20, out) == 9
     np.testing.assert_allclose(np.sort(out.weight[:9]), np.sort(parts.weight))
 
 
@@ -47,7 +47,7 @@ def test_parts_of_one_place_go_together():
     parts.label[:] = 1
     heap = np.arange(300) % 3
     parts.mean[:] = 0.01 * parts.mean + 10.0 * np.eye(5)[heap]
-    assert gather(parts, 300, 3, out) == 3
+    assert reduce(parts, 300, 3, out) == 3
     expected = sorted(parts.weight[heap == h].sum() for h in range(3))
     np.testing.assert_allclose(np.sort(out.weight), expected)
     assert out.covariance.max() < 0.5

@@ -43,7 +43,7 @@ def test_one_side_twice_in_a_row_is_common():
         start = Start(0.0, 0.5, 2.0 + 0.01 * k, 0.5, 2.0, mesh=1)
         orbit = follow(Scene.from_gears(DAT21, start=start), 2000)
         regular = orbit.mesh[1:] == orbit.mesh[:-1]
-        for rest in orbit.rests:
+        for rest in orbit.sticking:
             regular[max(rest.impact - 200, 0) : rest.impact] = False
         pairs.append((orbit.side[1:] == orbit.side[:-1])[regular])
     share = np.mean(np.concatenate(pairs))
@@ -62,7 +62,7 @@ def test_an_orbit_restarted_at_its_own_impact_repeats_itself(k):
         if scene.phase == start.tau:
             assert np.array_equal(found, expected)  # the same numbers, the same steps
         else:  # counted from the phase, a whole period less
-            found = scene.stated(found) if name == "tau" else found
+            found = scene.to_absolute_time(found) if name == "tau" else found
             assert found == pytest.approx(expected, rel=0, abs=1e-13)
 
 

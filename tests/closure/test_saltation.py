@@ -1,4 +1,4 @@
-"""The saltation reading: its derivative against the orbit, its moments against simulation."""
+"""The saltation closure: its derivative against the orbit, its moments against simulation."""
 
 import numpy as np
 import pytest
@@ -25,10 +25,10 @@ SCENES = {
 }
 TOLERANCES = {
     "path, uniform": Tolerance(1e-3, 1e-3),
-    "path, normal": Tolerance(1e-3, 2e-3, law="normal"),
+    "path, normal": Tolerance(1e-3, 2e-3, distribution="normal"),
     "contact, uniform": Tolerance(1e-3, 1e-3, draw="contact"),
-    "contact, normal": Tolerance(2e-3, 1e-3, law="normal", draw="contact"),
-    "fixed": Tolerance(1e-2, 2e-2, law="fixed"),
+    "contact, normal": Tolerance(2e-3, 1e-3, distribution="normal", draw="contact"),
+    "fixed": Tolerance(1e-2, 2e-2, distribution="fixed"),
 }
 
 
@@ -65,7 +65,7 @@ def test_saltation_matrix_is_the_derivative_of_the_orbit(name):
         xi = saltation_matrix(c, orbit.mesh[k], orbit.side[k], orbit.tau[k], orbit.before[k])
         expected = jacobian(c, late) @ xi @ jacobian(c, early)
         np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max())
-        # planted: the linear contact law alone, as in the mended reading, is not the derivative
+        # planted: the linear contact law alone, as in the corrected closure, is not the derivative
         linear = jacobian(c, late) @ contact_matrix(c, orbit.mesh[k]) @ jacobian(c, early)
         assert np.abs(linear - found).max() > 1e-3
 
@@ -132,7 +132,7 @@ def test_derivatives_of_the_section_map(name, d):
                 np.testing.assert_allclose(bend[live], second[live, i, j], atol=1e-15 / step**2 + 1e-4 * scale)
 
 
-def held_against(scene, paths, dt=1e-3, z=4.0, seed=5):
+def compared_with(scene, paths, dt=1e-3, z=4.0, seed=5):
     """Section errors of the rows that vary and that all paths reach along the closure's itinerary."""
     m = mean_map(scene, impacts=12)
     run = simulate(
@@ -146,7 +146,7 @@ def held_against(scene, paths, dt=1e-3, z=4.0, seed=5):
 @pytest.mark.parametrize("name", SCENES)
 def test_small_noise_section_moments(name):
     """Means and sds of tau, flights and states within 4 standard errors at sigma = 0.002, step bias accounted for."""
-    table, _ = held_against(SCENES[name](0.002), 40_000)
+    table, _ = compared_with(SCENES[name](0.002), 40_000)
     assert table["impact"].nunique() >= 7
     outside = table[(table["low"] > 0.0) | (table["high"] < 0.0)]
     assert len(outside) <= 1, outside[["impact", "quantity", "moment", "error", "low", "high"]]
@@ -156,10 +156,10 @@ def test_small_noise_section_moments(name):
 @pytest.mark.parametrize("name", TOLERANCES)
 def test_tolerances_as_columns(name):
     scene = Scene.from_gears(DAT21, sigma=0.002, tolerance=TOLERANCES[name])
-    table, _ = held_against(scene, 40_000)
+    table, _ = compared_with(scene, 40_000)
     outside = table[(table["low"] > 0.0) | (table["high"] < 0.0)]
     assert len(outside) <= 1, outside[["impact", "quantity", "moment", "error", "low", "high"]]
-    if scene.tolerance.law != "fixed":  # planted: leaving the tolerance out is seen at once
+    if scene.tolerance.distribution != "fixed":  # planted: leaving the tolerance out is seen at once
         without = mean_map(Scene.from_gears(DAT21, sigma=0.002), impacts=12).section["sd_tau"]
         having = mean_map(scene, impacts=12).section["sd_tau"]
         assert (np.abs(without - having) > 0.02 * having).any()
@@ -167,19 +167,21 @@ def test_tolerances_as_columns(name):
 
 def test_tolerance_alone_spreads_a_noise_free_scene():
     scene = Scene.from_gears(DAT21, sigma=0.0, tolerance=Tolerance(1e-3, 1e-3))
-    table, _ = held_against(scene, 20_000, dt=2e-3)
+    table, _ = compared_with(scene, 20_000, dt=2e-3)
     outside = table[(table["low"] > 0.0) | (table["high"] < 0.0)]
     assert len(outside) <= 1
 
 
 def test_mid_flight_correlation():
-    """rho of both stages against simulation at mid-flight; the mended reading is refused there."""
-    v = validate(Scene.from_gears(DAT21, sigma=0.002), paths=60_000, rng=3, workers=2, readings=["saltation", "mended"])
-    rho = v.table[v.table["kind"] == "clock"].set_index("reading")
+    """rho of both stages against simulation at mid-flight; the corrected closure is refused there."""
+    v = validate(
+        Scene.from_gears(DAT21, sigma=0.002), paths=60_000, rng=3, workers=2, closures=["saltation", "corrected"]
+    )
+    rho = v.table[v.table["kind"] == "fixed time"].set_index("closure")
     good = rho.loc["saltation"]
     assert ((good["low"] < 0.0) & (good["high"] > 0.0)).all()
     assert (good["verdict"] == "accurate").mean() > 0.9
-    assert (rho.loc["mended", "verdict"] == "inaccurate").mean() > 0.5
+    assert (rho.loc["corrected", "verdict"] == "inaccurate").mean() > 0.5
 
 
 @pytest.fixture(scope="module")
@@ -230,7 +232,7 @@ def test_what_remains_grows_as_sigma_squared():
     sigmas = np.array([0.01, 0.02, 0.03])
     errors, scales = [], []
     for sigma in sigmas:
-        table, _ = held_against(Scene.from_gears(DAT21, sigma=sigma), 200_000, dt=2e-3)
+        table, _ = compared_with(Scene.from_gears(DAT21, sigma=sigma), 200_000, dt=2e-3)
         row = table[(table["quantity"] == "x1") & (table["moment"] == "sd") & (table["impact"] == 11)]
         if row.empty:  # a stray path at the largest sigma: pick the row all the same
             pytest.fail("itineraries part at a noise where they were measured to agree")
@@ -266,7 +268,7 @@ def test_always_realizable():
     assert m.section["realizable"].all()
 
 
-def test_a_graze_is_said_and_ends_the_reading():
+def test_a_graze_is_said_and_ends_the_closure():
     """Thrown against a constant pull with just the speed that reaches the wall: no derivative exists there."""
     for excess, grazes in ((1e-14, True), (1e-6, False)):
         start = Start(0.0, 0.0, -1.0 - excess)

@@ -19,8 +19,8 @@ from rattle.compare.validation.validity_range import ACCURATE, NOT_WRONG
 from rattle.compare.validation.verdict import RULE, VERDICTS
 from rattle.scene import DAT21, Scene, Start
 
-SWEPT = ["--paths", "600", "--impacts", "3", "--dt", "0.01", "--frontier", "0.01:1:3", "--frontier-paths", "600"]
-SMALL = [*SWEPT, "--no-frontier"]
+SWEPT = ["--paths", "600", "--impacts", "3", "--dt", "0.01", "--validity", "0.01:1:3", "--validity-paths", "600"]
+SMALL = [*SWEPT, "--no-validity"]
 
 
 def rattle(*words, code=0):
@@ -48,30 +48,30 @@ def test_page_states_once_what_is_judged_and_speaks_in_three_phrases(report):
     page = (report / "report.md").read_text()
     assert page.count(RULE) == 1
     assert f"| {ACCURATE} impact | {NOT_WRONG} |" in page
-    assert "refuted" not in page
+    assert "inaccurate" not in page
 
 
 def test_page_begins_with_the_answer(report):
     answer = json.loads((report / "manifest.json").read_text())["answer"]
     assert len(answer) == 4
     page = (report / "report.md").read_text()
-    assert page.index(answer[0]) < page.index(answer[3]) < page.index("figures/frontier.svg") < page.index("##")
+    assert page.index(answer[0]) < page.index(answer[3]) < page.index("figures/validity.svg") < page.index("##")
 
 
-def test_frontier_is_the_same_in_both_forms_and_timings_stand_apart(report):
-    csv, parquet = pd.read_csv(report / "frontier.csv"), pd.read_parquet(report / "frontier.parquet")
+def test_range_of_validity_is_the_same_in_both_forms_and_timings_stand_apart(report):
+    csv, parquet = pd.read_csv(report / "validity.csv"), pd.read_parquet(report / "validity.parquet")
     pd.testing.assert_frame_equal(csv, parquet, check_dtype=False, rtol=1e-15)
     assert set(csv["sigma"]) == {0.01, 0.1, 1.0}
     assert not [name for name in csv if "seconds" in name]
     assert "closure_seconds" in pd.read_csv(report / "speed.csv")
 
 
-def test_without_a_frontier(tmp_path):
+def test_without_a_range_of_validity(tmp_path):
     out = tmp_path / "o"
     rattle(*SMALL, "--sigma", 0.1, "--out", out)
-    assert not {"frontier.csv", "speed.csv"} & {p.name for p in out.iterdir()}
-    assert "frontier.svg" not in (out / "report.md").read_text()
-    assert json.loads((out / "manifest.json").read_text())["frontier_sha256"] is None
+    assert not {"validity.csv", "speed.csv"} & {p.name for p in out.iterdir()}
+    assert "validity.svg" not in (out / "report.md").read_text()
+    assert json.loads((out / "manifest.json").read_text())["validity_sha256"] is None
 
 
 def test_html_is_self_contained(report):
@@ -101,15 +101,15 @@ def test_repeats_bit_for_bit_for_any_workers(report, tmp_path):
     out = tmp_path / "again"
     result = rattle("--repeat", report / "manifest.json", "--workers", 3, "--out", out, "--json")
     assert json.loads(result.stdout)["repeated"] is True
-    for name in ("table.csv", "frontier.csv"):
+    for name in ("table.csv", "validity.csv"):
         assert (out / name).read_bytes() == (report / name).read_bytes()
 
 
-@pytest.mark.parametrize("changed", ["seed", "frontier"])
+@pytest.mark.parametrize("changed", ["seed", "validity"])
 def test_a_repeat_that_differs_says_so(report, tmp_path, changed):
     data = json.loads((report / "manifest.json").read_text())
     del data["seal"]  # as an earlier version wrote it
-    data["settings"][changed] = {"seed": 6, "frontier": [0.01, 0.1, 0.9]}[changed]
+    data["settings"][changed] = {"seed": 6, "validity": [0.01, 0.1, 0.9]}[changed]
     manifest = tmp_path / "manifest.json"
     manifest.write_text(json.dumps(data))
     result = rattle("--repeat", manifest, "--out", tmp_path / "again", code=EXIT_NOT_REPEATED)
@@ -119,7 +119,7 @@ def test_a_repeat_that_differs_says_so(report, tmp_path, changed):
 def test_require_accurate(tmp_path):
     rattle(*SMALL, "--sigma", 1.0, "--out", tmp_path / "no", "--require", "accurate", code=EXIT_NOT_MET)
     assert (tmp_path / "no" / "report.md").exists()
-    rattle(*SMALL, "--sigma", 0, "--reading", "mended", "--out", tmp_path / "yes", "--dt", 1e-3)
+    rattle(*SMALL, "--sigma", 0, "--closure", "corrected", "--out", tmp_path / "yes", "--dt", 1e-3)
 
 
 def test_scene_file_in_either_form(tmp_path):
@@ -130,7 +130,7 @@ def test_scene_file_in_either_form(tmp_path):
     assert "single &lt;b&gt;" in html
     assert "single <b>" not in html
     (tmp_path / "gears.toml").write_text(Scene.from_gears(DAT21, sigma=0.3).to_toml())
-    rattle(tmp_path / "gears.toml", *SMALL, "--reading", "mended", "--out", tmp_path / "gears")
+    rattle(tmp_path / "gears.toml", *SMALL, "--closure", "corrected", "--out", tmp_path / "gears")
     assert set(pd.read_csv(tmp_path / "gears" / "table.csv")["sigma"]) == {0.3}
 
 
@@ -139,19 +139,19 @@ def captions(page):
     return "\n".join(re.findall(r"!\[([^\]]*)\]", page))
 
 
-def test_a_reading_that_cannot_take_the_scene_is_named_with_the_reason(tmp_path):
+def test_a_closure_that_cannot_take_the_scene_is_named_with_the_reason(tmp_path):
     flying = Scene.from_gears(DAT21, sigma=0.1, start=Start(0.0, 0.1, 1.0, 0.1, -1.0))
     (tmp_path / "flying.toml").write_text(flying.to_toml())
     result = rattle(tmp_path / "flying.toml", *SMALL, "--out", tmp_path / "o")
     page = (tmp_path / "o" / "report.md").read_text()
     for said in (result.stdout, page):
-        assert "Left out: printed (start.mesh = 0: the printed reading needs a start at mesh 1 (Eq. 10))." in said
-    assert set(pd.read_csv(tmp_path / "o" / "table.csv")["reading"]) == {"mended", "saltation", "branching"}
-    refused = rattle(tmp_path / "flying.toml", *SMALL, "--reading", "printed", "--out", tmp_path / "p", code=2)
+        assert "Left out: printed (start.mesh = 0: the published closure needs a start at mesh 1 (Eq. 10))." in said
+    assert set(pd.read_csv(tmp_path / "o" / "table.csv")["closure"]) == {"corrected", "saltation", "branching"}
+    refused = rattle(tmp_path / "flying.toml", *SMALL, "--closure", "published", "--out", tmp_path / "p", code=2)
     assert "start.mesh = 0" in refused.stderr
 
 
-def test_no_reading_is_left_out_for_a_random_tolerance(tmp_path):
+def test_no_closure_is_left_out_for_a_random_tolerance(tmp_path):
     """The scene file of the README, in a few paths."""
     text = (Path(__file__).parents[2] / "README.md").read_text()
     (scene,) = (block for block in re.findall(r"```toml\n(.*?)```", text, re.DOTALL) if "[scene.tolerance]" in block)
@@ -159,7 +159,7 @@ def test_no_reading_is_left_out_for_a_random_tolerance(tmp_path):
     result = rattle(tmp_path / "scene.toml", *SMALL, "--out", tmp_path / "o")
     assert "Left out" not in result.stdout
     table = pd.read_csv(tmp_path / "o" / "table.csv")
-    assert set(table["reading"]) == {"printed", "mended", "saltation", "branching"}
+    assert set(table["closure"]) == {"published", "corrected", "saltation", "branching"}
     assert "Dashed" in captions((tmp_path / "o" / "report.md").read_text())
 
 
@@ -169,12 +169,12 @@ def test_no_reading_is_left_out_for_a_random_tolerance(tmp_path):
         (("saltation", 0.1), ("Filled", "Open", "Edgeworth"), ("branching", "Dashed", "mixture", "cross marks")),
         (("branching", 0.1), ("Dashed", "mixture"), ("Filled", "Open", "shaded", "Edgeworth", "cross marks")),
         (("saltation", 0.0), (), ("Filled", "Open", "Edgeworth", "Dashed", "cross marks")),
-        (("printed", 1.0), ("Filled", "Open", "cross marks"), ("Dashed", "mixture")),
+        (("published", 1.0), ("Filled", "Open", "cross marks"), ("Dashed", "mixture")),
     ],
 )
 def test_captions_speak_of_what_is_drawn(tmp_path, words, drawn, absent):
-    reading, sigma = words
-    rattle(*SMALL, "--sigma", sigma, "--reading", reading, "--out", tmp_path / "o")
+    closure, sigma = words
+    rattle(*SMALL, "--sigma", sigma, "--closure", closure, "--out", tmp_path / "o")
     said = captions((tmp_path / "o" / "report.md").read_text())
     assert all(word in said for word in drawn), said
     assert not [word for word in absent if word in said], said
@@ -196,14 +196,14 @@ BAD = {
         "must be at most 8.46e-05 .* throw a path through",
     ),
     "scheme": (None, ["--scheme", "euler-mayurama"], "did you mean 'euler-maruyama'"),
-    "reading": (None, ["--reading", "printd"], "did you mean 'printed'"),
+    "closure": (None, ["--closure", "printd"], "did you mean 'published'"),
     "order": (None, ["--order", "9"], "order = 9: must be at most 6"),
-    "frontier text": (None, ["--frontier", "1e-3:2"], "frontier = '1e-3:2': give LOW:HIGH:POINTS, as in"),
-    "frontier order": (None, ["--frontier", "2:1:5"], "frontier HIGH = 1.0: must be greater than LOW = 2"),
-    "frontier low": (None, ["--frontier", "0:1:5"], "frontier LOW = 0.0: must be greater than 0"),
-    "frontier points": (None, ["--frontier", "0.1:1:1"], "frontier POINTS = 1: must be at least 2"),
-    "frontier too fine": (None, ["--frontier", "1:1.01:50"], "take fewer"),
-    "frontier paths": (None, ["--frontier-paths", "0"], "frontier-paths = 0: must be at least 1"),
+    "range of validity text": (None, ["--validity", "1e-3:2"], "validity = '1e-3:2': give LOW:HIGH:POINTS, as in"),
+    "range of validity order": (None, ["--validity", "2:1:5"], "validity HIGH = 1.0: must be greater than LOW = 2"),
+    "range of validity low": (None, ["--validity", "0:1:5"], "validity LOW = 0.0: must be greater than 0"),
+    "range of validity points": (None, ["--validity", "0.1:1:1"], "validity POINTS = 1: must be at least 2"),
+    "range of validity too fine": (None, ["--validity", "1:1.01:50"], "take fewer"),
+    "range of validity paths": (None, ["--validity-paths", "0"], "validity-paths = 0: must be at least 1"),
     "seed": (None, ["--seed", "-4"], "must be 0 or greater|must be at least 0"),
 }
 
@@ -230,13 +230,13 @@ def test_missing_and_foreign_files(tmp_path):
     assert "other things" in rattle(*SMALL, "--out", tmp_path / "full", "--overwrite", code=2).stderr
 
 
-def test_printed_needs_a_mesh_1_start(tmp_path):
+def test_published_needs_a_mesh_1_start(tmp_path):
     scene = Scene.from_gears(DAT21, sigma=0.1, start=Start(0.0, 0.0, 1.0, 0.0, 1.0))
     (tmp_path / "flight.toml").write_text(scene.to_toml())
-    result = rattle(tmp_path / "flight.toml", *SMALL, "--reading", "printed", "--out", tmp_path / "o", code=2)
+    result = rattle(tmp_path / "flight.toml", *SMALL, "--closure", "published", "--out", tmp_path / "o", code=2)
     assert "start.mesh = 0" in result.stderr
     rattle(tmp_path / "flight.toml", *SMALL, "--out", tmp_path / "o")
-    assert "printed" not in set(pd.read_csv(tmp_path / "o" / "table.csv")["reading"])
+    assert "published" not in set(pd.read_csv(tmp_path / "o" / "table.csv")["closure"])
 
 
 def test_quiet_in_a_pipe(tmp_path):

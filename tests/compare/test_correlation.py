@@ -13,28 +13,28 @@ def validation():
     return validate(Scene.from_gears(DAT21, sigma=1.5**0.5), impacts=6, paths=20_000, rng=3, workers=2)
 
 
-def test_printed_breaks_down_at_impact_2_and_nothing_else_does(validation):
-    impact, _, reason = first_failure(validation.correlation, "printed")
+def test_published_breaks_down_at_impact_2_and_nothing_else_does(validation):
+    impact, _, reason = first_failure(validation.correlation, "published")
     assert impact == 2
     assert "variance" in reason
-    assert first_failure(validation.correlation, "mended") is None
+    assert first_failure(validation.correlation, "corrected") is None
     assert first_failure(validation.correlation, SIMULATED) is None
 
 
 def test_every_rho_that_exists_is_tabulated(validation):
     table = validation.correlation
-    assert set(table["reading"]) == {"printed", "mended", "saltation", SIMULATED}
-    for reading in ("mended", "saltation", SIMULATED):
-        rows = table[table["reading"] == reading]
+    assert set(table["closure"]) == {"published", "corrected", "saltation", SIMULATED}
+    for closure in ("corrected", "saltation", SIMULATED):
+        rows = table[table["closure"] == closure]
         assert len(rows) == 6 * 2
         assert (rows["rho"].abs() <= 1.0).all()
         assert (rows["smallest_eigenvalue"] >= -1e-12).all()
 
 
 def test_first_flight_rho_is_right_and_a_wrong_one_is_caught(validation):
-    """Until the first impact every reading's stage-1 moments are exact, at any noise intensity."""
-    clock = validation.table.query("kind == 'clock' and impact == 1 and quantity == 'rho1'").set_index("reading")
-    row = clock.loc["mended"]
+    """Until the first impact every closure's stage-1 moments are exact, at any noise intensity."""
+    fixed = validation.table.query("kind == 'fixed time' and impact == 1 and quantity == 'rho1'").set_index("closure")
+    row = fixed.loc["corrected"]
     assert row["low"] < 0.0 < row["high"]
     assert row["verdict"] == "accurate"
     # planted: the interval is narrow enough to refuse a correlation that is 0.1 off
@@ -44,8 +44,10 @@ def test_first_flight_rho_is_right_and_a_wrong_one_is_caught(validation):
 def test_fisher_interval_shrinks_with_paths():
     widths = []
     for paths in (4096, 65_536):
-        v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=2, readings=["mended"], paths=paths, rng=5, workers=2)
-        row = v.table.query("kind == 'clock' and impact == 1 and quantity == 'rho2'").iloc[0]
+        v = validate(
+            Scene.from_gears(DAT21, sigma=0.01), impacts=2, closures=["corrected"], paths=paths, rng=5, workers=2
+        )
+        row = v.table.query("kind == 'fixed time' and impact == 1 and quantity == 'rho2'").iloc[0]
         widths.append(row["se"])
     assert widths[0] / widths[1] == pytest.approx(4.0, rel=0.1)
 
@@ -53,6 +55,6 @@ def test_fisher_interval_shrinks_with_paths():
 def test_no_noise_has_no_correlation_rows():
     v = validate(Scene.from_gears(DAT21), impacts=3, paths=10)
     assert set(v.table["kind"]) == {"section"}
-    mended = v.table.query("reading == 'mended' and moment == 'mean'")
-    assert (mended["verdict"] != "inaccurate").all()  # nothing varies, and the step decides no better than 1e-5
-    np.testing.assert_allclose(mended["error"], 0.0, atol=1e-5)
+    corrected = v.table.query("closure == 'corrected' and moment == 'mean'")
+    assert (corrected["verdict"] != "inaccurate").all()  # nothing varies, and the step decides no better than 1e-5
+    np.testing.assert_allclose(corrected["error"], 0.0, atol=1e-5)

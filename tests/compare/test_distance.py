@@ -102,27 +102,27 @@ def run():
     return simulate(scene, paths=200_000, impacts=12, rng=11, workers=2, histogram=True, step_bias=True)
 
 
-def of(run, reading, **settings):
-    return section_distances(mean_map(run.scene, impacts=run.impacts, reading=reading, **settings), run)
+def of(run, closure, **settings):
+    return section_distances(mean_map(run.scene, impacts=run.impacts, closure=closure, **settings), run)
 
 
-def test_saltation_is_at_the_floor_and_mended_is_not(run):
-    saltation, mended = of(run, "saltation"), of(run, "mended")
+def test_saltation_is_at_the_floor_and_corrected_is_not(run):
+    saltation, corrected = of(run, "saltation"), of(run, "corrected")
     assert saltation["impact"].tolist() == np.repeat(range(1, 13), 5).tolist()
-    ratio = {name: t["kolmogorov"] / t["kolmogorov_floor"] for name, t in (("s", saltation), ("m", mended))}
+    ratio = {name: t["kolmogorov"] / t["kolmogorov_floor"] for name, t in (("s", saltation), ("m", corrected))}
     assert ratio["s"].max() < 3.0
     assert ratio["s"].median() < 1.0
     assert (saltation["total_variation"] / saltation["total_variation_floor"]).max() < 1.5
     assert ratio["m"].min() > 1.5
     assert ratio["m"].median() > 20.0
-    assert ratio["m"].groupby(mended["impact"]).max().min() > 20.0  # at every impact
+    assert ratio["m"].groupby(corrected["impact"]).max().min() > 20.0  # at every impact
 
 
 def test_second_order_is_what_brings_saltation_to_the_floor(run):
-    """Planted: without the mean shift and skewness of the second order the distance shows."""
+    """NegativeControl: without the mean shift and skewness of the second order the distance shows."""
     second = of(run, "saltation").set_index(["impact", "quantity"])
-    closure = mean_map(run.scene, impacts=12, reading="saltation")
-    gaussian_only = replace(closure, trace=replace(closure.trace, skew=0.0 * closure.trace.skew))
+    prediction = mean_map(run.scene, impacts=12, closure="saltation")
+    gaussian_only = replace(prediction, trace=replace(prediction.trace, skew=0.0 * prediction.trace.skew))
     first = section_distances(gaussian_only, run).set_index(["impact", "quantity"])
     assert first["kolmogorov"].max() > 2.0 * second["kolmogorov"].max()
 
@@ -133,8 +133,8 @@ def test_rows_only_where_something_varies_and_is_predicted(run):
     for impact, group in saltation.groupby("impact"):
         struck = f"x{int(mesh[impact])}"
         assert struck not in set(group["quantity"])
-    assert {"tau", "flight"}.isdisjoint(of(run, "mended")["quantity"])
-    assert set(of(run, "printed")["quantity"]) <= {"y1", "y2"}
+    assert {"tau", "flight"}.isdisjoint(of(run, "corrected")["quantity"])
+    assert set(of(run, "published")["quantity"]) <= {"y1", "y2"}
     assert (saltation["paths"] == run.paths).all()
     assert saltation["total_variation"].between(0.0, 1.0).all()
 
@@ -144,15 +144,15 @@ def test_few_paths_elsewhere_do_not_make_a_density():
     scene = Scene.from_gears(DAT21, sigma=0.1)
     wide = simulate(scene, paths=20_000, impacts=3, rng=7, histogram=True, step_bias=True, workers=2)
     assert wide.section.loc[3, "sd_x1"] > 0.0
-    table = of(wide, "mended")
+    table = of(wide, "corrected")
     assert table.query("impact == 3")["quantity"].tolist() == ["y1", "x2", "y2"]
 
 
 def test_bias_of_the_step_is_taken_out_where_it_was_measured():
     scene = Scene.from_gears(DAT21, sigma=0.02)
-    closure = mean_map(scene, impacts=1, reading="saltation")
+    prediction = mean_map(scene, impacts=1, closure="saltation")
     tables = [
-        section_distances(closure, simulate(scene, paths=20_000, impacts=1, rng=3, histogram=True, step_bias=b))
+        section_distances(prediction, simulate(scene, paths=20_000, impacts=1, rng=3, histogram=True, step_bias=b))
         for b in (False, True)
     ]
     worst = [(t["kolmogorov"] / t["kolmogorov_floor"]).max() for t in tables]

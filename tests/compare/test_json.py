@@ -23,7 +23,7 @@ STUDY = """
 title = "σ \\u202e\\u009b"
 impacts = 1
 paths = 64
-readings = ["mended"]
+closures = ["corrected"]
 [scene]
 alpha = 1.5
 epsilon = 0.9
@@ -35,7 +35,7 @@ sigma = [0.0, 0.1]
 """
 SINGLE = "[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.08\ngamma1 = 0.05\nstages = 1\nsigma = 0.1\n"
 SMALL = {
-    "validate": ["--paths", "64", "--impacts", "2", "--dt", "0.01", "--no-frontier", "--sigma", "0.1", "--out", "out"],
+    "validate": ["--paths", "64", "--impacts", "2", "--dt", "0.01", "--no-validity", "--sigma", "0.1", "--out", "out"],
     "simulate": ["scene.toml", "--paths", "64", "--impacts", "2", "--dt", "0.01"],
     "order": ["--impacts", "1", "--paths", "64"],
     "bench": [],

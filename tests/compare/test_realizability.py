@@ -31,8 +31,8 @@ def dat21(sigma, **changes):
     return replace(Scene.from_gears(DAT21, sigma=sigma), **changes)
 
 
-def table_of(reading, sigma, **settings):
-    return realizability_table([mean_map(dat21(sigma), reading=reading, **{"impacts": IMPACTS, **settings})])
+def table_of(closure, sigma, **settings):
+    return realizability_table([mean_map(dat21(sigma), closure=closure, **{"impacts": IMPACTS, **settings})])
 
 
 def mixture(parts, order):
@@ -52,24 +52,24 @@ def mixture(parts, order):
 
 def with_moments(raw, covariance=None, skew=None):
     """A closure of one impact whose stages have these moments."""
-    closure = mean_map(dat21(0.1), impacts=1, reading="mended", order=len(raw) - 1)
+    prediction = mean_map(dat21(0.1), impacts=1, closure="corrected", order=len(raw) - 1)
     if covariance is None:
         covariance = np.zeros((4, 4))
         covariance[:2, :2] = covariance[2:, 2:] = [[raw[2, 0], raw[1, 1]], [raw[1, 1], raw[0, 2]]]
-    changed = {"raw": closure.trace.raw.copy(), "covariance": closure.trace.covariance.copy()}
+    changed = {"raw": prediction.trace.raw.copy(), "covariance": prediction.trace.covariance.copy()}
     changed["raw"][1], changed["covariance"][1] = raw, covariance
     if skew is not None:
-        changed["skew"] = np.where(closure.trace.sd > 0.0, skew, np.nan)
-    return replace(closure, trace=replace(closure.trace, **changed))
+        changed["skew"] = np.where(prediction.trace.sd > 0.0, skew, np.nan)
+    return replace(prediction, trace=replace(prediction.trace, **changed))
 
 
-def failing(closure):
-    return set(first_failures(realizability_table([closure]))["check"])
+def failing(prediction):
+    return set(first_failures(realizability_table([prediction]))["check"])
 
 
 @pytest.mark.parametrize("sigma", [0.01, 0.1, 1.5**0.5])
-def test_printed_first_fails_at_impact_2_in_its_moments(sigma):
-    table = table_of("printed", sigma)
+def test_published_first_fails_at_impact_2_in_its_moments(sigma):
+    table = table_of("published", sigma)
     first = first_failures(table[table["check"].isin(ALGEBRAIC)]).set_index("check")
     assert first["impact"].min() == 2
     at_2 = set(first[first["impact"] == 2].index)
@@ -86,11 +86,11 @@ def test_printed_first_fails_at_impact_2_in_its_moments(sigma):
     assert table.query("check == 'variance of displacement'")["value"].min() < 0.0
 
 
-@pytest.mark.parametrize("reading", ["mended", "saltation"])
+@pytest.mark.parametrize("closure", ["corrected", "saltation"])
 @pytest.mark.parametrize("sigma", [0.01, 0.1, 1.5**0.5])
 @pytest.mark.parametrize("order", [2, 4, 6])
-def test_readings_with_a_covariance_are_realizable(reading, sigma, order):
-    table = table_of(reading, sigma, order=order)
+def test_closures_with_a_covariance_are_realizable(closure, sigma, order):
+    table = table_of(closure, sigma, order=order)
     rows = table[table["check"].isin(ALGEBRAIC)]
     assert rows["holds"].all()
     absent = set(rows.loc[rows["holds"].isna(), "check"])
@@ -115,9 +115,9 @@ def test_series_of_a_gaussian_is_negative_from_a_rho_of_a_quarter_on():
     assert series_mass(0.99, order=6) > series_mass(0.99, order=4)
 
 
-@pytest.mark.parametrize("reading", ["mended", "saltation"])
-def test_negative_mass_follows_rho_alone(reading):
-    table = table_of(reading, 0.1).query("stage > 0").set_index(["impact", "stage"])
+@pytest.mark.parametrize("closure", ["corrected", "saltation"])
+def test_negative_mass_follows_rho_alone(closure):
+    table = table_of(closure, 0.1).query("stage > 0").set_index(["impact", "stage"])
     rho = table.loc[table["check"] == "|rho|", "value"]
     mass = table.loc[table["check"] == "negative mass"]
     expected = [series_mass(r) for r in rho]
@@ -132,7 +132,7 @@ def test_quadrature_is_good_to_a_thousandth():
 
 
 def test_section_negative_mass_grows_with_sigma():
-    """The skewness of the saltation reading is proportional to sigma; the series bears 0.08 before it shows."""
+    """The skewness of the saltation closure is proportional to sigma; the series bears 0.08 before it shows."""
     z = np.linspace(-REACH, REACH, POINTS)
     for skew, within in ((0.07, True), (0.1, False)):
         assert (negative_mass(section_density(z, 0.0, 1.0, skew), z[1] - z[0]) <= QUADRATURE) == within
@@ -140,8 +140,8 @@ def test_section_negative_mass_grows_with_sigma():
         table_of("saltation", sigma).query("check == 'section negative mass'")["value"].max() for sigma in (0.001, 0.1)
     ]
     assert values[0] <= QUADRATURE < values[1]
-    assert (table_of("mended", 1.5**0.5).query("check == 'section negative mass'")["value"] == 0.0).all()
-    assert table_of("printed", 0.1).query("check == 'section negative mass'")["holds"].isna().all()
+    assert (table_of("corrected", 1.5**0.5).query("check == 'section negative mass'")["value"] == 0.0).all()
+    assert table_of("published", 0.1).query("check == 'section negative mass'")["holds"].isna().all()
 
 
 REALIZABLE = {
@@ -171,7 +171,7 @@ def test_mixtures_pass_at_any_scale(name, order, scale):
     assert moment_matrix_eigenvalue(raw) >= -1e-9 * max(1.0, abs(raw[-1, 0]) / scale**order)
 
 
-def planted():
+def controls():
     """Moments that no distribution has, and the checks that must see them."""
     base = gaussian_raw_moments(2.0, 0.4, 1.0, 4)
 
@@ -191,7 +191,7 @@ def planted():
     ]
 
 
-@pytest.mark.parametrize(("raw", "checks"), planted())
+@pytest.mark.parametrize(("raw", "checks"), controls())
 @pytest.mark.parametrize("scale", [1e-5, 1.0, 1e5])
 def test_unrealizable_moments_are_caught(raw, checks, scale):
     n, p = np.indices(raw.shape)
@@ -208,9 +208,9 @@ def test_covariance_across_the_stages_is_judged():
     failed = table[~table["holds"].fillna(True).astype(bool)]
     assert failed[["stage", "check"]].to_numpy().tolist() == [[0, "covariance eigenvalue"]]
     assert failed["excess"].item() == pytest.approx(0.2)
-    printed = table_of("printed", 0.1).query("stage == 0 and check == 'covariance eigenvalue'")
-    assert printed["holds"].isna().all()
-    assert printed["excess"].isna().all()
+    published = table_of("published", 0.1).query("stage == 0 and check == 'covariance eigenvalue'")
+    assert published["holds"].isna().all()
+    assert published["excess"].isna().all()
 
 
 def test_negative_densities_are_caught():
@@ -223,7 +223,7 @@ def test_negative_densities_are_caught():
 
 def test_point_mass_and_untouched_stage_hold():
     for scene in (dat21(0.0), dat21(0.1, beta2=Scene.from_gears(DAT21).beta1)):
-        table = realizability_table([mean_map(scene, impacts=1, reading="mended")])
+        table = realizability_table([mean_map(scene, impacts=1, closure="corrected")])
         rows = table[(table["stage"] == 2) & table["check"].isin(ALGEBRAIC)].set_index("check")
         assert rows["holds"].all()
         assert rows.loc["covariance eigenvalue", "value"] == 0.0
@@ -231,16 +231,16 @@ def test_point_mass_and_untouched_stage_hold():
 
 
 def test_single_stage_has_no_rows_for_the_other():
-    table = realizability_table([mean_map(dat21(0.1, stages=1), impacts=3, reading="saltation")])
+    table = realizability_table([mean_map(dat21(0.1, stages=1), impacts=3, closure="saltation")])
     assert set(table["stage"]) == {0, 1}
     assert set(table.loc[table["stage"] == 0, "check"]) == {"section negative mass"}
 
 
 def test_table_is_tidy():
-    closures = [mean_map(dat21(0.1), impacts=3, reading=r) for r in ("printed", "mended")]
-    table = realizability_table(closures)
-    assert list(table) == ["reading", "impact", "stage", "check", "value", "bound", "holds", "excess"]
-    assert not table.duplicated(["reading", "impact", "stage", "check"]).any()
+    predictions = [mean_map(dat21(0.1), impacts=3, closure=r) for r in ("published", "corrected")]
+    table = realizability_table(predictions)
+    assert list(table) == ["closure", "impact", "stage", "check", "value", "bound", "holds", "excess"]
+    assert not table.duplicated(["closure", "impact", "stage", "check"]).any()
     assert table["holds"].dtype == "boolean"
     assert (table["excess"].isna() == table["holds"].isna()).all()
     assert ((table["excess"] > 0.0) == ~table["holds"].fillna(True)).all()
@@ -257,8 +257,8 @@ def test_moments_that_are_not_finite_stay_visible():
 
 
 @pytest.mark.parametrize("order", [2, 3, 6])
-def test_printed_can_be_followed_far_beyond_its_breakdown(order):
-    table = table_of("printed", 1.5**0.5, impacts=40, order=order)
+def test_published_can_be_followed_far_beyond_its_breakdown(order):
+    table = table_of("published", 1.5**0.5, impacts=40, order=order)
     assert first_failures(table).set_index("check").loc["moment matrix", "impact"] == 2
 
 

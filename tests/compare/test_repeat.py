@@ -13,7 +13,7 @@ from rattle.compare.cli.main import EXIT_NOT_MET, EXIT_NOT_REPEATED, EXIT_ROUNDE
 from rattle.compare.report import manifest
 from rattle.compare.report.repeat import EXACT, ROUNDING, difference
 
-SWEPT = ["--paths", "600", "--impacts", "2", "--dt", "0.01", "--frontier", "0.1:1:2", "--frontier-paths", "600"]
+SWEPT = ["--paths", "600", "--impacts", "2", "--dt", "0.01", "--validity", "0.1:1:2", "--validity-paths", "600"]
 
 
 def validate(*words, code=0):
@@ -43,13 +43,13 @@ def elsewhere(first, folder, change, versions=None, file="table.csv"):
 
 
 def rounded(table):
-    return table.assign(monte_carlo=table["monte_carlo"] * (1.0 + 3e-14), paths_needed=table["paths_needed"] * 1.001)
+    return table.assign(monte_carlo=table["simulated"] * (1.0 + 3e-14), paths_needed=table["paths_needed"] * 1.001)
 
 
 def one_path(table):
     """One of the paths on another itinerary: a mean moves by about 1/paths of its sd, 0.04 standard errors here."""
     row = table.index[(table["quantity"] == "y1") & (table["moment"] == "mean")][1]
-    table.loc[row, "monte_carlo"] += table.loc[row, "unit"] / 600
+    table.loc[row, "simulated"] += table.loc[row, "unit"] / 600
     return table
 
 
@@ -58,7 +58,7 @@ def test_the_same_but_for_rounding(first, tmp_path):
     earlier = elsewhere(first, tmp_path / "there", rounded, changed)
     said = validate("--repeat", earlier, "--out", tmp_path / "here", code=EXIT_ROUNDED).stdout
     assert "Repeated but for rounding: the largest difference is" in said
-    assert "table.csv, column monte_carlo" in said
+    assert "table.csv, column simulated" in said
     here = manifest.versions()
     assert f"processor Another Processor, here {here['processor']}" in said
     assert f"numpy 1.0, here {here['numpy']}" in said
@@ -74,7 +74,7 @@ def test_the_same_in_json_and_in_the_same_folder(first, tmp_path):
     assert record["repeated"] is False
     assert record["repeat"]["outcome"] == "but for rounding"
     assert 0.0 < record["repeat"]["largest_difference"]["sds"] < 1e-10
-    assert "column monte_carlo" in record["repeat"]["largest_difference"]["where"]
+    assert "column simulated" in record["repeat"]["largest_difference"]["where"]
     assert record["repeat"]["changed"] == {}
     again = json.loads(validate(*words).stdout)
     assert again["repeated"] is True
@@ -84,7 +84,7 @@ def test_the_same_in_json_and_in_the_same_folder(first, tmp_path):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (one_path, "column monte_carlo, sigma 0.1, reading printed, kind section, moment mean, quantity y1, impact 2"),
+        (one_path, "column simulated, sigma 0.1, closure printed, kind section, moment mean, quantity y1, impact 2"),
         (lambda t: t.assign(verdict=t["verdict"].replace("accurate", "undecided")), "column verdict"),
         (lambda t: t.iloc[1:], "other rows or columns"),
     ],
@@ -98,10 +98,10 @@ def test_what_is_different_is_not_called_rounding(first, tmp_path, change, said)
     assert "All versions and the processor are those of the manifest." in found
 
 
-def test_a_frontier_that_differs(first, tmp_path):
-    earlier = elsewhere(first, tmp_path / "there", lambda t: t.assign(accurate=t["accurate"] + 1), file="frontier.csv")
+def test_a_range_of_validity_that_differs(first, tmp_path):
+    earlier = elsewhere(first, tmp_path / "there", lambda t: t.assign(accurate=t["accurate"] + 1), file="validity.csv")
     found = validate("--repeat", earlier, "--out", tmp_path / "here", code=EXIT_NOT_REPEATED).stdout
-    assert "frontier.csv, column accurate, sigma 0.1, reading printed" in found
+    assert "validity.csv, column accurate, sigma 0.1, closure published" in found
 
 
 @pytest.mark.parametrize("left", ["nothing", "another table"])
@@ -135,7 +135,7 @@ def test_the_manifest_says_on_what_it_was_made(first):
 
 
 ROWS = pd.DataFrame({
-    "quantity": ["tau", "y1"], "closure": [1.0, np.nan], "monte_carlo": [2.0, -1.5], "unit": [1e-8, 0.5],
+    "quantity": ["tau", "y1"], "predicted": [1.0, np.nan], "simulated": [2.0, -1.5], "unit": [1e-8, 0.5],
     "se": [0.0, 0.05], "agreement": [1.0, 0.9], "paths": [100, 100], "paths_needed": [1e9, np.nan],
 })  # fmt: skip
 
@@ -154,16 +154,16 @@ def test_differences_are_in_sds_and_in_standard_errors():
 def test_the_bound_of_what_is_sampled_is_in_standard_errors_and_else_of_the_digits():
     assert found(monte_carlo=[2.0, -1.5 + 0.9 * ROUNDING * 0.05]).excess < 1.0
     assert found(monte_carlo=[2.0, -1.5 + 1.1 * ROUNDING * 0.05]).excess > 1.0
-    assert found(closure=[1.0 + 0.9 * EXACT * 1e-3, np.nan]).excess < 1.0  # of the value: its sd is faint
-    assert found(closure=[1.0 + 3.0 * EXACT * 1e-3, np.nan]).excess > 1.0
+    assert found(prediction=[1.0 + 0.9 * EXACT * 1e-3, np.nan]).excess < 1.0  # of the value: its sd is faint
+    assert found(prediction=[1.0 + 3.0 * EXACT * 1e-3, np.nan]).excess > 1.0
     assert found(monte_carlo=[2.0 + 4.4e-16, -1.5]).excess < 1e-3  # without a standard error
     assert found(monte_carlo=[2.0 + 1e-10, -1.5]).excess > 1.0
 
 
 @pytest.mark.parametrize(
     "changed",
-    [{"closure": [1.0, 2.0]}, {"closure": [np.nan, np.nan]}, {"monte_carlo": [2.0, np.inf]},
-     {"monte_carlo": [np.inf, -1.5]}, {"paths": [100, 99]}, {"quantity": ["tau", "y2"]}, {"more": 1}],
+    [{"predicted": [1.0, 2.0]}, {"predicted": [np.nan, np.nan]}, {"simulated": [2.0, np.inf]},
+     {"simulated": [np.inf, -1.5]}, {"paths": [100, 99]}, {"quantity": ["tau", "y2"]}, {"more": 1}],
 )  # fmt: skip
 def test_what_is_no_difference_of_numbers_is_infinite(changed):
     assert found(**changed).excess == math.inf

@@ -42,7 +42,7 @@ def test_a_simulation_of_that_cost_is_that_accurate():
 
 def test_speed_up_is_the_ratio_of_the_costs():
     v = validate(
-        Scene.from_gears(DAT21, sigma=0.02), impacts=2, readings=["saltation"], paths=4096, scheme="exact-flight"
+        Scene.from_gears(DAT21, sigma=0.02), impacts=2, closures=["saltation"], paths=4096, scheme="exact-flight"
     )
     found = speed(v, "saltation", 1e-6)
     assert found.impacts == 2
@@ -59,5 +59,7 @@ def test_short_calls_are_timed_five_times_and_long_ones_once():
 
 
 def test_an_impact_of_a_path_takes_microseconds():
-    v = validate(Scene.from_gears(DAT21, sigma=0.1), impacts=2, readings=["mended"], paths=600, scheme="exact-flight")
+    v = validate(
+        Scene.from_gears(DAT21, sigma=0.1), impacts=2, closures=["corrected"], paths=600, scheme="exact-flight"
+    )
     assert 1e-8 < path_seconds(v) < 1e-4

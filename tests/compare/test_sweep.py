@@ -4,17 +4,17 @@ import pandas as pd
 import pytest
 
 from rattle.compare.report.style import caption_of
-from rattle.compare.validation.answer import frontier_sentence
-from rattle.compare.validation.frontier import Frontier, frontier
-from rattle.compare.validation.frontier_figure import FRONTIER, frontier_figure
+from rattle.compare.validation.answer import validity_sentence
 from rattle.compare.validation.speed import Speed
 from rattle.compare.validation.sweep import grid, sweep
-from rattle.compare.validation.tables import frontier_table, speed_table
+from rattle.compare.validation.tables import speed_table, validity_table
 from rattle.compare.validation.validate import validate
+from rattle.compare.validation.validity import Validity, validity
+from rattle.compare.validation.validity_figure import VALIDITY, validity_figure
 from rattle.compare.validation.validity_range import NOT_WRONG, WRONG
 from rattle.scene import DAT21, InputError, Scene
 
-SETTINGS = {"impacts": 4, "paths": 20_000, "rng": 3, "workers": 2, "readings": ["mended", "saltation"]}
+SETTINGS = {"impacts": 4, "paths": 20_000, "rng": 3, "workers": 2, "closures": ["corrected", "saltation"]}
 
 
 @pytest.fixture(scope="module")
@@ -22,31 +22,31 @@ def swept():
     return sweep(Scene.from_gears(DAT21), (0.02, 0.5), **SETTINGS)
 
 
-def ended(sigma, accurate, not_refuted, cause="parted", reading="saltation", why="so"):
-    return Frontier(reading, sigma, accurate, not_refuted, cause, why, 4, 100, 1e-3)
+def ended(sigma, accurate, not_inaccurate, cause="parted", closure="saltation", why="so"):
+    return Validity(closure, sigma, accurate, not_inaccurate, cause, why, 4, 100, 1e-3)
 
 
 def test_rows_are_those_of_single_validations(swept):
-    assert list(swept.frontier) == list(Frontier._fields)
+    assert list(swept.validity) == list(Validity._fields)
     for sigma in (0.02, 0.5):
         v = validate(Scene.from_gears(DAT21, sigma=sigma), scheme="exact-flight", **SETTINGS)
-        for reading in SETTINGS["readings"]:
-            row = swept.frontier.query("sigma == @sigma and reading == @reading")
-            assert tuple(row.iloc[0]) == tuple(frontier(v, reading))
+        for closure in SETTINGS["closures"]:
+            row = swept.validity.query("sigma == @sigma and closure == @closure")
+            assert tuple(row.iloc[0]) == tuple(validity(v, closure))
 
 
 def test_only_what_is_accurate_is_timed(swept):
     assert list(swept.speed) == list(Speed._fields)
-    assert list(zip(swept.speed["reading"], swept.speed["sigma"], strict=True)) == [("saltation", 0.02)]
+    assert list(zip(swept.speed["closure"], swept.speed["sigma"], strict=True)) == [("saltation", 0.02)]
     row = swept.speed.iloc[0]
     assert row["impacts"] == 4
     assert 0.0 < row["median"] < row["worst"] < 0.1
-    assert row["speed_up"] == pytest.approx(row["monte_carlo_seconds"] / row["closure_seconds"])
+    assert row["speed_up"] == pytest.approx(row["simulation_seconds"] / row["closure_seconds"])
     assert row["speed_up"] > 5.0
 
 
 def test_nothing_accurate_leaves_a_table_without_rows():
-    none = sweep(Scene.from_gears(DAT21), (0.5, 1.0), **{**SETTINGS, "paths": 2000, "readings": ["mended"]})
+    none = sweep(Scene.from_gears(DAT21), (0.5, 1.0), **{**SETTINGS, "paths": 2000, "closures": ["corrected"]})
     assert none.speed.empty
     assert speed_table(none.speed).rows == ()
 
@@ -58,21 +58,21 @@ def test_grid_is_even_in_the_logarithm():
 
 @pytest.mark.parametrize("text", ["", "1", "1:2:3:4", "a:b:c", "1:2:x", "1:2:2.5", "nan:1:3", "1:inf:3", "-1:1:3"])
 def test_bad_grids_are_refused(text):
-    with pytest.raises(InputError, match="frontier"):
+    with pytest.raises(InputError, match="validity"):
         grid(text)
 
 
-def test_neighbours_with_one_frontier_and_cause_share_a_row():
+def test_neighbours_with_one_range_of_validity_and_cause_share_a_row():
     table = pd.DataFrame([ended(0.01, 4, 4, "holds"), ended(0.1, 1, 2, why="a"), ended(0.2, 1, 2, why="b")])
-    rows = frontier_table(table).rows
+    rows = validity_table(table).rows
     assert [row[1].text for row in rows] == ["0.01", "0.1 – 0.2"]
     assert [row[-1].text for row in rows] == ["so", "paths have left its itinerary"]
 
 
 def test_sentence_says_up_to_where_everything_is_right():
     rows = [ended(s, a, 4) for s, a in ((0.01, 4), (0.1, 4), (0.2, 3), (0.4, 4))]  # the last one is luck
-    rows += [ended(s, 0, 0, reading="printed") for s in (0.01, 0.1, 0.2, 0.4)]
-    sentence = frontier_sentence(pd.DataFrame(rows), 4)
+    rows += [ended(s, 0, 0, closure="published") for s in (0.01, 0.1, 0.2, 0.4)]
+    sentence = validity_sentence(pd.DataFrame(rows), 4)
     assert "saltation: accurate up to σ = 0.1, not shown wrong up to 0.4 (undecided for want of paths);" in sentence
     assert "printed: shown wrong at σ = 0.01, the smallest." in sentence
 
@@ -87,33 +87,33 @@ def test_sentence_says_up_to_where_everything_is_right():
     ],
 )
 def test_undecided_is_neither_right_nor_wrong(rows, said):
-    sentence = frontier_sentence(pd.DataFrame([ended(*row) for row in rows]), 4)
+    sentence = validity_sentence(pd.DataFrame([ended(*row) for row in rows]), 4)
     assert said in sentence
     assert "at no" not in sentence
 
 
-def test_a_reading_that_cannot_be_followed_is_not_called_wrong():
+def test_a_closure_that_cannot_be_followed_is_not_called_wrong():
     rows = [ended(0.01, 4, 4, "holds"), ended(0.1, 2, 2, "ended")]
-    assert "accurate up to σ = 0.01, not followed to its end at 0.1." in frontier_sentence(pd.DataFrame(rows), 4)
+    assert "accurate up to σ = 0.01, not followed to its end at 0.1." in validity_sentence(pd.DataFrame(rows), 4)
 
 
-@pytest.mark.parametrize("readings", [["saltation"], ["printed", "mended", "saltation"]])
-def test_figure_has_a_panel_for_each_reading_and_every_cause_in_its_legend(readings):
-    rows = [ended(s, 1, 2, cause, r) for r in readings for s, cause in ((0.01, "grazing"), (0.1, "second order"))]
-    figure = frontier_figure(pd.DataFrame(rows), 4)
-    assert [ax.get_title(loc="left") for ax in figure.axes if ax.get_visible()] == readings
+@pytest.mark.parametrize("closures", [["saltation"], ["published", "corrected", "saltation"]])
+def test_figure_has_a_panel_for_each_closure_and_every_cause_in_its_legend(closures):
+    rows = [ended(s, 1, 2, cause, r) for r in closures for s, cause in ((0.01, "grazing"), (0.1, "second order"))]
+    figure = validity_figure(pd.DataFrame(rows), 4)
+    assert [ax.get_title(loc="left") for ax in figure.axes if ax.get_visible()] == closures
     words = [text.get_text() for text in figure.legends[0].get_texts()]
     assert "an impact grazes" in words
     assert "second order is no longer enough" in words
     assert "paths have left its itinerary" not in words
 
 
-def test_legend_and_caption_of_the_frontier_name_what_is_there():
-    """Two readings that hold everywhere: nothing is undecided, nothing refuted."""
+def test_legend_and_caption_of_the_range_of_validity_name_what_is_there():
+    """Two closures that hold everywhere: nothing is undecided, nothing refuted."""
     holds = [ended(s, 4, 4) for s in (0.01, 0.1)]
     for rows, undecided, refuted in ((holds, False, False), ([*holds, ended(0.2, 1, 2)], True, True)):
-        figure = frontier_figure(pd.DataFrame(rows), 4)
+        figure = validity_figure(pd.DataFrame(rows), 4)
         words = [text.get_text() for text in figure.legends[0].get_texts()]
-        said = caption_of(figure, FRONTIER)
+        said = caption_of(figure, VALIDITY)
         assert (f"{NOT_WRONG} here" in words, WRONG in words) == (undecided, refuted)
         assert ("undecided" in said, "A marker" in said) == (undecided, refuted)

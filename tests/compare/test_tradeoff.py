@@ -1,4 +1,4 @@
-"""What accuracy costs: formulas, the table of levels, laws, and the command that writes them down."""
+"""What accuracy costs: formulas, the table of levels, models, and the command that writes them down."""
 
 import json
 import math
@@ -10,9 +10,9 @@ import pytest
 from click.testing import CliRunner
 
 from rattle.compare.cli.main import main
-from rattle.compare.tradeoff.cost_model import Law, Point
+from rattle.compare.tradeoff.cost_model import CostModel, Point
 from rattle.compare.tradeoff.figures import order_figure, tradeoff_figure
-from rattle.compare.tradeoff.measure import Measured, _held_against, check_accuracies, closure_points, slope
+from rattle.compare.tradeoff.measure import Measured, _compared_with, check_accuracies, closure_points, slope
 from rattle.compare.tradeoff.multilevel import Levels, Rate, fitted, giles_cost, levels_of
 from rattle.compare.tradeoff.page import orders_table
 from rattle.compare.tradeoff.save import CONTENTS, verdict
@@ -115,8 +115,8 @@ def test_levels_are_consistent_and_a_planted_one_is_caught(runs):
     sound = levels_of(runs, [1.0] * len(runs)).table["consistency"]
     assert math.isnan(sound[0])
     assert (sound[1:] < 1.0).all()
-    planted = [*runs[:2], level_run(2, SCENE.with_sigma(0.45)), runs[3]]
-    caught = levels_of(planted, [1.0] * len(runs)).table["consistency"]
+    controls = [*runs[:2], level_run(2, SCENE.with_sigma(0.45)), runs[3]]
+    caught = levels_of(controls, [1.0] * len(runs)).table["consistency"]
     assert caught[2] > 1.0
     assert caught[3] > 1.0
 
@@ -127,16 +127,16 @@ def test_rates_come_with_intervals():
     assert abs(rate.slope + 1.0) < rate.half < 0.5
 
 
-# laws and slopes
+# models and slopes
 
 
-def law(bias=100.0, **given):
+def model(bias=100.0, **given):
     exact = bias == 0.0
     scheme = "exact-flight" if exact else "euler-maruyama"
     first = simulate(
         SCENE, paths=1024, impacts=2, dt=0.01, scheme=scheme, step_bias=not exact, control=exact
     )  # fmt: skip
-    return Law(scheme, first, **{
+    return CostModel(scheme, first, **{
         "path_seconds": 0.0, "step_seconds": 1e-9, "pilot_seconds": 0.0, "spread": 10.0, "bias": bias, "best": first,
         **given,
     })  # fmt: skip
@@ -144,7 +144,7 @@ def law(bias=100.0, **given):
 
 @pytest.mark.parametrize(("bias", "power"), [(100.0, -3.0), (0.0, -2.0)])
 def test_extrapolated_costs_grow_as_they_should_and_are_flagged(bias, power):
-    points = [law(bias).at(a) for a in (0.03, 0.01, 0.003, 0.001)]
+    points = [model(bias).at(a) for a in (0.03, 0.01, 0.003, 0.001)]
     assert not any(p.measured for p in points)
     found, n = slope(pd.DataFrame(points), points[0].method, False)
     assert n == 4
@@ -165,12 +165,12 @@ def test_a_run_that_promised_too_much_is_found_out():
     small, large = (
         simulate(SCENE, paths=n, impacts=2, dt=0.05, scheme="exact-flight", control=True) for n in (300, 30_000)
     )
-    own = law(0.0)
+    own = model(0.0)
     point = Point("exact-flight", "scheme", 0.3, 0.05, 300, 1.0, 0.1, 0.0, 0.1, True, rows=24)
-    (fair,) = _held_against(point, small, own, large)
+    (fair,) = _compared_with(point, small, own, large)
     assert fair.error == 0.1
     assert not fair.missed
-    missed, beside = _held_against(point._replace(accuracy=0.001), small, own, large)
+    missed, beside = _compared_with(point._replace(accuracy=0.001), small, own, large)
     assert missed.missed
     assert missed.error == missed.actual_error > 0.001
     assert not beside.measured
@@ -178,7 +178,7 @@ def test_a_run_that_promised_too_much_is_found_out():
 
 
 def test_a_law_learns_from_more_paths_and_believes_in_shared_tails():
-    own = law()
+    own = model()
     more = simulate(SCENE, paths=3000, impacts=2, dt=0.005, scheme="euler-maruyama", step_bias=True)
     own.learn(more)
     assert own.best is more
@@ -189,7 +189,7 @@ def test_a_law_learns_from_more_paths_and_believes_in_shared_tails():
 
 
 def test_a_path_alone_takes_the_steps_of_one_step_size():
-    own = law()
+    own = model()
     steps = simulate(SCENE, paths=1024, impacts=2, dt=0.01, scheme="euler-maruyama").path_steps / 1024
     assert own.path_alone(1.0) == pytest.approx(1e-9 * steps, rel=0.03)
     assert own.path_alone(1.0, 5.0) == pytest.approx(5.0 * own.path_alone(1.0))
@@ -203,12 +203,12 @@ def test_accuracies_are_ordered_and_checked():
 
 
 def test_the_verdict_on_multilevel_follows_the_numbers():
-    laws, table = {"exact-flight": law(0.0)}, pd.DataFrame()
+    models, table = {"exact-flight": model(0.0)}, pd.DataFrame()
     cheap = synthetic()
     dear = cheap._replace(table=cheap.table.assign(path_seconds=1e6, alone_seconds=1e6))
     cheap = cheap._replace(table=cheap.table.assign(path_seconds=1e-12, alone_seconds=1e-12))
     said = [
-        verdict(Measured(table, laws, {"euler-maruyama": x}, laws["exact-flight"].best), (0.1, 0.01))
+        verdict(Measured(table, models, {"euler-maruyama": x}, models["exact-flight"].best), (0.1, 0.01))
         for x in (cheap, dear)
     ]
     assert "is cheaper than exact flights for the section means at 0.1 (" in said[0]
@@ -223,9 +223,9 @@ def test_closures_have_errors_of_the_right_size():
     run = simulate(quiet, paths=20_000, impacts=2, dt=0.05, scheme="exact-flight", control=True)
     points = {p.method: p for p in closure_points(quiet, 2, run)}
     assert points["saltation"].error < 0.05
-    assert points["mended"].error > 0.2
-    assert points["mended"].resolved
-    assert points["mended"].rows < points["saltation"].rows == 24
+    assert points["corrected"].error > 0.2
+    assert points["corrected"].resolved
+    assert points["corrected"].rows < points["saltation"].rows == 24
     assert 0.0 < points["saltation"].median_error < points["saltation"].error
     assert all(p.core_seconds > 0.0 for p in points.values())
 

@@ -17,7 +17,7 @@ IMPACTS = 4
 
 
 def rows(**columns):
-    base = {"closure": 1.0, "noise": 0.01, "tolerance": 0.05, "paths": 1000.0}
+    base = {"predicted": 1.0, "noise": 0.01, "tolerance": 0.05, "paths": 1000.0}
     return pd.DataFrame({**base, **columns})
 
 
@@ -44,7 +44,7 @@ def test_what_is_not_judged_has_no_other_verdict():
 
 
 def test_no_prediction_is_no_verdict():
-    out = judge(rows(closure=[np.nan], error=[np.nan], low=[np.nan], high=[np.nan]))
+    out = judge(rows(prediction=[np.nan], error=[np.nan], low=[np.nan], high=[np.nan]))
     assert out["verdict"].item() == "not predicted"
 
 
@@ -83,12 +83,12 @@ class Claimed:
     """A closure that claims given section moments."""
 
     section: pd.DataFrame
-    reading: str = "claimed"
+    closure: str = "claimed"
 
 
 def ensemble(sigma, seed, paths):
     scene = Scene.from_gears(DAT21, sigma=sigma)
-    itinerary = {"claimed": mean_map(scene, impacts=IMPACTS, reading="mended").itinerary}
+    itinerary = {"claimed": mean_map(scene, impacts=IMPACTS, closure="corrected").itinerary}
     return simulate(scene, paths=paths, impacts=IMPACTS, rng=seed, step_bias=True, itineraries=itinerary, workers=2)
 
 
@@ -150,4 +150,4 @@ def test_tidy_columns_and_agreement(truth):
     table = section_errors(Claimed(truth), run, 3.0, Tolerances())
     assert len(table) == IMPACTS * len(SECTION) * 2
     assert table["agreement"].between(0.0, 1.0).all()
-    np.testing.assert_allclose(table["error"], table["closure"] - (table["monte_carlo"] - table["bias"]), atol=1e-12)
+    np.testing.assert_allclose(table["error"], table["predicted"] - (table["simulated"] - table["bias"]), atol=1e-12)

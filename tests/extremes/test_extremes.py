@@ -15,7 +15,7 @@ from rattle.compare.checks.extremes import flights, impacts, run, runs, sampling
 from rattle.compare.checks.extremes.row import Extreme
 from rattle.compare.checks.extremes.run import ROWS, table
 from rattle.compare.checks.extremes.table import lines
-from rattle.compare.checks.laws import returning
+from rattle.compare.checks.published import returning
 from rattle.compare.cli.main import main
 from rattle.compare.validation import validate as validation
 from rattle.montecarlo.schemes import exact_flight
@@ -33,7 +33,7 @@ def test_row_holds(name):
 def cancelling(c, t):
     """The Jacobian with differences of what is nearly equal."""
     j = jacobian(c, t)
-    j[2, 1] = damping.turned(c.beta1, t) - damping.turned(c.beta2, t)
+    j[2, 1] = damping.phi1(c.beta1, t) - damping.phi1(c.beta2, t)
     j[3, 1] = math.exp(-c.beta1 * t) - math.exp(-c.beta2 * t)
     return j
 
@@ -43,8 +43,8 @@ def plain_displacement(c, tau, y1, y2, t):
     u1 = c.alpha * math.cos(tau) - y1
     u2 = u1 + y2
     (e1, d1), (e2, d2) = damping.damped(c.beta1, t), damping.damped(c.beta2, t)
-    s1 = u1 * e1 - c.gamma1 * damping.dragged(c.beta1, t)
-    s2 = u2 * e2 - c.gamma2 * damping.dragged(c.beta2, t)
+    s1 = u1 * e1 - c.gamma1 * damping.phi2(c.beta1, t)
+    s2 = u2 * e2 - c.gamma2 * damping.phi2(c.beta2, t)
     v1, v2 = u1 * d1 - c.gamma1 * e1, u2 * d2 - c.gamma2 * e2
     return c.alpha * (math.sin(tau + t) - math.sin(tau)) - s1, c.alpha * math.cos(tau + t) - v1, s2 - s1, v2 - v1
 
@@ -95,10 +95,10 @@ def absolute(scene, **settings):
 
 def held_outside(scene, **settings):
     found = absolute(scene, **settings)
-    if "clock" in found.result.sums:
-        s = found.result.sums["clock"]
+    if "fixed" in found.result.sums:
+        s = found.result.sums["fixed"]
         found = replace(
-            found, result=replace(found.result, sums=found.result.sums | {"clock": replace(s, mean=s.mean + 1e3)})
+            found, result=replace(found.result, sums=found.result.sums | {"fixed": replace(s, mean=s.mean + 1e3)})
         )
     return found
 
@@ -154,11 +154,13 @@ def held_longer(scene, impacts):
     """Rests that close and open a share of 1e-8 late."""
     found = follow(scene, impacts)
     late = 1.0 + 1e-8
-    return replace(found, rests=tuple(r._replace(closed=r.closed * late, opened=r.opened * late) for r in found.rests))
+    return replace(
+        found, rests=tuple(r._replace(closed=r.closed * late, opened=r.opened * late) for r in found.sticking)
+    )
 
 
 PLANTED = {
-    "damped": (damping, "dragged", lambda beta, t: (t - damping.turned(beta, t)) / beta if beta else 0.5 * t * t),
+    "damped": (damping, "phi2", lambda beta, t: (t - damping.phi1(beta, t)) / beta if beta else 0.5 * t * t),
     "flown": (flight, "displacement", plain_displacement),
     "carried": (flight, "jacobian", cancelling),
     "shaken": (flight, "noise_covariance", off(flight.noise_covariance, 1.0 + 1e-12)),
@@ -170,7 +172,7 @@ PLANTED = {
     "opened": (orbit, "follow", held_longer),
     "seen": (edgeworth, "window_means", wrong_windows),
     "correlated": (moments, "realizability", absolutely_judged),
-    "short_damping": (short, "short_turned", lambda beta, t: t * (1.0 - 0.5 * beta * t * (1.0 - beta * t / 3.0))),
+    "short_damping": (short, "short_phi1", lambda beta, t: t * (1.0 - 0.5 * beta * t * (1.0 - beta * t / 3.0))),
     "kicked": (exact_flight, "node", lambda c, *rest: node(c._replace(beta2=c.beta2 * (1.0 + 1e-12)), *rest)),
     "summed": (exact_flight, "kick", off(exact_flight.kick, 1.0 + 1e-6)),
     "left": (montecarlo, "simulate", lambda s, **k: simulate(s.with_sigma(1.15 * s.sigma), **k)),
@@ -184,7 +186,7 @@ PLANTED = {
     "whole_periods": (Scene, "phase", property(by_floats)),
     "told": (validation, "validate", louder_when_late),
     "energy": (long_orbit, "LongOrbit", Drifting),
-    "clock": (long_orbit, "LongOrbit", Drifting),
+    "fixed": (long_orbit, "LongOrbit", Drifting),
     "locked": (long_orbit, "LongOrbit", Drifting),
 }  # fmt: skip
 """For each row, what it calls with an error in it."""

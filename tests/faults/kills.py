@@ -18,7 +18,7 @@ TEXT = """
 [study]
 title = "killed"
 impacts = 2
-readings = ["saltation", "mended"]
+closures = ["saltation", "corrected"]
 paths = 60_000
 
 [scene]

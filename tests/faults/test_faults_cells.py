@@ -24,7 +24,7 @@ from rattle.scene import DAT21, FileError, InputError, OutputError, Scene
 TEXT = """
 [study]
 impacts = 1
-readings = ["mended"]
+closures = ["corrected"]
 paths = 64
 
 [scene]
@@ -49,7 +49,7 @@ def file(tmp_path, monkeypatch):
 
 @pytest.fixture
 def cell():
-    return Prediction(Scene.from_gears(DAT21, sigma=0.1), impacts=2, reading="mended")
+    return Prediction(Scene.from_gears(DAT21, sigma=0.1), impacts=2, closure="corrected")
 
 
 def system(code):
@@ -209,7 +209,7 @@ def test_so_may_reports_tables_baselines_and_ensembles_of_tests(tmp_path, cell, 
         with whole_folder(place / "report", frozenset({"one.txt"}), overwrite=True) as inside:
             (inside / "one.txt").write_text("one")
         write_whole(place / "table.csv", "1,2\n")
-    baseline.write(place / "baselines" / "test_a" / "test_b.toml", {"values": {}}, "mended")
+    baseline.write(place / "baselines" / "test_a" / "test_b.toml", {"values": {}}, "corrected")
     store = Store(place / "ensembles")
     obtain(store, cell)
     store.set_aside(cell.key, "for a look at it")

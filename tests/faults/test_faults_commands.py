@@ -19,7 +19,7 @@ from rattle.compare.report import folder
 STUDY = """
 [study]
 impacts = 2
-readings = ["mended"]
+closures = ["corrected"]
 paths = 50_000_000
 [scene]
 alpha = 1.5
@@ -31,7 +31,7 @@ stages = 1
 sigma = [0.1, 0.2]
 """
 WRITERS = {
-    "validate": ["--paths", "600", "--impacts", "2", "--dt", "0.01", "--no-frontier", "--sigma", "0.1"],
+    "validate": ["--paths", "600", "--impacts", "2", "--dt", "0.01", "--no-validity", "--sigma", "0.1"],
     "tradeoff": [],
     "chaos": ["--no-sweep"],
     "claims": [],

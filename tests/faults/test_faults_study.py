@@ -28,7 +28,7 @@ TEXT = """
 [study]
 title = "{title}"
 impacts = 2
-readings = ["mended"]
+closures = ["corrected"]
 paths = 1024
 
 [scene]

@@ -19,7 +19,7 @@ from rattle.compare.study.waiting import holder
 TEXT = """
 [study]
 impacts = 1
-readings = ["mended"]
+closures = ["corrected"]
 paths = 1024
 [scene]
 alpha = 1.5

@@ -59,15 +59,15 @@ def spoilt_scenes(draw: st.DrawFn) -> tuple[dict[str, Any], str]:
 
 
 KEYWORDS = {
-    "mean_map": ("impacts", "reading", "order"),
+    "mean_map": ("impacts", "closure", "order"),
     "simulate": (
-        "paths", "impacts", "accuracy", "dt", "scheme", "rng", "workers", "clock", "itineraries", "increments",
+        "paths", "impacts", "accuracy", "dt", "scheme", "rng", "workers", "fixed", "itineraries", "increments",
         "horizon", "device",
     ),
-    "validate": ("impacts", "readings", "paths", "dt", "scheme", "rng", "workers", "order"),
+    "validate": ("impacts", "closures", "paths", "dt", "scheme", "rng", "workers", "order"),
     "with_sigma": ("sigma",),
     "from_toml": ("text",), "load": ("path",), "from_dict": ("data",), "study": ("path",), "study_text": ("text",),
-    "tables": ("path",), "clock": ("times",), "density": ("impact", "quantity"),
+    "tables": ("path",), "fixed": ("times",), "density": ("impact", "quantity"),
     "edgeworth": ("impact", "stage"),
 }  # fmt: skip
 """Settings of each entry point."""
@@ -80,7 +80,7 @@ settings_of = st.sampled_from([(f, k) for f, ks in KEYWORDS.items() for k in ks]
 STUDY = """
 [study]
 impacts = 1
-readings = ["saltation", "mended"]
+closures = ["saltation", "corrected"]
 paths = 64
 seed = 3
 within = { mean = 0.05, sd = 0.1 }
@@ -139,8 +139,8 @@ OPTIONS: dict[str, dict[str, tuple[str, ...]]] = {
     "show": {"--width": ("0", "x", "-5", "80"), "--section": ("x", "")},
     "validate": {
         "--paths": ("0", "x"), "--impacts": ("0", "-1"), "--sigma": ("nan", "-1", "1e-300"), "--order": ("7", "-1"),
-        "--frontier": ("x", "1:0:3", "nan:1:2", "1:2:999999999", ":::"), "--reading": ("x", ""), "--workers": ("0",),
-        "--frontier-paths": ("0", "-1"), "--repeat": ("{tmp}/no.json", "{tmp}"), "--require": ("x",),
+        "--validity": ("x", "1:0:3", "nan:1:2", "1:2:999999999", ":::"), "--closure": ("x", ""), "--workers": ("0",),
+        "--validity-paths": ("0", "-1"), "--repeat": ("{tmp}/no.json", "{tmp}"), "--require": ("x",),
     },
     "order": {"--paths": ("0", "x"), "--impacts": ("0", "x"), "--sigma": ("nan", "-1", "1e9"), "--workers": ("0",)},
     "tradeoff": {"--accuracy": ("0", "nan"), "--budget": ("0", "nan"), "--sigma": ("0", "nan"), "--impacts": ("0",)},

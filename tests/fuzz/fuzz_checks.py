@@ -9,7 +9,7 @@ import numpy as np
 from fuzz_files import simulate_file, study_file, validate_file
 from fuzz_must import FAINTEST, SLACK, Ended, has_verdicts, must, own, semidefinite
 
-from rattle.closure import READINGS, MeanMap, follow, mean_map
+from rattle.closure import CLOSURES, MeanMap, follow, mean_map
 from rattle.closure.long_orbit import LongOrbit
 from rattle.compare import validate
 from rattle.montecarlo import SCHEMES
@@ -21,8 +21,8 @@ from rattle.scene.moments import STATE
 __all__ = ["ENTRIES", "check"]
 
 APART = 1e6
-MAY_REFUSE = frozenset({"dt", "clock", "start.mesh"})
-"""Settings that do not suit a scene, where they are given; `printed` takes no start in flight."""
+MAY_REFUSE = frozenset({"dt", "fixed", "start.mesh"})
+"""Settings that do not suit a scene, where they are given; `published` takes no start in flight."""
 
 
 def check(entry: str, *given: Any) -> Ended:
@@ -37,7 +37,7 @@ def check(entry: str, *given: Any) -> Ended:
         return ENTRIES[entry](scene, given[1])
     except RattleError as error:
         ended, field = fuzz_doors.refused(error, "")
-        asked = field not in ("dt", "clock") or field in given[1]
+        asked = field not in ("dt", "fixed") or field in given[1]
         must(field in MAY_REFUSE and asked, f"refused for its {field}, though the door had let it in: {error}")
         return ended, field
 
@@ -83,11 +83,11 @@ def long_orbit(scene: Scene, settings: dict[str, Any]) -> Ended:
     return ("stopped", "orbit") if orbit.ended <= 0 else ("complete", "")
 
 
-def reading(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
+def closure(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
     """A closure gives finite numbers as far as it says that it goes, and none beyond."""
 
-    def closure(scene: Scene, settings: dict[str, Any]) -> Ended:
-        m = mean_map(scene, impacts=settings["impacts"], reading=name, order=settings.get("order", 4))
+    def prediction(scene: Scene, settings: dict[str, Any]) -> Ended:
+        m = mean_map(scene, impacts=settings["impacts"], closure=name, order=settings.get("order", 4))
         n, table = m.trace.found, m.section
         must((m.stopped == "") == (n == settings["impacts"]), "stopped", m.stopped, n)
         names = own(scene)
@@ -101,13 +101,13 @@ def reading(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
         must(~np.isinf(told.to_numpy(float)), "infinite\n", told)
         for column, silent in _unexplained(m, n).items():
             must(~silent, "a number is missing without a reason:", column, "\n", told)
-        if name in ("saltation", "mended"):
+        if name in ("saltation", "corrected"):
             covariance = m.trace.covariance[1 : n + 1, : 2 * scene.stages, : 2 * scene.stages]
             scales, well = _scales(m, n), told["realizable"].to_numpy()
             semidefinite(covariance[well], scales[well])
             for k in np.flatnonzero(~well & (told["flight"] >= 0.0)):  # sizes too far apart for the digits of a float
                 must(scales[k].max() > APART * scales[k][scales[k] > 0.0].min(), "not realizable", k, covariance[k])
-        if name != "printed":
+        if name != "published":
             rho = told[["rho1", "rho2"]].to_numpy()
             must(np.isnan(rho) | (abs(rho) <= 1.0 + SLACK) | ~told[["realizable"]].to_numpy(), "rho", rho)
         if name == "branching":
@@ -115,10 +115,10 @@ def reading(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
             must((share >= 0.0) & (share <= 1.0 + SLACK), "shares", share)
         else:
             low, high = m.trace.span
-            times = scene.stated(low + np.linspace(0.25, 0.75, 2) * (high - low))
+            times = scene.to_absolute_time(low + np.linspace(0.25, 0.75, 2) * (high - low))
             late = 0.1 * (high - low) < np.spacing(abs(times)).max()  # a float cannot tell the times apart
-            clock = m.clock(times[:0] if late else times)
-            must(np.isfinite(clock[[*STATE[: 2 * scene.stages]]].to_numpy()), "clock\n", clock)
+            fixed = m.at_times(times[:0] if late else times)
+            must(np.isfinite(fixed[[*STATE[: 2 * scene.stages]]].to_numpy()), "clock\n", fixed)
         for q in names if n else ():
             density = m.density(n, q, np.array([table.loc[n, q]]))
             must(density is None or not np.isnan(density).any(), "density of", q, density)
@@ -126,7 +126,7 @@ def reading(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
             return "stopped", _reason(m.stopped)
         return ("complete", "") if m.breakdown is None else ("complete", "not realizable")
 
-    return closure
+    return prediction
 
 
 def validation(scene: Scene, settings: dict[str, Any]) -> Ended:
@@ -138,20 +138,20 @@ def validation(scene: Scene, settings: dict[str, Any]) -> Ended:
 def _unexplained(m: MeanMap, n: int) -> dict[str, Any]:
     """Entries of the section that are NaN, and may not be, as far as the closure goes; by column, shape (n,).
 
-    ``printed`` and ``mended`` have no sds of times and no skewness, and no sd or correlation of a stage where its
+    ``published`` and ``corrected`` have no sds of times and no skewness, and no sd or correlation of a stage where its
     moments are not realizable; ``saltation`` has a skewness from order 3 on; what does not vary has none, nor has what
     varies so little that the cube of its sd is no float, and no correlation with anything; ``branching`` has no
     correlations.
     """
-    table, fixed = m.section.iloc[:n], m.reading in ("printed", "mended")
+    table, fixed = m.section.iloc[:n], m.closure in ("published", "corrected")
     broken = ~table["realizable"].to_numpy(bool)
-    skewed = m.reading == "branching" or (m.reading == "saltation" and m.order >= 3)
+    skewed = m.closure == "branching" or (m.closure == "saltation" and m.order >= 3)
     missing = {}
     for q in own(m.scene):
         still, free = (table[f"sd_{q}"] ** 3 < FAINTEST).to_numpy(), fixed and q in ("tau", "flight")
         missing[f"sd_{q}"] = table[f"sd_{q}"].isna().to_numpy() & ~(fixed & broken) & (not free)
         missing[f"skew_{q}"] = table[f"skew_{q}"].isna().to_numpy() & ~still & skewed
-    for stage in range(1, m.scene.stages + 1) if m.reading != "branching" else ():
+    for stage in range(1, m.scene.stages + 1) if m.closure != "branching" else ():
         spread = np.array([np.diagonal(m.stage_covariance(k, stage)) for k in range(1, n + 1)]).reshape(n, 2)
         missing[f"rho{stage}"] = table[f"rho{stage}"].isna().to_numpy() & (spread > 0.0).all(axis=1)
     return missing
@@ -176,7 +176,7 @@ DOORS: dict[str, Callable[..., Ended]] = {
 
 ENTRIES: dict[str, Callable[[Scene, dict[str, Any]], Ended]] = {
     "door": door, "orbit": orbit, "long orbit": long_orbit,
-    **{name: reading(name) for name in READINGS},
+    **{name: closure(name) for name in CLOSURES},
     **{name: fuzz_sampled.scheme(name) for name in SCHEMES}, "accuracy": fuzz_sampled.accuracy,
     "validate": validation, "simulate a file": simulate_file, "validate a file": validate_file,
     "study a file": study_file,

@@ -61,7 +61,7 @@ def _map() -> Any:
 CALLS: dict[str, Callable[..., Any]] = {
     "mean_map": lambda **k: mean_map(DAT, **({"impacts": 1} | k)).section,
     "simulate": lambda **k: simulate(DAT, **(({} if "accuracy" in k else TINY | {"horizon": 5.0}) | k)).section,
-    "validate": lambda **k: validate(DAT, **({"impacts": 1, "paths": 64, "readings": ["mended"]} | k)).table,
+    "validate": lambda **k: validate(DAT, **({"impacts": 1, "paths": 64, "closures": ["corrected"]} | k)).table,
     "with_sigma": lambda sigma: DAT.with_sigma(sigma),
     "from_toml": lambda text: Scene.from_toml(text),
     "load": lambda path: Scene.load(path),
@@ -69,7 +69,7 @@ CALLS: dict[str, Callable[..., Any]] = {
     "study": lambda path: Study.load(path),
     "study_text": lambda text: Study.from_toml(text),
     "tables": lambda path: load(path),
-    "clock": lambda times: _map().clock(times),
+    "fixed": lambda times: _map().at_times(times),
     "density": lambda **k: _map().density(**({"impact": 1, "quantity": "y1", "values": np.array([0.0])} | k)),
     "edgeworth": lambda **k: _map().edgeworth(**({"impact": 1, "stage": 1} | k)),
 }
@@ -109,7 +109,7 @@ def _folder() -> Path:
     (place / "bad.toml").write_text("[scene]\nalpha = 'x'\n", encoding="utf-8")
     (place / "study.toml").write_text(STUDY, encoding="utf-8")
     CliRunner().invoke(main, ["study", str(place / "study.toml"), "--workers", "1"], catch_exceptions=False)
-    small = ["--paths", "64", "--impacts", "1", "--sigma", "0.1", "--no-frontier", "--workers", "1"]
+    small = ["--paths", "64", "--impacts", "1", "--sigma", "0.1", "--no-validity", "--workers", "1"]
     CliRunner().invoke(main, ["validate", *small, "--out", str(place / "report")], catch_exceptions=False)
     (place / "baseline.toml").write_text("[values.y1]\n1 = 0.5\n\n" + DAT.to_toml(), encoding="utf-8")
     return place
@@ -196,13 +196,13 @@ def _cell(place: Path, how: list[tuple[str, float, int]]) -> Ended:
 
 def _tables(place: Path, how: list[tuple[str, float, int]]) -> Ended:
     truth = load(place / "study")
-    names = [*(f"{n}.parquet" for n in ("errors", "sections", "frontier", "cost")), "manifest.json", "study.toml"]
+    names = [*(f"{n}.parquet" for n in ("errors", "sections", "validity", "cost")), "manifest.json", "study.toml"]
     path = place / "study" / names[how[0][2] % len(names)]
     kept = path.read_bytes()
     try:
         path.write_bytes(mutated(kept, how))
         found = load(place / "study")
-        for name in ("errors", "sections", "frontier", "cost"):
+        for name in ("errors", "sections", "validity", "cost"):
             pd.testing.assert_frame_equal(getattr(found, name), getattr(truth, name), check_exact=True)
         if found.record != truth.record or found.study.points != truth.study.points:
             raise AssertionError(f"{path.name} is not what was written")

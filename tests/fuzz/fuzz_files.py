@@ -45,7 +45,7 @@ def validate_file(scene: Scene, settings: dict[str, Any]) -> Ended:
     """``rattle validate FILE``: its page can be shown, and its tables hold verdicts."""
     with tempfile.TemporaryDirectory(prefix="rattle-fuzz-") as folder:
         place = Path(folder)
-        done = _on_file(place, "validate", scene, settings, "--no-frontier", "--workers", "1", "--json", "--out", "r")
+        done = _on_file(place, "validate", scene, settings, "--no-validity", "--workers", "1", "--json", "--out", "r")
         if done.exit_code == 2:
             return "refused", "validate"
         must(strict(done.stdout)["answer"], "no answer")

@@ -26,12 +26,12 @@ LATE = {"euler-maruyama": 1.0, "euler-maruyama-located": 0.0, "exact-flight": 0.
 def follows_the_flow(run: Ensemble) -> None:
     """Hold the first flights of the first paths of a run without noise against the flow."""
     scene, c = run.scene, run.scene.constants
-    if scene.sigma > 0.0 or run.held or run.raw is None:
+    if scene.sigma > 0.0 or run.sticking_steps or run.raw is None:
         return
     dt, late = (0.0 if run.scheme == "exact-flight" else run.dt), LATE[run.scheme]
     for rows in np.asarray(run.raw)[:PATHS]:
         rows = rows[~np.isnan(rows[:, 0])]
-        known = scene.tolerance is None or scene.tolerance.law == "fixed"
+        known = scene.tolerance is None or scene.tolerance.distribution == "fixed"
         before = (scene.phase, *scene.start_state, scene.start.mesh) if known else None
         for tau, flight, x1, y1, x2, y2, code in rows[:FLIGHTS]:
             if before is not None:

@@ -40,11 +40,11 @@ def has_verdicts(table: Any) -> None:
     """Every row of a comparison has a verdict; where it says more than that there is nothing to say, numbers do too."""
     must(table["verdict"].isin(VERDICTS), table["verdict"].unique())
     judged = table[table["verdict"].isin(["accurate", "inaccurate", "undecided"])]
-    numbers = ["closure", "monte_carlo", "se", "error", "low", "high", "tolerance", "agreement"]
+    numbers = ["predicted", "simulated", "se", "error", "low", "high", "tolerance", "agreement"]
     must(np.isfinite(judged[numbers].to_numpy(float)), "judged without a number\n", judged[numbers])
     must(judged["low"] <= judged["high"], "interval\n", judged[numbers])
     must((judged["se"] >= 0.0) & (judged["tolerance"] >= 0.0), "widths\n", judged[numbers])
-    silent = table[(table["verdict"] == "not predicted") & table[["closure", "low"]].notna().all(axis=1)]
+    silent = table[(table["verdict"] == "not predicted") & table[["predicted", "low"]].notna().all(axis=1)]
     must(silent.empty, "predicted, and not judged\n", silent)
     share = table["agreement"].dropna()
     must((share >= 0.0) & (share <= 1.0), "agreement", share)

@@ -30,11 +30,11 @@ PLAN: dict[str, st.SearchStrategy[dict[str, Any]]] = {
     "door": st.just({}),
     "orbit": st.fixed_dictionaries({"impacts": st.sampled_from([1, 5, 30])}),
     "long orbit": st.fixed_dictionaries({"impacts": st.sampled_from([1, 20]), "start": st.integers(0, 3)}),
-    "printed": _closure, "mended": _closure, "saltation": _closure,
+    "published": _closure, "corrected": _closure, "saltation": _closure,
     "branching": st.just({"impacts": 2}),
     "euler-maruyama": _euler, "euler-maruyama-located": _euler,
     "exact-flight": st.fixed_dictionaries(
-        _run | {"dt": st.just(0.01), "control": st.booleans(), "energy": st.booleans(), "clock": _clock}
+        _run | {"dt": st.just(0.01), "control": st.booleans(), "energy": st.booleans(), "fixed": _clock}
     ),
     "validate": st.just({"impacts": 2, "paths": 64, "scheme": "exact-flight"}),
 }  # fmt: skip

@@ -3,10 +3,10 @@
 import os
 import time
 
-__all__ = ["planted"]
+__all__ = ["controls"]
 
 
-def planted(kind):
+def controls(kind):
     if kind == "hangs":
         time.sleep(60.0)
     if kind == "dies":

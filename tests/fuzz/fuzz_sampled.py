@@ -71,8 +71,8 @@ def of_an_ensemble(run: Ensemble) -> None:
     _in_time(run, reached)
     _at_times(run)
     _kept(run)
-    must(all(isinstance(c, str) and c for c in run.cautions), "cautions", run.cautions)
-    must(bool(run.cautions) or not run.unfinished, "nobody is told that paths are unfinished", run.unfinished)
+    must(all(isinstance(c, str) and c for c in run.diagnostics), "diagnostics", run.diagnostics)
+    must(bool(run.diagnostics) or not run.unfinished, "nobody is told that paths are unfinished", run.unfinished)
 
 
 def _shares(run: Ensemble, reached: Any) -> None:
@@ -101,13 +101,13 @@ def _moments(run: Ensemble, reached: Any) -> None:
 
 
 def _at_times(run: Ensemble) -> None:
-    clock, stages = run.clock(), range(1, run.scene.stages + 1)
-    must(~np.isinf(clock.to_numpy(float)), "an infinite number at a time\n", clock.T)
-    for x, y, rho in [(f"x{s}", f"y{s}", f"rho{s}") for s in stages if len(clock)]:
-        told = clock[[x, y, f"cov_{x}_{x}", f"cov_{x}_{y}", f"cov_{y}_{y}"]]
-        must(told.notna(), "no moment at a time\n", clock.T)
+    fixed, stages = run.at_times(), range(1, run.scene.stages + 1)
+    must(~np.isinf(fixed.to_numpy(float)), "an infinite number at a time\n", fixed.T)
+    for x, y, rho in [(f"x{s}", f"y{s}", f"rho{s}") for s in stages if len(fixed)]:
+        told = fixed[[x, y, f"cov_{x}_{x}", f"cov_{x}_{y}", f"cov_{y}_{y}"]]
+        must(told.notna(), "no moment at a time\n", fixed.T)
         varies = (told[f"cov_{x}_{x}"] * told[f"cov_{y}_{y}"] > FAINTEST).to_numpy()
-        must(abs(clock.loc[varies, rho]) <= CORRELATION, "no correlation at a time\n", clock.T)
+        must(abs(fixed.loc[varies, rho]) <= CORRELATION, "no correlation at a time\n", fixed.T)
 
 
 def _kept(run: Ensemble) -> None:
@@ -137,8 +137,8 @@ def unexplained(run: Ensemble) -> dict[str, Any]:
         sd = np.sqrt(variance[:, SECTION.index(q)])
         for prefix, (least, power, se_power) in LEAST.items():
             missing[prefix + q] = table[prefix + q].isna().to_numpy() & ~nobody & (sd**power > FAINTEST)
-            faint = few[least] | (sd**se_power < FAINTEST)
-            missing["se_" + prefix + q] = table["se_" + prefix + q].isna().to_numpy() & ~nobody & ~faint
+            small_noise = few[least] | (sd**se_power < FAINTEST)
+            missing["se_" + prefix + q] = table["se_" + prefix + q].isna().to_numpy() & ~nobody & ~small_noise
     for stage in range(1, run.scene.stages + 1):
         still = (variance[:, [2 * stage, 2 * stage + 1]] == 0.0).any(axis=1)
         missing[f"rho{stage}"] = table[f"rho{stage}"].isna().to_numpy() & ~nobody & ~still
@@ -149,7 +149,7 @@ def unexplained(run: Ensemble) -> dict[str, Any]:
 
 def _in_time(run: Ensemble, reached: Any) -> None:
     """The mean time of impacts that the same paths have increases, by the mean flight, and no mean is beyond a wall."""
-    columns = run.near.columns  # with all their digits
+    columns = run.phase_reduced.columns  # with all their digits
     tau, flight, controlled = columns["tau"], columns["flight"], "control" in run.result.sums
     same = (reached[1:] == reached[:-1]) & (reached[1:] > 0)
     back = same & (np.diff(tau) < -1e-12 * abs(tau[1:]))
@@ -173,7 +173,7 @@ def of_its_paths(scene: Scene, raw: Any, name: str) -> None:
     must(np.isin(code[there], (-2, -1, 1, 2)), "itinerary")
     must(tau[there] >= scene.phase, "before the start")
     c_max = (scene.tolerance.c1_max, scene.tolerance.c2_max) if scene.tolerance else (0.0, 0.0)
-    fixed = scene.tolerance is not None and scene.tolerance.law == "fixed"
+    fixed = scene.tolerance is not None and scene.tolerance.distribution == "fixed"
     for i in range(scene.stages):
         gap = (scene.gap1, scene.gap2)[i]
         least, most = (gap + c_max[i] if fixed else gap - c_max[i]), gap + c_max[i]

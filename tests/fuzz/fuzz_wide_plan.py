@@ -53,7 +53,7 @@ def _run(scheme: str) -> Callable[[Numbers, Scene], Settings]:
         coarsest = 4.0 * step if biased else step
         if n.often(0.3) and longest > coarsest:
             since = [n.size(coarsest, longest, False) for _ in range(n.one(1, 1, 3))]
-            out["clock"] = tuple(scene.start.tau + t for t in since)
+            out["fixed"] = tuple(scene.start.tau + t for t in since)
         if exact:
             out["control"] = n.often(0.25)
         else:
@@ -105,7 +105,7 @@ def _study(n: Numbers, scene: Scene) -> Settings:
     if n.often(0.5):
         axes.append({n.one("epsilon", "start.tau"): [0.25, 0.75]})
     study: Settings = {"impacts": n.one(1, 2, 3), "order": n.one(2, 4, 6), "seed": n.one(0, 1, 2**60), "paths": 64}
-    study["readings"] = n.one(["saltation"], ["saltation", "mended"], ["printed", "branching", "saltation"])
+    study["closures"] = n.one(["saltation"], ["saltation", "corrected"], ["published", "branching", "saltation"])
     if not is_random(scene) and n.often(0.5):
         del study["paths"]
         study["accuracy"], axes[0] = n.size(1e-9, 0.9, False), {"sigma": [0.0]}
@@ -129,7 +129,7 @@ WIDE: dict[str, Tried] = {
     "door": Tried(8, lambda n, scene: {}),
     "orbit": Tried(12, lambda n, scene: {"impacts": n.count(1000)}),
     "long orbit": Tried(6, lambda n, scene: {"impacts": n.count(64), "start": n.one(0, 1, 2, 3)}),
-    "printed": Tried(8, _closure), "mended": Tried(8, _closure), "saltation": Tried(10, _closure),
+    "published": Tried(8, _closure), "corrected": Tried(8, _closure), "saltation": Tried(10, _closure),
     "branching": Tried(3, lambda n, scene: {"impacts": n.one(1, 2, 3), "order": n.one(2, 3, 4, 5, 6)}),
     "euler-maruyama": Tried(10, _run("euler-maruyama")),
     "euler-maruyama-located": Tried(10, _run("euler-maruyama-located")),

@@ -17,11 +17,11 @@ SAME = settings(
     derandomize=True, database=None, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
 )
 COUNT = {
-    "door": 150, "orbit": 150, "long orbit": 100, "printed": 80, "mended": 80, "saltation": 120, "branching": 20,
+    "door": 150, "orbit": 150, "long orbit": 100, "published": 80, "corrected": 80, "saltation": 120, "branching": 20,
     "euler-maruyama": 100, "euler-maruyama-located": 100, "exact-flight": 120, "validate": 8,
 }  # fmt: skip
 WIDE_COUNT = {
-    "door": 30, "orbit": 40, "long orbit": 20, "printed": 20, "mended": 25, "saltation": 30, "branching": 8,
+    "door": 30, "orbit": 40, "long orbit": 20, "published": 20, "corrected": 25, "saltation": 30, "branching": 8,
     "euler-maruyama": 30, "euler-maruyama-located": 30, "exact-flight": 40, "accuracy": 6, "validate": 5,
     "simulate a file": 10, "validate a file": 1, "study a file": 1,
 }  # fmt: skip

@@ -75,8 +75,8 @@ def test_any_value_is_refused_in_a_short_message(value):
     with pytest.raises(InputError, match=r"^alpha = ") as caught:
         scene(alpha=value)
     assert len(str(caught.value)) < 500
-    with pytest.raises(InputError, match=r"^tolerance.law = "):
-        Tolerance(0.1, law=value)
+    with pytest.raises(InputError, match=r"^tolerance.distribution = "):
+        Tolerance(0.1, distribution=value)
 
 
 def test_keys_and_texts_of_any_kind():
@@ -109,9 +109,9 @@ def test_rounding_is_taken_out_of_a_covariance_and_nothing_else():
     assert np.array_equal(semidefinite(np.array([[1.0, 1e-20], [0.0, 0.0]]), scale), np.diag([1.0, 0.0]))
     assert np.array_equal(semidefinite(np.diag([1.0, -1e-30]), np.array([1.0, 0.0])), np.diag([1.0, 0.0]))
     assert np.array_equal(semidefinite(np.diag([1.0, 1e-30]), np.array([1.0, 0.0])), np.diag([1.0, 1e-30]))
-    mended = semidefinite(np.array([[1.0, 1.0], [1.0, 1.0 - 1e-15]]), scale)
-    assert np.linalg.eigvalsh(mended)[0] >= -1e-16
-    assert np.abs(mended - 1.0).max() < 1e-15
+    corrected = semidefinite(np.array([[1.0, 1.0], [1.0, 1.0 - 1e-15]]), scale)
+    assert np.linalg.eigvalsh(corrected)[0] >= -1e-16
+    assert np.abs(corrected - 1.0).max() < 1e-15
 
 
 def test_a_mean_flight_below_nothing_is_a_breakdown_of_the_series():
@@ -132,26 +132,26 @@ def test_the_itinerary_ends_where_saltation_does():
 def test_clock_times_end_with_the_orbit_and_not_with_its_shifted_mean():
     m = mean_map(scene(sigma=1e6), impacts=3)
     last = follow(m.scene, 3).tau[m.trace.found]
-    assert len(m.clock([0.5 * last])) == 1
+    assert len(m.at_times([0.5 * last])) == 1
     with pytest.raises(InputError, match="times"):
-        m.clock([last + 1e9])
+        m.at_times([last + 1e9])
     for bad in ("", "abc", 3.0j, [None], [[1.0], [2.0, 3.0]], [np.nan]):
         with pytest.raises(InputError, match="times"):
-            m.clock(bad)
+            m.at_times(bad)
 
 
 def test_a_displacement_on_its_wall_has_no_density():
-    for reading in ("saltation", "branching"):
-        m = mean_map(scene(sigma=0.0), impacts=1, reading=reading)
+    for closure in ("saltation", "branching"):
+        m = mean_map(scene(sigma=0.0), impacts=1, closure=closure)
         assert m.density(1, "x1", np.array([0.0])) is None
         with pytest.raises(InputError, match="impact"):
             m.density({"a": 1}, "y1", np.array([0.0]))
     assert mean_map(DAT, impacts=1).density(1, "y1", np.array([-1.8])) is not None
 
 
-def test_a_flight_that_is_damped_away_is_no_part_of_the_branching_reading():
+def test_a_flight_that_is_damped_away_is_no_part_of_the_branching_closure():
     heavy = scene(alpha=0.0093, beta1=0.03, beta2=1e4, gamma1=0.0, gamma2=0.0, gap1=1e3, sigma=1.0)
-    m = mean_map(heavy, impacts=2, reading="branching")
+    m = mean_map(heavy, impacts=2, closure="branching")
     assert "weight is lost" in m.stopped
     assert m.section["tau"].isna().all()
 
@@ -162,7 +162,7 @@ def test_a_mesh_that_touches_at_rest_without_pull_stays_there():
         start=Start(0.0, 0.999, 1e-20, 1.0, 1e-20, mesh=2),
     )  # fmt: skip
     orbit = follow(s, 2)
-    assert (orbit.found, orbit.before[1, 2], orbit.rests) == (2, s.gap2, ())
+    assert (orbit.found, orbit.before[1, 2], orbit.sticking) == (2, s.gap2, ())
 
 
 def test_growth_without_restitution_is_minus_infinity_and_never_nan():
@@ -188,8 +188,8 @@ def test_settings_without_end_are_refused(name, value):
 
 
 def test_an_accuracy_takes_no_clock():
-    with pytest.raises(InputError, match="clock"):
-        simulate(DAT, accuracy=0.1, clock=np.array([0.5, 0.6]))
+    with pytest.raises(InputError, match="fixed"):
+        simulate(DAT, accuracy=0.1, times=np.array([0.5, 0.6]))
 
 
 @pytest.mark.parametrize("paths", [2, 3])
@@ -201,7 +201,7 @@ def test_a_control_of_few_paths_is_none(paths):
     assert with_control["se_y1"].loc[1] > 1e-4
 
 
-@pytest.mark.parametrize("bad", [{"readings": 3.0}, {"readings": object()}, {"dt": "x"}, {"paths": None}])
+@pytest.mark.parametrize("bad", [{"closures": 3.0}, {"closures": object()}, {"dt": "x"}, {"paths": None}])
 def test_a_validation_is_refused_before_anything_is_computed(bad):
     with pytest.raises(InputError, match=next(iter(bad))):
         validate(DAT, impacts=1, **bad)
@@ -286,7 +286,7 @@ def test_a_scene_in_another_unit_is_not_refused_for_its_size():
     """The closures' own unit took wide second gaps beyond the door."""
     s = Scene(alpha=1e4, epsilon=0.03, beta1=1e-12, gamma1=0.03, gamma2=1e6, mu=4e-11, gap1=0.38, gap2=1e6, sigma=1.0)
     assert s.scaled(8.0).gap2 == 8e6
-    section = mean_map(s, impacts=3, reading="branching").section
+    section = mean_map(s, impacts=3, closure="branching").section
     assert (section["sd_x1"] == 0.0).all()
     assert section["skew_x1"].isna().all()
 
@@ -381,31 +381,31 @@ def test_coarse_paths_that_are_not_finished_leave_the_others_finished():
     assert run.unfinished + run.section["paths"].loc[2] == 64
 
 
-def test_a_printed_mean_of_zero_still_has_a_side():
+def test_a_published_mean_of_zero_still_has_a_side():
     s = Scene(alpha=1.0, epsilon=0.65, beta1=1e-16, beta2=1e-16, gamma1=0.1, gamma2=2.2e-10, mu=7.7e-9, gap1=1.0,
               gap2=1.0, sigma=0.1, start=Start(-8.85, 1.0, 1.0, 0.0, 1.0, mesh=1))  # fmt: skip
-    m = mean_map(s, impacts=3, reading="printed")
+    m = mean_map(s, impacts=3, closure="published")
     assert set(m.itinerary[: m.trace.found]) <= {-2, -1, 1, 2}
 
 
-def test_a_mended_variance_that_cancels_is_zero(recwarn):
+def test_a_corrected_variance_that_cancels_is_zero(recwarn):
     """Two wheels of one mass, no damping: the second stage has no spread of its own after an impact of the first."""
     s = Scene(alpha=3.6e-12, epsilon=0.7, beta1=1e-12, beta2=1e-12, gamma1=1e-30, gamma2=1e-30, mu=1.0 - 2.0**-53,
               gap2=0.7247324509712859, sigma=1e6)  # fmt: skip
-    section = mean_map(s, impacts=3, reading="mended", order=6).section
+    section = mean_map(s, impacts=3, closure="corrected", order=6).section
     assert (section["sd_x2"] >= 0.0).all()
     assert section["realizable"].all()
     assert not recwarn.list
 
 
-@pytest.mark.parametrize(("reading", "order"), [("mended", 6), ("printed", 6), ("printed", 4)])
-def test_a_spread_whose_powers_are_no_floats_has_no_series(reading, order):
+@pytest.mark.parametrize(("closure", "order"), [("corrected", 6), ("published", 6), ("published", 4)])
+def test_a_spread_whose_powers_are_no_floats_has_no_series(closure, order):
     """A first flight of 5e-25: the sixth power of the sd of x1 is 0, and the window's means were 0 / 0."""
     s = Scene(
         alpha=1e-16, epsilon=0.9, beta1=0.0, gamma1=1e-30, beta2=0.0, gamma2=0.0446, mu=9.7e-9, gap1=1.625, gap2=1e-9,
         sigma=4.46e-7, start=Start(0.0, 1.625, 1e6, -9.99999999999999e-10, -2.0, mesh=1),
     )  # fmt: skip
-    m = mean_map(s, impacts=3, reading=reading, order=order)
+    m = mean_map(s, impacts=3, closure=closure, order=order)
     assert np.isfinite(m.section[["tau", "x1", "y1", "x2", "y2"]].iloc[: m.trace.found].to_numpy()).all()
 
 
@@ -415,7 +415,7 @@ def test_parts_that_differ_by_less_than_a_float_can_square_have_no_density(recwa
         radius1=41.0, radius2=83.48413022844521, backlash1=0.15471019894006688, backlash2=0.632455532033676,
         damping1=100.0, damping2=60122.40662962755, torque1=100.0, torque2=50.0,
     )  # fmt: skip
-    m = mean_map(Scene.from_gears(gears, sigma=0.7735509947003343), impacts=2, reading="branching")
+    m = mean_map(Scene.from_gears(gears, sigma=0.7735509947003343), impacts=2, closure="branching")
     for k in range(1, m.trace.found + 1):
         for q in ("tau", "flight", "x1", "y1", "x2", "y2"):
             density = m.density(k, q, m.section.loc[[k], q].to_numpy())
@@ -426,7 +426,7 @@ def test_parts_that_differ_by_less_than_a_float_can_square_have_no_density(recwa
 def test_validate_asks_for_no_instant_after_its_paths_are_given_up():
     """No path had its impacts; after minutes a clock was refused that nobody had given."""
     s = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=1e-4, gap1=1.0, stages=1, start=Start(0.0, 1.0, 0.0153, mesh=1))
-    found = validate(s, impacts=2, paths=2, scheme="exact-flight", readings=["saltation"])
+    found = validate(s, impacts=2, paths=2, scheme="exact-flight", closures=["saltation"])
     assert follow(s, 2).tau[1] > 100.0
     assert set(found.table["verdict"]) == {"not predicted"}
 
@@ -460,7 +460,7 @@ def test_a_growth_whose_square_is_no_float_is_told():
 def test_nothing_to_judge_is_a_table_without_rows():
     """No closure has an impact, no instant lies between two: the command ended in a KeyError."""
     still = scene(alpha=0.0, gamma1=0.0, beta1=0.0, stages=1, gap1=1e6, start=Start())
-    found = validate(still, impacts=1, paths=2, scheme="exact-flight", readings=["saltation"])
+    found = validate(still, impacts=1, paths=2, scheme="exact-flight", closures=["saltation"])
     assert first_failure(found.correlation, "saltation") is None
     assert answer([found], None)
 
@@ -476,7 +476,7 @@ def test_an_accuracy_is_not_refused_for_a_step_that_nobody_has_given():
 STILL = """
 [study]
 impacts = 1
-readings = ["saltation"]
+closures = ["saltation"]
 paths = 64
 [scene]
 alpha = 0.0
@@ -511,10 +511,10 @@ def test_a_correlation_is_left_out_where_the_product_of_variances_is_no_float():
         gap2=2.3e-8, mu=0.5, sigma=2.6e-26, tolerance=Tolerance(3.4e-18, 2.3e-9, "uniform", "contact"),
     )  # fmt: skip
     run = simulate(
-        scene, paths=31, impacts=4, scheme="euler-maruyama", dt=4.6e-272, horizon=1.6e-268, clock=[6e-270],
+        scene, paths=31, impacts=4, scheme="euler-maruyama", dt=4.6e-272, horizon=1.6e-268, times=[6e-270],
         step_bias=True,
     )  # fmt: skip
-    found = run.clock()
+    found = run.at_times()
     assert found["cov_x2_x2"].iloc[0] > 0.0
     assert found[["rho2", "coarse_rho2", "se_rho2", "se_z_rho2"]].isna().all(axis=None)
 
@@ -529,6 +529,6 @@ def test_a_report_of_a_speed_that_varies_by_less_than_a_float(tmp_path):
             mu=1.3375156798484208e-15, start=start,
         ).to_toml()
     )  # fmt: skip
-    words = ["validate", file, "--impacts", 1, "--paths", 2, "--no-frontier", "--out", tmp_path / "report"]
+    words = ["validate", file, "--impacts", 1, "--paths", 2, "--no-validity", "--out", tmp_path / "report"]
     found = CliRunner().invoke(main, [str(word) for word in words])
     assert found.exit_code == 0, found.output + repr(found.exception)

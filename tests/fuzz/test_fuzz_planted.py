@@ -8,7 +8,7 @@ import fuzz_sampled
 import numpy as np
 import pytest
 from fuzz_plan import SIMPLE
-from fuzz_planted import planted
+from fuzz_planted import controls
 from fuzz_watched import Watched
 
 from rattle.compare.study import store
@@ -16,7 +16,7 @@ from rattle.montecarlo.result import Ensemble
 
 
 def test_the_watch_tells_hangs_deaths_and_warnings_and_goes_on():
-    watched = Watched(planted, {"hangs": 4.0}, [])
+    watched = Watched(controls, {"hangs": 4.0}, [])
     found = {kind: watched.run(kind) for kind in ("hangs", "fine", "dies", "warns", "well")}
     watched.close()
     assert {kind: o.ended for kind, o in found.items()} == {

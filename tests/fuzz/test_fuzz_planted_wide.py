@@ -28,7 +28,7 @@ SETTINGS = {"paths": 8, "impacts": 3, "dt": 0.01, "scheme": "exact-flight", "rng
 
 @pytest.fixture(scope="module")
 def run():
-    return simulate(SCENE, **SETTINGS, keep_paths=True, histogram=True, batches=True, energy=True, clock=[0.2])
+    return simulate(SCENE, **SETTINGS, keep_paths=True, histogram=True, batches=True, energy=True, times=[0.2])
 
 
 def test_a_right_ensemble_passes(run):
@@ -85,7 +85,7 @@ def test_wrong_tables_beside_the_section_are_seen(run, monkeypatch):
     for wrong in ({"histograms": histograms}, {"batches": batches}, {"paths": 9}):
         with pytest.raises(AssertionError):
             fuzz_sampled.of_an_ensemble(dataclasses.replace(run, **wrong))
-    monkeypatch.setattr(Ensemble, "cautions", ())
+    monkeypatch.setattr(Ensemble, "diagnostics", ())
     unfinished = simulate(SCENE, **SETTINGS, horizon=0.6)
     assert unfinished.unfinished
     with pytest.raises(AssertionError, match="nobody is told"):
@@ -96,8 +96,8 @@ def test_wrong_tables_beside_the_section_are_seen(run, monkeypatch):
     ("column", "value"), [("se_z_rho1", math.inf), ("rho1", math.nan), ("rho2", 1.0 + 1e-11), ("cov_x1_y1", math.nan)]
 )
 def test_a_wrong_moment_at_a_time_is_seen(column, value, run, monkeypatch):
-    right = run.clock()
-    monkeypatch.setattr(Ensemble, "clock", lambda ensemble: right.assign(**{column: value}))
+    right = run.at_times()
+    monkeypatch.setattr(Ensemble, "fixed", lambda ensemble: right.assign(**{column: value}))
     with pytest.raises(AssertionError):
         fuzz_sampled.of_an_ensemble(run)
 
@@ -175,7 +175,7 @@ def test_a_file_that_says_something_else_is_seen(monkeypatch):
 
 
 ROW = {
-    "verdict": "accurate", "closure": 1.0, "monte_carlo": 1.0, "se": 0.1, "error": 0.0, "low": -0.1, "high": 0.1,
+    "verdict": "accurate", "predicted": 1.0, "simulated": 1.0, "se": 0.1, "error": 0.0, "low": -0.1, "high": 0.1,
     "tolerance": 0.5, "agreement": 1.0,
 }  # fmt: skip
 
@@ -188,7 +188,7 @@ ROW = {
     ],
 )  # fmt: skip
 def test_a_wrong_verdict_is_seen(wrong):
-    has_verdicts(pd.DataFrame([ROW, ROW | {"verdict": "not predicted", "closure": math.nan, "agreement": math.nan}]))
+    has_verdicts(pd.DataFrame([ROW, ROW | {"verdict": "not predicted", "predicted": math.nan, "agreement": math.nan}]))
     with pytest.raises(AssertionError):
         has_verdicts(pd.DataFrame([ROW, ROW | wrong]))
 
@@ -210,7 +210,7 @@ def test_a_number_that_a_closure_keeps_back_is_seen(table, place, monkeypatch):
 
 def test_a_refusal_of_what_nobody_has_given_is_seen(monkeypatch):
     def refusing(*given, **settings):
-        raise fuzz_checks.fuzz_doors.InputError("clock", 1.0, "must lie between 0 and 0.5")
+        raise fuzz_checks.fuzz_doors.InputError("fixed", 1.0, "must lie between 0 and 0.5")
 
     monkeypatch.setattr(fuzz_checks, "validate", refusing)
     with pytest.raises(AssertionError, match="had let it in"):

@@ -72,20 +72,20 @@ def orbits(scene):
         yield velocities(scene, s, 0.1)
 
 
-def predicted(scene, reading, impacts, order=4):
-    """All that a reading of the closure says, at its impacts and between them."""
-    m = mean_map(scene, impacts=impacts, reading=reading, order=order)
+def predicted(scene, closure, impacts, order=4):
+    """All that a closure says, at its impacts and between them."""
+    m = mean_map(scene, impacts=impacts, closure=closure, order=order)
     t = m.trace
     yield m.section.drop(columns="realizable").to_numpy(float)
     yield from (a for a in (t.mean, t.sd, t.skew, t.raw, t.agreement, t.lost) if a is not None)
-    if reading != "branching" and t.found > 1:
-        yield m.clock(np.linspace(t.tau[0], t.tau[t.found] if t.until is None else t.until, 7)[1:-1]).to_numpy(float)
+    if closure != "branching" and t.found > 1:
+        yield m.at_times(np.linspace(t.tau[0], t.tau[t.found] if t.until is None else t.until, 7)[1:-1]).to_numpy(float)
         if t.raw[1, 0, 2, 0] > 0.0 and t.raw[1, 0, 0, 2] > 0.0:
             yield m.density(1, "y1", np.linspace(-3.0, 3.0, 5))
 
 
 def in_few_parts(scene):
-    """The branching reading, its mixture kept small."""
+    """The branching closure, its mixture kept small."""
     with mock.patch.multiple("rattle.closure.branching.trace", MOST_PARTS=4, MOST_CUT=12):
         yield from predicted(scene, "branching", 3)
 
@@ -95,8 +95,8 @@ def simulated(scene, scheme, paths=3, impacts=3, **settings):
     run = simulate(scene, paths=paths, impacts=impacts, scheme=scheme, rng=5, keep_paths=True, energy=True, **settings)
     yield run.raw
     yield run.section.to_numpy(float)
-    if settings.get("clock"):
-        yield run.clock().to_numpy(float)
+    if settings.get("fixed"):
+        yield run.at_times().to_numpy(float)
     if settings.get("step_bias"):
         yield run.step_bias.select_dtypes("number").to_numpy(float)
 
@@ -127,18 +127,20 @@ def sums():
 
 
 STEP = {"euler-maruyama": 5e-3, "euler-maruyama-located": 5e-3, "exact-flight": math.pi / 64.0}
-WALLS = [Tolerance(0.04, 0.02, law=law, draw=draw) for law, draw in (("uniform", "path"), ("normal", "contact"))]
+WALLS = [
+    Tolerance(0.04, 0.02, distribution=law, draw=draw) for law, draw in (("uniform", "path"), ("normal", "contact"))
+]
 CASES: dict[str, Callable] = {"flights": flights, "sums": sums}
 CASES |= {f"orbit, {name}": lambda s=scene: orbits(s) for name, scene in {**SCENES, "far": FAR}.items()}
 CASES |= {
-    f"{reading}, {name}": lambda s=scene, r=reading: predicted(s, r, 6)
+    f"{closure}, {name}": lambda s=scene, r=closure: predicted(s, r, 6)
     for name, scene in (SCENES | {"tolerances": replace(PAIR, tolerance=Tolerance(0.01, 0.02))}).items()
-    for reading in ("printed", "mended", "saltation")
-    if not (reading == "printed" and scene.start.mesh != 1)
+    for closure in ("published", "corrected", "saltation")
+    if not (closure == "published" and scene.start.mesh != 1)
 }
 CASES |= {
     "saltation, order 2": lambda: predicted(PAIR, "saltation", 3, 2),
-    "mended, order 6": lambda: predicted(PAIR, "mended", 3, 6),
+    "corrected, order 6": lambda: predicted(PAIR, "corrected", 3, 6),
     "branching, two stages": lambda: in_few_parts(replace(PAIR, sigma=0.5)),
     "branching, one stage": lambda: in_few_parts(LONE),
     "branching, flanks drawn anew": lambda: in_few_parts(
@@ -147,13 +149,15 @@ CASES |= {
 }
 for scheme, dt in STEP.items():
     biased = SCHEMES[scheme].weak_order is not None
-    settings = {"dt": dt, "clock": [0.3 + 16 * dt, 0.3 + 64 * dt], "step_bias": biased}
+    settings = {"dt": dt, "fixed": [0.3 + 16 * dt, 0.3 + 64 * dt], "step_bias": biased}
     CASES |= {f"{scheme}, {n}": lambda s=s, k=scheme, o=settings: simulated(s, k, **o) for n, s in SCENES.items()}
     for tolerance in WALLS:
         for name, scene in (("two stages", PAIR), ("one stage", LONE)):
             walls = None if name == "one stage" else tolerance.c2_max
             tolerant = replace(scene, tolerance=replace(tolerance, c2_max=walls or 0.0))
-            CASES[f"{scheme}, {name}, {tolerance.law} walls"] = lambda s=tolerant, k=scheme, d=dt: simulated(s, k, dt=d)
+            CASES[f"{scheme}, {name}, {tolerance.distribution} walls"] = lambda s=tolerant, k=scheme, d=dt: simulated(
+                s, k, dt=d
+            )
     CASES[f"{scheme}, held"] = lambda k=scheme, d=dt: simulated(PRESSED, k, 1, 200, dt=d)
     if biased:
         CASES[f"{scheme}, two-point"] = lambda k=scheme, d=dt: simulated(PAIR, k, dt=d, increments="two-point")

@@ -173,7 +173,7 @@ class Path:
             self.state[2 * m - 2] = s * self.walls[s * m]
             if s * self.state[2 * m - 1] > 0.0:
                 if leg == MOST:
-                    self.held += 1
+                    self.sticking_steps += 1
                     self._rest(tau, dw, left, m)
                     return
                 self._record(tau, s * m)

@@ -49,7 +49,7 @@ def test_a_run_that_goes_on_is_the_run_that_began_with_all_its_paths(sigma, cont
 def test_a_spent_budget_gives_the_best_answer_and_says_what_is_missing():
     with pytest.warns(AccuracyWarning, match="NOT reached within the budget"):
         run = simulate(dat21(0.1), impacts=12, accuracy=1e-4, rng=5, budget=0.5)
-    assert run.cautions[0] == run.reach.sentence
+    assert run.diagnostics[0] == run.reach.sentence
     assert not run.reach.reached
     assert run.reach.sampling > 1e-4
     assert run.reach.more_seconds > 1.0

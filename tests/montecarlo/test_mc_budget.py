@@ -44,7 +44,7 @@ def test_paths_are_followed_until_the_budget_is_spent(monkeypatch):
     assert run.section.equals(
         simulate(dat21(0.5), impacts=2, paths=5 * BLOCK, dt=run.dt, scheme=run.scheme, rng=5).section
     )
-    assert run.cautions[0] == run.reach.sentence
+    assert run.diagnostics[0] == run.reach.sentence
     assert "from fewer paths or a shorter time than an answer needs" in run.reach.sentence
 
 
@@ -81,7 +81,7 @@ def test_paths_that_take_ten_million_steps_are_looked_at_from_the_start(sigma):
     assert run.unfinished == run.paths == (8 if sigma else 1)
     assert run.path_steps < 4e6  # of 4e8 to the horizon
     assert run.reach.more_seconds > 1.0
-    assert any("when the horizon came" in said for said in run.cautions)
+    assert any("when the horizon came" in said for said in run.diagnostics)
 
 
 def test_what_takes_more_than_an_hour_is_refused_unless_a_budget_is_given(monkeypatch):

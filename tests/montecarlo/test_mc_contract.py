@@ -43,7 +43,7 @@ FREE = Scene(
 )  # fmt: skip
 """No forces and no losses; random walls make every path another one."""
 
-LAWS = {
+DISTRIBUTIONS = {
     "uniform": lambda c: stats.uniform(-c, 2.0 * c),
     "normal": lambda c: stats.truncnorm(-2.0, 2.0, scale=0.5 * c),
 }
@@ -118,10 +118,10 @@ class TestScheme:
         scene, paths, dt = open_space(0.4, beta2=0.9), 20_000, 0.02
         noisy = replace(scene, sigma=louder * scene.sigma)
         run = self.run(
-            scheme, noisy, paths=paths, impacts=1, dt=dt, clock=scene.start.tau + TIMES, horizon=4.0, keep_paths=False
+            scheme, noisy, paths=paths, impacts=1, dt=dt, times=scene.start.tau + TIMES, horizon=4.0, keep_paths=False
         )
         names = [*STATE, *(f"cov_{STATE[i]}_{STATE[j]}" for i, j in PAIRS)]
-        found, se = run.clock()[names].to_numpy(), run.clock()[[f"se_{n}" for n in names]].to_numpy()
+        found, se = run.at_times()[names].to_numpy(), run.at_times()[[f"se_{n}" for n in names]].to_numpy()
         moments = [flight_moments(scene, scheme, dt, t) for t in TIMES]
         truth = np.array([[*mean, *(cov[i, j] for i, j in PAIRS)] for mean, cov in moments])
         assert agrees(found, truth, se, slack=1e-8) == (louder == 1.0)
@@ -148,10 +148,10 @@ class TestScheme:
     @pytest.mark.parametrize("scene", [dat21(0.5), replace(TOLERANT, sigma=0.5)], ids=["DAT21", "redrawn walls"])
     def test_states_are_within_the_walls_at_any_time(self, scheme, scene):
         """Where impacts are located: without slack but rounding.  Detection at a step's end lets a step through."""
-        run = self.run(scheme, scene, paths=400, clock=np.arange(1, 60) * STEP[scheme] * 4, keep_paths=False)
+        run = self.run(scheme, scene, paths=400, times=np.arange(1, 60) * STEP[scheme] * 4, keep_paths=False)
         spread = 6.0 * STEP[scheme] if not LOCATES[scheme] else 0.0
         c1, c2 = (scene.tolerance.c1_max, scene.tolerance.c2_max) if scene.tolerance else (0.0, 0.0)
-        states = clock_states(run)
+        states = fixed_states(run)
         assert np.isfinite(states).all()
         assert np.abs(states[..., 0]).max() <= scene.gap1 + c1 + 1e-9 + spread
         assert np.abs(states[..., 2]).max() <= scene.gap2 + c2 + 1e-9 + spread
@@ -202,12 +202,12 @@ class TestScheme:
         """Both stages pressed into their corners: impacts without end within a step, if they are located."""
         run = self.run(scheme, PRESSED, paths=20, impacts=500)
         assert run.unfinished == 0
-        assert (run.held > 0) == LOCATES[scheme]
+        assert (run.sticking_steps > 0) == LOCATES[scheme]
         assert np.isfinite(run.raw).all()
         assert (run.raw[:, :, 1] >= 0.0).all()
 
     def test_paths_that_never_accumulate_are_never_held(self, scheme):
-        assert self.run(scheme, dat21(0.1), paths=500).held == 0
+        assert self.run(scheme, dat21(0.1), paths=500).sticking_steps == 0
 
     @pytest.mark.parametrize("epsilon", [0.0, 0.02])
     def test_collapse_onto_the_wall_is_survived(self, scheme, epsilon):
@@ -227,7 +227,7 @@ class TestScheme:
 
     @pytest.mark.parametrize("draw", ["path", "contact"])
     def test_fixed_tolerance_is_a_wider_gap(self, scheme, draw):
-        tolerant = self.run(scheme, dat21(0.3, tolerance=Tolerance(0.04, 0.02, law="fixed", draw=draw)))
+        tolerant = self.run(scheme, dat21(0.3, tolerance=Tolerance(0.04, 0.02, distribution="fixed", draw=draw)))
         wider = replace(dat21(0.3), gap1=0.54, gap2=0.52, start=Start(0.0, 0.54, 2.0, 0.52, 2.0, mesh=1))
         assert np.array_equal(tolerant.raw, self.run(scheme, wider).raw)
 
@@ -236,21 +236,21 @@ class TestScheme:
         raws = [self.run(scheme, dat21(0.3, tolerance=t)).raw for t in (None, Tolerance(0.0, 0.0, draw=draw))]
         assert np.array_equal(*raws)
 
-    @pytest.mark.parametrize("law", LAWS)
+    @pytest.mark.parametrize("law", DISTRIBUTIONS)
     @pytest.mark.parametrize("draw", ["path", "contact"])
     def test_walls_have_the_distribution_asked_for(self, scheme, draw, law):
         """A lossless wheel that meets the flanks -, +, - in turn, so that no path is selected by its walls."""
         scene = Scene(
             alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, stages=1, start=Start(0.0, 0.5, 2.0, mesh=1),
-            tolerance=Tolerance(0.04, law=law, draw=draw),
+            tolerance=Tolerance(0.04, distribution=law, draw=draw),
         )  # fmt: skip
         raw = self.run(scheme, scene, paths=4000, impacts=3, dt=0.01).raw
         assert (raw[:, :, 6] == [-1, 1, -1]).all()
-        other = next(o for o in LAWS if o != law)
+        other = next(o for o in DISTRIBUTIONS if o != law)
         for k in range(3):
             deviation = np.abs(raw[:, k, 2]) - 0.5
-            assert stats.kstest(deviation, LAWS[law](0.04).cdf).pvalue > FALSE_ALARM / 3.0
-            assert stats.kstest(deviation, LAWS[other](0.04).cdf).pvalue < FALSE_ALARM / 3.0
+            assert stats.kstest(deviation, DISTRIBUTIONS[law](0.04).cdf).pvalue > FALSE_ALARM / 3.0
+            assert stats.kstest(deviation, DISTRIBUTIONS[other](0.04).cdf).pvalue < FALSE_ALARM / 3.0
         score = np.corrcoef(np.abs(raw[:, 0, 2]), np.abs(raw[:, 1, 2]))[0, 1] * math.sqrt(4000)
         assert (abs(score) < limit(1)) == (draw == "contact")
 
@@ -272,21 +272,21 @@ class TestScheme:
         """Nor on whether coarser steps run beside it, on a clock, or on what is kept."""
         scene = dat21(0.5)
         alone = self.run(scheme, scene, paths=3).raw
-        clocked = {"clock": [0.5, 3.0], "histogram": True, "step_bias": True, "workers": 2}
-        among = self.run(scheme, scene, paths=BLOCK + 3, **clocked).raw
+        at_fixed_times = {"fixed": [0.5, 3.0], "histogram": True, "step_bias": True, "workers": 2}
+        among = self.run(scheme, scene, paths=BLOCK + 3, **at_fixed_times).raw
         assert np.array_equal(alone, among[:3])
         assert np.array_equal(self.run(scheme, scene, paths=BLOCK + 3).raw, among)
 
     def test_default_scene_takes_a_step_bias(self, scheme):
-        run = self.run(scheme, dat21(0.3), impacts=4, step_bias=True, clock=[1.0])
+        run = self.run(scheme, dat21(0.3), impacts=4, step_bias=True, times=[1.0])
         assert np.isfinite(run.step_bias[["bias", "se_bias", "corrected", "se_corrected", "rest"]].to_numpy()).all()
-        assert np.isfinite(run.clock()[["coarse_rho1", "coarse_rho2"]].to_numpy()).all()
+        assert np.isfinite(run.at_times()[["coarse_rho1", "coarse_rho2"]].to_numpy()).all()
 
 
-def clock_states(run):
+def fixed_states(run):
     """States of a run's paths at its clock times, shape (paths, times, 4), by running its blocks again."""
     from rattle.montecarlo.kernel.block import Plan, sample
 
-    steps = np.round((run.clock_times - run.scene.start.tau) / run.dt).astype(np.int64)
+    steps = np.round((run.fixed_times - run.scene.start.tau) / run.dt).astype(np.int64)
     plan = Plan(run.scene, run.paths, run.impacts, run.dt, run.scheme, run.seed, 16 * int(steps[-1]), steps, {}, 1)
-    return np.concatenate([sample(plan, b).clock[0] for b in range(plan.blocks)])
+    return np.concatenate([sample(plan, b).at_times[0] for b in range(plan.blocks)])

@@ -22,7 +22,7 @@ IMPACTS = 5
 @pytest.fixture(scope="module")
 def run():
     return simulate(
-        dat21(0.3), paths=3000, impacts=IMPACTS, dt=5e-3, rng=7, clock=[0.3, 1.0, 2.0], histogram=True, keep_paths=True,
+        dat21(0.3), paths=3000, impacts=IMPACTS, dt=5e-3, rng=7, times=[0.3, 1.0, 2.0], histogram=True, keep_paths=True,
         itineraries={"straight": (-1, 1, -1, 1, -1)},
     )  # fmt: skip
 
@@ -94,52 +94,52 @@ def test_noise_free_itinerary_cannot_be_replaced():
 
 
 def test_clock_gives_the_rows_asked_for(run):
-    assert run.clock().index.tolist() == pytest.approx([0.3, 1.0, 2.0])
-    assert run.clock([2.0, 0.3]).index.tolist() == pytest.approx([2.0, 0.3])
-    assert run.clock().index.name == "time"
+    assert run.at_times().index.tolist() == pytest.approx([0.3, 1.0, 2.0])
+    assert run.at_times([2.0, 0.3]).index.tolist() == pytest.approx([2.0, 0.3])
+    assert run.at_times().index.name == "time"
 
 
 def test_clock_has_the_columns_of_the_contract(run):
     names = {*STATE, *(f"cov_{a}_{b}" for i, a in enumerate(STATE) for b in STATE[i:])}
-    assert names | {f"se_{n}" for n in names} | {"rho1", "rho2", "se_rho1", "se_z_rho2"} <= set(run.clock().columns)
+    assert names | {f"se_{n}" for n in names} | {"rho1", "rho2", "se_rho1", "se_z_rho2"} <= set(run.at_times().columns)
 
 
 def test_clock_correlation_is_covariance_over_sds(run):
-    t = run.clock()
+    t = run.at_times()
     assert np.allclose(t.rho1, t.cov_x1_y1 / np.sqrt(t.cov_x1_x1 * t.cov_y1_y1), rtol=1e-12)
 
 
 def test_clock_errors_of_means_are_sds_over_root_n(run):
-    t = run.clock()
+    t = run.at_times()
     for name in STATE:
         assert np.allclose(t[f"se_{name}"], np.sqrt(t[f"cov_{name}_{name}"] / 3000), rtol=1e-12)
 
 
 def test_clock_time_that_was_not_recorded_is_refused(run):
-    with pytest.raises(InputError, match=r"times = 1.5: was not recorded; give it to simulate\(clock=...\)"):
-        run.clock([1.5])
+    with pytest.raises(InputError, match=r"times = 1.5: was not recorded; give it to simulate\(times=...\)"):
+        run.at_times([1.5])
 
 
 def test_clock_of_a_run_without_times_is_empty():
-    assert simulate(dat21(0.1), paths=2, impacts=1).clock().empty
+    assert simulate(dat21(0.1), paths=2, impacts=1).at_times().empty
 
 
 def test_clock_time_given_to_a_run_with_step_bias_is_found_again():
     dt = 0.01
-    run = simulate(dat21(0.1), paths=2, impacts=1, dt=dt, clock=[0.058], step_bias=True)
-    assert run.clock([0.058]).index[0] == pytest.approx(0.058, abs=2.0 * dt)
+    run = simulate(dat21(0.1), paths=2, impacts=1, dt=dt, times=[0.058], step_bias=True)
+    assert run.at_times([0.058]).index[0] == pytest.approx(0.058, abs=2.0 * dt)
 
 
 def test_clock_at_the_horizon_is_recorded():
-    run = simulate(dat21(0.1), paths=10, impacts=1, dt=0.01, clock=[0.64], horizon=0.64)
-    later = simulate(dat21(0.1), paths=10, impacts=1, dt=0.01, clock=[0.64], horizon=0.70)
-    assert run.clock().x1.iloc[0] == later.clock().x1.iloc[0]
+    run = simulate(dat21(0.1), paths=10, impacts=1, dt=0.01, times=[0.64], horizon=0.64)
+    later = simulate(dat21(0.1), paths=10, impacts=1, dt=0.01, times=[0.64], horizon=0.70)
+    assert run.at_times().x1.iloc[0] == later.at_times().x1.iloc[0]
 
 
 def test_paths_that_run_on_to_a_late_clock_are_finished():
-    run = simulate(dat21(0.3), paths=600, impacts=2, dt=5e-3, rng=1, clock=[4.0])
+    run = simulate(dat21(0.3), paths=600, impacts=2, dt=5e-3, rng=1, times=[4.0])
     assert run.unfinished == 0
-    assert run.clock()[["x1", "x2"]].abs().max(axis=None) < 0.5
+    assert run.at_times()[["x1", "x2"]].abs().max(axis=None) < 0.5
 
 
 # --- how far the orbit holds
@@ -326,7 +326,7 @@ def test_noise_free_steps_cost_no_normals():
 
 
 def test_single_stage_run_has_no_second_stage():
-    run = simulate(dat21(0.2, stages=1), paths=100, impacts=3, dt=5e-3, clock=[0.5], step_bias=True, keep_paths=True)
+    run = simulate(dat21(0.2, stages=1), paths=100, impacts=3, dt=5e-3, times=[0.5], step_bias=True, keep_paths=True)
     second = [n for n in run.section.columns if n.endswith(("x2", "y2"))]
     assert len(second) == 16
     assert run.section[second].isna().all(axis=None)
@@ -336,9 +336,9 @@ def test_single_stage_run_has_no_second_stage():
     assert np.isnan(run.covariance[:, 3:]).all()
     assert np.isfinite(run.covariance[:, :3, :3]).all()
     assert np.isnan(run.raw[:, :, 4:6]).all()
-    clock_second = [n for n in run.clock().columns if "2" in n]
-    assert run.clock()[clock_second].isna().all(axis=None)
-    assert run.clock().drop(columns=clock_second).notna().all(axis=None)
+    fixed_second = [n for n in run.at_times().columns if "2" in n]
+    assert run.at_times()[fixed_second].isna().all(axis=None)
+    assert run.at_times().drop(columns=fixed_second).notna().all(axis=None)
     assert set(run.step_bias.quantity) == {"tau", "flight", "x1", "y1"}
 
 
@@ -397,13 +397,13 @@ def test_progress_is_silent_in_a_pipe(capfd):
 def test_too_few_paths_tell_no_error():
     """The spread of one path, the squared deviations of two and the kurtosis of three say nothing of the next path."""
     told = {
-        n: simulate(dat21(0.1), paths=n, impacts=1, dt=0.01, clock=[0.4], step_bias=True, energy=True, rng=2)
+        n: simulate(dat21(0.1), paths=n, impacts=1, dt=0.01, times=[0.4], step_bias=True, energy=True, rng=2)
         for n in (1, 2, 3, 4)
     }
     least = {"se_y1": 2, "se_energy": 2, "se_sd_y1": 3, "se_skew_y1": 3, "se_kurt_y1": 4}
-    clock = {"se_x1": 2, "se_cov_x1_y1": 3, "se_rho1": 3, "se_z_rho1": 3}
+    fixed = {"se_x1": 2, "se_cov_x1_y1": 3, "se_rho1": 3, "se_z_rho1": 3}
     for n, run in told.items():
-        for table, names in ((run.section.loc[1], least), (run.clock().iloc[0], clock)):
+        for table, names in ((run.section.loc[1], least), (run.at_times().iloc[0], fixed)):
             for name, fewest in names.items():
                 assert np.isfinite(table[name]) == (n >= fewest), (name, n)
                 assert not table[name] <= 0.0, (name, n)
@@ -414,7 +414,7 @@ def test_too_few_paths_tell_no_error():
 
 
 def test_what_is_not_random_has_no_error():
-    run = simulate(dat21(0.0), paths=1, impacts=1, dt=0.01, clock=[0.4], step_bias=True, energy=True)
+    run = simulate(dat21(0.0), paths=1, impacts=1, dt=0.01, times=[0.4], step_bias=True, energy=True)
     assert (run.section[["se_y1", "se_sd_y1", "se_energy"]] == 0.0).all(axis=None)
-    assert (run.clock()[["se_x1", "se_cov_x1_y1"]] == 0.0).all(axis=None)
+    assert (run.at_times()[["se_x1", "se_cov_x1_y1"]] == 0.0).all(axis=None)
     assert (run.step_bias["se_bias"] == 0.0).all()

@@ -93,7 +93,7 @@ def test_mean_of_a_flight_is_the_flow(case):
 
 ORBITS = {
     "DAT21": dat21(), "unequal gaps": UNEQUAL_GAPS, "damped": DAMPED, "single": dat21(stages=1),
-    "wider": dat21(tolerance=Tolerance(0.04, 0.02, law="fixed")),
+    "wider": dat21(tolerance=Tolerance(0.04, 0.02, distribution="fixed")),
     "plastic": replace(UNEQUAL_GAPS, epsilon=0.05), "slow": replace(dat21(), alpha=0.3),
     "in flight": replace(dat21(), start=Start(0.4, 0.1, -0.3, -0.2, 0.6)),
 }  # fmt: skip
@@ -330,7 +330,7 @@ def test_grazing_impacts_within_a_step_have_the_law_of_small_steps(case):
 
 
 def test_comparison_of_grazing_impacts_sees_a_wall_looked_at_too_rarely():
-    """Planted: four looks a step instead of a thousand miss impacts on paths that return."""
+    """NegativeControl: four looks a step instead of a thousand miss impacts on paths that return."""
     c, (x, y) = dat21(0.5, stages=1).constants, GRAZING["along the wall"]
     rng = np.random.default_rng(1)
     truth, rare = (first_hits_by_small_steps(c, rng, 20_000, 0.1, x, y, n) < 0.1 for n in (1000, 4))
@@ -356,7 +356,7 @@ def test_paths_that_crawl_along_a_wall_go_on(case):
     c1, c2 = (scene.tolerance.c1_max, scene.tolerance.c2_max) if scene.tolerance else (0.0, 0.0)
     run = simulate(
         scene, paths=100, impacts=60, dt=0.1, scheme=EXACT, rng=1, horizon=5.0,
-        clock=scene.start.tau + np.arange(0.1, 5.0, 0.1), keep_paths=True,
+        times=scene.start.tau + np.arange(0.1, 5.0, 0.1), keep_paths=True,
     )  # fmt: skip
     met = 0
     for path in run.raw:
@@ -373,8 +373,8 @@ def test_paths_that_crawl_along_a_wall_go_on(case):
             if scene.tolerance is None:
                 assert row[2 * mesh] == side * (scene.gap1, scene.gap2)[mesh - 1]
     assert met > 1000
-    assert np.isfinite(run.clock()[["x1", "y1"]].to_numpy()).all()
-    assert run.clock().x1.abs().max() <= scene.gap1 + c1
+    assert np.isfinite(run.at_times()[["x1", "y1"]].to_numpy()).all()
+    assert run.at_times().x1.abs().max() <= scene.gap1 + c1
 
 
 @pytest.mark.parametrize("scene", [UNEQUAL_GAPS, TOLERANT], ids=["fixed walls", "redrawn walls"])
@@ -395,7 +395,7 @@ def test_paths_pressed_to_a_wall_where_the_noise_vanishes_stay_within_it(scene):
 def test_paths_pressed_to_rest_stay_finite():
     """Without restitution a struck path is at rest on its wall: the next flight starts from a gap and a speed of 0."""
     run = sampled(PRESSED, 0.1, 20, 500, keep_paths=True)
-    assert run.held > 0
+    assert run.sticking_steps > 0
     assert run.unfinished == 0
     assert np.isfinite(run.raw).all()
     assert (np.diff(run.raw[:, :, 0], axis=1) >= 0.0).all()

@@ -44,7 +44,7 @@ def python(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str
 
 @pytest.fixture(scope="module")
 def simulated() -> dict:
-    done = python("-W", "error::RuntimeWarning", str(HERE / "simulated_card.py"))
+    done = python("-W", "error::RuntimeWarning", str(HERE / "simulated_gpu.py"))
     assert done.returncode == 0, done.stderr[-3000:]
     return json.loads(done.stdout)
 
@@ -65,7 +65,7 @@ def test_a_card_follows_the_same_paths(simulated, case):
 @needs_package
 @pytest.mark.parametrize("case", CASES)
 def test_a_card_takes_the_same_sums(simulated, case):
-    for name in ("section", "covariance", "clock", "agreement", "histograms"):
+    for name in ("section", "covariance", "fixed", "agreement", "histograms"):
         assert simulated[case][name] < 1e-9, name
 
 
@@ -98,7 +98,7 @@ def test_a_card_has_the_attributes_that_are_asked_of_it():
 
 @needs_compiler
 def test_all_kernels_compile_for_a_card():
-    done = python(str(HERE / "compiled_card.py"), NUMBA_ENABLE_CUDASIM="0")
+    done = python(str(HERE / "compiled_gpu.py"), NUMBA_ENABLE_CUDASIM="0")
     assert done.returncode == 0, done.stderr[-3000:]
     assert done.stdout.split() == ["sm_90"] * 6
 

@@ -31,10 +31,10 @@ BAD = {
     "an unknown scheme": (
         {"scheme": "milstein"}, "valid are 'euler-maruyama', 'euler-maruyama-located', 'exact-flight'",
     ),
-    "a clock before the start": ({"clock": [-1.0]}, "clock = -1.0: must lie between 0.002"),
-    "a clock at the start": ({"clock": [0.0]}, "clock = 0.0: must lie between 0.002"),
-    "a clock beyond the horizon": ({"clock": [1.0, 5.1], "horizon": 5.0}, "clock = 5.1: must lie .* and 5 after"),
-    "a clock of NaN": ({"clock": [math.nan]}, "clock = nan: give a finite number"),
+    "a clock before the start": ({"fixed time": [-1.0]}, "clock = -1.0: must lie between 0.002"),
+    "a clock at the start": ({"fixed time": [0.0]}, "clock = 0.0: must lie between 0.002"),
+    "a clock beyond the horizon": ({"fixed time": [1.0, 5.1], "horizon": 5.0}, "clock = 5.1: must lie .* and 5 after"),
+    "a clock of NaN": ({"fixed time": [math.nan]}, "clock = nan: give a finite number"),
     "no horizon": ({"horizon": 0.0}, "horizon = 0.0: must be greater than 0"),
     "a negative seed": ({"rng": -1}, "rng = -1: must be at least 0"),
     "no seed": ({"rng": None}, "rng = None: give a whole number"),
@@ -72,8 +72,8 @@ def test_something_else_than_a_scene_is_refused():
 
 
 UNTYPED = {
-    "a clock that is no sequence": {"clock": 0.5},
-    "a clock of words": {"clock": ["noon"]},
+    "a clock that is no sequence": {"fixed time": 0.5},
+    "a clock of words": {"fixed time": ["noon"]},
     "an itinerary of words": {"itineraries": {"mine": ["left", "right", "left"]}},
 }
 
@@ -134,7 +134,7 @@ def test_absent_stage_does_not_limit_the_step():
 
 
 def test_numpy_numbers_are_numbers():
-    run = simulated(paths=np.int64(10), dt=np.float64(1e-2), rng=np.int64(3), clock=np.array([0.5]))
+    run = simulated(paths=np.int64(10), dt=np.float64(1e-2), rng=np.int64(3), times=np.array([0.5]))
     assert run.section.paths.tolist() == [10, 10, 10]
 
 
@@ -142,7 +142,7 @@ def test_default_step_beyond_the_door_is_shortened_and_said_to_be():
     scene = dat21(1e4)
     run = simulated(scene=scene, horizon=0.05)
     assert run.dt == largest_step(scene, "euler-maruyama-located")[0] < 2e-3
-    assert run.cautions[0].startswith("dt = 0.000339 in place of the scheme's 0.002: ")
+    assert run.diagnostics[0].startswith("dt = 0.000339 in place of the scheme's 0.002: ")
     with pytest.raises(InputError, match=r"dt = 0.002: must be at most 0.000339: .* noise throw"):
         simulated(scene=scene, dt=2e-3)
 
@@ -158,4 +158,6 @@ def test_run_that_could_not_end_is_refused_or_given_up_early():
 def test_paths_that_the_horizon_leaves_behind_are_told_of():
     run = simulated(horizon=0.3)
     assert run.unfinished == 10
-    assert run.cautions[-1].startswith("10 of 10 paths had not had all their impacts when the horizon came, 0.3 after")
+    assert run.diagnostics[-1].startswith(
+        "10 of 10 paths had not had all their impacts when the horizon came, 0.3 after"
+    )

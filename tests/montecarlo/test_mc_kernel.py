@@ -131,7 +131,7 @@ def coarse_levels_differ(scheme, faulty=lambda path: path, shift=0):
 
 
 def with_too_little_noise(path):
-    """Planted: the increments of a coarse step fall short, as if their sum were divided by too much."""
+    """NegativeControl: the increments of a coarse step fall short, as if their sum were divided by too much."""
     path.scene = path.scene.with_sigma(0.999 * path.scene.sigma)
     return path
 
@@ -149,7 +149,7 @@ def test_each_level_splits_increments_with_bridges_of_its_own():
 def tolerant_differ(scheme, draw, law="uniform", fault=None, late=0):
     """Largest difference between kernel and oracle where walls are drawn; `late` plants draws that come too late."""
     c, gap, impacts, worst = (0.1, 0.2), 0.5, 8, 0.0
-    scene, seed, paths = dat21(0.5, tolerance=Tolerance(*c, law=law, draw=draw)), 5, 20
+    scene, seed, paths = dat21(0.5, tolerance=Tolerance(*c, distribution=law, draw=draw)), 5, 20
     run = simulate(scene, paths=paths, impacts=impacts, dt=5e-3, scheme=scheme, rng=seed, keep_paths=True)
     key = key_of(np.random.SeedSequence(seed))
     for p in range(paths):
@@ -207,7 +207,7 @@ def test_state_at_a_clock_time_is_the_state_after_that_many_steps(scheme):
         for n in at:
             path = Path.start(scene, dt, SCHEMES[scheme])
             states.append(follow_oracle(path, key, p, lambda path, n=n: path.n >= n).state)
-        assert np.abs(raw.clock[0, p] - np.array(states)).max() < 1e-10
+        assert np.abs(raw.fixed[0, p] - np.array(states)).max() < 1e-10
 
 
 def test_a_path_is_held_where_the_oracle_holds_it():
@@ -217,12 +217,12 @@ def test_a_path_is_held_where_the_oracle_holds_it():
     )
     raw = sample(plan, 0)
     every = [follow_oracle(Path.start(PRESSED, 5e-3, True), key, p, lambda path: path.n >= steps) for p in range(3)]
-    assert raw.held == sum(path.held for path in every) > 0
+    assert raw.sticking_steps == sum(path.sticking_steps for path in every) > 0
     for p, path in enumerate(every):
         count = len(path.impacts)
         assert np.abs(raw.rows[0, p, :count][:, KEPT] - np.array(path.impacts)).max() < 1e-12
         assert np.isnan(raw.rows[0, p, count:]).all()
-        assert np.abs(raw.clock[0, p, 0] - path.state).max() < 1e-12
+        assert np.abs(raw.fixed[0, p, 0] - path.state).max() < 1e-12
 
 
 # --- exact flights without walls: the noise a path gets, step by step
@@ -256,8 +256,8 @@ def flights_differ(levels=1, swap=False):
                 begin = s.tau + n * h
                 state = np.array(flow(scene.constants, begin, *state, h)) + displaced(scene, begin, h, w, a)
                 if (n + 1) * 2**level in at:
-                    clock = raw.clock[level, p, np.flatnonzero(at == (n + 1) * 2**level)[0]]
-                    worst = max(worst, np.abs(clock - state).max())
+                    fixed = raw.fixed[level, p, np.flatnonzero(at == (n + 1) * 2**level)[0]]
+                    worst = max(worst, np.abs(fixed - state).max())
             noise = [joined(*pair, 0.5) for pair in zip(noise[0:-1:2], noise[1::2], strict=True)]
     return worst
 

@@ -10,7 +10,7 @@ from rattle.montecarlo.kernel.block import BLOCK
 from rattle.scene import Tolerance
 from rattle.scene.moments import SECTION
 
-STILL = {"no noise": dat21(0.0), "fixed backlash": dat21(0.0, tolerance=Tolerance(0.02, 0.02, law="fixed"))}
+STILL = {"no noise": dat21(0.0), "fixed backlash": dat21(0.0, tolerance=Tolerance(0.02, 0.02, distribution="fixed"))}
 
 
 @pytest.mark.parametrize("name", STILL)
@@ -51,7 +51,7 @@ def test_more_paths_of_a_noise_free_run_are_the_same_path():
 
 @pytest.mark.parametrize("law", ["uniform", "normal"])
 def test_a_drawn_backlash_without_noise_is_random(law):
-    scene = dat21(0.0, tolerance=Tolerance(0.02, 0.02, law=law))
+    scene = dat21(0.0, tolerance=Tolerance(0.02, 0.02, distribution=law))
     run = simulate(scene, impacts=2, accuracy=0.05)
     assert run.paths >= 32 * BLOCK
     assert run.plan.paths == run.paths

@@ -20,11 +20,11 @@ def run_with(scheme="euler-maruyama-located", scene=None, **changes):
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("workers", [2, 3, 16])
 def test_result_is_the_same_bit_for_bit_for_any_number_of_workers(scheme, workers):
-    settings = {"scheme": scheme, "clock": [0.6, 1.0], "histogram": True}
+    settings = {"scheme": scheme, "fixed": [0.6, 1.0], "histogram": True}
     alone, many = run_with(**settings), run_with(**settings, workers=workers)
     assert np.array_equal(alone.raw, many.raw)
     assert alone.section.equals(many.section)
-    assert alone.clock().equals(many.clock())
+    assert alone.at_times().equals(many.at_times())
     assert np.array_equal(alone.covariance, many.covariance)
     assert np.array_equal(alone.histograms.counts, many.histograms.counts)
 
@@ -41,22 +41,22 @@ def with_blocks_of(monkeypatch, size, **settings):
 @pytest.mark.parametrize("scene", [dat21(0.5), TOLERANT.with_sigma(0.2)], ids=["DAT21", "redrawn walls"])
 def test_paths_are_the_same_bit_for_bit_for_any_size_of_a_block(scheme, scene, monkeypatch):
     """Other neighbours, other lanes, other times at which lanes change hands; merged sums differ by rounding alone."""
-    settings = {"scheme": scheme, "scene": scene, "paths": 1100, "impacts": 12, "clock": [1.0]}
+    settings = {"scheme": scheme, "scene": scene, "paths": 1100, "impacts": 12, "fixed": [1.0]}
     whole = run_with(**settings)
     for size in (64, 100, 1024):
         cut = with_blocks_of(monkeypatch, size, **settings)
         assert np.array_equal(whole.raw, cut.raw)
         a, b = (r.section.to_numpy(dtype=float) for r in (whole, cut))
         assert np.allclose(a, b, rtol=1e-9, atol=1e-9, equal_nan=True)
-        assert np.allclose(whole.clock().to_numpy(), cut.clock().to_numpy(), rtol=1e-9, atol=1e-9, equal_nan=True)
+        assert np.allclose(whole.at_times().to_numpy(), cut.at_times().to_numpy(), rtol=1e-9, atol=1e-9, equal_nan=True)
 
 
 CHANGES = {
-    "step bias": {"step_bias": True}, "clock": {"clock": [0.6, 5.0]}, "histogram": {"histogram": True},
+    "step bias": {"step_bias": True}, "fixed": {"fixed": [0.6, 5.0]}, "histogram": {"histogram": True},
     "more paths": {"paths": 2 * PATHS}, "fewer paths": {"paths": 7},
     "itineraries": {"itineraries": {"mine": [1, -1, 1, -1]}}, "horizon": {"horizon": 77.7},
     "sequence": {"rng": np.random.SeedSequence(3)},
-    "all": {"step_bias": True, "clock": [0.6, 5.0], "histogram": True, "workers": 3},
+    "all": {"step_bias": True, "fixed": [0.6, 5.0], "histogram": True, "workers": 3},
 }  # fmt: skip
 
 

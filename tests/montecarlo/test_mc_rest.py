@@ -28,9 +28,9 @@ def distances(scene, scheme, dt, sigma=0.0):
     end = min(float(orbit.tau[orbit.found]), 12.0)
     run = simulate(
         scene.with_sigma(sigma), paths=1, impacts=10_000, dt=dt, scheme=scheme, horizon=end,
-        clock=np.linspace(0.3, end - dt, 200), rng=1,
+        times=np.linspace(0.3, end - dt, 200), rng=1,
     )  # fmt: skip
-    table = run.clock()
+    table = run.at_times()
     stages = ["x1", "x2"][: scene.stages]
     followed = np.array([orbit.state(time)[:3:2] for time in table.index])[:, : scene.stages]
     speeds = np.array([orbit.state(time)[1::2] for time in table.index])[:, : scene.stages]
@@ -54,23 +54,23 @@ def test_rest_costs_no_more_than_the_way_of_a_step(name, scheme):
 def test_exact_flights_are_right_to_second_order_through_rest(name):
     """But where both meshes meet: there the impact of the other stage waits for the end of the step."""
     far, _, run = distances(SCENES[name], "exact-flight", 0.005)
-    assert run.held > 10
+    assert run.sticking_steps > 10
     assert np.median(far) < 1e-5
 
 
 def test_a_path_that_never_leaves_a_closed_mesh_is_noticed():
-    """Planted: the orbit of a scene that opens 1 % later."""
+    """NegativeControl: the orbit of a scene that opens 1 % later."""
     scene = SCENES["one stage"]
     _, _, run = distances(scene, "exact-flight", 0.005)
     orbit = follow(Scene(alpha=1.0, epsilon=0.3, beta1=0.05, gamma1=0.808, stages=1), 150)
-    table = run.clock()
+    table = run.at_times()
     far = np.abs(table["x1"].to_numpy() - [orbit.state(t)[0] for t in table.index])
     assert np.median(far) > 1e-4
 
 
 def test_little_noise_does_not_open_a_closed_mesh():
     far, _, run = distances(SCENES["one stage"], "exact-flight", 0.005, sigma=1e-5)
-    assert run.held > 10
+    assert run.sticking_steps > 10
     assert np.median(far) < 1e-4
 
 
@@ -85,4 +85,4 @@ def test_pressed_shut_for_good_is_cheap():
     )
     assert shut < 100.0
     assert run.unfinished == 8
-    assert run.held > 1000
+    assert run.sticking_steps > 1000

@@ -84,7 +84,7 @@ def test_located_scheme_follows_noise_free_orbit_at_first_order():
 
 
 def test_order_check_sees_a_wrong_drag():
-    """Planted: against the orbit of a drag 0.2 % off, the error stops falling with dt."""
+    """NegativeControl: against the orbit of a drag 0.2 % off, the error stops falling with dt."""
     values = {name: getattr(dat21(), name) for name in ("alpha", "epsilon", "beta1", "beta2", "gamma2", "mu")}
     orbit = follow(Scene(**values, gamma1=1.002 * dat21().gamma1), 6)
     steps = 2e-3 / 2.0 ** np.arange(8)
@@ -115,8 +115,8 @@ def test_bridge_splits_an_increment_into_independent_normal_parts():
     z_variance = (parts.var(axis=0) / s - 1.0) * np.sqrt(n / 2.0)
     z_correlation = np.corrcoef(parts.T)[0, 1] * np.sqrt(n)
     assert max(*np.abs(z_variance), abs(z_correlation)) < 3.6  # 1e-3 over three checks
-    planted = 1.1 * parts.var(axis=0)[0] / s[0] - 1.0  # variance 10 % too large
-    assert planted * np.sqrt(n / 2.0) > 3.6
+    controls = 1.1 * parts.var(axis=0)[0] / s[0] - 1.0  # variance 10 % too large
+    assert controls * np.sqrt(n / 2.0) > 3.6
 
 
 def test_noise_that_turns_a_path_at_the_wall_makes_no_impact():

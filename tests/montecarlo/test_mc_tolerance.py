@@ -13,7 +13,7 @@ from rattle.scene import Scene, Start, Tolerance
 
 GAP, C1, C2 = 0.5, 0.04, 0.02
 PATHS = 4000
-LAWS = {
+DISTRIBUTIONS = {
     "uniform": lambda c: stats.uniform(-c, 2.0 * c),
     "normal": lambda c: stats.truncnorm(-2.0, 2.0, scale=0.5 * c),
 }
@@ -21,7 +21,7 @@ REJECTED = {"uniform": "normal", "normal": "uniform"}
 
 
 def run(law, draw, sigma=0.0, impacts=4, paths=PATHS, dt=5e-3, scheme="euler-maruyama-located", rng=2, **settings):
-    scene = dat21(sigma, tolerance=Tolerance(C1, C2, law=law, draw=draw), **settings)
+    scene = dat21(sigma, tolerance=Tolerance(C1, C2, distribution=law, draw=draw), **settings)
     return simulate(scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, keep_paths=True)
 
 
@@ -34,11 +34,13 @@ def met(raw, mesh):
 def runs():
     """Noisy runs of every law and draw, long enough for all flanks to be met."""
     return {
-        (law, draw): run(law, draw, sigma=0.5, impacts=40, paths=500) for law in LAWS for draw in ("path", "contact")
+        (law, draw): run(law, draw, sigma=0.5, impacts=40, paths=500)
+        for law in DISTRIBUTIONS
+        for draw in ("path", "contact")
     }
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", DISTRIBUTIONS)
 @pytest.mark.parametrize("draw", ["path", "contact"])
 def test_impacts_happen_on_walls_within_the_tolerance(runs, law, draw):
     raw = runs[law, draw].raw
@@ -49,7 +51,7 @@ def test_impacts_happen_on_walls_within_the_tolerance(runs, law, draw):
         assert (np.sign(x[seen]) == np.sign(raw[:, :, 6][seen])).all()
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", DISTRIBUTIONS)
 @pytest.mark.parametrize("draw", ["path", "contact"])
 def test_the_other_stage_is_within_its_gap_at_every_impact(runs, law, draw):
     raw = runs[law, draw].raw
@@ -57,7 +59,7 @@ def test_the_other_stage_is_within_its_gap_at_every_impact(runs, law, draw):
     assert np.abs(raw[:, :, 4]).max() <= GAP + C2
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", DISTRIBUTIONS)
 def test_per_path_a_mesh_has_one_half_gap_on_both_flanks(runs, law):
     for mesh in (1, 2):
         x = np.abs(met(runs[law, "path"].raw, mesh))
@@ -67,7 +69,7 @@ def test_per_path_a_mesh_has_one_half_gap_on_both_flanks(runs, law):
 
 
 @pytest.mark.parametrize("mesh", [1, 2])
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", DISTRIBUTIONS)
 def test_per_contact_a_flank_is_redrawn_when_and_only_when_the_opposite_is_struck(runs, law, mesh):
     moved, between = flank_changes(runs[law, "contact"].raw, mesh)
     assert (moved == between).all()
@@ -84,18 +86,18 @@ def free(law, draw, mesh=1, impacts=4, paths=PATHS, start=None, **settings):
     }[mesh]  # fmt: skip
     scene = Scene(
         alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, mu=0.5, start=start,
-        tolerance=Tolerance(C1, C2, law=law, draw=draw),
+        tolerance=Tolerance(C1, C2, distribution=law, draw=draw),
         gap1=1e3 if mesh == 2 else GAP, gap2=1e3 if mesh == 1 else GAP,
     )  # fmt: skip
     return simulate(scene, paths=paths, impacts=impacts, dt=0.01, rng=2, keep_paths=True, **settings)
 
 
 def fits(values, law, c, checks):
-    return stats.kstest(values, LAWS[law](c).cdf).pvalue > FALSE_ALARM / checks
+    return stats.kstest(values, DISTRIBUTIONS[law](c).cdf).pvalue > FALSE_ALARM / checks
 
 
 @pytest.mark.parametrize("mesh", [1, 2])
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", DISTRIBUTIONS)
 @pytest.mark.parametrize("draw", ["path", "contact"])
 def test_walls_have_the_distribution_asked_for(law, draw, mesh):
     raw, c = free(law, draw, mesh).raw, (C1, C2)[mesh - 1]
@@ -107,7 +109,7 @@ def test_walls_have_the_distribution_asked_for(law, draw, mesh):
         assert not fits(1.25 * deviation, law, c, 4)
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", DISTRIBUTIONS)
 @pytest.mark.parametrize("draw", ["path", "contact"])
 def test_a_start_on_a_flank_is_on_the_paths_own_wall(law, draw):
     """The first flight, at speed 2, tells where it began: on a wall drawn like any other."""
@@ -158,8 +160,8 @@ def test_single_stage_takes_a_tolerance():
 
 def spread_after_twenty_crossings(impacts):
     """sd of a bouncing wheel's place at a time when it is nominally half way, and the sd's relative error."""
-    run = free("uniform", "contact", impacts=impacts, clock=[20.5 * GAP])
-    return np.sqrt(run.clock().cov_x1_x1.iloc[0]), 1.0 / np.sqrt(2.0 * PATHS)
+    run = free("uniform", "contact", impacts=impacts, times=[20.5 * GAP])
+    return np.sqrt(run.at_times().cov_x1_x1.iloc[0]), 1.0 / np.sqrt(2.0 * PATHS)
 
 
 def test_walls_of_successive_contacts_add_up_as_independent():

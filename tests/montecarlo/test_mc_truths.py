@@ -52,8 +52,8 @@ def test_flight_check_sees_a_noise_that_the_stages_do_not_share(shared):
 
 
 def test_correlation_of_gaussian_flight_has_fisher_standard_error():
-    run = simulate(UNEQUAL, paths=20_000, impacts=1, dt=0.02, rng=2, clock=UNEQUAL.start.tau + TIMES, horizon=4.0)
-    ratio = run.clock()[["se_z_rho1", "se_z_rho2"]].to_numpy() * math.sqrt(20_000)
+    run = simulate(UNEQUAL, paths=20_000, impacts=1, dt=0.02, rng=2, times=UNEQUAL.start.tau + TIMES, horizon=4.0)
+    ratio = run.at_times()[["se_z_rho1", "se_z_rho2"]].to_numpy() * math.sqrt(20_000)
     assert np.abs(ratio - 1.0).max() < 0.03  # estimated from fourth moments: about 1 % each
 
 

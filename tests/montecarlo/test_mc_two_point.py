@@ -34,8 +34,8 @@ def test_free_flight_has_the_covariance_of_gaussian_increments():
     """Without walls both are linear maps of increments of equal variance: equal covariance, exactly in the mean."""
     scene = open_space(0.5)
     two, normal = (
-        simulate(scene, paths=40_000, impacts=1, dt=0.02, horizon=2.0, clock=[2.0], rng=4, increments=i,
-                 scheme="euler-maruyama").clock()
+        simulate(scene, paths=40_000, impacts=1, dt=0.02, horizon=2.0, times=[2.0], rng=4, increments=i,
+                 scheme="euler-maruyama").at_times()
         for i in ("two-point", "gaussian")
     )  # fmt: skip
     for name in ("cov_x1_x1", "cov_x1_y1", "cov_y1_y1", "cov_y2_y2"):

@@ -23,13 +23,13 @@ def sample(text="a plain text"):
     """A page with one of everything, the text wherever a scene or a name of a file can bring one."""
     speeds = [
         ("saltation", "≥ 480"),
-        ("printed", "9"),
-        ("mended", "–"),
+        ("published", "9"),
+        ("corrected", "–"),
         ("branching", "1,000"),
         ("other", -2),
         (text, "-1.5e2"),
     ]
-    table = Table.of(["reading", Column("speed-up", NUMBER)], [*speeds, *((f"row {i}", 9) for i in range(6))])
+    table = Table.of(["closure", Column("speed-up", NUMBER)], [*speeds, *((f"row {i}", 9) for i in range(6))])
     cells = [Cell(f"{i / 7:+.3f} ± 0.012", ("good", "bad", "open")[i % 3]) for i in range(14)]
     heads = [Column(f"E y{i}", NUMBER) for i in range(14)]
     wide = Table.of(

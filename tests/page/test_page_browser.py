@@ -12,7 +12,7 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium here: sudo
 
 COLUMN = "[...document.querySelectorAll('section table')[0].rows].slice(1).map(row => row.cells[{}].textContent)"
 SPEED = "document.querySelectorAll('section table')[0].tHead.rows[0].cells[1]"
-NAMES = ["saltation", "printed", "mended", "branching", "other", "a plain text", *(f"row {i}" for i in range(6))]
+NAMES = ["saltation", "published", "corrected", "branching", "other", "a plain text", *(f"row {i}" for i in range(6))]
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def nasty(tmp_path_factory):
 def report(tmp_path_factory):
     """A report of the command itself."""
     out = tmp_path_factory.mktemp("report") / "r"
-    words = "--sigma 0.1 --paths 600 --impacts 3 --dt 0.01 --frontier 0.01:1:2 --frontier-paths 600 --out"
+    words = "--sigma 0.1 --paths 600 --impacts 3 --dt 0.01 --validity 0.01:1:2 --validity-paths 600 --out"
     found = CliRunner().invoke(main, ["validate", *words.split(), str(out)])
     assert found.exit_code == 0, found.output
     return out / "report.html"
@@ -70,12 +70,12 @@ def test_loads_alone_and_fits(browser, request, name, width):
 
 def test_what_a_scene_could_bring_is_stopped(browser, page, tmp_path):
     """The escaping apart: a script, a style or a picture that were in the page all the same would do nothing."""
-    planted = (
+    controls = (
         "<script>document.title = 'owned'</script><img src='x' onerror=\"document.title = 'owned'\">"
         "<img src='https://example.invalid/a.png'><style>body { display: none }</style></main>"
     )
     path = tmp_path / "planted.html"
-    path.write_text(page.read_text().replace("</main>", planted))
+    path.write_text(page.read_text().replace("</main>", controls))
     browser.open(path)
     assert browser.run("document.title") == "Is a plain text right?"
     assert browser.run("getComputedStyle(document.body).display") == "block"
@@ -91,21 +91,21 @@ def test_sorts_numbers_as_numbers_and_back(browser, page):
     assert browser.run(COLUMN.format(0)) == [
         "a plain text",
         "other",
-        "printed",
+        "published",
         *rows,
         "saltation",
         "branching",
-        "mended",
+        "corrected",
     ]
     assert browser.run(click) == "descending"
     assert browser.run(COLUMN.format(0)) == [
         "branching",
         "saltation",
-        "printed",
+        "published",
         *rows,
         "other",
         "a plain text",
-        "mended",
+        "corrected",
     ]
     assert browser.run(click) is None
     assert browser.run(COLUMN.format(0)) == NAMES

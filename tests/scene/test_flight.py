@@ -11,7 +11,7 @@ from scipy.integrate import quad_vec
 from scipy.linalg import expm
 
 from rattle.scene import Scene
-from rattle.scene.flight import decay, dragged, flow, jacobian, noise_covariance, noise_rate, turned, wheel_speeds
+from rattle.scene.flight import decay, flow, jacobian, noise_covariance, noise_rate, phi1, phi2, wheel_speeds
 
 BETAS = (0.0, 1e-12, 1e-6, 0.08, 1.0, 50.0)
 PAIRS = list(product(BETAS, BETAS))
@@ -59,8 +59,8 @@ def test_travel_and_drag_hold_to_rounding(beta, t):
     getcontext().prec = 700  # so that beta = 1e-300 cancels harmlessly
     b, d = Decimal(beta), Decimal(t)
     travel = (1 - (-b * d).exp()) / b
-    assert turned(beta, t) == pytest.approx(float(travel), rel=1e-15)
-    assert dragged(beta, t) == pytest.approx(float((d - travel) / b), rel=3e-15)  # the sum of its terms at z = 0.5
+    assert phi1(beta, t) == pytest.approx(float(travel), rel=1e-15)
+    assert phi2(beta, t) == pytest.approx(float((d - travel) / b), rel=3e-15)  # the sum of its terms at z = 0.5
     assert decay(beta, t) == pytest.approx(float((-b * d).exp()), rel=1e-15 * (1 + beta * t))
 
 

@@ -33,7 +33,7 @@ BOTH = Scene(alpha=1.5, epsilon=0.2, beta1=0.01, beta2=0.5, gamma1=0.02, gamma2=
 def rest_of(scene, mesh, impacts, least=0.02):
     """The orbit, and its first rest at a mesh that lasts."""
     orbit = follow(scene, impacts)
-    return orbit, next(r for r in orbit.rests if r.mesh == mesh and r.opened - r.closed > least)
+    return orbit, next(r for r in orbit.sticking if r.mesh == mesh and r.opened - r.closed > least)
 
 
 # --- against compliant contact: the distance falls as stiffness ** -1/2 -----------------------------------------------
@@ -48,7 +48,7 @@ def rest_of(scene, mesh, impacts, least=0.02):
 def test_a_rest_is_the_limit_of_compliant_contact(scene, mesh, impacts):
     """From before the impacts accumulate (both meshes: from their closing) until after the mesh has opened."""
     orbit, rest = rest_of(scene, mesh, impacts)
-    both = any(r is not rest and r.closed <= rest.closed < r.opened for r in orbit.rests)
+    both = any(r is not rest and r.closed <= rest.closed < r.opened for r in orbit.sticking)
     since = rest.closed if both else float(orbit.tau[max(rest.impact - 3, 0)]) + 1e-3
     until = min([r.opened + 0.05 for r in (rest,)] + [t for t in orbit.tau if t > rest.closed + 1e-6])
     soft, hard = (furthest(orbit, since, until - 1e-6, k) for k in (1e5, 1e7))
@@ -57,7 +57,7 @@ def test_a_rest_is_the_limit_of_compliant_contact(scene, mesh, impacts):
 
 
 def test_a_mesh_kept_shut_too_long_is_noticed():
-    """Planted: the opening 1 % of the rest late."""
+    """NegativeControl: the opening 1 % of the rest late."""
     orbit, rest = rest_of(SINGLE, 1, 16)
     late = rest.opened + 0.01 * (rest.opened - rest.closed)
     moved = orbit.legs.copy()
@@ -86,7 +86,7 @@ def test_a_mesh_opens_when_its_contact_stops_pushing(scene, impacts):
     orbit = follow(scene, impacts)
     c = orbit.constants
     seen = 0
-    for rest in orbit.rests:
+    for rest in orbit.sticking:
         if rest.opened - rest.closed < 0.02 or not np.isfinite(rest.opened):
             continue
         if np.abs(orbit.tau - rest.opened).min() < 1e-6:
@@ -195,8 +195,8 @@ def test_the_sum_of_all_bounces(epsilon, drag):
     scene = Scene(alpha=0.0, epsilon=epsilon, beta1=0.0, gamma1=drag, stages=1, start=Start())
     orbit = follow(scene, 10_000)
     assert orbit.stopped == f"{MISSES[REST]} after impact {orbit.found}"
-    assert (len(orbit.rests), orbit.rests[0].opened) == (1, math.inf)
-    assert orbit.rests[0].closed == pytest.approx(math.sqrt(1.0 / drag) * (1 + epsilon) / (1 - epsilon), rel=1e-11)
+    assert (len(orbit.sticking), orbit.sticking[0].opened) == (1, math.inf)
+    assert orbit.sticking[0].closed == pytest.approx(math.sqrt(1.0 / drag) * (1 + epsilon) / (1 - epsilon), rel=1e-11)
 
 
 def test_bounces_under_the_excitation_add_up():
@@ -228,7 +228,7 @@ def test_flights_of_1e_minus_11_keep_their_ratio():
 @COMPILED
 def test_an_elastic_mesh_never_settles():
     orbit = follow(Scene(alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=1.0, stages=1, start=Start()), 5000)
-    assert (orbit.found, orbit.rests) == (5000, ())
+    assert (orbit.found, orbit.sticking) == (5000, ())
 
 
 @COMPILED
@@ -246,12 +246,12 @@ def test_wheels_alike_stay_together_after_a_plastic_impact():
 def test_the_orbit_goes_on_and_linearisations_stop_at_the_rest():
     orbit = follow(SINGLE, 40)
     assert (orbit.found, orbit.stopped) == (40, "")
-    assert len(orbit.rests) >= 2
-    first = orbit.rests[0].impact
-    m = mean_map(SINGLE, impacts=40, reading="mended")
+    assert len(orbit.sticking) >= 2
+    first = orbit.sticking[0].impact
+    m = mean_map(SINGLE, impacts=40, closure="corrected")
     assert m.stopped == f"{MISSES[REST]} after impact {first}"
     assert m.section["tau"].notna().sum() == first
-    m = mean_map(SINGLE, impacts=40, reading="saltation")  # which ends at the first impact that is too slow for it
+    m = mean_map(SINGLE, impacts=40, closure="saltation")  # which ends at the first impact that is too slow for it
     assert m.stopped == f"impact {m.trace.found + 1} grazes its wall"
     assert 0 < m.trace.found <= first
 
@@ -270,14 +270,14 @@ def test_dat21_rests_now_and_then_and_goes_on():
     """Chatter is not confined to other scenes: at eps = 0.9 a slow enough hit against the excitation accumulates."""
     orbit = follow(Scene.from_gears(DAT21), 100_000)
     assert (orbit.found, orbit.stopped) == (100_000, "")
-    assert 1 <= len(orbit.rests) <= 20
-    assert all(0.0 < rest.opened - rest.closed < math.pi for rest in orbit.rests)
+    assert 1 <= len(orbit.sticking) <= 20
+    assert all(0.0 < rest.opened - rest.closed < math.pi for rest in orbit.sticking)
 
 
 def test_pressed_shut_for_good_is_said():
     orbit = follow(Scene(alpha=0.5, epsilon=0.5, beta1=0.0, gamma1=2.0, stages=1), 1000)
     assert orbit.stopped == f"{MISSES[REST]} after impact {orbit.found}"
-    assert orbit.rests[-1].opened == math.inf
+    assert orbit.sticking[-1].opened == math.inf
 
 
 def test_an_orbit_that_strikes_no_more_is_said():

@@ -183,7 +183,7 @@ def test_with_sigma_is_validated():
 
 @pytest.mark.parametrize(("law", "kept"), [("fixed", True), ("uniform", False), ("normal", False)])
 def test_noise_free_drops_what_is_random(law, kept):
-    tolerance = Tolerance(0.05, 0.02, law=law)
+    tolerance = Tolerance(0.05, 0.02, distribution=law)
     quiet = Scene(**VALUES, tolerance=tolerance).noise_free
     assert quiet.sigma == 0.0
     assert quiet.tolerance == (tolerance if kept else None)
@@ -191,7 +191,7 @@ def test_noise_free_drops_what_is_random(law, kept):
 
 @pytest.mark.parametrize(("law", "wall1"), [("fixed", 0.55), ("uniform", 0.5), ("normal", 0.5)])
 def test_only_a_fixed_tolerance_moves_the_orbits_walls(law, wall1):
-    scene = Scene(**VALUES, tolerance=Tolerance(0.05, 0.0, law=law))
+    scene = Scene(**VALUES, tolerance=Tolerance(0.05, 0.0, distribution=law))
     assert scene.constants.wall1 == pytest.approx(wall1)
     assert scene.windows == pytest.approx((0.55, 0.4))  # Eqs. 20, 21 use g + c_max under every law
     assert scene.start_state == pytest.approx((wall1, 2.0, 0.4, 2.0))

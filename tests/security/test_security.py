@@ -41,7 +41,7 @@ CALLS_OUT = {
 }
 CLUSTERS = {"distributed", "asyncio"}
 NAMES = {"eval", "exec", "compile", "__import__", "system", "popen", "read_pickle", "to_pickle", "Popen"}
-SMALL = ["--paths", "64", "--impacts", "1", "--dt", "0.01", "--no-frontier", "--reading", "mended", "--sigma", "0.1"]
+SMALL = ["--paths", "64", "--impacts", "1", "--dt", "0.01", "--no-validity", "--closure", "corrected", "--sigma", "0.1"]
 
 
 # --- what the sources may do
@@ -139,7 +139,7 @@ def test_a_hostile_name_in_a_report(tmp_path, monkeypatch):
 @pytest.mark.parametrize("word", ["--explain", "--status"])
 def test_no_control_character_of_a_study_reaches_the_terminal(tmp_path, word):
     text = (
-        '[study]\ntitle = "a\\u001b[31m\\u0000"\nimpacts = 1\npaths = 64\nreadings = ["mended"]\n'
+        '[study]\ntitle = "a\\u001b[31m\\u0000"\nimpacts = 1\npaths = 64\nclosures = ["corrected"]\n'
         "[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.08\ngamma1 = 0.05\nstages = 1\n[[axes]]\nsigma = [0.1]\n"
     )
     (tmp_path / "s.toml").write_text(text)
@@ -150,7 +150,7 @@ def test_no_control_character_of_a_study_reaches_the_terminal(tmp_path, word):
 
 @pytest.mark.parametrize("value", ['"../../x"', '"<script>"', '"$\\\\frac{$"', '"\\u0000"', '"' + "x" * 5000 + '"'])
 def test_hostile_values_along_an_axis_are_refused(tmp_path, value):
-    for axis in (f"scheme = [{value}]", f'"tolerance.law" = [{value}]', f"{value} = [1]"):
+    for axis in (f"scheme = [{value}]", f'"tolerance.distribution" = [{value}]', f"{value} = [1]"):
         text = (
             "[study]\nimpacts = 1\npaths = 64\n[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.08\ngamma1 = 0.05\n"
             f"stages = 1\n[[axes]]\n{axis}\n"
@@ -211,8 +211,8 @@ def test_no_command_calls_anybody(alone, tmp_path):
 
 def test_dask_is_not_even_loaded_without_a_scheduler(tmp_path):
     text = (
-        '[study]\nimpacts = 1\npaths = 64\nreadings = ["mended"]\n[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.08\n'
-        "gamma1 = 0.05\nstages = 1\n[[axes]]\nsigma = [0.1]\n"
+        '[study]\nimpacts = 1\npaths = 64\nclosures = ["corrected"]\n[scene]\nalpha = 1.5\nepsilon = 0.9\n'
+        "beta1 = 0.08\ngamma1 = 0.05\nstages = 1\n[[axes]]\nsigma = [0.1]\n"
     )
     (tmp_path / "s.toml").write_text(text)
     code = (

@@ -24,11 +24,11 @@ IN_A_NAME = STEERING.replace("\x85", "")
 RAW = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u00ad\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\U000e0000-\U000e007f]"
 )
-SMALL = ["--paths", "64", "--impacts", "1", "--dt", "0.01", "--no-frontier", "--reading", "mended", "--sigma", "0.1"]
+SMALL = ["--paths", "64", "--impacts", "1", "--dt", "0.01", "--no-validity", "--closure", "corrected", "--sigma", "0.1"]
 STUDY = (
-    '[study]\ntitle = {title}\nimpacts = 1\npaths = 64\nreadings = ["mended"]\n[scene]\nalpha = 1.5\nepsilon = 0.9\n'
+    '[study]\ntitle = {title}\nimpacts = 1\npaths = 64\nclosures = ["corrected"]\n[scene]\nalpha = 1.5\nepsilon = 0.9\n'
     "beta1 = 0.08\ngamma1 = 0.05\nstages = 1\n[scene.tolerance]\nc1_max = 0.01\n[[axes]]\nsigma = [0.1]\n[[axes]]\n"
-    '"tolerance.law" = ["uniform", {value}]\n'
+    '"tolerance.distribution" = ["uniform", {value}]\n'
 )
 
 
@@ -112,15 +112,15 @@ def test_a_study_from_end_to_end(tmp_path):
 def test_the_axis_that_was_seen(tmp_path, law):
     (tmp_path / "s.toml").write_text(STUDY.format(title='"t"', value=law))
     said = rattle("study", tmp_path / "s.toml", "--explain").stdout
-    assert len([row for row in said.splitlines() if "tolerance.law: 2 values" in row]) == 1
+    assert len([row for row in said.splitlines() if "tolerance.distribution: 2 values" in row]) == 1
     assert "b" not in said.splitlines()
 
 
 @pytest.mark.parametrize("command", ["validate", "simulate", "order", "tradeoff", "chaos"])
 @pytest.mark.parametrize(
     "text",
-    ["[scene]\n{q} = 1\n", "[scene]\nalpha = {q}\n", "{q} = 1", "[scene.tolerance]\nlaw = {q}\n[scene]\nalpha = 1.0\n",
-     "alpha = \u202e", "[gears]\nalpha = [{q}]\n"],
+    ["[scene]\n{q} = 1\n", "[scene]\nalpha = {q}\n", "{q} = 1",
+     "[scene.tolerance]\ndistribution = {q}\n[scene]\nalpha = 1.0\n", "alpha = \u202e", "[gears]\nalpha = [{q}]\n"],
 )  # fmt: skip
 def test_a_scene_that_is_none(command, text, tmp_path):
     file = tmp_path / f"{IN_A_NAME}.toml"
@@ -163,7 +163,7 @@ def test_a_manifest(tmp_path, monkeypatch):
     data["settings"]["name"] = STEERING + "\ud800"
     data["versions"] = {STEERING: "1", "numpy": STEERING + "\nRepeated bit for bit."}
     table = pd.read_csv("first/table.csv")
-    table["monte_carlo"] *= 1.0 + 1e-13
+    table["simulated"] *= 1.0 + 1e-13
     table.to_csv("first/table.csv", index=False)
     data["table_sha256"] = manifest.digest(Path("first/table.csv").read_text())
     Path("first/manifest.json").write_text(json.dumps(data))

@@ -1,4 +1,4 @@
-"""The flights of `rattle.compare.checks.laws.returning` by the step of ``exact-flight``."""
+"""The flights of `rattle.compare.checks.published.returning` by the step of ``exact-flight``."""
 
 import math
 

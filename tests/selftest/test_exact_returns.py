@@ -1,12 +1,12 @@
-"""The return-speed law holds for the noise's tree and for the refinement of ``exact-flight``."""
+"""The return-speed result holds for the noise's tree and for the refinement of ``exact-flight``."""
 
 import math
 
 from exact_returns import log_ratios
 
-from rattle.compare.checks.laws.law import limit
-from rattle.compare.checks.laws.return_speed import MEAN
-from rattle.compare.checks.laws.returning import log_speeds
+from rattle.compare.checks.published.result import limit
+from rattle.compare.checks.published.return_speed import MEAN
+from rattle.compare.checks.published.returning import log_speeds
 
 PATHS = 40_000
 

@@ -1,4 +1,4 @@
-"""Published laws: the program obeys them, and a law, a scene or a step that is wrong is seen."""
+"""Published results: the program obeys them, and a result, a scene or a step that is wrong is seen."""
 
 import json
 from dataclasses import replace
@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from rattle.closure.orbit import follow
 from rattle.compare.chaos.exponents import lyapunov
-from rattle.compare.checks.laws import (
+from rattle.compare.checks.published import (
     bouncing_ball,
     elastic_box,
     exponent_sum,
@@ -18,9 +18,9 @@ from rattle.compare.checks.laws import (
     return_speed,
     returning,
 )  # fmt: skip
-from rattle.compare.checks.laws.law import Check, Law, Measured, Planted, limit
-from rattle.compare.checks.laws.run import LAWS
-from rattle.compare.checks.laws.run import selftest as put_to_the_test
+from rattle.compare.checks.published.result import Check, Measured, NegativeControl, PublishedResult, limit
+from rattle.compare.checks.published.run import RESULTS
+from rattle.compare.checks.published.run import selftest as put_to_the_test
 from rattle.compare.cli.main import main
 from rattle.montecarlo import simulate
 
@@ -28,21 +28,21 @@ pytestmark = pytest.mark.selftest
 
 
 @pytest.fixture(scope="module")
-def laws():
-    return dict(zip(LAWS, put_to_the_test(), strict=True))
+def results():
+    return dict(zip(RESULTS, put_to_the_test(), strict=True))
 
 
-@pytest.mark.parametrize("name", LAWS)
-def test_law(laws, name):
-    law = laws[name]
-    assert law.obeyed, [c for c in law.measured.checks if not c.holds(law.allowed)]
-    assert len(law.measured.planted) >= 2
-    assert law.rejects, [p.error for p in law.measured.planted if not p.rejected(law.allowed)]
+@pytest.mark.parametrize("name", RESULTS)
+def test_law(results, name):
+    result = results[name]
+    assert result.obeyed, [c for c in result.measured.checks if not c.holds(result.allowed)]
+    assert len(result.measured.controls) >= 2
+    assert result.rejects, [p.error for p in result.measured.controls if not p.rejected(result.allowed)]
 
 
-def test_tolerance_counts_every_statistical_check(laws):
-    checks = [c for law in laws.values() for c in law.measured.checks]
-    assert {law.allowed for law in laws.values()} == {limit(sum(c.se > 0.0 for c in checks))}
+def test_tolerance_counts_every_statistical_check(results):
+    checks = [c for result in results.values() for c in result.measured.checks]
+    assert {result.allowed for result in results.values()} == {limit(sum(c.se > 0.0 for c in checks))}
     for c in checks:  # where nothing is random the bound is of rounding or of the step, not of convenience
         assert c.se > 0.0 or c.slack <= 1e-6 * max(1.0, abs(c.truth)), c
         assert c.slack <= 2e-3 * max(abs(c.truth), 1e-2), c
@@ -53,39 +53,39 @@ def run(*arguments):
 
 
 def test_command_prints_an_aligned_table():
-    done = run("--law", "exponent-sum", "--law", "bouncing-ball")
+    done = run("--result", "exponent-sum", "--result", "bouncing-ball")
     assert done.exit_code == 0
     head, rule, *rows, sentence = done.output.splitlines()
     at = head.index("verdict")
     assert [row[at:] for row in rows] == ["holds", "holds"]
     assert set(rule) == {"-"}
-    assert sentence.startswith("2 of 2 laws hold; 6 checks, 0 of them statistical")
+    assert sentence.startswith("2 of 2 results hold; 6 checks, 0 of them statistical")
 
 
 def test_command_gives_json():
-    done = run("--law", "free-flight", "--json")
+    done = run("--result", "free-flight", "--json")
     found = json.loads(done.output)
     assert found["holds"]
-    law = found["laws"][0]
-    assert law["allowed"] == pytest.approx(limit(22))
-    assert len(law["checks"]) == 32
-    assert all(p["rejected"] for p in law["planted"])
-    assert law["z"] == max(c["z"] for c in law["checks"])
+    result = found["results"][0]
+    assert result["allowed"] == pytest.approx(limit(22))
+    assert len(result["checks"]) == 32
+    assert all(p["rejected"] for p in result["controls"])
+    assert result["z"] == max(c["z"] for c in result["checks"])
 
 
 def test_unknown_law_is_refused():
-    done = run("--law", "gravity")
+    done = run("--result", "gravity")
     assert done.exit_code == 2
-    assert "law = 'gravity'" in done.output + done.stderr
+    assert "result = 'gravity'" in done.output + done.stderr
 
 
 def test_wrong_truth_fails_the_run(monkeypatch):
     monkeypatch.setattr(free_flight, "SCENE", replace(free_flight.SCENE, beta2=0.9))
-    assert run("--law", "free-flight").exit_code == 0
+    assert run("--result", "free-flight").exit_code == 0
     monkeypatch.setattr(bouncing_ball, "_checks", partial(_with_restitution, bouncing_ball._checks, 1.01))
-    done = run("--law", "bouncing-ball", "--law", "free-flight")
+    done = run("--result", "bouncing-ball", "--result", "free-flight")
     assert done.exit_code == 1
-    assert "1 of 2 laws hold" in done.output
+    assert "1 of 2 results hold" in done.output
     assert "FAILS  time to rest, orbit" in done.output
 
 
@@ -93,7 +93,7 @@ def _with_restitution(checks, factor, who, tau, close, epsilon):
     return checks(who, tau, close, factor * epsilon)
 
 
-WRONG = {  # what a law calls, with an error in it
+WRONG = {  # what a result calls, with an error in it
     "free-flight": (free_flight, "simulate", lambda scene, **k: simulate(scene.with_sigma(1.03 * scene.sigma), **k)),
     "bouncing-ball": (
         bouncing_ball,
@@ -109,14 +109,16 @@ WRONG = {  # what a law calls, with an error in it
 @pytest.mark.parametrize("name", WRONG)
 def test_wrong_scene_fails_the_run(monkeypatch, name):
     monkeypatch.setattr(*WRONG[name])
-    done = run("--law", name)
+    done = run("--result", name)
     assert done.exit_code == 1
     assert "FAILS" in done.output.splitlines()[2]
 
 
 def test_law_that_does_not_see_its_planted_error_fails():
     checks = [Check("mean", 1.0, 1.0, 0.01)]
-    blind = Law(Measured("blind", "", "", checks, [Planted("1 % more", [Check("mean", 1.0, 1.01, 0.01)])]), 3.0, 0.0)
+    blind = PublishedResult(
+        Measured("blind", "", "", checks, [NegativeControl("1 % more", [Check("mean", 1.0, 1.01, 0.01)])]), 3.0, 0.0
+    )
     assert blind.obeyed
     assert not blind.rejects
     assert not blind.holds

@@ -71,8 +71,8 @@ WRONG = {"drag": {"gamma1": 1.0, "gamma2": 0.5}, "noise": {"sigma": 0.36}, "rest
 def test_scheme_with_an_error_planted_is_seen_to_be_wrong(scheme, wrong):
     scene = moderate()
     beside = reference(scene, paths=2 * PATHS, seed=1, workers=2)
-    planted = replace(scene, **WRONG[wrong])
-    found = judged(planted, beside, scheme=scheme, dt=5e-4, paths=PATHS, seed=0, workers=2, z=Z)
+    controls = replace(scene, **WRONG[wrong])
+    found = judged(controls, beside, scheme=scheme, dt=5e-4, paths=PATHS, seed=0, workers=2, z=Z)
     assert found.verdict == BIASED
 
 
@@ -126,7 +126,7 @@ def test_command_writes_map_tables_and_page(tmp_path):
         assert float(row["dt"]) == pytest.approx(float(row["share"]) * _door(row), rel=1e-4)
     own = [row for row in rows if row["default"] == "True"]
     assert [float(row["dt"]) for row in own] == pytest.approx([default_step(*_place(row)) for row in own], rel=1e-5)
-    assert "Ensemble.cautions" in (folder / "stability.md").read_text(encoding="utf-8")
+    assert "Ensemble.diagnostics" in (folder / "stability.md").read_text(encoding="utf-8")
     assert json.loads((folder / "manifest.json").read_text())["axes"] == ["sigma"]
     assert (folder / "stability.svg").stat().st_size > 10_000
 
@@ -154,7 +154,7 @@ def _door(row):
 
 
 def test_run_that_is_wrong_and_silent_ends_with_an_exit_code(tmp_path, monkeypatch):
-    monkeypatch.setattr(cells.Ensemble, "cautions", ())
+    monkeypatch.setattr(cells.Ensemble, "diagnostics", ())
     done = run(tmp_path, "--scheme", "euler-maruyama")
     assert done.exit_code == 1
     assert "do not say so: a defect." in done.output

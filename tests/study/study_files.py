@@ -11,7 +11,7 @@ HEAD = """
 [study]
 title = "small"
 impacts = {impacts}
-readings = ["saltation", "mended"]
+closures = ["saltation", "corrected"]
 paths = {paths}
 seed = 3
 common_noise = {common}

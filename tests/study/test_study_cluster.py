@@ -210,8 +210,8 @@ def test_the_loss_of_all_workers_is_said(small, tmp_path):
 )
 def test_a_cell_that_cannot_be_computed_costs_itself_only(small, tmp_path, kind, why):
     """One that kills its workers, and one that is refused there: the reason is given, all others are computed."""
-    store, first = Store(tmp_path / CELLS), next(c for c in small.cells if hasattr(c, "reading"))
-    wrong = kind(first.scene, first.impacts, first.reading)
+    store, first = Store(tmp_path / CELLS), next(c for c in small.cells if hasattr(c, "closure"))
+    wrong = kind(first.scene, first.impacts, first.closure)
     others = [c for c in small.cells if c.key != first.key]
     with of_our_own("", "", DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0") as (_, address, _):
         study = SimpleNamespace(cells=[wrong, *others], title="some")

@@ -74,11 +74,11 @@ def test_an_invalid_point_says_why_and_the_others_stand():
     assert len(study.cells) == 9
 
 
-def test_a_reading_that_cannot_take_a_scene_is_left_out_with_its_reason():
-    text = study_text(more='[[axes]]\n"start.y1" = [-1.0]\n"start.mesh" = [0]\n').replace('"mended"', '"printed"')
+def test_a_closure_that_cannot_take_a_scene_is_left_out_with_its_reason():
+    text = study_text(more='[[axes]]\n"start.y1" = [-1.0]\n"start.mesh" = [0]\n').replace('"corrected"', '"published"')
     point = Study.from_toml(text).points[0]
-    assert [p.reading for p in point.predictions] == ["saltation"]
-    assert "start.mesh = 0" in point.reasons["printed"]
+    assert [p.closure for p in point.predictions] == ["saltation"]
+    assert "start.mesh = 0" in point.reasons["published"]
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,7 @@ def test_a_reading_that_cannot_take_a_scene_is_left_out_with_its_reason():
         (("paths = 4096", ""), "study.paths", "either paths or accuracy"),
         (("paths = 4096", "paths = 4096\naccuracy = 0.1"), "study.paths", "either paths or accuracy"),
         (("paths = 4096", "accuracy = 0.1\ndt = 0.01"), "study.dt", "leave it out"),
-        (('["saltation", "mended"]', '["saltations"]'), "study.readings", "did you mean 'saltation'"),
+        (('["saltation", "corrected"]', '["saltations"]'), "study.closures", "did you mean 'saltation'"),
         (("seed = 3", "seed = 3\nwithin = { means = 0.1 }"), "study.within", "did you mean 'mean'"),
         (("common_noise = true", "common_noise = 1"), "study.common_noise", "true or false"),
         (("epsilon = 0.9", "epsilon = 1.9"), "epsilon", "between 0 and 1"),

@@ -20,7 +20,7 @@ from rattle.compare.cli.main import main
 from rattle.compare.study.design import Study
 from rattle.compare.study.engine import missing, run
 from rattle.compare.study.executors import Here
-from rattle.compare.study.figures import frontier
+from rattle.compare.study.figures import validity
 from rattle.compare.study.obtain import obtain
 from rattle.compare.study.page import answer
 from rattle.compare.study.results import Results
@@ -74,7 +74,7 @@ def small(tmp_path):
 def test_tables_load_in_one_line(slow):
     file, _ = slow
     results = load(file.with_suffix(""))
-    assert len(results.errors) == 6 * 2 * 2 * 2 * 6  # sigma, reading, impact, moment, quantity
+    assert len(results.errors) == 6 * 2 * 2 * 2 * 6  # sigma, closure, impact, moment, quantity
     assert set(results.sections["moment"]) == {"mean", "sd", "skew"}
     assert {"rate", "energy"} < set(results.sections["quantity"])
     assert set(results.errors.loc[~results.errors["judged"], "verdict"]) == {"not judged"}
@@ -83,10 +83,10 @@ def test_tables_load_in_one_line(slow):
     assert (loose["verdict"] == "not judged").equals(~loose["judged"])
     data = results.to_xarray()
     row = results.errors.query("sigma == 0.02 and impact == 2 and quantity == 'y1' and moment == 'sd'")
-    row = row[row["reading"] == "saltation"].iloc[0]
+    row = row[row["closure"] == "saltation"].iloc[0]
     at = {"sigma": 0.02, "impact": 2, "quantity": "y1", "moment": "sd"}
-    assert float(data["error"].sel(**at, reading="saltation")) == row["error"]
-    assert float(data["monte_carlo"].sel(**at)) == row["monte_carlo"]
+    assert float(data["error"].sel(**at, closure="saltation")) == row["error"]
+    assert float(data["simulated"].sel(**at)) == row["simulated"]
 
 
 def test_killed_and_resumed_is_the_same_to_the_last_bit(slow, tmp_path):
@@ -237,7 +237,7 @@ def test_what_a_closure_cannot_take_is_said_once_with_exit_code_1(tmp_path):
     """A closure that cannot take a scene with a start in flight, beside one that can, at six points."""
     file = tmp_path / "s.toml"
     start = '[[axes]]\n"start.mesh" = [0]\n"start.x1" = [0.1]\n[[axes]]\nepsilon = [0.8, 0.9]\n'
-    file.write_text(study_text(paths=512, more=start).replace('"mended"', '"printed"'))
+    file.write_text(study_text(paths=512, more=start).replace('"corrected"', '"published"'))
     for words, code in (((file, "--explain"), 0), ((file,), 1), ((file, "--status"), 0), ((file,), 1)):
         found = rattle(*words)
         assert found.exit_code == code, found.output
@@ -253,7 +253,7 @@ def test_what_a_closure_cannot_take_is_said_once_with_exit_code_1(tmp_path):
 def test_a_study_without_a_closure_that_can_still_ends(tmp_path):
     file = tmp_path / "s.toml"
     start = '[[axes]]\n"start.mesh" = [0]\n"start.x1" = [0.1]\n'
-    file.write_text(study_text(paths=512, more=start).replace('"saltation", "mended"', '"printed"'))
+    file.write_text(study_text(paths=512, more=start).replace('"saltation", "corrected"', '"published"'))
     found = rattle(file)
     assert found.exit_code == 1, found.output
     assert load(tmp_path / "s").errors.empty
@@ -262,7 +262,7 @@ def test_a_study_without_a_closure_that_can_still_ends(tmp_path):
 UNDECIDED = """
 [study]
 impacts = 4
-readings = ["saltation", "printed"]
+closures = ["saltation", "published"]
 scheme = "euler-maruyama-located"
 paths = 3000
 seed = 1
@@ -278,18 +278,18 @@ sigma = [0.01, 0.02]
 
 
 def test_undecided_is_not_called_wrong(tmp_path):
-    """At the smallest value no row of a reading is inaccurate and some are undecided: so it is said, and drawn."""
+    """At the smallest value no row of a closure is inaccurate and some are undecided: so it is said, and drawn."""
     study, store = Study.from_toml(UNDECIDED), Store(tmp_path / CELLS)
     run(study, store, Here(1))
     found = Results.of(study, store)
-    first = found.errors.query("sigma == 0.01 and reading == 'saltation'")["verdict"].value_counts()
+    first = found.errors.query("sigma == 0.01 and closure == 'saltation'")["verdict"].value_counts()
     assert "inaccurate" not in first
     assert first["accurate"] > 5
     assert first["undecided"] > 5
-    _, printed, saltation, _ = answer(found)
+    _, published, saltation, _ = answer(found)
     assert saltation.startswith("saltation: not shown wrong up to sigma = 0.02 (undecided for want of paths")
-    assert printed == "printed: shown wrong at sigma = 0.01, the smallest."
-    figure = frontier(found, found.frontier)
+    assert published == "printed: shown wrong at sigma = 0.01, the smallest."
+    figure = validity(found, found.validity)
     words = [text.get_text() for text in figure.legends[0].get_texts()]
     assert "saltation: accurate up to" in words
     assert "not shown wrong up to" in words
@@ -308,7 +308,7 @@ def test_a_range_that_depends_on_another_field_is_said_for_each(tmp_path):
     assert "saltation: accurate up to sigma = 0.3." in answer(found)
     found = Results.of(study, store)
     errors = found.errors
-    wrong = (errors["epsilon"] == 0.5) & (errors["sigma"] == 0.3) & (errors["reading"] == "saltation")
+    wrong = (errors["epsilon"] == 0.5) & (errors["sigma"] == 0.3) & (errors["closure"] == "saltation")
     errors["verdict"] = np.where(wrong, "inaccurate", "accurate")
     said = (
         "saltation: accurate up to sigma = 0.01, shown wrong at 0.3 (at epsilon = 0.5); accurate up to sigma = 0.3 (at "
@@ -316,7 +316,7 @@ def test_a_range_that_depends_on_another_field_is_said_for_each(tmp_path):
     )
     assert said in answer(found)
     errors.loc[wrong, "verdict"] = "not predicted"
-    del found.__dict__["frontier"]
+    del found.__dict__["validity"]
     assert said.replace("shown wrong at", "not followed to its end at") in answer(found)
 
 
@@ -413,9 +413,11 @@ def test_what_another_process_is_writing_is_left_to_it(tmp_path):
 
 def test_overhead_of_the_study_is_small(tmp_path):
     """The engine and the store take less than 2 % of the sampling: a second of sampling, two cells."""
-    study = Study.from_toml(study_text(sigmas=(0.01,), paths=600_000).replace('"saltation", "mended"', '"mended"'))
+    study = Study.from_toml(
+        study_text(sigmas=(0.01,), paths=600_000).replace('"saltation", "corrected"', '"corrected"')
+    )
     store = Store(tmp_path / CELLS)
-    run(Study.from_toml(study_text(sigmas=(0.01,)).replace('"saltation", "mended"', '"mended"')), store, Here(1))
+    run(Study.from_toml(study_text(sigmas=(0.01,)).replace('"saltation", "corrected"', '"corrected"')), store, Here(1))
     before = time.thread_time()
     outcome = run(study, store, Here(1))
     # what the engine's own thread does; it shares the processor with the sampling

@@ -16,7 +16,7 @@ from rattle.scene import DAT21, Scene
 def loaded():
     """An inner session forgets the modules that it has loaded itself, and compiled code can be loaded only once."""
     scene = Scene.from_gears(DAT21, sigma=0.02)
-    mean_map(scene, impacts=1, reading="branching")
+    mean_map(scene, impacts=1, closure="branching")
     simulate(scene, paths=2, impacts=1, scheme="exact-flight", control=True, batches=True, energy=True)
 
 

@@ -37,7 +37,7 @@ def test_passes(rattle):
 
 @pytest.mark.rattle(moments="mean")
 def test_fails(rattle):
-    rattle.check("mended")
+    rattle.check("corrected")
 
 @pytest.mark.rattle(within=1e-3, quantities="y1")
 def test_undecided(rattle):
@@ -120,27 +120,27 @@ def test_the_example_suite_holds(pytester, ensembles):
     result.stdout.fnmatch_lines(["checks * 70 rows in 4 tests: 70 passed, 0 failed, 0 undecided", "*1 as recorded*"])
 
 
-def test_the_readme_shows_what_is_printed(pytester):
+def test_the_readme_shows_what_is_published(pytester):
     section = (ROOT / "README.md").read_text().split("## Accuracy thresholds in pytest")[1]
-    code, printed = re.search(r"```python\n(.*?)```.*?```\n(.*?)```", section, re.DOTALL).groups()
+    code, published = re.search(r"```python\n(.*?)```.*?```\n(.*?)```", section, re.DOTALL).groups()
     pytester.makepyfile(test_gate=code)
     shutil.copy(HERE / "example_suite" / "dat21.toml", pytester.path)
     shown = pytester.runpytest_inprocess("-p", "rattle.compare.thresholds.plugin", "-q").stdout.str().splitlines()
-    steady = [line for line in printed.splitlines() if not re.search(r"in \d+\.\d+ s|in \d+\.\d+s", line)]
+    steady = [line for line in published.splitlines() if not re.search(r"in \d+\.\d+ s|in \d+\.\d+s", line)]
     assert len(steady) >= 10
     assert [line for line in steady if line not in shown] == []
 
 
 BAD_MODELS = {
-    "'saltations'": "reading = 'saltations': did you mean 'saltation'?",
-    "3": "model = 3: give a reading's name, or a function",
+    "'saltations'": "closure = 'saltations': did you mean 'saltation'?",
+    "3": "model = 3: give a closure's name, or a function",
     "lambda s, k: 3": "result of <lambda> = 'int': return a DataFrame",
     "lambda s, k: right(s, k)[['tau', 'y1']]": "'y2' is missing; add it",
     "lambda s, k: right(s, k).rename(columns={'tau': 'y1'})": "columns of <lambda> = ",
     "lambda s, k: right(s, k).iloc[:1]": "index of <lambda> = [1]: must hold each impact once, from 1 to 2",
     "lambda s, k: right(s, k).assign(tau='soon')": "column 'tau' of <lambda> = ['soon', 'soon']: must hold numbers",
     "lambda s, k: right(s, k) * float('inf')": "tau of <lambda> at impact 1 = inf: is no prediction",
-    "'mended'": "sd_tau of mended at impact 1 = nan: is no prediction",
+    "'corrected'": "sd_tau of mended at impact 1 = nan: is no prediction",
 }
 
 

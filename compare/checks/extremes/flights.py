@@ -66,8 +66,8 @@ def damped() -> Extreme:
             values, _ = truth.flight(constants(alpha=0.0, beta1=beta, gamma1=1.0), 0.0, 0.0, 0.0, t)
             (_, e, _, _), *_ = truth.jacobian(constants(beta1=beta), t)
             errors += [
-                farthest(damping.turned(beta, t), e, e),
-                farthest(damping.dragged(beta, t), values[0], values[0]),
+                farthest(damping.phi1(beta, t), e, e),
+                farthest(damping.phi2(beta, t), values[0], values[0]),
             ]
     return Extreme(
         "speed and drag turned into travel", "beta", "beta 0, 1e-14 to 1e3; t 1e-12 to 1e6", "MODEL 2 in 400 digits",

@@ -16,7 +16,7 @@ __all__ = ["ROWS"]
 EPSILONS = (0.0, 1e-12, 0.1, math.exp(-math.pi / math.sqrt(3.0)), 0.9, 1.0 - 2.0**-53, 1.0)
 
 
-def parted() -> Extreme:
+def diverged() -> Extreme:
     """Saltation matrix."""
     rng, errors = np.random.default_rng(5), []
     for epsilon in EPSILONS:
@@ -102,4 +102,4 @@ def together() -> Extreme:
     )  # fmt: skip
 
 
-ROWS = (parted, grazed, together)
+ROWS = (diverged, grazed, together)

@@ -20,7 +20,7 @@ def accumulated() -> Extreme:
                 scene = Scene(
                     alpha=0.0, epsilon=epsilon, beta1=0.0, gamma1=pull * gap, gap1=gap, stages=1, start=Start()
                 )  # fmt: skip
-                rests = orbit.follow(scene, 5000).rests
+                rests = orbit.follow(scene, 5000).sticking
                 closed = rests[0].closed if len(rests) == 1 and math.isinf(rests[0].opened) else math.nan
                 exact = fall * (1.0 + epsilon) / (1.0 - epsilon)
                 errors.append(farthest(closed, exact, exact))
@@ -41,7 +41,7 @@ def opened() -> Extreme:
                     alpha=size, epsilon=0.2, beta1=beta, gamma1=share * most * size, gap1=0.5 * size, stages=1,
                     start=Start(0.0, 0.5 * size, 0.1 * size, 0.0, 0.0, mesh=1),
                 )  # fmt: skip
-                rests = [r for r in orbit.follow(scene, 60).rests if r.opened - r.closed > 0.1]
+                rests = [r for r in orbit.follow(scene, 60).sticking if r.opened - r.closed > 0.1]
                 # share + sin(atan beta - tau) = 0 on the way down
                 exact = [math.asin(share) + math.atan(beta) + 2.0 * math.pi * n for n in range(200)]
                 errors.append(math.inf if not rests else 0.0)

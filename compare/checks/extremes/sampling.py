@@ -7,8 +7,8 @@ import numpy as np
 
 from rattle import closure, montecarlo
 from rattle.compare.checks.extremes.row import Extreme, farthest, worst_of
-from rattle.compare.checks.laws import returning
-from rattle.compare.checks.laws.exit_time import mean_exit_time
+from rattle.compare.checks.published import returning
+from rattle.compare.checks.published.exit_time import mean_exit_time
 from rattle.montecarlo import SCHEMES
 from rattle.montecarlo.kernel.kernel import PLAIN
 from rattle.scene import DAT21, Scene, Start, Tolerance
@@ -65,17 +65,17 @@ def kept() -> Extreme:
             scene = Scene.from_gears(replace(DAT21, epsilon=epsilon), sigma=sigma)
             for scheme in SCHEMES:
                 dt = min(5e-3, 0.1 / (2.0 + sigma))
-                clock = dt * np.array([64.0, 128.0, 256.0])
+                fixed = dt * np.array([64.0, 128.0, 256.0])
                 run = montecarlo.simulate(
-                    scene, paths=32, impacts=4, dt=dt, horizon=256.0 * dt, scheme=scheme, clock=clock, keep_paths=True
+                    scene, paths=32, impacts=4, dt=dt, horizon=256.0 * dt, scheme=scheme, times=fixed, keep_paths=True
                 )
-                means = run.clock()[["x1", "x2"]].abs().to_numpy()
+                means = run.at_times()[["x1", "x2"]].abs().to_numpy()
                 assert run.raw is not None
                 struck = np.nan_to_num(np.abs(run.raw[:, :, [2, 4]]))
                 over = max(float(means.max()), float(struck.max())) - 0.5
                 plain = SCHEMES[scheme].code == PLAIN  # it looks for walls at the ends of its steps
                 unit = 0.5 + (10.0 + 5.0 * sigma * math.sqrt(dt)) * dt * 1e9 * plain
-                errors.append(max(over, 0.0) / unit if len(means) == len(clock) else math.inf)
+                errors.append(max(over, 0.0) / unit if len(means) == len(fixed) else math.inf)
     return Extreme(
         "paths that stick or collapse", "epsilon, sigma", "epsilon 0, 0.05, 0.163, 1; sigma 1e-3 to 1e3; every scheme",
         "they end, between the walls", worst_of(errors), 1e-9, "half gap, or plain step",
@@ -95,17 +95,17 @@ def pressed() -> Extreme:
             for scheme in SCHEMES:
                 dt = min(fall / 256.0, 0.05)
                 run = montecarlo.simulate(
-                    scene, paths=1, impacts=10_000, dt=dt, horizon=2.5 * rest, scheme=scheme, clock=[2.0 * rest]
+                    scene, paths=1, impacts=10_000, dt=dt, horizon=2.5 * rest, scheme=scheme, times=[2.0 * rest]
                 )
-                row = run.clock().iloc[0]
+                row = run.at_times().iloc[0]
                 bounce = 2.0 * drag * dt  # of the plain scheme, which meets a wall at the end of its step
                 errors.append(farthest(row["x1"], gap, gap + drag * dt * dt))
                 errors.append(max(abs(float(row["y1"])) / bounce - 1.0, 0.0))
             orbit = closure.follow(scene, 2000)
             said = "rest" in orbit.stopped or bool((np.diff(orbit.tau) > 0.0).all())
             errors.append(0.0 if said else math.inf)
-            for reading in ("mended", "saltation"):
-                m = closure.mean_map(scene.with_sigma(1e-3 * gap), impacts=200, reading=reading)
+            for name in ("corrected", "saltation"):
+                m = closure.mean_map(scene.with_sigma(1e-3 * gap), impacts=200, closure=name)
                 errors.append(0.0 if m.stopped or m.trace.found == 200 else math.inf)
     return Extreme(
         "a mesh pressed shut", "gamma", "drags of 1 to 1e4 gaps, gaps 1e-8 to 1e4; every scheme; closures say why",
@@ -120,11 +120,11 @@ def nearly_closed() -> Extreme:
     for gap in (1e-8, 0.5, 1e4):
         plain = Scene.from_gears(DAT21, sigma=0.1).scaled(2.0 * gap)
         most = gap * (1.0 - 2.0**-40)
-        fixed = replace(plain, tolerance=Tolerance(most, most, law="fixed"))
+        fixed = replace(plain, tolerance=Tolerance(most, most, distribution="fixed"))
         start = replace(plain.start, x1=gap + most, x2=gap + most)
         wide = replace(plain, gap1=gap + most, gap2=gap + most, start=start)
-        for reading in ("printed", "mended", "saltation"):
-            a, b = (closure.mean_map(s, impacts=3, reading=reading).section for s in (fixed, wide))
+        for name in ("published", "corrected", "saltation"):
+            a, b = (closure.mean_map(s, impacts=3, closure=name).section for s in (fixed, wide))
             errors.append(farthest(a.select_dtypes("number"), b.select_dtypes("number"), gap))
         for control in (False, True):
             a, b = (
@@ -132,16 +132,20 @@ def nearly_closed() -> Extreme:
                 for s in (fixed, wide)
             )
             errors.append(farthest(a.select_dtypes("number"), b.select_dtypes("number"), gap))
-        for law in ("uniform", "normal"):
+        for distribution in ("uniform", "normal"):
             for draw in ("path", "contact"):
-                loose = replace(plain, tolerance=Tolerance(most, most, law=law, draw=draw), start=Start(0.0, 0.0, gap))
+                loose = replace(
+                    plain,
+                    tolerance=Tolerance(most, most, distribution=distribution, draw=draw),
+                    start=Start(0.0, 0.0, gap),
+                )
                 run = montecarlo.simulate(
                     loose, paths=64, impacts=4, scheme="exact-flight", rng=2, keep_paths=True, horizon=20.0
                 )
                 assert run.raw is not None
                 errors.append(max(float(np.nan_to_num(np.abs(run.raw[:, :, [2, 4]])).max()) / (gap + most) - 1.0, 0.0))
     return Extreme(
-        "tolerances as large as the gap", "c_max", "c_max within 1e-12 of gaps of 1e-8, 0.5, 1e4; every law",
+        "tolerances as large as the gap", "c_max", "c_max within 1e-12 of gaps of 1e-8, 0.5, 1e4; every distribution",
         "a wider gap; no path beyond it", worst_of(errors), 0.0, "a half gap",
     )  # fmt: skip
 

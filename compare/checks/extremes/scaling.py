@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from rattle import closure, montecarlo
-from rattle.closure import READINGS, long_orbit
+from rattle.closure import CLOSURES, long_orbit
 from rattle.compare.checks.extremes import truth
 from rattle.compare.checks.extremes.row import ROUNDING, Extreme, farthest, worst_of
 from rattle.compare.validation import validate as validation
@@ -31,17 +31,20 @@ def _scene(tau: float = 0.0) -> Scene:
 
 
 def _sections(scene: Scene) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Section tables of every reading and every scheme, the times counted from the phase."""
-    for reading in READINGS:
-        yield reading, closure.mean_map(scene, impacts=IMPACTS, reading=reading).near.section
+    """Section tables of every closure and every scheme, the times counted from the phase."""
+    for name in CLOSURES:
+        yield name, closure.mean_map(scene, impacts=IMPACTS, closure=name).phase_reduced.section
     for scheme in SCHEMES:
-        yield scheme, montecarlo.simulate(scene, paths=PATHS, impacts=IMPACTS, scheme=scheme, rng=3).near.section
+        yield (
+            scheme,
+            montecarlo.simulate(scene, paths=PATHS, impacts=IMPACTS, scheme=scheme, rng=3).phase_reduced.section,
+        )
     loose = Tolerance(scene.gap1 / 64.0, scene.gap2 / 64.0, draw="contact")
     noisy = replace(scene, tolerance=loose)
-    yield "saltation, loose", closure.mean_map(noisy, impacts=IMPACTS, reading="saltation").near.section
+    yield "saltation, loose", closure.mean_map(noisy, impacts=IMPACTS, closure="saltation").phase_reduced.section
     yield (
         "exact-flight, loose",
-        montecarlo.simulate(noisy, paths=PATHS, impacts=IMPACTS, scheme="exact-flight", rng=3).near.section,
+        montecarlo.simulate(noisy, paths=PATHS, impacts=IMPACTS, scheme="exact-flight", rng=3).phase_reduced.section,
     )
 
 
@@ -54,7 +57,7 @@ def _stretches(scene: Scene) -> Iterator[np.ndarray]:
 
 
 def _verdicts(scene: Scene) -> np.ndarray:
-    """What is said of every moment of every reading."""
+    """What is said of every moment of every closure."""
     found = validation.validate(scene, impacts=2, paths=1024, rng=1, scheme="exact-flight")
     return found.table["verdict"].to_numpy(str)
 
@@ -82,7 +85,7 @@ def unit_of_length() -> Extreme:
             errors.append(farthest(rows, wide, np.maximum(np.abs(wide), 1e-300)))
     return Extreme(
         "unit of length", "all lengths",
-        "gaps 7e-9 to 8e3: every reading, scheme and verdict, chaos", "exact scaling, bit for bit",
+        "gaps 7e-9 to 8e3: every closure, scheme and verdict, chaos", "exact scaling, bit for bit",
         worst_of(errors), 0.0, "each number",
     )  # fmt: skip
 
@@ -98,24 +101,24 @@ def whole_periods() -> Extreme:
         for rows, exact in zip(_stretches(late), _stretches(near), strict=True):
             errors.append(farthest(rows, exact, np.maximum(np.abs(exact), 1.0)))
     return Extreme(
-        "late start: flights, sds, means", "start.tau", "1e4 to 1e12, and -1e12: every reading, every scheme, chaos",
+        "late start: flights, sds, means", "start.tau", "1e4 to 1e12, and -1e12: every closure, every scheme, chaos",
         "the same scene at the phase from 400 digits of pi", worst_of(errors), 1e-11, "1, or each number",
     )  # fmt: skip
 
 
 def proportional() -> Extreme:
-    """Sds of the linear readings are the noise intensity times what they are at 1; none without noise."""
+    """Sds of the linear closures are the noise intensity times what they are at 1; none without noise."""
     errors = []
-    for reading in ("mended", "saltation"):
+    for name in ("corrected", "saltation"):
         one, *others = (
-            closure.mean_map(_scene().with_sigma(sigma), impacts=6, reading=reading).section.filter(like="sd_")
+            closure.mean_map(_scene().with_sigma(sigma), impacts=6, closure=name).section.filter(like="sd_")
             for sigma in (1.0, *SIGMAS)
         )
         for sigma, table in zip(SIGMAS, others, strict=True):
             exact = sigma * one.to_numpy()
             errors.append(farthest(table, exact, np.maximum(exact, 1e-13 * sigma)))
     return Extreme(
-        "sds of linear readings", "sigma", "0, 1e-30 to 1e4: mended, saltation", "proportional to sigma",
+        "sds of linear closures", "sigma", "0, 1e-30 to 1e4: corrected, saltation", "proportional to sigma",
         worst_of(errors), 1e-11, "each sd",
     )  # fmt: skip
 
@@ -137,7 +140,7 @@ def told() -> Extreme:
     for tau in STARTS:
         late = _scene(tau)
         m = closure.mean_map(late, impacts=IMPACTS)
-        since = m.near.section["tau"].to_numpy() - late.phase
+        since = m.phase_reduced.section["tau"].to_numpy() - late.phase
         exact = [float(Fraction(tau) + Fraction(s)) for s in since]
         errors.append(farthest(m.section["tau"], exact, np.spacing(abs(tau))))
         scenes = (late, _scene(truth.phase(tau)))

@@ -35,7 +35,7 @@ def short_damping() -> Extreme:
         j = truth.jacobian(c, h)
         drag = truth.flight(c._replace(alpha=0.0, gamma1=1.0), 0.0, 0.0, 0.0, h)[0][0]
         e1, e12 = short.short_apart(c.beta1, c.beta2, h)
-        found = [short.short_turned(c.beta1, h), short.short_dragged(c.beta1, h), e1, e12]
+        found = [short.short_phi1(c.beta1, h), short.short_phi2(c.beta1, h), e1, e12]
         exact = np.array([j[0][1], drag, j[0][1], j[2][1]])
         errors.append(farthest(found, exact, np.maximum(np.abs(exact), 1e-300)))
     return Extreme(

@@ -39,7 +39,7 @@ def _betas(c: Constants) -> tuple[Any, Any]:
     return mp.mpf(c.beta1 or NIL), mp.mpf(c.beta2 or NIL)
 
 
-def _turned(beta: Any, t: Any) -> Any:
+def _phi1(beta: Any, t: Any) -> Any:
     return -mp.expm1(-beta * t) / beta
 
 
@@ -50,7 +50,7 @@ def flight(c: Constants, tau: float, y1: float, y2: float, t: float) -> tuple[li
     a, g1, g2, tau, t = (mp.mpf(v) for v in (c.alpha, c.gamma1, c.gamma2, tau, t))
     u1 = a * mp.cos(tau) - y1
     u2 = u1 + y2
-    e1, e2, d1, d2 = _turned(b1, t), _turned(b2, t), mp.exp(-b1 * t), mp.exp(-b2 * t)
+    e1, e2, d1, d2 = _phi1(b1, t), _phi1(b2, t), mp.exp(-b1 * t), mp.exp(-b2 * t)
     drag1, drag2 = (t - e1) / b1, (t - e2) / b2
     s1, s2 = u1 * e1 - g1 * drag1, u2 * e2 - g2 * drag2
     v1, v2 = u1 * d1 - g1 * e1, u2 * d2 - g2 * e2
@@ -71,7 +71,7 @@ def jacobian(c: Constants, t: float) -> list[list[float]]:
     """``exp(A t)``."""
     b1, b2 = _betas(c)
     time = mp.mpf(t)
-    e1, e2, d1, d2 = _turned(b1, time), _turned(b2, time), mp.exp(-b1 * time), mp.exp(-b2 * time)
+    e1, e2, d1, d2 = _phi1(b1, time), _phi1(b2, time), mp.exp(-b1 * time), mp.exp(-b2 * time)
     rows = [[1, e1, 0, 0], [0, d1, 0, 0], [0, e1 - e2, 1, e2], [0, d1 - d2, 0, d2]]
     return [[float(v) for v in row] for row in rows]
 
@@ -150,11 +150,11 @@ def noise(c: Constants, tau: float, t: float) -> list[list[float]]:
 def saltation(c: Constants, mesh: int, tau: float, y1: float, y2: float) -> tuple[list[list[float]], list[list[float]]]:
     """``R + (F+ - R F-) g' / (g' F-)`` of docs/model.md section 6, and the size of the terms of each entry."""
     a, eps, mu = mp.mpf(c.alpha), mp.mpf(c.epsilon), mp.mpf(c.mu)
-    law = mp.eye(4)
+    restitution = mp.eye(4)
     if mesh == 1:
-        law[1, 1], law[3, 1] = -eps, -(1 + eps)
+        restitution[1, 1], restitution[3, 1] = -eps, -(1 + eps)
     else:
-        law[1, 3], law[3, 3] = -(1 + eps) * mu, -eps
+        restitution[1, 3], restitution[3, 3] = -(1 + eps) * mu, -eps
 
     def rate(s: Any) -> tuple[Any, Any]:
         u1 = a * mp.cos(tau) - s[1]
@@ -166,14 +166,14 @@ def saltation(c: Constants, mesh: int, tau: float, y1: float, y2: float) -> tupl
         return value, mp.matrix([abs(s[1]), abs(a * mp.sin(tau)) + size[0], abs(s[3]), size[0] + size[1]])
 
     before = mp.matrix([0, mp.mpf(y1), 0, mp.mpf(y2)])
-    (f, f_size), (h, h_size) = rate(before), rate(law * before)
-    absolute = law.apply(abs)
+    (f, f_size), (h, h_size) = rate(before), rate(restitution * before)
+    absolute = restitution.apply(abs)
     j = 2 * (mesh - 1)
-    jump, size = (h - law * f) / f[j], (h_size + absolute * f_size) / abs(f[j])
+    jump, size = (h - restitution * f) / f[j], (h_size + absolute * f_size) / abs(f[j])
     for i in range(4):
-        law[i, j] += jump[i]
+        restitution[i, j] += jump[i]
         absolute[i, j] += size[i]
-    return [[float(law[i, k]) for k in range(4)] for i in range(4)], [
+    return [[float(restitution[i, k]) for k in range(4)] for i in range(4)], [
         [float(absolute[i, k]) for k in range(4)] for i in range(4)
     ]
 

@@ -94,7 +94,7 @@ def sampled(scene: Scene, *, scheme: str, dt: float, paths: int, seed: int, work
     1.0
     """
     plan = plan_of(
-        scene, paths=paths, impacts=IMPACTS, dt=dt, scheme=scheme, rng=seed, past_the_door=True,
+        scene, paths=paths, impacts=IMPACTS, dt=dt, scheme=scheme, rng=seed, any_step=True,
         horizon=max(horizon_of(scene), 4.0 * dt),
     )  # fmt: skip
     merged: BlockResult | None = None
@@ -129,7 +129,7 @@ def judged(
                 break
             run = extended(run, min(paths, GROWTH * run.paths), in_threads(workers))
         return Judged(
-            verdict, error, half, where, len(run.cautions) > bool(shortened(run)), run.plan.paths, beside.moments
+            verdict, error, half, where, len(run.diagnostics) > bool(shortened(run)), run.plan.paths, beside.moments
         )
 
 

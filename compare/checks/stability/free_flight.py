@@ -38,10 +38,10 @@ def covariance_table(*, points: int = 7, paths: int, seed: int, workers: int) ->
         for share in SHARES:
             steps = np.ceil(FLIGHT / (share * largest))
             run = simulate(
-                scene, paths=paths, impacts=1, scheme="exact-flight", dt=FLIGHT / steps, clock=[FLIGHT], rng=seed,
+                scene, paths=paths, impacts=1, scheme="exact-flight", dt=FLIGHT / steps, times=[FLIGHT], rng=seed,
                 horizon=1.5 * FLIGHT, workers=workers,
             )  # fmt: skip
-            table = run.clock().iloc[0]
+            table = run.at_times().iloc[0]
             law = np.diag(noise_covariance(scene.constants, 0.0, FLIGHT))
             found = np.array([table[f"cov_{q}_{q}"] for q in STATE])
             se = np.array([table[f"se_cov_{q}_{q}"] for q in STATE])

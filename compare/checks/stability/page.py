@@ -31,7 +31,7 @@ MARK = {UNBIASED: "good", BIASED: "bad", UNSTABLE: "bad", UNDECIDED: "open"}
 DOOR = (
     "A step beyond the door is refused before any path has run, with the longest step that is let through and what "
     "limits it. A default step beyond the door is shortened to it, and the result says so. What the door lets through "
-    "and may still be biased says so in the result: Ensemble.cautions, which rattle simulate prints."
+    "and may still be biased says so in the result: Ensemble.diagnostics, which rattle simulate prints."
 )
 TOLERANCE = (
     "A cell is unbiased if all section means are within {mean:.0%} and all sds within {sd:.0%} of an sd of the "
@@ -179,4 +179,4 @@ def _law(law: pd.DataFrame) -> Table:
         ]
         for _, r in law.iterrows()
     ]  # fmt: skip
-    return Table.of([*numbers("β₁", "dt", "sd over the law's − 1"), "of"], rows)
+    return Table.of([*numbers("β₁", "dt", "sd over the exact one's − 1"), "of"], rows)

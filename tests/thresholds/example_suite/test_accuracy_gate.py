@@ -24,10 +24,10 @@ def my_model(scene: Scene, impacts: int) -> pd.DataFrame:
 
 
 @pytest.mark.rattle(within={"mean": 0.05, "sd": 0.05})
-@pytest.mark.parametrize("reading", ["saltation", "branching"])
-def test_readings_hold_at_small_noise(rattle, reading):
+@pytest.mark.parametrize("closure", ["saltation", "branching"])
+def test_closures_hold_at_small_noise(rattle, closure):
     """Means and sds within 5 % of an sd, at each path's own impacts."""
-    rattle.check(reading)
+    rattle.check(closure)
 
 
 @pytest.mark.rattle(quantities="tau", moments="mean", absolute=1e-3)

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from scipy.integrate import quad
 
-from rattle.compare.checks.laws.law import Check, Measured, Planted
-from rattle.compare.checks.laws.returning import Floats, log_speeds
+from rattle.compare.checks.published.result import Check, Measured, NegativeControl
+from rattle.compare.checks.published.returning import Floats, log_speeds
 
 __all__ = ["critical_restitution", "return_speed"]
 
@@ -48,9 +48,9 @@ def return_speed(seed: int = 0, workers: int = 2) -> Measured:
         "rattle.montecarlo.coupling.dyadic, rescaled from one to the next, no cut in time",
         _moments(ln, MEAN, VARIANCE, slower),
         [
-            Planted("mean 3 % larger", _moments(ln, 1.03 * MEAN, VARIANCE, slower)),
-            Planted("variance 3 % smaller", _moments(ln, MEAN, 0.97 * VARIANCE, slower)),
-            Planted("an impact that keeps 97 %", _moments(ln + math.log(0.97), MEAN, VARIANCE, slower)),
+            NegativeControl("mean 3 % larger", _moments(ln, 1.03 * MEAN, VARIANCE, slower)),
+            NegativeControl("variance 3 % smaller", _moments(ln, MEAN, 0.97 * VARIANCE, slower)),
+            NegativeControl("an impact that keeps 97 %", _moments(ln + math.log(0.97), MEAN, VARIANCE, slower)),
         ],
     )  # fmt: skip
 
@@ -85,7 +85,8 @@ def critical_restitution(seed: int = 0, workers: int = 2) -> Measured:
     return Measured(
         "critical restitution", "Cornell, Swift & Bray 1998",
         "ln speed drifts by ln epsilon + pi / sqrt(3) per bounce: collapse below exp(-pi / sqrt(3)) = 0.163; the same "
-        "flights, joined by the contact law",
+        "flights, joined by the contact result",
         checks(1.0, MEAN),
-        [Planted("mean 3 % larger", checks(1.0, 1.03 * MEAN)), Planted("epsilon squared", checks(2.0, MEAN))],
+        [NegativeControl("mean 3 % larger", checks(1.0, 1.03 * MEAN)),
+         NegativeControl("epsilon squared", checks(2.0, MEAN))],
     )  # fmt: skip

@@ -18,16 +18,16 @@ def dat21():
     return Scene.from_gears(DAT21, sigma=0.05)
 
 
-def law(c, mesh):
-    """The contact law as a matrix, column by column from docs/model.md section 3."""
+def restitution_map(c, mesh):
+    """The contact restitution_map as a matrix, column by column from docs/model.md section 3."""
     return np.array([contact(c, mesh, column) for column in np.eye(4)]).T
 
 
-def covariances(scene, orbit, contact_law=law):
+def covariances(scene, orbit, restitution=restitution_map):
     """Covariance just before each impact of an orbit: its own differential equation and the laws of section 3."""
     c, cov, found = scene.constants, np.zeros((4, 4)), [np.zeros((4, 4))]
     for k in range(1, orbit.found + 1):
-        r = contact_law(c, orbit.mesh[k - 1])
+        r = restitution(c, orbit.mesh[k - 1])
         cov = covariance_flight(c, orbit.tau[k - 1], r @ cov @ r.T, orbit.tau[k] - orbit.tau[k - 1])
         found.append(cov)
     return np.array(found)
@@ -48,26 +48,26 @@ SCENES = {
 def test_covariance_is_that_of_its_own_equation(name):
     scene = SCENES[name]
     exact = covariances(scene, follow(scene, 12))
-    found = mean_map(scene, impacts=12, reading="mended").trace.covariance
+    found = mean_map(scene, impacts=12, closure="corrected").trace.covariance
     for k in range(13):  # covariances grow along the orbit; the integrator holds 1e-12 of each
         assert found[k] == pytest.approx(exact[k], rel=0, abs=1e-9 * abs(exact[k]).max())
 
 
 def mesh_2_with_wrong_sign(c, mesh):
-    r = law(c, mesh)
+    r = restitution_map(c, mesh)
     if mesh == 2:
         r[1, 3] *= -1
     return r
 
 
 def mesh_1_everywhere(c, _):
-    return law(c, 1)
+    return restitution_map(c, 1)
 
 
 @pytest.mark.parametrize("wrong", [mesh_2_with_wrong_sign, mesh_1_everywhere])
-def test_a_wrong_contact_law_is_told_apart(wrong):
+def test_a_wrong_restitution_is_told_apart(wrong):
     scene = SCENES["DAT21"]
-    found = mean_map(scene, impacts=12, reading="mended").trace.covariance[12]
+    found = mean_map(scene, impacts=12, closure="corrected").trace.covariance[12]
     assert abs(covariances(scene, follow(scene, 12), wrong)[12] - found).max() > 0.05 * abs(found).max()
 
 
@@ -76,7 +76,7 @@ def hierarchy(scene, impacts, order, jump=None):
     c, orbit, joint = scene.constants, follow(scene, impacts), JointMoments(order)
     moments = joint.zero()
     for k in range(1, impacts + 1):
-        struck = joint.jump(moments, law(c, orbit.mesh[k - 1])) if jump is None else jump(c, joint, moments)
+        struck = joint.jump(moments, restitution_map(c, orbit.mesh[k - 1])) if jump is None else jump(c, joint, moments)
         moments = joint.fly(
             struck, drift_matrix(c), lambda tau: c.sigma * modulation(c, tau), orbit.tau[k - 1],
             orbit.tau[k] - orbit.tau[k - 1],
@@ -88,7 +88,7 @@ def hierarchy(scene, impacts, order, jump=None):
 def test_joint_moments_are_those_of_a_gaussian(impacts, order):
     """The hierarchy closes by itself: every moment, across the stages too, is Isserlis'."""
     scene = SCENES["DAT21"]
-    covariance = mean_map(scene, impacts=impacts, reading="mended").trace.covariance[impacts]
+    covariance = mean_map(scene, impacts=impacts, closure="corrected").trace.covariance[impacts]
     joint, moments = hierarchy(scene, impacts, order)
     assert joint.covariance(moments) == pytest.approx(covariance, rel=1e-8, abs=1e-10)
     assert moments == pytest.approx(joint.gaussian(covariance), rel=1e-7, abs=1e-10)
@@ -97,7 +97,7 @@ def test_joint_moments_are_those_of_a_gaussian(impacts, order):
 @pytest.mark.parametrize("order", [4, 6])
 def test_raw_moments_of_a_stage_are_the_joint_ones(order):
     scene = SCENES["DAT21"]
-    raw = mean_map(scene, impacts=3, reading="mended", order=order).trace.raw[3]
+    raw = mean_map(scene, impacts=3, closure="corrected", order=order).trace.raw[3]
     joint, moments = hierarchy(scene, 3, order)
     for n in range(order + 1):
         for p in range(order + 1 - n):
@@ -105,17 +105,17 @@ def test_raw_moments_of_a_stage_are_the_joint_ones(order):
             assert raw[1, n, p] == pytest.approx(moments[joint.index[0, 0, n, p]], rel=1e-7, abs=1e-10)
 
 
-def printed_mesh_1_rule(c, joint, moments):
+def published_mesh_1_rule(c, joint, moments):
     """Eq. 15 read for stage 1: -eps E[.. zeta^p], not (-eps)^p."""
     return np.array([
         -c.epsilon * value if a[1] else value for a, value in zip(joint.powers, moments, strict=True)
     ])  # fmt: skip
 
 
-def test_the_printed_moment_rule_is_told_apart():
+def test_the_published_moment_rule_is_told_apart():
     scene = Scene.from_gears(DAT21, sigma=0.3, stages=1)
-    found = mean_map(scene, impacts=2, reading="mended").trace.covariance[2]
-    joint, moments = hierarchy(scene, 2, 2, printed_mesh_1_rule)
+    found = mean_map(scene, impacts=2, closure="corrected").trace.covariance[2]
+    joint, moments = hierarchy(scene, 2, 2, published_mesh_1_rule)
     wrong = joint.covariance(moments)[:2, :2]
     assert abs(wrong - found[:2, :2]).max() > 0.05 * found[1, 1]
     joint, moments = hierarchy(scene, 2, 2)
@@ -132,7 +132,7 @@ unit = st.just(0.0) | st.floats(1e-30, 1.0)
 )  # fmt: skip
 @settings(deadline=None, max_examples=40, derandomize=True)
 def test_every_covariance_is_realizable(stages, **values):
-    m = mean_map(Scene(**values, stages=stages), impacts=20, reading="mended")
+    m = mean_map(Scene(**values, stages=stages), impacts=20, closure="corrected")
     assert m.breakdown is None
     for k in range(1, m.trace.found + 1):
         assert realizability(m.trace.covariance[k, :2, :2]).realizable
@@ -145,7 +145,7 @@ def test_every_covariance_is_realizable(stages, **values):
 @pytest.mark.parametrize("name", SCENES)
 def test_without_noise_it_is_the_orbit_exactly(name):
     scene = SCENES[name].with_sigma(0.0)
-    orbit, m = follow(scene, 12), mean_map(scene, impacts=12, reading="mended")
+    orbit, m = follow(scene, 12), mean_map(scene, impacts=12, closure="corrected")
     assert np.array_equal(m.trace.mean, orbit.before)
     assert np.array_equal(m.section["tau"], orbit.tau[1:])
     assert not m.trace.covariance.any()
@@ -156,7 +156,7 @@ def test_without_noise_it_is_the_orbit_exactly(name):
 def test_covariance_goes_with_the_square_of_the_noise(factor):
     scene = SCENES["DAT21"]
     small, large = (
-        mean_map(scene.with_sigma(s), impacts=12, reading="mended").trace for s in (0.3, 0.3 * factor)
+        mean_map(scene.with_sigma(s), impacts=12, closure="corrected").trace for s in (0.3, 0.3 * factor)
     )  # fmt: skip
     for k in range(13):
         bound = 1e-13 * abs(large.covariance[k]).max()
@@ -166,7 +166,7 @@ def test_covariance_goes_with_the_square_of_the_noise(factor):
 def test_an_impact_shifts_the_struck_mean_inward_by_phi_0_sd():
     """Eqs. 20, 21: the window ends at the struck wall and holds half of a Gaussian whose other wall is far."""
     scene = Scene.from_gears(DAT21, sigma=0.01)
-    orbit, m = follow(scene, 4), mean_map(scene, impacts=4, reading="mended")
+    orbit, m = follow(scene, 4), mean_map(scene, impacts=4, closure="corrected")
     assert set(orbit.mesh[1:]) == {1, 2}
     for k in range(1, 5):
         i = 2 * (orbit.mesh[k] - 1)
@@ -180,13 +180,13 @@ def test_an_impact_shifts_the_struck_mean_inward_by_phi_0_sd():
 @pytest.mark.parametrize("sigma", [1e-2, 1e-4])
 def test_that_shift_is_of_the_order_of_the_noise(sigma):
     scene = Scene.from_gears(DAT21, sigma=sigma)
-    shift = mean_map(scene, impacts=1, reading="mended").section.loc[1, "x1"] - follow(scene, 1).before[1, 0]
-    sd = mean_map(scene, impacts=1, reading="mended").section.loc[1, "sd_x1"]
+    shift = mean_map(scene, impacts=1, closure="corrected").section.loc[1, "x1"] - follow(scene, 1).before[1, 0]
+    sd = mean_map(scene, impacts=1, closure="corrected").section.loc[1, "sd_x1"]
     assert abs(shift) / sd == pytest.approx(0.398942, rel=1e-4)
 
 
 def test_a_window_far_from_both_walls_shifts_nothing():
-    m = mean_map(Scene.from_gears(DAT21, sigma=1e-4), impacts=12, reading="mended")
+    m = mean_map(Scene.from_gears(DAT21, sigma=1e-4), impacts=12, closure="corrected")
     orbit = follow(m.scene, 12)
     far = 0.5 - abs(orbit.before[:, 2]) > 10 * m.trace.sd[:, 4]
     other = [k for k in range(1, 13) if orbit.mesh[k] == 1 and far[k]]
@@ -195,28 +195,28 @@ def test_a_window_far_from_both_walls_shifts_nothing():
         assert m.trace.mean[k, 2:] == pytest.approx(orbit.before[k, 2:], abs=1e-12)
 
 
-@pytest.mark.parametrize("law_", ["fixed", "uniform"])
-def test_the_windows_reach_to_the_largest_gap(law_):
+@pytest.mark.parametrize("distribution", ["fixed", "uniform"])
+def test_the_windows_reach_to_the_largest_gap(distribution):
     """Below Eqs. 20, 21: g + c_max.  A uniform tolerance leaves the orbit alone: the window ends off its wall."""
-    scene = Scene.from_gears(DAT21, sigma=1e-3, tolerance=Tolerance(0.05, 0.05, law=law_))
-    shift = mean_map(scene, impacts=1, reading="mended").trace.mean[1] - follow(scene, 1).before[1]
-    sd = mean_map(scene, impacts=1, reading="mended").section.loc[1, "sd_x1"]
-    assert abs(shift[0]) / sd == pytest.approx(PHI0 if law_ == "fixed" else 0.0, abs=1e-6)
+    scene = Scene.from_gears(DAT21, sigma=1e-3, tolerance=Tolerance(0.05, 0.05, distribution=distribution))
+    shift = mean_map(scene, impacts=1, closure="corrected").trace.mean[1] - follow(scene, 1).before[1]
+    sd = mean_map(scene, impacts=1, closure="corrected").section.loc[1, "sd_x1"]
+    assert abs(shift[0]) / sd == pytest.approx(PHI0 if distribution == "fixed" else 0.0, abs=1e-6)
 
 
 def test_clock_is_continuous_inside_a_flight(dat21):
-    m = mean_map(dat21, impacts=6, reading="mended")
+    m = mean_map(dat21, impacts=6, closure="corrected")
     for k in range(1, 7):
         low, high = m.trace.tau[k - 1], m.trace.tau[k]
         times = np.linspace(low, high, 41)[1:-1]
-        near, next_ = m.clock(times).to_numpy(), m.clock(times + 1e-7).to_numpy()
+        near, next_ = m.at_times(times).to_numpy(), m.at_times(times + 1e-7).to_numpy()
         # rho moves fastest just after an impact, over the flight's own time: below 1e3 per unit time here
         assert np.nanmax(abs(next_ - near)) < 1e-4
 
 
 def test_clock_meets_the_section_from_below(dat21):
-    m = mean_map(dat21, impacts=6, reading="mended")
-    rows = m.clock(m.trace.tau[1:] - 1e-10)
+    m = mean_map(dat21, impacts=6, closure="corrected")
+    rows = m.at_times(m.trace.tau[1:] - 1e-10)
     for k in range(1, 7):
         row, cov = rows.iloc[k - 1], m.trace.covariance[k]
         scale = abs(cov).max()
@@ -228,11 +228,11 @@ def test_clock_meets_the_section_from_below(dat21):
 
 
 def test_clock_between_impacts_solves_the_covariance_equation(dat21):
-    c, orbit, m = dat21.constants, follow(dat21, 5), mean_map(dat21, impacts=5, reading="mended")
+    c, orbit, m = dat21.constants, follow(dat21, 5), mean_map(dat21, impacts=5, closure="corrected")
     k, t = 3, 0.4 * (orbit.tau[4] - orbit.tau[3])
-    r = law(c, orbit.mesh[k])
+    r = restitution_map(c, orbit.mesh[k])
     exact = covariance_flight(c, orbit.tau[k], r @ m.trace.covariance[k] @ r.T, t)
-    row = m.clock([orbit.tau[k] + t]).iloc[0]
+    row = m.at_times([orbit.tau[k] + t]).iloc[0]
     names = ("x1", "y1", "x2", "y2")
     found = [[row[f"cov_{names[min(i, j)]}_{names[max(i, j)]}"] for j in range(4)] for i in range(4)]
     assert np.array(found) == pytest.approx(exact, rel=1e-9, abs=1e-14)

@@ -1,4 +1,4 @@
-"""The figure that opens a report: how far each reading holds over the noise intensity, and what ends it."""
+"""The figure that opens a report: how far each closure holds over the noise intensity, and what ends it."""
 
 import numpy as np
 import pandas as pd
@@ -10,10 +10,10 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from rattle.compare.report.style import STYLE, new_figure
-from rattle.compare.validation.frontier import CAUSES
+from rattle.compare.validation.validity import CAUSES
 from rattle.compare.validation.validity_range import ACCURATE, NOT_WRONG, UNDECIDED, WRONG
 
-__all__ = ["FRONTIER", "frontier_figure"]
+__all__ = ["VALIDITY", "validity_figure"]
 
 MARKER = {
     "undecided": "$?$",
@@ -25,9 +25,9 @@ MARKER = {
     "not realizable": "v",
     "ended": "|",
 }
-"""Markers of the causes; a reading that holds has none."""
-FRONTIER = (
-    ("How far each reading can be believed: the impact up to which every section mean and sd that it predicts is "
+"""Markers of the causes; a closure that holds has none."""
+VALIDITY = (
+    ("How far each closure can be believed: the impact up to which every section mean and sd that it predicts is "
      "accurate (filled)", ""),
     (f"; hatched, {UNDECIDED}, so {NOT_WRONG} its upper edge", NOT_WRONG),
     (".", ""),
@@ -37,8 +37,8 @@ FRONTIER = (
 ROOM = 0.9  # of a marker above the band that it explains
 
 
-def frontier_figure(table: pd.DataFrame, impacts: int) -> Figure:
-    """Impact up to which each reading is accurate and not shown wrong, over sigma, a panel for each reading.
+def validity_figure(table: pd.DataFrame, impacts: int) -> Figure:
+    """Impact up to which each closure is accurate and not shown wrong, over sigma, a panel for each closure.
 
     Parameters
     ----------
@@ -47,22 +47,22 @@ def frontier_figure(table: pd.DataFrame, impacts: int) -> Figure:
     impacts : int
         How many were followed.
     """
-    readings = list(table["reading"].unique())
-    columns = min(len(readings), 2)
-    rows = -(-len(readings) // columns)
+    closures = list(table["closure"].unique())
+    columns = min(len(closures), 2)
+    rows = -(-len(closures) // columns)
     figure, axes = new_figure(4.7 * columns, 1.3 + 2.3 * rows, rows, columns)
-    for reading, ax in zip(readings, axes, strict=False):
-        _panel(ax, table[table["reading"] == reading].sort_values("sigma"), reading, impacts)
-    for ax in axes[len(readings) :]:
+    for closure, ax in zip(closures, axes, strict=False):
+        _panel(ax, table[table["closure"] == closure].sort_values("sigma"), closure, impacts)
+    for ax in axes[len(closures) :]:
         ax.set_visible(False)
-    for ax in axes[: len(readings)]:
+    for ax in axes[: len(closures)]:
         if ax.get_subplotspec().is_first_col():  # type: ignore[union-attr]
             ax.set_ylabel("impact")
-    accurate, not_refuted = table["accurate"], table["not_refuted"]
+    accurate, not_inaccurate = table["accurate"], table["not_inaccurate"]
     areas = [
         (accurate > 0, Patch(facecolor="0.35", label=f"{ACCURATE} here")),
-        (not_refuted > accurate, Patch(facecolor="none", edgecolor="0.35", hatch="////", label=f"{NOT_WRONG} here")),
-        (not_refuted < impacts, Patch(facecolor="none", edgecolor="0.6", label=WRONG)),
+        (not_inaccurate > accurate, Patch(facecolor="none", edgecolor="0.35", hatch="////", label=f"{NOT_WRONG} here")),
+        (not_inaccurate < impacts, Patch(facecolor="none", edgecolor="0.6", label=WRONG)),
     ]
     handles: list[Artist] = [patch for drawn, patch in areas if drawn.any()]
     handles.append(Line2D([], [], color="k", ls=":", lw=1.4, label="99 % of the paths on its itinerary up to here"))
@@ -75,17 +75,19 @@ def frontier_figure(table: pd.DataFrame, impacts: int) -> Figure:
     return figure
 
 
-def _panel(ax: Axes, rows: pd.DataFrame, reading: str, impacts: int) -> None:
+def _panel(ax: Axes, rows: pd.DataFrame, closure: str, impacts: int) -> None:
     sigma = rows["sigma"].to_numpy()
     middle = np.sqrt(sigma[1:] * sigma[:-1])
     edges = np.concatenate([[sigma[0] ** 2 / middle[0]], middle, [sigma[-1] ** 2 / middle[-1]]])
-    accurate, not_refuted = rows["accurate"].to_numpy(), rows["not_refuted"].to_numpy()
-    colour = STYLE[reading]["color"]
-    ax.stairs(not_refuted, edges, baseline=accurate, fill=True, facecolor="none", edgecolor=colour, hatch="////", lw=0)
+    accurate, not_inaccurate = rows["accurate"].to_numpy(), rows["not_inaccurate"].to_numpy()
+    colour = STYLE[closure]["color"]
+    ax.stairs(
+        not_inaccurate, edges, baseline=accurate, fill=True, facecolor="none", edgecolor=colour, hatch="////", lw=0
+    )
     ax.stairs(accurate, edges, fill=True, color=colour)
-    ax.stairs(not_refuted, edges, color=colour, lw=1.2)
+    ax.stairs(not_inaccurate, edges, color=colour, lw=1.2)
     ax.stairs(rows["together"].to_numpy(), edges, baseline=None, color="k", ls=":", lw=1.4)
-    place = np.minimum(not_refuted + 0.5 * ROOM, impacts)
+    place = np.minimum(not_inaccurate + 0.5 * ROOM, impacts)
     for x, y, cause in zip(sigma, place, rows["cause"], strict=True):
         if cause in MARKER:
             ax.plot(x, y, ls="none", marker=MARKER[cause], color="k", ms=5, zorder=5)
@@ -96,4 +98,4 @@ def _panel(ax: Axes, rows: pd.DataFrame, reading: str, impacts: int) -> None:
     ax.set_ylim(0.0, impacts + 0.5 * ROOM)
     ax.yaxis.set_major_locator(MaxNLocator(7, integer=True))
     ax.set_xlabel(r"noise intensity $\sigma$")
-    ax.set_title(reading, loc="left", fontweight="bold", color=colour)
+    ax.set_title(closure, loc="left", fontweight="bold", color=colour)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from scipy.special import gamma, hyp2f1
 
-from rattle.compare.checks.laws.law import Check, Measured, Planted
+from rattle.compare.checks.published.result import Check, Measured, NegativeControl
 from rattle.montecarlo import simulate
 from rattle.scene import Scene, Start
 
@@ -15,7 +15,7 @@ SIGMA = 1.0
 HALF = 1e-3  # half gap: an exit takes 0.02, in which the modulation of the noise, 1 at tau = -pi/2, falls by 3e-4
 PATHS = 20_000
 SHARES = (0.1, 0.25, 0.5)  # of the gap, at which a path starts
-STRONGER = 1.05  # noise of the planted error
+STRONGER = 1.05  # noise of the negative control
 
 # step, and what it leaves relative to the time: a thousandth of it and the modulation for Euler's schemes, the
 # modulation alone for exact flights
@@ -63,7 +63,9 @@ def exit_time(seed: int = 0, workers: int = 2) -> Measured:
         "modulation is stationary",
         [_check(scheme, share, SIGMA, seed, workers) for scheme in SCHEMES for share in SHARES],
         [
-            Planted(f"{STRONGER - 1.0:.0%} more noise, {scheme}", [_check(scheme, 0.5, STRONGER, seed, workers)])
+            NegativeControl(
+                f"{STRONGER - 1.0:.0%} more noise, {scheme}", [_check(scheme, 0.5, STRONGER, seed, workers)]
+            )
             for scheme in SCHEMES
         ],
     )  # fmt: skip

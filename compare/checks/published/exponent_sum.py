@@ -3,7 +3,7 @@
 import math
 
 from rattle.compare.chaos.exponents import Exponents, drift_exponents, lyapunov
-from rattle.compare.checks.laws.law import Check, Measured, Planted
+from rattle.compare.checks.published.result import Check, Measured, NegativeControl
 from rattle.scene import DAT21, Scene
 
 __all__ = ["exponent_sum"]
@@ -39,8 +39,8 @@ def exponent_sum(seed: int = 0, workers: int = 2) -> Measured:
         "and noisy path",
         checks(2.0, both),
         [
-            Planted("epsilon to the first power", checks(1.0, both)),
-            Planted("damping of one stage alone", checks(2.0, scene.beta1)),
-            Planted("1 % more damping", checks(2.0, 1.01 * both)),
+            NegativeControl("epsilon to the first power", checks(1.0, both)),
+            NegativeControl("damping of one stage alone", checks(2.0, scene.beta1)),
+            NegativeControl("1 % more damping", checks(2.0, 1.01 * both)),
         ],
     )  # fmt: skip

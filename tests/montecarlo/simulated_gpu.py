@@ -20,13 +20,13 @@ from rattle.montecarlo.cuda import launch as gpu
 from rattle.montecarlo.settings import plan_of
 from rattle.scene import Scene, Tolerance
 
-CONTACT = Tolerance(0.02, 0.03, law="uniform", draw="contact")
-PATH = Tolerance(0.02, 0.03, law="normal", draw="path")
-FIXED = Tolerance(0.02, 0.03, law="fixed")
+CONTACT = Tolerance(0.02, 0.03, distribution="uniform", draw="contact")
+PATH = Tolerance(0.02, 0.03, distribution="normal", draw="path")
+FIXED = Tolerance(0.02, 0.03, distribution="fixed")
 NOISY = dat21(0.3)
 
 CASES: dict[str, tuple[Scene, dict]] = {
-    "plain": (NOISY, {"clock": [0.1, 0.31, 1.0], "itineraries": {"other": [-1, -2]}}),
+    "plain": (NOISY, {"fixed": [0.1, 0.31, 1.0], "itineraries": {"other": [-1, -2]}}),
     "plain, histograms": (NOISY, {"paths": 8, "histogram": True}),
     "plain, one stage": (replace(NOISY, stages=1), {}),
     "plain, contact": (replace(NOISY, tolerance=CONTACT), {}),
@@ -68,16 +68,16 @@ def largest(a, b) -> float:
 def compare(scene: Scene, rng: int = 5, **settings) -> dict:
     """Differences between a run on the simulated card and one on the processor, whose seed is always 5."""
     settings = {"paths": 10, "impacts": 2, "dt": 0.01, "scheme": "euler-maruyama", "keep_paths": True} | settings
-    host, card = simulate(scene, rng=5, **settings), simulate(scene, rng=rng, device="cuda", **settings)
+    host, gpu = simulate(scene, rng=5, **settings), simulate(scene, rng=rng, device="cuda", **settings)
     seen = [0, 1, 2, 3, 6] if scene.stages == 1 else list(range(7))
     return {
-        "rows": largest(host.raw[:, :, seen], card.raw[:, :, seen]),
-        "section": largest(host.section, card.section),
-        "covariance": largest(host.covariance, card.covariance),
-        "clock": largest(host.clock(), card.clock()),
-        "agreement": largest(host.agreement, card.agreement),
-        "histograms": largest(host.histograms.counts, card.histograms.counts) if host.histograms else 0.0,
-        "work": [[r.path_steps, r.held, r.unfinished] for r in (host, card)],
+        "rows": largest(host.raw[:, :, seen], gpu.raw[:, :, seen]),
+        "section": largest(host.section, gpu.section),
+        "covariance": largest(host.covariance, gpu.covariance),
+        "fixed": largest(host.at_times(), gpu.at_times()),
+        "agreement": largest(host.agreement, gpu.agreement),
+        "histograms": largest(host.histograms.counts, gpu.histograms.counts) if host.histograms else 0.0,
+        "work": [[r.path_steps, r.sticking_steps, r.unfinished] for r in (host, gpu)],
     }
 
 

@@ -1,4 +1,4 @@
-"""How far each reading can be believed: the impact up to which it is accurate, and why it ends there."""
+"""How far each closure can be believed: the impact up to which it is accurate, and why it ends there."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from rattle.compare.validation.validate import Validation
 from rattle.compare.validation.validity_range import UNDECIDED, is_accurate, is_wrong, unbroken, want
 from rattle.compare.validation.verdict import NOT_JUDGED
 
-__all__ = ["CAUSES", "Frontier", "frontier", "frontiers", "judged_rows"]
+__all__ = ["CAUSES", "Validity", "judged_rows", "validities", "validity"]
 
 CAUSES = {
     "holds": "holds to the last impact followed",
@@ -25,27 +25,29 @@ CAUSES = {
     "not realizable": "its moments belong to no distribution",
     "ended": "it cannot be followed further",
 }
-"""What ends a reading, in a word and in words."""
+"""What ends a closure, in a word and in words."""
 
-PARTED = 0.99  # agreement below which a closure of one orbit cannot hold, whatever else is wrong with it
-STRAYS = 0.9999  # agreement below which a closure that is right otherwise fails: few strays, far away, make an sd
+DIVERGED = 0.99  # agreement below which a closure of one orbit cannot hold, whatever else is wrong with it
+OFF_ITINERARY = (
+    0.9999  # agreement below which a closure that is right otherwise fails: few strays, far away, make an sd
+)
 SLOW = 3.0  # impact speed in sds of it below which a Gaussian would have part of the paths miss the wall
 
 
-class Frontier(NamedTuple):
-    """How far a reading can be believed at one noise intensity.
+class Validity(NamedTuple):
+    """How far a closure can be believed at one noise intensity.
 
     ``accurate`` is the last impact up to which every section mean and sd that it predicts is accurate;
-    ``not_refuted`` the last up to which none is inaccurate (beyond ``accurate`` some are undecided); ``cause`` is one
-    of `CAUSES`, and ``why`` gives the evidence for it.  ``together`` is the last impact up to which 99 % of the paths
-    have followed the reading's itinerary; ``paths`` and ``dt`` are those of the simulation.  What is judged:
+    ``not_inaccurate`` the last up to which none is inaccurate (beyond ``accurate`` some are undecided); ``cause`` is
+    one of `CAUSES`, and ``why`` gives the evidence for it.  ``together`` is the last impact up to which 99 % of the
+    paths have followed the closure's itinerary; ``paths`` and ``dt`` are those of the simulation.  What is judged:
     `rattle.compare.validation.verdict.RULE`.
     """
 
-    reading: str
+    closure: str
     sigma: float
     accurate: int
-    not_refuted: int
+    not_inaccurate: int
     cause: str
     why: str
     together: int
@@ -53,68 +55,68 @@ class Frontier(NamedTuple):
     dt: float
 
 
-def frontier(v: Validation, reading: str) -> Frontier:
-    """Judge one reading of a validation.
+def validity(v: Validation, closure: str) -> Validity:
+    """Judge one closure of a validation.
 
     Examples
     --------
     >>> from rattle.compare import validate
     >>> from rattle.scene import DAT21, Scene
     >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=3, paths=20_000, rng=1)
-    >>> frontier(v, "saltation").accurate, frontier(v, "printed").not_refuted
+    >>> validity(v, "saltation").accurate, validity(v, "published").not_inaccurate
     (3, 0)
     """
-    rows = judged_rows(v, reading)
+    rows = judged_rows(v, closure)
     impacts = range(1, len(v.run.section) + 1)
     verdicts = {k: set(group["verdict"]) for k, group in rows.groupby("impact")}
     accurate = unbroken(impacts, [is_accurate(verdicts[k]) for k in impacts]) or 0
-    not_refuted = unbroken(impacts, [not is_wrong(verdicts[k]) for k in impacts]) or 0
-    together = unbroken(impacts, v.run.agreement[reading] >= PARTED) or 0
+    not_inaccurate = unbroken(impacts, [not is_wrong(verdicts[k]) for k in impacts]) or 0
+    together = unbroken(impacts, v.run.agreement[closure] >= DIVERGED) or 0
     if accurate == len(impacts):
         cause, why = "holds", CAUSES["holds"]
-    elif not_refuted == len(impacts):
+    elif not_inaccurate == len(impacts):
         cause, why = "undecided", f"{want(rows)} from impact {accurate + 1} on"
     else:
-        cause, why = _why(v, reading, not_refuted + 1)
-    return Frontier(reading, v.scene.sigma, accurate, not_refuted, cause, why, together, v.run.paths, v.run.dt)
+        cause, why = _why(v, closure, not_inaccurate + 1)
+    return Validity(closure, v.scene.sigma, accurate, not_inaccurate, cause, why, together, v.run.paths, v.run.dt)
 
 
-def frontiers(validations: Sequence[Validation]) -> pd.DataFrame:
-    """Frontiers of all readings at all noise intensities, tidy."""
-    return pd.DataFrame([frontier(v, r) for v in validations for r in v.closures])
+def validities(validations: Sequence[Validation]) -> pd.DataFrame:
+    """Frontiers of all closures at all noise intensities, tidy."""
+    return pd.DataFrame([validity(v, r) for v in validations for r in v.predictions])
 
 
-def judged_rows(v: Validation, reading: str) -> pd.DataFrame:
-    """The section rows of a reading that are judged, see `rattle.compare.validation.verdict.RULE`."""
-    rows = v.table[(v.table["reading"] == reading) & (v.table["kind"] == "section")]
+def judged_rows(v: Validation, closure: str) -> pd.DataFrame:
+    """The section rows of a closure that are judged, see `rattle.compare.validation.verdict.RULE`."""
+    rows = v.table[(v.table["closure"] == closure) & (v.table["kind"] == "section")]
     return rows[rows["verdict"] != NOT_JUDGED]
 
 
-def _why(v: Validation, reading: str, impact: int) -> tuple[str, str]:
-    """What refutes a reading at an impact, as cause and evidence; the first of the causes that applies."""
-    closure = v.closures[reading]
-    failed = first_failure(v.correlation, reading)
+def _why(v: Validation, closure: str, impact: int) -> tuple[str, str]:
+    """What refutes a closure at an impact, as cause and evidence; the first of the causes that applies."""
+    prediction = v.predictions[closure]
+    failed = first_failure(v.correlation, closure)
     if failed and failed[0] <= impact:
         return "not realizable", f"not realizable at impact {failed[0]}: {failed[2]}"
-    if closure.trace.found < impact:
-        return "ended", closure.stopped
-    worst = _worst(v, reading, impact)
-    if closure.trace.parts is not None:
-        lost = float(closure.section["lost"].loc[impact])
+    if prediction.trace.found < impact:
+        return "ended", prediction.stopped
+    worst = _worst(v, closure, impact)
+    if prediction.trace.parts is not None:
+        lost = float(prediction.section["lost"].loc[impact])
         return "mixture", f"{worst} (weight lost so far {lost:.1e}): {CAUSES['mixture']}"
-    agreement = float(v.run.agreement[reading].loc[impact])
-    if agreement < (STRAYS if reading == "saltation" else PARTED):
+    agreement = float(v.run.agreement[closure].loc[impact])
+    if agreement < (OFF_ITINERARY if closure == "saltation" else DIVERGED):
         return "parted", f"{worst}: {1.0 - agreement:.2%} of the {CAUSES['parted']}"
-    slow = _slowest(closure, impact)
+    slow = _slowest(prediction, impact)
     if slow is not None:
         return "grazing", f"{worst}: impact {slow[0]} grazes (speed {slow[1]:.1f} of its sds)"
-    if reading == "saltation":
+    if closure == "saltation":
         return "second order", f"{worst}: {CAUSES['second order']}"
     return "fixed instant", f"{worst}, at any noise: {CAUSES['fixed instant']}"
 
 
-def _worst(v: Validation, reading: str, impact: int) -> str:
-    rows = judged_rows(v, reading)
+def _worst(v: Validation, closure: str, impact: int) -> str:
+    rows = judged_rows(v, closure)
     rows = rows[(rows["impact"] == impact) & (rows["verdict"] == "inaccurate")]
     rows = rows.assign(excess=(rows["error"] / rows["tolerance"]).abs()).sort_values("excess", ascending=False)
     if rows.empty:
@@ -123,12 +125,12 @@ def _worst(v: Validation, reading: str, impact: int) -> str:
     return f"{row['moment']} of {row['quantity']} wrong at impact {impact}"
 
 
-def _slowest(closure: MeanMap, impact: int) -> tuple[int, float] | None:
+def _slowest(prediction: MeanMap, impact: int) -> tuple[int, float] | None:
     """The first impact up to one given whose speed is within `SLOW` of its own sds of zero."""
     for k in range(1, impact + 1):
-        column = 1 if closure.trace.mesh[k] == 1 else 3
-        sd = closure.trace.sd[k, column + 2]
-        speed = abs(closure.trace.mean[k, column])
+        column = 1 if prediction.trace.mesh[k] == 1 else 3
+        sd = prediction.trace.sd[k, column + 2]
+        speed = abs(prediction.trace.mean[k, column])
         if np.isfinite(sd) and sd > 0.0 and speed < SLOW * sd:
             return k, float(speed / sd)
     return None

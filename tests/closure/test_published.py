@@ -17,8 +17,8 @@ def paper():
     return Scene.from_gears(DAT21, sigma=1.5**0.5)
 
 
-def printed(sigma, impacts=IMPACTS, **settings):
-    return mean_map(Scene.from_gears(DAT21, sigma=sigma, **settings), impacts=impacts, reading="printed")
+def published(sigma, impacts=IMPACTS, **settings):
+    return mean_map(Scene.from_gears(DAT21, sigma=sigma, **settings), impacts=impacts, closure="published")
 
 
 def window_shift(raw, x, half_window):
@@ -95,7 +95,7 @@ def follow_by_hand(scene, taus, impacts, contact=impact_of_moments):
 
 @pytest.mark.parametrize("sigma", [0.0, QUIET, 0.3, LOUD])
 def test_means_and_moments_are_those_of_eqs_14_to_22(sigma):
-    m = printed(sigma, impacts=4)
+    m = published(sigma, impacts=4)
     for k, (mean, first, second) in enumerate(follow_by_hand(m.scene, m.trace.tau, 4), 1):
         # the integrator holds 1e-11 of the moments; near a vanishing variance a shift magnifies that
         assert m.trace.mean[k] == pytest.approx(mean, rel=1e-7, abs=1e-9)
@@ -107,7 +107,7 @@ def test_means_and_moments_are_those_of_eqs_14_to_22(sigma):
 
 def test_means_follow_from_the_traces_own_moments_over_all_impacts():
     """Eq. 22 alone, beyond the breakdown: with the moments taken as they are."""
-    m = printed(LOUD)
+    m = published(LOUD)
     c, t, old = m.scene.constants, m.trace, np.zeros(4)
     for k in range(1, t.found + 1):
         flight = t.tau[k] - t.tau[k - 1]
@@ -118,19 +118,19 @@ def test_means_follow_from_the_traces_own_moments_over_all_impacts():
         old = new
 
 
-def mended_rule(c, first, second):
+def corrected_rule(c, first, second):
     """(-eps)^p for stage 2, and stage 1 left alone."""
     return first, second * (-c.epsilon) ** np.arange(5)
 
 
-def test_the_mended_moment_rule_is_told_apart():
-    m = printed(0.3, impacts=3)
-    _, _, second = follow_by_hand(m.scene, m.trace.tau, 3, mended_rule)[2]
+def test_the_corrected_moment_rule_is_told_apart():
+    m = published(0.3, impacts=3)
+    _, _, second = follow_by_hand(m.scene, m.trace.tau, 3, corrected_rule)[2]
     assert abs(second[0, 2] - m.trace.raw[3, 1, 0, 2]) > 0.01
 
 
 def test_the_paper_s_case_breaks_down_at_impact_2():
-    m = printed(LOUD)
+    m = published(LOUD)
     assert m.breakdown.impact == 2
     assert m.breakdown.stage in (1, 2)
     reasons = m.breakdown.reason
@@ -140,7 +140,7 @@ def test_the_paper_s_case_breaks_down_at_impact_2():
 
 def test_both_failures_of_the_paper_are_there_at_impact_2(paper):
     """docs/model.md section 6: |rho| > 1 and a negative variance appear at impact 2."""
-    raw = mean_map(paper, impacts=2, reading="printed").trace.raw[2]
+    raw = mean_map(paper, impacts=2, closure="published").trace.raw[2]
     variances = [raw[i, n, p] for i in (0, 1) for n, p in ((2, 0), (0, 2))]
     squared_rho = [raw[i, 1, 1] ** 2 / (raw[i, 2, 0] * raw[i, 0, 2]) for i in (0, 1)]
     assert min(variances) < 0.0
@@ -148,14 +148,14 @@ def test_both_failures_of_the_paper_are_there_at_impact_2(paper):
 
 
 def test_the_mean_of_x2_leaves_its_gap_within_ten_impacts():
-    m = printed(LOUD)
+    m = published(LOUD)
     assert m.section["x2"].iloc[:10].abs().max() > 0.5
 
 
 @pytest.mark.parametrize("sigma", [0.0, QUIET, 0.3, LOUD])
 @pytest.mark.parametrize("stages", [1, 2])
 def test_every_impact_is_at_a_counter_mesh(sigma, stages):
-    t = printed(sigma, stages=stages).trace
+    t = published(sigma, stages=stages).trace
     for k in range(1, t.found + 1):
         i = 2 * (t.mesh[k] - 1)
         assert t.mean[k, i] == pytest.approx(-t.mean[k - 1, i], rel=0, abs=1e-10)
@@ -164,18 +164,18 @@ def test_every_impact_is_at_a_counter_mesh(sigma, stages):
 @pytest.mark.parametrize("sigma", [0.0, QUIET, 0.3, LOUD])
 def test_no_counter_mesh_comes_earlier(sigma):
     """On a grid twenty times finer than the scan: neither E[x_i] + E[x_i]_k changes its sign before."""
-    m = printed(sigma)
+    m = published(sigma)
     t = m.trace
     for k in range(1, t.found + 1):
         flight = t.tau[k] - t.tau[k - 1]
         times = t.tau[k - 1] + np.linspace(0.0, 1.0, max(int(flight / 0.0025), 20))[1:-1] * flight
         for i in (0, 2):
-            f = m.clock(times)[("x1", "y1", "x2", "y2")[i]].to_numpy() + t.mean[k - 1, i]
+            f = m.at_times(times)[("x1", "y1", "x2", "y2")[i]].to_numpy() + t.mean[k - 1, i]
             assert (f * t.mean[k - 1, i] > 0.0).all(), f"impact {k}, stage {1 + i // 2}"
 
 
 def test_without_noise_nothing_varies():
-    m = printed(0.0)
+    m = published(0.0)
     for k in range(1, m.trace.found + 1):
         assert m.trace.raw[k, :, 0, 0].tolist() == [1.0, 1.0]
         assert m.trace.raw[k].sum() == 2.0
@@ -186,7 +186,7 @@ def test_without_noise_nothing_varies():
 def test_without_noise_the_first_flight_is_the_orbit_but_for_y2():
     """Before any mesh-2 impact x_1, y_1, x_2 are Eq. 10's; the y_2 line of Eq. 22 is not (docs/model.md section 9)."""
     start = (0.5, 2.0, 0.3, 1.0)  # y_1 = y_2 = 2, the paper's start, would hide the slip: it multiplies y_2 - y_1
-    m = printed(0.0, impacts=1, start=Start(0.0, *start, mesh=1))
+    m = published(0.0, impacts=1, start=Start(0.0, *start, mesh=1))
     c, t = m.scene.constants, m.trace
     state = fly(c, 0.0, contact(c, 1, start), t.tau[1])
     assert t.mean[1, :3] == pytest.approx(state[:3], abs=1e-10)
@@ -195,7 +195,7 @@ def test_without_noise_the_first_flight_is_the_orbit_but_for_y2():
 
 @pytest.mark.parametrize("sigma", [0.0, QUIET, 0.3])
 def test_a_single_stage_is_stage_1_with_the_rule_of_eq_15(sigma):
-    m = printed(sigma, impacts=4, stages=1)
+    m = published(sigma, impacts=4, stages=1)
     t = m.trace
 
     def rule(c, first, second):
@@ -214,21 +214,21 @@ def test_a_single_stage_is_stage_1_with_the_rule_of_eq_15(sigma):
 
 @pytest.mark.parametrize("start", [Start(), Start(x2=0.5, y2=1.0, mesh=2)], ids=["in flight", "mesh 2"])
 def test_it_starts_at_mesh_1_only(start):
-    with pytest.raises(InputError, match=rf"start\.mesh = {start.mesh}: the printed reading needs a start at mesh 1"):
-        printed(0.1, start=start)
+    with pytest.raises(InputError, match=rf"start\.mesh = {start.mesh}: the published closure needs a start at mesh 1"):
+        published(0.1, start=start)
 
 
 def test_a_tolerance_widens_its_windows():
-    wide = printed(0.3, impacts=1, tolerance=Tolerance(0.1, 0.1))
+    wide = published(0.3, impacts=1, tolerance=Tolerance(0.1, 0.1))
     mean, first, second = follow_by_hand(wide.scene, wide.trace.tau, 1)[0]
     assert wide.trace.mean[1] == pytest.approx(mean, rel=1e-8, abs=1e-9)
-    assert abs(wide.trace.mean[1, 1] - printed(0.3, impacts=1).trace.mean[1, 1]) > 1e-3
+    assert abs(wide.trace.mean[1, 1] - published(0.3, impacts=1).trace.mean[1, 1]) > 1e-3
     assert min(first[2, 0], second[2, 0]) > 0.0
 
 
 def test_it_says_where_and_why_it_cannot_go_on():
     scene = Scene(alpha=0.0, epsilon=0.5, beta1=1.0, gamma1=0.0, stages=1, start=Start(0.0, 0.5, 0.1, mesh=1))
-    m = mean_map(scene, impacts=3, reading="printed")
+    m = mean_map(scene, impacts=3, closure="published")
     assert m.stopped == "no counter mesh within 20 after impact 0"
     assert m.section["tau"].isna().all()
     assert not m.section["realizable"].any()

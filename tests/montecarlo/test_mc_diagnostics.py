@@ -19,15 +19,15 @@ def run(sigma=0.1, **settings):
 
 
 def test_run_without_a_fault_says_nothing():
-    assert run(sigma=0.5).cautions == ()
-    assert run(scheme=EXACT).cautions == ()
-    assert run(step_bias=True, dt=0.02).cautions == ()  # measured, and taken out
+    assert run(sigma=0.5).diagnostics == ()
+    assert run(scheme=EXACT).diagnostics == ()
+    assert run(step_bias=True, dt=0.02).diagnostics == ()  # measured, and taken out
 
 
 def test_step_that_moves_the_orbit_is_told_in_sds_of_the_run():
     found = run(dt=0.02)
     shift, where = orbit_shift(found)
-    assert any(f"by {shift:.2g} sd ({where})" in said for said in found.cautions)
+    assert any(f"by {shift:.2g} sd ({where})" in said for said in found.diagnostics)
     finer, _ = orbit_shift(run(dt=0.01))
     assert shift == pytest.approx(2.0 * finer, rel=0.3)
 
@@ -50,7 +50,7 @@ def test_impacts_seen_at_the_end_of_a_step_are_told_to_be_late():
 
 
 def test_strong_noise_is_told_where_the_step_cannot_follow_it():
-    (said, *_) = run(sigma=30.0, scheme=LOCATED).cautions
+    (said, *_) = run(sigma=30.0, scheme=LOCATED).diagnostics
     limit, why = trusted_step(dat21(30.0), LOCATED)
     assert said.endswith(f"{why}; dt = {limit:.2g} would do.")
     assert 0.002 > limit == pytest.approx(0.05 * (1.8 / (30.0 * math.hypot(1.0, dat21().beta1))) ** 2)
@@ -73,11 +73,11 @@ def test_paths_held_after_their_impacts_are_no_fault_of_the_section():
     values = {name: getattr(dat21(), name) for name in ("alpha", "beta1", "beta2", "gamma1", "gamma2", "mu")}
     scene = Scene(**values, **collapsing)
     quick = simulate(scene, paths=64, impacts=2, scheme=EXACT, horizon=3.0)
-    timed = simulate(scene, paths=64, impacts=2, scheme=EXACT, horizon=3.0, clock=[2.0])
-    assert quick.cautions[0].startswith("Noise at a restitution below 0.163")
-    assert not any("held" in said for said in quick.cautions)
-    assert timed.held > 0
-    assert any("a mesh was held shut" in said for said in timed.cautions)
+    timed = simulate(scene, paths=64, impacts=2, scheme=EXACT, horizon=3.0, times=[2.0])
+    assert quick.diagnostics[0].startswith("Noise at a restitution below 0.163")
+    assert not any("held shut" in said for said in quick.diagnostics)
+    assert timed.sticking_steps > 0
+    assert any("a mesh was held shut" in said for said in timed.diagnostics)
 
 
 @pytest.mark.parametrize("scheme", [LOCATED, PLAIN, EXACT])
@@ -90,13 +90,13 @@ def test_a_flight_of_no_length_is_no_unit(scheme):
     found = simulate(scene, paths=1, impacts=1, scheme=scheme)
     assert (motion_units(found.columns, scene)["tau"] == 0.0).any() == (scheme != PLAIN)
     assert math.isfinite(orbit_shift(found)[0])
-    assert not any("nan" in said or "inf " in said for said in found.cautions)
+    assert not any("nan" in said or "inf " in said for said in found.diagnostics)
 
 
 def test_few_paths_and_a_horizon_that_nobody_reaches_are_told_without_a_warning():
     for sigma in (0.0, 0.1):
         for settings in ({"paths": 1}, {"paths": 2}, {"paths": 2, "horizon": 0.02}):
             for scheme in (LOCATED, PLAIN, EXACT):
-                found = run(sigma=sigma, scheme=scheme, step_bias=scheme != EXACT, clock=[0.016], **settings)
-                assert (found.unfinished > 0) == any("when the horizon came" in said for said in found.cautions)
-                assert (len(found.section), len(found.clock())) == (4, 1)
+                found = run(sigma=sigma, scheme=scheme, step_bias=scheme != EXACT, times=[0.016], **settings)
+                assert (found.unfinished > 0) == any("when the horizon came" in said for said in found.diagnostics)
+                assert (len(found.section), len(found.at_times())) == (4, 1)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from rattle.compare.checks.laws.law import Check, Measured, Planted
+from rattle.compare.checks.published.result import Check, Measured, NegativeControl
 from rattle.montecarlo import simulate
 from rattle.scene import Scene, Start
 from rattle.scene.flight import noise_covariance
@@ -34,7 +34,7 @@ def linear_moments(scene: Scene, tau: float, coupled: bool = True) -> tuple[Floa
     """Mean and covariance of ``(x1, y1, x2, y2)`` at a time, from Eqs. 5 and 8 as they are printed here, by an ODE.
 
     ``s' = A s + f, P' = A P + P A' + sigma^2 m m'``; no function of `rattle.scene.flight` is used.  Without `coupled`
-    the second stage does not feel the noise itself: a planted error.
+    the second stage does not feel the noise itself: a negative control.
 
     Examples
     --------
@@ -70,10 +70,10 @@ def free_flight(seed: int = 0, workers: int = 2) -> Measured:
     """
     rng = np.random.SeedSequence([seed, 7])
     run = simulate(
-        SCENE, paths=PATHS, impacts=1, scheme="exact-flight", rng=rng, clock=[SCENE.start.tau + TIME],
+        SCENE, paths=PATHS, impacts=1, scheme="exact-flight", rng=rng, times=[SCENE.start.tau + TIME],
         horizon=TIME + 0.1, workers=workers,
     )  # fmt: skip
-    table, sums = run.clock(), run.result.sums["clock"]
+    table, sums = run.at_times(), run.result.sums["fixed"]
     row, tau = table.iloc[0], float(table.index[0])
     columns = [name for name in table.columns if name.startswith("cov_")]
     computed = noise_covariance(SCENE.constants, SCENE.start.tau, tau - SCENE.start.tau)
@@ -110,9 +110,9 @@ def free_flight(seed: int = 0, workers: int = 2) -> Measured:
         "rattle.scene.flight against an ODE",
         [*checks(SCENE), *shape(0.0, 0.0)],
         [
-            Planted("2 % more noise", checks(SCENE.with_sigma(1.02 * SCENE.sigma))),
-            Planted("a second stage that the noise does not reach", checks(SCENE, coupled=False)),
-            Planted("skewness 0.05", shape(0.05, 0.0)),
-            Planted("kurtosis 0.1", shape(0.0, 0.1)),
+            NegativeControl("2 % more noise", checks(SCENE.with_sigma(1.02 * SCENE.sigma))),
+            NegativeControl("a second stage that the noise does not reach", checks(SCENE, coupled=False)),
+            NegativeControl("skewness 0.05", shape(0.05, 0.0)),
+            NegativeControl("kurtosis 0.1", shape(0.0, 0.1)),
         ],
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What a law that was put to the test is: numbers beside their truths, and planted errors that must not pass."""
+"""What a result that was put to the test is: numbers beside their truths, and negative controls that must not pass."""
 
 import math
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from scipy import stats
 
-__all__ = ["FALSE_ALARM", "Check", "Law", "Measured", "Planted", "limit"]
+__all__ = ["FALSE_ALARM", "Check", "Measured", "NegativeControl", "PublishedResult", "limit"]
 
 FALSE_ALARM = 1e-3
 """Chance that any check of a whole run of a correct program fails."""
@@ -52,7 +52,7 @@ class Check(NamedTuple):
         return self.z <= allowed and math.isfinite(self.found)
 
 
-class Planted(NamedTuple):
+class NegativeControl(NamedTuple):
     """Checks with an error in the truth or in the scene: at least one of them must fail.
 
     Attributes
@@ -71,21 +71,21 @@ class Planted(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """What a law's function hands over; `Law` is this and the verdict.
+    """What a result's function hands over; `Result` is this and the verdict.
 
     Attributes
     ----------
     name, reference, statement : str
-        The law, who published it, and what is computed with which part of the program.
+        The result, who published it, and what is computed with which part of the program.
     checks : sequence of Check
-    planted : sequence of Planted
+    planted : sequence of NegativeControl
     """
 
     name: str
     reference: str
     statement: str
     checks: Sequence[Check]
-    planted: Sequence[Planted]
+    controls: Sequence[NegativeControl]
 
 
 def limit(checks: int) -> float:
@@ -100,8 +100,8 @@ def limit(checks: int) -> float:
 
 
 @dataclass(frozen=True)
-class Law:
-    """A law, and whether the program obeys it.
+class PublishedResult:
+    """A result, and whether the program obeys it.
 
     Attributes
     ----------
@@ -114,8 +114,9 @@ class Law:
     Examples
     --------
     >>> checks = [Check("mean", 1.02, 1.0, 0.01)]
-    >>> law = Law(Measured("a law", "", "", checks, [Planted("5 % more", [Check("mean", 1.02, 1.05, 0.01)])]), 2.5, 0.1)
-    >>> law.holds, law.rejects
+    >>> wrong = NegativeControl("5 % more", [Check("mean", 1.02, 1.05, 0.01)])
+    >>> result = Result(Measured("a result", "", "", checks, [wrong]), 2.5, 0.1)
+    >>> result.holds, result.rejects
     (True, True)
     """
 
@@ -135,12 +136,12 @@ class Law:
 
     @property
     def rejects(self) -> bool:
-        """Whether every planted error is seen."""
-        return all(planted.rejected(self.allowed) for planted in self.measured.planted)
+        """Whether every negative control is seen."""
+        return all(controls.rejected(self.allowed) for controls in self.measured.controls)
 
     @property
     def holds(self) -> bool:
-        """Whether all checks hold and every planted error is seen."""
+        """Whether all checks hold and every negative control is seen."""
         return self.obeyed and self.rejects
 
     def to_dict(self) -> dict[str, Any]:
@@ -149,7 +150,7 @@ class Law:
         return {
             "name": m.name, "reference": m.reference, "statement": m.statement, **_plain(self.worst),
             "allowed": self.allowed, "holds": self.holds, "checks": [_plain(check) for check in m.checks],
-            "planted": [{"error": p.error, "rejected": p.rejected(self.allowed)} for p in m.planted],
+            "controls": [{"error": p.error, "rejected": p.rejected(self.allowed)} for p in m.controls],
             "seconds": self.seconds,
         }  # fmt: skip
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.closure.orbit import follow
-from rattle.compare.checks.laws.law import Check, Measured, Planted
+from rattle.compare.checks.published.result import Check, Measured, NegativeControl
 from rattle.montecarlo import simulate
 from rattle.montecarlo.schemes.exact_flight import CLOSE
 from rattle.scene import Scene, Start
@@ -58,5 +58,6 @@ def bouncing_ball(seed: int = 0, workers: int = 2) -> Measured:
         "bouncing-ball sum", "Luck & Mehta 1993",
         "under a constant pull flights shrink by epsilon and add up to t1 / (1 - epsilon): the orbit, simulate()",
         checks(EPSILON),
-        [Planted("epsilon 1 % larger", checks(1.01 * EPSILON)), Planted("epsilon squared", checks(EPSILON**2))],
+        [NegativeControl("epsilon 1 % larger", checks(1.01 * EPSILON)),
+         NegativeControl("epsilon squared", checks(EPSILON**2))],
     )  # fmt: skip

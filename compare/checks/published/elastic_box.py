@@ -1,8 +1,8 @@
-"""One damped, shaken stage between elastic walls: its law is that of the free stage, folded into the box.
+"""One damped, shaken stage between elastic walls: its result is that of the free stage, folded into the box.
 
 At ``epsilon = 1`` an impact turns the sign of y and leaves damping and white noise what they are, for both are odd in
 it.  So ``x = fold(X), y = +-Y`` with the free ``Y' = -beta Y + sigma (-sin tau + beta cos tau) eta, X' = Y`` (Eq. 5):
-exactly, at any time.  The noise is modulated, so the law is periodic in time and not stationary: ``E y^2`` obeys
+exactly, at any time.  The noise is modulated, so the result is periodic in time and not stationary: ``E y^2`` obeys
 ``V' = -2 beta V + sigma^2 m^2``, y is Gaussian, and once X has spread over many boxes x is uniform and does not depend
 on y.
 """
@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from rattle.compare.checks.laws.law import Check, Measured, Planted
+from rattle.compare.checks.published.result import Check, Measured, NegativeControl
 from rattle.montecarlo import simulate
 from rattle.montecarlo.result import Ensemble
 from rattle.scene import Scene, Start
@@ -21,7 +21,7 @@ __all__ = ["elastic_box", "speed_variance"]
 BETA, SIGMA, HALF = 0.5, 1.0, 0.5
 PATHS, IMPACTS = 100_000, 64
 TIMES = (8.0, 8.8, 9.6)  # X has an sd of 4 boxes: the folded density is even to exp(-80)
-LOSSY = 0.97  # restitution of the planted error
+LOSSY = 0.97  # restitution of the negative control
 
 
 def speed_variance(tau: float, beta: float, sigma: float) -> float:
@@ -43,13 +43,13 @@ def _run(epsilon: float, seed: int, workers: int) -> Ensemble:
     start = Start(0.0, 0.0, 0.0)
     scene = Scene(alpha=0.0, epsilon=epsilon, beta1=BETA, gamma1=0.0, gap1=HALF, sigma=SIGMA, start=start, stages=1)
     return simulate(
-        scene, paths=PATHS, impacts=IMPACTS, scheme="exact-flight", rng=np.random.SeedSequence([seed, 5]), clock=TIMES,
+        scene, paths=PATHS, impacts=IMPACTS, scheme="exact-flight", rng=np.random.SeedSequence([seed, 5]), times=TIMES,
         horizon=TIMES[-1] + 0.1, workers=workers,
     )  # fmt: skip
 
 
 def _checks(run: Ensemble, sigma: float, phase: float) -> list[Check]:
-    table, sums = run.clock(), run.result.sums["clock"]
+    table, sums = run.at_times(), run.result.sums["fixed"]
     yy = [name for name in table.columns if name.startswith("cov_")].index("cov_y1_y1")
     out = [Check("paths seen to the end", float(sums.n[:, yy].min()), PATHS)]
     variance, fourth = sums.moment(2, 0)[:, yy], sums.moment(4, 0)[:, yy]
@@ -83,8 +83,8 @@ def elastic_box(seed: int = 0, workers: int = 2) -> Measured:
         "noise: simulate(), exact-flight",
         _checks(run, SIGMA, 0.0),
         [
-            Planted(f"restitution {LOSSY:g}", _checks(_run(LOSSY, seed, workers), SIGMA, 0.0)),
-            Planted("2 % more noise", _checks(run, 1.02 * SIGMA, 0.0)),
-            Planted("modulation 0.1 late", _checks(run, SIGMA, -0.1)),
+            NegativeControl(f"restitution {LOSSY:g}", _checks(_run(LOSSY, seed, workers), SIGMA, 0.0)),
+            NegativeControl("2 % more noise", _checks(run, 1.02 * SIGMA, 0.0)),
+            NegativeControl("modulation 0.1 late", _checks(run, SIGMA, -0.1)),
         ],
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""How far a reading can be believed, and the words for it."""
+"""How far a closure can be believed, and the words for it."""
 
 from dataclasses import replace
 
@@ -6,8 +6,8 @@ import pytest
 
 from rattle.compare import validate
 from rattle.compare.validation.answer import answer, correlation_claim
-from rattle.compare.validation.frontier import CAUSES, frontier, frontiers, judged_rows
 from rattle.compare.validation.tables import count_table, reach_table
+from rattle.compare.validation.validity import CAUSES, judged_rows, validities, validity
 from rattle.compare.validation.verdict import JUDGED, NOT_JUDGED
 from rattle.scene import DAT21, Scene
 
@@ -18,36 +18,36 @@ def validations():
     return [validate(s, impacts=6, paths=60_000, rng=2, workers=2) for s in scenes]
 
 
-def test_right_readings_reach_the_end_at_small_noise(validations):
-    table = frontiers(validations).set_index(["sigma", "reading"])
-    for reading in ("saltation", "branching"):
-        assert table.loc[(0.01, reading), "accurate"] == 6
-        assert "holds" in table.loc[(0.01, reading), "why"]
-    for reading in ("printed", "mended"):
-        assert table.loc[(0.01, reading), "not_refuted"] == 0
-    assert (table["accurate"] <= table["not_refuted"]).all()
+def test_right_closures_reach_the_end_at_small_noise(validations):
+    table = validities(validations).set_index(["sigma", "closure"])
+    for closure in ("saltation", "branching"):
+        assert table.loc[(0.01, closure), "accurate"] == 6
+        assert "holds" in table.loc[(0.01, closure), "why"]
+    for closure in ("published", "corrected"):
+        assert table.loc[(0.01, closure), "not_inaccurate"] == 0
+    assert (table["accurate"] <= table["not_inaccurate"]).all()
     assert set(table["cause"]) <= set(CAUSES)
 
 
 def test_causes_are_told_apart(validations):
     quiet, loud = validations
-    assert "impact time does not vary" in frontier(quiet, "mended").why
-    assert frontier(quiet, "mended").cause == "fixed instant"
-    assert "have left its itinerary" in frontier(loud, "saltation").why
-    assert frontier(loud, "saltation").cause == "parted"
+    assert "impact time does not vary" in validity(quiet, "corrected").why
+    assert validity(quiet, "corrected").cause == "fixed instant"
+    assert "have left its itinerary" in validity(loud, "saltation").why
+    assert validity(loud, "saltation").cause == "parted"
 
 
 def test_together_is_how_far_the_paths_share_an_itinerary(validations):
     quiet, loud = validations
-    assert frontier(quiet, "saltation").together == 6
+    assert validity(quiet, "saltation").together == 6
     assert loud.run.agreement["saltation"].loc[1] < 0.99
-    assert frontier(loud, "saltation").together == 0
+    assert validity(loud, "saltation").together == 0
 
 
 def test_an_end_that_more_paths_would_decide_is_called_undecided():
-    v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=4, readings=["saltation"], paths=1200, rng=1)
-    found = frontier(v, "saltation")
-    assert found.not_refuted == 4
+    v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=4, closures=["saltation"], paths=1200, rng=1)
+    found = validity(v, "saltation")
+    assert found.not_inaccurate == 4
     assert found.accurate < 4
     assert found.cause == "undecided"
     assert found.why.startswith("undecided for want of paths")
@@ -57,11 +57,11 @@ def test_an_end_that_more_paths_would_decide_is_called_undecided():
 def test_answer_is_three_sentences_with_the_counts(validations):
     sentences = answer(validations)
     assert len(sentences) == 3
-    rows = validations[0].table.query("reading == 'saltation' and kind == 'section'")
+    rows = validations[0].table.query("closure == 'saltation' and kind == 'section'")
     right, judged = (rows["verdict"] == "accurate").sum(), rows["verdict"].isin(JUDGED).sum()
     assert judged == 6 * (12 - 2)  # all but the displacement at the struck mesh
     assert f"saltation {right} of {judged}" in sentences[0]
-    assert "printed reading stops being realizable at impact 2" in sentences[1]
+    assert "published closure stops being realizable at impact 2" in sentences[1]
 
 
 def test_claim_about_rho_names_rule_and_impact(validations):
@@ -69,14 +69,14 @@ def test_claim_about_rho_names_rule_and_impact(validations):
     assert "Eq. 15" in claim
     assert "the first being 2" in claim
     assert (
-        correlation_claim([validate(Scene.from_gears(DAT21, sigma=0.01), impacts=1, readings=["mended"], paths=600)])
+        correlation_claim([validate(Scene.from_gears(DAT21, sigma=0.01), impacts=1, closures=["corrected"], paths=600)])
         == ""
     )
 
 
-def test_counts_frontier_answer_and_requirement_follow_one_rule():
+def test_counts_range_of_validity_answer_and_requirement_follow_one_rule():
     """Strays alone make the sd of the displacement at the struck mesh: nothing that is said may depend on it."""
-    v = validate(Scene.from_gears(DAT21, sigma=0.1), impacts=3, readings=["saltation"], paths=60_000, rng=2)
+    v = validate(Scene.from_gears(DAT21, sigma=0.1), impacts=3, closures=["saltation"], paths=60_000, rng=2)
     struck = "x" + v.run.section["mesh"].astype(str)
     wall = v.table["quantity"] == v.table["impact"].map(struck)
     assert (wall == (v.table["verdict"] == NOT_JUDGED)).all()
@@ -85,8 +85,8 @@ def test_counts_frontier_answer_and_requirement_follow_one_rule():
     only_wall = v.table.assign(verdict=v.table["verdict"].where(wall, "accurate"))
     v = replace(v, table=only_wall)
     assert v.accurate
-    found = frontier(v, "saltation")
-    assert (found.accurate, found.not_refuted) == (3, 3)
+    found = validity(v, "saltation")
+    assert (found.accurate, found.not_inaccurate) == (3, 3)
     assert [row[2].text for row in reach_table(v).rows] == ["3"]
     heads = [column.head for column in count_table(v).columns]
     counts = [dict(zip(heads[2:], (int(cell.text) for cell in row[2:]), strict=True)) for row in count_table(v).rows]

@@ -1,1 +1,0 @@
-"""Published laws as executable self-tests: the installed program held against what is known of such systems."""
