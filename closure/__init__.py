@@ -1,4 +1,4 @@
-"""Moment closures of the rattling system: cheap predictions, three closures of one interface."""
+"""Moment closures of the rattling system: cheap predictions by four closures with one interface."""
 
 from rattle.closure.edgeworth import Edgeworth
 from rattle.closure.mean_map import CLOSURES, Breakdown, MeanMap, closures_for, mean_map, refusals

@@ -1,10 +1,9 @@
-"""The paper's closure with its algebra mended (docs/model.md sections 5, 6, 9).
+"""The paper's closure with its algebra corrected (docs/model.md sections 5, 6, 9).
 
-The deterministic part is the event-driven orbit.  Linear flow, linear contact laws taken at the orbit's own
-instants, and additive noise keep ``(xi_1, zeta_1, xi_2, zeta_2)`` exactly Gaussian: every cumulant beyond the
-second starts at zero and is only ever mapped linearly.  So the covariance is all there is to carry, raw
-moments of any order follow from it, and ``|rho| <= 1`` always.  The means are shifted by the window means
-of Eqs. 20 and 21.
+The deterministic part is the event-driven orbit.  Linear flow, restitution maps applied at the orbit's own impact
+times, and additive noise keep ``(xi_1, zeta_1, xi_2, zeta_2)`` exactly Gaussian: every cumulant beyond the second
+starts at zero and is only ever mapped linearly.  So only the covariance has to be propagated, raw moments of any order
+follow from it, and ``|rho| <= 1`` always.  The means are shifted by the window means of Eqs. 20 and 21.
 """
 
 import numpy as np
@@ -24,9 +23,9 @@ __all__ = ["trace"]
 
 @jit
 def window_shift(raw: Floats, x: float, half_window: float) -> tuple[float, float]:
-    """Shift of a stage's mean displacement and velocity (Eqs. 20, 21) for a wall at ``+-half_window``.
+    """Shift of a stage's mean displacement and velocity (Eqs. 20, 21) for walls at ``+-half_window``.
 
-    Zero where a variance is not positive, or nothing: no window mean can be formed there.
+    Zero where a variance is not positive: no window mean can be formed there.
     """
     vx, vy = raw[2, 0], raw[0, 2]
     if not has_series(vx, vy, len(raw) - 1):
@@ -47,15 +46,15 @@ def stage_shifts(raw: Floats, state: Floats, windows: tuple[float, float], stage
 
 @jit
 def _flown(c: Constants, mesh: int, covariance: Floats, tau: float, t: float) -> tuple[Floats, Floats]:
-    """Covariance a time t after an impact, from that before it, and the sds of what may cancel to it."""
+    """Covariance a time t after an impact, from that before it; and the sds of its terms, for rounding."""
     j, noise = jacobian(c, t) @ contact_matrix(c, mesh), noise_covariance(c, tau, t)
     scale = np.abs(j) @ np.sqrt(np.abs(np.diag(covariance))) + np.sqrt(np.diag(noise))
     return j @ covariance @ j.T + noise, scale
 
 
 @jit
-def _carry(c: Constants, tau: Floats, mesh: Ints, found: int) -> tuple[Floats, Floats]:
-    """Covariance just before each impact, shape (impacts + 1, 4, 4), and sds of what its terms may cancel to that."""
+def _propagate(c: Constants, tau: Floats, mesh: Ints, found: int) -> tuple[Floats, Floats]:
+    """Covariance just before each impact, shape (impacts + 1, 4, 4), and the sds of its terms, for rounding."""
     covariance, scale = np.full((tau.size, 4, 4), np.nan), np.zeros((tau.size, 4))
     covariance[0] = 0.0
     for k in range(1, found + 1):
@@ -65,6 +64,7 @@ def _carry(c: Constants, tau: Floats, mesh: Ints, found: int) -> tuple[Floats, F
 
 @jit
 def _means(before: Floats, raw: Floats, windows: tuple[float, float], stages: int) -> Floats:
+    """Means just before each impact: the orbit's states plus their window shifts."""
     mean = before.copy()
     for k in range(1, len(before)):
         mean[k] += stage_shifts(raw[k], before[k], windows, stages)
@@ -72,14 +72,29 @@ def _means(before: Floats, raw: Floats, windows: tuple[float, float], stages: in
 
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
-    """Follow the corrected closure through `impacts` impacts."""
+    """Follow the corrected closure.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled.
+    impacts : int
+        Impacts after the start.
+    order : int
+        Highest order of the raw moments.
+
+    Returns
+    -------
+    Trace
+        Up to the orbit's first sticking phase at most.
+    """
     c, orbit = scene.constants, follow(scene, impacts).until_sticking
     windows = scene.windows
-    carried, scale = _carry(c, orbit.tau, orbit.mesh, orbit.found)
-    covariance = np.array([semidefinite(p, s) for p, s in zip(carried, scale, strict=True)])
+    computed, scale = _propagate(c, orbit.tau, orbit.mesh, orbit.found)
+    covariance = np.array([semidefinite(p, s) for p, s in zip(computed, scale, strict=True)])
     raw = stage_raw_moments(covariance, order)
     mean = _means(orbit.before, raw, windows, c.stages)
-    sd = np.full((impacts + 1, 6), np.nan)  # no sd of tau or of a flight: the impact time does not vary here
+    sd = np.full((impacts + 1, 6), np.nan)  # no sd of tau or flight: this closure has no spread of impact times
     sd[:, 2:] = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     skew = np.where(sd > 0.0, 0.0, np.nan)
 

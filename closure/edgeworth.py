@@ -17,9 +17,9 @@ __all__ = [
 Floats = NDArray[np.float64]
 
 FACTORIAL = np.array([factorial(n) for n in range(8)], dtype=float)
-NARROW = 1.0  # width of a window, in sds, below which it is integrated by Gauss-Legendre
-SMALLEST = 1e-290  # power of an sd that is still divided by
-FARTHEST = 40.0  # sds: the normal density is 0 there
+NARROW = 1.0  # width of a window, in sds, below which it is integrated by Gauss-Legendre quadrature
+SMALLEST = 1e-290  # smallest power of an sd that may be a divisor
+FARTHEST = 40.0  # sds beyond which the normal density underflows to 0
 HERMITE = np.array([np.pad(hermite_e.herme2poly([0.0] * i + [1.0]), (0, 7 - i)) for i in range(8)])
 """Row i: the monomial coefficients of He_i."""
 
@@ -31,6 +31,18 @@ def coefficients(raw: Floats, sd_x: float, sd_y: float) -> Floats:
     By orthogonality of the Hermite polynomials these are the only coefficients for which the series
     has the given moments; Eq. 11 groups the same terms by order, with moments of order 4 where
     cumulants belong (docs/model.md section 9).
+
+    Parameters
+    ----------
+    raw : ndarray, shape (order + 1, order + 1)
+        Raw moments ``E[xi^n zeta^p]``.
+    sd_x, sd_y : float
+        Standard deviations of displacement and velocity.
+
+    Returns
+    -------
+    ndarray, shape (order + 1, order + 1)
+        Entry ``[i, j]``; 0 for ``i + j > order``.
 
     Examples
     --------
@@ -52,7 +64,19 @@ def coefficients(raw: Floats, sd_x: float, sd_y: float) -> Floats:
 
 @jit
 def has_series(vx: float, vy: float, order: int) -> bool:
-    """Whether two variances are positive, and all powers of the sds that a series of that order needs are floats.
+    """Whether two variances are positive, and the powers of the sds up to that order neither underflow nor overflow.
+
+    Parameters
+    ----------
+    vx, vy : float
+        Variances of displacement and velocity.
+    order : int
+        Highest order of the series.
+
+    Returns
+    -------
+    bool
+        Whether an Edgeworth series can be formed.
 
     Examples
     --------
@@ -81,7 +105,7 @@ def normal_density(z: float) -> float:
 
 @jit
 def normal_mass(low: float, high: float) -> float:
-    """Mass of the standard normal between two points, to rounding also where both lie in one tail.
+    """Probability of the standard normal between two points, accurate to rounding also within one tail.
 
     Examples
     --------
@@ -101,7 +125,7 @@ def hermite_masses(low: float, high: float, order: int) -> tuple[Floats, Floats]
     """``int He_i phi`` and ``int z He_i phi`` over a window, i = 0 to `order`.
 
     The first is ``He_{i-1}(low) phi(low) - He_{i-1}(high) phi(high)`` and the second ``M_{i+1} + i M_{i-1}`` (below Eq.
-    21); a narrow window, where these are differences of what is nearly equal, by Gauss-Legendre.
+    21).  Over a narrow window these differences cancel, and Gauss-Legendre quadrature is used.
 
     Examples
     --------
@@ -133,7 +157,21 @@ def hermite_masses(low: float, high: float, order: int) -> tuple[Floats, Floats]
 def window_means(a: Floats, sd_x: float, sd_y: float, low: float, high: float) -> tuple[float, float]:
     """``E[xi; low < xi < high]`` and ``E[zeta; low < xi < high]`` of the series (Eqs. 20, 21).
 
-    These are integrals over the window, not means given the window: that is how the paper shifts its means.
+    These are integrals over the window, not means conditional on it: that is how the paper shifts its means.
+
+    Parameters
+    ----------
+    a : ndarray, shape (order + 1, order + 1)
+        Coefficients of the series.
+    sd_x, sd_y : float
+        Standard deviations of displacement and velocity.
+    low, high : float
+        Ends of the window in xi.
+
+    Returns
+    -------
+    mean_x, mean_y : float
+        Both integrals.
 
     Examples
     --------
@@ -154,7 +192,19 @@ def window_means(a: Floats, sd_x: float, sd_y: float, low: float, high: float) -
 
 
 def section_density(values: Floats, mean: float, sd: float, skew: float) -> Floats:
-    """Edgeworth density of one quantity up to its third cumulant, the order to which its skewness is O(sigma).
+    """Edgeworth density of one quantity up to its third cumulant, the order at which its skewness is O(sigma).
+
+    Parameters
+    ----------
+    values : ndarray
+        Where to evaluate it, any shape.
+    mean, sd, skew : float
+        Moments of the quantity; the sd is positive.
+
+    Returns
+    -------
+    ndarray
+        Density at `values`; it may be negative in the tails.
 
     Examples
     --------
@@ -167,7 +217,21 @@ def section_density(values: Floats, mean: float, sd: float, skew: float) -> Floa
 
 
 def mixture_density(values: Floats, weights: Floats, means: Floats, variances: Floats) -> Floats:
-    """Density of a Gaussian mixture; a part that is too light to have a width gets a hundredth of the mixture's sd.
+    """Density of a one-dimensional Gaussian mixture.
+
+    A component narrower than a hundredth of the mixture's sd is widened to that.
+
+    Parameters
+    ----------
+    values : ndarray
+        Where to evaluate it, any shape.
+    weights, means, variances : ndarray, shape (components,)
+        The mixture; weights sum to 1.
+
+    Returns
+    -------
+    ndarray
+        Density at `values`.
 
     Examples
     --------
@@ -201,13 +265,35 @@ class Edgeworth:
     sd_y: float
 
     def density(self, xi: Floats, zeta: Floats) -> Floats:
-        """Joint density at points of one shape; where it is negative it is no density, and says so by its sign."""
+        """Joint density, by the truncated series; where it is negative it is returned as it is.
+
+        Parameters
+        ----------
+        xi, zeta : ndarray
+            Displacement and velocity perturbations, of one shape.
+
+        Returns
+        -------
+        ndarray
+            Density at these points.
+        """
         u, v = np.asarray(xi) / self.sd_x, np.asarray(zeta) / self.sd_y
         weight = np.exp(-0.5 * (u * u + v * v)) / (2.0 * np.pi * self.sd_x * self.sd_y)
         return np.asarray(weight * hermite_e.hermeval2d(u, v, self.a))
 
     def velocity_density(self, zeta: Floats) -> Floats:
-        """Marginal density of the velocity perturbation."""
+        """Marginal density of the velocity perturbation.
+
+        Parameters
+        ----------
+        zeta : ndarray
+            Velocity perturbations.
+
+        Returns
+        -------
+        ndarray
+            Density at these points.
+        """
         v = np.asarray(zeta) / self.sd_y
         weight = np.exp(-0.5 * v * v) / (np.sqrt(2.0 * np.pi) * self.sd_y)
         return np.asarray(weight * hermite_e.hermeval(v, self.a[0]))

@@ -1,11 +1,13 @@
-"""Random backlash as columns of the section state: ``(tau, x1, y1, x2, y2)`` and the deviations of +1, -1, +2, -2.
+"""Random backlash as components of the section state: ``(tau, x1, y1, x2, y2)`` and the deviations of four flanks.
 
-Flank ``side`` of a mesh stands at ``side (g + c)``, c its column.  One Gaussian gives c the mean and the variance of
-its law, but not that c never exceeds ``c_max``: its tails reach events that no gear has.  So a mixture has a deviation
-that a path keeps in `PIECES`, each a Gaussian with the mean and the variance of the law in a cell of
-``[-c_max, c_max]``: with one Gaussian for it the means of DAT21 are off by up to 0.2 sds without noise, with six by
-0.02.  A deviation that contacts draw anew is one Gaussian all the same: there pieces use up parts that follow the
-branches, and where there is noise the moments came out worse with them.
+The flanks are in the order +1, -1, +2, -2; flank ``side`` of a mesh stands at ``side (g + c)``, c its deviation.
+
+One Gaussian can give c the mean and variance of its distribution, but not the bound ``|c| <= c_max``: its tails reach
+events that no gear has.  So the branching closure represents a deviation that is drawn once per path by `PIECES`
+Gaussians, each with the mean and variance of the distribution in one cell of ``[-c_max, c_max]``.  With one Gaussian
+the means of DAT21 without noise are wrong by up to 0.2 sds, with six by 0.02.  A deviation that is drawn anew at each
+contact is one Gaussian all the same: there several would use up mixture components that the itineraries need, and with
+noise the moments became less accurate.
 """
 
 from typing import NamedTuple
@@ -20,14 +22,24 @@ __all__ = [
     "PLAIN", "Pieces", "between", "column", "forget", "pieces", "random_tolerance", "start_covariance", "start_pieces",
 ]  # fmt: skip
 
-PLAIN = 5  # quantities of the section state where no flank varies
-NARROWEST = 0.01  # of a nominal half gap: the tail of a Gaussian never closes it
-PIECES = 6  # of the law of a deviation that a path keeps
+PLAIN = 5  # components of the section state where no flank varies
+NARROWEST = 0.01  # smallest half gap, as a share of the nominal one: the tail of a Gaussian must not close the gap
+PIECES = 6  # Gaussians for the distribution of a deviation that is drawn once per path
 NODES = 20  # of the quadrature over a cell
 
 
 class Pieces(NamedTuple):
-    """A mixture of Gaussians: weight, mean and variance of each (of one deviation, or of a whole section state)."""
+    """A mixture of Gaussians, over one deviation or over the section state.
+
+    Attributes
+    ----------
+    weight : ndarray, shape (components,)
+        Probabilities; their sum is 1.
+    mean : ndarray, shape (components,) or (components, d)
+        Of each component.
+    variance : ndarray, shape (components,) or (components, d, d)
+        Variances of one deviation, or covariances.
+    """
 
     weight: Floats
     mean: Floats
@@ -35,7 +47,17 @@ class Pieces(NamedTuple):
 
 
 def random_tolerance(scene: Scene) -> Tolerance | None:
-    """The tolerance of a scene of which a flank is random, or None.
+    """The tolerance of a scene if a flank is random.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled.
+
+    Returns
+    -------
+    Tolerance or None
+        None if no deviation varies.
 
     Examples
     --------
@@ -48,7 +70,17 @@ def random_tolerance(scene: Scene) -> Tolerance | None:
 
 
 def pieces(distribution: str) -> Pieces:
-    """A random deviation over ``c_max``, its law cut in cells that are narrower towards the ends.
+    """A random deviation as a mixture, one Gaussian for each of `PIECES` cells that are narrower towards the ends.
+
+    Parameters
+    ----------
+    distribution : {"uniform", "normal"}
+        Distribution of the deviation, as of `Tolerance`.
+
+    Returns
+    -------
+    Pieces
+        For ``c_max = 1``.
 
     Examples
     --------
@@ -69,7 +101,7 @@ def pieces(distribution: str) -> Pieces:
 
 
 def _placed(scene: Scene) -> Floats:
-    """What the deviations of the four flanks make of the section state after the start, shape (9, 4)."""
+    """Derivative of the section state after the start with respect to the deviations of the flanks, shape (9, 4)."""
     out = np.zeros((9, 4))
     out[5:] = np.eye(4)
     for row, x, gap, flank in ((1, scene.start.x1, scene.gap1, 0), (3, scene.start.x2, scene.gap2, 2)):
@@ -79,7 +111,17 @@ def _placed(scene: Scene) -> Floats:
 
 
 def start_covariance(scene: Scene) -> Floats:
-    """Covariance of the section state after the start, shape (9, 9), or (5, 5) where no flank varies.
+    """Covariance of the section state after the start, which only random flanks give it.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled.
+
+    Returns
+    -------
+    ndarray, shape (9, 9), or (5, 5) where no flank varies
+        Of ``(tau, x1, y1, x2, y2)`` and the deviations of +1, -1, +2, -2.
 
     Examples
     --------
@@ -100,7 +142,17 @@ def start_covariance(scene: Scene) -> Floats:
 
 
 def start_pieces(scene: Scene) -> Pieces:
-    """The section state after the start, less the orbit's, with the deviations that a path keeps in pieces.
+    """The section state after the start relative to the orbit's, as a mixture over the deviations drawn once per path.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled.
+
+    Returns
+    -------
+    Pieces
+        Over 9 quantities, or 5 where no flank varies; one component if deviations are drawn per contact.
 
     Examples
     --------
@@ -126,7 +178,19 @@ def start_pieces(scene: Scene) -> Pieces:
 
 @jit
 def column(mesh: int, side: int) -> int:
-    """Place of a flank's deviation in the section state.
+    """Index of a flank's deviation in the section state.
+
+    Parameters
+    ----------
+    mesh : {1, 2}
+        Mesh.
+    side : int
+        Flank, +1 or -1.
+
+    Returns
+    -------
+    int
+        5 to 8.
 
     Examples
     --------
@@ -138,7 +202,21 @@ def column(mesh: int, side: int) -> int:
 
 @jit
 def between(c: Constants, e: Floats) -> tuple[Constants, float, float]:
-    """The scene between flanks of its own, shape (9,): its half gaps, and where the middles of the gaps are.
+    """A scene with given flank deviations: its half gaps, and the centres of the gaps.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene with nominal walls.
+    e : ndarray, shape (9,)
+        Section state, with the deviations of the flanks.
+
+    Returns
+    -------
+    c : Constants
+        The scene with these half gaps.
+    middle1, middle2 : float
+        Displacements at the centres of both gaps.
 
     Examples
     --------
@@ -158,7 +236,16 @@ def between(c: Constants, e: Floats) -> tuple[Constants, float, float]:
 
 @jit
 def forget(flank: int, mean: Floats, covariance: Floats) -> None:
-    """Take out of a Gaussian all that is known of the deviation in column `flank`, for it is drawn anew.
+    """Remove from a Gaussian, in place, what is known of a flank's deviation, because it is drawn anew.
+
+    Parameters
+    ----------
+    flank : int
+        Index of the deviation, see `column`.
+    mean : ndarray, shape (9,)
+        Overwritten.
+    covariance : ndarray, shape (9, 9)
+        Overwritten; row and column of the flank become 0.
 
     Examples
     --------

@@ -1,6 +1,6 @@
-"""The orbit over as many impacts as wanted, a stretch at a time, with the growth of its neighbours.
+"""Orbits of any length, computed a stretch of impacts at a time, with the growth of their neighbours.
 
-Times are kept modulo the period of the excitation, so that a long orbit is as exact as a short one.
+Times are kept modulo the period of the excitation, so that the accuracy does not decrease along the orbit.
 """
 
 import math
@@ -13,7 +13,7 @@ from rattle.scene.compiled import jit
 from rattle.scene.flight import flow
 from rattle.scene.impact import REST, next_impact, struck
 from rattle.scene.scene import Constants, Scene
-from rattle.scene.sticking import settling
+from rattle.scene.sticking import completed_chatter
 from rattle.scene.tangent import Stretch, carry_frame, strike_frame
 
 __all__ = ["LongOrbit", "velocities"]
@@ -29,7 +29,10 @@ def _stretch(
     c: Constants, tangent: bool, at: Floats, frame: Floats, flight: Floats, phase: Floats, code: Ints, before: Floats,
     growth: Floats,
 ) -> tuple[int, int]:  # fmt: skip
-    """Fill the arrays with impacts from ``at = (tau, x1, y1, x2, y2)`` on, up to a rest, and move `at`."""
+    """Fill the arrays with impacts from ``at = (tau, x1, y1, x2, y2)`` on, up to a sticking phase; updates `at`.
+
+    Returns the number of impacts, and 1 or a code of `MISSES`.
+    """
     tau, x1, y1, x2, y2 = at[0], at[1], at[2], at[3], at[4]
     for k in range(flight.size):
         t, mesh, side, x1, y1, x2, y2 = next_impact(c, tau, x1, y1, x2, y2, HORIZON)
@@ -42,7 +45,7 @@ def _stretch(
             carry_frame(c, t, frame)
             strike_frame(c, mesh, tau, y1, y2, frame, growth[k])
         y1, y2 = struck(c, mesh, y1, y2)
-        if settling(c, tau, x1, y1, x2, y2, mesh, side)[0] < math.inf:
+        if completed_chatter(c, tau, x1, y1, x2, y2, mesh, side)[0] < math.inf:
             return k + 1, REST
     at[0], at[1], at[2], at[3], at[4] = tau, x1, y1, x2, y2
     return flight.size, 1
@@ -50,6 +53,7 @@ def _stretch(
 
 @jit
 def _sample(c: Constants, step: float, s: Stretch, velocity: Floats) -> int:
+    """Write ``(y1, y2)`` at equal time steps of a stretch; returns how many rows."""
     n, t = 0, 0.0
     for k in range(s.flight.size - 1):
         y1, y2 = struck(c, abs(s.code[k]), s.before[k, 1], s.before[k, 3])
@@ -62,14 +66,15 @@ def _sample(c: Constants, step: float, s: Stretch, velocity: Floats) -> int:
 
 
 class LongOrbit:
-    """The orbit of a scene from one of many starts, to be followed a stretch at a time.
+    """The deterministic orbit of a scene from one of many starts, followed a stretch at a time.
 
     Parameters
     ----------
     scene : Scene
         Its noise and random tolerance are not used.
     start : int
-        0 for the scene's own start; start number n is the same state, n golden sections of a period later.
+        0 for the scene's own start; start number n is the same state at a phase later by n times 0.618 periods (the
+        golden ratio, so that the phases of many starts are spread evenly).
 
     Examples
     --------
@@ -91,7 +96,21 @@ class LongOrbit:
         self.ended = 1
 
     def stretch(self, impacts: int, tangent: bool = True) -> Stretch:
-        """The next `impacts` impacts, or fewer: then the orbit has ended, and `ended` is a code of `MISSES`."""
+        """The next impacts of the orbit.
+
+        Parameters
+        ----------
+        impacts : int
+            How many.
+        tangent : bool
+            Whether to compute the growth of neighbours; `growth` is 0 otherwise.
+
+        Returns
+        -------
+        Stretch
+            Fewer impacts where the orbit has ended; the attribute `ended` is then a code of
+            `rattle.scene.impact.MISSES`.
+        """
         flight, phase, code = np.empty(impacts), np.empty(impacts), np.empty(impacts, np.int64)
         before, growth = np.empty((impacts, 4)), np.zeros((impacts, 4))
         n = 0
@@ -103,7 +122,21 @@ class LongOrbit:
 
 
 def velocities(scene: Scene, s: Stretch, step: float) -> Floats:
-    """``(y1, y2)`` at equal steps of time from the first to the last impact of a stretch of the orbit.
+    """``(y1, y2)`` at equal time steps from the first to the last impact of a stretch of the orbit.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene of the orbit.
+    s : Stretch
+        From `LongOrbit.stretch`.
+    step : float
+        Time step.
+
+    Returns
+    -------
+    ndarray, shape (steps, 2)
+        Relative velocities.
 
     Examples
     --------

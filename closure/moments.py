@@ -1,4 +1,4 @@
-"""What every closure hands over: means and covariances just before each impact, and between them."""
+"""The result that every closure returns: means and covariances just before each impact, and between impacts."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,32 +19,34 @@ class Trace:
     Attributes
     ----------
     tau : ndarray, shape (impacts + 1,)
-        Mean impact times, counted from the start's phase (`Scene.phase`); NaN beyond `found`.
+        Mean impact times in local time (`Scene.phase`); NaN beyond `found`.
     mesh, side : ndarray of int, shape (impacts + 1,)
-        Where the closure has its impacts.
+        Mesh and flank of each impact; 0 beyond `found`.
     mean : ndarray, shape (impacts + 1, 4)
-        ``E[X_s]`` just before the impact, in the order ``x1, y1, x2, y2``.
+        Mean state just before the impact, in the order ``x1, y1, x2, y2``.
     sd : ndarray, shape (impacts + 1, 6)
-        What the closure calls the standard deviations of ``tau, flight, x1, y1, x2, y2``; NaN where it
-        predicts none, or where its variance is negative.
+        Predicted standard deviations of ``tau, flight, x1, y1, x2, y2``; NaN where the closure predicts none, or
+        where its variance is negative.
     skew : ndarray, shape (impacts + 1, 6)
-        Skewness of the same; NaN where the closure predicts none, or where the cube of the sd is no float.
+        Skewness of the same; NaN where the closure predicts none, or where the cube of the sd underflows.
     covariance : ndarray, shape (impacts + 1, 4, 4)
-        Of the perturbation just before the impact; NaN where the closure has no such moment.
+        Covariance of the perturbation just before the impact; NaN where the closure has no such moment.
     raw : ndarray, shape (impacts + 1, 2, order + 1, order + 1)
         Raw moments of each stage's perturbation just before the impact.
     parts : dict of int to (weights, means, variances), optional
-        The mixture behind each impact, over ``tau, flight, x1, y1, x2, y2``; None where one Gaussian is all there is.
-    agreement, lost : ndarray, shape (impacts + 1,), optional
-        Share of paths that the closure expects on the orbit's itinerary so far, and the weight it has lost.
+        Components of the mixture at each impact, over ``tau, flight, x1, y1, x2, y2``; None if the closure is a single
+        Gaussian.
+    agreement, discarded : ndarray, shape (impacts + 1,), optional
+        Predicted share of paths that have followed the orbit's itinerary so far, and the probability discarded so far;
+        of the branching closure only.
     at : callable
-        ``at(time) -> (mean, covariance)`` between impacts, the time counted likewise.
+        ``at(time) -> (mean, covariance)`` at a fixed local time between impacts.
     found : int
-        Impacts that could be evaluated.
+        Number of impacts that could be evaluated.
     stopped : str
         Why it ended early, or an empty string.
     until : float, optional
-        Last time of which `at` can tell; the mean time of the last impact by default.
+        Last local time at which `at` can be evaluated; the mean time of the last impact by default.
     """
 
     tau: Floats
@@ -61,9 +63,9 @@ class Trace:
     parts: dict[int, tuple[Floats, Floats, Floats]] | None = None
     until: float | None = None
     agreement: Floats | None = None
-    lost: Floats | None = None
+    discarded: Floats | None = None
 
     @property
     def span(self) -> tuple[float, float]:
-        """The times between which `at` can tell."""
+        """First and last local time at which `at` can be evaluated."""
         return float(self.tau[0]), float(self.tau[self.found]) if self.until is None else self.until

@@ -1,7 +1,8 @@
-"""The deterministic orbit (sigma = 0) from impact to impact over both meshes: what every closure is built around.
+"""The deterministic orbit (sigma = 0) from impact to impact over both meshes, around which every closure is built.
 
-Between two impacts lies a flight, or a rest: impacts accumulate, the mesh stays closed while it is pressed shut, and
-opens.  The orbit goes through all of it.  Its linearisations end at the first rest, which forgets what came before.
+Between two impacts lies a flight, or a sticking phase: impacts accumulate (chatter), the mesh stays closed while its
+contact force pushes, and opens.  The orbit goes through all of these.  Its linearisations end at the first sticking
+phase, after which the state no longer depends on the one before.
 """
 
 from dataclasses import dataclass
@@ -15,20 +16,21 @@ from rattle.scene.compiled import lean
 from rattle.scene.flight import flow
 from rattle.scene.impact import LOST, MISSES, NONE, REST, next_impact, struck
 from rattle.scene.scene import Constants, Scene
-from rattle.scene.sticking import carried, closed_sides, next_contact, settled, settling
+from rattle.scene.sticking import carried, closed_sides, completed_chatter, next_contact, stuck
 
 __all__ = ["HORIZON", "Orbit", "StickingPhase", "follow"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-HORIZON = 1e4  # longest flight or rest that is followed, in units of 1 / omega
-LEGS = 8  # between one impact and the next, on average and at most; settling, opening and going on take 3 a mesh
-LEG = 7  # tau, x1, y1, x2, y2, side on which mesh 1 is closed, side on which mesh 2 is
+HORIZON = 1e4  # longest flight or sticking phase that is followed, in units of 1 / omega
+LEGS = 8  # room for smooth pieces (legs) per impact; a sticking phase of one mesh takes 3
+LEG = 7  # numbers per leg: tau, x1, y1, x2, y2, side on which mesh 1 sticks, side on which mesh 2 does
 
 
 @lean
 def _note(legs: Floats, n: int, tau: float, x1: float, y1: float, x2: float, y2: float, first: int, second: int) -> int:
+    """Write a leg to row n; returns n + 1."""
     leg = legs[n]
     leg[0], leg[1], leg[2], leg[3], leg[4], leg[5], leg[6] = tau, x1, y1, x2, y2, first, second
     return n + 1
@@ -39,7 +41,7 @@ def _follow(
     c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, mesh: int,
     taus: Floats, meshes: Ints, sides: Ints, before: Floats, after: Floats, legs: Floats, legs_after: Ints,
 ) -> tuple[int, int, int]:  # fmt: skip
-    """Fill the arrays; returns how many impacts and legs were found, and the mesh of the last event."""
+    """Fill the arrays; returns the numbers of impacts and legs, and the last mesh or a code of `MISSES`."""
     taus[0], meshes[0] = tau, mesh
     before[0, 0], before[0, 1], before[0, 2], before[0, 3] = x1, y1, x2, y2
     side = 0
@@ -56,11 +58,11 @@ def _follow(
             return k, n, 1
         closed = (0, 0)
         if mesh > 0:
-            t, shut = settling(c, tau, x1, y1, x2, y2, mesh, side)
+            t, sticking = completed_chatter(c, tau, x1, y1, x2, y2, mesh, side)
             if t < np.inf:
-                x1, y1, x2, y2 = settled(c, *flow(c, tau, x1, y1, x2, y2, t), shut)
+                x1, y1, x2, y2 = stuck(c, *flow(c, tau, x1, y1, x2, y2, t), sticking)
                 tau += t
-        while True:  # through rests, to the next impact
+        while True:  # through sticking phases, to the next impact
             if closed[0] == 0 and closed[1] == 0:
                 touching1 = int(x1 == c.wall1) - int(x1 == -c.wall1) if y1 == 0.0 else 0
                 touching2 = int(x2 == c.wall2) - int(x2 == -c.wall2) if y2 == 0.0 and c.stages == 2 else 0
@@ -88,16 +90,16 @@ def _follow(
 
 
 class StickingPhase(NamedTuple):
-    """A mesh that stays closed for a while.
+    """A time in which a mesh sticks.
 
     Attributes
     ----------
     mesh, side : int
-        Which, and at which flank.
+        Mesh and flank.
     closed, opened : float
-        When; infinite for a mesh that never opens.
+        Begin and end in local time; ``opened`` is infinite for a mesh that sticks for good.
     impact : int
-        The impact after which it closed.
+        Number of the last impact before it.
     """
 
     mesh: int
@@ -109,27 +111,27 @@ class StickingPhase(NamedTuple):
 
 @dataclass(frozen=True)
 class Orbit:
-    """An orbit of `impacts` impacts; index 0 of every array is the start.
+    """A deterministic orbit through a number of impacts; index 0 of every array is the start.
 
     Attributes
     ----------
     constants : Constants
         Of its scene.
     tau : ndarray, shape (impacts + 1,)
-        Impact times, counted from the start's phase (`Scene.phase`).
+        Impact times in local time (`Scene.phase`).
     mesh, side : ndarray of int, shape (impacts + 1,)
-        Where it struck; 0 for a start in flight.
+        Mesh and flank of each impact; 0 for a start in flight.
     before, after : ndarray, shape (impacts + 1, 4)
-        ``(x1, y1, x2, y2)`` on both sides of the impact.
+        ``(x1, y1, x2, y2)`` just before and just after the impact.
     found : int
-        Impacts that were reached; the rest of the arrays is NaN (and mesh 0).
+        Number of impacts that were reached; the arrays are NaN (mesh and side 0) beyond.
     stopped : str
         Why it ended early, or an empty string.
     legs : ndarray, shape (legs, 7)
-        Its smooth pieces, one after each impact and one for each change of the closed meshes: time and state at which
-        it begins, and the sides on which mesh 1 and mesh 2 are closed (0 for open).
+        The smooth pieces of the orbit, one after each impact and one for each change of the sticking meshes: time and
+        state at which it begins, and the sides on which mesh 1 and mesh 2 stick (0 for open).
     sticking : tuple of StickingPhase
-        Meshes that stayed closed, in the order of closing.
+        Sticking phases, in order of time.
     """
 
     constants: Constants
@@ -145,7 +147,7 @@ class Orbit:
 
     @property
     def until_sticking(self) -> "Orbit":
-        """The same up to its first rest: as far as neighbours of the orbit can be told by its derivatives."""
+        """The orbit up to its first sticking phase: as far as its linearisation describes neighbouring paths."""
         if not self.sticking:
             return self
         k = self.sticking[0].impact
@@ -156,14 +158,37 @@ class Orbit:
         return Orbit(self.constants, tau, mesh, side, before, after, k, f"{MISSES[REST]} after impact {k}", legs, ())
 
     def state(self, time: float) -> Floats:
-        """State at a time of the orbit, after any impact at that very instant, shape (4,)."""
+        """State at a time of the orbit; at the time of an impact, the state after it.
+
+        Parameters
+        ----------
+        time : float
+            Local time, from the start on.
+
+        Returns
+        -------
+        ndarray, shape (4,)
+            ``(x1, y1, x2, y2)``.
+        """
         tau, x1, y1, x2, y2, first, second = self.legs[int(np.searchsorted(self.legs[:, 0], time, side="right")) - 1]
         closed = int(first), int(second)
         return np.array(carried(self.constants, tau, x1, y1, x2, y2, closed, time - tau))
 
 
 def follow(scene: Scene, impacts: int) -> Orbit:
-    """Follow the orbit of a scene through `impacts` impacts, and through the rests between them.
+    """Compute the orbit of a scene through a number of impacts, and the sticking phases between them.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its noise and random tolerance are not used.
+    impacts : int
+        Impacts after the start.
+
+    Returns
+    -------
+    Orbit
+        With fewer impacts where no more were found (`Orbit.stopped`).
 
     Examples
     --------
@@ -172,7 +197,7 @@ def follow(scene: Scene, impacts: int) -> Orbit:
     >>> orbit.mesh.tolist(), orbit.side.tolist()
     ([1, 1, 2, 1], [1, -1, 1, -1])
 
-    A drag that presses mesh 1 shut, against an excitation that opens it once a period:
+    Mesh 1 sticks under the drag, and the excitation opens it once a period:
 
     >>> orbit = follow(Scene(alpha=1.0, epsilon=0.3, beta1=0.0, gamma1=0.8, stages=1), 20)
     >>> [round(value, 5) for value in orbit.sticking[0]]
@@ -197,7 +222,7 @@ def follow(scene: Scene, impacts: int) -> Orbit:
 
 
 def _sticking_phases(legs: Floats, legs_after: Ints) -> tuple[StickingPhase, ...]:
-    """Stretches of legs in which a mesh is closed."""
+    """Runs of legs in which a mesh sticks."""
     phases = []
     for mesh in (1, 2):
         closed = legs[:, 4 + mesh].astype(int)

@@ -1,4 +1,4 @@
-"""One side held against the other: moment errors with intervals, validity of the correlation, reports."""
+"""Comparison of the closures with the Monte Carlo: errors of moments with intervals, verdicts, studies, reports."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Tolerances", "Validation", "validate"]
 
-_HOMES = {
+_MODULE_OF = {
     "Tolerances": "rattle.compare.validation.verdict",
     "Validation": "rattle.compare.validation.validate",
     "validate": "rattle.compare.validation.validate",
@@ -17,7 +17,7 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Load what is asked for: most commands, and an idle plugin of pytest, need neither closures nor tables."""
-    if name not in _HOMES:
+    """Import a name on first access: most commands, and an idle pytest plugin, need neither closures nor tables."""
+    if name not in _MODULE_OF:
         raise AttributeError(f"module 'compare' has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
+    return getattr(import_module(_MODULE_OF[name]), name)

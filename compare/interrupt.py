@@ -1,4 +1,4 @@
-"""Ctrl-C ends a command soon, whatever its threads are doing and whatever is being imported."""
+"""Ctrl-C (SIGINT) ends a command within about a second, whatever its threads or an import are doing."""
 
 import _thread
 import os
@@ -15,48 +15,54 @@ __all__ = ["EXIT_INTERRUPTED", "NOTHING_WRITTEN", "ends_at_once", "ends_soon", "
 
 EXIT_INTERRUPTED = 130
 NOTHING_WRITTEN = "interrupted; nothing was written"
-LOST = "interrupted; what was in flight is lost, nothing is half written"
-PATIENCE = 1.2
-"""Seconds from Ctrl-C to the end: long enough for the blocks of paths in flight, and for a word of farewell."""
-LOOK = 0.02  # seconds between two interrupts while something is imported
-IMPORTING = "<frozen importlib._bootstrap>"  # in whose frames every import runs
+LOST = "interrupted; unfinished work is lost, no file is half written"
+GRACE = 1.2
+"""Seconds from Ctrl-C to the end of the process: enough to finish running blocks of paths and to print one line."""
+RETRY = 0.02  # seconds between two attempts to raise the interrupt while a module is imported
+IMPORTING = "<frozen importlib._bootstrap>"  # file name of the frames in which every import runs
 
 said = threading.Event()
-"""Whether the one line about the interrupt has been said."""
+"""Set once the one line about the interrupt has been printed."""
 unfinished: set[Path] = set()
-"""Folders that are being written; they go with a process that ends before they are whole."""
+"""Folders that are being written; removed if the process ends before they are complete."""
 
 
 @contextmanager
 def ends_at_once() -> Iterator[None]:
-    """Within the block Ctrl-C ends the process: for the time in which nothing is written, and nothing catches it.
+    """Context in which Ctrl-C ends the process immediately; for code that writes nothing, such as imports.
 
-    An extension that meets a KeyboardInterrupt while it is loaded makes an ImportError of it, and so a trace.
+    A KeyboardInterrupt would not do here: an extension module that is interrupted while it is loaded raises an
+    ImportError instead, and a traceback would be printed.
     """
-    with _heard_by(lambda number, frame: _end("interrupted")):
+    with _handling_interrupts(lambda number, frame: _end("interrupted")):
         yield
 
 
 @contextmanager
 def ends_soon() -> Iterator[None]:
-    """Within the block Ctrl-C raises KeyboardInterrupt, once, and ends the process where that is not heard in time.
+    """Context in which Ctrl-C raises KeyboardInterrupt once; if it has no effect within `GRACE` seconds, exits.
 
-    It is put off until what is being imported is there.  An interrupt that arrives while a compiler or a destructor
-    runs is swallowed there, and a thread cannot be told to stop.  Results are written whole or not at all, so the
-    process may end at any moment.
+    The exception is postponed until a running import is complete.  Exiting is needed because an exception raised while
+    a compiler or a destructor runs is swallowed there, and because a thread cannot be stopped from outside.  It is
+    safe because results are written whole or not at all.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        In the main thread, at most once.
     """
     asked, raised = threading.Event(), threading.Event()
 
     def interrupted(number: int, frame: FrameType | None) -> None:
         if not asked.is_set():
             asked.set()
-            _thread.start_new_thread(_insist, (raised,))  # a Thread takes locks that the main thread may hold
+            _thread.start_new_thread(_interrupt_again, (raised,))  # a Thread takes locks that the main thread may hold
         if not raised.is_set() and not _importing(frame):
             raised.set()
             raise KeyboardInterrupt
 
     said.clear()
-    with _heard_by(interrupted):
+    with _handling_interrupts(interrupted):
         yield
         if asked.is_set() and not raised.is_set():
             raised.set()
@@ -64,8 +70,8 @@ def ends_soon() -> Iterator[None]:
 
 
 @contextmanager
-def _heard_by(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
-    """Within the block Ctrl-C calls a handler; nothing is done in a thread that never hears of it."""
+def _handling_interrupts(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """Context in which SIGINT calls a handler; without effect outside the main thread, which alone gets signals."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -84,10 +90,10 @@ def _importing(frame: FrameType | None) -> bool:
     return False
 
 
-def _insist(raised: threading.Event) -> None:
-    """Interrupt again until it can be raised; then, the process had its time."""
-    end = time.monotonic() + PATIENCE
-    while time.monotonic() < end and not raised.wait(LOOK):
+def _interrupt_again(raised: threading.Event) -> None:
+    """Repeat the interrupt until it has been raised; end the process when the grace period is over."""
+    end = time.monotonic() + GRACE
+    while time.monotonic() < end and not raised.wait(RETRY):
         _thread.interrupt_main()
     time.sleep(max(end - time.monotonic(), 0.0))
     _end(LOST)

@@ -1,10 +1,19 @@
-"""Monte Carlo of the rattling system: Euler-Maruyama ensembles of Eqs. 5 and 6 with both impact laws."""
+"""Monte Carlo of the rattling system: ensembles of Eqs. 5 and 6 with impacts at both meshes.
+
+Two Euler-Maruyama schemes and exact flights (`SCHEMES`) advance the paths; `simulate` reduces them to section moments
+and moments at fixed times.
+"""
 
 from rattle.montecarlo.ensemble import simulate
 from rattle.montecarlo.reach import AccuracyWarning
+from rattle.montecarlo.record import Record
 from rattle.montecarlo.result import Ensemble
 from rattle.montecarlo.schemes.step_size import default_step, largest_step
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings import check_settings
+from rattle.montecarlo.simulate_to import simulate_to
 
-__all__ = ["SCHEMES", "AccuracyWarning", "Ensemble", "check_settings", "default_step", "largest_step", "simulate"]
+__all__ = [
+    "SCHEMES", "AccuracyWarning", "Ensemble", "Record", "check_settings", "default_step", "largest_step", "simulate",
+    "simulate_to",
+]  # fmt: skip

@@ -1,8 +1,8 @@
-"""How accurate an answer is: the standard error, and the bias of the step, of all section means and sds.
+"""How accurate an answer is: the standard error and the step bias of all section means and sds.
 
-Errors count in units of each quantity's sd, the worst of all section means and sds: the standard error, and the bias of
-the step as measured on the same noise at dt, 2 dt and 4 dt.  They count absolutely where the sd is no scale: where
-nothing varies, and for the displacement at the mesh that most paths strike, which varies by the strays alone.
+Errors are in units of each quantity's sd; the worst of all section means and sds counts.  The step bias is measured
+from dt, 2 dt and 4 dt on the same Brownian paths.  Errors are absolute where the sd is no scale: where nothing varies,
+and for the displacement at the mesh that most paths strike, whose spread comes from off-itinerary paths only.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ if TYPE_CHECKING:
 
 __all__ = ["LEAST", "STILL", "sampling_error", "small_noise", "step_error", "units"]
 
-LEAST = 32 * BLOCK  # paths of an answer: what fewer than 1 in 10 000 do may make an sd, and is to be seen
-FAINT = 0.2  # noise intensity up to which a control variate is tried, in units of alpha; on DAT21 it wins up to 0.07
+LEAST = 32 * BLOCK  # fewest paths of an answer: events of probability 1e-4 can dominate an sd, so they must be sampled
+SMALL_NOISE = 0.2  # sigma / alpha up to which the control variate is tried; on DAT21 it pays up to 0.07
 STILL = 1e-9  # sd below which a quantity does not vary
 
 Floats = NDArray[np.float64]
 
 
 class HasColumns(Protocol):
-    """An ensemble, or what is kept of one."""
+    """An ensemble, or a stored result with the same columns."""
 
     @property
     def columns(self) -> Mapping[str, NDArray[Any]]:
@@ -53,14 +53,38 @@ def _units(run: HasColumns) -> dict[str, Floats]:
 
 
 def units(run: HasColumns) -> pd.DataFrame:
-    """Unit of each quantity's errors, index ``impact``, columns the section quantities."""
+    """Unit of each quantity's errors: its sd, or 1 where the sd is no scale.
+
+    Parameters
+    ----------
+    run : Ensemble or stored result
+        Anything with `columns` and `section`.
+
+    Returns
+    -------
+    DataFrame
+        Index ``impact``, columns the section quantities.
+    """
     import pandas as pd
 
     return pd.DataFrame(_units(run), index=run.section.index)
 
 
 def sampling_error(run: HasColumns) -> tuple[float, str]:
-    """Largest standard error of the section means and sds in units of the sd, and where it is."""
+    """Largest standard error of the section means and sds, in units of each quantity's sd.
+
+    Parameters
+    ----------
+    run : Ensemble or stored result
+        Anything with `columns` and `section`.
+
+    Returns
+    -------
+    error : float
+        0 where nothing varies.
+    where : str
+        Moment, quantity and impact of the largest error.
+    """
     unit, columns = _units(run), run.columns
     worst, where = 0.0, "nothing varies" if np.isfinite(columns["tau"]).any() else "no impact was seen"
     for q in SECTION:
@@ -73,7 +97,23 @@ def sampling_error(run: HasColumns) -> tuple[float, str]:
 
 
 def step_error(run: Ensemble) -> tuple[float, float]:
-    """Largest bias of the step in units of the sd, and its standard error; of the impacts that were seen."""
+    """Largest step bias of the section means and sds, in units of each quantity's sd, over the impacts that occurred.
+
+    Parameters
+    ----------
+    run : Ensemble
+        Simulated with its step bias.
+
+    Returns
+    -------
+    bias, se_bias : float
+        Size of the largest bias, and its standard error.
+
+    Raises
+    ------
+    InputError
+        If the run was made without step bias.
+    """
     unit, bias = units(run), run.step_bias
     scale = np.array([unit.at[k, q] for k, q in zip(bias["impact"], bias["quantity"], strict=True)])
     share = (bias["bias"].abs() / scale).fillna(0.0)
@@ -82,5 +122,15 @@ def step_error(run: Ensemble) -> tuple[float, float]:
 
 
 def small_noise(scene: Scene) -> bool:
-    """Whether noise is so weak that the linearised path may be worth its time."""
-    return scene.sigma <= FAINT * scene.alpha
+    """Whether the noise is weak enough for the linearised path to be worth its time as a control variate.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its `sigma` is compared with `alpha`.
+
+    Returns
+    -------
+    bool
+    """
+    return scene.sigma <= SMALL_NOISE * scene.alpha

@@ -1,6 +1,7 @@
-"""What a step of a path costs, beside the floor that random numbers and arithmetic set on the same machine.
+"""Cost of a path-step, next to the lower bound set by random numbers and arithmetic on the same machine.
 
-All times are processor time of one core, the least of several repeats, in one run: ratios carry over, times may not.
+All times are processor time of one core, the least of several repeats, in one run.  The ratios carry over to other
+machines; the times may not.
 """
 
 import math
@@ -14,6 +15,7 @@ import pandas as pd
 
 from rattle.montecarlo.kernel.block import BLOCK, run, sample
 from rattle.montecarlo.noise.philox import Word, fill_normals, key_of
+from rattle.montecarlo.record import Record
 from rattle.montecarlo.schemes.euler import euler_lanes, step_forcing
 from rattle.montecarlo.settings import plan_of
 from rattle.scene.compiled import lean
@@ -35,7 +37,7 @@ def _normals(key: Any, paths: Any, z: Any, loops: int) -> None:
 
 @lean
 def _steps(c: Constants, state: Any, z: Any, beyond: Any, loops: int) -> None:
-    f = step_forcing(c, 0.0, 1e-12)  # so short that nobody gets anywhere
+    f = step_forcing(c, 0.0, 1e-12)  # so short that no path moves noticeably
     for _ in range(loops):
         euler_lanes(c, f, 1e-12, False, state, state, z, beyond, z.size)
 
@@ -52,7 +54,13 @@ def _least(call: Callable[[], Any]) -> float:
 
 
 def floor() -> tuple[float, float]:
-    """Time of one standard normal, and of one Euler-Maruyama step's arithmetic with walls looked at, ns on one core."""
+    """Time of one standard normal, and of the arithmetic of one Euler-Maruyama step with its wall test, on one core.
+
+    Returns
+    -------
+    normal, step : float
+        ns.
+    """
     c = Scene.from_gears(DAT21, sigma=1.0).constants
     key, paths = key_of(np.random.SeedSequence(1)), np.arange(BLOCK, dtype=np.uint64)
     z, state, beyond = np.zeros((4, BLOCK)), np.zeros((4, BLOCK)), np.zeros(BLOCK, np.bool_)
@@ -71,12 +79,18 @@ def _measured(scene: Scene, statistics: bool = True, **settings: Any) -> tuple[f
 
 
 def bench(scene: Scene | None = None) -> pd.DataFrame:
-    """Time of a path-step in ns for every scheme, and for what a scene or a user may ask for or leave out.
+    """Time of a path-step for every scheme, and for each option of a scene or a run.
+
+    Parameters
+    ----------
+    scene : Scene or None
+        By default DAT21 with ``sigma = sqrt(alpha)``.
 
     Returns
     -------
     DataFrame
-        Index ``what``; columns ``ns`` per path-step, ``times_floor``, ``steps`` of a path, ``us`` per path.
+        Index ``what``; columns ``ns`` per path-step, ``times_floor`` (over the sum of both times of `floor`), ``steps``
+        of a path, ``us`` per path.
     """
     base = scene or Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha))
     normal, arithmetic = floor()
@@ -96,11 +110,11 @@ def bench(scene: Scene | None = None) -> pd.DataFrame:
         "  with one stage": (replace(base, stages=1), {}),
         "  with gaps that vary by path": (loose, {}),
         "  with gaps that vary by contact": (replace(base, tolerance=contact), {}),
-        "  with statistics at 12 instants": (base, {"fixed": np.linspace(0.5, 4.0, 12)}),
-        "  with 2 dt and 4 dt beside it": (base, {"step_bias": True}),
+        "  with moments at 12 fixed times": (base, {"record": Record(times=np.linspace(0.5, 4.0, 12))}),
+        "  with 2 dt and 4 dt for the step bias": (base, {"record": Record(step_bias=True)}),
         "euler-maruyama-located": (base, {"scheme": "euler-maruyama-located"}),
         "exact-flight, dt = pi/64": (base, {"scheme": "exact-flight", "dt": math.pi / 64.0}),
-        "  with the linearised path as control": (
+        "  with the linearised path as control variate": (
             base, {"scheme": "exact-flight", "dt": math.pi / 64.0, "control": True}
         ),
     }  # fmt: skip

@@ -1,4 +1,4 @@
-"""What an answer may cost: seconds, looked at between the blocks of paths that are followed."""
+"""Time budget of an answer in seconds, checked between blocks of paths."""
 
 from __future__ import annotations
 
@@ -21,16 +21,28 @@ HOUR = 3600.0
 
 
 def clock() -> float:
-    """Seconds that have passed since some instant."""
+    """Elapsed wall-clock time, from an arbitrary origin.
+
+    Returns
+    -------
+    float
+        Seconds.
+    """
     return time.perf_counter()
 
 
 class Budget:
-    """Seconds from now on, and what is left of them.
+    """A time budget that starts now, and what is left of it.
 
     Parameters
     ----------
     seconds : float
+        Wall-clock time; may be infinite.
+
+    Attributes
+    ----------
+    ends : float
+        `clock` at which it is spent.
 
     Examples
     --------
@@ -44,18 +56,36 @@ class Budget:
 
     @property
     def left(self) -> float:
-        """Seconds that are left; below 0 where it is overdrawn."""
+        """Seconds that are left; negative once overspent."""
         return self.ends - clock()
 
     @contextmanager
     def uncounted(self) -> Iterator[None]:
-        """What is done inside does not count."""
+        """Context whose duration is not charged to the budget.
+
+        Yields
+        ------
+        None
+        """
         began = clock()
         yield
         self.ends += clock() - began
 
     def limited(self, blocks: Blocks) -> Blocks:
-        """The same blocks, but none after the budget is spent; the first comes in any case, and none is cut short."""
+        """The same blocks, but none is started after the budget is spent.
+
+        The first block is run in any case, and no block is interrupted.
+
+        Parameters
+        ----------
+        blocks : callable
+            Runs the blocks of a plan, see `rattle.montecarlo.ensemble.Blocks`.
+
+        Returns
+        -------
+        callable
+            Of the same signature.
+        """
 
         def until_spent(plan: Plan, first: int) -> Iterator[tuple[BlockResult, NDArray[np.float64] | None]]:
             for result in blocks(plan, first):
@@ -67,7 +97,16 @@ class Budget:
 
 
 def in_words(seconds: float) -> str:
-    """A duration as a person says it.
+    """A duration in a convenient unit, three digits.
+
+    Parameters
+    ----------
+    seconds : float
+        Not negative.
+
+    Returns
+    -------
+    str
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What the reader of a run should know before its numbers are believed: where they may be off, and what to do."""
+"""Diagnostics of a run: sentences that say where its numbers may be wrong, and what to do about it."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ __all__ = ["COLLAPSE", "TOLERANCE", "diagnostics", "motion_units", "orbit_shift"
 Floats = NDArray[np.float64]
 
 TOLERANCE = 0.05
-"""Bias of a mean that goes without saying, in `motion_units`."""
+"""Largest bias that is not diagnosed, in `motion_units`."""
 
-SMALLEST = 0.01  # share of the scale of the motion below which an sd is no unit
-FINER = 4  # times; of a first-order bias three quarters are seen, the rest is added
+SMALLEST = 0.01  # an error unit is at least this share of the scale of the motion
+FINER = 4  # dt over the step of the comparison; for order 1, dt against dt / 4 shows 3/4 of the bias: times 4/3
 COLLAPSE = math.exp(-math.pi / math.sqrt(3.0))
-"""Restitution below which noise makes impacts accumulate (Cornell, Swift and Bray 1998)."""
+"""Restitution below which white noise makes impacts accumulate: inelastic collapse (Cornell, Swift, Bray 1998)."""
 
 
 def motion_units(columns: Mapping[str, NDArray[Any]], scene: Scene) -> dict[str, Floats]:
@@ -41,6 +41,12 @@ def motion_units(columns: Mapping[str, NDArray[Any]], scene: Scene) -> dict[str,
     columns : mapping
         Means and sds as of `Ensemble.columns`, each of shape (impacts,).
     scene : Scene
+        Its half gaps are scales of the displacements.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (impacts,)
+        By section quantity.
 
     Examples
     --------
@@ -60,10 +66,22 @@ def motion_units(columns: Mapping[str, NDArray[Any]], scene: Scene) -> dict[str,
 
 
 def orbit_shift(run: Ensemble) -> tuple[float, str]:
-    """How far the step moves the noise-free path, in `motion_units` of the run, and where most.
+    """How far the step shifts the noise-free path, in `motion_units` of the run, and where most.
 
-    It is followed at dt and at dt / 4, as long as it stands for half of the paths.  Impacts that are looked for at the
-    end of a step are late by half of it each.
+    The noise-free path is followed at dt and at dt / 4, as long as at least half of the paths share its itinerary.  A
+    scheme that detects impacts at the end of a step is late by half a step on average, at every impact.
+
+    Parameters
+    ----------
+    run : Ensemble
+        Its scene, scheme and dt are used.
+
+    Returns
+    -------
+    shift : float
+        Infinite where the two steps have different impacts.
+    where : str
+        Quantity and impact.
 
     Examples
     --------
@@ -95,23 +113,33 @@ def orbit_shift(run: Ensemble) -> tuple[float, str]:
 
 
 def _share(of: NDArray[np.floating[Any]], unit: Floats) -> Floats:
-    """A change in its unit; none where the unit is zero: nothing moves there whose size the change could be told by."""
+    """A change in its unit; 0 where the unit is zero, that is, where nothing moves."""
     share: Floats = np.divide(of, unit, out=np.zeros_like(unit), where=unit != 0.0)
     return share
 
 
 def _orbit(plan: Plan, finer: int) -> Floats:
-    quiet = plan._replace(
+    noise_free = plan._replace(
         scene=plan.scene.noise_free, paths=1, dt=plan.dt / finer, most_steps=plan.most_steps * finer,
         fixed_steps=np.empty(0, np.int64), itineraries={}, levels=1, control=no_control(), two_point=False,
         mirrored=False, energy=False,
     )  # fmt: skip
-    found: Floats = np.nan_to_num(sample(quiet, 0).rows[0, 0])
+    found: Floats = np.nan_to_num(sample(noise_free, 0).rows[0, 0])
     return found
 
 
 def diagnostics(run: Ensemble) -> tuple[str, ...]:
-    """What may be wrong with the numbers of a run, a sentence each; none if nothing is known to be.
+    """What may be wrong with the numbers of a run.
+
+    Parameters
+    ----------
+    run : Ensemble
+        Of any scheme.
+
+    Returns
+    -------
+    tuple of str
+        One sentence each; empty if no problem is known.
 
     Examples
     --------
@@ -123,7 +151,7 @@ def diagnostics(run: Ensemble) -> tuple[str, ...]:
     >>> diagnostics(simulate(run.scene, paths=1000, impacts=2, scheme="exact-flight"))
     ()
     """
-    return tuple(said for said in (_of_accuracy(run), shortened(run), *_of_step(run), *_of_impacts(run)) if said)
+    return tuple(line for line in (_of_accuracy(run), shortened(run), *_of_step(run), *_of_impacts(run)) if line)
 
 
 def _of_accuracy(run: Ensemble) -> str:
@@ -131,7 +159,17 @@ def _of_accuracy(run: Ensemble) -> str:
 
 
 def shortened(run: Ensemble) -> str:
-    """Says so where the step is shorter than the scheme's own because the scene wants it; else empty.
+    """The diagnostic of a step that is shorter than the scheme's default because the scene requires it.
+
+    Parameters
+    ----------
+    run : Ensemble
+        Of any scheme.
+
+    Returns
+    -------
+    str
+        Empty if the step is not shortened.
 
     Examples
     --------
@@ -140,15 +178,15 @@ def shortened(run: Ensemble) -> str:
     >>> print(shortened(simulate(Scene.from_gears(DAT21, sigma=1e4), paths=100, impacts=1, horizon=0.01)))
     dt = 0.000339 in place of the scheme's 0.002: a longer step lets the noise throw a path through the gap.
     """
-    own, usual = default_step(run.scene, run.scheme, run.plan.levels > 1), SCHEMES[run.scheme].step
-    if not run.dt == own < usual:
+    allowed, usual = default_step(run.scene, run.scheme, run.plan.levels > 1), SCHEMES[run.scheme].step
+    if not run.dt == allowed < usual:
         return ""
-    return f"dt = {own:.3g} in place of the scheme's {usual:.3g}: {largest_step(run.scene, run.scheme)[1]}."
+    return f"dt = {allowed:.3g} in place of the scheme's {usual:.3g}: {largest_step(run.scene, run.scheme)[1]}."
 
 
 def _of_step(run: Ensemble) -> tuple[str, ...]:
     scene, scheme, dt, kind = run.scene, run.scheme, run.dt, SCHEMES[run.scheme]
-    if kind.weak_order is None or run.plan.levels > 1:  # without a bias of the step, or it is measured
+    if not kind.has_step_bias or run.plan.levels > 1:  # no step bias, or a measured one
         return ()
     limit, why = trusted_step(scene, scheme)
     noisy = (
@@ -174,16 +212,16 @@ def _of_impacts(run: Ensemble) -> tuple[str, ...]:
         if scene.sigma > 0.0 and scene.epsilon < COLLAPSE
         else ""
     )
-    counts = run.impacts > MOST_IN_A_STEP or run.plan.fixed_steps.size  # else the path has had its impacts by then
-    held = (
-        f"In {run.sticking_steps:,} steps of paths a mesh was held shut to the end: impacts accumulated, or it rested."
-        if run.sticking_steps and counts
+    matters = run.impacts > MOST_IN_A_STEP or run.plan.fixed_steps.size  # else the path has had all its impacts by then
+    sticking = (
+        f"In {run.sticking_steps:,} path-steps a mesh stayed closed to the end: completed chatter, or a sticking phase."
+        if run.sticking_steps and matters
         else ""
     )
-    late = (
+    unfinished = (
         f"{run.unfinished:,} of {run.paths:,} paths had not had all their impacts when the horizon came, "
         f"{run.plan.most_steps * run.dt:.3g} after the start; the moments are those of the others."
         if run.unfinished
         else ""
     )
-    return collapsing, held, late
+    return collapsing, sticking, unfinished

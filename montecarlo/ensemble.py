@@ -2,34 +2,28 @@
 
 from __future__ import annotations
 
-import math
 import time
-import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from itertools import islice
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
 from rattle.montecarlo.kernel.block import BLOCK, BlockResult, Plan, run
-from rattle.montecarlo.reach import AccuracyWarning
+from rattle.montecarlo.record import Record
 from rattle.montecarlo.result import Ensemble
 from rattle.montecarlo.schemes.step_size import default_step
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings import check_settings, computed, plan_of
+from rattle.montecarlo.settings import computed, plan_of
 from rattle.montecarlo.statistics.batches import Batches
 from rattle.montecarlo.statistics.histogram import Histograms
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 from rattle.scene.text import line
-from rattle.scene.validate import choice, positive
-
-if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
-    pass
+from rattle.scene.validate import choice
 
 __all__ = ["Blocks", "extended", "in_pool", "in_threads", "simulate"]
 
@@ -68,95 +62,67 @@ def in_pool(pool: ThreadPoolExecutor, workers: int) -> Blocks:
 def simulate(
     scene: Scene,
     *,
-    paths: int | None = None,
+    paths: int,
     impacts: int = 12,
-    accuracy: float | None = None,
     dt: float | None = None,
-    scheme: str | None = None,
+    scheme: str = "euler-maruyama-located",
     rng: int | np.random.SeedSequence = 0,
     workers: int = 1,
-    times: Sequence[float] | Floats = (),
-    step_bias: bool = False,
-    itineraries: Mapping[str, Sequence[int]] | None = None,
-    histogram: bool = False,
-    keep_paths: bool = False,
+    record: Record | None = None,
     control: bool = False,
     increments: str = "gaussian",
     horizon: float | None = None,
-    budget: float | None = None,
     device: str = "cpu",
     progress: str | None = None,
-    batches: bool = False,
-    energy: bool = False,
     blocks: Blocks | None = None,
 ) -> Ensemble:
-    """Simulate an ensemble of paths of Eqs. 5 and 6 with both impact laws.
+    """Simulate an ensemble of paths of Eqs. 5 and 6 with both impact rules.
+
+    `rattle.montecarlo.simulate_to` chooses scheme, step and number of paths for an accuracy.
 
     Parameters
     ----------
     scene : Scene
         What is modelled.
     paths : int
-        Number of paths; or give `accuracy`.
+        Number of independent paths.
     impacts : int
         Impacts of each path after the start.
-    accuracy : float
-        Largest standard error and largest bias of the step of all section means and sds, in units of each quantity's sd
-        (absolute where it does not vary).  Scheme, dt and paths are then chosen by pilot runs; see `Ensemble.reach`.
     dt : float
-        Step, at most `montecarlo.largest_step`; by default that of the scheme, 0.002 for Euler and Maruyama, pi / 256
-        for exact flights, or as much as the scene lets through.  `Ensemble.diagnostics` says what it may do.
+        Step, at most `rattle.montecarlo.largest_step`; by default that of the scheme (0.002 for Euler-Maruyama,
+        pi / 256 for exact flights), shortened where the scene demands it.  `Ensemble.diagnostics` says what it may do.
     scheme : {"euler-maruyama-located", "euler-maruyama", "exact-flight"}
-        See `rattle.montecarlo.schemes.table`; the first by default.
+        Name of one of `rattle.montecarlo.SCHEMES`.
     rng : int or SeedSequence
         Seed.  The result is the same bit for bit for any number of workers.
     workers : int
         Threads.
-    times : sequence of float
-        Times at which moments of all paths are taken.
-    step_bias : bool
-        Run 2 dt and 4 dt on the same noise beside dt, and estimate the bias of the step (about two thirds more work).
-    itineraries : mapping of str to sequence of int
-        Named itineraries ``mesh * side`` whose agreement with the paths is counted, beside the noise-free one.
-    histogram, keep_paths : bool
-        Keep section histograms; keep every impact of every path (memory then grows with paths).
+    record : Record
+        What is recorded beside the section moments; nothing by default.
     control : bool
         Use the linearised path as a control variate for section means and sds (``exact-flight`` only).
     increments : {"gaussian", "two-point"}
-        Law of the Brownian increments of an Euler-Maruyama step; two-point ones (plus or minus the root of the step)
-        have the same weak order 1 and cost one random bit.
+        Distribution of the Brownian increments of an Euler-Maruyama step; two-point ones (plus or minus the root of the
+        step) have the same weak order 1 and cost one random bit.
     horizon : float
         Time after the start at which unfinished paths are given up; by default 50 per impact, or 10 million steps.
-    budget : float
-        Seconds that `accuracy` may take, looked at between blocks of paths: when they are spent, the best answer so far
-        is returned, `Ensemble.diagnostics` says what is missing, and an `AccuracyWarning` is given.  None: an hour, and
-        what pilot runs expect to take longer is refused before the work.  What compiling takes is not counted.
     device : {"cpu", "cuda"}
-        Where paths are followed and summed; "cuda" needs an NVIDIA card and the extra ``gpu`` (numba-cuda).  The paths
+        Where paths are followed and summed; "cuda" needs an NVIDIA GPU and the extra ``gpu`` (numba-cuda).  The paths
         are the same to rounding.
     progress : str
         Label of a progress bar on a terminal; none by default, and none in a pipe.
-    batches : bool
-        Keep means and sds of batches of paths, see `rattle.montecarlo.statistics.batches`.
-    energy : bool
-        Take the mean energy loss of each impact.
     blocks : callable
         Who runs the blocks of paths; by default threads of this process.  The result does not depend on it.
 
     Returns
     -------
     Ensemble
+        Section moments with standard errors, and what was asked for by `record`.
 
     Raises
     ------
     InputError
-        For any setting that cannot be run, and an accuracy that would take more than the default budget; no more than
-        pilot runs has started then.
-
-    Warns
-    -----
-    AccuracyWarning
-        Where the budget ended before the accuracy was reached.
+        For any setting that cannot be run, before any path is followed.
 
     Examples
     --------
@@ -165,52 +131,27 @@ def simulate(
     >>> run.section[["mesh", "side", "paths", "agreement"]].loc[2].tolist()
     [2.0, 1.0, 1000.0, 1.0]
     """
-    if accuracy is not None:
-        settings: dict[str, object] = {"paths": paths, "dt": dt, "itineraries": itineraries, "horizon": horizon}
-        settings["times"] = None if isinstance(times, tuple) and not times else times
-        settings |= {"control": control or None, "step_bias": step_bias or None}
-        for name, value in (settings | {"device": None if device == "cpu" else device}).items():
-            if value is not None:
-                raise InputError(
-                    name, value, "accuracy chooses the settings itself; leave it out, or leave out accuracy"
-                )
-        from rattle.montecarlo.simulate_to import simulate_to  # it calls this function
-
-        check_settings(
-            scene, paths=1, impacts=impacts, dt=None, scheme=scheme or "exact-flight", rng=rng,
-            workers=workers, step_bias=False,
-        )  # fmt: skip
-        positive("budget", budget) if budget is not None and budget != math.inf else None
-        blocks = blocks or in_threads(workers)
-        again = partial(simulate, scene, impacts=impacts, rng=rng, batches=batches, energy=energy)
-        run = simulate_to(
-            scene, again, accuracy=positive("accuracy", accuracy), scheme=scheme, blocks=blocks, workers=workers,
-            budget=budget, progress=progress,
-        )  # fmt: skip
-        if run.reach is not None and not run.reach.reached:
-            warnings.warn(run.reach.sentence, AccuracyWarning, stacklevel=2)
-        return run
     if not isinstance(scene, Scene):
         raise InputError("scene", scene, "give a Scene")
-    if paths is None:
-        raise InputError("paths", None, "give the number of paths, or an accuracy")
-    scheme = choice("scheme", scheme or "euler-maruyama-located", SCHEMES)
-    dt = default_step(scene, scheme, step_bias) if dt is None else dt
-    if batches and device == "cuda":
-        raise InputError("batches", batches, "are not kept on a card; leave them out, or use device='cpu'")
+    record = Record() if record is None else record
+    if not isinstance(record, Record):
+        raise InputError("record", record, "give a Record, as in record=Record(times=[1.0, 2.0])")
+    scheme = choice("scheme", scheme, SCHEMES)
+    dt = default_step(scene, scheme, record.step_bias) if dt is None else dt
+    if record.batches and device == "cuda":
+        raise InputError("record.batches", True, "are not kept on a GPU; leave them out, or use device='cpu'")
     plan = plan_of(
-        scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, times=times,
-        step_bias=step_bias, itineraries=itineraries, keep=histogram or keep_paths, control=control,
-        increments=increments, horizon=horizon, device=device, energy=energy,
+        scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, record=record,
+        control=control, increments=increments, horizon=horizon, device=device,
     )  # fmt: skip
     started = time.perf_counter()
     merged: BlockResult | None = None
     histograms: Histograms | None = None
     kept = []
-    batched = Batches.empty(impacts) if batches else None
+    batched = Batches.empty(impacts) if record.batches else None
     size, results = BLOCK, (blocks or in_threads(workers))(plan, 0)
     if device == "cuda":
-        from rattle.montecarlo.cuda import launch as gpu  # nothing of it is loaded before a card is asked for
+        from rattle.montecarlo.cuda import launch as gpu  # nothing of it is loaded before a GPU is asked for
 
         size = gpu.launch_size(plan)
         results = gpu.launches(plan, size)
@@ -219,10 +160,10 @@ def simulate(
             merged = result if merged is None else merged.merged(result)
             if batched is not None:
                 batched.add(part, result.sums)
-            if histogram and rows is not None:
+            if record.histogram and rows is not None:
                 histograms = histograms or Histograms.sized_by(rows[:BLOCK, :, :6])
                 histograms.add(rows[:, :, :6])
-            if keep_paths and rows is not None:
+            if record.raw and rows is not None:
                 kept.append(rows)
             bar.update(min(size, plan.paths - part * size))
     assert merged is not None

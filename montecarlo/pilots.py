@@ -1,6 +1,7 @@
-"""What an accuracy takes, from small runs sent ahead: which scheme, what step, how many paths.
+"""Pilot runs: which scheme, what step and how many paths an accuracy takes.
 
-A pilot follows a few scouts that show what a path takes, so that a budget is not spent on a scene of slow paths unseen.
+A pilot run is preceded by short probe runs that measure the time of a path, so that slow paths cannot use up the budget
+before their cost is known.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from rattle.montecarlo.accuracy import LEAST, sampling_error, small_noise, step_
 from rattle.montecarlo.budget import Budget, clock
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.reach import Candidate
+from rattle.montecarlo.record import Record
 from rattle.montecarlo.result import Ensemble
 from rattle.montecarlo.schemes.step_size import largest_step
 from rattle.montecarlo.schemes.table import SCHEMES
@@ -23,43 +25,58 @@ from rattle.scene.scene import Scene
 
 __all__ = ["COARSEST", "ROUGHEST", "Sent", "Simulate", "chosen", "pilot"]
 
-SCOUTS = (8, 256)  # paths sent before a pilot: their time tells whether more can be paid
-PILOT = 4 * BLOCK
-COARSEST = 4  # of the steps that run side by side for the bias, in units of the finest
-FIRST_STEP = 0.01  # of the pilots of Euler and Maruyama, if the scene lets it through
-ENOUGH = 5.0  # core-seconds of exact flights below which nothing cheaper is looked for: pilots take as long
-GLANCE = 0.01  # share of the horizon in which the first scouts are looked at
-ALONE = 32.0  # paths that, side by side, take a step in the time of one path
-STICKING_NS = 110.0  # of a step in which a mesh is held shut, measured
-ROUGHEST = 1e3  # accuracy, in sds, beyond which there is none
+PROBES = (8, 256)  # paths of the probe runs before a pilot: each shows whether the next run fits the budget
+PILOT = 4 * BLOCK  # paths of a pilot run
+COARSEST = 4  # dt, 2 dt and 4 dt share one Brownian path (Richardson extrapolation)
+FIRST_STEP = 0.01  # dt of the Euler-Maruyama pilots, where it is admissible
+ENOUGH = 5.0  # core-seconds of exact flights below which no other scheme is tried: its pilot would take as long
+PROBE_SPAN = 0.01  # share of the horizon over which the first probe is run
+VECTOR_GAIN = 32.0  # cost of a path-step of a single path over that in a full block of vector lanes
+STICKING_NS = 110.0  # measured time of a path-step in which a mesh sticks
+ROUGHEST = 1e3  # the least accuracy that is considered, in sds
 
 Simulate = Callable[..., Ensemble]
 
 
 def pilot(scene: Scene, scheme: str, simulate: Simulate) -> Ensemble:
-    """A small run that shows what accuracy takes: spread, and for a scheme with a step bias that bias."""
+    """A small run that shows what an accuracy takes: the spread, and the step bias of a scheme that has one.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is simulated.
+    scheme : str
+        Name in `SCHEMES`.
+    simulate : callable
+        `montecarlo.simulate` with all that does not change: scene, impacts, seed.
+
+    Returns
+    -------
+    Ensemble
+        Of `PILOT` paths.
+    """
     return simulate(paths=PILOT, **_pilot_settings(scene, scheme))
 
 
 def _pilot_settings(scene: Scene, scheme: str) -> dict[str, Any]:
-    exact = SCHEMES[scheme].weak_order is None
+    exact = not SCHEMES[scheme].has_step_bias
     levels = 1 if exact else COARSEST
     dt = min(SCHEMES[scheme].step if exact else FIRST_STEP, 0.99 * largest_step(scene, scheme)[0] / levels)
-    return {"scheme": scheme, "dt": dt, "step_bias": not exact, "control": exact and small_noise(scene)}
+    return {"scheme": scheme, "dt": dt, "record": Record(step_bias=not exact), "control": exact and small_noise(scene)}
 
 
 @dataclass(frozen=True)
 class Sent:
-    """What was sent ahead by a scheme, and what it says of any accuracy.
+    """The pilot run of one scheme, and the cost of any accuracy estimated from it.
 
     Attributes
     ----------
     run : Ensemble
-        The pilot; where the budget had none for it, the last scout that it had.
+        The pilot; the last probe run where the budget had no room for the pilot.
     path_seconds : float
-        What a path of it took, or on one core should have if that is more.
+        Core time of a path: as measured, or by the cost model if that is more.
     whole : bool
-        Whether it is the pilot.
+        Whether `run` is the pilot.
     """
 
     run: Ensemble
@@ -68,15 +85,25 @@ class Sent:
 
     @cached_property
     def errors(self) -> tuple[float, float]:
-        """Largest standard error, and largest bias of the step."""
-        exact = SCHEMES[self.run.scheme].weak_order is None
+        """Largest standard error and largest step bias, in sds; the bias is 0 for a scheme without one."""
+        exact = not SCHEMES[self.run.scheme].has_step_bias
         return sampling_error(self.run)[0], 0.0 if exact else step_error(self.run)[0]
 
     def at(self, accuracy: float) -> Candidate:
-        """Step, paths and work that an accuracy takes."""
+        """Step, paths and work that an accuracy is expected to take.
+
+        Parameters
+        ----------
+        accuracy : float
+            Largest standard error and largest step bias, in sds.
+
+        Returns
+        -------
+        Candidate
+        """
         run, (error, bias) = self.run, self.errors
         dt = run.dt
-        if SCHEMES[run.scheme].weak_order is not None:  # half of what is allowed: order 1 is that of the limit dt -> 0
+        if SCHEMES[run.scheme].has_step_bias:  # aim at half the bias allowed: order 1 is asymptotic
             dt *= min(1.0, max(0.5 * accuracy / max(bias, 1e-300), 1e-100))
         share = min(error / accuracy, 1e100)
         paths = max(LEAST // BLOCK, math.ceil(run.paths * share**2 / BLOCK)) * BLOCK
@@ -84,25 +111,38 @@ class Sent:
         return Candidate(run.scheme, dt, paths, 1e-9 * _nanoseconds(run, dt) * paths)
 
     def within(self, core_seconds: float, accuracy: float) -> float:
-        """The finest accuracy, not below this one, that so much work is expected to give; infinite if none."""
+        """The finest accuracy, not below a given one, that an amount of work is expected to reach.
+
+        Parameters
+        ----------
+        core_seconds : float
+            Work.
+        accuracy : float
+            The finest that is wanted, in sds.
+
+        Returns
+        -------
+        float
+            In sds; infinite if it would exceed `ROUGHEST`.
+        """
         while (share := self.at(accuracy).core_seconds / max(core_seconds, 1e-9)) > 1.0:
-            accuracy *= max(1.01, share ** (1.0 / 3.0))  # work grows with a power of 2 or 3: this stays below
+            accuracy *= max(1.01, share ** (1.0 / 3.0))  # work ~ accuracy^-2 or ^-3: the cube root never overshoots
             if accuracy > ROUGHEST:
                 return math.inf
         return accuracy
 
 
 def _nanoseconds(run: Ensemble, dt: float) -> float:
-    """Nominal time of a path like those of a run, at a step; the same on every machine."""
+    """Cost model: nominal core time of a path like those of a run, at step dt; the same on every machine."""
     kind, finer = SCHEMES[run.scheme], run.dt / dt
-    steps = run.path_steps / run.plan.paths * run.dt / dt  # of all step sizes
-    steps *= ALONE if run.plan.paths == 1 else 1.0
-    work = steps * kind.step_ns + run.impacts * kind.impact_ns * (1.0 if kind.weak_order is None else 3.0)
+    steps = run.path_steps / run.plan.paths * run.dt / dt  # over all step sizes run side by side
+    steps *= VECTOR_GAIN if run.plan.paths == 1 else 1.0
+    work = steps * kind.step_ns + run.impacts * kind.impact_ns * (1.0 if not kind.has_step_bias else 3.0)
     return work + run.sticking_steps / run.plan.paths * finer * STICKING_NS
 
 
-def sent_ahead(scene: Scene, scheme: str, simulate: Simulate, budget: Budget, workers: int) -> Sent:
-    """Send a scheme's pilot, after scouts, each if the budget is expected to last for it."""
+def _pilot_within(scene: Scene, scheme: str, simulate: Simulate, budget: Budget, workers: int) -> Sent:
+    """Probe runs and the pilot run of a scheme, each only if the budget is expected to cover it."""
     settings = _pilot_settings(scene, scheme)
     with budget.uncounted():
         simulate(paths=1, **settings | {"impacts": 1, "horizon": settings["dt"]})  # compiles
@@ -111,34 +151,59 @@ def sent_ahead(scene: Scene, scheme: str, simulate: Simulate, budget: Budget, wo
         began = clock()
         return simulate(**settings | changed), clock() - began
 
-    for _ in range(2):  # what a run takes before its first path, once its plan is made
+    for _ in range(2):  # overhead of a run besides its paths; the second time its plan is cached
         run, before = timed(paths=1, horizon=settings["dt"])
     horizon = default_horizon(run.impacts, run.dt * (COARSEST if settings["step_bias"] else 1))
-    glance, _ = timed(paths=computed(scene, SCOUTS[0]), horizon=GLANCE * horizon)
-    slow = 1e-9 * _nanoseconds(glance, glance.dt) / GLANCE
-    if glance.unfinished and slow * glance.paths > budget.left:
-        return Sent(glance, slow, False)
-    followed, sent = 0, None
-    for paths in (*SCOUTS, PILOT) if is_random(scene) else (1,):
-        if sent is not None and sent.path_seconds * paths / min(workers, -(-paths // BLOCK)) > budget.left:
+    probe, _ = timed(paths=computed(scene, PROBES[0]), horizon=PROBE_SPAN * horizon)
+    slow = 1e-9 * _nanoseconds(probe, probe.dt) / PROBE_SPAN
+    if probe.unfinished and slow * probe.paths > budget.left:
+        return Sent(probe, slow, False)
+    followed, found = 0, None
+    for paths in (*PROBES, PILOT) if is_random(scene) else (1,):
+        if found is not None and found.path_seconds * paths / min(workers, -(-paths // BLOCK)) > budget.left:
             break
         run, seconds = timed(paths=paths)
         took = max(1e-9 * _nanoseconds(run, run.dt), (seconds - before) / (paths - followed))
-        sent = Sent(run, took, run.paths == computed(scene, PILOT))
+        found = Sent(run, took, run.paths == computed(scene, PILOT))
         before, followed = seconds, paths
-    assert sent is not None
-    return sent
+    assert found is not None
+    return found
 
 
 def chosen(
     scene: Scene, names: Sequence[str], accuracy: float, simulate: Simulate, budget: Budget, workers: int
 ) -> tuple[Sent, list[Candidate]]:
-    """The scheme that is expected to cost least, and what each that was tried is."""
-    sent = [sent_ahead(scene, names[0], simulate, budget, workers)]
-    if sent[0].whole and sent[0].at(accuracy).core_seconds > ENOUGH:
+    """The scheme that is expected to cost least at an accuracy.
+
+    Schemes after the first are tried only if the first is expensive (`ENOUGH`) and the budget lasts.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is simulated.
+    names : sequence of str
+        Schemes to try, in this order.
+    accuracy : float
+        Largest standard error and largest step bias, in sds.
+    simulate : callable
+        `montecarlo.simulate` with all that does not change: scene, impacts, seed.
+    budget : Budget
+        Time for the pilot runs too.
+    workers : int
+        Blocks of paths that run at a time.
+
+    Returns
+    -------
+    cheapest : Sent
+        Its pilot run.
+    candidates : list of Candidate
+        What each scheme that was tried is expected to need.
+    """
+    pilots = [_pilot_within(scene, names[0], simulate, budget, workers)]
+    if pilots[0].whole and pilots[0].at(accuracy).core_seconds > ENOUGH:
         for name in names[1:]:
             if budget.left > 0.0:
-                sent.append(sent_ahead(scene, name, simulate, budget, workers))
-    tried = [sent[0], *(s for s in sent[1:] if s.whole)]
-    candidates = [s.at(accuracy) for s in tried]
+                pilots.append(_pilot_within(scene, name, simulate, budget, workers))
+    tried = [pilots[0], *(p for p in pilots[1:] if p.whole)]
+    candidates = [p.at(accuracy) for p in tried]
     return min(zip(tried, candidates, strict=True), key=lambda pair: pair[1].core_seconds)[0], candidates

@@ -1,4 +1,4 @@
-"""How far an answer got towards the accuracy that was asked for."""
+"""The accuracy that a run reached, compared with the accuracy asked for."""
 
 from __future__ import annotations
 
@@ -15,11 +15,23 @@ __all__ = ["AccuracyWarning", "Candidate", "Reach"]
 
 
 class AccuracyWarning(UserWarning):
-    """An answer is less accurate than was asked for; those who say so themselves silence this."""
+    """An answer is less accurate than was asked for."""
 
 
 class Candidate(NamedTuple):
-    """Step, paths and processor time that a scheme is expected to need."""
+    """What a scheme is expected to need for an accuracy.
+
+    Attributes
+    ----------
+    scheme : str
+        Name in `SCHEMES`.
+    dt : float
+        Step.
+    paths : int
+        Number of paths.
+    core_seconds : float
+        Nominal processor time.
+    """
 
     scheme: str
     dt: float
@@ -28,7 +40,7 @@ class Candidate(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """What is expected, in words."""
+        """The expected cost as text."""
         paths = f"{self.paths:,}" if self.paths < 1e12 else f"{self.paths:.2g}"
         return (
             f"about {self.core_seconds:.2g} core-seconds: {self.scheme}, dt = {self.dt:.3g}, {paths} "
@@ -37,27 +49,28 @@ class Candidate(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """How far an answer got towards the accuracy that was asked for.
+    """The accuracy that a run reached, compared with the accuracy asked for.
 
-    Errors are the worst over all section means and sds, in units of each quantity's sd (absolute where none varies).
+    Errors are the largest over all section means and sds, in units of each quantity's sd (absolute where nothing
+    varies).
 
     Attributes
     ----------
     asked : float
-        The accuracy.
+        The accuracy asked for.
     sampling : float
         Largest standard error.
     step : float
-        Largest bias of the step; 0 for a scheme that has none.
+        Largest step bias; 0 for a scheme without one.
     worst : str
         Where the standard error is largest.
     candidates : sequence of Candidate
         What each scheme that was tried was expected to cost.
     more_seconds : float
-        Estimated time to what was asked, where the budget ended before it; 0 where it was reached, infinite where no
-        time would do.
+        Estimated time still missing where the budget was spent first; 0 where the accuracy was reached, infinite where
+        no shorter step can be taken.
     enough : bool
-        Whether the paths are as many as an answer needs, so that what few of them do is seen, and followed as long.
+        Whether there are enough paths, over the full horizon, for events of probability 1e-4 to be sampled.
     """
 
     asked: float
@@ -77,17 +90,17 @@ class Reach(NamedTuple):
 
     @property
     def expected(self) -> Candidate:
-        """The candidate that was taken: the one of least cost."""
+        """The candidate of least expected cost, which was run."""
         return min(self.candidates, key=lambda candidate: candidate.core_seconds)
 
     @property
     def reached(self) -> bool:
-        """Whether both errors are within what was asked, and stand on enough paths."""
+        """Whether both errors are within the accuracy asked for, with enough paths."""
         return self.enough and max(self.sampling, self.step) <= self.asked
 
     @property
     def sentence(self) -> str:
-        """What was reached, in words."""
+        """What was reached, as text."""
         errors = (
             f"largest standard error {self.sampling:.2g} sd ({self.worst}), largest bias of the step {self.step:.2g} sd"
         )

@@ -205,8 +205,8 @@ class Ensemble:
         """Moments of all paths at fixed times, index ``time`` (on the grid of the coarsest step, so within half of it).
 
         Columns as in `rattle.closure.MeanMap.at_times`, with ``se_`` beside each mean and covariance, and for each
-        ``rho`` its standard error ``se_rho``, that of Fisher's artanh rho ``se_z_rho``, and ``coarse_rho``, the value at twice
-        the step, if step bias was asked for.  Errors are NaN as in `section`.
+        ``rho`` its standard error ``se_rho``, that of Fisher's artanh rho ``se_z_rho``, and ``coarse_rho``, the value
+        at twice the step, if step bias was asked for.  Errors are NaN as in `section`.
 
         Raises
         ------
@@ -221,7 +221,7 @@ class Ensemble:
             away = np.abs(self.plan.fixed_steps * self.dt - (t - self.scene.start.tau))
             near = np.flatnonzero(away <= 0.5001 * self._fixed_grid)
             if near.size == 0:
-                raise InputError("times", float(t), "was not recorded; give it to simulate(times=...)")
+                raise InputError("times", float(t), "was not recorded; give it to simulate: record=Record(times=...)")
             rows.append(int(near[np.argmin(away[near])]))
         return table.iloc[rows]
 
@@ -271,10 +271,10 @@ class Ensemble:
         """
         import pandas as pd
 
-        if "fine_coarse" not in self.result.sums and SCHEMES[self.scheme].weak_order is None:
+        if "fine_coarse" not in self.result.sums and not SCHEMES[self.scheme].has_step_bias:
             return self._unbiased
         if "fine_coarse" not in self.result.sums:
-            raise InputError("step_bias", False, "ask for it: simulate(step_bias=True)")
+            raise InputError("record.step_bias", False, "ask for it: simulate(..., record=Record(step_bias=True))")
         fine, coarse = self.result.sums["fine_coarse"], self.result.sums["coarse_coarser"]
         found = extrapolated(fine, coarse)
         told = {moment: self._told(self._reached, moment) for moment in found}

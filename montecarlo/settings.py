@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from rattle.montecarlo.kernel.block import BLOCK, Plan, sample
 from rattle.montecarlo.kernel.control_variate import linear_path, no_control
 from rattle.montecarlo.noise.philox import LEVELS
+from rattle.montecarlo.record import Record
 from rattle.montecarlo.schemes.step_size import accurate_flight, check_step, default_step
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.montecarlo.schemes.table import SCHEMES
@@ -87,10 +88,8 @@ def check_settings(
 
 def plan_of(
     scene: Scene, *, paths: int, impacts: int, dt: float, scheme: str, rng: int | np.random.SeedSequence = 0,
-    workers: int = 1, times: Sequence[float] | Floats = (), step_bias: bool = False,
-    itineraries: Mapping[str, Sequence[int]] | None = None, keep: bool = False, control: bool = False,
-    increments: str = "gaussian", horizon: float | None = None, device: str = "cpu", energy: bool = False,
-    any_step: bool = False,
+    workers: int = 1, record: Record | None = None, control: bool = False, increments: str = "gaussian",
+    horizon: float | None = None, device: str = "cpu", any_step: bool = False,
 ) -> Plan:  # fmt: skip
     """The plan of a run with these settings, which are those of `montecarlo.simulate`.
 
@@ -101,9 +100,10 @@ def plan_of(
     InputError
         Names the setting, its value and the remedy.
     """
+    record = record or Record()
     check_settings(
         scene, paths=paths, impacts=impacts, dt=min(dt, default_step(scene, scheme)) if any_step else dt,
-        scheme=scheme, rng=rng, workers=workers, step_bias=step_bias,
+        scheme=scheme, rng=rng, workers=workers, step_bias=record.step_bias,
     )  # fmt: skip
     if control and SCHEMES[scheme].normals < 2:
         raise InputError("control", control, f"works with scheme 'exact-flight' only; scheme = {scheme!r}")
@@ -111,27 +111,33 @@ def plan_of(
     if two_point and SCHEMES[scheme].normals > 1:
         raise InputError("increments", increments, f"works with the Euler-Maruyama schemes only; scheme = {scheme!r}")
     if choice("device", device, ("cpu", "cuda")) == "cuda":
-        from rattle.montecarlo.cuda.launch import check_gpu  # nothing of it is loaded before a card is asked for
+        from rattle.montecarlo.cuda.launch import check_gpu  # nothing of it is loaded before a GPU is asked for
 
-        for name, value in (("step_bias", step_bias), ("control", control), ("energy", energy)):
+        for name, value in (
+            ("record.step_bias", record.step_bias),
+            ("control", control),
+            ("record.energy", record.energy),
+        ):
             if value:
-                raise InputError(name, value, "is not computed on a card; leave it out, or use device='cpu'")
+                raise InputError(name, value, "is not computed on a GPU; leave it out, or use device='cpu'")
         check_gpu()
-    levels = LEVELS if step_bias else 1
+    levels = LEVELS if record.step_bias else 1
     coarsest = 2 ** (levels - 1)
     dt = float(dt)
     horizon = _horizon(horizon, impacts, dt * coarsest, scheme)
-    itineraries = {} if itineraries is None else itineraries
-    if not isinstance(itineraries, Mapping):
-        raise InputError("itineraries", itineraries, "give a mapping from names to sequences of mesh * side")
-    named = {name: _checked(name, itinerary, impacts) for name, itinerary in itineraries.items()}
+    if not isinstance(record.itineraries, Mapping):
+        raise InputError(
+            "record.itineraries", record.itineraries, "give a mapping from names to sequences of mesh * side"
+        )
+    named = {name: _checked(name, itinerary, impacts) for name, itinerary in record.itineraries.items()}
     plan = Plan(
         scene=scene, paths=computed(scene, paths), impacts=impacts, dt=dt, scheme=scheme,
         seed=rng if isinstance(rng, np.random.SeedSequence) else np.random.SeedSequence(rng),
         most_steps=math.ceil(horizon / (dt * coarsest)) * coarsest,
-        fixed_steps=_fixed_steps(scene, times, dt * coarsest, horizon) * coarsest, itineraries=named, levels=levels,
-        control=linear_path(scene, impacts, dt) if control and scene.sigma > 0.0 else no_control(), keep=keep,
-        two_point=two_point, energy=energy,
+        fixed_steps=_fixed_steps(scene, record.times, dt * coarsest, horizon) * coarsest, itineraries=named,
+        levels=levels, keep=record.histogram or record.raw,
+        control=linear_path(scene, impacts, dt) if control and scene.sigma > 0.0 else no_control(),
+        two_point=two_point, energy=record.energy,
     )  # fmt: skip
     step = _noise_free_step(scene, scheme, impacts, dt)
     quiet = plan._replace(
@@ -145,7 +151,7 @@ def plan_of(
 
 def _noise_free_step(scene: Scene, scheme: str, impacts: int, dt: float) -> float:
     """The step of the noise-free path: that of the others, for its bias is the scheme's, unless the scheme has none."""
-    if SCHEMES[scheme].weak_order is not None or impacts > MOST_IN_A_STEP:
+    if SCHEMES[scheme].has_step_bias or impacts > MOST_IN_A_STEP:
         return dt
     return max(dt, min(SCHEMES[scheme].step, accurate_flight(scene)[0]))
 
@@ -167,20 +173,20 @@ def _fixed_steps(scene: Scene, times: Sequence[float] | Floats, dt: float, horiz
     try:
         listed = list(times)
     except TypeError:
-        raise InputError("times", times, "give a sequence of times") from None
+        raise InputError("record.times", times, "give a sequence of times") from None
     steps = []
     for t in listed:
-        since = finite("times", t) - scene.start.tau
+        since = finite("record.times", t) - scene.start.tau
         if not dt <= since <= horizon:
-            raise InputError("times", t, f"must lie between {dt:g} and {horizon:g} after the start")
+            raise InputError("record.times", t, f"must lie between {dt:g} and {horizon:g} after the start")
         steps.append(round(since / dt))
     return np.unique(np.array(steps, dtype=np.int64))
 
 
 def _checked(name: str, itinerary: Sequence[int], impacts: int) -> tuple[int, ...]:
-    field = f"itineraries[{name!r}]"
+    field = f"record.itineraries[{name!r}]"
     if name == NOISE_FREE:
-        raise InputError("itineraries", name, "this name is taken by the noise-free path")
+        raise InputError("record.itineraries", name, "this name is taken by the noise-free path")
     try:
         itinerary = list(itinerary)
     except TypeError:

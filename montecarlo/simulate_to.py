@@ -10,20 +10,25 @@ from __future__ import annotations
 
 import logging
 import math
+import warnings
 from dataclasses import replace
-from functools import partial
+from typing import Any
+
+import numpy as np
 
 from rattle.montecarlo.accuracy import LEAST, sampling_error, small_noise, step_error
 from rattle.montecarlo.budget import HOUR, Budget, clock, in_words
-from rattle.montecarlo.ensemble import Blocks, extended
+from rattle.montecarlo.ensemble import Blocks, extended, in_threads, simulate
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.pilots import COARSEST, ROUGHEST, Sent, Simulate, chosen
-from rattle.montecarlo.reach import Reach
+from rattle.montecarlo.reach import AccuracyWarning, Reach
+from rattle.montecarlo.record import Record
 from rattle.montecarlo.result import Ensemble
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings import MOST_STEPS, computed, default_horizon, is_random
+from rattle.montecarlo.settings import MOST_STEPS, check_settings, computed, default_horizon, is_random
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
+from rattle.scene.validate import positive
 
 __all__ = ["ESTIMATES", "simulate_to"]
 
@@ -55,67 +60,129 @@ def _rounded_up(accuracy: float) -> float:
 
 
 def simulate_to(
-    scene: Scene, simulate: Simulate, *, accuracy: float, scheme: str | None, blocks: Blocks, workers: int,
-    budget: float | None, progress: str | None,
-) -> Ensemble:  # fmt: skip
-    """Simulate until both errors are within `accuracy`, or the budget is spent.
+    scene: Scene,
+    accuracy: float,
+    *,
+    impacts: int = 12,
+    scheme: str | None = None,
+    rng: int | np.random.SeedSequence = 0,
+    workers: int = 1,
+    budget: float | None = None,
+    record: Record | None = None,
+    progress: str | None = None,
+    blocks: Blocks | None = None,
+) -> Ensemble:
+    """Simulate until the standard error and the bias of the step of all section means and sds are within an accuracy.
 
     Parameters
     ----------
     scene : Scene
-    simulate : callable
-        `montecarlo.simulate` with all that does not change: scene, impacts, seed.
+        What is modelled.
     accuracy : float
-    scheme : str or None
-        The one to use; None for the one that pilot runs expect to cost least.
-    blocks : callable
-        Who runs the blocks.
+        Largest standard error and largest bias of the step of all section means and sds, in units of each quantity's sd
+        (absolute where it does not vary).
+    impacts : int
+        Impacts of each path after the start.
+    scheme : str
+        Name of one of `rattle.montecarlo.SCHEMES`; by default the one that pilot runs expect to cost least.
+    rng : int or SeedSequence
+        Seed.  The result is the same bit for bit for any number of workers.
     workers : int
-        How many they are run by at a time.
-    budget : float or None
-        Seconds; None for an hour, and what is expected to take longer is refused.
-    progress : str or None
+        Threads.
+    budget : float
+        Seconds that it may take, looked at between blocks of paths.  When they are spent, the best answer so far is
+        returned and `Ensemble.diagnostics` says what is missing.  By default an hour, and what pilot runs expect to
+        take longer is refused before the work.  Compiling is not counted.
+    record : Record
+        ``energy`` and ``batches`` are recorded where they are asked for; nothing else can be.
+    progress : str
+        Label of a progress bar on a terminal; none by default, and none in a pipe.
+    blocks : callable
+        Who runs the blocks of paths; by default threads of this process.
 
     Returns
     -------
     Ensemble
-        With `Ensemble.reach`.
+        With `Ensemble.reach`: how far it got.
 
     Raises
     ------
     InputError
-        Where no budget is given and more than an hour is expected.
+        For a setting that cannot be run, and for an accuracy that is expected to take more than an hour where no budget
+        is given; no more than pilot runs has started then.
+
+    Warns
+    -----
+    AccuracyWarning
+        Where the budget ended before the accuracy was reached.
+
+    Examples
+    --------
+    >>> from rattle.scene import DAT21, Scene
+    >>> run = simulate_to(Scene.from_gears(DAT21, sigma=0.01), 0.05, impacts=2)
+    >>> run.scheme, run.reach.reached
+    ('exact-flight', True)
     """
+    record = Record() if record is None else record
+    for name in ("times", "step_bias", "itineraries", "histogram", "raw"):
+        value = getattr(record, name)
+        if len(value) if name in ("times", "itineraries") else value:
+            raise InputError(
+                f"record.{name}", value, "cannot be recorded by simulate_to, which chooses its own runs; leave it out, "
+                "or give paths to simulate",
+            )  # fmt: skip
+    check_settings(
+        scene, paths=1, impacts=impacts, dt=None, scheme="exact-flight" if scheme is None else scheme, rng=rng,
+        workers=workers, step_bias=False,
+    )  # fmt: skip
+    positive("accuracy", accuracy)
+    if budget is not None and budget != math.inf:
+        positive("budget", budget)
+    run = _simulated(scene, accuracy, impacts, scheme, rng, workers, budget, record, progress, blocks)
+    if run.reach is not None and not run.reach.reached:
+        warnings.warn(run.reach.sentence, AccuracyWarning, stacklevel=2)
+    return run
+
+
+def _simulated(
+    scene: Scene, accuracy: float, impacts: int, scheme: str | None, rng: int | np.random.SeedSequence, workers: int,
+    budget: float | None, record: Record, progress: str | None, blocks: Blocks | None,
+) -> Ensemble:  # fmt: skip
+    """Pilot runs, then the scheme that they choose until both errors are within the accuracy or the budget is spent."""
     left = Budget(HOUR if budget is None else budget)
-    blocks = left.limited(blocks)
-    simulate = partial(simulate, blocks=blocks)
-    names = [scheme] if scheme else sorted(SCHEMES, key=lambda name: SCHEMES[name].weak_order is not None)
-    sent, candidates = chosen(scene, names, accuracy, simulate, left, workers)
+    blocks = left.limited(blocks or in_threads(workers))
+
+    def again(record: Record = record, **settings: Any) -> Ensemble:
+        return simulate(scene, impacts=impacts, rng=rng, record=record, blocks=blocks, **settings)
+
+    names = [scheme] if scheme else sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
+    sent, candidates = chosen(scene, names, accuracy, again, left, workers)
     ESTIMATES.info("Accuracy %g sd: %s.", accuracy, sent.at(accuracy).sentence)
     if budget is None:
         _check_affordable(sent, accuracy, workers)
-    run, more = _followed_up(sent, simulate, blocks, accuracy, left, workers, progress)
+    run, more = _followed_up(sent, again, record, blocks, accuracy, left, workers, progress)
     error, worst = sampling_error(run)
-    step = 0.0 if SCHEMES[run.scheme].weak_order is None else step_error(run)[0]
+    step = 0.0 if not SCHEMES[run.scheme].has_step_bias else step_error(run)[0]
     worst += "" if is_random(scene) else ": one path is the answer"
     enough = sent.whole and run.paths >= computed(scene, LEAST)
     return replace(run, reach=Reach(accuracy, error, step, worst, candidates, more, enough))
 
 
 def _followed_up(
-    sent: Sent, simulate: Simulate, blocks: Blocks, accuracy: float, budget: Budget, workers: int, progress: str | None
+    sent: Sent, simulate: Simulate, record: Record, blocks: Blocks,
+    accuracy: float, budget: Budget, workers: int, progress: str | None
 ) -> tuple[Ensemble, float]:  # fmt: skip
     """The pilot's scheme until its errors are within the accuracy, or the budget is spent; and the seconds missing."""
     run, scene, expected = sent.run, sent.run.scene, sent.at(accuracy)
     if not sent.whole or budget.left <= 0.0:
         missing = max(expected.core_seconds, sent.path_seconds * expected.paths) / workers
         return run, missing
-    exact, fewest, grain = SCHEMES[run.scheme].weak_order is None, computed(scene, LEAST), computed(scene, BLOCK)
+    exact, fewest, grain = not SCHEMES[run.scheme].has_step_bias, computed(scene, LEAST), computed(scene, BLOCK)
     horizon = default_horizon(run.impacts, run.dt * (1 if exact else COARSEST))
     shortest = horizon / MOST_STEPS
     settings = {
-        "scheme": run.scheme, "control": exact and small_noise(scene), "step_bias": not exact, "progress": progress,
-        "horizon": horizon,
+        "scheme": run.scheme, "control": exact and small_noise(scene), "record": replace(record, step_bias=not exact),
+        "progress": progress, "horizon": horizon,
     }  # fmt: skip
     began, before = clock(), 0
     if not exact:

@@ -1,6 +1,6 @@
 """When can a cheap moment closure of a noisy vibro-impact system be believed?
 
-The public names; each is loaded when it is asked for, so that importing this package costs next to nothing.
+The public names.  Each is imported on first access, so ``import rattle`` loads neither numpy nor numba.
 
 Examples
 --------
@@ -43,20 +43,20 @@ __all__ = [
     "validate",
 ]  # fmt: skip
 
-_HOMES = {
+_MODULES = {
     "scene": ("DAT21", "Gears", "InputError", "RattleError", "Scene", "Start", "Tolerance"),
     "closure": ("CLOSURES", "MeanMap", "Orbit", "follow", "mean_map"),
     "montecarlo": ("SCHEMES", "Ensemble", "simulate"),
     "compare": ("Tolerances", "Validation", "validate"),
     "compare.study": ("Study",),
 }
-_HOME = {name: home for home, names in _HOMES.items() for name in names}
+_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
+    if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    return getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
 
 
 def __dir__() -> list[str]:

@@ -1,4 +1,4 @@
-"""What is modelled, and the physics that closures and simulation share."""
+"""The model (parameters, start, noise, tolerances) and the physics that closures and simulation share."""
 
 from rattle.scene.errors import FileError, InputError, OutputError, RattleError
 from rattle.scene.gears import DAT21, Gears

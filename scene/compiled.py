@@ -1,4 +1,4 @@
-"""One place for the options under which scalar physics is compiled."""
+"""The numba options under which scalar physics is compiled, in one place."""
 
 from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar, cast
@@ -19,32 +19,87 @@ LEAN: dict[str, Any] = OPTIONS | {"_nrt": False}
 
 
 def jit(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile to machine code once, keep it on disk, release the interpreter lock.
+    """Compile a function with numba, keep the machine code on disk, and release the interpreter lock while it runs.
 
     Division follows IEEE rules instead of raising: a branch on every division keeps LLVM from
-    vectorising the loops over paths.  No fast-math: results do not depend on how a loop is cut.
+    vectorising the loops over paths.  No fast-math: results do not depend on how a loop over paths is cut.
+
+    Parameters
+    ----------
+    function : callable
+        Function to compile.
+
+    Returns
+    -------
+    callable
+        The compiled function; the function itself where numba is disabled.
     """
     return cast(Callable[P, R], sealed(numba.njit(**OPTIONS)(function)))
 
 
 def lean(function: Callable[P, R]) -> Callable[P, R]:
-    """As `jit`, for loops that allocate nothing: views of arrays are taken without counting references to them."""
+    """As `jit`, without reference counting: for functions that allocate no arrays and take views only.
+
+    Parameters
+    ----------
+    function : callable
+        Function to compile; it must not allocate.
+
+    Returns
+    -------
+    callable
+        The compiled function.
+    """
     return cast(Callable[P, R], sealed(numba.njit(**LEAN)(function)))
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
-    """As `lean`, and always made part of its caller: a loop over paths vectorises only when it calls nothing."""
+    """As `lean`, and always inlined by LLVM: a loop over paths vectorises only when its body calls nothing.
+
+    Parameters
+    ----------
+    function : callable
+        Function to compile; it must not allocate.
+
+    Returns
+    -------
+    callable
+        The compiled function.
+    """
     return cast(Callable[P, R], sealed(numba.njit(**LEAN, forceinline=True)(function)))
 
 
 def reducing(function: Callable[P, R]) -> Callable[P, R]:
-    """As `lean`, and sums may be taken in any order that the compiler likes, always the same: they vectorise."""
+    """As `lean`, with floating-point sums that the compiler may reassociate, so that reductions vectorise.
+
+    The order is fixed at compile time: the same machine code gives the same sum every time.
+
+    Parameters
+    ----------
+    function : callable
+        Function to compile; it must not allocate.
+
+    Returns
+    -------
+    callable
+        The compiled function.
+    """
     return cast(Callable[P, R], sealed(numba.njit(**LEAN, fastmath={"reassoc"})(function)))
 
 
 def spliced(function: Callable[P, R]) -> Callable[P, R]:
-    """Written into its caller before types are known: branches on the caller's constants go, with all they call.
+    """Inline a function into its caller before type inference, so that branches on the caller's constants are removed.
 
     A large body that is called from one place is then optimised once, not again in every function above it.
+
+    Parameters
+    ----------
+    function : callable
+        Function to inline.
+
+    Returns
+    -------
+    callable
+        A function for compiled callers.
     """
     return cast(Callable[P, R], numba.njit(inline="always")(function))

@@ -1,7 +1,8 @@
-"""What damping makes of a speed in a time: turned, dragged and left, and how two dampings differ, all to rounding.
+"""The phi-functions of linear damping, ``t phi1(-beta t)`` and ``t^2 phi2(-beta t)``, for one damping and for two.
 
-No formula here divides by beta where beta is small, so ``beta = 0``, ``beta_1 = beta_2`` and dampings that differ by
-little are ordinary values.  Times may be negative: `rattle.closure.branching.refine` flies back.
+In exponential integrators ``phi1(z) = (exp(z) - 1) / z`` and ``phi2(z) = (exp(z) - 1 - z) / z^2``.  Everything here is
+accurate to rounding.  No formula divides by beta where beta is small, so ``beta = 0``, ``beta_1 = beta_2`` and dampings
+that differ by little need no special case.  Times may be negative: `rattle.closure.branching.refine` flies backwards.
 """
 
 import math
@@ -13,14 +14,26 @@ from rattle.scene.compiled import jit
 
 __all__ = ["Pair", "damped", "decay", "pair", "phi1", "phi2"]
 
-SMALL = 0.5  # beta t below which a difference would cancel, and a series is taken
-DRAG_SERIES = np.array([1.0 / math.factorial(k) for k in range(18, 1, -1)])
-"""Coefficients of ``phi_2(z) = 1/2 - z/3! + z^2/4! - ...``, the highest first: to rounding for |z| below `SMALL`."""
+SMALL = 0.5  # beta t below which the differences cancel and the series is summed instead
+PHI2_SERIES = np.array([1.0 / math.factorial(k) for k in range(18, 1, -1)])
+"""Coefficients of ``phi2(-z) = 1/2 - z/3! + z^2/4! - ...``, highest power first: to rounding for |z| < `SMALL`."""
 
 
 @jit
 def phi1(beta: float, t: float) -> float:
-    """``E = (1 - exp(-beta t)) / beta``: what a unit speed travels in time t under damping beta.
+    """``E = t phi1(-beta t) = (1 - exp(-beta t)) / beta``: displacement of a unit initial speed under linear damping.
+
+    Parameters
+    ----------
+    beta : float
+        Damping ratio.
+    t : float
+        Time, of either sign.
+
+    Returns
+    -------
+    float
+        ``E``; ``t`` for ``beta = 0``.
 
     Examples
     --------
@@ -35,13 +48,38 @@ def phi1(beta: float, t: float) -> float:
 
 @jit
 def decay(beta: float, t: float) -> float:
-    """``exp(-beta t)``."""
+    """``exp(-beta t)``: what is left of a unit speed.
+
+    Parameters
+    ----------
+    beta : float
+        Damping ratio.
+    t : float
+        Time, of either sign.
+
+    Returns
+    -------
+    float
+        The factor by which damping reduces a speed.
+    """
     return math.exp(-beta * t)
 
 
 @jit
 def damped(beta: float, t: float) -> tuple[float, float]:
-    """`phi1` and `decay` together.
+    """`phi1` and `decay` together, with one exponential for both where ``beta t`` is small.
+
+    Parameters
+    ----------
+    beta : float
+        Damping ratio.
+    t : float
+        Time, of either sign.
+
+    Returns
+    -------
+    e, d : float
+        ``t phi1(-beta t)`` and ``exp(-beta t)``.
 
     Examples
     --------
@@ -54,7 +92,21 @@ def damped(beta: float, t: float) -> tuple[float, float]:
 
 @jit
 def phi2(beta: float, t: float) -> float:
-    """``(t - E) / beta``: what a unit drag travels; by its series where the difference would cancel.
+    """``t^2 phi2(-beta t) = (t - E) / beta``: displacement under a unit constant acceleration from zero speed.
+
+    Summed as a series where the difference would cancel.
+
+    Parameters
+    ----------
+    beta : float
+        Damping ratio.
+    t : float
+        Time, of either sign.
+
+    Returns
+    -------
+    float
+        ``t^2 / 2`` for ``beta = 0``.
 
     Examples
     --------
@@ -65,24 +117,24 @@ def phi2(beta: float, t: float) -> float:
     if abs(z) > SMALL:
         return t * t * ((z + math.expm1(-z)) / z / z)
     total = 0.0
-    for coefficient in DRAG_SERIES:
+    for coefficient in PHI2_SERIES:
         total = coefficient - z * total
     return t * t * total
 
 
 class Pair(NamedTuple):
-    """Two dampings over one time.
+    """The phi-functions of two dampings over one time.
 
     Attributes
     ----------
     e1, e2 : float
-        `phi1`.
+        `phi1` of each damping.
     d1, d2 : float
-        `decay`.
+        `decay` of each damping.
     g1, g2 : float
-        `phi2`.
+        `phi2` of each damping.
     e12, d12 : float
-        ``e1 - e2`` and ``d1 - d2``, to rounding however near both dampings are.
+        ``e1 - e2`` and ``d1 - d2``, accurate to rounding however close the dampings are.
     """
 
     e1: float
@@ -97,11 +149,23 @@ class Pair(NamedTuple):
 
 @jit
 def pair(beta1: float, beta2: float, t: float) -> Pair:
-    """All of two dampings.
+    """The phi-functions of two dampings and their differences.
 
-    For little damping by the series of `phi2`: Horner's scheme for a value and a divided difference, and from these
-    ``E = t - beta (t - E) / beta`` and so on, where nothing cancels.  Else ``d1 - d2`` is ``exp(-beta1 t) (1 - exp(-d
-    t))`` with ``d = beta2 - beta1 > 0``, and ``e1 - e2`` is ``(d e1`` less that) over beta2.
+    For small ``beta t`` from the series of `phi2`: Horner's scheme for a value and a divided difference, and from these
+    ``E = t - beta (t - E) / beta`` and so on, where nothing cancels.  Otherwise, with ``d = beta2 - beta1 > 0``,
+    ``d1 - d2 = exp(-beta1 t) (1 - exp(-d t))`` and ``e1 - e2 = (d e1 - (d1 - d2)) / beta2``.
+
+    Parameters
+    ----------
+    beta1, beta2 : float
+        Damping ratios of both wheels.
+    t : float
+        Time, of either sign.
+
+    Returns
+    -------
+    Pair
+        All of it, in the order of the two dampings given.
 
     Examples
     --------
@@ -112,7 +176,7 @@ def pair(beta1: float, beta2: float, t: float) -> Pair:
     d = beta2 - beta1
     if max(beta1, beta2) * abs(t) < SMALL:
         z1, z2, value, slope = -beta1 * t, -beta2 * t, 0.0, 0.0
-        for coefficient in DRAG_SERIES:
+        for coefficient in PHI2_SERIES:
             slope = value + z2 * slope
             value = coefficient + z1 * value
         g1, g12 = t * t * value, d * t * t * t * slope
@@ -121,7 +185,7 @@ def pair(beta1: float, beta2: float, t: float) -> Pair:
         return Pair(e1, d1, g1, e1 - e12, d1 - d12, g1 - g12, e12, d12)
     e1, d1 = damped(beta1, t)
     e2, d2 = damped(beta2, t)
-    less = -math.exp(-min(beta1, beta2) * t) * math.expm1(-abs(d) * t)
-    gone = (abs(d) * (e1 if d > 0.0 else e2) - less) / max(beta1, beta2)
+    d_gap = -math.exp(-min(beta1, beta2) * t) * math.expm1(-abs(d) * t)  # |d1 - d2|
+    e_gap = (abs(d) * (e1 if d > 0.0 else e2) - d_gap) / max(beta1, beta2)  # |e1 - e2|
     sign = 1.0 if d > 0.0 else -1.0
-    return Pair(e1, d1, phi2(beta1, t), e2, d2, phi2(beta2, t), sign * gone, sign * less)
+    return Pair(e1, d1, phi2(beta1, t), e2, d2, phi2(beta2, t), sign * e_gap, sign * d_gap)

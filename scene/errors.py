@@ -4,18 +4,18 @@ from rattle.scene.text import harmless
 
 __all__ = ["FileError", "InputError", "OutputError", "RattleError"]
 
-LONGEST = 300  # characters of a value in a message
+LONGEST = 300  # most characters of a value that a message quotes
 
 
 class RattleError(Exception):
-    """Base of every error that this project raises on purpose; nothing in its message can steer a terminal."""
+    """Base of every error that this project raises on purpose; control characters in its message are escaped."""
 
     def __init__(self, message: str) -> None:
         super().__init__(harmless(message))
 
 
 class InputError(RattleError, ValueError):
-    """A value that the model or a run cannot take.
+    """An input value that is not admissible.
 
     Parameters
     ----------
@@ -37,11 +37,11 @@ class InputError(RattleError, ValueError):
         self.field, self.value, self.remedy = field, value, remedy
 
     def __reduce__(self) -> tuple[type["InputError"], tuple[str, object, str]]:
-        return type(self), (self.field, self.value, self.remedy)  # so that it comes back whole from another process
+        return type(self), (self.field, self.value, self.remedy)  # pickled with all fields, for worker processes
 
 
 def _shown(value: object) -> str:
-    """A value as it was given, cut where it is long; an integer of thousands of digits has no decimal form."""
+    """A value as it was given, cut to `LONGEST` characters; Python prints no integer of more than 4300 digits."""
     try:
         text = repr(value)
     except (ValueError, RecursionError):
@@ -50,8 +50,8 @@ def _shown(value: object) -> str:
 
 
 class FileError(InputError):
-    """A file that cannot be read, or whose content is not what it should be."""
+    """An input file that cannot be read, or whose content is not valid."""
 
 
 class OutputError(RattleError, OSError):
-    """An output folder that cannot be written without losing something."""
+    """An output folder that cannot be written, or only by overwriting something."""

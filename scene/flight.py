@@ -1,8 +1,8 @@
-"""Free flight (Eq. 3) exactly, its Jacobian, and the rates that drive it (Eqs. 5, 8).
+"""Exact free flight (Eq. 3), its Jacobian, its drift, and the noise that drives it (Eqs. 5, 8).
 
-A wheel's speed ``u_i = R_i phi_i' / (nu_1 omega)`` obeys ``u_i' = -beta_i u_i - gamma_i`` on its own, and
-``y_1 = alpha cos tau - u_1``, ``y_2 = u_2 - u_1``.  What a flight adds is summed from terms that are each of
-the size of what they stand for: a flight of 1e-12 is as exact, in relative terms, as one of 1e6.
+A wheel's speed ``u_i = R_i phi_i' / (nu_1 omega)`` obeys ``u_i' = -beta_i u_i - gamma_i`` independently of the other,
+and ``y_1 = alpha cos tau - u_1``, ``y_2 = u_2 - u_1``.  Increments over a flight are summed from terms that vanish with
+the flight time, so the relative accuracy is the same for flight times of 1e-12 and of 1e6.
 """
 
 import math
@@ -32,7 +32,7 @@ __all__ = [
 Floats = NDArray[np.float64]
 State = tuple[float, float, float, float]
 
-# Gauss-Legendre on [0, 1]: with panels no longer than PANEL time units 16 nodes leave rounding only.
+# Gauss-Legendre on [0, 1]: 16 nodes are exact to rounding on panels of at most PANEL time units.
 _nodes, _weights = np.polynomial.legendre.leggauss(16)
 NODES, WEIGHTS = 0.5 * (_nodes + 1.0), 0.5 * _weights
 PANEL = 2.0
@@ -40,14 +40,27 @@ PANEL = 2.0
 
 @jit
 def wheel_speeds(c: Constants, tau: float, y1: float, y2: float) -> tuple[float, float]:
-    """Speeds ``(u_1, u_2)`` of the two wheels."""
+    """Speeds ``(u_1, u_2)`` of the two wheels at their base circles.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    tau, y1, y2 : float
+        Time and relative velocities.
+
+    Returns
+    -------
+    u1, u2 : float
+        ``alpha cos tau - y_1`` and ``u_1 + y_2``.
+    """
     u1 = c.alpha * math.cos(tau) - y1
     return u1, u1 + y2
 
 
 @jit
-def _less_sine(t: float, sine: float) -> float:
-    """``t - sin t``, its sine given; by its series where the difference would cancel."""
+def _t_minus_sine(t: float, sine: float) -> float:
+    """``t - sin t`` for a given ``sine = sin t``; by its series where the difference would cancel."""
     z = t * t
     if z > 1.0:
         return t - sine
@@ -59,23 +72,37 @@ def _less_sine(t: float, sine: float) -> float:
 
 @jit
 def displacement(c: Constants, tau: float, y1: float, y2: float, t: float) -> State:
-    """What a flight of time `t` from `tau` adds to ``x_1`` and ``x_2``, and the velocities at its end (Eq. 3).
+    """Increments of ``x_1`` and ``x_2`` over a flight of time `t` from `tau`, and the velocities at its end (Eq. 3).
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    tau, y1, y2 : float
+        Time and velocities at the start of the flight.
+    t : float
+        Flight time.
+
+    Returns
+    -------
+    dx1, y1, dx2, y2 : float
+        Increments of the displacements, and final velocities; ``dx2 = 0`` and `y2` unchanged for a single stage.
 
     Examples
     --------
     >>> from rattle.scene import DAT21, Scene
     >>> dx1, y1, dx2, y2 = displacement(Scene.from_gears(DAT21).constants, 0.0, 1e-9, 0.0, 1e-12)
-    >>> round(dx1 / 1e-21, 4)  # 1e-9 t, and half the drags' pull 0.1819 t^2
+    >>> round(dx1 / 1e-21, 4)  # 1e-9 t, plus half the drag acceleration times t^2
     1.0001
     """
     sine, cosine = math.sin(tau), math.cos(tau)
     sh, ch = math.sin(0.5 * t), math.cos(0.5 * t)
-    fallen, risen = 2.0 * sh * sh, 2.0 * sh * ch  # 1 - cos t, sin t
+    versine, sine_t = 2.0 * sh * sh, 2.0 * sh * ch  # 1 - cos t, sin t
     p = pair(c.beta1, c.beta2, t)
     # alpha (sin(tau + t) - sin tau - cos tau e1), with sin t - e1 = beta_1 g1 - (t - sin t)
-    lead = c.beta1 * p.g1 - _less_sine(t, risen) if t < 1.0 else risen - p.e1
-    dx1 = y1 * p.e1 + c.gamma1 * p.g1 + c.alpha * (cosine * lead - sine * fallen)
-    z1 = y1 * p.d1 + c.gamma1 * p.e1 + c.alpha * (cosine * (c.beta1 * p.e1 - fallen) - sine * risen)
+    ahead = c.beta1 * p.g1 - _t_minus_sine(t, sine_t) if t < 1.0 else sine_t - p.e1
+    dx1 = y1 * p.e1 + c.gamma1 * p.g1 + c.alpha * (cosine * ahead - sine * versine)
+    z1 = y1 * p.d1 + c.gamma1 * p.e1 + c.alpha * (cosine * (c.beta1 * p.e1 - versine) - sine * sine_t)
     if c.stages == 1:
         return dx1, z1, 0.0, y2
     u1 = c.alpha * cosine - y1
@@ -86,6 +113,20 @@ def displacement(c: Constants, tau: float, y1: float, y2: float, t: float) -> St
 @jit
 def flow(c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, t: float) -> State:
     """State after a flight of time `t` from `tau` (Eq. 3; Eq. 10 is this map after a mesh-1 impact).
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    tau, x1, y1, x2, y2 : float
+        Time and state at the start of the flight.
+    t : float
+        Flight time.
+
+    Returns
+    -------
+    x1, y1, x2, y2 : float
+        State at its end.
 
     Examples
     --------
@@ -100,7 +141,20 @@ def flow(c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, t
 
 @jit
 def field(c: Constants, tau: float, y1: float, y2: float) -> Floats:
-    """Time derivative of ``(x1, y1, x2, y2)`` in flight (Eq. 3), shape (4,)."""
+    """The drift, ``d(x1, y1, x2, y2) / d tau`` in flight without noise (Eq. 3).
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    tau, y1, y2 : float
+        Time and velocities.
+
+    Returns
+    -------
+    ndarray, shape (4,)
+        Velocities and accelerations.
+    """
     u1, _ = wheel_speeds(c, tau, y1, y2)
     drag1 = c.beta1 * u1 + c.gamma1
     f = np.zeros(4)
@@ -112,7 +166,20 @@ def field(c: Constants, tau: float, y1: float, y2: float) -> Floats:
 
 @jit
 def field_rate(c: Constants, tau: float) -> Floats:
-    """Partial derivative of `field` with respect to time, shape (4,)."""
+    """Partial derivative of the drift `field` with respect to time.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    tau : float
+        Time.
+
+    Returns
+    -------
+    ndarray, shape (4,)
+        ``d field / d tau`` at constant state.
+    """
     f = np.zeros(4)
     f[1] = -c.alpha * (math.cos(tau) + c.beta1 * math.sin(tau))
     if c.stages == 2:
@@ -122,7 +189,18 @@ def field_rate(c: Constants, tau: float) -> Floats:
 
 @jit
 def system_matrix(c: Constants) -> Floats:
-    """``A`` of the linear flight ``s' = A s + ...`` (Eq. 8), shape (4, 4)."""
+    """``A`` of the linear flight ``s' = A s + ...`` (Eq. 8).
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        The drift matrix on ``(x1, y1, x2, y2)``.
+    """
     a = np.zeros((4, 4))
     a[0, 1], a[1, 1] = 1.0, -c.beta1
     if c.stages == 2:
@@ -132,7 +210,20 @@ def system_matrix(c: Constants) -> Floats:
 
 @jit
 def jacobian(c: Constants, t: float) -> Floats:
-    """``exp(A t)``, the derivative of `flow` with respect to ``(x1, y1, x2, y2)``, shape (4, 4)."""
+    """``exp(A t)``, the derivative of `flow` with respect to ``(x1, y1, x2, y2)``.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    t : float
+        Flight time, of either sign.
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        The state-transition matrix.
+    """
     j = np.eye(4)
     p = pair(c.beta1, c.beta2, t)
     j[0, 1], j[1, 1], j[2, 3], j[3, 3] = p.e1, p.d1, p.e2, p.d2
@@ -142,28 +233,45 @@ def jacobian(c: Constants, t: float) -> Floats:
 
 @jit
 def noise_rate(c: Constants, tau: float) -> tuple[float, float]:
-    """What the one noise ``sigma eta`` does to ``(y_1, y_2)`` per unit time (Eq. 5)."""
+    """Noise coefficients of ``(y_1, y_2)`` for the one white noise ``sigma eta`` (Eq. 5), for ``sigma = 1``.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    tau : float
+        Time.
+
+    Returns
+    -------
+    m1, m2 : float
+        The modulation of the noise in each velocity.
+    """
     cosine = math.cos(tau)
     return -math.sin(tau) + c.beta1 * cosine, (c.beta1 - c.beta2) * cosine
 
 
 @jit
-def _on_their_own(c: Constants, t: float) -> bool:
-    """Whether the noise is to be collected in ``(x1, y1, x2 - x1, y2 - y1)``, which do not act on each other.
+def _relative_coordinates(c: Constants, t: float) -> bool:
+    """Whether noise is integrated in ``(x1, y1, x2 - x1, y2 - y1)``, which decouples the two wheels.
 
-    Where dampings are far apart for the time that speeds last; else what is small in x2 and y2 would be a difference.
+    True where the dampings differ much over the time for which speeds last.  Otherwise x2 and y2 are integrated
+    themselves: their small variances would be lost as a difference.
     """
     most = max(c.beta1, c.beta2)
     return c.stages == 2 and abs(c.beta1 - c.beta2) * (min(t, 1.0 / most) if most > 0.0 else t) > 0.5
 
 
 @jit
-def _responses(c: Constants, p: Pair, sine: float, cosine: float, own: bool) -> State:
-    """What unit noise at a phase has done to ``(x1, y1, x2, y2)`` a lag later; or `own`, see `_on_their_own`."""
+def _responses(c: Constants, p: Pair, sine: float, cosine: float, relative: bool) -> State:
+    """Response of ``(x1, y1, x2, y2)`` to unit noise a lag earlier (`relative`: see `_relative_coordinates`).
+
+    `sine` and `cosine` are of the phase at which the noise acts.
+    """
     m1 = c.beta1 * cosine - sine
     if c.stages == 1:
         return p.e1 * m1, p.d1 * m1, 0.0, 0.0
-    if own:
+    if relative:
         m = sine - c.beta2 * cosine
         return p.e1 * m1, p.d1 * m1, p.e2 * m, p.d2 * m
     d = c.beta1 - c.beta2
@@ -172,17 +280,17 @@ def _responses(c: Constants, p: Pair, sine: float, cosine: float, own: bool) -> 
 
 
 @jit
-def _harmonics(c: Constants, h: float, own: bool) -> Floats:
-    """Covariance of a time's unit noise: what goes with ``sin^2``, ``sin cos`` and ``cos^2`` of the phase it starts at.
+def _harmonics(c: Constants, h: float, relative: bool) -> Floats:
+    """Covariance of unit noise over a time h: the terms in ``sin^2``, ``sin cos`` and ``cos^2`` of the initial phase.
 
-    Shape (3, 4, 4); by Gauss-Legendre over the lag before the end.
+    Shape (3, 4, 4); by Gauss-Legendre quadrature over the lag before the end.
     """
     q, g = np.zeros((3, 4, 4)), np.empty((2, 4))
     for n in range(NODES.size):
         lag, since = h * NODES[n], h * NODES[NODES.size - 1 - n]
         sine, cosine, p = math.sin(since), math.cos(since), pair(c.beta1, c.beta2, lag)
-        g[0, 0], g[0, 1], g[0, 2], g[0, 3] = _responses(c, p, cosine, -sine, own)
-        g[1, 0], g[1, 1], g[1, 2], g[1, 3] = _responses(c, p, sine, cosine, own)
+        g[0, 0], g[0, 1], g[0, 2], g[0, 3] = _responses(c, p, cosine, -sine, relative)
+        g[1, 0], g[1, 1], g[1, 2], g[1, 3] = _responses(c, p, sine, cosine, relative)
         w = h * WEIGHTS[n]
         for i in range(2 * c.stages):
             for j in range(i + 1):
@@ -196,10 +304,10 @@ def _harmonics(c: Constants, h: float, own: bool) -> Floats:
 
 
 @jit
-def _doubled(c: Constants, q: Floats, h: float, own: bool) -> Floats:
-    """`_harmonics` of twice the time: the first half carried through the second, and the second h later in phase."""
+def _doubled(c: Constants, q: Floats, h: float, relative: bool) -> Floats:
+    """`_harmonics` of twice the time: first half propagated through the second, plus the second, its phase shifted."""
     j, s, k = jacobian(c, h), math.sin(h), math.cos(h)
-    if own:
+    if relative:
         j[2, 1] = j[3, 1] = 0.0
     size, out = 2 * c.stages, np.zeros((3, 4, 4))
     for a in range(size):
@@ -219,11 +327,23 @@ def _doubled(c: Constants, q: Floats, h: float, own: bool) -> Floats:
 
 @jit
 def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
-    """Covariance of ``(x1, y1, x2, y2)`` that the noise adds in a flight of time `t` from `tau`, shape (4, 4).
+    """Covariance of ``(x1, y1, x2, y2)`` that the noise adds in a flight of time `t` from `tau`.
 
     ``sigma^2 int exp(A r) m m' exp(A' r) dr`` over the lag r before the end of the flight, ``m`` the modulation of
-    Eq. 5.  A flight is halved until Gauss-Legendre has it to rounding, and doubled again: a flight of 1e6 takes twenty
-    doublings.
+    Eq. 5.  The flight is halved until Gauss-Legendre quadrature is exact to rounding, then doubled again: a flight of
+    time 1e6 takes twenty doublings.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    tau, t : float
+        Start and time of the flight.
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        Symmetric; rows and columns of stage 2 are 0 for a single stage.
 
     Examples
     --------
@@ -232,22 +352,22 @@ def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
     >>> float(noise_covariance(c, 0.0, 0.5)[1, 1].round(8))
     0.00023253
     """
-    fastest, own = max(c.beta1, c.beta2), _on_their_own(c, t)
+    fastest, relative = max(c.beta1, c.beta2), _relative_coordinates(c, t)
     panel = min(PANEL, 2.0 / fastest) if fastest > 0.0 else PANEL
     h, doublings = t, 0
     while h > panel:
         h *= 0.5
         doublings += 1
-    q = _harmonics(c, h, own)
+    q = _harmonics(c, h, relative)
     for _ in range(doublings):
-        q = _doubled(c, q, h, own)
+        q = _doubled(c, q, h, relative)
         h *= 2.0
     sine, cosine, square = math.sin(tau), math.cos(tau), c.sigma * c.sigma
     out = np.empty((4, 4))
     for i in range(4):
         for j in range(4):
             out[i, j] = square * (sine * (sine * q[0, i, j] + cosine * q[1, i, j]) + cosine * cosine * q[2, i, j])
-    if own:  # x2 and y2 themselves
+    if relative:  # back to x2 and y2
         for i in range(2):
             for j in range(4):
                 out[2 + i, j] += out[i, j]

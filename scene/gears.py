@@ -1,4 +1,4 @@
-"""A pair of loose gears in workshop units: the only place where units are turned (Eqs. 1-3)."""
+"""A pair of loose gears in physical units (mm, kg, N, s), and the only conversion of units (Eqs. 1-3)."""
 
 from dataclasses import dataclass, fields
 
@@ -8,12 +8,15 @@ from rattle.scene.validate import finite, non_negative, positive, ranged, unit_i
 __all__ = ["DAT21", "Gears"]
 
 KG_MM_PER_S2_PER_N = 1000.0  # 1 N = 1000 kg mm / s^2
-SIZES = (1e-12, 1e12)  # in the units below
+SIZES = (1e-12, 1e12)  # admissible range of every dimensional value, in the units below
 
 
 @dataclass(frozen=True, kw_only=True)
 class Gears:
-    """Physical data of the driver and the two loose wheels: up to 1e12, sizes and inertias from 1e-12 on.
+    """Physical data of the driver and the two loose wheels.
+
+    All dimensional values are at most 1e12 in the units below; frequency, inertias, radii and backlashes are at least
+    1e-12.
 
     Parameters
     ----------
@@ -28,7 +31,7 @@ class Gears:
     radius1, radius2 : float
         Base radii in mm.
     backlash1, backlash2 : float
-        Full plays (nu_1, nu_2) in mm.
+        Full backlashes (nu_1, nu_2) in mm.
     damping1, damping2 : float
         Rotational damping in N mm s.
     torque1, torque2 : float
@@ -81,14 +84,45 @@ class Gears:
         return self.backlash2 / (2.0 * self.backlash1)
 
     def beta(self, wheel: int) -> float:
-        """Damping ratio of a wheel, ``d / (I omega)`` (below Eq. 2, dimensionless)."""
+        """Damping ratio of a wheel, ``d / (I omega)`` (below Eq. 2, dimensionless).
+
+        Parameters
+        ----------
+        wheel : {1, 2}
+            Which wheel.
+
+        Returns
+        -------
+        float
+            ``beta_1`` or ``beta_2``.
+
+        Raises
+        ------
+        InputError
+            If there is no such wheel.
+        """
         damping, inertia, _, _ = self._wheel(wheel)
         return KG_MM_PER_S2_PER_N * damping / (inertia * self.omega)
 
     def gamma(self, wheel: int) -> float:
         """Drag of a wheel, ``T R / (I nu_1 omega^2)`` (below Eq. 2, dimensionless).
 
-        Both wheels are divided by ``nu_1``: the only choice that leaves Eq. 3 free of play ratios.
+        Both wheels are divided by ``nu_1``: the only choice that leaves Eq. 3 free of ratios of backlashes.
+
+        Parameters
+        ----------
+        wheel : {1, 2}
+            Which wheel.
+
+        Returns
+        -------
+        float
+            ``gamma_1`` or ``gamma_2``.
+
+        Raises
+        ------
+        InputError
+            If there is no such wheel.
         """
         _, inertia, torque, radius = self._wheel(wheel)
         return KG_MM_PER_S2_PER_N * torque * radius / (inertia * self.backlash1 * self.omega**2)

@@ -1,4 +1,4 @@
-"""Impacts at both meshes: the contact laws, and the next outward crossing of a flight (docs/model.md section 3)."""
+"""Impacts at both meshes: restitution maps, and the next outward crossing of a wall (docs/model.md section 3)."""
 
 import math
 
@@ -12,22 +12,38 @@ __all__ = [
     "LOST", "MISSES", "NONE", "REST", "TOUCH", "contact_matrix", "energy_loss", "next_impact", "safe_time", "struck",
 ]  # fmt: skip
 
-NONE = 0  # mesh of an event that never came: no impact within the horizon
-REST = -1  # the mesh is pressed shut: the next impact is now, and so is every later one
-LOST = -2  # the search was given up
-TOUCH = 1e-9  # step off a wall that is touched at rest; the displacement in it is below rounding
-MOST_STEPS = 1_000_000  # of the search for one impact; DAT21 takes about ten
-SOON = 100  # of tries to hold the acceleration by its rate, each eight times as long: a flight may begin at 1e-80
+# Codes that `next_impact` returns in place of a mesh.
+NONE = 0  # no impact within the horizon
+REST = -1  # a mesh sticks: it touches its wall at zero speed and is accelerated into it
+LOST = -2  # the search was given up after MOST_STEPS steps
 MISSES = {
     NONE: "no impact within the horizon",
-    REST: "a mesh rests closed",
+    REST: "a mesh sticks",
     LOST: "the search for the next impact takes too long",
 }
+"""The same in words."""
+TOUCH = 1e-9  # time step off a wall that is touched at zero speed; the displacement in it is below rounding
+MOST_STEPS = 1_000_000  # of the search for one impact; DAT21 takes about ten
+SOON = 100  # most times that a step is enlarged, each time by 8: the first step may be as short as 1e-80
 
 
 @jit
 def struck(c: Constants, mesh: int, y1: float, y2: float) -> tuple[float, float]:
-    """Velocities after an impact at a mesh.
+    """Velocities after an impact at a mesh (the restitution map).
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    mesh : {1, 2}
+        Mesh that is struck.
+    y1, y2 : float
+        Relative velocities just before the impact.
+
+    Returns
+    -------
+    y1, y2 : float
+        Relative velocities just after it.
 
     Examples
     --------
@@ -36,16 +52,30 @@ def struck(c: Constants, mesh: int, y1: float, y2: float) -> tuple[float, float]
     >>> round(y1, 12), round(y2, 12)
     (-1.8, -1.8)
     """
-    if mesh == 1:  # the driver is prescribed: Eq. 10 uses this law, Eqs. 4 and 6 do not print it
+    if mesh == 1:  # the driver's motion is prescribed: Eq. 10 uses this map, Eqs. 4 and 6 omit it
         return -c.epsilon * y1, y2 - (1.0 + c.epsilon) * y1
     return y1 - (1.0 + c.epsilon) * c.mu * y2, -c.epsilon * y2  # Eq. 4
 
 
 @jit
 def energy_loss(c: Constants, mesh: int, y1: float, y2: float) -> float:
-    """Kinetic energy that an impact takes, in units of ``I1 / R1^2 (nu1 omega)^2``, the mass of wheel 1 at its rim.
+    """Kinetic energy lost in an impact, in units of ``I1 / R1^2 (nu1 omega)^2``, with the mass of wheel 1 at its rim.
 
     ``(1 - eps^2) y^2 / 2`` times the reduced mass: 1 at mesh 1, whose driver is prescribed, and mu at mesh 2.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    mesh : {1, 2}
+        Mesh that is struck.
+    y1, y2 : float
+        Relative velocities just before the impact.
+
+    Returns
+    -------
+    float
+        The energy, zero or above.
 
     Examples
     --------
@@ -59,22 +89,29 @@ def energy_loss(c: Constants, mesh: int, y1: float, y2: float) -> float:
 
 @jit
 def safe_time(distance: float, speed: float, acceleration: float, most: float, jerk: float) -> float:
-    """A time within which a wall `distance` ahead is not reached.
+    """A time within which a wall `distance` ahead cannot be reached.
 
     Parameters
     ----------
     distance, speed, acceleration : float
-        Towards the wall.
-    most, jerk : float
-        Bounds of the acceleration and of its rate from now on; a rate of 0 is not made use of.
+        Now, counted positive towards the wall.
+    most : float
+        Upper bound of the acceleration towards the wall, from now on.
+    jerk : float
+        Upper bound of the rate of change of the acceleration; 0 if none is known.
+
+    Returns
+    -------
+    float
+        The time; infinite if the wall is never reached.
     """
     distance = max(distance, 0.0)
     step = _within(distance, speed, most)
     if jerk == 0.0 or (speed > 0.0 and speed * speed > most * distance):
         return step
-    if speed <= 0.0 and acceleration < 0.0:  # drawn away: it takes the jerk this long to turn that round
+    if speed <= 0.0 and acceleration < 0.0:  # moving and accelerated away: no return before 3 |acceleration| / jerk
         step = max(step, -3.0 * acceleration / jerk)
-    for _ in range(SOON):  # for a while the acceleration stays near what it is now: as long as that allows more
+    for _ in range(SOON):  # over a short time the bound by the jerk is sharper: enlarge the step while it is
         longer = 8.0 * step
         soon = max(acceleration, 0.0) + jerk * longer
         if not soon < 0.5 * most:
@@ -88,7 +125,7 @@ def safe_time(distance: float, speed: float, acceleration: float, most: float, j
 
 @jit
 def _within(distance: float, speed: float, most: float) -> float:
-    """The same for an acceleration that is never more than `most`."""
+    """`safe_time` for an acceleration of at most `most`, without a bound on its rate."""
     root = math.sqrt(speed * speed + 2.0 * most * distance)
     if speed > 0.0:
         return 2.0 * distance / (speed + root)
@@ -97,7 +134,7 @@ def _within(distance: float, speed: float, most: float) -> float:
 
 @jit
 def _touching(t: float, high: float, low: float, to_high: float, to_low: float, speed: float) -> int:
-    """The wall that is reached, as a side, or 0: at no distance, or at a distance that rounding of time hides."""
+    """The side of the wall that is reached, or 0: at zero distance, or at a distance too short to change the time."""
     if high <= 0.0 or (t + to_high == t and speed > 0.0):
         return 1
     if low <= 0.0 or (t + to_low == t and speed < 0.0):
@@ -109,40 +146,42 @@ def _touching(t: float, high: float, low: float, to_high: float, to_low: float, 
 def next_impact(
     c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, horizon: float
 ) -> tuple[float, int, int, float, float, float, float]:
-    """The earliest outward crossing of a wall by a flight from a state.
+    """The earliest outward wall crossing of a flight.
 
-    The flight is followed by steps that no crossing fits into: with ``p_i = beta_i u_i + gamma_i``, which only decays
-    along a flight, ``x_1''`` towards a wall is at most ``alpha`` and what of ``p_1`` draws that way, ``x_2''`` at
-    most what of ``p_1 - p_2`` does and what two dampings can make of the difference.  Near a transversal hit these
-    steps are Newton's, from the safe side; an excursion beyond the wall and back cannot hide between two of them.
+    The flight is followed by steps within which no crossing is possible.  With ``p_i = beta_i u_i + gamma_i``, which
+    only decays along a flight, the acceleration ``x_1''`` towards a wall is at most ``alpha`` plus the part of ``p_1``
+    that acts towards it.  ``x_2''`` is at most the part of ``p_1 - p_2`` that acts towards the wall, plus what the
+    difference of the dampings can add.  Near a transversal crossing these steps are Newton steps from the safe side; an
+    excursion beyond the wall and back cannot be missed.
 
-    Distances are those at the start and the displacement since: a flight of 1e-12 from a wall back to it is told
-    as well as any other.
+    Distances are computed from the initial distance and the displacement since, so that a flight of time 1e-12 from a
+    wall back to it is resolved as well as any other.
 
     Parameters
     ----------
     c : Constants
+        The scene.
     tau, x1, y1, x2, y2 : float
-        Start of the flight, after the last impact.
+        Time and state at the start of the flight, after the last impact.
     horizon : float
         Longest flight that is followed.
 
     Returns
     -------
     t : float
-        Time of flight.
+        Flight time.
     mesh : int
-        1 or 2; `NONE` if the horizon came first; `REST` if a mesh stays closed; `LOST` after `MOST_STEPS` steps.  Two
-        walls met at one instant are told apart by a second event of flight time 0, mesh 1 first.
+        1 or 2; `NONE` if there is no impact within the horizon; `REST` if a mesh sticks; `LOST` after `MOST_STEPS`
+        steps. If both meshes are struck at one instant mesh 1 comes first, and mesh 2 follows after a flight of time 0.
     side : int
-        +1 or -1.
+        Flank that is struck, +1 or -1.
     x1, y1, x2, y2 : float
-        State just before the impact; the struck coordinate lies on its wall exactly.
+        State just before the impact; the displacement of the struck mesh is exactly that of its wall.
     """
     high1, low1, high2, low2 = c.wall1 - x1, c.wall1 + x1, c.wall2 - x2, c.wall2 + x2
     u1, u2 = wheel_speeds(c, tau, y1, y2)
-    rate = abs(u1) + abs(u2) + c.alpha  # rounding of a displacement is that of this speed times the time
-    uneven = abs(c.beta1 - c.beta2) / max(c.beta1, c.beta2) if c.beta1 != c.beta2 else 0.0
+    rate = abs(u1) + abs(u2) + c.alpha  # the rounding error of a displacement is about 1e-16 times this times t
+    mismatch = abs(c.beta1 - c.beta2) / max(c.beta1, c.beta2) if c.beta1 != c.beta2 else 0.0
     t, d1, d2, b1, b2 = 0.0, 0.0, 0.0, y1, y2
     for _ in range(MOST_STEPS):
         u1, u2 = wheel_speeds(c, tau + t, b1, b2)
@@ -155,13 +194,13 @@ def next_impact(
         to_high2 = to_low2 = math.inf
         side2 = 0
         if c.stages == 2:
-            drift, jerk = uneven * min(abs(pull1), abs(pull2)), c.beta1 * abs(pull1) + c.beta2 * abs(pull2)
+            drift, jerk = mismatch * min(abs(pull1), abs(pull2)), c.beta1 * abs(pull1) + c.beta2 * abs(pull2)
             to_high2 = safe_time(high2 - d2, b2, f2, max(f2, 0.0) + drift, jerk)
             to_low2 = safe_time(low2 + d2, -b2, -f2, max(-f2, 0.0) + drift, jerk)
             side2 = _touching(t, high2 - d2, low2 + d2, to_high2, to_low2, b2)
         if side1 != 0 and b1 * side1 > 0.0:
             slack = 1e-15 * rate * min(t, 10.0)
-            if side2 != 0 or (min(high2 - d2, low2 + d2) <= slack and t > 0.0):  # both at one instant
+            if side2 != 0 or (min(high2 - d2, low2 + d2) <= slack and t > 0.0):  # both walls at one instant
                 x2, d2 = (c.wall2 if high2 - d2 < low2 + d2 else -c.wall2), 0.0
             return t, 1, side1, side1 * c.wall1, b1, x2 + d2, b2
         if side2 != 0 and b2 * side2 > 0.0:
@@ -176,7 +215,7 @@ def next_impact(
         if t >= horizon:
             return horizon, NONE, 0, x1 + d1, b1, x2 + d2, b2
         step = min(to_high1, to_low1, to_high2, to_low2)
-        if t + step == t:  # touching a wall at no speed and no acceleration: too slow to matter below this
+        if t + step == t:  # touching a wall at zero speed and acceleration: shorter steps change nothing
             step = TOUCH
         t = min(t + step, horizon)
         d1, b1, d2, b2 = flow(c, tau, 0.0, y1, 0.0, y2, t)
@@ -185,7 +224,20 @@ def next_impact(
 
 @jit
 def contact_matrix(c: Constants, mesh: int) -> Floats:
-    """The contact law as a matrix on ``(x1, y1, x2, y2)``, shape (4, 4)."""
+    """The restitution map as a matrix on ``(x1, y1, x2, y2)``.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    mesh : {1, 2, 0}
+        Mesh that is struck; 0 for none.
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        Its derivative and itself, for it is linear.
+    """
     r = np.eye(4)
     if mesh == 1:
         r[1, 1], r[3, 1] = -c.epsilon, -(1.0 + c.epsilon)

@@ -1,8 +1,9 @@
-"""Where machine code is kept, and what becomes of it when it is damaged or cannot be kept: it is compiled again.
+"""Where compiled machine code is cached on disk; damaged or missing files are compiled again.
 
-What is kept is unpickled and run, so whoever can write to the folder can run code as you.  The folder is therefore
-trusted only where it is yours alone (mode 0700).  The digest at the end of each file, index and machine code alike,
-guards against damage, not against an attacker: who can write the file can write the digest.
+Cached files are unpickled and executed, so whoever can write to the folder can run code as you.  The folder is
+therefore trusted only where you own it and nobody else has access (mode 0700).  The checksum at the end of each file,
+index and machine code alike, guards against damage, not against an attacker: who can write the file can also write the
+checksum.
 """
 
 import atexit
@@ -26,20 +27,30 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile
 __all__ = ["keep_by_source", "sealed", "source_digest"]
 
 PACKAGES = ("scene", "closure", "montecarlo")
-NUMBAS_FILES: Any = IndexDataCacheFile  # numba has no types
+NUMBAS_FILES: Any = IndexDataCacheFile  # typed as Any: numba has no type hints
 NUMBAS_CACHE: Any = FunctionCache
-SEAL = hashlib.sha256().digest_size
+CHECKSUM = hashlib.sha256().digest_size  # bytes
 
 D = TypeVar("D")
 
-_folder: Path | None = None  # where machine code is kept
-_to_say: list[str] = []  # of the place, by the process that compiles
+_folder: Path | None = None  # the cache folder; None where there is none
+_warnings: list[str] = []  # about the cache folder; printed when the first function is compiled
 
 
 def source_digest(root: Path) -> str:
-    """Digest of the sources of all compiled code below `root`, however deep, and of the libraries that compile it.
+    """Digest of the sources of all compiled code and of the versions of the libraries that compile it.
 
-    The processor is not in it: numba's index names the kind and the features of the one that each entry is for.
+    The processor is not part of it: numba's index records the processor and its features for each entry.
+
+    Parameters
+    ----------
+    root : Path
+        Folder that holds the packages.
+
+    Returns
+    -------
+    str
+        16 hexadecimal digits.
     """
     digest = hashlib.sha256(f"{numba.__version__} {llvmlite.__version__} {np.__version__}".encode())
     for package in PACKAGES:
@@ -49,26 +60,31 @@ def source_digest(root: Path) -> str:
 
 
 def keep_by_source() -> bool:
-    """Point numba's cache to a folder named by user, installation and sources; False where none can be written.
+    """Point numba's cache to a folder named by user, installation and sources.
 
-    Numba by itself looks only at the file of the function that is called: after a change in a file that it calls
-    into, it would go on with the old machine code, and the numbers would be those of another program.
+    Numba by itself checks only the file of the function that is called: after a change in a file that it calls
+    into, it would go on with the old machine code, and the results would be those of other sources.
 
-    The folder is the first that can be made and is ours alone: where NUMBA_CACHE_DIR says, in this installation, in the
-    user's cache, among the system's temporary files; failing all, one that goes with the process.  Folders of earlier
-    sources are removed; a process that still uses one compiles what it has not loaded.
+    The folder is the first of these that can be created and is private: in NUMBA_CACHE_DIR, in this installation, in
+    the user's cache, among the system's temporary files; failing all, one that is removed when the process ends.
+    Folders of earlier sources are removed; a process that still uses one compiles what it has not loaded.
+
+    Returns
+    -------
+    bool
+        Whether there is such a folder.
     """
     global _folder
     root = Path(__file__).resolve().parent.parent
     mine = f"rattle-{os.geteuid()}-{hashlib.sha256(os.fsencode(root)).hexdigest()[:8]}-"
     name, places = mine + source_digest(root), [*_places(root)]
-    _folder = next((place / name for place in places if _is_private(place / name)), None) or _passing(mine)
+    _folder = next((place / name for place in places if _is_private(place / name)), None) or _temporary(mine)
     if _folder is None:
-        _to_say.append(f"{places[0]} cannot be written: machine code is not kept")
-        _say()
+        _warnings.append(f"{places[0]} cannot be written: machine code is not kept")
+        _warn()
         return False
     if _folder.parent != places[0]:
-        _to_say.append(f"{places[0]} cannot be written: machine code is kept in {_folder}")
+        _warnings.append(f"{places[0]} cannot be written: machine code is kept in {_folder}")
     for other in _folder.parent.glob(mine + "*") if _folder.name == name else ():
         if other != _folder:
             shutil.rmtree(other, ignore_errors=True)
@@ -77,7 +93,7 @@ def keep_by_source() -> bool:
 
 
 def _places(root: Path) -> Iterator[Path]:
-    """Where machine code may lie, best first."""
+    """Parents of the cache folder, in order of preference."""
     if os.environ.get("NUMBA_CACHE_DIR"):
         yield Path(os.environ["NUMBA_CACHE_DIR"]).absolute()
     yield root / "scene" / "__pycache__"
@@ -88,9 +104,9 @@ def _places(root: Path) -> Iterator[Path]:
 
 
 def _is_private(folder: Path) -> bool:
-    """Whether a folder for machine code is ours alone and can be written, made where it is missing; a link is not.
+    """Whether a folder is owned by this user, closed to others and writable; it is created if missing.
 
-    One of ours that was open to others is emptied: they may have put something into it.
+    Links are refused.  A folder of ours that was open to others is emptied: they may have put something into it.
     """
     try:
         for _ in range(2):
@@ -107,8 +123,8 @@ def _is_private(folder: Path) -> bool:
     return False
 
 
-def _passing(mine: str) -> Path | None:
-    """A folder that goes with this process."""
+def _temporary(mine: str) -> Path | None:
+    """A cache folder that is removed when this process ends."""
     try:
         folder = Path(tempfile.mkdtemp(prefix=mine))
     except OSError:
@@ -117,14 +133,14 @@ def _passing(mine: str) -> Path | None:
     return folder
 
 
-def _say() -> None:
-    """Say on standard error what is to be said, once."""
-    while _to_say:
-        print(f"rattle: {_to_say.pop()}", file=sys.stderr)
+def _warn() -> None:
+    """Print the warnings about the cache folder to standard error, once."""
+    while _warnings:
+        print(f"rattle: {_warnings.pop()}", file=sys.stderr)
 
 
 class Sealed(NUMBAS_FILES):  # type: ignore[misc]
-    """Numba's index and machine code of a function, with a digest at their ends, which its own closure passes over."""
+    """Numba's index and machine-code files of a function, with a checksum at their ends, which unpickling ignores."""
 
     @contextmanager
     def _open_for_write(self, filepath: str) -> Iterator[io.BytesIO]:
@@ -138,36 +154,53 @@ class Sealed(NUMBAS_FILES):  # type: ignore[misc]
 
     def _load_data(self, name: str) -> Any:
         if not _is_whole(self._data_path(name)):
-            raise OSError(f"{name} is damaged")  # numba takes it for absent
+            raise OSError(f"{name} is damaged")  # numba treats it as absent
         return super()._load_data(name)
 
 
 def _is_whole(path: str) -> bool:
-    """Whether a file is there and as it was written."""
+    """Whether a file exists and its checksum is right."""
     try:
         content = Path(path).read_bytes()
     except OSError:
         return False
-    return hashlib.sha256(content[:-SEAL]).digest() == content[-SEAL:]
+    return hashlib.sha256(content[:-CHECKSUM]).digest() == content[-CHECKSUM:]
 
 
 class Kept(NUMBAS_CACHE):  # type: ignore[misc]
-    """Numba's cache of a function, for a folder that may be full, or be swept away by another version, at any time."""
+    """Numba's cache of a function, for a folder that may be full, or removed by another version, at any time."""
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep machine code; where that is not possible any more it is compiled anew the next time."""
-        _say()
+        """Write machine code to the cache, or skip it where that is not possible: it is compiled again next time.
+
+        Parameters
+        ----------
+        sig, data
+            Signature and compile result, as numba hands them over.
+        """
+        _warn()
         if _folder is not None and _is_private(_folder):
             with suppress(OSError):
                 super().save_overload(sig, data)
 
 
 def sealed(function: D) -> D:
-    """A compiled function whose machine code is kept under seal."""
+    """Give the cache files of a compiled function a checksum.
+
+    Parameters
+    ----------
+    function : callable
+        Compiled by numba, or a plain function where the compiler is off.
+
+    Returns
+    -------
+    callable
+        The same function.
+    """
     cache = getattr(function, "_cache", None)
-    if isinstance(cache, NUMBAS_CACHE):  # not where the compiler is off, or has no place to keep anything
+    if isinstance(cache, NUMBAS_CACHE):  # absent where the compiler is off or has no cache folder
         cache.__class__ = Kept
         cache._cache_file.__class__ = Sealed
-        if Path(cache.cache_path).parent != _folder:  # numba has found it unfit meanwhile, and taken another
+        if Path(cache.cache_path).parent != _folder:  # numba could not use it and has chosen another
             cache.disable()
     return function

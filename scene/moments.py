@@ -1,4 +1,4 @@
-"""The language both sides speak: which quantities, what a moment is called, when it can belong to a distribution."""
+"""Names of the quantities and moments that closures and simulation share, and when moments are realizable."""
 
 import math
 from typing import NamedTuple
@@ -17,14 +17,28 @@ Floats = NDArray[np.float64]
 
 STATE = ("x1", "y1", "x2", "y2")
 SECTION = ("tau", "flight", *STATE)
-"""The quantities of a path at its own k-th impact, just before it."""
+"""The section quantities: those of a path just before its own k-th impact (a Poincaré section at the impacts)."""
 
-ROUNDING = 1e-9  # relative slack below which a negative variance or an excess of |rho| is rounding
-LOST = 4.0 * 2.0**-52  # of the square of what a variance is the difference of: rounding
+ROUNDING = 1e-9  # relative tolerance for rounding in |rho| <= 1 and in Cholesky pivots
+LOST = 4.0 * 2.0**-52  # a variance below this times the square of its largest term is rounding
 
 
 class Realizability(NamedTuple):
-    """Whether a 2 x 2 covariance of displacement and velocity can belong to a distribution, and why not."""
+    """Whether a 2 x 2 covariance of displacement and velocity can belong to a distribution.
+
+    Attributes
+    ----------
+    realizable : bool
+        The verdict.
+    reason : str
+        What fails; empty if realizable.
+    variance_x, variance_y : float
+        Diagonal of the covariance.
+    rho : float
+        Correlation; NaN if a variance is not positive.
+    smallest_eigenvalue : float
+        Of the covariance; NaN if it is not finite.
+    """
 
     realizable: bool
     reason: str
@@ -35,7 +49,17 @@ class Realizability(NamedTuple):
 
 
 def correlation(covariance: Floats) -> float:
-    """``rho`` of a 2 x 2 covariance; NaN where a variance is not positive.
+    """Correlation ``rho`` of a 2 x 2 covariance.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (2, 2)
+        Of displacement and velocity.
+
+    Returns
+    -------
+    float
+        NaN where a variance is not positive.
 
     Examples
     --------
@@ -48,9 +72,19 @@ def correlation(covariance: Floats) -> float:
 
 
 def realizability(covariance: Floats) -> Realizability:
-    """Judge a 2 x 2 covariance: variances, ``|rho| <= 1``, smallest eigenvalue.
+    """Judge a 2 x 2 covariance by its variances, ``|rho| <= 1`` and its smallest eigenvalue.
 
     A point mass (all zero) is realizable.  What fails is named, never clipped.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (2, 2)
+        Of displacement and velocity.
+
+    Returns
+    -------
+    Realizability
+        Verdict, reason and the numbers behind them.
 
     Examples
     --------
@@ -72,7 +106,7 @@ def realizability(covariance: Floats) -> Realizability:
 
 
 def _smallest_eigenvalue(vx: float, cross: float, vy: float) -> float:
-    """Of a 2 x 2 covariance, a small one beside a large one kept: the determinant over the larger eigenvalue."""
+    """Of a 2 x 2 covariance, as the determinant over the larger eigenvalue: accurate where it is relatively small."""
     scale = max(abs(vx), abs(vy), abs(cross))
     if scale == 0.0:
         return 0.0
@@ -83,7 +117,7 @@ def _smallest_eigenvalue(vx: float, cross: float, vy: float) -> float:
 
 @jit
 def _is_clear(a: Floats, scale: Floats) -> bool:
-    """Whether a covariance keeps more than rounding of `scale`, and Cholesky's pivots of what they are the rest of."""
+    """Whether a covariance is positive definite beyond rounding: its variances against `scale`, its Cholesky pivots."""
     n = len(a)
     root = np.zeros((n, n))
     for j in range(n):
@@ -96,18 +130,30 @@ def _is_clear(a: Floats, scale: Floats) -> bool:
             return False
         root[j, j] = math.sqrt(pivot)
         for i in range(j + 1, n):
-            rest = a[i, j]
+            left = a[i, j]
             for k in range(j):
-                rest -= root[i, k] * root[j, k]
-            root[i, j] = rest / root[j, j]
+                left -= root[i, k] * root[j, k]
+            root[i, j] = left / root[j, j]
     return True
 
 
 def semidefinite(covariance: Floats, scale: Floats) -> Floats:
-    """A covariance that is the difference of larger ones, without what rounding has made of it.
+    """The positive semidefinite part of a covariance that was computed as a difference of larger ones.
 
-    `scale` are the sds of what was subtracted: a variance that is below their rounding is 0, and no negative eigenvalue
-    is left.
+    Variances below the rounding error of their terms become 0, and negative eigenvalues are removed.  A covariance that
+    is clearly positive definite is returned as it is, symmetrised.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (n, n)
+        With rounding errors.
+    scale : ndarray, shape (n,)
+        Standard deviations of the largest terms that were subtracted.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+        Symmetric, without negative eigenvalues.
 
     Examples
     --------
@@ -117,18 +163,28 @@ def semidefinite(covariance: Floats, scale: Floats) -> Floats:
     covariance = 0.5 * (covariance + covariance.T)  # rounding is not symmetric
     if _is_clear(covariance, scale) or not np.isfinite(covariance).all():
         return covariance
-    told = (np.diagonal(covariance) > LOST * scale**2) & (scale > 0.0)
-    size = np.where(told, scale, 1.0)
-    values, vectors = np.linalg.eigh(np.where(told & told[:, None], covariance / size[:, None] / size, 0.0))
+    resolved = (np.diagonal(covariance) > LOST * scale**2) & (scale > 0.0)
+    size = np.where(resolved, scale, 1.0)
+    values, vectors = np.linalg.eigh(np.where(resolved & resolved[:, None], covariance / size[:, None] / size, 0.0))
     root = size[:, None] * vectors * np.sqrt(np.where(values > 0.0, values, 0.0))
-    return np.where(told & told[:, None], root @ root.T, 0.0)
+    return np.where(resolved & resolved[:, None], root @ root.T, 0.0)
 
 
 @jit
 def gaussian_raw_moments(vx: float, cxy: float, vy: float, order: int) -> Floats:
-    """``E[x^n y^p]`` of a centred Gaussian pair for ``n + p <= order``, shape (order + 1, order + 1).
+    """``E[x^n y^p]`` of a centred Gaussian pair for ``n + p <= order``, by Isserlis' theorem as a recursion.
 
-    Isserlis' theorem as a recursion.
+    Parameters
+    ----------
+    vx, cxy, vy : float
+        Variances and covariance.
+    order : int
+        Highest order.
+
+    Returns
+    -------
+    ndarray, shape (order + 1, order + 1)
+        Entry ``[n, p]``; 0 for ``n + p > order``.
 
     Examples
     --------
@@ -149,7 +205,17 @@ def gaussian_raw_moments(vx: float, cxy: float, vy: float, order: int) -> Floats
 
 
 def central_from_raw(raw: Floats) -> Floats:
-    """Central moments from raw moments ``E[x^p]``, p = 0, 1, ... along the first axis.
+    """Central moments from raw moments.
+
+    Parameters
+    ----------
+    raw : ndarray, shape (orders, ...)
+        ``E[x^p]`` for p = 0, 1, ... along the first axis.
+
+    Returns
+    -------
+    ndarray, shape (orders, ...)
+        ``E[(x - E[x])^p]``.
 
     Examples
     --------

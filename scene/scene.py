@@ -1,4 +1,4 @@
-"""What is modelled, dimensionless and validated once; everything behind this door trusts it."""
+"""The model's parameters, dimensionless, validated once when a scene is made; all other code trusts them."""
 
 import math
 from copy import copy
@@ -20,27 +20,32 @@ __all__ = ["Constants", "Scene", "Start", "Tolerance"]
 Times = TypeVar("Times", float, NDArray[np.float64])
 Part = TypeVar("Part")
 
-CUT = 2.0  # standard deviations of the normal distribution at which c_max truncates it
+CUT = 2.0  # c_max in standard deviations of the normal distribution that is truncated there
 _edge = math.exp(-0.5 * CUT**2) / math.sqrt(2.0 * math.pi)
 UNIT_VARIANCE = {
     "fixed": 0.0,
     "uniform": 1.0 / 3.0,
     "normal": (1.0 - 2.0 * CUT * _edge / math.erf(CUT / math.sqrt(2.0))) / CUT**2,
 }
-"""Variance of c for ``c_max = 1``, by law."""
+"""Variance of c for ``c_max = 1``, by distribution."""
 DRAWS = ("path", "contact")
 
 TINY = 1e-30
-"""Least size of a number that is not 0: sixth moments of what it makes are still floats."""
+"""Smallest size of a parameter that is not 0: its sixth moments do not underflow."""
 LARGEST = {"alpha": 1e6, "beta1": 1e4, "beta2": 1e4, "gamma1": 1e6, "gamma2": 1e6, "sigma": 1e6}
 GAPS = (1e-9, 1e6)
-SPEED, TIME = 1e6, 1e12  # largest of a start: a float leaves 1e-4 of a time of 1e12
+SPEED, TIME = 1e6, 1e12  # largest speed and time of a start; a float resolves 1e-4 at a time of 1e12
 
 
 class Constants(NamedTuple):
-    """The scene as compiled code reads it: numbers only.
+    """The numbers of a scene, as a named tuple for compiled code (dimensionless).
 
-    ``wall1`` and ``wall2`` are the half gaps that the deterministic orbit meets.
+    Attributes
+    ----------
+    alpha, epsilon, beta1, beta2, gamma1, gamma2, mu, sigma, stages
+        As of `Scene`; ``beta2 = gamma2 = mu = 0`` for a single stage.
+    wall1, wall2 : float
+        Half gaps of the deterministic orbit.
     """
 
     alpha: float
@@ -74,7 +79,7 @@ class Tolerance:
     Raises
     ------
     InputError
-        If a deviation is negative or a name is unknown.
+        If a deviation is negative or out of range, or a name is unknown.
 
     Examples
     --------
@@ -96,7 +101,7 @@ class Tolerance:
 
     @property
     def variances(self) -> tuple[float, float]:
-        """Variances of ``c_1`` and ``c_2``."""
+        """Variances of ``c_1`` and ``c_2``, a pair of floats."""
         return self.c1_max**2 * UNIT_VARIANCE[self.distribution], self.c2_max**2 * UNIT_VARIANCE[self.distribution]
 
 
@@ -107,12 +112,17 @@ class Start:
     Parameters
     ----------
     tau : float
-        Time of the start, up to 1e12 in size; its phase is the phase of the excitation ``alpha sin tau``, kept exactly.
+        Time of the start, up to 1e12 in size; the excitation is ``alpha sin tau``.
     x1, y1, x2, y2 : float
         Relative displacement and velocity of both stages; velocities up to 1e6 in size.
     mesh : {1, 2, 0}
         The mesh that is struck at once (the state is the one just before that impact), or 0 for a
         start in flight.  The impact of the start is number 0; tables count from the next one.
+
+    Raises
+    ------
+    InputError
+        If a value is not a finite number in its range.
 
     Examples
     --------
@@ -140,8 +150,8 @@ class Start:
 class Scene:
     """A rattling system, its noise, its tolerances and its start (dimensionless).
 
-    ``alpha, gamma1, gamma2, mu, sigma`` and the tolerances are at least 1e-30 where they are not 0: the moments of what
-    is less would vanish in the floats.
+    ``alpha, gamma1, gamma2, mu, sigma`` and the tolerances are 0 or at least 1e-30: moments of smaller values would
+    underflow.
 
     Parameters
     ----------
@@ -168,10 +178,15 @@ class Scene:
     stages : {2, 1}
         1 is the single-stage rattler: mesh 1 alone; ``beta2, gamma2, mu, gap2`` are then unused.
 
+    Attributes
+    ----------
+    gears : Gears or None
+        The physical gears that the scene was made from, by `from_gears`.
+
     Raises
     ------
     InputError
-        For any value that the model cannot take; names the field, the value and the remedy.
+        For any value that is not admissible; names the field, the value and the remedy.
 
     Examples
     --------
@@ -249,7 +264,24 @@ class Scene:
 
     @classmethod
     def from_gears(cls, gears: Gears, **settings: Any) -> "Scene":
-        """The scene of a physical gear pair; `settings` are the fields of Scene that gears do not fix.
+        """The scene of a physical gear pair.
+
+        Parameters
+        ----------
+        gears : Gears
+            Physical data.
+        **settings
+            The fields of Scene that gears do not fix: `sigma`, `tolerance`, `start`, `stages`.
+
+        Returns
+        -------
+        Scene
+            With `gears` kept.
+
+        Raises
+        ------
+        InputError
+            For a field that gears fix, or a value that is not admissible.
 
         Examples
         --------
@@ -266,16 +298,43 @@ class Scene:
         return scene
 
     def with_sigma(self, sigma: float) -> "Scene":
-        """The same scene at another noise intensity."""
+        """The same scene at another noise intensity.
+
+        Parameters
+        ----------
+        sigma : float
+            Noise intensity.
+
+        Returns
+        -------
+        Scene
+            With everything else unchanged.
+
+        Raises
+        ------
+        InputError
+            If `sigma` is out of range.
+        """
         scene = replace(self, sigma=sigma)
         object.__setattr__(scene, "gears", self.gears)
         return scene
 
     def scaled(self, factor: float) -> "Scene":
-        """The same system in another unit of length: what is a length over a power of time is `factor` times as large.
+        """The same system in another unit of length.
 
-        Its motion is the same but for that factor, to rounding, and bit for bit if the factor is a power of two.  So it
-        is a scene even where its lengths are beyond the door's ranges.
+        All lengths, speeds and accelerations are multiplied by `factor`.  The motion is the same but for that factor,
+        to rounding, and bit for bit if the factor is a power of two.  So the result is not validated again: its lengths
+        may be outside the admissible ranges.
+
+        Parameters
+        ----------
+        factor : float
+            Old unit of length over the new one.
+
+        Returns
+        -------
+        Scene
+            Without `gears`.
 
         Examples
         --------
@@ -287,14 +346,16 @@ class Scene:
         s, t = self.start, self.tolerance
         state = {name: factor * getattr(s, name) for name in ("x1", "y1", "x2", "y2")}
         lengths = {n: factor * getattr(self, n) for n in ("alpha", "gamma1", "gamma2", "gap1", "gap2", "sigma")}
-        tolerance = t and _as_given(t, c1_max=factor * t.c1_max, c2_max=factor * t.c2_max)
-        return _as_given(self, **lengths, start=_as_given(s, **state), tolerance=tolerance, gears=None)
+        tolerance = t and _copy_with(t, c1_max=factor * t.c1_max, c2_max=factor * t.c2_max)
+        return _copy_with(self, **lengths, start=_copy_with(s, **state), tolerance=tolerance, gears=None)
 
     @property
     def phase(self) -> float:
-        """Phase of the start, in [-pi, pi], reduced to full precision however late the start is.
+        """Phase of the start, in [-pi, pi], to full precision however late the start is.
 
-        Engines count time from here, so that late starts cost no digits; `stated` and `counted` translate.
+        Closures and simulation compute in local time, which starts at this phase, so that a late start loses no digits.
+        Results are reported in absolute time, which starts at ``start.tau``; `to_absolute_time` and `to_local_time`
+        convert.
 
         Examples
         --------
@@ -302,18 +363,28 @@ class Scene:
         >>> Scene.from_gears(DAT21, start=Start(1e12, 0.5, 2.0, 0.5, 2.0, mesh=1)).phase
         -0.6576247591367865
         """
-        tau = self.start.tau
+        tau = self.start.tau  # in absolute time
         return tau if abs(tau) <= math.pi else math.atan2(math.sin(tau), math.cos(tau))
 
     @property
     def phase_reduced(self) -> "Scene":
-        """The same scene begun at its `phase`: it differs by a whole number of periods, so by nothing but its clock."""
+        """The same scene started at its `phase`: shifted by a whole number of periods of the excitation."""
         if self.phase == self.start.tau:
             return self
-        return _as_given(self, start=_as_given(self.start, tau=self.phase))
+        return _copy_with(self, start=_copy_with(self.start, tau=self.phase))
 
     def to_absolute_time(self, time: Times) -> Times:
-        """A time as it is stated in tables, from one that an engine counts: as exact as a float can hold it.
+        """Convert local time to absolute time (see `phase`), as exactly as a float can hold it.
+
+        Parameters
+        ----------
+        time : float or ndarray
+            Local time.
+
+        Returns
+        -------
+        float or ndarray
+            Absolute time.
 
         Examples
         --------
@@ -325,18 +396,29 @@ class Scene:
         return time if self.phase == self.start.tau else self.start.tau + (time - self.phase)
 
     def to_local_time(self, time: Times) -> Times:
-        """A time as engines count it, from one as it is stated."""
+        """Convert absolute time to local time (see `phase`).
+
+        Parameters
+        ----------
+        time : float or ndarray
+            Absolute time.
+
+        Returns
+        -------
+        float or ndarray
+            Local time.
+        """
         return time if self.phase == self.start.tau else self.phase + (time - self.start.tau)
 
     @property
     def noise_free(self) -> "Scene":
-        """The same scene without noise and without random tolerance: its deterministic orbit."""
+        """The same scene without noise and without random tolerance: the deterministic system."""
         tolerance = self.tolerance if self.tolerance is not None and self.tolerance.distribution == "fixed" else None
-        return _as_given(self, sigma=0.0, tolerance=tolerance)
+        return _copy_with(self, sigma=0.0, tolerance=tolerance)
 
     @property
     def constants(self) -> Constants:
-        """The numbers that compiled code needs."""
+        """The numbers of the scene for compiled code; a fixed tolerance is part of the walls."""
         fixed = self.tolerance is not None and self.tolerance.distribution == "fixed"
         wall1, wall2 = self.windows if fixed else (self.gap1, self.gap2)
         beta2, gamma2, mu = (self.beta2, self.gamma2, self.mu) if self.stages == 2 else (0.0, 0.0, 0.0)
@@ -347,20 +429,26 @@ class Scene:
 
     @property
     def windows(self) -> tuple[float, float]:
-        """Half widths ``g_i + c_i_max`` of the closure's windows (below Eqs. 20, 21)."""
+        """Half widths ``g_i + c_i_max`` of the windows of Eqs. 20 and 21, a pair of floats."""
         c1, c2 = (self.tolerance.c1_max, self.tolerance.c2_max) if self.tolerance else (0.0, 0.0)
         return self.gap1 + c1, self.gap2 + c2
 
     @property
     def start_state(self) -> tuple[float, float, float, float]:
-        """``(x1, y1, x2, y2)`` of the start, with a coordinate on a nominal flank moved to the orbit's wall."""
+        """``(x1, y1, x2, y2)`` of the start, with a coordinate on a nominal flank moved to the wall of `constants`."""
         s, k = self.start, self.constants
         x1 = math.copysign(k.wall1, s.x1) if abs(s.x1) == self.gap1 else s.x1
         x2 = math.copysign(k.wall2, s.x2) if abs(s.x2) == self.gap2 else s.x2
         return x1, s.y1, x2, s.y2
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data, in the gear form where the scene came from gears; what TOML and manifests hold."""
+        """The scene as plain data, for TOML files and manifests; in the gear form where it was made from gears.
+
+        Returns
+        -------
+        dict
+            With a table ``scene``, and ``gears`` in the gear form.
+        """
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "gears"}
         values["start"] = asdict(self.start)
         if self.tolerance is None:
@@ -374,7 +462,23 @@ class Scene:
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> "Scene":
-        """A scene from the form that `to_dict` gives."""
+        """A scene from the form that `to_dict` gives.
+
+        Parameters
+        ----------
+        data : dict
+            Tables ``scene`` and, in the gear form, ``gears``.
+
+        Returns
+        -------
+        Scene
+            Validated.
+
+        Raises
+        ------
+        InputError
+            For unknown or missing keys and values that are not admissible.
+        """
         known_keys("top level", _table("scene", data), ("gears", "scene"))
         settings = _table("scene", data.get("scene", {}))
         parts = {"tolerance": Tolerance, "start": Start}
@@ -395,22 +499,62 @@ class Scene:
         return cls(**settings)
 
     def to_toml(self) -> str:
-        """The scene as TOML text; `from_toml` gives the same scene back, to the last bit."""
+        """The scene as TOML text; `from_toml` gives the same scene back, to the last bit.
+
+        Returns
+        -------
+        str
+            TOML text.
+        """
         return tomli_w.dumps(self.to_dict())
 
     @classmethod
     def from_toml(cls, text: str) -> "Scene":
-        """A scene from TOML text with a ``[scene]`` table, or ``[gears]`` and what is left to ``[scene]``."""
+        """A scene from TOML text.
+
+        Parameters
+        ----------
+        text : str
+            With a ``[scene]`` table; or ``[gears]``, and ``[scene]`` with the fields that gears do not fix.
+
+        Returns
+        -------
+        Scene
+            Validated.
+
+        Raises
+        ------
+        InputError
+            For text that is not TOML (a FileError) and whatever `from_dict` refuses.
+        """
         return cls.from_dict(read_toml(text))
 
     @classmethod
     def load(cls, path: str | Path) -> "Scene":
-        """A scene from a TOML file."""
+        """A scene from a TOML file.
+
+        Parameters
+        ----------
+        path : str or Path
+            The file.
+
+        Returns
+        -------
+        Scene
+            Validated.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be read.
+        InputError
+            If its content is not admissible.
+        """
         return cls.from_toml(read_text("scene file", path))
 
 
-def _as_given(part: Part, **changes: Any) -> Part:
-    """A copy with changes that need no check at the door."""
+def _copy_with(part: Part, **changes: Any) -> Part:
+    """A copy with changes that need no validation."""
     changed = copy(part)
     changed.__dict__.update(changes)
     return changed

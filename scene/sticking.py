@@ -1,15 +1,16 @@
-"""Closed meshes: when impacts accumulate, what holds a mesh shut, when it opens, and how the rest moves meanwhile.
+"""Sticking: when chatter is complete, what keeps a mesh closed, when it opens, and how the rest of the system moves.
 
-A mesh is closed on a side while its contact pushes.  The contact at mesh 1 changes the accelerations of ``(y1, y2)`` in
-the proportion (1, 1), that at mesh 2 in the proportion (mu, 1), as their impulses do (docs/model.md section 3).  With
-``p_i = beta_i u_i + gamma_i`` and the free accelerations ``f1 = p1 - alpha sin tau``, ``f2 = p1 - p2``:
+A mesh sticks on a side while its contact force pushes.  The contact at mesh 1 changes the accelerations of ``(y1, y2)``
+in the proportion (1, 1), that at mesh 2 in the proportion (mu, 1), as their impulses do (docs/model.md section 3).
+With ``p_i = beta_i u_i + gamma_i`` and the free accelerations ``f1 = p1 - alpha sin tau``, ``f2 = p1 - p2``:
 
-- mesh 1 closed: wheel 1 moves with the driver and ``-x2`` is a single stage with the damping and drag of wheel 2;
-- mesh 2 closed: both wheels move as one, x1 is a single stage with ``(1 - mu) beta1 + mu beta2`` and the drag alike;
-- both closed: all move with the driver.
+- mesh 1 sticks: wheel 1 moves with the driver, and ``-x2`` is a single stage with the damping and drag of wheel 2;
+- mesh 2 sticks: both wheels move as one, and x1 is a single stage with damping ``(1 - mu) beta1 + mu beta2`` and the
+  drag averaged likewise;
+- both stick: everything moves with the driver.
 
-Impacts that accumulate are added up as soon as all that are left take no longer than `SETTLED`, and the acceleration
-cannot change by more than this share of itself meanwhile.
+Chatter (impacts that accumulate) is completed analytically, as a geometric series, once all that is left of it takes
+no longer than `CHATTER` and the contact acceleration changes by no more than this share of itself meanwhile.
 """
 
 import math
@@ -20,14 +21,14 @@ from rattle.scene.impact import NONE, REST, TOUCH, next_impact, safe_time
 from rattle.scene.scene import Constants
 
 __all__ = [
-    "Sides", "carried", "closed_sides", "next_contact", "open_stage", "opening", "presses", "settled", "settled_on",
-    "settling",
+    "Sides", "carried", "closed_sides", "completed_chatter", "next_contact", "open_stage", "opening", "presses",
+    "stuck", "stuck_on",
 ]  # fmt: skip
 
 Sides = tuple[int, int]
-"""Side on which mesh 1 and mesh 2 are closed, +1 or -1; 0 for an open mesh."""
+"""Sides on which mesh 1 and mesh 2 stick, +1 or -1; 0 for an open mesh."""
 
-SETTLED = 1e-6
+CHATTER = 1e-6  # longest time, and largest relative change of the contact acceleration, of chatter that is summed up
 
 
 @jit
@@ -39,7 +40,22 @@ def _pulls(c: Constants, tau: float, y1: float, y2: float) -> tuple[float, float
 
 @jit
 def presses(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tuple[float, float]:
-    """What the contacts of the closed meshes push with, as accelerations; 0 for an open mesh, negative if they pull."""
+    """Contact forces of the sticking meshes, as accelerations: positive while a contact pushes, 0 for an open mesh.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    tau, y1, y2 : float
+        Time and velocities.
+    sides : (int, int)
+        Sides on which the meshes stick.
+
+    Returns
+    -------
+    press1, press2 : float
+        A negative one would pull: that mesh opens.
+    """
     p1, p2, driver = _pulls(c, tau, y1, y2)
     f1, f2 = p1 + driver, p1 - p2
     first, second = sides
@@ -50,10 +66,24 @@ def presses(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tup
 
 @jit
 def closed_sides(c: Constants, tau: float, y1: float, y2: float, touching: Sides) -> Sides:
-    """Which meshes stay closed, of those that are at a wall at no speed (`touching`; y of others is as it is).
+    """Which meshes stick, of those that touch a wall at zero speed.
 
-    Two meshes at their walls are told by the one combination in which every contact pushes and every open mesh is
-    drawn away: there is just one, for the contacts' effects on each other have a positive determinant, ``1 - mu``.
+    If both touch, the answer is the one combination in which every contact pushes and every open mesh accelerates away.
+    It is unique, because the matrix of the contacts' effects on each other has a positive determinant, ``1 - mu``.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    tau, y1, y2 : float
+        Time and velocities.
+    touching : (int, int)
+        Sides on which meshes touch their wall at zero speed; 0 for a mesh that does not.
+
+    Returns
+    -------
+    (int, int)
+        Sides on which the meshes stick.
 
     Examples
     --------
@@ -68,7 +98,7 @@ def closed_sides(c: Constants, tau: float, y1: float, y2: float, touching: Sides
         if press1 > 0.0 and press2 > 0.0:
             return first, second
         p1, p2, driver = _pulls(c, tau, y1, y2)
-        if first * (p1 + driver) > 0.0 and second * (p2 + driver) >= 0.0:  # y2' = -(p2 + driver) draws mesh 2 open
+        if first * (p1 + driver) > 0.0 and second * (p2 + driver) >= 0.0:  # y2' = -(p2 + driver) opens mesh 2
             return first, 0
         if second * (p1 - p2) > 0.0:
             return 0, second
@@ -88,7 +118,23 @@ def _until_driver(side: int, beta: float, gamma: float, alpha: float, tau: float
 
 @jit
 def opening(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tuple[float, int]:
-    """Time until the first of the closed meshes is no longer pressed shut, and which; infinite for never.
+    """Time until the first of the sticking meshes opens, because its contact force has fallen to zero.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    tau, y1, y2 : float
+        Time and velocities.
+    sides : (int, int)
+        Sides on which the meshes stick; at least one does.
+
+    Returns
+    -------
+    t : float
+        Time from now; infinite if none opens.
+    mesh : int
+        The mesh that opens.
 
     Examples
     --------
@@ -106,28 +152,41 @@ def opening(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tup
         return (t1, 1) if t1 <= t2 else (t2, 2)
     if first != 0:
         return _until_driver(first, c.beta1, c.gamma1, c.alpha, tau), 1
-    # both wheels as one: the contact pulls from the speed on at which their decelerations are the same
+    # mesh 2 sticks: it opens at the common speed at which both wheels decelerate alike
     beta, gamma = _as_one(c)
     u, _ = wheel_speeds(c, tau, y1, y2)
     if c.beta1 == c.beta2:
         return math.inf, 2
-    left = u + (c.gamma1 - c.gamma2) / (c.beta1 - c.beta2)  # of the speed u to lose
+    left = u + (c.gamma1 - c.gamma2) / (c.beta1 - c.beta2)  # what is left to lose of the speed u
     rate = beta * u + gamma
-    share = left / rate if rate != 0.0 else math.inf  # of E = (1 - exp(-beta t)) / beta
-    if not share > 0.0 or beta * share >= 1.0:
+    e = left / rate if rate != 0.0 else math.inf  # E = (1 - exp(-beta t)) / beta at the opening
+    if not e > 0.0 or beta * e >= 1.0:
         return math.inf, 2
-    return (share if beta == 0.0 else -math.log1p(-beta * share) / beta), 2
+    return (e if beta == 0.0 else -math.log1p(-beta * e) / beta), 2
 
 
 @jit
 def _as_one(c: Constants) -> tuple[float, float]:
-    """Damping and drag of both wheels moving as one."""
+    """Damping and drag of both wheels moving together."""
     return (1.0 - c.mu) * c.beta1 + c.mu * c.beta2, (1.0 - c.mu) * c.gamma1 + c.mu * c.gamma2
 
 
 @jit
 def open_stage(c: Constants, sides: Sides) -> Constants:
-    """The single stage that is left while one mesh is closed: ``x1``, or ``-x2``."""
+    """The single stage that remains while one mesh sticks.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    sides : (int, int)
+        Sides on which the meshes stick; exactly one does.
+
+    Returns
+    -------
+    Constants
+        A single stage for ``-x2`` if mesh 1 sticks, for ``x1`` if mesh 2 does.
+    """
     if sides[0] != 0:
         return Constants(
             c.alpha, c.epsilon, c.beta2, 0.0, c.gamma2, 0.0, 0.0, c.wall2, c.wall2, c.sigma, 1
@@ -140,7 +199,24 @@ def open_stage(c: Constants, sides: Sides) -> Constants:
 def carried(
     c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, sides: Sides, t: float
 ) -> State:  # fmt: skip
-    """State after a time t in which the same meshes stay closed, and no other is struck."""
+    """State after a time in which the same meshes stick and no wall is struck.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    tau, x1, y1, x2, y2 : float
+        Time and state.
+    sides : (int, int)
+        Sides on which the meshes stick; ``(0, 0)`` is free flight.
+    t : float
+        Time from now.
+
+    Returns
+    -------
+    x1, y1, x2, y2 : float
+        State after it.
+    """
     first, second = sides
     if first == 0 and second == 0:
         return flow(c, tau, x1, y1, x2, y2, t)
@@ -157,25 +233,26 @@ def carried(
 def next_contact(
     c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, sides: Sides, horizon: float
 ) -> tuple[float, int, int, float, float, float, float, Sides]:
-    """What comes next while meshes are closed: an impact of the open mesh, or the opening of a closed one.
+    """The next event of a sticking phase: an impact of the open mesh, or the opening of a sticking one.
 
     Parameters
     ----------
     c : Constants
+        The scene.
     tau, x1, y1, x2, y2 : float
-        Now.
+        Time and state.
     sides : (int, int)
-        Closed meshes; at least one.
+        Sides on which the meshes stick; at least one does.
     horizon : float
         Longest time that is followed.
 
     Returns
     -------
     t, mesh, side, x1, y1, x2, y2
-        As of `rattle.scene.impact.next_impact`; `REST` says that a mesh has opened, or that the open one has come to
-        its wall at no speed.
+        As of `rattle.scene.impact.next_impact`; `REST` means that a mesh has opened, or that the open one has come to
+        its wall at zero speed.
     sides : (int, int)
-        Meshes that are known to be still closed.
+        Meshes that are known to stick still.
     """
     first, second = sides
     opens, which = opening(c, tau, y1, y2, sides)
@@ -190,11 +267,11 @@ def next_contact(
     if mesh == REST:
         return t, mesh, side, x1, y1, x2, y2, (0, 0)
     if mesh == NONE and opens <= horizon:
-        # a moment later the mesh moves inward, if by less than rounding of its place: it is open from then on
+        # step over the opening: TOUCH later the mesh moves inward, if by less than the rounding of its displacement
         mesh, side = REST, (first if which == 1 else second)
         first, second = (0, second) if which == 1 else (first, 0)
         x1, y1, x2, y2 = flow(c, tau + t, x1, y1, x2, y2, TOUCH)
-        x1, y1, x2, y2 = settled(c, x1, y1, x2, y2, (first, second))
+        x1, y1, x2, y2 = stuck(c, x1, y1, x2, y2, (first, second))
         if which == 1:
             x1, y1 = side * c.wall1, -side * max(-side * y1, 1e-300)
         else:
@@ -204,10 +281,26 @@ def next_contact(
 
 
 @jit
-def settled_on(c: Constants, x1: float, y1: float, x2: float, y2: float, mesh: int, place: float) -> State:
-    """The state with a mesh at rest on its wall; what the contact does not act on keeps its place and speed.
+def stuck_on(c: Constants, x1: float, y1: float, x2: float, y2: float, mesh: int, place: float) -> State:
+    """The state with a mesh put on its wall at zero speed, everything that its contact does not act on kept.
 
-    That is wheel 2 at mesh 1, and the momentum of both wheels at mesh 2.
+    At mesh 1 position and speed of wheel 2 are kept, at mesh 2 the momentum and centre of mass of both wheels.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    x1, y1, x2, y2 : float
+        State.
+    mesh : {1, 2}
+        Mesh that sticks.
+    place : float
+        Its wall.
+
+    Returns
+    -------
+    x1, y1, x2, y2 : float
+        State with the mesh on its wall.
     """
     if mesh == 1:
         return place, 0.0, x2 + (place - x1), y2 - y1
@@ -215,34 +308,59 @@ def settled_on(c: Constants, x1: float, y1: float, x2: float, y2: float, mesh: i
 
 
 @jit
-def settled(c: Constants, x1: float, y1: float, x2: float, y2: float, sides: Sides) -> State:
-    """The same for one closed mesh, or for both."""
+def stuck(c: Constants, x1: float, y1: float, x2: float, y2: float, sides: Sides) -> State:
+    """The state with all sticking meshes put on their walls at zero speed, see `stuck_on`.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    x1, y1, x2, y2 : float
+        State.
+    sides : (int, int)
+        Sides on which the meshes stick.
+
+    Returns
+    -------
+    x1, y1, x2, y2 : float
+        State with these meshes on their walls.
+    """
     first, second = sides
     if first != 0 and second != 0:
         return first * c.wall1, 0.0, second * c.wall2, 0.0
     if first != 0:
-        return settled_on(c, x1, y1, x2, y2, 1, first * c.wall1)
+        return stuck_on(c, x1, y1, x2, y2, 1, first * c.wall1)
     if second != 0:
-        return settled_on(c, x1, y1, x2, y2, 2, second * c.wall2)
+        return stuck_on(c, x1, y1, x2, y2, 2, second * c.wall2)
     return x1, y1, x2, y2
 
 
 @jit
-def settling(
+def completed_chatter(
     c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, mesh: int, side: int
 ) -> tuple[float, Sides]:
-    """Whether the impacts at a mesh accumulate from here on: the time that they take, and the meshes then closed.
+    """Whether impacts at a mesh accumulate (chatter), the time until they have, and the meshes that then stick.
 
-    The speed shrinks by epsilon from bounce to bounce, flights of ``2 w / a`` with it, and their sum is
-    ``2 w / (a (1 - epsilon))``, w the speed after the impact and a what presses the mesh shut.  It is taken where it is
-    short, a changes by less than `SETTLED` of itself in it, and the other mesh meets no wall: right to this share.
-    Meshes that throw each other back are closed together, at once, when both are that slow.
+    The speed shrinks by epsilon from bounce to bounce, and the flight times ``2 w / a`` with it.  Their sum is
+    ``2 w / (a (1 - epsilon))``, w the speed after the impact and a the acceleration towards the wall.  The sum is used
+    where it is short, a changes by less than the share `CHATTER` in it, and the other mesh meets no wall; its relative
+    error is about `CHATTER`.  Two meshes that throw each other back stick together, at once, when both are that slow.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    tau, x1, y1, x2, y2 : float
+        Time and state just after an impact.
+    mesh, side : int
+        The mesh and flank that were struck.
 
     Returns
     -------
     t : float
-        Infinite where impacts do not accumulate, or cannot be added up yet.
+        Time until the chatter is complete; infinite where impacts do not accumulate, or cannot be summed up yet.
     sides : (int, int)
+        Sides on which meshes then stick.
     """
     if c.epsilon == 1.0:
         return math.inf, (0, 0)
@@ -256,7 +374,7 @@ def settling(
         if press1 > 0.0 and press2 > 0.0:
             weakest = min(press1, press2)
             t = longest * max(abs(y1), abs(y2)) / weakest
-            if t > SETTLED or t * jerk > SETTLED * weakest:
+            if t > CHATTER or t * jerk > CHATTER * weakest:
                 return math.inf, (0, 0)
             return 0.0, sides
     if mesh == 1:
@@ -268,7 +386,7 @@ def settling(
     if not (press > 0.0 and speed >= 0.0):
         return math.inf, (0, 0)
     t = longest * speed / press
-    if t > SETTLED or t * jerk > SETTLED * press:
+    if t > CHATTER or t * jerk > CHATTER * press:
         return math.inf, (0, 0)
     if c.stages == 2:
         if mesh == 1:

@@ -1,8 +1,8 @@
-"""How neighbours of a path part: the saltation matrix at an impact, and orthonormal frames that keep the growth.
+"""Growth of neighbouring paths: the saltation matrix at an impact, and orthonormal tangent frames (Lyapunov exponents).
 
-A neighbour meets the wall at another instant.  Carried back to the path's own instant, its displacement after the
-impact is ``Xi = R + (F+ - R F-) g' / (g' F-)`` times that before it (docs/model.md section 6), F the rate just before
-and just after, R the contact law, g the normal of the wall.  Whatever the accelerations, ``det Xi = epsilon^2``.
+A neighbour meets the wall at another time.  Extrapolated to the path's own impact time, its displacement after the
+impact is ``Xi = R + (F+ - R F-) g' / (g' F-)`` times that before it (docs/model.md section 6): F is the drift just
+before and just after, R the restitution map, g the normal of the wall.  ``det Xi = epsilon^2`` for any drift.
 """
 
 from typing import NamedTuple
@@ -23,11 +23,11 @@ Ints = NDArray[np.int64]
 
 
 SLOWEST = 1e-150
-"""Slower impacts part neighbours as if they had this speed: what is larger has no square in the floats."""
+"""Impact speeds below this are replaced by it in the saltation matrix, whose squares would overflow."""
 
 
 class Stretch(NamedTuple):
-    """A stretch of impacts of an orbit or of a path, and how its neighbours part.
+    """A stretch of impacts of an orbit or of a path, and the growth of its neighbours.
 
     Attributes
     ----------
@@ -40,8 +40,8 @@ class Stretch(NamedTuple):
     before : ndarray, shape (impacts, 4)
         ``(x1, y1, x2, y2)`` just before the impact.
     growth : ndarray, shape (impacts, 4)
-        Logarithms by which a frame of neighbours has grown since the last impact, along its four axes (two for a
-        single stage, the others 0); minus infinity along an axis that the impact or the damping has brought to nothing.
+        Logarithmic growth of an orthonormal tangent frame since the last impact, along its four axes (two for a
+        single stage, the others 0); minus infinity along an axis that the impact or the damping has reduced to zero.
     """
 
     flight: Floats
@@ -51,14 +51,39 @@ class Stretch(NamedTuple):
     growth: Floats
 
     def first(self, impacts: int) -> "Stretch":
-        """The first so many of them."""
+        """Keep the first impacts only.
+
+        Parameters
+        ----------
+        impacts : int
+            How many.
+
+        Returns
+        -------
+        Stretch
+            Views of the first rows.
+        """
         n = impacts
         return Stretch(self.flight[:n], self.phase[:n], self.code[:n], self.before[:n], self.growth[:n])
 
 
 @jit
 def saltation_matrix(c: Constants, mesh: int, tau: float, y1: float, y2: float) -> Floats:
-    """``Xi`` of an impact from the velocities before it, shape (4, 4).
+    """``Xi`` of an impact.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    mesh : {1, 2}
+        Mesh that is struck.
+    tau, y1, y2 : float
+        Time, and velocities just before the impact.
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        Acts on displacements of ``(x1, y1, x2, y2)``.
 
     Examples
     --------
@@ -84,7 +109,17 @@ def saltation_matrix(c: Constants, mesh: int, tau: float, y1: float, y2: float) 
 
 @jit
 def carry_frame(c: Constants, t: float, frame: Floats) -> None:
-    """Fly all columns of a frame, shape (4, 4), for a time t, in place."""
+    """Propagate all columns of a tangent frame through a flight, in place.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    t : float
+        Flight time.
+    frame : ndarray, shape (4, 4)
+        Tangent vectors as columns; overwritten.
+    """
     p = pair(c.beta1, c.beta2, t)
     for k in range(4):
         v1, v2 = frame[1, k], frame[3, k]
@@ -97,7 +132,7 @@ def carry_frame(c: Constants, t: float, frame: Floats) -> None:
 
 @jit
 def _across(frame: Floats, size: int, k: int) -> float:
-    """Take out of column k, twice over, what lies along the columns before it; returns the length that is left."""
+    """Gram-Schmidt step, applied twice: remove the earlier columns from column k; returns the length that is left."""
     for _ in range(2):
         for j in range(k):
             dot = 0.0
@@ -111,7 +146,7 @@ def _across(frame: Floats, size: int, k: int) -> float:
         largest = max(largest, abs(frame[i, k]))
     if length < np.inf:
         return float(np.sqrt(length))
-    length = 0.0  # a square beyond the floats
+    length = 0.0  # the sum of squares has overflowed: scale first
     for i in range(size):
         length += (frame[i, k] / largest) ** 2
     return float(largest * np.sqrt(length))
@@ -119,7 +154,7 @@ def _across(frame: Floats, size: int, k: int) -> float:
 
 @jit
 def _replace(frame: Floats, size: int, k: int) -> float:
-    """Put into column k the axis that lies most across the columns before it; returns the length of what does."""
+    """Replace column k by the coordinate axis furthest from the span of the earlier columns; returns its length."""
     best, axis = -1.0, 0
     for a in range(size):
         across = 1.0
@@ -134,11 +169,11 @@ def _replace(frame: Floats, size: int, k: int) -> float:
 
 @jit
 def _orthonormalise(frame: Floats, size: int, growth: Floats) -> None:
-    """Gram and Schmidt on the first `size` rows and columns, in place; adds logarithms of lengths."""
+    """Gram-Schmidt on the first `size` rows and columns, in place; adds the logarithms of the lengths to `growth`."""
     for k in range(size):
         length = _across(frame, size, k)
         growth[k] += np.log(length)
-        if not length > 0.0:  # without restitution, or damped to nothing: this direction is forgotten
+        if not length > 0.0:  # epsilon = 0, or damped to zero: this direction has collapsed
             length = _replace(frame, size, k)
         for i in range(size):
             frame[i, k] /= length
@@ -146,9 +181,22 @@ def _orthonormalise(frame: Floats, size: int, growth: Floats) -> None:
 
 @jit
 def strike_frame(c: Constants, mesh: int, tau: float, y1: float, y2: float, frame: Floats, growth: Floats) -> None:
-    """Take a frame that has flown to an impact through it, and add to `growth`, shape (4,), what it has grown by.
+    """Take a tangent frame through an impact, orthonormalise it, and record its growth.
 
-    Orthonormalised on both sides of the impact: a slow one parts neighbours by a matrix as large as 1 / speed.
+    Orthonormalised on both sides of the impact: the saltation matrix of a slow one is as large as 1 / speed.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    mesh : {1, 2}
+        Mesh that is struck.
+    tau, y1, y2 : float
+        Time, and velocities just before the impact.
+    frame : ndarray, shape (4, 4)
+        Tangent vectors as columns; overwritten.
+    growth : ndarray, shape (4,)
+        The logarithmic growth since the last impact is added to it.
     """
     size = 2 * c.stages
     _orthonormalise(frame, size, growth)

@@ -1,23 +1,28 @@
-r"""Text that a file, a name or a message has brought, made harmless before anybody sees it."""
+r"""Escaping of control characters in text from files, names and messages, before it is printed or written to a page."""
 
 import unicodedata
 
 __all__ = ["harmless", "line"]
 
-STEERING = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
-"""Unicode's categories of what is no sign but an order to the terminal or to the reader's eye: control characters;
-format characters, which turn the direction of the text around them or take no room; halves of surrogate pairs;
-separators of lines and of paragraphs."""
+CONTROL = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
+"""Unicode categories that are escaped: control characters (Cc); format characters (Cf), which change the direction of
+text or are invisible; halves of surrogate pairs (Cs); line and paragraph separators (Zl, Zp)."""
 
 
 def harmless(text: str, keep: str = "\n\t") -> str:
-    r"""A text in which characters that steer are shown as escapes, in place of being obeyed.
+    r"""Show control and formatting characters as escapes, so that a terminal or a page does not obey them.
 
     Parameters
     ----------
     text : str
+        Any text.
     keep : str
         Control characters that may stay; line ends and tabs by default.
+
+    Returns
+    -------
+    str
+        The text with all other control, format, surrogate and separator characters escaped.
 
     Examples
     --------
@@ -27,13 +32,23 @@ def harmless(text: str, keep: str = "\n\t") -> str:
     if text.isprintable():
         return text
     return "".join(
-        c.encode("unicode_escape").decode() if unicodedata.category(c) in STEERING and c not in keep else c
+        c.encode("unicode_escape").decode() if unicodedata.category(c) in CONTROL and c not in keep else c
         for c in text.replace("\r\n", "\n")
     )
 
 
 def line(text: str) -> str:
-    r"""A text on one line, harmless.
+    r"""Put a text on one line: white space collapsed, control characters escaped.
+
+    Parameters
+    ----------
+    text : str
+        Any text.
+
+    Returns
+    -------
+    str
+        The same on one line.
 
     Examples
     --------

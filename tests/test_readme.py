@@ -22,6 +22,7 @@ NOT_RUN = {
     "make report": "needs a clone and a minute; it is one `rattle validate`",
     "make test": "runs this test",
     "make audit": "needs the network",
+    "python tests/fuzz/campaign.py --space wide": "takes half an hour",
     "pip install .": "changes the environment",
     "pip install rattle[cluster]": "changes the environment",
     "pip install rattle[gpu]": "changes the environment",

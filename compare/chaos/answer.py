@@ -17,7 +17,7 @@ def _exponents(e: Exponents, name: str) -> str:
     shown = ", ".join(f"{v:.4f} ± {h:.4f}" for v, h in zip(e.value, e.half, strict=True))
     return (
         f"The {name} has the exponents {shown} per unit of dimensionless time ({e.impacts:,} impacts, "
-        f"{e.rate:.3f} a unit; their sum is off the exact rule by {abs(e.sum_error):.0e}); it {e.regime.reason}."
+        f"{e.rate:.3f} a unit; their sum differs from the exact one by {abs(e.sum_error):.0e}); it {e.regime.reason}."
     )
 
 
@@ -28,13 +28,16 @@ def _maps(maps: pd.DataFrame) -> str:
             broken = (
                 "" if np.isnan(row["not_realizable"]) else f"is not realizable from impact {row['not_realizable']:g}"
             )
-            ended = f"ends at impact {row['ends']:g}" if row["ends"] < row["followed"] else "goes on"
+            ended = f"ends at impact {row['ends']:g}" if row["ends"] < row["followed"] else "does not end"
             words.append(f"`published` {broken}, {ended} and has no exponents")
         elif np.isfinite(row["blind"]):
-            words.append(f"`{row['closure']}` has the orbit's, and is blind from impact {row['blind']:g}")
+            words.append(
+                f"`{row['closure']}` has the orbit's, and its sd exceeds the orbit's own spread from impact "
+                f"{row['blind']:g}"
+            )
         else:
             words.append(f"`{row['closure']}` has the orbit's")
-    return f"Mean maps: {'; '.join(words)}."
+    return f"Exponents of the mean maps: {'; '.join(words)}."
 
 
 def _law(law: SqrtLaw | None, missing: str, table: pd.DataFrame) -> str:
@@ -48,9 +51,10 @@ def _law(law: SqrtLaw | None, missing: str, table: pd.DataFrame) -> str:
         return f"The square-root law was not measured ({missing}). {sizes}"
     half = 0.5 * (law.high - law.low)
     return (
-        f"Two paths on one noise leave an impact as delta to the {law.exponent:.4f} ± {half:.4f}, with "
-        f"{law.table['ratio'].min():.3f} to {law.table['ratio'].max():.3f} times the law's mean square: "
-        f"the noisy system has no infinitesimal exponent. {sizes}"
+        f"Two paths on the same noise that are delta apart before an impact are apart in proportion to delta to the "
+        f"power {law.exponent:.4f} ± {half:.4f} after it, with {law.table['ratio'].min():.3f} to "
+        f"{law.table['ratio'].max():.3f} times the mean square of the square-root law: the noisy system has no "
+        f"infinitesimal exponent. {sizes}"
     )
 
 
@@ -70,16 +74,16 @@ def _sweep(table: pd.DataFrame, field: str) -> list[str]:
         rows = table[table["of"] == of]
         changes = crossings(table, field, of)
         found = signs(rows)
-        counted = (
+        numbers = (
             f"is positive at {(found > 0).sum()}, negative at {(found < 0).sum()} and undecided at "
             f"{((found == 0) & rows['low'].notna()).sum()} of {len(rows)} values of {field}"
         )
-        rests = (rows["regime"] == "rests").sum(), (rows["regime"] == "rests at times").sum()
-        marked = f"; it rests for good at {rests[0]} and at times at {rests[1]}" if any(rests) else ""
+        sticking = (rows["regime"] == "sticks").sum(), (rows["regime"] == "sticks at times").sum()
+        marked = f"; the orbit sticks for good at {sticking[0]} and at times at {sticking[1]}" if any(sticking) else ""
         where = "; ".join(
             f"{'+' if r['to'] > 0 else '-'} between {r['low']:.3g} and {r['high']:.3g}" for _, r in changes.iterrows()
         )
-        said.append(f"Largest exponent, {of}: {counted}{marked}. Changes of sign: {where or 'none'}.")
+        said.append(f"Largest exponent, {of}: {numbers}{marked}. Changes of sign: {where or 'none'}.")
     return said
 
 
@@ -87,7 +91,31 @@ def answer(
     orbit: Exponents, drift: Exponents, maps: pd.DataFrame, law: SqrtLaw | None, missing: str, sizes: pd.DataFrame,
     summary: pd.DataFrame, field: str, sweep: pd.DataFrame | None,
 ) -> list[str]:  # fmt: skip
-    """Sentences on exponents, mean maps, how two paths part, spectra, and the sweep."""
+    """Summarise a study of chaos in sentences.
+
+    Parameters
+    ----------
+    orbit, drift : Exponents
+        Of the orbit, and of the drift's linearisation along a noisy path.
+    maps : DataFrame
+        As of `rattle.compare.chaos.mean_maps.mean_maps`.
+    law : SqrtLaw or None
+        The measured square-root law.
+    missing : str
+        Why there is none; empty otherwise.
+    sizes : DataFrame
+        Finite-size exponents, as of `rattle.compare.chaos.finite_size.finite_size`.
+    summary : DataFrame
+        Third table of `rattle.compare.chaos.spectrum.spectra_tables`.
+    field : str
+        Field of the sweep.
+    sweep : DataFrame or None
+        As of `rattle.compare.chaos.sweep.sweep`.
+
+    Returns
+    -------
+    list of str
+    """
     said = [
         _exponents(orbit, ORBIT),
         _exponents(drift, DRIFT),

@@ -1,4 +1,7 @@
-"""The bifurcation view: section values against a field of the scene, as a density, over the largest exponent."""
+"""Bifurcation diagrams: histograms of a section quantity against a field of the scene.
+
+The section is the Poincaré section at the impacts: flight time and velocities just before each impact.
+"""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -31,10 +34,11 @@ class Bifurcation:
     field : str
     quantity : str
     at : ndarray, shape (values,)
-    edges : ndarray
-        Of the quantity's bins.
+        Values of the field.
+    edges : ndarray, shape (bins + 1,)
+        Edges of the quantity's bins.
     counts : dict of str to ndarray of int, shape (values, bins)
-        By side; zero where the orbit rests.
+        For ``orbit`` and ``noisy system``; zero where the orbit sticks for good.
     regime : DataFrame
         Per side and value: ``side, value, points, regime, reason``.
     """
@@ -48,7 +52,7 @@ class Bifurcation:
 
     @property
     def table(self) -> pd.DataFrame:
-        """Bins that hold something: ``side``, the field, the quantity (middle of the bin), ``count``."""
+        """Bins that are not empty: ``side``, the field, the quantity (middle of the bin), ``count``."""
         middle = 0.5 * (self.edges[1:] + self.edges[:-1])
         parts = []
         for side, counts in self.counts.items():
@@ -65,11 +69,12 @@ def bifurcation(
     scene: Scene, at: Sequence[float], *, field: str = "alpha", quantity: str = "y1", points: int = 10_000,
     noise: Callable[[Scene], Scene] | None = None, seed: int = 0, workers: int = 2,
 ) -> Bifurcation:  # fmt: skip
-    """Section values of the orbit and of the noisy system over a field.
+    """Compute the bifurcation diagram of the orbit and of the noisy system.
 
     Parameters
     ----------
     scene : Scene
+        All fields besides the one that varies.
     at : sequence of float
         Values of the field, ascending.
     field : str
@@ -79,17 +84,26 @@ def bifurcation(
     points : int
         Impacts at each value.
     noise : callable, optional
-        Gives each scene its noise; the scene's own by default.
+        Maps each scene to the same with its noise set; without it, the noise of `scene` is used.
     seed : int
     workers : int
         Threads; the result does not depend on it.
+
+    Returns
+    -------
+    Bifurcation
+
+    Raises
+    ------
+    InputError
+        If an argument or a value of the field is not valid.
 
     Examples
     --------
     >>> from rattle.scene import DAT21
     >>> b = bifurcation(Scene.from_gears(DAT21, sigma=0.1), (0.05, 0.5), points=500)
     >>> b.regime.query("side == 'orbit'")["regime"].tolist()
-    ['rests', 'runs']
+    ['sticks', 'runs']
     """
     choice("quantity", quantity, QUANTITIES)
     count("points", points)
@@ -104,7 +118,7 @@ def bifurcation(
         s = noise(s) if noise else s
         orbit, path = Regime(), Regime()
         found = [values_of(x.flight, x.before) for x in orbit_record(s, points, orbit, tangent=False)]
-        if orbit.kind in ("rests", "silent"):
+        if orbit.kind in ("sticks", "silent"):
             found = []
         noisy: list[Floats] = []
         for x, _ in noisy_record(s, 2**30, seed, path, tangent=False):

@@ -1,4 +1,7 @@
-"""Lyapunov exponents of the orbit, and those of the drift's linearisation along a noisy path, with their intervals."""
+"""Lyapunov exponents of the orbit, and those of the drift's linearisation along a noisy path, with their intervals.
+
+Growth rates are ratios of sums over a long record (log growth over time).  Their intervals come from batch means.
+"""
 
 import math
 from collections.abc import Iterable
@@ -25,11 +28,12 @@ Floats = NDArray[np.float64]
 ORBIT = "orbit"
 DRIFT = "drift's linearisation along a noisy path"
 BATCHES = 32
-BLOCK = 128  # impacts that are added up at once
+BLOCK = 128  # consecutive impacts whose growths are summed before they enter the batches
 CONFIDENCE = 0.95
-FIRST, LEAST, MOST = 100_000, 40_000, 2_000_000  # impacts of a record: usual, first look at a width, longest
-TOGETHER = 0.4  # share of the batches that must be independent: below, the record is not of one motion
-SPARE = 0.9  # of the asked width at which a lengthened record aims
+FIRST = 100_000  # impacts of a record without a required width
+LEAST, MOST = 40_000, 2_000_000  # impacts of a record with one: the first attempt, and the longest
+TOGETHER = 0.4  # below this share of effectively independent batches a record is taken to contain a transient
+SPARE = 0.9  # a record is lengthened so as to reach this fraction of the required width
 
 
 class Mean(NamedTuple):
@@ -38,9 +42,9 @@ class Mean(NamedTuple):
     Attributes
     ----------
     value, half : float
-        The ratio, and half of its 95 % interval.
+        The ratio, and the half width of its 95 % interval.
     effective : float
-        Batches that are worth as much as these, were they independent.
+        Effective number of independent batches.
     """
 
     value: float
@@ -49,15 +53,26 @@ class Mean(NamedTuple):
 
 
 def ratio_mean(top: Floats, bottom: Floats, batches: int = BATCHES) -> Mean:
-    """``sum(top) / sum(bottom)`` of a sequence in the order of time, with an interval from batch means.
+    """Compute ``sum(top) / sum(bottom)`` of a time series, with an interval from batch means.
 
-    The sequence is cut in `batches` of equal numbers; their residuals ``top - ratio bottom`` are taken as normal, and
-    the interval is widened by their correlation where neighbours go together.
+    The residuals ``top - ratio bottom`` of the batches are taken as normal.  If neighbouring batches are positively
+    correlated (coefficient r), the variance is multiplied by ``(1 + r) / (1 - r)``.
+
+    Parameters
+    ----------
+    top, bottom : ndarray, shape (entries,)
+        In the order of time.
+    batches : int
+        Number of batches of equal length; entries beyond the last full batch are left out.
+
+    Returns
+    -------
+    Mean
 
     Raises
     ------
     InputError
-        If there are fewer than two per batch.
+        If there are fewer than two entries per batch.
 
     Examples
     --------
@@ -72,10 +87,10 @@ def ratio_mean(top: Floats, bottom: Floats, batches: int = BATCHES) -> Mean:
     cut = size * batches
     t, b = (a[:cut].reshape(batches, size).sum(axis=1) for a in (top, bottom))
     value = float(t.sum() / b.sum())
-    rest = t - value * b
-    spread = float((rest**2).sum())
-    together = float((rest[1:] * rest[:-1]).sum()) / spread if spread > 0.0 else 0.0
-    widening = (1.0 + max(together, 0.0)) / (1.0 - max(together, 0.0))
+    residual = t - value * b
+    spread = float((residual**2).sum())
+    lag1 = float((residual[1:] * residual[:-1]).sum()) / spread if spread > 0.0 else 0.0  # autocorrelation
+    widening = (1.0 + max(lag1, 0.0)) / (1.0 - max(lag1, 0.0))
     se = math.sqrt(spread * batches / (batches - 1) * widening) / float(b.sum())
     return Mean(value, float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, batches - 1)) * se, batches / widening)
 
@@ -87,19 +102,22 @@ class Exponents:
     Attributes
     ----------
     of : str
-        What they are the exponents of.
+        The linearised system: `ORBIT` or `DRIFT`.
     value, half : ndarray, shape (2 stages,)
-        Exponents and halves of their 95 % intervals; NaN where there is no record.
+        Exponents and half widths of their 95 % intervals; NaN without a record.
     rate, rate_half : float
-        Impacts per unit of time at both meshes together.
+        Impacts per unit of time at both meshes together, and the half width of its 95 % interval.
     sum_error : float
-        Sum of the exponents, less ``-(beta1 + beta2) + rate 2 ln epsilon`` on the same record: rounding alone.
+        Sum of the exponents less its exact value ``-(beta1 + beta2) + rate 2 ln epsilon`` on the same record; nothing
+        but rounding.
     impacts : int
+        Impacts of the record.
     time : float
-        Length of the record.
+        Duration of the record.
     effective : float
-        Independent batches behind the interval of the largest, of 32.
+        Effective number of independent batches, of 32, in the interval of the largest exponent.
     regime : Regime
+        What the orbit or path did.
     """
 
     of: str
@@ -115,12 +133,12 @@ class Exponents:
 
     @property
     def largest(self) -> tuple[float, float, float]:
-        """Largest exponent and its interval."""
+        """Largest exponent, and lower and upper end of its 95 % interval."""
         return float(self.value[0]), float(self.value[0] - self.half[0]), float(self.value[0] + self.half[0])
 
     @property
     def width(self) -> float:
-        """Width of the interval of the largest."""
+        """Width of the interval of the largest exponent."""
         return 2.0 * float(self.half[0])
 
     @property
@@ -134,18 +152,37 @@ class Exponents:
         })  # fmt: skip
 
     def needed(self, width: float) -> int:
-        """Impacts that an interval of the largest of this width takes, rounded up to two digits."""
+        """Estimate the impacts that a given width of the largest exponent's interval takes.
+
+        Parameters
+        ----------
+        width : float
+
+        Returns
+        -------
+        int
+            Rounded up to two digits.
+        """
         need = self.impacts * (self.width / (SPARE * width)) ** 2
         unit = 10.0 ** max(math.floor(math.log10(need)) - 1, 0)
         return int(math.ceil(need / unit) * unit)
 
     def require(self, width: float) -> "Exponents":
-        """These exponents, if the interval of the largest is no wider than asked.
+        """Return these exponents if the interval of the largest is narrow enough.
+
+        Parameters
+        ----------
+        width : float
+            Largest admissible width.
+
+        Returns
+        -------
+        Exponents
 
         Raises
         ------
         InputError
-            Says how long the record must be.
+            If it is wider; the message says how many impacts are needed.
         """
         if self.width > width:
             raise InputError(
@@ -157,7 +194,7 @@ class Exponents:
 
 
 def _blocks(s: Stretch) -> Floats:
-    """Sums over `BLOCK` impacts each (the last may have fewer): growth along the axes, time, number."""
+    """Sums over `BLOCK` impacts each (the last block may have fewer): log growths, time, number of impacts."""
     starts = np.arange(0, s.flight.size, BLOCK)
     columns = np.column_stack([s.growth, s.flight, np.ones(s.flight.size)])
     return np.asarray(np.add.reduceat(columns, starts, axis=0))
@@ -167,18 +204,18 @@ def _exponents(of: str, scene: Scene, blocks: list[Floats], regime: Regime) -> E
     b = check_finite(f"growth of the {of}, block", np.concatenate([np.empty((0, 6)), *blocks]))
     size = 2 * scene.stages
     time, impacts = float(b[:, 4].sum()), int(b[:, 5].sum())
-    if len(b) < 2 * BATCHES or regime.kind in ("rests", "silent"):
+    if len(b) < 2 * BATCHES or regime.kind in ("sticks", "silent"):
         nothing = np.full(size, np.nan)
         return Exponents(of, nothing, nothing, np.nan, np.nan, np.nan, impacts, time, 0.0, regime)
     found = [ratio_mean(b[:, i], b[:, 4]) for i in range(size)]
     rate = ratio_mean(b[:, 5], b[:, 4])
     c = scene.constants
-    law = -(c.beta1 + c.beta2) + impacts / time * 2.0 * math.log(c.epsilon)
+    exact_sum = -(c.beta1 + c.beta2) + impacts / time * 2.0 * math.log(c.epsilon)
     order = np.argsort([-m.value for m in found])
     ranked = [found[i] for i in order]
     return Exponents(
         of, np.array([m.value for m in ranked]), np.array([m.half for m in ranked]), rate.value, rate.half,
-        float(b[:, :size].sum() / time - law), impacts, time, ranked[0].effective, regime,
+        float(b[:, :size].sum() / time - exact_sum), impacts, time, ranked[0].effective, regime,
     )  # fmt: skip
 
 
@@ -212,7 +249,7 @@ def _measured(
             return found
         if impacts is not None or regime.launched > MOST:
             return found.require(width) if strict else found
-        if found.effective < TOGETHER * BATCHES:  # its parts differ: the first of them may have been a transient
+        if found.effective < TOGETHER * BATCHES:  # strongly correlated batches: the first half may be a transient
             half = len(blocks) // 2
             regime.transient += int(sum(b[0, 5] for b in blocks[:half]))
             done -= int(sum(b[0, 5] for b in blocks[:half]))
@@ -224,30 +261,31 @@ def _measured(
 
 
 def lyapunov(scene: Scene, *, impacts: int | None = None, width: float | None = None, strict: bool = True) -> Exponents:
-    """All Lyapunov exponents of the orbit of a scene, its noise left out.
+    """Compute all Lyapunov exponents of the noise-free orbit of a scene.
 
-    By orthonormal frames (Benettin and others 1980), with the exact Jacobian of the flight and the saltation matrix of
-    every impact.
+    By the QR method with orthonormal frames (Benettin et al. 1980), with the exact Jacobian of each flight and the
+    saltation matrix of each impact.
 
     Parameters
     ----------
     scene : Scene
+        Its noise is not used.
     impacts : int, optional
-        Length of the record, transients not counted; 100 000, or what `width` takes, by default.
+        Length of the record without transients; 100 000 by default, or what `width` takes.
     width : float, optional
-        Widest interval of the largest exponent that will do.
+        Largest admissible width of the largest exponent's interval.
     strict : bool
-        Whether an interval that stays wider is refused; else it is given as it is.
+        Whether a wider interval raises an error; otherwise it is returned as it is.
 
     Returns
     -------
     Exponents
-        With NaN where the orbit rests or is silent, and the reason in `regime`.
+        NaN if the orbit sticks for good or has no further impact; `regime` gives the reason.
 
     Raises
     ------
     InputError
-        If `impacts`, or the most that are tried, are too few for `width`: says how many it takes.
+        If the restitution is 0, or `impacts` (or the 2 000 000 that are tried at most) do not suffice for `width`.
 
     Examples
     --------
@@ -266,28 +304,32 @@ def drift_exponents(
     scene: Scene, *, impacts: int | None = None, width: float | None = None, strict: bool = True, seed: int = 0,
     path: int = 0,
 ) -> Exponents:  # fmt: skip
-    """Exponents of the drift's linearisation along a noisy path (`rattle.montecarlo.coupling.long_path`).
+    """Compute the exponents of the drift's linearisation along a noisy path (`rattle.montecarlo.coupling.long_path`).
 
-    These are not the Lyapunov exponents of the noisy system, which has none (docs/model.md section 8): along the noisy
-    path, neighbours are carried by the Jacobian of the flight and by the saltation matrix with the drift's rates.
+    These are not Lyapunov exponents of the noisy system, which has none (docs/model.md section 8).  Tangent vectors
+    along the noisy path are propagated by the Jacobian of the flight and by the saltation matrix of the drift.
 
     Parameters
     ----------
     scene : Scene
         Without random tolerance.
     impacts : int, optional
-        Length of the record, transients not counted; 100 000, or what `width` takes, by default.
+        Length of the record without transients; 100 000 by default, or what `width` takes.
     width : float, optional
-        Widest interval of the largest exponent that will do.
+        Largest admissible width of the largest exponent's interval.
     strict : bool
-        Whether an interval that stays wider is refused; else it is given as it is.
+        Whether a wider interval raises an error; otherwise it is returned as it is.
     seed, path : int
-        Which path.
+        Seed of the noise, and index of the path.
+
+    Returns
+    -------
+    Exponents
 
     Raises
     ------
     InputError
-        If `impacts`, or the most that are tried, are too few for `width`: says how many it takes.
+        If the restitution is 0, or `impacts` (or the 2 000 000 that are tried at most) do not suffice for `width`.
 
     Examples
     --------

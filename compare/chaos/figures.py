@@ -1,4 +1,4 @@
-"""Figures of the chaos of map and noisy system: sections, spectra, exponents over a field, how two paths part."""
+"""Figures of a study of chaos: sections, spectra, exponents over a field, and the divergence of two paths."""
 
 import math
 from collections.abc import Mapping
@@ -31,8 +31,8 @@ SIDE: Any = {
     DRIFT: {"color": "#D55E00", "marker": "D"},
 }
 """Colours of the sides, from Okabe and Ito's palette."""
-RESTING: Any = {"color": "0.55", "alpha": 0.35, "lw": 0}
-SHADES, DEEP = "viridis", 1e-4
+STICKING: Any = {"color": "0.55", "alpha": 0.35, "lw": 0}
+SHADES, DEEP = "viridis", 1e-4  # colour map of densities, and its lower end relative to the highest density
 NAMES = {
     "alpha": r"excitation amplitude $\alpha$",
     "sigma": r"noise intensity $\sigma$",
@@ -40,7 +40,7 @@ NAMES = {
 }
 FLIGHT = r"time since the last impact $\Delta\tau$ (1/$\omega$)"
 IMAGE: Any = {"rasterized": True}
-HIGHEST = 6.5  # frequency, in units of the excitation's, up to which a spectrum is drawn
+HIGHEST = 6.5  # highest frequency drawn, in units of the excitation frequency
 
 
 def _velocity(stage: int) -> str:
@@ -48,14 +48,25 @@ def _velocity(stage: int) -> str:
 
 
 def _density(ax: Axes, x: Floats, y: Floats, share: Floats, highest: float) -> QuadMesh:
-    """A density as an image down to `DEEP` of the highest, empty bins left white."""
+    """Draw a density on a logarithmic colour scale down to `DEEP` times the highest; empty bins stay white."""
     shown = np.ma.masked_less_equal(share.T, 0.0)
     ax.grid(False)
     return ax.pcolormesh(x, y, shown, norm=LogNorm(DEEP * highest, highest), cmap=SHADES, rasterized=True)
 
 
 def section_figure(found: Mapping[str, Section]) -> Figure:
-    """Poincare sections of all sides on the same axes, a row for each stage and a column for each side (Fig. 2)."""
+    """Draw the Poincaré sections of all sides on the same axes (Fig. 2 of the paper).
+
+    Parameters
+    ----------
+    found : mapping of str to Section
+        By side, as of `rattle.compare.chaos.section.sections`.
+
+    Returns
+    -------
+    Figure
+        A row for each stage and a column for each side.
+    """
     sides = list(found)
     stages = len(next(iter(found.values())).counts)
     figure, axes = new_figure(1.0 + 3.2 * len(sides), 0.7 + 2.9 * stages, stages, len(sides))
@@ -80,7 +91,18 @@ def section_figure(found: Mapping[str, Section]) -> Figure:
 
 
 def spectrum_figure(found: Mapping[tuple[str, str, str], Spectrum]) -> Figure:
-    """Spectra of both sides with bands, floors and lines: a column for each velocity, a row for each kind (Fig. 3)."""
+    """Draw the spectra of both sides with their 95 % bands, floors and lines (Fig. 3 of the paper).
+
+    Parameters
+    ----------
+    found : mapping of tuple to Spectrum
+        By side, kind and velocity, as of `rattle.compare.chaos.spectrum.spectra`.
+
+    Returns
+    -------
+    Figure
+        A row for each kind and a column for each velocity.
+    """
     kinds, names = [TIME, SEQUENCE], sorted({name for _, _, name in found})
     figure, axes = new_figure(4.6 * len(names), 6.4, 2, len(names))
     for n, ax in enumerate(axes):
@@ -90,7 +112,7 @@ def spectrum_figure(found: Mapping[tuple[str, str, str], Spectrum]) -> Figure:
             if s is not None:
                 _spectrum(ax, s, side, HIGHEST if kind == TIME else math.inf)
         ax.set_yscale("log")
-        ax.set_axisbelow(True)  # so that all curves make one image; text and axes stay drawings
+        ax.set_axisbelow(True)  # so that all curves are rasterized as one image; text and axes stay vector graphics
         unit = "excitation frequency" if kind == TIME else "cycles per impact"
         ax.set_xlabel(f"frequency ({unit})" if kind == SEQUENCE else f"frequency / {unit}")
         ax.set_title(f"{SYMBOL[name]}: {kind}", loc="left")
@@ -108,15 +130,15 @@ def _spectrum(ax: Axes, s: Spectrum, side: str, highest: float) -> None:
     ax.fill_between(f, low[shown], high[shown], color=colour, alpha=0.25, lw=0, label=f"{side}: 95 % band", **IMAGE)
     ax.plot(f, s.power[shown], color=colour, lw=0.7, label=side, **IMAGE)
     ax.plot(f, s.floor[shown], color="k", lw=0.9, ls=dashes, label=f"{side}: floor", **IMAGE)
-    near = s.lines[s.lines["frequency"] <= highest].head(12)
-    if len(near):
-        at = np.searchsorted(s.frequency, near["frequency"]).clip(0, s.power.size - 1)
-        place = near["frequency"], 2.0 * s.power[at]
+    strongest = s.lines[s.lines["frequency"] <= highest].head(12)
+    if len(strongest):
+        at = np.searchsorted(s.frequency, strongest["frequency"]).clip(0, s.power.size - 1)
+        place = strongest["frequency"], 2.0 * s.power[at]
         ax.plot(*place, ls="none", ms=4, mfc="none", zorder=3, label=f"{side}: line", **SIDE[side])
 
 
 def _lines(ax: Axes, table: pd.DataFrame, field: str) -> None:
-    """Largest exponents with their intervals, and where the orbit rests."""
+    """Draw the largest exponents with their intervals, and mark where the orbit sticks."""
     for of in (ORBIT, DRIFT):
         rows = table[table["of"] == of].sort_values(field)
         if not len(rows):
@@ -126,29 +148,43 @@ def _lines(ax: Axes, table: pd.DataFrame, field: str) -> None:
         ax.fill_between(x, rows["low"], rows["high"], color=colour, alpha=0.3, lw=0)
         ax.plot(x, rows["largest"], color=colour, lw=1.2, label=of)
         if of == ORBIT:
-            sticking_sides = (rows["regime"] == "rests").to_numpy()
-            _mark_sticking(ax, x, sticking_sides)
-            at_times = (rows["regime"] == "rests at times").to_numpy()
+            _mark_sticking(ax, x, (rows["regime"] == "sticks").to_numpy())
+            at_times = (rows["regime"] == "sticks at times").to_numpy()
             ax.plot(
                 x[at_times], rows["largest"].to_numpy()[at_times], ls="none", marker="o", ms=3.5, mfc="none",
-                color=colour, label="orbit that rests at times: while it runs",
+                color=colour, label="orbit that sticks at times: between sticking phases",
             )  # fmt: skip
     ax.axhline(0.0, color="k", lw=0.8)
 
 
-def _mark_sticking(ax: Axes, x: Floats, sticking_sides: NDArray[np.bool_]) -> None:
+def _mark_sticking(ax: Axes, x: Floats, sticks: NDArray[np.bool_]) -> None:
     half = 0.5 * float(np.diff(x).min()) if x.size > 1 else 0.5
-    for n, value in enumerate(x[sticking_sides]):
-        ax.axvspan(value - half, value + half, label="orbit rests" if n == 0 else None, **RESTING)
+    for n, value in enumerate(x[sticks]):
+        ax.axvspan(value - half, value + half, label="orbit sticks for good" if n == 0 else None, **STICKING)
 
 
 def sweep_figure(table: pd.DataFrame, field: str = "alpha", claimed: tuple[float, float] | None = None) -> Figure:
-    """Largest exponent over a field (Fig. 4), with the range that the paper claims to be chaotic."""
+    """Draw the largest exponent over a field (Fig. 4 of the paper).
+
+    Parameters
+    ----------
+    table : DataFrame
+        As of `rattle.compare.chaos.sweep.sweep`.
+    field : str
+        Field of the sweep.
+    claimed : tuple of float, optional
+        Range of the field that the paper claims to be chaotic.
+
+    Returns
+    -------
+    Figure
+    """
     figure, (ax,) = new_figure(8.0, 4.4, 1, 1)
     if claimed:
         ax.axvspan(
-            *claimed, color="#F0E442", alpha=0.25, lw=0, label=f"chaotic by the paper: {claimed[0]:g} to {claimed[1]:g}"
-        )
+            *claimed, color="#F0E442", alpha=0.25, lw=0,
+            label=f"chaotic according to the paper: {claimed[0]:g} to {claimed[1]:g}",
+        )  # fmt: skip
     _lines(ax, table, field)
     ax.set_xlabel(NAMES.get(field, field))
     ax.set_ylabel(r"largest exponent ($\omega$)")
@@ -157,7 +193,18 @@ def sweep_figure(table: pd.DataFrame, field: str = "alpha", claimed: tuple[float
 
 
 def bifurcation_figure(b: Bifurcation, table: pd.DataFrame | None = None) -> Figure:
-    """Section values against a field, a row for each side, with the largest exponent beneath."""
+    """Draw a bifurcation diagram as densities, a row for each side.
+
+    Parameters
+    ----------
+    b : Bifurcation
+    table : DataFrame, optional
+        A sweep over the same field, whose largest exponents are drawn in a last row.
+
+    Returns
+    -------
+    Figure
+    """
     rows = len(b.counts) + (table is not None)
     figure, axes = new_figure(8.0, 2.6 * rows + 0.4, rows, 1)
     half = 0.5 * float(np.diff(b.at).min()) if b.at.size > 1 else 0.5
@@ -166,8 +213,8 @@ def bifurcation_figure(b: Bifurcation, table: pd.DataFrame | None = None) -> Fig
     for ax, (side, counts) in zip(axes, b.counts.items(), strict=False):
         share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
         _density(ax, x, b.edges, share, float(share.max()))
-        rests = b.regime[(b.regime["side"] == side) & b.regime["regime"].isin(["rests", "silent"])]
-        _mark_sticking(ax, b.at, np.isin(b.at, rests["value"]))
+        ended = b.regime[(b.regime["side"] == side) & b.regime["regime"].isin(["sticks", "silent"])]
+        _mark_sticking(ax, b.at, np.isin(b.at, ended["value"]))
         ax.set_title(side, loc="left", color=SIDE[side]["color"], fontweight="bold")
         ax.set_ylabel(label, fontsize=8)
         ax.set_xlim(x[0], x[-1])
@@ -181,7 +228,21 @@ def bifurcation_figure(b: Bifurcation, table: pd.DataFrame | None = None) -> Fig
 
 
 def finite_size_figure(table: pd.DataFrame, orbit: Exponents, drift: Exponents | None = None) -> Figure:
-    """Finite-size exponent of the noisy system over scales, with the orbit's largest exponent."""
+    """Draw the finite-size exponent of the noisy system over the distance of two paths.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As of `rattle.compare.chaos.finite_size.finite_size`.
+    orbit : Exponents
+        Whose largest exponent is drawn for comparison, if it is positive.
+    drift : Exponents, optional
+        The same for the drift's linearisation.
+
+    Returns
+    -------
+    Figure
+    """
     figure, (ax,) = new_figure(6.4, 4.4, 1, 1)
     value = table["exponent"]
     ax.errorbar(
@@ -196,22 +257,31 @@ def finite_size_figure(table: pd.DataFrame, orbit: Exponents, drift: Exponents |
             ax.axhline(float(e.value[0]), color=SIDE[ORBIT]["color"], ls=style, lw=1.3, label=name)
     ax.set_xscale("log")
     ax.set_yscale("log")
-    ax.set_xlabel(r"distance $\delta$ of two paths on one noise ($\nu_1$)")
+    ax.set_xlabel(r"distance $\delta$ of two paths on the same noise ($\nu_1$)")
     ax.set_ylabel(r"growth rate ($\omega$)")
     legend_above(figure, [ax], 1)
     return figure
 
 
 def sqrt_law_figure(law: SqrtLaw) -> Figure:
-    """Distance after an impact against distance before it, and the measured share of the square-root law."""
+    """Draw the distance of two paths after an impact against that before it, and its ratio to the square-root law.
+
+    Parameters
+    ----------
+    law : SqrtLaw
+
+    Returns
+    -------
+    Figure
+    """
     figure, (ax, ratio) = new_figure(8.4, 3.9, 1, 2)
     t = law.table
     ax.plot(t["delta"], t["apart"], ls="none", ms=5, label="measured, root mean square", **SIDE[NOISY])
     ax.plot(t["delta"], t["law"], color="k", lw=1.0, label=r"$(1+\epsilon)\,\sigma\,|m|\,\sqrt{\delta/|y|}$")
-    ax.plot(t["delta"], t["delta"], color="0.5", lw=1.0, ls=":", label=r"$\delta$: what a Jacobian would keep")
+    ax.plot(t["delta"], t["delta"], color="0.5", lw=1.0, ls=":", label=r"$\delta$: a differentiable map")
     ax.set_xscale("log")
     ax.set_yscale("log")
-    ax.set_ylabel(r"velocities apart after the impact ($\nu_1\omega$)")
+    ax.set_ylabel(r"distance of velocities after the impact ($\nu_1\omega$)")
     half = 0.5 * (law.high - law.low)
     ax.set_title(f"exponent {law.exponent:.4f} ± {half:.4f}", loc="left")
     ratio.errorbar(
@@ -225,7 +295,7 @@ def sqrt_law_figure(law: SqrtLaw) -> Figure:
     )
     ratio.axhline(1.0, color="k", lw=1.0)
     ratio.set_xscale("log")
-    ratio.set_ylabel("mean square / that of the law")
+    ratio.set_ylabel("mean square / that of the square-root law")
     for a in (ax, ratio):
         a.set_xlabel(r"distance before the impact $\delta$ ($\nu_1$)")
     legend_above(figure, [ax], 3)

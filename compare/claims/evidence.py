@@ -11,7 +11,7 @@ from rattle.compare.chaos.measure import ChaosStudy, study
 from rattle.compare.chaos.record import Regime, noisy_record, orbit_record
 from rattle.compare.chaos.sweep import paper_noise
 from rattle.compare.validation.validate import Validation, validate
-from rattle.montecarlo import Ensemble, simulate
+from rattle.montecarlo import Ensemble, Record, simulate
 from rattle.scene.scene import Scene, Start
 from rattle.scene.tangent import Stretch
 
@@ -80,9 +80,16 @@ def gather(
     single = replace(scene, stages=1, start=Start(0.0, scene.gap1, 2.0, 0.0, 0.0, mesh=1))
     open_space = replace(scene, gap1=1e6, gap2=1e6, tolerance=None, start=Start(0.3, 0.1, -0.4, -0.2, 0.5))
     flight = simulate(
-        open_space, paths=paths, impacts=1, dt=STEP, scheme="euler-maruyama", rng=seed, workers=workers, step_bias=True,
-        times=open_space.start.tau + FLIGHTS, horizon=float(FLIGHTS[-1]) + 1.0,
-    )  # fmt: skip
+        open_space,
+        paths=paths,
+        impacts=1,
+        dt=STEP,
+        scheme="euler-maruyama",
+        rng=seed,
+        workers=workers,
+        horizon=float(FLIGHTS[-1]) + 1.0,
+        record=Record(step_bias=True, times=open_space.start.tau + FLIGHTS),
+    )
     chaos = study(
         scene, at=at, noise=paper_noise, points=points, impacts=spectrum_impacts, events=events, seed=seed,
         workers=workers,

@@ -146,7 +146,7 @@ def validate(
     else:
         base = Scene.load(scene) if scene else Scene.from_gears(DAT21)
         name = named(scene) if scene else "DAT21"
-        biased = SCHEMES[choice("scheme", scheme, SCHEMES)].weak_order is not None
+        biased = SCHEMES[choice("scheme", scheme, SCHEMES)].has_step_bias
         wanted = sigmas or ((base.sigma,) if scene else PAPER_SIGMAS)
         scenes = tuple(base.with_sigma(s) for s in dict.fromkeys(wanted))
         settings = manifest.Settings(
@@ -165,7 +165,7 @@ def validate(
         out = out or default_place(name)
     check_free(out, CONTENTS, overwrite)
     first = settings.scenes[0]
-    biased = SCHEMES[choice("scheme", settings.scheme, SCHEMES)].weak_order is not None
+    biased = SCHEMES[choice("scheme", settings.scheme, SCHEMES)].has_step_bias
     for s in settings.scenes:
         check_settings(s, **settings.simulation, workers=workers, step_bias=biased)
     check_sweep(first, settings.validity, **settings.sweep, workers=workers)

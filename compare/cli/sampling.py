@@ -58,28 +58,23 @@ def simulate(
     accuracy that would take too long; 3 the budget ended before the accuracy was reached.
     """
     from rattle.compare.report.folder import write_whole
-    from rattle.montecarlo import simulate as sample
+    from rattle.montecarlo import simulate, simulate_to
 
     base = _scene(scene, sigma)
     if out is not None and not out.parent.is_dir():
         raise InputError("out", str(out), f"the folder {out.parent} does not exist; make it first")
     if out is not None and (out.is_dir() or not os.access(out.parent, os.W_OK)):
         raise InputError("out", str(out), "cannot be written; give the name of a file")
-    if accuracy is None and paths is None:
-        accuracy = 0.01
-    with _estimates_shown():
-        run = sample(
-            base,
-            paths=paths,
-            accuracy=accuracy,
-            impacts=impacts,
-            dt=dt,
-            scheme=scheme,
-            budget=None if accuracy is None else budget,
-            rng=seed,
-            workers=workers,
-            progress="simulate",
-        )
+    common: dict[str, Any] = {"impacts": impacts, "rng": seed, "workers": workers, "progress": "simulate"}
+    if paths is not None and accuracy is None:
+        run = simulate(base, paths=paths, dt=dt, scheme=scheme or "euler-maruyama-located", **common)
+    else:
+        accuracy = 0.01 if accuracy is None else accuracy
+        for name, value in (("paths", paths), ("dt", dt)):
+            if value is not None:
+                raise InputError(name, value, "accuracy chooses it itself; leave it out, or leave out accuracy")
+        with _estimates_shown():
+            run = simulate_to(base, accuracy, scheme=scheme, budget=budget, **common)
     reach = run.reach
     if as_json:
         record = {

@@ -42,7 +42,8 @@ def study(
     """Compute what is missing of the study in FILE (TOML), and write its tables, figures and page.
 
     Every result is kept as soon as it is there; the same command goes on where it was ended.  Exit codes: 0 complete;
-    1 complete but for what cannot be computed at some points, with the reasons; 2 bad input; 130 interrupted.
+    1 complete but for what cannot be computed at some points, with the reasons; 2 bad input, or nothing that could be
+    computed; 130 interrupted.
     """
     from rattle.compare.report.folder import within
     from rattle.compare.study.design import Study

@@ -1,4 +1,4 @@
-"""Ensemble studies: grids over any field of a scene, computed once, kept, and put together."""
+"""Parameter studies: grids over any field of a scene; every cell is computed once, stored, and combined into tables."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,7 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Load what is asked for: the command needs none of it before its options are known to be well formed."""
+    """Import a name of `__all__` on first use: the command line checks its options before heavy imports."""
     if name not in _HOMES:
         raise AttributeError(f"module 'compare.study' has no attribute {name!r}")
     return getattr(import_module(_HOMES[name]), name)

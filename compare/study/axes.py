@@ -1,4 +1,7 @@
-"""The axes of a study: which fields vary, over which values, together or against each other."""
+"""The axes of a study: which fields vary and over which values.
+
+Fields of one axis vary together; axes are crossed with each other (a full factorial grid).
+"""
 
 import itertools
 import math
@@ -15,14 +18,14 @@ from rattle.scene.validate import count, finite, known_keys, nearest, positive
 __all__ = ["SETTINGS", "Axis", "combination", "combinations", "read_axes"]
 
 SETTINGS = ("scheme", "paths", "accuracy", "dt", "seed")
-"""Settings of the simulation that may vary beside the fields of the scene."""
+"""Settings of the simulation that an axis may vary, in addition to the fields of the scene."""
 
 PARTS = {"tolerance": Tolerance, "start": Start}
 FIELDS = tuple(
     [f.name for f in fields(Scene) if f.init and f.name not in PARTS]
     + [f"{part}.{f.name}" for part, kind in PARTS.items() for f in fields(kind)]
 )
-MOST_POINTS = 100_000  # of a grid
+MOST_POINTS = 100_000  # largest number of grid points of a study
 EXAMPLE = "write { log = [0.001, 2.0, 24] }, { linear = [0.5, 1.5, 11] } or a list of values"
 
 
@@ -34,24 +37,47 @@ class Axis(NamedTuple):
     names : tuple of str
         The fields.
     values : tuple of tuple
-        For each step along the axis one value of each field.
+        One tuple for each step along the axis: a value of each field, in the order of `names`.
     """
 
     names: tuple[str, ...]
     values: tuple[tuple[Any, ...], ...]
 
     def named(self, step: tuple[Any, ...]) -> Iterator[tuple[str, Any]]:
-        """The fields with their values at a step."""
+        """Pair the fields with their values at a step.
+
+        Parameters
+        ----------
+        step : tuple
+            One entry of `values`.
+
+        Returns
+        -------
+        iterator of (str, object)
+            Name and value of each field.
+        """
         return zip(self.names, step, strict=True)
 
 
 def read_axes(tables: Sequence[Mapping[str, Any]]) -> tuple[Axis, ...]:
-    """Axes from the ``[[axes]]`` tables of a study file: fields of one table vary together, tables against each other.
+    """Read the axes from the ``[[axes]]`` tables of a study file.
+
+    Parameters
+    ----------
+    tables : sequence of mapping
+        Each table gives one or more fields (dotted names for parts of the scene, such as ``start.y1``) and their
+        values: a list, ``{ linear = [LOW, HIGH, POINTS] }`` or ``{ log = [LOW, HIGH, POINTS] }``.  Fields of one
+        table vary together and need equally many values.
+
+    Returns
+    -------
+    tuple of Axis
+        One axis for each table, in their order.
 
     Raises
     ------
     InputError
-        Names the axis, what is wrong with it, and the remedy.
+        If a field is unknown or varies twice, values are malformed, or the grid has more than 100 000 points.
 
     Examples
     --------
@@ -80,7 +106,17 @@ def read_axes(tables: Sequence[Mapping[str, Any]]) -> tuple[Axis, ...]:
 
 
 def combinations(axes: Sequence[Axis]) -> list[dict[str, Any]]:
-    """All points of the grid, the last axis running fastest, as values by field."""
+    """List all points of the grid, the last axis running fastest.
+
+    Parameters
+    ----------
+    axes : sequence of Axis
+
+    Returns
+    -------
+    list of dict
+        For each point, the value of every field that varies.
+    """
     return [
         {name: value for axis, step in zip(axes, steps, strict=True) for name, value in axis.named(step)}
         for steps in itertools.product(*(axis.values for axis in axes))
@@ -88,7 +124,18 @@ def combinations(axes: Sequence[Axis]) -> list[dict[str, Any]]:
 
 
 def combination(axes: Sequence[Axis], number: int) -> dict[str, Any]:
-    """One point of the grid, by its place in `combinations`.
+    """Give one point of the grid by its index in `combinations`, without listing the others.
+
+    Parameters
+    ----------
+    axes : sequence of Axis
+    number : int
+        Index from 0.
+
+    Returns
+    -------
+    dict
+        The value of every field that varies.
 
     Examples
     --------
@@ -128,7 +175,7 @@ def _values(name: str, given: Any) -> tuple[Any, ...]:
 
 
 def _spaced(field: str, kind: str, ends: Any) -> tuple[float, ...]:
-    """Evenly spaced values, or their logarithms, rounded to six digits."""
+    """Values spaced evenly, or evenly in their logarithm, rounded to six or more significant digits."""
     if not isinstance(ends, Sequence) or isinstance(ends, str) or len(ends) != 3:
         raise InputError(field, ends, "give [LOW, HIGH, POINTS]")
     low, high = finite(f"{field} LOW", ends[0]), finite(f"{field} HIGH", ends[1])

@@ -1,4 +1,7 @@
-"""What one result is determined by: an ensemble of a scene, or a closure's prediction of it."""
+"""The cells of a study: an ensemble of a scene, or a closure's prediction for it.
+
+A cell knows every input that determines its result.  Their digest is its key in the store.
+"""
 
 import time
 from collections.abc import Mapping
@@ -14,7 +17,7 @@ from rattle.closure import CLOSURES, mean_map
 from rattle.compare.report.json_text import json_digest
 from rattle.compare.study.store import Stored
 from rattle.compare.study.version import numerical_version
-from rattle.montecarlo import SCHEMES, Ensemble, default_step, simulate
+from rattle.montecarlo import SCHEMES, Ensemble, Record, default_step, simulate, simulate_to
 from rattle.montecarlo.accuracy import small_noise
 from rattle.montecarlo.ensemble import Blocks
 from rattle.scene.errors import InputError
@@ -25,7 +28,7 @@ __all__ = ["Cell", "Predicted", "Prediction", "Sample", "Sampled"]
 
 Floats = NDArray[np.float64]
 
-BATCH = "batch_{}_{}"  # column of what the batches say of a quantity
+BATCH = "batch_{}_{}"  # column of batch statistics: mean, sd or control, and a section quantity
 
 
 class Cell(Protocol):
@@ -38,15 +41,15 @@ class Cell(Protocol):
 
     @property
     def label(self) -> str:
-        """What a person reads on the progress line."""
+        """Short description for the progress line."""
         ...
 
     def compute(self, blocks: Blocks | None = None) -> Stored:
-        """The result; `blocks` runs the blocks of paths where there are any."""
+        """Compute the result as it is stored; see `Sample.compute` and `Prediction.compute`."""
         ...
 
     def opened(self, stored: Stored) -> object:
-        """The result as it speaks."""
+        """Turn a stored result back into an object with named attributes."""
         ...
 
 
@@ -59,7 +62,7 @@ def _key(kind: str, package: str, scene: Scene, settings: Mapping[str, Any]) -> 
 
 @dataclass(frozen=True)
 class Sampled:
-    """Section moments of an ensemble as they are stored; speaks as `montecarlo.Ensemble` does.
+    """Section moments of an ensemble as read from the store; has those attributes of `montecarlo.Ensemble` it needs.
 
     Attributes
     ----------
@@ -83,17 +86,17 @@ class Sampled:
 
     @property
     def columns(self) -> dict[str, Floats]:
-        """The columns of the section."""
+        """Section moments as arrays, shape (impacts,), by column name."""
         return {str(name): self.section[name].to_numpy(float) for name in self.section}
 
     @property
     def paths(self) -> int:
-        """Paths that were followed."""
+        """Number of simulated paths."""
         return int(self.facts["paths"])
 
     @property
     def agreement(self) -> pd.DataFrame:
-        """Share of paths on the noise-free itinerary so far, under the name of every closure."""
+        """Share of paths on the noise-free itinerary up to each impact; one equal column for every closure."""
         return pd.DataFrame(dict.fromkeys(CLOSURES, self.section["agreement"]))
 
 
@@ -105,14 +108,16 @@ class Sample:
     ----------
     scene : Scene
     impacts : int
+        Impacts that are followed on each path.
     seed : int
     scheme : str
+        Name in `montecarlo.SCHEMES`.
     paths : int or None
-        Number of paths, or give `accuracy`.
+        Number of paths; None if `accuracy` is given.
     accuracy : float or None
-        See `montecarlo.simulate`.
+        Largest standard error, in sds of each quantity; see `montecarlo.simulate`.
     dt : float or None
-        Step; the scheme's by default.
+        Time step; the default step of the scheme if None.
 
     Examples
     --------
@@ -133,8 +138,8 @@ class Sample:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Everything but the scene."""
-        biased = SCHEMES[self.scheme].weak_order is not None
+        """Everything that determines the result besides the scene, with the default step filled in."""
+        biased = SCHEMES[self.scheme].has_step_bias
         own = default_step(self.scene, self.scheme, biased)
         dt = own if self.dt is None and self.accuracy is None else self.dt
         return {
@@ -149,26 +154,48 @@ class Sample:
 
     @property
     def label(self) -> str:
-        """What a person reads on the progress line."""
+        """Short description for the progress line."""
         return f"simulate sigma {self.scene.sigma:.3g}"
 
     def compute(self, blocks: Blocks | None = None) -> Stored:
-        """Simulate; raises InputError where the scene cannot be, or an accuracy not within an hour of one core."""
+        """Simulate the ensemble.
+
+        Parameters
+        ----------
+        blocks : callable, optional
+            Runs the blocks of paths (on threads or on a cluster); one after the other in this thread by default.
+
+        Returns
+        -------
+        Stored
+            Section moments, step biases and batch statistics, one row for each impact.
+
+        Raises
+        ------
+        InputError
+            If the scene cannot be simulated, or the accuracy would take more than an hour of one core.
+        """
         started = time.perf_counter()
-        exact = SCHEMES[self.scheme].weak_order is None
+        exact = not SCHEMES[self.scheme].has_step_bias
         common: dict[str, Any] = {
-            "impacts": self.impacts, "rng": self.seed, "scheme": self.scheme, "batches": True, "energy": True,
-            "blocks": blocks,
+            "impacts": self.impacts, "rng": self.seed, "scheme": self.scheme, "blocks": blocks,
         }  # fmt: skip
         if self.accuracy is not None:
-            run = simulate(self.scene.phase_reduced, accuracy=self.accuracy, **common)
-            if run.reach is not None and not run.reach.reached:  # how far it came is told by the clock: no result
+            run = simulate_to(
+                self.scene.phase_reduced, self.accuracy, record=Record(batches=True, energy=True), **common
+            )
+            if run.reach is not None and not run.reach.reached:  # where it stopped depends on wall time: not repeatable
                 raise InputError("accuracy", self.accuracy, run.reach.sentence)
         else:
+            assert self.paths is not None
             run = simulate(
-                self.scene.phase_reduced, paths=self.paths, dt=self.dt, control=exact and small_noise(self.scene),
-                step_bias=not exact, **common,
-            )  # fmt: skip
+                self.scene.phase_reduced,
+                paths=self.paths,
+                dt=self.dt,
+                control=exact and small_noise(self.scene),
+                record=Record(batches=True, energy=True, step_bias=not exact),
+                **common,
+            )
         facts = {
             "paths": run.paths, "dt": run.dt, "scheme": run.scheme, "path_steps": run.path_steps,
             "sticking_steps": run.sticking_steps,
@@ -178,7 +205,17 @@ class Sample:
         return Stored(_sections(run), facts)
 
     def opened(self, stored: Stored) -> Sampled:
-        """The result as it speaks."""
+        """Turn a stored result back into section moments.
+
+        Parameters
+        ----------
+        stored : Stored
+            As `compute` gives it.
+
+        Returns
+        -------
+        Sampled
+        """
         wide = stored.table
         first, last = wide.columns.get_loc("bias_tau"), wide.columns.get_loc(BATCH.format("mean", "tau"))
         section, batches = wide.iloc[:, :first], wide.iloc[:, last:]
@@ -192,6 +229,7 @@ class Sample:
 
 
 BIAS = ("bias", "se_bias", "corrected", "se_corrected", "rest")
+"""Columns of `Ensemble.step_bias` that are stored; ``rest`` is the step bias that extrapolation leaves."""
 
 
 def _sections(run: Ensemble) -> pd.DataFrame:
@@ -202,18 +240,28 @@ def _sections(run: Ensemble) -> pd.DataFrame:
         parts.append(rows.set_index("impact")[list(BIAS)].add_suffix(f"_{name}"))
     batches = run.batches
     assert batches is not None
-    held = batches.n[:, 0, 0] > 0
+    filled = batches.n[:, 0, 0] > 0  # batches that contain paths
     columns: dict[str, Any] = {}
     for what, values in (("mean", batches.mean), ("sd", batches.sd), ("control", batches.control)):
         for i, quantity in enumerate(SECTION):
-            columns[BATCH.format(what, quantity)] = list(np.ascontiguousarray(values[held, :, i].T))
+            columns[BATCH.format(what, quantity)] = list(np.ascontiguousarray(values[filled, :, i].T))
     parts.append(pd.DataFrame(columns, index=run.section.index))
     return pd.concat(parts, axis=1)
 
 
 @dataclass(frozen=True)
 class Predicted:
-    """Section moments that a closure predicts, as they are stored; speaks as `closure.MeanMap` does."""
+    """Section moments that a closure predicts, as read from the store.
+
+    Attributes
+    ----------
+    closure : str
+        Name in `rattle.closure.CLOSURES`.
+    section : DataFrame
+        As `closure.MeanMap.section`, times counted from the phase of the start.
+    facts : dict
+        ``stopped`` (why the closure ended early, empty if it did not), ``found`` (impacts), ``seconds``.
+    """
 
     closure: str
     section: pd.DataFrame
@@ -223,6 +271,16 @@ class Predicted:
 @dataclass(frozen=True)
 class Prediction:
     """A closure's prediction for a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    impacts : int
+        Impacts that are predicted.
+    closure : str
+        Name in `rattle.closure.CLOSURES`.
+    order : int
+        Order of the Edgeworth series.
 
     Examples
     --------
@@ -245,11 +303,27 @@ class Prediction:
 
     @property
     def label(self) -> str:
-        """What a person reads on the progress line."""
+        """Short description for the progress line."""
         return f"{self.closure} sigma {self.scene.sigma:.3g}"
 
     def compute(self, blocks: Blocks | None = None) -> Stored:
-        """Follow the closure; raises InputError where the closure cannot take the scene."""
+        """Evaluate the closure.
+
+        Parameters
+        ----------
+        blocks : callable, optional
+            Not used: a closure has no paths.
+
+        Returns
+        -------
+        Stored
+            Section moments, one row for each impact.
+
+        Raises
+        ------
+        InputError
+            If the closure does not cover the scene.
+        """
         started = time.perf_counter()
         prediction = mean_map(self.scene.phase_reduced, impacts=self.impacts, closure=self.closure, order=self.order)
         table = prediction.section
@@ -261,5 +335,15 @@ class Prediction:
         return Stored(table, facts)
 
     def opened(self, stored: Stored) -> Predicted:
-        """The result as it speaks."""
+        """Turn a stored result back into section moments.
+
+        Parameters
+        ----------
+        stored : Stored
+            As `compute` gives it.
+
+        Returns
+        -------
+        Predicted
+        """
         return Predicted(self.closure, stored.table, stored.facts)

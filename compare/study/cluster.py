@@ -1,4 +1,4 @@
-"""The cells of a study on a running Dask cluster, whose workers and scheduler may come and go."""
+"""Computes the cells of a study on a running Dask cluster; workers may join and leave at any time."""
 
 import threading
 import time
@@ -24,45 +24,49 @@ if TYPE_CHECKING:
 __all__ = ["Cluster", "Lost"]
 
 PATIENCE = 15.0
-"""Seconds that a scheduler may take to answer, and a cluster may be without a worker: a nanny starts another sooner."""
-LOOK = 0.2  # seconds between two looks at whether to go on waiting: how soon Ctrl-C and a lost cluster are heard
-WATCH = 1.0  # seconds between two questions to the scheduler, who still works for it
+"""Seconds that a scheduler may take to answer, and that a cluster may have no worker.
+
+Dask's nanny process restarts a worker that has died in less time.
+"""
+LOOK = 0.2  # seconds between two checks for Ctrl-C and for a lost cluster while a result is awaited
+WATCH = 1.0  # seconds between two questions to the scheduler which workers it has
 FETCH = 120.0  # seconds that the results of a task may take through the network
-RETRIES = 3  # of a task that has raised something on its worker, there or on another
+RETRIES = 3  # how often a task that has raised an exception is run again, on any worker
 
 
 class Lost(RattleError):
-    """The cluster is of no more use; the message says why, and what to do."""
+    """The cluster can no longer be used; the message says why, and what to do."""
 
 
 class Foreign(NamedTuple):
-    """What a task gives on a worker whose numbers would not be the same."""
+    """Returned instead of a result by a worker that has another numerical version."""
 
     worker: str
     version: str
 
 
 class Cluster:
-    """Workers of a running Dask cluster; an ensemble is split into parts of `SHARE` blocks, merged here in order.
+    """The workers of a running Dask cluster, used as a context manager.
 
-    Every task carries the numerical version that it was planned with, and a worker of another refuses it: one may join
-    at any time.
+    An ensemble is split into tasks of `SHARE` blocks, whose results are merged here in block order.  Every task
+    carries the numerical version that it was planned with; a worker with another version refuses it, because workers
+    may join at any time.
 
     Parameters
     ----------
     address : str
-        Of the scheduler, as in ``tcp://host:8786``, or ``tls://host:8786`` with the certificates that Dask's
-        configuration names.
+        Address of the scheduler, as in ``tcp://host:8786``, or ``tls://host:8786`` with the certificates named in
+        Dask's configuration.
     patience : float
-        Seconds to wait for an answer of the scheduler, and for a worker where there is none.
+        Seconds to wait for an answer of the scheduler, and for a worker while there is none.
 
     Raises
     ------
     InputError
-        Where the address is none, Dask is not installed, the scheduler does not answer or has no workers, or a worker
-        has another numerical version: its results would not be the same.
+        If the address is malformed, Dask is not installed, the scheduler does not answer or has no workers, or a
+        worker has another numerical version, so that its results would differ.
     Lost
-        Where such a thing happens later.
+        If one of these happens after the start.
     """
 
     def __init__(self, address: str, patience: float = PATIENCE) -> None:
@@ -95,20 +99,28 @@ class Cluster:
         self._close()
 
     def _close(self) -> None:
-        with suppress(Exception):  # of a scheduler that is gone or silent there is nothing to take leave of
+        with suppress(Exception):  # the scheduler may be gone already
             self._client.close(timeout=self.patience)
 
     def stop(self) -> None:
-        """Give up what is in flight."""
+        """Abandon the tasks that are running."""
         self._stopped.set()
 
     def compute(self, cell: Cell) -> Stored:
-        """The result of a cell.
+        """Compute a cell on the cluster.
+
+        Parameters
+        ----------
+        cell : Cell
+
+        Returns
+        -------
+        Stored
 
         Raises
         ------
         Failed
-            If it kills its workers again and again.
+            If its workers have died repeatedly.
         Lost
             If the scheduler or all workers are gone, or a worker has another numerical version.
         """
@@ -140,16 +152,16 @@ class Cluster:
                 waiting.extend(submitted(s) for s in islice(starts, 1))
         finally:
             for future in waiting:
-                future.release()  # what nobody waits for is not begun
+                future.release()  # Dask does not start a task that no client waits for
 
     def _submitted(self, key: str, work: Callable[..., Any], *given: Any) -> "Future":
         try:
             return self._client.submit(checked, numerical_version(), work, *given, key=key, retries=RETRIES)
-        except Exception as error:  # of a client whose connection is lost
+        except Exception as error:  # the client has lost its connection
             raise self._gone(error) from None
 
     def _result(self, future: "Future") -> Any:
-        """What a task gives; raises Stopped or Lost where that is not to be waited for."""
+        """Wait for the result of a task; raises Stopped after an interrupt and Lost without a usable cluster."""
         done = threading.Event()
         future.add_done_callback(lambda _: done.set())
         while not done.wait(LOOK):
@@ -168,7 +180,7 @@ class Cluster:
         return found
 
     def _raised(self, error: BaseException) -> None:
-        """Raise what a task has raised; a worker that cannot run it at all is named instead."""
+        """Raise the exception of a task again, or Lost if a worker cannot run rattle at all."""
         from distributed import KilledWorker
 
         if not isinstance(error, RattleError | KilledWorker):
@@ -179,7 +191,7 @@ class Cluster:
         raise error
 
     def _gone(self, error: BaseException) -> RattleError:
-        """Why the cluster does not go on, in our words."""
+        """The error to raise for a lost connection."""
         if self._stopped.is_set():
             return Stopped("interrupted")
         return Lost(self._lost) if self._lost else self._lasting("no longer answers: start it again")
@@ -191,13 +203,13 @@ class Cluster:
         return InputError("scheduler", self.address, why)
 
     def _watch(self) -> None:
-        """Notice that nobody is left to wait for: Dask would wait for ever."""
+        """Notice a scheduler or workers that are gone, in a thread of its own: Dask itself would wait for ever."""
         seen = time.monotonic()
         while not self._stopped.wait(WATCH):
             try:
                 if self._client.nthreads(callback_timeout=self.patience):
                     seen = time.monotonic()
-            except Exception:  # whatever a client makes of a scheduler that is gone or silent
+            except Exception:  # the kind depends on how the scheduler was lost
                 self._lost = self._lost or str(self._lasting("no longer answers: start it again"))
             if time.monotonic() - seen > self.patience:
                 why = f"has had no workers for {self.patience:.0f} s: start some (dask worker ADDRESS)"
@@ -206,14 +218,14 @@ class Cluster:
                 return
 
     def _check_workers(self) -> None:
-        """Refuse workers whose numbers would not be the same."""
+        """Refuse workers of another numerical version: their results would differ."""
         try:
             versions = self._client.run(numerical_version, on_error="return", callback_timeout=self.patience)
         except (CancelledError, OSError) as error:
             raise self._refused(f"or a worker of it does not answer ({error or type(error).__name__})") from None
         own = numerical_version()
         for worker, version in versions.items():
-            if isinstance(version, BaseException):  # without this package, or with another Python
+            if isinstance(version, BaseException):  # the worker lacks this package, or has another Python
                 why = f"worker {worker} cannot run rattle ({version}); install the same version there"
                 raise self._refused(why)
             if version != own:
@@ -221,7 +233,7 @@ class Cluster:
 
 
 def checked(version: str, work: Callable[..., Any], *given: Any) -> Any:
-    """On a worker: the result of some work, or who refuses it because its numbers would not be those of `version`."""
+    """On a worker: the result of some work, or Foreign if the worker's numerical version is not `version`."""
     from distributed import get_worker
 
     own = numerical_version()
@@ -229,7 +241,7 @@ def checked(version: str, work: Callable[..., Any], *given: Any) -> Any:
 
 
 def run_part(plan: Plan, first: int, end: int) -> list[BlockResult]:
-    """The results of some blocks of a plan, each by itself: they are merged in block order wherever they were run."""
+    """On a worker: the results of blocks `first` to `end`, one each, so that the client can merge them in order."""
     return [run(plan, block)[0] for block in range(first, end)]
 
 

@@ -1,4 +1,4 @@
-"""How a Dask scheduler is reached, and by whom it may be.
+"""The connection to a Dask scheduler, and how to secure it.
 
 A Dask scheduler has no authentication and runs what it is sent: whoever reaches its port can run programs as its
 workers, and whoever runs the scheduler can run programs here, for results come back as pickles.  Use one in a network
@@ -25,12 +25,17 @@ __all__ = ["check_address", "connected", "silence"]
 
 
 def check_address(address: str) -> None:
-    """Refuse an address that is none of a scheduler, by its form.
+    """Check the form of a scheduler's address.
+
+    Parameters
+    ----------
+    address : str
+        ``tcp://HOST:PORT`` or ``tls://HOST:PORT``.
 
     Raises
     ------
     InputError
-        Says what works.
+        If it is neither.
 
     Examples
     --------
@@ -47,29 +52,34 @@ it has certificates
 
 
 def silence() -> None:
-    """Keep Dask's own log off a terminal: what matters of it is said in one line."""
+    """Keep Dask's own log messages off the terminal; errors that matter are raised as one line."""
     with suppress(ModuleNotFoundError):
-        import_module("distributed")  # which sets these levels itself
+        import_module("distributed")  # importing it sets the levels, so they are changed afterwards
     for name in ("distributed", "distributed.client", "tornado.application", "asyncio"):
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
 
 
 def connected(address: str, patience: float) -> "Client":
-    """A client of the scheduler at an address.
+    """Connect to the scheduler at an address.
 
     Parameters
     ----------
     address : str
+        As `check_address` accepts it.
     patience : float
-        Seconds to wait for its answer.
+        Seconds to wait for an answer.
+
+    Returns
+    -------
+    distributed.Client
 
     Raises
     ------
     InputError
-        Where Dask is not installed, the certificates cannot be used, or what is there does not answer as a scheduler.
+        If Dask is not installed, the certificates cannot be used, or no scheduler answers at the address.
     """
     try:
-        from distributed import Client  # nothing of it is loaded before a scheduler is asked for
+        from distributed import Client  # an optional dependency, imported only when a scheduler is asked for
         from distributed.security import Security
     except ModuleNotFoundError:
         raise InputError("scheduler", address, "needs Dask: pip install rattle[cluster]") from None
@@ -82,10 +92,10 @@ def connected(address: str, patience: float) -> "Client":
         why = "needs certificates; name them in Dask's configuration (distributed.comm.tls: ca-file, client.cert, .key)"
         raise InputError("scheduler", address, why)
     try:
-        with ThreadPoolExecutor(1) as pool:  # a notebook's own thread has a loop that runs already
+        with ThreadPoolExecutor(1) as pool:  # the main thread of a notebook already runs an event loop
             pool.submit(asyncio.run, _greeted(address, patience, certificates)).result()
         return Client(address, timeout=patience, set_as_default=False, security=security)
-    except Exception as error:  # whatever Dask makes of what is no scheduler
+    except Exception as error:  # the kind depends on what listens at the port
         raise InputError(
             "scheduler", address,
             f"does not answer ({str(error) or type(error).__name__}); start one with dask scheduler, or leave it out",
@@ -93,7 +103,7 @@ def connected(address: str, patience: float) -> "Client":
 
 
 async def _greeted(address: str, patience: float, certificates: dict[str, Any]) -> None:
-    """Shake hands with a scheduler: Dask itself would wait for ever for who accepts a connection and says nothing."""
+    """Complete the handshake with a scheduler within `patience`: Dask itself would wait for ever for a silent peer."""
     from distributed.comm import connect
 
     async with asyncio.timeout(patience):

@@ -1,4 +1,4 @@
-"""Whether what lies in a study's folder is of the study as it is now."""
+"""Whether the files in a study's folder are complete and belong to the study as it is now."""
 
 import hashlib
 import json
@@ -13,11 +13,22 @@ from rattle.compare.study.tables import MANIFEST, TABLES, damaged
 __all__ = ["FILES", "cells_digest", "is_current"]
 
 FILES = (*(f"{name}.parquet" for name in TABLES), *pages("study"))
-"""What a finished study's manifest vouches for."""
+"""Files whose digests the manifest of a finished study holds."""
 
 
 def is_current(study: Study, folder: Path) -> dict[str, Any] | None:
-    """The record of what is in a folder, if it is of this study and all of its cells; else None."""
+    """Read the manifest of a folder, if it belongs to this study and covers all of its cells.
+
+    Parameters
+    ----------
+    study : Study
+    folder : Path
+
+    Returns
+    -------
+    dict or None
+        The manifest; None if the folder is missing, damaged, incomplete, or of another study or version.
+    """
     try:
         record: dict[str, Any] = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
@@ -28,11 +39,21 @@ def is_current(study: Study, folder: Path) -> dict[str, Any] | None:
         return None
     try:
         return record if not damaged(folder, record, FILES) else None
-    except OSError:  # what cannot be read is written again, from the cells
+    except OSError:  # a file that cannot be read is written again, from the cells
         return None
 
 
 def cells_digest(study: Study) -> str:
-    """Digest of the study's file and of the keys of its cells."""
+    """Compute a digest of the study's file and of the keys of its cells.
+
+    Parameters
+    ----------
+    study : Study
+
+    Returns
+    -------
+    str
+        SHA-256, hexadecimal.
+    """
     keys = ",".join(sorted(cell.key for cell in study.cells))
     return hashlib.sha256(f"{study.digest} {keys}".encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""A study as it is asked for: a scene, what varies, what is simulated, and which closures are held against it."""
+"""The design of a study: a scene, the axes, the settings of the simulation, and the closures compared with it."""
 
 import hashlib
 import math
@@ -36,11 +36,11 @@ class Point:
     coordinates : dict
         Value of each field that varies.
     sample : Sample or None
-        The ensemble; None where the scene or the settings cannot be simulated.
+        The ensemble; None if the scene or the settings cannot be simulated.
     predictions : tuple of Prediction
-        The closures that can take the scene.
+        One for each closure that covers the scene.
     reasons : dict of str to str
-        Why something is missing: ``scene``, ``sample``, or the closure, and what was said.
+        The error message for everything that is missing, under ``scene``, ``sample`` or the name of the closure.
     """
 
     coordinates: dict[str, Any]
@@ -50,7 +50,7 @@ class Point:
 
     @property
     def cells(self) -> tuple[Cell, ...]:
-        """What has to be computed: nothing where the ensemble cannot be, for there is nothing to compare."""
+        """Cells to compute; none without an ensemble, since a prediction alone cannot be judged."""
         return (self.sample, *self.predictions) if self.sample else ()
 
 
@@ -61,20 +61,22 @@ class Study:
     Parameters
     ----------
     base : dict
-        The scene as `Scene.to_dict` gives it, without a start where the scene's own is to follow its gaps.
+        The scene as `Scene.to_dict` gives it; without ``start`` if the default start is to follow the gaps.
     axes : tuple of Axis
     closures : tuple of str
+        Names in `rattle.closure.CLOSURES`.
     impacts, order : int
+        Impacts that are followed, and order of the Edgeworth series.
     settings : dict
-        ``scheme, paths, accuracy, dt, seed``, where no axis has them.
+        Those of ``scheme, paths, accuracy, dt, seed`` that do not vary.
     common_noise : bool
-        The same random numbers at every point, so that differences along an axis have small errors; otherwise each
-        point has its own.
+        Whether all points use common random numbers, which makes the errors of differences along an axis small;
+        otherwise every point has a seed of its own.
     within : Tolerances
-        What counts as accurate.
+        Errors up to which a mean or an sd counts as accurate.
     title : str
     text : str
-        The file that it was read from.
+        Content of the file that the study was read from.
 
     Examples
     --------
@@ -109,18 +111,43 @@ class Study:
 
     @classmethod
     def load(cls, path: str | Path) -> "Study":
-        """A study from a TOML file.
+        """Read a study from a TOML file.
+
+        Parameters
+        ----------
+        path : str or Path
+
+        Returns
+        -------
+        Study
 
         Raises
         ------
         InputError
-            Names the key, its value and the remedy.
+            If a key or a value is wrong; the message names it.
+        FileError
+            If the file cannot be read.
         """
         return cls.from_toml(read_text("study file", path))
 
     @classmethod
     def from_toml(cls, text: str) -> "Study":
-        """A study from TOML text: ``[study]``, a scene as in a scene file, and ``[[axes]]``."""
+        """Read a study from TOML text.
+
+        Parameters
+        ----------
+        text : str
+            Tables ``[study]``, a scene as in a scene file, and ``[[axes]]`` (see `read_axes`).
+
+        Returns
+        -------
+        Study
+
+        Raises
+        ------
+        InputError
+            If a key or a value is wrong; the message names it.
+        """
         data = read_toml(text)
         known_keys("top level", data, ("study", "gears", "scene", "axes"))
         wanted = data.get("study", {})
@@ -150,12 +177,12 @@ class Study:
 
     @cached_property
     def points(self) -> tuple[Point, ...]:
-        """The grid, the last axis running fastest.
+        """The points of the grid, the last axis running fastest.
 
         Raises
         ------
         InputError
-            If not one point can be simulated.
+            If no point can be simulated.
         """
         found = tuple(self._point(coordinates) for coordinates in combinations(self.axes))
         if not any(p.sample for p in found):
@@ -165,16 +192,26 @@ class Study:
 
     @property
     def size(self) -> int:
-        """Points of the grid."""
+        """Number of grid points."""
         return math.prod(len(axis.values) for axis in self.axes)
 
     @property
     def scenes(self) -> int:
-        """Scenes of the grid: points that differ in nothing but settings of the simulation share one."""
+        """Number of different scenes: points that differ only in settings of the simulation share one."""
         return math.prod(len(axis.values) for axis in self.axes if not set(axis.names) <= set(SETTINGS))
 
     def some_points(self, most: int) -> tuple[Point, ...]:
-        """All points of a small grid; `most` of a larger one, at random but always the same."""
+        """Give all points of a small grid, or a fixed random sample of a larger one.
+
+        Parameters
+        ----------
+        most : int
+            Largest number of points.
+
+        Returns
+        -------
+        tuple of Point
+        """
         if self.size <= most:
             return self.points
         numbers = sorted(random.Random(0).sample(range(self.size), most))
@@ -182,7 +219,7 @@ class Study:
 
     @cached_property
     def cells(self) -> list[Cell]:
-        """What has to be computed, each once."""
+        """The cells of all points, without duplicates."""
         return list({cell.key: cell for point in self.points for cell in point.cells}.values())
 
     def _point(self, coordinates: dict[str, Any]) -> Point:
@@ -211,7 +248,7 @@ class Study:
 
 
 def _placed(base: dict[str, Any], coordinates: Mapping[str, Any]) -> dict[str, Any]:
-    """The scene's table with other values; a dotted name is a field of a table within."""
+    """The scene's table with values replaced; a dotted name is a field of a nested table."""
     out = {name: dict(value) if isinstance(value, dict) else value for name, value in base.items()}
     for name, value in coordinates.items():
         part, _, field = name.partition(".")
@@ -227,7 +264,7 @@ def _checked(sample: Sample) -> Sample:
     kind = SCHEMES[scheme]
     if sample.accuracy is not None:
         positive("accuracy", sample.accuracy)
-    biased = kind.weak_order is not None
+    biased = kind.has_step_bias
     dt = default_step(sample.scene, scheme, biased) if sample.dt is None else sample.dt
     check_settings(
         sample.scene, paths=1 if sample.paths is None else sample.paths, impacts=sample.impacts, dt=dt,

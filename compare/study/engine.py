@@ -1,4 +1,4 @@
-"""Runs what is missing of a study: every cell once, whatever happens on the way."""
+"""Computes the missing cells of a study, each once, even if several processes share the work or one is interrupted."""
 
 import time
 from collections.abc import Callable
@@ -18,27 +18,27 @@ from rattle.scene.errors import InputError
 __all__ = ["Outcome", "missing", "run"]
 
 CHANGED = "its file has changed while it ran; what is finished is kept: run the command again"
-LOOK = 0.2  # seconds between two looks at the threads: how soon Ctrl-C is heard
+LOOK = 0.2  # seconds between two checks of the threads: the longest delay of Ctrl-C
 
 
 class Work(NamedTuple):
-    """What a thread brings back: a result, unless another process is at work on it, and whether it was made here."""
+    """What a thread returns: the result (None while another process computes it), and whether it was computed here."""
 
     found: Stored | None
     here: bool
 
 
 class Outcome(NamedTuple):
-    """What a run did.
+    """Summary of a run.
 
     Attributes
     ----------
     computed : int
-        Cells that were computed by this run; others may have come from another process meanwhile.
+        Cells that this run has computed; others may come from another process.
     failed : dict of str to str
-        Why a cell could not be computed, by key.
+        Error message of each cell that could not be computed, by key.
     wall_seconds, cell_seconds : float
-        Time the run took, and the sum of the cells' own times.
+        Wall time of the run, and the sum of the times of its cells.
     """
 
     computed: int
@@ -48,7 +48,17 @@ class Outcome(NamedTuple):
 
 
 def missing(study: Study, store: Store) -> list[Cell]:
-    """Cells that are not there yet."""
+    """List the cells that are not in the store.
+
+    Parameters
+    ----------
+    study : Study
+    store : Store
+
+    Returns
+    -------
+    list of Cell
+    """
     return [cell for cell in study.cells if not store.path(cell.key).exists()]
 
 
@@ -61,33 +71,37 @@ def run(
     ----------
     study : Study
     store : Store
-        Where results are kept; several processes may work on one.
+        Where results are kept; several processes may use the same one.
     place : Place
-        Where cells are computed.
+        Threads of this process, or a cluster.
     show : bool
-        Draw a progress line on a terminal.
+        Whether to draw a progress line on a terminal.
     unchanged : callable
-        Whether the study is still what was asked for; asked between cells.
+        Called between cells; false if the study's file has changed, which ends the run.
+
+    Returns
+    -------
+    Outcome
 
     Raises
     ------
     KeyboardInterrupt
-        With a text that says how far the study is and how to go on.
+        After Ctrl-C; the text says how many cells are finished.
     InputError
-        If the study has changed meanwhile.
+        If the study's file has changed meanwhile.
     OutputError
-        If a result cannot be kept.
+        If a result cannot be stored.
     """
     store.sweep()
     todo = {cell.key: cell for cell in study.cells if kept(store, cell) is None}
-    there = len(study.cells) - len(todo)
+    stored = len(study.cells) - len(todo)
     started = time.perf_counter()
     failed: dict[str, str] = {}
     work = {key: core_seconds(cell) for key, cell in todo.items()}
-    with place, Progress(work, there, store.folder.parent, show) as progress, _threads(place.threads) as pool:
+    with place, Progress(work, stored, store.folder.parent, show) as progress, _threads(place.threads) as pool:
         running: dict[Future[Work], Cell] = {}
         waiting, others = list(todo.values()), Waiting(store.lock, progress.waits)
-        elsewhere: list[Cell] = []  # in other hands, to be looked at again when nothing else is left
+        elsewhere: list[Cell] = []  # being computed by other processes; tried again when nothing else is left
         try:
             while waiting or running or elsewhere:
                 while waiting and len(running) < place.threads:
@@ -95,7 +109,7 @@ def run(
                     progress.begun(cell)
                     running[pool.submit(_work, store, cell, place)] = cell
                 done, _ = wait(running, timeout=LOOK, return_when=FIRST_COMPLETED)
-                elsewhere += _gathered(done, running, progress, failed)
+                elsewhere += _collected(done, running, progress, failed)
                 if elsewhere and not waiting and not running:
                     others.pause(elsewhere)
                     waiting, elsewhere = elsewhere, []
@@ -125,10 +139,10 @@ def _threads(count: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(count, thread_name_prefix="cell")
 
 
-def _gathered(
+def _collected(
     done: set[Future[Work]], running: dict[Future[Work], Cell], progress: Progress, failed: dict[str, str]
 ) -> list[Cell]:  # fmt: skip
-    """Take note of what is done; the cells that others are at work on are given back."""
+    """Record finished and failed cells; return those that other processes are computing."""
     elsewhere = []
     for future in done:
         cell = running.pop(future)

@@ -1,4 +1,4 @@
-"""What a study will take, before anything runs: seconds and memory, and how far more cores would carry."""
+"""Cost of a study before it runs: core seconds, wall time, memory, and the speed-up of more cores."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -20,17 +20,25 @@ from rattle.scene.scene import Scene
 __all__ = ["Estimate", "calibrated", "core_seconds", "estimate", "scaling"]
 
 CLOSURE_SECONDS = {"published": 0.005, "corrected": 0.0005, "saltation": 0.001, "branching": 0.9}
-"""Of twelve impacts, compiled; measured on DAT21."""
-FLIGHT = 0.5  # time between impacts where the orbit does not tell
-FINEST = 1e-100  # accuracy that is told from finer ones
+"""Seconds for twelve impacts once compiled, measured on DAT21."""
+FLIGHT = 0.5  # assumed time between impacts after the noise-free orbit has ended
+FINEST = 1e-100  # smallest accuracy that the estimate uses, so that its square does not underflow
 BASE_MEGABYTES = 330.0  # interpreter, libraries and machine code
-LEVEL_WORK = 1.75  # steps of dt, 2 dt and 4 dt together, in units of those of dt
-TASK_SECONDS = 0.0035  # of an empty task, measured with scheduler, workers and client on two cores: an upper bound
-MERGE_SECONDS = 110e-6  # that the client takes to merge a block, measured
+LEVEL_WORK = 1.75  # steps at dt, 2 dt and 4 dt (one Brownian path, Richardson extrapolation), relative to dt alone
+TASK_SECONDS = 0.0035  # scheduling of an empty task, measured with scheduler, workers and client on two cores
+MERGE_SECONDS = 110e-6  # measured time in which the client merges one block
 
 
 class Estimate(NamedTuple):
-    """What the cells that are missing will take."""
+    """Estimated cost of cells.
+
+    Attributes
+    ----------
+    core_seconds, wall_seconds : float
+        Seconds of one core, and seconds on the given number of threads.
+    megabytes : float
+        Memory of this process.
+    """
 
     core_seconds: float
     wall_seconds: float
@@ -38,7 +46,17 @@ class Estimate(NamedTuple):
 
 
 def core_seconds(cell: Cell) -> float:
-    """Nominal seconds of one core for a cell; heavy tails can make an accuracy cost many times as much.
+    """Estimate the seconds of one core for a cell.
+
+    For a cell with an accuracy the estimate assumes Gaussian tails; heavy tails can cost many times as much.
+
+    Parameters
+    ----------
+    cell : Cell
+
+    Returns
+    -------
+    float
 
     Examples
     --------
@@ -51,7 +69,7 @@ def core_seconds(cell: Cell) -> float:
         return CLOSURE_SECONDS[cell.closure] * cell.impacts / 12.0
     assert isinstance(cell, Sample)
     kind = SCHEMES[cell.scheme]
-    exact = kind.weak_order is None
+    exact = not kind.has_step_bias
     dt = cell.settings["dt"] or default_step(cell.scene, cell.scheme, not exact)
     paths = computed(cell.scene, _paths(cell))
     steps = _duration(cell.scene, cell.impacts) / dt * (1.0 if exact else LEVEL_WORK)
@@ -69,7 +87,18 @@ def _duration(scene: Scene, impacts: int) -> float:
 
 
 def calibrated(expected: Mapping[str, float], taken: Mapping[str, float]) -> float:
-    """How many times longer than expected the finished cells have taken (median); 1 where there are none."""
+    """Compute the factor by which finished cells have taken longer than estimated.
+
+    Parameters
+    ----------
+    expected, taken : mapping of str to float
+        Estimated and measured seconds by key.
+
+    Returns
+    -------
+    float
+        Median ratio; 1 if no cell is finished.
+    """
     ratios = [taken[key] / expected[key] for key in taken if expected.get(key, 0.0) > 0.0]
     return float(np.median(ratios)) if ratios else 1.0
 
@@ -79,7 +108,21 @@ def _once(cell: Cell) -> float:
 
 
 def estimate(cells: Sequence[Cell], workers: int, times: Callable[[Cell], float] = _once) -> Estimate:
-    """What cells will take on so many threads; each stands for so many like it."""
+    """Estimate the cost of cells.
+
+    Parameters
+    ----------
+    cells : sequence of Cell
+        All cells, or a sample of them.
+    workers : int
+        Threads.
+    times : callable
+        For each cell, how many cells of the study it represents; 1 by default.
+
+    Returns
+    -------
+    Estimate
+    """
     seconds = [core_seconds(c) for c in cells]
     work = sum(times(c) * s for c, s in zip(cells, seconds, strict=True))
     longest = max((s for c, s in zip(cells, seconds, strict=True) if isinstance(c, Prediction)), default=0.0)
@@ -88,16 +131,28 @@ def estimate(cells: Sequence[Cell], workers: int, times: Callable[[Cell], float]
 
 
 def _copies(sample: Sample) -> int:
-    return 2 if SCHEMES[sample.scheme].weak_order is None else 3
+    return 2 if not SCHEMES[sample.scheme].has_step_bias else 3
 
 
 def scaling(cells: Sequence[Cell], factor: float = 1.0, times: Callable[[Cell], float] = _once) -> pd.DataFrame:
-    """What more cores would do for these cells, at `factor` times the nominal time, and what would limit them.
+    """Estimate the wall time of cells on 1 to 10 000 cores of a cluster, and what limits it.
 
-    Columns: ``cores``, ``wall_seconds``, ``efficiency`` and ``limit``: the cores themselves, the longest piece of work
-    that cannot be split, the scheduler (3.5 ms a task) or the client that merges blocks.
+    Parameters
+    ----------
+    cells : sequence of Cell
+    factor : float
+        Measured over estimated seconds, see `calibrated`.
+    times : callable
+        For each cell, how many cells of the study it represents; 1 by default.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``cores``, ``wall_seconds``, ``efficiency`` (speed-up over cores) and ``limit``: ``cores``,
+        ``longest task`` (work that cannot be split), ``scheduler`` (3.5 ms a task) or ``merging`` (of blocks, by the
+        client).
     """
-    work = tasks = blocks = longest = 0.0  # added up: a single cell may have a million blocks
+    work = tasks = blocks = longest = 0.0  # sums only: a single cell may have a million blocks
     for cell in cells:
         seconds, pieces = factor * core_seconds(cell), 1
         if isinstance(cell, Sample):

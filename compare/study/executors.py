@@ -1,6 +1,4 @@
-"""Where the cells of a study are computed: on threads of this process here, on a cluster in
-`rattle.compare.study.cluster`.
-"""
+"""Executors of cells: threads of this process; for a Dask cluster see `rattle.compare.study.cluster`."""
 
 import threading
 from collections.abc import Iterator
@@ -16,41 +14,47 @@ from rattle.scene.errors import RattleError
 __all__ = ["SHARE", "Failed", "Here", "Place", "Stopped", "stoppable"]
 
 SHARE = 64
-"""Blocks of one task on a cluster: about a second of exact flights, long beside what the scheduler takes for a task."""
+"""Blocks of one cluster task: about a second of exact flights, against 3.5 ms of scheduling."""
 
 
 class Stopped(RattleError):
-    """The study was interrupted; what was in flight is given up."""
+    """The study was interrupted; unfinished blocks are abandoned."""
 
 
 class Failed(RattleError):
-    """One cell cannot be computed at this place; the others go on."""
+    """One cell cannot be computed by this executor; the others are still computed."""
 
 
 class Place(Protocol):
-    """Where cells are computed."""
+    """An executor of cells, used as a context manager; `threads` cells are computed at a time."""
 
     threads: int
 
     def compute(self, cell: Cell) -> Stored:
-        """The result of a cell."""
+        """Compute a cell."""
         ...
 
     def stop(self) -> None:
-        """Give up what is in flight."""
+        """Abandon the blocks that are running."""
         ...
 
     def __enter__(self) -> Self:
-        """Get ready."""
+        """Start threads or connect to the cluster."""
         ...
 
     def __exit__(self, *what: object) -> None:
-        """Let go."""
+        """End threads or close the connection."""
         ...
 
 
 class Here:
-    """Threads of this process; cells in flight share them, so that the last cell uses all."""
+    """Executes cells on threads of this process; all cells share one pool, so that the last cell uses every thread.
+
+    Parameters
+    ----------
+    workers : int
+        Threads.
+    """
 
     def __init__(self, workers: int) -> None:
         self.threads = workers
@@ -64,16 +68,43 @@ class Here:
         self._pool.shutdown(wait=True, cancel_futures=True)
 
     def compute(self, cell: Cell) -> Stored:
-        """The result of a cell."""
+        """Compute a cell.
+
+        Parameters
+        ----------
+        cell : Cell
+
+        Returns
+        -------
+        Stored
+
+        Raises
+        ------
+        Stopped
+            If `stop` is called meanwhile.
+        """
         return cell.compute(stoppable(in_pool(self._pool, self.threads), self._stopped))
 
     def stop(self) -> None:
-        """Give up what is in flight, after the blocks that run."""
+        """Abandon the cells that are running as soon as their current blocks have ended."""
         self._stopped.set()
 
 
 def stoppable(blocks: Blocks, stopped: threading.Event) -> Blocks:
-    """The same blocks; raises Stopped between two of them once it is asked for."""
+    """Wrap a runner of blocks so that it can be stopped between two blocks.
+
+    Parameters
+    ----------
+    blocks : callable
+        Runs the blocks of a plan and yields their results.
+    stopped : threading.Event
+        Set to stop.
+
+    Returns
+    -------
+    callable
+        Yields the same results; raises Stopped once the event is set.
+    """
 
     def until_stopped(plan: Plan, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:
         for result in blocks(plan, first):

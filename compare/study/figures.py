@@ -1,4 +1,4 @@
-"""What a study answers, drawn over the field that varies first."""
+"""Figures of a study: its tables drawn over the first field that varies."""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
@@ -17,14 +17,14 @@ __all__ = ["FIGURES", "panels"]
 
 GREEK = {"sigma": r"noise intensity $\sigma$", "alpha": r"excitation $\alpha$", "epsilon": r"restitution $\varepsilon$"}
 SHADES = ("#440154", "#31688E", "#35B779", "#C7B700")
-"""Four of viridis' colours, dark enough for lines: impacts, in order."""
+"""Line colours of up to four impacts, in order (from viridis)."""
 MOMENT_STYLE: Any = {"mean": {"color": "#0072B2", "marker": "o"}, "sd": {"color": "#D55E00", "marker": "s"}}
 BAND = 0.2  # opacity of an interval
-FLOOR = 1e-4  # of a logarithmic error axis, in sds
+FLOOR = 1e-4  # lower end of a logarithmic error axis, in sds
 
 
 def axis_label(name: str) -> str:
-    """What is written along the axis of a field."""
+    """Axis label of a field."""
     return GREEK.get(name, name)
 
 
@@ -34,7 +34,7 @@ def _shown(impacts: int) -> list[int]:
 
 
 def _along(ax: Axes, name: str, values: Sequence[float]) -> None:
-    """Scale and label of the field's axis: logarithmic where values reach over more than a decade."""
+    """Label the axis of a field, and make it logarithmic if the values span more than a decade."""
     ax.set_xlabel(axis_label(name))
     if len(values) and min(values) > 0.0 and max(values) / min(values) > 10.0:
         ax.set_xscale("log")
@@ -42,7 +42,7 @@ def _along(ax: Axes, name: str, values: Sequence[float]) -> None:
 
 
 def errors(r: Results, rows: pd.DataFrame) -> Figure:
-    """Largest error of each closure at some impacts over the field, with its interval: means above, sds below."""
+    """Draw the largest error of each closure at some impacts, with its interval: means above, sds below."""
     name, shown = r.along, _shown(r.study.impacts)
     figure, axes = new_figure(2.6 * len(shown) + 0.8, 5.6, 2, len(shown))
     judged = rows[rows["judged"] & (rows["verdict"] != "not predicted")]
@@ -70,7 +70,7 @@ def errors(r: Results, rows: pd.DataFrame) -> Figure:
 
 
 def _worst(rows: pd.DataFrame, name: str) -> pd.DataFrame:
-    """The row with the largest error in sds at each value of a field, and the interval of its size."""
+    """The row with the largest absolute error in sds at each value of a field, with the interval of that error."""
     size = (rows["error"] / rows["unit"]).abs().fillna(0.0)
     half = 0.5 * (rows["high"] - rows["low"]) / rows["unit"]
     table = rows.assign(size=size, least=(size - half).clip(lower=0.0), most=size + half)
@@ -78,7 +78,7 @@ def _worst(rows: pd.DataFrame, name: str) -> pd.DataFrame:
 
 
 def validity(r: Results, rows: pd.DataFrame) -> Figure:
-    """How far each closure holds over the first k impacts: accurate up to, and not shown wrong up to."""
+    """Draw the range of validity over the first k impacts: where each closure is accurate, and not shown wrong."""
     figure, (ax,) = new_figure(8.0, 3.8, 1, 1)
     name, values = r.along, [float(v) for v in pd.unique(r.errors[r.along])]
     for closure, group in rows.groupby("closure", sort=False):
@@ -104,7 +104,7 @@ def validity(r: Results, rows: pd.DataFrame) -> Figure:
 
 
 def correlation(r: Results, rows: pd.DataFrame) -> Figure:
-    """Share of a closure's impacts at which its correlation is invalid, and its largest size."""
+    """Draw the share of a closure's impacts at which its correlation is invalid, and the largest |rho|."""
     figure, axes = new_figure(8.0, 3.4, 1, 2)
     name = r.along
     for closure, group in rows.groupby("closure", sort=False):
@@ -124,7 +124,7 @@ def correlation(r: Results, rows: pd.DataFrame) -> Figure:
 
 
 def _wilson(k: int, n: int) -> tuple[float, float]:
-    """Wilson's 95 % interval of a share k / n; one path that stands for all, where nothing is random, is no sample."""
+    """Wilson's 95 % interval of a share k / n; without noise one path represents all, and k = 0 or 1 is exact."""
     if n <= 1:
         return (float(k), float(k)) if n else (0.0, 1.0)
     low, high = binomtest(k, n).proportion_ci(method="wilson")
@@ -132,7 +132,7 @@ def _wilson(k: int, n: int) -> tuple[float, float]:
 
 
 def agreement(r: Results, rows: pd.DataFrame) -> Figure:
-    """Share of paths that are still on the noise-free itinerary, with Wilson's 95 % interval."""
+    """Draw the share of paths that are still on the noise-free itinerary, with Wilson's 95 % interval."""
     figure, (ax,) = new_figure(6.2, 3.8, 1, 1)
     name = r.along
     part = rows[(rows["quantity"] == "tau") & (rows["moment"] == "mean")]
@@ -150,7 +150,7 @@ def agreement(r: Results, rows: pd.DataFrame) -> Figure:
 
 
 def sections(r: Results, rows: pd.DataFrame) -> Figure:
-    """Sd and skewness at some impacts, impact rate and energy loss over the field, with 95 % intervals."""
+    """Draw sd and skewness at some impacts, impact rate and energy loss, with 95 % intervals."""
     figure, axes = new_figure(11.0, 5.8, 2, 3)
     name = r.along
     panels = [
@@ -178,14 +178,14 @@ def sections(r: Results, rows: pd.DataFrame) -> Figure:
 
 
 def paired(r: Results, rows: pd.DataFrame) -> Figure:
-    """How much smaller common noise makes the error of a difference between neighbours, for means and sds."""
+    """Draw the gain of common random numbers: independent over paired standard error of a difference of neighbours."""
     figure, (ax,) = new_figure(6.2, 3.6, 1, 1)
     name = r.along
     part = rows[(rows["se"] > 0.0) & (rows["se_independent"] > 0.0)]
     part = part.assign(gain=part["se_independent"] / part["se"], middle=0.5 * (part["from"] + part["to"]))
     for moment, style in MOMENT_STYLE.items():
         known = part[part["moment"] == moment]
-        if known.empty:  # too few batches to tell an error
+        if known.empty:  # too few batches for a standard error
             continue
         gains = known.groupby("middle")["gain"].quantile([0.1, 0.5, 0.9]).unstack()
         ax.plot(gains.index, gains[0.5], lw=1.4, ms=4, label=f"{moment}s: median, 10 to 90 %", **style)
@@ -200,7 +200,7 @@ def paired(r: Results, rows: pd.DataFrame) -> Figure:
 
 
 def cost(r: Results, rows: pd.DataFrame) -> Figure:
-    """Seconds of each cell over the field."""
+    """Draw the seconds of each cell."""
     figure, (ax,) = new_figure(6.2, 3.8, 1, 1)
     name = r.along
     for what, group in rows.groupby("what", sort=False):
@@ -214,7 +214,7 @@ def cost(r: Results, rows: pd.DataFrame) -> Figure:
 
 
 class Drawing(NamedTuple):
-    """How a table becomes a figure."""
+    """A figure: the function that draws it, the table of `Results` that it needs, and its title."""
 
     draw: Callable[[Results, pd.DataFrame], Figure]
     table: str
@@ -222,7 +222,7 @@ class Drawing(NamedTuple):
 
 
 FIGURES = {
-    "validity": Drawing(validity, "validity", "How far all means and sds of the first impacts are accurate"),
+    "validity": Drawing(validity, "validity", "Range of validity, for all means and sds of the first impacts"),
     "errors": Drawing(errors, "errors", "Largest error of each closure, with its interval"),
     "agreement": Drawing(agreement, "sections", "Itinerary agreement"),
     "sections": Drawing(sections, "sections", "Section sds, skewness, impact rate and impact energy"),
@@ -230,11 +230,27 @@ FIGURES = {
     "paired": Drawing(paired, "paired", "What common random numbers save"),
     "cost": Drawing(cost, "cost", "Cost of each cell"),
 }
-"""Figures by name, and the table of `Results` that each draws."""
+"""All figures by name."""
 
 
 def panels(r: Results, table: pd.DataFrame, most: int = 6) -> Iterable[tuple[dict[str, Any], pd.DataFrame]]:
-    """Parts of a table with the fields beside the first fixed, at most so many of them."""
+    """Split a table into parts in which all fields but the first that varies are fixed, one for each figure.
+
+    Parameters
+    ----------
+    r : Results
+    table : DataFrame
+        A table of `r`.
+    most : int
+        Largest number of parts; further ones are left out.
+
+    Yields
+    ------
+    fixed : dict
+        Values of the fixed fields.
+    part : DataFrame
+        The rows with these values.
+    """
     others = r.others
     if not others:
         yield {}, table

@@ -1,4 +1,4 @@
-"""What a study lacks, and why: one line for each reason, however many points it holds for."""
+"""What a study could not compute, and why: one line for each reason, however many points share it."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -10,22 +10,22 @@ __all__ = ["Lack", "lacking"]
 
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?")
 NAMES = {"scene": "the scene", "sample": "the simulation"}
-"""What a point's reasons are of, where it is no closure."""
+"""Names for readers of those keys of `Point.reasons` that are not closures."""
 
 
 class Lack(NamedTuple):
-    """Something that cannot be computed at some points, for one reason but for the numbers in it.
+    """Something that cannot be computed at some points; their error messages differ at most in numbers.
 
     Attributes
     ----------
     what : str
         The scene, the simulation, or a closure.
     why : str
-        What was said at the first of the points: field, value and remedy.
+        Error message at the first of the points: field, value and remedy.
     points, of : int
-        At how many, and how many there are.
+        Number of points concerned, and number of all points.
     first : dict
-        Coordinates of the first.
+        Coordinates of the first point concerned.
     """
 
     what: str
@@ -36,22 +36,26 @@ class Lack(NamedTuple):
 
     @property
     def where(self) -> str:
-        """The first of the points."""
+        """Coordinates of the first point concerned, as text."""
         return ", ".join(f"{name} = {value}" for name, value in self.first.items()) or "the only point"
 
     def __str__(self) -> str:
-        """One sentence."""
+        """Describe the failure in one sentence."""
         return f"{self.what} cannot be computed at {self.points} of {self.of} points, first at {self.where}: {self.why}"
 
 
 def lacking(points: Sequence[Point], failed: Mapping[str, str]) -> list[Lack]:
-    """What cannot be computed at the points of a study.
+    """Group the error messages of a study's points by their reason.
 
     Parameters
     ----------
     points : sequence of Point
-    failed : mapping
-        Why a cell could not be computed after all, by key.
+    failed : mapping of str to str
+        Error messages of cells whose computation was tried and failed, by key.
+
+    Returns
+    -------
+    list of Lack
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""One result: found in the store, or computed and kept there, by one process at a time."""
+"""Obtains one result: read from the store, or computed and stored by one process at a time."""
 
 from collections.abc import Callable
 
@@ -9,7 +9,7 @@ from rattle.compare.study.waiting import Waiting, aloud
 __all__ = ["Compute", "attempt", "kept", "obtain"]
 
 Compute = Callable[[Cell], Stored]
-"""Where a cell is computed: here, by default."""
+"""Computes a cell; in this thread by default."""
 
 
 def _here(cell: Cell) -> Stored:
@@ -17,12 +17,22 @@ def _here(cell: Cell) -> Stored:
 
 
 def kept(store: Store, cell: Cell) -> Stored | None:
-    """A cell's result, where it is there; what is stored in its place but is no result of its kind is set aside.
+    """Read a cell's result from the store; a file of that name with another content is moved aside.
+
+    Parameters
+    ----------
+    store : Store
+    cell : Cell
+
+    Returns
+    -------
+    Stored or None
+        None if there is no result.
 
     Raises
     ------
     OutputError
-        If the system does not let it be read; then it stays where it is.
+        If the operating system does not let the file be read; it is not moved then.
     """
     found = store.read(cell.key)
     if found is None:
@@ -39,14 +49,26 @@ def kept(store: Store, cell: Cell) -> Stored | None:
 
 
 def attempt(store: Store, cell: Cell, compute: Compute = _here) -> Stored | None:
-    """A cell's result; None where another process or thread is at work on it.
+    """Read or compute a cell's result, unless another process or thread is computing it.
+
+    Parameters
+    ----------
+    store : Store
+    cell : Cell
+    compute : callable
+        Computes the cell if it is not stored.
+
+    Returns
+    -------
+    Stored or None
+        None while another process or thread computes the cell.
 
     Raises
     ------
     InputError
-        If the cell's scene cannot be computed.
+        If the cell cannot be computed.
     OutputError
-        If the result cannot be kept, or one that is there cannot be read.
+        If the result cannot be stored, or a stored one cannot be read.
     """
     found = kept(store, cell)
     if found is not None:
@@ -54,7 +76,7 @@ def attempt(store: Store, cell: Cell, compute: Compute = _here) -> Stored | None
     with store.alone(cell.key) as alone:
         if not alone:
             return None
-        found = kept(store, cell)  # another process may have ended in this moment
+        found = kept(store, cell)  # another process may have stored it just before the lock was taken
         if found is None:
             found = compute(cell)
             store.write(cell.key, found.table, found.facts)
@@ -62,7 +84,27 @@ def attempt(store: Store, cell: Cell, compute: Compute = _here) -> Stored | None
 
 
 def obtain(store: Store, cell: Cell, compute: Compute = _here, say: Callable[[str], object] = aloud) -> Stored:
-    """A cell's result; waits where another process is at work on it, says for whom, and goes on when that one ends.
+    """Read or compute a cell's result, waiting for another process that computes it.
+
+    Parameters
+    ----------
+    store : Store
+    cell : Cell
+    compute : callable
+        Computes the cell if it is not stored.
+    say : callable
+        Prints a line that names the process that is waited for; to standard error by default.
+
+    Returns
+    -------
+    Stored
+
+    Raises
+    ------
+    InputError
+        If the cell cannot be computed.
+    OutputError
+        If the result cannot be stored, or a stored one cannot be read.
 
     Examples
     --------

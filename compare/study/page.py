@@ -1,4 +1,4 @@
-"""What a study leaves in its folder beside the cells: tables, figures, a page, and where it all comes from."""
+"""Writes the output of a study next to its cells: tables, figures, a page, and a manifest with their provenance."""
 
 import hashlib
 import os
@@ -27,9 +27,9 @@ from rattle.scene.errors import OutputError
 __all__ = ["answer", "write_page"]
 
 SMALL = ("correlation", "validity", "cost", "reasons")
-"""Tables that are written as CSV too."""
+"""Small tables, written as CSV in addition to Parquet."""
 
-FEW = 4  # distinct ranges of validity of a closure that the answer lists one by one
+FEW = 4  # up to so many different ranges of validity of a closure are listed one by one in the answer
 
 
 def _digest(table: pd.DataFrame) -> str:
@@ -37,7 +37,17 @@ def _digest(table: pd.DataFrame) -> str:
 
 
 def answer(r: Results) -> list[str]:
-    """What the study says, in a few sentences."""
+    """Summarise a study in a few sentences.
+
+    Parameters
+    ----------
+    r : Results
+
+    Returns
+    -------
+    list of str
+        Range of validity of each closure over all impacts, and the itinerary agreement after the last.
+    """
     sentences = []
     table, impacts = r.validity, r.study.impacts
     if not table.empty:
@@ -45,7 +55,7 @@ def answer(r: Results) -> list[str]:
         values = r.errors[name]
         sentences = [
             f"Every section mean and sd of {impacts} impacts, {name} from {values.min():.4g} to {values.max():.4g}:",
-            *(f"{closure}: {_held(r, rows)}." for closure, rows in last.groupby("closure", sort=False)),
+            *(f"{closure}: {_range_in_words(r, rows)}." for closure, rows in last.groupby("closure", sort=False)),
         ]
     reached = r.sections[(r.sections["quantity"] == "tau") & (r.sections["moment"] == "mean")]
     shares = reached[reached["impact"] == impacts]["agreement"]
@@ -57,9 +67,9 @@ def answer(r: Results) -> list[str]:
     return sentences or ["No point could be computed; the command says why."]
 
 
-def _held(r: Results, rows: pd.DataFrame) -> str:
-    """How far a closure holds, at each value of the other fields; of many only where least far and where farthest."""
-    found: dict[str, list[str]] = {}  # where, by what is said
+def _range_in_words(r: Results, rows: pd.DataFrame) -> str:
+    """A closure's range of validity at each value of the other fields; of many, only the smallest and the largest."""
+    found: dict[str, list[str]] = {}  # values of the other fields, by the sentence that holds there
     for row in rows.sort_values(["accurate", "not_inaccurate"], na_position="first").to_dict("records"):
         own = r.errors[(r.errors["closure"] == row["closure"]) & r.errors["judged"]]
         for name in r.others:
@@ -79,19 +89,32 @@ def _held(r: Results, rows: pd.DataFrame) -> str:
 
 
 def write_page(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
-    """Write tables, figures, the page and the manifest, each whole or not at all; returns the manifest.
+    """Write tables, figures, the page and the manifest; each file is replaced atomically.
+
+    Parameters
+    ----------
+    folder : Path
+        The study's folder.
+    r : Results
+    facts : dict
+        Further entries of the manifest: command, times, failed cells.
+
+    Returns
+    -------
+    dict
+        The manifest.
 
     Raises
     ------
     OutputError
-        If the folder cannot be written; what was there before stays.
+        If the folder cannot be written; earlier files stay.
     """
     try:
         with scratch_folder(folder, PAGE) as scratch:
             record = _written(scratch, r, facts)
             files = [path.relative_to(scratch) for path in scratch.rglob("*") if path.is_file()]
             within(folder, *{str(file.parent) for file in files})
-            (folder / MANIFEST).unlink(missing_ok=True)  # it vouches for the rest, so it goes first and comes last
+            (folder / MANIFEST).unlink(missing_ok=True)  # holds the digests of the others: removed first, written last
             for file in sorted(files, key=lambda f: f.name == MANIFEST):
                 (folder / file).parent.mkdir(exist_ok=True)
                 os.replace(scratch / file, folder / file)
@@ -111,7 +134,7 @@ def _written(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
         table.to_parquet(folder / f"{name}.parquet", compression="zstd")
         if name in SMALL:
             write_csv(table, folder / f"{name}.csv", index=False, float_format="%.9g")
-    (folder / FILE).write_text(r.study.text, encoding="utf-8")  # another study may have passed here meanwhile
+    (folder / FILE).write_text(r.study.text, encoding="utf-8")  # another process may have replaced the file meanwhile
     (folder / "figures").mkdir()
     drawn = []
     for name, (draw, table_name, title) in FIGURES.items():
@@ -139,20 +162,20 @@ def _written(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
 
 
 def _page(r: Results, record: dict[str, Any], figures: list[Figure], cost: pd.DataFrame, factor: float) -> Page:
-    """What the study says."""
-    held = (
-        f"{record['points']} points, intervals of {record['z']:.2f} standard errors (all of the study hold together "
-        f"with 95 %), tolerance {r.study.within.mean:.0%} of an sd for means and {r.study.within.sd:.0%} for sds. "
+    """The page, from the results and the manifest."""
+    method = (
+        f"{record['points']} points, intervals of {record['z']:.2f} standard errors (95 % simultaneous coverage over "
+        f"the study), tolerance {r.study.within.mean:.0%} of an sd for means and {r.study.within.sd:.0%} for sds. "
         f"{RULE} All rows: `errors.parquet`."
     )
     more = (
-        f"From these (a cell takes {factor:.2g} times its nominal time) and 3.5 ms of a Dask scheduler for a task of "
-        "at most 65 536 paths, more cores would do:"
+        f"Estimate for more cores, from these times ({factor:.2g} times the nominal ones) and 3.5 ms of a Dask "
+        "scheduler for each task of at most 65 536 paths:"
     )
-    sections = [Section("Verdicts", (Text(held, note=True), _counts(r)))]
+    sections = [Section("Verdicts", (Text(method, note=True), _counts(r)))]
     if lacks := lacking(r.study.points, record.get("failed", {})):
         rows: list[Row] = [[lack.what, lack.points, lack.where, lack.why] for lack in lacks]
-        every = Text("Every point by itself: `reasons.csv`.", note=True)
+        every = Text("All points: `reasons.csv`.", note=True)
         lost = Table.of(["what", *numbers("points"), "the first", "why"], rows)
         sections.append(Section("What could not be computed", (every, lost)))
     sections.append(Section("Cost", (_cost(cost), Text(more), _scaling(r, factor))))
@@ -190,7 +213,7 @@ def _scaling(r: Results, factor: float) -> Table:
 
 
 def _seconds(r: Results) -> dict[str, float]:
-    """What each cell took, by key."""
+    """Measured seconds of each cell, by key."""
     found = {}
     for point, run, predictions in zip(r.study.points, r.samples, r.predictions, strict=True):
         if point.sample and run:

@@ -13,11 +13,21 @@ Floats = NDArray[np.float64]
 
 
 def paired_differences(one: Sampled, other: Sampled) -> pd.DataFrame:
-    """Section means and sds of another run less those of one, and how far common noise shrinks their error.
+    """Differences of section means and sds between two runs on common random numbers, with their standard errors.
 
-    The standard error is that of the mean of the batches' differences; where both runs have a control variate, whose
-    mean is known to be zero, of what is left of them after regression on it.  Columns: ``impact, quantity, moment,
-    difference, se, se_independent``: the last is what runs on different noise would have (without the control).
+    The standard error is that of the mean of the batches' differences.  For means, the differences are first regressed
+    on the batches of the control variate, whose expectation is zero.
+
+    Parameters
+    ----------
+    one, other : Sampled
+        Ensembles with the same seed.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``impact, quantity, moment, difference`` (`other` less `one`), ``se`` and ``se_independent``, the
+        standard error that independent runs without a control variate would have.
     """
     rows = []
     for quantity in SECTION:
@@ -31,7 +41,7 @@ def paired_differences(one: Sampled, other: Sampled) -> pd.DataFrame:
             control = np.stack(list(other.batches[BATCH.format("control", quantity)]))[:, :batches]
             freedom = batches - 1 - (moment == "mean")
             se = alone = np.full(len(first), np.nan)
-            if freedom > 0:  # fewer batches tell no error
+            if freedom > 0:  # a standard error needs at least one degree of freedom
                 left = _residual(second - first, control) if moment == "mean" else _centred(second - first)
                 se = np.sqrt((left**2).sum(axis=1) / freedom / batches)
             if batches > 1:
@@ -49,7 +59,7 @@ def _centred(values: Floats) -> Floats:
 
 
 def _residual(values: Floats, control: Floats) -> Floats:
-    """What regression of each row on its control leaves."""
+    """Residuals of the regression of each row on its control variate."""
     values, control = _centred(values), _centred(control)
     product, square = ((v * control).sum(axis=1, keepdims=True) for v in (values, control))
     return np.asarray(values - np.divide(product, square, out=np.zeros_like(square), where=square > 0.0) * control)

@@ -1,4 +1,4 @@
-"""What a person sees while a study runs: a line on a terminal, and a log file that stays."""
+"""Progress of a study: a line on the terminal, and a log file in its folder."""
 
 import logging
 import os
@@ -23,33 +23,33 @@ LOG = "study.log"
 
 
 class _LogFile(logging.FileHandler):
-    """A log file; where it can no longer be written, the study goes on without."""
+    """A log file; if it can no longer be written, the study continues without it."""
 
     def __init__(self, path: Path) -> None:
         try:
-            os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o666))  # no link to elsewhere
+            os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o666))  # refuses a symbolic link
             super().__init__(path, encoding="utf-8")
         except OSError as error:
             raise refused(path, error) from None
 
     def handleError(self, record: logging.LogRecord) -> None:
-        """A full disk is told by what cannot be kept."""
+        """Ignore errors here: a full disk is reported when a result cannot be stored."""
 
 
 class Progress:
-    """Counts finished cells; the remaining time is that of the work that is left, not of the number of cells.
+    """Counts finished cells and estimates the remaining time from the expected work of the others.
 
     Parameters
     ----------
     work : mapping of str to float
-        Expected seconds of each cell that is to be computed, by key; in any unit, only ratios count.
+        Expected seconds of each cell to compute, by key; only their ratios matter.
     there : int
-        Cells that were there before.
+        Number of cells that were stored before.
     folder : Path
-        Where the log file is.
+        Folder of the log file.
     show : bool
-        Draw the line, if standard error is a terminal; say there for whom this process waits, and what cannot be
-        computed as soon as that is known.
+        Whether to draw the progress line if standard error is a terminal, and to print there which process is waited
+        for and which cells fail.
     """
 
     def __init__(self, work: Mapping[str, float], there: int, folder: Path, show: bool) -> None:
@@ -81,26 +81,51 @@ class Progress:
 
     @property
     def seconds_left(self) -> float:
-        """Expected seconds to the end, from the work done so far."""
+        """Expected seconds to the end; infinite before the first cell is finished."""
         passed = time.perf_counter() - self.started
         return passed * (self.all_work - self.done_work) / self.done_work if self.done_work > 0.0 else float("inf")
 
     def say(self, text: str) -> None:
-        """A line in the log."""
+        """Write a line to the log.
+
+        Parameters
+        ----------
+        text : str
+        """
         self._log.info(line(text))
 
     def waits(self, text: str) -> None:
-        """Another process is waited for."""
+        """Report that another process is waited for.
+
+        Parameters
+        ----------
+        text : str
+            Which process, and for which cell.
+        """
         self.say(text)
         if self._show:
             self._bar.write(text, file=sys.stderr)
 
     def begun(self, cell: Cell) -> None:
-        """A cell is being computed."""
+        """Show the cell whose computation begins.
+
+        Parameters
+        ----------
+        cell : Cell
+        """
         self._draw(cell.label)
 
     def finished(self, cell: Cell, found: Stored, here: bool) -> None:
-        """A cell is there: computed here, or by another process."""
+        """Count a finished cell.
+
+        Parameters
+        ----------
+        cell : Cell
+        found : Stored
+            Its result.
+        here : bool
+            Whether it was computed by this process.
+        """
         text = f"{'done' if here else 'found'} {cell.label} {cell.key}: {found.facts['seconds']:.2f} s"
         if isinstance(cell, Sample):
             error, where = sampling_error(cell.opened(found))
@@ -111,9 +136,16 @@ class Progress:
         self._count(cell, text)
 
     def failed(self, cell: Cell, why: str) -> None:
-        """A cell cannot be computed."""
+        """Count and report a cell that cannot be computed.
+
+        Parameters
+        ----------
+        cell : Cell
+        why : str
+            Error message.
+        """
         if self._show:
-            self._bar.write(f"rattle: {why}", file=sys.stderr)  # now: the others may take hours
+            self._bar.write(f"rattle: {why}", file=sys.stderr)  # at once: the other cells may take hours
         self._count(cell, f"failed {cell.label} {cell.key}: {why}")
 
     def _count(self, cell: Cell, text: str) -> None:

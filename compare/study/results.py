@@ -1,4 +1,4 @@
-"""What a study found, from its cells to tidy tables."""
+"""The results of a study: tidy tables computed from its stored cells."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,15 +22,15 @@ __all__ = ["Results"]
 
 @dataclass(frozen=True)
 class Results:
-    """What a study found so far.
+    """The results that are stored so far.
 
     Attributes
     ----------
     study : Study
     samples : list of Sampled or None
-        The ensemble of each point, where it is there.
+        The ensemble of each point; None if it is not stored.
     predictions : list of list of Predicted
-        The closures of each point that are there.
+        The stored predictions of each point.
     """
 
     study: Study
@@ -39,7 +39,17 @@ class Results:
 
     @classmethod
     def of(cls, study: Study, store: Store) -> "Results":
-        """Read what is in a store."""
+        """Read the results of a study from a store.
+
+        Parameters
+        ----------
+        study : Study
+        store : Store
+
+        Returns
+        -------
+        Results
+        """
         samples: list[Sampled | None] = []
         predictions: list[list[Predicted]] = []
         for point in study.points:
@@ -56,7 +66,7 @@ class Results:
 
     @property
     def along(self) -> str:
-        """The field over which curves are drawn: the first that varies and holds numbers; empty where none does."""
+        """The field over which curves are drawn: the first that varies and is numeric; empty if there is none."""
         for axis in self.study.axes:
             if len(axis.values) > 1 and all(type(step[0]) in (int, float) for step in axis.values):
                 return axis.names[0]
@@ -69,7 +79,7 @@ class Results:
 
     @cached_property
     def z(self) -> float:
-        """Standard errors of the intervals: all of a study hold together with 95 % (Bonferroni)."""
+        """Half width of the intervals in standard errors: 95 % simultaneous coverage over the study (Bonferroni)."""
         checks = sum(len(p) for p in self.predictions) * 2 * len(SECTION) * self.study.impacts
         return widest(checks)
 
@@ -90,17 +100,17 @@ class Results:
     def sections(self) -> pd.DataFrame:
         """Section moments of the simulation: a row for each point, impact, quantity and moment.
 
-        Moments ``mean, sd, skew`` of the section quantities, and the means of ``energy`` (lost at the impact) and of
-        ``rate`` (impacts so far over the mean time that they took).  Columns: the fields that vary, ``impact, quantity,
-        moment, value, se, paths`` (that reached the impact), ``followed`` (that were begun) and ``agreement``, a share
-        of these.
+        Moments ``mean, sd, skew`` of the quantities at each path's k-th impact (the Poincaré section at the impacts),
+        and the means of ``energy`` (lost at the impact) and of ``rate`` (impacts so far over their mean time).
+        Columns: the fields that vary, ``impact, quantity, moment, value, se, paths`` (that reached the impact),
+        ``followed`` (all simulated paths) and ``agreement`` (share of all paths on the noise-free itinerary).
         """
         parts = []
         for point, run in zip(self.study.points, self.samples, strict=True):
             if run is None:
                 continue
             s = run.section
-            since = s["tau"] - run.scene.phase  # what is stored is counted from there
+            since = s["tau"] - run.scene.phase  # stored times are counted from the phase of the start
             rate = s.index.to_numpy() / since
             columns = [
                 ("rate", "mean", rate, rate * s["se_tau"] / since),
@@ -126,10 +136,11 @@ class Results:
 
     @cached_property
     def correlation(self) -> pd.DataFrame:
-        """Validity of the correlation of each closure: how many of the impacts that it reaches have an invalid one.
+        """Validity of each closure's correlations: how many of the impacts that it reaches have an invalid one.
 
-        Columns: the fields that vary, ``closure, impacts, reached, invalid`` (impacts whose second moments belong to no
-        distribution), ``beyond`` (of these with ``|rho| > 1``), ``largest`` (|rho|).  ``branching`` has none.
+        Columns: the fields that vary, ``closure, impacts, reached, invalid`` (impacts whose second moments are not
+        realizable), ``beyond`` (those of them with ``|rho| > 1``), ``largest`` (|rho|).  ``branching`` has no rows:
+        moments of a mixture are always realizable.
         """
         rows = []
         for point, _, prediction in self._pairs():
@@ -147,12 +158,12 @@ class Results:
 
     @cached_property
     def validity(self) -> pd.DataFrame:
-        """How far each closure holds along the field `along`, for the first k impacts.
+        """Range of validity of each closure along the field `along`, for the first k impacts.
 
-        Columns: the other fields that vary, ``closure, impact, accurate`` (the largest value such that every judged
-        moment of the first k impacts is accurate there and at all smaller ones), ``not_inaccurate`` (none is
-        inaccurate), NaN where not even at the smallest, and ``ended``: whether at the next value the closure is not
-        inaccurate, but predicts too few impacts.
+        Columns: the other fields that vary, ``closure, impact`` (k), ``accurate`` (the largest value up to which every
+        judged moment of the first k impacts is accurate), ``not_inaccurate`` (the largest value up to which none is
+        shown to be inaccurate), both NaN if the smallest value fails already, and ``ended``: whether at the next value
+        the closure is not shown to be inaccurate but predicts fewer than k impacts.
         """
         if not self.along or self.errors.empty:
             return pd.DataFrame()
@@ -176,9 +187,10 @@ class Results:
 
     @cached_property
     def paired(self) -> pd.DataFrame:
-        """Differences between neighbours along `along`, with errors that take the common noise into account.
+        """Differences between neighbours along `along`, with standard errors that use the common random numbers.
 
-        See `rattle.compare.study.paired`; empty where every point has random numbers of its own, or too few paths.
+        Columns: the other fields, ``from, to`` and those of `rattle.compare.study.paired.paired_differences`.  Empty
+        if every point has random numbers of its own, or too few paths for a standard error.
         """
         if not self.study.common_noise or not self.along:
             return pd.DataFrame()
@@ -204,7 +216,7 @@ class Results:
 
     @cached_property
     def cost(self) -> pd.DataFrame:
-        """Seconds that each cell took where it was computed; no part of what repeats."""
+        """Seconds of each cell on the machine that computed it; not reproducible."""
         rows = []
         for point, run, predictions in zip(self.study.points, self.samples, self.predictions, strict=True):
             if run is not None:
@@ -215,7 +227,7 @@ class Results:
 
     @property
     def reasons(self) -> pd.DataFrame:
-        """What could not be computed, and why."""
+        """What could not be computed at each point, and why: the fields that vary, ``what, why``."""
         return pd.DataFrame(
             [{**p.coordinates, "what": what, "why": why} for p in self.study.points for what, why in p.reasons.items()],
             columns=[*self.names, "what", "why"],

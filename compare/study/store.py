@@ -1,4 +1,4 @@
-"""A folder of results, one Parquet file each, named by the content of what determines them."""
+"""A content-addressed store of results: one Parquet file each, named by the digest of its inputs."""
 
 import errno
 import hashlib
@@ -23,12 +23,12 @@ from rattle.scene.errors import OutputError
 __all__ = ["Store", "Stored"]
 
 MOST_VALUES, MOST_BYTES = 50_000_000, 400_000_000
-"""What a file may unpack to; a hundred thousand impacts fit."""
+"""Largest size of an unpacked file; a hundred thousand impacts fit."""
 SEAL = hashlib.sha256().digest_size
 SYSTEM = (OSError, MemoryError, ImportError)
-"""No fault of a file: no right to read it, no descriptor or memory left, a disk that fails, a module that is not there.
+"""Errors of the system, not of a file: no permission, no descriptor or memory left, a failing disk, a missing module.
 
-Pyarrow raises an OSError too, without a number, of what it cannot parse.
+Pyarrow also raises an OSError, but without an errno, for content that it cannot parse.
 """
 REMEDIES = {
     errno.EACCES: "let its owner give you the right to read it (chmod g+r)",
@@ -38,11 +38,11 @@ REMEDIES = {
     errno.ENOMEM: "free memory",
     errno.EIO: "see to the disk",
 }  # fmt: skip
-NAME = b"rattle"  # of the entry in a file's metadata that holds its key and its facts
+NAME = b"rattle"  # metadata entry of a Parquet file that holds its key and its facts
 
 
 def _check_size(metadata: Any) -> None:
-    """Refuse a file that would unpack to more than a result ever is; raises ValueError."""
+    """Raise ValueError for a file that would unpack to more than any result has."""
     groups = [metadata.row_group(i) for i in range(metadata.num_row_groups)]
     values = sum(g.column(i).num_values for g in groups for i in range(g.num_columns))
     size = sum(g.total_byte_size for g in groups)
@@ -51,13 +51,13 @@ def _check_size(metadata: Any) -> None:
 
 
 def with_seal(parquet: bytes) -> bytes:
-    """A Parquet file with a digest of all its bytes in front of its footer, where no reader looks."""
+    """A Parquet file with a digest of all its bytes inserted before its footer, where readers ignore it."""
     at = _footer(parquet)
     return parquet[:at] + hashlib.sha256(parquet).digest() + parquet[at:]
 
 
 def _without_seal(content: bytes) -> bytes:
-    """The file as it was written; raises ValueError if a bit of it is not: pyarrow may not survive closure that."""
+    """The original Parquet file; raises ValueError if any bit has changed, since pyarrow can crash on such a file."""
     at = _footer(content)
     parquet = content[: max(at - SEAL, 0)] + content[max(at, 0) :]
     if at < SEAL or content[at - SEAL : at] != hashlib.sha256(parquet).digest():
@@ -66,16 +66,16 @@ def _without_seal(content: bytes) -> bytes:
 
 
 def _footer(parquet: bytes) -> int:
-    """Where the footer of a Parquet file begins, by the length that its last eight bytes tell."""
+    """Offset of the footer of a Parquet file, from the length in its last eight bytes."""
     return len(parquet) - 8 - int.from_bytes(parquet[-8:-4], "little")
 
 
 class _Wrong(Exception):
-    """A file was read to its end and is not the result that its name promises."""
+    """A file could be read but is not the result of its key."""
 
 
 def _parsed(key: str, content: bytes) -> "Stored":
-    """The result in a file's content; raises _Wrong where there is none, and what the system raises as it is."""
+    """The result in a file's content; raises _Wrong if there is none, and passes on errors of the system."""
     try:
         with pq.ParquetFile(pa.BufferReader(_without_seal(content))) as file:
             _check_size(file.metadata)
@@ -86,28 +86,35 @@ def _parsed(key: str, content: bytes) -> "Stored":
         if not isinstance(record["facts"], dict):
             raise ValueError("its facts are no table")
         return Stored(found.to_pandas(use_threads=False), record["facts"])
-    except Exception as error:  # a foreign file makes pyarrow and pandas raise whatever they meet in it
+    except Exception as error:  # pyarrow and pandas raise many kinds for a file that is not theirs
         if isinstance(error, SYSTEM) and not (isinstance(error, OSError) and error.errno is None):
             raise
         raise _Wrong((str(error) or type(error).__name__).splitlines()[0]) from None
 
 
 class Stored(NamedTuple):
-    """What a file holds: a table, and facts beside it that need not repeat (times, say)."""
+    """Content of a file.
+
+    Attributes
+    ----------
+    table : DataFrame
+    facts : dict
+        Plain data; may hold entries that are not reproducible, such as times.
+    """
 
     table: pd.DataFrame
     facts: dict[str, Any]
 
 
 class Store:
-    """Results by key; whole or absent, whatever happens to the process that writes them.
+    """Results by key; files are written atomically, so that a killed process leaves no partial result.
 
     Parameters
     ----------
     folder : Path
-        Where the files are; made when it is missing.
+        Folder of the files; created if it is missing.
     read_only : bool
-        Make nothing, and write nothing: for what only looks.
+        Whether to create and check nothing, for readers.
 
     Raises
     ------
@@ -142,24 +149,51 @@ class Store:
 
     @property
     def aside(self) -> Path:
-        """Where files are moved that are not what their name says."""
+        """Folder to which damaged and foreign files are moved."""
         return self.folder / "set-aside"
 
     def path(self, key: str) -> Path:
-        """The file of a key."""
+        """Path of the file of a key.
+
+        Parameters
+        ----------
+        key : str
+
+        Returns
+        -------
+        Path
+        """
         return self.folder / f"{key}.parquet"
 
     def lock(self, key: str) -> Path:
-        """The lock of a key, which says who holds it."""
+        """Path of the lock file of a key, which names the process that holds it.
+
+        Parameters
+        ----------
+        key : str
+
+        Returns
+        -------
+        Path
+        """
         return self._locks / key
 
     def read(self, key: str) -> Stored | None:
-        """What is stored under a key; None where nothing is.  What is damaged or foreign is set aside.
+        """Read the result of a key; a damaged or foreign file is moved aside.
+
+        Parameters
+        ----------
+        key : str
+
+        Returns
+        -------
+        Stored or None
+            None if there is no valid file.
 
         Raises
         ------
         OutputError
-            If the system does not let it be read, for the moment or at all: it may be sound, and stays where it is.
+            If the operating system does not let the file be read; it may be sound and is not moved.
         """
         try:
             content = self._content(key)
@@ -180,20 +214,39 @@ class Store:
             return None
 
     def unreadable(self, key: str, error: BaseException) -> OutputError:
-        """What a person is told when the system does not let a result be read."""
+        """Build the error for a result that the operating system does not let be read.
+
+        Parameters
+        ----------
+        key : str
+        error : BaseException
+            As the system has raised it.
+
+        Returns
+        -------
+        OutputError
+            Names the file, the cause and the remedy.
+        """
         number = errno.ENOMEM if isinstance(error, MemoryError) else getattr(error, "errno", None)
         what = os.strerror(number) if number else str(error)
-        remedy = REMEDIES.get(number or 0, "mend that")
+        remedy = REMEDIES.get(number or 0, "remove the cause")
         name = self.path(key).name
         return self._refused(f"{name} cannot be read ({what}); it stays as it is: {remedy}, and repeat the command")
 
     def write(self, key: str, table: pd.DataFrame, facts: dict[str, Any]) -> None:
-        """Store a table under a key: the file appears whole or not at all.
+        """Store a table under a key, atomically.
+
+        Parameters
+        ----------
+        key : str
+        table : DataFrame
+        facts : dict
+            Plain data, kept in the file's metadata.
 
         Raises
         ------
         OutputError
-            If the disk is full or the folder cannot be written; what was stored before is untouched.
+            If the disk is full or the folder cannot be written; an earlier file is untouched.
         """
         content = pa.Table.from_pandas(table)
         record = json_text({"key": key, "facts": facts}, indent=None).encode()
@@ -201,7 +254,7 @@ class Store:
         sink, scratch = pa.BufferOutputStream(), self.folder / f".{key}-{secrets.token_hex(4)}.part"
         pq.write_table(content, sink, compression="zstd")
         try:
-            with open(scratch, "xb") as file:  # with the rights that the umask leaves: others may read it too
+            with open(scratch, "xb") as file:  # permissions by the umask, so that others may read it
                 file.write(with_seal(sink.getvalue().to_pybytes()))
                 file.flush()
                 os.fsync(file.fileno())
@@ -213,7 +266,17 @@ class Store:
 
     @contextmanager
     def alone(self, key: str) -> Iterator[bool]:
-        """Whether this thread is the only one, of all processes, at work on a key; a lock ends with its process."""
+        """Try to lock a key, without waiting; the lock ends with the context, or with its process.
+
+        Parameters
+        ----------
+        key : str
+
+        Yields
+        ------
+        bool
+            Whether this thread holds the lock; false if another thread or process does.
+        """
         lock = FileLock(self.lock(key), thread_local=False)
         try:
             lock.acquire(blocking=False)
@@ -229,7 +292,7 @@ class Store:
             lock.release()
 
     def sweep(self) -> None:
-        """Remove what killed processes have left half written; what another process is writing now is its own."""
+        """Remove partial files of killed processes; those of running processes are locked and stay."""
         for part in self.folder.glob(".*.part"):
             with suppress(OSError), self.alone(part.name[1:].split("-")[0]) as alone:
                 if alone:
@@ -239,7 +302,13 @@ class Store:
         return OutputError(f"out = {str(self.folder)!r}: {why}")
 
     def set_aside(self, key: str, why: str) -> None:
-        """Move away what is not what its name says, and note why.
+        """Move the file of a key to `aside`, with a note of the reason.
+
+        Parameters
+        ----------
+        key : str
+        why : str
+            What is wrong with the file.
 
         Raises
         ------
@@ -258,5 +327,5 @@ class Store:
             return
         except OSError as error:
             raise self._refused(f"{path.name} is damaged and cannot be moved away ({error.strerror})") from None
-        with suppress(OutputError):  # the reason is a courtesy
+        with suppress(OutputError):  # the note is not essential
             write_whole(target.with_suffix(".txt"), f"{path.name}: {why.splitlines()[0][:200] if why else '?'}\n")

@@ -1,4 +1,4 @@
-"""A finished study, loaded from its folder: tidy tables, and the same as a dataset."""
+"""Loads a finished study from its folder, as tidy tables or as an xarray dataset."""
 
 import hashlib
 import json
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 __all__ = ["CELLS", "FILE", "MANIFEST", "PAGE", "TABLES", "Tables", "damaged", "file_digest", "load"]
 
 CELLS, FILE, MANIFEST = "cells", "study.toml", "manifest.json"
-"""Names in a study's folder: where the results are, the study itself, and where it all comes from."""
+"""Names in a study's folder: the folder of results, the study file, and the manifest with the provenance."""
 
 PAGE = "page"
-"""In the names of scratch folders: where all of it is written before it takes its place."""
+"""Part of the name of scratch folders, in which the output is written before it is moved to its place."""
 
 TABLES = ("errors", "sections", "correlation", "validity", "paired", "cost", "reasons")
 """Tables of a study, each a Parquet file."""
@@ -33,14 +33,14 @@ TABLES = ("errors", "sections", "correlation", "validity", "paired", "cost", "re
 
 @dataclass(frozen=True)
 class Tables:
-    """What a study found.
+    """The tables of a study.
 
     Attributes
     ----------
     study : Study
     record : dict
         The manifest.
-    errors, sections, correlation, range of validity, paired, cost, reasons : DataFrame
+    errors, sections, correlation, validity, paired, cost, reasons : DataFrame
         See the properties of `rattle.compare.study.results.Results`.
     """
 
@@ -55,15 +55,29 @@ class Tables:
     reasons: pd.DataFrame
 
     def judged(self, within: Tolerances) -> pd.DataFrame:
-        """The errors judged by other tolerances."""
+        """Judge the errors by other tolerances.
+
+        Parameters
+        ----------
+        within : Tolerances
+
+        Returns
+        -------
+        DataFrame
+            The table `errors` with new tolerances and verdicts.
+        """
         share = self.errors["moment"].map({"mean": within.mean, "sd": within.sd})
         return judge(self.errors.assign(tolerance=np.maximum(share * self.errors["unit"], self.errors["still"])))
 
     def to_xarray(self) -> "xr.Dataset":
-        """Errors of the closures and moments of the simulation as a dataset over the fields that vary.
+        """Convert the errors of the closures and the moments of the simulation to a dataset.
 
-        Dimensions: the first field of each axis, ``impact, quantity, moment`` and, for what belongs to one,
-        ``closure``.  Needs the extra ``xarray``.
+        Needs the optional dependency ``xarray`` (``pip install rattle[xarray]``).
+
+        Returns
+        -------
+        xarray.Dataset
+            Dimensions: the first field of each axis, ``impact, quantity, moment`` and, for the errors, ``closure``.
         """
         index = [*(axis.names[0] for axis in self.study.axes), "impact", "quantity", "moment"]
         errors = self.errors.set_index([*index, "closure"])
@@ -73,12 +87,20 @@ class Tables:
 
 
 def load(folder: str | Path) -> Tables:
-    """The tables of a study from the folder that `rattle study` has written.
+    """Load the tables of a study from a folder that ``rattle study`` has written.
+
+    Parameters
+    ----------
+    folder : str or Path
+
+    Returns
+    -------
+    Tables
 
     Raises
     ------
     FileError
-        If the folder holds no finished study, or a file in it is not what was written or cannot be read.
+        If the folder holds no finished study, or a file in it is damaged or cannot be read.
 
     Examples
     --------
@@ -102,24 +124,24 @@ def load(folder: str | Path) -> Tables:
         raise FileError("study folder", str(folder), why) from None
     except OSError as error:
         raise FileError("study folder", str(folder), f"{MANIFEST} cannot be read ({error.strerror})") from None
-    corrected = "is damaged; run rattle study again, it is soon corrected"
+    broken = "is damaged; run rattle study again: it rewrites the tables from the stored cells"
     if not is_whole(record):
-        raise FileError("study folder", str(folder), f"{MANIFEST} {corrected}")
+        raise FileError("study folder", str(folder), f"{MANIFEST} {broken}")
     files = [f"{name}.parquet" for name in TABLES]
     try:
-        lost = damaged(place, record, files) if "files" in record else []  # an earlier version kept no digests
+        lost = damaged(place, record, files) if "files" in record else []  # manifests of early versions have no digests
     except OSError as error:
         raise FileError("study folder", str(folder), f"{error.filename} cannot be read ({error.strerror})") from None
     if lost:
-        raise FileError("study folder", str(folder), f"{lost[0]} {corrected}")
+        raise FileError("study folder", str(folder), f"{lost[0]} {broken}")
     tables = {}
     for name, file in zip(TABLES, files, strict=True):
         try:
             tables[name] = pd.read_parquet(place / file)
         except (MemoryError, ImportError):
             raise
-        except Exception:  # pyarrow and pandas raise whatever they meet in a damaged file
-            raise FileError("study folder", str(folder), f"{file} {corrected}") from None
+        except Exception:  # pyarrow and pandas raise many kinds for a damaged file
+            raise FileError("study folder", str(folder), f"{file} {broken}") from None
     study = Study.load(place / FILE)
     if record.get("study_sha256") not in (None, study.digest):
         raise FileError("study file", str(place / FILE), "is not the one of these tables; give it to rattle again")
@@ -127,13 +149,46 @@ def load(folder: str | Path) -> Tables:
 
 
 def damaged(folder: Path, record: dict[str, Any], files: Iterable[str]) -> list[str]:
-    """The files in a study's folder that are not as they were written, or not there; OSError where none can tell."""
+    """List the files of a study's folder that are missing or have changed since they were written.
+
+    Parameters
+    ----------
+    folder : Path
+    record : dict
+        The manifest, with digests under ``files``.
+    files : iterable of str
+        Names to check.
+
+    Returns
+    -------
+    list of str
+
+    Raises
+    ------
+    OSError
+        If the operating system does not let a file be read.
+    """
     written = record.get("files")
     return [f for f in files if not isinstance(written, dict) or written.get(f) != file_digest(folder / f)]
 
 
 def file_digest(path: Path) -> str | None:
-    """Digest of a file; None where there is none.  OSError where the system does not let it be read."""
+    """Compute the digest of a file.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    str or None
+        SHA-256, hexadecimal; None if there is no such file.
+
+    Raises
+    ------
+    OSError
+        If the operating system does not let it be read.
+    """
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except (FileNotFoundError, IsADirectoryError):

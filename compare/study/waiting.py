@@ -1,4 +1,4 @@
-"""Waiting for what another process is at work on, and saying for whom."""
+"""Waits for a cell that another process is computing, and reports which process that is."""
 
 import os
 import platform
@@ -19,23 +19,39 @@ if TYPE_CHECKING:  # cells know the store, and the store signs its locks
 
 __all__ = ["Waiting", "aloud", "holder", "sign"]
 
-PAUSE = 0.2  # seconds between two looks at what another process is working on
-SILENCE = 1.0  # seconds of waiting before it is said for whom
-SAFELY = os.O_NOFOLLOW | os.O_NONBLOCK  # whatever lies there in a folder that is shared
-NOTE = re.compile(r"(\d+)\n([\w.-]+)\n", re.ASCII)  # what is shown of it is harmless on any terminal
+PAUSE = 0.2  # seconds between two checks whether another process has finished
+SILENCE = 1.0  # seconds of waiting before the process is named
+SAFELY = os.O_NOFOLLOW | os.O_NONBLOCK  # in a shared folder the lock file may be a link or a pipe
+NOTE = re.compile(r"(\d+)\n([\w.-]+)\n", re.ASCII)  # process id and host; these characters are safe on any terminal
 
 
 def sign(lock: FileLock) -> None:
-    """Leave process and host in a lock that is held, for those who wait; where locks are files they say so already."""
+    """Write process id and host into a held lock file, for processes that wait.
+
+    Parameters
+    ----------
+    lock : FileLock
+        A SoftFileLock, used where the system has no file locks, holds them already.
+    """
     if not isinstance(lock, SoftFileLock):
-        with suppress(OSError):  # a courtesy
+        with suppress(OSError):  # not essential
             number = os.open(lock.lock_file, os.O_WRONLY | os.O_TRUNC | SAFELY)
             with os.fdopen(number, "w", encoding="ascii", errors="replace") as file:
                 file.write(f"{os.getpid()}\n{platform.node()}\n")
 
 
 def holder(lock: Path) -> tuple[str, str]:
-    """Who holds a lock, as far as it says, and since when.
+    """Read which process holds a lock, and since when.
+
+    Parameters
+    ----------
+    lock : Path
+        The lock file.
+
+    Returns
+    -------
+    who, since : str
+        As parts of a sentence; ``another process`` and an empty string if the file does not say.
 
     Examples
     --------
@@ -54,19 +70,25 @@ def holder(lock: Path) -> tuple[str, str]:
 
 
 def aloud(text: str) -> None:
-    """A line on standard error."""
+    """Print a line on standard error.
+
+    Parameters
+    ----------
+    text : str
+        Control characters are made harmless.
+    """
     print(harmless(text), file=sys.stderr, flush=True)
 
 
 class Waiting:
-    """Pauses between looks at cells that others are at work on; after about a second it is said who, of each once.
+    """Pauses while other processes compute cells; after about a second each of them is named once.
 
     Parameters
     ----------
     lock : callable
-        The lock of a key.
+        Gives the lock file of a key.
     say : callable
-        Says a line.
+        Prints a line.
     """
 
     def __init__(self, lock: Callable[[str], Path], say: Callable[[str], object] = aloud) -> None:
@@ -75,7 +97,12 @@ class Waiting:
         self._said: set[str] = set()
 
     def pause(self, cells: "Iterable[Cell]") -> None:
-        """Wait for a moment."""
+        """Wait for 0.2 s, and name the processes that compute these cells if they have taken long.
+
+        Parameters
+        ----------
+        cells : iterable of Cell
+        """
         for cell in cells:
             if time.monotonic() - self._began.setdefault(cell.key, time.monotonic()) < SILENCE:
                 continue

@@ -155,7 +155,7 @@ def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
     if (undecided := options.get("undecided")) is not None:
         choice("undecided", undecided, UNDECIDED)
     kind = SCHEMES[choice("scheme", scheme := options.get("scheme", "exact-flight"), SCHEMES)]
-    biased = kind.weak_order is not None
+    biased = kind.has_step_bias
     check_settings(
         scene, paths=1 if paths is None else paths, impacts=impacts[-1], scheme=scheme, rng=0, workers=1,
         dt=default_step(scene, scheme, biased) if accuracy is None else None, step_bias=biased,

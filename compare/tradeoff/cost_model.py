@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from rattle.montecarlo import SCHEMES, Ensemble
+from rattle.montecarlo import SCHEMES, Ensemble, Record
 from rattle.montecarlo.accuracy import sampling_error, step_error
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.pilots import pilot
@@ -84,9 +84,11 @@ class CostModel:
         """Measure a scheme by pilots: one for a scheme without step bias, else a second with a shorter step."""
         first, seconds = _least(lambda: pilot(scene, scheme, again))
         spread = sampling_error(first)[0] * math.sqrt(first.paths)
-        if SCHEMES[scheme].weak_order is None:
+        if not SCHEMES[scheme].has_step_bias:
             return cls(scheme, first, 0.0, seconds / first.path_steps, seconds, spread, 0.0, first)
-        finer, more = _least(lambda: again(paths=first.paths, scheme=scheme, dt=first.dt / FINER, step_bias=True))
+        finer, more = _least(
+            lambda: again(paths=first.paths, scheme=scheme, dt=first.dt / FINER, record=Record(step_bias=True))
+        )
         step = (more - seconds) / (finer.path_steps - first.path_steps)
         path = max(0.0, seconds - step * first.path_steps) / first.paths
         model = cls(scheme, first, path, step, seconds, spread, step_error(first)[0] / first.dt, first)

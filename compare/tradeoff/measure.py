@@ -197,7 +197,7 @@ def measure(
     again = partial(simulate, scene, impacts=impacts, rng=seed, workers=workers)
     models: dict[str, CostModel] = {}
     found: dict[str, list[tuple[Point, Ensemble | None]]] = {}
-    exact_first = sorted(SCHEMES, key=lambda name: SCHEMES[name].weak_order is not None)
+    exact_first = sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
     with tqdm(total=len(SCHEMES) * len(accuracies), desc="accuracy", unit="point", disable=None) as bar:
         for scheme in exact_first:
             model = models[scheme] = CostModel.from_pilots(scene, scheme, again)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy import stats
 from tqdm import tqdm
 
-from rattle.montecarlo import Ensemble, simulate
+from rattle.montecarlo import Ensemble, Record, simulate
 from rattle.montecarlo.accuracy import units
 from rattle.montecarlo.noise.philox import LEVELS as SIDE_BY_SIDE
 from rattle.montecarlo.schemes.step_size import largest_step
@@ -158,16 +158,22 @@ def measure_levels(
     scene: Scene, scheme: str, *, impacts: int, seed: int, workers: int, paths: int = PATHS, levels: int = LEVELS
 ) -> Levels:
     """Run every level with its own random numbers, and tabulate the differences."""
-    simulate(scene, paths=1, impacts=1, scheme=scheme, dt=1e-3, step_bias=True)  # compiles
+    simulate(scene, paths=1, impacts=1, scheme=scheme, dt=1e-3, record=Record(step_bias=True))  # compiles
     longest = 0.99 * largest_step(scene, scheme)[0] / 2 ** (SIDE_BY_SIDE - 1)
     seeds = np.random.SeedSequence([seed, levels]).spawn(levels)
     runs, seconds = [], []
     for level in tqdm(range(levels), desc=f"levels of {scheme}", unit="level", disable=None, leave=False):
         began = time.process_time()
         run = simulate(
-            scene, paths=paths, impacts=impacts, scheme=scheme, dt=min(COARSEST, longest) / 2**level, step_bias=True,
-            rng=seeds[level], workers=workers,
-        )  # fmt: skip
+            scene,
+            paths=paths,
+            impacts=impacts,
+            scheme=scheme,
+            dt=min(COARSEST, longest) / 2**level,
+            rng=seeds[level],
+            workers=workers,
+            record=Record(step_bias=True),
+        )
         runs.append(run)
         seconds.append((time.process_time() - began) / paths)
     return levels_of(runs, seconds)

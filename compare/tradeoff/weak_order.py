@@ -17,7 +17,7 @@ from scipy.special import stdtrit
 from tqdm import tqdm
 
 from rattle.compare.validation.verdict import widest
-from rattle.montecarlo import SCHEMES, Ensemble, simulate
+from rattle.montecarlo import SCHEMES, Ensemble, Record, simulate
 from rattle.montecarlo.accuracy import units
 from rattle.scene.scene import Scene
 from rattle.scene.validate import count
@@ -194,14 +194,16 @@ def weak_orders(
     exact = sample(paths=paths * replicates, scheme="exact-flight", rng=seeds[-1])
     kept = float(exact.agreement["noise-free"].iloc[-1])
     found, changes = [], []
-    schemes = [name for name, kind in SCHEMES.items() if kind.weak_order is not None]
+    schemes = [name for name, kind in SCHEMES.items() if kind.has_step_bias]
     with tqdm(total=len(schemes) * replicates * len(STEPS), desc="weak order", unit="run", disable=None) as bar:
         for scheme in schemes:
             runs: list[list[Ensemble]] = []
             for seed in seeds[:-1]:
                 runs.append([])
                 for step in STEPS:
-                    runs[-1].append(sample(paths=paths, scheme=scheme, dt=0.5 * step, rng=seed, step_bias=True))
+                    runs[-1].append(
+                        sample(paths=paths, scheme=scheme, dt=0.5 * step, rng=seed, record=Record(step_bias=True))
+                    )
                     bar.update()
             for moment in ("mean", "sd"):
                 rows = [[_rows(run, moment) for run in row] for row in runs]

@@ -1,4 +1,4 @@
-"""What a validation says in words: the answer in a few sentences, and the paper's argument about rho judged."""
+"""The results of a validation in sentences, and a judgement of the paper's argument about rho."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -14,9 +14,21 @@ from rattle.scene.scene import Scene
 
 __all__ = ["answer", "correlation_claim", "left_out", "sigma_text", "validity_sentence"]
 
+SECTION = " (Poincaré section at the impacts)"
+"""Explains the word section at its first use on a page."""
+
 
 def sigma_text(v: Validation) -> str:
-    """The noise intensity of a validation, as it is written in the report."""
+    """The noise intensity of a validation to four digits, as the report writes it.
+
+    Parameters
+    ----------
+    v : Validation
+
+    Returns
+    -------
+    str
+    """
     return f"{v.scene.sigma:.4g}"
 
 
@@ -26,10 +38,21 @@ def _largest_rho(validations: Sequence[Validation], closure: str) -> float:
 
 
 def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
-    """Up to which noise intensity each closure gets every impact right, in the words of
-    `rattle.compare.validation.validity_range`.
+    """Up to which noise intensity each closure is accurate at all impacts, in one sentence.
+
+    Parameters
+    ----------
+    validity : DataFrame
+        Rows of `rattle.compare.validation.validity.Validity`, one for each closure and noise intensity.
+    impacts : int
+        Number of impacts that were compared.
+
+    Returns
+    -------
+    str
+        In the phrases of `rattle.compare.validation.validity_range`; closures with the same range are grouped.
     """
-    found: dict[str, list[str]] = {}  # closures by what is said of them
+    found: dict[str, list[str]] = {}  # closures by the phrase for their range of validity
     for closure, rows in validity.groupby("closure", sort=False):
         at = rows.sort_values("sigma").set_index("sigma")
         accurate, not_wrong = (
@@ -40,28 +63,49 @@ def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
     shares = [f"{listed(closures)}: {said}" for said, closures in found.items()]
     sigmas = validity["sigma"]
     return (
-        f"Every section mean and sd over {impacts} impacts ({sigmas.nunique()} noise intensities from "
+        f"Every section mean and sd{SECTION} over {impacts} impacts ({sigmas.nunique()} noise intensities from "
         f"{sigmas.min():.4g} to {sigmas.max():.4g}) — {'; '.join(shares)}."
     )
 
 
 def left_out(scene: Scene, shown: Iterable[str]) -> list[str]:
-    """Which closures cannot take a scene, and why: a sentence, or none if no other than those `shown` are missing.
+    """Which closures cannot be applied to a scene, and why.
+
+    Parameters
+    ----------
+    scene : Scene
+    shown : iterable of str
+        Names of the closures that are shown, and so not to be mentioned.
+
+    Returns
+    -------
+    list of str
+        One sentence, or none if no closure is missing.
 
     Examples
     --------
     >>> from rattle.scene import DAT21, Scene, Start
     >>> left_out(Scene.from_gears(DAT21, start=Start()), ["corrected", "saltation"])
-    ['Left out: printed (start.mesh = 0: the published closure needs a start at mesh 1 (Eq. 10)).']
+    ['Left out: published (start.mesh = 0: the published closure needs a start at mesh 1 (Eq. 10)).']
     """
     missing = [f"{name} ({why})" for name, why in refusals(scene).items() if name not in shown]
     return [f"Left out: {listed(missing)}."] if missing else []
 
 
 def answer(validations: Sequence[Validation], validity: pd.DataFrame | None = None) -> list[str]:
-    """The answer in three sentences: accuracy, realizability, agreement; with ranges of validity one more, before them.
+    """The result of validations of one scene in sentences: accuracy, realizability, agreement of itineraries.
 
-    Closures that cannot take the scene are named in a last one.
+    Parameters
+    ----------
+    validations : sequence of Validation
+        One for each noise intensity, of the same closures and number of impacts.
+    validity : DataFrame, optional
+        Ranges of validity, see `validity_sentence`; they add a first sentence.
+
+    Returns
+    -------
+    list of str
+        Three sentences, or four with `validity`; one more where closures cannot be applied to the scene.
     """
     impacts = len(validations[0].run.section)
     tolerances = validations[0].tolerances
@@ -70,10 +114,10 @@ def answer(validations: Sequence[Validation], validity: pd.DataFrame | None = No
         each = []
         for closure in v.predictions:
             rows = v.table[(v.table["closure"] == closure) & (v.table["kind"] == "section")]
-            said = rows["verdict"].value_counts()
-            accurate, _, undecided = (int(said.get(verdict, 0)) for verdict in JUDGED)
-            beside = f" ({undecided} undecided)" if undecided else ""
-            each.append(f"{closure} {accurate} of {int(said.reindex(list(JUDGED)).sum())}{beside}")
+            counts = rows["verdict"].value_counts()
+            accurate, _, undecided = (int(counts.get(verdict, 0)) for verdict in JUDGED)
+            open_rows = f" ({undecided} undecided)" if undecided else ""
+            each.append(f"{closure} {accurate} of {int(counts.reindex(list(JUDGED)).sum())}{open_rows}")
         shares.append(f"at σ = {sigma_text(v)} {listed(each)}")
     broken = []
     for closure in validations[0].predictions:
@@ -94,19 +138,31 @@ def answer(validations: Sequence[Validation], validity: pd.DataFrame | None = No
     first = [] if validity is None else [validity_sentence(validity, impacts)]
     return [
         *first,
-        f"Section moments that a closure predicts over {impacts} impacts and that are accurate (within "
+        f"Section moments{SECTION if validity is None else ''} that a closure predicts over {impacts} impacts and that "
+        f"are accurate (within "
         f"{tolerances.mean:.0%} of an sd for means and {tolerances.sd:.0%} for sds, interval included): "
         f"{'; '.join(shares)}.",
         f"As for the correlation coefficient, {'; '.join(broken)}; in the simulation |ρ| never exceeds "
         f"{_largest_rho(validations, SIMULATED):.4f}.",
         f"After {impacts} impacts the share of paths that still follow one itinerary of a closure is "
-        f"{listed(agreement)}: a closure of a single orbit cannot hold beyond it.",
+        f"{listed(agreement)}: no closure along a single orbit can be accurate beyond it.",
         *left_out(validations[0].scene, validations[0].predictions),
     ]
 
 
 def correlation_claim(validations: Sequence[Validation]) -> str:
-    """The paper's argument that the density is not Gaussian because |rho| may exceed 1, held against the evidence."""
+    """The paper's argument that the density is not Gaussian because |rho| may exceed 1, compared with the evidence.
+
+    Parameters
+    ----------
+    validations : sequence of Validation
+        One for each noise intensity.
+
+    Returns
+    -------
+    str
+        A paragraph; empty unless both the published and the corrected closure were validated.
+    """
     if "published" not in validations[0].predictions or "corrected" not in validations[0].predictions:
         return ""
     evidence = []
@@ -125,5 +181,6 @@ def correlation_claim(validations: Sequence[Validation]) -> str:
         "every power p, which gives a variance the sign of −ε; with (−ε)^p and the joint moments, all else alike, the "
         f"corrected closure keeps |ρ| ≤ {_largest_rho(validations, 'corrected'):.4f}, and the simulation shows "
         f"|ρ| ≤ {_largest_rho(validations, SIMULATED):.4f}. The excess is an artefact of that rule. The densities are "
-        "not Gaussian all the same: impacts bend them and part them, as the section histograms show."
+        "not Gaussian all the same: impacts skew them and split them into several modes, as the section histograms "
+        "show."
     )

@@ -1,4 +1,4 @@
-"""Validity of the correlation of displacement and velocity, on both sides, and its error at mid-flight."""
+"""Correlation of displacement and velocity: realizability for closures and simulation, and its error at mid-flight."""
 
 import numpy as np
 import pandas as pd
@@ -21,18 +21,31 @@ COLUMNS = (
 
 
 def validity(predictions: list[MeanMap], run: Ensemble, flights: Ints) -> pd.DataFrame:
-    """Realizability of each stage's second moments; one row per closure, impact and stage.
+    """Realizability of each stage's second moments.
 
-    A closure is judged just before its impacts; the simulation at mid-flight, before the same impacts, for at an
-    impact's own instant half of the paths have already been thrown back.  `flights` tells for each instant of the
-    run's fixed times which impact ends the flight.  Columns: ``closure, impact, stage, variance_x, variance_y, rho,
-    smallest_eigenvalue, realizable, reason``.
+    A closure is judged just before its impacts.  The simulation is judged at mid-flight before the same impacts,
+    because at the mean impact time about half of the paths have already rebounded.
+
+    Parameters
+    ----------
+    predictions : list of MeanMap
+        The closures; mixtures are skipped, as they have no moments of a perturbation.
+    run : Ensemble
+        The simulation, with moments at fixed times.
+    flights : ndarray of int, shape (fixed times,)
+        For each fixed time the impact that ends the flight.
+
+    Returns
+    -------
+    DataFrame
+        A row for each closure (or ``monte carlo``), impact and stage: ``closure, impact, stage, variance_x,
+        variance_y, rho, smallest_eigenvalue, realizable, reason``.
     """
     rows = []
     stages = range(1, run.scene.stages + 1)
     for prediction in predictions:
         if prediction.trace.parts is not None:
-            continue  # a mixture of paths at their own impacts has no moments of a perturbation
+            continue  # a mixture describes paths at their own impacts and has no moments of a perturbation
         for impact in range(1, prediction.trace.found + 1):
             for stage in stages:
                 rows.append((prediction.closure, impact, stage, prediction.stage_covariance(impact, stage)))
@@ -63,7 +76,22 @@ def validity(predictions: list[MeanMap], run: Ensemble, flights: Ints) -> pd.Dat
 
 
 def first_failure(table: pd.DataFrame, closure: str) -> tuple[int, int, str] | None:
-    """Impact, stage and reason of the first row of a closure that is not realizable, or None."""
+    """The first impact, and there the first stage, at which a closure's second moments are not realizable.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `validity`.
+    closure : str
+        Name of the closure, or ``monte carlo``.
+
+    Returns
+    -------
+    impact : int
+    stage : int
+    reason : str
+        Or None in place of the three if all are realizable.
+    """
     failed = table[(table["closure"] == closure) & ~table["realizable"]].sort_values(["impact", "stage"])
     if failed.empty:
         return None
@@ -74,11 +102,28 @@ def first_failure(table: pd.DataFrame, closure: str) -> tuple[int, int, str] | N
 def mid_flight_errors(
     prediction: MeanMap, run: Ensemble, flights: Ints, z: float, tolerances: Tolerances
 ) -> pd.DataFrame:
-    """Error of ``rho`` at the run's fixed times, in the middle of the orbit's flights; tidy.
+    """Errors of the correlation ``rho`` at the run's fixed times, in the middle of the orbit's flights.
 
-    The Monte Carlo interval is Fisher's, with the standard error of artanh rho measured (for a Gaussian pair it is
-    ``1 / sqrt(paths)``), widened by the change that doubling the step makes where the step has a bias.  Rows as in
-    `section_errors`; ``impact`` is the one that ends the flight (`flights`), ``time`` the instant.
+    The interval of the simulated value is symmetric in Fisher's z = artanh rho, whose standard error is measured (for
+    a Gaussian pair it is ``1 / sqrt(paths)``); it is widened by the change from 2 dt to dt where there is a step bias.
+
+    Parameters
+    ----------
+    prediction : MeanMap
+        The closure's moments.
+    run : Ensemble
+        The simulation, with moments at fixed times.
+    flights : ndarray of int, shape (fixed times,)
+        For each fixed time the impact that ends the flight.
+    z : float
+        Half width of the intervals in standard errors.
+    tolerances : Tolerances
+
+    Returns
+    -------
+    DataFrame
+        Rows as of `rattle.compare.validation.verdict.section_errors`; ``time`` is the fixed time, ``impact`` the one
+        that ends its flight.
     """
     fixed = run.at_times()
     reached = fixed.index.to_numpy(float)

@@ -1,4 +1,4 @@
-"""How far a closure's section density is from the sampled one, beside what sampling alone would give."""
+"""Distance of a closure's section density from the sampled one, compared with the distance due to sampling alone."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -20,15 +20,15 @@ Ints = NDArray[np.int64]
 
 MOMENTS = ("mean", "sd")
 CONFIDENCE = 0.95  # of the Kolmogorov floor
-REACH = 10.0  # sd around a density's mean within which its mass is looked for
-STEP = 0.25  # width of a panel in units of the density's sd, where bins are wider
+REACH = 10.0  # sds on both sides of its mean over which a density is integrated
+STEP = 0.25  # width of a quadrature panel in sds of the density, where bins are wider
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(5)
 ATOM = 0.5  # share of the paths in one bin from which on the sample is an atom and not a density
 VARIES = 1e-6  # share of the largest sd at an impact below which a quantity's own sd is rounding
 
 
 class Distances(NamedTuple):
-    """Distances of two distributions on the same bins, and what sampling alone gives."""
+    """Distances of two distributions on the same bins, and their sampling floors; definitions in `distances`."""
 
     kolmogorov: float
     kolmogorov_floor: float
@@ -46,14 +46,14 @@ def bin_masses(density: Callable[[Floats], Floats], edges: Floats, mean: float, 
     edges : ndarray, shape (bins + 1,)
         Edges of the bins, increasing.
     mean, sd : float
-        Of the density: panels are also no wider than a quarter of its sd, so that a density much narrower than a bin
-        is not missed.
+        Of the density.  Panels are no wider than a quarter of the sd, so that a density much narrower than a bin is
+        resolved.
 
     Returns
     -------
     ndarray, shape (bins + 2,)
-        Sums to one: the last is what remains of 1, and the first is integrated from 10 sd below the mean.  Where a
-        density is negative, so can a mass be.
+        The first is integrated from 10 sds below the mean; the last is the remainder, so that all sum to 1.  A mass is
+        negative where the density is.
 
     Examples
     --------
@@ -85,8 +85,8 @@ def distances(masses: Floats, counts: Ints) -> Distances:
     Distances
         ``kolmogorov`` is the largest difference of the distribution functions at the edges of the bins;
         ``total_variation`` half the sum of the absolute differences, in [0, 1] unless a mass is negative.
-        ``kolmogorov_floor`` is the 95 % quantile of Kolmogorov's limit law over sqrt(n), conservative on bins;
-        ``total_variation_floor`` the expected value for a sample of the true density.
+        ``kolmogorov_floor`` is the 95 % quantile of Kolmogorov's limit distribution over sqrt(n), conservative on
+        bins; ``total_variation_floor`` the expected value for a sample of the true density.
 
     Examples
     --------
@@ -108,14 +108,14 @@ def distances(masses: Floats, counts: Ints) -> Distances:
 
 
 def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
-    """Distance of a closure's section densities from the sampled histograms; tidy.
+    """Distance of a closure's section densities from the sampled histograms.
 
     Parameters
     ----------
-    closure : MeanMap
-        The closure, of the same scene as `run`.
+    prediction : MeanMap
+        The closure's moments, for the same scene as `run`.
     run : Ensemble
-        A simulation with ``histogram=True``, and better with ``step_bias=True``.
+        A simulation with ``histogram=True``, preferably with ``step_bias=True``.
 
     Returns
     -------
@@ -132,10 +132,10 @@ def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
 
     Notes
     -----
-    The bias of the step is no error of the closure, yet at small noise it is many floors wide: the mean of an impact
-    time is off by a fixed share of dt, whatever its sd.  Where the run has ``step_bias=True`` the sample is moved and
-    stretched to the mean and sd that Richardson's extrapolation gives, and only the bias of the shape remains; else all
-    of it is in every distance.
+    The step bias is no error of the closure, yet at small noise it is many times the sampling floor: the mean impact
+    time is off by a fixed share of dt, whatever its sd.  If the run has ``step_bias=True``, the sample is shifted and
+    scaled to the mean and sd from Richardson extrapolation, and only the bias of the shape remains; else the whole
+    bias is part of every distance.
 
     Examples
     --------
@@ -172,12 +172,12 @@ def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
                 continue
             edges, _ = histograms.density(impact, quantity)
             counts = histograms.counts[impact - 1, SECTION.index(quantity)]
-            if counts.max() > ATOM * counts.sum():  # paths at the wall, but for a few that have struck elsewhere
+            if counts.max() > ATOM * counts.sum():  # paths at the wall, except for a few that struck elsewhere
                 continue
             seen_mean, seen_sd = (float(sampled[prefix + quantity].loc[impact]) for prefix in ("", "sd_"))
             true_mean, true_sd = limit.get((impact, quantity), (seen_mean, seen_sd))
-            moved = true_mean + (edges - seen_mean) * (true_sd / seen_sd)
-            found = distances(bin_masses(density, moved, mean, sd), counts)
+            corrected = true_mean + (edges - seen_mean) * (true_sd / seen_sd)
+            found = distances(bin_masses(density, corrected, mean, sd), counts)
             records.append(
                 {
                     "closure": prediction.closure,
@@ -191,13 +191,13 @@ def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
 
 
 def _varies(section: pd.DataFrame, impact: int, quantity: str) -> bool:
-    """Whether a quantity has an sd that is not rounding beside the largest one there."""
+    """Whether a quantity's sd is more than rounding error, compared with the largest sd at that impact."""
     sds = {q: float(section[f"sd_{q}"].loc[impact]) for q in SECTION}
     return bool(sds[quantity] > VARIES * np.nanmax([0.0, *sds.values()]))
 
 
 def _limits(run: Ensemble) -> dict[tuple[int, str], tuple[float, float]]:
-    """Mean and sd without the bias of the step, by impact and quantity; empty where the run did not measure it."""
+    """Mean and sd corrected for the step bias, by impact and quantity; empty if the run did not measure it."""
     if "fine_coarse" not in run.result.sums:
         return {}
     table = run.step_bias

@@ -13,8 +13,8 @@ from rattle.compare.validation.validate import Validation
 
 __all__ = ["FIGURES", "Drawn", "agreement_figure", "correlation_figure", "error_figure", "section_figure"]
 
-VISIBLE = 2e-3  # a histogram is drawn as far as its bins reach this share of the highest
-LINEAR = 0.1  # errors up to this many sds are drawn to scale, larger ones by their logarithm
+VISIBLE = 2e-3  # the outermost bins of a histogram that are drawn have at least this share of the highest
+LINEAR = 0.1  # the axis of errors is linear up to this many sds, logarithmic beyond
 
 
 def _offsets(names: Sequence[str]) -> dict[str, float]:
@@ -23,7 +23,16 @@ def _offsets(names: Sequence[str]) -> dict[str, float]:
 
 
 def error_figure(v: Validation) -> Figure:
-    """Errors of section means and sds per impact and closure, in units of the quantity's sd, with intervals."""
+    """Errors of section means and sds per impact and closure, in units of the quantity's sd, with intervals.
+
+    Parameters
+    ----------
+    v : Validation
+
+    Returns
+    -------
+    Figure
+    """
     quantities = [q for q in ("tau", "y1", "y2") if v.scene.stages == 2 or q != "y2"]
     figure, axes = new_figure(3.4 * len(quantities), 5.4, 2, len(quantities))
     section = v.table[
@@ -67,7 +76,17 @@ def error_figure(v: Validation) -> Figure:
 
 
 def correlation_figure(v: Validation) -> Figure:
-    """Correlation of displacement and velocity per stage: closures before impacts, both sides at mid-flight."""
+    """Correlation of displacement and velocity per stage: closures before impacts, closures and Monte Carlo mid-flight.
+
+    Parameters
+    ----------
+    v : Validation
+        With at least one closure that is no mixture.
+
+    Returns
+    -------
+    Figure
+    """
     stages = range(1, v.scene.stages + 1)
     figure, axes = new_figure(5.2 * len(stages), 3.9, 1, len(stages))
     limit, impacts = 1.9, len(v.run.section)
@@ -139,7 +158,17 @@ def correlation_figure(v: Validation) -> Figure:
 
 
 def section_figure(v: Validation) -> Figure:
-    """Histogram of the velocities before each path's own impact, with the closures' Edgeworth densities over it."""
+    """Histogram of the velocities before each path's own impact, with the densities that the closures predict.
+
+    Parameters
+    ----------
+    v : Validation
+
+    Returns
+    -------
+    Figure
+        Up to four impacts, evenly spaced.
+    """
     impacts = sorted(set(np.linspace(1, len(v.run.section), 4).round().astype(int).tolist()))
     velocities = ["y1", "y2"][: v.scene.stages]
     figure, axes = new_figure(3.0 * len(impacts), 2.7 * len(velocities), len(velocities), len(impacts))
@@ -164,7 +193,7 @@ def section_figure(v: Validation) -> Figure:
                         label=label,
                     )
             ax.set_ylim(0.0, 1.25 * max(density.max(), 1e-12))
-            if y[0] < y[-1]:  # bins too narrow for two floats have no width
+            if y[0] < y[-1]:  # the edges of very narrow bins may be the same float
                 ax.set_xlim(y[0], y[-1])
             ax.xaxis.set_major_locator(MaxNLocator(4))
             ax.set_title(f"impact {impact}", loc="left")
@@ -176,14 +205,25 @@ def section_figure(v: Validation) -> Figure:
 
 
 def agreement_figure(validations: Sequence[Validation]) -> Figure:
-    """Share of paths that have followed an itinerary so far, per noise intensity; dashed what `branching` predicts."""
+    """Share of paths that have followed an itinerary so far, per noise intensity; dashed: as `branching` predicts it.
+
+    Parameters
+    ----------
+    validations : sequence of Validation
+        One for each noise intensity.
+
+    Returns
+    -------
+    Figure
+        A panel for each different itinerary of the closures.
+    """
     first = validations[0]
-    alike: dict[tuple[int, ...], list[str]] = {}  # closures by their itinerary at the first noise intensity
+    closures_by_itinerary: dict[tuple[int, ...], list[str]] = {}  # at the first noise intensity
     for closure, prediction in first.predictions.items():
-        alike.setdefault(prediction.itinerary, []).append(closure)
-    figure, axes = new_figure(4.6 * len(alike), 3.3, 1, len(alike))
+        closures_by_itinerary.setdefault(prediction.itinerary, []).append(closure)
+    figure, axes = new_figure(4.6 * len(closures_by_itinerary), 3.3, 1, len(closures_by_itinerary))
     shades = mpl.colormaps["cividis"](np.linspace(0.0, 0.8, len(validations)))
-    for closures, ax in zip(alike.values(), axes, strict=True):
+    for closures, ax in zip(closures_by_itinerary.values(), axes, strict=True):
         for v, shade, marker in zip(validations, shades, "osD^vP*X" * 8, strict=False):
             share = v.run.agreement[closures[0]]
             ax.plot(
@@ -193,7 +233,7 @@ def agreement_figure(validations: Sequence[Validation]) -> Figure:
                 ax.plot(share.index, v.predictions["branching"].section["agreement"], color=shade, ls="--", lw=1.0)
         ax.set_ylim(-0.03, 1.05)
         ax.set_xlabel("impact")
-        ax.set_ylabel("share of paths still agreeing")
+        ax.set_ylabel("share of paths still on it")
         ax.set_title("itinerary of " + ", ".join(closures), loc="left")
     axes[0].legend(loc="best")
     return figure
@@ -205,10 +245,11 @@ class Drawn(NamedTuple):
     Attributes
     ----------
     draw : callable
+        Returns the figure of a validation.
     caption : tuple of (str, str)
-        What it shows, for `rattle.compare.report.style.caption_of`.
+        For `rattle.compare.report.style.caption_of`.
     moments : bool
-        Whether it needs a closure of one Gaussian, moments of a perturbation and all.
+        Whether it needs a closure with moments of a perturbation, that is one that is no mixture.
     """
 
     draw: Callable[[Validation], Figure]
@@ -216,7 +257,16 @@ class Drawn(NamedTuple):
     moments: bool = False
 
     def suits(self, v: Validation) -> bool:
-        """Whether there is anything to draw."""
+        """Whether a validation has something to draw.
+
+        Parameters
+        ----------
+        v : Validation
+
+        Returns
+        -------
+        bool
+        """
         return not self.moments or any(m.trace.parts is None for m in v.predictions.values())
 
 
@@ -235,7 +285,7 @@ FIGURES = {
             (" Filled: closure just before its impacts.", "before impact"),
             (" Open: closure at mid-flight, beside the Monte Carlo there.", "Monte Carlo, mid-flight"),
             (" No correlation can lie in the shaded zone", ""),
-            ("; a cross marks a variance that is negative", "negative variance"),
+            ("; a cross marks a negative variance", "negative variance"),
             (".", ""),
         ),
         moments=True,

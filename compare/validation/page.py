@@ -37,24 +37,37 @@ CONTENTS = frozenset({
     *pages("report"), "table.csv", "table.parquet", "correlation.csv", "validity.csv", "validity.parquet", "speed.csv",
     "manifest.json", "figures",
 })  # fmt: skip
-"""What a report folder holds; anything else in it is not ours."""
+"""Names of all files in a report folder; a folder with any other file is not overwritten."""
 
 SPEED = (
-    "Time of the closure, as far as it is accurate, beside the cheapest simulation of equal accuracy: as many exact "
-    "flights with their control variate as make the standard error of every moment no larger than the closure's worst "
-    "error (in sds of the quantity). One core each; measured with this report (`speed.csv`)."
+    "Time of the closure up to the last impact at which it is accurate, compared with the cheapest simulation of equal "
+    "accuracy: as many exact flights with their control variate as make the standard error of every moment no larger "
+    "than the closure's worst error (in sds of the quantity). One core each; measured with this report (`speed.csv`)."
 )
 NONE = "No closure is shown to be accurate up to the first impact at any of these noise intensities; {} undecided."
 UNRESOLVED = " “≤”: the sample cannot tell the error from zero, so the speed-up is a lower bound."
 AGREEMENT = (
-    "Share of paths whose impacts so far had the meshes and sides of the closure's; no closure of a single orbit can "
-    "hold beyond it."
+    "Share of paths whose impacts so far were at the meshes and sides of the closure's itinerary; no closure along a "
+    "single orbit can be accurate beyond it."
 )
 PREDICTED = " Dashed: the share that the branching closure predicts."
 
 
 def table_text(validations: Sequence[Validation]) -> tuple[pd.DataFrame, str]:
-    """All rows with their noise intensity, and the same as CSV text to the last bit."""
+    """All rows of several validations in one table.
+
+    Parameters
+    ----------
+    validations : sequence of Validation
+        One for each noise intensity.
+
+    Returns
+    -------
+    table : DataFrame
+        With the noise intensity as first column ``sigma``.
+    text : str
+        The same as CSV, without loss of digits.
+    """
     table = pd.concat([v.table.assign(sigma=v.scene.sigma) for v in validations], ignore_index=True)
     table.insert(0, "sigma", table.pop("sigma"))
     return table, csv_text(table, index=False)
@@ -78,14 +91,14 @@ def _section(v: Validation, number: int, folder: Path) -> Section:
     failures = failure_table(v)
     found: list[Block] = [Text("Every check holds.")]
     if failures.rows:
-        what = "First failure of each check of the closures' moments; “negative mass” judges the truncated series, not "
-        found = [Text(what + "the moments.", note=True), failures]
-    distance = "Distance of the section densities from the histograms, in units of what sampling alone gives:"
+        note = "First failure of each check of the closures' moments; “negative mass” judges the truncated series, not "
+        found = [Text(note + "the moments.", note=True), failures]
+    distance = "Distance of the section densities from the histograms, in units of the distance due to sampling alone:"
     errors: list[Block] = []
     for closure, prediction in v.predictions.items():
         errors.append(impact_table(v, closure, f"Errors of the {closure} closure per impact, {sigma}"))
         if prediction.stopped:
-            errors.append(Text(f"The {closure} closure ended early: {prediction.stopped}.", note=True))
+            errors.append(Text(f"The {closure} closure cannot be continued: {prediction.stopped}.", note=True))
     return Section(
         sigma,
         (Text(simulation_text(v), note=True), reach_table(v), count_table(v), *figures),
@@ -103,13 +116,13 @@ def _page(
     record: dict[str, Any],
     folder: Path,
 ) -> Page:
-    """What the report says, its figures saved."""
+    """The page of the report; its figures are saved into the folder."""
     opening: tuple[Block, ...] = ()
     sections = []
     if swept:
         paths = (
-            f"{settings.validity_paths:,} paths of exact flights at each σ (no bias in the step), all on the same "
-            "random numbers. Every σ by itself: `validity.csv`."
+            f"{settings.validity_paths:,} paths of exact flights at each σ (no step bias), all with the same random "
+            "numbers. Every σ by itself: `validity.csv`."
         )
         drawing = validity_figure(swept.validity, settings.impacts)
         figure = _drawn(drawing, "validity", caption_of(drawing, VALIDITY), folder)
@@ -118,18 +131,21 @@ def _page(
         note = SPEED + ("" if swept.speed["resolved"].all() else UNRESOLVED)
         none = Text(NONE.format("some are" if (swept.validity["not_inaccurate"] > 0).any() else "none is"))
         sections.append(
-            Section("What a closure saves where it holds", (Text(note, note=True), speeds) if speeds.rows else (none,))
+            Section(
+                "Speed-up of each closure where it is accurate",
+                (Text(note, note=True), speeds) if speeds.rows else (none,),
+            )
         )
     marks = ", ".join(f"{SIGNS[mark] or '–'} {verdict}" for verdict, mark in MARKS.items() if verdict != NOT_JUDGED)
     legend = (
         f"Marks: {marks}. Errors are closure minus simulation, corrected for the measured step bias, in units of the "
         f"quantity's standard deviation, with the half width of their interval. {RULE}"
     )
-    together = AGREEMENT + (PREDICTED if "branching" in validations[0].predictions else "")
-    agreement = _drawn(agreement_figure(validations), "agreement", together, folder)
-    sections.append(Section("How long the paths stay together", (agreement,)))
+    caption = AGREEMENT + (PREDICTED if "branching" in validations[0].predictions else "")
+    agreement = _drawn(agreement_figure(validations), "agreement", caption, folder)
+    sections.append(Section("How long the paths follow the itinerary", (agreement,)))
     if claim := correlation_claim(validations):
-        sections.append(Section("Is |ρ| > 1 a reason to leave the Gaussian?", (Text(claim),)))
+        sections.append(Section("Does |ρ| > 1 show that the density is not Gaussian?", (Text(claim),)))
     sections.append(Section("How the tables are read", (Text(legend),)))
     sections += [_section(v, number, folder) for number, v in enumerate(validations, start=1)]
     scene = Code(validations[0].scene.to_toml(), "toml")
@@ -161,7 +177,27 @@ def write_report(
     provenance: dict[str, Any],
     overwrite: bool,
 ) -> dict[str, Any]:
-    """Write the report folder, whole or not at all, and return its manifest.
+    """Write the report folder, whole or not at all.
+
+    Parameters
+    ----------
+    out : Path
+        The folder.
+    settings : Settings
+        What the report was asked for.
+    validations : sequence of Validation
+        One for each noise intensity.
+    swept : Sweep or None
+        Ranges of validity over the noise intensity, if asked for.
+    provenance : dict
+        Further facts for the manifest: command, commit, versions, times.
+    overwrite : bool
+        Whether an earlier report may be replaced.
+
+    Returns
+    -------
+    dict
+        The manifest.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""Whether a closure's moments, and the densities built from them, can belong to any distribution at all.
+"""Realizability: whether a closure's moments, and the densities built from them, can belong to a distribution.
 
 The correlation alone says little: a set of moments is realizable if and only if every polynomial's square has a
 mean that is not negative, so the moment matrix decides (necessary in two variables, Hamburger's condition in one).
-Edgeworth densities are judged apart: a truncated series can be negative although its moments are realizable.
+Edgeworth densities are judged separately: a truncated series can be negative although its moments are realizable.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,18 +25,18 @@ Floats = NDArray[np.float64]
 QUADRATURE = 1e-6
 """Negative mass below which a density counts as positive: less than one path in a million.
 
-The quadrature tells a mass of this size to 0.1 %.  All other slack is `rattle.scene.moments.ROUNDING`, relative to the
-largest of the terms that are compared; the sign of a variance needs none.
+The quadrature gives a mass of this size to 0.1 %.  All other tolerances are `rattle.scene.moments.ROUNDING`, relative
+to the largest of the terms that are compared; the sign of a variance needs none.
 """
 
-REACH, POINTS = 8.0, 481  # sd to both sides, and points per axis, of the quadratures of negative parts
-VARIES = 1e-6  # share of the largest sd at an impact below which a section quantity's own sd is rounding
+REACH, POINTS = 8.0, 481  # sds on both sides of the mean, and points per axis, of the quadratures of negative parts
+VARIES = 1e-6  # share of the largest sd at an impact below which a section quantity's own sd is rounding error
 
 NAN = float("nan")
 
 
 class Check(NamedTuple):
-    """A bound that moments of a distribution keep: ``sign * (value - bound) >= 0``."""
+    """A bound that moments of a distribution satisfy: ``sign * (value - bound) >= 0``, up to a rounding ``slack``."""
 
     bound: float
     sign: int
@@ -55,15 +55,25 @@ CHECKS = {
 }
 
 
-class Judged(NamedTuple):
-    """Value of a check, and the size of the terms that it is a difference of; NaN where there is no such moment."""
+class Statistic(NamedTuple):
+    """Value that is checked, NaN where a moment is missing, and the size of the terms whose difference it is."""
 
     value: float
     scale: float = 1.0
 
 
 def covariance_eigenvalue(covariance: Floats) -> float:
-    """Smallest eigenvalue over the largest diagonal entry; 0 for a point mass, NaN where a moment is missing.
+    """Smallest eigenvalue of a covariance matrix over its largest diagonal entry; negative for no distribution.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (n, n)
+        Symmetric.
+
+    Returns
+    -------
+    float
+        0 for a point mass; NaN where a moment is missing.
 
     Examples
     --------
@@ -72,29 +82,29 @@ def covariance_eigenvalue(covariance: Floats) -> float:
     """
     if not np.isfinite(covariance).all():
         return NAN
-    # without a diagonal any covariance at all is impossible, so it sets the scale itself
+    # with zero variances no covariance is possible, so the largest covariance sets the scale
     scale = float(np.abs(covariance.diagonal()).max()) or float(np.abs(covariance).max()) or 1.0
     return float(np.linalg.eigvalsh(covariance / scale)[0])
 
 
-def _least_kurtosis_margin(raw: Floats) -> Judged:
-    """The lesser margin of both marginals; a marginal without positive variance has no kurtosis."""
+def _least_kurtosis_margin(raw: Floats) -> Statistic:
+    """The smaller margin of both marginals; a marginal without positive variance has no kurtosis."""
     if len(raw) < 5:
-        return Judged(NAN)
+        return Statistic(NAN)
     margins = []
     for marginal in (raw[:5, 0], raw[0, :5]):
         m2, m3, m4 = central_from_raw(marginal)[2:]
         if m2 > 0.0 and np.isfinite(marginal).all():
             with np.errstate(over="ignore", invalid="ignore"):
                 kurtosis, square = m4 / m2 / m2, (m3 / m2**1.5) ** 2
-            margins.append(Judged(float(kurtosis - square - 1.0), float(max(abs(kurtosis), square, 1.0))))
-    return min(margins, key=lambda m: m.value, default=Judged(NAN))
+            margins.append(Statistic(float(kurtosis - square - 1.0), float(max(abs(kurtosis), square, 1.0))))
+    return min(margins, key=lambda m: m.value, default=Statistic(NAN))
 
 
 def kurtosis_margin(raw: Floats) -> float:
-    """``kurtosis - skewness^2 - 1``, the lesser one of both marginals: not negative for any distribution.
+    """``kurtosis - skewness^2 - 1``, the smaller one of both marginals: negative for no distribution.
 
-    Pearson (1916), Phil. Trans. R. Soc. A 216, 429.  Two points reach zero.
+    Pearson (1916), Phil. Trans. R. Soc. A 216, 429.  It is zero for distributions on two points.
 
     Parameters
     ----------
@@ -115,35 +125,40 @@ def kurtosis_margin(raw: Floats) -> float:
     return _least_kurtosis_margin(raw).value
 
 
-def _moment_matrix(raw: Floats) -> Judged:
+def _moment_matrix(raw: Floats) -> Statistic:
     order = len(raw) - 1
     monomials = [(n, p) for n in range(order // 2 + 1) for p in range(order // 2 + 1 - n)]
     scales = []
     for marginal in (raw[:, 0], raw[0, :]):
-        # a negative variance keeps its sign this way; a vanishing one leaves the scale to what remains
-        rest = max(abs(m) ** (1.0 / n) for n, m in enumerate(marginal) if n > 0)
-        scales.append(float(np.sqrt(abs(marginal[2])) or rest or 1.0))
+        # |variance| as scale keeps the sign of a negative variance; if it is 0, the other moments set the scale
+        other = max(abs(m) ** (1.0 / n) for n, m in enumerate(marginal) if n > 0)
+        scales.append(float(np.sqrt(abs(marginal[2])) or other or 1.0))
     sd_x, sd_y = scales
     with np.errstate(over="ignore", invalid="ignore"):
         matrix = np.array([
             [raw[n + m, p + q] / sd_x ** (n + m) / sd_y ** (p + q) for m, q in monomials] for n, p in monomials
         ])  # fmt: skip
     if not np.isfinite(matrix).all():
-        return Judged(NAN)
-    return Judged(float(np.linalg.eigvalsh(matrix)[0]), float(np.abs(matrix.diagonal()).max()))
+        return Statistic(NAN)
+    return Statistic(float(np.linalg.eigvalsh(matrix)[0]), float(np.abs(matrix.diagonal()).max()))
 
 
 def moment_matrix_eigenvalue(raw: Floats) -> float:
     """Smallest eigenvalue of ``E[u^(n+m) v^(p+q)]`` over the monomials of degree up to half the order.
 
-    ``u, v`` are displacement and velocity in units of the root of their second moment, so the value has no scale.  It
-    is the least mean of the square of a polynomial with unit coefficients: negative for no distribution
+    ``u, v`` are displacement and velocity in units of the root of their second moment, so the value is dimensionless.
+    It is the smallest mean square of a polynomial whose coefficient vector has length 1: negative for no distribution
     (Akhiezer 1965, The Classical Moment Problem, chapter 2).
 
     Parameters
     ----------
     raw : ndarray, shape (order + 1, order + 1)
         ``E[xi^n zeta^p]``.
+
+    Returns
+    -------
+    float
+        NaN where a moment is missing or not finite.
 
     Examples
     --------
@@ -166,7 +181,12 @@ def negative_mass(values: Floats, spacing: float) -> float:
     values : ndarray
         Density at the grid points; it vanishes at the grid's ends, so that this is the trapezoidal rule.
     spacing : float
-        Length, area, ... of a cell.
+        Volume of a grid cell: length in one dimension, area in two.
+
+    Returns
+    -------
+    float
+        Not negative.
 
     Examples
     --------
@@ -178,18 +198,18 @@ def negative_mass(values: Floats, spacing: float) -> float:
     return float(np.maximum(-values, 0.0).sum() * spacing)
 
 
-def _series_negative_mass(prediction: MeanMap, impact: int, stage: int) -> Judged:
+def _series_negative_mass(prediction: MeanMap, impact: int, stage: int) -> Statistic:
     raw = prediction.trace.raw[impact, stage - 1]
     if not (raw[2, 0] > 0.0 and raw[0, 2] > 0.0 and np.isfinite(raw).all()):
-        return Judged(NAN)  # no series can be formed
+        return Statistic(NAN)  # no series can be formed
     series = prediction.edgeworth(impact, stage)
     z = np.linspace(-REACH, REACH, POINTS)
     xi, zeta = np.meshgrid(z * series.sd_x, z * series.sd_y)
     cell = (z[1] - z[0]) ** 2 * series.sd_x * series.sd_y
-    return Judged(negative_mass(series.density(xi, zeta), cell))
+    return Statistic(negative_mass(series.density(xi, zeta), cell))
 
 
-def _section_negative_mass(prediction: MeanMap, impact: int) -> Judged:
+def _section_negative_mass(prediction: MeanMap, impact: int) -> Statistic:
     """The largest over the quantities that vary and have a skewness."""
     table = prediction.phase_reduced.section
     quantities = [q for q in SECTION if prediction.scene.stages == 2 or q not in STATE[2:]]
@@ -203,39 +223,39 @@ def _section_negative_mass(prediction: MeanMap, impact: int) -> Judged:
         density = prediction.density(impact, quantity, grid)
         if density is not None:
             masses.append(negative_mass(density, float(grid[1] - grid[0])))
-    return Judged(max(masses, default=NAN))
+    return Statistic(max(masses, default=NAN))
 
 
-def _judgements(prediction: MeanMap, impact: int) -> Iterator[tuple[int, str, Judged]]:
-    """Stage, check and its value, at one impact; stage 0 is both together."""
+def _statistics(prediction: MeanMap, impact: int) -> Iterator[tuple[int, str, Statistic]]:
+    """Stage, name of the check and its statistic at one impact; stage 0 stands for both stages jointly."""
     if prediction.scene.stages == 2:
-        yield 0, "covariance eigenvalue", Judged(covariance_eigenvalue(prediction.trace.covariance[impact]))
+        yield 0, "covariance eigenvalue", Statistic(covariance_eigenvalue(prediction.trace.covariance[impact]))
     yield 0, "section negative mass", _section_negative_mass(prediction, impact)
     for stage in range(1, prediction.scene.stages + 1):
         covariance, raw = prediction.stage_covariance(impact, stage), prediction.trace.raw[impact, stage - 1]
-        yield stage, "variance of displacement", Judged(float(covariance[0, 0]))
-        yield stage, "variance of velocity", Judged(float(covariance[1, 1]))
-        yield stage, "|rho|", Judged(abs(correlation(covariance)) if np.isfinite(covariance).all() else NAN)
-        yield stage, "covariance eigenvalue", Judged(covariance_eigenvalue(covariance))
+        yield stage, "variance of displacement", Statistic(float(covariance[0, 0]))
+        yield stage, "variance of velocity", Statistic(float(covariance[1, 1]))
+        yield stage, "|rho|", Statistic(abs(correlation(covariance)) if np.isfinite(covariance).all() else NAN)
+        yield stage, "covariance eigenvalue", Statistic(covariance_eigenvalue(covariance))
         yield stage, "kurtosis", _least_kurtosis_margin(raw)
         yield stage, "moment matrix", _moment_matrix(raw)
         yield stage, "negative mass", _series_negative_mass(prediction, impact, stage)
 
 
 def realizability_table(predictions: Sequence[MeanMap]) -> pd.DataFrame:
-    """Every bound that moments of a distribution keep, at each impact of each closure; tidy.
+    """Check the bounds that moments of any distribution satisfy, at each impact of each closure.
 
     Parameters
     ----------
-    closures : sequence of MeanMap
-        Closures, judged just before each impact that they found.
+    predictions : sequence of MeanMap
+        The closures' moments, checked just before each impact that they reach.
 
     Returns
     -------
     DataFrame
-        Columns ``closure, impact, stage, check, value, bound, holds, excess`` (dimensionless).  Stage 0 is both stages
-        together.  ``holds`` is nullable: NA where the closure has no such moment, and then ``value`` and ``excess`` are
-        NaN.  ``excess`` says by how much a bound is missed, and is 0 where it holds.  Nothing is clipped.
+        Columns ``closure, impact, stage, check, value, bound, holds, excess`` (dimensionless).  Stage 0 stands for both
+        stages jointly.  ``holds`` is nullable: NA where the closure has no such moment, and then ``value`` and
+        ``excess`` are NaN.  ``excess`` is the amount by which a bound is violated, 0 where it holds.
 
     Notes
     -----
@@ -245,10 +265,10 @@ def realizability_table(predictions: Sequence[MeanMap]) -> pd.DataFrame:
     quantities (NA for ``published``, which has no moments across the stages).
     ``kurtosis``, ``moment matrix``: see `kurtosis_margin` and `moment_matrix_eigenvalue`.
     ``negative mass``: of the stage's Edgeworth series (Eqs. 18, 19), within 8 sd.  A series truncated at order 4 is
-    negative somewhere for every ``rho`` but 0: along an axis it is ``1 - rho^2 (u^2 - 1) / 2``.  So this speaks of
-    the truncation, also where the moments are realizable.
-    ``section negative mass``: of the one-dimensional section densities with a skewness, the largest.
-    A point mass keeps every bound: it has no correlation, kurtosis or series, and these are NA.
+    negative somewhere for every ``rho`` but 0: along an axis it is ``1 - rho^2 (u^2 - 1) / 2``.  So this check judges
+    the truncation, and may fail although the moments are realizable.
+    ``section negative mass``: the largest over the one-dimensional section densities with a skewness.
+    A point mass satisfies every bound: it has no correlation, kurtosis or series, and these are NA.
 
     Examples
     --------
@@ -262,7 +282,7 @@ def realizability_table(predictions: Sequence[MeanMap]) -> pd.DataFrame:
     records = []
     for prediction in predictions:
         for impact in range(1, prediction.trace.found + 1):
-            for stage, name, (value, scale) in _judgements(prediction, impact):
+            for stage, name, (value, scale) in _statistics(prediction, impact):
                 bound, sign, slack = CHECKS[name]
                 missed = sign * (bound - value)
                 known = not np.isnan(value)
@@ -286,7 +306,7 @@ def realizability_table(predictions: Sequence[MeanMap]) -> pd.DataFrame:
 
 
 def first_failures(table: pd.DataFrame) -> pd.DataFrame:
-    """The first impact (and there the first stage) at which each closure misses each bound.
+    """The first impact (and there the first stage) at which each closure violates each bound.
 
     Parameters
     ----------
@@ -296,7 +316,7 @@ def first_failures(table: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Columns ``closure, check, impact, stage, value, excess``; no row for a bound that is never missed.
+        Columns ``closure, check, impact, stage, value, excess``; no row for a bound that is never violated.
 
     Examples
     --------

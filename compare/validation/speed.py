@@ -1,4 +1,4 @@
-"""What a closure costs beside a simulation that is no more accurate."""
+"""Computing time of a closure compared with that of a simulation of equal accuracy."""
 
 import math
 import time
@@ -14,16 +14,30 @@ from rattle.montecarlo import simulate
 
 __all__ = ["Speed", "best_of", "path_seconds", "paths_for", "speed"]
 
-CALLS, SPAN = 5, 0.3  # a call is timed so often at most, and for so many seconds
-TIMED_PATHS = 4096
+CALLS, SPAN = 5, 0.3  # a call is repeated at most so often, and for at most so many seconds
+TIMED_PATHS = 4096  # paths of the simulation whose time per path and impact is measured
 
 
 class Speed(NamedTuple):
-    """Time of a closure beside that of a simulation as accurate, both on one core.
+    """Time of a closure and of a simulation of equal accuracy, both on one core.
 
-    ``impacts`` is how far the closure is accurate, and both go that far; ``worst`` and ``median`` are its errors there
-    in units of the quantities' sds.  Where the interval of the worst error holds zero (``resolved`` is False) the
-    error may be smaller, and the speed-up larger.
+    Attributes
+    ----------
+    closure : str
+    sigma : float
+        Noise intensity.
+    impacts : int
+        The impact up to which the closure is accurate; both sides are timed up to it.
+    worst, median : float
+        Worst and median error of the closure's section means and sds, in units of the quantities' sds.
+    resolved : bool
+        Whether the interval of the worst error excludes zero; if not, the error may be smaller and the speed-up larger.
+    closure_seconds, monte_carlo_seconds : float
+        Seconds on one core.
+    paths : int
+        Paths whose largest standard error equals the worst error.
+    speed_up : float
+        Ratio of the two times.
     """
 
     closure: str
@@ -39,7 +53,17 @@ class Speed(NamedTuple):
 
 
 def best_of(call: Callable[[], object]) -> float:
-    """Seconds of the fastest of a few calls of something that is compiled; a long one is called once."""
+    """Seconds of the fastest of a few calls; a call that takes long is made once.
+
+    Parameters
+    ----------
+    call : callable
+        Without arguments; already compiled, as every call is timed.
+
+    Returns
+    -------
+    float
+    """
     times: list[float] = []
     while not times or (len(times) < CALLS and sum(times) < SPAN):
         started = time.perf_counter()
@@ -49,7 +73,16 @@ def best_of(call: Callable[[], object]) -> float:
 
 
 def path_seconds(v: Validation) -> float:
-    """Seconds per impact of one path on one core, for the scene, scheme and step of a validation."""
+    """Seconds per impact of one path on one core, for the scene, scheme and step of a validation.
+
+    Parameters
+    ----------
+    v : Validation
+
+    Returns
+    -------
+    float
+    """
     plan = v.run.plan
     control = "control" in v.run.result.sums
 
@@ -63,13 +96,18 @@ def path_seconds(v: Validation) -> float:
 
 
 def paths_for(rows: pd.DataFrame, error: float) -> int:
-    """Paths that make the standard error of every moment as small as `error`, in units of its sd.
+    """Number of paths for which the standard error of every moment is at most `error`.
 
     Parameters
     ----------
     rows : DataFrame
-        A moment each: its unit ``unit``, and the standard error ``se`` of one path.
+        A row for each moment: ``unit``, the sd of its quantity, and ``se``, its standard error for a single path.
     error : float
+        In units of ``unit``.
+
+    Returns
+    -------
+    int
 
     Examples
     --------
@@ -80,7 +118,21 @@ def paths_for(rows: pd.DataFrame, error: float) -> int:
 
 
 def speed(v: Validation, closure: str, seconds_per_impact: float) -> Speed | None:
-    """Time a closure as far as it is accurate, or None where it is not; `seconds_per_impact` is from `path_seconds`."""
+    """Time a closure up to the last impact at which it is accurate.
+
+    Parameters
+    ----------
+    v : Validation
+    closure : str
+        Name of the closure.
+    seconds_per_impact : float
+        Of one simulated path, from `path_seconds`.
+
+    Returns
+    -------
+    Speed or None
+        None if the closure is not accurate at the first impact.
+    """
     reached = validity(v, closure).accurate
     if reached == 0:
         return None

@@ -1,4 +1,4 @@
-"""Validations over a grid of noise intensities: how far each closure holds, and what it saves there."""
+"""Validations over a grid of noise intensities: range of validity and speed-up of each closure."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -19,11 +19,19 @@ __all__ = ["Sweep", "check_sweep", "grid", "sweep"]
 
 EXAMPLE = "1e-3:2:12"
 SCHEME = "exact-flight"
-"""Without a bias in the step, which would outgrow the tolerances as they shrink with sigma."""
+"""Has no step bias, which would exceed the tolerances at small sigma, as they are shares of the sds."""
 
 
 class Sweep(NamedTuple):
-    """Frontiers of all closures at all noise intensities, which repeat bit for bit, and timings, which do not."""
+    """Ranges of validity and speed-ups of all closures at all noise intensities.
+
+    Attributes
+    ----------
+    validity : DataFrame
+        Columns of `rattle.compare.validation.validity.Validity`; repeats bit for bit.
+    speed : DataFrame
+        Columns of `rattle.compare.validation.speed.Speed`; timings, which do not repeat.
+    """
 
     validity: pd.DataFrame
     speed: pd.DataFrame
@@ -32,10 +40,20 @@ class Sweep(NamedTuple):
 def grid(text: str) -> tuple[float, ...]:
     """Noise intensities from ``LOW:HIGH:POINTS``, evenly spaced in their logarithm, rounded to three digits.
 
+    Parameters
+    ----------
+    text : str
+        Smallest and largest noise intensity, and their number, at least 2.
+
+    Returns
+    -------
+    tuple of float
+        Ascending, all different.
+
     Raises
     ------
     InputError
-        Names what is wrong with the text.
+        If the text has another form, the range is empty, or three digits cannot tell the points apart.
 
     Examples
     --------
@@ -55,17 +73,26 @@ def grid(text: str) -> tuple[float, ...]:
     count("validity POINTS", points, least=2)
     found = tuple(float(f"{s:.3g}") for s in np.geomspace(low, high, points))
     if len(set(found)) < points:
-        raise InputError("validity POINTS", points, f"are more than {low:g} and {high:g} can hold; take fewer")
+        why = f"cannot be told apart by three digits between {low:g} and {high:g}; take fewer"
+        raise InputError("validity POINTS", points, why)
     return found
 
 
 def check_sweep(scene: Scene, sigmas: Sequence[float], **settings: Any) -> None:
-    """Refuse a sweep that could not be run to its end, before any work; settings as of `montecarlo.check_settings`.
+    """Validate the input of a sweep before any work starts.
+
+    Parameters
+    ----------
+    scene : Scene
+    sigmas : sequence of float
+        Noise intensities.
+    **settings
+        Of `rattle.montecarlo.check_settings`, except scheme and step.
 
     Raises
     ------
     InputError
-        Names the noise intensity, what is wrong there, and the remedy.
+        If a simulation of the sweep is not admissible; names the noise intensity and the remedy.
     """
     for sigma in sigmas:
         try:
@@ -81,13 +108,13 @@ def sweep(scene: Scene, sigmas: Sequence[float], *, workers: int, **settings: An
     Parameters
     ----------
     scene : Scene
-        What is modelled; its own noise intensity is not used.
+        The scene; its own noise intensity is not used.
     sigmas : sequence of float
-        Noise intensities.  All have the same random numbers, so that what changes along the grid is not the sample.
+        Noise intensities.  All use the same random numbers, so that the sample does not change along the grid.
     workers : int
         Threads of the simulations.
     **settings
-        Of `validate`.
+        Of `rattle.compare.validation.validate.validate`, except scheme and step.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What the page of a report tabulates."""
+"""The tables on the page of a validation."""
 
 import pandas as pd
 
@@ -23,14 +23,23 @@ __all__ = [
 ]  # fmt: skip
 
 MARKS = {"accurate": "good", "inaccurate": "bad", "undecided": "open", "not predicted": "", "not judged": ""}
-"""Verdicts as marks of a cell."""
+"""Mark of a table cell for each verdict, see `rattle.compare.report.content.MARKS`."""
 
 SHOWN = [("mean", "tau"), ("mean", "y1"), ("mean", "y2"), ("sd", "tau"), ("sd", "y1"), ("sd", "y2")]
 """Section moments that the page tabulates; the table files hold all of them."""
 
 
 def count_table(v: Validation) -> Table:
-    """How many moments of each kind have each verdict, by closure."""
+    """Number of moments with each verdict, by closure and kind of moment.
+
+    Parameters
+    ----------
+    v : Validation
+
+    Returns
+    -------
+    Table
+    """
     rows: list[Row] = []
     for (closure, kind, moment), group in v.table.groupby(["closure", "kind", "moment"], sort=False):
         name = "ρ at mid-flight" if kind == "fixed time" else f"section {moment}s"
@@ -48,7 +57,20 @@ def _cell(row: pd.Series) -> Cell:
 
 
 def impact_table(v: Validation, closure: str, summary: str) -> Table:
-    """Errors of a closure per impact, folded away beneath a summary."""
+    """Errors of a closure at each impact, in sds, with the half width of their intervals.
+
+    Parameters
+    ----------
+    v : Validation
+    closure : str
+        Name of the closure.
+    summary : str
+        Line beneath which the table is collapsed.
+
+    Returns
+    -------
+    Table
+    """
     table = v.table[(v.table["closure"] == closure) & (v.table["kind"] == "section")]
     columns = [(m, q) for m, q in SHOWN if v.scene.stages == 2 or q != "y2"]
     cells = {(r["moment"], r["quantity"], r["impact"]): _cell(r) for _, r in table.iterrows()}
@@ -57,17 +79,27 @@ def impact_table(v: Validation, closure: str, summary: str) -> Table:
     section = v.predictions[closure].section
     for impact in section.index:
         row = section.loc[impact]
-        together = f"{v.run.agreement[closure].loc[impact]:.3f}"
+        agreement = f"{v.run.agreement[closure].loc[impact]:.3f}"
         seen = [f"{row[name]:.3f}" if row[name] == row[name] else "–" for name in rhos]
         errors = [cells[m, q, impact] for m, q in columns]
-        rows.append([str(impact), together, *errors, *seen, "yes" if row["realizable"] else "no"])
+        rows.append([str(impact), agreement, *errors, *seen, "yes" if row["realizable"] else "no"])
     heads = [f"{'E' if m == 'mean' else 'sd'} {q}" for m, q in columns]
     heads_of = numbers("impact", "agreement", *heads, *(name.replace("rho", "ρ") for name in rhos))
     return Table.of([*heads_of, "realizable"], rows, summary)
 
 
 def failure_table(v: Validation) -> Table:
-    """First failure of each check of realizability."""
+    """First failure of each check of realizability.
+
+    Parameters
+    ----------
+    v : Validation
+
+    Returns
+    -------
+    Table
+        Without rows if no check fails.  Mixtures (branching) have no moments of a perturbation to check.
+    """
     failures = first_failures(realizability_table([m for m in v.predictions.values() if m.trace.parts is None]))
     rows: list[Row] = [
         [
@@ -83,7 +115,17 @@ def failure_table(v: Validation) -> Table:
 
 
 def distance_table(v: Validation) -> Table:
-    """Distances between section density and histogram in units of their sampling floors, by closure."""
+    """Distances between predicted section density and histogram, by closure.
+
+    Parameters
+    ----------
+    v : Validation
+
+    Returns
+    -------
+    Table
+        In units of the sampling floor: the distance that a sample of the true density would have.
+    """
     table = pd.concat([section_distances(m, v.run) for m in v.predictions.values()], ignore_index=True)
     rows: list[Row] = []
     for closure, group in table.groupby("closure", sort=False):
@@ -96,14 +138,34 @@ def distance_table(v: Validation) -> Table:
 
 
 def reach_table(v: Validation) -> Table:
-    """How far each closure of a validation can be believed."""
+    """Range of validity of each closure of a validation, and its cause.
+
+    Parameters
+    ----------
+    v : Validation
+
+    Returns
+    -------
+    Table
+    """
     found = validities([v]).to_dict("records")
     rows: list[Row] = [[str(f["closure"]), int(f["accurate"]), int(f["not_inaccurate"]), str(f["why"])] for f in found]
     return Table.of(["closure", *numbers(f"{ACCURATE} impact", NOT_WRONG), "why it ends"], rows)
 
 
 def validity_table(table: pd.DataFrame) -> Table:
-    """Frontiers by closure, neighbouring noise intensities with the same range of validity and cause in one row."""
+    """Range of validity of each closure over the noise intensity.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `rattle.compare.validation.sweep.sweep`.
+
+    Returns
+    -------
+    Table
+        Neighbouring noise intensities with the same range and cause share a row.
+    """
     rows: list[Row] = []
     for closure, group in table.groupby("closure", sort=False):
         group = group.sort_values("sigma")
@@ -117,7 +179,18 @@ def validity_table(table: pd.DataFrame) -> Table:
 
 
 def speed_table(table: pd.DataFrame) -> Table:
-    """Speed-ups; an error that its interval does not tell from zero is an upper bound, its speed-up a lower."""
+    """Speed-up of each closure against a simulation of equal accuracy.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Rows of `rattle.compare.validation.speed.Speed`.
+
+    Returns
+    -------
+    Table
+        Where the interval of the worst error contains zero, the error is an upper and the speed-up a lower bound.
+    """
     rows: list[Row] = [
         [
             str(row["closure"]),
@@ -137,15 +210,24 @@ def speed_table(table: pd.DataFrame) -> Table:
 
 
 def simulation_text(v: Validation) -> str:
-    """How a validation was simulated, and what that leaves open."""
+    """The simulation behind a validation in words: paths, scheme, step, sampling error, diagnostics.
+
+    Parameters
+    ----------
+    v : Validation
+
+    Returns
+    -------
+    str
+    """
     run = v.run
     mean = v.run.section
-    beside = " (2 dt and 4 dt on the same noise)" if "fine_coarse" in run.result.sums else ", no bias in the step"
+    bias = " (2 dt and 4 dt on the same Brownian paths)" if "fine_coarse" in run.result.sums else ", no step bias"
     share = float((mean["se_tau"] / mean["sd_tau"]).median()) if v.scene.sigma > 0 else 0.0
     text = (
-        f"{run.paths:,} paths of the {run.scheme} scheme, dt = {run.dt:.4g}{beside}; sampling "
+        f"{run.paths:,} paths of the {run.scheme} scheme, dt = {run.dt:.4g}{bias}; sampling "
         f"error of E τ {share:.2%} of its sd at the median impact; intervals of {v.z:.2f} standard errors, so that "
-        f"all of them hold together with 95 %. They speak of the itineraries that were seen: one that fewer than 1 in "
-        f"{run.paths / 3:,.0f} paths take may have been missed."
+        f"all of them contain the true values with 95 % confidence. They are conditional on the itineraries that "
+        f"occurred: one that fewer than 1 in {run.paths / 3:,.0f} paths take may have been missed."
     )
     return " ".join((text, *run.diagnostics))

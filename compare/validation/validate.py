@@ -1,4 +1,4 @@
-"""The public entry: closures against an ensemble of the same scene, with a verdict on every moment."""
+"""Validation of closures: compares them with an ensemble of the same scene and gives a verdict on every moment."""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ import pandas as pd
 from rattle.closure import CLOSURES, MeanMap, closures_for, follow, mean_map
 from rattle.compare.validation.correlation import mid_flight_errors, validity
 from rattle.compare.validation.verdict import JUDGED, Tolerances, section_errors, to_absolute_time, widest
-from rattle.montecarlo import SCHEMES, Ensemble, check_settings, default_step, simulate
+from rattle.montecarlo import SCHEMES, Ensemble, Record, check_settings, default_step, simulate
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
@@ -19,7 +19,8 @@ from rattle.scene.validate import choice
 
 __all__ = ["COLUMNS", "Validation", "validate"]
 
-PILOT, FAR = 64, 10.0  # paths that are sent ahead, and times their last impact beyond which no instant is compared
+PILOT = 64  # paths of the pilot run that bounds the time of the last impact
+MARGIN = 10.0  # the bound is this many times the pilot's time to its last impact; later fixed times are not compared
 
 COLUMNS = (
     "closure",
@@ -45,13 +46,14 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Validation:
-    """What a comparison found.
+    """Result of comparing closures with a simulation of the same scene.
 
     Attributes
     ----------
     scene : Scene
-    closures : dict of str to MeanMap
-        The closures, by name.
+        The scene as given, in absolute time.
+    predictions : dict of str to MeanMap
+        The moments that each closure predicts, by its name.
     run : Ensemble
         The simulation.
     table : DataFrame
@@ -73,9 +75,7 @@ class Validation:
 
     @property
     def accurate(self) -> bool:
-        """Whether every moment that was predicted, and is judged (`rattle.compare.validation.verdict.RULE`), is
-        accurate.
-        """
+        """Whether all moments that are predicted and judged are accurate; the rule is in `verdict.RULE`."""
         judged = self.table[self.table["verdict"].isin(JUDGED)]
         return bool((judged["verdict"] == "accurate").all())
 
@@ -94,19 +94,19 @@ def validate(
     tolerances: Tolerances | None = None,
     progress: str | None = None,
 ) -> Validation:
-    """Hold closures against a Monte Carlo of the same scene.
+    """Compare closures with a Monte Carlo simulation of the same scene.
 
     Parameters
     ----------
     scene : Scene
-        What is modelled.
+        The system, its noise and its start.
     impacts : int
-        Impacts after the start.
-    closures : sequence of str
-        Closures of the closure; by default all that can take the scene.
+        Number of impacts after the start that are compared.
+    closures : sequence of str, optional
+        Names of the closures; by default all that can be applied to the scene.
     paths, dt, scheme, rng, workers, progress
-        Of the simulation, see `montecarlo.simulate`; 2 dt and 4 dt run on the same noise to measure the step bias, if
-        the scheme has one, and a scheme that can takes the linearised path as control.
+        Settings of the simulation, see `rattle.montecarlo.simulate`.  If the scheme has a step bias, 2 dt and 4 dt run
+        on the same Brownian paths to measure it; if it has none, the linearised path may serve as control variate.
     order : int
         Order of the closures' moments.
     tolerances : Tolerances, optional
@@ -137,19 +137,17 @@ def validate(
     for closure in closures:
         choice("closures", closure, CLOSURES)
     limits = tolerances or Tolerances()
-    given, scene = (
-        scene,
-        scene.phase_reduced,
-    )  # a late start costs neither digits nor verdicts: what is held together is near
-    biased = SCHEMES[choice("scheme", scheme, SCHEMES)].weak_order is not None
+    # both sides are computed phase-reduced, so that a late start loses no digits of the times that are compared
+    given, scene = scene, scene.phase_reduced
+    biased = SCHEMES[choice("scheme", scheme, SCHEMES)].has_step_bias
     dt = default_step(scene, scheme, biased) if dt is None else dt
     check_settings(
         scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, step_bias=biased
     )
-    predictions = {r: mean_map(scene, impacts=impacts, closure=r, order=order) for r in dict.fromkeys(closures)}
+    predictions = {c: mean_map(scene, impacts=impacts, closure=c, order=order) for c in dict.fromkeys(closures)}
     orbit = follow(scene, impacts)
     tau = orbit.tau[: orbit.found + 1]
-    grid = (4.0 if biased else 1.0) * dt  # fixed times are put on it: in a shorter flight they might miss that
+    grid = (4.0 if biased else 1.0) * dt  # fixed times are rounded to it; a flight shorter than it may contain none
     middle = (0.5 * (tau[1:] + tau[:-1]))[np.diff(tau) > grid]
     last = _last_impact(scene, impacts=impacts, dt=dt, scheme=scheme, rng=rng)
     run = simulate(
@@ -160,12 +158,14 @@ def validate(
         scheme=scheme,
         rng=rng,
         workers=workers,
-        step_bias=biased,
         control=not biased and tau[-1] <= last,
-        histogram=True,
-        times=middle[(middle - scene.phase > grid) & (middle <= last)],
         progress=progress,
-        itineraries={r: m.itinerary for r, m in predictions.items()},
+        record=Record(
+            step_bias=biased,
+            histogram=True,
+            times=middle[(middle - scene.phase > grid) & (middle <= last)],
+            itineraries={name: m.itinerary for name, m in predictions.items()},
+        ),
     )
     # the impact that ends the flight of each fixed time
     flights = np.searchsorted(tau, run.at_times().index.to_numpy(float))
@@ -184,12 +184,12 @@ def validate(
 
 
 def _last_impact(scene: Scene, **settings: Any) -> float:
-    """When any path has had its impacts, with much to spare, by a few of them; at most when paths are given up.
+    """Generous upper bound of the time of every path's last impact, from a pilot run; at most when paths are abandoned.
 
-    Where the orbit's flights are longer by far, nothing of them can be compared, and to wait for them may take millions
-    of steps.
+    If the noise-free orbit flies much longer than the paths do, nothing can be compared at its later times, and
+    simulating up to them may take millions of steps.
     """
     pilot = simulate(scene, paths=PILOT, **settings)
     at, horizon = pilot.section.iloc[-1], scene.phase + (pilot.plan.most_steps - 1) * pilot.dt
-    latest = scene.phase + FAR * (at["tau"] + 6.0 * at["sd_tau"] - scene.phase)
+    latest = scene.phase + MARGIN * (at["tau"] + 6.0 * at["sd_tau"] - scene.phase)
     return float(min(horizon, math.inf if math.isnan(latest) else latest))

@@ -1,4 +1,4 @@
-"""How far each closure can be believed: the impact up to which it is accurate, and why it ends there."""
+"""Range of validity of each closure: the impact up to which it is accurate, and what limits it."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -17,31 +17,42 @@ __all__ = ["CAUSES", "Validity", "judged_rows", "validities", "validity"]
 CAUSES = {
     "holds": "holds to the last impact followed",
     "undecided": UNDECIDED,
-    "fixed instant": "the impact time does not vary in it",
-    "parted": "paths have left its itinerary",
+    "fixed time": "the impact time does not vary in it",
+    "off itinerary": "paths have left its itinerary",
     "grazing": "an impact grazes",
     "second order": "second order is no longer enough",
-    "mixture": "the mixture is too coarse",
+    "mixture": "it has too few mixture components",
     "not realizable": "its moments belong to no distribution",
     "ended": "it cannot be followed further",
 }
-"""What ends a closure, in a word and in words."""
+"""What limits the range of validity: key in the tables, and phrase."""
 
-DIVERGED = 0.99  # agreement below which a closure of one orbit cannot hold, whatever else is wrong with it
-OFF_ITINERARY = (
-    0.9999  # agreement below which a closure that is right otherwise fails: few strays, far away, make an sd
-)
-SLOW = 3.0  # impact speed in sds of it below which a Gaussian would have part of the paths miss the wall
+DIVERGED = 0.99  # agreement below which no closure along a single orbit can be accurate
+OFF_ITINERARY = 0.9999  # the same for saltation, else exact to first order: a few distant paths already change an sd
+SLOW = 3.0  # mean impact speed, in its sds, below which a Gaussian has a part of the paths miss the wall (grazing)
 
 
 class Validity(NamedTuple):
-    """How far a closure can be believed at one noise intensity.
+    """Range of validity of a closure at one noise intensity; which rows are judged is stated in `verdict.RULE`.
 
-    ``accurate`` is the last impact up to which every section mean and sd that it predicts is accurate;
-    ``not_inaccurate`` the last up to which none is inaccurate (beyond ``accurate`` some are undecided); ``cause`` is
-    one of `CAUSES`, and ``why`` gives the evidence for it.  ``together`` is the last impact up to which 99 % of the
-    paths have followed the closure's itinerary; ``paths`` and ``dt`` are those of the simulation.  What is judged:
-    `rattle.compare.validation.verdict.RULE`.
+    Attributes
+    ----------
+    closure : str
+    sigma : float
+        Noise intensity.
+    accurate : int
+        Last impact up to which every section mean and sd that it predicts is accurate.
+    not_inaccurate : int
+        Last impact up to which none is inaccurate; beyond ``accurate`` some are undecided.
+    cause : str
+        What limits the range, a key of `CAUSES`.
+    why : str
+        The evidence for the cause.
+    on_itinerary : int
+        Last impact up to which 99 % of the paths have followed the closure's itinerary.
+    paths : int
+    dt : float
+        Of the simulation.
     """
 
     closure: str
@@ -50,13 +61,23 @@ class Validity(NamedTuple):
     not_inaccurate: int
     cause: str
     why: str
-    together: int
+    on_itinerary: int
     paths: int
     dt: float
 
 
 def validity(v: Validation, closure: str) -> Validity:
-    """Judge one closure of a validation.
+    """Range of validity of one closure of a validation.
+
+    Parameters
+    ----------
+    v : Validation
+    closure : str
+        Name of the closure.
+
+    Returns
+    -------
+    Validity
 
     Examples
     --------
@@ -71,29 +92,52 @@ def validity(v: Validation, closure: str) -> Validity:
     verdicts = {k: set(group["verdict"]) for k, group in rows.groupby("impact")}
     accurate = unbroken(impacts, [is_accurate(verdicts[k]) for k in impacts]) or 0
     not_inaccurate = unbroken(impacts, [not is_wrong(verdicts[k]) for k in impacts]) or 0
-    together = unbroken(impacts, v.run.agreement[closure] >= DIVERGED) or 0
+    on_itinerary = unbroken(impacts, v.run.agreement[closure] >= DIVERGED) or 0
     if accurate == len(impacts):
         cause, why = "holds", CAUSES["holds"]
     elif not_inaccurate == len(impacts):
         cause, why = "undecided", f"{want(rows)} from impact {accurate + 1} on"
     else:
         cause, why = _why(v, closure, not_inaccurate + 1)
-    return Validity(closure, v.scene.sigma, accurate, not_inaccurate, cause, why, together, v.run.paths, v.run.dt)
+    return Validity(closure, v.scene.sigma, accurate, not_inaccurate, cause, why, on_itinerary, v.run.paths, v.run.dt)
 
 
 def validities(validations: Sequence[Validation]) -> pd.DataFrame:
-    """Frontiers of all closures at all noise intensities, tidy."""
-    return pd.DataFrame([validity(v, r) for v in validations for r in v.predictions])
+    """Ranges of validity of all closures at all noise intensities.
+
+    Parameters
+    ----------
+    validations : sequence of Validation
+        One for each noise intensity.
+
+    Returns
+    -------
+    DataFrame
+        A row for each `Validity`.
+    """
+    return pd.DataFrame([validity(v, closure) for v in validations for closure in v.predictions])
 
 
 def judged_rows(v: Validation, closure: str) -> pd.DataFrame:
-    """The section rows of a closure that are judged, see `rattle.compare.validation.verdict.RULE`."""
+    """The section rows of a closure that are judged, see `rattle.compare.validation.verdict.RULE`.
+
+    Parameters
+    ----------
+    v : Validation
+    closure : str
+        Name of the closure.
+
+    Returns
+    -------
+    DataFrame
+        Rows of ``v.table``.
+    """
     rows = v.table[(v.table["closure"] == closure) & (v.table["kind"] == "section")]
     return rows[rows["verdict"] != NOT_JUDGED]
 
 
 def _why(v: Validation, closure: str, impact: int) -> tuple[str, str]:
-    """What refutes a closure at an impact, as cause and evidence; the first of the causes that applies."""
+    """Why a closure is not accurate at an impact: cause and evidence; of several causes the first in this order."""
     prediction = v.predictions[closure]
     failed = first_failure(v.correlation, closure)
     if failed and failed[0] <= impact:
@@ -103,16 +147,16 @@ def _why(v: Validation, closure: str, impact: int) -> tuple[str, str]:
     worst = _worst(v, closure, impact)
     if prediction.trace.parts is not None:
         lost = float(prediction.section["lost"].loc[impact])
-        return "mixture", f"{worst} (weight lost so far {lost:.1e}): {CAUSES['mixture']}"
+        return "mixture", f"{worst} (discarded probability so far {lost:.1e}): {CAUSES['mixture']}"
     agreement = float(v.run.agreement[closure].loc[impact])
     if agreement < (OFF_ITINERARY if closure == "saltation" else DIVERGED):
-        return "parted", f"{worst}: {1.0 - agreement:.2%} of the {CAUSES['parted']}"
+        return "off itinerary", f"{worst}: {1.0 - agreement:.2%} of the {CAUSES['off itinerary']}"
     slow = _slowest(prediction, impact)
     if slow is not None:
         return "grazing", f"{worst}: impact {slow[0]} grazes (speed {slow[1]:.1f} of its sds)"
     if closure == "saltation":
         return "second order", f"{worst}: {CAUSES['second order']}"
-    return "fixed instant", f"{worst}, at any noise: {CAUSES['fixed instant']}"
+    return "fixed time", f"{worst}, at any noise: {CAUSES['fixed time']}"
 
 
 def _worst(v: Validation, closure: str, impact: int) -> str:
@@ -126,7 +170,7 @@ def _worst(v: Validation, closure: str, impact: int) -> str:
 
 
 def _slowest(prediction: MeanMap, impact: int) -> tuple[int, float] | None:
-    """The first impact up to one given whose speed is within `SLOW` of its own sds of zero."""
+    """The first impact up to a given one whose mean speed is below `SLOW` of its own sds, and that ratio."""
     for k in range(1, impact + 1):
         column = 1 if prediction.trace.mesh[k] == 1 else 3
         sd = prediction.trace.sd[k, column + 2]

@@ -1,4 +1,4 @@
-"""The figure that opens a report: how far each closure holds over the noise intensity, and what ends it."""
+"""The figure that opens a report: range of validity of each closure over the noise intensity, and its cause."""
 
 import numpy as np
 import pandas as pd
@@ -17,24 +17,24 @@ __all__ = ["VALIDITY", "validity_figure"]
 
 MARKER = {
     "undecided": "$?$",
-    "fixed instant": "o",
-    "parted": "X",
+    "fixed time": "o",
+    "off itinerary": "X",
     "grazing": "^",
     "second order": "s",
     "mixture": "D",
     "not realizable": "v",
     "ended": "|",
 }
-"""Markers of the causes; a closure that holds has none."""
+"""Markers of the causes; a closure that is accurate to the last impact has none."""
 VALIDITY = (
-    ("How far each closure can be believed: the impact up to which every section mean and sd that it predicts is "
+    ("Range of validity of each closure: the impact up to which every section mean and sd that it predicts is "
      "accurate (filled)", ""),
     (f"; hatched, {UNDECIDED}, so {NOT_WRONG} its upper edge", NOT_WRONG),
     (".", ""),
-    (" A marker says what ends it there.", WRONG),
+    (" A marker says what limits it there.", WRONG),
 )  # fmt: skip
-"""What is said beneath the figure, for `rattle.compare.report.style.caption_of`."""
-ROOM = 0.9  # of a marker above the band that it explains
+"""The caption, for `rattle.compare.report.style.caption_of`."""
+ROOM = 0.9  # height, in impacts, that a marker takes above the band that it explains
 
 
 def validity_figure(table: pd.DataFrame, impacts: int) -> Figure:
@@ -43,9 +43,13 @@ def validity_figure(table: pd.DataFrame, impacts: int) -> Figure:
     Parameters
     ----------
     table : DataFrame
-        From `rattle.compare.validation.sweep.sweep`, with two noise intensities at least.
+        Rows of `rattle.compare.validation.validity.Validity`, at two noise intensities at least.
     impacts : int
-        How many were followed.
+        Number of impacts that were compared.
+
+    Returns
+    -------
+    Figure
     """
     closures = list(table["closure"].unique())
     columns = min(len(closures), 2)
@@ -86,7 +90,7 @@ def _panel(ax: Axes, rows: pd.DataFrame, closure: str, impacts: int) -> None:
     )
     ax.stairs(accurate, edges, fill=True, color=colour)
     ax.stairs(not_inaccurate, edges, color=colour, lw=1.2)
-    ax.stairs(rows["together"].to_numpy(), edges, baseline=None, color="k", ls=":", lw=1.4)
+    ax.stairs(rows["on_itinerary"].to_numpy(), edges, baseline=None, color="k", ls=":", lw=1.4)
     place = np.minimum(not_inaccurate + 0.5 * ROOM, impacts)
     for x, y, cause in zip(sigma, place, rows["cause"], strict=True):
         if cause in MARKER:

@@ -1,7 +1,7 @@
-"""How far a closure holds, in the same three phrases wherever it is stated.
+"""The range of validity of a closure, in the same three phrases wherever it is stated.
 
 *Accurate up to*: every judged moment is accurate, there and before.  *Not shown wrong up to*: none is inaccurate, but
-beyond the first some are *undecided*, for want of paths or of a smaller step.
+beyond the first limit some are *undecided*, for want of paths or of a smaller step.
 """
 
 import math
@@ -20,24 +20,56 @@ __all__ = [
 ACCURATE, NOT_WRONG = "accurate up to", "not shown wrong up to"
 WRONG, ENDED = "shown wrong", "not followed to its end"
 UNDECIDED = "undecided for want of paths"
-"""What is said of a range of validity, and of what lies beyond it."""
+"""The phrases for a range of validity, and for what lies beyond it."""
 
 T = TypeVar("T")
 
 
 def is_accurate(verdicts: Iterable[str]) -> bool:
-    """Whether all that is judged and predicted is accurate, and something is."""
+    """Whether every row that is judged and predicted is accurate, and there is at least one.
+
+    Parameters
+    ----------
+    verdicts : iterable of str
+        Of `rattle.compare.validation.verdict.VERDICTS`.
+
+    Returns
+    -------
+    bool
+    """
     return set(verdicts) & set(JUDGED) == {"accurate"}
 
 
 def is_wrong(verdicts: Iterable[str]) -> bool:
-    """Whether something that is judged is inaccurate, or nothing is predicted."""
+    """Whether some judged row is inaccurate, or nothing is predicted.
+
+    Parameters
+    ----------
+    verdicts : iterable of str
+        Of `rattle.compare.validation.verdict.VERDICTS`.
+
+    Returns
+    -------
+    bool
+    """
     judged = set(verdicts) & set(JUDGED)
     return not judged or "inaccurate" in judged
 
 
 def unbroken(values: Iterable[T], holds: Iterable[bool]) -> T | None:
-    """The last of the values at which something holds, there and at all before; None where not at the first.
+    """The last value up to which a condition is true without a gap.
+
+    Parameters
+    ----------
+    values : iterable
+        Ascending.
+    holds : iterable of bool
+        Whether the condition is true at each of them.
+
+    Returns
+    -------
+    object or None
+        One of the values; None if the condition is false at the first.
 
     Examples
     --------
@@ -45,15 +77,25 @@ def unbroken(values: Iterable[T], holds: Iterable[bool]) -> T | None:
     0.2
     """
     reached = None
-    for value, held in zip(values, holds, strict=True):
-        if not held:
+    for value, true_here in zip(values, holds, strict=True):
+        if not true_here:
             break
         reached = value
     return reached
 
 
 def want(rows: pd.DataFrame) -> str:
-    """What the undecided ones among rows of `rattle.compare.validation.verdict.judge` want: paths, or a smaller step.
+    """Whether undecided rows lack paths, a smaller step, or both.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        From `rattle.compare.validation.verdict.judge`: columns ``verdict, paths_needed``.
+
+    Returns
+    -------
+    str
+        A phrase that begins with ``undecided``.
 
     Examples
     --------
@@ -70,20 +112,24 @@ def in_words(
     name: str, values: Sequence[float], accurate: float, not_wrong: float, *, ended: bool = False,
     undecided: str = UNDECIDED,
 ) -> str:  # fmt: skip
-    """A range of validity over a field, and what lies beyond it.
+    """A range of validity over a scene parameter in words, and what lies beyond it.
 
     Parameters
     ----------
     name : str
-        Of the field.
+        Name of the parameter.
     values : sequence of float
-        That were tried, ascending.
+        Its values that were tried, ascending.
     accurate, not_wrong : float
-        The last up to which all is accurate, and up to which nothing is inaccurate; NaN where not at the first.
+        The last value up to which all is accurate, and up to which nothing is inaccurate; NaN if not even the first.
     ended : bool
-        Whether the closure is not shown to be wrong at the next, but cannot be followed to its end there.
+        Whether beyond ``not_wrong`` the closure cannot be continued to the last impact, rather than being inaccurate.
     undecided : str
-        See `want`.
+        The phrase for what is undecided, from `want`.
+
+    Returns
+    -------
+    str
 
     Examples
     --------
@@ -102,12 +148,21 @@ def in_words(
         parts.append((NOT_WRONG, not_wrong, f" ({undecided})"))
     if beyond:
         parts.append((f"{ENDED if ended else WRONG} at", beyond[0], "" if parts else ", the smallest"))
-    said = [f"{what} {'' if i else f'{name} = '}{value:.4g}{more}" for i, (what, value, more) in enumerate(parts)]
-    return ", ".join(said)
+    phrases = [f"{what} {'' if i else f'{name} = '}{value:.4g}{more}" for i, (what, value, more) in enumerate(parts)]
+    return ", ".join(phrases)
 
 
 def listed(items: Sequence[str]) -> str:
-    """Items as a sentence lists them.
+    """Join items as in a sentence: commas, and ``and`` before the last.
+
+    Parameters
+    ----------
+    items : sequence of str
+        At least one.
+
+    Returns
+    -------
+    str
 
     Examples
     --------

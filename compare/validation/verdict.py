@@ -15,7 +15,7 @@ __all__ = [
 ]  # fmt: skip
 
 JUDGED = ("accurate", "inaccurate", "undecided")
-"""Verdicts on what is judged and predicted: all that counts and sentences speak of."""
+"""Verdicts on rows that are judged and predicted; counts and sentences refer to these rows only."""
 
 NOT_JUDGED = "not judged"
 VERDICTS = (*JUDGED, "not predicted", NOT_JUDGED)
@@ -25,16 +25,24 @@ RULE = (
     "or sentence: there it is the wall itself, known beforehand, and its spread says only how many paths have left the "
     "itinerary (with a random tolerance, what was drawn besides)."
 )
-"""What `at_wall` leaves out, and why, as pages state it."""
+"""Which rows `at_wall` excludes, and why, as pages state it."""
 
-SIDES = ("predicted", "simulated")
+SIDES = ("predicted", "simulated")  # columns that hold a value of the closure and of the simulation
 
 ABSOLUTE = 1e-6
-"""Tolerance where a quantity does not vary (the displacement at the mesh that every path strikes, say), in its size."""
+"""Tolerance, relative to its size, of a quantity that does not vary, such as the displacement of a path at the wall."""
 
 
 class Tolerances(NamedTuple):
-    """What counts as accurate: errors of means and of sds in units of the quantity's sd, errors of rho as they are."""
+    """The largest errors that count as accurate.
+
+    Attributes
+    ----------
+    mean, sd : float
+        Of means and of sds, in units of the quantity's sd.
+    rho : float
+        Of correlation coefficients, absolute.
+    """
 
     mean: float = 0.05
     sd: float = 0.10
@@ -42,9 +50,18 @@ class Tolerances(NamedTuple):
 
 
 def widest(checks: int, family_error: float = 0.05) -> float:
-    """Number of standard errors at which `checks` two-sided intervals all hold with the stated family error.
+    """Half width, in standard errors, of simultaneous two-sided normal confidence intervals (Bonferroni).
 
-    Bonferroni.
+    Parameters
+    ----------
+    checks : int
+        Number of intervals.
+    family_error : float
+        Probability that at least one of them misses its true value.
+
+    Returns
+    -------
+    float
 
     Examples
     --------
@@ -55,7 +72,18 @@ def widest(checks: int, family_error: float = 0.05) -> float:
 
 
 def at_wall(quantity: Any, mesh: Any) -> Any:
-    """Whether a quantity is the displacement at the mesh that is struck, see `RULE`; either may be an array.
+    """Whether a quantity is the displacement at the struck mesh, which is not judged, see `RULE`.
+
+    Parameters
+    ----------
+    quantity : str or array of str
+        Name of a section quantity: ``x1``, ``y1``, ...
+    mesh : int or array of int
+        The mesh that is struck, 1 or 2.
+
+    Returns
+    -------
+    bool or array of bool
 
     Examples
     --------
@@ -66,23 +94,32 @@ def at_wall(quantity: Any, mesh: Any) -> Any:
 
 
 def judge(table: pd.DataFrame) -> pd.DataFrame:
-    """Add ``verdict`` and ``paths_needed`` to rows that have ``error, low, high, tolerance, noise, paths``.
+    """Give a verdict on each row: is the error of a predicted moment within its tolerance?
 
-    ``accurate``: the whole interval of the error lies within the tolerance; ``inaccurate``: all of it outside;
-    ``undecided``: neither; ``not judged``: where the rows have a column ``judged`` that says so.  ``noise`` is the part
-    of the interval's half width that more paths would shrink; ``paths_needed`` is the number that would decide, NaN
-    where only a smaller step can.
+    Parameters
+    ----------
+    table : DataFrame
+        Columns ``predicted, error, low, high, noise, tolerance, paths``; optionally ``judged`` (bool).  ``low`` and
+        ``high`` bound the error; ``noise`` is the part of the interval's half width that more paths would reduce.
+
+    Returns
+    -------
+    DataFrame
+        A copy with two more columns.  ``verdict``: ``accurate`` if the whole interval lies within the tolerance,
+        ``inaccurate`` if all of it lies outside, else ``undecided``; ``not predicted`` where a value is missing,
+        ``not judged`` where ``judged`` is False.  ``paths_needed``: the number of paths that would decide an undecided
+        row, NaN where only a smaller step can.
     """
     out = table.copy()
     numbers = ["predicted", "error", "low", "high", "noise", "tolerance"]
-    out[numbers] = out[numbers].astype(float)  # a part without rows has columns of no type
+    out[numbers] = out[numbers].astype(float)  # an empty table has columns of type object
     tolerance = out["tolerance"]
     inside = (out["low"] >= -tolerance) & (out["high"] <= tolerance)
     outside = (out["low"] > tolerance) | (out["high"] < -tolerance)
     absent = out["predicted"].isna() | out["low"].isna()
-    spared = ~out["judged"].astype(bool) if "judged" in out else np.zeros(len(out), bool)
+    excluded = ~out["judged"].astype(bool) if "judged" in out else np.zeros(len(out), bool)
     out["verdict"] = np.select(
-        [spared, absent, inside, outside], [NOT_JUDGED, "not predicted", "accurate", "inaccurate"], "undecided"
+        [excluded, absent, inside, outside], [NOT_JUDGED, "not predicted", "accurate", "inaccurate"], "undecided"
     )
     margin = (out["error"].abs() - tolerance).abs() - (0.5 * (out["high"] - out["low"]) - out["noise"])
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -93,21 +130,21 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
 
 
 class Claimed(Protocol):
-    """Section moments that somebody claims, in the columns of `closure.MeanMap.section`; what is missing is NaN."""
+    """Section moments of a closure or of a user's own model, in the columns of `rattle.closure.MeanMap.section`."""
 
     @property
     def closure(self) -> str:
-        """Name, under which a run may have counted its itinerary."""
+        """Its name; a run may have the agreement with its itinerary under this name."""
         ...
 
     @property
     def section(self) -> pd.DataFrame:
-        """Index ``impact``."""
+        """A row for each impact (index ``impact``); NaN where a moment is not predicted."""
         ...
 
 
 class Simulated(Protocol):
-    """Section moments of a simulation: an `montecarlo.Ensemble`, or what has been stored of one."""
+    """Section moments of a simulation: a `rattle.montecarlo.Ensemble`, or the tables stored of one."""
 
     @property
     def section(self) -> pd.DataFrame:
@@ -126,14 +163,31 @@ class Simulated(Protocol):
 
 
 def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: Tolerances) -> pd.DataFrame:
-    """One row per impact, quantity and moment: closure against Monte Carlo at each path's own impact; tidy.
+    """Errors of predicted section moments with intervals and verdicts.
 
-    ``simulated`` is the simulated value with its sampling error ``se`` and the measured step ``bias``; ``error`` is
-    the closure minus the bias-corrected value; ``low`` and ``high`` bound it by `z` standard errors of the corrected
-    value and what the correction may have left.  ``unit`` is the sd of the quantity, ``se_unit`` its standard error;
-    ``still`` is the sd from which a quantity varies: `ABSOLUTE` of its largest value over the impacts (of a flight, for
-    times); ``agreement`` speaks of the closure's itinerary where the run has counted it, else of the noise-free one.
-    ``judged`` is False where `RULE` says so.
+    Both sides are moments on the Poincaré section at the impacts: of the state of each path at its own k-th impact.
+
+    Parameters
+    ----------
+    prediction : Claimed
+        A closure's section moments.
+    run : Simulated
+        The simulation.
+    z : float
+        Half width of the intervals in standard errors, see `widest`.
+    tolerances : Tolerances
+
+    Returns
+    -------
+    DataFrame
+        A row for each impact, quantity and moment.  ``simulated`` is the simulated value with its standard error
+        ``se`` and the measured step ``bias``.  ``error`` is the predicted minus the bias-corrected value; ``low`` and
+        ``high`` bound it: ``noise`` is `z` standard errors of the corrected value, ``rest`` bounds the bias that the
+        correction may have left.  ``unit`` is the sd of the quantity, ``se_unit`` its standard error.  ``still`` is
+        the sd below which a quantity counts as constant: `ABSOLUTE` times its largest size over the impacts (for
+        times, that of a flight).  ``agreement`` is the share of paths on the closure's itinerary if the run has it,
+        else on the noise-free one.  ``judged`` is False for the rows that `RULE` excludes.  Verdicts are those of
+        `judge`.
     """
     section, steps = run.section, run.step_bias
     impact, quantity, is_mean = steps["impact"], steps["quantity"], steps["moment"] == "mean"
@@ -174,9 +228,19 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
 
 
 def to_absolute_time(table: pd.DataFrame, scene: Scene) -> pd.DataFrame:
-    """Errors that were found near the start's phase (`Scene.near`), with their times as the scene states them.
+    """Convert the times in a table of errors from phase-reduced (`Scene.phase_reduced`) to absolute time.
 
-    Errors, intervals and verdicts are what they are: only what is read as a time has the start's own added back.
+    Parameters
+    ----------
+    table : DataFrame
+        Rows of `section_errors`, or such rows at fixed times with a column ``time``.
+    scene : Scene
+        The scene as given.
+
+    Returns
+    -------
+    DataFrame
+        Mean impact times and ``time`` are shifted; errors, intervals and verdicts are the same in both times.
     """
     late = (table["quantity"] == "tau") & (table["moment"] == "mean")
     columns = {name: np.where(late, scene.to_absolute_time(table[name].to_numpy(float)), table[name]) for name in SIDES}

@@ -1,6 +1,4 @@
-"""Toleranced backlash: where the flanks of each path stand, and where they stand after a redraw (docs/model.md section
-4).
-"""
+"""Random half gaps: the flank positions of each path at the start and after a redraw (docs/model.md section 4)."""
 
 from typing import NamedTuple
 
@@ -16,11 +14,25 @@ __all__ = ["Backlash", "backlash_of", "draw_walls", "first_half_gap", "half_gap"
 Floats = NDArray[np.float64]
 
 DISTRIBUTIONS = {"fixed": 0, "uniform": 1, "normal": 2}
-ATTEMPTS = Word(64)  # of one draw from the truncated normal law, which keeps 95 % of them
+ATTEMPTS = Word(64)  # rejection sampling of the truncated normal, which accepts 95 %
 
 
 class Backlash(NamedTuple):
-    """Half gaps and their tolerance, as compiled code reads them."""
+    """Half gaps and their tolerance, as compiled code reads them.
+
+    Attributes
+    ----------
+    gap1, gap2 : float
+        Nominal half gaps.
+    c1_max, c2_max : float
+        Largest deviation of a half gap.
+    distribution : int
+        0 fixed, 1 uniform, 2 truncated normal.
+    random : bool
+        Whether half gaps differ between paths.
+    redrawn : bool
+        Whether an impact redraws the opposite flank.
+    """
 
     gap1: float
     gap2: float
@@ -32,7 +44,17 @@ class Backlash(NamedTuple):
 
 
 def backlash_of(scene: Scene) -> Backlash:
-    """Backlash of a scene."""
+    """Backlash of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        With or without tolerance.
+
+    Returns
+    -------
+    Backlash
+    """
     t = scene.tolerance
     if t is None:
         return Backlash(scene.gap1, scene.gap2, 0.0, 0.0, DISTRIBUTIONS["fixed"], False, False)
@@ -55,35 +77,69 @@ def _deviation(key: Key, path: Word, contact: Word, distribution: int) -> float:
         c = normals(key, path, first + Word(attempt), purpose)[0] / CUT
         if abs(c) <= 1.0:
             return c
-    return 0.0  # once in 1e83 draws
+    return 0.0  # all attempts rejected: probability 0.05^64, about 1e-83
 
 
 @lean
 def half_gap(b: Backlash, key: Key, path: Word, contact: Word, mesh: int) -> float:
-    """Half gap that a flank of `mesh` takes by draw number `contact` of a path."""
+    """Half gap of a flank by draw number `contact` of a path.
+
+    Parameters
+    ----------
+    b : Backlash
+        Of the scene.
+    key : Key
+        Of the run.
+    path, contact : Word
+        Numbers of the path and of the draw.
+    mesh : int
+        1 or 2.
+
+    Returns
+    -------
+    float
+    """
     gap, c_max = (b.gap1, b.c1_max) if mesh == 1 else (b.gap2, b.c2_max)
     return gap + c_max * _deviation(key, path, contact, b.distribution)
 
 
 @lean
 def first_half_gap(b: Backlash, key: Key, path: Word, flank: int) -> float:
-    """Half gap of flank 0 to 3 (+1, -1, +2, -2) at the start; both flanks of a mesh share a draw unless redrawn."""
+    """Half gap of a flank at the start; both flanks of a mesh share a draw unless impacts redraw them.
+
+    Parameters
+    ----------
+    b : Backlash
+        Of the scene.
+    key : Key
+        Of the run.
+    path : Word
+        Number of the path.
+    flank : int
+        0 to 3: ``mesh * side`` = +1, -1, +2, -2.
+
+    Returns
+    -------
+    float
+    """
     draw = flank if b.redrawn else 2 * (flank // 2)
     return half_gap(b, key, path, Word(draw), 1 + flank // 2)
 
 
 @lean
 def draw_walls(b: Backlash, key: Key, first: int, walls: Floats) -> None:
-    """Distances of the flanks +1, -1, +2, -2 from the middle at the start, into `walls`, shape (4, paths).
+    """Distances of the flanks +1, -1, +2, -2 from the middle of their gap at the start, into `walls`.
 
     Parameters
     ----------
     b : Backlash
+        Of the scene.
     key : Key
+        Of the run.
     first : int
         Number of the first path.
-    walls : ndarray
-        Output.  Draws 0 to 3 are the flanks'; impact k uses draw 4 + k.
+    walls : ndarray, shape (4, paths)
+        Output.  Draws 0 to 3 belong to the flanks; impact k uses draw 4 + k.
     """
     for flank in range(4):
         for p in range(walls.shape[1]):

@@ -1,8 +1,8 @@
-"""Brownian motion known by its increment and its area, cut in two and put together again, exactly in law.
+"""Brownian motion on an interval as its increment and space-time Lévy area: exact splitting and joining.
 
-On a time h the increment W and the area ``A = int (s / h - 1/2) dB`` are independent, with variances h and h / 12:
-they are the first two coefficients of the noise in Legendre polynomials.  Given both, the coefficients of the two parts
-of the time are Gaussian again (a rotation of four standard normals).
+On a time h the increment W and the area ``A = int (s / h - 1/2) dB`` are independent with variances h and h / 12: the
+first two coefficients of the noise in shifted Legendre polynomials.  (A is minus the space-time Lévy area of Foster,
+Lyons and Oberhauser.)  Given both, those of two subintervals are Gaussian: a rotation of four standard normals.
 
 References
 ----------
@@ -21,15 +21,21 @@ ROOT3 = math.sqrt(3.0)
 
 @lean
 def split(whole: Noise, h: float, share: float, z1: float, z2: float) -> tuple[Noise, Noise]:
-    """Noise of the first `share` of a time h and of the rest, given that of the whole.
+    """Noise of the first part of an interval and of the second, conditional on that of the whole.
 
     Parameters
     ----------
     whole : Noise
+        Increment and area of the interval.
     h, share : float
-        Length, and the part of it before the cut, in (0, 1).
+        Length of the interval, and the share of it before the cut, in (0, 1).
     z1, z2 : float
-        Standard normals that nothing else uses.
+        Fresh independent standard normals.
+
+    Returns
+    -------
+    first, second : Noise
+        Before and after the cut.
 
     Examples
     --------
@@ -54,7 +60,18 @@ def split(whole: Noise, h: float, share: float, z1: float, z2: float) -> tuple[N
 
 @lean
 def joined(first: Noise, second: Noise, share: float) -> Noise:
-    """Noise of a whole time from that of its first `share` and of the rest.
+    """Noise of an interval from that of its two parts; the inverse of `split`.
+
+    Parameters
+    ----------
+    first, second : Noise
+        Before and after the cut.
+    share : float
+        Share of the interval before the cut, in (0, 1).
+
+    Returns
+    -------
+    Noise
 
     Examples
     --------

@@ -1,7 +1,7 @@
-"""Random numbers as a function of (seed, path, index, purpose): Philox 4x32-10, and normals by Box and Muller.
+"""Random numbers as a function of (seed, path, index, purpose): Philox 4x32-10 and the Box-Muller transform.
 
-There is no generator state.  What a path draws depends on its own number and on nothing else: not on workers, blocks,
-lanes, other paths, or whether it is run on a processor or on a card.
+There is no generator state.  What a path draws depends on the seed and on its own number only: not on workers, blocks,
+lanes or other paths, nor on whether it runs on a processor or on a GPU.
 
 References
 ----------
@@ -35,31 +35,46 @@ __all__ = [
     "words",
 ]
 
-LEVELS = 3  # step sizes that can run side by side on one noise: dt, 2 dt, 4 dt
+LEVELS = 3  # dt, 2 dt and 4 dt share one Brownian path (Richardson extrapolation)
 
 STEP, CONTACT, BRIDGE = 0, 1, 2
-"""Purposes: increments of the steps; backlashes; splits within a step (one purpose per step size from `BRIDGE` on)."""
+"""Purposes, that is, substreams: noise of the steps; half gaps; splits within a step (`BRIDGE` + level)."""
 
 Word = np.uint64
 LOW, HALF = Word(0xFFFFFFFF), Word(32)
 FACTOR_0, FACTOR_1 = Word(0xD2511F53), Word(0xCD9E8D57)
 WEYL_0, WEYL_1 = Word(0x9E3779B9), Word(0xBB67AE85)
-INDEX_BITS = Word(24)  # of the fourth counter word; the purpose has the upper 8
+INDEX_BITS = Word(24)  # the index has the lower 24 bits of the fourth counter word, the purpose the upper 8
 
-RADIUS_BITS, ANGLE_BITS = Word(40), Word(24)  # of the 64 bits from which a pair of normals is made
+RADIUS_BITS, ANGLE_BITS = Word(40), Word(24)  # split of the 64 random bits of a Box-Muller pair
 LN2 = math.log(2.0)
 TURN = 2.0 * math.pi
 
 
 class Key(NamedTuple):
-    """The key of a run, two 32-bit words; every seed has its own."""
+    """The Philox key of a run; every seed has its own.
+
+    Attributes
+    ----------
+    low, high : Word
+        Two 32-bit words.
+    """
 
     low: Word
     high: Word
 
 
 def key_of(seed: np.random.SeedSequence) -> Key:
-    """Key of a seed.
+    """Philox key of a seed.
+
+    Parameters
+    ----------
+    seed : SeedSequence
+        Of the run.
+
+    Returns
+    -------
+    Key
 
     Examples
     --------
@@ -72,16 +87,22 @@ def key_of(seed: np.random.SeedSequence) -> Key:
 
 @inlined
 def words(key: Key, path: Word, index: Word, purpose: Word) -> tuple[Word, Word, Word, Word]:
-    """Four 32-bit words (each in a uint64): Philox 4x32-10 of the counter (path, index, purpose).
+    """Four random 32-bit words (each in a uint64): Philox 4x32-10 of the counter (path, index, purpose).
 
     Parameters
     ----------
     key : Key
-    path : uint64
-    index : uint64
-        Below 2^56.
-    purpose : uint64
-        Below 2^8.
+        Of the run.
+    path : Word
+        Number of the path.
+    index : Word
+        Position in the substream, below 2^56.
+    purpose : Word
+        Substream, below 2^8.
+
+    Returns
+    -------
+    a, b, c, d : Word
     """
     c0, c1, c2 = path, path >> HALF, index
     c3 = (index >> HALF) | (purpose << INDEX_BITS)
@@ -95,7 +116,23 @@ def words(key: Key, path: Word, index: Word, purpose: Word) -> tuple[Word, Word,
 
 @lean
 def uniforms(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, float]:
-    """Two uniform numbers in (0, 1), each with 53 bits."""
+    """Two independent uniform numbers in (0, 1), each with 53 bits.
+
+    Parameters
+    ----------
+    key : Key
+        Of the run.
+    path : Word
+        Number of the path.
+    index : Word
+        Position in the substream, below 2^56.
+    purpose : Word
+        Substream, below 2^8.
+
+    Returns
+    -------
+    u1, u2 : float
+    """
     a, b, c, d = words(key, path, index, purpose)
     shift = Word(11)
     return (
@@ -106,10 +143,10 @@ def uniforms(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, f
 
 @spliced
 def _log(u: float) -> float:
-    """Natural logarithm of a normal float in (0, 1], to rounding; vectorises, unlike the one of the C library.
+    """Natural logarithm of a normal float in (0, 1], to rounding; vectorises, unlike that of the C library.
 
-    As in FDLIBM's e_log.c: u = 2^k (1 + f) with 1 + f around 1, and log(1 + f) by a minimax polynomial in
-    s = f / (2 + f).
+    As in FDLIBM's e_log.c: u = 2^k (1 + f) with 1 + f near 1, and log(1 + f) by a minimax polynomial in s = f / (2 +
+    f).
     """
     shifted = np.float64(u).view(np.int64) - np.int64(0x3FE6A09E667F3BCD)  # 1 + f from 1 / sqrt(2) on
     k = shifted >> np.int64(52)
@@ -147,10 +184,10 @@ def _circle(turn: float, quadrant: np.int64) -> tuple[float, float]:
 
 @inlined
 def _pair(high: Word, low: Word) -> tuple[float, float]:
-    """Two independent standard normals from 64 bits: 40 for the radius, 24 for the angle.
+    """Two independent standard normals from 64 bits by Box-Muller: 40 bits for the radius, 24 for the angle.
 
-    The radius ends at 7.5, where 1e-12 of the pairs would lie beyond; the angles are a regular polygon's, whose
-    moments are a circle's.
+    The radius is at most 7.5, which truncates a probability of 1e-12.  The 2^24 angles are equally spaced, so that low
+    moments of the direction are exact.
     """
     bits = (high << HALF) | low
     u = (np.float64(np.int64(bits >> ANGLE_BITS)) + 0.5) * 2.0**-40
@@ -173,6 +210,21 @@ def _four(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, floa
 def normals(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, float, float, float]:
     """Four independent standard normals.
 
+    Parameters
+    ----------
+    key : Key
+        Of the run.
+    path : Word
+        Number of the path.
+    index : Word
+        Position in the substream, below 2^56.
+    purpose : Word
+        Substream, below 2^8.
+
+    Returns
+    -------
+    z0, z1, z2, z3 : float
+
     Examples
     --------
     >>> key, u = key_of(np.random.SeedSequence(7)), np.uint64
@@ -186,7 +238,21 @@ def normals(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, fl
 
 @lean
 def fill_normals(key: Key, paths: NDArray[np.uint64], index: Word, lanes: int, z: NDArray[np.float64]) -> None:
-    """Normals of all lanes for one index of the steps into `z`, shape (4, lanes or more); vectorises."""
+    """Four standard normals of every lane for one index of the substream `STEP`; vectorises.
+
+    Parameters
+    ----------
+    key : Key
+        Of the run.
+    paths : ndarray of Word, shape (lanes or more,)
+        Number of the path in each lane.
+    index : Word
+        Position in the substream.
+    lanes : int
+        Number of lanes.
+    z : ndarray, shape (4, lanes or more)
+        Output.
+    """
     z0, z1, z2, z3 = z[0], z[1], z[2], z[3]
     for p in range(lanes):
         z0[p], z1[p], z2[p], z3[p] = _four(key, paths[p], index, Word(STEP))
@@ -194,26 +260,78 @@ def fill_normals(key: Key, paths: NDArray[np.uint64], index: Word, lanes: int, z
 
 @inlined
 def bits_of(key: Key, path: Word, index: Word) -> Word:
-    """Sixty-four random bits for one index of the steps."""
+    """Sixty-four random bits for one index of the substream `STEP`.
+
+    Parameters
+    ----------
+    key : Key
+        Of the run.
+    path : Word
+        Number of the path.
+    index : Word
+        Position in the substream, below 2^56.
+
+    Returns
+    -------
+    Word
+    """
     a, b, _, _ = words(key, path, index, Word(STEP))
     return (a << HALF) | b
 
 
 @inlined
 def sign_of(bits: Word, place: int) -> float:
-    """Increment +1 or -1, with the first three moments of a standard normal, from one bit."""
+    """Two-point increment +1 or -1 from one bit; its first three moments are those of a standard normal.
+
+    Parameters
+    ----------
+    bits : Word
+        Random bits.
+    place : int
+        Which of the 64 bits.
+
+    Returns
+    -------
+    float
+    """
     return 1.0 - 2.0 * np.float64(np.int64((bits >> Word(place)) & Word(1)))
 
 
 @lean
 def fill_words(key: Key, paths: NDArray[Word], index: Word, lanes: int, out: NDArray[Word]) -> None:
-    """Sixty-four random bits of all lanes for one index of the steps; vectorises."""
+    """Sixty-four random bits of every lane for one index of the substream `STEP`; vectorises.
+
+    Parameters
+    ----------
+    key : Key
+        Of the run.
+    paths : ndarray of Word
+        Number of the path in each lane.
+    index : Word
+        Position in the substream.
+    lanes : int
+        Number of lanes.
+    out : ndarray of Word
+        Output.
+    """
     for p in range(lanes):
         out[p] = bits_of(key, paths[p], index)
 
 
 @lean
 def fill_signs(bits: NDArray[Word], place: int, lanes: int, z: NDArray[np.float64]) -> None:
-    """Two-point increments of all lanes; vectorises."""
+    """Two-point increments of every lane; vectorises.
+
+    Parameters
+    ----------
+    bits : ndarray of Word
+        Random bits of each lane.
+    place : int
+        Which of the 64 bits.
+    lanes : int
+        Number of lanes.
+    z : ndarray
+        Output: +1 or -1.
+    """
     for p in range(lanes):
         z[p] = sign_of(bits[p], place)

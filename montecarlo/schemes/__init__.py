@@ -1,1 +1,1 @@
-"""The schemes that take a path through a step, how long a step may be, and what each scheme promises."""
+"""Numerical schemes: how each advances a path by a step, and which steps are admissible."""

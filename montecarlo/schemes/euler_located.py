@@ -1,7 +1,7 @@
-"""``euler-maruyama-located``: Euler's step, cut where the path meets a wall.
+"""``euler-maruyama-located``: Euler-Maruyama steps that are cut where the path meets a wall.
 
-The displacement of an Euler step is a straight line, so the instant is exact for the scheme; the Brownian increment
-is split there by its bridge, and the rest of the step is carried on, through as many impacts at either mesh as come,
+The displacement of an Euler step is linear in time, so the impact time is exact for the scheme.  The Brownian increment
+is split there by its bridge, and the scheme goes on with what is left of the step, through all impacts of both meshes
 in their true order.
 """
 
@@ -23,14 +23,42 @@ Bools = NDArray[np.bool_]
 
 @inlined
 def leaves(h: float, x: float, y: float, high: float, low: float) -> bool:
-    """Whether a stage's next step ends beyond a wall (Euler moves x by h y)."""
+    """Whether a stage's next Euler step, ``x + h y``, ends beyond a wall.
+
+    Parameters
+    ----------
+    h : float
+        Step.
+    x, y : float
+        Displacement and velocity of the stage.
+    high, low : float
+        Distances of its two flanks from the middle.
+
+    Returns
+    -------
+    bool
+    """
     end = x + h * y
     return (end > high) | (end < -low)
 
 
 @lean
 def leaving(c: Constants, h: float, walls: Floats, state: Floats, beyond: Bools, lanes: int) -> None:
-    """Mark the lanes whose next step ends beyond a wall; vectorises."""
+    """Mark the lanes whose next step ends beyond a wall; vectorises.
+
+    Parameters
+    ----------
+    c : Constants
+        Of the scene.
+    h : float
+        Step.
+    walls, state : ndarray, shape (4, lanes or more)
+        Flanks and states of the paths.
+    beyond : ndarray of bool
+        Output.
+    lanes : int
+        Number of lanes.
+    """
     x1, y1, x2, y2 = state[0], state[1], state[2], state[3]
     high1, low1, high2, low2 = walls[0], walls[1], walls[2], walls[3]
     for p in range(lanes):
@@ -42,7 +70,23 @@ def leaving(c: Constants, h: float, walls: Floats, state: Floats, beyond: Bools,
 
 @lean
 def located_lanes(c: Constants, f: StepForcing, h: float, state: Floats, z: Floats, lanes: int) -> None:
-    """One step of all lanes, walls not minded; vectorises."""
+    """One step of all lanes in place, ignoring the walls; vectorises.
+
+    Parameters
+    ----------
+    c : Constants
+        Of the scene.
+    f : StepForcing
+        Of the step.
+    h : float
+        Step.
+    state : ndarray, shape (4, lanes or more)
+        States; output too.
+    z : ndarray
+        Standard normals.
+    lanes : int
+        Number of lanes.
+    """
     x1, y1, x2, y2 = state[0], state[1], state[2], state[3]
     for p in range(lanes):
         x1[p], y1[p], x2[p], y2[p] = euler_step(c, f, h, x1[p], y1[p], x2[p], y2[p], z[p])
@@ -52,6 +96,7 @@ def located_lanes(c: Constants, f: StepForcing, h: float, state: Floats, z: Floa
 def _part_of_step(
     c: Constants, tau: float, s: float, increment: float, x1: float, y1: float, x2: float, y2: float
 ) -> tuple[float, float, float, float]:
+    """State after an Euler step of length s with a given Brownian increment; as it is for s <= 0."""
     if s <= 0.0:
         return x1, y1, x2, y2
     return euler_step(c, step_forcing(c, tau, s), s, x1, y1, x2, y2, increment / math.sqrt(s))
@@ -69,9 +114,23 @@ def _reach(x: float, y: float, high: float, low: float) -> float:
 
 @inlined
 def advance_inside(c: Constants, at: Progress, normal: float, walls: Walls) -> Progress:
-    """Go to the next wall that the path meets in this step, or to the step's end.
+    """Go to the next wall that the path meets in this step, or to the end of the step.
 
-    `normal` is a standard normal of its own for every call: it splits the increment at the wall.
+    Parameters
+    ----------
+    c : Constants
+        Of the scene.
+    at : Progress
+        Just after an impact, or at the start of a step.
+    normal : float
+        A fresh standard normal for every call: it splits the increment at the wall (Brownian bridge).
+    walls : Walls
+        Of the path.
+
+    Returns
+    -------
+    Progress
+        At the impact that is due, or at the end of the step.
     """
     x1, y1, x2, y2 = at.x1, at.y1, at.x2, at.y2
     whole = at.noise.increment
@@ -88,7 +147,7 @@ def advance_inside(c: Constants, at: Progress, normal: float, walls: Walls) -> P
     x1, y1, x2, y2 = _part_of_step(c, at.tau, s, part, x1, y1, x2, y2)
     if first:
         x1 = walls.high1 if side > 0 else -walls.low1
-        code = side if side * y1 > 0.0 else 0  # 0: the noise has turned the path at the wall
+        code = side if side * y1 > 0.0 else 0  # 0: the noise has reversed the velocity at the wall
     else:
         x2 = walls.high2 if side > 0 else -walls.low2
         code = 2 * side if side * y2 > 0.0 else 0

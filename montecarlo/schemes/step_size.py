@@ -1,4 +1,4 @@
-"""How long a step may be: the door, beyond which a scheme is unstable or blind, and the default behind it.
+"""The longest admissible step of a scheme, beyond which it is unstable or misses impacts; and its default step.
 
 `rattle stability` measures both sides of these limits (reports/stability).
 """
@@ -18,27 +18,27 @@ __all__ = ["Scales", "accurate_flight", "check_step", "default_step", "largest_s
 Limit = tuple[float, str]
 
 MOST_PER_STEP = 10**7
-"""Least step: so many of them make the longest that may be used."""
+"""Longest admissible step over the shortest."""
 
 COARSEST = 2 ** (LEVELS - 1)
-"""Step, in units of the finest, of those that run side by side for the step bias."""
+"""Coarsest step over the finest: dt, 2 dt and 4 dt share one Brownian path (Richardson extrapolation)."""
 
 
 class Scales(NamedTuple):
-    """Times within which something happens that a step must not miss; infinite where it does not happen.
+    """Time scales that a step must resolve; infinite where there is no such process.
 
     Attributes
     ----------
     damping : float
-        Memory of the faster damped wheel, ``1 / beta``.
+        Relaxation time of the faster damped wheel, ``1 / beta``.
     crossing : float
-        The narrowest half gap at a typical speed: that of the start, or what the excitation and the drag make of a
-        path within one crossing.
+        Time to cross the narrowest half gap at a typical speed: that of the start, or what excitation and drag make of
+        a path within one crossing.
     shaking : float
-        The noise alone takes a path across that half gap: ``(g / sigma)^(2/3)``, or by diffusion, ``(beta g /
-        sigma)^2``, where damping is faster than that.
+        Time in which noise alone takes a path across that half gap: ``(g / sigma)^(2/3)``, or by diffusion ``(beta g /
+        sigma)^2`` where damping is faster than that.
     turning : float
-        The noise turns back a path that leaves its wall at the start: ``(speed / sigma)^2``.
+        Time in which noise reverses the velocity of a path that leaves its wall at the start: ``(speed / sigma)^2``.
     """
 
     damping: float
@@ -50,6 +50,15 @@ class Scales(NamedTuple):
 def scales_of(scene: Scene) -> Scales:
     """The time scales of a scene.
 
+    Parameters
+    ----------
+    scene : Scene
+        With or without noise and tolerance.
+
+    Returns
+    -------
+    Scales
+
     Examples
     --------
     >>> from rattle.scene import DAT21, Scene
@@ -58,19 +67,18 @@ def scales_of(scene: Scene) -> Scales:
     """
     c, start, tolerance = scene.constants, scene.start, scene.tolerance
     narrow = (0.0, 0.0)
-    if (
-        tolerance is not None and tolerance.distribution != "fixed"
-    ):  # few paths have a gap below a tenth, however large c_max is
+    if tolerance is not None and tolerance.distribution != "fixed":
+        # at most to a tenth: few paths have a narrower gap, however large c_max is
         narrow = min(tolerance.c1_max, 0.9 * c.wall1), min(tolerance.c2_max, 0.9 * c.wall2)
     gap = min((c.wall1 - narrow[0], c.wall2 - narrow[1])[: c.stages])
     damping = _over(1.0, max(c.beta1, c.beta2))
-    most = math.hypot(1.0, c.beta1)  # of the modulation of excitation and noise in y1 (Eq. 5)
-    shaken = min(c.alpha, 2.0 * math.sqrt(c.alpha * most * gap))  # in a narrow gap both flanks move together
-    phi2 = (
+    most = math.hypot(1.0, c.beta1)  # largest modulation of excitation and noise in y1 (Eq. 5)
+    driven = min(c.alpha, 2.0 * math.sqrt(c.alpha * most * gap))  # a narrow gap bounds the relative speed
+    dragged = (
         min(_over(gamma, beta), 2.0 * math.sqrt(gamma * gap))
         for gamma, beta in ((c.gamma1, c.beta1), (c.gamma2, c.beta2))
     )
-    typical = max(shaken, *phi2, *(abs(start.y1), abs(start.y2))[: c.stages])
+    typical = max(driven, *dragged, *(abs(start.y1), abs(start.y2))[: c.stages])
     noise = c.sigma * most
     shaking = _over(gap, noise) ** (2.0 / 3.0)
     if shaking > damping:
@@ -94,10 +102,22 @@ def _leaving(scene: Scene) -> float:
 
 
 def accurate_flight(scene: Scene) -> Limit:
-    """The longest step in which ``exact-flight`` may leave out what it leaves out of the noise, and what limits it.
+    """The longest accurate step of ``exact-flight``, which neglects part of the noise within a step; and its reason.
 
-    What is left out (a share of order h^4 of the variance) counts where the variance begins from nothing: at this limit
+    The neglected part (of relative order h^4 of the variance) matters where the variance grows from zero: at this limit
     0.8 % of sd(x1) after a flight of 0.2 from tau = 0, at half of it 0.05 %.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its damping counts.
+
+    Returns
+    -------
+    limit : float
+        Step.
+    why : str
+        The reason, as part of a message.
 
     Examples
     --------
@@ -113,39 +133,67 @@ def accurate_flight(scene: Scene) -> Limit:
 
 
 def largest_step(scene: Scene, scheme: str = "euler-maruyama") -> Limit:
-    """The longest step that the door lets through, and what limits it.
+    """The longest admissible step of a scheme, and the reason for the limit.
 
-    A step of Euler and Maruyama must damp without overshoot (``beta dt <= 1``, well inside the stability bound 2),
-    resolve the excitation (20 steps a period), not cross half of the narrowest half gap at a typical speed, and not be
-    thrown through it by the noise.  A step of ``exact-flight`` sees every gap; but it must be accurate
-    (`accurate_flight`), and beyond two half crossings it follows impacts that nobody asked for, to the 64 of a step.
+    An Euler-Maruyama step must damp without overshoot (``beta dt <= 1``, well inside the stability bound 2), resolve
+    the excitation (20 steps a period), not cross half of the narrowest half gap at a typical speed, nor be carried
+    through it by the noise.  A step of ``exact-flight`` resolves every gap; but it must be accurate
+    (`accurate_flight`), and not be longer than two half crossings, since the impacts in one step are limited to 64.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is simulated.
+    scheme : str
+        Name in `SCHEMES`.
+
+    Returns
+    -------
+    limit : float
+        Step.
+    why : str
+        The reason, as part of a message.
 
     Examples
     --------
     >>> from rattle.scene import DAT21, Scene
     >>> dt, why = largest_step(Scene.from_gears(DAT21))
     >>> round(dt, 3), why
-    (0.125, 'a longer step cannot see the gap')
+    (0.125, 'a longer step may jump across the gap')
     >>> largest_step(Scene.from_gears(DAT21), "exact-flight")[1]
     "a longer step cannot follow the noise's modulation"
     """
     t = scales_of(scene)
-    if SCHEMES[scheme].weak_order is None:
+    if not SCHEMES[scheme].has_step_bias:
         accurate, why = accurate_flight(scene)
         return _least({why: accurate, "a longer step holds too many impacts": 2.0 * min(t.crossing, t.shaking)})
     return _least({
         "a longer step makes the damping unstable": t.damping,
         "a longer step cannot follow the excitation": 2.0 * math.pi / 20.0,
-        "a longer step cannot see the gap": 0.5 * t.crossing,
+        "a longer step may jump across the gap": 0.5 * t.crossing,
         "a longer step lets the noise throw a path through the gap": 0.25 * t.shaking,
     })  # fmt: skip
 
 
 def trusted_step(scene: Scene, scheme: str) -> Limit:
-    """The longest step at which what the noise does within a step biases no mean by 5 % of its sd; and what limits it.
+    """The longest step at which noise within a step biases no mean by 5 % of its sd, and the reason for the limit.
 
-    What the step does to the noise-free motion is not in it: `rattle.montecarlo.diagnostics` measures that.  The shares
-    are those that `rattle stability` finds to hold over all of its axes.
+    The effect of the step on the noise-free motion is not included: `rattle.montecarlo.diagnostics` measures that.
+    `rattle stability` finds these limits to hold over all of its axes.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is simulated.
+    scheme : str
+        Name in `SCHEMES`.
+
+    Returns
+    -------
+    limit : float
+        Step.
+    why : str
+        The reason, as part of a message.
 
     Examples
     --------
@@ -153,18 +201,18 @@ def trusted_step(scene: Scene, scheme: str) -> Limit:
     >>> round(trusted_step(Scene.from_gears(DAT21, sigma=0.5), "euler-maruyama")[0], 4)
     0.01
     """
-    if SCHEMES[scheme].weak_order is None:
+    if not SCHEMES[scheme].has_step_bias:
         return largest_step(scene, scheme)
-    t, (seen, phi1) = scales_of(scene), SEEN[scheme]
+    t, (late, reversal) = scales_of(scene), TRUSTED_SHARES[scheme]
     return _least({
         "a longer step changes the spread of the damped speeds": 0.3 * t.damping,
-        "a longer step sees the impacts of a shaken path late": seen * t.shaking,
-        "a longer step loses paths that the noise turns back to their wall": phi1 * t.turning,
+        "a longer step detects the impacts of a noisy path late": late * t.shaking,
+        "a longer step misses paths that the noise returns to the wall they leave": reversal * t.turning,
     })  # fmt: skip
 
 
-SEEN = {"euler-maruyama": (0.01, 0.03), "euler-maruyama-located": (0.04, 0.05)}
-"""Shares of `Scales.shaking` and `Scales.turning` in a trusted step: detection at its end is late by half a step."""
+TRUSTED_SHARES = {"euler-maruyama": (0.01, 0.03), "euler-maruyama-located": (0.04, 0.05)}
+"""Trusted step over `Scales.shaking` and over `Scales.turning`: at-end detection is late by half a step."""
 
 
 def _least(limits: dict[str, float]) -> Limit:
@@ -173,7 +221,20 @@ def _least(limits: dict[str, float]) -> Limit:
 
 
 def default_step(scene: Scene, scheme: str, step_bias: bool = False) -> float:
-    """The scheme's own step, or a shorter one where the door wants it, for the multiples of it that have a bias too.
+    """The scheme's default step, or a shorter one where the longest admissible step is shorter.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is simulated.
+    scheme : str
+        Name in `SCHEMES`.
+    step_bias : bool
+        Whether 4 dt must be admissible too, for the step bias.
+
+    Returns
+    -------
+    float
 
     Examples
     --------
@@ -183,12 +244,27 @@ def default_step(scene: Scene, scheme: str, step_bias: bool = False) -> float:
     >>> round(default_step(Scene.from_gears(DAT21, sigma=1e4), "euler-maruyama"), 6)
     0.000339
     """
-    coarsest = COARSEST if step_bias and SCHEMES[scheme].weak_order is not None else 1
+    coarsest = COARSEST if step_bias and SCHEMES[scheme].has_step_bias else 1
     return min(SCHEMES[scheme].step, largest_step(scene, scheme)[0] / coarsest)
 
 
 def check_step(scene: Scene, dt: float, scheme: str, coarsest: int = 1) -> float:
-    """The step as a float, if it may be used, and its `coarsest` multiple too where that has a bias to be measured.
+    """The step as a float, if it is admissible, and with it its multiple `coarsest`.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is simulated.
+    dt : float
+        Step.
+    scheme : str
+        Name in `SCHEMES`.
+    coarsest : int
+        Largest multiple of dt that is run too; ignored for a scheme without step bias.
+
+    Returns
+    -------
+    float
 
     Raises
     ------
@@ -200,10 +276,10 @@ def check_step(scene: Scene, dt: float, scheme: str, coarsest: int = 1) -> float
     largest, reason = largest_step(scene, scheme)
     if dt < largest / MOST_PER_STEP:
         raise InputError(
-            "dt", dt, f"must be at least {largest / MOST_PER_STEP:.3g}: {MOST_PER_STEP:.0e} shorter steps, after which "
-            "a path is given up by default, do not make one of the longest that may be used",
+            "dt", dt, f"must be at least {largest / MOST_PER_STEP:.3g}: {MOST_PER_STEP:.0e} shorter steps, the default "
+            "limit of a path, do not add up to one longest admissible step",
         )  # fmt: skip
-    coarsest = 1 if SCHEMES[scheme].weak_order is None else coarsest
+    coarsest = 1 if not SCHEMES[scheme].has_step_bias else coarsest
     if dt * coarsest > largest:
         with_bias = f" ({coarsest} dt is run beside it for the step bias)" if coarsest > 1 else ""
         raise InputError("dt", dt, f"must be at most {largest / coarsest:.3g}{with_bias}: {reason}")

@@ -1,17 +1,23 @@
-"""A path within a step, as every scheme hands it over."""
+"""State of a path within a step, shared by all schemes."""
 
 from typing import NamedTuple
 
 __all__ = ["MOST_IN_A_STEP", "Noise", "Progress", "Walls"]
 
 MOST_IN_A_STEP = 64
-"""Impacts of one path within one step; beyond, the mesh stays closed to the end of the step, which is counted."""
+"""Most impacts of a path in a step; then the struck mesh stays closed to the end of the step, which is counted."""
 
 
 class Noise(NamedTuple):
-    """Brownian motion over a time: its increment, and its area ``int (s / h - 1/2) dB``, of variance h / 12.
+    """Brownian motion on a time h.
 
-    The schemes of Euler and Maruyama know the increment alone and leave the area zero.
+    Attributes
+    ----------
+    increment : float
+        Of variance h.
+    area : float
+        ``int (s / h - 1/2) dB``, of variance h / 12: minus the space-time Lévy area.  The Euler-Maruyama schemes do not
+        use it and leave it zero.
     """
 
     increment: float
@@ -19,7 +25,13 @@ class Noise(NamedTuple):
 
 
 class Walls(NamedTuple):
-    """Distances of a path's four flanks from the middle."""
+    """Distances of a path's four flanks from the middle of their gap.
+
+    Attributes
+    ----------
+    high1, low1, high2, low2 : float
+        Flanks +1, -1, +2, -2; all positive.
+    """
 
     high1: float
     low1: float
@@ -28,10 +40,20 @@ class Walls(NamedTuple):
 
 
 class Progress(NamedTuple):
-    """A path within a step: how far it has come, and what it meets there.
+    """A path within a step: its state, the impact that is due there, and what is left of the step.
 
-    ``code`` is ``mesh * side`` of an impact that is due at this very state, or 0.  ``left`` is the time to the end of
-    the step, ``noise`` that of the time left.
+    Attributes
+    ----------
+    code : int
+        ``mesh * side`` of an impact that is due at this very state, or 0.
+    tau : float
+        Time.
+    left : float
+        Time to the end of the step.
+    noise : Noise
+        Of the time left.
+    x1, y1, x2, y2 : float
+        State.
     """
 
     code: int

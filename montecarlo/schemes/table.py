@@ -1,4 +1,4 @@
-"""The ladder of schemes: what each is called, costs and promises."""
+"""The table of schemes: order, cost and default step of each."""
 
 import math
 from dataclasses import dataclass
@@ -8,23 +8,23 @@ __all__ = ["SCHEMES", "Scheme"]
 
 @dataclass(frozen=True)
 class Scheme:
-    """A way to advance paths and to meet walls.
+    """A way to advance paths and to detect impacts.
 
     Attributes
     ----------
     code : int
         Its number in compiled code.
     file : str
-        Module of this package that holds it.
+        Module of this package that implements it.
     weak_order : int or None
-        Order of its bias in the step; None where there is no bias in the step.
+        Weak order of convergence in the step; None for a scheme without step bias.
     normals : int
-        Standard normals that a path uses in a step without an impact.
+        Standard normals of a path per step without an impact.
     step : float
-        The step that is taken where none is given.
+        Default step.
     step_ns, impact_ns : float
-        Time of a path's step and of its impact on one core, statistics included: what schemes are chosen by.  Measured
-        once by ``rattle bench``, and constant, so that the choice does not depend on the machine.
+        Cost model for the choice of a scheme: time of a path-step and of an impact on one core in ns, with statistics.
+        Measured once by ``rattle bench`` and constant, so that the choice does not depend on the machine.
     """
 
     code: int
@@ -35,10 +35,15 @@ class Scheme:
     step_ns: float
     impact_ns: float
 
+    @property
+    def has_step_bias(self) -> bool:
+        """Whether its results are biased by the length of the step; ``exact-flight`` has no such bias."""
+        return self.weak_order is not None
+
 
 SCHEMES = {
     "euler-maruyama": Scheme(0, "euler", 1, 1, 2e-3, 2.8, 75.0),
     "euler-maruyama-located": Scheme(1, "euler_located", 1, 1, 2e-3, 4.1, 150.0),
     "exact-flight": Scheme(2, "exact_flight", None, 2, math.pi / 256.0, 4.7, 1200.0),
 }
-"""From the plainest to the most exact."""
+"""All schemes by name, in the order of increasing accuracy."""

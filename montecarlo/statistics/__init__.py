@@ -1,1 +1,1 @@
-"""What is kept of the paths: central sums, histograms, batches, and the bias of the step."""
+"""Reduction of paths to statistics: central sums, histograms, batches, and the step bias."""

@@ -1,4 +1,4 @@
-"""Means and sds of a few batches of paths: what two runs on common random numbers are compared by."""
+"""Means and sds of batches of paths, for the comparison of runs on common random numbers."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ __all__ = ["BATCHES", "Batches"]
 Floats = NDArray[np.float64]
 
 BATCHES = 32
-"""Number of batches: enough for a standard error that is known to an eighth."""
+"""Number of batches; a standard error estimated from 32 batches is itself known to 1/8 (1 / sqrt(2 * 31))."""
 
 
 @dataclass
 class Batches:
     """Number, mean and sum of squares of each section quantity in each batch; block b belongs to batch ``b % BATCHES``.
 
-    Two runs of one seed follow the same noise in each batch, so the spread of the batches' differences is the
-    standard error of the difference, paths that are alike in both runs taken into account.
+    Two runs with one seed use the same noise in each batch.  The spread of the differences between their batches is
+    therefore the standard error of the difference, with the correlation of the runs taken into account.
 
     Attributes
     ----------
     n, mean, squares : ndarray, shape (BATCHES, impacts, 6)
-        Paths that were seen, their mean, and the sum of squares about it.
+        Paths that had the impact, their mean, and the sum of squares about it.
     control : ndarray, shape (BATCHES, impacts, 6)
-        Mean of the control variate, whose mean is known to be zero; 0 without one.
+        Mean of the control variate, whose expectation is zero; 0 without one.
     """
 
     n: Floats
@@ -39,15 +39,38 @@ class Batches:
 
     @classmethod
     def empty(cls, impacts: int) -> Batches:
-        """No paths yet."""
+        """Batches without paths.
+
+        Parameters
+        ----------
+        impacts : int
+            Impacts per path.
+
+        Returns
+        -------
+        Batches
+        """
         return cls(*np.zeros((4, BATCHES, impacts, 6)))
 
     def copy(self) -> Batches:
-        """The same, to be added to."""
+        """A copy that can be added to without changing the original.
+
+        Returns
+        -------
+        Batches
+        """
         return Batches(self.n.copy(), self.mean.copy(), self.squares.copy(), self.control.copy())
 
     def add(self, block: int, sums: dict[str, CentralSums]) -> None:
-        """Add a block's sums, by the pairwise rule of Chan, Golub and LeVeque (1979)."""
+        """Add a block's sums, by the pairwise update of Chan, Golub and LeVeque (1979).
+
+        Parameters
+        ----------
+        block : int
+            Number of the block, which determines its batch.
+        sums : dict of str to CentralSums
+            As of `rattle.montecarlo.kernel.block.BlockResult`.
+        """
         s, b = sums["section"], block % BATCHES
         n = self.n[b] + s.n
         share = np.divide(s.n, n, out=np.zeros_like(n), where=n > 0.0)
@@ -60,6 +83,6 @@ class Batches:
 
     @property
     def sd(self) -> Floats:
-        """Standard deviation in each batch; NaN where nothing was seen."""
+        """Standard deviation in each batch, shape (BATCHES, impacts, 6); NaN where no path had the impact."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(np.sqrt(self.squares / self.n))

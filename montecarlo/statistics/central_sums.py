@@ -1,4 +1,4 @@
-"""Mergeable central sums: moments and their standard errors from a stream of blocks, in flat memory."""
+"""Mergeable central sums: moments and their standard errors from a stream of blocks, in constant memory."""
 
 from dataclasses import dataclass
 from math import comb
@@ -37,19 +37,19 @@ COVARIANCE: Orders = ((1, 1),)
 VARIANCE: Orders = ((2, 0),)
 """A variance alone."""
 
-TINY = float(np.finfo(float).tiny)  # below it floats lose digits
+TINY = float(np.finfo(float).tiny)  # smallest normal float; smaller ones have fewer digits
 FEWEST = {"mean": 2, "sd": 3, "cov": 3, "rho": 3, "skew": 3, "kurt": 4}
-"""Least number of paths that tell the standard error of a statistic.
+"""Least number of paths from which the standard error of a statistic can be estimated.
 
-With fewer the statistic, or its error, is the same whatever the paths are: the spread of one is 0, the squared
-deviations of two are alike and their correlation is 1 in size, the kurtosis of three is 1.5.
+With fewer, the statistic or its error is a constant whatever the data: the sd of one value is 0, two values have equal
+squared deviations and a correlation of +-1, and the kurtosis of three values is 1.5.
 """
 
-BINOMIAL = np.array([[comb(n, k) for k in range(9)] for n in range(9)], dtype=float)
+BINOMIAL = np.array([[comb(n, k) for k in range(9)] for n in range(9)], dtype=float)  # [n, k] = n over k
 
 
 @lean
-def _turn_over(rows: Floats, columns: Floats) -> None:
+def _transpose(rows: Floats, columns: Floats) -> None:
     """Copy `rows`, shape (paths, variables), to `columns`, shape (variables, paths), eight paths at a time."""
     paths, variables = rows.shape
     for p in range(0, paths, 8):
@@ -60,9 +60,9 @@ def _turn_over(rows: Floats, columns: Floats) -> None:
 
 @reducing
 def _centred(u: Floats, v: Floats, da: Floats, db: Floats) -> tuple[float, float, float]:
-    """Deviations of both from their means where both are finite, 0 elsewhere; how many there are, and the means.
+    """Deviations of both variables from their means, 0 where either is not finite; the count and the means.
 
-    Means are taken about the first value: what does not vary comes out exact.
+    Means are taken about the first value, so that a constant comes out exact.
     """
     n, first_u, first_v, total_u, total_v = 0.0, 0.0, 0.0, 0.0, 0.0
     for p in range(u.size):
@@ -113,11 +113,11 @@ def _block_sums(
     a: Floats, b: Floats, left: Ints, right: Ints, exponents: Ints, alone: bool, most: int, powers: Floats, n: Floats,
     mean: Floats, sums: Floats,
 ) -> None:  # fmt: skip
-    """Counts (cells), means (2, cells) and sums of ``da^p db^q`` (orders, cells) over what is finite in both.
+    """Counts (cells), means (2, cells) and sums of ``da^p db^q`` (orders, cells) over the paths where both are finite.
 
-    Cell i is about the rows ``left[i]`` of `a` and ``right[i]`` of `b`, both of shape (variables, paths).
-    Exponents of one variable `alone` are 2, 3, 4, ... in this order, others at `most` the most; scratch `powers` has
-    shape (2, most + 1, paths) and ones in it.
+    Cell i pairs row ``left[i]`` of `a` with row ``right[i]`` of `b`, both of shape (variables, paths).  If `alone`,
+    only the first variable counts and the exponents are 2, 3, 4, ... in this order; otherwise no exponent exceeds
+    `most`. The scratch `powers` has shape (2, most + 1, paths) and is filled with ones.
     """
     for i in range(left.size):
         n[i], mean[0, i], mean[1, i] = _centred(a[left[i]], b[right[i]], powers[0, 1], powers[1, 1])
@@ -138,7 +138,7 @@ def _block_sums(
 def _about(
     n: Floats, mean: Floats, sums: Floats, centre: Floats, exponents: Ints, place: Ints, powers: Floats, out: Floats
 ) -> None:
-    """Add to `out` the sums of one part taken about another centre, by the binomial theorem (scratch `powers`)."""
+    """Add to `out` the sums of one part, shifted to another centre by the binomial theorem (scratch `powers`)."""
     for i in range(n.size):
         for side in range(2):
             shift = mean[side, i] - centre[side, i]
@@ -150,16 +150,26 @@ def _about(
             for j in range(p + 1):
                 for k in range(q + 1):
                     if j + k == 1:
-                        continue  # first powers about the own mean add up to zero
+                        continue  # deviations from a part's own mean sum to zero
                     inner = n[i] if j + k == 0 else sums[place[j, k], i]
                     out[o, i] += BINOMIAL[p, j] * BINOMIAL[q, k] * powers[0, p - j] * powers[1, q - k] * inner
 
 
 def columns_of(values: Floats) -> Floats:
-    """A block's values, shape (paths, ...), with the paths of each variable side by side, shape (variables, paths)."""
+    """A block's values with the paths of each variable contiguous.
+
+    Parameters
+    ----------
+    values : ndarray, shape (paths, ...)
+        The axes after the first are flattened to variables.
+
+    Returns
+    -------
+    ndarray, shape (variables, paths)
+    """
     rows = values.reshape(len(values), -1)
     columns = np.empty(rows.shape[::-1])
-    _turn_over(rows, columns)
+    _transpose(rows, columns)
     return columns
 
 
@@ -167,13 +177,13 @@ def columns_of(values: Floats) -> Floats:
 class CentralSums:
     """Sums ``sum (a - mean_a)^p (b - mean_b)^q`` of two variables over observations, for many cells at once.
 
-    Blocks are merged about the new mean (Pebay 2008), always in block order, so that the result does not depend on
-    who computed which block.
+    Blocks are merged about the joint mean (Pebay 2008), always in block order, so that the result does not depend on
+    the worker that computed a block.
 
     Attributes
     ----------
     orders : tuple of (p, q)
-        Which sums are kept; with an order, all lower ones of degree 2 and more.
+        Exponents of the sums that are kept; with each, all lower ones of degree 2 and more.
     n : ndarray
         Number of observations of each cell.
     mean : ndarray, shape (2, ...)
@@ -197,7 +207,20 @@ class CentralSums:
 
     @classmethod
     def of(cls, a: Floats, b: Floats, orders: Orders) -> "CentralSums":
-        """Sums of one block; `a` and `b` have shape (paths, ...), and NaN marks what was never observed."""
+        """Sums of one block of paths.
+
+        Parameters
+        ----------
+        a, b : ndarray, shape (paths, ...)
+            The two variables of each cell; NaN marks a missing observation.
+        orders : tuple of (p, q)
+            Exponents.
+
+        Returns
+        -------
+        CentralSums
+            Cells of shape ``a.shape[1:]``.
+        """
         cells = np.arange(a[0].size)
         return cls.of_columns(columns_of(a), columns_of(b), cells, cells, orders, a.shape[1:])
 
@@ -205,9 +228,22 @@ class CentralSums:
     def of_columns(
         cls, a: Floats, b: Floats, left: Ints, right: Ints, orders: Orders, shape: tuple[int, ...]
     ) -> "CentralSums":
-        """Sums of one block over cells of this shape, each about one variable of `a` and one of `b`.
+        """Sums of one block of paths, each cell over one variable of `a` and one of `b`.
 
-        Both are of shape (variables, paths), see `columns_of`.
+        Parameters
+        ----------
+        a, b : ndarray, shape (variables, paths)
+            As of `columns_of`.
+        left, right : ndarray of int, shape (cells,)
+            Variable of `a` and of `b` of each cell.
+        orders : tuple of (p, q)
+            Exponents.
+        shape : tuple of int
+            Shape of the cells in the result.
+
+        Returns
+        -------
+        CentralSums
         """
         n, mean, sums = np.empty(left.size), np.empty((2, left.size)), np.empty((len(orders), left.size))
         exponents, alone = np.array(orders), orders == SINGLE[: len(orders)]
@@ -217,7 +253,17 @@ class CentralSums:
         return cls(orders, n.reshape(shape), mean.reshape(2, *shape), sums.reshape(len(orders), *shape))
 
     def merged(self, other: "CentralSums") -> "CentralSums":
-        """The sums of both sets of observations together."""
+        """The sums over two sets of observations together.
+
+        Parameters
+        ----------
+        other : CentralSums
+            Of the same orders and shape.
+
+        Returns
+        -------
+        CentralSums
+        """
         n = self.n + other.n
         weight = np.divide(other.n, n, out=np.zeros_like(n), where=n > 0)
         mean = self.mean + (other.mean - self.mean) * weight
@@ -233,7 +279,18 @@ class CentralSums:
         return CentralSums(self.orders, n, mean, out.reshape(self.sums.shape))
 
     def moment(self, p: int, q: int) -> Floats:
-        """Central moment ``E[(a - E a)^p (b - E b)^q]``; NaN where nothing was observed."""
+        """Central moment ``E[(a - E a)^p (b - E b)^q]``, without bias correction.
+
+        Parameters
+        ----------
+        p, q : int
+            Exponents, one of `orders`.
+
+        Returns
+        -------
+        ndarray
+            Of the cells' shape; NaN where nothing was observed.
+        """
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(self.sums[self.orders.index((p, q))] / self.n)
 
@@ -250,12 +307,22 @@ def _variance_of(coefficients: list[Floats], moments: list[Floats]) -> Floats:
 
 
 def single_statistics(sums: CentralSums) -> dict[str, Floats]:
-    """Mean, sd, skewness and excess kurtosis with standard errors, from sums over the orders `SINGLE`.
+    """Mean, sd, skewness and excess kurtosis with standard errors.
 
-    Skewness and excess kurtosis are the third and fourth cumulants in units of the sd.  Standard errors are those
-    of the influence functions (delta method); they hold for any distribution with eight moments.  What does not
-    vary has sd 0 with error 0 and no skewness.  ``se_skew`` and ``se_kurt`` are NaN where the sixth and the eighth
-    power of the sd underflow: below about 1e-51 and 1e-38.
+    Skewness and excess kurtosis are the third and fourth cumulants in units of the sd.  Standard errors come from the
+    influence functions (delta method) and hold for any distribution with eight moments.  A constant has sd 0 with error
+    0 and no skewness.  ``se_skew`` and ``se_kurt`` are NaN where the sixth and the eighth power of the sd underflow:
+    below about 1e-51 and 1e-38.
+
+    Parameters
+    ----------
+    sums : CentralSums
+        Over the orders `SINGLE`.
+
+    Returns
+    -------
+    dict of str to ndarray
+        ``mean, sd, skew, kurt``, each with ``se_...``; of the cells' shape.
     """
     n = sums.n
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -280,10 +347,20 @@ def single_statistics(sums: CentralSums) -> dict[str, Floats]:
 
 
 def pair_statistics(sums: CentralSums) -> dict[str, Floats]:
-    """Covariance and correlation of a pair with their standard errors, from sums over the orders `PAIR`.
+    """Covariance and correlation of a pair with their standard errors.
 
     ``se_z`` is the standard error of Fisher's ``artanh rho``; it is ``1 / sqrt(n)`` for a Gaussian pair, and NaN where
-    rho is 1 in size.  All three are NaN where the product of the variances is no normal float.
+    ``|rho| = 1``.  The correlation and its errors are NaN where the product of the variances underflows.
+
+    Parameters
+    ----------
+    sums : CentralSums
+        Over the orders `PAIR`.
+
+    Returns
+    -------
+    dict of str to ndarray
+        ``cov, se_cov, rho, se_rho, se_z``; of the cells' shape.
     """
     n = sums.n
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -1,4 +1,4 @@
-"""Histograms of the section, with edges that the first block sets and no later block can move."""
+"""Histograms of the section quantities; the first block fixes the bin edges."""
 
 from dataclasses import dataclass
 
@@ -11,19 +11,19 @@ __all__ = ["Histograms"]
 
 Floats = NDArray[np.float64]
 
-BINS, REACH = 240, 6.0
+BINS, REACH = 240, 6.0  # equal bins over +- REACH sds of the first block
 
 
 @dataclass
 class Histograms:
-    """Counts over equal bins, for every impact and quantity.
+    """Counts over equal bins, for every impact and section quantity.
 
     Attributes
     ----------
     low, width : ndarray, shape (impacts, 6)
-        Lower edge of the first bin and width of a bin.
+        Lower edge of the first bin, and width of a bin.
     counts : ndarray of int, shape (impacts, 6, BINS + 2)
-        Counts; the first and last are what lies below and above.
+        The first and last count values below and above the bins.
     """
 
     low: Floats
@@ -32,7 +32,17 @@ class Histograms:
 
     @classmethod
     def sized_by(cls, section: Floats) -> "Histograms":
-        """Empty histograms that reach `REACH` standard deviations of the given (paths, impacts, 6) to both sides."""
+        """Empty histograms that reach `REACH` standard deviations of a sample to both sides of its mean.
+
+        Parameters
+        ----------
+        section : ndarray, shape (paths, impacts, 6)
+            Section quantities of a block of paths; NaN where there is none.
+
+        Returns
+        -------
+        Histograms
+        """
         impacts = section.shape[1]
         seen = np.isfinite(section)
         n = np.maximum(seen.sum(axis=0), 1)
@@ -42,7 +52,13 @@ class Histograms:
         return cls(mean - REACH * sd, 2.0 * REACH * sd / BINS, np.zeros((impacts, 6, BINS + 2), np.int64))
 
     def add(self, section: Floats) -> None:
-        """Count a block of (paths, impacts, 6); NaN counts nowhere."""
+        """Count a block of paths.
+
+        Parameters
+        ----------
+        section : ndarray, shape (paths, impacts, 6)
+            Section quantities; NaN is not counted.
+        """
         _, impacts, quantities = section.shape
         seen = np.isfinite(section)
         with np.errstate(invalid="ignore"):
@@ -52,7 +68,22 @@ class Histograms:
         self.counts += np.bincount(flat, minlength=self.counts.size).reshape(self.counts.shape)
 
     def density(self, impact: int, quantity: str) -> tuple[Floats, Floats]:
-        """Edges (BINS + 1) and density (BINS) of a quantity at an impact, over all paths that reached it."""
+        """Probability density of a quantity at an impact, over all paths that reached it.
+
+        Parameters
+        ----------
+        impact : int
+            From 1.
+        quantity : str
+            Name in `rattle.scene.moments.SECTION`.
+
+        Returns
+        -------
+        edges : ndarray, shape (BINS + 1,)
+            Bin edges.
+        density : ndarray, shape (BINS,)
+            Its integral is the share of values within the bins.
+        """
         k, i = impact - 1, SECTION.index(quantity)
         edges = self.low[k, i] + self.width[k, i] * np.arange(BINS + 1)
         counts = self.counts[k, i]

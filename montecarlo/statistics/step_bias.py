@@ -1,4 +1,4 @@
-"""What the step size does to means and sds, from runs at dt, 2 dt and 4 dt on the same noise."""
+"""Step bias of means and sds, from runs at dt, 2 dt and 4 dt on the same Brownian paths."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -14,16 +14,16 @@ Floats = NDArray[np.float64]
 
 
 class StepBias(NamedTuple):
-    """Bias of a moment by the step, each entry of shape (impacts, quantities).
+    """Step bias of a moment; each entry has shape (impacts, quantities).
 
     Attributes
     ----------
     bias, se_bias : ndarray
-        First-order estimate of (value at dt - limit): the change from dt to 2 dt; its standard error.
+        First-order estimate of (value at dt) - (limit dt -> 0), the change from dt to 2 dt; its standard error.
     corrected, se_corrected : ndarray
-        Richardson's extrapolation, value - bias.
+        Richardson extrapolation, value - bias; its standard error.
     rest : ndarray
-        Bound on what is left: a third of the change from the same extrapolation of 2 dt and 4 dt.
+        Estimate of the error left: a third of the difference to the same extrapolation from 2 dt and 4 dt.
     """
 
     bias: Floats
@@ -39,18 +39,18 @@ def extrapolated(fine: CentralSums, coarse: CentralSums) -> dict[str, StepBias]:
     Parameters
     ----------
     fine, coarse : CentralSums
-        Of the same quantities at dt and 2 dt, and at 2 dt and 4 dt.
+        Joint sums of the same quantities at dt and 2 dt, and at 2 dt and 4 dt.
 
     Returns
     -------
     dict of str to StepBias
-        ``mean`` and ``sd``; NaN where no path has arrived.
+        ``mean`` and ``sd``; NaN where no path had the impact.
     """
     n = np.where(fine.n > 0, fine.n, np.nan)
     v = {(p, q): fine.moment(p, q) for p, q in ((2, 0), (1, 1), (0, 2), (4, 0), (2, 2), (0, 4))}
     sd = np.sqrt(np.stack([v[2, 0], v[0, 2], coarse.moment(0, 2)]))
     means = np.stack([fine.mean[0], fine.mean[1], coarse.mean[1]])
-    # covariance of the influence functions at dt and 2 dt: of the means, then of the sds
+    # (co)variances of the influence functions at dt and 2 dt: var(dt), cov, var(2 dt), of the means and of the sds
     spread = ([v[2, 0], v[1, 1], v[0, 2]], _sd_influence(v, sd[0], sd[1]))
     found = {}
     for moment, values, (ff, fc, cc) in (("mean", means, spread[0]), ("sd", sd, spread[1])):
@@ -67,7 +67,7 @@ def extrapolated(fine: CentralSums, coarse: CentralSums) -> dict[str, StepBias]:
 
 
 def _sd_influence(v: Mapping[tuple[int, int], Floats], a: Floats, b: Floats) -> list[Floats]:
-    """Variances and covariance of ``((u - E u)^2 - a^2) / 2a`` and the same of the second variable."""
+    """Variances and covariance of the influence functions ``((u - E u)^2 - a^2) / 2a`` of two sds."""
     with np.errstate(invalid="ignore", divide="ignore"):
         parts = [
             (v[4, 0] - v[2, 0] ** 2) / (4.0 * a * a),

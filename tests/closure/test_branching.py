@@ -6,7 +6,7 @@ import pytest
 from rattle.closure import mean_map
 from rattle.closure.branching.trace import MOST_CUT
 from rattle.compare import validate
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, Scene
 
 QUANTITIES = ("tau", "flight", "y1", "y2")
@@ -21,7 +21,7 @@ def pair(request):
     scene = dat21(request.param)
     orbit = mean_map(scene, impacts=1).scene
     follows = tuple(mean_map(scene, impacts=12, closure="corrected").itinerary)
-    run = simulate(orbit, paths=60_000, rng=3, workers=2, step_bias=True, itineraries={"orbit": follows})
+    run = simulate(orbit, paths=60_000, rng=3, workers=2, record=Record(step_bias=True, itineraries={"orbit": follows}))
     return mean_map(scene, impacts=12, closure="branching"), run
 
 
@@ -84,7 +84,7 @@ def test_density_is_the_mixtures_and_sees_both_branches():
     y = np.linspace(-10.0, 10.0, 8001)
     density = m.density(12, "y1", y)
     assert np.trapezoid(density, y) == pytest.approx(1.0, abs=2e-3)
-    run = simulate(scene, paths=60_000, rng=3, workers=2, keep_paths=True)
+    run = simulate(scene, paths=60_000, rng=3, workers=2, record=Record(raw=True))
     edges = np.linspace(-6.0, 6.0, 25)
     sampled = np.histogram(run.raw[:, 11, 2 + 1], edges)[0] / run.paths
 
@@ -115,7 +115,7 @@ def test_single_stage():
     """Slow impacts part the paths of a single stage soon: the mixture holds for five of them."""
     scene = dat21(0.3, stages=1)
     m = mean_map(scene, impacts=5, closure="branching")
-    run = simulate(scene, paths=30_000, impacts=5, rng=2, workers=2, step_bias=True)
+    run = simulate(scene, paths=30_000, impacts=5, rng=2, workers=2, record=Record(step_bias=True))
     sd = corrected(run, "sd", "tau")
     assert ((m.section["tau"] - corrected(run, "mean", "tau")).abs() < 0.1 * sd).all()
     assert m.section[["x2", "y2"]].isna().all().all()

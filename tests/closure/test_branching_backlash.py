@@ -10,7 +10,7 @@ from rattle.closure import flanks, mean_map
 from rattle.closure.branching.propagate import _derivatives
 from rattle.closure.branching.split import event
 from rattle.closure.flanks import column, pieces, start_covariance, start_pieces
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, Scene, Start, Tolerance
 
 QUANTITIES = ("tau", "flight", "x1", "y1", "x2", "y2")
@@ -55,7 +55,13 @@ def outside(scene, impacts, run):
 def flown(scene, impacts):
     follows = tuple(mean_map(scene, impacts=impacts, closure="corrected").itinerary)
     return simulate(
-        scene, paths=60_000, impacts=impacts, rng=5, workers=2, scheme="exact-flight", itineraries={"orbit": follows}
+        scene,
+        paths=60_000,
+        impacts=impacts,
+        rng=5,
+        workers=2,
+        scheme="exact-flight",
+        record=Record(itineraries={"orbit": follows}),
     )
 
 

@@ -6,7 +6,7 @@ import pytest
 from test_saltation import SCENES
 
 from rattle.closure import follow, mean_map
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Record, simulate
 from rattle.scene.moments import STATE
 
 LIMIT = 4.0  # standard errors; of at most 72 moments of a scene, Bonferroni at 0.5 %
@@ -36,7 +36,12 @@ def sampled(scene):
     orbit = follow(scene, 12)
     all_middles = 0.5 * (orbit.tau[1 : orbit.found + 1] + orbit.tau[: orbit.found])
     run = simulate(
-        scene, paths=PATHS, dt=DT, rng=5, workers=2, step_bias=True, times=all_middles[all_middles > 4.0 * DT]
+        scene,
+        paths=PATHS,
+        dt=DT,
+        rng=5,
+        workers=2,
+        record=Record(step_bias=True, times=all_middles[all_middles > 4.0 * DT]),
     )
     fixed, coarse = run.at_times(), run.result.sums["coarse_fixed"]
     parts = []
@@ -99,7 +104,7 @@ def test_what_remains_between_impacts_grows_as_sigma_squared():
         orbit, prediction = follow(scene, 7), mean_map(scene, impacts=7)
         for row, seed in enumerate(seeds):
             middle = [0.5 * (orbit.tau[6] + orbit.tau[7])]
-            run = simulate(scene, paths=10_000, impacts=7, dt=4e-3, rng=seed, workers=2, times=middle)
+            run = simulate(scene, paths=10_000, impacts=7, dt=4e-3, rng=seed, workers=2, record=Record(times=middle))
             fixed = run.at_times()
             differences[row, column] = (prediction.at_times(fixed.index)["rho1"] - fixed["rho1"]).item()
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rattle.closure.branching.mixture import empty, reduce, moments
+from rattle.closure.branching.mixture import empty, moments, reduce
 
 
 def cloud(count, seed=2):

@@ -7,7 +7,7 @@ from rattle.closure import follow, mean_map
 from rattle.closure.section_map import derivatives
 from rattle.compare import validate
 from rattle.compare.validation.verdict import ABSOLUTE, Tolerances, section_errors
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, Scene, Start, Tolerance
 from rattle.scene.flight import field, flow, jacobian, noise_covariance
 from rattle.scene.impact import contact_matrix, next_impact, struck
@@ -136,7 +136,12 @@ def compared_with(scene, paths, dt=1e-3, z=4.0, seed=5):
     """Section errors of the rows that vary and that all paths reach along the closure's itinerary."""
     m = mean_map(scene, impacts=12)
     run = simulate(
-        scene, paths=paths, dt=dt, rng=seed, workers=2, step_bias=True, itineraries={"saltation": m.itinerary}
+        scene,
+        paths=paths,
+        dt=dt,
+        rng=seed,
+        workers=2,
+        record=Record(step_bias=True, itineraries={"saltation": m.itinerary}),
     )
     table = section_errors(m, run, z, Tolerances())
     table["scale"] = table["noise"] / z
@@ -188,7 +193,7 @@ def test_mid_flight_correlation():
 def second_order():
     """A noise at which second order stands out of the sampling error, and all paths share one itinerary."""
     scene = Scene.from_gears(DAT21, sigma=0.02)
-    run = simulate(scene, paths=400_000, rng=11, workers=2, step_bias=True)
+    run = simulate(scene, paths=400_000, rng=11, workers=2, record=Record(step_bias=True))
     return scene, run
 
 

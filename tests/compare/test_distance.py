@@ -9,7 +9,7 @@ from scipy import stats
 from rattle.closure import mean_map
 from rattle.closure.edgeworth import section_density
 from rattle.compare.validation.distance import bin_masses, distances, section_distances
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.statistics.histogram import BINS, Histograms
 from rattle.scene import DAT21, Scene
 from rattle.scene.errors import InputError
@@ -99,7 +99,7 @@ def test_mass_outside_the_bins_counts_on_its_side():
 @pytest.fixture(scope="module")
 def run():
     scene = Scene.from_gears(DAT21, sigma=0.02)
-    return simulate(scene, paths=200_000, impacts=12, rng=11, workers=2, histogram=True, step_bias=True)
+    return simulate(scene, paths=200_000, impacts=12, rng=11, workers=2, record=Record(histogram=True, step_bias=True))
 
 
 def of(run, closure, **settings):
@@ -142,7 +142,7 @@ def test_rows_only_where_something_varies_and_is_predicted(run):
 def test_few_paths_elsewhere_do_not_make_a_density():
     """At sigma = 0.1 a few paths strike the other mesh first, so the sd of x at the usual one is not quite zero."""
     scene = Scene.from_gears(DAT21, sigma=0.1)
-    wide = simulate(scene, paths=20_000, impacts=3, rng=7, histogram=True, step_bias=True, workers=2)
+    wide = simulate(scene, paths=20_000, impacts=3, rng=7, workers=2, record=Record(histogram=True, step_bias=True))
     assert wide.section.loc[3, "sd_x1"] > 0.0
     table = of(wide, "corrected")
     assert table.query("impact == 3")["quantity"].tolist() == ["y1", "x2", "y2"]
@@ -152,7 +152,9 @@ def test_bias_of_the_step_is_taken_out_where_it_was_measured():
     scene = Scene.from_gears(DAT21, sigma=0.02)
     prediction = mean_map(scene, impacts=1, closure="saltation")
     tables = [
-        section_distances(prediction, simulate(scene, paths=20_000, impacts=1, rng=3, histogram=True, step_bias=b))
+        section_distances(
+            prediction, simulate(scene, paths=20_000, impacts=1, rng=3, record=Record(histogram=True, step_bias=b))
+        )
         for b in (False, True)
     ]
     worst = [(t["kolmogorov"] / t["kolmogorov_floor"]).max() for t in tables]
@@ -169,12 +171,15 @@ def test_what_cannot_be_compared_is_refused(run):
 
 def test_no_noise_and_one_stage():
     quiet = Scene.from_gears(DAT21)
-    found = section_distances(mean_map(quiet, impacts=2), simulate(quiet, paths=10, impacts=2, histogram=True))
+    found = section_distances(
+        mean_map(quiet, impacts=2), simulate(quiet, paths=10, impacts=2, record=Record(histogram=True))
+    )
     assert found.empty
     assert "total_variation_floor" in found
     rattler = replace(Scene.from_gears(DAT21, sigma=0.02), stages=1)
     single = section_distances(
-        mean_map(rattler, impacts=3), simulate(rattler, paths=5000, impacts=3, histogram=True, step_bias=True)
+        mean_map(rattler, impacts=3),
+        simulate(rattler, paths=5000, impacts=3, record=Record(histogram=True, step_bias=True)),
     )
     assert set(single["quantity"]) <= {"tau", "flight", "y1"}
     assert not single.empty

@@ -18,7 +18,7 @@ from rattle.compare.tradeoff.page import orders_table
 from rattle.compare.tradeoff.save import CONTENTS, verdict
 from rattle.compare.tradeoff.variance_reduction import antithetic_gain, control_table
 from rattle.compare.tradeoff.weak_order import orders_over
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.accuracy import units
 from rattle.montecarlo.kernel.block import sample
 from rattle.montecarlo.settings import plan_of
@@ -30,9 +30,15 @@ IMPACTS, PATHS = 3, 1500
 
 def level_run(level, scene=SCENE, **settings):
     return simulate(
-        scene, paths=PATHS, impacts=IMPACTS, dt=0.02 / 2**level, step_bias=True, scheme="euler-maruyama",
-        rng=100 + level, **settings,
-    )  # fmt: skip
+        scene,
+        paths=PATHS,
+        impacts=IMPACTS,
+        dt=0.02 / 2**level,
+        scheme="euler-maruyama",
+        rng=100 + level,
+        record=Record(step_bias=True),
+        **settings,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -88,8 +94,8 @@ def test_table_of_levels_is_that_of_the_paths_themselves(runs):
     levels = levels_of(runs, [1.0] * len(runs))
     unit = units(runs[-1]).to_numpy()
     run = simulate(
-        SCENE, paths=PATHS, impacts=IMPACTS, dt=0.005, scheme="euler-maruyama", rng=102, keep_paths=True
-    )  # fmt: skip
+        SCENE, paths=PATHS, impacts=IMPACTS, dt=0.005, scheme="euler-maruyama", rng=102, record=Record(raw=True)
+    )
     sums = runs[2].result.sums["fine_coarse"]
     fine = run.raw[:, :, :6]
     np.testing.assert_allclose(fine.mean(axis=0), sums.mean[0], rtol=1e-12)
@@ -134,8 +140,8 @@ def model(bias=100.0, **given):
     exact = bias == 0.0
     scheme = "exact-flight" if exact else "euler-maruyama"
     first = simulate(
-        SCENE, paths=1024, impacts=2, dt=0.01, scheme=scheme, step_bias=not exact, control=exact
-    )  # fmt: skip
+        SCENE, paths=1024, impacts=2, dt=0.01, scheme=scheme, control=exact, record=Record(step_bias=not exact)
+    )
     return CostModel(scheme, first, **{
         "path_seconds": 0.0, "step_seconds": 1e-9, "pilot_seconds": 0.0, "spread": 10.0, "bias": bias, "best": first,
         **given,
@@ -179,7 +185,7 @@ def test_a_run_that_promised_too_much_is_found_out():
 
 def test_a_law_learns_from_more_paths_and_believes_in_shared_tails():
     own = model()
-    more = simulate(SCENE, paths=3000, impacts=2, dt=0.005, scheme="euler-maruyama", step_bias=True)
+    more = simulate(SCENE, paths=3000, impacts=2, dt=0.005, scheme="euler-maruyama", record=Record(step_bias=True))
     own.learn(more)
     assert own.best is more
     assert own.spread < 10.0

@@ -9,7 +9,7 @@ from scipy import stats
 
 from rattle.closure import mean_map
 from rattle.compare.validation.verdict import ABSOLUTE, Tolerances, judge, section_errors, widest
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, Scene
 from rattle.scene.moments import SECTION
 
@@ -89,7 +89,9 @@ class Claimed:
 def ensemble(sigma, seed, paths):
     scene = Scene.from_gears(DAT21, sigma=sigma)
     itinerary = {"claimed": mean_map(scene, impacts=IMPACTS, closure="corrected").itinerary}
-    return simulate(scene, paths=paths, impacts=IMPACTS, rng=seed, step_bias=True, itineraries=itinerary, workers=2)
+    return simulate(
+        scene, paths=paths, impacts=IMPACTS, rng=seed, workers=2, record=Record(step_bias=True, itineraries=itinerary)
+    )
 
 
 def corrected(run):

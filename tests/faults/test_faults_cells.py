@@ -60,7 +60,7 @@ REFUSALS = {
     "no right": (system(errno.EACCES), "Permission denied.*chmod"),
     "too many files": (system(errno.EMFILE), "Too many open files.*ulimit"),
     "a failing disk": (system(errno.EIO), "Input/output error.*disk"),
-    "another machine's file": (system(errno.ESTALE), "Stale file handle.*mend that"),
+    "another machine's file": (system(errno.ESTALE), "Stale file handle.*remove the cause"),
     "no memory": (MemoryError(), "Cannot allocate memory.*free memory"),
 }
 

@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -128,6 +129,7 @@ def test_killed_while_it_writes_a_report_is_the_old_one(tmp_path):
 
 # --- Ctrl-C
 
+ENDLESS = 600.0  # seconds in which any machine has loaded a library
 LONG = {
     "validate": ["--paths", "100000000"],
     "simulate": ["--paths", "100000000"],
@@ -158,8 +160,10 @@ def test_an_interrupt_ends_each_command_soon(commands, tmp_path):
             )  # fmt: skip
     try:
         for command, process in running.items():
-            while "| json" not in said[command].read_text():  # the first that is loaded by the command itself
+            begun = time.monotonic()
+            while not re.search(r"\| +json$", said[command].read_text(), re.M):  # loaded by the command itself
                 assert process.poll() is None, command
+                assert time.monotonic() - begun < ENDLESS, "json is not loaded any longer: wait for something else"
                 time.sleep(0.1)
             process.send_signal(signal.SIGSTOP)
         for command, process in running.items():

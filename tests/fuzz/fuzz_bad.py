@@ -61,13 +61,13 @@ def spoilt_scenes(draw: st.DrawFn) -> tuple[dict[str, Any], str]:
 KEYWORDS = {
     "mean_map": ("impacts", "closure", "order"),
     "simulate": (
-        "paths", "impacts", "accuracy", "dt", "scheme", "rng", "workers", "fixed", "itineraries", "increments",
-        "horizon", "device",
+        "paths", "impacts", "dt", "scheme", "rng", "workers", "times", "itineraries", "increments", "horizon", "device",
     ),
+    "simulate_to": ("accuracy", "impacts", "scheme", "rng", "workers", "budget"),
     "validate": ("impacts", "closures", "paths", "dt", "scheme", "rng", "workers", "order"),
     "with_sigma": ("sigma",),
     "from_toml": ("text",), "load": ("path",), "from_dict": ("data",), "study": ("path",), "study_text": ("text",),
-    "tables": ("path",), "fixed": ("times",), "density": ("impact", "quantity"),
+    "tables": ("path",), "at_times": ("times",), "density": ("impact", "quantity"),
     "edgeworth": ("impact", "stage"),
 }  # fmt: skip
 """Settings of each entry point."""

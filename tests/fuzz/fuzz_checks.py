@@ -21,7 +21,7 @@ from rattle.scene.moments import STATE
 __all__ = ["ENTRIES", "check"]
 
 APART = 1e6
-MAY_REFUSE = frozenset({"dt", "fixed", "start.mesh"})
+MAY_REFUSE = frozenset({"dt", "record.times", "start.mesh"})
 """Settings that do not suit a scene, where they are given; `published` takes no start in flight."""
 
 
@@ -37,7 +37,7 @@ def check(entry: str, *given: Any) -> Ended:
         return ENTRIES[entry](scene, given[1])
     except RattleError as error:
         ended, field = fuzz_doors.refused(error, "")
-        asked = field not in ("dt", "fixed") or field in given[1]
+        asked = field not in ("dt", "record.times") or field.removeprefix("record.") in given[1]
         must(field in MAY_REFUSE and asked, f"refused for its {field}, though the door had let it in: {error}")
         return ended, field
 

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from click.testing import CliRunner, Result
 from fuzz_bad import STUDY
+from settings import recorded
 
 from rattle.closure import mean_map
 from rattle.compare import validate
@@ -22,7 +23,7 @@ from rattle.compare.study.design import Study
 from rattle.compare.study.store import Store
 from rattle.compare.study.tables import load
 from rattle.compare.thresholds import baseline
-from rattle.montecarlo import simulate
+from rattle.montecarlo import simulate, simulate_to
 from rattle.scene import DAT21, Scene
 from rattle.scene.errors import InputError, RattleError
 
@@ -60,7 +61,8 @@ def _map() -> Any:
 
 CALLS: dict[str, Callable[..., Any]] = {
     "mean_map": lambda **k: mean_map(DAT, **({"impacts": 1} | k)).section,
-    "simulate": lambda **k: simulate(DAT, **(({} if "accuracy" in k else TINY | {"horizon": 5.0}) | k)).section,
+    "simulate": lambda **k: simulate(DAT, **recorded(TINY | {"horizon": 5.0} | k)).section,
+    "simulate_to": lambda **k: simulate_to(DAT, **({"accuracy": 0.5, "impacts": 1, "budget": 2.0} | k)).section,
     "validate": lambda **k: validate(DAT, **({"impacts": 1, "paths": 64, "closures": ["corrected"]} | k)).table,
     "with_sigma": lambda sigma: DAT.with_sigma(sigma),
     "from_toml": lambda text: Scene.from_toml(text),
@@ -69,7 +71,7 @@ CALLS: dict[str, Callable[..., Any]] = {
     "study": lambda path: Study.load(path),
     "study_text": lambda text: Study.from_toml(text),
     "tables": lambda path: load(path),
-    "fixed": lambda times: _map().at_times(times),
+    "at_times": lambda times: _map().at_times(times),
     "density": lambda **k: _map().density(**({"impact": 1, "quantity": "y1", "values": np.array([0.0])} | k)),
     "edgeworth": lambda **k: _map().edgeworth(**({"impact": 1, "stage": 1} | k)),
 }

@@ -22,7 +22,7 @@ SIMPLE: dict[str, Any] = {
 
 _closure = st.fixed_dictionaries({"impacts": st.just(3), "order": st.sampled_from([2, 4, 6])})
 _run = {"paths": st.sampled_from([2, 8]), "impacts": st.just(2), "horizon": st.just(20.0), "rng": st.integers(0, 2**40)}
-_clock = st.sampled_from([(), (0.5,), (0.2, 10.0)])
+_times = st.sampled_from([(), (0.5,), (0.2, 10.0)])
 _euler = st.fixed_dictionaries(
     _run | {"dt": st.just(0.002), "step_bias": st.booleans(), "increments": st.sampled_from(["gaussian", "two-point"])}
 )
@@ -34,7 +34,7 @@ PLAN: dict[str, st.SearchStrategy[dict[str, Any]]] = {
     "branching": st.just({"impacts": 2}),
     "euler-maruyama": _euler, "euler-maruyama-located": _euler,
     "exact-flight": st.fixed_dictionaries(
-        _run | {"dt": st.just(0.01), "control": st.booleans(), "energy": st.booleans(), "fixed": _clock}
+        _run | {"dt": st.just(0.01), "control": st.booleans(), "energy": st.booleans(), "times": _times}
     ),
     "validate": st.just({"impacts": 2, "paths": 64, "scheme": "exact-flight"}),
 }  # fmt: skip

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from fuzz_flights import follows_the_flow
 from fuzz_must import FAINTEST, SLACK, Ended, must, own, semidefinite
+from settings import recorded
 
-from rattle.montecarlo import Ensemble, simulate
+from rattle.montecarlo import Ensemble, simulate, simulate_to
 from rattle.montecarlo.settings import is_random
 from rattle.scene import Scene
 from rattle.scene.moments import SECTION
@@ -26,17 +27,17 @@ def scheme(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
     """A simulation is the same on any number of workers, and its statistics belong to distributions."""
 
     def ensemble(scene: Scene, settings: dict[str, Any]) -> Ended:
-        given = {"scheme": name, "keep_paths": True} | settings
-        run = simulate(scene, **given)
+        given = {"scheme": name, "raw": True} | settings
+        run = simulate(scene, **recorded(given))
         if settings["paths"] > 1024:
-            other = simulate(scene, **given, workers=2)
+            other = simulate(scene, **recorded(given), workers=2)
             for column, values in run.columns.items():
                 must(_same(values, other.columns[column]), "workers change", column)
         must(run.paths == settings["paths"], "paths", run.paths)
         of_an_ensemble(run)
         if settings.get("step_bias"):
             must(~np.isinf(run.step_bias["bias"].to_numpy()), "bias")
-        if run.raw is not None and given["keep_paths"]:
+        if run.raw is not None and given["raw"]:
             raw = np.asarray(run.raw)
             of_its_paths(scene, raw[..., [0, 1, 2, 3, 6]] if scene.stages == 1 else raw, name)
             follows_the_flow(run)
@@ -48,7 +49,7 @@ def scheme(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
 def accuracy(scene: Scene, settings: dict[str, Any]) -> Ended:
     """An accuracy is reached, or what was reached and what is missing is said."""
     with warnings.catch_warnings(record=True, action="always") as said:
-        run = simulate(scene, **settings)
+        run = simulate_to(scene, **recorded(settings))
     of_an_ensemble(run)
     reach = run.reach
     assert reach is not None

@@ -51,7 +51,7 @@ def tolerances(draw: st.DrawFn, gap1: float, gap2: float) -> Data:
     return {
         "c1_max": draw(deviation) * gap1,
         "c2_max": draw(deviation) * gap2,
-        "law": draw(st.sampled_from(["fixed", "uniform", "normal"])),
+        "distribution": draw(st.sampled_from(["fixed", "uniform", "normal"])),
         "draw": draw(st.sampled_from(["path", "contact"])),
     }
 

@@ -40,7 +40,7 @@ def _step(n: Numbers, scene: Scene, scheme: str, biased: bool, least: float = LE
 
 
 def _run(scheme: str) -> Callable[[Numbers, Scene], Settings]:
-    exact = SCHEMES[scheme].weak_order is None
+    exact = not SCHEMES[scheme].has_step_bias
 
     def settings(n: Numbers, scene: Scene) -> Settings:
         biased = not exact and n.often(0.3)
@@ -53,14 +53,14 @@ def _run(scheme: str) -> Callable[[Numbers, Scene], Settings]:
         coarsest = 4.0 * step if biased else step
         if n.often(0.3) and longest > coarsest:
             since = [n.size(coarsest, longest, False) for _ in range(n.one(1, 1, 3))]
-            out["fixed"] = tuple(scene.start.tau + t for t in since)
+            out["times"] = tuple(scene.start.tau + t for t in since)
         if exact:
             out["control"] = n.often(0.25)
         else:
             out["increments"] = n.one("gaussian", "gaussian", "two-point")
         if n.often(0.2):
             out["itineraries"] = {"mine": tuple(n.one(1, -1, 2, -2) for _ in range(impacts))}
-        return out | {name: n.often(0.3) for name in ("histogram", "batches", "energy")} | {"keep_paths": n.often(0.8)}
+        return out | {name: n.often(0.3) for name in ("histogram", "batches", "energy")} | {"raw": n.often(0.8)}
 
     return settings
 

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
+from settings import recorded
 
 from rattle.closure import follow, mean_map
 from rattle.closure.long_orbit import LongOrbit
@@ -17,7 +18,7 @@ from rattle.compare.study.store import Store
 from rattle.compare.study.tables import load
 from rattle.compare.validation.answer import answer
 from rattle.compare.validation.correlation import first_failure
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Record, simulate, simulate_to
 from rattle.montecarlo.settings import _noise_free_step
 from rattle.scene import DAT21, FileError, Gears, InputError, Scene, Start, Tolerance
 from rattle.scene.files import read_text, read_toml
@@ -184,12 +185,12 @@ def test_growth_without_restitution_is_minus_infinity_and_never_nan():
 )  # fmt: skip
 def test_settings_without_end_are_refused(name, value):
     with pytest.raises(InputError, match=name):
-        simulate(DAT, **({"paths": 2, "impacts": 1} | {name: value}))
+        simulate(DAT, **recorded({"paths": 2, "impacts": 1} | {name: value}))
 
 
-def test_an_accuracy_takes_no_clock():
-    with pytest.raises(InputError, match="fixed"):
-        simulate(DAT, accuracy=0.1, times=np.array([0.5, 0.6]))
+def test_an_accuracy_takes_no_fixed_times():
+    with pytest.raises(InputError, match="record.times"):
+        simulate_to(DAT, 0.1, record=Record(times=np.array([0.5, 0.6])))
 
 
 @pytest.mark.parametrize("paths", [2, 3])
@@ -377,7 +378,9 @@ def test_a_path_without_noise_is_not_followed_by_the_steps_of_noise():
 def test_coarse_paths_that_are_not_finished_leave_the_others_finished():
     s = Scene(alpha=0.0, epsilon=0.0029, beta1=0.0, gamma1=1e-16, gap1=0.5, sigma=0.0029, stages=1,
               start=Start(5.94, 0.5, 0.26698, 0.5, 2.0, mesh=1))  # fmt: skip
-    run = simulate(s, paths=64, impacts=2, dt=0.002, scheme="euler-maruyama-located", step_bias=True, horizon=20.0)
+    run = simulate(
+        s, paths=64, impacts=2, dt=0.002, scheme="euler-maruyama-located", horizon=20.0, record=Record(step_bias=True)
+    )
     assert run.unfinished + run.section["paths"].loc[2] == 64
 
 
@@ -468,7 +471,7 @@ def test_nothing_to_judge_is_a_table_without_rows():
 def test_an_accuracy_is_not_refused_for_a_step_that_nobody_has_given():
     """A gap of 1e-9 at a speed of 9e4: the step that stood in until one was chosen was longer than the door allows."""
     fast = scene(sigma=0.0, gap1=1e-9, start=Start(0.0, 1e-9, 9e4, 0.5, 2.0, mesh=1), stages=1)
-    run = simulate(fast, accuracy=0.5, impacts=1, scheme="euler-maruyama-located")
+    run = simulate_to(fast, 0.5, impacts=1, scheme="euler-maruyama-located")
     assert run.dt < 1e-12
     assert run.section["paths"].loc[1] == run.paths == 1
 
@@ -511,9 +514,14 @@ def test_a_correlation_is_left_out_where_the_product_of_variances_is_no_float():
         gap2=2.3e-8, mu=0.5, sigma=2.6e-26, tolerance=Tolerance(3.4e-18, 2.3e-9, "uniform", "contact"),
     )  # fmt: skip
     run = simulate(
-        scene, paths=31, impacts=4, scheme="euler-maruyama", dt=4.6e-272, horizon=1.6e-268, times=[6e-270],
-        step_bias=True,
-    )  # fmt: skip
+        scene,
+        paths=31,
+        impacts=4,
+        scheme="euler-maruyama",
+        dt=4.6e-272,
+        horizon=1.6e-268,
+        record=Record(times=[6e-270], step_bias=True),
+    )
     found = run.at_times()
     assert found["cov_x2_x2"].iloc[0] > 0.0
     assert found[["rho2", "coarse_rho2", "se_rho2", "se_z_rho2"]].isna().all(axis=None)

@@ -16,7 +16,7 @@ from fuzz_plan import SIMPLE
 from fuzz_wide import LEAST, Numbers, wide_scene
 from fuzz_wide_plan import WIDE, job
 
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.result import Ensemble
 from rattle.montecarlo.statistics.histogram import Histograms
 from rattle.scene import DAT21, Scene
@@ -28,7 +28,7 @@ SETTINGS = {"paths": 8, "impacts": 3, "dt": 0.01, "scheme": "exact-flight", "rng
 
 @pytest.fixture(scope="module")
 def run():
-    return simulate(SCENE, **SETTINGS, keep_paths=True, histogram=True, batches=True, energy=True, times=[0.2])
+    return simulate(SCENE, record=Record(raw=True, histogram=True, batches=True, energy=True, times=[0.2]), **SETTINGS)
 
 
 def test_a_right_ensemble_passes(run):
@@ -97,7 +97,7 @@ def test_wrong_tables_beside_the_section_are_seen(run, monkeypatch):
 )
 def test_a_wrong_moment_at_a_time_is_seen(column, value, run, monkeypatch):
     right = run.at_times()
-    monkeypatch.setattr(Ensemble, "fixed", lambda ensemble: right.assign(**{column: value}))
+    monkeypatch.setattr(Ensemble, "at_times", lambda ensemble: right.assign(**{column: value}))
     with pytest.raises(AssertionError):
         fuzz_sampled.of_an_ensemble(run)
 
@@ -115,7 +115,7 @@ def test_a_wrong_path_is_seen(column, value, run):
 @pytest.mark.parametrize("scheme", ["exact-flight", "euler-maruyama", "euler-maruyama-located"])
 def test_a_flight_without_noise_that_is_none_of_eq_3_is_seen(scheme):
     given = SETTINGS | {"scheme": scheme, "dt": 0.002, "paths": 1, "impacts": 6}
-    run = simulate(QUIET, **given, keep_paths=True)
+    run = simulate(QUIET, record=Record(raw=True), **given)
     follows_the_flow(run)
 
     def wrong(k, column, value):
@@ -210,7 +210,7 @@ def test_a_number_that_a_closure_keeps_back_is_seen(table, place, monkeypatch):
 
 def test_a_refusal_of_what_nobody_has_given_is_seen(monkeypatch):
     def refusing(*given, **settings):
-        raise fuzz_checks.fuzz_doors.InputError("fixed", 1.0, "must lie between 0 and 0.5")
+        raise fuzz_checks.fuzz_doors.InputError("record.times", 1.0, "must lie between 0 and 0.5")
 
     monkeypatch.setattr(fuzz_checks, "validate", refusing)
     with pytest.raises(AssertionError, match="had let it in"):

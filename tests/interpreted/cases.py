@@ -12,6 +12,7 @@ from dataclasses import replace
 from unittest import mock
 
 import numpy as np
+from settings import recorded
 
 from rattle.closure import mean_map
 from rattle.closure.long_orbit import LongOrbit, velocities
@@ -92,10 +93,11 @@ def in_few_parts(scene):
 
 def simulated(scene, scheme, paths=3, impacts=3, **settings):
     """Every impact of a few paths, their moments, and what stands beside them."""
-    run = simulate(scene, paths=paths, impacts=impacts, scheme=scheme, rng=5, keep_paths=True, energy=True, **settings)
+    given = {"paths": paths, "impacts": impacts, "raw": True, "energy": True} | settings
+    run = simulate(scene, scheme=scheme, rng=5, **recorded(given))
     yield run.raw
     yield run.section.to_numpy(float)
-    if settings.get("fixed"):
+    if settings.get("times"):
         yield run.at_times().to_numpy(float)
     if settings.get("step_bias"):
         yield run.step_bias.select_dtypes("number").to_numpy(float)
@@ -148,8 +150,8 @@ CASES |= {
     ),
 }
 for scheme, dt in STEP.items():
-    biased = SCHEMES[scheme].weak_order is not None
-    settings = {"dt": dt, "fixed": [0.3 + 16 * dt, 0.3 + 64 * dt], "step_bias": biased}
+    biased = SCHEMES[scheme].has_step_bias
+    settings = {"dt": dt, "times": [0.3 + 16 * dt, 0.3 + 64 * dt], "step_bias": biased}
     CASES |= {f"{scheme}, {n}": lambda s=s, k=scheme, o=settings: simulated(s, k, **o) for n, s in SCENES.items()}
     for tolerance in WALLS:
         for name, scene in (("two stages", PAIR), ("one stage", LONE)):

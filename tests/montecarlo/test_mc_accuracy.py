@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mc_checks import dat21
 
-from rattle.montecarlo import SCHEMES, AccuracyWarning, simulate
+from rattle.montecarlo import SCHEMES, AccuracyWarning, Record, simulate, simulate_to
 from rattle.montecarlo.accuracy import sampling_error, step_error, units
 from rattle.scene import InputError
 from rattle.scene.moments import SECTION
@@ -19,7 +19,7 @@ def truth():
 
 @pytest.mark.parametrize(("sigma", "accuracy"), [(0.01, 0.01), (0.01, 2e-3), (0.5, 0.03)])
 def test_answer_lies_as_close_to_the_truth_as_asked(truth, sigma, accuracy):
-    run = simulate(dat21(sigma), impacts=3, accuracy=accuracy, rng=5, workers=2)
+    run = simulate_to(dat21(sigma), accuracy, impacts=3, rng=5, workers=2)
     assert run.reach.reached
     assert run.reach.asked == accuracy
     assert sampling_error(run)[0] == run.reach.sampling <= accuracy
@@ -31,7 +31,7 @@ def test_answer_lies_as_close_to_the_truth_as_asked(truth, sigma, accuracy):
 
 def test_any_scheme_can_be_asked_for(truth):
     for scheme in SCHEMES:
-        run = simulate(dat21(0.5), impacts=3, accuracy=0.1, scheme=scheme, rng=5, workers=2)
+        run = simulate_to(dat21(0.5), 0.1, impacts=3, scheme=scheme, rng=5, workers=2)
         assert run.scheme == scheme
         assert run.reach.reached
         assert list(run.reach.schemes.index) == [scheme]
@@ -41,14 +41,14 @@ def test_any_scheme_can_be_asked_for(truth):
 
 @pytest.mark.parametrize(("sigma", "control"), [(0.5, False), (0.05, True)])
 def test_a_run_that_goes_on_is_the_run_that_began_with_all_its_paths(sigma, control):
-    run = simulate(dat21(sigma), impacts=3, accuracy=0.02, scheme="exact-flight", rng=5)
+    run = simulate_to(dat21(sigma), 0.02, impacts=3, scheme="exact-flight", rng=5)
     settings = {"paths": run.paths, "dt": run.dt, "scheme": "exact-flight", "control": control, "rng": 5}
     assert run.section.equals(simulate(dat21(sigma), impacts=3, **settings).section)
 
 
 def test_a_spent_budget_gives_the_best_answer_and_says_what_is_missing():
     with pytest.warns(AccuracyWarning, match="NOT reached within the budget"):
-        run = simulate(dat21(0.1), impacts=12, accuracy=1e-4, rng=5, budget=0.5)
+        run = simulate_to(dat21(0.1), 1e-4, impacts=12, rng=5, budget=0.5)
     assert run.diagnostics[0] == run.reach.sentence
     assert not run.reach.reached
     assert run.reach.sampling > 1e-4
@@ -68,14 +68,14 @@ def test_other_schemes_are_tried_only_where_exact_flights_take_long(monkeypatch)
 
 def test_choice_of_scheme_does_not_depend_on_the_clock(monkeypatch):
     monkeypatch.setattr("rattle.montecarlo.pilots.ENOUGH", 0.0)
-    first = simulate(dat21(0.5), impacts=3, accuracy=0.05, rng=5).reach.schemes
+    first = simulate_to(dat21(0.5), 0.05, impacts=3, rng=5).reach.schemes
     ticks = iter(np.arange(1e6) ** 1.1)
     monkeypatch.setattr("rattle.montecarlo.budget.time.perf_counter", lambda: next(ticks))
-    assert first.equals(simulate(dat21(0.5), impacts=3, accuracy=0.05, rng=5).reach.schemes)
+    assert first.equals(simulate_to(dat21(0.5), 0.05, impacts=3, rng=5).reach.schemes)
 
 
 def test_bias_of_a_step_is_seen_in_units_of_sds():
-    run = simulate(dat21(0.01), paths=4096, impacts=3, dt=0.01, step_bias=True)
+    run = simulate(dat21(0.01), paths=4096, impacts=3, dt=0.01, record=Record(step_bias=True))
     bias, se = step_error(run)
     assert bias > 0.2
     assert bias > 5.0 * se
@@ -93,14 +93,12 @@ def test_struck_displacement_and_what_does_not_vary_count_absolutely():
     ("settings", "message"),
     [
         ({"accuracy": 0.0}, r"accuracy = 0.0: must be greater than 0"),
-        ({"accuracy": 0.1, "paths": 10}, r"paths = 10: accuracy chooses the settings itself"),
-        ({"accuracy": 0.1, "dt": 0.01}, r"dt = 0.01: accuracy chooses the settings itself"),
-        ({"accuracy": 0.1, "step_bias": True}, r"step_bias = True: accuracy chooses"),
+        ({"accuracy": 0.1, "record": Record(step_bias=True)}, r"record.step_bias = True: cannot be recorded"),
+        ({"accuracy": 0.1, "record": Record(times=[1.0])}, r"record.times = \[1.0\]: cannot be recorded"),
         ({"accuracy": 0.1, "scheme": "exact"}, r"scheme = 'exact'"),
         ({"accuracy": 0.1, "budget": -1.0}, r"budget = -1.0: must be greater than 0"),
-        ({}, r"paths = None: give the number of paths, or an accuracy"),
     ],
 )
 def test_bad_input_is_refused_by_name(settings, message):
     with pytest.raises(InputError, match=message):
-        simulate(dat21(0.1), **settings)
+        simulate_to(dat21(0.1), **settings)

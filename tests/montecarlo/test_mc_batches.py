@@ -3,7 +3,7 @@
 import numpy as np
 from mc_checks import dat21, limit
 
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.ensemble import extended, in_threads
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.statistics.batches import BATCHES
@@ -11,7 +11,7 @@ from rattle.scene.impact import energy_loss, struck
 
 
 def test_batches_are_the_paths_of_their_blocks():
-    run = simulate(dat21(0.2), paths=34 * BLOCK + 5, impacts=3, rng=1, keep_paths=True, batches=True)
+    run = simulate(dat21(0.2), paths=34 * BLOCK + 5, impacts=3, rng=1, record=Record(raw=True, batches=True))
     for b in (0, 1, 2, 31):
         own = np.concatenate([run.raw[i * BLOCK : (i + 1) * BLOCK, :, :6] for i in range(b, 35, BATCHES)])
         assert (run.batches.n[b] == len(own)).all()
@@ -20,7 +20,7 @@ def test_batches_are_the_paths_of_their_blocks():
 
 
 def test_batches_of_an_extended_run_are_those_of_the_whole():
-    settings = {"impacts": 2, "rng": 4, "scheme": "exact-flight", "control": True, "batches": True}
+    settings = {"impacts": 2, "rng": 4, "scheme": "exact-flight", "control": True, "record": Record(batches=True)}
     whole = simulate(dat21(0.05), paths=6 * BLOCK, **settings).batches
     part = simulate(dat21(0.05), paths=4 * BLOCK, **settings)
     more = extended(part, 6 * BLOCK, in_threads(2)).batches
@@ -31,7 +31,7 @@ def test_batches_of_an_extended_run_are_those_of_the_whole():
 
 def test_energy_is_what_each_impact_takes():
     scene = dat21(0.5)
-    run = simulate(scene, paths=3000, impacts=4, rng=2, keep_paths=True, energy=True)
+    run = simulate(scene, paths=3000, impacts=4, rng=2, record=Record(raw=True, energy=True))
     mesh = np.abs(run.raw[:, :, 6])
     share = 0.5 * (1.0 - scene.epsilon**2)
     lost = share * np.where(mesh == 1, run.raw[:, :, 3] ** 2, scene.mu * run.raw[:, :, 5] ** 2)

@@ -9,7 +9,7 @@ import math
 import pytest
 from mc_checks import dat21
 
-from rattle.montecarlo import AccuracyWarning, simulate
+from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
 from rattle.montecarlo.budget import Budget, in_words
 from rattle.montecarlo.ensemble import in_threads
 from rattle.montecarlo.kernel.block import BLOCK
@@ -31,7 +31,7 @@ class Watched:
 
 
 def ask(watched, accuracy, **settings):
-    return simulate(dat21(0.5), impacts=2, accuracy=accuracy, rng=5, blocks=watched, **settings)
+    return simulate_to(dat21(0.5), accuracy, impacts=2, rng=5, blocks=watched, **settings)
 
 
 def test_paths_are_followed_until_the_budget_is_spent(monkeypatch):
@@ -77,7 +77,7 @@ def test_paths_that_take_ten_million_steps_are_looked_at_from_the_start(sigma):
         alpha=0.1, epsilon=0.5, beta1=1e4, gamma1=0.0, gap1=1e3, sigma=sigma, stages=1, start=Start(0.0, 0.0, 0.0)
     )
     with pytest.warns(AccuracyWarning):
-        run = simulate(scene, accuracy=1e-3, impacts=12, budget=1.0, scheme="euler-maruyama-located")
+        run = simulate_to(scene, 1e-3, impacts=12, budget=1.0, scheme="euler-maruyama-located")
     assert run.unfinished == run.paths == (8 if sigma else 1)
     assert run.path_steps < 4e6  # of 4e8 to the horizon
     assert run.reach.more_seconds > 1.0
@@ -134,7 +134,7 @@ def test_the_finest_accuracies_are_refused_as_others_are():
     for accuracy in (1e-300, 5e-324):
         for scheme in ("exact-flight", "euler-maruyama-located"):
             with pytest.raises(InputError, match="is expected to take"):
-                simulate(dat21(0.5), impacts=1, accuracy=accuracy, scheme=scheme)
+                simulate_to(dat21(0.5), accuracy, impacts=1, scheme=scheme)
 
 
 def test_what_is_uncounted_costs_nothing(monkeypatch):

@@ -20,6 +20,7 @@ from mc_checks import (
     orbit_of,
 )
 from scipy import stats
+from settings import recorded
 from test_mc_schemes import by_steps
 
 from rattle.montecarlo import SCHEMES, simulate
@@ -57,7 +58,7 @@ def wheels(raw, mu):
 
 def flight_moments(scene, scheme, dt, t):
     """Mean and covariance of a flight without walls, as the scheme has them."""
-    if SCHEMES[scheme].weak_order is not None:
+    if SCHEMES[scheme].has_step_bias:
         return by_steps(scene, t, dt)
     s = scene.start
     mean = flow(scene.constants, s.tau, s.x1, s.y1, s.x2, s.y2, t)
@@ -69,8 +70,8 @@ class TestScheme:
     """Each test takes the scheme's name."""
 
     def run(self, scheme, scene, **settings):
-        settings = {"paths": 200, "impacts": 8, "dt": STEP[scheme], "rng": 2, "keep_paths": True} | settings
-        return simulate(scene, scheme=scheme, **settings)
+        settings = {"paths": 200, "impacts": 8, "dt": STEP[scheme], "rng": 2, "raw": True} | settings
+        return simulate(scene, scheme=scheme, **recorded(settings))
 
     # --- what it is
 
@@ -90,7 +91,7 @@ class TestScheme:
             raw = self.run(scheme, scene, paths=1, impacts=impacts, dt=dt).raw[0]
             assert (raw[:, 6] == orbit[:, 5]).all()
             errors.append(np.abs(raw[:, [0, 2, 3, 4, 5]] - orbit[:, :5]).max())
-        if SCHEMES[scheme].weak_order is None:
+        if not SCHEMES[scheme].has_step_bias:
             assert max(errors) < 1e-8
         else:
             assert (errors / steps).max() < 60.0
@@ -114,11 +115,18 @@ class TestScheme:
 
     @pytest.mark.parametrize("louder", [1.0, 1.03])
     def test_flight_without_walls_has_the_means_and_4d_covariance_of_the_scheme(self, scheme, louder):
-        """The clock's means and covariances, each with its own standard error; 3 % more noise is planted."""
+        """Means and covariances at fixed times, each with its own standard error; 3 % more noise is planted."""
         scene, paths, dt = open_space(0.4, beta2=0.9), 20_000, 0.02
         noisy = replace(scene, sigma=louder * scene.sigma)
         run = self.run(
-            scheme, noisy, paths=paths, impacts=1, dt=dt, times=scene.start.tau + TIMES, horizon=4.0, keep_paths=False
+            scheme,
+            noisy,
+            paths=paths,
+            impacts=1,
+            dt=dt,
+            horizon=4.0,
+            times=scene.start.tau + TIMES,
+            raw=False,
         )
         names = [*STATE, *(f"cov_{STATE[i]}_{STATE[j]}" for i, j in PAIRS)]
         found, se = run.at_times()[names].to_numpy(), run.at_times()[[f"se_{n}" for n in names]].to_numpy()
@@ -148,7 +156,7 @@ class TestScheme:
     @pytest.mark.parametrize("scene", [dat21(0.5), replace(TOLERANT, sigma=0.5)], ids=["DAT21", "redrawn walls"])
     def test_states_are_within_the_walls_at_any_time(self, scheme, scene):
         """Where impacts are located: without slack but rounding.  Detection at a step's end lets a step through."""
-        run = self.run(scheme, scene, paths=400, times=np.arange(1, 60) * STEP[scheme] * 4, keep_paths=False)
+        run = self.run(scheme, scene, paths=400, times=np.arange(1, 60) * STEP[scheme] * 4, raw=False)
         spread = 6.0 * STEP[scheme] if not LOCATES[scheme] else 0.0
         c1, c2 = (scene.tolerance.c1_max, scene.tolerance.c2_max) if scene.tolerance else (0.0, 0.0)
         states = fixed_states(run)
@@ -269,10 +277,10 @@ class TestScheme:
         assert not np.isin(raws[0][:, 0, 3], raws[2][:, 0, 3]).any()
 
     def test_a_path_does_not_depend_on_the_others(self, scheme):
-        """Nor on whether coarser steps run beside it, on a clock, or on what is kept."""
+        """Nor on whether coarser steps run beside it, at fixed times, or on what is kept."""
         scene = dat21(0.5)
         alone = self.run(scheme, scene, paths=3).raw
-        at_fixed_times = {"fixed": [0.5, 3.0], "histogram": True, "step_bias": True, "workers": 2}
+        at_fixed_times = {"times": [0.5, 3.0], "histogram": True, "step_bias": True, "workers": 2}
         among = self.run(scheme, scene, paths=BLOCK + 3, **at_fixed_times).raw
         assert np.array_equal(alone, among[:3])
         assert np.array_equal(self.run(scheme, scene, paths=BLOCK + 3).raw, among)
@@ -284,7 +292,7 @@ class TestScheme:
 
 
 def fixed_states(run):
-    """States of a run's paths at its clock times, shape (paths, times, 4), by running its blocks again."""
+    """States of a run's paths at its fixed times, shape (paths, times, 4), by running its blocks again."""
     from rattle.montecarlo.kernel.block import Plan, sample
 
     steps = np.round((run.fixed_times - run.scene.start.tau) / run.dt).astype(np.int64)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mc_checks import dat21
 
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.diagnostics import motion_units, orbit_shift
 from rattle.montecarlo.schemes.step_size import scales_of, trusted_step
 from rattle.scene import Scene, Start
@@ -21,7 +21,7 @@ def run(sigma=0.1, **settings):
 def test_run_without_a_fault_says_nothing():
     assert run(sigma=0.5).diagnostics == ()
     assert run(scheme=EXACT).diagnostics == ()
-    assert run(step_bias=True, dt=0.02).diagnostics == ()  # measured, and taken out
+    assert run(dt=0.02, record=Record(step_bias=True)).diagnostics == ()  # measured, and taken out
 
 
 def test_step_that_moves_the_orbit_is_told_in_sds_of_the_run():
@@ -34,7 +34,7 @@ def test_step_that_moves_the_orbit_is_told_in_sds_of_the_run():
 
 def test_shift_of_the_orbit_is_the_bias_of_the_mean():
     """At small noise the measured step bias and that of the orbit are one thing."""
-    found, beside = run(sigma=0.003, dt=0.004), run(sigma=0.003, dt=0.004, step_bias=True)
+    found, beside = run(sigma=0.003, dt=0.004), run(sigma=0.003, dt=0.004, record=Record(step_bias=True))
     unit = motion_units(found.columns, found.scene)
     rows = beside.step_bias.query("moment == 'mean'")
     shares = [abs(b) / unit[q][k - 1] for k, q, b in rows[["impact", "quantity", "bias"]].itertuples(index=False)]
@@ -73,7 +73,7 @@ def test_paths_held_after_their_impacts_are_no_fault_of_the_section():
     values = {name: getattr(dat21(), name) for name in ("alpha", "beta1", "beta2", "gamma1", "gamma2", "mu")}
     scene = Scene(**values, **collapsing)
     quick = simulate(scene, paths=64, impacts=2, scheme=EXACT, horizon=3.0)
-    timed = simulate(scene, paths=64, impacts=2, scheme=EXACT, horizon=3.0, times=[2.0])
+    timed = simulate(scene, paths=64, impacts=2, scheme=EXACT, horizon=3.0, record=Record(times=[2.0]))
     assert quick.diagnostics[0].startswith("Noise at a restitution below 0.163")
     assert not any("held shut" in said for said in quick.diagnostics)
     assert timed.sticking_steps > 0
@@ -97,6 +97,8 @@ def test_few_paths_and_a_horizon_that_nobody_reaches_are_told_without_a_warning(
     for sigma in (0.0, 0.1):
         for settings in ({"paths": 1}, {"paths": 2}, {"paths": 2, "horizon": 0.02}):
             for scheme in (LOCATED, PLAIN, EXACT):
-                found = run(sigma=sigma, scheme=scheme, step_bias=scheme != EXACT, times=[0.016], **settings)
+                found = run(
+                    sigma=sigma, scheme=scheme, record=Record(step_bias=scheme != EXACT, times=[0.016]), **settings
+                )
                 assert (found.unfinished > 0) == any("when the horizon came" in said for said in found.diagnostics)
                 assert (len(found.section), len(found.at_times())) == (4, 1)

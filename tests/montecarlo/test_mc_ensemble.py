@@ -8,7 +8,7 @@ from mc_checks import agrees, dat21, limit, open_space
 from scipy import stats
 
 from rattle.closure.orbit import follow
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.statistics.central_sums import FEWEST
@@ -22,9 +22,13 @@ IMPACTS = 5
 @pytest.fixture(scope="module")
 def run():
     return simulate(
-        dat21(0.3), paths=3000, impacts=IMPACTS, dt=5e-3, rng=7, times=[0.3, 1.0, 2.0], histogram=True, keep_paths=True,
-        itineraries={"straight": (-1, 1, -1, 1, -1)},
-    )  # fmt: skip
+        dat21(0.3),
+        paths=3000,
+        impacts=IMPACTS,
+        dt=5e-3,
+        rng=7,
+        record=Record(times=[0.3, 1.0, 2.0], histogram=True, raw=True, itineraries={"straight": (-1, 1, -1, 1, -1)}),
+    )
 
 
 # --- the contract of the tables
@@ -87,7 +91,7 @@ def test_agreement_is_the_share_of_paths_on_each_itinerary(run):
 
 def test_noise_free_itinerary_cannot_be_replaced():
     with pytest.raises(InputError):
-        simulate(dat21(0.01), paths=2, impacts=1, itineraries={"noise-free": [2]})
+        simulate(dat21(0.01), paths=2, impacts=1, record=Record(itineraries={"noise-free": [2]}))
 
 
 # --- the clock
@@ -126,18 +130,18 @@ def test_clock_of_a_run_without_times_is_empty():
 
 def test_clock_time_given_to_a_run_with_step_bias_is_found_again():
     dt = 0.01
-    run = simulate(dat21(0.1), paths=2, impacts=1, dt=dt, times=[0.058], step_bias=True)
+    run = simulate(dat21(0.1), paths=2, impacts=1, dt=dt, record=Record(times=[0.058], step_bias=True))
     assert run.at_times([0.058]).index[0] == pytest.approx(0.058, abs=2.0 * dt)
 
 
 def test_clock_at_the_horizon_is_recorded():
-    run = simulate(dat21(0.1), paths=10, impacts=1, dt=0.01, times=[0.64], horizon=0.64)
-    later = simulate(dat21(0.1), paths=10, impacts=1, dt=0.01, times=[0.64], horizon=0.70)
+    run = simulate(dat21(0.1), paths=10, impacts=1, dt=0.01, horizon=0.64, record=Record(times=[0.64]))
+    later = simulate(dat21(0.1), paths=10, impacts=1, dt=0.01, horizon=0.70, record=Record(times=[0.64]))
     assert run.at_times().x1.iloc[0] == later.at_times().x1.iloc[0]
 
 
 def test_paths_that_run_on_to_a_late_clock_are_finished():
-    run = simulate(dat21(0.3), paths=600, impacts=2, dt=5e-3, rng=1, times=[4.0])
+    run = simulate(dat21(0.3), paths=600, impacts=2, dt=5e-3, rng=1, record=Record(times=[4.0]))
     assert run.unfinished == 0
     assert run.at_times()[["x1", "x2"]].abs().max(axis=None) < 0.5
 
@@ -174,8 +178,8 @@ COARSE_DT, FINE_DT, LAST = 0.01, 5e-4, 4
 def biased():
     """A coarse run with its estimated bias, and a fine run whose bias is a twentieth: sigma = 0.01."""
     scene = dat21(0.01)
-    coarse = simulate(scene, paths=40_000, impacts=LAST, dt=COARSE_DT, rng=1, workers=2, step_bias=True)
-    fine = simulate(scene, paths=40_000, impacts=LAST, dt=FINE_DT, rng=2, workers=2, step_bias=True)
+    coarse = simulate(scene, paths=40_000, impacts=LAST, dt=COARSE_DT, rng=1, workers=2, record=Record(step_bias=True))
+    fine = simulate(scene, paths=40_000, impacts=LAST, dt=FINE_DT, rng=2, workers=2, record=Record(step_bias=True))
     return coarse, fine
 
 
@@ -210,7 +214,7 @@ def test_corrected_is_the_value_less_its_bias(biased):
 def test_stated_error_of_the_bias_has_the_size_of_its_scatter():
     """Over 60 repeated runs; an sd from 60 values is good to 9 %, so the band is 3 of those."""
     tables = [
-        simulate(dat21(0.1), paths=500, impacts=2, dt=0.02, rng=seed, step_bias=True)
+        simulate(dat21(0.1), paths=500, impacts=2, dt=0.02, rng=seed, record=Record(step_bias=True))
         .step_bias.query("quantity in ('tau', 'y1')")
         for seed in range(60)
     ]  # fmt: skip
@@ -226,7 +230,7 @@ def test_stated_error_of_the_bias_has_the_size_of_its_scatter():
 
 def test_step_bias_of_noise_free_run_is_the_difference_of_three_runs():
     runs = [simulate(dat21(), paths=1, impacts=3, dt=m * 5e-3).section.tau for m in (1, 2, 4)]
-    table = simulate(dat21(), paths=1, impacts=3, dt=5e-3, step_bias=True).step_bias
+    table = simulate(dat21(), paths=1, impacts=3, dt=5e-3, record=Record(step_bias=True)).step_bias
     tau = table.query("quantity == 'tau' and moment == 'mean'").set_index("impact")
     assert np.allclose(tau.bias, runs[1] - runs[0], rtol=1e-9)
     assert np.allclose(tau["rest"], abs(2.0 * runs[0] - 3.0 * runs[1] + runs[2]) / 3.0, rtol=1e-9)
@@ -276,7 +280,7 @@ def test_paths_cut_off_by_the_horizon_are_counted():
 
 
 def test_section_of_partly_finished_run_is_over_the_paths_that_got_there():
-    run = simulate(dat21(0.3), paths=700, impacts=2, dt=5e-3, horizon=0.96, rng=1, keep_paths=True)
+    run = simulate(dat21(0.3), paths=700, impacts=2, dt=5e-3, horizon=0.96, rng=1, record=Record(raw=True))
     reached = np.isfinite(run.raw[:, 1, 0])
     assert 0 < reached.sum() < 700
     assert run.section.paths[2] == reached.sum() == 700 - run.unfinished
@@ -285,7 +289,7 @@ def test_section_of_partly_finished_run_is_over_the_paths_that_got_there():
 
 def test_no_impact_after_the_horizon_is_tabled():
     dt, horizon = 0.02, 1.5
-    run = simulate(dat21(0.3), paths=200, impacts=6, dt=dt, horizon=horizon, rng=1, keep_paths=True)
+    run = simulate(dat21(0.3), paths=200, impacts=6, dt=dt, horizon=horizon, rng=1, record=Record(raw=True))
     assert np.nanmax(run.raw[:, :, 0]) <= horizon + dt
 
 
@@ -312,7 +316,8 @@ def test_noise_free_run_that_is_cut_off_counts_all_its_paths_as_unfinished():
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_noise_free_run_does_not_depend_on_the_seed(scheme):
     runs = [
-        simulate(dat21(), paths=1, impacts=8, dt=5e-3, rng=rng, scheme=scheme, keep_paths=True).raw for rng in (0, 1)
+        simulate(dat21(), paths=1, impacts=8, dt=5e-3, rng=rng, scheme=scheme, record=Record(raw=True)).raw
+        for rng in (0, 1)
     ]
     assert np.array_equal(*runs)
 
@@ -326,7 +331,9 @@ def test_noise_free_steps_cost_no_normals():
 
 
 def test_single_stage_run_has_no_second_stage():
-    run = simulate(dat21(0.2, stages=1), paths=100, impacts=3, dt=5e-3, times=[0.5], step_bias=True, keep_paths=True)
+    run = simulate(
+        dat21(0.2, stages=1), paths=100, impacts=3, dt=5e-3, record=Record(times=[0.5], step_bias=True, raw=True)
+    )
     second = [n for n in run.section.columns if n.endswith(("x2", "y2"))]
     assert len(second) == 16
     assert run.section[second].isna().all(axis=None)
@@ -385,7 +392,7 @@ def test_path_steps_count_every_lane_and_step_size():
     """Paths that never finish take every step up to the horizon, at every step size."""
     run = simulate(open_space(0.1), paths=100, impacts=1, dt=0.01, horizon=1.28)
     assert run.path_steps == 100 * 128
-    run = simulate(open_space(0.1), paths=100, impacts=1, dt=0.01, horizon=1.28, step_bias=True)
+    run = simulate(open_space(0.1), paths=100, impacts=1, dt=0.01, horizon=1.28, record=Record(step_bias=True))
     assert run.path_steps == 100 * (128 + 64 + 32)
 
 
@@ -397,7 +404,9 @@ def test_progress_is_silent_in_a_pipe(capfd):
 def test_too_few_paths_tell_no_error():
     """The spread of one path, the squared deviations of two and the kurtosis of three say nothing of the next path."""
     told = {
-        n: simulate(dat21(0.1), paths=n, impacts=1, dt=0.01, times=[0.4], step_bias=True, energy=True, rng=2)
+        n: simulate(
+            dat21(0.1), paths=n, impacts=1, dt=0.01, rng=2, record=Record(times=[0.4], step_bias=True, energy=True)
+        )
         for n in (1, 2, 3, 4)
     }
     least = {"se_y1": 2, "se_energy": 2, "se_sd_y1": 3, "se_skew_y1": 3, "se_kurt_y1": 4}
@@ -414,7 +423,7 @@ def test_too_few_paths_tell_no_error():
 
 
 def test_what_is_not_random_has_no_error():
-    run = simulate(dat21(0.0), paths=1, impacts=1, dt=0.01, times=[0.4], step_bias=True, energy=True)
+    run = simulate(dat21(0.0), paths=1, impacts=1, dt=0.01, record=Record(times=[0.4], step_bias=True, energy=True))
     assert (run.section[["se_y1", "se_sd_y1", "se_energy"]] == 0.0).all(axis=None)
     assert (run.at_times()[["se_x1", "se_cov_x1_y1"]] == 0.0).all(axis=None)
     assert (run.step_bias["se_bias"] == 0.0).all()

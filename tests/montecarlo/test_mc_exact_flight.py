@@ -9,7 +9,7 @@ from mc_checks import DAMPED, FALSE_ALARM, PRESSED, TOLERANT, UNEQUAL_GAPS, agre
 from scipy import stats
 from scipy.integrate import quad_vec
 
-from rattle.montecarlo import largest_step, simulate
+from rattle.montecarlo import Record, largest_step, simulate
 from rattle.montecarlo.noise.philox import BRIDGE, key_of
 from rattle.montecarlo.schemes.exact_flight import CLOSE, PARTS, advance_exactly, flight_forcing
 from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
@@ -102,7 +102,7 @@ ORBITS = {
 def orbit_error(scene, dt, impacts=8, **changes):
     """Largest difference of impact times and states from the orbit by flight and contact law alone."""
     rows = orbit_of(replace(scene, **changes), impacts)
-    raw = simulate(scene, paths=1, impacts=impacts, dt=dt, scheme=EXACT, keep_paths=True).raw[0]
+    raw = simulate(scene, paths=1, impacts=impacts, dt=dt, scheme=EXACT, record=Record(raw=True)).raw[0]
     if (raw[:, 6] != rows[:, 5]).any():
         return math.inf
     columns = slice(0, 5 if scene.stages == 2 else 3)
@@ -182,7 +182,7 @@ def test_what_is_left_out_shows_where_the_noise_begins_from_nothing():
 
 def test_coarse_levels_of_one_noise_differ_by_no_bias():
     """Means at dt, 2 dt and 4 dt on the same noise: differences far below the spread, and within their errors."""
-    table = sampled(dat21(0.05), math.pi / 64.0, 20_000, 4, step_bias=True).step_bias
+    table = sampled(dat21(0.05), math.pi / 64.0, 20_000, 4, record=Record(step_bias=True)).step_bias
     seen = table[table.se_bias > 1e-9]
     assert len(seen) > 20
     assert agrees(seen.bias, 0.0, seen.se_bias)
@@ -206,7 +206,9 @@ def extrapolated():
     def of(case):
         if case not in kept:
             scene, paths = EULER[case]
-            run = simulate(scene, paths=paths, impacts=FEW, dt=2.5e-3, scheme=LOCATED, rng=5, step_bias=True)
+            run = simulate(
+                scene, paths=paths, impacts=FEW, dt=2.5e-3, scheme=LOCATED, rng=5, record=Record(step_bias=True)
+            )
             kept[case] = run.step_bias
         return kept[case]
 
@@ -252,7 +254,14 @@ def exit_scene(z, sigma=1.0):
 
 def exit_times(z, dt, sigma=1.0, rng=8):
     run = simulate(
-        exit_scene(z, sigma), paths=20_000, impacts=1, dt=dt, scheme=EXACT, rng=rng, horizon=0.05, keep_paths=True
+        exit_scene(z, sigma),
+        paths=20_000,
+        impacts=1,
+        dt=dt,
+        scheme=EXACT,
+        rng=rng,
+        horizon=0.05,
+        record=Record(raw=True),
     )
     assert run.unfinished == 0
     return run.raw[:, 0, 0] + 0.5 * math.pi
@@ -355,9 +364,15 @@ def test_paths_that_crawl_along_a_wall_go_on(case):
     scene = CRAWLS[case]
     c1, c2 = (scene.tolerance.c1_max, scene.tolerance.c2_max) if scene.tolerance else (0.0, 0.0)
     run = simulate(
-        scene, paths=100, impacts=60, dt=0.1, scheme=EXACT, rng=1, horizon=5.0,
-        times=scene.start.tau + np.arange(0.1, 5.0, 0.1), keep_paths=True,
-    )  # fmt: skip
+        scene,
+        paths=100,
+        impacts=60,
+        dt=0.1,
+        scheme=EXACT,
+        rng=1,
+        horizon=5.0,
+        record=Record(times=scene.start.tau + np.arange(0.1, 5.0, 0.1), raw=True),
+    )
     met = 0
     for path in run.raw:
         seen = path[np.isfinite(path[:, 0])]
@@ -384,7 +399,7 @@ def test_paths_pressed_to_a_wall_where_the_noise_vanishes_stay_within_it(scene):
     A path that creeps along a wall there must not use up its cuts, nor pass the wall if it does.
     """
     c1, c2 = (scene.tolerance.c1_max, scene.tolerance.c2_max) if scene.tolerance else (0.0, 0.0)
-    run = sampled(replace(scene, sigma=0.5), math.pi / 64.0, 4000, 60, rng=2, keep_paths=True, horizon=7.0)
+    run = sampled(replace(scene, sigma=0.5), math.pi / 64.0, 4000, 60, rng=2, horizon=7.0, record=Record(raw=True))
     raw = run.raw[np.isfinite(run.raw[:, :, 0])]
     assert len(raw) > 50_000
     assert np.isfinite(raw).all()
@@ -394,7 +409,7 @@ def test_paths_pressed_to_a_wall_where_the_noise_vanishes_stay_within_it(scene):
 
 def test_paths_pressed_to_rest_stay_finite():
     """Without restitution a struck path is at rest on its wall: the next flight starts from a gap and a speed of 0."""
-    run = sampled(PRESSED, 0.1, 20, 500, keep_paths=True)
+    run = sampled(PRESSED, 0.1, 20, 500, record=Record(raw=True))
     assert run.sticking_steps > 0
     assert run.unfinished == 0
     assert np.isfinite(run.raw).all()

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from mc_checks import dat21
+from settings import recorded
 
 from rattle.montecarlo import simulate
 from rattle.montecarlo.cuda import launch as gpu
@@ -51,7 +52,7 @@ def simulated() -> dict:
 
 @needs_package
 def test_no_case_is_left_out(simulated):
-    assert set(simulated) == {*CASES, "planted: another key", "speed"}
+    assert set(simulated) == {*CASES, "negative control: another key", "speed"}
 
 
 @needs_package
@@ -76,7 +77,7 @@ def test_unfinished_paths_were_among_them(simulated):
 
 @needs_package
 def test_another_key_would_be_seen(simulated):
-    found = simulated["planted: another key"]
+    found = simulated["negative control: another key"]
     assert found["rows"] > 1e-3
     assert found["section"] > 1e-3
 
@@ -130,19 +131,13 @@ def test_a_missing_card_is_named():
     ("settings", "field"),
     [
         ({"device": "gpu"}, "device"),
-        ({"device": "cuda", "step_bias": True}, "step_bias"),
-        ({"device": "cuda", "energy": True}, "energy"),
-        ({"device": "cuda", "batches": True}, "batches"),
+        ({"device": "cuda", "step_bias": True}, "record.step_bias"),
+        ({"device": "cuda", "energy": True}, "record.energy"),
+        ({"device": "cuda", "batches": True}, "record.batches"),
         ({"device": "cuda", "control": True, "scheme": "exact-flight"}, "control"),
     ],
 )
 def test_what_a_card_cannot_do_is_refused(settings, field):
     with pytest.raises(InputError) as refused:
-        simulate(dat21(0.1), paths=10, **settings)
+        simulate(dat21(0.1), paths=10, **recorded(settings))
     assert refused.value.field == field
-
-
-def test_accuracy_is_not_for_a_card():
-    with pytest.raises(InputError) as refused:
-        simulate(dat21(0.1), accuracy=0.1, device="cuda")
-    assert refused.value.field == "device"

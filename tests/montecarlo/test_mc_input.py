@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 from mc_checks import dat21
+from settings import recorded
 
 from rattle.montecarlo import ensemble, largest_step, simulate
-from rattle.montecarlo import settings as door
+from rattle.montecarlo import settings as validation
 from rattle.scene import DAT21, InputError, Scene, Start, Tolerance
 
 BAD = {
@@ -31,10 +32,10 @@ BAD = {
     "an unknown scheme": (
         {"scheme": "milstein"}, "valid are 'euler-maruyama', 'euler-maruyama-located', 'exact-flight'",
     ),
-    "a clock before the start": ({"fixed time": [-1.0]}, "clock = -1.0: must lie between 0.002"),
-    "a clock at the start": ({"fixed time": [0.0]}, "clock = 0.0: must lie between 0.002"),
-    "a clock beyond the horizon": ({"fixed time": [1.0, 5.1], "horizon": 5.0}, "clock = 5.1: must lie .* and 5 after"),
-    "a clock of NaN": ({"fixed time": [math.nan]}, "clock = nan: give a finite number"),
+    "a time before the start": ({"times": [-1.0]}, "record.times = -1.0: must lie between 0.002"),
+    "a time at the start": ({"times": [0.0]}, "record.times = 0.0: must lie between 0.002"),
+    "a time beyond the horizon": ({"times": [1.0, 5.1], "horizon": 5.0}, "record.times = 5.1: must lie .* and 5 after"),
+    "a time of NaN": ({"times": [math.nan]}, "record.times = nan: give a finite number"),
     "no horizon": ({"horizon": 0.0}, "horizon = 0.0: must be greater than 0"),
     "a negative seed": ({"rng": -1}, "rng = -1: must be at least 0"),
     "no seed": ({"rng": None}, "rng = None: give a whole number"),
@@ -42,14 +43,14 @@ BAD = {
 
 
 def simulated(**settings):
-    return simulate(settings.pop("scene", dat21(0.1)), **({"paths": 10, "impacts": 3} | settings))
+    return simulate(settings.pop("scene", dat21(0.1)), **recorded({"paths": 10, "impacts": 3} | settings))
 
 
 @pytest.mark.parametrize("case", BAD)
 def test_bad_input_is_refused_before_any_block_runs(case, monkeypatch):
     settings, words = BAD[case]
     monkeypatch.setattr(ensemble, "run", lambda *_: pytest.fail("work was done"))
-    monkeypatch.setattr(door, "sample", lambda *_: pytest.fail("work was done"))
+    monkeypatch.setattr(validation, "sample", lambda *_: pytest.fail("work was done"))
     with pytest.raises(InputError, match=words):
         simulated(**settings)
 
@@ -61,7 +62,7 @@ def test_itinerary_of_a_wrong_length_is_refused(itinerary):
 
 
 def test_itinerary_is_looked_at_before_any_path_is_run(monkeypatch):
-    monkeypatch.setattr(door, "sample", lambda *_: pytest.fail("work was done"))
+    monkeypatch.setattr(validation, "sample", lambda *_: pytest.fail("work was done"))
     with pytest.raises(InputError):
         simulated(itineraries={"mine": [1]})
 
@@ -72,8 +73,8 @@ def test_something_else_than_a_scene_is_refused():
 
 
 UNTYPED = {
-    "a clock that is no sequence": {"fixed time": 0.5},
-    "a clock of words": {"fixed time": ["noon"]},
+    "a time that is no sequence": {"times": 0.5},
+    "a time of words": {"times": ["noon"]},
     "an itinerary of words": {"itineraries": {"mine": ["left", "right", "left"]}},
 }
 
@@ -138,7 +139,7 @@ def test_numpy_numbers_are_numbers():
     assert run.section.paths.tolist() == [10, 10, 10]
 
 
-def test_default_step_beyond_the_door_is_shortened_and_said_to_be():
+def test_too_long_a_default_step_is_shortened_and_said_to_be():
     scene = dat21(1e4)
     run = simulated(scene=scene, horizon=0.05)
     assert run.dt == largest_step(scene, "euler-maruyama-located")[0] < 2e-3
@@ -151,8 +152,8 @@ def test_run_that_could_not_end_is_refused_or_given_up_early():
     narrow = Scene(**(STEADY | {"gap1": 1e-8, "start": Start(0.0, 1e-8, 1.0, mesh=1)}), beta1=0.0)
     with pytest.raises(InputError, match=r"horizon = 600.0: must be at most 5, 1e\+09 steps of 5e-09; .* h$"):
         simulated(scene=narrow, horizon=600.0, scheme="euler-maruyama", dt=5e-9)
-    plan = door.plan_of(narrow, paths=1, impacts=3, dt=5e-9, scheme="euler-maruyama")
-    assert plan.most_steps == door.STEPS
+    plan = validation.plan_of(narrow, paths=1, impacts=3, dt=5e-9, scheme="euler-maruyama")
+    assert plan.most_steps == validation.STEPS
 
 
 def test_paths_that_the_horizon_leaves_behind_are_told_of():

@@ -8,7 +8,7 @@ from mc_checks import DAMPED, PRESSED, bridge_normal, dat21, open_space, step_no
 from naive import FAULTS, LOCATED_FAULTS, Path
 from scipy.integrate import quad_vec
 
-from rattle.montecarlo import largest_step, simulate
+from rattle.montecarlo import Record, largest_step, simulate
 from rattle.montecarlo.kernel.block import BLOCK, Plan, sample
 from rattle.montecarlo.noise.brownian import joined
 from rattle.montecarlo.noise.philox import CONTACT, key_of, normals, uniforms
@@ -68,7 +68,7 @@ def furthest(scene, dt, scheme, paths, fault=None, impacts=IMPACTS, seed=4):
     """
     allowed = 1e-13 * 8.0 ** np.arange(1, impacts + 1)
     worst = 0.0
-    run = simulate(scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=seed, keep_paths=True)
+    run = simulate(scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=seed, record=Record(raw=True))
     for p, path in enumerate(oracles(scene, dt, SCHEMES[scheme], seed, paths, impacts, fault)):
         found = np.array(path.impacts[:impacts])
         kept = run.raw[p][:, KEPT]
@@ -90,7 +90,7 @@ def test_kernel_follows_oracle(case, scheme):
 def test_paths_of_later_blocks_follow_the_oracle(scheme):
     """A path's number counts through all blocks."""
     scene, impacts = dat21(0.5), 4
-    run = simulate(scene, paths=BLOCK + 3, impacts=impacts, dt=5e-3, scheme=scheme, rng=3, keep_paths=True)
+    run = simulate(scene, paths=BLOCK + 3, impacts=impacts, dt=5e-3, scheme=scheme, rng=3, record=Record(raw=True))
     for first, same in ((BLOCK, True), (0, False)):  # planted: every block begins at path 0
         every = oracles(scene, 5e-3, SCHEMES[scheme], 3, 3, impacts, first=first)
         found = np.array([path.impacts[:impacts] for path in every])
@@ -150,7 +150,7 @@ def tolerant_differ(scheme, draw, law="uniform", fault=None, late=0):
     """Largest difference between kernel and oracle where walls are drawn; `late` plants draws that come too late."""
     c, gap, impacts, worst = (0.1, 0.2), 0.5, 8, 0.0
     scene, seed, paths = dat21(0.5, tolerance=Tolerance(*c, distribution=law, draw=draw)), 5, 20
-    run = simulate(scene, paths=paths, impacts=impacts, dt=5e-3, scheme=scheme, rng=seed, keep_paths=True)
+    run = simulate(scene, paths=paths, impacts=impacts, dt=5e-3, scheme=scheme, rng=seed, record=Record(raw=True))
     key = key_of(np.random.SeedSequence(seed))
     for p in range(paths):
         path = Path.start(scene, 5e-3, SCHEMES[scheme], fault)

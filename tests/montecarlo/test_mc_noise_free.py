@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mc_checks import dat21
 
-from rattle.montecarlo import SCHEMES, simulate
+from rattle.montecarlo import SCHEMES, Record, simulate, simulate_to
 from rattle.montecarlo.ensemble import extended, in_threads
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.scene import Tolerance
@@ -16,7 +16,7 @@ STILL = {"no noise": dat21(0.0), "fixed backlash": dat21(0.0, tolerance=Toleranc
 @pytest.mark.parametrize("name", STILL)
 @pytest.mark.parametrize("scheme", [None, *SCHEMES])
 def test_an_accuracy_without_noise_is_one_path(name, scheme):
-    run = simulate(STILL[name], impacts=3, accuracy=0.01, scheme=scheme, batches=True, energy=True)
+    run = simulate_to(STILL[name], 0.01, impacts=3, scheme=scheme, record=Record(batches=True, energy=True))
     assert (run.paths, run.plan.paths) == (1, 1)
     assert (run.section["paths"] == 1).all()
     assert (run.section["agreement"] == 1.0).all()
@@ -27,12 +27,12 @@ def test_an_accuracy_without_noise_is_one_path(name, scheme):
     assert run.reach.worst == "nothing varies: one path is the answer"
 
 
-@pytest.mark.parametrize("scheme", [name for name, kind in SCHEMES.items() if kind.weak_order is not None])
+@pytest.mark.parametrize("scheme", [name for name, kind in SCHEMES.items() if kind.has_step_bias])
 def test_the_step_is_shortened_until_its_bias_is_within_the_accuracy(scheme):
     truth = simulate(dat21(0.0), paths=1, impacts=4, scheme="exact-flight").section[list(SECTION)]
     steps = []
     for accuracy in (0.05, 1e-3, 2e-5):
-        run = simulate(dat21(0.0), impacts=4, accuracy=accuracy, scheme=scheme)
+        run = simulate_to(dat21(0.0), accuracy, impacts=4, scheme=scheme)
         assert (run.section[list(SECTION)] - truth).abs().max(axis=None) < accuracy
         assert run.reach.step <= accuracy
         steps.append(run.dt)
@@ -52,7 +52,7 @@ def test_more_paths_of_a_noise_free_run_are_the_same_path():
 @pytest.mark.parametrize("law", ["uniform", "normal"])
 def test_a_drawn_backlash_without_noise_is_random(law):
     scene = dat21(0.0, tolerance=Tolerance(0.02, 0.02, distribution=law))
-    run = simulate(scene, impacts=2, accuracy=0.05)
+    run = simulate_to(scene, 0.05, impacts=2)
     assert run.paths >= 32 * BLOCK
     assert run.plan.paths == run.paths
     assert (run.section["paths"] == run.paths).all()

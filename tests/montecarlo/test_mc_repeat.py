@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from mc_checks import TOLERANT, dat21
+from settings import recorded
 
 from rattle.montecarlo import SCHEMES, ensemble, simulate
 from rattle.montecarlo.kernel import block
@@ -13,14 +14,14 @@ PATHS = 2 * BLOCK + 117
 
 
 def run_with(scheme="euler-maruyama-located", scene=None, **changes):
-    settings = {"paths": PATHS, "impacts": 4, "dt": STEP[scheme], "rng": 3, "keep_paths": True} | changes
-    return simulate(scene or dat21(0.3), scheme=scheme, **settings)
+    settings = {"paths": PATHS, "impacts": 4, "dt": STEP[scheme], "rng": 3, "raw": True} | changes
+    return simulate(scene or dat21(0.3), scheme=scheme, **recorded(settings))
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("workers", [2, 3, 16])
 def test_result_is_the_same_bit_for_bit_for_any_number_of_workers(scheme, workers):
-    settings = {"scheme": scheme, "fixed": [0.6, 1.0], "histogram": True}
+    settings = {"scheme": scheme, "times": [0.6, 1.0], "histogram": True}
     alone, many = run_with(**settings), run_with(**settings, workers=workers)
     assert np.array_equal(alone.raw, many.raw)
     assert alone.section.equals(many.section)
@@ -41,7 +42,7 @@ def with_blocks_of(monkeypatch, size, **settings):
 @pytest.mark.parametrize("scene", [dat21(0.5), TOLERANT.with_sigma(0.2)], ids=["DAT21", "redrawn walls"])
 def test_paths_are_the_same_bit_for_bit_for_any_size_of_a_block(scheme, scene, monkeypatch):
     """Other neighbours, other lanes, other times at which lanes change hands; merged sums differ by rounding alone."""
-    settings = {"scheme": scheme, "scene": scene, "paths": 1100, "impacts": 12, "fixed": [1.0]}
+    settings = {"scheme": scheme, "scene": scene, "paths": 1100, "impacts": 12, "times": [1.0]}
     whole = run_with(**settings)
     for size in (64, 100, 1024):
         cut = with_blocks_of(monkeypatch, size, **settings)
@@ -52,11 +53,11 @@ def test_paths_are_the_same_bit_for_bit_for_any_size_of_a_block(scheme, scene, m
 
 
 CHANGES = {
-    "step bias": {"step_bias": True}, "fixed": {"fixed": [0.6, 5.0]}, "histogram": {"histogram": True},
+    "step bias": {"step_bias": True}, "fixed times": {"times": [0.6, 5.0]}, "histogram": {"histogram": True},
     "more paths": {"paths": 2 * PATHS}, "fewer paths": {"paths": 7},
     "itineraries": {"itineraries": {"mine": [1, -1, 1, -1]}}, "horizon": {"horizon": 77.7},
     "sequence": {"rng": np.random.SeedSequence(3)},
-    "all": {"step_bias": True, "fixed": [0.6, 5.0], "histogram": True, "workers": 3},
+    "all": {"step_bias": True, "times": [0.6, 5.0], "histogram": True, "workers": 3},
 }  # fmt: skip
 
 
@@ -75,7 +76,7 @@ def test_more_impacts_leave_the_earlier_ones_as_they_were(scheme):
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_keeping_no_paths_changes_no_table(scheme):
-    assert run_with(scheme).section.equals(run_with(scheme, keep_paths=False).section)
+    assert run_with(scheme).section.equals(run_with(scheme, raw=False).section)
 
 
 def test_a_spawned_seed_is_another_and_is_not_used_up():

@@ -7,7 +7,7 @@ import pytest
 from timing import times_as_long
 
 from rattle.closure import follow
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Record, simulate
 from rattle.scene import Scene, Start
 
 SCENES = {
@@ -27,9 +27,15 @@ def distances(scene, scheme, dt, sigma=0.0):
     orbit = follow(scene, 150)
     end = min(float(orbit.tau[orbit.found]), 12.0)
     run = simulate(
-        scene.with_sigma(sigma), paths=1, impacts=10_000, dt=dt, scheme=scheme, horizon=end,
-        times=np.linspace(0.3, end - dt, 200), rng=1,
-    )  # fmt: skip
+        scene.with_sigma(sigma),
+        paths=1,
+        impacts=10_000,
+        dt=dt,
+        scheme=scheme,
+        horizon=end,
+        rng=1,
+        record=Record(times=np.linspace(0.3, end - dt, 200)),
+    )
     table = run.at_times()
     stages = ["x1", "x2"][: scene.stages]
     followed = np.array([orbit.state(time)[:3:2] for time in table.index])[:, : scene.stages]

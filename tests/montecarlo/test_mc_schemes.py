@@ -6,7 +6,7 @@ from mc_checks import dat21, open_space
 from scipy.integrate import quad_vec
 
 from rattle.closure.orbit import follow
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.schemes.euler import euler_step, step_forcing
 from rattle.montecarlo.schemes.euler_located import advance_inside
 from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
@@ -73,7 +73,7 @@ def orbit_error(scheme, dt, scene=None):
     """Largest error of impact times and states of a noise-free run against the exact orbit."""
     scene = scene or dat21()
     orbit = follow(scene, ORBIT_IMPACTS)
-    raw = simulate(scene, paths=1, impacts=ORBIT_IMPACTS, dt=dt, scheme=scheme, keep_paths=True).raw[0]
+    raw = simulate(scene, paths=1, impacts=ORBIT_IMPACTS, dt=dt, scheme=scheme, record=Record(raw=True)).raw[0]
     assert (raw[:, 6] == orbit.mesh[1:] * orbit.side[1:]).all()
     return np.abs(raw[:, [0, 2, 3, 4, 5]] - np.column_stack([orbit.tau[1:], orbit.before[1:]])).max()
 

@@ -8,7 +8,7 @@ import pytest
 from mc_checks import FALSE_ALARM, dat21, flank_changes
 from scipy import stats
 
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Record, simulate
 from rattle.scene import Scene, Start, Tolerance
 
 GAP, C1, C2 = 0.5, 0.04, 0.02
@@ -22,7 +22,7 @@ REJECTED = {"uniform": "normal", "normal": "uniform"}
 
 def run(law, draw, sigma=0.0, impacts=4, paths=PATHS, dt=5e-3, scheme="euler-maruyama-located", rng=2, **settings):
     scene = dat21(sigma, tolerance=Tolerance(C1, C2, distribution=law, draw=draw), **settings)
-    return simulate(scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, keep_paths=True)
+    return simulate(scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, record=Record(raw=True))
 
 
 def met(raw, mesh):
@@ -89,7 +89,7 @@ def free(law, draw, mesh=1, impacts=4, paths=PATHS, start=None, **settings):
         tolerance=Tolerance(C1, C2, distribution=law, draw=draw),
         gap1=1e3 if mesh == 2 else GAP, gap2=1e3 if mesh == 1 else GAP,
     )  # fmt: skip
-    return simulate(scene, paths=paths, impacts=impacts, dt=0.01, rng=2, keep_paths=True, **settings)
+    return simulate(scene, paths=paths, impacts=impacts, dt=0.01, rng=2, record=Record(raw=True), **settings)
 
 
 def fits(values, law, c, checks):
@@ -134,7 +134,7 @@ def test_meshes_have_independent_tolerances(draw):
         alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, mu=0.5, start=Start(0.0, 0.0, -1.0, 0.0, 0.3),
         tolerance=Tolerance(C1, C2, draw=draw),
     )  # fmt: skip
-    raw = simulate(scene, paths=PATHS, impacts=2, dt=0.01, rng=2, keep_paths=True).raw
+    raw = simulate(scene, paths=PATHS, impacts=2, dt=0.01, rng=2, record=Record(raw=True)).raw
     assert (raw[:, :, 6] == [-1, 2]).all()
     assert uncorrelated(raw[:, 0, 2], raw[:, 1, 4])
 
@@ -160,7 +160,7 @@ def test_single_stage_takes_a_tolerance():
 
 def spread_after_twenty_crossings(impacts):
     """sd of a bouncing wheel's place at a time when it is nominally half way, and the sd's relative error."""
-    run = free("uniform", "contact", impacts=impacts, times=[20.5 * GAP])
+    run = free("uniform", "contact", impacts=impacts, record=Record(times=[20.5 * GAP]))
     return np.sqrt(run.at_times().cov_x1_x1.iloc[0]), 1.0 / np.sqrt(2.0 * PATHS)
 
 

@@ -9,7 +9,7 @@ from scipy.special import gamma, hyp2f1
 from test_mc_schemes import affine_step, by_steps
 
 from rattle.closure.orbit import follow
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Record, simulate
 from rattle.scene import Scene, Start
 from rattle.scene.flight import noise_covariance
 
@@ -52,7 +52,9 @@ def test_flight_check_sees_a_noise_that_the_stages_do_not_share(shared):
 
 
 def test_correlation_of_gaussian_flight_has_fisher_standard_error():
-    run = simulate(UNEQUAL, paths=20_000, impacts=1, dt=0.02, rng=2, times=UNEQUAL.start.tau + TIMES, horizon=4.0)
+    run = simulate(
+        UNEQUAL, paths=20_000, impacts=1, dt=0.02, rng=2, horizon=4.0, record=Record(times=UNEQUAL.start.tau + TIMES)
+    )
     ratio = run.at_times()[["se_z_rho1", "se_z_rho2"]].to_numpy() * math.sqrt(20_000)
     assert np.abs(ratio - 1.0).max() < 0.03  # estimated from fourth moments: about 1 % each
 

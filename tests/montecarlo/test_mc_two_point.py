@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mc_checks import agrees, dat21, open_space
 
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.noise.philox import Word, fill_signs, fill_words, key_of
 from rattle.scene import InputError
 
@@ -34,8 +34,10 @@ def test_free_flight_has_the_covariance_of_gaussian_increments():
     """Without walls both are linear maps of increments of equal variance: equal covariance, exactly in the mean."""
     scene = open_space(0.5)
     two, normal = (
-        simulate(scene, paths=40_000, impacts=1, dt=0.02, horizon=2.0, times=[2.0], rng=4, increments=i,
-                 scheme="euler-maruyama").at_times()
+        simulate(
+            scene, paths=40_000, impacts=1, dt=0.02, horizon=2.0, rng=4, increments=i, scheme="euler-maruyama",
+            record=Record(times=[2.0]),
+        ).at_times()
         for i in ("two-point", "gaussian")
     )  # fmt: skip
     for name in ("cov_x1_x1", "cov_x1_y1", "cov_y1_y1", "cov_y2_y2"):
@@ -57,7 +59,9 @@ def test_section_moments_are_those_of_gaussian_increments(scheme):
 
 def test_result_does_not_depend_on_workers():
     a, b = (
-        simulate(dat21(1.0), paths=3000, impacts=2, dt=0.01, increments="two-point", workers=w, keep_paths=True).raw
+        simulate(
+            dat21(1.0), paths=3000, impacts=2, dt=0.01, increments="two-point", workers=w, record=Record(raw=True)
+        ).raw
         for w in (1, 3)
     )
     assert np.array_equal(a, b)

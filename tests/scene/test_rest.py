@@ -15,7 +15,7 @@ from timing import times_as_long
 from rattle.closure import follow, mean_map
 from rattle.scene import DAT21, Scene, Start
 from rattle.scene.impact import MISSES, NONE, REST, next_impact, struck
-from rattle.scene.sticking import closed_sides, opening, settled
+from rattle.scene.sticking import closed_sides, opening, stuck
 
 COMPILED = pytest.mark.skipif(
     bool(numba.config.DISABLE_JIT), reason="takes minutes, or states a time, with the compiler off"
@@ -174,11 +174,11 @@ def test_settling_keeps_what_the_contact_does_not_act_on():
     """Momentum of both wheels at mesh 2, wheel 2 at mesh 1, in the speeds and in the places (model.md section 3)."""
     c = FIRST.constants
     state = np.array([0.5 - 1e-7, -1e-6, -0.3, 0.7])
-    x1, y1, x2, y2 = settled(c, *state, (1, 0))
+    x1, y1, x2, y2 = stuck(c, *state, (1, 0))
     assert (x1, y1) == (c.wall1, 0.0)
     assert (x2 - x1, y2 - y1) == pytest.approx((state[2] - state[0], state[3] - state[1]), abs=1e-15)
     state = np.array([0.1, 0.7, -0.5 + 1e-7, 1e-6])
-    x1, y1, x2, y2 = settled(c, *state, (0, -1))
+    x1, y1, x2, y2 = stuck(c, *state, (0, -1))
     assert (x2, y2) == (-c.wall2, 0.0)
     assert (x1 - c.mu * x2, y1 - c.mu * y2) == pytest.approx(
         (state[0] - c.mu * state[2], state[1] - c.mu * state[3]), abs=1e-15

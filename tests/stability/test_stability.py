@@ -23,7 +23,7 @@ from rattle.scene import InputError
 PATHS = 8192
 Z = 4.5  # of the rows of all cells below at a family error below 1 %
 CORNERS = {"beta": 100.0, "gap": 1e-8, "sigma": 1e4, "epsilon": 1.0}
-EULER = [name for name, kind in SCHEMES.items() if kind.weak_order is not None]
+EULER = [name for name, kind in SCHEMES.items() if kind.has_step_bias]
 
 
 @pytest.fixture(scope="module")

@@ -85,7 +85,8 @@ def stacked(results, size, control):
         found.append({prefix + q: s[name][:, i] for prefix, name in names.items() for i, q in enumerate(STATED)})
     table = pd.DataFrame({name: np.concatenate([f[name] for f in found]) for name in found[0]})
     table.index += 1
-    return Stacked(table.assign(flight=table["tau"], sd_flight=table["sd_tau"], paths=size * BLOCK, agreement=1.0))
+    same = {"paths": size * BLOCK, "agreement": 1.0, "mesh": 1}
+    return Stacked(table.assign(flight=table["tau"], sd_flight=table["sd_tau"], **same))
 
 
 @pytest.fixture(scope="module")

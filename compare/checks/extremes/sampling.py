@@ -9,7 +9,7 @@ from rattle import closure, montecarlo
 from rattle.compare.checks.extremes.row import Extreme, farthest, worst_of
 from rattle.compare.checks.published import returning
 from rattle.compare.checks.published.exit_time import mean_exit_time
-from rattle.montecarlo import SCHEMES
+from rattle.montecarlo import SCHEMES, Record
 from rattle.montecarlo.kernel.kernel import PLAIN
 from rattle.scene import DAT21, Scene, Start, Tolerance
 
@@ -67,7 +67,13 @@ def kept() -> Extreme:
                 dt = min(5e-3, 0.1 / (2.0 + sigma))
                 fixed = dt * np.array([64.0, 128.0, 256.0])
                 run = montecarlo.simulate(
-                    scene, paths=32, impacts=4, dt=dt, horizon=256.0 * dt, scheme=scheme, times=fixed, keep_paths=True
+                    scene,
+                    paths=32,
+                    impacts=4,
+                    dt=dt,
+                    horizon=256.0 * dt,
+                    scheme=scheme,
+                    record=Record(times=fixed, raw=True),
                 )
                 means = run.at_times()[["x1", "x2"]].abs().to_numpy()
                 assert run.raw is not None
@@ -95,7 +101,13 @@ def pressed() -> Extreme:
             for scheme in SCHEMES:
                 dt = min(fall / 256.0, 0.05)
                 run = montecarlo.simulate(
-                    scene, paths=1, impacts=10_000, dt=dt, horizon=2.5 * rest, scheme=scheme, times=[2.0 * rest]
+                    scene,
+                    paths=1,
+                    impacts=10_000,
+                    dt=dt,
+                    horizon=2.5 * rest,
+                    scheme=scheme,
+                    record=Record(times=[2.0 * rest]),
                 )
                 row = run.at_times().iloc[0]
                 bounce = 2.0 * drag * dt  # of the plain scheme, which meets a wall at the end of its step
@@ -140,7 +152,7 @@ def nearly_closed() -> Extreme:
                     start=Start(0.0, 0.0, gap),
                 )
                 run = montecarlo.simulate(
-                    loose, paths=64, impacts=4, scheme="exact-flight", rng=2, keep_paths=True, horizon=20.0
+                    loose, paths=64, impacts=4, scheme="exact-flight", rng=2, horizon=20.0, record=Record(raw=True)
                 )
                 assert run.raw is not None
                 errors.append(max(float(np.nan_to_num(np.abs(run.raw[:, :, [2, 4]])).max()) / (gap + most) - 1.0, 0.0))

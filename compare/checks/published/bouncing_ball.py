@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from rattle.closure.orbit import follow
 from rattle.compare.checks.published.result import Check, Measured, NegativeControl
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.schemes.exact_flight import CLOSE
 from rattle.scene import Scene, Start
 
@@ -47,7 +47,7 @@ def bouncing_ball(seed: int = 0, workers: int = 2) -> Measured:
     start = Start(0.0, HALF, SPEED, mesh=1)
     scene = Scene(alpha=0.0, epsilon=EPSILON, beta1=0.0, gamma1=GAMMA, gap1=HALF, start=start, stages=1)
     orbit = follow(scene, 40)
-    run = simulate(scene, paths=1, impacts=IMPACTS, scheme="exact-flight", keep_paths=True)
+    run = simulate(scene, paths=1, impacts=IMPACTS, scheme="exact-flight", record=Record(raw=True))
     assert run.raw is not None
     sides = {"orbit": (orbit.tau, ROUNDING), "exact-flight": (np.append(0.0, run.raw[0, :, 0]), CLOSE * HALF)}
 

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from rattle.compare.checks.published.result import Check, Measured, NegativeControl
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.result import Ensemble
 from rattle.scene import Scene, Start
 
@@ -43,9 +43,15 @@ def _run(epsilon: float, seed: int, workers: int) -> Ensemble:
     start = Start(0.0, 0.0, 0.0)
     scene = Scene(alpha=0.0, epsilon=epsilon, beta1=BETA, gamma1=0.0, gap1=HALF, sigma=SIGMA, start=start, stages=1)
     return simulate(
-        scene, paths=PATHS, impacts=IMPACTS, scheme="exact-flight", rng=np.random.SeedSequence([seed, 5]), times=TIMES,
-        horizon=TIMES[-1] + 0.1, workers=workers,
-    )  # fmt: skip
+        scene,
+        paths=PATHS,
+        impacts=IMPACTS,
+        scheme="exact-flight",
+        rng=np.random.SeedSequence([seed, 5]),
+        horizon=TIMES[-1] + 0.1,
+        workers=workers,
+        record=Record(times=TIMES),
+    )
 
 
 def _checks(run: Ensemble, sigma: float, phase: float) -> list[Check]:

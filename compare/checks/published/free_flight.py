@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from rattle.compare.checks.published.result import Check, Measured, NegativeControl
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Record, simulate
 from rattle.scene import Scene, Start
 from rattle.scene.flight import noise_covariance
 from rattle.scene.moments import STATE
@@ -70,9 +70,15 @@ def free_flight(seed: int = 0, workers: int = 2) -> Measured:
     """
     rng = np.random.SeedSequence([seed, 7])
     run = simulate(
-        SCENE, paths=PATHS, impacts=1, scheme="exact-flight", rng=rng, times=[SCENE.start.tau + TIME],
-        horizon=TIME + 0.1, workers=workers,
-    )  # fmt: skip
+        SCENE,
+        paths=PATHS,
+        impacts=1,
+        scheme="exact-flight",
+        rng=rng,
+        horizon=TIME + 0.1,
+        workers=workers,
+        record=Record(times=[SCENE.start.tau + TIME]),
+    )
     table, sums = run.at_times(), run.result.sums["fixed"]
     row, tau = table.iloc[0], float(table.index[0])
     columns = [name for name in table.columns if name.startswith("cov_")]

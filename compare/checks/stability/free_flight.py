@@ -5,7 +5,7 @@ import pandas as pd
 
 from rattle.compare.checks.stability.axes import AXES
 from rattle.compare.validation.verdict import widest
-from rattle.montecarlo import largest_step, simulate
+from rattle.montecarlo import Record, largest_step, simulate
 from rattle.scene import Scene, Start
 from rattle.scene.flight import noise_covariance
 from rattle.scene.moments import STATE
@@ -38,9 +38,16 @@ def covariance_table(*, points: int = 7, paths: int, seed: int, workers: int) ->
         for share in SHARES:
             steps = np.ceil(FLIGHT / (share * largest))
             run = simulate(
-                scene, paths=paths, impacts=1, scheme="exact-flight", dt=FLIGHT / steps, times=[FLIGHT], rng=seed,
-                horizon=1.5 * FLIGHT, workers=workers,
-            )  # fmt: skip
+                scene,
+                paths=paths,
+                impacts=1,
+                scheme="exact-flight",
+                dt=FLIGHT / steps,
+                rng=seed,
+                horizon=1.5 * FLIGHT,
+                workers=workers,
+                record=Record(times=[FLIGHT]),
+            )
             table = run.at_times().iloc[0]
             law = np.diag(noise_covariance(scene.constants, 0.0, FLIGHT))
             found = np.array([table[f"cov_{q}_{q}"] for q in STATE])
