@@ -1,3 +1,20 @@
 """Plugins of the project's own tests; its plugin for accuracy thresholds is named in case it has not been installed."""
 
+from pathlib import Path
+
+import pytest
+
 pytest_plugins = ["pytester", "rattle.compare.thresholds.plugin"]
+
+EMPTY = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"></svg>\n'
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Figures are made but not drawn, which takes most of a report's time: for tests of what stands beside them."""
+    from matplotlib.figure import Figure
+
+    def savefig(figure, path, **settings):
+        Path(path).write_text(EMPTY)
+
+    monkeypatch.setattr(Figure, "savefig", savefig)

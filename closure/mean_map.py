@@ -1,4 +1,4 @@
-"""The public entry of the closures: one call, three closures, one result."""
+"""The public entry of the closures: one call, four closures, one kind of result."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -26,7 +26,15 @@ Floats = NDArray[np.float64]
 
 
 class Closure(NamedTuple):
-    """How a closure is followed, and what refuses the scenes that it cannot take."""
+    """A closure: how it is evaluated, and for which scenes.
+
+    Attributes
+    ----------
+    trace : callable
+        ``trace(scene, impacts, order)``, returns a `Trace`.
+    check : callable
+        ``check(scene)``, raises InputError for a scene to which the closure does not apply.
+    """
 
     trace: Callable[[Scene, int, int], Trace]
     check: Callable[[Scene], None] = lambda scene: None
@@ -42,13 +50,21 @@ CLOSURES = {
 
 ORDERS = (2, 6)
 VELOCITIES = ("y1", "y2")
-
-
-MOST_IMPACTS = 100_000  # an impact takes some kilobytes; a long orbit is followed by rattle.closure.long_orbit
+MOST_IMPACTS = 100_000  # an impact takes some kilobytes; for longer orbits see rattle.closure.long_orbit
 
 
 class Breakdown(NamedTuple):
-    """The first impact at which a stage's moments belong to no distribution; stage 0 is the time of flight."""
+    """The first impact at which predicted moments are not realizable.
+
+    Attributes
+    ----------
+    impact : int
+        Its number.
+    stage : int
+        1 or 2; 0 if the mean flight time is negative.
+    reason : str
+        What fails.
+    """
 
     impact: int
     stage: int
@@ -57,14 +73,14 @@ class Breakdown(NamedTuple):
 
 @dataclass(frozen=True)
 class MeanMap:
-    """A closure followed through its impacts.
+    """Prediction of a closure, from `mean_map`.
 
     Attributes
     ----------
     scene, closure, impacts, order
-        What was asked.
+        Arguments of `mean_map`.
     trace : Trace
-        The arrays behind the tables.
+        The arrays behind the tables, in local time.
     """
 
     scene: Scene
@@ -75,27 +91,40 @@ class MeanMap:
 
     @cached_property
     def phase_reduced(self) -> "MeanMap":
-        """The same result for the scene begun at its phase (`Scene.near`): tau has all its digits, however late."""
+        """The same result for `Scene.phase_reduced`: tau is in local time, with full precision for a late start."""
         return self if self.scene.phase_reduced is self.scene else replace(self, scene=self.scene.phase_reduced)
 
     @property
     def stopped(self) -> str:
-        """Why the closure ended before the last impact asked for, or an empty string."""
+        """Why the closure ended before the last impact requested, or an empty string."""
         return self.trace.stopped
 
     @property
     def itinerary(self) -> tuple[int, ...]:
-        """``mesh * side`` of impacts 1, 2, ...: +1, -1, +2, -2, and 0 where the closure has ended."""
+        """``mesh * side`` of impacts 1, 2, ...: +1, -1, +2 or -2, and 0 where the closure has ended."""
         return tuple(int(m * s) for m, s in zip(self.trace.mesh[1:], self.trace.side[1:], strict=True))
 
     def stage_covariance(self, impact: int, stage: int) -> Floats:
-        """Covariance of displacement and velocity of a stage just before an impact, shape (2, 2)."""
+        """Covariance of displacement and velocity of a stage just before an impact.
+
+        Parameters
+        ----------
+        impact : int
+            Number of the impact; 0 is the start.
+        stage : {1, 2}
+            Which stage.
+
+        Returns
+        -------
+        ndarray, shape (2, 2)
+            NaN where the closure has none.
+        """
         j = 2 * (stage - 1)
         return self.trace.covariance[impact, j : j + 2, j : j + 2]
 
     @cached_property
     def breakdown(self) -> Breakdown | None:
-        """The first impact at which the moments are not realizable, or None; a mixture's covariances always are."""
+        """The first impact at which the moments are not realizable, or None; those of a mixture always are."""
         for k in range(1, self.trace.found + 1):
             for stage in self._stages if self.trace.parts is None else ():
                 judged = realizability(self.stage_covariance(k, stage))
@@ -111,9 +140,11 @@ class MeanMap:
         """Moments of the state just before impact 1, 2, ... (dimensionless); NaN where the closure predicts none.
 
         Columns: ``tau, flight, mesh, side, x1, y1, x2, y2``, ``sd_`` and ``skew_`` of each quantity, ``rho1, rho2``
-        (correlation of displacement and velocity perturbation of a stage) and ``realizable`` (a mean time of flight
-        below 0 is not); for ``branching`` also
-        ``agreement``, the share of paths expected on the orbit's itinerary so far, and ``lost``, the weight dropped.
+        (correlation of displacement and velocity perturbation of a stage) and ``realizable`` (false also for a negative
+        mean flight time); for ``branching`` also ``agreement``, the predicted share of paths that have followed the
+        orbit's itinerary so far, and ``discarded``, the probability discarded so far.  Moments are those of the state
+        that each path has just before its own k-th impact (a Poincaré section at the impacts); ``tau`` is in absolute
+        time.
         """
         t = self.trace
         columns: dict[str, object] = {
@@ -137,8 +168,8 @@ class MeanMap:
             for k in impacts
         ]
         table = pd.DataFrame(columns, index=pd.RangeIndex(1, self.impacts + 1, name="impact"))
-        if t.agreement is not None and t.lost is not None:
-            table["agreement"], table["lost"] = t.agreement[1:], t.lost[1:]
+        if t.agreement is not None and t.discarded is not None:
+            table["agreement"], table["discarded"] = t.agreement[1:], t.discarded[1:]
         if self.scene.stages == 1:
             table[["x2", "y2", "sd_x2", "sd_y2", "skew_x2", "skew_y2", "rho2"]] = np.nan
         return table
@@ -148,18 +179,27 @@ class MeanMap:
         return range(1, self.scene.stages + 1)
 
     def at_times(self, times: Sequence[float] | Floats) -> pd.DataFrame:
-        """Means, covariances and ``rho1, rho2`` at fixed times between the start and the last impact.
+        """Means, covariances and ``rho1, rho2`` of the state at fixed times between the start and the last impact.
 
-        Columns: ``x1, y1, x2, y2``, ``cov_x1_x1, cov_x1_y1, ...`` and ``rho1, rho2``; index ``time``.
+        Parameters
+        ----------
+        times : sequence of float
+            Absolute times.
+
+        Returns
+        -------
+        DataFrame
+            Index ``time``; columns ``x1, y1, x2, y2``, ``cov_x1_x1, cov_x1_y1, ...`` and ``rho1, rho2``.  NaN for
+            ``branching``, which has no moments at fixed times.
 
         Raises
         ------
         InputError
-            If a time lies outside what was followed.
+            If a time lies outside the times followed.
         """
         low, high = self.trace.span
         rows = []
-        for time in _listed(times):
+        for time in _as_list(times):
             if not low <= self.scene.to_local_time(time) <= high:
                 followed = f"{self.scene.to_absolute_time(low):g} to {self.scene.to_absolute_time(high):g}"
                 raise InputError("times", time, f"lies outside the times followed, {followed}")
@@ -170,11 +210,29 @@ class MeanMap:
         return pd.DataFrame(rows, index=index, columns=columns, dtype=float)
 
     def density(self, impact: int, quantity: str, values: Floats) -> Floats | None:
-        """Density that the closure gives to a section quantity at an impact; None where it gives none.
+        """Density that the closure predicts for a section quantity at an impact.
 
-        Around the closure's mean, with its sd and skewness; ``published`` gives a velocity the marginal of its
-        bivariate series, for it speaks of raw moments; ``branching`` has its mixture.  Values of tau are counted
-        from the start's phase (`Scene.phase`).
+        From the mean, sd and skewness.  ``branching`` has the density of its mixture, and ``published`` the velocity
+        marginals of its bivariate Edgeworth series, around its mean.
+
+        Parameters
+        ----------
+        impact : int
+            Number of the impact, from 1 on.
+        quantity : str
+            One of ``tau, flight, x1, y1, x2, y2``.
+        values : ndarray
+            Where to evaluate it; tau in local time (`Scene.phase`).
+
+        Returns
+        -------
+        ndarray or None
+            Density at `values`; None where the closure predicts none.
+
+        Raises
+        ------
+        InputError
+            For an unknown quantity or an impact that was not requested.
         """
         i = SECTION.index(choice("quantity", quantity, SECTION))
         count("impact", impact, least=1, most=self.impacts)
@@ -202,6 +260,18 @@ class MeanMap:
     def edgeworth(self, impact: int, stage: int) -> Edgeworth:
         """Edgeworth series of a stage's perturbation just before an impact (Eqs. 18, 19).
 
+        Parameters
+        ----------
+        impact : int
+            Number of the impact, from 1 on.
+        stage : {1, 2}
+            Which stage.
+
+        Returns
+        -------
+        Edgeworth
+            Coefficients and standard deviations.
+
         Raises
         ------
         InputError
@@ -216,7 +286,7 @@ class MeanMap:
         return Edgeworth(coefficients(raw, sd_x, sd_y), sd_x, sd_y)
 
 
-def _listed(times: Sequence[float] | Floats) -> list[float]:
+def _as_list(times: Sequence[float] | Floats) -> list[float]:
     try:
         return list(np.asarray(times, dtype=float).tolist())
     except (TypeError, ValueError, OverflowError):
@@ -224,7 +294,7 @@ def _listed(times: Sequence[float] | Floats) -> list[float]:
 
 
 def fixed_row(mean: Floats, covariance: Floats) -> dict[str, float]:
-    """One row of a table at fixed times, in the column order that both sides share."""
+    """One row of a table of moments at fixed times, with the columns that closures and simulation share."""
     row = {name: float(mean[i]) for i, name in enumerate(STATE)}
     for i, a in enumerate(STATE):
         for j in range(i, 4):
@@ -245,20 +315,22 @@ def mean_map(scene: Scene, *, impacts: int = 12, closure: str = "saltation", ord
     impacts : int
         How many impacts after the start.
     closure : {"saltation", "branching", "corrected", "published"}
-        Which closure (docs/model.md section 6).  ``saltation`` is right for small noise,
-        ``branching`` follows the itineraries that larger noise parts; it predicts section moments and itineraries only.
+        Which closure (docs/model.md section 6).  ``saltation`` is asymptotically exact for small noise.  ``branching``
+        is a mixture over the different itineraries that paths take under larger noise; it predicts section moments and
+        shares of itineraries only.
     order : int
-        Highest order of moments that the Edgeworth series carries, 2 to 6.  ``saltation`` stays with first-order
-        means and sds at order 2, and adds mean shifts and skewness from order 3 on.
+        Highest order of the moments in the Edgeworth series, 2 to 6.  ``saltation`` has first-order means and sds at
+        order 2, and adds mean shifts and skewness from order 3 on.
 
     Returns
     -------
     MeanMap
+        The prediction.
 
     Raises
     ------
     InputError
-        For an unknown closure or an order out of range; names the valid ones.
+        For an unknown closure, an order out of range, or a scene to which the closure does not apply.
 
     Examples
     --------
@@ -277,7 +349,17 @@ def mean_map(scene: Scene, *, impacts: int = 12, closure: str = "saltation", ord
 
 
 def refusals(scene: Scene) -> dict[str, str]:
-    """Why closures cannot take a scene, by name; a closure that can has no entry.
+    """The closures that do not apply to a scene, and why.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled.
+
+    Returns
+    -------
+    dict of str to str
+        Reason by name of the closure; empty if all apply.
 
     Examples
     --------
@@ -295,7 +377,17 @@ def refusals(scene: Scene) -> dict[str, str]:
 
 
 def closures_for(scene: Scene) -> tuple[str, ...]:
-    """The closures that can take a scene.
+    """The closures that apply to a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled.
+
+    Returns
+    -------
+    tuple of str
+        Their names.
 
     Examples
     --------

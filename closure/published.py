@@ -1,13 +1,12 @@
-"""The paper's mean map as it stands: Eqs. 10, 14-17, 20-22 with only their misprints corrected (docs/model.md section
-9).
+"""The paper's mean map as it stands: Eqs. 10, 14-17, 20-22 with misprints corrected only (docs/model.md section 9).
 
-What is kept although it is wrong: the moments of both stages follow the mesh-2 rules (15) and (17) at every
-impact, with ``-eps m_np`` where ``(-eps)^p m_np`` belongs; the noise of Eq. 14 is not modulated; the flight
-after every impact is the one after a mesh-1 impact; the next impact is where ``E[x_i]`` has changed its sign
-(counter meshes); the ``y_2`` line of Eq. 22; ``+psi_0`` in the fourth-order term of A and C.
+Errors of the paper that are kept: the moments of both stages follow the mesh-2 rules (15) and (17) at every impact,
+with ``-eps m_np`` where ``(-eps)^p m_np`` is right; the noise of Eq. 14 is not modulated; the flight after every impact
+is the one after a mesh-1 impact; the next impact is where ``E[x_i]`` has changed its sign (counter meshes); the ``y_2``
+line of Eq. 22; ``+psi_0`` in the fourth-order term of A and C.
 
-Choices where the paper is silent: ``B_k`` and ``D_k`` go with the standard deviations of impact k; a stage whose
-variance is not positive has no window mean, so its shift is left out and the map goes on.
+Choices where the paper is silent: ``B_k`` and ``D_k`` go with the standard deviations of impact k; the shift of a stage
+whose variance is not positive is left out, and the map goes on.
 """
 
 import numpy as np
@@ -24,8 +23,8 @@ from rattle.scene.scene import Constants, Scene
 
 __all__ = ["check", "trace"]
 
-SCAN = 0.05  # time between two looks for a counter mesh; E[x_i] moves about a tenth of a gap in it
-LONGEST = 20.0  # a flight without a counter mesh by then ends the map
+SCAN = 0.05  # time step of the search for a counter mesh; E[x_i] moves about a tenth of a gap in it
+LONGEST = 20.0  # longest flight; the map ends if there is no counter mesh in it
 Windows = tuple[float, float]
 
 
@@ -39,7 +38,7 @@ def _published_shift(raw: Floats, x: float, half_window: float) -> tuple[float, 
     a = coefficients(raw, sd_x, sd_y)
     low, high = -half_window - x, half_window - x
     shift_x, shift_y = window_means(a, sd_x, sd_y, low, high)
-    if raw.shape[0] > 4:  # A and C print psi_4 - 2 psi_2 + psi_0 where the integral has - psi_0
+    if raw.shape[0] > 4:  # A and C in the paper have psi_4 - 2 psi_2 + psi_0; the integral has - psi_0
         shift_x += 2.0 * sd_x * a[4, 0] * (normal_density(low / sd_x) - normal_density(high / sd_x))
     return shift_x, shift_y
 
@@ -108,7 +107,7 @@ def _counter_mesh(
             if not f_low * f_high <= 0.0:
                 continue
             low, high = earlier, later
-            for _ in range(60):  # regula falsi, Illinois
+            for _ in range(60):  # regula falsi (Illinois variant)
                 t = (low * f_high - high * f_low) / (f_high - f_low)
                 f = _in_flight(c, tau, mean, shift, raw, t, windows)[0][2 * i] + mean[2 * i]
                 if f * f_high < 0.0:
@@ -130,6 +129,7 @@ def _counter_mesh(
 def _iterate(
     c: Constants, tau: float, start: Floats, impacts: int, windows: Windows, order: int
 ) -> tuple[int, Floats, Ints, Floats, Floats, Floats, Floats]:
+    """Iterate the map; returns how many impacts were found, times, meshes, means, shifts, raw moments before, after."""
     taus = np.full(impacts + 1, np.nan)
     meshes = np.zeros(impacts + 1, np.int64)
     means = np.full((impacts + 1, 4), np.nan)
@@ -154,7 +154,7 @@ def _iterate(
 
 
 def _covariance(raw: Floats) -> Floats:
-    """Second moments of both stages as a 4 x 4; the published closure has none across the stages."""
+    """Second moments of both stages as a 4 x 4 matrix; NaN across the stages, which the published closure leaves out."""
     out = np.full((*raw.shape[:-3], 4, 4), np.nan)
     for i in (0, 1):
         j = 2 * i
@@ -164,11 +164,17 @@ def _covariance(raw: Floats) -> Floats:
 
 
 def check(scene: Scene) -> None:
-    """Refuse a scene that does not start with an impact at mesh 1: Eq. 10 knows no other.
+    """Refuse a scene that does not start with an impact at mesh 1, the only start that Eq. 10 covers.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled.
 
     Raises
     ------
     InputError
+        For any other start.
     """
     if scene.start.mesh != 1:
         raise InputError(
@@ -179,7 +185,22 @@ def check(scene: Scene) -> None:
 
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
-    """Follow the published mean map through `impacts` impacts."""
+    """Follow the published mean map.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled; it starts at mesh 1.
+    impacts : int
+        Impacts after the start.
+    order : int
+        Highest order of the raw moments.
+
+    Returns
+    -------
+    Trace
+        Without sds of tau and flight.
+    """
     c, windows = scene.constants, scene.windows
     start = np.array(scene.start_state)
     found, tau, mesh, mean, shift, raw, after = _iterate(c, scene.phase, start, impacts, windows, order)

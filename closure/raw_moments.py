@@ -1,9 +1,8 @@
-"""Raw moments ``E[xi^n zeta^p]`` of one stage, carried through a flight in closed form (Eqs. 14, 16).
+"""Raw moments ``E[xi^n zeta^p]`` of one stage, propagated through a flight in closed form (Eqs. 14, 16).
 
-A flight maps ``(xi, zeta)`` to ``(xi + E zeta + w_1, exp(-beta t) zeta + w_2)`` with ``w`` an independent
-Gaussian.  The moment equations are linear and close at every order, so their solution is the
-binomial expansion of that map, also for moments that no distribution has: that is how the printed
-closure can be followed beyond its own breakdown.
+A flight maps ``(xi, zeta)`` to ``(xi + E zeta + w_1, exp(-beta t) zeta + w_2)`` with ``w`` an independent Gaussian.
+The moment equations are linear and close at every order, so their solution is the binomial expansion of that map.  This
+holds also for moments that are not realizable: so the published closure can be followed beyond its breakdown.
 """
 
 from math import comb
@@ -25,12 +24,19 @@ BINOMIAL = np.array([[comb(n, k) for k in range(7)] for n in range(7)], dtype=fl
 
 @jit
 def stage_raw_moments(covariance: Floats, order: int) -> Floats:
-    """Raw moments of both stages of Gaussian perturbations, shape (count, 2, order + 1, order + 1).
+    """Raw moments of both stages of Gaussian perturbations.
 
     Parameters
     ----------
     covariance : ndarray, shape (count, 4, 4)
         Of ``(xi_1, zeta_1, xi_2, zeta_2)``.
+    order : int
+        Highest order.
+
+    Returns
+    -------
+    ndarray, shape (count, 2, order + 1, order + 1)
+        ``E[xi^n zeta^p]`` of each stage.
     """
     raw = np.empty((len(covariance), 2, order + 1, order + 1))
     for k in range(len(covariance)):
@@ -43,12 +49,23 @@ def stage_raw_moments(covariance: Floats, order: int) -> Floats:
 
 @jit
 def after_flight(raw: Floats, beta: float, t: float, q: Floats) -> Floats:
-    """Raw moments after a flight of time `t`, from those before it and the noise covariance `q` (2 x 2).
+    """Raw moments after a flight.
 
     Parameters
     ----------
     raw : ndarray, shape (order + 1, order + 1)
-        ``E[xi^n zeta^p]``; entries with ``n + p > order`` are ignored.
+        ``E[xi^n zeta^p]`` before it; entries with ``n + p > order`` are ignored.
+    beta : float
+        Damping ratio.
+    t : float
+        Flight time.
+    q : ndarray, shape (2, 2)
+        Covariance of the noise of the flight.
+
+    Returns
+    -------
+    ndarray, shape (order + 1, order + 1)
+        The same after it.
 
     Examples
     --------
@@ -58,24 +75,39 @@ def after_flight(raw: Floats, beta: float, t: float, q: Floats) -> Floats:
     """
     order = raw.shape[0] - 1
     e, d = phi1(beta, t), decay(beta, t)
-    turned_raw = np.zeros_like(raw)
+    flown = np.zeros_like(raw)
     for n in range(order + 1):
         for p in range(order + 1 - n):
             for k in range(n + 1):
-                turned_raw[n, p] += BINOMIAL[n, k] * e**k * d**p * raw[n - k, p + k]
+                flown[n, p] += BINOMIAL[n, k] * e**k * d**p * raw[n - k, p + k]
     noise = gaussian_raw_moments(q[0, 0], q[0, 1], q[1, 1], order)
     out = np.zeros_like(raw)
     for n in range(order + 1):
         for p in range(order + 1 - n):
             for i in range(n + 1):
                 for j in range(p + 1):
-                    out[n, p] += BINOMIAL[n, i] * BINOMIAL[p, j] * turned_raw[i, j] * noise[n - i, p - j]
+                    out[n, p] += BINOMIAL[n, i] * BINOMIAL[p, j] * flown[i, j] * noise[n - i, p - j]
     return out
 
 
 @jit
 def unmodulated_covariance(beta: float, sigma: float, t: float) -> Floats:
-    """Noise covariance of a flight if the noise on the velocity were not modulated, as Eq. 14 prints it; (2, 2)."""
+    """Noise covariance of a flight if the noise on the velocity were not modulated, as in Eq. 14.
+
+    Parameters
+    ----------
+    beta : float
+        Damping ratio.
+    sigma : float
+        Noise intensity.
+    t : float
+        Flight time.
+
+    Returns
+    -------
+    ndarray, shape (2, 2)
+        Of displacement and velocity.
+    """
     q = np.zeros((2, 2))
     panel = min(PANEL, 2.0 / beta) if beta > 0.0 else PANEL
     lag = 0.0

@@ -1,9 +1,10 @@
-"""The closure that is right to first order, and its second order: a Markov step from section to section.
+"""The saltation closure: first order in the noise, exactly, and its second-order corrections.
 
-A perturbed path meets the wall at another instant than the orbit.  So the state that is followed is the one that each
-path has at its own k-th impact.  Its covariance is carried by the derivative of the section map; at fixed times
-that is the saltation matrix ``Xi = R + (F+ - R F-) g' / (g' F-)`` (docs/model.md section 6).  From order 3 on, the
-second derivatives add the mean shift, an O(sigma^2) effect, and the third cumulants.
+A perturbed path meets the wall at another time than the orbit.  So the state that is propagated is the one that each
+path has at its own k-th impact (the section state).  Its covariance is propagated by the derivative of the map from
+section to section; at fixed times that is the saltation matrix ``Xi = R + (F+ - R F-) g' / (g' F-)`` (docs/model.md
+section 6).  From order 3 on, the second derivatives add the shift of the mean, an O(sigma^2) effect, and the third
+cumulants.
 """
 
 import numpy as np
@@ -22,20 +23,19 @@ from rattle.scene.scene import Constants, Scene
 
 __all__ = ["trace"]
 
-SLOWEST = (
-    1e-6  # impact speed, in units of what drives and starts it, below which the orbit grazes: no derivatives there
-)
+SLOWEST = 1e-6
+"""Impact speed, relative to excitation, drag and initial speeds, below which an impact is a graze without derivative."""
 
 
 @jit
-def _carry(
+def _propagate(
     c: Constants, tau: Floats, mesh: Ints, side: Ints, before: Floats, after: Floats, found: int,
     start: Floats, variance: Floats, redraw: bool, second: bool,
 ) -> tuple[int, Floats, Floats, Floats, Floats, Floats]:  # fmt: skip
-    """Shift, sd and skewness of the section quantities, and the covariance of the state before and after each impact.
+    """Mean shift, sd and skewness of the section quantities, and covariance of the section state before and after.
 
-    `start` is the covariance after the start's impact; its size says whether flanks vary.  `variance` is that of the
-    flanks.
+    `start` is the covariance of the section state after the start; its size tells whether flanks vary.  `variance` is
+    that of the flanks' deviations, `redraw` whether impacts draw them anew, `second` whether to go to second order.
     """
     count, d = tau.size, start.shape[0]
     shift = np.full((count, 6), np.nan)
@@ -56,12 +56,12 @@ def _carry(
         q = noise_covariance(c, tau[k - 1], t)
         p = covariance[k - 1]
         linear = block(first, d, 0, d)
-        carried, kicked = congruence(linear, p), congruence(block(first, d, d, d + 4), q)
+        flown, noise = congruence(linear, p), congruence(block(first, d, d, d + 4), q)
         for i in range(d):
             for j in range(d):
-                section[k, i, j] = carried[i, j] + kicked[i, j]
-        together = (linear @ p)[0, 0]  # cov(tau_k, tau_k-1)
-        spread = section[k, 0, 0] + p[0, 0] - 2.0 * together
+                section[k, i, j] = flown[i, j] + noise[i, j]
+        cross = (linear @ p)[0, 0]  # cov(tau_k, tau_k-1)
+        spread = section[k, 0, 0] + p[0, 0] - 2.0 * cross  # variance of the flight time
         for i in range(5):
             sd[k, i if i == 0 else i + 1] = np.sqrt(max(section[k, i, i], 0.0))
         sd[k, 1] = np.sqrt(max(spread, 0.0))
@@ -82,15 +82,15 @@ def _carry(
         hit = hit_matrix(c, mesh[k], d)
         put(covariance[k], congruence(hit, section[k]))
         moved = hit @ moved
-        turned_third = np.zeros((d, d, d))
+        third_after = np.zeros((d, d, d))  # third cumulants after the impact
         for a in range(d):
-            phi1 = congruence(hit, third[a])
+            mapped = congruence(hit, third[a])
             for i in range(d):
                 if hit[i, a] != 0.0:
                     for m in range(d):
                         for n in range(d):
-                            turned_third[i, m, n] += hit[i, a] * phi1[m, n]
-        third = turned_third
+                            third_after[i, m, n] += hit[i, a] * mapped[m, n]
+        third = third_after
         if redraw:
             flank = column(mesh[k], -side[k])
             forget(flank, moved, covariance[k])
@@ -102,12 +102,27 @@ def _carry(
 
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
-    """Follow the saltation closure through `impacts` impacts; second order from `order` 3 on."""
+    """Follow the saltation closure; to second order from `order` 3 on.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled.
+    impacts : int
+        Impacts after the start.
+    order : int
+        Highest order of the raw moments.
+
+    Returns
+    -------
+    Trace
+        Up to the orbit's first sticking phase or grazing impact at most.
+    """
     c, orbit = scene.constants, follow(scene, impacts).until_sticking
     tolerance = random_tolerance(scene)
     variance = np.zeros(4) if tolerance is None else np.repeat(tolerance.variances, 2)
     redraw = tolerance is not None and tolerance.draw == "contact"
-    found, shift, sd, skew, section, after = _carry(
+    found, shift, sd, skew, section, after = _propagate(
         c, orbit.tau, orbit.mesh, orbit.side, orbit.before, orbit.after, orbit.found,
         start_covariance(scene), variance, redraw, order >= 3,
     )  # fmt: skip
@@ -125,8 +140,8 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
         k = int(np.searchsorted(orbit.tau[: found + 1], time, side="right")) - 1
         rate = field(c, orbit.tau[k], orbit.after[k, 1], orbit.after[k, 3])
         t = time - orbit.tau[k]
-        carried = _at_one_time(rate, after[k, :5, :5], jacobian(c, t))
-        return orbit.state(time), carried + noise_covariance(c, orbit.tau[k], t)
+        flown = _at_one_time(rate, after[k, :5, :5], jacobian(c, t))
+        return orbit.state(time), flown + noise_covariance(c, orbit.tau[k], t)
 
     mesh, side = orbit.mesh.copy(), orbit.side.copy()
     mesh[found + 1 :], side[found + 1 :] = 0, 0
@@ -134,7 +149,7 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
 
 
 def _at_one_time(rate: Floats, section: Floats, flown: Floats) -> Floats:
-    """Covariance of the state at one instant, ``xi = delta s - F delta tau`` carried by a flight, shape (4, 4)."""
+    """Covariance of the state at one time: ``xi = delta s - F delta tau`` propagated by a flight, shape (4, 4)."""
     fixed = flown @ np.concatenate([-rate[:, None], np.eye(4)], axis=1)
     sd = np.sqrt(np.maximum(np.diagonal(section), 0.0))
     return semidefinite(fixed @ section @ fixed.T, np.abs(flown) @ (sd[1:] + np.abs(rate) * sd[0]))

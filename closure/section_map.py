@@ -1,14 +1,14 @@
-"""The flight as a map from a path's own impact to its own next one, its derivatives, and the third cumulants it makes.
+"""The map from a path's own impact to its own next one, its derivatives, and the third cumulants that it produces.
 
-The state at the k-th impact is ``s = (tau, x1, y1, x2, y2)``, with the deviations of the flanks as further columns
-where they vary.  ``s' = H(s, n)``: let the path fly for the orbit's flight time, add the flight's noise
-``n ~ N(0, Q)``, and go on (or back) without noise to the path's own wall.
+The section state at the k-th impact is ``s = (tau, x1, y1, x2, y2)``, followed by the deviations of the flanks where
+they vary.  ``s' = H(s, n)``: let the path fly for the orbit's flight time, add the flight's noise ``n ~ N(0, Q)``, and
+continue (or go back) without noise to the path's own wall.
 
-Besides the second derivatives of H, two things enter the third cumulants at the same order.  Q depends on the path's
-own tau_k.  And the noise between the orbit's flight time and the path's own (a time delta, of either sign) is missing
-from n: by the Fokker-Planck equation it changes the density on the section by ``delta sigma^2 (m d)^2 / 2`` of itself,
-m the noise's modulation.  That adds ``sigma^2 m_i m_j cov(delta, s_l)`` and its permutations to the third cumulants,
-and nothing to the mean or the covariance.
+Besides the second derivatives of H, two effects enter the third cumulants at the same order.  First, Q depends on the
+path's own tau_k.  Second, the noise between the orbit's flight time and the path's own (a time delta, of either sign)
+is missing from n.  By the Fokker-Planck equation it changes the density on the section by the relative amount
+``delta sigma^2 (m d)^2 / 2``, m the modulation of the noise and d the gradient.  That adds
+``sigma^2 m_i m_j cov(delta, s_l)`` and its permutations to the third cumulants, and nothing to the mean or covariance.
 """
 
 import math
@@ -33,12 +33,14 @@ def derivatives(
 ) -> tuple[Floats, Floats]:
     """First and second derivatives of the section map with respect to ``(s, n)``, exact.
 
-    The flight is linear but for the phase of its start; only where it ends is bent.
+    The flight is linear except in the phase of its start; the other nonlinearity is the time at which it ends.
 
     Parameters
     ----------
+    c : Constants
+        The scene.
     mesh, side : int
-        The wall that is struck.
+        The mesh and flank that are struck.
     tau, after : float, ndarray of shape (4,)
         Time of the last impact and the orbit's state after it.
     t, before : float, ndarray of shape (4,)
@@ -49,7 +51,9 @@ def derivatives(
     Returns
     -------
     first : ndarray, shape (d, d + 4)
+        Jacobian.
     second : ndarray, shape (5, d + 4, d + 4)
+        Hessians of ``tau, x1, y1, x2, y2``.
     """
     size = d + 4
     i = 0 if mesh == 1 else 2
@@ -58,7 +62,7 @@ def derivatives(
     rate = field(c, tau + t, before[1], before[3])
     explicit = field_rate(c, tau + t)
     bend = a @ rate + explicit  # second time derivative along the flight
-    flown = np.zeros((4, size))  # derivative of the state after a flight of t, noise added
+    flown = np.zeros((4, size))  # derivative of the state after a flight of time t, noise added
     begun, first_rate = j @ field(c, tau, after[1], after[3]), np.zeros(4)
     for k in range(4):
         first_rate[k] = flown[k, 0] = rate[k] - begun[k]
@@ -66,7 +70,7 @@ def derivatives(
         for m in range(4):
             flown[k, 1 + m] = j[k, m]
     flank = column(mesh, side)
-    late = np.zeros(size)  # derivative of the time that is left to the wall
+    late = np.zeros(size)  # derivative of the remaining time to the wall
     for m in range(size):
         late[m] = -flown[i, m] / y
     if d > 5:
@@ -75,7 +79,7 @@ def derivatives(
     for m in range(size):
         first[0, m] = late[m]
         for k in range(4):
-            if k != i:  # on its wall, exactly
+            if k != i:  # the struck displacement is on its wall: derivative 0
                 first[1 + k, m] = flown[k, m] + rate[k] * late[m]
     first[0, 0] += 1.0
     for k in range(5, d):
@@ -104,9 +108,21 @@ def derivatives(
 
 @jit
 def noise_slope(c: Constants, tau: float, t: float) -> Floats:
-    """Derivative of the covariance of a flight's noise with respect to the time of its start, shape (4, 4).
+    """Derivative of the covariance of a flight's noise with respect to the time of its start.
 
-    That covariance is ``A + B cos 2 tau + C sin 2 tau``, so an eighth of a period to either side gives it exactly.
+    That covariance is ``A + B cos 2 tau + C sin 2 tau``, so a difference over a quarter of a period gives it exactly.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    tau, t : float
+        Start and time of the flight.
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        ``d Q / d tau``.
     """
     eighth = 0.25 * math.pi
     return noise_covariance(c, tau + eighth, t) - noise_covariance(c, tau - eighth, t)
@@ -116,9 +132,27 @@ def noise_slope(c: Constants, tau: float, t: float) -> Floats:
 def third_cumulants(
     c: Constants, tau: float, first: Floats, hessian: Floats, p: Floats, q: Floats, slope: Floats, third: Floats
 ) -> Floats:
-    """Third cumulants of the next section state, shape (d, d, d); see the module's docstring.
+    """Third cumulants of the next section state; see the module's docstring.
 
-    `tau` is the time of the next impact, `slope` that of the noise's covariance (`noise_slope`).
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    tau : float
+        Time of the next impact of the orbit.
+    first, hessian : ndarray, shapes (d, d + 4) and (5, d + 4, d + 4)
+        From `derivatives`.
+    p, q : ndarray, shapes (d, d) and (4, 4)
+        Covariances of the last section state and of the flight's noise.
+    slope : ndarray, shape (4, 4)
+        From `noise_slope`.
+    third : ndarray, shape (d, d, d)
+        Third cumulants of the last section state.
+
+    Returns
+    -------
+    ndarray, shape (d, d, d)
+        Third cumulants just before the next impact.
     """
     d = p.shape[0]
     size = d + 4
@@ -136,14 +170,14 @@ def third_cumulants(
     kick[2] = c.sigma * m1
     if c.stages == 2:
         kick[4] = c.sigma * m2
-    bent = np.zeros((d, d, d))  # bent[l, i, j]: the quadratic part is in component l
+    bent = np.zeros((d, d, d))  # bent[l, i, j]: contribution of the quadratic part of component l
     for k in range(5):
         put(bent[k], congruence(reach, hessian[k]))
     out = np.zeros((d, d, d))
-    carried = np.zeros((d, d, d))
+    mapped = np.zeros((d, d, d))
     linear = block(first, d, 0, d)
     for a in range(d):
-        put(carried[a], congruence(linear, third[a]))
+        put(mapped[a], congruence(linear, third[a]))
     for i in range(d):
         for j in range(d):
             for k in range(d):
@@ -151,16 +185,33 @@ def third_cumulants(
                 total += varied[i, j] * reach[k, 0] + varied[i, k] * reach[j, 0] + varied[j, k] * reach[i, 0]
                 total += kick[i] * kick[j] * late[k] + kick[i] * kick[k] * late[j] + kick[j] * kick[k] * late[i]
                 for a in range(d):
-                    total += linear[i, a] * carried[a, j, k]
+                    total += linear[i, a] * mapped[a, j, k]
                 out[i, j, k] = total
     return out
 
 
 @spliced
 def flight_third_cumulant(first: Floats, hessian: Floats, p: Floats, q: Floats, slope: Floats, third: Floats) -> float:
-    """Third cumulant of the flight time, which is the next tau less the last one: what is bent is the next tau alone.
+    """Third cumulant of the flight time, the difference of the next tau and the last one.
 
-    The noise beyond the orbit's flight time is no part of it, for that kicks velocities.
+    Only the next tau is nonlinear.  The noise beyond the orbit's flight time does not enter, because it acts on
+    velocities.
+
+    Parameters
+    ----------
+    first, hessian : ndarray, shapes (d, d + 4) and (5, d + 4, d + 4)
+        From `derivatives`.
+    p, q : ndarray, shapes (d, d) and (4, 4)
+        Covariances of the last section state and of the flight's noise.
+    slope : ndarray, shape (4, 4)
+        From `noise_slope`.
+    third : ndarray, shape (d, d, d)
+        Third cumulants of the last section state.
+
+    Returns
+    -------
+    float
+        Third cumulant.
     """
     d = p.shape[0]
     own = first[0].copy()  # derivative of the flight time with respect to (s, n)

@@ -1,7 +1,7 @@
-"""Vectors and blocks of small matrices, in loops: what array expressions would say, compiled in a fraction of the time.
+"""Operations on vectors and blocks of small matrices as explicit loops, which compile much faster than array expressions.
 
-A slice that compiled code assigns an array to brings numpy's broadcasting along, messages included, and an expression
-in arrays brings its iterators.  LLVM optimises them again in every caller of the function they stand in.
+Assigning an array to a slice in compiled code brings in numpy's broadcasting and its error messages, and an array
+expression brings in iterators.  LLVM optimises these again in every caller.
 """
 
 import math
@@ -18,7 +18,14 @@ __all__ = ["beyond", "block", "congruence", "hit_matrix", "inner", "norm", "put"
 
 @jit
 def put_row(to: Floats, values: Floats) -> None:
-    """Write a vector into another one.
+    """Copy a vector into another one.
+
+    Parameters
+    ----------
+    to : ndarray, shape (n,)
+        Overwritten.
+    values : ndarray, shape (n,)
+        The vector.
 
     Examples
     --------
@@ -33,7 +40,16 @@ def put_row(to: Floats, values: Floats) -> None:
 
 @jit
 def put_scaled(to: Floats, values: Floats, divisor: float) -> None:
-    """Write a vector, divided by a number, into another one or into itself.
+    """Copy a vector, divided by a number, into another one or into itself.
+
+    Parameters
+    ----------
+    to : ndarray, shape (n,)
+        Overwritten.
+    values : ndarray, shape (n,)
+        The vector.
+    divisor : float
+        The number.
 
     Examples
     --------
@@ -48,7 +64,14 @@ def put_scaled(to: Floats, values: Floats, divisor: float) -> None:
 
 @jit
 def put(to: Floats, values: Floats) -> None:
-    """Write a matrix into another one, or into a block of one.
+    """Copy a matrix into another one, or into a block of one.
+
+    Parameters
+    ----------
+    to : ndarray, shape (m, n)
+        Overwritten.
+    values : ndarray, shape (m, n)
+        The matrix.
 
     Examples
     --------
@@ -64,7 +87,21 @@ def put(to: Floats, values: Floats) -> None:
 
 @jit
 def beyond(centre: Floats, step: float, direction: Floats) -> Floats:
-    """A point so many steps from another one, ``x + h v``.
+    """``x + h v``: a point a number of steps away from another one.
+
+    Parameters
+    ----------
+    centre : ndarray, shape (n,)
+        The point x.
+    step : float
+        The number of steps h.
+    direction : ndarray, shape (n,)
+        The step v.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        A new vector.
 
     Examples
     --------
@@ -79,7 +116,17 @@ def beyond(centre: Floats, step: float, direction: Floats) -> Floats:
 
 @jit
 def norm(v: Floats) -> float:
-    """Euclidean norm, summed in order.
+    """Euclidean norm, summed in order of the components.
+
+    Parameters
+    ----------
+    v : ndarray, shape (n,)
+        The vector.
+
+    Returns
+    -------
+    float
+        Its length.
 
     Examples
     --------
@@ -94,7 +141,21 @@ def norm(v: Floats) -> float:
 
 @jit
 def block(matrix: Floats, rows: int, first: int, last: int) -> Floats:
-    """Copy of the first so many rows, columns `first` up to `last`.
+    """Copy of a block of a matrix.
+
+    Parameters
+    ----------
+    matrix : ndarray
+        The matrix.
+    rows : int
+        Number of rows, from the first on.
+    first, last : int
+        Columns from `first` up to, but not including, `last`.
+
+    Returns
+    -------
+    ndarray, shape (rows, last - first)
+        A new matrix.
 
     Examples
     --------
@@ -110,7 +171,19 @@ def block(matrix: Floats, rows: int, first: int, last: int) -> Floats:
 
 @jit
 def congruence(turn: Floats, form: Floats) -> Floats:
-    """``T A T'``: a covariance A under a linear map T.
+    """``T A T'``, the covariance A after a linear map T.
+
+    Parameters
+    ----------
+    turn : ndarray, shape (m, n)
+        The linear map T.
+    form : ndarray, shape (n, n)
+        The covariance A.
+
+    Returns
+    -------
+    ndarray, shape (m, m)
+        A new matrix.
 
     Examples
     --------
@@ -122,7 +195,21 @@ def congruence(turn: Floats, form: Floats) -> Floats:
 
 @jit
 def inner(matrix: Floats, other: Floats, first: int) -> float:
-    """Sum of the products of entries: of all of `other` with those of `matrix` from row and column `first` on.
+    """Sum of the products of corresponding entries of a matrix and of a block of another one.
+
+    Parameters
+    ----------
+    matrix : ndarray
+        Its block begins at row and column `first`.
+    other : ndarray, shape (m, n)
+        Of the size of the block.
+    first : int
+        First row and column of the block.
+
+    Returns
+    -------
+    float
+        The Frobenius inner product.
 
     Examples
     --------
@@ -138,7 +225,21 @@ def inner(matrix: Floats, other: Floats, first: int) -> float:
 
 @jit
 def hit_matrix(c: Constants, mesh: int, d: int) -> Floats:
-    """The contact law on the d section quantities ``(tau, x1, y1, x2, y2, ...)``, shape (d, d).
+    """The restitution map on the section state ``(tau, x1, y1, x2, y2, ...)``.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    mesh : {1, 2}
+        Mesh that is struck.
+    d : int
+        Size of the section state, 5 or 9.
+
+    Returns
+    -------
+    ndarray, shape (d, d)
+        It leaves tau and the flanks unchanged.
 
     Examples
     --------

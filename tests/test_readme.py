@@ -96,6 +96,7 @@ def test_every_toml_example_is_read_whole(number):
     assert not [why for p in study.points for why in p.reasons.values()]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_study_in_it_runs_to_the_end(tmp_path):
     (text,) = (t for t in TOML if "[study]" in t)
     file = tmp_path / "study.toml"
@@ -105,6 +106,7 @@ def test_the_study_in_it_runs_to_the_end(tmp_path):
     assert "cannot be computed" not in found.output
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_every_shell_example_runs_or_says_why_not(tmp_path, monkeypatch):
     """In the order of the README, but that what is shown or repeated is there before."""
     for name in ("noise", "restitution"):

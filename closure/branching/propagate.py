@@ -15,13 +15,13 @@ from rattle.scene.compiled import jit, spliced
 from rattle.scene.flight import field, jacobian
 from rattle.scene.scene import Constants
 
-__all__ = ["Landing", "propagate"]
+__all__ = ["Image", "propagate"]
 
 STRAIGHT = 0.1  # second-order sd, as a share of the first-order one, from which two points replace the expansion
 GRAZE = 2.0  # slowest impact that derivatives are taken at, in speeds that the spread of a Gaussian makes at a graze
 
 
-class Landing(NamedTuple):
+class Image(NamedTuple):
     """Gaussians of the section state just before the next event, its code the label; mean and variance of flights."""
 
     section: Mixture
@@ -86,7 +86,7 @@ def _trace(square: Floats) -> float:
 
 
 @jit
-def propagate(c: Constants, centre: Floats, axes: Floats, to: Landing, at: int, before: Floats) -> tuple[float, Floats]:
+def propagate(c: Constants, centre: Floats, axes: Floats, to: Image, at: int, before: Floats) -> tuple[float, Floats]:
     """Carry a Gaussian to its next event; the result goes to place `at`.
 
     Parameters

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rattle.closure.branching.mixture import Mixture, empty
-from rattle.closure.branching.propagate import Landing, propagate
+from rattle.closure.branching.propagate import Image, propagate
 from rattle.closure.branching.split import THIRD_CENTRE, THIRD_WEIGHT, THIRD_WIDTH, cut_plane, event, half, root
 from rattle.closure.flanks import PLAIN
 from rattle.closure.orbit import Floats, Ints
@@ -21,7 +21,7 @@ from rattle.scene.compiled import jit, spliced
 from rattle.scene.flight import jacobian, noise_covariance
 from rattle.scene.scene import Constants
 
-__all__ = ["Workbench", "buffers", "fly"]
+__all__ = ["Buffers", "buffers", "fly"]
 
 NEGLIGIBLE = 1e-6  # weight that may lie beyond a boundary without being looked for
 LIGHT = 1e-4  # weight of a part from which boundaries are looked for
@@ -33,11 +33,11 @@ DAMPED = 15.0  # of a flight, as damping times time
 POWER = 0.35  # error of a part over its weight, as a power of that share
 
 
-class Workbench(NamedTuple):
+class Buffers(NamedTuple):
     """Parts at the start of a flight, noise included; part i lands at places 2 i and, where it is halved, 2 i + 1."""
 
     start: Mixture
-    image: Landing
+    image: Image
     ignored: Ints  # bit mask of events that were cut off
     error: Floats  # by weight
     axis: Floats  # one sd across the cut
@@ -45,10 +45,10 @@ class Workbench(NamedTuple):
     beyond: Ints  # the event there
 
 
-def buffers(size: int, d: int = PLAIN) -> Workbench:
+def buffers(size: int, d: int = PLAIN) -> Buffers:
     """Room for `size` parts over d quantities."""
-    image = Landing(empty(2 * size, d), np.zeros((2 * size, 2)))
-    return Workbench(
+    image = Image(empty(2 * size, d), np.zeros((2 * size, 2)))
+    return Buffers(
         empty(size, d), image, np.zeros(size, np.int64), np.zeros(size), np.zeros((size, d)), np.zeros(size),
         np.zeros(size, np.int64),
     )  # fmt: skip
@@ -70,7 +70,7 @@ def _across(axes: Floats, n: Floats, narrow: float) -> Floats:
 
 
 @spliced
-def _examine(c: Constants, b: Workbench, i: int, before: Floats) -> None:
+def _examine(c: Constants, b: Buffers, i: int, before: Floats) -> None:
     """Land part `i`, whole or in its halves beside a plane, and find across which direction it would be cut.
 
     Its error is what that cut is worth.
@@ -121,7 +121,7 @@ def _examine(c: Constants, b: Workbench, i: int, before: Floats) -> None:
 
 
 @jit
-def _cut(b: Workbench, i: int, count: int) -> int:
+def _cut(b: Buffers, i: int, count: int) -> int:
     """Replace part `i` by two or three across its axis, the further ones from `count` on; returns the new count."""
     parts, v = b.start, b.axis[i].copy()
     w, centre, sigma = parts.weight[i], parts.mean[i].copy(), parts.covariance[i].copy()
@@ -147,7 +147,7 @@ def _cut(b: Workbench, i: int, count: int) -> int:
 
 
 @jit
-def fly(c: Constants, live: int, b: Workbench) -> tuple[int, float]:
+def fly(c: Constants, live: int, b: Buffers) -> tuple[int, float]:
     """Fly the first `live` parts to their next event; returns how many they were cut into, and the weight given up.
 
     The noise of a flight is put at its start: the displacement ``exp(-A t) n`` leads to the same state at its end.

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from rattle.closure.branching.mixture import Mixture, empty, moments, reduce
-from rattle.closure.branching.propagate import Landing
+from rattle.closure.branching.propagate import Image
 from rattle.closure.branching.refine import buffers, fly
 from rattle.closure.flanks import PLAIN, column, forget, random_tolerance, start_pieces
 from rattle.closure.moments import Trace
@@ -25,14 +25,14 @@ from rattle.scene.scene import Constants, Scene
 
 __all__ = ["trace"]
 
-MOST_PARTS = 80  # after an impact
+MOST_COMPONENTS = 80  # after an impact
 MOST_CUT = 600  # before it, not counting halves
 ON_ORBIT = 10  # added to the label of a part whose itinerary is the orbit's
 
 
 @jit
 def _strike(
-    c: Constants, redrawn: Floats, start: Mixture, image: Landing, count: int, own: int, after: Mixture
+    c: Constants, redrawn: Floats, start: Mixture, image: Image, count: int, own: int, after: Mixture
 ) -> tuple[int, float]:
     """The impact of all that has landed, packed to the front; also the weight that met no wall.
 
@@ -119,7 +119,7 @@ def _trace(scene: Scene, impacts: int, order: int) -> Trace:
         code = max((-2, -1, 1, 2), key=lambda a: w[section.label[:count] == a].sum())
         mesh[k], side[k] = abs(code), np.sign(code)
         agreement[k], lost_at[k] = w[after.label[:count] > 2].sum(), lost
-        live = reduce(after, count, MOST_PARTS, b.start)
+        live = reduce(after, count, MOST_COMPONENTS, b.start)
 
     def at(time: float) -> tuple[Floats, Floats]:
         return np.full(4, np.nan), np.full((4, 4), np.nan)  # the parts are at different impacts at one time

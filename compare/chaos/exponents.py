@@ -221,14 +221,14 @@ def _exponents(of: str, scene: Scene, blocks: list[Floats], regime: Regime) -> E
 
 def _check(scene: Scene) -> None:
     if scene.epsilon == 0.0:
-        raise InputError("epsilon", 0.0, "an impact without rebound ends every difference: exponents need epsilon > 0")
+        raise InputError("epsilon", 0.0, "exponents need epsilon > 0: an impact without rebound makes its Jacobian singular")
 
 
 def _measured(
     of: str, scene: Scene, stretches: Iterable[Stretch], regime: Regime, impacts: int | None, width: float | None,
     strict: bool,
 ) -> Exponents:  # fmt: skip
-    """Exponents of a record that goes on until it is as long as was asked, or as its interval asks."""
+    """Exponents of a record that is lengthened until it has `impacts`, or its interval is no wider than `width`."""
     least = 2 * BATCHES * BLOCK
     target = (
         (FIRST if width is None else LEAST) if impacts is None else count("impacts", impacts, least=least, most=MOST)
@@ -247,7 +247,7 @@ def _measured(
         found = _exponents(of, scene, blocks, regime)
         if width is None or found.width <= width:
             return found
-        if impacts is not None or regime.launched > MOST:
+        if impacts is not None or regime.computed > MOST:
             return found.require(width) if strict else found
         if found.effective < TOGETHER * BATCHES:  # strongly correlated batches: the first half may be a transient
             half = len(blocks) // 2

@@ -1,4 +1,4 @@
-"""The finite-size exponent: how fast two paths on one noise part when they are a given distance apart."""
+"""The finite-size Lyapunov exponent: the growth rate of a given distance between two paths on the same noise."""
 
 from concurrent.futures import ThreadPoolExecutor
 
@@ -22,19 +22,22 @@ def finite_size(
     scene: Scene, *, deltas: tuple[float, ...] = DELTAS, events: int = 4000, ratio: float = 2.0, seed: int = 0,
     workers: int = 2,
 ) -> pd.DataFrame:  # fmt: skip
-    """Finite-size exponent ``lambda(delta) = E[ln(end / delta)] / E[time]`` over scales, on common noise.
+    """Measure the finite-size exponent ``lambda(delta) = E[ln(end / delta)] / E[time]`` of two paths on the same noise.
 
-    For growth from `delta` to `ratio` times as much; the distance at the end counts as it is, for an impact overshoots
-    (Aurell and others 1997; Cencini and Vulpiani 2013).  Without noise it levels off at the largest Lyapunov exponent;
-    under noise it rises without bound as delta falls, by the square-root law.
+    ``time`` is the time in which the distance grows from `delta` to at least `ratio` times `delta`, and ``end`` is the
+    distance reached, since an impact overshoots (Aurell et al. 1997; Cencini and Vulpiani 2013).  Without noise the
+    exponent tends to the largest Lyapunov exponent as delta decreases; with noise it grows without bound, because of
+    the square-root law.
 
     Parameters
     ----------
     scene : Scene
     deltas : tuple of float
+        Distances, in the unit of length.
     events : int
-        Growths at each scale.
+        Number of growths measured at each distance.
     ratio : float
+        Growth factor of one event.
     seed : int
     workers : int
         Threads; the result does not depend on it.
@@ -42,8 +45,13 @@ def finite_size(
     Returns
     -------
     DataFrame
-        Columns: ``delta, exponent, low, high``, ``time`` and ``growth`` (means of a growth's time and logarithm),
-        ``events``.
+        Columns: ``delta, exponent, low, high`` (95 % interval), ``time`` and ``growth`` (means of the time and of
+        ``ln(end / delta)``), ``events``.
+
+    Raises
+    ------
+    InputError
+        If `events` is below 128 or `workers` below 1.
 
     Examples
     --------

@@ -1,8 +1,8 @@
-"""What each closure iterates, how long it survives as a map, and whose exponents it has.
+"""The closures as iterated maps: how long each can be iterated, and which exponents it has.
 
-`corrected`, `saltation` and `branching` hang moments on the orbit: the orbit feeds the moments and is not fed by them.
-Such a map is triangular, so its exponents are the orbit's own, and those of the moments along the orbit beside
-them.  Only `published` feeds its shifts back into the next impact.
+In `corrected`, `saltation` and `branching` the moments depend on the orbit but not the orbit on the moments.  Such a
+skew product has a block-triangular Jacobian, so its exponents are those of the orbit together with those of the moments
+along the orbit.  Only `published` feeds the shifts of its means back into the next impact.
 """
 
 from typing import NamedTuple
@@ -18,21 +18,21 @@ from rattle.scene.scene import Scene
 __all__ = ["MAPS", "MapOf", "mean_maps"]
 
 FOLLOWED = 400  # impacts through which moments are followed
-SPREAD = 2000  # impacts of the orbit from which its spread is taken
-BLIND = 1.0  # of the orbit's own spread: an sd of y1 beyond says nothing any more
+SPREAD = 2000  # impacts of the orbit from which the sd of its own y1 is taken
+BLIND = 1.0  # a closure's sd of y1 above this fraction of the orbit's own no longer localises the state
 
 
 class MapOf(NamedTuple):
-    """What a closure iterates.
+    """The map that a closure iterates.
 
     Attributes
     ----------
     map : str
-        The map that is differentiated.
+        Description of the map.
     own : bool
-        Whether its means have a dynamics of their own.
+        Whether its means have dynamics of their own, different from the orbit's.
     moments : str
-        How its second moments grow along the orbit, in exponents.
+        Growth of its second moments along the orbit, in terms of exponents.
     """
 
     map: str
@@ -44,35 +44,36 @@ MAPS = {
     "published": MapOf("Eq. 22: means and shifts to means, with its own next impact", True, "not realizable"),
     "corrected": MapOf(
         "the orbit, its means shifted by the windows of Eqs. 20 and 21", False,
-        "0: contact laws at one instant leave a displacement as it is, so its variance grows by what noise adds",
+        "0: a restitution map at a fixed time leaves displacements unchanged, so their variance grows by noise alone",
     ),
     "saltation": MapOf(
         "the orbit, its means shifted to second order in sigma", False, "twice the orbit's: as exp(2 lambda_1 t)"
     ),
     "branching": MapOf(
-        "a mixture of Gaussian parts, each on the orbit of its own mean", False,
-        "twice those of each part's orbit, cut by splitting; on densities the map is linear and has no chaos",
+        "a mixture of Gaussian components, each on the orbit of its own mean", False,
+        "twice those of each component's orbit, limited by splitting; on densities the map is linear: no chaos",
     ),
 }  # fmt: skip
 
 
 def mean_maps(scene: Scene, orbit: Exponents | None = None) -> pd.DataFrame:
-    """How each closure fares as an iterated map.
+    """Iterate each closure as a map, and report its exponents and where it breaks down.
 
     Parameters
     ----------
     scene : Scene
         With its noise.
     orbit : Exponents, optional
-        Of the orbit, if they are known.
+        Exponents of the orbit; computed if not given.
 
     Returns
     -------
     DataFrame
-        Columns: ``closure, map, exponents`` (whose the exponents of its means are), ``largest, low, high``,
-        ``moments, not_realizable`` (the first impact at which its moments belong to no distribution), ``leaves_gap``
-        (the first impact whose mean lies beyond a wall), ``blind`` (the first impact at which its sd of y1 exceeds
-        that of the orbit's own values), ``ends`` (impacts that could be evaluated) and ``followed`` (asked for).
+        Columns: ``closure, map, exponents`` (which exponents its means have), ``largest, low, high`` (largest exponent
+        and its 95 % interval), ``moments, not_realizable`` (first impact whose moments are not realizable),
+        ``leaves_gap`` (first impact whose mean lies beyond a wall), ``blind`` (first impact whose sd of y1 exceeds the
+        sd of y1 along the orbit), ``ends`` (impacts that could be evaluated) and ``followed`` (impacts requested).
+        Impacts are NaN if there is none.
 
     Examples
     --------
@@ -89,11 +90,11 @@ def mean_maps(scene: Scene, orbit: Exponents | None = None) -> pd.DataFrame:
         kind = MAPS[closure]
         row: dict[str, object] = {"closure": closure, "map": kind.map, "moments": kind.moments}
         row |= {"largest": np.nan, "low": np.nan, "high": np.nan}
-        row["exponents"] = "none: it ends before it has any" if kind.own else "the orbit's"
+        row["exponents"] = "none: the map ends before they could converge" if kind.own else "the orbit's"
         if not kind.own:
             row |= {"largest": value, "low": low, "high": high}
-        if closure == "branching":  # its cost grows with every impact, and its means mix parts on different orbits
-            rows.append(row | {"exponents": "each part has the orbit's", "followed": 0})
+        if closure == "branching":  # its cost grows with every impact, and its components follow different orbits
+            rows.append(row | {"exponents": "each component has the orbit's", "followed": 0})
             continue
         m = mean_map(scene, impacts=FOLLOWED, closure=closure, order=4)
         t, ends = m.trace, m.trace.found

@@ -1,4 +1,4 @@
-"""All of a scene's chaos in one call: what a page or a folder shows of it."""
+"""Measures the chaos of a scene in one call: everything that the page and the folder of ``rattle chaos`` show."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,30 +24,36 @@ __all__ = ["CLAIMED", "ChaosStudy", "study"]
 
 CLAIMED = (0.2, 1.7)
 """Range of alpha that the paper claims to be chaotic (section 4)."""
-WIDTH = 0.01
+WIDTH = 0.01  # default width of the interval of a largest exponent
 
 
 @dataclass(frozen=True)
 class ChaosStudy:
-    """Everything that was measured of a scene's chaos.
+    """Measurements of a scene's chaos.
 
     Attributes
     ----------
     scene : Scene
     orbit, drift : Exponents
+        Of the orbit, and of the drift's linearisation along a noisy path.
     maps : DataFrame
-        Of `mean_maps`.
+        As of `rattle.compare.chaos.mean_maps.mean_maps`.
     sections : dict of str to Section
+        As of `rattle.compare.chaos.section.sections`.
     spectra : dict
-        Of `rattle.compare.chaos.spectrum.spectra`.
+        As of `rattle.compare.chaos.spectrum.spectra`.
     law : SqrtLaw or None
-        None where `law_missing` says why.
+        The measured square-root law; None if it could not be measured.
     law_missing : str
+        The reason for that; empty otherwise.
     finite_size : DataFrame
+        As of `rattle.compare.chaos.finite_size.finite_size`.
     field : str
         Field of the sweep.
     sweep : DataFrame or None
+        As of `rattle.compare.chaos.sweep.sweep`.
     view : Bifurcation or None
+        Over the same values.
     """
 
     scene: Scene
@@ -73,7 +79,14 @@ class ChaosStudy:
         return said + left_out(self.scene, list(self.maps["closure"]))
 
     def tables(self) -> dict[str, pd.DataFrame]:
-        """Tidy tables by name: exponents, mean_maps, sections, spectra, lines, spectra_summary, fsle, sqrt_law, ..."""
+        """Collect all tables.
+
+        Returns
+        -------
+        dict of str to DataFrame
+            ``exponents, mean_maps, sections, spectra, lines, spectra_summary, fsle`` (finite-size exponents), and as
+            far as they were measured ``sqrt_law, sweep, crossings, bifurcation``.
+        """
         density, lines, summary = spectra_tables(self.spectra)
         found = {
             "exponents": pd.concat([self.orbit.table, self.drift.table], ignore_index=True), "mean_maps": self.maps,
@@ -93,7 +106,13 @@ class ChaosStudy:
         return found
 
     def figures(self) -> dict[str, Figure]:
-        """Figures by name."""
+        """Draw all figures.
+
+        Returns
+        -------
+        dict of str to Figure
+            By name, see `rattle.compare.chaos.page.FIGURES`; without those of what was not measured.
+        """
         found = {
             "section": figures.section_figure(self.sections), "spectra": figures.spectrum_figure(self.spectra),
             "finite_size": figures.finite_size_figure(self.finite_size, self.orbit, self.drift),
@@ -113,26 +132,26 @@ def study(
     points: int = 1_000_000, impacts: int = 200_000, events: int = 4000, width: float = WIDTH, seed: int = 0,
     workers: int = 2,
 ) -> ChaosStudy:  # fmt: skip
-    """Measure the chaos of a scene: exponents, sections, spectra, how two paths part, and a sweep over a field.
+    """Measure the chaos of a scene: exponents, sections, spectra, divergence of two paths, and a sweep over a field.
 
     Parameters
     ----------
     scene : Scene
         With noise.
     at : sequence of float
-        Values of the field; none for no sweep.
+        Values of the field; empty for no sweep.
     field : str
         One of `rattle.compare.chaos.sweep.FIELDS`.
     noise : callable, optional
-        Gives each scene of the sweep its noise; the scene's own by default.
+        Maps each scene of the sweep to the same with its noise set; without it, the noise of `scene` is used.
     points : int
-        Of each section.
+        Points of each section.
     impacts : int
-        Of the spectra.
+        Impacts of the records behind the spectra.
     events : int
         Impacts behind the square-root law, and growths behind each finite-size exponent.
     width : float
-        Widest interval of each largest exponent.
+        Required width of the interval of each largest exponent; wider ones are reported as they are.
     seed : int
     workers : int
         Threads; the result does not depend on it.
@@ -140,6 +159,11 @@ def study(
     Returns
     -------
     ChaosStudy
+
+    Raises
+    ------
+    InputError
+        If an argument is not valid, or the restitution is 0.
     """
     orbit = lyapunov(scene, width=width, strict=False)
     law, missing = None, ""

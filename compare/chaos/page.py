@@ -1,4 +1,4 @@
-"""A study of chaos as a page."""
+"""The page of a study of chaos."""
 
 from typing import Any
 
@@ -11,22 +11,36 @@ from rattle.scene.scene import Scene
 __all__ = ["FIGURES", "chaos_page", "table_of"]
 
 FIGURES = {
-    "section": "Poincare sections in the paper's coordinates: flight time against velocity before the impact, as "
-    "densities on the same axes; orbit, mean map and noisy system.",
+    "section": "Poincaré sections at the impacts, in the paper's coordinates: flight time against velocity just before "
+    "the impact, as densities on the same axes; orbit, mean map and noisy system.",
     "spectra": "Power spectra of the velocities with their 95 % band, the continuous floor, and the bands above it.",
     "sweep": "Largest exponent over the field with its 95 % interval: of the orbit, and of the drift's linearisation "
-    "along noisy paths; where the orbit rests, and the range that the paper claims to be chaotic.",
-    "bifurcation": "Section points over the field as densities, and the largest exponents beneath.",
-    "finite_size": "Finite-size exponent of the noisy system over the distance of two paths on one noise: it grows as "
-    "the distance shrinks, for there is no infinitesimal one.",
-    "sqrt_law": "Distance after an impact of two paths on one noise over their distance before it, beside the law of "
-    "the square root.",
+    "along noisy paths; where the orbit sticks, and the range that the paper claims to be chaotic.",
+    "bifurcation": "Bifurcation diagram: points of the section over the field as densities, with the largest exponents "
+    "below.",
+    "finite_size": "Finite-size exponent of the noisy system over the distance of two paths on the same noise: it grows "
+    "without bound as the distance decreases, so there is no infinitesimal exponent.",
+    "sqrt_law": "Distance of two paths on the same noise after an impact over their distance before it, with the "
+    "square-root law.",
 }
-"""Figures by name, with what is said beneath."""
+"""Captions of the figures, by name."""
 
 
 def table_of(table: pd.DataFrame, texts: tuple[str, ...] = (), summary: str = "") -> Table:
-    """A DataFrame as a table of a page; columns of `texts` hold words, all others numbers."""
+    """Convert a DataFrame to a table of a page.
+
+    Parameters
+    ----------
+    table : DataFrame
+    texts : tuple of str
+        Columns that contain text; all others contain numbers.
+    summary : str
+        Title of a table that is collapsed at first; empty for one that is always shown.
+
+    Returns
+    -------
+    Table
+    """
     heads = [Column(str(name), TEXT if name in texts else NUMBER) for name in table.columns]
     rows = [
         [str(v) if name in texts else float(v) for name, v in zip(table.columns, row, strict=True)]
@@ -36,7 +50,20 @@ def table_of(table: pd.DataFrame, texts: tuple[str, ...] = (), summary: str = ""
 
 
 def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> Page:
-    """What a study of chaos says; `drawn` are the figures that lie in its folder."""
+    """Build the page of a study of chaos.
+
+    Parameters
+    ----------
+    found : ChaosStudy
+    record : dict
+        The manifest.
+    drawn : list of str
+        Names of the figures in the folder.
+
+    Returns
+    -------
+    Page
+    """
     tables = found.tables()
     figures = {name: Figure(f"{name}.svg", FIGURES[name], FIGURES[name]) for name in drawn}
     shown = ["of", "exponent", "value", "low", "high", "rate", "sum_error", "impacts", "reason"]
@@ -47,10 +74,10 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
         Section(
             "Lyapunov exponents",
             (
-                Text("Per unit of dimensionless time, by orthonormal frames, with 95 % intervals of batch means. "
-                     "`sum_error` is what their sum misses of -(beta1 + beta2) + rate 2 ln epsilon.", True),
+                Text("Per unit of dimensionless time, by the QR method, with 95 % intervals from batch means. "
+                     "`sum_error` is their sum less its exact value -(beta1 + beta2) + rate 2 ln epsilon.", True),
                 exponents,
-                Text("The mean maps: what each closure iterates, and whose exponents its means have.", True),
+                Text("The mean maps: the map that each closure iterates, and which exponents its means have.", True),
                 maps,
             ),
         ),
@@ -61,7 +88,7 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
         rows = table_of(tables["sweep"], ("of", "regime", "reason"), summary=f"All values of {found.field}")
         said = Text(f"Where the largest exponent changes its sign over {found.field}: between `low` and `high`.", True)
         parts.append(Section(f"Over {found.field}", (*blocks, said, crossings, rows)))
-    parts.append(Section("Poincare sections", (figures["section"],)))
+    parts.append(Section("Poincaré sections", (figures["section"],)))
     texts = ("side", "kind", "velocity", "narrow")
     lines = tables["lines"][["side", "kind", "velocity", "frequency", "width", "share", "over", "narrow"]]
     parts.append(
@@ -69,8 +96,8 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
             "Spectra",
             (
                 figures["spectra"],
-                Text("`floor_share` is the continuous part of the power, `narrow` how many bands are no wider than a "
-                     "single frequency; a spectrum without bands shows one with a probability of 1 %.", True),
+                Text("`floor_share` is the share of the continuous part in the power, `narrow` the number of bands no "
+                     "wider than a single frequency. False-alarm probability: 1 % for each spectrum.", True),
                 table_of(tables["spectra_summary"], ("side", "kind", "velocity")),
                 table_of(lines, texts, summary="All bands"),
             ),
@@ -79,13 +106,23 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
     apart = [figures[n] for n in ("finite_size", "sqrt_law") if n in figures]
     missing = (Text(f"The square-root law was not measured: {found.law_missing}."),) if found.law is None else ()
     parts.append(
-        Section("Two paths on one noise", (*apart, *missing, table_of(tables["fsle"], summary="All distances")))
+        Section("Two paths on the same noise", (*apart, *missing, table_of(tables["fsle"], summary="All distances")))
     )
     return Page(f"Chaos of {record['name']}", tuple(found.answer), source_of(record), sections=tuple(parts))
 
 
 def source_of(record: dict[str, Any]) -> Source:
-    """Where a page comes from, out of its manifest."""
+    """Read the provenance of a page from its manifest.
+
+    Parameters
+    ----------
+    record : dict
+        The manifest, with ``command, commit, seed, wall_seconds, versions, scene``.
+
+    Returns
+    -------
+    Source
+    """
     facts = {
         "commit": record["commit"], "seed": str(record["seed"]), "time": f"{record['wall_seconds']} s wall",
         "versions": ", ".join(f"{name} {version}" for name, version in record["versions"].items()),

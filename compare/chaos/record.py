@@ -1,4 +1,7 @@
-"""Long records of either side, a stretch at a time: transients left out, rests recognised and counted."""
+"""Long records of the orbit or of a noisy path, in stretches: without transients, with completed chatter recognised.
+
+Chatter is an infinite sequence of impacts at one mesh in finite time; when it is completed, the mesh sticks.
+"""
 
 import math
 from collections.abc import Iterator
@@ -18,12 +21,12 @@ __all__ = ["DISCARD", "Regime", "check_finite", "noisy_record", "orbit_record"]
 
 Floats = NDArray[np.float64]
 
-DISCARD = 1000  # impacts after each start that are not looked at
+DISCARD = 1000  # impacts after each start that are discarded as a transient
 CHUNK = 50_000  # impacts of an orbit at a time
-STEPS = 100_000  # of a noisy path at a time
-TRIAL = 20_000  # impacts after which an orbit that is at rest most of its time is given up
-ROUNDED = 1e-6  # speed below which impacts that accumulate no longer slow down one by one, for rounding
-WORTH = 0.25  # share of the impacts that must be of use by then
+STEPS = 100_000  # steps of a noisy path at a time
+TRIAL = 20_000  # computed impacts after which an orbit with too few recorded ones is given up
+ROUNDED = 1e-6  # speed below which rounding breaks the monotonic decrease of impact speeds in chatter
+WORTH = 0.25  # smallest share of the computed impacts that must have been recorded by then
 
 
 @dataclass
@@ -33,23 +36,23 @@ class Regime:
     Attributes
     ----------
     impacts : int
-        Recorded, after transients and without what leads to a rest.
-    launched : int
+        Recorded impacts: after transients, and without chatter that ends in sticking.
+    computed : int
         All impacts that were computed.
     starts, stuck : int
-        Starts, and how many of them ended sticking for good.
+        Number of starts, and of those that ended in sticking.
     silent : bool
-        Whether an orbit ended without a next impact.
+        Whether the motion ended without a further impact.
     sticking_steps : int
-        Steps of a noisy path in which it was held at a wall.
+        Steps of a noisy path that it spent sticking.
     gave_up : bool
-        Whether the record was given up because next to nothing of it was of use.
+        Whether the record was given up because too few impacts could be recorded.
     transient : int
-        Impacts that were left out later, because the motion had not settled.
+        Impacts that were removed later as a transient.
     """
 
     impacts: int = 0
-    launched: int = 0
+    computed: int = 0
     starts: int = 0
     stuck: int = 0
     silent: bool = False
@@ -59,35 +62,48 @@ class Regime:
 
     @property
     def kind(self) -> str:
-        """``runs``, ``rests at times``, ``rests`` or ``silent``."""
+        """``runs`` (impacts go on), ``sticks at times``, ``sticks`` (for good) or ``silent`` (no further impact)."""
         if self.silent:
             return "silent"
         if self.gave_up:
-            return "rests"
-        return "rests at times" if self.stuck else "runs"
+            return "sticks"
+        return "sticks at times" if self.stuck else "runs"
 
     @property
     def reason(self) -> str:
-        """The same as a sentence."""
-        life = f"{self.launched / max(self.stuck, 1):,.0f} impacts"
-        settled = f", the first {self.transient:,} of them another motion" if self.transient else ""
+        """The kind of motion as a clause with numbers."""
+        life = f"{self.computed / max(self.stuck, 1):,.0f} impacts"
+        transient = f", the first {self.transient:,} of them a transient" if self.transient else ""
         return {
-            "runs": f"ran through all {self.launched:,} impacts{settled}",
-            "rests at times": f"impacts accumulate and a mesh rests closed once in {life}; begun anew "
-            f"{self.starts - 1} times, exponents hold while it runs{settled}",
-            "rests": f"impacts accumulate and a mesh rests closed after {life} on average, from each of {self.starts} "
-            "starts: there is no stationary motion to measure",
-            "silent": f"{MISSES[NONE]}: it no longer strikes",
+            "runs": f"ran through all {self.computed:,} impacts{transient}",
+            "sticks at times": f"completes chatter and sticks once in {life}; restarted {self.starts - 1} times, the "
+            f"exponents are those of the motion between{transient}",
+            "sticks": f"completes chatter and sticks after {life} on average, from each of {self.starts} starts: "
+            "there is no stationary motion to measure",
+            "silent": f"ends: {MISSES[NONE]}",
         }[self.kind]
 
 
 def check_finite(name: str, values: Floats, offset: int = 0) -> Floats:
-    """The values, if all are finite.
+    """Return an array unchanged if all of its values are finite.
+
+    Parameters
+    ----------
+    name : str
+        Name of the array in the error message.
+    values : ndarray
+    offset : int
+        Added to the first index in the error message, for arrays that are parts of a record.
+
+    Returns
+    -------
+    ndarray
+        `values`.
 
     Raises
     ------
     InputError
-        Names the first place at which one is not.
+        If a value is not finite; the message names its index.
 
     Examples
     --------
@@ -105,17 +121,22 @@ def check_finite(name: str, values: Floats, offset: int = 0) -> Floats:
 
 
 def orbit_record(scene: Scene, impacts: int, regime: Regime, *, tangent: bool = True) -> Iterator[Stretch]:
-    """Stretches of the orbit of a scene, `impacts` impacts in all, begun anew at another phase where it comes to rest.
+    """Record the orbit of a scene in stretches; after sticking it is restarted at another phase.
 
     Parameters
     ----------
     scene : Scene
-        Noise is not used.
+        Its noise is not used.
     impacts : int
+        Impacts to record in all.
     regime : Regime
-        Output.
+        Filled in while the stretches are read.
     tangent : bool
-        Whether neighbours are followed too.
+        Whether tangent vectors are propagated too.
+
+    Yields
+    ------
+    Stretch
 
     Examples
     --------
@@ -127,10 +148,10 @@ def orbit_record(scene: Scene, impacts: int, regime: Regime, *, tangent: bool = 
     while regime.impacts < impacts:
         orbit = LongOrbit(scene, regime.starts)
         regime.starts += 1
-        regime.launched += orbit.stretch(DISCARD, tangent).flight.size
+        regime.computed += orbit.stretch(DISCARD, tangent).flight.size
         while regime.impacts < impacts and orbit.ended > 0:
             s = orbit.stretch(min(CHUNK, impacts - regime.impacts), tangent)
-            regime.launched += s.flight.size
+            regime.computed += s.flight.size
             if orbit.ended <= 0:
                 s = s.first(_accumulating(s))
             regime.impacts += s.flight.size
@@ -140,13 +161,13 @@ def orbit_record(scene: Scene, impacts: int, regime: Regime, *, tangent: bool = 
         if orbit.ended == NONE:
             regime.silent = True
             return
-        if regime.launched >= TRIAL and regime.impacts < WORTH * regime.launched:
+        if regime.computed >= TRIAL and regime.impacts < WORTH * regime.computed:
             regime.gave_up = True
             return
 
 
 def _accumulating(s: Stretch) -> int:
-    """Number of impacts before those that accumulate at the end: each slower than the last one on the same flank."""
+    """Number of impacts before the final chatter, in which each impact is slower than the last on the same flank."""
     if s.code.size == 0:
         return 0
     every = np.abs(s.before[:, 1 if abs(s.code[-1]) == 1 else 3])
@@ -158,21 +179,27 @@ def _accumulating(s: Stretch) -> int:
 def noisy_record(
     scene: Scene, steps: int, seed: int, regime: Regime, *, path: int = 0, tangent: bool = True, settle: float = 500.0
 ) -> Iterator[tuple[Stretch, Floats]]:
-    """Stretches of a noisy path of a scene, `steps` steps in all, each with the velocities at the start of its steps.
+    """Record a noisy path of a scene in stretches.
 
     Parameters
     ----------
     scene : Scene
     steps : int
-        2 pi / 128 each, or less where damping asks for it (`rattle.montecarlo.coupling.dyadic`).
+        Steps to record in all; 2 pi / 128 each, or less for strong damping (`rattle.montecarlo.coupling.dyadic`).
     seed, path : int
-        Which path.
+        Seed of the noise, and index of the path.
     regime : Regime
-        Output.
+        Filled in while the stretches are read.
     tangent : bool
-        Whether the frame of the drift's linearisation is followed too.
+        Whether tangent vectors of the drift's linearisation are propagated too.
     settle : float
-        Time that is not looked at.
+        Initial time that is discarded as a transient.
+
+    Yields
+    ------
+    stretch : Stretch
+    velocities : ndarray, shape (steps, stages)
+        At the start of each step.
     """
     walker = LongPath(scene, seed, path)
     walker.stretch(math.ceil(settle / walker.step), tangent, velocities=False)
@@ -182,7 +209,7 @@ def noisy_record(
         before = walker.steps
         s, velocity = walker.stretch(min(STEPS, steps - done), tangent)
         done += walker.steps - before
-        regime.launched += s.flight.size
+        regime.computed += s.flight.size
         regime.impacts += s.flight.size
         regime.sticking_steps = walker.sticking_steps
         if s.flight.size == 0:

@@ -1,4 +1,4 @@
-"""The folder of a study of chaos: its figures, its tables, its answer and its manifest, whole or not at all."""
+"""Writes the folder of a study of chaos atomically: figures, tables, page and manifest."""
 
 from pathlib import Path
 from typing import Any
@@ -18,24 +18,31 @@ TABLES = (
     "crossings", "bifurcation",
 )  # fmt: skip
 CONTENTS = frozenset({"manifest.json", *pages("chaos"), *(f"{t}.csv" for t in TABLES), *(f"{f}.svg" for f in FIGURES)})
-"""What such a folder holds; anything else in it is not ours."""
+"""Files of such a folder; a folder with any other file is not overwritten."""
 
 
 def write_chaos(out: Path, found: ChaosStudy, record: dict[str, Any], overwrite: bool) -> list[str]:
-    """Write the folder and return the answer.
+    """Write the folder of a study of chaos.
 
     Parameters
     ----------
     out : Path
+        The folder.
     found : ChaosStudy
     record : dict
-        Of the manifest.
+        Entries of the manifest.
     overwrite : bool
+        Whether earlier results may be replaced.
+
+    Returns
+    -------
+    list of str
+        The answer, in sentences.
 
     Raises
     ------
     OutputError
-        If the folder holds other things, or earlier ones that may not be replaced.
+        If the folder contains other files, or earlier results and `overwrite` is false.
     """
     said = found.answer
     with whole_folder(out, CONTENTS, overwrite) as folder:

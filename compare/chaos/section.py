@@ -1,6 +1,7 @@
-"""Poincare sections in the paper's coordinates (Fig. 2) as densities: flight time against velocity before the impact.
+"""Poincaré sections in the paper's coordinates (Fig. 2) as histograms.
 
-Ten million points take no more memory than the histogram and one stretch.
+The section is at the impacts: a point is the flight time since the last impact and the velocity just before this one.
+Points are counted as they come, so memory does not grow with their number.
 """
 
 from collections.abc import Iterator
@@ -25,10 +26,10 @@ Ints = NDArray[np.int64]
 
 ORBIT, MAP, NOISY = "orbit", "mean map (corrected)", "noisy system"
 BINS = 300  # along either axis
-PILOT = 20_000  # points that set the axes
-PARTS = 8  # noisy paths among which the points are shared; a section does not depend on the workers
-MARGIN = 0.05
-MAPPED = 4000  # points of the mean map, whose moments are carried along
+PILOT = 20_000  # points of the pilot run that sets the axes
+PARTS = 8  # noisy paths among which the points are shared, whatever the number of workers
+MARGIN = 0.05  # added to the axes at each end, relative to their length
+MAPPED = 4000  # points of the mean map, which propagates moments as well
 
 
 @dataclass(frozen=True)
@@ -39,16 +40,16 @@ class Section:
     ----------
     side : str
         ``orbit``, ``mean map (corrected)`` or ``noisy system``.
-    flight, velocity : ndarray
+    flight, velocity : ndarray, shape (bins + 1,)
         Edges of the bins.
-    counts : ndarray of int, shape (stages, flights, velocities)
+    counts : ndarray of int, shape (stages, bins, bins)
         Impacts by flight time and by the velocity of each stage before the impact.
     outside : ndarray of int, shape (stages,)
-        Impacts beyond the edges.
+        Impacts outside the edges.
     points : int
-        Impacts in all: what each stage's counts and `outside` add up to.
+        All impacts: the sum of each stage's counts and `outside`.
     reason : str
-        What the orbit or path did.
+        What the orbit or path did, see `Regime.reason`.
     """
 
     side: str
@@ -61,7 +62,7 @@ class Section:
 
     @property
     def table(self) -> pd.DataFrame:
-        """Bins that hold something: ``side, stage, flight, velocity`` (middles), ``count``."""
+        """Bins that are not empty: ``side, stage, flight, velocity`` (middles of the bin), ``count``."""
         stage, i, j = np.nonzero(self.counts)
         middle = [0.5 * (edges[1:] + edges[:-1]) for edges in (self.flight, self.velocity)]
         return pd.DataFrame({
@@ -71,7 +72,7 @@ class Section:
 
 
 class _Counter:
-    """Counts of a section, filled in as points come."""
+    """Histogram of a section, filled in as points come."""
 
     def __init__(self, edges: tuple[Floats, Floats], stages: int) -> None:
         self.flight, self.velocity = edges
@@ -106,7 +107,7 @@ class _Counter:
 def _orbit_points(scene: Scene, points: int, regime: Regime) -> Iterator[tuple[Floats, Floats]]:
     for s in orbit_record(scene, points, regime, tangent=False):
         yield s.flight, s.before
-    if regime.impacts == 0 or regime.kind in ("rests", "silent"):
+    if regime.impacts == 0 or regime.kind in ("sticks", "silent"):
         raise InputError("scene", f"alpha = {scene.alpha:g}", f"has an orbit without a section: {regime.reason}")
 
 
@@ -123,7 +124,20 @@ def _noisy_points(
 
 
 def frame(scene: Scene, seed: int = 0, points: int = PILOT) -> tuple[Floats, Floats]:
-    """Edges of bins that take in both sides; an orbit that rests has no say."""
+    """Choose the edges of bins that cover the orbit and the noisy system, by a pilot run of both.
+
+    Parameters
+    ----------
+    scene : Scene
+    seed : int
+    points : int
+        Points of the pilot run on each side; an orbit that sticks for good is left out.
+
+    Returns
+    -------
+    flight, velocity : ndarray, shape (bins + 1,)
+        Edges of the flight times and of the velocities.
+    """
     found = list(_noisy_points(scene, points, seed, PARTS, Regime()))
     with suppress(InputError):
         found += list(_orbit_points(scene, points, Regime()))
@@ -136,12 +150,24 @@ def frame(scene: Scene, seed: int = 0, points: int = PILOT) -> tuple[Floats, Flo
 
 
 def orbit_section(scene: Scene, points: int, edges: tuple[Floats, Floats]) -> Section:
-    """The section of the orbit.
+    """Compute the section of the noise-free orbit.
+
+    Parameters
+    ----------
+    scene : Scene
+    points : int
+        Impacts.
+    edges : tuple of ndarray
+        As of `frame`.
+
+    Returns
+    -------
+    Section
 
     Raises
     ------
     InputError
-        If the orbit rests or is silent: then it has no section.
+        If the orbit sticks for good or has no further impact, and so has no section.
     """
     counter, regime = _Counter(edges, scene.stages), Regime()
     for flight, before in _orbit_points(scene, points, regime):
@@ -159,16 +185,16 @@ def _noisy_section(scene: Scene, points: int, edges: tuple[Floats, Floats], seed
                 counter.add(flight, before)
         return counter, regime
 
-    whole, held, launched = _Counter(edges, scene.stages), 0, 0
+    whole, sticking, computed = _Counter(edges, scene.stages), 0, 0
     with ThreadPoolExecutor(workers) as pool:
         for counter, regime in pool.map(part, range(PARTS)):
             whole.join(counter)
-            held, launched = held + regime.sticking_steps, launched + regime.launched
-    return whole.section(NOISY, f"{PARTS} paths with {launched:,} impacts, {held} steps held at a wall")
+            sticking, computed = sticking + regime.sticking_steps, computed + regime.computed
+    return whole.section(NOISY, f"{PARTS} paths with {computed:,} impacts, {sticking} sticking steps")
 
 
 def _map_section(scene: Scene, edges: tuple[Floats, Floats]) -> Section:
-    """The section of the corrected mean map, whose moments go with the orbit from its start on."""
+    """The section of the corrected mean map, followed from the start of the orbit."""
     t = mean_map(scene, impacts=MAPPED, closure="corrected").trace
     counter = _Counter(edges, scene.stages)
     counter.add(np.diff(t.tau[: t.found + 1]), t.mean[1 : t.found + 1])
@@ -176,14 +202,14 @@ def _map_section(scene: Scene, edges: tuple[Floats, Floats]) -> Section:
 
 
 def sections(scene: Scene, *, points: int = 1_000_000, seed: int = 0, workers: int = 2) -> dict[str, Section]:
-    """Sections of the orbit, of the mean map that goes with it and of the noisy system, on the same axes.
+    """Compute the sections of the orbit, of the corrected mean map and of the noisy system, on the same axes.
 
     Parameters
     ----------
     scene : Scene
         With its noise.
     points : int
-        Of the orbit and of the noisy system.
+        Points of the orbit and of the noisy system.
     seed : int
     workers : int
         Threads; the result does not depend on it.
@@ -191,7 +217,12 @@ def sections(scene: Scene, *, points: int = 1_000_000, seed: int = 0, workers: i
     Returns
     -------
     dict of str to Section
-        Without the orbit and its mean map where the orbit rests; `orbit_section` says why.
+        By side; without the orbit and the mean map if the orbit has no section (see `orbit_section`).
+
+    Raises
+    ------
+    InputError
+        If `points` is below 100 or `workers` below 1, or a noisy path has no further impact.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Spectra by Welch's method with a chi-square band, and their lines and floor, measured.
+"""Power spectra by Welch's method with a chi-square band, and tests for spectral lines above a continuous floor.
 
 References
 ----------
@@ -33,11 +33,11 @@ Floats = NDArray[np.float64]
 SEQUENCE, TIME = "velocity before impact, by impact", "velocity in time"
 CONFIDENCE = 0.95
 FALSE_ALARM = 0.01
-"""Probability that a spectrum without lines shows one."""
-AROUND = 32  # bins on either side from which the floor of a bin is taken
-ALONE = 1.5  # times the threshold for a bin that stands alone: a frequency lifts its neighbours too, chance does not
-NARROW = 2.0  # bins: what a single frequency takes up under this window is 1.5
-SEGMENT = {SEQUENCE: 2048, TIME: 8192}  # samples: 64 periods of the excitation in time
+"""Probability that at least one line is found in a spectrum that has none."""
+AROUND = 32  # bins on either side that enter the floor of a bin
+ALONE = 1.5  # factor on the threshold of an isolated bin: a true line also raises its neighbours (Hann window)
+NARROW = 2.0  # largest width of a narrow band, in bins; a single frequency has 1.5 with this window
+SEGMENT = {SEQUENCE: 2048, TIME: 8192}  # samples of a segment; in time these are 64 periods of the excitation
 PARTS = 4  # noisy paths
 
 
@@ -47,14 +47,14 @@ class Spectrum:
 
     Attributes
     ----------
-    frequency : ndarray
-        Without zero and its neighbour, which the mean has left.
-    power : ndarray
-        Two-sided power added up: integrates over frequency to the variance.
+    frequency : ndarray, shape (bins,)
+        Without zero, its neighbour (affected by the subtracted mean) and the Nyquist frequency.
+    power : ndarray, shape (bins,)
+        One-sided density: its integral over frequency is the variance.
     dof : float
-        Degrees of freedom: the density is the true one times chi-square of these over these.
+        Degrees of freedom: ``dof power / true density`` has a chi-square distribution with these.
     segments : int
-        Averaged, half overlapping.
+        Number of averaged segments, which overlap by half.
     """
 
     frequency: Floats
@@ -70,19 +70,19 @@ class Spectrum:
 
     @cached_property
     def floor(self) -> Floats:
-        """Continuous floor: the median of the 65 bins around each, put right for the median of chi-square.
+        """Continuous floor: the running median over 65 bins, divided by the median of chi-square over its mean.
 
-        It is taken to be smooth over as many; what bends within fewer counts as a band.
+        The continuous part is assumed to be smooth over 65 bins; narrower features count as bands.
         """
         around = ndimage.median_filter(self.power, size=2 * AROUND + 1, mode="reflect")
         return np.asarray(around * (self.dof / float(stats.chi2.ppf(0.5, self.dof))))
 
     @property
     def threshold(self) -> float:
-        """Power over the floor from which a bin is a line, at `FALSE_ALARM` for the whole spectrum.
+        """Ratio of power to floor above which a bin belongs to a line, at `FALSE_ALARM` for the whole spectrum.
 
-        The floor's own error, that of a median of as many bins (1.25 standard errors of a mean; neighbours under this
-        window count 2/3), is allowed for thrice.
+        It includes three standard errors of the floor: a median has 1.25 times the standard error of a mean, and with
+        this window 65 neighbouring bins count as 65 / 1.5 independent ones.
         """
         chance = stats.chi2.ppf(1.0 - FALSE_ALARM / self.power.size, self.dof) / self.dof
         unsure = 1.25 * math.sqrt(2.0 / self.dof) / math.sqrt((2 * AROUND + 1) / 1.5)
@@ -92,8 +92,8 @@ class Spectrum:
     def lines(self) -> pd.DataFrame:
         """Narrow bands above the floor, the strongest first.
 
-        Columns: ``frequency`` (centre of its power), ``width`` (bins of its peak's height that hold its power),
-        ``share`` (of all power), ``over`` (peak over floor) and ``narrow`` (no wider than a single frequency appears).
+        Columns: ``frequency`` (centroid of the power above the floor), ``width`` (that power over its peak, in bins),
+        ``share`` (of the total power), ``over`` (peak over floor) and ``narrow`` (no wider than a single frequency).
         """
         above = self.power > self.threshold * self.floor
         label, n = ndimage.label(above)
@@ -115,26 +115,30 @@ class Spectrum:
 
     @property
     def floor_share(self) -> float:
-        """Share of the power that is in no line: the continuous part."""
+        """Share of the power outside the lines: the continuous part."""
         return 1.0 - float(self.lines["share"].sum())
 
 
 def welch(pieces: Iterable[Floats], segment: int, rate: float) -> Spectrum:
-    """Spectrum of a record in pieces by Welch's method: Hann windows, half overlapping, averaged over all pieces.
+    """Estimate the spectrum of a record by Welch's method: Hann windows that overlap by half, averaged over all pieces.
 
     Parameters
     ----------
-    pieces : iterable of ndarray
-        Pieces shorter than a segment are left out.
+    pieces : iterable of ndarray, shape (samples,)
+        Parts of the record; those shorter than a segment are left out.
     segment : int
         Samples of a segment.
     rate : float
         Samples per unit of time.
 
+    Returns
+    -------
+    Spectrum
+
     Raises
     ------
     InputError
-        If no piece is as long as a segment (says how long it must be), or a value is not finite (says where).
+        If no piece is as long as a segment, or a value is not finite.
 
     Examples
     --------
@@ -179,22 +183,28 @@ def _collect(scene: Scene, parts: Iterable[tuple[list[Floats], list[Floats]]]) -
 def spectra(
     scene: Scene, *, impacts: int = 200_000, seed: int = 0, workers: int = 2
 ) -> dict[tuple[str, str, str], Spectrum]:
-    """Spectra of the velocities of the orbit and of the noisy system.
+    """Estimate the spectra of the velocities of the orbit and of the noisy system.
 
     Parameters
     ----------
     scene : Scene
     impacts : int
-        Of the orbit, and at least of the noisy paths together.
+        Impacts of the orbit; the noisy paths have at least as many together.
     seed : int
     workers : int
         Threads; the result does not depend on it.
 
     Returns
     -------
-    dict
-        By side, kind (`SEQUENCE`: frequencies in cycles per impact; `TIME`: in units of the excitation's) and velocity.
-        Without the orbit where it rests.
+    dict of tuple to Spectrum
+        By side, kind and velocity (``y1, y2``).  `SEQUENCE` is the velocity before each impact, with frequencies in
+        cycles per impact; `TIME` is the velocity in time, with frequencies in units of the excitation frequency.
+        Without the orbit if it sticks for good or has no further impact.
+
+    Raises
+    ------
+    InputError
+        If `impacts` is below 20 000, or a record is too short for a segment.
     """
     count("impacts", impacts, least=20_000)
     h = clockwork(scene, 1).h
@@ -211,7 +221,7 @@ def spectra(
     found: dict[tuple[str, str, str], Spectrum] = {}
     regime = Regime()
     pieces = [(s.before[:, 1::2], velocities(scene, s, h)) for s in orbit_record(scene, impacts, regime, tangent=False)]
-    if regime.kind not in ("rests", "silent"):
+    if regime.kind not in ("sticks", "silent"):
         orbit = _collect(scene, ([[a], [b]] for a, b in pieces))  # type: ignore[misc]
         found |= {(ORBIT, *key): value for key, value in orbit.items()}
     with ThreadPoolExecutor(workers) as pool:
@@ -221,13 +231,19 @@ def spectra(
 
 
 def spectra_tables(found: dict[tuple[str, str, str], Spectrum]) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """The spectra as tables: densities with their bands, lines, and one summary row each.
+    """Convert spectra to tables.
+
+    Parameters
+    ----------
+    found : dict of tuple to Spectrum
+        As of `spectra`.
 
     Returns
     -------
     density, lines, summary : DataFrame
-        The summary has ``side, kind, velocity, variance, lines, narrow`` (how many are narrow bands), ``line_share,
-        floor_share, threshold, dof, segments``.
+        All with ``side, kind, velocity``.  Densities: ``frequency, power, low, high, floor``.  Lines: see
+        `Spectrum.lines`.  Summary, one row for each spectrum: ``variance, lines`` (their number), ``narrow`` (number of
+        narrow ones), ``line_share, floor_share, threshold, dof, segments``.
     """
     density, lines, summary = [], [], []
     for (side, kind, velocity), s in found.items():

@@ -1,7 +1,8 @@
-"""The square-root law: two paths on one noise that reach a wall delta apart leave it about sqrt(delta) apart.
+"""The square-root law: two paths on the same noise that reach a wall delta apart leave it about sqrt(delta) apart.
 
-One has been thrown back while the other still runs on for ``delta / |y|``, and in that time the noise acts on them with
-different signs: they leave ``(1 + eps) sigma |m| sqrt(delta / |y|) |N(0, 1)|`` apart (docs/model.md section 8).
+One path rebounds while the other still approaches the wall for a time ``delta / |y|``, y being the impact speed.  Noise
+during that time enters their velocities after the impact with different factors (1 and -epsilon), so that these differ
+by ``(1 + epsilon) sigma |m| sqrt(delta / |y|) |N(0, 1)|``, with m the modulation of the noise (docs/model.md section 8).
 """
 
 from typing import NamedTuple
@@ -20,23 +21,24 @@ __all__ = ["SqrtLaw", "fitted", "sqrt_law"]
 
 Floats = NDArray[np.float64]
 
-SMALLEST, LARGEST = 1e-7, 1e-3
+SMALLEST, LARGEST = 1e-7, 1e-3  # default range of delta
 POINTS = 7
-MODULATED = 0.2  # modulation of the noise below which the drift outweighs it
+MODULATED = 0.2  # impacts with a smaller |modulation| of the noise are left out: the drift outweighs the noise there
 
 
 class SqrtLaw(NamedTuple):
-    """The law as measured.
+    """The measured square-root law.
 
     Attributes
     ----------
     table : DataFrame
-        Per ``delta``: ``apart`` (root mean square of the difference of y1 after the impact), ``ratio`` (mean square of
-        it over the law's, which should be 1), ``low, high`` (its 95 % interval) and ``impacts``.
+        For each ``delta``: ``apart`` (root mean square of the difference of y1 after the impact), ``ratio`` (its mean
+        square over that of the law; 1 if the law holds), ``low, high`` (95 % interval of the ratio), ``impacts`` and
+        ``law`` (root mean square by the law).
     exponent, low, high : float
-        Power of delta with which the difference grows, and its 95 % interval.
+        Power of delta to which the difference is proportional, and its 95 % interval.
     missed : int
-        Impacts left out because the partner did not have the same one.
+        Impacts left out because the second path did not have the same impact.
     """
 
     table: pd.DataFrame
@@ -47,7 +49,18 @@ class SqrtLaw(NamedTuple):
 
 
 def fitted(deltas: Floats, apart: Floats) -> tuple[float, float, float]:
-    """Power by which ``|apart|``, shape (events, deltas), grows with delta: mean of the events' slopes, with interval.
+    """Fit the exponent of a power law ``|apart| ~ delta^p`` as the mean of the log-log slopes of all events.
+
+    Parameters
+    ----------
+    deltas : ndarray, shape (deltas,)
+    apart : ndarray, shape (events, deltas)
+        Differences after the impact.
+
+    Returns
+    -------
+    value, low, high : float
+        The exponent and its 95 % interval.
 
     Examples
     --------
@@ -65,21 +78,27 @@ def fitted(deltas: Floats, apart: Floats) -> tuple[float, float, float]:
 
 
 def sqrt_law(scene: Scene, *, impacts: int = 4000, seed: int = 0, deltas: Floats | None = None) -> SqrtLaw:
-    """Measure exponent and prefactor of the square-root law at impacts at mesh 1 of a long path.
+    """Measure exponent and prefactor of the square-root law, at impacts at mesh 1 of a long path.
 
     Parameters
     ----------
     scene : Scene
-        With noise of at least 0.03: the drift parts paths by about ``delta / |y|`` too, which outweighs weaker noise at
-        all scales that the noise's tree resolves.
+        With a noise intensity of at least 0.03.  The drift alone separates the paths by about ``delta / |y|``, which
+        outweighs weaker noise at all distances that the Brownian tree resolves.
     impacts : int
+        Impacts to measure.
     seed : int
     deltas : ndarray, optional
-        From 1e-7 to where the drift begins to count, 1e-3 sigma^2 at most, by default.
+        Distances before the impact; by default 7 from 1e-7 to ``1e-3 min(1, sigma^2)``, below the range of the drift.
+
+    Returns
+    -------
+    SqrtLaw
 
     Raises
     ------
     InputError
+        If the noise is too weak, or fewer than 100 impacts can be used.
 
     Examples
     --------

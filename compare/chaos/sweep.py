@@ -1,4 +1,4 @@
-"""The largest exponent over a field of the scene, of the orbit and along noisy paths, and where it changes its sign."""
+"""Sweeps of the largest exponent over a field of the scene, for the orbit and along noisy paths, and its sign changes."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -26,11 +26,22 @@ PUBLISHED = 30  # impacts through which the published map is followed at each va
 
 
 def values(name: str, text: str) -> tuple[float, ...]:
-    """Values from ``LOW:HIGH:POINTS``, evenly spaced.
+    """Read evenly spaced values from ``LOW:HIGH:POINTS``.
+
+    Parameters
+    ----------
+    name : str
+        Name of the option in error messages.
+    text : str
+
+    Returns
+    -------
+    tuple of float
 
     Raises
     ------
     InputError
+        If the text has another form, HIGH is not above LOW, or POINTS is below 2.
 
     Examples
     --------
@@ -49,7 +60,23 @@ def values(name: str, text: str) -> tuple[float, ...]:
 
 
 def with_field(scene: Scene, name: str, value: float) -> Scene:
-    """The same scene with another value of a field; the paper's start goes with its gaps.
+    """Return the same scene with another value of a field; a default start is adapted to new gaps.
+
+    Parameters
+    ----------
+    scene : Scene
+    name : str
+        One of `FIELDS`.
+    value : float
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    InputError
+        If the field is unknown or the value not valid.
 
     Examples
     --------
@@ -65,7 +92,16 @@ def with_field(scene: Scene, name: str, value: float) -> Scene:
 
 
 def paper_noise(scene: Scene) -> Scene:
-    """The scene with the paper's noise, ``sigma = sqrt(alpha)``."""
+    """Return the scene with the paper's noise intensity, ``sigma = sqrt(alpha)``.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    Scene
+    """
     return scene.with_sigma(math.sqrt(scene.alpha))
 
 
@@ -103,7 +139,7 @@ def sweep(
     scene: Scene, at: Sequence[float], *, field: str = "alpha", noise: Callable[[Scene], Scene] | None = None,
     width: float = 0.01, seed: int = 0, workers: int = 2,
 ) -> pd.DataFrame:  # fmt: skip
-    """Largest exponent of the orbit, of the mean maps and of the drift's linearisation along a noisy path over a field.
+    """Compute the largest exponent over a field: of the orbit, the mean maps, and the drift along a noisy path.
 
     Parameters
     ----------
@@ -113,26 +149,32 @@ def sweep(
     field : str
         One of `FIELDS`.
     noise : callable, optional
-        Gives each scene its noise; the scene's own by default, `paper_noise` is the paper's.
+        Maps each scene to the same with its noise set, such as `paper_noise`; without it, the noise of `scene` is used.
     width : float
-        Widest interval of each largest exponent.
+        Required width of the interval of each largest exponent; wider ones are reported as they are.
     seed : int
-        All values have the same noise, so that what changes along the field is not the sample.
+        Common to all values of the field.
     workers : int
         Threads; the result does not depend on it.
 
     Returns
     -------
     DataFrame
-        Columns: the field, ``of, largest, low, high, rate, sum_error, impacts, regime, reason``.  Where an orbit rests,
-        its exponents are NaN and ``regime`` and ``reason`` say so.
+        Columns: the field, ``of`` (the linearised system), ``largest, low, high`` (largest exponent and its 95 %
+        interval; NaN without a stationary motion), ``rate, sum_error, impacts`` as of `Exponents`, and ``regime,
+        reason`` as of `Regime`.
+
+    Raises
+    ------
+    InputError
+        If an argument or a value of the field is not valid.
 
     Examples
     --------
     >>> from rattle.scene import DAT21
     >>> t = sweep(Scene.from_gears(DAT21), (0.05, 0.3), noise=paper_noise, width=0.1)
     >>> t[t["of"] == "orbit"]["regime"].tolist()
-    ['rests', 'runs']
+    ['sticks', 'runs']
     """
     count("workers", workers)
     jobs = []
@@ -145,7 +187,17 @@ def sweep(
 
 
 def signs(rows: pd.DataFrame) -> NDArray[np.int64]:
-    """Sign of the largest exponent at each value: 0 where its interval, corrected for their number, holds zero.
+    """Determine the sign of the largest exponent in each row, with intervals at 95 % simultaneous coverage (Bonferroni).
+
+    Parameters
+    ----------
+    rows : DataFrame
+        With the 95 % intervals ``low, high``.
+
+    Returns
+    -------
+    ndarray of int, shape (rows,)
+        1 or -1; 0 if the widened interval contains zero, or there is none.
 
     Examples
     --------
@@ -158,16 +210,25 @@ def signs(rows: pd.DataFrame) -> NDArray[np.int64]:
 
 
 def crossings(table: pd.DataFrame, field: str = "alpha", of: str = ORBIT) -> pd.DataFrame:
-    """Where the largest exponent changes its sign along a sweep.
+    """Find where the largest exponent changes its sign along a sweep.
 
-    A change lies between the last value at which the interval is on one side of zero and the first at which it is on
-    the other, all intervals together at 95 %; values that cannot say, or at which the orbit rests, widen it.
+    A change is bracketed by the last value of the field with one sign and the first with the other (see `signs`).
+    Values between whose sign is undecided, or at which the orbit sticks for good, make the bracket wider.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As of `sweep`.
+    field : str
+        Field of the sweep.
+    of : str
+        Linearised system, a value of the column ``of``.
 
     Returns
     -------
     DataFrame
-        Columns: ``of, low, high`` (of the field), ``to`` (+1: becomes positive, -1: negative) and ``undecided`` (values
-        between that cannot say).
+        Columns: ``of, low, high`` (bracket of the field's value), ``to`` (+1: becomes positive, -1: negative) and
+        ``undecided`` (number of values inside the bracket).
 
     Examples
     --------

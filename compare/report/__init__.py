@@ -1,4 +1,4 @@
-"""What a report says, once: as data, and shown as HTML, as Markdown and on a terminal."""
+"""Report pages: their content as data, and its rendering as HTML, as Markdown and on a terminal."""
 
 from rattle.compare.report.content import (
     NUMBER,

@@ -1,6 +1,6 @@
-"""The content of a page: a title, the answer, sections of blocks, and where it all comes from.
+"""The content of a page: a title, the answer, sections of blocks, and its source.
 
-Texts are plain: what stands between two backticks is code, everything else is shown as it is, whatever the view.
+Texts are plain: between two backticks stands code, everything else is shown literally in every view.
 """
 
 import math
@@ -19,16 +19,26 @@ __all__ = [
 ]  # fmt: skip
 
 TEXT, NUMBER = "text", "number"
-"""Kinds of a column: words, to the left and in alphabetical order; numbers, to the right and in theirs."""
+"""Kinds of a column: text, aligned left and sorted alphabetically; numbers, aligned right and sorted by value."""
 
 MARKS = {"": "", "good": "✓", "bad": "✗", "open": "?"}
-"""Verdicts that a cell can carry, and their signs."""
+"""Marks of a cell for the verdict on it, and their signs."""
 
-NOTHING = "–"
+NOTHING = "–"  # shown in place of NaN
 
 
 def leading_number(text: str) -> float | None:
-    """The first number in a text, by which a column of numbers is sorted; none where there is none.
+    """The first number in a text, by which a column of numbers is sorted.
+
+    Parameters
+    ----------
+    text : str
+        May have commas between thousands.
+
+    Returns
+    -------
+    float or None
+        None if there is no number.
 
     Examples
     --------
@@ -41,7 +51,14 @@ def leading_number(text: str) -> float | None:
 
 @dataclass(frozen=True)
 class Text:
-    """A paragraph; a note is one that explains what stands beside it."""
+    """A paragraph.
+
+    Attributes
+    ----------
+    text : str
+    note : bool
+        Whether it explains the block beside it, and is set in smaller type.
+    """
 
     text: str
     note: bool = False
@@ -49,7 +66,21 @@ class Text:
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell of a table: its text, the verdict on it (a key of `MARKS`), and the number by which it is sorted."""
+    """A cell of a table.
+
+    Attributes
+    ----------
+    text : str
+    mark : str
+        The verdict on it, a key of `MARKS`.
+    value : float or None
+        Number by which it is sorted; finite.
+
+    Raises
+    ------
+    InputError
+        For an unknown mark, or a value that is not finite.
+    """
 
     text: str
     mark: str = ""
@@ -62,12 +93,23 @@ class Cell:
 
     @property
     def shown(self) -> str:
-        """The text with the sign of its verdict."""
+        """The text, followed by the sign of its mark if it has one."""
         return f"{self.text} {MARKS[self.mark]}" if self.mark else self.text
 
     @classmethod
     def of(cls, content: "Cell | str | float", kind: str) -> "Cell":
-        """A cell of what it holds: four digits of a number, a dash for NaN."""
+        """Make a cell: numbers are shown with four digits, NaN as a dash.
+
+        Parameters
+        ----------
+        content : Cell, str or float
+        kind : str
+            Of its column, `TEXT` or `NUMBER`.
+
+        Returns
+        -------
+        Cell
+        """
         if isinstance(content, Cell):
             cell = content
         elif isinstance(content, str):
@@ -83,12 +125,24 @@ class Cell:
 
 
 Row: TypeAlias = Iterable[Cell | str | float]
-"""What `Table.of` takes as a row."""
+"""A row as `Table.of` accepts it."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """The head of a column and its kind, `TEXT` or `NUMBER`."""
+    """A column of a table.
+
+    Attributes
+    ----------
+    head : str
+    kind : str
+        `TEXT` or `NUMBER`.
+
+    Raises
+    ------
+    InputError
+        For another kind.
+    """
 
     head: str
     kind: str = TEXT
@@ -98,13 +152,36 @@ class Column:
 
 
 def numbers(*heads: str) -> tuple[Column, ...]:
-    """Columns of numbers."""
+    """Columns of numbers.
+
+    Parameters
+    ----------
+    *heads : str
+
+    Returns
+    -------
+    tuple of Column
+    """
     return tuple(Column(head, NUMBER) for head in heads)
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table; with a summary it is folded away beneath it where the view can."""
+    """A table.
+
+    Attributes
+    ----------
+    columns : tuple of Column
+    rows : tuple of tuple of Cell
+        Each as long as ``columns``.
+    summary : str
+        If given, HTML shows the table collapsed beneath this line.
+
+    Raises
+    ------
+    InputError
+        For no columns, or a row of another length.
+    """
 
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
@@ -119,7 +196,19 @@ class Table:
 
     @classmethod
     def of(cls, columns: Sequence[Column | str], rows: Iterable[Row], summary: str = "") -> "Table":
-        """A table of bare values; a head without a kind is of text.
+        """Make a table of plain values.
+
+        Parameters
+        ----------
+        columns : sequence of Column or str
+            A bare string is the head of a column of text.
+        rows : iterable of Row
+        summary : str
+            See `Table`.
+
+        Returns
+        -------
+        Table
 
         Examples
         --------
@@ -134,7 +223,21 @@ class Table:
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure in the report's folder, what is said beneath it, and what it shows in words for who cannot see it."""
+    """A figure.
+
+    Attributes
+    ----------
+    path : str
+        Of an SVG or PNG file, relative to the report's folder and inside it.
+    caption : str
+    alt : str
+        Description for readers who do not see the figure; not empty.
+
+    Raises
+    ------
+    InputError
+        For a path outside the folder or of another type, or an empty description.
+    """
 
     path: str
     caption: str
@@ -150,7 +253,15 @@ class Figure:
 
 @dataclass(frozen=True)
 class Code:
-    """Text to be shown as it stands, in a language's name."""
+    """A block of code.
+
+    Attributes
+    ----------
+    text : str
+        Shown literally.
+    language : str
+        Name for syntax highlighting; may be empty.
+    """
 
     text: str
     language: str = ""
@@ -161,7 +272,15 @@ Block: TypeAlias = Text | Table | Figure | Code
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a page, with parts of its own."""
+    """A section of a page.
+
+    Attributes
+    ----------
+    title : str
+    blocks : tuple of Block
+    sections : tuple of Section
+        Subsections, which follow the blocks.
+    """
 
     title: str
     blocks: tuple[Block, ...] = ()
@@ -170,7 +289,17 @@ class Section:
 
 @dataclass(frozen=True)
 class Source:
-    """Where a page comes from: the command that repeats it, facts of the manifest by name, and what else tells."""
+    """Where a page comes from.
+
+    Attributes
+    ----------
+    repeat : str
+        Command that makes the page again.
+    facts : tuple of (str, str)
+        Entries of the manifest: name and value.
+    blocks : tuple of Block
+        Further blocks, such as the scene.
+    """
 
     repeat: str
     facts: tuple[tuple[str, str], ...] = ()
@@ -179,7 +308,23 @@ class Source:
 
 @dataclass(frozen=True)
 class Page:
-    """What a report says: the answer first, the blocks that open it, sections, its source.
+    """The page of a report.
+
+    Attributes
+    ----------
+    title : str
+    answer : tuple of str
+        Sentences that stand first; at least one.
+    source : Source
+        Stands last.
+    blocks : tuple of Block
+        Between the answer and the sections.
+    sections : tuple of Section
+
+    Raises
+    ------
+    InputError
+        For a page without an answer.
 
     Examples
     --------
@@ -199,7 +344,12 @@ class Page:
             raise InputError("answer", self.answer, "a page begins with its answer; give a sentence")
 
     def all_sections(self) -> Iterator[Section]:
-        """Every section, each before its own parts."""
+        """Iterate over all sections and subsections, each before its own subsections.
+
+        Yields
+        ------
+        Section
+        """
         waiting = list(self.sections)
         while waiting:
             section = waiting.pop(0)

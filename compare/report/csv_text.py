@@ -1,4 +1,4 @@
-"""The one writer of CSV: every number to the last bit unless told otherwise, and no text that steers a terminal."""
+"""CSV output: numbers without loss of digits, text without terminal control characters."""
 
 from pathlib import Path
 from typing import Any
@@ -19,10 +19,15 @@ def csv_text(table: pd.DataFrame, **options: Any) -> str:
     **options
         Of `pandas.DataFrame.to_csv`.
 
+    Returns
+    -------
+    str
+        Terminal control characters in texts are escaped.
+
     Examples
     --------
-    >>> print(csv_text(pd.DataFrame({"law": ["\x1b[31mnormal"], "sigma": [0.1]}), index=False).strip())
-    law,sigma
+    >>> print(csv_text(pd.DataFrame({"name": ["\x1b[31mnormal"], "sigma": [0.1]}), index=False).strip())
+    name,sigma
     \x1b[31mnormal,0.1
     """
     texts = table.select_dtypes(exclude=["number", "bool"])
@@ -30,7 +35,16 @@ def csv_text(table: pd.DataFrame, **options: Any) -> str:
 
 
 def write_csv(table: pd.DataFrame, path: Path, **options: Any) -> None:
-    """Write a table as `csv_text` has it."""
+    """Write a table as CSV, see `csv_text`.
+
+    Parameters
+    ----------
+    table : DataFrame
+    path : Path
+        Of the file; overwritten.
+    **options
+        Of `pandas.DataFrame.to_csv`.
+    """
     path.write_text(csv_text(table, **options), encoding="utf-8")
 
 

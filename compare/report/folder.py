@@ -1,4 +1,4 @@
-"""An output folder that is either written whole or not at all, and never replaces what is not ours."""
+"""Output folders that are written whole or not at all, and that never replace files of others."""
 
 import ctypes
 import errno
@@ -29,14 +29,26 @@ __all__ = [
 ]
 
 ROOM = 20_000_000  # bytes that must be free before a long run begins; a report takes a few million
-PART, OLD = ".part", ".old"  # how scratch names end: what is being written, what is being replaced
-ANY_TEXT = "rattle"  # in the scratch names of single files
-AT_FDCWD, RENAME_EXCHANGE = -100, 2  # of Linux, renameat2(2)
+PART, OLD = ".part", ".old"  # suffixes of scratch names: a folder or file being written, a folder being replaced
+ANY_TEXT = "rattle"  # name in the scratch names of single files
+AT_FDCWD, RENAME_EXCHANGE = -100, 2  # constants of Linux, see renameat2(2)
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def default_place(name: str, suffix: str = "") -> Path:
-    """``reports/NAME``, one folder deep whatever is in a name that a file has brought.
+    """The default output folder ``reports/NAME``.
+
+    Parameters
+    ----------
+    name : str
+        From a file, so it may hold anything; separators and control characters are replaced.
+    suffix : str
+        Appended.
+
+    Returns
+    -------
+    Path
+        Exactly one level below ``reports``.
 
     Examples
     --------
@@ -48,7 +60,18 @@ def default_place(name: str, suffix: str = "") -> Path:
 
 
 def refused(out: Path, error: OSError) -> OutputError:
-    """What a person is told when the system refuses to write.
+    """The error message for a failed write.
+
+    Parameters
+    ----------
+    out : Path
+        File or folder that was to be written.
+    error : OSError
+
+    Returns
+    -------
+    OutputError
+        To be raised; names the remedy.
 
     Examples
     --------
@@ -63,7 +86,16 @@ def refused(out: Path, error: OSError) -> OutputError:
 
 
 def check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
-    """Refuse a folder that could not be written without losing something.
+    """Check before a run that its output folder can be written without losing other files.
+
+    Parameters
+    ----------
+    out : Path
+        The folder; need not exist.
+    ours : frozenset of str
+        Names of the files of such a report; a folder with any other file is not replaced.
+    overwrite : bool
+        Whether an earlier report may be replaced.
 
     Raises
     ------
@@ -74,7 +106,7 @@ def check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
         _check_free(out, ours, overwrite)
     except OutputError:
         raise
-    except OSError as error:  # a name that is too long, a folder that may not be looked into
+    except OSError as error:  # such as a name that is too long, or a folder that may not be read
         raise refused(out, error) from None
 
 
@@ -100,12 +132,23 @@ def _check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
 
 @contextmanager
 def whole_folder(out: Path, ours: frozenset[str], overwrite: bool) -> Iterator[Path]:
-    """A scratch folder beside `out` that takes its place when the block ends well, and vanishes when it does not.
+    """Context that writes a folder atomically: into a scratch folder beside it, which replaces it at the end.
+
+    Parameters
+    ----------
+    out, ours, overwrite
+        As of `check_free`.
+
+    Yields
+    ------
+    Path
+        The scratch folder; removed if the block raises.
 
     Raises
     ------
     OutputError
-        If it cannot be written.  If another run has written `out` meanwhile, this one is kept beside it, and said.
+        If it cannot be written.  If another run has written `out` meanwhile, this result is kept under another name,
+        which the message gives.
     """
     check_free(out, ours, overwrite)
     try:
@@ -121,9 +164,19 @@ def whole_folder(out: Path, ours: frozenset[str], overwrite: bool) -> Iterator[P
 
 @contextmanager
 def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
-    """A folder of one's own in `parent`, gone after the block; so is what killed processes have left there of `name`.
+    """Context with a temporary folder; leftovers of killed processes under the same name are removed first.
 
-    It is locked as long as its process lives, so that no other takes it for a leftover.
+    Parameters
+    ----------
+    parent : Path
+        Where it is made; exists.
+    name : str
+        Part of its name.
+
+    Yields
+    ------
+    Path
+        The folder.  It is locked (flock) while its process lives, so that no other process removes it as a leftover.
     """
     sweep(parent, name)
     scratch, number = _locked(parent, name, Path.mkdir)
@@ -137,7 +190,13 @@ def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
 
 
 def within(folder: Path, *names: str) -> None:
-    """Refuse folders of these names that are links: what is written into them would lie elsewhere.
+    """Check that subfolders are no symbolic links, through which files would be written elsewhere.
+
+    Parameters
+    ----------
+    folder : Path
+    *names : str
+        Subfolders; need not exist.
 
     Raises
     ------
@@ -152,7 +211,10 @@ def within(folder: Path, *names: str) -> None:
 
 
 def _locked(parent: Path, name: str, make: Callable[[Path], object]) -> tuple[Path, int]:
-    """What `make` has made, and the lock on it; once more if another process has swept it away before it was locked."""
+    """Make a scratch file or folder and lock it; repeated if another process removed it before it was locked.
+
+    Returns its path and the locked file descriptor.
+    """
     while True:
         scratch = _scratch(parent, name, PART)
         make(scratch)
@@ -166,7 +228,7 @@ def _locked(parent: Path, name: str, make: Callable[[Path], object]) -> tuple[Pa
 
 
 def _scratch(parent: Path, name: str, suffix: str) -> Path:
-    """A new name; what is made under it has the rights that the umask leaves, which a temporary file has not."""
+    """A new scratch name; unlike those of `tempfile`, files made under it have the permissions of the umask."""
     return parent / f".{name}-{secrets.token_hex(4)}{suffix}"
 
 
@@ -175,12 +237,18 @@ def _empty(path: Path) -> None:
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a text file whole or not at all; a link of that name is replaced, not followed.
+    """Write a text file whole or not at all; a symbolic link of that name is replaced, not followed.
+
+    Parameters
+    ----------
+    path : Path
+    text : str
+        Written as UTF-8.
 
     Raises
     ------
     OutputError
-        If it cannot be written; what was there before stays.
+        If it cannot be written; an earlier file stays.
     """
     try:
         sweep(path.parent, ANY_TEXT)
@@ -196,7 +264,7 @@ def write_whole(path: Path, text: str) -> None:
 
 
 def _put(scratch: Path, out: Path, ours: frozenset[str], overwrite: bool) -> None:
-    """Put a scratch folder in its place; where that has been taken meanwhile, beside it."""
+    """Move a scratch folder to its place; if another run has taken that meanwhile, to a numbered name beside it."""
     try:
         check_free(out, ours, overwrite)
         if not out.exists():
@@ -216,7 +284,7 @@ def _put(scratch: Path, out: Path, ours: frozenset[str], overwrite: bool) -> Non
 
 
 def _exchanged(one: Path, other: Path) -> bool:
-    """Exchange two folders in one step, where the system can: then there is no moment without either."""
+    """Exchange two folders atomically; False where the system cannot."""
     rename = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
     if rename is None:
         return False
@@ -224,7 +292,7 @@ def _exchanged(one: Path, other: Path) -> bool:
 
 
 def _replace(scratch: Path, out: Path) -> None:
-    """The same in two steps; who is killed between them leaves the old folder to `sweep`."""
+    """Replace a folder in two steps; if the process is killed between them, `sweep` restores the old folder."""
     old = _scratch(out.parent, out.name, OLD)
     old.mkdir()
     os.rename(out, old)
@@ -237,11 +305,19 @@ def _replace(scratch: Path, out: Path) -> None:
 
 
 def sweep(parent: Path, name: str) -> None:
-    """Remove what killed processes have left of `name`; put back what one had moved away when it was killed."""
+    """Remove scratch files and folders of killed processes; restore a folder that one was replacing.
+
+    Parameters
+    ----------
+    parent : Path
+        Where they lie.
+    name : str
+        In their names; see `scratch_folder`.
+    """
     pattern = re.compile(rf"\.{re.escape(name)}-[a-z0-9_]{{8}}(\{PART}|\{OLD})")
     try:
         found = [parent / name for name in os.listdir(parent) if pattern.fullmatch(name)]
-    except OSError:  # a folder that may be written and not read
+    except OSError:  # a folder that may be written but not read
         return
     for left in found:
         with suppress(OSError), _opened(left) as number:
@@ -264,7 +340,17 @@ def _opened(path: Path) -> Iterator[int]:
 
 
 def named(path: Path) -> str:
-    """The name that a file gives to what is in it, in characters that any other file can hold.
+    """The name of a scene or study: that of its file without suffix.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+
+    Returns
+    -------
+    str
+        Encodable as UTF-8.
 
     Examples
     --------

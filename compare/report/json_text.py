@@ -1,4 +1,4 @@
-"""The one writer of JSON: what any parser reads, and nothing that steers a terminal."""
+"""JSON output: strict, so that any parser reads it, and without terminal control characters."""
 
 import hashlib
 import json
@@ -13,7 +13,17 @@ __all__ = ["json_digest", "json_text", "plain"]
 
 
 def plain(data: Any) -> Any:
-    """Data in the types that JSON has: NaN and infinities become None, numbers of numpy Python's own, paths text.
+    """Convert data to the types of JSON.
+
+    Parameters
+    ----------
+    data : object
+        Mappings, sequences, numpy arrays and scalars, paths, text, numbers, None.
+
+    Returns
+    -------
+    object
+        Dicts, lists, Python numbers, text and None; NaN and infinities become None, paths text.
 
     Examples
     --------
@@ -35,14 +45,18 @@ def plain(data: Any) -> Any:
 
 
 def json_text(data: Any, indent: int | None = 2) -> str:
-    r"""Data as strict JSON (RFC 8259), signs as they are, characters that steer a terminal escaped.
+    r"""Data as strict JSON (RFC 8259); terminal control characters are escaped, other non-ASCII characters are not.
 
     Parameters
     ----------
-    data : mapping, sequence, text, number, bool or None
-        With anything that `plain` knows inside.
+    data : object
+        Anything that `plain` converts.
     indent : int, optional
-        Spaces of each level; None for one line.
+        Spaces per level; None for one line.
+
+    Returns
+    -------
+    str
 
     Examples
     --------
@@ -56,7 +70,17 @@ def json_text(data: Any, indent: int | None = 2) -> str:
 
 
 def json_digest(data: Any) -> str:
-    """SHA-256 of plain data as JSON, whatever the order of the names in it.
+    """SHA-256 digest of data, independent of the order of keys.
+
+    Parameters
+    ----------
+    data : object
+        Plain data, see `plain`.
+
+    Returns
+    -------
+    str
+        Hexadecimal.
 
     Examples
     --------

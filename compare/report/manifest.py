@@ -1,4 +1,4 @@
-"""Where a report comes from: everything that a run needs to be repeated bit for bit, and to see whether it was."""
+"""The manifest of a report: all that is needed to repeat a run bit for bit, and to check that it was."""
 
 import hashlib
 import importlib.metadata
@@ -34,19 +34,36 @@ __all__ = [
     "versions",
 ]
 
-COMPILER: Any = numba.config  # it has no types
+COMPILER: Any = numba.config  # numba has no type annotations
 
 VERSION = 1
-"""Of a manifest: what has another form is written with a greater one."""
+"""Version of the format of manifests."""
 
 PACKAGES = ("rattle", "numpy", "numba", "llvmlite", "scipy", "pandas", "matplotlib", "pyarrow")
 
 DIGESTS = ("table_sha256", "validity_sha256")
-"""What a repeated run must have in common with the first; timings are no part of it."""
+"""Digests that a repeated run must share with the first; timings are not covered."""
 
 
 class Settings(NamedTuple):
-    """What a report was asked for; with the scenes and the versions it fixes every number."""
+    """The settings of a report; together with the versions they determine every number.
+
+    Attributes
+    ----------
+    name : str
+        Of the scene.
+    scenes : tuple of Scene
+        One for each noise intensity.
+    impacts, paths, dt, scheme, seed
+        Of the simulations, see `rattle.montecarlo.simulate`.
+    order : int
+        Order of the closures' moments.
+    closures : tuple of str
+    validity : tuple of float
+        Noise intensities of the range of validity; may be empty.
+    validity_paths : int
+        Simulated paths at each of these.
+    """
 
     name: str
     scenes: tuple[Scene, ...]
@@ -62,29 +79,34 @@ class Settings(NamedTuple):
 
     @property
     def simulation(self) -> dict[str, Any]:
-        """What every simulation of the report is asked for, but for the scene and the threads."""
+        """Settings of every simulation of the report, except scene and threads."""
         return {name: getattr(self, name) for name in ("paths", "impacts", "dt", "scheme")} | {"rng": self.seed}
 
     @property
     def sweep(self) -> dict[str, Any]:
-        """What the simulations of the range of validity are asked for."""
+        """Settings of the simulations for the range of validity."""
         return {"paths": self.validity_paths, "impacts": self.impacts, "rng": self.seed}
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for the manifest."""
+        """The settings as plain data for the manifest.
+
+        Returns
+        -------
+        dict
+        """
         return {**self._asdict(), "scenes": [s.to_dict() for s in self.scenes]}
 
 
 class Recorded(NamedTuple):
-    """What a manifest says of an earlier report.
+    """Content of the manifest of an earlier report.
 
     Attributes
     ----------
     settings : Settings
-    digests : dict of str to str
+    digests : dict of str to (str or None)
         Of its tables, by `DIGESTS`; None where it has no such table.
     versions : dict of str to str
-        As `versions` gives them; what an earlier version of this program did not record is missing.
+        See `versions`; entries that an earlier version of this program did not record are missing.
     """
 
     settings: Settings
@@ -93,12 +115,23 @@ class Recorded(NamedTuple):
 
 
 def read_settings(path: Path) -> Recorded:
-    """What an earlier report was asked for, the digests of its tables and the versions, from its manifest.
+    """Read the manifest of an earlier report.
+
+    Parameters
+    ----------
+    path : Path
+        Of the ``manifest.json``.
+
+    Returns
+    -------
+    Recorded
 
     Raises
     ------
     FileError
-        If the file cannot be read or is no manifest.
+        If the file cannot be read, is no manifest, was changed, or is of a newer version.
+    InputError
+        For a setting or scene that is not admissible.
     """
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
@@ -128,12 +161,19 @@ def read_settings(path: Path) -> Recorded:
 
 
 def not_newer(data: dict[str, Any], path: Path) -> None:
-    """Refuse the data of a manifest that a newer version of this program has written.
+    """Check that a manifest was not written by a newer version of this program.
+
+    Parameters
+    ----------
+    data : dict
+        Its content.
+    path : Path
+        Of the file, for the message.
 
     Raises
     ------
     FileError
-        Says which version it has, and to update.
+        If its format is newer than `VERSION`.
     """
     version = data.get("version", 1)
     if type(version) is int and version > VERSION:
@@ -142,7 +182,17 @@ def not_newer(data: dict[str, Any], path: Path) -> None:
 
 
 def command_line(words: Sequence[str]) -> str:
-    """A command as it is typed, in characters that any file can hold.
+    """A command as it is typed in a shell.
+
+    Parameters
+    ----------
+    words : sequence of str
+        Its arguments, without ``rattle``.
+
+    Returns
+    -------
+    str
+        Quoted where needed, and encodable as UTF-8.
 
     Examples
     --------
@@ -153,7 +203,16 @@ def command_line(words: Sequence[str]) -> str:
 
 
 def sealed(record: Mapping[str, Any]) -> dict[str, Any]:
-    """A record with a digest of all the rest of it, so that a change is seen when it is read back.
+    """Add a digest of a record to it, so that a later change is detected.
+
+    Parameters
+    ----------
+    record : mapping
+
+    Returns
+    -------
+    dict
+        Plain data with the further key ``seal``.
 
     Examples
     --------
@@ -165,13 +224,29 @@ def sealed(record: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def is_whole(record: Mapping[str, Any]) -> bool:
-    """Whether a record that was read back is as it was sealed; one of an earlier version has no seal."""
+    """Whether a record is unchanged since it was sealed.
+
+    Parameters
+    ----------
+    record : mapping
+        From `sealed`, read back.
+
+    Returns
+    -------
+    bool
+        True also without a seal, which earlier versions did not write.
+    """
     rest = {name: value for name, value in record.items() if name != "seal"}
     return "seal" not in record or record["seal"] == json_digest(rest)
 
 
 def versions() -> dict[str, str]:
-    """Versions of what the numbers depend on, and the processor: its model, and what the compiler makes of it."""
+    """Versions of the packages on which the numbers depend, and the processor as named by system and compiler.
+
+    Returns
+    -------
+    dict of str to str
+    """
     found = {
         "python": platform.python_version(), "machine": platform.machine(), "processor": _processor(),
         "compiled for": COMPILER.CPU_NAME or binding.get_host_cpu_name(), "vectors": _vectors(),
@@ -185,7 +260,7 @@ def versions() -> dict[str, str]:
 
 
 def _processor() -> str:
-    """The model of the processor as the system names it."""
+    """Model name of the processor."""
     try:
         found = re.search(r"^model name\s*:\s*(.+)$", Path("/proc/cpuinfo").read_text(errors="replace"), re.MULTILINE)
     except OSError:
@@ -194,14 +269,20 @@ def _processor() -> str:
 
 
 def _vectors() -> str:
-    """The vector instructions for which code is compiled: they decide the order of sums, and so their last bits."""
+    """The vector instructions for which code is compiled; they determine the order of sums, hence their last bits."""
     chosen = COMPILER.CPU_FEATURES
     features = binding.get_host_cpu_features().flatten() if chosen is None else chosen
     return " ".join(sorted(re.findall(r"\+(s?sse[\w.]*|avx[\w.]*|fma\w*|neon|sve\w*)", features))) or "none"
 
 
 def commit() -> str:
-    """Commit of the code that runs, with ``+changes`` if it differs from it; ``unknown`` outside a repository."""
+    """Git commit of the running code.
+
+    Returns
+    -------
+    str
+        With ``+changes`` if the code differs from the commit; ``unknown`` outside a repository.
+    """
     here = Path(__file__).resolve().parents[2]
 
     def git(*words: str) -> str:
@@ -219,5 +300,15 @@ def commit() -> str:
 
 
 def digest(text: str) -> str:
-    """SHA-256 of a text."""
+    """SHA-256 digest of a text.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    str
+        Hexadecimal.
+    """
     return hashlib.sha256(text.encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""How a text is written in each view, so that nothing in it can be taken for markup or for a command."""
+"""Escaping of texts for each view, so that nothing in them is interpreted as markup or as a terminal command."""
 
 import re
 
@@ -12,7 +12,16 @@ CODE = re.compile(r"`([^`\n]+)`")
 
 
 def parts(text: str) -> list[tuple[str, bool]]:
-    """A text on one line in parts, and whether each is code.
+    """Split a text at its backticks.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    list of (str, bool)
+        Pieces, on one line and without control characters, and whether each is code.
 
     Examples
     --------
@@ -24,14 +33,33 @@ def parts(text: str) -> list[tuple[str, bool]]:
 
 
 def as_html(text: str) -> Markup:
-    """A text as HTML, code between its backticks marked as such."""
+    """A text as HTML; code between backticks becomes a ``<code>`` element.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    Markup
+    """
     return Markup("").join(
         Markup("<code>{}</code>").format(piece) if code else escape(piece) for piece, code in parts(text)
     )
 
 
 def as_markdown(text: str, cell: bool = False) -> str:
-    r"""A text as Markdown; in the cell of a table a bar is escaped as well.
+    r"""A text as Markdown that shows it literally.
+
+    Parameters
+    ----------
+    text : str
+    cell : bool
+        Whether it stands in a table, where vertical bars must be escaped as well.
+
+    Returns
+    -------
+    str
 
     Examples
     --------
@@ -50,7 +78,15 @@ def _escaped(text: str) -> str:
 
 
 def as_code(text: str) -> str:
-    """A text as code within a line of Markdown, whatever backticks are in it.
+    """A text as inline code in Markdown, with as many backticks around it as its own require.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    str
 
     Examples
     --------
@@ -66,5 +102,15 @@ def _longest_run(text: str) -> int:
 
 
 def fence(text: str) -> str:
-    """What encloses a block of code in Markdown: one backtick more than there are in it."""
+    """The fence around a block of code in Markdown: one backtick more than the longest run in it, at least three.
+
+    Parameters
+    ----------
+    text : str
+        The code.
+
+    Returns
+    -------
+    str
+    """
     return "`" * max(3, 1 + _longest_run(text))

@@ -1,4 +1,4 @@
-"""A page as plain data: written as ``page.json``, read back and checked."""
+"""The file ``page.json``: a page as data, read back with validation of its structure and digest."""
 
 import dataclasses
 import json
@@ -16,18 +16,27 @@ __all__ = ["NAME", "page_text", "read_page"]
 NAME = "page.json"
 FORMAT, VERSION = "rattle page", 1
 BLOCKS = {"text": Text, "table": Table, "figure": Figure, "code": Code}
-"""Blocks by the kind that the file gives them."""
+"""Types of blocks by their name in the file."""
 
 
 class _Refused(Exception):
-    """Where the data are not a page, and why."""
+    """The data are not a page: the place in them, and why."""
 
     def __init__(self, where: str, why: str) -> None:
         super().__init__(f"{where}: {why}")
 
 
 def page_text(page: Page) -> str:
-    """A page as JSON; what has its default is left out.
+    """A page as JSON, without fields that have their default.
+
+    Parameters
+    ----------
+    page : Page
+
+    Returns
+    -------
+    str
+        With format, version and a SHA-256 digest.
 
     Examples
     --------
@@ -43,10 +52,19 @@ def page_text(page: Page) -> str:
 def read_page(path: Path) -> Page:
     """Read a page from its file.
 
+    Parameters
+    ----------
+    path : Path
+        Of a ``page.json``.
+
+    Returns
+    -------
+    Page
+
     Raises
     ------
     FileError
-        If the file cannot be read, is no page, or is of a newer version; it names the place.
+        If the file cannot be read, is no page, was changed, or is of a newer version; names the place in the data.
 
     Examples
     --------
@@ -86,12 +104,12 @@ def _plain(value: Any) -> Any:
         return value
     kinds = {kind: name for name, kind in BLOCKS.items()}
     named = {"kind": kinds[type(value)]} if type(value) in kinds else {}
-    told = ((f.name, f.default, getattr(value, f.name)) for f in dataclasses.fields(value))
-    return named | {name: _plain(found) for name, default, found in told if found != default}
+    fields = ((f.name, f.default, getattr(value, f.name)) for f in dataclasses.fields(value))
+    return named | {name: _plain(found) for name, default, found in fields if found != default}
 
 
 def _read(kind: Any, data: Any, where: str) -> Any:
-    """Data as what the type says: a string, a number, a tuple, a block, or a dataclass of these."""
+    """Convert plain data to a type: a string, a number, a tuple, a block, or a dataclass of these."""
     if kind is Block:
         name = data.get("kind") if isinstance(data, dict) else None
         if not isinstance(name, str) or name not in BLOCKS:
@@ -125,7 +143,7 @@ def _tuple(kinds: tuple[Any, ...], data: Any, where: str) -> tuple[Any, ...]:
 
 
 def _made(kind: Any, data: Any, where: str) -> Any:
-    """A dataclass of its fields."""
+    """Make a dataclass from a mapping of its fields."""
     if not isinstance(data, dict):
         raise _Refused(where, "is no object")
     fields = {field.name: field for field in dataclasses.fields(kind)}

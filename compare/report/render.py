@@ -1,4 +1,4 @@
-"""A page written into its report's folder: as data, as Markdown, as one self-contained HTML file."""
+"""Write a page into its report's folder: as data, as Markdown, and as one self-contained HTML file."""
 
 import base64
 import hashlib
@@ -23,12 +23,31 @@ KINDS = {Text: "text", Table: "table", Figure: "figure", Code: "code"}
 
 
 def pages(name: str) -> tuple[str, str, str]:
-    """Names of the files that `write_page` writes."""
+    """Names of the files that `write_page` writes.
+
+    Parameters
+    ----------
+    name : str
+        Of the page, without suffix.
+
+    Returns
+    -------
+    data, markdown, html : str
+    """
     return NAME, f"{name}.md", f"{name}.html"
 
 
 def write_page(page: Page, folder: Path, name: str) -> None:
-    """Write a page into the folder where its figures are: ``page.json``, ``name.md`` and ``name.html``."""
+    """Write a page into a folder: ``page.json``, ``name.md`` and ``name.html``.
+
+    Parameters
+    ----------
+    page : Page
+    folder : Path
+        Exists, and holds the figures of the page.
+    name : str
+        Of the page, without suffix.
+    """
     for file, text in zip(pages(name), (page_text(page), markdown(page), html(page, folder)), strict=True):
         (folder / file).write_text(text, encoding="utf-8")
 
@@ -42,7 +61,7 @@ def markdown(page: Page) -> str:
 
 
 def html(page: Page, folder: Path) -> str:
-    """A page as one HTML file that asks nothing of the network; the figures are read from the folder."""
+    """A page as one HTML file without links to other files; its figures are read from the folder and embedded."""
     style, script = _part("page.css"), _part("page.js")
     policy = (
         f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; script-src '{_hash(script)}'; "
@@ -82,7 +101,7 @@ def _embedded(path: Path) -> str:
 
 
 def _anchors(page: Page) -> dict[int, str]:
-    """A name for each section to link to, by the section's identity: its title's words, numbered where they repeat."""
+    """Anchor of each section by its `id`: the words of its title, numbered where they repeat."""
 
     def names() -> Iterator[tuple[Section, str]]:
         taken: dict[str, int] = {"source": 1}

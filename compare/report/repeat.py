@@ -1,4 +1,4 @@
-"""Whether a repeated report has the numbers of the first: bit for bit, but for rounding, or not."""
+"""Comparison of a repeated report with the first: equal bit for bit, equal up to rounding, or different."""
 
 import io
 import math
@@ -23,41 +23,41 @@ Floats = NDArray[np.float64]
 SAME, ROUNDED, DIFFERENT = "bit for bit", "but for rounding", "different"
 
 ROUNDING = 0.01
-"""The largest difference that is called rounding, in standard errors of the simulated number.
+"""The largest difference that counts as rounding, in standard errors of the simulated number.
 
-Machine code for other vector instructions adds the same paths up in another order, which moves a mean by some 1e-14 of
-an sd (measured on DAT21 between two kinds of x86-64: 2e-14).  Where products are rounded otherwise too, each path
-starts with another last bit, and impacts make it larger: without fused products, 256 000 paths at sigma = 1.2 differ
-by 1e-11 sd at their impacts, and at a time after twelve of them by 1e-6 sd, or 1e-3 standard errors: one path in a
-million has gone its own way.  Their number grows with the paths, what each of them moves falls; in standard errors the
-sum stays small.  Another seed moves the rows by about one, and of hundreds of rows some by more: the bound stands a
-hundred times below that, ten times above what was measured.
+Code compiled for other vector instructions sums the paths in another order, which changes a mean by about 1e-14 sd
+(measured on DAT21 between two kinds of x86-64: 2e-14).  If products are rounded differently too, each path differs in
+its last bit, and impacts amplify that: without fused multiply-add, 256 000 paths at sigma = 1.2 differ by 1e-11 sd at
+their impacts, and at a fixed time after twelve impacts by 1e-6 sd, or 1e-3 standard errors, because one path in a
+million takes another itinerary.  The number of such paths grows with the number of paths, but the influence of each
+falls; in standard errors the sum stays small.  Another seed changes the rows by about one standard error.  The bound
+is a hundred times smaller than that, and ten times larger than the measured effect of rounding.
 """
 EXACT = 1e-9
-"""The same for what is not sampled, in sds of the quantity: a closure's own numbers (measured: 5e-15)."""
-FAINT = 1e-3
-"""Where this share of a value is more than the sd, it is the unit: rounding is of the value, however small its sd."""
+"""The same for numbers that are not sampled, those of a closure, in sds of the quantity (measured: 5e-15)."""
+RELATIVE = 1e-3
+"""At small noise this share of a value replaces the sd as unit of differences: rounding errors scale with the value."""
 
 TABLES = {"table_sha256": "table.csv", "validity_sha256": "validity.csv"}
 SAMPLED = {"simulated", "se", "bias", "error", "low", "high", "unit", "tolerance", "agreement"}
-"""Columns that follow from the paths."""
+"""Columns that are estimated from the paths."""
 DERIVED = {"paths_needed"}
-"""Follows from the other columns, through a difference that may be next to nothing."""
+"""Not compared: computed from other columns with a difference that may nearly cancel."""
 NAMING = ("sigma", "closure", "kind", "moment", "quantity", "impact")
-"""Columns that say which row it is."""
+"""Columns that identify a row."""
 
 
 class Difference(NamedTuple):
-    """The difference between two tables that is farthest beyond what rounding explains, or nearest to it.
+    """The largest difference between two tables, relative to what rounding explains.
 
     Attributes
     ----------
     excess : float
-        In units of what rounding explains; infinite where it is not one of numbers.
+        Difference over the largest one that rounding explains; infinite if the entries are not numbers.
     sds, errors : float
-        The same in sds of the quantity, and in standard errors (NaN where nothing is sampled).
+        Difference in sds of the quantity, and in standard errors (NaN where nothing is sampled).
     where : str
-        Its column, its row, and both entries.
+        Column, row, and both entries.
     """
 
     excess: float
@@ -67,18 +67,18 @@ class Difference(NamedTuple):
 
 
 class Repeat(NamedTuple):
-    """How a repeated report compares with the first.
+    """Result of comparing a repeated report with the first.
 
     Attributes
     ----------
     outcome : str
         `SAME`, `ROUNDED` or `DIFFERENT`.
     largest : Difference or None
-        None where it is the same, or where only digests could be compared.
+        None if both are the same, or if only digests could be compared.
     why : str
-        Why no more than digests could be.
+        Why only digests could be compared; else empty.
     changed : dict of str to (str or None, str or None)
-        Versions and parts of the processor that differ: recorded (None where not), and here.
+        Versions and properties of the processor that differ: as recorded (None if not recorded), and here.
     """
 
     outcome: str
@@ -88,7 +88,7 @@ class Repeat(NamedTuple):
 
     @property
     def sentences(self) -> list[str]:
-        """What a person is told."""
+        """The result in sentences for the user."""
         if self.outcome == SAME:
             return ["Repeated bit for bit."]
         found = "Repeated but for rounding" if self.outcome == ROUNDED else "The numbers differ from the manifest's"
@@ -103,21 +103,40 @@ class Repeat(NamedTuple):
 
     @property
     def _versions(self) -> str:
-        silent = [f"{name} (here {here})" for name, (there, here) in self.changed.items() if there is None]
-        told = [f"{n} {there}, here {here}" for n, (there, here) in self.changed.items() if there is not None]
-        said = [f"The manifest's versions that differ: {'; '.join(told)}."] if told else []
-        said += [f"The manifest does not say: {', '.join(silent)}."] if silent else []
-        return " ".join(map(line, said)) or "All versions and the processor are those of the manifest."
+        unrecorded = [f"{name} (here {here})" for name, (there, here) in self.changed.items() if there is None]
+        recorded = [f"{n} {there}, here {here}" for n, (there, here) in self.changed.items() if there is not None]
+        sentences = [f"The manifest's versions that differ: {'; '.join(recorded)}."] if recorded else []
+        sentences += [f"The manifest does not say: {', '.join(unrecorded)}."] if unrecorded else []
+        return " ".join(map(line, sentences)) or "All versions and the processor are those of the manifest."
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data."""
+        """The result as plain data for JSON.
+
+        Returns
+        -------
+        dict
+            ``outcome, largest_difference, why, changed``.
+        """
         changed = {name: {"manifest": there, "here": here} for name, (there, here) in self.changed.items()}
         largest = self.largest and self.largest._asdict()
         return {"outcome": self.outcome, "largest_difference": largest, "why": self.why, "changed": changed}
 
 
 def tables_beside(path: Path, recorded: Recorded) -> dict[str, str]:
-    """The tables beside a manifest as CSV text, by the name of their digests: those that are the manifest's own."""
+    """Read the tables beside a manifest whose digests are those that it records.
+
+    Parameters
+    ----------
+    path : Path
+        Of the manifest.
+    recorded : Recorded
+        Its content.
+
+    Returns
+    -------
+    dict of str to str
+        CSV text by the name of the digest.
+    """
     found = {}
     for name, file in TABLES.items():
         try:
@@ -135,13 +154,17 @@ def compared(recorded: Recorded, earlier: Mapping[str, str], now: Mapping[str, A
     Parameters
     ----------
     recorded : Recorded
-        What the manifest of the first says.
+        Manifest of the first report.
     earlier : mapping of str to str
-        Its tables, as `tables_beside` finds them.
+        Its tables, from `tables_beside`.
     now : mapping
-        The manifest of the repeated one.
+        Manifest of the repeated report.
     folder : Path
-        Where that one lies.
+        Folder of the repeated report.
+
+    Returns
+    -------
+    Repeat
     """
     here = versions()
     changed = {n: (recorded.versions.get(n), here.get(n)) for n in dict.fromkeys([*here, *recorded.versions])}
@@ -165,14 +188,19 @@ def compared(recorded: Recorded, earlier: Mapping[str, str], now: Mapping[str, A
 
 
 def difference(one: pd.DataFrame, other: pd.DataFrame, paths: int) -> Difference:
-    """The difference between two tables of a report that is largest beside what rounding explains.
+    """The largest difference between two tables of a report, relative to what rounding explains.
 
     Parameters
     ----------
     one, other : DataFrame
-        Sds are those of the column ``unit``, or `FAINT` of a value where that is more; standard errors those of ``se``.
+        The unit of a difference is the sd in the column ``unit``, or `RELATIVE` of the value where that is larger; the
+        standard error is in the column ``se``.
     paths : int
-        Behind each row.
+        Number of simulated paths of each row.
+
+    Returns
+    -------
+    Difference
 
     Examples
     --------
@@ -201,10 +229,11 @@ def _differences(one: pd.DataFrame, other: pd.DataFrame, name: str, paths: int) 
     a, b = one[name], other[name]
     same = ((a == b) | (a.isna() & b.isna())).to_numpy(bool)
     none = np.full(len(one), math.nan)
-    if not (pd.api.types.is_float_dtype(a) and pd.api.types.is_float_dtype(b)):  # words and counts are equal or not
+    if not (pd.api.types.is_float_dtype(a) and pd.api.types.is_float_dtype(b)):  # text and counts must be equal
         return np.where(same, 0.0, math.inf), none
     nothing = pd.Series(0.0, index=one.index)
-    sizes = [FAINT * a.abs(), FAINT * b.abs(), one.get("unit", nothing), FAINT * one.get("simulated", nothing).abs()]
+    simulated = one.get("simulated", nothing).abs()
+    sizes = [RELATIVE * a.abs(), RELATIVE * b.abs(), one.get("unit", nothing), RELATIVE * simulated]
     error = one.get("se", nothing).to_numpy(float) if name != "agreement" else paths**-0.5
     gap = np.where(same, 0.0, (a - b).abs())
     with np.errstate(invalid="ignore", divide="ignore"):

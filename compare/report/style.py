@@ -1,4 +1,4 @@
-"""What all figures share: colours, markers, symbols, a legend above the panels, the same bytes for the same figure."""
+"""Common style of all figures: colours, markers, symbols, legends, and reproducible SVG files."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 __all__ = ["ACCURATE", "FORBIDDEN", "STYLE", "SYMBOL", "caption_of", "legend_above", "new_figure", "save"]
 
-# Okabe and Ito's palette: told apart with every common colour vision, and by marker as well.
+# Palette of Okabe and Ito, which remains distinguishable with colour vision deficiencies; markers differ as well.
 STYLE: Any = {
     "published": {"color": "#D55E00", "marker": "s"},
     "corrected": {"color": "#0072B2", "marker": "o"},
@@ -44,7 +44,21 @@ SETTINGS: Any = {
 
 
 def new_figure(width: float, height: float, rows: int, columns: int) -> tuple[Figure, list[Axes]]:
-    """A figure of so many inches with rows times columns of panels, listed row by row."""
+    """A figure with a grid of panels.
+
+    Parameters
+    ----------
+    width, height : float
+        In inches.
+    rows, columns : int
+        Of panels.
+
+    Returns
+    -------
+    figure : Figure
+    axes : list of Axes
+        Row by row.
+    """
     with mpl.rc_context(SETTINGS):
         figure = Figure(figsize=(width, height), layout="constrained")
         axes = figure.subplots(rows, columns, squeeze=False)
@@ -52,16 +66,36 @@ def new_figure(width: float, height: float, rows: int, columns: int) -> tuple[Fi
 
 
 def legend_above(figure: Figure, axes: Sequence[Axes], columns: int) -> None:
-    """One legend for all panels, above them."""
-    gathered: dict[str, Artist] = {}
+    """Add one legend for all panels above them; equal labels are shown once.
+
+    Parameters
+    ----------
+    figure : Figure
+    axes : sequence of Axes
+        The panels whose labels are collected.
+    columns : int
+        Columns of the legend.
+    """
+    handles: dict[str, Artist] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            gathered.setdefault(label, handle)
-    figure.legend(list(gathered.values()), list(gathered), loc="outside upper center", ncols=columns)
+            handles.setdefault(label, handle)
+    figure.legend(list(handles.values()), list(handles), loc="outside upper center", ncols=columns)
 
 
 def caption_of(figure: Figure, parts: Sequence[tuple[str, str]]) -> str:
-    """What is said beneath a figure: those parts whose word its legend has; an empty word is always said.
+    """The caption of a figure: only the parts that refer to something that is drawn.
+
+    Parameters
+    ----------
+    figure : Figure
+        With its legends.
+    parts : sequence of (str, str)
+        Texts, each with a word; a text is included if a label of the legends contains its word, or if that is empty.
+
+    Returns
+    -------
+    str
 
     Examples
     --------
@@ -72,10 +106,16 @@ def caption_of(figure: Figure, parts: Sequence[tuple[str, str]]) -> str:
     'Means of the closure.'
     """
     drawn = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
-    return "".join(said for said, word in parts if any(word in label for label in drawn) or not word)
+    return "".join(text for text, word in parts if any(word in label for label in drawn) or not word)
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as SVG, the same bytes for the same figure."""
+    """Write a figure as SVG; equal figures give equal files.
+
+    Parameters
+    ----------
+    figure : Figure
+    path : Path
+    """
     with mpl.rc_context(SETTINGS):
         figure.savefig(path, format="svg", metadata={"Date": None})

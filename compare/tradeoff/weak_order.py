@@ -1,8 +1,8 @@
-"""The weak order of a scheme with inelastic impacts, measured: no published order exists for it.
+"""Measured weak order of a scheme with inelastic impacts, for which no order has been published.
 
-Two questions are asked apart (as in the tests of diffrax): towards its own limit, how fast does a scheme converge; and
-is that limit the right one?  The first is answered by differences between a step and twice the step on the same noise;
-the second by Richardson's value of the smallest steps against exact flights, which have no step to converge in.
+Two questions are separated (as in the tests of diffrax): how fast does a scheme converge towards its own limit, and is
+that limit correct?  The first is answered by differences between a step and twice the step on the same Brownian paths;
+the second by comparing Richardson extrapolation from the smallest steps with exact flights, which have no step bias.
 """
 
 import math
@@ -27,20 +27,32 @@ __all__ = ["ORDER_IMPACTS", "STEPS", "Order", "Orders", "changes_from", "order_f
 Floats = NDArray[np.float64]
 
 STEPS = (0.016, 0.008, 0.004, 0.002)
-"""Larger step of each pair; the pair's other step is its half."""
+"""Larger step of each pair; the smaller one is half of it."""
 
-ORDER_IMPACTS = 4  # as far as paths stay comparable while dt shrinks
+ORDER_IMPACTS = 4  # impacts over which paths with different dt keep the same itinerary
 CONFIDENCE = 0.95
-STILL = 1e-9  # standard error below which a quantity does not vary
+STILL = 1e-9  # standard error below which a quantity counts as constant
 
 
 class Order(NamedTuple):
-    """Measured order of one scheme in one kind of moment.
+    """Measured weak order of one scheme for one kind of moment.
 
-    ``order`` lies in ``low, high`` with 95 % confidence; ``change`` is the size (root mean square over rows, in sds) of
-    the last change, from twice the smallest step to it.  ``limit_z`` is the largest difference between Richardson's
-    value and that of exact flights in standard errors, ``limit_allowed`` what chance alone would let through once in
-    twenty such tables.
+    Attributes
+    ----------
+    scheme : str
+    sigma : float
+        Noise intensity.
+    moment : str
+        ``mean``, ``sd``, or ``itinerary`` for the probability of the noise-free itinerary.
+    order, low, high : float
+        Estimate and its 95 % interval; NaN where sampling noise hides the bias.
+    change : float
+        Root mean square over quantities and impacts, in sds, of the change from twice the smallest step to the
+        smallest; of an itinerary the distance from exact flights.
+    limit_z : float
+        Largest difference between the extrapolated value and exact flights, in standard errors.
+    limit_allowed : float
+        Its bound at 95 % confidence if the limit is correct.
     """
 
     scheme: str
@@ -55,11 +67,16 @@ class Order(NamedTuple):
 
 
 class Orders(NamedTuple):
-    """What was measured: ``table`` with a row for each `Order`, and ``changes``, the errors behind them.
+    """Measured weak orders, and the errors from which they are fitted.
 
-    Columns of ``changes``: ``scheme, sigma, moment, dt, change, low, high``: of a mean or sd the size (root mean square
-    over rows, in sds) of the change between dt and dt / 2, of the itinerary the distance of its probability at dt from
-    that of exact flights; NaN where noise hides it.  Intervals are at 95 %, of each point by itself.
+    Attributes
+    ----------
+    table : DataFrame
+        A row for each `Order`.
+    changes : DataFrame
+        Columns ``scheme, sigma, moment, dt, change, low, high``.  For means and sds ``change`` is the root mean square,
+        in sds, of the change between dt and dt / 2; for the itinerary the distance of its probability at dt from that
+        of exact flights; NaN where noise hides it.  The 95 % intervals are for each row by itself.
     """
 
     table: pd.DataFrame
@@ -67,7 +84,20 @@ class Orders(NamedTuple):
 
 
 def orders_over(scene: Scene, sigmas: Sequence[float], **settings: int) -> Orders:
-    """Weak orders at several noise intensities; settings as of `weak_orders`."""
+    """Weak orders at several noise intensities.
+
+    Parameters
+    ----------
+    scene : Scene
+    sigmas : sequence of float
+        Noise intensities.
+    **settings
+        Of `weak_orders`.
+
+    Returns
+    -------
+    Orders
+    """
     found = [weak_orders(scene.with_sigma(sigma), **settings) for sigma in sigmas]
     return Orders(pd.concat([one.table for one in found]), pd.concat([one.changes for one in found]))
 
@@ -75,18 +105,22 @@ def orders_over(scene: Scene, sigmas: Sequence[float], **settings: int) -> Order
 def order_from(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[float, float, float, float]:
     """Slope of log(change) over log(step) with its jackknife interval, and the last change.
 
-    The change at a step is the root mean square over the rows of the replicates' mean, less what the noise of its
-    measurement adds; NaN where noise hides it.
+    The change at a step is the root mean square over the rows of the replicates' mean, corrected for the variance of
+    its measurement; NaN where that exceeds it.
 
     Parameters
     ----------
     bias, se : ndarray, shape (replicates, steps, rows)
-        Change between a step and its half in each row, with its standard error.
+        Change between a step and its half in each row (moment), and its standard error.
     steps : sequence of float
+        Descending.
 
     Returns
     -------
-    order, low, high, last : float
+    order, low, high : float
+        Slope and its 95 % interval.
+    last : float
+        Change at the last step.
 
     Examples
     --------
@@ -109,7 +143,16 @@ def order_from(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[float,
 
 
 def changes_from(bias: Floats, se: Floats) -> tuple[Floats, Floats, Floats]:
-    """Size of the change at each step and its jackknife interval, on a logarithmic scale; parameters of `order_from`.
+    """Size of the change at each step with its jackknife interval, which is symmetric in the logarithm.
+
+    Parameters
+    ----------
+    bias, se : ndarray, shape (replicates, steps, rows)
+        As of `order_from`.
+
+    Returns
+    -------
+    change, low, high : ndarray, shape (steps,)
 
     Examples
     --------
@@ -149,7 +192,7 @@ def _rows(run: Ensemble, moment: str) -> pd.DataFrame:
 
 
 def _limit_z(run: Ensemble, exact: Ensemble, moment: str) -> tuple[float, int]:
-    """Largest difference of Richardson's value from exact flights in standard errors, and how many were compared."""
+    """Largest difference of the extrapolated value from exact flights in standard errors, and how many were compared."""
     rows = run.step_bias[run.step_bias["moment"] == moment]
     names = [q if moment == "mean" else "sd_" + q for q in rows["quantity"]]
     impacts = rows["impact"].tolist()
@@ -172,21 +215,33 @@ def weak_orders(
     rng: int = 0,
     workers: int = 2,
 ) -> Orders:
-    """Weak order of every scheme that has one, on section means, sds, and the probability of the noise-free itinerary.
+    """Measure the weak order of every scheme with a step bias.
+
+    It is measured for the means and the sds on the Poincaré section at the impacts, and for the probability of the
+    noise-free itinerary.
 
     Parameters
     ----------
     scene : Scene
-    impacts, paths : int
-        Impacts, and paths of each replicate at each step.
+    impacts : int
+        Number of impacts.
+    paths : int
+        Paths of each replicate at each step.
     replicates : int
-        Independent repeats behind the interval, at least 2.
-    rng, workers : int
-        Seed; threads.
+        Independent repetitions for the jackknife intervals, at least 2.
+    rng : int
+        Seed.
+    workers : int
+        Threads.
 
     Returns
     -------
     Orders
+
+    Raises
+    ------
+    InputError
+        For fewer than 2 replicates, or settings that cannot be simulated.
     """
     count("replicates", replicates, least=2)
     seeds = np.random.SeedSequence(rng).spawn(replicates + 1)
@@ -244,7 +299,7 @@ def _itinerary_order(scheme: str, sigma: float, shares: Floats, kept: float, pat
     if seen.sum() >= 2:
         distance = (shares - kept)[:, seen, None]
         order, low, high, _ = order_from(distance, np.zeros_like(distance), tuple(steps[seen]))
-    last = 2.0 * means[-1] - means[-2]  # Richardson's value from the two smallest steps
+    last = 2.0 * means[-1] - means[-2]  # Richardson extrapolation from the two smallest steps
     error = math.hypot(math.hypot(2.0 * spread[-1], spread[-2]), floor)
     away = abs(float(last) - kept) / max(error, 1e-300)
     allowed = widest(1, 1.0 - CONFIDENCE)

@@ -1,1 +1,1 @@
-"""Paths that share their noise: one Brownian tree under two of them, or under one for as long as wanted."""
+"""Paths on a shared Brownian tree: two of them on the same noise, or one for as long as wanted."""

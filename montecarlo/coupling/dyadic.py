@@ -1,10 +1,10 @@
-"""Steps of a path on a Brownian path that is a function of time alone: whoever shares its number shares it wholly.
+"""Steps of a path on a shared Brownian tree: a Brownian path that is a function of time, the same for all who use it.
 
-The noise of a step is known by its increment and area (`rattle.montecarlo.noise.brownian`) and, where a wall may be
-near, cut in halves again and again; the normals of a cut belong to the node of the dyadic tree, not to the path that
-asks.  At the leaves, ``2^-depth`` steps long, the noise is constant, so that the path is a smooth flight there and its
-impact a root.  Two paths on one noise therefore have the same noise at every time, before, between and after their
-impacts; the only influence of the grid is that noise is smooth below a leaf.
+The noise of a step is given by its increment and area (`rattle.montecarlo.noise.brownian`) and, near a wall, halved
+recursively.  The normals of a split belong to the node of the dyadic tree, not to the path that uses them.  At the
+leaves, ``2^-depth`` steps long, the noise is constant, so that the flight there is smooth and its impact a root.  Two
+paths on one tree therefore have the same noise at every time, before, between and after their impacts.  The only
+discretisation is that the noise is smooth below a leaf.
 """
 
 import math
@@ -38,29 +38,31 @@ __all__ = ["DEEPEST", "HIT", "Clockwork", "Room", "clockwork", "flown", "new_roo
 Floats = NDArray[np.float64]
 
 TREE = BRIDGE + LEVELS
-"""Purpose of the normals of this module, beside those of `rattle.montecarlo.noise.philox`."""
+"""Substream of the normals of this module, see the purposes of `rattle.montecarlo.noise.philox`."""
 
-DEEPEST = 26  # levels below a step: the nodes of a tree are numbered by as many bits, the steps by the 30 above them
+DEEPEST = 26  # most levels below a step: of a random number's index 26 bits are the node, the 30 above the step
 TREE_BITS = Word(DEEPEST)
-STEPS = 128  # of a period, where nothing asks for more
-IN_A_LEAF = 8  # impacts; beyond, what is left of the leaf is passed with the path put inside its walls
+STEPS = 128  # fewest steps of a period
+IN_A_LEAF = 8  # most wall contacts in a leaf; then the path is clipped to its walls and goes on at the next leaf
 HIT = 6
-"""Columns of a hit: time since the start of the step, ``mesh * side``, state just before."""
+"""Columns of an impact: time since the start of the step, ``mesh * side``, state just before."""
 
 
 class Clockwork(NamedTuple):
-    """What steps need that is the same in every period.
+    """Tables of the steps, periodic with the excitation.
 
     Attributes
     ----------
     h : float
-        Length of a step; a whole number of them makes a period.
+        Step; a whole number of steps makes a period.
     depth : int
         Levels of the tree below a step.
     forcing : ndarray, shape (steps, 14)
-        By phase: drift, effect of a unit increment and of a unit area (4 each), margins of both walls.
+        For each step of a period: drift, effect of a unit normal of the increment and of the area (4 each), margins of
+        both stages.
     carry : ndarray, shape (6,)
-        ``x1y1, y1y1, x2y1, x2y2, y2y1, y2y2`` of a step.
+        Entries ``x1y1, y1y1, x2y1, x2y2, y2y1, y2y2`` of a step's Jacobian, see
+        `rattle.montecarlo.schemes.exact_flight.FlightForcing`.
     """
 
     h: float
@@ -70,12 +72,23 @@ class Clockwork(NamedTuple):
 
 
 def clockwork(scene: Scene, depth: int) -> Clockwork:
-    """The clockwork of a scene.
+    """The step tables of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        Without random tolerance.
+    depth : int
+        Levels of the tree below a step, at most `DEEPEST`.
+
+    Returns
+    -------
+    Clockwork
 
     Raises
     ------
     InputError
-        If gaps are random, for then a path is that of one gear set or has no noise in common with another.
+        If half gaps are random: then paths differ in more than their noise.
 
     Examples
     --------
@@ -87,7 +100,7 @@ def clockwork(scene: Scene, depth: int) -> Clockwork:
         raise InputError(
             "tolerance.distribution",
             scene.tolerance.distribution,
-            "long paths have gaps that stay: give 'fixed', or none",
+            "a path on a shared Brownian tree needs gaps that do not vary: give 'fixed', or no tolerance",
         )
     longest = 0.5 * accurate_flight(scene)[0]
     steps = STEPS
@@ -101,7 +114,17 @@ def clockwork(scene: Scene, depth: int) -> Clockwork:
 
 
 class Room(NamedTuple):
-    """Memory that a walk reuses: the end of a trial, and the parts of a step that are still to be walked."""
+    """Buffers of a walk.
+
+    Attributes
+    ----------
+    end : ndarray, shape (4,)
+        State at the end of a trial.
+    pending : ndarray, shape (depth + 2, 2)
+        Stack of the intervals still to be walked: increment and area.
+    level, node : ndarray of int, shape (depth + 2,)
+        Their places in the tree.
+    """
 
     end: Floats
     pending: Floats
@@ -111,14 +134,24 @@ class Room(NamedTuple):
 
 @jit
 def new_room(depth: int) -> Room:
-    """Room for a tree of so many levels."""
+    """Buffers for a tree of given depth.
+
+    Parameters
+    ----------
+    depth : int
+        Levels below a step.
+
+    Returns
+    -------
+    Room
+    """
     size = depth + 2
     return Room(np.empty(4), np.empty((size, 2)), np.empty(size, np.int64), np.empty(size, np.int64))
 
 
 @inlined
 def _small_angle(t: float) -> tuple[float, float]:
-    """Sine and cosine of an angle below 0.06, by their series to rounding."""
+    """Sine and cosine of an angle below 0.06, by their Taylor series to rounding."""
     z = t * t
     sine = t * (1.0 - z / 6.0 * (1.0 - z / 20.0 * (1.0 - z / 42.0)))
     return sine, 1.0 - 0.5 * z * (1.0 - z / 12.0 * (1.0 - z / 30.0 * (1.0 - z / 56.0)))
@@ -126,15 +159,29 @@ def _small_angle(t: float) -> tuple[float, float]:
 
 @jit
 def flown(c: Constants, tau: float, s: Floats, h: float, noise: Noise, end: Floats) -> tuple[float, float]:
-    """State after a flight of time h, no longer than a step, with this noise, into `end`.
+    """State after a flight of time h, at most a step, with given noise, into `end`.
 
-    As `rattle.scene.flight.flow` and `rattle.montecarlo.schemes.exact_flight.kick`, with one sine and one cosine for
-    all phases.
+    As `rattle.scene.flight.flow` plus `rattle.montecarlo.schemes.exact_flight.kick`, but with one sine and one cosine.
+
+    Parameters
+    ----------
+    c : Constants
+        Of the scene.
+    tau : float
+        Time.
+    s : ndarray, shape (4,)
+        State at the start.
+    h : float
+        Length of the flight.
+    noise : Noise
+        Of this time.
+    end : ndarray, shape (4,)
+        Output.
 
     Returns
     -------
     margin1, margin2 : float
-        How near a wall may be met (`rattle.montecarlo.schemes.exact_flight`), for any path in this time.
+        Margins of both stages for any path in this time, see `rattle.montecarlo.schemes.exact_flight.margins`.
     """
     sine, cosine = math.sin(tau + 0.5 * h), math.cos(tau + 0.5 * h)
     sh, ch = _small_angle(0.5 * h)
@@ -178,7 +225,7 @@ def _is_near(c: Constants, h: float, s: Floats, end: Floats, margin1: float, mar
 
 @jit
 def _first_wall(c: Constants, h: float, s: Floats, end: Floats) -> tuple[float, int]:
-    """Share of a leaf's time after which a wall is met, and ``mesh * side`` of it; 1 and 0 if none is."""
+    """Share of a leaf after which the first wall is met, and its ``mesh * side``; 1 and 0 if none is."""
     share, code = 1.0, 0
     for mesh in range(1, c.stages + 1):
         j = 2 * (mesh - 1)
@@ -199,7 +246,7 @@ def _first_wall(c: Constants, h: float, s: Floats, end: Floats) -> tuple[float, 
 def _leaf(
     c: Constants, tau: float, offset: float, h: float, noise: Noise, s: Floats, end: Floats, hits: Floats, n: int
 ) -> int:
-    """Carry a path through a leaf; returns the number of hits so far."""
+    """Carry a path through a leaf; returns the number of impacts in the step so far."""
     left, gone = h, 0.0
     for _ in range(IN_A_LEAF):
         flown(c, tau + gone, s, left, Noise(noise.increment * (left / h), 0.0), end)
@@ -236,24 +283,29 @@ def walk_step(
 
     Parameters
     ----------
-    c, w, room : Constants, Clockwork, Room
-    key, path
-        Which noise.
+    c : Constants
+        Of the scene.
+    w : Clockwork
+        Step tables.
+    room : Room
+        Buffers.
+    key, path : Key, Word
+        Of the Brownian tree.
     step : int
         Number of the step since time 0, below 2^30.
-    z : tuple
-        Its two standard normals: of increment and area.
+    z : tuple of 2 float
+        The step's standard normals: of increment and area.
     s : ndarray, shape (4,)
         State; output too.
-    hits : ndarray, shape (MOST_IN_A_STEP, HIT)
+    hits : ndarray, shape (at least 1, HIT)
         Output: the impacts in the step.
 
     Returns
     -------
-    hits : int
-        How many.
-    held : bool
-        Whether there were more than fit: the path is then held where it is to the end of the step.
+    found : int
+        Number of impacts.
+    full : bool
+        Whether `hits` was filled: the path then stays in this state to the end of the step.
     """
     row = step % len(w.forcing)
     f, m = w.forcing[row], w.carry
@@ -282,7 +334,7 @@ def walk_step(
             if n == len(hits):
                 return n, True
             continue
-        if not first:  # the whole step is known to be near
+        if not first:  # of the whole step it is known
             margin1, margin2 = flown(c, tau + offset, s, h, noise, end)
             if not _is_near(c, h, s, end, margin1, margin2):
                 s[:] = end

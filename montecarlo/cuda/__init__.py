@@ -1,1 +1,1 @@
-"""Ensembles on a GPU: the same scalar steps, the same random numbers."""
+"""Ensembles on a GPU: the same scalar functions and the same random numbers as on the processor."""

@@ -1,9 +1,9 @@
-"""Ensembles on a card: ``simulate(..., device="cuda")``.
+"""Ensembles on a GPU: ``simulate(..., device="cuda")``.
 
-Only this module and those it imports know of CUDA, and nothing imports it before a card is asked for.
+Only this module and those it imports use CUDA, and nothing imports it before a GPU is asked for.
 
-``python -m rattle.montecarlo.cuda.launch`` measures path-steps per second on the card at hand.  IT HAS NOT YET BEEN RUN
-ON A CARD: so far the kernels have been compiled for one and run on numba's simulator of one.
+``python -m rattle.montecarlo.cuda.launch`` measures path-steps per second on the present GPU.  IT HAS NOT YET BEEN RUN
+ON A GPU: so far the kernels have been compiled for one, and run on numba's simulator of one.
 
 From the counts in `COSTS` an H200 (132 multiprocessors at 1.98 GHz, 128 instructions and 64 float64 ones per clock) can
 start at most 2.3e11 path-steps of ``euler-maruyama`` per second, 6.6e11 with two-point increments.  An ESTIMATE, with
@@ -37,22 +37,22 @@ __all__ = ["check_gpu", "launch_size", "launches", "measure", "speed"]
 Floats = NDArray[np.float64]
 
 THREADS = 128
-"""Threads of a block of paths."""
+"""Threads of a thread block, one path each."""
 
 ROUNDS = 8
-"""Paths per thread that the card can hold at a time: fewer launches, and few idle threads at the end of each."""
+"""Paths of a launch per resident thread: few launches, and few idle threads at the end of each."""
 
 SIMULATED = 8
-"""Paths of a launch on the simulator, on half as many threads."""
+"""Paths of a launch on numba's simulator, with half as many threads per block."""
 
 
 def check_gpu() -> None:
-    """Refuse to go on where there is no card to run on.
+    """Raise an error if there is no GPU to run on.
 
     Raises
     ------
     InputError
-        Names what is missing: the package, the compiler's libraries, the driver, or the card.
+        Names what is missing: the package, the compiler's libraries, the driver, or the GPU.
     """
     if find_spec("numba_cuda") is None:
         raise InputError("device", "cuda", "needs the package numba-cuda; run: pip install 'rattle[gpu]'")
@@ -64,9 +64,9 @@ def check_gpu() -> None:
         gpus = len(cuda.gpus)
     except cuda.CudaSupportError as error:
         reason = " ".join(str(error).split()).strip(" :")
-        raise InputError("device", "cuda", f"needs an NVIDIA driver and a card; {reason}") from None
+        raise InputError("device", "cuda", f"needs an NVIDIA driver and a GPU; {reason}") from None
     if gpus == 0:
-        raise InputError("device", "cuda", "needs a card; the driver finds none")
+        raise InputError("device", "cuda", "needs a GPU; the driver finds none")
     raise InputError("device", "cuda", "needs CUDA's compiler libraries; run: pip install 'rattle[gpu]'")
 
 
@@ -77,7 +77,7 @@ def _simulated() -> bool:
 
 
 def _resident() -> int:
-    """Threads that the card holds at a time."""
+    """Threads that the GPU holds at a time."""
     from numba import cuda
 
     device = cuda.get_current_device()
@@ -85,7 +85,17 @@ def _resident() -> int:
 
 
 def launch_size(plan: Plan) -> int:
-    """Paths of a launch: a few per thread of the card, as far as a quarter of its free memory holds their impacts."""
+    """Paths of a launch: `ROUNDS` per resident thread, or as many as fit a quarter of the GPU's free memory.
+
+    Parameters
+    ----------
+    plan : Plan
+        Of the run.
+
+    Returns
+    -------
+    int
+    """
     if _simulated():
         return min(SIMULATED, plan.paths)
     from numba import cuda
@@ -96,8 +106,8 @@ def launch_size(plan: Plan) -> int:
     return min(ROUNDS * _resident(), room, plan.paths)
 
 
-class _Card(NamedTuple):
-    """What stays on the card from launch to launch."""
+class _Resources(NamedTuple):
+    """What stays the same from launch to launch."""
 
     plan: Plan
     job: Job
@@ -107,7 +117,7 @@ class _Card(NamedTuple):
     fixed_steps: Any
 
 
-def _prepared(plan: Plan) -> _Card:
+def _prepared(plan: Plan) -> _Resources:
     from numba import cuda
 
     from rattle.montecarlo.cuda.paths import path_kernel
@@ -119,7 +129,7 @@ def _prepared(plan: Plan) -> _Card:
     )  # fmt: skip
     sides = ((scene.start.x1, scene.gap1), (scene.start.x2, scene.gap2))
     gaps = np.repeat([[scene.gap1], [scene.gap2]], 2, axis=0)
-    return _Card(
+    return _Resources(
         plan,
         job,
         tuple(start_state(scene, gaps)[:, 0].tolist()),
@@ -129,8 +139,8 @@ def _prepared(plan: Plan) -> _Card:
     )
 
 
-def _followed(gpu: _Card, first: int, paths: int) -> tuple[Any, Any, NDArray[np.int64]]:
-    """Follow paths from number `first` on: impacts, states at fixed times, and the counts of the work."""
+def _followed(gpu: _Resources, first: int, paths: int) -> tuple[Any, Any, NDArray[np.int64]]:
+    """Follow paths from number `first` on: impacts and states at fixed times (on the GPU), and counts of the work."""
     from numba import cuda
 
     from rattle.montecarlo.cuda.sums import launch
@@ -148,8 +158,21 @@ def _followed(gpu: _Card, first: int, paths: int) -> tuple[Any, Any, NDArray[np.
 
 
 def launches(plan: Plan, size: int) -> Iterator[tuple[BlockResult, Floats | None]]:
-    """Results of launches of this many paths, in order, and their impacts, as `rattle.montecarlo.kernel.block.run`
-    gives both.
+    """Results of the launches of a plan, in order, as `rattle.montecarlo.kernel.block.run` gives them for blocks.
+
+    Parameters
+    ----------
+    plan : Plan
+        Of the run.
+    size : int
+        Paths of a launch.
+
+    Yields
+    ------
+    result : BlockResult
+        Sums and counts of the launch.
+    rows : ndarray, shape (paths, impacts, COLUMNS), or None
+        Its impacts, if the plan keeps them.
     """
     from rattle.montecarlo.cuda.sums import MOST_THREADS, reduced
 
@@ -163,14 +186,14 @@ def launches(plan: Plan, size: int) -> Iterator[tuple[BlockResult, Floats | None
 
 
 FP64_LANES = {(6, 0): 32, (7, 0): 32, (8, 0): 32, (9, 0): 64, (10, 0): 64}
-"""Float64 fused multiply-adds that a multiprocessor starts per clock, by compute capability; 2 on all others."""
+"""Float64 fused multiply-adds that a multiprocessor can start per clock, by compute capability; 2 on all others."""
 
 LANES = 128
-"""Instructions of threads that a multiprocessor starts per clock: four warps' worth."""
+"""Thread instructions that a multiprocessor can start per clock: four warps' worth."""
 
 
 class Cost(NamedTuple):
-    """What a path-step without an impact takes: counted in the machine code made for compute capability 9.0."""
+    """Cost of a path-step without an impact, counted in the machine code for compute capability 9.0."""
 
     instructions: float
     float64_instructions: float
@@ -184,11 +207,23 @@ COSTS = {
     ("euler-maruyama-located", "gaussian"): Cost(156, 42, 62, 1.0),
     ("exact-flight", "gaussian"): Cost(308, 93, 131, 2.0),
 }
-"""By scheme and increments, two stages and no tolerance."""
+"""By scheme and increments, for two stages without tolerance."""
 
 
 def speed(plan: Plan, repeats: int = 3) -> float:
-    """Path-steps per second of a plan's first launch, the least time of several, after one that compiles."""
+    """Path-steps per second of a plan's first launch: the best of several, after one that compiles.
+
+    Parameters
+    ----------
+    plan : Plan
+        Of the run.
+    repeats : int
+        Timed launches.
+
+    Returns
+    -------
+    float
+    """
     gpu, paths = _prepared(plan), launch_size(plan)
     _followed(gpu, 0, paths)
     best = 0.0
@@ -200,16 +235,28 @@ def speed(plan: Plan, repeats: int = 3) -> float:
 
 
 def measure(dt: float = 2e-3, impacts: int = 12) -> pd.DataFrame:
-    """Path-steps per second in float64 on the card at hand, beside what the card could do at most.
+    """Path-steps per second in float64 on the present GPU, and the shares of its limits that they reach.
 
-    Not yet run on a card.  The goal is 1e11 path-steps per second on an H200.
+    Not yet run on a GPU.  The goal is 1e11 path-steps per second on an H200.
+
+    Parameters
+    ----------
+    dt : float
+        Step.
+    impacts : int
+        Impacts of each path.
 
     Returns
     -------
     DataFrame
         Index ``scheme, increments``; columns ``path_steps_per_s``, ``flops_per_s``, ``words_per_s`` (random), and the
-        shares of two limits of the card that impacts and idle threads have not been counted in: ``of_float64``, its
-        float64 pipes always busy, and ``of_issue``, an instruction started at every clock.
+        shares of two limits of the GPU, without impacts and idle threads: ``of_float64`` (all float64 pipes always
+        busy) and ``of_issue`` (an instruction issued at every clock).
+
+    Raises
+    ------
+    InputError
+        Without a GPU.
     """
     from numba import cuda
 

@@ -1,7 +1,7 @@
-"""Paths on a card: one thread per path, the scalar functions of the processor's kernel, the same random numbers.
+"""Paths on a GPU: one thread per path, the scalar functions of the CPU kernel, the same random numbers.
 
 The functions called here are those that `rattle.montecarlo.kernel.kernel` calls; numba compiles the same source for
-either machine.
+either device.
 """
 
 import math
@@ -31,13 +31,13 @@ from rattle.scene.impact import struck
 
 __all__ = ["STEPS", "STICKING", "UNFINISHED", "path_kernel"]
 
-TABLE = 64  # steps whose forcing a block of threads works out together, a thread a step; as many as a word has bits
-STEPS, STICKING, UNFINISHED = 0, 1, 2  # places in the counts
+TABLE = 64  # steps whose forcing a thread block tabulates together, one thread a step; also the bits of a Word
+STEPS, STICKING, UNFINISHED = 0, 1, 2  # indices of `counts`
 
 
 @cuda.jit(device=True)
 def _tabulate(scheme, job, n, table):  # type: ignore[no-untyped-def]
-    """Forcing of the steps from n on into `table`, shared by the threads of a block."""
+    """Forcing of the steps from n on into the shared `table`, by all threads of a block."""
     for s in range(cuda.threadIdx.x, TABLE, cuda.blockDim.x):
         begin = job.tau + (n + s) * job.dt
         if scheme == EXACT:
@@ -52,7 +52,7 @@ def _tabulate(scheme, job, n, table):  # type: ignore[no-untyped-def]
 
 @cuda.jit(device=True)
 def _flight(c, h, whole, t, x1, y1, x2, y2, w, area, walls):  # type: ignore[no-untyped-def]
-    """State after a step of exact flight, and whether a wall may have been met; `t` is the step's row of the table."""
+    """State after an exact-flight step, and whether it may have an impact; `t` is the step's row of the table."""
     f = FlightForcing(
         whole.x1y1, whole.y1y1, whole.x2y1, whole.x2y2, whole.y2y1, whole.y2y2,
         (t[0], t[1], t[2], t[3]), (t[4], t[5], t[6], t[7]), (t[8], t[9], t[10], t[11]), t[12], t[13],
@@ -94,7 +94,7 @@ def _first_walls(random, job, path):  # type: ignore[no-untyped-def]
 
 @cuda.jit(device=True)
 def _moved(walls, code, drawn):  # type: ignore[no-untyped-def]
-    """Walls after an impact: the flank opposite to the struck one has been drawn anew."""
+    """Walls after an impact: the flank opposite to the struck one is redrawn."""
     return Walls(
         drawn if code == -1 else walls.high1, drawn if code == 1 else walls.low1,
         drawn if code == -2 else walls.high2, drawn if code == 2 else walls.low2,
@@ -103,24 +103,30 @@ def _moved(walls, code, drawn):  # type: ignore[no-untyped-def]
 
 @cache
 def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callable[..., Any]:
-    """Kernel that follows paths by one scheme; what the scene does not have is not in it.
+    """CUDA kernel that follows paths by one scheme; code that the scene does not need is not compiled.
 
-    Called with ``(job, first, start, flanks, rows, fixed_steps, fixed, counts)``: number of the first path; state after
-    the start as a tuple; +1, -1 or 0 per mesh for a coordinate that starts on a flank; then device arrays, `rows` of
-    shape (impacts, COLUMNS, paths), `at_times` (times, 4, paths) and three integer `counts` that are added to.
+    The kernel is called with ``(job, first, start, flanks, rows, fixed_steps, fixed, counts)``: number of the first
+    path; state after the start as a tuple; +1, -1 or 0 per mesh for a coordinate that starts on a flank; then device
+    arrays: `rows` of shape (impacts, COLUMNS, paths), the steps of the fixed times, `fixed` of shape (times, 4, paths),
+    and three integer `counts` that are added to.
 
     Parameters
     ----------
     scheme : int
         Code of the scheme.
     noise : {"none", "gaussian", "two-point"}
-        Law of the increments of a step.
+        Distribution of the increments of a step.
     random, redrawn : bool
         Whether the backlash is random, and whether impacts redraw it.
+
+    Returns
+    -------
+    callable
+        The kernel.
     """
     gaussian, two_point = noise == "gaussian", noise == "two-point"
     width = 14 if scheme == EXACT else 4
-    draws = 2 if scheme == EXACT else 4  # steps that a draw of four normals serves
+    draws = 2 if scheme == EXACT else 4  # steps per draw of four normals
 
     @cuda.jit
     def follow(job, first, start, flanks, rows, fixed_steps, fixed, counts):  # type: ignore[no-untyped-def]
@@ -135,12 +141,12 @@ def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callabl
             x1 = walls.high1 if flanks[0] > 0 else -walls.low1
         if flanks[1] != 0:
             x2 = walls.high2 if flanks[1] > 0 else -walls.low2
-        last, k, held, tick, n = job.tau, 0, 0, 0, 0
+        last, k, sticking, tick, n = job.tau, 0, 0, 0, 0
         z0, z1, z2, z3, bits = 0.0, 0.0, 0.0, 0.0, Word(0)
         whole = flight_forcing(c, job.tau, h)
         done = row >= paths
         while n < job.most_steps:
-            if cuda.syncthreads_or(0 if done else 1) == 0:  # also: nobody reads the table any more
+            if cuda.syncthreads_or(0 if done else 1) == 0:  # also the barrier before the table is overwritten
                 break
             _tabulate(scheme, job, n, table)
             cuda.syncthreads()
@@ -148,7 +154,7 @@ def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callabl
             if two_point:
                 bits = Word(bits_of(job.key, path, Word(n // TABLE)))
             while s < stop and not done:
-                end = min(stop, s + CHUNK - s % CHUNK)  # the processor looks at these steps which paths are done
+                end = min(stop, s + CHUNK - s % CHUNK)  # the CPU kernel retires finished paths at these steps
                 if tick < fixed_steps.size:
                     end = min(end, fixed_steps[tick] - n)
                 for s in range(s, end):  # noqa: B020
@@ -187,7 +193,7 @@ def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callabl
                         if sides[0] != 0 or sides[1] != 0 or (at.code != 0 and met == MOST_IN_A_STEP):
                             if scheme != PLAIN:
                                 at = stick_to_end(c, at, sides if at.code == 0 else sides_of(at.code), walls)
-                            held += 1
+                            sticking += 1
                             break
                         if at.code == 0:
                             if scheme == PLAIN or at.left <= 0.0:
@@ -221,7 +227,7 @@ def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callabl
                 cuda.atomic.add(counts, STEPS, n)
             if k < impacts:
                 cuda.atomic.add(counts, UNFINISHED, 1)
-            cuda.atomic.add(counts, STICKING, held)
+            cuda.atomic.add(counts, STICKING, sticking)
             for unmet in range(k, impacts):
                 for j in range(rows.shape[1]):
                     rows[unmet, j, row] = math.nan

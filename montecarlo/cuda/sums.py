@@ -1,6 +1,6 @@
-"""Sums over paths on a card, so that only sums cross the bus: a block of threads for each cell.
+"""Sums over paths on a GPU, one thread block per cell, so that only sums are copied to the host.
 
-Every sum is taken in an order that the number of threads and of paths alone decides: a run is repeatable bit for bit.
+The order of summation depends on the numbers of threads and paths only: a run is repeatable bit for bit.
 """
 
 import math
@@ -20,13 +20,13 @@ from rattle.scene.moments import SECTION
 
 __all__ = ["MOST_THREADS", "launch", "reduced"]
 
-MOST_THREADS = 256  # of a block, at most; a power of two
-MOST_ORDERS, MOST_POWERS = 16, 9
+MOST_THREADS = 256  # of a thread block; a power of two
+MOST_ORDERS, MOST_POWERS = 16, 9  # sizes of local arrays: orders of a cell, and powers 0 to 8
 
 
 @cuda.jit(device=True)
 def _total(value, scratch):  # type: ignore[no-untyped-def]
-    """Sum of the threads' values, by halves; every thread gets it."""
+    """Sum of the threads' values by tree reduction; every thread gets it."""
     t, width = cuda.threadIdx.x, cuda.blockDim.x // 2
     cuda.syncthreads()
     scratch[t] = value
@@ -41,7 +41,7 @@ def _total(value, scratch):  # type: ignore[no-untyped-def]
 
 @cuda.jit(device=True)
 def _least(value, scratch):  # type: ignore[no-untyped-def]
-    """Least of the threads' values."""
+    """Least of the threads' values by tree reduction; every thread gets it."""
     t, width = cuda.threadIdx.x, cuda.blockDim.x // 2
     cuda.syncthreads()
     scratch[t] = value
@@ -56,11 +56,10 @@ def _least(value, scratch):  # type: ignore[no-untyped-def]
 
 @cuda.jit
 def _cell_sums(v, left, right, exponents, n, mean, sums):  # type: ignore[no-untyped-def]
-    """Counts, means (2, cells) and sums of ``da^p db^q`` (orders, cells), as
-    `rattle.montecarlo.statistics.central_sums` takes of a block.
+    """Counts, means (2, cells) and sums of ``da^p db^q`` (orders, cells), as `CentralSums.of_columns` computes them.
 
-    Block i of threads is about the rows ``left[i]`` and ``right[i]`` of `v`, shape (variables, paths), over the paths
-    where both are finite; means are taken about the first of them, so that what does not vary comes out exact.
+    Thread block i handles the rows ``left[i]`` and ``right[i]`` of `v`, shape (variables, paths), over the paths where
+    both are finite.  Means are taken about the first of them, so that a constant comes out exact.
     """
     scratch = cuda.shared.array(MOST_THREADS, np.float64)
     kept = cuda.local.array(MOST_ORDERS, np.float64)
@@ -110,7 +109,7 @@ def _cell_sums(v, left, right, exponents, n, mean, sums):  # type: ignore[no-unt
 def _tally(rows, itineraries, codes, agreeing):  # type: ignore[no-untyped-def]
     """Counts of each code per impact, and of the paths that have followed each itinerary so far.
 
-    Block (k, j) of threads counts for impact k the code number j, or after the codes the itinerary.
+    Thread block (k, j) counts, at impact k, the code number j; or, for j beyond the codes, an itinerary.
     """
     scratch = cuda.shared.array(MOST_THREADS, np.float64)
     k, j, t = cuda.blockIdx.x, cuda.blockIdx.y, cuda.threadIdx.x
@@ -134,14 +133,26 @@ def _tally(rows, itineraries, codes, agreeing):  # type: ignore[no-untyped-def]
 
 
 def launch(kernel: Any, grid: int | tuple[int, int], threads: int, *arguments: Any) -> None:
-    """Run a kernel; a small run fills no card, and needs no warning that it does not."""
+    """Run a CUDA kernel, without numba's warning about a grid too small to fill the GPU.
+
+    Parameters
+    ----------
+    kernel : callable
+        Compiled by ``cuda.jit``.
+    grid : int or tuple of int
+        Number of thread blocks.
+    threads : int
+        Threads of a block.
+    *arguments
+        Of the kernel.
+    """
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "(?s).*Grid size")
         kernel[grid, threads](*arguments)
 
 
 def _sums(v: Any, variables: int, pairs: Sequence[tuple[int, int]], orders: Orders, threads: int) -> CentralSums:
-    """Sums over pairs of variables within each group; `v` is on the card, of shape (groups, variables, paths)."""
+    """Sums over pairs of variables within each group; `v` is on the GPU, of shape (groups, variables, paths)."""
     groups, _, paths = v.shape
     base = variables * np.arange(groups)[:, None]
     left, right = ((base + np.array(side)).ravel() for side in zip(*pairs, strict=True))
@@ -159,7 +170,25 @@ def _sums(v: Any, variables: int, pairs: Sequence[tuple[int, int]], orders: Orde
 
 
 def reduced(plan: Plan, rows: Any, fixed: Any, counts: NDArray[np.int64], threads: int) -> BlockResult:
-    """What a launch leaves behind, from its impacts, states at fixed times and the counts of its work."""
+    """The result of a launch, reduced on the GPU.
+
+    Parameters
+    ----------
+    plan : Plan
+        Of the run.
+    rows : device array, shape (impacts, COLUMNS, paths)
+        Impacts.
+    fixed : device array, shape (times, 4, paths)
+        States at fixed times.
+    counts : ndarray of int, shape (3,)
+        Path-steps, path-steps with sticking, unfinished paths.
+    threads : int
+        Threads of a block, at most `MOST_THREADS`.
+
+    Returns
+    -------
+    BlockResult
+    """
     own, pairs = [(i, i) for i in range(len(SECTION))], [(SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS]
     sums = {
         "section": _sums(rows, COLUMNS, own, SINGLE, threads),

@@ -1,16 +1,18 @@
-"""``exact-flight``: the flight's Gaussian law taken exactly, impacts found by refining the noise where they may be.
+"""``exact-flight``: the exact Gaussian distribution of the flight, and impacts located by refining the Brownian path.
 
 Between impacts Eq. 5 is linear: the state after a step is the flight of Eq. 3 plus a Gaussian displacement, an integral
-of the noise over known kernels.  The noise of a step is held by its increment and area
-(`rattle.montecarlo.noise.brownian`); what kernels of such a short time would take from its higher coefficients is of
-relative size ``h^2`` and is left out (their share in the variance is about ``h^4 / 720``).
+of the noise against known kernels.  The noise of a step is represented by its increment and area
+(`rattle.montecarlo.noise.brownian`).  The kernels' projections on higher Legendre polynomials are of relative size
+``h^2`` and are neglected (their share of the variance is about ``h^4 / 720``).
 
-Given increment and area, the displacement inside a step strays from the cubic through both end states by a Gaussian of
-sd at most ``sigma m h^(3/2) (s (1 - s))^(3/2) / sqrt(3)`` at the share s of the step; so a step whose cubic stays away
-from the walls by `STRAY` such sds meets none.  Any other step is cut where the cubic meets the wall, the noise with
-it, again and again: the distance to the wall falls as its power 3/2, and four cuts or so find an impact to `CLOSE`.
-There is no bias in the step but from these bounds; at the default step what is left out is 2e-6 of sd(x1)
-where the variance begins from nothing (a flight of 0.2 from tau = 0), and 1e-10 of the other sds.
+Given increment and area, the displacement inside a step deviates from the cubic Hermite interpolant of both end states
+by a Gaussian of sd at most ``sigma m h^(3/2) (s (1 - s))^(3/2) / sqrt(3)`` at the share s of the step, m the modulation
+of the noise.  A step whose cubic stays away from the walls by `MARGIN_SDS` such sds has no impact.  Any other step is
+cut where the cubic meets the wall, its noise is split there (`split`), and so on: the distance to the wall falls with
+exponent 3/2, and about four cuts locate an impact to `CLOSE`.
+
+There is no step bias apart from these bounds.  At the default step the neglected noise is 2e-6 of sd(x1) where the
+variance grows from zero (a flight of 0.2 from tau = 0), and 1e-10 of the other sds.
 """
 
 import math
@@ -46,18 +48,30 @@ __all__ = [
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-STRAY = 6.0  # sds that a path is taken to stay within around the cubic: 2e-9 of the steps near a wall go beyond
-CLOSE = 1e-10  # distance to the wall, in units of the half gap, at which an impact is taken to be there
-MOST_CUTS = 1000  # of one step
-PARTS = 200  # of a step that are ahead at once; a cut in halves shortens the first of them by 2
-SCALE = 1.0 / (6.0 * math.sqrt(3.0))  # of the margin on a Bernstein coefficient that covers (s (1 - s))^(3/2) / sqrt(3)
+MARGIN_SDS = 6.0  # bound on a path's deviation from the cubic, in sds; exceeded in 2e-9 of the steps near a wall
+CLOSE = 1e-10  # distance to the wall, in half gaps, at which an impact is accepted
+MOST_CUTS = 1000  # per step; then the path is clipped to its walls
+PARTS = 200  # most parts of a step that wait at once: the depth of the stack of cuts
+SCALE = 1.0 / (6.0 * math.sqrt(3.0))  # margin on the inner Bernstein coefficients that covers (s (1-s))^1.5 / sqrt(3)
 
-# Gauss-Legendre with three nodes on [0, 1], exact to the fifth degree: the outer nodes lie OUTER from the middle.
+# Three-point Gauss-Legendre rule on [0, 1], exact to degree 5: the outer nodes lie OUTER from the middle.
 OUTER, OUTER_WEIGHT, MIDDLE_WEIGHT = math.sqrt(0.15), 5.0 / 18.0, 4.0 / 9.0
 
 
 class FlightForcing(NamedTuple):
-    """A step of all lanes: ``s' = J s + drift + z_w along + z_a across``, and the margins of the walls."""
+    """A step of all lanes: ``s' = J s + drift + z_w along + z_a across``, and the margins of the walls.
+
+    Attributes
+    ----------
+    x1y1, y1y1, x2y1, x2y2, y2y1, y2y2 : float
+        Entries of the flight's Jacobian J that are neither 0 nor 1: ``x1y1 = dx1'/dy1`` and so on.
+    drift : tuple of 4 float
+        Effect of excitation and drag on ``(x1, y1, x2, y2)``.
+    along, across : tuple of 4 float
+        Effect of a unit normal for the increment, and for the area.
+    margin1, margin2 : float
+        Of both stages, see `margins`.
+    """
 
     x1y1: float
     y1y1: float
@@ -74,38 +88,81 @@ class FlightForcing(NamedTuple):
 
 @lean
 def margins(c: Constants, sine: float, cosine: float, h: float) -> tuple[float, float]:
-    """Margins on the Bernstein coefficients of both stages' gaps over a time h: noise, and what a cubic cannot bend.
+    """Margins on the inner Bernstein coefficients of both stages' cubics, for noise and for the interpolation error.
 
-    `sine` and `cosine` are those of any phase in this time.
+    A stage has no impact if its coefficients stay away from the walls by its margin.  The noise is taken at its largest
+    modulation in this time, not at its largest ever: where the modulation vanishes, a path that sticks to its wall must
+    not be cut as if it were noisy.
 
-    The noise is taken at its largest modulation in this time: where it vanishes, a path that is pressed to its wall
-    must not be cut as if it were shaken.
+    Parameters
+    ----------
+    c : Constants
+        Of the scene.
+    sine, cosine : float
+        Of any phase in this time.
+    h : float
+        Length of the time.
+
+    Returns
+    -------
+    margin1, margin2 : float
+        Displacements.
     """
-    spread = STRAY * abs(c.sigma) * h * math.sqrt(h) * SCALE
-    most = math.sqrt(1.0 + c.beta1**2)  # of the modulation of y1, and of its rate
+    spread = MARGIN_SDS * abs(c.sigma) * h * math.sqrt(h) * SCALE
+    most = math.sqrt(1.0 + c.beta1**2)  # bound on the modulation of y1, and on its rate
     first = min(most, abs(c.beta1 * cosine - sine) + h * most)
-    second = abs(c.beta1 - c.beta2) * (min(1.0, abs(cosine) + h) + h * first)  # the last by way of y1
+    second = abs(c.beta1 - c.beta2) * (min(1.0, abs(cosine) + h) + h * first)  # the last term: noise of y1 acting on y2
     force = c.alpha * most + c.gamma1 + c.gamma2
-    bend = h**4 / 96.0 * force * (1.0 + max(c.beta1, c.beta2)) ** 2  # Hermite: h^4 / 384 times the fourth derivative
+    bend = h**4 / 96.0 * force * (1.0 + max(c.beta1, c.beta2)) ** 2  # Hermite error: h^4 / 384 times the 4th derivative
     return spread * first + bend, spread * second + bend
 
 
 @inlined
 def node(c: Constants, sine: float, cosine: float, lag: float) -> tuple[float, float, float, float]:
-    """What unit noise at a phase does to the state `lag` later (Eq. 5)."""
+    """Impulse response: effect of unit noise at a phase on the state `lag` later (Eq. 5).
+
+    Parameters
+    ----------
+    c : Constants
+        Of the scene.
+    sine, cosine : float
+        Of the phase.
+    lag : float
+        Time since.
+
+    Returns
+    -------
+    x1, y1, x2, y2 : float
+    """
     m1 = -sine + c.beta1 * cosine
     if c.stages == 1:
         e1 = short_phi1(c.beta1, lag)
         return e1 * m1, (1.0 - c.beta1 * e1) * m1, 0.0, 0.0
     d = c.beta1 - c.beta2
     e1, e12 = short_apart(c.beta1, c.beta2, lag)
-    d1, d12 = 1.0 - c.beta1 * e1, -d * e1 - c.beta2 * e12  # decay of the first, and less that of the second
+    d1, d12 = 1.0 - c.beta1 * e1, -d * e1 - c.beta2 * e12  # decay of stage 1; the same less that of stage 2
     return e1 * m1, d1 * m1, -cosine * d12 - sine * e12, cosine * (d * d1 + c.beta2 * d12) - sine * d12
 
 
 @lean
 def kick(c: Constants, tau: float, h: float, first: float, slope: float) -> tuple[float, float, float, float]:
-    """Displacement at the end of a time h by the noise ``dB = (first + slope (s / h - 1/2)) ds / h``, by Eq. 5."""
+    """Displacement at the end of a time h by the noise ``dB = (first + slope (s / h - 1/2)) ds / h`` (Eq. 5).
+
+    Parameters
+    ----------
+    c : Constants
+        Of the scene.
+    tau, h : float
+        Start and length of the time.
+    first : float
+        The Brownian increment.
+    slope : float
+        12 times the area.
+
+    Returns
+    -------
+    x1, y1, x2, y2 : float
+    """
     away = OUTER * h
     sine, cosine = math.sin(tau + 0.5 * h), math.cos(tau + 0.5 * h)
     s, k = math.sin(away), math.cos(away)
@@ -125,7 +182,19 @@ def kick(c: Constants, tau: float, h: float, first: float, slope: float) -> tupl
 
 @lean
 def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
-    """All that a step of length h from `tau` needs that no path has of its own."""
+    """Everything in a step that is the same for all paths.
+
+    Parameters
+    ----------
+    c : Constants
+        Of the scene.
+    tau, h : float
+        Start and length of the step.
+
+    Returns
+    -------
+    FlightForcing
+    """
     p = pair(c.beta1, c.beta2, h)
     margin1, margin2 = margins(c, math.sin(tau), math.cos(tau), h)
     return FlightForcing(
@@ -136,19 +205,49 @@ def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
 
 @spliced
 def _near(a: float, b: float, end: float, high: float, low: float, margin: float) -> bool:
-    """Whether one of the Bernstein coefficients a, b or the end of a cubic comes close to a wall."""
+    """Whether an inner Bernstein coefficient a, b of a cubic is within the margin of a wall, or its end beyond one."""
     return (max(a, b) > high - margin) | (min(a, b) < margin - low) | (end > high) | (end < -low)
 
 
 @inlined
 def near_wall(third: float, x0: float, y0: float, x: float, y: float, high: float, low: float, margin: float) -> bool:
-    """Whether the cubic through both end states of a stage comes close to a wall; `third` is that of the step."""
+    """Whether the cubic through both end states of a stage comes within its margin of a wall.
+
+    Parameters
+    ----------
+    third : float
+        A third of the step.
+    x0, y0, x, y : float
+        Displacement and velocity at the start and at the end.
+    high, low : float
+        Distances of the two flanks from the middle.
+    margin : float
+        Of this stage, see `margins`.
+
+    Returns
+    -------
+    bool
+    """
     return _near(x0 + third * y0, x - third * y, x, high, low, margin)
 
 
 @inlined
 def first_stage(f: FlightForcing, x1: float, y1: float, z: float, area: float) -> tuple[float, float]:
-    """Stage 1 after a step, walls not minded."""
+    """Stage 1 after a step, ignoring the walls.
+
+    Parameters
+    ----------
+    f : FlightForcing
+        Of the step.
+    x1, y1 : float
+        Its displacement and velocity.
+    z, area : float
+        Standard normals of the increment and of the area.
+
+    Returns
+    -------
+    x1, y1 : float
+    """
     return (
         x1 + f.x1y1 * y1 + (f.drift[0] + f.along[0] * z + f.across[0] * area),
         f.y1y1 * y1 + (f.drift[1] + f.along[1] * z + f.across[1] * area),
@@ -157,7 +256,21 @@ def first_stage(f: FlightForcing, x1: float, y1: float, z: float, area: float) -
 
 @inlined
 def second_stage(f: FlightForcing, x2: float, y1: float, y2: float, z: float, area: float) -> tuple[float, float]:
-    """Stage 2 after a step, walls not minded."""
+    """Stage 2 after a step, ignoring the walls.
+
+    Parameters
+    ----------
+    f : FlightForcing
+        Of the step.
+    x2, y1, y2 : float
+        State at the start of the step.
+    z, area : float
+        Standard normals of the increment and of the area.
+
+    Returns
+    -------
+    x2, y2 : float
+    """
     return (
         x2 + (f.x2y1 * y1 + f.x2y2 * y2 + (f.drift[2] + f.along[2] * z + f.across[2] * area)),
         f.y2y1 * y1 + f.y2y2 * y2 + (f.drift[3] + f.along[3] * z + f.across[3] * area),
@@ -169,7 +282,25 @@ def flight_lanes(
     c: Constants, f: FlightForcing, h: float, walls: Floats, state: Floats, z: Floats, area: Floats, near: Bools,
     lanes: int,
 ) -> None:  # fmt: skip
-    """One step of all lanes, walls not minded; marks those that may meet one.  Vectorises."""
+    """One step of all lanes in place, ignoring the walls; marks those whose stage 1 may have an impact.  Vectorises.
+
+    Parameters
+    ----------
+    c : Constants
+        Of the scene.
+    f : FlightForcing
+        Of the step.
+    h : float
+        Step.
+    walls, state : ndarray, shape (4, lanes or more)
+        Flanks and states of the paths.
+    z, area : ndarray
+        Standard normals of the increment and of the area.
+    near : ndarray of bool
+        Output.
+    lanes : int
+        Number of lanes.
+    """
     x1, y1, x2, y2 = state[0], state[1], state[2], state[3]
     third = h / 3.0
     high1, low1 = walls[0], walls[1]
@@ -184,7 +315,23 @@ def flight_lanes(
 
 @lean
 def near_second(h: float, margin: float, walls: Floats, before: Floats, state: Floats, near: Bools, lanes: int) -> None:
-    """Mark the lanes whose second stage may meet a wall."""
+    """Mark the lanes whose stage 2 may have an impact; vectorises.
+
+    Parameters
+    ----------
+    h : float
+        Step.
+    margin : float
+        Of stage 2, see `margins`.
+    walls : ndarray, shape (4, lanes or more)
+        Flanks of the paths.
+    before, state : ndarray, shape (4, lanes or more)
+        States at the start and at the end of the step.
+    near : ndarray of bool
+        Output; marks already set stay.
+    lanes : int
+        Number of lanes.
+    """
     third = h / 3.0
     x0, y0, x1, y1, high, low = before[2], before[3], state[2], state[3], walls[2], walls[3]
     for p in range(lanes):
@@ -193,14 +340,25 @@ def near_second(h: float, margin: float, walls: Floats, before: Floats, state: F
 
 @inlined
 def _cubic(a: float, b: float, c: float, d: float, s: float) -> float:
-    """A cubic with these Bernstein coefficients."""
+    """Value at s of the cubic with Bernstein coefficients a, b, c, d."""
     r = 1.0 - s
     return r * r * r * a + 3.0 * r * s * (r * b + s * c) + s * s * s * d
 
 
 @spliced
 def first_root(a: float, b: float, c: float, d: float) -> float:
-    """First zero in (0, 1] of a cubic with Bernstein coefficients a >= 0, b, c, d; 2 if none is seen."""
+    """First zero in (0, 1] of a cubic, by bracketing on eight pieces and safeguarded Newton steps.
+
+    Parameters
+    ----------
+    a, b, c, d : float
+        Bernstein coefficients, a >= 0.
+
+    Returns
+    -------
+    float
+        2 if no piece ends below zero.
+    """
     low, pieces = 0.0, 8
     there = 1e-15 * (abs(a) + abs(b) + abs(c) + abs(d))
     for i in range(1, pieces + 1):
@@ -230,9 +388,9 @@ def first_root(a: float, b: float, c: float, d: float) -> float:
 
 @lean
 def _cut_at(gap0: float, rate0: float, gap1: float, rate1: float, h: float, margin: float, close: float) -> float:
-    """Share of the time h after which to look again at a wall: 1 if it cannot be met before."""
+    """Share of the time h after which a wall must be looked at again: 1 if there can be no impact before."""
     b, c = gap0 + rate0 * h / 3.0, gap1 - rate1 * h / 3.0
-    if b > margin - close and c > margin - close and gap1 >= -close:  # `close`: a path at rest on a wall can start
+    if b > margin - close and c > margin - close and gap1 >= -close:  # `close` lets a path at rest on its wall start
         return 1.0
     root = first_root(max(gap0, 0.0), b, c, gap1)
     return root if root < 1.0 else 0.5
@@ -240,7 +398,7 @@ def _cut_at(gap0: float, rate0: float, gap1: float, rate1: float, h: float, marg
 
 @spliced
 def _due(c: Constants, at: Progress, walls: Walls) -> tuple[int, float]:
-    """``mesh * side`` of an impact that is due, and the time to the next wall ahead at the speed of now."""
+    """``mesh * side`` of an impact that is due, or 0; and the time to the next wall ahead at the present velocity."""
     code, reach = 0, math.inf
     for mesh in range(1, c.stages + 1):
         x, y = (at.x1, at.y1) if mesh == 1 else (at.x2, at.y2)
@@ -255,7 +413,7 @@ def _due(c: Constants, at: Progress, walls: Walls) -> tuple[int, float]:
 
 @inlined
 def _due_at_once(c: Constants, at: Progress, walls: Walls) -> int:
-    """``mesh * side`` of an impact that is due at this very state, on a wall and outward, or 0: mesh 1 first."""
+    """``mesh * side`` of an impact due at this very state (on a wall, moving outward), or 0; mesh 1 first."""
     code = int((at.x1 == walls.high1) & (at.y1 > 0.0)) - int((at.x1 == -walls.low1) & (at.y1 < 0.0))
     if code == 0 and c.stages == 2:
         code = 2 * int((at.x2 == walls.high2) & (at.y2 > 0.0)) - 2 * int((at.x2 == -walls.low2) & (at.y2 < 0.0))
@@ -264,7 +422,7 @@ def _due_at_once(c: Constants, at: Progress, walls: Walls) -> int:
 
 @spliced
 def _on_wall(at: Progress, code: int, walls: Walls) -> Progress:
-    """The same with the struck coordinate on its wall, and the impact due."""
+    """The path with the struck coordinate on its wall, and the impact due."""
     x1, x2 = at.x1, at.x2
     if abs(code) == 1:
         x1 = walls.high1 if code > 0 else -walls.low1
@@ -275,14 +433,14 @@ def _on_wall(at: Progress, code: int, walls: Walls) -> Progress:
 
 @spliced
 def _put_inside(at: Progress, walls: Walls) -> Progress:
-    """The same with what lies beyond a wall put on it: for a step that has used up its cuts."""
+    """The path clipped to its walls: for a step that has used up its cuts."""
     x1, x2 = min(max(at.x1, -walls.low1), walls.high1), min(max(at.x2, -walls.low2), walls.high2)
     return Progress(at.code, at.tau, at.left, at.noise, x1, at.y1, x2, at.y2)
 
 
 @spliced
 def _cut_of_trial(c: Constants, at: Progress, end: Progress, h: float, walls: Walls) -> float:
-    """Share of a trial of length h after which to look again, over all walls: 1 if it meets none before its end."""
+    """Share of a trial step of length h to cut it at, over all walls; 1 if it has no impact before its end."""
     margin1, margin2 = margins(c, math.sin(at.tau), math.cos(at.tau), h)
     close = CLOSE * c.wall1
     cut = min(
@@ -301,9 +459,9 @@ def _cut_of_trial(c: Constants, at: Progress, end: Progress, h: float, walls: Wa
 
 @inlined
 def _with_noise(at: Progress, ahead: Floats, top: int) -> Progress:
-    """The same with the noise of all parts below `top`, joined."""
+    """The path with the noise of all waiting parts below `top` of the stack, joined."""
     noise, length = Noise(0.0, 0.0), 0.0
-    for i in range(top):  # from the end of the step on
+    for i in range(top):  # from the end of the step backwards
         whole = length + ahead[i, 0]
         noise = joined(Noise(ahead[i, 1], ahead[i, 2]), noise, ahead[i, 0] / whole)
         length = whole
@@ -314,23 +472,32 @@ def _with_noise(at: Progress, ahead: Floats, top: int) -> Progress:
 def advance_exactly(
     c: Constants, key: Key, path: Word, index: Word, purpose: Word, at: Progress, walls: Walls, ahead: Floats
 ) -> Progress:
-    """Go to the next wall that the path meets in this step, or to the step's end.
+    """Go to the next wall that the path meets in this step, or to the end of the step.
 
-    The time left is tried as a whole; a trial that may meet a wall is cut there and its first part tried, the other
-    kept as it is.  Parts must not be joined before an impact: a trial is cut because of what its end would be, and who
-    forgets that end and draws it anew gives the path a second chance to miss the wall.  At an impact they may be, for
-    that is a stopping time of the path.
+    The time left is tried as a whole.  A trial that may have an impact is cut at the wall and its first part is tried;
+    the second waits on a stack.  Waiting parts must not be joined before an impact: a trial is cut because of what its
+    end would be, and forgetting that end and sampling it anew would give the path a second chance to miss the wall.  At
+    an impact they may be joined, since it is a stopping time of the path.
 
     Parameters
     ----------
     c : Constants
-    key, path, index, purpose
+        Of the scene.
+    key : Key
+        Of the run.
+    path, index, purpose : Word
         Of the random numbers that split the noise; cut number i uses index + i.
     at : Progress
         Just after an impact, or at the start of a step.
     walls : Walls
+        Of the path.
     ahead : ndarray, shape (PARTS, 3)
-        Scratch: length, increment and area of the parts of the step that are still ahead, the nearest last.
+        Scratch, a stack: length, increment and area of the parts of the step still ahead, the nearest on top.
+
+    Returns
+    -------
+    Progress
+        At the impact that is due, or at the end of the step.
     """
     code = _due_at_once(c, at, walls)
     if code != 0:

@@ -36,6 +36,7 @@ def test_a_folder_of_chaos_is_whole_and_said_in_a_few_lines(tmp_path):
     assert "--overwrite" in again.output
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_one_stage_and_weak_noise_say_what_is_missing(tmp_path):
     scene = tmp_path / "one.toml"
     scene.write_text("[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.083\ngamma1 = 0.057\nsigma = 0.01\nstages = 1\n")

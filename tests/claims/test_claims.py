@@ -111,6 +111,7 @@ def test_a_section_of_few_points_is_not_fuzzy(evidence):
     assert of_motion.fuzzy(replace(evidence, chaos=chaos)).verdict == NOT_REPRODUCED
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_page_holds_every_claim(evidence, claims, tmp_path):
     record = {
         "name": "DAT21", "scene": evidence.scene.to_dict(), "seed": 0, "command": "rattle claims", "commit": "none",

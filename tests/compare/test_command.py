@@ -66,6 +66,7 @@ def test_range_of_validity_is_the_same_in_both_forms_and_timings_stand_apart(rep
     assert "closure_seconds" in pd.read_csv(report / "speed.csv")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_without_a_range_of_validity(tmp_path):
     out = tmp_path / "o"
     rattle(*SMALL, "--sigma", 0.1, "--out", out)
@@ -97,6 +98,7 @@ def test_table_is_the_same_in_both_forms(report):
     assert set(csv["verdict"]) <= set(VERDICTS)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_repeats_bit_for_bit_for_any_workers(report, tmp_path):
     out = tmp_path / "again"
     result = rattle("--repeat", report / "manifest.json", "--workers", 3, "--out", out, "--json")
@@ -106,6 +108,7 @@ def test_repeats_bit_for_bit_for_any_workers(report, tmp_path):
 
 
 @pytest.mark.parametrize("changed", ["seed", "validity"])
+@pytest.mark.usefixtures("undrawn")
 def test_a_repeat_that_differs_says_so(report, tmp_path, changed):
     data = json.loads((report / "manifest.json").read_text())
     del data["seal"]  # as an earlier version wrote it
@@ -116,12 +119,14 @@ def test_a_repeat_that_differs_says_so(report, tmp_path, changed):
     assert "differ" in result.output
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_require_accurate(tmp_path):
     rattle(*SMALL, "--sigma", 1.0, "--out", tmp_path / "no", "--require", "accurate", code=EXIT_NOT_MET)
     assert (tmp_path / "no" / "report.md").exists()
     rattle(*SMALL, "--sigma", 0, "--closure", "corrected", "--out", tmp_path / "yes", "--dt", 1e-3)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_scene_file_in_either_form(tmp_path):
     scene = Scene(alpha=1.0, epsilon=0.5, beta1=0.1, gamma1=0.05, sigma=0.2, stages=1)
     (tmp_path / "single <b>.toml").write_text(scene.to_toml())
@@ -139,6 +144,7 @@ def captions(page):
     return "\n".join(re.findall(r"!\[([^\]]*)\]", page))
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_closure_that_cannot_take_the_scene_is_named_with_the_reason(tmp_path):
     flying = Scene.from_gears(DAT21, sigma=0.1, start=Start(0.0, 0.1, 1.0, 0.1, -1.0))
     (tmp_path / "flying.toml").write_text(flying.to_toml())
@@ -151,6 +157,7 @@ def test_a_closure_that_cannot_take_the_scene_is_named_with_the_reason(tmp_path)
     assert "start.mesh = 0" in refused.stderr
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_no_closure_is_left_out_for_a_random_tolerance(tmp_path):
     """The scene file of the README, in a few paths."""
     text = (Path(__file__).parents[2] / "README.md").read_text()
@@ -172,6 +179,7 @@ def test_no_closure_is_left_out_for_a_random_tolerance(tmp_path):
         (("published", 1.0), ("Filled", "Open", "cross marks"), ("Dashed", "mixture")),
     ],
 )
+@pytest.mark.usefixtures("undrawn")
 def test_captions_speak_of_what_is_drawn(tmp_path, words, drawn, absent):
     closure, sigma = words
     rattle(*SMALL, "--sigma", sigma, "--closure", closure, "--out", tmp_path / "o")

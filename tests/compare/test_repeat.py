@@ -53,6 +53,7 @@ def one_path(table):
     return table
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_same_but_for_rounding(first, tmp_path):
     changed = {"processor": "Another Processor", "numpy": "1.0", "vectors": None}
     earlier = elsewhere(first, tmp_path / "there", rounded, changed)
@@ -66,6 +67,7 @@ def test_the_same_but_for_rounding(first, tmp_path):
     assert "scipy" not in said
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_same_in_json_and_in_the_same_folder(first, tmp_path):
     """What lies there is read before it is replaced."""
     earlier = elsewhere(first, tmp_path / "there", rounded)
@@ -90,6 +92,7 @@ def test_the_same_in_json_and_in_the_same_folder(first, tmp_path):
     ],
     ids=["one path", "verdict", "rows"],
 )
+@pytest.mark.usefixtures("undrawn")
 def test_what_is_different_is_not_called_rounding(first, tmp_path, change, said):
     earlier = elsewhere(first, tmp_path / "there", change)
     found = validate("--repeat", earlier, "--out", tmp_path / "here", code=EXIT_NOT_REPEATED).stdout
@@ -98,6 +101,7 @@ def test_what_is_different_is_not_called_rounding(first, tmp_path, change, said)
     assert "All versions and the processor are those of the manifest." in found
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_range_of_validity_that_differs(first, tmp_path):
     earlier = elsewhere(first, tmp_path / "there", lambda t: t.assign(accurate=t["accurate"] + 1), file="validity.csv")
     found = validate("--repeat", earlier, "--out", tmp_path / "here", code=EXIT_NOT_REPEATED).stdout
@@ -105,6 +109,7 @@ def test_a_range_of_validity_that_differs(first, tmp_path):
 
 
 @pytest.mark.parametrize("left", ["nothing", "another table"])
+@pytest.mark.usefixtures("undrawn")
 def test_without_the_tables_only_digests_are_compared(first, tmp_path, left):
     earlier = elsewhere(first, tmp_path / "there", rounded)
     if left == "nothing":
@@ -115,6 +120,7 @@ def test_without_the_tables_only_digests_are_compared(first, tmp_path, left):
     assert "Only digests could be compared: no table.csv with the manifest's digest lies beside it" in found
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_requirement_that_is_not_met_counts_more_than_rounding(first, tmp_path):
     earlier = elsewhere(first, tmp_path / "there", rounded)
     validate("--repeat", earlier, "--out", tmp_path / "here", "--require", "accurate", code=EXIT_NOT_MET)

@@ -299,6 +299,7 @@ def rattle(*words, code=0):
     return result
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_command_writes_its_folder_answer_first(tmp_path):
     (tmp_path / "loud.toml").write_text(SCENE.to_toml())
     out = tmp_path / "o"

@@ -187,6 +187,7 @@ def test_an_interrupt_ends_each_command_soon(commands, tmp_path):
 # --- what was read
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_manifests_that_cannot_be_repeated(tmp_path):
     rattle("validate", *WRITERS["validate"], "--out", tmp_path / "report")
     text = (tmp_path / "report" / "manifest.json").read_text()

@@ -189,7 +189,7 @@ def test_settings_without_end_are_refused(name, value):
 
 
 def test_an_accuracy_takes_no_fixed_times():
-    with pytest.raises(InputError, match="record.times"):
+    with pytest.raises(InputError, match="times"):
         simulate_to(DAT, 0.1, record=Record(times=np.array([0.5, 0.6])))
 
 

@@ -87,7 +87,7 @@ def predicted(scene, closure, impacts, order=4):
 
 def in_few_parts(scene):
     """The branching closure, its mixture kept small."""
-    with mock.patch.multiple("rattle.closure.branching.trace", MOST_PARTS=4, MOST_CUT=12):
+    with mock.patch.multiple("rattle.closure.branching.trace", MOST_COMPONENTS=4, MOST_CUT=12):
         yield from predicted(scene, "branching", 3)
 
 

@@ -109,6 +109,7 @@ def test_a_baseline_lies_in_its_folder(name):
     assert "\0" not in path.name
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_hostile_name_in_a_report(tmp_path, monkeypatch):
     """The name of a scene's file, with bytes that are no text, through figures, page and manifest."""
     monkeypatch.chdir(tmp_path)

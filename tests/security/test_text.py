@@ -131,6 +131,7 @@ def test_a_scene_that_is_none(command, text, tmp_path):
     rattle(command, tmp_path / STEERING, code=2)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_names_of_files_and_folders(tmp_path, monkeypatch):
     """Of a scene, of the folder, of what lies in it; of words that no command takes."""
     monkeypatch.chdir(tmp_path)
@@ -154,6 +155,7 @@ def test_names_of_files_and_folders(tmp_path, monkeypatch):
     rattle("simulate", scene, "--paths", "64", "--impacts", "1", "--out", f"none{STEERING}/x.csv", code=2)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_manifest(tmp_path, monkeypatch):
     """Its name and the versions that it states are somebody else's."""
     monkeypatch.chdir(tmp_path)

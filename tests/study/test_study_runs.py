@@ -176,6 +176,7 @@ def test_a_flipped_bit_anywhere_is_found_or_does_not_matter(tmp_path):
     assert found > 10
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_value_more_computes_its_cells_only(small):
     assert "9 cells computed" in rattle(small).output
     small.write_text(study_text(sigmas=(0.01, 0.02, 0.05, 0.1)))
@@ -223,6 +224,7 @@ def test_an_estimate_from_some_points_is_that_of_all(tmp_path, monkeypatch):
     assert sampled[3] == pytest.approx(whole[3], rel=0.01)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_lost_point_is_reported_and_the_others_run(tmp_path):
     file = tmp_path / "e.toml"
     file.write_text(study_text(sigmas=(0.01,), more="[[axes]]\nepsilon = [0.9, 1.2]\n"))
@@ -233,6 +235,7 @@ def test_a_lost_point_is_reported_and_the_others_run(tmp_path):
     assert len(load(tmp_path / "e").errors) == 2 * 2 * 2 * 6
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_a_closure_cannot_take_is_said_once_with_exit_code_1(tmp_path):
     """A closure that cannot take a scene with a start in flight, beside one that can, at six points."""
     file = tmp_path / "s.toml"
