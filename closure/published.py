@@ -154,7 +154,7 @@ def _iterate(
 
 
 def _covariance(raw: Floats) -> Floats:
-    """Second moments of both stages as a 4 x 4 matrix; NaN across the stages, which the published closure leaves out."""
+    """Second moments of both stages as a 4 x 4 matrix; NaN across the stages, where this closure has none."""
     out = np.full((*raw.shape[:-3], 4, 4), np.nan)
     for i in (0, 1):
         j = 2 * i

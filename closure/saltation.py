@@ -24,7 +24,7 @@ from rattle.scene.scene import Constants, Scene
 __all__ = ["trace"]
 
 SLOWEST = 1e-6
-"""Impact speed, relative to excitation, drag and initial speeds, below which an impact is a graze without derivative."""
+"""Impact speed, relative to excitation, drag and initial speeds, below which the orbit grazes: no derivatives there."""
 
 
 @jit

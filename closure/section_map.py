@@ -6,9 +6,9 @@ continue (or go back) without noise to the path's own wall.
 
 Besides the second derivatives of H, two effects enter the third cumulants at the same order.  First, Q depends on the
 path's own tau_k.  Second, the noise between the orbit's flight time and the path's own (a time delta, of either sign)
-is missing from n.  By the Fokker-Planck equation it changes the density on the section by the relative amount
-``delta sigma^2 (m d)^2 / 2``, m the modulation of the noise and d the gradient.  That adds
-``sigma^2 m_i m_j cov(delta, s_l)`` and its permutations to the third cumulants, and nothing to the mean or covariance.
+is missing from n.  By the Fokker-Planck equation it changes the density f on the section by
+``delta sigma^2 (m . grad)^2 f / 2``, m the modulation of the noise.  That adds ``sigma^2 m_i m_j cov(delta, s_l)`` and
+its permutations to the third cumulants, and nothing to the mean or the covariance.
 """
 
 import math
@@ -87,7 +87,7 @@ def derivatives(
     if d > 5:
         first[1 + i, flank] = side
     drift = a @ flown
-    turn, twist = a @ first_rate, j @ field_rate(c, tau)
+    end_term, start_term = a @ first_rate, j @ field_rate(c, tau)
     for k in range(4):
         drift[k, 0] += explicit[k]  # derivative of the rate at the end of the flight
     second = np.zeros((5, size, size))
@@ -96,7 +96,7 @@ def derivatives(
             for k in range(4):
                 second[1 + k, m, n] = drift[k, m] * late[n] + late[m] * drift[k, n] + bend[k] * (late[m] * late[n])
     for k in range(4):
-        second[1 + k, 0, 0] += explicit[k] + turn[k] - twist[k]
+        second[1 + k, 0, 0] += explicit[k] + end_term[k] - start_term[k]
     for m in range(size):
         for n in range(size):
             second[0, m, n] = -second[1 + i, m, n] / y

@@ -1,4 +1,4 @@
-"""Operations on vectors and blocks of small matrices as explicit loops, which compile much faster than array expressions.
+"""Operations on vectors and blocks of small matrices as explicit loops, which compile faster than array expressions.
 
 Assigning an array to a slice in compiled code brings in numpy's broadcasting and its error messages, and an array
 expression brings in iterators.  LLVM optimises these again in every caller.
@@ -170,12 +170,12 @@ def block(matrix: Floats, rows: int, first: int, last: int) -> Floats:
 
 
 @jit
-def congruence(turn: Floats, form: Floats) -> Floats:
+def congruence(linear: Floats, form: Floats) -> Floats:
     """``T A T'``, the covariance A after a linear map T.
 
     Parameters
     ----------
-    turn : ndarray, shape (m, n)
+    linear : ndarray, shape (m, n)
         The linear map T.
     form : ndarray, shape (n, n)
         The covariance A.
@@ -190,7 +190,7 @@ def congruence(turn: Floats, form: Floats) -> Floats:
     >>> congruence(np.array([[1.0, 2.0]]), np.eye(2)).tolist()
     [[5.0]]
     """
-    return turn @ form @ turn.T
+    return linear @ form @ linear.T
 
 
 @jit

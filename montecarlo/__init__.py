@@ -1,7 +1,8 @@
 """Monte Carlo of the rattling system: ensembles of Eqs. 5 and 6 with impacts at both meshes.
 
-Two Euler-Maruyama schemes and exact flights (`SCHEMES`) advance the paths; `simulate` reduces them to section moments
-and moments at fixed times.
+Two Euler-Maruyama schemes and exact flights (`SCHEMES`) advance the paths.  `simulate` runs a given number of them,
+`simulate_to` as many as an accuracy takes; both reduce them to section moments, and to moments at fixed times and
+whatever else a `Record` asks for.
 """
 
 from rattle.montecarlo.ensemble import simulate

@@ -197,7 +197,7 @@ def _of_step(run: Ensemble) -> tuple[str, ...]:
     shift, where = orbit_shift(run)
     moved = (
         f"The step moves the noise-free path by {shift:.2g} sd ({where}): shorten it, have the bias measured "
-        "(step_bias=True), or take exact-flight, which has none."
+        "(record=Record(step_bias=True)), or take exact-flight, which has none."
         if shift > TOLERANCE
         else ""
     )
@@ -214,7 +214,8 @@ def _of_impacts(run: Ensemble) -> tuple[str, ...]:
     )
     matters = run.impacts > MOST_IN_A_STEP or run.plan.fixed_steps.size  # else the path has had all its impacts by then
     sticking = (
-        f"In {run.sticking_steps:,} path-steps a mesh stayed closed to the end: completed chatter, or a sticking phase."
+        f"In {run.sticking_steps:,} path-steps a mesh stayed closed to the end of the step: completed chatter, or a "
+        "sticking phase."
         if run.sticking_steps and matters
         else ""
     )

@@ -33,7 +33,18 @@ Blocks = Callable[[Plan, int], Iterator[tuple[BlockResult, Floats | None]]]
 
 
 def in_threads(workers: int) -> Blocks:
-    """Blocks on threads of this process."""
+    """Run blocks on threads of this process.
+
+    Parameters
+    ----------
+    workers : int
+        Threads, of a pool made for each run.
+
+    Returns
+    -------
+    callable
+        As `simulate` takes it for `blocks`.
+    """
 
     def blocks(plan: Plan, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:
         with ThreadPoolExecutor(workers) as pool:
@@ -43,7 +54,19 @@ def in_threads(workers: int) -> Blocks:
 
 
 def in_pool(pool: ThreadPoolExecutor, workers: int) -> Blocks:
-    """Blocks on the threads of a pool, which other runs may share; a few blocks per worker are alive at a time."""
+    """Run blocks on the threads of a pool that other runs may share.
+
+    Parameters
+    ----------
+    pool : ThreadPoolExecutor
+    workers : int
+        Its threads; four blocks for each are alive at a time.
+
+    Returns
+    -------
+    callable
+        As `simulate` takes it for `blocks`.
+    """
 
     def blocks(plan: Plan, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:
         numbers = iter(range(first, plan.blocks))
@@ -184,9 +207,25 @@ def _bar(paths: int, label: str | None) -> tqdm[NoReturn]:
 
 
 def extended(run: Ensemble, paths: int, blocks: Blocks, progress: str | None = None) -> Ensemble:
-    """The same run with more paths; what is there is not computed again.  Both numbers are whole blocks.
+    """Add paths to a run; what is there is not computed again.
 
     Where nothing is random, the one path that is there stands for the others too.
+
+    Parameters
+    ----------
+    run : Ensemble
+        Of whole blocks of paths.
+    paths : int
+        Paths in all, a multiple of the block.
+    blocks : callable
+        Who runs the blocks, see `simulate`.
+    progress : str, optional
+        Label of a progress bar on a terminal.
+
+    Returns
+    -------
+    Ensemble
+        Equal bit for bit to a run of that many paths from the start; without histograms and single paths.
 
     Examples
     --------

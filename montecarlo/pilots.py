@@ -23,7 +23,7 @@ from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings import computed, default_horizon, is_random
 from rattle.scene.scene import Scene
 
-__all__ = ["COARSEST", "ROUGHEST", "Sent", "Simulate", "chosen", "pilot"]
+__all__ = ["COARSEST", "ROUGHEST", "PilotRun", "Simulate", "chosen", "pilot"]
 
 PROBES = (8, 256)  # paths of the probe runs before a pilot: each shows whether the next run fits the budget
 PILOT = 4 * BLOCK  # paths of a pilot run
@@ -66,7 +66,7 @@ def _pilot_settings(scene: Scene, scheme: str) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Sent:
+class PilotRun:
     """The pilot run of one scheme, and the cost of any accuracy estimated from it.
 
     Attributes
@@ -141,7 +141,7 @@ def _nanoseconds(run: Ensemble, dt: float) -> float:
     return work + run.sticking_steps / run.plan.paths * finer * STICKING_NS
 
 
-def _pilot_within(scene: Scene, scheme: str, simulate: Simulate, budget: Budget, workers: int) -> Sent:
+def _pilot_within(scene: Scene, scheme: str, simulate: Simulate, budget: Budget, workers: int) -> PilotRun:
     """Probe runs and the pilot run of a scheme, each only if the budget is expected to cover it."""
     settings = _pilot_settings(scene, scheme)
     with budget.uncounted():
@@ -157,14 +157,14 @@ def _pilot_within(scene: Scene, scheme: str, simulate: Simulate, budget: Budget,
     probe, _ = timed(paths=computed(scene, PROBES[0]), horizon=PROBE_SPAN * horizon)
     slow = 1e-9 * _nanoseconds(probe, probe.dt) / PROBE_SPAN
     if probe.unfinished and slow * probe.paths > budget.left:
-        return Sent(probe, slow, False)
+        return PilotRun(probe, slow, False)
     followed, found = 0, None
     for paths in (*PROBES, PILOT) if is_random(scene) else (1,):
         if found is not None and found.path_seconds * paths / min(workers, -(-paths // BLOCK)) > budget.left:
             break
         run, seconds = timed(paths=paths)
         took = max(1e-9 * _nanoseconds(run, run.dt), (seconds - before) / (paths - followed))
-        found = Sent(run, took, run.paths == computed(scene, PILOT))
+        found = PilotRun(run, took, run.paths == computed(scene, PILOT))
         before, followed = seconds, paths
     assert found is not None
     return found
@@ -172,7 +172,7 @@ def _pilot_within(scene: Scene, scheme: str, simulate: Simulate, budget: Budget,
 
 def chosen(
     scene: Scene, names: Sequence[str], accuracy: float, simulate: Simulate, budget: Budget, workers: int
-) -> tuple[Sent, list[Candidate]]:
+) -> tuple[PilotRun, list[Candidate]]:
     """The scheme that is expected to cost least at an accuracy.
 
     Schemes after the first are tried only if the first is expensive (`ENOUGH`) and the budget lasts.
@@ -194,7 +194,7 @@ def chosen(
 
     Returns
     -------
-    cheapest : Sent
+    cheapest : PilotRun
         Its pilot run.
     candidates : list of Candidate
         What each scheme that was tried is expected to need.

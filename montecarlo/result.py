@@ -70,7 +70,7 @@ class Ensemble:
 
     @cached_property
     def phase_reduced(self) -> Ensemble:
-        """The same result for the scene begun at its phase (`Scene.near`): tau has all its digits, however late."""
+        """The same result for the scene begun at its phase (`Scene.phase_reduced`): tau has all its digits, however late."""
         return (
             self
             if self.scene.phase_reduced is self.scene
@@ -119,7 +119,7 @@ class Ensemble:
 
     @property
     def sticking_steps(self) -> int:
-        """Steps of paths in which a mesh was held shut: at rest, or impacts accumulated
+        """Path-steps in which a mesh stayed closed: completed chatter, or a sticking phase
         (`rattle.montecarlo.schemes.sticking`).
         """
         return self.result.sticking_steps
@@ -158,8 +158,8 @@ class Ensemble:
                 absent = self.scene.stages == 1 and quantity in STATE[2:]
                 found = self.scene.to_absolute_time(s[name][:, i]) if prefix + quantity == "tau" else s[name][:, i]
                 columns[prefix + quantity] = found * (np.nan if absent else 1.0)
-                told = self._told(self._reached, name) * (np.nan if absent else 1.0)
-                columns["se_" + prefix + quantity] = s["se_" + name][:, i] * told
+                estimable = self._estimable(self._reached, name) * (np.nan if absent else 1.0)
+                columns["se_" + prefix + quantity] = s["se_" + name][:, i] * estimable
                 if prefix + quantity == "flight":
                     columns |= {"mesh": np.abs(most), "side": np.sign(most)}
         covariance = self.covariance
@@ -173,7 +173,7 @@ class Ensemble:
             columns["energy"] = np.where(energy.n[:, 0] > 0, energy.mean[0][:, 0], np.nan)
             with np.errstate(invalid="ignore", divide="ignore"):
                 se = np.sqrt(energy.moment(2, 0)[:, 0] / energy.n[:, 0])
-            columns["se_energy"] = se * self._told(self._reached, "mean")
+            columns["se_energy"] = se * self._estimable(self._reached, "mean")
         columns["paths"] = (self._reached * self._copies).astype(int)
         columns["agreement"] = self._share(self.result.agreeing[NOISE_FREE])
         return columns
@@ -235,20 +235,20 @@ class Ensemble:
         s = pair_statistics(sums)
         absent = [self.scene.stages == 1 and (i >= 2 or j >= 2) for i, j in CROSS]
         blank = np.where(absent, np.nan, 1.0)
-        told = {name: self._told(sums.n[:, 0], name) for name in ("mean", "cov", "rho")}
+        estimable = {name: self._estimable(sums.n[:, 0], name) for name in ("mean", "cov", "rho")}
         columns: dict[str, Floats] = {}
         for k, (i, j) in enumerate(CROSS):
             if i == j:
                 columns[STATE[i]] = np.where(sums.n[:, k] > 0, sums.mean[0][:, k], np.nan) * blank[k]
                 with np.errstate(invalid="ignore", divide="ignore"):
-                    columns[f"se_{STATE[i]}"] = np.sqrt(s["cov"][:, k] / sums.n[:, k]) * blank[k] * told["mean"]
+                    columns[f"se_{STATE[i]}"] = np.sqrt(s["cov"][:, k] / sums.n[:, k]) * blank[k] * estimable["mean"]
         for k, (i, j) in enumerate(CROSS):
             columns[f"cov_{STATE[i]}_{STATE[j]}"] = s["cov"][:, k] * blank[k]
-            columns[f"se_cov_{STATE[i]}_{STATE[j]}"] = s["se_cov"][:, k] * blank[k] * told["cov"]
+            columns[f"se_cov_{STATE[i]}_{STATE[j]}"] = s["se_cov"][:, k] * blank[k] * estimable["cov"]
         for stage, k in ((1, CROSS.index((0, 1))), (2, CROSS.index((2, 3)))):
             columns[f"rho{stage}"] = s["rho"][:, k] * blank[k]
-            columns[f"se_rho{stage}"] = s["se_rho"][:, k] * blank[k] * told["rho"]
-            columns[f"se_z_rho{stage}"] = s["se_z"][:, k] * blank[k] * told["rho"]
+            columns[f"se_rho{stage}"] = s["se_rho"][:, k] * blank[k] * estimable["rho"]
+            columns[f"se_z_rho{stage}"] = s["se_z"][:, k] * blank[k] * estimable["rho"]
             if coarse is not None:
                 columns[f"coarse_rho{stage}"] = pair_statistics(coarse)["rho"][:, stage - 1] * blank[k]
         return pd.DataFrame(columns, index=pd.Index(self.fixed_times, name="time"))
@@ -277,12 +277,12 @@ class Ensemble:
             raise InputError("record.step_bias", False, "ask for it: simulate(..., record=Record(step_bias=True))")
         fine, coarse = self.result.sums["fine_coarse"], self.result.sums["coarse_coarser"]
         found = extrapolated(fine, coarse)
-        told = {moment: self._told(self._reached, moment) for moment in found}
+        estimable = {moment: self._estimable(self._reached, moment) for moment in found}
         late = ("tau", "mean")  # counted from the phase, and said in absolute time
         rows = [
             pd.DataFrame({
                 "impact": np.arange(1, self.impacts + 1), "quantity": quantity, "moment": moment,
-                **{n: v[:, i] * (told[moment] if n.startswith("se_") else 1.0) for n, v in b._asdict().items()},
+                **{n: v[:, i] * (estimable[moment] if n.startswith("se_") else 1.0) for n, v in b._asdict().items()},
             } | ({"corrected": self.scene.to_absolute_time(b.corrected[:, i])} if (quantity, moment) == late else {}))
             for moment, b in found.items()
             for i, quantity in enumerate(SECTION)
@@ -314,7 +314,7 @@ class Ensemble:
     def _reached(self) -> Floats:
         return np.asarray(self.result.codes.sum(axis=1))
 
-    def _told(self, paths: Floats, name: str) -> Floats:
+    def _estimable(self, paths: Floats, name: str) -> Floats:
         """1 where so many paths tell the error of a statistic, else NaN; what is not random has none to tell."""
         return np.where(is_random(self.scene) & (paths < FEWEST[name]), np.nan, 1.0)
 

@@ -1,4 +1,4 @@
-"""The door of the sampler: settings in, a plan of the work out, or a clear refusal before any work starts."""
+"""Input validation of the sampler: settings in, a plan of the work out, or a clear refusal before any work starts."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -35,12 +35,31 @@ STEPS, MOST_STEPS = 10**7, 10**9
 
 
 def is_random(scene: Scene) -> bool:
-    """Whether one path differs from another."""
+    """Whether one path differs from another: noise, or a random tolerance.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    bool
+    """
     return scene.sigma > 0.0 or (scene.tolerance is not None and scene.tolerance.distribution != "fixed")
 
 
 def computed(scene: Scene, paths: int) -> int:
     """How many of these paths are followed: one stands for all where nothing is random.
+
+    Parameters
+    ----------
+    scene : Scene
+    paths : int
+        Paths that are asked for.
+
+    Returns
+    -------
+    int
 
     Examples
     --------
@@ -52,7 +71,19 @@ def computed(scene: Scene, paths: int) -> int:
 
 
 def default_horizon(impacts: int, dt: float) -> float:
-    """Time after which a path is given up where none is given: `HORIZON_PER_IMPACT`, cut to `STEPS`."""
+    """Time after which a path is given up where none is given.
+
+    Parameters
+    ----------
+    impacts : int
+    dt : float
+        The coarsest step.
+
+    Returns
+    -------
+    float
+        `HORIZON_PER_IMPACT` for each impact, at most `STEPS` steps.
+    """
     return min(HORIZON_PER_IMPACT * impacts, STEPS * dt)
 
 
@@ -67,7 +98,16 @@ def check_settings(
     workers: int,
     step_bias: bool,
 ) -> None:
-    """Refuse settings that `simulate` could not run, before any work; parameters as there (`dt` None: chosen later).
+    """Refuse settings that `simulate` could not run, before any work.
+
+    Parameters
+    ----------
+    scene, paths, impacts, scheme, rng, workers
+        As for `rattle.montecarlo.simulate`.
+    dt : float or None
+        Step; None if it is chosen later.
+    step_bias : bool
+        Whether 2 dt and 4 dt are run beside dt.
 
     Raises
     ------
@@ -91,9 +131,18 @@ def plan_of(
     workers: int = 1, record: Record | None = None, control: bool = False, increments: str = "gaussian",
     horizon: float | None = None, device: str = "cpu", any_step: bool = False,
 ) -> Plan:  # fmt: skip
-    """The plan of a run with these settings, which are those of `montecarlo.simulate`.
+    """Turn settings into the plan of a run.
 
-    With `past_the_door` any step is taken, to measure what becomes of it.
+    Parameters
+    ----------
+    scene, paths, impacts, dt, scheme, rng, workers, record, control, increments, horizon, device
+        As for `rattle.montecarlo.simulate`.
+    any_step : bool
+        Take a step that is not admissible too, to measure what becomes of it.
+
+    Returns
+    -------
+    Plan
 
     Raises
     ------

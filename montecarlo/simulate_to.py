@@ -20,7 +20,7 @@ from rattle.montecarlo.accuracy import LEAST, sampling_error, small_noise, step_
 from rattle.montecarlo.budget import HOUR, Budget, clock, in_words
 from rattle.montecarlo.ensemble import Blocks, extended, in_threads, simulate
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.pilots import COARSEST, ROUGHEST, Sent, Simulate, chosen
+from rattle.montecarlo.pilots import COARSEST, ROUGHEST, PilotRun, Simulate, chosen
 from rattle.montecarlo.reach import AccuracyWarning, Reach
 from rattle.montecarlo.record import Record
 from rattle.montecarlo.result import Ensemble
@@ -38,13 +38,13 @@ ESTIMATES = logging.getLogger("rattle.estimate")
 GROWTH = 8  # most by which the number of paths grows at once: the spread of heavy tails is found late
 
 
-def _check_affordable(sent: Sent, accuracy: float, workers: int) -> None:
+def _check_affordable(pilot_run: PilotRun, accuracy: float, workers: int) -> None:
     """Refuse what is expected to take longer than where no budget is given."""
-    expected = sent.at(accuracy)
-    seconds = max(expected.core_seconds, 0.0 if sent.whole else sent.path_seconds * LEAST) / workers
+    expected = pilot_run.at(accuracy)
+    seconds = max(expected.core_seconds, 0.0 if pilot_run.whole else pilot_run.path_seconds * LEAST) / workers
     if seconds <= HOUR:
         return
-    gives = sent.within(HOUR * workers, accuracy) if sent.whole else math.inf
+    gives = pilot_run.within(HOUR * workers, accuracy) if pilot_run.whole else math.inf
     threads = f"{workers} thread{'s' if workers > 1 else ''}"
     instead = f"ask for {_rounded_up(gives):g}, which an hour is expected to give, or " if gives < math.inf else ""
     raise InputError(
@@ -153,29 +153,29 @@ def _simulated(
     blocks = left.limited(blocks or in_threads(workers))
 
     def again(record: Record = record, **settings: Any) -> Ensemble:
-        return simulate(scene, impacts=impacts, rng=rng, record=record, blocks=blocks, **settings)
+        return simulate(scene, rng=rng, record=record, blocks=blocks, **({"impacts": impacts} | settings))
 
     names = [scheme] if scheme else sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
-    sent, candidates = chosen(scene, names, accuracy, again, left, workers)
-    ESTIMATES.info("Accuracy %g sd: %s.", accuracy, sent.at(accuracy).sentence)
+    pilot_run, candidates = chosen(scene, names, accuracy, again, left, workers)
+    ESTIMATES.info("Accuracy %g sd: %s.", accuracy, pilot_run.at(accuracy).sentence)
     if budget is None:
-        _check_affordable(sent, accuracy, workers)
-    run, more = _followed_up(sent, again, record, blocks, accuracy, left, workers, progress)
+        _check_affordable(pilot_run, accuracy, workers)
+    run, more = _followed_up(pilot_run, again, record, blocks, accuracy, left, workers, progress)
     error, worst = sampling_error(run)
     step = 0.0 if not SCHEMES[run.scheme].has_step_bias else step_error(run)[0]
     worst += "" if is_random(scene) else ": one path is the answer"
-    enough = sent.whole and run.paths >= computed(scene, LEAST)
+    enough = pilot_run.whole and run.paths >= computed(scene, LEAST)
     return replace(run, reach=Reach(accuracy, error, step, worst, candidates, more, enough))
 
 
 def _followed_up(
-    sent: Sent, simulate: Simulate, record: Record, blocks: Blocks,
+    pilot_run: PilotRun, simulate: Simulate, record: Record, blocks: Blocks,
     accuracy: float, budget: Budget, workers: int, progress: str | None
 ) -> tuple[Ensemble, float]:  # fmt: skip
     """The pilot's scheme until its errors are within the accuracy, or the budget is spent; and the seconds missing."""
-    run, scene, expected = sent.run, sent.run.scene, sent.at(accuracy)
-    if not sent.whole or budget.left <= 0.0:
-        missing = max(expected.core_seconds, sent.path_seconds * expected.paths) / workers
+    run, scene, expected = pilot_run.run, pilot_run.run.scene, pilot_run.at(accuracy)
+    if not pilot_run.whole or budget.left <= 0.0:
+        missing = max(expected.core_seconds, pilot_run.path_seconds * expected.paths) / workers
         return run, missing
     exact, fewest, grain = not SCHEMES[run.scheme].has_step_bias, computed(scene, LEAST), computed(scene, BLOCK)
     horizon = default_horizon(run.impacts, run.dt * (1 if exact else COARSEST))
@@ -186,8 +186,8 @@ def _followed_up(
     }  # fmt: skip
     began, before = clock(), 0
     if not exact:
-        aim = min(sent.within(budget.left * workers, accuracy), ROUGHEST)
-        run = simulate(paths=fewest, dt=max(sent.at(aim).dt, shortest), **settings)
+        aim = min(pilot_run.within(budget.left * workers, accuracy), ROUGHEST)
+        run = simulate(paths=fewest, dt=max(pilot_run.at(aim).dt, shortest), **settings)
     elif run.paths < fewest:
         run, before = extended(run, fewest, blocks, progress), run.paths
     while True:

@@ -27,7 +27,7 @@ NOT_RUN = {
     "pip install rattle[cluster]": "changes the environment",
     "pip install rattle[gpu]": "changes the environment",
     "pytest -m selftest": "is part of the suite",
-    "python -m rattle.montecarlo.cuda.launch": "needs a card",
+    "python -m rattle.montecarlo.cuda.launch": "needs a GPU",
 }
 """Shell examples that no test can run, and why."""
 
@@ -64,7 +64,7 @@ def test_the_worked_example_prints_what_it_says():
     assert out.split() == published.split()
 
 
-def test_the_orbit_with_rests_prints_what_it_says():
+def test_the_orbit_with_sticking_prints_what_it_says():
     section = TEXT.split("## Numerical stability")[1]
     code, published = re.search(r"```python\n(.*?)```.*?```\n(.*?)```", section, re.DOTALL).groups()
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout

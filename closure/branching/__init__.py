@@ -1,1 +1,1 @@
-"""The closure beyond one itinerary: a Gaussian mixture whose components go on along their own impacts."""
+"""The branching closure: a Gaussian mixture whose components follow different itineraries."""

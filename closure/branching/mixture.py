@@ -1,4 +1,4 @@
-"""A mixture of Gaussians over the section state, its moments, and how many parts become few."""
+"""A Gaussian mixture over the section state, its moments, and its reduction to fewer components."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,19 @@ __all__ = ["Mixture", "empty", "moments", "reduce"]
 
 
 class Mixture(NamedTuple):
-    """Weight, mean, covariance and label of each part; parts of different labels are never merged."""
+    """Components of a Gaussian mixture; components of different labels are never merged.
+
+    Attributes
+    ----------
+    weight : ndarray, shape (components,)
+        Probabilities.
+    mean : ndarray, shape (components, d)
+        Of each component.
+    covariance : ndarray, shape (components, d, d)
+        Of each component.
+    label : ndarray of int, shape (components,)
+        What a component has gone through.
+    """
 
     weight: Floats
     mean: Floats
@@ -21,13 +33,29 @@ class Mixture(NamedTuple):
 
 
 def empty(size: int, d: int = PLAIN) -> Mixture:
-    """Room for `size` parts over d quantities: ``(tau, x1, y1, x2, y2)``, with the flanks where they vary."""
+    """A mixture of zeros, to be filled.
+
+    Parameters
+    ----------
+    size : int
+        Number of components.
+    d : int
+        Size of the section state ``(tau, x1, y1, x2, y2)``: 5, or 9 with the flanks.
+
+    Returns
+    -------
+    Mixture
+        All weights 0.
+    """
     return Mixture(np.zeros(size), np.zeros((size, d)), np.zeros((size, d, d)), np.zeros(size, np.int64))
 
 
 @jit
 def _spread(parts: Mixture, members: Ints, axis: Floats, centre: Floats) -> float:
-    """Weight times variance of the members' means along their main axis; `axis` and their mean are written."""
+    """Largest principal scatter (weight times variance) of the members' means.
+
+    Their principal axis and mean are written to `axis` and `centre`.
+    """
     d, total = centre.size, 0.0
     centre[:] = 0.0
     for i in members:
@@ -49,15 +77,26 @@ def _spread(parts: Mixture, members: Ints, axis: Floats, centre: Floats) -> floa
 
 @jit
 def reduce(parts: Mixture, count: int, most: int, out: Mixture) -> int:
-    """Merge parts of one label that lie together until at most `most` are left; moments are kept.
+    """Merge components of one label that lie close together; total weight, mean and covariance of each label are kept.
 
-    From the top: the group whose means are spread widest, by weight, is divided across its main axis, until there
-    are as many groups as parts allowed.
+    Top down: the group with the largest scatter of its means is divided across its principal axis until there are as
+    many groups as components allowed.  Each group then becomes one component.
+
+    Parameters
+    ----------
+    parts : Mixture
+        Components to reduce.
+    count : int
+        How many of them are in use.
+    most : int
+        Largest number of components that may be left; at least the number of labels.
+    out : Mixture
+        The result is written here.
 
     Returns
     -------
     int
-        Parts written to `out`.
+        Number of components written.
     """
     d, order = parts.mean.shape[1], np.argsort(parts.label[:count])
     first, last = np.zeros(most, np.int64), np.zeros(most, np.int64)
@@ -115,7 +154,20 @@ def reduce(parts: Mixture, count: int, most: int, out: Mixture) -> int:
 
 
 def moments(w: Floats, mean: Floats, variance: Floats) -> tuple[Floats, Floats, Floats]:
-    """Mean, sd and skewness of mixtures; arrays over (parts, quantities)."""
+    """Mean, sd and skewness of the marginals of a mixture.
+
+    Parameters
+    ----------
+    w : ndarray, shape (components,)
+        Weights; they need not sum to 1.
+    mean, variance : ndarray, shape (components, quantities)
+        Of each component.
+
+    Returns
+    -------
+    mean, sd, skew : ndarray, shape (quantities,)
+        The skewness is NaN where the sd is 0.
+    """
     share = (w / w.sum())[:, None]
     centre = mean[0] + (share * (mean - mean[0])).sum(axis=0)  # exact where nothing varies
     off = mean - centre

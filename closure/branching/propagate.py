@@ -1,4 +1,4 @@
-"""What the flight makes of one Gaussian of points ``e = (tau, x1, y1, x2, y2, ...)``, up to second order."""
+"""The image of a Gaussian of section states ``e = (tau, x1, y1, x2, y2, ...)`` at the next impact, to second order."""
 
 import math
 from typing import NamedTuple
@@ -17,12 +17,20 @@ from rattle.scene.scene import Constants
 
 __all__ = ["Image", "propagate"]
 
-STRAIGHT = 0.1  # second-order sd, as a share of the first-order one, from which two points replace the expansion
-GRAZE = 2.0  # slowest impact that derivatives are taken at, in speeds that the spread of a Gaussian makes at a graze
+STRAIGHT = 0.1  # ratio of second-order to first-order sd from which two sigma points replace the Taylor expansion
+GRAZE = 2.0  # slowest impact at which derivatives are taken, in units of the speed that the Gaussian's spread allows
 
 
 class Image(NamedTuple):
-    """Gaussians of the section state just before the next event, its code the label; mean and variance of flights."""
+    """Images of Gaussian components just before their next impact.
+
+    Attributes
+    ----------
+    section : Mixture
+        Section states; the label is ``mesh * side`` of the impact, 0 for none.
+    flight : ndarray, shape (components, 2)
+        Mean and variance of the flight time.
+    """
 
     section: Mixture
     flight: Floats
@@ -32,10 +40,11 @@ class Image(NamedTuple):
 def _derivatives(
     c: Constants, code: int, centre: Floats, axes: Floats, t: float, before: Floats
 ) -> tuple[Floats, Floats]:
-    """Derivatives of the section map along the axes; near a graze, those of the slowest impact that is resolved.
+    """Derivatives of the section map along the axes; near a graze, those at a slightly faster impact.
 
-    At a graze the impact speed goes as the square root of how far the flight would pass the wall, and its derivative
-    has no bound; a Gaussian sees that far as its own sd of the passing distance reaches.
+    Near a graze the impact speed is proportional to the square root of the distance by which the flight would pass the
+    wall, and its derivative is unbounded.  So the impact speed is bounded below by what the Gaussian's own sd of that
+    distance produces.
     """
     mesh, side, d = abs(code), 1 if code > 0 else -1, centre.size
     i = 0 if mesh == 1 else 2
@@ -48,9 +57,9 @@ def _derivatives(
             passing[k] -= side * axes[column(mesh, side), k]
     pull = field(c, centre[0] + t, before[1], before[3])[i + 1]
     slowest = GRAZE * math.sqrt(2.0 * abs(pull) * math.sqrt(passing @ passing)) + 1e-9
-    steady = before.copy()
-    steady[i + 1] = side * max(slowest, side * before[i + 1])
-    first, second = derivatives(c, mesh, side, centre[0], centre[1:PLAIN], t, steady, d)
+    regular = before.copy()
+    regular[i + 1] = side * max(slowest, side * before[i + 1])
+    first, second = derivatives(c, mesh, side, centre[0], centre[1:PLAIN], t, regular, d)
     linear = block(first, d, 0, d) @ axes
     curve = np.zeros((PLAIN, axes.shape[1], axes.shape[1]))
     for j in range(PLAIN):
@@ -60,7 +69,7 @@ def _derivatives(
 
 @spliced
 def _most_bent(linear: Floats, curve: Floats) -> tuple[float, Floats]:
-    """Second-order variance of the output that is bent most, as a share of its first-order one, and the direction."""
+    """Largest ratio of second-order to first-order variance over the outputs, and the direction of that curvature."""
     u = np.zeros(linear.shape[1])
     worst, at = 0.0, 0
     for j in range(PLAIN):
@@ -79,6 +88,7 @@ def _most_bent(linear: Floats, curve: Floats) -> tuple[float, Floats]:
 
 @jit
 def _trace(square: Floats) -> float:
+    """Trace of a square matrix."""
     total = 0.0
     for k in range(square.shape[0]):
         total += square[k, k]
@@ -87,19 +97,29 @@ def _trace(square: Floats) -> float:
 
 @jit
 def propagate(c: Constants, centre: Floats, axes: Floats, to: Image, at: int, before: Floats) -> tuple[float, Floats]:
-    """Carry a Gaussian to its next event; the result goes to place `at`.
+    """Propagate a Gaussian to its next impact, to second order in its spread.
 
     Parameters
     ----------
+    c : Constants
+        The scene.
+    centre : ndarray, shape (d,)
+        Mean of the section state after the last impact.
     axes : ndarray, shape (d, rank)
-        Root of the covariance.
+        Square root of the covariance, including the noise of the flight.
+    to : Image
+        The result is written here.
+    at : int
+        Its place there.
+    before : ndarray, shape (4,)
+        Scratch space; overwritten.
 
     Returns
     -------
     bend : float
-        Second-order variance of the output that is bent most, as a share of its first-order one.
+        Largest ratio of second-order to first-order variance over the outputs.
     u : ndarray, shape (rank,)
-        The direction in which it is bent.
+        Direction of the largest curvature, a unit vector along the axes.
     """
     t, code = event(c, centre, before)
     to.section.label[at] = code
@@ -117,11 +137,11 @@ def propagate(c: Constants, centre: Floats, axes: Floats, to: Image, at: int, be
     linear, curve = _derivatives(c, code, centre, axes, t, before)
     bend, u = _most_bent(linear, curve)
     straight = bend < STRAIGHT**2
-    own, stretch = np.empty(rank), linear @ u
-    if not straight:  # the bent direction apart, by the events at one sd to either side
+    own, image = np.empty(rank), linear @ u  # own: derivative of the flight time
+    if not straight:  # treat the most curved direction by two sigma points, at one sd to either side
         for j in range(d):
             for k in range(rank):
-                linear[j, k] -= stretch[j] * u[k]
+                linear[j, k] -= image[j] * u[k]
     tilt, v = axes[0] @ u, axes @ u
     for k in range(rank):
         own[k] = linear[0, k] - axes[0, k] + (0.0 if straight else tilt * u[k])

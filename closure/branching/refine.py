@@ -1,9 +1,10 @@
-"""Where the parts of a mixture are cut before their flight, the worst first, until none is bad or the room is used.
+"""Splitting of mixture components before their flight, the one with the largest error first, while there is room.
 
-A part that reaches over a boundary between two events lands in two halves.  What is cut, before that, is
+A component that reaches across a boundary between two next impacts has an image in two halves.  Before that, these are
+split off:
 
-- a tail beyond a boundary, off by its plane: cutting a Gaussian in three first would lose it, and rare events with it;
-- a part over which the section map bends, in three across that direction.
+- a tail beyond a boundary, along the boundary's plane: a split in three first would lose it, and rare events with it;
+- a component over which the section map is nonlinear, in three across the direction of largest curvature.
 """
 
 import math
@@ -23,30 +24,61 @@ from rattle.scene.scene import Constants
 
 __all__ = ["Buffers", "buffers", "fly"]
 
-NEGLIGIBLE = 1e-6  # weight that may lie beyond a boundary without being looked for
-LIGHT = 1e-4  # weight of a part from which boundaries are looked for
-TAIL = 2.0  # sds to a boundary from which what lies beyond is a tail
-WORTH = 1e-6  # error below which nothing is cut
-BRANCH = 0.03  # error of a boundary through the centre of a part, as a share of its weight
-FLAT = 1e-4  # second-order variance, as a share of the first-order one, that is not worth a cut
-DAMPED = 15.0  # of a flight, as damping times time
-POWER = 0.35  # error of a part over its weight, as a power of that share
+NEGLIGIBLE = 1e-6  # weight beyond a boundary that need not be found
+LIGHT = 1e-4  # weight of a component above which boundaries are searched for
+TAIL = 2.0  # distance to a boundary, in sds, from which what lies beyond is a tail
+WORTH = 1e-6  # error below which no component is split
+BRANCH = 0.03  # error of a boundary through the centre of a component, relative to its weight
+FLAT = 1e-4  # ratio of second-order to first-order variance below which a component is not split
+DAMPED = 15.0  # damping times flight time above which a component is discarded
+POWER = 0.35  # error of a component relative to its weight, as a power of the ratio of variances
 
 
 class Buffers(NamedTuple):
-    """Parts at the start of a flight, noise included; part i lands at places 2 i and, where it is halved, 2 i + 1."""
+    """Components at the start of a flight, their images, and how each would be split.
+
+    Attributes
+    ----------
+    start : Mixture
+        Section states after the last impact, with the noise of the flight included.
+    image : Image
+        Component i has its image at 2 i and, where a boundary halves it, at 2 i + 1.
+    ignored : ndarray of int
+        Bit mask of impacts that were split off already.
+    error : ndarray
+        What splitting a component is worth, weighted.
+    axis : ndarray, shape (components, d)
+        One sd across the split.
+    depth : ndarray
+        Distance of the plane that splits a tail off, in sds; 0 for a split in three.
+    beyond : ndarray of int
+        The impact (``mesh * side``) beyond that plane.
+    """
 
     start: Mixture
     image: Image
-    ignored: Ints  # bit mask of events that were cut off
-    error: Floats  # by weight
-    axis: Floats  # one sd across the cut
-    depth: Floats  # of the plane that cuts a tail off, in sds; 0 for a cut in three
-    beyond: Ints  # the event there
+    ignored: Ints
+    error: Floats
+    axis: Floats
+    depth: Floats
+    beyond: Ints
 
 
 def buffers(size: int, d: int = PLAIN) -> Buffers:
-    """Room for `size` parts over d quantities."""
+    """Empty arrays for the components of a flight.
+
+    Parameters
+    ----------
+    size : int
+        Largest number of components before the impact, not counting halves.
+    d : int
+        Size of the section state, 5 or 9.
+
+    Returns
+    -------
+    Buffers
+        All weights 0.
+    """
     image = Image(empty(2 * size, d), np.zeros((2 * size, 2)))
     return Buffers(
         empty(size, d), image, np.zeros(size, np.int64), np.zeros(size), np.zeros((size, d)), np.zeros(size),
@@ -56,12 +88,13 @@ def buffers(size: int, d: int = PLAIN) -> Buffers:
 
 @jit
 def _bend_error(weight: float, bend: float) -> float:
+    """Estimated error of a component for the ratio `bend` of second-order to first-order variance."""
     return weight * bend**POWER if bend > FLAT else 0.0
 
 
 @spliced
-def _across(axes: Floats, n: Floats, narrow: float) -> Floats:
-    """The axes, narrower by that factor along the unit vector n."""
+def _narrowed(axes: Floats, n: Floats, narrow: float) -> Floats:
+    """The axes, scaled by the factor `narrow` along the unit vector n."""
     along, out = axes @ n, np.empty_like(axes)
     for i in range(out.shape[0]):
         for j in range(n.size):
@@ -71,9 +104,9 @@ def _across(axes: Floats, n: Floats, narrow: float) -> Floats:
 
 @spliced
 def _examine(c: Constants, b: Buffers, i: int, before: Floats) -> None:
-    """Land part `i`, whole or in its halves beside a plane, and find across which direction it would be cut.
+    """Compute the image of component `i`, whole or in halves beside a boundary, and how it would best be split.
 
-    Its error is what that cut is worth.
+    Its error is what that split is worth.
     """
     w, centre = b.start.weight[i], b.start.mean[i]
     b.image.section.weight[2 * i], b.image.section.weight[2 * i + 1] = w, 0.0
@@ -99,7 +132,7 @@ def _examine(c: Constants, b: Buffers, i: int, before: Floats) -> None:
         share, rate, variance = half(depth, k == 0) if pieces == 2 else (1.0, 0.0, 1.0)
         narrow = math.sqrt(variance)
         b.image.section.weight[2 * i + k] = w * share
-        at, across = (beyond(centre, rate, axes @ n), _across(axes, n, narrow)) if pieces == 2 else (centre, axes)
+        at, across = (beyond(centre, rate, axes @ n), _narrowed(axes, n, narrow)) if pieces == 2 else (centre, axes)
         bend, u = propagate(c, at, across, b.image, 2 * i + k, before)
         if b.depth[i] > 0.0:
             return
@@ -108,9 +141,9 @@ def _examine(c: Constants, b: Buffers, i: int, before: Floats) -> None:
         if pieces == 1 or error > worst:
             worst = error
             if pieces == 2:
-                slant = (1.0 / narrow - 1.0) * (u @ n)
+                shear = (1.0 / narrow - 1.0) * (u @ n)
                 for m in range(rank):
-                    u[m] += slant * n[m]  # across the same planes, in sds of the whole
+                    u[m] += shear * n[m]  # normal of the same planes, in sds of the whole component
                 put_scaled(u, u, norm(u))
             put_row(b.axis[i], axes @ u)
     if pieces == 2:
@@ -122,7 +155,7 @@ def _examine(c: Constants, b: Buffers, i: int, before: Floats) -> None:
 
 @jit
 def _cut(b: Buffers, i: int, count: int) -> int:
-    """Replace part `i` by two or three across its axis, the further ones from `count` on; returns the new count."""
+    """Replace component `i` by two or three across its axis, the others from `count` on; returns the new count."""
     parts, v = b.start, b.axis[i].copy()
     w, centre, sigma = parts.weight[i], parts.mean[i].copy(), parts.covariance[i].copy()
     pieces = 2 if b.depth[i] > 0.0 else 3
@@ -148,17 +181,34 @@ def _cut(b: Buffers, i: int, count: int) -> int:
 
 @jit
 def fly(c: Constants, live: int, b: Buffers) -> tuple[int, float]:
-    """Fly the first `live` parts to their next event; returns how many they were cut into, and the weight given up.
+    """Propagate components to their next impact, splitting them where that is worth it.
 
-    The noise of a flight is put at its start: the displacement ``exp(-A t) n`` leads to the same state at its end.
-    A flight that is damped by more than ``exp(-DAMPED)`` leaves no digits of it: such a part is given up.
+    The noise of a flight is added at its start: the displacement ``exp(-A t) n`` leads to the same state at its end.  A
+    component whose flight is damped by more than ``exp(-DAMPED)`` is discarded: flown back, its noise has no digits
+    left.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    live : int
+        Number of components in use.
+    b : Buffers
+        Components in ``b.start``; their images are written to ``b.image``.
+
+    Returns
+    -------
+    count : int
+        Number of components after splitting.
+    discarded : float
+        Probability discarded.
     """
     before = np.empty(4)
-    gone = 0.0
+    discarded = 0.0
     for i in range(live):
         t, code = event(c, b.start.mean[i], before)
         if code != 0 and t * max(c.beta1, c.beta2) > DAMPED:
-            gone += b.start.weight[i]
+            discarded += b.start.weight[i]
             b.start.weight[i] = 0.0
         elif code != 0:
             back = jacobian(c, -t)
@@ -167,7 +217,7 @@ def fly(c: Constants, live: int, b: Buffers) -> tuple[int, float]:
                 for n in range(4):
                     b.start.covariance[i, 1 + m, 1 + n] += noise[m, n]
         b.ignored[i] = 0
-    count, last, seen = live, 0, 0  # seen: parts examined already, but for the last one that was cut
+    count, last, seen = live, 0, 0  # seen: components examined already, except the last one that was split
     while True:
         for k in range(seen, count + (1 if seen > 0 else 0)):
             _examine(c, b, last if k == count else k, before)
@@ -178,4 +228,4 @@ def fly(c: Constants, live: int, b: Buffers) -> tuple[int, float]:
         if b.error[last] < WORTH:
             break
         count = _cut(b, last, count)
-    return count, gone
+    return count, discarded

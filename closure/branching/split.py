@@ -1,7 +1,7 @@
-"""Cutting a Gaussian in parts: by the plane where the next event changes, or in three across a direction.
+"""Splitting a Gaussian: by the plane where the next impact changes, or in three across a direction.
 
-What a flight leads to is a function of a point ``e = (tau, x1, y1, x2, y2)``, with the deviations of the flanks where
-they vary; a Gaussian part of it is a centre and a square root of its covariance, the `axes`.
+The next impact is a function of a point ``e = (tau, x1, y1, x2, y2)``, with the deviations of the flanks where they
+vary; a Gaussian component is a centre and a square root of its covariance, the `axes`.
 """
 
 import math
@@ -17,16 +17,33 @@ from rattle.scene.scene import Constants
 
 __all__ = ["THIRD_CENTRE", "THIRD_WEIGHT", "THIRD_WIDTH", "cut_plane", "event", "half", "root"]
 
-BISECTIONS = 6  # of the distance to a boundary
-LONGEST = 100.0  # flight after which a part counts as lost
-# A Gaussian in three of equal width, close to it and with its variance: weight of the outer ones, width and centres.
+BISECTIONS = 6  # steps to locate a boundary
+LONGEST = 100.0  # longest flight; a component without an impact by then is discarded
+# A standard normal approximated by three Gaussians of equal width: weight of the outer ones, width, and their distance.
 THIRD_WEIGHT, THIRD_WIDTH = 0.2252246249, 0.6715662887
 THIRD_CENTRE = math.sqrt(0.5 * (1.0 - THIRD_WIDTH**2) / THIRD_WEIGHT)
 
 
 @jit
 def event(c: Constants, e: Floats, before: Floats) -> tuple[float, int]:
-    """Flight time and ``mesh * side`` of the next impact from a point, or 0 if there is none; `before` is written."""
+    """The next impact from a point.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    e : ndarray, shape (5,) or (9,)
+        Section state after an impact.
+    before : ndarray, shape (4,)
+        The state just before the next impact is written here.
+
+    Returns
+    -------
+    t : float
+        Flight time.
+    code : int
+        ``mesh * side``, or 0 if there is no impact within `LONGEST`.
+    """
     middle1 = middle2 = 0.0
     if e.size > PLAIN:
         c, middle1, middle2 = between(c, e)
@@ -37,10 +54,22 @@ def event(c: Constants, e: Floats, before: Floats) -> tuple[float, int]:
 
 @jit
 def root(sigma: Floats) -> tuple[int, Floats]:
-    """Square root of a covariance by its principal axes: ``rank`` columns, the rest zero.
+    """Square root of a covariance by its principal axes.
 
-    Flanks are weighed apart, for two of one variance share a plane of axes, which rounding turns as it likes; and
-    where there are flanks most blocks are apart, so that rounding chooses the sense of an axis too, unless one is set.
+    Components of the flanks are scaled differently before the eigendecomposition: two flanks of equal variance have no
+    unique principal axes, and rounding would choose them.  Where there are flanks the sign of each axis is fixed too.
+
+    Parameters
+    ----------
+    sigma : ndarray, shape (d, d)
+        Covariance.
+
+    Returns
+    -------
+    rank : int
+        Number of axes.
+    axes : ndarray, shape (d, d)
+        The first `rank` columns are the axes, largest first; the others are 0.
     """
     d = sigma.shape[0]
     weight, weighed = np.ones(d), sigma
@@ -69,7 +98,7 @@ def root(sigma: Floats) -> tuple[int, Floats]:
 def _boundary(
     c: Constants, centre: Floats, axes: Floats, u: Floats, code: int, ignored: int, far: float, before: Floats
 ) -> tuple[float, int]:
-    """Distance (in sds, up to `far`) along a unit vector at which the event changes from `code`, and to which."""
+    """Distance (in sds, up to `far`) along a unit vector at which the next impact changes from `code`, and to which."""
     direction = axes @ u
     found = event(c, beyond(centre, far, direction), before)[1]
     if found == code:
@@ -91,11 +120,34 @@ def _boundary(
 def cut_plane(
     c: Constants, centre: Floats, axes: Floats, code: int, ignored: int, reach: float, before: Floats
 ) -> tuple[int, Floats]:
-    """The nearest other event, and the plane ``q z = 1`` that parts it from `code`, z along the principal axes.
+    """The nearest boundary to another next impact, as a plane ``q z = 1`` with z along the principal axes.
 
-    The nearest point of the boundary is sought as in the first-order reliability method (Hasofer and Lind 1974):
-    from the best axis, along the normal of the plane through the boundary's points nearby.  Events in the bit
-    mask `ignored` are not looked for.  Returns `code` itself where none is within `reach`.
+    The nearest point of the boundary is searched for as in the first-order reliability method (Hasofer and Lind 1974):
+    from the best axis, along the normal of the plane through nearby points of the boundary.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    centre : ndarray, shape (d,)
+        Mean of the component.
+    axes : ndarray, shape (d, rank)
+        Square root of its covariance.
+    code : int
+        Next impact from the centre, ``mesh * side``.
+    ignored : int
+        Bit mask of impacts that are not searched for.
+    reach : float
+        Largest distance, in sds.
+    before : ndarray, shape (4,)
+        Scratch space; overwritten.
+
+    Returns
+    -------
+    other : int
+        The other impact; `code` itself where no boundary is within `reach`.
+    q : ndarray, shape (rank,)
+        Normal of the plane over its distance.
     """
     rank = axes.shape[1]
     far = 1.6 * reach  # a slanted plane within reach cuts one of the axes there
@@ -136,7 +188,20 @@ def cut_plane(
 
 @jit
 def half(depth: float, inner: bool) -> tuple[float, float, float]:
-    """Weight, mean and variance of the part of a standard normal on one side of `depth`."""
+    """Moments of a standard normal restricted to one side of a plane.
+
+    Parameters
+    ----------
+    depth : float
+        Distance of the plane from the centre.
+    inner : bool
+        Whether the side of the centre is meant.
+
+    Returns
+    -------
+    weight, mean, variance : float
+        Probability of that side, and conditional moments along the normal.
+    """
     beyond = 0.5 * math.erfc(depth / math.sqrt(2.0))
     weight = 1.0 - beyond if inner else beyond
     rate = math.exp(-0.5 * depth * depth) / math.sqrt(2.0 * math.pi) / weight * (-1.0 if inner else 1.0)

@@ -1,10 +1,10 @@
-"""The closure beyond one itinerary: a Gaussian mixture whose parts go on along their own impacts.
+"""The branching closure: a Gaussian mixture whose components follow different itineraries.
 
-A part is a weight and a Gaussian of the section state after an impact, as in the saltation closure.  The noise of the
-next flight is put at its start, so that the next event is a function of a point in five dimensions; in nine where
-flanks are random, whose laws are Gaussians here, or a few of them (`rattle.closure.flanks`).  Parts are cut where the
-next event changes or the section map bends (`rattle.closure.branching.refine`), carried to the event
-(`rattle.closure.branching.propagate`), and merged after the impact where they lie together
+A component is a weight and a Gaussian of the section state after an impact, as in the saltation closure.  The noise of
+the next flight is added at its start, so that the next impact is a function of a point in five dimensions; in nine
+where flanks are random, whose distributions are Gaussians here, or mixtures of a few (`rattle.closure.flanks`).
+Components are split where the next impact changes or the section map is nonlinear (`rattle.closure.branching.refine`),
+propagated to the impact (`rattle.closure.branching.propagate`), and merged after it where they lie close together
 (`rattle.closure.branching.mixture`).
 """
 
@@ -26,27 +26,28 @@ from rattle.scene.scene import Constants, Scene
 __all__ = ["trace"]
 
 MOST_COMPONENTS = 80  # after an impact
-MOST_CUT = 600  # before it, not counting halves
-ON_ORBIT = 10  # added to the label of a part whose itinerary is the orbit's
+MOST_CUT = 600  # components before an impact, not counting halves
+ON_ORBIT = 10  # added to the label of a component whose itinerary is the orbit's
 
 
 @jit
 def _strike(
     c: Constants, redrawn: Floats, start: Mixture, image: Image, count: int, own: int, after: Mixture
 ) -> tuple[int, float]:
-    """The impact of all that has landed, packed to the front; also the weight that met no wall.
+    """Apply the restitution map to all images, packed to the front; returns their number and the weight without impact.
 
-    The labels of `after` tell the event, and whether the itinerary is still the orbit's, whose event is `own`.
-    `redrawn` has the variances of the deviations of +1, -1, +2, -2 that contacts draw anew; it is empty if none are.
+    The labels of `after` are the impact, ``mesh * side``, plus `ON_ORBIT` if the itinerary is still the orbit's, whose
+    impact is `own`.  `redrawn` has the variances of the deviations of +1, -1, +2, -2 that contacts draw anew; it is
+    empty if none are.
     """
     section, flight = image.section, image.flight
-    kept, lost = 0, 0.0
+    kept, discarded = 0, 0.0
     for i in range(2 * count):
         w, code = section.weight[i], section.label[i]
         if w == 0.0:
             continue
         if code == 0:
-            lost += w
+            discarded += w
             continue
         hit = hit_matrix(c, abs(code), section.mean.shape[1])
         section.weight[kept], section.label[kept] = w, code
@@ -62,13 +63,29 @@ def _strike(
             after.covariance[kept, flank, flank] = redrawn[flank - PLAIN]
         after.label[kept] = code + (ON_ORBIT if start.label[i // 2] > 2 and code == own else 0)
         kept += 1
-    return kept, lost
+    return kept, discarded
 
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
-    """Follow the mixture through `impacts` impacts; it carries no moments of a perturbation, whatever `order`.
+    """Follow the branching closure.
 
-    Principal axes mix times and lengths: the unit of length is the power of two next to the gap, whatever the scene's.
+    Principal axes mix times and lengths, so the result could depend on the unit of length: the one used is the power of
+    two next to the gap, whatever the scene's.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled.
+    impacts : int
+        Impacts after the start.
+    order : int
+        Not used: this closure has no raw moments of a perturbation.
+
+    Returns
+    -------
+    Trace
+        With the mixtures, the shares of paths on the orbit's itinerary and the probability discarded; no moments at
+        fixed times.
     """
     unit = 2.0 ** math.frexp(scene.constants.wall1)[1]
     found = _trace(scene.scaled(1.0 / unit), impacts, order)
@@ -80,6 +97,7 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
 
 
 def _trace(scene: Scene, impacts: int, order: int) -> Trace:
+    """`trace` in the scene's own unit of length."""
     c, orbit = scene.constants, follow(scene, impacts).until_sticking
     tolerance = random_tolerance(scene)
     redrawn = np.repeat(tolerance.variances, 2) if tolerance and tolerance.draw == "contact" else np.zeros(0)
@@ -91,22 +109,22 @@ def _trace(scene: Scene, impacts: int, order: int) -> Trace:
     b.start.mean[:live] = first.mean
     b.start.mean[:live, :PLAIN] += np.array([orbit.tau[0], *orbit.after[0]])
     b.start.covariance[:live] = first.variance
-    lost = 0.0
+    discarded = 0.0
     tau, mean = np.full(impacts + 1, np.nan), np.full((impacts + 1, 4), np.nan)
     sd, skew = np.full((impacts + 1, 6), np.nan), np.full((impacts + 1, 6), np.nan)
     covariance = np.full((impacts + 1, 4, 4), np.nan)
     mesh, side = np.zeros(impacts + 1, np.int64), np.zeros(impacts + 1, np.int64)
-    agreement, lost_at = np.full(impacts + 1, np.nan), np.full(impacts + 1, np.nan)
+    agreement, discarded_at = np.full(impacts + 1, np.nan), np.full(impacts + 1, np.nan)
     tau[0], mean[0], mesh[0], side[0] = orbit.tau[0], orbit.before[0], orbit.mesh[0], orbit.side[0]
-    agreement[0], lost_at[0] = 1.0, 0.0
+    agreement[0], discarded_at[0] = 1.0, 0.0
     found = impacts
     parts: dict[int, tuple[Floats, Floats, Floats]] = {}
     for k in range(1, impacts + 1):
         own = int(orbit.mesh[k] * orbit.side[k])
         flown, damped = fly(c, live, b)
-        count, gone = _strike(c, redrawn, b.start, b.image, flown, own, after)
-        lost += gone + damped
-        if count == 0 or lost > 0.5:
+        count, endless = _strike(c, redrawn, b.start, b.image, flown, own, after)
+        discarded += endless + damped
+        if count == 0 or discarded > 0.5:
             found = k - 1
             break
         w, s = after.weight[:count], section.mean[:count]
@@ -118,13 +136,13 @@ def _trace(scene: Scene, impacts: int, order: int) -> Trace:
         tau[k], mean[k] = centre[0], centre[2:]
         code = max((-2, -1, 1, 2), key=lambda a: w[section.label[:count] == a].sum())
         mesh[k], side[k] = abs(code), np.sign(code)
-        agreement[k], lost_at[k] = w[after.label[:count] > 2].sum(), lost
+        agreement[k], discarded_at[k] = w[after.label[:count] > 2].sum(), discarded
         live = reduce(after, count, MOST_COMPONENTS, b.start)
 
     def at(time: float) -> tuple[Floats, Floats]:
-        return np.full(4, np.nan), np.full((4, 4), np.nan)  # the parts are at different impacts at one time
+        return np.full(4, np.nan), np.full((4, 4), np.nan)  # at one time the components are between different impacts
 
-    stopped = "" if found == impacts else f"more than half of the weight is lost after impact {found}"
+    stopped = "" if found == impacts else f"more than half of the probability is discarded after impact {found}"
     raw = np.full((impacts + 1, 2, order + 1, order + 1), np.nan)
     return Trace(
         tau,
@@ -140,5 +158,5 @@ def _trace(scene: Scene, impacts: int, order: int) -> Trace:
         stopped,
         parts=parts,
         agreement=agreement,
-        lost=lost_at,
+        discarded=discarded_at,
     )

@@ -221,7 +221,9 @@ def _exponents(of: str, scene: Scene, blocks: list[Floats], regime: Regime) -> E
 
 def _check(scene: Scene) -> None:
     if scene.epsilon == 0.0:
-        raise InputError("epsilon", 0.0, "exponents need epsilon > 0: an impact without rebound makes its Jacobian singular")
+        raise InputError(
+            "epsilon", 0.0, "exponents need epsilon > 0: the Jacobian of an impact without rebound is singular"
+        )
 
 
 def _measured(

@@ -18,8 +18,8 @@ FIGURES = {
     "along noisy paths; where the orbit sticks, and the range that the paper claims to be chaotic.",
     "bifurcation": "Bifurcation diagram: points of the section over the field as densities, with the largest exponents "
     "below.",
-    "finite_size": "Finite-size exponent of the noisy system over the distance of two paths on the same noise: it grows "
-    "without bound as the distance decreases, so there is no infinitesimal exponent.",
+    "finite_size": "Finite-size exponent of the noisy system over the distance of two paths on the same noise: it "
+    "grows without bound as the distance decreases, so there is no infinitesimal exponent.",
     "sqrt_law": "Distance of two paths on the same noise after an impact over their distance before it, with the "
     "square-root law.",
 }

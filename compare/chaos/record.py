@@ -198,8 +198,8 @@ def noisy_record(
     Yields
     ------
     stretch : Stretch
-    velocities : ndarray, shape (steps, stages)
-        At the start of each step.
+    velocities : ndarray, shape (steps, 2)
+        ``(y1, y2)`` at the start of each step.
     """
     walker = LongPath(scene, seed, path)
     walker.stretch(math.ceil(settle / walker.step), tangent, velocities=False)

@@ -1,8 +1,9 @@
 """The square-root law: two paths on the same noise that reach a wall delta apart leave it about sqrt(delta) apart.
 
 One path rebounds while the other still approaches the wall for a time ``delta / |y|``, y being the impact speed.  Noise
-during that time enters their velocities after the impact with different factors (1 and -epsilon), so that these differ
-by ``(1 + epsilon) sigma |m| sqrt(delta / |y|) |N(0, 1)|``, with m the modulation of the noise (docs/model.md section 8).
+during that time enters their velocities after the impact with different factors (1 and -epsilon).  They differ by
+``(1 + epsilon) sigma |m| sqrt(delta / |y|) |N(0, 1)|``, where m is the modulation of the noise (docs/model.md section
+8).
 """
 
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""Sweeps of the largest exponent over a field of the scene, for the orbit and along noisy paths, and its sign changes."""
+"""Sweeps of the largest exponent over a field of the scene, of the orbit and along noisy paths; changes of its sign."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -187,7 +187,7 @@ def sweep(
 
 
 def signs(rows: pd.DataFrame) -> NDArray[np.int64]:
-    """Determine the sign of the largest exponent in each row, with intervals at 95 % simultaneous coverage (Bonferroni).
+    """Determine the sign of the largest exponent in each row, at 95 % simultaneous coverage (Bonferroni).
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""What the installed program must obey: published results, extreme values, stability."""
+"""Checks of the installed program: published results, extreme values, stability and bias of the schemes."""

@@ -1,4 +1,4 @@
-"""What a judged claim is."""
+"""A claim of the paper with its verdict."""
 
 from typing import NamedTuple
 
@@ -11,20 +11,20 @@ HOLDS_ONLY = "holds only for {}"
 
 
 class Claim(NamedTuple):
-    """A claim of the paper and what became of it.
+    """A claim of the paper with its test, evidence and verdict.
 
     Attributes
     ----------
     name : str
-        A few words for it.
+        Short title.
     where : str
         Place in the paper.
     says : str
-        What it says.
+        The claim itself.
     test : str
-        What was measured, and when the claim counts as reproduced.
+        What is measured, and the result for which the claim counts as reproduced.
     evidence : str
-        The numbers, with their intervals.
+        The measured numbers, with their intervals.
     verdict : str
         ``reproduced``, ``not reproduced``, ``holds only for ...`` or ``undecided``.
     """
@@ -38,5 +38,15 @@ class Claim(NamedTuple):
 
 
 def table(claims: list[Claim]) -> pd.DataFrame:
-    """The claims, numbered from 1."""
+    """Convert claims to a table.
+
+    Parameters
+    ----------
+    claims : list of Claim
+
+    Returns
+    -------
+    DataFrame
+        Index ``claim`` from 1, columns as the attributes of `Claim`.
+    """
     return pd.DataFrame(claims, index=pd.RangeIndex(1, len(claims) + 1, name="claim"))

@@ -1,4 +1,4 @@
-"""Everything that the claims are judged by, measured once."""
+"""The evidence for all claims: every simulation and measurement, made once."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -17,31 +17,31 @@ from rattle.scene.tangent import Stretch
 
 __all__ = ["Evidence", "gather"]
 
-FLIGHTS = np.array([0.5, 1.5, 3.0])  # instants of a flight without walls
-STEP = 2e-3
-REPEATS, STEPS = 100_000, 2_000_000  # impacts of the orbit and steps of a noisy path in which repeats are counted
+FLIGHTS = np.array([0.5, 1.5, 3.0])  # times after the start at which a flight without walls is compared
+STEP = 2e-3  # its time step
+REPEATS, STEPS = 100_000, 2_000_000  # impacts of the orbit, and steps of a noisy path, searched for repeated flanks
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What was measured.
+    """Measurements by which the claims are judged.
 
     Attributes
     ----------
     scene : Scene
-        At the paper's noise.
+        With the paper's noise.
     validations : list of Validation
-        At rising noise intensities, the last the paper's.
+        At increasing noise intensities, the last being the paper's.
     chaos : ChaosStudy
         With its sweep over alpha.
     single : dict of str to Exponents
-        Of the single-stage system: ``orbit`` and ``noisy``.
+        Exponents of the single-stage system: ``orbit`` and ``noisy``.
     flight : Ensemble
-        Paths that no wall stops.
+        Paths without walls.
     open_space : Scene
         Their scene.
     repeats : dict of str to Mean
-        Share of consecutive impacts at one mesh that are on the same side: ``orbit`` and ``noisy``.
+        Share of consecutive impacts at one mesh that are on the same flank: ``orbit`` and ``noisy``.
     """
 
     scene: Scene
@@ -57,20 +57,33 @@ def gather(
     scene: Scene, *, sigmas: Sequence[float], at: Sequence[float], paths: int = 100_000, impacts: int = 12,
     seed: int = 0, workers: int = 2, points: int = 1_000_000, spectrum_impacts: int = 200_000, events: int = 4000,
 ) -> Evidence:  # fmt: skip
-    """Measure what the claims need.
+    """Make all measurements that the claims need.
 
     Parameters
     ----------
     scene : Scene
-        Two stages; its noise is set to the paper's, ``sqrt(alpha)``.
+        With two stages; its noise is set to the paper's, ``sqrt(alpha)``.
     sigmas : sequence of float
-        Noise intensities of the validations beside the paper's.
+        Noise intensities of the validations, in addition to the paper's.
     at : sequence of float
         Values of alpha in the sweep.
-    paths, impacts, seed, workers
-        Of the validations.
-    points, spectrum_impacts, events
-        Of the sections, of the spectra and of the pairs of paths, see `rattle.compare.chaos.measure.study`.
+    paths, impacts : int
+        Paths of each validation, and impacts that they are followed for.
+    seed : int
+        Seed of all simulations.
+    workers : int
+        Threads; the result does not depend on it.
+    points, spectrum_impacts, events : int
+        Points of the sections, impacts of the spectra and pairs of paths, see `rattle.compare.chaos.measure.study`.
+
+    Returns
+    -------
+    Evidence
+
+    Raises
+    ------
+    InputError
+        If an argument is not valid.
     """
     scene = paper_noise(scene)
     levels = [*sorted(sigmas), scene.sigma]
@@ -106,11 +119,11 @@ def gather(
 
 
 def _repeats(stretches: Iterable[Stretch], stages: int) -> Mean:
-    """Share of consecutive impacts at one mesh that are on the same side."""
+    """Share of consecutive impacts at one mesh that are on the same flank."""
     code = np.concatenate([s.code for s in stretches])
     same = []
     for mesh in range(1, stages + 1):
         own = np.sign(code[np.abs(code) == mesh])
         same.append((own[1:] == own[:-1]).astype(float))
-    counted = np.concatenate(same)
-    return ratio_mean(counted, np.ones(counted.size))
+    repeated = np.concatenate(same)
+    return ratio_mean(repeated, np.ones(repeated.size))

@@ -24,5 +24,15 @@ CLAIMS: tuple[Callable[[Evidence], Claim], ...] = (
 
 
 def judge(evidence: Evidence) -> list[Claim]:
-    """All claims, judged."""
+    """Judge all claims.
+
+    Parameters
+    ----------
+    evidence : Evidence
+
+    Returns
+    -------
+    list of Claim
+        In the order of `CLAIMS`.
+    """
     return [claim(evidence) for claim in CLAIMS]

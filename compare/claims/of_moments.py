@@ -19,7 +19,16 @@ def _at(v: Validation) -> str:
 
 
 def solvable(e: Evidence) -> Claim:
-    """Section 3: the flight's equation cannot be solved exactly."""
+    """Judge section 3: the equation of the flight cannot be solved exactly.
+
+    Parameters
+    ----------
+    e : Evidence
+
+    Returns
+    -------
+    Claim
+    """
     c, tau = e.open_space.constants, e.open_space.start.tau
     fixed = e.flight.at_times()
     worst = 0.0
@@ -27,9 +36,9 @@ def solvable(e: Evidence) -> Claim:
         q = noise_covariance(c, tau, float(time) - tau)  # type: ignore[arg-type]
         for stage in (1, 2):
             j = 2 * stage - 2
-            rho, rest = row[f"rho{stage}"], abs(row[f"coarse_rho{stage}"] - row[f"rho{stage}"])
-            away = abs(np.arctanh(rho) - np.arctanh(correlation(q[j : j + 2, j : j + 2])))
-            worst = max(worst, float((away - rest / (1.0 - rho**2)) / row[f"se_z_rho{stage}"]))
+            rho, step_bias = row[f"rho{stage}"], abs(row[f"coarse_rho{stage}"] - row[f"rho{stage}"])
+            error = abs(np.arctanh(rho) - np.arctanh(correlation(q[j : j + 2, j : j + 2])))  # Fisher's z
+            worst = max(worst, float((error - step_bias / (1.0 - rho**2)) / row[f"se_z_rho{stage}"]))
     allowed = widest(2 * len(fixed))
     return Claim(
         "An exact solution",
@@ -37,21 +46,30 @@ def solvable(e: Evidence) -> Claim:
         "Eq. 8 is a non-linear stochastic differential equation whose exact solution cannot be solved.",
         "In flight Eq. 8 is linear in the state and its noise does not depend on it, so the state is Gaussian with the "
         "covariance of a linear equation. Correlations of simulated flights without walls must agree with it.",
-        f"{e.flight.paths:,} paths, {len(fixed)} instants, both stages: at most {worst:.1f} standard errors off beyond "
-        f"the measured step bias, {allowed:.1f} allowed.",
+        f"{e.flight.paths:,} paths, {len(fixed)} fixed times, both stages: the largest error beyond the measured step "
+        f"bias is {worst:.1f} standard errors, {allowed:.1f} allowed.",
         NOT_REPRODUCED if worst <= allowed else UNDECIDED,
     )  # fmt: skip
 
 
 def beyond_one(e: Evidence) -> Claim:
-    """Section 3: the correlation exceeds 1, so the distribution is not Gaussian."""
+    """Judge section 3: the correlation exceeds 1, so the distribution is not Gaussian.
+
+    Parameters
+    ----------
+    e : Evidence
+
+    Returns
+    -------
+    Claim
+    """
     found = []
     for v in e.validations:
         simulated = float(v.correlation[v.correlation["closure"] == SIMULATED]["rho"].abs().max())
         corrected = float(v.correlation[v.correlation["closure"] == "corrected"]["rho"].abs().max())
         failed = first_failure(v.correlation, "published")
-        published = f"printed fails at impact {failed[0]} ({failed[2]})" if failed else "printed does not fail"
-        text = f"{_at(v)}: {published}, mended ≤ {corrected:.4f}, simulation ≤ {simulated:.4f}"
+        published = f"published fails at impact {failed[0]} ({failed[2]})" if failed else "published does not fail"
+        text = f"{_at(v)}: {published}, corrected ≤ {corrected:.4f}, simulation ≤ {simulated:.4f}"
         found.append((simulated, corrected, text))
     only_published = all(s <= 1.0 and m <= 1.0 for s, m, _ in found)
     return Claim(
@@ -68,7 +86,16 @@ def beyond_one(e: Evidence) -> Claim:
 
 
 def not_gaussian(e: Evidence) -> Claim:
-    """Section 3: the perturbation's distribution is not Gaussian (at the impacts)."""
+    """Judge section 3: the perturbation's distribution is not Gaussian (at the impacts).
+
+    Parameters
+    ----------
+    e : Evidence
+
+    Returns
+    -------
+    Claim
+    """
     shown: list[str] = []
     beyond = 0
     rows = [(v, k) for v in e.validations for k in v.run.section.index]
@@ -79,19 +106,29 @@ def not_gaussian(e: Evidence) -> Claim:
         worst, many = int(np.abs(skew).argmax()), int((np.abs(skew) > z * se).sum())
         beyond += many
         shown.append(
-            f"{_at(v)}: skewness of τ beyond chance at {many} of {len(s)} impacts, largest "
+            f"{_at(v)}: skewness of τ significantly non-zero at {many} of {len(s)} impacts, largest "
             f"{skew[worst]:.2f} ± {1.96 * se[worst]:.2f}"
         )
     return Claim(
         "Not Gaussian",
         "section 3", "The distribution at the impacts is not Gaussian; an Edgeworth series is to describe it.",
-        f"Skewness of each path's own impact time, beyond {z:.1f} standard errors of zero.", "; ".join(shown) + ".",
+        f"Skewness of the time of each path's k-th impact, more than {z:.1f} standard errors from zero.",
+        "; ".join(shown) + ".",
         REPRODUCED if beyond else UNDECIDED,
     )  # fmt: skip
 
 
 def stages_apart(e: Evidence) -> Claim:
-    """Section 3: the perturbations of the two stages have nothing to do with each other."""
+    """Judge section 3: the perturbations of the two stages are independent of each other.
+
+    Parameters
+    ----------
+    e : Evidence
+
+    Returns
+    -------
+    Claim
+    """
     shown: list[str] = []
     coupled = 0
     for v in e.validations:
@@ -101,38 +138,49 @@ def stages_apart(e: Evidence) -> Claim:
         many = int((np.abs(covariance) > widest(len(fixed)) * se).sum())
         coupled += many
         largest = rho[np.abs(rho).argmax()]
-        shown.append(f"{_at(v)}: non-zero at {many} of {len(fixed)} instants, largest {largest:.3f}")
+        shown.append(f"{_at(v)}: non-zero at {many} of {len(fixed)} fixed times, largest {largest:.3f}")
     return Claim(
-        "Stages that ignore each other",
+        "Independent stages",
         "section 3, above Eq. 18", "ξ₁ and ζ₁ have nothing to do with ξ₂ and ζ₂.",
         "Correlation of y₁ and y₂ over the paths in the middle of the orbit's flights, non-zero beyond its interval "
-        "(corrected for the number of instants).", "; ".join(shown) + ".",
+        "(corrected for the number of fixed times).", "; ".join(shown) + ".",
         NOT_REPRODUCED if coupled else UNDECIDED,
     )  # fmt: skip
 
 
 def describes(e: Evidence) -> Claim:
-    """Section 5: the mean map describes the noisy system."""
+    """Judge section 5: the mean map describes the noisy system.
+
+    Parameters
+    ----------
+    e : Evidence
+
+    Returns
+    -------
+    Claim
+    """
     shares = {r: [_accurate(v, r) for v in e.validations] for r in e.validations[0].predictions}
     sigmas = [v.scene.sigma for v in e.validations]
     text = "; ".join(
         f"{closure} " + ", ".join(f"{s:.0%} at σ = {sigma:.3g}" for s, sigma in zip(each, sigmas, strict=True))
         for closure, each in shares.items()
     )
-    held = [r for r, each in shares.items() if each[0] == 1.0]
+    accurate = [r for r, each in shares.items() if each[0] == 1.0]
     paper = [set(judged_rows(e.validations[-1], r)["verdict"]) for r in shares if r in ("published", "corrected")]
     verdict = NOT_REPRODUCED
     if any(said == {"accurate"} for said in paper):
         verdict = REPRODUCED
     elif any(said <= {"accurate", "undecided"} for said in paper):
         verdict = UNDECIDED
-    elif held:
-        verdict = HOLDS_ONLY.format(f"closures right to first order ({', '.join(held)}), at {_at(e.validations[0])}")
+    elif accurate:
+        names = ", ".join(accurate)
+        verdict = HOLDS_ONLY.format(f"closures right to first order ({names}), at {_at(e.validations[0])}")
     return Claim(
         "The mean map describes the noisy system",
         "sections 4 and 5", "The stochastic rattling is described by the mean map.",
         "Share of the section means and sds of 12 impacts that are accurate (within 5 % and 10 % of an sd, interval "
-        "included); reproduced if the paper's method has them all at the paper's noise.", text + ".",
+        "included); reproduced if this holds for all of them with the paper's method at the paper's noise.",
+        text + ".",
         verdict,
     )  # fmt: skip
 

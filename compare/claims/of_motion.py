@@ -14,12 +14,21 @@ from rattle.compare.claims.evidence import Evidence
 
 __all__ = ["both_models", "chaotic_range", "continuous", "controlled", "counter_meshes", "fuzzy", "narrow_bands"]
 
-FUZZY = 0.05  # share of the bins that the noisy set fills from which a set counts as more than a few points
-FINITE = 100  # bins at most that a periodic orbit of moderate length fills
+FUZZY = 0.05  # smallest share of the noisy section's bins that a fuzzy set fills
+FINITE = 100  # largest number of bins that a periodic orbit of moderate length fills
 
 
 def counter_meshes(e: Evidence) -> Claim:
-    """Section 4: consecutive impacts are at counter meshes."""
+    """Judge section 4: consecutive impacts are at counter meshes.
+
+    Parameters
+    ----------
+    e : Evidence
+
+    Returns
+    -------
+    Claim
+    """
     orbit, noisy = e.repeats["orbit"], e.repeats["noisy"]
     none = all(m.value - m.half <= 0.0 for m in (orbit, noisy))
     return Claim(
@@ -32,7 +41,16 @@ def counter_meshes(e: Evidence) -> Claim:
 
 
 def fuzzy(e: Evidence) -> Claim:
-    """Fig. 2: the mean Poincare map is a fuzzy set of points."""
+    """Judge Fig. 2: the mean Poincaré map is a fuzzy set of points.
+
+    Parameters
+    ----------
+    e : Evidence
+
+    Returns
+    -------
+    Claim
+    """
     sections = e.chaos.sections
     filled = {side: int((s.counts[0] > 0).sum()) for side, s in sections.items()}
     noisy = filled["noisy system"]
@@ -42,8 +60,8 @@ def fuzzy(e: Evidence) -> Claim:
     return Claim(
         "A fuzzy Poincaré map (Fig. 2)",
         "section 4, Fig. 2", "The mean Poincaré map displays a fuzzy set of points.",
-        f"Bins of (flight time, velocity before impact of stage 1) that hold a point. A periodic orbit fills at most "
-        f"{FINITE}; a fuzzy set more than {FUZZY:.0%} of what the noisy system fills.",
+        f"Bins of (flight time, velocity of stage 1 before the impact) that contain a point. A periodic orbit fills at "
+        f"most {FINITE}; a fuzzy set fills more than {FUZZY:.0%} of the number that the noisy system fills.",
         f"{text}. The published map is not realizable from impact {published['not_realizable']:g} and ends at impact "
         f"{published['ends']:g}, so it has no section.",
         HOLDS_ONLY.format("the orbit under the corrected map; the published map ends before it has a section")
@@ -56,7 +74,16 @@ def _bins(s: Section) -> int:
 
 
 def narrow_bands(e: Evidence) -> Claim:
-    """Fig. 3: narrow-band spectra."""
+    """Judge Fig. 3: narrow-band spectra.
+
+    Parameters
+    ----------
+    e : Evidence
+
+    Returns
+    -------
+    Claim
+    """
     rows = _spectra(e)
     shown = [
         f"{r['side']} {r['velocity']}: {r['narrow']} narrow of {r['lines']} bands, {r['line_share']:.1%} of the power"
@@ -74,7 +101,16 @@ def narrow_bands(e: Evidence) -> Claim:
 
 
 def continuous(e: Evidence) -> Claim:
-    """Section 5: continuous spectra."""
+    """Judge section 5: continuous spectra.
+
+    Parameters
+    ----------
+    e : Evidence
+
+    Returns
+    -------
+    Claim
+    """
     rows = _spectra(e)
     shown = [f"{r['side']} {r['velocity']}: {r['floor_share']:.1%}" for r in rows]
     least = min(r["floor_share"] for r in rows)
@@ -94,11 +130,20 @@ def _spectra(e: Evidence) -> list[dict[str, Any]]:
 
 
 def chaotic_range(e: Evidence) -> Claim:
-    """Fig. 4: the largest exponent is positive for 0.2 <= alpha <= 1.7, and not beyond."""
+    """Judge Fig. 4: the largest exponent is positive for 0.2 <= alpha <= 1.7, and not outside.
+
+    Parameters
+    ----------
+    e : Evidence
+
+    Returns
+    -------
+    Claim
+    """
     table = e.chaos.sweep
     assert table is not None
     shown: list[str] = []
-    held: list[str] = []
+    chaotic: list[str] = []  # systems with positive exponents throughout the range
     bounded = 0
     for of in (ORBIT, DRIFT):
         rows = table[table["of"] == of]
@@ -108,32 +153,41 @@ def chaotic_range(e: Evidence) -> Claim:
             f"{'+' if r['to'] > 0 else '-'} between {r['low']:.3g} and {r['high']:.3g}"
             for _, r in crossings(table, "alpha", of).iterrows()
         )
-        sticking_sides = int((rows["regime"] == "rests").sum())
+        sticking = int((rows["regime"] == "sticks").sum())
         shown.append(
             f"{of}: positive at {int(positive[inside].sum())} of {int(inside.sum())} values inside and at "
             f"{int(positive[~inside].sum())} of {int((~inside).sum())} outside, negative at "
-            f"{int(negative[inside].sum())} inside and {int(negative[~inside].sum())} outside, at rest at "
-            f"{sticking_sides}; changes of sign: {where or 'none'}"
+            f"{int(negative[inside].sum())} inside and {int(negative[~inside].sum())} outside, sticking for good at "
+            f"{sticking}; changes of sign: {where or 'none'}"
         )
         if positive[inside].all():
-            held.append(of if not positive[~inside].any() else f"{of}, which is positive outside too")
+            chaotic.append(of if not positive[~inside].any() else f"{of}, which is positive outside too")
         bounded += bool(positive[inside].all() and not positive[~inside].any())
     if bounded == 2:
         verdict = REPRODUCED
     else:
-        verdict = HOLDS_ONLY.format("the " + "; the ".join(held)) if held else NOT_REPRODUCED
+        verdict = HOLDS_ONLY.format("the " + "; the ".join(chaotic)) if chaotic else NOT_REPRODUCED
     return Claim(
         "The range of chaos (Fig. 4)",
         "section 4, Fig. 4", f"The maximal Lyapunov exponent is positive for {CLAIMED[0]} ≤ α ≤ {CLAIMED[1]}.",
-        "Largest exponent with its 95 % interval at each α of the sweep, of the orbit (and of every mean map that "
-        "hangs on it) and of the drift's linearisation along noisy paths with σ = √α. Reproduced if "
-        "positive throughout the range and nowhere outside.",
+        "Largest exponent with its 95 % interval at each α of the sweep, of the orbit (and of every mean map whose "
+        "moments follow it) and of the drift's linearisation along noisy paths with σ = √α. Reproduced if positive "
+        "throughout the range and nowhere outside.",
         "; ".join(shown) + ".", verdict,
     )  # fmt: skip
 
 
 def both_models(e: Evidence) -> Claim:
-    """Section 5: the single-stage model and the two-stage model both show random chaos."""
+    """Judge section 5: the single-stage model and the two-stage model both show random chaos.
+
+    Parameters
+    ----------
+    e : Evidence
+
+    Returns
+    -------
+    Claim
+    """
     found: dict[str, Exponents] = {
         "single stage, orbit": e.single["orbit"], "single stage, along noisy paths": e.single["noisy"],
         "two stages, orbit": e.chaos.orbit, "two stages, along noisy paths": e.chaos.drift,
@@ -148,9 +202,9 @@ def both_models(e: Evidence) -> Claim:
     return Claim(
         "Chaos with one stage and with two",
         "section 5", "Both the single-stage and the two-stage model reveal random chaos.",
-        "Largest exponent of DAT21 and of its single stage, positive beyond its 95 % interval; a noisy system has no "
-        "infinitesimal exponent (two paths leave an impact as the root of their distance), so that of the drift's "
-        "linearisation stands for it.", text + ".", verdict,
+        "Largest exponent of DAT21 and of its single stage, with a 95 % interval above zero. A noisy system has no "
+        "infinitesimal exponent (the distance of two paths after an impact is proportional to the square root of that "
+        "before it), so the exponent of the drift's linearisation is used instead.", text + ".", verdict,
     )  # fmt: skip
 
 
@@ -165,17 +219,26 @@ def _exponent(x: Exponents) -> str:
 
 
 def controlled(e: Evidence) -> Claim:
-    """Section 5: chaos can be controlled by a parameter."""
+    """Judge section 5: chaos can be controlled by a parameter.
+
+    Parameters
+    ----------
+    e : Evidence
+
+    Returns
+    -------
+    Claim
+    """
     table = e.chaos.sweep
     assert table is not None
     rows = table[table["of"] == ORBIT]
     positive, negative = int((rows["low"] > 0.0).sum()), int((rows["high"] < 0.0).sum())
-    sticking_sides = int((rows["regime"] == "rests").sum())
+    sticking = int((rows["regime"] == "sticks").sum())
     return Claim(
         "Control by a parameter",
         "section 5", "The chaotic vibration can be controlled by varying a parameter of the system.",
-        "Whether the largest exponent of the orbit has both signs over α, beyond its intervals.",
-        f"Positive at {positive}, negative at {negative}, at rest at {sticking_sides} of {len(rows)} values of α.",
+        "Whether the largest exponent of the orbit has both signs over α, with intervals that exclude zero.",
+        f"Positive at {positive}, negative at {negative}, sticking for good at {sticking} of {len(rows)} values of α.",
         REPRODUCED if positive and negative
-        else (HOLDS_ONLY.format("the way from rest to chaos") if positive and sticking_sides else UNDECIDED),
+        else (HOLDS_ONLY.format("the transition from sticking to chaos") if positive and sticking else UNDECIDED),
     )  # fmt: skip

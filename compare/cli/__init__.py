@@ -1,1 +1,1 @@
-"""The command ``rattle``, a module for each of its commands."""
+"""The command ``rattle``; its subcommands have modules of their own, or share one."""

@@ -1,4 +1,4 @@
-"""What the commands say on the terminal: text that cannot steer it, and strict JSON."""
+"""Output of the commands: text without terminal control characters, and strict JSON."""
 
 from typing import Any
 
@@ -11,10 +11,23 @@ __all__ = ["say", "say_json"]
 
 
 def say(text: str, *, err: bool = False) -> None:
-    """Print a text, characters that would steer the terminal as escapes; on standard error if asked."""
+    """Print a text; terminal control characters are shown as escapes.
+
+    Parameters
+    ----------
+    text : str
+    err : bool
+        Whether to print on standard error.
+    """
     click.echo(harmless(text), err=err)
 
 
 def say_json(data: Any) -> None:
-    """Print data as strict JSON: null for what is no number."""
+    """Print data as strict JSON; NaN and infinities become null.
+
+    Parameters
+    ----------
+    data : object
+        See `rattle.compare.report.json_text.plain`.
+    """
     click.echo(json_text(data))

@@ -12,18 +12,24 @@ EXIT_BROKEN = 1
 
 
 @click.command()
-@click.option("--all", "ranges", is_flag=True, help="Print the range and the truth of every row.")
+@click.option("--all", "ranges", is_flag=True, help="Print the range and the reference of every row.")
 @click.option("--json", "as_json", is_flag=True, help="Print the rows as JSON.")
 def extremes(ranges: bool, as_json: bool) -> None:
-    """Hold the installed program at extreme values against truths of their own, and print the worst errors.
+    """Compare the installed program at extreme values with independent references, and print the worst errors.
 
-    Truths are formulas in 400 digits, limits, published laws, and exact scaling.  Exit codes: 0 all rows hold;
+    References are formulas in 400 digits, limits, published results, and exact scaling.  Exit codes: 0 all rows hold;
     1 one does not; 2 bad input.
+    \f
+
+    Parameters
+    ----------
+    ranges, as_json : bool
+        The options ``--all`` and ``--json``.
     """
-    from rattle.compare.checks.extremes.run import extremes as try_them
+    from rattle.compare.checks.extremes.run import extremes as run_checks
     from rattle.compare.checks.extremes.table import lines
 
-    rows = try_them()
+    rows = run_checks()
     if as_json:
         say_json([row._asdict() | {"holds": row.holds} for row in rows])
     else:

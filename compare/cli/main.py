@@ -30,29 +30,39 @@ EXIT_BAD_INPUT, EXIT_NOT_MET, EXIT_NOT_REPEATED, EXIT_ROUNDED = 2, 3, 4, 5
 PAPER_SIGMAS = (0.01, 0.1, 1.5**0.5)
 """Noise intensities of the default report on DAT21: two small ones, and the paper's sqrt(alpha)."""
 
-
 STORAGE = {
     errno.ENOSPC: "make room on that disk", errno.EDQUOT: "make room on that disk", errno.EROFS: "choose another place",
     errno.EACCES: "choose another place", errno.EPERM: "choose another place", errno.EFBIG: "make room on that disk",
     errno.ENAMETOOLONG: "choose a shorter name",
 }  # fmt: skip
-"""What helps where the system refuses to write: of files that no module of ours answers for (machine code, say)."""
+"""Remedies by error number, for files that are not written by this package itself, such as machine code by numba."""
 
 
 class RattleGroup(click.Group):
-    """Turns the project's own errors into one line on standard error and exit code 2."""
+    """Group of commands that reports the project's own errors in one line on standard error, with exit code 2."""
 
     def main(self, *args: Any, **extra: Any) -> Any:
-        """Run the command line."""
+        """Run the command line; Ctrl-C ends it at once where no command runs.
+
+        Parameters
+        ----------
+        *args, **extra
+            Of `click.Group.main`.
+        """
         with ends_at_once():
             return super().main(*args, **extra)
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run a command."""
+        """Run a command, and convert its errors to a message and an exit code.
+
+        Parameters
+        ----------
+        ctx : click.Context
+        """
         try:
             with ends_soon():
                 return super().invoke(ctx)
-        except click.ClickException as error:  # words of the command line are names of files more often than not
+        except click.ClickException as error:  # the message may quote a file name with control characters
             setattr(error, "message", harmless(error.message))  # noqa: B010  (final by its type)
             raise
         except RattleError as error:
@@ -81,9 +91,11 @@ def main() -> None:
 @click.option("--sigma", "sigmas", multiple=True, type=float, help="Noise intensity; give it again for more.")
 @click.option("--impacts", type=int, default=12, show_default=True, help="Impacts after the start.")
 @click.option("--paths", type=int, default=256_000, show_default=True, help="Simulated paths.")
-@click.option("--dt", type=float, default=None, help="Step. [default: the scheme's, 0.002 for Euler and Maruyama]")
+@click.option("--dt", type=float, default=None, help="Step. [default: the scheme's, 0.002 for Euler-Maruyama]")
 @click.option("--scheme", default="euler-maruyama-located", show_default=True, help="Scheme of the simulation.")
-@click.option("--closure", "closures", multiple=True, help="Closure; again for more. [default: all that can]")
+@click.option(
+    "--closure", "closures", multiple=True, help="Closure; again for more. [default: all that can be applied]"
+)
 @click.option("--order", type=int, default=4, show_default=True, help="Order of the closures' moments, 2 to 6.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of the simulation.")
 @click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
@@ -121,19 +133,33 @@ def validate(
     require: str | None,
     as_json: bool,
 ) -> None:
-    """Hold closures against a simulation of SCENE (a TOML file; DAT21 if none) and write a report.
+    """Compare closures with a simulation of SCENE (a TOML file; DAT21 if none) and write a report.
 
     Exit codes: 0 the run is complete, whatever the verdicts; 2 bad input; 3 --require is not met; 4 --repeat differs;
     5 --repeat is the same but for rounding, as on another kind of processor.
+    \f
+
+    Parameters
+    ----------
+    scene : Path or None
+        TOML file; DAT21 if None.
+    sigmas, closures
+        The options ``--sigma`` and ``--closure``.
+    as_json : bool
+        The option ``--json``.
+    impacts, paths, dt, scheme, order, seed, workers, validity, validity_paths, no_validity
+        The options of the same names.
+    out, overwrite, repeat, require
+        The options of the same names.
     """
-    # the scientific stack is loaded after the options are known to be well formed
+    # the scientific stack is imported here, so that --help and wrong options need not wait for it
     from rattle.closure import closures_for
     from rattle.compare.report import manifest
     from rattle.compare.report.folder import check_free, default_place, named
     from rattle.compare.report.repeat import DIFFERENT, ROUNDED, SAME, compared, tables_beside
     from rattle.compare.validation.page import CONTENTS, write_report
     from rattle.compare.validation.sweep import check_sweep, grid, sweep
-    from rattle.compare.validation.validate import validate as hold_against
+    from rattle.compare.validation.validate import validate as compare_closures
     from rattle.montecarlo import SCHEMES, check_settings, default_step
     from rattle.scene import DAT21, Scene
     from rattle.scene.validate import choice, count
@@ -172,7 +198,7 @@ def validate(
     wall, cpu = time.perf_counter(), _cpu()
     predictions: dict[str, Any] = {"closures": settings.closures, "order": settings.order}
     validations = [
-        hold_against(s, **settings.simulation, **predictions, workers=workers, progress=f"sigma {s.sigma:.4g}")
+        compare_closures(s, **settings.simulation, **predictions, workers=workers, progress=f"sigma {s.sigma:.4g}")
         for s in settings.scenes
     ]
     swept = (
@@ -213,7 +239,10 @@ def validate(
 @click.option(
     "--accuracy", "accuracies", multiple=True, type=float, help="Error in sds; again for more. [default: 0.3 to 0.001]"
 )
-@click.option("--budget", type=float, default=100.0, show_default=True, help="Core-seconds of a point, else estimated.")
+@click.option(
+    "--budget", type=float, default=100.0, show_default=True,
+    help="Core-seconds up to which a point is run; costlier ones are extrapolated.",
+)  # fmt: skip
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of the simulations.")
 @click.option("--orders/--no-orders", default=True, show_default=True, help="Measure the schemes' weak orders as well.")
 @click.option("--workers", type=int, default=2, show_default=True, help="Threads.")
@@ -234,6 +263,16 @@ def tradeoff(
     """Measure what accuracy costs on SCENE (a TOML file; DAT21 if none) by every scheme and every closure.
 
     Exit codes: 0 complete; 2 bad input.
+    \f
+
+    Parameters
+    ----------
+    scene : Path or None
+        TOML file; DAT21 if None.
+    accuracies : tuple of float
+        The option ``--accuracy``.
+    sigma, impacts, budget, seed, orders, workers, out, overwrite
+        The options of the same names.
     """
     from rattle.compare.report import manifest
     from rattle.compare.report.folder import check_free, default_place, named

@@ -54,8 +54,18 @@ def simulate(
 ) -> None:
     """Simulate SCENE (a TOML file; DAT21 if none) and print its section moments.
 
-    What an accuracy is expected to take is said before the work starts.  Exit codes: 0 done; 2 bad input, or an
+    With --accuracy the expected time is printed before the work starts.  Exit codes: 0 done; 2 bad input, or an
     accuracy that would take too long; 3 the budget ended before the accuracy was reached.
+    \f
+
+    Parameters
+    ----------
+    scene : Path or None
+        TOML file; DAT21 if None.
+    sigma, impacts, accuracy, paths, dt, scheme, budget, seed, workers, out
+        The options of the same names.
+    as_json : bool
+        The option ``--json``.
     """
     from rattle.compare.report.folder import write_whole
     from rattle.montecarlo import simulate, simulate_to
@@ -72,7 +82,7 @@ def simulate(
         accuracy = 0.01 if accuracy is None else accuracy
         for name, value in (("paths", paths), ("dt", dt)):
             if value is not None:
-                raise InputError(name, value, "accuracy chooses it itself; leave it out, or leave out accuracy")
+                raise InputError(name, value, "is chosen by --accuracy; leave out one of them")
         with _estimates_shown():
             run = simulate_to(base, accuracy, scheme=scheme, budget=budget, **common)
     reach = run.reach
@@ -94,7 +104,7 @@ def simulate(
             say(reach.sentence)
         for sentence in run.diagnostics:
             say(sentence)
-    if out is not None:  # last: what was found has been said if it cannot be written
+    if out is not None:  # last, so that the results have been printed if the file cannot be written
         from rattle.compare.report.csv_text import csv_text
 
         write_whole(out, csv_text(run.section))
@@ -103,16 +113,24 @@ def simulate(
 
 
 class _OnStderr(logging.Handler):
-    """A log on standard error, a line each."""
+    """Log handler that prints each record as a line on standard error."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Print a line."""
+        """Print a record.
+
+        Parameters
+        ----------
+        record : LogRecord
+        """
         say(self.format(record), err=True)
 
 
 @contextmanager
 def _estimates_shown() -> "Iterator[None]":
-    """Show what an accuracy is expected to take; that it was not reached is said by the command itself."""
+    """Context in which estimates of the time are printed, and the warning of a missed accuracy is not.
+
+    The command itself prints that the accuracy was not reached.
+    """
     from rattle.montecarlo import AccuracyWarning
     from rattle.montecarlo.simulate_to import ESTIMATES
 
@@ -132,7 +150,7 @@ SHOWN = ("tau", "se_tau", "sd_tau", "y1", "se_y1", "sd_y1", "y2", "se_y2", "sd_y
 
 
 def _table(columns: "Mapping[str, NDArray[Any]]") -> str:
-    """The columns shown on a terminal, those without a number left out; loading pandas takes as long as sampling."""
+    """The columns shown on a terminal, without empty ones; no pandas, which takes as long to load as the sampling."""
     texts = [["impact", *(str(k) for k in range(1, len(columns["tau"]) + 1))]]
     for name in SHOWN:
         values = columns[name].tolist()
@@ -147,7 +165,14 @@ def _table(columns: "Mapping[str, NDArray[Any]]") -> str:
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
 def bench(as_json: bool) -> None:
-    """Measure what a step of a path costs on this machine, beside the floor of random numbers and arithmetic."""
+    """Measure the time of a step of a path on this machine, and its lower bound: random numbers and arithmetic alone.
+    \f
+
+    Parameters
+    ----------
+    as_json : bool
+        The option ``--json``.
+    """
     from rattle.montecarlo.bench import bench as measure
 
     table = measure()
@@ -156,7 +181,7 @@ def bench(as_json: bool) -> None:
         return
     shown = table.rename(columns={"ns": "ns per path-step", "times_floor": "times floor", "us": "us per path"})
     say(shown.to_string(float_format="{:.2f}".format, na_rep=""))
-    say("One core, processor time, least of several repeats; floor = one normal + the arithmetic of one step.")
+    say("One core, processor time, shortest of several runs; floor = one normal + the arithmetic of one step.")
 
 
 @click.command()
@@ -170,7 +195,18 @@ def bench(as_json: bool) -> None:
 def order(
     scene: Path | None, sigma: float | None, impacts: int, paths: int, seed: int, workers: int, as_json: bool
 ) -> None:
-    """Measure the weak order of the Euler-Maruyama schemes on SCENE (a TOML file; DAT21 if none)."""
+    """Measure the weak order of the Euler-Maruyama schemes on SCENE (a TOML file; DAT21 if none).
+    \f
+
+    Parameters
+    ----------
+    scene : Path or None
+        TOML file; DAT21 if None.
+    sigma, impacts, paths, seed, workers
+        The options of the same names.
+    as_json : bool
+        The option ``--json``.
+    """
     from rattle.compare.tradeoff.weak_order import weak_orders
 
     table = weak_orders(_scene(scene, sigma), impacts=impacts, paths=paths, rng=seed, workers=workers).table
@@ -179,13 +215,13 @@ def order(
         return
     say(table.to_string(index=False, float_format="{:.4g}".format, na_rep="hidden by noise"))
     say(
-        "order lies in [low, high] with 95 % confidence; change: size of the last change, in sds;\nlimit_z: "
-        "Richardson's value against exact flights in standard errors; limit_allowed: what chance alone lets through."
+        "order lies in [low, high] with 95 % confidence; change: size of the last change, in sds;\nlimit_z: Richardson "
+        "extrapolation minus exact flights in standard errors; limit_allowed: its bound at 95 % confidence."
     )
 
 
 def _scene(path: Path | None, sigma: float | None) -> "Scene":
-    """The scene of a command: a file's, or DAT21 at the paper's noise."""
+    """The scene of a command: from a file, or DAT21 at the paper's noise intensity."""
     from rattle.scene import DAT21, Scene
 
     base = Scene.load(path) if path else Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha))

@@ -15,19 +15,27 @@ EXIT_BROKEN = 1
 @click.option(
     "--result", "names", multiple=True, metavar="NAME", help="One result alone; again for more. [default: all]"
 )
-@click.option("--all", "all_checks", is_flag=True, help="Print every check and every planted error.")
+@click.option("--all", "all_checks", is_flag=True, help="Print every check and every negative control.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of all random numbers.")
 @click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
 @click.option("--json", "as_json", is_flag=True, help="Print the record as JSON.")
 def selftest(names: tuple[str, ...], all_checks: bool, seed: int, workers: int, as_json: bool) -> None:
-    """Hold the installed program against published results: exits, returns, collapse, bounces, exponents, covariances.
+    """Compare the installed program with published results: exits, returns, collapse, bounces, exponents, covariances.
 
-    Each result must also reject its negative controls.  Exit codes: 0 all results hold; 1 one does not; 2 bad input.
+    Each check must also reject its negative controls.  Exit codes: 0 all results hold; 1 one does not; 2 bad input.
+    \f
+
+    Parameters
+    ----------
+    names : tuple of str
+        Results, the option ``--result``; all if empty.
+    all_checks, seed, workers, as_json
+        The options ``--all``, ``--seed``, ``--workers`` and ``--json``.
     """
-    from rattle.compare.checks.published.run import selftest as put_to_the_test
+    from rattle.compare.checks.published.run import selftest as run_checks
     from rattle.compare.checks.published.table import lines, record
 
-    results = put_to_the_test(names, seed=seed, workers=workers)
+    results = run_checks(names, seed=seed, workers=workers)
     if as_json:
         say_json(record(results, seed))
     else:

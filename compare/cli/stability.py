@@ -38,10 +38,20 @@ def stability(
     extreme: bool,
     overwrite: bool,
 ) -> None:
-    """Measure where each scheme is stable and unbiased, on both sides of the door, and write a page.
+    """Measure where each scheme is stable and unbiased, at admissible and at longer steps, and write a page.
 
-    Exit codes: 0 complete; 1 a run is wrong inside the door and does not say so, or an extreme does not hold; 2 bad
-    input.
+    Exit codes: 0 complete; 1 a run with an admissible step is inaccurate without a diagnostic, or an extreme value
+    fails; 2 bad input.
+    \f
+
+    Parameters
+    ----------
+    schemes, axes : tuple of str
+        Names; all if empty.
+    extreme : bool
+        The option ``--extremes``.
+    points, paths, seed, workers, out, overwrite
+        The options of the same names.
     """
     from rattle.compare.checks.extremes.run import extremes
     from rattle.compare.checks.stability.axes import AXES, moderate
@@ -62,7 +72,7 @@ def stability(
     check_free(out, CONTENTS, overwrite)
     began = time.perf_counter()
     found = chart(schemes=chosen, axes=along, points=points, paths=paths, seed=seed, workers=workers)
-    law = covariance_table(points=points, paths=paths, seed=seed, workers=workers)
+    covariances = covariance_table(points=points, paths=paths, seed=seed, workers=workers)
     tried = extremes() if extreme else ()
     record = {
         "scene": moderate().to_dict(), "schemes": chosen, "axes": along, "points": points, "paths": paths,
@@ -70,7 +80,7 @@ def stability(
         "commit": manifest.commit(), "versions": manifest.versions(),
         "wall_seconds": round(time.perf_counter() - began, 1),
     }  # fmt: skip
-    for sentence in write_stability(out, found, law, tried, record, overwrite):
+    for sentence in write_stability(out, found, covariances, tried, record, overwrite):
         say(sentence)
     say(f"Page: {out / 'stability.html'}")
     if len(found.untold) or not all(row.holds for row in tried):

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["study"]
 
-LOOKED_AT = 200  # points of a grid on which --explain tells what all of them take
+LOOKED_AT = 200  # points of a grid from which --explain estimates the cost of all
 
 
 @click.command()
@@ -33,17 +33,27 @@ LOOKED_AT = 200  # points of a grid on which --explain tells what all of them ta
     help="Compute on a running Dask cluster instead. A Dask scheduler has no authentication and runs what it is sent: "
     "use one in a trusted network only, or tls://HOST:PORT with the certificates that Dask's configuration names.",
 )
-@click.option("--explain", is_flag=True, help="Say what there is to compute and what it would take, and stop.")
-@click.option("--status", is_flag=True, help="Say what is there, and stop.")
+@click.option("--explain", is_flag=True, help="Print what is to be computed and its expected cost, and stop.")
+@click.option("--status", is_flag=True, help="Print which results are there, and stop.")
 @click.option("--json", "as_json", is_flag=True, help="Print the record as JSON.")
 def study(
     file: Path, out: Path | None, workers: int, scheduler: str | None, explain: bool, status: bool, as_json: bool
 ) -> None:
     """Compute what is missing of the study in FILE (TOML), and write its tables, figures and page.
 
-    Every result is kept as soon as it is there; the same command goes on where it was ended.  Exit codes: 0 complete;
-    1 complete but for what cannot be computed at some points, with the reasons; 2 bad input, or nothing that could be
-    computed; 130 interrupted.
+    Every result is saved when it is computed; the same command continues an interrupted one.  Exit codes: 0 complete;
+    1 complete except for results that cannot be computed at some points, with the reasons; 2 bad input, or nothing that
+    could be computed; 130 interrupted.
+    \f
+
+    Parameters
+    ----------
+    file : Path
+        The study, in TOML.
+    out, workers, scheduler, explain, status
+        The options of the same names.
+    as_json : bool
+        The option ``--json``.
     """
     from rattle.compare.report.folder import within
     from rattle.compare.study.design import Study
@@ -66,7 +76,7 @@ def study(
     if explain:
         say(_explained(wanted, seen, workers))
         return
-    _ = wanted.points  # what cannot be computed is known before anything is made
+    _ = wanted.points  # finds what cannot be computed before any file is written
     if status:
         say(_status(wanted, seen))
         return
@@ -90,7 +100,7 @@ def study(
 def _computed(
     wanted: "Study", seen: "Store", folder: Path, file: Path, workers: int, scheduler: str | None
 ) -> dict[str, Any]:
-    """Run the study and write its page; the record of what is there, or only the answer where nothing can be written.
+    """Run the study and write its page; returns the record of the page, or only the answer if it cannot be written.
 
     Raises
     ------
@@ -146,7 +156,7 @@ def _computed(
 
 
 def _finished(wanted: "Study", seen: "Store", folder: Path) -> dict[str, Any] | None:
-    """The record of a study that is there, page and all; None where there is something to do."""
+    """The record of a study whose cells and page are complete; None if something is to be computed or written."""
     from rattle.compare.report.folder import ANY_TEXT, sweep, write_whole
     from rattle.compare.study.current import is_current
     from rattle.compare.study.engine import missing
@@ -155,8 +165,8 @@ def _finished(wanted: "Study", seen: "Store", folder: Path) -> dict[str, Any] | 
     current = is_current(wanted, folder)
     if current is None or missing(wanted, seen):
         return None
-    say(f"All {len(wanted.cells)} cells are there, and the page is of them.", err=True)
-    with suppress(OutputError):  # where nothing can be written, nothing is left half written either
+    say(f"All {len(wanted.cells)} cells are there, and the page is up to date.", err=True)
+    with suppress(OutputError):  # where nothing can be written, there are no leftovers to remove
         seen.sweep()
         for name in (PAGE, ANY_TEXT):
             sweep(folder, name)
@@ -174,18 +184,18 @@ def _explained(wanted: "Study", seen: "Store", workers: int) -> str:
     from rattle.compare.study.lacking import lacking
 
     points = wanted.some_points(LOOKED_AT)
-    part = len(points) < wanted.size
-    cells = [cell for point in points for cell in point.cells] if part else wanted.cells
+    sampled = len(points) < wanted.size
+    cells = [cell for point in points for cell in point.cells] if sampled else wanted.cells
 
     def times(cell: "Cell") -> float:
-        return (wanted.scenes if isinstance(cell, Prediction) else wanted.size) / len(points) if part else 1.0
+        return (wanted.scenes if isinstance(cell, Prediction) else wanted.size) / len(points) if sampled else 1.0
 
     todo = [c for c in cells if not seen.path(c.key).exists()] if seen.folder.is_dir() else cells
     work = estimate(todo, workers, times)
-    number, left = (f"{'about ' * part}{sum(map(times, some)):.0f}" for some in (cells, todo))
+    number, left = (f"{'about ' * sampled}{sum(map(times, some)):.0f}" for some in (cells, todo))
     lines = [f"{line(wanted.title)}: {wanted.size} points, {number} cells, {left} to compute."]
-    if part:
-        lines.append(f"  from {len(points)} points, taken at random; --status looks at all")
+    if sampled:
+        lines.append(f"  estimated from {len(points)} points, chosen at random; --status counts all")
     lines += [f"  {axis_text}" for axis_text in _axes_text(wanted)]
     lines += [f"  {line(str(lack))}" for lack in lacking(points, {})]
     lines.append(
@@ -193,7 +203,7 @@ def _explained(wanted: "Study", seen: "Store", workers: int) -> str:
         f"{work.megabytes:.0f} MB (nominal; the first run compiles for about a minute"
         + (", an accuracy may cost more where tails are heavy)." if _asks_accuracy(points) else ").")
     )
-    lines.append("What more cores would do (Dask):")
+    lines.append("Expected time on more cores (Dask):")
     lines.append(scaling(todo, times=times).to_string(index=False, float_format="{:.3g}".format))
     return "\n".join(lines)
 

@@ -1,4 +1,4 @@
-"""A page on a terminal: paragraphs wrapped, tables fitted to the width, verdicts in colour."""
+"""A page as lines for a terminal: paragraphs wrapped, tables fitted to the width, verdicts in colour."""
 
 import textwrap
 from collections.abc import Iterator, Sequence
@@ -14,12 +14,23 @@ __all__ = ["page_lines", "section_lines"]
 
 COLOUR = {"good": "green", "bad": "red", "open": "magenta"}
 NARROW = 16
-"""Characters to which a column of text may be narrowed."""
+"""Characters below which a column of text is not narrowed."""
 GAP = "  "
 
 
 def page_lines(page: Page, width: int) -> Iterator[str]:
-    """The lines of a page, none wider than the width but code and paths."""
+    """The lines of a page.
+
+    Parameters
+    ----------
+    page : Page
+    width : int
+        Characters of a line; only code and file paths may be wider.
+
+    Yields
+    ------
+    str
+    """
     yield from _heading(page.title, 1, width)
     for sentence in page.answer:
         yield from _paragraph(sentence, width)
@@ -31,7 +42,20 @@ def page_lines(page: Page, width: int) -> Iterator[str]:
 
 
 def section_lines(section: Section, width: int, level: int = 2) -> Iterator[str]:
-    """The lines of a section and its parts."""
+    """The lines of a section and its subsections.
+
+    Parameters
+    ----------
+    section : Section
+    width : int
+        Characters of a line; only code and file paths may be wider.
+    level : int
+        Of the heading; up to 2 it is underlined.
+
+    Yields
+    ------
+    str
+    """
     yield from _heading(section.title, level, width)
     for block in section.blocks:
         yield from _block(block, width)
@@ -40,7 +64,7 @@ def section_lines(section: Section, width: int, level: int = 2) -> Iterator[str]
 
 
 def source_lines(source: Source, width: int) -> Iterator[str]:
-    """The lines that say where a page comes from."""
+    """The lines about the source of a page."""
     yield from _heading("Where this comes from", 2, width)
     yield from _paragraph("Repeat it:", width)
     yield from ("    " + line(source.repeat), "")
@@ -84,7 +108,10 @@ def _block(block: Block, width: int) -> Iterator[str]:
 
 
 def _panels(table: Table, width: int) -> Iterator[tuple[list[int], list[int]]]:
-    """Columns that fit beside each other, and their widths; each panel begins with the first column."""
+    """Split a table into panels that fit the width, as lists of columns and their widths.
+
+    Each panel begins with the first column.
+    """
     least, whole = zip(*(_extent(table, column) for column in range(len(table.columns))), strict=True)
     first, *rest = range(len(table.columns))
     while True:
@@ -92,10 +119,10 @@ def _panels(table: Table, width: int) -> Iterator[tuple[list[int], list[int]]]:
         while rest and (len(panel) == 1 or _total([least[c] for c in [*panel, rest[0]]]) <= width):
             panel.append(rest.pop(0))
         widths, spare = [least[c] for c in panel], width - _total([least[c] for c in panel])
-        for i, column in enumerate(panel):  # what is left goes to the columns that want it, from the left
+        for i, column in enumerate(panel):  # spare width goes to columns that are narrower than their text
             more = min(max(spare, 0), whole[column] - least[column])
             widths[i], spare = widths[i] + more, spare - more
-        if spare < 0:  # a column alone is too wide
+        if spare < 0:  # two columns alone are too wide
             widths[-1] = max(1, widths[-1] + spare)
         yield panel, widths
         if not rest:
@@ -107,7 +134,7 @@ def _total(widths: Sequence[int]) -> int:
 
 
 def _extent(table: Table, column: int) -> tuple[int, int]:
-    """The least width of a column, and the one at which nothing in it is wrapped."""
+    """The smallest width of a column, and the one at which nothing in it is wrapped."""
     head = _words(table.columns[column].head)
     cells = [len(_words(row[column].shown)) for row in table.rows]
     word = max((len(w) for w in head.split()), default=0)

@@ -236,8 +236,8 @@ def is_whole(record: Mapping[str, Any]) -> bool:
     bool
         True also without a seal, which earlier versions did not write.
     """
-    rest = {name: value for name, value in record.items() if name != "seal"}
-    return "seal" not in record or record["seal"] == json_digest(rest)
+    content = {name: value for name, value in record.items() if name != "seal"}
+    return "seal" not in record or record["seal"] == json_digest(content)
 
 
 def versions() -> dict[str, str]:

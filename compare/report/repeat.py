@@ -204,7 +204,7 @@ def difference(one: pd.DataFrame, other: pd.DataFrame, paths: int) -> Difference
 
     Examples
     --------
-    >>> table = pd.DataFrame({"quantity": ["y1"], "closure": [1.0], "simulated": [1.5], "unit": [0.5], "se": [0.1]})
+    >>> table = pd.DataFrame({"quantity": ["y1"], "predicted": [1.0], "simulated": [1.5], "unit": [0.5], "se": [0.1]})
     >>> difference(table, table.assign(simulated=1.75), 25)  # doctest: +ELLIPSIS
     Difference(excess=249.9..., sds=0.5, errors=2.5, where='column simulated, quantity y1: 1.5 and 1.75')
     """

@@ -1,4 +1,4 @@
-"""What a scheme costs at an accuracy, as models of paths and step that pilots and runs have shown."""
+"""Cost model of a scheme: number of paths, step and time for an accuracy, fitted to pilot runs and measured runs."""
 
 import math
 import time
@@ -14,19 +14,42 @@ from rattle.scene.scene import Scene
 
 __all__ = ["CostModel", "Point", "timed"]
 
-FINER = 8.0  # by which a second pilot's step is shorter, to tell the time of steps from that of impacts
-REPEATS = 3
+FINER = 8.0  # ratio of the steps of both pilot runs, which separates the time of steps from that of impacts
+REPEATS = 3  # timings of a pilot run, of which the least counts
 
 
 class Point(NamedTuple):
-    """A method at an accuracy.
+    """Error and cost of a method at a requested accuracy; errors are in units of each quantity's sd.
 
-    ``kind`` is ``scheme``, ``multilevel`` (section means alone) or ``closure``.  ``error`` is what is drawn: the larger
-    of ``sampling_error`` and ``step_error`` where measured, else what was asked; of a closure the worst error, an upper
-    bound unless ``resolved``, with ``median_error``, and ``sampling_error`` the half width of the worst row's interval.
-    ``rows`` counts the section means and sds that it speaks of, and ``actual_error`` is the worst difference of a
-    measured run from the best simulation at hand; it ``missed`` where that is beyond what its errors allow, for too few
-    paths know nothing of rare ones, and is then the ``error``.
+    Attributes
+    ----------
+    method : str
+        Name of a scheme, of a closure, or ``multilevel`` and a scheme.
+    kind : str
+        ``scheme``, ``multilevel`` (section means only) or ``closure``.
+    accuracy : float
+        As requested; NaN for a closure.
+    dt : float
+    paths : int
+    core_seconds : float
+        Processor time, pilot runs included.
+    sampling_error, step_error : float
+        Worst standard error and worst step bias; of a closure the half width of the worst row's interval, and 0.
+    error : float
+        As drawn: the larger of both if measured, the accuracy if extrapolated, ``actual_error`` if ``missed``; of a
+        closure its worst error.
+    measured : bool
+        Whether it was run, rather than extrapolated.
+    median_error : float
+        Of a closure.
+    resolved : bool
+        Whether the worst error of a closure is larger than its interval; if not, ``error`` is an upper bound.
+    rows : int
+        Number of section means and sds to which the errors refer.
+    actual_error : float
+        Worst difference of a measured run from the reference simulation.
+    missed : bool
+        Whether that is more than the errors of the run explain: too few paths to contain the rare ones.
     """
 
     method: str
@@ -48,25 +71,25 @@ class Point(NamedTuple):
 
 @dataclass
 class CostModel:
-    """What a scheme's pilots and runs have shown, as models of paths and step.
+    """Cost model of a scheme: error ``spread / sqrt(paths)`` and ``bias * dt``; time linear in paths and steps.
 
     Attributes
     ----------
     scheme : str
     first : Ensemble
-        The pilot.
+        The pilot run.
     path_seconds, step_seconds : float
-        Time of a path is the first, and the second for each of its steps (of all step sizes).
+        Seconds of a path without its steps, and of each step (counting those of dt, 2 dt and 4 dt).
     pilot_seconds : float
-        Time of the pilot, which every answer takes.
+        Seconds of the pilot run, which are part of every cost.
     spread : float
-        Worst standard error times the root of the paths.
+        Worst standard error times the root of the number of paths, in sds.
     bias : float
-        Worst bias of the step over the step; 0 where there is none.
+        Worst step bias over dt, in sds; 0 for a scheme without step bias.
     best : Ensemble
         The run with most paths.
     shared : float
-        Least spread to believe in, from a run of another scheme: heavy tails show only in many paths.
+        Lower bound of the spread, from a run of another scheme: heavy tails show only in many paths.
     """
 
     scheme: str
@@ -81,7 +104,19 @@ class CostModel:
 
     @classmethod
     def from_pilots(cls, scene: Scene, scheme: str, again: Callable[..., Ensemble]) -> "CostModel":
-        """Measure a scheme by pilots: one for a scheme without step bias, else a second with a shorter step."""
+        """Fit the model to pilot runs: one for a scheme without step bias, else a second one with a shorter step.
+
+        Parameters
+        ----------
+        scene : Scene
+        scheme : str
+        again : callable
+            `rattle.montecarlo.simulate` with scene, impacts, seed and workers bound.
+
+        Returns
+        -------
+        CostModel
+        """
         first, seconds = _least(lambda: pilot(scene, scheme, again))
         spread = sampling_error(first)[0] * math.sqrt(first.paths)
         if not SCHEMES[scheme].has_step_bias:
@@ -96,7 +131,13 @@ class CostModel:
         return model
 
     def learn(self, run: Ensemble) -> None:
-        """Take over what a run with more paths, or a bias that stands clear of noise at a shorter step, has shown."""
+        """Update the model: the spread from a run with more paths, the bias where it is significant.
+
+        Parameters
+        ----------
+        run : Ensemble
+            Of the same scheme and scene.
+        """
         if run.paths >= self.best.paths:
             self.spread, self.best = max(self.shared, sampling_error(run)[0] * math.sqrt(run.paths)), run
         if self.bias:
@@ -105,11 +146,31 @@ class CostModel:
                 self.bias = step / run.dt
 
     def steps(self, dt: float) -> float:
-        """Steps of a path, of all step sizes that run side by side."""
+        """Number of steps of a path, summed over the step sizes dt, 2 dt and 4 dt that run in parallel.
+
+        Parameters
+        ----------
+        dt : float
+
+        Returns
+        -------
+        float
+        """
         return self.first.path_steps / self.first.paths * self.first.dt / dt
 
     def at(self, accuracy: float) -> Point:
-        """The point extrapolated to an accuracy."""
+        """Extrapolate to an accuracy.
+
+        Parameters
+        ----------
+        accuracy : float
+            In sds.
+
+        Returns
+        -------
+        Point
+            Not measured.
+        """
         paths = max(1, math.ceil((self.spread / accuracy) ** 2 / BLOCK)) * BLOCK
         dt = min(self.first.dt, accuracy / self.bias) if self.bias else self.first.dt
         seconds = self.pilot_seconds + paths * (self.path_seconds + self.step_seconds * self.steps(dt))
@@ -119,23 +180,44 @@ class CostModel:
         )  # fmt: skip
 
     def path_alone(self, accuracy: float, step_ns: float | None = None) -> float:
-        """Seconds of a path at an accuracy without the longer steps beside it that measure the bias.
+        """Seconds of a path at an accuracy, without the steps of 2 dt and 4 dt that measure the bias.
 
-        With `step_ns`, at so many ns for a step, and impacts for nothing.
+        Parameters
+        ----------
+        accuracy : float
+            In sds; determines dt.
+        step_ns : float, optional
+            Nanoseconds of a step, in place of the measured times; impacts are then free.
+
+        Returns
+        -------
+        float
         """
-        share = 4.0 / 7.0 if self.bias else 1.0  # of the steps dt + dt/2 + dt/4
+        share = 4.0 / 7.0 if self.bias else 1.0  # 1 : 1/2 : 1/4 steps of dt, 2 dt and 4 dt
         steps = self.steps(self.at(accuracy).dt) * share
         return 1e-9 * step_ns * steps if step_ns else self.path_seconds * share + self.step_seconds * steps
 
 
 def timed(call: Callable[[], Ensemble]) -> tuple[Ensemble, float]:
-    """A run and its processor time."""
+    """Time a simulation.
+
+    Parameters
+    ----------
+    call : callable
+        Without arguments.
+
+    Returns
+    -------
+    run : Ensemble
+    seconds : float
+        Processor time of all threads.
+    """
     began = time.process_time()
     run = call()
     return run, time.process_time() - began
 
 
 def _least(call: Callable[[], Ensemble]) -> tuple[Ensemble, float]:
-    """A run and the least of its times, after a call that compiles."""
+    """A run and the shortest of several timings, after a first call that compiles."""
     run = call()
     return run, min(timed(call)[1] for _ in range(REPEATS))

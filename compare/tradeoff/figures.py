@@ -1,4 +1,4 @@
-"""The figure of a trade-off: error against processor time, every scheme and every closure."""
+"""The figures of a trade-off: error against processor time of all schemes and closures; error against the step."""
 
 import numpy as np
 import pandas as pd
@@ -19,20 +19,24 @@ SCHEME = {
 }
 MEASURED = Line2D([], [], ls="-", marker="D", ms=5, color="0.4", label="measured")
 EXTRAPOLATED = Line2D([], [], ls="--", marker="D", ms=5, mfc="none", color="0.4", label="extrapolated")
-MISSED = Line2D([], [], ls="none", marker="D", ms=5, color="0.4", alpha=0.35, label="missed: too few paths to know")
+MISSED = Line2D([], [], ls="none", marker="D", ms=5, color="0.4", alpha=0.35, label="missed: too few paths")
 
 
 def tradeoff_figure(points: pd.DataFrame, slopes: dict[str, float], means_alone: pd.DataFrame) -> Figure:
-    """Work and precision of all methods in one panel.
+    """Error against processor time of all methods in one panel.
 
     Parameters
     ----------
     points : DataFrame
-        Of `rattle.compare.tradeoff.measure.measure`.
+        Rows of `rattle.compare.tradeoff.cost_model.Point`.
     slopes : dict of str to float
-        Power of the accuracy by which the cost of each scheme grows.
+        Exponent with which the cost of each scheme grows with the accuracy; NaN if unknown.
     means_alone : DataFrame
-        What exact flights cost for the section means alone: columns ``error, core_seconds``.
+        Cost of exact flights for the section means alone: columns ``error, core_seconds``.
+
+    Returns
+    -------
+    Figure
     """
     figure, (ax,) = new_figure(8.2, 6.4, 1, 1)
     handles: list[Artist] = []
@@ -72,6 +76,10 @@ def order_figure(changes: pd.DataFrame) -> Figure:
     ----------
     changes : DataFrame
         Of `rattle.compare.tradeoff.weak_order.Orders`.
+
+    Returns
+    -------
+    Figure
     """
     sigmas = list(dict.fromkeys(changes["sigma"]))
     figure, axes = new_figure(9.6, 3.0 * len(sigmas), len(sigmas), len(MOMENTS))
@@ -109,10 +117,10 @@ def order_figure(changes: pd.DataFrame) -> Figure:
 
 
 def _scheme(ax: Axes, scheme: str, rows: pd.DataFrame, slope: float) -> Artist:
-    """A line through what holds, solid as far as it is measured; what missed its accuracy stands alone."""
+    """A line through the points of a scheme, solid where measured; points that missed their accuracy stand alone."""
     style = SCHEME[scheme]
-    missed, held = rows[rows["missed"]], rows[~rows["missed"]]
-    x, y, measured = held["core_seconds"].to_numpy(), held["error"].to_numpy(), held["measured"].to_numpy(bool)
+    missed, reached = rows[rows["missed"]], rows[~rows["missed"]]
+    x, y, measured = reached["core_seconds"].to_numpy(), reached["error"].to_numpy(), reached["measured"].to_numpy(bool)
     ax.plot(x, y, ls="--", lw=1.3, color=style["color"])
     for i in np.flatnonzero(measured[:-1] & measured[1:]):
         ax.plot(x[i : i + 2], y[i : i + 2], ls="-", lw=1.8, color=style["color"])
@@ -124,7 +132,7 @@ def _scheme(ax: Axes, scheme: str, rows: pd.DataFrame, slope: float) -> Artist:
 
 
 def _closure(ax: Axes, row: pd.Series) -> Artist:
-    """Worst error filled, median open below it; an arrow where the worst is an upper bound only."""
+    """Worst error of a closure (filled) and median (open); an arrow where the worst is only an upper bound."""
     style, x = STYLE[row["method"]], row["core_seconds"]
     ax.plot([x, x], [row["median_error"], row["error"]], lw=1.0, color=style["color"])
     ax.plot(x, row["median_error"], ls="none", ms=6, mfc="white", **style)

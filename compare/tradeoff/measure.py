@@ -1,8 +1,8 @@
-"""What accuracy costs: every scheme at every accuracy, measured or extrapolated, and every closure.
+"""Cost of accuracy: every scheme at every accuracy, measured or extrapolated, and every closure.
 
-An error is the larger of the worst standard error and the worst bias of the step over all section means and sds, in
-units of each quantity's sd (`rattle.montecarlo.accuracy`); of a closure it is its worst difference from the best
-simulation at hand.  Time is processor time, over all threads.
+The error of a scheme is the larger of the worst standard error and the worst step bias over all section means and sds,
+in units of each quantity's sd (`rattle.montecarlo.accuracy`).  The error of a closure is its worst difference from the
+reference simulation, the run of exact flights with most paths.  Time is processor time, summed over threads.
 """
 
 import math
@@ -34,25 +34,25 @@ __all__ = ["ACCURACIES", "HAND_TUNED_NS", "Measured", "check_accuracies", "measu
 Floats = NDArray[np.float64]
 
 ACCURACIES = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
-BUSY = 10.0  # times as long as its processor time may a point take on a busy machine
+BUSY = 10.0  # wall time allowed for a point over its processor time, as other processes may occupy the cores
 HAND_TUNED_NS = 10.7
-"""Time of a path-step of plain Euler-Maruyama in a hand-tuned numba block on the machine of the README."""
+"""Nanoseconds of a path-step of plain Euler-Maruyama in hand-tuned numba code, on the machine of the README."""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """All that a comparison of costs has found.
+    """Results of a comparison of costs.
 
     Attributes
     ----------
     points : DataFrame
-        The columns of `Point`.
-    models : dict of str to Law
+        Rows of `rattle.compare.tradeoff.cost_model.Point`.
+    models : dict of str to CostModel
         By scheme.
     levels : dict of str to Levels
-        By Euler scheme.
+        Multilevel analysis, by Euler scheme.
     reference : Ensemble
-        The simulation that closures are held against.
+        The simulation with which closures are compared.
     """
 
     points: pd.DataFrame
@@ -62,12 +62,22 @@ class Measured:
 
 
 def check_accuracies(accuracies: Sequence[float]) -> tuple[float, ...]:
-    """Accuracies from the roughest to the finest, each once.
+    """Validate accuracies and sort them.
+
+    Parameters
+    ----------
+    accuracies : sequence of float
+        Largest errors, in sds.
+
+    Returns
+    -------
+    tuple of float
+        From the roughest to the finest, without repetition.
 
     Raises
     ------
     InputError
-        For one that is not a positive number, or for none.
+        If there is none, or one is not a positive number.
     """
     if not accuracies:
         raise InputError("accuracy", accuracies, "give at least one")
@@ -85,7 +95,7 @@ def _scheme_points(
         point, measured = model.at(accuracy), None
         if point.core_seconds <= budget:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", AccuracyWarning)  # then the point is not a measured one
+                warnings.simplefilter("ignore", AccuracyWarning)  # a run that misses it is replaced by the model
                 call = partial(again, accuracy=accuracy, scheme=model.scheme, budget=BUSY * budget)
                 run, seconds = timed(call)
             model.learn(run)
@@ -109,7 +119,7 @@ def _section_rows(scene: Scene) -> list[tuple[str, str]]:
 
 
 def _differences(section: pd.DataFrame, reference: Ensemble) -> Floats:
-    """Section means and sds less those of a simulation, in units of its sds, shape (rows, impacts)."""
+    """Section means and sds minus those of a simulation, in units of its sds, shape (rows, impacts)."""
     unit, own = units(reference), section.reindex(reference.section.index)
     return np.array([
         (own[name] - reference.section[name]) / unit[q] for name, q in _section_rows(reference.scene)
@@ -117,7 +127,7 @@ def _differences(section: pd.DataFrame, reference: Ensemble) -> Floats:
 
 
 def closure_points(scene: Scene, impacts: int, reference: Ensemble) -> list[Point]:
-    """Worst and median error of every closure that can take the scene, and its time."""
+    """Worst and median error of every closure that can be applied to the scene, and its time."""
     columns, unit = _section_rows(scene), units(reference)
     closures = closures_for(scene)
     z = widest(len(columns) * impacts * len(closures))
@@ -139,7 +149,7 @@ def closure_points(scene: Scene, impacts: int, reference: Ensemble) -> list[Poin
 
 
 def _compared_with(point: Point, run: Ensemble | None, model: CostModel, reference: Ensemble) -> list[Point]:
-    """A point with its actual error; if it missed what was asked, the extrapolated point that would not beside it."""
+    """A point with its actual error; if it missed its accuracy, followed by the point extrapolated from the model."""
     if run is None or run.paths >= reference.paths:
         return [point]
     actual = float(np.nanmax(np.abs(_differences(run.section, reference))))
@@ -150,7 +160,7 @@ def _compared_with(point: Point, run: Ensemble | None, model: CostModel, referen
 
 
 def multilevel_points(levels: dict[str, Levels], accuracies: Sequence[float]) -> list[Point]:
-    """Cost of the best multilevel estimator of the means by each Euler scheme, none of them run as a whole."""
+    """Cost of the cheapest multilevel estimator of the means for each Euler scheme, from the analysis of its levels."""
     points = []
     for scheme, found in levels.items():
         for a in accuracies:
@@ -161,9 +171,22 @@ def multilevel_points(levels: dict[str, Levels], accuracies: Sequence[float]) ->
 
 
 def means_seconds(model: CostModel, accuracy: float, *, control: bool, typical: bool = False) -> float:
-    """Core-seconds of exact flights for the section means alone, all of them or the typical one.
+    """Core-seconds of exact flights for the section means alone.
 
-    With `control` by the errors that the control variate leaves, else by the spread of the paths.
+    Parameters
+    ----------
+    model : CostModel
+        Of exact flights.
+    accuracy : float
+        Standard error, in sds.
+    control : bool
+        Whether with the control variate.
+    typical : bool
+        Whether for the median over the means, rather than for the worst.
+
+    Returns
+    -------
+    float
     """
     unit, section = units(model.best), model.best.section
     n = section["paths"].to_numpy(float)[:, None]
@@ -175,9 +198,24 @@ def means_seconds(model: CostModel, accuracy: float, *, control: bool, typical: 
 
 
 def slope(points: pd.DataFrame, method: str, measured: bool) -> tuple[float, int]:
-    """Power of the accuracy with which a method's cost grows, and of how many points, from their logarithms.
+    """Exponent with which the cost of a method grows with the accuracy, fitted to the logarithms.
 
-    Left out are points so rough that the least number of paths sets the cost.
+    Points so rough that the minimal number of paths determines their cost are left out.
+
+    Parameters
+    ----------
+    points : DataFrame
+        Rows of `rattle.compare.tradeoff.cost_model.Point`.
+    method : str
+    measured : bool
+        Whether to use measured points only.
+
+    Returns
+    -------
+    exponent : float
+        NaN for fewer than two points.
+    number : int
+        Of points.
     """
     rows = points[(points["method"] == method) & (points["paths"] > LEAST) & ~points["missed"]]
     rows = rows[rows["measured"]] if measured else rows
@@ -189,11 +227,26 @@ def slope(points: pd.DataFrame, method: str, measured: bool) -> tuple[float, int
 def measure(
     scene: Scene, *, impacts: int, accuracies: Sequence[float], budget: float, seed: int, workers: int
 ) -> Measured:
-    """Measure every scheme at every accuracy that `budget` core-seconds each allow, extrapolate the rest.
+    """Measure the cost of every scheme and closure at several accuracies.
 
-    Multilevel estimators are costed from runs at halved steps, closures held against the best run of exact flights.
+    The cost of multilevel estimators is estimated from runs at halved steps.  Closures are compared with the run of
+    exact flights that has most paths.
+
+    Parameters
+    ----------
+    scene : Scene
+    impacts : int
+    accuracies : sequence of float
+        From the roughest to the finest, in sds.
+    budget : float
+        Core-seconds up to which a point is run; costlier ones are extrapolated.
+    seed, workers : int
+
+    Returns
+    -------
+    Measured
     """
-    scene = scene.phase_reduced  # a late start costs no digits
+    scene = scene.phase_reduced  # so that a late start loses no digits of the times
     again = partial(simulate, scene, impacts=impacts, rng=seed, workers=workers)
     models: dict[str, CostModel] = {}
     found: dict[str, list[tuple[Point, Ensemble | None]]] = {}
@@ -201,7 +254,7 @@ def measure(
     with tqdm(total=len(SCHEMES) * len(accuracies), desc="accuracy", unit="point", disable=None) as bar:
         for scheme in exact_first:
             model = models[scheme] = CostModel.from_pilots(scene, scheme, again)
-            model.shared = max(other.spread for other in models.values())  # of the first, which affords most paths
+            model.shared = max(other.spread for other in models.values())  # exact flights come first, with most paths
             model.spread = max(model.spread, model.shared)
             found[scheme] = _scheme_points(model, accuracies, budget, again, bar)
     reference = models[exact_first[0]].best

@@ -1,8 +1,8 @@
-"""What multilevel Monte Carlo over the step would cost for the section means, from runs at halved steps.
+"""Cost of multilevel Monte Carlo over the step for the section means, estimated from runs at halved steps.
 
-Every run at dt has 2 dt on the same noise beside it, so a run per level holds all that Giles' analysis asks for: mean
-and variance of the difference between neighbouring levels, and its time.  Errors count in units of each quantity's sd,
-as in `rattle.montecarlo.accuracy`.
+Every run at dt also simulates 2 dt on the same Brownian paths.  So one run per level provides all that the analysis of
+Giles needs: mean and variance of the difference between neighbouring levels, and its time.  Errors are in units of
+each quantity's sd, as in `rattle.montecarlo.accuracy`.
 
 References
 ----------
@@ -34,27 +34,53 @@ __all__ = ["KURTOSIS_ALARM", "Estimate", "Levels", "Rate", "fitted", "giles_cost
 Floats = NDArray[np.float64]
 
 LEVELS, PATHS = 7, 16_384
-COARSEST = 0.02  # step of level 0, if the scene lets it through
-FITTED_FROM = 2  # coarser levels are too coarse for their rates to last
+COARSEST = 0.02  # step of level 0, if it is admissible for the scene
+FITTED_FROM = 2  # first level used to fit the rates; the levels before are not yet asymptotic
 KURTOSIS_ALARM = 100.0
-"""Kurtosis of a difference beyond which its variance is hardly known (Giles 2015, section 3.2)."""
-MOST_LEVELS = 60  # what a step can be halved
+"""Kurtosis of a level difference above which its estimated variance is unreliable (Giles 2015, section 3.2)."""
+MOST_LEVELS = 60  # levels up to which the rates are extrapolated
 
 
 class Rate(NamedTuple):
-    """A power of two per level: ``2**(intercept + slope * level)``, and the half width of the slope's 95 % interval."""
+    """An exponential in the level: ``2**(intercept + slope * level)``.
+
+    Attributes
+    ----------
+    slope : float
+    half : float
+        Half width of the slope's 95 % interval.
+    intercept : float
+    """
 
     slope: float
     half: float
     intercept: float
 
     def at(self, level: Floats) -> Floats:
-        """The fitted value at levels."""
+        """The fitted values at levels.
+
+        Parameters
+        ----------
+        level : ndarray
+
+        Returns
+        -------
+        ndarray
+        """
         return np.asarray(2.0 ** (self.intercept + self.slope * level))
 
 
 def fitted(level: Floats, value: Floats) -> Rate:
-    """Straight line through the binary logarithms.
+    """Fit an exponential by a straight line through the binary logarithms.
+
+    Parameters
+    ----------
+    level, value : ndarray, shape (levels,)
+        Values are positive.
+
+    Returns
+    -------
+    Rate
 
     Examples
     --------
@@ -68,10 +94,19 @@ def fitted(level: Floats, value: Floats) -> Rate:
 
 
 class Estimate(NamedTuple):
-    """The cheapest multilevel estimator of the means to an accuracy.
+    """The cheapest multilevel estimator of the means for an accuracy.
 
-    ``first`` and ``last`` are its levels; ``seconds`` are for every row; ``typical`` for a row with the median of the
-    variances and biases alone, what is kindest to the method.  ``measured``: whether its last level has been run.
+    Attributes
+    ----------
+    first, last : int
+        Its coarsest and finest level.
+    seconds : float
+        Core-seconds for all rows (means) at once.
+    typical : float
+        Core-seconds for a single row with the median of the variances and biases: the case most favourable to the
+        method.
+    measured : bool
+        Whether its finest level was run, rather than extrapolated.
     """
 
     first: int
@@ -87,16 +122,16 @@ class Levels(NamedTuple):
     Attributes
     ----------
     table : DataFrame
-        A row per level: ``scheme, level, dt``; worst and median over the rows of the ``mean`` of the difference (its
-        absolute value) and of its ``variance``; largest ``kurtosis`` of a difference, and whether it gives an
-        ``alarm``; ``consistency`` with the level before, which should be below 1; seconds of a path of the
-        difference, and of the level ``alone``.
+        A row per level: ``scheme, level, dt``; worst and median over the section means of the absolute ``mean`` of the
+        difference and of its ``variance``; largest ``kurtosis`` of a difference, and whether it exceeds
+        `KURTOSIS_ALARM` (``alarm``); ``consistency`` with the coarser level, which should be below 1; seconds of a path
+        of the difference (``path_seconds``) and of the level alone (``alone_seconds``).
     single : ndarray, shape (levels, rows)
         Variance of each level alone.
     alpha, beta, gamma : Rate
         Decay of the worst mean and of the worst variance, growth of the time, per level.
     typical_alpha, typical_beta : Rate
-        Decay of the medians; the first has the slope of the worst, for at fine levels a median is noise.
+        Decay of the medians; the first has the slope of the worst, as at fine levels the median is sampling noise.
     """
 
     table: pd.DataFrame
@@ -108,7 +143,17 @@ class Levels(NamedTuple):
     typical_beta: Rate
 
     def estimate(self, accuracy: float) -> Estimate:
-        """Cost of an optimal estimator whose standard error and bias are each within the accuracy."""
+        """Cost of an optimal estimator whose standard error and bias are each within the accuracy.
+
+        Parameters
+        ----------
+        accuracy : float
+            In sds.
+
+        Returns
+        -------
+        Estimate
+        """
         t = self.table
         single = self.single.max(axis=1), np.median(self.single, axis=1)
         last, seconds, first = self._cheapest(self.alpha, self.beta, t["variance_worst"], single[0], accuracy)
@@ -120,7 +165,7 @@ class Levels(NamedTuple):
     def _cheapest(
         self, weak: Rate, strong: Rate, variance: pd.Series, single: Floats, accuracy: float
     ) -> tuple[int, float, int]:
-        """Last level, seconds and first level of the cheapest estimator for rows with such variances."""
+        """Last level, seconds and first level of the cheapest estimator for given variances and rates."""
         remaining = weak.at(np.arange(MOST_LEVELS, dtype=float)) / (2.0**-weak.slope - 1.0)
         last = max(1, int(np.argmax(remaining <= accuracy)))
         v = _continued(variance.to_numpy(), strong.slope, last)
@@ -136,15 +181,27 @@ class Levels(NamedTuple):
 
 
 def _continued(values: Floats, slope: float, last: int) -> Floats:
-    """Values of levels up to the last, those beyond what is known by their rate."""
+    """Values of the levels up to the last; those that were not run are extrapolated by their rate."""
     beyond = np.arange(1, last + 2 - values.size)
     return np.append(values, values[-1] * 2.0 ** (slope * beyond))[: last + 1]
 
 
 def giles_cost(variance: Floats, seconds: Floats, accuracy: float) -> float:
-    """Least total time with which independent levels bring the standard error of their sum to an accuracy.
+    """Least total time for which the sum of independent levels has a given standard error.
 
     Level l gets paths in proportion to ``sqrt(V_l / C_l)``; the total is ``(sum sqrt(V_l C_l))^2 / accuracy^2``.
+
+    Parameters
+    ----------
+    variance, seconds : ndarray, shape (levels,)
+        Variance V_l and time C_l of a path of each level.
+    accuracy : float
+        The standard error.
+
+    Returns
+    -------
+    float
+        Seconds.
 
     Examples
     --------
@@ -157,8 +214,26 @@ def giles_cost(variance: Floats, seconds: Floats, accuracy: float) -> float:
 def measure_levels(
     scene: Scene, scheme: str, *, impacts: int, seed: int, workers: int, paths: int = PATHS, levels: int = LEVELS
 ) -> Levels:
-    """Run every level with its own random numbers, and tabulate the differences."""
-    simulate(scene, paths=1, impacts=1, scheme=scheme, dt=1e-3, record=Record(step_bias=True))  # compiles
+    """Run every level with its own random numbers, and tabulate the level differences.
+
+    Parameters
+    ----------
+    scene : Scene
+    scheme : str
+        With a step bias.
+    impacts, seed, workers : int
+        Of the simulations.
+    paths : int
+        Of each level.
+    levels : int
+        Number of levels; each halves the step.
+
+    Returns
+    -------
+    Levels
+    """
+    # compiles, before anything is timed
+    simulate(scene, paths=1, impacts=1, scheme=scheme, dt=1e-3, record=Record(step_bias=True))
     longest = 0.99 * largest_step(scene, scheme)[0] / 2 ** (SIDE_BY_SIDE - 1)
     seeds = np.random.SeedSequence([seed, levels]).spawn(levels)
     runs, seconds = [], []
@@ -180,14 +255,18 @@ def measure_levels(
 
 
 def levels_of(runs: Sequence[Ensemble], seconds: Sequence[float]) -> Levels:
-    """Tabulate the level differences of runs at halved steps, each with step bias and its own random numbers.
+    """Tabulate the level differences of runs at halved steps.
 
     Parameters
     ----------
     runs : sequence of Ensemble
-        Level 0 (longest step) first.
+        Level 0 (longest step) first; each with ``Record(step_bias=True)`` and its own random numbers.
     seconds : sequence of float
         Time of a path of each, with all three step sizes.
+
+    Returns
+    -------
+    Levels
     """
     unit = units(runs[-1]).to_numpy()
     seen = [run.result.sums["fine_coarse"] for run in runs]
@@ -206,7 +285,7 @@ def levels_of(runs: Sequence[Ensemble], seconds: Sequence[float]) -> Levels:
             "variance_worst": float((v / unit**2).max()), "variance_median": float(np.median(v / unit**2)),
             "kurtosis": float(kurtosis.max()), "alarm": bool(kurtosis.max() > KURTOSIS_ALARM),
             "consistency": _consistency(seen[level - 1], sums) if level else math.nan,
-            # of the steps dt + dt/2 + dt/4 of such a run, a difference takes the first two, a level alone the first
+            # steps of dt, 2 dt and 4 dt are 1 : 1/2 : 1/4; a difference takes the first two, a level alone the first
             "path_seconds": seconds[level] * 6.0 / 7.0, "alone_seconds": seconds[level] * 4.0 / 7.0,
         })  # fmt: skip
         single.append((m(2, 0) / unit**2).ravel())
@@ -226,12 +305,12 @@ def levels_of(runs: Sequence[Ensemble], seconds: Sequence[float]) -> Levels:
 
 
 def _consistency(a: CentralSums, b: CentralSums) -> float:
-    """``|a - b + c| / 3 (sqrt Va + sqrt Vb + sqrt Vc)`` over the rows, the largest.
+    """Largest ``|a - b + c| / (3 (sqrt Va + sqrt Vb + sqrt Vc))`` over the rows; the sum telescopes if it is below 1.
 
-    Of the means ``a`` of the coarser run, ``b`` of the finer one and ``c`` of their difference: telescoping holds if
-    both runs mean the same by the coarser level.
+    ``a`` and ``b`` are the means of the coarser and of the finer run, ``c`` that of the level difference, ``V`` the
+    variances of these estimates (Giles 2015, section 3.2).
     """
-    off = np.abs(a.mean[0] - b.mean[1])  # for c is b less the coarser half of the finer run
+    off = np.abs(a.mean[0] - b.mean[1])  # c is b minus the mean at 2 dt in the finer run
     difference = np.maximum(b.moment(2, 0) - 2.0 * b.moment(1, 1) + b.moment(0, 2), 0.0)
     spread = sum(np.sqrt(v / n) for v, n in ((a.moment(2, 0), a.n), (b.moment(2, 0), b.n), (difference, b.n)))
     return float(np.divide(off, 3.0 * spread, out=np.zeros_like(off), where=spread > 0.0).max())

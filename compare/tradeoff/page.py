@@ -1,4 +1,4 @@
-"""What the page of a trade-off says: its figures explained, its tables."""
+"""The page of a trade-off: tables, and explanations of its tables and figures."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -19,49 +19,59 @@ EXACT = "exact-flight"
 FIGURE = (
     "Error against processor time, both on logarithmic scales. Schemes: the larger of the worst standard error and the "
     "worst step bias of all section means and sds. Closures: worst and median error against {reference} paths of exact "
-    "flights. Dash-dotted: the section means alone. Open and dashed: extrapolated. Pale: runs that missed what was "
-    "asked, at their actual error."
+    "flights. Dash-dotted: the section means alone. Open and dashed: extrapolated. Pale: runs that missed the "
+    "requested accuracy, at their actual error."
 )
 SCHEMES = (
-    "Runs of `simulate(accuracy=..., scheme=...)` where {budget} core-seconds suffice, pilots and the longer steps "
-    "that measure the bias included; the others are extrapolated from the time of a path-step, the spread of the paths "
-    "and the bias of the step that the pilots and the runs have shown. “Actual” is the worst difference of the run "
-    "from {reference} paths of exact flights over all rows, so that about three standard errors are to be expected. "
-    "Where rare paths make an sd, a run with few paths has not met them, and its standard error is too small: such a "
-    "run “missed” what was asked, and beside it stands what it would take by the spread of the run with most paths."
+    "Runs of `simulate(accuracy=..., scheme=...)` where {budget} core-seconds suffice, including pilot runs and the "
+    "longer steps that measure the step bias; the others are extrapolated from the time of a path-step, the spread of "
+    "the paths and the step bias in the pilot runs and the runs. “Actual” is the worst difference of the run from "
+    "{reference} paths of exact flights over all rows; about three standard errors are to be expected. Where rare "
+    "paths dominate an sd, a run with few paths contains none of them and underestimates its standard error: it "
+    "“missed” the requested accuracy, and the next row gives the cost by the spread of the run with most paths."
 )
 STEP = (
-    "A path-step is one step of one path at one step size, pilots with all statistics; for exact-flight its impacts "
-    "are in it."
+    "A path-step is one step of one path at one step size, timed in the pilot runs with all statistics; for "
+    "exact-flight it includes the impacts."
 )
 RATES = "Powers of two per halving of the step, with 95 % intervals. Core-seconds of the section means:"
 LEVELS = (
     "In brackets: for a row with the median of the variances and biases alone. Every level by itself: `levels.csv`; a "
-    "kurtosis beyond {alarm} there says that a few paths make the variance of the difference, so that it is hardly "
-    "known."
+    "kurtosis beyond {alarm} there means that a few paths dominate the variance of the difference, whose estimate is "
+    "then unreliable."
 )
 ORDERS = (
-    "No order is published for schemes that meet inelastic impacts. Two questions apart. How fast does a scheme "
-    "converge towards its own limit: the change of a section mean or sd between dt and dt / 2 on the same noise, root "
-    "mean square over {impacts} impacts and all quantities in units of the sd; the order is the slope with its 95 % "
-    "interval. Is that limit the right one: Richardson's value from the smallest steps against exact flights, the "
-    "largest difference in standard errors, beside what chance alone lets through once in twenty such tables. Of the "
-    "noise-free itinerary it is the probability, whose error is its distance from that of exact flights."
+    "No order is published for schemes with inelastic impacts. Two questions are separated. How fast does a scheme "
+    "converge towards its own limit: the change of a section mean or sd between dt and dt / 2 on the same Brownian "
+    "paths, root mean square over {impacts} impacts and all quantities in units of the sd; the order is the slope with "
+    "its 95 % interval. Is that limit correct: Richardson extrapolation from the smallest steps compared with exact "
+    "flights, the largest difference in standard errors, beside its bound at 95 % confidence if the limit is correct. "
+    "For the noise-free itinerary the moment is its probability, the error the distance from that of exact flights."
 )
 ORDER_FIGURE = (
-    "Error against the step, both on logarithmic scales, with 95 % intervals; what noise hides is left out. Grey: "
-    "order 1. A limit that is further off than allowed says that at these steps a scheme is not yet where its order "
-    "holds, or that its limit is another one."
+    "Error against the step, both on logarithmic scales, with 95 % intervals; errors hidden by sampling noise are left "
+    "out. Grey: order 1. A limit further off than allowed means that a scheme is not yet in its asymptotic regime at "
+    "these steps, or that its limit is wrong."
 )
 GAINS = (
-    "Variance of exact flights without the linearised path as control over that with it, on the same paths; divided by "
-    "the time ratio it is what a second is worth. Antithetic pairs, paths with the same noise and its negative, take "
-    "no more time: their gain, median over the rows, is one over one plus the correlation of a pair, at the least 0.5."
+    "Variance of exact flights without the linearised path as control variate over that with it, on the same paths; "
+    "divided by the time ratio it is the gain per second. Antithetic pairs, paths with the same noise and its "
+    "negative, take no more time: their gain, median over the rows, is 1 / (1 + r) with the correlation r of a pair, "
+    "at least 0.5."
 )
 
 
 def seconds(value: float) -> str:
-    """A time with its unit.
+    """A time in a suitable unit, with two digits.
+
+    Parameters
+    ----------
+    value : float
+        In seconds.
+
+    Returns
+    -------
+    str
 
     Examples
     --------
@@ -136,22 +146,51 @@ def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> 
 
 
 def orders_table(table: pd.DataFrame) -> Table:
-    """The measured weak orders, and whether each limit is the right one."""
+    """The measured weak orders, and whether each scheme's limit is correct.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Rows of `rattle.compare.tradeoff.weak_order.Order`.
+
+    Returns
+    -------
+    Table
+    """
     rows: list[Row] = [
         (f"{r['sigma']:.4g}", r["scheme"], r["moment"],
          "hidden by noise" if np.isnan(r["order"]) else f"{r['order']:.2f} ({r['low']:.2f} to {r['high']:.2f})",
          f"{r['change']:.2g}", f"{r['limit_z']:.1f}", f"{r['limit_allowed']:.1f}")
         for _, r in table.iterrows()
     ]  # fmt: skip
-    beside = numbers("order", "last change", "limit: standard errors off", "allowed")
-    return Table.of([*numbers("σ"), "scheme", "moment", *beside], rows)
+    results = numbers("order", "last change", "limit: standard errors off", "allowed")
+    return Table.of([*numbers("σ"), "scheme", "moment", *results], rows)
 
 
 def tradeoff_page(
-    m: Measured, control: pd.DataFrame, orders: Orders | None, accuracies: Sequence[float], said: Sequence[str],
+    m: Measured, control: pd.DataFrame, orders: Orders | None, accuracies: Sequence[float], sentences: Sequence[str],
     record: dict[str, Any],
 ) -> Page:  # fmt: skip
-    """The page of a trade-off, whose last sentence is that of the multilevel section."""
+    """The page of a trade-off.
+
+    Parameters
+    ----------
+    m : Measured
+    control : DataFrame
+        From `rattle.compare.tradeoff.variance_reduction.control_table`.
+    orders : Orders or None
+        Weak orders, if measured.
+    accuracies : sequence of float
+        From the roughest to the finest.
+    sentences : sequence of str
+        The answer; the last one stands in the section on multilevel Monte Carlo.
+    record : dict
+        Of the manifest: at least ``name, scene, budget, command, commit, versions``.
+
+    Returns
+    -------
+    Page
+    """
     tables, reference = _tables(m, control, accuracies), f"{m.reference.paths:,}"
     figure = "Error against processor time of every scheme and every closure"
     schemes = Text(SCHEMES.format(budget=record["budget"], reference=reference), note=True)
@@ -161,7 +200,7 @@ def tradeoff_page(
         Section("Closures", (tables["closures"],)),
         Section(
             "Multilevel Monte Carlo over the step, for the section means alone",
-            (Text(said[-1]), tables["rates"], Text(RATES, note=True), tables["means"], levels),
+            (Text(sentences[-1]), tables["rates"], Text(RATES, note=True), tables["means"], levels),
         ),
     ]
     if orders:
@@ -180,7 +219,7 @@ def tradeoff_page(
     sigma, impacts = f"{m.reference.scene.sigma:.4g}", m.reference.impacts
     return Page(
         f"What accuracy costs: {record['name']}, σ = {sigma}, {impacts} impacts",
-        tuple(said[:-1]),
+        tuple(sentences[:-1]),
         Source(record["command"], facts, scene),
         (Figure("tradeoff.svg", FIGURE.format(reference=reference), figure),),
         tuple(sections),

@@ -6,30 +6,25 @@ from typing import Any
 
 import pandas as pd
 
-from rattle.compare.report import pages, write_page
-from rattle.compare.report.csv_text import write_csv
-from rattle.compare.report.folder import whole_folder
-from rattle.compare.report.json_text import json_text
-from rattle.compare.report.style import save
+from rattle.compare.report.save import contents, save
 from rattle.compare.tradeoff.figures import order_figure, tradeoff_figure
 from rattle.compare.tradeoff.measure import HAND_TUNED_NS, Measured, means_seconds, slope
 from rattle.compare.tradeoff.page import EXACT, seconds, tradeoff_page
 from rattle.compare.tradeoff.weak_order import Orders
-from rattle.compare.validation.answer import left_out
+from rattle.compare.validation.answer import SECTION, left_out
 
 __all__ = ["CONTENTS", "answer", "verdict", "write_tradeoff"]
 
-CONTENTS = frozenset({
-    *pages("tradeoff"), "tradeoff.svg", "tradeoff.csv", "levels.csv", "control.csv", "orders.svg", "orders.csv",
-    "changes.csv", "manifest.json",
-})  # fmt: skip
-"""What a trade-off folder holds; anything else in it is not ours."""
+CONTENTS = contents(
+    "tradeoff", figures=["tradeoff", "orders"], tables=["tradeoff", "levels", "control", "orders", "changes"]
+)
+"""Names of all files in a trade-off folder; a folder with any other file is not overwritten."""
 
 PLAIN = "euler-maruyama"
 
 
 def _cheapest(points: pd.DataFrame, accuracy: float) -> dict[str, Any]:
-    """The cheapest of the schemes, and of the closures that predict everything as well as that."""
+    """The cheapest method for an accuracy: of the schemes, and of the closures that predict all moments so well."""
     scheme = (points["kind"] == "scheme") & (points["accuracy"] == accuracy) & ~points["missed"]
     prediction = (
         (points["kind"] == "closure") & (points["error"] <= accuracy) & (points["rows"] == points["rows"].max())
@@ -39,7 +34,19 @@ def _cheapest(points: pd.DataFrame, accuracy: float) -> dict[str, Any]:
 
 
 def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
-    """Which method is cheapest for which accuracy, where a closure wins, and what plain steps would cost."""
+    """Which method is cheapest for which accuracy, where a closure is cheapest, and the cost of plain Euler-Maruyama.
+
+    Parameters
+    ----------
+    m : Measured
+    accuracies : sequence of float
+        From the roughest to the finest.
+
+    Returns
+    -------
+    list of str
+        Sentences; the last one is `verdict`.
+    """
     p = m.points
     whole = p["rows"].max()
     parts = []
@@ -47,7 +54,9 @@ def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
         best = _cheapest(p, accuracy)
         how = "" if best["measured"] else ", extrapolated"
         parts.append(f"{accuracy:g}: `{best['method']}` ({seconds(best['core_seconds'])}{how})")
-    found = [f"The cheapest way to every section mean and sd within a share of its sd — {'; '.join(parts)}."]
+    found = [
+        f"The cheapest method for all section means and sds{SECTION} within a share of the sd — {'; '.join(parts)}."
+    ]
     predictions = p[p["kind"] == "closure"]
     wins = []
     for _, row in predictions[predictions["rows"] == whole].iterrows():
@@ -59,7 +68,7 @@ def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
                 f"{float(format(simulated / row['core_seconds'], '.2g')):g} times as long to its worst error"
             )
     found.append(
-        f"A closure wins outright for any accuracy no finer than its own worst error: {'; '.join(wins)}."
+        f"A closure is the cheapest method for any accuracy no finer than its own worst error: {'; '.join(wins)}."
         if wins
         else "No closure that predicts all of them is shown to be cheaper than a simulation as accurate as its worst "
         "error."
@@ -71,14 +80,25 @@ def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
         f"{1e9 * plain.step_seconds:.2g} ns per path-step the same number of paths takes "
         f"{plain.path_alone(finest) / exact:,.0f} times the processor time of exact flights "
         f"({seconds(m.models[EXACT].at(finest).core_seconds)}), and "
-        f"{plain.path_alone(finest, HAND_TUNED_NS) / exact:,.0f} times at the {HAND_TUNED_NS:g} ns of a hand-tuned "
-        "block."
+        f"{plain.path_alone(finest, HAND_TUNED_NS) / exact:,.0f} times at the {HAND_TUNED_NS:g} ns of hand-tuned "
+        "numba code."
     )
     return [*found, *left_out(m.reference.scene, list(predictions["method"])), verdict(m, accuracies)]
 
 
 def verdict(m: Measured, accuracies: Sequence[float]) -> str:
-    """Whether multilevel over the step is cheaper than exact flights anywhere, for the section means alone."""
+    """Whether multilevel Monte Carlo over the step is anywhere cheaper than exact flights, for the section means.
+
+    Parameters
+    ----------
+    m : Measured
+    accuracies : sequence of float
+        From the roughest to the finest.
+
+    Returns
+    -------
+    str
+    """
     exact, factors, typical = m.models[EXACT], [], []
     for a in accuracies:
         estimates = [levels.estimate(a) for levels in m.levels.values()]
@@ -88,7 +108,7 @@ def verdict(m: Measured, accuracies: Sequence[float]) -> str:
     found = (
         f"Multilevel Monte Carlo over the step is cheaper than exact flights for the section means at {', '.join(wins)}"
         if wins
-        else "Multilevel Monte Carlo over the step never wins for all section means"
+        else "Multilevel Monte Carlo over the step is never cheaper than exact flights for all section means"
     )
     return (
         f"{found}: from {accuracies[0]:g} to {accuracies[-1]:g} the better of both Euler schemes takes "
@@ -101,42 +121,45 @@ def write_tradeoff(
     out: Path, m: Measured, control: pd.DataFrame, orders: Orders | None, accuracies: Sequence[float],
     record: dict[str, Any], overwrite: bool,
 ) -> list[str]:  # fmt: skip
-    """Write the folder, whole or not at all, and return the answer.
+    """Write the folder of a trade-off, whole or not at all.
 
     Parameters
     ----------
     out : Path
+        The folder.
     m : Measured
     control : DataFrame
-        Of `rattle.compare.tradeoff.variance_reduction.control_table`.
+        From `rattle.compare.tradeoff.variance_reduction.control_table`.
     orders : Orders or None
-        Of `rattle.compare.tradeoff.weak_order.weak_orders`, where measured.
+        From `rattle.compare.tradeoff.weak_order.weak_orders`, if measured.
     accuracies : sequence of float
         From the roughest to the finest.
     record : dict
         Of the manifest: at least ``name, scene, budget, command, commit, versions``.
     overwrite : bool
+        Whether earlier results may be replaced.
+
+    Returns
+    -------
+    list of str
+        The answer.
 
     Raises
     ------
     OutputError
-        If the folder holds other things, or earlier ones that may not be replaced.
+        If the folder holds other files, or earlier results that may not be replaced.
     """
-    said = answer(m, accuracies)
+    sentences = answer(m, accuracies)
     means = pd.DataFrame({
         "error": accuracies, "core_seconds": [means_seconds(m.models[EXACT], a, control=True) for a in accuracies],
     })  # fmt: skip
-    figure = tradeoff_figure(m.points, {name: slope(m.points, name, False)[0] for name in m.models}, means)
-    with whole_folder(out, CONTENTS, overwrite) as folder:
-        save(figure, folder / "tradeoff.svg")
-        if orders:
-            save(order_figure(orders.changes), folder / "orders.svg")
-            write_csv(orders.table, folder / "orders.csv", index=False)
-            write_csv(orders.changes, folder / "changes.csv", index=False)
-        write_csv(m.points, folder / "tradeoff.csv", index=False)
-        write_csv(pd.concat([levels.table for levels in m.levels.values()]), folder / "levels.csv", index=False)
-        write_csv(control, folder / "control.csv", index=False)
-        page = tradeoff_page(m, control, orders, accuracies, said, record)
-        write_page(page, folder, "tradeoff")
-        (folder / "manifest.json").write_text(json_text({**record, "answer": said}) + "\n", encoding="utf-8")
-    return said
+    slopes = {name: slope(m.points, name, False)[0] for name in m.models}
+    figures = {"tradeoff": tradeoff_figure(m.points, slopes, means)}
+    levels = pd.concat([levels.table for levels in m.levels.values()])
+    tables = {"tradeoff": m.points, "levels": levels, "control": control}
+    if orders:
+        figures["orders"] = order_figure(orders.changes)
+        tables |= {"orders": orders.table, "changes": orders.changes}
+    page = tradeoff_page(m, control, orders, accuracies, sentences, record)
+    save(out, "tradeoff", page, record, allowed=CONTENTS, figures=figures, tables=tables, overwrite=overwrite)
+    return sentences

@@ -1,4 +1,4 @@
-"""What the linearised path and antithetic pairs are worth for exact flights, per path and per second."""
+"""Variance reduction for exact flights: the linearised path as control variate, and antithetic pairs."""
 
 import time
 from collections.abc import Sequence
@@ -28,12 +28,27 @@ REPEATS = 3
 def control_table(
     scene: Scene, *, impacts: int, seed: int, workers: int, sigmas: Sequence[float] = SIGMAS, paths: int = PATHS
 ) -> pd.DataFrame:
-    """Variance without the control over variance with it, on the same paths; a row per noise intensity.
+    """Variance without the control variate over variance with it, on the same paths.
 
-    Columns: ``sigma``; median and smallest ratio over the section ``means`` and over the ``sds`` that vary by more than
-    strays; ``time_ratio``, the time of a path with the control over that without.  A ratio of variances over
-    ``time_ratio`` is what a second is worth.  ``antithetic_means, antithetic_sds``: the median ratio of antithetic
-    pairs, which take no time, see `antithetic_gain`.
+    Parameters
+    ----------
+    scene : Scene
+        Its own noise intensity is not used.
+    impacts, seed, workers : int
+        Of the simulations.
+    sigmas : sequence of float
+        Noise intensities.
+    paths : int
+        At each of them.
+
+    Returns
+    -------
+    DataFrame
+        A row per noise intensity ``sigma``: median and smallest ratio of variances over the section means
+        (``means_median, means_smallest``) and sds (``sds_median, sds_smallest``), without displacements at the wall,
+        whose variance is due to off-itinerary paths alone; ``time_ratio``, the time of a path with the control
+        variate over that without, so that a ratio of variances over ``time_ratio`` is the gain per second;
+        ``antithetic_means, antithetic_sds``, the median gain of antithetic pairs, see `antithetic_gain`.
     """
     rows = []
     for sigma in tqdm(sigmas, desc="control variate", unit="sigma", disable=None, leave=False):
@@ -70,10 +85,21 @@ def control_table(
 
 
 def antithetic_gain(plan: Plan) -> tuple[Floats, Floats]:
-    """Variance of as many independent paths over that of antithetic pairs; for section means, sds: (impacts, 6) each.
+    """Variance of independent paths over that of as many paths in antithetic pairs.
 
-    A path and its partner of negated noise, with correlation r, have a mean of variance ``(1 + r) / 2`` in units of a
-    path's: the gain is ``1 / (1 + r)``.  For an sd, r is that of the squared deviations.
+    The mean of a path and of its partner with negated noise, with correlation r, has the variance ``(1 + r) / 2`` times
+    that of a path.  Two independent paths have 1 / 2, so the gain is ``1 / (1 + r)``.  For an sd, r is the correlation
+    of the squared deviations.
+
+    Parameters
+    ----------
+    plan : Plan
+        Of the simulation.
+
+    Returns
+    -------
+    means, sds : ndarray, shape (impacts, 6)
+        Gains for the section means and sds.
 
     Examples
     --------

@@ -192,7 +192,7 @@ def _rows(run: Ensemble, moment: str) -> pd.DataFrame:
 
 
 def _limit_z(run: Ensemble, exact: Ensemble, moment: str) -> tuple[float, int]:
-    """Largest difference of the extrapolated value from exact flights in standard errors, and how many were compared."""
+    """Largest difference of the extrapolated value from exact flights in standard errors, and the number compared."""
     rows = run.step_bias[run.step_bias["moment"] == moment]
     names = [q if moment == "mean" else "sd_" + q for q in rows["quantity"]]
     impacts = rows["impact"].tolist()

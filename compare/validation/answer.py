@@ -128,12 +128,14 @@ def answer(validations: Sequence[Validation], validity: pd.DataFrame | None = No
                 f"the {closure} closure stops being realizable at impact {impact} "
                 f"(at σ = {sigma_text(v)}, stage {stage}: {why})"
             )
-    sound = [r for r in validations[0].predictions if not any(first_failure(v.correlation, r) for v in validations)]
-    if sound:
-        broken.append(f"the moments of {listed(sound)} stay realizable")
+    realizable = [
+        name for name in validations[0].predictions if not any(first_failure(v.correlation, name) for v in validations)
+    ]
+    if realizable:
+        broken.append(f"the moments of {listed(realizable)} stay realizable")
     agreement = []
     for v in validations:
-        best = max(v.run.agreement[r].iloc[-1] for r in v.predictions)
+        best = max(v.run.agreement[name].iloc[-1] for name in v.predictions)
         agreement.append(f"{best:.1%} at σ = {sigma_text(v)}")
     first = [] if validity is None else [validity_sentence(validity, impacts)]
     return [

@@ -115,7 +115,7 @@ def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
     prediction : MeanMap
         The closure's moments, for the same scene as `run`.
     run : Ensemble
-        A simulation with ``histogram=True``, preferably with ``step_bias=True``.
+        A simulation with ``record=Record(histogram=True)``, preferably with ``step_bias=True`` as well.
 
     Returns
     -------
@@ -133,24 +133,24 @@ def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
     Notes
     -----
     The step bias is no error of the closure, yet at small noise it is many times the sampling floor: the mean impact
-    time is off by a fixed share of dt, whatever its sd.  If the run has ``step_bias=True``, the sample is shifted and
+    time is off by a fixed share of dt, whatever its sd.  If the run measured its step bias, the sample is shifted and
     scaled to the mean and sd from Richardson extrapolation, and only the bias of the shape remains; else the whole
     bias is part of every distance.
 
     Examples
     --------
     >>> from rattle.closure import mean_map
-    >>> from rattle.montecarlo import simulate
+    >>> from rattle.montecarlo import Record, simulate
     >>> from rattle.scene import DAT21, Scene
     >>> scene = Scene.from_gears(DAT21, sigma=0.02)
-    >>> run = simulate(scene, paths=10_000, impacts=1, rng=7, histogram=True, step_bias=True)
+    >>> run = simulate(scene, paths=10_000, impacts=1, rng=7, record=Record(histogram=True, step_bias=True))
     >>> table = section_distances(mean_map(scene, impacts=1, closure="saltation"), run).set_index("quantity")
     >>> bool((table["kolmogorov"] < 1.5 * table["kolmogorov_floor"]).all())
     True
     """
     histograms = run.histograms
     if histograms is None:
-        raise InputError("run.histograms", None, "ask for them: simulate(histogram=True)")
+        raise InputError("run.histograms", None, "give simulate(..., record=Record(histogram=True))")
     if prediction.scene != run.scene:
         raise InputError("closure.scene", prediction.scene, "is not the run's; compare the same scene")
     prediction, run = prediction.phase_reduced, run.phase_reduced

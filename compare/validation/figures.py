@@ -283,7 +283,7 @@ FIGURES = {
         (
             ("Correlation of displacement and velocity per stage.", ""),
             (" Filled: closure just before its impacts.", "before impact"),
-            (" Open: closure at mid-flight, beside the Monte Carlo there.", "Monte Carlo, mid-flight"),
+            (" Open: closure at mid-flight, next to the Monte Carlo at the same time.", "Monte Carlo, mid-flight"),
             (" No correlation can lie in the shaded zone", ""),
             ("; a cross marks a negative variance", "negative variance"),
             (".", ""),

@@ -32,7 +32,7 @@ class Speed(NamedTuple):
         Worst and median error of the closure's section means and sds, in units of the quantities' sds.
     resolved : bool
         Whether the interval of the worst error excludes zero; if not, the error may be smaller and the speed-up larger.
-    closure_seconds, monte_carlo_seconds : float
+    closure_seconds, simulation_seconds : float
         Seconds on one core.
     paths : int
         Paths whose largest standard error equals the worst error.
@@ -48,7 +48,7 @@ class Speed(NamedTuple):
     resolved: bool
     closure_seconds: float
     paths: int
-    monte_carlo_seconds: float
+    simulation_seconds: float
     speed_up: float
 
 
@@ -153,6 +153,6 @@ def speed(v: Validation, closure: str, seconds_per_impact: float) -> Speed | Non
         resolved=bool(worst["low"] > 0.0 or worst["high"] < 0.0),
         closure_seconds=seconds,
         paths=paths,
-        monte_carlo_seconds=cost,
+        simulation_seconds=cost,
         speed_up=cost / seconds,
     )

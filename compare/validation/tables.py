@@ -199,7 +199,7 @@ def speed_table(table: pd.DataFrame) -> Table:
             ("" if row["resolved"] else "≤ ") + f"{row['worst']:.4f}",
             f"{row['median']:.4f}",
             f"{1e3 * row['closure_seconds']:.2f} ms",
-            f"{1e3 * row['monte_carlo_seconds']:.3g} ms",
+            f"{1e3 * row['simulation_seconds']:.3g} ms",
             f"{row['paths']:,} paths",
             ("" if row["resolved"] else "≥ ") + f"{float(format(row['speed_up'], '.2g')):g}",
         ]

@@ -146,7 +146,7 @@ def _why(v: Validation, closure: str, impact: int) -> tuple[str, str]:
         return "ended", prediction.stopped
     worst = _worst(v, closure, impact)
     if prediction.trace.parts is not None:
-        lost = float(prediction.section["lost"].loc[impact])
+        lost = float(prediction.section["discarded"].loc[impact])
         return "mixture", f"{worst} (discarded probability so far {lost:.1e}): {CAUSES['mixture']}"
     agreement = float(v.run.agreement[closure].loc[impact])
     if agreement < (OFF_ITINERARY if closure == "saltation" else DIVERGED):

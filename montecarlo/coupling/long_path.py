@@ -1,8 +1,9 @@
-"""One path over as many impacts as wanted, a stretch at a time, with the growth of the drift's neighbours along it.
+"""One path over as many impacts as wanted, a stretch at a time, with the tangent growth of the drift along it.
 
-Under white noise no two paths stay close in proportion to where they started (docs/model.md section 8), so a path has
-no Jacobian.  What grows here is a frame under the **linearisation of the drift**: the exact Jacobian of the flight, and
-the saltation matrix with the drift's rates at the path's own impacts.  Its determinant obeys the orbit's law.
+Under white noise the distance of two paths is not proportional to their initial distance, however small
+(docs/model.md section 8), so a path has no Jacobian.  What grows here is a frame under the **linearisation of the
+drift**: the exact Jacobian of the flight, and the saltation matrix with the drift's rates at the path's own impacts.
+Its determinant obeys the orbit's formula: the damping between impacts, and ``epsilon^2`` at each.
 """
 
 import numpy as np
@@ -21,7 +22,7 @@ __all__ = ["LongPath"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-DEPTH = 12  # of the tree: leaves of 1.2e-5, in which noise moves a velocity by 3.5e-3 sigma
+DEPTH = 12  # of the tree: leaves are 1.2e-5 long; noise changes a velocity by 3.5e-3 sigma in one
 
 
 @jit
@@ -29,10 +30,10 @@ def _stretch(
     c: Constants, w: Clockwork, key: Key, path: Word, tangent: bool, step: int, most: int, at: Floats, frame: Floats,
     s: Stretch, velocity: Floats,
 ) -> tuple[int, int, int]:  # fmt: skip
-    """Fill the arrays from ``at = (x1, y1, x2, y2, time since the last impact)`` on; returns impacts, steps, held."""
+    """Fill the arrays from ``at = (x1, y1, x2, y2, time since last impact)`` on; returns impacts, steps, sticking."""
     hits, room = np.empty((MOST_IN_A_STEP, HIT)), new_room(w.depth)
     state = at[:4]
-    n, taken, held = 0, 0, 0
+    n, taken, sticking = 0, 0, 0
     z0, z1, z2, z3 = 0.0, 0.0, 0.0, 0.0
     while taken < most and n + MOST_IN_A_STEP <= s.flight.size:
         if len(velocity) > 0:
@@ -43,8 +44,8 @@ def _stretch(
             z = (z0, z1) if step % 2 == 0 else (z2, z3)
         else:
             z = (0.0, 0.0)
-        found, stuck = walk_step(c, w, room, key, path, step, z, state, hits)
-        held += stuck
+        found, full = walk_step(c, w, room, key, path, step, z, state, hits)
+        sticking += full
         last = 0.0
         for i in range(found):
             flight = at[4] + hits[i, 0] - last
@@ -60,7 +61,7 @@ def _stretch(
         at[4] += w.h - last
         step += 1
         taken += 1
-    return n, taken, held
+    return n, taken, sticking
 
 
 class LongPath:
@@ -73,18 +74,18 @@ class LongPath:
     seed : int
         Of the noise.
     path : int
-        Which of the paths of this seed.
+        Number of the path within this seed.
     depth : int
-        Levels of the noise's tree (`rattle.montecarlo.coupling.dyadic`).
+        Levels of the Brownian tree (`rattle.montecarlo.coupling.dyadic`).
 
     Attributes
     ----------
     step : float
-        Of time, between the velocities of `stretch`.
+        Time between the velocities that `stretch` returns.
     steps : int
-        Steps taken so far.
-    held : int
-        Steps in which the path had so many impacts that it was held at its wall.
+        Number of the next step, counted from time 0 (modulo the period at the start).
+    sticking_steps : int
+        Steps with more impacts than there is space for; the path stays as it is to their end.
 
     Examples
     --------
@@ -109,18 +110,34 @@ class LongPath:
         self.frame = np.eye(4)
 
     def stretch(self, steps: int, tangent: bool = True, velocities: bool = True) -> tuple[Stretch, Floats]:
-        """The impacts of the next `steps` steps, and ``(y1, y2)`` at the start of each step if asked for.
+        """The impacts of the next steps.
 
-        A path that has more impacts than there is room for (one in two steps) ends its stretch early.
+        A path that has more impacts than there is space for (one in two steps) ends its stretch early.
+
+        Parameters
+        ----------
+        steps : int
+            Number of steps.
+        tangent : bool
+            Whether the frame is carried along, and its growth recorded.
+        velocities : bool
+            Whether velocities are recorded.
+
+        Returns
+        -------
+        stretch : Stretch
+            Impacts, and the growth of the frame at each.
+        velocity : ndarray, shape (steps taken, 2)
+            ``(y1, y2)`` at the start of each step; empty if not recorded.
         """
         room = steps // 2 + MOST_IN_A_STEP
         s = Stretch(
             np.empty(room), np.empty(room), np.empty(room, np.int64), np.empty((room, 4)), np.zeros((room, 4))
         )  # fmt: skip
         velocity = np.empty((steps if velocities else 0, 2))
-        n, taken, held = _stretch(
+        n, taken, sticking = _stretch(
             self.c, self.clock, self.key, self.path, tangent, self.steps, steps, self.at, self.frame, s, velocity
         )  # fmt: skip
         self.steps += taken
-        self.sticking_steps += held
+        self.sticking_steps += sticking
         return s.first(n), velocity[:taken]

@@ -1,6 +1,6 @@
-"""Two paths on one noise: how far apart an impact leaves them, and how long they take to part.
+"""Two paths on a shared Brownian tree: how far apart an impact leaves them, and how fast they diverge.
 
-Both experiments walk `rattle.montecarlo.coupling.dyadic` at its full depth, so that the noise is common to scales of
+Both experiments use `rattle.montecarlo.coupling.dyadic` at its full depth, so that the noise is resolved to times of
 1e-9.
 """
 
@@ -21,8 +21,8 @@ __all__ = ["EARLIEST", "LATEST", "after_impact", "growths"]
 
 Floats = NDArray[np.float64]
 
-EARLIEST, LATEST = 0.2, 0.6  # shares of a step between which an impact is taken, so that the partner's is in it too
-TINY = 1e-16  # two paths nearer than this are one
+EARLIEST, LATEST = 0.2, 0.6  # shares of a step between which an impact is used: the partner's is in the same step
+TINY = 1e-16  # least distance of two paths, for logarithms
 
 
 @jit
@@ -58,7 +58,7 @@ def _after_impact(
             if met != 1 or other[0, 1] != hits[0, 1]:
                 whole = False
                 break
-            # once both are struck the noise leaves their difference alone: take it back to the later impact
+            # after both impacts the difference obeys the noise-free linear flight: carry it back to the later impact
             back = jacobian(c, other[0, 0] - w.h)
             apart[n, i] = 0.0
             for j in range(4):
@@ -77,21 +77,22 @@ def _after_impact(
 def after_impact(
     scene: Scene, deltas: Floats, impacts: int, seed: int, *, least: float = 0.25, settle: int = 5000
 ) -> tuple[Floats, Floats, int]:
-    """How far apart in ``y1`` an impact at mesh 1 leaves two paths that reach the wall some distance apart.
+    """Difference in ``y1`` after an impact at mesh 1, of two paths that reach the wall some distance apart.
 
     Parameters
     ----------
     scene : Scene
-        With noise.
+        With noise, without random tolerance.
     deltas : ndarray
-        Distances in ``x1`` at which the partner follows.
+        Distances in ``x1`` by which the partner lags.
     impacts : int
-        How many impacts of one long path are taken.
+        Number of impacts of one long path that are used.
     seed : int
+        Of the noise.
     least : float
-        Slowest impact that is taken.
+        Least impact velocity that is used.
     settle : int
-        Steps that are not looked at.
+        Steps left out at the start.
 
     Returns
     -------
@@ -101,6 +102,11 @@ def after_impact(
         Time modulo 2 pi, speed before the impact, modulation of the noise there.
     missed : int
         Impacts left out because the partner did not have the same one.
+
+    Raises
+    ------
+    InputError
+        If half gaps are random.
 
     Examples
     --------
@@ -119,7 +125,7 @@ def after_impact(
 
 @jit
 def _place(c: Constants, a: Floats, b: Floats, delta: float) -> bool:
-    """Put b at the distance `delta` from a, where it lies or opposite to that; False if walls forbid both."""
+    """Put b at the distance `delta` from a, in its present direction or opposite to it; False if walls forbid both."""
     d = math.sqrt(((a - b) ** 2).sum())
     for sign in (1.0, -1.0):
         x1 = a[0] + sign * (b[0] - a[0]) * delta / d
@@ -144,7 +150,7 @@ def _growths(
         walk_step(c, w, room, key, path, step + k, z, a, hits)
         if k < settle:
             continue
-        if together:  # begin with a partner beside the path
+        if together:  # start anew with a partner beside the path
             for i in range(2 * c.stages):
                 b[i] = a[i] + delta / math.sqrt(2.0 * c.stages)
             together = not _place(c, a, b, delta)
@@ -153,7 +159,7 @@ def _growths(
         walk_step(c, w, room, key, path, step + k, z, b, hits)
         waited += 1
         now = math.sqrt(((a - b) ** 2).sum())
-        far = min(now, last)  # while one is struck and the other is not, for less than a step, they are not apart
+        far = min(now, last)  # the smaller of two: between both paths' impacts distance does not count
         last = now
         if far >= ratio * delta or waited >= patience:
             duration[n], growth[n] = waited * w.h, math.log(max(far, TINY) / delta)
@@ -169,30 +175,37 @@ def growths(
     scene: Scene, delta: float, events: int, seed: int, *, ratio: float = 2.0, patience: float = 200.0,
     settle: int = 5000,
 ) -> tuple[Floats, Floats]:  # fmt: skip
-    """How long two paths on one noise take from `delta` to `ratio` times as far apart, and how far they then are.
+    """Time in which two paths on a shared Brownian tree diverge from `delta` to `ratio` times that, and the growth.
 
-    They are looked at once a step (2 pi / 128 or less); the partner is then put back to `delta` in the direction in
-    which it lies.  Distance is that of ``(x1, y1, x2, y2)``, the smaller one of two neighbouring instants.
+    The distance is looked at once a step (2 pi / 128 or less); after each growth the partner is put back to `delta` in
+    its present direction.  The distance is that of ``(x1, y1, x2, y2)``, the smaller one of two successive steps.
 
     Parameters
     ----------
     scene : Scene
-        Without noise these are two orbits.
+        Without random tolerance; without noise these are two orbits.
     delta : float
-        Distance at the start.
+        Distance at the start of a growth.
     events : int
-        How many growths of one long path are taken.
+        Number of growths along one long path.
     seed : int
+        Of the noise.
     ratio : float
+        Factor of the distance at which a growth ends.
     patience : float
         Time after which a growth is given up; it is returned as it is then.
     settle : int
-        Steps that are not looked at.
+        Steps left out at the start.
 
     Returns
     -------
     duration, growth : ndarray
         Times, and logarithms of the distance at their end over `delta`.
+
+    Raises
+    ------
+    InputError
+        If half gaps are random.
 
     Examples
     --------
@@ -211,7 +224,7 @@ def growths(
 
 
 def _start(scene: Scene) -> Floats:
-    """State with which the paths of a scene start, after the impact of the start."""
+    """Initial state of a scene, after the impact at the start if there is one."""
     x1, y1, x2, y2 = scene.start_state
     if scene.start.mesh != 0:
         y1, y2 = struck(scene.constants, scene.start.mesh, y1, y2)

@@ -1,1 +1,1 @@
-"""How a block of paths is computed: lanes side by side, steps, impacts, and what is kept of them."""
+"""Computation of a block of paths: vector lanes, steps, impacts, and the reduction to sums."""

@@ -1,4 +1,4 @@
-"""One block of paths: its streams, its walls and its start, run through the kernel and reduced to what is kept."""
+"""One block of paths: random streams, walls and initial states, run through the kernel and reduced to sums."""
 
 import threading
 from collections.abc import Sequence
@@ -47,19 +47,48 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 BLOCK = 1024
-"""Paths of a block: their states fit the caches, and few lanes are empty while the last paths finish."""
+"""Paths of a block: small enough for the caches, large enough that few lanes idle while the last paths finish."""
 
 PAIRS = tuple((i, j) for i in range(5) for j in range(i))
 """Pairs among tau, x1, y1, x2, y2 whose covariance is kept."""
 
 SECTION_OF = (0, 2, 3, 4, 5)
-"""Columns of the section where those five are."""
+"""Their indices in `SECTION`."""
 
 
 class Plan(NamedTuple):
-    """What every block of a run has in common.
+    """Settings of a run, common to all of its blocks.
 
-    A ``mirrored`` plan runs the antithetic partner of each path: all its noise negated, its backlashes the same.
+    Attributes
+    ----------
+    scene : Scene
+        What is simulated.
+    paths, impacts : int
+        Number of paths; impacts of each.
+    dt : float
+        Finest step.
+    scheme : str
+        Name in `SCHEMES`.
+    seed : SeedSequence
+        Of all random numbers.
+    most_steps : int
+        Finest steps after which a path is given up.
+    fixed_steps : ndarray of int
+        Finest steps after which states are recorded: the fixed times.
+    itineraries : dict of str to tuple of int
+        Named sequences of ``mesh * side``, one for each impact.
+    levels : int
+        Number of step sizes on the same Brownian paths: dt, 2 dt, ...
+    control : LinearPath
+        Control variate; empty for none.
+    keep : bool
+        Whether all impacts are kept.
+    two_point : bool
+        Whether increments are two-point.
+    mirrored : bool
+        Whether to run the antithetic partner of each path: all noise negated, backlashes the same.
+    energy : bool
+        Whether the energy loss of impacts is recorded.
     """
 
     scene: Scene
@@ -85,7 +114,19 @@ class Plan(NamedTuple):
 
 
 class Raw(NamedTuple):
-    """What the kernel wrote: section rows, states at fixed times, the linearised paths, and the work it took."""
+    """Output of the kernel for a block.
+
+    Attributes
+    ----------
+    rows : ndarray, shape (levels, paths, impacts, COLUMNS)
+        Impacts; NaN where a path did not reach one.
+    fixed : ndarray, shape (levels, paths, times, 4)
+        States at fixed times.
+    controls : ndarray, shape (paths, impacts, COLUMNS)
+        Section quantities of the linearised path; no paths without a control variate.
+    path_steps, sticking_steps, unfinished : int
+        Path-steps, those in which a mesh stayed closed to the end, and paths without all impacts.
+    """
 
     rows: Floats
     fixed: Floats
@@ -96,7 +137,19 @@ class Raw(NamedTuple):
 
 
 def start_state(scene: Scene, walls: Floats) -> Floats:
-    """State after the start, shape (4, paths): flank coordinates on each path's own flank, the start's impact done."""
+    """Initial states, after the impact at the start if there is one.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its start; a coordinate on a flank is put on each path's own flank.
+    walls : ndarray, shape (4, paths)
+        Distances of the flanks +1, -1, +2, -2 from the middle.
+
+    Returns
+    -------
+    ndarray, shape (4, paths)
+    """
     s = scene.start
     state = np.empty((4, walls.shape[1]))
     for i, (x, gap) in enumerate(((s.x1, scene.gap1), (s.x2, scene.gap2))):
@@ -111,18 +164,32 @@ _own = threading.local()
 
 
 def _array(name: str, shape: tuple[int, ...], fill: float, reuse: bool) -> Floats:
-    """A filled array; with `reuse` the same memory for every block of a thread (fresh pages cost a fifth)."""
-    held: Floats | None = getattr(_own, name, None) if reuse else None
-    if held is None or held.shape != shape:
-        held = np.empty(shape)
+    """A filled array; with `reuse` in the same memory for all blocks of a thread (fresh pages cost a fifth)."""
+    array: Floats | None = getattr(_own, name, None) if reuse else None
+    if array is None or array.shape != shape:
+        array = np.empty(shape)
         if reuse:
-            setattr(_own, name, held)
-    held.fill(fill)
-    return held
+            setattr(_own, name, array)
+    array.fill(fill)
+    return array
 
 
 def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
-    """Run the paths of a block; with `reuse` the thread's next block overwrites what is returned."""
+    """Run the paths of a block.
+
+    Parameters
+    ----------
+    plan : Plan
+        Of the run.
+    block : int
+        Number of the block.
+    reuse : bool
+        Whether to return buffers that the thread's next block overwrites.
+
+    Returns
+    -------
+    Raw
+    """
     scene = plan.scene
     first = block * BLOCK
     paths = min(BLOCK, plan.paths - first)
@@ -141,24 +208,31 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
         plan.most_steps,
     )  # fmt: skip
     every, room = lanes_of(plan.levels, first, start_state(scene, walls), walls, scene.phase)
-    work, held = block_kernel(job.scheme)(
+    work, sticking = block_kernel(job.scheme)(
         job, plan.control, first, every, room, rows, plan.fixed_steps, fixed, controls
     )  # fmt: skip
     unfinished = np.isnan(rows[0, :, -1, 0]).sum()
-    return Raw(rows, fixed, controls, int(work), int(held), int(unfinished))
+    return Raw(rows, fixed, controls, int(work), int(sticking), int(unfinished))
 
 
 @dataclass(frozen=True)
 class BlockResult:
-    """What a block leaves behind: mergeable sums and counts.
+    """A block reduced to mergeable sums and counts.
 
-    ``sums`` holds, by name: ``section`` over (impact, quantity); ``section_pairs`` over (impact, pair of `PAIRS`);
-    ``at_times`` over (time, pair of `CROSS`); with step bias also ``fine_coarse`` and ``coarse_coarser`` over (impact,
-    quantity), the same quantity at two step sizes, and ``coarse_fixed`` over (time, stage), displacement with
-    velocity; with a control ``control`` over (impact, quantity), the quantity and what the linearised path says of
-    it; if asked for, ``energy`` over (impact, 1), what an impact takes.
-    ``codes`` counts mesh and side of each impact over (impact, `CODES`); ``agreeing`` counts the paths that have
-    followed each itinerary so far.
+    Attributes
+    ----------
+    sums : dict of str to CentralSums
+        ``section`` over (impact, quantity); ``section_pairs`` over (impact, pair of `PAIRS`); ``fixed`` over (time,
+        pair of `CROSS`).  With step bias also ``fine_coarse`` and ``coarse_coarser`` over (impact, quantity), the same
+        quantity at two step sizes, and ``coarse_fixed`` over (time, stage), displacement with velocity at 2 dt.  With a
+        control variate ``control`` over (impact, quantity), the quantity with that of the linearised path.  If asked
+        for, ``energy`` over (impact, 1), the energy loss.
+    codes : ndarray, shape (impacts, CODES)
+        Counts of mesh and side of each impact.
+    agreeing : dict of str to ndarray, shape (impacts,)
+        Number of paths that have followed each itinerary up to each impact.
+    path_steps, sticking_steps, unfinished : int
+        As in `Raw`.
     """
 
     sums: dict[str, CentralSums]
@@ -169,7 +243,17 @@ class BlockResult:
     unfinished: int
 
     def merged(self, other: "BlockResult") -> "BlockResult":
-        """Both blocks together."""
+        """Both blocks together.
+
+        Parameters
+        ----------
+        other : BlockResult
+            Of the same plan.
+
+        Returns
+        -------
+        BlockResult
+        """
         return BlockResult(
             {name: s.merged(other.sums[name]) for name, s in self.sums.items()},
             self.codes + other.codes,
@@ -181,6 +265,8 @@ class BlockResult:
 
 
 CODES = (1, -1, 2, -2)
+"""``mesh * side`` of an impact."""
+
 CROSS = tuple((i, j) for i in range(4) for j in range(i, 4))
 """Pairs of states whose covariance at fixed times is kept."""
 
@@ -198,7 +284,22 @@ def _pairs(
 
 
 def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
-    """Run a block and reduce it; its impacts, shape (paths, impacts, COLUMNS), if the plan keeps them."""
+    """Run a block and reduce it.
+
+    Parameters
+    ----------
+    plan : Plan
+        Of the run.
+    block : int
+        Number of the block.
+
+    Returns
+    -------
+    result : BlockResult
+        Sums and counts.
+    rows : ndarray, shape (paths, impacts, COLUMNS), or None
+        Its impacts, if the plan keeps them.
+    """
     raw = sample(plan, block, reuse=True)
     section, times = partial(_pairs, plan.impacts), partial(_pairs, plan.fixed_steps.size)
     rows = [columns_of(level) for level in raw.rows]
@@ -223,7 +324,7 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
     codes, agreeing = _tally(raw.rows[0], listed)
     kept = raw.rows[0].copy() if plan.keep else None
     if kept is not None and plan.scene.stages == 1:
-        kept[:, :, 4:6] = np.nan  # the kernel leaves there whatever was
+        kept[:, :, 4:6] = np.nan  # a single stage leaves these columns undefined
     return BlockResult(
         sums,
         codes,
@@ -236,7 +337,7 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
 
 @jit
 def _losses(c: Constants, rows: Floats) -> Floats:
-    """Energy that each impact of each path takes, shape (paths, impacts, 1); NaN where there was none."""
+    """Energy loss of each impact of each path, shape (paths, impacts, 1); NaN where there was none."""
     paths, impacts = rows.shape[:2]
     lost = np.full((paths, impacts, 1), np.nan)
     for p in range(paths):

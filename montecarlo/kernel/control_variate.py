@@ -1,10 +1,10 @@
-"""The linearised path as a control variate: first order in the noise, driven by the very noise of the simulated path.
+"""The linearised path as a control variate: first order in the noise, driven by the noise of the simulated path itself.
 
-Around the noise-free orbit a perturbation obeys the linear flight, and at each of the orbit's impacts the saltation
-matrix ``Xi = R + (F+ - R F-) g' / (g' F-)`` (docs/model.md section 6); ``-xi_i / y_i`` and ``(I - F- g' / (g' F-)) xi``
-are what it does to time and state at a path's own impact.  Step by step this is a linear map of normals, so its mean is
-zero and its variance is known without sampling, whatever it is worth as an approximation: it can take variance out of
-an estimate, never bring bias in.  It is worth most at small noise.
+A perturbation of the noise-free orbit obeys the linear flight, and at each impact of the orbit the saltation matrix
+``Xi = R + (F+ - R F-) g' / (g' F-)`` (docs/model.md section 6).  At a path's own impact it changes the time by
+``-xi_i / y_i`` and the state by ``(I - F- g' / (g' F-)) xi``.  Step by step this is a linear map of the normals, so its
+mean is zero and its variance is known without sampling, however good or bad the approximation is: the control variate
+can reduce the variance of an estimate and never adds a bias.  It is most effective at small noise.
 """
 
 from functools import lru_cache
@@ -27,29 +27,29 @@ __all__ = ["LinearPath", "carry_along", "controlled_statistics", "linear_path", 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-MOST_STEPS = 100_000  # of the linearised path; what comes later goes without control
-LONGEST = 1e3  # flight of the orbit that is followed
-FEWEST = 32  # paths of a regression: with three it would leave no error at all
-GRAZE = 1e-6  # impact speed below which the orbit has no linearisation, in units of what drives and starts it
+MOST_STEPS = 100_000  # of the linearised path; later impacts have no control variate
+LONGEST = 1e3  # flight of the orbit; after a longer one it is not followed
+FEWEST = 32  # paths of a regression; with three its residuals would be zero
+GRAZE = 1e-6  # impact speed, over the largest of alpha, gamma1 and initial speeds, below which it is grazing
 
 
 class LinearPath(NamedTuple):
-    """The linearised path as a program over steps, for compiled code.
+    """The linearised path as a sequence of linear maps, one for each step, for compiled code.
 
     The perturbation has five components: of ``x1, y1, x2, y2``, and of the time of the last impact.
 
     Attributes
     ----------
     carry : ndarray, shape (steps, 5, 5)
-        Of the perturbation over a step.
+        Propagator of the perturbation over a step.
     noise : ndarray, shape (steps, 2, 5)
-        What the two standard normals of a step add.
+        Effect of the two standard normals of a step.
     at_step : ndarray of int, shape (impacts,)
-        Step in which the orbit has each impact; those it never has are left out.
+        Step in which the orbit has each impact; impacts that it does not have are left out.
     read, read_noise : ndarray, shapes (impacts, 6, 5) and (impacts, 2, 6)
-        From the perturbation at the start of that step, and its normals, to the section quantities.
+        From the perturbation at the start of that step, and from its normals, to the section quantities.
     variance : ndarray, shape (all impacts, 6)
-        Of the section quantities; zero at impacts that the orbit never has.
+        Of the section quantities; zero at impacts that the orbit does not have.
     """
 
     carry: Floats
@@ -61,7 +61,12 @@ class LinearPath(NamedTuple):
 
 
 def no_control() -> LinearPath:
-    """No steps and no impacts: nothing is carried along."""
+    """A linearised path without steps and impacts: no control variate.
+
+    Returns
+    -------
+    LinearPath
+    """
     return LinearPath(
         np.empty((0, 5, 5)), np.empty((0, 2, 5)), np.empty(0, np.int64), np.empty((0, 6, 5)), np.empty((0, 2, 6)),
         np.empty((0, 6)),
@@ -75,7 +80,7 @@ class _Impact(NamedTuple):
 
 
 def _impacts(scene: Scene, impacts: int) -> list[_Impact]:
-    """The orbit's impacts, as far as it can be linearised: section quantities and saltation, both of (xi, last tau)."""
+    """The orbit's impacts, until it grazes or ends: section quantities and saltation, as maps of (xi, last tau)."""
     c, start = scene.constants, scene.start
     x1, y1, x2, y2 = scene.start_state
     if start.mesh:
@@ -108,7 +113,7 @@ def _impacts(scene: Scene, impacts: int) -> list[_Impact]:
 
 
 def _flight(c: Constants, tau: float, begin: float, h: float, span: float) -> tuple[Floats, Floats]:
-    """Carry over a part of a step of length h, from `begin` into it, and what the step's two normals do in it."""
+    """Propagator over a part of a step of length h, from `begin` for `span`, and the effect of the step's normals."""
     carry, noise = np.eye(5), np.zeros((2, 5))
     carry[:4, :4] = jacobian(c, span)
     part = span / h
@@ -118,9 +123,22 @@ def _flight(c: Constants, tau: float, begin: float, h: float, span: float) -> tu
     return carry, noise
 
 
-@lru_cache(maxsize=2)  # runs of one scene follow one another, and a program of many steps takes seconds
+@lru_cache(maxsize=2)  # consecutive runs often share a scene, and many steps take seconds
 def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
-    """The program of a scene at a step.
+    """The linearised path of a scene at a step.
+
+    Parameters
+    ----------
+    scene : Scene
+        With noise.
+    impacts : int
+        Number of impacts.
+    dt : float
+        Step.
+
+    Returns
+    -------
+    LinearPath
 
     Examples
     --------
@@ -140,7 +158,7 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
     for n in range(steps):
         tau, at = scene.phase + n * dt, 0.0
         carry, noise = np.eye(5), np.zeros((2, 5))
-        while k < len(orbit) and (orbit[k].tau < tau + dt or n == steps - 1):  # the last, whatever rounding says
+        while k < len(orbit) and (orbit[k].tau < tau + dt or n == steps - 1):  # the last in spite of rounding
             span = orbit[k].tau - tau - at
             linear, pushed = _flight(c, tau, at, dt, span)
             carry, noise = linear @ carry, noise @ linear.T + pushed
@@ -161,10 +179,33 @@ def carry_along(
     path: LinearPath, n: int, done: int, first: int, numbers: NDArray[Word], xi: Floats, w: Floats, area: Floats,
     controls: Floats, live: int,
 ) -> int:  # fmt: skip
-    """Take the perturbations of all lanes through step n; returns how many of the orbit's impacts are behind it.
+    """Carry the perturbations of all lanes through step n.
 
-    `xi`, shape (5, lanes), holds the perturbations, `w` and `area` the step's normals; what the linearised path says of
-    the section goes to `controls`, shape (paths, impacts, COLUMNS).
+    Parameters
+    ----------
+    path : LinearPath
+        The maps.
+    n : int
+        Number of the step.
+    done : int
+        Number of the orbit's impacts before it.
+    first : int
+        Number of the block's first path.
+    numbers : ndarray of Word, shape (lanes,)
+        Number of the path in each lane.
+    xi : ndarray, shape (5, lanes)
+        Perturbations; output too.
+    w, area : ndarray, shape (lanes,)
+        Normals of the step.
+    controls : ndarray, shape (paths, impacts, COLUMNS)
+        Output: section quantities of the linearised path.
+    live : int
+        Number of lanes in use.
+
+    Returns
+    -------
+    int
+        Number of the orbit's impacts up to the end of the step.
     """
     while done < path.at_step.size and path.at_step[done] == n:
         read, noise = path.read[done], path.read_noise[done]
@@ -193,20 +234,26 @@ def carry_along(
 
 
 def controlled_statistics(sums: CentralSums, variance: Floats) -> dict[str, Floats]:
-    """Mean and sd of a quantity with standard errors, by regression on a control of known mean zero and variance.
+    """Mean and sd of a quantity with standard errors, by regression on a control variate of known variance.
 
-    The quantity and its square are regressed on the control l and on ``l^2``, whose means are known.  Cells in which
-    the control does not vary, that some paths have not reached, or that fewer than `FEWEST` have, are left as they are
-    without it.  So is what regression makes impossible, as it may where few paths tell the slopes: a variance that is
-    not positive, and times and flights as a whole where a mean impact would come before the one that it follows, or a
-    mean flight be negative.
+    The quantity and its square are regressed on the control variate l and on ``l^2``, whose expectations are known
+    (zero, and the variance).  The
+    regression is not used in cells where l does not vary, which some paths have not reached, or which fewer than
+    `FEWEST` have.  Nor is it used where it gives something impossible, as it may with few paths: a variance that is not
+    positive, or (then for all times and flights together) mean impact times out of order or negative mean flights.
 
     Parameters
     ----------
     sums : CentralSums
-        Of the quantity (first) and the control (second), orders `PAIR`, shape (impacts, quantities of `SECTION`).
-    variance : ndarray
-        Known variance of the control.
+        Of the quantity (first) and the control variate (second), orders `PAIR`, shape (impacts, quantities of
+        `SECTION`).
+    variance : ndarray, shape (impacts, quantities)
+        Known variance of the control variate.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (impacts, quantities)
+        ``mean, se_mean, sd, se_sd``.
 
     References
     ----------
@@ -221,8 +268,9 @@ def controlled_statistics(sums: CentralSums, variance: Floats) -> dict[str, Floa
         determinant = m02 * m04 - m03**2
         usable &= determinant > 0.0
         determinant = np.where(usable, determinant, np.nan)
-        off = -sums.mean[1]  # what the means of the control and of its square about the sample mean should be, less
-        off_square = variance + sums.mean[1] ** 2 - m02  # what they are
+        # expectations of l, and of its square about the sample mean, less their sample means
+        off = -sums.mean[1]
+        off_square = variance + sums.mean[1] ** 2 - m02
 
         def regressed(g1: Floats, g2: Floats, spread: Floats) -> tuple[Floats, Floats]:
             b1, b2 = (m04 * g1 - m03 * g2) / determinant, (m02 * g2 - m03 * g1) / determinant
@@ -246,6 +294,6 @@ def controlled_statistics(sums: CentralSums, variance: Floats) -> dict[str, Floa
 
 
 def _in_order(mean: Floats, reached: NDArray[np.bool_]) -> bool:
-    """Whether mean times rise and mean flights are not negative, of the impacts that all paths have reached."""
+    """Whether mean impact times ascend and no mean flight is negative, over the impacts that all paths have reached."""
     tau, flight = mean[reached[:, 0], 0], mean[reached[:, 1], 1]
     return bool((np.diff(tau) >= 0.0).all() and (flight >= 0.0).all())

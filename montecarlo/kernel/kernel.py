@@ -1,4 +1,4 @@
-"""A block of paths through a scheme: paths side by side in lanes, impacts apart from the steps."""
+"""The kernel: a block of paths through a scheme, steps in vector lanes, impacts one path at a time."""
 
 import math
 from collections.abc import Callable
@@ -27,19 +27,39 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-CHUNK = 16  # finest steps between two looks at which paths are done; a multiple of the coarsest step, and of 4
-COLUMNS = 7  # of an impact: tau, flight, x1, y1, x2, y2, mesh * side
-SPLITS = Word(1 << 16)  # indices of random numbers that the splits of one step may use
-CUTS_APART = SPLITS // Word(MOST_IN_A_STEP + 1)  # of those, for one call of the exact scheme
+CHUNK = 16  # finest steps between retirements of finished paths; a multiple of 4 (steps of a draw, coarsest step)
+COLUMNS = 7  # recorded of an impact: tau, flight, x1, y1, x2, y2, mesh * side
+SPLITS = Word(1 << 16)  # indices of random numbers reserved for the splits of one step
+CUTS_APART = SPLITS // Word(MOST_IN_A_STEP + 1)  # of those, the ones of one call of `advance_exactly`
 
-PLAIN, LOCATED, EXACT = 0, 1, 2
+PLAIN, LOCATED, EXACT = 0, 1, 2  # codes of the schemes
 ZERO, FIRST, SECOND = cast(tuple[int, int, int], (np.int64(0), np.int64(1), np.int64(2)))
-"""Integers that the compiler takes for variables: what is called with a literal is compiled for it once more."""
-FLANK_DRAWS = Word(4)  # draws of the walls at the start; those of the impacts follow
+"""Integers of a non-literal type: numba compiles a function again for every literal argument."""
+FLANK_DRAWS = Word(4)  # half gaps drawn at the start; the draws of the impacts follow
 
 
 class Job(NamedTuple):
-    """What all paths of a run have in common."""
+    """Settings of a run for compiled code.
+
+    Attributes
+    ----------
+    c : Constants
+        Of the scene.
+    backlash : Backlash
+        Half gaps and their tolerance.
+    key : Key
+        Of the random numbers.
+    tau : float
+        Initial time.
+    dt : float
+        Finest step.
+    scheme : int
+        Code of the scheme.
+    two_point : bool
+        Whether increments are two-point.
+    most_steps : int
+        Finest steps after which a path is given up.
+    """
 
     c: Constants
     backlash: Backlash
@@ -56,9 +76,33 @@ def next_event(
     scheme: int, c: Constants, key: Key, path: Word, step: int, level: int, met: int, at: Progress, walls: Walls,
     ahead: Floats,
 ) -> Progress:  # fmt: skip
-    """Go to the next impact within a step, or to the step's end; `met` counts the calls for one path and step.
+    """Go to the next impact within a step, or to the end of the step; the same function on processors and GPUs.
 
-    Cards and processors call it alike; `scheme` is a constant of the kernel that calls, which holds no other.
+    Parameters
+    ----------
+    scheme : int
+        Code of the scheme, a compile-time constant: other schemes are not compiled in.
+    c : Constants
+        Of the scene.
+    key : Key
+        Of the run.
+    path : Word
+        Number of the path.
+    step, level : int
+        Number of the step, in finest steps; its level (0 for dt, 1 for 2 dt, ...).
+    met : int
+        Number of earlier calls for this path and step.
+    at : Progress
+        The path within the step.
+    walls : Walls
+        Of the path.
+    ahead : ndarray, shape (PARTS, 3)
+        Scratch of `advance_exactly`.
+
+    Returns
+    -------
+    Progress
+        At the impact that is due, or at the end of the step.
     """
     if scheme == PLAIN:
         return at_end(c, at, walls)
@@ -78,7 +122,7 @@ def _record(
     job: Job, path: Word, row: int, level: int, p: int, code: int, tau: float, x1: float, y1: float, x2: float,
     y2: float, lanes: Lanes, rows: Floats,
 ) -> tuple[float, float]:  # fmt: skip
-    """An impact of the path in lane p: note it in `rows`, redraw the flank; returns the speeds after it."""
+    """Record an impact of the path in lane p in `rows` and redraw the flank; returns the velocities after it."""
     c, k = job.c, lanes.impacts[p]
     if k < rows.shape[2]:
         seen = (tau, tau - lanes.last[p], x1, y1, x2, y2, float(code))
@@ -90,7 +134,7 @@ def _record(
     if job.backlash.redrawn:
         opposite = 2 * mesh - 1 if code > 0 else 2 * mesh - 2
         lanes.walls[opposite, p] = half_gap(job.backlash, job.key, path, Word(k) + FLANK_DRAWS, mesh)
-    a1, a2 = struck(c, FIRST, y1, y2)  # both, for which mesh is next no processor foresees
+    a1, a2 = struck(c, FIRST, y1, y2)  # both: branch-free, since the mesh is unpredictable
     b1, b2 = struck(c, SECOND, y1, y2)
     return (a1, a2) if mesh == 1 else (b1, b2)
 
@@ -100,9 +144,10 @@ def _finish_at_end(
     job: Job, path: NDArray[Word], first: int, level: int, tau: float, found: int, hits: Ints, lanes: Lanes,
     rows: Floats,
 ) -> int:  # fmt: skip
-    """Impacts of the plain scheme at the end of a step in the first `found` lanes of `hits`; returns how many are held.
+    """Impacts of the plain scheme at the end of a step, in the first `found` lanes of `hits`.
 
-    All lanes have their first impact, then those that have one have their second, and so on.
+    All lanes have their first impact, then those that have one their second, and so on.  Returns in how many lanes an
+    impact is still due after `MOST_IN_A_STEP`.
     """
     c, state = job.c, lanes.state
     for met in range(MOST_IN_A_STEP + 1):
@@ -133,8 +178,8 @@ def _finish_inside(
     scheme: int, job: Job, path: Word, row: int, step: int, level: int, p: int, at: Progress, lanes: Lanes,
     rows: Floats, ahead: Floats,
 ) -> bool:  # fmt: skip
-    """Carry one path from `at` through its impacts to the end of the step; whether it had to be held there."""
-    held = False
+    """Carry one path from `at` through its impacts to the end of the step; whether a mesh had to stay closed."""
+    sticking = False
     for met in range(MOST_IN_A_STEP + 1):
         if at.left <= 0.0:
             break
@@ -144,7 +189,7 @@ def _finish_inside(
             at = next_event(scheme, job.c, job.key, path, step, level, met, at, walls, ahead)
         if sides[0] != 0 or sides[1] != 0 or (at.code != 0 and met == MOST_IN_A_STEP):
             at = stick_to_end(job.c, at, sides if at.code == 0 else sides_of(at.code), walls)
-            held = True
+            sticking = True
             break
         if at.code != 0:
             y1, y2 = _record(
@@ -152,12 +197,12 @@ def _finish_inside(
             )  # fmt: skip
             at = Progress(0, at.tau, at.left, at.noise, at.x1, y1, at.x2, y2)
     lanes.state[0, p], lanes.state[1, p], lanes.state[2, p], lanes.state[3, p] = at.x1, at.y1, at.x2, at.y2
-    return held
+    return sticking
 
 
 @spliced
 def _step_lanes(scheme: int, job: Job, tau: float, h: float, lanes: Lanes, marks: Bools, live: int) -> None:
-    """One step of all lanes; marks those that may meet a wall."""
+    """One step of all lanes; marks those that may have an impact."""
     c, state, before = job.c, lanes.state, lanes.before
     if scheme == PLAIN:
         euler_lanes(c, step_forcing(c, tau, h), h, job.backlash.random, lanes.walls, state, lanes.w, marks, live)
@@ -177,30 +222,37 @@ def _step_lanes(scheme: int, job: Job, tau: float, h: float, lanes: Lanes, marks
 
 @cache
 def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
-    """Kernel that follows a block of paths by one scheme; what other schemes need is not compiled.
+    """Kernel that follows a block of paths by one scheme; code of other schemes is not compiled in.
 
-    Called with ``(job, control, first, every, room, rows, fixed_steps, fixed, controls)``, it follows each path until
-    it has had its impacts, at one or more step sizes on one noise, and returns the steps taken and the times a path was
-    held at its wall.
+    The kernel is called with ``(job, control, first, every, room, rows, fixed_steps, fixed, controls)``.  It follows
+    each path until it has had its impacts, at one or more step sizes on the same Brownian path, and returns the number
+    of path-steps, and of those in which a mesh stayed closed to the end.
 
-    - job : Job.  Level l steps by ``2**l dt``; after ``most_steps`` finest steps paths are given up.
+    - job : Job.  Level l has the step ``2**l dt``; after ``most_steps`` finest steps paths are given up.
     - control : LinearPath, carried along beside the finest level; empty for none.
     - first : int, number of the block's first path.
     - every, room : Lanes, Room, from `rattle.montecarlo.kernel.lanes.lanes_of`.
-    - rows : ndarray, shape (levels, paths, impacts, COLUMNS).  Output: each impact, just before it; what is never
-      reached stays as given.
-    - fixed_steps : ndarray of int, ascending.  Finest steps, multiples of the coarsest, at which states go to `fixed`,
-      shape (levels, paths, times, 4).
-    - controls : ndarray, shape (paths, impacts, COLUMNS).  Output: what the linearised path says of each section
-      quantity; as given where there is none.
+    - rows : ndarray, shape (levels, paths, impacts, COLUMNS).  Output: the state just before each impact; impacts that
+    are
+      not reached stay as given.
+    - fixed_steps : ndarray of int, ascending.  Finest steps, multiples of the coarsest, after which states are
+    recorded.
+    - fixed : ndarray, shape (levels, paths, times, 4).  Output: those states.
+    - controls : ndarray, shape (paths, impacts, COLUMNS).  Output: section quantities of the linearised path; as given
+      where there is none.
 
     Parameters
     ----------
     scheme : int
         Code of the scheme.
+
+    Returns
+    -------
+    callable
+        The compiled kernel.
     """
-    draws = 2 if scheme == EXACT else 4  # steps that a draw of four normals serves
-    apart = 4 // draws
+    draws = 2 if scheme == EXACT else 4  # steps per draw of four normals
+    apart = 4 // draws  # normals per step
 
     @lean
     def run_block(
@@ -209,7 +261,7 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
     ) -> tuple[int, int]:  # fmt: skip
         levels, paths, impacts = rows.shape[0], rows.shape[1], rows.shape[2]
         path, bits, z, xi, marks, hits = room.path, room.bits, room.z, room.xi, room.marks, room.hits
-        work, held, live, next_fixed, linear, n = ZERO, ZERO, paths, ZERO, ZERO, ZERO
+        work, sticking, live, next_fixed, linear, n = ZERO, ZERO, paths, ZERO, ZERO, ZERO
         while n < job.most_steps and live > 0:
             wide = (live + 7) // 8 * 8
             for _ in range(min(CHUNK, job.most_steps - n)):
@@ -238,14 +290,14 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
                     _step_lanes(scheme, job, begin, h, lanes, marks, wide)
                     found = list_marked(marks, live, room.groups, hits)
                     if scheme == PLAIN:
-                        held += _finish_at_end(job, path, first, level, begin + h, found, hits, lanes, rows)
+                        sticking += _finish_at_end(job, path, first, level, begin + h, found, hits, lanes, rows)
                     else:
                         for i in range(found):
                             p, s = hits[i], lanes.before
                             noise = Noise(lanes.w[p] * math.sqrt(h), lanes.area[p] * math.sqrt(h / 12.0))
                             at = Progress(0, begin, h, noise, s[0, p], s[1, p], s[2, p], s[3, p])
                             row = int(path[p]) - first
-                            held += _finish_inside(
+                            sticking += _finish_inside(
                                 scheme, job, path[p], row, n - multiple, level, p, at, lanes, rows, room.ahead
                             )  # fmt: skip
                     work += live
@@ -257,6 +309,6 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
                     next_fixed += 1
             if next_fixed == fixed_steps.size and linear == control.at_step.size:
                 live = retire(every, path, bits, xi, impacts, live)
-        return work, held
+        return work, sticking
 
     return run_block

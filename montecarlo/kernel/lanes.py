@@ -1,4 +1,4 @@
-"""Paths side by side in lanes: their arrays, which of them are marked, and how a finished one leaves."""
+"""Vector lanes: paths side by side in arrays, lists of marked lanes, and the retirement of finished paths."""
 
 import math
 from typing import NamedTuple
@@ -18,10 +18,22 @@ Bools = NDArray[np.bool_]
 
 
 class Lanes(NamedTuple):
-    """Paths side by side: arrays over (levels, ..., lanes), or for one level over (..., lanes).
+    """Paths side by side: arrays of shape (levels, ..., lanes); for one level (..., lanes).
 
-    ``before`` is the state at the start of the step, ``w`` and ``area`` its noise in standard units, ``last`` the time
-    of the last impact, ``impacts`` how many a path has had.
+    A level is a step size: dt, 2 dt, 4 dt.
+
+    Attributes
+    ----------
+    state, before : ndarray, shape (levels, 4, lanes)
+        Present state, and the state at the start of the step.
+    walls : ndarray, shape (levels, 4, lanes)
+        Distances of the flanks +1, -1, +2, -2 from the middle.
+    w, area : ndarray, shape (levels, lanes)
+        Increment and area of the step's noise, in units of their sd.
+    last : ndarray, shape (levels, lanes)
+        Time of the last impact.
+    impacts : ndarray of int, shape (levels, lanes)
+        Number of impacts so far.
     """
 
     state: Floats
@@ -34,10 +46,26 @@ class Lanes(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Scratch of a block: numbers of the paths in the lanes, random bits and normals, perturbations, marked lanes, and
-    parts of a step.
+    """Buffers of a block.
 
-    A draw of four normals serves four steps, or two that use the area; the fifth row of ``z`` stays zero.
+    A draw of four normals serves four steps, or two steps of a scheme that uses the area.
+
+    Attributes
+    ----------
+    path : ndarray of Word, shape (lanes,)
+        Number of the path in each lane.
+    bits : ndarray of Word, shape (lanes,)
+        Random bits of two-point increments.
+    z : ndarray, shape (5, lanes)
+        Four normals; the fifth row stays zero.
+    xi : ndarray, shape (5, lanes)
+        Perturbations of the linearised path.
+    marks : ndarray of bool, shape (lanes,)
+        Lanes that may have an impact in this step.
+    groups, hits : ndarray of int
+        Scratch and output of `list_marked`.
+    ahead : ndarray, shape (PARTS, 3)
+        Scratch of `rattle.montecarlo.schemes.exact_flight.advance_exactly`.
     """
 
     path: NDArray[Word]
@@ -51,21 +79,25 @@ class Room(NamedTuple):
 
 
 def lanes_of(levels: int, first: int, start: Floats, walls: Floats, tau: float) -> tuple[Lanes, Room]:
-    """Lanes and scratch of a block; allocated here, for compiled code that allocates takes long to compile.
+    """Lanes and buffers of a block; allocated outside compiled code, which takes longer to compile if it allocates.
 
     Parameters
     ----------
     levels, first : int
-        Step sizes side by side; number of the first path.
+        Number of step sizes; number of the first path.
     start : ndarray, shape (4, paths)
-        State after the start.
+        Initial states.
     walls : ndarray, shape (4, paths)
-        Distance of the flanks +1, -1, +2, -2 from the middle.
+        Distances of the flanks +1, -1, +2, -2 from the middle.
     tau : float
-        Time of the start.
+        Initial time.
+
+    Returns
+    -------
+    Lanes, Room
     """
     paths = start.shape[1]
-    lanes = (paths + 7) // 8 * 8  # whole vectors: what the last lanes compute when no path is in them is not looked at
+    lanes = (paths + 7) // 8 * 8  # whole vectors; results of lanes without a path are ignored
     state, wall = np.zeros((levels, 4, lanes)), np.ones((levels, 4, lanes))
     state[:, :, :paths], wall[:, :, :paths] = start, walls
     every = Lanes(
@@ -82,7 +114,22 @@ def lanes_of(levels: int, first: int, start: Floats, walls: Floats, tau: float) 
 
 @spliced
 def of_level(every: Lanes, level: int, w: Floats, area: Floats) -> Lanes:
-    """The lanes of one level, with this noise."""
+    """The lanes of one level, with given noise.
+
+    Parameters
+    ----------
+    every : Lanes
+        Of all levels.
+    level : int
+        Which.
+    w, area : ndarray, shape (lanes,)
+        Increment and area of the step's noise, in units of their sd.
+
+    Returns
+    -------
+    Lanes
+        Views.
+    """
     return Lanes(
         every.state[level], every.before[level], every.walls[level], w, area, every.last[level], every.impacts[level]
     )  # fmt: skip
@@ -90,9 +137,26 @@ def of_level(every: Lanes, level: int, w: Floats, area: Floats) -> Lanes:
 
 @lean
 def list_marked(marks: Bools, lanes: int, groups: Ints, out: Ints) -> int:
-    """Indices of the marked lanes into `out`, first by groups of eight, for marks are rare.
+    """List the marked lanes, by groups of eight first since marks are rare.
 
-    There is no branch on a mark, which no processor could foresee: an index is written anyway, and kept if it counts.
+    There is no branch on a mark, which would be mispredicted: every index is written, and overwritten if it is not
+    marked.
+
+    Parameters
+    ----------
+    marks : ndarray of bool
+        Of whole groups of eight.
+    lanes : int
+        Number of lanes in use.
+    groups : ndarray of int
+        Scratch.
+    out : ndarray of int
+        Output: indices of the marked lanes.
+
+    Returns
+    -------
+    int
+        How many.
     """
     words = marks.view(np.int64)
     some = 0
@@ -109,8 +173,18 @@ def list_marked(marks: Bools, lanes: int, groups: Ints, out: Ints) -> int:
 
 @lean
 def join_halves(fine_w: Floats, fine_area: Floats, w: Floats, area: Floats, second: bool, live: int) -> None:
-    """Noise of a coarse step from its halves', in standard units (`rattle.montecarlo.noise.brownian.joined` at share
-    1/2).
+    """Noise of a coarse step from that of its halves, in units of the sd (`rattle.montecarlo.noise.brownian.joined`).
+
+    Parameters
+    ----------
+    fine_w, fine_area : ndarray, shape (lanes,)
+        Of the half that has just been taken.
+    w, area : ndarray, shape (lanes,)
+        Of the coarse step; hold the first half until the second is taken.  Output.
+    second : bool
+        Whether it is the second half.
+    live : int
+        Number of lanes in use.
     """
     root2, root3 = math.sqrt(2.0), math.sqrt(3.0)
     for p in range(live):
@@ -124,7 +198,24 @@ def join_halves(fine_w: Floats, fine_area: Floats, w: Floats, area: Floats, seco
 
 @lean
 def retire(every: Lanes, path: NDArray[Word], bits: NDArray[Word], xi: Floats, impacts: int, live: int) -> int:
-    """Give the lane of a finished path to the last one; returns how many are left."""
+    """Move the last path in use to the lane of each finished one.
+
+    Parameters
+    ----------
+    every : Lanes
+        Of all levels; a path is finished once it has had its impacts at all of them.
+    path, bits, xi : ndarray
+        Of `Room`; moved along.
+    impacts : int
+        Impacts of a finished path.
+    live : int
+        Number of lanes in use.
+
+    Returns
+    -------
+    int
+        Number of lanes still in use.
+    """
     p = 0
     while p < live:
         fewest = every.impacts[0, p]

@@ -43,13 +43,13 @@ def test_the_saltation_matrix_is_the_derivative_through_an_impact(alpha):
             (through(c, tau, state + h * e, early + late) - through(c, tau, state - h * e, early + late)) / (2.0 * h)
             for e in np.eye(4)
         ]
-        laws = (
+        matrices = (
             saltation_matrix(c, orbit.mesh[k], orbit.tau[k], *orbit.before[k, 1::2]),
             contact_matrix(c, orbit.mesh[k]),
         )
-        right, wrong = (jacobian(c, late) @ law @ jacobian(c, early) for law in laws)
+        right, wrong = (jacobian(c, late) @ matrix @ jacobian(c, early) for matrix in matrices)
         assert np.abs(np.transpose(moved) - right).max() < 1e-6 * np.abs(right).max()
-        assert np.abs(np.transpose(moved) - wrong).max() > 1e-2  # the contact law alone is not the derivative
+        assert np.abs(np.transpose(moved) - wrong).max() > 1e-2  # the restitution map alone is not the derivative
 
 
 def test_growths_are_those_of_the_orbit_s_own_neighbours():
@@ -86,20 +86,21 @@ def test_exponents_add_up_exactly_of_orbit_and_noisy_path(alpha, stages):
             assert abs(found.sum_error) < 1e-10
             assert (np.diff(found.value) <= 0.0).all()
         else:
-            assert found.regime.kind in ("rests", "silent")
+            assert found.regime.kind in ("sticks", "silent")
 
 
-def test_the_exact_sum_catches_contact_laws_without_saltation_and_a_rate_of_one_mesh():
+def test_the_exact_sum_catches_restitution_without_saltation_and_a_rate_of_one_mesh():
     s, c = LongOrbit(DAT).stretch(2000), DAT.constants
     frame, total = np.eye(4), 0.0
     for t, code in zip(s.flight, s.code, strict=True):
         frame, r = np.linalg.qr(contact_matrix(c, abs(code)) @ jacobian(c, t) @ frame)
         total += np.log(np.abs(np.diag(r))).sum()
     time = s.flight.sum()
-    law = -(c.beta1 + c.beta2) * time + 2.0 * np.log(c.epsilon) * np.array([s.code.size, (np.abs(s.code) == 1).sum()])
-    assert s.growth.sum() == pytest.approx(law[0], abs=1e-9)
-    assert abs(total - law[0]) / time > 0.1
-    assert abs(s.growth.sum() - law[1]) / time > 0.1
+    impacts = np.array([s.code.size, (np.abs(s.code) == 1).sum()])
+    exact, one_mesh = -(c.beta1 + c.beta2) * time + 2.0 * np.log(c.epsilon) * impacts
+    assert s.growth.sum() == pytest.approx(exact, abs=1e-9)
+    assert abs(total - exact) / time > 0.1
+    assert abs(s.growth.sum() - one_mesh) / time > 0.1
 
 
 def test_an_interval_from_batches_covers_correlated_records_and_a_naive_one_does_not():
@@ -131,28 +132,28 @@ def test_a_record_too_short_says_how_long_it_must_be_and_that_is_enough():
         lyapunov(DAT, impacts=100)
 
 
-def test_an_orbit_that_rests_is_marked_and_has_no_section():
+def test_an_orbit_that_sticks_for_good_is_marked_and_has_no_section():
     scene = at(0.05)
     found = lyapunov(scene)
-    assert found.regime.kind == "rests"
+    assert found.regime.kind == "sticks"
     assert np.isnan(found.value).all()
-    assert "rests closed" in found.regime.reason
+    assert "completes chatter and sticks after" in found.regime.reason
     edges = np.linspace(0, 1, 11), np.linspace(-1, 1, 11)
     with pytest.raises(InputError, match="without a section"):
         orbit_section(scene, 1000, edges)
     assert list(sections(scene, points=2000)) == ["noisy system"]
 
 
-def test_a_silent_orbit_is_told_from_a_resting_one():
+def test_a_silent_orbit_is_distinguished_from_a_sticking_one():
     scene = Scene(alpha=0.1, epsilon=0.5, beta1=1.0, gamma1=0.0, stages=1, gap1=5.0, start=Start(0.0, 0.0, 0.1))
     assert lyapunov(scene).regime.kind == "silent"
 
 
-def test_what_accumulates_before_a_rest_is_left_out():
+def test_chatter_before_sticking_is_left_out():
     regime = Regime()
     slowest = min(np.abs(s.before[s.code == 1, 1]).min() for s in orbit_record(at(0.1), 20_000, regime, tangent=False))
     assert regime.stuck > 0
-    assert slowest > 1e-6  # a rest is recognised at speeds of 1e-10
+    assert slowest > 1e-6  # sticking is recognised at speeds of 1e-10
 
 
 def test_a_long_transient_is_recognised_and_left_out():
@@ -166,11 +167,11 @@ def test_no_exponents_without_rebound():
         lyapunov(replace(DAT, epsilon=0.0))
 
 
-def test_sweeps_do_not_depend_on_workers_and_mark_what_rests():
+def test_sweeps_do_not_depend_on_workers_and_mark_what_sticks():
     one, two = (sweep(DAT, (0.05, 0.4, 1.5), noise=paper_noise, width=0.1, workers=n) for n in (1, 2))
     assert one.equals(two)
     orbit = one[one["of"] == "orbit"]
-    assert orbit["regime"].tolist() == ["rests", "runs", "runs"]
+    assert orbit["regime"].tolist() == ["sticks", "runs", "runs"]
     assert crossings(one)[["low", "high", "to"]].to_numpy().tolist() == [[0.4, 1.5, 1]]
     assert (one["sum_error"].abs().dropna() < 1e-10).all()
 
@@ -198,7 +199,7 @@ def test_the_corrected_map_grows_as_the_orbit_does():
     assert np.log(means[50] / 1e-9) > 2.0
 
 
-def test_what_mean_maps_say_of_themselves():
+def test_mean_maps_report_where_they_break_down():
     maps = mean_maps(DAT, lyapunov(DAT, impacts=10_000)).set_index("closure")
     assert maps["not_realizable"]["published"] == 2
     assert np.isnan(maps["largest"]["published"])

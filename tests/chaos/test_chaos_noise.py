@@ -20,7 +20,7 @@ def test_the_square_root_law_has_its_exponent_and_its_prefactor():
 
 
 def test_another_exponent_is_rejected():
-    """NegativeControl: the same noise with delta^0.55, and a linear law."""
+    """Negative control: the same noise with delta^0.55, and a linear law."""
     deltas = np.geomspace(1e-6, 1e-3, 7)
     z = np.random.default_rng(4).normal(size=(3000, 7))
     for power in (0.55, 1.0):

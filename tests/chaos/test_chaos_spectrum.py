@@ -15,7 +15,7 @@ DAT = Scene.from_gears(DAT21, sigma=1.5**0.5)
 
 
 def test_the_band_covers_white_noise():
-    """Bins of 60 spectra of 127 bins; neighbours go together, so 4 standard errors of half as many bins are 0.015."""
+    """60 spectra of 127 bins; neighbours are correlated, so 4 standard errors of half as many bins are 0.015."""
     rng, inside, bins = np.random.default_rng(5), 0, 0
     for _ in range(60):
         low, high = (s := welch([rng.normal(size=20_000)], 256, 1.0)).band
@@ -44,7 +44,7 @@ def test_noise_has_no_lines(colour):
     assert alarms <= 3 * 300 * FALSE_ALARM
 
 
-def test_a_planted_line_is_found_where_it_is_with_the_power_it_has():
+def test_a_line_added_to_noise_is_found_with_its_frequency_and_power():
     rng, n = np.random.default_rng(8), np.arange(200_000)
     x = rng.normal(size=n.size) + 0.5 * np.sin(2.0 * np.pi * 0.1234 * n)
     lines = welch([x], 1024, 1.0).lines
@@ -54,7 +54,7 @@ def test_a_planted_line_is_found_where_it_is_with_the_power_it_has():
     assert lines["narrow"][0]
 
 
-def test_a_planted_wide_band_is_not_taken_for_narrow():
+def test_a_wide_band_added_to_noise_is_not_taken_for_narrow():
     rng = np.random.default_rng(9)
     b, a = signal.iirpeak(0.2, 30.0)
     x = rng.normal(size=200_000) + 5.0 * signal.lfilter(b, a, rng.normal(size=200_000))
@@ -109,5 +109,5 @@ def test_bifurcations_hold_every_point_of_any_field():
     b = bifurcation(DAT, (0.5, 0.7, 0.9), field="epsilon", quantity="flight", points=3000)
     assert (b.regime["points"] == 3000).all()
     assert (b.counts[NOISY].sum(axis=1) > 2980).all()
-    rests = bifurcation(DAT, (0.05, 0.4), points=1000, noise=paper_noise)
-    assert rests.counts[ORBIT].sum(axis=1).tolist()[0] == 0
+    sticking = bifurcation(DAT, (0.05, 0.4), points=1000, noise=paper_noise)
+    assert sticking.counts[ORBIT].sum(axis=1).tolist()[0] == 0

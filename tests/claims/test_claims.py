@@ -56,20 +56,20 @@ def test_verdicts_on_dat21(claims, name, verdict):
 
 
 def test_another_covariance_would_not_pass_for_the_solution(evidence):
-    controls = replace(evidence, open_space=replace(evidence.open_space, beta1=0.3))
-    assert of_moments.solvable(controls).verdict == UNDECIDED
+    control = replace(evidence, open_space=replace(evidence.open_space, beta1=0.3))
+    assert of_moments.solvable(control).verdict == UNDECIDED
 
 
 def test_a_corrected_correlation_beyond_one_would_reproduce_the_claim(evidence):
     v = evidence.validations[0]
     rows = v.correlation.assign(rho=v.correlation["rho"].where(v.correlation["closure"] != "corrected", 1.2))
-    controls = replace(evidence, validations=[replace(v, correlation=rows), *evidence.validations[1:]])
-    assert of_moments.beyond_one(controls).verdict == REPRODUCED
+    control = replace(evidence, validations=[replace(v, correlation=rows), *evidence.validations[1:]])
+    assert of_moments.beyond_one(control).verdict == REPRODUCED
 
 
 def test_impacts_that_alternate_would_reproduce_the_claim(evidence):
-    controls = replace(evidence, repeats=dict.fromkeys(("orbit", "noisy"), Mean(0.0, 0.0, 32.0)))
-    assert of_motion.counter_meshes(controls).verdict == REPRODUCED
+    control = replace(evidence, repeats=dict.fromkeys(("orbit", "noisy"), Mean(0.0, 0.0, 32.0)))
+    assert of_motion.counter_meshes(control).verdict == REPRODUCED
 
 
 @pytest.mark.parametrize(
@@ -79,8 +79,8 @@ def test_impacts_that_alternate_would_reproduce_the_claim(evidence):
 def test_the_range_of_chaos_follows_the_signs(evidence, signs, verdict):
     sweep = evidence.chaos.sweep
     sign = sweep["alpha"].map(dict(zip((0.3, 1.0, 2.0), signs, strict=True)))
-    controls = sweep.assign(alpha=sweep["alpha"].replace(0.3, 0.1), low=sign - 0.1, high=sign + 0.1)
-    chaos = replace(evidence.chaos, sweep=controls)
+    control = sweep.assign(alpha=sweep["alpha"].replace(0.3, 0.1), low=sign - 0.1, high=sign + 0.1)
+    chaos = replace(evidence.chaos, sweep=control)
     assert of_motion.chaotic_range(replace(evidence, chaos=chaos)).verdict.startswith(verdict)
     controlled = of_motion.controlled(replace(evidence, chaos=chaos)).verdict
     assert (controlled == REPRODUCED) == (len(set(signs)) == 2)
@@ -88,18 +88,17 @@ def test_the_range_of_chaos_follows_the_signs(evidence, signs, verdict):
 
 def test_a_right_mean_map_would_reproduce_the_claim(evidence):
     last = evidence.validations[-1]
-    controls = replace(last, table=last.table.assign(verdict="accurate"))
+    control = replace(last, table=last.table.assign(verdict="accurate"))
     assert (
-        of_moments.describes(replace(evidence, validations=[*evidence.validations[:-1], controls])).verdict
-        == REPRODUCED
+        of_moments.describes(replace(evidence, validations=[*evidence.validations[:-1], control])).verdict == REPRODUCED
     )
 
 
 def test_a_mean_map_that_too_few_paths_can_judge_is_undecided(evidence):
     last = evidence.validations[-1]
-    controls = replace(last, table=last.table.assign(verdict="undecided"))
+    control = replace(last, table=last.table.assign(verdict="undecided"))
     assert (
-        of_moments.describes(replace(evidence, validations=[*evidence.validations[:-1], controls])).verdict == UNDECIDED
+        of_moments.describes(replace(evidence, validations=[*evidence.validations[:-1], control])).verdict == UNDECIDED
     )
 
 

@@ -1,4 +1,4 @@
-"""The branching closure: a mixture over itineraries, held against simulation far beyond one orbit."""
+"""The branching closure: a mixture over itineraries, compared with simulation far beyond one orbit."""
 
 import numpy as np
 import pytest
@@ -44,20 +44,20 @@ def test_unconditional_section_moments(pair):
     assert np.median(mean_errors) < 0.05
     assert np.median(sd_errors) < 0.05
     assert max(mean_errors) < 0.25
-    assert np.median(single_errors) > 3.0 * np.median(mean_errors)  # planted: one itinerary only
+    assert np.median(single_errors) > 3.0 * np.median(mean_errors)  # negative control: one itinerary only
 
 
 @pytest.mark.parametrize("sigma", [0.1, 0.2])
-def test_no_moment_is_refuted(sigma):
-    """Means to 5 % of an sd and sds to 10 %, rare events and all; one orbit alone is refuted in most rows."""
+def test_no_moment_is_inaccurate(sigma):
+    """Means to 5 % of an sd and sds to 10 %, rare events and all; one orbit alone is inaccurate in most rows."""
     v = validate(dat21(sigma), impacts=12, closures=("branching", "saltation"), paths=60_000, rng=7, workers=2)
     rows = v.table.query("kind == 'section'")
     own = v.predictions["saltation"].section["mesh"].loc[rows["impact"]].to_numpy()
-    rows = rows[rows["quantity"] != np.array([f"x{mesh}" for mesh in own])]  # hardly spread at the mesh struck
+    rows = rows[rows["quantity"] != np.array([f"x{mesh}" for mesh in own])]  # hardly varies at the struck mesh
     verdicts = rows.groupby("closure")["verdict"].value_counts(normalize=True).unstack(fill_value=0.0)
     assert verdicts.loc["branching", "accurate"] > 0.85
     assert (rows[rows["closure"] == "branching"]["verdict"] != "inaccurate").all()
-    assert verdicts.loc["saltation", "inaccurate"] > 0.5  # planted: one itinerary only
+    assert verdicts.loc["saltation", "inaccurate"] > 0.5  # negative control: one itinerary only
 
 
 def test_itinerary_probabilities(pair):
@@ -66,19 +66,19 @@ def test_itinerary_probabilities(pair):
     np.testing.assert_allclose(branching.section["agreement"], run.agreement["orbit"], atol=0.03)
 
 
-def test_weight_is_accounted_for(pair):
+def test_probability_is_accounted_for(pair):
     branching, _ = pair
-    lost = branching.section["lost"]
-    assert (lost >= 0.0).all()
-    assert lost.is_monotonic_increasing
-    assert lost.iloc[-1] < 0.05
+    discarded = branching.section["discarded"]
+    assert (discarded >= 0.0).all()
+    assert discarded.is_monotonic_increasing
+    assert discarded.iloc[-1] < 0.05
     for weights, _, variances in branching.trace.parts.values():
         assert weights.sum() == pytest.approx(1.0)
         assert (variances > -1e-9 * variances.max()).all()
 
 
 def test_density_is_the_mixtures_and_sees_both_branches():
-    """At the paper's noise the velocity before impact 12 has two humps; share of the mass in the wrong place."""
+    """At the paper's noise the velocity before impact 12 is bimodal; probability in the wrong place."""
     scene = dat21(1.5**0.5)
     m = mean_map(scene, impacts=12, closure="branching")
     y = np.linspace(-10.0, 10.0, 8001)
@@ -94,11 +94,13 @@ def test_density_is_the_mixtures_and_sees_both_branches():
 
     assert misplaced(density) < 0.12
     single = mean_map(scene, impacts=12)
-    assert misplaced(single.density(12, "y1", y)) > 3.0 * misplaced(density)  # planted: one Gaussian, skewed or not
+    assert misplaced(single.density(12, "y1", y)) > 3.0 * misplaced(density)  # negative control: one Gaussian
 
 
 def test_small_noise_is_the_saltation_closure():
-    branching, saltation = (mean_map(dat21(0.002), impacts=12, closure=r).section for r in ("branching", "saltation"))
+    branching, saltation = (
+        mean_map(dat21(0.002), impacts=12, closure=name).section for name in ("branching", "saltation")
+    )
     for quantity in QUANTITIES:
         sd = saltation[f"sd_{quantity}"]
         assert ((branching[quantity] - saltation[quantity]).abs() < 1e-3 * sd).all()
@@ -106,13 +108,13 @@ def test_small_noise_is_the_saltation_closure():
 
 
 def test_no_noise_is_the_orbit():
-    branching, orbit = (mean_map(dat21(0.0), impacts=12, closure=r).section for r in ("branching", "corrected"))
+    branching, orbit = (mean_map(dat21(0.0), impacts=12, closure=name).section for name in ("branching", "corrected"))
     for quantity in ("tau", "x1", "y1", "x2", "y2"):
         np.testing.assert_allclose(branching[quantity], orbit[quantity], atol=1e-12)
 
 
 def test_single_stage():
-    """Slow impacts part the paths of a single stage soon: the mixture holds for five of them."""
+    """Slow impacts make the paths of a single stage diverge soon: the mixture holds for five impacts."""
     scene = dat21(0.3, stages=1)
     m = mean_map(scene, impacts=5, closure="branching")
     run = simulate(scene, paths=30_000, impacts=5, rng=2, workers=2, record=Record(step_bias=True))
@@ -121,7 +123,7 @@ def test_single_stage():
     assert m.section[["x2", "y2"]].isna().all().all()
 
 
-def test_parts_are_many_and_bounded():
-    """The work of an impact is in the parts that fly to it."""
+def test_components_are_many_and_bounded():
+    """The work of an impact is in the components that fly to it."""
     m = mean_map(dat21(1.5**0.5), impacts=12, closure="branching")
-    assert 500 < max(len(parts[0]) for parts in m.trace.parts.values()) <= 2 * MOST_CUT
+    assert 500 < max(len(mixture[0]) for mixture in m.trace.parts.values()) <= 2 * MOST_CUT

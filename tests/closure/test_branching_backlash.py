@@ -39,7 +39,7 @@ SCENES = {  # and the impacts that are followed
 
 
 def outside(scene, impacts, run):
-    """Rows of a prediction that are off by more than is allowed: all means and sds but of what is struck."""
+    """Rows of a prediction that are off by more than allowed: all means and sds except of the struck displacement."""
     predicted, found = mean_map(scene, impacts=impacts, closure="branching").section, run.section
     rows = []
     for q in QUANTITIES[: 2 + 2 * scene.stages]:
@@ -81,19 +81,19 @@ def test_itinerary_probabilities_against_exact_flights(case):
     np.testing.assert_allclose(expected, run.agreement["orbit"], atol=0.02)
 
 
-def test_planted_errors_are_seen(case, monkeypatch):
+def test_negative_controls_are_detected(case, monkeypatch):
     """A draw that is not renewed (or is), flanks that do not vary, and a start on the wrong side of its flank."""
     scene, impacts, run = case
     other = {"path": "contact", "contact": "path"}[scene.tolerance.draw]
     assert outside(replace(scene, tolerance=replace(scene.tolerance, draw=other)), impacts, run)
     assert outside(replace(scene, tolerance=None), impacts, run)
-    if scene.tolerance.draw == "path":  # else nothing remembers that side
+    if scene.tolerance.draw == "path":  # else the side has no effect
         right = flanks._placed(scene)
         monkeypatch.setattr(flanks, "_placed", lambda scene: np.vstack([-right[:5], right[5:]]))
         assert outside(scene, impacts, run)
 
 
-def test_one_gaussian_in_place_of_the_law_is_seen(monkeypatch):
+def test_one_gaussian_in_place_of_the_distribution_is_detected(monkeypatch):
     """Its tails reach walls that no gear has."""
     scene, impacts = SCENES["no noise, path, uniform"]
     run = flown(scene, impacts)
@@ -106,18 +106,18 @@ def test_one_gaussian_in_place_of_the_law_is_seen(monkeypatch):
 @pytest.mark.parametrize("distribution", ["uniform", "normal"])
 def test_small_tolerance_is_the_saltation_closure(distribution, draw, stages):
     scene = dat21(0.001, Tolerance(5e-4, 1e-3, distribution=distribution, draw=draw), stages=stages)
-    b, s = (mean_map(scene, impacts=5, closure=r).section for r in ("branching", "saltation"))
+    b, s = (mean_map(scene, impacts=5, closure=name).section for name in ("branching", "saltation"))
     without = mean_map(replace(scene, tolerance=None), impacts=5, closure="branching").section
     for q in QUANTITIES[: 2 + 2 * stages]:
         sd = s[f"sd_{q}"]
         assert ((b[q] - s[q]).abs() < 2e-3 * sd + 1e-12).all()
         np.testing.assert_allclose(b[f"sd_{q}"], sd, rtol=2e-3)
-    assert (without["sd_tau"] < 0.8 * b["sd_tau"]).any()  # planted: no tolerance
+    assert (without["sd_tau"] < 0.8 * b["sd_tau"]).any()  # negative control: no tolerance
 
 
 @pytest.mark.parametrize("name", ["contact, normal", "path, normal", "another pair"])
-def test_rounding_does_not_choose_the_cuts(name):
-    """Blocks of a covariance that are apart have axes whose sense, and plane, rounding would choose."""
+def test_rounding_does_not_choose_the_splits(name):
+    """Rounding would choose sign and plane of the principal axes of decoupled blocks of a covariance."""
     scene, impacts = SCENES[name]
     scene = Scene(**{f.name: getattr(scene, f.name) for f in fields(scene) if f.init})
     other = replace(scene, alpha=scene.alpha * (1.0 + 4e-16), sigma=scene.sigma * (1.0 + 4e-16))
@@ -127,9 +127,9 @@ def test_rounding_does_not_choose_the_cuts(name):
 
 
 def test_walls_that_do_not_vary_are_walls_without_tolerance():
-    """To the last bit, and at no cost: what does not vary has no columns."""
+    """To the last bit, and at no cost: what does not vary is no component of the section state."""
     plain = dat21(0.1, None, stages=1)
-    for tolerance in (Tolerance(0.0, 0.0), Tolerance(0.0, 0.1, draw="contact")):  # of a mesh that is not there
+    for tolerance in (Tolerance(0.0, 0.0), Tolerance(0.0, 0.1, draw="contact")):  # of the absent mesh
         b, none = (mean_map(s, impacts=4, closure="branching") for s in (replace(plain, tolerance=tolerance), plain))
         pd.testing.assert_frame_equal(b.section, none.section, check_exact=True)
 
@@ -177,7 +177,7 @@ def test_pieces_have_the_moments_of_the_distribution(distribution):
 
 @pytest.mark.parametrize("draw", ["path", "contact"])
 @pytest.mark.parametrize("start", [None, Start(0.0, -0.5, -2.0, 0.2, 1.0, mesh=1), Start(0.3, 0.1, 1.0, -0.5, 1.0)])
-def test_start_in_pieces_has_the_covariance_of_the_whole(draw, start):
+def test_the_start_as_a_mixture_has_the_covariance_of_the_whole(draw, start):
     scene = dat21(0.0, Tolerance(0.03, 0.06, distribution="normal", draw=draw), start=start)
     parts = start_pieces(scene)
     assert len(parts.weight) == {"path": 36, "contact": 1}[draw]

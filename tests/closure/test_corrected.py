@@ -19,12 +19,12 @@ def dat21():
 
 
 def restitution_map(c, mesh):
-    """The contact restitution_map as a matrix, column by column from docs/model.md section 3."""
+    """The restitution map as a matrix, column by column from docs/model.md section 3."""
     return np.array([contact(c, mesh, column) for column in np.eye(4)]).T
 
 
 def covariances(scene, orbit, restitution=restitution_map):
-    """Covariance just before each impact of an orbit: its own differential equation and the laws of section 3."""
+    """Covariance just before each impact of an orbit: its own differential equation, impacts by section 3."""
     c, cov, found = scene.constants, np.zeros((4, 4)), [np.zeros((4, 4))]
     for k in range(1, orbit.found + 1):
         r = restitution(c, orbit.mesh[k - 1])
@@ -65,7 +65,7 @@ def mesh_1_everywhere(c, _):
 
 
 @pytest.mark.parametrize("wrong", [mesh_2_with_wrong_sign, mesh_1_everywhere])
-def test_a_wrong_restitution_is_told_apart(wrong):
+def test_a_wrong_restitution_is_distinguished(wrong):
     scene = SCENES["DAT21"]
     found = mean_map(scene, impacts=12, closure="corrected").trace.covariance[12]
     assert abs(covariances(scene, follow(scene, 12), wrong)[12] - found).max() > 0.05 * abs(found).max()
@@ -106,13 +106,13 @@ def test_raw_moments_of_a_stage_are_the_joint_ones(order):
 
 
 def published_mesh_1_rule(c, joint, moments):
-    """Eq. 15 read for stage 1: -eps E[.. zeta^p], not (-eps)^p."""
+    """Eq. 15 applied to stage 1: -eps E[.. zeta^p], not (-eps)^p."""
     return np.array([
         -c.epsilon * value if a[1] else value for a, value in zip(joint.powers, moments, strict=True)
     ])  # fmt: skip
 
 
-def test_the_published_moment_rule_is_told_apart():
+def test_the_published_moment_rule_is_distinguished():
     scene = Scene.from_gears(DAT21, sigma=0.3, stages=1)
     found = mean_map(scene, impacts=2, closure="corrected").trace.covariance[2]
     joint, moments = hierarchy(scene, 2, 2, published_mesh_1_rule)
@@ -153,7 +153,7 @@ def test_without_noise_it_is_the_orbit_exactly(name):
 
 
 @pytest.mark.parametrize("factor", [0.1, 3.0])
-def test_covariance_goes_with_the_square_of_the_noise(factor):
+def test_covariance_grows_with_the_square_of_the_noise(factor):
     scene = SCENES["DAT21"]
     small, large = (
         mean_map(scene.with_sigma(s), impacts=12, closure="corrected").trace for s in (0.3, 0.3 * factor)
@@ -204,17 +204,17 @@ def test_the_windows_reach_to_the_largest_gap(distribution):
     assert abs(shift[0]) / sd == pytest.approx(PHI0 if distribution == "fixed" else 0.0, abs=1e-6)
 
 
-def test_clock_is_continuous_inside_a_flight(dat21):
+def test_moments_at_fixed_times_are_continuous_inside_a_flight(dat21):
     m = mean_map(dat21, impacts=6, closure="corrected")
     for k in range(1, 7):
         low, high = m.trace.tau[k - 1], m.trace.tau[k]
         times = np.linspace(low, high, 41)[1:-1]
-        near, next_ = m.at_times(times).to_numpy(), m.at_times(times + 1e-7).to_numpy()
+        now, next_ = m.at_times(times).to_numpy(), m.at_times(times + 1e-7).to_numpy()
         # rho moves fastest just after an impact, over the flight's own time: below 1e3 per unit time here
-        assert np.nanmax(abs(next_ - near)) < 1e-4
+        assert np.nanmax(abs(next_ - now)) < 1e-4
 
 
-def test_clock_meets_the_section_from_below(dat21):
+def test_moments_at_fixed_times_tend_to_the_section_moments_at_an_impact(dat21):
     m = mean_map(dat21, impacts=6, closure="corrected")
     rows = m.at_times(m.trace.tau[1:] - 1e-10)
     for k in range(1, 7):
@@ -227,7 +227,7 @@ def test_clock_meets_the_section_from_below(dat21):
         assert row[["x1", "y1", "x2", "y2"]].to_numpy(float) == pytest.approx(m.trace.mean[k], abs=1e-8)
 
 
-def test_clock_between_impacts_solves_the_covariance_equation(dat21):
+def test_covariance_at_fixed_times_solves_the_covariance_equation(dat21):
     c, orbit, m = dat21.constants, follow(dat21, 5), mean_map(dat21, impacts=5, closure="corrected")
     k, t = 3, 0.4 * (orbit.tau[4] - orbit.tau[3])
     r = restitution_map(c, orbit.mesh[k])

@@ -1,4 +1,4 @@
-"""Cutting a Gaussian: the pieces have the moments that the whole has, and the plane is where the next event changes."""
+"""Splitting a Gaussian: total moments are kept, and the plane is where the next impact changes."""
 
 import math
 
@@ -17,7 +17,7 @@ def whole():
 
 
 def pieces(depth):
-    """What `_cut` makes of a Gaussian across a slanted direction; `depth` 0 is the cut in three."""
+    """What `_cut` makes of a Gaussian across an oblique direction; `depth` 0 is the split in three."""
     centre, root = whole()
     n = np.array([0.6, 0.0, 0.8, 0.0, 0.0])
     b = buffers(4)
@@ -55,14 +55,14 @@ def test_halves_have_the_moments_of_a_cut_gaussian(depth):
         assert n @ whitened @ n == pytest.approx(variance, rel=1e-9)
 
 
-def test_halves_do_not_look_for_each_other_again():
+def test_halves_do_not_search_for_each_other_again():
     _, b, _ = pieces(2.5)
     assert b.ignored[0] == 1 << (-2 + 2)
     assert b.ignored[1] == 1 << (1 + 2)
 
 
 def test_three_pieces_are_close_to_the_whole():
-    """The distribution across the cut, against the normal one."""
+    """The distribution across the split, compared with the normal one."""
     _, b, n = pieces(0.0)
     centre, root = whole()
     z = np.linspace(-4.0, 4.0, 801)
@@ -75,7 +75,7 @@ def test_three_pieces_are_close_to_the_whole():
     assert np.abs(total - stats.norm.cdf(z)).max() < 0.006
 
 
-def test_cut_plane_finds_a_slanted_boundary():
+def test_cut_plane_finds_an_oblique_boundary():
     """Two walls met at about one time: the plane between the events, against the events of many points."""
     c = Scene.from_gears(DAT21, sigma=0.0).constants
     centre = np.array([0.0, 0.0, 1.0, 0.02, 1.0])

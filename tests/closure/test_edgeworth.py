@@ -21,7 +21,7 @@ def mixture_moments(order):
     for share, mx, my, slope in ((0.3, 0.7, -0.4, 0.5), (0.7, -0.3, 12 / 70, -0.2)):
         x, y = mx + 0.5 * u, my + slope * u + 0.8 * v
         raw += share * np.array([[(weight * x**n * y**p).sum() for p in range(order + 1)] for n in range(order + 1)])
-    for n in range(order + 1):  # entries beyond the order are no part of the series
+    for n in range(order + 1):  # entries beyond the order do not belong to the series
         raw[n, order + 1 - n :] = 0.0
     return raw
 
@@ -57,7 +57,7 @@ def test_the_mixture_is_not_gaussian():
 
 
 def test_a_misprinted_coefficient_loses_its_moment():
-    """a_30 over sigma^2 instead of sigma^3 (Eq. 13 as printed)."""
+    """a_30 over sigma^2 instead of sigma^3 (Eq. 13 as published)."""
     raw = mixture_moments(4)
     series = scaled(raw)
     series.a[3, 0] = raw[3, 0] / (6 * series.sd_x**2)
@@ -134,7 +134,7 @@ def test_window_means_are_the_a_and_b_of_the_paper(window):
     assert window_means(*args) == pytest.approx(explicit_window_means(*args), rel=1e-12, abs=1e-14)
 
 
-def test_the_published_sign_of_psi_0_is_told_apart():
+def test_the_published_sign_of_psi_0_is_distinguished():
     series = scaled(mixture_moments(4))
     args = (series.a, series.sd_x, series.sd_y, -0.9, 0.0)
     published = explicit_window_means(*args, psi_0_sign=+1)

@@ -9,7 +9,7 @@ from rattle.scene.moments import correlation
 
 STATE = ["x1", "y1", "x2", "y2"]
 SECTION = ["tau", "flight", "mesh", "side", *STATE, *(f"sd_{q}" for q in ("tau", "flight", *STATE)), "rho1", "rho2"]
-CLOCK = [*STATE, *(f"cov_{a}_{b}" for i, a in enumerate(STATE) for b in STATE[i:]), "rho1", "rho2"]
+FIXED = [*STATE, *(f"cov_{a}_{b}" for i, a in enumerate(STATE) for b in STATE[i:]), "rho1", "rho2"]
 
 
 @pytest.fixture
@@ -37,7 +37,7 @@ def test_four_closures_are_offered():
 
 def test_section_keeps_the_contract(dat21, closure):
     section = mean_map(dat21, impacts=7, closure=closure).section
-    others = [f"skew_{q}" for q in ("tau", "flight", *STATE)] + ["agreement", "lost"] * (closure == "branching")
+    others = [f"skew_{q}" for q in ("tau", "flight", *STATE)] + ["agreement", "discarded"] * (closure == "branching")
     assert [c for c in section.columns if c not in others] == [*SECTION, "realizable"]
     assert set(others) <= set(section.columns)
     assert section.index.name == "impact"
@@ -81,7 +81,7 @@ def test_itinerary_is_mesh_times_side(dat21):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"closure": "printd"}, "closure = 'printd': did you mean 'published'?"),
+        ({"closure": "publishd"}, "closure = 'publishd': did you mean 'published'?"),
         ({"closure": "xyz"}, "valid are 'published', 'corrected', 'saltation'"),
         ({"closure": None}, "closure = None: "),
         ({"order": 1}, "order = 1: must be at least 2"),
@@ -105,7 +105,7 @@ def test_a_scene_is_needed(scene):
 
 @ONE_ORBIT
 @pytest.mark.parametrize("order", [2, 3, 4, 5, 6])
-def test_every_order_is_carried(dat21, closure, order):
+def test_every_order_is_propagated(dat21, closure, order):
     m = mean_map(dat21, impacts=3, closure=closure, order=order)
     assert m.edgeworth(1, 1).a.shape == (order + 1, order + 1)
     assert m.section.loc[1, "realizable"]
@@ -123,32 +123,32 @@ def test_breakdown_is_the_first_unrealizable_row(paper):
     assert not realizable[m.breakdown.impact - 1]
 
 
-# --- clock -----------------------------------------------------------------------------------------------------------
+# --- fixed times -----------------------------------------------------------------------------------------------------
 
 
-def test_clock_keeps_the_contract(dat21, closure):
+def test_a_table_at_fixed_times_keeps_the_contract(dat21, closure):
     m = mean_map(dat21, impacts=5, closure=closure)
     times = [0.05, 0.4, 1.0]
     table = m.at_times(times)
-    assert list(table.columns) == CLOCK
+    assert list(table.columns) == FIXED
     assert table.index.name == "time"
     assert table.index.tolist() == times
 
 
-def test_clock_rho_is_that_of_its_covariance(dat21):
+def test_rho_at_fixed_times_is_that_of_its_covariance(dat21):
     table = mean_map(dat21, impacts=5).at_times([0.1, 0.8])
     expected = table["cov_x1_y1"] / np.sqrt(table["cov_x1_x1"] * table["cov_y1_y1"])
     assert table["rho1"].to_numpy() == pytest.approx(expected.to_numpy())
 
 
 @pytest.mark.parametrize("outside", [-1e-9, 1e9, float("nan")])
-def test_clock_goes_no_further_than_was_followed(dat21, closure, outside):
+def test_fixed_times_go_no_further_than_was_followed(dat21, closure, outside):
     m = mean_map(dat21, impacts=3, closure=closure)
     with pytest.raises(InputError, match="lies outside the times followed, 0 to "):
         m.at_times([0.1, outside])
 
 
-def test_clock_ends_where_the_closure_stopped():
+def test_fixed_times_end_where_the_closure_stopped():
     scene = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=1.0, sigma=0.1, stages=1, start=Start())
     m = mean_map(scene, impacts=500, closure="corrected")
     end = m.trace.tau[m.trace.found]
@@ -157,17 +157,17 @@ def test_clock_ends_where_the_closure_stopped():
         m.at_times([end + 1e-6])
 
 
-def test_clock_takes_no_times_at_all(dat21):
+def test_no_fixed_times_give_an_empty_table(dat21):
     assert mean_map(dat21, impacts=2).at_times([]).empty
 
 
 # --- the end, and the series -----------------------------------------------------------------------------------------
 
 
-def test_a_closure_that_stops_early_says_why_and_leaves_the_rest_empty():
+def test_a_closure_that_stops_early_says_why_and_leaves_the_other_rows_empty():
     scene = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=1.0, sigma=0.1, stages=1, start=Start())
     m = mean_map(scene, impacts=60, closure="corrected")
-    assert m.stopped == f"a mesh rests closed after impact {m.trace.found}"
+    assert m.stopped == f"a mesh sticks after impact {m.trace.found}"
     rest = m.section.loc[m.trace.found + 1 :]
     assert len(rest) == 60 - m.trace.found > 0
     assert rest[["tau", "x1", "sd_y1", "rho1"]].isna().all().all()
@@ -175,7 +175,7 @@ def test_a_closure_that_stops_early_says_why_and_leaves_the_rest_empty():
     assert set(m.itinerary[m.trace.found :]) == {0}
 
 
-def test_a_closure_that_ends_well_says_nothing(dat21, closure):
+def test_a_complete_closure_has_no_reason_to_stop(dat21, closure):
     assert mean_map(dat21, impacts=3, closure=closure).stopped == ""
 
 
@@ -219,7 +219,7 @@ def test_a_single_stage_has_no_second_series():
         mean_map(Scene.from_gears(DAT21, sigma=0.1, stages=1), impacts=2).edgeworth(1, 2)
 
 
-def test_the_best_closure_is_the_one_left_out(dat21):
+def test_the_default_closure_is_saltation(dat21):
     assert mean_map(dat21, impacts=1).closure == "saltation"
 
 

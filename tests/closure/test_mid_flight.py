@@ -11,14 +11,14 @@ from rattle.scene.moments import STATE
 
 LIMIT = 4.0  # standard errors; of at most 72 moments of a scene, Bonferroni at 0.5 %
 SIGMA, DT, PATHS = 0.002, 1e-3, 30_000
-CLEAR = 6.0  # sds of the impact times that must fit between an instant and the impacts around it
-SHORT = 100 * DT  # a flight of fewer steps is seen too coarsely
-SHIFTED = 10 * DT  # so is what follows an impact that the step displaces so far: one that nearly grazes
-COARSE = 0.05  # and a moment that doubling the step changes by this share: an sd where the paths cross, say
+CLEAR = 6.0  # sds of the impact times that must fit between a fixed time and the impacts around it
+SHORT = 100 * DT  # shorter flights have too few steps
+SHIFTED = 10 * DT  # bias of an impact time above which later flights are left out: a near graze
+COARSE = 0.05  # relative change by a doubled step above which a moment is left out: an sd near a focus, say
 
 
 def middles(orbit, run):
-    """Mid-flight instants that all paths reach along the orbit's itinerary, in flight, and well resolved."""
+    """Mid-flight times that all paths reach along the orbit's itinerary, in flight, and well resolved."""
     sd_tau, agreement = run.section["sd_tau"], run.agreement["noise-free"]
     shift = run.step_bias.query("quantity == 'tau' and moment == 'mean'").set_index("impact")["bias"].abs()
     times = []
@@ -62,7 +62,7 @@ def sampled(scene):
 
 
 def excess(table, prediction, scale=1.0):
-    """Standard errors by which a closure, its covariances times `scale`, is beyond what the step may explain."""
+    """Standard errors by which a closure, its covariances times `scale`, is beyond what the step size explains."""
     fixed = prediction.at_times(sorted(set(table["time"])))
     predicted = pd.concat(
         [np.sqrt(scale * fixed[f"cov_{name}_{name}"]).rename(name) for name in STATE] + [fixed[["rho1", "rho2"]]],
@@ -79,13 +79,13 @@ def test_sds_and_rho_between_impacts(name):
     assert table["time"].nunique() >= 4
     found = excess(table, mean_map(scene, impacts=12))
     assert (found < LIMIT).all(), table.assign(excess=found)[found > LIMIT]
-    # planted: covariances 5 % too large, and the closure whose impact times do not vary
+    # negative control: covariances 5 % too large, and the closure whose impact times do not vary
     assert (excess(table, mean_map(scene, impacts=12), scale=1.05) > LIMIT).any()
     assert (excess(table, mean_map(scene, impacts=12, closure="corrected")) > LIMIT).sum() > 0.2 * len(table)
 
 
 def test_what_remains_at_ten_times_the_noise_is_below_one_percent():
-    """DAT21 at sigma = 0.02: too little to tell its law from sampling error, hence the single stage below."""
+    """DAT21 at sigma = 0.02: too little to distinguish its order from sampling error, hence the single stage below."""
     scene = SCENES["DAT21"](0.02)
     table = sampled(scene)
     assert table["time"].nunique() >= 8

@@ -1,4 +1,4 @@
-"""Merging the parts of a mixture: moments are kept, labels kept apart, near parts go together."""
+"""Merging the components of a mixture: moments are kept, labels kept apart, close components merged."""
 
 import numpy as np
 import pytest
@@ -35,25 +35,25 @@ def test_merging_keeps_weight_mean_and_covariance_of_every_label(most):
         assert out.weight[out.label == label].sum() == pytest.approx(parts.weight[parts.label == label].sum())
 
 
-def test_few_parts_stay_as_they_are():
+def test_few_components_stay_as_they_are():
     parts, out = cloud(9), empty(20)
     assert reduce(parts, 9, 20, out) == 9
     np.testing.assert_allclose(np.sort(out.weight[:9]), np.sort(parts.weight))
 
 
-def test_parts_of_one_place_go_together():
-    """Three heaps of one label become three parts, each with the moments of its heap."""
+def test_components_of_one_place_are_merged():
+    """Three clusters of one label become three components, each with the moments of its cluster."""
     parts, out = cloud(300), empty(3)
     parts.label[:] = 1
-    heap = np.arange(300) % 3
-    parts.mean[:] = 0.01 * parts.mean + 10.0 * np.eye(5)[heap]
+    cluster = np.arange(300) % 3
+    parts.mean[:] = 0.01 * parts.mean + 10.0 * np.eye(5)[cluster]
     assert reduce(parts, 300, 3, out) == 3
-    expected = sorted(parts.weight[heap == h].sum() for h in range(3))
+    expected = sorted(parts.weight[cluster == h].sum() for h in range(3))
     np.testing.assert_allclose(np.sort(out.weight), expected)
     assert out.covariance.max() < 0.5
 
 
-def test_moments_of_two_parts():
+def test_moments_of_two_components():
     mean, sd, skew = moments(np.array([3.0, 1.0]), np.array([[0.0], [4.0]]), np.array([[1.0], [1.0]]))
     assert mean[0] == pytest.approx(1.0)
     assert sd[0] == pytest.approx(2.0)  # 1 + 0.75 * 1 + 0.25 * 9

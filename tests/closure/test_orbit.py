@@ -25,7 +25,7 @@ def test_the_paper_s_orbit_is_that_of_an_integrator_with_events():
         assert orbit.after[k] == pytest.approx(state, rel=0, abs=1e-9)
 
 
-def test_an_orbit_without_the_mesh_2_law_is_told_apart():
+def test_an_orbit_without_the_mesh_2_impact_rule_is_distinguished():
     """Eq. 10 applied after every impact, as the paper has it, leaves the true orbit at its first mesh-2 impact."""
     orbit = follow(Scene.from_gears(DAT21), 12)
     c = Scene.from_gears(DAT21).constants
@@ -36,15 +36,15 @@ def test_an_orbit_without_the_mesh_2_law_is_told_apart():
 def test_one_side_twice_in_a_row_is_common():
     """A counter-mesh rule would give none.  Ten orbits hold about 2 300 pairs at one mesh: 3 se are 0.03.
 
-    Impacts that accumulate are left out.
+    Chatter is left out.
     """
     pairs = []
     for k in range(10):
         start = Start(0.0, 0.5, 2.0 + 0.01 * k, 0.5, 2.0, mesh=1)
         orbit = follow(Scene.from_gears(DAT21, start=start), 2000)
         regular = orbit.mesh[1:] == orbit.mesh[:-1]
-        for rest in orbit.sticking:
-            regular[max(rest.impact - 200, 0) : rest.impact] = False
+        for phase in orbit.sticking:
+            regular[max(phase.impact - 200, 0) : phase.impact] = False
         pairs.append((orbit.side[1:] == orbit.side[:-1])[regular])
     share = np.mean(np.concatenate(pairs))
     assert share == pytest.approx(0.25, abs=0.04)
@@ -61,7 +61,7 @@ def test_an_orbit_restarted_at_its_own_impact_repeats_itself(k):
         found, expected = getattr(again, name), getattr(orbit, name)[k:]
         if scene.phase == start.tau:
             assert np.array_equal(found, expected)  # the same numbers, the same steps
-        else:  # counted from the phase, a whole period less
+        else:  # in local time, a whole period less
             found = scene.to_absolute_time(found) if name == "tau" else found
             assert found == pytest.approx(expected, rel=0, abs=1e-13)
 
@@ -79,7 +79,7 @@ def test_a_period_of_the_excitation_later_all_is_the_same():
     early = follow(Scene.from_gears(DAT21), 8)
     start = Start(2 * math.pi, 0.5, 2.0, 0.5, 2.0, mesh=1)
     late = follow(Scene.from_gears(DAT21, start=start), 8)
-    assert late.tau == pytest.approx(early.tau, abs=1e-14)  # counted from the phase
+    assert late.tau == pytest.approx(early.tau, abs=1e-14)  # in local time
     assert late.before == pytest.approx(early.before, abs=1e-10)
 
 

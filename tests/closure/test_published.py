@@ -22,7 +22,7 @@ def published(sigma, impacts=IMPACTS, **settings):
 
 
 def window_shift(raw, x, half_window):
-    """sigma A and sigma B of Eqs. 20, 21 to fourth order, +psi_0 as printed; none where a variance is not positive."""
+    """sigma A and sigma B of Eqs. 20, 21 to fourth order, +psi_0 as published; 0 unless both variances are positive."""
     if not (raw[2, 0] > 0 and raw[0, 2] > 0):
         return 0.0, 0.0
     sx, sy = sqrt(raw[2, 0]), sqrt(raw[0, 2])
@@ -64,7 +64,7 @@ def unperturbed_x(c, tau, t, mean, old):
 
 
 def impact_of_moments(c, first, second):
-    """Eqs. 15 and 17 as printed."""
+    """Eqs. 15 and 17 as published."""
     kappa = (1 + c.epsilon) * c.mu
     first, second = first.copy(), second.copy()
     first[:, 1:] -= kappa * second[:, 1:]
@@ -123,7 +123,7 @@ def corrected_rule(c, first, second):
     return first, second * (-c.epsilon) ** np.arange(5)
 
 
-def test_the_corrected_moment_rule_is_told_apart():
+def test_the_corrected_moment_rule_is_distinguished():
     m = published(0.3, impacts=3)
     _, _, second = follow_by_hand(m.scene, m.trace.tau, 3, corrected_rule)[2]
     assert abs(second[0, 2] - m.trace.raw[3, 1, 0, 2]) > 0.01

@@ -65,14 +65,14 @@ def test_saltation_matrix_is_the_derivative_of_the_orbit(name):
         xi = saltation_matrix(c, orbit.mesh[k], orbit.side[k], orbit.tau[k], orbit.before[k])
         expected = jacobian(c, late) @ xi @ jacobian(c, early)
         np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max())
-        # planted: the linear contact law alone, as in the corrected closure, is not the derivative
+        # negative control: the restitution map alone, as in the corrected closure, is not the derivative
         linear = jacobian(c, late) @ contact_matrix(c, orbit.mesh[k]) @ jacobian(c, early)
         assert np.abs(linear - found).max() > 1e-3
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_covariance_is_carried_by_the_saltation_matrix(name):
-    """Section to section, seen at the orbit's own instants, is the recursion ``C -> Phi Xi C Xi' Phi' + Q``."""
+def test_covariance_is_propagated_by_the_saltation_matrix(name):
+    """Section to section, at the impact times of the orbit: the recursion ``C -> Phi Xi C Xi' Phi' + Q``."""
     scene = SCENES[name](0.01)
     c, orbit, m = scene.constants, follow(scene, 8), mean_map(scene, impacts=8)
     stage = slice(0, 2 * scene.stages)
@@ -119,7 +119,7 @@ def test_derivatives_of_the_section_map(name, d):
 
         np.testing.assert_allclose(at(0 * base)[live], np.array([orbit.tau[k], *orbit.before[k]])[live], atol=1e-12)
         speed = abs(orbit.before[k][2 * mesh - 1])
-        step = 1e-4 * min(1.0, speed**2)  # the map bends on the scale speed^2
+        step = 1e-4 * min(1.0, speed**2)  # the map is nonlinear on the scale speed^2
         units = step * np.eye(d + 4)
         varied = [i for i in range(d + 4) if scene.stages == 2 or i not in (3, 4, d + 2, d + 3)]
         for i in varied:
@@ -159,12 +159,12 @@ def test_small_noise_section_moments(name):
 
 
 @pytest.mark.parametrize("name", TOLERANCES)
-def test_tolerances_as_columns(name):
+def test_tolerances_as_components_of_the_section_state(name):
     scene = Scene.from_gears(DAT21, sigma=0.002, tolerance=TOLERANCES[name])
     table, _ = compared_with(scene, 40_000)
     outside = table[(table["low"] > 0.0) | (table["high"] < 0.0)]
     assert len(outside) <= 1, outside[["impact", "quantity", "moment", "error", "low", "high"]]
-    if scene.tolerance.distribution != "fixed":  # planted: leaving the tolerance out is seen at once
+    if scene.tolerance.distribution != "fixed":  # negative control: leaving the tolerance out is detected
         without = mean_map(Scene.from_gears(DAT21, sigma=0.002), impacts=12).section["sd_tau"]
         having = mean_map(scene, impacts=12).section["sd_tau"]
         assert (np.abs(without - having) > 0.02 * having).any()
@@ -178,7 +178,7 @@ def test_tolerance_alone_spreads_a_noise_free_scene():
 
 
 def test_mid_flight_correlation():
-    """rho of both stages against simulation at mid-flight; the corrected closure is refused there."""
+    """rho of both stages against simulation at mid-flight; the corrected closure fails there."""
     v = validate(
         Scene.from_gears(DAT21, sigma=0.002), paths=60_000, rng=3, workers=2, closures=["saltation", "corrected"]
     )
@@ -191,7 +191,7 @@ def test_mid_flight_correlation():
 
 @pytest.fixture(scope="module")
 def second_order():
-    """A noise at which second order stands out of the sampling error, and all paths share one itinerary."""
+    """A noise at which second order exceeds the sampling error, and all paths share one itinerary."""
     scene = Scene.from_gears(DAT21, sigma=0.02)
     run = simulate(scene, paths=400_000, rng=11, workers=2, record=Record(step_bias=True))
     return scene, run
@@ -210,7 +210,7 @@ def test_mean_shift(second_order):
         z_first += list(((first[quantity] - rows["corrected"])[varies] / scale).abs())
         z_second += list(((second[quantity] - rows["corrected"])[varies] / scale).abs())
     assert max(z_second) < 4.0  # of about 60 values, Bonferroni at 0.5 %
-    assert max(z_first) > 15.0  # planted: first order only
+    assert max(z_first) > 15.0  # negative control: first order only
 
 
 def test_skewness(second_order):
@@ -223,7 +223,7 @@ def test_skewness(second_order):
         z += list(((predicted[f"skew_{quantity}"] - run.section[f"skew_{quantity}"])[varies] / se).abs())
         z_none[quantity] = (run.section[f"skew_{quantity}"][varies] / se).abs().max()
     assert max(z) < 4.0
-    assert min(z_none["tau"], z_none["flight"], z_none["y1"]) > 15.0  # planted: no skewness
+    assert min(z_none["tau"], z_none["flight"], z_none["y1"]) > 15.0  # negative control: no skewness
 
 
 def test_the_first_flight_is_skew_as_its_end_is():
@@ -239,8 +239,8 @@ def test_what_remains_grows_as_sigma_squared():
     for sigma in sigmas:
         table, _ = compared_with(Scene.from_gears(DAT21, sigma=sigma), 200_000, dt=2e-3)
         row = table[(table["quantity"] == "x1") & (table["moment"] == "sd") & (table["impact"] == 11)]
-        if row.empty:  # a stray path at the largest sigma: pick the row all the same
-            pytest.fail("itineraries part at a noise where they were measured to agree")
+        if row.empty:  # an off-itinerary path at the largest sigma
+            pytest.fail("itineraries differ at a noise where they were measured to agree")
         errors.append((row["error"] / row["unit"]).item())
         scales.append((row["scale"] / row["unit"]).item())
     weight = 1.0 / np.array(scales) ** 2
@@ -273,7 +273,7 @@ def test_always_realizable():
     assert m.section["realizable"].all()
 
 
-def test_a_graze_is_said_and_ends_the_closure():
+def test_a_graze_is_reported_and_ends_the_closure():
     """Thrown against a constant pull with just the speed that reaches the wall: no derivative exists there."""
     for excess, grazes in ((1e-14, True), (1e-6, False)):
         start = Start(0.0, 0.0, -1.0 - excess)

@@ -48,7 +48,7 @@ def test_page_states_once_what_is_judged_and_speaks_in_three_phrases(report):
     page = (report / "report.md").read_text()
     assert page.count(RULE) == 1
     assert f"| {ACCURATE} impact | {NOT_WRONG} |" in page
-    assert "inaccurate" not in page
+    assert "refuted" not in page
 
 
 def test_page_begins_with_the_answer(report):
@@ -140,7 +140,7 @@ def test_scene_file_in_either_form(tmp_path):
 
 
 def captions(page):
-    """What is said beneath the figures of a page."""
+    """The captions of the figures of a page."""
     return "\n".join(re.findall(r"!\[([^\]]*)\]", page))
 
 
@@ -151,7 +151,7 @@ def test_a_closure_that_cannot_take_the_scene_is_named_with_the_reason(tmp_path)
     result = rattle(tmp_path / "flying.toml", *SMALL, "--out", tmp_path / "o")
     page = (tmp_path / "o" / "report.md").read_text()
     for said in (result.stdout, page):
-        assert "Left out: printed (start.mesh = 0: the published closure needs a start at mesh 1 (Eq. 10))." in said
+        assert "Left out: published (start.mesh = 0: the published closure needs a start at mesh 1 (Eq. 10))." in said
     assert set(pd.read_csv(tmp_path / "o" / "table.csv")["closure"]) == {"corrected", "saltation", "branching"}
     refused = rattle(tmp_path / "flying.toml", *SMALL, "--closure", "published", "--out", tmp_path / "p", code=2)
     assert "start.mesh = 0" in refused.stderr
@@ -204,7 +204,7 @@ BAD = {
         "must be at most 8.46e-05 .* throw a path through",
     ),
     "scheme": (None, ["--scheme", "euler-mayurama"], "did you mean 'euler-maruyama'"),
-    "closure": (None, ["--closure", "printd"], "did you mean 'published'"),
+    "closure": (None, ["--closure", "publishd"], "did you mean 'published'"),
     "order": (None, ["--order", "9"], "order = 9: must be at most 6"),
     "range of validity text": (None, ["--validity", "1e-3:2"], "validity = '1e-3:2': give LOW:HIGH:POINTS, as in"),
     "range of validity order": (None, ["--validity", "2:1:5"], "validity HIGH = 1.0: must be greater than LOW = 2"),

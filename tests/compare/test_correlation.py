@@ -37,7 +37,7 @@ def test_first_flight_rho_is_right_and_a_wrong_one_is_caught(validation):
     row = fixed.loc["corrected"]
     assert row["low"] < 0.0 < row["high"]
     assert row["verdict"] == "accurate"
-    # planted: the interval is narrow enough to refuse a correlation that is 0.1 off
+    # negative control: the interval is narrow enough to detect an error of 0.1
     assert row["high"] - row["low"] < 0.1
 
 

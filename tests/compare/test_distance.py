@@ -1,4 +1,4 @@
-"""Distances of densities: at the floor where they are right, far above it where they are not."""
+"""Distances of densities: at the sampling floor where they are correct, far above it where they are not."""
 
 from dataclasses import replace
 
@@ -45,7 +45,7 @@ def test_right_density_stays_at_the_floor():
 
 
 @pytest.mark.parametrize(("mean", "sd"), [(0.2, 1.0), (0.0, 1.3)])
-def test_planted_error_is_far_above(mean, sd):
+def test_a_negative_control_is_far_above_the_floor(mean, sd):
     found = against_normal_sample(1, mean, sd)
     assert found.kolmogorov > 5.0 * found.kolmogorov_floor
     assert found.total_variation > 2.0 * found.total_variation_floor
@@ -119,7 +119,7 @@ def test_saltation_is_at_the_floor_and_corrected_is_not(run):
 
 
 def test_second_order_is_what_brings_saltation_to_the_floor(run):
-    """NegativeControl: without the mean shift and skewness of the second order the distance shows."""
+    """Negative control: without the skewness of the second order the distance is larger."""
     second = of(run, "saltation").set_index(["impact", "quantity"])
     prediction = mean_map(run.scene, impacts=12, closure="saltation")
     gaussian_only = replace(prediction, trace=replace(prediction.trace, skew=0.0 * prediction.trace.skew))

@@ -1,4 +1,4 @@
-"""An output folder is written whole or not at all, and nothing of others is lost."""
+"""An output folder is written whole or not at all, and no file of others is lost."""
 
 import pytest
 

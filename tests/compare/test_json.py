@@ -1,4 +1,4 @@
-"""Every ``--json`` and every JSON file is what a strict parser reads, and one place writes them all."""
+"""Every ``--json`` output and every JSON file is strict JSON, and one module writes all of them."""
 
 import ast
 import json
@@ -40,7 +40,7 @@ SMALL = {
     "order": ["--impacts", "1", "--paths", "64"],
     "bench": [],
     "study": ["study.toml"],
-    "selftest": ["--law", "bouncing-ball"],
+    "selftest": ["--result", "bouncing-ball"],
     "extremes": [],
 }
 """A small run of each command that has ``--json``."""
@@ -117,8 +117,8 @@ WRITERS = {
     "cli/show.py": {"echo"},
     "study/waiting.py": {"print"},
 }
-"""Where each of these may be called: the page on a terminal has colours, and its words are harmless one by one; who
-waits says so on standard error, also within pytest."""
+"""Where each of these may be called: a page on a terminal has colours, and each of its texts is escaped by itself;
+waiting for another process is reported on standard error, also within pytest."""
 
 
 def written_elsewhere(source, allowed=frozenset()):

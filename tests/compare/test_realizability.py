@@ -1,4 +1,4 @@
-"""Every bound that moments of a distribution keep, with a set of moments that breaks each."""
+"""Every bound that moments of a distribution satisfy, with a set of moments that violates each."""
 
 from dataclasses import replace
 from math import comb
@@ -82,7 +82,7 @@ def test_published_first_fails_at_impact_2_in_its_moments(sigma):
     }
     assert first.loc["|rho|", "impact"] == (7 if sigma > 1.0 else 3)  # the first at which a rho > 1 has its variances
     assert (first["excess"] > 0.0).all()
-    # nothing is clipped: the negative variance is there to be read
+    # values are not clipped: the negative variance is in the table
     assert table.query("check == 'variance of displacement'")["value"].min() < 0.0
 
 
@@ -105,7 +105,7 @@ def series_mass(rho, order=4, points=POINTS):
 
 
 def test_series_of_a_gaussian_is_negative_from_a_rho_of_a_quarter_on():
-    """The series is Mehler's in powers of rho; cut at order 4 it has only the first two, and they do not suffice."""
+    """The series is Mehler's in powers of rho; truncated at order 4 it has only two, too few for large rho."""
     assert series_mass(0.24) < QUADRATURE < series_mass(0.26)
     assert series_mass(-0.6) == pytest.approx(series_mass(0.6))
     masses = [series_mass(rho) for rho in (0.3, 0.5, 0.7, 0.9, 1.0)]
@@ -132,7 +132,7 @@ def test_quadrature_is_good_to_a_thousandth():
 
 
 def test_section_negative_mass_grows_with_sigma():
-    """The skewness of the saltation closure is proportional to sigma; the series bears 0.08 before it shows."""
+    """The skewness of the saltation closure is proportional to sigma; the series is positive up to about 0.08."""
     z = np.linspace(-REACH, REACH, POINTS)
     for skew, within in ((0.07, True), (0.1, False)):
         assert (negative_mass(section_density(z, 0.0, 1.0, skew), z[1] - z[0]) <= QUADRATURE) == within
@@ -172,7 +172,7 @@ def test_mixtures_pass_at_any_scale(name, order, scale):
 
 
 def controls():
-    """Moments that no distribution has, and the checks that must see them."""
+    """Negative controls: moments that no distribution has, and the checks that must fail for them."""
     base = gaussian_raw_moments(2.0, 0.4, 1.0, 4)
 
     def changed(**entries):
@@ -237,7 +237,7 @@ def test_single_stage_has_no_rows_for_the_other():
 
 
 def test_table_is_tidy():
-    predictions = [mean_map(dat21(0.1), impacts=3, closure=r) for r in ("published", "corrected")]
+    predictions = [mean_map(dat21(0.1), impacts=3, closure=name) for name in ("published", "corrected")]
     table = realizability_table(predictions)
     assert list(table) == ["closure", "impact", "stage", "check", "value", "bound", "holds", "excess"]
     assert not table.duplicated(["closure", "impact", "stage", "check"]).any()

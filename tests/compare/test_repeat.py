@@ -30,7 +30,7 @@ def first(tmp_path_factory):
 
 
 def elsewhere(first, folder, change, versions=None, file="table.csv"):
-    """The report as another processor might have written it: its rows changed, its digest, versions and seal anew."""
+    """The report as another processor might have written it: changed rows, with new digest, versions and seal."""
     shutil.copytree(first, folder)
     table = change(pd.read_csv(folder / file))
     table.to_csv(folder / file, index=False)
@@ -43,7 +43,7 @@ def elsewhere(first, folder, change, versions=None, file="table.csv"):
 
 
 def rounded(table):
-    return table.assign(monte_carlo=table["simulated"] * (1.0 + 3e-14), paths_needed=table["paths_needed"] * 1.001)
+    return table.assign(simulated=table["simulated"] * (1.0 + 3e-14), paths_needed=table["paths_needed"] * 1.001)
 
 
 def one_path(table):
@@ -86,7 +86,7 @@ def test_the_same_in_json_and_in_the_same_folder(first, tmp_path):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (one_path, "column simulated, sigma 0.1, closure printed, kind section, moment mean, quantity y1, impact 2"),
+        (one_path, "column simulated, sigma 0.1, closure published, kind section, moment mean, quantity y1, impact 2"),
         (lambda t: t.assign(verdict=t["verdict"].replace("accurate", "undecided")), "column verdict"),
         (lambda t: t.iloc[1:], "other rows or columns"),
     ],
@@ -152,18 +152,18 @@ def found(**changed):
 
 def test_differences_are_in_sds_and_in_standard_errors():
     assert found() == (0.0, 0.0, pytest.approx(math.nan, nan_ok=True), "written with other digits alone")
-    assert found(monte_carlo=[2.0, -1.75])[1:3] == pytest.approx((0.5, 5.0))
+    assert found(simulated=[2.0, -1.75])[1:3] == pytest.approx((0.5, 5.0))
     assert found(agreement=[1.0, 0.8])[2] == pytest.approx(1.0)
     assert found(paths_needed=[2e9, np.nan]).excess == 0.0
 
 
 def test_the_bound_of_what_is_sampled_is_in_standard_errors_and_else_of_the_digits():
-    assert found(monte_carlo=[2.0, -1.5 + 0.9 * ROUNDING * 0.05]).excess < 1.0
-    assert found(monte_carlo=[2.0, -1.5 + 1.1 * ROUNDING * 0.05]).excess > 1.0
-    assert found(prediction=[1.0 + 0.9 * EXACT * 1e-3, np.nan]).excess < 1.0  # of the value: its sd is faint
-    assert found(prediction=[1.0 + 3.0 * EXACT * 1e-3, np.nan]).excess > 1.0
-    assert found(monte_carlo=[2.0 + 4.4e-16, -1.5]).excess < 1e-3  # without a standard error
-    assert found(monte_carlo=[2.0 + 1e-10, -1.5]).excess > 1.0
+    assert found(simulated=[2.0, -1.5 + 0.9 * ROUNDING * 0.05]).excess < 1.0
+    assert found(simulated=[2.0, -1.5 + 1.1 * ROUNDING * 0.05]).excess > 1.0
+    assert found(predicted=[1.0 + 0.9 * EXACT * 1e-3, np.nan]).excess < 1.0  # relative to the value, as the sd is small
+    assert found(predicted=[1.0 + 3.0 * EXACT * 1e-3, np.nan]).excess > 1.0
+    assert found(simulated=[2.0 + 4.4e-16, -1.5]).excess < 1e-3  # without a standard error
+    assert found(simulated=[2.0 + 1e-10, -1.5]).excess > 1.0
 
 
 @pytest.mark.parametrize(

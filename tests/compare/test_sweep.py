@@ -1,4 +1,4 @@
-"""A sweep over sigma: its grid, its rows, its figure, and the sentence that they come to."""
+"""A sweep over sigma: its grid, its rows, its figure, and the sentence about them."""
 
 import pandas as pd
 import pytest
@@ -22,7 +22,7 @@ def swept():
     return sweep(Scene.from_gears(DAT21), (0.02, 0.5), **SETTINGS)
 
 
-def ended(sigma, accurate, not_inaccurate, cause="parted", closure="saltation", why="so"):
+def ended(sigma, accurate, not_inaccurate, cause="off itinerary", closure="saltation", why="so"):
     return Validity(closure, sigma, accurate, not_inaccurate, cause, why, 4, 100, 1e-3)
 
 
@@ -74,7 +74,7 @@ def test_sentence_says_up_to_where_everything_is_right():
     rows += [ended(s, 0, 0, closure="published") for s in (0.01, 0.1, 0.2, 0.4)]
     sentence = validity_sentence(pd.DataFrame(rows), 4)
     assert "saltation: accurate up to σ = 0.1, not shown wrong up to 0.4 (undecided for want of paths);" in sentence
-    assert "printed: shown wrong at σ = 0.01, the smallest." in sentence
+    assert "published: shown wrong at σ = 0.01, the smallest." in sentence
 
 
 @pytest.mark.parametrize(
@@ -109,11 +109,11 @@ def test_figure_has_a_panel_for_each_closure_and_every_cause_in_its_legend(closu
 
 
 def test_legend_and_caption_of_the_range_of_validity_name_what_is_there():
-    """Two closures that hold everywhere: nothing is undecided, nothing refuted."""
+    """Where a closure is accurate everywhere, nothing is undecided and nothing shown wrong."""
     holds = [ended(s, 4, 4) for s in (0.01, 0.1)]
-    for rows, undecided, refuted in ((holds, False, False), ([*holds, ended(0.2, 1, 2)], True, True)):
+    for rows, undecided, wrong in ((holds, False, False), ([*holds, ended(0.2, 1, 2)], True, True)):
         figure = validity_figure(pd.DataFrame(rows), 4)
         words = [text.get_text() for text in figure.legends[0].get_texts()]
         said = caption_of(figure, VALIDITY)
-        assert (f"{NOT_WRONG} here" in words, WRONG in words) == (undecided, refuted)
-        assert ("undecided" in said, "A marker" in said) == (undecided, refuted)
+        assert (f"{NOT_WRONG} here" in words, WRONG in words) == (undecided, wrong)
+        assert ("undecided" in said, "A marker" in said) == (undecided, wrong)

@@ -1,4 +1,4 @@
-"""What accuracy costs: formulas, the table of levels, models, and the command that writes them down."""
+"""The cost of accuracy: formulas, the table of levels, cost models, and the command that writes the report."""
 
 import json
 import math
@@ -84,13 +84,13 @@ def test_known_rates_give_the_known_complexity(beta, power):
 
 def test_an_estimate_has_the_levels_that_the_bias_asks_for():
     found = synthetic().estimate(2.0**-4)
-    assert found.last == 4  # the difference at level 4 is 2^-4, and so is what is left beyond it
+    assert found.last == 4  # the difference at level 4 is 2^-4, and so is the sum of all finer ones
     assert found.measured
     assert not synthetic().estimate(2.0**-9).measured
 
 
 def test_table_of_levels_is_that_of_the_paths_themselves(runs):
-    """Against differences path by path: the longer step's own run has the same noise only beside the shorter one."""
+    """Compared with differences path by path, from both step sizes of one run, which share their Brownian paths."""
     levels = levels_of(runs, [1.0] * len(runs))
     unit = units(runs[-1]).to_numpy()
     run = simulate(
@@ -117,7 +117,7 @@ def test_table_of_levels_is_that_of_the_paths_themselves(runs):
     assert row["alarm"] == (row["kurtosis"] > 100.0)
 
 
-def test_levels_are_consistent_and_a_planted_one_is_caught(runs):
+def test_levels_are_consistent_and_a_negative_control_is_not(runs):
     sound = levels_of(runs, [1.0] * len(runs)).table["consistency"]
     assert math.isnan(sound[0])
     assert (sound[1:] < 1.0).all()
@@ -167,7 +167,7 @@ def test_points_that_pilots_dominate_are_left_out_of_the_slope():
 
 
 def test_a_run_that_promised_too_much_is_found_out():
-    """A run of so few paths that it cannot be as accurate as it claims, held against one with many."""
+    """A run of too few paths to be as accurate as its standard errors, compared with one of many paths."""
     small, large = (
         simulate(SCENE, paths=n, impacts=2, dt=0.05, scheme="exact-flight", control=True) for n in (300, 30_000)
     )
@@ -183,7 +183,7 @@ def test_a_run_that_promised_too_much_is_found_out():
     assert beside.accuracy == 0.001
 
 
-def test_a_law_learns_from_more_paths_and_believes_in_shared_tails():
+def test_a_cost_model_learns_from_more_paths_and_keeps_the_shared_spread():
     own = model()
     more = simulate(SCENE, paths=3000, impacts=2, dt=0.005, scheme="euler-maruyama", record=Record(step_bias=True))
     own.learn(more)
@@ -218,7 +218,7 @@ def test_the_verdict_on_multilevel_follows_the_numbers():
         for x in (cheap, dear)
     ]
     assert "is cheaper than exact flights for the section means at 0.1 (" in said[0]
-    assert "never wins" in said[1]
+    assert "is never cheaper than exact flights" in said[1]
 
 
 # closures, control, figure
@@ -318,9 +318,9 @@ def test_command_writes_its_folder_answer_first(tmp_path):
     assert set(points["kind"]) == {"scheme", "multilevel", "closure"}
     assert len(schemes[~schemes["missed"]]) == 6
     assert not schemes[schemes["accuracy"] == 0.001]["measured"].any()
-    held = schemes[~schemes["missed"]]
-    assert held[(held["accuracy"] == 0.1) & (held["method"] == "exact-flight")]["measured"].all()
-    assert (held["error"] <= held["accuracy"]).all()
+    reached = schemes[~schemes["missed"]]
+    assert reached[(reached["accuracy"] == 0.1) & (reached["method"] == "exact-flight")]["measured"].all()
+    assert (reached["error"] <= reached["accuracy"]).all()
     levels = pd.read_csv(out / "levels.csv")
     assert set(levels["scheme"]) == {"euler-maruyama", "euler-maruyama-located"}
 

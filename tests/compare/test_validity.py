@@ -29,19 +29,19 @@ def test_right_closures_reach_the_end_at_small_noise(validations):
     assert set(table["cause"]) <= set(CAUSES)
 
 
-def test_causes_are_told_apart(validations):
+def test_causes_are_distinguished(validations):
     quiet, loud = validations
     assert "impact time does not vary" in validity(quiet, "corrected").why
-    assert validity(quiet, "corrected").cause == "fixed instant"
+    assert validity(quiet, "corrected").cause == "fixed time"
     assert "have left its itinerary" in validity(loud, "saltation").why
-    assert validity(loud, "saltation").cause == "parted"
+    assert validity(loud, "saltation").cause == "off itinerary"
 
 
-def test_together_is_how_far_the_paths_share_an_itinerary(validations):
+def test_on_itinerary_is_the_last_impact_that_most_paths_reach_on_it(validations):
     quiet, loud = validations
-    assert validity(quiet, "saltation").together == 6
+    assert validity(quiet, "saltation").on_itinerary == 6
     assert loud.run.agreement["saltation"].loc[1] < 0.99
-    assert validity(loud, "saltation").together == 0
+    assert validity(loud, "saltation").on_itinerary == 0
 
 
 def test_an_end_that_more_paths_would_decide_is_called_undecided():
@@ -75,7 +75,7 @@ def test_claim_about_rho_names_rule_and_impact(validations):
 
 
 def test_counts_range_of_validity_answer_and_requirement_follow_one_rule():
-    """Strays alone make the sd of the displacement at the struck mesh: nothing that is said may depend on it."""
+    """The sd of the displacement at the struck mesh is due to off-itinerary paths alone: no statement depends on it."""
     v = validate(Scene.from_gears(DAT21, sigma=0.1), impacts=3, closures=["saltation"], paths=60_000, rng=2)
     struck = "x" + v.run.section["mesh"].astype(str)
     wall = v.table["quantity"] == v.table["impact"].map(struck)

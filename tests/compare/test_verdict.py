@@ -1,4 +1,4 @@
-"""The three-way verdict, its intervals, and what they catch."""
+"""The three-way verdict, its intervals, and the errors that they detect."""
 
 from dataclasses import dataclass
 
@@ -44,7 +44,7 @@ def test_what_is_not_judged_has_no_other_verdict():
 
 
 def test_no_prediction_is_no_verdict():
-    out = judge(rows(prediction=[np.nan], error=[np.nan], low=[np.nan], high=[np.nan]))
+    out = judge(rows(predicted=[np.nan], error=[np.nan], low=[np.nan], high=[np.nan]))
     assert out["verdict"].item() == "not predicted"
 
 
@@ -65,17 +65,17 @@ def test_only_a_smaller_step_can_decide():
 
 
 @pytest.mark.parametrize("checks", [1, 10, 300])
-def test_all_intervals_hold_together(checks):
-    """Share of families with an interval that misses, over many families: the stated 5 %."""
+def test_simultaneous_coverage_of_all_intervals(checks):
+    """The share of families with an interval that misses, over many families, is the nominal 5 %."""
     z = widest(checks)
     rng = np.random.default_rng(5)
     families = 4000
     missed = (np.abs(rng.standard_normal((families, checks))) > z).any(axis=1).sum()
     assert stats.binomtest(int(missed), families, 0.05).pvalue > 1e-4
-    # planted: without the correction, families fail far more often
+    # negative control: without the correction, families fail far more often
     if checks > 1:
-        careless = (np.abs(rng.standard_normal((families, checks))) > widest(1)).any(axis=1).sum()
-        assert stats.binomtest(int(careless), families, 0.05).pvalue < 1e-6
+        uncorrected = (np.abs(rng.standard_normal((families, checks))) > widest(1)).any(axis=1).sum()
+        assert stats.binomtest(int(uncorrected), families, 0.05).pvalue < 1e-6
 
 
 @dataclass
@@ -109,10 +109,10 @@ def truth():
 
 @pytest.mark.parametrize("sigma", [0.01, 1.0])
 def test_a_perfect_closure_is_within_its_intervals(sigma):
-    """Families of intervals that miss the truth stay near the stated 5 %.
+    """The share of families of intervals that miss the true value stays near the nominal 5 %.
 
-    Not tried where a rare itinerary matters but is expected less than once in the ensemble (sigma = 0.05 here): no
-    interval from the paths that were seen can know of it, and the report says so.
+    Not tested where a rare itinerary matters but is expected less than once in the ensemble (sigma = 0.05 here): no
+    interval estimated from such a sample can include it, and the report says so.
     """
     claim = Claimed(corrected(ensemble(sigma, seed=1, paths=200_000)))
     z = widest(2 * len(SECTION) * IMPACTS)
@@ -132,7 +132,7 @@ def test_a_perfect_closure_is_within_its_intervals(sigma):
         ("y2", lambda s: -s["y2"]),
     ],
 )
-def test_planted_error_is_caught(truth, column, change):
+def test_a_negative_control_is_inaccurate(truth, column, change):
     run = ensemble(0.02, seed=7, paths=40_000)
     z = widest(2 * len(SECTION) * IMPACTS)
     wrong = truth.assign(**{column: change(truth)})

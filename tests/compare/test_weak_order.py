@@ -1,4 +1,4 @@
-"""Measured orders: right on changes of known order, blind where noise hides them, and sane on the schemes."""
+"""Measured orders: correct for changes of known order, NaN where noise hides them, and plausible for the schemes."""
 
 import numpy as np
 import pytest

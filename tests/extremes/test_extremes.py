@@ -1,4 +1,4 @@
-"""Extremes are ordinary values: every row of the table holds, and sees an error that is planted in what it calls."""
+"""Every row of the table of extremes holds, and fails with a deliberate error in what it calls (negative control)."""
 
 import json
 import math
@@ -31,7 +31,7 @@ def test_row_holds(name):
 
 
 def cancelling(c, t):
-    """The Jacobian with differences of what is nearly equal."""
+    """The Jacobian with cancelling differences of nearly equal terms."""
     j = jacobian(c, t)
     j[2, 1] = damping.phi1(c.beta1, t) - damping.phi1(c.beta2, t)
     j[3, 1] = math.exp(-c.beta1 * t) - math.exp(-c.beta2 * t)
@@ -39,7 +39,7 @@ def cancelling(c, t):
 
 
 def plain_displacement(c, tau, y1, y2, t):
-    """Eq. 3 as it stands: alpha cos tau - y1 turned, which cancels in a short flight."""
+    """Eq. 3 as it stands: phi1 times alpha cos tau - y1, which cancels in a short flight."""
     u1 = c.alpha * math.cos(tau) - y1
     u2 = u1 + y2
     (e1, d1), (e2, d2) = damping.damped(c.beta1, t), damping.damped(c.beta2, t)
@@ -50,7 +50,7 @@ def plain_displacement(c, tau, y1, y2, t):
 
 
 def masses_by_difference(low, high, order):
-    """Window moments by their ends alone, and mass by the error function."""
+    """Window moments as differences of their ends, and mass as a difference of error functions."""
     edges = [[edgeworth.hermite(i, z) * edgeworth.normal_density(z) for i in range(order + 1)] for z in (low, high)]
     mass = [0.5 * (math.erf(high / math.sqrt(2.0)) - math.erf(low / math.sqrt(2.0)))]
     mass += [edges[0][i] - edges[1][i] for i in range(order + 1)]
@@ -73,7 +73,7 @@ def early(found):
 
 
 def swapped(scene, impacts):
-    """An orbit that tells mesh 2 before mesh 1."""
+    """An orbit that reports mesh 2 before mesh 1."""
     o = orbit_follow(scene, impacts)
     return replace(o, mesh=o.mesh[[0, 2, 1]])
 
@@ -93,7 +93,8 @@ def absolute(scene, **settings):
     return replace(found, raw=rows, result=replace(found.result, sums=sums))
 
 
-def held_outside(scene, **settings):
+def outside_walls(scene, **settings):
+    """A simulation whose paths are far outside the walls."""
     found = absolute(scene, **settings)
     if "fixed" in found.result.sums:
         s = found.result.sums["fixed"]
@@ -127,13 +128,13 @@ def off(function, factor):
 
 
 def differenced(c, tau, t):
-    """The slope by a difference that rounding spoils."""
+    """The slope by a finite difference that suffers from rounding."""
     step = 1e-7
     return (flight.noise_covariance(c, tau + step, t) - flight.noise_covariance(c, tau - step, t)) / (2.0 * step)
 
 
 def absolutely_judged(covariance):
-    """A verdict by the smallest eigenvalue beside the largest variance, where x and y have units of their own."""
+    """A verdict by the smallest eigenvalue relative to the largest variance, although x and y have different units."""
     judged = realizability(covariance)
     bound = -moments.ROUNDING * max(covariance[0, 0], covariance[1, 1])
     return judged._replace(realizable=abs(judged.rho) <= 1.0 or judged.smallest_eigenvalue >= bound)
@@ -150,63 +151,63 @@ def louder_when_late(scene, **settings):
 follow = orbit.follow
 
 
-def held_longer(scene, impacts):
-    """Rests that close and open a share of 1e-8 late."""
+def late_sticking(scene, impacts):
+    """Sticking phases that begin and end late by a fraction of 1e-8."""
     found = follow(scene, impacts)
     late = 1.0 + 1e-8
     return replace(
-        found, rests=tuple(r._replace(closed=r.closed * late, opened=r.opened * late) for r in found.sticking)
+        found, sticking=tuple(p._replace(closed=p.closed * late, opened=p.opened * late) for p in found.sticking)
     )
 
 
-PLANTED = {
-    "damped": (damping, "phi2", lambda beta, t: (t - damping.phi1(beta, t)) / beta if beta else 0.5 * t * t),
-    "flown": (flight, "displacement", plain_displacement),
-    "carried": (flight, "jacobian", cancelling),
-    "shaken": (flight, "noise_covariance", off(flight.noise_covariance, 1.0 + 1e-12)),
-    "shifted": (section_map, "noise_slope", differenced),
-    "parted": (tangent, "saltation_matrix", harder),
-    "grazed": (impact, "next_impact", early(impact.next_impact)),
-    "together": (orbit, "follow", swapped),
-    "accumulated": (orbit, "follow", held_longer),
-    "opened": (orbit, "follow", held_longer),
-    "seen": (edgeworth, "window_means", wrong_windows),
-    "correlated": (moments, "realizability", absolutely_judged),
+NEGATIVE_CONTROLS = {
+    "phi_functions": (damping, "phi2", lambda beta, t: (t - damping.phi1(beta, t)) / beta if beta else 0.5 * t * t),
+    "flight_state": (flight, "displacement", plain_displacement),
+    "flight_jacobian": (flight, "jacobian", cancelling),
+    "flight_noise": (flight, "noise_covariance", off(flight.noise_covariance, 1.0 + 1e-12)),
+    "noise_phase_derivative": (section_map, "noise_slope", differenced),
+    "saltation": (tangent, "saltation_matrix", harder),
+    "grazing": (impact, "next_impact", early(impact.next_impact)),
+    "simultaneous": (orbit, "follow", swapped),
+    "chatter_time": (orbit, "follow", late_sticking),
+    "sticking_end": (orbit, "follow", late_sticking),
+    "edgeworth_windows": (edgeworth, "window_means", wrong_windows),
+    "correlations": (moments, "realizability", absolutely_judged),
     "short_damping": (short, "short_phi1", lambda beta, t: t * (1.0 - 0.5 * beta * t * (1.0 - beta * t / 3.0))),
-    "kicked": (exact_flight, "node", lambda c, *rest: node(c._replace(beta2=c.beta2 * (1.0 + 1e-12)), *rest)),
-    "summed": (exact_flight, "kick", off(exact_flight.kick, 1.0 + 1e-6)),
-    "left": (montecarlo, "simulate", lambda s, **k: simulate(s.with_sigma(1.15 * s.sigma), **k)),
-    "collapsed": (returning, "log_speeds", lambda epsilon, *rest: returned(0.8 * epsilon, *rest)),
-    "kept": (montecarlo, "simulate", held_outside),
-    "pressed": (montecarlo, "simulate", held_outside),
-    "nearly_closed": (closure, "mean_map", lambda s, **k: mean_map(replace(s, tolerance=None), **k)),
+    "noise_response": (exact_flight, "node", lambda c, *rest: node(c._replace(beta2=c.beta2 * (1.0 + 1e-12)), *rest)),
+    "step_noise": (exact_flight, "kick", off(exact_flight.kick, 1.0 + 1e-6)),
+    "exit_times": (montecarlo, "simulate", lambda s, **k: simulate(s.with_sigma(1.15 * s.sigma), **k)),
+    "collapse_drift": (returning, "log_speeds", lambda epsilon, *rest: returned(0.8 * epsilon, *rest)),
+    "confined_paths": (montecarlo, "simulate", outside_walls),
+    "sticking_paths": (montecarlo, "simulate", outside_walls),
+    "large_tolerances": (closure, "mean_map", lambda s, **k: mean_map(replace(s, tolerance=None), **k)),
     "unit_of_length": (closure, "mean_map", lambda s, **k: mean_map(replace(s, gamma1=s.gamma1 + 1e-12), **k)),
-    "proportional": (closure, "mean_map", lambda s, **k: mean_map(s.with_sigma(s.sigma + 1e-9), **k)),
+    "proportional_sds": (closure, "mean_map", lambda s, **k: mean_map(s.with_sigma(s.sigma + 1e-9), **k)),
     "phases": (Scene, "phase", property(by_floats)),
     "whole_periods": (Scene, "phase", property(by_floats)),
-    "told": (validation, "validate", louder_when_late),
+    "absolute_times": (validation, "validate", louder_when_late),
     "energy": (long_orbit, "LongOrbit", Drifting),
-    "fixed": (long_orbit, "LongOrbit", Drifting),
-    "locked": (long_orbit, "LongOrbit", Drifting),
+    "elastic_flights": (long_orbit, "LongOrbit", Drifting),
+    "periodic_motion": (long_orbit, "LongOrbit", Drifting),
 }  # fmt: skip
-"""For each row, what it calls with an error in it."""
+"""For each row, a function that it calls, with a deliberate error."""
 
 
 @pytest.fixture
 def shorter(monkeypatch):
-    """What a planted error needs no time for."""
+    """Shorter rows, which suffice for a negative control."""
     monkeypatch.setattr(runs, "IMPACTS", runs.STRETCH)
     monkeypatch.setattr(runs, "PERIODS", runs.STRETCH)
     monkeypatch.setattr(flights, "POINTS", 60)
     monkeypatch.setattr(scaling, "POWERS", (-26,))
     monkeypatch.setattr(scaling, "STARTS", (1e12,))
-    monkeypatch.setattr(sampling, "SHAKEN", ((1.0, 1e-3),))
+    monkeypatch.setattr(sampling, "EXITS", ((1.0, 1e-3),))
 
 
 @pytest.mark.usefixtures("shorter")
 @pytest.mark.parametrize("name", ROWS)
-def test_row_sees_a_planted_error(name, monkeypatch):
-    monkeypatch.setattr(*PLANTED[name])
+def test_row_rejects_its_negative_control(name, monkeypatch):
+    monkeypatch.setattr(*NEGATIVE_CONTROLS[name])
     assert not ROWS[name]().holds
 
 
@@ -223,14 +224,14 @@ def test_truth_has_the_digits_it_needs():
 
 def test_table_and_terminal_say_what_failed(monkeypatch):
     good = Extreme("E", "beta", "0 to 1e3", "mpmath", 2e-16, 4e-15, "its value")
-    bad = Extreme("exit", "sigma", "1e-3 to 1e4", "a law", 7.0, 4.5, "z")
+    bad = Extreme("exit", "sigma", "1e-3 to 1e4", "a formula", 7.0, 4.5, "z")
     found = table([good, bad])
     assert found["holds"].tolist() == [True, False]
     assert found.columns.tolist() == [*Extreme._fields, "holds"]
     text = lines([good, bad])
     assert text[-1] == "1 of 2 extremes hold."
     assert "FAILS" in text[3]
-    assert text[4].strip() == "1e-3 to 1e4; against: a law"
+    assert text[4].strip() == "1e-3 to 1e4; against: a formula"
     monkeypatch.setattr(run, "ROWS", {"good": lambda: good, "bad": lambda: bad})
     done = CliRunner().invoke(main, ["extremes", "--json"])
     assert done.exit_code == 1

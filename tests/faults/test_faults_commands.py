@@ -71,7 +71,7 @@ def test_a_disk_that_fills_while_the_report_is_written(tmp_path, monkeypatch):
 
 
 def test_the_table_of_simulate_on_a_full_disk(tmp_path):
-    """What was found is printed, and the earlier table is whole."""
+    """The results are printed, and the earlier table is whole."""
     words = ["simulate", "--paths", "100", "--impacts", "2", "--dt", "0.01"]
     with disk(tmp_path / "disk", "8k") as place:
         (place / "table.csv").write_text("old")
@@ -87,8 +87,8 @@ def test_the_table_of_simulate_on_a_full_disk(tmp_path):
 
 
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.ENAMETOOLONG])
-def test_what_no_module_answers_for_is_said_at_the_door(monkeypatch, code):
-    """Temporary folders of a library, say."""
+def test_other_failed_writes_are_reported_by_the_command_line(monkeypatch, code):
+    """Such as those into temporary folders of a library."""
 
     def refuse(*_):
         raise OSError(code, os.strerror(code), "/somewhere/x")

@@ -46,7 +46,7 @@ def written(out, text, size=1):
 
 @pytest.mark.parametrize("how", ["one step", "two steps"])
 def test_killed_at_any_moment_a_folder_is_old_or_new(tmp_path, how):
-    """Each kill leaves a whole folder; where a system cannot exchange two, the next run mends it."""
+    """Each kill leaves a whole folder; where a system cannot exchange two folders, the next run restores it."""
     out, draw = tmp_path / "report", random.Random(1)
     for _ in range(8):
         with subprocess.Popen([sys.executable, "-c", WRITER, out, how], stdout=subprocess.PIPE, text=True) as running:

@@ -121,7 +121,7 @@ MOMENTS = [
 
 @pytest.mark.parametrize("module", MOMENTS)
 def test_a_command_that_is_interrupted_while_it_loads_its_libraries(tmp_path, module):
-    """At several moments, told by what Python says that it has imported; wherever it is then."""
+    """At several moments, recognised by the modules that Python reports as imported."""
     command = [
         sys.executable,
         "-X",

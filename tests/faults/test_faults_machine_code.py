@@ -24,7 +24,7 @@ DAMAGE = {
 
 
 def run(code=CODE, cwd=None, **environment):
-    """What a process computes, how much of it it had not to compile, and what it said; None unsets a variable."""
+    """Run code in a process; returns its cache hits and standard error.  None unsets an environment variable."""
     changed = {name: str(value) for name, value in environment.items() if value is not None}
     kept = {name: value for name, value in os.environ.items() if name not in environment}
     done = subprocess.run([sys.executable, "-c", code], env=kept | changed, cwd=cwd, capture_output=True, text=True)
@@ -35,7 +35,7 @@ def run(code=CODE, cwd=None, **environment):
 
 
 def computed(cache):
-    """How much a process had not to compile that keeps its machine code in a folder, without a word."""
+    """Cache hits of a process that keeps its machine code in a folder and prints nothing on standard error."""
     hits, said = run(NUMBA_CACHE_DIR=cache)
     assert said == ""
     return hits

@@ -117,7 +117,7 @@ def test_a_finished_study_on_a_read_only_disk_shows_its_result(file, finished, t
         make_read_only(place)
         shown = rattle(*words)
         assert shown.stdout == whole.stdout
-        assert shown.stderr == whole.stderr == "All 4 cells are there, and the page is of them.\n"
+        assert shown.stderr == whole.stderr == "All 4 cells are there, and the page is up to date.\n"
         assert json.loads(rattle(*words, "--json").stdout)["complete"]
         assert "4 cells, 0 to compute" in rattle(*words, "--explain").stdout
         assert "4 of 4 cells are there" in rattle(*words, "--status").stdout
@@ -271,7 +271,7 @@ def test_a_clock_that_goes_backwards(file, finished, tmp_path, monkeypatch):
     assert stamps[0] > stamps[-1]
 
 
-def test_times_left_do_not_hang_on_the_clock(tmp_path, monkeypatch):
+def test_estimates_of_the_time_left_do_not_depend_on_the_clock(tmp_path, monkeypatch):
     from rattle.compare.study.progress import Progress
 
     study = Study.from_toml(TEXT.format(title="noise"))

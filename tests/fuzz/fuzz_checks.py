@@ -111,7 +111,7 @@ def closure(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
             rho = told[["rho1", "rho2"]].to_numpy()
             must(np.isnan(rho) | (abs(rho) <= 1.0 + SLACK) | ~told[["realizable"]].to_numpy(), "rho", rho)
         if name == "branching":
-            share = told[["agreement", "lost"]].to_numpy()
+            share = told[["agreement", "discarded"]].to_numpy()
             must((share >= 0.0) & (share <= 1.0 + SLACK), "shares", share)
         else:
             low, high = m.trace.span

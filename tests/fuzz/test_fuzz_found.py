@@ -126,7 +126,7 @@ def test_a_mean_flight_below_nothing_is_a_breakdown_of_the_series():
 def test_the_itinerary_ends_where_saltation_does():
     start = Start(1e9, -1.0, -2e-9, 0.9, -1e-7, mesh=1)
     m = mean_map(scene(gap1=1.0, gap2=1.0, start=start), impacts=3)
-    assert m.stopped == "a mesh rests closed after impact 0"
+    assert m.stopped == "a mesh sticks after impact 0"
     assert set(m.itinerary[m.trace.found :]) <= {0}
 
 

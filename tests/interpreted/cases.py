@@ -30,10 +30,10 @@ from rattle.scene.impact import contact_matrix, energy_loss
 PAIR = Scene.from_gears(DAT21, sigma=0.3)
 LONE = Scene.from_gears(DAT21, sigma=0.3, stages=1)
 UNDAMPED = Scene(alpha=0.5, epsilon=1.0, beta1=0.0, gamma1=0.0, beta2=0.0, gamma2=0.0, mu=0.3, sigma=0.1)
-PRESSED = Scene(
+STICKING = Scene(
     alpha=0.0, epsilon=0.4, beta1=0.0, gamma1=1.0, gamma2=2.0, mu=0.5, start=Start(0.0, 0.49, 0.2, -0.49, -0.2)
 )
-"""Both stages are pressed into their corners, where impacts accumulate."""
+"""Both stages are accelerated into their flanks, where impacts accumulate."""
 DRIVEN = Scene(alpha=3.0, epsilon=0.1, beta1=0.1, gamma1=2.0, stages=1, sigma=2.0, start=Start(0.3, 0.5, 2.0, mesh=1))
 FAR = replace(PAIR, gap1=1e6, gap2=1e6, start=Start(0.0, 0.0, 1.0, 0.0, 1.0))
 SCENES = {
@@ -41,7 +41,7 @@ SCENES = {
     "one stage": LONE,
     "without noise": replace(PAIR, sigma=0.0),
     "undamped": UNDAMPED,
-    "pressed": PRESSED,
+    "sticking": STICKING,
     "driven": DRIVEN,
     "in flight": replace(PAIR, start=Start(0.2, 0.1, 1.0, 0.2, -1.0)),
     "opposite": replace(PAIR, start=Start(0.0, -0.5, -2.0, -0.5, -2.0, mesh=2)),
@@ -74,18 +74,18 @@ def orbits(scene):
 
 
 def predicted(scene, closure, impacts, order=4):
-    """All that a closure says, at its impacts and between them."""
+    """All numbers of a closure, at its impacts and between them."""
     m = mean_map(scene, impacts=impacts, closure=closure, order=order)
     t = m.trace
     yield m.section.drop(columns="realizable").to_numpy(float)
-    yield from (a for a in (t.mean, t.sd, t.skew, t.raw, t.agreement, t.lost) if a is not None)
+    yield from (a for a in (t.mean, t.sd, t.skew, t.raw, t.agreement, t.discarded) if a is not None)
     if closure != "branching" and t.found > 1:
         yield m.at_times(np.linspace(t.tau[0], t.tau[t.found] if t.until is None else t.until, 7)[1:-1]).to_numpy(float)
         if t.raw[1, 0, 2, 0] > 0.0 and t.raw[1, 0, 0, 2] > 0.0:
             yield m.density(1, "y1", np.linspace(-3.0, 3.0, 5))
 
 
-def in_few_parts(scene):
+def in_few_components(scene):
     """The branching closure, its mixture kept small."""
     with mock.patch.multiple("rattle.closure.branching.trace", MOST_COMPONENTS=4, MOST_CUT=12):
         yield from predicted(scene, "branching", 3)
@@ -103,8 +103,8 @@ def simulated(scene, scheme, paths=3, impacts=3, **settings):
         yield run.step_bias.select_dtypes("number").to_numpy(float)
 
 
-def on_one_noise(scene):
-    """A long path with the growth of its neighbours, and pairs of paths on one noise."""
+def on_shared_noise(scene):
+    """A long path with the growth of its neighbours, and pairs of paths with the same noise."""
     path = LongPath(scene, seed=2)
     for tangent in (True, False):
         s, velocity = path.stretch(200, tangent, velocities=tangent)
@@ -130,7 +130,8 @@ def sums():
 
 STEP = {"euler-maruyama": 5e-3, "euler-maruyama-located": 5e-3, "exact-flight": math.pi / 64.0}
 WALLS = [
-    Tolerance(0.04, 0.02, distribution=law, draw=draw) for law, draw in (("uniform", "path"), ("normal", "contact"))
+    Tolerance(0.04, 0.02, distribution=distribution, draw=draw)
+    for distribution, draw in (("uniform", "path"), ("normal", "contact"))
 ]
 CASES: dict[str, Callable] = {"flights": flights, "sums": sums}
 CASES |= {f"orbit, {name}": lambda s=scene: orbits(s) for name, scene in {**SCENES, "far": FAR}.items()}
@@ -143,9 +144,9 @@ CASES |= {
 CASES |= {
     "saltation, order 2": lambda: predicted(PAIR, "saltation", 3, 2),
     "corrected, order 6": lambda: predicted(PAIR, "corrected", 3, 6),
-    "branching, two stages": lambda: in_few_parts(replace(PAIR, sigma=0.5)),
-    "branching, one stage": lambda: in_few_parts(LONE),
-    "branching, flanks drawn anew": lambda: in_few_parts(
+    "branching, two stages": lambda: in_few_components(replace(PAIR, sigma=0.5)),
+    "branching, one stage": lambda: in_few_components(LONE),
+    "branching, flanks drawn anew": lambda: in_few_components(
         replace(PAIR, tolerance=Tolerance(0.04, 0.02, draw="contact"))
     ),
 }
@@ -160,11 +161,13 @@ for scheme, dt in STEP.items():
             CASES[f"{scheme}, {name}, {tolerance.distribution} walls"] = lambda s=tolerant, k=scheme, d=dt: simulated(
                 s, k, dt=d
             )
-    CASES[f"{scheme}, held"] = lambda k=scheme, d=dt: simulated(PRESSED, k, 1, 200, dt=d)
+    CASES[f"{scheme}, sticking paths"] = lambda k=scheme, d=dt: simulated(STICKING, k, 1, 200, dt=d)
     if biased:
         CASES[f"{scheme}, two-point"] = lambda k=scheme, d=dt: simulated(PAIR, k, dt=d, increments="two-point")
 CASES["exact-flight, control"] = lambda: simulated(replace(PAIR, sigma=0.02), "exact-flight", control=True)
-CASES |= {f"long path, {n}": lambda s=SCENES[n]: on_one_noise(s) for n in ("two stages", "one stage", "without noise")}
+CASES |= {
+    f"long path, {n}": lambda s=SCENES[n]: on_shared_noise(s) for n in ("two stages", "one stage", "without noise")
+}
 
 
 def parts(case: str) -> list[list[float]]:

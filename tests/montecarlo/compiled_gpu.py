@@ -1,4 +1,4 @@
-"""Compile all kernels for compute capability 9.0, where no card needs to be; print each one's target.
+"""Compile all kernels for compute capability 9.0, where no GPU needs to be; print each one's target.
 
 What the simulator runs is Python: only the compiler sees whether a kernel's types fit.
 """
@@ -24,7 +24,7 @@ INTS = [types.Array(types.int64, n, "C") for n in range(3)]
 
 
 def main() -> None:
-    # functions that a kernel calls are compiled for the card at hand, whatever the kernel is compiled for
+    # functions that a kernel calls are compiled for the present GPU, whatever the kernel is compiled for
     numba.cuda.dispatcher.get_current_device = lambda: SimpleNamespace(compute_capability=CAPABILITY)
     scene = dat21(0.1)
     job = Job(scene.constants, backlash_of(scene), key_of(np.random.SeedSequence(1)), 0.0, 0.01, 0, False, 1000)

@@ -63,7 +63,7 @@ def bridge_normal(key: Key, path: int, step: int, call: int, level: int = 0) -> 
 
 
 def orbit_of(scene: Scene, impacts: int) -> np.ndarray:
-    """Noise-free impacts from flight and contact law alone: rows tau, x1, y1, x2, y2, mesh * side."""
+    """Noise-free impacts from flight and restitution map alone: rows tau, x1, y1, x2, y2, mesh * side."""
     c, s = scene.constants, scene.start
     tau, (x1, y1, x2, y2) = s.tau, scene.start_state
     if s.mesh:
@@ -94,7 +94,7 @@ PRESSED = Scene(
     alpha=0.0, epsilon=0.0, beta1=0.1, beta2=0.1, gamma1=2.0, gamma2=5.0, mu=0.5, sigma=0.01,
     start=Start(0.0, 0.5, 1.0, -0.5, -1.0, mesh=1),
 )  # fmt: skip
-"""Both stages pressed into their corners: impacts without end within a step, if they are located."""
+"""Both meshes stick: impacts accumulate within a step, if they are located."""
 
 TOLERANT = replace(UNEQUAL_GAPS, tolerance=Tolerance(0.05, 0.03, draw="contact"))
 

@@ -41,7 +41,7 @@ class Path:
     n: int = 0
     impacts: list[tuple[float, ...]] = field(default_factory=list)
     per_step: list[list[int]] = field(default_factory=list)
-    held: int = 0
+    sticking_steps: int = 0
     spare: random.Random = field(default_factory=lambda: random.Random(5))
 
     @classmethod

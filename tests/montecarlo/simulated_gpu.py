@@ -1,4 +1,4 @@
-"""Runs on numba's simulator of a card beside the processor, in a process of its own; differences as JSON to stdout.
+"""Runs on numba's simulator of a GPU beside the processor, in a process of its own; differences as JSON to stdout.
 
 The simulator is chosen by an environment variable that numba reads when it is imported.
 """
@@ -14,9 +14,8 @@ os.environ["NUMBA_ENABLE_CUDASIM"] = "1"
 import numpy as np
 from mc_checks import dat21
 from numba.cuda.simulator import kernelapi
-from settings import recorded
 
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.cuda import launch as gpu
 from rattle.montecarlo.settings import plan_of
 from rattle.scene import Scene, Tolerance
@@ -27,8 +26,8 @@ FIXED = Tolerance(0.02, 0.03, distribution="fixed")
 NOISY = dat21(0.3)
 
 CASES: dict[str, tuple[Scene, dict]] = {
-    "plain": (NOISY, {"times": [0.1, 0.31, 1.0], "itineraries": {"other": [-1, -2]}}),
-    "plain, histograms": (NOISY, {"paths": 8, "histogram": True}),
+    "plain": (NOISY, {"record": {"times": [0.1, 0.31, 1.0], "itineraries": {"other": [-1, -2]}}}),
+    "plain, histograms": (NOISY, {"paths": 8, "record": {"histogram": True}}),
     "plain, one stage": (replace(NOISY, stages=1), {}),
     "plain, contact": (replace(NOISY, tolerance=CONTACT), {}),
     "plain, path": (replace(NOISY, tolerance=PATH), {}),
@@ -68,9 +67,10 @@ def largest(a, b) -> float:
 
 def compare(scene: Scene, rng: int = 5, **settings) -> dict:
     """Differences between a run on the simulated GPU and one on the processor, whose seed is always 5."""
-    settings = {"paths": 10, "impacts": 2, "dt": 0.01, "scheme": "euler-maruyama", "raw": True} | settings
-    settings = recorded(settings)
-    host, gpu = simulate(scene, rng=5, **settings), simulate(scene, rng=rng, device="cuda", **settings)
+    settings = {"paths": 10, "impacts": 2, "dt": 0.01, "scheme": "euler-maruyama"} | settings
+    record = Record(raw=True, **settings.pop("record", {}))
+    host = simulate(scene, rng=5, record=record, **settings)
+    gpu = simulate(scene, rng=rng, device="cuda", record=record, **settings)
     seen = [0, 1, 2, 3, 6] if scene.stages == 1 else list(range(7))
     return {
         "rows": largest(host.raw[:, :, seen], gpu.raw[:, :, seen]),

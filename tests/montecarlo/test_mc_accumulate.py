@@ -102,10 +102,10 @@ REPLICAS, SIZE = 1500, 4000
 @pytest.fixture(scope="module")
 def z_scores():
     """(value - truth) / se over replicated samples of a Beta(1, 8): skew 1.4, excess kurtosis 2.3."""
-    law = stats.beta(1.0, 8.0)
-    a = law.rvs((SIZE, REPLICAS), random_state=4)
+    distribution = stats.beta(1.0, 8.0)
+    a = distribution.rvs((SIZE, REPLICAS), random_state=4)
     s = single_statistics(CentralSums.of(a, a, SINGLE))
-    mean, variance, skew, kurt = law.stats("mvsk")
+    mean, variance, skew, kurt = distribution.stats("mvsk")
     truth = {"mean": mean, "sd": math.sqrt(variance), "skew": skew, "kurt": kurt}
     return {name: (s[name] - t) / s["se_" + name] for name, t in truth.items()}
 

@@ -72,4 +72,4 @@ def test_paired_differences_have_the_errors_that_they_state():
         half = limit(2) / np.sqrt(2.0 * 19)  # relative error of an sd of twenty
         assert abs(spread / stated - 1.0) < half + 0.1
         assert stated < 0.8 * alone  # common noise is worth something, and the check sees what it is worth
-        assert abs(spread / (0.3 * stated) - 1.0) > half + 0.1  # a planted error of the error
+        assert abs(spread / (0.3 * stated) - 1.0) > half + 0.1  # negative control: a wrong standard error

@@ -1,4 +1,4 @@
-"""Brownian motion by increment and area: cut and joined, exactly in law, against a path laid out in fine steps."""
+"""Brownian motion by increment and area: split and joined, exactly in distribution, against a finely stepped path."""
 
 import math
 
@@ -88,13 +88,13 @@ def law_agrees(sample, h, share):
 
 
 @pytest.mark.parametrize("share", SHARES)
-def test_parts_have_the_law_of_brownian_motion(share):
+def test_parts_have_the_distribution_of_brownian_motion(share):
     draws = np.random.default_rng(1).standard_normal((DRAWS, 4))
     assert law_agrees(parts_of(draws, 0.3, share, 0.0), 0.3, share)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.37, 0.5, 0.9])
-def test_check_of_the_law_sees_a_split_that_spreads_too_much(share):
+def test_check_of_the_distribution_sees_a_split_that_spreads_too_much(share):
     draws = np.random.default_rng(1).standard_normal((DRAWS, 4))
     assert not law_agrees(parts_of(draws, 0.3, share, 0.05), 0.3, share)
 
@@ -124,11 +124,11 @@ def test_joined_parts_of_a_path_are_the_whole_to_rounding(cut):
     again = np.array([joined(Noise(*a), Noise(*b), cut / FINE) for a, b in zip(first.T, second.T, strict=True)]).T
     assert np.abs(again - whole).max() < 1e-15 * FINE
     wrong = np.array([joined(Noise(*b), Noise(*a), cut / FINE) for a, b in zip(first.T, second.T, strict=True)]).T
-    assert np.abs(wrong - whole).max() > 1e-3  # planted: the parts the other way round
+    assert np.abs(wrong - whole).max() > 1e-3  # negative control: the parts the other way round
 
 
 @pytest.mark.parametrize("cut", [24, 120, 200])
-def test_split_given_the_whole_has_the_law_of_a_path_given_the_whole(cut):
+def test_split_given_the_whole_has_the_distribution_of_a_path_given_the_whole(cut):
     """Regression of the parts on increment and area of the whole, and what is left: both as a path laid out has it."""
     fine, share = laid_out(20_000), cut / FINE
     path = np.array([*noise_of(fine[:, :cut]), *noise_of(fine[:, cut:])]).T
@@ -145,5 +145,5 @@ def test_split_given_the_whole_has_the_law_of_a_path_given_the_whole(cut):
     difference = moments(path) - moments(cutting)
     se = difference.std(axis=0) / math.sqrt(len(fine))
     assert agrees(difference.mean(axis=0), 0.0, se, slack=2.0 / FINE**2)  # a path linear in fine steps lacks this much
-    other = moments(parts_of(draws, H, min(share + 0.05, 0.95), 0.0))  # planted: cut elsewhere
+    other = moments(parts_of(draws, H, min(share + 0.05, 0.95), 0.0))  # negative control: cut elsewhere
     assert not agrees((moments(path) - other).mean(axis=0), 0.0, se, slack=2.0 / FINE**2)

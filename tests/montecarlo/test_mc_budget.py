@@ -1,4 +1,4 @@
-"""What an accuracy is expected to take is said before the work; a budget bounds it, pilots included.
+"""The expected cost of an accuracy is logged before the work; a budget bounds it, pilot runs included.
 
 The clock of these tests ticks with the blocks of paths that are run, so that no machine is too slow for them.
 """
@@ -60,7 +60,7 @@ def test_a_step_is_no_shorter_than_the_budget_affords(monkeypatch, scheme):
     assert run.reach.more_seconds > 1e9
 
 
-def test_a_pilot_is_not_sent_where_scouts_show_that_it_cannot_be_paid(monkeypatch):
+def test_a_pilot_is_not_run_where_probe_runs_show_that_the_budget_has_no_room_for_it(monkeypatch):
     watched = Watched(monkeypatch, lambda paths: float(paths))
     with pytest.warns(AccuracyWarning):
         run = ask(watched, 0.1, budget=20.0)

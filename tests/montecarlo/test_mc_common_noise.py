@@ -1,4 +1,4 @@
-"""Long paths on a noise that is a function of time: right in law, the same however they are cut, and shared."""
+"""Long paths on a shared Brownian tree: right in distribution, and the same however they are cut into stretches."""
 
 import numpy as np
 import pytest
@@ -109,5 +109,5 @@ def test_neighbours_leave_a_hundredfold_distance_ten_times_as_far():
 
 
 def test_random_gaps_are_refused():
-    with pytest.raises(InputError, match=r"tolerance\.law"):
+    with pytest.raises(InputError, match=r"tolerance\.distribution"):
         clockwork(dat21(0.1, tolerance=Tolerance(0.01, 0.01)), 12)

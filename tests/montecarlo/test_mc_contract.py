@@ -104,7 +104,7 @@ class TestScheme:
         energy, _ = wheels(raw, FREE.mu)
         assert np.abs(energy - ((1.0 - FREE.mu) * 1.0**2 + FREE.mu * 1.7**2)).max() < 1e-12
         assert np.ptp(raw[:, :, 3]) > 0.5  # the paths do differ
-        assert np.ptp(wheels(raw, FREE.mu + 0.01)[0]) > 1e-3  # planted: another share of the impulse
+        assert np.ptp(wheels(raw, FREE.mu + 0.01)[0]) > 1e-3  # negative control: another share of the impulse
 
     def test_momentum_is_conserved_by_mesh_2_and_not_by_mesh_1(self, scheme):
         raw = self.run(scheme, FREE, impacts=30, dt=0.02).raw
@@ -115,7 +115,7 @@ class TestScheme:
 
     @pytest.mark.parametrize("louder", [1.0, 1.03])
     def test_flight_without_walls_has_the_means_and_4d_covariance_of_the_scheme(self, scheme, louder):
-        """Means and covariances at fixed times, each with its own standard error; 3 % more noise is planted."""
+        """Means and covariances at fixed times, each with its standard error; negative control: 3 % more noise."""
         scene, paths, dt = open_space(0.4, beta2=0.9), 20_000, 0.02
         noisy = replace(scene, sigma=louder * scene.sigma)
         run = self.run(
@@ -207,14 +207,14 @@ class TestScheme:
     # --- impacts that pile up
 
     def test_accumulating_impacts_return_and_are_counted(self, scheme):
-        """Both stages pressed into their corners: impacts without end within a step, if they are located."""
+        """Both meshes stick: impacts accumulate within a step, if they are located."""
         run = self.run(scheme, PRESSED, paths=20, impacts=500)
         assert run.unfinished == 0
         assert (run.sticking_steps > 0) == LOCATES[scheme]
         assert np.isfinite(run.raw).all()
         assert (run.raw[:, :, 1] >= 0.0).all()
 
-    def test_paths_that_never_accumulate_are_never_held(self, scheme):
+    def test_paths_that_never_accumulate_never_stick(self, scheme):
         assert self.run(scheme, dat21(0.1), paths=500).sticking_steps == 0
 
     @pytest.mark.parametrize("epsilon", [0.0, 0.02])
@@ -244,20 +244,20 @@ class TestScheme:
         raws = [self.run(scheme, dat21(0.3, tolerance=t)).raw for t in (None, Tolerance(0.0, 0.0, draw=draw))]
         assert np.array_equal(*raws)
 
-    @pytest.mark.parametrize("law", DISTRIBUTIONS)
+    @pytest.mark.parametrize("distribution", DISTRIBUTIONS)
     @pytest.mark.parametrize("draw", ["path", "contact"])
-    def test_walls_have_the_distribution_asked_for(self, scheme, draw, law):
+    def test_walls_have_the_distribution_asked_for(self, scheme, draw, distribution):
         """A lossless wheel that meets the flanks -, +, - in turn, so that no path is selected by its walls."""
         scene = Scene(
             alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, stages=1, start=Start(0.0, 0.5, 2.0, mesh=1),
-            tolerance=Tolerance(0.04, distribution=law, draw=draw),
+            tolerance=Tolerance(0.04, distribution=distribution, draw=draw),
         )  # fmt: skip
         raw = self.run(scheme, scene, paths=4000, impacts=3, dt=0.01).raw
         assert (raw[:, :, 6] == [-1, 1, -1]).all()
-        other = next(o for o in DISTRIBUTIONS if o != law)
+        other = next(o for o in DISTRIBUTIONS if o != distribution)
         for k in range(3):
             deviation = np.abs(raw[:, k, 2]) - 0.5
-            assert stats.kstest(deviation, DISTRIBUTIONS[law](0.04).cdf).pvalue > FALSE_ALARM / 3.0
+            assert stats.kstest(deviation, DISTRIBUTIONS[distribution](0.04).cdf).pvalue > FALSE_ALARM / 3.0
             assert stats.kstest(deviation, DISTRIBUTIONS[other](0.04).cdf).pvalue < FALSE_ALARM / 3.0
         score = np.corrcoef(np.abs(raw[:, 0, 2]), np.abs(raw[:, 1, 2]))[0, 1] * math.sqrt(4000)
         assert (abs(score) < limit(1)) == (draw == "contact")
@@ -297,4 +297,4 @@ def fixed_states(run):
 
     steps = np.round((run.fixed_times - run.scene.start.tau) / run.dt).astype(np.int64)
     plan = Plan(run.scene, run.paths, run.impacts, run.dt, run.scheme, run.seed, 16 * int(steps[-1]), steps, {}, 1)
-    return np.concatenate([sample(plan, b).at_times[0] for b in range(plan.blocks)])
+    return np.concatenate([sample(plan, b).fixed[0] for b in range(plan.blocks)])

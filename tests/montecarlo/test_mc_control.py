@@ -60,11 +60,11 @@ def test_control_follows_the_paths_ever_closer_for_small_noise_and_short_steps(n
 
 
 def test_program_ends_where_the_orbit_ends():
-    pressed = Scene(
+    sticking = Scene(
         alpha=0.1, epsilon=0.3, beta1=0.1, beta2=0.1, gamma1=2.0, gamma2=0.1, mu=0.4, gap1=0.5, gap2=0.5, sigma=0.01,
         start=Start(0.0, 0.0, 0.0, 0.0, 0.0),
     )  # fmt: skip
-    path = linear_path(pressed, 40, STEP)
+    path = linear_path(sticking, 40, STEP)
     assert path.at_step.size < 40
     assert (path.variance[path.at_step.size :] == 0.0).all()
 
@@ -86,7 +86,7 @@ def test_controlled_and_plain_estimates_agree_and_the_error_never_grows(sigma):
     for prefix in ("", "sd_"):
         a, b = columns(plain, prefix), columns(controlled, prefix)
         ea, eb = columns(plain, "se_" + prefix), columns(controlled, "se_" + prefix)
-        seen = (ea > 1e-12) & (columns(plain, "sd_") > 1e-3 * sigma)  # not the strays that make up a struck coordinate
+        seen = (ea > 1e-12) & (columns(plain, "sd_") > 1e-3 * sigma)  # not struck coordinates
         assert agrees(a[seen], b[seen], np.hypot(ea[seen], eb[seen]))
         assert not agrees(a[seen] * 1.02, b[seen], np.hypot(ea[seen], eb[seen]))
         same = columns(table(scene, True, seed=1), "se_" + prefix)

@@ -24,7 +24,7 @@ def test_run_without_a_fault_says_nothing():
     assert run(dt=0.02, record=Record(step_bias=True)).diagnostics == ()  # measured, and taken out
 
 
-def test_step_that_moves_the_orbit_is_told_in_sds_of_the_run():
+def test_step_that_moves_the_orbit_is_diagnosed_in_sds_of_the_run():
     found = run(dt=0.02)
     shift, where = orbit_shift(found)
     assert any(f"by {shift:.2g} sd ({where})" in said for said in found.diagnostics)
@@ -41,7 +41,7 @@ def test_shift_of_the_orbit_is_the_bias_of_the_mean():
     assert orbit_shift(found)[0] == pytest.approx(max(shares), rel=0.35)
 
 
-def test_impacts_seen_at_the_end_of_a_step_are_told_to_be_late():
+def test_impacts_seen_at_the_end_of_a_step_are_diagnosed_as_late():
     found = run(sigma=3.0, scheme=PLAIN, dt=0.03)
     shift, where = orbit_shift(found)
     late = 0.5 * 0.03 * np.arange(1, 5) / motion_units(found.columns, found.scene)["tau"]
@@ -49,7 +49,7 @@ def test_impacts_seen_at_the_end_of_a_step_are_told_to_be_late():
     assert where.startswith("tau at impact")
 
 
-def test_strong_noise_is_told_where_the_step_cannot_follow_it():
+def test_strong_noise_is_diagnosed_where_the_step_cannot_follow_it():
     (said, *_) = run(sigma=30.0, scheme=LOCATED).diagnostics
     limit, why = trusted_step(dat21(30.0), LOCATED)
     assert said.endswith(f"{why}; dt = {limit:.2g} would do.")
@@ -68,16 +68,16 @@ def test_fast_damping_turns_flights_into_diffusion():
     assert scales_of(fast).shaking == pytest.approx((0.5 / 0.1) ** 2, rel=1e-5)
 
 
-def test_paths_held_after_their_impacts_are_no_fault_of_the_section():
+def test_sticking_after_the_last_impact_is_no_fault_of_the_section():
     collapsing = {"epsilon": 0.05, "sigma": 1.0}
     values = {name: getattr(dat21(), name) for name in ("alpha", "beta1", "beta2", "gamma1", "gamma2", "mu")}
     scene = Scene(**values, **collapsing)
     quick = simulate(scene, paths=64, impacts=2, scheme=EXACT, horizon=3.0)
     timed = simulate(scene, paths=64, impacts=2, scheme=EXACT, horizon=3.0, record=Record(times=[2.0]))
     assert quick.diagnostics[0].startswith("Noise at a restitution below 0.163")
-    assert not any("held shut" in said for said in quick.diagnostics)
+    assert not any("stayed closed" in said for said in quick.diagnostics)
     assert timed.sticking_steps > 0
-    assert any("a mesh was held shut" in said for said in timed.diagnostics)
+    assert any("a mesh stayed closed" in said for said in timed.diagnostics)
 
 
 @pytest.mark.parametrize("scheme", [LOCATED, PLAIN, EXACT])
@@ -93,7 +93,7 @@ def test_a_flight_of_no_length_is_no_unit(scheme):
     assert not any("nan" in said or "inf " in said for said in found.diagnostics)
 
 
-def test_few_paths_and_a_horizon_that_nobody_reaches_are_told_without_a_warning():
+def test_few_paths_and_a_horizon_that_nobody_reaches_are_diagnosed_without_a_warning():
     for sigma in (0.0, 0.1):
         for settings in ({"paths": 1}, {"paths": 2}, {"paths": 2, "horizon": 0.02}):
             for scheme in (LOCATED, PLAIN, EXACT):

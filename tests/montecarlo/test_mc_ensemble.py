@@ -94,53 +94,53 @@ def test_noise_free_itinerary_cannot_be_replaced():
         simulate(dat21(0.01), paths=2, impacts=1, record=Record(itineraries={"noise-free": [2]}))
 
 
-# --- the clock
+# --- moments at fixed times
 
 
-def test_clock_gives_the_rows_asked_for(run):
+def test_fixed_times_give_the_rows_asked_for(run):
     assert run.at_times().index.tolist() == pytest.approx([0.3, 1.0, 2.0])
     assert run.at_times([2.0, 0.3]).index.tolist() == pytest.approx([2.0, 0.3])
     assert run.at_times().index.name == "time"
 
 
-def test_clock_has_the_columns_of_the_contract(run):
+def test_fixed_times_have_the_columns_of_the_contract(run):
     names = {*STATE, *(f"cov_{a}_{b}" for i, a in enumerate(STATE) for b in STATE[i:])}
     assert names | {f"se_{n}" for n in names} | {"rho1", "rho2", "se_rho1", "se_z_rho2"} <= set(run.at_times().columns)
 
 
-def test_clock_correlation_is_covariance_over_sds(run):
+def test_correlation_at_a_fixed_time_is_covariance_over_sds(run):
     t = run.at_times()
     assert np.allclose(t.rho1, t.cov_x1_y1 / np.sqrt(t.cov_x1_x1 * t.cov_y1_y1), rtol=1e-12)
 
 
-def test_clock_errors_of_means_are_sds_over_root_n(run):
+def test_errors_of_means_at_fixed_times_are_sds_over_root_n(run):
     t = run.at_times()
     for name in STATE:
         assert np.allclose(t[f"se_{name}"], np.sqrt(t[f"cov_{name}_{name}"] / 3000), rtol=1e-12)
 
 
-def test_clock_time_that_was_not_recorded_is_refused(run):
-    with pytest.raises(InputError, match=r"times = 1.5: was not recorded; give it to simulate\(times=...\)"):
+def test_fixed_time_that_was_not_recorded_is_refused(run):
+    with pytest.raises(InputError, match=r"times = 1.5: was not recorded; give it to simulate: record=Record"):
         run.at_times([1.5])
 
 
-def test_clock_of_a_run_without_times_is_empty():
+def test_table_of_a_run_without_fixed_times_is_empty():
     assert simulate(dat21(0.1), paths=2, impacts=1).at_times().empty
 
 
-def test_clock_time_given_to_a_run_with_step_bias_is_found_again():
+def test_fixed_time_given_to_a_run_with_step_bias_is_found_again():
     dt = 0.01
     run = simulate(dat21(0.1), paths=2, impacts=1, dt=dt, record=Record(times=[0.058], step_bias=True))
     assert run.at_times([0.058]).index[0] == pytest.approx(0.058, abs=2.0 * dt)
 
 
-def test_clock_at_the_horizon_is_recorded():
+def test_fixed_time_at_the_horizon_is_recorded():
     run = simulate(dat21(0.1), paths=10, impacts=1, dt=0.01, horizon=0.64, record=Record(times=[0.64]))
     later = simulate(dat21(0.1), paths=10, impacts=1, dt=0.01, horizon=0.70, record=Record(times=[0.64]))
     assert run.at_times().x1.iloc[0] == later.at_times().x1.iloc[0]
 
 
-def test_paths_that_run_on_to_a_late_clock_are_finished():
+def test_paths_that_run_on_to_a_late_fixed_time_are_finished():
     run = simulate(dat21(0.3), paths=600, impacts=2, dt=5e-3, rng=1, record=Record(times=[4.0]))
     assert run.unfinished == 0
     assert run.at_times()[["x1", "x2"]].abs().max(axis=None) < 0.5
@@ -225,7 +225,7 @@ def test_stated_error_of_the_bias_has_the_size_of_its_scatter():
     uncoupled = np.sqrt(2.0) * np.mean([np.asarray(t["se_corrected"]) for t in tables], axis=0)
     assert (
         uncoupled / np.std([t["bias"] for t in tables], axis=0)
-    ).min() > 1.28  # planted: runs on noises of their own
+    ).min() > 1.28  # negative control: runs with independent noise
 
 
 def test_step_bias_of_noise_free_run_is_the_difference_of_three_runs():
@@ -238,7 +238,7 @@ def test_step_bias_of_noise_free_run_is_the_difference_of_three_runs():
 
 
 def test_step_bias_must_be_asked_for(run):
-    with pytest.raises(InputError, match=r"ask for it: simulate\(step_bias=True\)"):
+    with pytest.raises(InputError, match=r"ask for it: simulate\(..., record=Record"):
         _ = run.step_bias
 
 
@@ -403,7 +403,7 @@ def test_progress_is_silent_in_a_pipe(capfd):
 
 def test_too_few_paths_tell_no_error():
     """The spread of one path, the squared deviations of two and the kurtosis of three say nothing of the next path."""
-    told = {
+    enough = {
         n: simulate(
             dat21(0.1), paths=n, impacts=1, dt=0.01, rng=2, record=Record(times=[0.4], step_bias=True, energy=True)
         )
@@ -411,7 +411,7 @@ def test_too_few_paths_tell_no_error():
     }
     least = {"se_y1": 2, "se_energy": 2, "se_sd_y1": 3, "se_skew_y1": 3, "se_kurt_y1": 4}
     fixed = {"se_x1": 2, "se_cov_x1_y1": 3, "se_rho1": 3, "se_z_rho1": 3}
-    for n, run in told.items():
+    for n, run in enough.items():
         for table, names in ((run.section.loc[1], least), (run.at_times().iloc[0], fixed)):
             for name, fewest in names.items():
                 assert np.isfinite(table[name]) == (n >= fewest), (name, n)

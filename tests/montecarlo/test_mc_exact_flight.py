@@ -1,4 +1,4 @@
-"""The exact flight: its Gaussian law, its orbit, and no bias of the step, against truths and the other schemes."""
+"""The exact flight: its Gaussian distribution, its orbit, and no step bias, against truths and other schemes."""
 
 import math
 from dataclasses import replace
@@ -20,7 +20,7 @@ from rattle.scene.flight import flow, jacobian, noise_covariance, noise_rate
 EXACT, LOCATED = "exact-flight", "euler-maruyama-located"
 QUANTITIES = ("tau", "flight", "x1", "y1", "x2", "y2")
 
-# --- the Gaussian law of a flight
+# --- the Gaussian distribution of a flight
 
 
 def by_steps(scene, t, steps, across=1.0):
@@ -100,7 +100,7 @@ ORBITS = {
 
 
 def orbit_error(scene, dt, impacts=8, **changes):
-    """Largest difference of impact times and states from the orbit by flight and contact law alone."""
+    """Largest difference of impact times and states from the orbit by flight and restitution map alone."""
     rows = orbit_of(replace(scene, **changes), impacts)
     raw = simulate(scene, paths=1, impacts=impacts, dt=dt, scheme=EXACT, record=Record(raw=True)).raw[0]
     if (raw[:, 6] != rows[:, 5]).any():
@@ -274,7 +274,7 @@ def test_mean_exit_time_of_random_acceleration(z, dt):
     from test_mc_truths import mean_exit_time
 
     truth = mean_exit_time(z * 2.0 * HALF, 2.0 * HALF, 1.0)
-    for sigma in (1.0, 1.05):  # the second is planted: exit times 3 % shorter
+    for sigma in (1.0, 1.05):  # the second is a negative control: exit times 3 % shorter
         t = exit_times(z, dt, sigma)
         assert agrees(t.mean(), truth, t.std() / math.sqrt(t.size), slack=2e-5 * truth) == (sigma == 1.0)
 
@@ -282,7 +282,7 @@ def test_mean_exit_time_of_random_acceleration(z, dt):
 def test_exit_times_have_one_distribution_at_any_step():
     a, b = exit_times(0.25, 2e-4), exit_times(0.25, 1e-5, rng=9)
     assert stats.ks_2samp(a, b).pvalue > FALSE_ALARM
-    assert stats.ks_2samp(1.04 * a, b).pvalue < FALSE_ALARM  # planted
+    assert stats.ks_2samp(1.04 * a, b).pvalue < FALSE_ALARM  # negative control
 
 
 @jit
@@ -318,12 +318,12 @@ def first_hits_by_small_steps(c, rng, paths, h, x, y, pieces):
 
 GRAZING = {
     "towards the wall": (0.4998, 0.01), "along the wall": (0.4998, 0.0), "away from it": (0.499, -0.01),
-    "turned before it": (0.48, 0.15),
+    "reversed before it": (0.48, 0.15),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("case", GRAZING)
-def test_grazing_impacts_within_a_step_have_the_law_of_small_steps(case):
+def test_grazing_impacts_within_a_step_have_the_distribution_of_small_steps(case):
     """Whether and when a step of 0.1 meets a wall that it may just reach, in 20000 draws of its noise."""
     c, h, (x, y), paths, pieces = dat21(0.5, stages=1).constants, 0.1, GRAZING[case], 20_000, 1000
     rng = np.random.default_rng(1)
@@ -350,7 +350,7 @@ CRAWLING = Scene(
     alpha=0.0, epsilon=0.5, beta1=0.1, gamma1=0.05, gap1=0.5, sigma=0.02, stages=1,
     start=Start(0.3, 0.5 - 1e-5, 1e-5),
 )  # fmt: skip
-"""Within 1e-5 of a wall, at speeds of 1e-5, pressed on by a weak drag."""
+"""Within 1e-5 of a wall, at speeds of 1e-5, pushed on by a weak drag."""
 
 CRAWLS = {f"single, epsilon {e}": replace(CRAWLING, epsilon=e) for e in (0.0, 0.02, 0.5, 1.0)} | {
     "chatter at both meshes": replace(UNEQUAL_GAPS, sigma=0.2),
@@ -393,7 +393,7 @@ def test_paths_that_crawl_along_a_wall_go_on(case):
 
 
 @pytest.mark.parametrize("scene", [UNEQUAL_GAPS, TOLERANT], ids=["fixed walls", "redrawn walls"])
-def test_paths_pressed_to_a_wall_where_the_noise_vanishes_stay_within_it(scene):
+def test_paths_that_stick_where_the_noise_vanishes_stay_within_the_gap(scene):
     """Around tau = 2 pi the noise of stage 1 goes through zero while the chatter of both stages dies out.
 
     A path that creeps along a wall there must not use up its cuts, nor pass the wall if it does.
@@ -407,7 +407,7 @@ def test_paths_pressed_to_a_wall_where_the_noise_vanishes_stay_within_it(scene):
     assert np.abs(raw[:, 4]).max() <= scene.gap2 * (1.0 + 2.0 * CLOSE) + c2
 
 
-def test_paths_pressed_to_rest_stay_finite():
+def test_paths_that_stick_after_a_plastic_impact_stay_finite():
     """Without restitution a struck path is at rest on its wall: the next flight starts from a gap and a speed of 0."""
     run = sampled(PRESSED, 0.1, 20, 500, record=Record(raw=True))
     assert run.sticking_steps > 0

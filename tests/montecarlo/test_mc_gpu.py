@@ -1,4 +1,4 @@
-"""``device="cuda"``: on a simulated card the paths and sums of the processor; without a card, a refusal that helps."""
+"""``device="cuda"``: on a simulated GPU the paths and sums of the processor; without a GPU, a helpful error."""
 
 import inspect
 import json
@@ -57,7 +57,7 @@ def test_no_case_is_left_out(simulated):
 
 @needs_package
 @pytest.mark.parametrize("case", CASES)
-def test_a_card_follows_the_same_paths(simulated, case):
+def test_a_gpu_follows_the_same_paths(simulated, case):
     found = simulated[case]
     assert found["rows"] < 1e-9
     assert found["work"][0] == found["work"][1]
@@ -65,7 +65,7 @@ def test_a_card_follows_the_same_paths(simulated, case):
 
 @needs_package
 @pytest.mark.parametrize("case", CASES)
-def test_a_card_takes_the_same_sums(simulated, case):
+def test_a_gpu_takes_the_same_sums(simulated, case):
     for name in ("section", "covariance", "fixed", "agreement", "histograms"):
         assert simulated[case][name] < 1e-9, name
 
@@ -88,7 +88,7 @@ def test_speed_counts_path_steps(simulated):
 
 
 @needs_package
-def test_a_card_has_the_attributes_that_are_asked_of_it():
+def test_a_gpu_has_the_attributes_that_are_asked_of_it():
     from cuda.bindings.driver import CUdevice_attribute
 
     asked = re.findall(r"device\.([A-Z_]+)", inspect.getsource(gpu))
@@ -98,13 +98,13 @@ def test_a_card_has_the_attributes_that_are_asked_of_it():
 
 
 @needs_compiler
-def test_all_kernels_compile_for_a_card():
+def test_all_kernels_compile_for_a_gpu():
     done = python(str(HERE / "compiled_gpu.py"), NUMBA_ENABLE_CUDASIM="0")
     assert done.returncode == 0, done.stderr[-3000:]
     assert done.stdout.split() == ["sm_90"] * 6
 
 
-def test_nothing_of_cuda_is_imported_before_a_card_is_asked_for():
+def test_nothing_of_cuda_is_imported_before_a_gpu_is_asked_for():
     done = python("-c", "import sys, montecarlo, compare; print(*sys.modules, sep='\\n')")
     assert done.returncode == 0, done.stderr
     loaded = done.stdout.split()
@@ -119,7 +119,7 @@ def test_a_missing_package_is_named(monkeypatch):
 
 
 @needs_package
-def test_a_missing_card_is_named():
+def test_a_missing_gpu_is_named():
     done = python("-m", "rattle.montecarlo.cuda.launch", CUDA_VISIBLE_DEVICES="-1", NUMBA_ENABLE_CUDASIM="0")
     assert done.returncode == 1
     assert done.stdout == ""
@@ -137,7 +137,7 @@ def test_a_missing_card_is_named():
         ({"device": "cuda", "control": True, "scheme": "exact-flight"}, "control"),
     ],
 )
-def test_what_a_card_cannot_do_is_refused(settings, field):
+def test_what_a_gpu_cannot_do_is_refused(settings, field):
     with pytest.raises(InputError) as refused:
         simulate(dat21(0.1), paths=10, **recorded(settings))
     assert refused.value.field == field

@@ -156,7 +156,7 @@ def test_run_that_could_not_end_is_refused_or_given_up_early():
     assert plan.most_steps == validation.STEPS
 
 
-def test_paths_that_the_horizon_leaves_behind_are_told_of():
+def test_paths_unfinished_at_the_horizon_are_diagnosed():
     run = simulated(horizon=0.3)
     assert run.unfinished == 10
     assert run.diagnostics[-1].startswith(

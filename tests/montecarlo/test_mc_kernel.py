@@ -91,7 +91,7 @@ def test_paths_of_later_blocks_follow_the_oracle(scheme):
     """A path's number counts through all blocks."""
     scene, impacts = dat21(0.5), 4
     run = simulate(scene, paths=BLOCK + 3, impacts=impacts, dt=5e-3, scheme=scheme, rng=3, record=Record(raw=True))
-    for first, same in ((BLOCK, True), (0, False)):  # planted: every block begins at path 0
+    for first, same in ((BLOCK, True), (0, False)):  # negative control: every block begins at path 0
         every = oracles(scene, 5e-3, SCHEMES[scheme], 3, 3, impacts, first=first)
         found = np.array([path.impacts[:impacts] for path in every])
         assert (np.abs(found - run.raw[BLOCK:, :, KEPT]).max() < 1e-8) == same
@@ -106,13 +106,13 @@ def test_tight_case_has_several_impacts_in_one_step_at_both_meshes():
 
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_planted_fault_is_seen(scheme, fault):
+def test_a_fault_is_seen(scheme, fault):
     scene, dt = CASES["rough"]
     assert furthest(scene, dt, scheme, 2, fault=fault) > 1e6
 
 
 @pytest.mark.parametrize("fault", LOCATED_FAULTS)
-def test_planted_fault_of_location_is_seen(fault):
+def test_a_fault_of_location_is_seen(fault):
     scene, dt = CASES["tight"]
     assert furthest(scene, dt, "euler-maruyama-located", 8, fault=fault) > 1e6
 
@@ -146,20 +146,21 @@ def test_each_level_splits_increments_with_bridges_of_its_own():
     assert coarse_levels_differ("euler-maruyama-located", shift=1) > 1e-4
 
 
-def tolerant_differ(scheme, draw, law="uniform", fault=None, late=0):
+def tolerant_differ(scheme, draw, distribution="uniform", fault=None, late=0):
     """Largest difference between kernel and oracle where walls are drawn; `late` plants draws that come too late."""
     c, gap, impacts, worst = (0.1, 0.2), 0.5, 8, 0.0
-    scene, seed, paths = dat21(0.5, tolerance=Tolerance(*c, distribution=law, draw=draw)), 5, 20
+    scene, seed, paths = dat21(0.5, tolerance=Tolerance(*c, distribution=distribution, draw=draw)), 5, 20
     run = simulate(scene, paths=paths, impacts=impacts, dt=5e-3, scheme=scheme, rng=seed, record=Record(raw=True))
     key = key_of(np.random.SeedSequence(seed))
     for p in range(paths):
         path = Path.start(scene, 5e-3, SCHEMES[scheme], fault)
         flanks = range(4) if draw == "contact" else (0, 0, 2, 2)
         path.walls = {
-            f: gap + c[abs(f) - 1] * deviation(key, p, k, law) for f, k in zip((1, -1, 2, -2), flanks, strict=True)
+            f: gap + c[abs(f) - 1] * deviation(key, p, k, distribution)
+            for f, k in zip((1, -1, 2, -2), flanks, strict=True)
         }
         if draw == "contact":
-            later = np.array([deviation(key, p, 4 + k + late, law) for k in range(impacts + 1)])
+            later = np.array([deviation(key, p, 4 + k + late, distribution) for k in range(impacts + 1)])
             path.fresh = {m: list(gap + c[m - 1] * later) for m in (1, 2)}
         path.state[0], path.state[2] = path.walls[1], path.walls[2]
         follow_oracle(path, key, p, lambda path: len(path.impacts) >= impacts)
@@ -167,24 +168,24 @@ def tolerant_differ(scheme, draw, law="uniform", fault=None, late=0):
     return worst
 
 
-def deviation(key, path, draw, law):
+def deviation(key, path, draw, distribution):
     """Draw number `draw` of a path in units of c_max; each has 64 indices, for a truncated normal may be redrawn."""
     first, purpose = draw * 64, np.uint64(CONTACT)
-    if law == "uniform":
+    if distribution == "uniform":
         return 2.0 * uniforms(key, np.uint64(path), np.uint64(first), purpose)[0] - 1.0
     tries = (normals(key, np.uint64(path), np.uint64(first + a), purpose)[0] / 2.0 for a in range(64))
     return next(value for value in tries if abs(value) <= 1.0)
 
 
-@pytest.mark.parametrize("law", ["uniform", "normal"])
+@pytest.mark.parametrize("distribution", ["uniform", "normal"])
 @pytest.mark.parametrize("draw", ["path", "contact"])
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_kernel_follows_oracle_between_drawn_walls(scheme, draw, law):
-    assert tolerant_differ(scheme, draw, law) < 1e-7  # eight impacts of rounding
+def test_kernel_follows_oracle_between_drawn_walls(scheme, draw, distribution):
+    assert tolerant_differ(scheme, draw, distribution) < 1e-7  # eight impacts of rounding
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_planted_redraw_of_the_flank_struck_is_seen(scheme):
+def test_a_redraw_of_the_struck_flank_is_seen(scheme):
     assert tolerant_differ(scheme, "contact", fault="redraws the flank struck") > 1e-4
     assert tolerant_differ(scheme, "contact", late=1) > 1e-4
 
@@ -198,7 +199,7 @@ def test_truncated_normal_draws_do_get_rejected():
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_state_at_a_clock_time_is_the_state_after_that_many_steps(scheme):
+def test_state_at_a_fixed_time_is_the_state_after_that_many_steps(scheme):
     scene, dt, at = dat21(0.5), 5e-3, np.array([4, 100, 300])
     plan = Plan(scene, 5, 2, dt, scheme, np.random.SeedSequence(3), 1000, at, {}, 1)
     raw, key = sample(plan, 0), key_of(plan.seed)
@@ -210,7 +211,7 @@ def test_state_at_a_clock_time_is_the_state_after_that_many_steps(scheme):
         assert np.abs(raw.fixed[0, p] - np.array(states)).max() < 1e-10
 
 
-def test_a_path_is_held_where_the_oracle_holds_it():
+def test_a_path_sticks_where_that_of_the_oracle_does():
     steps, key = 8, key_of(np.random.SeedSequence(3))
     plan = Plan(
         PRESSED, 3, 1000, 5e-3, "euler-maruyama-located", np.random.SeedSequence(3), steps, np.array([steps]), {}, 1
@@ -240,7 +241,7 @@ def displaced(scene, tau, h, increment, area):
 
 
 def flights_differ(levels=1, swap=False):
-    """Largest difference between states at the clock and a recursion by `flow` and quadrature on the path's noise."""
+    """Largest difference between states at fixed times and a recursion by `flow` and quadrature on the path's noise."""
     scene, dt, steps, paths = open_space(0.4, beta2=0.9), 0.05, 12, 3
     at = np.array([4, steps])
     plan = Plan(scene, paths, 1, dt, "exact-flight", np.random.SeedSequence(3), steps, at, {}, levels)

@@ -211,7 +211,7 @@ def test_moments_to_the_sixth_are_those_of_a_standard_normal(z):
 
 
 @pytest.mark.parametrize("fault", PLANTED_MOMENTS)
-def test_planted_moment_is_seen(z, fault):
+def test_a_wrong_moment_is_seen(z, fault):
     scores = moment_scores(PLANTED_MOMENTS[fault](z))
     assert np.abs(scores).max() > limit(scores.size)
 
@@ -222,7 +222,7 @@ def kolmogorov(z):
 
 def test_distribution_is_normal(z):
     assert kolmogorov(z) > FALSE_ALARM / 4
-    assert kolmogorov(1.02 * z) < FALSE_ALARM / 4  # planted
+    assert kolmogorov(1.02 * z) < FALSE_ALARM / 4  # negative control
 
 
 def test_tails_are_those_of_a_normal(z):
@@ -260,7 +260,7 @@ def test_components_indices_and_paths_are_uncorrelated_and_so_are_their_squares(
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_planted_correlation_is_seen(z, axis):
+def test_a_wrong_correlation_is_seen(z, axis):
     scores = correlations(neighbours(np.sqrt(1.0 - 4e-4) * z + 2e-2 * np.roll(z, 1, axis)))
     assert np.abs(scores).max() > limit(scores.size)
 

@@ -49,9 +49,9 @@ def test_more_paths_of_a_noise_free_run_are_the_same_path():
     assert more.path_steps == first.path_steps
 
 
-@pytest.mark.parametrize("law", ["uniform", "normal"])
-def test_a_drawn_backlash_without_noise_is_random(law):
-    scene = dat21(0.0, tolerance=Tolerance(0.02, 0.02, distribution=law))
+@pytest.mark.parametrize("distribution", ["uniform", "normal"])
+def test_a_drawn_backlash_without_noise_is_random(distribution):
+    scene = dat21(0.0, tolerance=Tolerance(0.02, 0.02, distribution=distribution))
     run = simulate_to(scene, 0.05, impacts=2)
     assert run.paths >= 32 * BLOCK
     assert run.plan.paths == run.paths

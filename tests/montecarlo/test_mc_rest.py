@@ -45,7 +45,7 @@ def distances(scene, scheme, dt, sigma=0.0):
 
 @pytest.mark.parametrize("scheme", ["exact-flight", "euler-maruyama-located", "euler-maruyama"])
 @pytest.mark.parametrize("name", SCENES)
-def test_rest_costs_no_more_than_the_way_of_a_step(name, scheme):
+def test_sticking_costs_no_more_than_the_way_of_a_step(name, scheme):
     """The rule is late by less than a step.  What comes of that later, through ten or so impacts, is of its order."""
     coarse, speed, _ = distances(SCENES[name], scheme, 0.02)
     fine, _, _ = distances(SCENES[name], scheme, 0.0023)
@@ -57,7 +57,7 @@ def test_rest_costs_no_more_than_the_way_of_a_step(name, scheme):
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_exact_flights_are_right_to_second_order_through_rest(name):
+def test_exact_flights_are_right_to_second_order_through_sticking(name):
     """But where both meshes meet: there the impact of the other stage waits for the end of the step."""
     far, _, run = distances(SCENES[name], "exact-flight", 0.005)
     assert run.sticking_steps > 10
@@ -80,7 +80,7 @@ def test_little_noise_does_not_open_a_closed_mesh():
     assert np.median(far) < 1e-4
 
 
-def test_pressed_shut_for_good_is_cheap():
+def test_sticking_for_good_is_cheap():
     """A mesh that never opens again: its steps took ten thousand times as long when every touch was looked for."""
     scene = Scene(alpha=0.5, epsilon=0.5, beta1=0.0, gamma1=2.0, stages=1, sigma=1e-3)
     settings = {"paths": 8, "scheme": "exact-flight", "rng": 1, "horizon": 60.0}

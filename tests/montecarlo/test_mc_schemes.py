@@ -1,4 +1,4 @@
-"""One scalar step of the Euler schemes: its law without walls, its order on the noise-free orbit, its bridge."""
+"""One scalar step of the Euler schemes: its moments without walls, its order on the noise-free orbit, its bridge."""
 
 import numpy as np
 import pytest

@@ -20,8 +20,10 @@ DISTRIBUTIONS = {
 REJECTED = {"uniform": "normal", "normal": "uniform"}
 
 
-def run(law, draw, sigma=0.0, impacts=4, paths=PATHS, dt=5e-3, scheme="euler-maruyama-located", rng=2, **settings):
-    scene = dat21(sigma, tolerance=Tolerance(C1, C2, distribution=law, draw=draw), **settings)
+def run(
+    distribution, draw, sigma=0.0, impacts=4, paths=PATHS, dt=5e-3, scheme="euler-maruyama-located", rng=2, **settings
+):
+    scene = dat21(sigma, tolerance=Tolerance(C1, C2, distribution=distribution, draw=draw), **settings)
     return simulate(scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, record=Record(raw=True))
 
 
@@ -32,18 +34,18 @@ def met(raw, mesh):
 
 @pytest.fixture(scope="module")
 def runs():
-    """Noisy runs of every law and draw, long enough for all flanks to be met."""
+    """Noisy runs of every distribution and draw, long enough for all flanks to be met."""
     return {
-        (law, draw): run(law, draw, sigma=0.5, impacts=40, paths=500)
-        for law in DISTRIBUTIONS
+        (distribution, draw): run(distribution, draw, sigma=0.5, impacts=40, paths=500)
+        for distribution in DISTRIBUTIONS
         for draw in ("path", "contact")
     }
 
 
-@pytest.mark.parametrize("law", DISTRIBUTIONS)
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS)
 @pytest.mark.parametrize("draw", ["path", "contact"])
-def test_impacts_happen_on_walls_within_the_tolerance(runs, law, draw):
-    raw = runs[law, draw].raw
+def test_impacts_happen_on_walls_within_the_tolerance(runs, distribution, draw):
+    raw = runs[distribution, draw].raw
     for mesh, c in ((1, C1), (2, C2)):
         x = met(raw, mesh)
         seen = np.isfinite(x)
@@ -51,32 +53,32 @@ def test_impacts_happen_on_walls_within_the_tolerance(runs, law, draw):
         assert (np.sign(x[seen]) == np.sign(raw[:, :, 6][seen])).all()
 
 
-@pytest.mark.parametrize("law", DISTRIBUTIONS)
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS)
 @pytest.mark.parametrize("draw", ["path", "contact"])
-def test_the_other_stage_is_within_its_gap_at_every_impact(runs, law, draw):
-    raw = runs[law, draw].raw
+def test_the_other_stage_is_within_its_gap_at_every_impact(runs, distribution, draw):
+    raw = runs[distribution, draw].raw
     assert np.abs(raw[:, :, 2]).max() <= GAP + C1
     assert np.abs(raw[:, :, 4]).max() <= GAP + C2
 
 
-@pytest.mark.parametrize("law", DISTRIBUTIONS)
-def test_per_path_a_mesh_has_one_half_gap_on_both_flanks(runs, law):
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS)
+def test_per_path_a_mesh_has_one_half_gap_on_both_flanks(runs, distribution):
     for mesh in (1, 2):
-        x = np.abs(met(runs[law, "path"].raw, mesh))
+        x = np.abs(met(runs[distribution, "path"].raw, mesh))
         assert (
             np.nanmax(x[np.isfinite(x).any(axis=1)], axis=1) == np.nanmin(x[np.isfinite(x).any(axis=1)], axis=1)
         ).all()
 
 
 @pytest.mark.parametrize("mesh", [1, 2])
-@pytest.mark.parametrize("law", DISTRIBUTIONS)
-def test_per_contact_a_flank_is_redrawn_when_and_only_when_the_opposite_is_struck(runs, law, mesh):
-    moved, between = flank_changes(runs[law, "contact"].raw, mesh)
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS)
+def test_per_contact_a_flank_is_redrawn_when_and_only_when_the_opposite_is_struck(runs, distribution, mesh):
+    moved, between = flank_changes(runs[distribution, "contact"].raw, mesh)
     assert (moved == between).all()
     assert 500 < between.sum() < between.size - 500  # both happened
 
 
-def free(law, draw, mesh=1, impacts=4, paths=PATHS, start=None, **settings):
+def free(distribution, draw, mesh=1, impacts=4, paths=PATHS, start=None, **settings):
     """A lossless free wheel that bounces between the flanks of one mesh at speed 2, the other mesh far off.
 
     Every path meets the flanks -, +, -... in turn, so that no path is selected by its walls.
@@ -86,40 +88,40 @@ def free(law, draw, mesh=1, impacts=4, paths=PATHS, start=None, **settings):
     }[mesh]  # fmt: skip
     scene = Scene(
         alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, mu=0.5, start=start,
-        tolerance=Tolerance(C1, C2, distribution=law, draw=draw),
+        tolerance=Tolerance(C1, C2, distribution=distribution, draw=draw),
         gap1=1e3 if mesh == 2 else GAP, gap2=1e3 if mesh == 1 else GAP,
     )  # fmt: skip
     return simulate(scene, paths=paths, impacts=impacts, dt=0.01, rng=2, record=Record(raw=True), **settings)
 
 
-def fits(values, law, c, checks):
-    return stats.kstest(values, DISTRIBUTIONS[law](c).cdf).pvalue > FALSE_ALARM / checks
+def fits(values, distribution, c, checks):
+    return stats.kstest(values, DISTRIBUTIONS[distribution](c).cdf).pvalue > FALSE_ALARM / checks
 
 
 @pytest.mark.parametrize("mesh", [1, 2])
-@pytest.mark.parametrize("law", DISTRIBUTIONS)
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS)
 @pytest.mark.parametrize("draw", ["path", "contact"])
-def test_walls_have_the_distribution_asked_for(law, draw, mesh):
-    raw, c = free(law, draw, mesh).raw, (C1, C2)[mesh - 1]
+def test_walls_have_the_distribution_asked_for(distribution, draw, mesh):
+    raw, c = free(distribution, draw, mesh).raw, (C1, C2)[mesh - 1]
     assert (raw[:, :, 6] == mesh * np.array([-1, 1, -1, 1])).all()
     for k in range(4):
         deviation = np.abs(raw[:, k, 2 * mesh]) - GAP
-        assert fits(deviation, law, c, 4)
-        assert not fits(deviation, REJECTED[law], c, 4)
-        assert not fits(1.25 * deviation, law, c, 4)
+        assert fits(deviation, distribution, c, 4)
+        assert not fits(deviation, REJECTED[distribution], c, 4)
+        assert not fits(1.25 * deviation, distribution, c, 4)
 
 
-@pytest.mark.parametrize("law", DISTRIBUTIONS)
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS)
 @pytest.mark.parametrize("draw", ["path", "contact"])
-def test_a_start_on_a_flank_is_on_the_paths_own_wall(law, draw):
+def test_a_start_on_a_flank_is_on_the_paths_own_wall(distribution, draw):
     """The first flight, at speed 2, tells where it began: on a wall drawn like any other."""
-    first = free(law, draw).raw[:, 0]
+    first = free(distribution, draw).raw[:, 0]
     far = -first[:, 2] - GAP
     own = 2.0 * first[:, 0] - 2.0 * GAP - far
     if draw == "path":
         assert np.abs(own - far).max() < 1e-12
     else:
-        assert fits(own, law, C1, 1)
+        assert fits(own, distribution, C1, 1)
         assert uncorrelated(own, far)
 
 
@@ -144,7 +146,7 @@ def test_contacts_have_independent_tolerances():
     for k in range(3):
         assert uncorrelated(walls[:, k], walls[:, k + 1])
     same = np.abs(free("uniform", "path").raw[:, :, 2])
-    assert not uncorrelated(same[:, 0], same[:, 1])  # planted: one draw for all
+    assert not uncorrelated(same[:, 0], same[:, 1])  # negative control: one draw for all
 
 
 def test_tolerance_makes_a_noise_free_scene_random():
@@ -171,7 +173,7 @@ def test_walls_of_successive_contacts_add_up_as_independent():
 
 
 def test_contacts_beyond_the_impacts_asked_for_have_walls_of_their_own():
-    """A clock beyond the last impact keeps paths running; how many impacts are tabled must not matter to it."""
+    """A fixed time after the last impact keeps paths running; how many impacts are tabled must not matter to it."""
     short, error = spread_after_twenty_crossings(1)
     full, _ = spread_after_twenty_crossings(40)
     assert abs(short / full - 1.0) < 4.0 * np.sqrt(2.0) * error

@@ -83,7 +83,7 @@ def predicted_sd_tau():
 @pytest.mark.parametrize("scheme", ["euler-maruyama-located", "exact-flight"])
 def test_small_noise_limit_of_the_first_impact_time(scheme):
     slack = SMALL_STEPS[scheme][1]
-    for sigma in (SMALL, 1.03 * SMALL):  # the second is planted
+    for sigma in (SMALL, 1.03 * SMALL):  # the second is a negative control
         sd, se = first_impact(scheme, sigma)
         assert agrees(sd, predicted_sd_tau(), se, slack=slack * sd) == (sigma == SMALL)
 

@@ -69,13 +69,13 @@ def test_loads_alone_and_fits(browser, request, name, width):
 
 
 def test_what_a_scene_could_bring_is_stopped(browser, page, tmp_path):
-    """The escaping apart: a script, a style or a picture that were in the page all the same would do nothing."""
-    controls = (
+    """Beside the escaping: a script, style or picture that got into the page nevertheless would have no effect."""
+    injected = (
         "<script>document.title = 'owned'</script><img src='x' onerror=\"document.title = 'owned'\">"
         "<img src='https://example.invalid/a.png'><style>body { display: none }</style></main>"
     )
-    path = tmp_path / "planted.html"
-    path.write_text(page.read_text().replace("</main>", controls))
+    path = tmp_path / "injected.html"
+    path.write_text(page.read_text().replace("</main>", injected))
     browser.open(path)
     assert browser.run("document.title") == "Is a plain text right?"
     assert browser.run("getComputedStyle(document.body).display") == "block"
@@ -126,11 +126,11 @@ def test_filters_in_place(browser, page):
         "const box = document.querySelector('.filter input'); box.value = '{}'; box.dispatchEvent(new Event('input'))"
     )
     shown = "[...document.querySelectorAll('section table')[0].tBodies[0].rows].filter(r => r.checkVisibility()).length"
-    counted = "document.querySelector('.filter span').textContent"
+    number_text = "document.querySelector('.filter span').textContent"
     for words, rows, text in (("ROW 9", 6, "6 of 12 rows"), ("nothing", 0, "0 of 12 rows"), ("", 12, "")):
         browser.run("{" + typed.format(words) + "}")
         assert browser.run(shown) == rows
-        assert browser.run(counted) == text
+        assert browser.run(number_text) == text
 
 
 def test_figures_are_enlarged_and_escape_closes(browser, page):

@@ -1,4 +1,4 @@
-"""Rigid walls written a second time, as stiff springs with dampers: what rests and openings tend to as they harden."""
+"""Rigid walls as the limit of stiff springs with dampers, an independent model of sticking and opening."""
 
 import math
 
@@ -14,7 +14,7 @@ def spring_and_damper(epsilon, stiffness):
 
 
 def compliant(c, tau, state, until, stiffness):
-    """Solution from a state, with contact forces in the proportions of the contact laws (docs/model.md section 3)."""
+    """Solution from a state, with contact forces in the proportions of the impact rules (docs/model.md section 3)."""
     damping = spring_and_damper(c.epsilon, stiffness)
 
     def push(x, y, wall):

@@ -30,14 +30,14 @@ def test_flow_solves_the_equations_of_motion(beta1, beta2):
     assert flow(c, 0.7, *STATE, 2.5) == pytest.approx(fly(c, 0.7, STATE, 2.5), rel=0, abs=3e-11)
 
 
-def test_flow_with_the_misprinted_damping_of_stage_2_is_told_apart():
+def test_flow_with_the_misprinted_damping_of_stage_2_is_distinguished():
     c = constants(0.08, 0.13)
-    wrong = fly(c._replace(beta2=c.beta1), 0.7, STATE, 2.5)  # -beta_1 y_2, as (3) and (5) print it
+    wrong = fly(c._replace(beta2=c.beta1), 0.7, STATE, 2.5)  # -beta_1 y_2, as Eqs. 3 and 5 have it
     assert abs(np.array(flow(c, 0.7, *STATE, 2.5)) - wrong).max() > 1e-3
 
 
 @pytest.mark.parametrize("tau", [0.0, 1.0, 1e3])
-def test_a_flight_of_no_time_changes_nothing(tau):
+def test_a_flight_of_zero_time_changes_nothing(tau):
     # wheel_speeds subtracts and adds alpha cos tau: one rounding of a number near 1
     assert flow(constants(0.08, 0.13), tau, *STATE, 0.0) == pytest.approx(STATE, rel=0, abs=5e-16)
 
@@ -55,8 +55,8 @@ def test_wheel_speeds_are_undone_by_their_definition():
 
 @pytest.mark.parametrize("beta", [1e-300, 1e-12, 1e-6, 0.08, 0.249, 0.251, 1.0, 50.0])
 @pytest.mark.parametrize("t", [1e-9, 0.5, 2.0, 30.0])
-def test_travel_and_drag_hold_to_rounding(beta, t):
-    getcontext().prec = 700  # so that beta = 1e-300 cancels harmlessly
+def test_phi_functions_are_accurate_to_rounding(beta, t):
+    getcontext().prec = 700  # enough digits for the cancellation at beta = 1e-300
     b, d = Decimal(beta), Decimal(t)
     travel = (1 - (-b * d).exp()) / b
     assert phi1(beta, t) == pytest.approx(float(travel), rel=1e-15)
@@ -112,7 +112,7 @@ def test_noise_covariance_solves_the_covariance_equation(beta1, beta2):
     assert noise_covariance(c, 0.7, 12.0) == pytest.approx(exact, rel=0, abs=1e-10 * exact.max())
 
 
-def test_noise_covariance_without_modulation_is_told_apart():
+def test_noise_covariance_without_modulation_is_distinguished():
     c = constants(0.08, 0.13)
     a = drift_matrix(c)
     flat, _ = quad_vec(lambda r: c.sigma**2 * np.outer(*[expm(a * r) @ [0.0, 1.0, 0.0, 1.0]] * 2), 0.0, 2.0)

@@ -23,7 +23,7 @@ def dat21():
 
 @pytest.fixture
 def still():
-    """A scene in which nothing accelerates, but for the changes asked for: flights are parabolas."""
+    """A scene in which nothing accelerates except by the changes given: flights are parabolas."""
 
     def build(**changes):
         values = {"alpha": 0.0, "epsilon": 0.9, "beta1": 0.0, "gamma1": 0.0, "mu": 0.5} | changes
@@ -32,7 +32,7 @@ def still():
     return build
 
 
-# --- the contact laws ------------------------------------------------------------------------------------------------
+# --- the restitution maps --------------------------------------------------------------------------------------------
 
 
 def wheels_after_mesh_2(gears, y2):
@@ -51,7 +51,7 @@ def test_mesh_2_conserves_momentum(gears, y):
     assert struck(c, 2, *y) == pytest.approx((y[0] - du1, y[1] + du2 - du1), rel=1e-13, abs=1e-15)
 
 
-def test_the_wrong_sign_in_the_mesh_2_law_breaks_momentum():
+def test_the_wrong_sign_in_the_mesh_2_impact_rule_breaks_momentum():
     c = Scene.from_gears(DAT21).constants
     du1, _ = wheels_after_mesh_2(DAT21, 1.7)
     wrong = 0.3 + (1 + c.epsilon) * c.mu * 1.7
@@ -94,7 +94,7 @@ def test_elastic_impacts_conserve_energy_over_thousands(still, stages, mu):
 
 
 @pytest.mark.parametrize("mesh", [0, 1, 2])
-def test_contact_matrix_is_the_contact_law(dat21, mesh):
+def test_contact_matrix_is_the_restitution_map(dat21, mesh):
     state = np.array([0.5, 1.3, 0.2, -0.6])
     assert contact_matrix(dat21.constants, mesh) @ state == pytest.approx(
         contact(dat21.constants, mesh, state), rel=1e-15
@@ -179,7 +179,7 @@ def test_a_short_excursion_under_the_excitation_is_met(dat21, duration):
 
 
 @pytest.mark.parametrize("distance", [1e-6, 1e-9, 1e-12])
-def test_a_near_miss_is_no_impact(dat21, distance):
+def test_a_narrow_miss_is_no_impact(dat21, distance):
     c = dat21.constants
     state = turning_state(c, TURN, c.wall1 - distance, 0.4)
     t, mesh, side, *_ = next_impact(c, TURN - 0.4, *state, HORIZON)
@@ -188,7 +188,7 @@ def test_a_near_miss_is_no_impact(dat21, distance):
 
 
 @pytest.mark.parametrize("distance", [1e-6, 1e-9, 1e-12])
-def test_a_near_hit_is_an_impact(dat21, distance):
+def test_a_narrow_hit_is_an_impact(dat21, distance):
     c = dat21.constants
     state = turning_state(c, TURN, c.wall1 + distance, 0.4)
     t, mesh, side, *_ = next_impact(c, TURN - 0.4, *state, HORIZON)
@@ -203,7 +203,7 @@ def test_the_same_wall_is_struck_twice_in_a_row(still, speed, side):
     drag = 3.0  # pulls wheel 1 back, so that x1 is pulled up; both wheels alike, so x2 keeps its place
     c = still(gamma1=drag, gamma2=drag).constants
     x2 = 0.1
-    if side < 0:  # wheel 2 alone is dragged: x2 falls
+    if side < 0:  # drag on wheel 2 alone: x2 falls
         c, x2 = still(gamma2=drag).constants, -0.5
     state = (0.5, -speed, x2, 0.0) if side > 0 else (0.0, 0.0, -0.5, speed)
     t, mesh, hit, *there = next_impact(c, 0.3, *state, HORIZON)
@@ -234,34 +234,34 @@ def test_a_state_on_its_wall_and_moving_outward_is_struck_at_once(dat21):
 
 
 @pytest.mark.parametrize(("y1", "horizon"), [(0.0, HORIZON), (1e-3, HORIZON), (1.0, 0.49)])
-def test_no_impact_within_the_horizon_is_said(still, y1, horizon):
+def test_no_impact_within_the_horizon_is_reported(still, y1, horizon):
     t, mesh, side, *_ = next_impact(still().constants, 0.0, 0.0, y1, 0.0, 0.0, horizon)
     assert (t, mesh, side) == (horizon, NONE, 0)
 
 
 @pytest.mark.parametrize("y1", [0.0, 1e-3, 1.0])
-def test_no_impact_hands_over_the_state_at_the_horizon(still, y1):
+def test_no_impact_returns_the_state_at_the_horizon(still, y1):
     c = still().constants
     there = next_impact(c, 0.0, 0.0, y1, 0.0, 0.0, 0.3)[3:]
     assert there == pytest.approx(flow(c, 0.0, 0.0, y1, 0.0, 0.0, 0.3), abs=1e-12)
 
 
-# --- rest and grazing contact ----------------------------------------------------------------------------------------
+# --- sticking and grazing contact -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("drag", [3.0, 50.0])
-def test_a_mesh_pressed_shut_rests(still, drag):
+def test_a_mesh_under_drag_sticks(still, drag):
     t, mesh, *_ = next_impact(still(gamma1=drag, gamma2=drag).constants, 0.0, 0.5, 0.0, 0.0, 0.0, HORIZON)
     assert (t, mesh) == (0.0, REST)
 
 
 @pytest.mark.parametrize("drag", [0.01, 0.3, 1.0])
-def test_a_mesh_pressed_shut_gently_rests_too(still, drag):
+def test_a_mesh_under_a_small_drag_sticks_too(still, drag):
     t, mesh, *_ = next_impact(still(gamma1=drag, gamma2=drag).constants, 0.0, 0.5, 0.0, 0.0, 0.0, HORIZON)
     assert (t, mesh) == (0.0, REST)
 
 
-def test_a_rest_names_its_own_side(still):
+def test_sticking_names_its_own_side(still):
     side = next_impact(still(gamma1=3.0, gamma2=3.0).constants, 0.0, 0.5, 0.0, -0.1, 0.0, HORIZON)[2]
     assert side == 1
 

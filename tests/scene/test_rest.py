@@ -1,4 +1,4 @@
-"""Meshes that close and open: the orbit through accumulation and rest."""
+"""Meshes that close and open: the orbit through chatter and sticking phases."""
 
 import itertools
 import math
@@ -23,15 +23,15 @@ COMPILED = pytest.mark.skipif(
 
 SINGLE = Scene(alpha=1.0, epsilon=0.3, beta1=0.05, gamma1=0.8, stages=1)
 FIRST = Scene(alpha=0.3, epsilon=0.3, beta1=0.1, beta2=0.3, gamma1=0.3, gamma2=0.1, mu=0.5)
-SECOND = Scene(  # both wheels as one slow down, until wheel 2 is dragged behind
+SECOND = Scene(  # both wheels slow down together, until wheel 2 falls behind
     alpha=0.0, epsilon=0.4, beta1=0.5, beta2=0.1, gamma1=0.0, gamma2=1.0, mu=0.6, gap1=50.0,
     start=Start(0.0, 0.0, -5.0, 0.4, 0.1),
 )  # fmt: skip
 BOTH = Scene(alpha=1.5, epsilon=0.2, beta1=0.01, beta2=0.5, gamma1=0.02, gamma2=0.4, mu=0.6)
 
 
-def rest_of(scene, mesh, impacts, least=0.02):
-    """The orbit, and its first rest at a mesh that lasts."""
+def sticking_of(scene, mesh, impacts, least=0.02):
+    """The orbit, and its first sticking phase at a mesh of at least that duration."""
     orbit = follow(scene, impacts)
     return orbit, next(r for r in orbit.sticking if r.mesh == mesh and r.opened - r.closed > least)
 
@@ -45,26 +45,26 @@ def rest_of(scene, mesh, impacts, least=0.02):
     [(SINGLE, 1, 16), (FIRST, 1, 20), (SECOND, 2, 40), (BOTH, 1, 40)],
     ids=["one stage", "mesh 1, stage 2 in flight", "mesh 2", "both meshes"],
 )
-def test_a_rest_is_the_limit_of_compliant_contact(scene, mesh, impacts):
+def test_sticking_is_the_limit_of_compliant_contact(scene, mesh, impacts):
     """From before the impacts accumulate (both meshes: from their closing) until after the mesh has opened."""
-    orbit, rest = rest_of(scene, mesh, impacts)
-    both = any(r is not rest and r.closed <= rest.closed < r.opened for r in orbit.sticking)
-    since = rest.closed if both else float(orbit.tau[max(rest.impact - 3, 0)]) + 1e-3
-    until = min([r.opened + 0.05 for r in (rest,)] + [t for t in orbit.tau if t > rest.closed + 1e-6])
+    orbit, phase = sticking_of(scene, mesh, impacts)
+    both = any(r is not phase and r.closed <= phase.closed < r.opened for r in orbit.sticking)
+    since = phase.closed if both else float(orbit.tau[max(phase.impact - 3, 0)]) + 1e-3
+    until = min([r.opened + 0.05 for r in (phase,)] + [t for t in orbit.tau if t > phase.closed + 1e-6])
     soft, hard = (furthest(orbit, since, until - 1e-6, k) for k in (1e5, 1e7))
     assert hard < 2e-3
     assert hard < 0.2 * soft
 
 
-def test_a_mesh_kept_shut_too_long_is_noticed():
-    """NegativeControl: the opening 1 % of the rest late."""
-    orbit, rest = rest_of(SINGLE, 1, 16)
-    late = rest.opened + 0.01 * (rest.opened - rest.closed)
+def test_a_mesh_closed_too_long_is_noticed():
+    """Negative control: the opening late by 1 % of the sticking phase."""
+    orbit, phase = sticking_of(SINGLE, 1, 16)
+    late = phase.opened + 0.01 * (phase.opened - phase.closed)
     moved = orbit.legs.copy()
-    moved[np.searchsorted(moved[:, 0], rest.opened - 1e-8), 0] = late
+    moved[np.searchsorted(moved[:, 0], phase.opened - 1e-8), 0] = late
     object.__setattr__(orbit, "legs", moved)
-    until = float(orbit.tau[rest.impact + 1]) - 1e-6
-    soft, hard = (furthest(orbit, rest.closed, until, k) for k in (1e5, 1e7))
+    until = float(orbit.tau[phase.impact + 1]) - 1e-6
+    soft, hard = (furthest(orbit, phase.closed, until, k) for k in (1e5, 1e7))
     assert hard > 0.9 * soft
 
 
@@ -75,9 +75,9 @@ def contact_forces(c, tau, state, sides):
     """Contact accelerations that keep meshes closed: a linear system from Eq. 5 and the impulses' proportions."""
     f = np.array(rates(c, tau, state))[[1, 3]]
     effect = np.array([[1.0, c.mu], [1.0, 1.0]])
-    held = [i for i in (0, 1) if sides[i]]
+    sticking = [i for i in (0, 1) if sides[i]]
     force = np.zeros(2)
-    force[held] = np.linalg.solve(effect[np.ix_(held, held)], -f[held])
+    force[sticking] = np.linalg.solve(effect[np.ix_(sticking, sticking)], -f[sticking])
     return force, f + effect @ force
 
 
@@ -86,18 +86,18 @@ def test_a_mesh_opens_when_its_contact_stops_pushing(scene, impacts):
     orbit = follow(scene, impacts)
     c = orbit.constants
     seen = 0
-    for rest in orbit.sticking:
-        if rest.opened - rest.closed < 0.02 or not np.isfinite(rest.opened):
+    for phase in orbit.sticking:
+        if phase.opened - phase.closed < 0.02 or not np.isfinite(phase.opened):
             continue
-        if np.abs(orbit.tau - rest.opened).min() < 1e-6:
-            continue  # thrown open by an impact
+        if np.abs(orbit.tau - phase.opened).min() < 1e-6:
+            continue  # opened by an impact
 
-        def pushes(tau, rest=rest):
+        def pushes(tau, phase=phase):
             leg = orbit.legs[np.searchsorted(orbit.legs[:, 0], tau, side="right") - 1]
             sides = leg[5:].astype(int)
-            return -rest.side * contact_forces(c, tau, orbit.state(tau), sides)[0][rest.mesh - 1]
+            return -phase.side * contact_forces(c, tau, orbit.state(tau), sides)[0][phase.mesh - 1]
 
-        times = np.linspace(rest.closed + 1e-9, rest.opened - 2e-9, 50)
+        times = np.linspace(phase.closed + 1e-9, phase.opened - 2e-9, 50)
         assert min(pushes(t) for t in times) > -1e-9  # the contact never pulls
         assert abs(pushes(times[-1])) < 1e-7
         seen += 1
@@ -117,7 +117,7 @@ def test_the_opening_is_the_first_root_of_the_contact_force(sides):
         state = (sides[0] * c.wall1, y1, sides[1] * c.wall2, 0.0 if sides[1] else rng.uniform(-1.0, 1.0))
 
         def least(t, c=c, tau=tau, state=state):
-            """Of the contacts that are to push, at a time t later."""
+            """Contact forces of the sticking meshes, at a time t later."""
             s = orbit_state(c, tau, state, sides, t)
             force, _ = contact_forces(c, tau + t, s, sides)
             return min(-sides[i] * force[i] for i in (0, 1) if sides[i])
@@ -147,7 +147,7 @@ def orbit_state(c, tau, state, sides, t):
 
 
 def test_which_meshes_stay_closed_is_the_only_combination_that_can():
-    """Among all four: every contact pushes, and every mesh left open is drawn away."""
+    """Among all four: every contact pushes, and every mesh left open accelerates away."""
     rng = np.random.default_rng(3)
     counts = dict.fromkeys(itertools.product((False, True), repeat=2), 0)
     for _ in range(2000):
@@ -170,7 +170,7 @@ def test_which_meshes_stay_closed_is_the_only_combination_that_can():
     assert min(counts.values()) > 50
 
 
-def test_settling_keeps_what_the_contact_does_not_act_on():
+def test_sticking_keeps_what_the_contact_does_not_act_on():
     """Momentum of both wheels at mesh 2, wheel 2 at mesh 1, in the speeds and in the places (model.md section 3)."""
     c = FIRST.constants
     state = np.array([0.5 - 1e-7, -1e-6, -0.3, 0.7])
@@ -201,20 +201,20 @@ def test_the_sum_of_all_bounces(epsilon, drag):
 
 def test_bounces_under_the_excitation_add_up():
     """Against the same orbit with each bounce followed down to flights of 1e-11."""
-    orbit, rest = rest_of(SINGLE, 1, 16)
-    c, k = orbit.constants, rest.impact - 4
+    orbit, phase = sticking_of(SINGLE, 1, 16)
+    c, k = orbit.constants, phase.impact - 4
     tau, t, state = orbit.tau[k], 1.0, tuple(orbit.after[k])
     while t > 1e-11:
         t, mesh, _, x1, y1, x2, y2 = next_impact(c, tau, *state, 10.0)
         state = (x1, *struck(c, mesh, y1, y2)[:1], x2, y2)
         tau += t
-    assert rest.closed == pytest.approx(tau, abs=1e-11)
+    assert phase.closed == pytest.approx(tau, abs=1e-11)
 
 
 def test_flights_of_1e_minus_11_keep_their_ratio():
     """Far below the rounding of a wall: epsilon from one flight to the next, to 1e-4."""
-    orbit, rest = rest_of(SINGLE, 1, 16)
-    c, k = orbit.constants, rest.impact - 4
+    orbit, phase = sticking_of(SINGLE, 1, 16)
+    c, k = orbit.constants, phase.impact - 4
     tau, flights, state = orbit.tau[k], [], tuple(orbit.after[k])
     for _ in range(14):
         t, mesh, _, x1, y1, x2, y2 = next_impact(c, tau, *state, 10.0)
@@ -226,7 +226,7 @@ def test_flights_of_1e_minus_11_keep_their_ratio():
 
 
 @COMPILED
-def test_an_elastic_mesh_never_settles():
+def test_an_elastic_mesh_never_sticks():
     orbit = follow(Scene(alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=1.0, stages=1, start=Start()), 5000)
     assert (orbit.found, orbit.sticking) == (5000, ())
 
@@ -243,7 +243,7 @@ def test_wheels_alike_stay_together_after_a_plastic_impact():
 # --- what is said of it -----------------------------------------------------------------------------------------------
 
 
-def test_the_orbit_goes_on_and_linearisations_stop_at_the_rest():
+def test_the_orbit_goes_on_and_linearisations_stop_at_sticking():
     orbit = follow(SINGLE, 40)
     assert (orbit.found, orbit.stopped) == (40, "")
     assert len(orbit.sticking) >= 2
@@ -256,7 +256,7 @@ def test_the_orbit_goes_on_and_linearisations_stop_at_the_rest():
     assert 0 < m.trace.found <= first
 
 
-def test_no_state_is_outside_its_walls_in_or_out_of_rest():
+def test_no_state_is_outside_its_walls_during_sticking_or_flight():
     for scene, impacts in ((SINGLE, 60), (FIRST, 200), (BOTH, 60)):
         orbit = follow(scene, impacts)
         for t in np.linspace(orbit.tau[0], orbit.tau[orbit.found], 501):
@@ -266,20 +266,20 @@ def test_no_state_is_outside_its_walls_in_or_out_of_rest():
 
 
 @COMPILED
-def test_dat21_rests_now_and_then_and_goes_on():
+def test_dat21_sticks_now_and_then_and_goes_on():
     """Chatter is not confined to other scenes: at eps = 0.9 a slow enough hit against the excitation accumulates."""
     orbit = follow(Scene.from_gears(DAT21), 100_000)
     assert (orbit.found, orbit.stopped) == (100_000, "")
     assert 1 <= len(orbit.sticking) <= 20
-    assert all(0.0 < rest.opened - rest.closed < math.pi for rest in orbit.sticking)
+    assert all(0.0 < phase.opened - phase.closed < math.pi for phase in orbit.sticking)
 
 
-def test_pressed_shut_for_good_is_said():
+def test_sticking_for_good_is_reported():
     orbit = follow(Scene(alpha=0.5, epsilon=0.5, beta1=0.0, gamma1=2.0, stages=1), 1000)
     assert orbit.stopped == f"{MISSES[REST]} after impact {orbit.found}"
     assert orbit.sticking[-1].opened == math.inf
 
 
-def test_an_orbit_that_strikes_no_more_is_said():
+def test_an_orbit_that_strikes_no_more_is_reported():
     orbit = follow(Scene(alpha=0.0, epsilon=0.9, beta1=0.1, gamma1=0.0, stages=1, start=Start(y1=0.01)), 5)
     assert (orbit.found, orbit.stopped) == (0, f"{MISSES[NONE]} after impact 0")

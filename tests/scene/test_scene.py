@@ -48,8 +48,11 @@ def test_scene_refuses_by_field_value_and_remedy(field, value, remedy):
     [(f, v, "must be 0 or greater") for f in ("c1_max", "c2_max") for v in (-0.1,)]
     + [(f, v, "give a finite number") for f in ("c1_max", "c2_max") for v in (float("nan"), float("inf"))]
     + [(f, v, "give a number") for f in ("c1_max", "c2_max") for v in ("0.1", True, None)]
-    + [("law", "unifrom", "did you mean 'uniform'?"), ("draw", "contacts", "did you mean 'contact'?")]
-    + [("law", "zzz", "valid are 'fixed', 'uniform', 'normal'"), ("draw", None, "valid are 'path', 'contact'")],
+    + [("distribution", "unifrom", "did you mean 'uniform'?"), ("draw", "contacts", "did you mean 'contact'?")]
+    + [
+        ("distribution", "zzz", "valid are 'fixed', 'uniform', 'normal'"),
+        ("draw", None, "valid are 'path', 'contact'"),
+    ],
 )
 def test_tolerance_refuses_by_field_value_and_remedy(field, value, remedy):
     with refused(f"tolerance.{field}", value, remedy):
@@ -130,7 +133,7 @@ def test_the_start_left_out_is_the_papers():
 def test_parts_do_not_change(form):
     part, name = {
         "scene": (Scene(**VALUES), "alpha"),
-        "tolerance": (Tolerance(), "law"),
+        "tolerance": (Tolerance(), "distribution"),
         "start": (Start(), "x1"),
     }[form]
     with pytest.raises(FrozenInstanceError):
@@ -181,19 +184,19 @@ def test_with_sigma_is_validated():
         Scene(**VALUES).with_sigma(-0.7)
 
 
-@pytest.mark.parametrize(("law", "kept"), [("fixed", True), ("uniform", False), ("normal", False)])
-def test_noise_free_drops_what_is_random(law, kept):
-    tolerance = Tolerance(0.05, 0.02, distribution=law)
+@pytest.mark.parametrize(("distribution", "kept"), [("fixed", True), ("uniform", False), ("normal", False)])
+def test_noise_free_drops_what_is_random(distribution, kept):
+    tolerance = Tolerance(0.05, 0.02, distribution=distribution)
     quiet = Scene(**VALUES, tolerance=tolerance).noise_free
     assert quiet.sigma == 0.0
     assert quiet.tolerance == (tolerance if kept else None)
 
 
-@pytest.mark.parametrize(("law", "wall1"), [("fixed", 0.55), ("uniform", 0.5), ("normal", 0.5)])
-def test_only_a_fixed_tolerance_moves_the_orbits_walls(law, wall1):
-    scene = Scene(**VALUES, tolerance=Tolerance(0.05, 0.0, distribution=law))
+@pytest.mark.parametrize(("distribution", "wall1"), [("fixed", 0.55), ("uniform", 0.5), ("normal", 0.5)])
+def test_only_a_fixed_tolerance_moves_the_orbits_walls(distribution, wall1):
+    scene = Scene(**VALUES, tolerance=Tolerance(0.05, 0.0, distribution=distribution))
     assert scene.constants.wall1 == pytest.approx(wall1)
-    assert scene.windows == pytest.approx((0.55, 0.4))  # Eqs. 20, 21 use g + c_max under every law
+    assert scene.windows == pytest.approx((0.55, 0.4))  # Eqs. 20, 21 use g + c_max for every distribution
     assert scene.start_state == pytest.approx((wall1, 2.0, 0.4, 2.0))
 
 
@@ -259,7 +262,7 @@ def geared_scenes(draw):
 
 
 def bits(scene):
-    """Every number of a scene as text that tells -0.0 from 0.0 and one last bit from another."""
+    """Every number of a scene as text that distinguishes -0.0 from 0.0 and every last bit."""
     return repr(scene), repr(scene.gears)
 
 

@@ -193,13 +193,13 @@ def alone(monkeypatch):
     return calls
 
 
-def test_no_command_calls_anybody(alone, tmp_path):
+def test_no_command_opens_a_connection(alone, tmp_path):
     commands = [
         ["validate", *SMALL, "--out", tmp_path / "report"],
         ["show", tmp_path / "report"],
         ["simulate", "--paths", "64", "--impacts", "1"],
         ["order", "--impacts", "1", "--paths", "64"],
-        ["selftest", "--law", "bouncing-ball"],
+        ["selftest", "--result", "bouncing-ball"],
     ]
     for command in commands:
         found = CliRunner().invoke(main, [str(word) for word in command])

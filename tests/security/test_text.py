@@ -1,4 +1,4 @@
-"""Nothing that a file, a name or a message brings can steer a terminal or turn the text of a page."""
+"""No text from a file, a name or a message can control a terminal or reverse the text direction of a page."""
 
 import json
 import re
@@ -108,9 +108,9 @@ def test_a_study_from_end_to_end(tmp_path):
     rattle("study", file, "--out", tmp_path / "out", "--status")
 
 
-@pytest.mark.parametrize("law", ['"\\u001b]0;pwned\\u0007"', '"\\u202e"', '"\u202e\u200b"', '"a\\nb"'])
-def test_the_axis_that_was_seen(tmp_path, law):
-    (tmp_path / "s.toml").write_text(STUDY.format(title='"t"', value=law))
+@pytest.mark.parametrize("value", ['"\\u001b]0;pwned\\u0007"', '"\\u202e"', '"\u202e\u200b"', '"a\\nb"'])
+def test_a_hostile_value_of_an_axis_in_its_explanation(tmp_path, value):
+    (tmp_path / "s.toml").write_text(STUDY.format(title='"t"', value=value))
     said = rattle("study", tmp_path / "s.toml", "--explain").stdout
     assert len([row for row in said.splitlines() if "tolerance.distribution: 2 values" in row]) == 1
     assert "b" not in said.splitlines()

@@ -1,1 +1,4 @@
-"""Extreme values held against truths of their own: higher precision, limit formulas, published laws, exact scaling."""
+"""Checks at extreme parameter values against independent references.
+
+The references are the formulas in 400 digits, limits, published results, and exact scaling relations.
+"""

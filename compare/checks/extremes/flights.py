@@ -1,4 +1,4 @@
-"""Flights, their derivatives and their noise against a higher precision, over all of damping, drag and time."""
+"""Flights, their derivatives and their noise compared with 400-digit arithmetic, for extreme damping, drag and time."""
 
 import math
 
@@ -14,24 +14,34 @@ __all__ = ["ROWS", "constants"]
 
 BETAS = spread(1e-14, 1e3, 7, 0.0)
 TIMES = spread(1e-12, 1e6, 10)
-POINTS = 120  # of a row, drawn from the grid
+POINTS = 120  # random grid points of each row
 
 
 def constants(**fields: float) -> Constants:
-    """Constants of a scene of two stages, most of them plain."""
+    """Build the constants of a two-stage scene with moderate values.
+
+    Parameters
+    ----------
+    **fields : float
+        Fields of `Constants` with other values.
+
+    Returns
+    -------
+    Constants
+    """
     plain = {"alpha": 1.5, "epsilon": 0.9, "beta1": 0.08, "beta2": 0.13, "gamma1": 0.06, "gamma2": 0.03, "mu": 0.6}
     return Constants(**({**plain, "wall1": 0.5, "wall2": 0.5, "sigma": 1.0, "stages": 2} | fields))  # type: ignore[arg-type]
 
 
 def _pairs(rng: np.random.Generator) -> tuple[float, float]:
-    """Two dampings: far apart, equal, or as near as two doubles get."""
+    """Two damping coefficients: far apart, equal, or equal but for the last digits."""
     beta = float(rng.choice(BETAS))
     other = (float(rng.choice(BETAS)), beta, beta * (1.0 + 2.0 ** -float(rng.integers(1, 53))))[rng.integers(3)]
     return (beta, other) if rng.random() < 0.5 else (other, beta)
 
 
 def _drawn(seed: int) -> list[tuple[Constants, float, float]]:
-    """Scenes with a phase and a time of flight each."""
+    """Random scenes, each with a phase and a flight time."""
     rng = np.random.default_rng(seed)
     out = []
     for _ in range(POINTS):
@@ -45,7 +55,7 @@ def _drawn(seed: int) -> list[tuple[Constants, float, float]]:
     return out
 
 
-def flown() -> Extreme:
+def flight_state() -> Extreme:
     """Displacements and velocities after a flight."""
     rng, errors = np.random.default_rng(1), []
     for c, tau, t in _drawn(0):
@@ -58,8 +68,8 @@ def flown() -> Extreme:
     )  # fmt: skip
 
 
-def damped() -> Extreme:
-    """``E`` and ``(t - E) / beta``."""
+def phi_functions() -> Extreme:
+    """``t phi1(-beta t)`` and ``t^2 phi2(-beta t)``."""
     errors = []
     for beta in BETAS:
         for t in TIMES:
@@ -70,13 +80,13 @@ def damped() -> Extreme:
                 farthest(damping.phi2(beta, t), values[0], values[0]),
             ]
     return Extreme(
-        "speed and drag turned into travel", "beta", "beta 0, 1e-14 to 1e3; t 1e-12 to 1e6", "MODEL 2 in 400 digits",
+        "phi-functions of damping", "beta", "beta 0, 1e-14 to 1e3; t 1e-12 to 1e6", "MODEL 2 in 400 digits",
         worst_of(errors), ROUNDING, "its value",
     )  # fmt: skip
 
 
-def carried() -> Extreme:
-    """Every entry of the Jacobian, however small."""
+def flight_jacobian() -> Extreme:
+    """Every entry of the Jacobian of a flight, with its own relative error."""
     errors = []
     for c, _, t in _drawn(2):
         exact = np.array(truth.jacobian(c, t))
@@ -91,8 +101,8 @@ def carried() -> Extreme:
     )  # fmt: skip
 
 
-def shaken() -> Extreme:
-    """Covariance of a flight's noise."""
+def flight_noise() -> Extreme:
+    """Covariance of the noise accumulated in a flight."""
     errors = []
     for c, tau, t in _drawn(3):
         unit = np.array(truth.noise(c, tau, t))
@@ -107,20 +117,20 @@ def shaken() -> Extreme:
     )  # fmt: skip
 
 
-def shifted() -> Extreme:
-    """Derivative of that covariance with respect to the start."""
+def noise_phase_derivative() -> Extreme:
+    """Derivative of that covariance by the phase of the start."""
     errors = []
     for c, tau, t in _drawn(4)[: POINTS // 3]:
         h = 1e-3
         ahead, behind = (np.array(truth.noise(c, tau + k * h, t)) for k in (1.0, -1.0))
-        exact = (ahead - behind) / math.sin(2.0 * h)  # of A + B cos 2 tau + C sin 2 tau, exactly
+        exact = (ahead - behind) / math.sin(2.0 * h)  # exact derivative of A + B cos 2 tau + C sin 2 tau
         most = np.sqrt(np.maximum(ahead.diagonal(), np.array(truth.noise(c, tau + 0.5 * math.pi, t)).diagonal()))
         found = section_map.noise_slope(c, tau, t)
         errors.append(farthest(found, exact, np.maximum(np.outer(most, most), 1e-300)))
     return Extreme(
-        "how that noise changes with the phase", "sigma, beta", "as above", "the same truth at two phases",
+        "derivative of that noise by the phase", "sigma, beta", "as above", "the same reference at two phases",
         worst_of(errors), 1e-11, "largest sd times sd",
     )  # fmt: skip
 
 
-ROWS = (damped, flown, carried, shaken, shifted)
+ROWS = (phi_functions, flight_state, flight_jacobian, flight_noise, noise_phase_derivative)

@@ -1,4 +1,4 @@
-"""Impacts at their extremes: contact laws and saltation, a wall that is only just touched, both meshes at once."""
+"""Extreme impacts: saltation matrices, grazing hits and near misses, simultaneous impacts at both meshes."""
 
 import math
 
@@ -16,7 +16,7 @@ __all__ = ["ROWS"]
 EPSILONS = (0.0, 1e-12, 0.1, math.exp(-math.pi / math.sqrt(3.0)), 0.9, 1.0 - 2.0**-53, 1.0)
 
 
-def diverged() -> Extreme:
+def saltation() -> Extreme:
     """Saltation matrix."""
     rng, errors = np.random.default_rng(5), []
     for epsilon in EPSILONS:
@@ -37,12 +37,12 @@ def diverged() -> Extreme:
     )  # fmt: skip
 
 
-def grazed() -> Extreme:
-    """A parabola whose top passes a wall by a share of the gap, or misses it by that."""
+def grazing() -> Extreme:
+    """A parabolic flight whose apex passes or misses a wall by a small fraction of the gap."""
     errors = []
     for gap in (1e-8, 0.5, 1e4):
         for share in spread(1e-12, 1e-1, 7):
-            for pull in (0.01, 1.0, 100.0):  # of the drag, in gaps per unit of time squared
+            for pull in (0.01, 1.0, 100.0):  # acceleration by drag, in half gaps per unit of time squared
                 drag = pull * gap
                 c = constants(alpha=0.0, beta1=0.0, gamma1=drag, wall1=gap, stages=1)
                 for hits in (True, False):
@@ -52,7 +52,7 @@ def grazed() -> Extreme:
                     exact, sign, speed = _met(y, drag, gap)
                     if (mesh, side) != (1, sign):
                         errors.append(math.inf)
-                    else:  # in roundings of the wall
+                    else:  # the wall is known to rounding, so the time to rounding of gap / speed
                         errors.append(farthest(t, exact, exact + gap / speed))
     return Extreme(
         "grazing hit, and near miss", "gap", "past the wall by 1e-12 to 0.1 of a gap of 1e-8, 0.5, 1e4",
@@ -63,7 +63,7 @@ def grazed() -> Extreme:
 
 @truth.in_digits
 def _met(y: float, drag: float, gap: float) -> tuple[float, int, float]:
-    """When, on which side, and how fast ``y t + drag t^2 / 2`` meets a wall at `gap`."""
+    """Time, side and speed at which ``y t + drag t^2 / 2`` meets a wall at distance `gap`."""
     import mpmath as mp
 
     a, v, g = mp.mpf(drag), mp.mpf(y), mp.mpf(gap)
@@ -74,15 +74,15 @@ def _met(y: float, drag: float, gap: float) -> tuple[float, int, float]:
     return float((-v + speed) / a), 1, float(speed)
 
 
-def together() -> Extreme:
-    """Both meshes struck at one instant: mesh 1 first, and mesh 2 with what that has left of its velocity."""
+def simultaneous() -> Extreme:
+    """Simultaneous impacts at both meshes: mesh 1 comes first, then mesh 2 with the velocity left by it."""
     errors = []
     for gap in (2.0**-27, 0.5, 2.0**13):
         start = Start(0.0, 0.0, 2.0 * gap, 0.0, -3.0 * gap)
         scene = Scene(
             alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, mu=0.25, gap1=gap, gap2=1.5 * gap, start=start
         )  # fmt: skip
-        # after 1/2: mesh 1 at +gap1 and mesh 2 at -gap2; the impact at mesh 1 leaves y = (-gap, -6 gap) to mesh 2
+        # at tau = 1/2: mesh 1 at +gap1 and mesh 2 at -gap2; the impact at mesh 1 leaves y = (-gap, -6 gap)
         exact: dict[str, list[float]] = {
             "tau": [0.5, 0.5], "flight": [0.5, 0.0], "mesh": [1, 2], "side": [1, -1], "x1": [gap, gap],
             "y1": [2.0 * gap, -gap], "x2": [-1.5 * gap] * 2, "y2": [-3.0 * gap, -6.0 * gap],
@@ -97,9 +97,10 @@ def together() -> Extreme:
         for side in sides:
             errors += [farthest(side[name], exact[name], units.get(name, gap)) for name in exact]
     return Extreme(
-        "both meshes at one instant", "gap1, gap2", "gaps 7e-9 to 8e3; the orbit, located Euler, exact flights",
-        "contact laws by hand", worst_of(errors), 1e-9, "gap, unit of time",
+        "simultaneous impacts at both meshes", "gap1, gap2",
+        "gaps 7e-9 to 8e3; the orbit, located Euler, exact flights", "restitution maps by hand", worst_of(errors), 1e-9,
+        "gap, unit of time",
     )  # fmt: skip
 
 
-ROWS = (diverged, grazed, together)
+ROWS = (saltation, grazing, simultaneous)

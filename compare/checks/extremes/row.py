@@ -1,4 +1,4 @@
-"""A row of the table of extremes: what was tried, over which range, and the worst error beside what is allowed."""
+"""A row of the table of extremes: a computation, the range over which it is checked, its worst error and the bound."""
 
 import math
 from collections.abc import Iterable
@@ -10,28 +10,28 @@ from numpy.typing import ArrayLike
 __all__ = ["ROUNDING", "Extreme", "farthest", "spread"]
 
 ROUNDING = 4e-15
-"""A few roundings of a double: allowed where a formula is held against a higher precision, unless a row says more."""
+"""A few roundings of a double: the default bound where a formula is compared with 400-digit arithmetic."""
 
 
 class Extreme(NamedTuple):
-    """A thing that was tried at its extremes.
+    """A computation that was checked at extreme values.
 
     Attributes
     ----------
     name : str
-        What was computed.
+        Description of the computation.
     field : str
-        Which field of the scene was extreme.
+        Fields of the scene that are extreme.
     tried : str
-        The range.
+        Their range.
     truth : str
-        What it was held against.
+        The reference.
     worst : float
-        The worst error over the range.
+        Worst error over the range, in units of `unit`.
     allowed : float
-        The error up to which the row holds.
+        Largest admissible error.
     unit : str
-        What the error is relative to, or "z" for standard errors.
+        The size that errors are relative to, or "z" for standard errors.
 
     Examples
     --------
@@ -49,12 +49,22 @@ class Extreme(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Whether the worst error is allowed; never if it is not a number."""
+        """Whether the worst error is admissible; false for NaN."""
         return self.worst <= self.allowed
 
 
 def farthest(found: ArrayLike, truth: ArrayLike, unit: ArrayLike = 1.0) -> float:
-    """The largest error in these units; infinite where something is not a number on one side alone.
+    """Compute the largest absolute error in given units.
+
+    Parameters
+    ----------
+    found, truth, unit : array_like
+        Computed and exact values, and the units of their errors; shapes are broadcast.
+
+    Returns
+    -------
+    float
+        Infinite if an element is NaN in only one of `found` and `truth`.
 
     Examples
     --------
@@ -69,7 +79,20 @@ def farthest(found: ArrayLike, truth: ArrayLike, unit: ArrayLike = 1.0) -> float
 
 
 def spread(low: float, high: float, count: int, *also: float) -> list[float]:
-    """Values from `low` to `high`, equally far apart in their logarithms, and others.
+    """List logarithmically spaced values, preceded by others.
+
+    Parameters
+    ----------
+    low, high : float
+        First and last value, positive.
+    count : int
+        Number of spaced values.
+    *also : float
+        Further values.
+
+    Returns
+    -------
+    list of float
 
     Examples
     --------
@@ -80,5 +103,5 @@ def spread(low: float, high: float, count: int, *also: float) -> list[float]:
 
 
 def worst_of(errors: Iterable[float]) -> float:
-    """The largest; infinite if one is not a number."""
+    """The largest error; infinite if one is NaN."""
     return max((math.inf if math.isnan(e) else e for e in errors), default=math.inf)

@@ -1,4 +1,4 @@
-"""All rows, one after the other, and the table that they make."""
+"""Runs all rows of the extremes, and makes a table of them."""
 
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
@@ -20,7 +20,12 @@ ROWS: dict[str, Callable[[], Extreme]] = {
 
 
 def extremes() -> tuple[Extreme, ...]:
-    """Try everything at its extremes; a minute.
+    """Run all rows; takes about a minute.
+
+    Returns
+    -------
+    tuple of Extreme
+        In the order of `ROWS`.
 
     Examples
     --------
@@ -31,7 +36,16 @@ def extremes() -> tuple[Extreme, ...]:
 
 
 def table(rows: Iterable[Extreme]) -> "pd.DataFrame":
-    """A row for each: what was tried, over which range, against which truth, the worst error, whether it is allowed.
+    """Convert rows to a table.
+
+    Parameters
+    ----------
+    rows : iterable of Extreme
+
+    Returns
+    -------
+    DataFrame
+        Columns as the attributes of `Extreme`, and ``holds``.
 
     Examples
     --------

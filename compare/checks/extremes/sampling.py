@@ -1,4 +1,4 @@
-"""Samplers at their extremes: published laws of a shaken particle, meshes pressed shut, gaps that nearly close."""
+"""Samplers at extreme values: published results of a noisy particle, sticking meshes, tolerances as large as gaps."""
 
 import math
 from dataclasses import replace
@@ -17,17 +17,17 @@ __all__ = ["ROWS"]
 
 PATHS = 3_000
 Z = 4.5
-"""Standard errors allowed to the worst of a row: 40 checks of a correct program exceed it with a chance of 3e-4."""
+"""Admissible standard errors in a row; 40 checks of a correct program exceed them with a probability of 3e-4."""
 
 DRIFT = math.pi / math.sqrt(3.0)  # E ln of the speed ratio between two returns (Cornell, Swift and Bray 1998)
-SHAKEN = ((1e-3, 1e-8), (1e-3, 1e-6), (1.0, 1e-3), (1e4, 1e-8), (1e4, 1e-3), (1e4, 10.0))  # sigma, half gap
-LEFT = 2e-3  # of an exit time: by a step of a thousandth of it, and by the noise's modulation
+EXITS = ((1e-3, 1e-8), (1e-3, 1e-6), (1.0, 1e-3), (1e4, 1e-8), (1e4, 1e-3), (1e4, 10.0))  # sigma, half gap
+EXIT_BIAS = 2e-3  # relative bias of an exit time, by a step of a thousandth of it and by the modulation of the noise
 
 
-def left() -> Extreme:
-    """Mean exit times of a shaken particle from the middle of a gap, and from a tenth of it."""
+def exit_times() -> Extreme:
+    """Mean exit times of a randomly accelerated particle from the middle and from a tenth of a gap."""
     worst = []
-    for n, (sigma, half) in enumerate(SHAKEN):
+    for n, (sigma, half) in enumerate(EXITS):
         for share in (0.1, 0.5):
             truth = mean_exit_time(2.0 * half * share, 2.0 * half, sigma)
             start = Start(-0.5 * math.pi, half * (2.0 * share - 1.0), 0.0)
@@ -38,27 +38,28 @@ def left() -> Extreme:
                     scene, paths=4096, impacts=1, dt=dt, horizon=40.0 * truth, scheme=scheme, rng=n
                 )
                 mean, se = (float(run.columns[name][0]) for name in ("flight", "se_flight"))
-                worst.append(max(abs(mean - truth) - LEFT * truth, 0.0) / se if run.unfinished == 0 else math.inf)
+                error = max(abs(mean - truth) - EXIT_BIAS * truth, 0.0)
+                worst.append(error / se if run.unfinished == 0 else math.inf)
     return Extreme(
         "mean exit time from a gap", "sigma, gap", "sigma 1e-3 to 1e4, half gap 1e-8 to 10; two schemes",
         "Masoliver & Porra 1995", worst_of(worst), Z, "z",
     )  # fmt: skip
 
 
-def collapsed() -> Extreme:
-    """Drift of ln speed per bounce, on both sides of the restitution below which a shaken particle collapses."""
+def collapse_drift() -> Extreme:
+    """Drift of ln speed per bounce, below and above the restitution at which a noisy particle collapses."""
     worst = []
     for n, epsilon in enumerate((1e-9, 0.1, math.exp(-DRIFT), 1.0)):
         whole = returning.log_speeds(epsilon, PATHS, 6, n)[:, -1] / 6.0
         worst.append(abs(float(whole.mean()) - math.log(epsilon) - DRIFT) / (float(whole.std()) / math.sqrt(PATHS)))
     return Extreme(
-        "drift of ln speed per bounce", "epsilon", "1e-9 to 1, the collapse below 0.163 too",
+        "drift of ln speed per bounce", "epsilon", "1e-9 to 1, including the collapse below 0.163",
         "Cornell, Swift & Bray 1998", worst_of(worst), Z, "z",
     )  # fmt: skip
 
 
-def kept() -> Extreme:
-    """Paths that collapse onto a wall, or stick to it, stay between the walls to the end."""
+def confined_paths() -> Extreme:
+    """Paths that collapse onto a wall, or stick to it, stay between the walls and reach the end."""
     errors = []
     for epsilon in (0.0, 0.05, 0.163, 1.0):
         for sigma in (1e-3, 1.0, 1e3):
@@ -79,23 +80,23 @@ def kept() -> Extreme:
                 assert run.raw is not None
                 struck = np.nan_to_num(np.abs(run.raw[:, :, [2, 4]]))
                 over = max(float(means.max()), float(struck.max())) - 0.5
-                plain = SCHEMES[scheme].code == PLAIN  # it looks for walls at the ends of its steps
+                plain = SCHEMES[scheme].code == PLAIN  # detects impacts only at the ends of its steps
                 unit = 0.5 + (10.0 + 5.0 * sigma * math.sqrt(dt)) * dt * 1e9 * plain
                 errors.append(max(over, 0.0) / unit if len(means) == len(fixed) else math.inf)
     return Extreme(
         "paths that stick or collapse", "epsilon, sigma", "epsilon 0, 0.05, 0.163, 1; sigma 1e-3 to 1e3; every scheme",
-        "they end, between the walls", worst_of(errors), 1e-9, "half gap, or plain step",
+        "they reach the end, between the walls", worst_of(errors), 1e-9, "half gap, or plain step",
     )  # fmt: skip
 
 
-def pressed() -> Extreme:
-    """Drag that presses a mesh shut: the bouncing ball's sum says when; then a path lies still at its wall."""
+def sticking_paths() -> Extreme:
+    """Under drag a path completes its chatter at the time of the bouncing ball, and sticks from then on."""
     errors = []
     for gap in (1e-8, 0.5, 1e4):
-        for pull in (p for p in (1.0, 1e2, 1e4) if p * gap <= 1e6):  # of the drag, in gaps per unit of time squared
+        for pull in (p for p in (1.0, 1e2, 1e4) if p * gap <= 1e6):  # drag in half gaps per unit of time squared
             drag, epsilon = pull * gap, 0.5
-            fall = math.sqrt(4.0 / pull)  # time to fall through the whole gap from rest
-            rest = fall * (1.0 + 2.0 * epsilon / (1.0 - epsilon))
+            fall = math.sqrt(4.0 / pull)  # time to fall through the whole gap from zero velocity
+            closed = fall * (1.0 + 2.0 * epsilon / (1.0 - epsilon))
             start = Start(0.0, -gap, math.ulp(0.0) + 1e-12 * gap / fall)
             scene = Scene(alpha=0.0, epsilon=epsilon, beta1=0.0, gamma1=drag, gap1=gap, start=start, stages=1)
             for scheme in SCHEMES:
@@ -105,29 +106,29 @@ def pressed() -> Extreme:
                     paths=1,
                     impacts=10_000,
                     dt=dt,
-                    horizon=2.5 * rest,
+                    horizon=2.5 * closed,
                     scheme=scheme,
-                    record=Record(times=[2.0 * rest]),
+                    record=Record(times=[2.0 * closed]),
                 )
                 row = run.at_times().iloc[0]
-                bounce = 2.0 * drag * dt  # of the plain scheme, which meets a wall at the end of its step
+                bounce = 2.0 * drag * dt  # largest speed of the plain scheme, which detects a wall at the end of a step
                 errors.append(farthest(row["x1"], gap, gap + drag * dt * dt))
                 errors.append(max(abs(float(row["y1"])) / bounce - 1.0, 0.0))
             orbit = closure.follow(scene, 2000)
-            said = "rest" in orbit.stopped or bool((np.diff(orbit.tau) > 0.0).all())
-            errors.append(0.0 if said else math.inf)
+            ends = "sticks" in orbit.stopped or bool((np.diff(orbit.tau) > 0.0).all())
+            errors.append(0.0 if ends else math.inf)
             for name in ("corrected", "saltation"):
                 m = closure.mean_map(scene.with_sigma(1e-3 * gap), impacts=200, closure=name)
                 errors.append(0.0 if m.stopped or m.trace.found == 200 else math.inf)
     return Extreme(
-        "a mesh pressed shut", "gamma", "drags of 1 to 1e4 gaps, gaps 1e-8 to 1e4; every scheme; closures say why",
-        "it lies at its wall after the bouncing ball's sum", worst_of(errors), 0.02,
+        "sticking under drag", "gamma", "drags of 1 to 1e4 gaps, gaps 1e-8 to 1e4; every scheme and closure",
+        "at its wall after the bouncing ball's time", worst_of(errors), 0.02,
         "half gap, or step's fall",
     )  # fmt: skip
 
 
-def nearly_closed() -> Extreme:
-    """Tolerances as large as the gap: fixed, the scene of a wider gap; drawn, walls that no path is beyond."""
+def large_tolerances() -> Extreme:
+    """Tolerances as large as the gap: a fixed one equals a wider gap; with random ones no path is beyond its walls."""
     errors = []
     for gap in (1e-8, 0.5, 1e4):
         plain = Scene.from_gears(DAT21, sigma=0.1).scaled(2.0 * gap)
@@ -162,4 +163,4 @@ def nearly_closed() -> Extreme:
     )  # fmt: skip
 
 
-ROWS = (left, collapsed, kept, pressed, nearly_closed)
+ROWS = (exit_times, collapse_drift, confined_paths, sticking_paths, large_tolerances)

@@ -1,4 +1,4 @@
-"""The exact laws of clock and unit of length: whole periods change nothing, nor does a factor on all lengths."""
+"""Exact invariances: shifts of time by whole periods, and a factor on all lengths, leave the results unchanged."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -19,7 +19,7 @@ from rattle.scene import DAT21, Scene, Start, Tolerance
 __all__ = ["ROWS"]
 
 IMPACTS, PATHS = 3, 64
-POWERS = (-26, -13, 14)  # of two, times the gaps of DAT21: half gaps of 7e-9, 6e-5 and 8e3
+POWERS = (-26, -13, 14)  # powers of two as factors on the lengths of DAT21: half gaps of 7e-9, 6e-5 and 8e3
 STARTS = (1e4, 1e8, 1e12, -1e12)
 SIGMAS = (0.0, 1e-30, 1e-8, 1e4)
 LENGTHS = ("x1", "y1", "x2", "y2")
@@ -31,7 +31,7 @@ def _scene(tau: float = 0.0) -> Scene:
 
 
 def _sections(scene: Scene) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Section tables of every closure and every scheme, the times counted from the phase."""
+    """Section tables of every closure and every scheme, with phase-reduced times."""
     for name in CLOSURES:
         yield name, closure.mean_map(scene, impacts=IMPACTS, closure=name).phase_reduced.section
     for scheme in SCHEMES:
@@ -49,7 +49,7 @@ def _sections(scene: Scene) -> Iterator[tuple[str, pd.DataFrame]]:
 
 
 def _stretches(scene: Scene) -> Iterator[np.ndarray]:
-    """Phases, and states before impacts, of the engines of chaos."""
+    """Phases, flights, growths and states before impacts of the long orbit and the long noisy path."""
     orbit = long_orbit.LongOrbit(scene).stretch(50)
     path, _ = long_path.LongPath(scene, seed=3).stretch(500)
     for s in (orbit, path):
@@ -57,19 +57,19 @@ def _stretches(scene: Scene) -> Iterator[np.ndarray]:
 
 
 def _verdicts(scene: Scene) -> np.ndarray:
-    """What is said of every moment of every closure."""
+    """The verdict on every moment of every closure."""
     found = validation.validate(scene, impacts=2, paths=1024, rng=1, scheme="exact-flight")
     return found.table["verdict"].to_numpy(str)
 
 
 def _factors(table: pd.DataFrame, factor: float) -> np.ndarray:
-    """By which a change of the unit of length multiplies each column."""
+    """Factors on the columns of a table when all lengths are multiplied by `factor`."""
     plain = [str(name).removeprefix("se_").removeprefix("sd_") in LENGTHS for name in table]
     return np.where(plain, factor, 1.0)
 
 
 def unit_of_length() -> Extreme:
-    """All lengths over a power of time times a power of two: every table is, bit for bit, its own multiple."""
+    """All lengths, speeds, accelerations and the noise times a power of two: every table scales bit for bit."""
     errors = []
     tables, stretches, verdicts = dict(_sections(_scene())), list(_stretches(_scene())), _verdicts(_scene())
     for power in POWERS:
@@ -91,14 +91,14 @@ def unit_of_length() -> Extreme:
 
 
 def whole_periods() -> Extreme:
-    """A start so late that its time has lost the digits of a flight, against the same phase near 0."""
+    """A start so late that its absolute time lacks the digits of a flight, compared with the same phase near 0."""
     errors = []
     for tau in STARTS:
-        late, near = _scene(tau), _scene(truth.phase(tau))
-        for (_, a), (_, b) in zip(_sections(late), _sections(near), strict=True):
+        late, reduced = _scene(tau), _scene(truth.phase(tau))
+        for (_, a), (_, b) in zip(_sections(late), _sections(reduced), strict=True):
             exact = b.select_dtypes("number").to_numpy(float)
             errors.append(farthest(a.select_dtypes("number"), exact, np.maximum(np.abs(exact), 1.0)))
-        for rows, exact in zip(_stretches(late), _stretches(near), strict=True):
+        for rows, exact in zip(_stretches(late), _stretches(reduced), strict=True):
             errors.append(farthest(rows, exact, np.maximum(np.abs(exact), 1.0)))
     return Extreme(
         "late start: flights, sds, means", "start.tau", "1e4 to 1e12, and -1e12: every closure, every scheme, chaos",
@@ -106,8 +106,8 @@ def whole_periods() -> Extreme:
     )  # fmt: skip
 
 
-def proportional() -> Extreme:
-    """Sds of the linear closures are the noise intensity times what they are at 1; none without noise."""
+def proportional_sds() -> Extreme:
+    """Sds of the linear closures are proportional to the noise intensity."""
     errors = []
     for name in ("corrected", "saltation"):
         one, *others = (
@@ -134,8 +134,8 @@ def phases() -> Extreme:
     )  # fmt: skip
 
 
-def told() -> Extreme:
-    """Times as they are stated: the start's own added back, rounded once; and verdicts that know nothing of it."""
+def absolute_times() -> Extreme:
+    """Absolute times are the local ones plus that of the start, rounded once; verdicts do not depend on the start."""
     errors = []
     for tau in STARTS:
         late = _scene(tau)
@@ -148,10 +148,10 @@ def told() -> Extreme:
         errors.append(float((a["verdict"] != b["verdict"]).sum()))
         errors.append(farthest(a[["error", "low", "high"]], b[["error", "low", "high"]], 1e-11))
     return Extreme(
-        "late start: stated times, and verdicts", "start.tau", "1e4 to 1e12, and -1e12",
+        "late start: absolute times, and verdicts", "start.tau", "1e4 to 1e12, and -1e12",
         "sums of fractions; the verdicts at the same phase", worst_of(errors), 0.5,
         "last place; verdicts",
     )  # fmt: skip
 
 
-ROWS = (unit_of_length, proportional, phases, whole_periods, told)
+ROWS = (unit_of_length, proportional_sds, phases, whole_periods, absolute_times)

@@ -1,4 +1,4 @@
-"""The table of extremes on a terminal."""
+"""The table of extremes as text."""
 
 from collections.abc import Sequence
 
@@ -7,11 +7,22 @@ from rattle.compare.checks.extremes.row import Extreme
 __all__ = ["lines"]
 
 HEAD = ("extreme", "field", "worst", "allowed", "relative to", "verdict")
-RIGHT = {2, 3}  # columns that are aligned to the right
+RIGHT = {2, 3}  # columns with right alignment
 
 
 def lines(rows: Sequence[Extreme], *, ranges: bool = False) -> list[str]:
-    """An aligned table, and a sentence on the whole; with `ranges`, what was tried and the truth under each row.
+    """Format rows as an aligned table with a summary.
+
+    Parameters
+    ----------
+    rows : sequence of Extreme
+    ranges : bool
+        Whether to print range and reference below each row, not only below those that fail.
+
+    Returns
+    -------
+    list of str
+        Lines of text.
 
     Examples
     --------

@@ -1,8 +1,7 @@
-"""Truths in a higher precision, from the formulas of docs/model.md sections 2, 3 and 6 as they stand there; needs
-mpmath.
+"""Reference values in 400 digits, from the formulas of docs/model.md sections 2, 3 and 6 as they stand there.
 
-A flight is written as a sum of exponentials, divisions by beta and all: with `DIGITS` digits nothing cancels that
-matters, and beta = 0 is the value 1e-30.  No function of `rattle.scene.flight` is used.
+A flight is written as a sum of exponentials with divisions by beta: with so many digits, cancellation does not matter,
+and beta = 0 can be replaced by 1e-30.  No function of `rattle.scene.flight` is used.  Needs mpmath.
 """
 
 from collections.abc import Callable
@@ -25,7 +24,18 @@ NIL = "1e-30"
 
 
 def in_digits(function: Callable[P, R]) -> Callable[P, R]:
-    """With `DIGITS` digits."""
+    """Decorate a function so that it computes with `DIGITS` decimal digits.
+
+    Parameters
+    ----------
+    function : callable
+        Uses mpmath.
+
+    Returns
+    -------
+    callable
+        With the same arguments.
+    """
 
     @wraps(function)
     def precise(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -45,7 +55,24 @@ def _phi1(beta: Any, t: Any) -> Any:
 
 @in_digits
 def flight(c: Constants, tau: float, y1: float, y2: float, t: float) -> tuple[list[float], list[float]]:
-    """What a flight adds to x1, x2 and makes of y1, y2 (in the order x1, y1, x2, y2), and the size of the terms."""
+    """Compute the state after a flight.
+
+    Parameters
+    ----------
+    c : Constants
+    tau : float
+        Phase at the start.
+    y1, y2 : float
+        Velocities at the start.
+    t : float
+        Flight time.
+
+    Returns
+    -------
+    values, sizes : list of float, length 4
+        Changes of x1 and x2 and new values of y1 and y2, in the order x1, y1, x2, y2; and the sum of the absolute
+        values of their terms.
+    """
     b1, b2 = _betas(c)
     a, g1, g2, tau, t = (mp.mpf(v) for v in (c.alpha, c.gamma1, c.gamma2, tau, t))
     u1 = a * mp.cos(tau) - y1
@@ -68,7 +95,18 @@ def flight(c: Constants, tau: float, y1: float, y2: float, t: float) -> tuple[li
 
 @in_digits
 def jacobian(c: Constants, t: float) -> list[list[float]]:
-    """``exp(A t)``."""
+    """Compute the Jacobian of a flight, ``exp(A t)``.
+
+    Parameters
+    ----------
+    c : Constants
+    t : float
+        Flight time.
+
+    Returns
+    -------
+    list of list of float, shape (4, 4)
+    """
     b1, b2 = _betas(c)
     time = mp.mpf(t)
     e1, e2, d1, d2 = _phi1(b1, time), _phi1(b2, time), mp.exp(-b1 * time), mp.exp(-b2 * time)
@@ -96,7 +134,7 @@ def _total(*terms: Sum) -> Sum:
 
 
 def _responses(c: Constants, end: Any) -> list[Sum]:
-    """What unit noise does to ``(x1, y1, x2, y2)`` a lag before the phase `end`, as sums of exponentials of the lag."""
+    """Responses of ``(x1, y1, x2, y2)`` at the phase `end` to a unit impulse of noise, as functions of the lag."""
     b1, b2 = _betas(c)
     one, back = mp.expj(end) / 2, mp.expj(-end) / 2
     cosine: Sum = {(0, 0, -1): one, (0, 0, 1): back}
@@ -116,7 +154,21 @@ def _responses(c: Constants, end: Any) -> list[Sum]:
 
 @in_digits
 def unit_noise(c: Constants, end: float, lag: float) -> list[float]:
-    """What unit noise `lag` before the phase `end` has done to ``(x1, y1, x2, y2)``."""
+    """Compute the response of the state to a unit impulse of noise.
+
+    Parameters
+    ----------
+    c : Constants
+    end : float
+        Phase at which the state is taken.
+    lag : float
+        Time since the impulse.
+
+    Returns
+    -------
+    list of float, length 4
+        Of ``(x1, y1, x2, y2)``.
+    """
     b1, b2 = _betas(c)
     time = mp.mpf(lag)
     return [
@@ -127,7 +179,21 @@ def unit_noise(c: Constants, end: float, lag: float) -> list[float]:
 
 @in_digits
 def noise(c: Constants, tau: float, t: float) -> list[list[float]]:
-    """Covariance that the noise adds in a flight of time t from tau."""
+    """Compute the covariance that the noise adds in a flight.
+
+    Parameters
+    ----------
+    c : Constants
+    tau : float
+        Phase at the start.
+    t : float
+        Flight time.
+
+    Returns
+    -------
+    list of list of float, shape (4, 4)
+        In the order x1, y1, x2, y2.
+    """
     b1, b2 = _betas(c)
     time = mp.mpf(t)
     g = _responses(c, mp.mpf(tau) + time)
@@ -148,7 +214,23 @@ def noise(c: Constants, tau: float, t: float) -> list[list[float]]:
 
 @in_digits
 def saltation(c: Constants, mesh: int, tau: float, y1: float, y2: float) -> tuple[list[list[float]], list[list[float]]]:
-    """``R + (F+ - R F-) g' / (g' F-)`` of docs/model.md section 6, and the size of the terms of each entry."""
+    """Compute the saltation matrix ``R + (F+ - R F-) g' / (g' F-)`` of docs/model.md section 6.
+
+    Parameters
+    ----------
+    c : Constants
+    mesh : int
+        1 or 2.
+    tau : float
+        Phase of the impact.
+    y1, y2 : float
+        Velocities just before it.
+
+    Returns
+    -------
+    values, sizes : list of list of float, shape (4, 4)
+        The matrix, and for each entry the sum of the absolute values of its terms.
+    """
     a, eps, mu = mp.mpf(c.alpha), mp.mpf(c.epsilon), mp.mpf(c.mu)
     restitution = mp.eye(4)
     if mesh == 1:
@@ -180,7 +262,20 @@ def saltation(c: Constants, mesh: int, tau: float, y1: float, y2: float) -> tupl
 
 @in_digits
 def normal_integrals(low: float, high: float, order: int) -> tuple[list[Any], list[Any]]:
-    """``int z^n phi`` and ``int |z|^n phi`` over a window, n = 0 to `order`, by parts from the error function."""
+    """Compute ``int z^n phi(z) dz`` and ``int |z|^n phi(z) dz`` over a window, by parts from the error function.
+
+    Parameters
+    ----------
+    low, high : float
+        Ends of the window; phi is the standard normal density.
+    order : int
+        Largest n.
+
+    Returns
+    -------
+    values, sizes : list, length order + 1
+        The two integrals for n = 0 to `order`, with all digits.
+    """
 
     def upwards(a: Any, b: Any) -> list[Any]:
         edges = [mp.exp(-z * z / 2) / mp.sqrt(2 * mp.pi) for z in (a, b)]
@@ -205,6 +300,15 @@ def normal_integrals(low: float, high: float, order: int) -> tuple[list[Any], li
 
 @in_digits
 def phase(tau: float) -> float:
-    """Phase in [-pi, pi], from 400 digits of pi."""
+    """Reduce a time to the phase in [-pi, pi], with 400 digits of pi.
+
+    Parameters
+    ----------
+    tau : float
+
+    Returns
+    -------
+    float
+    """
     turn = 2 * mp.pi
     return float(mp.mpf(tau) - turn * mp.nint(mp.mpf(tau) / turn))

@@ -1,4 +1,4 @@
-"""Edgeworth windows and second moments at their extremes: far tails, narrow windows, correlations next to 1."""
+"""Window means of the Edgeworth series and second moments: far tails, narrow windows, correlations close to 1."""
 
 import numpy as np
 
@@ -21,8 +21,8 @@ def _series(seed: int) -> np.ndarray:
     return a
 
 
-def seen() -> Extreme:
-    """Window means of Eqs. 20 and 21, both."""
+def edgeworth_windows() -> Extreme:
+    """Window means of Eqs. 20 and 21."""
     errors = []
     for n, middle in enumerate([0.0, 1e-9, 0.3, -2.0, 8.0, -20.0, 35.0]):
         for width in spread(1e-12, 30.0, 8):
@@ -30,8 +30,8 @@ def seen() -> Extreme:
             low, high = middle - 0.5 * width, middle + 0.5 * width
             exact, size = _by_parts(a, low * sd / sd, high * sd / sd)
             found = edgeworth.window_means(a, sd, 2.0 * sd, low * sd, high * sd)
-            condition = 1.0 + abs(middle) * (abs(middle) + width)  # of the density, for an edge is known to a rounding
-            condition += abs(middle) / width  # of a width between both edges
+            condition = 1.0 + abs(middle) * (abs(middle) + width)  # of the density, since the edges are rounded
+            condition += abs(middle) / width  # of the width, since both edges are rounded
             sds = np.array([sd, 2.0 * sd])
             errors.append(farthest(found, sds * exact, sds * size * condition))
     return Extreme(
@@ -56,26 +56,26 @@ def _by_parts(a: np.ndarray, low: float, high: float) -> tuple[list[float], list
     return [float(v) for v in values], [float(v) for v in sizes]
 
 
-def correlated() -> Extreme:
-    """Correlations next to 1 and the smallest eigenvalue, in any units; what is possible and what is not."""
+def correlations() -> Extreme:
+    """Correlations close to 1, smallest eigenvalues and realizability, in any units."""
     errors = []
     for unit in spread(1e-16, 1e8, 7):
         none = np.array([[0.0, 1e-3 * unit], [1e-3 * unit, 1.0]])  # no variance, yet a covariance
         errors.append(np.inf if moments.realizability(none).realizable else 0.0)
-        for near in spread(1e-12, 1.0, 7):
+        for distance in spread(1e-12, 1.0, 7):
             for beyond in (False, True):
-                rho = 1.0 + near if beyond else 1.0 - near
+                rho = 1.0 + distance if beyond else 1.0 - distance
                 covariance = np.array([[unit * unit, rho * unit], [rho * unit, 1.0]])
                 judged = moments.realizability(covariance)
                 least = _least(covariance)
                 errors.append(farthest(judged.rho, rho, 1.0))
                 errors.append(farthest(judged.smallest_eigenvalue, least, min(unit, 1.0) ** 2))
-                if near > moments.ROUNDING and judged.realizable == beyond:
+                if distance > moments.ROUNDING and judged.realizable == beyond:
                     errors.append(np.inf)
-                if near < moments.ROUNDING and not judged.realizable:
+                if distance < moments.ROUNDING and not judged.realizable:
                     errors.append(np.inf)
     return Extreme(
-        "correlation, eigenvalue, verdict", "sigma, gap", "1 - |rho| 1e-12 to 1, both signs; units 1e-16 to 1e8",
+        "correlation, eigenvalue, realizability", "sigma, gap", "1 - |rho| 1e-12 to 1, both signs; units 1e-16 to 1e8",
         "eigenvalues in 400 digits", worst_of(errors), ROUNDING, "1, and the smaller variance",
     )  # fmt: skip
 
@@ -88,4 +88,4 @@ def _least(covariance: np.ndarray) -> float:
     return float((a + d) / 2 - mp.sqrt(((a - d) / 2) ** 2 + b * b))
 
 
-ROWS = (seen, correlated)
+ROWS = (edgeworth_windows, correlations)

@@ -1,4 +1,4 @@
-"""Bounces under a constant pull: a geometric series of flights, and a finite time to rest."""
+"""The bouncing ball: under constant drag flights form a geometric series, and chatter is completed in finite time."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,30 +14,40 @@ __all__ = ["bouncing_ball"]
 Floats = NDArray[np.float64]
 
 GAMMA, EPSILON, SPEED, HALF = 1.0, 0.7, 1.0, 0.5
-IMPACTS = 12  # of the sampler's path
-ROUNDING = 1e-15 + 4e-16 * HALF  # distance at which the orbit takes a wall to be met
+IMPACTS = 12  # impacts of the simulated path
+ROUNDING = 1e-15 + 4e-16 * HALF  # distance within which the orbit locates a wall
 
 
 def _checks(who: str, tau: Floats, close: float, epsilon: float) -> list[Check]:
-    """First flight, its ratios to the next, and the time to rest; impacts are found at `close` to their wall."""
+    """Worst flight time, and the time to rest; impacts are located within `close` of their wall."""
     flights = np.diff(tau)
     first = 2.0 * epsilon * SPEED / GAMMA
     speeds = 0.5 * GAMMA * flights
-    when = 2.0 * close / speeds[-1] / (1.0 - EPSILON)  # of time: each impact by close / speed, at both ends of a flight
+    slack = 2.0 * close / speeds[-1] / (1.0 - EPSILON)  # in time: close / speed at both ends of each flight
     k = np.arange(flights.size)
     worst = int(np.argmax(np.abs(flights - first * epsilon**k)))
+    exact = first * epsilon**worst
     rest = float(tau[-1] - tau[0] + flights[-1] * epsilon / (1.0 - epsilon))
     return [
-        Check(f"flight {worst + 1} of {flights.size}, {who}", float(flights[worst]), first * epsilon**worst, 0.0, when),
-        Check(f"time to rest, {who}", rest, first / (1.0 - epsilon), 0.0, when),
+        Check(f"flight {worst + 1} of {flights.size}, {who}", float(flights[worst]), exact, 0.0, slack),
+        Check(f"time to rest, {who}", rest, first / (1.0 - epsilon), 0.0, slack),
     ]
 
 
 def bouncing_ball(seed: int = 0, workers: int = 2) -> Measured:
-    """Flights and time to rest of one stage that constant drag pulls to a wall, by the orbit and by the sampler.
+    """Check flights and time to rest of one stage under constant drag, for the orbit and for a simulated path.
 
     With ``alpha = beta = sigma = 0`` Eq. 3 is ``y' = gamma``: an impact at speed v is followed by a flight of
     ``2 epsilon v / gamma`` and an impact at ``epsilon v``, so that all flights add up to ``t1 / (1 - epsilon)``.
+
+    Parameters
+    ----------
+    seed, workers : int
+        Not used: nothing is random.
+
+    Returns
+    -------
+    Measured
 
     Examples
     --------
@@ -56,7 +66,7 @@ def bouncing_ball(seed: int = 0, workers: int = 2) -> Measured:
 
     return Measured(
         "bouncing-ball sum", "Luck & Mehta 1993",
-        "under a constant pull flights shrink by epsilon and add up to t1 / (1 - epsilon): the orbit, simulate()",
+        "under constant drag flights shrink by epsilon and add up to t1 / (1 - epsilon): the orbit, simulate()",
         checks(EPSILON),
         [NegativeControl("epsilon 1 % larger", checks(1.01 * EPSILON)),
          NegativeControl("epsilon squared", checks(EPSILON**2))],

@@ -1,10 +1,10 @@
-"""One damped, shaken stage between elastic walls: its result is that of the free stage, folded into the box.
+"""One damped, noisy stage between elastic walls: its distribution is that of the free stage, folded into the box.
 
-At ``epsilon = 1`` an impact turns the sign of y and leaves damping and white noise what they are, for both are odd in
-it.  So ``x = fold(X), y = +-Y`` with the free ``Y' = -beta Y + sigma (-sin tau + beta cos tau) eta, X' = Y`` (Eq. 5):
-exactly, at any time.  The noise is modulated, so the result is periodic in time and not stationary: ``E y^2`` obeys
-``V' = -2 beta V + sigma^2 m^2``, y is Gaussian, and once X has spread over many boxes x is uniform and does not depend
-on y.
+At ``epsilon = 1`` an impact changes the sign of y.  Damping and white noise are symmetric under this reflection.  So
+``x = fold(X), y = +-Y`` in distribution, exactly and at any time, with the free stage
+``Y' = -beta Y + sigma (-sin tau + beta cos tau) eta, X' = Y`` (Eq. 5).  The modulated noise makes the distribution
+periodic in time, not stationary: ``V = E y^2`` obeys ``V' = -2 beta V + sigma^2 m^2`` and y is Gaussian.  Once X has
+spread over many boxes, x is uniform and independent of y.
 """
 
 import math
@@ -20,14 +20,24 @@ __all__ = ["elastic_box", "speed_variance"]
 
 BETA, SIGMA, HALF = 0.5, 1.0, 0.5
 PATHS, IMPACTS = 100_000, 64
-TIMES = (8.0, 8.8, 9.6)  # X has an sd of 4 boxes: the folded density is even to exp(-80)
+TIMES = (8.0, 8.8, 9.6)  # by then X has an sd of 4 boxes, and the folded density is uniform up to exp(-80)
 LOSSY = 0.97  # restitution of the negative control
 
 
 def speed_variance(tau: float, beta: float, sigma: float) -> float:
-    """Periodic solution of ``V' = -2 beta V + sigma^2 (-sin tau + beta cos tau)^2``.
+    """Compute the periodic solution of ``V' = -2 beta V + sigma^2 m^2`` with ``m = -sin tau + beta cos tau``.
 
-    With ``m^2 = (1 + beta^2) / 2 + a cos 2 tau + b sin 2 tau``.
+    It follows from ``m^2 = (1 + beta^2) / 2 + a cos 2 tau + b sin 2 tau``.
+
+    Parameters
+    ----------
+    tau, beta, sigma : float
+        Time, damping (not 0) and noise intensity.
+
+    Returns
+    -------
+    float
+        Variance of the velocity.
 
     Examples
     --------
@@ -57,12 +67,12 @@ def _run(epsilon: float, seed: int, workers: int) -> Ensemble:
 def _checks(run: Ensemble, sigma: float, phase: float) -> list[Check]:
     table, sums = run.at_times(), run.result.sums["fixed"]
     yy = [name for name in table.columns if name.startswith("cov_")].index("cov_y1_y1")
-    out = [Check("paths seen to the end", float(sums.n[:, yy].min()), PATHS)]
+    out = [Check("paths followed to the end", float(sums.n[:, yy].min()), PATHS)]
     variance, fourth = sums.moment(2, 0)[:, yy], sums.moment(4, 0)[:, yy]
     for k, (t, row) in enumerate(table.iterrows()):
         at, time = f" at {float(t):.2f}", float(t)  # type: ignore[arg-type]
-        gone = math.exp(-2.0 * BETA * time)
-        v = speed_variance(time + phase, BETA, sigma) - gone * speed_variance(phase, BETA, sigma)
+        decay = math.exp(-2.0 * BETA * time)
+        v = speed_variance(time + phase, BETA, sigma) - decay * speed_variance(phase, BETA, sigma)
         out += [
             Check("E x" + at, float(row["x1"]), 0.0, float(row["se_x1"])),
             Check("E x^2" + at, float(row["cov_x1_x1"]), HALF**2 / 3.0, float(row["se_cov_x1_x1"])),
@@ -75,7 +85,17 @@ def _checks(run: Ensemble, sigma: float, phase: float) -> list[Check]:
 
 
 def elastic_box(seed: int = 0, workers: int = 2) -> Measured:
-    """Uniform place, Gaussian speed with its closed-form variance, at three times of `montecarlo.simulate`.
+    """Check that displacement is uniform and velocity Gaussian with a closed-form variance, at three fixed times.
+
+    Parameters
+    ----------
+    seed : int
+    workers : int
+        Threads; the result does not depend on it.
+
+    Returns
+    -------
+    Measured
 
     Examples
     --------
@@ -85,8 +105,8 @@ def elastic_box(seed: int = 0, workers: int = 2) -> Measured:
     run = _run(1.0, seed, workers)
     return Measured(
         "elastic damped box", "Uhlenbeck & Ornstein 1930, folded by reflection",
-        "at epsilon = 1 place is uniform, speed Gaussian, and E y^2 that of the free linear stage under the modulated "
-        "noise: simulate(), exact-flight",
+        "at epsilon = 1 x is uniform, y Gaussian, and E y^2 that of the free linear stage under the modulated noise: "
+        "simulate(), exact-flight",
         _checks(run, SIGMA, 0.0),
         [
             NegativeControl(f"restitution {LOSSY:g}", _checks(_run(LOSSY, seed, workers), SIGMA, 0.0)),

@@ -12,20 +12,33 @@ from rattle.scene import Scene, Start
 __all__ = ["exit_time", "mean_exit_time"]
 
 SIGMA = 1.0
-HALF = 1e-3  # half gap: an exit takes 0.02, in which the modulation of the noise, 1 at tau = -pi/2, falls by 3e-4
+HALF = 1e-3  # half gap; an exit takes about 0.02, in which the modulation of the noise (1 at -pi/2) falls by 3e-4
 PATHS = 20_000
-SHARES = (0.1, 0.25, 0.5)  # of the gap, at which a path starts
-STRONGER = 1.05  # noise of the negative control
+SHARES = (0.1, 0.25, 0.5)  # starting points, as fractions of the gap
+STRONGER = 1.05  # factor on the noise in the negative control
 
-# step, and what it leaves relative to the time: a thousandth of it and the modulation for Euler's schemes, the
+# time step, and bound of the relative error of the mean time: by step and modulation for the Euler schemes, by the
 # modulation alone for exact flights
 SCHEMES = {"euler-maruyama": (1e-5, 2e-3), "euler-maruyama-located": (2e-5, 2e-3), "exact-flight": (1e-2, 3e-4)}
 
 
 def mean_exit_time(start: float, gap: float, sigma: float) -> float:
-    """Mean time in which ``x'' = sigma eta`` leaves a gap from rest at distance `start` of one end.
+    """Compute the mean time after which ``x'' = sigma eta``, starting at zero velocity, leaves a gap.
 
     Masoliver and Porra 1995; docs/model.md section 8.
+
+    Parameters
+    ----------
+    start : float
+        Initial distance from one end of the gap.
+    gap : float
+        Width of the gap.
+    sigma : float
+        Noise intensity.
+
+    Returns
+    -------
+    float
 
     Examples
     --------
@@ -50,7 +63,17 @@ def _check(scheme: str, share: float, sigma: float, seed: int, workers: int) -> 
 
 
 def exit_time(seed: int = 0, workers: int = 2) -> Measured:
-    """Mean exit time from three starts, by all three schemes of `montecarlo.simulate`.
+    """Check the mean exit time from three starting points, for all three schemes of `montecarlo.simulate`.
+
+    Parameters
+    ----------
+    seed : int
+    workers : int
+        Threads; the result does not depend on it.
+
+    Returns
+    -------
+    Measured
 
     Examples
     --------

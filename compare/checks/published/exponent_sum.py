@@ -1,4 +1,4 @@
-"""All Lyapunov exponents add up to what damping and impacts take from a volume in state space."""
+"""The sum of all Lyapunov exponents is the rate at which damping and impacts contract volumes of state space."""
 
 import math
 
@@ -10,7 +10,7 @@ __all__ = ["exponent_sum"]
 
 IMPACTS = 20_000
 ROUNDING = 1e-10
-SIGMA = 0.1  # of the noisy path
+SIGMA = 0.1  # noise intensity of the noisy path
 
 
 def _check(scene: Scene, found: Exponents, power: float, damping: float) -> Check:
@@ -19,7 +19,17 @@ def _check(scene: Scene, found: Exponents, power: float, damping: float) -> Chec
 
 
 def exponent_sum(seed: int = 0, workers: int = 2) -> Measured:
-    """Sum of the four exponents of DAT21: of the orbit, and of the drift's linearisation along a noisy path.
+    """Check the sum of the four exponents of DAT21: of the orbit, and of the drift along a noisy path.
+
+    Parameters
+    ----------
+    seed : int
+    workers : int
+        Not used.
+
+    Returns
+    -------
+    Measured
 
     Examples
     --------

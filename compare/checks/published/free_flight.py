@@ -1,4 +1,4 @@
-"""Without walls the state is Gaussian, with the moments of a linear equation under one modulated noise."""
+"""Without walls the state is Gaussian, with the moments of a linear SDE that is driven by one modulated noise."""
 
 import math
 from itertools import combinations_with_replacement
@@ -21,20 +21,33 @@ SCENE = Scene(
     alpha=1.5, epsilon=0.9, beta1=0.083, beta2=0.9, gamma1=0.057, gamma2=0.029, mu=0.6, sigma=0.4, gap1=1e6, gap2=1e6,
     start=Start(0.3, 0.1, -0.4, -0.2, 0.5),
 )  # fmt: skip
-"""Two stages that feel the one noise with different modulations."""
+"""Two stages that are driven by the same noise with different modulations."""
 
 TIME = 3.3
 PATHS = 100_000
-ROUNDING = 1e-9  # of the solved moments
-LEFT_OUT = 1e-6  # of a covariance: h^4 / 720 at the default step of the exact flight, and rounding
+ROUNDING = 1e-9  # error of the moments from the ODE solver
+LEFT_OUT = 1e-6  # error of a simulated moment by the step: h^4 / 720 at the default step of exact flights, and rounding
 PAIRS = list(combinations_with_replacement(range(4), 2))
 
 
 def linear_moments(scene: Scene, tau: float, coupled: bool = True) -> tuple[Floats, Floats]:
-    """Mean and covariance of ``(x1, y1, x2, y2)`` at a time, from Eqs. 5 and 8 as they are printed here, by an ODE.
+    """Compute mean and covariance of ``(x1, y1, x2, y2)`` without walls by integrating the moment equations.
 
-    ``s' = A s + f, P' = A P + P A' + sigma^2 m m'``; no function of `rattle.scene.flight` is used.  Without `coupled`
-    the second stage does not feel the noise itself: a negative control.
+    ``s' = A s + f`` and ``P' = A P + P A' + sigma^2 m m'``, from Eqs. 5 and 8.  The matrices are written out here
+    independently of `rattle.scene.flight`.
+
+    Parameters
+    ----------
+    scene : Scene
+    tau : float
+        Absolute time, not before the start.
+    coupled : bool
+        Whether the noise acts on the second stage directly; false only for a negative control.
+
+    Returns
+    -------
+    mean : ndarray, shape (4,)
+    covariance : ndarray, shape (4, 4)
 
     Examples
     --------
@@ -61,7 +74,17 @@ def linear_moments(scene: Scene, tau: float, coupled: bool = True) -> tuple[Floa
 
 
 def free_flight(seed: int = 0, workers: int = 2) -> Measured:
-    """Mean, covariance, skewness and kurtosis of `montecarlo.simulate`, and the covariance of `rattle.scene.flight`.
+    """Check the first four moments of `montecarlo.simulate`, and the covariance of `rattle.scene.flight`.
+
+    Parameters
+    ----------
+    seed : int
+    workers : int
+        Threads; the result does not depend on it.
+
+    Returns
+    -------
+    Measured
 
     Examples
     --------

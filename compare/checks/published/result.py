@@ -1,4 +1,4 @@
-"""What a result that was put to the test is: numbers beside their truths, and negative controls that must not pass."""
+"""Data types of a tested published result: measured numbers with true values, and negative controls."""
 
 import math
 from collections.abc import Sequence
@@ -10,21 +10,22 @@ from scipy import stats
 __all__ = ["FALSE_ALARM", "Check", "Measured", "NegativeControl", "PublishedResult", "limit"]
 
 FALSE_ALARM = 1e-3
-"""Chance that any check of a whole run of a correct program fails."""
+"""Probability that at least one check in a whole run of a correct program fails."""
 
 
 class Check(NamedTuple):
-    """A number of the program beside its truth.
+    """A number computed by the program, with its true value.
 
     Attributes
     ----------
     quantity : str
-        What it is.
+        Description of the number.
     found, truth : float
+        Computed and true value.
     se : float
-        Standard error of `found`; 0 where nothing is random.
+        Standard error of `found`; 0 if nothing is random.
     slack : float
-        Bound of what the method leaves beside sampling: of a step, of a truncation, of rounding.
+        Bound of the systematic error: of a time step, of a truncation, of rounding.
 
     Examples
     --------
@@ -41,24 +42,34 @@ class Check(NamedTuple):
 
     @property
     def z(self) -> float:
-        """What lies beyond the slack, in standard errors; infinite where nothing is random."""
+        """Error beyond the slack, in standard errors; infinite for such an error if nothing is random."""
         beyond = abs(self.found - self.truth) - self.slack
         if beyond <= 0.0:
             return 0.0
         return beyond / self.se if self.se > 0.0 else math.inf
 
     def holds(self, allowed: float) -> bool:
-        """Whether it is within so many standard errors; never if it is not a number."""
+        """Whether the error is admissible; false for NaN.
+
+        Parameters
+        ----------
+        allowed : float
+            Largest admissible `z`.
+
+        Returns
+        -------
+        bool
+        """
         return self.z <= allowed and math.isfinite(self.found)
 
 
 class NegativeControl(NamedTuple):
-    """Checks with an error in the truth or in the scene: at least one of them must fail.
+    """Checks with a deliberate error in the true value or in the scene: at least one of them must fail.
 
     Attributes
     ----------
     error : str
-        What was planted.
+        Description of the error.
     checks : sequence of Check
     """
 
@@ -66,19 +77,29 @@ class NegativeControl(NamedTuple):
     checks: Sequence[Check]
 
     def rejected(self, allowed: float) -> bool:
-        """Whether the error was seen."""
+        """Whether at least one check fails.
+
+        Parameters
+        ----------
+        allowed : float
+            Largest admissible `Check.z`.
+
+        Returns
+        -------
+        bool
+        """
         return not all(check.holds(allowed) for check in self.checks)
 
 
 class Measured(NamedTuple):
-    """What a result's function hands over; `Result` is this and the verdict.
+    """The checks of one published result; `PublishedResult` adds the verdict.
 
     Attributes
     ----------
     name, reference, statement : str
-        The result, who published it, and what is computed with which part of the program.
+        The result, its publication, and what is computed with which part of the program.
     checks : sequence of Check
-    planted : sequence of NegativeControl
+    controls : sequence of NegativeControl
     """
 
     name: str
@@ -89,7 +110,16 @@ class Measured(NamedTuple):
 
 
 def limit(checks: int) -> float:
-    """Standard errors allowed to each of so many checks, for `FALSE_ALARM` over all (Bonferroni).
+    """Compute the admissible error of each check in standard errors, for `FALSE_ALARM` over all (Bonferroni).
+
+    Parameters
+    ----------
+    checks : int
+        Number of statistical checks.
+
+    Returns
+    -------
+    float
 
     Examples
     --------
@@ -101,21 +131,21 @@ def limit(checks: int) -> float:
 
 @dataclass(frozen=True)
 class PublishedResult:
-    """A result, and whether the program obeys it.
+    """A published result with its verdict.
 
     Attributes
     ----------
     measured : Measured
     allowed : float
-        Standard errors that each check may be off by.
+        Largest admissible error of each check, in standard errors.
     seconds : float
-        Wall time it took.
+        Wall time of the measurement.
 
     Examples
     --------
     >>> checks = [Check("mean", 1.02, 1.0, 0.01)]
     >>> wrong = NegativeControl("5 % more", [Check("mean", 1.02, 1.05, 0.01)])
-    >>> result = Result(Measured("a result", "", "", checks, [wrong]), 2.5, 0.1)
+    >>> result = PublishedResult(Measured("a result", "", "", checks, [wrong]), 2.5, 0.1)
     >>> result.holds, result.rejects
     (True, True)
     """
@@ -126,7 +156,7 @@ class PublishedResult:
 
     @property
     def worst(self) -> Check:
-        """The check that is nearest to failing."""
+        """The check with the largest error; one that fails, if any does."""
         return max(self.measured.checks, key=lambda check: (not check.holds(self.allowed), check.z))
 
     @property
@@ -136,16 +166,22 @@ class PublishedResult:
 
     @property
     def rejects(self) -> bool:
-        """Whether every negative control is seen."""
-        return all(controls.rejected(self.allowed) for controls in self.measured.controls)
+        """Whether every negative control is rejected."""
+        return all(control.rejected(self.allowed) for control in self.measured.controls)
 
     @property
     def holds(self) -> bool:
-        """Whether all checks hold and every negative control is seen."""
+        """Whether all checks hold and every negative control is rejected."""
         return self.obeyed and self.rejects
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data; `found`, `truth`, `se`, `slack` and `z` are those of the worst check."""
+        """Convert to plain data.
+
+        Returns
+        -------
+        dict
+            ``quantity, found, truth, se, slack, z`` of the worst check, lists ``checks`` and ``controls``, and more.
+        """
         m = self.measured
         return {
             "name": m.name, "reference": m.reference, "statement": m.statement, **_plain(self.worst),

@@ -1,4 +1,4 @@
-"""The speed with which a randomly accelerated particle returns to a wall, and the restitution of its collapse."""
+"""A randomly accelerated particle at a wall: its speed on return, and the restitution below which it collapses."""
 
 import math
 
@@ -11,13 +11,13 @@ from rattle.compare.checks.published.returning import Floats, log_speeds
 __all__ = ["critical_restitution", "return_speed"]
 
 MEAN = math.pi / math.sqrt(3.0)
-"""E ln rho of the speed ratio, whose density is ``3 / (2 pi) rho^(3/2) / (1 + rho^3)``."""
+"""E ln rho, rho being the ratio of consecutive speeds, with the density ``3 / (2 pi) rho^(3/2) / (1 + rho^3)``."""
 
 VARIANCE = 4.0 * math.pi**2 / 9.0
 """Var ln rho."""
 
 RETURNS = 300_000
-BELOW, ABOVE = 0.12, 0.22  # restitutions on both sides of the critical one, exp(-MEAN) = 0.163
+BELOW, ABOVE = 0.12, 0.22  # restitutions below and above the critical one, exp(-MEAN) = 0.163
 PATHS, BOUNCES = 20_000, 8
 
 
@@ -33,7 +33,17 @@ def _moments(ln: Floats, mean: float, variance: float, slower: float) -> list[Ch
 
 
 def return_speed(seed: int = 0, workers: int = 2) -> Measured:
-    """Mean and variance of ln rho, and the share of slower returns, over `RETURNS` flights that leave at speed 1.
+    """Check mean and variance of ln rho, and P(rho < 1), over `RETURNS` flights that start at speed 1.
+
+    Parameters
+    ----------
+    seed : int
+    workers : int
+        Not used.
+
+    Returns
+    -------
+    Measured
 
     Examples
     --------
@@ -44,8 +54,8 @@ def return_speed(seed: int = 0, workers: int = 2) -> Measured:
     slower = quad(lambda r: 1.5 / math.pi * r**1.5 / (1.0 + r**3), 0.0, 1.0)[0]
     return Measured(
         "return speed", "McKean 1963; Cornell, Swift & Bray 1998",
-        "a randomly accelerated particle that leaves a wall at speed v returns at rho v: steps of "
-        "rattle.montecarlo.coupling.dyadic, rescaled from one to the next, no cut in time",
+        "a randomly accelerated particle that leaves a wall at speed v returns at speed rho v: steps of "
+        "rattle.montecarlo.coupling.dyadic, rescaled before each, without a time limit",
         _moments(ln, MEAN, VARIANCE, slower),
         [
             NegativeControl("mean 3 % larger", _moments(ln, 1.03 * MEAN, VARIANCE, slower)),
@@ -62,7 +72,17 @@ def _drift(epsilon: float, seed: int) -> tuple[float, float]:
 
 
 def critical_restitution(seed: int = 0, workers: int = 2) -> Measured:
-    """Drift of ln speed per bounce on both sides of the critical restitution, and where it changes its sign.
+    """Check the drift of ln speed per bounce below and above the critical restitution, and where it is zero.
+
+    Parameters
+    ----------
+    seed : int
+    workers : int
+        Not used.
+
+    Returns
+    -------
+    Measured
 
     Examples
     --------
@@ -71,7 +91,7 @@ def critical_restitution(seed: int = 0, workers: int = 2) -> Measured:
     """
     (d0, s0), (d1, s1) = _drift(BELOW, seed), _drift(ABOVE, seed + 1)
     span = math.log(ABOVE / BELOW)
-    share = -d0 / (d1 - d0)  # of the way from BELOW to ABOVE at which the drift is zero
+    share = -d0 / (d1 - d0)  # linear interpolation in ln epsilon to zero drift
     zero = BELOW * math.exp(span * share)
     se = zero * span / (d1 - d0) * float(np.hypot((1.0 - share) * s0, share * s1))
 
@@ -85,7 +105,7 @@ def critical_restitution(seed: int = 0, workers: int = 2) -> Measured:
     return Measured(
         "critical restitution", "Cornell, Swift & Bray 1998",
         "ln speed drifts by ln epsilon + pi / sqrt(3) per bounce: collapse below exp(-pi / sqrt(3)) = 0.163; the same "
-        "flights, joined by the contact result",
+        "flights, joined by the restitution map",
         checks(1.0, MEAN),
         [NegativeControl("mean 3 % larger", checks(1.0, 1.03 * MEAN)),
          NegativeControl("epsilon squared", checks(2.0, MEAN))],

@@ -1,12 +1,13 @@
-"""Bounces of a randomly accelerated particle on one wall, without an end in time.
+"""Bounces of a randomly accelerated particle on one wall, simulated without a time limit.
 
-Return times are heavy-tailed, ``P(T > t) ~ t^(-1/4)``: no fixed step reaches them all.  But ``x'' = sigma eta`` is the
-same at every scale, ``(t, y, x) -> (s^2 t, s y, s^3 x)``.  So before each step the state is brought to the scale at
-which the step is `GROWTH` times its memory ``max(y^2, d^(2/3)) / sigma^2``, d its distance to the wall; the step is one
-of the project's own (`rattle.montecarlo.coupling.dyadic.walk_step`: flow, noise cut in halves where the wall may be
-near, impact) at the phase where the modulation is stationary; and the scales are kept apart, in their logarithm.  Every
-step but a share of about ``GROWTH^(-1/4)`` ends at the wall.  Nothing is truncated; noise is smooth below a millionth
-of the memory.
+Return times are heavy-tailed, ``P(T > t) ~ t^(-1/4)``, so that a fixed step and horizon would truncate them.  But
+``x'' = sigma eta`` is self-similar under ``(t, y, x) -> (s^2 t, s y, s^3 x)``.  So the state is rescaled before each
+step such that the step is `GROWTH` times the particle's time scale ``max(y^2, d^(2/3)) / sigma^2``, where d is the
+distance to the wall.  The logarithm of the accumulated scale is kept separately.  The step itself is one of
+`rattle.montecarlo.coupling.dyadic.walk_step` (flow, Brownian bridge bisection near the wall, impact), at the phase
+where the modulation of the noise is stationary.  A step fails to return to the wall with a probability of about
+``GROWTH^(-1/4)`` and is then followed by another.  The bisection resolves the noise down to a millionth of the time
+scale.
 """
 
 import math
@@ -28,22 +29,22 @@ __all__ = ["log_speeds"]
 Floats = NDArray[np.float64]
 
 GROWTH = 64.0
-ROW = 4096  # the step's number: it begins at 3 pi / 2 and the modulation, 1 there, strays by 7e-7 in it
+ROW = 4096  # index of the step, such that it begins at 3 pi / 2; the modulation, 1 there, varies by 7e-7 in the step
 STEP_TIME = 1.5 * math.pi / ROW
-HALF = 1e-3  # half gap: the far wall is 50 excursions of a step away
-MOST = 200  # steps of one flight, far beyond the longest of a correct program
-APART = Word(2**24)  # numbers of a path's steps
+HALF = 1e-3  # half gap; the far wall is 50 typical excursions away
+MOST = 200  # steps after which a flight counts as lost; a correct program never needs as many
+APART = Word(2**24)  # distance of the random-number counters of two paths
 
 
 @jit
 def _bounce(c: Constants, w: Clockwork, key: Key, log_speed: Floats) -> int:
-    """Fill `log_speed`, shape (paths, bounces), with ln of the speed after each impact; flights without an end."""
-    room, hits, state = new_room(w.depth), np.empty((1, HIT)), np.zeros(4)  # a step ends with its first impact
+    """Fill `log_speed`, shape (paths, bounces), with ln of the speed after each impact; return the lost flights."""
+    room, hits, state = new_room(w.depth), np.empty((1, HIT)), np.zeros(4)  # room for one impact: it ends the step
     lost = 0
     for p in range(len(log_speed)):
         n, scale, y = Word(p) * APART, 0.0, 1.0
         for bounce in range(log_speed.shape[1]):
-            distance, y = 0.0, -y  # y is towards the wall
+            distance, y = 0.0, -y  # positive y is towards the wall
             met = 0
             for _ in range(MOST):
                 s = math.sqrt(w.h * c.sigma**2 / (GROWTH * max(y * y, (distance * c.sigma**2) ** (2.0 / 3.0))))
@@ -64,7 +65,7 @@ def _bounce(c: Constants, w: Clockwork, key: Key, log_speed: Floats) -> int:
 
 
 def _clockwork(c: Constants) -> Clockwork:
-    """Of one short step at the phase 3 pi / 2 alone."""
+    """Tables of the dyadic walk for the single step at the phase 3 pi / 2."""
     f = flight_forcing(c, ROW * STEP_TIME, STEP_TIME)
     table = np.zeros((ROW + 1, 14))
     table[ROW] = (*f.drift, *f.along, *f.across, f.margin1, f.margin2)
@@ -72,18 +73,25 @@ def _clockwork(c: Constants) -> Clockwork:
 
 
 def log_speeds(epsilon: float, paths: int, bounces: int, seed: int) -> Floats:
-    """ln of the speed after each of `bounces` impacts, shape (paths, bounces), from a speed 1 off the wall.
+    """Simulate bounces of a randomly accelerated particle that leaves the wall at speed 1.
 
     Parameters
     ----------
     epsilon : float
         Restitution, above 0.
-    paths, bounces, seed : int
+    paths, bounces : int
+        Number of particles, and of impacts of each.
+    seed : int
+
+    Returns
+    -------
+    ndarray, shape (paths, bounces)
+        ln of the speed after each impact.
 
     Raises
     ------
     RattleError
-        If a flight has no end within `MOST` steps, each 64 times as long as the particle's memory.
+        If a flight does not return within 200 steps.
 
     Examples
     --------
@@ -95,5 +103,5 @@ def log_speeds(epsilon: float, paths: int, bounces: int, seed: int) -> Floats:
     out = np.empty((paths, bounces))
     lost = _bounce(scene.constants, _clockwork(scene.constants), key_of(np.random.SeedSequence([seed, 2])), out)
     if lost:
-        raise RattleError(f"{lost} of {out.size} flights had no end in {MOST} steps, or one at the far wall")
+        raise RattleError(f"{lost} of {out.size} flights did not return in {MOST} steps, or reached the far wall")
     return out

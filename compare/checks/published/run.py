@@ -1,4 +1,4 @@
-"""All results, one after the other, judged together."""
+"""Runs the self-tests and judges them together."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -22,25 +22,29 @@ RESULTS: dict[str, Callable[[int, int], Measured]] = {
 
 
 def selftest(names: Sequence[str] = (), *, seed: int = 0, workers: int = 2) -> list[PublishedResult]:
-    """Put the program to the test of published results.
+    """Test the installed program against published results.
 
-    All checks together of a correct program fail with a chance of at most
-    `rattle.compare.checks.published.result.FALSE_ALARM`: what each is allowed in standard errors depends on
-    how many there are.
+    The admissible error of each check depends on their number (Bonferroni), so that at least one check of a correct
+    program fails with a probability of at most `rattle.compare.checks.published.result.FALSE_ALARM`.
 
     Parameters
     ----------
     names : sequence of str
-        Which of `LAWS`; all by default.
+        Keys of `RESULTS`; all by default.
     seed : int
-        Of all random numbers.
+        Seed of all random numbers.
     workers : int
-        Threads.
+        Threads; the result does not depend on it.
+
+    Returns
+    -------
+    list of PublishedResult
+        In the order of `names`.
 
     Raises
     ------
     InputError
-        For a result that is not known, or a seed or a number of threads that cannot be.
+        If a name is unknown, `seed` is negative, or `workers` is below 1.
 
     Examples
     --------

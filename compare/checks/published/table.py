@@ -1,4 +1,4 @@
-"""What a self-test found, as text for a terminal and as plain data."""
+"""The outcome of a self-test as a text table and as plain data."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,13 +8,22 @@ from rattle.compare.checks.published.result import FALSE_ALARM, Check, Published
 __all__ = ["lines", "record"]
 
 HEAD = ("result", "check nearest to failing", "found", "truth", "se", "z", "controls", "s", "verdict")
-LEFT = {0, 1, 8}  # columns that are aligned to the left
+LEFT = {0, 1, 8}  # columns with left alignment
 
 
 def lines(results: Sequence[PublishedResult], *, all_checks: bool = False) -> list[str]:
-    """An aligned table with one row per result, what failed below it, and a sentence on the whole.
+    """Format the outcome as an aligned table with one row per result, the failures below it, and a summary.
 
-    With `all_checks`, every check and every controls error has its line.
+    Parameters
+    ----------
+    results : sequence of PublishedResult
+    all_checks : bool
+        Whether to list every check and every negative control below the table, not only failures.
+
+    Returns
+    -------
+    list of str
+        Lines of text.
 
     Examples
     --------
@@ -45,7 +54,7 @@ def _row(result: PublishedResult) -> tuple[str, ...]:
 
 
 def _error(check: Check) -> tuple[str, str]:
-    """Standard error and z; for what is not random, the bound in place of the first."""
+    """Standard error and z as text; without randomness, the bound of the systematic error and a dash."""
     return (f"{check.se:.2g}", f"{check.z:.2f}") if check.se > 0.0 else (f"<{check.slack:.1g}", "-")
 
 
@@ -62,7 +71,8 @@ def _details(result: PublishedResult, everything: bool) -> list[str]:
         verdict = "holds" if c.holds(result.allowed) else "FAILS"
         out.append(f"  {verdict}  {c.quantity}: {c.found:.8g}, truth {c.truth:.8g}, se {se}, z {z}{left}")
     return out + [
-        f"  controls: {p.error}: {'rejected' if p.rejected(result.allowed) else 'NOT SEEN'}" for p in controls
+        f"  negative control: {p.error}: {'rejected' if p.rejected(result.allowed) else 'NOT REJECTED'}"
+        for p in controls
     ]
 
 
@@ -72,13 +82,24 @@ def _sentence(results: Sequence[PublishedResult]) -> str:
     return (
         f"{sum(result.holds for result in results)} of {len(results)} results hold; {len(checks)} checks, "
         f"{sum(c.se > 0.0 for c in checks)} of them statistical, each allowed {results[0].allowed:.2f} standard errors "
-        f"(false alarm {FALSE_ALARM:g} over all); {sum(controls)} of {len(controls)} controls errors rejected; "
+        f"(false alarm {FALSE_ALARM:g} over all); {sum(controls)} of {len(controls)} negative controls rejected; "
         f"{sum(result.seconds for result in results):.0f} s."
     )
 
 
 def record(results: Sequence[PublishedResult], seed: int) -> dict[str, Any]:
-    """Everything as plain data.
+    """Convert the outcome to plain data.
+
+    Parameters
+    ----------
+    results : sequence of PublishedResult
+    seed : int
+        Seed of the run.
+
+    Returns
+    -------
+    dict
+        ``holds`` (whether all results hold), ``false_alarm, seed, seconds`` and a list ``results``.
 
     Examples
     --------

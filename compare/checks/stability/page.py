@@ -13,18 +13,13 @@ from rattle.compare.checks.stability.cell import BIASED, COLLAPSING, UNBIASED, U
 from rattle.compare.checks.stability.chart import Chart
 from rattle.compare.checks.stability.figure import figure
 from rattle.compare.checks.stability.reference import IMPACTS
-from rattle.compare.report import Cell, Column, Figure, Page, Row, Section, Table, Text, numbers, pages, write_page
-from rattle.compare.report.csv_text import write_csv
-from rattle.compare.report.folder import whole_folder
-from rattle.compare.report.json_text import json_text
-from rattle.compare.report.style import save
+from rattle.compare.report import Cell, Column, Figure, Page, Row, Section, Table, Text, numbers
+from rattle.compare.report.save import contents, save
 from rattle.compare.validation.verdict import Tolerances
 
 __all__ = ["CONTENTS", "answer", "write_stability"]
 
-CONTENTS = frozenset(
-    {"stability.svg", "stability.csv", "covariance.csv", "extremes.csv", "manifest.json", *pages("stability")}
-)
+CONTENTS = contents("stability", figures=["stability"], tables=["stability", "covariance", "extremes"])
 """What such a folder holds; anything else in it is not ours."""
 
 MARK = {UNBIASED: "good", BIASED: "bad", UNSTABLE: "bad", UNDECIDED: "open"}
@@ -115,15 +110,11 @@ def write_stability(
             *((Section("Extreme values", (Text(EXTREMES, note=True), _extremes(tried))),) if tried else ()),
         ),
     )  # fmt: skip
-    with whole_folder(out, CONTENTS, overwrite) as folder:
-        save(figure(found.table), folder / "stability.svg")
-        write_csv(found.table, folder / "stability.csv", index=False, float_format="%.6g")
-        write_csv(law, folder / "covariance.csv", index=False, float_format="%.6g")
-        if tried:
-            write_csv(table(tried), folder / "extremes.csv", index=False, float_format="%.3g")
-        write_page(page, folder, "stability")
-        text = json_text({**record, "answer": said}) + "\n"
-        (folder / "manifest.json").write_text(text, encoding="utf-8")
+    tables = {"stability": found.table, "covariance": law} | ({"extremes": table(tried)} if tried else {})
+    save(
+        out, "stability", page, record, allowed=CONTENTS, figures={"stability": figure(found.table)}, tables=tables,
+        digits="%.6g", overwrite=overwrite,
+    )  # fmt: skip
     return said
 
 

@@ -1,6 +1,6 @@
 
 "use strict";
-const LONG = 8;  // rows from which a table is worth a filter
+const LONG = 8;  // tables with more rows have a filter
 
 function sortable(table) {
   const body = table.tBodies[0], made = [...body.rows], heads = [...table.tHead.rows[0].cells];
@@ -25,7 +25,7 @@ function sortable(table) {
       if (order === "none") return body.append(...made);
       head.setAttribute("aria-sort", order);
       body.append(...made.map(row => [key(row), row]).sort(([a], [b]) => {
-        if (a === null || b === null) return (a === null) - (b === null);  // what has no number stands last
+        if (a === null || b === null) return (a === null) - (b === null);  // cells without a number are sorted last
         return sign * (number ? a - b : words.compare(a, b));
       }).map(([, row]) => row));
     });

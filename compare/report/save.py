@@ -1,0 +1,91 @@
+"""Writes a report folder, whole or not at all: figures, tables, page and manifest."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from rattle.compare.report import style
+from rattle.compare.report.content import Page
+from rattle.compare.report.csv_text import write_csv
+from rattle.compare.report.folder import whole_folder
+from rattle.compare.report.json_text import json_text
+from rattle.compare.report.render import pages, write_page
+
+__all__ = ["MANIFEST", "contents", "save"]
+
+MANIFEST = "manifest.json"
+
+
+def contents(name: str, *, figures: Sequence[str] = (), tables: Sequence[str] = ()) -> frozenset[str]:
+    """Every file that a report folder may hold; a folder with any other file is not overwritten.
+
+    Parameters
+    ----------
+    name : str
+        Name of the page's files, without suffix.
+    figures, tables : sequence of str
+        Names without suffix.
+
+    Returns
+    -------
+    frozenset of str
+
+    Examples
+    --------
+    >>> sorted(contents("claims", tables=["claims"]))
+    ['claims.csv', 'claims.html', 'claims.md', 'manifest.json', 'page.json']
+    """
+    return frozenset({MANIFEST, *pages(name), *(f"{t}.csv" for t in tables), *(f"{f}.svg" for f in figures)})
+
+
+def save(
+    out: Path,
+    name: str,
+    page: Page,
+    record: Mapping[str, Any],
+    *,
+    allowed: frozenset[str],
+    figures: Mapping[str, Figure],
+    tables: Mapping[str, pd.DataFrame],
+    digits: str | None = None,
+    overwrite: bool = False,
+) -> None:
+    """Write a report folder; whatever ends it on the way, the folder is the earlier one or the new one.
+
+    Parameters
+    ----------
+    out : Path
+        The folder.
+    name : str
+        Name of the page's files, without suffix.
+    page : Page
+        Its answer goes into the manifest too.
+    record : mapping
+        Entries of the manifest.
+    allowed : frozenset of str
+        Files that such a folder may hold, see `contents`.
+    figures : mapping of str to Figure
+        Written as ``<name>.svg``.
+    tables : mapping of str to DataFrame
+        Written as ``<name>.csv``, without the index.
+    digits : str, optional
+        Format of the numbers in the tables, as ``%.10g``; all digits by default.
+    overwrite : bool
+        Whether an earlier report in the folder may be replaced.
+
+    Raises
+    ------
+    OutputError
+        If the folder holds other files, holds an earlier report and `overwrite` is false, or cannot be written.
+    """
+    with whole_folder(out, allowed, overwrite) as folder:
+        for label, figure in figures.items():
+            style.save(figure, folder / f"{label}.svg")
+        for label, table in tables.items():
+            write_csv(table, folder / f"{label}.csv", index=False, float_format=digits)
+        write_page(page, folder, name)
+        text = json_text({**record, "answer": list(page.answer)}) + "\n"
+        (folder / MANIFEST).write_text(text, encoding="utf-8")
