@@ -142,9 +142,11 @@ class MeanMap:
         Columns: ``tau, flight, mesh, side, x1, y1, x2, y2``, ``sd_`` and ``skew_`` of each quantity, ``rho1, rho2``
         (correlation of displacement and velocity perturbation of a stage) and ``realizable`` (false also for a negative
         mean flight time); for ``branching`` also ``agreement``, the predicted share of paths that have followed the
-        orbit's itinerary so far, and ``discarded``, the probability discarded so far.  Moments are those of the state
-        that each path has just before its own k-th impact (a Poincaré section at the impacts); ``tau`` is in absolute
-        time.
+        orbit's itinerary so far, and ``discarded``, the probability discarded so far; ``tau`` is in absolute time.
+
+        ``saltation`` and ``branching`` predict the state that each path has just before its own k-th impact (a Poincaré
+        section at the impacts), as simulation samples it.  ``published`` and ``corrected`` approximate it by the state
+        at one impact time for all paths.
         """
         t = self.trace
         columns: dict[str, object] = {

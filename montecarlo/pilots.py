@@ -153,7 +153,7 @@ def _pilot_within(scene: Scene, scheme: str, simulate: Simulate, budget: Budget,
 
     for _ in range(2):  # overhead of a run besides its paths; the second time its plan is cached
         run, before = timed(paths=1, horizon=settings["dt"])
-    horizon = default_horizon(run.impacts, run.dt * (COARSEST if settings["step_bias"] else 1))
+    horizon = default_horizon(run.impacts, run.dt * (COARSEST if settings["record"].step_bias else 1))
     probe, _ = timed(paths=computed(scene, PROBES[0]), horizon=PROBE_SPAN * horizon)
     slow = 1e-9 * _nanoseconds(probe, probe.dt) / PROBE_SPAN
     if probe.unfinished and slow * probe.paths > budget.left:

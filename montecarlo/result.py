@@ -70,7 +70,7 @@ class Ensemble:
 
     @cached_property
     def phase_reduced(self) -> Ensemble:
-        """The same result for the scene begun at its phase (`Scene.phase_reduced`): tau has all its digits, however late."""
+        """The same result for the phase-reduced scene (`Scene.phase_reduced`): tau has all its digits, however late."""
         return (
             self
             if self.scene.phase_reduced is self.scene

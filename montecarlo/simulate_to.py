@@ -152,8 +152,10 @@ def _simulated(
     left = Budget(HOUR if budget is None else budget)
     blocks = left.limited(blocks or in_threads(workers))
 
-    def again(record: Record = record, **settings: Any) -> Ensemble:
-        return simulate(scene, rng=rng, record=record, blocks=blocks, **({"impacts": impacts} | settings))
+    def again(**settings: Any) -> Ensemble:
+        step_bias = settings.pop("record", record).step_bias
+        settings = {"impacts": impacts, "record": replace(record, step_bias=step_bias)} | settings
+        return simulate(scene, rng=rng, blocks=blocks, **settings)
 
     names = [scheme] if scheme else sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
     pilot_run, candidates = chosen(scene, names, accuracy, again, left, workers)

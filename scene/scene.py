@@ -363,7 +363,7 @@ class Scene:
         >>> Scene.from_gears(DAT21, start=Start(1e12, 0.5, 2.0, 0.5, 2.0, mesh=1)).phase
         -0.6576247591367865
         """
-        tau = self.start.tau  # in absolute time
+        tau = self.start.tau
         return tau if abs(tau) <= math.pi else math.atan2(math.sin(tau), math.cos(tau))
 
     @property

@@ -115,16 +115,16 @@ def sqrt_law(scene: Scene, *, impacts: int = 4000, seed: int = 0, deltas: Floats
         deltas = np.geomspace(SMALLEST, largest, POINTS)
     apart, place, missed = after_impact(scene, deltas, impacts, seed)
     speed, modulation = place[:, 1:2], place[:, 2:3]
-    shaken = np.abs(modulation[:, 0]) > MODULATED
-    if shaken.sum() < 100:
-        raise InputError("impacts", impacts, f"gave {shaken.sum()} impacts at mesh 1 that can be used: give more")
+    modulated = np.abs(modulation[:, 0]) > MODULATED
+    if modulated.sum() < 100:
+        raise InputError("impacts", impacts, f"gave {modulated.sum()} impacts at mesh 1 that can be used: give more")
     law = (1.0 + scene.epsilon) * scene.sigma * np.abs(modulation) * np.sqrt(deltas / speed)
-    square = (apart / law)[shaken] ** 2
+    square = (apart / law)[modulated] ** 2
     n = len(square)
     half = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, n - 1)) * square.std(axis=0, ddof=1) / n**0.5
     table = pd.DataFrame({
-        "delta": deltas, "apart": np.sqrt((apart[shaken] ** 2).mean(axis=0)), "ratio": square.mean(axis=0),
+        "delta": deltas, "apart": np.sqrt((apart[modulated] ** 2).mean(axis=0)), "ratio": square.mean(axis=0),
         "low": square.mean(axis=0) - half, "high": square.mean(axis=0) + half, "impacts": n,
-        "law": np.sqrt((law[shaken] ** 2).mean(axis=0)),
+        "law": np.sqrt((law[modulated] ** 2).mean(axis=0)),
     })  # fmt: skip
-    return SqrtLaw(table, *fitted(deltas, apart[shaken]), missed)
+    return SqrtLaw(table, *fitted(deltas, apart[modulated]), missed)

@@ -83,5 +83,5 @@ def stability(
     for sentence in write_stability(out, found, covariances, tried, record, overwrite):
         say(sentence)
     say(f"Page: {out / 'stability.html'}")
-    if len(found.untold) or not all(row.holds for row in tried):
+    if len(found.undiagnosed) or not all(row.holds for row in tried):
         raise click.exceptions.Exit(1)

@@ -45,11 +45,37 @@ class Cell(Protocol):
         ...
 
     def compute(self, blocks: Blocks | None = None) -> Stored:
-        """Compute the result as it is stored; see `Sample.compute` and `Prediction.compute`."""
+        """Compute the result.
+
+        Parameters
+        ----------
+        blocks : callable, optional
+            Runs the blocks of paths, on threads or on a cluster.
+
+        Returns
+        -------
+        Stored
+
+        Raises
+        ------
+        InputError
+            If the cell cannot be computed.
+        """
         ...
 
     def opened(self, stored: Stored) -> object:
-        """Turn a stored result back into an object with named attributes."""
+        """Turn a stored result back into an object with named attributes.
+
+        Parameters
+        ----------
+        stored : Stored
+            As `compute` gives it.
+
+        Returns
+        -------
+        object
+            `Sampled` or `Predicted`.
+        """
         ...
 
 

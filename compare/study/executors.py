@@ -31,7 +31,23 @@ class Place(Protocol):
     threads: int
 
     def compute(self, cell: Cell) -> Stored:
-        """Compute a cell."""
+        """Compute a cell.
+
+        Parameters
+        ----------
+        cell : Cell
+
+        Returns
+        -------
+        Stored
+
+        Raises
+        ------
+        Failed
+            If the cell cannot be computed by this executor.
+        Stopped
+            If `stop` is called meanwhile.
+        """
         ...
 
     def stop(self) -> None:

@@ -140,7 +140,7 @@ class Results:
 
         Columns: the fields that vary, ``closure, impacts, reached, invalid`` (impacts whose second moments are not
         realizable), ``beyond`` (those of them with ``|rho| > 1``), ``largest`` (|rho|).  ``branching`` has no rows:
-        moments of a mixture are always realizable.
+        it predicts no correlations.
         """
         rows = []
         for point, _, prediction in self._pairs():

@@ -1,6 +1,6 @@
-"""Accuracy thresholds in pytest: a marker that claims how accurate a closure is, and a fixture that holds it to that.
+"""Accuracy thresholds in pytest: a marker that claims the accuracy of a closure, and a fixture that tests the claim.
 
-The entry point names this package, which names the plugin: so it is registered once, however it was asked for.
+The entry point names this package, and the package names the plugin, so that it is registered only once.
 """
 
 pytest_plugins = ("rattle.compare.thresholds.plugin",)

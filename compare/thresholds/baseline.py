@@ -1,4 +1,4 @@
-"""Baselines: what a model said when it was recorded, a readable file beside the test."""
+"""Baselines: recorded predictions of a model, in a readable file next to the test."""
 
 import hashlib
 import re
@@ -19,11 +19,22 @@ from rattle.scene.text import line
 __all__ = ["changes", "content", "listed", "place", "read", "updated", "write"]
 
 Changes = dict[str, tuple[Any, Any]]
-"""What was and what is, by place in the file; None where there is nothing."""
+"""Recorded and present value, by dotted key in the file; None for a missing one."""
 
 
 def place(module: Path, test: str) -> Path:
-    """The file of a test's baseline.
+    """Give the path of a test's baseline.
+
+    Parameters
+    ----------
+    module : Path
+        The file of the test.
+    test : str
+        Name of the test, with class and parameters.
+
+    Returns
+    -------
+    Path
 
     Examples
     --------
@@ -37,7 +48,18 @@ def place(module: Path, test: str) -> Path:
 
 
 def content(prediction: Prediction, claim: Claim) -> dict[str, Any]:
-    """What is recorded: the model's values, and of what they speak."""
+    """Build the content of a baseline.
+
+    Parameters
+    ----------
+    prediction : Prediction
+    claim : Claim
+
+    Returns
+    -------
+    dict
+        The predicted values by column and impact, and the scene.
+    """
     values = {
         c: dict(zip(map(str, claim.impacts), map(float, prediction.section[c]), strict=True)) for c in claim.columns
     }
@@ -45,7 +67,21 @@ def content(prediction: Prediction, claim: Claim) -> dict[str, Any]:
 
 
 def read(path: Path) -> dict[str, Any]:
-    """A recorded baseline; raises FileError where the file is none."""
+    """Read a recorded baseline.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, or is no baseline.
+    """
     try:
         found = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -58,12 +94,26 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def write(path: Path, found: Mapping[str, Any], model: str) -> None:
-    """Write a baseline whole; raises OutputError where it cannot be."""
+    """Write a baseline atomically.
+
+    Parameters
+    ----------
+    path : Path
+    found : mapping
+        As of `content`.
+    model : str
+        Name of the model, for a comment.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise refused(path.parent, error) from None
-    what = f"Section moments of {line(model)} by quantity and impact, and the scene that they speak of"
+    what = f"Section moments of {line(model)} by quantity and impact, and their scene"
     head = f"# {what}; written by pytest\n# --rattle-baselines=record (or =regenerate).\n\n"
     write_whole(path, head + tomli_w.dumps(found))
 
@@ -76,7 +126,19 @@ def _flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
 
 
 def changes(recorded: Mapping[str, Any], now: Mapping[str, Any], relative: float, absolute: float) -> Changes:
-    """Where two contents differ; values by more than ``absolute + relative * |recorded|``.
+    """Compare two contents.
+
+    Parameters
+    ----------
+    recorded, now : mapping
+        As of `content`.
+    relative, absolute : float
+        A value may differ by ``absolute + relative * |recorded|``; everything else must be equal.
+
+    Returns
+    -------
+    dict
+        Recorded and present value of each difference, by dotted key.
 
     Examples
     --------
@@ -95,7 +157,19 @@ def changes(recorded: Mapping[str, Any], now: Mapping[str, Any], relative: float
 
 
 def updated(recorded: Mapping[str, Any], now: Mapping[str, Any], changed: Changes) -> dict[str, Any]:
-    """The present content, with the digits that were recorded wherever nothing has changed."""
+    """Take the present content, but keep the recorded digits of values that have not changed.
+
+    Parameters
+    ----------
+    recorded, now : mapping
+        As of `content`.
+    changed : dict
+        As of `changes`.
+
+    Returns
+    -------
+    dict
+    """
 
     def merge(old: Mapping[str, Any], new: Mapping[str, Any], before: str) -> dict[str, Any]:
         return {
@@ -109,7 +183,16 @@ def updated(recorded: Mapping[str, Any], now: Mapping[str, Any], changed: Change
 
 
 def listed(changed: Changes) -> list[str]:
-    """Changes as lines of text.
+    """Format changes as lines of text.
+
+    Parameters
+    ----------
+    changed : dict
+        As of `changes`.
+
+    Returns
+    -------
+    list of str
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What a test claims of a closure: read from its marker and checked before anything is simulated."""
+"""A test's claim about the accuracy of a closure, read from its marker and validated before any simulation."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -23,15 +23,15 @@ OPTIONS = (
     "undecided",
 )  # fmt: skip
 RIVALS = ({"within", "absolute"}, {"paths", "accuracy"}, {"budget", "accuracy"})
-"""Options that say the same thing in two ways."""
+"""Sets of mutually exclusive options."""
 FEWEST = 1024
-"""Paths of which a standard error can be believed; two have none of an sd."""
+"""Smallest admissible number of paths, for reliable standard errors of sds."""
 VARYING = ("tau", "y1", "y2")
-"""Quantities that vary at every impact; a displacement is not judged at the mesh that is struck."""
+"""Default quantities: they vary at every impact, unlike a displacement, which is fixed at the mesh that is struck."""
 
 
 class Row(NamedTuple):
-    """One check."""
+    """One check: a moment (``mean`` or ``sd``) of a quantity at an impact."""
 
     moment: str
     quantity: str
@@ -39,12 +39,19 @@ class Row(NamedTuple):
 
     @property
     def column(self) -> str:
-        """Where a section table holds it."""
+        """Name of its column in a section table."""
         return self.quantity if self.moment == "mean" else f"sd_{self.quantity}"
 
 
 class Allowed(NamedTuple):
-    """How large an error may be: in sds of the quantity, or absolute."""
+    """Largest admissible error.
+
+    Attributes
+    ----------
+    error : float
+    in_sd : bool
+        Whether `error` is in sds of the quantity; absolute otherwise.
+    """
 
     error: float
     in_sd: bool
@@ -52,7 +59,7 @@ class Allowed(NamedTuple):
 
 @dataclass(frozen=True)
 class Claim:
-    """That section moments of a closure are right within a tolerance.
+    """The claim that section moments of a closure are right within a tolerance.
 
     Attributes
     ----------
@@ -60,19 +67,19 @@ class Claim:
     impacts : tuple of int
         Impacts that are checked, ascending.
     quantities : tuple of str
-        Of `rattle.scene.moments.SECTION`.
+        Names in `rattle.scene.moments.SECTION`.
     allowed : dict of str to Allowed
-        For each of the moments, ``mean`` and ``sd``.
+        For each moment, ``mean`` or ``sd``.
     paths : int or None
         Simulated paths to begin with; None for those of the session's profile.
     budget : int or None
-        Most paths while it is undecided; None for what the session says.
+        Largest number of paths while the claim is undecided; None for the session's.
     accuracy : float or None
-        Or simulate to this accuracy, see `montecarlo.simulate`.
+        Accuracy to simulate to instead of a number of paths, see `montecarlo.simulate`.
     scheme : str
-        Of the simulation.
+        Scheme of the simulation.
     undecided : str or None
-        What becomes of the test if its budget cannot decide it, ``fail`` or ``skip``; None for what the session says.
+        Outcome of the test if its budget does not decide it, ``fail`` or ``skip``; None for the session's.
     """
 
     scene: Scene
@@ -87,17 +94,26 @@ class Claim:
 
     @cached_property
     def rows(self) -> tuple[Row, ...]:
-        """Every check that it makes."""
+        """All checks of the claim."""
         return tuple(Row(m, q, k) for m in self.allowed for q in self.quantities for k in self.impacts)
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """What a model has to predict."""
+        """Columns of a section table that a model has to predict."""
         return tuple(dict.fromkeys(row.column for row in self.rows))
 
 
 def merged(markers: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
-    """Options of a test's markers, nearest first: a nearer one's replace those of its class or module.
+    """Merge the options of a test's markers with those of its class and module.
+
+    Parameters
+    ----------
+    markers : iterable of mapping
+        Options of each marker, the test's own first; they override later ones.
+
+    Returns
+    -------
+    dict
 
     Examples
     --------
@@ -112,21 +128,25 @@ def merged(markers: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
-    """The claim that a marker makes.
+    """Read a claim from the options of a marker.
 
     Parameters
     ----------
     options : mapping
-        Of the marker: ``scene`` (a Scene, or a TOML file), ``impacts`` (the first so many, or a list), ``quantities``,
-        ``moments``, ``within`` (allowed error in sds of the quantity) or ``absolute``, each a number or one for each
-        moment, ``paths`` and ``budget`` or ``accuracy``, ``scheme``, and ``undecided``.
+        ``scene`` (a Scene, or a TOML file), ``impacts`` (their number, or a list), ``quantities``, ``moments``,
+        ``within`` (admissible error in sds of the quantity) or ``absolute``, each a number or one for each moment,
+        ``paths`` and ``budget`` or ``accuracy``, ``scheme``, and ``undecided``.
     folder : Path
-        Where a scene file is looked for: the test's own.
+        Folder of the test, to which the path of a scene file is relative.
+
+    Returns
+    -------
+    Claim
 
     Raises
     ------
     InputError
-        Names the option, its value and the remedy.
+        If an option is unknown or its value not valid.
 
     Examples
     --------
@@ -136,9 +156,9 @@ def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
     (12, Row(moment='mean', quantity='tau', impact=1), Allowed(error=0.05, in_sd=True))
     """
     known_keys("option of the marker rattle", options, OPTIONS)
-    scene = _scene(options.get("scene"), folder).phase_reduced  # a late start costs no digits
-    stated = STATE[: 2 * scene.stages]
-    valid = [q for q in SECTION if q not in STATE or q in stated]
+    scene = _scene(options.get("scene"), folder).phase_reduced  # so that a late start loses no digits
+    state = STATE[: 2 * scene.stages]
+    valid = [q for q in SECTION if q not in STATE or q in state]
     quantities = _names("quantities", options.get("quantities", [q for q in VARYING if q in valid]), valid)
     moments = _names("moments", options.get("moments", MOMENTS), MOMENTS)
     impacts = _impacts(options.get("impacts", 4))
@@ -194,7 +214,7 @@ def _impacts(given: object) -> tuple[int, ...]:
 
 
 def _allowed(options: Mapping[str, Any], moments: tuple[str, ...]) -> dict[str, Allowed]:
-    """The allowed error of each moment; by default what the project calls accurate."""
+    """The admissible error of each moment; by default the standard tolerances of accurate verdicts."""
     found: dict[str, Allowed] = {}
     given = {name: options[name] for name in ("within", "absolute") if options.get(name) is not None}
     for name, value in (given or {"within": {m: getattr(Tolerances(), m) for m in moments}}).items():

@@ -1,4 +1,4 @@
-"""The figure that a failed test leaves: error with its interval for each row, against what is allowed."""
+"""The figure that a failed test writes: the error of each row with its interval and the admissible range."""
 
 import numpy as np
 import pandas as pd
@@ -13,18 +13,23 @@ __all__ = ["error_figure"]
 
 MARKS = {"pass": ("#009E73", "o"), "fail": ("#D55E00", "X"), "undecided": ("#000000", "$?$")}
 MOST = 60
-"""Rows that fit a page; the worst are shown."""
-WIDE = 12.0  # times what is allowed, beyond which the axis turns logarithmic
+"""Largest number of rows in the figure; the worst are shown."""
+WIDE = 12.0  # ratio of the largest error to the admissible one above which the axis is logarithmic
 
 
 def error_figure(table: pd.DataFrame, model: str) -> Figure:
-    """Errors of the rows from `rattle.compare.thresholds.judging.judged` in sds of each quantity.
+    """Draw the errors of a claim's rows, in sds of each quantity.
 
     Parameters
     ----------
     table : DataFrame
+        As of `rattle.compare.thresholds.judging.judged`.
     model : str
-        Whose errors they are.
+        Name of the closure or model.
+
+    Returns
+    -------
+    Figure
     """
     excess = (table["error"] / table["tolerance"]).abs()
     rows = table.loc[excess.nlargest(MOST).index.sort_values()]

@@ -1,4 +1,4 @@
-"""The fixture: a model is held against the simulation, or against what it said when its baseline was recorded."""
+"""The fixture: compares a model with the simulation, or with its recorded baseline."""
 
 import re
 from collections.abc import Callable
@@ -23,12 +23,12 @@ T = TypeVar("T")
 
 
 class Rattle:
-    """What a test is given.
+    """The value of the fixture ``rattle``.
 
     Attributes
     ----------
     claim : Claim
-        What the test's marker says.
+        The claim of the test's marker.
     """
 
     def __init__(self, item: pytest.Item, claim: Claim, thresholds: Thresholds) -> None:
@@ -36,12 +36,12 @@ class Rattle:
         self._asked: set[str] = set()
 
     def check(self, model: Model) -> pd.DataFrame:
-        """Hold a model's section moments against the simulation of the marker's scene.
+        """Compare a model's section moments with the simulation of the marker's scene.
 
-        The test fails if the whole interval of an error lies outside what is allowed, and passes if all intervals lie
-        inside.  Else it is undecided, and is looked at with more paths, up to its budget
-        (`rattle.compare.thresholds.looks`). Where that does not decide it, it fails, unless the marker's ``undecided``
-        or ``--rattle-undecided`` has it skipped.
+        The test fails if the whole interval of an error lies outside the admissible range, and passes if all intervals
+        lie inside.  Otherwise it is undecided and tried again with more paths, up to its budget
+        (`rattle.compare.thresholds.looks`).  A test that stays undecided fails, unless the marker's ``undecided`` or
+        ``--rattle-undecided`` is ``skip``.
 
         Parameters
         ----------
@@ -78,7 +78,7 @@ class Rattle:
         return table
 
     def baseline(self, model: Model, *, relative: float = 1e-9, absolute: float = 1e-12) -> None:
-        """Hold a model's own values against those recorded beside the test, in ``baselines/``; nothing is simulated.
+        """Compare a model's predictions with those recorded in ``baselines/`` next to the test; nothing is simulated.
 
         Parameters
         ----------
@@ -117,7 +117,7 @@ class Rattle:
             )
 
     def _once(self, kind: str) -> None:
-        """Its rows are counted once at collection, and its baseline is one file."""
+        """Refuse a second call: rows are counted once at collection, and a test has one baseline file."""
         if kind in self._asked:
             self._fail(f"a test makes one {kind}; parametrize the test for more")
         self._asked.add(kind)
@@ -144,11 +144,11 @@ class Rattle:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             save(error_figure(table, prediction.closure), path)
-        except OSError as error:  # the verdict stands without its picture
+        except OSError as error:  # the verdict does not depend on the figure
             return f"\nNo figure: {error.strerror}"
         return f"\nFigure: {self._shown(path)}"
 
     def _shown(self, path: Path) -> str:
-        """A path as short as it can be from where pytest was called."""
+        """A path relative to the folder in which pytest was called, if it lies inside."""
         here = self._item.config.invocation_params.dir
         return str(path.relative_to(here) if path.is_relative_to(here) else path)

@@ -1,4 +1,4 @@
-"""A claim held against a simulation: one row for each check, its interval, and whether it passes."""
+"""Compares a claim with a simulation: one row for each check, with its interval and outcome."""
 
 import numpy as np
 import pandas as pd
@@ -10,26 +10,34 @@ from rattle.scene.errors import InputError
 __all__ = ["OUTCOMES", "errors_of", "judged"]
 
 OUTCOMES = {"accurate": "pass", "inaccurate": "fail", "undecided": "undecided", "not predicted": "undecided"}
-"""Outcome of a row by its verdict; what the simulation has not seen it cannot decide."""
+"""Outcome of a row by its verdict."""
 
 
 def errors_of(prediction: Claimed, run: Simulated, claim: Claim) -> pd.DataFrame:
-    """Error of every row of a claim with one standard error of it; see `judged`.
+    """Compute the error of every row of a claim with one standard error; see `judged`.
 
-    A tolerance in units of the sd is measured too: that an error d of a mean or an sd is within w sd is to say that
-    ``d - w sd`` is negative, whose standard error is at most ``se(d) + w se(sd)``.
+    A tolerance in units of the sd has a sampling error as well: an error d is within w sds if ``d - w sd`` is negative,
+    and the standard error of this difference is at most ``se(d) + w se(sd)``.
+
+    Parameters
+    ----------
+    prediction : Claimed
+        Section moments of the model.
+    run : Simulated
+        Section moments of the simulation.
+    claim : Claim
 
     Returns
     -------
     DataFrame
         Columns as of `rattle.compare.validation.verdict.section_errors`; ``error`` is absolute, ``unit`` the sd of the
-        quantity (1 where it does not vary), ``noise`` one standard error.  Only rows that are judged
+        quantity (1 if it does not vary), ``noise`` one standard error.  Without rows that are not judged
         (`rattle.compare.validation.verdict.RULE`).
 
     Raises
     ------
     InputError
-        If not one of the rows is judged.
+        If none of the rows is judged.
     """
     table = section_errors(prediction, run, 1.0, Tolerances(0.0, 0.0, 0.0))
     places = pd.MultiIndex.from_frame(table[["moment", "quantity", "impact"]])
@@ -46,7 +54,19 @@ def errors_of(prediction: Claimed, run: Simulated, claim: Claim) -> pd.DataFrame
 
 
 def judged(errors: pd.DataFrame, z: float) -> pd.DataFrame:
-    """Rows from `errors_of` with intervals of `z` standard errors and their ``outcome``: pass, fail or undecided.
+    """Add intervals and outcomes to the errors of a claim.
+
+    Parameters
+    ----------
+    errors : DataFrame
+        As of `errors_of`.
+    z : float
+        Half width of the intervals in standard errors.
+
+    Returns
+    -------
+    DataFrame
+        With ``low, high`` (interval of the error), ``verdict`` and ``outcome`` (``pass, fail`` or ``undecided``).
 
     Examples
     --------

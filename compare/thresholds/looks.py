@@ -1,7 +1,7 @@
-"""A claim is looked at with more and more paths until it is decided or its budget is spent.
+"""Sequential testing of a claim: interim looks with more and more paths until it is decided or its budget is spent.
 
-The sizes of all looks are fixed beforehand, and every interval is as wide as all rows at all looks demand (Bonferroni).
-So all of them hold at once: it may depend on what has been seen which looks are taken, and the first decision stands.
+The sizes of all looks are fixed beforehand, and the intervals have simultaneous coverage over all rows at all looks
+(Bonferroni).  Therefore looks may be skipped depending on earlier ones, and the first decision on a row is final.
 """
 
 from collections.abc import Sequence
@@ -18,16 +18,34 @@ __all__ = ["Looked", "decide", "following", "standing"]
 
 
 class Looked(NamedTuple):
-    """What became of a claim: its rows as they were decided, and the ensemble of each look that was taken."""
+    """The decision on a claim.
+
+    Attributes
+    ----------
+    table : DataFrame
+        Its rows, each as of the look that decided it.
+    drawn : tuple of Drawn
+        The ensemble of each look that was taken.
+    """
 
     table: pd.DataFrame
     drawn: tuple[Drawn, ...]
 
 
 def following(later: Sequence[int], table: pd.DataFrame) -> int | None:
-    """The next look's number of paths: the first of those left that should decide every row, or the last.
+    """Choose the number of paths of the next look: the first that should decide every row, or the last.
 
-    None where no look is left, where the claim has failed, and where no number of paths would decide any row.
+    Parameters
+    ----------
+    later : sequence of int
+        Sizes of the remaining looks, ascending.
+    table : DataFrame
+        Rows so far, with ``outcome`` and ``paths_needed``.
+
+    Returns
+    -------
+    int or None
+        None if no look is left, the claim has failed, or no number of paths would decide any row.
 
     Examples
     --------
@@ -42,17 +60,37 @@ def following(later: Sequence[int], table: pd.DataFrame) -> int | None:
 
 
 def standing(before: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
-    """Rows of two looks: what has been decided stands, what has not is as the later look says."""
+    """Combine the rows of two looks: decided rows are kept, undecided ones are taken from the later look.
+
+    Parameters
+    ----------
+    before, now : DataFrame
+        Rows of the earlier and of the later look.
+
+    Returns
+    -------
+    DataFrame
+    """
     return before.where(before["outcome"] != "undecided", now)
 
 
 def decide(prediction: Prediction, claim: Claim, session: Thresholds) -> Looked:
-    """Hold a prediction against the simulation, and go on simulating while that is undecided.
+    """Compare a prediction with the simulation, with more paths while the claim is undecided.
+
+    Parameters
+    ----------
+    prediction : Prediction
+    claim : Claim
+    session : Thresholds
+
+    Returns
+    -------
+    Looked
 
     Raises
     ------
     RattleError
-        If the scene cannot be simulated, or an ensemble not be kept.
+        If the scene cannot be simulated, or an ensemble cannot be stored.
     """
     drawn: list[Drawn] = []
 

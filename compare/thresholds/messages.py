@@ -1,4 +1,4 @@
-"""What a test says when it fails or cannot decide."""
+"""The messages of a test that fails or stays undecided."""
 
 import math
 
@@ -11,11 +11,20 @@ from rattle.compare.thresholds.summary import decided_by
 __all__ = ["deciding", "failure_text", "remedies", "row_table", "undecided_text"]
 
 MARGIN = 2.0
-"""Times the number of paths that should decide, worth giving: the error from which it is found moves as well."""
+"""Factor on the number of paths that should decide a test, since it is computed from an error that is itself random."""
 
 
 def row_table(rows: pd.DataFrame) -> str:
-    """Rows as an aligned table, errors and intervals in sds of the quantity.
+    """Format rows as an aligned table, with errors and intervals in sds of the quantity.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        As of `rattle.compare.thresholds.judging.judged`.
+
+    Returns
+    -------
+    str
 
     Examples
     --------
@@ -49,28 +58,81 @@ def _means(rows: pd.DataFrame, run: Sampled, z: float) -> str:
 
 
 def failure_text(model: str, table: pd.DataFrame, run: Sampled, z: float) -> str:
-    """Which rows failed, and by how much."""
+    """Describe the rows that failed.
+
+    Parameters
+    ----------
+    model : str
+        Name of the closure or model.
+    table : DataFrame
+        As of `rattle.compare.thresholds.judging.judged`.
+    run : Sampled
+        The simulation.
+    z : float
+        Half width of the intervals in standard errors.
+
+    Returns
+    -------
+    str
+    """
     failed = table[table["outcome"] == "fail"]
     undecided = int((table["outcome"] == "undecided").sum())
     beside = f", {undecided} undecided" if undecided else ""
-    return f"{model} is outside what is allowed in {len(failed)} of {len(table)} rows{beside}\n{_means(failed, run, z)}"
+    return f"{model} exceeds the allowed error in {len(failed)} of {len(table)} rows{beside}\n{_means(failed, run, z)}"
 
 
 def deciding(table: pd.DataFrame) -> float:
-    """Number of paths that would decide every undecided row; infinite where no number would, 0 where none is."""
+    """Estimate the number of paths that would decide every undecided row.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As of `rattle.compare.thresholds.judging.judged`.
+
+    Returns
+    -------
+    float
+        Infinite if no number would; 0 if no row is undecided.
+    """
     undecided = table.loc[table["outcome"] == "undecided", "paths_needed"]
     return float(undecided.fillna(math.inf).max()) if len(undecided) else 0.0
 
 
 def undecided_text(model: str, table: pd.DataFrame, run: Sampled, z: float) -> str:
-    """Which rows are undecided, and what would decide them."""
+    """Describe the rows that are undecided, and the number of paths that would decide them.
+
+    Parameters
+    ----------
+    model : str
+        Name of the closure or model.
+    table : DataFrame
+        As of `rattle.compare.thresholds.judging.judged`.
+    run : Sampled
+        The simulation.
+    z : float
+        Half width of the intervals in standard errors.
+
+    Returns
+    -------
+    str
+    """
     rows = table[table["outcome"] == "undecided"]
     remedy = decided_by(deciding(table))
     return f"{model} is undecided in {len(rows)} of {len(table)} rows; {remedy}\n{_means(rows, run, z)}"
 
 
 def remedies(table: pd.DataFrame, claim: Claim) -> str:
-    """What can be done about undecided rows, in words.
+    """Describe what can be done about undecided rows.
+
+    Parameters
+    ----------
+    table : DataFrame
+        With ``outcome`` and ``paths_needed``.
+    claim : Claim
+
+    Returns
+    -------
+    str
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What pytest sees: options, marker, fixture, summary.  Nothing heavy is loaded before a marked test is collected.
+"""The pytest plugin: options, marker, fixture, summary.  Nothing heavy is imported before a marked test is collected.
 
 PYTEST_DONT_REWRITE
 """
@@ -25,12 +25,12 @@ REFUSED: pytest.StashKey[Exception] = pytest.StashKey()
 MARKER = (
     "rattle(scene, impacts=4, quantities=('tau', 'y1', 'y2'), moments=('mean', 'sd'), within={'mean': 0.05, 'sd': 0.1}"
     ", absolute=None, paths=None, budget=None, accuracy=None, scheme='exact-flight', undecided=None): section moments "
-    "of a closure, and the error that they may have, in sds of the quantity (within) or absolute."
+    "of a closure, and their admissible error, in sds of the quantity (within) or absolute."
 )
 
 
 class Option(NamedTuple):
-    """An option on the command line, and in the configuration file where that is given a name."""
+    """An option of the command line; if `lasting`, also of the configuration file."""
 
     name: str
     default: str
@@ -46,7 +46,7 @@ class Option(NamedTuple):
 
 OPTIONS = (
     Option("rattle-false-alarm", "0.01", "Probability that a session fails although every claim in it is true."),
-    Option("rattle-undecided", "fail", "What becomes of a test that its budget cannot decide.", ("fail", "skip")),
+    Option("rattle-undecided", "fail", "Outcome of a test that its budget does not decide.", ("fail", "skip")),
     Option("rattle-profile", "quick", "Simulated paths to begin with: quick 32768, full 1048576.", ("quick", "full")),
     Option("rattle-budget", "", "Most paths for a test that is undecided. [default: 8 times those it begins with]"),
     Option("rattle-cache", "", "Folder of simulated ensembles. [default: in pytest's cache]"),
@@ -70,7 +70,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def option_value(config: pytest.Config, option: Option) -> str:
-    """What the user has chosen, as text."""
+    """The user's choice of one option, as text."""
     given = config.getoption(option.key)
     if given is None:
         given = config.getini(option.key) if option.lasting else option.default
@@ -78,12 +78,12 @@ def option_value(config: pytest.Config, option: Option) -> str:
 
 
 def chosen(config: pytest.Config) -> dict[str, str]:
-    """What the user has chosen, by option."""
+    """The user's choice of every option, by key."""
     return {option.key: option_value(config, option) for option in OPTIONS}
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Make the marker known, and refuse a wrong option before anything is collected."""
+    """Register the marker, and refuse an invalid option before anything is collected."""
     config.addinivalue_line("markers", MARKER)
     if chosen(config) != {option.key: option.default for option in OPTIONS}:
         from rattle.compare.thresholds.settings import read_settings
@@ -97,7 +97,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """Read the claims of the tests that were selected; the number of their rows fixes the intervals of all."""
+    """Read the claims of the selected tests; their number of rows determines the width of all intervals."""
     marked = [item for item in session.items if item.get_closest_marker("rattle")]
     if marked:
         from rattle.compare.thresholds.sessions import thresholds_of
@@ -107,13 +107,13 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 
 
 def pytest_report_collectionfinish(config: pytest.Config, items: Sequence[pytest.Item]) -> list[str]:
-    """Markers that cannot be read, where no test is run that would say so."""
+    """Report invalid markers with --collect-only, when no test runs that would report them."""
     refused = [item for item in items if REFUSED in item.stash] if config.option.collectonly else []
     return [f"rattle: {item.nodeid}: {item.stash[REFUSED]}" for item in refused]
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """A marker that could not be read is an error of its own test, and of no other."""
+    """Fail a test whose own marker is not valid."""
     if REFUSED in item.stash:
         from rattle.scene.errors import RattleError
 
@@ -124,7 +124,17 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @pytest.fixture
 def rattle(request: pytest.FixtureRequest) -> Rattle:
-    """Hold a closure against the simulation of the marker's scene: ``rattle.check(model)``."""
+    """Fixture that compares a closure with the simulation of the marker's scene: ``rattle.check(model)``.
+
+    Parameters
+    ----------
+    request : pytest.FixtureRequest
+        Given by pytest.
+
+    Returns
+    -------
+    Rattle
+    """
     from rattle.compare.thresholds.fixture import Rattle
 
     if CLAIM not in request.node.stash:
@@ -136,7 +146,7 @@ def rattle(request: pytest.FixtureRequest) -> Rattle:
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:
-    """What was checked, and what it cost; nothing where nothing was."""
+    """Print what was checked and what it cost; nothing if no test used the fixture."""
     reports = [r for listed in terminalreporter.stats.values() for r in listed if getattr(r, "when", None) == "call"]
     found = [(r.nodeid, value) for r in reports for key, value in r.user_properties if key == "rattle"]
     records = {(test, facts["kind"]): (test, facts) for test, facts in found}  # reports of subtests repeat them

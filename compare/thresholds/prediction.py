@@ -1,4 +1,4 @@
-"""What a closure or a user's own model says of a scene, checked before it is believed."""
+"""Predictions of a closure or of a user's own model, validated before they are used."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,21 +20,29 @@ Model = str | Callable[[Scene, int], pd.DataFrame]
 
 @dataclass(frozen=True)
 class Prediction:
-    """Section moments under the name of who predicts them, complete and finite where the claim speaks of them."""
+    """Predicted section moments, complete and finite where the claim needs them.
+
+    Attributes
+    ----------
+    closure : str
+        Name of the closure or model.
+    section : DataFrame
+        Index ``impact``; the columns of the claim.
+    """
 
     closure: str
     section: pd.DataFrame
 
 
 def predict(model: Model, claim: Claim) -> Prediction:
-    """Ask a model for the section moments that a claim is about.
+    """Evaluate a model for the section moments of a claim.
 
     Parameters
     ----------
     model : str or callable
-        A closure (``"saltation"``), or a function ``(scene, impacts) -> DataFrame`` that gives the first so many
-        impacts: index ``impact`` from 1, columns ``tau, flight, x1, y1, x2, y2`` for means and ``sd_tau, ...`` for
-        standard deviations, as far as they are claimed.
+        A closure (``"saltation"``), or a function ``(scene, impacts) -> DataFrame`` whose table has the index
+        ``impact`` from 1, columns ``tau, flight, x1, y1, x2, y2`` for means and ``sd_tau, ...`` for standard
+        deviations; those that the claim does not need may be missing.
     claim : Claim
 
     Returns
@@ -44,7 +52,7 @@ def predict(model: Model, claim: Claim) -> Prediction:
     Raises
     ------
     InputError
-        If there is no such closure, or what it gives is not such a table.
+        If there is no such closure, or the function returns another kind of table.
 
     Examples
     --------
@@ -68,7 +76,7 @@ def predict(model: Model, claim: Claim) -> Prediction:
 
 
 def _complete(name: str, table: object, claim: Claim, why: str = "") -> pd.DataFrame:
-    """The part of a table that is claimed, as numbers."""
+    """The part of a table that the claim needs, as finite numbers."""
     if not isinstance(table, pd.DataFrame):
         raise InputError(f"result of {name}", type(table).__name__, "return a DataFrame, a row for each impact")
     missing = [c for c in claim.columns if c not in table.columns]
@@ -95,6 +103,6 @@ def _complete(name: str, table: object, claim: Claim, why: str = "") -> pd.DataF
         impact, column = values.index[bad[0][0]], values.columns[bad[0][1]]
         raise InputError(
             f"{column} of {name} at impact {impact}", float(values.loc[impact, column]),
-            f"is no prediction{why}; leave it out of the marker's quantities, moments or impacts, or mend the model",
+            f"is no prediction{why}; leave it out of the marker's quantities, moments or impacts, or correct the model",
         )  # fmt: skip
     return values

@@ -1,4 +1,4 @@
-"""What the tests of a session share: settings, the number of intervals and so the width of each, ensembles."""
+"""Data shared by the tests of a session: settings, ensembles, and the common width of all intervals."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -25,7 +25,16 @@ __all__ = ["Drawn", "Thresholds", "thresholds_of"]
 
 
 class Drawn(NamedTuple):
-    """An ensemble, and what it took to have it: seconds of simulation, or 0 where it was there already."""
+    """An ensemble with its cost.
+
+    Attributes
+    ----------
+    run : Sampled
+    computed : bool
+        Whether it was simulated now; false if it was stored.
+    seconds : float
+        Wall time of the simulation; 0 if it was stored.
+    """
 
     run: Sampled
     computed: bool
@@ -34,7 +43,7 @@ class Drawn(NamedTuple):
 
 @dataclass
 class _Watched:
-    """A cell that runs on threads and remembers whether it had to be computed here."""
+    """A cell that runs on threads and records whether it had to be computed."""
 
     sample: Sample
     workers: int
@@ -58,13 +67,13 @@ class _Watched:
 
 @dataclass
 class Thresholds:
-    """The claims of a session and the ensembles that they are held against.
+    """The claims of a session and the ensembles that they are compared with.
 
     Attributes
     ----------
     settings : Settings
     claims : sequence of Claim
-        Of all tests that were selected and whose markers could be read.
+        Claims of all selected tests with valid markers.
     config : pytest.Config
     """
 
@@ -75,22 +84,22 @@ class Thresholds:
 
     @cached_property
     def rows(self) -> int:
-        """Checks of all tests."""
+        """Number of checks of all tests."""
         return sum(len(claim.rows) for claim in self.claims)
 
     @cached_property
     def looks(self) -> int:
-        """Intervals that all tests may come to look at: every row as often as its claim may be looked at."""
+        """Number of intervals that may be evaluated: every row at every possible look of its claim."""
         return sum(len(claim.rows) * len(self.settings.sizes(claim)) for claim in self.claims)
 
     @property
     def z(self) -> float:
-        """Standard errors on each side of an interval, so that all intervals hold at once (Bonferroni)."""
+        """Half width of the intervals in standard errors, for simultaneous coverage (Bonferroni)."""
         return widest(self.looks, self.settings.false_alarm)
 
     @cached_property
     def folder(self) -> Path:
-        """Where ensembles are kept; raises InputError where there is no place for them."""
+        """Folder of the stored ensembles; raises InputError if pytest's cache is off and no other folder is given."""
         if self.settings.cache is not None:
             return self.settings.cache
         cache = getattr(self.config, "cache", None)
@@ -100,11 +109,22 @@ class Thresholds:
 
     @cached_property
     def store(self) -> Store:
-        """Made when the first ensemble is asked for."""
+        """Store of the ensembles, created when the first one is needed."""
         return Store(self.folder)
 
     def ensemble(self, claim: Claim, paths: int | None) -> Drawn:
-        """Simulate so many paths, or find what an earlier test or session has simulated."""
+        """Simulate an ensemble, or read the one that an earlier test or session has simulated.
+
+        Parameters
+        ----------
+        claim : Claim
+        paths : int or None
+            Number of paths; None for the accuracy of the claim.
+
+        Returns
+        -------
+        Drawn
+        """
         sample = Sample(claim.scene, claim.impacts[-1], self.settings.seed, claim.scheme, paths, claim.accuracy)
         cell = _Watched(sample, self.settings.workers)
         started = time.perf_counter()
@@ -114,9 +134,20 @@ class Thresholds:
 
 
 def thresholds_of(marked: Sequence[pytest.Item], settings: Settings, config: pytest.Config) -> Thresholds:
-    """Read the claims of marked tests; each is left in its test's stash, or what was wrong with its marker.
+    """Read the claims of marked tests, and store each claim, or the error of its marker, in the stash of its test.
 
-    A test that only inherits the marker and does not take the fixture claims nothing.
+    A test that inherits the marker but does not use the fixture has no claim.
+
+    Parameters
+    ----------
+    marked : sequence of pytest.Item
+        The selected tests with the marker.
+    settings : Settings
+    config : pytest.Config
+
+    Returns
+    -------
+    Thresholds
     """
     claims = []
     for item in marked:
@@ -126,7 +157,7 @@ def thresholds_of(marked: Sequence[pytest.Item], settings: Settings, config: pyt
             continue
         try:
             claims.append(_claim(item))
-        except Exception as error:  # whatever a marker's values do when they are read, it is this one test's error
+        except Exception as error:  # any error in reading a marker belongs to this test alone
             item.stash[REFUSED] = error
         else:
             item.stash[CLAIM] = claims[-1]
@@ -134,7 +165,7 @@ def thresholds_of(marked: Sequence[pytest.Item], settings: Settings, config: pyt
 
 
 def _past_capture(config: pytest.Config) -> Callable[[str], None]:
-    """Says a line on the terminal while a test runs."""
+    """A function that prints a line on the terminal although pytest captures output."""
 
     def say(text: str) -> None:
         capture = config.pluginmanager.getplugin("capturemanager")

@@ -1,4 +1,4 @@
-"""What the user has chosen for a session, read from the text of the options."""
+"""The settings of a session, read from the text of the options."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,18 +13,32 @@ if TYPE_CHECKING:
 __all__ = ["BASELINES", "PROFILES", "TIMES", "UNDECIDED", "Settings", "read_settings"]
 
 PROFILES = {"quick": 32_768, "full": 1_048_576}
-"""Simulated paths with which a test begins that does not say how many."""
+"""Simulated paths of the first look, unless the marker gives a number."""
 TIMES = 8
-"""Times as many paths as it begins with, up to which an undecided test is given more, unless a budget is stated."""
+"""Default budget of an undecided test, as a multiple of the paths of its first look."""
 UNDECIDED = ("fail", "skip")
 BASELINES = ("compare", "record", "regenerate")
 
 
 class Settings(NamedTuple):
-    """What the user has chosen for the session.
+    """Settings of a session.
 
-    ``false_alarm`` is the largest probability that it fails although every claim in it is true; ``budget`` the most
-    paths that an undecided test is given, None for `TIMES` those it begins with; ``cache`` is None for pytest's own.
+    Attributes
+    ----------
+    false_alarm : float
+        Largest probability that the session fails although every claim in it is true.
+    undecided : str
+        Outcome of a test that its budget does not decide, ``fail`` or ``skip``.
+    profile : str
+        Key of `PROFILES`.
+    budget : int or None
+        Largest number of paths of an undecided test; None for `TIMES` those of its first look.
+    cache : Path or None
+        Folder of simulated ensembles; None for pytest's own cache.
+    seed, workers : int
+        Seed and threads of the simulations.
+    baselines : str
+        ``compare``, ``record`` or ``regenerate``.
     """
 
     false_alarm: float = 0.01
@@ -37,10 +51,18 @@ class Settings(NamedTuple):
     baselines: str = "compare"
 
     def sizes(self, claim: "Claim") -> tuple[int | None, ...]:
-        """Numbers of paths at which a claim may be looked at: doubled up to its budget.
+        """Give the numbers of paths of all possible looks at a claim: doubled up to its budget.
 
-        They are fixed before anything is simulated, so the intervals of all looks can be made to hold at once.  With an
-        accuracy there is one look, at as many paths as that takes: None.
+        They are fixed before anything is simulated, so that the intervals of all looks can have simultaneous coverage.
+
+        Parameters
+        ----------
+        claim : Claim
+
+        Returns
+        -------
+        tuple of int or None
+            ``(None,)`` for a claim with an accuracy, which determines the number of paths itself.
 
         Examples
         --------
@@ -61,12 +83,21 @@ class Settings(NamedTuple):
 
 
 def read_settings(chosen: Mapping[str, str]) -> Settings:
-    """Settings from the text of the options.
+    """Read settings from the text of the options.
+
+    Parameters
+    ----------
+    chosen : mapping of str to str
+        Text by option (``rattle_false_alarm``, ...); empty for the default.
+
+    Returns
+    -------
+    Settings
 
     Raises
     ------
     InputError
-        Names the option, its value and the remedy.
+        If a value is not valid.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What a session says of its checks at the end."""
+"""The summary of a session's checks at its end."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -8,7 +8,16 @@ __all__ = ["decided_by", "summary_lines"]
 
 
 def decided_by(paths: float) -> str:
-    """What would decide an undecided test, in words; infinite where no number of paths would.
+    """Describe what would decide an undecided test.
+
+    Parameters
+    ----------
+    paths : float
+        Number of paths that would; infinite if no number would.
+
+    Returns
+    -------
+    str
 
     Examples
     --------
@@ -21,7 +30,17 @@ def decided_by(paths: float) -> str:
 
 
 def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[str]:
-    """Lines of the summary, from what each test has recorded (its id, and facts).
+    """Format the summary.
+
+    Parameters
+    ----------
+    records : sequence of (str, mapping)
+        The id of each test, and what its fixture has recorded.
+
+    Yields
+    ------
+    str
+        Lines of text.
 
     Examples
     --------

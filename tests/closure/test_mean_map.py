@@ -44,7 +44,7 @@ def test_section_keeps_the_contract(dat21, closure):
     assert section.index.tolist() == [1, 2, 3, 4, 5, 6, 7]
 
 
-def test_section_agrees_with_itself(dat21, closure):
+def test_the_section_table_is_consistent(dat21, closure):
     m = mean_map(dat21, impacts=7, closure=closure)
     section, tau = m.section, np.array([dat21.start.tau, *m.section["tau"]])
     found = m.trace.found

@@ -62,7 +62,7 @@ def test_unmodulated_moments_of_stage_2_solve_eq_14(kind, order, beta):
     assert lower(found) == pytest.approx(lower(exact), rel=1e-9, abs=1e-10)
 
 
-def test_the_two_noises_are_distinguished():
+def test_modulated_and_unmodulated_noise_are_distinguished():
     c = Scene.from_gears(DAT21, sigma=SIGMA).constants
     start = start_of("Gaussian", 4)
     wrong = after_flight(start, c.beta1, T, unmodulated_covariance(c.beta1, SIGMA, T))

@@ -32,10 +32,10 @@ stages = 1
 sigma = [0.01, 0.02, 0.03, 0.04, 0.05, 0.06]
 """
 BEGUN = {"imports": "noise.toml", "cells": f"noise/{CELLS}/*.parquet", "page": "noise/.page-*.part"}
-"""Phases of a run, and what is new as soon as one has begun."""
+"""Phases of a run, and the files that show that one has begun."""
 CELLS_OF_ALL = 18
 LIFE = ("imports", "cells", "cells", "page", "page")
-"""Phases in which a study is killed, one run after the other, before it is let go to its end."""
+"""Phases in which a study is killed, one run after the other, before it is run to its end."""
 LOOK = 0.002  # seconds between two looks at a folder
 COMMAND = ("-m", "rattle.compare")
 QUICK = (
@@ -43,7 +43,7 @@ QUICK = (
     "from rattle.compare.study import page; page.FIGURES = dict([*page.FIGURES.items()][:1]);"
     "from rattle.compare.cli.main import main; main()",
 )
-"""The command as anybody gives it, and one that draws one figure, which takes most of a small study's time."""
+"""The usual command, and one that draws a single figure, as drawing takes most of a small study's time."""
 
 
 class Life:
@@ -73,11 +73,11 @@ class Life:
         return subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
 
     def signs(self, phase):
-        """What there is of a phase: of this run, or left by earlier ones."""
+        """The files of a phase, of this run or left by earlier ones."""
         return set(self.file.parent.glob(BEGUN[phase]))
 
     def wait_for(self, phase, running):
-        """Whether a run has come to a phase; else it has ended."""
+        """Whether a run has reached a phase, rather than ended before it."""
         while not self.signs(phase) - self.before.get(phase, set()):
             if running.poll() is not None:
                 return False
@@ -85,7 +85,7 @@ class Life:
         return True
 
     def seconds(self):
-        """Run it to its end; what each phase takes here and now."""
+        """Run it to its end; returns the time of each phase on this machine."""
         running, begun = self.start(), {}
         for phase in BEGUN:
             self.wait_for(phase, running)
@@ -95,7 +95,7 @@ class Life:
         return {phase: end - begun[phase] for phase, end in zip(BEGUN, ends, strict=True)}
 
     def killed(self, phase, after):
-        """Whether a run was killed, so many seconds after a phase had begun; one that has ended before is well."""
+        """Whether a run was killed so many seconds after a phase had begun; it may also have ended before."""
         running = self.start()
         if self.wait_for(phase, running):
             time.sleep(after)
@@ -106,7 +106,7 @@ class Life:
         return running.returncode == -9
 
     def ended(self, running):
-        """A run that is left to itself ends well, and leaves nothing half written."""
+        """Check that a run that is not killed succeeds, and leaves nothing half written."""
         _, said = running.communicate()
         assert running.returncode == 0, said
         self.look()
@@ -115,7 +115,7 @@ class Life:
         assert not list(self.out.rglob("*.part"))
 
     def look(self):
-        """All cells that were there are there, byte for byte, and all that are there are whole."""
+        """Check that all earlier cells are unchanged byte for byte, and that all cells are complete."""
         there = {path.name: path.read_bytes() for path in self.out.glob(f"{CELLS}/*.parquet")}
         lost = [name for name, content in self.sound.items() if there.get(name) != content]
         assert not lost, f"{lost} are lost"
@@ -126,25 +126,25 @@ class Life:
         self.sound = there
 
     def tables(self):
-        """All tables, as bytes; that of the times is another each time."""
+        """All tables as bytes, except that of the timings."""
         return {name: (self.out / f"{name}.parquet").read_bytes() for name in TABLES if name != "cost"}
 
 
 def campaign(place, kills, seed, command=COMMAND):
-    """Kill studies so many times; raises AssertionError where one loses anything.  How often in which phase."""
+    """Kill studies so many times; raises AssertionError if anything is lost.  Returns the number in each phase."""
     warm = place / "warm.toml"
     warm.write_text(TEXT.replace("60_000", "64"))
-    assert CliRunner().invoke(main, ["study", str(warm)]).exit_code == 0  # machine code is there from now on
+    assert CliRunner().invoke(main, ["study", str(warm)]).exit_code == 0  # compiles
     draw, done, whole = random.Random(seed), Counter(), Life(place / "whole", command)
     seconds = whole.seconds()
-    for number in range(2 * kills):  # lives, if every other run had ended before it was killed
+    for number in range(2 * kills):  # enough, even if every other run ends before it is killed
         life = Life(place / str(number), command)
         for phase in LIFE:
             if phase == "cells" and len(life.sound) == CELLS_OF_ALL:
                 continue
             killed = life.killed(phase, draw.uniform(0.0, seconds[phase]))
             done[phase] += killed
-            if not killed:  # it was quicker than the one that was timed
+            if not killed:  # faster than the one that was timed
                 seconds = Life(place / f"timed-{number}", command).seconds()
             if not killed or done.total() == kills:
                 break

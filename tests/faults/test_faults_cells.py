@@ -1,4 +1,4 @@
-"""Cells that the system does not let be read for a while, and who may read what is written."""
+"""Cells that cannot be read temporarily, and permissions of what is written."""
 
 import builtins
 import errno
@@ -66,7 +66,7 @@ REFUSALS = {
 
 
 def refusing(monkeypatch, error, at):
-    """Let the system refuse to open, to read or to unpack Parquet files."""
+    """Make opening, reading or decoding Parquet files fail."""
 
     class Failing(io.FileIO):
         def read(self, *_):
@@ -95,7 +95,7 @@ def refusing(monkeypatch, error, at):
 @pytest.mark.parametrize("at", ["open", "read", "unpack"])
 @pytest.mark.parametrize("case", REFUSALS)
 def test_what_the_system_does_not_let_be_read_stays(tmp_path, monkeypatch, cell, case, at):
-    """The file may be sound: which one and why is said, and nothing is moved, or computed in its place."""
+    """The file may be undamaged: the message names it and the reason; it is neither moved nor computed again."""
     error, why = REFUSALS[case]
     store = Store(tmp_path / "s")
     before = obtain(store, cell)
@@ -137,7 +137,7 @@ def test_memory_that_ends_while_a_result_is_looked_at(tmp_path, monkeypatch, cel
 
 
 def test_a_command_says_it_in_one_line(file, monkeypatch):
-    """A study whose cells are another's: they stay, and it ends."""
+    """A study whose cells cannot be read: they stay, and the command ends with one line."""
     assert CliRunner().invoke(main, ["study", str(file)]).exit_code == 0
     cells = file.with_suffix("") / CELLS
     before = {path: path.read_bytes() for path in cells.glob("*.parquet")}
@@ -163,7 +163,7 @@ def test_tables_that_cannot_be_read_are_not_called_damaged(file, monkeypatch):
 
 
 def test_a_study_without_a_single_ensemble_says_why(file, monkeypatch):
-    """Whatever made its cells fail: there is no page of nothing."""
+    """If all cells failed, no page is written."""
 
     def refused(*_):
         raise InputError("paths", 64, "are too few")
@@ -197,7 +197,7 @@ def as_asked(umask):
 
 
 def test_all_that_a_study_writes_may_be_read_by_whom_the_umask_lets(file, umask):
-    """Cells, locks, log, tables, page and figures; nobody sets a colleague's results aside for want of a right."""
+    """Cells, locks, log, tables, page and figures: missing permissions never make results look damaged."""
     assert CliRunner().invoke(main, ["study", str(file)]).exit_code == 0
     found = rights(file.with_suffix(""))
     assert set(found) == as_asked(umask), found
@@ -221,7 +221,7 @@ def test_so_may_reports_tables_baselines_and_ensembles_of_tests(tmp_path, cell, 
 
 
 def test_what_killed_processes_have_left_is_gone_after_the_next_run(file):
-    """Killed after the last file has been put in its place, too: then there is nothing to compute, or to draw again."""
+    """Also if killed after the last file was moved into place, when nothing is left to compute or to draw."""
     assert CliRunner().invoke(main, ["study", str(file)]).exit_code == 0
     out = file.with_suffix("")
     key = next((out / CELLS).glob("*.parquet")).stem

@@ -1,4 +1,4 @@
-"""Each command against each fault: it ends with one line that says what to do, and nothing half written is left."""
+"""Each command under each fault: it ends with one line that names the remedy, and leaves nothing half written."""
 
 import errno
 import json
@@ -145,7 +145,7 @@ LONG = {
 
 @pytest.mark.parametrize("commands", [list(LONG)[:4], list(LONG)[4:]], ids=" ".join)
 def test_an_interrupt_ends_each_command_soon(commands, tmp_path):
-    """Several are started at once, and stopped while it is another's turn; nothing is left but a study's cells."""
+    """Several commands are started at once and interrupted in turn; only the cells of a study are left."""
     running, said = {}, {}
     for command in commands:
         place = tmp_path / command

@@ -18,7 +18,7 @@ try:
 except BaseException:
     raise ImportError("initialization failed")
 """
-"""As a library's C extension does that is interrupted while it is loaded."""
+"""Behaves like a C extension that is interrupted while it is loaded."""
 ENDLESS = f"""
 {INTERRUPT}
 import time
@@ -43,7 +43,7 @@ main(["load"])
 
 
 def rattle(code, folder, **files):
-    """What becomes of a process that finds modules of ours before all others."""
+    """Run code in a process whose path begins with a folder of test modules; returns the finished process."""
     for name, text in files.items():
         (folder / f"{name}.py").write_text(text)
     path = os.pathsep.join([str(folder), *filter(None, sys.path)])

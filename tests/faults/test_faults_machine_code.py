@@ -1,4 +1,4 @@
-"""Machine code that is damaged, or for which there is no room, is compiled again; numba alone would end in a trace."""
+"""Machine code that is damaged or cannot be stored is compiled again, where numba alone would raise an exception."""
 
 import os
 import shutil
@@ -84,7 +84,7 @@ def test_without_room_it_is_compiled_every_time(tmp_path):
 
 
 def test_a_folder_that_is_swept_away_in_use_breaks_nothing(kept, tmp_path):
-    """As another version of the sources does with it: what is not loaded yet is compiled, and kept if it can be."""
+    """As another version of the sources removes it: functions not loaded yet are compiled, and stored if possible."""
     before = "import numba, pathlib, shutil; import rattle.scene.{}; folder = pathlib.Path(numba.config.CACHE_DIR); {};"
     folder = shutil.copytree(kept, tmp_path / "code")
     for module in ("compiled", "moments"):  # before numba has made a folder for the function, and after that
@@ -148,7 +148,7 @@ def installed(tmp_path):
 
 
 def test_a_read_only_installation_without_a_home(installed, tmp_path):
-    """A private folder among the temporary files, said by the process that compiles, and used again by the next."""
+    """A private temporary folder is used; the compiling process reports it, and the next one uses it again."""
     hits, said = run(**installed)
     (folder,) = (tmp_path / "tmp").iterdir()
     assert hits == 0
@@ -188,7 +188,7 @@ NOT_OURS = {
 
 @pytest.mark.parametrize("kind", NOT_OURS)
 def test_a_temporary_folder_that_is_not_ours_alone_is_not_used(installed, tmp_path, kind):
-    """Whoever knows its name could have made it; machine code then goes with the process."""
+    """Somebody else could have made a folder of that name; then machine code is not kept."""
     run(**installed)
     (folder,) = (tmp_path / "tmp").iterdir()
     shutil.rmtree(folder)
@@ -202,7 +202,7 @@ def test_a_temporary_folder_that_is_not_ours_alone_is_not_used(installed, tmp_pa
 
 
 def test_a_folder_that_was_open_to_others_is_made_anew(kept, tmp_path):
-    """They may have put something into it."""
+    """Others may have put files into it."""
     folder = shutil.copytree(kept, tmp_path / "code")
     (current,) = folder.iterdir()
     current.chmod(0o755)
@@ -212,7 +212,7 @@ def test_a_folder_that_was_open_to_others_is_made_anew(kept, tmp_path):
 
 
 def test_nowhere_at_all(installed, tmp_path):
-    """Then nothing is kept, and it works all the same."""
+    """Then machine code is not kept, and the command works nevertheless."""
     code = f"import tempfile; tempfile._candidate_tempdir_list = lambda: ['/dev/null'];{CODE}"
     hits, said = run(code, **installed)
     assert hits in (0, 1)

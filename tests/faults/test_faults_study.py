@@ -58,7 +58,7 @@ def file(tmp_path):
 
 @pytest.fixture(scope="module", autouse=True)
 def few_figures():
-    """Drawing takes most of a small study's time; one figure is as good as seven here."""
+    """Draw one figure instead of seven, as drawing takes most of a small study's time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("rattle.compare.study.page.FIGURES", dict([*FIGURES.items()][:1]))
         yield
@@ -82,7 +82,7 @@ def finished(file, once):
 
 
 def test_a_disk_that_fills_while_the_page_is_written(file, tmp_path):
-    """All cells are kept, nothing on the page is half written, and with room the same command ends at once."""
+    """All cells are kept, no file of the page is half written, and with free space the command need not recompute."""
     with disk(tmp_path / "disk", "250k") as place:
         found = rattle("study", file, "--out", place / "noise", code=2)
         assert "all cells are there: make room and repeat the command" in found.output
@@ -135,7 +135,7 @@ def test_what_a_finished_study_lacks_on_a_read_only_disk_is_said(file, finished,
         assert "study.toml': cannot be written (Read-only file system)" in shown.stderr
         assert shown.stdout.splitlines()[:-1] == answer[:-1]
         subprocess.run(["mount", "-o", "remount,rw", place], check=True)
-        (place / "noise" / MANIFEST).unlink()  # so the page is nobody's
+        (place / "noise" / MANIFEST).unlink()  # so the page cannot be assigned to the study
         make_read_only(place)
         shown = rattle(*words)
         assert "cannot be written" in shown.stderr
@@ -219,7 +219,7 @@ HOSTILE = {
 
 @pytest.mark.parametrize("case", HOSTILE)
 def test_what_is_no_result_is_set_aside(case, tmp_path, monkeypatch):
-    """Whoever shares a folder can write a valid seal; that makes it no result, and no more than data."""
+    """Anybody with access to the folder can write a valid seal; the content is still validated, and is only data."""
     monkeypatch.setattr("rattle.compare.study.store.MOST_VALUES", 1_000_000)
     study, store = Study.from_toml(TEXT.format(title="noise")), Store(tmp_path / CELLS)
     cell = study.cells[0]
@@ -235,7 +235,7 @@ def test_what_is_no_result_is_set_aside(case, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", ["cells", "figures", "study.log", "locks", "set-aside"])
 def test_links_out_of_the_folder_are_refused(file, tmp_path, name):
-    """A folder that somebody has shared writes nothing elsewhere."""
+    """Links in a shared folder cannot redirect writes."""
     elsewhere, out = tmp_path / "elsewhere", tmp_path / "noise"
     elsewhere.mkdir()
     place = out / CELLS / name if name in ("locks", "set-aside") else out / name
@@ -251,7 +251,7 @@ def test_links_out_of_the_folder_are_refused(file, tmp_path, name):
 
 
 def test_a_clock_that_goes_backwards(file, finished, tmp_path, monkeypatch):
-    """Progress, estimates, locks and the log live with it, and the numbers are the same."""
+    """Progress, estimates, locks and the log tolerate it, and the numbers are the same."""
     now, steps = time.time(), itertools.count()
 
     def backwards():

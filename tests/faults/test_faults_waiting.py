@@ -1,4 +1,4 @@
-"""Whoever waits for another process says for whom; and goes on when that one ends."""
+"""A process that waits for another one reports which, and continues when that one ends."""
 
 import platform
 import re
@@ -45,8 +45,8 @@ LONG = 120.0  # seconds that nothing here takes, however busy the machine
 
 
 @contextmanager
-def held(store, cells):
-    """Another process at work on cells; its number."""
+def locked_elsewhere(store, cells):
+    """Context with another process that locks cells; yields its process id."""
     command = [sys.executable, "-c", HOLD, store.folder, *(cell.key for cell in cells)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout.readline() == "True\n"
@@ -65,7 +65,7 @@ def store(tmp_path):
 
 
 def in_the_background(work):
-    """A thread that is at it, and what it will have found."""
+    """A running thread, and a list that will hold its result."""
     found = []
     thread = threading.Thread(target=lambda: found.append(work()), daemon=True)
     thread.start()
@@ -79,7 +79,7 @@ def test_whoever_waits_for_a_cell_says_for_whom(study, store):
         said.append(text)
         heard.set()
 
-    with held(store, [cell]) as number:
+    with locked_elsewhere(store, [cell]) as number:
         waiting, found = in_the_background(lambda: obtain(store, cell, say=say))
         assert heard.wait(LONG)
         assert not found
@@ -95,7 +95,7 @@ def test_whoever_waits_for_a_cell_says_for_whom(study, store):
 
 
 def test_a_study_whose_cells_are_in_other_hands_says_so_once(study, store, monkeypatch):
-    """More of them than it has threads, too."""
+    """Also with more cells than threads."""
     heard, said = threading.Event(), []
 
     def write(bar, text, **_):
@@ -103,7 +103,7 @@ def test_a_study_whose_cells_are_in_other_hands_says_so_once(study, store, monke
         heard.set()
 
     monkeypatch.setattr("rattle.compare.study.progress.tqdm.write", write)
-    with held(store, study.cells) as number:
+    with locked_elsewhere(store, study.cells) as number:
         waiting, found = in_the_background(lambda: run(study, store, Here(1), show=True))
         assert heard.wait(LONG)
         assert not found
@@ -124,7 +124,7 @@ def test_what_a_lock_says_is_not_believed_blindly(store):
 
 
 def test_a_link_in_place_of_a_lock_is_not_followed(store, tmp_path):
-    """In a folder that others can write."""
+    """The folder may be writable by others."""
     (tmp_path / "thesis.tex").write_text("years of work")
     with store.alone("k"):
         store.lock("k").unlink()

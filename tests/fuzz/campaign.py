@@ -1,9 +1,9 @@
-"""Try very many scenes once: ``PYTHONPATH=. python tests/fuzz/campaign.py [--space wide]``.
+"""Run a fuzzing campaign: ``PYTHONPATH=. python tests/fuzz/campaign.py [--space wide]``.
 
-Every scene goes through one entry point, drawn with the scene: near the paper's example and anywhere (`fuzz_space`), or
-log-uniform over all that is let in, from every door (`fuzz_wide`).  Finished chunks are kept in a working folder, so
-that the same command goes on where it was ended; the counts, their figure and what the slowest scenes were go to the
-report.
+Every scene goes through one entry point, which is drawn with it.  Scenes are near the paper's example and anywhere
+(`fuzz_space`), or log-uniform over the whole admissible range and for every entry point (`fuzz_wide`).  Finished chunks
+are kept in a working folder, so that the same command continues an interrupted campaign.  The report has the counts,
+their figure and the slowest scenes.
 """
 
 import argparse
@@ -71,7 +71,7 @@ def near(visit: Callable[[Job], None], chunk: int, first_seed: int) -> None:
 
 
 def wide(visit: Callable[[Job], None], chunk: int, first_seed: int) -> None:
-    """Visit a chunk of scenes of all magnitudes that are let in."""
+    """Visit a chunk of scenes of all admissible magnitudes."""
     for number in range(CHUNK * chunk, CHUNK * (chunk + 1)):
         visit(job(first_seed, number))
 
@@ -129,7 +129,7 @@ def run_chunk(space: str, chunk: int, first_seed: int) -> dict[str, Any]:
     return {"chunk": chunk, "rows": rows, "defects": defects, "seconds": dict(seconds), "slowest": slowest}
 
 
-def gathered(chunks: list[dict[str, Any]]) -> tuple[pd.DataFrame, list[dict[str, Any]], dict[str, Any]]:
+def combined(chunks: list[dict[str, Any]]) -> tuple[pd.DataFrame, list[dict[str, Any]], dict[str, Any]]:
     """All chunks together."""
     columns = ["entry", "ended", "why", "decade", "scenes"]
     table = pd.DataFrame([row for c in chunks for row in c["rows"]], columns=columns)
@@ -165,7 +165,7 @@ def drawn(table: pd.DataFrame, entries: tuple[str, ...]) -> Any:
 
 def report(out: Path, space: str, chunks: list[dict[str, Any]], facts: dict[str, Any]) -> dict[str, Any]:
     """Write the counts, the summary and the figure."""
-    table, defects, slowest = gathered(chunks)
+    table, defects, slowest = combined(chunks)
     tried = int(table["scenes"].sum())
     ended = table.groupby("ended")["scenes"].sum().to_dict()
     seconds = sum((Counter(c["seconds"]) for c in chunks), Counter[str]())

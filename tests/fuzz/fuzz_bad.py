@@ -1,4 +1,4 @@
-"""Strategies over what nobody should give: wrong values, spoilt texts, spoilt bytes, odd commands."""
+"""Strategies over invalid input: wrong values, damaged texts, damaged bytes, wrong commands."""
 
 import math
 from decimal import Decimal
@@ -29,7 +29,7 @@ bad_values = st.one_of(nonsense, doubtful)
 FIELDS = {
     "scene": ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1", "gap2", "sigma", "stages"),
     "start": ("tau", "x1", "y1", "x2", "y2", "mesh"),
-    "tolerance": ("c1_max", "c2_max", "law", "draw"),
+    "tolerance": ("c1_max", "c2_max", "distribution", "draw"),
     "gears": ("alpha", "epsilon", "omega", "inertia1", "radius2", "backlash1", "damping2", "torque1"),
 }
 

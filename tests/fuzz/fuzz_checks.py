@@ -1,9 +1,9 @@
-"""What must hold of every answer, entry point by entry point; each check tells how the entry ended, and where."""
+"""Invariants of every answer, by entry point; each check returns how the entry point has ended, and why."""
 
 from collections.abc import Callable
 from typing import Any
 
-import fuzz_doors
+import fuzz_bad_input
 import fuzz_sampled
 import numpy as np
 from fuzz_files import simulate_file, study_file, validate_file
@@ -28,22 +28,22 @@ MAY_REFUSE = frozenset({"dt", "record.times", "start.mesh"})
 def check(entry: str, *given: Any) -> Ended:
     """How an entry point ends: complete, stopped (and why), or refused (and which field)."""
     try:
-        if entry in DOORS:
-            return DOORS[entry](*given)
+        if entry in BAD_INPUT:
+            return BAD_INPUT[entry](*given)
         scene = Scene.from_dict(given[0])
     except RattleError as error:
-        return fuzz_doors.refused(error, "")
+        return fuzz_bad_input.refused(error, "")
     try:
         return ENTRIES[entry](scene, given[1])
     except RattleError as error:
-        ended, field = fuzz_doors.refused(error, "")
+        ended, field = fuzz_bad_input.refused(error, "")
         asked = field not in ("dt", "record.times") or field.removeprefix("record.") in given[1]
-        must(field in MAY_REFUSE and asked, f"refused for its {field}, though the door had let it in: {error}")
+        must(field in MAY_REFUSE and asked, f"refused for its {field}, although the scene is valid: {error}")
         return ended, field
 
 
-def door(scene: Scene, settings: dict[str, Any]) -> Ended:
-    """A scene goes through TOML and comes back the same to the last bit."""
+def round_trip(scene: Scene, settings: dict[str, Any]) -> Ended:
+    """A scene is written to TOML and read back the same to the last bit."""
     again = Scene.from_toml(scene.to_toml())
     must(again == scene and repr(again) == repr(scene), "TOML changed the scene", scene)
     must(again.to_toml() == scene.to_toml(), "the text is not the same")
@@ -91,34 +91,34 @@ def closure(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
         n, table = m.trace.found, m.section
         must((m.stopped == "") == (n == settings["impacts"]), "stopped", m.stopped, n)
         names = own(scene)
-        told = table.iloc[:n]
-        must(np.isfinite(told[names].to_numpy()), "means are not finite\n", told[names])
+        found = table.iloc[:n]
+        must(np.isfinite(found[names].to_numpy()), "means are not finite\n", found[names])
         must(table.iloc[n:][names].isna().to_numpy(), "numbers beyond the end\n", table[names])
-        must((told["flight"] >= 0.0) | ~told["realizable"], "time runs backwards", told["flight"])
+        must((found["flight"] >= 0.0) | ~found["realizable"], "time runs backwards", found["flight"])
         must(set(m.itinerary[:n]) <= {-2, -1, 1, 2} and set(m.itinerary[n:]) <= {0}, m.itinerary)
-        sds = told[[f"sd_{q}" for q in names]]
+        sds = found[[f"sd_{q}" for q in names]]
         must(~(sds < 0.0).to_numpy() & ~np.isinf(sds.to_numpy()), "sd\n", sds)
-        must(~np.isinf(told.to_numpy(float)), "infinite\n", told)
+        must(~np.isinf(found.to_numpy(float)), "infinite\n", found)
         for column, silent in _unexplained(m, n).items():
-            must(~silent, "a number is missing without a reason:", column, "\n", told)
+            must(~silent, "a number is missing without a reason:", column, "\n", found)
         if name in ("saltation", "corrected"):
             covariance = m.trace.covariance[1 : n + 1, : 2 * scene.stages, : 2 * scene.stages]
-            scales, well = _scales(m, n), told["realizable"].to_numpy()
+            scales, well = _scales(m, n), found["realizable"].to_numpy()
             semidefinite(covariance[well], scales[well])
-            for k in np.flatnonzero(~well & (told["flight"] >= 0.0)):  # sizes too far apart for the digits of a float
+            for k in np.flatnonzero(~well & (found["flight"] >= 0.0)):  # sizes too different for the digits of a float
                 must(scales[k].max() > APART * scales[k][scales[k] > 0.0].min(), "not realizable", k, covariance[k])
         if name != "published":
-            rho = told[["rho1", "rho2"]].to_numpy()
-            must(np.isnan(rho) | (abs(rho) <= 1.0 + SLACK) | ~told[["realizable"]].to_numpy(), "rho", rho)
+            rho = found[["rho1", "rho2"]].to_numpy()
+            must(np.isnan(rho) | (abs(rho) <= 1.0 + SLACK) | ~found[["realizable"]].to_numpy(), "rho", rho)
         if name == "branching":
-            share = told[["agreement", "discarded"]].to_numpy()
+            share = found[["agreement", "discarded"]].to_numpy()
             must((share >= 0.0) & (share <= 1.0 + SLACK), "shares", share)
         else:
             low, high = m.trace.span
             times = scene.to_absolute_time(low + np.linspace(0.25, 0.75, 2) * (high - low))
             late = 0.1 * (high - low) < np.spacing(abs(times)).max()  # a float cannot tell the times apart
             fixed = m.at_times(times[:0] if late else times)
-            must(np.isfinite(fixed[[*STATE[: 2 * scene.stages]]].to_numpy()), "clock\n", fixed)
+            must(np.isfinite(fixed[[*STATE[: 2 * scene.stages]]].to_numpy()), "moments at fixed times\n", fixed)
         for q in names if n else ():
             density = m.density(n, q, np.array([table.loc[n, q]]))
             must(density is None or not np.isnan(density).any(), "density of", q, density)
@@ -168,14 +168,14 @@ def _reason(stopped: str) -> str:
     return stopped.partition(" after impact")[0]
 
 
-DOORS: dict[str, Callable[..., Ended]] = {
-    "spoilt scene": fuzz_doors.spoilt, "setting": fuzz_doors.setting, "text": fuzz_doors.text,
-    "command": fuzz_doors.command, "file": fuzz_doors.file,
+BAD_INPUT: dict[str, Callable[..., Ended]] = {
+    "spoilt scene": fuzz_bad_input.spoilt, "setting": fuzz_bad_input.setting, "text": fuzz_bad_input.text,
+    "command": fuzz_bad_input.command, "file": fuzz_bad_input.file,
 }  # fmt: skip
-"""What takes something bad."""
+"""Entry points that are given invalid input."""
 
 ENTRIES: dict[str, Callable[[Scene, dict[str, Any]], Ended]] = {
-    "door": door, "orbit": orbit, "long orbit": long_orbit,
+    "scene": round_trip, "orbit": orbit, "long orbit": long_orbit,
     **{name: closure(name) for name in CLOSURES},
     **{name: fuzz_sampled.scheme(name) for name in SCHEMES}, "accuracy": fuzz_sampled.accuracy,
     "validate": validation, "simulate a file": simulate_file, "validate a file": validate_file,

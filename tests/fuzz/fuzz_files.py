@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import tomli_w
-from fuzz_doors import ran, refused
+from fuzz_bad_input import ran, refused
 from fuzz_must import Ended, has_verdicts, must
 
 from rattle.compare.report import read_page

@@ -16,15 +16,15 @@ from rattle.scene.scene import Constants
 
 __all__ = ["follows_the_flow"]
 
-PATHS, FLIGHTS, INSTANTS = 3, 8, 16  # that are looked at
-CLOSE = 1e-7  # of the gap and of the speed: what exact flights may leave
-STEPS = 4.0  # of the plain schemes, by which a flight may be off
+PATHS, FLIGHTS, INSTANTS = 3, 8, 16  # paths, flights of each, and times in a flight that are checked
+CLOSE = 1e-7  # admissible error of exact flights, relative to gap and speed
+STEPS = 4.0  # admissible error of the Euler schemes, in steps
 LATE = {"euler-maruyama": 1.0, "euler-maruyama-located": 0.0, "exact-flight": 0.0}
 """Steps by which an impact is late."""
 
 
 def follows_the_flow(run: Ensemble) -> None:
-    """Hold the first flights of the first paths of a run without noise against the flow."""
+    """Compare the first flights of the first paths of a run without noise with the flow."""
     scene, c = run.scene, run.scene.constants
     if scene.sigma > 0.0 or run.sticking_steps or run.raw is None:
         return

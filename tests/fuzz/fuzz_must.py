@@ -1,4 +1,4 @@
-"""The words in which checks speak."""
+"""Assertions that the checks share."""
 
 from typing import Any
 
@@ -10,8 +10,8 @@ from rattle.scene.scene import Scene
 
 __all__ = ["FAINTEST", "SLACK", "Ended", "has_verdicts", "must", "own", "semidefinite"]
 
-FAINTEST = 1e-289  # power of an sd below which it is no divisor
-SLACK = 1e-9  # of a correlation and an eigenvalue, relative: rounding
+FAINTEST = 1e-289  # smallest power of an sd that can be a divisor
+SLACK = 1e-9  # relative rounding error of a correlation and of an eigenvalue
 Ended = tuple[str, str]
 
 

@@ -10,7 +10,7 @@ __all__ = ["BOUNDS", "PLAN", "SIMPLE", "examples", "warm_up"]
 BOUNDS = {"validate": 300.0, "validate a file": 300.0, "study a file": 300.0}
 """Seconds that one answer may take, if not 60.
 
-`validate` gives paths up after ten million steps, 72 s for 64 of them that are pressed shut, and sends others ahead.
+`validate` abandons paths after ten million steps, which take 72 s for 64 sticking paths, and makes a pilot run.
 """
 
 SIMPLE: dict[str, Any] = {
@@ -27,7 +27,7 @@ _euler = st.fixed_dictionaries(
     _run | {"dt": st.just(0.002), "step_bias": st.booleans(), "increments": st.sampled_from(["gaussian", "two-point"])}
 )
 PLAN: dict[str, st.SearchStrategy[dict[str, Any]]] = {
-    "door": st.just({}),
+    "scene": st.just({}),
     "orbit": st.fixed_dictionaries({"impacts": st.sampled_from([1, 5, 30])}),
     "long orbit": st.fixed_dictionaries({"impacts": st.sampled_from([1, 20]), "start": st.integers(0, 3)}),
     "published": _closure, "corrected": _closure, "saltation": _closure,
@@ -46,7 +46,7 @@ def examples(draw: st.DrawFn, entry: str) -> tuple[dict[str, Any], dict[str, Any
     """A scene and settings for an entry point; some simulations have more paths than a block."""
     data, settings = draw(scenes()), draw(PLAN[entry])
     if "paths" in settings and entry != "validate" and draw(st.integers(0, 19)) == 19:
-        settings = settings | {"paths": 1030}  # then one worker is held against two
+        settings = settings | {"paths": 1030}  # then one worker is compared with two
     return data, settings
 
 

@@ -1,4 +1,4 @@
-"""What must hold of every simulation: shares, spreads, clocks, walls, and no number missing without a reason."""
+"""Invariants of every simulation: shares, spreads, times, walls, and no number missing without a reason."""
 
 import warnings
 from collections.abc import Callable
@@ -17,10 +17,10 @@ from rattle.scene.moments import SECTION
 __all__ = ["accuracy", "scheme"]
 
 OVERSHOOTS = ("euler-maruyama",)
-"""Schemes that look for walls at the end of a step, and leave there a stage that the noise has turned back."""
+"""Schemes that detect walls at the end of a step only, so that a stage may be left beyond its wall there."""
 CORRELATION = 1.0 + 1e-12
 LEAST = {"": (2, 0, 0), "sd_": (3, 0, 2), "skew_": (3, 3, 6), "kurt_": (4, 4, 8)}
-"""Paths that tell the error of a moment; powers of the sd that divide the moment, and its error."""
+"""Fewest paths for the standard error of a moment; powers of the sd that divide the moment, and its error."""
 
 
 def scheme(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
@@ -55,8 +55,8 @@ def accuracy(scene: Scene, settings: dict[str, Any]) -> Ended:
     assert reach is not None
     for warning in said:  # that it is not reached is worth a warning, and nothing else is
         must(not reach.reached and "ccuracy" in str(warning.message), "warns", warning)
-    told = [reach.sampling, reach.step, reach.more_seconds, *(c.core_seconds for c in reach.candidates)]
-    must(np.array(told) >= 0.0, "reach", reach)  # seconds without end, where no time would do
+    reported = [reach.sampling, reach.step, reach.more_seconds, *(c.core_seconds for c in reach.candidates)]
+    must(np.array(reported) >= 0.0, "reach", reach)  # infinitely many seconds, where no time suffices
     must(np.isfinite([reach.sampling, reach.step]), "reach", reach)
     must(reach.sentence and ("NOT" in reach.sentence) != reach.reached, "sentence", reach.sentence)
     if not is_random(scene):
@@ -73,7 +73,7 @@ def of_an_ensemble(run: Ensemble) -> None:
     _at_times(run)
     _kept(run)
     must(all(isinstance(c, str) and c for c in run.diagnostics), "diagnostics", run.diagnostics)
-    must(bool(run.diagnostics) or not run.unfinished, "nobody is told that paths are unfinished", run.unfinished)
+    must(bool(run.diagnostics) or not run.unfinished, "no diagnostic of unfinished paths", run.unfinished)
 
 
 def _shares(run: Ensemble, reached: Any) -> None:
@@ -105,17 +105,17 @@ def _at_times(run: Ensemble) -> None:
     fixed, stages = run.at_times(), range(1, run.scene.stages + 1)
     must(~np.isinf(fixed.to_numpy(float)), "an infinite number at a time\n", fixed.T)
     for x, y, rho in [(f"x{s}", f"y{s}", f"rho{s}") for s in stages if len(fixed)]:
-        told = fixed[[x, y, f"cov_{x}_{x}", f"cov_{x}_{y}", f"cov_{y}_{y}"]]
-        must(told.notna(), "no moment at a time\n", fixed.T)
-        varies = (told[f"cov_{x}_{x}"] * told[f"cov_{y}_{y}"] > FAINTEST).to_numpy()
+        moments = fixed[[x, y, f"cov_{x}_{x}", f"cov_{x}_{y}", f"cov_{y}_{y}"]]
+        must(moments.notna(), "no moment at a time\n", fixed.T)
+        varies = (moments[f"cov_{x}_{x}"] * moments[f"cov_{y}_{y}"] > FAINTEST).to_numpy()
         must(abs(fixed.loc[varies, rho]) <= CORRELATION, "no correlation at a time\n", fixed.T)
 
 
 def _kept(run: Ensemble) -> None:
     section = run.result.sums["section"]
     if run.histograms is not None:
-        counted, there = run.histograms.counts.sum(axis=-1), [SECTION.index(q) for q in own(run.scene)]
-        must(counted[:, there] == section.n[:, there], "histogram", counted)
+        totals, there = run.histograms.counts.sum(axis=-1), [SECTION.index(q) for q in own(run.scene)]
+        must(totals[:, there] == section.n[:, there], "histogram", totals)
     if run.batches is not None:
         must(run.batches.n.sum(axis=0) == section.n, "batches", run.batches.n)
         must(np.isfinite(run.batches.mean) & (run.batches.squares >= 0.0), "batches\n", run.batches)

@@ -58,7 +58,7 @@ def tolerances(draw: st.DrawFn, gap1: float, gap2: float) -> Data:
 
 @st.composite
 def starts(draw: st.DrawFn, stages: int, gaps: tuple[float, float], c_max: tuple[float, float]) -> Data:
-    """A start on a flank, inside, at rest, or with both meshes struck at once."""
+    """A start on a flank, inside, with zero velocity, or with both meshes struck at once."""
     mesh = draw(st.integers(0, stages))
     start: Data = {"tau": draw(TAU), "mesh": mesh}
     for i in (1, 2):
@@ -91,7 +91,7 @@ def gears(draw: st.DrawFn) -> Data:
 
 @st.composite
 def scenes(draw: st.DrawFn, stages: int | None = None) -> Data:
-    """A scene in the form of `Scene.from_dict`; nearly all of them are let in at the door."""
+    """A scene in the form of `Scene.from_dict`; nearly all of them pass input validation."""
     stages = draw(st.sampled_from([2, 2, 1])) if stages is None else stages
     scene: Data = {"sigma": draw(SIGMA), "stages": stages}
     data: Data = {"scene": scene}

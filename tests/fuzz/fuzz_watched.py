@@ -1,6 +1,6 @@
-"""A process of its own that is given jobs with a time bound, and killed where one outlasts it.
+"""Runs jobs in a process of its own, which is killed when a job exceeds its time limit.
 
-Compiled loops answer no signal; only from outside can a hang be told from work.
+Compiled loops do not react to signals, so that a hang can be ended only from outside.
 """
 
 import multiprocessing

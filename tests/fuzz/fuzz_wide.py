@@ -1,4 +1,4 @@
-"""Another space of scenes: every magnitude log-uniform over the whole of what is let in, and weight on the ends.
+"""Another space of scenes: every magnitude log-uniform over the whole admissible range, with weight on its ends.
 
 Numbers come from a stream of numpy's Philox, so that a job is a function of the seed and of its own number.  Half of
 the scenes draw each field by itself, over all decades; the others draw lengths around one unit, itself of any size, so
@@ -38,7 +38,7 @@ class Numbers:
         return values[int(self.stream.integers(len(values)))]
 
     def size(self, least: float, most: float, zero: bool = True) -> float:
-        """Log-uniform between two ends; each end in one draw of twenty, 0 in one of ten where it is let in.
+        """Log-uniform between two ends; each end in one draw of twenty, 0 in one of ten where it is admissible.
 
         Where the least is the least of all floats, half of the draws keep to those that have a square.
         """
@@ -77,7 +77,7 @@ class _Lengths:
 
 
 def _share(n: Numbers) -> float:
-    """Between 0 and 1, both let in, as near to either as floats come."""
+    """Between 0 and 1, ends included, as close to either as floats allow."""
     return n.one(
         0.0,
         1.0,
@@ -133,13 +133,13 @@ def _deviation(n: Numbers, gap: float) -> float:
 def _tolerance(n: Numbers, gaps: tuple[float, float], stages: int) -> Data:
     second = n.size(TINY, GAPS[1]) if stages == 1 and n.often(0.3) else _deviation(n, gaps[1])
     return {
-        "c1_max": _deviation(n, gaps[0]), "c2_max": second, "law": n.one(*UNIT_VARIANCE),
+        "c1_max": _deviation(n, gaps[0]), "c2_max": second, "distribution": n.one(*UNIT_VARIANCE),
         "draw": n.one("path", "contact"),
     }  # fmt: skip
 
 
 def _start(n: Numbers, lengths: _Lengths, stages: int, gaps: tuple[float, float], free: tuple[float, float]) -> Data:
-    """At a mesh or in flight; at rest, at an edge, in the middle; early, and as late as may be."""
+    """At a mesh or in flight; with zero velocity, at an edge, in the middle; early, and as late as is admissible."""
     mesh = n.one(*range(stages + 1))
     tau = n.one(n.signed(TIME), n.stream.uniform(-10.0, 10.0))
     start: Data = {"tau": tau, "mesh": mesh}
@@ -158,7 +158,7 @@ def _start(n: Numbers, lengths: _Lengths, stages: int, gaps: tuple[float, float]
 
 
 def wide_scene(n: Numbers) -> Data:
-    """A scene in the form of `Scene.from_dict`; nearly all of them are let in at the door."""
+    """A scene in the form of `Scene.from_dict`; nearly all of them pass input validation."""
     stages, lengths = n.one(2, 2, 1), _Lengths(n)
     scene = _plain(n, lengths, stages)
     if stages == 2 and n.often(0.1):

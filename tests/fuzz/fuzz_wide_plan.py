@@ -14,8 +14,8 @@ __all__ = ["WIDE", "job"]
 
 WORK = 1e6  # steps of all paths
 ALONE = 2  # paths that may take the default horizon, of up to ten million steps
-USUAL = 0.3  # of the default step: least step of those who wait for the default horizon
-SOON = 1e5  # steps of the default horizon for an impact, beyond which a door that takes no other is tried rarely
+USUAL = 0.3  # smallest step with the default horizon, in units of the default step
+SOON = 1e5  # steps of the default horizon above which entries without another horizon are tried rarely
 Settings = dict[str, Any]
 
 
@@ -113,7 +113,7 @@ def _study(n: Numbers, scene: Scene) -> Settings:
 
 
 def _soon(scene: Scene) -> bool:
-    """Whether paths of a scene are given up soon, where nothing else is said."""
+    """Whether the default horizon of a scene has few steps."""
     return min(HORIZON_PER_IMPACT / default_step(scene, "exact-flight"), STEPS) < SOON
 
 
@@ -126,7 +126,7 @@ class Tried(NamedTuple):
 
 
 WIDE: dict[str, Tried] = {
-    "door": Tried(8, lambda n, scene: {}),
+    "scene": Tried(8, lambda n, scene: {}),
     "orbit": Tried(12, lambda n, scene: {"impacts": n.count(1000)}),
     "long orbit": Tried(6, lambda n, scene: {"impacts": n.count(64), "start": n.one(0, 1, 2, 3)}),
     "published": Tried(8, _closure), "corrected": Tried(8, _closure), "saltation": Tried(10, _closure),

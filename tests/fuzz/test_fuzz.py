@@ -5,8 +5,8 @@ A watched process answers.
 
 import pytest
 from fuzz_bad import commands, settings_of, spoilt_bytes, spoilt_scenes, spoilt_texts
+from fuzz_bad_input import FILES, content
 from fuzz_checks import ENTRIES, check
-from fuzz_doors import FILES, content
 from fuzz_plan import BOUNDS, PLAN, examples, warm_up
 from fuzz_watched import Watched
 from fuzz_wide_plan import WIDE, job
@@ -17,11 +17,11 @@ SAME = settings(
     derandomize=True, database=None, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
 )
 COUNT = {
-    "door": 150, "orbit": 150, "long orbit": 100, "published": 80, "corrected": 80, "saltation": 120, "branching": 20,
+    "scene": 150, "orbit": 150, "long orbit": 100, "published": 80, "corrected": 80, "saltation": 120, "branching": 20,
     "euler-maruyama": 100, "euler-maruyama-located": 100, "exact-flight": 120, "validate": 8,
 }  # fmt: skip
 WIDE_COUNT = {
-    "door": 30, "orbit": 40, "long orbit": 20, "published": 20, "corrected": 25, "saltation": 30, "branching": 8,
+    "scene": 30, "orbit": 40, "long orbit": 20, "published": 20, "corrected": 25, "saltation": 30, "branching": 8,
     "euler-maruyama": 30, "euler-maruyama-located": 30, "exact-flight": 40, "accuracy": 6, "validate": 5,
     "simulate a file": 10, "validate a file": 1, "study a file": 1,
 }  # fmt: skip

@@ -93,7 +93,7 @@ def test_keys_and_texts_of_any_kind():
 
 
 def test_equal_dampings_leave_the_second_stage_without_noise_and_realizable():
-    """Its variance is what rounding leaves of a difference; a negative rest of it is no breakdown."""
+    """Its variance is the rounding error of a difference; a negative one is no breakdown."""
     for sigma in (0.001, 0.03, 0.3, 1.0):
         m = mean_map(scene(sigma=sigma), impacts=3)
         assert m.section["realizable"].to_list()[:1] == [True]
@@ -284,7 +284,7 @@ def test_paths_that_had_their_impacts_are_finished_though_the_linear_path_has_no
 
 
 def test_a_scene_in_another_unit_is_not_refused_for_its_size():
-    """The closures' own unit took wide second gaps beyond the door."""
+    """The closures' own unit made wide second gaps inadmissible."""
     s = Scene(alpha=1e4, epsilon=0.03, beta1=1e-12, gamma1=0.03, gamma2=1e6, mu=4e-11, gap1=0.38, gap2=1e6, sigma=1.0)
     assert s.scaled(8.0).gap2 == 8e6
     section = mean_map(s, impacts=3, closure="branching").section
@@ -365,7 +365,7 @@ def test_instants_that_no_path_has_impacts_for_are_not_waited_for():
 
 
 def test_a_path_without_noise_is_not_followed_by_the_steps_of_noise():
-    """It rests after one impact, and ten million steps were taken to see that no other comes."""
+    """It sticks after one impact, and ten million steps were taken to see that no other comes."""
     s = Scene(
         alpha=4.8e-12, epsilon=0.0, beta1=0.0865, beta2=0.215, gamma1=1.0, gamma2=0.0, mu=1e-12, gap1=1.6531566127e-08,
         gap2=1.0, sigma=654.0, start=Start(1e-300, -1.6531566127e-08, -0.0729, -0.5, 0.0, mesh=1),
@@ -427,7 +427,7 @@ def test_parts_that_differ_by_less_than_a_float_can_square_have_no_density(recwa
 
 
 def test_validate_asks_for_no_instant_after_its_paths_are_given_up():
-    """No path had its impacts; after minutes a clock was refused that nobody had given."""
+    """No path had its impacts; after minutes fixed times were refused that the user had not given."""
     s = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=1e-4, gap1=1.0, stages=1, start=Start(0.0, 1.0, 0.0153, mesh=1))
     found = validate(s, impacts=2, paths=2, scheme="exact-flight", closures=["saltation"])
     assert follow(s, 2).tau[1] > 100.0
@@ -452,7 +452,7 @@ def test_a_skewness_of_what_hardly_varies_is_told_or_left_out(recwarn):
 
 
 def test_a_growth_whose_square_is_no_float_is_told():
-    """An impact of hardly any speed, under a strong force, parts neighbours by 1e155."""
+    """A nearly grazing impact under a strong force separates neighbours by 1e155."""
     frame, growth = np.eye(4), np.zeros(4)
     strike_frame(scene(alpha=1e6).constants, 1, 0.1, 1e-200, 0.5, frame, growth)
     assert np.isfinite(growth).all()
@@ -461,7 +461,7 @@ def test_a_growth_whose_square_is_no_float_is_told():
 
 
 def test_nothing_to_judge_is_a_table_without_rows():
-    """No closure has an impact, no instant lies between two: the command ended in a KeyError."""
+    """No closure has an impact, no fixed time lies between two: the command ended in a KeyError."""
     still = scene(alpha=0.0, gamma1=0.0, beta1=0.0, stages=1, gap1=1e6, start=Start())
     found = validate(still, impacts=1, paths=2, scheme="exact-flight", closures=["saltation"])
     assert first_failure(found.correlation, "saltation") is None
@@ -469,7 +469,7 @@ def test_nothing_to_judge_is_a_table_without_rows():
 
 
 def test_an_accuracy_is_not_refused_for_a_step_that_nobody_has_given():
-    """A gap of 1e-9 at a speed of 9e4: the step that stood in until one was chosen was longer than the door allows."""
+    """A gap of 1e-9 at a speed of 9e4: the provisional step was longer than the longest admissible one."""
     fast = scene(sigma=0.0, gap1=1e-9, start=Start(0.0, 1e-9, 9e4, 0.5, 2.0, mesh=1), stages=1)
     run = simulate_to(fast, 0.5, impacts=1, scheme="euler-maruyama-located")
     assert run.dt < 1e-12

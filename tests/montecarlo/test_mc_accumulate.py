@@ -121,7 +121,7 @@ def test_standard_errors_of_a_skewed_variable_have_the_size_they_claim(z_scores,
 
 
 def test_gaussian_formula_for_the_error_of_an_sd_would_fail_that_band(z_scores):
-    """NegativeControl: sd / sqrt(2 n) is a third too small for an excess kurtosis of 2.3."""
+    """Negative control: sd / sqrt(2 n) is a third too small for an excess kurtosis of 2.3."""
     gaussian = z_scores["sd"] * math.sqrt((stats.beta(1.0, 8.0).stats("k") + 2.0) / 2.0)
     assert abs(gaussian.std() - 1.0) > BAND["sd"]
 

@@ -59,9 +59,9 @@ def test_a_spent_budget_gives_the_best_answer_and_says_what_is_missing():
 
 def test_other_schemes_are_tried_only_where_exact_flights_take_long(monkeypatch):
     ask = {"impacts": 3, "accuracy": 0.05, "rng": 5}
-    assert list(simulate(dat21(0.5), **ask).reach.schemes.index) == ["exact-flight"]
+    assert list(simulate_to(dat21(0.5), **ask).reach.schemes.index) == ["exact-flight"]
     monkeypatch.setattr("rattle.montecarlo.pilots.ENOUGH", 0.0)
-    run = simulate(dat21(0.5), **ask)
+    run = simulate_to(dat21(0.5), **ask)
     assert set(run.reach.schemes.index) == set(SCHEMES)
     assert run.scheme == run.reach.schemes["core_seconds"].idxmin()
 

@@ -111,7 +111,7 @@ def test_errors_have_the_size_they_claim():
 
 
 def test_a_control_of_the_wrong_variance_would_be_seen():
-    """NegativeControl: a variance 5 % too large shifts the sd by several of its standard errors."""
+    """Negative control: a variance 5 % too large shifts the sd by several of its standard errors."""
     control, rows, path = linear(dat21(0.01))
     sums = CentralSums.of(rows, control, PAIR)
     right, wrong = (controlled_statistics(sums, f * path.variance) for f in (1.0, 1.05))
@@ -143,7 +143,7 @@ def test_mean_times_rise_from_impact_to_impact_whatever_few_paths_make_of_the_sl
 
 
 def test_a_variance_that_regression_makes_negative_is_left_as_it_was():
-    """NegativeControl: a known variance so far from that of the sample that the adjusted one would be negative."""
+    """Negative control: a known variance so far from that of the sample that the adjusted one would be negative."""
     control, rows, path = linear(dat21(0.01), paths=64)
     sums = CentralSums.of(rows, control, PAIR)
     found, plain = (controlled_statistics(sums, f * path.variance) for f in (1e-3, 0.0))

@@ -339,7 +339,7 @@ def test_grazing_impacts_within_a_step_have_the_distribution_of_small_steps(case
 
 
 def test_comparison_of_grazing_impacts_sees_a_wall_looked_at_too_rarely():
-    """NegativeControl: four looks a step instead of a thousand miss impacts on paths that return."""
+    """Negative control: four looks a step instead of a thousand miss impacts on paths that return."""
     c, (x, y) = dat21(0.5, stages=1).constants, GRAZING["along the wall"]
     rng = np.random.default_rng(1)
     truth, rare = (first_hits_by_small_steps(c, rng, 20_000, 0.1, x, y, n) < 0.1 for n in (1000, 4))

@@ -131,7 +131,7 @@ def coarse_levels_differ(scheme, faulty=lambda path: path, shift=0):
 
 
 def with_too_little_noise(path):
-    """NegativeControl: the increments of a coarse step fall short, as if their sum were divided by too much."""
+    """Negative control: the increments of a coarse step fall short, as if their sum were divided by too much."""
     path.scene = path.scene.with_sigma(0.999 * path.scene.sigma)
     return path
 

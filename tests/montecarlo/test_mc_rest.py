@@ -65,7 +65,7 @@ def test_exact_flights_are_right_to_second_order_through_sticking(name):
 
 
 def test_a_path_that_never_leaves_a_closed_mesh_is_noticed():
-    """NegativeControl: the orbit of a scene that opens 1 % later."""
+    """Negative control: the orbit of a scene that opens 1 % later."""
     scene = SCENES["one stage"]
     _, _, run = distances(scene, "exact-flight", 0.005)
     orbit = follow(Scene(alpha=1.0, epsilon=0.3, beta1=0.05, gamma1=0.808, stages=1), 150)

@@ -84,7 +84,7 @@ def test_located_scheme_follows_noise_free_orbit_at_first_order():
 
 
 def test_order_check_sees_a_wrong_drag():
-    """NegativeControl: against the orbit of a drag 0.2 % off, the error stops falling with dt."""
+    """Negative control: against the orbit of a drag 0.2 % off, the error stops falling with dt."""
     values = {name: getattr(dat21(), name) for name in ("alpha", "epsilon", "beta1", "beta2", "gamma2", "mu")}
     orbit = follow(Scene(**values, gamma1=1.002 * dat21().gamma1), 6)
     steps = 2e-3 / 2.0 ** np.arange(8)

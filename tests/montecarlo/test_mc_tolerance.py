@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from mc_checks import FALSE_ALARM, dat21, flank_changes
 from scipy import stats
+from settings import recorded
 
 from rattle.montecarlo import Record, simulate
 from rattle.scene import Scene, Start, Tolerance
@@ -91,7 +92,7 @@ def free(distribution, draw, mesh=1, impacts=4, paths=PATHS, start=None, **setti
         tolerance=Tolerance(C1, C2, distribution=distribution, draw=draw),
         gap1=1e3 if mesh == 2 else GAP, gap2=1e3 if mesh == 1 else GAP,
     )  # fmt: skip
-    return simulate(scene, paths=paths, impacts=impacts, dt=0.01, rng=2, record=Record(raw=True), **settings)
+    return simulate(scene, paths=paths, impacts=impacts, dt=0.01, rng=2, **recorded({"raw": True} | settings))
 
 
 def fits(values, distribution, c, checks):
@@ -162,7 +163,7 @@ def test_single_stage_takes_a_tolerance():
 
 def spread_after_twenty_crossings(impacts):
     """sd of a bouncing wheel's place at a time when it is nominally half way, and the sd's relative error."""
-    run = free("uniform", "contact", impacts=impacts, record=Record(times=[20.5 * GAP]))
+    run = free("uniform", "contact", impacts=impacts, times=[20.5 * GAP])
     return np.sqrt(run.at_times().cov_x1_x1.iloc[0]), 1.0 / np.sqrt(2.0 * PATHS)
 
 

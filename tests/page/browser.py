@@ -1,4 +1,4 @@
-"""A headless Chromium, spoken to through its own protocol over a pair of pipes."""
+"""A headless Chromium, controlled by the DevTools protocol over a pair of pipes."""
 
 import base64
 import json

@@ -10,7 +10,7 @@ SVG = '<svg xmlns="http://www.w3.org/2000/svg" width="640" height="200"><circle 
 
 
 def png():
-    """The smallest picture: one white point."""
+    """A picture of one white pixel."""
 
     def chunk(name, data):
         return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
@@ -20,7 +20,7 @@ def png():
 
 
 def sample(text="a plain text"):
-    """A page with one of everything, the text wherever a scene or a name of a file can bring one."""
+    """A page with one block of every kind, and the text wherever a scene or file name can put one."""
     speeds = [
         ("saltation", "≥ 480"),
         ("published", "9"),

@@ -1,4 +1,4 @@
-"""The page in a real browser: it loads by itself, sorts, filters, enlarges, fits, in the light and in the dark."""
+"""The page in a real browser: loading, sorting, filtering, enlarged figures, layout, light and dark styles."""
 
 import pytest
 from browser import CHROMIUM, Browser
@@ -47,7 +47,7 @@ def report(tmp_path_factory):
 
 
 def complaints(browser):
-    """What a page has logged, and what it has asked for beside itself."""
+    """Messages that a page has logged, and requests other than for the page itself."""
     said = [e["params"] for e in browser.events if e["method"] in ("Log.entryAdded", "Runtime.consoleAPICalled")]
     thrown = [e["params"] for e in browser.events if e["method"] == "Runtime.exceptionThrown"]
     asked = [e["params"]["request"]["url"] for e in browser.events if e["method"] == "Network.requestWillBeSent"]
@@ -68,7 +68,7 @@ def test_loads_alone_and_fits(browser, request, name, width):
     assert complaints(browser) == []
 
 
-def test_what_a_scene_could_bring_is_stopped(browser, page, tmp_path):
+def test_injected_content_has_no_effect(browser, page, tmp_path):
     """Beside the escaping: a script, style or picture that got into the page nevertheless would have no effect."""
     injected = (
         "<script>document.title = 'owned'</script><img src='x' onerror=\"document.title = 'owned'\">"

@@ -1,4 +1,4 @@
-"""A page as a file: what is written is read, and nothing else is."""
+"""A page as a file: what is written is read back, and anything else is refused."""
 
 import copy
 import json

@@ -1,4 +1,4 @@
-"""HTML, Markdown and the terminal say the same, and nothing that a scene brings can break out of them."""
+"""HTML, Markdown and terminal show the same content, and no text from a scene is interpreted as markup."""
 
 import re
 from html.parser import HTMLParser
@@ -65,7 +65,7 @@ def said(page):
 
 
 def bare(markdown_text):
-    """Markdown without what marks it: escapes and code."""
+    """Markdown without its markup: escapes and code marks."""
     return re.sub(r"\\([!-/:-@[-`{-~])|(?<!\\)`", r"\1", markdown_text)
 
 
@@ -89,7 +89,7 @@ def test_what_is_left_out_would_be_noticed():
 
 
 def tags(text, folder):
-    """The tags of the sample but those of code, which a text may bring between backticks."""
+    """The tags of the sample except those of code, which a text may contain between backticks."""
     return [tag for tag in Read(html(sample(text), folder)).tags if tag not in (("code", ()), "code")]
 
 

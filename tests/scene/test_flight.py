@@ -30,7 +30,7 @@ def test_flow_solves_the_equations_of_motion(beta1, beta2):
     assert flow(c, 0.7, *STATE, 2.5) == pytest.approx(fly(c, 0.7, STATE, 2.5), rel=0, abs=3e-11)
 
 
-def test_flow_with_the_misprinted_damping_of_stage_2_is_distinguished():
+def test_the_misprinted_damping_of_stage_2_is_distinguished():
     c = constants(0.08, 0.13)
     wrong = fly(c._replace(beta2=c.beta1), 0.7, STATE, 2.5)  # -beta_1 y_2, as Eqs. 3 and 5 have it
     assert abs(np.array(flow(c, 0.7, *STATE, 2.5)) - wrong).max() > 1e-3

@@ -103,7 +103,7 @@ def stirling(n, k):
         ([[1.0, float("inf")], [float("inf"), 1.0]], "not finite"),
     ],
 )
-def test_what_no_distribution_has_is_named(covariance, reason):
+def test_unrealizable_moments_are_named(covariance, reason):
     judged = realizability(np.array(covariance))
     assert not judged.realizable
     assert reason in judged.reason
@@ -120,13 +120,13 @@ def test_what_no_distribution_has_is_named(covariance, reason):
         [[1.0, 1.0 + 1e-12], [1.0 + 1e-12, 1.0]],
     ],
 )
-def test_what_a_distribution_has_is_realizable(covariance):
+def test_moments_of_a_distribution_are_realizable(covariance):
     judged = realizability(np.array(covariance))
     assert judged.realizable
     assert judged.reason == ""
 
 
-def test_realizability_carries_its_evidence():
+def test_realizability_has_its_numbers():
     judged = realizability(np.array([[4.0, 1.0], [1.0, 1.0]]))
     assert (judged.variance_x, judged.variance_y, judged.rho) == (4.0, 1.0, 0.5)
     assert judged.smallest_eigenvalue == pytest.approx(2.5 - np.sqrt(3.25))
@@ -141,6 +141,6 @@ def test_correlation_does_not_underflow():
     assert correlation(np.array([[1e-200, 5e-201], [5e-201, 1e-200]])) == pytest.approx(0.5)
 
 
-def test_the_language_names_each_quantity_once():
+def test_each_quantity_is_named_once():
     assert list(SECTION) == ["tau", "flight", *STATE]
     assert len(set(SECTION)) == 6

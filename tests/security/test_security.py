@@ -1,4 +1,4 @@
-"""Files are data, names stay names, and nobody is called."""
+"""Files are treated as data, names are not interpreted, and no connection is opened."""
 
 import ast
 import json
@@ -48,7 +48,7 @@ SMALL = ["--paths", "64", "--impacts", "1", "--dt", "0.01", "--no-validity", "--
 
 
 def offences(path, source):
-    """What a source imports or calls that runs code from data, opens a shell or a connection."""
+    """Imports and calls in a source that run code from data, or open a shell or a connection."""
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import | ast.ImportFrom):
             modules = [node.module or ""] if isinstance(node, ast.ImportFrom) else [alias.name for alias in node.names]
@@ -111,7 +111,7 @@ def test_a_baseline_lies_in_its_folder(name):
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_hostile_name_in_a_report(tmp_path, monkeypatch):
-    """The name of a scene's file, with bytes that are no text, through figures, page and manifest."""
+    """The name of a scene file, with bytes that are no text, in figures, page and manifest."""
     monkeypatch.chdir(tmp_path)
     scene = tmp_path / (NASTY.replace("/", "") + "\udcff.toml")
     scene.write_text(Scene.from_gears(DAT21).to_toml())
@@ -165,7 +165,7 @@ def test_hostile_values_along_an_axis_are_refused(tmp_path, value):
 
 @pytest.mark.parametrize("name", ["$\\frac{$", "$$", "a_$b", "<script>&", "x" * 500, "<lambda>"])
 def test_a_model_of_any_name_has_a_figure(tmp_path, name):
-    """Dollars are matplotlib's own mathematics; a model's name is none."""
+    """Matplotlib reads dollars as mathematics; in the name of a model they are literal."""
     table = pd.DataFrame({
         "error": [0.1], "low": [0.0], "high": [0.2], "tolerance": [0.05], "unit": [1.0], "outcome": ["fail"],
         "moment": ["mean"], "quantity": ["tau"], "impact": [1],
@@ -179,7 +179,7 @@ def test_a_model_of_any_name_has_a_figure(tmp_path, name):
 
 @pytest.fixture
 def alone(monkeypatch):
-    """Whoever calls out is refused, and found out."""
+    """Refuses and records every attempt to open a connection."""
     calls = []
 
     def refuse(*given_to, **_):

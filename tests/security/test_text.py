@@ -19,7 +19,7 @@ from rattle.scene.errors import FileError, InputError, OutputError, RattleError
 from rattle.scene.text import harmless, line
 
 STEERING = "\x1b]0;pwned\x07\x9b31m\x08\x7f\x85\u202e\u2066\u2069\u200b\u200e\u061c\u2028\u2029\ufeff\u00ad\U000e0041"
-"""A title for the terminal, a colour, what deletes; text turned around; nothing wide; lines of another kind; tags."""
+"""Terminal title, colour, deletion; reversed text direction; zero width; other line separators; tags."""
 IN_A_NAME = STEERING.replace("\x85", "")
 RAW = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u00ad\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\U000e0000-\U000e007f]"
@@ -38,7 +38,7 @@ def quoted(text):
 
 
 def rattle(*words, code=0):
-    """A command, and that nothing in what it says steers the terminal."""
+    """Run a command, and check that its output has no terminal control characters."""
     found = CliRunner().invoke(main, [str(word) for word in words])
     assert found.exit_code == code, found.output
     assert not RAW.search(found.stdout + found.stderr)
@@ -47,7 +47,7 @@ def rattle(*words, code=0):
 
 
 def files_are_harmless(folder):
-    """No file that a person opens has anything in it that steers."""
+    """No text file has control characters."""
     read = [p for p in folder.rglob("*") if p.suffix in {".md", ".html", ".csv", ".json", ".log", ".svg", ".txt"}]
     assert read
     for path in read:
@@ -66,7 +66,7 @@ def test_every_such_character_is_shown():
 
 
 class Steering:
-    """A value that is shown as it likes."""
+    """A value with its own representation."""
 
     def __repr__(self):
         return STEERING
@@ -87,7 +87,7 @@ def test_a_message_of_one_error_is_one_line():
 
 
 def test_a_study_from_end_to_end(tmp_path):
-    """Title, and a value of an axis that no scene can have, on the terminal and in all that is written."""
+    """A hostile title and value of an axis, on the terminal and in all files."""
     file = tmp_path / (IN_A_NAME.replace("/", "") + ".toml")
     file.write_text(STUDY.format(title=quoted(STEERING), value=quoted(STEERING)))
     for word in ("--explain", "--status"):
@@ -133,7 +133,7 @@ def test_a_scene_that_is_none(command, text, tmp_path):
 
 @pytest.mark.usefixtures("undrawn")
 def test_names_of_files_and_folders(tmp_path, monkeypatch):
-    """Of a scene, of the folder, of what lies in it; of words that no command takes."""
+    """Hostile names of a scene, of the folder, of files in it; and hostile arguments."""
     monkeypatch.chdir(tmp_path)
     scene = tmp_path / f"{IN_A_NAME}.toml"
     scene.write_text(Scene.from_gears(DAT21).to_toml())
@@ -157,7 +157,7 @@ def test_names_of_files_and_folders(tmp_path, monkeypatch):
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_manifest(tmp_path, monkeypatch):
-    """Its name and the versions that it states are somebody else's."""
+    """Its name and versions come from others, and may hold control characters."""
     monkeypatch.chdir(tmp_path)
     rattle("validate", *SMALL, "--out", "first")
     data = json.loads(Path("first/manifest.json").read_text())

@@ -15,10 +15,10 @@ def z_of(ln):
     return (ln.mean() - MEAN) / (ln.std() / math.sqrt(ln.size))
 
 
-def test_steps_of_the_tree_obey_the_law():
+def test_steps_of_the_brownian_tree_obey_the_published_result():
     assert abs(z_of(log_speeds(1.0, PATHS, 1, seed=3)[:, 0])) < limit(1)
 
 
-def test_steps_of_exact_flight_obey_the_law():
-    """A trial is cut because of what its end would be; to forget that end and draw it anew made E ln rho 1.93."""
+def test_steps_of_exact_flight_obey_the_published_result():
+    """A trial step is cut depending on its end; drawing the end anew instead of keeping it made E ln rho 1.93."""
     assert abs(z_of(log_ratios(PATHS, seed=3))) < limit(1)

@@ -1,4 +1,4 @@
-"""Published results: the program obeys them, and a result, a scene or a step that is wrong is seen."""
+"""Published results: the program obeys them, and a wrong result, scene or step is detected."""
 
 import json
 from dataclasses import replace
@@ -33,7 +33,7 @@ def results():
 
 
 @pytest.mark.parametrize("name", RESULTS)
-def test_law(results, name):
+def test_result(results, name):
     result = results[name]
     assert result.obeyed, [c for c in result.measured.checks if not c.holds(result.allowed)]
     assert len(result.measured.controls) >= 2
@@ -73,7 +73,7 @@ def test_command_gives_json():
     assert result["z"] == max(c["z"] for c in result["checks"])
 
 
-def test_unknown_law_is_refused():
+def test_unknown_result_is_refused():
     done = run("--result", "gravity")
     assert done.exit_code == 2
     assert "result = 'gravity'" in done.output + done.stderr
@@ -114,7 +114,7 @@ def test_wrong_scene_fails_the_run(monkeypatch, name):
     assert "FAILS" in done.output.splitlines()[2]
 
 
-def test_law_that_does_not_see_its_planted_error_fails():
+def test_result_that_does_not_reject_its_negative_control_fails():
     checks = [Check("mean", 1.0, 1.0, 0.01)]
     blind = PublishedResult(
         Measured("blind", "", "", checks, [NegativeControl("1 % more", [Check("mean", 1.0, 1.01, 0.01)])]), 3.0, 0.0

@@ -1,4 +1,4 @@
-"""The map: what the door lets through is right or says that it may not be, and errors that are planted are seen."""
+"""The map: runs with admissible steps are unbiased or carry a diagnostic, and negative controls are rejected."""
 
 import csv
 import json
@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from rattle.compare.checks.extremes.row import Extreme
 from rattle.compare.checks.stability import cell as cells
-from rattle.compare.checks.stability import free_flight as law
+from rattle.compare.checks.stability import free_flight
 from rattle.compare.checks.stability.axes import AXES, moderate
 from rattle.compare.checks.stability.cell import BIASED, COLLAPSING, UNBIASED, UNDECIDED, UNSTABLE, judged, sampled
 from rattle.compare.checks.stability.chart import Chart, chart
@@ -42,22 +42,22 @@ def verdict(scene, beside, scheme, share, paths=PATHS):
 @pytest.mark.parametrize("axis", CORNERS)
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("share", [1 / 64, 1 / 4, 1.0])
-def test_what_the_door_lets_through_is_right_or_says_so(corner, axis, scheme, share):
+def test_admissible_steps_are_unbiased_or_diagnosed(corner, axis, scheme, share):
     found = verdict(*corner[axis], scheme, share)
     assert found.verdict != UNSTABLE, found
-    assert found.verdict != BIASED or found.told, found
+    assert found.verdict != BIASED or found.diagnosed, found
     if scheme == "exact-flight":
         assert found.verdict in (UNBIASED, UNDECIDED), found
-        assert not found.told
+        assert not found.diagnosed
 
 
 @pytest.mark.parametrize("axis", CORNERS)
 @pytest.mark.parametrize("scheme", EULER)
-def test_step_beyond_the_door_is_seen_to_be_wrong(corner, axis, scheme):
+def test_longer_than_admissible_steps_are_biased_or_unstable(corner, axis, scheme):
     assert verdict(*corner[axis], scheme, 4.0, 2048).verdict in (BIASED, UNSTABLE)
 
 
-def test_damping_beyond_the_door_is_unstable(corner):
+def test_strong_damping_with_an_inadmissible_step_is_unstable(corner):
     found = verdict(*corner["beta"], "euler-maruyama", 4.0, 2048)
     assert found.verdict == UNSTABLE
     assert found.where.startswith("speeds are ")
@@ -68,11 +68,11 @@ WRONG = {"drag": {"gamma1": 1.0, "gamma2": 0.5}, "noise": {"sigma": 0.36}, "rest
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("wrong", WRONG)
-def test_scheme_with_an_error_planted_is_seen_to_be_wrong(scheme, wrong):
+def test_negative_control_of_a_scheme_is_biased(scheme, wrong):
     scene = moderate()
     beside = reference(scene, paths=2 * PATHS, seed=1, workers=2)
-    controls = replace(scene, **WRONG[wrong])
-    found = judged(controls, beside, scheme=scheme, dt=5e-4, paths=PATHS, seed=0, workers=2, z=Z)
+    control = replace(scene, **WRONG[wrong])
+    found = judged(control, beside, scheme=scheme, dt=5e-4, paths=PATHS, seed=0, workers=2, z=Z)
     assert found.verdict == BIASED
 
 
@@ -89,23 +89,23 @@ def test_restitution_of_nothing_has_no_limit():
     beside = reference(moderate(epsilon=0.5), paths=1024, seed=1, workers=1)  # any: it is not what decides
     found = judged(scene, beside, scheme="euler-maruyama", dt=0.01, paths=1024, seed=0, workers=1, z=Z)
     assert found.verdict == COLLAPSING
-    assert found.told
+    assert found.diagnosed
 
 
-def test_door_is_passed_by_measurements_alone():
+def test_only_measurements_accept_inadmissible_steps():
     scene = moderate()
     assert sampled(scene, scheme="euler-maruyama", dt=1.0, paths=10, seed=0, workers=1).dt == 1.0
     with pytest.raises(InputError, match=r"dt = 1.0: must be at most"):
         simulate(scene, paths=10, scheme="euler-maruyama", dt=1.0)
 
 
-def test_free_flights_have_the_exact_covariance_and_another_is_seen(monkeypatch):
-    table = law.covariance_table(paths=PATHS, seed=0, workers=2)
+def test_free_flights_have_the_exact_covariance_and_another_is_rejected(monkeypatch):
+    table = free_flight.covariance_table(paths=PATHS, seed=0, workers=2)
     assert table["holds"].all(), table
     assert len(table) == 2 * len(AXES["beta"].values)
-    exact = law.noise_covariance
-    monkeypatch.setattr(law, "noise_covariance", lambda *a: 1.3 * exact(*a))  # 14 % of an sd
-    assert not law.covariance_table(points=3, paths=PATHS, seed=0, workers=2)["holds"].any()
+    exact = free_flight.noise_covariance
+    monkeypatch.setattr(free_flight, "noise_covariance", lambda *a: 1.3 * exact(*a))  # 14 % of an sd
+    assert not free_flight.covariance_table(points=3, paths=PATHS, seed=0, workers=2)["holds"].any()
 
 
 def run(tmp_path, *arguments):
@@ -123,7 +123,7 @@ def test_command_writes_map_tables_and_page(tmp_path):
     assert len(rows) == 2 * 2 * 7
     assert {row["scheme"] for row in rows} == {"euler-maruyama", "exact-flight"}
     for row in rows:
-        assert float(row["dt"]) == pytest.approx(float(row["share"]) * _door(row), rel=1e-4)
+        assert float(row["dt"]) == pytest.approx(float(row["share"]) * _longest(row), rel=1e-4)
     own = [row for row in rows if row["default"] == "True"]
     assert [float(row["dt"]) for row in own] == pytest.approx([default_step(*_place(row)) for row in own], rel=1e-5)
     assert "Ensemble.diagnostics" in (folder / "stability.md").read_text(encoding="utf-8")
@@ -149,15 +149,15 @@ def _place(row):
     return AXES[row["axis"]].scene(float(row["value"])), row["scheme"]
 
 
-def _door(row):
+def _longest(row):
     return largest_step(*_place(row))[0]
 
 
-def test_run_that_is_wrong_and_silent_ends_with_an_exit_code(tmp_path, monkeypatch):
+def test_undiagnosed_bias_ends_with_an_exit_code(tmp_path, monkeypatch):
     monkeypatch.setattr(cells.Ensemble, "diagnostics", ())
     done = run(tmp_path, "--scheme", "euler-maruyama")
     assert done.exit_code == 1
-    assert "do not say so: a defect." in done.output
+    assert "without a diagnostic: a defect." in done.output
 
 
 @pytest.mark.parametrize(
@@ -189,4 +189,4 @@ def test_figure_has_a_panel_for_each_scheme_and_axis():
     found = chart(schemes=["euler-maruyama"], axes=["sigma"], points=1, paths=1)
     both = Chart(found.table, found.z, 0.0)
     assert len(figure(both.table).axes) == 1
-    assert len(both.untold) == 0
+    assert len(both.undiagnosed) == 0

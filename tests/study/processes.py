@@ -34,7 +34,7 @@ if __name__ == "__main__":
     asyncio.run(main())
 """
 OTHER = "from rattle.compare.study import version; version.LIBRARIES = ('numpy',)"
-"""What makes a worker one of another numerical version."""
+"""A line that gives a worker another numerical version."""
 
 
 @contextmanager

@@ -43,7 +43,7 @@ class Deadly(Prediction):
 
 @dataclass(frozen=True)
 class Refused(Prediction):
-    """A cell that turns out to be none that can be computed."""
+    """A cell that cannot be computed, which shows only when it is tried."""
 
     def compute(self, blocks=None):
         raise InputError("impacts", self.impacts, "are too many")

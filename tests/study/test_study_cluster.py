@@ -45,7 +45,7 @@ def cluster():
 
 @pytest.fixture(scope="module")
 def study():
-    """Ensembles of three parts each."""
+    """Ensembles of three tasks each."""
     return Study.from_toml(study_text(sigmas=(0.02, 0.1), paths=(2 * SHARE + 5) * 1024 + 77))
 
 
@@ -125,7 +125,7 @@ def of_our_own(*before, **environment):
 
 
 def meanwhile(store, cells, act):
-    """Do something once so many cells are there."""
+    """Do something as soon as so many cells are stored."""
 
     def watch():
         end = time.monotonic() + 240.0
@@ -143,7 +143,7 @@ def kept(study, store):
 
 
 def test_a_worker_of_another_version_that_joins_later_is_named(small, tmp_path):
-    """It passed the check of the start, for it was not there; the task itself refuses."""
+    """It joined after the check at the start; the task itself refuses to run on it."""
     store = Store(tmp_path / CELLS)
     with of_our_own("") as (_, address, (worker,)), Cluster(address, patience=60.0) as place:
         store.write("before", place.compute(small.cells[0]).table, {})
@@ -157,7 +157,7 @@ def test_a_worker_of_another_version_that_joins_later_is_named(small, tmp_path):
 
 
 def test_a_lost_scheduler_ends_the_study_with_one_line(small, tmp_path):
-    """A command that is in the middle of it; the same command goes on, here or there."""
+    """A command that is interrupted; the same command continues, here or on the cluster."""
     file = tmp_path / "s.toml"
     file.write_text(study_text(sigmas=(0.02, 0.05, 0.1), paths=400_000))
     store = Store(tmp_path / "s" / CELLS)

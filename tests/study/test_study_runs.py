@@ -237,7 +237,7 @@ def test_a_lost_point_is_reported_and_the_others_run(tmp_path):
 
 @pytest.mark.usefixtures("undrawn")
 def test_what_a_closure_cannot_take_is_said_once_with_exit_code_1(tmp_path):
-    """A closure that cannot take a scene with a start in flight, beside one that can, at six points."""
+    """A closure that does not cover a start in flight, and one that does, at six points."""
     file = tmp_path / "s.toml"
     start = '[[axes]]\n"start.mesh" = [0]\n"start.x1" = [0.1]\n[[axes]]\nepsilon = [0.8, 0.9]\n'
     file.write_text(study_text(paths=512, more=start).replace('"corrected"', '"published"'))
@@ -281,7 +281,7 @@ sigma = [0.01, 0.02]
 
 
 def test_undecided_is_not_called_wrong(tmp_path):
-    """At the smallest value no row of a closure is inaccurate and some are undecided: so it is said, and drawn."""
+    """At the smallest value no row of a closure is inaccurate and some are undecided: text and figure say so."""
     study, store = Study.from_toml(UNDECIDED), Store(tmp_path / CELLS)
     run(study, store, Here(1))
     found = Results.of(study, store)

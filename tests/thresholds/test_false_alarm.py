@@ -1,7 +1,7 @@
-"""The stated false-alarm rate against the measured one; the rate of wrong passes beside it.
+"""The nominal false-alarm rate compared with the measured one, and the rate of wrong passes.
 
 A true claim fails most easily where the model is exactly as wrong as it may be.  Intervals are two-sided, and an error
-at one edge of what is allowed can be missed on one side only: so a single row fails with half the stated rate there,
+at one edge of what is allowed can be missed on one side only: so a single row fails with half the nominal rate there,
 and with all of it where nothing is allowed.
 
 A session is measured with one look at its paths, and with four: at a block of them, and at two, four and eight.
@@ -37,7 +37,7 @@ IMPACTS, BLOCKS = 2, 2400
 LOOKS = (1, 2, 4, 8)  # blocks
 RATE = 0.1
 CONFIDENCE = 0.999
-STATED = SECTION[:4]  # of a single stage
+QUANTITIES = SECTION[:4]  # of a single stage
 
 
 @dataclass
@@ -59,7 +59,7 @@ class Stacked:
                 "corrected": self.section[prefix + q], "se_corrected": self.section["se_" + prefix + q],
             })
             for moment, prefix in (("mean", ""), ("sd", "sd_"))
-            for q in STATED
+            for q in QUANTITIES
         ]  # fmt: skip
         return pd.concat(parts, ignore_index=True)
 
@@ -82,7 +82,7 @@ def stacked(results, size, control):
     found = []
     for result in results:
         s = single_statistics(result.sums["section"]) | controlled_statistics(result.sums["control"], control.variance)
-        found.append({prefix + q: s[name][:, i] for prefix, name in names.items() for i, q in enumerate(STATED)})
+        found.append({prefix + q: s[name][:, i] for prefix, name in names.items() for i, q in enumerate(QUANTITIES)})
     table = pd.DataFrame({name: np.concatenate([f[name] for f in found]) for name in found[0]})
     table.index += 1
     same = {"paths": size * BLOCK, "agreement": 1.0, "mesh": 1}

@@ -49,7 +49,7 @@ def test_record_compare_regenerate(run, pytester):
     recorded.assert_outcomes(passed=2)
     recorded.stdout.fnmatch_lines(["baselines  0 as recorded, 2 written", "*recorded *test_recorded*.toml"])
     first = files(pytester)
-    assert len(first) == 2  # names that a file cannot have are told apart
+    assert len(first) == 2  # names that a file cannot have are still distinguished
     values = tomllib.loads(next(iter(first.values()))[1])
     assert list(values["values"]) == ["tau", "y1"]
     assert values["scene"]["sigma"] == 0.02
@@ -137,7 +137,7 @@ def test_no_name_of_a_model_or_in_a_baseline_steers_the_terminal(pytester):
         found = pytester.runpytest_inprocess("-p", "rattle.compare.thresholds.plugin", "--color=no", "-rA", *options)
         text = found.stdout.str() + found.stderr.str()
         assert not steering.search(text)
-        assert r"\x1b]0;pwned\x07\u202e\x9b is outside what is allowed" in text
+        assert r"\x1b]0;pwned\x07\u202e\x9b exceeds the allowed error" in text
         return text
 
     said("--rattle-baselines=record")

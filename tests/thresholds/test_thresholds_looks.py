@@ -79,9 +79,7 @@ def test_a_failure_takes_no_further_look(run, said, tmp_path):
                  cache=tmp_path)  # fmt: skip
     result.assert_outcomes(failed=1)
     assert said(result, r"ensembles  (\d+) simulated") == "1"
-    result.stdout.fnmatch_lines(
-        ["rattle: wrong is outside what is allowed in 2 of 4 rows, 2 undecided", "2048 paths;*"]
-    )
+    result.stdout.fnmatch_lines(["rattle: wrong exceeds the allowed error in 2 of 4 rows, 2 undecided", "2048 paths;*"])
 
 
 def test_an_accuracy_is_looked_at_once(run, said):

@@ -66,7 +66,7 @@ def test_three_outcomes_and_planted_errors(run, said):
     result.stdout.fnmatch_lines(
         [f"intervals *{z} standard errors, for a false-alarm rate of 0.01 over up to {LOOKS} looks at the {ROWS} rows*"]
     )
-    assert "wrong_sd is outside what is allowed in 2 of 12 rows" in text
+    assert "wrong_sd exceeds the allowed error in 2 of 12 rows" in text
     assert re.search(r"sd y1 at 1 .* \+0\.\d{4} +\+0\.\d{4} +\+0\.\d{4} +0\.1000", text)
     needed = said(result, r"undecided  .*test_undecided \(saltation\) after 16,384 paths: (\S+) paths would decide")
     assert float(needed.replace(",", "")) > 16_384
@@ -140,7 +140,7 @@ BAD_MODELS = {
     "lambda s, k: right(s, k).iloc[:1]": "index of <lambda> = [1]: must hold each impact once, from 1 to 2",
     "lambda s, k: right(s, k).assign(tau='soon')": "column 'tau' of <lambda> = ['soon', 'soon']: must hold numbers",
     "lambda s, k: right(s, k) * float('inf')": "tau of <lambda> at impact 1 = inf: is no prediction",
-    "'corrected'": "sd_tau of mended at impact 1 = nan: is no prediction",
+    "'corrected'": "sd_tau of corrected at impact 1 = nan: is no prediction",
 }
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
-from rattle.compare.checks.extremes import flights, impacts, rests, runs, sampling, scaling, steps, windows
+from rattle.compare.checks.extremes import flights, impacts, runs, sampling, scaling, steps, sticking, windows
 from rattle.compare.checks.extremes.row import Extreme
 
 if TYPE_CHECKING:
@@ -13,7 +13,7 @@ __all__ = ["ROWS", "extremes", "table"]
 
 ROWS: dict[str, Callable[[], Extreme]] = {
     row.__name__: row
-    for part in (flights, impacts, rests, windows, steps, sampling, scaling, runs)
+    for part in (flights, impacts, sticking, windows, steps, sampling, scaling, runs)
     for row in part.ROWS
 }
 """Every row by the name of its function."""

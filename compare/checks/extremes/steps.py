@@ -39,8 +39,8 @@ def short_damping() -> Extreme:
         exact = np.array([j[0][1], drag, j[0][1], j[2][1]])
         errors.append(farthest(found, exact, np.maximum(np.abs(exact), 1e-300)))
     return Extreme(
-        "phi-functions of a short step", "beta", "beta 0 to 1e3, nearly equal too; beta h 0 to 0.2", "MODEL 2 in 400 digits",
-        worst_of(errors), ROUNDING, "its value",
+        "phi-functions of a short step", "beta", "beta 0 to 1e3, nearly equal too; beta h 0 to 0.2",
+        "MODEL 2 in 400 digits", worst_of(errors), ROUNDING, "its value",
     )  # fmt: skip
 
 

@@ -61,9 +61,9 @@ def linear_moments(scene: Scene, tau: float, coupled: bool = True) -> tuple[Floa
 
     def rate(t: float, s: Floats) -> Floats:
         m = np.array([0.0, -math.sin(t) + b1 * math.cos(t), 0.0, (b1 - b2) * math.cos(t)])
-        shaken = m if coupled else m * [0.0, 1.0, 0.0, 0.0]
+        noise = m if coupled else m * [0.0, 1.0, 0.0, 0.0]
         p = s[4:].reshape(4, 4)
-        spread = a @ p + p @ a.T + scene.sigma**2 * np.outer(shaken, shaken)
+        spread = a @ p + p @ a.T + scene.sigma**2 * np.outer(noise, noise)
         return np.concatenate([a @ s[:4] + drag + scene.alpha * m, spread.ravel()])
 
     first = np.concatenate([[start.x1, start.y1, start.x2, start.y2], np.zeros(16)])

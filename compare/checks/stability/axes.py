@@ -1,4 +1,4 @@
-"""The axes of the map: one field of the scene over its whole range, the others those of DAT21 at moderate noise."""
+"""The axes of the map: one field varies over its whole range; the others are those of DAT21 at moderate noise."""
 
 import math
 from collections.abc import Callable
@@ -8,17 +8,36 @@ from rattle.scene import DAT21, Scene, Start
 
 __all__ = ["AXES", "Axis", "moderate"]
 
-SIGMA, HALF_GAP, PHASE, INSIDE = 0.3, 0.5, 1.0, 0.2
-SPEED = 2.0  # of the start in the half gap of DAT21
+SIGMA, HALF_GAP = 0.3, 0.5
+PHASE, INSIDE = 1.0, 0.2  # of the start: its phase, and x2 over the half gap
+SPEED = 2.0  # speed of the start in the half gap of DAT21
 
 
 def moderate(*, beta: float | None = None, gap: float = HALF_GAP, sigma: float = SIGMA, epsilon: float = 0.9) -> Scene:
-    """DAT21 with one thing changed, and a start that suits it.
+    """Build DAT21 with some fields changed, and a start at a matching speed.
 
-    The start is just before an impact at mesh 1, at a phase where the noise is at work; the second stage is within its
-    gap, so that both do not arrive together.  The speed goes with the root of the gap, as that of a path that is
-    carried across it by one acceleration; it is not less than the noise makes in a crossing, ``(g sigma^2)^(1/3)``,
-    nor than what takes a path through a wide gap before it is damped.
+    The start is just before an impact at mesh 1, at a phase where the noise acts; the second stage is inside its gap,
+    so that the two meshes are not struck together.  The speed is proportional to the square root of the gap g, as under
+    constant acceleration.  It is at least ``(g sigma^2)^(1/3)``, which noise creates in a crossing, and at least g, so
+    that a wide gap is crossed before the velocity is damped.
+
+    Parameters
+    ----------
+    beta : float, optional
+        Damping of stage 1; that of stage 2 is changed in proportion.
+    gap : float
+        Half gap of both meshes.
+    sigma, epsilon : float
+        Noise intensity and restitution.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    InputError
+        If a value is not valid.
 
     Examples
     --------
@@ -35,7 +54,16 @@ def moderate(*, beta: float | None = None, gap: float = HALF_GAP, sigma: float =
 
 
 class Axis(NamedTuple):
-    """A field that is varied: its symbol, its values, and the scene at a value."""
+    """An axis of the map.
+
+    Attributes
+    ----------
+    symbol : str
+        For the figure.
+    values : tuple of float
+    scene : callable
+        Gives the scene at a value.
+    """
 
     symbol: str
     values: tuple[float, ...]
@@ -48,4 +76,4 @@ AXES = {
     "sigma": Axis(r"noise $\sigma$", (0.0, 1e-3, 0.03, 0.3, 3.0, 100.0, 1e4), lambda v: moderate(sigma=v)),
     "epsilon": Axis(r"restitution $\epsilon$", (0.0, 0.1, 0.3, 0.6, 0.9, 0.99, 1.0), lambda v: moderate(epsilon=v)),
 }
-"""By name."""
+"""All axes by name."""

@@ -1,4 +1,4 @@
-"""A cell of the map: one scheme, one scene, one step, on either side of the door, and the verdict on it."""
+"""A cell of the map: one scheme, one scene and one time step, admissible or not, and the verdict on it."""
 
 from typing import NamedTuple
 
@@ -35,42 +35,53 @@ UNBIASED, BIASED, UNDECIDED, UNSTABLE, COLLAPSING = VERDICTS = (
     "unbiased", "biased", "undecided", "unstable", "no limit",
 )  # fmt: skip
 
-FIRST = 2 * BLOCK  # paths that a verdict is first tried with
-GROWTH = 8  # times as many where they do not decide
-LATE = 0.05  # more of the paths than of the reference's that may be given up
-FAST = 10.0  # times the reference's speed, where speeds no longer are
+FIRST = 2 * BLOCK  # paths of the first attempt at a verdict
+GROWTH = 8  # factor on the number of paths while the verdict is undecided
+LATE = 0.05  # admissible excess of the share of abandoned paths over that of the reference
+FAST = 10.0  # speeds above so many times those of the reference count as unstable
 
 
 class Judged(NamedTuple):
-    """The verdict on a cell, and what it stands on.
+    """The verdict on a cell, with its evidence.
 
     Attributes
     ----------
     verdict : str
-        One of `VERDICTS`: all moments within the tolerance, with their intervals; one of them outside, with its
-        interval; neither; the run has not come through; or there is no limit that it could have come to.
+        One of `VERDICTS`.  ``unbiased``: all moments are within the tolerance, intervals included.  ``biased``: one of
+        them is outside, interval included.  ``undecided``: neither.  ``unstable``: moments are not finite, speeds are
+        ten times too large, or paths are abandoned.  ``no limit``: the scheme cannot converge as the step decreases.
     error, half : float
-        Of the moment that decides, and the half width of its interval, in tolerances.
+        Error of the decisive moment, and the half width of its interval, in units of the tolerance.
     where : str
-        Which moment that is, or what has gone wrong.
-    told : bool
-        Whether the run says by itself that something may be wrong; a shortened step alone is nothing wrong.
+        The decisive moment, or the kind of instability.
+    diagnosed : bool
+        Whether the run reports a diagnostic; the note that a default step was shortened does not count.
     paths : int
+        Simulated paths.
     moments : int
-        How many are judged.
+        Number of moments that are judged.
     """
 
     verdict: str
     error: float
     half: float
     where: str
-    told: bool
+    diagnosed: bool
     paths: int
     moments: int
 
 
 def looks(paths: int) -> int:
-    """How often a verdict may be tried with up to so many paths.
+    """Compute how often a verdict may be attempted, for the simultaneous intervals.
+
+    Parameters
+    ----------
+    paths : int
+        Largest number of paths.
+
+    Returns
+    -------
+    int
 
     Examples
     --------
@@ -84,7 +95,27 @@ def looks(paths: int) -> int:
 
 
 def sampled(scene: Scene, *, scheme: str, dt: float, paths: int, seed: int, workers: int) -> Ensemble:
-    """A simulation with any step, on either side of the door.
+    """Simulate with any time step, admissible or not.
+
+    Parameters
+    ----------
+    scene : Scene
+    scheme : str
+        Name in `montecarlo.SCHEMES`.
+    dt : float
+        Time step; not checked against `montecarlo.largest_step`.
+    paths, seed : int
+    workers : int
+        Threads; the result does not depend on it.
+
+    Returns
+    -------
+    Ensemble
+
+    Raises
+    ------
+    InputError
+        If another argument is not valid.
 
     Examples
     --------
@@ -108,7 +139,30 @@ def judged(
     scene: Scene, beside: Reference, *, scheme: str, dt: float, paths: int, seed: int, workers: int, z: float,
     within: Tolerances = Tolerances(),  # noqa: B008  (a tuple)
 ) -> Judged:  # fmt: skip
-    """Run a cell, with more paths while these do not decide, and judge it with intervals of z standard errors.
+    """Simulate a cell, with more paths while the verdict is undecided, and judge it.
+
+    Parameters
+    ----------
+    scene : Scene
+    beside : Reference
+        The exact or reference moments.
+    scheme : str
+        Name in `montecarlo.SCHEMES`.
+    dt : float
+        Time step, admissible or not.
+    paths : int
+        Largest number of paths.
+    seed : int
+    workers : int
+        Threads; the result does not depend on it.
+    z : float
+        Half width of the intervals in standard errors.
+    within : Tolerances
+        Admissible errors of means and sds.
+
+    Returns
+    -------
+    Judged
 
     Examples
     --------
@@ -121,7 +175,7 @@ def judged(
     ['unbiased', 'biased']
     """
     number = min(paths, FIRST)
-    with np.errstate(all="ignore"):  # what is unstable overflows
+    with np.errstate(all="ignore"):  # unstable runs overflow
         run = sampled(scene, scheme=scheme, dt=dt, paths=number, seed=seed, workers=workers)
         while True:
             verdict, error, half, where = _verdict(run, beside, z, within)
@@ -151,7 +205,7 @@ def _verdict(run: Ensemble, beside: Reference, z: float, within: Tolerances) -> 
 
     wrong = _gone_wrong(run, beside)
     if run.scene.sigma > 0.0 and run.scene.epsilon == 0.0:
-        return COLLAPSING, *at(error)[:2], "a path without speed at its wall is shaken against it without end"
+        return COLLAPSING, *at(error)[:2], "at restitution 0 noise makes infinitely many impacts in a finite time"
     if wrong:
         return UNSTABLE, *at(error)[:2], wrong
     if (error - half > 1.0).any():
@@ -160,7 +214,7 @@ def _verdict(run: Ensemble, beside: Reference, z: float, within: Tolerances) -> 
 
 
 def _gone_wrong(run: Ensemble, beside: Reference) -> str:
-    """What says that a run has not come through; empty if nothing does."""
+    """Description of an instability; empty if there is none."""
     reached = np.isfinite(beside.columns["tau"])
     if not all(np.isfinite(run.columns[q][reached]).all() for q in ("tau", "y1", "y2", "sd_y1", "sd_y2")):
         return "moments are not finite"
@@ -170,5 +224,5 @@ def _gone_wrong(run: Ensemble, beside: Reference) -> str:
     if ours > FAST * theirs:
         return f"speeds are {ours / theirs:.1e} times those of the reference"
     if run.unfinished > (beside.late + LATE) * run.paths:
-        return f"{run.unfinished / run.paths:.0%} of the paths were given up"
+        return f"{run.unfinished / run.paths:.0%} of the paths were abandoned"
     return ""

@@ -1,4 +1,4 @@
-"""The whole map: every scheme over every axis, from far inside the door to far outside, and at the default step."""
+"""The whole map: every scheme over every axis, at admissible and longer steps, and at the default step."""
 
 import time
 from collections.abc import Sequence
@@ -19,23 +19,25 @@ from rattle.scene.moments import SECTION
 __all__ = ["PATHS", "SHARES", "Chart", "chart"]
 
 PATHS = 32_768
-REFERENCE = 4  # times as many paths of the reference
+REFERENCE = 4  # the reference has so many times the paths of a cell
 SHARES = (1 / 32, 1 / 8, 1 / 2, 1.0, 4.0, 16.0)
-"""Steps, in units of the largest one that the door lets through."""
-OUTSIDE = 8 * BLOCK  # most paths of a cell outside the door, where verdicts are plain, or whose paths collapse slowly
+"""Time steps, in units of the longest admissible one."""
+OUTSIDE = 8 * BLOCK  # most paths of a cell with an inadmissible step (large errors), or with slowly collapsing paths
 
 
 class Chart(NamedTuple):
-    """What was measured.
+    """The measured map.
 
     Attributes
     ----------
     table : DataFrame
-        A row for each cell: ``scheme, axis, value, dt, share`` of the door's largest step, ``why`` that is the largest,
-        ``default`` whether this is the default step, and what `rattle.compare.checks.stability.cell.Judged` has.
+        A row for each cell: ``scheme, axis, value, dt, share`` (dt over the longest admissible step), ``why`` (what
+        limits that step), ``default`` (whether dt is the default step), and the attributes of
+        `rattle.compare.checks.stability.cell.Judged`.
     z : float
-        Standard errors of the intervals: all of them hold together with 95 %.
+        Half width of the intervals in standard errors, for 95 % simultaneous coverage.
     seconds : float
+        Wall time.
     """
 
     table: pd.DataFrame
@@ -43,15 +45,15 @@ class Chart(NamedTuple):
     seconds: float
 
     @property
-    def let_through(self) -> pd.DataFrame:
-        """The cells inside the door."""
+    def admissible(self) -> pd.DataFrame:
+        """The cells with an admissible step."""
         return self.table[self.table["share"] <= 1.0]
 
     @property
-    def untold(self) -> pd.DataFrame:
-        """Cells that the door lets through, that are wrong, and whose run does not say so: there should be none."""
-        inside = self.let_through
-        return inside[inside["verdict"].isin((BIASED, UNSTABLE)) & ~inside["told"]]
+    def undiagnosed(self) -> pd.DataFrame:
+        """Admissible cells that are biased or unstable without a diagnostic of the run: there should be none."""
+        cells = self.admissible
+        return cells[cells["verdict"].isin((BIASED, UNSTABLE)) & ~cells["diagnosed"]]
 
 
 def chart(
@@ -63,19 +65,24 @@ def chart(
     Parameters
     ----------
     schemes, axes : sequence of str
-        Names out of `montecarlo.SCHEMES` and `AXES`.
+        Names in `montecarlo.SCHEMES` and `AXES`.
     points : int
-        Values of each axis, of 7: both ends first.
+        Number of values on each axis, up to 7, spread from end to end.
     paths : int
-        Most paths of a cell; a verdict that fewer allow is taken from these.
+        Largest number of paths of a cell; fewer are simulated if they suffice for a verdict.
     seed : int
-        The same noise for all cells of an axis, other noise for its reference.
+        Seed of all cells; the references use another.
     workers : int
+        Threads; the result does not depend on it.
+
+    Returns
+    -------
+    Chart
 
     Examples
     --------
     >>> found = chart(schemes=["euler-maruyama"], axes=["sigma"], points=1, paths=1)
-    >>> found.table.query("default")[["value", "verdict", "told"]].to_numpy().tolist()
+    >>> found.table.query("default")[["value", "verdict", "diagnosed"]].to_numpy().tolist()
     [[0.0, 'biased', True]]
     """
     began = time.perf_counter()
@@ -105,7 +112,7 @@ def chart(
 
 
 def _spread(values: Sequence[float], points: int) -> list[float]:
-    """So many of the values, from end to end."""
+    """Choose so many of the values, spread from end to end."""
     if points >= len(values):
         return list(values)
     return [values[round(i * (len(values) - 1) / max(points - 1, 1))] for i in range(points)]

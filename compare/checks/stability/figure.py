@@ -1,4 +1,4 @@
-"""The map as a figure: a row for each scheme, a panel for each axis, a mark for each cell, the door as a line."""
+"""The figure of the map: a row for each scheme, a panel for each axis, a mark for each cell."""
 
 from typing import Any
 
@@ -20,13 +20,23 @@ MARKS: Any = {
     UNSTABLE: {"color": "#000000", "marker": "X"},
     COLLAPSING: {"color": "#CC79A7", "marker": "D"},
 }
-"""Okabe and Ito's colours, and shapes that tell without them."""
+"""Colours of Okabe and Ito's palette; markers distinguish the verdicts without colour as well."""
 REFUSED = "#E8E8E8"
-BESIDE = 0.28  # of a column, by which the cell at the default step stands beside the others
+BESIDE = 0.28  # horizontal offset of the cell at the default step, in columns
 
 
 def figure(table: pd.DataFrame) -> Figure:
-    """Draw the map; `table` as of `rattle.compare.checks.stability.chart.Chart`."""
+    """Draw the map.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As `rattle.compare.checks.stability.chart.Chart.table`.
+
+    Returns
+    -------
+    Figure
+    """
     schemes, axes = list(dict.fromkeys(table["scheme"])), list(dict.fromkeys(table["axis"]))
     drawn, panels = new_figure(2.9 * len(axes) + 0.8, 2.7 * len(schemes) + 0.9, len(schemes), len(axes))
     for i, scheme in enumerate(schemes):
@@ -44,17 +54,17 @@ def figure(table: pd.DataFrame) -> Figure:
 
 def _panel(ax: Axes, part: pd.DataFrame) -> None:
     values = list(dict.fromkeys(part["value"]))
-    door = [float(group["dt"].iloc[0] / group["share"].iloc[0]) for _, group in part.groupby("value", sort=False)]
+    longest = [float(group["dt"].iloc[0] / group["share"].iloc[0]) for _, group in part.groupby("value", sort=False)]
     ax.set_yscale("log")
     low, high = 0.4 * part["dt"].min(), 2.5 * part["dt"].max()
     edges = [-0.5, *range(len(values)), len(values) - 0.5]
-    line = [door[0], *door, door[-1]]
+    line = [longest[0], *longest, longest[-1]]
     ax.fill_between(edges, line, high, color=REFUSED, lw=0)
     ax.plot(edges, line, color="k", lw=1.3)
     for _, cell in part.iterrows():
         style = MARKS[cell["verdict"]]
         x = values.index(cell["value"]) + (BESIDE if cell["default"] else 0.0)
-        face = "white" if cell["told"] and cell["share"] <= 1.0 else style["color"]
+        face = "white" if cell["diagnosed"] and cell["share"] <= 1.0 else style["color"]
         ax.plot(
             x, cell["dt"], style["marker"], ms=4.0 if cell["default"] else 5.5, mec=style["color"], mfc=face, mew=1.2,
             ls="",
@@ -70,8 +80,8 @@ def _legend(verdicts: set[str]) -> list[Line2D]:
     ]
     return [
         *marks,
-        Line2D([], [], ls="", marker="s", ms=6, mfc="white", mec="k", label="hollow: the run says so itself"),
-        Line2D([], [], color="k", lw=1.3, label="the door"),
+        Line2D([], [], ls="", marker="s", ms=6, mfc="white", mec="k", label="hollow: with a diagnostic"),
+        Line2D([], [], color="k", lw=1.3, label="longest admissible step"),
         Line2D([], [], ls="", marker="s", ms=9, color=REFUSED, label="refused"),
         Line2D([], [], ls="", marker="o", ms=4, mfc="k", mec="k", label="small, to the right: the default step"),
     ]

@@ -1,4 +1,4 @@
-"""Exact flights against the exact law of a flight without walls: the covariance that the noise collects."""
+"""Exact flights without walls compared with the exact distribution: the covariance accumulated by the noise."""
 
 import numpy as np
 import pandas as pd
@@ -12,17 +12,29 @@ from rattle.scene.moments import STATE
 
 __all__ = ["covariance_table"]
 
-FLIGHT = 0.2  # from tau = 0, where the variance begins from nothing: the hardest flight there is
+FLIGHT = 0.2  # flight time from tau = 0, where the noise has no modulation yet: the most demanding flight
 OPEN = 1e6  # half gap that no path crosses
-SHARES = (1 / 8, 1.0)  # of the largest step
-TOLERANCE = 0.10  # of an sd, as for the sds of the map
+SHARES = (1 / 8, 1.0)  # time steps, in units of the longest admissible one
+TOLERANCE = 0.10  # admissible relative error of an sd, as for the sds of the map
 
 
 def covariance_table(*, points: int = 7, paths: int, seed: int, workers: int) -> pd.DataFrame:
-    """Sds of the state after a flight over sds by `rattle.scene.flight.noise_covariance`, for each damping of the map.
+    """Compare simulated sds after a flight with `rattle.scene.flight.noise_covariance`, for each damping of the map.
 
-    Columns ``beta, dt, share`` of the largest step, and of the quantity that is furthest off ``quantity, error``, the
-    ratio less 1, and ``half``, half the width of its interval; ``holds`` says whether all of them are within 10 %.
+    Parameters
+    ----------
+    points : int
+        Number of values of the damping, up to 7.
+    paths, seed : int
+    workers : int
+        Threads; the result does not depend on it.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``beta, dt, share`` (dt over the longest admissible step); for the quantity with the largest error
+        ``quantity, error`` (relative, of its sd) and ``half`` (half width of its interval); ``holds`` (whether all
+        quantities are within 10 %).
 
     Examples
     --------
@@ -49,12 +61,12 @@ def covariance_table(*, points: int = 7, paths: int, seed: int, workers: int) ->
                 record=Record(times=[FLIGHT]),
             )
             table = run.at_times().iloc[0]
-            law = np.diag(noise_covariance(scene.constants, 0.0, FLIGHT))
+            exact = np.diag(noise_covariance(scene.constants, 0.0, FLIGHT))
             found = np.array([table[f"cov_{q}_{q}"] for q in STATE])
             se = np.array([table[f"se_cov_{q}_{q}"] for q in STATE])
-            varies = law > 1e-12 * law.max()
-            error = np.where(varies, np.sqrt(found / np.where(varies, law, 1.0)) - 1.0, 0.0)
-            half = np.where(varies, z * se / np.where(varies, 2.0 * law, 1.0), 0.0)
+            varies = exact > 1e-12 * exact.max()
+            error = np.where(varies, np.sqrt(found / np.where(varies, exact, 1.0)) - 1.0, 0.0)
+            half = np.where(varies, z * se / np.where(varies, 2.0 * exact, 1.0), 0.0)
             k = int((np.abs(error) + half).argmax())
             rows.append({
                 "beta": beta, "dt": run.dt, "share": share, "quantity": STATE[k], "error": float(error[k]),
@@ -64,7 +76,7 @@ def covariance_table(*, points: int = 7, paths: int, seed: int, workers: int) ->
 
 
 def _open(scene: Scene) -> Scene:
-    """The same without walls within reach, at rest at tau = 0."""
+    """The same without walls within reach, with zero velocity at tau = 0."""
     c = scene.constants
     return Scene(
         alpha=c.alpha, epsilon=c.epsilon, beta1=c.beta1, beta2=c.beta2, gamma1=c.gamma1, gamma2=c.gamma2, mu=c.mu,

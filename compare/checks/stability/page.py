@@ -1,4 +1,4 @@
-"""The map as a report folder: page, figure, tables, manifest."""
+"""The page and the folder of ``rattle stability``."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,97 +20,116 @@ from rattle.compare.validation.verdict import Tolerances
 __all__ = ["CONTENTS", "answer", "write_stability"]
 
 CONTENTS = contents("stability", figures=["stability"], tables=["stability", "covariance", "extremes"])
-"""What such a folder holds; anything else in it is not ours."""
+"""Files of such a folder; a folder with any other file is not overwritten."""
 
 MARK = {UNBIASED: "good", BIASED: "bad", UNSTABLE: "bad", UNDECIDED: "open"}
-DOOR = (
-    "A step beyond the door is refused before any path has run, with the longest step that is let through and what "
-    "limits it. A default step beyond the door is shortened to it, and the result says so. What the door lets through "
-    "and may still be biased says so in the result: Ensemble.diagnostics, which rattle simulate prints."
+STEPS = (
+    "Input validation refuses a step longer than the longest admissible one before any path is simulated, and names "
+    "that step and what limits it. A longer default step is shortened to it, which the result reports. Admissible runs "
+    "that may be biased carry diagnostics: Ensemble.diagnostics, which rattle simulate prints."
 )
 TOLERANCE = (
+    "The section is the Poincaré section at the impacts: moments are taken over each path's own k-th impact. "
     "A cell is unbiased if all section means are within {mean:.0%} and all sds within {sd:.0%} of an sd of the "
-    "reference, with their intervals; biased if one of them is outside with its interval; undecided between. Where an "
-    "sd is less than 1 % of the flight time, the half gap or the speed, that 1 % is the unit. Unstable is a run whose "
-    "moments are not finite, whose speeds are ten times those of the reference, or that gives up paths which the "
-    "reference does not. No limit: at restitution 0 noise shakes a path without end against its wall."
+    "reference, intervals included; biased if one of them is outside, interval included; undecided otherwise. If an "
+    "sd is less than 1 % of the flight time, the half gap or the speed, that 1 % is the unit. A run is unstable if its "
+    "moments are not finite, its speeds are ten times those of the reference, or it abandons paths that the "
+    "reference does not. No limit: at restitution 0 noise makes infinitely many impacts in a finite time."
 )
-BESIDE = (
+REFERENCE = (
     "Reference: {impacts} impacts of exact flights at a quarter of their default step with other random numbers and "
-    "four times the paths, or root finding along the orbit where σ = 0. Left out: the displacement at the mesh that "
-    "most paths strike, and what less than about 3 % of the paths make the sd of; {fewest} to {most} moments are "
-    "judged in a cell. Intervals of {z:.2f} standard errors: all hold together with 95 %, however often a cell was "
-    "tried with more paths. Base scene: DAT21 at σ = 0.3, a start at τ = 1 whose speed suits gap and noise."
+    "four times the paths, or root finding along the orbit where σ = 0. Not judged: the displacement at the mesh that "
+    "most paths strike, and quantities whose variance comes from less than about 3 % of the paths; {fewest} to {most} "
+    "moments are judged in a cell. Intervals of {z:.2f} standard errors: 95 % simultaneous coverage, including "
+    "repeated attempts with more paths. Base scene: DAT21 at σ = 0.3, with a start at τ = 1 whose speed matches gap "
+    "and noise."
 )
-EXTREMES = "Extreme values are ordinary values: each row holds a part of the program against a truth of its own."
-FLOATS = "All of it in double precision; single precision is not offered, neither on processors nor on a card."
+EXTREMES = "Each row compares a part of the program with an independent reference at extreme values."
+FLOATS = "All computations are in double precision; single precision is not offered, neither on CPUs nor on GPUs."
 
 
 def answer(found: Chart) -> list[str]:
-    """What the map says, in sentences."""
-    inside, untold = found.let_through, found.untold
-    counts = {v: int((inside["verdict"] == v).sum()) for v in (UNBIASED, UNDECIDED, BIASED, UNSTABLE)}
-    wrong = inside[inside["verdict"].isin((BIASED, UNSTABLE))]
+    """Summarise the map in sentences.
+
+    Parameters
+    ----------
+    found : Chart
+
+    Returns
+    -------
+    list of str
+    """
+    cells, undiagnosed = found.admissible, found.undiagnosed
+    counts = {v: int((cells["verdict"] == v).sum()) for v in (UNBIASED, UNDECIDED, BIASED, UNSTABLE)}
+    wrong = cells[cells["verdict"].isin((BIASED, UNSTABLE))]
     said = [
-        f"Inside the door {counts[UNBIASED]} of {len(inside)} cells are unbiased, {counts[UNDECIDED]} undecided, "
-        f"{counts[BIASED]} biased and {counts[UNSTABLE]} unstable; of those that are wrong "
-        f"{int(wrong['told'].sum())} of {len(wrong)} say so themselves.",
+        f"With admissible steps {counts[UNBIASED]} of {len(cells)} cells are unbiased, {counts[UNDECIDED]} undecided, "
+        f"{counts[BIASED]} biased and {counts[UNSTABLE]} unstable; diagnostics report "
+        f"{int(wrong['diagnosed'].sum())} of these {len(wrong)} biased and unstable cells.",
     ]
-    if len(untold):
-        said.append(f"{len(untold)} cells are wrong inside the door and do not say so: a defect.")
+    if len(undiagnosed):
+        said.append(f"{len(undiagnosed)} admissible cells are biased or unstable without a diagnostic: a defect.")
     for scheme, part in found.table.groupby("scheme", sort=False):
         own = part[part["default"]]
-        good, told = own["verdict"] == UNBIASED, own["told"].astype(bool)
+        good, diagnosed = own["verdict"] == UNBIASED, own["diagnosed"].astype(bool)
         said.append(
-            f"{scheme} at its default step: {int(good.sum())} of {len(own)} places shown to be unbiased, "
-            f"{int((~good & told).sum())} others say that they may be off."
+            f"{scheme} at its default step: {int(good.sum())} of {len(own)} cells shown to be unbiased, "
+            f"{int((~good & diagnosed).sum())} others with a diagnostic."
         )
     return said
 
 
 def write_stability(
-    out: Path, found: Chart, law: pd.DataFrame, tried: Sequence[Extreme], record: dict[str, Any], overwrite: bool
+    out: Path, found: Chart, covariance: pd.DataFrame, tried: Sequence[Extreme], record: dict[str, Any], overwrite: bool
 ) -> list[str]:
-    """Write the folder and return the answer.
+    """Write the folder of the map atomically.
 
     Parameters
     ----------
     out : Path
+        The folder.
     found : Chart
-    law : DataFrame
-        Of `rattle.compare.checks.stability.free_flight.covariance_table`.
+    covariance : DataFrame
+        As of `rattle.compare.checks.stability.free_flight.covariance_table`.
     tried : sequence of Extreme
-        Of `rattle.compare.checks.extremes.run.extremes`; empty if they were not tried.
+        As of `rattle.compare.checks.extremes.run.extremes`; empty if they were not run.
     record : dict
-        Of the manifest.
+        Entries of the manifest.
     overwrite : bool
+        Whether earlier results may be replaced.
+
+    Returns
+    -------
+    list of str
+        The answer, in sentences.
 
     Raises
     ------
     OutputError
-        If the folder holds other things, or earlier ones that may not be replaced.
+        If the folder contains other files, or earlier results and `overwrite` is false.
     """
     said = answer(found)
     if tried:
         said.append(f"{sum(row.holds for row in tried)} of {len(tried)} extremes of the formulas and samplers hold.")
     tolerance = TOLERANCE.format(**Tolerances()._asdict())
     moments = found.table["moments"]
-    beside = BESIDE.format(impacts=IMPACTS, z=found.z, fewest=moments.min(), most=moments.max())
+    reference = REFERENCE.format(impacts=IMPACTS, z=found.z, fewest=moments.min(), most=moments.max())
     caption = (
-        "Every scheme (rows) over every axis (columns): a mark for each step that was tried. Grey: the door refuses it."
+        "Every scheme (rows) over every axis (columns): a mark for each time step. Grey: longer than the longest "
+        "admissible step, refused by input validation."
     )
     page = Page(
         "Where is each scheme stable and unbiased?", tuple(said), source_of(record),
-        (Figure("stability.svg", caption, caption), Text(DOOR), Text(FLOATS)),
+        (Figure("stability.svg", caption, caption), Text(STEPS), Text(FLOATS)),
         (
-            Section("The worst cell inside the door", (Text(tolerance, note=True), worst(found))),
+            Section("The worst cell with an admissible step", (Text(tolerance, note=True), worst(found))),
             Section("At the default step", (_defaults(found),)),
-            Section("How it was measured", (Text(beside),)),
-            Section("Exact flights without walls against the exact covariance", (_law(law),)),
+            Section("Method", (Text(reference),)),
+            Section("Exact flights without walls compared with the exact covariance", (_covariance(covariance),)),
             *((Section("Extreme values", (Text(EXTREMES, note=True), _extremes(tried))),) if tried else ()),
         ),
     )  # fmt: skip
-    tables = {"stability": found.table, "covariance": law} | ({"extremes": table(tried)} if tried else {})
+    tables = {"stability": found.table, "covariance": covariance} | ({"extremes": table(tried)} if tried else {})
     save(
         out, "stability", page, record, allowed=CONTENTS, figures={"stability": figure(found.table)}, tables=tables,
         digits="%.6g", overwrite=overwrite,
@@ -119,21 +138,21 @@ def write_stability(
 
 
 def worst(found: Chart) -> Table:
-    """The cell furthest beyond the tolerance inside the door, for each scheme and axis."""
-    inside = found.let_through[found.let_through["verdict"] != COLLAPSING]
-    chosen = inside.loc[inside.groupby(["scheme", "axis"], sort=False)["error"].idxmax()]
+    """The admissible cell with the largest error, for each scheme and axis."""
+    cells = found.admissible[found.admissible["verdict"] != COLLAPSING]
+    chosen = cells.loc[cells.groupby(["scheme", "axis"], sort=False)["error"].idxmax()]
     return _table(chosen)
 
 
 def _defaults(found: Chart) -> Table:
-    return _table(found.table[found.table["default"]], "every place at its default step")
+    return _table(found.table[found.table["default"]], "all cells at the default step")
 
 
 def _table(cells: pd.DataFrame, summary: str = "") -> Table:
     rows: list[Row] = [
         [
             c["scheme"], c["axis"], c["value"], c["dt"], Cell(c["verdict"], MARK.get(c["verdict"], "open")),
-            Cell(f"{c['error']:.2g} ± {c['half']:.1g}"), c["where"], "yes" if c["told"] else "no",
+            Cell(f"{c['error']:.2g} ± {c['half']:.1g}"), c["where"], "yes" if c["diagnosed"] else "no",
         ]
         for _, c in cells.iterrows()
     ]  # fmt: skip
@@ -144,7 +163,7 @@ def _table(cells: pd.DataFrame, summary: str = "") -> Table:
         "verdict",
         *numbers("error in tolerances"),
         "of",
-        "says so",
+        "diagnosed",
     ]
     return Table.of(heads, rows, summary)
 
@@ -158,16 +177,18 @@ def _extremes(tried: Sequence[Extreme]) -> Table:
         ]
         for row in tried
     ]  # fmt: skip
-    heads: list[Column | str] = ["what", "field", "tried", "against", *numbers("worst error", "allowed"), "relative to"]
+    heads: list[Column | str] = [
+        "what", "field", "range", "reference", *numbers("worst error", "allowed"), "relative to",
+    ]  # fmt: skip
     return Table.of(heads, rows, "every row")
 
 
-def _law(law: pd.DataFrame) -> Table:
+def _covariance(table: pd.DataFrame) -> Table:
     rows: list[Row] = [
         [
             r["beta"], r["dt"], Cell(f"{r['error']:+.2%} ± {r['half']:.1%}", "good" if r["holds"] else "bad"),
             r["quantity"],
         ]
-        for _, r in law.iterrows()
+        for _, r in table.iterrows()
     ]  # fmt: skip
-    return Table.of([*numbers("β₁", "dt", "sd over the exact one's − 1"), "of"], rows)
+    return Table.of([*numbers("β₁", "dt", "relative error of the sd"), "of"], rows)

@@ -1,4 +1,4 @@
-"""What a cell of the map is held against: exact flights at a fine step, or the orbit itself where nothing is random."""
+"""The reference of a cell of the map: exact flights with a short step, or the orbit itself without noise."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -18,22 +18,22 @@ __all__ = ["IMPACTS", "Reference", "horizon_of", "reference"]
 Floats = NDArray[np.float64]
 
 IMPACTS = 4
-FINER = 4.0  # times than the default of exact flights
-MOST_KURTOSIS = 30.0  # excess, beyond which too few paths make an sd
-CROSSINGS = 40.0  # of a half gap at the speed of the start, after which a path is given up
+FINER = 4.0  # the default step of exact flights over the step of the reference
+MOST_KURTOSIS = 30.0  # excess kurtosis above which too few paths contribute to an sd for a reliable error
+CROSSINGS = 40.0  # horizon of a path, in crossings of a half gap at the speed of the start
 
 
 class Reference(NamedTuple):
-    """Section moments that a cell should have.
+    """Reference section moments of a cell.
 
     Attributes
     ----------
-    columns : mapping
-        Means, sds and their standard errors, as of `Ensemble.columns`.
-    unit : dict
-        Of the errors, see `rattle.montecarlo.diagnostics.motion_units`; NaN where a quantity is not judged.
+    columns : mapping of str to ndarray
+        Means, sds and their standard errors, as `Ensemble.columns`.
+    unit : dict of str to ndarray
+        Units of the errors, see `rattle.montecarlo.diagnostics.motion_units`; NaN where a quantity is not judged.
     late : float
-        Share of the paths that had not had all their impacts at the horizon.
+        Share of the paths that did not complete their impacts before the horizon.
     """
 
     columns: Mapping[str, NDArray[Any]]
@@ -42,20 +42,41 @@ class Reference(NamedTuple):
 
     @property
     def moments(self) -> int:
-        """How many means and sds are judged."""
+        """Number of means and sds that are judged."""
         return 2 * sum(int(np.isfinite(unit).sum()) for unit in self.unit.values())
 
 
 def horizon_of(scene: Scene) -> float:
-    """Time after which paths of the map are given up."""
+    """Compute the time after which a path is abandoned.
+
+    Parameters
+    ----------
+    scene : Scene
+        With a start at mesh 1, as of `rattle.compare.checks.stability.axes.moderate`.
+
+    Returns
+    -------
+    float
+    """
     return CROSSINGS * scene.gap1 / abs(scene.start.y1)
 
 
 def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference:
-    """Exact flights at a quarter of their default step, or `rattle.scene.impact.next_impact` where nothing is random.
+    """Compute the reference by exact flights at a quarter of their default step, or by root finding without noise.
 
-    Not judged is what `rattle.compare.validation.verdict.RULE` leaves out, and what less than about 3 % of the paths
-    make the sd of: a sample of them says too little.
+    Not judged are the quantities that `rattle.compare.validation.verdict.RULE` leaves out, and those whose variance
+    comes from less than about 3 % of the paths, for which standard errors are unreliable.
+
+    Parameters
+    ----------
+    scene : Scene
+    paths, seed : int
+    workers : int
+        Threads; the result does not depend on it.
+
+    Returns
+    -------
+    Reference
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What must come out where something bad goes in: one of our errors that names it, and never another library's."""
+"""Checks of invalid input: it must lead to one of our errors that names it, never to an error of another library."""
 
 import json
 import os
@@ -50,7 +50,7 @@ def spoilt(data: dict[str, Any], name: str) -> Ended:
     except InputError as error:
         return refused(error, name if error.field not in ("scene", "gears") else "")
     if Scene.from_toml(scene.to_toml()) != scene or not np.isfinite(np.array(scene.constants, float)).all():
-        raise AssertionError(f"let in, and is none: {scene}")
+        raise AssertionError(f"accepted, but not a valid scene: {scene}")
     return "complete", ""
 
 

@@ -1,4 +1,4 @@
-"""Each check of simulations, files and verdicts sees what it is there to see: one planted wrong number each."""
+"""Negative controls of the checks of simulations, files and verdicts: one wrong number each, which must be detected."""
 
 import dataclasses
 import json
@@ -70,7 +70,7 @@ def test_a_wrong_column_is_seen(column, value, run, monkeypatch):
 
 
 def test_a_missing_number_with_a_reason_is_none():
-    """One path of a random scene tells no error; what does not vary has no skewness; who is not there tells nothing."""
+    """A single random path has no standard error, a constant no skewness, and unfinished paths have no moments."""
     fuzz_sampled.of_an_ensemble(simulate(SCENE, **(SETTINGS | {"paths": 1})))
     fuzz_sampled.of_an_ensemble(simulate(QUIET, **SETTINGS))
     fuzz_sampled.of_an_ensemble(simulate(SCENE, **SETTINGS, horizon=0.6))
@@ -88,7 +88,7 @@ def test_wrong_tables_beside_the_section_are_seen(run, monkeypatch):
     monkeypatch.setattr(Ensemble, "diagnostics", ())
     unfinished = simulate(SCENE, **SETTINGS, horizon=0.6)
     assert unfinished.unfinished
-    with pytest.raises(AssertionError, match="nobody is told"):
+    with pytest.raises(AssertionError, match="no diagnostic"):
         fuzz_sampled.of_an_ensemble(unfinished)
 
 
@@ -210,10 +210,10 @@ def test_a_number_that_a_closure_keeps_back_is_seen(table, place, monkeypatch):
 
 def test_a_refusal_of_what_nobody_has_given_is_seen(monkeypatch):
     def refusing(*given, **settings):
-        raise fuzz_checks.fuzz_doors.InputError("record.times", 1.0, "must lie between 0 and 0.5")
+        raise fuzz_checks.fuzz_bad_input.InputError("record.times", 1.0, "must lie between 0 and 0.5")
 
     monkeypatch.setattr(fuzz_checks, "validate", refusing)
-    with pytest.raises(AssertionError, match="had let it in"):
+    with pytest.raises(AssertionError, match="although the scene is valid"):
         fuzz_checks.check("validate", SIMPLE, {"impacts": 1})
 
 

@@ -1,14 +1,14 @@
-"""The watch and the checks see what they are there to see: planted hangs, deaths, and wrong numbers."""
+"""Negative controls of the watched process and of the checks: hangs, deaths and wrong numbers are detected."""
 
 from dataclasses import replace
 
+import fuzz_bad_input
 import fuzz_checks
-import fuzz_doors
 import fuzz_sampled
 import numpy as np
 import pytest
+from fuzz_control_jobs import ends_as_named
 from fuzz_plan import SIMPLE
-from fuzz_planted import controls
 from fuzz_watched import Watched
 
 from rattle.compare.study import store
@@ -16,7 +16,7 @@ from rattle.montecarlo.result import Ensemble
 
 
 def test_the_watch_tells_hangs_deaths_and_warnings_and_goes_on():
-    watched = Watched(controls, {"hangs": 4.0}, [])
+    watched = Watched(ends_as_named, {"hangs": 4.0}, [])
     found = {kind: watched.run(kind) for kind in ("hangs", "fine", "dies", "warns", "well")}
     watched.close()
     assert {kind: o.ended for kind, o in found.items()} == {
@@ -93,7 +93,7 @@ def test_a_changed_number_in_a_cell_is_seen_where_there_is_no_seal(monkeypatch):
     """A changed footer renumbers the impacts in silence; where in the file that is differs from run to run."""
 
     def ends(flips):
-        return {fuzz_doors.file("cell", [("flip", share, 0)])[0] for share in np.linspace(0.75, 0.999, flips)}
+        return {fuzz_bad_input.file("cell", [("flip", share, 0)])[0] for share in np.linspace(0.75, 0.999, flips)}
 
     assert ends(60) <= {"refused", "complete"}
     monkeypatch.setattr(store.Store, "read", blind)
@@ -117,4 +117,4 @@ def blind(self, key):
 
 def test_an_error_without_the_name_of_its_field_is_seen():
     with pytest.raises(AssertionError, match="does not name"):
-        fuzz_doors.refused(fuzz_doors.InputError("x", 1, "is bad"), "alpha")
+        fuzz_bad_input.refused(fuzz_bad_input.InputError("x", 1, "is bad"), "alpha")

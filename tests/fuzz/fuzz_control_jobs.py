@@ -1,12 +1,12 @@
-"""Jobs with known ends, for the test of the watch."""
+"""Jobs with known ends: negative controls of the watched process."""
 
 import os
 import time
 
-__all__ = ["controls"]
+__all__ = ["ends_as_named"]
 
 
-def controls(kind):
+def ends_as_named(kind):
     if kind == "hangs":
         time.sleep(60.0)
     if kind == "dies":
