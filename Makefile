@@ -1,4 +1,4 @@
-# The two commands of the README.  Each sets up .venv when it is missing or out of date, and never again.
+# The commands of the README.  Each sets up .venv when it is missing or out of date, and never again.
 PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin
@@ -12,7 +12,7 @@ INTERPRETED := tests/interpreted tests/scene
 # Two cores.
 BOTH := --numprocesses=2 --dist=loadfile
 
-.PHONY: report test audit clean
+.PHONY: report test docs audit clean
 
 report: $(READY)
 	$(RUN)/rattle validate --out reports/dat21 --overwrite
@@ -28,6 +28,11 @@ test: $(READY)
 	for package in scene closure montecarlo compare; do \
 		$(RUN)/coverage report --include="$$package/*" --skip-covered --fail-under=95 || exit 1; \
 	done
+
+# The documentation site, every example and gallery script run anew, warnings as errors; no network is used.
+docs: $(READY)
+	$(RUN)/sphinx-build -W --keep-going --quiet -b html docs docs/_build/html
+	@echo "Site: docs/_build/html/index.html"
 
 # Needs the network: the pinned versions against what is known of their vulnerabilities; fails if one cannot be looked up.
 audit: $(READY)

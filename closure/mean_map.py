@@ -18,6 +18,8 @@ from rattle.closure.moments import Trace
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION, STATE, correlation, realizability
 from rattle.scene.scene import Scene
+from rattle.scene.shown import as_html
+from rattle.scene.units import in_units
 from rattle.scene.validate import choice, count
 
 __all__ = ["CLOSURES", "Breakdown", "Closure", "MeanMap", "closures_for", "mean_map", "refusals"]
@@ -50,6 +52,7 @@ CLOSURES = {
 
 ORDERS = (2, 6)
 VELOCITIES = ("y1", "y2")
+SHOWN = 12  # impacts of an itinerary that a repr shows
 MOST_IMPACTS = 100_000  # an impact takes some kilobytes; for longer orbits see rattle.closure.long_orbit
 
 
@@ -88,6 +91,22 @@ class MeanMap:
     impacts: int
     order: int
     trace: Trace
+
+    def __repr__(self) -> str:
+        """What was predicted, on a few lines."""
+        shown = " ".join(f"{code:+d}" for code in self.itinerary[:SHOWN]) + " ..." * (self.impacts > SHOWN)
+        broken, where = self.breakdown, ""
+        if broken is not None:
+            where = f" from impact {broken.impact} on" + f", stage {broken.stage}" * (broken.stage > 0)
+        lines = [
+            f"MeanMap: {self.closure}, order {self.order}, impacts 1 to {self.impacts}, sigma = {self.scene.sigma:.4g}",
+            f"  itinerary (mesh * side): {shown}",
+            "  moments are realizable" if broken is None else f"  moments are not realizable{where}: {broken.reason}",
+        ]
+        return "\n".join(lines + [f"  ended: {self.stopped}"] * bool(self.stopped))
+
+    def _repr_html_(self) -> str:
+        return as_html(repr(self), self.section.to_html(max_rows=12, max_cols=12))
 
     @cached_property
     def phase_reduced(self) -> "MeanMap":
@@ -175,6 +194,35 @@ class MeanMap:
         if self.scene.stages == 1:
             table[["x2", "y2", "sd_x2", "sd_y2", "skew_x2", "skew_y2", "rho2"]] = np.nan
         return table
+
+    def section_in(self, units: str) -> pd.DataFrame:
+        """`section` in physical units, for a scene that was made from gears.
+
+        Parameters
+        ----------
+        units : {"physical", "dimensionless"}
+            The units; the second gives `section` itself.
+
+        Returns
+        -------
+        DataFrame
+            Columns with a dimension end with their unit: ``tau_ms, flight_ms, x1_mm, y1_mm_per_s``, with their
+            ``sd_``; besides ``impacts_per_s``, the inverse of the mean time of flight.
+
+        Raises
+        ------
+        InputError
+            For unknown units, or a scene without gears.
+
+        Examples
+        --------
+        >>> from rattle.scene import DAT21, Scene
+        >>> m = mean_map(Scene.from_gears(DAT21), impacts=1)
+        >>> m.section_in("physical")[["tau_ms", "y1_mm_per_s"]].round(2).loc[1].tolist()
+        [0.0, 0.0]
+        """
+        columns = {str(name): values for name, values in self.section.items()}
+        return pd.DataFrame(in_units(columns, self.scene.gears, units), index=self.section.index)
 
     @property
     def _stages(self) -> range:

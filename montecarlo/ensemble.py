@@ -59,6 +59,7 @@ def in_pool(pool: ThreadPoolExecutor, workers: int) -> Blocks:
     Parameters
     ----------
     pool : ThreadPoolExecutor
+        Threads that run the blocks.
     workers : int
         Its threads; four blocks for each are alive at a time.
 

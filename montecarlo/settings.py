@@ -40,6 +40,7 @@ def is_random(scene: Scene) -> bool:
     Parameters
     ----------
     scene : Scene
+        What is modelled.
 
     Returns
     -------
@@ -54,6 +55,7 @@ def computed(scene: Scene, paths: int) -> int:
     Parameters
     ----------
     scene : Scene
+        What is modelled.
     paths : int
         Paths that are asked for.
 
@@ -76,6 +78,7 @@ def default_horizon(impacts: int, dt: float) -> float:
     Parameters
     ----------
     impacts : int
+        Number of impacts.
     dt : float
         The coarsest step.
 
@@ -120,6 +123,9 @@ def check_settings(
     count("impacts", impacts, most=MOST_IMPACTS)
     count("workers", workers, most=MOST_WORKERS)
     choice("scheme", scheme, SCHEMES)
+    if isinstance(rng, np.random.Generator | np.random.BitGenerator | np.random.RandomState):
+        why = "is a generator, whose state moves on; give a seed, so that the run can be repeated: a whole number "
+        raise InputError("rng", rng, why + "(as int(generator.integers(2**63))) or a SeedSequence")
     if not isinstance(rng, np.random.SeedSequence):
         count("rng", rng, least=0)
     if dt is not None:

@@ -154,8 +154,8 @@ def _simulated(
 
     def again(**settings: Any) -> Ensemble:
         step_bias = settings.pop("record", record).step_bias
-        settings = {"impacts": impacts, "record": replace(record, step_bias=step_bias)} | settings
-        return simulate(scene, rng=rng, blocks=blocks, **settings)
+        given: dict[str, Any] = {"impacts": impacts, "record": replace(record, step_bias=step_bias), **settings}
+        return simulate(scene, rng=rng, blocks=blocks, **given)
 
     names = [scheme] if scheme else sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
     pilot_run, candidates = chosen(scene, names, accuracy, again, left, workers)

@@ -25,6 +25,8 @@ class InputError(RattleError, ValueError):
         The value that was given.
     remedy : str
         What to change, as a sentence without its first capital.
+    where : str, optional
+        The file that holds it, and the line if it is known.
 
     Examples
     --------
@@ -32,12 +34,12 @@ class InputError(RattleError, ValueError):
     epsilon = 1.2: give a restitution between 0 and 1
     """
 
-    def __init__(self, field: str, value: object, remedy: str) -> None:
-        super().__init__(harmless(f"{field} = {_shown(value)}: {remedy}", keep=""))
-        self.field, self.value, self.remedy = field, value, remedy
+    def __init__(self, field: str, value: object, remedy: str, where: str = "") -> None:
+        super().__init__(harmless(f"{where}{': ' * bool(where)}{field} = {_shown(value)}: {remedy}", keep=""))
+        self.field, self.value, self.remedy, self.where = field, value, remedy, where
 
-    def __reduce__(self) -> tuple[type["InputError"], tuple[str, object, str]]:
-        return type(self), (self.field, self.value, self.remedy)  # pickled with all fields, for worker processes
+    def __reduce__(self) -> tuple[type["InputError"], tuple[str, object, str, str]]:
+        return type(self), (self.field, self.value, self.remedy, self.where)  # for worker processes
 
 
 def _shown(value: object) -> str:

@@ -1,12 +1,18 @@
 """Reading of text and TOML files, with errors that name the file."""
 
+import re
 import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from rattle.scene.errors import FileError
+from rattle.scene.errors import FileError, InputError
 
-__all__ = ["read_text", "read_toml"]
+__all__ = ["in_file", "read_text", "read_toml"]
+
+TABLE = re.compile(r"\s*\[+\s*([^\[\]]+?)\s*\]")
+KEY = re.compile(r"""\s*["']?([\w-]+)["']?\s*=""")
 
 
 def read_text(what: str, path: str | Path) -> str:
@@ -70,3 +76,56 @@ def read_toml(text: str) -> dict[str, Any]:
         raise FileError("TOML", str(error), "correct the file at that place") from None
     except RecursionError:
         raise FileError("TOML", text[:20], "is nested too deeply; give a file that people write") from None
+
+
+@contextmanager
+def in_file(path: str | Path, text: str) -> Iterator[None]:
+    """Errors about the content of a TOML file name the file, and the line of the key where that can be found.
+
+    Parameters
+    ----------
+    path : str or Path
+        Where it is.
+    text : str
+        Its content.
+
+    Yields
+    ------
+    None
+        To code that reads the content.
+
+    Raises
+    ------
+    InputError
+        Of the type raised there, with `where`.
+
+    Examples
+    --------
+    >>> with in_file("mine.toml", "[scene]\\nsigma = -1.0"):
+    ...     raise InputError("sigma", -1.0, "must be 0 or greater")
+    Traceback (most recent call last):
+    ...
+    rattle.scene.errors.InputError: mine.toml, line 2: sigma = -1.0: must be 0 or greater
+    """
+    try:
+        yield
+    except InputError as error:
+        number = None if error.where or isinstance(error, FileError) else _line_of(text, error)
+        where = error.where or str(path) + (f", line {number}" if number else "")
+        raise type(error)(error.field, error.value, error.remedy, where) from None
+
+
+def _line_of(text: str, error: InputError) -> int | None:
+    """The first line whose key is the field of an error, or, of a table with an unknown key, that key."""
+    *tables, key = error.field.split(".")
+    wanted = [(".".join(tables), key)]
+    if isinstance(error.value, str):
+        wanted.append((error.field, error.value))
+    table = ""
+    for number, line in enumerate(text.splitlines(), start=1):
+        if found := TABLE.match(line):
+            table = found[1]
+        found = KEY.match(line)
+        if found and any(found[1] == name and (not of or f".{table}".endswith(f".{of}")) for of, name in wanted):
+            return number
+    return None

@@ -3,20 +3,25 @@
 from dataclasses import dataclass, fields
 
 from rattle.scene.errors import InputError
+from rattle.scene.keywords import suggesting
+from rattle.scene.units import Units
 from rattle.scene.validate import finite, non_negative, positive, ranged, unit_interval
 
 __all__ = ["DAT21", "Gears"]
 
 KG_MM_PER_S2_PER_N = 1000.0  # 1 N = 1000 kg mm / s^2
 SIZES = (1e-12, 1e12)  # admissible range of every dimensional value, in the units below
+DRIVES = ("alpha", "amplitude", "amplitude_rad")
+"""The ways to give the drive; just one of them."""
 
 
+@suggesting
 @dataclass(frozen=True, kw_only=True)
 class Gears:
     """Physical data of the driver and the two loose wheels.
 
-    All dimensional values are at most 1e12 in the units below; frequency, inertias, radii and backlashes are at least
-    1e-12.
+    `driven` takes the amplitude of the driver's motion in place of `alpha`.  All dimensional values are at most 1e12 in
+    the units below; frequency, inertias, radii and backlashes are at least 1e-12.
 
     Parameters
     ----------
@@ -62,6 +67,8 @@ class Gears:
     torque1: float
     torque2: float
 
+    ELSEWHERE = dict.fromkeys((*DRIVES[1:], "driver_radius"), "give it to Gears.driven, in place of alpha")
+
     def __post_init__(self) -> None:
         for f in fields(self):
             object.__setattr__(self, f.name, finite(f.name, getattr(self, f.name)))
@@ -71,6 +78,70 @@ class Gears:
             ranged(name, non_negative(name, getattr(self, name)), 0.0, SIZES[1])
         non_negative("alpha", self.alpha)
         unit_interval("epsilon", self.epsilon)
+
+    @classmethod
+    def driven(
+        cls,
+        *,
+        amplitude: float | None = None,
+        amplitude_rad: float | None = None,
+        driver_radius: float | None = None,
+        **values: float,
+    ) -> "Gears":
+        """Gears whose drive is given as the amplitude of the driver's motion, in place of `alpha`.
+
+        Parameters
+        ----------
+        amplitude : float, optional
+            Amplitude ``R_e a`` of the motion on the driver's pitch circle, in mm.
+        amplitude_rad : float, optional
+            Amplitude ``a`` of the driver's rotation in rad, in place of `amplitude`; with `driver_radius`.
+        driver_radius : float, optional
+            Base radius ``R_e`` of the driver in mm.
+        **values : float
+            All other fields of Gears.
+
+        Returns
+        -------
+        Gears
+            With ``alpha = R_e a / backlash1`` (Eqs. 1-3).
+
+        Raises
+        ------
+        InputError
+            Unless the drive is given in just one way, or if a value has no physical meaning.
+
+        Examples
+        --------
+        >>> others = {k: v for k, v in vars(DAT21).items() if k != "alpha"}
+        >>> Gears.driven(amplitude=0.3, **others) == Gears.driven(amplitude_rad=0.01, driver_radius=30.0, **others)
+        True
+        """
+        drives = {"alpha": values.get("alpha"), "amplitude": amplitude, "amplitude_rad": amplitude_rad}
+        given = [name for name in DRIVES if drives[name] is not None]
+        if len(given) != 1:
+            raise InputError("gears", given, "give the drive once: " + ", ".join(DRIVES[:-1]) + f" or {DRIVES[-1]}")
+        if (driver_radius is None) != (amplitude_rad is None):
+            raise InputError("driver_radius", driver_radius, "goes with amplitude_rad, in mm, and with nothing else")
+        if amplitude_rad is not None:
+            radius = ranged("driver_radius", positive("driver_radius", finite("driver_radius", driver_radius)), *SIZES)
+            amplitude = radius * non_negative("amplitude_rad", amplitude_rad)
+        if amplitude is not None:
+            non_negative("amplitude", amplitude)
+            backlash = values.get("backlash1", 1.0)  # one that is missing is refused below
+            values["alpha"] = amplitude / ranged("backlash1", positive("backlash1", backlash), *SIZES)
+        return cls(**values)
+
+    @property
+    def amplitude(self) -> float:
+        """Amplitude of the motion on the driver's pitch circle, ``alpha backlash1``, in mm."""
+        return self.alpha * self.backlash1
+
+    @property
+    def units(self) -> Units:
+        """What one dimensionless unit of time, length, speed and energy is, in ms, mm, mm/s and mJ."""
+        speed, rim_mass = self.backlash1 * self.omega, self.inertia1 / self.radius1**2  # mm/s, kg
+        return Units(1000.0 / self.omega, self.backlash1, speed, 1e-3 * rim_mass * speed**2)
 
     @property
     def mu(self) -> float:

@@ -11,8 +11,12 @@ import tomli_w
 from numpy.typing import NDArray
 
 from rattle.scene.errors import InputError
-from rattle.scene.files import read_text, read_toml
-from rattle.scene.gears import Gears
+from rattle.scene.files import in_file, read_text, read_toml
+from rattle.scene.gears import DAT21, Gears
+from rattle.scene.gears_table import read_gears, read_tolerance
+from rattle.scene.keywords import suggesting
+from rattle.scene.plausible import check_plausible, of_gears
+from rattle.scene.shown import as_call, as_html
 from rattle.scene.validate import choice, count, finite, known_keys, non_negative, positive, ranged, unit_interval
 
 __all__ = ["Constants", "Scene", "Start", "Tolerance"]
@@ -34,6 +38,8 @@ TINY = 1e-30
 """Smallest size of a parameter that is not 0: its sixth moments do not underflow."""
 LARGEST = {"alpha": 1e6, "beta1": 1e4, "beta2": 1e4, "gamma1": 1e6, "gamma2": 1e6, "sigma": 1e6}
 GAPS = (1e-9, 1e6)
+FREE = ("sigma", "tolerance", "start", "stages")
+"""Fields of a scene that gears do not fix."""
 SPEED, TIME = 1e6, 1e12  # largest speed and time of a start; a float resolves 1e-4 at a time of 1e12
 
 
@@ -61,6 +67,7 @@ class Constants(NamedTuple):
     stages: int
 
 
+@suggesting
 @dataclass(frozen=True)
 class Tolerance:
     """Random part ``c_i`` of the half gaps ``g_i + c_i`` (docs/model.md section 4, dimensionless).
@@ -105,6 +112,7 @@ class Tolerance:
         return self.c1_max**2 * UNIT_VARIANCE[self.distribution], self.c2_max**2 * UNIT_VARIANCE[self.distribution]
 
 
+@suggesting
 @dataclass(frozen=True)
 class Start:
     """The state from which every path starts (dimensionless).
@@ -146,6 +154,7 @@ class Start:
         object.__setattr__(self, "mesh", count("start.mesh", self.mesh, least=0, most=2))
 
 
+@suggesting
 @dataclass(frozen=True, kw_only=True)
 class Scene:
     """A rattling system, its noise, its tolerances and its start (dimensionless).
@@ -230,6 +239,20 @@ class Scene:
             object.__setattr__(self, "start", Start(0.0, self.gap1, 2.0, self.gap2, 2.0, mesh=1))
         self._check_start()
 
+    def __repr__(self) -> str:
+        """Python text that makes the scene, to the last bit, on a few lines; defaults are left out."""
+        shown = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
+        defaults: dict[str, Any] = {f.name: f.default for f in fields(self)}
+        defaults["start"] = Start(0.0, self.gap1, 2.0, self.gap2, 2.0, mesh=1)
+        shown = {name: value for name, value in shown.items() if repr(value) != repr(defaults[name])}
+        if self.gears is None:
+            return as_call("Scene", shown)
+        settings = {name: shown[name] for name in FREE if name in shown}
+        return as_call("Scene.from_gears", settings, first="DAT21" if self.gears == DAT21 else repr(self.gears))
+
+    def _repr_html_(self) -> str:
+        return as_html(repr(self))
+
     def _check_tolerance(self) -> None:
         if self.tolerance is None:
             return
@@ -281,7 +304,8 @@ class Scene:
         Raises
         ------
         InputError
-            For a field that gears fix, or a value that is not admissible.
+            For a field that gears fix, or a value that is not admissible; names a field of the gears where the value
+            follows from them.
 
         Examples
         --------
@@ -289,11 +313,16 @@ class Scene:
         >>> Scene.from_gears(DAT21, sigma=0.1, stages=1).stages
         1
         """
-        known_keys("Scene.from_gears", settings, ("sigma", "tolerance", "start", "stages"))
-        scene = cls(
-            alpha=gears.alpha, epsilon=gears.epsilon, beta1=gears.beta(1), beta2=gears.beta(2),
-            gamma1=gears.gamma(1), gamma2=gears.gamma(2), mu=gears.mu, gap1=0.5, gap2=gears.gap2, **settings,
-        )  # fmt: skip
+        known_keys("Scene.from_gears", settings, FREE)
+        if not isinstance(gears, Gears):
+            raise InputError("gears", gears, "give Gears")
+        try:
+            scene = cls(
+                alpha=gears.alpha, epsilon=gears.epsilon, beta1=gears.beta(1), beta2=gears.beta(2),
+                gamma1=gears.gamma(1), gamma2=gears.gamma(2), mu=gears.mu, gap1=0.5, gap2=gears.gap2, **settings,
+            )  # fmt: skip
+        except InputError as error:
+            raise of_gears(gears, error) from None
         object.__setattr__(scene, "gears", gears)
         return scene
 
@@ -457,7 +486,7 @@ class Scene:
             values["tolerance"] = asdict(self.tolerance)
         if self.gears is None:
             return {"scene": values}
-        kept = {k: v for k, v in values.items() if k in ("sigma", "tolerance", "start", "stages")}
+        kept = {k: v for k, v in values.items() if k in FREE}
         return {"gears": asdict(self.gears), "scene": kept}
 
     @classmethod
@@ -467,7 +496,7 @@ class Scene:
         Parameters
         ----------
         data : dict
-            Tables ``scene`` and, in the gear form, ``gears``.
+            Tables ``scene`` and, in the gear form, ``gears``; see `rattle.scene.gears_table` for what that may hold.
 
         Returns
         -------
@@ -489,11 +518,12 @@ class Scene:
                 settings[name] = kind(**table)
         if "gears" in data:
             gears = _table("gears", data["gears"])
-            names = [f.name for f in fields(Gears)]
-            known_keys("gears", gears, names)
-            _all_given("gears", gears, names)
-            known_keys("scene", settings, ("sigma", "tolerance", "start", "stages"))
-            return cls.from_gears(Gears(**gears), **settings)
+            pair = read_gears(gears, settings.get("stages", 2))
+            known_keys("scene", settings, FREE)
+            drawn = read_tolerance(gears, pair)
+            if drawn is not None and "tolerance" in settings:
+                raise InputError("gears.tolerance", drawn, "give it once: here in mm, or in [scene.tolerance]")
+            return cls.from_gears(pair, **settings, **({} if drawn is None else {"tolerance": Tolerance(**drawn)}))
         known_keys("scene", settings, (f.name for f in fields(cls) if f.init))
         _all_given("scene", settings, ("alpha", "epsilon", "beta1", "gamma1"))
         return cls(**settings)
@@ -548,9 +578,15 @@ class Scene:
         FileError
             If the file cannot be read.
         InputError
-            If its content is not admissible.
+            If its content is not admissible, or its gears cannot exist (`rattle.scene.plausible`); names the file, and
+            the line and key where they are known.
         """
-        return cls.from_toml(read_text("scene file", path))
+        text = read_text("scene file", path)
+        with in_file(path, text):
+            scene = cls.from_toml(text)
+            if scene.gears is not None:
+                check_plausible(scene.gears)
+        return scene
 
 
 def _copy_with(part: Part, **changes: Any) -> Part:

@@ -1,4 +1,7 @@
-"""The README's examples run, and print what the README says."""
+"""The examples of the README and of the documentation run, and print what is said there.
+
+Code cells of the documentation are run when the site is built (tests/docs).
+"""
 
 import re
 import shlex
@@ -13,19 +16,27 @@ from rattle.compare.cli.main import main
 from rattle.compare.study import Study
 from rattle.scene import Scene
 
-README = Path(__file__).resolve().parent.parent / "README.md"
-TEXT = README.read_text()
-BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)
+ROOT = Path(__file__).resolve().parent.parent
+README = (ROOT / "README.md").read_text()
+BUILT = ("_build", "auto_gallery", "generated")
+PAGES = [p for p in sorted((ROOT / "docs").rglob("*.md")) if not set(p.relative_to(ROOT).parts) & set(BUILT)]
+FENCE = re.compile(r"^```(\{?[\w-]*\}?)[^\n]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
+TEXT = "\n".join([README, *(page.read_text() for page in PAGES)])
+BLOCKS = FENCE.findall(TEXT)
 TOML = [text for language, text in BLOCKS if language == "toml"]
+STUDIES = [text for text in TOML if "[study]" in text]
+SCENES = [text for text in TOML if "[study]" not in text]
 
 NOT_RUN = {
     "make report": "needs a clone and a minute; it is one `rattle validate`",
     "make test": "runs this test",
+    "make docs": "tests/docs builds the site",
     "make audit": "needs the network",
+    "python tests/fuzz/campaign.py": "takes an hour",
     "python tests/fuzz/campaign.py --space wide": "takes half an hour",
     "pip install .": "changes the environment",
+    "pip install .[xarray]": "changes the environment",
     "pip install rattle[cluster]": "changes the environment",
-    "pip install rattle[gpu]": "changes the environment",
     "pytest -m selftest": "is part of the suite",
     "python -m rattle.montecarlo.cuda.launch": "needs a GPU",
 }
@@ -41,8 +52,7 @@ APPENDED = {
 def examples():
     """Shell examples as they stand, with arguments: lines of shell blocks, and code within the text."""
     lines = [line for language, text in BLOCKS if language == "sh" for line in text.splitlines()]
-    prose = re.sub(r"^```.*?^```", "", TEXT, flags=re.MULTILINE | re.DOTALL)
-    lines += re.findall(r"`((?:rattle|make|pip|pytest|python) [^`]+)`", prose)
+    lines += re.findall(r"`((?:rattle|make|pip|pytest|python) [^`]+)`", FENCE.sub("", TEXT))
     found = dict.fromkeys(line.split(" # ")[0].strip() for line in lines if not line.startswith("#"))
     return [words for words in found if len(words.split()) > 2 or not words.startswith("rattle ")]
 
@@ -58,49 +68,63 @@ def rattle(*words):
     return CliRunner().invoke(main, list(words))
 
 
-def test_the_worked_example_prints_what_it_says():
-    code, published = re.search(r"```python\n(.*?)```.*?```\n(.*?)```", TEXT, re.DOTALL).groups()
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert out.split() == published.split()
+def printed(text, folder):
+    """What the first Python example of a text prints, and what the text says that it does."""
+    code, published = re.search(r"```python\n(.*?)```.*?```\w*\n(.*?)```", text, re.DOTALL).groups()
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=folder)
+    return done.stdout.split(), published.split()
 
 
-def test_the_orbit_with_sticking_prints_what_it_says():
-    section = TEXT.split("## Numerical stability")[1]
-    code, published = re.search(r"```python\n(.*?)```.*?```\n(.*?)```", section, re.DOTALL).groups()
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert out.split() == published.split()
+def test_readme_is_short():
+    lines = README.splitlines()
+    assert len(lines) <= 150
+    assert max(map(len, lines)) <= 120
+
+
+def test_the_worked_example_prints_what_it_says(tmp_path):
+    (tmp_path / "gears.toml").write_text(SCENES[0])
+    out, published = printed(README, tmp_path)
+    assert out == published
+
+
+def test_the_orbit_with_sticking_prints_what_it_says(tmp_path):
+    out, published = printed((ROOT / "docs" / "results" / "stability.md").read_text(), tmp_path)
+    assert out == published
 
 
 def test_the_committed_study_loads_as_it_says(monkeypatch):
     (code,) = (text for language, text in BLOCKS if language == "python" and "import load" in text)
-    monkeypatch.chdir(README.parent)
+    monkeypatch.chdir(ROOT)
     found = {}
     exec(code, found)
     assert len(found["results"].errors) == 24 * 4 * 12 * 2 * 6  # sigma, closure, impact, moment, quantity
 
 
 def test_pictures_and_links_exist():
-    for link in re.findall(r"\]\(([^)#]+)\)", TEXT):
-        assert (README.parent / link).exists(), link
+    for link in re.findall(r"\]\(([^)#]+)\)", README):
+        assert (ROOT / link).exists(), link
 
 
-@pytest.mark.parametrize("number", range(len(TOML)))
-def test_every_toml_example_is_read_whole(number):
-    """A scene says all that it says again; of a study every point and every closure can be computed."""
-    if "[study]" not in TOML[number]:
-        scene = Scene.from_toml(TOML[number])
-        assert Scene.from_toml(scene.to_toml()) == scene
-        return
-    study = Study.from_toml(TOML[number])
+@pytest.mark.parametrize("number", range(len(SCENES)))
+def test_every_scene_is_read_whole(number):
+    """A scene says all that it says again."""
+    scene = Scene.from_toml(SCENES[number])
+    assert Scene.from_toml(scene.to_toml()) == scene
+
+
+@pytest.mark.parametrize("number", range(len(STUDIES)))
+def test_every_study_is_read_whole(number):
+    """Every point and every closure can be computed."""
+    study = Study.from_toml(STUDIES[number])
     assert len(study.points) == 48
     assert not [why for p in study.points for why in p.reasons.values()]
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_the_study_in_it_runs_to_the_end(tmp_path):
-    (text,) = (t for t in TOML if "[study]" in t)
+@pytest.mark.parametrize("number", range(len(STUDIES)))
+def test_every_study_runs_to_the_end(tmp_path, number):
     file = tmp_path / "study.toml"
-    file.write_text(smaller(text))
+    file.write_text(smaller(STUDIES[number]))
     found = rattle("study", str(file))
     assert found.exit_code == 0, found.output
     assert "cannot be computed" not in found.output
@@ -108,17 +132,17 @@ def test_the_study_in_it_runs_to_the_end(tmp_path):
 
 @pytest.mark.usefixtures("undrawn")
 def test_every_shell_example_runs_or_says_why_not(tmp_path, monkeypatch):
-    """In the order of the README, but that what is shown or repeated is there before."""
+    """In their order, but that what is shown or repeated is there before."""
     for name in ("noise", "restitution"):
         file = tmp_path / "reports" / "studies" / f"{name}.toml"
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(smaller((README.parent / "reports" / "studies" / file.name).read_text()))
-    (scene,) = (t for t in TOML if "[study]" not in t)
-    (tmp_path / "SCENE.toml").write_text(scene)
+        file.write_text(smaller((ROOT / "reports" / "studies" / file.name).read_text()))
+    (tmp_path / "gears.toml").write_text(SCENES[0])
+    (tmp_path / "SCENE.toml").write_text(SCENES[-1])
     monkeypatch.chdir(tmp_path)
     first = ("validate [", "show", "validate --repeat", "")
     ran = [words for words in examples() if words not in NOT_RUN]
-    assert len(ran) >= 7
+    assert len(ran) >= 9
     for words in sorted(ran, key=lambda w: next(i for i, start in enumerate(first) if start in w)):
         program, command, *rest = shlex.split(words.replace("[SCENE.toml]", "SCENE.toml"))
         assert program == "rattle", words
@@ -132,6 +156,6 @@ def test_every_shell_example_runs_or_says_why_not(tmp_path, monkeypatch):
         assert found.exit_code == 0, (words, found.output)
 
 
-def test_every_command_that_it_names_is_there():
+def test_every_command_that_is_named_is_there():
     for name in set(re.findall(r"`rattle (\w+)`", TEXT)):
         assert rattle(name, "--help").exit_code == 0, name

@@ -10,6 +10,8 @@ from rattle.compare.chaos.sweep import crossings, signs
 
 __all__ = ["answer"]
 
+ROUNDING = 1e-12  # a smaller error of the exponents' sum is rounding
+
 
 def _exponents(e: Exponents, name: str) -> str:
     if not np.isfinite(e.value[0]):
@@ -17,7 +19,34 @@ def _exponents(e: Exponents, name: str) -> str:
     shown = ", ".join(f"{v:.4f} ± {h:.4f}" for v, h in zip(e.value, e.half, strict=True))
     return (
         f"The {name} has the exponents {shown} per unit of dimensionless time ({e.impacts:,} impacts, "
-        f"{e.rate:.3f} a unit; their sum differs from the exact one by {abs(e.sum_error):.0e}); it {e.regime.reason}."
+        f"{e.rate:.3f} a unit; their sum {_sum(e.sum_error)}); it {e.regime.reason}."
+    )
+
+
+def _sum(error: float) -> str:
+    if abs(error) < ROUNDING:
+        return "is the exact one, to rounding"
+    return f"differs from the exact one by {abs(error):.0e}"
+
+
+def _first(orbit: Exponents, field: str, sweep: pd.DataFrame | None) -> str:
+    """Whether the motion without noise is chaotic, here and over the field."""
+    value, low, high = orbit.largest
+    found = f"largest Lyapunov exponent {value:.3g} ± {0.5 * (high - low):.1g}"
+    if not np.isfinite(value):
+        said = f"Without noise this gear pair has no Lyapunov exponents: {orbit.regime.reason}"
+    elif low > 0.0:
+        said = f"Without noise this gear pair rattles chaotically ({found})"
+    elif high < 0.0:
+        said = f"Without noise this gear pair rattles regularly, not chaotically ({found})"
+    else:
+        said = f"Whether this gear pair rattles chaotically without noise is undecided ({found})"
+    if sweep is None:
+        return f"{said}."
+    rows = sweep[sweep["of"] == ORBIT]
+    return (
+        f"{said}; over {field} from {rows[field].min():.3g} to {rows[field].max():.3g} it is chaotic at "
+        f"{(signs(rows) > 0).sum()} of {len(rows)} values."
     )
 
 
@@ -30,10 +59,10 @@ def _maps(maps: pd.DataFrame) -> str:
             )
             ended = f"ends at impact {row['ends']:g}" if row["ends"] < row["followed"] else "does not end"
             words.append(f"`published` {broken}, {ended} and has no exponents")
-        elif np.isfinite(row["blind"]):
+        elif np.isfinite(row["too_wide"]):
             words.append(
-                f"`{row['closure']}` has the orbit's, and its sd exceeds the orbit's own spread from impact "
-                f"{row['blind']:g}"
+                f"`{row['closure']}` has the orbit's, and from impact {row['too_wide']:g} on its sd of y1 is larger "
+                "than that of the whole orbit, so that it no longer tells where the motion is"
             )
         else:
             words.append(f"`{row['closure']}` has the orbit's")
@@ -117,6 +146,7 @@ def answer(
     list of str
     """
     said = [
+        _first(orbit, field, sweep),
         _exponents(orbit, ORBIT),
         _exponents(drift, DRIFT),
         _maps(maps),

@@ -86,6 +86,7 @@ def bifurcation(
     noise : callable, optional
         Maps each scene to the same with its noise set; without it, the noise of `scene` is used.
     seed : int
+        Seed of the random numbers.
     workers : int
         Threads; the result does not depend on it.
 

@@ -157,6 +157,7 @@ class Exponents:
         Parameters
         ----------
         width : float
+            Half width of the interval that is asked for.
 
         Returns
         -------

@@ -198,6 +198,7 @@ def bifurcation_figure(b: Bifurcation, table: pd.DataFrame | None = None) -> Fig
     Parameters
     ----------
     b : Bifurcation
+        The bifurcation diagram.
     table : DataFrame, optional
         A sweep over the same field, whose largest exponents are drawn in a last row.
 
@@ -269,6 +270,7 @@ def sqrt_law_figure(law: SqrtLaw) -> Figure:
     Parameters
     ----------
     law : SqrtLaw
+        What was measured of the square-root law.
 
     Returns
     -------

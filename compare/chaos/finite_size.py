@@ -32,6 +32,7 @@ def finite_size(
     Parameters
     ----------
     scene : Scene
+        What is modelled.
     deltas : tuple of float
         Distances, in the unit of length.
     events : int
@@ -39,6 +40,7 @@ def finite_size(
     ratio : float
         Growth factor of one event.
     seed : int
+        Seed of the random numbers.
     workers : int
         Threads; the result does not depend on it.
 

@@ -19,7 +19,7 @@ __all__ = ["MAPS", "MapOf", "mean_maps"]
 
 FOLLOWED = 400  # impacts through which moments are followed
 SPREAD = 2000  # impacts of the orbit from which the sd of its own y1 is taken
-BLIND = 1.0  # a closure's sd of y1 above this fraction of the orbit's own no longer localises the state
+TOO_WIDE = 1.0  # a closure's sd of y1 above this fraction of the orbit's own no longer localises the state
 
 
 class MapOf(NamedTuple):
@@ -71,8 +71,8 @@ def mean_maps(scene: Scene, orbit: Exponents | None = None) -> pd.DataFrame:
     DataFrame
         Columns: ``closure, map, exponents`` (which exponents its means have), ``largest, low, high`` (largest exponent
         and its 95 % interval), ``moments, not_realizable`` (first impact whose moments are not realizable),
-        ``leaves_gap`` (first impact whose mean lies beyond a wall), ``blind`` (first impact whose sd of y1 exceeds the
-        sd of y1 along the orbit), ``ends`` (impacts that could be evaluated) and ``followed`` (impacts requested).
+        ``leaves_gap`` (first impact whose mean lies beyond a wall), ``too_wide`` (first impact whose sd of y1 exceeds
+        the sd of y1 along the orbit), ``ends`` (impacts that could be evaluated) and ``followed`` (impacts requested).
         Impacts are NaN if there is none.
 
     Examples
@@ -100,16 +100,16 @@ def mean_maps(scene: Scene, orbit: Exponents | None = None) -> pd.DataFrame:
         t, ends = m.trace, m.trace.found
         walls = np.array(scene.windows)[: scene.stages] * (1.0 + 1e-9)
         beyond = (np.abs(t.mean[1 : ends + 1, : 2 * scene.stages : 2]) > walls).any(axis=1)
-        wide = t.sd[1 : ends + 1, 3] > BLIND * spread
+        wide = t.sd[1 : ends + 1, 3] > TOO_WIDE * spread
         row |= {
             "not_realizable": m.breakdown.impact if m.breakdown else np.nan,
             "leaves_gap": int(beyond.argmax()) + 1 if beyond.any() else np.nan,
-            "blind": int(wide.argmax()) + 1 if wide.any() and not kind.own else np.nan,
+            "too_wide": int(wide.argmax()) + 1 if wide.any() and not kind.own else np.nan,
             "ends": ends, "followed": FOLLOWED,
         }  # fmt: skip
         rows.append(row)
     columns = [
-        "closure", "map", "exponents", "largest", "low", "high", "moments", "not_realizable", "leaves_gap", "blind",
+        "closure", "map", "exponents", "largest", "low", "high", "moments", "not_realizable", "leaves_gap", "too_wide",
         "ends", "followed",
     ]  # fmt: skip
     return pd.DataFrame(rows).reindex(columns=columns)

@@ -153,6 +153,7 @@ def study(
     width : float
         Required width of the interval of each largest exponent; wider ones are reported as they are.
     seed : int
+        Seed of the random numbers.
     workers : int
         Threads; the result does not depend on it.
 

@@ -6,6 +6,7 @@ import pandas as pd
 
 from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.report import NUMBER, TEXT, Code, Column, Figure, Page, Section, Source, Table, Text
+from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, glossary
 from rattle.scene.scene import Scene
 
 __all__ = ["FIGURES", "chaos_page", "table_of"]
@@ -24,6 +25,10 @@ FIGURES = {
     "square-root law.",
 }
 """Captions of the figures, by name."""
+WORDS = glossary(
+    *CLOSURE_TERMS, *SECTION_TERMS, "Δτ", "σ", "α", "ε", "orbit", "mean map", "Lyapunov exponent",
+    "drift's linearisation", "finite-size exponent", "square-root law", "band", "sticking", "realizable",
+)  # fmt: skip
 
 
 def table_of(table: pd.DataFrame, texts: tuple[str, ...] = (), summary: str = "") -> Table:
@@ -32,6 +37,7 @@ def table_of(table: pd.DataFrame, texts: tuple[str, ...] = (), summary: str = ""
     Parameters
     ----------
     table : DataFrame
+        The table.
     texts : tuple of str
         Columns that contain text; all others contain numbers.
     summary : str
@@ -55,6 +61,7 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
     Parameters
     ----------
     found : ChaosStudy
+        What was found.
     record : dict
         The manifest.
     drawn : list of str
@@ -70,25 +77,24 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
     exponents = table_of(tables["exponents"][shown], ("of", "reason"))
     shown = ["closure", "map", "exponents", "not_realizable", "ends", "moments"]
     maps = table_of(tables["mean_maps"][shown], ("closure", "map", "exponents", "moments"))
-    parts = [
-        Section(
-            "Lyapunov exponents",
-            (
-                Text("Per unit of dimensionless time, by the QR method, with 95 % intervals from batch means. "
-                     "`sum_error` is their sum less its exact value -(beta1 + beta2) + rate 2 ln epsilon.", True),
-                exponents,
-                Text("The mean maps: the map that each closure iterates, and which exponents its means have.", True),
-                maps,
-            ),
-        ),
-    ]  # fmt: skip
+    key = "section" if found.sweep is None else "sweep"
+    opening = (
+        figures[key],
+        exponents,
+        Text("Lyapunov exponents per unit of dimensionless time, by the QR method, with 95 % intervals from batch "
+             "means. `sum_error` is their sum less its exact value −(β1 + β2) + rate · 2 ln ε.", True),
+        WORDS,
+    )  # fmt: skip
+    said = Text("The map that each closure iterates, and which exponents its means have.", True)
+    parts = [Section("The mean maps", (said, maps))]
     if found.sweep is not None:
-        blocks = [figures[n] for n in ("sweep", "bifurcation") if n in figures]
+        blocks = [figures[n] for n in ("bifurcation",) if n in figures]
         crossings = table_of(tables["crossings"], ("of",))
         rows = table_of(tables["sweep"], ("of", "regime", "reason"), summary=f"All values of {found.field}")
         said = Text(f"Where the largest exponent changes its sign over {found.field}: between `low` and `high`.", True)
         parts.append(Section(f"Over {found.field}", (*blocks, said, crossings, rows)))
-    parts.append(Section("Poincaré sections", (figures["section"],)))
+    if key != "section":
+        parts.append(Section("Poincaré sections", (figures["section"],)))
     texts = ("side", "kind", "velocity", "narrow")
     lines = tables["lines"][["side", "kind", "velocity", "frequency", "width", "share", "over", "narrow"]]
     parts.append(
@@ -108,7 +114,7 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
     parts.append(
         Section("Two paths on the same noise", (*apart, *missing, table_of(tables["fsle"], summary="All distances")))
     )
-    return Page(f"Chaos of {record['name']}", tuple(found.answer), source_of(record), sections=tuple(parts))
+    return Page(f"Chaos of {record['name']}", tuple(found.answer), source_of(record), opening, tuple(parts))
 
 
 def source_of(record: dict[str, Any]) -> Source:

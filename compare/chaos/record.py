@@ -92,6 +92,7 @@ def check_finite(name: str, values: Floats, offset: int = 0) -> Floats:
     name : str
         Name of the array in the error message.
     values : ndarray
+        The values.
     offset : int
         Added to the first index in the error message, for arrays that are parts of a record.
 
@@ -184,6 +185,7 @@ def noisy_record(
     Parameters
     ----------
     scene : Scene
+        What is modelled.
     steps : int
         Steps to record in all; 2 pi / 128 each, or less for strong damping (`rattle.montecarlo.coupling.dyadic`).
     seed, path : int

@@ -25,6 +25,7 @@ def write_chaos(out: Path, found: ChaosStudy, record: dict[str, Any], overwrite:
     out : Path
         The folder.
     found : ChaosStudy
+        What was found.
     record : dict
         Entries of the manifest.
     overwrite : bool

@@ -129,7 +129,9 @@ def frame(scene: Scene, seed: int = 0, points: int = PILOT) -> tuple[Floats, Flo
     Parameters
     ----------
     scene : Scene
+        What is modelled.
     seed : int
+        Seed of the random numbers.
     points : int
         Points of the pilot run on each side; an orbit that sticks for good is left out.
 
@@ -155,6 +157,7 @@ def orbit_section(scene: Scene, points: int, edges: tuple[Floats, Floats]) -> Se
     Parameters
     ----------
     scene : Scene
+        What is modelled.
     points : int
         Impacts.
     edges : tuple of ndarray
@@ -211,6 +214,7 @@ def sections(scene: Scene, *, points: int = 1_000_000, seed: int = 0, workers: i
     points : int
         Points of the orbit and of the noisy system.
     seed : int
+        Seed of the random numbers.
     workers : int
         Threads; the result does not depend on it.
 

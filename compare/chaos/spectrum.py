@@ -188,9 +188,11 @@ def spectra(
     Parameters
     ----------
     scene : Scene
+        What is modelled.
     impacts : int
         Impacts of the orbit; the noisy paths have at least as many together.
     seed : int
+        Seed of the random numbers.
     workers : int
         Threads; the result does not depend on it.
 

@@ -55,6 +55,7 @@ def fitted(deltas: Floats, apart: Floats) -> tuple[float, float, float]:
     Parameters
     ----------
     deltas : ndarray, shape (deltas,)
+        Distances, ascending.
     apart : ndarray, shape (events, deltas)
         Differences after the impact.
 
@@ -89,6 +90,7 @@ def sqrt_law(scene: Scene, *, impacts: int = 4000, seed: int = 0, deltas: Floats
     impacts : int
         Impacts to measure.
     seed : int
+        Seed of the random numbers.
     deltas : ndarray, optional
         Distances before the impact; by default 7 from 1e-7 to ``1e-3 min(1, sigma^2)``, below the range of the drift.
 

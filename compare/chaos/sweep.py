@@ -33,6 +33,7 @@ def values(name: str, text: str) -> tuple[float, ...]:
     name : str
         Name of the option in error messages.
     text : str
+        The text as it was given.
 
     Returns
     -------
@@ -65,9 +66,11 @@ def with_field(scene: Scene, name: str, value: float) -> Scene:
     Parameters
     ----------
     scene : Scene
+        What is modelled.
     name : str
         One of `FIELDS`.
     value : float
+        The value.
 
     Returns
     -------
@@ -97,6 +100,7 @@ def paper_noise(scene: Scene) -> Scene:
     Parameters
     ----------
     scene : Scene
+        What is modelled.
 
     Returns
     -------
@@ -144,6 +148,7 @@ def sweep(
     Parameters
     ----------
     scene : Scene
+        What is modelled.
     at : sequence of float
         Values of the field.
     field : str

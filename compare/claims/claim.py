@@ -43,6 +43,7 @@ def table(claims: list[Claim]) -> pd.DataFrame:
     Parameters
     ----------
     claims : list of Claim
+        The claims, in order.
 
     Returns
     -------

@@ -29,6 +29,7 @@ def judge(evidence: Evidence) -> list[Claim]:
     Parameters
     ----------
     evidence : Evidence
+        What the claims are judged by.
 
     Returns
     -------

@@ -24,6 +24,7 @@ def solvable(e: Evidence) -> Claim:
     Parameters
     ----------
     e : Evidence
+        What the claims are judged by.
 
     Returns
     -------
@@ -58,6 +59,7 @@ def beyond_one(e: Evidence) -> Claim:
     Parameters
     ----------
     e : Evidence
+        What the claims are judged by.
 
     Returns
     -------
@@ -91,6 +93,7 @@ def not_gaussian(e: Evidence) -> Claim:
     Parameters
     ----------
     e : Evidence
+        What the claims are judged by.
 
     Returns
     -------
@@ -124,6 +127,7 @@ def stages_apart(e: Evidence) -> Claim:
     Parameters
     ----------
     e : Evidence
+        What the claims are judged by.
 
     Returns
     -------
@@ -154,6 +158,7 @@ def describes(e: Evidence) -> Claim:
     Parameters
     ----------
     e : Evidence
+        What the claims are judged by.
 
     Returns
     -------

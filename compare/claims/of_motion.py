@@ -24,6 +24,7 @@ def counter_meshes(e: Evidence) -> Claim:
     Parameters
     ----------
     e : Evidence
+        What the claims are judged by.
 
     Returns
     -------
@@ -46,6 +47,7 @@ def fuzzy(e: Evidence) -> Claim:
     Parameters
     ----------
     e : Evidence
+        What the claims are judged by.
 
     Returns
     -------
@@ -79,6 +81,7 @@ def narrow_bands(e: Evidence) -> Claim:
     Parameters
     ----------
     e : Evidence
+        What the claims are judged by.
 
     Returns
     -------
@@ -106,6 +109,7 @@ def continuous(e: Evidence) -> Claim:
     Parameters
     ----------
     e : Evidence
+        What the claims are judged by.
 
     Returns
     -------
@@ -135,6 +139,7 @@ def chaotic_range(e: Evidence) -> Claim:
     Parameters
     ----------
     e : Evidence
+        What the claims are judged by.
 
     Returns
     -------
@@ -183,6 +188,7 @@ def both_models(e: Evidence) -> Claim:
     Parameters
     ----------
     e : Evidence
+        What the claims are judged by.
 
     Returns
     -------
@@ -224,6 +230,7 @@ def controlled(e: Evidence) -> Claim:
     Parameters
     ----------
     e : Evidence
+        What the claims are judged by.
 
     Returns
     -------

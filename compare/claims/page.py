@@ -26,6 +26,8 @@ def _kind(verdict: str) -> str:
 
 
 def _mark(verdict: str) -> str:
+    if verdict.startswith(HOLDS_ONLY.split("{", 1)[0]):
+        return "part"
     return {REPRODUCED: "good", NOT_REPRODUCED: "bad"}.get(verdict, "open")
 
 
@@ -35,6 +37,7 @@ def answer(claims: list[Claim]) -> list[str]:
     Parameters
     ----------
     claims : list of Claim
+        The claims, in order.
 
     Returns
     -------
@@ -56,6 +59,7 @@ def write_claims(
     out : Path
         The folder.
     claims : list of Claim
+        The claims, in order.
     names : list of str
         Names of the functions that judged them.
     chaos : ChaosStudy

@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from rattle.compare.cli.console import say
+from rattle.compare.cli.options import FIELDS, WHOLE, Name
 
 __all__ = ["chaos"]
 
@@ -16,7 +17,10 @@ __all__ = ["chaos"]
 @click.command()
 @click.argument("scene", required=False, type=click.Path(path_type=Path))
 @click.option("--sigma", type=float, default=None, help="Noise intensity. [default: the scene's; sqrt(alpha) on DAT21]")
-@click.option("--field", default="alpha", show_default=True, help="Field of the scene that the sweep varies.")
+@click.option(
+    "--field", type=Name("field", FIELDS), default="alpha", show_default=True,
+    help="Field of the scene that the sweep varies.",
+)  # fmt: skip
 @click.option("--over", default="0.05:2.5:100", show_default=True, metavar="LOW:HIGH:POINTS", help="Its values.")
 @click.option(
     "--keep-sigma",
@@ -25,11 +29,11 @@ __all__ = ["chaos"]
 )
 @click.option("--no-sweep", is_flag=True, help="Leave sweep and bifurcation view out.")
 @click.option("--width", type=float, default=0.01, show_default=True, help="Widest interval of a largest exponent.")
-@click.option("--points", type=int, default=1_000_000, show_default=True, help="Points of each Poincare section.")
-@click.option("--impacts", type=int, default=200_000, show_default=True, help="Impacts of the spectra.")
-@click.option("--events", type=int, default=4000, show_default=True, help="Pairs of paths behind each figure.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the noise.")
-@click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
+@click.option("--points", type=WHOLE, default=1_000_000, show_default=True, help="Points of each Poincare section.")
+@click.option("--impacts", type=WHOLE, default=200_000, show_default=True, help="Impacts of the spectra.")
+@click.option("--events", type=WHOLE, default=4000, show_default=True, help="Pairs of paths behind each figure.")
+@click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed of the noise.")
+@click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads; the result does not depend on it.")
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder. [default: reports/NAME-chaos]")
 @click.option("--overwrite", is_flag=True, help="Replace earlier results in that folder.")
 def chaos(
@@ -62,15 +66,14 @@ def chaos(
     """
     from rattle.compare.chaos.measure import study
     from rattle.compare.chaos.save import CONTENTS, write_chaos
-    from rattle.compare.chaos.sweep import FIELDS, paper_noise, values, with_field
+    from rattle.compare.chaos.sweep import paper_noise, values, with_field
     from rattle.compare.report import manifest
     from rattle.compare.report.folder import check_free, default_place, named
     from rattle.scene import DAT21, Scene
-    from rattle.scene.validate import choice, count, positive
+    from rattle.scene.validate import count, positive
 
     base = Scene.load(scene) if scene else Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha))
     base = base if sigma is None else base.with_sigma(sigma)
-    choice("field", field, FIELDS)
     at = () if no_sweep else values("over", over)
     for value in at:
         with_field(base, field, value)

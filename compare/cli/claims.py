@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from rattle.compare.cli.console import say
+from rattle.compare.cli.options import WHOLE
 
 __all__ = ["claims"]
 
@@ -14,11 +15,11 @@ __all__ = ["claims"]
 @click.command()
 @click.option("--sigma", "sigmas", multiple=True, type=float, help="Noise of a validation; again for more. [0.01, 0.1]")
 @click.option("--over", default="0.05:2.5:100", show_default=True, metavar="LOW:HIGH:POINTS", help="Values of alpha.")
-@click.option("--paths", type=int, default=100_000, show_default=True, help="Paths of each validation.")
-@click.option("--points", type=int, default=1_000_000, show_default=True, help="Points of each Poincare section.")
-@click.option("--impacts", type=int, default=200_000, show_default=True, help="Impacts of the spectra.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed.")
-@click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
+@click.option("--paths", type=WHOLE, default=100_000, show_default=True, help="Paths of each validation.")
+@click.option("--points", type=WHOLE, default=1_000_000, show_default=True, help="Points of each Poincare section.")
+@click.option("--impacts", type=WHOLE, default=200_000, show_default=True, help="Impacts of the spectra.")
+@click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed.")
+@click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads; the result does not depend on it.")
 @click.option(
     "--out", type=click.Path(path_type=Path), default=Path("reports/claims"), show_default=True, help="Folder."
 )

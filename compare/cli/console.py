@@ -16,6 +16,7 @@ def say(text: str, *, err: bool = False) -> None:
     Parameters
     ----------
     text : str
+        The text as it was given.
     err : bool
         Whether to print on standard error.
     """

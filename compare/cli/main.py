@@ -13,10 +13,13 @@ with ends_at_once():
     import click
 
     from rattle.compare.cli import sampling as sampling_commands
+    from rattle.compare.cli.animate import animate
     from rattle.compare.cli.chaos import chaos
     from rattle.compare.cli.claims import claims
     from rattle.compare.cli.console import say, say_json
     from rattle.compare.cli.extremes import extremes
+    from rattle.compare.cli.init import init
+    from rattle.compare.cli.options import CLOSURES, SCHEMES, WHOLE, Name
     from rattle.compare.cli.selftest import selftest
     from rattle.compare.cli.show import show
     from rattle.compare.cli.stability import stability
@@ -58,6 +61,7 @@ class RattleGroup(click.Group):
         Parameters
         ----------
         ctx : click.Context
+            Context of the command.
         """
         try:
             with ends_soon():
@@ -80,7 +84,15 @@ class RattleGroup(click.Group):
             ctx.exit(EXIT_INTERRUPTED)
 
 
-@click.group(cls=RattleGroup, context_settings={"help_option_names": ["-h", "--help"]})
+COMPLETION = """\b
+Completion of commands, options and names by the Tab key, for this session or from the shell's start-up file:
+  bash:  eval "$(_RATTLE_COMPLETE=bash_source rattle)"
+  zsh:   eval "$(_RATTLE_COMPLETE=zsh_source rattle)"
+  fish:  _RATTLE_COMPLETE=fish_source rattle | source
+"""
+
+
+@click.group(cls=RattleGroup, epilog=COMPLETION, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="rattle")
 def main() -> None:
     """When can a cheap moment closure of a noisy vibro-impact system be believed?"""
@@ -89,16 +101,20 @@ def main() -> None:
 @main.command()
 @click.argument("scene", required=False, type=click.Path(path_type=Path))
 @click.option("--sigma", "sigmas", multiple=True, type=float, help="Noise intensity; give it again for more.")
-@click.option("--impacts", type=int, default=12, show_default=True, help="Impacts after the start.")
-@click.option("--paths", type=int, default=256_000, show_default=True, help="Simulated paths.")
+@click.option("--impacts", type=WHOLE, default=12, show_default=True, help="Impacts after the start.")
+@click.option("--paths", type=WHOLE, default=256_000, show_default=True, help="Simulated paths.")
 @click.option("--dt", type=float, default=None, help="Step. [default: the scheme's, 0.002 for Euler-Maruyama]")
-@click.option("--scheme", default="euler-maruyama-located", show_default=True, help="Scheme of the simulation.")
 @click.option(
-    "--closure", "closures", multiple=True, help="Closure; again for more. [default: all that can be applied]"
-)
-@click.option("--order", type=int, default=4, show_default=True, help="Order of the closures' moments, 2 to 6.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the simulation.")
-@click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
+    "--scheme", type=Name("scheme", SCHEMES), default="euler-maruyama-located", show_default=True,
+    help="Scheme of the simulation.",
+)  # fmt: skip
+@click.option(
+    "--closure", "closures", type=Name("closures", CLOSURES), multiple=True,
+    help="Closure; again for more. [default: all that can be applied]",
+)  # fmt: skip
+@click.option("--order", type=WHOLE, default=4, show_default=True, help="Order of the closures' moments, 2 to 6.")
+@click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed of the simulation.")
+@click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads; the result does not depend on it.")
 @click.option(
     "--validity",
     default="1e-3:2:12",
@@ -106,7 +122,9 @@ def main() -> None:
     metavar="LOW:HIGH:POINTS",
     help="Noise intensities of the figure that opens the report, evenly spaced in their logarithm.",
 )
-@click.option("--validity-paths", type=int, default=40_000, show_default=True, help="Simulated paths of each of these.")
+@click.option(
+    "--validity-paths", type=WHOLE, default=40_000, show_default=True, help="Simulated paths of each of these."
+)
 @click.option("--no-validity", is_flag=True, help="Leave that figure out.")
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="Report folder. [default: reports/NAME]")
 @click.option("--overwrite", is_flag=True, help="Replace an earlier report in that folder.")
@@ -235,7 +253,7 @@ def validate(
 @main.command()
 @click.argument("scene", required=False, type=click.Path(path_type=Path))
 @click.option("--sigma", type=float, help="Noise intensity. [default: the scene's, or 0.1]")
-@click.option("--impacts", type=int, default=12, show_default=True, help="Impacts after the start.")
+@click.option("--impacts", type=WHOLE, default=12, show_default=True, help="Impacts after the start.")
 @click.option(
     "--accuracy", "accuracies", multiple=True, type=float, help="Error in sds; again for more. [default: 0.3 to 0.001]"
 )
@@ -243,9 +261,9 @@ def validate(
     "--budget", type=float, default=100.0, show_default=True,
     help="Core-seconds up to which a point is run; costlier ones are extrapolated.",
 )  # fmt: skip
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the simulations.")
+@click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed of the simulations.")
 @click.option("--orders/--no-orders", default=True, show_default=True, help="Measure the schemes' weak orders as well.")
-@click.option("--workers", type=int, default=2, show_default=True, help="Threads.")
+@click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads.")
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder. [default: reports/NAME-tradeoff]")
 @click.option("--overwrite", is_flag=True, help="Replace earlier results in that folder.")
 def tradeoff(
@@ -311,6 +329,7 @@ def tradeoff(
     say(f"Page: {out / 'tradeoff.html'}")
 
 
+main.add_command(init)
 main.add_command(sampling_commands.simulate)
 main.add_command(sampling_commands.bench)
 main.add_command(sampling_commands.order)
@@ -318,6 +337,7 @@ main.add_command(study)
 main.add_command(chaos)
 main.add_command(claims)
 main.add_command(show)
+main.add_command(animate)
 main.add_command(selftest)
 main.add_command(stability)
 main.add_command(extremes)

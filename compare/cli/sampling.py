@@ -12,12 +12,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rattle.compare.cli.console import say, say_json
+from rattle.compare.cli.options import SCHEMES, WHOLE, Name
 from rattle.scene.errors import InputError
+from rattle.scene.units import RATE, UNITS, check_units, in_units
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from rattle.scene import Scene
+    from rattle.scene import Gears, Scene
 
 __all__ = ["bench", "order", "simulate"]
 
@@ -28,14 +30,21 @@ AN_HOUR = "an hour; what is expected to take longer is refused"
 @click.command()
 @click.argument("scene", required=False, type=click.Path(path_type=Path))
 @click.option("--sigma", type=float, default=None, help="Noise intensity. [default: the scene's; sqrt(alpha) on DAT21]")
-@click.option("--impacts", type=int, default=12, show_default=True, help="Impacts after the start.")
+@click.option("--impacts", type=WHOLE, default=12, show_default=True, help="Impacts after the start.")
 @click.option("--accuracy", type=float, default=None, help="Largest error of means and sds in sds. [default: 0.01]")
-@click.option("--paths", type=int, default=None, help="Number of paths, in place of an accuracy.")
+@click.option("--paths", type=WHOLE, default=None, help="Number of paths, in place of an accuracy.")
 @click.option("--dt", type=float, default=None, help="Step, with --paths. [default: 0.002]")
-@click.option("--scheme", default=None, help="Scheme. [default: what costs least; euler-maruyama-located with --paths]")
+@click.option(
+    "--scheme", type=Name("scheme", SCHEMES), default=None,
+    help="Scheme. [default: what costs least; euler-maruyama-located with --paths]",
+)  # fmt: skip
 @click.option("--budget", type=float, default=None, help=f"Seconds that an accuracy may take. [default: {AN_HOUR}]")
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed.")
-@click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
+@click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed.")
+@click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads; the result does not depend on it.")
+@click.option(
+    "--units", type=Name("units", UNITS), default="dimensionless", show_default=True,
+    help="Units of the tables; physical: ms, mm, mm/s and impacts per second, for a scene with [gears].",
+)  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="CSV file of the whole section table.")
 @click.option("--json", "as_json", is_flag=True, help="Print the section table and the settings as JSON.")
 def simulate(
@@ -49,6 +58,7 @@ def simulate(
     budget: float | None,
     seed: int,
     workers: int,
+    units: str,
     out: Path | None,
     as_json: bool,
 ) -> None:
@@ -62,7 +72,7 @@ def simulate(
     ----------
     scene : Path or None
         TOML file; DAT21 if None.
-    sigma, impacts, accuracy, paths, dt, scheme, budget, seed, workers, out
+    sigma, impacts, accuracy, paths, dt, scheme, budget, seed, workers, units, out
         The options of the same names.
     as_json : bool
         The option ``--json``.
@@ -71,6 +81,7 @@ def simulate(
     from rattle.montecarlo import simulate, simulate_to
 
     base = _scene(scene, sigma)
+    check_units(units, base.gears)
     if out is not None and not out.parent.is_dir():
         raise InputError("out", str(out), f"the folder {out.parent} does not exist; make it first")
     if out is not None and (out.is_dir() or not os.access(out.parent, os.W_OK)):
@@ -94,11 +105,12 @@ def simulate(
             "seconds": round(run.wall_seconds, 3),
             "reach": None if reach is None else reach.sentence,
             "diagnostics": run.diagnostics,
-            "section": run.section.reset_index().to_dict("records"),
+            "units": units,
+            "section": run.section_in(units).reset_index().to_dict("records"),
         }
         say_json(record)
     else:
-        say(_table(run.columns))
+        say(_table(in_units(run.columns, base.gears, units), shown_in(units, base.gears)))
         say(f"{run.paths:,} paths, {run.scheme}, dt = {run.dt:.4g}, {run.wall_seconds:.1f} s on {workers} threads")
         if reach is not None and reach.reached:  # else it is among the diagnostics
             say(reach.sentence)
@@ -107,7 +119,7 @@ def simulate(
     if out is not None:  # last, so that the results have been printed if the file cannot be written
         from rattle.compare.report.csv_text import csv_text
 
-        write_whole(out, csv_text(run.section))
+        write_whole(out, csv_text(run.section_in(units)))
     if reach is not None and not reach.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)
 
@@ -121,6 +133,7 @@ class _OnStderr(logging.Handler):
         Parameters
         ----------
         record : LogRecord
+            Entries of the manifest.
         """
         say(self.format(record), err=True)
 
@@ -149,10 +162,18 @@ def _estimates_shown() -> "Iterator[None]":
 SHOWN = ("tau", "se_tau", "sd_tau", "y1", "se_y1", "sd_y1", "y2", "se_y2", "sd_y2", "mesh", "side", "agreement")
 
 
-def _table(columns: "Mapping[str, NDArray[Any]]") -> str:
+def shown_in(units: str, gears: "Gears | None") -> tuple[str, ...]:
+    """Names of the columns that are shown on a terminal, in a system of units."""
+    if units == "dimensionless" or gears is None:
+        return SHOWN
+    names = [gears.units.columns_of.get(name, (name, 1.0))[0] for name in SHOWN]
+    return (names[0], RATE, *names[1:])
+
+
+def _table(columns: "Mapping[str, NDArray[Any]]", shown: tuple[str, ...]) -> str:
     """The columns shown on a terminal, without empty ones; no pandas, which takes as long to load as the sampling."""
-    texts = [["impact", *(str(k) for k in range(1, len(columns["tau"]) + 1))]]
-    for name in SHOWN:
+    texts = [["impact", *(str(k) for k in range(1, len(columns["mesh"]) + 1))]]
+    for name in shown:
         values = columns[name].tolist()
         if not all(math.isnan(v) for v in values):
             texts.append([name, *(f"{v:.5f}" if isinstance(v, float) else str(v) for v in values)])
@@ -187,10 +208,10 @@ def bench(as_json: bool) -> None:
 @click.command()
 @click.argument("scene", required=False, type=click.Path(path_type=Path))
 @click.option("--sigma", type=float, default=None, help="Noise intensity. [default: the scene's; sqrt(alpha) on DAT21]")
-@click.option("--impacts", type=int, default=4, show_default=True, help="Impacts after the start.")
-@click.option("--paths", type=int, default=20_000, show_default=True, help="Paths of each run.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed.")
-@click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
+@click.option("--impacts", type=WHOLE, default=4, show_default=True, help="Impacts after the start.")
+@click.option("--paths", type=WHOLE, default=20_000, show_default=True, help="Paths of each run.")
+@click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed.")
+@click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads; the result does not depend on it.")
 @click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
 def order(
     scene: Path | None, sigma: float | None, impacts: int, paths: int, seed: int, workers: int, as_json: bool

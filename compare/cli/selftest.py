@@ -5,6 +5,7 @@ import sys
 import click
 
 from rattle.compare.cli.console import say, say_json
+from rattle.compare.cli.options import WHOLE
 
 __all__ = ["selftest"]
 
@@ -16,8 +17,8 @@ EXIT_BROKEN = 1
     "--result", "names", multiple=True, metavar="NAME", help="One result alone; again for more. [default: all]"
 )
 @click.option("--all", "all_checks", is_flag=True, help="Print every check and every negative control.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of all random numbers.")
-@click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
+@click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed of all random numbers.")
+@click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads; the result does not depend on it.")
 @click.option("--json", "as_json", is_flag=True, help="Print the record as JSON.")
 def selftest(names: tuple[str, ...], all_checks: bool, seed: int, workers: int, as_json: bool) -> None:
     """Compare the installed program with published results: exits, returns, collapse, bounces, exponents, covariances.

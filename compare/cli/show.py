@@ -6,13 +6,15 @@ from pathlib import Path
 
 import click
 
+from rattle.compare.cli.options import WHOLE
+
 __all__ = ["show"]
 
 
 @click.command()
 @click.argument("report", type=click.Path(path_type=Path))
 @click.option("--section", default=None, metavar="NAME", help="Only the sections whose title has these words in it.")
-@click.option("--width", type=int, default=None, help="Characters of a line. [default: the terminal's]")
+@click.option("--width", type=WHOLE, default=None, help="Characters of a line. [default: the terminal's]")
 def show(report: Path, section: str | None, width: int | None) -> None:
     """Show the page in the folder REPORT on the terminal: the answer, the tables, and what repeats it.
 

@@ -8,17 +8,20 @@ from pathlib import Path
 import click
 
 from rattle.compare.cli.console import say
+from rattle.compare.cli.options import AXES, SCHEMES, WHOLE, Name
 
 __all__ = ["stability"]
 
 
 @click.command()
-@click.option("--scheme", "schemes", multiple=True, help="Scheme; again for more. [default: all]")
-@click.option("--axis", "axes", multiple=True, help="beta, gap, sigma or epsilon; again for more. [default: all]")
-@click.option("--points", type=int, default=7, show_default=True, help="Values of each axis, 1 to 7.")
-@click.option("--paths", type=int, default=32_768, show_default=True, help="Most paths of a cell.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed.")
-@click.option("--workers", type=int, default=2, show_default=True, help="Threads; the result does not depend on it.")
+@click.option(
+    "--scheme", "schemes", type=Name("scheme", SCHEMES), multiple=True, help="Scheme; again for more. [default: all]"
+)
+@click.option("--axis", "axes", type=Name("axis", AXES), multiple=True, help="Axis; again for more. [default: all]")
+@click.option("--points", type=WHOLE, default=7, show_default=True, help="Values of each axis, 1 to 7.")
+@click.option("--paths", type=WHOLE, default=32_768, show_default=True, help="Most paths of a cell.")
+@click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed.")
+@click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads; the result does not depend on it.")
 @click.option(
     "--out", type=click.Path(path_type=Path), default=Path("reports/stability"), show_default=True, help="Folder."
 )
@@ -54,17 +57,15 @@ def stability(
         The options of the same names.
     """
     from rattle.compare.checks.extremes.run import extremes
-    from rattle.compare.checks.stability.axes import AXES, moderate
+    from rattle.compare.checks.stability.axes import moderate
     from rattle.compare.checks.stability.chart import chart
     from rattle.compare.checks.stability.free_flight import covariance_table
     from rattle.compare.checks.stability.page import CONTENTS, write_stability
     from rattle.compare.report import manifest
     from rattle.compare.report.folder import check_free
-    from rattle.montecarlo import SCHEMES
-    from rattle.scene.validate import choice, count
+    from rattle.scene.validate import count
 
-    chosen = [choice("scheme", s, SCHEMES) for s in dict.fromkeys(schemes)] or list(SCHEMES)
-    along = [choice("axis", a, AXES) for a in dict.fromkeys(axes)] or list(AXES)
+    chosen, along = list(dict.fromkeys(schemes)) or list(SCHEMES), list(dict.fromkeys(axes)) or list(AXES)
     count("points", points, most=7)
     count("paths", paths, least=1000)
     count("seed", seed, least=0)

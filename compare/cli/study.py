@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rattle.compare.cli.console import say, say_json
+from rattle.compare.cli.options import WHOLE
 from rattle.scene.errors import InputError, OutputError, RattleError
 from rattle.scene.text import line
 
@@ -25,7 +26,7 @@ LOOKED_AT = 200  # points of a grid from which --explain estimates the cost of a
 @click.command()
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder. [default: FILE without its suffix]")
-@click.option("--workers", type=int, default=2, show_default=True, help="Threads; the results do not depend on it.")
+@click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads; the results do not depend on it.")
 @click.option(
     "--scheduler",
     default=None,

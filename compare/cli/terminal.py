@@ -6,13 +6,25 @@ from itertools import zip_longest
 
 import click
 
-from rattle.compare.report.content import NUMBER, Block, Cell, Code, Figure, Page, Section, Source, Table, Text
+from rattle.compare.report.content import (
+    NUMBER,
+    Block,
+    Cell,
+    Code,
+    Figure,
+    Glossary,
+    Page,
+    Section,
+    Source,
+    Table,
+    Text,
+)
 from rattle.compare.report.markup import parts
 from rattle.scene.text import harmless, line
 
 __all__ = ["page_lines", "section_lines"]
 
-COLOUR = {"good": "green", "bad": "red", "open": "magenta"}
+COLOUR = {"good": "green", "bad": "red", "open": "magenta", "part": "yellow"}
 NARROW = 16
 """Characters below which a column of text is not narrowed."""
 GAP = "  "
@@ -24,6 +36,7 @@ def page_lines(page: Page, width: int) -> Iterator[str]:
     Parameters
     ----------
     page : Page
+        The page.
     width : int
         Characters of a line; only code and file paths may be wider.
 
@@ -47,6 +60,7 @@ def section_lines(section: Section, width: int, level: int = 2) -> Iterator[str]
     Parameters
     ----------
     section : Section
+        The section.
     width : int
         Characters of a line; only code and file paths may be wider.
     level : int
@@ -96,6 +110,11 @@ def _block(block: Block, width: int) -> Iterator[str]:
             yield from _paragraph(text, width)
         case Figure(path, caption):
             yield from _paragraph(f"[{path}] {caption}", width)
+        case Glossary(title, terms):
+            yield from (click.style(row, bold=True) for row in textwrap.wrap(_words(title), width))
+            for term, meaning in terms:
+                yield from textwrap.wrap(f"{_words(term)}: {_words(meaning)}", width, subsequent_indent="    ")
+            yield ""
         case Code(text):
             yield from ("    " + row for row in harmless(text).expandtabs().splitlines())
             yield ""

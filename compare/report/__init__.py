@@ -8,6 +8,7 @@ from rattle.compare.report.content import (
     Code,
     Column,
     Figure,
+    Glossary,
     Page,
     Row,
     Section,
@@ -20,6 +21,6 @@ from rattle.compare.report.page_file import read_page
 from rattle.compare.report.render import pages, write_page
 
 __all__ = [
-    "NUMBER", "TEXT", "Block", "Cell", "Code", "Column", "Figure", "Page", "Row", "Section", "Source", "Table", "Text",
-    "numbers", "pages", "read_page", "write_page",
+    "NUMBER", "TEXT", "Block", "Cell", "Code", "Column", "Figure", "Glossary", "Page", "Row", "Section", "Source",
+    "Table", "Text", "numbers", "pages", "read_page", "write_page",
 ]  # fmt: skip

@@ -14,14 +14,14 @@ from rattle.scene.errors import InputError
 from rattle.scene.validate import choice
 
 __all__ = [
-    "MARKS", "NUMBER", "TEXT", "Block", "Cell", "Code", "Column", "Figure", "Page", "Row", "Section", "Source",
-    "Table", "Text", "leading_number", "numbers",
+    "MARKS", "NUMBER", "TEXT", "Block", "Cell", "Code", "Column", "Figure", "Glossary", "Page", "Row", "Section",
+    "Source", "Table", "Text", "leading_number", "numbers",
 ]  # fmt: skip
 
 TEXT, NUMBER = "text", "number"
 """Kinds of a column: text, aligned left and sorted alphabetically; numbers, aligned right and sorted by value."""
 
-MARKS = {"": "", "good": "✓", "bad": "✗", "open": "?"}
+MARKS = {"": "", "good": "✓", "bad": "✗", "open": "?", "part": "◐"}
 """Marks of a cell for the verdict on it, and their signs."""
 
 NOTHING = "–"  # shown in place of NaN
@@ -103,6 +103,7 @@ class Cell:
         Parameters
         ----------
         content : Cell, str or float
+            What is written.
         kind : str
             Of its column, `TEXT` or `NUMBER`.
 
@@ -157,6 +158,7 @@ def numbers(*heads: str) -> tuple[Column, ...]:
     Parameters
     ----------
     *heads : str
+        Heads of the columns.
 
     Returns
     -------
@@ -203,6 +205,7 @@ class Table:
         columns : sequence of Column or str
             A bare string is the head of a column of text.
         rows : iterable of Row
+            Rows of the table of errors.
         summary : str
             See `Table`.
 
@@ -267,7 +270,40 @@ class Code:
     language: str = ""
 
 
-Block: TypeAlias = Text | Table | Figure | Code
+@dataclass(frozen=True)
+class Glossary:
+    """Words and symbols of a page, each with its meaning; HTML shows it folded.
+
+    Attributes
+    ----------
+    title : str
+        The line beneath which it is folded.
+    terms : tuple of (str, str)
+        Each term and its meaning; at least one.
+
+    Raises
+    ------
+    InputError
+        If there is no term, or one without a meaning.
+
+    Examples
+    --------
+    >>> Glossary("Symbols", (("σ", "noise intensity"),)).terms[0][0]
+    'σ'
+    """
+
+    title: str
+    terms: tuple[tuple[str, str], ...]
+
+    def __post_init__(self) -> None:
+        if not self.terms:
+            raise InputError("terms", self.terms, "give at least one")
+        for term, meaning in self.terms:
+            if not meaning.strip():
+                raise InputError("terms", term, "say what it means")
+
+
+Block: TypeAlias = Text | Table | Figure | Code | Glossary
 
 
 @dataclass(frozen=True)
@@ -314,11 +350,12 @@ class Page:
     ----------
     title : str
     answer : tuple of str
-        Sentences that stand first; at least one.
+        Sentences that stand first; at least one.  The first is the advice, or what is most worth knowing.
     source : Source
         Stands last.
     blocks : tuple of Block
-        Between the answer and the sections.
+        Before the sections: the key figure, and the table.  HTML and Markdown show the first sentence of the answer,
+        the blocks, and then the other sentences.
     sections : tuple of Section
 
     Raises

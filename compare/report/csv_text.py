@@ -16,6 +16,7 @@ def csv_text(table: pd.DataFrame, **options: Any) -> str:
     Parameters
     ----------
     table : DataFrame
+        The table.
     **options
         Of `pandas.DataFrame.to_csv`.
 
@@ -40,6 +41,7 @@ def write_csv(table: pd.DataFrame, path: Path, **options: Any) -> None:
     Parameters
     ----------
     table : DataFrame
+        The table.
     path : Path
         Of the file; overwritten.
     **options

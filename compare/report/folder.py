@@ -67,6 +67,7 @@ def refused(out: Path, error: OSError) -> OutputError:
     out : Path
         File or folder that was to be written.
     error : OSError
+        What went wrong.
 
     Returns
     -------
@@ -195,6 +196,7 @@ def within(folder: Path, *names: str) -> None:
     Parameters
     ----------
     folder : Path
+        The folder.
     *names : str
         Subfolders; need not exist.
 
@@ -242,6 +244,7 @@ def write_whole(path: Path, text: str) -> None:
     Parameters
     ----------
     path : Path
+        The file.
     text : str
         Written as UTF-8.
 

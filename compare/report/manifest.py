@@ -208,6 +208,7 @@ def sealed(record: Mapping[str, Any]) -> dict[str, Any]:
     Parameters
     ----------
     record : mapping
+        Entries of the manifest.
 
     Returns
     -------
@@ -305,6 +306,7 @@ def digest(text: str) -> str:
     Parameters
     ----------
     text : str
+        The text as it was given.
 
     Returns
     -------

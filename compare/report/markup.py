@@ -1,6 +1,7 @@
 """Escaping of texts for each view, so that nothing in them is interpreted as markup or as a terminal command."""
 
 import re
+from collections.abc import Collection
 
 from markupsafe import Markup, escape
 
@@ -17,6 +18,7 @@ def parts(text: str) -> list[tuple[str, bool]]:
     Parameters
     ----------
     text : str
+        The text as it was given.
 
     Returns
     -------
@@ -32,30 +34,47 @@ def parts(text: str) -> list[tuple[str, bool]]:
     return [(piece, bool(i % 2)) for i, piece in enumerate(pieces) if piece]
 
 
-def as_html(text: str) -> Markup:
+def as_html(text: str, files: Collection[str] = ()) -> Markup:
     """A text as HTML; code between backticks becomes a ``<code>`` element.
 
     Parameters
     ----------
     text : str
+        The text as it was given.
+    files : collection of str
+        Names of files beside the page; code that is such a name becomes a link to the file.
 
     Returns
     -------
     Markup
+
+    Examples
+    --------
+    >>> as_html("see `a.csv`", ["a.csv"])
+    Markup('see <a href="a.csv"><code>a.csv</code></a>')
     """
-    return Markup("").join(
-        Markup("<code>{}</code>").format(piece) if code else escape(piece) for piece, code in parts(text)
-    )
+
+    def written(piece: str, code: bool) -> Markup:
+        if not code:
+            return escape(piece)
+        if piece in files:
+            return Markup('<a href="{0}"><code>{0}</code></a>').format(piece)
+        return Markup("<code>{}</code>").format(piece)
+
+    return Markup("").join(written(piece, code) for piece, code in parts(text))
 
 
-def as_markdown(text: str, cell: bool = False) -> str:
+def as_markdown(text: str, cell: bool = False, files: Collection[str] = ()) -> str:
     r"""A text as Markdown that shows it literally.
 
     Parameters
     ----------
     text : str
+        The text as it was given.
     cell : bool
         Whether it stands in a table, where vertical bars must be escaped as well.
+    files : collection of str
+        Names of files beside the page; code that is such a name becomes a link to the file.
 
     Returns
     -------
@@ -66,7 +85,10 @@ def as_markdown(text: str, cell: bool = False) -> str:
     >>> print(as_markdown("# <b> *x* `a_b` a_b"))
     \# \<b> \*x\* `a_b` a_b
     """
-    written = "".join(f"`{piece}`" if code else _escaped(piece) for piece, code in parts(text))
+    written = "".join(
+        (f"[`{piece}`]({piece})" if piece in files else f"`{piece}`") if code else _escaped(piece)
+        for piece, code in parts(text)
+    )
     if cell:
         return written.replace("|", r"\|")
     return re.sub(r"^(\d+)([.)])", r"\1\\\2", re.sub(r"^([#>+=-])", r"\\\1", written))  # no heading, no list
@@ -83,6 +105,7 @@ def as_code(text: str) -> str:
     Parameters
     ----------
     text : str
+        The text as it was given.
 
     Returns
     -------

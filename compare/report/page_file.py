@@ -7,15 +7,15 @@ import typing
 from pathlib import Path
 from typing import Any
 
-from rattle.compare.report.content import Block, Code, Figure, Page, Table, Text
+from rattle.compare.report.content import Block, Code, Figure, Glossary, Page, Table, Text
 from rattle.compare.report.json_text import json_digest, json_text
 from rattle.scene.errors import FileError, InputError
 
 __all__ = ["NAME", "page_text", "read_page"]
 
 NAME = "page.json"
-FORMAT, VERSION = "rattle page", 1
-BLOCKS = {"text": Text, "table": Table, "figure": Figure, "code": Code}
+FORMAT, VERSION = "rattle page", 2
+BLOCKS = {"text": Text, "table": Table, "figure": Figure, "code": Code, "glossary": Glossary}
 """Types of blocks by their name in the file."""
 
 
@@ -32,6 +32,7 @@ def page_text(page: Page) -> str:
     Parameters
     ----------
     page : Page
+        The page.
 
     Returns
     -------

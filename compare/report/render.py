@@ -3,15 +3,15 @@
 import base64
 import hashlib
 import re
-from collections.abc import Iterator
-from functools import cache
+from collections.abc import Collection, Iterator
+from functools import cache, partial
 from importlib.resources import files
 from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from rattle.compare.report.content import MARKS, NUMBER, Block, Code, Figure, Page, Section, Table, Text
+from rattle.compare.report.content import MARKS, NUMBER, Block, Code, Figure, Glossary, Page, Section, Table, Text
 from rattle.compare.report.markup import as_code, as_html, as_markdown, fence
 from rattle.compare.report.page_file import NAME, page_text
 from rattle.scene.text import harmless, line
@@ -19,7 +19,11 @@ from rattle.scene.text import harmless, line
 __all__ = ["pages", "write_page"]
 
 TYPES = {".svg": "image/svg+xml", ".png": "image/png"}
-KINDS = {Text: "text", Table: "table", Figure: "figure", Code: "code"}
+KINDS = {Text: "text", Table: "table", Figure: "figure", Code: "code", Glossary: "glossary"}
+DATA = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*\.(csv|parquet|toml)")
+"""Names of the files beside a page to which it links."""
+LONG = 40
+"""Folded tables with more rows are not printed: paper cannot sort them, and the table files hold them."""
 
 
 def pages(name: str) -> tuple[str, str, str]:
@@ -43,36 +47,47 @@ def write_page(page: Page, folder: Path, name: str) -> None:
     Parameters
     ----------
     page : Page
+        The page.
     folder : Path
         Exists, and holds the figures of the page.
     name : str
         Of the page, without suffix.
     """
-    for file, text in zip(pages(name), (page_text(page), markdown(page), html(page, folder)), strict=True):
+    texts = (page_text(page), markdown(page, data_files(folder)), html(page, folder))
+    for file, text in zip(pages(name), texts, strict=True):
         (folder / file).write_text(text, encoding="utf-8")
 
 
-def markdown(page: Page) -> str:
-    """A page as Markdown; the figures are linked."""
+def data_files(folder: Path) -> list[str]:
+    """Names of the table files and settings in a report's folder."""
+    return sorted(path.name for path in folder.iterdir() if path.is_file() and DATA.fullmatch(path.name))
+
+
+def markdown(page: Page, files: Collection[str] = ()) -> str:
+    """A page as Markdown; the figures are linked, and the files beside it."""
     environment = _environment(False)
-    environment.filters |= {"md": as_markdown, "code": as_code, "fence": fence, "line": line}
-    text = environment.get_template("page.md.j2").render(page=page, kind=_kind, NUMBER=NUMBER)
+    environment.filters |= {"md": partial(as_markdown, files=files), "code": as_code, "fence": fence, "line": line}
+    text = environment.get_template("page.md.j2").render(page=page, kind=_kind, NUMBER=NUMBER, files=files)
     return re.sub(r"\n{3,}", "\n\n", text).rstrip() + "\n"
 
 
 def html(page: Page, folder: Path) -> str:
-    """A page as one HTML file without links to other files; its figures are read from the folder and embedded."""
+    """A page as one HTML file that needs no other; figures are embedded, and table files in the folder are linked."""
     style, script = _part("page.css"), _part("page.js")
     policy = (
         f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; script-src '{_hash(script)}'; "
         "base-uri 'none'; form-action 'none'"
     )
     environment = _environment(True)
-    anchors = _anchors(page)
-    environment.filters |= {"inline": as_html, "line": line, "anchor": lambda section: anchors[id(section)]}
+    anchors, files = _anchors(page), data_files(folder)
+    environment.filters |= {
+        "inline": partial(as_html, files=files),
+        "line": line,
+        "anchor": lambda section: anchors[id(section)],
+    }
     return environment.get_template("page.html.j2").render(
         page=page, kind=_kind, NUMBER=NUMBER, MARKS=MARKS, policy=policy, style=Markup(style), script=Markup(script),
-        embedded=lambda figure: _embedded(folder / figure.path),
+        embedded=lambda figure: _embedded(folder / figure.path), files=files, LONG=LONG,
     )  # fmt: skip
 
 

@@ -8,8 +8,12 @@ import matplotlib as mpl
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
-__all__ = ["ACCURATE", "FORBIDDEN", "STYLE", "SYMBOL", "caption_of", "legend_above", "new_figure", "save"]
+__all__ = [
+    "ACCURATE", "FORBIDDEN", "STYLE", "SYMBOL", "caption_of", "legend_above", "new_figure", "save",
+    "whole_impacts",
+]  # fmt: skip
 
 # Palette of Okabe and Ito, which remains distinguishable with colour vision deficiencies; markers differ as well.
 STYLE: Any = {
@@ -71,6 +75,7 @@ def legend_above(figure: Figure, axes: Sequence[Axes], columns: int) -> None:
     Parameters
     ----------
     figure : Figure
+        The figure.
     axes : sequence of Axes
         The panels whose labels are collected.
     columns : int
@@ -81,6 +86,26 @@ def legend_above(figure: Figure, axes: Sequence[Axes], columns: int) -> None:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
     figure.legend(list(handles.values()), list(handles), loc="outside upper center", ncols=columns)
+
+
+def whole_impacts(ax: Axes) -> None:
+    """Put the ticks of the horizontal axis at whole numbers of impacts.
+
+    Parameters
+    ----------
+    ax : Axes
+        The panel, with impacts along its horizontal axis.
+
+    Examples
+    --------
+    >>> figure, (ax,) = new_figure(2.0, 2.0, 1, 1)
+    >>> ax.set_xlim(0.5, 3.5)
+    (0.5, 3.5)
+    >>> whole_impacts(ax)
+    >>> all(float(tick).is_integer() for tick in ax.get_xticks())
+    True
+    """
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
 
 
 def caption_of(figure: Figure, parts: Sequence[tuple[str, str]]) -> str:
@@ -115,7 +140,9 @@ def save(figure: Figure, path: Path) -> None:
     Parameters
     ----------
     figure : Figure
+        The figure.
     path : Path
+        The file.
     """
     with mpl.rc_context(SETTINGS):
         figure.savefig(path, format="svg", metadata={"Date": None})

@@ -111,6 +111,7 @@ def combinations(axes: Sequence[Axis]) -> list[dict[str, Any]]:
     Parameters
     ----------
     axes : sequence of Axis
+        The panels.
 
     Returns
     -------
@@ -129,6 +130,7 @@ def combination(axes: Sequence[Axis], number: int) -> dict[str, Any]:
     Parameters
     ----------
     axes : sequence of Axis
+        The panels.
     number : int
         Index from 0.
 

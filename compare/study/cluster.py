@@ -112,6 +112,7 @@ class Cluster:
         Parameters
         ----------
         cell : Cell
+            What is computed, and under which key it is kept.
 
         Returns
         -------

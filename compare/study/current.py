@@ -22,7 +22,9 @@ def is_current(study: Study, folder: Path) -> dict[str, Any] | None:
     Parameters
     ----------
     study : Study
+        The study as it was read.
     folder : Path
+        The folder.
 
     Returns
     -------
@@ -49,6 +51,7 @@ def cells_digest(study: Study) -> str:
     Parameters
     ----------
     study : Study
+        The study as it was read.
 
     Returns
     -------

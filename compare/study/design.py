@@ -16,7 +16,7 @@ from rattle.compare.study.cells import Cell, Prediction, Sample
 from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo import SCHEMES, check_settings, default_step
 from rattle.scene.errors import InputError
-from rattle.scene.files import read_text, read_toml
+from rattle.scene.files import in_file, read_text, read_toml
 from rattle.scene.scene import Scene
 from rattle.scene.validate import choice, count, known_keys, positive
 
@@ -116,6 +116,7 @@ class Study:
         Parameters
         ----------
         path : str or Path
+            The file.
 
         Returns
         -------
@@ -128,7 +129,9 @@ class Study:
         FileError
             If the file cannot be read.
         """
-        return cls.from_toml(read_text("study file", path))
+        text = read_text("study file", path)
+        with in_file(path, text):
+            return cls.from_toml(text)
 
     @classmethod
     def from_toml(cls, text: str) -> "Study":

@@ -53,7 +53,9 @@ def missing(study: Study, store: Store) -> list[Cell]:
     Parameters
     ----------
     study : Study
+        The study as it was read.
     store : Store
+        Where the cells are kept.
 
     Returns
     -------
@@ -70,6 +72,7 @@ def run(
     Parameters
     ----------
     study : Study
+        The study as it was read.
     store : Store
         Where results are kept; several processes may use the same one.
     place : Place

@@ -53,6 +53,7 @@ def core_seconds(cell: Cell) -> float:
     Parameters
     ----------
     cell : Cell
+        What is computed, and under which key it is kept.
 
     Returns
     -------
@@ -140,6 +141,7 @@ def scaling(cells: Sequence[Cell], factor: float = 1.0, times: Callable[[Cell], 
     Parameters
     ----------
     cells : sequence of Cell
+        The cells, in order.
     factor : float
         Measured over estimated seconds, see `calibrated`.
     times : callable

@@ -36,6 +36,7 @@ class Place(Protocol):
         Parameters
         ----------
         cell : Cell
+            What is computed, and under which key it is kept.
 
         Returns
         -------
@@ -89,6 +90,7 @@ class Here:
         Parameters
         ----------
         cell : Cell
+            What is computed, and under which key it is kept.
 
         Returns
         -------

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.stats import binomtest
 
-from rattle.compare.report.style import STYLE, SYMBOL, legend_above, new_figure
+from rattle.compare.report.style import STYLE, SYMBOL, legend_above, new_figure, whole_impacts
 from rattle.compare.study.results import Results
 from rattle.compare.validation.validity_range import ACCURATE, ENDED, NOT_WRONG, WRONG, want
 
@@ -97,6 +97,7 @@ def validity(r: Results, rows: pd.DataFrame) -> Figure:
         ax.set_yscale("log")
         ax.yaxis.set_major_formatter("{x:g}")
     ax.set_ylim(min(values), max(values) * 1.1)
+    whole_impacts(ax)
     ax.set_xlabel("first impacts")
     ax.set_ylabel(f"largest {axis_label(name)}")
     legend_above(figure, [ax], 2)
@@ -239,6 +240,7 @@ def panels(r: Results, table: pd.DataFrame, most: int = 6) -> Iterable[tuple[dic
     Parameters
     ----------
     r : Results
+        Results of the study.
     table : DataFrame
         A table of `r`.
     most : int

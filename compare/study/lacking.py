@@ -50,6 +50,7 @@ def lacking(points: Sequence[Point], failed: Mapping[str, str]) -> list[Lack]:
     Parameters
     ----------
     points : sequence of Point
+        Points of the study.
     failed : mapping of str to str
         Error messages of cells whose computation was tried and failed, by key.
 

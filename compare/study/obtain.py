@@ -22,7 +22,9 @@ def kept(store: Store, cell: Cell) -> Stored | None:
     Parameters
     ----------
     store : Store
+        Where the cells are kept.
     cell : Cell
+        What is computed, and under which key it is kept.
 
     Returns
     -------
@@ -54,7 +56,9 @@ def attempt(store: Store, cell: Cell, compute: Compute = _here) -> Stored | None
     Parameters
     ----------
     store : Store
+        Where the cells are kept.
     cell : Cell
+        What is computed, and under which key it is kept.
     compute : callable
         Computes the cell if it is not stored.
 
@@ -89,7 +93,9 @@ def obtain(store: Store, cell: Cell, compute: Compute = _here, say: Callable[[st
     Parameters
     ----------
     store : Store
+        Where the cells are kept.
     cell : Cell
+        What is computed, and under which key it is kept.
     compute : callable
         Computes the cell if it is not stored.
     say : callable

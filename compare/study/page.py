@@ -7,10 +7,11 @@ from typing import Any
 
 import pandas as pd
 
-from rattle.compare.report import Cell, Code, Figure, Page, Row, Section, Source, Table, Text, manifest, numbers
+from rattle.compare.report import Block, Cell, Code, Figure, Page, Row, Section, Source, Table, Text, manifest, numbers
 from rattle.compare.report import write_page as write_views
 from rattle.compare.report.csv_text import write_csv
 from rattle.compare.report.folder import scratch_folder, within
+from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.report.json_text import json_text
 from rattle.compare.report.style import save
 from rattle.compare.study.current import FILES, cells_digest
@@ -20,7 +21,7 @@ from rattle.compare.study.lacking import lacking
 from rattle.compare.study.results import Results
 from rattle.compare.study.tables import FILE, MANIFEST, PAGE, TABLES, file_digest
 from rattle.compare.study.version import numerical_version
-from rattle.compare.validation.validity_range import in_words, want
+from rattle.compare.validation.validity_range import in_words, listed, want
 from rattle.compare.validation.verdict import RULE, VERDICTS
 from rattle.scene.errors import OutputError
 
@@ -29,6 +30,9 @@ __all__ = ["answer", "write_page"]
 SMALL = ("correlation", "validity", "cost", "reasons")
 """Small tables, written as CSV in addition to Parquet."""
 
+WORDS = glossary(
+    *CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, "exact flight", "σ", "α", "ε", "ρ1, ρ2", "orbit", "agreement",
+)  # fmt: skip
 FEW = 4  # up to so many different ranges of validity of a closure are listed one by one in the answer
 
 
@@ -42,11 +46,12 @@ def answer(r: Results) -> list[str]:
     Parameters
     ----------
     r : Results
+        Results of the study.
 
     Returns
     -------
     list of str
-        Range of validity of each closure over all impacts, and the itinerary agreement after the last.
+        Advice, the range of validity of each closure over all impacts, and the itinerary agreement after the last.
     """
     sentences = []
     table, impacts = r.validity, r.study.impacts
@@ -54,6 +59,7 @@ def answer(r: Results) -> list[str]:
         last, name = table[table["impact"] == impacts], r.along
         values = r.errors[name]
         sentences = [
+            _advice(last, impacts, name, values.max()),
             f"Every section mean and sd of {impacts} impacts, {name} from {values.min():.4g} to {values.max():.4g}:",
             *(f"{closure}: {_range_in_words(r, rows)}." for closure, rows in last.groupby("closure", sort=False)),
         ]
@@ -65,6 +71,22 @@ def answer(r: Results) -> list[str]:
             "itinerary."
         )
     return sentences or ["No point could be computed; the command says why."]
+
+
+def _advice(last: pd.DataFrame, impacts: int, name: str, largest: float) -> str:
+    """Which closure is accurate furthest, wherever the other fields of the study lie."""
+    least = last.groupby("closure", sort=False)["accurate"].min()  # NaN is left out, so it is asked for below
+    least = least[last.groupby("closure", sort=False)["accurate"].apply(lambda limits: limits.notna().all())]
+    shown = name if name != "sigma" else "σ"
+    if least.empty:
+        some = last[last["accurate"].notna()]["closure"].unique()
+        where = f"; {listed([f'`{c}`' for c in some])} {'is' if len(some) == 1 else 'are'} at some" if len(some) else ""
+        return f"Simulate: no closure is accurate over {impacts} impacts in every row of this study{where}."
+    best = [f"`{closure}`" for closure in least.index[least == least.max()]]
+    take = f"Take {' or '.join(best)} up to {shown} = {least.max():.4g}"
+    if least.max() >= largest:
+        return f"{take}, the largest of this study: all means and sds over {impacts} impacts are accurate there."
+    return f"{take}; beyond it simulate: no closure is shown to be accurate over {impacts} impacts everywhere there."
 
 
 def _range_in_words(r: Results, rows: pd.DataFrame) -> str:
@@ -96,6 +118,7 @@ def write_page(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any
     folder : Path
         The study's folder.
     r : Results
+        Results of the study.
     facts : dict
         Further entries of the manifest: command, times, failed cells.
 
@@ -172,7 +195,9 @@ def _page(r: Results, record: dict[str, Any], figures: list[Figure], cost: pd.Da
         f"Estimate for more cores, from these times ({factor:.2g} times the nominal ones) and 3.5 ms of a Dask "
         "scheduler for each task of at most 65 536 paths:"
     )
-    sections = [Section("Verdicts", (Text(method, note=True), _counts(r)))]
+    key, *others = figures or [None]
+    opening: tuple[Block, ...] = (*((key,) if key else ()), _counts(r), Text(method, note=True), WORDS)
+    sections = [Section("Figures", tuple(others))] if others else []
     if lacks := lacking(r.study.points, record.get("failed", {})):
         rows: list[Row] = [[lack.what, lack.points, lack.where, lack.why] for lack in lacks]
         every = Text("All points: `reasons.csv`.", note=True)
@@ -189,7 +214,7 @@ def _page(r: Results, record: dict[str, Any], figures: list[Figure], cost: pd.Da
     source = Source(
         record["command"], tuple(facts.items()), (Text("The study, `study.toml`:"), Code(r.study.text, "toml"))
     )
-    return Page(r.study.title, tuple(record["answer"]), source, tuple(figures), tuple(sections))
+    return Page(r.study.title, tuple(record["answer"]), source, opening, tuple(sections))
 
 
 def _counts(r: Results) -> Table:

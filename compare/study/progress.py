@@ -91,6 +91,7 @@ class Progress:
         Parameters
         ----------
         text : str
+            The text as it was given.
         """
         self._log.info(line(text))
 
@@ -112,6 +113,7 @@ class Progress:
         Parameters
         ----------
         cell : Cell
+            What is computed, and under which key it is kept.
         """
         self._draw(cell.label)
 
@@ -121,6 +123,7 @@ class Progress:
         Parameters
         ----------
         cell : Cell
+            What is computed, and under which key it is kept.
         found : Stored
             Its result.
         here : bool
@@ -141,6 +144,7 @@ class Progress:
         Parameters
         ----------
         cell : Cell
+            What is computed, and under which key it is kept.
         why : str
             Error message.
         """

@@ -44,7 +44,9 @@ class Results:
         Parameters
         ----------
         study : Study
+            The study as it was read.
         store : Store
+            Where the cells are kept.
 
         Returns
         -------

@@ -158,6 +158,7 @@ class Store:
         Parameters
         ----------
         key : str
+            Digest under which the cell is kept.
 
         Returns
         -------
@@ -171,6 +172,7 @@ class Store:
         Parameters
         ----------
         key : str
+            Digest under which the cell is kept.
 
         Returns
         -------
@@ -184,6 +186,7 @@ class Store:
         Parameters
         ----------
         key : str
+            Digest under which the cell is kept.
 
         Returns
         -------
@@ -219,6 +222,7 @@ class Store:
         Parameters
         ----------
         key : str
+            Digest under which the cell is kept.
         error : BaseException
             As the system has raised it.
 
@@ -239,7 +243,9 @@ class Store:
         Parameters
         ----------
         key : str
+            Digest under which the cell is kept.
         table : DataFrame
+            The table.
         facts : dict
             Plain data, kept in the file's metadata.
 
@@ -271,6 +277,7 @@ class Store:
         Parameters
         ----------
         key : str
+            Digest under which the cell is kept.
 
         Yields
         ------
@@ -307,6 +314,7 @@ class Store:
         Parameters
         ----------
         key : str
+            Digest under which the cell is kept.
         why : str
             What is wrong with the file.
 

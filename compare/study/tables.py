@@ -60,6 +60,7 @@ class Tables:
         Parameters
         ----------
         within : Tolerances
+            Largest error, in sds.
 
         Returns
         -------
@@ -92,6 +93,7 @@ def load(folder: str | Path) -> Tables:
     Parameters
     ----------
     folder : str or Path
+        The folder.
 
     Returns
     -------
@@ -154,6 +156,7 @@ def damaged(folder: Path, record: dict[str, Any], files: Iterable[str]) -> list[
     Parameters
     ----------
     folder : Path
+        The folder.
     record : dict
         The manifest, with digests under ``files``.
     files : iterable of str
@@ -178,6 +181,7 @@ def file_digest(path: Path) -> str | None:
     Parameters
     ----------
     path : Path
+        The file.
 
     Returns
     -------

@@ -102,6 +102,7 @@ class Waiting:
         Parameters
         ----------
         cells : iterable of Cell
+            The cells, in order.
         """
         for cell in cells:
             if time.monotonic() - self._began.setdefault(cell.key, time.monotonic()) < SILENCE:

@@ -53,7 +53,9 @@ def content(prediction: Prediction, claim: Claim) -> dict[str, Any]:
     Parameters
     ----------
     prediction : Prediction
+        What the closure predicts.
     claim : Claim
+        What the test says of a model.
 
     Returns
     -------
@@ -72,6 +74,7 @@ def read(path: Path) -> dict[str, Any]:
     Parameters
     ----------
     path : Path
+        The file.
 
     Returns
     -------
@@ -99,6 +102,7 @@ def write(path: Path, found: Mapping[str, Any], model: str) -> None:
     Parameters
     ----------
     path : Path
+        The file.
     found : mapping
         As of `content`.
     model : str

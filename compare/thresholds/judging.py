@@ -26,6 +26,7 @@ def errors_of(prediction: Claimed, run: Simulated, claim: Claim) -> pd.DataFrame
     run : Simulated
         Section moments of the simulation.
     claim : Claim
+        What the test says of a model.
 
     Returns
     -------

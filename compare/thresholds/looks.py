@@ -80,8 +80,11 @@ def decide(prediction: Prediction, claim: Claim, session: Thresholds) -> Looked:
     Parameters
     ----------
     prediction : Prediction
+        What the closure predicts.
     claim : Claim
+        What the test says of a model.
     session : Thresholds
+        What the tests of the session share.
 
     Returns
     -------

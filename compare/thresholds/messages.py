@@ -129,6 +129,7 @@ def remedies(table: pd.DataFrame, claim: Claim) -> str:
     table : DataFrame
         With ``outcome`` and ``paths_needed``.
     claim : Claim
+        What the test says of a model.
 
     Returns
     -------

@@ -44,6 +44,7 @@ def predict(model: Model, claim: Claim) -> Prediction:
         ``impact`` from 1, columns ``tau, flight, x1, y1, x2, y2`` for means and ``sd_tau, ...`` for standard
         deviations; those that the claim does not need may be missing.
     claim : Claim
+        What the test says of a model.
 
     Returns
     -------

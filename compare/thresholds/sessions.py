@@ -118,6 +118,7 @@ class Thresholds:
         Parameters
         ----------
         claim : Claim
+            What the test says of a model.
         paths : int or None
             Number of paths; None for the accuracy of the claim.
 
@@ -143,7 +144,9 @@ def thresholds_of(marked: Sequence[pytest.Item], settings: Settings, config: pyt
     marked : sequence of pytest.Item
         The selected tests with the marker.
     settings : Settings
+        Settings as they were given.
     config : pytest.Config
+        Configuration of the session.
 
     Returns
     -------

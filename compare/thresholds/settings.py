@@ -58,6 +58,7 @@ class Settings(NamedTuple):
         Parameters
         ----------
         claim : Claim
+            What the test says of a model.
 
         Returns
         -------

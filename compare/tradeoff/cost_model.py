@@ -109,7 +109,9 @@ class CostModel:
         Parameters
         ----------
         scene : Scene
+            What is modelled.
         scheme : str
+            Name of the scheme.
         again : callable
             `rattle.montecarlo.simulate` with scene, impacts, seed and workers bound.
 
@@ -151,6 +153,7 @@ class CostModel:
         Parameters
         ----------
         dt : float
+            Step.
 
         Returns
         -------

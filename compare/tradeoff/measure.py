@@ -207,6 +207,7 @@ def slope(points: pd.DataFrame, method: str, measured: bool) -> tuple[float, int
     points : DataFrame
         Rows of `rattle.compare.tradeoff.cost_model.Point`.
     method : str
+        The method that is counted.
     measured : bool
         Whether to use measured points only.
 
@@ -235,12 +236,15 @@ def measure(
     Parameters
     ----------
     scene : Scene
+        What is modelled.
     impacts : int
+        Number of impacts.
     accuracies : sequence of float
         From the roughest to the finest, in sds.
     budget : float
         Core-seconds up to which a point is run; costlier ones are extrapolated.
     seed, workers : int
+        Seed of the random numbers.
 
     Returns
     -------

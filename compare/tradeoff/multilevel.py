@@ -62,6 +62,7 @@ class Rate(NamedTuple):
         Parameters
         ----------
         level : ndarray
+            Level of the heading.
 
         Returns
         -------
@@ -219,6 +220,7 @@ def measure_levels(
     Parameters
     ----------
     scene : Scene
+        What is modelled.
     scheme : str
         With a step bias.
     impacts, seed, workers : int

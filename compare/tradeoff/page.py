@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from rattle.compare.report import Block, Cell, Code, Figure, Page, Row, Section, Source, Table, Text, numbers
+from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, glossary
 from rattle.compare.tradeoff.measure import Measured, means_seconds, slope
 from rattle.compare.tradeoff.multilevel import KURTOSIS_ALARM, Rate
 from rattle.compare.tradeoff.weak_order import ORDER_IMPACTS, Orders
@@ -59,6 +60,7 @@ GAINS = (
     "negative, take no more time: their gain, median over the rows, is 1 / (1 + r) with the correlation r of a pair, "
     "at least 0.5."
 )
+WORDS = glossary(*CLOSURE_TERMS, *SECTION_TERMS, "exact flight", "σ")
 
 
 def seconds(value: float) -> str:
@@ -176,6 +178,7 @@ def tradeoff_page(
     Parameters
     ----------
     m : Measured
+        What was measured.
     control : DataFrame
         From `rattle.compare.tradeoff.variance_reduction.control_table`.
     orders : Orders or None
@@ -221,6 +224,6 @@ def tradeoff_page(
         f"What accuracy costs: {record['name']}, σ = {sigma}, {impacts} impacts",
         tuple(sentences[:-1]),
         Source(record["command"], facts, scene),
-        (Figure("tradeoff.svg", FIGURE.format(reference=reference), figure),),
+        (Figure("tradeoff.svg", FIGURE.format(reference=reference), figure), WORDS),
         tuple(sections),
     )

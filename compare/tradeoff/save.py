@@ -39,6 +39,7 @@ def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
     Parameters
     ----------
     m : Measured
+        What was measured.
     accuracies : sequence of float
         From the roughest to the finest.
 
@@ -92,6 +93,7 @@ def verdict(m: Measured, accuracies: Sequence[float]) -> str:
     Parameters
     ----------
     m : Measured
+        What was measured.
     accuracies : sequence of float
         From the roughest to the finest.
 
@@ -128,6 +130,7 @@ def write_tradeoff(
     out : Path
         The folder.
     m : Measured
+        What was measured.
     control : DataFrame
         From `rattle.compare.tradeoff.variance_reduction.control_table`.
     orders : Orders or None

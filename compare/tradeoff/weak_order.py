@@ -89,6 +89,7 @@ def orders_over(scene: Scene, sigmas: Sequence[float], **settings: int) -> Order
     Parameters
     ----------
     scene : Scene
+        What is modelled.
     sigmas : sequence of float
         Noise intensities.
     **settings
@@ -223,6 +224,7 @@ def weak_orders(
     Parameters
     ----------
     scene : Scene
+        What is modelled.
     impacts : int
         Number of impacts.
     paths : int

@@ -6,8 +6,12 @@ from collections.abc import Iterable, Sequence
 import pandas as pd
 
 from rattle.closure import refusals
+from rattle.compare.validation.advice import advice
 from rattle.compare.validation.correlation import SIMULATED, first_failure
+from rattle.compare.validation.speed import Cost, simulation_cost
+from rattle.compare.validation.sweep import Sweep
 from rattle.compare.validation.validate import Validation
+from rattle.compare.validation.validity import validities
 from rattle.compare.validation.validity_range import in_words, listed, unbroken
 from rattle.compare.validation.verdict import JUDGED
 from rattle.scene.scene import Scene
@@ -24,6 +28,7 @@ def sigma_text(v: Validation) -> str:
     Parameters
     ----------
     v : Validation
+        The validation that is shown.
 
     Returns
     -------
@@ -74,6 +79,7 @@ def left_out(scene: Scene, shown: Iterable[str]) -> list[str]:
     Parameters
     ----------
     scene : Scene
+        What is modelled.
     shown : iterable of str
         Names of the closures that are shown, and so not to be mentioned.
 
@@ -92,20 +98,21 @@ def left_out(scene: Scene, shown: Iterable[str]) -> list[str]:
     return [f"Left out: {listed(missing)}."] if missing else []
 
 
-def answer(validations: Sequence[Validation], validity: pd.DataFrame | None = None) -> list[str]:
-    """The result of validations of one scene in sentences: accuracy, realizability, agreement of itineraries.
+def answer(validations: Sequence[Validation], swept: Sweep | None = None) -> list[str]:
+    """The result of validations of one scene in sentences: advice, accuracy, realizability, agreement of itineraries.
 
     Parameters
     ----------
     validations : sequence of Validation
         One for each noise intensity, of the same closures and number of impacts.
-    validity : DataFrame, optional
-        Ranges of validity, see `validity_sentence`; they add a first sentence.
+    swept : Sweep, optional
+        Ranges of validity over the noise intensity: the advice rests on them, and they add a second sentence, see
+        `validity_sentence`.
 
     Returns
     -------
     list of str
-        Three sentences, or four with `validity`; one more where closures cannot be applied to the scene.
+        Four sentences, or five with `swept`; one more where closures cannot be applied to the scene.
     """
     impacts = len(validations[0].run.section)
     tolerances = validations[0].tolerances
@@ -128,8 +135,11 @@ def answer(validations: Sequence[Validation], validity: pd.DataFrame | None = No
                 f"the {closure} closure stops being realizable at impact {impact} "
                 f"(at σ = {sigma_text(v)}, stage {stage}: {why})"
             )
+    judged = set().union(*(v.correlation["closure"] for v in validations))  # a mixture is realizable by construction
     realizable = [
-        name for name in validations[0].predictions if not any(first_failure(v.correlation, name) for v in validations)
+        name
+        for name in validations[0].predictions
+        if name in judged and not any(first_failure(v.correlation, name) for v in validations)
     ]
     if realizable:
         broken.append(f"the moments of {listed(realizable)} stay realizable")
@@ -137,10 +147,17 @@ def answer(validations: Sequence[Validation], validity: pd.DataFrame | None = No
     for v in validations:
         best = max(v.run.agreement[name].iloc[-1] for name in v.predictions)
         agreement.append(f"{best:.1%} at σ = {sigma_text(v)}")
-    first = [] if validity is None else [validity_sentence(validity, impacts)]
+    if swept:
+        first = [
+            advice(swept.validity, impacts, simulation=swept.simulation, speed=swept.speed),
+            validity_sentence(swept.validity, impacts),
+        ]
+    else:
+        costs = pd.DataFrame([simulation_cost(v) for v in validations], columns=list(Cost._fields))
+        first = [advice(validities(validations), impacts, simulation=costs)]
     return [
         *first,
-        f"Section moments{SECTION if validity is None else ''} that a closure predicts over {impacts} impacts and that "
+        f"Section moments{'' if swept else SECTION} that a closure predicts over {impacts} impacts and that "
         f"are accurate (within "
         f"{tolerances.mean:.0%} of an sd for means and {tolerances.sd:.0%} for sds, interval included): "
         f"{'; '.join(shares)}.",

@@ -118,6 +118,7 @@ def mid_flight_errors(
     z : float
         Half width of the intervals in standard errors.
     tolerances : Tolerances
+        Largest errors that count as accurate.
 
     Returns
     -------

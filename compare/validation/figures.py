@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from rattle.compare.report.style import ACCURATE, FORBIDDEN, STYLE, SYMBOL, legend_above, new_figure
+from rattle.compare.report.style import ACCURATE, FORBIDDEN, STYLE, SYMBOL, legend_above, new_figure, whole_impacts
 from rattle.compare.validation.validate import Validation
 
 __all__ = ["FIGURES", "Drawn", "agreement_figure", "correlation_figure", "error_figure", "section_figure"]
@@ -28,6 +28,7 @@ def error_figure(v: Validation) -> Figure:
     Parameters
     ----------
     v : Validation
+        The validation that is shown.
 
     Returns
     -------
@@ -39,11 +40,12 @@ def error_figure(v: Validation) -> Figure:
         (v.table["kind"] == "section") & (v.table["verdict"] != "not predicted") & (v.table["unit"] > 0.0)
     ]
     shift = _offsets(list(v.predictions))
+    accurate = f"accurate: means within {v.tolerances.mean:.0%}, sds within {v.tolerances.sd:.0%} of an sd"
     for row, moment in enumerate(("mean", "sd")):
         share = getattr(v.tolerances, moment)
         for column, quantity in enumerate(quantities):
             ax = axes[row * len(quantities) + column]
-            ax.axhspan(-share, share, color=ACCURATE, alpha=0.18, lw=0, label=f"accurate: within {share:.0%} of an sd")
+            ax.axhspan(-share, share, color=ACCURATE, alpha=0.18, lw=0, label=accurate)
             ax.axhline(0.0, color="0.4", lw=0.8)
             for closure in v.predictions:
                 rows = section[
@@ -66,6 +68,7 @@ def error_figure(v: Validation) -> Figure:
             limit = max(10.0, *(abs(t) for t in ax.get_ylim()))
             ax.set_ylim(-limit, limit)
             ax.set_xlim(0.5, len(v.run.section) + 0.5)
+            whole_impacts(ax)
             name = SYMBOL[quantity]
             ax.set_title(f"{'mean' if moment == 'mean' else 'sd'} of {name}", loc="left")
             ax.set_xlabel("impact")
@@ -150,6 +153,7 @@ def correlation_figure(v: Validation) -> Figure:
             )
         ax.set_ylim(-limit, limit)
         ax.set_xlim(0.0, impacts + 0.5)
+        whole_impacts(ax)
         ax.set_xlabel("impact (mid-flight: the flight that it ends)")
         ax.set_ylabel(SYMBOL[f"rho{stage}"])
         ax.set_title(f"stage {stage}", loc="left")
@@ -163,6 +167,7 @@ def section_figure(v: Validation) -> Figure:
     Parameters
     ----------
     v : Validation
+        The validation that is shown.
 
     Returns
     -------
@@ -232,6 +237,7 @@ def agreement_figure(validations: Sequence[Validation]) -> Figure:
             if "branching" in closures and "agreement" in v.predictions["branching"].section:
                 ax.plot(share.index, v.predictions["branching"].section["agreement"], color=shade, ls="--", lw=1.0)
         ax.set_ylim(-0.03, 1.05)
+        whole_impacts(ax)
         ax.set_xlabel("impact")
         ax.set_ylabel("share of paths still on it")
         ax.set_title("itinerary of " + ", ".join(closures), loc="left")
@@ -262,6 +268,7 @@ class Drawn(NamedTuple):
         Parameters
         ----------
         v : Validation
+            The validation that is shown.
 
         Returns
         -------

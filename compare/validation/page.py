@@ -10,7 +10,8 @@ from matplotlib.figure import Figure as Drawing
 from rattle.compare.report import Block, Code, Figure, Page, Section, Source, Text, manifest, pages, write_page
 from rattle.compare.report.content import MARKS as SIGNS
 from rattle.compare.report.csv_text import csv_text, write_csv
-from rattle.compare.report.folder import whole_folder
+from rattle.compare.report.folder import named, whole_folder
+from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.report.json_text import json_text
 from rattle.compare.report.style import caption_of, save
 from rattle.compare.validation.answer import answer, correlation_claim, sigma_text
@@ -29,13 +30,13 @@ from rattle.compare.validation.tables import (
 )
 from rattle.compare.validation.validate import Validation
 from rattle.compare.validation.validity_figure import VALIDITY, validity_figure
-from rattle.compare.validation.verdict import NOT_JUDGED, RULE
+from rattle.compare.validation.verdict import NOT_JUDGED, RULE, Tolerances
 
-__all__ = ["CONTENTS", "table_text", "write_report"]
+__all__ = ["CONTENTS", "table_text", "write_one", "write_report"]
 
 CONTENTS = frozenset({
     *pages("report"), "table.csv", "table.parquet", "correlation.csv", "validity.csv", "validity.parquet", "speed.csv",
-    "manifest.json", "figures",
+    "simulation.csv", "manifest.json", "figures",
 })  # fmt: skip
 """Names of all files in a report folder; a folder with any other file is not overwritten."""
 
@@ -50,6 +51,9 @@ AGREEMENT = (
     "Share of paths whose impacts so far were at the meshes and sides of the closure's itinerary; no closure along a "
     "single orbit can be accurate beyond it."
 )
+WORDS = glossary(
+    *CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ρ1, ρ2", "stage", "agreement", "realizable",
+)  # fmt: skip
 PREDICTED = " Dashed: the share that the branching closure predicts."
 
 
@@ -117,16 +121,17 @@ def _page(
     folder: Path,
 ) -> Page:
     """The page of the report; its figures are saved into the folder."""
-    opening: tuple[Block, ...] = ()
+    caption = AGREEMENT + (PREDICTED if "branching" in validations[0].predictions else "")
+    agreement = _drawn(agreement_figure(validations), "agreement", caption, folder)
     sections = []
     if swept:
         paths = (
             f"{settings.validity_paths:,} paths of exact flights at each σ (no step bias), all with the same random "
-            "numbers. Every σ by itself: `validity.csv`."
+            "numbers. Every σ by itself: `validity.csv`; what a simulation takes at each: `simulation.csv`."
         )
         drawing = validity_figure(swept.validity, settings.impacts)
         figure = _drawn(drawing, "validity", caption_of(drawing, VALIDITY), folder)
-        opening = (figure, Text(paths, note=True), validity_table(swept.validity))
+        opening: tuple[Block, ...] = (figure, validity_table(swept.validity), Text(paths, note=True), WORDS)
         speeds = speed_table(swept.speed)
         note = SPEED + ("" if swept.speed["resolved"].all() else UNRESOLVED)
         none = Text(NONE.format("some are" if (swept.validity["not_inaccurate"] > 0).any() else "none is"))
@@ -136,14 +141,14 @@ def _page(
                 (Text(note, note=True), speeds) if speeds.rows else (none,),
             )
         )
+        sections.append(Section("How long the paths follow the itinerary", (agreement,)))
+    else:
+        opening = (agreement, WORDS)
     marks = ", ".join(f"{SIGNS[mark] or '–'} {verdict}" for verdict, mark in MARKS.items() if verdict != NOT_JUDGED)
     legend = (
         f"Marks: {marks}. Errors are closure minus simulation, corrected for the measured step bias, in units of the "
         f"quantity's standard deviation, with the half width of their interval. {RULE}"
     )
-    caption = AGREEMENT + (PREDICTED if "branching" in validations[0].predictions else "")
-    agreement = _drawn(agreement_figure(validations), "agreement", caption, folder)
-    sections.append(Section("How long the paths follow the itinerary", (agreement,)))
     if claim := correlation_claim(validations):
         sections.append(Section("Does |ρ| > 1 show that the density is not Gaussian?", (Text(claim),)))
     sections.append(Section("How the tables are read", (Text(legend),)))
@@ -160,12 +165,12 @@ def _facts(record: dict[str, Any]) -> tuple[tuple[str, str], ...]:
         "command": f"`{record['command']}`",
         "commit": record["commit"],
         "seed": str(record["settings"]["seed"]),
-        "time": f"{record['wall_seconds']} s wall, {record['cpu_seconds']} s CPU",
+        "time": f"{record['wall_seconds']} s wall" + (f", {cpu} s CPU" if (cpu := record["cpu_seconds"]) else ""),
         "versions": ", ".join(f"{name} {version}" for name, version in record["versions"].items()),
-        "table.csv": f"sha256 {record['table_sha256']}",
+        "`table.csv`": f"sha256 {record['table_sha256']}",
     }
     if record["validity_sha256"]:
-        facts["validity.csv"] = f"sha256 {record['validity_sha256']}"
+        facts["`validity.csv`"] = f"sha256 {record['validity_sha256']}"
     return tuple(facts.items())
 
 
@@ -212,7 +217,7 @@ def write_report(
         "table_sha256": manifest.digest(text),
         "validity_sha256": manifest.digest(validity_text) if validity_text else None,
         **provenance,
-        "answer": answer(validations, swept.validity if swept else None),
+        "answer": answer(validations, swept),
     }
     with whole_folder(out, CONTENTS, overwrite) as folder:
         (folder / "figures").mkdir()
@@ -224,6 +229,47 @@ def write_report(
             (folder / "validity.csv").write_text(validity_text, encoding="utf-8")
             swept.validity.to_parquet(folder / "validity.parquet", index=False)
             write_csv(swept.speed, folder / "speed.csv", index=False)
+            write_csv(swept.simulation, folder / "simulation.csv", index=False)
         write_page(_page(settings, validations, swept, record, folder), folder, "report")
         (folder / "manifest.json").write_text(json_text(manifest.sealed(record)) + "\n", encoding="utf-8")
     return record
+
+
+def write_one(v: Validation, out: Path, overwrite: bool) -> Path:
+    """Write the report of a validation that was made in Python.
+
+    Parameters
+    ----------
+    v : Validation
+        What is reported.
+    out : Path
+        The folder.
+    overwrite : bool
+        Whether an earlier report may be replaced.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    OutputError
+        As `write_report`.
+    """
+    run, seed = v.run, v.run.seed
+    whole = isinstance(seed.entropy, int) and not seed.spawn_key
+    settings = manifest.Settings(
+        named(out), (v.scene,), run.impacts, run.paths, run.dt, run.scheme, int(seed.entropy) if whole else 0,  # type: ignore[arg-type]
+        next(iter(v.predictions.values())).order, tuple(v.predictions),
+    )  # fmt: skip
+    here = "validate(...).report(...), in Python"
+    by_command = whole and v.tolerances == Tolerances()
+    again = manifest.command_line(["validate", "--repeat", str(out / "manifest.json")])
+    provenance = {
+        "command": here, "repeat": again if by_command else f"{here}, with the same seed and tolerances",
+        "commit": manifest.commit(), "versions": manifest.versions(), "wall_seconds": round(run.wall_seconds, 1),
+        "cpu_seconds": None,
+    }  # fmt: skip
+    write_report(out, settings, [v], None, provenance, overwrite)
+    return out / "report.html"

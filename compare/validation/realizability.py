@@ -87,8 +87,27 @@ def covariance_eigenvalue(covariance: Floats) -> float:
     return float(np.linalg.eigvalsh(covariance / scale)[0])
 
 
-def _least_kurtosis_margin(raw: Floats) -> Statistic:
-    """The smaller margin of both marginals; a marginal without positive variance has no kurtosis."""
+def kurtosis_margin(raw: Floats) -> Statistic:
+    """``kurtosis - skewness^2 - 1``, the smaller one of both marginals: negative for no distribution.
+
+    Pearson (1916), Phil. Trans. R. Soc. A 216, 429.  It is zero for distributions on two points.
+
+    Parameters
+    ----------
+    raw : ndarray, shape (order + 1, order + 1)
+        ``E[xi^n zeta^p]``.
+
+    Returns
+    -------
+    Statistic
+        NaN below order 4, or where no variance is positive.
+
+    Examples
+    --------
+    >>> from rattle.scene.moments import gaussian_raw_moments
+    >>> kurtosis_margin(gaussian_raw_moments(4.0, 1.0, 1.0, 4)).value
+    2.0
+    """
     if len(raw) < 5:
         return Statistic(NAN)
     margins = []
@@ -101,10 +120,12 @@ def _least_kurtosis_margin(raw: Floats) -> Statistic:
     return min(margins, key=lambda m: m.value, default=Statistic(NAN))
 
 
-def kurtosis_margin(raw: Floats) -> float:
-    """``kurtosis - skewness^2 - 1``, the smaller one of both marginals: negative for no distribution.
+def moment_matrix_eigenvalue(raw: Floats) -> Statistic:
+    """Smallest eigenvalue of ``E[u^(n+m) v^(p+q)]`` over the monomials of degree up to half the order.
 
-    Pearson (1916), Phil. Trans. R. Soc. A 216, 429.  It is zero for distributions on two points.
+    ``u, v`` are displacement and velocity in units of the root of their second moment, so the value is dimensionless.
+    It is the smallest mean square of a polynomial whose coefficient vector has length 1: negative for no distribution
+    (Akhiezer 1965, The Classical Moment Problem, chapter 2).
 
     Parameters
     ----------
@@ -113,19 +134,19 @@ def kurtosis_margin(raw: Floats) -> float:
 
     Returns
     -------
-    float
-        NaN below order 4, or where no variance is positive.
+    Statistic
+        NaN where a moment is missing or not finite.
 
     Examples
     --------
     >>> from rattle.scene.moments import gaussian_raw_moments
-    >>> kurtosis_margin(gaussian_raw_moments(4.0, 1.0, 1.0, 4))
-    2.0
+    >>> raw = gaussian_raw_moments(4.0, 1.0, 1.0, 4)
+    >>> round(moment_matrix_eigenvalue(raw).value, 4)
+    0.2682
+    >>> raw[2, 2] = 0.5                                # E[u^2 v^2] = 0.125 with rho = 0.5: below rho^2
+    >>> moment_matrix_eigenvalue(raw).value < 0.0
+    True
     """
-    return _least_kurtosis_margin(raw).value
-
-
-def _moment_matrix(raw: Floats) -> Statistic:
     order = len(raw) - 1
     monomials = [(n, p) for n in range(order // 2 + 1) for p in range(order // 2 + 1 - n)]
     scales = []
@@ -141,36 +162,6 @@ def _moment_matrix(raw: Floats) -> Statistic:
     if not np.isfinite(matrix).all():
         return Statistic(NAN)
     return Statistic(float(np.linalg.eigvalsh(matrix)[0]), float(np.abs(matrix.diagonal()).max()))
-
-
-def moment_matrix_eigenvalue(raw: Floats) -> float:
-    """Smallest eigenvalue of ``E[u^(n+m) v^(p+q)]`` over the monomials of degree up to half the order.
-
-    ``u, v`` are displacement and velocity in units of the root of their second moment, so the value is dimensionless.
-    It is the smallest mean square of a polynomial whose coefficient vector has length 1: negative for no distribution
-    (Akhiezer 1965, The Classical Moment Problem, chapter 2).
-
-    Parameters
-    ----------
-    raw : ndarray, shape (order + 1, order + 1)
-        ``E[xi^n zeta^p]``.
-
-    Returns
-    -------
-    float
-        NaN where a moment is missing or not finite.
-
-    Examples
-    --------
-    >>> from rattle.scene.moments import gaussian_raw_moments
-    >>> raw = gaussian_raw_moments(4.0, 1.0, 1.0, 4)
-    >>> round(moment_matrix_eigenvalue(raw), 4)
-    0.2682
-    >>> raw[2, 2] = 0.5                                # E[u^2 v^2] = 0.125 with rho = 0.5: below rho^2
-    >>> moment_matrix_eigenvalue(raw) < 0.0
-    True
-    """
-    return _moment_matrix(raw).value
 
 
 def negative_mass(values: Floats, spacing: float) -> float:
@@ -237,8 +228,8 @@ def _statistics(prediction: MeanMap, impact: int) -> Iterator[tuple[int, str, St
         yield stage, "variance of velocity", Statistic(float(covariance[1, 1]))
         yield stage, "|rho|", Statistic(abs(correlation(covariance)) if np.isfinite(covariance).all() else NAN)
         yield stage, "covariance eigenvalue", Statistic(covariance_eigenvalue(covariance))
-        yield stage, "kurtosis", _least_kurtosis_margin(raw)
-        yield stage, "moment matrix", _moment_matrix(raw)
+        yield stage, "kurtosis", kurtosis_margin(raw)
+        yield stage, "moment matrix", moment_matrix_eigenvalue(raw)
         yield stage, "negative mass", _series_negative_mass(prediction, impact, stage)
 
 

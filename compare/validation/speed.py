@@ -12,9 +12,10 @@ from rattle.compare.validation.validate import Validation
 from rattle.compare.validation.validity import judged_rows, validity
 from rattle.montecarlo import simulate
 
-__all__ = ["Speed", "best_of", "path_seconds", "paths_for", "speed"]
+__all__ = ["WANTED", "Cost", "Speed", "best_of", "path_seconds", "paths_for", "simulation_cost", "speed"]
 
 CALLS, SPAN = 5, 0.3  # a call is repeated at most so often, and for at most so many seconds
+WANTED = 0.01  # standard error, in sds, for which the cost of a simulation is stated
 TIMED_PATHS = 4096  # paths of the simulation whose time per path and impact is measured
 
 
@@ -52,6 +53,27 @@ class Speed(NamedTuple):
     speed_up: float
 
 
+class Cost(NamedTuple):
+    """What a simulation takes until every section mean and sd has a standard error of at most `WANTED` sds.
+
+    Attributes
+    ----------
+    sigma : float
+        Noise intensity.
+    impacts : int
+        Number of impacts.
+    paths : int
+        Of the scheme of the validation.
+    seconds : float
+        On one core; NaN if no time was measured.
+    """
+
+    sigma: float
+    impacts: int
+    paths: int
+    seconds: float
+
+
 def best_of(call: Callable[[], object]) -> float:
     """Seconds of the fastest of a few calls; a call that takes long is made once.
 
@@ -78,6 +100,7 @@ def path_seconds(v: Validation) -> float:
     Parameters
     ----------
     v : Validation
+        The validation that is shown.
 
     Returns
     -------
@@ -117,12 +140,34 @@ def paths_for(rows: pd.DataFrame, error: float) -> int:
     return math.ceil(round(float(((rows["se"] / (error * rows["unit"])) ** 2).max()), 6))
 
 
+def simulation_cost(v: Validation, seconds_per_impact: float = math.nan) -> Cost:
+    """What a simulation of the same scheme takes to a standard error of `WANTED`, from the errors of a validation.
+
+    Parameters
+    ----------
+    v : Validation
+        The validation that is shown.
+    seconds_per_impact : float
+        Of one simulated path, from `path_seconds`.
+
+    Returns
+    -------
+    Cost
+    """
+    rows = judged_rows(v, next(iter(v.predictions)))
+    rows = rows[(rows["unit"] > 0.0) & rows["se"].notna()]
+    impacts = len(v.run.section)
+    paths = max(paths_for(rows.assign(se=rows["se"] * math.sqrt(v.run.paths)), WANTED), 1) if len(rows) else 1
+    return Cost(v.scene.sigma, impacts, paths, paths * impacts * seconds_per_impact)
+
+
 def speed(v: Validation, closure: str, seconds_per_impact: float) -> Speed | None:
     """Time a closure up to the last impact at which it is accurate.
 
     Parameters
     ----------
     v : Validation
+        The validation that is shown.
     closure : str
         Name of the closure.
     seconds_per_impact : float

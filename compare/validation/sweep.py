@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from rattle.compare.validation.speed import Speed, path_seconds, speed
+from rattle.compare.validation.speed import Cost, Speed, path_seconds, simulation_cost, speed
 from rattle.compare.validation.validate import validate
 from rattle.compare.validation.validity import Validity, validities
 from rattle.montecarlo import check_settings, default_step
@@ -31,10 +31,13 @@ class Sweep(NamedTuple):
         Columns of `rattle.compare.validation.validity.Validity`; repeats bit for bit.
     speed : DataFrame
         Columns of `rattle.compare.validation.speed.Speed`; timings, which do not repeat.
+    simulation : DataFrame
+        Columns of `rattle.compare.validation.speed.Cost`, a row for each noise intensity; ``seconds`` does not repeat.
     """
 
     validity: pd.DataFrame
     speed: pd.DataFrame
+    simulation: pd.DataFrame
 
 
 def grid(text: str) -> tuple[float, ...]:
@@ -84,6 +87,7 @@ def check_sweep(scene: Scene, sigmas: Sequence[float], **settings: Any) -> None:
     Parameters
     ----------
     scene : Scene
+        What is modelled.
     sigmas : sequence of float
         Noise intensities.
     **settings
@@ -122,11 +126,15 @@ def sweep(scene: Scene, sigmas: Sequence[float], *, workers: int, **settings: An
     """
     found: list[pd.DataFrame] = []
     timed: list[Speed] = []
+    costs: list[Cost] = []
     for sigma in tqdm(sigmas, desc="validity", unit="sigma", disable=None):
         v = validate(scene.with_sigma(sigma), scheme=SCHEME, workers=workers, **settings)
         found.append(validities([v]))
         seconds = path_seconds(v)
+        costs.append(simulation_cost(v, seconds))
         timed += [s for closure in v.predictions if (s := speed(v, closure, seconds))]
     return Sweep(
-        pd.concat(found, ignore_index=True)[list(Validity._fields)], pd.DataFrame(timed, columns=list(Speed._fields))
+        pd.concat(found, ignore_index=True)[list(Validity._fields)],
+        pd.DataFrame(timed, columns=list(Speed._fields)),
+        pd.DataFrame(costs, columns=list(Cost._fields)),
     )

@@ -35,6 +35,7 @@ def count_table(v: Validation) -> Table:
     Parameters
     ----------
     v : Validation
+        The validation that is shown.
 
     Returns
     -------
@@ -62,6 +63,7 @@ def impact_table(v: Validation, closure: str, summary: str) -> Table:
     Parameters
     ----------
     v : Validation
+        The validation that is shown.
     closure : str
         Name of the closure.
     summary : str
@@ -83,7 +85,7 @@ def impact_table(v: Validation, closure: str, summary: str) -> Table:
         seen = [f"{row[name]:.3f}" if row[name] == row[name] else "–" for name in rhos]
         errors = [cells[m, q, impact] for m, q in columns]
         rows.append([str(impact), agreement, *errors, *seen, "yes" if row["realizable"] else "no"])
-    heads = [f"{'E' if m == 'mean' else 'sd'} {q}" for m, q in columns]
+    heads = [f"{'E' if m == 'mean' else 'sd'} {'τ' if q == 'tau' else q}" for m, q in columns]
     heads_of = numbers("impact", "agreement", *heads, *(name.replace("rho", "ρ") for name in rhos))
     return Table.of([*heads_of, "realizable"], rows, summary)
 
@@ -94,6 +96,7 @@ def failure_table(v: Validation) -> Table:
     Parameters
     ----------
     v : Validation
+        The validation that is shown.
 
     Returns
     -------
@@ -120,6 +123,7 @@ def distance_table(v: Validation) -> Table:
     Parameters
     ----------
     v : Validation
+        The validation that is shown.
 
     Returns
     -------
@@ -143,6 +147,7 @@ def reach_table(v: Validation) -> Table:
     Parameters
     ----------
     v : Validation
+        The validation that is shown.
 
     Returns
     -------
@@ -215,6 +220,7 @@ def simulation_text(v: Validation) -> str:
     Parameters
     ----------
     v : Validation
+        The validation that is shown.
 
     Returns
     -------

@@ -3,7 +3,8 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -15,7 +16,11 @@ from rattle.montecarlo import SCHEMES, Ensemble, Record, check_settings, default
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
+from rattle.scene.shown import as_html
 from rattle.scene.validate import choice
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = ["COLUMNS", "Validation", "validate"]
 
@@ -78,6 +83,84 @@ class Validation:
         """Whether all moments that are predicted and judged are accurate; the rule is in `verdict.RULE`."""
         judged = self.table[self.table["verdict"].isin(JUDGED)]
         return bool((judged["verdict"] == "accurate").all())
+
+    @property
+    def counts(self) -> pd.DataFrame:
+        """Number of predicted and judged moments with each verdict, by closure."""
+        verdicts = self.table.groupby("closure", sort=False)["verdict"].value_counts().unstack(fill_value=0)
+        return verdicts.reindex(index=list(self.predictions), columns=list(JUDGED), fill_value=0)
+
+    def __repr__(self) -> str:
+        """What was compared, and the verdicts, on a few lines."""
+        run, counts = self.run, self.counts
+        lines = [
+            f"Validation: {run.paths:,} paths, {run.impacts} impacts, sigma = {self.scene.sigma:.4g}, {run.scheme}",
+            *(
+                f"  {closure}: {good} of {good + bad + undecided} moments accurate, {bad} inaccurate, "
+                f"{undecided} undecided"
+                for closure, (good, bad, undecided) in zip(counts.index, counts.to_numpy().tolist(), strict=True)
+            ),
+        ]
+        return "\n".join(lines + [f"  {sentence}" for sentence in run.diagnostics])
+
+    def _repr_html_(self) -> str:
+        return as_html(repr(self).split("\n")[0], self.counts.to_html())
+
+    def plot(self, kind: str = "errors") -> "Figure":
+        """Draw a figure of the report.
+
+        Parameters
+        ----------
+        kind : {"errors", "correlation", "section"}
+            Errors of the moments per impact, correlations of displacement and velocity, or densities of velocities.
+
+        Returns
+        -------
+        Figure
+            Of matplotlib.
+
+        Raises
+        ------
+        InputError
+            For an unknown kind, or one that these closures have nothing for.
+
+        Examples
+        --------
+        >>> from rattle.scene import DAT21, Scene
+        >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=1, closures=["saltation"], paths=1000)
+        >>> len(v.plot("errors").axes)
+        6
+        """
+        from rattle.compare.validation.figures import FIGURES
+
+        drawn = FIGURES[choice("kind", kind, FIGURES)]
+        if not drawn.suits(self):
+            raise InputError("kind", kind, "needs a closure with moments of a perturbation, which branching has not")
+        return drawn.draw(self)
+
+    def report(self, folder: str | Path, *, overwrite: bool = False) -> Path:
+        """Write the report of this validation, as ``rattle validate`` does.
+
+        Parameters
+        ----------
+        folder : str or Path
+            Where to; made if it is missing.
+        overwrite : bool
+            Whether an earlier report there may be replaced.
+
+        Returns
+        -------
+        Path
+            The page, ``report.html``.
+
+        Raises
+        ------
+        OutputError
+            If the folder holds other files, or an earlier report that may not be replaced.
+        """
+        from rattle.compare.validation.page import write_one
+
+        return write_one(self, Path(folder), overwrite)
 
 
 def validate(

@@ -72,6 +72,7 @@ def validity(v: Validation, closure: str) -> Validity:
     Parameters
     ----------
     v : Validation
+        The validation that is shown.
     closure : str
         Name of the closure.
 
@@ -124,6 +125,7 @@ def judged_rows(v: Validation, closure: str) -> pd.DataFrame:
     Parameters
     ----------
     v : Validation
+        The validation that is shown.
     closure : str
         Name of the closure.
 
@@ -147,7 +149,8 @@ def _why(v: Validation, closure: str, impact: int) -> tuple[str, str]:
     worst = _worst(v, closure, impact)
     if prediction.trace.parts is not None:
         lost = float(prediction.section["discarded"].loc[impact])
-        return "mixture", f"{worst} (discarded probability so far {lost:.1e}): {CAUSES['mixture']}"
+        and_lost = f", and {lost:.1%} of the probability was discarded so far" if lost >= 5e-4 else ""
+        return "mixture", f"{worst}: {CAUSES['mixture']}{and_lost}"
     agreement = float(v.run.agreement[closure].loc[impact])
     if agreement < (OFF_ITINERARY if closure == "saltation" else DIVERGED):
         return "off itinerary", f"{worst}: {1.0 - agreement:.2%} of the {CAUSES['off itinerary']}"

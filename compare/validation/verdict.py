@@ -176,6 +176,7 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
     z : float
         Half width of the intervals in standard errors, see `widest`.
     tolerances : Tolerances
+        Largest errors that count as accurate.
 
     Returns
     -------

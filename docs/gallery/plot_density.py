@@ -15,11 +15,11 @@ from rattle.compare.report.style import STYLE
 from rattle.montecarlo import Record
 
 scene = Scene.from_gears(DAT21, sigma=DAT21.alpha**0.5)
-run = simulate(scene, paths=20_000, impacts=6, scheme="exact-flight", rng=7, workers=2, record=Record(raw=True))
+run = simulate(scene, paths=10_000, impacts=6, scheme="exact-flight", rng=7, workers=2, record=Record(raw=True))
 velocity = np.linspace(-5, 5, 400)
 
 figure, ax = plt.subplots(figsize=(6.5, 3.6), layout="constrained")
-ax.hist(run.raw[:, 5, 3], bins=120, range=(-5, 5), density=True, color="0.8", label="simulation")
+ax.hist(run.raw[:, 5, 3], bins=90, range=(-5, 5), density=True, color="0.8", label="simulation")
 for closure in ("saltation", "branching"):
     density = mean_map(scene, impacts=6, closure=closure).density(6, "y1", velocity)
     ax.plot(velocity, density, color=STYLE[closure]["color"], lw=2, label=closure)

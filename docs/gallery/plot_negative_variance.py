@@ -22,6 +22,6 @@ for closure in ("published", "corrected"):
     ax.plot(impacts, variance, label=closure, **STYLE[closure])
 ax.axhspan(ax.get_ylim()[0], 0, color="#CC79A7", alpha=0.25, lw=0, label="no distribution has these")
 ax.set_xticks(impacts)
-ax.set(xlabel="impact", ylabel=r"variance of $y_1$ / $\sigma^2$", yscale="symlog")
+ax.set(xlabel="impact", ylabel=r"variance of $y_1$ / $\sigma^2$")
 ax.legend()
 plt.show()

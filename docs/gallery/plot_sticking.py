@@ -6,6 +6,8 @@ A single stage with little restitution: impacts accumulate (chatter), the mesh s
 pushes (shaded), and opens when it would have to pull. The orbit goes through all of it.
 """
 
+from itertools import pairwise
+
 import matplotlib.pyplot as plt
 
 from rattle import Scene, follow
@@ -17,7 +19,7 @@ legs = orbit.legs[:42]
 
 figure, ax = plt.subplots(figsize=(7, 3.2), layout="constrained")
 times, places = [], []
-for leg, after in zip(legs[:-1], legs[1:], strict=True):
+for leg, after in pairwise(legs):
     for i in range(30):
         t = (after[0] - leg[0]) * i / 30
         times.append(leg[0] + t)

@@ -3,7 +3,7 @@ Noise or tolerances?
 ====================
 
 Backlashes from a drawing scatter from one gear set to the next. The standard deviation of the impact times of a scene
-with noise alone, with tolerances alone (2 % of the half gap), and with both: the closure ``saltation`` as lines, the
+with noise alone, with tolerances alone (0.4 % of the half gap), and with both: the closure ``saltation`` as lines, the
 simulation as points.
 """
 
@@ -11,11 +11,11 @@ import matplotlib.pyplot as plt
 
 from rattle import DAT21, Scene, Tolerance, mean_map, simulate
 
-play = Tolerance(0.01, 0.01, distribution="normal", draw="path")
+play = Tolerance(0.002, 0.002, distribution="normal", draw="path")
 scenes = {
-    "noise": Scene.from_gears(DAT21, sigma=0.01),
+    "noise": Scene.from_gears(DAT21, sigma=0.002),
     "tolerances": Scene.from_gears(DAT21, tolerance=play),
-    "both": Scene.from_gears(DAT21, sigma=0.01, tolerance=play),
+    "both": Scene.from_gears(DAT21, sigma=0.002, tolerance=play),
 }
 
 figure, ax = plt.subplots(figsize=(6, 3.6), layout="constrained")

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from rattle import DAT21, Scene, validate
 
 scene = Scene.from_gears(DAT21, sigma=0.05)
-verdict = validate(scene, impacts=8, paths=20_000, scheme="exact-flight", rng=7, workers=2)
+verdict = validate(scene, impacts=8, paths=10_000, scheme="exact-flight", rng=7, workers=2)
 table = verdict.table.query("kind == 'section' and quantity in ('tau', 'y1', 'y2')")
 
 names = ["accurate", "undecided", "inaccurate", "not predicted"]

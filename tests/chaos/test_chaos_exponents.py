@@ -205,4 +205,4 @@ def test_mean_maps_report_where_they_break_down():
     assert np.isnan(maps["largest"]["published"])
     assert maps["ends"]["published"] < maps["followed"]["published"]
     assert (maps["exponents"][["corrected", "saltation"]] == "the orbit's").all()
-    assert (maps["blind"][["corrected", "saltation"]] < 20).all()
+    assert (maps["too_wide"][["corrected", "saltation"]] < 20).all()

@@ -3,7 +3,7 @@
 import struct
 import zlib
 
-from rattle.compare.report import NUMBER, Cell, Code, Column, Figure, Page, Section, Source, Table, Text
+from rattle.compare.report import NUMBER, Cell, Code, Column, Figure, Glossary, Page, Section, Source, Table, Text
 
 NASTY = "</style><script>alert(1)</script> `x` | *y* _z_ [a](b) ![c](d) &lt; $e$\n# f\r\n| g |\x1b[2J \u202e"
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" width="640" height="200"><circle cx="320" cy="100" r="90"/></svg>'
@@ -41,7 +41,8 @@ def sample(text="a plain text"):
         (Section("Inner", (Table.of(wide.columns, wide.rows, f"Folded {text}"),)), Section(f"First {text}")),
     )
     source = Source(f"rattle validate {text}", (("commit", "abc"), ("file", text)), (Code(f"x = '{text}'\n", "toml"),))
-    opening = (Figure("b.png", "A point.", "One point"), Code("```\na\n```"))
+    words = Glossary(f"Words of {text}", (("σ", "noise intensity"), ("other", f"means {text}")))
+    opening = (Figure("b.png", "A point.", "One point"), Code("```\na\n```"), words)
     return Page(f"Is {text} right?", (f"Yes: {text}.", "It holds up to σ = 0.1."), source, opening, (section,))
 
 

@@ -1,12 +1,16 @@
 """The page in a real browser: loading, sorting, filtering, enlarged figures, layout, light and dark styles."""
 
+import json
+
+import numpy as np
 import pytest
 from browser import CHROMIUM, Browser
 from click.testing import CliRunner
 from sample_page import NASTY, figures, sample
 
 from rattle.compare.cli.main import main
-from rattle.compare.report import write_page
+from rattle.compare.report import Page, Source, Table, write_page
+from rattle.compare.report.style import STYLE
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium here: sudo apt-get install chromium")
 
@@ -127,7 +131,8 @@ def test_filters_in_place(browser, page):
     )
     shown = "[...document.querySelectorAll('section table')[0].tBodies[0].rows].filter(r => r.checkVisibility()).length"
     number_text = "document.querySelector('.filter span').textContent"
-    for words, rows, text in (("ROW 9", 6, "6 of 12 rows"), ("nothing", 0, "0 of 12 rows"), ("", 12, "")):
+    none = "No row of 12 has this word."
+    for words, rows, text in (("ROW 9", 6, "6 of 12 rows"), ("nothing", 0, none), ("", 12, "")):
         browser.run("{" + typed.format(words) + "}")
         assert browser.run(shown) == rows
         assert browser.run(number_text) == text
@@ -162,6 +167,68 @@ def test_every_text_is_readable_by_day_and_by_night(browser, page, scheme):
     for what in ("body", "a", "td.good", "td.bad", "td.open"):
         ink = luminance(browser, what, "color")
         assert (max(ink, ground) + 0.05) / (min(ink, ground) + 0.05) > 4.5, what  # WCAG 2.2, level AA
+
+
+FILTERED = """(() => {
+  const at = new OffscreenCanvas(1, 1).getContext("2d");
+  at.filter = getComputedStyle(document.querySelector("img[src^='data:image/svg']")).filter;
+  return %s.map(colour => {
+    at.fillStyle = colour;
+    at.fillRect(0, 0, 1, 1);
+    return [...at.getImageData(0, 0, 1, 1).data];
+  });
+})()"""
+
+
+def lab(colour):
+    """A colour in CIELAB (D65), where distances are about those that are seen."""
+    linear = np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
+    rows = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+    x, y, z = (np.cbrt(v) if v > 0.008856 else 7.787 * v + 16 / 116 for v in rows @ linear / [0.9505, 1.0, 1.089])
+    return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
+
+
+def test_figures_are_dark_by_night_and_their_colours_stay_apart(browser, page):
+    colours = ["#ffffff", *(style["color"] for style in STYLE.values())]
+    for scheme in ("light", "dark"):
+        browser.open(page, scheme=scheme)
+        assert browser.run("getComputedStyle(document.images[0]).filter") == "none"  # a picture of points is none
+        ground, *seen = [np.array(c[:3]) / 255.0 for c in browser.run(FILTERED % json.dumps(colours))]
+        assert (ground.max() < 0.15) == (scheme == "dark")
+        for n, one in enumerate(seen):
+            assert abs(lab(one)[0] - lab(ground)[0]) > 25.0
+            assert all(np.linalg.norm(lab(one) - lab(other)) > 20.0 for other in seen[:n])
+
+
+def test_figures_keep_readable_text_on_a_phone_and_scroll(browser, page):
+    browser.open(page, 390)
+    box = "document.querySelector('section figure .scroll')"
+    assert browser.run(f"{box}.querySelector('img').getBoundingClientRect().width") > 0.8 * 640  # its own width
+    assert browser.run(f"{box}.scrollWidth > {box}.clientWidth")
+    assert browser.run("document.documentElement.scrollWidth") <= 390
+
+
+def test_first_screen_has_advice_and_key_figure(browser, report):
+    browser.open(report)
+    browser.size(1280, 800)
+    assert browser.run("document.querySelector('.advice').textContent").startswith("For this gear pair ")
+    assert browser.run("document.querySelector('figure img').getBoundingClientRect().bottom") < 800
+    table, nav = (f"document.querySelector('{what}')" for what in ("main > .scroll", "nav"))
+    assert browser.run(f"{table}.compareDocumentPosition({nav})") == 4  # the contents follow the table
+    assert browser.run("document.querySelectorAll('a[href=\"table.csv\"]').length") >= 1
+    browser.run("document.querySelectorAll('details').forEach(folded => { folded.open = true; })")
+    cut = "[...document.querySelectorAll('main .scroll')].filter(box => box.scrollWidth > box.clientWidth + 1).length"
+    assert browser.run(cut) == 0  # no table is cut at 1280 pixels
+
+
+def test_long_folded_tables_are_not_printed_and_say_so(browser, tmp_path):
+    table = Table.of(["a"], [[f"row {i}"] for i in range(60)], "All rows")
+    page = Page("t", ("a",), Source("rattle"), (table,))
+    write_page(page, tmp_path, "report")
+    browser.open(tmp_path / "report.html", 794, medium="print")
+    assert not browser.run("document.querySelector('details table').checkVisibility()")
+    said = "getComputedStyle(document.querySelector('summary'), '::after').content"
+    assert "not printed" in browser.run(said)
 
 
 def test_print_is_light_opens_everything_and_has_no_controls(browser, page):

@@ -46,7 +46,7 @@ def changed(place, value):
 
 BLOCK = ("page", "sections", 0, "blocks", 1)
 BAD = {
-    "newer": (("version",), 2, "newer version of rattle .page 2; this one reads 1.; update"),
+    "newer": (("version",), 3, "newer version of rattle .page 3; this one reads 2.; update"),
     "no version": (("version",), "1", "version: is no version"),
     "other format": (("format",), "coffee", "is not 'rattle page'"),
     "no title": (("page", "title"), KeyError, "page.title: is missing"),
@@ -64,6 +64,8 @@ BAD = {
     "value not finite": ((*BLOCK, "rows", 0, 1, "value"), float("nan"), "finite"),
     "value beyond floats": ((*BLOCK, "rows", 0, 1, "value"), 10**400, "too large"),
     "figure elsewhere": (("page", "blocks", 0, "path"), "../../etc/passwd.png", "inside the report's folder"),
+    "glossary without terms": (("page", "blocks", 2, "terms"), [], "give at least one"),
+    "term without meaning": (("page", "blocks", 2, "terms", 0), ["σ", " "], "say what it means"),
     "figure without words": (("page", "blocks", 0, "alt"), " ", "say what the figure shows"),
     "page of another type": (("page",), [], "page: is no object"),
 }

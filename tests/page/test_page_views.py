@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from sample_page import NASTY, figures, sample
 
 from rattle.compare.cli.terminal import page_lines
-from rattle.compare.report import Code, Figure, Text
+from rattle.compare.report import Code, Figure, Glossary, Text
 from rattle.compare.report.content import MARKS
-from rattle.compare.report.render import html, markdown, pages, write_page
+from rattle.compare.report.render import data_files, html, markdown, pages, write_page
 from rattle.scene.text import line
 
 
@@ -50,6 +50,10 @@ def said(page):
                 yield block.text
             elif isinstance(block, Figure):
                 yield block.caption
+            elif isinstance(block, Glossary):
+                yield block.title
+                for term in block.terms:
+                    yield from term
             else:
                 yield block.summary
                 yield from (column.head for column in block.columns)
@@ -114,6 +118,26 @@ def test_html_asks_nothing_of_the_network_and_describes_every_figure(tmp_path):
     assert "unsafe" not in text
     read = Read(text)
     assert len(read.alts) == len([tag for tag in read.tags if tag[0] == "figure"]) == 2
+
+
+def test_advice_key_figure_and_table_stand_before_the_other_sentences(tmp_path):
+    order = ("Yes: a plain text.", "A point.", "noise intensity", "It holds up to", "First a plain text")
+    for shown in (Read(html(sample(), figures(tmp_path))).text, bare(markdown(sample()))):
+        assert sorted(order, key=lambda words: shown.rindex(words) if "First" in words else shown.index(words)) == list(
+            order
+        )
+
+
+def test_tables_beside_a_page_are_links_and_nothing_else_is(tmp_path):
+    folder = figures(tmp_path)
+    for name in ("rows.csv", "a b.csv", "x&y.csv", "notes.txt"):
+        (folder / name).write_text("a\n1\n")
+    page = sample("see `rows.csv`, `a b.csv`, `x&y.csv`, `gone.csv` and `notes.txt`")
+    linked = re.findall(r'href="([^"#]+)"', html(page, folder))
+    assert set(linked) == {"rows.csv"}
+    assert len(linked) > 5
+    assert "[`rows.csv`](rows.csv)" in markdown(page, data_files(folder))
+    assert "](" not in re.sub(r"!\[[^\n]*", "", markdown(page))
 
 
 def test_links_of_the_contents_lead_somewhere(tmp_path):

@@ -289,7 +289,7 @@ def test_undecided_is_not_called_wrong(tmp_path):
     assert "inaccurate" not in first
     assert first["accurate"] > 5
     assert first["undecided"] > 5
-    _, published, saltation, _ = answer(found)
+    _, _, published, saltation, _ = answer(found)
     assert saltation.startswith("saltation: not shown wrong up to sigma = 0.02 (undecided for want of paths")
     assert published == "printed: shown wrong at sigma = 0.01, the smallest."
     figure = validity(found, found.validity)

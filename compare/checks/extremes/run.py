@@ -41,6 +41,7 @@ def table(rows: Iterable[Extreme]) -> "pd.DataFrame":
     Parameters
     ----------
     rows : iterable of Extreme
+        Rows of the table of errors.
 
     Returns
     -------

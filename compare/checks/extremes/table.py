@@ -16,6 +16,7 @@ def lines(rows: Sequence[Extreme], *, ranges: bool = False) -> list[str]:
     Parameters
     ----------
     rows : sequence of Extreme
+        Rows of the table of errors.
     ranges : bool
         Whether to print range and reference below each row, not only below those that fail.
 

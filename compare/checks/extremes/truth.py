@@ -60,6 +60,7 @@ def flight(c: Constants, tau: float, y1: float, y2: float, t: float) -> tuple[li
     Parameters
     ----------
     c : Constants
+        Constants of the scene.
     tau : float
         Phase at the start.
     y1, y2 : float
@@ -100,6 +101,7 @@ def jacobian(c: Constants, t: float) -> list[list[float]]:
     Parameters
     ----------
     c : Constants
+        Constants of the scene.
     t : float
         Flight time.
 
@@ -159,6 +161,7 @@ def unit_noise(c: Constants, end: float, lag: float) -> list[float]:
     Parameters
     ----------
     c : Constants
+        Constants of the scene.
     end : float
         Phase at which the state is taken.
     lag : float
@@ -184,6 +187,7 @@ def noise(c: Constants, tau: float, t: float) -> list[list[float]]:
     Parameters
     ----------
     c : Constants
+        Constants of the scene.
     tau : float
         Phase at the start.
     t : float
@@ -219,6 +223,7 @@ def saltation(c: Constants, mesh: int, tau: float, y1: float, y2: float) -> tupl
     Parameters
     ----------
     c : Constants
+        Constants of the scene.
     mesh : int
         1 or 2.
     tau : float
@@ -305,6 +310,7 @@ def phase(tau: float) -> float:
     Parameters
     ----------
     tau : float
+        Times.
 
     Returns
     -------

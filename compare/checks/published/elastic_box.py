@@ -90,6 +90,7 @@ def elastic_box(seed: int = 0, workers: int = 2) -> Measured:
     Parameters
     ----------
     seed : int
+        Seed of the random numbers.
     workers : int
         Threads; the result does not depend on it.
 

@@ -24,6 +24,7 @@ def exponent_sum(seed: int = 0, workers: int = 2) -> Measured:
     Parameters
     ----------
     seed : int
+        Seed of the random numbers.
     workers : int
         Not used.
 

@@ -39,6 +39,7 @@ def linear_moments(scene: Scene, tau: float, coupled: bool = True) -> tuple[Floa
     Parameters
     ----------
     scene : Scene
+        What is modelled.
     tau : float
         Absolute time, not before the start.
     coupled : bool
@@ -79,6 +80,7 @@ def free_flight(seed: int = 0, workers: int = 2) -> Measured:
     Parameters
     ----------
     seed : int
+        Seed of the random numbers.
     workers : int
         Threads; the result does not depend on it.
 

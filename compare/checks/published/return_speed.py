@@ -38,6 +38,7 @@ def return_speed(seed: int = 0, workers: int = 2) -> Measured:
     Parameters
     ----------
     seed : int
+        Seed of the random numbers.
     workers : int
         Not used.
 
@@ -77,6 +78,7 @@ def critical_restitution(seed: int = 0, workers: int = 2) -> Measured:
     Parameters
     ----------
     seed : int
+        Seed of the random numbers.
     workers : int
         Not used.
 

@@ -82,6 +82,7 @@ def log_speeds(epsilon: float, paths: int, bounces: int, seed: int) -> Floats:
     paths, bounces : int
         Number of particles, and of impacts of each.
     seed : int
+        Seed of the random numbers.
 
     Returns
     -------

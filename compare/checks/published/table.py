@@ -17,6 +17,7 @@ def lines(results: Sequence[PublishedResult], *, all_checks: bool = False) -> li
     Parameters
     ----------
     results : sequence of PublishedResult
+        Results of the study.
     all_checks : bool
         Whether to list every check and every negative control below the table, not only failures.
 
@@ -93,6 +94,7 @@ def record(results: Sequence[PublishedResult], seed: int) -> dict[str, Any]:
     Parameters
     ----------
     results : sequence of PublishedResult
+        Results of the study.
     seed : int
         Seed of the run.
 

@@ -100,11 +100,13 @@ def sampled(scene: Scene, *, scheme: str, dt: float, paths: int, seed: int, work
     Parameters
     ----------
     scene : Scene
+        What is modelled.
     scheme : str
         Name in `montecarlo.SCHEMES`.
     dt : float
         Time step; not checked against `montecarlo.largest_step`.
     paths, seed : int
+        Number of paths.
     workers : int
         Threads; the result does not depend on it.
 
@@ -144,6 +146,7 @@ def judged(
     Parameters
     ----------
     scene : Scene
+        What is modelled.
     beside : Reference
         The exact or reference moments.
     scheme : str
@@ -153,6 +156,7 @@ def judged(
     paths : int
         Largest number of paths.
     seed : int
+        Seed of the random numbers.
     workers : int
         Threads; the result does not depend on it.
     z : float

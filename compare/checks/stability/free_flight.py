@@ -26,6 +26,7 @@ def covariance_table(*, points: int = 7, paths: int, seed: int, workers: int) ->
     points : int
         Number of values of the damping, up to 7.
     paths, seed : int
+        Number of paths.
     workers : int
         Threads; the result does not depend on it.
 

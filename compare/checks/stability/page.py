@@ -54,6 +54,7 @@ def answer(found: Chart) -> list[str]:
     Parameters
     ----------
     found : Chart
+        What was found.
 
     Returns
     -------
@@ -89,6 +90,7 @@ def write_stability(
     out : Path
         The folder.
     found : Chart
+        What was found.
     covariance : DataFrame
         As of `rattle.compare.checks.stability.free_flight.covariance_table`.
     tried : sequence of Extreme

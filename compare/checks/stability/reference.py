@@ -70,7 +70,9 @@ def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference
     Parameters
     ----------
     scene : Scene
+        What is modelled.
     paths, seed : int
+        Number of paths.
     workers : int
         Threads; the result does not depend on it.
 

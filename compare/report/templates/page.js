@@ -49,7 +49,9 @@ function filterable(table) {
       const text = [...row.cells].map(cell => cell.textContent.toLowerCase()).join(" ");
       row.hidden = !words.every(word => text.includes(word));
     }
-    count.textContent = words.length ? `${rows.filter(row => !row.hidden).length} of ${rows.length} rows` : "";
+    const left = rows.filter(row => !row.hidden).length;
+    count.textContent = !words.length ? "" : left ? `${left} of ${rows.length} rows` :
+      `No row of ${rows.length} has ${words.length > 1 ? "all these words" : "this word"}.`;
   });
 }
 
@@ -76,7 +78,7 @@ enlarged.addEventListener("click", () => dialog.close());
 
 let opened = [];
 addEventListener("beforeprint", () => {
-  opened = [...document.querySelectorAll("details:not([open])")];
+  opened = [...document.querySelectorAll("details:not([open], .long)")];
   opened.forEach(details => { details.open = true; });
 });
 addEventListener("afterprint", () => opened.forEach(details => { details.open = false; }));

@@ -1,0 +1,312 @@
+"""Writes an animation as one HTML file that needs no other: its drawings, its data and its script are inside."""
+
+import base64
+import hashlib
+import json
+import math
+import os
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from rattle.compare.animation.record import SCHEME, Motion, Recording
+from rattle.compare.animation.teeth import PLAY, TOOTH, Wheel, outline
+from rattle.compare.report.folder import refused, write_whole
+from rattle.scene.errors import OutputError
+from rattle.scene.scene import Scene
+from rattle.scene.text import harmless, line
+
+__all__ = ["LARGEST", "animation", "check_file", "write_animation"]
+
+Heights = TypeVar("Heights", float, NDArray[np.float64])
+
+LARGEST = 1_000_000
+"""Most bytes of an animation."""
+GENERATOR = '<meta name="generator" content="rattle animate">'
+"""In the head of every animation; a file without it is never replaced."""
+RADIUS = 90.0  # of the pitch circles in the drawing
+SECONDS = 0.9  # of watching for each impact of the orbit
+WIDE, HIGH = 10_000, 1000  # inner coordinates of a strip
+ROOM = 1.3  # height of a strip in half gaps
+MOST_TAU = 1e4  # beyond it time is counted from the start
+SUBSCRIPT = {1: "₁", 2: "₂"}
+
+
+class Strip(NamedTuple):
+    """One displacement of both paths over time.
+
+    Attributes
+    ----------
+    mesh : int
+        Of which mesh.
+    label, unit : str
+        What is drawn, and its unit.
+    ticks : list of (float, str)
+        Height of a tick from the top in percent, and its label.
+    curves : list of (str, str)
+        Name and SVG points of each path.
+    marks : list of (str, int, float, float)
+        Name of the path, number of the impact, and its place from left and top in percent.
+    band : float
+        Half the height of the band in which a flank of a toleranced gap lies, in percent; 0 for none.
+    """
+
+    mesh: int
+    label: str
+    unit: str
+    ticks: list[tuple[float, str]]
+    curves: list[tuple[str, str]]
+    marks: list[tuple[str, int, float, float]]
+    band: float
+
+
+def animation(shown: Recording, name: str, command: str = "") -> str:
+    """The text of an animation's HTML file.
+
+    Parameters
+    ----------
+    shown : Recording
+        Both paths.
+    name : str
+        Of the scene; it may hold anything.
+    command : str
+        What makes the file again; left out where it is empty.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> from rattle.compare.animation import record
+    >>> from rattle.scene import DAT21, Scene
+    >>> page = animation(record(Scene.from_gears(DAT21, sigma=0.1), impacts=2), "DAT21")
+    >>> page.startswith("<!doctype html>"), page.count('class="mark orbit"')
+    (True, 2)
+    """
+    scene, walls = shown.scene, shown.scene.noise_free.constants
+    gaps = (walls.wall1, walls.wall2)[: scene.stages]
+    first = Wheel(RADIUS, TOOTH)
+    scale = PLAY * first.pitch / (2.0 * max(gaps))  # of a displacement, to the drawing
+    widths = [TOOTH, *(1.0 - TOOTH - 2.0 * gap * scale / first.pitch for gap in gaps)]
+    data = {
+        "span": shown.span, "phase": scene.phase, "alpha": scene.alpha, "turn": math.degrees(scale / RADIUS),
+        "seconds": SECONDS * shown.orbit.impacts, "offset": _offset(scene), "digits": _digits(shown.span),
+        "ms": None if scene.gears is None else 1000.0 / scene.gears.omega,
+        "paths": [_numbers(motion) for motion in (shown.orbit, shown.path)],
+    }  # fmt: skip
+    style, script = _part("animation.css"), _part("animation.js")
+    policy = f"default-src 'none'; style-src '{_hash(style)}'; script-src '{_hash(script)}'; base-uri 'none'"
+    environment = Environment(
+        loader=PackageLoader("rattle.compare.animation"), autoescape=True, trim_blocks=True, lstrip_blocks=True,
+        undefined=StrictUndefined, finalize=lambda value: harmless(value) if type(value) is str else value,
+    )  # fmt: skip
+    return environment.get_template("animation.html.j2").render(
+        generator=Markup(GENERATOR), policy=policy, style=Markup(style), script=Markup(script),
+        data=Markup(json.dumps(data, separators=(",", ":"), allow_nan=False)), name=line(name), shown=shown,
+        scene=scene, command=line(command), radius=RADIUS,
+        wheels=[outline(Wheel(RADIUS, width)) for width in widths], turns=_turns(shown, scale),
+        strips=list(_strips(shown)), ticks=list(_ticks(shown)), caption=_caption(shown),
+        clock=_clock(scene), symbol=_symbol(scene), sigma=f"{scene.sigma:.4g}", WIDE=WIDE, HIGH=HIGH,
+    )  # fmt: skip
+
+
+def check_file(out: Path, overwrite: bool) -> None:
+    """Check before the work that a file can be written without losing another's.
+
+    Parameters
+    ----------
+    out : Path
+        The file; its folder need not exist.
+    overwrite : bool
+        Whether an earlier animation may be replaced.
+
+    Raises
+    ------
+    OutputError
+        Names the file, what is in the way, and what to do.
+
+    Examples
+    --------
+    >>> check_file(Path("wheels.gif"), False)
+    Traceback (most recent call last):
+    ...
+    rattle.scene.errors.OutputError: out = 'wheels.gif': an animation is an HTML file; give a name that ends in .html
+    """
+    try:
+        if out.suffix.lower() != ".html":
+            raise OutputError(f"out = {str(out)!r}: an animation is an HTML file; give a name that ends in .html")
+        if out.is_symlink() or (out.exists() and not out.is_file()):
+            raise OutputError(f"out = {str(out)!r}: exists and is not a file; choose another name")
+        parent = next((p for p in out.absolute().parents if p.exists()), Path("/"))
+        if not parent.is_dir() or not os.access(parent, os.W_OK):
+            raise OutputError(f"out = {str(out)!r}: {str(parent)!r} cannot be written; choose another place")
+        if not out.exists():
+            return
+        with out.open("rb") as file:
+            ours = GENERATOR.encode() in file.read(1000)
+    except OSError as error:
+        raise error if isinstance(error, OutputError) else refused(out, error) from None
+    if not ours:
+        raise OutputError(f"out = {str(out)!r}: exists and is no animation of rattle; choose another name")
+    if not overwrite:
+        raise OutputError(f"out = {str(out)!r}: exists; choose another name, or give --overwrite")
+
+
+def write_animation(out: Path, shown: Recording, name: str, command: str = "", overwrite: bool = False) -> None:
+    """Write an animation, whole or not at all.
+
+    Parameters
+    ----------
+    out : Path
+        The file; its folder is made if need be.
+    shown : Recording
+        Both paths.
+    name : str
+        Of the scene.
+    command : str
+        What makes the file again.
+    overwrite : bool
+        Whether an earlier animation may be replaced.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    """
+    text = animation(shown, name, command)
+    check_file(out, overwrite)
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise refused(out, error) from None
+    write_whole(out, text)
+
+
+@cache
+def _part(name: str) -> str:
+    return files("rattle.compare.animation").joinpath("templates", name).read_text(encoding="utf-8")
+
+
+def _hash(text: str) -> str:
+    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+
+
+def _numbers(motion: Motion) -> Mapping[str, Any]:
+    """A path as numbers for the script, to 7 digits."""
+    columns = {"t": motion.time, "x1": motion.x1, "hits": motion.impact_time}
+    if not np.isnan(motion.x2).all():
+        columns["x2"] = motion.x2
+    texts = {key: [float(f"{v:.7g}") for v in values.tolist()] for key, values in columns.items()}
+    return texts | {"codes": (motion.mesh * motion.side).tolist()}
+
+
+def _turns(shown: Recording, scale: float) -> list[float]:
+    """Angles of the wheels at the start, in degrees clockwise; see `animation.js`."""
+    scene = shown.scene
+    x1, x2 = shown.orbit.x1[0], shown.orbit.x2[0]
+    driver = scene.alpha * math.sin(scene.phase)
+    moved = (x1 - driver, -driver) if scene.stages == 1 else (driver - x1, -driver, x1 - driver - x2)
+    turns = [driver - x1, *moved[1:]]  # wheel 1, driver, wheel 2
+    return [round(math.degrees(scale / RADIUS * float(turn)), 3) for turn in turns]
+
+
+def _offset(scene: Scene) -> float:
+    return scene.start.tau if abs(scene.start.tau) <= MOST_TAU else 0.0
+
+
+def _symbol(scene: Scene) -> str:
+    return "τ" if _offset(scene) == scene.start.tau else "τ − τ₀"
+
+
+def _digits(span: float) -> int:
+    """Decimals of a time that is shown."""
+    return min(max(0, 2 - math.floor(math.log10(span / 10.0))), 15)
+
+
+def _clock(scene: Scene) -> str:
+    """Label of the time axis."""
+    unit = "" if scene.gears is None else f"; a unit of τ is {1000.0 / scene.gears.omega:.3g} ms"
+    return f"time {_symbol(scene)} = ω t, dimensionless{unit}"
+
+
+def _ticks(shown: Recording) -> Iterator[tuple[float, str]]:
+    """Ticks of the time axis: place in percent, and label."""
+    begin, span = _offset(shown.scene), shown.span
+    power = 10.0 ** math.floor(math.log10(span / 4.0))
+    step = next(power * n for n in (1, 2, 5, 10) if span / (power * n) <= 6.5)
+    for k in range(math.ceil(begin / step), math.floor((begin + span) / step) + 1):
+        yield round(100.0 * (k * step - begin) / span, 3), f"{k * step:.10g}".replace("-", "−")
+
+
+def _strips(shown: Recording) -> Iterator[Strip]:
+    """The displacement at each mesh over time."""
+    scene, walls = shown.scene, shown.scene.noise_free.constants
+    ahead = {1: "driver ahead of wheel 1", 2: "wheel 2 ahead of wheel 1"}
+    for mesh, wall in ((1, walls.wall1), (2, walls.wall2))[: scene.stages]:
+        random = scene.tolerance is not None and scene.tolerance.distribution != "fixed"
+        c_max = getattr(scene.tolerance, f"c{mesh}_max") if random else 0.0
+        top = max(ROOM * wall, 1.1 * (wall + c_max))
+        unit = 1.0 if scene.gears is None else scene.gears.backlash1
+        label = f"{unit * wall:.3g}"
+        curves, marks = [], []
+        for name, motion in (("orbit", shown.orbit), ("path", shown.path)):
+            x = motion.x1 if mesh == 1 else motion.x2
+            curves.append((name, _points(motion.time / shown.span, _height(x, top))))
+            own = np.flatnonzero(motion.mesh == mesh)
+            left, down = 100.0 * motion.impact_time / shown.span, 100.0 * _height(motion.impact_x, top)
+            marks += [(name, int(k), round(float(left[k]), 3), round(float(down[k]), 2)) for k in own]
+        yield Strip(
+            mesh, f"x{SUBSCRIPT[mesh]}: {ahead[mesh]}", "dimensionless" if scene.gears is None else "mm",
+            [(round(100.0 * _height(wall, top), 3), f"+{label}"), (50.0, "0"),
+             (round(100.0 * _height(-wall, top), 3), f"−{label}")],
+            curves, marks, round(50.0 * c_max / top, 3),
+        )  # fmt: skip
+
+
+def _height(x: Heights, top: float) -> Heights:
+    """Share of a strip's height from its top."""
+    return 0.5 - 0.5 * x / top
+
+
+def _points(left: NDArray[np.float64], down: NDArray[np.float64]) -> str:
+    return " ".join(f"{WIDE * a:.0f},{HIGH * b:.0f}" for a, b in zip(left.tolist(), down.tolist(), strict=True))
+
+
+def _random(scene: Scene) -> str:
+    return "noisy path" if scene.sigma > 0.0 else "path with random backlashes"
+
+
+def _caption(shown: Recording) -> list[str]:
+    """What is seen, and what is drawn between the numbers that are known."""
+    scene, both = shown.scene, min(shown.orbit.impacts, shown.path.impacts)
+    same = shown.agreement
+    meshes = "at mesh 1 wheel 1 plays against the driver, whose motion is prescribed"
+    signs = "Flank + of mesh 1 is the upper one, which the driver strikes from below."
+    if scene.stages == 2:
+        meshes += "; at mesh 2 wheel 2 plays against wheel 1"
+        signs = "Flank + is the upper one of wheel 1's gap at mesh 1, and the lower one at mesh 2."
+    if same == both:
+        order = f"Both strike the same flanks in the same order in all of the first {both} impacts."
+    elif same == 0:
+        order = "Their first impacts are at different flanks."
+    else:
+        order = f"Both strike the same flanks in the same order up to impact {same}; impact {same + 1} differs."
+    toleranced = scene.tolerance is not None and scene.tolerance.distribution != "fixed"
+    return [
+        f"The teeth touch exactly where a backlash ends: {meshes}. {signs} A ring of rays and the word “hit” show an "
+        "impact. Backlashes and rotations are drawn larger than they are, by one factor; the wheels are drawn equally "
+        "large.",
+        f"The noise-free orbit is exact. The {_random(scene)} is one sample by the scheme {SCHEME}, which has no step "
+        f"bias (seed {shown.seed}). Its states are recorded every {shown.step:.3g} of τ and just before each impact; "
+        "between them the drawing goes in straight lines. The impact of the start, number 0, is not shown. " + order,
+        *([f"The {_random(scene)} has flanks of its own, anywhere within the grey bands, by the tolerance of the gaps; "
+           "its wheels are drawn with the nominal ones."] if toleranced else []),
+    ]  # fmt: skip

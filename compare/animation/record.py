@@ -1,0 +1,230 @@
+"""What an animation shows: the noise-free orbit and one noisy path over the same time, with their impacts."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rattle.closure.orbit import Orbit, follow
+from rattle.montecarlo import Record, default_step, simulate
+from rattle.montecarlo.settings import is_random
+from rattle.scene.errors import InputError
+from rattle.scene.scene import Scene
+from rattle.scene.validate import count
+
+__all__ = ["MOST_IMPACTS", "Motion", "Recording", "check_recording", "record"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+SCHEME = "exact-flight"
+MOST_IMPACTS = 200
+"""Most impacts of the orbit that an animation shows; more would take minutes to watch."""
+FEWEST, INSTANTS = 200, 1200
+"""Instants between which the drawing goes in straight lines, beside those of the impacts: at least, at the most."""
+MOST_DRAWN, MOST_STEPS = 2000, 10**7  # impacts that still leave a file of less than 1 MB; steps of some seconds
+TAIL = 0.5  # what is shown after the last impact: at the most this share of a mean flight, or of the way to the next
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One path, as it is drawn: its displacements at instants, and its impacts.
+
+    Attributes
+    ----------
+    time : ndarray, shape (instants,)
+        Time since the start, increasing; the instants of the impacts are among them.
+    x1, x2 : ndarray, shape (instants,)
+        Relative displacements; `x2` is NaN for a single stage.
+    impact_time : ndarray, shape (impacts,)
+        Time of each impact since the start; that of the start itself is not among them.
+    impact_x : ndarray, shape (impacts,)
+        Displacement of the mesh that is struck.
+    mesh, side : ndarray of int, shape (impacts,)
+        Mesh and flank of each impact.
+    """
+
+    time: Floats
+    x1: Floats
+    x2: Floats
+    impact_time: Floats
+    impact_x: Floats
+    mesh: Ints
+    side: Ints
+
+    @property
+    def impacts(self) -> int:
+        """Number of impacts."""
+        return len(self.impact_time)
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Both paths of an animation.
+
+    Attributes
+    ----------
+    scene : Scene
+        What is modelled.
+    seed : int
+        Of the noisy path.
+    span : float
+        Time that is shown, from the start on.
+    step : float
+        Time between two recorded instants of flight.
+    orbit, path : Motion
+        The noise-free orbit, and the noisy path.
+    """
+
+    scene: Scene
+    seed: int
+    span: float
+    step: float
+    orbit: Motion
+    path: Motion
+
+    @property
+    def agreement(self) -> int:
+        """Number of impacts for which both strike the same flanks in the same order."""
+        both = min(self.orbit.impacts, self.path.impacts)
+        codes = [m.mesh[:both] * m.side[:both] for m in (self.orbit, self.path)]
+        return int(np.logical_and.accumulate(codes[0] == codes[1]).sum())
+
+
+def check_recording(scene: Scene, impacts: int, seed: int) -> None:
+    """Refuse settings that `record` could not take, before any work.
+
+    Parameters
+    ----------
+    scene, impacts, seed
+        As of `record`.
+
+    Raises
+    ------
+    InputError
+        Names the setting, its value and the remedy.
+
+    Examples
+    --------
+    >>> from rattle.scene import DAT21, Scene
+    >>> check_recording(Scene.from_gears(DAT21), 12, 0)
+    Traceback (most recent call last):
+    ...
+    rattle.scene.errors.InputError: sigma = 0.0: nothing is random, so both paths are the same; give noise, such as 0.1
+    """
+    if not isinstance(scene, Scene):
+        raise InputError("scene", scene, "give a Scene")
+    count("impacts", impacts, most=MOST_IMPACTS)
+    count("seed", seed, least=0)
+    if not is_random(scene):
+        raise InputError("sigma", scene.sigma, "nothing is random, so both paths are the same; give noise, such as 0.1")
+
+
+def record(scene: Scene, *, impacts: int = 24, seed: int = 0) -> Recording:
+    """Follow the noise-free orbit through a number of impacts, and one noisy path over the same time.
+
+    The orbit is exact. The noisy path is a sample by exact flights, which have no step bias; its state is taken at
+    fixed times and just before each impact.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled; its noise or its tolerance is random.
+    impacts : int
+        Impacts of the orbit after the start, at most `MOST_IMPACTS`; the path has as many as it has in that time.
+    seed : int
+        Of the noisy path.
+
+    Returns
+    -------
+    Recording
+
+    Raises
+    ------
+    InputError
+        For a setting that cannot be shown, and if the orbit has fewer impacts.
+
+    Examples
+    --------
+    >>> from rattle.scene import DAT21, Scene
+    >>> shown = record(Scene.from_gears(DAT21, sigma=0.1), impacts=3, seed=1)
+    >>> shown.orbit.impacts, shown.orbit.mesh.tolist(), round(shown.span, 2)
+    (3, [1, 2, 1], 2.03)
+    """
+    check_recording(scene, impacts, seed)
+    orbit = follow(scene.noise_free, impacts + 1)  # one more: the time shown ends before it
+    if orbit.found < impacts:
+        shown = f"give at most {orbit.found}" if orbit.found else "give a scene that rattles, such as a larger alpha"
+        why = orbit.stopped.replace(" after impact 0", "")
+        raise InputError("impacts", impacts, f"the noise-free orbit has {orbit.found} ({why}); {shown}")
+    times = orbit.tau - scene.phase
+    tail = TAIL * times[impacts] / impacts
+    if orbit.found > impacts:
+        tail = min(tail, TAIL * (times[impacts + 1] - times[impacts]))
+    span = float(times[impacts] + tail)
+    if not span > 0.0:
+        raise InputError("impacts", impacts, "the noise-free orbit has them all at the start; ask for more")
+    dt = min(default_step(scene, SCHEME), span / FEWEST)
+    if span / dt > MOST_STEPS:
+        raise InputError("impacts", impacts, f"take {span / dt:.2g} steps of the noisy path; ask for fewer")
+    instants = dt * math.ceil(span / dt / INSTANTS) * np.arange(1, INSTANTS + 1, dtype=np.float64)
+    instants = instants[instants < span]
+    path = _path(scene, seed, impacts, span, dt, instants)
+    if path.impacts > MOST_DRAWN:
+        fewer = max(int((times[1 : impacts + 1] + tail <= path.impact_time[MOST_DRAWN]).sum()), 1)
+        why = f"the other path has over {MOST_DRAWN} impacts in that time, more than can be told apart"
+        raise InputError("impacts", impacts, f"{why}; give " + (f"{fewer}" if fewer < impacts else "a larger epsilon"))
+    return Recording(
+        scene, seed, span, float(instants[0]), _orbit(orbit, scene, impacts, np.append(instants, span)), path
+    )  # fmt: skip
+
+
+def _orbit(orbit: Orbit, scene: Scene, impacts: int, instants: Floats) -> Motion:
+    """The orbit at instants, at its impacts, and where a mesh begins or ceases to stick."""
+    legs = orbit.legs[:, 0] - scene.phase
+    at = np.unique(np.concatenate([[0.0], instants, legs[(legs > 0.0) & (legs < instants[-1])]]))
+    x = np.array([orbit.state(t + scene.phase)[::2] for t in at])
+    shown = slice(1, impacts + 1)
+    mesh = orbit.mesh[shown]
+    return _motion(
+        scene, at, x, orbit.tau[shown] - scene.phase, orbit.before[shown, ::2], mesh, orbit.side[shown]
+    )  # fmt: skip
+
+
+def _path(scene: Scene, seed: int, impacts: int, span: float, dt: float, instants: Floats) -> Motion:
+    """One noisy path over a time; how many impacts it has in it shows only then.
+
+    With more than `MOST_DRAWN` it may end before.
+    """
+    local = scene.phase_reduced  # its times keep their digits, however late the start is
+    start = np.array(scene.start_state)[::2]  # on the nominal flank, even where the path's own has a tolerance
+    room = 2 * impacts + 20
+    while True:
+        run = simulate(
+            local, paths=1, impacts=room, dt=dt, scheme=SCHEME, rng=seed, horizon=span + dt,
+            record=Record(times=tuple(local.phase + instants + 1e-6 * dt), raw=True),  # rounded to the step
+        )  # fmt: skip
+        assert run.raw is not None
+        rows = run.raw[0]
+        if np.isnan(rows[-1, 0]) or rows[-1, 0] - scene.phase > span or room > MOST_DRAWN:
+            break
+        room *= 3
+    rows = rows[rows[:, 0] - scene.phase <= span]
+    states = run.at_times()[["x1", "x2"]].to_numpy()
+    seen = np.flatnonzero(~np.isnan(states[:, 0]))
+    at = np.concatenate([[0.0], run.fixed_times[seen] - local.phase])
+    code = rows[:, 6].astype(np.int64)
+    return _motion(
+        scene, at, np.vstack([start, states[seen]]), rows[:, 0] - scene.phase, rows[:, [2, 4]], np.abs(code),
+        np.sign(code),
+    )  # fmt: skip
+
+
+def _motion(scene: Scene, at: Floats, x: Floats, times: Floats, before: Floats, mesh: Ints, side: Ints) -> Motion:
+    """States at instants and at impacts, in order of time; of two at one time the impact's is kept."""
+    together = np.concatenate([times, at])
+    order = np.unique(together, return_index=True)[1]
+    states = np.concatenate([before, x])[order]
+    x2 = states[:, 1] if scene.stages == 2 else np.full(len(order), np.nan)
+    return Motion(together[order], states[:, 0], x2, times, before[np.arange(len(times)), mesh - 1], mesh, side)

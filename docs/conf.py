@@ -1,0 +1,81 @@
+"""The documentation site: ``make docs`` builds it into docs/_build, without a network and with warnings as errors."""
+
+import os
+import sys
+from importlib.metadata import version as version_of
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE)]
+
+
+project = "rattle"
+author = "the rattle developers"
+copyright = author
+html_title = "rattle"
+extensions = [
+    "myst_nb",
+    "numpydoc",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx_click",
+    "sphinx_gallery.gen_gallery",
+    "mathml",
+    "tables",
+]
+exclude_patterns = ["_build", "gallery", "templates", "auto_gallery/*.py", "auto_gallery/*.ipynb"]
+templates_path = ["templates"]
+default_role = "py:obj"
+nitpicky = False  # True needs a list of every foreign type that a docstring names
+
+# Pages are MyST; those with code cells are run when the site is built, and an error in one ends the build.
+myst_enable_extensions = ["dollarmath", "amsmath", "deflist", "colon_fence"]
+myst_heading_anchors = 3
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_in_temp = True
+nb_execution_timeout = 300
+nb_execution_show_tb = True
+nb_merge_streams = True
+
+# Docstrings are numpydoc; types stand in their sections, so signatures are short.
+autosummary_generate = True
+autodoc_typehints = "none"
+autodoc_member_order = "bysource"
+numpydoc_class_members_toctree = False
+numpydoc_show_class_members = False
+
+sphinx_gallery_conf = {
+    "examples_dirs": "gallery",
+    "gallery_dirs": "auto_gallery",
+    "filename_pattern": r"plot_",
+    "matplotlib_animations": False,
+    "download_all_examples": False,
+    "remove_config_comments": True,
+    "show_memory": False,
+    "abort_on_example_error": True,
+    "within_subsection_order": "FileNameSortKey",
+    "show_signature": False,
+    "image_srcset": ["2x"],
+}
+
+# No page asks for anything beyond its own folder.
+html_theme = "pydata_sphinx_theme"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_show_sourcelink = False
+html_copy_source = False
+html_theme_options = {
+    "navbar_end": ["theme-switcher"],
+    "secondary_sidebar_items": ["page-toc"],
+    "header_links_before_dropdown": 8,
+    "show_prev_next": False,
+    "footer_start": ["copyright"],
+    "footer_end": [],
+}
+html_context = {"default_mode": "auto"}
+
+# Committed tables and figures that the pages show; tests give a folder of their own.
+rattle_reports = os.environ.get("RATTLE_REPORTS", str(HERE.parent / "reports"))
+
+release = version = version_of("rattle")

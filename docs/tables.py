@@ -1,0 +1,332 @@
+"""What the pages show of the committed reports, read when the site is built: tables, answers and figures.
+
+.. code-block:: none
+
+    ```{reported} speed        a table, by the name of one of the functions in `TABLES`
+    ```{answer} chaos          the sentences that open a report
+    ```{reported-figure} chaos/sweep.svg
+    :alt: what it shows
+    the caption
+"""
+
+import json
+import os
+from collections.abc import Callable, Iterable
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from docutils import nodes
+from docutils.parsers.rst import directives
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+__all__ = ["TABLES", "setup"]
+
+Table = tuple[list[str], list[list[str]]]
+TABLES: dict[str, Callable[[Path], Table]] = {}
+CLOSURES = ("published", "corrected", "saltation", "branching")
+
+
+def table(make: Callable[[Path], Table]) -> Callable[[Path], Table]:
+    """Register a table by the name of the function that makes it from the folder of reports."""
+    TABLES[make.__name__.replace("_", "-")] = make
+    return make
+
+
+def short(value: Any, digits: int = 3) -> str:
+    """A number with few digits; a dash for none."""
+    if isinstance(value, str):
+        return value
+    if pd.isna(value):
+        return "–"
+    if isinstance(value, bool | np.bool_):
+        return "yes" if value else "no"
+    if float(value).is_integer() and abs(value) < 1e9:
+        return f"{int(value):,}"
+    return f"{float(value):.{digits}g}"
+
+
+def seconds(value: float) -> str:
+    """A time in the unit that suits it."""
+    for unit, size in (("h", 3600.0), ("min", 60.0), ("s", 1.0), ("ms", 1e-3)):
+        if value >= size:
+            return f"{value / size:.3g} {unit}"
+    return f"{value / 1e-6:.3g} µs"
+
+
+def interval(row: Any, value: str, digits: int = 3) -> str:
+    """A value and the half width of its interval."""
+    half = 0.5 * (row["high"] - row["low"])
+    return "–" if pd.isna(row[value]) else f"{row[value]:.{digits}f} ± {half:.{digits}f}"
+
+
+def stretch(sigmas: Iterable[float]) -> str:
+    """One noise intensity, or the first and the last of several."""
+    found = [f"{s:.3g}" for s in sigmas]
+    return found[0] if len(found) == 1 else f"{found[0]} – {found[-1]}"
+
+
+@table
+def validity(reports: Path) -> Table:
+    """How far each closure is accurate, for the noise intensities of the report on DAT21."""
+    rows = []
+    found = pd.read_csv(reports / "dat21" / "validity.csv")
+    for closure in CLOSURES:
+        of = found[found["closure"] == closure].sort_values("sigma").to_dict("records")
+        for (accurate, not_wrong, _), same in groupby(of, lambda r: (r["accurate"], r["not_inaccurate"], r["cause"])):
+            group = list(same)
+            why = group[0]["why"] if len(group) == 1 else group[0]["why"].split(":")[0]
+            rows.append([closure, stretch(r["sigma"] for r in group), short(accurate), short(not_wrong), why])
+    return ["closure", "σ", "accurate up to impact", "not shown wrong up to", "why it ends"], rows
+
+
+@table
+def speed(reports: Path) -> Table:
+    """What a closure saves where it holds."""
+    found = pd.read_csv(reports / "dat21" / "speed.csv")
+    rows = [
+        [
+            r["closure"], short(r["sigma"]), short(r["impacts"]),
+            ("" if r["resolved"] else "≤ ") + short(r["worst"], 2),
+            seconds(r["closure_seconds"]), seconds(r["simulation_seconds"]),
+            ("" if r["resolved"] else "≥ ") + f"{float(format(r['speed_up'], '.2g')):g}",
+        ]
+        for _, r in found.iterrows()
+    ]  # fmt: skip
+    return ["closure", "σ", "impacts", "worst error [sd]", "closure", "simulation", "ratio"], rows
+
+
+@table
+def shares(reports: Path) -> Table:
+    """Share of the predicted means and sds that are accurate, over the noise intensities of the default study."""
+    errors = pd.read_parquet(reports / "studies" / "noise" / "errors.parquet")
+    errors = errors[(errors["kind"] == "section") & errors["verdict"].isin(["accurate", "inaccurate", "undecided"])]
+    errors = errors[errors["judged"]]
+    agreement = errors[errors["impact"] == errors["impact"].max()].groupby("sigma")["agreement"].max()
+    rows = []
+    for sigma in sorted(errors["sigma"].unique())[::2]:
+        row = [short(sigma), f"{agreement[sigma]:.2f}"]
+        for closure in CLOSURES:
+            verdicts = errors.loc[(errors["sigma"] == sigma) & (errors["closure"] == closure), "verdict"]
+            row.append(f"{(verdicts == 'accurate').mean():.2f} ({(verdicts != 'inaccurate').mean():.2f})")
+        rows.append(row)
+    return ["σ", "paths on one itinerary", *CLOSURES], rows
+
+
+@table
+def claims(reports: Path) -> Table:
+    """The claims of the paper, each with its verdict."""
+    found = pd.read_csv(reports / "claims" / "claims.csv")
+    return ["", "claim", "test", "evidence", "verdict"], [
+        [str(r["claim"]), f"{r['name']}: “{r['says']}”", r["test"], r["evidence"], r["verdict"]]
+        for _, r in found.iterrows()
+    ]
+
+
+@table
+def exponents(reports: Path) -> Table:
+    """Lyapunov exponents of the orbit, and of the linearisation along a noisy path."""
+    found = pd.read_csv(reports / "chaos" / "exponents.csv")
+    rows = [
+        [str(name), *(interval(r, "value") for _, r in of.iterrows())] for name, of in found.groupby("of", sort=False)
+    ]
+    return ["exponents per unit of τ", "largest", "second", "third", "fourth"], rows
+
+
+@table
+def finite_size(reports: Path) -> Table:
+    """The finite-size exponent of two paths on one noise."""
+    found = pd.read_csv(reports / "chaos" / "fsle.csv")
+    return ["distance δ", "finite-size exponent", "events"], [
+        [f"{r['delta']:.1e}", interval(r, "exponent", 2), short(r["events"])] for _, r in found.iterrows()
+    ]
+
+
+@table
+def mean_maps(reports: Path) -> Table:
+    """The closures as iterated maps."""
+    found = pd.read_csv(reports / "chaos" / "mean_maps.csv")
+    heads = ["closure", "map", "exponents of its means", "growth of its moments", "first impact that is not realizable"]
+    return heads, [
+        [r["closure"], r["map"], r["exponents"], r["moments"], short(r["not_realizable"])] for _, r in found.iterrows()
+    ]
+
+
+@table
+def crossings(reports: Path) -> Table:
+    """Where the largest exponent changes its sign over the excitation."""
+    found = pd.read_csv(reports / "chaos" / "crossings.csv")
+    return ["of", "α between", "becomes"], [
+        [r["of"], f"{r['low']:.3f} and {r['high']:.3f}", "positive" if r["to"] > 0 else "negative"]
+        for _, r in found.iterrows()
+    ]
+
+
+@table
+def tradeoff(reports: Path) -> Table:
+    """What an accuracy costs with each scheme and each closure."""
+    found = pd.read_csv(reports / "tradeoff" / "tradeoff.csv")
+    return ["method", "accuracy [sd]", "step", "paths", "core time", "measured"], [
+        [
+            r["method"], short(r["accuracy"]), short(r["dt"]), short(r["paths"]), seconds(r["core_seconds"]),
+            "yes" if r["measured"] else "extrapolated",
+        ]
+        for _, r in found.iterrows()
+    ]  # fmt: skip
+
+
+@table
+def orders(reports: Path) -> Table:
+    """Measured weak orders of the Euler-Maruyama schemes."""
+    found = pd.read_csv(reports / "tradeoff" / "orders.csv")
+    return ["scheme", "σ", "moment", "order", "limit off by [se]", "allowed"], [
+        [
+            r["scheme"], short(r["sigma"]), r["moment"], interval(r, "order", 2), short(r["limit_z"], 2),
+            short(r["limit_allowed"], 2),
+        ]
+        for _, r in found.iterrows()
+    ]  # fmt: skip
+
+
+@table
+def control(reports: Path) -> Table:
+    """By what factor the control variate and antithetic pairs divide the variance."""
+    found = pd.read_csv(reports / "tradeoff" / "control.csv")
+    heads = ["σ", "control: means", "control: sds", "antithetic: means", "antithetic: sds", "time of the control"]
+    names = ["sigma", "means_median", "sds_median", "antithetic_means", "antithetic_sds", "time_ratio"]
+    return heads, [[short(r[name]) for name in names] for _, r in found.iterrows()]
+
+
+@table
+def levels(reports: Path) -> Table:
+    """Multilevel Monte Carlo over the step."""
+    found = pd.read_csv(reports / "tradeoff" / "levels.csv")
+    heads = ["scheme", "level", "step", "variance of the difference (median)", "kurtosis (largest)"]
+    names = ["scheme", "level", "dt", "variance_median", "kurtosis"]
+    return heads, [[short(r[name]) for name in names] for _, r in found.iterrows()]
+
+
+@table
+def stability(reports: Path) -> Table:
+    """Verdicts on the cells of the stability map whose step is admissible."""
+    found = pd.read_csv(reports / "stability" / "stability.csv")
+    found = found[found["share"] <= 1.0]
+    verdicts = ("unbiased", "undecided", "biased", "unstable", "no limit")
+    rows = []
+    for scheme, of in found.groupby("scheme", sort=False):
+        wrong = of[of["verdict"].isin(("biased", "unstable"))]
+        counts = [short(int((of["verdict"] == v).sum())) for v in verdicts]
+        rows.append([str(scheme), *counts, f"{int(wrong['diagnosed'].sum())} of {len(wrong)}"])
+    return ["scheme", *verdicts, "biased or unstable, with a diagnostic"], rows
+
+
+@table
+def extremes(reports: Path) -> Table:
+    """Extreme values: what was tried, against which truth, with what worst error."""
+    found = pd.read_csv(reports / "stability" / "extremes.csv")
+    return ["what", "tried", "truth", "worst error", "allowed", "in units of", "holds"], [
+        [r["name"], r["tried"], r["truth"], short(r["worst"]), short(r["allowed"]), r["unit"], short(r["holds"])]
+        for _, r in found.iterrows()
+    ]
+
+
+@table
+def fuzz(reports: Path) -> Table:
+    """What became of random scenes at every entry."""
+    found = json.loads((reports / "fuzz" / "summary.json").read_text())
+    kinds = ("complete", "stopped", "refused", "defect")
+    new = {"door": "input validation", "printed": "published", "mended": "corrected"}
+    rows = [[new.get(n, n), *(short(ends.get(k, 0)) for k in kinds)] for n, ends in found["entries"].items()]
+    return ["entry", *kinds], [*rows, ["all", *(short(found["ended"].get(k, 0)) for k in kinds)]]
+
+
+@table
+def benchmarks(reports: Path) -> Table:
+    """Times on one machine, kept beside this file: they are measured by hand and hold for their version."""
+    found = pd.read_csv(Path(__file__).parent / "benchmarks.csv")
+    return list(found.columns), found.fillna("").astype(str).to_numpy().tolist()
+
+
+def cell(text: str) -> nodes.entry:
+    """A cell; between two backticks stands code."""
+    paragraph = nodes.paragraph()
+    for i, part in enumerate(text.split("`")):
+        if part:
+            paragraph += nodes.literal("", part) if i % 2 else nodes.Text(part)
+    return nodes.entry("", paragraph)
+
+
+class FromReports(SphinxDirective):
+    """What all of these directives share."""
+
+    @property
+    def reports(self) -> Path:
+        """The folder of the reports."""
+        return Path(self.config.rattle_reports)
+
+    def noted(self, path: Path) -> Path:
+        """A file, noted so that the page is read again when it changes."""
+        if not path.exists():
+            raise self.error(f"{path} is missing: make the reports first")
+        self.env.note_dependency(str(path))
+        return path
+
+
+class Reported(FromReports):
+    """A table of `TABLES`."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        """Make it."""
+        name = self.arguments[0]
+        heads, rows = TABLES[name](self.reports)
+        whole = nodes.table(classes=["reported", f"reported-{name}"])
+        group = nodes.tgroup(cols=len(heads))
+        group += [nodes.colspec(colwidth=1) for _ in heads]
+        group += nodes.thead("", nodes.row("", *map(cell, heads)))
+        group += nodes.tbody("", *(nodes.row("", *map(cell, row)) for row in rows))
+        whole += group
+        return [nodes.container("", whole, classes=["wide-table"])]
+
+
+class Answer(FromReports):
+    """The sentences that open a report."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        """Make them."""
+        file = self.noted(self.reports / self.arguments[0] / "page.json")
+        items = nodes.bullet_list(classes=["answer"])
+        for sentence in json.loads(file.read_text())["page"]["answer"]:
+            items += nodes.list_item("", *cell(sentence).children)
+        return [items]
+
+
+class ReportedFigure(FromReports):
+    """A figure of a report."""
+
+    required_arguments = 1
+    has_content = True
+    option_spec = {"alt": directives.unchanged_required}  # noqa: RUF012  (as Sphinx wants it)
+
+    def run(self) -> list[nodes.Node]:
+        """Make it."""
+        file = self.noted(self.reports / self.arguments[0])
+        place = os.path.relpath(file, Path(self.env.doc2path(self.env.docname)).parent)
+        image = nodes.image(uri=place, alt=self.options["alt"])
+        caption = nodes.caption("", "", *self.parse_inline(" ".join(self.content))[0])
+        return [nodes.figure("", image, caption)]
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Register the directives, and the folder that they read."""
+    app.add_config_value("rattle_reports", "", "env", [str])
+    app.add_directive("reported", Reported)
+    app.add_directive("answer", Answer)
+    app.add_directive("reported-figure", ReportedFigure)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,110 @@
+"""The table ``[gears]`` of a scene file: gears, and their tolerances as a drawing gives them."""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+from rattle.scene.errors import InputError
+from rattle.scene.gears import DRIVES, Gears
+from rattle.scene.validate import finite, known_keys, non_negative
+
+__all__ = ["read_gears", "read_tolerance"]
+
+FIELDS = tuple(f.name for f in fields(Gears))
+OPTIONAL = ("amplitude", "amplitude_rad", "driver_radius", "tolerance")
+TOLERANCE = ("backlash1", "backlash2", "distribution", "draw")
+
+
+def read_gears(table: Mapping[str, Any], stages: object) -> Gears:
+    """Gears from their table.
+
+    Parameters
+    ----------
+    table : mapping
+        The fields of Gears; in place of ``alpha`` it may have ``amplitude``, or ``amplitude_rad`` and
+        ``driver_radius``, see `Gears.driven`.
+    stages : {2, 1}
+        Of the scene; for a single stage the values of wheel 2 may be left out, and are then those of wheel 1.
+
+    Returns
+    -------
+    Gears
+        Validated.
+
+    Raises
+    ------
+    InputError
+        For unknown or missing keys and values that are not admissible; names them as ``gears.inertia1``.
+
+    Examples
+    --------
+    >>> from rattle.scene import DAT21
+    >>> read_gears({k: v for k, v in vars(DAT21).items() if k != "inertia2"}, 1).inertia2
+    4000.0
+    """
+    known_keys("gears", table, (*FIELDS, *OPTIONAL))
+    values = {name: value for name, value in table.items() if name != "tolerance"}
+    drives = [name for name in DRIVES if name in values]
+    if stages == 1:
+        values |= {n: values[_first(n)] for n in FIELDS if n.endswith("2") and n not in values and _first(n) in values}
+    missing = [name for name in FIELDS if name not in values and not (name == "alpha" and drives)]
+    if missing:
+        raise InputError("gears", missing, "these keys are missing")
+    try:
+        return Gears.driven(**values)
+    except InputError as error:
+        raise InputError(_full(error.field), error.value, error.remedy) from None
+
+
+def read_tolerance(table: Mapping[str, Any], gears: Gears) -> dict[str, Any] | None:
+    """The tolerances of the backlashes in the table of the gears, as the fields of a `rattle.scene.Tolerance`.
+
+    Parameters
+    ----------
+    table : mapping
+        ``[gears]``; its table ``tolerance`` has ``backlash1`` and ``backlash2``, the largest deviations of the full
+        backlashes in mm (the number behind ± in a drawing), ``distribution`` and ``draw``.
+    gears : Gears
+        Of the same table.
+
+    Returns
+    -------
+    dict or None
+        Half the deviations, in units of ``backlash1``; None if the table has no tolerances.
+
+    Raises
+    ------
+    InputError
+        For unknown keys, or a deviation that could close a backlash; names it as ``gears.tolerance.backlash1``.
+
+    Examples
+    --------
+    >>> from rattle.scene import DAT21
+    >>> read_tolerance({"tolerance": {"backlash1": 0.05, "draw": "contact"}}, DAT21)
+    {'c1_max': 0.125, 'draw': 'contact'}
+    """
+    if "tolerance" not in table:
+        return None
+    given = table["tolerance"]
+    if not isinstance(given, Mapping):
+        raise InputError("gears.tolerance", given, "write it as a table: [gears.tolerance]")
+    known_keys("gears.tolerance", given, TOLERANCE)
+    found: dict[str, Any] = {}
+    for i in (1, 2):
+        name, backlash = f"gears.tolerance.backlash{i}", getattr(gears, f"backlash{i}")
+        if f"backlash{i}" in given:
+            deviation = non_negative(name, finite(name, given[f"backlash{i}"]))
+            if deviation >= backlash:
+                why = f"must be below backlash{i} = {backlash:g} mm, or a gap could close; the unit is mm"
+                raise InputError(name, deviation, why)
+            found[f"c{i}_max"] = 0.5 * deviation / gears.backlash1
+    return found | {name: given[name] for name in ("distribution", "draw") if name in given}
+
+
+def _first(name: str) -> str:
+    """The field of wheel 1 that belongs to one of wheel 2."""
+    return name[:-1] + "1"
+
+
+def _full(field: str) -> str:
+    return field if field.startswith("gears") else f"gears.{field}"

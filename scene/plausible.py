@@ -1,0 +1,127 @@
+"""Questions about gears that cannot exist as given, in the user's own fields and units, with the likely conversion.
+
+A value is questioned only where no gear pair can have it:
+
+- a radius below 0.05 mm, under the smallest pinions of watches;
+- a backlash that is not smaller than its radius, or smaller than 1e-5 of it, by which steel grows in one kelvin;
+- an inertia below that of a plastic disc a thousandth of its radius thick, or above 1e7 times that of a solid steel
+  cylinder as long as wide (`LIGHTEST` and `HEAVIEST`, times the fifth power of the radius);
+- a drive whose pitch circle moves faster than sound in steel, 5000 m/s.
+
+What follows from several values, and is outside the range of the model, is named by the field that differs most from
+the paper's example.
+"""
+
+import math
+from typing import TYPE_CHECKING
+
+from rattle.scene.errors import InputError
+
+if TYPE_CHECKING:
+    from rattle.scene.gears import Gears
+
+__all__ = ["PARTS", "check_plausible", "of_gears"]
+
+SMALLEST_RADIUS = 0.05  # mm
+LEAST_BACKLASH = 1e-5  # of the radius
+LIGHTEST, HEAVIEST = 1e-9, 1e3  # kg/mm^3: inertia over the fifth power of the radius
+SOUND = 5e6  # mm/s
+
+PARTS = {
+    "beta1": ("damping1", "inertia1", "omega"), "beta2": ("damping2", "inertia2", "omega"),
+    "gamma1": ("torque1", "radius1", "inertia1", "backlash1", "omega"),
+    "gamma2": ("torque2", "radius2", "inertia2", "backlash1", "omega"),
+    "mu": ("inertia1", "inertia2", "radius1", "radius2"), "gap2": ("backlash2", "backlash1"),
+}  # fmt: skip
+"""The fields of gears from which each parameter of the model follows."""
+
+UNIT = {
+    "omega": "rad/s", "inertia": "kg mm^2", "radius": "mm", "backlash": "mm", "damping": "N mm s", "torque": "N mm",
+}  # fmt: skip
+IN_SI = {"inertia": ("kg m^2", 1e6), "radius": ("m", 1e3), "backlash": ("m", 1e3)}
+
+
+def check_plausible(gears: "Gears") -> None:
+    """Refuse gears that cannot exist as given; the bounds are those of this module.
+
+    Parameters
+    ----------
+    gears : Gears
+        What a user has written.
+
+    Raises
+    ------
+    InputError
+        Names the field in ``[gears]``, its unit and the likely conversion.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from rattle.scene import DAT21
+    >>> check_plausible(replace(DAT21, inertia1=0.004))
+    Traceback (most recent call last):
+    ...
+    rattle.scene.errors.InputError: gears.inertia1 = 0.004: is too little for a wheel of radius1 = 41 mm, of whatever \
+it is made; the unit is kg mm^2: if 0.004 is in kg m^2, write 4000; if it is meant, write a [scene] without [gears]
+    """
+    for i in (1, 2):
+        radius, backlash, inertia = (getattr(gears, f"{name}{i}") for name in ("radius", "backlash", "inertia"))
+        wheel, volume = f"radius{i} = {radius:g} mm", radius**5
+        if radius < SMALLEST_RADIUS:
+            raise _question(gears, f"radius{i}", "is smaller than any gear")
+        if backlash >= radius:
+            if radius < 1.0:
+                raise _question(gears, f"radius{i}", f"is no larger than backlash{i} = {backlash:g} mm")
+            raise _question(gears, f"backlash{i}", f"must be smaller than {wheel}", ("um", 1e-3))
+        if backlash < LEAST_BACKLASH * radius:
+            raise _question(gears, f"backlash{i}", f"is less than {wheel} grows in one kelvin")
+        if inertia < LIGHTEST * volume:
+            raise _question(gears, f"inertia{i}", f"is too little for a wheel of {wheel}, of whatever it is made")
+        if inertia > HEAVIEST * volume:
+            if radius < 1.0:
+                raise _question(gears, f"radius{i}", f"is too small for inertia{i} = {inertia:g} kg mm^2")
+            raise _question(gears, f"inertia{i}", f"is too much for a wheel of {wheel}", ("g mm^2", 1e-3))
+    if gears.amplitude * gears.omega > SOUND:
+        why = f"moves the driver's pitch circle by {gears.amplitude:g} mm faster than sound in steel"
+        raise _question(gears, "omega", why, ("1/min", 2.0 * math.pi / 60.0))
+
+
+def of_gears(gears: "Gears", error: InputError) -> InputError:
+    """The refusal of a parameter that follows from gears, said of the gears.
+
+    Parameters
+    ----------
+    gears : Gears
+        What a user has written.
+    error : InputError
+        The refusal of a parameter of the model.
+
+    Returns
+    -------
+    InputError
+        Names the field of gears that differs most from the paper's example; the same error for anything else.
+    """
+    from rattle.scene.gears import DAT21
+
+    names = PARTS.get(error.field, ())
+    if not names:
+        return error
+    sizes = {name: abs(math.log10(v / getattr(DAT21, name))) for name in names if (v := getattr(gears, name)) > 0.0}
+    worst = max(sizes, key=lambda name: sizes[name])
+    value = error.value if isinstance(error.value, int | float) else math.nan
+    parts = ", ".join(f"{n} = {getattr(gears, n):g} {UNIT[n.rstrip('12')]}" for n in names)
+    why = f"with {parts} the model would have {error.field} = {value:.3g}, which {error.remedy}"
+    given, kind = getattr(gears, worst), worst.rstrip("12")
+    small = kind in IN_SI and given < 0.01 * getattr(DAT21, worst)
+    return InputError(f"gears.{worst}", given, why + (_conversion(kind, given, IN_SI[kind]) if small else ""))
+
+
+def _question(gears: "Gears", name: str, why: str, likely: tuple[str, float] | None = None) -> InputError:
+    kind, value = name.rstrip("12"), getattr(gears, name)
+    conversion = _conversion(kind, value, likely or IN_SI[kind])
+    return InputError(f"gears.{name}", value, f"{why}{conversion}; if it is meant, write a [scene] without [gears]")
+
+
+def _conversion(kind: str, value: float, likely: tuple[str, float]) -> str:
+    unit, factor = likely
+    return f"; the unit is {UNIT[kind]}: if {value:g} is in {unit}, write {value * factor:g}"

@@ -1,0 +1,145 @@
+"""Options as they are typed: whole numbers, names, completion, units; the template and the examples."""
+
+import json
+import tomllib
+from dataclasses import fields, replace
+from pathlib import Path
+
+import pytest
+from click.shell_completion import ShellComplete
+from click.testing import CliRunner
+
+from rattle.closure import CLOSURES
+from rattle.compare.chaos.sweep import FIELDS
+from rattle.compare.checks.stability.axes import AXES
+from rattle.compare.cli import options
+from rattle.compare.cli.main import main
+from rattle.compare.cli.template import template
+from rattle.montecarlo import SCHEMES, simulate
+from rattle.scene import DAT21, Gears, Scene, Start, Tolerance
+
+EXAMPLES = sorted((Path(__file__).resolve().parents[2] / "examples").glob("*.toml"))
+
+
+def rattle(*words):
+    return CliRunner().invoke(main, [str(word) for word in words])
+
+
+@pytest.mark.parametrize(
+    ("listed", "table"),
+    [
+        (options.SCHEMES, SCHEMES), (options.CLOSURES, CLOSURES), (options.FIELDS, FIELDS), (options.AXES, AXES),
+    ],
+)  # fmt: skip
+def test_the_lists_of_the_options_are_those_of_the_modules(listed, table):
+    assert sorted(listed) == sorted(table)
+
+
+@pytest.mark.parametrize(("text", "number"), [("1e5", 100_000), ("1_000", 1000), ("-3", -3), (7, 7), ("1.5e1", 15)])
+def test_a_whole_number_is_read_as_people_write_it(text, number):
+    found = options.WHOLE.convert(text, None, None)
+    assert (found, type(found)) == (number, int)
+
+
+@pytest.mark.parametrize("text", ["1.5", "1e-3", "many", "nan", "inf", "1e999999999", ""])
+def test_another_number_is_refused_at_once(text):
+    result = rattle("simulate", "--paths", text)
+    assert result.exit_code == 2
+    assert "is not a whole number" in result.output
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("validate", "--closure", "saltaton"), "did you mean 'saltation'?"),
+        (("stability", "--axis", "gup"), "axis = 'gup': did you mean 'gap'?"),
+        (("chaos", "--field", "alhpa"), "did you mean 'alpha'?"),
+        (("simulate", "--units", "metric"), "units = 'metric': valid are"),
+    ],
+)
+def test_a_wrong_name_is_one_line_and_code_2(words, message):
+    result = rattle(*words)
+    assert result.exit_code == 2
+    assert message in result.output
+
+
+def test_help_lists_the_names_and_tells_of_completion():
+    assert "[euler-maruyama|euler-maruyama-located|exact-flight]" in rattle("simulate", "--help").output.replace(
+        "\n", ""
+    )
+    assert "saltation" in rattle("validate", "--help").output
+    assert "_RATTLE_COMPLETE=bash_source" in rattle("--help").output
+
+
+def test_the_shell_completes_names():
+    found = ShellComplete(main, {}, "rattle", "_RATTLE_COMPLETE").get_completions(["simulate", "--scheme"], "ex")
+    assert [item.value for item in found] == ["exact-flight"]
+
+
+def test_simulate_in_physical_units(tmp_path):
+    shared = ("simulate", "--impacts", "2", "--paths", "1e2", "--sigma", "0.1")
+    physical = json.loads(rattle(*shared, "--units", "physical", "--json").output)
+    plain = json.loads(rattle(*shared, "--json").output)
+    assert (physical["units"], plain["units"]) == ("physical", "dimensionless")
+    assert physical["paths"] == 100
+    assert physical["section"][1]["y2_mm_per_s"] == pytest.approx(60.0 * plain["section"][1]["y2"])
+    out = rattle(*shared, "--units", "physical", "--out", tmp_path / "table.csv").output
+    for name in ("tau_ms", "impacts_per_s", "sd_y1_mm_per_s", "agreement"):
+        assert name in out.splitlines()[0]
+    assert "tau_ms" in (tmp_path / "table.csv").read_text()
+
+
+def test_physical_units_of_a_scene_without_gears_are_refused_before_the_work(tmp_path):
+    path = tmp_path / "plain.toml"
+    path.write_text("[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.1\ngamma1 = 0.0\nmu = 0.5\n")
+    result = rattle("simulate", path, "--units", "physical", "--accuracy", "1e-9")
+    assert (result.exit_code, "was not made from gears" in result.output) == (2, True)
+
+
+def test_init_writes_a_scene_that_loads_and_never_replaces_one(tmp_path):
+    path = tmp_path / "gears.toml"
+    assert rattle("init", path).exit_code == 0
+    assert Scene.load(path) == Scene.from_gears(DAT21, sigma=DAT21.alpha**0.5)
+    path.write_text("mine")
+    result = rattle("init", path)
+    assert (result.exit_code, path.read_text()) == (2, "mine")
+    assert "is there already" in result.output
+    assert rattle("init", tmp_path / "none" / "gears.toml").exit_code == 2
+
+
+def test_the_template_has_every_key():
+    text = template("gears.toml")
+    for kind in (Gears, Scene, Start, Tolerance):
+        for f in fields(kind):
+            assert f"{f.name} = " in text or f.name in ("gears", "start", "tolerance"), f.name
+
+
+def test_what_the_template_comments_out_can_be_taken_in():
+    lines = template("gears.toml").splitlines()
+    begin = lines.index("# [scene.tolerance]          # in place of [gears.tolerance]")
+    taken = [line.removeprefix("# ") for line in lines[begin : begin + 5]]
+    scene = Scene.from_toml("\n".join([*lines[:begin], *taken]))
+    assert scene.tolerance == Tolerance(0.05, 0.05)
+    begin = next(i for i, line in enumerate(lines) if line.startswith("# [gears.tolerance]"))
+    taken = [line.removeprefix("# ") for line in lines[begin : begin + 5]]
+    drawn = Scene.from_toml("\n".join([*lines[:begin], *taken, *lines[begin + 5 :]]))
+    assert drawn.tolerance.variances == pytest.approx(scene.tolerance.variances)
+    assert replace(drawn, tolerance=None) == replace(scene, tolerance=None)
+    plain = [
+        line.removeprefix("# ") for line in lines[lines.index("# alpha = 1.5              # amplitude of the drive") :]
+    ]
+    assert Scene(**tomllib.loads("\n".join(plain))).constants == pytest.approx(
+        (*drawn.constants[:-2], 0.0, 2), abs=1e-6
+    )
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_loads_and_simulates(path):
+    scene = Scene.load(path)
+    run = simulate(scene, paths=64, impacts=3, rng=1)
+    assert run.section_in("physical")["tau_ms"].notna().all()
+    assert run.unfinished == 0
+
+
+def test_there_are_three_examples():
+    assert len(EXAMPLES) == 3

@@ -1,0 +1,109 @@
+"""The animation in a real browser: loading, layout, one flash for each impact, controls, reduced motion."""
+
+import pytest
+from browser import CHROMIUM, Browser
+
+from rattle.compare.animation import record, write_animation
+from rattle.scene import DAT21, Scene
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium here: sudo apt-get install chromium")
+
+SHOWN = "paths.map(p => p.flashes.map(f => f.style.visibility === 'visible' ? Number(f.dataset.impact) : 0))"
+OVERLAPS = """(() => {
+  const boxes = [...document.querySelectorAll('h2, .state, .now, .buttons > *, figcaption, .tick, .axis text')]
+    .map(e => [e.textContent, e.getBoundingClientRect()]);
+  return boxes.flatMap(([one, a], i) => boxes.slice(i + 1).filter(([, b]) =>
+    a.left < b.right - 1 && b.left < a.right - 1 && a.top < b.bottom - 3 && b.top < a.bottom - 3)
+    .map(([other]) => [one, other]));
+})()"""
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    browser = Browser(tmp_path_factory.mktemp("chromium"))
+    yield browser
+    browser.close()
+
+
+@pytest.fixture(scope="module")
+def shown():
+    return record(Scene.from_gears(DAT21, sigma=0.1), impacts=24, seed=1)
+
+
+@pytest.fixture(scope="module")
+def page(shown, tmp_path_factory):
+    out = tmp_path_factory.mktemp("page") / "animation.html"
+    write_animation(out, shown, "<b>DAT21</b>" + "long" * 60)
+    return out
+
+
+def complaints(browser):
+    """Messages, errors, and requests other than for the page itself."""
+    said = [e for e in browser.events if e["method"] in ("Log.entryAdded", "Runtime.exceptionThrown")]
+    return said + [e for e in browser.events if e["method"] == "Network.requestWillBeSent"][1:]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1280, 390])
+def test_loads_alone_and_fits(browser, page, width, scheme):
+    browser.open(page, width, scheme)
+    assert complaints(browser) == []
+    assert browser.run("document.documentElement.scrollWidth") <= width
+    assert browser.run(OVERLAPS) == []
+    small = "[...document.querySelectorAll('svg text')].map(t => t.getBoundingClientRect().height).every(h => h > 11)"
+    assert browser.run(small)
+    paper = browser.run("getComputedStyle(document.body).backgroundColor")
+    assert (paper == "rgb(255, 255, 255)") == (scheme == "light")
+
+
+def test_each_impact_flashes_at_its_mesh(browser, page, shown):
+    browser.open(page)
+    browser.run("set(false)")
+    for i, motion in enumerate((shown.orbit, shown.path)):
+        for k, mesh in enumerate(motion.mesh):
+            assert browser.run(f"go(paths[{i}].hits[{k}]), {SHOWN}")[i][mesh - 1] == k + 1
+            lit = browser.run(f"[...document.querySelectorAll('.lit.{('orbit', 'path')[i]}')].map(m => m.dataset.k)")
+            assert str(k) in lit
+    assert browser.run(f"go(0), {SHOWN}") == [[0, 0], [0, 0]]
+    assert browser.run(f"go(paths[0].hits[0] - 1e-6), {SHOWN}")[0] == [0, 0]
+
+
+def test_controls(browser, page, shown):
+    browser.open(page)
+    assert browser.run("running && play.textContent === 'Pause'")
+    assert browser.run("new Promise(done => setTimeout(() => done(now > 0), 400))")
+    browser.run("play.click()")
+    still = browser.run("now")
+    assert browser.run("new Promise(done => setTimeout(() => done(now), 200))") == still
+    browser.run("go(0), find('next').click()")
+    first = min(shown.orbit.impact_time[0], shown.path.impact_time[0])
+    assert browser.run("now") == pytest.approx(first, rel=1e-6)
+    browser.run("find('next').click(), find('back').click()")
+    assert browser.run("now") == pytest.approx(first, rel=1e-6)
+    browser.run("find('back').click()")
+    assert browser.run("now") == 0.0
+    browser.run("slider.value = 0.5, slider.dispatchEvent(new Event('input'))")
+    assert browser.run("now") == pytest.approx(0.5 * shown.span)
+    assert float(browser.run("find('tau').textContent")) == pytest.approx(0.5 * shown.span, abs=0.01)
+    browser.run("location.hash = '#t=2'")
+    assert browser.run("new Promise(done => setTimeout(() => done(now), 200))") == 2.0
+    assert browser.run("find('phase').textContent") == "114°"
+
+
+def test_reduced_motion(browser, page):
+    """Nothing moves unasked, and what is played goes from impact to impact."""
+    browser.open(page)
+    calm = [{"name": "prefers-reduced-motion", "value": "reduce"}]
+    browser.call("Emulation.setEmulatedMedia", media="screen", features=calm)
+    browser.events.clear()
+    browser.call("Page.reload")
+    while not any(event["method"] == "Page.loadEventFired" for event in browser.events):
+        browser.events.append(browser._next())
+    assert browser.run("new Promise(done => setTimeout(() => done([running, now]), 300))") == [False, 0]
+    browser.run("speed.value = '2', play.click()")
+    times = browser.run(
+        "new Promise(done => { const seen = []; const timer = setInterval(() => { seen.push(now);"
+        " if (seen.length === 12) { clearInterval(timer); done(seen); } }, 100); })"
+    )
+    assert set(times) <= {0, *browser.run("instants")}
+    assert max(times) > 0

@@ -1,0 +1,170 @@
+"""Gears as an engineer writes them: the drive as an amplitude, tolerances of a drawing, and what cannot be right."""
+
+from dataclasses import asdict, replace
+
+import pytest
+
+from rattle.scene import DAT21, FileError, Gears, InputError, Scene, Start, Tolerance
+from rattle.scene.plausible import check_plausible
+
+OTHERS = {name: value for name, value in asdict(DAT21).items() if name != "alpha"}
+TEXT = "[gears]\n" + "".join(f"{name} = {value!r}\n" for name, value in OTHERS.items())
+
+
+def written(tmp_path, text):
+    path = tmp_path / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("drive", ["alpha = 1.5", "amplitude = 0.3", "amplitude_rad = 0.01\ndriver_radius = 30.0"])
+def test_the_drive_is_given_as_alpha_or_as_an_amplitude(tmp_path, drive):
+    scene = Scene.load(written(tmp_path, TEXT + drive))
+    assert scene.alpha == pytest.approx(1.5, rel=1e-15)
+    assert scene.gears.amplitude == pytest.approx(0.3, rel=1e-15)
+    assert Scene.from_toml(scene.to_toml()) == scene
+
+
+@pytest.mark.parametrize(
+    ("drive", "words"),
+    [
+        ("alpha = 1.5\namplitude = 0.3", "gears = ['alpha', 'amplitude']: give the drive once"),
+        ("", "gears = ['alpha']: these keys are missing"),
+        ("amplitude_rad = 0.01", "gears.driver_radius = None: goes with amplitude_rad"),
+        ("alpha = 1.0\ndriver_radius = 3.0", "gears.driver_radius = 3.0: goes with amplitude_rad"),
+        ("amplitude = -0.3", "gears.amplitude = -0.3: must be 0 or greater"),
+        ("amplitude = 'big'", "gears.amplitude = 'big': give a number"),
+        ("amplitude_rad = 0.01\ndriver_radius = 0.0", "gears.driver_radius = 0.0: must be greater than 0"),
+        ("amplitud = 0.3", "did you mean 'amplitude'?"),
+        ("amplitude = 0.3\n[gears.tolerance]\nbacklash1 = 0.2", "gears.tolerance.backlash1 = 0.2: must be below"),
+        ("amplitude = 0.3\n[gears.tolerance]\nbacklash = 0.2", "did you mean 'backlash"),
+        ("amplitude = 0.3\ntolerance = 1", "gears.tolerance = 1: write it as a table"),
+        ("alpha = 1.5\n[gears.tolerance]\n[scene.tolerance]\nc1_max = 0.1", "give it once"),
+    ],
+)
+def test_a_drive_or_tolerance_is_refused_in_words(drive, words):
+    with pytest.raises(InputError) as caught:
+        Scene.from_toml(TEXT + drive)
+    assert words in str(caught.value)
+
+
+def test_the_tolerance_of_a_drawing_is_that_of_the_full_backlash():
+    table = '[gears.tolerance]\nbacklash1 = 0.05\nbacklash2 = 0.1\ndistribution = "normal"\ndraw = "contact"\n'
+    scene = Scene.from_toml(TEXT + "alpha = 1.5\n" + table)
+    assert scene.tolerance == Tolerance(0.125, 0.25, distribution="normal", draw="contact")
+    assert Scene.from_toml(scene.to_toml()) == scene
+
+
+def test_a_single_stage_needs_no_second_wheel():
+    first = "".join(line for line in TEXT.splitlines(keepends=True) if "2 =" not in line)
+    scene = Scene.from_toml(first + "alpha = 1.5\n[scene]\nstages = 1")
+    assert scene.constants == Scene.from_gears(DAT21, stages=1).constants
+    with pytest.raises(InputError, match=r"gears = \['inertia2'"):
+        Scene.from_toml(first + "alpha = 1.5")
+
+
+@pytest.mark.parametrize(
+    ("changes", "field", "conversion"),
+    [
+        ({"inertia1": 0.004}, "gears.inertia1", "the unit is kg mm^2: if 0.004 is in kg m^2, write 4000"),
+        ({"inertia2": 0.0025}, "gears.inertia2", "write 2500"),
+        ({"radius1": 0.041}, "gears.radius1", "the unit is mm: if 0.041 is in m, write 41"),
+        ({"radius2": 0.12}, "gears.radius2", "if 0.12 is in m, write 120"),
+        ({"radius1": 0.5}, "gears.radius1", "write 500"),
+        ({"backlash2": 0.0002}, "gears.backlash2", "if 0.0002 is in m, write 0.2"),
+        ({"backlash1": 200.0}, "gears.backlash1", "if 200 is in um, write 0.2"),
+        ({"inertia1": 4e12 / 5}, "gears.inertia1", "kg mm^2"),
+        ({"omega": 1e9}, "gears.omega", "faster than sound"),
+    ],
+)
+def test_gears_that_cannot_be_are_questioned_in_the_users_unit(changes, field, conversion):
+    with pytest.raises(InputError) as caught:
+        check_plausible(replace(DAT21, **changes))
+    assert caught.value.field == field
+    assert conversion in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {}, {"backlash1": 0.002, "backlash2": 0.002}, {"inertia1": 40.0}, {"inertia1": 4e7}, {"omega": 1e5},
+        {"damping1": 0.0, "torque1": 0.0}, {"radius1": 400.0, "inertia1": 1e7},
+        {"radius1": 0.3, "radius2": 0.2, "inertia1": 1e-4, "inertia2": 1e-5, "backlash1": 0.01, "backlash2": 0.01},
+    ],
+)  # fmt: skip
+def test_gears_of_watches_and_of_ships_are_not(changes):
+    check_plausible(replace(DAT21, **changes))
+
+
+def test_only_what_was_written_in_a_file_is_questioned(tmp_path):
+    text = TEXT.replace("inertia1 = 4000.0", "inertia1 = 0.004").replace("damping1 = 100.0", "damping1 = 0.0")
+    assert Scene.from_toml(text + "alpha = 1.5").beta1 == 0.0
+    with pytest.raises(InputError, match=r"mine\.toml, line 4: gears\.inertia1 = 0\.004: is too little") as caught:
+        Scene.load(written(tmp_path, text + "alpha = 1.5"))
+    assert caught.value.field == "gears.inertia1"
+
+
+@pytest.mark.parametrize(
+    ("changes", "field", "parameter"),
+    [
+        ({"inertia1": 0.004}, "gears.inertia1", "beta1 = 8.33e+04"),
+        ({"omega": 1e-4}, "gears.omega", "beta1"),
+        ({"torque1": 1e11}, "gears.torque1", "gamma1"),
+        ({"radius1": 1e-12, "radius2": 1e6}, "gears.radius1", "mu"),
+        ({"backlash2": 1e-11}, "gears.backlash2", "gap2"),
+    ],
+)
+def test_what_follows_from_gears_is_refused_by_their_fields(changes, field, parameter):
+    with pytest.raises(InputError) as caught:
+        Scene.from_gears(replace(DAT21, **changes))
+    assert caught.value.field == field
+    assert parameter in str(caught.value)
+
+
+def test_other_errors_of_a_scene_of_gears_stay_as_they_are():
+    with pytest.raises(InputError, match="sigma = -1") as caught:
+        Scene.from_gears(DAT21, sigma=-1.0)
+    assert caught.value.field == "sigma"
+    with pytest.raises(InputError, match="give Gears"):
+        Scene.from_gears({"alpha": 1.0})
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Scene(alhpa=1.0), "Scene = 'alhpa': unknown key; did you mean 'alpha'?"),
+        (lambda: Start(tua=1.0), "did you mean 'tau'?"),
+        (lambda: Tolerance(c1_mx=0.1), "did you mean 'c1_max'?"),
+        (lambda: Gears(omgea=1.0), "did you mean 'omega'?"),
+        (lambda: Gears(amplitude=1.0), "give it to Gears.driven"),
+        (lambda: replace(DAT21, omgea=1.0), "did you mean 'omega'?"),
+    ],
+)
+def test_an_unknown_keyword_suggests_the_nearest(make, words):
+    with pytest.raises(InputError) as caught:
+        make()
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "where"),
+    [
+        ("[scene]\nalpha = 1.5\nepsilon = 2\nbeta1 = 0.1\ngamma1 = 0.0\nmu = 0.5\n", "line 3: epsilon = 2"),
+        ("[scene]\nalhpa = 1.5\n", "line 2: scene = 'alhpa'"),
+        ("[scene]\nalpha = 1.5\n", "mine.toml: scene = ['epsilon'"),
+        (TEXT + "alpha = 1.5\n[scene.start]\n\ny1 = 'fast'", "line 17: start.y1 = 'fast'"),
+        (TEXT.replace("epsilon = 0.9", "epsilon = 9.0") + "alpha = 1.5", "line 2: gears.epsilon = 9.0"),
+        (TEXT + "alpha = \n", "mine.toml: TOML = 'Invalid value (at line 14, column 9)'"),
+    ],
+)
+def test_an_error_from_a_file_names_file_line_and_key(tmp_path, text, where):
+    with pytest.raises(InputError) as caught:
+        Scene.load(written(tmp_path, text))
+    assert where in str(caught.value)
+    assert str(caught.value).startswith(str(tmp_path / "mine.toml"))
+
+
+def test_a_missing_file_is_named_once(tmp_path):
+    with pytest.raises(FileError) as caught:
+        Scene.load(tmp_path / "none.toml")
+    assert str(caught.value).count("none.toml") == 1
