@@ -218,8 +218,8 @@ class MeanMap:
         --------
         >>> from rattle.scene import DAT21, Scene
         >>> m = mean_map(Scene.from_gears(DAT21), impacts=1)
-        >>> m.section_in("physical")[["tau_ms", "y1_mm_per_s"]].round(2).loc[1].tolist()
-        [0.0, 0.0]
+        >>> m.section_in("physical")[["tau_ms", "y1_mm_per_s"]].round(1).loc[1].tolist()
+        [1.9, -110.9]
         """
         columns = {str(name): values for name, values in self.section.items()}
         return pd.DataFrame(in_units(columns, self.scene.gears, units), index=self.section.index)

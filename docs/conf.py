@@ -56,6 +56,7 @@ sphinx_gallery_conf = {
     "abort_on_example_error": True,
     "within_subsection_order": "FileNameSortKey",
     "show_signature": False,
+    "write_computation_times": False,  # its page asks another host for a script
     "image_srcset": ["2x"],
 }
 
@@ -73,6 +74,7 @@ html_theme_options = {
     "footer_start": ["copyright"],
     "footer_end": [],
 }
+html_sidebars = {"index": [], "start": [], "auto_gallery/*": []}
 html_context = {"default_mode": "auto"}
 
 # Committed tables and figures that the pages show; tests give a folder of their own.

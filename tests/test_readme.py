@@ -1,6 +1,6 @@
 """The examples of the README and of the documentation run, and print what is said there.
 
-Code cells of the documentation are run when the site is built (tests/docs).
+Code cells of the documentation are run when the site is built (tests/page/test_docs_site.py).
 """
 
 import re
@@ -30,7 +30,7 @@ SCENES = [text for text in TOML if "[study]" not in text]
 NOT_RUN = {
     "make report": "needs a clone and a minute; it is one `rattle validate`",
     "make test": "runs this test",
-    "make docs": "tests/docs builds the site",
+    "make docs": "tests/page/test_docs_site.py builds the site",
     "make audit": "needs the network",
     "python tests/fuzz/campaign.py": "takes an hour",
     "python tests/fuzz/campaign.py --space wide": "takes half an hour",

@@ -62,11 +62,12 @@ def _maps(maps: pd.DataFrame) -> str:
         elif np.isfinite(row["too_wide"]):
             words.append(
                 f"`{row['closure']}` has the orbit's, and from impact {row['too_wide']:g} on its sd of y1 is larger "
-                "than that of the whole orbit, so that it no longer tells where the motion is"
+                "than that of the whole orbit"
             )
         else:
             words.append(f"`{row['closure']}` has the orbit's")
-    return f"Exponents of the mean maps: {'; '.join(words)}."
+    lost = "A closure whose sd is that large no longer tells where the motion is."
+    return f"Exponents of the mean maps: {'; '.join(words)}.{f' {lost}' if maps['too_wide'].notna().any() else ''}"
 
 
 def _law(law: SqrtLaw | None, missing: str, table: pd.DataFrame) -> str:

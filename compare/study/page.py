@@ -195,9 +195,8 @@ def _page(r: Results, record: dict[str, Any], figures: list[Figure], cost: pd.Da
         f"Estimate for more cores, from these times ({factor:.2g} times the nominal ones) and 3.5 ms of a Dask "
         "scheduler for each task of at most 65 536 paths:"
     )
-    key, *others = figures or [None]
-    opening: tuple[Block, ...] = (*((key,) if key else ()), _counts(r), Text(method, note=True), WORDS)
-    sections = [Section("Figures", tuple(others))] if others else []
+    opening: tuple[Block, ...] = (*figures[:1], _counts(r), Text(method, note=True), WORDS)
+    sections = [Section("Figures", tuple(figures[1:]))] if figures[1:] else []
     if lacks := lacking(r.study.points, record.get("failed", {})):
         rows: list[Row] = [[lack.what, lack.points, lack.where, lack.why] for lack in lacks]
         every = Text("All points: `reasons.csv`.", note=True)

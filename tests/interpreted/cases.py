@@ -12,12 +12,11 @@ from dataclasses import replace
 from unittest import mock
 
 import numpy as np
-from settings import recorded
 
 from rattle.closure import mean_map
 from rattle.closure.long_orbit import LongOrbit, velocities
 from rattle.closure.orbit import follow
-from rattle.montecarlo import SCHEMES, simulate
+from rattle.montecarlo import SCHEMES, Record, simulate
 from rattle.montecarlo.bench import _normals, _steps
 from rattle.montecarlo.coupling.long_path import LongPath
 from rattle.montecarlo.coupling.pairs import after_impact, growths
@@ -93,13 +92,14 @@ def in_few_components(scene):
 
 def simulated(scene, scheme, paths=3, impacts=3, **settings):
     """Every impact of a few paths, their moments, and what stands beside them."""
-    given = {"paths": paths, "impacts": impacts, "raw": True, "energy": True} | settings
-    run = simulate(scene, scheme=scheme, rng=5, **recorded(given))
+    recorded = {name: settings.pop(name) for name in ("times", "step_bias") if name in settings}
+    record = Record(raw=True, energy=True, **recorded)
+    run = simulate(scene, paths=paths, impacts=impacts, scheme=scheme, rng=5, record=record, **settings)
     yield run.raw
     yield run.section.to_numpy(float)
-    if settings.get("times"):
+    if recorded.get("times"):
         yield run.at_times().to_numpy(float)
-    if settings.get("step_bias"):
+    if recorded.get("step_bias"):
         yield run.step_bias.select_dtypes("number").to_numpy(float)
 
 

@@ -1,6 +1,10 @@
 """The page in a real browser: loading, sorting, filtering, enlarged figures, layout, light and dark styles."""
 
+import base64
 import json
+import re
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,11 +13,12 @@ from click.testing import CliRunner
 from sample_page import NASTY, figures, sample
 
 from rattle.compare.cli.main import main
-from rattle.compare.report import Page, Source, Table, write_page
+from rattle.compare.report import Page, Source, Table, read_page, write_page
 from rattle.compare.report.style import STYLE
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium here: sudo apt-get install chromium")
 
+CHAOS = Path(__file__).parents[2] / "reports" / "chaos"
 COLUMN = "[...document.querySelectorAll('section table')[0].rows].slice(1).map(row => row.cells[{}].textContent)"
 SPEED = "document.querySelectorAll('section table')[0].tHead.rows[0].cells[1]"
 NAMES = ["saltation", "published", "corrected", "branching", "other", "a plain text", *(f"row {i}" for i in range(6))]
@@ -229,6 +234,15 @@ def test_long_folded_tables_are_not_printed_and_say_so(browser, tmp_path):
     assert not browser.run("document.querySelector('details table').checkVisibility()")
     said = "getComputedStyle(document.querySelector('summary'), '::after').content"
     assert "not printed" in browser.run(said)
+
+
+def test_the_page_on_chaos_prints_on_fewer_than_eight_pages(browser, tmp_path):
+    folder = shutil.copytree(CHAOS, tmp_path / "chaos")
+    write_page(read_page(folder / "page.json"), folder, "chaos")
+    browser.open(folder / "chaos.html", 794, medium="print")
+    paper = {"paperWidth": 8.27, "paperHeight": 11.69}  # A4
+    pdf = base64.b64decode(browser.call("Page.printToPDF", **paper)["data"])
+    assert 1 < len(re.findall(rb"/Type\s*/Page\b", pdf)) < 8
 
 
 def test_print_is_light_opens_everything_and_has_no_controls(browser, page):

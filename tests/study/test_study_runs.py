@@ -246,7 +246,7 @@ def test_what_a_closure_cannot_take_is_said_once_with_exit_code_1(tmp_path):
         assert found.exit_code == code, found.output
         said = [text for text in found.output.splitlines() if "cannot be computed" in text]
         assert len(said) == 1, found.output
-        assert "printed cannot be computed at 6 of 6 points, first at sigma = 0.01" in said[0]
+        assert "published cannot be computed at 6 of 6 points, first at sigma = 0.01" in said[0]
         assert "start.mesh = 0: " in said[0]
     page = (tmp_path / "s" / "study.md").read_text()
     assert page.count("start.mesh = 0: ") == 1
@@ -291,13 +291,13 @@ def test_undecided_is_not_called_wrong(tmp_path):
     assert first["undecided"] > 5
     _, _, published, saltation, _ = answer(found)
     assert saltation.startswith("saltation: not shown wrong up to sigma = 0.02 (undecided for want of paths")
-    assert published == "printed: shown wrong at sigma = 0.01, the smallest."
+    assert published == "published: shown wrong at sigma = 0.01, the smallest."
     figure = validity(found, found.validity)
     words = [text.get_text() for text in figure.legends[0].get_texts()]
     assert "saltation: accurate up to" in words
     assert "not shown wrong up to" in words
     assert any(text.startswith("undecided for want of paths") for text in words)
-    assert "printed: shown wrong at the smallest" in words
+    assert "published: shown wrong at the smallest" in words
     (band,) = (c for c in figure.axes[0].collections if c.get_paths() and len(c.get_paths()[0].vertices) > 3)
     assert band.get_paths()[0].vertices[:, 1].max() == 0.02  # from the smallest up, though nothing is accurate
 

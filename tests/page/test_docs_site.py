@@ -1,0 +1,106 @@
+"""The documentation site: built without a warning and without a network, and what a browser shows of it.
+
+The code cells of its pages are run; the scripts of its gallery are run by ``make docs``, and one of them here.
+"""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from browser import CHROMIUM, Browser
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+DOCS = ROOT / "docs"
+SCRIPTS = sorted((DOCS / "gallery").glob("plot_*.py"))
+SHOWN = ("start", "results/dat21", "reference/notation")
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The site, from a copy of its sources: what is generated beside them stays out of the tree."""
+    copy, out = tmp_path_factory.mktemp("repository"), tmp_path_factory.mktemp("site")
+    listed = ["git", "ls-files", "--cached", "--others", "--exclude-standard", "docs", "reports", "CHANGELOG.md"]
+    for name in subprocess.run(listed, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines():
+        if (ROOT / name).exists():
+            (copy / name).parent.mkdir(parents=True, exist_ok=True)
+            (copy / name).write_bytes((ROOT / name).read_bytes())
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", "-D", "plot_gallery=0"]
+    offline = dict.fromkeys(("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY"), "http://127.0.0.1:9")
+    done = subprocess.run(
+        [*command, copy / "docs", out], capture_output=True, text=True, env=os.environ | offline, timeout=600
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return out
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    if CHROMIUM is None:
+        pytest.skip("no chromium here: sudo apt-get install chromium")
+    browser = Browser(tmp_path_factory.mktemp("chromium"))
+    yield browser
+    browser.close()
+
+
+def test_every_page_is_there(site):
+    """Each source has its page, and the search knows it."""
+    pages = {p.relative_to(DOCS).with_suffix("") for p in DOCS.rglob("*.md")} - {Path("index")}
+    pages = {p for p in pages if not {"_build", "generated", "auto_gallery"} & set(p.parts)}
+    assert len(pages) > 30
+    assert not [p for p in pages if not (site / p).with_suffix(".html").exists()]
+    assert (site / "searchindex.js").exists()
+
+
+def test_examples_have_run(site):
+    start = (site / "start.html").read_text()
+    assert "cell_output" in start
+    assert "saltation" in start.split("cell_output")[-1]
+
+
+def test_tables_are_those_of_the_reports(site):
+    """A number of a committed table stands on the page, and no page has a table without rows."""
+    page = (site / "results" / "dat21.html").read_text()
+    found = re.findall(r'<table class="[^"]*reported[^"]*".*?</table>', page, re.DOTALL)
+    assert len(found) == 2
+    assert all(table.count("<tr") > 4 for table in found)
+
+
+def test_gallery_is_large_enough():
+    assert len(SCRIPTS) >= 8
+    for script in SCRIPTS:
+        assert script.read_text().count("plt.show()") == 1, script
+
+
+@pytest.mark.parametrize("name", ["plot_orbit.py", "plot_backlash.py"])
+def test_a_script_of_the_gallery_runs(name):
+    environment = os.environ | {"MPLBACKEND": "agg"}
+    subprocess.run([sys.executable, "-W", "ignore", DOCS / "gallery" / name], env=environment, check=True, timeout=300)
+
+
+def test_no_page_asks_for_another_host(site):
+    """No script, style, font or picture of another host: links alone lead there."""
+    for page in site.rglob("*.html"):
+        assert not re.search(r'<(script|img|iframe|source)[^>]* src="(https?:)?//', page.read_text()), page
+        assert not re.search(r'<link[^>]* rel="(stylesheet|preload)"[^>]* href="(https?:)?//', page.read_text()), page
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize("name", SHOWN)
+def test_fits_in_a_browser(browser, site, name, width):
+    browser.open(site / f"{name}.html", width)
+    assert browser.run("document.documentElement.clientWidth") == width
+    assert browser.run("document.documentElement.scrollWidth") <= width
+    assert browser.run("[...document.images].every(image => image.complete && image.naturalWidth > 0)")
+    assert browser.run("[...document.querySelectorAll('figure img')].every(image => image.alt.trim().length > 0)")
+    asked = [e["params"]["request"]["url"] for e in browser.events if e["method"] == "Network.requestWillBeSent"]
+    assert [url for url in asked if not url.startswith(("file:", "data:"))] == []
+    assert not [e for e in browser.events if e["method"] == "Runtime.exceptionThrown"]
+
+
+def test_formulas_are_drawn(browser, site):
+    browser.open(site / "model.html")
+    assert browser.run("document.querySelectorAll('math').length") > 100
+    assert browser.run("[...document.querySelectorAll('math')].every(m => m.getBoundingClientRect().height > 5)")
