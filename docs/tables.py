@@ -283,7 +283,10 @@ class Reported(FromReports):
     def run(self) -> list[nodes.Node]:
         """Make it."""
         name = self.arguments[0]
-        heads, rows = TABLES[name](self.reports)
+        try:
+            heads, rows = TABLES[name](self.reports)
+        except (OSError, KeyError) as error:
+            raise self.error(f"the table {name} cannot be made of {self.reports}: {error!r}") from None
         whole = nodes.table(classes=["reported", f"reported-{name}"])
         group = nodes.tgroup(cols=len(heads))
         group += [nodes.colspec(colwidth=1) for _ in heads]

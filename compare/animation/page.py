@@ -2,7 +2,6 @@
 
 import base64
 import hashlib
-import json
 import math
 import os
 from collections.abc import Iterator, Mapping
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from rattle.compare.animation.record import SCHEME, Motion, Recording
 from rattle.compare.animation.teeth import PLAY, TOOTH, Wheel, outline
 from rattle.compare.report.folder import refused, write_whole
+from rattle.compare.report.json_text import json_text
 from rattle.scene.errors import OutputError
 from rattle.scene.scene import Scene
 from rattle.scene.text import harmless, line
@@ -110,7 +110,7 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
     )  # fmt: skip
     return environment.get_template("animation.html.j2").render(
         generator=Markup(GENERATOR), policy=policy, style=Markup(style), script=Markup(script),
-        data=Markup(json.dumps(data, separators=(",", ":"), allow_nan=False)), name=line(name), shown=shown,
+        data=Markup(json_text(data, indent=None)), name=line(name), shown=shown,
         scene=scene, command=line(command), radius=RADIUS,
         wheels=[outline(Wheel(RADIUS, width)) for width in widths], turns=_turns(shown, scale),
         strips=list(_strips(shown)), ticks=list(_ticks(shown)), caption=_caption(shown),

@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from rattle.compare.cli.console import say
+from rattle.compare.cli.options import WHOLE
 
 __all__ = ["animate"]
 
@@ -14,9 +15,9 @@ __all__ = ["animate"]
 @click.argument("scene", required=False, type=click.Path(path_type=Path))
 @click.option("--sigma", type=float, default=None, help="Noise intensity. [default: the scene's; 0.1 on DAT21]")
 @click.option(
-    "--impacts", type=int, default=24, show_default=True, help="Impacts of the noise-free orbit to show, 1 to 200."
+    "--impacts", type=WHOLE, default=24, show_default=True, help="Impacts of the noise-free orbit to show, 1 to 200."
 )
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the noisy path.")
+@click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed of the noisy path.")
 @click.option(
     "--out", type=click.Path(path_type=Path), default=None, help="HTML file. [default: reports/NAME-animation.html]"
 )
