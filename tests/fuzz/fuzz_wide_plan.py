@@ -34,7 +34,7 @@ def _closure(n: Numbers, scene: Scene) -> Settings:
 def _step(n: Numbers, scene: Scene, scheme: str, biased: bool, least: float = LEAST) -> tuple[float | None, float]:
     """A step as it is given, the default among them, and its size."""
     longest = largest_step(scene, scheme)[0] / (4 if biased else 1)
-    least = max(n.one(1e-3 * longest, 1e-3 * longest, LEAST), least)
+    least = max(n.one(1e-3 * longest, 1e-3 * longest, 1e-6 * longest), least)
     dt = None if n.often(0.4) else n.size(least, longest, zero=False)
     return dt, default_step(scene, scheme, biased) if dt is None else dt
 

@@ -158,6 +158,13 @@ def test_fisher_error_of_a_gaussian_pair_is_one_over_root_n():
     assert pair_statistics(CentralSums.of(a, b, PAIR))["se_z"] * math.sqrt(200_000) == pytest.approx(1.0, abs=0.02)
 
 
+def test_a_correlation_is_left_out_where_the_product_of_variances_is_no_float():
+    a, b = np.random.default_rng(2).standard_normal((2, 100, 1))
+    s = pair_statistics(CentralSums.of(1e-90 * a, 1e-80 * b, PAIR))
+    assert s["cov"] != 0.0
+    assert np.isnan([s["rho"], s["se_rho"], s["se_z"]]).all()
+
+
 def test_what_nobody_saw_is_nan_and_not_zero():
     a = np.full((5, 1), np.nan)
     s = single_statistics(CentralSums.of(a, a, SINGLE))
