@@ -135,9 +135,9 @@ def simulate_to(
         scene, paths=1, impacts=impacts, dt=None, scheme="exact-flight" if scheme is None else scheme, rng=rng,
         workers=workers, step_bias=False,
     )  # fmt: skip
-    positive("accuracy", accuracy)
+    accuracy = float(positive("accuracy", accuracy))
     if budget is not None and budget != math.inf:
-        positive("budget", budget)
+        budget = float(positive("budget", budget))
     run = _simulated(scene, accuracy, impacts, scheme, rng, workers, budget, record, progress, blocks)
     if run.reach is not None and not run.reach.reached:
         warnings.warn(run.reach.sentence, AccuracyWarning, stacklevel=2)

@@ -22,7 +22,7 @@ from rattle.compare.tradeoff.cost_model import CostModel, Point, timed
 from rattle.compare.tradeoff.multilevel import Levels, measure_levels
 from rattle.compare.validation.speed import best_of
 from rattle.compare.validation.verdict import widest
-from rattle.montecarlo import SCHEMES, AccuracyWarning, Ensemble, simulate
+from rattle.montecarlo import SCHEMES, AccuracyWarning, Ensemble, simulate, simulate_to
 from rattle.montecarlo.accuracy import LEAST, units
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION
@@ -85,7 +85,7 @@ def check_accuracies(accuracies: Sequence[float]) -> tuple[float, ...]:
 
 
 def _scheme_points(
-    model: CostModel, accuracies: Sequence[float], budget: float, again: Callable[..., Ensemble],
+    model: CostModel, accuracies: Sequence[float], budget: float, asked: Callable[..., Ensemble],
     bar: "tqdm[NoReturn]",
 ) -> list[tuple[Point, Ensemble | None]]:  # fmt: skip
     """Points of a scheme, with the run of each that was measured."""
@@ -96,7 +96,7 @@ def _scheme_points(
         if point.core_seconds <= budget:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", AccuracyWarning)  # a run that misses it is replaced by the model
-                call = partial(again, accuracy=accuracy, scheme=model.scheme, budget=BUSY * budget)
+                call = partial(asked, accuracy=accuracy, scheme=model.scheme, budget=BUSY * budget)
                 run, seconds = timed(call)
             model.learn(run)
             reach = run.reach
@@ -252,6 +252,7 @@ def measure(
     """
     scene = scene.phase_reduced  # so that a late start loses no digits of the times
     again = partial(simulate, scene, impacts=impacts, rng=seed, workers=workers)
+    asked = partial(simulate_to, scene, impacts=impacts, rng=seed, workers=workers)
     models: dict[str, CostModel] = {}
     found: dict[str, list[tuple[Point, Ensemble | None]]] = {}
     exact_first = sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
@@ -260,7 +261,7 @@ def measure(
             model = models[scheme] = CostModel.from_pilots(scene, scheme, again)
             model.shared = max(other.spread for other in models.values())  # exact flights come first, with most paths
             model.spread = max(model.spread, model.shared)
-            found[scheme] = _scheme_points(model, accuracies, budget, again, bar)
+            found[scheme] = _scheme_points(model, accuracies, budget, asked, bar)
     reference = models[exact_first[0]].best
     levels = {
         scheme: measure_levels(scene, scheme, impacts=impacts, seed=seed, workers=workers) for scheme in exact_first[1:]

@@ -146,7 +146,7 @@ def test_identical_paths_behind_an_accuracy_and_what_is_not_said_of_it_are_seen(
         paths = 2048 if match == "identical" else 1
         plan = found.plan._replace(paths=paths) if match == "identical" else found.plan
         answer = dataclasses.replace(found, plan=plan, reach=reach)
-        monkeypatch.setattr(fuzz_sampled, "simulate", lambda *given, answer=answer, **settings: answer)
+        monkeypatch.setattr(fuzz_sampled, "simulate_to", lambda *given, answer=answer, **settings: answer)
         if match:
             with pytest.raises(AssertionError, match=match):
                 fuzz_sampled.accuracy(answer.scene, {})

@@ -31,7 +31,7 @@ GOOD_ROWS = 6
 BAD_MARKERS = {
     "scene='nowhere.toml'": "scene = 'nowhere.toml': there is no file",
     "scene='.'": "scene = '.': there is no file",
-    "scene='impossible.toml'": "scene = 'impossible.toml': is not a scene (epsilon = 1.9: ",
+    "scene='impossible.toml'": "impossible.toml, line 4: gears.epsilon = 1.9: must lie",
     "scene='damaged.toml'": "scene = 'damaged.toml': is not a scene (",
     "": "scene = None: give a Scene",
     "scene=S, quantities=['y1', 'speed']": "quantities = 'speed': valid are 'tau'",
