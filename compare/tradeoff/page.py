@@ -24,9 +24,9 @@ FIGURE = (
     "requested accuracy, at their actual error."
 )
 SCHEMES = (
-    "Runs of `simulate_to(scene, accuracy, scheme=...)` where {budget} core-seconds suffice, including pilot runs and the "
-    "longer steps that measure the step bias; the others are extrapolated from the time of a path-step, the spread of "
-    "the paths and the step bias in the pilot runs and the runs. “Actual” is the worst difference of the run from "
+    "Runs of `simulate_to(scene, accuracy, scheme=...)` where {budget} core-seconds suffice, including pilot runs and "
+    "the longer steps that measure the step bias; the others are extrapolated from the time of a path-step, the spread "
+    "of the paths and the step bias in the pilot runs and the runs. “Actual” is the worst difference of the run from "
     "{reference} paths of exact flights over all rows; about three standard errors are to be expected. Where rare "
     "paths dominate an sd, a run with few paths contains none of them and underestimates its standard error: it "
     "“missed” the requested accuracy, and the next row gives the cost by the spread of the run with most paths."
