@@ -120,9 +120,9 @@ def test_the_example_suite_holds(pytester, ensembles):
     result.stdout.fnmatch_lines(["checks * 70 rows in 4 tests: 70 passed, 0 failed, 0 undecided", "*1 as recorded*"])
 
 
-def test_the_readme_shows_what_is_published(pytester):
-    section = (ROOT / "README.md").read_text().split("## Accuracy thresholds in pytest")[1]
-    code, published = re.search(r"```python\n(.*?)```.*?```\n(.*?)```", section, re.DOTALL).groups()
+def test_the_guide_shows_what_is_published(pytester):
+    section = (ROOT / "docs" / "guide" / "pytest.md").read_text()
+    code, published = re.search(r"```python\n(.*?)```.*?```text\n(.*?)```", section, re.DOTALL).groups()
     pytester.makepyfile(test_gate=code)
     shutil.copy(HERE / "example_suite" / "dat21.toml", pytester.path)
     shown = pytester.runpytest_inprocess("-p", "rattle.compare.thresholds.plugin", "-q").stdout.str().splitlines()
