@@ -13,10 +13,11 @@ from rattle.closure.moments import Trace
 from rattle.closure.orbit import Floats, Ints, follow
 from rattle.closure.raw_moments import stage_raw_moments
 from rattle.scene.compiled import jit
+from rattle.scene.constants import Constants
 from rattle.scene.flight import jacobian, noise_covariance
 from rattle.scene.impact import contact_matrix
 from rattle.scene.moments import semidefinite
-from rattle.scene.scene import Constants, Scene
+from rattle.scene.scene import Scene
 
 __all__ = ["trace"]
 

@@ -16,7 +16,9 @@ import numpy as np
 
 from rattle.closure.orbit import Floats
 from rattle.scene.compiled import jit
-from rattle.scene.scene import CUT, Constants, Scene, Tolerance
+from rattle.scene.constants import Constants
+from rattle.scene.parts import CUT, Tolerance
+from rattle.scene.scene import Scene
 
 __all__ = [
     "PLAIN", "Pieces", "between", "column", "forget", "pieces", "random_tolerance", "start_covariance", "start_pieces",

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from rattle.closure.orbit import HORIZON
 from rattle.scene.compiled import jit
+from rattle.scene.constants import Constants
 from rattle.scene.flight import flow
 from rattle.scene.impact import REST, next_impact, struck
-from rattle.scene.scene import Constants, Scene
+from rattle.scene.scene import Scene
 from rattle.scene.sticking import completed_chatter
 from rattle.scene.tangent import Stretch, carry_frame, strike_frame
 

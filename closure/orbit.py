@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.scene.compiled import lean
+from rattle.scene.constants import Constants
 from rattle.scene.flight import flow
 from rattle.scene.impact import LOST, MISSES, NONE, REST, next_impact, struck
-from rattle.scene.scene import Constants, Scene
+from rattle.scene.scene import Scene
 from rattle.scene.sticking import carried, closed_sides, completed_chatter, next_contact, stuck
 
 __all__ = ["HORIZON", "Orbit", "StickingPhase", "follow"]

@@ -16,10 +16,11 @@ from rattle.closure.moments import Trace
 from rattle.closure.orbit import Floats, Ints
 from rattle.closure.raw_moments import after_flight, unmodulated_covariance
 from rattle.scene.compiled import jit
+from rattle.scene.constants import Constants
 from rattle.scene.errors import InputError
 from rattle.scene.flight import decay, flow, noise_covariance, phi1
 from rattle.scene.impact import struck
-from rattle.scene.scene import Constants, Scene
+from rattle.scene.scene import Scene
 
 __all__ = ["check", "trace"]
 

@@ -17,9 +17,10 @@ from rattle.closure.raw_moments import stage_raw_moments
 from rattle.closure.section_map import derivatives, flight_third_cumulant, noise_slope, third_cumulants
 from rattle.closure.small_matrices import block, congruence, hit_matrix, inner, put
 from rattle.scene.compiled import jit
+from rattle.scene.constants import Constants
 from rattle.scene.flight import field, jacobian, noise_covariance
 from rattle.scene.moments import semidefinite
-from rattle.scene.scene import Constants, Scene
+from rattle.scene.scene import Scene
 
 __all__ = ["trace"]
 

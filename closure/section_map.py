@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from rattle.closure.flanks import column
 from rattle.closure.small_matrices import block, congruence, put, put_row
 from rattle.scene.compiled import jit, spliced
+from rattle.scene.constants import Constants
 from rattle.scene.flight import field, field_rate, jacobian, noise_covariance, noise_rate, system_matrix
-from rattle.scene.scene import Constants
 
 __all__ = ["derivatives", "flight_third_cumulant", "noise_slope", "third_cumulants"]
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from rattle.closure.orbit import Floats
 from rattle.scene.compiled import jit
+from rattle.scene.constants import Constants
 from rattle.scene.impact import contact_matrix
-from rattle.scene.scene import Constants
 
 __all__ = ["beyond", "block", "congruence", "hit_matrix", "inner", "norm", "put", "put_row", "put_scaled"]
 

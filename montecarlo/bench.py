@@ -19,8 +19,10 @@ from rattle.montecarlo.record import Record
 from rattle.montecarlo.schemes.euler import euler_lanes, step_forcing
 from rattle.montecarlo.settings import plan_of
 from rattle.scene.compiled import lean
+from rattle.scene.constants import Constants
 from rattle.scene.gears import DAT21
-from rattle.scene.scene import Constants, Scene, Tolerance
+from rattle.scene.parts import Tolerance
+from rattle.scene.scene import Scene
 
 __all__ = ["bench", "floor"]
 

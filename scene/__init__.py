@@ -1,8 +1,10 @@
 """The model (parameters, start, noise, tolerances) and the physics that closures and simulation share."""
 
+from rattle.scene.constants import Constants
 from rattle.scene.errors import FileError, InputError, OutputError, RattleError
 from rattle.scene.gears import DAT21, Gears
-from rattle.scene.scene import Constants, Scene, Start, Tolerance
+from rattle.scene.parts import Start, Tolerance
+from rattle.scene.scene import Scene
 
 __all__ = [
     "DAT21", "Constants", "FileError", "Gears", "InputError", "OutputError", "RattleError", "Scene", "Start",

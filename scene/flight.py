@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.scene.compiled import jit
+from rattle.scene.constants import Constants
 from rattle.scene.damping import Pair, decay, pair, phi1, phi2
-from rattle.scene.scene import Constants
 
 __all__ = [
     "decay",

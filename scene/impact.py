@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from rattle.scene.compiled import jit
+from rattle.scene.constants import Constants
 from rattle.scene.flight import Floats, flow, wheel_speeds
-from rattle.scene.scene import Constants
 
 __all__ = [
     "LOST", "MISSES", "NONE", "REST", "TOUCH", "contact_matrix", "energy_loss", "next_impact", "safe_time", "struck",

@@ -16,9 +16,9 @@ no longer than `CHATTER` and the contact acceleration changes by no more than th
 import math
 
 from rattle.scene.compiled import jit
+from rattle.scene.constants import Constants
 from rattle.scene.flight import State, flow, wheel_speeds
 from rattle.scene.impact import NONE, REST, TOUCH, next_impact, safe_time
-from rattle.scene.scene import Constants
 
 __all__ = [
     "Sides", "carried", "closed_sides", "completed_chatter", "next_contact", "open_stage", "opening", "presses",

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.scene.compiled import jit
+from rattle.scene.constants import Constants
 from rattle.scene.damping import pair
 from rattle.scene.flight import field
 from rattle.scene.impact import contact_matrix, struck
-from rattle.scene.scene import Constants
 
 __all__ = ["Stretch", "carry_frame", "saltation_matrix", "strike_frame"]
 

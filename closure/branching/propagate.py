@@ -12,8 +12,8 @@ from rattle.closure.orbit import Floats
 from rattle.closure.section_map import derivatives
 from rattle.closure.small_matrices import block, inner, put
 from rattle.scene.compiled import jit, spliced
+from rattle.scene.constants import Constants
 from rattle.scene.flight import field, jacobian
-from rattle.scene.scene import Constants
 
 __all__ = ["Image", "propagate"]
 

@@ -19,8 +19,8 @@ from rattle.closure.flanks import PLAIN
 from rattle.closure.orbit import Floats, Ints
 from rattle.closure.small_matrices import beyond, block, congruence, norm, put_row, put_scaled
 from rattle.scene.compiled import jit, spliced
+from rattle.scene.constants import Constants
 from rattle.scene.flight import jacobian, noise_covariance
-from rattle.scene.scene import Constants
 
 __all__ = ["Buffers", "buffers", "fly"]
 

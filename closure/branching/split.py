@@ -12,8 +12,8 @@ from rattle.closure.flanks import PLAIN, between
 from rattle.closure.orbit import Floats
 from rattle.closure.small_matrices import beyond, norm, put_row, put_scaled
 from rattle.scene.compiled import jit
+from rattle.scene.constants import Constants
 from rattle.scene.impact import next_impact
-from rattle.scene.scene import Constants
 
 __all__ = ["THIRD_CENTRE", "THIRD_WEIGHT", "THIRD_WIDTH", "cut_plane", "event", "half", "root"]
 

@@ -21,7 +21,8 @@ from rattle.closure.moments import Trace
 from rattle.closure.orbit import Floats, follow
 from rattle.closure.small_matrices import congruence, hit_matrix, put, put_row
 from rattle.scene.compiled import jit
-from rattle.scene.scene import Constants, Scene
+from rattle.scene.constants import Constants
+from rattle.scene.scene import Scene
 
 __all__ = ["trace"]
 

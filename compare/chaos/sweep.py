@@ -15,7 +15,8 @@ from scipy import stats
 from rattle.closure import mean_map
 from rattle.compare.chaos.exponents import CONFIDENCE, ORBIT, Exponents, drift_exponents, lyapunov
 from rattle.scene.errors import InputError
-from rattle.scene.scene import Scene, Start
+from rattle.scene.parts import Start
+from rattle.scene.scene import Scene
 from rattle.scene.validate import choice, count, finite
 
 __all__ = ["ALPHAS", "FIELDS", "crossings", "paper_noise", "signs", "sweep", "values", "with_field"]

@@ -12,7 +12,8 @@ from rattle.compare.chaos.record import Regime, noisy_record, orbit_record
 from rattle.compare.chaos.sweep import paper_noise
 from rattle.compare.validation.validate import Validation, validate
 from rattle.montecarlo import Ensemble, Record, simulate
-from rattle.scene.scene import Scene, Start
+from rattle.scene.parts import Start
+from rattle.scene.scene import Scene
 from rattle.scene.tangent import Stretch
 
 __all__ = ["Evidence", "gather"]

@@ -4,7 +4,7 @@ import math
 from dataclasses import asdict
 
 from rattle.scene.gears import DAT21
-from rattle.scene.scene import Start, Tolerance
+from rattle.scene.parts import Start, Tolerance
 
 __all__ = ["template"]
 

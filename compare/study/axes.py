@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rattle.scene.errors import InputError
-from rattle.scene.scene import Scene, Start, Tolerance
+from rattle.scene.parts import Start, Tolerance
+from rattle.scene.scene import Scene
 from rattle.scene.validate import count, finite, known_keys, nearest, positive
 
 __all__ = ["SETTINGS", "Axis", "combination", "combinations", "read_axes"]

@@ -29,9 +29,10 @@ from rattle.montecarlo.schemes.series import short_phi1, short_phi2
 from rattle.montecarlo.schemes.step_size import accurate_flight
 from rattle.montecarlo.schemes.step_state import Noise
 from rattle.scene.compiled import inlined, jit
+from rattle.scene.constants import Constants
 from rattle.scene.errors import InputError
 from rattle.scene.impact import struck
-from rattle.scene.scene import Constants, Scene
+from rattle.scene.scene import Scene
 
 __all__ = ["DEEPEST", "HIT", "Clockwork", "Room", "clockwork", "flown", "new_room", "walk_step"]
 

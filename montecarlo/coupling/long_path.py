@@ -13,8 +13,9 @@ from rattle.montecarlo.coupling.dyadic import HIT, Clockwork, clockwork, new_roo
 from rattle.montecarlo.noise.philox import STEP, Key, Word, key_of, normals
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.scene.compiled import jit
+from rattle.scene.constants import Constants
 from rattle.scene.impact import struck
-from rattle.scene.scene import Constants, Scene
+from rattle.scene.scene import Scene
 from rattle.scene.tangent import Stretch, carry_frame, strike_frame
 
 __all__ = ["LongPath"]

@@ -13,9 +13,10 @@ from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Clockwork, clockwork
 from rattle.montecarlo.noise.philox import STEP, Key, Word, key_of, normals
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.scene.compiled import jit
+from rattle.scene.constants import Constants
 from rattle.scene.flight import jacobian, noise_rate
 from rattle.scene.impact import struck
-from rattle.scene.scene import Constants, Scene
+from rattle.scene.scene import Scene
 
 __all__ = ["EARLIEST", "LATEST", "after_impact", "growths"]
 

@@ -25,9 +25,10 @@ from rattle.montecarlo.statistics.central_sums import (
     columns_of,
 )
 from rattle.scene.compiled import jit
+from rattle.scene.constants import Constants
 from rattle.scene.impact import energy_loss, struck
 from rattle.scene.moments import SECTION
-from rattle.scene.scene import Constants, Scene
+from rattle.scene.scene import Scene
 
 __all__ = [
     "BLOCK",

@@ -17,10 +17,11 @@ from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.exact_flight import kick
 from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.scene.compiled import lean
+from rattle.scene.constants import Constants
 from rattle.scene.flight import field, jacobian
 from rattle.scene.impact import contact_matrix, next_impact, struck
 from rattle.scene.moments import SECTION
-from rattle.scene.scene import Constants, Scene
+from rattle.scene.scene import Scene
 
 __all__ = ["LinearPath", "carry_along", "controlled_statistics", "linear_path", "no_control"]
 

@@ -18,8 +18,8 @@ from rattle.montecarlo.schemes.exact_flight import advance_exactly, flight_forci
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Noise, Progress, Walls
 from rattle.montecarlo.schemes.sticking import OPEN, sides_of, stick_to_end, sticking_sides
 from rattle.scene.compiled import lean, spliced
+from rattle.scene.constants import Constants
 from rattle.scene.impact import struck
-from rattle.scene.scene import Constants
 
 __all__ = ["CHUNK", "COLUMNS", "EXACT", "FLANK_DRAWS", "LOCATED", "PLAIN", "Job", "block_kernel", "next_event"]
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
 from rattle.scene.compiled import inlined, lean, spliced
+from rattle.scene.constants import Constants
 from rattle.scene.flight import noise_rate
-from rattle.scene.scene import Constants
 
 __all__ = ["StepForcing", "at_end", "due", "euler_lanes", "euler_step", "put_on_wall", "step_forcing"]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rattle.montecarlo.schemes.euler import StepForcing, euler_step, step_forcing
 from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
 from rattle.scene.compiled import inlined, lean
-from rattle.scene.scene import Constants
+from rattle.scene.constants import Constants
 
 __all__ = ["advance_inside", "leaves", "leaving", "located_lanes"]
 

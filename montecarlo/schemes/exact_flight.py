@@ -26,9 +26,9 @@ from rattle.montecarlo.noise.philox import Key, Word, normals
 from rattle.montecarlo.schemes.series import short_apart, short_phi1
 from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
 from rattle.scene.compiled import inlined, lean, spliced
+from rattle.scene.constants import Constants
 from rattle.scene.damping import pair
 from rattle.scene.flight import flow
-from rattle.scene.scene import Constants
 
 __all__ = [
     "PARTS",

@@ -11,7 +11,7 @@ import math
 from rattle.montecarlo.schemes.exact_flight import MARGIN_SDS, kick
 from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
 from rattle.scene.compiled import lean
-from rattle.scene.scene import Constants
+from rattle.scene.constants import Constants
 from rattle.scene.sticking import Sides, carried, closed_sides, open_stage, presses, stuck_on
 
 __all__ = ["OPEN", "sides_of", "stick_to_end", "sticking_sides"]

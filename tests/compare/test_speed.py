@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rattle.compare.validation.speed import best_of, path_seconds, paths_for, speed
+from rattle.compare.validation.speed import TIMED_PATHS, best_of, path_seconds, paths_for, speed
 from rattle.compare.validation.validate import validate
 from rattle.montecarlo import simulate
 from rattle.scene import DAT21, Scene
@@ -52,14 +52,15 @@ def test_speed_up_is_the_ratio_of_the_costs():
 
 def test_short_calls_are_timed_five_times_and_long_ones_once():
     calls = []
-    assert best_of(lambda: calls.append(0)) < 0.1
+    assert best_of(lambda: calls.append(0)) > 0.0
     assert len(calls) == 5
     assert best_of(lambda: (calls.append(0), time.sleep(0.31))) >= 0.31
     assert len(calls) == 6
 
 
-def test_an_impact_of_a_path_takes_microseconds():
+def test_the_time_of_an_impact_is_shared_by_all_paths_and_impacts(monkeypatch):
     v = validate(
         Scene.from_gears(DAT21, sigma=0.1), impacts=2, closures=["corrected"], paths=600, scheme="exact-flight"
     )
-    assert 1e-8 < path_seconds(v) < 1e-4
+    monkeypatch.setattr("rattle.compare.validation.speed.best_of", lambda call: 3.0)
+    assert path_seconds(v) == 3.0 / TIMED_PATHS / 2

@@ -10,9 +10,9 @@ import numpy as np
 from fuzz_must import must
 
 from rattle.montecarlo import Ensemble
+from rattle.scene.constants import Constants
 from rattle.scene.flight import flow, wheel_speeds
 from rattle.scene.impact import struck
-from rattle.scene.scene import Constants
 
 __all__ = ["follows_the_flow"]
 

@@ -10,7 +10,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from rattle.scene.scene import GAPS, LARGEST, SPEED, TIME, TINY, UNIT_VARIANCE
+from rattle.scene.parts import GAPS, SPEED, TIME, TINY, UNIT_VARIANCE
+from rattle.scene.scene import LARGEST
 
 __all__ = ["LEAST", "Numbers", "wide_scene"]
 

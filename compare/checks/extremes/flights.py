@@ -8,7 +8,7 @@ from rattle.closure import section_map
 from rattle.compare.checks.extremes import truth
 from rattle.compare.checks.extremes.row import ROUNDING, Extreme, farthest, spread, worst_of
 from rattle.scene import damping, flight
-from rattle.scene.scene import Constants
+from rattle.scene.constants import Constants
 
 __all__ = ["ROWS", "constants"]
 

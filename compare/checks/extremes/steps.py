@@ -10,7 +10,7 @@ from rattle.compare.checks.extremes.flights import constants
 from rattle.compare.checks.extremes.row import ROUNDING, Extreme, farthest, spread, worst_of
 from rattle.montecarlo.schemes import exact_flight
 from rattle.montecarlo.schemes import series as short
-from rattle.scene.scene import Constants
+from rattle.scene.constants import Constants
 
 __all__ = ["ROWS"]
 

@@ -10,7 +10,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import mpmath as mp
 
-from rattle.scene.scene import Constants
+from rattle.scene.constants import Constants
 
 __all__ = ["flight", "in_digits", "jacobian", "noise", "normal_integrals", "phase", "saltation", "unit_noise"]
 

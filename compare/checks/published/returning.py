@@ -20,9 +20,9 @@ from rattle.montecarlo.noise.philox import STEP, Key, Word, key_of, normals
 from rattle.montecarlo.schemes.exact_flight import flight_forcing
 from rattle.scene import Scene, Start
 from rattle.scene.compiled import jit
+from rattle.scene.constants import Constants
 from rattle.scene.errors import RattleError
 from rattle.scene.impact import struck
-from rattle.scene.scene import Constants
 
 __all__ = ["log_speeds"]
 

@@ -1,0 +1,29 @@
+"""The numbers of a scene as compiled code takes them."""
+
+from typing import NamedTuple
+
+__all__ = ["Constants"]
+
+
+class Constants(NamedTuple):
+    """The numbers of a scene, as a named tuple for compiled code (dimensionless).
+
+    Attributes
+    ----------
+    alpha, epsilon, beta1, beta2, gamma1, gamma2, mu, sigma, stages
+        As of `Scene`; ``beta2 = gamma2 = mu = 0`` for a single stage.
+    wall1, wall2 : float
+        Half gaps of the deterministic orbit.
+    """
+
+    alpha: float
+    epsilon: float
+    beta1: float
+    beta2: float
+    gamma1: float
+    gamma2: float
+    mu: float
+    wall1: float
+    wall2: float
+    sigma: float
+    stages: int
