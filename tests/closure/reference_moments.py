@@ -1,14 +1,10 @@
 """Moment equations integrated numerically: of one stage (Eqs. 14, 16), and joint ones of any linear system."""
 
-import sys
 from itertools import product
-from pathlib import Path
 
 import numpy as np
-from scipy.integrate import solve_ivp
-
-sys.path.append(str(Path(__file__).parents[1] / "scene"))  # the equations of motion serve both suites
 from reference_dynamics import contact, covariance_flight, drift_matrix, first_crossing, fly, modulation
+from scipy.integrate import solve_ivp
 
 __all__ = [
     "JointMoments",

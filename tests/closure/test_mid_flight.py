@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from test_saltation import SCENES
+from common_scenes import SCENES
 
 from rattle.closure import follow, mean_map
 from rattle.montecarlo import Record, simulate

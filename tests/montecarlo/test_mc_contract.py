@@ -19,9 +19,9 @@ from mc_checks import (
     open_space,
     orbit_of,
 )
+from scheme_steps import by_steps
 from scipy import stats
 from settings import recorded
-from test_mc_schemes import by_steps
 
 from rattle.montecarlo import SCHEMES, simulate
 from rattle.montecarlo.kernel.block import BLOCK

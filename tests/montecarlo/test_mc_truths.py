@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 from mc_checks import agrees, dat21, open_space
+from scheme_steps import affine_step, by_steps
 from scipy.special import gamma, hyp2f1
-from test_mc_schemes import affine_step, by_steps
 
 from rattle.closure.orbit import follow
 from rattle.montecarlo import Record, simulate

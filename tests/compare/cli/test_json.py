@@ -17,7 +17,7 @@ from rattle.compare.report import manifest
 from rattle.compare.report.csv_text import csv_text
 from rattle.compare.report.json_text import json_text, plain
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 STUDY = """
 [study]
 title = "σ \\u202e\\u009b"

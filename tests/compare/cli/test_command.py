@@ -162,7 +162,7 @@ def test_a_closure_that_cannot_take_the_scene_is_named_with_the_reason(tmp_path)
 @pytest.mark.usefixtures("undrawn")
 def test_no_closure_is_left_out_for_a_random_tolerance(tmp_path):
     """The scene file of the guide, in a few paths."""
-    text = (Path(__file__).parents[2] / "docs" / "guide" / "scenes.md").read_text()
+    text = (Path(__file__).parents[3] / "docs" / "guide" / "scenes.md").read_text()
     (scene,) = (block for block in re.findall(r"```toml\n(.*?)```", text, re.DOTALL) if "[scene.tolerance]" in block)
     (tmp_path / "scene.toml").write_text(scene)
     result = rattle(tmp_path / "scene.toml", *SMALL, "--out", tmp_path / "o")
@@ -291,7 +291,7 @@ def test_committed_report_is_of_this_code():
     """The committed default report holds the three noise intensities and its table matches its manifest."""
     from rattle.compare.report.manifest import digest, read_settings
 
-    folder = Path(__file__).resolve().parents[2] / "reports" / "dat21"
+    folder = Path(__file__).resolve().parents[3] / "reports" / "dat21"
     settings, expected, _ = read_settings(folder / "manifest.json")
     assert digest((folder / "table.csv").read_text()) == expected["table_sha256"]
     np.testing.assert_allclose([s.sigma for s in settings.scenes], [0.01, 0.1, 1.5**0.5])

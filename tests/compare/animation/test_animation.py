@@ -20,7 +20,7 @@ from rattle.montecarlo import Record, default_step, simulate
 from rattle.scene import DAT21, Scene, Start, Tolerance
 from rattle.scene.errors import InputError, OutputError
 
-ROOT = Path(__file__).resolve().parent.parent.parent
+ROOT = Path(__file__).resolve().parents[3]
 GEARS = Scene.from_gears(DAT21, sigma=0.1)
 PLAIN = {"epsilon": 0.9, "beta1": 0.1, "beta2": 0.1, "gamma1": 0.1, "gamma2": 0.1, "mu": 0.5}
 SCENES = {

@@ -18,7 +18,7 @@ from rattle.compare.cli.template import template
 from rattle.montecarlo import SCHEMES, simulate
 from rattle.scene import DAT21, Gears, Scene, Start, Tolerance
 
-EXAMPLES = sorted((Path(__file__).resolve().parents[2] / "examples").glob("*.toml"))
+EXAMPLES = sorted((Path(__file__).resolve().parents[3] / "examples").glob("*.toml"))
 
 
 def rattle(*words):

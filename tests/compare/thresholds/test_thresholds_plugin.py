@@ -11,7 +11,7 @@ from rattle.compare.thresholds import settings
 from rattle.compare.validation.verdict import widest
 
 HERE = Path(__file__).resolve().parent
-ROOT = HERE.parent.parent
+ROOT = HERE.parents[2]
 
 SUITE = """
 import pytest
