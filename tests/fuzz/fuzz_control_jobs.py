@@ -7,8 +7,10 @@ __all__ = ["ends_as_named"]
 
 
 def ends_as_named(kind):
-    if kind == "hangs":
+    if kind == "waits":
         time.sleep(60.0)
+    while kind == "loops":
+        pass
     if kind == "dies":
         os._exit(3)
     if kind == "warns":

@@ -10,10 +10,14 @@ import warnings
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import psutil
+
 __all__ = ["Outcome", "Watched"]
 
-BOUND = 60.0  # seconds for a job
-START = 300.0  # seconds for the first job, which compiles
+BOUND = 60.0  # seconds of processor time for a job
+START = 300.0  # for the first job, which compiles
+WAITING = 10.0  # times its processor time that a job may take on the clock: other work may be on the machine
+LOOK = 1.0  # seconds between two looks at the clocks
 
 
 class Outcome(NamedTuple):
@@ -36,12 +40,12 @@ def _serve(jobs: Any, function: Callable[..., tuple[str, str]]) -> None:
             job = jobs.recv()
         except EOFError:
             return
-        started = time.perf_counter()
+        started = time.process_time()
         try:
             ended, detail = function(*job)
         except Exception:
             ended, detail = "broken", traceback.format_exc()
-        jobs.send(Outcome(ended, detail, time.perf_counter() - started))
+        jobs.send(Outcome(ended, detail, time.process_time() - started))
 
 
 class Watched:
@@ -52,7 +56,7 @@ class Watched:
     function : callable
         Of a module that a new process can import.
     bounds : dict of str to float
-        Seconds that a job may take, by the first of its arguments; `BOUND` for others.
+        Seconds of processor time that a job may take, by the first of its arguments; `BOUND` for others.
     warm : tuple
         Arguments of a first job, which may take as long as compiling does.
     """
@@ -82,16 +86,22 @@ class Watched:
     def _ask(self, job: tuple[Any, ...], bound: float) -> Outcome:
         started = time.perf_counter()
         self._jobs.send(job)
+        before = self._processor_time()
         try:
-            if self._jobs.poll(bound):
-                answer: Outcome = self._jobs.recv()
-                return answer
+            while time.perf_counter() - started < WAITING * bound and self._processor_time() - before < bound:
+                if self._jobs.poll(min(LOOK, bound)):
+                    answer: Outcome = self._jobs.recv()
+                    return answer
             ended, detail = "hung", f"no answer within {bound:g} s"
         except EOFError:
             self._process.join()
             ended, detail = "died", f"exit code {self._process.exitcode}"
         self.close()
         return Outcome(ended, detail, time.perf_counter() - started)
+
+    def _processor_time(self) -> float:
+        used = psutil.Process(self._process.pid).cpu_times()
+        return float(used.user + used.system + used.children_user + used.children_system)
 
     def close(self) -> None:
         """End the process."""

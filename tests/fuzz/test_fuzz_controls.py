@@ -16,14 +16,14 @@ from rattle.montecarlo.result import Ensemble
 
 
 def test_the_watch_tells_hangs_deaths_and_warnings_and_goes_on():
-    watched = Watched(ends_as_named, {"hangs": 4.0}, [])
-    found = {kind: watched.run(kind) for kind in ("hangs", "fine", "dies", "warns", "well")}
+    watched = Watched(ends_as_named, {"waits": 0.4, "loops": 1.0}, [])
+    found = {kind: watched.run(kind) for kind in ("waits", "fine", "loops", "dies", "warns", "well")}
     watched.close()
     assert {kind: o.ended for kind, o in found.items()} == {
-        "hangs": "hung", "fine": "complete", "dies": "died", "warns": "broken", "well": "complete",
+        "waits": "hung", "fine": "complete", "loops": "hung", "dies": "died", "warns": "broken", "well": "complete",
     }  # fmt: skip
     assert "RuntimeWarning" in found["warns"].detail
-    assert [kind for kind, o in found.items() if o.defect] == ["hangs", "dies", "warns"]
+    assert [kind for kind, o in found.items() if o.defect] == ["waits", "loops", "dies", "warns"]
 
 
 def backwards(orbit):
