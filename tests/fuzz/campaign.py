@@ -20,10 +20,6 @@ from typing import Any, NamedTuple
 
 import matplotlib.pyplot as plt
 import pandas as pd
-from fuzz_checks import check
-from fuzz_plan import BOUNDS, PLAN, examples, warm_up
-from fuzz_watched import Outcome, Watched
-from fuzz_wide_plan import WIDE, job
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 from tqdm import tqdm
@@ -31,6 +27,12 @@ from tqdm import tqdm
 from rattle.compare.report import manifest
 from rattle.compare.report.folder import check_free, whole_folder
 from rattle.compare.report.json_text import json_text
+
+sys.path.append(str(Path(__file__).parents[1] / "helpers"))  # as pytest does
+from fuzz_checks import check
+from fuzz_plan import BOUNDS, PLAN, examples, warm_up
+from fuzz_watched import Outcome, Watched
+from fuzz_wide_plan import WIDE, job
 
 CHUNK = 100  # scenes
 RARE = {"validate": 1, "branching": 4}  # in 100 scenes; the rest is shared by the others
