@@ -6,6 +6,8 @@ starts at zero and is only ever mapped linearly.  So only the covariance has to 
 follow from it, and ``|rho| <= 1`` always.  The means are shifted by the window means of Eqs. 20 and 21.
 """
 
+import math
+
 import numpy as np
 
 from rattle.closure.edgeworth import coefficients, has_series, window_means
@@ -18,6 +20,7 @@ from rattle.scene.flight import jacobian, noise_covariance
 from rattle.scene.impact import contact_matrix
 from rattle.scene.moments import semidefinite
 from rattle.scene.scene import Scene
+from rattle.scene.small_matrices import congruence, put, put_row, times
 
 __all__ = ["trace"]
 
@@ -48,18 +51,24 @@ def stage_shifts(raw: Floats, state: Floats, windows: tuple[float, float], stage
 @jit
 def _flown(c: Constants, mesh: int, covariance: Floats, tau: float, t: float) -> tuple[Floats, Floats]:
     """Covariance a time t after an impact, from that before it; and the sds of its terms, for rounding."""
-    j, noise = jacobian(c, t) @ contact_matrix(c, mesh), noise_covariance(c, tau, t)
-    scale = np.abs(j) @ np.sqrt(np.abs(np.diag(covariance))) + np.sqrt(np.diag(noise))
-    return j @ covariance @ j.T + noise, scale
+    j, noise = times(jacobian(c, t), contact_matrix(c, mesh)), noise_covariance(c, tau, t)
+    flown, scale = congruence(j, covariance), np.zeros(4)
+    for i in range(4):
+        scale[i] = math.sqrt(noise[i, i])
+        for k in range(4):
+            scale[i] += abs(j[i, k]) * math.sqrt(abs(covariance[k, k]))
+            flown[i, k] += noise[i, k]
+    return flown, scale
 
 
 @jit
 def _propagate(c: Constants, tau: Floats, mesh: Ints, found: int) -> tuple[Floats, Floats]:
     """Covariance just before each impact, shape (impacts + 1, 4, 4), and the sds of its terms, for rounding."""
-    covariance, scale = np.full((tau.size, 4, 4), np.nan), np.zeros((tau.size, 4))
-    covariance[0] = 0.0
+    covariance, scale = np.zeros((tau.size, 4, 4)), np.zeros((tau.size, 4))
     for k in range(1, found + 1):
-        covariance[k], scale[k] = _flown(c, mesh[k - 1], covariance[k - 1], tau[k - 1], tau[k] - tau[k - 1])
+        flown, terms = _flown(c, mesh[k - 1], covariance[k - 1], tau[k - 1], tau[k] - tau[k - 1])
+        put(covariance[k], flown)
+        put_row(scale[k], terms)
     return covariance, scale
 
 
@@ -68,7 +77,9 @@ def _means(before: Floats, raw: Floats, windows: tuple[float, float], stages: in
     """Means just before each impact: the orbit's states plus their window shifts."""
     mean = before.copy()
     for k in range(1, len(before)):
-        mean[k] += stage_shifts(raw[k], before[k], windows, stages)
+        shift = stage_shifts(raw[k], before[k], windows, stages)
+        for i in range(4):
+            mean[k, i] += shift[i]
     return mean
 
 
@@ -92,6 +103,7 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     c, orbit = scene.constants, follow(scene, impacts).until_sticking
     windows = scene.windows
     computed, scale = _propagate(c, orbit.tau, orbit.mesh, orbit.found)
+    computed[orbit.found + 1 :] = np.nan
     covariance = np.array([semidefinite(p, s) for p, s in zip(computed, scale, strict=True)])
     raw = stage_raw_moments(covariance, order)
     mean = _means(orbit.before, raw, windows, c.stages)

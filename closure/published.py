@@ -9,6 +9,8 @@ Choices where the paper is silent: ``B_k`` and ``D_k`` go with the standard devi
 whose variance is not positive is left out, and the map goes on.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from rattle.closure.edgeworth import coefficients, has_series, normal_density, window_means
@@ -21,6 +23,7 @@ from rattle.scene.errors import InputError
 from rattle.scene.flight import decay, flow, noise_covariance, phi1
 from rattle.scene.impact import struck
 from rattle.scene.scene import Scene
+from rattle.scene.small_matrices import beyond, put, put_row
 
 __all__ = ["check", "trace"]
 
@@ -49,18 +52,16 @@ def _in_flight(
     c: Constants, tau: float, mean: Floats, shift: Floats, raw: Floats, t: float, windows: Windows
 ) -> tuple[Floats, Floats, Floats]:
     """Mean (Eq. 22), its shift, and the raw moments of both stages, a time `t` after the impact at `tau`."""
-    state = mean - shift  # the unperturbed x, y of Eqs. 7 and 10
-    y1, y2 = struck(c, 1, state[1], state[3])
-    x1, y1, x2, y2 = flow(c, tau, state[0], y1, state[2], y2, t)  # Eq. 10
-    raw_t = np.zeros_like(raw)
-    q1 = noise_covariance(c, tau, t)
-    raw_t[0] = after_flight(raw[0], c.beta1, t, q1[:2, :2])  # Eq. 16
+    y1, y2 = struck(c, 1, mean[1] - shift[1], mean[3] - shift[3])  # the unperturbed x, y of Eqs. 7 and 10
+    x1, y1, x2, y2 = flow(c, tau, mean[0] - shift[0], y1, mean[2] - shift[2], y2, t)  # Eq. 10
+    raw_t = np.zeros(raw.shape)
+    put(raw_t[0], after_flight(raw[0], c.beta1, t, noise_covariance(c, tau, t)))  # Eq. 16
     mean_t, shift_t = np.zeros(4), np.zeros(4)
     shift_t[0], shift_t[1] = _published_shift(raw_t[0], x1, windows[0])
     mean_t[0], mean_t[1] = x1 + shift_t[0], y1 + shift_t[1]
     if c.stages == 2:
         # Eq. 14; its term with E[zeta_1] stays zero, for every first moment starts at zero
-        raw_t[1] = after_flight(raw[1], c.beta2, t, unmodulated_covariance(c.beta2, c.sigma, t))
+        put(raw_t[1], after_flight(raw[1], c.beta2, t, unmodulated_covariance(c.beta2, c.sigma, t)))
         shift_t[2], shift_t[3] = _published_shift(raw_t[1], x2, windows[1])
         d1, d2 = decay(c.beta1, t), decay(c.beta2, t)
         driver = c.alpha * np.cos(tau)
@@ -93,15 +94,21 @@ def _after_impact(c: Constants, raw: Floats) -> Floats:
 
 
 @jit
+def _sum(v: Floats, w: Floats) -> Floats:
+    """The sum of two vectors."""
+    return beyond(v, 1.0, w)
+
+
+@jit
 def _counter_mesh(
     c: Constants, tau: float, mean: Floats, shift: Floats, raw: Floats, windows: Windows
 ) -> tuple[float, int]:
     """The smaller time at which ``E[x_i] = -E[x_i]_k``, and its stage; stage 0 if there is none."""
     earlier = 0.0
-    before = 2.0 * mean
+    before = _sum(mean, mean)
     while earlier < LONGEST:
         later = earlier + SCAN
-        now = _in_flight(c, tau, mean, shift, raw, later, windows)[0] + mean
+        now = _sum(_in_flight(c, tau, mean, shift, raw, later, windows)[0], mean)
         best, stage = np.inf, 0
         for i in range(c.stages):
             f_low, f_high = before[2 * i], now[2 * i]
@@ -126,32 +133,47 @@ def _counter_mesh(
     return LONGEST, 0
 
 
+class Map(NamedTuple):
+    """What the map gives at each impact: time, mesh, mean, its shift, and raw moments before and after."""
+
+    tau: Floats
+    mesh: Ints
+    mean: Floats
+    shift: Floats
+    before: Floats
+    after: Floats
+
+
 @jit
-def _iterate(
-    c: Constants, tau: float, start: Floats, impacts: int, windows: Windows, order: int
-) -> tuple[int, Floats, Ints, Floats, Floats, Floats, Floats]:
-    """Iterate the map; returns how many impacts were found, times, meshes, means, shifts, raw moments before, after."""
-    taus = np.full(impacts + 1, np.nan)
-    meshes = np.zeros(impacts + 1, np.int64)
-    means = np.full((impacts + 1, 4), np.nan)
-    shifts = np.full((impacts + 1, 4), np.nan)
-    raws = np.full((impacts + 1, 2, order + 1, order + 1), np.nan)
-    raws_after = raws.copy()
-    taus[0], meshes[0], means[0], shifts[0] = tau, 1, start, 0.0
-    raws[0] = 0.0
-    raws[0, :, 0, 0] = 1.0
-    raws_after[0] = raws[0]
-    for k in range(1, impacts + 1):
-        t, stage = _counter_mesh(c, tau, means[k - 1], shifts[k - 1], raws_after[k - 1], windows)
+def _iterate(c: Constants, windows: Windows, m: Map) -> int:
+    """Iterate the map from its first row, and write the others; returns how many impacts were found."""
+    for k in range(1, m.tau.size):
+        last = k - 1
+        t, stage = _counter_mesh(c, m.tau[last], m.mean[last], m.shift[last], m.after[last], windows)
         if stage == 0:
-            return k - 1, taus, meshes, means, shifts, raws, raws_after
-        means[k], shifts[k], raws[k] = _in_flight(
-            c, tau, means[k - 1], shifts[k - 1], raws_after[k - 1], t, windows
-        )  # fmt: skip
-        raws_after[k] = _after_impact(c, raws[k])
-        tau += t
-        taus[k], meshes[k] = tau, stage
-    return impacts, taus, meshes, means, shifts, raws, raws_after
+            return last
+        mean, shift, raw = _in_flight(c, m.tau[last], m.mean[last], m.shift[last], m.after[last], t, windows)
+        hit = _after_impact(c, raw)
+        put_row(m.mean[k], mean)
+        put_row(m.shift[k], shift)
+        for i in range(2):
+            put(m.before[k, i], raw[i])
+            put(m.after[k, i], hit[i])
+        m.tau[k], m.mesh[k] = m.tau[last] + t, stage
+    return m.tau.size - 1
+
+
+def _first(scene: Scene, impacts: int, order: int) -> Map:
+    """The map at its start, an impact at mesh 1; NaN where it is to be filled."""
+    raw = np.full((impacts + 1, 2, order + 1, order + 1), np.nan)
+    m = Map(
+        np.full(impacts + 1, np.nan), np.zeros(impacts + 1, np.int64), np.full((impacts + 1, 4), np.nan),
+        np.full((impacts + 1, 4), np.nan), raw, raw.copy(),
+    )  # fmt: skip
+    m.tau[0], m.mesh[0], m.mean[0], m.shift[0] = scene.phase, 1, scene.start_state, 0.0
+    for moments in (m.before[0], m.after[0]):
+        moments[:], moments[:, 0, 0] = 0.0, 1.0
+    return m
 
 
 def _covariance(raw: Floats) -> Floats:
@@ -203,19 +225,20 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
         Without sds of tau and flight.
     """
     c, windows = scene.constants, scene.windows
-    start = np.array(scene.start_state)
-    found, tau, mesh, mean, shift, raw, after = _iterate(c, scene.phase, start, impacts, windows, order)
-    covariance = _covariance(raw)
+    m = _first(scene, impacts, order)
+    found = _iterate(c, windows, m)
+    covariance = _covariance(m.before)
     variance = np.diagonal(covariance, axis1=1, axis2=2)
     sd = np.full((impacts + 1, 6), np.nan)
     sd[:, 2:] = np.sqrt(np.where(variance >= 0.0, variance, np.nan))
-    struck_x = np.where(mesh == 2, mean[:, 2], mean[:, 0])
-    side = np.where(mesh > 0, np.copysign(1.0, struck_x), 0).astype(np.int64)
+    struck_x = np.where(m.mesh == 2, m.mean[:, 2], m.mean[:, 0])
+    side = np.where(m.mesh > 0, np.copysign(1.0, struck_x), 0).astype(np.int64)
 
     def at(time: float) -> tuple[Floats, Floats]:
-        k = int(np.searchsorted(tau[: found + 1], time, side="right")) - 1
-        m, _, r = _in_flight(c, tau[k], mean[k], shift[k], after[k], time - tau[k], windows)
-        return m, _covariance(r)
+        k = int(np.searchsorted(m.tau[: found + 1], time, side="right")) - 1
+        mean, _, raw = _in_flight(c, m.tau[k], m.mean[k], m.shift[k], m.after[k], time - m.tau[k], windows)
+        return mean, _covariance(raw)
 
     stopped = "" if found == impacts else f"no counter mesh within {LONGEST:g} after impact {found}"
-    return Trace(tau, mesh, side, mean, sd, np.full_like(sd, np.nan), covariance, raw, at, found, stopped)
+    skew = np.full_like(sd, np.nan)
+    return Trace(m.tau, m.mesh, side, m.mean, sd, skew, covariance, m.before, at, found, stopped)

@@ -10,10 +10,10 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.closure.small_matrices import put
 from rattle.scene.compiled import jit
 from rattle.scene.flight import NODES, PANEL, WEIGHTS, decay, phi1
 from rattle.scene.moments import gaussian_raw_moments
+from rattle.scene.small_matrices import put
 
 __all__ = ["after_flight", "stage_raw_moments", "unmodulated_covariance"]
 

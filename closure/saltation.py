@@ -14,13 +14,13 @@ from rattle.closure.flanks import column, forget, random_tolerance, start_covari
 from rattle.closure.moments import Trace
 from rattle.closure.orbit import Floats, Ints, follow
 from rattle.closure.raw_moments import stage_raw_moments
-from rattle.closure.section_map import derivatives, flight_third_cumulant, noise_slope, third_cumulants
-from rattle.closure.small_matrices import block, congruence, hit_matrix, inner, put
+from rattle.closure.section_map import derivatives, flight_third_cumulant, hit_matrix, noise_slope, third_cumulants
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import field, jacobian, noise_covariance
 from rattle.scene.moments import semidefinite
 from rattle.scene.scene import Scene
+from rattle.scene.small_matrices import applied, block, congruence, dot, inner, put, times
 
 __all__ = ["trace"]
 
@@ -61,13 +61,13 @@ def _propagate(
         for i in range(d):
             for j in range(d):
                 section[k, i, j] = flown[i, j] + noise[i, j]
-        cross = (linear @ p)[0, 0]  # cov(tau_k, tau_k-1)
+        cross = dot(linear[0], p[0])  # cov(tau_k, tau_k-1)
         spread = section[k, 0, 0] + p[0, 0] - 2.0 * cross  # variance of the flight time
         for i in range(5):
             sd[k, i if i == 0 else i + 1] = np.sqrt(max(section[k, i, i], 0.0))
         sd[k, 1] = np.sqrt(max(spread, 0.0))
         last = moved[0]
-        moved = linear @ moved
+        moved = applied(linear, moved)
         if second:
             slope = noise_slope(c, tau[k - 1], t)
             if sd[k, 1] ** 3 > SMALLEST:
@@ -82,7 +82,7 @@ def _propagate(
             shift[k, 1] = moved[0] - last
         hit = hit_matrix(c, mesh[k], d)
         put(covariance[k], congruence(hit, section[k]))
-        moved = hit @ moved
+        moved = applied(hit, moved)
         third_after = np.zeros((d, d, d))  # third cumulants after the impact
         for a in range(d):
             mapped = congruence(hit, third[a])
@@ -151,6 +151,6 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
 
 def _at_one_time(rate: Floats, section: Floats, flown: Floats) -> Floats:
     """Covariance of the state at one time: ``xi = delta s - F delta tau`` propagated by a flight, shape (4, 4)."""
-    fixed = flown @ np.concatenate([-rate[:, None], np.eye(4)], axis=1)
+    fixed = times(flown, np.concatenate([-rate[:, None], np.eye(4)], axis=1))
     sd = np.sqrt(np.maximum(np.diagonal(section), 0.0))
-    return semidefinite(fixed @ section @ fixed.T, np.abs(flown) @ (sd[1:] + np.abs(rate) * sd[0]))
+    return semidefinite(congruence(fixed, section), applied(np.abs(flown), sd[1:] + np.abs(rate) * sd[0]))

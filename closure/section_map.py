@@ -17,12 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.closure.flanks import column
-from rattle.closure.small_matrices import block, congruence, put, put_row
 from rattle.scene.compiled import jit, spliced
 from rattle.scene.constants import Constants
 from rattle.scene.flight import field, field_rate, jacobian, noise_covariance, noise_rate, system_matrix
+from rattle.scene.impact import contact_matrix
+from rattle.scene.small_matrices import applied, block, congruence, dot, put, put_row, times, times_transposed
 
-__all__ = ["derivatives", "flight_third_cumulant", "noise_slope", "third_cumulants"]
+__all__ = ["derivatives", "flight_third_cumulant", "hit_matrix", "noise_slope", "third_cumulants"]
 
 Floats = NDArray[np.float64]
 
@@ -61,10 +62,11 @@ def derivatives(
     j, a = jacobian(c, t), system_matrix(c)
     rate = field(c, tau + t, before[1], before[3])
     explicit = field_rate(c, tau + t)
-    bend = a @ rate + explicit  # second time derivative along the flight
+    bend = applied(a, rate)  # second time derivative along the flight
     flown = np.zeros((4, size))  # derivative of the state after a flight of time t, noise added
-    begun, first_rate = j @ field(c, tau, after[1], after[3]), np.zeros(4)
+    begun, first_rate = applied(j, field(c, tau, after[1], after[3])), np.zeros(4)
     for k in range(4):
+        bend[k] += explicit[k]
         first_rate[k] = flown[k, 0] = rate[k] - begun[k]
         flown[k, d + k] = 1.0
         for m in range(4):
@@ -86,8 +88,8 @@ def derivatives(
         first[k, k] = 1.0
     if d > 5:
         first[1 + i, flank] = side
-    drift = a @ flown
-    end_term, start_term = a @ first_rate, j @ field_rate(c, tau)
+    drift = times(a, flown)
+    end_term, start_term = applied(a, first_rate), applied(j, field_rate(c, tau))
     for k in range(4):
         drift[k, 0] += explicit[k]  # derivative of the rate at the end of the flight
     second = np.zeros((5, size, size))
@@ -159,8 +161,8 @@ def third_cumulants(
     spread = np.zeros((size, size))  # covariance of (s, n)
     put(spread[:d, :d], p)
     put(spread[d:, d:], q)
-    reach = first @ spread  # cov(s', (s, n))
-    covariance = reach @ first.T
+    reach = times(first, spread)  # cov(s', (s, n))
+    covariance = times_transposed(reach, first)
     varied = congruence(block(first, d, d, size), slope)  # d cov(s' | s) / d tau_k
     late = np.empty(d)  # cov(delta, s'), delta = tau' - tau - t
     for i in range(d):
@@ -216,11 +218,45 @@ def flight_third_cumulant(first: Floats, hessian: Floats, p: Floats, q: Floats, 
     d = p.shape[0]
     own = first[0].copy()  # derivative of the flight time with respect to (s, n)
     own[0] -= 1.0
+    past, noise = own[:d], own[d:]
     reach = np.zeros(d + 4)  # its covariance with (s, n)
-    put_row(reach[:d], own[:d] @ p)
-    put_row(reach[d:], own[d:] @ q)
-    varied = own[d:] @ slope @ own[d:]  # d var(flight | s) / d tau_k
-    total = 3.0 * (reach @ hessian[0] @ reach) + 3.0 * varied * reach[0]
+    put_row(reach[:d], applied(p, past))
+    put_row(reach[d:], applied(q, noise))
+    varied = dot(noise, applied(slope, noise))  # d var(flight | s) / d tau_k
+    total = 3.0 * dot(reach, applied(hessian[0], reach)) + 3.0 * varied * reach[0]
     for a in range(d):
-        total += own[a] * (own[:d] @ third[a] @ own[:d])
+        total += own[a] * dot(past, applied(third[a], past))
     return float(total)
+
+
+@jit
+def hit_matrix(c: Constants, mesh: int, d: int) -> Floats:
+    """The restitution map on the section state ``(tau, x1, y1, x2, y2, ...)``.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    mesh : {1, 2}
+        Mesh that is struck.
+    d : int
+        Size of the section state, 5 or 9.
+
+    Returns
+    -------
+    ndarray, shape (d, d)
+        It leaves tau and the flanks unchanged.
+
+    Examples
+    --------
+    >>> from rattle.scene import DAT21, Scene
+    >>> (hit_matrix(Scene.from_gears(DAT21).constants, 1, 5) @ np.array([0.3, 0.5, 2.0, 0.1, 2.0])).round(12).tolist()
+    [0.3, 0.5, -1.8, 0.1, -1.8]
+    """
+    contact, out = contact_matrix(c, mesh), np.zeros((d, d))
+    for i in range(d):
+        out[i, i] = 1.0
+    for i in range(4):
+        for j in range(4):
+            out[1 + i, 1 + j] = contact[i, j]
+    return out

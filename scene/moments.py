@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.scene.compiled import jit
+from rattle.scene.small_matrices import eigen, times_transposed
 
 __all__ = [
     "SECTION", "STATE", "Realizability", "central_from_raw", "correlation", "gaussian_raw_moments",
@@ -165,9 +166,9 @@ def semidefinite(covariance: Floats, scale: Floats) -> Floats:
         return covariance
     resolved = (np.diagonal(covariance) > LOST * scale**2) & (scale > 0.0)
     size = np.where(resolved, scale, 1.0)
-    values, vectors = np.linalg.eigh(np.where(resolved & resolved[:, None], covariance / size[:, None] / size, 0.0))
+    values, vectors = eigen(np.where(resolved & resolved[:, None], covariance / size[:, None] / size, 0.0))
     root = size[:, None] * vectors * np.sqrt(np.where(values > 0.0, values, 0.0))
-    return np.where(resolved & resolved[:, None], root @ root.T, 0.0)
+    return np.where(resolved & resolved[:, None], times_transposed(root, root), 0.0)
 
 
 @jit

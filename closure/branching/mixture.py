@@ -7,6 +7,7 @@ import numpy as np
 from rattle.closure.flanks import PLAIN
 from rattle.closure.orbit import Floats, Ints
 from rattle.scene.compiled import jit
+from rattle.scene.small_matrices import eigen, largest
 
 __all__ = ["Mixture", "empty", "moments", "reduce"]
 
@@ -57,7 +58,8 @@ def _spread(parts: Mixture, members: Ints, axis: Floats, centre: Floats) -> floa
     Their principal axis and mean are written to `axis` and `centre`.
     """
     d, total = centre.size, 0.0
-    centre[:] = 0.0
+    for a in range(d):
+        centre[a] = 0.0
     for i in members:
         total += parts.weight[i]
         for a in range(d):
@@ -69,10 +71,25 @@ def _spread(parts: Mixture, members: Ints, axis: Floats, centre: Floats) -> floa
         for a in range(d):
             for b in range(d):
                 between[a, b] += parts.weight[i] * (parts.mean[i, a] - centre[a]) * (parts.mean[i, b] - centre[b])
-    values, vectors = np.linalg.eigh(between)
+    values, vectors = eigen(between)
     for a in range(d):
         axis[a] = vectors[a, d - 1]
     return float(values[d - 1])
+
+
+@jit
+def _by_label(label: Ints, count: int) -> Ints:
+    """Indices of the first components, by label; in their order within each."""
+    lowest = highest = label[0] if count > 0 else 0
+    for i in range(count):
+        lowest, highest = min(lowest, label[i]), max(highest, label[i])
+    order, found = np.empty(count, np.int64), 0
+    for value in range(lowest, highest + 1):
+        for i in range(count):
+            if label[i] == value:
+                order[found] = i
+                found += 1
+    return order
 
 
 @jit
@@ -98,7 +115,7 @@ def reduce(parts: Mixture, count: int, most: int, out: Mixture) -> int:
     int
         Number of components written.
     """
-    d, order = parts.mean.shape[1], np.argsort(parts.label[:count])
+    d, order = parts.mean.shape[1], _by_label(parts.label, count)
     first, last = np.zeros(most, np.int64), np.zeros(most, np.int64)
     gain, axes, centres = np.zeros(most), np.zeros((most, d)), np.zeros((most, d))
     groups = 0
@@ -110,7 +127,7 @@ def reduce(parts: Mixture, count: int, most: int, out: Mixture) -> int:
     for g in range(groups):
         gain[g] = _spread(parts, order[first[g] : last[g]], axes[g], centres[g])
     while groups < most:
-        g = int(np.argmax(gain[:groups]))
+        g = largest(gain, groups)
         if gain[g] <= 0.0:
             break
         low, high = first[g], last[g] - 1

@@ -10,10 +10,10 @@ from rattle.closure.branching.split import event
 from rattle.closure.flanks import PLAIN, column
 from rattle.closure.orbit import Floats
 from rattle.closure.section_map import derivatives
-from rattle.closure.small_matrices import block, inner, put
 from rattle.scene.compiled import jit, spliced
 from rattle.scene.constants import Constants
 from rattle.scene.flight import field, jacobian
+from rattle.scene.small_matrices import applied, block, dot, eigen, inner, norm, put, quadratic, times, times_transposed
 
 __all__ = ["Image", "propagate"]
 
@@ -49,21 +49,23 @@ def _derivatives(
     mesh, side, d = abs(code), 1 if code > 0 else -1, centre.size
     i = 0 if mesh == 1 else 2
     flown = jacobian(c, t)[i]
-    passing = flown @ axes[1:PLAIN]
-    early = before[i + 1] - flown @ field(c, centre[0], centre[2], centre[4])
+    early = before[i + 1] - dot(flown, field(c, centre[0], centre[2], centre[4]))
+    passing = np.zeros(axes.shape[1])
     for k in range(passing.size):
+        for m in range(4):
+            passing[k] += flown[m] * axes[1 + m, k]
         passing[k] += early * axes[0, k]
         if d > PLAIN:
             passing[k] -= side * axes[column(mesh, side), k]
     pull = field(c, centre[0] + t, before[1], before[3])[i + 1]
-    slowest = GRAZE * math.sqrt(2.0 * abs(pull) * math.sqrt(passing @ passing)) + 1e-9
+    slowest = GRAZE * math.sqrt(2.0 * abs(pull) * norm(passing)) + 1e-9
     regular = before.copy()
     regular[i + 1] = side * max(slowest, side * before[i + 1])
     first, second = derivatives(c, mesh, side, centre[0], centre[1:PLAIN], t, regular, d)
-    linear = block(first, d, 0, d) @ axes
+    linear = times(block(first, d, 0, d), axes)
     curve = np.zeros((PLAIN, axes.shape[1], axes.shape[1]))
     for j in range(PLAIN):
-        put(curve[j], axes.T @ block(second[j], d, 0, d) @ axes)
+        put(curve[j], quadratic(block(second[j], d, 0, d), axes))
     return linear, curve
 
 
@@ -79,7 +81,7 @@ def _most_bent(linear: Floats, curve: Floats) -> tuple[float, Floats]:
             if bend > worst:
                 worst, at = bend, j
     if worst > 0.0:
-        values, vectors = np.linalg.eigh(curve[at])
+        values, vectors = eigen(curve[at])
         most = values.size - 1 if values[-1] > -values[0] else 0
         for k in range(u.size):
             u[k] = vectors[k, most]
@@ -130,23 +132,25 @@ def propagate(c: Constants, centre: Floats, axes: Floats, to: Image, at: int, be
         mean[1 + k] = before[k]
     for k in range(PLAIN, d):
         mean[k] = centre[k]
-    spread[:] = 0.0
+    for j in range(d):
+        for k in range(d):
+            spread[j, k] = 0.0
     flight[0], flight[1] = t, 0.0
     if code == 0 or rank == 0:
         return 0.0, np.zeros(rank)
     linear, curve = _derivatives(c, code, centre, axes, t, before)
     bend, u = _most_bent(linear, curve)
     straight = bend < STRAIGHT**2
-    own, image = np.empty(rank), linear @ u  # own: derivative of the flight time
+    own, image = np.empty(rank), applied(linear, u)  # own: derivative of the flight time
     if not straight:  # treat the most curved direction by two sigma points, at one sd to either side
         for j in range(d):
             for k in range(rank):
                 linear[j, k] -= image[j] * u[k]
-    tilt, v = axes[0] @ u, axes @ u
+    tilt, v = dot(axes[0], u), applied(axes, u)
     for k in range(rank):
         own[k] = linear[0, k] - axes[0, k] + (0.0 if straight else tilt * u[k])
-    put(spread, linear @ linear.T)
-    flight[1] = own @ own
+    put(spread, times_transposed(linear, linear))
+    flight[1] = dot(own, own)
     if straight:
         for j in range(PLAIN):
             mean[j] += 0.5 * _trace(curve[j])

@@ -17,10 +17,10 @@ from rattle.closure.branching.propagate import Image, propagate
 from rattle.closure.branching.split import THIRD_CENTRE, THIRD_WEIGHT, THIRD_WIDTH, cut_plane, event, half, root
 from rattle.closure.flanks import PLAIN
 from rattle.closure.orbit import Floats, Ints
-from rattle.closure.small_matrices import beyond, block, congruence, norm, put_row, put_scaled
 from rattle.scene.compiled import jit, spliced
 from rattle.scene.constants import Constants
 from rattle.scene.flight import jacobian, noise_covariance
+from rattle.scene.small_matrices import applied, beyond, block, congruence, dot, largest, norm, put_row, put_scaled
 
 __all__ = ["Buffers", "buffers", "fly"]
 
@@ -95,7 +95,7 @@ def _bend_error(weight: float, bend: float) -> float:
 @spliced
 def _narrowed(axes: Floats, n: Floats, narrow: float) -> Floats:
     """The axes, scaled by the factor `narrow` along the unit vector n."""
-    along, out = axes @ n, np.empty_like(axes)
+    along, out = applied(axes, n), np.empty(axes.shape)
     for i in range(out.shape[0]):
         for j in range(n.size):
             out[i, j] = axes[i, j] + (narrow - 1.0) * (along[i] * n[j])
@@ -124,7 +124,7 @@ def _examine(c: Constants, b: Buffers, i: int, before: Floats) -> None:
             depth = 1.0 / length
             if length * TAIL < 1.0:
                 b.error[i], b.depth[i], b.beyond[i] = w, depth, other
-                put_row(b.axis[i], axes @ n)
+                put_row(b.axis[i], applied(axes, n))
             else:
                 pieces = 2
     worst = 0.0
@@ -132,7 +132,9 @@ def _examine(c: Constants, b: Buffers, i: int, before: Floats) -> None:
         share, rate, variance = half(depth, k == 0) if pieces == 2 else (1.0, 0.0, 1.0)
         narrow = math.sqrt(variance)
         b.image.section.weight[2 * i + k] = w * share
-        at, across = (beyond(centre, rate, axes @ n), _narrowed(axes, n, narrow)) if pieces == 2 else (centre, axes)
+        at, across = centre, axes
+        if pieces == 2:
+            at, across = beyond(centre, rate, applied(axes, n)), _narrowed(axes, n, narrow)
         bend, u = propagate(c, at, across, b.image, 2 * i + k, before)
         if b.depth[i] > 0.0:
             return
@@ -141,15 +143,15 @@ def _examine(c: Constants, b: Buffers, i: int, before: Floats) -> None:
         if pieces == 1 or error > worst:
             worst = error
             if pieces == 2:
-                shear = (1.0 / narrow - 1.0) * (u @ n)
+                shear = (1.0 / narrow - 1.0) * dot(u, n)
                 for m in range(rank):
                     u[m] += shear * n[m]  # normal of the same planes, in sds of the whole component
                 put_scaled(u, u, norm(u))
-            put_row(b.axis[i], axes @ u)
+            put_row(b.axis[i], applied(axes, u))
     if pieces == 2:
         crossing = BRANCH * w * math.exp(-0.5 * depth * depth)
         if crossing > b.error[i]:
-            put_row(b.axis[i], axes @ n)
+            put_row(b.axis[i], applied(axes, n))
         b.error[i] += crossing
 
 
@@ -224,7 +226,7 @@ def fly(c: Constants, live: int, b: Buffers) -> tuple[int, float]:
         seen = count
         if count + 2 > b.error.size:
             break
-        last = int(np.argmax(b.error[:count]))
+        last = largest(b.error, count)
         if b.error[last] < WORTH:
             break
         count = _cut(b, last, count)

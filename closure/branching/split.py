@@ -10,10 +10,10 @@ import numpy as np
 
 from rattle.closure.flanks import PLAIN, between
 from rattle.closure.orbit import Floats
-from rattle.closure.small_matrices import beyond, norm, put_row, put_scaled
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.impact import next_impact
+from rattle.scene.small_matrices import applied, beyond, eigen, norm, put_row, put_scaled
 
 __all__ = ["THIRD_CENTRE", "THIRD_WEIGHT", "THIRD_WIDTH", "cut_plane", "event", "half", "root"]
 
@@ -57,7 +57,7 @@ def root(sigma: Floats) -> tuple[int, Floats]:
     """Square root of a covariance by its principal axes.
 
     Components of the flanks are scaled differently before the eigendecomposition: two flanks of equal variance have no
-    unique principal axes, and rounding would choose them.  Where there are flanks the sign of each axis is fixed too.
+    unique principal axes, and rounding would choose them.  The sign of each axis is fixed too.
 
     Parameters
     ----------
@@ -80,13 +80,13 @@ def root(sigma: Floats) -> tuple[int, Floats]:
         for i in range(d):
             for k in range(d):
                 weighed[i, k] = weight[i] * sigma[i, k] * weight[k]
-    values, vectors = np.linalg.eigh(weighed)
+    values, vectors = eigen(weighed)
     columns = np.zeros((d, d))
     rank = 0
     for i in range(d - 1, -1, -1):
         if values[i] > 1e-14 * values[d - 1] and values[i] > 0.0:
             sense = 0.0
-            for k in range(d if d > PLAIN else 0):
+            for k in range(d):
                 sense += (k + 1) * vectors[k, i]
             for k in range(d):
                 columns[k, rank] = math.copysign(math.sqrt(values[i]), sense) * vectors[k, i] / weight[k]
@@ -99,7 +99,7 @@ def _boundary(
     c: Constants, centre: Floats, axes: Floats, u: Floats, code: int, ignored: int, far: float, before: Floats
 ) -> tuple[float, int]:
     """Distance (in sds, up to `far`) along a unit vector at which the next impact changes from `code`, and to which."""
-    direction = axes @ u
+    direction = applied(axes, u)
     found = event(c, beyond(centre, far, direction), before)[1]
     if found == code:
         return np.inf, code
@@ -154,7 +154,8 @@ def cut_plane(
     nearest, other = np.inf, code
     u, trial = np.zeros(rank), np.zeros(rank)
     for ray in range(2 * rank):
-        trial[:] = 0.0
+        for i in range(rank):
+            trial[i] = 0.0
         trial[ray // 2] = 1.0 if ray % 2 == 0 else -1.0
         distance, found = _boundary(c, centre, axes, trial, code, ignored, far, before)
         if distance < nearest:

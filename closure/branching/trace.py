@@ -19,10 +19,11 @@ from rattle.closure.branching.refine import buffers, fly
 from rattle.closure.flanks import PLAIN, column, forget, random_tolerance, start_pieces
 from rattle.closure.moments import Trace
 from rattle.closure.orbit import Floats, follow
-from rattle.closure.small_matrices import congruence, hit_matrix, put, put_row
+from rattle.closure.section_map import hit_matrix
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.scene import Scene
+from rattle.scene.small_matrices import applied, congruence, put, put_row
 
 __all__ = ["trace"]
 
@@ -56,7 +57,7 @@ def _strike(
         put_row(section.mean[kept], section.mean[i])
         put(section.covariance[kept], section.covariance[i])
         after.weight[kept] = w
-        put_row(after.mean[kept], hit @ section.mean[i])
+        put_row(after.mean[kept], applied(hit, section.mean[i]))
         put(after.covariance[kept], congruence(hit, section.covariance[i]))
         if redrawn.size > 0:
             flank = column(abs(code), -code)
