@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
+from numba.np import linalg
 
 from rattle.scene.machine_code import keep_by_source, sealed
 
@@ -11,6 +12,22 @@ __all__ = ["inlined", "jit", "lean", "reducing", "spliced"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+
+def _without_blas() -> None:
+    """Have numba's array functions imported without their search for a BLAS, which loads `scipy.linalg` (0.3 s).
+
+    Nothing here calls it, and scipy, a requirement, has one for who does.
+    """
+    search, linalg.ensure_blas = linalg.ensure_blas, lambda: None
+    try:
+        from numba.np import arraymath
+    finally:
+        linalg.ensure_blas = search
+    arraymath.ensure_blas = search
+
+
+_without_blas()
 
 OPTIONS: dict[str, Any] = {
     "cache": keep_by_source(), "nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy",

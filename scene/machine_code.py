@@ -9,6 +9,7 @@ checksum.
 import atexit
 import hashlib
 import io
+import multiprocessing
 import os
 import shutil
 import stat
@@ -24,7 +25,7 @@ import numba
 import numpy as np
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
-__all__ = ["keep_by_source", "sealed", "source_digest"]
+__all__ = ["compiled_here", "folder", "keep_by_source", "sealed", "source_digest"]
 
 PACKAGES = ("scene", "closure", "montecarlo")
 NUMBAS_FILES: Any = IndexDataCacheFile  # typed as Any: numba has no type hints
@@ -35,6 +36,7 @@ D = TypeVar("D")
 
 _folder: Path | None = None  # the cache folder; None where there is none
 _warnings: list[str] = []  # about the cache folder; printed when the first function is compiled
+_compiled = 0  # functions that this process has compiled
 
 
 def source_digest(root: Path) -> str:
@@ -139,6 +141,36 @@ def _warn() -> None:
         print(f"rattle: {_warnings.pop()}", file=sys.stderr)
 
 
+def folder() -> Path | None:
+    """Folder that machine code is kept in.
+
+    Returns
+    -------
+    Path or None
+        None where it is not kept.
+    """
+    return _folder
+
+
+def compiled_here() -> int:
+    """How many functions this process has compiled, because they were not in the cache.
+
+    Returns
+    -------
+    int
+        One for each function and signature.
+    """
+    return _compiled
+
+
+def _count() -> None:
+    """Count a function that has to be compiled; with the first one, say on a terminal that this takes a while."""
+    global _compiled
+    _compiled += 1
+    if _compiled == 1 and sys.stderr.isatty() and multiprocessing.parent_process() is None:
+        print("rattle: compiling for this processor, about a minute, once (rattle warm-up: for all)", file=sys.stderr)
+
+
 class Sealed(NUMBAS_FILES):  # type: ignore[misc]
     """Numba's index and machine-code files of a function, with a checksum at their ends, which unpickling ignores."""
 
@@ -169,6 +201,24 @@ def _is_whole(path: str) -> bool:
 
 class Kept(NUMBAS_CACHE):  # type: ignore[misc]
     """Numba's cache of a function, for a folder that may be full, or removed by another version, at any time."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Read machine code from the cache; None where it has to be compiled, which is announced once.
+
+        Parameters
+        ----------
+        sig, target_context
+            Signature and target, as numba hands them over.
+
+        Returns
+        -------
+        object
+            What numba makes of it.
+        """
+        found = super().load_overload(sig, target_context)
+        if found is None:
+            _count()
+        return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Write machine code to the cache, or skip it where that is not possible: it is compiled again next time.

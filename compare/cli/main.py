@@ -24,6 +24,7 @@ with ends_at_once():
     from rattle.compare.cli.show import show
     from rattle.compare.cli.stability import stability
     from rattle.compare.cli.study import study
+    from rattle.compare.cli.warm_up import warm_up
     from rattle.scene.errors import RattleError
     from rattle.scene.text import harmless, line
 
@@ -341,6 +342,7 @@ main.add_command(animate)
 main.add_command(selftest)
 main.add_command(stability)
 main.add_command(extremes)
+main.add_command(warm_up)
 
 
 def _cpu() -> float:

@@ -7,14 +7,15 @@ from collections.abc import Collection, Iterator
 from functools import cache, partial
 from importlib.resources import files
 from pathlib import Path
-
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
+from typing import TYPE_CHECKING
 
 from rattle.compare.report.content import MARKS, NUMBER, Block, Code, Figure, Glossary, Page, Section, Table, Text
 from rattle.compare.report.markup import as_code, as_html, as_markdown, fence
 from rattle.compare.report.page_file import NAME, page_text
 from rattle.scene.text import harmless, line
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 __all__ = ["pages", "write_page"]
 
@@ -73,6 +74,8 @@ def markdown(page: Page, files: Collection[str] = ()) -> str:
 
 def html(page: Page, folder: Path) -> str:
     """A page as one HTML file that needs no other; figures are embedded, and table files in the folder are linked."""
+    from markupsafe import Markup
+
     style, script = _part("page.css"), _part("page.js")
     policy = (
         f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; script-src '{_hash(script)}'; "
@@ -91,7 +94,9 @@ def html(page: Page, folder: Path) -> str:
     )  # fmt: skip
 
 
-def _environment(escaped: bool) -> Environment:
+def _environment(escaped: bool) -> "Environment":
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # for what writes pages only
+
     return Environment(
         loader=PackageLoader("rattle.compare.report"), autoescape=escaped, trim_blocks=True, lstrip_blocks=True,
         undefined=StrictUndefined, finalize=lambda value: harmless(value) if type(value) is str else value,

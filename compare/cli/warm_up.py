@@ -1,0 +1,64 @@
+"""The command ``rattle warm-up``."""
+
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+
+import click
+
+from rattle.compare.cli.console import say
+
+__all__ = ["warm_up"]
+
+IMPACTS, PATHS = 2, 64  # a small run compiles the same machine code as a large one
+Task = Callable[[], object]
+
+
+def tasks() -> dict[str, Task]:
+    """Small runs that compile what the commands need, by name: every closure, every scheme, and the long orbits."""
+    from rattle.closure import CLOSURES, mean_map
+    from rattle.compare.chaos.exponents import lyapunov
+    from rattle.montecarlo import SCHEMES, Record, simulate
+    from rattle.montecarlo.coupling.long_path import LongPath
+    from rattle.montecarlo.coupling.pairs import growths
+    from rattle.scene import DAT21, Scene, Tolerance
+
+    scene = Scene.from_gears(DAT21, sigma=0.1)
+    single = Scene.from_gears(DAT21, sigma=0.1, stages=1)
+    tolerant = Scene.from_gears(DAT21, sigma=0.1, tolerance=Tolerance(1e-3, 1e-3, draw="contact"))
+    found: dict[str, Task] = {}
+    for name in CLOSURES:
+        found[f"closure {name}"] = partial(mean_map, scene, impacts=IMPACTS, closure=name)
+        found[f"closure {name}, one stage"] = partial(mean_map, single, impacts=IMPACTS, closure=name)
+    for name, scheme in SCHEMES.items():
+        record = Record(step_bias=scheme.has_step_bias, histogram=True, energy=True, batches=True)
+        settings = {"paths": PATHS, "impacts": IMPACTS, "scheme": name}
+        found[f"scheme {name}"] = partial(simulate, tolerant, record=record, **settings)
+    found["orbits"] = partial(lyapunov, scene, impacts=8192, strict=False)
+    found["long paths"] = partial(LongPath(scene, 0).stretch, 100)
+    found["pairs of paths"] = partial(growths, scene, 1e-4, 2, seed=0, settle=10)
+    return found
+
+
+@click.command("warm-up")
+def warm_up() -> None:
+    """Compile all machine code now, so that no later command has to.
+
+    Without it each command compiles what it needs when it first runs.  Machine code is kept for this user, this
+    installation and this kind of processor.  Exit codes: 0 done; 2 it cannot be kept.
+    """
+    from tqdm import tqdm
+
+    from rattle.scene.errors import OutputError
+    from rattle.scene.machine_code import compiled_here, folder
+
+    started, found = time.perf_counter(), tasks()
+    place = folder()
+    if place is None:
+        raise OutputError("machine code cannot be kept: set NUMBA_CACHE_DIR to a folder of your own")
+    for name in (line := tqdm(found, disable=None, unit="task", file=sys.stderr)):
+        line.set_postfix_str(name)
+        found[name]()
+    seconds = time.perf_counter() - started
+    say(f"{compiled_here()} functions compiled in {seconds:.0f} s; kept in {place}")

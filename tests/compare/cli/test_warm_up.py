@@ -1,0 +1,73 @@
+"""What is compiled, when, and what is said of it."""
+
+import subprocess
+import sys
+
+import pytest
+from click.testing import CliRunner
+
+from rattle.closure import CLOSURES, mean_map
+from rattle.compare.cli.main import main
+from rattle.compare.cli.warm_up import tasks
+from rattle.montecarlo import SCHEMES, simulate
+from rattle.scene import DAT21, Scene, Tolerance, machine_code
+from rattle.scene.compiled import jit
+
+
+def test_after_warming_up_no_closure_or_scheme_compiles_anything():
+    found = tasks()
+    assert {f"closure {name}" for name in CLOSURES} | {f"scheme {name}" for name in SCHEMES} < set(found)
+    for task in found.values():
+        task()
+    before = machine_code.compiled_here()
+    for scene in (
+        Scene.from_gears(DAT21, sigma=0.3),
+        Scene.from_gears(DAT21, sigma=0.3, stages=1),
+        Scene.from_gears(DAT21, sigma=0.02, tolerance=Tolerance(1e-3, 2e-3)),
+    ):
+        for name in CLOSURES:
+            mean_map(scene, impacts=3, closure=name)
+        for name in SCHEMES:
+            simulate(scene, paths=40, impacts=3, scheme=name)
+    assert machine_code.compiled_here() == before
+
+
+def test_a_function_that_is_not_in_the_cache_counts(monkeypatch):
+    monkeypatch.setattr(machine_code.NUMBAS_CACHE, "load_overload", lambda *given: None)
+
+    @jit
+    def fresh(x):
+        return x + 1.0
+
+    before = machine_code.compiled_here()
+    fresh(1.0)
+    fresh(2.0)
+    assert machine_code.compiled_here() == before + 1
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_compiling_is_announced_once_and_only_on_a_terminal(terminal, monkeypatch, capsys):
+    monkeypatch.setattr(machine_code, "_compiled", 0)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
+    machine_code._count()
+    machine_code._count()
+    assert capsys.readouterr().err.count("compiling for this processor") == (1 if terminal else 0)
+
+
+def test_warming_up_without_a_folder_says_what_to_do(monkeypatch):
+    monkeypatch.setattr(machine_code, "_folder", None)
+    done = CliRunner().invoke(main, ["warm-up"])
+    assert (done.exit_code, "NUMBA_CACHE_DIR" in done.output) == (2, True)
+
+
+def test_compiled_code_loads_no_blas_and_leaves_it_to_others():
+    code = """
+import sys, numba, numpy as np
+from rattle.closure import mean_map
+from rattle.scene import DAT21, Scene
+mean_map(Scene.from_gears(DAT21, sigma=0.1), impacts=2, closure="saltation")
+assert "scipy.linalg" not in sys.modules
+assert numba.njit(lambda a: a @ a)(np.eye(2)).tolist() == np.eye(2).tolist()
+assert "scipy.linalg" in sys.modules
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
