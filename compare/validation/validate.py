@@ -246,6 +246,7 @@ def validate(
         record=Record(
             step_bias=biased,
             histogram=True,
+            energy=scene.gears is not None,
             times=middle[(middle - scene.phase > grid) & (middle <= last)],
             itineraries={name: m.itinerary for name, m in predictions.items()},
         ),
