@@ -199,7 +199,7 @@ def correlation_claim(validations: Sequence[Validation]) -> str:
         excess = f", |ρ| up to {beyond:.3g}" if beyond > 1.0 else ""
         evidence.append(f"at σ = {sigma_text(v)} at {len(impacts)} impacts, the first being {impacts[0]}{excess}")
     return (
-        "The paper argues that the density cannot be Gaussian because |ρ| may exceed 1. In the published closure "
+        "The paper argues that the density cannot be Gaussian because |ρ| may exceed 1. In the `published` closure "
         f"second moments belong to no distribution {'; '.join(evidence)}. The rule behind it is Eq. 15, −ε m_np for "
         "every power p, which gives a variance the sign of −ε; with (−ε)^p and the joint moments, all else alike, the "
         f"`corrected` closure keeps |ρ| ≤ {_largest_rho(validations, 'corrected'):.4f}, and the simulation shows "

@@ -145,7 +145,7 @@ def _in_words(v: Validation) -> str:
     speeds = physical[[f"y{i}_mm_per_s" for i in range(1, v.scene.stages + 1)]].abs()
     lost = f", losing {physical['energy_mJ'].mean():.2g} mJ at an impact" if "energy_mJ" in physical else ""
     return (
-        f"at σ = {v.scene.sigma:.4g} {impacts} impacts take {time:.3g} ms on average ({1e3 * impacts / time:.3g} "
+        f"at σ = {v.scene.sigma:.4g}, {impacts} impacts take {time:.3g} ms on average ({1e3 * impacts / time:.3g} "
         f"impacts per second), with mean velocities before an impact of up to {np.nanmax(speeds):.3g} mm/s{lost}"
     )
 
@@ -159,4 +159,4 @@ def _milliseconds(v: Validation) -> float:
 
 
 def _spread(mean: float, sd: float) -> str:
-    return "–" if pd.isna(mean) else f"{mean:.4g} ± {sd:.2g}"
+    return "–" if pd.isna(mean) else f"{mean:.4g} ± {float(f'{sd:.2g}'):g}"

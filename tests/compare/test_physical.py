@@ -50,7 +50,7 @@ def test_moments_at_fixed_times_stand_in_both(v):
 def test_the_answer_speaks_of_milliseconds(v):
     said = answer([v])
     time = v.run.section["tau"].iloc[-1] / 0.3
-    assert said[1].startswith(f"In the units of these gears: at σ = 0.02 3 impacts take {time:.3g} ms on average (")
+    assert said[1].startswith(f"In the units of these gears: at σ = 0.02, 3 impacts take {time:.3g} ms on average (")
     assert "mm/s, losing " in said[1]
     assert lasting(v) == f"{time:.3g} ms of rattling"
 
