@@ -62,7 +62,7 @@ class Validation:
     run : Ensemble
         The simulation.
     table : DataFrame
-        Every moment of every closure with error, interval and verdict; the columns are `COLUMNS`.
+        Every moment of every closure with error, interval and verdict; the columns are ``COLUMNS``.
     correlation : DataFrame
         Validity of the correlation on both sides, see `rattle.compare.validation.correlation.validity`.
     z : float
@@ -80,7 +80,7 @@ class Validation:
 
     @property
     def accurate(self) -> bool:
-        """Whether all moments that are predicted and judged are accurate; the rule is in `verdict.RULE`."""
+        """Whether all moments that are predicted and judged are accurate; the rule is in ``verdict.RULE``."""
         judged = self.table[self.table["verdict"].isin(JUDGED)]
         return bool((judged["verdict"] == "accurate").all())
 
