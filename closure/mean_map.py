@@ -19,7 +19,7 @@ from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION, STATE, correlation, realizability
 from rattle.scene.scene import Scene
 from rattle.scene.shown import as_html
-from rattle.scene.units import in_units
+from rattle.scene.units import at_times_in, check_units, in_units
 from rattle.scene.validate import choice, count
 
 __all__ = ["CLOSURES", "Breakdown", "Closure", "MeanMap", "closures_for", "mean_map", "refusals"]
@@ -228,25 +228,36 @@ class MeanMap:
     def _stages(self) -> range:
         return range(1, self.scene.stages + 1)
 
-    def at_times(self, times: Sequence[float] | Floats) -> pd.DataFrame:
+    def at_times(self, times: Sequence[float] | Floats, units: str = "dimensionless") -> pd.DataFrame:
         """Means, covariances and ``rho1, rho2`` of the state at fixed times between the start and the last impact.
 
         Parameters
         ----------
         times : sequence of float
-            Absolute times.
+            Absolute times, dimensionless.
+        units : {"dimensionless", "physical"}
+            Units of the table; the second for a scene that was made from gears.
 
         Returns
         -------
         DataFrame
             Index ``time``; columns ``x1, y1, x2, y2``, ``cov_x1_x1, cov_x1_y1, ...`` and ``rho1, rho2``.  NaN for
-            ``branching``, which has no moments at fixed times.
+            ``branching``, which has no moments at fixed times.  In physical units index ``time_ms`` and columns
+            ``x1_mm, y1_mm_per_s, ..., cov_x1_x1_mm2, cov_x1_y1_mm2_per_s, ...``.
 
         Raises
         ------
         InputError
-            If a time lies outside the times followed.
+            If a time lies outside the times followed, for unknown units, or physical ones of a scene without gears.
+
+        Examples
+        --------
+        >>> from rattle.scene import DAT21, Scene
+        >>> m = mean_map(Scene.from_gears(DAT21, sigma=0.1), impacts=1)
+        >>> m.at_times([0.3], units="physical")[["x1_mm", "y1_mm_per_s"]].round(3).reset_index().loc[0].tolist()
+        [1.0, 0.0, 0.0]
         """
+        check_units(units, self.scene.gears)
         low, high = self.trace.span
         rows = []
         for time in _as_list(times):
@@ -257,7 +268,8 @@ class MeanMap:
             rows.append(fixed_row(mean, covariance))
         columns = list(fixed_row(np.zeros(4), np.zeros((4, 4))))
         index = pd.Index(np.asarray(times, dtype=float), name="time")
-        return pd.DataFrame(rows, index=index, columns=columns, dtype=float)
+        table = pd.DataFrame(rows, index=index, columns=columns, dtype=float)
+        return at_times_in(table, self.scene.gears, units)
 
     def density(self, impact: int, quantity: str, values: Floats) -> Floats | None:
         """Density that the closure predicts for a section quantity at an impact.

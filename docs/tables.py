@@ -238,14 +238,13 @@ def fuzz(reports: Path) -> Table:
     """What became of random scenes at every entry."""
     found = json.loads((reports / "fuzz" / "summary.json").read_text())
     kinds = ("complete", "stopped", "refused", "defect")
-    new = {"door": "input validation", "printed": "published", "mended": "corrected"}
-    rows = [[new.get(n, n), *(short(ends.get(k, 0)) for k in kinds)] for n, ends in found["entries"].items()]
+    rows = [[n, *(short(ends.get(k, 0)) for k in kinds)] for n, ends in found["entries"].items()]
     return ["entry", *kinds], [*rows, ["all", *(short(found["ended"].get(k, 0)) for k in kinds)]]
 
 
 @table
 def benchmarks(reports: Path) -> Table:
-    """Times on one machine, kept beside this file: they are measured by hand and hold for their version."""
+    """Times on one machine, kept beside this file: they are measured by hand and hold for the version beside them."""
     found = pd.read_csv(Path(__file__).parent / "benchmarks.csv")
     return list(found.columns), found.fillna("").astype(str).to_numpy().tolist()
 

@@ -25,7 +25,7 @@ from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene
 from rattle.scene.shown import as_html
-from rattle.scene.units import in_units
+from rattle.scene.units import at_times_in, in_units
 
 if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
     import pandas as pd
@@ -281,19 +281,41 @@ class Ensemble:
             out[:, 3:, :] = out[:, :, 3:] = np.nan
         return out
 
-    def at_times(self, times: Sequence[float] | Floats | None = None) -> pd.DataFrame:
+    def at_times(self, times: Sequence[float] | Floats | None = None, units: str = "dimensionless") -> pd.DataFrame:
         """Moments of all paths at fixed times, index ``time`` (on the grid of the coarsest step, so within half of it).
 
         Columns as in `rattle.closure.MeanMap.at_times`, with ``se_`` beside each mean and covariance, and for each
         ``rho`` its standard error ``se_rho``, that of Fisher's artanh rho ``se_z_rho``, and ``coarse_rho``, the value
         at twice the step, if step bias was asked for.  Errors are NaN as in `section`.
 
+        Parameters
+        ----------
+        times : sequence of float, optional
+            Absolute times, dimensionless; all that were recorded if none are given.
+        units : {"dimensionless", "physical"}
+            Units of the table; the second for a scene that was made from gears.
+
+        Returns
+        -------
+        DataFrame
+            In physical units with the index ``time_ms`` and columns that end with their unit, as
+            `rattle.closure.MeanMap.at_times` has them.
+
         Raises
         ------
         InputError
-            If a time was not among those given to `simulate`.
+            If a time was not among those given to `simulate`, for unknown units, or physical ones of a scene without
+            gears.
+
+        Examples
+        --------
+        >>> from rattle.montecarlo import Record, simulate
+        >>> from rattle.scene import DAT21, Scene
+        >>> run = simulate(Scene.from_gears(DAT21), paths=1, impacts=1, record=Record(times=[0.3]))
+        >>> run.at_times(units="physical").index
+        Index([1.0], dtype='float64', name='time_ms')
         """
-        table = self._fixed_table
+        table = at_times_in(self._fixed_table, self.scene.gears, units)
         if times is None:
             return table
         rows = []

@@ -36,11 +36,11 @@ class Gears:
     radius1, radius2 : float
         Base radii in mm.
     backlash1, backlash2 : float
-        Full backlashes (nu_1, nu_2) in mm.
+        Full backlashes (nu_1, nu_2) in mm; both meshes have the same if the second is left out.
     damping1, damping2 : float
-        Rotational damping in N mm s.
+        Rotational damping in N mm s; left out, none, and of wheel 2 that of wheel 1.
     torque1, torque2 : float
-        Drag torques in N mm.
+        Drag torques in N mm; left out, none, and on wheel 2 that on wheel 1.
 
     Raises
     ------
@@ -51,6 +51,10 @@ class Gears:
     --------
     >>> round(DAT21.mu, 6)
     0.601187
+    >>> wheels = {"inertia1": 950.0, "inertia2": 620.0, "radius1": 38.0, "radius2": 30.0}
+    >>> pair = Gears(alpha=1.5, epsilon=0.9, omega=300.0, backlash1=0.2, torque1=60.0, **wheels)
+    >>> pair.backlash2, pair.damping2, pair.torque2
+    (0.2, 0.0, 60.0)
     """
 
     alpha: float
@@ -61,15 +65,18 @@ class Gears:
     radius1: float
     radius2: float
     backlash1: float
-    backlash2: float
-    damping1: float
-    damping2: float
-    torque1: float
-    torque2: float
+    backlash2: float = None  # type: ignore[assignment]  # these of wheel 2 are those of wheel 1, filled in below
+    damping1: float = 0.0
+    damping2: float = None  # type: ignore[assignment]
+    torque1: float = 0.0
+    torque2: float = None  # type: ignore[assignment]
 
     ELSEWHERE = dict.fromkeys((*DRIVES[1:], "driver_radius"), "give it to Gears.driven, in place of alpha")
 
     def __post_init__(self) -> None:
+        for name in ("backlash", "damping", "torque"):
+            if getattr(self, f"{name}2") is None:
+                object.__setattr__(self, f"{name}2", getattr(self, f"{name}1"))
         for f in fields(self):
             object.__setattr__(self, f.name, finite(f.name, getattr(self, f.name)))
         for name in ("omega", "inertia1", "inertia2", "radius1", "radius2", "backlash1", "backlash2"):

@@ -1,7 +1,7 @@
 """The table ``[gears]`` of a scene file: gears, and their tolerances as a drawing gives them."""
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from typing import Any
 
 from rattle.scene.errors import InputError
@@ -11,6 +11,7 @@ from rattle.scene.validate import finite, known_keys, non_negative
 __all__ = ["read_gears", "read_tolerance"]
 
 FIELDS = tuple(f.name for f in fields(Gears))
+REQUIRED = tuple(f.name for f in fields(Gears) if f.default is MISSING)
 OPTIONAL = ("amplitude", "amplitude_rad", "driver_radius", "tolerance")
 TOLERANCE = ("backlash1", "backlash2", "distribution", "draw")
 
@@ -21,10 +22,10 @@ def read_gears(table: Mapping[str, Any], stages: object) -> Gears:
     Parameters
     ----------
     table : mapping
-        The fields of Gears; in place of ``alpha`` it may have ``amplitude``, or ``amplitude_rad`` and
-        ``driver_radius``, see `Gears.driven`.
+        The fields of Gears, which says what may be left out; in place of ``alpha`` it may have ``amplitude``, or
+        ``amplitude_rad`` and ``driver_radius``, see `Gears.driven`.
     stages : {2, 1}
-        Of the scene; for a single stage the values of wheel 2 may be left out, and are then those of wheel 1.
+        Of the scene; for a single stage all values of wheel 2 may be left out, and are then those of wheel 1.
 
     Returns
     -------
@@ -47,7 +48,7 @@ def read_gears(table: Mapping[str, Any], stages: object) -> Gears:
     drives = [name for name in DRIVES if name in values]
     if stages == 1:
         values |= {n: values[_first(n)] for n in FIELDS if n.endswith("2") and n not in values and _first(n) in values}
-    missing = [name for name in FIELDS if name not in values and not (name == "alpha" and drives)]
+    missing = [name for name in REQUIRED if name not in values and not (name == "alpha" and drives)]
     if missing:
         raise InputError("gears", missing, "these keys are missing")
     try:

@@ -1,12 +1,16 @@
 """Physical units of the results of a gear pair: ms, mm, mm/s, impacts per second and mJ."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from itertools import combinations_with_replacement
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rattle.scene.errors import InputError
 from rattle.scene.validate import choice
 
-__all__ = ["RATE", "UNITS", "Units", "check_units", "in_units"]
+if TYPE_CHECKING:  # a table is there before it is converted
+    import pandas as pd
+
+__all__ = ["PRODUCTS", "RATE", "UNITS", "Units", "at_times_in", "check_units", "in_units"]
 
 UNITS = ("dimensionless", "physical")
 """The systems of units in which results are given."""
@@ -14,6 +18,8 @@ UNITS = ("dimensionless", "physical")
 MOMENTS = ("", "se_", "sd_", "se_sd_")  # prefixes of columns that have the unit of their quantity; skewness has none
 RATE = "impacts_per_s"
 """Column of the inverse of the mean time of flight."""
+PRODUCTS = {("mm", "mm"): "mm2", ("mm", "mm_per_s"): "mm2_per_s", ("mm_per_s", "mm_per_s"): "mm2_per_s2"}
+"""Units of covariances."""
 
 
 class Units(NamedTuple):
@@ -44,14 +50,19 @@ class Units(NamedTuple):
 
     @property
     def columns_of(self) -> dict[str, tuple[str, float]]:
-        """Name with its unit, and factor, of every column of a section table that has a dimension."""
-        quantities = {"tau": ("ms", self.time), "flight": ("ms", self.time), "energy": ("mJ", self.energy)}
-        for i in (1, 2):
-            quantities |= {f"x{i}": ("mm", self.length), f"y{i}": ("mm_per_s", self.speed)}
-        return {p + q: (f"{p}{q}_{unit}", factor) for q, (unit, factor) in quantities.items() for p in MOMENTS}
+        """Name with its unit, and factor, of every column of a table of moments that has a dimension."""
+        kinds = {"x": ("mm", self.length), "y": ("mm_per_s", self.speed)}
+        state = {f"{kind}{i}": unit for i in (1, 2) for kind, unit in kinds.items()}
+        quantities = {"tau": ("ms", self.time), "flight": ("ms", self.time), "energy": ("mJ", self.energy), **state}
+        found = {p + q: (f"{p}{q}_{unit}", factor) for q, (unit, factor) in quantities.items() for p in MOMENTS}
+        for a, b in combinations_with_replacement(state, 2):
+            (one, first), (other, second) = state[a], state[b]
+            unit, name = PRODUCTS[min(one, other), max(one, other)], f"cov_{a}_{b}"
+            found |= {p + name: (f"{p}{name}_{unit}", first * second) for p in ("", "se_")}
+        return found
 
     def convert(self, columns: Mapping[str, Any]) -> dict[str, Any]:
-        """Convert the columns of a section table to physical units.
+        """Convert the columns of a table of moments, of a section or at fixed times, to physical units.
 
         Parameters
         ----------
@@ -62,8 +73,8 @@ class Units(NamedTuple):
         -------
         dict of str to ndarray
             The same columns in the same order.  A column with a dimension is converted, and its name ends with its
-            unit: ``tau_ms``, ``x1_mm``, ``y1_mm_per_s``, ``energy_mJ``.  After the mean time of flight stands its
-            inverse, ``impacts_per_s``.
+            unit: ``tau_ms``, ``x1_mm``, ``y1_mm_per_s``, ``cov_x1_x1_mm2``, ``energy_mJ``.  After the mean time of
+            flight stands its inverse, ``impacts_per_s``.
 
         Examples
         --------
@@ -128,3 +139,34 @@ def in_units(columns: Mapping[str, Any], gears: Any, units: str) -> dict[str, An
         As `check_units`.
     """
     return dict(columns) if check_units(units, gears) == "dimensionless" else gears.units.convert(columns)
+
+
+def at_times_in(table: "pd.DataFrame", gears: Any, units: str) -> "pd.DataFrame":
+    """A table of moments at fixed times in a system of units.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Dimensionless, with the index ``time``.
+    gears : Gears or None
+        The gears that the scene was made from.
+    units : {"dimensionless", "physical"}
+        The units wanted.
+
+    Returns
+    -------
+    DataFrame
+        In physical units with the index ``time_ms``, and the columns of `Units.convert`.
+
+    Raises
+    ------
+    InputError
+        As `check_units`.
+    """
+    if check_units(units, gears) == "dimensionless":
+        return table
+    columns = gears.units.columns_of
+    names = {name: columns[name][0] for name in table.columns if name in columns}
+    factors = [columns[name][1] if name in columns else 1.0 for name in table.columns]
+    converted = table.mul(factors, axis="columns").rename(columns=names)
+    return converted.set_axis((table.index * gears.units.time).rename("time_ms"))

@@ -81,6 +81,12 @@ def test_readme_is_short():
     assert max(map(len, lines)) <= 120
 
 
+def test_a_gear_pair_of_ones_own_takes_ten_lines():
+    gears, scene = re.split(r"\n\n", SCENES[0].strip())
+    assert len(gears.splitlines()) <= 10
+    assert len(scene.splitlines()) == 2
+
+
 def test_the_worked_example_prints_what_it_says(tmp_path):
     (tmp_path / "gears.toml").write_text(SCENES[0])
     out, published = printed(README, tmp_path)

@@ -6,15 +6,15 @@ import pandas as pd
 
 from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.report import NUMBER, TEXT, Code, Column, Figure, Page, Section, Source, Table, Text
-from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, glossary
+from rattle.compare.report.glossary import CHAOS_TERMS, CLOSURE_TERMS, SECTION_TERMS, glossary
 from rattle.scene.scene import Scene
 
-__all__ = ["FIGURES", "chaos_page", "table_of"]
+__all__ = ["FIGURES", "WORDS", "chaos_page", "table_of"]
 
 FIGURES = {
     "section": "Poincaré sections at the impacts, in the paper's coordinates: flight time against velocity just before "
     "the impact, as densities on the same axes; orbit, mean map and noisy system.",
-    "spectra": "Power spectra of the velocities with their 95 % band, the continuous floor, and the bands above it.",
+    "spectra": "Power spectra of the velocities with 95 % intervals, the continuous floor, and the bands above it.",
     "sweep": "Largest exponent over the field with its 95 % interval: of the orbit, and of the drift's linearisation "
     "along noisy paths; where the orbit sticks, and the range that the paper claims to be chaotic.",
     "bifurcation": "Bifurcation diagram: points of the section over the field as densities, with the largest exponents "
@@ -25,10 +25,7 @@ FIGURES = {
     "square-root law.",
 }
 """Captions of the figures, by name."""
-WORDS = glossary(
-    *CLOSURE_TERMS, *SECTION_TERMS, "Δτ", "σ", "α", "ε", "orbit", "mean map", "Lyapunov exponent",
-    "drift's linearisation", "finite-size exponent", "square-root law", "band", "sticking", "realizable",
-)  # fmt: skip
+WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *CHAOS_TERMS, "Δτ", "σ", "α", "ε", "realizable")
 
 
 def table_of(table: pd.DataFrame, texts: tuple[str, ...] = (), summary: str = "") -> Table:
@@ -83,7 +80,7 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
         exponents,
         Text("Lyapunov exponents per unit of dimensionless time, by the QR method, with 95 % intervals from batch "
              "means. `sum_error` is their sum less its exact value −(β1 + β2) + rate · 2 ln ε.", True),
-        WORDS,
+        glossary(*WORDS, gears=found.scene.gears),
     )  # fmt: skip
     said = Text("The map that each closure iterates, and which exponents its means have.", True)
     parts = [Section("The mean maps", (said, maps))]

@@ -4,10 +4,13 @@ from typing import NamedTuple
 
 import pandas as pd
 
-__all__ = ["HOLDS_ONLY", "NOT_REPRODUCED", "REPRODUCED", "UNDECIDED", "Claim", "table"]
+__all__ = ["HOLDS_ONLY", "KINDS", "NOT_REPRODUCED", "PART", "REPRODUCED", "UNDECIDED", "Claim", "table"]
 
 REPRODUCED, NOT_REPRODUCED, UNDECIDED = "reproduced", "not reproduced", "undecided"
 HOLDS_ONLY = "holds only for {}"
+PART = "holds in part"
+KINDS = (NOT_REPRODUCED, UNDECIDED, PART, REPRODUCED)
+"""Kinds of verdicts, from the worst to the best for the claim."""
 
 
 class Claim(NamedTuple):
@@ -35,6 +38,11 @@ class Claim(NamedTuple):
     test: str
     evidence: str
     verdict: str
+
+    @property
+    def kind(self) -> str:
+        """The kind of its verdict, one of `KINDS`."""
+        return PART if self.verdict.startswith(HOLDS_ONLY.format("")) else self.verdict
 
 
 def table(claims: list[Claim]) -> pd.DataFrame:

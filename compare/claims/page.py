@@ -6,9 +6,13 @@ from typing import Any
 
 from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.chaos.page import FIGURES, source_of
-from rattle.compare.claims.claim import HOLDS_ONLY, NOT_REPRODUCED, REPRODUCED, Claim, table
+from rattle.compare.chaos.page import WORDS as CHAOS_WORDS
+from rattle.compare.claims.claim import NOT_REPRODUCED, PART, REPRODUCED, UNDECIDED, Claim, table
+from rattle.compare.claims.figure import verdict_figure
 from rattle.compare.report import Cell, Figure, Page, Row, Section, Table, Text
+from rattle.compare.report.glossary import glossary
 from rattle.compare.report.save import contents, save
+from rattle.compare.validation.validity_range import listed
 
 __all__ = ["CONTENTS", "answer", "write_claims"]
 
@@ -17,22 +21,21 @@ SHOWN = {
     "both_models": "sqrt_law",
 }  # fmt: skip
 """Figure of the study of chaos that shows the evidence of a claim, by the claim's function."""
-CONTENTS = contents("claims", figures=tuple(SHOWN.values()), tables=["claims"])
+SAID = {
+    REPRODUCED: ("is reproduced", "are reproduced"), PART: ("holds only in part", "hold only in part"),
+    UNDECIDED: ("is undecided", "are undecided"), NOT_REPRODUCED: ("is not reproduced", "are not reproduced"),
+}  # fmt: skip
+"""The verdicts in words, of one claim and of several; the last one is followed by the claims that it is on."""
+KEY = "verdicts"
+CAPTION = "The verdict on each claim, in the order of the paper."
+CONTENTS = contents("claims", figures=(KEY, *SHOWN.values()), tables=["claims"])
 """Files of such a folder; a folder with any other file is not overwritten."""
-
-
-def _kind(verdict: str) -> str:
-    return "hold in part" if verdict.startswith(HOLDS_ONLY.split("{", 1)[0]) else verdict
-
-
-def _mark(verdict: str) -> str:
-    if verdict.startswith(HOLDS_ONLY.split("{", 1)[0]):
-        return "part"
-    return {REPRODUCED: "good", NOT_REPRODUCED: "bad"}.get(verdict, "open")
+WORDS = (*CHAOS_WORDS, "ρ1, ρ2", "stage", "accurate", "reproduced", "not reproduced", "holds only for")
+MARKS = {REPRODUCED: "good", NOT_REPRODUCED: "bad", PART: "part"}
 
 
 def answer(claims: list[Claim]) -> list[str]:
-    """Summarise how many claims have which verdict.
+    """Summarise how many claims have which verdict, and which are not reproduced.
 
     Parameters
     ----------
@@ -44,9 +47,10 @@ def answer(claims: list[Claim]) -> list[str]:
     list of str
         One sentence.
     """
-    counts = Counter(_kind(c.verdict) for c in claims)
-    said = ", ".join(f"{number} {verdict}" for verdict, number in counts.most_common())
-    return [f"Of {len(claims)} testable claims of the paper: {said}."]
+    counts = Counter(c.kind for c in claims)
+    said = listed([f"{n} {words[n > 1]}" for kind, words in SAID.items() if (n := counts[kind])])
+    failed = [f"“{c.name}”" for c in claims if c.kind == NOT_REPRODUCED]
+    return [f"Of {len(claims)} testable claims of the paper {said}{f': {listed(failed)}' if failed else ''}."]
 
 
 def write_claims(
@@ -81,8 +85,9 @@ def write_claims(
     """
     said = answer(claims)
     drawn = {name: figure for name, figure in chaos.figures().items() if name in SHOWN.values()}
+    opening = Figure(f"{KEY}.svg", CAPTION, f"{CAPTION} {said[0]}")
     rows: list[Row] = [
-        [str(i), c.says, Cell(c.verdict, _mark(c.verdict)), c.where] for i, c in enumerate(claims, start=1)
+        [str(i), c.says, Cell(c.verdict, MARKS.get(c.kind, "open")), c.where] for i, c in enumerate(claims, start=1)
     ]
     overview = Table.of(["claim", "the paper says", "verdict", "where"], rows)
     sections = []
@@ -94,7 +99,11 @@ def write_claims(
             Text(f"Verdict: {claim.verdict}."), Text(f"Test: {claim.test}"),
             Text(f"Evidence: {claim.evidence}"), *pictures,
         )))  # fmt: skip
-    page = Page("The paper's claims, judged", tuple(said), source_of(record), (overview,), tuple(sections))
+    words = glossary(*WORDS, gears=chaos.scene.gears)
+    page = Page(
+        "The paper's claims, judged", tuple(said), source_of(record), (opening, overview, words), tuple(sections)
+    )
     tables = {"claims": table(claims).reset_index()}
+    drawn[KEY] = verdict_figure(claims)
     save(out, "claims", page, record, allowed=CONTENTS, figures=drawn, tables=tables, overwrite=overwrite)
     return said

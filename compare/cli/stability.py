@@ -27,7 +27,7 @@ __all__ = ["stability"]
 )
 @click.option(
     "--extremes/--no-extremes", "extreme", default=True, show_default=True,
-    help="Try extreme values too (`rattle extremes`), and put their table on the page.",
+    help="Try extreme values too (rattle extremes), and put their table on the page.",
 )  # fmt: skip
 @click.option("--overwrite", is_flag=True, help="Replace earlier results in that folder.")
 def stability(

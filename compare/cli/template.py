@@ -24,11 +24,11 @@ GEARS = {
     "radius1": ("mm", "base radius of wheel 1"),
     "radius2": ("mm", "of wheel 2"),
     "backlash1": ("mm", "full backlash between driver and wheel 1"),
-    "backlash2": ("mm", "between wheel 1 and wheel 2"),
-    "damping1": ("N mm s", "rotational damping of wheel 1"),
-    "damping2": ("N mm s", "of wheel 2"),
-    "torque1": ("N mm", "drag torque on wheel 1"),
-    "torque2": ("N mm", "on wheel 2"),
+    "backlash2": ("mm", "between wheel 1 and wheel 2; backlash1 if left out"),
+    "damping1": ("N mm s", "rotational damping of wheel 1; 0 if left out"),
+    "damping2": ("N mm s", "of wheel 2; damping1 if left out"),
+    "torque1": ("N mm", "drag torque on wheel 1; 0 if left out"),
+    "torque2": ("N mm", "on wheel 2; torque1 if left out"),
 }
 DRIVE = """\
 # In place of alpha, one of:

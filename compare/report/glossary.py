@@ -1,22 +1,49 @@
 """The words and symbols of the pages, each explained once; a page shows those that it uses."""
 
+from collections.abc import Callable
+
 from rattle.compare.report.content import Glossary
 from rattle.scene.errors import InputError
+from rattle.scene.gears import Gears
+from rattle.scene.units import Units
 
-__all__ = ["CLOSURE_TERMS", "SECTION_TERMS", "TERMS", "TITLE", "VERDICT_TERMS", "glossary"]
+__all__ = [
+    "CHAOS_TERMS",
+    "CLOSURE_TERMS",
+    "SCHEME_TERMS",
+    "SECTION_TERMS",
+    "TERMS",
+    "TITLE",
+    "VERDICT_TERMS",
+    "glossary",
+]
 
 TITLE = "Symbols and words of this page"
 
 TERMS = {
     "closure": "a cheap rule that predicts means and spreads of the motion without simulating paths",
-    "published": "the closure as the paper prints it",
-    "corrected": "the same method with its algebra corrected; impact times still do not vary in it",
-    "saltation": "follows small deviations from the noise-free orbit to each path's own impact; for weak noise, as "
+    "`published`": "the closure as the paper prints it",
+    "`corrected`": "the same method with its algebra corrected; impact times still do not vary in it",
+    "`saltation`": "follows small deviations from the noise-free orbit to each path's own impact; for weak noise, as "
     "long as nearly all paths strike the same flanks in the same order",
-    "branching": "follows a mixture of Gaussian densities and splits it where paths part; for stronger noise; slower",
+    "`branching`": "follows a mixture of Gaussian densities and splits it where paths part; for stronger noise; slower",
     "simulation": "many random paths of the same gears, counted (Monte Carlo); the measure of every closure",
     "exact flight": "a scheme of the simulation that solves the motion between impacts exactly, without an error from "
     "its time step",
+    "scheme": "how the simulation advances a path by a time step",
+    "`euler-maruyama`": "the plain scheme: steps of constant acceleration; a path beyond a flank at the end of a step "
+    "is thrown back there",
+    "`euler-maruyama-located`": "the same with each impact at its own instant within the step",
+    "`exact-flight`": "the motion between impacts is solved exactly, without an error from the time step",
+    "dt": "time step of the simulation, in units of 1/ω",
+    "admissible step": "a step that is stable and sees every gap; a longer one is refused with the longest allowed",
+    "default step": "the step that a scheme takes if none is given; if it is too long, it is shortened",
+    "diagnostic": "a sentence of a run about what may be wrong with its numbers",
+    "unbiased": "every section mean and sd is within the tolerance, with its whole interval",
+    "biased": "a section mean or sd is outside the tolerance, with its whole interval",
+    "unstable": "the numbers grow without bound, or paths are abandoned",
+    "no limit": "nothing to compare with: at restitution 0 noise makes infinitely many impacts in a finite time",
+    "standard error": "sd of an estimate, from the finite number of paths",
     "σ": "noise intensity: strength of the random part of the driving motion; 0 is none",
     "α": "amplitude of the driving motion, in units of the backlash",
     "ε": "restitution: speed after an impact over speed before it",
@@ -27,7 +54,7 @@ TERMS = {
     "E, sd": "mean and standard deviation over all paths",
     "ρ1, ρ2": "correlation of position and velocity in stage 1 and 2; lies between −1 and 1 for every distribution",
     "stage": "stage 1 is driver and wheel 1, stage 2 is wheel 1 and wheel 2",
-    "impact k": "each path's own k-th impact, at whatever time it happens; moments there are those of the Poincaré "
+    "impact": "impact k is each path's own k-th, at whatever time it happens; moments there are those of the Poincaré "
     "section at the impacts",
     "itinerary": "the order in which a path strikes its meshes and sides",
     "agreement": "share of the paths that still follow the closure's itinerary",
@@ -37,6 +64,9 @@ TERMS = {
     "inaccurate": "shown wrong: the error, with its whole interval, exceeds the tolerance",
     "undecided": "the interval contains the tolerance; more paths or a smaller step would decide",
     "range of validity": "impacts (or values of a parameter) up to which everything a closure predicts is accurate",
+    "reproduced": "the stated test has the result that the paper claims",
+    "not reproduced": "the stated test has another result than the paper claims",
+    "holds only for": "the stated test has the claimed result in the cases that are named, and not in the others",
     "Lyapunov exponent": "rate at which neighbouring motions part (positive: chaos) or close up (negative)",
     "orbit": "the motion without noise",
     "mean map": "a closure applied again and again: it maps the means at one impact to those at the next",
@@ -48,18 +78,37 @@ TERMS = {
 }
 """Meaning of each term, in plain words, in the order in which a page lists them."""
 
-CLOSURE_TERMS = ("closure", "published", "corrected", "saltation", "branching", "simulation")
-SECTION_TERMS = ("τ", "x1, x2", "y1, y2", "E, sd", "impact k", "itinerary")
+CLOSURE_TERMS = ("closure", "`published`", "`corrected`", "`saltation`", "`branching`", "simulation")
+SCHEME_TERMS = ("scheme", "`euler-maruyama`", "`euler-maruyama-located`", "`exact-flight`", "exact flight", "dt")
+SECTION_TERMS = ("τ", "x1, x2", "y1, y2", "E, sd", "impact", "itinerary")
+CHAOS_TERMS = (
+    "orbit", "mean map", "Lyapunov exponent", "drift's linearisation", "finite-size exponent", "square-root law",
+    "band", "sticking",
+)  # fmt: skip
 VERDICT_TERMS = ("accurate", "inaccurate", "undecided", "range of validity")
 
 
-def glossary(*names: str) -> Glossary:
+IN_UNITS: dict[str, Callable[[Units], str]] = {
+    "α": lambda u: f"{u.length:.4g} mm",
+    "τ": lambda u: f"{u.time:.4g} ms",
+    "Δτ": lambda u: f"{u.time:.4g} ms",
+    "dt": lambda u: f"{u.time:.4g} ms",
+    "x1, x2": lambda u: f"{u.length:.4g} mm",
+    "y1, y2": lambda u: f"{u.speed:.4g} mm/s",
+    "Lyapunov exponent": lambda u: f"{1e3 / u.time:.4g} per second",
+}
+"""What 1 is in physical units, of the quantities that have a dimension."""
+
+
+def glossary(*names: str, gears: Gears | None = None) -> Glossary:
     """The glossary of a page.
 
     Parameters
     ----------
     *names : str
         Terms that the page uses, keys of `TERMS`; they are listed in the order of `TERMS`.
+    gears : Gears, optional
+        Those of the page's scene: the glossary then says what 1 is in their units.
 
     Returns
     -------
@@ -74,8 +123,19 @@ def glossary(*names: str) -> Glossary:
     --------
     >>> [term for term, _ in glossary("τ", "σ").terms]
     ['σ', 'τ']
+    >>> from rattle.scene import DAT21
+    >>> print(glossary("Δτ", gears=DAT21).terms[0][1])
+    time of flight between two impacts; 1 is 3.333 ms for these gears
     """
     unknown = [name for name in names if name not in TERMS]
     if unknown:
         raise InputError("names", unknown[0], "is not explained; add it to TERMS")
-    return Glossary(TITLE, tuple((name, meaning) for name, meaning in TERMS.items() if name in names))
+
+    def explained(name: str, meaning: str) -> str:
+        return (
+            meaning
+            if gears is None or name not in IN_UNITS
+            else (f"{meaning}; 1 is {IN_UNITS[name](gears.units)} for these gears")
+        )
+
+    return Glossary(TITLE, tuple((name, explained(name, meaning)) for name, meaning in TERMS.items() if name in names))

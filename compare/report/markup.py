@@ -1,7 +1,8 @@
 """Escaping of texts for each view, so that nothing in them is interpreted as markup or as a terminal command."""
 
 import re
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from typing import TypeAlias
 
 from markupsafe import Markup, escape
 
@@ -10,6 +11,7 @@ from rattle.scene.text import line
 __all__ = ["as_code", "as_html", "as_markdown", "fence", "parts"]
 
 CODE = re.compile(r"`([^`\n]+)`")
+Words: TypeAlias = Callable[[str, bool], Markup]
 
 
 def parts(text: str) -> list[tuple[str, bool]]:
@@ -34,7 +36,11 @@ def parts(text: str) -> list[tuple[str, bool]]:
     return [(piece, bool(i % 2)) for i, piece in enumerate(pieces) if piece]
 
 
-def as_html(text: str, files: Collection[str] = ()) -> Markup:
+def _escaped_only(piece: str, _: bool) -> Markup:
+    return escape(piece)
+
+
+def as_html(text: str, files: Collection[str] = (), words: Words = _escaped_only) -> Markup:
     """A text as HTML; code between backticks becomes a ``<code>`` element.
 
     Parameters
@@ -43,6 +49,8 @@ def as_html(text: str, files: Collection[str] = ()) -> Markup:
         The text as it was given.
     files : collection of str
         Names of files beside the page; code that is such a name becomes a link to the file.
+    words : callable
+        Makes a piece of the text HTML, and is told whether it is code; see `rattle.compare.report.terms`.
 
     Returns
     -------
@@ -56,10 +64,10 @@ def as_html(text: str, files: Collection[str] = ()) -> Markup:
 
     def written(piece: str, code: bool) -> Markup:
         if not code:
-            return escape(piece)
+            return words(piece, False)
         if piece in files:
             return Markup('<a href="{0}"><code>{0}</code></a>').format(piece)
-        return Markup("<code>{}</code>").format(piece)
+        return Markup("<code>{}</code>").format(words(piece, True))
 
     return Markup("").join(written(piece, code) for piece, code in parts(text))
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from rattle.compare.report.content import MARKS, NUMBER, Block, Code, Figure, Glossary, Page, Section, Table, Text
 from rattle.compare.report.markup import as_code, as_html, as_markdown, fence
 from rattle.compare.report.page_file import NAME, page_text
+from rattle.compare.report.terms import Terms
 from rattle.scene.text import harmless, line
 
 if TYPE_CHECKING:
@@ -82,9 +83,13 @@ def html(page: Page, folder: Path) -> str:
         "base-uri 'none'; form-action 'none'"
     )
     environment = _environment(True)
-    anchors, files = _anchors(page), data_files(folder)
+    anchors, files, terms = _anchors(page), data_files(folder), Terms(_glossaries(page))
+    plain = partial(as_html, files=files)
     environment.filters |= {
-        "inline": partial(as_html, files=files),
+        "inline": plain,
+        "explained": partial(as_html, files=files, words=terms.text),
+        "head": lambda text: terms.head(text, plain(text)),
+        "cell": lambda cell: terms.cell(cell.text, plain(cell.shown)),
         "line": line,
         "anchor": lambda section: anchors[id(section)],
     }
@@ -101,6 +106,11 @@ def _environment(escaped: bool) -> "Environment":
         loader=PackageLoader("rattle.compare.report"), autoescape=escaped, trim_blocks=True, lstrip_blocks=True,
         undefined=StrictUndefined, finalize=lambda value: harmless(value) if type(value) is str else value,
     )  # fmt: skip
+
+
+def _glossaries(page: Page) -> list[Glossary]:
+    blocks = [*page.blocks, *(block for section in page.all_sections() for block in section.blocks)]
+    return [block for block in blocks if isinstance(block, Glossary)]
 
 
 def _kind(block: Block) -> str:

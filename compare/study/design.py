@@ -17,6 +17,8 @@ from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo import SCHEMES, check_settings, default_step
 from rattle.scene.errors import InputError
 from rattle.scene.files import in_file, read_text, read_toml
+from rattle.scene.gears import Gears
+from rattle.scene.plausible import check_plausible
 from rattle.scene.scene import Scene
 from rattle.scene.validate import choice, count, known_keys, positive
 
@@ -77,6 +79,8 @@ class Study:
     title : str
     text : str
         Content of the file that the study was read from.
+    gears : Gears or None
+        Those of its scene, in whose units the page explains what it shows.
 
     Examples
     --------
@@ -108,6 +112,7 @@ class Study:
     within: Tolerances
     title: str = "study"
     text: str = ""
+    gears: Gears | None = None
 
     @classmethod
     def load(cls, path: str | Path) -> "Study":
@@ -125,13 +130,16 @@ class Study:
         Raises
         ------
         InputError
-            If a key or a value is wrong; the message names it.
+            If a key or a value is wrong, or the gears cannot exist (`rattle.scene.plausible`); the message names it.
         FileError
             If the file cannot be read.
         """
         text = read_text("study file", path)
         with in_file(path, text):
-            return cls.from_toml(text)
+            study = cls.from_toml(text)
+            if study.gears is not None:
+                check_plausible(study.gears)
+        return study
 
     @classmethod
     def from_toml(cls, text: str) -> "Study":
@@ -158,7 +166,8 @@ class Study:
             raise InputError("study", wanted, "write it as a table: [study]")
         known_keys("study", wanted, KEYS)
         given: dict[str, Any] = {name: data[name] for name in ("gears", "scene") if name in data}
-        base = replace(Scene.from_dict(given)).to_dict()["scene"]
+        scene = Scene.from_dict(given)
+        base = replace(scene).to_dict()["scene"]  # without the gears: an axis may vary what they fix
         if "start" not in given.get("scene", {}):
             del base["start"]
         axes = read_axes(data.get("axes", []))
@@ -171,6 +180,7 @@ class Study:
             order=count("study.order", wanted.get("order", 4), *ORDERS), settings=settings,
             common_noise=_flag("study.common_noise", wanted.get("common_noise", True)),
             within=_within(wanted.get("within", {})), title=str(wanted.get("title", "study")), text=text,
+            gears=scene.gears,
         )  # fmt: skip
 
     @property

@@ -30,7 +30,7 @@ __all__ = ["answer", "write_page"]
 SMALL = ("correlation", "validity", "cost", "reasons")
 """Small tables, written as CSV in addition to Parquet."""
 
-WORDS = glossary(
+WORDS = (
     *CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, "exact flight", "σ", "α", "ε", "ρ1, ρ2", "orbit", "agreement",
 )  # fmt: skip
 FEW = 4  # up to so many different ranges of validity of a closure are listed one by one in the answer
@@ -61,7 +61,7 @@ def answer(r: Results) -> list[str]:
         sentences = [
             _advice(last, impacts, name, values.max()),
             f"Every section mean and sd of {impacts} impacts, {name} from {values.min():.4g} to {values.max():.4g}:",
-            *(f"{closure}: {_range_in_words(r, rows)}." for closure, rows in last.groupby("closure", sort=False)),
+            *(f"`{closure}`: {_range_in_words(r, rows)}." for closure, rows in last.groupby("closure", sort=False)),
         ]
     reached = r.sections[(r.sections["quantity"] == "tau") & (r.sections["moment"] == "mean")]
     shares = reached[reached["impact"] == impacts]["agreement"]
@@ -195,7 +195,8 @@ def _page(r: Results, record: dict[str, Any], figures: list[Figure], cost: pd.Da
         f"Estimate for more cores, from these times ({factor:.2g} times the nominal ones) and 3.5 ms of a Dask "
         "scheduler for each task of at most 65 536 paths:"
     )
-    opening: tuple[Block, ...] = (*figures[:1], _counts(r), Text(method, note=True), WORDS)
+    words = glossary(*WORDS, gears=r.study.gears)
+    opening: tuple[Block, ...] = (*figures[:1], _counts(r), Text(method, note=True), words)
     sections = [Section("Figures", tuple(figures[1:]))] if figures[1:] else []
     if lacks := lacking(r.study.points, record.get("failed", {})):
         rows: list[Row] = [[lack.what, lack.points, lack.where, lack.why] for lack in lacks]

@@ -38,7 +38,7 @@ def tradeoff_figure(points: pd.DataFrame, slopes: dict[str, float], means_alone:
     -------
     Figure
     """
-    figure, (ax,) = new_figure(8.2, 6.4, 1, 1)
+    figure, (ax,) = new_figure(10.6, 4.9, 1, 1)  # low enough for the first screen, its legend beside it
     handles: list[Artist] = []
     schemes = points[points["kind"] == "scheme"]
     for scheme, rows in schemes.groupby("method", sort=False):
@@ -58,8 +58,7 @@ def tradeoff_figure(points: pd.DataFrame, slopes: dict[str, float], means_alone:
     ax.set_ylabel("error of the section means and sds / sd of each quantity")
     figure.legend(
         handles=[*handles, MEASURED, EXTRAPOLATED, MISSED],
-        loc="outside upper center",
-        ncols=3,
+        loc="outside right upper",
         fontsize=8.0,
         frameon=False,
     )

@@ -7,15 +7,14 @@ import numpy as np
 import pandas as pd
 
 from rattle.compare.report import Block, Cell, Code, Figure, Page, Row, Section, Source, Table, Text, numbers
-from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, glossary
+from rattle.compare.report.glossary import CLOSURE_TERMS, SCHEME_TERMS, SECTION_TERMS, glossary
+from rattle.compare.tradeoff.answer import EXACT, cheapest, seconds
 from rattle.compare.tradeoff.measure import Measured, means_seconds, slope
 from rattle.compare.tradeoff.multilevel import KURTOSIS_ALARM, Rate
 from rattle.compare.tradeoff.weak_order import ORDER_IMPACTS, Orders
 from rattle.scene.scene import Scene
 
-__all__ = ["EXACT", "orders_table", "seconds", "tradeoff_page"]
-
-EXACT = "exact-flight"
+__all__ = ["orders_table", "tradeoff_page"]
 
 FIGURE = (
     "Error against processor time, both on logarithmic scales. Schemes: the larger of the worst standard error and the "
@@ -60,30 +59,7 @@ GAINS = (
     "negative, take no more time: their gain, median over the rows, is 1 / (1 + r) with the correlation r of a pair, "
     "at least 0.5."
 )
-WORDS = glossary(*CLOSURE_TERMS, *SECTION_TERMS, "exact flight", "σ")
-
-
-def seconds(value: float) -> str:
-    """A time in a suitable unit, with two digits.
-
-    Parameters
-    ----------
-    value : float
-        In seconds.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> seconds(0.00056), seconds(12.3), seconds(86400.0 * 3)
-    ('0.56 ms', '12 s', '72 h')
-    """
-    for factor, unit, below in ((1e-3, "ms", 1.0), (1.0, "s", 120.0), (60.0, "min", 7200.0)):
-        if value < below:
-            return f"{float(f'{value / factor:.2g}'):g} {unit}"
-    return f"{float(f'{value / 3600.0:.2g}'):g} h"
+WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *SCHEME_TERMS, "standard error", "σ")
 
 
 def _rate(rate: Rate, sign: float) -> str:
@@ -120,6 +96,12 @@ def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> 
         means.append((f"{a:g}", *cells))
     heads = ["accuracy", *(f"multilevel {n}" for n in m.levels), f"{EXACT} with control", f"{EXACT} without"]
     ratios = ("means_median", "means_smallest", "sds_median", "sds_smallest")
+    best = [cheapest(p, a) for a in accuracies]
+    chosen: list[Row] = [
+        (f"{a:g}", str(r["method"]), Cell(seconds(r["core_seconds"]), value=float(r["core_seconds"])),
+         "measured" if r["measured"] else "extrapolated")
+        for a, r in zip(accuracies, best, strict=True)
+    ]  # fmt: skip
     gains: list[Row] = [
         (f"{r['sigma']:.4g}", *(f"{r[n]:.3g}" for n in ratios),
          f"{r['time_ratio']:.2f}", *(f"{r[n] / r['time_ratio']:.3g}" for n in ("means_median", "sds_median")),
@@ -127,6 +109,9 @@ def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> 
         for _, r in control.iterrows()
     ]  # fmt: skip
     return {
+        "cheapest": Table.of(
+            [*numbers("error / sd"), "cheapest method", *numbers("time on one core"), "found"], chosen
+        ),
         "schemes": Table.of(
             ["scheme", *numbers("accuracy", "dt", "paths", "core-seconds", "standard error", "step bias", "actual"),
              "found"], schemes
@@ -224,6 +209,10 @@ def tradeoff_page(
         f"What accuracy costs: {record['name']}, σ = {sigma}, {impacts} impacts",
         tuple(sentences[:-1]),
         Source(record["command"], facts, scene),
-        (Figure("tradeoff.svg", FIGURE.format(reference=reference), figure), WORDS),
+        (
+            Figure("tradeoff.svg", FIGURE.format(reference=reference), figure),
+            tables["cheapest"],
+            glossary(*WORDS, gears=m.reference.scene.gears),
+        ),
         tuple(sections),
     )

@@ -50,6 +50,7 @@ def advice(
     *,
     simulation: pd.DataFrame | None = None,
     speed: pd.DataFrame | None = None,
+    lasting: str = "",
 ) -> str:
     """What to take for a gear pair, in one sentence.
 
@@ -66,6 +67,8 @@ def advice(
         Rows of `rattle.compare.validation.speed.Cost`; ``seconds`` is NaN where no time was measured.
     speed : DataFrame, optional
         Rows of `rattle.compare.validation.speed.Speed`.
+    lasting : str
+        How long the motion is in physical units, as "24 ms of rattling", if that is known.
 
     Returns
     -------
@@ -82,14 +85,15 @@ def advice(
     sigmas = sorted(validity["sigma"].unique())
     accurate = _ranges(validity, impacts, None)
     chosen = _steps(_ranges(validity, impacts, speed))
+    what = f"{impacts} impact{'s' if impacts > 1 else ''}{f' ({lasting})' if lasting else ''} to {ASKED}"
     if not chosen:
-        return _none(validity, impacts, accurate, _cost(simulation, impacts, -math.inf))
+        return _none(validity, impacts, accurate, _cost(simulation, what, -math.inf))
     limit = chosen[-1].limit
     taken = f"For this gear pair take {listed([_up_to(c, sigmas) for c in chosen])}"
     if limit == sigmas[-1]:
         tried = "the only noise intensity" if len(sigmas) == 1 else "the largest noise intensity"
         return f"{taken}, {tried} compared: all {_moments(impacts)} are accurate there."
-    return f"{taken}; beyond it simulate{_open(validity, impacts, limit)}: {_cost(simulation, impacts, limit)}."
+    return f"{taken}; beyond it simulate{_open(validity, impacts, limit)}: {_cost(simulation, what, limit)}."
 
 
 def _ranges(validity: pd.DataFrame, impacts: int, speed: pd.DataFrame | None) -> list[_Range]:
@@ -124,9 +128,8 @@ def _moments(impacts: int) -> str:
     return f"means and sds at {impacts} impacts" if impacts > 1 else "means and sds at the first impact"
 
 
-def _cost(simulation: pd.DataFrame | None, impacts: int, beyond: float) -> str:
+def _cost(simulation: pd.DataFrame | None, what: str, beyond: float) -> str:
     """What a simulation takes at the noise intensities beyond one, the cheapest and the dearest of them."""
-    what = f"{impacts} impact{'s' if impacts > 1 else ''} to {ASKED}"
     rows = None if simulation is None else simulation[simulation["sigma"] > beyond].dropna(subset=["paths"])
     if rows is None or rows.empty:
         return f"`rattle simulate` states what {what} take"

@@ -8,6 +8,7 @@ import pandas as pd
 from rattle.closure import refusals
 from rattle.compare.validation.advice import advice
 from rattle.compare.validation.correlation import SIMULATED, first_failure
+from rattle.compare.validation.physical import lasting, motion_sentence
 from rattle.compare.validation.speed import Cost, simulation_cost
 from rattle.compare.validation.sweep import Sweep
 from rattle.compare.validation.validate import Validation
@@ -64,7 +65,7 @@ def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
             unbroken(at.index, at[name] == impacts) or math.nan for name in ("accurate", "not_inaccurate")
         )
         ended = bool((at[at["not_inaccurate"] < impacts]["cause"][:1] == "ended").any())
-        found.setdefault(in_words("σ", list(at.index), accurate, not_wrong, ended=ended), []).append(str(closure))
+        found.setdefault(in_words("σ", list(at.index), accurate, not_wrong, ended=ended), []).append(f"`{closure}`")
     shares = [f"{listed(closures)}: {said}" for said, closures in found.items()]
     sigmas = validity["sigma"]
     return (
@@ -92,9 +93,9 @@ def left_out(scene: Scene, shown: Iterable[str]) -> list[str]:
     --------
     >>> from rattle.scene import DAT21, Scene, Start
     >>> left_out(Scene.from_gears(DAT21, start=Start()), ["corrected", "saltation"])
-    ['Left out: published (start.mesh = 0: the published closure needs a start at mesh 1 (Eq. 10)).']
+    ['Left out: `published` (start.mesh = 0: the published closure needs a start at mesh 1 (Eq. 10)).']
     """
-    missing = [f"{name} ({why})" for name, why in refusals(scene).items() if name not in shown]
+    missing = [f"`{name}` ({why})" for name, why in refusals(scene).items() if name not in shown]
     return [f"Left out: {listed(missing)}."] if missing else []
 
 
@@ -112,7 +113,8 @@ def answer(validations: Sequence[Validation], swept: Sweep | None = None) -> lis
     Returns
     -------
     list of str
-        Four sentences, or five with `swept`; one more where closures cannot be applied to the scene.
+        Four sentences; one more with `swept`, of a scene that was made from gears (the motion in physical units), and
+        where closures cannot be applied to the scene.
     """
     impacts = len(validations[0].run.section)
     tolerances = validations[0].tolerances
@@ -124,7 +126,7 @@ def answer(validations: Sequence[Validation], swept: Sweep | None = None) -> lis
             counts = rows["verdict"].value_counts()
             accurate, _, undecided = (int(counts.get(verdict, 0)) for verdict in JUDGED)
             open_rows = f" ({undecided} undecided)" if undecided else ""
-            each.append(f"{closure} {accurate} of {int(counts.reindex(list(JUDGED)).sum())}{open_rows}")
+            each.append(f"`{closure}` {accurate} of {int(counts.reindex(list(JUDGED)).sum())}{open_rows}")
         shares.append(f"at σ = {sigma_text(v)} {listed(each)}")
     broken = []
     for closure in validations[0].predictions:
@@ -132,7 +134,7 @@ def answer(validations: Sequence[Validation], swept: Sweep | None = None) -> lis
         if failures:
             v, (impact, stage, why) = failures[-1]
             broken.append(
-                f"the {closure} closure stops being realizable at impact {impact} "
+                f"the `{closure}` closure stops being realizable at impact {impact} "
                 f"(at σ = {sigma_text(v)}, stage {stage}: {why})"
             )
     judged = set().union(*(v.correlation["closure"] for v in validations))  # a mixture is realizable by construction
@@ -142,21 +144,23 @@ def answer(validations: Sequence[Validation], swept: Sweep | None = None) -> lis
         if name in judged and not any(first_failure(v.correlation, name) for v in validations)
     ]
     if realizable:
-        broken.append(f"the moments of {listed(realizable)} stay realizable")
+        broken.append(f"the moments of {listed([f'`{name}`' for name in realizable])} stay realizable")
     agreement = []
     for v in validations:
         best = max(v.run.agreement[name].iloc[-1] for name in v.predictions)
         agreement.append(f"{best:.1%} at σ = {sigma_text(v)}")
+    motion = lasting(validations[0])
     if swept:
         first = [
-            advice(swept.validity, impacts, simulation=swept.simulation, speed=swept.speed),
+            advice(swept.validity, impacts, simulation=swept.simulation, speed=swept.speed, lasting=motion),
             validity_sentence(swept.validity, impacts),
         ]
     else:
         costs = pd.DataFrame([simulation_cost(v) for v in validations], columns=list(Cost._fields))
-        first = [advice(validities(validations), impacts, simulation=costs)]
+        first = [advice(validities(validations), impacts, simulation=costs, lasting=motion)]
     return [
         *first,
+        *motion_sentence(validations),
         f"Section moments{'' if swept else SECTION} that a closure predicts over {impacts} impacts and that "
         f"are accurate (within "
         f"{tolerances.mean:.0%} of an sd for means and {tolerances.sd:.0%} for sds, interval included): "
@@ -195,10 +199,10 @@ def correlation_claim(validations: Sequence[Validation]) -> str:
         excess = f", |ρ| up to {beyond:.3g}" if beyond > 1.0 else ""
         evidence.append(f"at σ = {sigma_text(v)} at {len(impacts)} impacts, the first being {impacts[0]}{excess}")
     return (
-        "The paper argues that the density cannot be Gaussian because |ρ| may exceed 1. In the published closure "
+        "The paper argues that the density cannot be Gaussian because |ρ| may exceed 1. In the `published` closure "
         f"second moments belong to no distribution {'; '.join(evidence)}. The rule behind it is Eq. 15, −ε m_np for "
         "every power p, which gives a variance the sign of −ε; with (−ε)^p and the joint moments, all else alike, the "
-        f"corrected closure keeps |ρ| ≤ {_largest_rho(validations, 'corrected'):.4f}, and the simulation shows "
+        f"`corrected` closure keeps |ρ| ≤ {_largest_rho(validations, 'corrected'):.4f}, and the simulation shows "
         f"|ρ| ≤ {_largest_rho(validations, SIMULATED):.4f}. The excess is an artefact of that rule. The densities are "
         "not Gaussian all the same: impacts skew them and split them into several modes, as the section histograms "
         "show."

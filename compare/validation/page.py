@@ -16,6 +16,7 @@ from rattle.compare.report.json_text import json_text
 from rattle.compare.report.style import caption_of, save
 from rattle.compare.validation.answer import answer, correlation_claim, sigma_text
 from rattle.compare.validation.figures import FIGURES, agreement_figure
+from rattle.compare.validation.physical import motion_blocks
 from rattle.compare.validation.sweep import Sweep
 from rattle.compare.validation.tables import (
     MARKS,
@@ -51,7 +52,7 @@ AGREEMENT = (
     "Share of paths whose impacts so far were at the meshes and sides of the closure's itinerary; no closure along a "
     "single orbit can be accurate beyond it."
 )
-WORDS = glossary(
+WORDS = (
     *CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ρ1, ρ2", "stage", "agreement", "realizable",
 )  # fmt: skip
 PREDICTED = " Dashed: the share that the branching closure predicts."
@@ -105,7 +106,7 @@ def _section(v: Validation, number: int, folder: Path) -> Section:
             errors.append(Text(f"The {closure} closure cannot be continued: {prediction.stopped}.", note=True))
     return Section(
         sigma,
-        (Text(simulation_text(v), note=True), reach_table(v), count_table(v), *figures),
+        (Text(simulation_text(v), note=True), reach_table(v), count_table(v), *motion_blocks(v), *figures),
         (
             Section(f"Realizability at {sigma}", (*found, Text(distance, note=True), distance_table(v))),
             Section(f"Errors per impact at {sigma}", tuple(errors)),
@@ -123,6 +124,7 @@ def _page(
     """The page of the report; its figures are saved into the folder."""
     caption = AGREEMENT + (PREDICTED if "branching" in validations[0].predictions else "")
     agreement = _drawn(agreement_figure(validations), "agreement", caption, folder)
+    words = glossary(*WORDS, gears=validations[0].scene.gears)
     sections = []
     if swept:
         paths = (
@@ -131,7 +133,7 @@ def _page(
         )
         drawing = validity_figure(swept.validity, settings.impacts)
         figure = _drawn(drawing, "validity", caption_of(drawing, VALIDITY), folder)
-        opening: tuple[Block, ...] = (figure, validity_table(swept.validity), Text(paths, note=True), WORDS)
+        opening: tuple[Block, ...] = (figure, validity_table(swept.validity), Text(paths, note=True), words)
         speeds = speed_table(swept.speed)
         note = SPEED + ("" if swept.speed["resolved"].all() else UNRESOLVED)
         none = Text(NONE.format("some are" if (swept.validity["not_inaccurate"] > 0).any() else "none is"))
@@ -143,7 +145,7 @@ def _page(
         )
         sections.append(Section("How long the paths follow the itinerary", (agreement,)))
     else:
-        opening = (agreement, WORDS)
+        opening = (agreement, words)
     marks = ", ".join(f"{SIGNS[mark] or '–'} {verdict}" for verdict, mark in MARKS.items() if verdict != NOT_JUDGED)
     legend = (
         f"Marks: {marks}. Errors are closure minus simulation, corrected for the measured step bias, in units of the "

@@ -62,7 +62,7 @@ class Validation:
     run : Ensemble
         The simulation.
     table : DataFrame
-        Every moment of every closure with error, interval and verdict; the columns are `COLUMNS`.
+        Every moment of every closure with error, interval and verdict; the columns are ``COLUMNS``.
     correlation : DataFrame
         Validity of the correlation on both sides, see `rattle.compare.validation.correlation.validity`.
     z : float
@@ -80,7 +80,7 @@ class Validation:
 
     @property
     def accurate(self) -> bool:
-        """Whether all moments that are predicted and judged are accurate; the rule is in `verdict.RULE`."""
+        """Whether all moments that are predicted and judged are accurate; the rule is in ``verdict.RULE``."""
         judged = self.table[self.table["verdict"].isin(JUDGED)]
         return bool((judged["verdict"] == "accurate").all())
 
@@ -246,6 +246,7 @@ def validate(
         record=Record(
             step_bias=biased,
             histogram=True,
+            energy=scene.gears is not None,
             times=middle[(middle - scene.phase > grid) & (middle <= last)],
             itineraries={name: m.itinerary for name, m in predictions.items()},
         ),

@@ -2,8 +2,8 @@ r"""
 Verdicts on every moment
 ========================
 
-`rattle.validate` compares every closure with a simulation and judges each moment at each impact: accurate (the whole
-interval of the error is within what is allowed), inaccurate (all of it is outside), or undecided.
+`rattle.compare.validate` compares every closure with a simulation and judges each moment at each impact: accurate (the
+whole interval of the error is within what is allowed), inaccurate (all of it is outside), or undecided.
 """
 
 import matplotlib.pyplot as plt

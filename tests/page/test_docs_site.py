@@ -3,8 +3,10 @@
 The code cells of its pages are run; the scripts of its gallery are run by ``make docs``, and one of them here.
 """
 
+import json
 import os
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -30,7 +32,7 @@ def site(tmp_path_factory):
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", "-D", "plot_gallery=0"]
     offline = dict.fromkeys(("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY"), "http://127.0.0.1:9")
     done = subprocess.run(
-        [*command, copy / "docs", out], capture_output=True, text=True, env=os.environ | offline, timeout=600
+        [*command, copy / "docs", out], capture_output=True, text=True, env=os.environ | offline, timeout=1800
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return out
@@ -66,6 +68,37 @@ def test_tables_are_those_of_the_reports(site):
     found = re.findall(r'<table class="[^"]*reported[^"]*".*?</table>', page, re.DOTALL)
     assert len(found) == 2
     assert all(table.count("<tr") > 4 for table in found)
+
+
+SOURCES = [p for p in sorted(DOCS.rglob("*.md")) if not {"_build", "generated", "auto_gallery"} & set(p.parts)]
+
+
+def test_no_output_is_typed_by_hand(site):
+    """What the program prints, and what a report took, is made or read when the site is built."""
+    assert not [p for p in SOURCES if "at version 0" in p.read_text()]
+    for page, said in (
+        ("trust/published", "7 of 7 results hold"), ("guide/pytest", "rattle: my_model exceeds the allowed error"),
+        ("development/benchmarks", "arithmetic of one step"),
+    ):  # fmt: skip
+        assert said not in (DOCS / f"{page}.md").read_text()
+        assert said in (site / f"{page}.html").read_text(), page
+    took = json.loads((ROOT / "reports" / "chaos" / "manifest.json").read_text())["wall_seconds"]
+    assert f"took {took:.3g} s on" in (site / "results" / "chaos.html").read_text()
+    tried = json.loads((ROOT / "reports" / "fuzz" / "summary.json").read_text())["scenes"]
+    assert f"{tried:,} scenes" in (site / "trust" / "fuzzing.html").read_text()
+
+
+def test_a_reference_that_leads_nowhere_ends_the_build():
+    conf = runpy.run_path(str(DOCS / "conf.py"))
+    assert conf["nitpicky"]
+    assert len(conf["nitpick_ignore"]) + len(conf["nitpick_ignore_regex"]) < 12
+    ignored = re.compile("|".join(pattern for _, pattern in conf["nitpick_ignore_regex"]))
+    assert not ignored.fullmatch("rattle.scene.Scene.loaded")
+
+
+@pytest.mark.parametrize("word", ["planted", "pressed shut", "mended", "the door"])
+def test_no_private_word_is_left(word):
+    assert not [p for p in (*SOURCES, DOCS / "tables.py") if re.search(rf"\b{word}\b", p.read_text())]
 
 
 def test_gallery_is_large_enough():

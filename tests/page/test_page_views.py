@@ -5,7 +5,7 @@ from html.parser import HTMLParser
 
 import click
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from sample_page import NASTY, figures, sample
 
@@ -106,6 +106,7 @@ def drawn(tmp_path_factory):
 @example(NASTY)
 @given(st.text(min_size=1) | st.text("<>&'\"`/!-= aimgonx[]", min_size=1))
 def test_html_has_the_same_tags_whatever_the_texts(drawn, text):
+    assume(not re.search("σ|other", text))  # these are explained where they stand, by an element of their own
     plain = tags("a plain text", drawn)
     assert [tag[0] for tag in plain].count("script") == 1
     assert tags(text, drawn) == plain

@@ -1,5 +1,6 @@
 """Gears as an engineer writes them: the drive as an amplitude, tolerances of a drawing, and what cannot be right."""
 
+import re
 from dataclasses import asdict, replace
 
 import pytest
@@ -61,6 +62,20 @@ def test_a_single_stage_needs_no_second_wheel():
     assert scene.constants == Scene.from_gears(DAT21, stages=1).constants
     with pytest.raises(InputError, match=r"gears = \['inertia2'"):
         Scene.from_toml(first + "alpha = 1.5")
+
+
+def test_a_pair_takes_ten_lines_and_says_which_are_missing(tmp_path):
+    lines = [line for line in TEXT.splitlines() if not re.match(r"backlash2|damping|torque", line)]
+    lines.append("alpha = 1.5")
+    assert len(lines) <= 10
+    scene = Scene.load(written(tmp_path, "\n".join(lines)))
+    plain = replace(DAT21, damping1=0.0, damping2=0.0, torque1=0.0, torque2=0.0)
+    assert scene.constants == Scene.from_gears(plain).constants
+    assert Scene.from_toml(scene.to_toml()).gears == plain
+    for line in lines[1:]:
+        name = line.split()[0]
+        with pytest.raises(InputError, match=rf"gears = \['{name}'\]: these keys are missing"):
+            Scene.from_toml("\n".join(other for other in lines if other != line))
 
 
 @pytest.mark.parametrize(

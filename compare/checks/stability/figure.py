@@ -1,4 +1,4 @@
-"""The figure of the map: a row for each scheme, a panel for each axis, a mark for each cell."""
+"""The figures of the map: how many cells have which verdict, and every cell of every scheme over every axis."""
 
 from typing import Any
 
@@ -9,9 +9,9 @@ from matplotlib.lines import Line2D
 
 from rattle.compare.checks.stability.axes import AXES
 from rattle.compare.checks.stability.cell import BIASED, COLLAPSING, UNBIASED, UNDECIDED, UNSTABLE
-from rattle.compare.report.style import new_figure
+from rattle.compare.report.style import legend_above, new_figure
 
-__all__ = ["figure"]
+__all__ = ["figure", "summary"]
 
 MARKS: Any = {
     UNBIASED: {"color": "#0072B2", "marker": "o"},
@@ -23,6 +23,40 @@ MARKS: Any = {
 """Colours of Okabe and Ito's palette; markers distinguish the verdicts without colour as well."""
 REFUSED = "#E8E8E8"
 BESIDE = 0.28  # horizontal offset of the cell at the default step, in columns
+
+
+def summary(table: pd.DataFrame) -> Figure:
+    """Draw how many cells with an admissible step have which verdict, at the default step and at all of them.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As `rattle.compare.checks.stability.chart.Chart.table`.
+
+    Returns
+    -------
+    Figure
+    """
+    schemes, cells = list(dict.fromkeys(table["scheme"])), table[table["share"] <= 1.0]
+    drawn, panels = new_figure(10.0, 0.42 * len(schemes) + 1.2, 1, 2)
+    shown = (("at the default step", cells[cells["default"]]), ("at every admissible step", cells))
+    for (title, part), ax in zip(shown, panels, strict=True):
+        left = pd.Series(0, index=schemes)
+        for verdict in [v for v in MARKS if v in set(cells["verdict"])]:
+            counts = part[part["verdict"] == verdict]["scheme"].value_counts().reindex(schemes, fill_value=0)
+            bars = ax.barh(schemes, counts, left=left, color=MARKS[verdict]["color"], height=0.7, label=verdict)
+            if counts.any():
+                ax.bar_label(
+                    bars, [str(n) if n else "" for n in counts], label_type="center", color="white", fontsize=8
+                )
+            left = left + counts
+        ax.invert_yaxis()
+        ax.grid(visible=False)
+        ax.set_title(title, loc="left")
+        ax.set_xlabel("cells of the map")
+    panels[1].set_yticklabels([])
+    legend_above(drawn, panels[:1], len(MARKS))
+    return drawn
 
 
 def figure(table: pd.DataFrame) -> Figure:

@@ -11,17 +11,28 @@ from rattle.compare.checks.extremes.row import Extreme
 from rattle.compare.checks.extremes.run import table
 from rattle.compare.checks.stability.cell import BIASED, COLLAPSING, UNBIASED, UNDECIDED, UNSTABLE
 from rattle.compare.checks.stability.chart import Chart
-from rattle.compare.checks.stability.figure import figure
+from rattle.compare.checks.stability.figure import figure, summary
 from rattle.compare.checks.stability.reference import IMPACTS
 from rattle.compare.report import Cell, Column, Figure, Page, Row, Section, Table, Text, numbers
+from rattle.compare.report.glossary import SCHEME_TERMS, glossary
 from rattle.compare.report.save import contents, save
+from rattle.compare.validation.validity_range import listed
 from rattle.compare.validation.verdict import Tolerances
+from rattle.scene import Scene
 
 __all__ = ["CONTENTS", "answer", "write_stability"]
 
-CONTENTS = contents("stability", figures=["stability"], tables=["stability", "covariance", "extremes"])
+CONTENTS = contents("stability", figures=["verdicts", "stability"], tables=["stability", "covariance", "extremes"])
 """Files of such a folder; a folder with any other file is not overwritten."""
 
+WORDS = (
+    *SCHEME_TERMS, "admissible step", "default step", "diagnostic", "unbiased", "biased", "unstable", "no limit",
+    "standard error", "σ", "ε", "E, sd", "impact", "sticking",
+)  # fmt: skip
+KEY = (
+    "Verdicts on the cells of the map: scenes from the mildest to the most extreme damping, gap, noise and "
+    "restitution, at steps that input validation admits."
+)
 MARK = {UNBIASED: "good", BIASED: "bad", UNSTABLE: "bad", UNDECIDED: "open"}
 STEPS = (
     "Input validation refuses a step longer than the longest admissible one before any path is simulated, and names "
@@ -64,6 +75,7 @@ def answer(found: Chart) -> list[str]:
     counts = {v: int((cells["verdict"] == v).sum()) for v in (UNBIASED, UNDECIDED, BIASED, UNSTABLE)}
     wrong = cells[cells["verdict"].isin((BIASED, UNSTABLE))]
     said = [
+        _advice(found),
         f"With admissible steps {counts[UNBIASED]} of {len(cells)} cells are unbiased, {counts[UNDECIDED]} undecided, "
         f"{counts[BIASED]} biased and {counts[UNSTABLE]} unstable; diagnostics report "
         f"{int(wrong['diagnosed'].sum())} of these {len(wrong)} biased and unstable cells.",
@@ -74,10 +86,23 @@ def answer(found: Chart) -> list[str]:
         own = part[part["default"]]
         good, diagnosed = own["verdict"] == UNBIASED, own["diagnosed"].astype(bool)
         said.append(
-            f"{scheme} at its default step: {int(good.sum())} of {len(own)} cells shown to be unbiased, "
+            f"`{scheme}` at its default step: {int(good.sum())} of {len(own)} cells shown to be unbiased, "
             f"{int((~good & diagnosed).sum())} others with a diagnostic."
         )
     return said
+
+
+def _advice(found: Chart) -> str:
+    """Which scheme to take, by the cells at the default step."""
+    own = found.table[found.table["default"]]
+    good = (own["verdict"] == UNBIASED).groupby(own["scheme"], sort=False).sum().sort_values(ascending=False)
+    wrong = own["verdict"].isin((BIASED, UNSTABLE)).groupby(own["scheme"], sort=False).sum()
+    best, of = good.index[0], len(own) // len(good)
+    others = [f"{n} for `{scheme}`" for scheme, n in good.iloc[1:].items()]
+    return (
+        f"Take `{best}`: at its default step {good.iloc[0]} of {of} scenes, extreme ones among them, are shown to be "
+        f"unbiased and {wrong[best] or 'none'} to be biased{f' (unbiased: {listed(others)})' if others else ''}."
+    )
 
 
 def write_stability(
@@ -122,19 +147,23 @@ def write_stability(
     )
     page = Page(
         "Where is each scheme stable and unbiased?", tuple(said), source_of(record),
-        (Figure("stability.svg", caption, caption), Text(STEPS), Text(FLOATS)),
         (
-            Section("The worst cell with an admissible step", (Text(tolerance, note=True), worst(found))),
+            Figure("verdicts.svg", KEY, KEY),
+            Text("The worst cell with an admissible step, for each scheme and axis:", note=True), worst(found),
+            glossary(*WORDS, gears=Scene.from_dict(record["scene"]).gears),
+        ),
+        (
+            Section("How long may a step be?", (Figure("stability.svg", caption, caption), Text(STEPS), Text(FLOATS))),
             Section("At the default step", (_defaults(found),)),
-            Section("Method", (Text(reference),)),
+            Section("Method", (Text(tolerance), Text(reference))),
             Section("Exact flights without walls compared with the exact covariance", (_covariance(covariance),)),
             *((Section("Extreme values", (Text(EXTREMES, note=True), _extremes(tried))),) if tried else ()),
         ),
     )  # fmt: skip
     tables = {"stability": found.table, "covariance": covariance} | ({"extremes": table(tried)} if tried else {})
     save(
-        out, "stability", page, record, allowed=CONTENTS, figures={"stability": figure(found.table)}, tables=tables,
-        digits="%.6g", overwrite=overwrite,
+        out, "stability", page, record, allowed=CONTENTS, tables=tables, digits="%.6g", overwrite=overwrite,
+        figures={"verdicts": summary(found.table), "stability": figure(found.table)},
     )  # fmt: skip
     return said
 

@@ -11,7 +11,8 @@ from rattle.compare.chaos.exponents import Mean
 from rattle.compare.claims import judged, of_moments, of_motion
 from rattle.compare.claims.claim import NOT_REPRODUCED, REPRODUCED, UNDECIDED, table
 from rattle.compare.claims.evidence import gather
-from rattle.compare.claims.page import write_claims
+from rattle.compare.claims.figure import verdict_figure
+from rattle.compare.claims.page import answer, write_claims
 from rattle.compare.cli.main import main
 from rattle.compare.report import read_page
 from rattle.scene import DAT21, Scene
@@ -119,11 +120,34 @@ def test_the_page_holds_every_claim(evidence, claims, tmp_path):
     said = write_claims(tmp_path / "o", list(claims.values()), list(claims), evidence.chaos, record, False)
     assert said[0].startswith("Of 12 testable claims")
     page = read_page(tmp_path / "o" / "page.json")
+    figure, overview, words = page.blocks
+    assert figure.path == "verdicts.svg"
+    assert len(overview.rows) == 12
+    assert {"`saltation`", "Lyapunov exponent", "reproduced"} <= dict(words.terms).keys()
     assert [s.title.split(". ", 1)[1] for s in page.sections] == [c.name for c in claims.values()]
     assert pd.read_csv(tmp_path / "o" / "claims.csv")["verdict"].tolist() == [c.verdict for c in claims.values()]
     shown = CliRunner().invoke(main, ["show", str(tmp_path / "o")])
     assert shown.exit_code == 0
     assert all(c.name in shown.output for c in claims.values())
+
+
+def test_the_answer_counts_the_verdicts_and_names_what_failed(claims):
+    chosen = list(claims.values())[:4]
+    verdicts = (REPRODUCED, "holds only for the orbit", NOT_REPRODUCED, UNDECIDED)
+    said = answer([c._replace(verdict=verdict) for c, verdict in zip(chosen, verdicts, strict=True)])
+    assert said == [
+        "Of 4 testable claims of the paper 1 is reproduced, 1 holds only in part, 1 is undecided and 1 is not "
+        f"reproduced: “{chosen[2].name}”."
+    ]
+    said = answer([c._replace(verdict=REPRODUCED) for c in chosen])
+    assert said == ["Of 4 testable claims of the paper 4 are reproduced."]
+
+
+def test_the_figure_has_a_row_for_each_claim_and_a_column_for_each_verdict(claims):
+    chosen = [c._replace(verdict=verdict) for c, verdict in zip(claims.values(), (REPRODUCED, UNDECIDED), strict=False)]
+    (ax,) = verdict_figure(chosen).axes
+    assert [tick.get_text() for tick in ax.get_xticklabels()] == ["undecided: 1", "reproduced: 1"]
+    assert [(line.get_xdata()[0], line.get_ydata()[0]) for line in ax.lines] == [(1, 0), (0, 1)]
 
 
 def test_bad_input_of_the_command_is_refused_before_any_work(tmp_path):

@@ -153,7 +153,7 @@ def test_a_closure_that_cannot_take_the_scene_is_named_with_the_reason(tmp_path)
     result = rattle(tmp_path / "flying.toml", *SMALL, "--out", tmp_path / "o")
     page = (tmp_path / "o" / "report.md").read_text()
     for said in (result.stdout, page):
-        assert "Left out: published (start.mesh = 0: the published closure needs a start at mesh 1 (Eq. 10))." in said
+        assert "Left out: `published` (start.mesh = 0: the published closure needs a start at mesh 1 (Eq. 10))." in said
     assert set(pd.read_csv(tmp_path / "o" / "table.csv")["closure"]) == {"corrected", "saltation", "branching"}
     refused = rattle(tmp_path / "flying.toml", *SMALL, "--closure", "published", "--out", tmp_path / "p", code=2)
     assert "start.mesh = 0" in refused.stderr

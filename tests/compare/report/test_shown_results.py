@@ -54,10 +54,31 @@ def test_sections_in_physical_units(run):
         assert physical.index.name == "impact"
 
 
+def test_moments_at_fixed_times_in_physical_units():
+    run = simulate(SCENE, paths=256, impacts=2, rng=7, record=Record(times=[0.3, 0.6], step_bias=True))
+    for made in (run, mean_map(SCENE, impacts=2)):
+        physical, plain = made.at_times([0.3, 0.6], units="physical"), made.at_times([0.3, 0.6])
+        np.testing.assert_allclose(physical.index, plain.index / 0.3)
+        assert physical.index.name == "time_ms"
+        assert len(physical.columns) == len(plain.columns)
+        np.testing.assert_allclose(physical["x1_mm"], 0.2 * plain["x1"])
+        np.testing.assert_allclose(physical["y2_mm_per_s"], 60.0 * plain["y2"])
+        np.testing.assert_allclose(physical["cov_x1_x2_mm2"], 0.04 * plain["cov_x1_x2"])
+        np.testing.assert_allclose(physical["cov_y1_x2_mm2_per_s"], 12.0 * plain["cov_y1_x2"])
+        np.testing.assert_allclose(physical["cov_y1_y2_mm2_per_s2"], 3600.0 * plain["cov_y1_y2"])
+        pd.testing.assert_series_equal(physical["rho1"].reset_index(drop=True), plain["rho1"].reset_index(drop=True))
+        pd.testing.assert_frame_equal(made.at_times([0.3, 0.6], units="dimensionless"), plain)
+    np.testing.assert_allclose(run.at_times(units="physical")["se_x1_mm"], 0.2 * run.at_times()["se_x1"])
+
+
 @pytest.mark.parametrize("make", [mean_map, partial(simulate, paths=1)])
 def test_physical_units_need_gears(make):
     with pytest.raises(InputError, match="was not made from gears"):
         make(PLAIN, impacts=1).section_in("physical")
+    with pytest.raises(InputError, match="was not made from gears"):
+        make(PLAIN, impacts=1).at_times([], units="physical")
+    with pytest.raises(InputError, match="did you mean 'physical'"):
+        make(SCENE, impacts=1).at_times([], units="phsical")
 
 
 def test_figures(validation, run):

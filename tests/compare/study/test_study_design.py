@@ -1,6 +1,7 @@
 """The study file: axes, products and zips, keys, and every refusal."""
 
 import re
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -9,11 +10,32 @@ from study_files import study_text
 from rattle.compare.study.axes import EXAMPLE
 from rattle.compare.study.cells import Prediction, Sample
 from rattle.compare.study.design import Study
+from rattle.scene import DAT21
 from rattle.scene.errors import InputError
 
 
 def read(**settings):
     return Study.from_toml(study_text(**settings))
+
+
+def geared(**changes):
+    """A study of DAT21, with some of its values changed."""
+    gears = "".join(f"{name} = {value!r}\n" for name, value in {**asdict(DAT21), **changes}.items())
+    return re.sub(r"\[scene\].*?\n\n", f"[gears]\n{gears}\n", study_text(), flags=re.DOTALL)
+
+
+def test_a_study_file_is_asked_whether_its_gears_can_be(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text(geared())
+    assert Study.load(file).gears == DAT21
+    file.write_text(geared(inertia1=0.004, damping1=0.0))
+    assert Study.from_toml(file.read_text()).gears.inertia1 == 0.004  # only what was written in a file is questioned
+    line = file.read_text().splitlines().index("inertia1 = 0.004") + 1
+    with pytest.raises(
+        InputError, match=rf"mine\.toml, line {line}: gears\.inertia1 = 0\.004: is too little"
+    ) as caught:
+        Study.load(file)
+    assert "if 0.004 is in kg m^2, write 4000" in str(caught.value)
 
 
 def test_axes_multiply_and_fields_of_one_table_go_together():

@@ -10,12 +10,13 @@ import pytest
 from click.testing import CliRunner
 
 from rattle.compare.cli.main import main
+from rattle.compare.tradeoff.answer import verdict
 from rattle.compare.tradeoff.cost_model import CostModel, Point
 from rattle.compare.tradeoff.figures import order_figure, tradeoff_figure
 from rattle.compare.tradeoff.measure import Measured, _compared_with, check_accuracies, closure_points, slope
 from rattle.compare.tradeoff.multilevel import Levels, Rate, fitted, giles_cost, levels_of
 from rattle.compare.tradeoff.page import orders_table
-from rattle.compare.tradeoff.save import CONTENTS, verdict
+from rattle.compare.tradeoff.save import CONTENTS
 from rattle.compare.tradeoff.variance_reduction import antithetic_gain, control_table
 from rattle.compare.tradeoff.weak_order import orders_over
 from rattle.montecarlo import Record, simulate

@@ -54,15 +54,16 @@ def test_an_end_that_more_paths_would_decide_is_called_undecided():
     assert f"from impact {found.accurate + 1} on" in found.why
 
 
-def test_answer_is_advice_and_three_sentences_with_the_counts(validations):
-    first, *sentences = answer(validations)
+def test_answer_is_advice_motion_and_three_sentences_with_the_counts(validations):
+    first, motion, *sentences = answer(validations)
     assert first.startswith("For this gear pair ")
+    assert motion.startswith("In the units of these gears: at σ = ")
     assert len(sentences) == 3
     rows = validations[0].table.query("closure == 'saltation' and kind == 'section'")
     right, judged = (rows["verdict"] == "accurate").sum(), rows["verdict"].isin(JUDGED).sum()
     assert judged == 6 * (12 - 2)  # all but the displacement at the struck mesh
-    assert f"saltation {right} of {judged}" in sentences[0]
-    assert "published closure stops being realizable at impact 2" in sentences[1]
+    assert f"`saltation` {right} of {judged}" in sentences[0]
+    assert "`published` closure stops being realizable at impact 2" in sentences[1]
 
 
 def test_claim_about_rho_names_rule_and_impact(validations):
@@ -93,5 +94,5 @@ def test_counts_range_of_validity_answer_and_requirement_follow_one_rule():
     counts = [dict(zip(heads[2:], (int(cell.text) for cell in row[2:]), strict=True)) for row in count_table(v).rows]
     assert [c["inaccurate"] + c["undecided"] for c in counts] == [0, 0, 0]
     assert [c["not judged"] for c in counts] == [3, 3, 0]  # means, sds, rho
-    assert "saltation 30 of 30" in answer([v])[1]
+    assert "`saltation` 30 of 30" in answer([v])[2]
     assert len(judged_rows(v, "saltation")) == 30

@@ -4,6 +4,7 @@ import csv
 import json
 from dataclasses import replace
 
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 
@@ -13,7 +14,8 @@ from rattle.compare.checks.stability import free_flight
 from rattle.compare.checks.stability.axes import AXES, moderate
 from rattle.compare.checks.stability.cell import BIASED, COLLAPSING, UNBIASED, UNDECIDED, UNSTABLE, judged, sampled
 from rattle.compare.checks.stability.chart import Chart, chart
-from rattle.compare.checks.stability.figure import figure
+from rattle.compare.checks.stability.figure import figure, summary
+from rattle.compare.checks.stability.page import answer
 from rattle.compare.checks.stability.reference import reference
 from rattle.compare.cli.main import main
 from rattle.compare.report import read_page
@@ -118,6 +120,11 @@ def test_command_writes_map_tables_and_page(tmp_path):
     assert done.exit_code == 0, done.output
     folder = tmp_path / "map"
     page = read_page(folder / "page.json")
+    key, _, table, words = page.blocks
+    assert key.path == "verdicts.svg"
+    assert len(table.rows) == 2
+    assert "`exact-flight`" in dict(words.terms)
+    assert page.answer[0].startswith("Take `exact-flight`: at its default step ")
     assert page.answer == tuple(done.output.splitlines()[:-1])
     rows = list(csv.DictReader((folder / "stability.csv").read_text().splitlines()))
     assert len(rows) == 2 * 2 * 7
@@ -183,6 +190,20 @@ def test_folder_with_other_things_is_left_alone(tmp_path):
     (tmp_path / "map").mkdir()
     (tmp_path / "map" / "mine.txt").write_text("x")
     assert "holds other things (mine.txt)" in run(tmp_path).output
+
+
+def test_the_advice_and_the_key_figure_count_the_cells():
+    row = {"scheme": "exact-flight", "axis": "beta", "default": True, "share": 0.1, "verdict": UNBIASED}
+    cells = [row, row, row | {"scheme": "euler-maruyama"}, row | {"scheme": "euler-maruyama", "verdict": BIASED}]
+    longer = [row | {"default": False, "share": 4.0, "verdict": UNSTABLE}]  # refused: counts nowhere
+    table = pd.DataFrame(cells + longer).assign(diagnosed=True)
+    said = answer(Chart(table, 4.5, 0.0))
+    assert said[0] == (
+        "Take `exact-flight`: at its default step 2 of 2 scenes, extreme ones among them, are shown to be unbiased and "
+        "none to be biased (unbiased: 1 for `euler-maruyama`)."
+    )
+    widths = {c.get_label(): [bar.get_width() for bar in c] for c in summary(table).axes[0].containers}
+    assert widths == {UNBIASED: [2, 1], BIASED: [0, 1]}
 
 
 def test_figure_has_a_panel_for_each_scheme_and_axis():

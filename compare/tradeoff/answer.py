@@ -1,0 +1,167 @@
+"""The answer of a trade-off in sentences, and the cheapest method for each accuracy."""
+
+from collections.abc import Sequence
+from itertools import groupby
+from typing import Any
+
+import pandas as pd
+
+from rattle.compare.tradeoff.measure import HAND_TUNED_NS, Measured, means_seconds
+from rattle.compare.validation.answer import left_out
+from rattle.compare.validation.validity_range import listed
+
+__all__ = ["EXACT", "advice", "answer", "cheapest", "seconds", "verdict"]
+
+EXACT = "exact-flight"
+PLAIN = "euler-maruyama"
+
+
+def cheapest(points: pd.DataFrame, accuracy: float) -> dict[str, Any]:
+    """The cheapest method for an accuracy: of the schemes, and of the closures that predict all moments so well.
+
+    Parameters
+    ----------
+    points : DataFrame
+        Of `rattle.compare.tradeoff.measure.Measured`.
+    accuracy : float
+        Error of every section mean and sd, in sds.
+
+    Returns
+    -------
+    dict
+        The point.
+    """
+    scheme = (points["kind"] == "scheme") & (points["accuracy"] == accuracy) & ~points["missed"]
+    prediction = (
+        (points["kind"] == "closure") & (points["error"] <= accuracy) & (points["rows"] == points["rows"].max())
+    )
+    best: dict[str, Any] = points[scheme | prediction].nsmallest(1, "core_seconds").to_dict("records")[0]
+    return best
+
+
+def seconds(value: float) -> str:
+    """A time in a suitable unit, with two digits.
+
+    Parameters
+    ----------
+    value : float
+        In seconds.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> seconds(0.00056), seconds(12.3), seconds(86400.0 * 3)
+    ('0.56 ms', '12 s', '72 h')
+    """
+    for factor, unit, below in ((1e-3, "ms", 1.0), (1.0, "s", 120.0), (60.0, "min", 7200.0)):
+        if value < below:
+            return f"{float(f'{value / factor:.2g}'):g} {unit}"
+    return f"{float(f'{value / 3600.0:.2g}'):g} h"
+
+
+def advice(m: Measured, accuracies: Sequence[float]) -> str:
+    """Which method to take down to which error, in one sentence.
+
+    Parameters
+    ----------
+    m : Measured
+        What was measured.
+    accuracies : sequence of float
+        From the roughest to the finest.
+
+    Returns
+    -------
+    str
+    """
+    parts = []
+    for method, same in groupby([(a, cheapest(m.points, a)) for a in accuracies], key=lambda found: found[1]["method"]):
+        finest, best = list(same)[-1]
+        cost = seconds(best["core_seconds"]) + ("" if best["measured"] else ", extrapolated")
+        parts.append(f"`{method}` for errors down to {finest:g} of an sd ({cost})")
+    scene, impacts = m.reference.scene, m.reference.impacts
+    return (
+        f"For all means and sds at {impacts} impacts of this gear pair at σ = {scene.sigma:.4g} take {listed(parts)}; "
+        "times are those of one core."
+    )
+
+
+def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
+    """What to take, where a closure is cheapest, and the cost of plain Euler-Maruyama.
+
+    Parameters
+    ----------
+    m : Measured
+        What was measured.
+    accuracies : sequence of float
+        From the roughest to the finest.
+
+    Returns
+    -------
+    list of str
+        Sentences; the last one is `verdict`.
+    """
+    p = m.points
+    whole = p["rows"].max()
+    found = [advice(m, accuracies)]
+    predictions = p[p["kind"] == "closure"]
+    wins = []
+    for _, row in predictions[predictions["rows"] == whole].iterrows():
+        simulated = m.models[EXACT].at(row["error"]).core_seconds
+        if simulated > row["core_seconds"] and row["error"] <= 1.0:
+            wins.append(
+                f"`{row['method']}`, whose worst error is {'' if row['resolved'] else 'below '}{row['error']:.2g} "
+                f"(median {row['median_error']:.2g}) after {seconds(row['core_seconds'])}: exact flights take "
+                f"{float(format(simulated / row['core_seconds'], '.2g')):g} times as long to its worst error"
+            )
+    found.append(
+        f"A closure is the cheapest method for any accuracy no finer than its own worst error: {'; '.join(wins)}."
+        if wins
+        else "No closure that predicts all of them is shown to be cheaper than a simulation as accurate as its worst "
+        "error."
+    )
+    finest = accuracies[-1]
+    plain, exact = m.models[PLAIN], m.models[EXACT].path_alone(finest)
+    found.append(
+        f"To {finest:g}, plain Euler-Maruyama would need dt = {plain.at(finest).dt:.2g}: at "
+        f"{1e9 * plain.step_seconds:.2g} ns per path-step the same number of paths takes "
+        f"{plain.path_alone(finest) / exact:,.0f} times the processor time of exact flights "
+        f"({seconds(m.models[EXACT].at(finest).core_seconds)}), and "
+        f"{plain.path_alone(finest, HAND_TUNED_NS) / exact:,.0f} times at the {HAND_TUNED_NS:g} ns of hand-tuned "
+        "numba code."
+    )
+    return [*found, *left_out(m.reference.scene, list(predictions["method"])), verdict(m, accuracies)]
+
+
+def verdict(m: Measured, accuracies: Sequence[float]) -> str:
+    """Whether multilevel Monte Carlo over the step is anywhere cheaper than exact flights, for the section means.
+
+    Parameters
+    ----------
+    m : Measured
+        What was measured.
+    accuracies : sequence of float
+        From the roughest to the finest.
+
+    Returns
+    -------
+    str
+    """
+    exact, factors, typical = m.models[EXACT], [], []
+    for a in accuracies:
+        estimates = [levels.estimate(a) for levels in m.levels.values()]
+        factors.append(min(e.seconds for e in estimates) / means_seconds(exact, a, control=True))
+        typical.append(min(e.typical for e in estimates) / means_seconds(exact, a, control=True, typical=True))
+    wins = [f"{a:g} ({1.0 / f:.2g} times)" for a, f in zip(accuracies, factors, strict=True) if f < 1.0]
+    found = (
+        f"Multilevel Monte Carlo over the step is cheaper than exact flights for the section means at {', '.join(wins)}"
+        if wins
+        else "Multilevel Monte Carlo over the step is never cheaper than exact flights for all section means"
+    )
+    return (
+        f"{found}: from {accuracies[0]:g} to {accuracies[-1]:g} the better of both Euler schemes takes "
+        f"{factors[0]:.2g} to {factors[-1]:.2g} times as long as exact flights. For a typical mean alone it takes "
+        f"{typical[0]:.2g} to {typical[-1]:.2g} times as long."
+    )

@@ -1,0 +1,72 @@
+"""What a report says of gears in ms, mm, mm/s and mJ; and that a scene without gears says none of it."""
+
+import math
+
+import pytest
+
+from rattle.compare import validate
+from rattle.compare.report import Glossary, read_page
+from rattle.compare.validation.answer import answer
+from rattle.compare.validation.physical import fixed_time_table, lasting, motion_table
+from rattle.scene import DAT21, Scene, Start
+
+PLAIN = Scene(alpha=1.5, epsilon=0.9, beta1=0.1, gamma1=0.05, mu=0.5, sigma=0.02)
+SETTINGS = {"impacts": 3, "closures": ["saltation"], "paths": 2000, "scheme": "exact-flight", "rng": 7}
+
+
+@pytest.fixture(scope="module")
+def v():
+    return validate(Scene.from_gears(DAT21, sigma=0.02), **SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return validate(PLAIN, **SETTINGS)
+
+
+def values(table, head):
+    """Means in a column whose cells are "mean ± sd"."""
+    column = [c.head for c in table.columns].index(head)
+    return [float(row[column].text.split(" ±")[0]) for row in table.rows]
+
+
+def test_the_motion_stands_in_both_systems_of_units(v):
+    table, section = motion_table(v), v.run.section
+    for name, head, unit in (("tau", "τ", 1.0), ("tau", "time [ms]", 1.0 / 0.3), ("y2", "y2 [mm/s]", 60.0)):
+        assert values(table, head) == pytest.approx((section[name] * unit).tolist(), rel=1e-3)
+    joule = 1e-6 * 4000.0 / 41.0**2 * 60.0**2  # kg mm^2/s^2 of the rim's mass at the unit of speed
+    assert values(table, "energy [mJ]") == pytest.approx((section["energy"] * 1e3 * joule).tolist(), rel=1e-2)
+    assert values(table, "impacts per second") == pytest.approx((300.0 / section["flight"]).tolist(), rel=1e-3)
+
+
+def test_moments_at_fixed_times_stand_in_both(v):
+    table, fixed = fixed_time_table(v), v.run.at_times()
+    assert values(table, "time [ms]") == pytest.approx((fixed.index.to_numpy() / 0.3).tolist(), rel=1e-3)
+    assert values(table, "x1 [mm]") == pytest.approx((0.2 * fixed["x1"]).tolist(), rel=1e-3, abs=1e-6)
+    sd = float(table.rows[-1][-1].text.split("± ")[1])
+    assert sd == pytest.approx(60.0 * math.sqrt(fixed["cov_y2_y2"].iloc[-1]), rel=0.06)
+
+
+def test_the_answer_speaks_of_milliseconds(v):
+    said = answer([v])
+    time = v.run.section["tau"].iloc[-1] / 0.3
+    assert said[1].startswith(f"In the units of these gears: at σ = 0.02, 3 impacts take {time:.3g} ms on average (")
+    assert "mm/s, losing " in said[1]
+    assert lasting(v) == f"{time:.3g} ms of rattling"
+
+
+def test_a_late_start_lasts_no_longer(v):
+    late = Scene.from_gears(DAT21, sigma=0.02, start=Start(2e6 * math.pi, 0.5, 2.0, 0.5, 2.0, mesh=1))
+    assert lasting(validate(late, **SETTINGS)) == lasting(v)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_pages_of_gears_have_physical_units_and_others_have_not(v, plain, tmp_path):
+    for one, has in ((v, True), (plain, False)):
+        page = read_page(one.report(tmp_path / str(has)).parent / "page.json")
+        text = (tmp_path / str(has) / "report.md").read_text(encoding="utf-8")
+        words = next(dict(block.terms) for block in page.blocks if isinstance(block, Glossary))
+        for sign in ("mm/s", " ms ", "mJ", "impacts per second"):
+            assert (sign in text) == has, sign
+        assert words["τ"].endswith("1 is 3.333 ms for these gears") == has
+        assert words["y1, y2"].endswith("1 is 60 mm/s for these gears") == has

@@ -1,0 +1,114 @@
+"""Terms of a page's glossary show their meaning where they stand: on hover, from the keyboard, and on a tap."""
+
+import re
+
+import pytest
+from browser import CHROMIUM, Browser
+from markupsafe import Markup, escape
+
+from rattle.compare.report import Figure, Glossary, Page, Section, Source, Table, Text, numbers, write_page
+from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
+from rattle.compare.report.markup import as_html
+from rattle.compare.report.terms import Terms
+from rattle.scene import DAT21
+
+GLOSSARY = Glossary(
+    "Words", (("`published`", "as printed"), ("x1, x2", "position <b>"), ("σ", "noise"), ("E, sd", "spread"))
+)
+MARKED = re.compile(r'<abbr title="([^"]*)"(?: tabindex="(-?\d)")?>(.*?)</abbr>')
+
+
+def marked(text, terms=None):
+    return MARKED.findall(str(as_html(text, words=(terms or Terms([GLOSSARY])).text)))
+
+
+def test_words_are_marked_once_in_a_text_and_names_only_in_code():
+    found = marked("`published` results, published: sds of x1 and x1, not ax1 or x1-x2, at σ")
+    assert [(title.split(":")[0], word) for title, _, word in found] == [
+        ("published", "published"), ("E, sd", "sds"), ("x1, x2", "x1"), ("σ", "σ"),
+    ]  # fmt: skip
+
+
+def test_only_the_first_mark_of_a_term_is_in_the_order_of_the_keys():
+    terms = Terms([GLOSSARY])
+    assert [marked("σ and sd", terms), marked("σ", terms)] == [
+        [("σ: noise", "0", "σ"), ("E, sd: spread", "0", "sd")], [("σ: noise", "-1", "σ")],
+    ]  # fmt: skip
+
+
+def test_heads_say_all_their_terms_and_cells_that_are_one():
+    terms = Terms([GLOSSARY])
+    assert "x1, x2: position &lt;b&gt;" in terms.head("sd x2", Markup("sd x2"))
+    assert 'title="E, sd: spread; x1' in terms.head("sd x2", Markup("sd x2"))
+    assert 'title="published: as printed"' in terms.cell("published", Markup("published"))
+    assert terms.cell("published rule", Markup("published rule")) == "published rule"
+
+
+def test_without_a_glossary_nothing_is_marked_and_everything_escaped():
+    assert Terms([]).text("<b> σ", False) == escape("<b> σ")
+
+
+def test_a_page_says_what_one_is_in_the_units_of_its_gears():
+    plain, own = (dict(glossary("τ", "σ", "y1, y2", gears=gears).terms) for gears in (None, DAT21))
+    assert own["τ"] == plain["τ"] + "; 1 is 3.333 ms for these gears"
+    assert own["y1, y2"] == plain["y1, y2"] + "; 1 is 60 mm/s for these gears"
+    assert own["σ"] == plain["σ"]
+
+
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory):
+    if CHROMIUM is None:
+        pytest.skip("no chromium here: sudo apt-get install chromium")
+    folder = tmp_path_factory.mktemp("terms")
+    (folder / "a.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg" width="640" height="200"/>')
+    table = Table.of(["closure", *numbers("E τ", "sd y1")], [["saltation", 0.1, 0.2], ["published", 0.3, 0.4]])
+    words = glossary(*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, "σ")
+    opening = (Figure("a.svg", "Is it accurate?", "a"), table, words)
+    section = Section("s", (Text("The closures are accurate."),))
+    page = Page("t", ("Take `saltation` up to σ = 0.1.",), Source("rattle"), opening, (section,))
+    write_page(page, folder, "report")
+    browser = Browser(tmp_path_factory.mktemp("chromium"))
+    yield browser, folder / "report.html"
+    browser.close()
+
+
+FOCUSED = "(document.activeElement.closest('abbr') ?? document.activeElement.querySelector('abbr'))"
+POPUP = f"getComputedStyle({FOCUSED}, '::after')"
+CELL = (
+    "(() => { const at = document.querySelector('td abbr').getBoundingClientRect(); return [at.x + 5, at.y + 5]; })()"
+)
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_the_meaning_opens_on_hover_on_focus_and_on_a_tap(shown, width):
+    browser, path = shown
+    browser.open(path, width)
+    assert "follows small deviations" in browser.run("document.querySelector('.advice abbr').title")
+    browser.press("Tab", 9)
+    assert browser.run("document.activeElement.textContent") == "saltation"
+    assert "follows small deviations" in browser.run(f"{POPUP}.content")
+    assert browser.run(f"{POPUP}.position") == "fixed"
+    browser.run("document.activeElement.blur()")
+    x, y = browser.run(CELL)
+    for kind in ("mousePressed", "mouseReleased"):
+        browser.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+    assert browser.run("document.activeElement.matches('td abbr')")
+    assert "follows small deviations" in browser.run(f"{POPUP}.content")
+
+
+def test_the_head_of_a_column_sorts_and_explains(shown):
+    browser, path = shown
+    browser.open(path)
+    browser.run("document.querySelectorAll('th button')[2].focus()")
+    assert "standard deviation" in browser.run(f"{POPUP}.content")
+    assert "velocities" in browser.run(f"{POPUP}.content")
+    assert browser.run("document.querySelectorAll('th [tabindex]').length") == 0  # the button is what is reached
+    browser.press("Enter", 13)
+    assert browser.run("document.querySelectorAll('[aria-sort]').length") == 1
+
+
+def test_the_keys_reach_each_term_once(shown):
+    browser, path = shown
+    browser.open(path)
+    titles = browser.run("[...document.querySelectorAll('abbr[tabindex=\"0\"]')].map(a => a.title)")
+    assert len(titles) == len(set(titles)) == 4  # saltation, σ, accurate, closure
