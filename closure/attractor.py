@@ -84,8 +84,8 @@ class Attractor:
             return False
         if self.impacts == 0:
             return bool(np.allclose(self.contact, other.contact))
-        speeds = [np.sort(a.before[1:, 1::2], axis=0) for a in (self, other)]
-        return bool(np.allclose(*speeds, rtol=1e-5, atol=1e-5 * np.abs(speeds[0]).max()))
+        own, others = (np.sort(a.before[1:, 1::2], axis=0) for a in (self, other))
+        return bool(np.allclose(own, others, rtol=1e-5, atol=1e-5 * float(np.abs(own).max())))
 
 
 def _none(kind: str, reason: str, contact: tuple[float, float] = (0.0, 0.0)) -> Attractor:

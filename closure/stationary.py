@@ -10,9 +10,10 @@ A stationary law is a mixture over impacts: a weight, the mesh, and mean and sd 
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 
 from rattle.closure.attractor import PERIODIC, Attractor
@@ -162,8 +163,8 @@ def linear_law(scene: Scene, a: Attractor) -> Law:
     largest = float(np.abs(np.linalg.eigvals(whole)).max())
     if largest >= 1.0 - 1e-9:
         raise NotPredicted(f"the orbit is not stable (multiplier {largest:.6g})")
-    start = solve_discrete_lyapunov(whole, added)
-    start = 0.5 * (start + start.T)
+    found = np.asarray(solve_discrete_lyapunov(whole, added), dtype=np.float64)
+    start = 0.5 * (found + found.T)
     shift, sd, section, after = _second_order(scene, a, start, largest)
     n = a.impacts
     own = np.where(a.mesh[1:] == 1, 3, 5)  # place of the velocity among the section quantities
@@ -186,7 +187,7 @@ def _second_order(scene: Scene, a: Attractor, start: Floats, largest: float) -> 
     turn = 2.0 * math.pi * a.periods
     tau = np.concatenate([[a.tau[0]], *(a.tau[1:] + k * turn for k in range(passes))])
 
-    def again(values: Floats | Ints) -> Floats | Ints:
+    def again(values: NDArray[Any]) -> NDArray[Any]:
         return np.concatenate([values[:1], *[values[1:]] * passes])
 
     whole = np.zeros((5, 5))
@@ -243,14 +244,14 @@ def orbit_average(scene: Scene, closure: str) -> Law:
     t = mean_map(scene.phase_reduced, impacts=MAPPED, closure=closure, order=2).trace
     if t.found < MAPPED:
         raise NotPredicted(f"the mean map ends at impact {t.found}: {t.stopped}")
+    last, since = {1: math.nan, 2: math.nan}, np.full(MAPPED + 1, math.nan)
+    for k in range(1, MAPPED + 1):
+        since[k] = t.tau[k] - last[t.mesh[k]]
+        last[t.mesh[k]] = t.tau[k]
     part = slice(DROPPED, MAPPED + 1)
-    tau, mesh = t.tau[part], t.mesh[part]
+    tau, mesh, back = t.tau[part], t.mesh[part], since[part]
     before = np.where(mesh == 1, t.mean[part, 1], t.mean[part, 3])
     n = tau.size - 1
-    last, back = {1: math.nan, 2: math.nan}, np.full(n + 1, math.nan)
-    for k in range(n + 1):
-        back[k] = tau[k] - last[mesh[k]]
-        last[mesh[k]] = tau[k]
     speed, zero = np.abs(before[1:]), np.zeros(n)
     spread = speed[: n // 32 * 32].reshape(32, -1).mean(axis=1).std(ddof=1) / math.sqrt(32.0) / speed.mean()
     return Law(

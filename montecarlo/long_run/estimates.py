@@ -9,7 +9,7 @@ large (the energy lost in a period is, since what one impact leaves the next one
 
 import math
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ from rattle.montecarlo.long_run.sums import (
 
 __all__ = [
     "CONFIDENCE", "QUANTILES", "Collected", "Estimate", "all_names", "collected", "estimates", "groups", "half_width",
-    "section_densities", "time_averages",
+    "section_densities", "time_averages", "velocity_density",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -120,7 +120,7 @@ def collected(parts: list[Sums], batches: int, time: float, samples: float, stag
     Collected
     """
 
-    def joined(name: str) -> Floats:
+    def joined(name: str) -> NDArray[Any]:
         return np.concatenate([getattr(part, name) for part in parts])
 
     return Collected(
@@ -409,12 +409,36 @@ def section_densities(c: Collected) -> tuple[SectionDensity, ...]:
         n = c.main[:, :, at].sum(axis=1)
         if n.sum() == 0.0:
             continue
-        counts = c.section[:, mesh - 1].astype(float)
         low, high = c.scales.low[mesh - 1], c.scales.high[mesh - 1]
         area = 2.0 * math.pi / PHASES * (high - low) / VELOCITIES
-        share = counts.sum(axis=0) / n.sum()
-        rest = counts - share * n[:, None, None]
-        se = np.sqrt((rest**2).sum(axis=0) * c.paths / (c.paths - 1)) / n.sum()
+        share, se = _shares(c.section[:, mesh - 1].astype(float), n)
         edges = np.linspace(0.0, 2.0 * math.pi, PHASES + 1), np.linspace(low, high, VELOCITIES + 1)
         found.append(SectionDensity(mesh, *edges, share / area, se / area, float(1.0 - share.sum())))
     return tuple(found)
+
+
+def _shares(counts: Floats, n: Floats) -> tuple[Floats, Floats]:
+    """Shares of counts, shape (paths, ...), in n on each path, and their standard errors over paths."""
+    share = counts.sum(axis=0) / n.sum()
+    rest = counts - share * n.reshape(-1, *[1] * (counts.ndim - 1))
+    return share, np.sqrt((rest**2).sum(axis=0) * len(n) / (len(n) - 1)) / n.sum()
+
+
+def velocity_density(c: Collected, mesh: int) -> tuple[Floats, Floats]:
+    """Density of the velocity before an impact at a mesh, in the cells of the section, and its standard error.
+
+    Parameters
+    ----------
+    c : Collected
+        The sums of all paths.
+    mesh : int
+        1 or 2.
+
+    Returns
+    -------
+    density, se : ndarray, shape (VELOCITIES,)
+    """
+    at = 4 * (mesh if c.stages == 2 else 0) + NUMBER
+    share, se = _shares(c.section[:, mesh - 1].sum(axis=1).astype(float), c.main[:, :, at].sum(axis=1))
+    width = (c.scales.high[mesh - 1] - c.scales.low[mesh - 1]) / VELOCITIES
+    return share / width, se / width

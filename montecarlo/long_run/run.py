@@ -36,6 +36,7 @@ from rattle.montecarlo.long_run.estimates import (
     estimates,
     section_densities,
     time_averages,
+    velocity_density,
 )  # fmt: skip
 from rattle.montecarlo.long_run.pilot import no_scales, scales_of_pilot
 from rattle.montecarlo.long_run.sums import CONTACT, NUMBER, Scales, new_sums
@@ -147,6 +148,20 @@ class LongRun:
     def densities(self) -> tuple[SectionDensity, ...]:
         """Density of the section at each mesh."""
         return section_densities(self.sums)
+
+    def velocity_density(self, mesh: int) -> tuple[Floats, Floats]:
+        """Density of the velocity before an impact at a mesh, and its standard error, in the cells of the section.
+
+        Parameters
+        ----------
+        mesh : int
+            1 or 2.
+
+        Returns
+        -------
+        density, se : ndarray, shape (velocities,)
+        """
+        return velocity_density(self.sums, mesh)
 
     @property
     def averages(self) -> Floats:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rattle.montecarlo.kernel.block import start_state
 from rattle.montecarlo.kernel.control_variate import no_control
 from rattle.montecarlo.kernel.kernel import COLUMNS, EXACT, Job, block_kernel
-from rattle.montecarlo.kernel.lanes import Lanes, lanes_of
+from rattle.montecarlo.kernel.lanes import lanes_of
 from rattle.montecarlo.long_run.pilot import impacts_of
 from rattle.montecarlo.long_run.sums import Sums, add_stretch
 from rattle.montecarlo.noise.backlash import backlash_of, draw_walls
@@ -137,7 +137,7 @@ class Walk:
     def _stretch(self, begin: int, steps: int, sums: Sums, detail: bool, seen: list[Floats] | None) -> int:
         """One stretch; returns the most impacts of a path in it."""
         every = self._every
-        before = Lanes(*(array.copy() for array in every))
+        before = [array.copy() for array in every]
         every.impacts[:] = 0
         tau, first = self._job.tau + begin * self.dt, self.stretches * APART + self.first
         self._room.path[:] = np.arange(first, first + self._room.path.size, dtype=np.uint64)
