@@ -22,21 +22,42 @@ from rattle.scene.moments import semidefinite
 from rattle.scene.scene import Scene
 from rattle.scene.small_matrices import applied, block, congruence, dot, inner, put, times
 
-__all__ = ["trace"]
+__all__ = ["SLOWEST", "propagate", "trace"]
 
 SLOWEST = 1e-6
 """Impact speed, relative to excitation, drag and initial speeds, below which the orbit grazes: no derivatives there."""
 
 
 @jit
-def _propagate(
+def propagate(
     c: Constants, tau: Floats, mesh: Ints, side: Ints, before: Floats, after: Floats, found: int,
     start: Floats, variance: Floats, redraw: bool, second: bool,
 ) -> tuple[int, Floats, Floats, Floats, Floats, Floats]:  # fmt: skip
     """Mean shift, sd and skewness of the section quantities, and covariance of the section state before and after.
 
-    `start` is the covariance of the section state after the start; its size tells whether flanks vary.  `variance` is
-    that of the flanks' deviations, `redraw` whether impacts draw them anew, `second` whether to go to second order.
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    tau, mesh, side, before, after, found
+        Of the orbit, see `rattle.closure.orbit.Orbit`.
+    start : ndarray, shape (d, d)
+        Covariance of the section state after the start; its size tells whether flanks vary.
+    variance : ndarray, shape (4,)
+        Of the flanks' deviations.
+    redraw : bool
+        Whether impacts draw them anew.
+    second : bool
+        Whether to go to second order.
+
+    Returns
+    -------
+    found : int
+        Number of impacts that could be evaluated.
+    shift, sd, skew : ndarray, shape (impacts + 1, 6)
+        Of the section quantities.
+    section, covariance : ndarray, shape (impacts + 1, d, d)
+        Of the section state before and after each impact.
     """
     count, d = tau.size, start.shape[0]
     shift = np.full((count, 6), np.nan)
@@ -123,7 +144,7 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     tolerance = random_tolerance(scene)
     variance = np.zeros(4) if tolerance is None else np.repeat(tolerance.variances, 2)
     redraw = tolerance is not None and tolerance.draw == "contact"
-    found, shift, sd, skew, section, after = _propagate(
+    found, shift, sd, skew, section, after = propagate(
         c, orbit.tau, orbit.mesh, orbit.side, orbit.before, orbit.after, orbit.found,
         start_covariance(scene), variance, redraw, order >= 3,
     )  # fmt: skip

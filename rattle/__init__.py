@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rattle.closure import CLOSURES, MeanMap, Orbit, follow, mean_map
     from rattle.compare import Tolerances, Validation, validate
+    from rattle.compare.stationary.measure import Stationary, stationary
     from rattle.compare.study import Study
     from rattle.montecarlo import SCHEMES, Ensemble, simulate
     from rattle.scene import DAT21, Gears, InputError, RattleError, Scene, Start, Tolerance
@@ -33,6 +34,7 @@ __all__ = [
     "RattleError",
     "Scene",
     "Start",
+    "Stationary",
     "Study",
     "Tolerance",
     "Tolerances",
@@ -40,6 +42,7 @@ __all__ = [
     "follow",
     "mean_map",
     "simulate",
+    "stationary",
     "validate",
 ]  # fmt: skip
 
@@ -48,6 +51,7 @@ _MODULES = {
     "closure": ("CLOSURES", "MeanMap", "Orbit", "follow", "mean_map"),
     "montecarlo": ("SCHEMES", "Ensemble", "simulate"),
     "compare": ("Tolerances", "Validation", "validate"),
+    "compare.stationary.measure": ("Stationary", "stationary"),
     "compare.study": ("Study",),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}

@@ -23,6 +23,7 @@ with ends_at_once():
     from rattle.compare.cli.selftest import selftest
     from rattle.compare.cli.show import show
     from rattle.compare.cli.stability import stability
+    from rattle.compare.cli.stationary import stationary
     from rattle.compare.cli.study import study
     from rattle.compare.cli.warm_up import warm_up
     from rattle.scene.errors import RattleError
@@ -336,6 +337,7 @@ main.add_command(sampling_commands.bench)
 main.add_command(sampling_commands.order)
 main.add_command(study)
 main.add_command(chaos)
+main.add_command(stationary)
 main.add_command(claims)
 main.add_command(show)
 main.add_command(animate)

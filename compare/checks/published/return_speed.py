@@ -8,7 +8,7 @@ from scipy.integrate import quad
 from rattle.compare.checks.published.result import Check, Measured, NegativeControl
 from rattle.compare.checks.published.returning import Floats, log_speeds
 
-__all__ = ["critical_restitution", "return_speed"]
+__all__ = ["critical_restitution", "return_moments", "return_speed"]
 
 MEAN = math.pi / math.sqrt(3.0)
 """E ln rho, rho being the ratio of consecutive speeds, with the density ``3 / (2 pi) rho^(3/2) / (1 + rho^3)``."""
@@ -17,6 +17,8 @@ VARIANCE = 4.0 * math.pi**2 / 9.0
 """Var ln rho."""
 
 RETURNS = 300_000
+ORDERS = (-0.6, -0.3, 0.1)
+"""Orders s of the moments E rho^s; E rho^(4 s) is finite too, so that standard errors can be estimated."""
 BELOW, ABOVE = 0.12, 0.22  # restitutions below and above the critical one, exp(-MEAN) = 0.163
 PATHS, BOUNCES = 20_000, 8
 
@@ -63,6 +65,45 @@ def return_speed(seed: int = 0, workers: int = 2) -> Measured:
             NegativeControl("variance 3 % smaller", _moments(ln, MEAN, 0.97 * VARIANCE, slower)),
             NegativeControl("an impact that keeps 97 %", _moments(ln + math.log(0.97), MEAN, VARIANCE, slower)),
         ],
+    )  # fmt: skip
+
+
+def return_moments(seed: int = 0, workers: int = 2) -> Measured:
+    """Check moments of the ratio of consecutive speeds, ``E rho^s = 1 / (2 cos(pi (1 + s) / 3))``.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the random numbers.
+    workers : int
+        Not used.
+
+    Returns
+    -------
+    Measured
+
+    Examples
+    --------
+    >>> all(check.holds(4.5) for check in return_moments().checks)  # doctest: +SKIP
+    True
+    """
+    ln = log_speeds(1.0, RETURNS, 1, seed + 2)[:, 0]
+
+    def checks(wrong: float = 1.0, shifted: float = 0.0) -> list[Check]:
+        out = []
+        for s in ORDERS:
+            power = np.exp(s * ln)
+            truth = wrong / (2.0 * math.cos(math.pi * (1.0 + s + shifted) / 3.0))
+            out.append(Check(f"E rho^{s:g}", float(power.mean()), truth, float(power.std()) / math.sqrt(ln.size)))
+        return out
+
+    return Measured(
+        "return moments", "McKean 1963",
+        "moments of the ratio of speeds on return and on leaving, -5/2 < s < 1/2: the flights of the return speed, of "
+        "another seed",
+        checks(),
+        [NegativeControl("moments 1 % larger", checks(wrong=1.01)),
+         NegativeControl("orders 0.02 larger", checks(shifted=0.02))],
     )  # fmt: skip
 
 

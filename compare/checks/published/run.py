@@ -5,18 +5,31 @@ from collections.abc import Callable, Sequence
 
 from rattle.compare.checks.published.bouncing_ball import bouncing_ball
 from rattle.compare.checks.published.elastic_box import elastic_box
+from rattle.compare.checks.published.energy_law import energy_law
 from rattle.compare.checks.published.exit_time import exit_time
 from rattle.compare.checks.published.exponent_sum import exponent_sum
 from rattle.compare.checks.published.free_flight import free_flight
+from rattle.compare.checks.published.impact_pair import impact_pair
 from rattle.compare.checks.published.result import Measured, PublishedResult, limit
-from rattle.compare.checks.published.return_speed import critical_restitution, return_speed
+from rattle.compare.checks.published.return_speed import critical_restitution, return_moments, return_speed
 from rattle.scene.validate import choice, count
 
 __all__ = ["RESULTS", "selftest"]
 
 RESULTS: dict[str, Callable[[int, int], Measured]] = {
     result.__name__.replace("_", "-"): result
-    for result in (exit_time, return_speed, critical_restitution, bouncing_ball, elastic_box, exponent_sum, free_flight)
+    for result in (
+        exit_time,
+        return_speed,
+        return_moments,
+        critical_restitution,
+        bouncing_ball,
+        elastic_box,
+        exponent_sum,
+        free_flight,
+        energy_law,
+        impact_pair,
+    )
 }
 """Every result by its name on the command line."""
 

@@ -1,0 +1,309 @@
+"""The closures in the long run: what each says of the stationary motion.
+
+A stationary law is a mixture over impacts: a weight, the mesh, and mean and sd of the speed and of the flight of each.
+
+- **Linear** (`saltation`): at a stable periodic orbit the covariance of the section state after a cycle is that before
+  it, ``P = A P A' + Q`` (a discrete Lyapunov equation).  Means are shifted to second order in the noise.
+- **Orbit average** (`published`, `corrected`): the mean map is iterated, and the average over its orbit is taken for
+  the stationary law, as the paper does.
+- **Branching**: the mixture is followed until it no longer changes from impact to impact.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_lyapunov
+
+from rattle.closure.attractor import PERIODIC, Attractor
+from rattle.closure.mean_map import CLOSURES, mean_map
+from rattle.closure.orbit import Floats, Ints
+from rattle.closure.saltation import SLOWEST, propagate
+from rattle.closure.section_map import derivatives
+from rattle.closure.small_matrices import block, congruence, hit_matrix, put
+from rattle.scene.compiled import jit
+from rattle.scene.constants import Constants
+from rattle.scene.errors import InputError
+from rattle.scene.flight import noise_covariance
+from rattle.scene.moments import SECTION
+from rattle.scene.scene import Scene
+
+__all__ = ["MAPPED", "Law", "NotPredicted", "branching_law", "linear_law", "multipliers", "orbit_average"]
+
+MAPPED = 4000  # impacts of a mean map whose average is taken
+DROPPED = 400  # of those, before the average begins
+BRANCHED = 32  # impacts through which `branching` is followed
+SETTLED = 0.02  # relative change between quarters of these impacts up to which it has converged
+DISCARDED = 0.02  # probability that may have been discarded by then
+LEFT = 1e-10  # of a start that the means have to forget
+MOST_PASSES = 400  # cycles through which they are followed
+
+
+class NotPredicted(Exception):
+    """A closure says nothing of the stationary motion; its text is the reason."""
+
+
+class Law(NamedTuple):
+    """A stationary law: a mixture over impacts.
+
+    Attributes
+    ----------
+    rate : float
+        Impacts per unit of time.
+    weight : ndarray, shape (parts,)
+        Share of the impacts; they sum to 1.
+    mesh : ndarray of int, shape (parts,)
+        What is struck.
+    speed, sd_speed : ndarray, shape (parts,)
+        Mean and sd of the speed before the impact.
+    flight, sd_flight : ndarray, shape (parts,)
+        Mean and sd of the time since the last impact.
+    back, sd_back : ndarray, shape (parts,)
+        Mean and sd of the time since the last impact at the same mesh; NaN where there is no such prediction.
+    se : float
+        Relative standard error of averages over a mean map's orbit; 0 for a law that is not an average.
+    """
+
+    rate: float
+    weight: Floats
+    mesh: Ints
+    speed: Floats
+    sd_speed: Floats
+    flight: Floats
+    sd_flight: Floats
+    back: Floats
+    sd_back: Floats
+    se: float = 0.0
+
+
+@jit
+def _linear(
+    c: Constants, tau: Floats, mesh: Ints, side: Ints, before: Floats, after: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Of each impact of a cycle: derivative of the section map, covariance of its noise, restitution map."""
+    n = tau.size - 1
+    flown, noise, hit = np.zeros((n, 5, 5)), np.zeros((n, 5, 5)), np.zeros((n, 5, 5))
+    for k in range(n):
+        t = tau[k + 1] - tau[k]
+        first, _ = derivatives(c, mesh[k + 1], side[k + 1], tau[k], after[k], t, before[k + 1], 5)
+        put(flown[k], block(first, 5, 0, 5))
+        put(noise[k], congruence(block(first, 5, 5, 9), noise_covariance(c, tau[k], t)))
+        put(hit[k], hit_matrix(c, mesh[k + 1], 5))
+    return flown, noise, hit
+
+
+def _cycle_map(scene: Scene, a: Attractor) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """Map and noise of a whole cycle on the section state after an impact, and those of each impact."""
+    size = 1 + 2 * scene.stages
+    flown, noise, hit = (m[:, :size, :size] for m in _linear(scene.constants, a.tau, a.mesh, a.side, a.before, a.after))
+    whole, added = np.eye(size), np.zeros((size, size))
+    for f, q, h in zip(flown, noise, hit, strict=True):
+        step = h @ f
+        whole, added = step @ whole, step @ added @ step.T + h @ q @ h.T
+    return whole, added, flown, noise, hit
+
+
+def multipliers(scene: Scene, a: Attractor) -> Floats:
+    """Absolute Floquet multipliers of a periodic orbit on the section, the largest first.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled.
+    a : Attractor
+        A periodic orbit without sticking phases.
+
+    Returns
+    -------
+    ndarray, shape (1 + 2 stages,)
+        Below 1 for a stable orbit.
+    """
+    return np.sort(np.abs(np.linalg.eigvals(_cycle_map(scene, a)[0])))[::-1]
+
+
+def linear_law(scene: Scene, a: Attractor) -> Law:
+    """The stationary law of the linear closure at a stable periodic orbit.
+
+    Parameters
+    ----------
+    scene : Scene
+        With its noise.
+    a : Attractor
+        Where its orbit ends.
+
+    Returns
+    -------
+    Law
+        Means to second order in the noise, sds to first order.
+
+    Raises
+    ------
+    NotPredicted
+        If the orbit is not periodic and stable, sticks or grazes, or the tolerance is random.
+
+    Examples
+    --------
+    >>> from rattle.closure.attractor import attractor
+    >>> scene = Scene(alpha=0.25, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1, sigma=1e-3)
+    >>> law = linear_law(scene, attractor(scene))
+    >>> round(law.rate * math.pi, 12), bool(np.all(law.sd_speed < 2e-3))
+    (1.0, True)
+    """
+    if a.kind != PERIODIC:
+        raise NotPredicted(f"the orbit {a.reason}")
+    if a.sticks:
+        raise NotPredicted("the orbit sticks at times: its linearisation ends there")
+    if scene.tolerance is not None and scene.tolerance.distribution != "fixed":
+        raise NotPredicted("the tolerance is random; the stationary covariance is that of the noise alone")
+    speeds = np.abs(np.where(a.mesh == 1, a.before[:, 1], a.before[:, 3]))[1:]
+    if speeds.min() < SLOWEST * max(speeds.max(), scene.alpha):
+        raise NotPredicted("the orbit grazes a wall: no derivative there")
+    whole, added, flown, _, hit = _cycle_map(scene, a)
+    largest = float(np.abs(np.linalg.eigvals(whole)).max())
+    if largest >= 1.0 - 1e-9:
+        raise NotPredicted(f"the orbit is not stable (multiplier {largest:.6g})")
+    found = np.asarray(solve_discrete_lyapunov(whole, added), dtype=np.float64)
+    start = 0.5 * (found + found.T)
+    shift, sd, section, after = _second_order(scene, a, start, largest)
+    n = a.impacts
+    own = np.where(a.mesh[1:] == 1, 3, 5)  # place of the velocity among the section quantities
+    each, sign = np.arange(n), np.sign(np.where(a.mesh[1:] == 1, a.before[1:, 1], a.before[1:, 3]))
+    back, sd_back = _since_same_mesh(a, flown, hit, section, after)
+    late = np.nan_to_num(shift[:, 1])
+    return Law(
+        n / (2.0 * math.pi * a.periods), np.full(n, 1.0 / n), a.mesh[1:], speeds + sign * shift[each, own],
+        sd[each, own], np.diff(a.tau) + late, sd[:, 1], back, sd_back,
+    )  # fmt: skip
+
+
+def _second_order(scene: Scene, a: Attractor, start: Floats, largest: float) -> tuple[Floats, Floats, Floats, Floats]:
+    """Mean shifts, sds and covariances before and after the impacts of the last of many cycles; the first is linear.
+
+    The covariance starts as the stationary one; the shift of the mean converges from cycle to cycle.
+    """
+    n, size = a.impacts, len(start)
+    passes = min(2 + (math.ceil(math.log(LEFT) / math.log(largest)) if largest > 0.0 else 0), MOST_PASSES)
+    turn = 2.0 * math.pi * a.periods
+    tau = np.concatenate([[a.tau[0]], *(a.tau[1:] + k * turn for k in range(passes))])
+
+    def again(values: NDArray[Any]) -> NDArray[Any]:
+        return np.concatenate([values[:1], *[values[1:]] * passes])
+
+    whole = np.zeros((5, 5))
+    whole[:size, :size] = start
+    _, shift, sd, _, section, after = propagate(
+        scene.constants, tau, again(a.mesh), again(a.side), again(a.before), again(a.after), passes * n,
+        whole, np.zeros(4), False, True,
+    )  # fmt: skip
+    return shift[-n:], sd[-n:], section[-n:, :size, :size], after[-n:, :size, :size]
+
+
+def _since_same_mesh(a: Attractor, flown: Floats, hit: Floats, section: Floats, after: Floats) -> tuple[Floats, Floats]:
+    """Mean and sd of the time since the last impact at the same mesh, for each impact of a cycle."""
+    n, turn = a.impacts, 2.0 * math.pi * a.periods
+    mean, sd = np.full(n, np.nan), np.full(n, np.nan)
+    for k in range(n):
+        reach = np.eye(section.shape[1])  # derivative of the state before impact k by that after an earlier one
+        for steps in range(1, n + 1):
+            j = k - steps
+            reach = reach @ flown[k] if steps == 1 else reach @ hit[(j + 1) % n] @ flown[(j + 1) % n]
+            if a.mesh[1 + j % n] != a.mesh[1 + k]:
+                continue
+            mean[k] = a.tau[1 + k] - a.tau[1 + j % n] + (turn if j < 0 else 0.0)
+            covariance = (reach @ after[j % n])[0, 0]
+            sd[k] = math.sqrt(max(section[k, 0, 0] + after[j % n, 0, 0] - 2.0 * covariance, 0.0))
+            break
+    return mean, sd
+
+
+def orbit_average(scene: Scene, closure: str) -> Law:
+    """The average over the orbit of a closure's mean map, which the paper takes for the stationary law.
+
+    Parameters
+    ----------
+    scene : Scene
+        With its noise.
+    closure : str
+        ``published`` or ``corrected``.
+
+    Returns
+    -------
+    Law
+        A point mass for each impact of the mean map.
+
+    Raises
+    ------
+    NotPredicted
+        If the closure does not apply, or its mean map ends.
+    """
+    try:
+        CLOSURES[closure].check(scene)
+    except InputError as error:
+        raise NotPredicted(str(error)) from None
+    t = mean_map(scene.phase_reduced, impacts=MAPPED, closure=closure, order=2).trace
+    if t.found < MAPPED:
+        raise NotPredicted(f"the mean map ends at impact {t.found}: {t.stopped}")
+    last, since = {1: math.nan, 2: math.nan}, np.full(MAPPED + 1, math.nan)
+    for k in range(1, MAPPED + 1):
+        since[k] = t.tau[k] - last[t.mesh[k]]
+        last[t.mesh[k]] = t.tau[k]
+    part = slice(DROPPED, MAPPED + 1)
+    tau, mesh, back = t.tau[part], t.mesh[part], since[part]
+    before = np.where(mesh == 1, t.mean[part, 1], t.mean[part, 3])
+    n = tau.size - 1
+    speed, zero = np.abs(before[1:]), np.zeros(n)
+    spread = speed[: n // 32 * 32].reshape(32, -1).mean(axis=1).std(ddof=1) / math.sqrt(32.0) / speed.mean()
+    return Law(
+        n / float(tau[-1] - tau[0]), np.full(n, 1.0 / n), mesh[1:], speed, zero, np.diff(tau), zero, back[1:], zero,
+        float(spread),
+    )  # fmt: skip
+
+
+def branching_law(scene: Scene) -> Law:
+    """The mixture of `branching` once it no longer changes from impact to impact.
+
+    Parameters
+    ----------
+    scene : Scene
+        With its noise.
+
+    Returns
+    -------
+    Law
+
+    Raises
+    ------
+    NotPredicted
+        If the closure ends, discards too much, or does not converge within `BRANCHED` impacts.
+    """
+    t = mean_map(scene.phase_reduced, impacts=BRANCHED, closure="branching").trace
+    if t.found < BRANCHED or t.parts is None or t.discarded is None:
+        raise NotPredicted(f"it ends at impact {t.found}: {t.stopped}")
+    if t.discarded[BRANCHED] > DISCARDED:
+        raise NotPredicted(f"it has discarded {t.discarded[BRANCHED]:.1%} of the probability by impact {BRANCHED}")
+    half, last = BRANCHED // 2, 3 * BRANCHED // 4
+    early, late = (_joined(t.parts, range(a + 1, b + 1)) for a, b in ((half, last), (last, BRANCHED)))
+    for name in ("flight", "speed"):
+        a, b = (float((law.weight * getattr(law, name)).sum()) for law in (early, late))
+        if abs(a - b) > SETTLED * abs(b):
+            raise NotPredicted(
+                f"it has not converged within {BRANCHED} impacts: the mean {name} still changes by "
+                f"{abs(a / b - 1.0):.1%}"
+            )
+    return late
+
+
+def _joined(parts: dict[int, tuple[Floats, Floats, Floats]], impacts: range) -> Law:
+    """The mixtures of several impacts together."""
+    weight = np.concatenate([parts[k][0] for k in impacts]) / len(impacts)
+    mean, variance = (np.concatenate([parts[k][i] for k in impacts]) for i in (1, 2))
+    place = {name: i for i, name in enumerate(SECTION)}
+    mesh = np.where(variance[:, place["x1"]] <= variance[:, place["x2"]], 1, 2)  # the struck one lies on its wall
+    own = np.where(mesh == 1, place["y1"], place["y2"])
+    each, nothing = np.arange(weight.size), np.full(weight.size, np.nan)
+    flight = mean[:, place["flight"]]
+    return Law(
+        float(1.0 / (weight * flight).sum()), weight, mesh, np.abs(mean[each, own]), np.sqrt(variance[each, own]),
+        flight, np.sqrt(variance[:, place["flight"]]), nothing, nothing,
+    )  # fmt: skip

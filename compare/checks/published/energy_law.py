@@ -1,0 +1,84 @@
+"""The energy lost in impacts is that which noise and drive supply, whatever the restitution and the gaps."""
+
+import math
+from dataclasses import replace
+
+from rattle.compare.checks.published.result import Check, Measured, NegativeControl
+from rattle.montecarlo.long_run import LongRun, long_run
+from rattle.montecarlo.long_run.balance import balance
+from rattle.scene import DAT21, Scene
+
+__all__ = ["energy_law"]
+
+NOISE: dict[str, float] = {"alpha": 0.0, "beta1": 0.0, "gamma1": 0.0, "sigma": 1.0}
+
+SCENES = {
+    "one stage, eps 0.3": (Scene(epsilon=0.3, gap1=1.0, stages=1, **NOISE), 512),
+    "one stage, eps 0.5": (Scene(epsilon=0.5, stages=1, **NOISE), 512),
+    "one stage, eps 0.9": (Scene(epsilon=0.9, stages=1, **NOISE), 1024),
+    "two stages, eps 0.5": (Scene(epsilon=0.5, mu=0.6, **NOISE), 256),
+    "two stages, eps 0.8": (Scene(epsilon=0.8, mu=0.3, gap2=0.8, **NOISE), 512),
+    "driven, damped, dragged": (
+        Scene(alpha=1.0, epsilon=0.7, beta1=0.3, gamma1=0.1, sigma=1.0, stages=1), 256
+    ),
+    "driven, weak noise": (Scene(alpha=1.5, epsilon=0.6, beta1=0.1, gamma1=0.05, sigma=0.3, stages=1), 128),
+    "DAT21": (Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha)), 128),
+}  # fmt: skip
+"""Scenes, and the periods for which each is followed."""
+
+
+def _check(name: str, run: LongRun, kept: float = 1.0, noise: float = 1.0) -> Check:
+    """Loss against supply; `kept` of the loss is counted, and the noise supplies `noise` times what it does."""
+    lost, supplied = balance(run)
+    more = (noise - 1.0) * _by_noise(run.scene)
+    difference = kept * lost - supplied
+    se = float(difference.std(ddof=1)) / math.sqrt(run.paths)
+    closed = max(run.estimates[f"contact_share_mesh{m}"].value for m in range(1, run.scene.stages + 1))
+    return Check(
+        f"loss per time, {name}", kept * float(lost.mean()), float(supplied.mean()) + more, se,
+        2.0 * closed * _by_noise(run.scene),
+    )  # fmt: skip
+
+
+def _by_noise(scene: Scene) -> float:
+    """What the noise supplies per unit of time."""
+    mass = scene.mu / (1.0 - scene.mu) if scene.stages == 2 else 0.0
+    return 0.25 * scene.sigma**2 * (1.0 + scene.beta1**2 + mass * (1.0 + scene.beta2**2))
+
+
+def energy_law(seed: int = 0, workers: int = 2) -> Measured:
+    """Check the energy balance of eight long runs, driven and not, of one stage and of two.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the random numbers.
+    workers : int
+        Threads.
+
+    Returns
+    -------
+    Measured
+
+    Examples
+    --------
+    >>> all(check.holds(4.5) for check in energy_law().checks)  # doctest: +SKIP
+    True
+    """
+    runs = {
+        name: long_run(scene, periods=periods, rng=seed + 31 * i, workers=workers)
+        for i, (name, (scene, periods)) in enumerate(SCENES.items())
+    }
+    two = {name: run for name, run in runs.items() if run.scene.stages == 2}
+    light = {name: replace(run, scene=replace(run.scene, mu=0.98 * run.scene.mu)) for name, run in two.items()}
+    return Measured(
+        "energy law", "energy balance (Itô), docs/model.md section 10",
+        "the energy lost in impacts per unit of time is what noise and drive supply less what damping takes; without "
+        "drive and damping sigma^2 / 4, and sigma^2 / (4 (1 - mu)) with two stages: long_run()",
+        [_check(name, run) for name, run in runs.items()],
+        [
+            *(NegativeControl(f"2 % of the loss missing, {n}", [_check(n, run, 0.98)]) for n, run in runs.items()),
+            NegativeControl("2 % less mass of wheel 2", [_check(name, run) for name, run in light.items()]),
+            NegativeControl("noise of 2 % more energy", [_check(name, run, 1.0, 1.02) for name, run in runs.items()]),
+        ],
+    )  # fmt: skip

@@ -1,0 +1,139 @@
+"""The command ``rattle stationary``."""
+
+import math
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import click
+
+from rattle.compare.cli.console import say, say_json
+from rattle.compare.cli.options import CLOSURES, FIELDS, WHOLE, Name
+from rattle.scene.errors import InputError
+from rattle.scene.units import UNITS, check_units
+
+__all__ = ["stationary"]
+
+EXIT_NOT_MET = 3
+
+
+@click.command()
+@click.argument("scene", required=False, type=click.Path(path_type=Path))
+@click.option("--sigma", type=float, default=None, help="Noise intensity. [default: the scene's; sqrt(alpha) on DAT21]")
+@click.option(
+    "--accuracy", type=float, default=None, help="Largest half width of the 95 % intervals over their value. "
+    "[default: 0.01]",
+)  # fmt: skip
+@click.option("--periods", type=WHOLE, default=None, help="Periods of each path, in place of an accuracy.")
+@click.option(
+    "--quantity", "quantities", multiple=True, metavar="NAME",
+    help="Quantity that the accuracy is for; again for more. [default: rate, speed, energy_per_period]",
+)  # fmt: skip
+@click.option("--paths", type=WHOLE, default=256, show_default=True, help="Independent paths.")
+@click.option("--burn-in", type=WHOLE, default=None, help="Periods to leave out before. [default: found by tests]")
+@click.option("--slow", type=float, default=0.1, show_default=True, help="Speed below which an impact is slow.")
+@click.option("--budget", type=float, default=None, help="Seconds that it may take. [default: an hour]")
+@click.option(
+    "--closure", "closures", type=Name("closures", CLOSURES), multiple=True,
+    help="Closure to judge; again for more. [default: all]",
+)  # fmt: skip
+@click.option("--no-closures", is_flag=True, help="Judge no closure.")
+@click.option("--field", type=Name("field", FIELDS), default="alpha", show_default=True, help="Field of --over.")
+@click.option(
+    "--over", default=None, metavar="LOW:HIGH:POINTS", help="Draw a bifurcation diagram over these values of a field."
+)
+@click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed.")
+@click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads; the result does not depend on it.")
+@click.option(
+    "--units", type=Name("units", UNITS), default=None,
+    help="Units of --json: dimensionless, or physical for a scene with [gears]. [default: dimensionless]",
+)  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder. [default: reports/NAME-stationary]")
+@click.option("--overwrite", is_flag=True, help="Replace earlier results in that folder.")
+@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON; no folder is written without --out.")
+def stationary(
+    scene: Path | None,
+    sigma: float | None,
+    accuracy: float | None,
+    periods: int | None,
+    quantities: tuple[str, ...],
+    paths: int,
+    burn_in: int | None,
+    slow: float,
+    budget: float | None,
+    closures: tuple[str, ...],
+    no_closures: bool,
+    field: str,
+    over: str | None,
+    seed: int,
+    workers: int,
+    units: str | None,
+    out: Path | None,
+    overwrite: bool,
+    as_json: bool,
+) -> None:
+    """Measure the long run of SCENE (a TOML file; DAT21 if none): impacts a second, speeds, energy lost, and errors.
+
+    Exit codes: 0 done; 2 bad input, or no stationary motion was reached; 3 the budget ended before the accuracy was
+    reached.
+    \f
+
+    Parameters
+    ----------
+    scene : Path or None
+        TOML file; DAT21 if None.
+    quantities, closures
+        The options ``--quantity`` and ``--closure``.
+    sigma, accuracy, periods, paths, burn_in, slow, budget, no_closures, field, over, seed, workers, units, out
+        The options of the same names.
+    overwrite
+        The option ``--overwrite``.
+    as_json : bool
+        The option ``--json``.
+    """
+    from rattle.compare.chaos.sweep import values, with_field
+    from rattle.compare.report import manifest
+    from rattle.compare.report.folder import check_free, default_place, named
+    from rattle.compare.stationary.bifurcation import bifurcation
+    from rattle.compare.stationary.judged import CLOSURES_JUDGED
+    from rattle.compare.stationary.measure import stationary as measure
+    from rattle.compare.stationary.save import CONTENTS, write_stationary
+    from rattle.montecarlo.long_run.run import ASKED
+    from rattle.scene import DAT21, Scene
+
+    base = Scene.load(scene) if scene else Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha))
+    base = base if sigma is None else base.with_sigma(sigma)
+    check_units(units or "dimensionless", base.gears)
+    if closures and no_closures:
+        raise InputError("closure", closures, "is left out by --no-closures; give one of them")
+    at = () if over is None else values("over", over)
+    for value in at:
+        with_field(base, field, value)
+    name = named(scene) if scene else "DAT21"
+    writes = out is not None or not as_json
+    out = out or default_place(name, "-stationary")
+    if writes:
+        check_free(out, CONTENTS, overwrite)
+    settings: dict[str, Any] = {
+        "accuracy": accuracy, "periods": periods, "quantities": list(quantities or ASKED), "paths": paths,
+        "burn_in": burn_in, "slow": slow, "budget": budget,
+        "closures": [] if no_closures else list(closures or CLOSURES_JUDGED),
+    }  # fmt: skip
+    wall = time.perf_counter()
+    found = measure(base, **settings, rng=seed, workers=workers, progress="stationary")
+    view = bifurcation(base, at, field=field, seed=seed, workers=workers) if at else None
+    record = {
+        "name": name, "scene": base.to_dict(), **settings, "seed": seed, "field": field, "over": list(at),
+        "command": manifest.command_line(sys.argv[1:]), "commit": manifest.commit(), "versions": manifest.versions(),
+        "wall_seconds": round(time.perf_counter() - wall, 1),
+    }  # fmt: skip
+    said = write_stationary(out, found, view, record, overwrite) if writes else []
+    if as_json:
+        say_json(found.to_dict(units or "dimensionless") | {"report": out if writes else None})
+    else:
+        for sentence in said:
+            say(sentence)
+        say(f"Page: {out / 'stationary.html'}")
+    if found.run is not None and found.run.reach is not None and not found.run.reach.reached:
+        raise click.exceptions.Exit(EXIT_NOT_MET)

@@ -1,0 +1,193 @@
+"""Figures of a long run: distributions, the section with its errors, memories, and the closures' errors."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from rattle.closure.stationary import Law
+from rattle.compare.report.style import ACCURATE, STYLE, legend_above, new_figure
+from rattle.compare.stationary.measure import Stationary
+from rattle.montecarlo.long_run.estimates import half_width
+
+__all__ = ["closure_figure", "distribution_figure", "drawn", "memory_figure", "section_figure"]
+
+Floats = NDArray[np.float64]
+
+SIMULATED: Any = STYLE["monte carlo"]["color"]
+DEEP = 1e-3  # lower end of the colours of a density, relative to its highest
+GRID = 400  # points of a curve
+
+
+def drawn(found: Stationary) -> dict[str, Figure]:
+    """All figures of a long run.
+
+    Parameters
+    ----------
+    found : Stationary
+        What was found.
+
+    Returns
+    -------
+    dict of str to Figure
+        By name; empty for exact values.
+    """
+    if found.run is None:
+        return {}
+    out = {"distribution": distribution_figure(found), "section": section_figure(found), "memory": memory_figure(found)}
+    if len(found.verdicts) and found.verdicts["predicted"].notna().any():
+        out["closures"] = closure_figure(found.verdicts)
+    return out
+
+
+def distribution_figure(found: Stationary) -> Figure:
+    """Draw the density of the velocity before an impact at each mesh with its 95 % band, and that of the closures.
+
+    Parameters
+    ----------
+    found : Stationary
+        A simulated long run.
+
+    Returns
+    -------
+    Figure
+        A panel for each mesh.
+    """
+    assert found.run is not None
+    t = half_width(found.run.paths)
+    figure, axes = new_figure(4.6 * len(found.densities), 3.6, 1, len(found.densities))
+    for ax, density in zip(axes, found.densities, strict=True):
+        value, se = found.run.velocity_density(density.mesh)
+        ax.stairs(value, density.velocity, color=SIMULATED, lw=1.2, label="simulation")
+        ax.stairs(
+            value + t * se, density.velocity, baseline=np.maximum(value - t * se, 0.0), fill=True, color=SIMULATED,
+            alpha=0.25, lw=0, label="simulation: 95 % interval",
+        )  # fmt: skip
+        ax.set_ylim(0.0, 1.15 * float((value + t * se).max()))
+        for closure, law in found.laws.items():
+            if isinstance(law, Law):
+                _speeds(ax, law, density.mesh, closure, density.velocity)
+        ax.axvspan(-found.slow, found.slow, color="0.6", alpha=0.3, lw=0, label="slow impacts")
+        ax.set_xlabel(rf"velocity before the impact $y_{density.mesh}$ ($\nu_1\omega$)")
+        ax.set_title(f"mesh {density.mesh}", loc="left")
+    axes[0].set_ylabel("probability density")
+    legend_above(figure, axes, 3)
+    return figure
+
+
+def _speeds(ax: Axes, law: Law, mesh: int, closure: str, edges: Floats) -> None:
+    """Mean speed of a closure's law on both sides, as ticks: its law is one of speeds."""
+    part = law.mesh == mesh
+    if not part.any():
+        return
+    weight = law.weight[part] / law.weight[part].sum()
+    mean = float((weight * law.speed[part]).sum())
+    top = ax.get_ylim()[1]
+    for sign in (-1.0, 1.0):
+        if edges[0] <= sign * mean <= edges[-1]:
+            ax.plot(
+                [sign * mean] * 2, [0.0, 0.12 * top], color=STYLE[closure]["color"], lw=2.0,
+                label=f"{closure}: mean speed",
+            )  # fmt: skip
+
+
+def section_figure(found: Stationary) -> Figure:
+    """Draw the density of the section over phase and velocity, and its relative error in every cell.
+
+    Parameters
+    ----------
+    found : Stationary
+        A simulated long run.
+
+    Returns
+    -------
+    Figure
+        A row for each mesh; the density left, its relative standard error right.
+    """
+    rows = len(found.densities)
+    figure, axes = new_figure(9.2, 0.6 + 2.9 * rows, rows, 2)
+    for n, d in enumerate(found.densities):
+        left, right = axes[2 * n], axes[2 * n + 1]
+        highest = float(d.density.max())
+        phase = d.phase / math.pi
+        image = left.pcolormesh(
+            phase, d.velocity, np.ma.masked_less_equal(d.density.T, 0.0), norm=LogNorm(DEEP * highest, highest),
+            cmap="viridis", rasterized=True,
+        )  # fmt: skip
+        with np.errstate(invalid="ignore", divide="ignore"):
+            relative = np.ma.masked_invalid(d.se.T / d.density.T)
+        error = right.pcolormesh(
+            phase, d.velocity, relative, norm=LogNorm(0.01, 1.0), cmap="magma_r", rasterized=True
+        )  # fmt: skip
+        for ax in (left, right):
+            ax.grid(False)
+            ax.set_xlabel(r"phase of the excitation ($\pi$)")
+        left.set_ylabel(rf"velocity before the impact $y_{d.mesh}$ ($\nu_1\omega$)")
+        left.set_title(f"mesh {d.mesh}: density", loc="left")
+        right.set_title(f"mesh {d.mesh}: standard error / density", loc="left")
+        figure.colorbar(image, ax=left, pad=0.01)
+        figure.colorbar(error, ax=right, pad=0.01)
+    return figure
+
+
+def memory_figure(found: Stationary) -> Figure:
+    """Draw the autocorrelation time of each quantity, and the standard error from batch means beside it.
+
+    Parameters
+    ----------
+    found : Stationary
+        A simulated long run.
+
+    Returns
+    -------
+    Figure
+    """
+    rows = found.table[found.table["autocorrelation"] > 0.0]
+    rows = rows[[not name.startswith("contact") for name in rows.index]][::-1]
+    figure, (ax,) = new_figure(7.0, 1.0 + 0.16 * len(rows), 1, 1)
+    at = np.arange(len(rows))
+    for k, value in zip(at, rows["autocorrelation"], strict=True):
+        ax.plot([1.0, value], [k, k], color="0.75", lw=1.0)
+    ax.plot(rows["autocorrelation"], at, ls="none", marker="o", ms=4, color=STYLE["corrected"]["color"])
+    ax.axvline(1.0, color="k", lw=0.9)
+    ax.set_xscale("log")
+    ax.set_yticks(at, rows.index, fontsize=7)
+    ax.set_ylim(-1.0, len(rows))
+    ax.set_xlabel("autocorrelation time (impacts); 1: as if impacts were independent")
+    return figure
+
+
+def closure_figure(verdicts: pd.DataFrame) -> Figure:
+    """Draw the errors of the closures in units of what is admissible.
+
+    Parameters
+    ----------
+    verdicts : DataFrame
+        As of `rattle.compare.stationary.judged.judged`.
+
+    Returns
+    -------
+    Figure
+    """
+    rows = verdicts[verdicts["predicted"].notna() & (verdicts["tolerance"] > 0.0)]
+    names = list(dict.fromkeys(rows["quantity"]))[::-1]
+    closures = list(dict.fromkeys(rows["closure"]))
+    figure, (ax,) = new_figure(7.4, 1.2 + 0.17 * len(names), 1, 1)
+    ax.axvspan(-1.0, 1.0, color=ACCURATE, alpha=0.3, lw=0, label="accurate")
+    for i, closure in enumerate(closures):
+        own = rows[rows["closure"] == closure]
+        at = np.array([names.index(n) for n in own["quantity"]]) + 0.25 * (i - 0.5 * (len(closures) - 1))
+        share = own["error"] / own["tolerance"]
+        half = 0.5 * (own["high"] - own["low"]) / own["tolerance"]
+        ax.errorbar(share, at, xerr=half, ls="none", ms=3.5, capsize=1.5, lw=0.8, label=closure, **STYLE[closure])
+    ax.set_xscale("symlog", linthresh=1.0)
+    ax.set_yticks(range(len(names)), names, fontsize=7)
+    ax.set_ylim(-1.0, len(names))
+    ax.set_xlabel("error of the closure / admissible error")
+    legend_above(figure, [ax], 4)
+    return figure

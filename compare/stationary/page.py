@@ -1,0 +1,122 @@
+"""The page of a long run."""
+
+from typing import Any
+
+import pandas as pd
+
+from rattle.compare.report import NUMBER, Cell, Code, Column, Figure, Page, Section, Source, Table, Text
+from rattle.compare.report.content import Block, Row
+from rattle.compare.report.glossary import CLOSURE_TERMS, VERDICT_TERMS, glossary
+from rattle.compare.stationary.answer import answer
+from rattle.compare.stationary.judged import TOLERANCES
+from rattle.compare.stationary.measure import Stationary
+from rattle.scene.scene import Scene
+
+__all__ = ["FIGURES", "stationary_page"]
+
+FIGURES = {
+    "distribution": "Velocity just before an impact, with its 95 % interval: the stationary motion. Coloured ticks: "
+    "the mean speed that each closure gives; grey: impacts that count as slow.",
+    "section": "The Poincaré section at the impacts: density over the phase of the excitation and the velocity before "
+    "the impact, and its relative standard error in every cell.",
+    "memory": "Autocorrelation time of each quantity, in impacts: right of 1 errors computed as if impacts were "
+    "independent are too small, left of it too large.",
+    "closures": "Errors of the closures over what is admissible, with intervals of 95 % simultaneous coverage.",
+    "bifurcation": "Density of the velocity before an impact over a field of the scene: without noise and with it.",
+}
+"""Captions of the figures, by name."""
+
+WORDS = glossary(
+    *CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "τ", "Δτ", "y1, y2", "E, sd", "orbit", "mean map",
+    "sticking",
+)  # fmt: skip
+
+MEANING = (
+    "`rate`: impacts per unit of time. `flight`: time since the last impact (with `_mesh1`, `_mesh2`: since the last "
+    "one at that mesh). `speed`: just before an impact. `energy`: lost at an impact, ½(1 − ε²) w y², w = 1 at mesh 1 "
+    "and μ at mesh 2, in units of the mass of wheel 1 at its rim times the square of the unit of speed; "
+    "`energy_per_period`, and `power` per unit of time. `slow_share`: share of impacts slower than {slow:g}. "
+    "`contact_share`: share of the time in which a mesh is closed. `sd_`, `skew_`, `q05_`: standard deviation, "
+    "skewness, 5 % quantile. `autocorrelation`: in impacts. `se_batches`: standard error from batch means."
+)
+
+
+def stationary_page(found: Stationary, record: dict[str, Any], drawn: list[str]) -> Page:
+    """Build the page of a long run.
+
+    Parameters
+    ----------
+    found : Stationary
+        What was found.
+    record : dict
+        The manifest.
+    drawn : list of str
+        Names of the figures in the folder.
+
+    Returns
+    -------
+    Page
+    """
+    figures = {name: Figure(f"{name}.svg", FIGURES[name], FIGURES[name]) for name in drawn}
+    units = "dimensionless" if found.scene.gears is None else "physical"
+    opening: list[Block] = [figures["distribution"]] if "distribution" in figures else []
+    opening += [_quantities(found.table_in(units)), Text(MEANING.format(slow=found.slow), note=True), WORDS]
+    sections = []
+    if units == "physical":
+        sections.append(Section("Dimensionless", (_quantities(found.table_in("dimensionless"), "All quantities"),)))
+    if len(found.verdicts):
+        blocks: list[Block] = [figures["closures"]] if "closures" in figures else []
+        sections.append(
+            Section("The closures", (*blocks, _verdicts(found.verdicts), Text(TOLERANCES, note=True)))
+        )  # fmt: skip
+    if "section" in figures:
+        sections.append(Section("The section", (figures["section"],)))
+    if "bifurcation" in figures:
+        sections.append(Section(f"Over {record['field']}", (figures["bifurcation"],)))
+    if "memory" in figures:
+        sections.append(Section("How long it remembers", (figures["memory"],)))
+    return Page(
+        f"The long run of {record['name']}", tuple(answer(found)), _source(record), tuple(opening), tuple(sections)
+    )  # fmt: skip
+
+
+def _quantities(table: pd.DataFrame, summary: str = "") -> Table:
+    heads = [Column("quantity"), Column("unit")]
+    heads += [Column(name, NUMBER) for name in table.columns if name != "unit"]
+    rows: list[Row] = [
+        [str(name), *(str(v) if column == "unit" else float(v) for column, v in row.items())]
+        for name, row in table.iterrows()
+    ]  # fmt: skip
+    return Table.of(heads, rows, summary)
+
+
+MARK = {"accurate": "good", "inaccurate": "bad", "undecided": "open"}
+
+
+def _verdicts(verdicts: pd.DataFrame) -> Table:
+    """The main quantities of each closure, and why it has none."""
+    heads = [
+        Column("closure"), Column("quantity"), *(Column(n, NUMBER) for n in ("predicted", "simulated", "low", "high")),
+        Column("verdict"), Column("why not"),
+    ]  # fmt: skip
+    rows: list[Row] = []
+    for closure, own in verdicts.groupby("closure", sort=False):
+        reason = own["reason"].iloc[0]
+        if reason:
+            rows.append([f"{closure}", "all", *[float("nan")] * 4, "not predicted", reason])
+            continue
+        for r in own[own["verdict"] != "not predicted"].to_dict("records"):
+            rows.append([
+                f"{closure}", r["quantity"], r["predicted"], r["simulated"], r["low"], r["high"],
+                Cell(r["verdict"], MARK.get(r["verdict"], "")), "",
+            ])  # fmt: skip
+    return Table.of(heads, rows, "Every quantity" if len(rows) > 12 else "")
+
+
+def _source(record: dict[str, Any]) -> Source:
+    facts = {
+        "commit": record["commit"], "seed": str(record["seed"]), "time": f"{record['wall_seconds']} s wall",
+        "versions": ", ".join(f"{name} {version}" for name, version in record["versions"].items()),
+    }  # fmt: skip
+    scene = Code(Scene.from_dict(record["scene"]).to_toml(), "toml")
+    return Source(record["command"], tuple(facts.items()), (Text("The scene:"), scene))

@@ -1,0 +1,65 @@
+"""Writes the folder of a long run atomically: figures, tables, page and manifest."""
+
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from rattle.compare.report.save import contents, save
+from rattle.compare.stationary.bifurcation import Bifurcation, bifurcation_figure
+from rattle.compare.stationary.figures import drawn
+from rattle.compare.stationary.measure import Stationary
+from rattle.compare.stationary.page import FIGURES, stationary_page
+
+__all__ = ["CONTENTS", "write_stationary"]
+
+CONTENTS = contents(
+    "stationary", figures=tuple(FIGURES), tables=("stationary", "physical", "verdicts", "sections", "bifurcation")
+)
+"""Files of such a folder; a folder with any other file is not overwritten."""
+
+
+def write_stationary(
+    out: Path, found: Stationary, view: Bifurcation | None, record: dict[str, Any], overwrite: bool
+) -> list[str]:
+    """Write the folder of a long run.
+
+    Parameters
+    ----------
+    out : Path
+        The folder.
+    found : Stationary
+        What was found.
+    view : Bifurcation or None
+        Over a field of the scene.
+    record : dict
+        Entries of the manifest.
+    overwrite : bool
+        Whether earlier results may be replaced.
+
+    Returns
+    -------
+    list of str
+        The answer, in sentences.
+
+    Raises
+    ------
+    OutputError
+        If the folder contains other files, or earlier results and `overwrite` is false.
+    """
+    figures = drawn(found)
+    tables = {"stationary": found.table.reset_index()}
+    if found.scene.gears is not None:
+        tables["physical"] = found.table_in("physical").reset_index()
+    if len(found.verdicts):
+        tables["verdicts"] = found.verdicts
+    if found.densities:
+        tables["sections"] = pd.concat([d.table for d in found.densities], ignore_index=True)
+    if view is not None:
+        figures["bifurcation"], tables["bifurcation"] = bifurcation_figure(view), view.table
+    page = stationary_page(found, record, list(figures))
+    save(
+        out, "stationary", page, record | found.to_dict(), allowed=CONTENTS, figures=figures, tables=tables,
+        digits="%.8g", overwrite=overwrite,
+    )  # fmt: skip
+    return list(page.answer)

@@ -1,0 +1,444 @@
+"""Estimates of stationary quantities from the sums of independent paths, with standard errors and autocorrelations.
+
+Every estimate is a function of sums over all paths.  Its standard error is that of the jackknife over paths: paths are
+independent, so it is right however long the memory of a path is.  The **autocorrelation** of a quantity is the variance
+of its estimate over the variance that it would have if successive impacts were independent: the integrated
+autocorrelation time in impacts.  Above 1 an error computed as if impacts were independent is too small, below 1 too
+large (the energy lost in a period is, since what one impact leaves the next ones lose).
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from rattle.montecarlo.long_run.density import SectionDensity
+from rattle.montecarlo.long_run.sums import (
+    CONTACT,
+    ENERGY,
+    FLIGHT,
+    GROUPS,
+    MAIN,
+    NUMBER,
+    PHASES,
+    SLOW,
+    SPEED,
+    VELOCITIES,
+    WORK,
+    Scales,
+    Sums,
+)  # fmt: skip
+
+__all__ = [
+    "CONFIDENCE", "QUANTILES", "Collected", "Estimate", "all_names", "collected", "estimates", "groups", "half_width",
+    "section_densities", "time_averages", "velocity_density",
+]  # fmt: skip
+
+Floats = NDArray[np.float64]
+
+CONFIDENCE = 0.95
+QUANTILES = (1, 5, 50, 95, 99)
+"""Percentages of the quantiles."""
+NAMES = {FLIGHT: "flight", SPEED: "speed"}
+
+
+class Estimate(NamedTuple):
+    """An estimate with its errors.
+
+    Attributes
+    ----------
+    value, se : float
+        Estimate and standard error from the variation between paths.
+    low, high : float
+        95 % interval.
+    autocorrelation : float
+        Integrated autocorrelation time in impacts; NaN where nothing varies.
+    se_batches : float
+        Standard error from batch means; NaN for what is not summed in batches.
+    """
+
+    value: float
+    se: float
+    low: float
+    high: float
+    autocorrelation: float
+    se_batches: float = math.nan
+
+
+class Collected(NamedTuple):
+    """The sums of all paths.
+
+    Attributes
+    ----------
+    main : ndarray, shape (paths, batches, MAIN)
+        As of `Sums`, over the batches that are full.
+    time, samples : float
+        Duration of each path, and number of samples of its state.
+    power, energy, histogram, section
+        As of `Sums`, of all paths.
+    scales : Scales
+        Of the pilot run.
+    stages : int
+        Of the scene.
+    """
+
+    main: Floats
+    time: float
+    samples: float
+    power: Floats
+    energy: Floats
+    histogram: NDArray[np.uint32]
+    section: NDArray[np.uint32]
+    scales: Scales
+    stages: int
+
+    @property
+    def paths(self) -> int:
+        """Number of paths."""
+        return len(self.main)
+
+
+def collected(parts: list[Sums], batches: int, time: float, samples: float, stages: int) -> Collected:
+    """Join the sums of all blocks of paths.
+
+    Parameters
+    ----------
+    parts : list of Sums
+        One for each block.
+    batches : int
+        Number of batches that are full.
+    time, samples : float
+        Duration of these batches, and number of samples of the state in them.
+    stages : int
+        Of the scene.
+
+    Returns
+    -------
+    Collected
+    """
+
+    def joined(name: str) -> NDArray[Any]:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    return Collected(
+        joined("main")[:, :batches], time, samples, joined("power"), joined("energy"), joined("histogram"),
+        joined("section"), parts[0].scales, stages,
+    )  # fmt: skip
+
+
+def groups(stages: int) -> Iterator[tuple[int, str]]:
+    """The groups of impacts of a scene with the suffixes of their names.
+
+    Parameters
+    ----------
+    stages : int
+        Of the scene.
+
+    Yields
+    ------
+    group : int
+    suffix : str
+        Empty for all impacts.
+    """
+    yield 0, ""
+    for mesh in range(1, GROUPS if stages == 2 else 1):
+        yield mesh, f"_mesh{mesh}"
+
+
+def half_width(paths: int) -> float:
+    """Half width of a 95 % interval in standard errors from a number of independent paths.
+
+    Parameters
+    ----------
+    paths : int
+        Number of paths.
+
+    Returns
+    -------
+    float
+        Student's t.
+    """
+    return float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, paths - 1))
+
+
+def _jackknife(sums: Floats, function: Callable[[Floats], Floats]) -> tuple[float, float]:
+    """A function of sums over paths, shape (paths, sums), and its standard error over paths."""
+    total, n = sums.sum(axis=0), len(sums)
+    value = float(function(total[None])[0])
+    left = function(total - sums)
+    return value, float(np.sqrt((n - 1) / n * ((left - left.mean()) ** 2).sum()))
+
+
+def _over(a: float, b: float) -> float:
+    return a / b if b > 0.0 else math.nan
+
+
+class _Maker:
+    """Makes estimates from collected sums."""
+
+    def __init__(self, c: Collected) -> None:
+        self.c, self.t = c, half_width(c.paths)
+        self.main = c.main.sum(axis=1)
+
+    def made(self, value: float, se: float, naive: float, batches: float = math.nan) -> Estimate:
+        half = self.t * se
+        return Estimate(value, se, value - half, value + half, _over(se**2, naive**2), batches)
+
+    def _batch_se(self, top: int, bottom: int | None) -> float:
+        """Standard error of a ratio of sums (or of a rate) from the spread of all batches of all paths."""
+        batches = self.c.main.shape[1]
+        a = self.c.main[:, :, top]
+        b = np.full_like(a, self.c.time / batches) if bottom is None else self.c.main[:, :, bottom]
+        if batches < 2 or b.sum() == 0.0:
+            return math.nan
+        rest = a - a.sum() / b.sum() * b
+        rest = rest - rest.mean(axis=1, keepdims=True)  # within paths only
+        return float(np.sqrt((rest**2).sum() * batches / (batches - 1))) / float(b.sum())
+
+    def per_time(self, column: int, g: int, factor: float = 1.0) -> Estimate:
+        """A sum over impacts per unit of time."""
+        c, total = self.c, float(self.main[:, column].sum())
+        whole = c.time * c.paths
+        value = total / whole
+        se = float(self.main[:, column].std(ddof=1)) / c.time / math.sqrt(c.paths)
+        flight, n = self._raw(g, FLIGHT), float(self.main[:, 4 * g + NUMBER].sum())
+        if column == 4 * g + NUMBER:
+            square = n - 2.0 * value * flight[0] + value**2 * flight[1]
+        else:
+            lost = c.energy[:, g].sum(axis=0)
+            square = lost[0] - 2.0 * value * lost[1] + value**2 * flight[1]
+        naive = math.sqrt(max(square, 0.0)) / whole
+        return self.made(factor * value, factor * se, factor * naive, factor * self._batch_se(column, None))
+
+    def _raw(self, g: int, i: int) -> tuple[float, float]:
+        """Sums of a value and of its square."""
+        m, r = self.c.power[:, g, i].sum(axis=0), self.c.scales
+        a, s = float(r.centre[g, i]), float(r.scale[g, i])
+        return float(a * m[0] + s * m[1]), float(a * a * m[0] + 2.0 * a * s * m[1] + s * s * m[2])
+
+    def share(self, column: int, of: int) -> Estimate:
+        """A number of impacts out of a number of impacts."""
+        value, se = _jackknife(self.main[:, [column, of]], lambda s: s[:, 0] / s[:, 1])
+        naive = math.sqrt(max(value * (1.0 - value), 0.0) / self.main[:, of].sum())
+        return self.made(value, se, naive, self._batch_se(column, of))
+
+    def energy(self, g: int) -> Estimate:
+        """Mean energy lost at an impact."""
+        columns = [4 * g + ENERGY, 4 * g + NUMBER]
+        value, se = _jackknife(self.main[:, columns], lambda s: s[:, 0] / s[:, 1])
+        n, square = float(self.main[:, columns[1]].sum()), float(self.c.energy[:, g, 0].sum())
+        naive = math.sqrt(max(square / n - value**2, 0.0) / n)
+        return self.made(value, se, naive, self._batch_se(*columns))
+
+    def contact(self, mesh: int) -> Estimate:
+        """Share of the time in which a mesh is closed; its autocorrelation in impacts."""
+        c = self.c
+        each = self.main[:, CONTACT + mesh - 1] / c.samples
+        value, se = float(each.mean()), float(each.std(ddof=1)) / math.sqrt(c.paths)
+        apart = float(self.main[:, NUMBER].sum()) / (c.samples * c.paths)  # impacts between two samples
+        naive = math.sqrt(max(value * (1.0 - value), 0.0) / (c.samples * c.paths) / max(apart, 1e-300))
+        return self.made(value, se, naive, self._batch_se(CONTACT + mesh - 1, None) * c.time / c.samples)
+
+    def moments(self, g: int, i: int) -> Iterator[tuple[str, Estimate]]:
+        """Mean, sd and skewness of flight or speed."""
+        power, scale, centre = (
+            self.c.power[:, g, i],
+            float(self.c.scales.scale[g, i]),
+            float(self.c.scales.centre[g, i]),
+        )
+
+        def standardised(s: Floats) -> tuple[Floats, Floats, Floats]:
+            m = s / s[:, :1]
+            variance = np.maximum(m[:, 2] - m[:, 1] ** 2, 0.0)
+            third = m[:, 3] - 3.0 * m[:, 1] * m[:, 2] + 2.0 * m[:, 1] ** 3
+            with np.errstate(invalid="ignore", divide="ignore"):
+                return m[:, 1], np.sqrt(variance), third / variance**1.5
+
+        m = power.sum(axis=0)
+        mean, sd, skew = (float(a[0]) for a in standardised(m[None]))
+        n = float(m[0])
+        central = _central(m / n, mean) / sd ** np.arange(POWER) if sd > 0.0 else np.full(POWER, math.nan)
+        influence = {
+            "": (np.array([0.0, 1.0]), scale * sd),
+            "sd_": (np.array([-0.5, 0.0, 0.5]), scale * sd),
+            "skew_": (np.array([0.5 * skew, -3.0, -1.5 * skew, 1.0]), 1.0),
+        }
+        for k, (prefix, (polynomial, unit)) in enumerate(influence.items()):
+            value, se = _jackknife(power, lambda s, k=k: standardised(s)[k])  # type: ignore[misc]
+            factor = scale if k < 2 else 1.0
+            square = sum(a * b * central[p + q] for p, a in enumerate(polynomial) for q, b in enumerate(polynomial))
+            naive = unit * math.sqrt(max(square, 0.0) / n) if sd > 0.0 else math.nan
+            batches = self._batch_se(4 * g + SPEED, 4 * g + NUMBER) if (prefix, i) == ("", SPEED) else math.nan
+            yield prefix, self.made(factor * value + (centre if k == 0 else 0.0), factor * se, naive, batches)
+
+    def quantiles(self, g: int, i: int) -> Iterator[tuple[str, Estimate]]:
+        """Quantiles, with intervals by Woodruff's method: those of the probability, read off the distribution."""
+        counts = self.c.histogram[:, g, i].astype(float)
+        edges, n = self.c.scales.edges[g, i], counts.sum(axis=1)
+        below = np.cumsum(counts, axis=1)[:, :-1]  # of each path, below each edge
+        whole = below.sum(axis=0) / n.sum()
+        for percent in QUANTILES:
+            p = 0.01 * percent
+            value = _inverse(edges, whole, p)
+            k = int(np.clip(np.searchsorted(whole, p), 0, edges.size - 1))
+            rest = below[:, k] - whole[k] * n
+            se = math.sqrt(float((rest**2).sum()) * self.c.paths / (self.c.paths - 1)) / float(n.sum())
+            low, high = (_inverse(edges, whole, p + sign * self.t * se) for sign in (-1.0, 1.0))
+            naive = math.sqrt(p * (1.0 - p) / float(n.sum()))
+            yield f"q{percent:02d}_", Estimate(
+                value, 0.5 * (high - low) / self.t, low, high, _over(se**2, naive**2)
+            )  # fmt: skip
+
+
+POWER = 7
+
+
+def _central(raw: Floats, mean: float) -> Floats:
+    """Central moments of orders 0 to 6 from raw ones."""
+    return np.array([
+        sum(math.comb(k, j) * raw[j] * (-mean) ** (k - j) for j in range(k + 1)) for k in range(POWER)
+    ])  # fmt: skip
+
+
+def _inverse(edges: Floats, below: Floats, p: float) -> float:
+    """The value below which a share p lies."""
+    return float(np.interp(p, below, edges))
+
+
+def estimates(c: Collected, names: tuple[str, ...] | None = None) -> dict[str, Estimate]:
+    """All stationary quantities of a long run (dimensionless).
+
+    Parameters
+    ----------
+    c : Collected
+        The sums of all paths.
+    names : tuple of str, optional
+        Those that are wanted; all by default.
+
+    Returns
+    -------
+    dict of str to Estimate
+        ``rate`` (impacts per unit of time), ``flight`` and ``speed`` with ``sd_``, ``skew_`` and ``q01_`` to ``q99_``,
+        ``energy`` (mean loss of an impact), ``energy_per_period``, ``power`` (loss per unit of time), ``slow_share``,
+        all of them also with ``_mesh1`` and ``_mesh2`` for two stages, and ``contact_share_mesh1``, ....
+    """
+    made, out = _Maker(c), {}
+
+    def wanted(*found: str) -> bool:
+        return names is None or any(name in names for name in found)
+
+    for g, suffix in groups(c.stages):
+        if made.main[:, 4 * g].sum() == 0.0:
+            continue
+        at = 4 * g
+        out["rate" + suffix] = made.per_time(at + NUMBER, g)
+        for i in (FLIGHT, SPEED):
+            name = NAMES[i] + suffix
+            if wanted(name, "sd_" + name, "skew_" + name):
+                out |= {prefix + name: estimate for prefix, estimate in made.moments(g, i)}
+            if wanted(*(f"q{percent:02d}_{name}" for percent in QUANTILES)):
+                out |= {prefix + name: estimate for prefix, estimate in made.quantiles(g, i)}
+        out["energy" + suffix] = made.energy(g)
+        out["energy_per_period" + suffix] = made.per_time(at + ENERGY, g, 2.0 * math.pi)
+        out["power" + suffix] = made.per_time(at + ENERGY, g)
+        out["slow_share" + suffix] = made.share(at + SLOW, at + NUMBER)
+    for mesh in range(1, c.stages + 1):
+        out[f"contact_share_mesh{mesh}"] = made.contact(mesh)
+    return out if names is None else {name: out[name] for name in names if name in out}
+
+
+def all_names(stages: int) -> tuple[str, ...]:
+    """Names of all quantities, in the order of a table.
+
+    Parameters
+    ----------
+    stages : int
+        Of the scene.
+
+    Returns
+    -------
+    tuple of str
+
+    Examples
+    --------
+    >>> all_names(1)[:4]
+    ('rate', 'flight', 'sd_flight', 'skew_flight')
+    """
+    found = []
+    spread = ("", "sd_", "skew_", *(f"q{percent:02d}_" for percent in QUANTILES))
+    for _, suffix in groups(stages):
+        found += ["rate" + suffix, *(f"{prefix}{name}{suffix}" for name in NAMES.values() for prefix in spread)]
+        found += [name + suffix for name in ("energy", "energy_per_period", "power", "slow_share")]
+    return (*found, *(f"contact_share_mesh{mesh}" for mesh in range(1, stages + 1)))
+
+
+def time_averages(c: Collected) -> Floats:
+    """Averages over time on each path, shape (paths, 4): of y1^2, v2^2, m1 y1, m2 v2 (docs/model.md section 10).
+
+    Parameters
+    ----------
+    c : Collected
+        The sums of all paths.
+
+    Returns
+    -------
+    ndarray
+    """
+    return np.asarray(c.main[:, :, WORK:MAIN].sum(axis=1) / c.samples)
+
+
+def section_densities(c: Collected) -> tuple[SectionDensity, ...]:
+    """Density of the section at each mesh.
+
+    Parameters
+    ----------
+    c : Collected
+        The sums of all paths.
+
+    Returns
+    -------
+    tuple of SectionDensity
+        Without a mesh that was never struck.
+    """
+    found = []
+    for mesh in range(1, c.stages + 1):
+        at = 4 * (mesh if c.stages == 2 else 0) + NUMBER
+        n = c.main[:, :, at].sum(axis=1)
+        if n.sum() == 0.0:
+            continue
+        low, high = c.scales.low[mesh - 1], c.scales.high[mesh - 1]
+        area = 2.0 * math.pi / PHASES * (high - low) / VELOCITIES
+        share, se = _shares(c.section[:, mesh - 1].astype(float), n)
+        edges = np.linspace(0.0, 2.0 * math.pi, PHASES + 1), np.linspace(low, high, VELOCITIES + 1)
+        found.append(SectionDensity(mesh, *edges, share / area, se / area, float(1.0 - share.sum())))
+    return tuple(found)
+
+
+def _shares(counts: Floats, n: Floats) -> tuple[Floats, Floats]:
+    """Shares of counts, shape (paths, ...), in n on each path, and their standard errors over paths."""
+    share = counts.sum(axis=0) / n.sum()
+    rest = counts - share * n.reshape(-1, *[1] * (counts.ndim - 1))
+    return share, np.sqrt((rest**2).sum(axis=0) * len(n) / (len(n) - 1)) / n.sum()
+
+
+def velocity_density(c: Collected, mesh: int) -> tuple[Floats, Floats]:
+    """Density of the velocity before an impact at a mesh, in the cells of the section, and its standard error.
+
+    Parameters
+    ----------
+    c : Collected
+        The sums of all paths.
+    mesh : int
+        1 or 2.
+
+    Returns
+    -------
+    density, se : ndarray, shape (VELOCITIES,)
+    """
+    at = 4 * (mesh if c.stages == 2 else 0) + NUMBER
+    share, se = _shares(c.section[:, mesh - 1].sum(axis=1).astype(float), c.main[:, :, at].sum(axis=1))
+    width = (c.scales.high[mesh - 1] - c.scales.low[mesh - 1]) / VELOCITIES
+    return share / width, se / width
