@@ -1,34 +1,46 @@
-"""Cost of a path-step, next to the lower bound set by random numbers and arithmetic on the same machine.
+"""Cost of a path-step, next to the lower bound set by random numbers and arithmetic, and to a skilled loop in numba.
 
-All times are processor time of one core, the least of several repeats, in one run.  The ratios carry over to other
-machines; the times may not.
+All times are processor time of one core.  What is compared is measured in one run in slices that take turns, for the
+clock and the neighbours of a machine change from second to second; a ratio is the median over the turns.  Ratios carry
+over to machines of a kind; times may not.
 """
 
 import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from rattle.montecarlo.kernel.block import BLOCK, run, sample
 from rattle.montecarlo.noise.philox import Word, fill_normals, key_of
 from rattle.montecarlo.record import Record
-from rattle.montecarlo.schemes.euler import euler_lanes, step_forcing
+from rattle.montecarlo.schemes.euler import FORCING, QUAD, four_euler_steps, step_forcing
 from rattle.montecarlo.settings import plan_of
-from rattle.scene.compiled import lean
+from rattle.scene.compiled import jit, lean
 from rattle.scene.constants import Constants
 from rattle.scene.gears import DAT21
+from rattle.scene.impact import struck
 from rattle.scene.parts import Tolerance
 from rattle.scene.scene import Scene
 
-__all__ = ["bench", "floor"]
+__all__ = ["bench", "slices"]
 
-REPEATS = 15
+Floats = NDArray[np.float64]
+
+REPEATS = 25  # turns of slices
 STEP = 2.0 * math.pi / 1000.0
-LOOPS = 400
+LANES = 256  # of the floor: as many as the kernel takes through its steps together
+LOOPS = 100
+LOOP_STEPS = 800  # of the skilled loop's paths: about as many as twelve impacts take
+SKILLED, SCALAR, NORMAL, ARITHMETIC = (
+    "a skilled loop in numba, without statistics", "one normal by standard_normal", "one standard normal",
+    "arithmetic of one step",
+)  # fmt: skip
 
 
 @lean
@@ -38,46 +50,97 @@ def _normals(key: Any, paths: Any, z: Any, loops: int) -> None:
 
 
 @lean
-def _steps(c: Constants, state: Any, z: Any, beyond: Any, loops: int) -> None:
-    f = step_forcing(c, 0.0, 1e-12)  # so short that no path moves noticeably
-    for _ in range(loops):
-        euler_lanes(c, f, 1e-12, False, state, state, z, beyond, z.size)
+def _steps(c: Constants, forcing: Any, state: Any, before: Any, z: Any, beyond: Any, loops: int) -> None:
+    for _ in range(loops):  # so short that no path moves noticeably
+        four_euler_steps(c, forcing, 1e-12, False, before, 0, state, before, z, beyond, beyond.size)
 
 
-def _least(call: Callable[[], Any]) -> float:
-    """Least processor time of a call, in ns."""
-    call()
-    best = math.inf
-    for _ in range(REPEATS):
-        begin = time.process_time_ns()
-        call()
-        best = min(best, time.process_time_ns() - begin)
-    return best
+@jit
+def _scalar_normals(generator: np.random.Generator, count: int) -> float:
+    total = 0.0
+    for _ in range(count):
+        total += generator.standard_normal()
+    return total
 
 
-def floor() -> tuple[float, float]:
-    """Time of one standard normal, and of the arithmetic of one Euler-Maruyama step with its wall test, on one core.
+@jit
+def _skilled_loop(c: Constants, generator: np.random.Generator, paths: int, forcing: Floats, h: float) -> float:
+    """Euler-Maruyama with impacts as one writes it who knows numba: path by path, forcing tabulated, a fast generator.
+
+    Both meshes' impacts are taken at the end of a step.  Nothing is recorded.
+    """
+    keep1, keep2, pull, total = 1.0 - h * c.beta1, 1.0 - h * c.beta2, h * (c.beta2 - c.beta1), 0.0
+    for _ in range(paths):
+        x1, y1, x2, y2 = 0.0, 0.0, 0.0, 0.0
+        for i in range(forcing.shape[0]):
+            z = generator.standard_normal()
+            push1, kick1, push2, kick2 = forcing[i, 0], forcing[i, 1], forcing[i, 2], forcing[i, 3]
+            x1, y1, x2, y2 = (
+                x1 + h * y1, keep1 * y1 + push1 + kick1 * z, x2 + h * y2, keep2 * y2 + pull * y1 + push2 + kick2 * z
+            )  # fmt: skip
+            if (x1 > c.wall1 and y1 > 0.0) or (x1 < -c.wall1 and y1 < 0.0):
+                x1 = c.wall1 if x1 > 0.0 else -c.wall1
+                y1, y2 = struck(c, 1, y1, y2)
+            if (x2 > c.wall2 and y2 > 0.0) or (x2 < -c.wall2 and y2 < 0.0):
+                x2 = c.wall2 if x2 > 0.0 else -c.wall2
+                y1, y2 = struck(c, 2, y1, y2)
+        total += x1
+    return total
+
+
+def slices(calls: Mapping[str, tuple[Callable[[], Any], float]], turns: int) -> dict[str, Floats]:
+    """Processor time of calls that take turns, in ns per unit of work.
+
+    Parameters
+    ----------
+    calls : mapping of str to (callable, float)
+        What is measured, and how many units of work a call does.
+    turns : int
+        How often each is called, after a first time that is not measured.
 
     Returns
     -------
-    normal, step : float
-        ns.
+    dict of str to ndarray, shape (turns,)
     """
-    c = Scene.from_gears(DAT21, sigma=1.0).constants
-    key, paths = key_of(np.random.SeedSequence(1)), np.arange(BLOCK, dtype=np.uint64)
-    z, state, beyond = np.zeros((4, BLOCK)), np.zeros((4, BLOCK)), np.zeros(BLOCK, np.bool_)
-    normal = _least(lambda: _normals(key, paths, z, LOOPS)) / (4.0 * BLOCK * LOOPS)
-    step = _least(lambda: _steps(c, state, z[0], beyond, LOOPS)) / (BLOCK * LOOPS)
-    return normal, step
+    taken = {name: np.empty(turns) for name in calls}
+    for call, _ in calls.values():
+        call()
+    for turn in range(turns):
+        for name, (call, units) in calls.items():
+            begin = time.thread_time_ns()
+            call()
+            taken[name][turn] = (time.thread_time_ns() - begin) / units
+    return taken
 
 
-def _measured(scene: Scene, statistics: bool = True, **settings: Any) -> tuple[float, float, float]:
-    """Time of a path-step in ns, steps of a path, time of a path in us."""
+def _floor(scene: Scene) -> dict[str, tuple[Callable[[], Any], float]]:
+    """A normal and the arithmetic of a step as they are here, and the loop and the generator that others take."""
+    c = scene.constants
+    key, paths, generator = key_of(np.random.SeedSequence(1)), np.arange(LANES, dtype=np.uint64), _generator()
+    z, state, beyond = np.zeros((4, LANES + 8)), np.zeros((2, 4, LANES + 8)), np.zeros(LANES, np.bool_)
+    forcing = np.array([step_forcing(c, i * STEP, STEP) for i in range(LOOP_STEPS)]).reshape(-1, FORCING)
+    still = np.zeros((QUAD, LANES + 8))
+    return {
+        SKILLED: (lambda: _skilled_loop(c, generator, 125, forcing, STEP), 125.0 * LOOP_STEPS),
+        SCALAR: (lambda: _scalar_normals(generator, 100_000), 1e5),
+        NORMAL: (lambda: _normals(key, paths, z, LOOPS), 4.0 * LANES * LOOPS),
+        ARITHMETIC: (
+            lambda: _steps(c, forcing[:QUAD], state[0], state[1], still, beyond, LOOPS), float(QUAD * LANES * LOOPS)
+        ),
+    }  # fmt: skip
+
+
+def _generator() -> np.random.Generator:
+    """The fastest of numpy's generators."""
+    return np.random.Generator(np.random.SFC64(1))
+
+
+def _case(scene: Scene, statistics: bool = True, **settings: Any) -> tuple[Callable[[], Any], int]:
+    """A call that runs a block, and its path-steps."""
     usual: dict[str, Any] = {"paths": BLOCK, "impacts": 12, "dt": STEP, "scheme": "euler-maruyama"}
     plan = plan_of(scene, **usual | settings)
-    steps = sample(plan, 0).path_steps
-    ns = _least(lambda: run(plan, 0) if statistics else sample(plan, 0, reuse=True))
-    return ns / steps, steps / BLOCK, 1e-3 * ns / BLOCK
+    call = partial(run, plan, 0) if statistics else partial(sample, plan, 0, reuse=True)
+    return call, sample(plan, 0).path_steps
 
 
 def bench(scene: Scene | None = None) -> pd.DataFrame:
@@ -91,12 +154,11 @@ def bench(scene: Scene | None = None) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Index ``what``; columns ``ns`` per path-step, ``times_floor`` (over the sum of both times of `floor`), ``steps``
-        of a path, ``us`` per path.
+        Index ``what``; columns ``ns`` per path-step, the least; ``times_floor``, over a normal and the arithmetic of a
+        step together; ``gain``, how many path-steps are done in the time of one of the skilled loop, or normals in that
+        of one by ``standard_normal``; ``steps`` of a path; ``us`` per path.
     """
     base = scene or Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha))
-    normal, arithmetic = floor()
-    low = normal + arithmetic
     walls = Tolerance(0.01, 0.01, draw="path")
     contact = Tolerance(0.01, 0.01, draw="contact")
     loose = replace(base, tolerance=walls)
@@ -120,13 +182,14 @@ def bench(scene: Scene | None = None) -> pd.DataFrame:
             base, {"scheme": "exact-flight", "dt": math.pi / 64.0, "control": True}
         ),
     }  # fmt: skip
-    rows: dict[str, tuple[float, ...]] = {
-        "one standard normal": (normal, normal / low, math.nan, math.nan),
-        "arithmetic of one step": (arithmetic, arithmetic / low, math.nan, math.nan),
-    }
-    for name, (own, settings) in cases.items():
-        ns, steps, us = _measured(own, **settings)
-        rows[name] = (ns, ns / low, steps, us)
+    work = {name: _case(own, **settings) for name, (own, settings) in cases.items()}
+    taken = slices(_floor(base) | {name: (call, float(steps)) for name, (call, steps) in work.items()}, REPEATS)
+    low = taken[NORMAL] + taken[ARITHMETIC]
+    rows = {}
+    for name, ns in taken.items():
+        steps = work[name][1] / BLOCK if name in work else math.nan
+        gain = np.median(taken[SCALAR if name in (SCALAR, NORMAL) else SKILLED] / ns)
+        rows[name] = (ns.min(), np.median(ns / low), gain, steps, 1e-3 * ns.min() * steps)
     return pd.DataFrame.from_dict(
-        rows, orient="index", columns=["ns", "times_floor", "steps", "us"]
+        rows, orient="index", columns=["ns", "times_floor", "gain", "steps", "us"]
     ).rename_axis("what")  # fmt: skip

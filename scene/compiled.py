@@ -8,7 +8,7 @@ from numba.np import linalg
 
 from rattle.scene.machine_code import keep_by_source, sealed
 
-__all__ = ["inlined", "jit", "lean", "reducing", "spliced"]
+__all__ = ["inlined", "jit", "lean", "spliced"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -84,24 +84,6 @@ def inlined(function: Callable[P, R]) -> Callable[P, R]:
         The compiled function.
     """
     return cast(Callable[P, R], sealed(numba.njit(**LEAN, forceinline=True)(function)))
-
-
-def reducing(function: Callable[P, R]) -> Callable[P, R]:
-    """As `lean`, with floating-point sums that the compiler may reassociate, so that reductions vectorise.
-
-    The order is fixed at compile time: the same machine code gives the same sum every time.
-
-    Parameters
-    ----------
-    function : callable
-        Function to compile; it must not allocate.
-
-    Returns
-    -------
-    callable
-        The compiled function.
-    """
-    return cast(Callable[P, R], sealed(numba.njit(**LEAN, fastmath={"reassoc"})(function)))
 
 
 def spliced(function: Callable[P, R]) -> Callable[P, R]:

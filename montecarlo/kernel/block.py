@@ -10,15 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.kernel.control_variate import LinearPath, no_control
-from rattle.montecarlo.kernel.kernel import COLUMNS, Job, block_kernel
+from rattle.montecarlo.kernel.kernel import COLUMNS, PLAIN, Job, block_kernel
 from rattle.montecarlo.kernel.lanes import lanes_of
+from rattle.montecarlo.kernel.plain import plain_block
 from rattle.montecarlo.noise.backlash import backlash_of, draw_walls
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.statistics.central_sums import (
-    COVARIANCE,
     PAIR,
-    SINGLE,
     VARIANCE,
     CentralSums,
     Orders,
@@ -209,7 +208,8 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
         plan.most_steps,
     )  # fmt: skip
     every, room = lanes_of(plan.levels, first, start_state(scene, walls), walls, scene.phase)
-    work, sticking = block_kernel(job.scheme)(
+    kernel = plain_block if job.scheme == PLAIN else block_kernel(job.scheme)
+    work, sticking = kernel(
         job, plan.control, first, every, room, rows, plan.fixed_steps, fixed, controls
     )  # fmt: skip
     unfinished = np.isnan(rows[0, :, -1, 0]).sum()
@@ -306,10 +306,9 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
     rows = [columns_of(level) for level in raw.rows]
     fixed = [columns_of(level) for level in raw.fixed] if plan.fixed_steps.size else []
     own = [(i, i) for i in range(len(SECTION))]
-    sums = {
-        "section": section(rows[0], own, SINGLE),
-        "section_pairs": section(rows[0], [(SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS], COVARIANCE),
-    }
+    pairs = [(SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS]
+    single, covariances = CentralSums.of_groups(rows[0], plan.impacts, range(len(SECTION)), pairs)
+    sums = {"section": single, "section_pairs": covariances}
     if plan.energy:
         sums["energy"] = section(columns_of(_losses(plan.scene.constants, raw.rows[0])), [(0, 0)], VARIANCE)
     if plan.control.at_step.size:

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.kernel.control_variate import LinearPath, carry_along
-from rattle.montecarlo.kernel.lanes import Lanes, Room, join_halves, list_marked, of_level, retire
+from rattle.montecarlo.kernel.lanes import CHUNK, Lanes, Room, join_halves, list_marked, of_level, retire
 from rattle.montecarlo.noise.backlash import Backlash, half_gap
 from rattle.montecarlo.noise.philox import BRIDGE, Key, Word, fill_normals, fill_signs, fill_words, normals
-from rattle.montecarlo.schemes.euler import at_end, due, euler_lanes, put_on_wall, step_forcing
+from rattle.montecarlo.schemes.euler import at_end, step_forcing
 from rattle.montecarlo.schemes.euler_located import advance_inside, leaving, located_lanes
 from rattle.montecarlo.schemes.exact_flight import advance_exactly, flight_forcing, flight_lanes, near_second
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Noise, Progress, Walls
@@ -20,6 +20,7 @@ from rattle.montecarlo.schemes.sticking import OPEN, sides_of, stick_to_end, sti
 from rattle.scene.compiled import lean, spliced
 from rattle.scene.constants import Constants
 from rattle.scene.impact import struck
+from rattle.scene.instructions import widest_vectors
 
 __all__ = ["CHUNK", "COLUMNS", "EXACT", "FLANK_DRAWS", "LOCATED", "PLAIN", "Job", "block_kernel", "next_event"]
 
@@ -27,7 +28,6 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-CHUNK = 16  # finest steps between retirements of finished paths; a multiple of 4 (steps of a draw, coarsest step)
 COLUMNS = 7  # recorded of an impact: tau, flight, x1, y1, x2, y2, mesh * side
 SPLITS = Word(1 << 16)  # indices of random numbers reserved for the splits of one step
 CUTS_APART = SPLITS // Word(MOST_IN_A_STEP + 1)  # of those, the ones of one call of `advance_exactly`
@@ -113,16 +113,54 @@ def next_event(
 
 
 @spliced
-def _walls_of(lanes: Lanes, p: int) -> Walls:
+def walls_of(lanes: Lanes, p: int) -> Walls:
+    """Walls of the path in lane p.
+
+    Parameters
+    ----------
+    lanes : Lanes
+        Of one level.
+    p : int
+        Lane.
+
+    Returns
+    -------
+    Walls
+    """
     return Walls(lanes.walls[0, p], lanes.walls[1, p], lanes.walls[2, p], lanes.walls[3, p])
 
 
 @spliced
-def _record(
+def record(
     job: Job, path: Word, row: int, level: int, p: int, code: int, tau: float, x1: float, y1: float, x2: float,
     y2: float, lanes: Lanes, rows: Floats,
 ) -> tuple[float, float]:  # fmt: skip
-    """Record an impact of the path in lane p in `rows` and redraw the flank; returns the velocities after it."""
+    """Record an impact of the path in lane p, and redraw the flank if impacts do.
+
+    Parameters
+    ----------
+    job : Job
+        Of the run.
+    path : Word
+        Number of the path.
+    row, level : int
+        Its row in `rows`, and the level of its step.
+    p : int
+        Its lane.
+    code : int
+        ``mesh * side``.
+    tau, x1, y1, x2, y2 : float
+        Time and state just before.
+    lanes : Lanes
+        Of the level; output too.
+    rows : ndarray, shape (levels, paths, impacts, COLUMNS)
+        Output.
+
+    Returns
+    -------
+    y1, y2 : float
+        Velocities after the impact.
+    """
     c, k = job.c, lanes.impacts[p]
     if k < rows.shape[2]:
         seen = (tau, tau - lanes.last[p], x1, y1, x2, y2, float(code))
@@ -140,40 +178,6 @@ def _record(
 
 
 @spliced
-def _finish_at_end(
-    job: Job, path: NDArray[Word], first: int, level: int, tau: float, found: int, hits: Ints, lanes: Lanes,
-    rows: Floats,
-) -> int:  # fmt: skip
-    """Impacts of the plain scheme at the end of a step, in the first `found` lanes of `hits`.
-
-    All lanes have their first impact, then those that have one their second, and so on.  Returns in how many lanes an
-    impact is still due after `MOST_IN_A_STEP`.
-    """
-    c, state = job.c, lanes.state
-    for met in range(MOST_IN_A_STEP + 1):
-        more = 0
-        for i in range(found):
-            p = hits[i]
-            walls = _walls_of(lanes, p)
-            x1, y1, x2, y2 = state[0, p], state[1, p], state[2, p], state[3, p]
-            code = due(c, x1, y1, x2, y2, walls)
-            if code == 0:
-                continue
-            x1, x2 = put_on_wall(code, x1, x2, walls)
-            if met < MOST_IN_A_STEP:
-                y1, y2 = _record(
-                    job, path[p], int(path[p]) - first, level, p, code, tau, x1, y1, x2, y2, lanes, rows
-                )  # fmt: skip
-            state[0, p], state[1, p], state[2, p], state[3, p] = x1, y1, x2, y2
-            hits[more] = p
-            more += due(c, x1, y1, x2, y2, _walls_of(lanes, p)) != 0
-        found = more if met < MOST_IN_A_STEP else found
-        if found == 0:
-            break
-    return found
-
-
-@spliced
 def _finish_inside(
     scheme: int, job: Job, path: Word, row: int, step: int, level: int, p: int, at: Progress, lanes: Lanes,
     rows: Floats, ahead: Floats,
@@ -183,7 +187,7 @@ def _finish_inside(
     for met in range(MOST_IN_A_STEP + 1):
         if at.left <= 0.0:
             break
-        walls = _walls_of(lanes, p)
+        walls = walls_of(lanes, p)
         sides = sticking_sides(job.c, at, walls) if scheme == EXACT else OPEN
         if sides[0] == 0 and sides[1] == 0:
             at = next_event(scheme, job.c, job.key, path, step, level, met, at, walls, ahead)
@@ -192,7 +196,7 @@ def _finish_inside(
             sticking = True
             break
         if at.code != 0:
-            y1, y2 = _record(
+            y1, y2 = record(
                 job, path, row, level, p, at.code, at.tau, at.x1, at.y1, at.x2, at.y2, lanes, rows
             )  # fmt: skip
             at = Progress(0, at.tau, at.left, at.noise, at.x1, y1, at.x2, y2)
@@ -204,20 +208,17 @@ def _finish_inside(
 def _step_lanes(scheme: int, job: Job, tau: float, h: float, lanes: Lanes, marks: Bools, live: int) -> None:
     """One step of all lanes; marks those that may have an impact."""
     c, state, before = job.c, lanes.state, lanes.before
-    if scheme == PLAIN:
-        euler_lanes(c, step_forcing(c, tau, h), h, job.backlash.random, lanes.walls, state, lanes.w, marks, live)
+    for i in range(2 * c.stages):
+        for p in range(live):
+            before[i, p] = state[i, p]
+    if scheme == LOCATED:
+        leaving(c, h, lanes.walls, state, marks, live)
+        located_lanes(c, step_forcing(c, tau, h), h, state, lanes.w, live)
     else:
-        for i in range(2 * c.stages):
-            for p in range(live):
-                before[i, p] = state[i, p]
-        if scheme == LOCATED:
-            leaving(c, h, lanes.walls, state, marks, live)
-            located_lanes(c, step_forcing(c, tau, h), h, state, lanes.w, live)
-        else:
-            f = flight_forcing(c, tau, h)
-            flight_lanes(c, f, h, lanes.walls, state, lanes.w, lanes.area, marks, live)
-            if c.stages == 2:
-                near_second(h, f.margin2, lanes.walls, before, state, marks, live)
+        f = flight_forcing(c, tau, h)
+        flight_lanes(c, f, h, lanes.walls, state, lanes.w, lanes.area, marks, live)
+        if c.stages == 2:
+            near_second(h, f.margin2, lanes.walls, before, state, marks, live)
 
 
 @cache
@@ -259,6 +260,7 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
         job: Job, control: LinearPath, first: int, every: Lanes, room: Room, rows: Floats, fixed_steps: Ints,
         fixed: Floats, controls: Floats,
     ) -> tuple[int, int]:  # fmt: skip
+        widest_vectors()
         levels, paths, impacts = rows.shape[0], rows.shape[1], rows.shape[2]
         path, bits, z, xi, marks, hits = room.path, room.bits, room.z, room.xi, room.marks, room.hits
         work, sticking, live, next_fixed, linear, n = ZERO, ZERO, paths, ZERO, ZERO, ZERO
@@ -289,17 +291,14 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
                     h, begin = job.dt * multiple, job.tau + (n - multiple) * job.dt
                     _step_lanes(scheme, job, begin, h, lanes, marks, wide)
                     found = list_marked(marks, live, room.groups, hits)
-                    if scheme == PLAIN:
-                        sticking += _finish_at_end(job, path, first, level, begin + h, found, hits, lanes, rows)
-                    else:
-                        for i in range(found):
-                            p, s = hits[i], lanes.before
-                            noise = Noise(lanes.w[p] * math.sqrt(h), lanes.area[p] * math.sqrt(h / 12.0))
-                            at = Progress(0, begin, h, noise, s[0, p], s[1, p], s[2, p], s[3, p])
-                            row = int(path[p]) - first
-                            sticking += _finish_inside(
-                                scheme, job, path[p], row, n - multiple, level, p, at, lanes, rows, room.ahead
-                            )  # fmt: skip
+                    for i in range(found):
+                        p, s = hits[i], lanes.before
+                        noise = Noise(lanes.w[p] * math.sqrt(h), lanes.area[p] * math.sqrt(h / 12.0))
+                        at = Progress(0, begin, h, noise, s[0, p], s[1, p], s[2, p], s[3, p])
+                        row = int(path[p]) - first
+                        sticking += _finish_inside(
+                            scheme, job, path[p], row, n - multiple, level, p, at, lanes, rows, room.ahead
+                        )  # fmt: skip
                     work += live
                 if next_fixed < fixed_steps.size and fixed_steps[next_fixed] == n:
                     for level in range(levels):
@@ -308,7 +307,7 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
                                 fixed[level, int(path[p]) - first, next_fixed, i] = every.state[level, i, p]
                     next_fixed += 1
             if next_fixed == fixed_steps.size and linear == control.at_step.size:
-                live = retire(every, path, bits, xi, impacts, live)
+                live = retire(every, room, impacts, live)
         return work, sticking
 
     return run_block

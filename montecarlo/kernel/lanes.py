@@ -7,14 +7,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.noise.philox import Word
+from rattle.montecarlo.schemes.euler import FORCING
 from rattle.montecarlo.schemes.exact_flight import PARTS
 from rattle.scene.compiled import lean, spliced
+from rattle.scene.instructions import widest_vectors
 
-__all__ = ["Lanes", "Room", "join_halves", "lanes_of", "list_marked", "of_level", "retire"]
+__all__ = ["CHUNK", "TILE", "Lanes", "Room", "join_halves", "lanes_of", "list_marked", "of_level", "retire"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+
+CHUNK = 16  # finest steps between retirements of finished paths; a multiple of 4 (steps of a draw, coarsest step)
+TILE = 256  # lanes that are taken through a chunk together: their states and noise stay in the first cache
 
 
 class Lanes(NamedTuple):
@@ -66,6 +71,12 @@ class Room(NamedTuple):
         Scratch and output of `list_marked`.
     ahead : ndarray, shape (PARTS, 3)
         Scratch of `rattle.montecarlo.schemes.exact_flight.advance_exactly`.
+    forcing : ndarray, shape (levels, CHUNK, FORCING)
+        Forcing of the Euler-Maruyama steps of a chunk.
+    few, few_walls : ndarray, shapes (5, lanes) and (4, lanes)
+        States with their noise, and flanks, of the lanes that are walked through steps one at a time.
+    struck : ndarray of int
+        Those of them that have an impact.
     """
 
     path: NDArray[Word]
@@ -76,6 +87,10 @@ class Room(NamedTuple):
     groups: Ints
     hits: Ints
     ahead: Floats
+    forcing: Floats
+    few: Floats
+    few_walls: Floats
+    struck: Ints
 
 
 def lanes_of(levels: int, first: int, start: Floats, walls: Floats, tau: float) -> tuple[Lanes, Room]:
@@ -97,7 +112,8 @@ def lanes_of(levels: int, first: int, start: Floats, walls: Floats, tau: float) 
     Lanes, Room
     """
     paths = start.shape[1]
-    lanes = (paths + 7) // 8 * 8  # whole vectors; results of lanes without a path are ignored
+    # whole vectors; results of lanes without a path are ignored.  The rest keeps rows from sharing lines of the cache
+    lanes = (paths + 7) // 8 * 8 + TILE
     state, wall = np.zeros((levels, 4, lanes)), np.ones((levels, 4, lanes))
     state[:, :, :paths], wall[:, :, :paths] = start, walls
     every = Lanes(
@@ -107,7 +123,8 @@ def lanes_of(levels: int, first: int, start: Floats, walls: Floats, tau: float) 
     room = Room(
         np.arange(first, first + lanes, dtype=np.uint64), np.zeros(lanes, np.uint64), np.zeros((5, lanes)),
         np.zeros((5, lanes)), np.zeros(lanes, np.bool_), np.empty(lanes // 8 + 1, np.int64),
-        np.empty(lanes + 1, np.int64), np.empty((PARTS, 3)),
+        np.empty(lanes + 1, np.int64), np.empty((PARTS, 3)), np.empty((levels, CHUNK, FORCING)),
+        np.zeros((5, lanes)), np.ones((4, lanes)), np.empty(lanes + 1, np.int64),
     )  # fmt: skip
     return every, room
 
@@ -145,7 +162,7 @@ def list_marked(marks: Bools, lanes: int, groups: Ints, out: Ints) -> int:
     Parameters
     ----------
     marks : ndarray of bool
-        Of whole groups of eight.
+        Of whole groups of eight; those beyond the lanes in use are cleared.
     lanes : int
         Number of lanes in use.
     groups : ndarray of int
@@ -159,16 +176,19 @@ def list_marked(marks: Bools, lanes: int, groups: Ints, out: Ints) -> int:
         How many.
     """
     words = marks.view(np.int64)
-    some = 0
-    for g in range((lanes + 7) // 8):
+    whole, some, found = Word((lanes + 7) // 8), Word(0), Word(0)  # indices without a sign need no look at it
+    for p in range(lanes, 8 * ((lanes + 7) // 8)):
+        marks[p] = False
+    for g in range(whole):
         groups[some] = g
-        some += words[g] != 0
-    found = 0
+        some += Word(words[g] != 0)
     for i in range(some):
-        for p in range(8 * groups[i], 8 * groups[i] + 8):
-            out[found] = p
-            found += marks[p] & (p < lanes)
-    return found
+        first = Word(8) * Word(groups[i])
+        for q in range(8):
+            lane = first + Word(q)
+            out[found] = lane
+            found += Word(marks[lane])
+    return int(np.int64(found))
 
 
 @lean
@@ -197,15 +217,15 @@ def join_halves(fine_w: Floats, fine_area: Floats, w: Floats, area: Floats, seco
 
 
 @lean
-def retire(every: Lanes, path: NDArray[Word], bits: NDArray[Word], xi: Floats, impacts: int, live: int) -> int:
+def retire(every: Lanes, room: Room, impacts: int, live: int) -> int:
     """Move the last path in use to the lane of each finished one.
 
     Parameters
     ----------
     every : Lanes
         Of all levels; a path is finished once it has had its impacts at all of them.
-    path, bits, xi : ndarray
-        Of `Room`; moved along.
+    room : Room
+        Its paths, bits and perturbations are moved along; marks are overwritten.
     impacts : int
         Impacts of a finished path.
     live : int
@@ -216,23 +236,25 @@ def retire(every: Lanes, path: NDArray[Word], bits: NDArray[Word], xi: Floats, i
     int
         Number of lanes still in use.
     """
-    p = 0
-    while p < live:
-        fewest = every.impacts[0, p]
-        for level in range(1, len(every.impacts)):
-            fewest = min(fewest, every.impacts[level, p])
-        if fewest < impacts:
-            p += 1
-            continue
+    path, bits, xi, marks, groups, hits = room.path, room.bits, room.xi, room.marks, room.groups, room.hits
+    widest_vectors()
+    for p in range(live):
+        marks[p] = every.impacts[0, p] >= impacts
+    for level in range(1, len(every.impacts)):
+        for p in range(live):
+            marks[p] &= every.impacts[level, p] >= impacts
+    found = list_marked(marks, live, groups, hits)
+    for i in range(found - 1, -1, -1):  # from the last, so that what is moved is in use
+        p = hits[i]
         live -= 1
         path[p], path[live] = path[live], path[p]
         bits[p] = bits[live]
-        for i in range(5):
-            xi[i, p] = xi[i, live]
+        for j in range(5):
+            xi[j, p] = xi[j, live]
         for level in range(len(every.impacts)):
-            for i in range(4):
-                every.state[level, i, p] = every.state[level, i, live]
-                every.walls[level, i, p] = every.walls[level, i, live]
+            for j in range(4):
+                every.state[level, j, p] = every.state[level, j, live]
+                every.walls[level, j, p] = every.walls[level, j, live]
             every.last[level, p] = every.last[level, live]
             every.impacts[level, p] = every.impacts[level, live]
     return live

@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.scene.compiled import inlined, lean, spliced
+from rattle.scene.compiled import inlined, lean
+from rattle.scene.instructions import float_of, fma, widest_vectors, word_of
 
 __all__ = [
     "BRIDGE",
@@ -46,9 +47,28 @@ FACTOR_0, FACTOR_1 = Word(0xD2511F53), Word(0xCD9E8D57)
 WEYL_0, WEYL_1 = Word(0x9E3779B9), Word(0xBB67AE85)
 INDEX_BITS = Word(24)  # the index has the lower 24 bits of the fourth counter word, the purpose the upper 8
 
-RADIUS_BITS, ANGLE_BITS = Word(40), Word(24)  # split of the 64 random bits of a Box-Muller pair
+RADIUS, ANGLE, SIGN = Word(2**40 - 1), Word(0x7FFFFF00), Word(2**63)
+"""The 64 bits of a Box-Muller pair: of the radius (32 of one word, 8 of the other), of the angle, of its half plane."""
+TWO_52, ONE = Word(0x4330000000000000), Word(0x3FF0000000000000)  # bits of 2^52, below which integers n fit as 2^52 + n
+MANTISSA, EXPONENT = Word(2**52 - 1), Word(52)
 LN2 = math.log(2.0)
-TURN = 2.0 * math.pi
+
+# Minimax polynomials: -2 log(1 - g / 2) / g on (0, 1]; sin(pi t / 2) / t and cos(pi t / 2) in t^2 on (-1, 1)
+LOG = (
+    1.0000000005554142, 0.24999986889612788, 0.08333842431962475, 0.03117336373752817, 0.013086915089760913,
+    0.002614853315029207, 0.009264280490215637, -0.01097421865165355, 0.01295638395297019, -0.007324599667854153,
+    0.0021590883127490224,
+)  # fmt: skip
+_SINE = (
+    1.5707963267616731, -0.645964095264455, 0.0796926012598293, -0.0046816510162407295, 0.0001602470287436184,
+    -3.428790697558761e-06,
+)  # fmt: skip
+_COSINE = (
+    0.9999999999992536, -1.233700550062837, 0.2536695067256754, -0.020863473695902596, 0.0009192400253751418,
+    -2.5172218494009397e-05, 4.492276816542459e-07,
+)  # fmt: skip
+SINE = tuple(a * 2.0 ** (-30 * (2 * i + 1)) for i, a in enumerate(_SINE))  # for t in units of 2^-30
+COSINE = tuple(a * 2.0 ** (-30 * 2 * i) for i, a in enumerate(_COSINE))
 
 
 class Key(NamedTuple):
@@ -141,45 +161,34 @@ def uniforms(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, f
     )
 
 
-@spliced
-def _log(u: float) -> float:
-    """Natural logarithm of a normal float in (0, 1], to rounding; vectorises, unlike that of the C library.
+@inlined
+def _square_of_radius(bits: Word) -> float:
+    """``-2 log u`` for ``u = (bits + 1/2) / 2^40``, to 8e-10 of it; vectorises, and has no division.
 
-    As in FDLIBM's e_log.c: u = 2^k (1 + f) with 1 + f near 1, and log(1 + f) by a minimax polynomial in s = f / (2 +
-    f).
+    With ``bits + 1/2 = 2^e (2 - g)``, g in (0, 1], it is ``2 log 2 (39 - e) - 2 log(1 - g / 2)``; the second term is g
+    times a polynomial.
     """
-    shifted = np.float64(u).view(np.int64) - np.int64(0x3FE6A09E667F3BCD)  # 1 + f from 1 / sqrt(2) on
-    k = shifted >> np.int64(52)
-    f = np.int64(np.float64(u).view(np.int64) - (k << np.int64(52))).view(np.float64) - 1.0
-    s = f / (2.0 + f)
-    z = s * s
-    w = z * z
-    odd = z * (
-        0.6666666666666735130 + w * (0.2857142874366239149 + w * (0.1818357216161805012 + w * 0.1479819860511658591))
-    )
-    even = w * (0.3999999999940941908 + w * (0.2222219843214978396 + w * 0.1531383769920937332))
-    half = 0.5 * f * f
-    return k * LN2 - ((half - s * (half + odd + even)) - f)
+    v = float_of(bits | TWO_52) - (2.0**52 - 0.5)
+    seen = word_of(v)
+    g = 2.0 - float_of((seen & MANTISSA) | ONE)
+    k = (2.0**52 + 1062.0) - float_of((seen >> EXPONENT) | TWO_52)
+    q = LOG[-1]
+    for i in range(len(LOG) - 2, -1, -1):
+        q = fma(g, q, LOG[i])
+    return fma(k, 2.0 * LN2, g * q)
 
 
-@spliced
-def _circle(turn: float, quadrant: np.int64) -> tuple[float, float]:
-    """Cosine and sine of ``2 pi (turn + quadrant / 4)``, ``|turn| <= 1/8``, to rounding; vectorises."""
-    x = TURN * turn
-    z = x * x
-    sine = x + x * z * (
-        -1.66666666666666324348e-1 + z * (8.33333333332248946124e-3 + z * (-1.98412698298579493134e-4
-        + z * (2.75573137070700676789e-6 + z * (-2.50507602534068634195e-8 + z * 1.58969099521155010221e-10))))
-    )  # fmt: skip
-    cosine = 1.0 - 0.5 * z + z * z * (
-        4.16666666666666019037e-2 + z * (-1.38888888888741095749e-3 + z * (2.48015872894767294178e-5
-        + z * (-2.75573143513906633035e-7 + z * (2.08757232129817482790e-9 - z * 1.13596475577881948265e-11))))
-    )  # fmt: skip
-    odd = (quadrant & np.int64(1)) != 0
-    a, b = (sine, cosine) if odd else (cosine, sine)
-    a = -a if ((quadrant + np.int64(1)) & np.int64(2)) != 0 else a
-    b = -b if (quadrant & np.int64(2)) != 0 else b
-    return a, b
+@inlined
+def _half_circle(angle: Word) -> tuple[float, float]:
+    """Cosine and sine of ``pi / 2 t``, ``t = (a + 1/2) / 2^22 - 1`` where ``angle = 256 a``, a below 2^23; to 3e-11."""
+    t = float_of(angle | TWO_52) - (2.0**52 + 2.0**30 - 128.0)  # in units of 2^-30
+    z = t * t
+    sine, cosine = SINE[-1], COSINE[-1]
+    for i in range(len(SINE) - 2, -1, -1):
+        sine = fma(z, sine, SINE[i])
+    for i in range(len(COSINE) - 2, -1, -1):
+        cosine = fma(z, cosine, COSINE[i])
+    return cosine, t * sine
 
 
 @inlined
@@ -187,15 +196,14 @@ def _pair(high: Word, low: Word) -> tuple[float, float]:
     """Two independent standard normals from 64 bits by Box-Muller: 40 bits for the radius, 24 for the angle.
 
     The radius is at most 7.5, which truncates a probability of 1e-12.  The 2^24 angles are equally spaced, so that low
-    moments of the direction are exact.
+    moments of the direction are exact: 2^23 of them on the right half of the circle, and a bit for the left half.
+    Normals are within 5e-10 of those of the exact functions.
     """
-    bits = (high << HALF) | low
-    u = (np.float64(np.int64(bits >> ANGLE_BITS)) + 0.5) * 2.0**-40
-    angle = np.int64(bits & Word(0xFFFFFF))
-    quadrant = (angle + np.int64(1 << 21)) >> np.int64(22)
-    cosine, sine = _circle(np.float64(angle - (quadrant << np.int64(22))) * 2.0**-24, quadrant)
-    radius = math.sqrt(-2.0 * _log(u))
-    return radius * cosine, radius * sine
+    bits = (high | (low << HALF)) & RADIUS
+    radius = math.sqrt(_square_of_radius(bits))
+    cosine, sine = _half_circle(low & ANGLE)
+    turned = float_of(word_of(cosine) ^ ((low << HALF) & SIGN))
+    return radius * turned, radius * sine
 
 
 @inlined
@@ -253,6 +261,7 @@ def fill_normals(key: Key, paths: NDArray[np.uint64], index: Word, lanes: int, z
     z : ndarray, shape (4, lanes or more)
         Output.
     """
+    widest_vectors()
     z0, z1, z2, z3 = z[0], z[1], z[2], z[3]
     for p in range(lanes):
         z0[p], z1[p], z2[p], z3[p] = _four(key, paths[p], index, Word(STEP))
@@ -294,7 +303,7 @@ def sign_of(bits: Word, place: int) -> float:
     -------
     float
     """
-    return 1.0 - 2.0 * np.float64(np.int64((bits >> Word(place)) & Word(1)))
+    return float_of(((bits << Word(63 - place)) & SIGN) | ONE)
 
 
 @lean
@@ -314,6 +323,7 @@ def fill_words(key: Key, paths: NDArray[Word], index: Word, lanes: int, out: NDA
     out : ndarray of Word
         Output.
     """
+    widest_vectors()
     for p in range(lanes):
         out[p] = bits_of(key, paths[p], index)
 
@@ -333,5 +343,6 @@ def fill_signs(bits: NDArray[Word], place: int, lanes: int, z: NDArray[np.float6
     z : ndarray
         Output: +1 or -1.
     """
+    widest_vectors()
     for p in range(lanes):
         z[p] = sign_of(bits[p], place)

@@ -13,11 +13,25 @@ from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
 from rattle.scene.compiled import inlined, lean, spliced
 from rattle.scene.constants import Constants
 from rattle.scene.flight import noise_rate
+from rattle.scene.instructions import fma, widest_vectors
 
-__all__ = ["StepForcing", "at_end", "due", "euler_lanes", "euler_step", "put_on_wall", "step_forcing"]
+__all__ = [
+    "FORCING",
+    "QUAD",
+    "StepForcing",
+    "at_end",
+    "due",
+    "euler_step",
+    "four_euler_steps",
+    "put_on_wall",
+    "step_forcing",
+]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+
+QUAD = 4  # steps that are taken in registers, between one reading and one writing of the states
+FORCING = 4  # numbers of a `StepForcing`
 
 
 class StepForcing(NamedTuple):
@@ -83,63 +97,105 @@ def euler_step(
     x1, y1, x2, y2 : float
         State at its end.
     """
+    keep1, keep2, pull = 1.0 - h * c.beta1, 1.0 - h * c.beta2, h * (c.beta2 - c.beta1)
     return (
-        x1 + h * y1,
-        y1 - h * c.beta1 * y1 + (f.push1 + f.kick1 * z),
-        x2 + h * y2,
-        y2 - h * c.beta2 * y2 + h * (c.beta2 - c.beta1) * y1 + (f.push2 + f.kick2 * z),
+        fma(h, y1, x1),
+        fma(keep1, y1, fma(f.kick1, z, f.push1)),
+        fma(h, y2, x2),
+        fma(keep2, y2, fma(pull, y1, fma(f.kick2, z, f.push2))),
     )
 
 
+@inlined
+def _forcing_of(row: Floats) -> StepForcing:
+    return StepForcing(row[0], row[1], row[2], row[3])
+
+
+@inlined
+def _farther(far: float, x: float) -> float:
+    """The larger of two numbers; a single instruction."""
+    return x if x > far else far
+
+
+@inlined
+def _quad(
+    c: Constants, f: tuple[StepForcing, StepForcing, StepForcing, StepForcing], h: float,
+    s: tuple[float, float, float, float], z: tuple[float, float, float, float],
+) -> tuple[tuple[float, float, float, float], float, float, float, float]:  # fmt: skip
+    """State after four steps without walls, and how far x1 and x2 went upward and downward at their ends."""
+    s = euler_step(c, f[0], h, s[0], s[1], s[2], s[3], z[0])
+    up1, down1, up2, down2 = s[0], -s[0], s[2], -s[2]
+    s = euler_step(c, f[1], h, s[0], s[1], s[2], s[3], z[1])
+    up1, down1, up2, down2 = _farther(up1, s[0]), _farther(down1, -s[0]), _farther(up2, s[2]), _farther(down2, -s[2])
+    s = euler_step(c, f[2], h, s[0], s[1], s[2], s[3], z[2])
+    up1, down1, up2, down2 = _farther(up1, s[0]), _farther(down1, -s[0]), _farther(up2, s[2]), _farther(down2, -s[2])
+    s = euler_step(c, f[3], h, s[0], s[1], s[2], s[3], z[3])
+    up1, down1, up2, down2 = _farther(up1, s[0]), _farther(down1, -s[0]), _farther(up2, s[2]), _farther(down2, -s[2])
+    return s, up1, down1, up2, down2
+
+
 @lean
-def euler_lanes(
-    c: Constants, f: StepForcing, h: float, toleranced: bool, walls: Floats, state: Floats, z: Floats, beyond: Bools,
-    lanes: int,
+def four_euler_steps(
+    c: Constants, forcing: Floats, h: float, toleranced: bool, walls: Floats, begin: int, state: Floats,
+    before: Floats, z: Floats, beyond: Bools, lanes: int,
 ) -> None:  # fmt: skip
-    """One step of all lanes, in place; marks those that end beyond a wall.  Vectorises.
+    """Four steps of some lanes, in registers; marks those that are beyond a wall at the end of any step.  Vectorises.
 
     Parameters
     ----------
     c : Constants
         Of the scene.
-    f : StepForcing
-        Of the step.
+    forcing : ndarray, shape (4, FORCING)
+        `StepForcing` of each step.
     h : float
         Step.
     toleranced : bool
         Whether flanks differ between paths.
-    walls, state : ndarray, shape (4, lanes or more)
-        Flanks and states of the paths; `walls` is read only if they are toleranced.
-    z : ndarray
-        Standard normals.
-    beyond : ndarray of bool
+    walls, state, before : ndarray, shape (4, begin + lanes or more)
+        Flanks and states of the paths, and the states before these steps (output); `walls` is read only if they are
+        toleranced.
+    begin, lanes : int
+        First lane, and number of lanes.
+    z : ndarray, shape (4 or more, lanes or more)
+        Standard normals of each step.
+    beyond : ndarray of bool, shape (lanes or more,)
         Output.
-    lanes : int
-        Number of lanes.
     """
-    x1, y1, x2, y2 = state[0], state[1], state[2], state[3]
-    if toleranced and c.stages == 2:
+    widest_vectors()
+    end = begin + lanes
+    x1, y1, x2, y2 = state[0][begin:end], state[1][begin:end], state[2][begin:end], state[3][begin:end]
+    a1, b1, a2, b2 = before[0][begin:end], before[1][begin:end], before[2][begin:end], before[3][begin:end]
+    high1, low1, high2, low2 = walls[0][begin:end], walls[1][begin:end], walls[2][begin:end], walls[3][begin:end]
+    z0, z1, z2, z3 = z[0], z[1], z[2], z[3]
+    f = _forcing_of(forcing[0]), _forcing_of(forcing[1]), _forcing_of(forcing[2]), _forcing_of(forcing[3])
+    if c.stages == 2 and toleranced:
         for p in range(lanes):
-            x1[p], y1[p], x2[p], y2[p] = euler_step(c, f, h, x1[p], y1[p], x2[p], y2[p], z[p])
-        high1, low1, high2, low2 = walls[0], walls[1], walls[2], walls[3]
-        for p in range(lanes):
-            beyond[p] = (x1[p] > high1[p]) | (x1[p] < -low1[p]) | (x2[p] > high2[p]) | (x2[p] < -low2[p])
+            old = x1[p], y1[p], x2[p], y2[p]
+            new, up1, down1, up2, down2 = _quad(c, f, h, old, (z0[p], z1[p], z2[p], z3[p]))
+            beyond[p] = (up1 > high1[p]) | (down1 > low1[p]) | (up2 > high2[p]) | (down2 > low2[p])
+            a1[p], b1[p], a2[p], b2[p] = old
+            x1[p], y1[p], x2[p], y2[p] = new
     elif c.stages == 2:
         for p in range(lanes):
-            a, y1[p], b, y2[p] = euler_step(c, f, h, x1[p], y1[p], x2[p], y2[p], z[p])
-            x1[p], x2[p] = a, b
-            beyond[p] = (abs(a) > c.wall1) | (abs(b) > c.wall2)
+            old = x1[p], y1[p], x2[p], y2[p]
+            new, up1, down1, up2, down2 = _quad(c, f, h, old, (z0[p], z1[p], z2[p], z3[p]))
+            beyond[p] = (up1 > c.wall1) | (down1 > c.wall1) | (up2 > c.wall2) | (down2 > c.wall2)
+            a1[p], b1[p], a2[p], b2[p] = old
+            x1[p], y1[p], x2[p], y2[p] = new
     elif toleranced:
-        high1, low1 = walls[0], walls[1]
         for p in range(lanes):
-            a, y1[p], _, _ = euler_step(c, f, h, x1[p], y1[p], 0.0, 0.0, z[p])
-            x1[p] = a
-            beyond[p] = (a > high1[p]) | (a < -low1[p])
+            old = x1[p], y1[p], 0.0, 0.0
+            new, up1, down1, _, _ = _quad(c, f, h, old, (z0[p], z1[p], z2[p], z3[p]))
+            beyond[p] = (up1 > high1[p]) | (down1 > low1[p])
+            a1[p], b1[p], _, _ = old
+            x1[p], y1[p], _, _ = new
     else:
         for p in range(lanes):
-            a, y1[p], _, _ = euler_step(c, f, h, x1[p], y1[p], 0.0, 0.0, z[p])
-            x1[p] = a
-            beyond[p] = abs(a) > c.wall1
+            old = x1[p], y1[p], 0.0, 0.0
+            new, up1, down1, _, _ = _quad(c, f, h, old, (z0[p], z1[p], z2[p], z3[p]))
+            beyond[p] = (up1 > c.wall1) | (down1 > c.wall1)
+            a1[p], b1[p], _, _ = old
+            x1[p], y1[p], _, _ = new
 
 
 @spliced

@@ -1,12 +1,14 @@
 """Mergeable central sums: moments and their standard errors from a stream of blocks, in constant memory."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.scene.compiled import lean, reducing
+from rattle.scene.compiled import lean
+from rattle.scene.instructions import widest_vectors
 
 __all__ = [
     "COVARIANCE",
@@ -45,6 +47,8 @@ With fewer, the statistic or its error is a constant whatever the data: the sd o
 squared deviations and a correlation of +-1, and the kurtosis of three values is 1.5.
 """
 
+STRAND = 64  # numbers of paths are filled up to a multiple of it: eight strands of whole vectors
+
 BINOMIAL = np.array([[comb(n, k) for k in range(9)] for n in range(9)], dtype=float)  # [n, k] = n over k
 
 
@@ -52,86 +56,160 @@ BINOMIAL = np.array([[comb(n, k) for k in range(9)] for n in range(9)], dtype=fl
 def _transpose(rows: Floats, columns: Floats) -> None:
     """Copy `rows`, shape (paths, variables), to `columns`, shape (variables, paths), eight paths at a time."""
     paths, variables = rows.shape
+    widest_vectors()
     for p in range(0, paths, 8):
         for i in range(variables):
             for q in range(p, min(p + 8, paths)):
                 columns[i, q] = rows[q, i]
 
 
-@reducing
-def _centred(u: Floats, v: Floats, da: Floats, db: Floats) -> tuple[float, float, float]:
-    """Deviations of both variables from their means, 0 where either is not finite; the count and the means.
+@lean
+def _folded(x: Floats, n: int) -> float:
+    """Sum of the first n numbers of an array, n a multiple of 8, which is overwritten.
 
-    Means are taken about the first value, so that a constant comes out exact.
+    The order of summation is that of the source, whatever the width of the processor's vectors: eight strands, added in
+    pairs, then one after another.
     """
-    n, first_u, first_v, total_u, total_v = 0.0, 0.0, 0.0, 0.0, 0.0
-    for p in range(u.size):
-        if np.isfinite(u[p]) and np.isfinite(v[p]):
-            first_u, first_v = u[p], v[p]
-            break
-    for p in range(u.size):
-        seen = np.isfinite(u[p]) & np.isfinite(v[p])
-        da[p], db[p] = u[p] - first_u if seen else 0.0, v[p] - first_v if seen else 0.0
-        n += 1.0 if seen else 0.0
-        total_u += da[p]
-        total_v += db[p]
-    shift_u, shift_v = total_u / max(n, 1.0), total_v / max(n, 1.0)
-    for p in range(u.size):
-        seen = np.isfinite(u[p]) & np.isfinite(v[p])
-        da[p] -= shift_u if seen else 0.0
-        db[p] -= shift_v if seen else 0.0
-    return n, first_u + shift_u, first_v + shift_v
-
-
-@reducing
-def _power_sums(d: Floats) -> tuple[float, float, float, float, float, float, float]:
-    """Sums of ``d^2`` to ``d^8``."""
-    s2, s3, s4, s5, s6, s7, s8 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for p in range(d.size):
-        square = d[p] * d[p]
-        cube, fourth = square * d[p], square * square
-        s2 += square
-        s3 += cube
-        s4 += fourth
-        s5 += fourth * d[p]
-        s6 += fourth * square
-        s7 += fourth * cube
-        s8 += fourth * fourth
-    return s2, s3, s4, s5, s6, s7, s8
-
-
-@reducing
-def _product_sum(u: Floats, v: Floats) -> float:
+    widest_vectors()
+    m = n // 8
+    a, b, c, d = x[:m], x[m : 2 * m], x[2 * m : 3 * m], x[3 * m : 4 * m]
+    e, f, g, h = x[4 * m : 5 * m], x[5 * m : 6 * m], x[6 * m : 7 * m], x[7 * m : 8 * m]
+    for i in range(m):
+        a[i] = ((a[i] + b[i]) + (c[i] + d[i])) + ((e[i] + f[i]) + (g[i] + h[i]))
     total = 0.0
-    for p in range(u.size):
-        total += u[p] * v[p]
+    for i in range(m):
+        total += a[i]
     return total
 
 
 @lean
+def _sum(u: Floats, room: Floats) -> float:
+    """Sum of numbers in a fixed order; their number is a multiple of `STRAND`, and `room` has an eighth of it."""
+    widest_vectors()
+    n = u.size // 8
+    a, b, c, d = u[:n], u[n : 2 * n], u[2 * n : 3 * n], u[3 * n : 4 * n]
+    e, f, g, h = u[4 * n : 5 * n], u[5 * n : 6 * n], u[6 * n : 7 * n], u[7 * n : 8 * n]
+    for i in range(n):
+        room[i] = ((a[i] + b[i]) + (c[i] + d[i])) + ((e[i] + f[i]) + (g[i] + h[i]))
+    return _folded(room, n)
+
+
+@lean
+def _product_sum(u: Floats, v: Floats, room: Floats) -> float:
+    """Sum of products in the order of `_sum`."""
+    widest_vectors()
+    n = u.size // 8
+    a, b, c, d = u[:n], u[n : 2 * n], u[2 * n : 3 * n], u[3 * n : 4 * n]
+    e, f, g, h = u[4 * n : 5 * n], u[5 * n : 6 * n], u[6 * n : 7 * n], u[7 * n : 8 * n]
+    a2, b2, c2, d2 = v[:n], v[n : 2 * n], v[2 * n : 3 * n], v[3 * n : 4 * n]
+    e2, f2, g2, h2 = v[4 * n : 5 * n], v[5 * n : 6 * n], v[6 * n : 7 * n], v[7 * n : 8 * n]
+    for i in range(n):
+        room[i] = ((a[i] * a2[i] + b[i] * b2[i]) + (c[i] * c2[i] + d[i] * d2[i])) + (
+            (e[i] * e2[i] + f[i] * f2[i]) + (g[i] * g2[i] + h[i] * h2[i])
+        )
+    return _folded(room, n)
+
+
+@lean
+def _power_sums(d: Floats, room: Floats, sums: Floats) -> None:
+    """Sums of ``d^2`` to ``d^8`` in a fixed order; `room` has seven rows, each an eighth as long as d."""
+    widest_vectors()
+    n = d.size // 8
+    s2, s3, s4, s5, s6, s7, s8 = room[0], room[1], room[2], room[3], room[4], room[5], room[6]
+    for i in range(n):
+        s2[i], s3[i], s4[i], s5[i], s6[i], s7[i], s8[i] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(8):
+        part = d[k * n : (k + 1) * n]
+        for i in range(n):
+            x = part[i]
+            square = x * x
+            cube, fourth = square * x, square * square
+            s2[i] += square
+            s3[i] += cube
+            s4[i] += fourth
+            s5[i] += fourth * x
+            s6[i] += fourth * square
+            s7[i] += fourth * cube
+            s8[i] += fourth * fourth
+    for o in range(7):
+        sums[o] = _folded(room[o], n)
+
+
+@lean
+def _first_seen(u: Floats, v: Floats) -> int:
+    """Index of the first path where both variables are finite; the last if there is none."""
+    for p in range(u.size):
+        if np.isfinite(u[p]) and np.isfinite(v[p]):
+            return p
+    return u.size - 1
+
+
+@lean
+def _centred(u: Floats, v: Floats, da: Floats, db: Floats, room: Floats) -> tuple[float, float, float]:
+    """Deviations of both variables from their means, 0 where either is not finite; the count and the means.
+
+    Means are taken about the first value, so that a constant comes out exact.
+    """
+    widest_vectors()
+    origin = _first_seen(u, v)
+    first_u, first_v, count = u[origin], v[origin], 0
+    for p in range(u.size):
+        seen = np.isfinite(u[p]) & np.isfinite(v[p])
+        da[p], db[p] = u[p] - first_u if seen else 0.0, v[p] - first_v if seen else 0.0
+        count += seen
+    if count == 0:
+        return 0.0, 0.0, 0.0
+    shift_u, shift_v = _sum(da, room) / count, _sum(db, room) / count
+    for p in range(u.size):
+        seen = np.isfinite(u[p]) & np.isfinite(v[p])
+        da[p] -= shift_u if seen else 0.0
+        db[p] -= shift_v if seen else 0.0
+    return float(count), first_u + shift_u, first_v + shift_v
+
+
+@lean
 def _block_sums(
-    a: Floats, b: Floats, left: Ints, right: Ints, exponents: Ints, alone: bool, most: int, powers: Floats, n: Floats,
+    a: Floats, b: Floats, left: Ints, right: Ints, exponents: Ints, most: Ints, powers: Floats, room: Floats, n: Floats,
     mean: Floats, sums: Floats,
 ) -> None:  # fmt: skip
     """Counts (cells), means (2, cells) and sums of ``da^p db^q`` (orders, cells) over the paths where both are finite.
 
-    Cell i pairs row ``left[i]`` of `a` with row ``right[i]`` of `b`, both of shape (variables, paths).  If `alone`,
-    only the first variable counts and the exponents are 2, 3, 4, ... in this order; otherwise no exponent exceeds
-    `most`. The scratch `powers` has shape (2, most + 1, paths) and is filled with ones.
+    Cell i pairs row ``left[i]`` of `a` with row ``right[i]`` of `b`, both of shape (variables, paths).  The scratch
+    `powers` has shape (2, largest exponent + 1, paths) and is filled with ones; `most` are the largest exponents of
+    both sides.
     """
+    widest_vectors()
     for i in range(left.size):
-        n[i], mean[0, i], mean[1, i] = _centred(a[left[i]], b[right[i]], powers[0, 1], powers[1, 1])
-        if alone:
-            found = _power_sums(powers[0, 1])
-            for o in range(len(exponents)):
-                sums[o, i] = found[o]
-            continue
+        n[i], mean[0, i], mean[1, i] = _centred(a[left[i]], b[right[i]], powers[0, 1], powers[1, 1], room[0])
         for side in range(2):
-            for k in range(1, most):
-                for p in range(powers.shape[2]):
-                    powers[side, k + 1, p] = powers[side, k, p] * powers[side, 1, p]
+            for k in range(1, most[side]):
+                lower, once, higher = powers[side, k], powers[side, 1], powers[side, k + 1]
+                for p in range(lower.size):
+                    higher[p] = lower[p] * once[p]
         for o in range(len(exponents)):
-            sums[o, i] = _product_sum(powers[0, exponents[o, 0]], powers[1, exponents[o, 1]])
+            sums[o, i] = _product_sum(powers[0, exponents[o, 0]], powers[1, exponents[o, 1]], room[0])
+
+
+@lean
+def _observed_together(
+    columns: Floats, own: Ints, pairs: Ints, deviations: Floats, room: Floats, n: Floats, mean: Floats, single: Floats,
+    pair_n: Floats, pair_mean: Floats, products: Floats,
+) -> None:  # fmt: skip
+    """The sums of `CentralSums.of_groups`, group by group: arrays of shape (groups, ...), (groups, 2, ...) for means.
+
+    Deviations of a group's variables, shape (variables + 1, paths), serve its single sums and its pairs.
+    """
+    spare = len(own)
+    for g in range(len(n)):
+        base = g * (columns.shape[0] // len(n))
+        for i in range(len(own)):
+            u = columns[base + own[i]]
+            n[g, i], mean[g, 0, i], mean[g, 1, i] = _centred(u, u, deviations[i], deviations[spare], room[0])
+            _power_sums(deviations[i], room, single[g, i])
+        for j in range(len(pairs)):
+            first, second = pairs[j]
+            pair_n[g, j], pair_mean[g, 0, j], pair_mean[g, 1, j] = n[g, first], mean[g, 0, first], mean[g, 0, second]
+            products[g, j] = _product_sum(deviations[first], deviations[second], room[0])
 
 
 @lean
@@ -166,11 +244,18 @@ def columns_of(values: Floats) -> Floats:
     Returns
     -------
     ndarray, shape (variables, paths)
+        Filled up with NaN to a multiple of `STRAND` paths.
     """
-    rows = values.reshape(len(values), -1)
-    columns = np.empty(rows.shape[::-1])
+    rows = np.ascontiguousarray(values, dtype=float).reshape(len(values), -1)
+    columns = np.empty((rows.shape[1], -(-len(rows) // STRAND) * STRAND))
+    columns[:, len(rows) :] = np.nan
     _transpose(rows, columns)
     return columns
+
+
+def _room(columns: Floats) -> Floats:
+    """Scratch of the sums over the paths of some columns."""
+    return np.empty((len(SINGLE), columns.shape[1] // 8))
 
 
 @dataclass(frozen=True)
@@ -246,11 +331,45 @@ class CentralSums:
         CentralSums
         """
         n, mean, sums = np.empty(left.size), np.empty((2, left.size)), np.empty((len(orders), left.size))
-        exponents, alone = np.array(orders), orders == SINGLE[: len(orders)]
-        most = 1 if alone else int(exponents.max())
-        powers = np.ones((2, most + 1, a.shape[1]))
-        _block_sums(a, b, left, right, exponents, alone, most, powers, n, mean, sums)
+        exponents = np.array(orders)
+        powers = np.ones((2, int(exponents.max()) + 1, a.shape[1]))
+        _block_sums(a, b, left, right, exponents, exponents.max(axis=0), powers, _room(a), n, mean, sums)
         return cls(orders, n.reshape(shape), mean.reshape(2, *shape), sums.reshape(len(orders), *shape))
+
+    @classmethod
+    def of_groups(
+        cls, columns: Floats, groups: int, own: Sequence[int], pairs: Sequence[tuple[int, int]]
+    ) -> "tuple[CentralSums, CentralSums]":
+        """Sums of single variables, and of pairs of them, that are observed together: in a path all of a group or none.
+
+        Parameters
+        ----------
+        columns : ndarray, shape (groups * variables, paths)
+            As of `columns_of`.
+        groups : int
+            Number of groups.
+        own : sequence of int
+            The variables of a group.
+        pairs : sequence of (int, int)
+            Pairs among them, by their place in `own`.
+
+        Returns
+        -------
+        single, pairs : CentralSums
+            Over the orders `SINGLE`, shape (groups, own), and `COVARIANCE`, shape (groups, pairs).
+        """
+        ones, twos = (groups, len(own)), (groups, len(pairs))
+        n, mean, single = np.empty(ones), np.empty((groups, 2, len(own))), np.empty((*ones, len(SINGLE)))
+        pair_n, pair_mean, products = np.empty(twos), np.empty((groups, 2, len(pairs))), np.empty(twos)
+        deviations = np.empty((len(own) + 1, columns.shape[1]))
+        _observed_together(
+            columns, np.array(own), np.array(pairs), deviations, _room(columns), n, mean, single, pair_n, pair_mean,
+            products,
+        )  # fmt: skip
+        return (
+            cls(SINGLE, n, mean.swapaxes(0, 1).copy(), np.moveaxis(single, -1, 0).copy()),
+            cls(COVARIANCE, pair_n, pair_mean.swapaxes(0, 1).copy(), products[None]),
+        )
 
     def merged(self, other: "CentralSums") -> "CentralSums":
         """The sums over two sets of observations together.

@@ -17,11 +17,11 @@ from rattle.closure import mean_map
 from rattle.closure.long_orbit import LongOrbit, velocities
 from rattle.closure.orbit import follow
 from rattle.montecarlo import SCHEMES, Record, simulate
-from rattle.montecarlo.bench import _normals, _steps
+from rattle.montecarlo.bench import _normals, _scalar_normals, _skilled_loop, _steps
 from rattle.montecarlo.coupling.long_path import LongPath
 from rattle.montecarlo.coupling.pairs import after_impact, growths
 from rattle.montecarlo.noise.philox import key_of
-from rattle.montecarlo.statistics.central_sums import CentralSums
+from rattle.montecarlo.statistics.central_sums import CentralSums, columns_of
 from rattle.scene import DAT21, Scene, Start, Tolerance
 from rattle.scene.flight import field, field_rate, flow, jacobian, noise_covariance, system_matrix
 from rattle.scene.impact import contact_matrix, energy_loss
@@ -118,14 +118,17 @@ def sums():
     """Central sums of a few numbers, some of them missing, and loops of the bench."""
     values = np.random.default_rng(3).normal(size=(2, 50))
     values[0, 7] = values[1, 9] = np.nan
-    both = CentralSums.of_columns(values, values, np.array([0, 0]), np.array([0, 1]), ((0, 2), (1, 1)), (2,))
+    columns = columns_of(values.T)
+    both = CentralSums.of_columns(columns, columns, np.array([0, 0]), np.array([0, 1]), ((0, 2), (1, 1)), (2,))
     yield from (both.n, both.mean, both.sums, both.merged(both).sums)
     z, paths = np.zeros((4, 8)), np.arange(8, dtype=np.uint64)
     _normals(key_of(np.random.SeedSequence(1)), paths, z, 2)
     yield z.copy()
-    state = np.ones((4, 8))
-    _steps(PAIR.constants, state, z[0], np.zeros(8, np.bool_), 2)
-    yield state
+    states = np.ones((2, 4, 8))
+    _steps(PAIR.constants, np.ones((4, 4)), *states, z, np.zeros(8, np.bool_), 2)
+    yield states
+    rng = np.random.Generator(np.random.SFC64(1))
+    yield [_scalar_normals(rng, 20), _skilled_loop(PAIR.constants, rng, 3, np.ones((20, 4)), 0.1)]
 
 
 STEP = {"euler-maruyama": 5e-3, "euler-maruyama-located": 5e-3, "exact-flight": math.pi / 64.0}

@@ -92,21 +92,34 @@ def test_comparison_of_words_sees_one_round_less():
 
 # --- normals
 
-EXTREME = [0, 1, 0xFF, 0x100, 0xFFFF, 0xFFFFFF, 0x1000000, 0x7FFFFFFF, 0x80000000, 0xFFFFFF00, FULL - 1, FULL]
-"""Words whose bits carry over, end a range, or lie on either side of a quadrant's border."""
+EXTREME = [
+    0,
+    1,
+    0xFF,
+    0x100,
+    0xFFFF,
+    0xFFFFFF,
+    0x1000000,
+    0x7FFFFF00,
+    0x7FFFFFFF,
+    0x80000000,
+    0xFFFFFF00,
+    FULL - 1,
+    FULL,
+]  # fmt: skip
+"""Words whose bits carry over, end a range, or lie on either side of a border between the parts of a word."""
+
+CLOSE = 5e-10
+"""What the polynomials leave of the exact functions, over one or the normal's size."""
 
 
 def box_muller(high, low):
-    """Two normals from 64 bits by the C library's log, cos and sin; the angle's quarter turns taken off exactly."""
-    bits = high << 32 | low
-    u = ((bits >> 24) + 0.5) / 2**40
-    radius = math.sqrt(-2.0 * (math.log1p(-((2**40 - (bits >> 24)) - 0.5) / 2**40) if u > 0.5 else math.log(u)))
-    angle = bits & 0xFFFFFF
-    quarter, rest = divmod(angle, 1 << 22)
-    c, s = math.cos(2.0 * math.pi * rest / 2**24), math.sin(2.0 * math.pi * rest / 2**24)
-    for _ in range(quarter):
-        c, s = -s, c
-    return radius * c, radius * s
+    """Two normals from 64 bits by the C library: 40 bits for the radius, 23 for the angle, one for the half plane."""
+    bits = high | (low & 0xFF) << 32
+    u = (bits + 0.5) / 2**40
+    radius = math.sqrt(-2.0 * (math.log1p(-((2**40 - bits) - 0.5) / 2**40) if u > 0.5 else math.log(u)))
+    angle = 0.5 * math.pi * (((low >> 8 & 0x7FFFFF) + 0.5) / 2**22 - 1.0)
+    return radius * math.cos(angle) * (-1.0 if low >> 31 else 1.0), radius * math.sin(angle)
 
 
 def furthest_pair(highs, lows, fault=1.0):
@@ -120,23 +133,69 @@ def furthest_pair(highs, lows, fault=1.0):
 
 def test_normals_of_extreme_words_are_those_of_the_c_library():
     highs, lows = np.array([(h, w) for h in EXTREME for w in EXTREME]).T.tolist()
-    borders = [k * 2**21 + d for k in range(1, 8) for d in (-1, 0, 1)]  # eighth turns, where the reduction changes
-    highs, lows = highs + [12345] * len(borders), lows + borders
-    assert furthest_pair(highs, lows) < 1e-14
-    assert furthest_pair(highs, lows, fault=1.0 + 3e-14) > 1e-14
+    powers = [2**k + d for k in range(1, 32) for d in (-1, 0)]  # where the exponent of the uniform number changes
+    highs, lows = highs + powers, lows + [12345] * len(powers)
+    assert furthest_pair(highs, lows) < CLOSE
+    assert furthest_pair(highs, lows, fault=1.0 + 1e-9) > CLOSE
 
 
 def test_normals_of_common_words_are_those_of_the_c_library():
     rng = np.random.default_rng(2)
     highs, lows = rng.integers(0, 2**32, (2, 3000)).tolist()
-    assert furthest_pair(highs, lows) < 1e-14
+    assert furthest_pair(highs, lows) < CLOSE
+
+
+def test_every_bit_of_a_word_counts():
+    """40 bits for the radius, 23 for the angle, and one for the half of the circle."""
+    high, low = 0x12345678, 0x2BCDEF01
+    first = pair(U(high), U(low))
+    for bit in range(32):
+        assert pair(U(high ^ 1 << bit), U(low)) != first
+        assert pair(U(high), U(low ^ 1 << bit)) != first
 
 
 def test_normals_near_a_radius_of_zero_and_the_longest():
     """The uniform number nearest to one has a radius of about 1e-6; the nearest to zero one of about 7.5."""
     nearest, longest = (math.hypot(*pair(U(h), U(h))) for h in (FULL, 0))
-    assert nearest == pytest.approx(math.sqrt(2.0 * 0.5 / 2**40), rel=1e-9)
-    assert longest == pytest.approx(math.sqrt(-2.0 * math.log(0.5 / 2**40)), rel=1e-14)
+    assert nearest == pytest.approx(math.sqrt(2.0 * 0.5 / 2**40), rel=CLOSE)
+    assert longest == pytest.approx(math.sqrt(-2.0 * math.log(0.5 / 2**40)), rel=CLOSE)
+
+
+def test_directions_are_evenly_spaced():
+    """Sums of the cosine and sine over all directions of some bits vanish, and those of their squares are halves."""
+    angles = np.array([pair(U(0), U(k << 19)) for k in range(2**13)]) / math.hypot(*pair(U(0), U(0)))
+    assert abs(angles.mean(axis=0)).max() < 2.0**-12  # the lowest of the angles' bits are zero here
+    assert abs((angles**2).mean(axis=0) - 0.5).max() < CLOSE
+    assert abs((angles[:-9] ** 2).mean(axis=0) - 0.5).max() > 1e3 * CLOSE
+
+
+# bits of normals of (seed 7; path, index, purpose), as they were when the transform was introduced
+KEPT = {
+    (0, 0, 0): [
+        "0x1.f2aa72af63975p-1",
+        "-0x1.f42cfe9be12d8p-1",
+        "0x1.a0b2f673aa516p+0",
+        "-0x1.58f1be321e3e8p-1",
+    ],
+    (1099511627781, 36028797018963975, 4): [
+        "0x1.3a016f4d2c974p+0",
+        "-0x1.45e0406fca840p+0",
+        "-0x1.de9c01361abaap-2",
+        "-0x1.427ffcaacbbdfp-4",
+    ],
+    (9, 8589934592, 1): [
+        "-0x1.257d52fc85248p-1",
+        "-0x1.2302e1f21ca7dp-1",
+        "-0x1.6d0a5f450fabfp+0",
+        "0x1.8fc4845ba8a32p-5",
+    ],
+}
+
+
+@pytest.mark.parametrize(("address", "bits"), KEPT.items())
+def test_normals_of_known_addresses(address, bits):
+    found = normals(key_of(np.random.SeedSequence(7)), *map(U, address))
+    assert [float(z).hex() for z in found] == bits
 
 
 def test_four_normals_are_the_two_pairs_of_the_words():
@@ -144,7 +203,7 @@ def test_four_normals_are_the_two_pairs_of_the_words():
     for path, index, purpose in ((0, 0, STEP), (2**40 + 5, 2**55 + 7, BRIDGE + 2), (9, 2**33, CONTACT)):
         a, b, c, d = philox(counter_of(path, index, purpose), (int(key.low), int(key.high)))
         expected = [*box_muller(a, b), *box_muller(c, d)]
-        assert np.allclose(normals(key, U(path), U(index), U(purpose)), expected, rtol=1e-14, atol=1e-14)
+        assert np.allclose(normals(key, U(path), U(index), U(purpose)), expected, rtol=CLOSE, atol=CLOSE)
 
 
 def test_uniforms_are_the_upper_53_bits_of_the_words():
@@ -188,7 +247,7 @@ def z():
     return sample()
 
 
-def moment_scores(z, powers=range(1, 7)):
+def moment_scores(z, powers=range(1, 9)):
     """z-scores of the raw moments of standard normals, per component."""
     scores = []
     for p in powers:
@@ -202,10 +261,11 @@ PLANTED_MOMENTS = {
     "variance": lambda z: 1.02 * z,
     "third moment": lambda z: (z + 0.02 * (z**2 - 1.0)) / np.sqrt(1.0008),
     "fourth moment": lambda z: np.random.default_rng(1).standard_t(30, z.shape) / np.sqrt(30.0 / 28.0),
+    "eighth moment": lambda z: np.where(np.abs(z) > 3.0, np.sign(z) * (3.0 + 1.3 * (np.abs(z) - 3.0)), z),
 }
 
 
-def test_moments_to_the_sixth_are_those_of_a_standard_normal(z):
+def test_moments_to_the_eighth_are_those_of_a_standard_normal(z):
     scores = moment_scores(z)
     assert np.abs(scores).max() < limit(scores.size)
 
@@ -223,6 +283,18 @@ def kolmogorov(z):
 def test_distribution_is_normal(z):
     assert kolmogorov(z) > FALSE_ALARM / 4
     assert kolmogorov(1.02 * z) < FALSE_ALARM / 4  # negative control
+
+
+def chi_squared(z, cells=1000):
+    """p-value of the counts in cells of equal probability."""
+    seen = np.bincount((stats.norm.cdf(z.ravel()) * cells).astype(int).clip(0, cells - 1), minlength=cells)
+    return stats.chisquare(seen).pvalue
+
+
+def test_counts_in_a_thousand_cells_are_equal(z):
+    assert FALSE_ALARM / 2 < chi_squared(z) < 1.0 - FALSE_ALARM / 2
+    assert chi_squared(z + 0.02) < FALSE_ALARM / 2  # negative control
+    assert chi_squared(np.round(z, 2)) < FALSE_ALARM / 2
 
 
 def test_tails_are_those_of_a_normal(z):

@@ -79,7 +79,8 @@ def test_bench_has_the_floor_and_every_scheme(monkeypatch):
     assert rows["one standard normal"]["ns"] > 0.1
     for name in ("euler-maruyama, paths alone", "euler-maruyama-located", "exact-flight, dt = pi/64"):
         assert rows[name]["ns"] > rows["one standard normal"]["ns"]
-    assert all(row["times_floor"] > 0.0 for row in rows.values())
+    assert all(row["times_floor"] > 0.0 and row["gain"] > 0.0 for row in rows.values())
+    assert rows["a skilled loop in numba, without statistics"]["gain"] == 1.0
 
 
 def test_order_prints_its_table():
