@@ -15,20 +15,12 @@ from numpy.typing import NDArray
 
 from rattle.montecarlo.noise.brownian import split
 from rattle.montecarlo.noise.philox import BRIDGE, LEVELS, Key, Word, normals
-from rattle.montecarlo.schemes.exact_flight import (
-    MIDDLE_WEIGHT,
-    OUTER,
-    OUTER_WEIGHT,
-    first_root,
-    flight_forcing,
-    margins,
-    near_wall,
-    node,
-)  # fmt: skip
-from rattle.montecarlo.schemes.series import short_phi1, short_phi2
+from rattle.montecarlo.schemes.crossing import first_root, margins, near_wall
+from rattle.montecarlo.schemes.short_flight import short_flight, sine_cosine
 from rattle.montecarlo.schemes.step_size import accurate_flight
 from rattle.montecarlo.schemes.step_state import Noise
-from rattle.scene.compiled import inlined, jit
+from rattle.montecarlo.schemes.whole_step import flight_forcing
+from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.errors import InputError
 from rattle.scene.impact import struck
@@ -63,7 +55,7 @@ class Clockwork(NamedTuple):
         both stages.
     carry : ndarray, shape (6,)
         Entries ``x1y1, y1y1, x2y1, x2y2, y2y1, y2y2`` of a step's Jacobian, see
-        `rattle.montecarlo.schemes.exact_flight.FlightForcing`.
+        `rattle.montecarlo.schemes.whole_step.FlightForcing`.
     """
 
     h: float
@@ -150,19 +142,9 @@ def new_room(depth: int) -> Room:
     return Room(np.empty(4), np.empty((size, 2)), np.empty(size, np.int64), np.empty(size, np.int64))
 
 
-@inlined
-def _small_angle(t: float) -> tuple[float, float]:
-    """Sine and cosine of an angle below 0.06, by their Taylor series to rounding."""
-    z = t * t
-    sine = t * (1.0 - z / 6.0 * (1.0 - z / 20.0 * (1.0 - z / 42.0)))
-    return sine, 1.0 - 0.5 * z * (1.0 - z / 12.0 * (1.0 - z / 30.0 * (1.0 - z / 56.0)))
-
-
 @jit
 def flown(c: Constants, tau: float, s: Floats, h: float, noise: Noise, end: Floats) -> tuple[float, float]:
     """State after a flight of time h, at most a step, with given noise, into `end`.
-
-    As `rattle.scene.flight.flow` plus `rattle.montecarlo.schemes.exact_flight.kick`, but with one sine and one cosine.
 
     Parameters
     ----------
@@ -182,38 +164,13 @@ def flown(c: Constants, tau: float, s: Floats, h: float, noise: Noise, end: Floa
     Returns
     -------
     margin1, margin2 : float
-        Margins of both stages for any path in this time, see `rattle.montecarlo.schemes.exact_flight.margins`.
+        Margins of both stages for any path in this time, see `rattle.montecarlo.schemes.crossing.margins`.
     """
-    sine, cosine = math.sin(tau + 0.5 * h), math.cos(tau + 0.5 * h)
-    sh, ch = _small_angle(0.5 * h)
-    y1, y2 = s[1], s[3]
-    u1 = c.alpha * (cosine * ch + sine * sh) - y1
-    e1 = short_phi1(c.beta1, h)
-    turn1 = u1 * e1 - c.gamma1 * short_phi2(c.beta1, h)
-    v1 = u1 - (c.beta1 * u1 + c.gamma1) * e1
-    end[0] = s[0] + 2.0 * c.alpha * cosine * sh - turn1
-    end[1] = c.alpha * (cosine * ch - sine * sh) - v1
-    end[2], end[3] = s[2], y2
-    if c.stages == 2:
-        u2 = u1 + y2
-        e2 = short_phi1(c.beta2, h)
-        end[2] = s[2] + (u2 * e2 - c.gamma2 * short_phi2(c.beta2, h)) - turn1
-        end[3] = u2 - (c.beta2 * u2 + c.gamma2) * e2 - v1
-    if c.sigma > 0.0:
-        away = OUTER * h
-        sa, ca = _small_angle(away)
-        slope = 12.0 * noise.area
-        weights = (
-            c.sigma * OUTER_WEIGHT * (noise.increment - slope * OUTER),
-            c.sigma * MIDDLE_WEIGHT * noise.increment,
-            c.sigma * OUTER_WEIGHT * (noise.increment + slope * OUTER),
-        )
-        n = node(c, sine * ca - cosine * sa, cosine * ca + sine * sa, 0.5 * h + away)
-        m = node(c, sine, cosine, 0.5 * h)
-        p = node(c, sine * ca + cosine * sa, cosine * ca - sine * sa, 0.5 * h - away)
-        for i in range(2 * c.stages):
-            end[i] += weights[0] * n[i] + weights[1] * m[i] + weights[2] * p[i]
-    return margins(c, sine, cosine, h)
+    phase = sine_cosine(tau)
+    (end[0], end[1], end[2], end[3]), _ = short_flight(
+        c, phase, h, (s[0], s[1], s[2], s[3]), noise.increment, noise.area
+    )
+    return margins(c, phase[0], phase[1], h)
 
 
 @jit

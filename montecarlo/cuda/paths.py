@@ -15,18 +15,14 @@ from numba import cuda
 from rattle.montecarlo.kernel.kernel import CHUNK, EXACT, FLANK_DRAWS, LOCATED, PLAIN, next_event
 from rattle.montecarlo.noise.backlash import first_half_gap, half_gap
 from rattle.montecarlo.noise.philox import STEP, Word, bits_of, normals, sign_of
+from rattle.montecarlo.schemes.crossing import near_wall
 from rattle.montecarlo.schemes.euler import StepForcing, euler_step, step_forcing
 from rattle.montecarlo.schemes.euler_located import leaves
-from rattle.montecarlo.schemes.exact_flight import (
-    PARTS,
-    FlightForcing,
-    first_stage,
-    flight_forcing,
-    near_wall,
-    second_stage,
-)
+from rattle.montecarlo.schemes.exact_flight import PARTS
+from rattle.montecarlo.schemes.short_flight import sine_cosine
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Noise, Progress, Walls
 from rattle.montecarlo.schemes.sticking import OPEN, sides_of, stick_to_end, sticking_sides
+from rattle.montecarlo.schemes.whole_step import FlightForcing, first_stage, flight_forcing, second_stage
 from rattle.scene.impact import struck
 
 __all__ = ["STEPS", "STICKING", "UNFINISHED", "path_kernel"]
@@ -178,7 +174,8 @@ def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callabl
                         )
                     if not meets:
                         continue
-                    begin = job.tau + (n + s) * h
+                    begin, whole_end = job.tau + (n + s) * h, (x1, y1, x2, y2)
+                    phase = sine_cosine(begin) if scheme == EXACT else (0.0, 0.0)
                     if scheme == PLAIN:
                         at = Progress(0, begin + h, 0.0, Noise(0.0, 0.0), x1, y1, x2, y2)
                     else:
@@ -189,7 +186,9 @@ def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callabl
                             break
                         sides = sticking_sides(c, at, walls) if scheme == EXACT else OPEN
                         if sides[0] == 0 and sides[1] == 0:
-                            at = next_event(scheme, c, job.key, path, n + s, 0, met, at, walls, ahead)
+                            at, phase = next_event(
+                                scheme, c, job.key, path, n + s, 0, met, at, phase, whole_end, walls, ahead
+                            )
                         if sides[0] != 0 or sides[1] != 0 or (at.code != 0 and met == MOST_IN_A_STEP):
                             if scheme != PLAIN:
                                 at = stick_to_end(c, at, sides if at.code == 0 else sides_of(at.code), walls)

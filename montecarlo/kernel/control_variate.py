@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.noise.philox import Word
-from rattle.montecarlo.schemes.exact_flight import kick
+from rattle.montecarlo.schemes.short_flight import kick
 from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.scene.compiled import lean
 from rattle.scene.constants import Constants
@@ -118,9 +118,9 @@ def _flight(c: Constants, tau: float, begin: float, h: float, span: float) -> tu
     carry, noise = np.eye(5), np.zeros((2, 5))
     carry[:4, :4] = jacobian(c, span)
     part = span / h
-    increment, slope = np.sqrt(h), np.sqrt(12.0 * h)
+    increment, area = np.sqrt(h), np.sqrt(h / 12.0)
     noise[0, :4] = kick(c, tau + begin, span, increment * part, 0.0)
-    noise[1, :4] = kick(c, tau + begin, span, slope * part * ((begin + 0.5 * span) / h - 0.5), slope * part * part)
+    noise[1, :4] = kick(c, tau + begin, span, 12.0 * area * part * ((begin + 0.5 * span) / h - 0.5), area * part * part)
     return carry, noise
 
 

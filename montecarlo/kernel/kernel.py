@@ -14,9 +14,11 @@ from rattle.montecarlo.noise.backlash import Backlash, half_gap
 from rattle.montecarlo.noise.philox import BRIDGE, Key, Word, fill_normals, fill_signs, fill_words, normals
 from rattle.montecarlo.schemes.euler import at_end, step_forcing
 from rattle.montecarlo.schemes.euler_located import advance_inside, leaving, located_lanes
-from rattle.montecarlo.schemes.exact_flight import advance_exactly, flight_forcing, flight_lanes, near_second
+from rattle.montecarlo.schemes.exact_flight import advance_exactly
+from rattle.montecarlo.schemes.short_flight import Phase, State, sine_cosine
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Noise, Progress, Walls
 from rattle.montecarlo.schemes.sticking import OPEN, sides_of, stick_to_end, sticking_sides
+from rattle.montecarlo.schemes.whole_step import flight_forcing, flight_lanes, near_second
 from rattle.scene.compiled import lean, spliced
 from rattle.scene.constants import Constants
 from rattle.scene.impact import struck
@@ -73,9 +75,9 @@ class Job(NamedTuple):
 
 @spliced
 def next_event(
-    scheme: int, c: Constants, key: Key, path: Word, step: int, level: int, met: int, at: Progress, walls: Walls,
-    ahead: Floats,
-) -> Progress:  # fmt: skip
+    scheme: int, c: Constants, key: Key, path: Word, step: int, level: int, met: int, at: Progress, phase: Phase,
+    whole: State, walls: Walls, ahead: Floats,
+) -> tuple[Progress, Phase]:  # fmt: skip
     """Go to the next impact within a step, or to the end of the step; the same function on processors and GPUs.
 
     Parameters
@@ -94,6 +96,10 @@ def next_event(
         Number of earlier calls for this path and step.
     at : Progress
         The path within the step.
+    phase : tuple of 2 float
+        Sine and cosine of its time, for exact flights.
+    whole : tuple of 4 float
+        State at the end of the step, ignoring the walls.
     walls : Walls
         Of the path.
     ahead : ndarray, shape (PARTS, 3)
@@ -101,15 +107,18 @@ def next_event(
 
     Returns
     -------
-    Progress
+    at : Progress
         At the impact that is due, or at the end of the step.
+    phase : tuple of 2 float
+        Sine and cosine of its time, if an exact flight has an impact.
     """
     if scheme == PLAIN:
-        return at_end(c, at, walls)
+        return at_end(c, at, walls), phase
     index, purpose = Word(step) * SPLITS, Word(BRIDGE + level)
     if scheme == LOCATED:
-        return advance_inside(c, at, normals(key, path, index + Word(met), purpose)[0], walls)
-    return advance_exactly(c, key, path, index + CUTS_APART * Word(met), purpose, at, walls, ahead)
+        return advance_inside(c, at, normals(key, path, index + Word(met), purpose)[0], walls), phase
+    first = index + CUTS_APART * Word(met)
+    return advance_exactly(c, key, path, first, purpose, at, phase, whole, met == 0, walls, ahead)
 
 
 @spliced
@@ -179,18 +188,19 @@ def record(
 
 @spliced
 def _finish_inside(
-    scheme: int, job: Job, path: Word, row: int, step: int, level: int, p: int, at: Progress, lanes: Lanes,
-    rows: Floats, ahead: Floats,
+    scheme: int, job: Job, path: Word, row: int, step: int, level: int, p: int, at: Progress, phase: Phase,
+    lanes: Lanes, rows: Floats, ahead: Floats,
 ) -> bool:  # fmt: skip
     """Carry one path from `at` through its impacts to the end of the step; whether a mesh had to stay closed."""
-    sticking = False
+    sticking, state = False, lanes.state
+    whole = state[0, p], state[1, p], state[2, p], state[3, p]
     for met in range(MOST_IN_A_STEP + 1):
         if at.left <= 0.0:
             break
         walls = walls_of(lanes, p)
         sides = sticking_sides(job.c, at, walls) if scheme == EXACT else OPEN
         if sides[0] == 0 and sides[1] == 0:
-            at = next_event(scheme, job.c, job.key, path, step, level, met, at, walls, ahead)
+            at, phase = next_event(scheme, job.c, job.key, path, step, level, met, at, phase, whole, walls, ahead)
         if sides[0] != 0 or sides[1] != 0 or (at.code != 0 and met == MOST_IN_A_STEP):
             at = stick_to_end(job.c, at, sides if at.code == 0 else sides_of(at.code), walls)
             sticking = True
@@ -200,7 +210,7 @@ def _finish_inside(
                 job, path, row, level, p, at.code, at.tau, at.x1, at.y1, at.x2, at.y2, lanes, rows
             )  # fmt: skip
             at = Progress(0, at.tau, at.left, at.noise, at.x1, y1, at.x2, y2)
-    lanes.state[0, p], lanes.state[1, p], lanes.state[2, p], lanes.state[3, p] = at.x1, at.y1, at.x2, at.y2
+    state[0, p], state[1, p], state[2, p], state[3, p] = at.x1, at.y1, at.x2, at.y2
     return sticking
 
 
@@ -291,13 +301,14 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
                     h, begin = job.dt * multiple, job.tau + (n - multiple) * job.dt
                     _step_lanes(scheme, job, begin, h, lanes, marks, wide)
                     found = list_marked(marks, live, room.groups, hits)
+                    phase = sine_cosine(begin) if scheme == EXACT else (0.0, 0.0)
                     for i in range(found):
                         p, s = hits[i], lanes.before
                         noise = Noise(lanes.w[p] * math.sqrt(h), lanes.area[p] * math.sqrt(h / 12.0))
                         at = Progress(0, begin, h, noise, s[0, p], s[1, p], s[2, p], s[3, p])
                         row = int(path[p]) - first
                         sticking += _finish_inside(
-                            scheme, job, path[p], row, n - multiple, level, p, at, lanes, rows, room.ahead
+                            scheme, job, path[p], row, n - multiple, level, p, at, phase, lanes, rows, room.ahead
                         )  # fmt: skip
                     work += live
                 if next_fixed < fixed_steps.size and fixed_steps[next_fixed] == n:

@@ -16,7 +16,7 @@ from rattle.scene.compiled import lean
 
 __all__ = ["joined", "split"]
 
-ROOT3 = math.sqrt(3.0)
+ROOT12_INVERSE = 1.0 / math.sqrt(12.0)
 
 
 @lean
@@ -44,17 +44,13 @@ def split(whole: Noise, h: float, share: float, z1: float, z2: float) -> tuple[N
     1.0
     """
     rest = 1.0 - share
-    w, a = whole.increment / math.sqrt(h), whole.area * math.sqrt(12.0 / h)
-    c = math.sqrt(1.0 - 3.0 * share * rest)
-    root, other = math.sqrt(share), math.sqrt(rest)
-    mixed = a + z1 * ROOT3 * root * other / c
-    w1 = w * root - a * ROOT3 * rest * root + z1 * c * other
-    a1 = share * root * mixed + z2 * rest * other / c
-    a2 = rest * other * mixed - z2 * share * root / c
-    left, right = math.sqrt(share * h), math.sqrt(rest * h)
+    inside = 1.0 - 3.0 * share * rest
+    spread = math.sqrt(h * share * rest / inside)
+    first = share * (whole.increment - 6.0 * rest * whole.area) + spread * inside * z1
+    common, apart = whole.area + 0.5 * spread * z1, spread * ROOT12_INVERSE * z2
     return (
-        Noise(left * w1, left * a1 / math.sqrt(12.0)),
-        Noise(whole.increment - left * w1, right * a2 / math.sqrt(12.0)),
+        Noise(first, share * share * common + rest * apart),
+        Noise(whole.increment - first, rest * rest * common - share * apart),
     )
 
 

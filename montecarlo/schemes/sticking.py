@@ -8,7 +8,8 @@ stage meanwhile is detected at the start of the next step.
 
 import math
 
-from rattle.montecarlo.schemes.exact_flight import MARGIN_SDS, kick
+from rattle.montecarlo.schemes.crossing import MARGIN_SDS
+from rattle.montecarlo.schemes.short_flight import kick
 from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
 from rattle.scene.compiled import lean
 from rattle.scene.constants import Constants
@@ -106,7 +107,7 @@ def stick_to_end(c: Constants, at: Progress, sides: Sides, walls: Walls) -> Prog
         x1, y1, x2, y2 = stuck_on(c, x1, y1, x2, y2, 2, walls.high2 if second > 0 else -walls.low2)
     x1, y1, x2, y2 = carried(c, at.tau, x1, y1, x2, y2, sides, at.left)
     if c.stages == 2 and (first == 0 or second == 0):
-        moved, pushed, _, _ = kick(open_stage(c, sides), at.tau, at.left, at.noise.increment, 12.0 * at.noise.area)
+        moved, pushed, _, _ = kick(open_stage(c, sides), at.tau, at.left, at.noise.increment, at.noise.area)
         if first != 0:
             x2, y2 = x2 - moved, y2 - pushed
         else:

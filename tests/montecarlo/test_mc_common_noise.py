@@ -9,7 +9,7 @@ from rattle.montecarlo.coupling.dyadic import clockwork, flown
 from rattle.montecarlo.coupling.long_path import LongPath
 from rattle.montecarlo.coupling.pairs import after_impact
 from rattle.montecarlo.noise.philox import Word
-from rattle.montecarlo.schemes.exact_flight import kick
+from rattle.montecarlo.schemes.short_flight import kick
 from rattle.montecarlo.schemes.step_state import Noise
 from rattle.scene import InputError, Tolerance
 from rattle.scene.flight import flow, jacobian
@@ -23,7 +23,7 @@ def test_a_short_flight_is_the_flight(h):
     c, state, end = dat21(PAPER).constants, np.array([0.1, 0.5, -0.2, 0.7]), np.empty(4)
     for tau in np.linspace(0.0, 6.2, 20):
         flown(c, tau, state, h, Noise(0.2, 0.03), end)
-        assert end == pytest.approx(np.array(flow(c, tau, *state, h)) + kick(c, tau, h, 0.2, 0.36), abs=2e-15)
+        assert end == pytest.approx(np.array(flow(c, tau, *state, h)) + kick(c, tau, h, 0.2, 0.03), abs=2e-15)
 
 
 def test_without_noise_a_long_path_is_the_orbit():

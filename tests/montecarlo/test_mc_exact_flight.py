@@ -11,8 +11,11 @@ from scipy.integrate import quad_vec
 
 from rattle.montecarlo import Record, largest_step, simulate
 from rattle.montecarlo.noise.philox import BRIDGE, key_of
-from rattle.montecarlo.schemes.exact_flight import CLOSE, PARTS, advance_exactly, flight_forcing
+from rattle.montecarlo.schemes.crossing import CLOSE
+from rattle.montecarlo.schemes.exact_flight import PARTS, advance_exactly
+from rattle.montecarlo.schemes.short_flight import sine_cosine
 from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
+from rattle.montecarlo.schemes.whole_step import flight_forcing
 from rattle.scene import Scene, Start, Tolerance
 from rattle.scene.compiled import jit
 from rattle.scene.flight import flow, jacobian, noise_covariance, noise_rate
@@ -285,15 +288,21 @@ def test_exit_times_have_one_distribution_at_any_step():
     assert stats.ks_2samp(1.04 * a, b).pvalue < FALSE_ALARM  # negative control
 
 
+NOWHERE = (0.0, 0.0, 0.0, 0.0)  # the end of a step that is not known beforehand
+
+
 @jit
 def first_hits(c, key, rng, paths, h, x, y):
     """Time of the first impact of a stage-1 step from (x, y) towards the wall at c.wall1, h if there is none."""
     out = np.empty(paths)
-    walls = Walls(c.wall1, c.wall1, c.wall2, c.wall2)
+    walls, room = Walls(c.wall1, c.wall1, c.wall2, c.wall2), np.empty((PARTS, 3))
     for p in range(paths):
         noise = Noise(math.sqrt(h) * rng.standard_normal(), math.sqrt(h / 12.0) * rng.standard_normal())
         at = Progress(0, 0.7, h, noise, x, y, 0.0, 0.0)
-        after = advance_exactly(c, key, np.uint64(p), np.uint64(0), np.uint64(BRIDGE), at, walls, np.empty((PARTS, 3)))
+        phase = sine_cosine(at.tau)
+        after, _ = advance_exactly(
+            c, key, np.uint64(p), np.uint64(0), np.uint64(BRIDGE), at, phase, NOWHERE, False, walls, room
+        )  # fmt: skip
         out[p] = after.tau - 0.7 if after.code != 0 else h
     return out
 
@@ -420,14 +429,17 @@ def test_paths_that_stick_after_a_plastic_impact_stay_finite():
 def test_every_call_comes_closer_to_the_end_of_the_step():
     """From anywhere in the gap, on the wall and at rest included: to an impact, or to the end."""
     c, key, rng = dat21(0.5).constants, key_of(np.random.SeedSequence(2)), np.random.default_rng(3)
-    walls = Walls(0.5, 0.5, 0.5, 0.5)
+    walls, room = Walls(0.5, 0.5, 0.5, 0.5), np.empty((PARTS, 3))
     for i in range(500):
         x = rng.choice([0.5, 0.5 - 1e-12, 0.5 - 1e-9, 0.5 - 1e-6, 0.3], 2) * rng.choice([-1.0, 1.0], 2)
         y = -np.sign(x) * rng.choice([0.0, 1e-15, 1e-9, 1e-4, 1.0], 2)
         h = rng.choice([1e-6, 1e-3, 0.1])
         noise = Noise(math.sqrt(h) * rng.standard_normal(), math.sqrt(h / 12.0) * rng.standard_normal())
         at = Progress(0, 0.7, h, noise, x[0], y[0], x[1], y[1])
-        after = advance_exactly(c, key, np.uint64(i), np.uint64(0), np.uint64(BRIDGE), at, walls, np.empty((PARTS, 3)))
+        phase = sine_cosine(at.tau)
+        after, _ = advance_exactly(
+            c, key, np.uint64(i), np.uint64(0), np.uint64(BRIDGE), at, phase, NOWHERE, False, walls, room
+        )  # fmt: skip
         assert np.isfinite([*after[1:3], *after.noise, *after[4:]]).all()
         assert 0.0 <= after.left < h
         assert max(abs(after.x1), abs(after.x2)) <= 0.5 + CLOSE

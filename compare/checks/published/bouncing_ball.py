@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from rattle.closure.orbit import follow
 from rattle.compare.checks.published.result import Check, Measured, NegativeControl
 from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.schemes.exact_flight import CLOSE
+from rattle.montecarlo.schemes.crossing import CLOSE
 from rattle.scene import Scene, Start
 
 __all__ = ["bouncing_ball"]

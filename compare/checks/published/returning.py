@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Clockwork, new_room, walk_step
 from rattle.montecarlo.noise.philox import STEP, Key, Word, key_of, normals
-from rattle.montecarlo.schemes.exact_flight import flight_forcing
+from rattle.montecarlo.schemes.whole_step import flight_forcing
 from rattle.scene import Scene, Start
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants

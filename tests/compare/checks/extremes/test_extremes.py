@@ -18,8 +18,7 @@ from rattle.compare.checks.extremes.table import lines
 from rattle.compare.checks.published import returning
 from rattle.compare.cli.main import main
 from rattle.compare.validation import validate as validation
-from rattle.montecarlo.schemes import exact_flight
-from rattle.montecarlo.schemes import series as short
+from rattle.montecarlo.schemes import short_flight as short
 from rattle.scene import Scene, damping, flight, impact, moments, tangent
 
 
@@ -78,7 +77,7 @@ def swapped(scene, impacts):
     return replace(o, mesh=o.mesh[[0, 2, 1]])
 
 
-orbit_follow, tangent_matrix, node = orbit.follow, tangent.saltation_matrix, exact_flight.node
+orbit_follow, tangent_matrix, short_flight = orbit.follow, tangent.saltation_matrix, short.short_flight
 returned, jacobian, realizability = returning.log_speeds, flight.jacobian, moments.realizability
 simulate, mean_map, validate = montecarlo.simulate, closure.mean_map, validation.validate
 
@@ -173,9 +172,9 @@ NEGATIVE_CONTROLS = {
     "sticking_end": (orbit, "follow", late_sticking),
     "edgeworth_windows": (edgeworth, "window_means", wrong_windows),
     "correlations": (moments, "realizability", absolutely_judged),
-    "short_damping": (short, "short_phi1", lambda beta, t: t * (1.0 - 0.5 * beta * t * (1.0 - beta * t / 3.0))),
-    "noise_response": (exact_flight, "node", lambda c, *rest: node(c._replace(beta2=c.beta2 * (1.0 + 1e-12)), *rest)),
-    "step_noise": (exact_flight, "kick", off(exact_flight.kick, 1.0 + 1e-6)),
+    "step_phase": (short, "sine_cosine", lambda tau: (math.sin(tau + 1e-13), math.cos(tau))),
+    "step_flight": (short, "short_flight", lambda c, *a: short_flight(c._replace(beta2=c.beta2 * (1.0 + 1e-12)), *a)),
+    "step_noise": (short, "kick", off(short.kick, 1.0 + 1e-13)),
     "exit_times": (montecarlo, "simulate", lambda s, **k: simulate(s.with_sigma(1.15 * s.sigma), **k)),
     "collapse_drift": (returning, "log_speeds", lambda epsilon, *rest: returned(0.8 * epsilon, *rest)),
     "confined_paths": (montecarlo, "simulate", outside_walls),

@@ -6,17 +6,20 @@ import numpy as np
 
 from rattle.montecarlo.noise.philox import BRIDGE, STEP, Word, key_of, normals
 from rattle.montecarlo.schemes.exact_flight import PARTS, advance_exactly
+from rattle.montecarlo.schemes.short_flight import sine_cosine
 from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
 from rattle.scene import Scene, Start
 from rattle.scene.compiled import jit
 
 GROWTH, STEP_TIME, NEAR, FAR, MOST, CALLS = 64.0, 1e-4, 1e-5, 1.0, 200, Word(2**16)
+NOWHERE = (0.0, 0.0, 0.0, 0.0)
 
 
 @jit
 def _returns(c, key, log_speed):
     """Wall at 0, particle below it; impacts are found to 1e-10 of NEAR, 5e-7 of a particle's own scale."""
     walls, tau, h = Walls(0.0, FAR, FAR, FAR), -0.5 * (math.pi + STEP_TIME), STEP_TIME
+    room = np.empty((PARTS, 3))
     for p in range(log_speed.size):
         x, y, scale = 0.0, -1.0, 0.0
         for n in range(MOST):
@@ -25,7 +28,10 @@ def _returns(c, key, log_speed):
             z0, z1, _, _ = normals(key, Word(p), Word(n), Word(STEP))
             noise = Noise(math.sqrt(h) * z0, math.sqrt(h / 12.0) * z1)
             at = Progress(0, tau, h, noise, x, y, 0.0, 0.0)
-            at = advance_exactly(c, key, Word(p), Word(n) * CALLS, Word(BRIDGE), at, walls, np.empty((PARTS, 3)))
+            phase = sine_cosine(at.tau)
+            at, _ = advance_exactly(
+                c, key, Word(p), Word(n) * CALLS, Word(BRIDGE), at, phase, NOWHERE, False, walls, room
+            )  # fmt: skip
             x, y = at.x1, at.y1
             if at.code != 0:
                 break

@@ -1,0 +1,178 @@
+"""Where a path may meet a wall between two known states: the cubic between them and the noise about it.
+
+Given both end states of a time h and the noise's increment and area, the displacement inside deviates from the cubic
+Hermite interpolant by a Gaussian of sd at most ``sigma m h^(3/2) (s (1 - s))^(3/2) / sqrt(3)`` at the share s of the
+time, m the modulation of the noise.  A cubic lies between its Bernstein coefficients, and one that stays away from the
+walls by `MARGIN_SDS` such sds has no impact.
+"""
+
+import math
+
+from rattle.montecarlo.schemes.short_flight import Phase, State
+from rattle.montecarlo.schemes.step_state import Walls
+from rattle.scene.compiled import inlined, lean, spliced
+from rattle.scene.constants import Constants
+
+__all__ = ["CLOSE", "MARGIN_SDS", "cut_share", "first_root", "margins", "near_wall"]
+
+MARGIN_SDS = 6.0  # bound on a path's deviation from the cubic, in sds; exceeded in 2e-9 of the steps near a wall
+CLOSE = 1e-10  # distance to the wall, in half gaps, at which an impact is accepted at any speed
+SCALE = 1.0 / (6.0 * math.sqrt(3.0))  # margin on the inner Bernstein coefficients that covers (s (1-s))^1.5 / sqrt(3)
+SHORTEST = 1e-12  # share at which a trial is cut
+SETTLED = 1e-8  # relative change of a root at which its search ends
+PIECES = 8  # of the interval in which the first zero of a cubic that turns is looked for
+
+
+@lean
+def margins(c: Constants, sine: float, cosine: float, h: float) -> tuple[float, float]:
+    """Margins on the inner Bernstein coefficients of both stages' cubics, for noise and for the interpolation error.
+
+    A stage has no impact if its coefficients stay away from the walls by its margin.  The noise is taken at its largest
+    modulation in this time, not at its largest ever: where the modulation vanishes, a path that sticks to its wall must
+    not be cut as if it were noisy.
+
+    Parameters
+    ----------
+    c : Constants
+        Of the scene.
+    sine, cosine : float
+        Of any phase in this time.
+    h : float
+        Length of the time.
+
+    Returns
+    -------
+    margin1, margin2 : float
+        Displacements.
+    """
+    spread = MARGIN_SDS * abs(c.sigma) * h * math.sqrt(h) * SCALE
+    most = math.sqrt(1.0 + c.beta1**2)  # bound on the modulation of y1, and on its rate
+    first = min(most, abs(c.beta1 * cosine - sine) + h * most)
+    second = abs(c.beta1 - c.beta2) * (min(1.0, abs(cosine) + h) + h * first)  # the last term: noise of y1 acting on y2
+    force = c.alpha * most + c.gamma1 + c.gamma2
+    stiff, square = 1.0 + max(c.beta1, c.beta2), h * h
+    bend = square * square / 96.0 * force * (stiff * stiff)  # Hermite error: h^4 / 384 times the 4th derivative
+    return spread * first + bend, spread * second + bend
+
+
+@spliced
+def _near(a: float, b: float, end: float, high: float, low: float, margin: float) -> bool:
+    """Whether an inner Bernstein coefficient a, b of a cubic is within the margin of a wall, or its end beyond one."""
+    return (max(a, b) > high - margin) | (min(a, b) < margin - low) | (end > high) | (end < -low)
+
+
+@inlined
+def near_wall(third: float, x0: float, y0: float, x: float, y: float, high: float, low: float, margin: float) -> bool:
+    """Whether the cubic through both end states of a stage comes within its margin of a wall.
+
+    Parameters
+    ----------
+    third : float
+        A third of the step.
+    x0, y0, x, y : float
+        Displacement and velocity at the start and at the end.
+    high, low : float
+        Distances of the two flanks from the middle.
+    margin : float
+        Of this stage, see `margins`.
+
+    Returns
+    -------
+    bool
+    """
+    return _near(x0 + third * y0, x - third * y, x, high, low, margin)
+
+
+@lean
+def first_root(a: float, b: float, c: float, d: float) -> float:
+    """First zero in (0, 1] of a cubic, by safeguarded Newton steps on the first of eight pieces that ends below zero.
+
+    A cubic that falls all the way, as that of a transversal impact does, has one zero and needs no pieces.  The error
+    is about the square of the last Newton step, which is below `SETTLED`.
+
+    Parameters
+    ----------
+    a, b, c, d : float
+        Bernstein coefficients, a >= 0.
+
+    Returns
+    -------
+    float
+        2 if no piece ends below zero.
+    """
+    p1, p2, p3 = 3.0 * (b - a), 3.0 * (a - 2.0 * b + c), (d - a) + 3.0 * (b - c)
+    low, high = 0.0, 1.0
+    falling = a > b > c > d and d < 0.0
+    if not falling:
+        part = 1
+        while part <= PIECES and a + part / PIECES * (p1 + part / PIECES * (p2 + part / PIECES * p3)) >= 0.0:
+            part += 1
+        if part > PIECES:
+            return 2.0
+        low, high = (part - 1) / PIECES, part / PIECES
+    guess = a / (a - d) if falling else 0.5 * (low + high)
+    for _ in range(60):
+        value = a + guess * (p1 + guess * (p2 + guess * p3))
+        slope = p1 + guess * (2.0 * p2 + guess * (3.0 * p3))
+        if value < 0.0:
+            high = guess
+        else:
+            low = guess
+        last, newton = guess, guess - value / slope if slope < 0.0 else -1.0
+        guess = newton if low <= newton <= high else 0.5 * (low + high)
+        if abs(guess - last) <= SETTLED * guess:
+            break
+    return guess
+
+
+@lean
+def _cut_at(
+    gap0: float, rate0: float, gap1: float, rate1: float, h: float, margin: float, rest: float, close: float
+) -> float:
+    """Share of the time h after which a wall must be looked at again: 1 if there can be no impact before."""
+    third = h * (1.0 / 3.0)
+    b, c = gap0 + rate0 * third, gap1 - rate1 * third
+    if b > margin - rest and c > margin - rest and gap1 >= -close:  # `rest` lets a path at rest on its wall start
+        return 1.0
+    root = first_root(max(gap0, 0.0), b, c, gap1)
+    return max(root, SHORTEST) if root < 1.0 else 0.5
+
+
+@inlined
+def cut_share(
+    c: Constants, phase: Phase, s: State, end: State, h: float, walls: Walls, close1: float, close2: float
+) -> float:
+    """Share of a trial at which to cut it, over all walls.
+
+    Parameters
+    ----------
+    c : Constants
+        Of the scene.
+    phase : tuple of 2 float
+        Sine and cosine of its start.
+    s, end : tuple of 4 float
+        States at its start and at its end.
+    h : float
+        Its length.
+    walls : Walls
+        Of the path.
+    close1, close2 : float
+        Distances from the walls of both meshes within which the end counts as an impact.
+
+    Returns
+    -------
+    float
+        1 if it has no impact before its end.
+    """
+    margin1, margin2 = margins(c, phase[0], phase[1], h)
+    cut = min(
+        _cut_at(walls.high1 - s[0], -s[1], walls.high1 - end[0], -end[1], h, margin1, CLOSE * c.wall1, close1),
+        _cut_at(walls.low1 + s[0], s[1], walls.low1 + end[0], end[1], h, margin1, CLOSE * c.wall1, close1),
+    )
+    if c.stages == 2:
+        cut = min(
+            cut,
+            _cut_at(walls.high2 - s[2], -s[3], walls.high2 - end[2], -end[3], h, margin2, CLOSE * c.wall2, close2),
+            _cut_at(walls.low2 + s[2], s[3], walls.low2 + end[2], end[3], h, margin2, CLOSE * c.wall2, close2),
+        )
+    return cut

@@ -1,0 +1,182 @@
+"""A whole step of ``exact-flight`` for all paths side by side, and which of them may have an impact.
+
+Between impacts Eq. 5 is linear: the state after a step is the flight of Eq. 3 plus a Gaussian displacement, the noise's
+increment and area times vectors that are the same for all paths.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rattle.montecarlo.schemes.crossing import margins, near_wall
+from rattle.montecarlo.schemes.short_flight import State, kick, short_flight, sine_cosine
+from rattle.scene.compiled import inlined, lean
+from rattle.scene.constants import Constants
+from rattle.scene.damping import pair
+
+__all__ = ["FlightForcing", "first_stage", "flight_forcing", "flight_lanes", "second_stage"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+class FlightForcing(NamedTuple):
+    """A step of all lanes: ``s' = J s + drift + z_w along + z_a across``, and the margins of the walls.
+
+    Attributes
+    ----------
+    x1y1, y1y1, x2y1, x2y2, y2y1, y2y2 : float
+        Entries of the flight's Jacobian J that are neither 0 nor 1: ``x1y1 = dx1'/dy1`` and so on.
+    drift : tuple of 4 float
+        Effect of excitation and drag on ``(x1, y1, x2, y2)``.
+    along, across : tuple of 4 float
+        Effect of a unit normal for the increment, and for the area.
+    margin1, margin2 : float
+        Of both stages, see `rattle.montecarlo.schemes.crossing.margins`.
+    """
+
+    x1y1: float
+    y1y1: float
+    x2y1: float
+    x2y2: float
+    y2y1: float
+    y2y2: float
+    drift: State
+    along: State
+    across: State
+    margin1: float
+    margin2: float
+
+
+@lean
+def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
+    """Everything in a step that is the same for all paths.
+
+    Parameters
+    ----------
+    c : Constants
+        Of the scene.
+    tau, h : float
+        Start and length of the step.
+
+    Returns
+    -------
+    FlightForcing
+    """
+    p = pair(c.beta1, c.beta2, h)
+    phase = sine_cosine(tau)
+    margin1, margin2 = margins(c, phase[0], phase[1], h)
+    drift, _ = short_flight(c, phase, h, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0)
+    return FlightForcing(
+        p.e1, p.d1, p.e12, p.e2, p.d12, p.d2, drift,
+        kick(c, tau, h, math.sqrt(h), 0.0), kick(c, tau, h, 0.0, math.sqrt(h / 12.0)), margin1, margin2,
+    )  # fmt: skip
+
+
+@inlined
+def first_stage(f: FlightForcing, x1: float, y1: float, z: float, area: float) -> tuple[float, float]:
+    """Stage 1 after a step, ignoring the walls.
+
+    Parameters
+    ----------
+    f : FlightForcing
+        Of the step.
+    x1, y1 : float
+        Its displacement and velocity.
+    z, area : float
+        Standard normals of the increment and of the area.
+
+    Returns
+    -------
+    x1, y1 : float
+    """
+    return (
+        x1 + f.x1y1 * y1 + (f.drift[0] + f.along[0] * z + f.across[0] * area),
+        f.y1y1 * y1 + (f.drift[1] + f.along[1] * z + f.across[1] * area),
+    )
+
+
+@inlined
+def second_stage(f: FlightForcing, x2: float, y1: float, y2: float, z: float, area: float) -> tuple[float, float]:
+    """Stage 2 after a step, ignoring the walls.
+
+    Parameters
+    ----------
+    f : FlightForcing
+        Of the step.
+    x2, y1, y2 : float
+        State at the start of the step.
+    z, area : float
+        Standard normals of the increment and of the area.
+
+    Returns
+    -------
+    x2, y2 : float
+    """
+    return (
+        x2 + (f.x2y1 * y1 + f.x2y2 * y2 + (f.drift[2] + f.along[2] * z + f.across[2] * area)),
+        f.y2y1 * y1 + f.y2y2 * y2 + (f.drift[3] + f.along[3] * z + f.across[3] * area),
+    )
+
+
+@lean
+def flight_lanes(
+    c: Constants, f: FlightForcing, h: float, walls: Floats, state: Floats, z: Floats, area: Floats, near: Bools,
+    lanes: int,
+) -> None:  # fmt: skip
+    """One step of all lanes in place, ignoring the walls; marks those whose stage 1 may have an impact.  Vectorises.
+
+    Parameters
+    ----------
+    c : Constants
+        Of the scene.
+    f : FlightForcing
+        Of the step.
+    h : float
+        Step.
+    walls, state : ndarray, shape (4, lanes or more)
+        Flanks and states of the paths.
+    z, area : ndarray
+        Standard normals of the increment and of the area.
+    near : ndarray of bool
+        Output.
+    lanes : int
+        Number of lanes.
+    """
+    x1, y1, x2, y2 = state[0], state[1], state[2], state[3]
+    third = h / 3.0
+    high1, low1 = walls[0], walls[1]
+    for p in range(lanes):
+        x, y = x1[p], y1[p]
+        end, speed = first_stage(f, x, y, z[p], area[p])
+        near[p] = near_wall(third, x, y, end, speed, high1[p], low1[p], f.margin1)
+        x1[p], y1[p] = end, speed
+        if c.stages == 2:
+            x2[p], y2[p] = second_stage(f, x2[p], y, y2[p], z[p], area[p])
+
+
+@lean
+def near_second(h: float, margin: float, walls: Floats, before: Floats, state: Floats, near: Bools, lanes: int) -> None:
+    """Mark the lanes whose stage 2 may have an impact; vectorises.
+
+    Parameters
+    ----------
+    h : float
+        Step.
+    margin : float
+        Of stage 2, see `rattle.montecarlo.schemes.crossing.margins`.
+    walls : ndarray, shape (4, lanes or more)
+        Flanks of the paths.
+    before, state : ndarray, shape (4, lanes or more)
+        States at the start and at the end of the step.
+    near : ndarray of bool
+        Output; marks already set stay.
+    lanes : int
+        Number of lanes.
+    """
+    third = h / 3.0
+    x0, y0, x1, y1, high, low = before[2], before[3], state[2], state[3], walls[2], walls[3]
+    for p in range(lanes):
+        near[p] |= near_wall(third, x0[p], y0[p], x1[p], y1[p], high[p], low[p], margin)
