@@ -24,7 +24,7 @@ def _without_blas() -> None:
         from numba.np import arraymath
     finally:
         linalg.ensure_blas = search
-    arraymath.ensure_blas = search
+    setattr(arraymath, "ensure_blas", search)  # noqa: B010  (numba has no types)
 
 
 _without_blas()

@@ -95,7 +95,7 @@ def _bend_error(weight: float, bend: float) -> float:
 @spliced
 def _narrowed(axes: Floats, n: Floats, narrow: float) -> Floats:
     """The axes, scaled by the factor `narrow` along the unit vector n."""
-    along, out = applied(axes, n), np.empty(axes.shape)
+    along, out = applied(axes, n), np.empty((axes.shape[0], axes.shape[1]))
     for i in range(out.shape[0]):
         for j in range(n.size):
             out[i, j] = axes[i, j] + (narrow - 1.0) * (along[i] * n[j])

@@ -33,8 +33,9 @@ def tasks() -> dict[str, Task]:
         found[f"closure {name}, one stage"] = partial(mean_map, single, impacts=IMPACTS, closure=name)
     for name, scheme in SCHEMES.items():
         record = Record(step_bias=scheme.has_step_bias, histogram=True, energy=True, batches=True)
-        settings = {"paths": PATHS, "impacts": IMPACTS, "scheme": name}
-        found[f"scheme {name}"] = partial(simulate, tolerant, record=record, **settings)
+        found[f"scheme {name}"] = partial(
+            simulate, tolerant, paths=PATHS, impacts=IMPACTS, scheme=name, record=record
+        )  # fmt: skip
     found["orbits"] = partial(lyapunov, scene, impacts=8192, strict=False)
     found["long paths"] = partial(LongPath(scene, 0).stretch, 100)
     found["pairs of paths"] = partial(growths, scene, 1e-4, 2, seed=0, settle=10)
