@@ -7,6 +7,7 @@ from rattle.compare.chaos.exponents import DRIFT, ORBIT, Exponents
 from rattle.compare.chaos.spectrum import TIME
 from rattle.compare.chaos.sqrt_law import SqrtLaw
 from rattle.compare.chaos.sweep import crossings, signs
+from rattle.scene.gears import Gears
 
 __all__ = ["answer"]
 
@@ -29,10 +30,12 @@ def _sum(error: float) -> str:
     return f"differs from the exact one by {abs(error):.0e}"
 
 
-def _first(orbit: Exponents, field: str, sweep: pd.DataFrame | None) -> str:
+def _first(orbit: Exponents, field: str, sweep: pd.DataFrame | None, gears: Gears | None) -> str:
     """Whether the motion without noise is chaotic, here and over the field."""
     value, low, high = orbit.largest
     found = f"largest Lyapunov exponent {value:.3g} ± {0.5 * (high - low):.1g}"
+    if gears is not None:
+        found += f" per unit of τ, {gears.omega * value:.3g} per second"
     if not np.isfinite(value):
         said = f"Without noise this gear pair has no Lyapunov exponents: {orbit.regime.reason}"
     elif low > 0.0:
@@ -119,7 +122,7 @@ def _sweep(table: pd.DataFrame, field: str) -> list[str]:
 
 def answer(
     orbit: Exponents, drift: Exponents, maps: pd.DataFrame, law: SqrtLaw | None, missing: str, sizes: pd.DataFrame,
-    summary: pd.DataFrame, field: str, sweep: pd.DataFrame | None,
+    summary: pd.DataFrame, field: str, sweep: pd.DataFrame | None, gears: Gears | None = None,
 ) -> list[str]:  # fmt: skip
     """Summarise a study of chaos in sentences.
 
@@ -141,13 +144,15 @@ def answer(
         Field of the sweep.
     sweep : DataFrame or None
         As of `rattle.compare.chaos.sweep.sweep`.
+    gears : Gears, optional
+        Those that the scene was made from: the largest exponent is then given per second too.
 
     Returns
     -------
     list of str
     """
     said = [
-        _first(orbit, field, sweep),
+        _first(orbit, field, sweep, gears),
         _exponents(orbit, ORBIT),
         _exponents(drift, DRIFT),
         _maps(maps),

@@ -74,7 +74,7 @@ class ChaosStudy:
         """The answer in a few sentences."""
         said = answer(
             self.orbit, self.drift, self.maps, self.law, self.law_missing, self.finite_size,
-            spectra_tables(self.spectra)[2], self.field, self.sweep,
+            spectra_tables(self.spectra)[2], self.field, self.sweep, self.scene.gears,
         )  # fmt: skip
         return said + left_out(self.scene, list(self.maps["closure"]))
 

@@ -31,6 +31,8 @@ def test_a_folder_of_chaos_is_whole_and_said_in_a_few_lines(tmp_path):
     manifest = json.loads((out / "manifest.json").read_text())
     assert manifest["answer"] == done.output.splitlines()[:-1]
     assert len(manifest["answer"]) < 10
+    largest = exponents.query("of == 'orbit'")["value"].max()
+    assert f"per unit of τ, {300.0 * largest:.3g} per second)" in manifest["answer"][0]
     again = run(*SMALL, "--out", str(out))
     assert again.exit_code == 2
     assert "--overwrite" in again.output
@@ -44,6 +46,7 @@ def test_one_stage_and_weak_noise_say_what_is_missing(tmp_path):
     done = run(str(scene), *SMALL, "--no-sweep", "--out", str(out))
     assert done.exit_code == 0, done.output
     assert "too weak" in done.output
+    assert "per second" not in (out / "chaos.md").read_text(encoding="utf-8")  # it was not made from gears
     assert not (out / "sweep.csv").exists()
     assert pd.read_csv(out / "exponents.csv")["exponent"].max() == 2
 
