@@ -55,7 +55,7 @@ def test_page_begins_with_the_answer(report):
     answer = json.loads((report / "manifest.json").read_text())["answer"]
     assert len(answer) == 6
     page = (report / "report.md").read_text()
-    places = [answer[0], "figures/validity.svg", answer[1], answer[4], "##"]
+    places = [answer[0], "figures/validity.svg", answer[1], answer[5], "##"]
     assert sorted(places, key=page.index) == places
 
 
