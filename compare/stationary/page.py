@@ -26,7 +26,7 @@ FIGURES = {
 }
 """Captions of the figures, by name."""
 
-WORDS = glossary(
+WORDS = (
     *CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "τ", "Δτ", "y1, y2", "E, sd", "orbit", "mean map",
     "sticking",
 )  # fmt: skip
@@ -60,7 +60,8 @@ def stationary_page(found: Stationary, record: dict[str, Any], drawn: list[str])
     figures = {name: Figure(f"{name}.svg", FIGURES[name], FIGURES[name]) for name in drawn}
     units = "dimensionless" if found.scene.gears is None else "physical"
     opening: list[Block] = [figures["distribution"]] if "distribution" in figures else []
-    opening += [_quantities(found.table_in(units)), Text(MEANING.format(slow=found.slow), note=True), WORDS]
+    words = glossary(*WORDS, gears=found.scene.gears)
+    opening += [_quantities(found.table_in(units)), Text(MEANING.format(slow=found.slow), note=True), words]
     sections = []
     if units == "physical":
         sections.append(Section("Dimensionless", (_quantities(found.table_in("dimensionless"), "All quantities"),)))
