@@ -10,7 +10,7 @@ from sphinx.application import Sphinx
 __all__ = ["setup"]
 
 REWRITTEN = (
-    (re.compile(r"\\tfrac(\d)(\d)"), r"\\frac{\1}{\2}"),
+    (re.compile(r"\\t?frac(\d)(\d)"), r"\\frac{\1}{\2}"),
     (re.compile(r"\\tfrac\b"), r"\\frac"),
     (re.compile(r"\\(d?dot)\s*(\\[a-zA-Z]+|[a-zA-Z])_(\w)"), r"\\\1{\2_\3}"),
     (re.compile(r"\\(sin|cos|ln|exp)\b(?!\^)"), r"\\,\\\1\\,"),

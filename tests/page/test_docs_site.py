@@ -3,6 +3,7 @@
 The code cells of its pages are run; the scripts of its gallery are run by ``make docs``, and one of them here.
 """
 
+import importlib
 import json
 import os
 import re
@@ -71,6 +72,14 @@ def test_tables_are_those_of_the_reports(site):
 
 
 SOURCES = [p for p in sorted(DOCS.rglob("*.md")) if not {"_build", "generated", "auto_gallery"} & set(p.parts)]
+
+
+@pytest.mark.parametrize("formula", [r"\frac52", r"\tfrac12", r"\tfrac{a}{b}", r"\dot\tau_i", r"2\sin\tau"])
+def test_short_forms_of_formulas_are_drawn(formula, monkeypatch):
+    monkeypatch.syspath_prepend(str(DOCS))
+    drawn = importlib.import_module("mathml").drawn(formula, as_block=False)
+    assert drawn.startswith("<math")
+    assert ("<mfrac>" in drawn) == ("frac" in formula)
 
 
 def test_no_output_is_typed_by_hand(site):
