@@ -9,6 +9,7 @@ from pathlib import Path
 
 import llvmlite.binding
 import pytest
+from sampled import numbers
 
 LEVEL_3 = ("avx2", "fma", "bmi", "bmi2", "lzcnt", "popcnt", "f16c", "movbe")
 LEVEL_4 = ("avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl")
@@ -16,9 +17,6 @@ PROCESSORS = {
     "haswell": (LEVEL_3, "Haswell"), "skylake-avx512": (LEVEL_3 + LEVEL_4, "SkylakeX"), "znver3": (LEVEL_3, "Zen")
 }  # fmt: skip
 """Name of a processor: the instructions that code for it may use, and OpenBLAS's name of it."""
-
-CASES = ("flights", "sums", "euler-maruyama, two stages", "euler-maruyama, two stages, normal walls")
-"""Of `cases`: free flight, sums, random numbers, all statistics.  Few, for each process compiles what it runs."""
 
 
 def has(features):
@@ -41,27 +39,26 @@ def as_on(processor):
     }
 
 
-def numbers(folder, variables=None):
-    """The numbers of the cases, to the last bit, as a process makes them that has compiled all for itself."""
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(folder)} | (variables or {})
-    command = [sys.executable, str(Path(__file__).with_name("cases.py")), *CASES]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    return json.loads(done.stdout)
-
-
 @pytest.fixture(scope="module")
-def here(tmp_path_factory):
+def here():
     if not has(LEVEL_3):
         pytest.skip("this processor has no AVX2 or no FMA")
-    return numbers(tmp_path_factory.mktemp("here"))
+    return numbers()
 
 
 @pytest.mark.parametrize("processor", PROCESSORS)
 def test_code_for_another_processor_gives_the_same_bits(processor, here, tmp_path):
     if not has(PROCESSORS[processor][0]):
         pytest.skip(f"this processor cannot execute code for {processor}")
-    found = numbers(tmp_path, as_on(processor))
-    assert list(found) == list(CASES)
-    for case in CASES:
-        assert sum(map(len, here[case])) > 20
-        assert found[case] == here[case], case
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)} | as_on(processor)
+    command = [sys.executable, str(Path(__file__).with_name("sampled.py"))]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    found = json.loads(done.stdout)
+    assert list(found) == list(here)
+    for part, expected in here.items():
+        assert found[part] == expected, part
+
+
+def test_another_seed_has_other_bits(here):
+    other = numbers(seed=4)
+    assert all(other[part] != here[part] for part in here)
