@@ -10,6 +10,7 @@
 """
 
 import json
+import math
 import os
 from collections.abc import Callable, Iterable
 from itertools import groupby
@@ -247,6 +248,15 @@ def benchmarks(reports: Path) -> Table:
     """Times on one machine, kept beside this file: they are measured by hand and hold for the version beside them."""
     found = pd.read_csv(Path(__file__).parent / "benchmarks.csv")
     return list(found.columns), found.fillna("").astype(str).to_numpy().tolist()
+
+
+@table
+def path_steps(reports: Path) -> Table:
+    """What ``rattle bench --json`` has printed on the machine that the page names, kept beside this file."""
+    found = json.loads((Path(__file__).parent / "path_steps.json").read_text(encoding="utf-8"))
+    columns = {"what": "", "ns": "ns", "times_floor": "times the floor", "gain": "times as fast", "us": "µs per path"}
+    rows = [[short(math.nan if row[name] is None else row[name]) for name in columns] for row in found]
+    return list(columns.values()), rows
 
 
 def cell(text: str) -> nodes.entry:

@@ -44,10 +44,14 @@ def emulated_fma(a: float, b: float, c: float) -> float:
     """
     a, b, c = float(a), float(b), float(c)
     product = a * b
-    if not math.isfinite(product + c):
+    if not all(map(math.isfinite, (a, b, c))):
         return product + c
     if not all(PLAIN[0] < abs(size) < PLAIN[1] for size in (a, b, product)):
-        return float(Fraction(a) * Fraction(b) + Fraction(c))
+        exact = Fraction(a) * Fraction(b) + Fraction(c)
+        try:
+            return float(exact)
+        except OverflowError:
+            return math.inf if exact > 0 else -math.inf
     high_a, high_b = HALVES * a - (HALVES * a - a), HALVES * b - (HALVES * b - b)
     low_a, low_b = a - high_a, b - high_b
     error = low_a * low_b - (((product - high_a * high_b) - low_a * high_b) - high_a * low_b)

@@ -11,21 +11,24 @@ import hashlib
 import io
 import multiprocessing
 import os
+import platform
 import shutil
 import stat
 import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 import llvmlite
+import llvmlite.binding
 import numba
 import numpy as np
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
-__all__ = ["compiled_here", "folder", "keep_by_source", "sealed", "source_digest"]
+__all__ = ["compiled_here", "folder", "fused_multiply_add", "keep_by_source", "sealed", "source_digest"]
 
 PACKAGES = ("scene", "closure", "montecarlo")
 NUMBAS_FILES: Any = IndexDataCacheFile  # typed as Any: numba has no type hints
@@ -35,7 +38,7 @@ CHECKSUM = hashlib.sha256().digest_size  # bytes
 D = TypeVar("D")
 
 _folder: Path | None = None  # the cache folder; None where there is none
-_warnings: list[str] = []  # about the cache folder; printed when the first function is compiled
+_warnings: list[str] = []  # about the cache folder and the processor; printed when the first function is compiled
 _compiled = 0  # functions that this process has compiled
 
 
@@ -135,8 +138,31 @@ def _temporary(mine: str) -> Path | None:
     return folder
 
 
+def fused_multiply_add() -> bool:
+    """Whether compiled code may use AVX2 and a fused multiply-add; every processor but an old x86-64 has its like.
+
+    Without them the results are right and slower, since each multiply-add calls a function.
+
+    Returns
+    -------
+    bool
+    """
+    if platform.machine().lower() not in ("x86_64", "amd64"):
+        return True
+    features = getattr(numba.config, "CPU_FEATURES", None) or llvmlite.binding.get_host_cpu_features().flatten()
+    return {"+avx2", "+fma"} <= set(features.split(","))
+
+
+@cache
+def _check_processor() -> None:
+    """Warn of a slow processor, once."""
+    if not fused_multiply_add():
+        _warnings.append("this processor has no AVX2 or no FMA: simulations take several times as long as they might")
+
+
 def _warn() -> None:
-    """Print the warnings about the cache folder to standard error, once."""
+    """Print the warnings about the cache folder and the processor to standard error, once."""
+    _check_processor()
     while _warnings:
         print(f"rattle: {_warnings.pop()}", file=sys.stderr)
 

@@ -8,6 +8,10 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+import llvmlite.binding
+
+from rattle.scene.machine_code import fused_multiply_add
+
 __all__ = ["numerical_version"]
 
 PACKAGES = ("scene", "closure", "montecarlo")
@@ -16,7 +20,9 @@ LIBRARIES = ("numpy", "numba", "llvmlite", "scipy")
 
 @cache
 def numerical_version(*packages: str) -> str:
-    """Compute a digest of the numerical code, of its libraries, and of the processor's architecture.
+    """Compute a digest of the numerical code, of its libraries, and of the kind of processor.
+
+    All x86-64 processors with AVX2 and FMA are of one kind, for their bits agree.  Each other is a kind of its own.
 
     The code enters as a syntax tree without docstrings: comments, docstrings and layout do not change the digest.
 
@@ -35,12 +41,20 @@ def numerical_version(*packages: str) -> str:
     >>> numerical_version() == numerical_version()
     True
     """
-    digest = hashlib.sha256(platform.machine().encode())
+    digest = hashlib.sha256(" ".join((_processor(), *platform.libc_ver())).encode())
     for library in LIBRARIES:
         digest.update(f"{library} {importlib.metadata.version(library)};".encode())
     for path in _sources(packages or PACKAGES):
         digest.update(path.name.encode() + _meaning_of(path).encode())
     return digest.hexdigest()[:16]
+
+
+def _processor() -> str:
+    """The kind of processor, by the bits it gives."""
+    machine = platform.machine()
+    if machine.lower() in ("x86_64", "amd64") and fused_multiply_add():
+        return "x86-64 with AVX2 and FMA"
+    return f"{machine} {llvmlite.binding.get_host_cpu_name()}"
 
 
 def _sources(packages: tuple[str, ...]) -> Iterator[Path]:

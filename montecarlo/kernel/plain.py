@@ -38,7 +38,7 @@ WORD = 64  # bits, each a two-point increment
 ROOT_HALF = math.sqrt(0.5)
 
 
-@lean
+@spliced
 def _tabulate(job: Job, n: int, stop: int, forcing: Floats) -> None:
     """Forcing of the steps of all levels from finest step n on, shape (levels, CHUNK, FORCING)."""
     for level in range(forcing.shape[0]):
@@ -49,18 +49,16 @@ def _tabulate(job: Job, n: int, stop: int, forcing: Floats) -> None:
                 forcing[level, i, j] = f[j]
 
 
-@lean
+@spliced
 def _draw(job: Job, path: NDArray[Word], bits: NDArray[Word], n: int, lanes: int, z: Floats) -> None:
     """Increments of four steps from step n on, a multiple of four, in units of their sd."""
-    if job.c.sigma == 0.0:
-        return
-    if not job.two_point:
+    if job.c.sigma != 0.0 and not job.two_point:
         fill_normals(job.key, path, Word(n // QUAD), lanes, z)
-        return
-    if n % WORD == 0:
-        fill_words(job.key, path, Word(n // WORD), lanes, bits)
-    for i in range(QUAD):
-        fill_signs(bits, n % WORD + i, lanes, z[i])
+    elif job.c.sigma != 0.0:
+        if n % WORD == 0:
+            fill_words(job.key, path, Word(n // WORD), lanes, bits)
+        for i in range(QUAD):
+            fill_signs(bits, n % WORD + i, lanes, z[i])
 
 
 @lean
@@ -133,7 +131,7 @@ def _have_impacts(
     return found
 
 
-@lean
+@spliced
 def _walk(
     job: Job, first: int, level: int, n: int, forcing: Floats, z: Floats, tile: int, steps: int, found: int,
     before: Floats, lanes: Lanes, room: Room, rows: Floats,
@@ -142,7 +140,6 @@ def _walk(
 
     Returns in how many steps of them an impact is still due after `MOST_IN_A_STEP`.
     """
-    widest_vectors()
     late, multiple, hits, few, walls = 0, 1 << level, room.hits, room.few, room.few_walls
     h, wide = job.dt * multiple, (found + 7) // 8 * 8
     _pick(before, tile, hits, found, few)
@@ -167,7 +164,7 @@ def _walk(
     return late
 
 
-@lean
+@spliced
 def _take_steps(
     job: Job, first: int, level: int, n: int, forcing: Floats, z: Floats, tile: int, steps: int, live: int,
     lanes: Lanes, room: Room, rows: Floats,
@@ -184,12 +181,13 @@ def _take_steps(
         for j in range(live):
             room.hits[j] = j
         found, before = live, lanes.state
-    if found == 0:
-        return 0
-    return _walk(job, first, level, n, forcing, z, tile, steps, found, before, lanes, room, rows)
+    late = 0
+    if found > 0:
+        late = _walk(job, first, level, n, forcing, z, tile, steps, found, before, lanes, room, rows)
+    return late
 
 
-@lean
+@spliced
 def _take_chunk(
     job: Job, first: int, n: int, stop: int, tile: int, live: int, every: Lanes, room: Room, rows: Floats,
     fixed_steps: Ints, ticks: int, fixed: Floats,
@@ -242,6 +240,7 @@ def plain_block(
     work, sticking : int
         Path-steps, and those with an impact still due after `MOST_IN_A_STEP`.
     """
+    widest_vectors()
     levels, impacts = rows.shape[0], rows.shape[2]
     work, sticking, live, ticks, n = 0, 0, rows.shape[1], 0, 0
     while n < job.most_steps and live > 0:

@@ -56,11 +56,18 @@ BINOMIAL = np.array([[comb(n, k) for k in range(9)] for n in range(9)], dtype=fl
 def _transpose(rows: Floats, columns: Floats) -> None:
     """Copy `rows`, shape (paths, variables), to `columns`, shape (variables, paths), eight paths at a time."""
     paths, variables = rows.shape
-    widest_vectors()
-    for p in range(0, paths, 8):
+    whole = paths // 8 * 8
+    for p in range(0, whole, 8):
+        a, b, c, d, e, f, g, h = (
+            rows[p], rows[p + 1], rows[p + 2], rows[p + 3], rows[p + 4], rows[p + 5], rows[p + 6], rows[p + 7]
+        )  # fmt: skip
         for i in range(variables):
-            for q in range(p, min(p + 8, paths)):
-                columns[i, q] = rows[q, i]
+            out = columns[i][p : p + 8]
+            out[0], out[1], out[2], out[3] = a[i], b[i], c[i], d[i]
+            out[4], out[5], out[6], out[7] = e[i], f[i], g[i], h[i]
+    for p in range(whole, paths):
+        for i in range(variables):
+            columns[i, p] = rows[p, i]
 
 
 @lean
@@ -247,7 +254,9 @@ def columns_of(values: Floats) -> Floats:
         Filled up with NaN to a multiple of `STRAND` paths.
     """
     rows = np.ascontiguousarray(values, dtype=float).reshape(len(values), -1)
-    columns = np.empty((rows.shape[1], -(-len(rows) // STRAND) * STRAND))
+    lanes = -(-len(rows) // STRAND) * STRAND
+    lanes += STRAND if lanes % 512 == 0 else 0  # so that columns do not share lines of the cache
+    columns = np.empty((rows.shape[1], lanes))
     columns[:, len(rows) :] = np.nan
     _transpose(rows, columns)
     return columns

@@ -1,7 +1,7 @@
 """Small runs through all that is compiled: few paths, few impacts, every kind of scene.
 
-As a program it prints the numbers of each case as hexadecimal floats; with NUMBA_DISABLE_JIT=1 the interpreter makes
-them, from the same source.
+As a program it prints the numbers of each case, or of those named, as hexadecimal floats; with NUMBA_DISABLE_JIT=1 the
+interpreter makes them, from the same source.
 """
 
 import json
@@ -179,4 +179,4 @@ def parts(case: str) -> list[list[float]]:
 
 
 if __name__ == "__main__":
-    json.dump({case: [[x.hex() for x in part] for part in parts(case)] for case in CASES}, sys.stdout)
+    json.dump({case: [[x.hex() for x in part] for part in parts(case)] for case in sys.argv[1:] or CASES}, sys.stdout)

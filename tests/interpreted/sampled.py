@@ -1,0 +1,33 @@
+"""A block of paths with its sums, to the last bit; as a program it prints them.
+
+It takes no more than the kernel of ``euler-maruyama``, for each process that prints it compiles all for itself.
+"""
+
+import json
+import sys
+
+import numpy as np
+
+from rattle.montecarlo.kernel.block import Plan, run
+from rattle.scene import DAT21, Scene, Tolerance
+
+FIXED = np.array([40, 111])  # finest steps; the second within a group of four
+
+
+def numbers(seed=3):
+    """Impacts of 300 paths between walls that impacts redraw, and the sums over them, as hexadecimal floats."""
+    scene = Scene.from_gears(DAT21, sigma=0.8, tolerance=Tolerance(0.04, 0.02, distribution="normal", draw="contact"))
+    plan = Plan(
+        scene, 300, 4, 5e-3, "euler-maruyama", np.random.SeedSequence(seed), 2000, FIXED, {"a": (1, 2, -1, -2)}, 1,
+        keep=True,
+    )  # fmt: skip
+    result, rows = run(plan, 0)
+    joined = result.merged(result)
+    parts = {"impacts": rows, "codes": joined.codes}
+    for name, s in joined.sums.items():
+        parts |= {f"{name}, n": s.n, f"{name}, means": s.mean, f"{name}, sums": s.sums}
+    return {name: [float(x).hex() for x in np.ravel(part)] for name, part in parts.items()}
+
+
+if __name__ == "__main__":
+    json.dump(numbers(), sys.stdout)

@@ -1,0 +1,64 @@
+"""One source, one set of bits on every x86-64 with AVX2 and FMA: code for other processors runs here, where it can."""
+
+import json
+import os
+import platform
+import subprocess
+import sys
+from pathlib import Path
+
+import llvmlite.binding
+import pytest
+from sampled import numbers
+
+LEVEL_3 = ("avx2", "fma", "bmi", "bmi2", "lzcnt", "popcnt", "f16c", "movbe")
+LEVEL_4 = ("avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl")
+PROCESSORS = {
+    "haswell": (LEVEL_3, "Haswell"), "skylake-avx512": (LEVEL_3 + LEVEL_4, "SkylakeX"), "znver3": (LEVEL_3, "Zen")
+}  # fmt: skip
+"""Name of a processor: the instructions that code for it may use, and OpenBLAS's name of it."""
+
+
+def has(features):
+    """Whether this processor can execute such instructions."""
+    here = llvmlite.binding.get_host_cpu_features()
+    return platform.machine() == "x86_64" and all(here.get(feature) for feature in features)
+
+
+def as_on(processor):
+    """Environment in which numba, numpy, the C library and OpenBLAS choose as they would on a processor."""
+    features, core = PROCESSORS[processor]
+    newer = ["AVX512_ICL", "AVX512_SPR"] if "avx512f" in features else ["X86_V4", "AVX512_ICL", "AVX512_SPR"]
+    without = [] if "avx512f" in features else [f"-{name.upper()}" for name in LEVEL_4]
+    return {
+        "NUMBA_CPU_NAME": processor,
+        "NUMBA_CPU_FEATURES": ",".join(f"+{name}" for name in features),
+        "NPY_DISABLE_CPU_FEATURES": " ".join(newer),
+        "OPENBLAS_CORETYPE": core,
+        "GLIBC_TUNABLES": "glibc.cpu.hwcaps=" + ",".join(without),
+    }
+
+
+@pytest.fixture(scope="module")
+def here():
+    if not has(LEVEL_3):
+        pytest.skip("this processor has no AVX2 or no FMA")
+    return numbers()
+
+
+@pytest.mark.parametrize("processor", PROCESSORS)
+def test_code_for_another_processor_gives_the_same_bits(processor, here, tmp_path):
+    if not has(PROCESSORS[processor][0]):
+        pytest.skip(f"this processor cannot execute code for {processor}")
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)} | as_on(processor)
+    command = [sys.executable, str(Path(__file__).with_name("sampled.py"))]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    found = json.loads(done.stdout)
+    assert list(found) == list(here)
+    for part, expected in here.items():
+        assert found[part] == expected, part
+
+
+def test_another_seed_has_other_bits(here):
+    other = numbers(seed=4)
+    assert all(other[part] != here[part] for part in here)

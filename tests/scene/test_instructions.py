@@ -1,0 +1,71 @@
+"""The fused multiply-add: one rounding, compiled and emulated alike."""
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from rattle.scene.compiled import jit
+from rattle.scene.instructions import emulated_fma, float_of, fma, widest_vectors, word_of
+
+MOST, LEAST, NORMAL = 1.7976931348623157e308, 5e-324, 2.2250738585072014e-308
+
+
+@jit
+def fused(a, b, c):
+    return fma(a, b, c)
+
+
+@jit
+def fused_arrays(a, b, c, out):
+    widest_vectors()
+    for i in range(a.size):
+        out[i] = fma(a[i], b[i], c[i])
+
+
+def operands(count=3000):
+    """Numbers of very different sizes, many of which all but cancel."""
+    rng = np.random.default_rng(1)
+    a, b, c = rng.normal(size=(3, count)) * 10.0 ** rng.uniform(-8.0, 8.0, (3, count))
+    near = rng.random(count) < 0.5
+    return a, b, np.where(near, -a * b * (1.0 + rng.integers(-2, 3, count) * 2.0**-53), c)
+
+
+def exact(a, b, c):
+    return float(Fraction(a) * Fraction(b) + Fraction(c))
+
+
+def test_it_rounds_once():
+    a, b, c = operands()
+    expected = np.array([exact(*abc) for abc in zip(a, b, c, strict=True)])
+    assert [emulated_fma(*abc) for abc in zip(a, b, c, strict=True)] == expected.tolist()
+    found = np.empty(a.size)
+    fused_arrays(a, b, c, found)
+    assert np.array_equal(found, expected)
+    assert (a * b + c != expected).mean() > 0.2  # negative control: two roundings are seen
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "c"),
+    [
+        (MOST, 2.0, -MOST), (MOST, 1.5, 0.0), (1e160, 1e160, -1e300), (1e-200, 1e-200, 1.0), (1e-170, 1e-150, LEAST),
+        (NORMAL, 0.5, LEAST), (LEAST, 0.5, 0.0), (LEAST, 0.75, LEAST), (1e-300, 1e300, -1.0), (0.0, 3.0, -2.0),
+        (1.0 + 2.0**-52, 1.0 - 2.0**-53, -1.0), (1e308, 1e-308, -1.0),
+    ],
+)  # fmt: skip
+def test_at_the_ends_of_the_range(a, b, c):
+    assert emulated_fma(a, b, c) == fused(a, b, c)
+    if math.isfinite(a * b + c):
+        assert fused(a, b, c) == exact(a, b, c)
+
+
+@pytest.mark.parametrize("abc", [(math.inf, 1.0, 2.0), (math.inf, 1.0, -math.inf), (math.nan, 1.0, 1.0)])
+def test_what_is_not_finite(abc):
+    assert str(emulated_fma(*abc)) == str(fused(*abc))
+
+
+def test_bits_there_and_back():
+    for x in (1.0, -0.0, math.pi, LEAST, -math.inf):
+        assert float(float_of(np.uint64(word_of(x)))).hex() == x.hex()
+    assert int(word_of(-2.0)) == 0xC000000000000000
