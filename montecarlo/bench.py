@@ -157,7 +157,8 @@ def bench(scene: Scene | None = None) -> pd.DataFrame:
     DataFrame
         Index ``what``; columns ``ns`` per path-step, the least; ``times_floor``, over a normal and the arithmetic of a
         step together; ``gain``, how many path-steps are done in the time of one of the skilled loop, or normals in that
-        of one by ``standard_normal``, or paths of exact flights in that of one of the loop; ``steps`` of a path; ``us`` per path.
+        of one by ``standard_normal``, or paths of exact flights in that of one of the loop; ``steps`` of a path;
+        ``us`` per path.
     """
     base = scene or Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha))
     walls = Tolerance(0.01, 0.01, draw="path")
