@@ -41,7 +41,7 @@ SKILLED, SCALAR, NORMAL, ARITHMETIC = (
     "a skilled loop in numba, without statistics", "one normal by standard_normal", "one standard normal",
     "arithmetic of one step",
 )  # fmt: skip
-FLIGHTS: dict[str, Any] = {"scheme": "exact-flight", "dt": math.pi / 128.0}
+FLIGHTS: dict[str, Any] = {"scheme": "exact-flight", "dt": math.pi / 96.0}
 
 
 @lean
@@ -180,7 +180,7 @@ def bench(scene: Scene | None = None) -> pd.DataFrame:
         "  with moments at 12 fixed times": (base, {"record": Record(times=np.linspace(0.5, 4.0, 12))}),
         "  with 2 dt and 4 dt for the step bias": (base, {"record": Record(step_bias=True)}),
         "euler-maruyama-located": (base, {"scheme": "euler-maruyama-located"}),
-        "exact-flight, dt = pi/128": (base, FLIGHTS),
+        "exact-flight, dt = pi/96": (base, FLIGHTS),
         "  the same, sigma = 0.1": (replace(base, sigma=0.1), FLIGHTS),
         "  the same, paths alone": (base, FLIGHTS | {"statistics": False}),
         "  with gaps redrawn at each contact": (replace(base, tolerance=contact), FLIGHTS),
