@@ -25,7 +25,7 @@ from rattle.scene.compiled import jit, lean
 from rattle.scene.constants import Constants
 from rattle.scene.gears import DAT21
 from rattle.scene.impact import struck
-from rattle.scene.parts import Tolerance
+from rattle.scene.parts import Start, Tolerance
 from rattle.scene.scene import Scene
 
 __all__ = ["bench", "slices"]
@@ -41,6 +41,7 @@ SKILLED, SCALAR, NORMAL, ARITHMETIC = (
     "a skilled loop in numba, without statistics", "one normal by standard_normal", "one standard normal",
     "arithmetic of one step",
 )  # fmt: skip
+FLIGHTS: dict[str, Any] = {"scheme": "exact-flight", "dt": math.pi / 96.0}
 
 
 @lean
@@ -156,12 +157,14 @@ def bench(scene: Scene | None = None) -> pd.DataFrame:
     DataFrame
         Index ``what``; columns ``ns`` per path-step, the least; ``times_floor``, over a normal and the arithmetic of a
         step together; ``gain``, how many path-steps are done in the time of one of the skilled loop, or normals in that
-        of one by ``standard_normal``; ``steps`` of a path; ``us`` per path.
+        of one by ``standard_normal``, or paths of exact flights in that of one of the loop; ``steps`` of a path;
+        ``us`` per path.
     """
     base = scene or Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha))
     walls = Tolerance(0.01, 0.01, draw="path")
     contact = Tolerance(0.01, 0.01, draw="contact")
     loose = replace(base, tolerance=walls)
+    far = replace(base, gap1=1e6, gap2=1e6, start=Start(0.0, 0.0, 0.0))
     cases: Mapping[str, tuple[Scene, dict[str, Any]]] = {
         "euler-maruyama, paths alone": (base, {"statistics": False}),
         "euler-maruyama, section statistics": (base, {}),
@@ -177,10 +180,12 @@ def bench(scene: Scene | None = None) -> pd.DataFrame:
         "  with moments at 12 fixed times": (base, {"record": Record(times=np.linspace(0.5, 4.0, 12))}),
         "  with 2 dt and 4 dt for the step bias": (base, {"record": Record(step_bias=True)}),
         "euler-maruyama-located": (base, {"scheme": "euler-maruyama-located"}),
-        "exact-flight, dt = pi/64": (base, {"scheme": "exact-flight", "dt": math.pi / 64.0}),
-        "  with the linearised path as control variate": (
-            base, {"scheme": "exact-flight", "dt": math.pi / 64.0, "control": True}
-        ),
+        "exact-flight, dt = pi/96": (base, FLIGHTS),
+        "  the same, sigma = 0.1": (replace(base, sigma=0.1), FLIGHTS),
+        "  the same, paths alone": (base, FLIGHTS | {"statistics": False}),
+        "  with gaps redrawn at each contact": (replace(base, tolerance=contact), FLIGHTS),
+        "  with the linearised path as control variate": (base, FLIGHTS | {"control": True}),
+        "  steps far from any wall, paths alone": (far, FLIGHTS | {"horizon": 4.0, "statistics": False}),
     }  # fmt: skip
     work = {name: _case(own, **settings) for name, (own, settings) in cases.items()}
     taken = slices(_floor(base) | {name: (call, float(steps)) for name, (call, steps) in work.items()}, REPEATS)
@@ -189,6 +194,8 @@ def bench(scene: Scene | None = None) -> pd.DataFrame:
     for name, ns in taken.items():
         steps = work[name][1] / BLOCK if name in work else math.nan
         gain = np.median(taken[SCALAR if name in (SCALAR, NORMAL) else SKILLED] / ns)
+        if name in work and cases[name][1].get("scheme") == "exact-flight":
+            gain *= LOOP_STEPS / steps
         rows[name] = (ns.min(), np.median(ns / low), gain, steps, 1e-3 * ns.min() * steps)
     return pd.DataFrame.from_dict(
         rows, orient="index", columns=["ns", "times_floor", "gain", "steps", "us"]

@@ -114,7 +114,7 @@ def simulate(
         Impacts of each path after the start.
     dt : float
         Step, at most `rattle.montecarlo.largest_step`; by default that of the scheme (0.002 for Euler-Maruyama,
-        pi / 256 for exact flights), shortened where the scene demands it.  `Ensemble.diagnostics` says what it may do.
+        pi / 96 for exact flights), shortened where the scene demands it.  `Ensemble.diagnostics` says what it may do.
     scheme : {"euler-maruyama-located", "euler-maruyama", "exact-flight"}
         Name of one of `rattle.montecarlo.SCHEMES`.
     rng : int or SeedSequence

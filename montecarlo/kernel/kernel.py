@@ -18,7 +18,7 @@ from rattle.montecarlo.schemes.exact_flight import advance_exactly
 from rattle.montecarlo.schemes.short_flight import Phase, State, sine_cosine
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Noise, Progress, Walls
 from rattle.montecarlo.schemes.sticking import OPEN, sides_of, stick_to_end, sticking_sides
-from rattle.montecarlo.schemes.whole_step import flight_forcing, flight_lanes, near_second
+from rattle.montecarlo.schemes.whole_step import flight_forcing, flight_lanes
 from rattle.scene.compiled import lean, spliced
 from rattle.scene.constants import Constants
 from rattle.scene.impact import struck
@@ -218,17 +218,16 @@ def _finish_inside(
 def _step_lanes(scheme: int, job: Job, tau: float, h: float, lanes: Lanes, marks: Bools, live: int) -> None:
     """One step of all lanes; marks those that may have an impact."""
     c, state, before = job.c, lanes.state, lanes.before
-    for i in range(2 * c.stages):
-        for p in range(live):
-            before[i, p] = state[i, p]
     if scheme == LOCATED:
+        for i in range(2 * c.stages):
+            for p in range(live):
+                before[i, p] = state[i, p]
         leaving(c, h, lanes.walls, state, marks, live)
         located_lanes(c, step_forcing(c, tau, h), h, state, lanes.w, live)
     else:
         f = flight_forcing(c, tau, h)
-        flight_lanes(c, f, h, lanes.walls, state, lanes.w, lanes.area, marks, live)
-        if c.stages == 2:
-            near_second(h, f.margin2, lanes.walls, before, state, marks, live)
+        toleranced = job.backlash.random
+        flight_lanes(c, f, h, toleranced, lanes.walls, state, before, lanes.w, lanes.area, marks, live)
 
 
 @cache

@@ -129,7 +129,7 @@ def first_root(a: float, b: float, c: float, d: float) -> float:
 def _cut_at(
     gap0: float, rate0: float, gap1: float, rate1: float, h: float, margin: float, rest: float, close: float
 ) -> float:
-    """Share of the time h after which a wall must be looked at again: 1 if there can be no impact before."""
+    """Share of the time h after which a wall must be looked at again: 1 if there can be no impact before its end."""
     third = h * (1.0 / 3.0)
     b, c = gap0 + rate0 * third, gap1 - rate1 * third
     if b > margin - rest and c > margin - rest and gap1 >= -close:  # `rest` lets a path at rest on its wall start

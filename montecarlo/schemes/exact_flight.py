@@ -9,8 +9,8 @@ wall, its noise is split there (`split`), its first part is flown as a trial (`r
 and so on: the distance to the wall falls with exponent 3/2, so that about two cuts bring a path so near that the rest
 of its way is flown without noise.
 
-There is no step bias apart from these bounds.  At the default step the neglected noise is 3e-5 of sd(x1) where the
-variance grows from zero (a flight of 0.2 from tau = 0), and 2e-9 of the other sds.
+There is no step bias apart from these bounds.  At the default step the neglected noise is 1e-4 of sd(x1) where the
+variance grows from zero (a flight of 0.2 from tau = 0), and 5e-9 of the other sds.
 """
 
 import math
@@ -38,14 +38,15 @@ PARTS = 200  # most parts of a step that wait at once: the depth of the stack of
 
 
 @inlined
-def _close(c: Constants, speed: float, wall: float) -> float:
-    """Distance from its wall within which a path moving at this speed is taken to fly on without noise.
+def _close(c: Constants, speed: float, other: float, wall: float) -> float:
+    """Distance from its wall within which a path is taken to fly on without noise; `other` is the other stage's speed.
 
     The noise left out acts later by the time of that flight, after the impact instead of before: below 1e-6 of a
     variance at `NEAR`.
     """
     most = 1.0 + c.beta1 * c.beta1  # bound on the squared modulation
-    force = c.alpha * math.sqrt(most) + c.gamma1 + c.gamma2
+    drag = max(c.beta1, c.beta2) * (abs(speed) + abs(other))
+    force = c.alpha * math.sqrt(most) + c.gamma1 + c.gamma2 + drag
     noisy, bent = (STEADY * STEADY) * c.sigma * c.sigma * most, force / STRAIGHT
     square = speed * speed
     near = NEAR * wall
@@ -63,7 +64,7 @@ def _due(c: Constants, s: State, walls: Walls) -> tuple[int, float, float]:
     """
     code, lead, reach = 0, math.inf, math.inf
     for mesh in range(1, c.stages + 1):
-        x, y = (s[0], s[1]) if mesh == 1 else (s[2], s[3])
+        x, y, other = (s[0], s[1], s[3]) if mesh == 1 else (s[2], s[3], s[1])
         high, low = (walls.high1, walls.low1) if mesh == 1 else (walls.high2, walls.low2)
         wall = c.wall1 if mesh == 1 else c.wall2
         gap = high - x if y > 0.0 else low + x
@@ -72,7 +73,7 @@ def _due(c: Constants, s: State, walls: Walls) -> tuple[int, float, float]:
         if gap > NEAR * wall:
             reach = min(reach, gap / abs(y))
             continue
-        swift = abs(gap) <= _close(c, y, wall)
+        swift = abs(gap) <= _close(c, y, other, wall)
         if swift or gap <= CLOSE * wall:
             own = gap / abs(y) if swift else 0.0
             if own < lead:
@@ -84,16 +85,22 @@ def _due(c: Constants, s: State, walls: Walls) -> tuple[int, float, float]:
 
 @inlined
 def _struck(c: Constants, at: Progress, phase: Phase, code: int, lead: float, walls: Walls) -> tuple[Progress, Phase]:
-    """The path at the impact that is due, after its flight without noise to the wall."""
-    s = at.x1, at.y1, at.x2, at.y2
-    if lead != 0.0:
-        s, phase = short_flight(c, phase, lead, s, 0.0, 0.0)
-    x1, x2 = s[0], s[2]
+    """The path at the impact that is due, after its flight without noise to the wall: two terms of its series."""
+    sine, cosine = phase
+    apart = c.beta1 - c.beta2
+    rate1 = c.gamma1 - c.beta1 * at.y1 + c.alpha * (c.beta1 * cosine - sine)
+    rate2 = (c.gamma1 - c.gamma2) - c.beta2 * at.y2 + apart * (c.alpha * cosine - at.y1)
+    half = 0.5 * lead
+    x1, y1 = at.x1 + lead * (at.y1 + half * rate1), at.y1 + lead * rate1
+    x2, y2 = at.x2, at.y2
+    if c.stages == 2:
+        x2, y2 = x2 + lead * (y2 + half * rate2), y2 + lead * rate2
+    phase = sine + lead * (cosine - half * sine), cosine - lead * (sine + half * cosine)
     if abs(code) == 1:
         x1 = walls.high1 if code > 0 else -walls.low1
     else:
         x2 = walls.high2 if code > 0 else -walls.low2
-    return Progress(code, at.tau + lead, at.left - lead, at.noise, x1, s[1], x2, s[3]), phase
+    return Progress(code, at.tau + lead, at.left - lead, at.noise, x1, y1, x2, y2), phase
 
 
 @spliced
@@ -165,7 +172,9 @@ def advance_exactly(
         if flown:
             end, turned = short_flight(c, phase, h, s, noise.increment, noise.area)
         known = False
-        cut = cut_share(c, phase, s, end, h, walls, _close(c, end[1], c.wall1), _close(c, end[3], c.wall2))
+        cut = cut_share(
+            c, phase, s, end, h, walls, _close(c, end[1], end[3], c.wall1), _close(c, end[3], end[1], c.wall2)
+        )
         used_up = cuts >= MOST_CUTS or top + 1 >= len(ahead)
         if cut == 1.0 or used_up:
             if used_up:

@@ -21,7 +21,7 @@ Phase = tuple[float, float]
 """Sine and cosine of a time."""
 
 MOST_TERMS = 60
-NEGLIGIBLE = 1e-17  # size of a Taylor term, relative to the first, after which the series ends
+NEGLIGIBLE = 1e-16  # size of a Taylor term, relative to the first, after which the series ends
 
 # pi / 2 in three parts; multiples of the first two below 2^20 are exact
 QUARTER_HIGH, QUARTER_MIDDLE = 1.57079632673412561417, 6.07710050630396597660e-11

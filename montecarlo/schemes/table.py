@@ -44,6 +44,6 @@ class Scheme:
 SCHEMES = {
     "euler-maruyama": Scheme(0, "euler", 1, 1, 2e-3, 2.8, 75.0),
     "euler-maruyama-located": Scheme(1, "euler_located", 1, 1, 2e-3, 4.1, 150.0),
-    "exact-flight": Scheme(2, "exact_flight", None, 2, math.pi / 256.0, 4.7, 1200.0),
+    "exact-flight": Scheme(2, "exact_flight", None, 2, math.pi / 96.0, 4.7, 480.0),
 }
 """All schemes by name, in the order of increasing accuracy."""

@@ -123,10 +123,10 @@ def second_stage(f: FlightForcing, x2: float, y1: float, y2: float, z: float, ar
 
 @lean
 def flight_lanes(
-    c: Constants, f: FlightForcing, h: float, walls: Floats, state: Floats, z: Floats, area: Floats, near: Bools,
-    lanes: int,
+    c: Constants, f: FlightForcing, h: float, toleranced: bool, walls: Floats, state: Floats, before: Floats,
+    z: Floats, area: Floats, near: Bools, lanes: int,
 ) -> None:  # fmt: skip
-    """One step of all lanes in place, ignoring the walls; marks those whose stage 1 may have an impact.  Vectorises.
+    """One step of all lanes in place, ignoring the walls; marks those that may have an impact.  Vectorises.
 
     Parameters
     ----------
@@ -136,8 +136,12 @@ def flight_lanes(
         Of the step.
     h : float
         Step.
+    toleranced : bool
+        Whether flanks differ between paths.
     walls, state : ndarray, shape (4, lanes or more)
-        Flanks and states of the paths.
+        Flanks and states of the paths; `walls` is read only if they are toleranced.
+    before : ndarray, shape (4, lanes or more)
+        Output: the states at the start of the step.
     z, area : ndarray
         Standard normals of the increment and of the area.
     near : ndarray of bool
@@ -146,37 +150,19 @@ def flight_lanes(
         Number of lanes.
     """
     x1, y1, x2, y2 = state[0], state[1], state[2], state[3]
+    x1_before, y1_before, x2_before, y2_before = before[0], before[1], before[2], before[3]
+    high1, low1, high2, low2 = walls[0], walls[1], walls[2], walls[3]
     third = h / 3.0
-    high1, low1 = walls[0], walls[1]
     for p in range(lanes):
         x, y = x1[p], y1[p]
         end, speed = first_stage(f, x, y, z[p], area[p])
-        near[p] = near_wall(third, x, y, end, speed, high1[p], low1[p], f.margin1)
-        x1[p], y1[p] = end, speed
+        high, low = (high1[p], low1[p]) if toleranced else (c.wall1, c.wall1)
+        meets = near_wall(third, x, y, end, speed, high, low, f.margin1)
+        x1_before[p], y1_before[p], x1[p], y1[p] = x, y, end, speed
         if c.stages == 2:
-            x2[p], y2[p] = second_stage(f, x2[p], y, y2[p], z[p], area[p])
-
-
-@lean
-def near_second(h: float, margin: float, walls: Floats, before: Floats, state: Floats, near: Bools, lanes: int) -> None:
-    """Mark the lanes whose stage 2 may have an impact; vectorises.
-
-    Parameters
-    ----------
-    h : float
-        Step.
-    margin : float
-        Of stage 2, see `rattle.montecarlo.schemes.crossing.margins`.
-    walls : ndarray, shape (4, lanes or more)
-        Flanks of the paths.
-    before, state : ndarray, shape (4, lanes or more)
-        States at the start and at the end of the step.
-    near : ndarray of bool
-        Output; marks already set stay.
-    lanes : int
-        Number of lanes.
-    """
-    third = h / 3.0
-    x0, y0, x1, y1, high, low = before[2], before[3], state[2], state[3], walls[2], walls[3]
-    for p in range(lanes):
-        near[p] |= near_wall(third, x0[p], y0[p], x1[p], y1[p], high[p], low[p], margin)
+            u, v = x2[p], y2[p]
+            end, speed = second_stage(f, u, y, v, z[p], area[p])
+            high, low = (high2[p], low2[p]) if toleranced else (c.wall2, c.wall2)
+            meets |= near_wall(third, u, v, end, speed, high, low, f.margin2)
+            x2_before[p], y2_before[p], x2[p], y2[p] = u, v, end, speed
+        near[p] = meets

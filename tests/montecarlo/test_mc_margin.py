@@ -1,0 +1,99 @@
+"""The margin of exact flights: a path that may meet a wall inside a trial is looked at, with the right probability."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mc_checks import limit
+
+from rattle.montecarlo.noise.philox import BRIDGE, key_of
+from rattle.montecarlo.schemes import crossing
+from rattle.montecarlo.schemes.exact_flight import PARTS, advance_exactly
+from rattle.montecarlo.schemes.short_flight import sine_cosine
+from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
+from rattle.scene import Scene
+from rattle.scene.compiled import jit
+
+H, WALL = 1e-3, 0.5
+TAU = -0.5 * math.pi - 0.5 * H  # the modulation is 1 to 1e-6 in this time
+SPREAD = H**1.5 / (8.0 * math.sqrt(3.0))  # sd of the displacement half way, given both ends and the area
+DISTANCES = (2.0, 2.5)  # of a path at rest beside the wall, in these sds: between the margins of 1.5 and 6 sds
+
+
+@jit
+def share_that_hits(c, key, first, paths, distance, room):
+    """Share of paths that meet the wall in a time whose increment and area are zero, at rest beside it at both ends."""
+    walls, hits = Walls(c.wall1, c.wall1, c.wall2, c.wall2), 0
+    s = (c.wall1 - distance, 0.0, 0.0, 0.0)
+    for p in range(paths):
+        at = Progress(0, TAU, H, Noise(0.0, 0.0), s[0], s[1], s[2], s[3])
+        after, _ = advance_exactly(
+            c, key, np.uint64(first + p), np.uint64(0), np.uint64(BRIDGE), at, sine_cosine(TAU), s, True, walls, room
+        )  # fmt: skip
+        hits += after.code != 0
+    return hits / paths
+
+
+def found(distance, paths):
+    """By the refinement of exact flights."""
+    c = Scene(alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, gap1=WALL, sigma=1.0, stages=1).constants
+    return share_that_hits(c, key_of(np.random.SeedSequence(1)), 0, paths, distance * SPREAD, np.empty((PARTS, 3)))
+
+
+def truth(paths, pieces=400):
+    """By brute force: a Brownian path in many pieces, its increment and area projected out."""
+    rng, most = np.random.default_rng(2), []
+    level = np.ones(pieces) / math.sqrt(pieces)
+    slope = np.arange(pieces) - 0.5 * (pieces - 1)
+    slope /= np.linalg.norm(slope)
+    for _ in range(paths // 1000):
+        db = rng.standard_normal((1000, pieces))
+        db -= np.outer(db @ level, level) + np.outer(db @ slope, slope)
+        b = np.cumsum(db, axis=1)
+        most.append((np.cumsum(b, axis=1) - 0.5 * b).max(axis=1) / pieces**1.5)
+    return np.concatenate(most) * 8.0 * math.sqrt(3.0)  # the farthest a path comes, in sds half way
+
+
+def agree(shares, paths, farthest):
+    """Whether hits are as frequent as excursions; 1 % of the distance is left to the finite pieces."""
+    scores = []
+    for distance, share in zip(DISTANCES, shares, strict=True):
+        low, high = ((farthest > factor * distance).mean() for factor in (1.01, 0.99))
+        se = math.sqrt(high * (1.0 - high) * (1.0 / paths + 1.0 / farthest.size))
+        scores.append(max(low - share, share - high) / se)
+    return max(scores) < limit(len(scores))
+
+
+@pytest.fixture(scope="module")
+def farthest():
+    return truth(40_000)
+
+
+def test_impacts_inside_a_trial_are_as_frequent_as_a_brownian_path_has_them(farthest):
+    assert agree([found(distance, 40_000) for distance in DISTANCES], 40_000, farthest)
+
+
+def interpreted(margin, paths):
+    """The same without the compiler, with another margin."""
+    run = subprocess.run(
+        [sys.executable, __file__, str(margin), str(paths)],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, cwd=Path(__file__).parent, capture_output=True, text=True,
+        check=True,
+    )  # fmt: skip
+    return json.loads(run.stdout)
+
+
+@pytest.mark.parametrize("margin", [6.0, 1.5])
+def test_a_margin_of_one_and_a_half_sds_is_seen(farthest, margin):
+    """The second is the negative control: a step of which every forty-fifth path has an impact is not looked at."""
+    assert agree(interpreted(margin, 2000), 2000, farthest) == (margin == 6.0)
+
+
+if __name__ == "__main__":
+    crossing.MARGIN_SDS = float(sys.argv[1])
+    print(json.dumps([found(distance, int(sys.argv[2])) for distance in DISTANCES]))
