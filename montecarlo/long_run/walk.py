@@ -127,12 +127,15 @@ class Walk:
         """
         part = self._part  # steps of a stretch, fixed before it begins: what happens in it must not choose it
         for begin in range(0, self.steps, part):
-            counts = self._stretch(begin, part, sums, detail, seen)
-            if counts > ROOM // 2 and self._part > self.steps // SAMPLES:
-                self._part //= 2
+            self._shorten(self._stretch(begin, part, sums, detail, seen))
         self._every.last[0] -= PERIOD
         self._struck -= PERIOD
         self.periods += 1
+
+    def _shorten(self, most: int) -> None:
+        """Take shorter stretches from the next period on where there were many impacts in this one."""
+        if most > ROOM // 2 and self._part > self.steps // SAMPLES:
+            self._part //= 2
 
     def _stretch(self, begin: int, steps: int, sums: Sums, detail: bool, seen: list[Floats] | None) -> int:
         """One stretch; returns the most impacts of a path in it."""
