@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -33,7 +34,7 @@ def test_every_quantity_is_there_and_consistent(run):
     assert e["power"].value == pytest.approx(e["power_mesh1"].value + e["power_mesh2"].value)
     for suffix in ("", "_mesh1", "_mesh2"):
         quantiles = [e[f"q{q:02d}_speed{suffix}"] for q in (1, 5, 50, 95, 99)]
-        assert all(a.value < b.value for a, b in zip(quantiles, quantiles[1:], strict=False))
+        assert all(a.value < b.value for a, b in pairwise(quantiles))
         assert all(q.low < q.value < q.high for q in quantiles)
 
 
@@ -143,12 +144,8 @@ def test_several_attractors_with_little_noise_are_refused(monkeypatch):
     """DAT21's single stage at a small excitation: without noise to connect them, paths keep to their own orbit."""
     monkeypatch.setattr("rattle.montecarlo.long_run.run.MOST", 64)
     walled = replace(SCENE.with_sigma(1e-6), alpha=0.5)
-    try:
-        found = long_run(walled, periods=64, paths=64)
-    except BurnInError as error:
-        assert "attractors" in str(error) or "changes" in str(error) or "impacts" in str(error)
-    else:
-        assert found.burn_in.apart.ratio <= 4.0
+    with pytest.raises(BurnInError, match="attractors"):
+        long_run(walled, periods=64, paths=64)
 
 
 @pytest.mark.parametrize("draw", ["path", "contact"])
