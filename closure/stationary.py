@@ -20,14 +20,14 @@ from rattle.closure.attractor import PERIODIC, Attractor
 from rattle.closure.mean_map import CLOSURES, mean_map
 from rattle.closure.orbit import Floats, Ints
 from rattle.closure.saltation import SLOWEST, propagate
-from rattle.closure.section_map import derivatives
-from rattle.closure.small_matrices import block, congruence, hit_matrix, put
+from rattle.closure.section_map import derivatives, hit_matrix
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.errors import InputError
 from rattle.scene.flight import noise_covariance
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
+from rattle.scene.small_matrices import block, congruence, put
 
 __all__ = ["MAPPED", "Law", "NotPredicted", "branching_law", "linear_law", "multipliers", "orbit_average"]
 

@@ -1,6 +1,6 @@
 """Measure how often stated 95 % intervals of the long run hold the truth; writes docs/results/coverage.csv.
 
-Run by hand: ``python tests/stationary/measure_coverage.py``.  Every seed is a run of its own, with its own burn-in; the
+Run by hand: ``python tests/compare/stationary/measure_coverage.py``.  Every seed is a run of its own, with its own burn-in; the
 truth is the mean of all.  The naive interval treats impacts as independent.
 """
 
@@ -47,6 +47,6 @@ def coverage(seeds: int = SEEDS) -> pd.DataFrame:
 
 if __name__ == "__main__":
     table = coverage(int(sys.argv[1]) if len(sys.argv) > 1 else SEEDS)
-    place = Path(__file__).resolve().parents[2] / "docs" / "results" / "coverage.csv"
+    place = Path(__file__).resolve().parents[3] / "docs" / "results" / "coverage.csv"
     table.to_csv(place, index=False, float_format="%.6g")
     print(table.to_string(index=False))
