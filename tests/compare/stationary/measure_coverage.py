@@ -1,7 +1,7 @@
 """Measure how often stated 95 % intervals of the long run hold the truth; writes docs/results/coverage.csv.
 
-Run by hand: ``python tests/compare/stationary/measure_coverage.py``.  Every seed is a run of its own, with its own burn-in; the
-truth is the mean of all.  The naive interval treats impacts as independent.
+Run by hand: ``python tests/compare/stationary/measure_coverage.py``.  Every seed is a run of its own, with its own
+burn-in; the truth is the mean of all.  The naive interval treats impacts as independent.
 """
 
 import math
