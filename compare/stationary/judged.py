@@ -12,7 +12,7 @@ from rattle.compare.validation.verdict import judge, widest
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.scene.scene import Scene
 
-__all__ = ["CLOSURES_JUDGED", "TOLERANCES", "judged", "laws", "predictions", "tolerance_of"]
+__all__ = ["CLOSURES_JUDGED", "TOLERANCES", "judged", "judged_rows", "laws", "predictions", "tolerance_of"]
 
 CLOSURES_JUDGED = {
     "saltation": "linear at a periodic orbit", "published": "orbit average", "corrected": "orbit average",
@@ -135,15 +135,36 @@ def judged(table: pd.DataFrame, periods: int, predicted: pd.DataFrame) -> pd.Dat
     """
     simulated = {str(name): float(value) for name, value in table["value"].items()}
     rows = predicted[predicted["quantity"].isin(simulated)].reset_index(drop=True)
-    z = widest(int(rows["predicted"].notna().sum()))
-    rows["simulated"] = rows["quantity"].map(simulated).astype(float)
-    rows["se"] = rows["quantity"].map(table["se"].to_dict()).astype(float)
     rows["tolerance"] = [tolerance_of(str(name), simulated) for name in rows["quantity"]]
-    rows["error"] = rows["predicted"].astype(float) - rows["simulated"]
-    rows["noise"] = z * np.hypot(rows["se"], rows["se_predicted"].astype(float))
-    rows["low"], rows["high"] = rows["error"] - rows["noise"], rows["error"] + rows["noise"]
-    rows = judge(rows.assign(paths=float(periods))).rename(columns={"paths_needed": "periods_needed"})
-    return rows[[
+    return judged_rows(rows, table, widest(int(rows["predicted"].notna().sum())), periods)[[
         "closure", "kind", "quantity", "predicted", "simulated", "se", "error", "low", "high", "tolerance", "verdict",
         "periods_needed", "reason",
     ]]  # fmt: skip
+
+
+def judged_rows(predicted: pd.DataFrame, table: pd.DataFrame, z: float, periods: int) -> pd.DataFrame:
+    """Intervals of the errors of predictions, and verdicts.
+
+    Parameters
+    ----------
+    predicted : DataFrame
+        Columns ``quantity, predicted, se_predicted, tolerance``.
+    table : DataFrame
+        Index ``quantity``; columns ``value, se`` of the simulation.
+    z : float
+        Half width of the intervals in standard errors.
+    periods : int
+        Length of the simulation.
+
+    Returns
+    -------
+    DataFrame
+        With ``simulated, se, error, low, high, verdict, periods_needed``.
+    """
+    rows = predicted.copy()
+    rows["simulated"] = rows["quantity"].map(table["value"].to_dict()).astype(float)
+    rows["se"] = rows["quantity"].map(table["se"].to_dict()).astype(float)
+    rows["error"] = rows["predicted"].astype(float) - rows["simulated"]
+    rows["noise"] = z * np.hypot(rows["se"], rows["se_predicted"].astype(float))
+    rows["low"], rows["high"] = rows["error"] - rows["noise"], rows["error"] + rows["noise"]
+    return judge(rows.assign(paths=float(periods))).rename(columns={"paths_needed": "periods_needed"})
