@@ -161,7 +161,7 @@ class LongResults:
         """
         stored = [store.read(p.sample.key) if p.sample else None for p in study.points]
         found = [p.sample.opened(s) if p.sample and s else None for p, s in zip(study.points, stored, strict=True)]
-        return cls(study, found)  # type: ignore[arg-type]  # the cells of such a study are of one kind
+        return cls(study, found)
 
     @property
     def along(self) -> str:

@@ -10,7 +10,6 @@ from rattle.closure.stationary import Law
 from rattle.compare.stationary.cell import LongCell, LongResult
 from rattle.compare.stationary.judged import CLOSURES_JUDGED, judged_rows, laws, tolerance_of
 from rattle.compare.stationary.laws import values_of
-from rattle.compare.study.cells import Cell
 from rattle.compare.study.obtain import obtain
 from rattle.compare.study.store import Store
 from rattle.compare.thresholds.judging import OUTCOMES
@@ -122,9 +121,8 @@ def decide_long(
     z = widest(len(names) * len(LOOKS), false_alarm)
     table = pd.DataFrame()
     for periods in LOOKS:
-        cell: Cell = LongCell(scene, seed, (), periods=periods)
+        cell = LongCell(scene, seed, (), periods=periods)
         result = cell.opened(obtain(store, cell))
-        assert isinstance(result, LongResult)
         simulated = {str(name): float(value) for name, value in result.table["value"].items()}
         rows = pd.DataFrame({"quantity": names, "predicted": list(prediction.values.values()), "se_predicted": 0.0})
         rows["tolerance"] = [tolerance_of(name, simulated) for name in names]

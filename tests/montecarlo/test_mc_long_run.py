@@ -133,8 +133,9 @@ def test_paths_that_stay_apart_are_found():
 
 
 def test_burn_in_that_is_too_short_is_refused_with_a_longer_one():
-    """Nearly elastic walls: the noise takes a hundred periods to heat the motion up."""
-    slow = Scene(alpha=0.0, epsilon=0.9995, beta1=0.0, gamma1=0.0, sigma=1.0, stages=1)
+    """Elastic walls: a fast start is forgotten by weak damping alone, over 32 periods."""
+    start = Start(0.0, 0.5, 20.0, mesh=1)
+    slow = Scene(alpha=0.0, epsilon=1.0, beta1=0.005, gamma1=0.0, sigma=0.5, start=start, stages=1)
     with pytest.raises(BurnInError, match="give at least") as caught:
         long_run(slow, periods=64, burn_in=4, paths=64)
     assert caught.value.field == "burn_in"
@@ -144,7 +145,7 @@ def test_paths_that_little_noise_does_not_mix_are_refused(monkeypatch):
     """DAT21 at a small excitation: the approach to its orbits is seen over 64 periods."""
     monkeypatch.setattr("rattle.montecarlo.long_run.run.MOST", 64)
     walled = replace(SCENE.with_sigma(1e-6), alpha=0.5)
-    with pytest.raises(BurnInError, match="burn_in = 64: .* give at least"):
+    with pytest.raises(BurnInError, match=r"burn_in = 64: .* give at least"):
         long_run(walled, periods=64, paths=64)
 
 

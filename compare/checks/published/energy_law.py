@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 from rattle.compare.checks.published.result import Check, Measured, NegativeControl
 from rattle.montecarlo.long_run import LongRun, long_run
@@ -10,7 +11,7 @@ from rattle.scene import DAT21, Scene
 
 __all__ = ["energy_law"]
 
-NOISE: dict[str, float] = {"alpha": 0.0, "beta1": 0.0, "gamma1": 0.0, "sigma": 1.0}
+NOISE: dict[str, Any] = {"alpha": 0.0, "beta1": 0.0, "gamma1": 0.0, "sigma": 1.0}
 
 SCENES = {
     "one stage, eps 0.3": (Scene(epsilon=0.3, gap1=1.0, stages=1, **NOISE), 512),
