@@ -84,7 +84,7 @@ class Attractor:
             return False
         if self.impacts == 0:
             return bool(np.allclose(self.contact, other.contact))
-        own, others = (np.sort(a.before[1:, 1::2], axis=0) for a in (self, other))
+        own, others = (np.sort(np.where(a.mesh == 1, a.before[:, 1], a.before[:, 3])[1:]) for a in (self, other))
         return bool(np.allclose(own, others, rtol=1e-5, atol=1e-5 * float(np.abs(own).max())))
 
 

@@ -85,6 +85,21 @@ def validity(reports: Path) -> Table:
 
 
 @table
+def coverage(reports: Path) -> Table:
+    """How often the intervals of the long run hold the truth, and how often naive ones would."""
+    found = pd.read_csv(Path(__file__).parent / "results" / "coverage.csv")
+    rows = [
+        [
+            r["quantity"], short(r["value"], 4), f"{r['coverage']:.1%}", f"{r['naive_coverage']:.1%}",
+            short(r["autocorrelation"]), short(r["stated_se"] / r["sd_of_estimates"]),
+        ]
+        for r in found.to_dict("records")
+    ]  # fmt: skip
+    head = ["quantity", "mean of all runs", "intervals that hold it", "naive ones", "autocorrelation (impacts)"]
+    return [*head, "stated error / spread of the runs"], rows
+
+
+@table
 def speed(reports: Path) -> Table:
     """What a closure saves where it holds."""
     found = pd.read_csv(reports / "dat21" / "speed.csv")

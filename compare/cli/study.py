@@ -112,8 +112,7 @@ def _computed(
     from rattle.compare.report.manifest import command_line
     from rattle.compare.study.engine import missing, run
     from rattle.compare.study.executors import Here, Place
-    from rattle.compare.study.page import answer, write_page
-    from rattle.compare.study.results import Results
+    from rattle.compare.study.page import write_page
     from rattle.compare.study.store import Store
     from rattle.compare.study.tables import FILE
 
@@ -124,7 +123,8 @@ def _computed(
         if missing(wanted, seen):
             raise
         say(f"rattle: {error}; all cells are there, their page is not written", err=True)
-        return {"answer": answer(Results.of(wanted, seen))}
+        results, answer, _ = _kind(wanted, seen)
+        return {"answer": answer(results)}
 
     def unchanged() -> bool:
         try:
@@ -145,15 +145,28 @@ def _computed(
         "command": command_line(sys.argv[1:]), "computed": outcome.computed, "failed": outcome.failed,
         "wall_seconds": round(outcome.wall_seconds, 2), "cell_seconds": round(outcome.cell_seconds, 2),
     }  # fmt: skip
-    results = Results.of(wanted, store)
-    if outcome.failed and results.errors.empty:
+    results, _, written = _kind(wanted, store)
+    if outcome.failed and results.empty:
         why = next(iter(outcome.failed.values()))
         lost = f"{len(outcome.failed)} of {len(wanted.cells)} cells could not be computed"
         raise RattleError(f"study = {wanted.title!r}: nothing can be compared yet, {lost} ({why})")
-    record = write_page(folder, results, facts)
+    record = write_page(folder, results, facts, written)
     took = time.perf_counter() - started
     say(f"{outcome.computed} cells computed, {len(wanted.cells)} there, {took:.1f} s.", err=True)
     return record
+
+
+def _kind(wanted: "Study", store: "Store") -> tuple[Any, Any, Any]:
+    """Results of a study of its kind, what summarises them, and what writes their files (None for the usual)."""
+    if wanted.kind == "stationary":
+        from rattle.compare.stationary import study_page
+        from rattle.compare.stationary.study import LongResults
+
+        return LongResults.of(wanted, store), study_page.answer, study_page.written
+    from rattle.compare.study.page import answer
+    from rattle.compare.study.results import Results
+
+    return Results.of(wanted, store), answer, None
 
 
 def _finished(wanted: "Study", seen: "Store", folder: Path) -> dict[str, Any] | None:

@@ -39,7 +39,7 @@ def _shown(table: pd.DataFrame, name: str) -> str:
     row = table.loc[name]
     half = 0.5 * (row["high"] - row["low"])
     exact = f"{row['value']:.5g}" if half == 0.0 else f"{row['value']:.4g} ± {float(f'{half:.1g}'):g}"
-    return f"{exact} {table['unit'].astype(str)[name]}".rstrip()
+    return f"{exact} {row['unit']!s}".rstrip()
 
 
 def _first(table: pd.DataFrame, units: str) -> str:

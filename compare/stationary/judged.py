@@ -9,10 +9,10 @@ from rattle.closure.attractor import Attractor, attractor
 from rattle.closure.stationary import Law, NotPredicted, branching_law, linear_law, orbit_average
 from rattle.compare.stationary.laws import values_of
 from rattle.compare.validation.verdict import judge, widest
-from rattle.montecarlo.long_run.run import LongRun
+from rattle.montecarlo.long_run.estimates import all_names
 from rattle.scene.scene import Scene
 
-__all__ = ["CLOSURES_JUDGED", "TOLERANCES", "judged", "laws", "tolerance_of"]
+__all__ = ["CLOSURES_JUDGED", "TOLERANCES", "judged", "judged_rows", "laws", "predictions", "tolerance_of"]
 
 CLOSURES_JUDGED = {
     "saltation": "linear at a periodic orbit", "published": "orbit average", "corrected": "orbit average",
@@ -84,43 +84,87 @@ def tolerance_of(name: str, values: dict[str, float]) -> float:
     return (0.05 if what == name else 0.10) * values.get("sd_" + what, float("nan"))
 
 
-def judged(run: LongRun, found: dict[str, Law | str]) -> pd.DataFrame:
-    """Compare the laws of closures with a simulation.
+def predictions(found: dict[str, Law | str], scene: Scene, slow: float) -> pd.DataFrame:
+    """What each closure says of every quantity.
 
     Parameters
     ----------
-    run : LongRun
-        The simulation.
     found : dict of str to Law or str
         From `laws`.
+    scene : Scene
+        What is modelled.
+    slow : float
+        Speed below which an impact is slow.
 
     Returns
     -------
     DataFrame
-        Columns ``closure, kind, quantity, predicted, simulated, se, error, low, high, tolerance, verdict, reason``; the
-        interval of the error holds the errors of both sides.
+        Columns ``closure, kind, quantity, predicted, se_predicted, reason``; NaN and a reason where it says nothing.
     """
-    simulated = {name: e.value for name, e in run.estimates.items()}
-    names = list(simulated)
-    z = widest(len(names) * max(sum(isinstance(law, Law) for law in found.values()), 1))
     parts = []
     for closure, law in found.items():
         has = isinstance(law, Law)
-        values = values_of(law, run.scene, run.slow) if isinstance(law, Law) else dict.fromkeys(names, np.nan)
-        table = pd.DataFrame({
-            "closure": closure, "kind": CLOSURES_JUDGED[closure], "quantity": names,
-            "predicted": [values[n] for n in names], "simulated": [simulated[n] for n in names],
-            "se": [run.estimates[n].se for n in names],
-            "tolerance": [tolerance_of(n, simulated) for n in names], "paths": float(run.periods),
-            "reason": "" if has else str(law),
-        })  # fmt: skip
+        values = values_of(law, scene, slow) if isinstance(law, Law) else dict.fromkeys(all_names(scene.stages), np.nan)
         own = law.se if isinstance(law, Law) else 0.0
-        table["error"] = table["predicted"] - table["simulated"]
-        table["noise"] = z * np.hypot(table["se"], own * table["predicted"].abs())
-        table["low"], table["high"] = table["error"] - table["noise"], table["error"] + table["noise"]
-        parts.append(judge(table).drop(columns=["noise", "paths"]).rename(columns={"paths_needed": "periods_needed"}))
-    order = [
+        parts.append(pd.DataFrame({
+            "closure": closure, "kind": CLOSURES_JUDGED[closure], "quantity": list(values),
+            "predicted": list(values.values()), "se_predicted": [own * abs(v) for v in values.values()],
+            "reason": "" if has else str(law),
+        }))  # fmt: skip
+    columns = ["closure", "kind", "quantity", "predicted", "se_predicted", "reason"]
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=columns)
+
+
+def judged(table: pd.DataFrame, periods: int, predicted: pd.DataFrame) -> pd.DataFrame:
+    """Compare the predictions of closures with a simulation.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Index ``quantity``; columns ``value, se`` of the simulation.
+    periods : int
+        Its length.
+    predicted : DataFrame
+        From `predictions`.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``closure, kind, quantity, predicted, simulated, se, error, low, high, tolerance, verdict,
+        periods_needed, reason``; the interval of the error holds the errors of both sides.
+    """
+    simulated = {str(name): float(value) for name, value in table["value"].items()}
+    rows = predicted[predicted["quantity"].isin(simulated)].reset_index(drop=True)
+    rows["tolerance"] = [tolerance_of(str(name), simulated) for name in rows["quantity"]]
+    return judged_rows(rows, table, widest(int(rows["predicted"].notna().sum())), periods)[[
         "closure", "kind", "quantity", "predicted", "simulated", "se", "error", "low", "high", "tolerance", "verdict",
         "periods_needed", "reason",
-    ]  # fmt: skip
-    return pd.concat(parts, ignore_index=True)[order] if parts else pd.DataFrame(columns=order)
+    ]]  # fmt: skip
+
+
+def judged_rows(predicted: pd.DataFrame, table: pd.DataFrame, z: float, periods: int) -> pd.DataFrame:
+    """Intervals of the errors of predictions, and verdicts.
+
+    Parameters
+    ----------
+    predicted : DataFrame
+        Columns ``quantity, predicted, se_predicted, tolerance``.
+    table : DataFrame
+        Index ``quantity``; columns ``value, se`` of the simulation.
+    z : float
+        Half width of the intervals in standard errors.
+    periods : int
+        Length of the simulation.
+
+    Returns
+    -------
+    DataFrame
+        With ``simulated, se, error, low, high, verdict, periods_needed``.
+    """
+    rows = predicted.copy()
+    rows["simulated"] = rows["quantity"].map(table["value"].to_dict()).astype(float)
+    rows["se"] = rows["quantity"].map(table["se"].to_dict()).astype(float)
+    rows["error"] = rows["predicted"].astype(float) - rows["simulated"]
+    rows["noise"] = z * np.hypot(rows["se"], rows["se_predicted"].astype(float))
+    rows["low"], rows["high"] = rows["error"] - rows["noise"], rows["error"] + rows["noise"]
+    return judge(rows.assign(paths=float(periods))).rename(columns={"paths_needed": "periods_needed"})

@@ -10,7 +10,7 @@ import pandas as pd
 
 from rattle.closure.attractor import IRREGULAR, PERIODIC, Attractor, attractor
 from rattle.closure.stationary import Law
-from rattle.compare.stationary.judged import CLOSURES_JUDGED, judged, laws
+from rattle.compare.stationary.judged import CLOSURES_JUDGED, judged, laws, predictions
 from rattle.compare.stationary.laws import law_of, values_of
 from rattle.compare.stationary.units import in_units
 from rattle.montecarlo.long_run import AtRest, BurnInError, LongRun, SectionDensity, long_run
@@ -86,7 +86,9 @@ class Stationary:
     @cached_property
     def verdicts(self) -> pd.DataFrame:
         """The closures against the simulation, see `rattle.compare.stationary.judged.judged`."""
-        return pd.DataFrame() if self.run is None else judged(self.run, self.laws)
+        if self.run is None:
+            return pd.DataFrame()
+        return judged(self.table, self.run.periods, predictions(self.laws, self.scene, self.slow))
 
     def table_in(self, units: str) -> pd.DataFrame:
         """`table` in physical units, for a scene that was made from gears.

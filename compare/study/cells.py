@@ -24,7 +24,7 @@ from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 
-__all__ = ["Cell", "Predicted", "Prediction", "Sample", "Sampled"]
+__all__ = ["Cell", "Predicted", "Prediction", "Sample", "Sampled", "cell_key"]
 
 Floats = NDArray[np.float64]
 
@@ -79,10 +79,27 @@ class Cell(Protocol):
         ...
 
 
-def _key(kind: str, package: str, scene: Scene, settings: Mapping[str, Any]) -> str:
-    """Digest of a scene's dimensionless numbers, the settings, and the version of the code that makes the result."""
+def cell_key(kind: str, packages: tuple[str, ...], scene: Scene, settings: Mapping[str, Any]) -> str:
+    """Digest of a scene's dimensionless numbers, the settings, and the version of the code that makes the result.
+
+    Parameters
+    ----------
+    kind : str
+        Of the cell.
+    packages : tuple of str
+        Whose code makes the result, besides that of `rattle.scene`.
+    scene : Scene
+        What is modelled.
+    settings : mapping
+        Everything else that determines the result.
+
+    Returns
+    -------
+    str
+        32 hexadecimal digits.
+    """
     numbers = replace(scene).to_dict()  # without the gears that it came from
-    content = {"kind": kind, "scene": numbers, "settings": settings, "version": numerical_version("scene", package)}
+    content = {"kind": kind, "scene": numbers, "settings": settings, "version": numerical_version("scene", *packages)}
     return json_digest(content)[:32]
 
 
@@ -176,7 +193,7 @@ class Sample:
     @cached_property
     def key(self) -> str:
         """Digest of everything that determines the result."""
-        return _key("ensemble", "montecarlo", self.scene, self.settings)
+        return cell_key("ensemble", ("montecarlo",), self.scene, self.settings)
 
     @property
     def label(self) -> str:
@@ -325,7 +342,7 @@ class Prediction:
     def key(self) -> str:
         """Digest of everything that determines the result."""
         settings = {"impacts": self.impacts, "closure": self.closure, "order": self.order}
-        return _key("prediction", "closure", self.scene, settings)
+        return cell_key("prediction", ("closure",), self.scene, settings)
 
     @property
     def label(self) -> str:

@@ -10,10 +10,25 @@ from rattle.compare.report.manifest import is_whole
 from rattle.compare.study.design import Study
 from rattle.compare.study.tables import MANIFEST, TABLES, damaged
 
-__all__ = ["FILES", "cells_digest", "is_current"]
+__all__ = ["FILES", "cells_digest", "files_of", "is_current"]
 
 FILES = (*(f"{name}.parquet" for name in TABLES), *pages("study"))
-"""Files whose digests the manifest of a finished study holds."""
+"""Files whose digests the manifest of a finished study of impacts holds."""
+
+
+def files_of(study: Study) -> tuple[str, ...]:
+    """Files whose digests the manifest of a finished study holds.
+
+    Parameters
+    ----------
+    study : Study
+        Of any kind.
+
+    Returns
+    -------
+    tuple of str
+    """
+    return (*(f"{name}.parquet" for name in study.tables), *pages("study"))
 
 
 def is_current(study: Study, folder: Path) -> dict[str, Any] | None:
@@ -40,7 +55,7 @@ def is_current(study: Study, folder: Path) -> dict[str, Any] | None:
     if record.get("cells_sha256") != cells_digest(study) or not record.get("complete"):
         return None
     try:
-        return record if not damaged(folder, record, FILES) else None
+        return record if not damaged(folder, record, files_of(study)) else None
     except OSError:  # a file that cannot be read is written again, from the cells
         return None
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from rattle.closure import CLOSURES
 from rattle.closure.mean_map import ORDERS
@@ -22,11 +22,16 @@ from rattle.scene.plausible import check_plausible
 from rattle.scene.scene import Scene
 from rattle.scene.validate import choice, count, known_keys, positive
 
-__all__ = ["Point", "Study"]
+__all__ = ["TABLES", "Point", "Study", "placed"]
 
 KEYS = (
-    "title", "impacts", "closures", "order", "scheme", "paths", "accuracy", "dt", "seed", "common_noise", "within",
+    "kind", "title", "impacts", "closures", "order", "scheme", "paths", "accuracy", "dt", "seed", "common_noise",
+    "within",
 )  # fmt: skip
+
+
+TABLES = ("errors", "sections", "correlation", "validity", "paired", "cost", "reasons")
+"""Tables of a study of impacts, each a Parquet file."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +42,8 @@ class Point:
     ----------
     coordinates : dict
         Value of each field that varies.
-    sample : Sample or None
-        The ensemble; None if the scene or the settings cannot be simulated.
+    sample : Cell or None
+        The simulation: a `Sample`, or the long run of a scene; None if the scene or the settings cannot be simulated.
     predictions : tuple of Prediction
         One for each closure that covers the scene.
     reasons : dict of str to str
@@ -46,7 +51,7 @@ class Point:
     """
 
     coordinates: dict[str, Any]
-    sample: Sample | None
+    sample: Any
     predictions: tuple[Prediction, ...]
     reasons: dict[str, str]
 
@@ -101,6 +106,9 @@ class Study:
     >>> [p.coordinates["sigma"] for p in study.points]
     [0.01, 0.0316228, 0.1]
     """
+
+    kind: ClassVar[str] = "impacts"
+    tables: ClassVar[tuple[str, ...]] = TABLES
 
     base: dict[str, Any]
     axes: tuple[Axis, ...]
@@ -164,6 +172,11 @@ class Study:
         wanted = data.get("study", {})
         if not isinstance(wanted, Mapping):
             raise InputError("study", wanted, "write it as a table: [study]")
+        if wanted.get("kind", cls.kind) != cls.kind:
+            from rattle.compare.stationary.study import KIND, LongStudy  # which builds upon this module
+
+            choice("study.kind", wanted["kind"], (cls.kind, KIND))
+            return LongStudy.of(data, text)
         known_keys("study", wanted, KEYS)
         given: dict[str, Any] = {name: data[name] for name in ("gears", "scene") if name in data}
         scene = Scene.from_dict(given)
@@ -237,7 +250,7 @@ class Study:
 
     def _point(self, coordinates: dict[str, Any]) -> Point:
         try:
-            scene = Scene.from_dict({"scene": _placed(self.base, coordinates)})
+            scene = Scene.from_dict({"scene": placed(self.base, coordinates)})
         except InputError as error:
             return Point(coordinates, None, (), {"scene": str(error)})
         settings = {**self.settings, **{k: v for k, v in coordinates.items() if k in SETTINGS}}
@@ -260,8 +273,20 @@ class Study:
         return Point(coordinates, sample, tuple(predictions), reasons)
 
 
-def _placed(base: dict[str, Any], coordinates: Mapping[str, Any]) -> dict[str, Any]:
-    """The scene's table with values replaced; a dotted name is a field of a nested table."""
+def placed(base: dict[str, Any], coordinates: Mapping[str, Any]) -> dict[str, Any]:
+    """The scene's table with values replaced; a dotted name is a field of a nested table.
+
+    Parameters
+    ----------
+    base : dict
+        The scene, as of `Study.base`.
+    coordinates : mapping
+        Value of each field that varies; settings of a simulation are left out.
+
+    Returns
+    -------
+    dict
+    """
     out = {name: dict(value) if isinstance(value, dict) else value for name, value in base.items()}
     for name, value in coordinates.items():
         part, _, field = name.partition(".")

@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -110,7 +111,10 @@ def _range_in_words(r: Results, rows: pd.DataFrame) -> str:
     return f"from {least} (at {low[0]}) to {most} (at {high[-1]})"
 
 
-def write_page(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
+def write_page(
+    folder: Path, r: Any, facts: dict[str, Any],
+    written: Callable[[Path, Any, dict[str, Any]], dict[str, Any]] | None = None,
+) -> dict[str, Any]:  # fmt: skip
     """Write tables, figures, the page and the manifest; each file is replaced atomically.
 
     Parameters
@@ -118,9 +122,11 @@ def write_page(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any
     folder : Path
         The study's folder.
     r : Results
-        Results of the study.
+        Results of the study, or of the kind that `written` takes.
     facts : dict
         Further entries of the manifest: command, times, failed cells.
+    written : callable, optional
+        Writes the files of another kind of study into a scratch folder, from the same arguments.
 
     Returns
     -------
@@ -134,7 +140,7 @@ def write_page(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any
     """
     try:
         with scratch_folder(folder, PAGE) as scratch:
-            record = _written(scratch, r, facts)
+            record = (written or _written)(scratch, r, facts)
             files = [path.relative_to(scratch) for path in scratch.rglob("*") if path.is_file()]
             within(folder, *{str(file.parent) for file in files})
             (folder / MANIFEST).unlink(missing_ok=True)  # holds the digests of the others: removed first, written last

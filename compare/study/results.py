@@ -79,6 +79,11 @@ class Results:
         """The first field of each other axis."""
         return [axis.names[0] for axis in self.study.axes if self.along not in axis.names]
 
+    @property
+    def empty(self) -> bool:
+        """Whether there is nothing to compare."""
+        return bool(self.errors.empty)
+
     @cached_property
     def z(self) -> float:
         """Half width of the intervals in standard errors: 95 % simultaneous coverage over the study (Bonferroni)."""

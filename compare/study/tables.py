@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from rattle.compare.report.manifest import is_whole, not_newer
-from rattle.compare.study.design import Study
+from rattle.compare.study.design import TABLES, Study
 from rattle.compare.validation.verdict import Tolerances, judge
 from rattle.scene.errors import FileError
 from rattle.scene.moments import SECTION
@@ -19,16 +19,13 @@ from rattle.scene.moments import SECTION
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["CELLS", "FILE", "MANIFEST", "PAGE", "TABLES", "Tables", "damaged", "file_digest", "load"]
+__all__ = ["CELLS", "FILE", "MANIFEST", "PAGE", "TABLES", "Tables", "damaged", "file_digest", "load", "read_tables"]
 
 CELLS, FILE, MANIFEST = "cells", "study.toml", "manifest.json"
 """Names in a study's folder: the folder of results, the study file, and the manifest with the provenance."""
 
 PAGE = "page"
 """Part of the name of scratch folders, in which the output is written before it is moved to its place."""
-
-TABLES = ("errors", "sections", "correlation", "validity", "paired", "cost", "reasons")
-"""Tables of a study, each a Parquet file."""
 
 
 @dataclass(frozen=True)
@@ -113,6 +110,33 @@ def load(folder: str | Path) -> Tables:
     """
     if not isinstance(folder, str | Path):
         raise FileError("study folder", folder, "is no path; give that of what rattle study has written")
+    study, record, tables = read_tables(folder)
+    if set(tables) != set(TABLES):
+        why = "holds a study of the long run; rattle.compare.stationary.study.load loads it"
+        raise FileError("study folder", str(folder), why)
+    return Tables(study, record, **tables)
+
+
+def read_tables(folder: str | Path) -> tuple[Study, dict[str, Any], dict[str, pd.DataFrame]]:
+    """Read study, manifest and tables of any kind of study from its folder.
+
+    Parameters
+    ----------
+    folder : str or Path
+        The folder.
+
+    Returns
+    -------
+    study : Study
+    record : dict
+        The manifest.
+    tables : dict of str to DataFrame
+
+    Raises
+    ------
+    FileError
+        As `load`.
+    """
     place = Path(folder)
     try:
         record = json.loads((place / MANIFEST).read_text(encoding="utf-8"))
@@ -129,7 +153,8 @@ def load(folder: str | Path) -> Tables:
     broken = "is damaged; run rattle study again: it rewrites the tables from the stored cells"
     if not is_whole(record):
         raise FileError("study folder", str(folder), f"{MANIFEST} {broken}")
-    files = [f"{name}.parquet" for name in TABLES]
+    names = record.get("tables", TABLES)
+    files = [f"{name}.parquet" for name in names]
     try:
         lost = damaged(place, record, files) if "files" in record else []  # manifests of early versions have no digests
     except OSError as error:
@@ -137,7 +162,7 @@ def load(folder: str | Path) -> Tables:
     if lost:
         raise FileError("study folder", str(folder), f"{lost[0]} {broken}")
     tables = {}
-    for name, file in zip(TABLES, files, strict=True):
+    for name, file in zip(names, files, strict=True):
         try:
             tables[name] = pd.read_parquet(place / file)
         except (MemoryError, ImportError):
@@ -147,7 +172,7 @@ def load(folder: str | Path) -> Tables:
     study = Study.load(place / FILE)
     if record.get("study_sha256") not in (None, study.digest):
         raise FileError("study file", str(place / FILE), "is not the one of these tables; give it to rattle again")
-    return Tables(study, record, **tables)
+    return study, record, tables
 
 
 def damaged(folder: Path, record: dict[str, Any], files: Iterable[str]) -> list[str]:

@@ -1,9 +1,9 @@
 """The fixture: compares a model with the simulation, or with its recorded baseline."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar, cast
 
 import pandas as pd
 import pytest
@@ -16,6 +16,9 @@ from rattle.compare.thresholds.prediction import Model, Prediction, predict
 from rattle.compare.thresholds.sessions import Thresholds
 from rattle.scene.errors import RattleError
 from rattle.scene.text import harmless
+
+if TYPE_CHECKING:
+    from rattle.compare.thresholds.long_run import LongModel
 
 __all__ = ["Rattle"]
 
@@ -35,7 +38,7 @@ class Rattle:
         self.claim, self._item, self._thresholds = claim, item, thresholds
         self._asked: set[str] = set()
 
-    def check(self, model: Model) -> pd.DataFrame:
+    def check(self, model: "Model | LongModel", *, quantities: Sequence[str] | None = None) -> pd.DataFrame:
         """Compare a model's section moments with the simulation of the marker's scene.
 
         The test fails if the whole interval of an error lies outside the admissible range, and passes if all intervals
@@ -48,6 +51,10 @@ class Rattle:
         model : str or callable
             A closure, or a function ``(scene, impacts) -> DataFrame``; see
             `rattle.compare.thresholds.prediction.predict`.
+        quantities : sequence of str, optional
+            Quantities of the long run, such as ``["rate", "energy"]``, in place of the marker's section moments.  The
+            model is then a closure, or a function ``(scene, quantities) -> mapping``; what counts as accurate is said
+            in `rattle.compare.stationary.judged.TOLERANCES`.
 
         Returns
         -------
@@ -55,7 +62,9 @@ class Rattle:
             A row for each check; columns of `rattle.compare.validation.verdict.section_errors` and ``outcome``.
         """
         self._once("check")
-        prediction = self._guarded(lambda: predict(model, self.claim))
+        if quantities is not None:
+            return self._check_long(model, quantities)
+        prediction = self._guarded(lambda: predict(cast(Model, model), self.claim))
         session = self._thresholds
         table, drawn = self._guarded(lambda: decide(prediction, self.claim, session))
         run = drawn[-1].run
@@ -75,6 +84,30 @@ class Rattle:
             if (self.claim.undecided or session.settings.undecided) == "skip":
                 pytest.skip(harmless(f"rattle: {text}"))
             self._fail(f"{text}\n{remedies(table, self.claim)}{self._figure(prediction, table)}")
+        return table
+
+    def _check_long(self, model: Any, quantities: Sequence[str]) -> pd.DataFrame:
+        """Compare a model with the long run; the test's share of the session's false alarms covers it."""
+        from rattle.compare.thresholds.long_run import decide_long, predict_long
+
+        session, scene = self._thresholds, self.claim.scene
+        prediction = self._guarded(lambda: predict_long(model, scene, quantities))
+        own = len(self.claim.rows) * len(session.settings.sizes(self.claim)) / session.looks
+        rate = session.settings.false_alarm
+        table, run = self._guarded(
+            lambda: decide_long(prediction, scene, session.store, session.settings.seed, own * rate)
+        )
+        counts = table["outcome"].value_counts()
+        failed, undecided = int(counts.get("fail", 0)), int(counts.get("undecided", 0))
+        shown = ["quantity", "predicted", "simulated", "se", "low", "high", "tolerance", "outcome"]
+        wrong = table[table["outcome"] != "pass"][shown].to_string(index=False, float_format="{:.5g}".format)
+        if failed:
+            self._fail(f"{prediction.name} is wrong in the long run ({run.facts['periods']} periods):\n{wrong}")
+        if undecided:
+            text = f"{prediction.name} is undecided in the long run ({run.facts['periods']} periods):\n{wrong}"
+            if (self.claim.undecided or session.settings.undecided) == "skip":
+                pytest.skip(harmless(f"rattle: {text}"))
+            self._fail(text)
         return table
 
     def baseline(self, model: Model, *, relative: float = 1e-9, absolute: float = 1e-12) -> None:

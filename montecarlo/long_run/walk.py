@@ -31,7 +31,8 @@ LANES = 128
 SAMPLES = 64
 """Instants of a period at which states are taken for averages over time."""
 APART = 2**32  # between the numbers of a path in two stretches
-ROOM = 64  # impacts of a path in a stretch for which there is space at first
+ROOM = 256  # impacts of a path in a stretch for which there is space at first
+SHORTEST = 8  # stretches of a period at the most
 
 
 def steps_per_period(scene: Scene) -> int:
@@ -127,12 +128,15 @@ class Walk:
         """
         part = self._part  # steps of a stretch, fixed before it begins: what happens in it must not choose it
         for begin in range(0, self.steps, part):
-            counts = self._stretch(begin, part, sums, detail, seen)
-            if counts > ROOM // 2 and self._part > self.steps // SAMPLES:
-                self._part //= 2
+            self._shorten(self._stretch(begin, part, sums, detail, seen))
         self._every.last[0] -= PERIOD
         self._struck -= PERIOD
         self.periods += 1
+
+    def _shorten(self, most: int) -> None:
+        """Take shorter stretches from the next period on if one of this period had more impacts than there is room."""
+        if most >= ROOM and self._part > self.steps // SHORTEST:
+            self._part //= 2
 
     def _stretch(self, begin: int, steps: int, sums: Sums, detail: bool, seen: list[Floats] | None) -> int:
         """One stretch; returns the most impacts of a path in it."""

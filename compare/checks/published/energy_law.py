@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 from rattle.compare.checks.published.result import Check, Measured, NegativeControl
 from rattle.montecarlo.long_run import LongRun, long_run
@@ -10,7 +11,7 @@ from rattle.scene import DAT21, Scene
 
 __all__ = ["energy_law"]
 
-NOISE: dict[str, float] = {"alpha": 0.0, "beta1": 0.0, "gamma1": 0.0, "sigma": 1.0}
+NOISE: dict[str, Any] = {"alpha": 0.0, "beta1": 0.0, "gamma1": 0.0, "sigma": 1.0}
 
 SCENES = {
     "one stage, eps 0.3": (Scene(epsilon=0.3, gap1=1.0, stages=1, **NOISE), 512),
@@ -18,11 +19,9 @@ SCENES = {
     "one stage, eps 0.9": (Scene(epsilon=0.9, stages=1, **NOISE), 1024),
     "two stages, eps 0.5": (Scene(epsilon=0.5, mu=0.6, **NOISE), 256),
     "two stages, eps 0.8": (Scene(epsilon=0.8, mu=0.3, gap2=0.8, **NOISE), 512),
-    "driven, damped, dragged": (
-        Scene(alpha=1.0, epsilon=0.7, beta1=0.3, gamma1=0.1, sigma=1.0, stages=1), 256
-    ),
+    "driven, damped, dragged": (Scene(alpha=1.0, epsilon=0.7, beta1=0.3, gamma1=0.1, sigma=1.0, stages=1), 768),
     "driven, weak noise": (Scene(alpha=1.5, epsilon=0.6, beta1=0.1, gamma1=0.05, sigma=0.3, stages=1), 128),
-    "DAT21": (Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha)), 128),
+    "DAT21 at sigma 0.5": (Scene.from_gears(DAT21, sigma=0.5), 256),
 }  # fmt: skip
 """Scenes, and the periods for which each is followed."""
 

@@ -1,0 +1,176 @@
+"""The report of the long run: exact values, closures with verdicts, physical units, the command, and refusals."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import rattle as rt
+from rattle.closure.attractor import attractor
+from rattle.closure.stationary import NotPredicted, linear_law, multipliers
+from rattle.compare.cli.main import main
+from rattle.compare.stationary.laws import law_of, values_of
+from rattle.montecarlo.long_run import BurnInError
+from rattle.scene import DAT21, InputError, Scene, Start
+
+PAIR = {"alpha": 0.25, "epsilon": 0.5, "beta1": 0.0, "gamma1": 0.0, "stages": 1}
+RESTING = {"alpha": 0.1, "epsilon": 0.3, "beta1": 0.1, "gamma1": 1.0, "stages": 1}
+
+
+def test_periodic_orbit_without_noise_is_exact():
+    found = rt.stationary(Scene(**PAIR | {"beta1": 0.02}))
+    assert found.kind == "periodic"
+    assert "period of the excitation" in found.said
+    row = found.table.loc["rate"]
+    assert row["se"] == 0.0
+    assert row["value"] == pytest.approx(1.0 / math.pi)
+    speed, lost = found.table.loc["speed", "value"], found.table.loc["energy", "value"]
+    assert lost == pytest.approx(0.5 * 0.75 * (speed**2 + found.table.loc["sd_speed", "value"] ** 2))
+
+
+@pytest.mark.parametrize("sigma", [0.0, 1e-3])
+def test_motion_that_comes_to_rest_says_so(sigma):
+    found = rt.stationary(Scene(**RESTING, sigma=sigma))
+    assert found.kind == "rest"
+    assert "rest" in found.said
+    assert found.table.loc["rate", "value"] == 0.0
+    assert found.table.loc["contact_share_mesh1", "value"] == 1.0
+    assert found.densities == ()
+
+
+def test_several_attractors_are_named_with_their_shares():
+    """Beside the symmetric orbit with two impacts a period there is one with six impacts in three periods."""
+    with pytest.raises(BurnInError, match=r"of 12 starts, \d+%") as caught:
+        rt.stationary(Scene(alpha=0.3, epsilon=0.8, beta1=0.05, gamma1=0.0, stages=1))
+    assert "3 periods of the excitation and 6 impacts" in str(caught.value)
+    assert "is periodic with the period of the excitation and 2 impacts" in str(caught.value)
+
+
+def test_linear_law_obeys_lyapunov_and_iteration():
+    """The stationary covariance is the limit of the covariance from cycle to cycle."""
+    scene = Scene(**PAIR, sigma=1e-3)
+    law = linear_law(scene, attractor(scene))
+    assert np.allclose(law.sd_speed, 0.00094, rtol=1e-5)
+    far = rt.mean_map(scene, impacts=80, closure="saltation").section.iloc[-2:]
+    assert np.allclose(far["sd_y1"], law.sd_speed, rtol=1e-6)
+    assert np.allclose(far["sd_flight"], law.sd_flight, rtol=1e-6)
+    assert multipliers(scene, attractor(scene))[0] < 1.0
+    twice = linear_law(scene.with_sigma(2e-3), attractor(scene))
+    assert np.allclose(twice.sd_speed, 2.0 * law.sd_speed)
+
+
+def test_linear_law_of_two_stages():
+    """A cycle through both meshes; its stationary sds against the far end of the closure itself."""
+    scene = Scene.from_gears(DAT21, sigma=1e-4)
+    for alpha in np.linspace(0.2, 0.6, 9):
+        weak = Scene(**{f: getattr(scene, f) for f in FIELDS}, alpha=float(alpha), sigma=1e-4)
+        end = attractor(weak)
+        if end.kind == "periodic" and not end.sticks and multipliers(weak, end)[0] < 0.9:
+            break
+    else:
+        pytest.fail("no stable orbit was found")
+    law = linear_law(weak, end)
+    begin = Start(float(end.tau[0]), *end.before[0].tolist(), mesh=int(end.mesh[0]))
+    far = rt.mean_map(replace(weak, start=begin), impacts=150 * end.impacts, closure="saltation")
+    far = far.section.iloc[-end.impacts :]
+    own = np.where(far["mesh"] == 1, far["sd_y1"], far["sd_y2"])
+    assert np.sort(own) == pytest.approx(np.sort(law.sd_speed), rel=1e-5)
+    back = law.back[law.mesh == 1].sum()
+    assert back == pytest.approx(2.0 * math.pi * end.periods)
+
+
+FIELDS = ("epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1", "gap2")
+
+
+@pytest.mark.parametrize(
+    ("scene", "why"),
+    [
+        (Scene.from_gears(DAT21, sigma=0.1), "chaotic"),
+        (Scene(**RESTING, sigma=0.01), "rest"),
+    ],
+)
+def test_linear_law_says_why_there_is_none(scene, why):
+    with pytest.raises(NotPredicted, match=why):
+        linear_law(scene, attractor(scene))
+
+
+def test_closures_are_judged():
+    """Where noise is weak the linear closure is accurate; the orbit's average misses every spread."""
+    found = rt.stationary(Scene(**PAIR, sigma=2e-3), periods=64, paths=64, closures=["saltation", "corrected"])
+    verdicts = found.verdicts.set_index(["closure", "quantity"])["verdict"]
+    for name in ("rate", "speed", "energy_per_period", "slow_share"):
+        assert verdicts["saltation", name] == "accurate", found.verdicts
+    assert verdicts["saltation", "sd_speed"] in ("accurate", "undecided")
+    assert verdicts["corrected", "sd_speed"] == "inaccurate"
+
+
+def test_values_of_a_law_are_those_of_its_orbit():
+    a = attractor(Scene(**PAIR))
+    values = values_of(law_of(a), Scene(**PAIR), 0.1)
+    assert values["speed"] == pytest.approx(0.59497327, rel=1e-7)
+    assert values["q01_speed"] == pytest.approx(values["q99_speed"])
+    assert values["flight"] == pytest.approx(math.pi)
+
+
+def test_physical_units():
+    found = rt.stationary(Scene.from_gears(DAT21, sigma=0.5), periods=64, paths=32, closures=[])
+    table, own, units = found.table_in("physical"), found.table, DAT21.units
+    assert table.loc["rate", "value"] == pytest.approx(own.loc["rate", "value"] * 300.0)
+    assert table.loc["power", "unit"] == "mW"
+    per_period = table.loc["energy_per_period", "value"]  # mJ; a period is 2 pi / 300 s
+    assert table.loc["power", "value"] == pytest.approx(per_period / (2.0 * math.pi / 300.0))
+    assert per_period == pytest.approx(own.loc["energy_per_period", "value"] * units.energy)
+    with pytest.raises(InputError, match="gears"):
+        rt.stationary(Scene(**PAIR)).table_in("physical")
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, ["stationary", *map(str, arguments)])
+
+
+def test_command_writes_its_page(tmp_path):
+    out = tmp_path / "report"
+    done = run("--sigma", 0.5, "--periods", 64, "--paths", 32, "--closure", "corrected", "--out", out)
+    assert done.exit_code == 0, done.output
+    assert "impacts a second" in done.output
+    for name in ("stationary.html", "stationary.csv", "verdicts.csv", "sections.csv", "section.svg", "manifest.json"):
+        assert (out / name).stat().st_size > 0
+    assert "corrected" in (out / "stationary.md").read_text()
+    again = run("--sigma", 0.5, "--periods", 64, "--out", out)
+    assert again.exit_code == 2
+
+
+def test_command_gives_json(tmp_path):
+    done = run("--sigma", 0.5, "--periods", 64, "--paths", 32, "--no-closures", "--json", "--units", "physical")
+    assert done.exit_code == 0, done.output
+    found = json.loads(done.stdout)
+    assert found["kind"] == "simulated"
+    assert {row["quantity"]: row["unit"] for row in found["table"]}["power"] == "mW"
+
+
+def test_command_refuses_bad_input(tmp_path):
+    for arguments, word in (
+        (("--accuracy", 0.01, "--periods", 64), "periods"),
+        (("--quantity", "ratio"), "quantities"),
+        (("--closure", "corrected", "--no-closures"), "closure"),
+        (("--paths", 3), "paths"),
+    ):
+        done = run(*arguments, "--out", tmp_path / "none")
+        assert done.exit_code == 2, done.output
+        assert word in done.output + done.stderr
+    assert not (tmp_path / "none").exists()
+
+
+def test_command_draws_the_bifurcation_with_noise(tmp_path):
+    out = tmp_path / "report"
+    done = run(
+        "--sigma", 0.3, "--periods", 64, "--paths", 32, "--no-closures", "--field", "epsilon", "--over", "0.7:0.9:2",
+        "--out", out,
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    assert (out / "bifurcation.svg").exists()
+    sides = {line.split(",")[0] for line in (out / "bifurcation.csv").read_text().splitlines()[1:]}
+    assert sides == {"without noise", "with noise"}

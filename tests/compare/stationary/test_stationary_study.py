@@ -1,0 +1,105 @@
+"""Studies of the long run, and claims about it in pytest."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+import rattle as rt
+from rattle.compare.cli.main import main
+from rattle.compare.stationary.study import LongStudy, load
+from rattle.compare.study.store import Store
+from rattle.compare.study.tables import load as load_impacts
+from rattle.compare.thresholds.long_run import decide_long, predict_long
+from rattle.scene import FileError, InputError, Scene
+
+STUDY = """
+[study]
+kind = "stationary"
+title = "the pair"
+closures = ["saltation", "corrected"]
+periods = 64
+paths = 32
+
+[scene]
+alpha = 0.25
+epsilon = 0.5
+beta1 = 0.02
+gamma1 = 0.0
+stages = 1
+
+[[axes]]
+sigma = [0.0, 0.002, 0.3]
+"""
+
+
+def test_study_runs_and_is_kept(tmp_path):
+    file = tmp_path / "pair.toml"
+    file.write_text(STUDY)
+    done = CliRunner().invoke(main, ["study", str(file), "--json"])
+    assert done.exit_code == 0, done.output + done.stderr
+    record = json.loads(done.stdout)
+    assert record["complete"]
+    folder = tmp_path / "pair"
+    for name in ("study.html", "quantities.csv", "verdicts.csv", "figures/long-run.svg", "manifest.json"):
+        assert (folder / name).stat().st_size > 0
+    tables = load(folder)
+    rate = tables.quantities.query("quantity == 'rate'").set_index("sigma")
+    assert rate.loc[0.0, "se"] == 0.0
+    assert rate.loc[0.0, "value"] == pytest.approx(rate.loc[0.002, "value"], rel=1e-3)
+    linear = tables.verdicts.query("closure == 'saltation' and quantity == 'speed'").set_index("sigma")["verdict"]
+    assert linear[0.002] == "accurate"
+    assert linear[0.3] == "inaccurate"
+    again = CliRunner().invoke(main, ["study", str(file)])
+    assert again.exit_code == 0
+    assert "up to date" in again.stderr
+    explained = CliRunner().invoke(main, ["study", str(file), "--explain"])
+    assert "3 points, 3 cells, 0 to compute" in explained.output
+    with pytest.raises(FileError, match="long run"):
+        load_impacts(folder)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "word"),
+    [
+        ("periods = 64", "periods = 3", "periods"), ("periods = 64", "periods = 64\naccuracy = 0.1", "periods"),
+        ('"saltation"', '"linear"', "closures"), ("periods = 64", "impacts = 12", "impacts"),
+        ('kind = "stationary"', 'kind = "static"', "kind"), ("sigma = [0.0, 0.002, 0.3]", "scheme = ['a']", "scheme"),
+    ],
+)  # fmt: skip
+def test_bad_studies_are_refused(old, new, word):
+    with pytest.raises(InputError, match=word):
+        assert rt.Study.from_toml(STUDY.replace(old, new)).points
+
+
+def test_study_is_of_its_kind():
+    study = rt.Study.from_toml(STUDY)
+    assert isinstance(study, LongStudy)
+    assert study.size == len(study.cells) == 3
+
+
+PAIR = Scene(alpha=0.25, epsilon=0.5, beta1=0.02, gamma1=0.0, stages=1, sigma=0.002)
+
+
+def test_claims_about_the_long_run_are_decided(tmp_path):
+    store = Store(tmp_path / "cells")
+    good = predict_long("saltation", PAIR, ["rate", "energy", "speed"])
+    table, _ = decide_long(good, PAIR, store, 0, 0.01)
+    assert table["outcome"].tolist() == ["pass"] * 3
+    wrong = predict_long(lambda scene, names: {n: 1.2 * good.values[n] for n in names}, PAIR, ["rate", "energy"])
+    assert decide_long(wrong, PAIR, store, 0, 0.01)[0]["outcome"].tolist() == ["fail", "fail"]
+
+
+@pytest.mark.parametrize(
+    ("model", "quantities", "word"),
+    [
+        ("saltation", ["ratio"], "quantities"), ("saltation", [], "quantities"), ("linear", ["rate"], "closure"),
+        (lambda scene, names: {}, ["rate"], "missing"), (3, ["rate"], "model"),
+        (lambda scene, names: {"rate": float("nan")}, ["rate"], "not predicted"),
+    ],
+)  # fmt: skip
+def test_bad_claims_are_refused(model, quantities, word):
+    with pytest.raises(InputError, match=word):
+        predict_long(model, PAIR, quantities)
+    with pytest.raises(InputError, match="chaotic"):
+        predict_long("saltation", Scene.from_gears(rt.DAT21, sigma=0.1), ["rate"])

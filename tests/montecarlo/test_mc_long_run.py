@@ -1,0 +1,177 @@
+"""The long run: unbiased, with honest errors, independent of threads, and refused where there is none."""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import rattle as rt
+from rattle.montecarlo.long_run import BurnInError, long_run
+from rattle.montecarlo.long_run.burn_in import apart, drift
+from rattle.montecarlo.long_run.estimates import all_names, estimates
+from rattle.montecarlo.long_run.sums import CONTACT, ENERGY, MAIN, NUMBER, SLOW
+from rattle.montecarlo.long_run.walk import Walk
+from rattle.scene import DAT21, Scene, Start, Tolerance
+from rattle.scene.errors import InputError
+
+SCENE = Scene.from_gears(DAT21, sigma=0.5)
+
+
+@pytest.fixture(scope="module")
+def run():
+    return long_run(SCENE, periods=128, paths=128, rng=3)
+
+
+def test_every_quantity_is_there_and_consistent(run):
+    e = run.estimates
+    assert tuple(e) == all_names(2)
+    assert e["rate"].value * e["flight"].value == pytest.approx(1.0, rel=2e-3)  # flights at the ends are cut
+    assert e["rate"].value == pytest.approx(e["rate_mesh1"].value + e["rate_mesh2"].value)
+    assert e["rate"].value * e["energy"].value == pytest.approx(e["power"].value)
+    assert e["energy_per_period"].value == pytest.approx(2.0 * math.pi * e["power"].value)
+    assert e["power"].value == pytest.approx(e["power_mesh1"].value + e["power_mesh2"].value)
+    for suffix in ("", "_mesh1", "_mesh2"):
+        quantiles = [e[f"q{q:02d}_speed{suffix}"] for q in (1, 5, 50, 95, 99)]
+        assert all(a.value < b.value for a, b in pairwise(quantiles))
+        assert all(q.low < q.value < q.high for q in quantiles)
+
+
+def test_sections_are_densities_of_all_impacts(run):
+    for d in run.densities:
+        area = np.outer(np.diff(d.phase), np.diff(d.velocity))
+        assert (d.density * area).sum() + d.outside == pytest.approx(1.0)
+        marginal, se = run.velocity_density(d.mesh)
+        assert marginal == pytest.approx((d.density * np.diff(d.phase)[:, None]).sum(axis=0))
+        assert (se[marginal > 0.0] > 0.0).all()
+        assert d.outside < 1e-3
+
+
+def test_batch_means_confirm_the_errors(run):
+    both = [e.se_batches / e.se for name, e in run.estimates.items() if e.se > 0.0 and not math.isnan(e.se_batches)]
+    assert len(both) > 10
+    assert 0.7 < min(both) <= max(both) < 1.4  # each known to about 1 / sqrt(2 * 127), batches remember a little
+
+
+def test_result_does_not_depend_on_threads_or_on_room(run, monkeypatch):
+    again = long_run(SCENE, periods=128, paths=128, rng=3, workers=2)
+    assert again.estimates == run.estimates
+    monkeypatch.setattr("rattle.montecarlo.long_run.walk.ROOM", 4)  # every stretch is taken again with more room
+    monkeypatch.setattr(Walk, "_shorten", lambda self, most: None)
+    tight = long_run(SCENE, periods=128, paths=128, rng=3)
+    assert tight.estimates == run.estimates
+
+
+def test_agrees_with_the_late_impacts_of_simulate(run):
+    """Another code path to the same motion: the 60th impact of many short paths."""
+    late = rt.simulate(SCENE, paths=8192, impacts=60, scheme="exact-flight", rng=5).section.loc[40:60]
+    flight, se = late["flight"].mean(), late["se_flight"].mean()
+    e = run.estimates["flight"]
+    assert abs(flight - e.value) < 4.5 * math.hypot(se, e.se)
+    assert abs(1.1 * flight - e.value) > 4.5 * math.hypot(se, e.se)  # negative control
+
+
+def test_accuracy_is_reached_and_stated():
+    found = long_run(SCENE, accuracy=0.02, quantities=["rate"], paths=64)
+    e = found.estimates["rate"]
+    assert found.reach.reached
+    assert 0.5 * (e.high - e.low) <= 0.02 * e.value
+    assert "reached" in found.reach.sentence
+
+
+def test_short_budget_gives_the_best_answer_and_what_more_would_cost():
+    found = long_run(SCENE, accuracy=1e-4, quantities=["rate"], paths=64, budget=1.0, burn_in=64)
+    assert not found.reach.reached
+    assert found.reach.more_seconds > 1.0
+    assert "more would do" in found.reach.sentence
+
+
+@pytest.mark.parametrize(
+    ("settings", "field"),
+    [
+        ({"accuracy": -1.0}, "accuracy"), ({"accuracy": 0.1, "periods": 100}, "periods"), ({"periods": 3}, "periods"),
+        ({"paths": 4}, "paths"), ({"quantities": ["ratio"]}, "quantities"), ({"slow": 0.0}, "slow"),
+        ({"burn_in": 0}, "burn_in"), ({"budget": 0.0}, "budget"), ({"rng": -1}, "rng"), ({"workers": 0}, "workers"),
+    ],
+)  # fmt: skip
+def test_bad_settings_are_refused(settings, field):
+    with pytest.raises(InputError) as caught:
+        long_run(SCENE, **settings)
+    assert caught.value.field == field
+
+
+def test_accuracy_beyond_an_hour_is_refused():
+    with pytest.raises(InputError, match="an hour"):
+        long_run(SCENE, accuracy=1e-7, quantities=["rate"], paths=64)
+
+
+def _main(rng, paths=256, batches=32):
+    return rng.normal(1.0, 0.1, (paths, batches, MAIN))
+
+
+def test_drift_is_found_and_chance_is_not():
+    rng = np.random.default_rng(1)
+    quarter, half = slice(8, 16), slice(16, 32)
+    passed = [drift(_main(rng), quarter, half).reached for _ in range(40)]
+    assert sum(passed) == 40
+    main = _main(rng)
+    main[:, :, ENERGY] += 0.1 * np.exp(-np.arange(32) / 8.0)  # negative control: an sd of a batch, fading
+    found = drift(main, quarter, half)
+    assert not found.reached
+    assert found.quantity == "energy"
+
+
+def test_paths_that_stay_apart_are_found():
+    rng = np.random.default_rng(2)
+    main = _main(rng)
+    assert apart(main, slice(16, 32)).reached
+    main[:128, :, NUMBER] += 0.5  # negative control: half of the paths on another attractor
+    found = apart(main, slice(16, 32))
+    assert not found.reached
+    assert found.quantity == "impacts"
+
+
+def test_burn_in_that_is_too_short_is_refused_with_a_longer_one():
+    """Elastic walls: a fast start is forgotten by weak damping alone, over 32 periods."""
+    start = Start(0.0, 0.5, 20.0, mesh=1)
+    slow = Scene(alpha=0.0, epsilon=1.0, beta1=0.005, gamma1=0.0, sigma=0.5, start=start, stages=1)
+    with pytest.raises(BurnInError, match="give at least") as caught:
+        long_run(slow, periods=64, burn_in=4, paths=64)
+    assert caught.value.field == "burn_in"
+
+
+def test_paths_that_little_noise_does_not_mix_are_refused(monkeypatch):
+    """DAT21 at a small excitation: the approach to its orbits is seen over 64 periods."""
+    monkeypatch.setattr("rattle.montecarlo.long_run.run.MOST", 64)
+    walled = replace(SCENE.with_sigma(1e-6), alpha=0.5)
+    with pytest.raises(BurnInError, match=r"burn_in = 64: .* give at least"):
+        long_run(walled, periods=64, paths=64)
+
+
+@pytest.mark.parametrize("draw", ["path", "contact"])
+def test_random_backlash(run, draw):
+    scene = Scene.from_gears(DAT21, sigma=0.5, tolerance=Tolerance(c1_max=0.1, c2_max=0.1, draw=draw))
+    found = long_run(scene, periods=64, paths=64)
+    assert found.estimates["rate"].value == pytest.approx(run.estimates["rate"].value, rel=0.05)
+    assert (found.burn_in.apart is None) == (draw == "path")
+
+
+def test_single_stage_has_one_mesh():
+    scene = Scene(
+        alpha=1.0, epsilon=0.7, beta1=0.1, gamma1=0.05, sigma=0.5, stages=1, start=Start(0.0, 0.5, 2.0, mesh=1)
+    )
+    found = long_run(scene, periods=64, paths=64)
+    assert not any("mesh2" in name for name in found.estimates)
+    assert found.estimates["rate"].value > 0.0
+    assert len(found.densities) == 1
+
+
+def test_slow_share_counts_what_is_slow(run):
+    every = estimates(run.sums)
+    assert every["slow_share"].value == pytest.approx(
+        run.sums.main[:, :, SLOW].sum() / run.sums.main[:, :, NUMBER].sum()
+    )
+    assert run.sums.main[:, :, CONTACT].sum() == 0.0
+    below = np.interp(0.1, run.sums.scales.edges[0, 1], np.cumsum(run.sums.histogram[:, 0, 1].sum(axis=0))[:-1])
+    assert below / run.impacts == pytest.approx(every["slow_share"].value, rel=0.1)
