@@ -11,9 +11,10 @@ from mc_checks import FALSE_ALARM, dat21
 from scipy import stats
 
 REFERENCE = Path(__file__).parent / "data" / "exact_flight_distribution.csv"
-"""Of the scheme at version 0.2, with its step of pi / 256, from `exact_distribution`."""
+"""Of the scheme at version 0.2, with its step of pi / 256: 12 groups of `exact_distribution`, 2 million paths."""
 
 GROUPS, PATHS = 24, 8192
+FREEDOM = 11  # of the 12 groups of the table, fewer than those here
 
 
 def same(table, reference):
@@ -23,10 +24,12 @@ def same(table, reference):
     """
     both = table.join(reference, rsuffix="_before", how="inner").dropna()
     both = both[~both.index.get_level_values("statistic").str.startswith("skewness")]
-    both = both[(both.se > 0.0) & (both.se_before > 0.0)]
+    both = both[(both.se > 1e-9) & (both.se_before > 1e-9)]  # the rest varies by rounding
     assert len(both) > 250
     score = (both.value - both.value_before) / np.hypot(both.se, both.se_before)
-    return bool(score.abs().max() < stats.t.isf(0.5 * FALSE_ALARM / len(both), GROUPS - 1))
+    return bool(
+        score.abs().max() < stats.t.isf(0.5 * FALSE_ALARM / len(both), 11)
+    )  # of the 12 groups of the table, fewer than those here
 
 
 @pytest.fixture(scope="module")

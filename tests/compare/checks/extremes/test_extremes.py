@@ -174,7 +174,7 @@ NEGATIVE_CONTROLS = {
     "correlations": (moments, "realizability", absolutely_judged),
     "step_phase": (short, "sine_cosine", lambda tau: (math.sin(tau + 1e-13), math.cos(tau))),
     "step_flight": (short, "short_flight", lambda c, *a: short_flight(c._replace(beta2=c.beta2 * (1.0 + 1e-12)), *a)),
-    "step_noise": (short, "kick", off(short.kick, 1.0 + 1e-13)),
+    "step_noise": (short, "kick", off(short.kick, 1.0 + 1e-6)),
     "exit_times": (montecarlo, "simulate", lambda s, **k: simulate(s.with_sigma(1.15 * s.sigma), **k)),
     "collapse_drift": (returning, "log_speeds", lambda epsilon, *rest: returned(0.8 * epsilon, *rest)),
     "confined_paths": (montecarlo, "simulate", outside_walls),
