@@ -255,7 +255,7 @@ class MeanMap:
         >>> from rattle.scene import DAT21, Scene
         >>> m = mean_map(Scene.from_gears(DAT21, sigma=0.1), impacts=1)
         >>> m.at_times([0.3], units="physical")[["x1_mm", "y1_mm_per_s"]].round(3).reset_index().loc[0].tolist()
-        [1.0, 0.0, 0.0]
+        [1.0, -0.006, -106.119]
         """
         check_units(units, self.scene.gears)
         low, high = self.trace.span
