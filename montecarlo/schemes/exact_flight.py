@@ -34,6 +34,7 @@ NEAR = 1e-6  # distance to the wall, in half gaps, that a fast path flies withou
 STEADY = 30.0  # least speed of such a path, in sds of what the noise makes of it on the way
 STRAIGHT = 1e-4  # and largest relative change of that speed by excitation and drag
 MOST_CUTS = 1000  # per step; then the path is clipped to its walls
+TICK = 5e-16  # shortest trial, relative to the time: two units in its last place, so that time goes on
 PARTS = 200  # most parts of a step that wait at once: the depth of the stack of cuts
 
 
@@ -175,7 +176,8 @@ def advance_exactly(
         cut = cut_share(
             c, phase, s, end, h, walls, _close(c, end[1], end[3], c.wall1), _close(c, end[3], end[1], c.wall2)
         )
-        used_up = cuts >= MOST_CUTS or top + 1 >= len(ahead)
+        tick = TICK * (1.0 + abs(tau))
+        used_up = cuts >= MOST_CUTS or top + 1 >= len(ahead) or h <= tick
         if cut == 1.0 or used_up:
             if used_up:
                 end = _put_inside(end, walls)
@@ -183,13 +185,13 @@ def advance_exactly(
             code, lead, reach = _due(c, end, walls)
             if code != 0 and lead <= left:
                 at = Progress(code, tau, left, _joined(ahead, top), end[0], end[1], end[2], end[3])
-                return _struck(c, at, turned if flown else sine_cosine(tau), code, max(lead, -h), walls)
+                return _struck(c, at, turned if flown else sine_cosine(tau), code, max(lead, -0.5 * h), walls)
             if top == 0:
                 return Progress(0, tau, 0.0, Noise(0.0, 0.0), end[0], end[1], end[2], end[3]), turned
             s, phase = end, turned
             top -= 1
             h, noise = ahead[top, 0], Noise(ahead[top, 1], ahead[top, 2])
-            if reach >= h:
+            if reach >= h or h <= tick:
                 continue
             cut = reach / h
         if cuts & 1 == 0:
@@ -197,6 +199,7 @@ def advance_exactly(
         else:
             z1, z2 = z3, z4
         cuts += 1
+        cut = max(cut, tick / h)
         first, second = split(noise, h, cut, z1, z2)
         ahead[top, 0], ahead[top, 1], ahead[top, 2] = h - cut * h, second.increment, second.area
         top += 1
