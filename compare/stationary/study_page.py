@@ -30,6 +30,8 @@ PANELS = (
     ("speed: 5, 50 and 95 %", ("q05_speed", "q50_speed", "q95_speed")),
     ("share of slow impacts", ("slow_share", "slow_share_mesh1", "slow_share_mesh2")),
 )  # fmt: skip
+SMALL = ("cost", "reasons")
+"""Small tables, written as CSV in addition to Parquet."""
 COLOURS = ("#000000", "#0072B2", "#D55E00")
 MARKERS = ("D", "o", "s")
 CAPTION = (
@@ -150,7 +152,8 @@ def written(folder: Path, r: LongResults, facts: dict[str, Any]) -> dict[str, An
     for name in TABLES:
         table = getattr(r, name)
         table.to_parquet(folder / f"{name}.parquet", compression="zstd")
-        write_csv(table, folder / f"{name}.csv", index=False, float_format="%.9g")
+        if name in SMALL:
+            write_csv(table, folder / f"{name}.csv", index=False, float_format="%.9g")
     (folder / FILE).write_text(r.study.text, encoding="utf-8")
     drawn: list[Block] = []
     if r.along and not r.empty:
