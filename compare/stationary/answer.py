@@ -52,7 +52,8 @@ def _first(table: pd.DataFrame, units: str) -> str:
     said += f"at a mean speed of {_shown(table, 'speed')}; they lose {_shown(table, 'energy_per_period')} a period"
     if units == "physical":
         said += f", {_shown(table, 'power')}"
-    return f"{said}. {table.loc['slow_share', 'value']:.2%} of the impacts are slow."
+    slow = float(table["value"].to_dict()["slow_share"])
+    return f"{said}. {slow:.2%} of the impacts are slow."
 
 
 def _memory(table: pd.DataFrame) -> str:

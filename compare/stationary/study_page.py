@@ -8,7 +8,20 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
-from rattle.compare.report import Block, Code, Column, Figure, Page, Section, Source, Table, Text, manifest, numbers
+from rattle.compare.report import (
+    Block,
+    Code,
+    Column,
+    Figure,
+    Page,
+    Row,
+    Section,
+    Source,
+    Table,
+    Text,
+    manifest,
+    numbers,
+)
 from rattle.compare.report import write_page as write_views
 from rattle.compare.report.csv_text import write_csv
 from rattle.compare.report.glossary import CLOSURE_TERMS, VERDICT_TERMS, glossary
@@ -30,6 +43,8 @@ PANELS = (
     ("speed: 5, 50 and 95 %", ("q05_speed", "q50_speed", "q95_speed")),
     ("share of slow impacts", ("slow_share", "slow_share_mesh1", "slow_share_mesh2")),
 )  # fmt: skip
+SMALL = ("cost", "reasons")
+"""Small tables, written as CSV in addition to Parquet."""
 COLOURS = ("#000000", "#0072B2", "#D55E00")
 MARKERS = ("D", "o", "s")
 CAPTION = (
@@ -62,8 +77,8 @@ def study_figure(r: LongResults) -> Drawing:
     axes[4].set_title("closures: share of accurate quantities", loc="left")
     axes[4].set_ylim(-0.05, 1.05)
     memory = r.quantities[r.quantities["quantity"].isin(["speed", "slow_share", "energy_per_period"])]
-    for (name, own), colour, marker in zip(memory.groupby("quantity", sort=False), COLOURS, MARKERS, strict=False):
-        axes[5].plot(own[r.along], own["autocorrelation"], color=colour, marker=marker, ms=3, lw=1.0, label=str(name))
+    for (quantity, own), ink, sign in zip(memory.groupby("quantity", sort=False), COLOURS, MARKERS, strict=False):
+        axes[5].plot(own[r.along], own["autocorrelation"], color=ink, marker=sign, ms=3, lw=1.0, label=str(quantity))
     axes[5].set_yscale("log")
     axes[5].set_title("autocorrelation time (impacts)", loc="left")
     for ax in axes:
@@ -105,7 +120,8 @@ def answer(r: LongResults) -> list[str]:
     name, said = r.along or "the points", []
     for quantity, words in (("rate", "impacts per unit of time"), ("energy_per_period", "energy lost per period")):
         rows = r.quantities[r.quantities["quantity"] == quantity]
-        least, most = rows.loc[rows["value"].idxmin()], rows.loc[rows["value"].idxmax()]
+        rows = rows.sort_values("value")
+        least, most = rows.iloc[0], rows.iloc[-1]
         where = (f" (at {name} = {row[r.along]:.4g})" if r.along else "" for row in (least, most))
         low, high = where
         said.append(f"{words}: from {least['value']:.4g}{low} to {most['value']:.4g}{high}")
@@ -150,7 +166,8 @@ def written(folder: Path, r: LongResults, facts: dict[str, Any]) -> dict[str, An
     for name in TABLES:
         table = getattr(r, name)
         table.to_parquet(folder / f"{name}.parquet", compression="zstd")
-        write_csv(table, folder / f"{name}.csv", index=False, float_format="%.9g")
+        if name in SMALL:
+            write_csv(table, folder / f"{name}.csv", index=False, float_format="%.9g")
     (folder / FILE).write_text(r.study.text, encoding="utf-8")
     drawn: list[Block] = []
     if r.along and not r.empty:
@@ -176,7 +193,7 @@ def _page(r: LongResults, record: dict[str, Any], drawn: list[Block]) -> Page:
     opening: tuple[Block, ...] = (*drawn, _main(r), Text(TOLERANCES, note=True), words)
     sections = []
     if lacks := lacking(r.study.points, record.get("failed", {})):
-        rows = [[lack.what, lack.points, lack.where, lack.why] for lack in lacks]
+        rows: list[Row] = [[lack.what, lack.points, lack.where, lack.why] for lack in lacks]
         sections.append(Section("What could not be computed", (Table.of(
             ["what", *numbers("points"), "the first", "why"], rows
         ),)))  # fmt: skip

@@ -41,7 +41,7 @@ def test_study_runs_and_is_kept(tmp_path):
     record = json.loads(done.stdout)
     assert record["complete"]
     folder = tmp_path / "pair"
-    for name in ("study.html", "quantities.csv", "verdicts.csv", "figures/long-run.svg", "manifest.json"):
+    for name in ("study.html", "quantities.parquet", "verdicts.parquet", "figures/long-run.svg", "manifest.json"):
         assert (folder / name).stat().st_size > 0
     tables = load(folder)
     rate = tables.quantities.query("quantity == 'rate'").set_index("sigma")
