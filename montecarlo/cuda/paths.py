@@ -200,11 +200,12 @@ def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callabl
                             continue
                         mesh = abs(at.code)
                         if k < impacts:
-                            rows[k, 0, row], rows[k, 1, row] = at.tau, at.tau - last
+                            tau = max(at.tau, last)
+                            rows[k, 0, row], rows[k, 1, row] = tau, tau - last
                             rows[k, 2, row], rows[k, 3, row] = at.x1, at.y1
                             rows[k, 4, row], rows[k, 5, row] = at.x2, at.y2
                             rows[k, 6, row] = at.code
-                        last = at.tau
+                        last = max(at.tau, last)
                         if redrawn:
                             drawn = half_gap(job.backlash, job.key, path, Word(k) + FLANK_DRAWS, mesh)
                             walls = _moved(walls, at.code, drawn)

@@ -171,6 +171,7 @@ def record(
         Velocities after the impact.
     """
     c, k = job.c, lanes.impacts[p]
+    tau = max(tau, lanes.last[p])  # after the sum of a step's pieces its end may be a rounding error late
     if k < rows.shape[2]:
         seen = (tau, tau - lanes.last[p], x1, y1, x2, y2, float(code))
         for i in range(COLUMNS):

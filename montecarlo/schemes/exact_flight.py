@@ -39,15 +39,17 @@ PARTS = 200  # most parts of a step that wait at once: the depth of the stack of
 
 
 @inlined
-def _close(c: Constants, speed: float, other: float, wall: float) -> float:
+def _close(c: Constants, mesh: int, speed: float, other: float, wall: float) -> float:
     """Distance from its wall within which a path is taken to fly on without noise; `other` is the other stage's speed.
 
     The noise left out acts later by the time of that flight, after the impact instead of before: below 1e-6 of a
     variance at `NEAR`.
     """
     most = 1.0 + c.beta1 * c.beta1  # bound on the squared modulation
-    drag = max(c.beta1, c.beta2) * (abs(speed) + abs(other))
-    force = c.alpha * math.sqrt(most) + c.gamma1 + c.gamma2 + drag
+    if mesh == 1:
+        force = c.alpha * math.sqrt(most) + c.gamma1 + c.beta1 * abs(speed)
+    else:
+        force = abs(c.beta1 - c.beta2) * (c.alpha + abs(other)) + abs(c.gamma1 - c.gamma2) + c.beta2 * abs(speed)
     noisy, bent = (STEADY * STEADY) * c.sigma * c.sigma * most, force / STRAIGHT
     square = speed * speed
     near = NEAR * wall
@@ -74,7 +76,7 @@ def _due(c: Constants, s: State, walls: Walls) -> tuple[int, float, float]:
         if gap > NEAR * wall:
             reach = min(reach, gap / abs(y))
             continue
-        swift = abs(gap) <= _close(c, y, other, wall)
+        swift = abs(gap) <= _close(c, mesh, y, other, wall)
         if swift or gap <= CLOSE * wall:
             own = gap / abs(y) if swift else 0.0
             if own < lead:
@@ -174,7 +176,7 @@ def advance_exactly(
             end, turned = short_flight(c, phase, h, s, noise.increment, noise.area)
         known = False
         cut = cut_share(
-            c, phase, s, end, h, walls, _close(c, end[1], end[3], c.wall1), _close(c, end[3], end[1], c.wall2)
+            c, phase, s, end, h, walls, _close(c, 1, end[1], end[3], c.wall1), _close(c, 2, end[3], end[1], c.wall2)
         )
         tick = TICK * (1.0 + abs(tau))
         used_up = cuts >= MOST_CUTS or top + 1 >= len(ahead) or h <= tick

@@ -127,7 +127,7 @@ def test_the_estimate_is_said_before_the_work(monkeypatch, caplog):
     (record,) = caplog.records
     assert record.getMessage() == f"Accuracy 0.02 sd: {run.reach.expected.sentence}."
     assert record.getMessage().startswith("Accuracy 0.02 sd: about ")
-    assert "core-seconds: exact-flight, dt = 0.0123, " in record.getMessage()
+    assert "core-seconds: exact-flight, dt = 0.0327, " in record.getMessage()
 
 
 def test_the_finest_accuracies_are_refused_as_others_are():

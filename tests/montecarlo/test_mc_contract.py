@@ -179,7 +179,10 @@ class TestScheme:
         values = {n: getattr(dat21(), n) for n in ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu")}
         pair = Scene(**values, gap2=1e6, sigma=0.2, start=Start(0.0, 0.5, 2.0, 0.0, 0.0, mesh=1))
         lone, both = (self.run(scheme, s, impacts=6).raw for s in (dat21(0.2, stages=1), pair))
-        assert np.array_equal(lone[:, :, [0, 1, 2, 3, 6]], both[:, :, [0, 1, 2, 3, 6]])
+        lone_seen, both_seen = (raw[:, :, [0, 1, 2, 3, 6]] for raw in (lone, both))
+        assert np.abs(lone_seen - both_seen).max() <= (
+            1e-11 if scheme == "exact-flight" else 0.0
+        )  # rounding, and its growth
         assert np.isnan(lone[:, :, 4:6]).all()
 
     def test_paths_cut_off_by_the_horizon_are_counted(self, scheme):

@@ -98,7 +98,10 @@ def test_few_paths_and_a_horizon_that_nobody_reaches_are_diagnosed_without_a_war
         for settings in ({"paths": 1}, {"paths": 2}, {"paths": 2, "horizon": 0.02}):
             for scheme in (LOCATED, PLAIN, EXACT):
                 found = run(
-                    sigma=sigma, scheme=scheme, record=Record(step_bias=scheme != EXACT, times=[0.016]), **settings
+                    sigma=sigma,
+                    scheme=scheme,
+                    record=Record(step_bias=scheme != EXACT, times=[0.016]),
+                    **{"dt": 0.004} | settings,
                 )
                 assert (found.unfinished > 0) == any("when the horizon came" in said for said in found.diagnostics)
                 assert (len(found.section), len(found.at_times())) == (4, 1)

@@ -66,8 +66,9 @@ def test_a_gpu_follows_the_same_paths(simulated, case):
 @needs_package
 @pytest.mark.parametrize("case", CASES)
 def test_a_gpu_takes_the_same_sums(simulated, case):
-    for name in ("section", "covariance", "fixed", "agreement", "histograms"):
+    for name in ("covariance", "fixed", "agreement", "histograms"):
         assert simulated[case][name] < 1e-9, name
+    assert simulated[case]["section"] < 1e-8  # the error of the kurtosis of two values is the square root of rounding
 
 
 @needs_package
