@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 
 from rattle.scene.compiled import jit
 from rattle.scene.flight import NODES, WEIGHTS
+from rattle.scene.moments import SMALLEST
 
 __all__ = [
-    "SMALLEST", "Edgeworth", "coefficients", "has_series", "mixture_density", "section_density", "window_means",
+    "Edgeworth", "coefficients", "has_series", "mixture_density", "section_density", "window_means",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
 
 FACTORIAL = np.array([factorial(n) for n in range(8)], dtype=float)
 NARROW = 1.0  # width of a window, in sds, below which it is integrated by Gauss-Legendre quadrature
-SMALLEST = 1e-290  # smallest power of an sd that may be a divisor
 FARTHEST = 40.0  # sds beyond which the normal density underflows to 0
 HERMITE = np.array([np.pad(hermite_e.herme2poly([0.0] * i + [1.0]), (0, 7 - i)) for i in range(8)])
 """Row i: the monomial coefficients of He_i."""

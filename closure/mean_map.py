@@ -16,7 +16,7 @@ from rattle.closure.branching import trace as branching
 from rattle.closure.edgeworth import Edgeworth, coefficients, has_series, mixture_density, section_density
 from rattle.closure.moments import Trace
 from rattle.scene.errors import InputError
-from rattle.scene.moments import SECTION, STATE, correlation, realizability
+from rattle.scene.moments import SECTION, SMALLEST, STATE, correlation, realizability
 from rattle.scene.scene import Scene
 from rattle.scene.shown import as_html
 from rattle.scene.units import at_times_in, check_units, in_units
@@ -300,7 +300,7 @@ class MeanMap:
         count("impact", impact, least=1, most=self.impacts)
         if impact > self.trace.found:
             return None
-        if self.trace.sd[impact, i] == 0.0:
+        if self.trace.sd[impact, i] ** 2 < SMALLEST:
             return None  # the displacement at the wall that is struck: one value, no density
         if self.trace.parts is not None:
             weights, means, variances = (a if a.ndim == 1 else a[:, i] for a in self.trace.parts[impact])

@@ -9,7 +9,6 @@ cumulants.
 
 import numpy as np
 
-from rattle.closure.edgeworth import SMALLEST
 from rattle.closure.flanks import column, forget, random_tolerance, start_covariance
 from rattle.closure.moments import Trace
 from rattle.closure.orbit import Floats, Ints, follow
@@ -18,7 +17,7 @@ from rattle.closure.section_map import derivatives, flight_third_cumulant, hit_m
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import field, jacobian, noise_covariance
-from rattle.scene.moments import semidefinite
+from rattle.scene.moments import SMALLEST, semidefinite
 from rattle.scene.scene import Scene
 from rattle.scene.small_matrices import applied, block, congruence, dot, inner, put, times
 

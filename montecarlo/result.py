@@ -246,8 +246,9 @@ class Ensemble:
         for stage in (1, 2):
             j = 2 * stage - 1
             with np.errstate(invalid="ignore", divide="ignore"):
-                scale = np.sqrt(covariance[:, j, j] * covariance[:, j + 1, j + 1])
-                columns[f"rho{stage}"] = np.where(scale > 0.0, covariance[:, j, j + 1] / scale, np.nan)
+                scale = np.sqrt(covariance[:, j, j]) * np.sqrt(covariance[:, j + 1, j + 1])
+                rho = np.clip(covariance[:, j, j + 1] / scale, -1.0, 1.0)  # rounding of few paths can pass 1
+                columns[f"rho{stage}"] = np.where(scale > 0.0, rho, np.nan)
         energy = self.result.sums.get("energy")
         if energy is not None:
             columns["energy"] = np.where(energy.n[:, 0] > 0, energy.mean[0][:, 0], np.nan)

@@ -10,7 +10,7 @@ from rattle.scene.compiled import jit
 from rattle.scene.small_matrices import eigen, times_transposed
 
 __all__ = [
-    "SECTION", "STATE", "Realizability", "central_from_raw", "correlation", "gaussian_raw_moments",
+    "SECTION", "SMALLEST", "STATE", "Realizability", "central_from_raw", "correlation", "gaussian_raw_moments",
     "realizability", "semidefinite",
 ]  # fmt: skip
 
@@ -21,6 +21,7 @@ SECTION = ("tau", "flight", *STATE)
 """The section quantities: those of a path just before its own k-th impact (a Poincaré section at the impacts)."""
 
 ROUNDING = 1e-9  # relative tolerance for rounding in |rho| <= 1 and in Cholesky pivots
+SMALLEST = 1e-290  # smallest variance, or power of an sd, that has all its digits and may be a divisor
 LOST = 4.0 * 2.0**-52  # a variance below this times the square of its largest term is rounding
 
 
@@ -124,6 +125,8 @@ def _is_clear(a: Floats, scale: Floats) -> bool:
     for j in range(n):
         if a[j, j] == 0.0 and not a[j].any():
             continue
+        if a[j, j] < SMALLEST:
+            return False
         pivot = a[j, j]
         for k in range(j):
             pivot -= root[j, k] * root[j, k]
@@ -164,7 +167,7 @@ def semidefinite(covariance: Floats, scale: Floats) -> Floats:
     covariance = 0.5 * (covariance + covariance.T)  # rounding is not symmetric
     if _is_clear(covariance, scale) or not np.isfinite(covariance).all():
         return covariance
-    resolved = (np.diagonal(covariance) > LOST * scale**2) & (scale > 0.0)
+    resolved = (np.diagonal(covariance) > np.maximum(LOST * scale**2, SMALLEST)) & (scale > 0.0)
     size = np.where(resolved, scale, 1.0)
     values, vectors = eigen(np.where(resolved & resolved[:, None], covariance / size[:, None] / size, 0.0))
     root = size[:, None] * vectors * np.sqrt(np.where(values > 0.0, values, 0.0))

@@ -51,7 +51,8 @@ def _one_flight(
     u1, u2 = wheel_speeds(c, tau, y1, y2)
     pulls = [b * abs(u) + g for b, u, g in ((c.beta1, u1, c.gamma1), (c.beta2, u2, c.gamma2))]
     drawn = c.alpha * math.hypot(1.0, c.beta1) + max(pulls) * 2.0  # largest acceleration
-    speed = abs(y1) + abs(y2) + drawn * flight
+    met = abs(before[2]) + abs(before[4])  # what came later in the same step had begun at these speeds
+    speed = max(abs(y1) + abs(y2), met) + drawn * flight
     rate = c.alpha + (1.0 + c.beta1 + c.beta2) * drawn  # of an acceleration
     blurred = 4.0 * np.spacing(abs(tau) + flight)  # of a flight that is the difference of two times
     wrong_y = STEPS * dt * (drawn + rate * flight) + CLOSE * speed + blurred * drawn
