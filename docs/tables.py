@@ -249,13 +249,24 @@ def extremes(reports: Path) -> Table:
     ]
 
 
-@table
-def fuzz(reports: Path) -> Table:
-    """What became of random scenes at every entry."""
-    found = json.loads((reports / "fuzz" / "summary.json").read_text())
+def _outcomes(folder: Path) -> Table:
+    """How the scenes of a campaign ended, by entry point."""
+    found = json.loads((folder / "summary.json").read_text())
     kinds = ("complete", "stopped", "refused", "defect")
     rows = [[n, *(short(ends.get(k, 0)) for k in kinds)] for n, ends in found["entries"].items()]
     return ["entry", *kinds], [*rows, ["all", *(short(found["ended"].get(k, 0)) for k in kinds)]]
+
+
+@table
+def fuzz(reports: Path) -> Table:
+    """Random scenes near the paper's example and beyond it."""
+    return _outcomes(reports / "fuzz")
+
+
+@table
+def fuzz_wide(reports: Path) -> Table:
+    """Random scenes of any magnitude."""
+    return _outcomes(reports / "fuzz-wide")
 
 
 @table
