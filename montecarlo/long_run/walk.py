@@ -51,7 +51,7 @@ def steps_per_period(scene: Scene) -> int:
     --------
     >>> from rattle.scene import DAT21
     >>> steps_per_period(Scene.from_gears(DAT21, sigma=0.1))
-    512
+    192
     """
     return SAMPLES * math.ceil(PERIOD / default_step(scene, "exact-flight") / SAMPLES - 1e-9)
 
