@@ -85,7 +85,7 @@ class Stationary:
 
     @cached_property
     def verdicts(self) -> pd.DataFrame:
-        """The closures against the simulation, see `rattle.compare.stationary.judged.judged`."""
+        """The closures against the simulation, row by row."""
         if self.run is None:
             return pd.DataFrame()
         return judged(self.table, self.run.periods, predictions(self.laws, self.scene, self.slow))

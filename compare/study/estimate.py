@@ -63,7 +63,7 @@ def core_seconds(cell: Cell) -> float:
     --------
     >>> from rattle.scene import DAT21, Scene
     >>> cell = Sample(Scene.from_gears(DAT21, sigma=0.1), impacts=12, seed=0, paths=100_000)
-    >>> 1.0 < core_seconds(cell) < 5.0
+    >>> 0.2 < core_seconds(cell) < 5.0
     True
     """
     if isinstance(cell, Prediction):

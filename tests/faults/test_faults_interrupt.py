@@ -61,7 +61,7 @@ def test_an_interrupt_while_a_command_loads_a_library(tmp_path, loaded):
     assert done.stdout == ""
 
 
-@pytest.mark.parametrize("library", ["click", "jinja2", "tomli_w", "numpy"])
+@pytest.mark.parametrize("library", ["click", "tomli_w", "numpy"])
 def test_an_interrupt_while_the_command_itself_is_loaded(tmp_path, library):
     done = rattle("import rattle.compare.cli.main", tmp_path, **{library: EXTENSION})
     assert done.returncode == 130, done.stderr

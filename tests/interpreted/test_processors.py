@@ -61,4 +61,4 @@ def test_code_for_another_processor_gives_the_same_bits(processor, here, tmp_pat
 
 def test_another_seed_has_other_bits(here):
     other = numbers(seed=4)
-    assert all(other[part] != here[part] for part in here)
+    assert [part for part in here if part != "codes" and not part.endswith(", n") and other[part] == here[part]] == []

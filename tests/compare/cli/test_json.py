@@ -42,6 +42,7 @@ SMALL = {
     "study": ["study.toml"],
     "selftest": ["--result", "bouncing-ball"],
     "extremes": [],
+    "stationary": ["scene.toml", "--paths", "64", "--periods", "64", "--out", "out"],
 }
 """A small run of each command that has ``--json``."""
 

@@ -40,7 +40,7 @@ def test_a_budget_too_small_ends_with_code_3():
 def test_what_an_accuracy_takes_is_one_line_before_the_work():
     result = rattle("simulate", "--sigma", "0", "--impacts", "2", "--accuracy", "0.05", "--json")
     assert result.stderr.startswith("Accuracy 0.05 sd: about ")
-    assert result.stderr.endswith("core-seconds: exact-flight, dt = 0.0123, 1 path.\n")
+    assert result.stderr.endswith("core-seconds: exact-flight, dt = 0.0327, 1 path.\n")
     assert result.stderr.count("\n") == 1
     record = json.loads(result.stdout)
     assert record["paths"] == 1
@@ -77,7 +77,7 @@ def test_bench_has_the_floor_and_every_scheme(monkeypatch):
     result = rattle("bench", "--json")
     rows = {row["what"]: row for row in json.loads(result.output)}
     assert rows["one standard normal"]["ns"] > 0.1
-    for name in ("euler-maruyama, paths alone", "euler-maruyama-located", "exact-flight, dt = pi/64"):
+    for name in ("euler-maruyama, paths alone", "euler-maruyama-located", "exact-flight, dt = pi/96"):
         assert rows[name]["ns"] > rows["one standard normal"]["ns"]
     assert all(row["times_floor"] > 0.0 and row["gain"] > 0.0 for row in rows.values())
     assert rows["a skilled loop in numba, without statistics"]["gain"] == 1.0

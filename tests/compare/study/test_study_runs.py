@@ -290,8 +290,8 @@ def test_undecided_is_not_called_wrong(tmp_path):
     assert first["accurate"] > 5
     assert first["undecided"] > 5
     _, _, published, saltation, _ = answer(found)
-    assert saltation.startswith("saltation: not shown wrong up to sigma = 0.02 (undecided for want of paths")
-    assert published == "published: shown wrong at sigma = 0.01, the smallest."
+    assert saltation.startswith("`saltation`: not shown wrong up to sigma = 0.02 (undecided for want of paths")
+    assert published == "`published`: shown wrong at sigma = 0.01, the smallest."
     figure = validity(found, found.validity)
     words = [text.get_text() for text in figure.legends[0].get_texts()]
     assert "saltation: accurate up to" in words
@@ -308,13 +308,14 @@ def test_a_range_that_depends_on_another_field_is_said_for_each(tmp_path):
     run(study, store, Here(1))
     found = Results.of(study, store)
     found.errors["verdict"] = "accurate"
-    assert "saltation: accurate up to sigma = 0.3." in answer(found)
+    assert "`saltation`: accurate up to sigma = 0.3." in answer(found)
     found = Results.of(study, store)
     errors = found.errors
     wrong = (errors["epsilon"] == 0.5) & (errors["sigma"] == 0.3) & (errors["closure"] == "saltation")
     errors["verdict"] = np.where(wrong, "inaccurate", "accurate")
     said = (
-        "saltation: accurate up to sigma = 0.01, shown wrong at 0.3 (at epsilon = 0.5); accurate up to sigma = 0.3 (at "
+        "`saltation`: accurate up to sigma = 0.01, shown wrong at 0.3 (at epsilon = 0.5); accurate up to sigma = 0.3 "
+        "(at "
         "epsilon = 0.9)."
     )
     assert said in answer(found)

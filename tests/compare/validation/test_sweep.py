@@ -73,8 +73,8 @@ def test_sentence_says_up_to_where_everything_is_right():
     rows = [ended(s, a, 4) for s, a in ((0.01, 4), (0.1, 4), (0.2, 3), (0.4, 4))]  # the last one is luck
     rows += [ended(s, 0, 0, closure="published") for s in (0.01, 0.1, 0.2, 0.4)]
     sentence = validity_sentence(pd.DataFrame(rows), 4)
-    assert "saltation: accurate up to σ = 0.1, not shown wrong up to 0.4 (undecided for want of paths);" in sentence
-    assert "published: shown wrong at σ = 0.01, the smallest." in sentence
+    assert "`saltation`: accurate up to σ = 0.1, not shown wrong up to 0.4 (undecided for want of paths);" in sentence
+    assert "`published`: shown wrong at σ = 0.01, the smallest." in sentence
 
 
 @pytest.mark.parametrize(
