@@ -413,16 +413,3 @@ def test_what_another_process_is_writing_is_left_to_it(tmp_path):
     with store.alone("held"):
         store.sweep()
     assert [part.exists() for part in parts] == [True, False]
-
-
-def test_overhead_of_the_study_is_small(tmp_path):
-    """The engine and the store take less than 2 % of the sampling: a second of sampling, two cells."""
-    study = Study.from_toml(
-        study_text(sigmas=(0.01,), paths=600_000).replace('"saltation", "corrected"', '"corrected"')
-    )
-    store = Store(tmp_path / CELLS)
-    run(Study.from_toml(study_text(sigmas=(0.01,)).replace('"saltation", "corrected"', '"corrected"')), store, Here(1))
-    before = time.thread_time()
-    outcome = run(study, store, Here(1))
-    # what the engine's own thread does; it shares the processor with the sampling
-    assert time.thread_time() - before < 0.02 * outcome.cell_seconds + 0.02
