@@ -189,7 +189,7 @@ def moments(w: Floats, mean: Floats, variance: Floats) -> tuple[Floats, Floats, 
     centre = mean[0] + (share * (mean - mean[0])).sum(axis=0)  # exact where nothing varies
     off = mean - centre
     second = (share * (off**2 + variance)).sum(axis=0)
-    third = (share * (off**3 + 3.0 * off * variance)).sum(axis=0)
+    third = (share * (off * off * off + 3.0 * off * variance)).sum(axis=0)
     sd = np.sqrt(np.maximum(second, 0.0))
     with np.errstate(invalid="ignore", divide="ignore"):
-        return centre, sd, np.where(sd > 0.0, third / sd**3, np.nan)
+        return centre, sd, np.where(sd > 0.0, third / (sd * sd * sd), np.nan)

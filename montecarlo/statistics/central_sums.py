@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.scene.compiled import lean
+from rattle.scene.elementary import powers
 from rattle.scene.instructions import widest_vectors
 
 __all__ = [
@@ -456,7 +457,8 @@ def single_statistics(sums: CentralSums) -> dict[str, Floats]:
     with np.errstate(invalid="ignore", divide="ignore"):
         m2 = sums.moment(2, 0)
         sd = np.sqrt(m2)
-        z = [np.ones_like(n), np.zeros_like(n), np.ones_like(n)] + [sums.moment(p, 0) / sd**p for p in range(3, 9)]
+        unit = powers(sd, 8)
+        z = [np.ones_like(n), np.zeros_like(n), np.ones_like(n)] + [sums.moment(p, 0) / unit[p] for p in range(3, 9)]
         skew, kurt = z[3], z[4]
         one, nil = np.ones_like(n), np.zeros_like(n)
         influence_skew = [1.5 * skew, -3.0 * one, -1.5 * skew, one]  # z^3 - 3 z - 3/2 g (z^2 - 1)
