@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.scene.compiled import jit
+from rattle.scene.eigen import eigen
 from rattle.scene.elementary import powers
-from rattle.scene.small_matrices import eigen, times_transposed
+from rattle.scene.small_matrices import times_transposed
 
 __all__ = [
     "SECTION", "SMALLEST", "STATE", "Realizability", "central_from_raw", "correlation", "gaussian_raw_moments",

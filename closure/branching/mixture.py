@@ -7,7 +7,8 @@ import numpy as np
 from rattle.closure.flanks import PLAIN
 from rattle.closure.orbit import Floats, Ints
 from rattle.scene.compiled import jit
-from rattle.scene.small_matrices import eigen, largest
+from rattle.scene.eigen import eigen
+from rattle.scene.small_vectors import largest
 
 __all__ = ["Mixture", "empty", "moments", "reduce"]
 

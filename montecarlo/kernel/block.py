@@ -16,13 +16,8 @@ from rattle.montecarlo.kernel.plain import plain_block
 from rattle.montecarlo.noise.backlash import backlash_of, draw_walls
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.statistics.central_sums import (
-    PAIR,
-    VARIANCE,
-    CentralSums,
-    Orders,
-    columns_of,
-)
+from rattle.montecarlo.statistics.central_sums import PAIR, VARIANCE, CentralSums, Orders
+from rattle.montecarlo.statistics.fixed_order import columns_of
 from rattle.scene.compiled import jit, lean
 from rattle.scene.constants import Constants
 from rattle.scene.impact import energy_loss, struck
