@@ -20,7 +20,8 @@ from rattle.scene.flight import jacobian, noise_covariance
 from rattle.scene.impact import contact_matrix
 from rattle.scene.moments import semidefinite
 from rattle.scene.scene import Scene
-from rattle.scene.small_matrices import congruence, put, put_row, times
+from rattle.scene.small_matrices import congruence, put, times
+from rattle.scene.small_vectors import put_row
 
 __all__ = ["trace"]
 

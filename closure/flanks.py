@@ -10,6 +10,7 @@ contact is one Gaussian all the same: there several would use up mixture compone
 noise the moments became less accurate.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -17,8 +18,10 @@ import numpy as np
 from rattle.closure.orbit import Floats
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
+from rattle.scene.elementary import each, gauss_legendre
 from rattle.scene.parts import CUT, Tolerance
 from rattle.scene.scene import Scene
+from rattle.scene.small_matrices import congruence
 
 __all__ = [
     "PLAIN", "Pieces", "between", "column", "forget", "pieces", "random_tolerance", "start_covariance", "start_pieces",
@@ -92,10 +95,12 @@ def pieces(distribution: str) -> Pieces:
     >>> round(float(cut.weight @ (cut.variance + cut.mean**2)), 12)
     0.333333333333
     """
-    edges = -np.cos(np.linspace(0.0, np.pi, PIECES + 1))
-    node, share = np.polynomial.legendre.leggauss(NODES)
+    edges = -each(math.cos, np.linspace(0.0, np.pi, PIECES + 1))
+    node, share = gauss_legendre(NODES)
     c = 0.5 * (edges[:-1, None] + edges[1:, None] + np.diff(edges)[:, None] * node)
-    mass = share * np.diff(edges)[:, None] * (np.exp(-0.5 * (CUT * c) ** 2) if distribution == "normal" else 1.0)
+    mass = share * np.diff(edges)[:, None]
+    if distribution == "normal":
+        mass = mass * each(math.exp, -0.5 * (CUT * c) ** 2)
     weight = mass.sum(axis=1)
     mean = (mass * c).sum(axis=1) / weight
     variance = (mass * (c - mean[:, None]) ** 2).sum(axis=1) / weight
@@ -140,7 +145,7 @@ def start_covariance(scene: Scene) -> Floats:
     flanks = np.diag(variance)
     if tolerance.draw == "path":  # both flanks of a mesh have one deviation
         flanks[[0, 1], [1, 0]], flanks[[2, 3], [3, 2]] = variance[0], variance[2]
-    return _placed(scene) @ flanks @ _placed(scene).T
+    return congruence(_placed(scene), flanks)
 
 
 def start_pieces(scene: Scene) -> Pieces:

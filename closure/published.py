@@ -23,7 +23,8 @@ from rattle.scene.errors import InputError
 from rattle.scene.flight import decay, flow, noise_covariance, phi1
 from rattle.scene.impact import struck
 from rattle.scene.scene import Scene
-from rattle.scene.small_matrices import beyond, put, put_row
+from rattle.scene.small_matrices import put
+from rattle.scene.small_vectors import beyond, put_row
 
 __all__ = ["check", "trace"]
 

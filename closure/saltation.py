@@ -19,7 +19,8 @@ from rattle.scene.constants import Constants
 from rattle.scene.flight import field, jacobian, noise_covariance
 from rattle.scene.moments import SMALLEST, semidefinite
 from rattle.scene.scene import Scene
-from rattle.scene.small_matrices import applied, block, congruence, dot, inner, put, times
+from rattle.scene.small_matrices import applied, block, congruence, inner, put, times
+from rattle.scene.small_vectors import dot
 
 __all__ = ["SLOWEST", "propagate", "trace"]
 

@@ -21,7 +21,8 @@ from rattle.scene.compiled import jit, spliced
 from rattle.scene.constants import Constants
 from rattle.scene.flight import field, field_rate, jacobian, noise_covariance, noise_rate, system_matrix
 from rattle.scene.impact import contact_matrix
-from rattle.scene.small_matrices import applied, block, congruence, dot, put, put_row, times, times_transposed
+from rattle.scene.small_matrices import applied, block, congruence, put, times, times_transposed
+from rattle.scene.small_vectors import dot, put_row
 
 __all__ = ["derivatives", "flight_third_cumulant", "hit_matrix", "noise_slope", "third_cumulants"]
 

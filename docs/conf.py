@@ -38,7 +38,8 @@ nitpick_ignore = [  # modules and functions that are no part of the reference
     ("py:obj", f"rattle.{name}")
     for name in (
         "compare.validation.correlation.validity", "montecarlo.diagnostics", "montecarlo.schemes.sticking",
-        "montecarlo.statistics.central_sums.FEWEST", "scene.gears_table", "scene.impact.energy_loss", "scene.plausible",
+        "montecarlo.statistics.section_statistics.FEWEST", "scene.gears_table", "scene.impact.energy_loss",
+        "scene.plausible",
     )
 ]  # fmt: skip
 

@@ -18,8 +18,8 @@ from rattle.montecarlo.reach import Reach
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings import NOISE_FREE, is_random
 from rattle.montecarlo.statistics.batches import Batches
-from rattle.montecarlo.statistics.central_sums import FEWEST, pair_statistics, single_statistics
 from rattle.montecarlo.statistics.histogram import Histograms
+from rattle.montecarlo.statistics.section_statistics import FEWEST, pair_statistics, single_statistics
 from rattle.montecarlo.statistics.step_bias import extrapolated
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION, STATE
@@ -153,8 +153,8 @@ class Ensemble:
         Columns: the mean of ``tau, flight, x1, y1, x2, y2`` under their own names, ``mesh`` and ``side`` of most paths,
         ``sd_``, ``skew_``, ``kurt_`` (third and fourth cumulants in units of the sd) of each quantity, the standard
         error of each of these under ``se_`` + its name (NaN where fewer than
-        `rattle.montecarlo.statistics.central_sums.FEWEST` paths tell none), ``rho1, rho2``, ``paths`` that reached the
-        impact, and ``agreement``: the share that has followed the noise-free itinerary up to there.  With a control
+        `rattle.montecarlo.statistics.section_statistics.FEWEST` paths tell none), ``rho1, rho2``, ``paths`` that
+        reached the impact, and ``agreement``: the share that has followed the noise-free itinerary up to there.  With a control
         variate, means and sds and their errors are the controlled ones.  If asked for, ``energy`` and ``se_energy``:
         mean loss at the impact, see `rattle.scene.impact.energy_loss`.
         """

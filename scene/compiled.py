@@ -29,9 +29,8 @@ def _without_blas() -> None:
 
 _without_blas()
 
-OPTIONS: dict[str, Any] = {
-    "cache": keep_by_source(), "nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy",
-}  # fmt: skip
+keep_by_source()
+OPTIONS: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
 LEAN: dict[str, Any] = OPTIONS | {"_nrt": False}
 
 

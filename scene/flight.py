@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.damping import Pair, decay, pair, phi1, phi2
+from rattle.scene.elementary import gauss_legendre
 
 __all__ = [
     "decay",
@@ -33,7 +34,7 @@ Floats = NDArray[np.float64]
 State = tuple[float, float, float, float]
 
 # Gauss-Legendre on [0, 1]: 16 nodes are exact to rounding on panels of at most PANEL time units.
-_nodes, _weights = np.polynomial.legendre.leggauss(16)
+_nodes, _weights = gauss_legendre(16)
 NODES, WEIGHTS = 0.5 * (_nodes + 1.0), 0.5 * _weights
 PANEL = 2.0
 

@@ -26,13 +26,15 @@ import llvmlite
 import llvmlite.binding
 import numba
 import numpy as np
-from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, UserProvidedCacheLocator
+from numba.core.runtime.nrt import rtsys
 
 __all__ = ["compiled_here", "folder", "fused_multiply_add", "keep_by_source", "sealed", "source_digest"]
 
 PACKAGES = ("scene", "closure", "montecarlo")
 NUMBAS_FILES: Any = IndexDataCacheFile  # typed as Any: numba has no type hints
 NUMBAS_CACHE: Any = FunctionCache
+NUMBAS_STORE: Any = CompileResultCacheImpl
 CHECKSUM = hashlib.sha256().digest_size  # bytes
 
 D = TypeVar("D")
@@ -64,7 +66,7 @@ def source_digest(root: Path) -> str:
     return digest.hexdigest()[:16]
 
 
-def keep_by_source() -> bool:
+def keep_by_source() -> None:
     """Point numba's cache to a folder named by user, installation and sources.
 
     Numba by itself checks only the file of the function that is called: after a change in a file that it calls
@@ -73,11 +75,6 @@ def keep_by_source() -> bool:
     The folder is the first of these that can be created and is private: in NUMBA_CACHE_DIR, in this installation, in
     the user's cache, among the system's temporary files; failing all, one that is removed when the process ends.
     Folders of earlier sources are removed; a process that still uses one compiles what it has not loaded.
-
-    Returns
-    -------
-    bool
-        Whether there is such a folder.
     """
     global _folder
     root = Path(__file__).resolve().parent.parent
@@ -87,14 +84,13 @@ def keep_by_source() -> bool:
     if _folder is None:
         _warnings.append(f"{places[0]} cannot be written: machine code is not kept")
         _warn()
-        return False
+        return
     if _folder.parent != places[0]:
         _warnings.append(f"{places[0]} cannot be written: machine code is kept in {_folder}")
     for other in _folder.parent.glob(mine + "*") if _folder.name == name else ():
         if other != _folder:
             shutil.rmtree(other, ignore_errors=True)
     setattr(numba.config, "CACHE_DIR", str(_folder))  # noqa: B010  (numba.config has no types)
-    return True
 
 
 def _places(root: Path) -> Iterator[Path]:
@@ -225,8 +221,58 @@ def _is_whole(path: str) -> bool:
     return hashlib.sha256(content[:-CHECKSUM]).digest() == content[-CHECKSUM:]
 
 
+class Stored(NUMBAS_STORE):  # type: ignore[misc]
+    """How machine code is stored: in our folder or nowhere; numba's runtime is loaded for functions that call it."""
+
+    _locator_classes = (UserProvidedCacheLocator,)
+
+    def rebuild(self, target_context: Any, payload: Any) -> Any:
+        """Load machine code.
+
+        Parameters
+        ----------
+        target_context, payload
+            Target, and what was stored.
+
+        Returns
+        -------
+        object
+            What numba makes of it.
+        """
+        _, _, (machine_code, _) = payload[0]
+        if b"NRT_" in machine_code:
+            rtsys.initialize(target_context)
+        return super().rebuild(target_context, payload)
+
+
 class Kept(NUMBAS_CACHE):  # type: ignore[misc]
-    """Numba's cache of a function, for a folder that may be full, or removed by another version, at any time."""
+    """Numba's cache of a function, for a folder that may be full, or removed by another version, at any time.
+
+    Few functions of a package are called in a process, and most of those from the cache.  So what numba prepares where
+    a function is declared waits for its first call, and the description of all that numba can compile for the first
+    function that has to be compiled.
+
+    Parameters
+    ----------
+    function : callable
+        What is compiled.
+    """
+
+    _impl_class = Stored
+
+    def __init__(self, function: Any) -> None:
+        self._py_func = function
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__") or "_enabled" in vars(self):
+            raise AttributeError(name)
+        try:
+            super().__init__(self._py_func)
+            self._cache_file.__class__ = Sealed
+        except RuntimeError:  # the folder is gone and cannot be made again
+            self._cache_path = None
+            self.disable()
+        return getattr(self, name)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Read machine code from the cache; None where it has to be compiled, which is announced once.
@@ -241,7 +287,7 @@ class Kept(NUMBAS_CACHE):  # type: ignore[misc]
         object
             What numba makes of it.
         """
-        found = super().load_overload(sig, target_context)
+        found = self._load_overload(sig, target_context)
         if found is None:
             _count()
         return found
@@ -261,7 +307,7 @@ class Kept(NUMBAS_CACHE):  # type: ignore[misc]
 
 
 def sealed(function: D) -> D:
-    """Give the cache files of a compiled function a checksum.
+    """Have the machine code of a function kept on disk, in files with a checksum.
 
     Parameters
     ----------
@@ -273,10 +319,7 @@ def sealed(function: D) -> D:
     callable
         The same function.
     """
-    cache = getattr(function, "_cache", None)
-    if isinstance(cache, NUMBAS_CACHE):  # absent where the compiler is off or has no cache folder
-        cache.__class__ = Kept
-        cache._cache_file.__class__ = Sealed
-        if Path(cache.cache_path).parent != _folder:  # numba could not use it and has chosen another
-            cache.disable()
+    made: Any = function
+    if _folder is not None and hasattr(made, "py_func"):
+        made._cache = Kept(made.py_func)
     return function

@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.scene.compiled import jit
-from rattle.scene.small_matrices import eigen, times_transposed
+from rattle.scene.eigen import eigen
+from rattle.scene.elementary import powers
+from rattle.scene.small_matrices import times_transposed
 
 __all__ = [
     "SECTION", "SMALLEST", "STATE", "Realizability", "central_from_raw", "correlation", "gaussian_raw_moments",
@@ -228,8 +230,8 @@ def central_from_raw(raw: Floats) -> Floats:
     """
     from math import comb
 
-    mean = raw[1]
+    mean, shift = raw[1], powers(-raw[1], len(raw))
     return np.stack([
-        sum((comb(p, k) * (-mean) ** (p - k) * raw[k] for k in range(p + 1)), start=np.zeros_like(mean))
+        sum((comb(p, k) * shift[p - k] * raw[k] for k in range(p + 1)), start=np.zeros_like(mean))
         for p in range(len(raw))
     ])  # fmt: skip

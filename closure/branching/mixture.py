@@ -7,7 +7,8 @@ import numpy as np
 from rattle.closure.flanks import PLAIN
 from rattle.closure.orbit import Floats, Ints
 from rattle.scene.compiled import jit
-from rattle.scene.small_matrices import eigen, largest
+from rattle.scene.eigen import eigen
+from rattle.scene.small_vectors import largest
 
 __all__ = ["Mixture", "empty", "moments", "reduce"]
 
@@ -189,7 +190,7 @@ def moments(w: Floats, mean: Floats, variance: Floats) -> tuple[Floats, Floats, 
     centre = mean[0] + (share * (mean - mean[0])).sum(axis=0)  # exact where nothing varies
     off = mean - centre
     second = (share * (off**2 + variance)).sum(axis=0)
-    third = (share * (off**3 + 3.0 * off * variance)).sum(axis=0)
+    third = (share * (off * off * off + 3.0 * off * variance)).sum(axis=0)
     sd = np.sqrt(np.maximum(second, 0.0))
     with np.errstate(invalid="ignore", divide="ignore"):
-        return centre, sd, np.where(sd > 0.0, third / sd**3, np.nan)
+        return centre, sd, np.where(sd > 0.0, third / (sd * sd * sd), np.nan)

@@ -12,8 +12,10 @@ from rattle.closure.orbit import Floats
 from rattle.closure.section_map import derivatives
 from rattle.scene.compiled import jit, spliced
 from rattle.scene.constants import Constants
+from rattle.scene.eigen import eigen
 from rattle.scene.flight import field, jacobian
-from rattle.scene.small_matrices import applied, block, dot, eigen, inner, norm, put, quadratic, times, times_transposed
+from rattle.scene.small_matrices import applied, block, inner, put, quadratic, times, times_transposed
+from rattle.scene.small_vectors import dot, norm
 
 __all__ = ["Image", "propagate"]
 

@@ -20,7 +20,8 @@ from rattle.closure.orbit import Floats, Ints
 from rattle.scene.compiled import jit, spliced
 from rattle.scene.constants import Constants
 from rattle.scene.flight import jacobian, noise_covariance
-from rattle.scene.small_matrices import applied, beyond, block, congruence, dot, largest, norm, put_row, put_scaled
+from rattle.scene.small_matrices import applied, block, congruence
+from rattle.scene.small_vectors import beyond, dot, largest, norm, put_row, put_scaled
 
 __all__ = ["Buffers", "buffers", "fly"]
 

@@ -12,8 +12,10 @@ from rattle.closure.flanks import PLAIN, between
 from rattle.closure.orbit import Floats
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
+from rattle.scene.eigen import eigen
 from rattle.scene.impact import next_impact
-from rattle.scene.small_matrices import applied, beyond, eigen, norm, put_row, put_scaled
+from rattle.scene.small_matrices import applied
+from rattle.scene.small_vectors import beyond, norm, put_row, put_scaled
 
 __all__ = ["THIRD_CENTRE", "THIRD_WEIGHT", "THIRD_WIDTH", "cut_plane", "event", "half", "root"]
 

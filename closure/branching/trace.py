@@ -23,7 +23,8 @@ from rattle.closure.section_map import hit_matrix
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.scene import Scene
-from rattle.scene.small_matrices import applied, congruence, put, put_row
+from rattle.scene.small_matrices import applied, congruence, put
+from rattle.scene.small_vectors import put_row
 
 __all__ = ["trace"]
 

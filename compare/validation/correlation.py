@@ -1,5 +1,7 @@
 """Correlation of displacement and velocity: realizability for closures and simulation, and its error at mid-flight."""
 
+import math
+
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -7,6 +9,7 @@ from numpy.typing import NDArray
 from rattle.closure import MeanMap
 from rattle.compare.validation.verdict import Tolerances, judge
 from rattle.montecarlo import Ensemble
+from rattle.scene.elementary import each
 from rattle.scene.moments import realizability
 
 Ints = NDArray[np.int64]
@@ -132,11 +135,12 @@ def mid_flight_errors(
     parts = []
     for stage in range(1, run.scene.stages + 1):
         rho = fixed[f"rho{stage}"]
-        fisher = np.arctanh(rho.clip(-1.0 + 1e-15, 1.0 - 1e-15))
+        fisher = each(math.atanh, rho.clip(-1.0 + 1e-15, 1.0 - 1e-15))
         half = z * fixed[f"se_z_rho{stage}"]
         bias = fixed.get(f"coarse_rho{stage}", rho) - rho
         value = predicted[f"rho{stage}"].reindex(fixed.index)
-        low, high = value - np.tanh(fisher + half) - bias.abs(), value - np.tanh(fisher - half) + bias.abs()
+        low = value - each(math.tanh, fisher + half) - bias.abs()
+        high = value - each(math.tanh, fisher - half) + bias.abs()
         parts.append(
             pd.DataFrame(
                 {

@@ -10,6 +10,7 @@ from scipy.special import kolmogi
 
 from rattle.closure import MeanMap
 from rattle.montecarlo import Ensemble
+from rattle.scene.elementary import gauss_legendre
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION, STATE
 
@@ -22,7 +23,7 @@ MOMENTS = ("mean", "sd")
 CONFIDENCE = 0.95  # of the Kolmogorov floor
 REACH = 10.0  # sds on both sides of its mean over which a density is integrated
 STEP = 0.25  # width of a quadrature panel in sds of the density, where bins are wider
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(5)
+NODES, WEIGHTS = gauss_legendre(5)
 ATOM = 0.5  # share of the paths in one bin from which on the sample is an atom and not a density
 VARIES = 1e-6  # share of the largest sd at an impact below which a quantity's own sd is rounding
 

@@ -16,14 +16,9 @@ from rattle.montecarlo.kernel.plain import plain_block
 from rattle.montecarlo.noise.backlash import backlash_of, draw_walls
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.statistics.central_sums import (
-    PAIR,
-    VARIANCE,
-    CentralSums,
-    Orders,
-    columns_of,
-)
-from rattle.scene.compiled import jit
+from rattle.montecarlo.statistics.central_sums import PAIR, VARIANCE, CentralSums, Orders
+from rattle.montecarlo.statistics.fixed_order import columns_of
+from rattle.scene.compiled import jit, lean
 from rattle.scene.constants import Constants
 from rattle.scene.impact import energy_loss, struck
 from rattle.scene.moments import SECTION
@@ -321,7 +316,8 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
         if plan.fixed_steps.size:
             sums["coarse_fixed"] = times(fixed[1], ((0, 1), (2, 3)), PAIR)
     listed = np.array(list(plan.itineraries.values()), dtype=float).reshape(-1, plan.impacts)
-    codes, agreeing = _tally(raw.rows[0], listed)
+    codes, agreeing = np.zeros((plan.impacts, len(CODES))), np.zeros((len(listed), plan.impacts))
+    _tally(raw.rows[0], listed, codes, agreeing)
     kept = raw.rows[0].copy() if plan.keep else None
     if kept is not None and plan.scene.stages == 1:
         kept[:, :, 4:6] = np.nan  # a single stage leaves these columns undefined
@@ -349,11 +345,10 @@ def _losses(c: Constants, rows: Floats) -> Floats:
     return lost
 
 
-@jit
-def _tally(rows: Floats, itineraries: Floats) -> tuple[Floats, Floats]:
-    """Counts of each of `CODES` per impact, and of the paths that have followed each itinerary so far."""
+@lean
+def _tally(rows: Floats, itineraries: Floats, codes: Floats, agreeing: Floats) -> None:
+    """Count each of `CODES` per impact, and the paths that have followed each itinerary so far."""
     paths, impacts = rows.shape[:2]
-    codes, agreeing = np.zeros((impacts, len(CODES))), np.zeros((len(itineraries), impacts))
     for p in range(paths):
         for k in range(impacts):
             for i, code in enumerate(CODES):
@@ -363,4 +358,3 @@ def _tally(rows: Floats, itineraries: Floats) -> tuple[Floats, Floats]:
                 if rows[p, k, 6] != itineraries[i, k]:
                     break
                 agreeing[i, k] += 1.0
-    return codes, agreeing

@@ -22,6 +22,7 @@ from rattle.scene.flight import field, jacobian
 from rattle.scene.impact import contact_matrix, next_impact, struck
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
+from rattle.scene.small_matrices import applied, congruence, times, times_transposed
 
 __all__ = ["LinearPath", "carry_along", "controlled_statistics", "linear_path", "no_control"]
 
@@ -97,7 +98,7 @@ def _impacts(scene: Scene, impacts: int) -> list[_Impact]:
         before = field(c, tau, y1, y2)
         r = contact_matrix(c, mesh)
         y1, y2 = struck(c, mesh, y1, y2)
-        jump = field(c, tau, y1, y2) - r @ before
+        jump = field(c, tau, y1, y2) - applied(r, before)
         delay = np.zeros(5)
         delay[struck_x] = -1.0 / before[struck_x]
         read = np.zeros((len(SECTION), 5))
@@ -162,16 +163,17 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
         while k < len(orbit) and (orbit[k].tau < tau + dt or n == steps - 1):  # the last in spite of rounding
             span = orbit[k].tau - tau - at
             linear, pushed = _flight(c, tau, at, dt, span)
-            carry, noise = linear @ carry, noise @ linear.T + pushed
+            carry, noise = times(linear, carry), times_transposed(noise, linear) + pushed
             program.at_step[k] = n
-            program.read[k], program.read_noise[k] = orbit[k].read @ carry, noise @ orbit[k].read.T
-            program.variance[k] = np.einsum("ij,jk,ik->i", program.read[k], covariance, program.read[k])
+            program.read[k], program.read_noise[k] = times(orbit[k].read, carry), times_transposed(noise, orbit[k].read)
+            program.variance[k] = np.diagonal(congruence(program.read[k], covariance))
             program.variance[k] += (program.read_noise[k] ** 2).sum(axis=0)
-            carry, noise = orbit[k].carry @ carry, noise @ orbit[k].carry.T
+            carry, noise = times(orbit[k].carry, carry), times_transposed(noise, orbit[k].carry)
             at, k = at + span, k + 1
         linear, pushed = _flight(c, tau, at, dt, dt - at)
-        program.carry[n], program.noise[n] = linear @ carry, noise @ linear.T + pushed
-        covariance = program.carry[n] @ covariance @ program.carry[n].T + program.noise[n].T @ program.noise[n]
+        program.carry[n], program.noise[n] = times(linear, carry), times_transposed(noise, linear) + pushed
+        drawn = program.noise[n]
+        covariance = congruence(program.carry[n], covariance) + sum(np.multiply.outer(v, v) for v in drawn)
     return program
 
 

@@ -253,14 +253,15 @@ class _Maker:
         def standardised(s: Floats) -> tuple[Floats, Floats, Floats]:
             m = s / s[:, :1]
             variance = np.maximum(m[:, 2] - m[:, 1] ** 2, 0.0)
-            third = m[:, 3] - 3.0 * m[:, 1] * m[:, 2] + 2.0 * m[:, 1] ** 3
+            third = m[:, 3] - 3.0 * m[:, 1] * m[:, 2] + 2.0 * m[:, 1] * m[:, 1] ** 2
             with np.errstate(invalid="ignore", divide="ignore"):
-                return m[:, 1], np.sqrt(variance), third / variance**1.5
+                return m[:, 1], np.sqrt(variance), third / (variance * np.sqrt(variance))
 
         m = power.sum(axis=0)
         mean, sd, skew = (float(a[0]) for a in standardised(m[None]))
         n = float(m[0])
-        central = _central(m / n, mean) / sd ** np.arange(POWER) if sd > 0.0 else np.full(POWER, math.nan)
+        unit_powers = np.array([sd**k for k in range(POWER)])
+        central = _central(m / n, mean) / unit_powers if sd > 0.0 else np.full(POWER, math.nan)
         influence = {
             "": (np.array([0.0, 1.0]), scale * sd),
             "sd_": (np.array([-0.5, 0.0, 0.5]), scale * sd),

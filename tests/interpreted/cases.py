@@ -21,7 +21,8 @@ from rattle.montecarlo.bench import _normals, _scalar_normals, _skilled_loop, _s
 from rattle.montecarlo.coupling.long_path import LongPath
 from rattle.montecarlo.coupling.pairs import after_impact, growths
 from rattle.montecarlo.noise.philox import key_of
-from rattle.montecarlo.statistics.central_sums import CentralSums, columns_of
+from rattle.montecarlo.statistics.central_sums import CentralSums
+from rattle.montecarlo.statistics.fixed_order import columns_of
 from rattle.scene import DAT21, Scene, Start, Tolerance
 from rattle.scene.flight import field, field_rate, flow, jacobian, noise_covariance, system_matrix
 from rattle.scene.impact import contact_matrix, energy_loss

@@ -8,14 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from rattle.montecarlo.statistics.central_sums import (
-    COVARIANCE,
-    PAIR,
-    SINGLE,
-    CentralSums,
-    pair_statistics,
-    single_statistics,
-)
+from rattle.montecarlo.statistics.central_sums import COVARIANCE, PAIR, SINGLE, CentralSums
+from rattle.montecarlo.statistics.section_statistics import pair_statistics, single_statistics
 
 ORDERS = {"SINGLE": SINGLE, "PAIR": PAIR, "COVARIANCE": COVARIANCE, "cross": ((0, 2),)}
 

@@ -11,7 +11,7 @@ from rattle.closure.orbit import follow
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.statistics.central_sums import FEWEST
+from rattle.montecarlo.statistics.section_statistics import FEWEST
 from rattle.scene import InputError, Tolerance
 
 SECTION = ("tau", "flight", "x1", "y1", "x2", "y2")

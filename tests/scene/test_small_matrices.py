@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rattle.scene.small_matrices import eigen
+from rattle.scene.eigen import eigen
 
 
 def test_eigenvectors_are_those_of_lapack():

@@ -33,7 +33,7 @@ def test_after_warming_up_no_closure_or_scheme_compiles_anything():
 
 
 def test_a_function_that_is_not_in_the_cache_counts(monkeypatch):
-    monkeypatch.setattr(machine_code.NUMBAS_CACHE, "load_overload", lambda *given: None)
+    monkeypatch.setattr(machine_code.NUMBAS_CACHE, "_load_overload", lambda *given: None)
 
     @jit
     def fresh(x):

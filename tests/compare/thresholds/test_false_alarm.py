@@ -28,7 +28,7 @@ from rattle.montecarlo import simulate
 from rattle.montecarlo.ensemble import in_threads
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.control_variate import controlled_statistics
-from rattle.montecarlo.statistics.central_sums import single_statistics
+from rattle.montecarlo.statistics.section_statistics import single_statistics
 from rattle.scene import DAT21, Scene
 from rattle.scene.moments import SECTION
 

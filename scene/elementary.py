@@ -1,0 +1,100 @@
+"""Elementary functions of arrays and quadrature whose last bits do not depend on the processor.
+
+numpy takes other exponentials, powers and trigonometric functions where it finds AVX-512, and its quadrature nodes are
+eigenvalues from LAPACK, which chooses its kernels by the processor.  The functions of the C library are the same on all
+processors with a fused multiply-add.
+"""
+
+import math
+from collections.abc import Callable
+from functools import cache
+from itertools import accumulate, repeat
+from operator import mul
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["each", "gauss_legendre", "powers"]
+
+Floats = NDArray[np.float64]
+
+
+def each(function: Callable[[float], float], values: ArrayLike) -> Floats:
+    """A function of the standard library, of each number of an array.
+
+    Parameters
+    ----------
+    function : callable
+        Of a float.
+    values : array_like
+        The numbers.
+
+    Returns
+    -------
+    ndarray
+        Of the same shape.
+
+    Examples
+    --------
+    >>> each(math.exp, np.array([[0.0], [1.0]])).round(6).tolist()
+    [[1.0], [2.718282]]
+    """
+    given = np.asarray(values, dtype=float)
+    return np.array([function(x) for x in given.ravel().tolist()]).reshape(given.shape)
+
+
+def powers(x: Floats, most: int) -> list[Floats]:
+    """Powers of an array, by multiplication.
+
+    Parameters
+    ----------
+    x : ndarray
+        The base.
+    most : int
+        Largest exponent.
+
+    Returns
+    -------
+    list of ndarray
+        ``x^0`` to ``x^most``.
+
+    Examples
+    --------
+    >>> [p.tolist() for p in powers(np.array([2.0]), 3)]
+    [[1.0], [2.0], [4.0], [8.0]]
+    """
+    return list(accumulate(repeat(x, most), mul, initial=np.ones_like(x)))
+
+
+@cache
+def gauss_legendre(n: int) -> tuple[Floats, Floats]:
+    """Nodes and weights of Gauss and Legendre's quadrature on [-1, 1].
+
+    Parameters
+    ----------
+    n : int
+        Number of nodes.
+
+    Returns
+    -------
+    nodes, weights : ndarray, shape (n,)
+        Exact for polynomials of degree 2 n - 1.
+
+    Examples
+    --------
+    >>> nodes, weights = gauss_legendre(3)
+    >>> nodes.round(6).tolist(), weights.round(6).tolist()
+    ([-0.774597, 0.0, 0.774597], [0.555556, 0.888889, 0.555556])
+    """
+    nodes, weights = np.zeros(n), np.zeros(n)
+    for i in range((n + 1) // 2):
+        x, slope = math.cos(math.pi * (i + 0.75) / (n + 0.5)) if 2 * i + 1 < n else 0.0, 0.0
+        for _ in range(10):  # Newton's method doubles the digits, from two on
+            p, q = 1.0, 0.0
+            for k in range(1, n + 1):
+                p, q = ((2 * k - 1) * x * p - (k - 1) * q) / k, p
+            slope = n * (x * p - q) / (x * x - 1.0)
+            x -= p / slope
+        nodes[i], nodes[n - 1 - i] = -x, x
+        weights[i] = weights[n - 1 - i] = 2.0 / ((1.0 - x * x) * slope * slope)
+    return nodes, weights
