@@ -45,9 +45,9 @@ ORDERS = (
     "No order is published for schemes with inelastic impacts. Two questions are separated. How fast does a scheme "
     "converge towards its own limit: the change of a section mean or sd between dt and dt / 2 on the same Brownian "
     "paths, root mean square over {impacts} impacts in units of the sd, for each quantity by itself; its slope over "
-    "the stated steps and at the finest ones, with 95 % intervals. It is called an order only where it has settled: where "
-    "the local slopes over the finest three changes agree, and the change turns its sign there at no impact. Is that "
-    "limit correct: Richardson extrapolation from the smallest steps compared with exact flights, the largest "
+    "the stated steps and at the finest ones, with 95 % intervals. It is called an order only where it has settled: "
+    "where the local slopes over the finest three changes agree, and the change turns its sign there at no impact. Is"
+    " that limit correct: Richardson extrapolation from the smallest steps compared with exact flights, the largest "
     "difference in standard errors, beside its bound at 95 % confidence if the limit is correct. For the noise-free "
     "itinerary the moment is its probability, the error the distance from that of exact flights."
 )
