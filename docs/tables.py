@@ -196,15 +196,19 @@ def tradeoff(reports: Path) -> Table:
 
 @table
 def orders(reports: Path) -> Table:
-    """Measured weak orders of the Euler-Maruyama schemes."""
-    found = pd.read_csv(reports / "tradeoff" / "orders.csv")
-    return ["scheme", "σ", "moment", "order", "limit off by [se]", "allowed"], [
+    """Measured slopes of the step bias of the Euler-Maruyama schemes, and the orders on which they have settled."""
+    found = pd.read_csv(reports / "tradeoff" / "orders.csv", keep_default_na=False, na_values=[""])
+    rows = [
         [
-            r["scheme"], short(r["sigma"]), r["moment"], interval(r, "order", 2), short(r["limit_z"], 2),
-            short(r["limit_allowed"], 2),
+            r["scheme"], short(r["sigma"]), " ".join(str(r[n]) for n in ("moment", "quantity") if not pd.isna(r[n])),
+            f"{r['coarsest']:g} to {r['finest']:g}", interval(r, "slope", 2),
+            "not settled" if pd.isna(r["order"])
+            else f"{r['order']:.2f} ± {0.5 * (r['order_high'] - r['order_low']):.2f}",
+            short(r["limit_z"], 2), short(r["limit_allowed"], 2),
         ]
-        for _, r in found.iterrows()
+        for _, r in found[found["slope"].notna()].iterrows()
     ]  # fmt: skip
+    return ["scheme", "σ", "moment", "steps", "slope", "order", "limit off by [se]", "allowed"], rows
 
 
 @table

@@ -4,9 +4,11 @@ import numpy as np
 import pandas as pd
 
 from rattle.compare.chaos.exponents import DRIFT, ORBIT, Exponents
+from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.spectrum import TIME
 from rattle.compare.chaos.sqrt_law import SqrtLaw
 from rattle.compare.chaos.sweep import crossings, signs
+from rattle.compare.validation.validity_range import listed
 from rattle.scene.gears import Gears
 
 __all__ = ["answer"]
@@ -111,8 +113,9 @@ def _sweep(table: pd.DataFrame, field: str) -> list[str]:
             f"is positive at {(found > 0).sum()}, negative at {(found < 0).sum()} and undecided at "
             f"{((found == 0) & rows['low'].notna()).sum()} of {len(rows)} values of {field}"
         )
-        sticking = (rows["regime"] == "sticks").sum(), (rows["regime"] == "sticks at times").sum()
-        marked = f"; the orbit sticks for good at {sticking[0]} and at times at {sticking[1]}" if any(sticking) else ""
+        kinds = {kind: int((rows["regime"] == kind).sum()) for kind in (STICKS_FOR_GOOD, STICKS_OFTEN, STICKS_AT_TIMES)}
+        sticking = listed([f"{kind} at {n}" for kind, n in kinds.items() if n])
+        marked = f"; the orbit {sticking}" if sticking else ""
         where = "; ".join(
             f"{'+' if r['to'] > 0 else '-'} between {r['low']:.3g} and {r['high']:.3g}" for _, r in changes.iterrows()
         )

@@ -38,7 +38,7 @@ class Bifurcation:
     edges : ndarray, shape (bins + 1,)
         Edges of the quantity's bins.
     counts : dict of str to ndarray of int, shape (values, bins)
-        For ``orbit`` and ``noisy system``; zero where the orbit sticks for good.
+        For ``orbit`` and ``noisy system``; zero where the orbit sticks often or for good.
     regime : DataFrame
         Per side and value: ``side, value, points, regime, reason``.
     """
@@ -104,7 +104,7 @@ def bifurcation(
     >>> from rattle.scene import DAT21
     >>> b = bifurcation(Scene.from_gears(DAT21, sigma=0.1), (0.05, 0.5), points=500)
     >>> b.regime.query("side == 'orbit'")["regime"].tolist()
-    ['sticks', 'runs']
+    ['sticks often', 'runs']
     """
     choice("quantity", quantity, QUANTITIES)
     count("points", points)
@@ -119,7 +119,7 @@ def bifurcation(
         s = noise(s) if noise else s
         orbit, path = Regime(), Regime()
         found = [values_of(x.flight, x.before) for x in orbit_record(s, points, orbit, tangent=False)]
-        if orbit.kind in ("sticks", "silent"):
+        if not orbit.measured:
             found = []
         noisy: list[Floats] = []
         for x, _ in noisy_record(s, 2**30, seed, path, tangent=False):

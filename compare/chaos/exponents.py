@@ -205,7 +205,7 @@ def _exponents(of: str, scene: Scene, blocks: list[Floats], regime: Regime) -> E
     b = check_finite(f"growth of the {of}, block", np.concatenate([np.empty((0, 6)), *blocks]))
     size = 2 * scene.stages
     time, impacts = float(b[:, 4].sum()), int(b[:, 5].sum())
-    if len(b) < 2 * BATCHES or regime.kind in ("sticks", "silent"):
+    if len(b) < 2 * BATCHES or not regime.measured:
         nothing = np.full(size, np.nan)
         return Exponents(of, nothing, nothing, np.nan, np.nan, np.nan, impacts, time, 0.0, regime)
     found = [ratio_mean(b[:, i], b[:, 4]) for i in range(size)]
@@ -283,7 +283,7 @@ def lyapunov(scene: Scene, *, impacts: int | None = None, width: float | None = 
     Returns
     -------
     Exponents
-        NaN if the orbit sticks for good or has no further impact; `regime` gives the reason.
+        NaN if the orbit sticks often or for good, or has no further impact; `regime` gives the reason.
 
     Raises
     ------

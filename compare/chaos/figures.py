@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rattle.compare.chaos.bifurcation import Bifurcation
 from rattle.compare.chaos.exponents import DRIFT, Exponents
+from rattle.compare.chaos.record import SILENT, STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.section import MAP, NOISY, ORBIT, Section
 from rattle.compare.chaos.spectrum import SEQUENCE, TIME, Spectrum
 from rattle.compare.chaos.sqrt_law import SqrtLaw
@@ -148,8 +149,8 @@ def _lines(ax: Axes, table: pd.DataFrame, field: str) -> None:
         ax.fill_between(x, rows["low"], rows["high"], color=colour, alpha=0.3, lw=0)
         ax.plot(x, rows["largest"], color=colour, lw=1.2, label=of)
         if of == ORBIT:
-            _mark_sticking(ax, x, (rows["regime"] == "sticks").to_numpy())
-            at_times = (rows["regime"] == "sticks at times").to_numpy()
+            _mark_sticking(ax, x, rows["regime"].isin((STICKS_OFTEN, STICKS_FOR_GOOD)).to_numpy())
+            at_times = (rows["regime"] == STICKS_AT_TIMES).to_numpy()
             ax.plot(
                 x[at_times], rows["largest"].to_numpy()[at_times], ls="none", marker="o", ms=3.5, mfc="none",
                 color=colour, label="orbit that sticks at times: between sticking phases",
@@ -160,7 +161,7 @@ def _lines(ax: Axes, table: pd.DataFrame, field: str) -> None:
 def _mark_sticking(ax: Axes, x: Floats, sticks: NDArray[np.bool_]) -> None:
     half = 0.5 * float(np.diff(x).min()) if x.size > 1 else 0.5
     for n, value in enumerate(x[sticks]):
-        ax.axvspan(value - half, value + half, label="orbit sticks for good" if n == 0 else None, **STICKING)
+        ax.axvspan(value - half, value + half, label="orbit sticks often or for good" if n == 0 else None, **STICKING)
 
 
 def sweep_figure(table: pd.DataFrame, field: str = "alpha", claimed: tuple[float, float] | None = None) -> Figure:
@@ -214,7 +215,7 @@ def bifurcation_figure(b: Bifurcation, table: pd.DataFrame | None = None) -> Fig
     for ax, (side, counts) in zip(axes, b.counts.items(), strict=False):
         share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
         _density(ax, x, b.edges, share, float(share.max()))
-        ended = b.regime[(b.regime["side"] == side) & b.regime["regime"].isin(["sticks", "silent"])]
+        ended = b.regime[(b.regime["side"] == side) & b.regime["regime"].isin([STICKS_OFTEN, STICKS_FOR_GOOD, SILENT])]
         _mark_sticking(ax, b.at, np.isin(b.at, ended["value"]))
         ax.set_title(side, loc="left", color=SIDE[side]["color"], fontweight="bold")
         ax.set_ylabel(label, fontsize=8)

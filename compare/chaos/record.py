@@ -11,13 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.closure.long_orbit import LongOrbit
+from rattle.closure.orbit import follow
 from rattle.montecarlo.coupling.long_path import LongPath
 from rattle.scene.errors import InputError
 from rattle.scene.impact import MISSES, NONE
 from rattle.scene.scene import Scene
 from rattle.scene.tangent import Stretch
 
-__all__ = ["DISCARD", "Regime", "check_finite", "noisy_record", "orbit_record"]
+__all__ = [
+    "DISCARD", "KINDS", "RUNS", "SILENT", "STICKS_AT_TIMES", "STICKS_FOR_GOOD", "STICKS_OFTEN", "Regime",
+    "check_finite", "noisy_record", "orbit_record",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 
@@ -27,6 +31,12 @@ STEPS = 100_000  # steps of a noisy path at a time
 TRIAL = 20_000  # computed impacts after which an orbit with too few recorded ones is given up
 ROUNDED = 1e-6  # speed below which rounding breaks the monotonic decrease of impact speeds in chatter
 WORTH = 0.25  # smallest share of the computed impacts that must have been recorded by then
+
+RUNS, STICKS_AT_TIMES, STICKS_OFTEN = "runs", "sticks at times", "sticks often"
+STICKS_FOR_GOOD, SILENT = "sticks for good", "silent"
+KINDS = (RUNS, STICKS_AT_TIMES, STICKS_OFTEN, STICKS_FOR_GOOD, SILENT)
+"""Kinds of motion: impacts go on; so they do between rare sticking phases; between phases so frequent that there is no
+record of the motion between; a mesh stays closed; there is no further impact."""
 
 
 @dataclass
@@ -47,6 +57,10 @@ class Regime:
         Steps of a noisy path that it spent sticking.
     gave_up : bool
         Whether the record was given up because too few impacts could be recorded.
+    for_good : bool
+        Of an orbit that was given up: whether a mesh sticks for good.
+    closed : float
+        Of an orbit that was given up: share of the time in which a mesh is closed.
     transient : int
         Impacts that were removed later as a transient.
     """
@@ -58,29 +72,37 @@ class Regime:
     silent: bool = False
     sticking_steps: int = 0
     gave_up: bool = False
+    for_good: bool = False
+    closed: float = 0.0
     transient: int = 0
 
     @property
     def kind(self) -> str:
-        """``runs`` (impacts go on), ``sticks at times``, ``sticks`` (for good) or ``silent`` (no further impact)."""
+        """One of `KINDS`."""
         if self.silent:
-            return "silent"
+            return SILENT
         if self.gave_up:
-            return "sticks"
-        return "sticks at times" if self.stuck else "runs"
+            return STICKS_FOR_GOOD if self.for_good else STICKS_OFTEN
+        return STICKS_AT_TIMES if self.stuck else RUNS
+
+    @property
+    def measured(self) -> bool:
+        """Whether enough was recorded: impacts go on, and sticking phases are far apart or absent."""
+        return self.kind in (RUNS, STICKS_AT_TIMES)
 
     @property
     def reason(self) -> str:
         """The kind of motion as a clause with numbers."""
-        life = f"{self.computed / max(self.stuck, 1):,.0f} impacts"
+        stuck = f"sticks {self.stuck} time{'s' if self.stuck > 1 else ''} in {self.computed:,} impacts"
         transient = f", the first {self.transient:,} of them a transient" if self.transient else ""
         return {
-            "runs": f"ran through all {self.computed:,} impacts{transient}",
-            "sticks at times": f"completes chatter and sticks once in {life}; restarted {self.starts - 1} times, the "
-            f"exponents are those of the motion between{transient}",
-            "sticks": f"completes chatter and sticks after {life} on average, from each of {self.starts} starts: "
-            "there is no stationary motion to measure",
-            "silent": f"ends: {MISSES[NONE]}",
+            RUNS: f"ran through all {self.computed:,} impacts{transient}",
+            STICKS_AT_TIMES: f"completes chatter and {stuck}; restarted after each, the exponents are those of the "
+            f"motion between{transient}",
+            STICKS_OFTEN: f"completes chatter and {stuck}, too often for a record of the motion between; it goes on "
+            f"after each, and a mesh is closed {100.0 * self.closed:.2g} % of the time",
+            STICKS_FOR_GOOD: f"completes chatter and sticks for good, from each of {self.starts} starts: impacts end",
+            SILENT: f"ends: {MISSES[NONE]}",
         }[self.kind]
 
 
@@ -164,7 +186,18 @@ def orbit_record(scene: Scene, impacts: int, regime: Regime, *, tangent: bool = 
             return
         if regime.computed >= TRIAL and regime.impacts < WORTH * regime.computed:
             regime.gave_up = True
+            regime.closed, regime.for_good = _closed(scene)
             return
+
+
+def _closed(scene: Scene) -> tuple[float, bool]:
+    """Largest share of the time in which a mesh is closed along the orbit, and whether one stays closed for good."""
+    orbit = follow(scene, TRIAL)
+    if orbit.stopped:
+        return math.nan, True
+    end = float(orbit.tau[-1])
+    closed = [sum(min(s.opened, end) - s.closed for s in orbit.sticking if s.mesh == mesh) for mesh in (1, 2)]
+    return max(closed) / (end - float(orbit.tau[0])), False
 
 
 def _accumulating(s: Stretch) -> int:

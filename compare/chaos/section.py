@@ -107,7 +107,7 @@ class _Counter:
 def _orbit_points(scene: Scene, points: int, regime: Regime) -> Iterator[tuple[Floats, Floats]]:
     for s in orbit_record(scene, points, regime, tangent=False):
         yield s.flight, s.before
-    if regime.impacts == 0 or regime.kind in ("sticks", "silent"):
+    if regime.impacts == 0 or not regime.measured:
         raise InputError("scene", f"alpha = {scene.alpha:g}", f"has an orbit without a section: {regime.reason}")
 
 
@@ -133,7 +133,7 @@ def frame(scene: Scene, seed: int = 0, points: int = PILOT) -> tuple[Floats, Flo
     seed : int
         Seed of the random numbers.
     points : int
-        Points of the pilot run on each side; an orbit that sticks for good is left out.
+        Points of the pilot run on each side; an orbit that sticks often or for good is left out.
 
     Returns
     -------
@@ -170,7 +170,7 @@ def orbit_section(scene: Scene, points: int, edges: tuple[Floats, Floats]) -> Se
     Raises
     ------
     InputError
-        If the orbit sticks for good or has no further impact, and so has no section.
+        If the orbit sticks often or for good or has no further impact, and so has no section.
     """
     counter, regime = _Counter(edges, scene.stages), Regime()
     for flight, before in _orbit_points(scene, points, regime):

@@ -201,7 +201,7 @@ def spectra(
     dict of tuple to Spectrum
         By side, kind and velocity (``y1, y2``).  `SEQUENCE` is the velocity before each impact, with frequencies in
         cycles per impact; `TIME` is the velocity in time, with frequencies in units of the excitation frequency.
-        Without the orbit if it sticks for good or has no further impact.
+        Without the orbit if it sticks often or for good, or has no further impact.
 
     Raises
     ------
@@ -223,7 +223,7 @@ def spectra(
     found: dict[tuple[str, str, str], Spectrum] = {}
     regime = Regime()
     pieces = [(s.before[:, 1::2], velocities(scene, s, h)) for s in orbit_record(scene, impacts, regime, tangent=False)]
-    if regime.kind not in ("sticks", "silent"):
+    if regime.measured:
         orbit = _collect(scene, ([[a], [b]] for a, b in pieces))  # type: ignore[misc]
         found |= {(ORBIT, *key): value for key, value in orbit.items()}
     with ThreadPoolExecutor(workers) as pool:

@@ -167,7 +167,7 @@ def sweep(
     -------
     DataFrame
         Columns: the field, ``of`` (the linearised system), ``largest, low, high`` (largest exponent and its 95 %
-        interval; NaN without a stationary motion), ``rate, sum_error, impacts`` as of `Exponents`, and ``regime,
+        interval; NaN where there is no record), ``rate, sum_error, impacts`` as of `Exponents`, and ``regime,
         reason`` as of `Regime`.
 
     Raises
@@ -180,7 +180,7 @@ def sweep(
     >>> from rattle.scene import DAT21
     >>> t = sweep(Scene.from_gears(DAT21), (0.05, 0.3), noise=paper_noise, width=0.1)
     >>> t[t["of"] == "orbit"]["regime"].tolist()
-    ['sticks', 'runs']
+    ['sticks often', 'runs']
     """
     count("workers", workers)
     jobs = []
@@ -219,7 +219,7 @@ def crossings(table: pd.DataFrame, field: str = "alpha", of: str = ORBIT) -> pd.
     """Find where the largest exponent changes its sign along a sweep.
 
     A change is bracketed by the last value of the field with one sign and the first with the other (see `signs`).
-    Values between whose sign is undecided, or at which the orbit sticks for good, make the bracket wider.
+    Values between whose sign is undecided, or at which the orbit has no exponents, make the bracket wider.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ class Claim(NamedTuple):
     where : str
         Place in the paper.
     says : str
-        The claim itself.
+        The claim itself, in the paper's own words; ``…`` stands for words left out.
     test : str
         What is measured, and the result for which the claim counts as reproduced.
     evidence : str

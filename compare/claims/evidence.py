@@ -10,6 +10,7 @@ from rattle.compare.chaos.exponents import Exponents, Mean, drift_exponents, lya
 from rattle.compare.chaos.measure import ChaosStudy, study
 from rattle.compare.chaos.record import Regime, noisy_record, orbit_record
 from rattle.compare.chaos.sweep import paper_noise
+from rattle.compare.claims.mean_motion import MeanMotion, mean_motion
 from rattle.compare.validation.validate import Validation, validate
 from rattle.montecarlo import Ensemble, Record, simulate
 from rattle.scene.parts import Start
@@ -20,6 +21,7 @@ __all__ = ["Evidence", "gather"]
 
 FLIGHTS = np.array([0.5, 1.5, 3.0])  # times after the start at which a flight without walls is compared
 STEP = 2e-3  # its time step
+LEAST = 2000  # paths whose mean velocity is followed in time, if `paths` are few
 REPEATS, STEPS = 100_000, 2_000_000  # impacts of the orbit, and steps of a noisy path, searched for repeated flanks
 
 
@@ -43,6 +45,8 @@ class Evidence:
         Their scene.
     repeats : dict of str to Mean
         Share of consecutive impacts at one mesh that are on the same flank: ``orbit`` and ``noisy``.
+    mean : MeanMotion
+        The mean velocity of an ensemble in time.
     """
 
     scene: Scene
@@ -52,6 +56,7 @@ class Evidence:
     flight: Ensemble
     open_space: Scene
     repeats: dict[str, Mean]
+    mean: MeanMotion
 
 
 def gather(
@@ -116,6 +121,7 @@ def gather(
             "orbit": _repeats(orbit_record(scene, REPEATS, Regime(), tangent=False), scene.stages),
             "noisy": _repeats((s for s, _ in noisy_record(scene, STEPS, seed, Regime(), tangent=False)), scene.stages),
         },
+        mean_motion(scene, max(paths // 5, LEAST), seed, workers),
     )  # fmt: skip
 
 

@@ -8,12 +8,11 @@ from rattle.compare.claims.of_moments import beyond_one, describes, not_gaussian
 from rattle.compare.claims.of_motion import (
     both_models,
     chaotic_range,
-    continuous,
     controlled,
     counter_meshes,
     fuzzy,
-    narrow_bands,
 )
+from rattle.compare.claims.of_spectra import continuous, narrow_bands
 
 __all__ = ["CLAIMS", "judge"]
 

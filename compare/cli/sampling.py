@@ -217,7 +217,7 @@ def bench(as_json: bool) -> None:
 def order(
     scene: Path | None, sigma: float | None, impacts: int, paths: int, seed: int, workers: int, as_json: bool
 ) -> None:
-    """Measure the weak order of the Euler-Maruyama schemes on SCENE (a TOML file; DAT21 if none).
+    """Measure slopes of the step bias, and orders, of the Euler-Maruyama schemes on SCENE (a TOML file; DAT21 if none).
     \f
 
     Parameters
@@ -229,16 +229,22 @@ def order(
     as_json : bool
         The option ``--json``.
     """
+    from rattle.compare.tradeoff.page import orders_said
     from rattle.compare.tradeoff.weak_order import weak_orders
 
     table = weak_orders(_scene(scene, sigma), impacts=impacts, paths=paths, rng=seed, workers=workers).table
     if as_json:
         say_json(table.to_dict("records"))
         return
-    say(table.to_string(index=False, float_format="{:.4g}".format, na_rep="hidden by noise"))
+    names = ["scheme", "moment", "quantity", "slope", "low", "high", "last", "turns", "order", "change", "limit_z"]
+    say(table[names].to_string(index=False, float_format="{:.3g}".format, na_rep="-"))
+    for sentence in orders_said(table):
+        say(sentence)
     say(
-        "order lies in [low, high] with 95 % confidence; change: size of the last change, in sds;\nlimit_z: Richardson "
-        "extrapolation minus exact flights in standard errors; limit_allowed: its bound at 95 % confidence."
+        "slope of the step bias over these dt, in [low, high] with 95 % confidence; last: that at the finest; turns: "
+        "impacts at\nwhich the change turns its sign; order: only where the slope has settled; change: size of the "
+        "last change, in sds;\nlimit_z: Richardson extrapolation minus exact flights in standard errors; -: hidden by "
+        "noise."
     )
 
 

@@ -1,5 +1,7 @@
 """The figures of a trade-off: error against processor time of all schemes and closures; error against the step."""
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.artist import Artist
@@ -8,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
-from rattle.compare.report.style import STYLE, legend_above, new_figure
+from rattle.compare.report.style import STYLE, SYMBOL, legend_above, new_figure
 
 __all__ = ["order_figure", "tradeoff_figure"]
 
@@ -65,11 +67,16 @@ def tradeoff_figure(points: pd.DataFrame, slopes: dict[str, float], means_alone:
     return figure
 
 
+QUANTITY: Any = {
+    "tau": {"color": "#000000", "marker": "o"}, "flight": {"color": "#999999", "marker": "v"},
+    "x1": {"color": "#56B4E9", "marker": "s"}, "y1": {"color": "#0072B2", "marker": "D"},
+    "x2": {"color": "#E69F00", "marker": "s"}, "y2": {"color": "#D55E00", "marker": "D"},
+}  # fmt: skip
 MOMENTS = {"mean": "section means", "sd": "section sds", "itinerary": "itinerary's probability"}
 
 
 def order_figure(changes: pd.DataFrame) -> Figure:
-    """Error against the step: a row of panels for each noise intensity, a panel for each kind of moment.
+    """Change against the step: a row of panels for each noise intensity and scheme, a panel for each kind of moment.
 
     Parameters
     ----------
@@ -80,39 +87,37 @@ def order_figure(changes: pd.DataFrame) -> Figure:
     -------
     Figure
     """
-    sigmas = list(dict.fromkeys(changes["sigma"]))
-    figure, axes = new_figure(9.6, 3.0 * len(sigmas), len(sigmas), len(MOMENTS))
-    for i, sigma in enumerate(sigmas):
+    pairs = list(dict.fromkeys(zip(changes["sigma"], changes["scheme"], strict=True)))
+    figure, axes = new_figure(9.6, 2.7 * len(pairs), len(pairs), len(MOMENTS))
+    for i, (sigma, scheme) in enumerate(pairs):
         for j, (moment, title) in enumerate(MOMENTS.items()):
             ax = axes[len(MOMENTS) * i + j]
-            own = changes[(changes["sigma"] == sigma) & (changes["moment"] == moment)].dropna()
-            for scheme, rows in own.groupby("scheme", sort=False):
-                away = [rows["change"] - rows["low"], rows["high"] - rows["change"]]
-                ax.errorbar(
-                    rows["dt"], rows["change"], away, label=str(scheme), ms=6, lw=1.3, capsize=2, **SCHEME[scheme]
-                )
-            if len(own):
-                ends, first = np.array([own["dt"].min(), own["dt"].max()]), own["change"].max()
-                ax.plot(ends, first * ends / ends[1], color="0.7", lw=1.0, zorder=0, label="order 1")
-            ax.set_xscale("log", base=2)
-            ax.set_yscale("log")
-            steps = sorted(own["dt"].unique())
-            ax.set_xticks(steps, [f"{step:g}" for step in steps], minor=False)
-            ax.yaxis.set_minor_formatter(NullFormatter())
-            if len(own):
-                ax.set_ylim(
-                    *(
-                        10.0
-                        ** np.array(
-                            [np.floor(np.log10(0.5 * own["change"].min())), np.ceil(np.log10(own["high"].max()))]
-                        )
-                    )
-                )
-            ax.set_title(rf"{title}, $\sigma$ = {sigma:.3g}", fontsize=9.0)
+            of = (changes["sigma"] == sigma) & (changes["scheme"] == scheme) & (changes["moment"] == moment)
+            _changes(ax, changes[of].dropna(subset=["change"]))
+            ax.set_title(rf"{scheme}: {title}, $\sigma$ = {sigma:.3g}", fontsize=8.0)
             ax.set_xlabel("dt")
-            ax.set_ylabel("change from dt to dt / 2 (sds)" if moment != "itinerary" else "error")
-    legend_above(figure, axes, 3)
+            ax.set_ylabel("change from dt to dt / 2 (sds)" if moment != "itinerary" else "error", fontsize=8.0)
+    legend_above(figure, axes, 7)
     return figure
+
+
+def _changes(ax: Axes, own: pd.DataFrame) -> None:
+    """A line for each quantity with its intervals, and slope 1 through the largest change."""
+    ax.set_xscale("log", base=2)
+    ax.set_yscale("log")
+    for quantity, rows in own.groupby("quantity", sort=False):
+        away = [rows["change"] - rows["low"], rows["high"] - rows["change"]]
+        style = QUANTITY.get(str(quantity), {"color": "k", "marker": "o"})
+        label = SYMBOL.get(str(quantity), "itinerary")
+        ax.errorbar(rows["dt"], rows["change"], away, ms=4, lw=1.1, capsize=2, label=label, **style)
+    if len(own):
+        ends, first = np.array([own["dt"].min(), own["dt"].max()]), own["change"].max()
+        ax.plot(ends, first * ends / ends[1], color="0.7", lw=1.0, zorder=0, label="slope 1")
+        bottom, top = np.floor(np.log10(0.5 * own["change"].min())), np.ceil(np.log10(own["high"].max()))
+        ax.set_ylim(10.0**bottom, 10.0**top)
+    steps = sorted(own["dt"].unique())
+    ax.set_xticks(steps, [f"{step:g}" for step in steps], minor=False)
+    ax.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _scheme(ax: Axes, scheme: str, rows: pd.DataFrame, slope: float) -> Artist:

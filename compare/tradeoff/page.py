@@ -11,10 +11,11 @@ from rattle.compare.report.glossary import CLOSURE_TERMS, SCHEME_TERMS, SECTION_
 from rattle.compare.tradeoff.answer import EXACT, cheapest, seconds
 from rattle.compare.tradeoff.measure import Measured, means_seconds, slope
 from rattle.compare.tradeoff.multilevel import KURTOSIS_ALARM, Rate
-from rattle.compare.tradeoff.weak_order import ORDER_IMPACTS, Orders
+from rattle.compare.tradeoff.weak_order import ORDER_IMPACTS, STEPS, Orders
+from rattle.compare.validation.validity_range import listed
 from rattle.scene.scene import Scene
 
-__all__ = ["orders_table", "tradeoff_page"]
+__all__ = ["orders_said", "orders_table", "tradeoff_page"]
 
 FIGURE = (
     "Error against processor time, both on logarithmic scales. Schemes: the larger of the worst standard error and the "
@@ -43,15 +44,17 @@ LEVELS = (
 ORDERS = (
     "No order is published for schemes with inelastic impacts. Two questions are separated. How fast does a scheme "
     "converge towards its own limit: the change of a section mean or sd between dt and dt / 2 on the same Brownian "
-    "paths, root mean square over {impacts} impacts and all quantities in units of the sd; the order is the slope with "
-    "its 95 % interval. Is that limit correct: Richardson extrapolation from the smallest steps compared with exact "
-    "flights, the largest difference in standard errors, beside its bound at 95 % confidence if the limit is correct. "
-    "For the noise-free itinerary the moment is its probability, the error the distance from that of exact flights."
+    "paths, root mean square over {impacts} impacts in units of the sd, for each quantity by itself; its slope over "
+    "the stated steps and at the finest ones, with 95 % intervals. It is called an order only where it has settled: "
+    "where the local slopes over the finest three changes agree, and the change turns its sign there at no impact. Is"
+    " that limit correct: Richardson extrapolation from the smallest steps compared with exact flights, the largest "
+    "difference in standard errors, beside its bound at 95 % confidence if the limit is correct. For the noise-free "
+    "itinerary the moment is its probability, the error the distance from that of exact flights."
 )
 ORDER_FIGURE = (
-    "Error against the step, both on logarithmic scales, with 95 % intervals; errors hidden by sampling noise are left "
-    "out. Grey: order 1. A limit further off than allowed means that a scheme is not yet in its asymptotic regime at "
-    "these steps, or that its limit is wrong."
+    "Change of each quantity against the step, both on logarithmic scales, with 95 % intervals; what sampling noise "
+    "hides is left out. Grey: slope 1. A limit further off than allowed means that a scheme is not yet in its "
+    "asymptotic regime at these steps, or that its limit is wrong."
 )
 GAINS = (
     "Variance of exact flights without the linearised path as control variate over that with it, on the same paths; "
@@ -133,25 +136,74 @@ def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> 
 
 
 def orders_table(table: pd.DataFrame) -> Table:
-    """The measured weak orders, and whether each scheme's limit is correct.
+    """The measured slopes, the orders on which they have settled, and whether each scheme's limit is correct.
 
     Parameters
     ----------
     table : DataFrame
-        Rows of `rattle.compare.tradeoff.weak_order.Order`.
+        Rows of `rattle.compare.tradeoff.weak_order.Slope`.
 
     Returns
     -------
     Table
     """
+    seen = table[table["slope"].notna()]
     rows: list[Row] = [
-        (f"{r['sigma']:.4g}", r["scheme"], r["moment"],
-         "hidden by noise" if np.isnan(r["order"]) else f"{r['order']:.2f} ({r['low']:.2f} to {r['high']:.2f})",
-         f"{r['change']:.2g}", f"{r['limit_z']:.1f}", f"{r['limit_allowed']:.1f}")
-        for _, r in table.iterrows()
+        (
+            f"{r['sigma']:.4g}", r["scheme"], f"{r['moment']} {r['quantity']}".strip(),
+            f"{r['coarsest']:g} to {r['finest']:g}", _between(r, "slope", "low", "high"),
+            _between(r, "last", "last_low", "last_high"), str(r["turns"]),
+            "not settled" if np.isnan(r["order"]) else _between(r, "order", "order_low", "order_high"),
+            f"{r['change']:.2g}", f"{r['limit_z']:.1f}", f"{r['limit_allowed']:.1f}",
+        )
+        for _, r in seen.iterrows()
     ]  # fmt: skip
-    results = numbers("order", "last change", "limit: standard errors off", "allowed")
+    results = numbers(
+        "dt", "slope", "at the finest", "impacts where it turns", "order", "last change", "limit: standard errors off",
+        "allowed",
+    )  # fmt: skip
     return Table.of([*numbers("σ"), "scheme", "moment", *results], rows)
+
+
+def _between(row: Any, value: str, low: str, high: str) -> str:
+    return "–" if np.isnan(row[value]) else f"{row[value]:.2f} ({row[low]:.2f} to {row[high]:.2f})"
+
+
+def orders_said(table: pd.DataFrame) -> list[str]:
+    """Which slopes have settled on an order and which have not, a sentence for each scheme and noise intensity.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Rows of `rattle.compare.tradeoff.weak_order.Slope`.
+
+    Returns
+    -------
+    list of str
+    """
+    said = []
+    for (sigma, scheme), rows in table[table["moment"] != "itinerary"].groupby(["sigma", "scheme"], sort=False):
+        seen = rows[rows["slope"].notna()]
+        settled = seen["order"].notna()
+        parts = [
+            f"{text} {'an order' if text == 'settled on' else 'at'} {_groups(found, value)}"
+            for text, found, value in (("settled on", seen[settled], "order"), ("not settled", seen[~settled], "slope"))
+            if len(found)
+        ]
+        hidden = len(rows) - len(seen)
+        parts += [f"hidden by noise or constant: {hidden} of {len(rows)}"] if hidden else []
+        said.append(f"`{scheme}`, σ = {sigma:.4g}, dt from {STEPS[0]:g} to {0.5 * STEPS[-1]:g}: {'; '.join(parts)}.")
+    return said
+
+
+def _groups(rows: pd.DataFrame, value: str) -> str:
+    """Quantities and the range of their values, of means and of sds."""
+    found = []
+    for moment, own in rows.groupby("moment", sort=False):
+        low, high = own[value].min(), own[value].max()
+        span = f"{low:.2f}" if f"{low:.2f}" == f"{high:.2f}" else f"{low:.2f} to {high:.2f}"
+        found.append(f"{span} ({moment}s of {listed(list(own['quantity']))})")
+    return listed(found)
 
 
 def tradeoff_page(
@@ -195,7 +247,8 @@ def tradeoff_page(
         alt = "Change of means and sds, and error of the itinerary's probability, against the step"
         shown: tuple[Block, ...] = (orders_table(orders.table), Figure("orders.svg", ORDER_FIGURE, alt))
         note = Text(ORDERS.format(impacts=ORDER_IMPACTS), note=True)
-        sections.append(Section("The weak order of the schemes, measured", (note, *shown)))
+        said = tuple(Text(sentence) for sentence in orders_said(orders.table))
+        sections.append(Section("Slopes of the step bias, and orders, measured", (*said, note, *shown)))
     gains = (Text(GAINS, note=True), tables["control"])
     sections.append(Section("What the control variate and antithetic pairs are worth", gains))
     facts = (

@@ -1,8 +1,11 @@
-"""Measured weak order of a scheme with inelastic impacts, for which no order has been published.
+"""Measured slopes of the step bias of a scheme with inelastic impacts, for which no weak order has been published.
 
 Two questions are separated (as in the tests of diffrax): how fast does a scheme converge towards its own limit, and is
 that limit correct?  The first is answered by differences between a step and twice the step on the same Brownian paths;
 the second by comparing Richardson extrapolation from the smallest steps with exact flights, which have no step bias.
+
+Each quantity has a slope of its own, over a stated range of steps.  It is called an order only where it has settled:
+where the local slopes at the finest steps agree, and no change turns its sign.
 """
 
 import math
@@ -13,16 +16,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 from tqdm import tqdm
 
+from rattle.compare.tradeoff.slopes import CONFIDENCE, changes_from, settled_from, slope_from
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, Ensemble, Record, simulate
 from rattle.montecarlo.accuracy import units
 from rattle.scene.scene import Scene
 from rattle.scene.validate import count
 
-__all__ = ["ORDER_IMPACTS", "STEPS", "Order", "Orders", "changes_from", "order_from", "orders_over", "weak_orders"]
+__all__ = ["ORDER_IMPACTS", "STEPS", "Orders", "Slope", "orders_over", "weak_orders"]
 
 Floats = NDArray[np.float64]
 
@@ -30,12 +33,11 @@ STEPS = (0.016, 0.008, 0.004, 0.002)
 """Larger step of each pair; the smaller one is half of it."""
 
 ORDER_IMPACTS = 4  # impacts over which paths with different dt keep the same itinerary
-CONFIDENCE = 0.95
 STILL = 1e-9  # standard error below which a quantity counts as constant
 
 
-class Order(NamedTuple):
-    """Measured weak order of one scheme for one kind of moment.
+class Slope(NamedTuple):
+    """Slope of the step bias of one quantity, of one scheme and kind of moment.
 
     Attributes
     ----------
@@ -44,39 +46,60 @@ class Order(NamedTuple):
         Noise intensity.
     moment : str
         ``mean``, ``sd``, or ``itinerary`` for the probability of the noise-free itinerary.
-    order, low, high : float
-        Estimate and its 95 % interval; NaN where sampling noise hides the bias.
+    quantity : str
+        Of the section; empty for the itinerary.
+    coarsest, finest : float
+        Range of steps: the larger step of the first pair and the smaller one of the last.
+    slope, low, high : float
+        Slope over the whole range and its 95 % interval; NaN where sampling noise hides the bias.
+    last, last_low, last_high : float
+        Local slope at the finest steps.
+    turns : int
+        Number of impacts at which the change turns its sign within the range.
+    order, order_low, order_high : float
+        Slope over the finest three changes, where it has settled; NaN where not.
     change : float
-        Root mean square over quantities and impacts, in sds, of the change from twice the smallest step to the
-        smallest; of an itinerary the distance from exact flights.
+        Root mean square over the impacts, in sds, of the change from twice the smallest step to the smallest; of an
+        itinerary the distance from exact flights.
     limit_z : float
         Largest difference between the extrapolated value and exact flights, in standard errors.
     limit_allowed : float
-        Its bound at 95 % confidence if the limit is correct.
+        Its bound at 95 % confidence if the limit is correct, over all quantities of the scheme and moment.
     """
 
     scheme: str
     sigma: float
     moment: str
-    order: float
+    quantity: str
+    coarsest: float
+    finest: float
+    slope: float
     low: float
     high: float
+    last: float
+    last_low: float
+    last_high: float
+    turns: int
+    order: float
+    order_low: float
+    order_high: float
     change: float
     limit_z: float
     limit_allowed: float
 
 
 class Orders(NamedTuple):
-    """Measured weak orders, and the errors from which they are fitted.
+    """Measured slopes and orders, and the changes from which they are fitted.
 
     Attributes
     ----------
     table : DataFrame
-        A row for each `Order`.
+        A row for each `Slope`.
     changes : DataFrame
-        Columns ``scheme, sigma, moment, dt, change, low, high``.  For means and sds ``change`` is the root mean square,
-        in sds, of the change between dt and dt / 2; for the itinerary the distance of its probability at dt from that
-        of exact flights; NaN where noise hides it.  The 95 % intervals are for each row by itself.
+        Columns ``scheme, sigma, moment, quantity, dt, change, low, high``.  For means and sds ``change`` is the root
+        mean square over the impacts, in sds, of the change between dt and dt / 2; for the itinerary the distance of its
+        probability at dt from that of exact flights; NaN where noise hides it.  The 95 % intervals are for each row by
+        itself.
     """
 
     table: pd.DataFrame
@@ -84,7 +107,7 @@ class Orders(NamedTuple):
 
 
 def orders_over(scene: Scene, sigmas: Sequence[float], **settings: int) -> Orders:
-    """Weak orders at several noise intensities.
+    """Slopes and weak orders at several noise intensities.
 
     Parameters
     ----------
@@ -103,85 +126,6 @@ def orders_over(scene: Scene, sigmas: Sequence[float], **settings: int) -> Order
     return Orders(pd.concat([one.table for one in found]), pd.concat([one.changes for one in found]))
 
 
-def order_from(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[float, float, float, float]:
-    """Slope of log(change) over log(step) with its jackknife interval, and the last change.
-
-    The change at a step is the root mean square over the rows of the replicates' mean, corrected for the variance of
-    its measurement; NaN where that exceeds it.
-
-    Parameters
-    ----------
-    bias, se : ndarray, shape (replicates, steps, rows)
-        Change between a step and its half in each row (moment), and its standard error.
-    steps : sequence of float
-        Descending.
-
-    Returns
-    -------
-    order, low, high : float
-        Slope and its 95 % interval.
-    last : float
-        Change at the last step.
-
-    Examples
-    --------
-    >>> steps = np.array([4.0, 2.0, 1.0])
-    >>> bias = steps[:, None] * np.array([[[1.0, 0.5]], [[1.01, 0.5]], [[1.0, 0.49]]])
-    >>> order, low, high, last = order_from(bias, np.zeros_like(bias), steps)
-    >>> round(order, 6), round(last, 2)
-    (1.0, 0.79)
-    """
-    x = np.log(np.asarray(steps))
-    n = len(bias)
-
-    def slope(chosen: Floats) -> float:
-        y = np.log(_sizes(bias, se, chosen))
-        return float(((x - x.mean()) * y).sum() / ((x - x.mean()) ** 2).sum())
-
-    order = slope(np.ones(n))
-    half = float(_half(np.array([slope(1.0 - np.eye(n)[r]) for r in range(n)])))
-    return order, order - half, order + half, float(_sizes(bias, se, np.ones(n))[-1])
-
-
-def changes_from(bias: Floats, se: Floats) -> tuple[Floats, Floats, Floats]:
-    """Size of the change at each step with its jackknife interval, which is symmetric in the logarithm.
-
-    Parameters
-    ----------
-    bias, se : ndarray, shape (replicates, steps, rows)
-        As of `order_from`.
-
-    Returns
-    -------
-    change, low, high : ndarray, shape (steps,)
-
-    Examples
-    --------
-    >>> bias = np.array([[[1.0, 1.0]], [[1.1, 0.9]], [[0.9, 1.1]]])
-    >>> change, low, high = changes_from(bias, np.zeros_like(bias))
-    >>> change.tolist(), bool(low[0] < 1.0 < high[0])
-    ([1.0], True)
-    """
-    n = len(bias)
-    change = _sizes(bias, se, np.ones(n))
-    half = _half(np.log([_sizes(bias, se, 1.0 - np.eye(n)[r]) for r in range(n)]))
-    return change, change * np.exp(-half), change * np.exp(half)
-
-
-def _sizes(bias: Floats, se: Floats, chosen: Floats) -> Floats:
-    weight = chosen / chosen.sum()
-    mean = np.einsum("r,rsi->si", weight, bias)
-    noise = np.einsum("r,rsi->si", weight**2, se**2)
-    square = (mean**2 - noise).mean(axis=1)
-    return np.sqrt(np.where(square > 0.0, square, np.nan))
-
-
-def _half(without: Floats) -> Floats:
-    """Half width of the jackknife interval, from the values without each replicate, shape (replicates, ...)."""
-    n = len(without)
-    return np.asarray(float(stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE)) * np.sqrt((n - 1) * without.var(axis=0)))
-
-
 def _rows(run: Ensemble, moment: str) -> pd.DataFrame:
     """Step bias of the moments of one kind, in units of the quantities' sds."""
     unit = units(run)
@@ -192,8 +136,8 @@ def _rows(run: Ensemble, moment: str) -> pd.DataFrame:
     return bias.assign(bias=shares["bias"], se_bias=shares["se_bias"])
 
 
-def _limit_z(run: Ensemble, exact: Ensemble, moment: str) -> tuple[float, int]:
-    """Largest difference of the extrapolated value from exact flights in standard errors, and the number compared."""
+def _limit_z(run: Ensemble, exact: Ensemble, moment: str) -> tuple[Floats, NDArray[np.bool_]]:
+    """Differences of the extrapolated values from exact flights in standard errors, and which of them vary at all."""
     rows = run.step_bias[run.step_bias["moment"] == moment]
     names = [q if moment == "mean" else "sd_" + q for q in rows["quantity"]]
     impacts = rows["impact"].tolist()
@@ -204,7 +148,7 @@ def _limit_z(run: Ensemble, exact: Ensemble, moment: str) -> tuple[float, int]:
     away = np.maximum(np.abs(rows["corrected"].to_numpy() - value) - rows["rest"].to_numpy(), 0.0)
     error = np.hypot(rows["se_corrected"].to_numpy(), se)
     varies = error > STILL
-    return float((away[varies] / error[varies]).max()), int(varies.sum())
+    return away / np.where(varies, error, np.inf), varies
 
 
 def weak_orders(
@@ -216,10 +160,10 @@ def weak_orders(
     rng: int = 0,
     workers: int = 2,
 ) -> Orders:
-    """Measure the weak order of every scheme with a step bias.
+    """Measure slope and, where it has settled, weak order of the step bias of every scheme that has one.
 
-    It is measured for the means and the sds on the Poincaré section at the impacts, and for the probability of the
-    noise-free itinerary.
+    They are measured for mean and sd of each quantity on the Poincaré section at the impacts, and for the probability
+    of the noise-free itinerary.
 
     Parameters
     ----------
@@ -263,23 +207,46 @@ def weak_orders(
                     )
                     bar.update()
             for moment in ("mean", "sd"):
-                rows = [[_rows(run, moment) for run in row] for row in runs]
-                bias, se = (np.array([[r[name] for r in row] for row in rows]) for name in ("bias", "se_bias"))
-                order, low, high, last = order_from(bias, se, STEPS)
-                changes += _points(scheme, scene.sigma, moment, *changes_from(bias, se))
-                z, compared = zip(*(_limit_z(row[-1], exact, moment) for row in runs), strict=True)
-                allowed = widest(sum(compared), 1.0 - CONFIDENCE)
-                found.append(Order(scheme, scene.sigma, moment, order, low, high, last, max(z), allowed))
+                slopes, points = _by_quantity(scheme, moment, runs, exact)
+                found += slopes
+                changes += points
             shares = np.array([[float(run.agreement["noise-free"].iloc[-1]) for run in row] for row in runs])
-            found.append(_itinerary_order(scheme, scene.sigma, shares, kept, paths * replicates))
-            changes += _points(scheme, scene.sigma, "itinerary", *_itinerary_errors(shares, kept, paths * replicates))
-    columns = ["scheme", "sigma", "moment", "dt", "change", "low", "high"]
+            found.append(_itinerary_slope(scheme, scene.sigma, shares, kept, paths * replicates))
+            errors = _itinerary_errors(shares, kept, paths * replicates)
+            changes += _points((scheme, scene.sigma, "itinerary", ""), *errors)
+    columns = ["scheme", "sigma", "moment", "quantity", "dt", "change", "low", "high"]
     return Orders(pd.DataFrame(found), pd.DataFrame(changes, columns=columns))
 
 
-def _points(scheme: str, sigma: float, moment: str, change: Floats, low: Floats, high: Floats) -> list[tuple[Any, ...]]:
-    steps = [0.5 * step if moment == "itinerary" else step for step in STEPS]
-    return [(scheme, sigma, moment, *row) for row in zip(steps, change, low, high, strict=True)]
+def _by_quantity(
+    scheme: str, moment: str, runs: list[list[Ensemble]], exact: Ensemble
+) -> tuple[list[Slope], list[tuple[Any, ...]]]:
+    """Slopes and changes of each quantity, from runs by replicate and step."""
+    rows = [[_rows(run, moment) for run in row] for row in runs]
+    bias, se = (np.array([[r[name] for r in row] for row in rows]) for name in ("bias", "se_bias"))
+    names, sigma = rows[0][0]["quantity"].to_numpy(), exact.scene.sigma
+    limits = [_limit_z(row[-1], exact, moment) for row in runs]
+    allowed = widest(sum(int(varies.sum()) for _, varies in limits), 1.0 - CONFIDENCE)
+    slopes: list[Slope] = []
+    points: list[tuple[Any, ...]] = []
+    for quantity in dict.fromkeys(names):
+        own = names == quantity
+        b, s = bias[:, :, own], se[:, :, own]
+        slope, low, high, last_change = slope_from(b, s, STEPS)
+        last, last_low, last_high, _ = slope_from(b[:, -2:], s[:, -2:], STEPS[-2:])
+        order, order_low, order_high, turns = settled_from(b, s, STEPS)
+        z = max((float(z[own & varies].max()) for z, varies in limits if (own & varies).any()), default=math.nan)
+        slopes.append(
+            Slope(scheme, sigma, moment, quantity, STEPS[0], 0.5 * STEPS[-1], slope, low, high, last, last_low,
+                  last_high, turns, order, order_low, order_high, last_change, z, allowed)
+        )  # fmt: skip
+        points += _points((scheme, sigma, moment, quantity), *changes_from(b, s))
+    return slopes, points
+
+
+def _points(of: tuple[str, float, str, str], change: Floats, low: Floats, high: Floats) -> list[tuple[Any, ...]]:
+    steps = [0.5 * step if of[2] == "itinerary" else step for step in STEPS]
+    return [(*of, *row) for row in zip(steps, change, low, high, strict=True)]
 
 
 def _itinerary_errors(shares: Floats, kept: float, paths: int) -> tuple[Floats, Floats, Floats]:
@@ -290,19 +257,27 @@ def _itinerary_errors(shares: Floats, kept: float, paths: int) -> tuple[Floats, 
     return np.where(distance > half, distance, np.nan), np.maximum(distance - half, 0.0), distance + half
 
 
-def _itinerary_order(scheme: str, sigma: float, shares: Floats, kept: float, paths: int) -> Order:
-    """Order of the itinerary's probability, whose bias is taken against exact flights; NaN where noise hides it."""
+def _itinerary_slope(scheme: str, sigma: float, shares: Floats, kept: float, paths: int) -> Slope:
+    """Slope of the itinerary's probability, whose bias is taken against exact flights; NaN where noise hides it."""
     means, spread = shares.mean(axis=0), shares.std(axis=0, ddof=1) / math.sqrt(len(shares))
     floor = math.sqrt(max(kept * (1.0 - kept), 1e-300) / paths)
     bias = means - kept
     seen = np.abs(bias) > 3.0 * np.hypot(spread, floor)
     steps = 0.5 * np.array(STEPS)
-    order, low, high = math.nan, math.nan, math.nan
+    none = (math.nan, math.nan, math.nan)
+    whole, local, settled, turns = none, none, none, 0
     if seen.sum() >= 2:
-        distance = (shares - kept)[:, seen, None]
-        order, low, high, _ = order_from(distance, np.zeros_like(distance), tuple(steps[seen]))
+        distance, nothing = (shares - kept)[:, seen, None], np.zeros((len(shares), int(seen.sum()), 1))
+        whole = slope_from(distance, nothing, tuple(steps[seen]))[:3]
+        local = slope_from(distance[:, -2:], nothing[:, -2:], tuple(steps[seen][-2:]))[:3]
+        if seen.sum() >= 3:
+            *three, turns = settled_from(distance, nothing, tuple(steps[seen]))
+            settled = (three[0], three[1], three[2])
     last = 2.0 * means[-1] - means[-2]  # Richardson extrapolation from the two smallest steps
     error = math.hypot(math.hypot(2.0 * spread[-1], spread[-2]), floor)
     away = abs(float(last) - kept) / max(error, 1e-300)
     allowed = widest(1, 1.0 - CONFIDENCE)
-    return Order(scheme, sigma, "itinerary", order, low, high, abs(float(bias[-1])), away, allowed)
+    ends = (float(steps[seen][0]), float(steps[seen][-1])) if seen.any() else (float(steps[0]), float(steps[-1]))
+    return Slope(
+        scheme, sigma, "itinerary", "", *ends, *whole, *local, turns, *settled, abs(float(bias[-1])), away, allowed
+    )  # fmt: skip

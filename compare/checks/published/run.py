@@ -9,6 +9,7 @@ from rattle.compare.checks.published.energy_law import energy_law
 from rattle.compare.checks.published.exit_time import exit_time
 from rattle.compare.checks.published.exponent_sum import exponent_sum
 from rattle.compare.checks.published.free_flight import free_flight
+from rattle.compare.checks.published.impact_laws import impact_laws
 from rattle.compare.checks.published.impact_pair import impact_pair
 from rattle.compare.checks.published.result import Measured, PublishedResult, limit
 from rattle.compare.checks.published.return_speed import critical_restitution, return_moments, return_speed
@@ -27,6 +28,7 @@ RESULTS: dict[str, Callable[[int, int], Measured]] = {
         elastic_box,
         exponent_sum,
         free_flight,
+        impact_laws,
         energy_law,
         impact_pair,
     )

@@ -15,7 +15,7 @@ from rattle.compare.tradeoff.cost_model import CostModel, Point
 from rattle.compare.tradeoff.figures import order_figure, tradeoff_figure
 from rattle.compare.tradeoff.measure import Measured, _compared_with, check_accuracies, closure_points, slope
 from rattle.compare.tradeoff.multilevel import Levels, Rate, fitted, giles_cost, levels_of
-from rattle.compare.tradeoff.page import orders_table
+from rattle.compare.tradeoff.page import orders_said, orders_table
 from rattle.compare.tradeoff.save import CONTENTS
 from rattle.compare.tradeoff.variance_reduction import antithetic_gain, control_table
 from rattle.compare.tradeoff.weak_order import orders_over
@@ -281,14 +281,21 @@ def test_what_is_extrapolated_is_drawn_hollow():
 def test_orders_are_drawn_with_their_intervals_and_said_in_words():
     orders = orders_over(SCENE, (0.3, 1.0), rng=1, workers=2, impacts=1, paths=1024, replicates=3)
     axes = order_figure(orders.changes).axes
-    assert len(axes) == 6
-    means = orders.changes[(orders.changes["sigma"] == 1.0) & (orders.changes["moment"] == "mean")]
-    drawn = np.concatenate([bars[0].get_ydata() for bars in axes[3].containers])
-    np.testing.assert_array_equal(drawn, means["change"].dropna())
+    assert len(axes) == 2 * 2 * 3
+    c = orders.changes[orders.changes["scheme"] == "euler-maruyama-located"]
+    means = c[(c["sigma"] == 1.0) & (c["moment"] == "mean") & (c["quantity"] == "y1")]
+    drawn = [list(bars[0].get_ydata()) for bars in axes[9].containers]
+    assert list(means["change"].dropna()) in drawn
     said = orders_table(orders.table).rows
-    assert len(said) == 2 * 2 * 3
-    row = orders.table.iloc[0]
-    assert f"{row['order']:.2f} ({row['low']:.2f} to {row['high']:.2f})" in said[0][3].text
+    assert len(said) == orders.table["slope"].notna().sum()
+    row = orders.table[orders.table["slope"].notna()].iloc[0]
+    assert said[0][3].text == "0.016 to 0.001"
+    assert said[0][4].text == f"{row['slope']:.2f} ({row['low']:.2f} to {row['high']:.2f})"
+    unsettled = orders.table[orders.table["slope"].notna()]["order"].isna().to_numpy()
+    assert [cells[7].text == "not settled" for cells in said] == unsettled.tolist()
+    sentences = orders_said(orders.table)
+    assert len(sentences) == 4
+    assert all("dt from 0.016 to 0.001" in sentence for sentence in sentences)
 
 
 # the command

@@ -1,9 +1,10 @@
-"""Measured orders: correct for changes of known order, NaN where noise hides them, and plausible for the schemes."""
+"""Measured slopes: correct for changes of known order, an order only where they settle, plausible for the schemes."""
 
 import numpy as np
 import pytest
 
-from rattle.compare.tradeoff.weak_order import changes_from, order_from, weak_orders
+from rattle.compare.tradeoff.slopes import changes_from, settled_from, slope_from
+from rattle.compare.tradeoff.weak_order import weak_orders
 from rattle.scene import DAT21, InputError, Scene
 
 STEPS = (0.04, 0.02, 0.01)
@@ -20,7 +21,7 @@ def made_up(order, noise, seed=1, replicates=6, rows=30):
 @pytest.mark.parametrize("order", [0.5, 1.0, 2.0])
 def test_known_order_lies_in_the_interval(order):
     bias, se = made_up(order, 0.02 * STEPS[-1] ** order)
-    _, low, high, last = order_from(bias, se, STEPS)
+    _, low, high, last = slope_from(bias, se, STEPS)
     assert low < order < high
     assert high - low < 0.1
     assert last == pytest.approx(STEPS[-1] ** order * np.sqrt(np.mean(np.linspace(0.5, 1.5, 30) ** 2)), rel=0.05)
@@ -42,14 +43,54 @@ def test_interval_of_a_change_covers_as_often_as_it_says():
 def test_interval_covers_as_often_as_it_says():
     inside = 0
     for seed in range(200):
-        _, low, high, _ = order_from(*made_up(1.0, 0.3 * STEPS[-1], seed=seed), STEPS)
+        _, low, high, _ = slope_from(*made_up(1.0, 0.3 * STEPS[-1], seed=seed), STEPS)
         inside += low < 1.0 < high
     assert inside > 170  # 190 expected, sd 3; the jackknife of a ratio is a little narrow
 
 
+FOUR = (0.08, *STEPS)
+
+
+def changes_of(size, noise=1e-4, replicates=6):
+    """Changes of the given sizes, shape (steps, rows), with relative noise of a known standard error."""
+    size = np.asarray(size, dtype=float)
+    se = np.broadcast_to(noise * np.abs(size).max(axis=0), (replicates, *size.shape))
+    return size + se * np.random.default_rng(3).standard_normal(se.shape), se
+
+
+def test_a_slope_that_has_settled_is_an_order():
+    order, low, high, turns = settled_from(*changes_of(np.array(FOUR)[:, None] ** 0.95), FOUR)
+    assert order == pytest.approx(0.95, abs=0.01)
+    assert low < 0.95 < high
+    assert turns == 0
+
+
+@pytest.mark.parametrize(
+    ("size", "turns"),
+    [
+        pytest.param(lambda h: h + 40.0 * h**2, 0, id="rising slopes"),
+        pytest.param(lambda h: h - 0.7 * 0.02, 1, id="a change that turns its sign"),
+    ],
+)
+def test_a_slope_that_has_not_settled_is_no_order(size, turns):
+    """Their slopes over the whole range are well measured numbers all the same."""
+    rows = np.array([size(h) for h in FOUR])[:, None]
+    found = changes_of(rows)
+    order, _, _, turned = settled_from(*found, FOUR)
+    assert np.isnan(order)
+    assert turned == turns
+    slope, low, high, _ = slope_from(*found, FOUR)
+    assert np.isfinite(slope)
+    assert high - low < 0.1
+
+
+def test_what_noise_hides_has_not_settled():
+    assert np.isnan(settled_from(*changes_of(np.array(FOUR)[:, None], noise=1.0), FOUR)[0])
+
+
 def test_noise_is_not_taken_for_change():
     bias, se = made_up(1.0, 10.0)
-    assert np.isnan(order_from(np.zeros_like(bias) + 1e-9 * bias, se, STEPS)[0])
+    assert np.isnan(slope_from(np.zeros_like(bias) + 1e-9 * bias, se, STEPS)[0])
 
 
 def test_located_scheme_has_order_one_and_both_have_the_right_limit():
@@ -57,13 +98,16 @@ def test_located_scheme_has_order_one_and_both_have_the_right_limit():
     assert set(table["scheme"]) == {"euler-maruyama", "euler-maruyama-located"}
     assert set(table["moment"]) == {"mean", "sd", "itinerary"}
     means = table[table["moment"] == "mean"].set_index("scheme")
-    for scheme in means.index:
-        assert 0.6 < means.at[scheme, "order"] < 1.4
-    assert (table["limit_z"] < 1.5 * table["limit_allowed"]).all()
+    for quantity in ("tau", "y1"):
+        assert means[means["quantity"] == quantity]["slope"].between(0.6, 1.4).all()
+    assert (table["limit_z"].dropna() < 1.5 * table["limit_allowed"].max()).all()
+    assert (table["order"].dropna() - table["slope"][table["order"].notna()]).abs().max() < 0.6
+    assert set(table["quantity"]) == {"", "tau", "flight", "x1", "y1", "x2", "y2"}
     seen = changes.dropna()
     assert ((seen["low"] < seen["change"]) & (seen["change"] < seen["high"])).all()
-    last = changes[changes["moment"] == "mean"].groupby("scheme")["change"].last()
-    assert last.to_dict() == means["change"].to_dict()
+    of_tau = changes[(changes["moment"] == "mean") & (changes["quantity"] == "tau")]
+    last = of_tau.groupby("scheme")["change"].last()
+    assert last.to_dict() == means[means["quantity"] == "tau"]["change"].to_dict()
 
 
 def test_one_replicate_is_no_interval():

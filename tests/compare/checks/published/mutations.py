@@ -1,0 +1,53 @@
+"""Errors put into the code of the program, one at a time: prints which of them the self-test of impacts rejects.
+
+With NUMBA_DISABLE_JIT=1 a function is a plain one, and its code can be exchanged in place: every module that has
+imported it runs the wrong one.
+"""
+
+import inspect
+import json
+import types
+
+from rattle.compare.checks.published.result import PublishedResult, limit
+from rattle.compare.checks.published.run import RESULTS
+from rattle.scene import Gears, impact
+
+STRUCK, LOSS, MU = impact.struck, impact.energy_loss, Gears.mu.fget
+MUTATIONS = {
+    "nothing": (STRUCK, "", ""),
+    "mu into 1 - mu": (STRUCK, "(1.0 + c.epsilon) * c.mu", "(1.0 + c.epsilon) * (1.0 - c.mu)"),
+    "1 + epsilon into epsilon, mesh 2": (STRUCK, "(1.0 + c.epsilon) * c.mu", "c.epsilon * c.mu"),
+    "1 + epsilon into epsilon, mesh 1": (STRUCK, "y2 - (1.0 + c.epsilon) * y1", "y2 - c.epsilon * y1"),
+    "1 + epsilon into 1 - epsilon": (STRUCK, "y2 - (1.0 + c.epsilon) * y1", "y2 - (1.0 - c.epsilon) * y1"),
+    "mesh 1 does not kick y2": (STRUCK, "y2 - (1.0 + c.epsilon) * y1", "y2"),
+    "the kick of mesh 1 with the wrong sign": (STRUCK, "y2 - (1.0 + c.epsilon) * y1", "y2 + (1.0 + c.epsilon) * y1"),
+    "mesh 2 does not kick y1": (STRUCK, "y1 - (1.0 + c.epsilon) * c.mu * y2", "y1"),
+    "restitution of mesh 2 squared": (STRUCK, "-c.epsilon * y2", "-(c.epsilon**2) * y2"),
+    "no restitution at mesh 1": (STRUCK, "return -c.epsilon * y1", "return -y1"),
+    "energy lost at mesh 2 without its mass": (LOSS, "c.mu", "1.0"),
+    "inertias interchanged in mu": (MU, "self.inertia2", "self.inertia1"),
+}  # fmt: skip
+
+
+def mutated(function, old, new):
+    """The code of a function in whose source `new` stands for `old`."""
+    source = inspect.cleandoc(inspect.getsource(function))
+    assert old in source, (function, old)
+    module = compile(source.replace(old, new), "mutated", "exec")
+    return next(c for c in module.co_consts if isinstance(c, types.CodeType) and c.co_name == function.__name__)
+
+
+def rejected(function, old, new):
+    """Whether the self-test fails with this error in the code."""
+    right = function.__code__
+    function.__code__ = mutated(function, old, new)
+    try:
+        return not PublishedResult(RESULTS["impact-laws"](0, 1), limit(1), 0.0).holds
+    except Exception as error:  # a program that breaks down is noticed too
+        return f"{type(error).__name__}: {error}"
+    finally:
+        function.__code__ = right
+
+
+if __name__ == "__main__":
+    print(json.dumps({name: rejected(*mutation) for name, mutation in MUTATIONS.items()}))
