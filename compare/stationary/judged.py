@@ -9,7 +9,7 @@ from rattle.closure.attractor import Attractor, attractor
 from rattle.closure.stationary import Law, NotPredicted, branching_law, linear_law, orbit_average
 from rattle.compare.stationary.laws import values_of
 from rattle.compare.validation.verdict import judge, widest
-from rattle.montecarlo.long_run.estimates import all_names
+from rattle.montecarlo.long_run.names import all_names
 from rattle.scene.scene import Scene
 
 __all__ = ["CLOSURES_JUDGED", "TOLERANCES", "judged", "judged_rows", "laws", "predictions", "tolerance_of"]

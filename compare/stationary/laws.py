@@ -8,7 +8,7 @@ from scipy.special import ndtr
 
 from rattle.closure.attractor import Attractor
 from rattle.closure.stationary import Law
-from rattle.montecarlo.long_run.estimates import QUANTILES, all_names, groups
+from rattle.montecarlo.long_run.names import QUANTILES, all_names, groups
 from rattle.scene.scene import Scene
 
 __all__ = ["law_of", "values_of"]

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from rattle.montecarlo.long_run.estimates import QUANTILES
+from rattle.montecarlo.long_run.names import QUANTILES
 from rattle.scene.gears import Gears
 from rattle.scene.units import check_units
 

@@ -14,7 +14,7 @@ from rattle.compare.study.obtain import obtain
 from rattle.compare.study.store import Store
 from rattle.compare.thresholds.judging import OUTCOMES
 from rattle.compare.validation.verdict import widest
-from rattle.montecarlo.long_run.estimates import all_names
+from rattle.montecarlo.long_run.names import all_names
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 from rattle.scene.validate import choice
@@ -53,7 +53,7 @@ def predict_long(model: LongModel, scene: Scene, quantities: Sequence[str]) -> L
     scene : Scene
         What is modelled.
     quantities : sequence of str
-        Names of `rattle.montecarlo.long_run.estimates.all_names`.
+        Names of `rattle.montecarlo.long_run.names.all_names`.
 
     Returns
     -------

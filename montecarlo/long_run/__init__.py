@@ -2,6 +2,7 @@
 
 from rattle.montecarlo.long_run.burn_in import AtRest, BurnIn, BurnInError
 from rattle.montecarlo.long_run.density import SectionDensity
-from rattle.montecarlo.long_run.run import LongRun, long_run
+from rattle.montecarlo.long_run.result import LongRun
+from rattle.montecarlo.long_run.run import long_run
 
 __all__ = ["AtRest", "BurnIn", "BurnInError", "LongRun", "SectionDensity", "long_run"]

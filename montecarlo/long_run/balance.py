@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.montecarlo.long_run.run import LongRun
+from rattle.montecarlo.long_run.result import LongRun
 from rattle.montecarlo.long_run.sums import ENERGY
 
 __all__ = ["balance"]

@@ -1,12 +1,16 @@
 """The density of the section over phase and velocity, with an error in every cell."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-__all__ = ["SectionDensity"]
+from rattle.montecarlo.long_run.collected import Collected
+from rattle.montecarlo.long_run.sums import NUMBER, PHASES, VELOCITIES
+
+__all__ = ["SectionDensity", "section_densities", "velocity_density"]
 
 Floats = NDArray[np.float64]
 
@@ -43,3 +47,57 @@ class SectionDensity:
             "mesh": self.mesh, "phase": middle[0][i], "velocity": middle[1][j], "density": self.density[i, j],
             "se": self.se[i, j],
         })  # fmt: skip
+
+
+def section_densities(c: Collected) -> tuple[SectionDensity, ...]:
+    """Density of the section at each mesh.
+
+    Parameters
+    ----------
+    c : Collected
+        The sums of all paths.
+
+    Returns
+    -------
+    tuple of SectionDensity
+        Without a mesh that was never struck.
+    """
+    found = []
+    for mesh in range(1, c.stages + 1):
+        at = 4 * (mesh if c.stages == 2 else 0) + NUMBER
+        n = c.main[:, :, at].sum(axis=1)
+        if n.sum() == 0.0:
+            continue
+        low, high = c.scales.low[mesh - 1], c.scales.high[mesh - 1]
+        area = 2.0 * math.pi / PHASES * (high - low) / VELOCITIES
+        share, se = _shares(c.section[:, mesh - 1].astype(float), n)
+        edges = np.linspace(0.0, 2.0 * math.pi, PHASES + 1), np.linspace(low, high, VELOCITIES + 1)
+        found.append(SectionDensity(mesh, *edges, share / area, se / area, float(1.0 - share.sum())))
+    return tuple(found)
+
+
+def _shares(counts: Floats, n: Floats) -> tuple[Floats, Floats]:
+    """Shares of counts, shape (paths, ...), in n on each path, and their standard errors over paths."""
+    share = counts.sum(axis=0) / n.sum()
+    rest = counts - share * n.reshape(-1, *[1] * (counts.ndim - 1))
+    return share, np.sqrt((rest**2).sum(axis=0) * len(n) / (len(n) - 1)) / n.sum()
+
+
+def velocity_density(c: Collected, mesh: int) -> tuple[Floats, Floats]:
+    """Density of the velocity before an impact at a mesh, in the cells of the section, and its standard error.
+
+    Parameters
+    ----------
+    c : Collected
+        The sums of all paths.
+    mesh : int
+        1 or 2.
+
+    Returns
+    -------
+    density, se : ndarray, shape (VELOCITIES,)
+    """
+    at = 4 * (mesh if c.stages == 2 else 0) + NUMBER
+    share, se = _shares(c.section[:, mesh - 1].sum(axis=1).astype(float), c.main[:, :, at].sum(axis=1))
+    width = (c.scales.high[mesh - 1] - c.scales.low[mesh - 1]) / VELOCITIES
+    return share / width, se / width

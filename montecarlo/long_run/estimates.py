@@ -9,40 +9,21 @@ large (the energy lost in a period is, since what one impact leaves the next one
 
 import math
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from rattle.montecarlo.long_run.density import SectionDensity
-from rattle.montecarlo.long_run.sums import (
-    CONTACT,
-    ENERGY,
-    FLIGHT,
-    GROUPS,
-    MAIN,
-    NUMBER,
-    PHASES,
-    SLOW,
-    SPEED,
-    VELOCITIES,
-    WORK,
-    Scales,
-    Sums,
-)  # fmt: skip
+from rattle.montecarlo.long_run.collected import Collected
+from rattle.montecarlo.long_run.names import NAMES, QUANTILES, groups
+from rattle.montecarlo.long_run.sums import CONTACT, ENERGY, FLIGHT, NUMBER, SLOW, SPEED
 
-__all__ = [
-    "CONFIDENCE", "QUANTILES", "Collected", "Estimate", "all_names", "collected", "estimates", "groups", "half_width",
-    "section_densities", "time_averages", "velocity_density",
-]  # fmt: skip
+__all__ = ["CONFIDENCE", "Estimate", "estimates", "half_width"]
 
 Floats = NDArray[np.float64]
 
 CONFIDENCE = 0.95
-QUANTILES = (1, 5, 50, 95, 99)
-"""Percentages of the quantiles."""
-NAMES = {FLIGHT: "flight", SPEED: "speed"}
 
 
 class Estimate(NamedTuple):
@@ -66,86 +47,6 @@ class Estimate(NamedTuple):
     high: float
     autocorrelation: float
     se_batches: float = math.nan
-
-
-class Collected(NamedTuple):
-    """The sums of all paths.
-
-    Attributes
-    ----------
-    main : ndarray, shape (paths, batches, MAIN)
-        As of `Sums`, over the batches that are full.
-    time, samples : float
-        Duration of each path, and number of samples of its state.
-    power, energy, histogram, section
-        As of `Sums`, of all paths.
-    scales : Scales
-        Of the pilot run.
-    stages : int
-        Of the scene.
-    """
-
-    main: Floats
-    time: float
-    samples: float
-    power: Floats
-    energy: Floats
-    histogram: NDArray[np.uint32]
-    section: NDArray[np.uint32]
-    scales: Scales
-    stages: int
-
-    @property
-    def paths(self) -> int:
-        """Number of paths."""
-        return len(self.main)
-
-
-def collected(parts: list[Sums], batches: int, time: float, samples: float, stages: int) -> Collected:
-    """Join the sums of all blocks of paths.
-
-    Parameters
-    ----------
-    parts : list of Sums
-        One for each block.
-    batches : int
-        Number of batches that are full.
-    time, samples : float
-        Duration of these batches, and number of samples of the state in them.
-    stages : int
-        Of the scene.
-
-    Returns
-    -------
-    Collected
-    """
-
-    def joined(name: str) -> NDArray[Any]:
-        return np.concatenate([getattr(part, name) for part in parts])
-
-    return Collected(
-        joined("main")[:, :batches], time, samples, joined("power"), joined("energy"), joined("histogram"),
-        joined("section"), parts[0].scales, stages,
-    )  # fmt: skip
-
-
-def groups(stages: int) -> Iterator[tuple[int, str]]:
-    """The groups of impacts of a scene with the suffixes of their names.
-
-    Parameters
-    ----------
-    stages : int
-        Of the scene.
-
-    Yields
-    ------
-    group : int
-    suffix : str
-        Empty for all impacts.
-    """
-    yield 0, ""
-    for mesh in range(1, GROUPS if stages == 2 else 1):
-        yield mesh, f"_mesh{mesh}"
 
 
 def half_width(paths: int) -> float:
@@ -349,97 +250,3 @@ def estimates(c: Collected, names: tuple[str, ...] | None = None) -> dict[str, E
     for mesh in range(1, c.stages + 1):
         out[f"contact_share_mesh{mesh}"] = made.contact(mesh)
     return out if names is None else {name: out[name] for name in names if name in out}
-
-
-def all_names(stages: int) -> tuple[str, ...]:
-    """Names of all quantities, in the order of a table.
-
-    Parameters
-    ----------
-    stages : int
-        Of the scene.
-
-    Returns
-    -------
-    tuple of str
-
-    Examples
-    --------
-    >>> all_names(1)[:4]
-    ('rate', 'flight', 'sd_flight', 'skew_flight')
-    """
-    found = []
-    spread = ("", "sd_", "skew_", *(f"q{percent:02d}_" for percent in QUANTILES))
-    for _, suffix in groups(stages):
-        found += ["rate" + suffix, *(f"{prefix}{name}{suffix}" for name in NAMES.values() for prefix in spread)]
-        found += [name + suffix for name in ("energy", "energy_per_period", "power", "slow_share")]
-    return (*found, *(f"contact_share_mesh{mesh}" for mesh in range(1, stages + 1)))
-
-
-def time_averages(c: Collected) -> Floats:
-    """Averages over time on each path, shape (paths, 4): of y1^2, v2^2, m1 y1, m2 v2 (docs/model.md section 10).
-
-    Parameters
-    ----------
-    c : Collected
-        The sums of all paths.
-
-    Returns
-    -------
-    ndarray
-    """
-    return np.asarray(c.main[:, :, WORK:MAIN].sum(axis=1) / c.samples)
-
-
-def section_densities(c: Collected) -> tuple[SectionDensity, ...]:
-    """Density of the section at each mesh.
-
-    Parameters
-    ----------
-    c : Collected
-        The sums of all paths.
-
-    Returns
-    -------
-    tuple of SectionDensity
-        Without a mesh that was never struck.
-    """
-    found = []
-    for mesh in range(1, c.stages + 1):
-        at = 4 * (mesh if c.stages == 2 else 0) + NUMBER
-        n = c.main[:, :, at].sum(axis=1)
-        if n.sum() == 0.0:
-            continue
-        low, high = c.scales.low[mesh - 1], c.scales.high[mesh - 1]
-        area = 2.0 * math.pi / PHASES * (high - low) / VELOCITIES
-        share, se = _shares(c.section[:, mesh - 1].astype(float), n)
-        edges = np.linspace(0.0, 2.0 * math.pi, PHASES + 1), np.linspace(low, high, VELOCITIES + 1)
-        found.append(SectionDensity(mesh, *edges, share / area, se / area, float(1.0 - share.sum())))
-    return tuple(found)
-
-
-def _shares(counts: Floats, n: Floats) -> tuple[Floats, Floats]:
-    """Shares of counts, shape (paths, ...), in n on each path, and their standard errors over paths."""
-    share = counts.sum(axis=0) / n.sum()
-    rest = counts - share * n.reshape(-1, *[1] * (counts.ndim - 1))
-    return share, np.sqrt((rest**2).sum(axis=0) * len(n) / (len(n) - 1)) / n.sum()
-
-
-def velocity_density(c: Collected, mesh: int) -> tuple[Floats, Floats]:
-    """Density of the velocity before an impact at a mesh, in the cells of the section, and its standard error.
-
-    Parameters
-    ----------
-    c : Collected
-        The sums of all paths.
-    mesh : int
-        1 or 2.
-
-    Returns
-    -------
-    density, se : ndarray, shape (VELOCITIES,)
-    """
-    at = 4 * (mesh if c.stages == 2 else 0) + NUMBER
-    share, se = _shares(c.section[:, mesh - 1].sum(axis=1).astype(float), c.main[:, :, at].sum(axis=1))
-    width = (c.scales.high[mesh - 1] - c.scales.low[mesh - 1]) / VELOCITIES
-    return share / width, se / width

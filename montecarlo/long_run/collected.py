@@ -1,0 +1,88 @@
+"""The sums of all paths of a long run, joined."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rattle.montecarlo.long_run.sums import MAIN, WORK, Scales, Sums
+
+__all__ = ["Collected", "collected", "time_averages"]
+
+Floats = NDArray[np.float64]
+
+
+class Collected(NamedTuple):
+    """The sums of all paths.
+
+    Attributes
+    ----------
+    main : ndarray, shape (paths, batches, MAIN)
+        As of `Sums`, over the batches that are full.
+    time, samples : float
+        Duration of each path, and number of samples of its state.
+    power, energy, histogram, section
+        As of `Sums`, of all paths.
+    scales : Scales
+        Of the pilot run.
+    stages : int
+        Of the scene.
+    """
+
+    main: Floats
+    time: float
+    samples: float
+    power: Floats
+    energy: Floats
+    histogram: NDArray[np.uint32]
+    section: NDArray[np.uint32]
+    scales: Scales
+    stages: int
+
+    @property
+    def paths(self) -> int:
+        """Number of paths."""
+        return len(self.main)
+
+
+def collected(parts: list[Sums], batches: int, time: float, samples: float, stages: int) -> Collected:
+    """Join the sums of all blocks of paths.
+
+    Parameters
+    ----------
+    parts : list of Sums
+        One for each block.
+    batches : int
+        Number of batches that are full.
+    time, samples : float
+        Duration of these batches, and number of samples of the state in them.
+    stages : int
+        Of the scene.
+
+    Returns
+    -------
+    Collected
+    """
+
+    def joined(name: str) -> NDArray[Any]:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    return Collected(
+        joined("main")[:, :batches], time, samples, joined("power"), joined("energy"), joined("histogram"),
+        joined("section"), parts[0].scales, stages,
+    )  # fmt: skip
+
+
+def time_averages(c: Collected) -> Floats:
+    """Averages over time on each path, shape (paths, 4): of y1^2, v2^2, m1 y1, m2 v2 (docs/model.md section 10).
+
+    Parameters
+    ----------
+    c : Collected
+        The sums of all paths.
+
+    Returns
+    -------
+    ndarray
+    """
+    return np.asarray(c.main[:, :, WORK:MAIN].sum(axis=1) / c.samples)

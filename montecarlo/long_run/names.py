@@ -1,0 +1,56 @@
+"""Names of the stationary quantities."""
+
+from collections.abc import Iterator
+
+from rattle.montecarlo.long_run.sums import FLIGHT, GROUPS, SPEED
+
+__all__ = ["NAMES", "QUANTILES", "all_names", "groups"]
+
+QUANTILES = (1, 5, 50, 95, 99)
+"""Percentages of the quantiles."""
+NAMES = {FLIGHT: "flight", SPEED: "speed"}
+"""Of what has a distribution, by its index there."""
+
+
+def groups(stages: int) -> Iterator[tuple[int, str]]:
+    """The groups of impacts of a scene with the suffixes of their names.
+
+    Parameters
+    ----------
+    stages : int
+        Of the scene.
+
+    Yields
+    ------
+    group : int
+    suffix : str
+        Empty for all impacts.
+    """
+    yield 0, ""
+    for mesh in range(1, GROUPS if stages == 2 else 1):
+        yield mesh, f"_mesh{mesh}"
+
+
+def all_names(stages: int) -> tuple[str, ...]:
+    """Names of all quantities, in the order of a table.
+
+    Parameters
+    ----------
+    stages : int
+        Of the scene.
+
+    Returns
+    -------
+    tuple of str
+
+    Examples
+    --------
+    >>> all_names(1)[:4]
+    ('rate', 'flight', 'sd_flight', 'skew_flight')
+    """
+    found = []
+    spread = ("", "sd_", "skew_", *(f"q{percent:02d}_" for percent in QUANTILES))
+    for _, suffix in groups(stages):
+        found += ["rate" + suffix, *(f"{prefix}{name}{suffix}" for name in NAMES.values() for prefix in spread)]
+        found += [name + suffix for name in ("energy", "energy_per_period", "power", "slow_share")]
+    return (*found, *(f"contact_share_mesh{mesh}" for mesh in range(1, stages + 1)))

@@ -1,0 +1,156 @@
+"""The parts of a long run, one after the other: burn-in, pilot run, and the stationary motion."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from rattle.montecarlo.budget import HOUR, Budget, clock, in_words
+from rattle.montecarlo.long_run.burn_in import (
+    FIRST,
+    LEAST_IMPACTS,
+    MOST,
+    PARTS,
+    Apart,
+    AtRest,
+    BurnIn,
+    BurnInError,
+    Drift,
+    apart,
+    drift,
+)  # fmt: skip
+from rattle.montecarlo.long_run.ensemble import Ensemble
+from rattle.montecarlo.long_run.estimates import estimates
+from rattle.montecarlo.long_run.pilot import no_scales, scales_of_pilot
+from rattle.montecarlo.long_run.reach import LongReach, widest
+from rattle.montecarlo.long_run.sums import NUMBER
+from rattle.scene.errors import InputError
+
+__all__ = ["Parts"]
+
+Floats = NDArray[np.float64]
+
+PILOT = 40_000  # impacts of the pilot run
+MOST_PILOT = 64  # periods of the pilot run
+LEAST = 64  # periods of the stationary motion
+GROWTH = 4  # most by which a run grows at once
+SPARE = 1.1  # more than what an accuracy is expected to take
+
+
+class Parts(NamedTuple):
+    """The parts of a run, one after the other.
+
+    Attributes
+    ----------
+    ensemble : Ensemble
+        The paths.
+    pool : ThreadPoolExecutor
+        Threads.
+    bar : tqdm
+        Counts periods.
+    limit : Budget
+        Time that the run may take.
+    refuse : bool
+        Whether an accuracy that would take more than an hour is refused.
+    """
+
+    ensemble: Ensemble
+    pool: ThreadPoolExecutor
+    bar: tqdm[NoReturn]
+    limit: Budget
+    refuse: bool
+
+    def settle(self, burn_in: int | None) -> BurnIn:
+        """Follow the paths until two tests say that they have forgotten their start, or for a given time."""
+        e, until = self.ensemble, FIRST if burn_in is None else burn_in
+        e.begin(no_scales(e.slow), detail=False)
+        before: Drift | None = None
+        while True:
+            began = clock()
+            e.follow(self.pool, until, self.bar)
+            main = e.main
+            quarter = main.shape[1] // 4
+            late = slice(main.shape[1] - 2 * quarter, main.shape[1])
+            impacts = float(main[:, late, NUMBER].sum()) / len(main)
+            moved = drift(main, slice(quarter, 2 * quarter), late) if quarter else Drift("", 0.0, math.inf, 0.0)
+            differ = apart(main, late) if quarter * 2 % PARTS == 0 and quarter and not e.own_walls else None
+            if burn_in is not None or (
+                moved.reached and (differ is None or differ.reached) and impacts >= LEAST_IMPACTS
+            ):
+                return BurnIn(e.periods, moved, differ)
+            if impacts == 0.0 and until >= 4 * FIRST and e.at_rest():
+                raise AtRest("scene", e.scene.sigma, "comes to rest for good: a mesh stays closed and nothing moves it")
+            if until >= MOST or self.limit.left < 2.0 * (clock() - began):
+                raise self.refusal(moved, differ, before, impacts)
+            before, until = moved, 2 * until
+
+    def refusal(
+        self, moved: Drift, differ: Apart | None, before: Drift | None = None, impacts: float = math.inf
+    ) -> BurnInError:
+        """The error for a burn-in that was not reached."""
+        e = self.ensemble
+        done, must = e.followed, 4 * e.followed
+        if before is not None and abs(moved.share) < 0.9 * abs(before.share) and moved.share * before.share > 0.0:
+            fall = math.log(abs(before.share / moved.share))  # of an exponential decay, over half of the run
+            must = min(max(math.ceil(done + 0.5 * done * math.log(abs(moved.z)) / fall), 2 * done), 64 * done)
+        if impacts < LEAST_IMPACTS:
+            why = f"a path had {impacts:.3g} impacts in the last half, and {LEAST_IMPACTS:g} are the least"
+        elif not moved.reached:
+            why = (
+                f"{moved.quantity} still changes by {moved.share:+.2%}, {abs(moved.z):.1f} standard errors, over the "
+                f"second half ({moved.allowed:.1f} are put down to chance)"
+            )
+        else:
+            assert differ is not None
+            why = (
+                f"{differ.quantity} differs {differ.ratio:.3g} times more between paths (in variance) than within "
+                "them: there are several attractors that the noise does not connect in this time"
+            )
+        return BurnInError(
+            "burn_in", done, f"periods are not enough: {why}; give at least {must:,}, and the budget for it"
+        )
+
+    def pilot(self) -> None:
+        """Choose where distributions are counted, and begin to sum."""
+        e = self.ensemble
+        rate = float(e.main[:, -1, NUMBER].sum()) / e.length  # impacts of all paths in a period
+        periods = int(min(max(PILOT / max(rate, 1e-9), 2.0), MOST_PILOT))
+        e.begin(no_scales(e.slow), detail=False)
+        seen: list[Floats] = []
+        e.follow(self.pool, periods, self.bar, seen)
+        e.begin(scales_of_pilot(np.concatenate(seen), e.slow), detail=True)
+
+    def gather(self, goal: float | None, periods: int | None, asked: tuple[str, ...]) -> LongReach | None:
+        """Follow the stationary motion for a number of periods, or until the intervals are narrow enough."""
+        e, began = self.ensemble, clock()
+        e.follow(self.pool, LEAST if periods is None else periods, self.bar)
+        while goal is not None:
+            width, worst = widest(estimates(e.collected(), asked))
+            each = (clock() - began) / e.periods
+            need = math.inf if math.isinf(width) else e.periods * (width / goal) ** 2
+            missing = max(need - e.periods, 0.0) * each
+            if width <= goal:
+                return LongReach(goal, worst, width, 0.0)
+            if self.refuse and missing > HOUR:
+                gives = width * math.sqrt(e.periods / (HOUR / each))
+                raise InputError(
+                    "accuracy", goal, f"is expected to take {in_words(missing)}, and where no budget is given an hour "
+                    f"is the most: ask for {gives:.2g}, or give the seconds that it may take as budget",
+                )  # fmt: skip
+            affordable = e.periods + int(max(self.limit.left, 0.0) / each)
+            target = int(min(SPARE * need + 1.0, GROWTH * e.periods, affordable))
+            if target < e.periods + e.length:
+                return LongReach(goal, worst, width, missing)
+            e.follow(self.pool, target, self.bar)
+        return None
+
+    def late(self) -> Drift:
+        """First quarter of the stationary motion against its last half."""
+        main = self.ensemble.main
+        batches = main.shape[1]
+        return drift(main, slice(0, batches // 4), slice(batches // 2, batches))
