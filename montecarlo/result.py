@@ -154,9 +154,9 @@ class Ensemble:
         ``sd_``, ``skew_``, ``kurt_`` (third and fourth cumulants in units of the sd) of each quantity, the standard
         error of each of these under ``se_`` + its name (NaN where fewer than
         `rattle.montecarlo.statistics.section_statistics.FEWEST` paths tell none), ``rho1, rho2``, ``paths`` that
-        reached the impact, and ``agreement``: the share that has followed the noise-free itinerary up to there.  With a control
-        variate, means and sds and their errors are the controlled ones.  If asked for, ``energy`` and ``se_energy``:
-        mean loss at the impact, see `rattle.scene.impact.energy_loss`.
+        reached the impact, and ``agreement``: the share that has followed the noise-free itinerary up to there.  With a
+        control variate, means and sds and their errors are the controlled ones.  If asked for, ``energy`` and
+        ``se_energy``: mean loss at the impact, see `rattle.scene.impact.energy_loss`.
         """
         import pandas as pd
 
