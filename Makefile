@@ -9,8 +9,8 @@ FIRST := tests/scene tests/closure tests/montecarlo rattle/scene rattle/closure 
 # With the compiler off, for the lines of what it compiles; the other tests would take hours so.
 INTERPRETED := tests/interpreted tests/scene
 
-# Two cores.
-BOTH := --numprocesses=2 --dist=loadfile
+# Two cores, a file on one of them; in their order, so that the many small files of the doctests come last and fill up.
+BOTH := --numprocesses=2 --dist=loadfile --no-loadscope-reorder
 
 .PHONY: report test docs audit clean
 

@@ -362,8 +362,8 @@ class Ensemble:
 
         Columns ``impact, quantity, moment, bias, se_bias, corrected, se_corrected, rest``.  ``bias`` is the
         first-order estimate of (this run - limit): the change from dt to 2 dt; ``corrected = value - bias`` is
-        Richardson's extrapolation; ``rest`` bounds what is left: a third of the change from the same
-        extrapolation of 2 dt and 4 dt.
+        Richardson's extrapolation; ``rest`` estimates what is left: a third of the change from the same
+        extrapolation of 2 dt and 4 dt, and more of it where the changes fall more slowly than the step.
 
         A scheme without a bias in the step has 0, and its own values.
 

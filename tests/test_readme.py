@@ -12,9 +12,10 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from rattle.closure import follow
 from rattle.compare.cli.main import main
 from rattle.compare.study import Study
-from rattle.scene import Scene
+from rattle.scene import DAT21, Scene
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text()
@@ -101,6 +102,15 @@ def test_the_worked_example_prints_what_it_says(tmp_path):
 def test_the_orbit_with_sticking_prints_what_it_says(tmp_path):
     out, published = printed((ROOT / "docs" / "results" / "stability.md").read_text(), tmp_path)
     assert out == published
+
+
+def test_dat21_sticks_as_often_as_it_says():
+    """A quarter of the impacts that the figure is from: counts within three standard errors of it."""
+    said = re.search(r"sticks (\d+) times in (\d) million impacts", (ROOT / "docs/results/stability.md").read_text())
+    times, millions = map(int, said.groups())
+    found, expected = len(follow(Scene.from_gears(DAT21), 1_000_000).sticking), times / millions
+    assert abs(found - expected) < 3.0 * expected**0.5
+    assert "once in" not in README
 
 
 def test_the_committed_study_loads_as_it_says(monkeypatch):

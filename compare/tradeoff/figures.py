@@ -72,7 +72,7 @@ QUANTITY: Any = {
     "x1": {"color": "#56B4E9", "marker": "s"}, "y1": {"color": "#0072B2", "marker": "D"},
     "x2": {"color": "#E69F00", "marker": "s"}, "y2": {"color": "#D55E00", "marker": "D"},
 }  # fmt: skip
-MOMENTS = {"mean": "section means", "sd": "section sds", "itinerary": "itinerary's probability"}
+MOMENTS = {"mean": "section means", "sd": "section sds", "itinerary": "itinerary"}
 
 
 def order_figure(changes: pd.DataFrame) -> Figure:

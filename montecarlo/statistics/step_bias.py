@@ -8,9 +8,13 @@ from numpy.typing import NDArray
 
 from rattle.montecarlo.statistics.central_sums import CentralSums
 
-__all__ = ["StepBias", "extrapolated"]
+__all__ = ["StepBias", "extrapolated", "left_over"]
 
 Floats = NDArray[np.float64]
+
+BEYOND = 3.0  # standard errors by which changes must fall more slowly than first order, to be taken for slow
+SLOW = 2.0**0.9  # ratio of two changes below which they are; above it is first order with a remainder of second order
+SLOWEST = 2.0**0.25  # ratio that is assumed of changes that fall more slowly still, or turn their sign
 
 
 class StepBias(NamedTuple):
@@ -23,7 +27,9 @@ class StepBias(NamedTuple):
     corrected, se_corrected : ndarray
         Richardson extrapolation, value - bias; its standard error.
     rest : ndarray
-        Estimate of the error left: a third of the difference to the same extrapolation from 2 dt and 4 dt.
+        Estimate of the error left: the difference to the same extrapolation from 2 dt and 4 dt, over ``2^p - 1``.  The
+        error left is of second order (p = 2) where the changes halve with the step; where they fall more slowly, beyond
+        noise, p is the slope that they have (`rattle order` finds such sds: docs/theory/schemes.md).
     """
 
     bias: Floats
@@ -55,15 +61,43 @@ def extrapolated(fine: CentralSums, coarse: CentralSums) -> dict[str, StepBias]:
     found = {}
     for moment, values, (ff, fc, cc) in (("mean", means, spread[0]), ("sd", sd, spread[1])):
         values = np.where(fine.n > 0, values, np.nan)
-        bias = values[1] - values[0]
+        bias, se = values[1] - values[0], np.sqrt(np.maximum(ff - 2.0 * fc + cc, 0.0) / n)
         found[moment] = StepBias(
             bias,
-            np.sqrt(np.maximum(ff - 2.0 * fc + cc, 0.0) / n),
+            se,
             values[0] - bias,
             np.sqrt(np.maximum(4.0 * ff - 4.0 * fc + cc, 0.0) / n),
-            np.abs(2.0 * values[0] - 3.0 * values[1] + values[2]) / 3.0,
+            left_over(bias, values[2] - values[1], se),
         )
     return found
+
+
+def left_over(change: Floats, before: Floats, se: Floats) -> Floats:
+    """Estimate the error that first-order extrapolation leaves.
+
+    Parameters
+    ----------
+    change, before : ndarray
+        Change of a value from dt to 2 dt, and from 2 dt to 4 dt.
+    se : ndarray
+        Standard error of `change`; that of ``2 change - before`` is taken to be three times as large, as the earlier
+        change has about twice the error.
+
+    Returns
+    -------
+    ndarray
+
+    Examples
+    --------
+    >>> second_order = left_over(np.array([3.0]), np.array([12.0]), np.zeros(1))  # of 1, 4 and 16: 1 - 3 = -2
+    >>> second_order.tolist()
+    [2.0]
+    """
+    missing = 2.0 * change - before
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = before / change
+        slow = (np.abs(missing) > 3.0 * BEYOND * se) & (ratio < SLOW)
+    return np.abs(missing) / (np.where(slow, np.maximum(ratio, SLOWEST), 4.0) - 1.0)
 
 
 def _sd_influence(v: Mapping[tuple[int, int], Floats], a: Floats, b: Floats) -> list[Floats]:

@@ -19,7 +19,7 @@ TEXT = """
 title = "killed"
 impacts = 2
 closures = ["saltation", "corrected"]
-paths = 60_000
+paths = 20_000
 
 [scene]
 alpha = 1.5
@@ -29,11 +29,11 @@ gamma1 = 0.057
 stages = 1
 
 [[axes]]
-sigma = [0.01, 0.02, 0.03, 0.04, 0.05, 0.06]
+sigma = [0.01, 0.02, 0.03, 0.04]
 """
 BEGUN = {"imports": "noise.toml", "cells": f"noise/{CELLS}/*.parquet", "page": "noise/.page-*.part"}
 """Phases of a run, and the files that show that one has begun."""
-CELLS_OF_ALL = 18
+CELLS_OF_ALL = 12
 LIFE = ("imports", "cells", "cells", "page", "page")
 """Phases in which a study is killed, one run after the other, before it is run to its end."""
 LOOK = 0.002  # seconds between two looks at a folder
@@ -133,7 +133,7 @@ class Life:
 def campaign(place, kills, seed, command=COMMAND):
     """Kill studies so many times; raises AssertionError if anything is lost.  Returns the number in each phase."""
     warm = place / "warm.toml"
-    warm.write_text(TEXT.replace("60_000", "64"))
+    warm.write_text(TEXT.replace("20_000", "64"))
     assert CliRunner().invoke(main, ["study", str(warm)]).exit_code == 0  # compiles
     draw, done, whole = random.Random(seed), Counter(), Life(place / "whole", command)
     seconds = whole.seconds()

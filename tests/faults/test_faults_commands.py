@@ -32,7 +32,19 @@ stages = 1
 sigma = [0.1, 0.2]
 """
 WRITERS = {
-    "validate": ["--paths", "600", "--impacts", "2", "--dt", "0.01", "--no-validity", "--sigma", "0.1"],
+    "validate": [
+        "--paths",
+        "600",
+        "--impacts",
+        "2",
+        "--dt",
+        "0.01",
+        "--no-validity",
+        "--sigma",
+        "0.1",
+        "--closure",
+        "saltation",
+    ],
     "tradeoff": [],
     "chaos": ["--no-sweep"],
     "claims": [],

@@ -13,7 +13,10 @@ from rattle.compare.cli.main import EXIT_NOT_MET, EXIT_NOT_REPEATED, EXIT_ROUNDE
 from rattle.compare.report import manifest
 from rattle.compare.report.repeat import EXACT, ROUNDING, difference
 
-SWEPT = ["--paths", "600", "--impacts", "2", "--dt", "0.01", "--validity", "0.1:1:2", "--validity-paths", "600"]
+SWEPT = [
+    "--paths", "600", "--impacts", "2", "--dt", "0.01", "--validity", "0.1:1:2", "--validity-paths", "600",
+    "--closure", "published", "--closure", "saltation",
+]  # fmt: skip
 
 
 def validate(*words, code=0):

@@ -29,7 +29,7 @@ from rattle.compare.study.tables import CELLS, load
 from rattle.compare.validation.verdict import Tolerances
 from rattle.scene.errors import OutputError
 
-SLOW = {"sigmas": (0.01, 0.02, 0.03, 0.04, 0.05, 0.06), "paths": 100_000}
+SLOW = {"sigmas": (0.01, 0.02, 0.03, 0.04, 0.05, 0.06), "paths": 40_000}
 
 
 def rattle(*words):
