@@ -47,7 +47,7 @@ NOT_RUN = {
 """Shell examples that no test can run, and why."""
 
 APPENDED = {
-    "validate": "--paths 600 --validity 0.01:0.02:2 --validity-paths 600",
+    "validate": "--paths 600 --impacts 3 --validity 0.01:0.02:2 --validity-paths 600",
     "stationary": "--periods 64 --paths 32 --no-closures --over 0.5:1.5:2 --overwrite",
     "chaos": "--points 2000 --impacts 40000 --events 300 --width 0.2 --no-sweep",
 }

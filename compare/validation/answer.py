@@ -198,12 +198,17 @@ def correlation_claim(validations: Sequence[Validation]) -> str:
         beyond = rows["rho"].abs().max()
         excess = f", |ρ| up to {beyond:.3g}" if beyond > 1.0 else ""
         evidence.append(f"at σ = {sigma_text(v)} at {len(impacts)} impacts, the first being {impacts[0]}{excess}")
+    behind = (
+        "The rule behind it is Eq. 15, −ε m_np for every power p, which gives a variance the sign of −ε"
+        if validations[0].scene.stages == 1 else
+        "Two rules are behind it, each of which fails by itself: Eq. 17, λ_np − κ m_np, which makes variances of stage "
+        "1 negative, and Eq. 15, −ε m_np for every power p, which gives a variance of stage 2 the sign of −ε"
+    )  # fmt: skip
     return (
         "The paper argues that the density cannot be Gaussian because |ρ| may exceed 1. In the `published` closure "
-        f"second moments belong to no distribution {'; '.join(evidence)}. The rule behind it is Eq. 15, −ε m_np for "
-        "every power p, which gives a variance the sign of −ε; with (−ε)^p and the joint moments, all else alike, the "
-        f"`corrected` closure keeps |ρ| ≤ {_largest_rho(validations, 'corrected'):.4f}, and the simulation shows "
-        f"|ρ| ≤ {_largest_rho(validations, SIMULATED):.4f}. The excess is an artefact of that rule. The densities are "
-        "not Gaussian all the same: impacts skew them and split them into several modes, as the section histograms "
-        "show."
+        f"second moments belong to no distribution {'; '.join(evidence)}. {behind}; with (−ε)^p and the joint moments, "
+        f"all else alike, the `corrected` closure keeps |ρ| ≤ {_largest_rho(validations, 'corrected'):.4f}, and the "
+        f"simulation shows |ρ| ≤ {_largest_rho(validations, SIMULATED):.4f}. The excess is an artefact of what is "
+        "printed. The densities are not Gaussian all the same: impacts skew them and split them into several modes, as "
+        "the section histograms show."
     )

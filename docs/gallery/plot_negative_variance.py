@@ -2,8 +2,8 @@ r"""
 A variance below zero
 =====================
 
-The rule that the paper prints for the moments at an impact (Eqs. 15 and 17) makes variances negative at the second
-impact. With its algebra corrected the same method has positive variances, and still not those of the simulation.
+The rules that the paper prints for the moments at an impact make variances negative at the second impact: Eq. 17 those
+of stage 1, which are drawn here, Eq. 15 those of stage 2. With its algebra corrected the same method has positive variances, and still not those of the simulation.
 """
 
 import matplotlib.pyplot as plt
