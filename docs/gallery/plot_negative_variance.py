@@ -3,7 +3,8 @@ A variance below zero
 =====================
 
 The rules that the paper prints for the moments at an impact make variances negative at the second impact: Eq. 17 those
-of stage 1, which are drawn here, Eq. 15 those of stage 2. With its algebra corrected the same method has positive variances, and still not those of the simulation.
+of stage 1, which are drawn here, Eq. 15 those of stage 2. With its algebra corrected the same method has positive
+variances, and still not those of the simulation.
 """
 
 import matplotlib.pyplot as plt
