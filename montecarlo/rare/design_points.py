@@ -29,7 +29,7 @@ DIFFERENCE = 1e-3  # for derivatives, in sds
 NEAR = 0.01  # largest limit function at a design point
 ALIKE = 0.97  # cosine from which two design points are one
 BEYOND = (1.02, 1.1, 1.25)  # multiples of a design point that are tried to get into the branch
-PILOT_BLOCKS = 4
+PILOT_PATHS = 4096
 PILOT = 0x9170  # spawn key of the pilot's random numbers
 
 
@@ -92,7 +92,7 @@ def pilot_of(plan: Plan, codes: Ints) -> Pilot:
     Pilot
     """
     seed = np.random.SeedSequence(plan.seed.entropy, spawn_key=(*plan.seed.spawn_key, PILOT))
-    plan = plan._replace(seed=seed, paths=PILOT_BLOCKS * 1024)
+    plan = plan._replace(seed=seed, paths=PILOT_PATHS)
     rows = np.concatenate([sample(plan, b).rows[0] for b in range(plan.blocks)])
     kept = np.cumprod(rows[:, :, 6] == codes, axis=1).astype(bool)
     sd = np.array([np.std(rows[of if of.sum() > 100 else slice(None), k, :6], axis=0) for k, of in enumerate(kept.T)])
