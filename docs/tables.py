@@ -119,7 +119,7 @@ def rare_branches(reports: Path) -> Table:
     rows = [
         [
             f"{r['scene']}, σ = {r['sigma']:g}, {r['impacts']} impacts", r["branches"],
-            f"{r['worst_row']} ({short(r['kurtosis'], 2)})", short(r["gain"], 2), short(r["median_gain"], 2),
+            f"{r['worst_row']} ({r['kurtosis']:,.0f})", f"{r['gain']:,.0f}", short(r["median_gain"], 2),
             short(r["least_gain"], 2), f"{r['largest_z']:.1f} ({r['allowed_z']:.1f})", f"{r['coverage']:.1%}",
         ]
         for r in found.to_dict("records")
