@@ -100,6 +100,35 @@ def coverage(reports: Path) -> Table:
 
 
 @table
+def random_gears(reports: Path) -> Table:
+    """How far each closure is accurate on gear sets drawn at random, kept beside the page."""
+    found = pd.read_csv(Path(__file__).parent / "results" / "random_gears.csv")
+    rows = []
+    for (_, ratio), of in found.groupby(["set", "ratio"], sort=False):
+        first, by = of.iloc[0], of.set_index("closure")
+        gears = [short(first[name]) for name in ("set", "stages", "alpha", "epsilon", "gap2")]
+        reach = [f"{by['accurate'][c]:.0f} ({by['not_inaccurate'][c]:.0f})" if c in by.index else "–" for c in CLOSURES]
+        rows.append([*gears, f"{ratio:g}", *reach])
+    return ["set", "stages", "α", "ε", "gap 2", "σ/√α", *CLOSURES], rows
+
+
+@table
+def rare_branches(reports: Path) -> Table:
+    """What sampling rare branches gains at equal processor time, kept beside the page."""
+    found = pd.read_csv(Path(__file__).parent / "results" / "rare_branches.csv")
+    rows = [
+        [
+            f"{r['scene']}, σ = {r['sigma']:g}, {r['impacts']} impacts", r["branches"],
+            f"{r['worst_row']} ({r['kurtosis']:,.0f})", f"{r['gain']:,.0f}", short(r["median_gain"], 2),
+            short(r["least_gain"], 2), f"{r['largest_z']:.1f} ({r['allowed_z']:.1f})", f"{r['coverage']:.1%}",
+        ]
+        for r in found.to_dict("records")
+    ]  # fmt: skip
+    heads = ["scene", "branches sampled (impact: struck instead)", "worst row (kurtosis)", "its variance falls"]
+    return [*heads, "median row", "least", "largest z (allowed)", "intervals that hold"], rows
+
+
+@table
 def speed(reports: Path) -> Table:
     """What a closure saves where it holds."""
     found = pd.read_csv(reports / "dat21" / "speed.csv")

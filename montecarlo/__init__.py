@@ -2,10 +2,11 @@
 
 Two Euler-Maruyama schemes and exact flights (`SCHEMES`) advance the paths.  `simulate` runs a given number of them,
 `simulate_to` as many as an accuracy takes; both reduce them to section moments, and to moments at fixed times and
-whatever else a `Record` asks for.
+whatever else a `Record` asks for.  `simulate_rare` draws a part of the paths near rare branches.
 """
 
 from rattle.montecarlo.ensemble import simulate
+from rattle.montecarlo.rare.simulate_rare import RareEnsemble, simulate_rare
 from rattle.montecarlo.reach import AccuracyWarning
 from rattle.montecarlo.record import Record
 from rattle.montecarlo.result import Ensemble
@@ -15,6 +16,6 @@ from rattle.montecarlo.settings import check_settings
 from rattle.montecarlo.simulate_to import simulate_to
 
 __all__ = [
-    "SCHEMES", "AccuracyWarning", "Ensemble", "Record", "check_settings", "default_step", "largest_step", "simulate",
-    "simulate_to",
+    "SCHEMES", "AccuracyWarning", "Ensemble", "RareEnsemble", "Record", "check_settings", "default_step",
+    "largest_step", "simulate", "simulate_rare", "simulate_to",
 ]  # fmt: skip

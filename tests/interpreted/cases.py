@@ -16,7 +16,7 @@ import numpy as np
 from rattle.closure import mean_map
 from rattle.closure.long_orbit import LongOrbit, velocities
 from rattle.closure.orbit import follow
-from rattle.montecarlo import SCHEMES, Record, simulate
+from rattle.montecarlo import SCHEMES, Record, simulate, simulate_rare
 from rattle.montecarlo.bench import _normals, _scalar_normals, _skilled_loop, _steps
 from rattle.montecarlo.coupling.long_path import LongPath
 from rattle.montecarlo.coupling.pairs import after_impact, growths
@@ -104,6 +104,19 @@ def simulated(scene, scheme, paths=3, impacts=3, **settings):
         yield run.step_bias.select_dtypes("number").to_numpy(float)
 
 
+def rare_branches():
+    """Design points at the first impact, and a few paths drawn near one."""
+    rare = "rattle.montecarlo.rare"
+    with (
+        mock.patch.multiple(f"{rare}.design_points", SEARCHED=1, PILOT_PATHS=8, FINE_ROUNDS=2),
+        mock.patch(f"{rare}.mixture.BLOCK", 40),
+        mock.patch(f"{rare}.simulate_rare.BLOCK", 40),
+    ):
+        run = simulate_rare(Scene.from_gears(DAT21, sigma=0.1), paths=40, impacts=2, rng=5)
+    yield [b.beta for b in run.sampled]
+    yield from (run.mean, run.se_mean, run.sd, run.se_sd, run.sampled[0].shift)
+
+
 def on_shared_noise(scene):
     """A long path with the growth of its neighbours, and pairs of paths with the same noise."""
     path = LongPath(scene, seed=2)
@@ -137,7 +150,7 @@ WALLS = [
     Tolerance(0.04, 0.02, distribution=distribution, draw=draw)
     for distribution, draw in (("uniform", "path"), ("normal", "contact"))
 ]
-CASES: dict[str, Callable] = {"flights": flights, "sums": sums}
+CASES: dict[str, Callable] = {"flights": flights, "sums": sums, "rare branches": rare_branches}
 CASES |= {f"orbit, {name}": lambda s=scene: orbits(s) for name, scene in {**SCENES, "far": FAR}.items()}
 CASES |= {
     f"{closure}, {name}": lambda s=scene, r=closure: predicted(s, r, 6)

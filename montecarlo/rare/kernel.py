@@ -1,0 +1,131 @@
+"""Exact flights of a block of paths, some of them conditioned on a rare branch, with the weight of each impact."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rattle.montecarlo.kernel.kernel import EXACT, Job, _finish_inside, _step_lanes
+from rattle.montecarlo.kernel.lanes import CHUNK, Lanes, Room, list_marked, of_level
+from rattle.montecarlo.noise.philox import Word, fill_normals
+from rattle.montecarlo.rare.mixture import Mixture
+from rattle.montecarlo.schemes.short_flight import sine_cosine
+from rattle.montecarlo.schemes.step_state import Noise, Progress
+from rattle.scene.compiled import lean
+from rattle.scene.instructions import widest_vectors
+
+__all__ = ["run_weighted"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+FAR = 6.0  # argument from which erfc is 0, and below whose negative it is 2
+
+
+@lean
+def _condition(z: Floats, u: float, rest: float, k: int, part: Ints, ahead: Floats, done: Floats, lanes: int) -> None:
+    """Replace a step's normals of the paths of one part by their values given ``u z`` in all; vectorises.
+
+    Given that the steps ahead, this one among them, add `ahead` to ``u z``, a step's normal has mean ``u ahead / rest``
+    and variance ``1 - u^2 / rest``.
+    """
+    widest_vectors()
+    pull, spread = u / rest, math.sqrt(max(0.0, 1.0 - u * u / rest))
+    for p in range(lanes):
+        own = part[p] == k
+        x = pull * ahead[p] + spread * z[p] if own else z[p]
+        z[p] = x
+        ahead[p] -= u * x if own else 0.0
+        done[p] += u * x
+
+
+@lean
+def _weight(mixture: Mixture, n: int, p: int, done: Floats) -> float:
+    """Weight of a path after n steps."""
+    total = mixture.plain
+    last = mixture.rest.shape[1] - 1
+    for k in range(mixture.unit.shape[0]):
+        rest = mixture.rest[k, min(n, last)]
+        scale = 1.0 / math.sqrt(2.0 * rest) if rest > 1e-12 else 1e9
+        for t in range(mixture.level.shape[1]):
+            short = (mixture.level[k, t] - done[k, p]) * scale
+            if short < -FAR:
+                total += mixture.rate[k, t]
+            elif short < FAR:
+                total += mixture.rate[k, t] * 0.5 * math.erfc(short)
+    return 1.0 / total
+
+
+@lean
+def _retire(every: Lanes, room: Room, part: Ints, ahead: Floats, done: Floats, impacts: int, live: int) -> int:
+    """Move the last path in use to the lane of each finished one; returns the lanes still in use."""
+    for p in range(live - 1, -1, -1):
+        if every.impacts[0, p] >= impacts:
+            live -= 1
+            room.path[p], room.path[live] = room.path[live], room.path[p]
+            for j in range(4):
+                every.state[0, j, p] = every.state[0, j, live]
+                every.walls[0, j, p] = every.walls[0, j, live]
+            every.last[0, p], every.impacts[0, p] = every.last[0, live], every.impacts[0, live]
+            part[p], ahead[p] = part[live], ahead[live]
+            for k in range(done.shape[0]):
+                done[k, p] = done[k, live]
+    return live
+
+
+@lean
+def run_weighted(
+    job: Job, mixture: Mixture, first: int, every: Lanes, room: Room, part: Ints, ahead: Floats, done: Floats,
+    rows: Floats, weights: Floats,
+) -> None:  # fmt: skip
+    """Follow a block of paths until each has had its impacts.
+
+    Parameters
+    ----------
+    job : Job
+        Settings; its scheme is not read.
+    mixture : Mixture
+        Parts.
+    first : int
+        Number of the block's first path.
+    every, room : Lanes, Room
+        From `rattle.montecarlo.kernel.lanes.lanes_of`, of one level.
+    part : ndarray of int, shape (lanes,)
+        Branch of each path; -1 for plain ones.
+    ahead : ndarray, shape (lanes,)
+        ``u z`` that conditioned paths have to reach.
+    done : ndarray, shape (branches, lanes)
+        Zeros; overwritten by ``u z`` so far.
+    rows : ndarray, shape (1, paths, impacts, COLUMNS)
+        Output: the state just before each impact; impacts that are not reached stay as given.
+    weights : ndarray, shape (paths, impacts)
+        Output: the weight of each, given the steps up to the one of the impact.
+    """
+    widest_vectors()
+    impacts, live, n, z, steps = rows.shape[2], rows.shape[1], 0, room.z, mixture.unit.shape[1]
+    while n < job.most_steps and live > 0:
+        wide = (live + 7) // 8 * 8
+        for _ in range(min(CHUNK, job.most_steps - n)):
+            if n % 2 == 0:
+                fill_normals(job.key, room.path, Word(n // 2), wide, z)
+            w, area = z[n % 2 * 2], z[n % 2 * 2 + 1]
+            for k in range(mixture.unit.shape[0]):
+                if n < steps and mixture.unit[k, n] != 0.0:
+                    _condition(w, mixture.unit[k, n], mixture.rest[k, n], k, part, ahead, done[k], wide)
+            begin = job.tau + n * job.dt
+            lanes = of_level(every, 0, w, area)
+            _step_lanes(EXACT, job, begin, job.dt, lanes, room.marks, wide)
+            found = list_marked(room.marks, live, room.groups, room.hits)
+            phase = sine_cosine(begin)
+            for i in range(found):
+                p, s = room.hits[i], lanes.before
+                noise = Noise(w[p] * math.sqrt(job.dt), area[p] * math.sqrt(job.dt / 12.0))
+                at = Progress(0, begin, job.dt, noise, s[0, p], s[1, p], s[2, p], s[3, p])
+                row, met = int(room.path[p]) - first, lanes.impacts[p]
+                _finish_inside(EXACT, job, room.path[p], row, n, 0, p, at, phase, lanes, rows, room.ahead)
+                if lanes.impacts[p] > met:
+                    weight = _weight(mixture, n + 1, p, done)
+                    for k in range(met, min(lanes.impacts[p], impacts)):
+                        weights[row, k] = weight
+            n += 1
+        live = _retire(every, room, part, ahead, done, impacts, live)
