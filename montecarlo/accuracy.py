@@ -1,4 +1,9 @@
-"""How accurate an answer is: the standard error and the step bias of all section means and sds.
+"""How accurate an answer is: a 95 % bound of the error of all section means and sds at once.
+
+The bound of `error_bound` is where the probabilities that the rows' errors exceed it add up to 5 %: each row counts with
+its own standard error, so that rows that are much better known cost nothing.  Errors are larger where the sampling
+distribution of a row is skewed (`skewness_gain`), and by what branches that the sample cannot have seen could change
+(`rattle.montecarlo.unseen`).  Looks share the 5 %, so that a run may stop as soon as it holds (`share_of_look`).
 
 Errors are in units of each quantity's sd; the worst of all section means and sds counts.  The step bias is measured
 from dt, 2 dt and 4 dt on the same Brownian paths.  Errors are absolute where the sd is no scale: where nothing varies,
@@ -8,20 +13,28 @@ and for the displacement at the mesh that most paths strike, whose spread comes 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.result import Ensemble
+from rattle.montecarlo.unseen import unseen, unseen_text
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["LEAST", "STILL", "sampling_error", "small_noise", "step_error", "units"]
+__all__ = [
+    "CONFIDENCE", "LEAST", "STILL", "Bound", "error_bound", "sampling_error", "share_of_look", "skewness_gain",
+    "small_noise", "step_error", "units",
+]  # fmt: skip
+
+CONFIDENCE = 0.95
+"""Probability with which an accuracy that is said to be reached bounds all errors of section means and sds."""
 
 LEAST = 32 * BLOCK  # fewest paths of an answer: events of probability 1e-4 can dominate an sd, so they must be sampled
 SMALL_NOISE = 0.2  # sigma / alpha up to which the control variate is tried; on DAT21 it pays up to 0.07
@@ -36,6 +49,11 @@ class HasColumns(Protocol):
     @property
     def columns(self) -> Mapping[str, NDArray[Any]]:
         """As `Ensemble.columns`."""
+        ...
+
+    @property
+    def scene(self) -> Scene:
+        """What was modelled."""
         ...
 
     @property
@@ -94,6 +112,143 @@ def sampling_error(run: HasColumns) -> tuple[float, str]:
             if errors[k] > worst:
                 worst, where = float(errors[k]), f"{name} of {q} at impact {k + 1}"
     return worst, where
+
+
+class Bound(NamedTuple):
+    """A simultaneous bound of all errors of section means and sds, in units of each quantity's sd.
+
+    Attributes
+    ----------
+    error : float
+        The bound, with what the sample cannot have seen.
+    sampled : float
+        The bound without it: this part falls with the square root of the number of paths.
+    where : str
+        Moment, quantity and impact that matter most.
+    needed : float
+        Paths of which enough take the branches that matter for the difference; 0 if there is none.
+    remark : str
+        The branch that matters most, in words; empty if none does.
+    """
+
+    error: float
+    sampled: float
+    where: str
+    needed: float
+    remark: str
+
+
+def share_of_look(look: int) -> float:
+    """Probability of a wrong statement that a look may spend; over all looks they add up to 1 - `CONFIDENCE`.
+
+    Parameters
+    ----------
+    look : int
+        Number of the look, from 1.
+
+    Returns
+    -------
+    float
+
+    Examples
+    --------
+    >>> round(sum(share_of_look(k) for k in range(1, 10_000)), 4)
+    0.05
+    """
+    return (1.0 - CONFIDENCE) / (look * (look + 1.0))
+
+
+def skewness_gain(columns: Mapping[str, NDArray[Any]], quantity: str, sd: bool, z: float) -> Floats:
+    """By how much an interval of a mean or an sd is longer on one side, in units of its half width.
+
+    Hall's (1992) correction of a studentised mean, ``gamma (2 z^2 + 1) / (6 z sqrt(n))``, with the skewness gamma of
+    what is averaged: the quantity for its mean, its squared deviation for its sd.  Ten paths that carry most of a
+    variance are nearly a Poisson count, whose upper limit this is.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray
+        Of the section.
+    quantity : str
+        Name of a section quantity.
+    sd : bool
+        Whether its sd is meant, rather than its mean.
+    z : float
+        Half width of the interval in standard errors.
+
+    Returns
+    -------
+    ndarray, shape (impacts,)
+        Positive where the true value may lie further above than below; 0 where it is not known.
+    """
+    n = np.maximum(np.asarray(columns["paths"], float), 1.0)
+    gamma = np.asarray(columns["skew_" + quantity], float)
+    if sd:
+        fourth = 3.0 + np.asarray(columns["kurt_" + quantity], float)
+        with np.errstate(invalid="ignore", over="ignore"):
+            # the variance of the skewness is that of z^3 - 3 z, and E z^6 >= (E z^4)^2 as E z^2 = 1
+            sixth = np.maximum(
+                n * np.asarray(columns["se_skew_" + quantity], float) ** 2 - 9.0 + 6.0 * fourth, fourth**2
+            )
+            gamma = (sixth - 3.0 * fourth + 2.0) / np.maximum(fourth - 1.0, 1e-12) ** 1.5
+    gain: Floats = np.nan_to_num(gamma * (2.0 * z**2 + 1.0) / (6.0 * z * np.sqrt(n)))
+    return gain
+
+
+def error_bound(run: HasColumns, share: float = 1.0 - CONFIDENCE) -> Bound:
+    """Bound all errors of section means and sds at once, except for the bias of the step.
+
+    Parameters
+    ----------
+    run : Ensemble or stored result
+        Anything with `columns`, `section` and `scene`.
+    share : float
+        Probability with which one of them may be larger.
+
+    Returns
+    -------
+    Bound
+    """
+    unit, columns = _units(run), run.columns
+    paths = int(np.nanmax(np.nan_to_num(columns["paths"]), initial=0.0))
+    hidden = unseen(run.scene, columns, paths)
+    errors, shifts, names, needed, chance = [], [], [], [], []
+    for i, q in enumerate(SECTION):
+        for moment, prefix in (("mean", "se_"), ("sd", "se_sd_")):
+            gain = np.abs(skewness_gain(columns, q, moment == "sd", Z_OF_GAIN))
+            errors.append(np.nan_to_num(columns[prefix + q] / unit[q]) * (1.0 + gain))
+            both = (hidden.mean_up, hidden.mean_down) if moment == "mean" else (hidden.sd_up, hidden.sd_down)
+            shifts.append(np.nan_to_num(np.maximum(both[0][:, i], both[1][:, i]) / unit[q]))
+            names.append((moment, q))
+            needed.append(hidden.needed[:, i])
+            chance.append(hidden.probability[:, i])
+    error, shift = np.array(errors), np.array(shifts)
+    sampled, bound = _exceeded(error, 0.0 * shift, share), _exceeded(error, shift, share)
+    if bound == 0.0:
+        return Bound(0.0, 0.0, sampling_error(run)[1], 0.0, "")
+    row, k = (
+        int(n) for n in np.unravel_index(np.argmax(shift + error * (sampled / max(error.max(), 1e-300))), error.shape)
+    )
+    (moment, q), remark, more = names[row], "", 0.0
+    if bound > 1.05 * sampled:
+        matter = shift >= 0.5 * shift.max()
+        more = float(np.array(needed)[matter].max())
+        remark = unseen_text(moment, float(chance[row][k]), float(shift[row, k]), float(needed[row][k]))
+    return Bound(bound, sampled, f"{moment} of {q} at impact {k + 1}", more, remark)
+
+
+Z_OF_GAIN = 3.0  # half width at which the skewness of rows is accounted for
+
+
+def _exceeded(error: Floats, shift: Floats, share: float) -> float:
+    """Where the probabilities that normal errors exceed it, less a shift each, add up to `share`."""
+    low, high = float(shift.max()), float((shift + 40.0 * error).max())
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            beyond = np.where(error > 0.0, 2.0 * ndtr(-(middle - shift) / error), 0.0).sum()
+        low, high = (middle, high) if beyond > share else (low, middle)
+    return high
 
 
 def step_error(run: Ensemble) -> tuple[float, float]:

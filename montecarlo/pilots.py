@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from rattle.montecarlo.accuracy import LEAST, sampling_error, small_noise, step_error
+from rattle.montecarlo.accuracy import LEAST, error_bound, share_of_look, small_noise, step_error
 from rattle.montecarlo.budget import Budget, clock
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.reach import Candidate
@@ -85,9 +85,9 @@ class PilotRun:
 
     @cached_property
     def errors(self) -> tuple[float, float]:
-        """Largest standard error and largest step bias, in sds; the bias is 0 for a scheme without one."""
+        """Bound of all sampling errors and largest step bias, in sds; the bias is 0 for a scheme without one."""
         exact = not SCHEMES[self.run.scheme].has_step_bias
-        return sampling_error(self.run)[0], 0.0 if exact else step_error(self.run)[0]
+        return error_bound(self.run, share_of_look(1)).sampled, 0.0 if exact else step_error(self.run)[0]
 
     def at(self, accuracy: float) -> Candidate:
         """Step, paths and work that an accuracy is expected to take.
@@ -95,7 +95,7 @@ class PilotRun:
         Parameters
         ----------
         accuracy : float
-            Largest standard error and largest step bias, in sds.
+            Largest error of all section means and sds, in sds.
 
         Returns
         -------
@@ -105,7 +105,7 @@ class PilotRun:
         dt = run.dt
         if SCHEMES[run.scheme].has_step_bias:  # aim at half the bias allowed: order 1 is asymptotic
             dt *= min(1.0, max(0.5 * accuracy / max(bias, 1e-300), 1e-100))
-        share = min(error / accuracy, 1e100)
+        share = min(error / (accuracy if not bias else 0.5 * accuracy), 1e100)
         paths = max(LEAST // BLOCK, math.ceil(run.paths * share**2 / BLOCK)) * BLOCK
         paths = computed(run.scene, paths)
         return Candidate(run.scheme, dt, paths, 1e-9 * _nanoseconds(run, dt) * paths)
@@ -184,7 +184,7 @@ def chosen(
     names : sequence of str
         Schemes to try, in this order.
     accuracy : float
-        Largest standard error and largest step bias, in sds.
+        Largest error of all section means and sds, in sds.
     simulate : callable
         `montecarlo.simulate` with all that does not change: scene, impacts, seed.
     budget : Budget

@@ -52,7 +52,8 @@ class Reach(NamedTuple):
     """The accuracy that a run reached, compared with the accuracy asked for.
 
     Errors are the largest over all section means and sds, in units of each quantity's sd (absolute where nothing
-    varies).
+    varies).  An accuracy is a statement on all of them at once: with 95 % probability none is larger, whatever the
+    number of looks after which the run stopped.
 
     Attributes
     ----------
@@ -62,8 +63,11 @@ class Reach(NamedTuple):
         Largest standard error.
     step : float
         Largest step bias; 0 for a scheme without one.
+    bound : float
+        95 % bound of all errors at once: sampling, skewness, branches that the sample cannot have seen, and the bias of
+        the step.
     worst : str
-        Where the standard error is largest.
+        Which error matters most.
     candidates : sequence of Candidate
         What each scheme that was tried was expected to cost.
     more_seconds : float
@@ -71,15 +75,19 @@ class Reach(NamedTuple):
         no shorter step can be taken.
     enough : bool
         Whether there are enough paths, over the full horizon, for events of probability 1e-4 to be sampled.
+    remark : str
+        The unseen branch that matters most, in words; empty if none does.
     """
 
     asked: float
     sampling: float
     step: float
+    bound: float
     worst: str
     candidates: Sequence[Candidate]
     more_seconds: float
     enough: bool = True
+    remark: str = ""
 
     @property
     def schemes(self) -> pd.DataFrame:
@@ -95,19 +103,21 @@ class Reach(NamedTuple):
 
     @property
     def reached(self) -> bool:
-        """Whether both errors are within the accuracy asked for, with enough paths."""
-        return self.enough and max(self.sampling, self.step) <= self.asked
+        """Whether the bound is within the accuracy asked for, with enough paths."""
+        return self.enough and self.bound <= self.asked
 
     @property
     def sentence(self) -> str:
         """What was reached, as text."""
         errors = (
-            f"largest standard error {self.sampling:.2g} sd ({self.worst}), largest bias of the step {self.step:.2g} sd"
+            f"with 95 % probability no section mean or sd is off by more than {self.bound:.2g} sd ({self.worst}; "
+            f"largest standard error {self.sampling:.2g} sd, bias of the step {self.step:.2g} sd)"
         )
         if self.reached:
             return f"Accuracy {self.asked:g} sd reached: {errors}."
         if math.isinf(self.more_seconds):
             return f"Accuracy {self.asked:g} sd NOT reached: {errors}; no shorter step can be taken."
+        errors += f"; {self.remark}" if self.remark else ""
         few = "" if self.enough else ", from fewer paths or a shorter time than an answer needs"
         more = in_words(self.more_seconds)
         return f"Accuracy {self.asked:g} sd NOT reached within the budget: {errors}{few}; about {more} more would do."

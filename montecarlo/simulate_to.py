@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from rattle.montecarlo.accuracy import LEAST, sampling_error, small_noise, step_error
+from rattle.montecarlo.accuracy import LEAST, error_bound, sampling_error, share_of_look, small_noise, step_error
 from rattle.montecarlo.budget import HOUR, Budget, clock, in_words
 from rattle.montecarlo.ensemble import Blocks, extended, in_threads, simulate
 from rattle.montecarlo.kernel.block import BLOCK
@@ -35,6 +35,8 @@ __all__ = ["ESTIMATES", "simulate_to"]
 ESTIMATES = logging.getLogger("rattle.estimate")
 """What an accuracy is expected to take is said here (level INFO) before the work starts."""
 
+MOST_BIAS = 0.6  # share of an accuracy that the bias of the step may take; pilots aim at half
+LEAST_ROOM = 0.2  # share that is left to the error of sampling while the step is too long
 GROWTH = 8  # most by which the number of paths grows at once: the spread of heavy tails is found late
 
 
@@ -72,15 +74,16 @@ def simulate_to(
     progress: str | None = None,
     blocks: Blocks | None = None,
 ) -> Ensemble:
-    """Simulate until the standard error and the bias of the step of all section means and sds are within an accuracy.
+    """Simulate until all section means and sds are known to an accuracy, with 95 % probability for all of them at once.
 
     Parameters
     ----------
     scene : Scene
         What is modelled.
     accuracy : float
-        Largest standard error and largest bias of the step of all section means and sds, in units of each quantity's sd
-        (absolute where it does not vary).
+        Largest error of all section means and sds, in units of each quantity's sd (absolute where it does not vary):
+        with 95 % probability none is larger.  Sampling, bias of the step and branches that the sample cannot have seen
+        count.
     impacts : int
         Impacts of each path after the start.
     scheme : str
@@ -162,23 +165,26 @@ def _simulated(
     ESTIMATES.info("Accuracy %g sd: %s.", accuracy, pilot_run.at(accuracy).sentence)
     if budget is None:
         _check_affordable(pilot_run, accuracy, workers)
-    run, more = _followed_up(pilot_run, again, record, blocks, accuracy, left, workers, progress)
-    error, worst = sampling_error(run)
+    run, more, look = _followed_up(pilot_run, again, record, blocks, accuracy, left, workers, progress)
+    bound = error_bound(run, share_of_look(look))
     step = 0.0 if not SCHEMES[run.scheme].has_step_bias else step_error(run)[0]
-    worst += "" if is_random(scene) else ": one path is the answer"
+    worst = bound.where + ("" if is_random(scene) else ": one path is the answer")
     enough = pilot_run.whole and run.paths >= computed(scene, LEAST)
-    return replace(run, reach=Reach(accuracy, error, step, worst, candidates, more, enough))
+    reach = Reach(
+        accuracy, sampling_error(run)[0], step, bound.error + step, worst, candidates, more, enough, bound.remark
+    )  # fmt: skip
+    return replace(run, reach=reach)
 
 
 def _followed_up(
     pilot_run: PilotRun, simulate: Simulate, record: Record, blocks: Blocks,
     accuracy: float, budget: Budget, workers: int, progress: str | None
-) -> tuple[Ensemble, float]:  # fmt: skip
-    """The pilot's scheme until its errors are within the accuracy, or the budget is spent; and the seconds missing."""
+) -> tuple[Ensemble, float, int]:  # fmt: skip
+    """The pilot's scheme until its errors are within the accuracy, or the budget is spent; seconds missing, looks."""
     run, scene, expected = pilot_run.run, pilot_run.run.scene, pilot_run.at(accuracy)
     if not pilot_run.whole or budget.left <= 0.0:
         missing = max(expected.core_seconds, pilot_run.path_seconds * expected.paths) / workers
-        return run, missing
+        return run, missing, 1
     exact, fewest, grain = not SCHEMES[run.scheme].has_step_bias, computed(scene, LEAST), computed(scene, BLOCK)
     horizon = default_horizon(run.impacts, run.dt * (1 if exact else COARSEST))
     shortest = horizon / MOST_STEPS
@@ -186,7 +192,7 @@ def _followed_up(
         "scheme": run.scheme, "control": exact and small_noise(scene), "record": replace(record, step_bias=not exact),
         "progress": progress, "horizon": horizon,
     }  # fmt: skip
-    began, before = clock(), 0
+    began, before, look = clock(), 0, 0
     if not exact:
         aim = min(pilot_run.within(budget.left * workers, accuracy), ROUGHEST)
         run = simulate(paths=fewest, dt=max(pilot_run.at(aim).dt, shortest), **settings)
@@ -194,19 +200,22 @@ def _followed_up(
         run, before = extended(run, fewest, blocks, progress), run.paths
     while True:
         seconds_per_path = max(clock() - began, 1e-9) / (run.paths - before)
-        error, _ = sampling_error(run)
+        look += 1
+        bound = error_bound(run, share_of_look(look))
         step, se_step = (0.0, 0.0) if exact else step_error(run)
-        wanted = math.ceil(run.paths * min(error / accuracy, 1e100) ** 2 / grain) * grain
-        shorten = step > accuracy and step > 3.0 * se_step
-        if step > accuracy and not shorten:  # a bias that may be noise
-            wanted = max(wanted, 2 * run.paths)
+        room = max(accuracy - step, LEAST_ROOM * accuracy)  # for the error of sampling
+        wanted = math.ceil(run.paths * min(bound.sampled / room, 1e100) ** 2 / grain) * grain
+        shorten = step > MOST_BIAS * accuracy and step > 3.0 * se_step
+        if bound.error + step > accuracy:  # also where a bias may be noise, and where rare branches are not known
+            hidden = bound.needed if math.isfinite(bound.needed) else 2.0 * run.paths
+            wanted = max(wanted, math.ceil(1.1 * run.paths / grain) * grain, math.ceil(hidden / grain) * grain)
         more = 2 * run.paths if shorten else max(wanted - run.paths, fewest - run.paths, 0)
         if shorten and 0.5 * run.dt < shortest:
-            return run, math.inf
+            return run, math.inf, look
         affordable = int(min(max(budget.left, 0.0) / seconds_per_path, 1e15)) // grain * grain
         if more == 0 or affordable <= 0 or (shorten and affordable < more):
             missing = 0.0 if exact or more == 0 else expected.core_seconds / workers
-            return run, max(more * seconds_per_path, missing)
+            return run, max(more * seconds_per_path, missing), look
         began, before = clock(), run.paths
         if shorten:
             run, before = simulate(paths=run.paths, dt=0.5 * run.dt, **settings), 0

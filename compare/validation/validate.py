@@ -46,6 +46,7 @@ COLUMNS = (
     "verdict",
     "paths_needed",
     "agreement",
+    "remark",
 )
 
 
@@ -259,6 +260,7 @@ def validate(
     if scene.sigma > 0.0 and len(run.at_times()):
         parts += [mid_flight_errors(m, run, flights, z, limits) for m in predictions.values()]
     table = pd.concat(parts, ignore_index=True).reindex(columns=list(COLUMNS))
+    table["remark"] = table["remark"].fillna("")
     valid = validity(list(predictions.values()), run, flights)
     predictions = {name: replace(m, scene=given) for name, m in predictions.items()}
     return Validation(

@@ -1,5 +1,6 @@
 """Errors of a closure's section moments, with their intervals, and the three-way verdict."""
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -7,6 +8,9 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from rattle.montecarlo.accuracy import skewness_gain
+from rattle.montecarlo.unseen import Unseen, unseen, unseen_text
+from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 
 __all__ = [
@@ -28,6 +32,8 @@ RULE = (
 """Which rows `at_wall` excludes, and why, as pages state it."""
 
 SIDES = ("predicted", "simulated")  # columns that hold a value of the closure and of the simulation
+
+UNSEEN = ("unseen_low", "unseen_high", "unseen_paths")
 
 ABSOLUTE = 1e-6
 """Tolerance, relative to its size, of a quantity that does not vary, such as the displacement of a path at the wall."""
@@ -99,8 +105,9 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
     Parameters
     ----------
     table : DataFrame
-        Columns ``predicted, error, low, high, noise, tolerance, paths``; optionally ``judged`` (bool).  ``low`` and
-        ``high`` bound the error; ``noise`` is the part of the interval's half width that more paths would reduce.
+        Columns ``predicted, error, low, high, noise, tolerance, paths``; optionally ``judged`` (bool), and
+        ``unseen_low, unseen_high, unseen_paths`` (see `section_errors`).  ``low`` and ``high`` bound the error;
+        ``noise`` is the part of the interval's half width that more paths would reduce.
 
     Returns
     -------
@@ -108,9 +115,12 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
         A copy with two more columns.  ``verdict``: ``accurate`` if the whole interval lies within the tolerance,
         ``inaccurate`` if all of it lies outside, else ``undecided``; ``not predicted`` where a value is missing,
         ``not judged`` where ``judged`` is False.  ``paths_needed``: the number of paths that would decide an undecided
-        row, NaN where only a smaller step can.
+        row, NaN where only a smaller step can.  It counts the paths that show the branches which this sample cannot
+        have seen, where these alone leave the row open.
     """
     out = table.copy()
+    for name in UNSEEN:
+        out[name] = out[name].fillna(0.0) if name in out else 0.0
     numbers = ["predicted", "error", "low", "high", "noise", "tolerance"]
     out[numbers] = out[numbers].astype(float)  # an empty table has columns of type object
     tolerance = out["tolerance"]
@@ -121,11 +131,14 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
     out["verdict"] = np.select(
         [excluded, absent, inside, outside], [NOT_JUDGED, "not predicted", "accurate", "inaccurate"], "undecided"
     )
-    margin = (out["error"].abs() - tolerance).abs() - (0.5 * (out["high"] - out["low"]) - out["noise"])
+    low, high = out["low"] + out["unseen_low"], out["high"] - out["unseen_high"]  # of what the sample has seen
+    margin = (out["error"].abs() - tolerance).abs() - (0.5 * (high - low) - out["noise"])
     with np.errstate(invalid="ignore", divide="ignore"):
         needed = out["paths"] * (out["noise"] / margin) ** 2
     undecided = out["verdict"] == "undecided"
-    out["paths_needed"] = np.where(undecided & (margin > 0.0), np.ceil(needed), np.nan)
+    seen = ((low >= -tolerance) & (high <= tolerance)) | (low > tolerance) | (high < -tolerance)
+    needed = needed.where(~seen, 0.0).clip(lower=out["unseen_paths"])
+    out["paths_needed"] = np.where(undecided & (margin > 0.0) & np.isfinite(needed), np.ceil(needed), np.nan)
     return out
 
 
@@ -145,6 +158,11 @@ class Claimed(Protocol):
 
 class Simulated(Protocol):
     """Section moments of a simulation: a `rattle.montecarlo.Ensemble`, or the tables stored of one."""
+
+    @property
+    def scene(self) -> Scene:
+        """What was modelled."""
+        ...
 
     @property
     def section(self) -> pd.DataFrame:
@@ -187,8 +205,11 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
         correction may have left.  ``unit`` is the sd of the quantity, ``se_unit`` its standard error.  ``still`` is
         the sd below which a quantity counts as constant: `ABSOLUTE` times its largest size over the impacts (for
         times, that of a flight).  ``agreement`` is the share of paths on the closure's itinerary if the run has it,
-        else on the noise-free one.  ``judged`` is False for the rows that `RULE` excludes.  Verdicts are those of
-        `judge`.
+        else on the noise-free one.  ``judged`` is False for the rows that `RULE` excludes.  ``unseen_low`` and
+        ``unseen_high`` are how far branches that the sample cannot have seen widen the interval on either side, and
+        ``unseen_paths`` how many paths would show them (`rattle.montecarlo.unseen`); ``remark`` says so in words where
+        they leave a row undecided.  The interval of a sampled value is longer on the side to which its own sampling
+        distribution is skewed (`skewed`).  Verdicts are those of `judge`.
     """
     section, steps = run.section, run.step_bias
     impact, quantity, is_mean = steps["impact"], steps["quantity"], steps["moment"] == "mean"
@@ -223,9 +244,57 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
             "paths": section["paths"].loc[impact].to_numpy(),
         }
     )
-    half = table["noise"] + table["rest"]
-    table["low"], table["high"] = table["error"] - half, table["error"] + half
-    return judge(table)
+    half, paths = table["noise"] + table["rest"], float(section["paths"].max())
+    columns = {str(name): section[name].to_numpy() for name in section}
+    lean = z * skewed(columns, steps, z) * steps["se_corrected"]
+    table["low"], table["high"] = (
+        table["error"] - half - lean.clip(lower=0.0),
+        table["error"] + half - lean.clip(upper=0.0),
+    )
+    hidden = unseen(run.scene, columns, int(paths))
+    up, down, needed, chance = _hidden(hidden, steps)
+    table["unseen_low"], table["unseen_high"], table["unseen_paths"] = up, down, needed
+    table["low"], table["high"] = table["low"] - up, table["high"] + down
+    table = judge(table)
+    open_rows = (table["verdict"] == "undecided") & (np.maximum(up, down) > 0.0) & (needed > paths)
+    table["remark"] = [
+        unseen_text(m, p, max(a, b) / u, n) if there else ""
+        for m, p, a, b, u, n, there in zip(table["moment"], chance, up, down, unit, needed, open_rows, strict=True)
+    ]
+    return table
+
+
+def skewed(columns: Mapping[str, NDArray[Any]], steps: pd.DataFrame, z: float) -> NDArray[np.float64]:
+    """`rattle.montecarlo.accuracy.skewness_gain` of the rows of a table.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray
+        Of the section of a simulation.
+    steps : DataFrame
+        Rows ``impact, quantity, moment``.
+    z : float
+        Half width of the interval in standard errors.
+
+    Returns
+    -------
+    ndarray, shape (rows,)
+    """
+    gains = {(m, q): skewness_gain(columns, q, m == "sd", z) for m in ("mean", "sd") for q in SECTION}
+    return np.array(
+        [gains[m, q][k - 1] for k, q, m in zip(*(steps[n] for n in ("impact", "quantity", "moment")), strict=True)]
+    )
+
+
+def _hidden(hidden: Unseen, steps: pd.DataFrame) -> tuple[NDArray[np.float64], ...]:
+    """Shifts up and down, paths that would tell and probability of the branch, of the rows of a table."""
+    at = steps["impact"].to_numpy() - 1, np.array([SECTION.index(q) for q in steps["quantity"]])
+    mean = (steps["moment"] == "mean").to_numpy()
+    up, down = (
+        np.where(mean, hidden.mean_up[at], hidden.sd_up[at]),
+        np.where(mean, hidden.mean_down[at], hidden.sd_down[at]),
+    )
+    return up, down, hidden.needed[at], hidden.probability[at]
 
 
 def to_absolute_time(table: pd.DataFrame, scene: Scene) -> pd.DataFrame:

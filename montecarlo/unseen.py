@@ -1,0 +1,189 @@
+"""What a sample cannot have seen: how far branches with few or no sampled paths could move its means and sds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rattle.montecarlo.rare_events import RareEvents, rare_events
+from rattle.montecarlo.settings import is_random
+from rattle.scene.moments import SECTION
+from rattle.scene.scene import Scene
+
+__all__ = ["SEEN", "Unseen", "searched", "unseen", "unseen_text"]
+
+SEEN = 10.0
+"""Expected number of sampled paths from which on a branch is in the sample; below, it may be missing."""
+
+Floats = NDArray[np.float64]
+
+
+class Unseen(NamedTuple):
+    """How far the true means and sds could lie beyond the sampled ones for want of paths on rare branches.
+
+    All arrays have the shape (impacts, 6), for ``tau, flight, x1, y1, x2, y2``.
+
+    Attributes
+    ----------
+    mean_up, mean_down, sd_up, sd_down : ndarray
+        Largest shifts of the mean and of the sd, upwards and downwards; not negative.
+    probability : ndarray
+        Of the branches that make the shift of the sd, the most influential first: its own probability.
+    needed : ndarray
+        Paths of which `SEEN` are expected on each branch that matters; 0 where there is none.
+    known : int
+        Impacts up to which branches were searched for; beyond, one of up to `SEEN` paths with the motion's whole range
+        is assumed.
+    """
+
+    mean_up: Floats
+    mean_down: Floats
+    sd_up: Floats
+    sd_down: Floats
+    probability: Floats
+    needed: Floats
+    known: int
+
+
+@lru_cache(maxsize=32)
+def searched(scene: Scene, impacts: int, least: float) -> RareEvents:
+    """`rare_events`, remembered.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled.
+    impacts : int
+        Impacts after the start.
+    least : float
+        Probability from which on branches are searched too.
+
+    Returns
+    -------
+    RareEvents
+    """
+    return rare_events(scene, impacts, least)
+
+
+MATTERS = 0.1  # share of the largest influence on a row from which on a branch counts for the paths needed
+
+
+def unseen(scene: Scene, columns: Mapping[str, NDArray[Any]], paths: int) -> Unseen:
+    """Bound what branches with fewer than `SEEN` expected paths could change.
+
+    Parameters
+    ----------
+    scene : Scene
+        What was simulated.
+    columns : mapping of str to ndarray, shape (impacts,)
+        Of the section, as of `Ensemble.columns`.
+    paths : int
+        Sampled paths.
+
+    Returns
+    -------
+    Unseen
+        All zeros where nothing is random.
+    """
+    impacts = len(columns["tau"])
+    sd = np.column_stack([columns["sd_" + q] for q in SECTION])
+    nil = np.zeros((impacts, len(SECTION)))
+    if not is_random(scene) or scene.sigma == 0.0:
+        return Unseen(nil, nil, nil, nil, nil, nil, impacts)
+    # powers of two, so that looks at one scene share a search
+    found = searched(scene.phase_reduced, impacts, float(2.0 ** np.ceil(np.log2(SEEN / paths))))
+    up, down, more, less = nil.copy(), nil.copy(), nil.copy(), nil.copy()
+    largest, chance, needed = nil.copy(), nil.copy(), nil.copy()
+    parts = []
+    for branch in found.branches:
+        weights = branch.weights[:, None, None]
+        if branch.probability * paths >= SEEN or branch.probability * paths < 1e-6:
+            continue
+        gap, before = branch.section - found.orbit, branch.parent - found.orbit
+        mean = np.nan_to_num(weights * (gap - before)).sum(axis=0)
+        square = np.nan_to_num(weights * (gap**2 - before**2)).sum(axis=0)
+        up, down = up + np.maximum(mean, 0.0), down + np.maximum(-mean, 0.0)
+        more, less = more + np.maximum(square, 0.0), less + np.maximum(-square, 0.0)
+        influence = np.abs(square)
+        chance = np.where(influence > largest, branch.probability, chance)
+        largest = np.maximum(largest, influence)
+        parts.append((branch.probability, influence))
+    for probability, influence in parts:
+        counts = (influence >= MATTERS * largest) & (influence > 0.0)
+        needed = np.where(counts, np.maximum(needed, SEEN / probability), needed)
+    if found.known < impacts:
+        widest = _range(scene, columns)
+        beyond = np.arange(impacts)[:, None] >= found.known
+        share = SEEN / paths
+        up, down = (np.where(beyond, np.maximum(a, share * widest), a) for a in (up, down))
+        more = np.where(beyond, np.maximum(more, share * widest**2), more)
+        chance, needed = np.where(beyond, share, chance), np.where(beyond, np.inf, needed)
+    sd_up = np.sqrt(sd**2 + more) - sd
+    sd_down = sd - np.sqrt(np.maximum(sd**2 - less, 0.0))
+    return Unseen(up, down, np.nan_to_num(sd_up), np.nan_to_num(sd_down), chance, needed, found.known)
+
+
+def _range(scene: Scene, columns: Mapping[str, NDArray[Any]]) -> Floats:
+    """Largest deviation of each quantity that the motion as a whole suggests."""
+    found = []
+    for q in SECTION:
+        mean, sd = columns["flight" if q == "tau" else q], columns["sd_" + q]
+        if q in ("x1", "x2"):
+            found.append(scene.constants.wall1 * 2.0 if q == "x1" else scene.constants.wall2 * 2.0)
+        else:
+            found.append(float(np.nanmax(np.abs(mean) + 3.0 * np.nan_to_num(sd))))
+    return np.array(found)
+
+
+def unseen_text(moment: str, probability: float, change: float, needed: float) -> str:
+    """The unseen of a row in words.
+
+    Parameters
+    ----------
+    moment : {"mean", "sd"}
+        Of which moment.
+    probability : float
+        Of the branch.
+    change : float
+        Shift in sds of the quantity.
+    needed : float
+        Paths that would tell; infinite if that is not known.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> unseen_text("sd", 7e-6, 0.12, 1.43e6)[59:]
+    'could change this sd by 12 %; 1.5 million paths would tell'
+    """
+    if not np.isfinite(needed):
+        return (
+            "rare branches are not known here; one that so many paths may miss could change this "
+            f"{moment} by {100.0 * change:.2g} %"
+        )
+    return (
+        f"a branch taken by {_share(probability)} paths, not sampled, could change this {moment} by "
+        f"{100.0 * change:.2g} %{' of an sd' if moment == 'mean' else ''}; {_count(needed)} paths would tell"
+    )
+
+
+def _share(probability: float) -> str:
+    for per, name in ((1e3, "a thousand"), (1e6, "a million"), (1e9, "a billion")):
+        if probability * per >= 1.0:
+            return f"about {probability * per:.0f} in {name}"
+    return f"about {probability:.0e} of the"
+
+
+def _count(paths: float) -> str:
+    unit = 10.0 ** (np.floor(np.log10(paths)) - 1.0)
+    rounded = float(np.ceil(paths / unit - 1e-9) * unit)
+    for size, name in ((1e9, "billion"), (1e6, "million")):
+        if rounded >= size:
+            return f"{rounded / size:.3g} {name}"
+    return f"{rounded:,.0f}"
