@@ -4,16 +4,15 @@ The section is the Poincaré section at the impacts: flight time and velocities 
 """
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from rattle.compare.chaos.over_field import cells_table, over_field
 from rattle.compare.chaos.record import Regime, check_finite, noisy_record, orbit_record
 from rattle.compare.chaos.section import NOISY, ORBIT
-from rattle.compare.chaos.sweep import with_field
 from rattle.scene.scene import Scene
 from rattle.scene.validate import choice, count
 
@@ -53,15 +52,10 @@ class Bifurcation:
     @property
     def table(self) -> pd.DataFrame:
         """Bins that are not empty: ``side``, the field, the quantity (middle of the bin), ``count``."""
-        middle = 0.5 * (self.edges[1:] + self.edges[:-1])
-        parts = []
-        for side, counts in self.counts.items():
-            i, j = np.nonzero(counts)
-            parts.append(
-                pd.DataFrame({
-                    "side": side, self.field: self.at[i], self.quantity: middle[j], "count": counts[i, j],
-                })
-            )  # fmt: skip
+        parts = [
+            cells_table(side, self.field, self.at, self.edges, self.quantity, cells, "count")
+            for side, cells in self.counts.items()
+        ]
         return pd.concat(parts, ignore_index=True)
 
 
@@ -114,9 +108,7 @@ def bifurcation(
         found = flight if quantity == "flight" else before[:, 1 if quantity == "y1" else 3]
         return check_finite(quantity, found)
 
-    def of(value: float) -> tuple[tuple[Floats, Regime], tuple[Floats, Regime]]:
-        s = with_field(scene, field, value)
-        s = noise(s) if noise else s
+    def of(s: Scene) -> tuple[tuple[Floats, Regime], tuple[Floats, Regime]]:
         orbit, path = Regime(), Regime()
         found = [values_of(x.flight, x.before) for x in orbit_record(s, points, orbit, tangent=False)]
         if not orbit.measured:
@@ -129,8 +121,7 @@ def bifurcation(
         empty = np.empty(0)
         return (np.concatenate([empty, *found]), orbit), (np.concatenate([empty, *noisy])[:points], path)
 
-    with ThreadPoolExecutor(workers) as pool:
-        found = list(pool.map(of, at))
+    found = over_field(scene, at, field, noise, workers, of)
     every = np.concatenate([v for pair in found for v, _ in pair])
     low, high = np.quantile(every, [1e-4, 1.0 - 1e-4])
     edges = np.linspace(low, high, BINS + 1)

@@ -1,7 +1,6 @@
 """Bifurcation diagrams with noise: the density of the velocity before an impact over a field of the scene."""
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +9,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from rattle.compare.chaos.figures import NAMES
+from rattle.compare.chaos.over_field import cells_table, over_field
 from rattle.compare.chaos.record import Regime, orbit_record
-from rattle.compare.chaos.sweep import with_field
 from rattle.compare.report.style import new_figure
 from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
 from rattle.scene.errors import InputError
@@ -57,12 +56,10 @@ class Bifurcation:
     @property
     def table(self) -> pd.DataFrame:
         """Cells that are not empty: ``side``, the field, ``velocity`` (middle), ``density``."""
-        middle = 0.5 * (self.edges[1:] + self.edges[:-1])
-        parts = []
-        for side, density in self.density.items():
-            i, j = np.nonzero(density)
-            columns = {"side": side, self.field: self.at[i], "velocity": middle[j], "density": density[i, j]}
-            parts.append(pd.DataFrame(columns))
+        parts = [
+            cells_table(side, self.field, self.at, self.edges, "velocity", cells, "density")
+            for side, cells in self.density.items()
+        ]
         return pd.concat(parts, ignore_index=True)
 
 
@@ -108,9 +105,7 @@ def bifurcation(
     count("mesh", mesh, least=1, most=scene.stages)
     count("workers", workers)
 
-    def of(value: float) -> tuple[tuple[Floats, str], tuple[tuple[Floats, Floats] | None, str]]:
-        s = with_field(scene, field, value)
-        s = noise(s) if noise else s
+    def of(s: Scene) -> tuple[tuple[Floats, str], tuple[tuple[Floats, Floats] | None, str]]:
         regime = Regime()
         seen = [
             x.before[np.abs(x.code) == mesh, 2 * mesh - 1] for x in orbit_record(s, POINTS, regime, tangent=False)
@@ -119,8 +114,7 @@ def bifurcation(
         orbit = (np.concatenate([np.empty(0), *([] if ends else seen)]), regime.reason if ends else "")
         return orbit, _noisy(s, mesh, seed)
 
-    with ThreadPoolExecutor(workers) as pool:
-        found = list(pool.map(of, at))
+    found = over_field(scene, at, field, noise, workers, of)
     ends = [v for orbit, _ in found for v in (orbit[0].min(initial=np.inf), orbit[0].max(initial=-np.inf))]
     ends += [float(edge) for _, (noisy, _) in found if noisy for edge in noisy[0][[0, -1]]]
     finite = [v for v in ends if np.isfinite(v)]

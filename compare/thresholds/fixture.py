@@ -1,5 +1,6 @@
 """The fixture: compares a model with the simulation, or with its recorded baseline."""
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -94,11 +95,16 @@ class Rattle:
         prediction = self._guarded(lambda: predict_long(model, scene, quantities))
         own = len(self.claim.rows) * len(session.settings.sizes(self.claim)) / session.looks
         rate = session.settings.false_alarm
-        table, run = self._guarded(
-            lambda: decide_long(prediction, scene, session.store, session.settings.seed, own * rate)
-        )
+        found = self._guarded(lambda: decide_long(prediction, scene, session.store, session.settings.seed, own * rate))
+        table, run = found.table, found.result
         counts = table["outcome"].value_counts()
         failed, undecided = int(counts.get("fail", 0)), int(counts.get("undecided", 0))
+        open_ = table.loc[table["outcome"] == "undecided", "periods_needed"]
+        self._record(
+            kind="long check", model=prediction.name, rows=len(table), failed=failed, undecided=undecided, z=found.z,
+            drawn=found.drawn, computed=found.computed, seconds=found.seconds, periods=run.facts["periods"],
+            decide=float(open_.fillna(math.inf).max()) if len(open_) else 0.0, folder=self._shown(session.folder),
+        )  # fmt: skip
         shown = ["quantity", "predicted", "simulated", "se", "low", "high", "tolerance", "outcome"]
         wrong = table[table["outcome"] != "pass"][shown].to_string(index=False, float_format="{:.5g}".format)
         if failed:

@@ -10,7 +10,7 @@ from rattle.closure.stationary import Law
 from rattle.compare.stationary.cell import LongCell, LongResult
 from rattle.compare.stationary.judged import CLOSURES_JUDGED, judged_rows, laws, tolerance_of
 from rattle.compare.stationary.laws import values_of
-from rattle.compare.study.obtain import obtain
+from rattle.compare.study.obtain import kept, obtain
 from rattle.compare.study.store import Store
 from rattle.compare.thresholds.judging import OUTCOMES
 from rattle.compare.validation.verdict import widest
@@ -19,7 +19,7 @@ from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 from rattle.scene.validate import choice
 
-__all__ = ["LOOKS", "LongModel", "LongPrediction", "decide_long", "predict_long"]
+__all__ = ["LOOKS", "LongDecision", "LongModel", "LongPrediction", "decide_long", "predict_long"]
 
 LOOKS = (64, 256, 1024)
 """Periods of the simulation at each look."""
@@ -41,6 +41,32 @@ class LongPrediction(NamedTuple):
 
     name: str
     values: dict[str, float]
+
+
+class LongDecision(NamedTuple):
+    """What long runs say of a prediction.
+
+    Attributes
+    ----------
+    table : DataFrame
+        Columns ``quantity, predicted, simulated, se, error, low, high, tolerance, verdict, periods_needed, outcome``; a
+        row is that of the look that decided it.
+    result : LongResult
+        The longest simulation.
+    z : float
+        Half width of the intervals in standard errors.
+    drawn, computed : int
+        Simulations used, and those of them that were not in the store.
+    seconds : float
+        That these took.
+    """
+
+    table: pd.DataFrame
+    result: LongResult
+    z: float
+    drawn: int
+    computed: int
+    seconds: float
 
 
 def predict_long(model: LongModel, scene: Scene, quantities: Sequence[str]) -> LongPrediction:
@@ -93,7 +119,7 @@ def predict_long(model: LongModel, scene: Scene, quantities: Sequence[str]) -> L
 
 def decide_long(
     prediction: LongPrediction, scene: Scene, store: Store, seed: int, false_alarm: float
-) -> tuple[pd.DataFrame, LongResult]:  # fmt: skip
+) -> LongDecision:  # fmt: skip
     """Compare a prediction with long runs of growing length, until every quantity is decided.
 
     Parameters
@@ -111,18 +137,16 @@ def decide_long(
 
     Returns
     -------
-    table : DataFrame
-        Columns ``quantity, predicted, simulated, se, error, low, high, tolerance, verdict, outcome``; a row is that of
-        the look that decided it.
-    result : LongResult
-        The longest simulation.
+    LongDecision
     """
     names = list(prediction.values)
     z = widest(len(names) * len(LOOKS), false_alarm)
-    table = pd.DataFrame()
+    table, drawn, computed, seconds = pd.DataFrame(), 0, 0, 0.0
     for periods in LOOKS:
         cell = LongCell(scene, seed, (), periods=periods)
+        new = kept(store, cell) is None
         result = cell.opened(obtain(store, cell))
+        drawn, computed, seconds = drawn + 1, computed + new, seconds + new * result.facts["seconds"]
         simulated = {str(name): float(value) for name, value in result.table["value"].items()}
         rows = pd.DataFrame({"quantity": names, "predicted": list(prediction.values.values()), "se_predicted": 0.0})
         rows["tolerance"] = [tolerance_of(name, simulated) for name in names]
@@ -131,4 +155,4 @@ def decide_long(
         table = now if table.empty else table.where(table["outcome"] != "undecided", now)
         if not (table["outcome"] == "undecided").any() or (table["outcome"] == "fail").any():
             break
-    return table, result
+    return LongDecision(table, result, z, drawn, computed, seconds)

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.montecarlo.long_run.sums import MAIN, WORK, Scales, Sums
+from rattle.montecarlo.long_run.sums import NOISE, WORK, Scales, Sums
 
 __all__ = ["Collected", "collected", "time_averages"]
 
@@ -21,7 +21,7 @@ class Collected(NamedTuple):
         As of `Sums`, over the batches that are full.
     time, samples : float
         Duration of each path, and number of samples of its state.
-    power, energy, histogram, section
+    power, energy, histogram, section, together
         As of `Sums`, of all paths.
     scales : Scales
         Of the pilot run.
@@ -36,6 +36,7 @@ class Collected(NamedTuple):
     energy: Floats
     histogram: NDArray[np.uint32]
     section: NDArray[np.uint32]
+    together: int
     scales: Scales
     stages: int
 
@@ -43,6 +44,20 @@ class Collected(NamedTuple):
     def paths(self) -> int:
         """Number of paths."""
         return len(self.main)
+
+    def of_units(self, of_paths: Floats) -> Floats:
+        """Sums over the paths that share a unit of the distributions.
+
+        Parameters
+        ----------
+        of_paths : ndarray, shape (paths,)
+            Of each path.
+
+        Returns
+        -------
+        ndarray, shape (units,)
+        """
+        return np.asarray(np.add.reduceat(of_paths, np.arange(0, self.paths, self.together)))
 
 
 def collected(parts: list[Sums], batches: int, time: float, samples: float, stages: int) -> Collected:
@@ -69,7 +84,7 @@ def collected(parts: list[Sums], batches: int, time: float, samples: float, stag
 
     return Collected(
         joined("main")[:, :batches], time, samples, joined("power"), joined("energy"), joined("histogram"),
-        joined("section"), parts[0].scales, stages,
+        joined("section"), parts[0].together, parts[0].scales, stages,
     )  # fmt: skip
 
 
@@ -85,4 +100,4 @@ def time_averages(c: Collected) -> Floats:
     -------
     ndarray
     """
-    return np.asarray(c.main[:, :, WORK:MAIN].sum(axis=1) / c.samples)
+    return np.asarray(c.main[:, :, WORK:NOISE].sum(axis=1) / c.samples)

@@ -65,7 +65,7 @@ def section_densities(c: Collected) -> tuple[SectionDensity, ...]:
     found = []
     for mesh in range(1, c.stages + 1):
         at = 4 * (mesh if c.stages == 2 else 0) + NUMBER
-        n = c.main[:, :, at].sum(axis=1)
+        n = c.of_units(c.main[:, :, at].sum(axis=1))
         if n.sum() == 0.0:
             continue
         low, high = c.scales.low[mesh - 1], c.scales.high[mesh - 1]
@@ -77,7 +77,7 @@ def section_densities(c: Collected) -> tuple[SectionDensity, ...]:
 
 
 def _shares(counts: Floats, n: Floats) -> tuple[Floats, Floats]:
-    """Shares of counts, shape (paths, ...), in n on each path, and their standard errors over paths."""
+    """Shares of counts, shape (units, ...), in n of each unit, and their standard errors over units."""
     share = counts.sum(axis=0) / n.sum()
     rest = counts - share * n.reshape(-1, *[1] * (counts.ndim - 1))
     return share, np.sqrt((rest**2).sum(axis=0) * len(n) / (len(n) - 1)) / n.sum()
@@ -98,6 +98,7 @@ def velocity_density(c: Collected, mesh: int) -> tuple[Floats, Floats]:
     density, se : ndarray, shape (VELOCITIES,)
     """
     at = 4 * (mesh if c.stages == 2 else 0) + NUMBER
-    share, se = _shares(c.section[:, mesh - 1].sum(axis=1).astype(float), c.main[:, :, at].sum(axis=1))
+    n = c.of_units(c.main[:, :, at].sum(axis=1))
+    share, se = _shares(c.section[:, mesh - 1].sum(axis=1).astype(float), n)
     width = (c.scales.high[mesh - 1] - c.scales.low[mesh - 1]) / VELOCITIES
     return share / width, se / width

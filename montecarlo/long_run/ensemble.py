@@ -21,6 +21,7 @@ Floats = NDArray[np.float64]
 
 BATCHES = 64
 """Batches of each path; when they are full, each two become one."""
+TOGETHER, MANY = 4, 128  # paths that share a histogram, and paths from which on they do
 
 
 class Ensemble:
@@ -56,7 +57,8 @@ class Ensemble:
     def begin(self, scales: Scales, detail: bool) -> None:
         """Begin to sum anew from here."""
         self.detail = detail
-        self.sums = [new_sums(walk.paths, BATCHES, scales, detail) for walk in self.walks]
+        together = TOGETHER if sum(walk.paths for walk in self.walks) >= MANY else 1
+        self.sums = [new_sums(walk.paths, BATCHES, scales, detail, together) for walk in self.walks]
         self.length, self.periods = 1, 0  # periods of a batch, and in all batches
 
     def follow(

@@ -1,10 +1,13 @@
 """Estimates of stationary quantities from the sums of independent paths, with standard errors and autocorrelations.
 
 Every estimate is a function of sums over all paths.  Its standard error is that of the jackknife over paths: paths are
-independent, so it is right however long the memory of a path is.  The **autocorrelation** of a quantity is the variance
-of its estimate over the variance that it would have if successive impacts were independent: the integrated
-autocorrelation time in impacts.  Above 1 an error computed as if impacts were independent is too small, below 1 too
-large (the energy lost in a period is, since what one impact leaves the next ones lose).
+independent, so it is right however long the memory of a path is.  Means are taken from sums that are corrected by what
+is known of the noise (`rattle.montecarlo.long_run.control`), quantiles from counts as they are.
+
+The **autocorrelation** of a quantity is a property of the motion: the variance of its plain estimate over the variance
+that it would have if successive impacts were independent, the integrated autocorrelation time in impacts.  Above 1 an
+error computed as if impacts were independent is too small, below 1 too large (the energy lost in a period is, since
+what one impact leaves the next ones lose).
 """
 
 import math
@@ -16,6 +19,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from rattle.montecarlo.long_run.collected import Collected
+from rattle.montecarlo.long_run.control import controlled
 from rattle.montecarlo.long_run.names import NAMES, QUANTILES, groups
 from rattle.montecarlo.long_run.sums import CONTACT, ENERGY, FLIGHT, NUMBER, SLOW, SPEED
 
@@ -179,19 +183,20 @@ class _Maker:
     def quantiles(self, g: int, i: int) -> Iterator[tuple[str, Estimate]]:
         """Quantiles, with intervals by Woodruff's method: those of the probability, read off the distribution."""
         counts = self.c.histogram[:, g, i].astype(float)
-        edges, n = self.c.scales.edges[g, i], counts.sum(axis=1)
-        below = np.cumsum(counts, axis=1)[:, :-1]  # of each path, below each edge
+        edges, n, units = self.c.scales.edges[g, i], counts.sum(axis=1), len(counts)
+        t = half_width(units)
+        below = np.cumsum(counts, axis=1)[:, :-1]  # of each unit, below each edge
         whole = below.sum(axis=0) / n.sum()
         for percent in QUANTILES:
             p = 0.01 * percent
             value = _inverse(edges, whole, p)
             k = int(np.clip(np.searchsorted(whole, p), 0, edges.size - 1))
             rest = below[:, k] - whole[k] * n
-            se = math.sqrt(float((rest**2).sum()) * self.c.paths / (self.c.paths - 1)) / float(n.sum())
-            low, high = (_inverse(edges, whole, p + sign * self.t * se) for sign in (-1.0, 1.0))
+            se = math.sqrt(float((rest**2).sum()) * units / (units - 1)) / float(n.sum())
+            low, high = (_inverse(edges, whole, p + sign * t * se) for sign in (-1.0, 1.0))
             naive = math.sqrt(p * (1.0 - p) / float(n.sum()))
             yield f"q{percent:02d}_", Estimate(
-                value, 0.5 * (high - low) / self.t, low, high, _over(se**2, naive**2)
+                value, 0.5 * (high - low) / t, low, high, _over(se**2, naive**2)
             )  # fmt: skip
 
 
@@ -227,7 +232,17 @@ def estimates(c: Collected, names: tuple[str, ...] | None = None) -> dict[str, E
         ``energy`` (mean loss of an impact), ``energy_per_period``, ``power`` (loss per unit of time), ``slow_share``,
         all of them also with ``_mesh1`` and ``_mesh2`` for two stages, and ``contact_share_mesh1``, ....
     """
-    made, out = _Maker(c), {}
+    plain = _estimates(_Maker(c), names)
+    less = controlled(c)
+    if less is None:
+        return plain
+    better = _estimates(_Maker(less), names)
+    return {name: better[name]._replace(autocorrelation=e.autocorrelation) for name, e in plain.items()}
+
+
+def _estimates(made: _Maker, names: tuple[str, ...] | None) -> dict[str, Estimate]:
+    """All quantities, or those that are wanted."""
+    c, out = made.c, {}
 
     def wanted(*found: str) -> bool:
         return names is None or any(name in names for name in found)

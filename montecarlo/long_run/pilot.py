@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from rattle.montecarlo.long_run.sums import BINS, FLIGHT, GROUPS, SPEED, Scales
+from rattle.montecarlo.long_run.sums import BINS, CELLS, FLIGHT, GROUPS, SPEED, Scales
 from rattle.scene.compiled import jit
 
 __all__ = ["impacts_of", "no_scales", "scales_of_pilot"]
@@ -29,7 +29,8 @@ def no_scales(slow: float) -> Scales:
     """
     shape = (GROUPS, 2)
     edges = np.zeros((*shape, BINS - 1))
-    return Scales(np.zeros(shape), np.ones(shape), edges, np.zeros(2), np.ones(2), slow)
+    first = np.zeros((*shape, CELLS + 1), np.int16)
+    return Scales(np.zeros(shape), np.ones(shape), edges, first, np.zeros(2), np.ones(2), slow)
 
 
 @jit
@@ -94,7 +95,9 @@ def scales_of_pilot(seen: Floats, slow: float) -> Scales:
         for i, values in ((FLIGHT, own[:, 1 if g == 0 else 2]), (SPEED, np.abs(own[:, 3]))):
             s.centre[g, i], spread = values.mean(), values.std()
             s.scale[g, i] = spread if spread > 0.0 else max(abs(s.centre[g, i]), 1.0)
-            s.edges[g, i] = np.quantile(values, share)
+            edges = np.quantile(values, share)
+            s.edges[g, i] = edges
+            s.first[g, i] = np.searchsorted(edges, np.linspace(edges[0], edges[-1], CELLS + 1))
         if g > 0:
             low, high = np.quantile(own[:, 3], [1e-4, 1.0 - 1e-4])
             room = MARGIN * (high - low) + 1e-9 * max(abs(low), abs(high), 1e-30)

@@ -2,7 +2,8 @@
 
 A block of paths goes through the compiled kernel of the exact flights for a part of a period; its impacts are added to
 sums, and it goes on.  A stretch has random numbers of its own: in stretch s path p has the number ``s 2^32 + p``.
-Its last step is a fixed time, so that no path leaves the kernel before all have come to the end of the stretch.
+Of the fixed times that the kernel is given, the last is beyond the end: it retires no path before all fixed times are
+past, and a path that it retires is overwritten by another.
 """
 
 import math
@@ -14,8 +15,9 @@ from rattle.montecarlo.kernel.block import start_state
 from rattle.montecarlo.kernel.control_variate import no_control
 from rattle.montecarlo.kernel.kernel import COLUMNS, EXACT, Job, block_kernel
 from rattle.montecarlo.kernel.lanes import lanes_of
+from rattle.montecarlo.long_run.noise_work import add_noise_work, has_controls
 from rattle.montecarlo.long_run.pilot import impacts_of
-from rattle.montecarlo.long_run.sums import Sums, add_stretch
+from rattle.montecarlo.long_run.sums import NOISE, Sums, add_stretch
 from rattle.montecarlo.noise.backlash import backlash_of, draw_walls
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.step_size import default_step, scales_of
@@ -31,7 +33,8 @@ LANES = 128
 SAMPLES = 64
 """Instants of a period at which states are taken for averages over time."""
 APART = 2**32  # between the numbers of a path in two stretches
-ROOM = 256  # impacts of a path in a stretch for which there is space at first
+ROOM = 32  # impacts of a path in a stretch for which there is space at first: little space stays in the cache
+MANY = 256  # impacts of a path in a stretch from which on stretches become shorter
 SHORTEST = 8  # stretches of a period at the most
 
 
@@ -109,10 +112,11 @@ class Walk:
         self.dt = PERIOD / self.steps
         self._job = Job(c, backlash, key, scene.phase, self.dt, EXACT, False, 0)
         starts = _spread_starts(scene, walls, seed, first)
+        self._controls, self._state = has_controls(c), starts.T.copy()  # state at the end of the last stretch
         self._every, self._room = lanes_of(1, first, starts, walls, scene.phase)
         self._struck = np.full((paths, 2), scene.phase)  # time of the last impact at each mesh
         self.periods, self.stretches, self._part = 0, 0, self.steps
-        self._rows = np.empty((1, paths, ROOM, COLUMNS))
+        self._rows, self._states = np.empty((1, paths, ROOM, COLUMNS)), np.empty((1, paths, SAMPLES, 4))
 
     def follow(self, sums: Sums, detail: bool, seen: list[Floats] | None = None) -> None:
         """Follow all paths for a period, and add what they do.
@@ -134,8 +138,8 @@ class Walk:
         self.periods += 1
 
     def _shorten(self, most: int) -> None:
-        """Take shorter stretches from the next period on if one of this period had more impacts than there is room."""
-        if most >= ROOM and self._part > self.steps // SHORTEST:
+        """Take shorter stretches from the next period on if one of this period had very many impacts."""
+        if most >= MANY and self._part > self.steps // SHORTEST:
             self._part //= 2
 
     def _stretch(self, begin: int, steps: int, sums: Sums, detail: bool, seen: list[Floats] | None) -> int:
@@ -148,9 +152,11 @@ class Walk:
         job = self._job._replace(tau=tau, most_steps=steps)
         apart = self.steps // SAMPLES
         at = np.arange(apart, steps + 1, apart)
-        states = np.empty((1, self.paths, at.size, 4))
+        if self._states.shape[2] != at.size:
+            self._states = np.empty((1, self.paths, at.size, 4))
+        states, fixed = self._states, np.append(at, steps + 1)
         run = block_kernel(EXACT)
-        run(job, no_control(), first, every, self._room, self._rows, at, states, NO_CONTROLS)
+        run(job, no_control(), first, every, self._room, self._rows, fixed, states, NO_CONTROLS)
         most = int(every.impacts[0, : self.paths].max())
         if most >= self._rows.shape[2]:  # again with the same random numbers, and space for all impacts
             for array, old in zip(every, before, strict=True):
@@ -158,15 +164,19 @@ class Walk:
             every.impacts[:] = 0
             self._room.path[:] = np.arange(first, first + self._room.path.size, dtype=np.uint64)
             rows = np.empty((1, self.paths, 2 * most, COLUMNS))
-            run(job, no_control(), first, every, self._room, rows, at, states, NO_CONTROLS)
+            run(job, no_control(), first, every, self._room, rows, fixed, states, NO_CONTROLS)
+            if 2 * most < MANY:
+                self._rows = rows  # from now on
         else:
             rows = self._rows
         if seen is not None:
             seen.append(impacts_of(rows[0], every.impacts[0], self._struck.copy()))
-        add_stretch(
-            self._job.c, rows[0], every.impacts[0], self._struck, states[0], tau + apart * self.dt, apart * self.dt,
-            sums, detail,
-        )  # fmt: skip
+        c, own, first_at, dt = self._job.c, every.impacts[0], tau + apart * self.dt, apart * self.dt
+        if detail and self._controls:
+            out = sums.main[:, sums.batch[0], NOISE:]
+            add_noise_work(c, rows[0], own, self._state, states[0], first_at, dt, out)
+        self._state = states[0, :, -1].copy()
+        add_stretch(c, rows[0], own, self._struck, states[0], first_at, dt, sums, detail)
         self.stretches += 1
         return most
 

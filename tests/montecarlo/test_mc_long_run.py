@@ -10,10 +10,12 @@ import pytest
 import rattle as rt
 from rattle.montecarlo.long_run import BurnInError, long_run
 from rattle.montecarlo.long_run.burn_in import apart, drift
+from rattle.montecarlo.long_run.control import controlled, corrections
 from rattle.montecarlo.long_run.estimates import estimates
 from rattle.montecarlo.long_run.names import all_names
-from rattle.montecarlo.long_run.sums import CONTACT, ENERGY, MAIN, NUMBER, SLOW
-from rattle.montecarlo.long_run.walk import Walk
+from rattle.montecarlo.long_run.noise_work import has_controls
+from rattle.montecarlo.long_run.pilot import scales_of_pilot
+from rattle.montecarlo.long_run.sums import CONTACT, ENERGY, MAIN, NOISE, NUMBER, SLOW, SPEED, bin_of
 from rattle.scene import DAT21, Scene, Start, Tolerance
 from rattle.scene.errors import InputError
 
@@ -49,6 +51,60 @@ def test_sections_are_densities_of_all_impacts(run):
         assert d.outside < 1e-3
 
 
+STRONG = Scene.from_gears(DAT21, sigma=math.sqrt(1.5))
+
+
+def test_noise_work_has_mean_zero_and_leaves_less_variance():
+    """The controls are martingales of known variance, for one stage and two, damped and not."""
+    one = Scene(alpha=1.0, epsilon=0.7, beta1=0.0, gamma1=0.1, sigma=0.8, stages=1)
+    for scene, most in ((STRONG, 0.5), (one, 0.6)):
+        found = long_run(scene, periods=64, paths=256, burn_in=32, rng=8)
+        controls = found.sums.main[:, :, NOISE:].sum(axis=1)
+        z = controls.mean(axis=0) / controls.std(axis=0, ddof=1) * 16.0
+        assert (np.abs(z) < 3.9).all()  # 1e-4 two-sided, of 8
+        wrong = controls[:, 0] - 0.2 * found.sums.time * 0.25 * scene.sigma**2 * (1.0 + scene.beta1**2)
+        assert abs(wrong.mean() / wrong.std(ddof=1) * 16.0) > 3.9  # negative control: a fifth less energy of the noise
+        better = controlled(found.sums)
+        for column in (NUMBER, ENERGY):
+            before, after = (c.main[:, :, column].sum(axis=1).std() for c in (found.sums, better))
+            assert after < before
+        e, plain = found.estimates["power"], found.sums.main[:, :, ENERGY].sum(axis=1) / found.sums.time
+        assert e.se < math.sqrt(most) * plain.std(ddof=1) / 16.0
+        assert abs(e.value - plain.mean()) < 3.9 * plain.std(ddof=1) / 16.0
+
+
+def test_slopes_come_from_other_paths():
+    rng = np.random.default_rng(4)
+    controls, sums = rng.normal(size=(40, 3)), rng.normal(size=(40, 2)) + 5.0
+    slopes = corrections(sums, controls)
+    others = np.arange(40) != 7
+    x, y = controls[others], sums[others] - sums[others].mean(axis=0)
+    assert np.allclose(slopes[7], np.linalg.solve(x.T @ x, x.T @ y), rtol=1e-6)
+    sums[7] += 1e6
+    assert np.allclose(corrections(sums, controls)[7], slopes[7])
+
+
+def test_controls_are_left_out_where_they_do_not_hold(run):
+    assert controlled(run.sums) is not None
+    closed = run.sums.main.copy()
+    closed[0, 0, CONTACT] = 1.0
+    assert controlled(run.sums._replace(main=closed)) is None
+    few = run.sums._replace(main=run.sums.main[:16], power=run.sums.power[:16])
+    assert controlled(few) is None
+    assert not has_controls(replace(SCENE, beta1=3.0).constants)
+    assert not has_controls(SCENE.with_sigma(0.0).constants)
+
+
+def test_bins_are_those_of_a_search(run):
+    """A value is looked up in its cell; the counts are those of a search among all edges."""
+    seen = np.abs(np.random.default_rng(5).normal(1.0, 1.0, (5000, 4)))
+    scales = scales_of_pilot(np.column_stack([np.ones(5000), seen[:, 1:]]), 0.1)
+    edges = scales.edges[0, SPEED]
+    values = np.concatenate([seen[:, 3], edges, edges[[0, -1]] + [-1.0, 1.0]])
+    found = [bin_of(edges, scales.first[0, SPEED], value) for value in values]
+    assert found == np.searchsorted(edges, values, side="right").tolist()
+
+
 def test_batch_means_confirm_the_errors(run):
     both = [e.se_batches / e.se for name, e in run.estimates.items() if e.se > 0.0 and not math.isnan(e.se_batches)]
     assert len(both) > 10
@@ -58,10 +114,10 @@ def test_batch_means_confirm_the_errors(run):
 def test_result_does_not_depend_on_threads_or_on_room(run, monkeypatch):
     again = long_run(SCENE, periods=128, paths=128, rng=3, workers=2)
     assert again.estimates == run.estimates
-    monkeypatch.setattr("rattle.montecarlo.long_run.walk.ROOM", 4)  # every stretch is taken again with more room
-    monkeypatch.setattr(Walk, "_shorten", lambda self, most: None)
-    tight = long_run(SCENE, periods=128, paths=128, rng=3)
-    assert tight.estimates == run.estimates
+    for room in (4, 24, 512):  # all paths have more impacts than that in a period, a few, none
+        monkeypatch.setattr("rattle.montecarlo.long_run.walk.ROOM", room)
+        other = long_run(SCENE, periods=128, paths=128, rng=3)
+        assert other.estimates == run.estimates
 
 
 def test_agrees_with_the_late_impacts_of_simulate(run):
@@ -170,9 +226,8 @@ def test_single_stage_has_one_mesh():
 
 def test_slow_share_counts_what_is_slow(run):
     every = estimates(run.sums)
-    assert every["slow_share"].value == pytest.approx(
-        run.sums.main[:, :, SLOW].sum() / run.sums.main[:, :, NUMBER].sum()
-    )
+    plain = run.sums.main[:, :, SLOW].sum() / run.sums.main[:, :, NUMBER].sum()
+    assert every["slow_share"].value == pytest.approx(plain, abs=0.5 * every["slow_share"].se)  # less the control
     assert run.sums.main[:, :, CONTACT].sum() == 0.0
     below = np.interp(0.1, run.sums.scales.edges[0, 1], np.cumsum(run.sums.histogram[:, 0, 1].sum(axis=0))[:-1])
     assert below / run.impacts == pytest.approx(every["slow_share"].value, rel=0.1)

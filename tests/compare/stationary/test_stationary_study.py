@@ -84,10 +84,13 @@ PAIR = Scene(alpha=0.25, epsilon=0.5, beta1=0.02, gamma1=0.0, stages=1, sigma=0.
 def test_claims_about_the_long_run_are_decided(tmp_path):
     store = Store(tmp_path / "cells")
     good = predict_long("saltation", PAIR, ["rate", "energy", "speed"])
-    table, _ = decide_long(good, PAIR, store, 0, 0.01)
-    assert table["outcome"].tolist() == ["pass"] * 3
+    found = decide_long(good, PAIR, store, 0, 0.01)
+    assert found.table["outcome"].tolist() == ["pass"] * 3
+    assert (found.drawn, found.computed) == (1, 1)
     wrong = predict_long(lambda scene, names: {n: 1.2 * good.values[n] for n in names}, PAIR, ["rate", "energy"])
-    assert decide_long(wrong, PAIR, store, 0, 0.01)[0]["outcome"].tolist() == ["fail", "fail"]
+    again = decide_long(wrong, PAIR, store, 0, 0.01)
+    assert again.table["outcome"].tolist() == ["fail", "fail"]
+    assert (again.drawn, again.computed, again.seconds) == (1, 0, 0.0)
 
 
 @pytest.mark.parametrize(

@@ -182,3 +182,31 @@ def test_naming_the_plugin_twice_registers_it_once(tmp_path, monkeypatch):
             check=False,
         )  # fmt: skip
         assert out.stdout.count("@pytest.mark.rattle(") == 1, (options, out.stdout[-500:], out.stderr)
+
+
+LONG = """
+import pytest
+from rattle.scene import Scene
+
+PAIR = Scene(alpha=0.25, epsilon=0.5, beta1=0.02, gamma1=0.0, stages=1, sigma=0.002)
+pytestmark = pytest.mark.rattle(scene=PAIR, impacts=1)
+
+def test_right(rattle):
+    rattle.check("saltation", quantities=["rate", "energy"])
+
+def test_wrong(rattle):
+    rattle.check(lambda scene, names: {name: 1.0 for name in names}, quantities=["rate"])
+"""
+
+
+def test_checks_of_the_long_run_have_their_lines(run, tmp_path):
+    for line in (
+        "long runs  1 simulated in * s, 1 from the cache *",
+        "long runs  0 simulated in 0.0 s, 2 from the cache *",
+    ):
+        result = run(LONG, cache=tmp_path)
+        result.assert_outcomes(passed=1, failed=1)
+        result.stdout.fnmatch_lines([
+            "long run   3 rows in 2 tests: 2 passed, 1 failed, 0 undecided",
+            "intervals  * standard errors in the long run", line,
+        ])  # fmt: skip
