@@ -1,9 +1,10 @@
-"""Every sampler and closure of a small report, to the last bit; as a program it prints a digest of each.
+"""Every sampler and closure, and a small report, to the last bit; as a program it prints a digest of each.
 
-By hand, for the code takes minutes to compile for another processor: `test_processors.as_on` says what to set.
+By hand, for the code takes minutes to compile for another processor, which `test_processors.as_on` pretends to be:
 
-    python tests/montecarlo/everything.py                  # on this processor
-    python tests/montecarlo/everything.py haswell          # as on another one
+    python tests/montecarlo/everything.py here                            # on this processor
+    python tests/montecarlo/everything.py haswell                         # as on another one
+    python tests/montecarlo/everything.py haswell saltation exact-flight  # only parts with one of these words
 """
 
 import hashlib
@@ -25,38 +26,53 @@ SCENES = {
 }  # fmt: skip
 
 
-def digests():
-    """Digest of each part's numbers, of all their bits."""
-    found = {}
+def predicted(scene, closure):
+    """Section moments of a closure, and moments at fixed times."""
+    orbit = mean_map(scene, impacts=4, closure=closure)
+    return orbit.section, orbit.at_times(np.linspace(0.1, 0.9, 5) * orbit.trace.span[1])
 
-    def note(name, *arrays):
-        found[name] = hashlib.sha256(b"".join(np.ascontiguousarray(a, float).tobytes() for a in arrays)).hexdigest()
 
-    for kind, scene in SCENES.items():
-        for closure in CLOSURES:
-            orbit = mean_map(scene, impacts=4, closure=closure)
-            times = np.linspace(0.1, 0.9, 5) * orbit.trace.span[1]
-            table = orbit.section.select_dtypes("number")
-            note(f"{kind}, {closure}", table, orbit.at_times(times).select_dtypes("number"))
-        for scheme in SCHEMES:
-            run = simulate(scene, paths=1500, impacts=4, scheme=scheme, record=Record(raw=True, times=[0.7, 1.9]))
-            note(f"{kind}, {scheme}", run.raw, run.section.select_dtypes("number"), run.at_times())
+def sampled(scene, scheme, **settings):
+    """Impacts of single paths, section moments, and moments at fixed times."""
+    record = Record(raw=True, times=[0.7, 1.9])
+    run = simulate(scene, paths=1500, impacts=4, scheme=scheme, record=record, **settings)
+    return run.raw, run.section, run.at_times()
+
+
+def parts():
+    """What is computed, by name."""
     plain = SCENES["plain"]
-    controlled = simulate(plain, paths=1500, impacts=4, scheme="exact-flight", control=True)
-    note("control variate", controlled.section.select_dtypes("number"))
-    verdict = validate(plain, impacts=4, paths=2048, scheme="exact-flight", closures=list(CLOSURES))
-    table = verdict.table.select_dtypes("number")
-    for name in table:
-        note(f"report, {name}", table[name])
-    return found
+    for kind, scene in SCENES.items():
+        yield from ((f"{kind}, {name}", lambda s=scene, n=name: predicted(s, n)) for name in CLOSURES)
+        yield from ((f"{kind}, {name}", lambda s=scene, n=name: sampled(s, n)) for name in SCHEMES)
+    yield "control variate", lambda: sampled(plain, "exact-flight", control=True)
+    yield "report", lambda: [validate(plain, impacts=4, paths=2048, scheme="exact-flight").table]
+
+
+def digest(tables):
+    """Digest of all bits of all numbers in some tables and arrays."""
+    found = hashlib.sha256()
+    for table in tables:
+        numbers = table.select_dtypes("number") if hasattr(table, "select_dtypes") else table
+        found.update(np.ascontiguousarray(numbers, float).tobytes())
+    return found.hexdigest()[:16]
+
+
+def print_digests(words):
+    """Print a line for each part whose name has one of the words; for all if there are none."""
+    for name, compute in parts():
+        if not words or any(word in name for word in words):
+            print(digest(compute()), name, flush=True)
 
 
 if __name__ == "__main__":
-    if len(sys.argv) > 1:
+    processor, *words = sys.argv[1:]
+    if processor == "here":
+        print_digests(words)
+    else:
         from test_processors import as_on
 
         with tempfile.TemporaryDirectory() as folder:
-            environment = os.environ | {"NUMBA_CACHE_DIR": folder} | as_on(sys.argv[1])
-            raise SystemExit(subprocess.run([sys.executable, __file__], env=environment, check=False).returncode)
-    for name, digest in digests().items():
-        print(digest[:16], name)
+            command = [sys.executable, __file__, "here", *words]
+            environment = os.environ | {"NUMBA_CACHE_DIR": folder} | as_on(processor)
+            raise SystemExit(subprocess.run(command, env=environment, check=False).returncode)
