@@ -128,7 +128,11 @@ def noise_slope(c: Constants, tau: float, t: float) -> Floats:
         ``d Q / d tau``.
     """
     eighth = 0.25 * math.pi
-    return noise_covariance(c, tau + eighth, t) - noise_covariance(c, tau - eighth, t)
+    slope, earlier = noise_covariance(c, tau + eighth, t), noise_covariance(c, tau - eighth, t)
+    for i in range(4):
+        for j in range(4):
+            slope[i, j] -= earlier[i, j]
+    return slope
 
 
 @spliced

@@ -54,6 +54,35 @@ def test_compiling_is_announced_once_and_only_on_a_terminal(terminal, monkeypatc
     assert capsys.readouterr().err.count("compiling for this processor") == (1 if terminal else 0)
 
 
+def test_a_processor_without_avx2_is_told_once_that_it_is_slower(monkeypatch, capsys):
+    monkeypatch.setattr(machine_code.platform, "machine", lambda: "x86_64")
+    monkeypatch.setattr(machine_code.numba.config, "CPU_FEATURES", "+sse4.2,+popcnt")
+    machine_code._check_processor.cache_clear()
+    machine_code._warn()
+    machine_code._warn()
+    assert capsys.readouterr().err.count("no AVX2") == 1
+    monkeypatch.setattr(machine_code.numba.config, "CPU_FEATURES", "+avx2,+fma")
+    machine_code._check_processor.cache_clear()
+    machine_code._warn()
+    assert capsys.readouterr().err == ""
+
+
+def test_a_warm_process_does_not_describe_what_numba_can_compile():
+    code = """
+import sys
+from rattle.montecarlo import simulate
+from rattle.scene import DAT21, Scene
+from rattle.scene.machine_code import compiled_here
+for _ in range(2):
+    simulate(Scene.from_gears(DAT21, sigma=0.1), paths=8, impacts=2, scheme="exact-flight")
+print(compiled_here(), "numba.typed.typeddict" in sys.modules)
+"""
+    command = [sys.executable, "-c", code]
+    subprocess.run(command, check=True, capture_output=True)  # fills the cache
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    assert done.stdout.split() == ["0", "False"]
+
+
 def test_warming_up_without_a_folder_says_what_to_do(monkeypatch):
     monkeypatch.setattr(machine_code, "_folder", None)
     done = CliRunner().invoke(main, ["warm-up"])
