@@ -1,7 +1,7 @@
 """How accurate an answer is: a 95 % bound of the error of all section means and sds at once.
 
-The bound of `error_bound` is where the probabilities that the rows' errors exceed it add up to 5 %: each row counts with
-its own standard error, so that rows that are much better known cost nothing.  Errors are larger where the sampling
+The bound of `error_bound` is where the probabilities that the rows' errors exceed it add up to 5 %: each row counts
+with its own standard error, so that rows that are much better known cost nothing.  Errors are larger where the sampling
 distribution of a row is skewed (`skewness_gain`), and by what branches that the sample cannot have seen could change
 (`rattle.montecarlo.unseen`).  Looks share the 5 %, so that a run may stop as soon as it holds (`share_of_look`).
 

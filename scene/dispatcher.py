@@ -13,6 +13,7 @@ from numba.core.registry import CPUDispatcher
 __all__ = ["Shared"]
 
 DISPATCHER: Any = CPUDispatcher  # typed as Any: numba has no type hints
+NORMALIZED: Any = sigutils.normalize_signature
 
 
 class Shared(DISPATCHER):  # type: ignore[misc]
@@ -59,7 +60,7 @@ class Shared(DISPATCHER):  # type: ignore[misc]
             The compiled function.
         """
         with global_compiler_lock:
-            args = tuple(sigutils.normalize_signature(sig)[0])
+            args = tuple(NORMALIZED(sig)[0])
             known = self.overloads.get(args)
             if known is not None and not self._inner and known.entry_point in self._bare:
                 del self.overloads[args]
@@ -83,4 +84,5 @@ class Shared(DISPATCHER):  # type: ignore[misc]
     @property
     def _bare(self) -> set[Any]:
         """Compiled functions that Python cannot call."""
-        return vars(self).setdefault("_bare_ones", set())
+        bare: set[Any] = self.__dict__.setdefault("_bare_ones", set())
+        return bare
