@@ -122,8 +122,9 @@ def simulate_rare(
     --------
     >>> from rattle.scene import DAT21, Scene
     >>> run = simulate_rare(Scene.from_gears(DAT21, sigma=0.1), paths=2048, impacts=3, rng=1)
-    >>> run.branches.loc[0, ["impact", "beta", "sampled"]].round(1).tolist()
-    [1, 3.3, True]
+    >>> worst = run.branches.iloc[0]
+    >>> int(worst["impact"]), round(float(worst["beta"]), 1), bool(worst["sampled"])
+    (1, 3.3, True)
     """
     if not isinstance(scene, Scene):
         raise InputError("scene", scene, "give a Scene")
