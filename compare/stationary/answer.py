@@ -3,10 +3,13 @@
 import pandas as pd
 
 from rattle.compare.stationary.measure import Stationary
+from rattle.montecarlo.long_run import LongRun
+from rattle.montecarlo.long_run.sums import NUMBER, SLOW
 
 __all__ = ["answer", "verdict_lines"]
 
 MAIN = ("rate", "speed", "energy_per_period")
+FEW_PATHS = 16.0  # that carry a variance, below which its interval is too narrow
 FEW = 0.5  # ratio of standard errors, from paths and from batches, from which both disagree
 
 
@@ -31,7 +34,7 @@ def answer(found: Stationary) -> list[str]:
     said.append(run.burn_in.sentence)
     if run.reach is not None:
         said.append(run.reach.sentence)
-    said += [_memory(found.table), *_checked(found.table), *verdict_lines(found)]
+    said += [_memory(found.table), *_bursts(run), *_checked(found.table), *verdict_lines(found)]
     return said
 
 
@@ -66,6 +69,21 @@ def _memory(table: pd.DataFrame) -> str:
         f"Autocorrelation times reach from {least:.2g} impacts (`{low}`) to {most:.3g} (`{high}`): errors computed as "
         f"if impacts were independent would be {least**-0.5:.2g} times too large and {most**0.5:.2g} times too small."
     )
+
+
+def _bursts(run: LongRun) -> list[str]:
+    """A warning where a few paths carry the variance of the slow share."""
+    main = run.sums.main.sum(axis=1)
+    if not main[:, SLOW].any():
+        return []
+    rest = main[:, SLOW] - main[:, SLOW].sum() / main[:, NUMBER].sum() * main[:, NUMBER]
+    carry = float((rest**2).sum() ** 2 / (rest**4).sum())
+    if carry >= min(FEW_PATHS, run.paths / 8):  # a third of the paths where they are normal
+        return []
+    return [
+        f"Slow impacts come in rare bursts: about {carry:.0f} of {run.paths} paths carry the error of `slow_share`, "
+        "whose interval is too narrow until there are more; ask for more periods."
+    ]
 
 
 def _checked(table: pd.DataFrame) -> list[str]:

@@ -12,8 +12,10 @@ import rattle as rt
 from rattle.closure.attractor import attractor
 from rattle.closure.stationary import NotPredicted, linear_law, multipliers
 from rattle.compare.cli.main import main
+from rattle.compare.stationary.answer import answer
 from rattle.compare.stationary.laws import law_of, values_of
 from rattle.montecarlo.long_run import BurnInError
+from rattle.montecarlo.long_run.sums import SLOW
 from rattle.scene import DAT21, InputError, Scene, Start
 
 PAIR = {"alpha": 0.25, "epsilon": 0.5, "beta1": 0.0, "gamma1": 0.0, "stages": 1}
@@ -113,6 +115,16 @@ def test_values_of_a_law_are_those_of_its_orbit():
     assert values["speed"] == pytest.approx(0.59497327, rel=1e-7)
     assert values["q01_speed"] == pytest.approx(values["q99_speed"])
     assert values["flight"] == pytest.approx(math.pi)
+
+
+def test_bursts_of_slow_impacts_are_named():
+    """A few paths carry nearly all slow impacts: the interval is not to be believed, and the answer says so."""
+    found = rt.stationary(Scene.from_gears(DAT21, sigma=0.5), periods=64, paths=32, closures=[])
+    assert not any("rare bursts" in sentence for sentence in answer(found))
+    main = found.run.sums.main.copy()
+    main[3, 0, SLOW] += 400.0  # planted: one burst
+    burst = replace(found, run=replace(found.run, sums=found.run.sums._replace(main=main)))
+    assert any("about 1 of 32 paths" in sentence for sentence in answer(burst))
 
 
 def test_physical_units():
