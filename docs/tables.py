@@ -129,6 +129,21 @@ def rare_branches(reports: Path) -> Table:
 
 
 @table
+def unseen(reports: Path) -> Table:
+    """How often an exactly right closure is called inaccurate, with and without the bound of unseen branches."""
+    found = pd.read_csv(Path(__file__).parent / "results" / "unseen.csv")
+    rows = [
+        [
+            r["scene"], short(r["kurtosis"]), f"{r['paths']:,}", f"{r['inaccurate']} of {r['seeds']}",
+            f"{r['inaccurate_without']} of {r['seeds']}", f"{r['decided']:.1%}", f"{r['decided_without']:.1%}",
+        ]
+        for r in found.to_dict("records")
+    ]  # fmt: skip
+    head = ["scene", "largest kurtosis", "paths", "called inaccurate", "without", "rows decided"]
+    return [*head, "decided without"], rows
+
+
+@table
 def speed(reports: Path) -> Table:
     """What a closure saves where it holds."""
     found = pd.read_csv(reports / "dat21" / "speed.csv")

@@ -105,7 +105,7 @@ class PilotRun:
         dt = run.dt
         if SCHEMES[run.scheme].has_step_bias:  # aim at half the bias allowed: order 1 is asymptotic
             dt *= min(1.0, max(0.5 * accuracy / max(bias, 1e-300), 1e-100))
-        share = min(error / (accuracy if not bias else 0.5 * accuracy), 1e100)
+        share = min((2.0 if bias else 1.0) * error / accuracy, 1e100)
         paths = max(LEAST // BLOCK, math.ceil(run.paths * share**2 / BLOCK)) * BLOCK
         paths = computed(run.scene, paths)
         return Candidate(run.scheme, dt, paths, 1e-9 * _nanoseconds(run, dt) * paths)

@@ -335,7 +335,7 @@ def rare_events(scene: Scene, impacts: int, least: float = 1.0) -> RareEvents:
     >>> from rattle.scene import DAT21
     >>> found = rare_events(Scene.from_gears(DAT21, sigma=0.1), 2)
     >>> found.known, [(b.impact, b.mesh, b.side, round(b.beta, 1)) for b in found.branches]
-    (2, [])
+    (2, [(1, 2, -1, 3.3)])
     """
     c, start = scene.constants, scene.start
     state = np.array(scene.start_state)

@@ -92,7 +92,7 @@ def unseen(scene: Scene, columns: Mapping[str, NDArray[Any]], paths: int) -> Uns
     impacts = len(columns["tau"])
     sd = np.column_stack([columns["sd_" + q] for q in SECTION])
     nil = np.zeros((impacts, len(SECTION)))
-    if not is_random(scene) or scene.sigma == 0.0:
+    if not is_random(scene) or scene.sigma == 0.0 or paths == 0:
         return Unseen(nil, nil, nil, nil, nil, nil, impacts)
     # powers of two, so that looks at one scene share a search
     found = searched(scene.phase_reduced, impacts, float(2.0 ** np.ceil(np.log2(SEEN / paths))))

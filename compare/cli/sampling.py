@@ -31,7 +31,12 @@ AN_HOUR = "an hour; what is expected to take longer is refused"
 @click.argument("scene", required=False, type=click.Path(path_type=Path))
 @click.option("--sigma", type=float, default=None, help="Noise intensity. [default: the scene's; sqrt(alpha) on DAT21]")
 @click.option("--impacts", type=WHOLE, default=12, show_default=True, help="Impacts after the start.")
-@click.option("--accuracy", type=float, default=None, help="Largest error of means and sds in sds. [default: 0.01]")
+@click.option(
+    "--accuracy",
+    type=float,
+    default=None,
+    help="Error of all means and sds, in sds, that 95 % of runs keep. [default: 0.01]",
+)
 @click.option("--paths", type=WHOLE, default=None, help="Number of paths, in place of an accuracy.")
 @click.option("--dt", type=float, default=None, help="Step, with --paths. [default: 0.002]")
 @click.option(

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from rattle.compare.thresholds.claim import Claim
-from rattle.compare.validation.verdict import RULE, Claimed, Simulated, Tolerances, judge, section_errors
+from rattle.compare.validation.verdict import RULE, Claimed, Simulated, Tolerances, judge, remarks, section_errors
 from rattle.scene.errors import InputError
 
 __all__ = ["OUTCOMES", "errors_of", "judged"]
@@ -85,7 +85,10 @@ def judged(errors: pd.DataFrame, z: float) -> pd.DataFrame:
     """
     rows = errors.assign(noise=z * errors["noise"])
     half = rows["noise"] + rows["rest"]
-    rows["low"], rows["high"] = rows["error"] - half, rows["error"] + half
+    lean = rows["noise"] * rows["lean"] * (2.0 * z**2 + 1.0) / (6.0 * z)
+    rows["low"] = rows["error"] - half - lean.clip(lower=0.0) - rows["unseen_low"]
+    rows["high"] = rows["error"] + half - lean.clip(upper=0.0) + rows["unseen_high"]
     rows = judge(rows)
+    rows["remark"] = remarks(rows)
     rows["outcome"] = rows["verdict"].map(OUTCOMES)
     return rows

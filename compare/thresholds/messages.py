@@ -118,7 +118,8 @@ def undecided_text(model: str, table: pd.DataFrame, run: Sampled, z: float) -> s
     """
     rows = table[table["outcome"] == "undecided"]
     remedy = decided_by(deciding(table))
-    return f"{model} is undecided in {len(rows)} of {len(table)} rows; {remedy}\n{_means(rows, run, z)}"
+    told = "".join(f"\n{r}" for r in dict.fromkeys(rows.get("remark", pd.Series(dtype=str))) if r)
+    return f"{model} is undecided in {len(rows)} of {len(table)} rows; {remedy}{told}\n{_means(rows, run, z)}"
 
 
 def remedies(table: pd.DataFrame, claim: Claim) -> str:

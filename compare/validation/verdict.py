@@ -15,7 +15,7 @@ from rattle.scene.scene import Scene
 
 __all__ = [
     "ABSOLUTE", "JUDGED", "NOT_JUDGED", "RULE", "VERDICTS", "Claimed", "Simulated", "Tolerances", "at_wall", "judge",
-    "section_errors", "to_absolute_time", "widest",
+    "remarks", "section_errors", "to_absolute_time", "widest",
 ]  # fmt: skip
 
 JUDGED = ("accurate", "inaccurate", "undecided")
@@ -32,6 +32,9 @@ RULE = (
 """Which rows `at_wall` excludes, and why, as pages state it."""
 
 SIDES = ("predicted", "simulated")  # columns that hold a value of the closure and of the simulation
+
+WORTH_A_WORD = 0.05
+"""Share of a tolerance from which on what a branch could change is told."""
 
 UNSEEN = ("unseen_low", "unseen_high", "unseen_paths")
 
@@ -209,7 +212,7 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
         ``unseen_high`` are how far branches that the sample cannot have seen widen the interval on either side, and
         ``unseen_paths`` how many paths would show them (`rattle.montecarlo.unseen`); ``remark`` says so in words where
         they leave a row undecided.  The interval of a sampled value is longer on the side to which its own sampling
-        distribution is skewed (`skewed`).  Verdicts are those of `judge`.
+        distribution is skewed (`skewed`); ``lean`` is that skewness over sqrt(n).  Verdicts are those of `judge`.
     """
     section, steps = run.section, run.step_bias
     impact, quantity, is_mean = steps["impact"], steps["quantity"], steps["moment"] == "mean"
@@ -255,13 +258,30 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
     up, down, needed, chance = _hidden(hidden, steps)
     table["unseen_low"], table["unseen_high"], table["unseen_paths"] = up, down, needed
     table["low"], table["high"] = table["low"] - up, table["high"] + down
+    table["unseen_share"] = chance
+    table["lean"] = skewed(columns, steps, z) * 6.0 * z / (2.0 * z**2 + 1.0)
     table = judge(table)
-    open_rows = (table["verdict"] == "undecided") & (np.maximum(up, down) > 0.0) & (needed > paths)
-    table["remark"] = [
-        unseen_text(m, p, max(a, b) / u, n) if there else ""
-        for m, p, a, b, u, n, there in zip(table["moment"], chance, up, down, unit, needed, open_rows, strict=True)
-    ]
+    table["remark"] = remarks(table)
     return table
+
+
+def remarks(table: pd.DataFrame) -> list[str]:
+    """What the sample cannot have seen, in words, of each row that is undecided and that it concerns.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As of `section_errors`.
+
+    Returns
+    -------
+    list of str
+        Empty where there is nothing to say.
+    """
+    shift = np.maximum(table["unseen_low"], table["unseen_high"])
+    said = (table["verdict"] == "undecided") & (shift > WORTH_A_WORD * table["tolerance"])
+    columns = (table["moment"], table["unseen_share"], shift / table["unit"], table["unseen_paths"], said)
+    return [unseen_text(m, p, s, n) if there else "" for m, p, s, n, there in zip(*columns, strict=True)]
 
 
 def skewed(columns: Mapping[str, NDArray[Any]], steps: pd.DataFrame, z: float) -> NDArray[np.float64]:

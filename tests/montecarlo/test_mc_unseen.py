@@ -1,0 +1,58 @@
+"""What a sample cannot have seen: rare branches are found, counted, and leave a verdict open."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rattle.compare.validation import verdict
+from rattle.compare.validation.verdict import Tolerances, section_errors, widest
+from rattle.montecarlo import simulate
+from rattle.montecarlo.rare_events import rare_events
+from rattle.montecarlo.unseen import Unseen
+from rattle.scene import DAT21, Scene
+from tests.montecarlo.measure_unseen import PAIR
+
+PROBABILITY, SD = 7.9e-6, 0.01528
+"""Of the branch of `PAIR`, and sd of y2 at impact 2, from 8 million exact flights (63 paths on the branch)."""
+
+
+def test_a_rare_branch_has_the_probability_and_the_size_that_eight_million_paths_show():
+    (branch,) = [b for b in rare_events(PAIR, 2).branches if b.impact == 1]
+    assert abs(branch.probability - PROBABILITY) < 4.0 * PROBABILITY / np.sqrt(63.0)
+    gap = branch.section[:, 1, 5] - branch.parent[1, 5]
+    share = (branch.weights * gap**2).sum() / SD**2
+    assert 0.2 < share < 0.5  # 0.34 by the kurtosis
+
+
+def _verdict(monkeypatch, bounded):
+    run = simulate(PAIR, paths=32_768, impacts=2, scheme="exact-flight", rng=3)
+    truth = run.section.copy()
+    truth.loc[2, "sd_y2"] = SD
+    if not bounded:
+        nil = np.zeros((2, 6))
+        monkeypatch.setattr(verdict, "unseen", lambda *_: Unseen(nil, nil, nil, nil, nil, nil, 2))
+    table = section_errors(SimpleNamespace(closure="exact", section=truth), run, widest(48), Tolerances())
+    return table.query("impact == 2 and quantity == 'y2' and moment == 'sd'").iloc[0]
+
+
+def test_an_exactly_right_sd_is_not_called_inaccurate_for_want_of_paths(monkeypatch):
+    row = _verdict(monkeypatch, True)
+    assert row["verdict"] == "undecided"
+    assert "8 in a million" in row["remark"]
+    assert row["paths_needed"] == pytest.approx(10.0 / PROBABILITY, rel=0.5)
+
+
+def test_negative_control_without_the_bound_it_is(monkeypatch):
+    assert _verdict(monkeypatch, False)["verdict"] == "inaccurate"
+
+
+def test_where_no_other_event_is_near_nothing_is_counted():
+    assert rare_events(Scene.from_gears(DAT21, sigma=0.01), 12).branches == ()
+
+
+def test_an_orbit_that_ends_leaves_later_impacts_unknown():
+    scene = Scene(alpha=0.0, epsilon=0.5, beta1=5.0, gamma1=0.0, stages=1, sigma=1e-6)
+    found = rare_events(scene, 3)
+    assert found.known < 3
+    assert found.why
