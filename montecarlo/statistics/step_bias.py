@@ -14,7 +14,8 @@ Floats = NDArray[np.float64]
 
 BEYOND = 3.0  # standard errors by which changes must fall more slowly than first order, to be taken for slow
 SLOW = 2.0**0.9  # ratio of two changes below which they are; above it is first order with a remainder of second order
-SLOWEST = 2.0**0.25  # ratio that is assumed of changes that fall more slowly still, or turn their sign
+SLOWEST = 2.0**0.5  # ratio that is assumed of changes that fall more slowly still, or turn their sign: the half order of
+# impacts that a discrete path misses is the slowest that is known; beside first order it leaves as much at any ratio
 
 
 class StepBias(NamedTuple):
@@ -28,8 +29,8 @@ class StepBias(NamedTuple):
         Richardson extrapolation, value - bias; its standard error.
     rest : ndarray
         Estimate of the error left: the difference to the same extrapolation from 2 dt and 4 dt, over ``2^p - 1``.  The
-        error left is of second order (p = 2) where the changes halve with the step; where they fall more slowly, beyond
-        noise, p is the slope that they have (`rattle order` finds such sds: docs/theory/schemes.md).
+        error left is of second order (p = 2), as means settle at first order; where the changes of an sd fall more
+        slowly, beyond noise, p is the slope that they have, 1/2 at least (`rattle order`: docs/theory/schemes.md).
     """
 
     bias: Floats
@@ -62,12 +63,13 @@ def extrapolated(fine: CentralSums, coarse: CentralSums) -> dict[str, StepBias]:
     for moment, values, (ff, fc, cc) in (("mean", means, spread[0]), ("sd", sd, spread[1])):
         values = np.where(fine.n > 0, values, np.nan)
         bias, se = values[1] - values[0], np.sqrt(np.maximum(ff - 2.0 * fc + cc, 0.0) / n)
+        before = values[2] - values[1]
         found[moment] = StepBias(
             bias,
             se,
             values[0] - bias,
             np.sqrt(np.maximum(4.0 * ff - 4.0 * fc + cc, 0.0) / n),
-            left_over(bias, values[2] - values[1], se),
+            left_over(bias, before, se) if moment == "sd" else np.abs(2.0 * bias - before) / 3.0,
         )
     return found
 
