@@ -14,8 +14,9 @@ Floats = NDArray[np.float64]
 
 BEYOND = 3.0  # standard errors by which changes must fall more slowly than first order, to be taken for slow
 SLOW = 2.0**0.9  # ratio of two changes below which they are; above it is first order with a remainder of second order
-SLOWEST = 2.0**0.5  # ratio that is assumed of changes that fall more slowly still, or turn their sign: the half order of
-# impacts that a discrete path misses is the slowest that is known; beside first order it leaves as much at any ratio
+SLOWEST = 2.0**0.5
+"""Ratio that is assumed of changes that fall more slowly still, or turn their sign.  The half order of impacts that a
+discrete path misses is the slowest that is known; beside first order it leaves as much at any ratio."""
 
 
 class StepBias(NamedTuple):
