@@ -114,8 +114,8 @@ def _sweep(table: pd.DataFrame, field: str) -> list[str]:
             f"{((found == 0) & rows['low'].notna()).sum()} of {len(rows)} values of {field}"
         )
         kinds = {kind: int((rows["regime"] == kind).sum()) for kind in (STICKS_FOR_GOOD, STICKS_OFTEN, STICKS_AT_TIMES)}
-        sticking = listed([f"{kind} at {n}" for kind, n in kinds.items() if n])
-        marked = f"; the orbit {sticking}" if sticking else ""
+        sticking = [f"{kind} at {n}" for kind, n in kinds.items() if n]
+        marked = f"; the orbit {listed(sticking)}" if sticking else ""
         where = "; ".join(
             f"{'+' if r['to'] > 0 else '-'} between {r['low']:.3g} and {r['high']:.3g}" for _, r in changes.iterrows()
         )
