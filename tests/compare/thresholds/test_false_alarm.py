@@ -33,6 +33,7 @@ from rattle.scene import DAT21, Scene
 from rattle.scene.moments import SECTION
 
 SCENE = Scene.from_gears(DAT21, sigma=0.05, stages=1)
+QUIET = Scene.from_gears(DAT21, sigma=0.0, stages=1)  # without branches that a sample may miss: no row is let off
 IMPACTS, BLOCKS = 2, 2400
 LOOKS = (1, 2, 4, 8)  # blocks
 RATE = 0.1
@@ -45,6 +46,7 @@ class Stacked:
     """Many runs below each other, the impacts of run i at ``i * IMPACTS + 1, ...``."""
 
     section: pd.DataFrame
+    scene: Scene = QUIET
 
     @property
     def agreement(self):
@@ -78,7 +80,10 @@ def merged(results):
 
 def stacked(results, size, control):
     """Runs of `size` blocks; columns that `Ensemble.section` holds of means and sds, without the time of its tables."""
-    names = {"": "mean", "sd_": "sd", "se_": "se_mean", "se_sd_": "se_sd"}
+    names = {
+        "": "mean", "sd_": "sd", "se_": "se_mean", "se_sd_": "se_sd", "skew_": "skew", "se_skew_": "se_skew",
+        "kurt_": "kurt",
+    }  # fmt: skip
     found = []
     for result in results:
         s = single_statistics(result.sums["section"]) | controlled_statistics(result.sums["control"], control.variance)
@@ -86,6 +91,7 @@ def stacked(results, size, control):
     table = pd.DataFrame({name: np.concatenate([f[name] for f in found]) for name in found[0]})
     table.index += 1
     same = {"paths": size * BLOCK, "agreement": 1.0, "mesh": 1}
+    same |= {prefix + q: 0.0 for prefix in names for q in SECTION[4:]}
     return Stacked(table.assign(flight=table["tau"], sd_flight=table["sd_tau"], **same))
 
 
