@@ -135,7 +135,8 @@ def _range(scene: Scene, columns: Mapping[str, NDArray[Any]]) -> Floats:
         if q in ("x1", "x2"):
             found.append(scene.constants.wall1 * 2.0 if q == "x1" else scene.constants.wall2 * 2.0)
         else:
-            found.append(float(np.nanmax(np.abs(mean) + 3.0 * np.nan_to_num(sd))))
+            size = np.abs(mean) + 3.0 * np.nan_to_num(sd)
+            found.append(float(np.max(size, where=np.isfinite(size), initial=0.0)))
     return np.array(found)
 
 
