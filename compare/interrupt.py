@@ -19,7 +19,8 @@ LOST = "interrupted; unfinished work is lost, no file is half written"
 GRACE = 1.2
 """Seconds from Ctrl-C to the end of the process: enough to finish running blocks of paths and to print one line."""
 RETRY = 0.02  # seconds between two attempts to raise the interrupt while a module is imported
-IMPORTING = "<frozen importlib._bootstrap>"  # file name of the frames in which every import runs
+LOSES_EXCEPTIONS = ("<frozen importlib._bootstrap>", "executionengine.py")
+"""Ends of the files of frames in which an exception goes astray: every import, and callbacks from the compiler's C."""
 
 said = threading.Event()
 """Set once the one line about the interrupt has been printed."""
@@ -42,9 +43,9 @@ def ends_at_once() -> Iterator[None]:
 def ends_soon() -> Iterator[None]:
     """Context in which Ctrl-C raises KeyboardInterrupt once; if it has no effect within `GRACE` seconds, exits.
 
-    The exception is postponed until a running import is complete.  Exiting is needed because an exception raised while
-    a compiler or a destructor runs is swallowed there, and because a thread cannot be stopped from outside.  It is
-    safe because results are written whole or not at all.
+    The exception is postponed until a running import, or a callback from the compiler, is complete.  Exiting is needed
+    because an exception raised while a compiler or a destructor runs is swallowed there, and because a thread cannot be
+    stopped from outside.  It is safe because results are written whole or not at all.
 
     Raises
     ------
@@ -57,7 +58,7 @@ def ends_soon() -> Iterator[None]:
         if not asked.is_set():
             asked.set()
             _thread.start_new_thread(_interrupt_again, (raised,))  # a Thread takes locks that the main thread may hold
-        if not raised.is_set() and not _importing(frame):
+        if not raised.is_set() and not _loses_exceptions(frame):
             raised.set()
             raise KeyboardInterrupt
 
@@ -82,9 +83,9 @@ def _handling_interrupts(handler: Callable[[int, FrameType | None], None]) -> It
         signal.signal(signal.SIGINT, before)
 
 
-def _importing(frame: FrameType | None) -> bool:
+def _loses_exceptions(frame: FrameType | None) -> bool:
     while frame is not None:
-        if frame.f_code.co_filename == IMPORTING:
+        if frame.f_code.co_filename.endswith(LOSES_EXCEPTIONS):
             return True
         frame = frame.f_back
     return False

@@ -21,7 +21,7 @@ from scipy.special import ndtr
 
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.result import Ensemble
-from rattle.montecarlo.unseen import unseen, unseen_text
+from rattle.montecarlo.unseen import Unseen, unseen, unseen_text
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = [
-    "CONFIDENCE", "LEAST", "STILL", "Bound", "error_bound", "sampling_error", "share_of_look", "skewness_gain",
-    "small_noise", "step_error", "units",
+    "CONFIDENCE", "LEAST", "STILL", "Bound", "absolute_errors", "error_bound", "exceeded", "sampled_paths",
+    "sampling_error", "share_of_look", "skewness_gain", "small_noise", "step_error", "units", "unseen_shifts",
 ]  # fmt: skip
 
 CONFIDENCE = 0.95
@@ -38,6 +38,7 @@ CONFIDENCE = 0.95
 
 LEAST = 32 * BLOCK  # fewest paths of an answer: events of probability 1e-4 can dominate an sd, so they must be sampled
 SMALL_NOISE = 0.2  # sigma / alpha up to which the control variate is tried; on DAT21 it pays up to 0.07
+Z_OF_GAIN = 3.0  # half width, in standard errors, at which the skewness of rows is accounted for
 STILL = 1e-9  # sd below which a quantity does not vary
 
 Floats = NDArray[np.float64]
@@ -125,8 +126,6 @@ class Bound(NamedTuple):
         The bound without it: this part falls with the square root of the number of paths.
     where : str
         Moment, quantity and impact that matter most.
-    needed : float
-        Paths of which enough take the branches that matter for the difference; 0 if there is none.
     remark : str
         The branch that matters most, in words; empty if none does.
     """
@@ -134,7 +133,6 @@ class Bound(NamedTuple):
     error: float
     sampled: float
     where: str
-    needed: float
     remark: str
 
 
@@ -195,6 +193,87 @@ def skewness_gain(columns: Mapping[str, NDArray[Any]], quantity: str, sd: bool, 
     return gain
 
 
+def absolute_errors(columns: Mapping[str, NDArray[Any]]) -> Floats:
+    """Standard errors of section means and sds, longer where their sampling distribution is skewed.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray
+        Of the section.
+
+    Returns
+    -------
+    ndarray, shape (2, 6, impacts)
+        Of the mean and of the sd of ``tau, flight, x1, y1, x2, y2``, in the quantity's own unit; 0 where not known.
+    """
+    found = []
+    for prefix in ("se_", "se_sd_"):
+        for q in SECTION:
+            gain = skewness_gain(columns, q, prefix == "se_sd_", Z_OF_GAIN)
+            found.append(np.nan_to_num(columns[prefix + q]) * (1.0 + np.abs(gain)))
+    return np.array(found).reshape(2, len(SECTION), -1)
+
+
+def unseen_shifts(hidden: Unseen) -> Floats:
+    """How far unseen branches could move a mean or an sd, whichever way is further.
+
+    Parameters
+    ----------
+    hidden : Unseen
+        Of a number of paths.
+
+    Returns
+    -------
+    ndarray, shape (2, 6, impacts)
+        As of `absolute_errors`.
+    """
+    mean = np.maximum(hidden.mean_up, hidden.mean_down)
+    return np.asarray(np.nan_to_num(np.stack([mean.T, np.maximum(hidden.sd_up, hidden.sd_down).T])))
+
+
+def exceeded(error: Floats, shift: Floats, share: float) -> float:
+    """Where the probabilities that normal errors exceed it, less a shift each, add up to `share`.
+
+    Parameters
+    ----------
+    error, shift : ndarray of the same shape
+        Standard errors, and shifts that are not negative.
+    share : float
+        Sum of the probabilities.
+
+    Returns
+    -------
+    float
+
+    Examples
+    --------
+    >>> round(exceeded(np.ones(1), np.zeros(1), 0.05), 3)
+    1.96
+    """
+    low, high = float(shift.max()), float((shift + 40.0 * error).max())
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            beyond = np.where(error > 0.0, 2.0 * ndtr(-(middle - shift) / error), 0.0).sum()
+        low, high = (middle, high) if beyond > share else (low, middle)
+    return high
+
+
+def sampled_paths(columns: Mapping[str, NDArray[Any]]) -> int:
+    """Paths that reached the first impact.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray
+        Of the section.
+
+    Returns
+    -------
+    int
+    """
+    return int(np.nanmax(np.nan_to_num(columns["paths"]), initial=0.0))
+
+
 def error_bound(run: HasColumns, share: float = 1.0 - CONFIDENCE) -> Bound:
     """Bound all errors of section means and sds at once, except for the bias of the step.
 
@@ -209,46 +288,23 @@ def error_bound(run: HasColumns, share: float = 1.0 - CONFIDENCE) -> Bound:
     -------
     Bound
     """
-    unit, columns = _units(run), run.columns
-    paths = int(np.nanmax(np.nan_to_num(columns["paths"]), initial=0.0))
-    hidden = unseen(run.scene, columns, paths)
-    errors, shifts, names, needed, chance = [], [], [], [], []
-    for i, q in enumerate(SECTION):
-        for moment, prefix in (("mean", "se_"), ("sd", "se_sd_")):
-            gain = np.abs(skewness_gain(columns, q, moment == "sd", Z_OF_GAIN))
-            errors.append(np.nan_to_num(columns[prefix + q] / unit[q]) * (1.0 + gain))
-            both = (hidden.mean_up, hidden.mean_down) if moment == "mean" else (hidden.sd_up, hidden.sd_down)
-            shifts.append(np.nan_to_num(np.maximum(both[0][:, i], both[1][:, i]) / unit[q]))
-            names.append((moment, q))
-            needed.append(hidden.needed[:, i])
-            chance.append(hidden.probability[:, i])
-    error, shift = np.array(errors), np.array(shifts)
-    sampled, bound = _exceeded(error, 0.0 * shift, share), _exceeded(error, shift, share)
+    unit = np.array(list(_units(run).values()))
+    hidden = unseen(run.scene, run.columns, sampled_paths(run.columns))
+    error, shift = absolute_errors(run.columns) / unit, unseen_shifts(hidden) / unit
+    sampled, bound = exceeded(error, 0.0 * shift, share), exceeded(error, shift, share)
     if bound == 0.0:
-        return Bound(0.0, 0.0, sampling_error(run)[1], 0.0, "")
-    row, k = (
-        int(n) for n in np.unravel_index(np.argmax(shift + error * (sampled / max(error.max(), 1e-300))), error.shape)
-    )
-    (moment, q), remark, more = names[row], "", 0.0
+        return Bound(0.0, 0.0, sampling_error(run)[1], "")
+    weight = shift + error * (sampled / max(error.max(), 1e-300))
+    moment, i, k = (int(n) for n in np.unravel_index(np.argmax(weight), error.shape))
+    name, remark = ("mean", "sd")[moment], ""
+    where = f"{name} of {SECTION[i]} at impact {k + 1}"
     if bound > 1.05 * sampled:
-        matter = shift >= 0.5 * shift.max()
-        more = float(np.array(needed)[matter].max())
-        remark = unseen_text(moment, float(chance[row][k]), float(shift[row, k]), float(needed[row][k]))
-    return Bound(bound, sampled, f"{moment} of {q} at impact {k + 1}", more, remark)
-
-
-Z_OF_GAIN = 3.0  # half width at which the skewness of rows is accounted for
-
-
-def _exceeded(error: Floats, shift: Floats, share: float) -> float:
-    """Where the probabilities that normal errors exceed it, less a shift each, add up to `share`."""
-    low, high = float(shift.max()), float((shift + 40.0 * error).max())
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            beyond = np.where(error > 0.0, 2.0 * ndtr(-(middle - shift) / error), 0.0).sum()
-        low, high = (middle, high) if beyond > share else (low, middle)
-    return high
+        moment, i, k = (int(n) for n in np.unravel_index(np.argmax(shift), error.shape))
+        remark = unseen_text(
+            ("mean", "sd")[moment], float(hidden.probability[k, i]), float(shift[moment, i, k]),
+            float(hidden.needed[k, i]),
+        )  # fmt: skip
+    return Bound(bound, sampled, where, remark)
 
 
 def step_error(run: Ensemble) -> tuple[float, float]:

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from rattle.montecarlo.accuracy import LEAST, error_bound, share_of_look, small_noise, step_error
+from rattle.montecarlo.accuracy import LEAST, share_of_look, small_noise, step_error
 from rattle.montecarlo.budget import Budget, clock
+from rattle.montecarlo.expected_paths import ExpectedPaths, expected_paths
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.reach import Candidate
 from rattle.montecarlo.record import Record
@@ -84,10 +85,23 @@ class PilotRun:
     whole: bool
 
     @cached_property
-    def errors(self) -> tuple[float, float]:
-        """Bound of all sampling errors and largest step bias, in sds; the bias is 0 for a scheme without one."""
-        exact = not SCHEMES[self.run.scheme].has_step_bias
-        return error_bound(self.run, share_of_look(1)).sampled, 0.0 if exact else step_error(self.run)[0]
+    def bias(self) -> float:
+        """Largest step bias in sds; 0 for a scheme without one."""
+        return step_error(self.run)[0] if SCHEMES[self.run.scheme].has_step_bias else 0.0
+
+    def sampled(self, accuracy: float) -> ExpectedPaths:
+        """Paths for which sampling and unseen branches are within an accuracy.
+
+        Parameters
+        ----------
+        accuracy : float
+            In sds.
+
+        Returns
+        -------
+        ExpectedPaths
+        """
+        return expected_paths(self.run, accuracy, share_of_look(1))
 
     def at(self, accuracy: float) -> Candidate:
         """Step, paths and work that an accuracy is expected to take.
@@ -101,12 +115,11 @@ class PilotRun:
         -------
         Candidate
         """
-        run, (error, bias) = self.run, self.errors
-        dt = run.dt
+        run, bias, dt = self.run, self.bias, self.run.dt
         if SCHEMES[run.scheme].has_step_bias:  # aim at half the bias allowed: order 1 is asymptotic
             dt *= min(1.0, max(0.5 * accuracy / max(bias, 1e-300), 1e-100))
-        share = min((2.0 if bias else 1.0) * error / accuracy, 1e100)
-        paths = max(LEAST // BLOCK, math.ceil(run.paths * share**2 / BLOCK)) * BLOCK
+        wanted = self.sampled(0.5 * accuracy if bias else accuracy).paths
+        paths = max(LEAST // BLOCK, math.ceil(wanted / BLOCK)) * BLOCK
         paths = computed(run.scene, paths)
         return Candidate(run.scheme, dt, paths, 1e-9 * _nanoseconds(run, dt) * paths)
 

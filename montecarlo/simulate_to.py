@@ -19,6 +19,7 @@ import numpy as np
 from rattle.montecarlo.accuracy import LEAST, error_bound, sampling_error, share_of_look, small_noise, step_error
 from rattle.montecarlo.budget import HOUR, Budget, clock, in_words
 from rattle.montecarlo.ensemble import Blocks, extended, in_threads, simulate
+from rattle.montecarlo.expected_paths import expected_paths
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.pilots import COARSEST, ROUGHEST, PilotRun, Simulate, chosen
 from rattle.montecarlo.reach import AccuracyWarning, Reach
@@ -51,8 +52,15 @@ def _check_affordable(pilot_run: PilotRun, accuracy: float, workers: int) -> Non
     instead = f"ask for {_rounded_up(gives):g}, which an hour is expected to give, or " if gives < math.inf else ""
     raise InputError(
         "accuracy", accuracy, f"is expected to take {in_words(seconds)} on {threads} ({expected.sentence}), and where "
-        f"no budget is given an hour is the most: {instead}give the seconds that it may take as budget",
+        f"no budget is given an hour is the most{_most_for(pilot_run, accuracy)}: {instead}give the seconds "
+        "that it may take as budget",
     )  # fmt: skip
+
+
+def _most_for(pilot_run: PilotRun, accuracy: float) -> str:
+    """Which rare branch most of the paths are for, as a clause."""
+    branch = pilot_run.sampled(accuracy).branch
+    return f"; most paths are for {branch}" if branch else ""
 
 
 def _rounded_up(accuracy: float) -> float:
@@ -162,7 +170,7 @@ def _simulated(
 
     names = [scheme] if scheme else sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
     pilot_run, candidates = chosen(scene, names, accuracy, again, left, workers)
-    ESTIMATES.info("Accuracy %g sd: %s.", accuracy, pilot_run.at(accuracy).sentence)
+    ESTIMATES.info("Accuracy %g sd: %s%s.", accuracy, pilot_run.at(accuracy).sentence, _most_for(pilot_run, accuracy))
     if budget is None:
         _check_affordable(pilot_run, accuracy, workers)
     run, more, look = _followed_up(pilot_run, again, record, blocks, accuracy, left, workers, progress)
@@ -204,11 +212,10 @@ def _followed_up(
         bound = error_bound(run, share_of_look(look))
         step, se_step = (0.0, 0.0) if exact else step_error(run)
         room = max(accuracy - step, LEAST_ROOM * accuracy)  # for the error of sampling
-        wanted = math.ceil(run.paths * min(bound.sampled / room, 1e100) ** 2 / grain) * grain
+        wanted = math.ceil(expected_paths(run, room, share_of_look(look)).paths / grain) * grain
         shorten = step > MOST_BIAS * accuracy and step > 3.0 * se_step
-        if bound.error + step > accuracy:  # also where a bias may be noise, and where rare branches are not known
-            hidden = bound.needed if math.isfinite(bound.needed) else 2.0 * run.paths
-            wanted = max(wanted, math.ceil(1.1 * run.paths / grain) * grain, math.ceil(hidden / grain) * grain)
+        if bound.error + step > accuracy:  # also where a bias may be noise
+            wanted = max(wanted, math.ceil(1.1 * run.paths / grain) * grain)
         more = 2 * run.paths if shorten else max(wanted - run.paths, fewest - run.paths, 0)
         if shorten and 0.5 * run.dt < shortest:
             return run, math.inf, look

@@ -14,7 +14,7 @@ from rattle.montecarlo.settings import is_random
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 
-__all__ = ["SEEN", "Unseen", "searched", "unseen", "unseen_text"]
+__all__ = ["SEEN", "Added", "Unseen", "branches_between", "searched", "share_of", "unseen", "unseen_text"]
 
 SEEN = 10.0
 """Expected number of sampled paths from which on a branch is in the sample; below, it may be missing."""
@@ -94,8 +94,7 @@ def unseen(scene: Scene, columns: Mapping[str, NDArray[Any]], paths: int) -> Uns
     nil = np.zeros((impacts, len(SECTION)))
     if not is_random(scene) or scene.sigma == 0.0 or paths == 0:
         return Unseen(nil, nil, nil, nil, nil, nil, impacts)
-    # powers of two, so that looks at one scene share a search
-    found = searched(scene.phase_reduced, impacts, float(2.0 ** np.ceil(np.log2(SEEN / paths))))
+    found = _branches(scene, impacts, paths)
     up, down, more, less = nil.copy(), nil.copy(), nil.copy(), nil.copy()
     largest, chance, needed = nil.copy(), nil.copy(), nil.copy()
     parts = []
@@ -125,6 +124,59 @@ def unseen(scene: Scene, columns: Mapping[str, NDArray[Any]], paths: int) -> Uns
     sd_up = np.sqrt(sd**2 + more) - sd
     sd_down = sd - np.sqrt(np.maximum(sd**2 - less, 0.0))
     return Unseen(up, down, np.nan_to_num(sd_up), np.nan_to_num(sd_down), chance, needed, found.known)
+
+
+def _branches(scene: Scene, impacts: int, paths: int) -> RareEvents:
+    """Branches of the orbit, and of those branches of which about `SEEN` paths are expected."""
+    # powers of two, so that looks at one scene share a search
+    return searched(scene.phase_reduced, impacts, float(2.0 ** np.ceil(np.log2(SEEN / paths))))
+
+
+class Added(NamedTuple):
+    """What branches add to the moments of the section that more paths will see and fewer cannot have seen.
+
+    Attributes
+    ----------
+    square, fourth : ndarray, shape (impacts, 6)
+        Added to the mean squared deviation from the orbit, and to its fourth power's mean; not negative.
+    probabilities : ndarray
+        Of these branches.
+    """
+
+    square: Floats
+    fourth: Floats
+    probabilities: Floats
+
+
+def branches_between(scene: Scene, columns: Mapping[str, NDArray[Any]], fewer: int, more: int) -> Added:
+    """What branches add of which `more` paths see enough, and `fewer` do not.
+
+    Parameters
+    ----------
+    scene : Scene
+        What was simulated.
+    columns : mapping of str to ndarray, shape (impacts,)
+        Of the section, as of `Ensemble.columns`.
+    fewer, more : int
+        Numbers of paths.
+
+    Returns
+    -------
+    Added
+    """
+    impacts = len(columns["tau"])
+    square, fourth = np.zeros((2, impacts, len(SECTION)))
+    if not is_random(scene) or scene.sigma == 0.0:
+        return Added(square, fourth, np.zeros(0))
+    found, chances = _branches(scene, impacts, more), []
+    for branch in found.branches:
+        if SEEN / more <= branch.probability < SEEN / fewer:
+            weights = branch.weights[:, None, None]
+            gap, before = branch.section - found.orbit, branch.parent - found.orbit
+            square = square + np.maximum(np.nan_to_num(weights * (gap**2 - before**2)).sum(axis=0), 0.0)
+            fourth = fourth + np.maximum(np.nan_to_num(weights * (gap**4 - before**4)).sum(axis=0), 0.0)
+            chances.append(branch.probability)
+    return Added(square, fourth, np.array(chances))
 
 
 def _range(scene: Scene, columns: Mapping[str, NDArray[Any]]) -> Floats:
@@ -169,12 +221,28 @@ def unseen_text(moment: str, probability: float, change: float, needed: float) -
             f"{moment} by {100.0 * change:.2g} %"
         )
     return (
-        f"a branch taken by {_share(probability)} paths, not sampled, could change this {moment} by "
+        f"a branch taken by {share_of(probability)} paths, not sampled, could change this {moment} by "
         f"{100.0 * change:.2g} %{' of an sd' if moment == 'mean' else ''}; {_count(needed)} paths would tell"
     )
 
 
-def _share(probability: float) -> str:
+def share_of(probability: float) -> str:
+    """A small share in words.
+
+    Parameters
+    ----------
+    probability : float
+        Of an event.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> share_of(2.7e-5)
+    'about 27 in a million'
+    """
     for per, name in ((1e3, "a thousand"), (1e6, "a million"), (1e9, "a billion")):
         if probability * per >= 1.0:
             return f"about {probability * per:.0f} in {name}"

@@ -74,6 +74,27 @@ def test_an_interrupt_that_is_put_off_to_the_end_of_a_command_is_not_forgotten(t
     assert re.fullmatch(r"rattle: interrupted[^\n]*\n", done.stderr)
 
 
+CALLBACK = """
+import ctypes, os, signal
+
+@ctypes.CFUNCTYPE(None)
+def called_from_c():
+    os.kill(os.getpid(), signal.SIGINT)
+    for _ in range(100):
+        pass
+"""
+
+
+@pytest.mark.parametrize(("module", "printed"), [("executionengine", False), ("another", True)])
+def test_an_interrupt_in_a_callback_of_the_compiler_is_put_off_until_it_is_over(tmp_path, module, printed):
+    """There, Python would print it and go on: the other module shows it."""
+    command = COMMAND.replace("import extension", f"import {module} as m; m.called_from_c()")
+    done = rattle(command, tmp_path, **{module: CALLBACK})
+    assert done.returncode == 130
+    assert ("KeyboardInterrupt" in done.stderr) == printed
+    assert len(re.findall(r"^rattle: interrupted[^\n]*\n", done.stderr, re.M)) == 1
+
+
 def test_what_is_half_written_goes_with_a_process_that_is_ended(tmp_path):
     writing = """
 from pathlib import Path

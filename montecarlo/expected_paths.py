@@ -1,0 +1,102 @@
+"""How many paths an accuracy is expected to take, from a smaller run and from the branches that it cannot have seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rattle.montecarlo.accuracy import HasColumns, absolute_errors, exceeded, sampled_paths, units, unseen_shifts
+from rattle.montecarlo.unseen import Added, branches_between, share_of, unseen
+from rattle.scene.moments import SECTION
+
+__all__ = ["ExpectedPaths", "expected_paths"]
+
+Floats = NDArray[np.float64]
+
+STEP = 8.0  # largest ratio of two bounds that is followed at once
+TOUCH = 1.02  # ratio to which the number is found
+MOST = 1e15  # paths from which on the number does not matter any longer
+
+
+class ExpectedPaths(NamedTuple):
+    """Paths that an accuracy is expected to take.
+
+    Attributes
+    ----------
+    paths : float
+        Number of paths.
+    branch : str
+        The rare branch for which most of them are needed, in words; empty if there is none.
+    """
+
+    paths: float
+    branch: str
+
+
+def expected_paths(run: HasColumns, accuracy: float, share: float) -> ExpectedPaths:
+    """Paths from which on `error_bound` is expected to be within an accuracy.
+
+    Errors of what was sampled fall with the square root of the number of paths.  A branch that the run cannot have seen
+    but that more paths will see adds to the variance and, by its fourth power, to the error of the sd; one that they
+    cannot see either shifts the bound.
+
+    Parameters
+    ----------
+    run : Ensemble or stored result
+        The smaller run.
+    accuracy : float
+        Bound that is wanted for sampling and unseen branches, in units of each quantity's sd.
+    share : float
+        Probability with which one of the errors may be larger.
+
+    Returns
+    -------
+    ExpectedPaths
+    """
+    columns = run.columns
+    begun, error = sampled_paths(columns), absolute_errors(columns)
+    if not (error > 0.0).any():
+        return ExpectedPaths(float(begun), "")
+    unit = np.array([units(run)[q] for q in SECTION])
+    plain = begun * min(exceeded(error / unit, 0.0 * error, share) / accuracy, 1e100) ** 2
+
+    def bound(paths: float) -> tuple[float, Added]:
+        added = branches_between(run.scene, columns, begun, int(paths))
+        errors, sizes = _foreseen(columns, unit, error, added, begun, paths)
+        shift = unseen_shifts(unseen(run.scene, columns, int(paths)))
+        return exceeded(errors / sizes, shift / sizes, share), added
+
+    fewer = paths = max(plain, 1.0)
+    while (found := bound(paths))[0] > TOUCH * accuracy and paths < MOST:
+        fewer, paths = paths, paths * min(found[0] / accuracy, STEP) ** 2
+    while paths > TOUCH * fewer:  # branches come into reach at once: the bound is not a power of the paths
+        middle = math.sqrt(paths * fewer)
+        if bound(middle)[0] > TOUCH * accuracy:
+            fewer = middle
+        else:
+            paths = middle
+    added = bound(paths)[1]
+    if paths <= 1.5 * plain:
+        return ExpectedPaths(paths, "")
+    if not added.probabilities.size:
+        return ExpectedPaths(paths, "branches that are not known")
+    return ExpectedPaths(paths, f"a branch taken by {share_of(float(added.probabilities.min()))} paths")
+
+
+def _foreseen(
+    columns: Mapping[str, NDArray[Any]], unit: Floats, error: Floats, added: Added, begun: int, paths: float
+) -> tuple[Floats, Floats]:
+    """Errors of `paths` paths, as `absolute_errors`, and the units in which they count."""
+    sd = np.nan_to_num([columns["sd_" + q] for q in SECTION])
+    wider = np.sqrt(sd**2 + added.square.T)
+    size = np.where(unit == sd, wider, unit)  # displacements at a struck wall, and what does not vary
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shrunk = np.nan_to_num(sd / wider, nan=1.0)
+        new = np.nan_to_num(added.fourth.T / (4.0 * wider**2))
+    mean = np.sqrt((error[0] ** 2 * begun + added.square.T) / paths)
+    spread = np.sqrt(((error[1] * shrunk) ** 2 * begun + new) / paths)
+    return np.stack([mean, spread]), size
