@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.result import Ensemble
 from rattle.montecarlo.unseen import Unseen, unseen, unseen_text
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
@@ -28,9 +27,12 @@ from rattle.scene.scene import Scene
 if TYPE_CHECKING:
     import pandas as pd
 
+    from rattle.montecarlo.result import Ensemble
+
 __all__ = [
     "CONFIDENCE", "LEAST", "STILL", "Bound", "absolute_errors", "error_bound", "exceeded", "sampled_paths",
-    "sampling_error", "share_of_look", "skewness_gain", "small_noise", "step_error", "units", "unseen_shifts",
+    "sampling_error", "share_of_look", "skewness_gain", "small_noise", "step_error", "units", "units_by_quantity",
+    "unseen_shifts",
 ]  # fmt: skip
 
 CONFIDENCE = 0.95
@@ -63,7 +65,18 @@ class HasColumns(Protocol):
         ...
 
 
-def _units(run: HasColumns) -> dict[str, Floats]:
+def units_by_quantity(run: HasColumns) -> dict[str, Floats]:
+    """As `units`, without a table: one array for each section quantity.
+
+    Parameters
+    ----------
+    run : Ensemble or stored result
+        Anything with `columns`.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (impacts,)
+    """
     columns = run.columns
     unit = {q: np.where(columns["sd_" + q] > STILL, columns["sd_" + q], 1.0) for q in SECTION}
     for mesh in (1, 2):
@@ -86,7 +99,7 @@ def units(run: HasColumns) -> pd.DataFrame:
     """
     import pandas as pd
 
-    return pd.DataFrame(_units(run), index=run.section.index)
+    return pd.DataFrame(units_by_quantity(run), index=run.section.index)
 
 
 def sampling_error(run: HasColumns) -> tuple[float, str]:
@@ -104,7 +117,7 @@ def sampling_error(run: HasColumns) -> tuple[float, str]:
     where : str
         Moment, quantity and impact of the largest error.
     """
-    unit, columns = _units(run), run.columns
+    unit, columns = units_by_quantity(run), run.columns
     worst, where = 0.0, "nothing varies" if np.isfinite(columns["tau"]).any() else "no impact was seen"
     for q in SECTION:
         for name, prefix in (("mean", "se_"), ("sd", "se_sd_")):
@@ -127,13 +140,16 @@ class Bound(NamedTuple):
     where : str
         Moment, quantity and impact that matter most.
     remark : str
-        The branch that matters most, in words; empty if none does.
+        The unseen branch that matters most, in words; empty if none does.
+    rare : str
+        Moment, quantity and impact that it could change most.
     """
 
     error: float
     sampled: float
     where: str
     remark: str
+    rare: str
 
 
 def share_of_look(look: int) -> float:
@@ -288,23 +304,27 @@ def error_bound(run: HasColumns, share: float = 1.0 - CONFIDENCE) -> Bound:
     -------
     Bound
     """
-    unit = np.array(list(_units(run).values()))
+    unit = np.array(list(units_by_quantity(run).values()))
     hidden = unseen(run.scene, run.columns, sampled_paths(run.columns))
     error, shift = absolute_errors(run.columns) / unit, unseen_shifts(hidden) / unit
     sampled, bound = exceeded(error, 0.0 * shift, share), exceeded(error, shift, share)
     if bound == 0.0:
-        return Bound(0.0, 0.0, sampling_error(run)[1], "")
+        return Bound(0.0, 0.0, sampling_error(run)[1], "", "")
     weight = shift + error * (sampled / max(error.max(), 1e-300))
     moment, i, k = (int(n) for n in np.unravel_index(np.argmax(weight), error.shape))
-    name, remark = ("mean", "sd")[moment], ""
-    where = f"{name} of {SECTION[i]} at impact {k + 1}"
+    where, remark, rare = _name(moment, i, k), "", ""
     if bound > 1.05 * sampled:
         moment, i, k = (int(n) for n in np.unravel_index(np.argmax(shift), error.shape))
-        remark = unseen_text(
-            ("mean", "sd")[moment], float(hidden.probability[k, i]), float(shift[moment, i, k]),
-            float(hidden.needed[k, i]),
-        )  # fmt: skip
-    return Bound(bound, sampled, where, remark)
+        chance, needed = float(hidden.probability[k, i]), float(hidden.needed[k, i])
+        rare, remark = _name(moment, i, k), unseen_text(MOMENTS[moment], chance, float(shift[moment, i, k]), needed)
+    return Bound(bound, sampled, where, remark, rare)
+
+
+MOMENTS = ("mean", "sd")
+
+
+def _name(moment: int, quantity: int, impact: int) -> str:
+    return f"{MOMENTS[moment]} of {SECTION[quantity]} at impact {impact + 1}"
 
 
 def step_error(run: Ensemble) -> tuple[float, float]:

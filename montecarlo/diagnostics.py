@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rattle.montecarlo.accuracy import error_bound
 from rattle.montecarlo.kernel.block import Plan, sample
 from rattle.montecarlo.kernel.control_variate import no_control
 from rattle.montecarlo.schemes.step_size import default_step, largest_step, trusted_step
@@ -24,6 +25,9 @@ __all__ = ["COLLAPSE", "TOLERANCE", "diagnostics", "motion_units", "orbit_shift"
 
 Floats = NDArray[np.float64]
 
+UNSEEN = 0.1
+"""Largest error from branches that were not sampled, in sds, that is not diagnosed."""
+SEARCHED = 60  # most impacts for which rare branches are looked for: a second
 TOLERANCE = 0.05
 """Largest bias that is not diagnosed, in `motion_units`."""
 
@@ -151,11 +155,22 @@ def diagnostics(run: Ensemble) -> tuple[str, ...]:
     >>> diagnostics(simulate(run.scene, paths=1000, impacts=2, scheme="exact-flight"))
     ()
     """
-    return tuple(line for line in (_of_accuracy(run), shortened(run), *_of_step(run), *_of_impacts(run)) if line)
+    found = (_of_accuracy(run), shortened(run), *_of_step(run), *_of_impacts(run), _of_rare_branches(run))
+    return tuple(line for line in found if line)
 
 
 def _of_accuracy(run: Ensemble) -> str:
     return "" if run.reach is None or run.reach.reached else run.reach.sentence
+
+
+def _of_rare_branches(run: Ensemble) -> str:
+    """Empty where an accuracy was asked for, which counts them."""
+    if run.reach is not None or run.impacts > SEARCHED:
+        return ""
+    bound = error_bound(run)
+    if bound.error - bound.sampled <= UNSEEN or not bound.remark:
+        return ""
+    return f"{bound.remark[0].upper()}{bound.remark[1:]} ({bound.rare})."
 
 
 def shortened(run: Ensemble) -> str:

@@ -9,7 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.montecarlo.accuracy import HasColumns, absolute_errors, exceeded, sampled_paths, units, unseen_shifts
+from rattle.montecarlo.accuracy import (
+    HasColumns,
+    absolute_errors,
+    exceeded,
+    sampled_paths,
+    units_by_quantity,
+    unseen_shifts,
+)
 from rattle.montecarlo.unseen import Added, branches_between, share_of, unseen
 from rattle.scene.moments import SECTION
 
@@ -61,8 +68,9 @@ def expected_paths(run: HasColumns, accuracy: float, share: float) -> ExpectedPa
     begun, error = sampled_paths(columns), absolute_errors(columns)
     if not (error > 0.0).any():
         return ExpectedPaths(float(begun), "")
-    unit = np.array([units(run)[q] for q in SECTION])
-    plain = begun * min(exceeded(error / unit, 0.0 * error, share) / accuracy, 1e100) ** 2
+    unit = np.array(list(units_by_quantity(run).values()))
+    least = exceeded(error / unit, 0.0 * error, share)
+    plain = begun * min(least / max(accuracy, 5e-324), 1e100) ** 2
 
     def bound(paths: float) -> tuple[float, Added]:
         added = branches_between(run.scene, columns, begun, int(paths))

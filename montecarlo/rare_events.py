@@ -206,7 +206,7 @@ def _earlier(flight: _Flight, mesh: int, side: int) -> list[_Found]:
     found = []
     if same and side == flight.side:  # the last peak may be the orbit's own impact
         i = 2 * (mesh - 1)
-        late = math.sqrt(flight.at(times[-1:])[1][0, i, i]) / max(abs(flight.before[i + 1]), 1e-300)
+        late = math.sqrt(max(flight.at(times[-1:])[1][0, i, i], 0.0)) / max(abs(flight.before[i + 1]), 1e-300)
         peaks = peaks[times[peaks] < flight.time - FURTHEST * late]
     for peak in peaks:
         at = times[peak - 1 : peak + 2]
@@ -282,7 +282,9 @@ def _missed(flight: _Flight) -> _Found | None:
         for b in range(a, 13):
             joint[a, b] = joint[b, a] = spread[a, i] @ jacobian(flight.c, around[b] - around[a])[i]
     rng = np.random.default_rng(0)
-    root = np.linalg.cholesky(joint - np.outer(joint[6], joint[6]) / joint[6, 6] + 1e-9 * np.diag(np.diag(joint)))
+    rest = joint - np.outer(joint[6], joint[6]) / joint[6, 6]
+    size, axes = np.linalg.eigh(rest)
+    root = (axes * np.sqrt(np.maximum(size, 0.0))) @ axes.T
     depths = -ndtri(ndtr(-nearest) * (1.0 - (np.arange(SAMPLE) + 0.5) / SAMPLE))
     paths = rng.standard_normal((SAMPLE, 13)) @ root.T - depths[:, None] * joint[6] / math.sqrt(joint[6, 6])
     within = (paths + side * means[:, i] < _wall(flight.c, mesh)).all(axis=1)

@@ -164,6 +164,8 @@ def _estimates_shown() -> "Iterator[None]":
         ESTIMATES.setLevel(level)
 
 
+FORMS = {"se_": ".2g", "sd_": ".4g"}
+"""How columns are printed whose names begin so: errors may be far smaller than what they belong to."""
 SHOWN = ("tau", "se_tau", "sd_tau", "y1", "se_y1", "sd_y1", "y2", "se_y2", "sd_y2", "mesh", "side", "agreement")
 
 
@@ -181,7 +183,8 @@ def _table(columns: "Mapping[str, NDArray[Any]]", shown: tuple[str, ...]) -> str
     for name in shown:
         values = columns[name].tolist()
         if not all(math.isnan(v) for v in values):
-            texts.append([name, *(f"{v:.5f}" if isinstance(v, float) else str(v) for v in values)])
+            form = next((form for start, form in FORMS.items() if name.startswith(start)), ".5f")
+            texts.append([name, *(format(v, form) if isinstance(v, float) else str(v) for v in values)])
     wide = [max(map(len, text)) for text in texts]
     return "\n".join(
         "  ".join(cell.rjust(w) for cell, w in zip(line, wide, strict=True)) for line in zip(*texts, strict=True)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rattle.closure.stationary import Law
 from rattle.compare.report.style import ACCURATE, STYLE, legend_above, new_figure
 from rattle.compare.stationary.measure import Stationary
-from rattle.montecarlo.long_run.estimates import half_width
+from rattle.montecarlo.long_run.intervals import half_width
 
 __all__ = ["closure_figure", "distribution_figure", "drawn", "memory_figure", "section_figure"]
 

@@ -16,18 +16,16 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from rattle.montecarlo.long_run.collected import Collected
 from rattle.montecarlo.long_run.control import controlled
+from rattle.montecarlo.long_run.intervals import Spread, half_width, spread, student_quantiles
 from rattle.montecarlo.long_run.names import NAMES, QUANTILES, groups
 from rattle.montecarlo.long_run.sums import CONTACT, ENERGY, FLIGHT, NUMBER, SLOW, SPEED
 
-__all__ = ["CONFIDENCE", "Estimate", "estimates", "half_width"]
+__all__ = ["Estimate", "estimates"]
 
 Floats = NDArray[np.float64]
-
-CONFIDENCE = 0.95
 
 
 class Estimate(NamedTuple):
@@ -53,28 +51,11 @@ class Estimate(NamedTuple):
     se_batches: float = math.nan
 
 
-def half_width(paths: int) -> float:
-    """Half width of a 95 % interval in standard errors from a number of independent paths.
-
-    Parameters
-    ----------
-    paths : int
-        Number of paths.
-
-    Returns
-    -------
-    float
-        Student's t.
-    """
-    return float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, paths - 1))
-
-
-def _jackknife(sums: Floats, function: Callable[[Floats], Floats]) -> tuple[float, float]:
-    """A function of sums over paths, shape (paths, sums), and its standard error over paths."""
+def _jackknife(sums: Floats, function: Callable[[Floats], Floats]) -> Spread:
+    """A function of sums over paths, shape (paths, sums), with its spread over paths."""
     total, n = sums.sum(axis=0), len(sums)
     value = float(function(total[None])[0])
-    left = function(total - sums)
-    return value, float(np.sqrt((n - 1) / n * ((left - left.mean()) ** 2).sum()))
+    return spread(n * value - (n - 1) * function(total - sums), value)
 
 
 def _over(a: float, b: float) -> float:
@@ -85,12 +66,12 @@ class _Maker:
     """Makes estimates from collected sums."""
 
     def __init__(self, c: Collected) -> None:
-        self.c, self.t = c, half_width(c.paths)
-        self.main = c.main.sum(axis=1)
+        self.c, self.main = c, c.main.sum(axis=1)
 
-    def made(self, value: float, se: float, naive: float, batches: float = math.nan) -> Estimate:
-        half = self.t * se
-        return Estimate(value, se, value - half, value + half, _over(se**2, naive**2), batches)
+    def made(self, of: Spread, naive: float, batches: float = math.nan, factor: float = 1.0) -> Estimate:
+        low, high = of.interval()
+        memory = _over(of.se**2, naive**2)
+        return Estimate(factor * of.value, factor * of.se, factor * low, factor * high, memory, factor * batches)
 
     def _batch_se(self, top: int, bottom: int | None) -> float:
         """Standard error of a ratio of sums (or of a rate) from the spread of all batches of all paths."""
@@ -107,8 +88,8 @@ class _Maker:
         """A sum over impacts per unit of time."""
         c, total = self.c, float(self.main[:, column].sum())
         whole = c.time * c.paths
+        found = spread(self.main[:, column] / c.time)
         value = total / whole
-        se = float(self.main[:, column].std(ddof=1)) / c.time / math.sqrt(c.paths)
         flight, n = self._raw(g, FLIGHT), float(self.main[:, 4 * g + NUMBER].sum())
         if column == 4 * g + NUMBER:
             square = n - 2.0 * value * flight[0] + value**2 * flight[1]
@@ -116,7 +97,7 @@ class _Maker:
             lost = c.energy[:, g].sum(axis=0)
             square = lost[0] - 2.0 * value * lost[1] + value**2 * flight[1]
         naive = math.sqrt(max(square, 0.0)) / whole
-        return self.made(factor * value, factor * se, factor * naive, factor * self._batch_se(column, None))
+        return self.made(found, naive, self._batch_se(column, None), factor)
 
     def _raw(self, g: int, i: int) -> tuple[float, float]:
         """Sums of a value and of its square."""
@@ -126,26 +107,26 @@ class _Maker:
 
     def share(self, column: int, of: int) -> Estimate:
         """A number of impacts out of a number of impacts."""
-        value, se = _jackknife(self.main[:, [column, of]], lambda s: s[:, 0] / s[:, 1])
-        naive = math.sqrt(max(value * (1.0 - value), 0.0) / self.main[:, of].sum())
-        return self.made(value, se, naive, self._batch_se(column, of))
+        found = _jackknife(self.main[:, [column, of]], lambda s: s[:, 0] / s[:, 1])
+        naive = math.sqrt(max(found.value * (1.0 - found.value), 0.0) / self.main[:, of].sum())
+        return self.made(found, naive, self._batch_se(column, of))
 
     def energy(self, g: int) -> Estimate:
         """Mean energy lost at an impact."""
         columns = [4 * g + ENERGY, 4 * g + NUMBER]
-        value, se = _jackknife(self.main[:, columns], lambda s: s[:, 0] / s[:, 1])
+        found = _jackknife(self.main[:, columns], lambda s: s[:, 0] / s[:, 1])
         n, square = float(self.main[:, columns[1]].sum()), float(self.c.energy[:, g, 0].sum())
-        naive = math.sqrt(max(square / n - value**2, 0.0) / n)
-        return self.made(value, se, naive, self._batch_se(*columns))
+        naive = math.sqrt(max(square / n - found.value**2, 0.0) / n)
+        return self.made(found, naive, self._batch_se(*columns))
 
     def contact(self, mesh: int) -> Estimate:
         """Share of the time in which a mesh is closed; its autocorrelation in impacts."""
         c = self.c
         each = self.main[:, CONTACT + mesh - 1] / c.samples
-        value, se = float(each.mean()), float(each.std(ddof=1)) / math.sqrt(c.paths)
+        found = spread(each)
         apart = float(self.main[:, NUMBER].sum()) / (c.samples * c.paths)  # impacts between two samples
-        naive = math.sqrt(max(value * (1.0 - value), 0.0) / (c.samples * c.paths) / max(apart, 1e-300))
-        return self.made(value, se, naive, self._batch_se(CONTACT + mesh - 1, None) * c.time / c.samples)
+        naive = math.sqrt(max(found.value * (1.0 - found.value), 0.0) / (c.samples * c.paths) / max(apart, 1e-300))
+        return self.made(found, naive, self._batch_se(CONTACT + mesh - 1, None) * c.time / c.samples)
 
     def moments(self, g: int, i: int) -> Iterator[tuple[str, Estimate]]:
         """Mean, sd and skewness of flight or speed."""
@@ -173,30 +154,29 @@ class _Maker:
             "skew_": (np.array([0.5 * skew, -3.0, -1.5 * skew, 1.0]), 1.0),
         }
         for k, (prefix, (polynomial, unit)) in enumerate(influence.items()):
-            value, se = _jackknife(power, lambda s, k=k: standardised(s)[k])  # type: ignore[misc]
+            found = _jackknife(power, lambda s, k=k: standardised(s)[k])  # type: ignore[misc]
             factor = scale if k < 2 else 1.0
             square = sum(a * b * central[p + q] for p, a in enumerate(polynomial) for q, b in enumerate(polynomial))
             naive = unit * math.sqrt(max(square, 0.0) / n) if sd > 0.0 else math.nan
             batches = self._batch_se(4 * g + SPEED, 4 * g + NUMBER) if (prefix, i) == ("", SPEED) else math.nan
-            yield prefix, self.made(factor * value + (centre if k == 0 else 0.0), factor * se, naive, batches)
+            found = found._replace(value=found.value * factor + (centre if k == 0 else 0.0), se=found.se * factor)
+            yield prefix, self.made(found, naive, batches)
 
     def quantiles(self, g: int, i: int) -> Iterator[tuple[str, Estimate]]:
         """Quantiles, with intervals by Woodruff's method: those of the probability, read off the distribution."""
         counts = self.c.histogram[:, g, i].astype(float)
         edges, n, units = self.c.scales.edges[g, i], counts.sum(axis=1), len(counts)
-        t = half_width(units)
         below = np.cumsum(counts, axis=1)[:, :-1]  # of each unit, below each edge
         whole = below.sum(axis=0) / n.sum()
         for percent in QUANTILES:
             p = 0.01 * percent
             value = _inverse(edges, whole, p)
             k = int(np.clip(np.searchsorted(whole, p), 0, edges.size - 1))
-            rest = below[:, k] - whole[k] * n
-            se = math.sqrt(float((rest**2).sum()) * units / (units - 1)) / float(n.sum())
-            low, high = (_inverse(edges, whole, p + sign * t * se) for sign in (-1.0, 1.0))
+            part = spread((below[:, k] - whole[k] * n) / n.mean())
+            low, high = (_inverse(edges, whole, p + x * part.se) for x in student_quantiles(part.skewness, units))
             naive = math.sqrt(p * (1.0 - p) / float(n.sum()))
             yield f"q{percent:02d}_", Estimate(
-                value, 0.5 * (high - low) / t, low, high, _over(se**2, naive**2)
+                value, 0.5 * (high - low) / half_width(units), low, high, _over(part.se**2, naive**2)
             )  # fmt: skip
 
 
