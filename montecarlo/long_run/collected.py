@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.montecarlo.long_run.sums import NOISE, WORK, Scales, Sums
+from rattle.montecarlo.long_run.sums import NOISE, SPEED, WORK, Scales, Sums
 
 __all__ = ["Collected", "collected", "time_averages"]
 
@@ -82,9 +82,13 @@ def collected(parts: list[Sums], batches: int, time: float, samples: float, stag
     def joined(name: str) -> NDArray[Any]:
         return np.concatenate([getattr(part, name) for part in parts])
 
+    power, energy, histogram = joined("power"), joined("energy"), joined("histogram")
+    if stages == 2:  # all impacts: those at either mesh
+        for sums in (power[:, :, SPEED], energy[:, :, 0], histogram[:, :, SPEED]):
+            sums[:, 0] = sums[:, 1] + sums[:, 2]
     return Collected(
-        joined("main")[:, :batches], time, samples, joined("power"), joined("energy"), joined("histogram"),
-        joined("section"), parts[0].together, parts[0].scales, stages,
+        joined("main")[:, :batches], time, samples, power, energy, histogram, joined("section"), parts[0].together,
+        parts[0].scales, stages,
     )  # fmt: skip
 
 

@@ -68,10 +68,9 @@ class _Maker:
     def __init__(self, c: Collected) -> None:
         self.c, self.main = c, c.main.sum(axis=1)
 
-    def made(self, of: Spread, naive: float, batches: float = math.nan, factor: float = 1.0) -> Estimate:
+    def made(self, of: Spread, naive: float, batches: float = math.nan) -> Estimate:
         low, high = of.interval()
-        memory = _over(of.se**2, naive**2)
-        return Estimate(factor * of.value, factor * of.se, factor * low, factor * high, memory, factor * batches)
+        return Estimate(of.value, of.se, low, high, _over(of.se**2, naive**2), batches)
 
     def _batch_se(self, top: int, bottom: int | None) -> float:
         """Standard error of a ratio of sums (or of a rate) from the spread of all batches of all paths."""
@@ -88,7 +87,7 @@ class _Maker:
         """A sum over impacts per unit of time."""
         c, total = self.c, float(self.main[:, column].sum())
         whole = c.time * c.paths
-        found = spread(self.main[:, column] / c.time)
+        found = spread(factor * self.main[:, column] / c.time)
         value = total / whole
         flight, n = self._raw(g, FLIGHT), float(self.main[:, 4 * g + NUMBER].sum())
         if column == 4 * g + NUMBER:
@@ -97,7 +96,7 @@ class _Maker:
             lost = c.energy[:, g].sum(axis=0)
             square = lost[0] - 2.0 * value * lost[1] + value**2 * flight[1]
         naive = math.sqrt(max(square, 0.0)) / whole
-        return self.made(found, naive, self._batch_se(column, None), factor)
+        return self.made(found, factor * naive, factor * self._batch_se(column, None))
 
     def _raw(self, g: int, i: int) -> tuple[float, float]:
         """Sums of a value and of its square."""

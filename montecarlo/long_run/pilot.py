@@ -93,6 +93,10 @@ def scales_of_pilot(seen: Floats, slow: float) -> Scales:
         if len(own) == 0:
             continue
         for i, values in ((FLIGHT, own[:, 1 if g == 0 else 2]), (SPEED, np.abs(own[:, 3]))):
+            if g > 0 and i == SPEED:  # as for all impacts, which are the sum of both meshes
+                s.centre[g, i], s.scale[g, i] = s.centre[0, i], s.scale[0, i]
+                s.edges[g, i], s.first[g, i] = s.edges[0, i], s.first[0, i]
+                continue
             s.centre[g, i], spread = values.mean(), values.std()
             s.scale[g, i] = spread if spread > 0.0 else max(abs(s.centre[g, i]), 1.0)
             edges = np.quantile(values, share)

@@ -2,7 +2,8 @@
 
 Impacts are counted in groups: all, and with two stages those at mesh 1 and at mesh 2.  The flight of a group is the
 time since the last impact of that group.  Distributions are histograms over edges that a pilot run has set, with power
-sums about its mean.
+sums about its mean; those of the speed are the same for all groups, so that all impacts are the sum of both meshes and
+are not counted again.
 """
 
 import math
@@ -36,6 +37,7 @@ NOISE = WORK + 4
 """Columns of `Sums.main` from here: the control variates of `rattle.montecarlo.long_run.noise_work`."""
 MAIN = NOISE + CONTROLS
 FLIGHT = 0  # index of the flight in distributions; `SPEED` is 1 there too
+TURN = 2.0 * math.pi
 POWERS = 7  # power sums of order 0 to 6
 BINS = 400
 CELLS = 1024
@@ -84,7 +86,8 @@ class Sums(NamedTuple):
     energy : ndarray, shape (paths, GROUPS, 2)
         Sums of the squared energy loss, and of the energy loss times the flight.
     histogram : ndarray of uint32, shape (units, GROUPS, 2, BINS)
-        Counts of flight and speed, of `together` successive paths each.
+        Counts of flight and speed, of `together` successive paths each.  With two stages the speed, and the squared
+        energy loss, are counted for each mesh only (also in `power` and `energy`).
     section : ndarray of uint32, shape (units, 2, PHASES, VELOCITIES)
         Impacts at each mesh by phase and velocity before them.
     together : int
@@ -167,24 +170,56 @@ def bin_of(edges: Floats, first: NDArray[np.int16], value: float) -> int:
     return low
 
 
-@jit
-def _add_group(s: Sums, p: int, b: int, g: int, flight: float, speed: float, lost: float, detail: bool) -> None:
-    """Add an impact to a group."""
-    s.main[p, b, 4 * g + NUMBER] += 1.0
-    s.main[p, b, 4 * g + SPEED] += speed
-    s.main[p, b, 4 * g + ENERGY] += lost
-    s.main[p, b, 4 * g + SLOW] += speed < s.scales.slow
-    if not detail:
-        return
-    for i in range(2):
-        value = flight if i == FLIGHT else speed
-        u, power = (value - s.scales.centre[g, i]) / s.scales.scale[g, i], 1.0
-        for k in range(POWERS):
-            s.power[p, g, i, k] += power
-            power *= u
-        s.histogram[p // s.together, g, i, bin_of(s.scales.edges[g, i], s.scales.first[g, i], value)] += np.uint32(1)
-    s.energy[p, g, 0] += lost * lost
-    s.energy[p, g, 1] += lost * flight
+@inlined
+def _add_value(s: Sums, p: int, g: int, i: int, value: float) -> None:
+    """Add the flight or the speed of an impact to the distribution of a group."""
+    scales, power = s.scales, s.power[p, g, i]
+    u = (value - scales.centre[g, i]) / scales.scale[g, i]
+    square = u * u
+    cube = square * u
+    power[0] += 1.0
+    power[1] += u
+    power[2] += square
+    power[3] += cube
+    power[4] += square * square
+    power[5] += cube * square
+    power[6] += cube * cube
+    s.histogram[p // s.together, g, i, bin_of(scales.edges[g, i], scales.first[g, i], value)] += np.uint32(1)
+
+
+@inlined
+def _add_to_section(s: Sums, p: int, mesh: int, tau: float, y: float) -> None:
+    """Count an impact by the phase and the velocity before it."""
+    turns = tau / TURN
+    phase = min(int((turns - math.floor(turns)) * PHASES), PHASES - 1)
+    low, high = s.scales.low[mesh - 1], s.scales.high[mesh - 1]
+    place = (y - low) / (high - low)
+    if 0.0 <= place < 1.0:
+        s.section[p // s.together, mesh - 1, phase, int(place * VELOCITIES)] += np.uint32(1)
+
+
+@inlined
+def _add_states(c: Constants, states: Floats, sine: Floats, cosine: Floats, main: Floats) -> None:
+    """Add the states of a path, and their work."""
+    closed1 = closed2 = squared1 = squared2 = moved1 = moved2 = 0.0
+    for k in range(len(states)):
+        y1 = states[k, 1]
+        closed1 += y1 == 0.0  # in flight with probability 0
+        squared1 += y1 * y1
+        moved1 += (c.beta1 * cosine[k] - sine[k]) * y1
+    if c.stages == 2:
+        for k in range(len(states)):
+            y2 = states[k, 3]
+            v = y2 - states[k, 1]
+            closed2 += y2 == 0.0
+            squared2 += v * v
+            moved2 += (c.beta2 * cosine[k] - sine[k]) * v
+    main[CONTACT] += closed1
+    main[CONTACT + 1] += closed2
+    main[WORK] += squared1
+    main[WORK + 1] += squared2
+    main[WORK + 2] += moved1
+    main[WORK + 3] += moved2
 
 
 @jit
@@ -213,35 +248,31 @@ def add_stretch(
     detail : bool
         Whether distributions and the section are counted too.
     """
-    b, turn, n = s.batch[0], 2.0 * math.pi, states.shape[1]
+    n, two = states.shape[1], c.stages == 2
     sine, cosine = np.sin(tau + apart * np.arange(n)), np.cos(tau + apart * np.arange(n))
     for p in range(len(rows)):
+        main, last = s.main[p, s.batch[0]], struck[p]
         for k in range(impacts[p]):
-            code = int(rows[p, k, 6])
-            mesh = abs(code)
+            now, mesh = rows[p, k, 0], abs(int(rows[p, k, 6]))
             y = rows[p, k, 2 * mesh + 1]
             lost = energy_loss(c, mesh, rows[p, k, 3], rows[p, k, 5])
-            last = max(struck[p, 0], struck[p, 1])
-            _add_group(s, p, b, 0, rows[p, k, 0] - last, abs(y), lost, detail)
-            if c.stages == 2:
-                _add_group(s, p, b, mesh, rows[p, k, 0] - struck[p, mesh - 1], abs(y), lost, detail)
-            struck[p, mesh - 1] = rows[p, k, 0]
+            g = mesh if two else 0
+            main[4 * g + NUMBER] += 1.0
+            main[4 * g + SPEED] += abs(y)
+            main[4 * g + ENERGY] += lost
+            main[4 * g + SLOW] += abs(y) < s.scales.slow
             if detail:
-                turns = rows[p, k, 0] / turn
-                phase = int((turns - math.floor(turns)) * PHASES)
-                low, high = s.scales.low[mesh - 1], s.scales.high[mesh - 1]
-                place = (y - low) / (high - low)
-                if 0.0 <= place < 1.0:
-                    s.section[p // s.together, mesh - 1, min(phase, PHASES - 1), int(place * VELOCITIES)] += np.uint32(
-                        1
-                    )
-        for k in range(n):
-            y1, y2 = states[p, k, 1], states[p, k, 3]
-            v = y2 - y1
-            s.main[p, b, CONTACT] += y1 == 0.0  # in flight with probability 0
-            s.main[p, b, WORK] += y1 * y1
-            s.main[p, b, WORK + 2] += (c.beta1 * cosine[k] - sine[k]) * y1
-            if c.stages == 2:
-                s.main[p, b, CONTACT + 1] += y2 == 0.0
-                s.main[p, b, WORK + 1] += v * v
-                s.main[p, b, WORK + 3] += (c.beta2 * cosine[k] - sine[k]) * v
+                flight, own = now - max(last[0], last[1]), now - last[mesh - 1]
+                _add_value(s, p, 0, FLIGHT, flight)
+                s.energy[p, 0, 1] += lost * flight
+                if two:
+                    _add_value(s, p, g, FLIGHT, own)
+                    s.energy[p, g, 1] += lost * own
+                _add_value(s, p, g, SPEED, abs(y))
+                s.energy[p, g, 0] += lost * lost
+                _add_to_section(s, p, mesh, now, y)
+            last[mesh - 1] = now
+        if two:
+            for column in range(4):
+                main[column] = main[4 + column] + main[8 + column]
+        _add_states(c, states[p], sine, cosine, main)

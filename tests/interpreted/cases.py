@@ -20,6 +20,9 @@ from rattle.montecarlo import SCHEMES, Record, simulate, simulate_rare
 from rattle.montecarlo.bench import _normals, _scalar_normals, _skilled_loop, _steps
 from rattle.montecarlo.coupling.long_path import LongPath
 from rattle.montecarlo.coupling.pairs import after_impact, growths
+from rattle.montecarlo.long_run.pilot import no_scales, scales_of_pilot
+from rattle.montecarlo.long_run.sums import new_sums
+from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.montecarlo.statistics.fixed_order import columns_of
@@ -128,6 +131,15 @@ def on_shared_noise(scene):
     yield from growths(scene, 1e-3, 4, seed=3, patience=3.0, settle=5)
 
 
+def long_run_sums(scene):
+    """All sums of two paths of a long run over a period, with the scales of the period before."""
+    walk, seen = Walk(scene, np.random.SeedSequence(3), 0, 2), []
+    walk.follow(new_sums(2, 1, no_scales(0.1), False), False, seen)
+    kept = new_sums(2, 1, scales_of_pilot(np.concatenate(seen), 0.1))
+    walk.follow(kept, True)
+    yield from (kept.main, kept.power, kept.energy, kept.histogram, kept.section)
+
+
 def sums():
     """Central sums of a few numbers, some of them missing, and loops of the bench."""
     values = np.random.default_rng(3).normal(size=(2, 50))
@@ -182,6 +194,7 @@ for scheme, dt in STEP.items():
     if biased:
         CASES[f"{scheme}, two-point"] = lambda k=scheme, d=dt: simulated(PAIR, k, dt=d, increments="two-point")
 CASES["exact-flight, control"] = lambda: simulated(replace(PAIR, sigma=0.02), "exact-flight", control=True)
+CASES |= {f"long run, {n}": lambda s=SCENES[n]: long_run_sums(s) for n in ("two stages", "one stage")}
 CASES |= {
     f"long path, {n}": lambda s=SCENES[n]: on_shared_noise(s) for n in ("two stages", "one stage", "without noise")
 }
