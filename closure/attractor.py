@@ -93,11 +93,11 @@ def _none(kind: str, reason: str, contact: tuple[float, float] = (0.0, 0.0)) -> 
     return Attractor(kind, reason, 0, np.empty(0), numbers, numbers, nothing, nothing, contact)
 
 
-def _repeats(orbit: Orbit, end: float, periods: int) -> bool:
+def _repeats(orbit: Orbit, end: float, periods: int, stages: int) -> bool:
     """Whether the orbit repeats itself after a number of periods, at the end."""
     same = 0
-    for instant in INSTANTS:
-        last, one, two = (orbit.state(end - instant - k * periods * PERIOD) for k in range(3))
+    for instant in INSTANTS:  # with one stage, what is carried along as the second need not repeat itself
+        last, one, two = (orbit.state(end - instant - k * periods * PERIOD)[: 2 * stages] for k in range(3))
         allowed = SAME * max(np.abs(last).max(), 1e-12)
         same += bool(max(np.abs(last - one).max(), np.abs(one - two).max()) <= allowed)
     return same >= len(INSTANTS) - 1
@@ -135,7 +135,7 @@ def attractor(scene: Scene, start: int = 0) -> Attractor:
         for periods in range(1, LONGEST + 1):
             if end - own.phase < 4.0 * periods * PERIOD:
                 break
-            if _repeats(orbit, end, periods):
+            if _repeats(orbit, end, periods, own.stages):
                 return _cycle(orbit, end, periods)
     return _none(IRREGULAR, f"is chaotic, or has a period of more than {LONGEST} of the excitation")
 

@@ -63,6 +63,9 @@ def _memory(table: pd.DataFrame) -> str:
     """Autocorrelations that matter."""
     own = table["autocorrelation"].dropna()
     own = own[[name for name in own.index if not name.startswith(("contact", "skew_"))]]
+    own = own[own > 0.0]  # 0 where all paths have the same
+    if own.empty:
+        return "All paths have the same sums: nothing is left to chance."
     high, low = str(own.idxmax()), str(own.idxmin())
     most, least = float(own.max()), float(own.min())
     return (

@@ -5,6 +5,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 
@@ -12,6 +13,7 @@ import rattle as rt
 from rattle.closure.attractor import attractor
 from rattle.closure.stationary import NotPredicted, linear_law, multipliers
 from rattle.compare.cli.main import main
+from rattle.compare.stationary import answer as answer_module
 from rattle.compare.stationary.answer import answer
 from rattle.compare.stationary.laws import law_of, values_of
 from rattle.montecarlo.long_run import BurnInError
@@ -49,6 +51,21 @@ def test_several_attractors_are_named_with_their_shares():
         rt.stationary(Scene(alpha=0.3, epsilon=0.8, beta1=0.05, gamma1=0.0, stages=1))
     assert "3 periods of the excitation and 6 impacts" in str(caught.value)
     assert "is periodic with the period of the excitation and 2 impacts" in str(caught.value)
+
+
+def test_a_load_on_the_one_wheel_leaves_the_orbit_periodic():
+    """What is carried along as the second stage falls for ever, and does not count."""
+    scene = Scene(alpha=0.9, epsilon=0.6, beta1=0.1, gamma1=0.1, stages=1)
+    found = attractor(scene)
+    assert (found.kind, found.periods, found.impacts) == ("periodic", 1, 4)
+    law = linear_law(scene.with_sigma(1e-4), found)
+    far = rt.mean_map(scene.with_sigma(1e-4), impacts=2400, closure="saltation").section.iloc[-4:]
+    assert np.allclose(np.sort(far["sd_y1"]), np.sort(law.sd_speed), rtol=1e-3)
+
+
+def test_where_nothing_is_left_to_chance_an_answer_says_so():
+    nothing = pd.DataFrame({"autocorrelation": [0.0, math.nan]}, index=["rate", "speed"])
+    assert "nothing is left to chance" in answer_module._memory(nothing)
 
 
 def test_linear_law_obeys_lyapunov_and_iteration():
