@@ -17,9 +17,9 @@ from rattle.scene.moments import SECTION
 __all__ = ["advice", "bounds", "hopeless", "largest_error", "settled", "within"]
 
 CHANGED = 1.0  # error per change from the coarser level
-SLOW = 0.8  # error per share of slow impacts
+SLOW = 0.7  # error per share of slow impacts
 BENT = 0.2  # error per unit of what further splits are worth
-COMPONENT = 150.0  # cost of a component's flight, in flights of a path
+COMPONENT = 100.0  # cost of a component's flight, in flights of a path
 SMALLEST = 1e-3  # error below which no bound is believed: 12 impacts of a million paths
 SDS = 2.0  # tolerance of the sds over that of the means, as in a verdict
 

@@ -1,4 +1,4 @@
-"""Measures the branching closure and its own error estimate on the random gear sets, beside exact flights.
+"""Measures the branching closure and its own error bound on the random gear sets, beside exact flights.
 
 .. code-block:: none
 
@@ -6,7 +6,7 @@
     python -m tests.closure.measure_branching errors FOLDER FIRST LAST
 
 The first writes the moments of exact flights, one csv per gear set and noise; the second compares the closure with
-them, and writes ``errors_N.csv``, one line per noise, for gear set N.
+them, and writes ``errors_N.csv``, one line per noise, for gear set N; together they are docs/results/branching.csv.
 """
 
 import sys
@@ -24,6 +24,7 @@ from tests.closure.random_gears import NOISE, TUNED, gear_sets, noisy
 
 PATHS, IMPACTS, TOLERANCE = 100_000, 12, 0.05
 QUANTITIES = ("tau", "flight", "x1", "y1", "x2", "y2")
+LEEWAY = 3.0  # standard errors: the worst of six quantities is further off once in sixty rows
 TIMED = (500, 5_000)  # paths of the two simulations that give the time per path
 
 
@@ -52,22 +53,23 @@ def compared(scene: Scene, truth: pd.DataFrame) -> dict[str, float]:
     truth["struck"] = [q == f"x{m.section['mesh'].loc[k]}" for k, q in zip(truth.impact, truth.quantity, strict=True)]
     truth = truth[~truth["struck"] & (truth["impact"] <= m.trace.found)]
     found = {"noise": scene.sigma / scene.alpha**0.5, "stages": scene.stages}
-    right, unmarked, rows = 0, 0, 0
+    counts = dict.fromkeys(("rows", "exceeded", "factor", "wrong", "marked", "unmarked"), 0)
     for name, limit in (("mean", TOLERANCE), ("sd", 2.0 * TOLERANCE)):
         prefix = "" if name == "mean" else "sd_"
         own = np.array([m.section[f"{prefix}{q}"].loc[k] for k, q in zip(truth.impact, truth.quantity, strict=True)])
-        by = pd.DataFrame(
-            {
-                "impact": truth.impact,
-                "error": (own - truth[name]).abs() / truth.sd,
-                "se": truth[f"se_{name}"] / truth.sd,
-            }
-        ).groupby("impact")
-        worst, se, said = by["error"].max(), by["se"].max(), m.section[f"error_{name}"].reindex(by["se"].max().index)
-        right += int(((worst <= 2.0 * said + 2.0 * se) & (worst >= 0.5 * said - 2.0 * se)).sum())
-        unmarked += int(((worst - 2.0 * se > limit) & (said <= limit)).sum())
-        rows += len(worst)
-        found |= {f"error_{name}": worst.max(), f"se_{name}": se.max(), f"estimate_{name}": said.max()}
+        error, se = (own - truth[name]).abs() / truth.sd, truth[f"se_{name}"] / truth.sd
+        by = pd.DataFrame({"impact": truth.impact, "error": error, "se": se}).groupby("impact")
+        worst, slack = by["error"].max(), LEEWAY * by["se"].max()
+        said = m.section[f"error_{name}"].reindex(worst.index)
+        wrong, marked = worst - slack > limit, said > limit
+        counts["rows"] += len(worst)
+        counts["exceeded"] += int((worst > said + slack).sum())
+        counts["factor"] += int(((worst <= 2.0 * said + slack) & (worst >= 0.5 * said - slack)).sum())
+        counts["wrong"] += int(wrong.sum())
+        counts["marked"] += int(marked.sum())
+        counts["unmarked"] += int((wrong & ~marked).sum())
+        found |= {f"error_{name}": worst.max(), f"se_{name}": by["se"].max().max(), f"bound_{name}": said.max()}
+    found |= counts
     few, many = (
         spent(lambda n=n: simulate(scene, paths=n, impacts=IMPACTS, scheme="exact-flight", rng=1, workers=1))[0]
         for n in TIMED
@@ -75,7 +77,7 @@ def compared(scene: Scene, truth: pd.DataFrame) -> dict[str, float]:
     each = (many - few) / (TIMED[1] - TIMED[0])
     accuracy = max(found["error_mean"], found["error_sd"], found["se_mean"], found["se_sd"])  # unresolved below the se
     paths = (max(found["se_mean"], found["se_sd"]) / accuracy) ** 2 * PATHS
-    found |= {"right": right / rows, "unmarked": unmarked / rows, "work": m.trace.work, "seconds": seconds}
+    found |= {"work": m.trace.work, "seconds": seconds}
     found |= {
         "path_seconds": each,
         "ratio": (each * paths) / seconds,

@@ -9,6 +9,7 @@ import pytest
 from rattle.closure import mean_map
 from rattle.closure.branching.error import advice, bounds, within
 from rattle.closure.branching.trace import LEVELS
+from rattle.montecarlo import simulate
 from rattle.scene import DAT21, Scene
 from rattle.scene.errors import InputError
 
@@ -67,3 +68,24 @@ def test_advice_counts_the_work(quiet):
     """What many components reach only as well as few paths is for simulation."""
     assert advice(replace(quiet.trace, work=1), 0.05).endswith("within the tolerance 0.05")
     assert advice(replace(quiet.trace, work=10**9), 0.05).endswith("are as accurate and cheaper: simulate")
+
+
+def test_bounds_hold_against_exact_flights():
+    """In nine of ten impacts the worst mean and the worst sd; a planted error is beyond them."""
+    scene, impacts = Scene.from_gears(DAT21, sigma=0.5), 8
+    fine = mean_map(scene, impacts=impacts, closure="branching")
+    found = simulate(scene, paths=20_000, impacts=impacts, scheme="exact-flight", rng=11, workers=1).section
+
+    def share_beyond(trace):
+        own = replace(fine, trace=trace).section
+        beyond = []
+        for k in range(1, impacts + 1):
+            quantities = [q for q in ("tau", "flight", "x1", "y1", "x2", "y2") if q != f"x{own['mesh'][k]}"]
+            for name, prefix in (("mean", ""), ("sd", "sd_")):
+                off = [abs(own[prefix + q][k] - found[prefix + q][k]) / found[f"sd_{q}"][k] for q in quantities]
+                leeway = [3.0 * found[f"se_{prefix}{q}"][k] / found[f"sd_{q}"][k] for q in quantities]
+                beyond.append(max(off) > fine.section[f"error_{name}"][k] + max(leeway))
+        return np.mean(beyond)
+
+    assert share_beyond(fine.trace) <= 0.1
+    assert share_beyond(replace(fine.trace, sd=1.4 * fine.trace.sd)) > 0.25  # negative control: a planted error
