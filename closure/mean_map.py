@@ -13,6 +13,7 @@ from rattle.closure import corrected as corrected
 from rattle.closure import published as published
 from rattle.closure import saltation
 from rattle.closure.branching import trace as branching
+from rattle.closure.branching.error import advice, largest_error, within
 from rattle.closure.edgeworth import Edgeworth, coefficients, has_series, mixture_density, section_density
 from rattle.closure.moments import Trace
 from rattle.scene.errors import InputError
@@ -20,7 +21,7 @@ from rattle.scene.moments import SECTION, SMALLEST, STATE, correlation, realizab
 from rattle.scene.scene import Scene
 from rattle.scene.shown import as_html
 from rattle.scene.units import at_times_in, check_units, in_units
-from rattle.scene.validate import choice, count
+from rattle.scene.validate import choice, count, positive
 
 __all__ = ["CLOSURES", "Breakdown", "Closure", "MeanMap", "closures_for", "mean_map", "refusals"]
 
@@ -36,19 +37,25 @@ class Closure(NamedTuple):
         ``trace(scene, impacts, order)``, returns a `Trace`.
     check : callable
         ``check(scene)``, raises InputError for a scene to which the closure does not apply.
+    refine : callable, optional
+        ``refine(scene, impacts, order, tolerance)``, as `trace`, as coarse as an asked-for tolerance allows.
     """
 
     trace: Callable[[Scene, int, int], Trace]
     check: Callable[[Scene], None] = lambda scene: None
+    refine: Callable[[Scene, int, int, float], Trace] | None = None
 
 
 CLOSURES = {
     "published": Closure(published.trace, published.check),
     "corrected": Closure(corrected.trace),
     "saltation": Closure(saltation.trace),
-    "branching": Closure(branching.trace),
+    "branching": Closure(branching.trace, refine=branching.trace),
 }
 """The closures, by name."""
+
+TOLERANCE = 0.05
+"""Error of a mean, in sds, above which a bound says "simulate" where no tolerance is given; twice that of an sd."""
 
 ORDERS = (2, 6)
 VELOCITIES = ("y1", "y2")
@@ -84,6 +91,8 @@ class MeanMap:
         Arguments of `mean_map`.
     trace : Trace
         The arrays behind the tables, in local time.
+    tolerance : float, optional
+        Argument of `mean_map`.
     """
 
     scene: Scene
@@ -91,6 +100,7 @@ class MeanMap:
     impacts: int
     order: int
     trace: Trace
+    tolerance: float | None = None
 
     def __repr__(self) -> str:
         """What was predicted, on a few lines."""
@@ -103,6 +113,7 @@ class MeanMap:
             f"  itinerary (mesh * side): {shown}",
             "  moments are realizable" if broken is None else f"  moments are not realizable{where}: {broken.reason}",
         ]
+        lines += [f"  {self.advice}"] * bool(self.advice)
         return "\n".join(lines + [f"  ended: {self.stopped}"] * bool(self.stopped))
 
     def _repr_html_(self) -> str:
@@ -112,6 +123,12 @@ class MeanMap:
     def phase_reduced(self) -> "MeanMap":
         """The same result for `Scene.phase_reduced`: tau is in local time, with full precision for a late start."""
         return self if self.scene.phase_reduced is self.scene else replace(self, scene=self.scene.phase_reduced)
+
+    @property
+    def advice(self) -> str:
+        """Whether to use the closure or to simulate, by the bound of its errors; empty for a closure without one."""
+        asked = TOLERANCE if self.tolerance is None else self.tolerance
+        return "" if self.trace.error is None else advice(self.trace, asked)
 
     @property
     def stopped(self) -> str:
@@ -161,7 +178,10 @@ class MeanMap:
         Columns: ``tau, flight, mesh, side, x1, y1, x2, y2``, ``sd_`` and ``skew_`` of each quantity, ``rho1, rho2``
         (correlation of displacement and velocity perturbation of a stage) and ``realizable`` (false also for a negative
         mean flight time); for ``branching`` also ``agreement``, the predicted share of paths that have followed the
-        orbit's itinerary so far, and ``discarded``, the probability discarded so far; ``tau`` is in absolute time.
+        orbit's itinerary so far, ``discarded``, the probability discarded so far, ``error_mean`` and ``error_sd``, the
+        bounds of the errors of the worst mean and the worst sd in sds (by quantity in `errors`; the displacement of the
+        struck mesh is left out), and ``within``, whether they are within the tolerance (0.05 if none was given; twice
+        that for sds).  ``tau`` is in absolute time.
 
         ``saltation`` and ``branching`` predict the state that each path has just before its own k-th impact (a Poincaré
         section at the impacts), as simulation samples it.  ``published`` and ``corrected`` approximate it by the state
@@ -191,9 +211,22 @@ class MeanMap:
         table = pd.DataFrame(columns, index=pd.RangeIndex(1, self.impacts + 1, name="impact"))
         if t.agreement is not None and t.discarded is not None:
             table["agreement"], table["discarded"] = t.agreement[1:], t.discarded[1:]
+        if t.error is not None:
+            table["error_mean"], table["error_sd"] = ([largest_error(e[i]) for e in t.error[1:]] for i in (0, 1))
+            table["within"] = within(t.error, TOLERANCE if self.tolerance is None else self.tolerance)[1:]
+            table.loc[t.found + 1 :, "within"] = False
         if self.scene.stages == 1:
             table[["x2", "y2", "sd_x2", "sd_y2", "skew_x2", "skew_y2", "rho2"]] = np.nan
         return table
+
+    @property
+    def errors(self) -> pd.DataFrame | None:
+        """The closure's bounds of its errors by impact and quantity, ``mean`` and ``sd`` in sds; None without."""
+        if self.trace.error is None:
+            return None
+        index = pd.MultiIndex.from_product([range(1, self.impacts + 1), SECTION], names=["impact", "quantity"])
+        table = pd.DataFrame(self.trace.error[1:].transpose(0, 2, 1).reshape(-1, 2), index, ["mean", "sd"])
+        return table.dropna()
 
     def section_in(self, units: str) -> pd.DataFrame:
         """`section` in physical units, for a scene that was made from gears.
@@ -367,7 +400,9 @@ def fixed_row(mean: Floats, covariance: Floats) -> dict[str, float]:
     return row
 
 
-def mean_map(scene: Scene, *, impacts: int = 12, closure: str = "saltation", order: int = 4) -> MeanMap:
+def mean_map(
+    scene: Scene, *, impacts: int = 12, closure: str = "saltation", order: int = 4, tolerance: float | None = None
+) -> MeanMap:
     """Predict the moments of the first impacts of a scene by a moment closure.
 
     Parameters
@@ -383,6 +418,10 @@ def mean_map(scene: Scene, *, impacts: int = 12, closure: str = "saltation", ord
     order : int
         Highest order of the moments in the Edgeworth series, 2 to 6.  ``saltation`` has first-order means and sds at
         order 2, and adds mean shifts and skewness from order 3 on.
+    tolerance : float, optional
+        Of ``branching``: the largest error of a mean, in sds, and half the largest of an sd, that is allowed.  The
+        closure refines itself until its own bound is below, or its finest level is reached; without a tolerance it
+        uses the finest level.  `MeanMap.advice` says whether the tolerance is met.
 
     Returns
     -------
@@ -392,7 +431,8 @@ def mean_map(scene: Scene, *, impacts: int = 12, closure: str = "saltation", ord
     Raises
     ------
     InputError
-        For an unknown closure, an order out of range, or a scene to which the closure does not apply.
+        For an unknown closure, an order out of range, a scene to which the closure does not apply, or a tolerance that
+        is not positive or is given to a closure that cannot refine itself.
 
     Examples
     --------
@@ -407,7 +447,16 @@ def mean_map(scene: Scene, *, impacts: int = 12, closure: str = "saltation", ord
     choice("closure", closure, CLOSURES)
     count("order", order, *ORDERS)
     CLOSURES[closure].check(scene)
-    return MeanMap(scene, closure, impacts, order, CLOSURES[closure].trace(scene, impacts, order))
+    if tolerance is None:
+        return MeanMap(scene, closure, impacts, order, CLOSURES[closure].trace(scene, impacts, order))
+    positive("tolerance", tolerance)
+    refine = CLOSURES[closure].refine
+    if refine is None:
+        able = ", ".join(name for name, of in CLOSURES.items() if of.refine is not None)
+        raise InputError(
+            "tolerance", tolerance, f"closure {closure!r} cannot refine itself; leave it out, or use {able}"
+        )
+    return MeanMap(scene, closure, impacts, order, refine(scene, impacts, order, tolerance), tolerance)
 
 
 def refusals(scene: Scene) -> dict[str, str]:

@@ -39,6 +39,15 @@ class Trace:
     agreement, discarded : ndarray, shape (impacts + 1,), optional
         Predicted share of paths that have followed the orbit's itinerary so far, and the probability discarded so far;
         of the branching closure only.
+    error : ndarray, shape (impacts + 1, 2, 6), optional
+        The same closure's bounds of its own errors of mean and sd of ``tau, flight, x1, y1, x2, y2``, in sds; NaN where
+        none is made.
+    slow : ndarray, shape (impacts + 1,), optional
+        The same closure's mean share of the squared impact speed that the noise of one flight makes.
+    residual : ndarray, shape (impacts + 1,), optional
+        What splitting its components further would be worth, by its own measure.
+    work : int, optional
+        How many flights of components the same closure computed.
     at : callable
         ``at(time) -> (mean, covariance)`` at a fixed local time between impacts.
     found : int
@@ -64,6 +73,10 @@ class Trace:
     until: float | None = None
     agreement: Floats | None = None
     discarded: Floats | None = None
+    error: Floats | None = None
+    slow: Floats | None = None
+    residual: Floats | None = None
+    work: int = 0
 
     @property
     def span(self) -> tuple[float, float]:

@@ -144,6 +144,26 @@ def unseen(reports: Path) -> Table:
 
 
 @table
+def branching(reports: Path) -> Table:
+    """Errors of `branching` on random gear sets, its own bounds of them, and the time beside exact flights."""
+    found = pd.read_csv(Path(__file__).parent / "results" / "branching.csv")
+    rows = []
+    for (seen, noise), of in found.groupby(["seen", "noise"], sort=True):
+        total, used = of["rows"].sum(), of[of["advice"] == "branching"]
+        faster = f"{short(used['ratio'].min(), 2)} / {short(used['ratio'].median(), 2)}" if len(used) else "–"
+        rows.append(
+            [
+                "for tuning" if seen else "unseen", short(noise),
+                *(f"{short(of[c].median(), 2)} / {short(of[c].max(), 2)}" for c in ("error_mean", "error_sd")),
+                *(f"{of[c].sum() / total:.1%}" for c in ("exceeded", "factor", "wrong", "unmarked")),
+                f"{len(used)} of {len(of)}", faster,
+            ]
+        )  # fmt: skip
+    head = ["gear sets", "σ/√α", "worst mean: median / largest", "worst sd", "beyond the bound", "within a factor of 2"]
+    return [*head, "wrong", "wrong, unmarked", "advised", "speed-up: least / median"], rows
+
+
+@table
 def speed(reports: Path) -> Table:
     """What a closure saves where it holds."""
     found = pd.read_csv(reports / "dat21" / "speed.csv")

@@ -19,20 +19,39 @@ from rattle.closure.flanks import PLAIN
 from rattle.closure.orbit import Floats, Ints
 from rattle.scene.compiled import jit, spliced
 from rattle.scene.constants import Constants
-from rattle.scene.flight import jacobian, noise_covariance
+from rattle.scene.flight import jacobian, noise_covariance, noise_rate
 from rattle.scene.small_matrices import applied, block, congruence
 from rattle.scene.small_vectors import beyond, dot, largest, norm, put_row, put_scaled
 
-__all__ = ["Buffers", "buffers", "fly"]
+__all__ = ["Buffers", "Level", "buffers", "fly"]
 
 NEGLIGIBLE = 1e-6  # weight beyond a boundary that need not be found
 LIGHT = 1e-4  # weight of a component above which boundaries are searched for
 TAIL = 2.0  # distance to a boundary, in sds, from which what lies beyond is a tail
-WORTH = 1e-6  # error below which no component is split
 BRANCH = 0.03  # error of a boundary through the centre of a component, relative to its weight
-FLAT = 1e-4  # ratio of second-order to first-order variance below which a component is not split
 DAMPED = 15.0  # damping times flight time above which a component is discarded
 POWER = 0.35  # error of a component relative to its weight, as a power of the ratio of variances
+
+
+class Level(NamedTuple):
+    """A resolution of the closure.
+
+    Attributes
+    ----------
+    components : int
+        Most components after an impact.
+    cut : int
+        Most components before an impact, not counting halves.
+    flat : float
+        Ratio of second-order to first-order variance below which a component is not split.
+    worth : float
+        Error below which no component is split.
+    """
+
+    components: int
+    cut: int
+    flat: float
+    worth: float
 
 
 class Buffers(NamedTuple):
@@ -54,6 +73,8 @@ class Buffers(NamedTuple):
         Distance of the plane that splits a tail off, in sds; 0 for a split in three.
     beyond : ndarray of int
         The impact (``mesh * side``) beyond that plane.
+    slow : ndarray
+        Share of the squared impact speed that noise makes.
     """
 
     start: Mixture
@@ -63,6 +84,7 @@ class Buffers(NamedTuple):
     axis: Floats
     depth: Floats
     beyond: Ints
+    slow: Floats
 
 
 def buffers(size: int, d: int = PLAIN) -> Buffers:
@@ -83,14 +105,14 @@ def buffers(size: int, d: int = PLAIN) -> Buffers:
     image = Image(empty(2 * size, d), np.zeros((2 * size, 2)))
     return Buffers(
         empty(size, d), image, np.zeros(size, np.int64), np.zeros(size), np.zeros((size, d)), np.zeros(size),
-        np.zeros(size, np.int64),
+        np.zeros(size, np.int64), np.zeros(size),
     )  # fmt: skip
 
 
 @jit
-def _bend_error(weight: float, bend: float) -> float:
+def _bend_error(weight: float, bend: float, flat: float) -> float:
     """Estimated error of a component for the ratio `bend` of second-order to first-order variance."""
-    return weight * bend**POWER if bend > FLAT else 0.0
+    return weight * bend**POWER if bend > flat else 0.0
 
 
 @spliced
@@ -104,7 +126,16 @@ def _narrowed(axes: Floats, n: Floats, narrow: float) -> Floats:
 
 
 @spliced
-def _examine(c: Constants, b: Buffers, i: int, before: Floats) -> None:
+def _slow(c: Constants, e: Floats, t: float, code: int, before: Floats) -> float:
+    """Share of the squared impact speed that the noise of the flight makes; near 1 no Gaussian describes the return."""
+    m1, m2 = noise_rate(c, e[0] + t)
+    rate, speed = (m1, before[1]) if abs(code) == 1 else (m2, before[3])
+    made = c.sigma * c.sigma * rate * rate * t
+    return made / (made + speed * speed) if code != 0 and made > 0.0 else 0.0
+
+
+@spliced
+def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> None:
     """Compute the image of component `i`, whole or in halves beside a boundary, and how it would best be split.
 
     Its error is what that split is worth.
@@ -114,7 +145,8 @@ def _examine(c: Constants, b: Buffers, i: int, before: Floats) -> None:
     b.error[i], b.depth[i] = 0.0, 0.0
     rank, full = root(b.start.covariance[i])
     axes = block(full, centre.size, 0, rank)
-    code = event(c, centre, before)[1]
+    t, code = event(c, centre, before)
+    b.slow[i] = _slow(c, centre, t, code, before)
     n, depth, pieces = np.zeros(rank), 0.0, 1
     if w > LIGHT and rank > 0 and code != 0:
         reach = math.sqrt(2.0 * math.log(w / NEGLIGIBLE) - 2.0)
@@ -139,7 +171,7 @@ def _examine(c: Constants, b: Buffers, i: int, before: Floats) -> None:
         bend, u = propagate(c, at, across, b.image, 2 * i + k, before)
         if b.depth[i] > 0.0:
             return
-        error = _bend_error(w * share, bend)
+        error = _bend_error(w * share, bend, level.flat)
         b.error[i] += error
         if pieces == 1 or error > worst:
             worst = error
@@ -183,7 +215,7 @@ def _cut(b: Buffers, i: int, count: int) -> int:
 
 
 @jit
-def fly(c: Constants, live: int, b: Buffers) -> tuple[int, float]:
+def fly(c: Constants, live: int, b: Buffers, level: Level) -> tuple[int, float]:
     """Propagate components to their next impact, splitting them where that is worth it.
 
     The noise of a flight is added at its start: the displacement ``exp(-A t) n`` leads to the same state at its end.  A
@@ -198,6 +230,8 @@ def fly(c: Constants, live: int, b: Buffers) -> tuple[int, float]:
         Number of components in use.
     b : Buffers
         Components in ``b.start``; their images are written to ``b.image``.
+    level : Level
+        How finely.
 
     Returns
     -------
@@ -223,12 +257,12 @@ def fly(c: Constants, live: int, b: Buffers) -> tuple[int, float]:
     count, last, seen = live, 0, 0  # seen: components examined already, except the last one that was split
     while True:
         for k in range(seen, count + (1 if seen > 0 else 0)):
-            _examine(c, b, last if k == count else k, before)
+            _examine(c, b, last if k == count else k, level, before)
         seen = count
-        if count + 2 > b.error.size:
+        if count + 2 > level.cut:
             break
         last = largest(b.error, count)
-        if b.error[last] < WORTH:
+        if b.error[last] < level.worth:
             break
         count = _cut(b, last, count)
     return count, discarded

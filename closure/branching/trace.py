@@ -6,6 +6,9 @@ where flanks are random, whose distributions are Gaussians here, or mixtures of 
 Components are split where the next impact changes or the section map is nonlinear (`rattle.closure.branching.refine`),
 propagated to the impact (`rattle.closure.branching.propagate`), and merged after it where they lie close together
 (`rattle.closure.branching.mixture`).
+
+How many components there may be is the closure's resolution.  It is followed at two of the `LEVELS` at least, and its
+own error is bounded without simulation (`rattle.closure.branching.error`).
 """
 
 import math
@@ -13,9 +16,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from rattle.closure.branching.error import bounds, hopeless, settled
 from rattle.closure.branching.mixture import Mixture, empty, moments, reduce
 from rattle.closure.branching.propagate import Image
-from rattle.closure.branching.refine import buffers, fly
+from rattle.closure.branching.refine import Level, buffers, fly
 from rattle.closure.flanks import PLAIN, column, forget, random_tolerance, start_pieces
 from rattle.closure.moments import Trace
 from rattle.closure.orbit import Floats, follow
@@ -26,10 +30,14 @@ from rattle.scene.scene import Scene
 from rattle.scene.small_matrices import applied, congruence, put
 from rattle.scene.small_vectors import put_row
 
-__all__ = ["trace"]
+__all__ = ["LEVELS", "trace"]
 
-MOST_COMPONENTS = 80  # after an impact
-MOST_CUT = 600  # components before an impact, not counting halves
+
+LEVELS = (
+    Level(10, 18, 1e-2, 3e-3), Level(20, 60, 3e-3, 1e-3), Level(40, 180, 1e-3, 1e-4), Level(80, 600, 1e-4, 1e-6)
+)  # fmt: skip
+"""Resolutions of the closure, the coarsest first."""
+
 ON_ORBIT = 10  # added to the label of a component whose itinerary is the orbit's
 
 
@@ -69,8 +77,8 @@ def _strike(
     return kept, discarded
 
 
-def trace(scene: Scene, impacts: int, order: int) -> Trace:
-    """Follow the branching closure.
+def trace(scene: Scene, impacts: int, order: int, tolerance: float | None = None) -> Trace:
+    """Follow the branching closure, at the finest two of the `LEVELS`, or until a tolerance is met.
 
     Principal axes mix times and lengths, so the result could depend on the unit of length: the one used is the power of
     two next to the gap, whatever the scene's.
@@ -83,15 +91,19 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
         Impacts after the start.
     order : int
         Not used: this closure has no raw moments of a perturbation.
+    tolerance : float, optional
+        Error of the means, in sds, and half that of the sds, that the bounds need not fall below.  A tolerance that no
+        level can meet stops the refinement too.
 
     Returns
     -------
     Trace
-        With the mixtures, the shares of paths on the orbit's itinerary and the probability discarded; no moments at
-        fixed times.
+        With the mixtures, the shares of paths on the orbit's itinerary, the probability discarded and the bounds of its
+        own errors; no moments at fixed times.
     """
     unit = 2.0 ** math.frexp(scene.constants.wall1)[1]
-    found = _trace(scene.scaled(1.0 / unit), impacts, order)
+    scaled = scene.scaled(1.0 / unit)
+    found = _refined(scaled, impacts, order, tolerance)
     lengths = np.array([1.0, 1.0, unit, unit, unit, unit])
     parts = {
         k: (w, means * lengths, variances * lengths**2) for k, (w, means, variances) in (found.parts or {}).items()
@@ -99,14 +111,27 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     return replace(found, mean=found.mean * unit, sd=found.sd * lengths, parts=parts)
 
 
-def _trace(scene: Scene, impacts: int, order: int) -> Trace:
-    """`trace` in the scene's own unit of length."""
+def _refined(scene: Scene, impacts: int, order: int, tolerance: float | None) -> Trace:
+    """`trace` in the scene's own unit of length: from level to level, each bounded by its change from the last one."""
+    first = len(LEVELS) - 2 if tolerance is None else 0
+    found = _trace(scene, impacts, order, LEVELS[first])
+    for level in LEVELS[first + 1 :]:
+        coarse, found = found, _trace(scene, impacts, order, level)
+        found = replace(found, error=bounds(coarse, found), work=coarse.work + found.work)
+        if tolerance is not None and (settled(found, tolerance) or hopeless(found, tolerance)):
+            break
+    return found
+
+
+def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
+    """`trace` in the scene's own unit of length, at one level."""
     c, orbit = scene.constants, follow(scene, impacts).until_sticking
     tolerance = random_tolerance(scene)
     redrawn = np.repeat(tolerance.variances, 2) if tolerance and tolerance.draw == "contact" else np.zeros(0)
     first = start_pieces(scene)
     live, d = first.mean.shape
-    b, after = buffers(MOST_CUT, d), empty(2 * MOST_CUT, d)
+    size = max(level.cut, live)
+    b, after = buffers(size, d), empty(2 * size, d)
     section, flight = b.image.section, b.image.flight
     b.start.weight[:live], b.start.label[:live] = first.weight, ON_ORBIT
     b.start.mean[:live] = first.mean
@@ -120,13 +145,17 @@ def _trace(scene: Scene, impacts: int, order: int) -> Trace:
     agreement, discarded_at = np.full(impacts + 1, np.nan), np.full(impacts + 1, np.nan)
     tau[0], mean[0], mesh[0], side[0] = orbit.tau[0], orbit.before[0], orbit.mesh[0], orbit.side[0]
     agreement[0], discarded_at[0] = 1.0, 0.0
-    found = impacts
+    slow, residual = np.zeros(impacts + 1), np.zeros(impacts + 1)
+    found, work = impacts, 0
     parts: dict[int, tuple[Floats, Floats, Floats]] = {}
     for k in range(1, impacts + 1):
         own = int(orbit.mesh[k] * orbit.side[k])
-        flown, damped = fly(c, live, b)
+        flown, damped = fly(c, live, b, level)
         count, endless = _strike(c, redrawn, b.start, b.image, flown, own, after)
         discarded += endless + damped
+        work += flown
+        slow[k] = b.start.weight[:flown] @ b.slow[:flown]
+        residual[k] = b.error[:flown].sum()
         if count == 0 or discarded > 0.5:
             found = k - 1
             break
@@ -140,7 +169,7 @@ def _trace(scene: Scene, impacts: int, order: int) -> Trace:
         code = max((-2, -1, 1, 2), key=lambda a: w[section.label[:count] == a].sum())
         mesh[k], side[k] = abs(code), np.sign(code)
         agreement[k], discarded_at[k] = w[after.label[:count] > 2].sum(), discarded
-        live = reduce(after, count, MOST_COMPONENTS, b.start)
+        live = reduce(after, count, level.components, b.start)
 
     def at(time: float) -> tuple[Floats, Floats]:
         return np.full(4, np.nan), np.full((4, 4), np.nan)  # at one time the components are between different impacts
@@ -162,4 +191,7 @@ def _trace(scene: Scene, impacts: int, order: int) -> Trace:
         parts=parts,
         agreement=agreement,
         discarded=discarded_at,
+        slow=slow,
+        residual=residual,
+        work=work,
     )

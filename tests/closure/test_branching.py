@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rattle.closure import mean_map
-from rattle.closure.branching.trace import MOST_CUT
+from rattle.closure.branching.trace import LEVELS
 from rattle.compare import validate
 from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, Scene
@@ -128,4 +128,4 @@ def test_single_stage():
 def test_components_are_many_and_bounded():
     """The work of an impact is in the components that fly to it."""
     m = mean_map(dat21(1.5**0.5), impacts=12, closure="branching")
-    assert 500 < max(len(mixture[0]) for mixture in m.trace.parts.values()) <= 2 * MOST_CUT
+    assert 500 < max(len(mixture[0]) for mixture in m.trace.parts.values()) <= 2 * LEVELS[-1].cut

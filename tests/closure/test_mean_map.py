@@ -28,6 +28,7 @@ def closure(request):
     return request.param
 
 
+BRANCHING = ["agreement", "discarded", "error_mean", "error_sd", "within"]
 ONE_ORBIT = pytest.mark.parametrize("closure", ["published", "corrected", "saltation"])
 
 
@@ -37,7 +38,7 @@ def test_four_closures_are_offered():
 
 def test_section_keeps_the_contract(dat21, closure):
     section = mean_map(dat21, impacts=7, closure=closure).section
-    others = [f"skew_{q}" for q in ("tau", "flight", *STATE)] + ["agreement", "discarded"] * (closure == "branching")
+    others = [f"skew_{q}" for q in ("tau", "flight", *STATE)] + BRANCHING * (closure == "branching")
     assert [c for c in section.columns if c not in others] == [*SECTION, "realizable"]
     assert set(others) <= set(section.columns)
     assert section.index.name == "impact"

@@ -14,6 +14,7 @@ from unittest import mock
 import numpy as np
 
 from rattle.closure import mean_map
+from rattle.closure.branching.refine import Level
 from rattle.closure.long_orbit import LongOrbit, velocities
 from rattle.closure.orbit import follow
 from rattle.montecarlo import SCHEMES, Record, simulate, simulate_rare
@@ -90,7 +91,9 @@ def predicted(scene, closure, impacts, order=4):
 
 def in_few_components(scene):
     """The branching closure, its mixture kept small."""
-    with mock.patch.multiple("rattle.closure.branching.trace", MOST_COMPONENTS=4, MOST_CUT=12):
+    with mock.patch.multiple(
+        "rattle.closure.branching.trace", LEVELS=(Level(4, 8, 1e-4, 1e-6), Level(4, 12, 1e-4, 1e-6))
+    ):
         yield from predicted(scene, "branching", 3)
 
 

@@ -1,0 +1,191 @@
+"""The branching closure's bound of its own error, made without simulation.
+
+Three signs of error are added as independent ones: the change from the next coarser level (its largest so far, since a
+change of sign is no accuracy); the largest share so far of the squared impact speed that the noise of one flight makes,
+since a path that leaves a wall so slowly may return at once, and the time and the speed of its return are far from
+Gaussian; and what splitting the components further would be worth.  Their factors were found on six random gear sets
+and DAT21, so that at most a tenth of the errors are larger, and tried on six others (docs/theory/closures.md).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rattle.closure.moments import Trace
+from rattle.closure.orbit import Floats
+from rattle.scene.moments import SECTION
+
+__all__ = ["advice", "bounds", "hopeless", "largest_error", "settled", "within"]
+
+CHANGED = 1.0  # error per change from the coarser level
+SLOW = 0.7  # error per share of slow impacts
+BENT = 0.2  # error per unit of what further splits are worth
+COMPONENT = 100.0  # cost of a component's flight, in flights of a path
+SMALLEST = 1e-3  # error below which no bound is believed: 12 impacts of a million paths
+SDS = 2.0  # tolerance of the sds over that of the means, as in a verdict
+
+
+def bounds(coarse: Trace, fine: Trace) -> Floats:
+    """Bounds of the errors of the finer of two traces.
+
+    Parameters
+    ----------
+    coarse, fine : Trace
+        Of the same scene at successive levels.
+
+    Returns
+    -------
+    ndarray, shape (impacts + 1, 2, 6)
+        Of mean and sd of the section quantities, in sds; infinite where only the finer one goes on, NaN at the start,
+        at the displacement of the mesh that most paths strike, and where a quantity does not vary.
+
+    Examples
+    --------
+    >>> from rattle.closure import mean_map
+    >>> from rattle.scene import DAT21, Scene
+    >>> error = mean_map(Scene.from_gears(DAT21, sigma=0.01), impacts=2, closure="branching").trace.error
+    >>> bool(np.nanmax(error) < 0.01)
+    True
+    """
+    change = np.full((len(fine.tau), 2, 6), np.nan)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        change[:, 0] = np.abs(_means(fine) - _means(coarse)) / fine.sd
+        change[:, 1] = np.abs(coarse.sd / fine.sd - 1.0)
+    change[coarse.found + 1 : fine.found + 1] = np.inf
+    missing = ~(fine.sd > 0.0)
+    for mesh in (1, 2):
+        missing[fine.mesh == mesh, SECTION.index(f"x{mesh}")] = True
+    missing = np.repeat(missing[:, None], 2, axis=1)
+    change[missing] = np.nan
+    change = np.fmax.accumulate(change)
+    change[missing] = np.nan
+    common = np.hypot(SLOW * _so_far(fine.slow), BENT * np.minimum(_so_far(fine.residual), 1.0))
+    return np.asarray(np.hypot(CHANGED * change, common[:, None, None]))
+
+
+def _so_far(sign: Floats | None) -> Floats:
+    """The largest value up to each impact."""
+    return np.zeros(1) if sign is None else np.asarray(np.maximum.accumulate(sign))
+
+
+def _means(found: Trace) -> Floats:
+    """Means of the section quantities, shape (impacts + 1, 6)."""
+    flight = np.concatenate([[np.nan], np.diff(found.tau)])
+    return np.column_stack([found.tau, flight, found.mean])
+
+
+def within(error: Floats, tolerance: float) -> NDArray[np.bool_]:
+    """Whether the bounds of an impact's errors are within a tolerance.
+
+    Parameters
+    ----------
+    error : ndarray, shape (impacts + 1, 2, 6)
+        From `bounds`.
+    tolerance : float
+        Of the means, in sds; twice that of the sds.
+
+    Returns
+    -------
+    ndarray of bool, shape (impacts + 1,)
+        By impact.
+
+    Examples
+    --------
+    >>> error = np.zeros((2, 2, 6))
+    >>> error[1, 0, 3] = 0.06
+    >>> within(error, 0.05).tolist()
+    [True, False]
+    """
+    limits = np.array([tolerance, SDS * tolerance])[:, None]
+    return np.asarray(~(error > limits).any(axis=(1, 2)))
+
+
+def settled(found: Trace, tolerance: float) -> bool:
+    """Whether all bounds are within a tolerance.
+
+    Parameters
+    ----------
+    found : Trace
+        With bounds of its errors.
+    tolerance : float
+        Of the means, in sds; twice that of the sds.
+
+    Returns
+    -------
+    bool
+        True if no finer level is needed.
+    """
+    return found.error is not None and bool(within(found.error, tolerance)[1 : found.found + 1].all())
+
+
+def hopeless(found: Trace, tolerance: float) -> bool:
+    """Whether slow impacts alone put the bounds above a tolerance: more components would not help.
+
+    Parameters
+    ----------
+    found : Trace
+        Of any level.
+    tolerance : float
+        Of the means, in sds.
+
+    Returns
+    -------
+    bool
+        True if a finer level is of no use.
+    """
+    return found.slow is not None and bool(SLOW * found.slow.max() > tolerance)
+
+
+def largest_error(errors: Floats) -> float:
+    """The largest of some errors, leaving out those that are NaN.
+
+    Parameters
+    ----------
+    errors : ndarray
+        Any number of them.
+
+    Returns
+    -------
+    float
+        NaN if all are.
+
+    Examples
+    --------
+    >>> largest_error(np.array([0.1, np.nan, 0.3]))
+    0.3
+    """
+    return float(np.fmax.reduce(errors, axis=None))
+
+
+def advice(found: Trace, tolerance: float) -> str:
+    """Whether to use the closure or to simulate.
+
+    A simulation of n paths has errors of about ``1 / sqrt(n)`` sds; it is advised where the closure's bounds are above
+    the tolerance, and where as many paths as reach the bounds cost less than its components.
+
+    Parameters
+    ----------
+    found : Trace
+        With bounds of its errors.
+    tolerance : float
+        Of the means, in sds; twice that of the sds.
+
+    Returns
+    -------
+    str
+        One sentence.
+    """
+    if found.error is None:
+        return ""
+    if found.found == 0:
+        return "no impact could be followed: simulate"
+    error = found.error[1 : found.found + 1]
+    means, sds = largest_error(error[:, 0]), largest_error(error[:, 1])
+    said = f"own bounds of the errors: means {means:.2g}, sds {sds:.2g} of an sd"
+    wrong = np.flatnonzero(np.logical_not(within(error, tolerance)))
+    if wrong.size > 0:
+        return f"{said}, above the tolerance {tolerance:g} from impact {wrong[0] + 1} on: simulate"
+    worst = max(np.fmax(means, sds), SMALLEST)
+    paths = 1.0 / worst**2
+    if COMPONENT * found.work > paths * found.found:
+        return f"{said}, within the tolerance {tolerance:g}; {paths:.1g} paths are as accurate and cheaper: simulate"
+    return f"{said}, within the tolerance {tolerance:g}"

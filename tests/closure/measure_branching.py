@@ -1,0 +1,105 @@
+"""Measures the branching closure and its own error bound on the random gear sets, beside exact flights.
+
+.. code-block:: none
+
+    python -m tests.closure.measure_branching reference FOLDER FIRST LAST
+    python -m tests.closure.measure_branching errors FOLDER FIRST LAST
+
+The first writes the moments of exact flights, one csv per gear set and noise; the second compares the closure with
+them, and writes ``errors_N.csv``, one line per noise, for gear set N; together they are docs/results/branching.csv.
+"""
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from rattle.closure import mean_map
+from rattle.montecarlo import simulate
+from rattle.scene import Scene
+from tests.closure.random_gears import NOISE, TUNED, gear_sets, noisy
+
+PATHS, IMPACTS, TOLERANCE = 100_000, 12, 0.05
+QUANTITIES = ("tau", "flight", "x1", "y1", "x2", "y2")
+LEEWAY = 3.0  # standard errors: the worst of six quantities is further off once in sixty rows
+TIMED = (500, 5_000)  # paths of the two simulations that give the time per path
+
+
+def spent(call: Callable[[], object]) -> tuple[float, object]:
+    """Processor time of a call, and its result."""
+    began = time.process_time()
+    result = call()
+    return time.process_time() - began, result
+
+
+def reference(scene: Scene, seed: int) -> pd.DataFrame:
+    """Means, sds and their standard errors from exact flights: one row per impact and quantity."""
+    run = simulate(scene, paths=PATHS, impacts=IMPACTS, scheme="exact-flight", rng=seed, workers=1)
+    rows = []
+    for impact, row in run.section.iterrows():
+        for q in QUANTITIES[: 2 + 2 * scene.stages]:
+            found = {"mean": row[q], "se_mean": row[f"se_{q}"], "sd": row[f"sd_{q}"], "se_sd": row[f"se_sd_{q}"]}
+            rows.append({"impact": impact, "quantity": q, **found})
+    return pd.DataFrame(rows)
+
+
+def compared(scene: Scene, truth: pd.DataFrame) -> dict[str, float]:
+    """One noise: worst errors of the closure, how right its estimates are, and what both sides cost."""
+    seconds, m = spent(lambda: mean_map(scene, impacts=IMPACTS, closure="branching", tolerance=TOLERANCE))
+    truth = truth.copy()
+    truth["struck"] = [q == f"x{m.section['mesh'].loc[k]}" for k, q in zip(truth.impact, truth.quantity, strict=True)]
+    truth = truth[~truth["struck"] & (truth["impact"] <= m.trace.found)]
+    found = {"noise": scene.sigma / scene.alpha**0.5, "stages": scene.stages}
+    counts = dict.fromkeys(("rows", "exceeded", "factor", "wrong", "marked", "unmarked"), 0)
+    for name, limit in (("mean", TOLERANCE), ("sd", 2.0 * TOLERANCE)):
+        prefix = "" if name == "mean" else "sd_"
+        own = np.array([m.section[f"{prefix}{q}"].loc[k] for k, q in zip(truth.impact, truth.quantity, strict=True)])
+        error, se = (own - truth[name]).abs() / truth.sd, truth[f"se_{name}"] / truth.sd
+        by = pd.DataFrame({"impact": truth.impact, "error": error, "se": se}).groupby("impact")
+        worst, slack = by["error"].max(), LEEWAY * by["se"].max()
+        said = m.section[f"error_{name}"].reindex(worst.index)
+        wrong, marked = worst - slack > limit, said > limit
+        counts["rows"] += len(worst)
+        counts["exceeded"] += int((worst > said + slack).sum())
+        counts["factor"] += int(((worst <= 2.0 * said + slack) & (worst >= 0.5 * said - slack)).sum())
+        counts["wrong"] += int(wrong.sum())
+        counts["marked"] += int(marked.sum())
+        counts["unmarked"] += int((wrong & ~marked).sum())
+        found |= {f"error_{name}": worst.max(), f"se_{name}": by["se"].max().max(), f"bound_{name}": said.max()}
+    found |= counts
+    few, many = (
+        spent(lambda n=n: simulate(scene, paths=n, impacts=IMPACTS, scheme="exact-flight", rng=1, workers=1))[0]
+        for n in TIMED
+    )
+    each = (many - few) / (TIMED[1] - TIMED[0])
+    accuracy = max(found["error_mean"], found["error_sd"], found["se_mean"], found["se_sd"])  # unresolved below the se
+    paths = (max(found["se_mean"], found["se_sd"]) / accuracy) ** 2 * PATHS
+    found |= {"work": m.trace.work, "seconds": seconds}
+    found |= {
+        "path_seconds": each,
+        "ratio": (each * paths) / seconds,
+        "resolved": accuracy == max(found["error_mean"], found["error_sd"]),
+    }
+    return found | {"advice": "simulate" if m.advice.endswith("simulate") else "branching"}
+
+
+def main(what: str, folder: Path, first: int, last: int) -> None:
+    """Write the tables of some gear sets."""
+    for i in range(first, last):
+        lines = []
+        if what == "errors":  # load the compiled code before anything is timed
+            compared(noisy(gear_sets()[i], NOISE[0]), pd.read_csv(folder / f"{i}_{NOISE[0]:g}.csv"))
+        for noise in NOISE:
+            scene, to = noisy(gear_sets()[i], noise), folder / f"{i}_{noise:g}.csv"
+            if what == "reference" and not to.exists():
+                reference(scene, 100 + i).to_csv(to, index=False, float_format="%.7g")
+            elif what == "errors":
+                lines.append({"gears": i + 1, "seen": i < TUNED, **compared(scene, pd.read_csv(to))})
+                pd.DataFrame(lines).to_csv(folder / f"errors_{i}.csv", index=False, float_format="%.4g")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], Path(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4]))
