@@ -17,7 +17,7 @@ from rattle.montecarlo.long_run.intervals import half_width
 from rattle.scene import DAT21, Scene
 
 SEEDS, SIGMA = 400, 0.01
-RUNS = ((256, 512), (256, 64), (64, 64))
+RUNS = ((256, 64), (64, 64), (256, 512))
 """Paths and periods of a run; the first paths are the default ones."""
 QUANTITIES = ("rate", "speed", "energy_per_period", "slow_share", "sd_speed", "q05_speed", "q95_speed")
 
@@ -50,7 +50,9 @@ def coverage(paths: int, periods: int, seeds: int = SEEDS) -> pd.DataFrame:
 
 if __name__ == "__main__":
     wanted = int(sys.argv[1]) if len(sys.argv) > 1 else SEEDS
-    table = pd.concat([coverage(*size, wanted) for size in RUNS], ignore_index=True)
     place = Path(__file__).resolve().parents[3] / "docs" / "results" / "coverage.csv"
-    table.to_csv(place, index=False, float_format="%.6g")
-    print(table.to_string(index=False))
+    table = pd.DataFrame()
+    for size in RUNS:
+        table = pd.concat([table, coverage(*size, wanted)], ignore_index=True)
+        table.to_csv(place, index=False, float_format="%.6g")
+        print(table.to_string(index=False), flush=True)
