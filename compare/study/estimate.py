@@ -19,7 +19,7 @@ from rattle.scene.scene import Scene
 
 __all__ = ["Estimate", "calibrated", "core_seconds", "estimate", "scaling"]
 
-CLOSURE_SECONDS = {"published": 0.005, "corrected": 0.0005, "saltation": 0.001, "branching": 0.9}
+CLOSURE_SECONDS = {"published": 0.005, "corrected": 0.0005, "saltation": 0.001, "branching": 1.2}
 """Seconds for twelve impacts once compiled, measured on DAT21."""
 FLIGHT = 0.5  # assumed time between impacts after the noise-free orbit has ended
 FINEST = 1e-100  # smallest accuracy that the estimate uses, so that its square does not underflow

@@ -20,8 +20,16 @@ def run(sigma=0.1, **settings):
 
 def test_run_without_a_fault_says_nothing():
     assert run(sigma=0.5).diagnostics == ()
-    assert run(scheme=EXACT).diagnostics == ()
-    assert run(dt=0.02, record=Record(step_bias=True)).diagnostics == ()  # measured, and taken out
+    assert run(sigma=0.02, scheme=EXACT).diagnostics == ()
+    assert run(sigma=0.02, dt=0.02, record=Record(step_bias=True)).diagnostics == ()  # measured, and taken out
+
+
+def test_a_rare_branch_that_was_not_sampled_is_named():
+    """About 520 in a million paths strike mesh 2 first; twenty thousand paths see them."""
+    (said,) = run(scheme=EXACT).diagnostics
+    assert said.startswith("A branch taken by about 5")
+    assert said.endswith("20,000 paths would tell (sd of y2 at impact 3).")
+    assert run(scheme=EXACT, paths=20_000).diagnostics == ()
 
 
 def test_step_that_moves_the_orbit_is_diagnosed_in_sds_of_the_run():
