@@ -83,8 +83,8 @@ def student_quantiles(skewness: float, paths: int) -> tuple[float, float]:
 
     Examples
     --------
-    >>> [round(x, 2) for x in student_quantiles(0.0, 64)], [round(x, 2) for x in student_quantiles(4.0, 64)]
-    ([-2.0, 2.0], [-3.06, 1.34])
+    >>> [round(x, 2) for x in student_quantiles(0.0, 64)], [round(x, 2) for x in student_quantiles(1.5, 64)]
+    ([-2.0, 2.0], [-2.36, 1.77])
     """
     t, root = half_width(paths), math.sqrt(paths)
     if abs(skewness) < FLAT:
