@@ -90,13 +90,14 @@ def coverage(reports: Path) -> Table:
     found = pd.read_csv(Path(__file__).parent / "results" / "coverage.csv")
     rows = [
         [
-            r["quantity"], short(r["value"], 4), f"{r['coverage']:.1%}", f"{r['naive_coverage']:.1%}",
+            f"{r['paths']} × {r['periods']}", f"{r['seeds']}", r["quantity"], short(r["value"], 4),
+            f"{r['coverage']:.1%}", f"{r['symmetric_coverage']:.1%}", f"{r['naive_coverage']:.1%}",
             short(r["autocorrelation"]), short(r["stated_se"] / r["sd_of_estimates"]),
         ]
-        for r in found.to_dict("records")
+        for r in found.sort_values(["paths", "periods"], kind="stable").to_dict("records")
     ]  # fmt: skip
-    head = ["quantity", "mean of all runs", "intervals that hold it", "naive ones", "autocorrelation (impacts)"]
-    return [*head, "stated error / spread of the runs"], rows
+    head = ["paths × periods", "runs", "quantity", "mean of all runs", "intervals that hold it", "symmetric ones"]
+    return [*head, "naive ones", "autocorrelation (impacts)", "stated error / spread of the runs"], rows
 
 
 @table
@@ -136,11 +137,12 @@ def unseen(reports: Path) -> Table:
         [
             r["scene"], short(r["kurtosis"]), f"{r['paths']:,}", f"{r['inaccurate']} of {r['seeds']}",
             f"{r['inaccurate_without']} of {r['seeds']}", f"{r['decided']:.1%}", f"{r['decided_without']:.1%}",
+            f"{r['held']:.0f} of {r['reached']:.0f}" if r["reached"] > 0.0 else "",
         ]
         for r in found.to_dict("records")
     ]  # fmt: skip
     head = ["scene", "largest kurtosis", "paths", "called inaccurate", "without", "rows decided"]
-    return [*head, "decided without"], rows
+    return [*head, "decided without", "0.03 sd reached, and true"], rows
 
 
 @table
