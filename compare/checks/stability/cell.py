@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from rattle.compare.checks.stability.reference import IMPACTS, Reference, horizon_of
 from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo import Ensemble
-from rattle.montecarlo.diagnostics import shortened
+from rattle.montecarlo.diagnostics import shortened, unsampled
 from rattle.montecarlo.ensemble import extended, in_threads
 from rattle.montecarlo.kernel.block import BLOCK, BlockResult
 from rattle.montecarlo.settings import is_random, plan_of
@@ -55,7 +55,7 @@ class Judged(NamedTuple):
     where : str
         The decisive moment, or the kind of instability.
     diagnosed : bool
-        Whether the run reports a diagnostic; the note that a default step was shortened does not count.
+        Whether the run reports a diagnostic of its step; that a default step was shortened does not count.
     paths : int
         Simulated paths.
     moments : int
@@ -187,7 +187,13 @@ def judged(
                 break
             run = extended(run, min(paths, GROWTH * run.paths), in_threads(workers))
         return Judged(
-            verdict, error, half, where, len(run.diagnostics) > bool(shortened(run)), run.plan.paths, beside.moments
+            verdict,
+            error,
+            half,
+            where,
+            len(run.diagnostics) > bool(shortened(run)) + bool(unsampled(run)),
+            run.plan.paths,
+            beside.moments,
         )
 
 
