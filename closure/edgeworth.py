@@ -8,7 +8,7 @@ from numpy.polynomial import hermite_e
 from numpy.typing import NDArray
 
 from rattle.scene.compiled import jit
-from rattle.scene.elementary import each
+from rattle.scene.elementary import exponentials
 from rattle.scene.flight import NODES, WEIGHTS
 from rattle.scene.moments import SMALLEST
 
@@ -214,7 +214,7 @@ def section_density(values: Floats, mean: float, sd: float, skew: float) -> Floa
     """
     z = (np.asarray(values) - mean) / sd
     series = hermite_e.hermeval(z, [1.0, 0.0, 0.0, skew / 6.0])
-    return np.asarray(each(exp, -0.5 * z * z) / (np.sqrt(2.0 * np.pi) * sd) * series)
+    return np.asarray(exponentials(-0.5 * z * z) / (np.sqrt(2.0 * np.pi) * sd) * series)
 
 
 def mixture_density(values: Floats, weights: Floats, means: Floats, variances: Floats) -> Floats:
@@ -245,7 +245,7 @@ def mixture_density(values: Floats, weights: Floats, means: Floats, variances: F
     out = np.zeros(np.shape(values))
     for w, m, s in zip(weights, means, width, strict=True):
         z = (np.asarray(values) - m) / s
-        out += w * each(exp, -0.5 * z * z) / (np.sqrt(2.0 * np.pi) * s)
+        out += w * exponentials(-0.5 * z * z) / (np.sqrt(2.0 * np.pi) * s)
     return out
 
 
@@ -279,7 +279,7 @@ class Edgeworth:
             Density at these points.
         """
         u, v = np.asarray(xi) / self.sd_x, np.asarray(zeta) / self.sd_y
-        weight = each(exp, -0.5 * (u * u + v * v)) / (2.0 * np.pi * self.sd_x * self.sd_y)
+        weight = exponentials(-0.5 * (u * u + v * v)) / (2.0 * np.pi * self.sd_x * self.sd_y)
         return np.asarray(weight * hermite_e.hermeval2d(u, v, self.a))
 
     def velocity_density(self, zeta: Floats) -> Floats:
@@ -296,5 +296,5 @@ class Edgeworth:
             Density at these points.
         """
         v = np.asarray(zeta) / self.sd_y
-        weight = each(exp, -0.5 * v * v) / (np.sqrt(2.0 * np.pi) * self.sd_y)
+        weight = exponentials(-0.5 * v * v) / (np.sqrt(2.0 * np.pi) * self.sd_y)
         return np.asarray(weight * hermite_e.hermeval(v, self.a[0]))

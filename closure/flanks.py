@@ -18,7 +18,7 @@ import numpy as np
 from rattle.closure.orbit import Floats
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
-from rattle.scene.elementary import each, gauss_legendre
+from rattle.scene.elementary import each, exponentials, gauss_legendre
 from rattle.scene.parts import CUT, Tolerance
 from rattle.scene.scene import Scene
 from rattle.scene.small_matrices import congruence
@@ -100,7 +100,7 @@ def pieces(distribution: str) -> Pieces:
     c = 0.5 * (edges[:-1, None] + edges[1:, None] + np.diff(edges)[:, None] * node)
     mass = share * np.diff(edges)[:, None]
     if distribution == "normal":
-        mass = mass * each(math.exp, -0.5 * (CUT * c) ** 2)
+        mass = mass * exponentials(-0.5 * (CUT * c) ** 2)
     weight = mass.sum(axis=1)
     mean = (mass * c).sum(axis=1) / weight
     variance = (mass * (c - mean[:, None]) ** 2).sum(axis=1) / weight

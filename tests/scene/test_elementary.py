@@ -1,0 +1,32 @@
+"""Elementary functions and quadrature have the bits of the C library, or the digits of numpy's."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rattle.scene.elementary import each, exponentials, gauss_legendre, powers
+
+SPECIAL = [0.0, -0.0, 1.0, -1.0, 709.0, 710.0, -745.0, -746.0, 1e-300, math.inf, -math.inf, math.nan]
+WIDE = np.random.default_rng(1).normal(0.0, 200.0, size=20_000).clip(-740.0, 700.0)
+
+
+@pytest.mark.parametrize("given", [0.5, SPECIAL, [], WIDE, WIDE.reshape(100, 200).T], ids=np.shape)
+def test_exponentials_are_those_of_the_c_library_to_the_last_bit(given):
+    found = exponentials(given)
+    assert found.shape == np.shape(given)
+    expected = [math.inf if 709.8 < x < math.inf else math.exp(x) for x in np.ravel(given)]  # math.exp raises there
+    np.testing.assert_array_equal(found.ravel(), expected)
+
+
+def test_each_keeps_the_shape():
+    np.testing.assert_array_equal(each(math.tanh, [[0.0], [1.0]]), [[0.0], [math.tanh(1.0)]])
+
+
+def test_powers():
+    np.testing.assert_array_equal(powers(np.array([2.0, -3.0]), 3), [[1, 1], [2, -3], [4, 9], [8, -27]])
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 12, 31])
+def test_nodes_and_weights_are_those_of_numpy(n):
+    np.testing.assert_allclose(gauss_legendre(n), np.polynomial.legendre.leggauss(n), rtol=1e-13, atol=1e-14)
