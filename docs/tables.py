@@ -150,12 +150,13 @@ def branching(reports: Path) -> Table:
     """Errors of `branching` on random gear sets, its own bounds of them, and the time beside exact flights."""
     found = pd.read_csv(Path(__file__).parent / "results" / "branching.csv")
     rows = []
-    for (seen, noise), of in found.groupby(["seen", "noise"], sort=True):
+    every = found.assign(noise="all")
+    for (seen, noise), of in [*found.groupby(["seen", "noise"]), *every.groupby(["seen", "noise"])]:
         total, used = of["rows"].sum(), of[of["advice"] == "branching"]
         faster = f"{short(used['ratio'].min(), 2)} / {short(used['ratio'].median(), 2)}" if len(used) else "–"
         rows.append(
             [
-                "for tuning" if seen else "unseen", short(noise),
+                "for tuning" if seen else "unseen", noise if noise == "all" else short(noise),
                 *(f"{short(of[c].median(), 2)} / {short(of[c].max(), 2)}" for c in ("error_mean", "error_sd")),
                 *(f"{of[c].sum() / total:.1%}" for c in ("exceeded", "factor", "wrong", "unmarked")),
                 f"{len(used)} of {len(of)}", faster,
