@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from rattle.montecarlo.long_run.collected import Collected
 from rattle.montecarlo.long_run.control import controlled
-from rattle.montecarlo.long_run.intervals import Spread, half_width, spread, student_quantiles
+from rattle.montecarlo.long_run.intervals import Spread, half_width, spread
 from rattle.montecarlo.long_run.names import NAMES, QUANTILES, groups
 from rattle.montecarlo.long_run.sums import CONTACT, ENERGY, FLIGHT, NUMBER, SLOW, SPEED
 
@@ -172,7 +172,8 @@ class _Maker:
             value = _inverse(edges, whole, p)
             k = int(np.clip(np.searchsorted(whole, p), 0, edges.size - 1))
             part = spread((below[:, k] - whole[k] * n) / n.mean())
-            low, high = (_inverse(edges, whole, p + x * part.se) for x in student_quantiles(part.skewness, units))
+            half = half_width(units) * part.se
+            low, high = (_inverse(edges, whole, p + x) for x in (-half, half))
             naive = math.sqrt(p * (1.0 - p) / float(n.sum()))
             yield f"q{percent:02d}_", Estimate(
                 value, 0.5 * (high - low) / half_width(units), low, high, _over(part.se**2, naive**2)

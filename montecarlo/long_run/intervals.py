@@ -1,12 +1,4 @@
-"""Intervals from independent paths, skewed as the paths are.
-
-Where few paths hold rare bursts of slow impacts, most samples lie below the truth, and those that do underrate their
-error too: a symmetric interval misses the truth far more often above than below.
-
-References
-----------
-Hall, "On the removal of skewness by transformation" (1992).
-"""
+"""Intervals from independent paths: Student's."""
 
 import math
 from typing import NamedTuple
@@ -15,12 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-__all__ = ["CONFIDENCE", "Spread", "half_width", "spread", "student_quantiles"]
+__all__ = ["CONFIDENCE", "Spread", "half_width", "spread"]
 
 Floats = NDArray[np.float64]
 
 CONFIDENCE = 0.95
-FLAT = 1e-6  # skewness that is none
 
 
 def half_width(paths: int) -> float:
@@ -46,53 +37,18 @@ class Spread(NamedTuple):
     ----------
     value, se : float
         Value and standard error.
-    skewness : float
-        Of the paths' parts.
     paths : int
         Their number.
     """
 
     value: float
     se: float
-    skewness: float
     paths: int
 
     def interval(self) -> tuple[float, float]:
-        """95 % interval of the value, skewed as the paths are.
-
-        The cubic transformation of Hall (1992) makes the studentised value normal to second order; its inverse at
-        Student's quantiles gives the interval.
-        """
-        low, high = student_quantiles(self.skewness, self.paths)
-        return self.value - high * self.se, self.value - low * self.se
-
-
-def student_quantiles(skewness: float, paths: int) -> tuple[float, float]:
-    """Studentised means that 2.5 % of the samples lie below and above.
-
-    Parameters
-    ----------
-    skewness : float
-        Of what is averaged.
-    paths : int
-        How many.
-
-    Returns
-    -------
-    low, high : float
-
-    Examples
-    --------
-    >>> [round(x, 2) for x in student_quantiles(0.0, 64)], [round(x, 2) for x in student_quantiles(1.5, 64)]
-    ([-2.0, 2.0], [-2.36, 1.77])
-    """
-    t, root = half_width(paths), math.sqrt(paths)
-    if abs(skewness) < FLAT:
-        return -t, t
-    low, high = (
-        root * 3.0 / skewness * (np.cbrt(1.0 + skewness * (x / root - skewness / (6.0 * paths))) - 1.0) for x in (-t, t)
-    )
-    return float(low), float(high)
+        """95 % interval of the value."""
+        half = half_width(self.paths) * self.se
+        return self.value - half, self.value + half
 
 
 def spread(parts: Floats, value: float | None = None) -> Spread:
@@ -109,7 +65,5 @@ def spread(parts: Floats, value: float | None = None) -> Spread:
     -------
     Spread
     """
-    n, rest = len(parts), parts - parts.mean()
-    square = float((rest**2).sum())
-    skewness = float((rest**3).mean()) / (square / n) ** 1.5 if square > 0.0 else 0.0
-    return Spread(float(parts.mean()) if value is None else value, math.sqrt(square / (n - 1) / n), skewness, n)
+    value = float(parts.mean()) if value is None else value
+    return Spread(value, float(parts.std(ddof=1)) / math.sqrt(len(parts)), len(parts))

@@ -1,8 +1,7 @@
 """Measure how often stated 95 % intervals of the long run hold the truth; writes docs/results/coverage.csv.
 
 Run by hand: ``python tests/compare/stationary/measure_coverage.py [seeds]``.  Every seed is a run of its own, with its
-own burn-in; the truth is the mean of all.  The symmetric interval is Student's, the naive one treats impacts as
-independent.
+own burn-in; the truth is the mean of all.  The naive interval treats impacts as independent.
 """
 
 import math
@@ -27,7 +26,7 @@ def coverage(paths: int, periods: int, seeds: int = SEEDS) -> pd.DataFrame:
     scene = Scene.from_gears(DAT21, sigma=SIGMA)
     found = {name: [] for name in QUANTITIES}
     for seed in range(seeds):
-        run = long_run(scene, periods=periods, paths=paths, rng=10_000 + seed, workers=2)
+        run = long_run(scene, periods=periods, paths=paths, rng=10_000 + seed)
         for name in QUANTITIES:
             found[name].append(run.estimates[name])
     rows = []
@@ -42,7 +41,6 @@ def coverage(paths: int, periods: int, seeds: int = SEEDS) -> pd.DataFrame:
             "quantity": name, "sigma": SIGMA, "seeds": seeds, "paths": paths, "periods": periods, "value": truth,
             "sd_of_estimates": float(value.std(ddof=1)), "stated_se": float(np.sqrt((se**2).mean())),
             "coverage": share, "se_coverage": math.sqrt(share * (1.0 - share) / seeds), "autocorrelation": memory,
-            "symmetric_coverage": float((away <= half).mean()),
             "naive_coverage": float((away <= half / math.sqrt(memory)).mean()),
         })  # fmt: skip
     return pd.DataFrame(rows)
