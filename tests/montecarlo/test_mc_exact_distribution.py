@@ -11,10 +11,10 @@ from mc_checks import FALSE_ALARM, dat21
 from scipy import stats
 
 REFERENCE = Path(__file__).parent / "data" / "exact_flight_distribution.csv"
-"""Of the scheme at version 0.2, with its step of pi / 256: 12 groups of `exact_distribution`, 2 million paths."""
+"""Of the scheme at version 0.2, with its step of pi / 256: 64 groups of `exact_distribution`, 10^7 paths."""
 
 GROUPS, PATHS = 24, 8192
-FREEDOM = 11  # of the 12 groups of the table, fewer than those here
+FREEDOM = GROUPS - 1  # fewer than the groups of the table
 
 
 def same(table, reference):
