@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.closure.flanks import column
-from rattle.scene.compiled import jit, spliced
+from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import field, field_rate, jacobian, noise_covariance, noise_rate, system_matrix
 from rattle.scene.impact import contact_matrix
@@ -29,7 +29,7 @@ __all__ = ["derivatives", "flight_third_cumulant", "hit_matrix", "noise_slope", 
 Floats = NDArray[np.float64]
 
 
-@spliced
+@jit
 def derivatives(
     c: Constants, mesh: int, side: int, tau: float, after: Floats, t: float, before: Floats, d: int
 ) -> tuple[Floats, Floats]:
@@ -135,7 +135,7 @@ def noise_slope(c: Constants, tau: float, t: float) -> Floats:
     return slope
 
 
-@spliced
+@jit
 def third_cumulants(
     c: Constants, tau: float, first: Floats, hessian: Floats, p: Floats, q: Floats, slope: Floats, third: Floats
 ) -> Floats:
@@ -197,7 +197,7 @@ def third_cumulants(
     return out
 
 
-@spliced
+@jit
 def flight_third_cumulant(first: Floats, hessian: Floats, p: Floats, q: Floats, slope: Floats, third: Floats) -> float:
     """Third cumulant of the flight time, the difference of the next tau and the last one.
 

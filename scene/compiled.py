@@ -32,6 +32,28 @@ _without_blas()
 keep_by_source()
 OPTIONS: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
 LEAN: dict[str, Any] = OPTIONS | {"_nrt": False}
+TESTED = "0.68."  # numba's versions whose internals `rattle.scene.deferred` and `rattle.scene.dispatcher` are made for
+
+
+def _shared() -> Any:
+    """Dispatcher that optimises a function with all that it calls, once; None: numba as it is, or disabled."""
+    if getattr(numba.config, "DISABLE_JIT", False) or not numba.__version__.startswith(TESTED):
+        return None
+    try:
+        from rattle.scene.dispatcher import Shared
+    except ImportError:
+        return None
+    return Shared
+
+
+SHARED = _shared()
+
+
+def _compiled(function: Callable[P, R], options: dict[str, Any]) -> Callable[P, R]:
+    """A function that numba compiles; the function itself where numba is disabled."""
+    if SHARED is None:
+        return cast(Callable[P, R], sealed(numba.njit(**options)(function)))
+    return cast(Callable[P, R], sealed(SHARED(function, targetoptions={"nopython": True} | options)))
 
 
 def jit(function: Callable[P, R]) -> Callable[P, R]:
@@ -50,7 +72,7 @@ def jit(function: Callable[P, R]) -> Callable[P, R]:
     callable
         The compiled function; the function itself where numba is disabled.
     """
-    return cast(Callable[P, R], sealed(numba.njit(**OPTIONS)(function)))
+    return _compiled(function, OPTIONS)
 
 
 def lean(function: Callable[P, R]) -> Callable[P, R]:
@@ -66,7 +88,7 @@ def lean(function: Callable[P, R]) -> Callable[P, R]:
     callable
         The compiled function.
     """
-    return cast(Callable[P, R], sealed(numba.njit(**LEAN)(function)))
+    return _compiled(function, LEAN)
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
@@ -82,13 +104,13 @@ def inlined(function: Callable[P, R]) -> Callable[P, R]:
     callable
         The compiled function.
     """
-    return cast(Callable[P, R], sealed(numba.njit(**LEAN, forceinline=True)(function)))
+    return _compiled(function, LEAN | {"forceinline": True})
 
 
 def spliced(function: Callable[P, R]) -> Callable[P, R]:
     """Inline a function into its caller before type inference, so that branches on the caller's constants are removed.
 
-    A large body that is called from one place is then optimised once, not again in every function above it.
+    For no other reason: the copy is typed again in each caller.
 
     Parameters
     ----------

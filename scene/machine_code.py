@@ -255,13 +255,13 @@ class Kept(NUMBAS_CACHE):  # type: ignore[misc]
     Parameters
     ----------
     function : callable
-        What is compiled.
+        Compiled by numba.
     """
 
     _impl_class = Stored
 
     def __init__(self, function: Any) -> None:
-        self._py_func = function
+        self._function, self._py_func = function, function.py_func
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__") or "_enabled" in vars(self):
@@ -273,6 +273,10 @@ class Kept(NUMBAS_CACHE):  # type: ignore[misc]
             self._cache_path = None
             self.disable()
         return getattr(self, name)
+
+    def _is_inner(self) -> bool:
+        """Whether the function is compiled for compiled code, to be kept with that; never in numba's plain way."""
+        return bool(getattr(self._function, "inner", False))
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Read machine code from the cache; None where it has to be compiled, which is announced once.
@@ -287,7 +291,7 @@ class Kept(NUMBAS_CACHE):  # type: ignore[misc]
         object
             What numba makes of it.
         """
-        found = self._load_overload(sig, target_context)
+        found = None if self._is_inner() else self._load_overload(sig, target_context)
         if found is None:
             _count()
         return found
@@ -301,7 +305,7 @@ class Kept(NUMBAS_CACHE):  # type: ignore[misc]
             Signature and compile result, as numba hands them over.
         """
         _warn()
-        if _folder is not None and _is_private(_folder):
+        if not self._is_inner() and _folder is not None and _is_private(_folder):
             with suppress(OSError):
                 super().save_overload(sig, data)
 
@@ -321,5 +325,5 @@ def sealed(function: D) -> D:
     """
     made: Any = function
     if _folder is not None and hasattr(made, "py_func"):
-        made._cache = Kept(made.py_func)
+        made._cache = Kept(made)
     return function

@@ -10,7 +10,7 @@ from rattle.closure.branching.split import event
 from rattle.closure.flanks import PLAIN, column
 from rattle.closure.orbit import Floats
 from rattle.closure.section_map import derivatives
-from rattle.scene.compiled import jit, spliced
+from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.eigen import eigen
 from rattle.scene.flight import field, jacobian
@@ -38,7 +38,7 @@ class Image(NamedTuple):
     flight: Floats
 
 
-@spliced
+@jit
 def _derivatives(
     c: Constants, code: int, centre: Floats, axes: Floats, t: float, before: Floats
 ) -> tuple[Floats, Floats]:
@@ -71,7 +71,7 @@ def _derivatives(
     return linear, curve
 
 
-@spliced
+@jit
 def _most_bent(linear: Floats, curve: Floats) -> tuple[float, Floats]:
     """Largest ratio of second-order to first-order variance over the outputs, and the direction of that curvature."""
     u = np.zeros(linear.shape[1])

@@ -217,3 +217,21 @@ def test_nowhere_at_all(installed, tmp_path):
     hits, said = run(code, **installed)
     assert hits in (0, 1)
     assert said.endswith("cannot be written: machine code is not kept\n")
+
+
+# --- what compiled code calls, and Python too
+
+BOTH = (
+    "import numpy as np; from rattle.scene.small_matrices import {};"
+    "from rattle.scene.machine_code import compiled_here; a = np.array([[1.0, 2.0], [0.0, 1.0]]);"
+    "assert {}.tolist() == [[9.0, 4.0], [2.0, 1.0]]; print(2.5, compiled_here())"
+)  # fmt: skip
+CALLER, CALLED = BOTH.format("congruence", "congruence(a, a)"), BOTH.format("times", "times(times(a, a), a.T)")
+
+
+def test_a_function_is_called_by_kept_machine_code_and_by_python(tmp_path):
+    """Its caller is kept without what Python needs to call it, in whichever order the two are compiled and read."""
+    together = CALLER.split("print")[0] + CALLED
+    assert run(together, NUMBA_CACHE_DIR=tmp_path)[0] > 0
+    for code in (together, CALLED, CALLER, CALLED.split("print")[0] + CALLER):
+        assert run(code, NUMBA_CACHE_DIR=tmp_path)[0] == 0
