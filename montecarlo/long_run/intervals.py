@@ -50,12 +50,16 @@ class Spread(NamedTuple):
         Of the paths' parts.
     paths : int
         Their number.
+    carriers : float
+        How many of them carry the variance, ``(sum r^2)^2 / sum r^4`` of what they deviate by: a third of them where
+        that is normal, few where rare bursts are all.
     """
 
     value: float
     se: float
     skewness: float
     paths: int
+    carriers: float
 
     def interval(self) -> tuple[float, float]:
         """95 % interval of the value, skewed as the paths are.
@@ -112,4 +116,6 @@ def spread(parts: Floats, value: float | None = None) -> Spread:
     n, rest = len(parts), parts - parts.mean()
     square = float((rest**2).sum())
     skewness = float((rest**3).mean()) / (square / n) ** 1.5 if square > 0.0 else 0.0
-    return Spread(float(parts.mean()) if value is None else value, math.sqrt(square / (n - 1) / n), skewness, n)
+    carriers = square**2 / fourth if (fourth := float((rest**4).sum())) > 0.0 else float(n)
+    centre = float(parts.mean()) if value is None else value
+    return Spread(centre, math.sqrt(square / (n - 1) / n), skewness, n, carriers)

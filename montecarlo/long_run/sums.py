@@ -40,7 +40,7 @@ FLIGHT = 0  # index of the flight in distributions; `SPEED` is 1 there too
 TURN = 2.0 * math.pi
 POWERS = 7  # power sums of order 0 to 6
 BINS = 400
-CELLS = 1024
+CELLS = 2048
 """Of equal width between the outermost edges; a bin is searched only among those that begin in the value's cell."""
 PHASES, VELOCITIES = 64, 64
 """Cells of the section along the phase and along the velocity."""
@@ -198,7 +198,8 @@ def _add_value(s: Sums, p: int, g: int, i: int, value: float) -> None:
     power[4] += square * square
     power[5] += cube * square
     power[6] += cube * cube
-    s.histogram[p // s.together, g, i, bin_of(scales.edges[g, i], scales.first[g, i], value)] += np.uint32(1)
+    at = g if i == FLIGHT else 0  # speeds have the same edges in all groups
+    s.histogram[p // s.together, g, i, bin_of(scales.edges[at, i], scales.first[at, i], value)] += np.uint32(1)
 
 
 @inlined
