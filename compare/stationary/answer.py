@@ -1,15 +1,15 @@
 """The answer of a long run in a few sentences."""
 
+import math
+
 import pandas as pd
 
-from rattle.compare.stationary.measure import Stationary
-from rattle.montecarlo.long_run import LongRun
-from rattle.montecarlo.long_run.sums import NUMBER, SLOW
+from rattle.compare.stationary.measure import LEAST_CARRIERS, Stationary
 
 __all__ = ["answer", "verdict_lines"]
 
 MAIN = ("rate", "speed", "energy_per_period")
-FEW_PATHS = 16.0  # that carry a variance, below which its interval is too narrow
+NAMED = 4  # quantities with too narrow intervals that are named
 FEW = 0.5  # ratio of standard errors, from paths and from batches, from which both disagree
 
 
@@ -34,7 +34,7 @@ def answer(found: Stationary) -> list[str]:
     said.append(run.burn_in.sentence)
     if run.reach is not None:
         said.append(run.reach.sentence)
-    said += [_memory(found.table), *_bursts(run), *_checked(found.table), *verdict_lines(found)]
+    said += [_memory(found.table), *_too_narrow(found), *_checked(found.table), *verdict_lines(found)]
     return said
 
 
@@ -74,18 +74,17 @@ def _memory(table: pd.DataFrame) -> str:
     )
 
 
-def _bursts(run: LongRun) -> list[str]:
-    """A warning where a few paths carry the variance of the slow share."""
-    main = run.sums.main.sum(axis=1)
-    if not main[:, SLOW].any():
+def _too_narrow(found: Stationary) -> list[str]:
+    """A warning where few paths carry the errors, as where slow impacts come in rare bursts; what more would do."""
+    few, run = found.few.sort_values(), found.run
+    if few.empty or run is None:
         return []
-    rest = main[:, SLOW] - main[:, SLOW].sum() / main[:, NUMBER].sum() * main[:, NUMBER]
-    carry = float((rest**2).sum() ** 2 / (rest**4).sum())
-    if carry >= min(FEW_PATHS, run.paths / 8):  # a third of the paths where they are normal
-        return []
+    names = [f"`{name}`" for name in few.index[:NAMED]]
+    others = f" and {few.size - NAMED} more" if few.size > NAMED else ""
+    periods = math.ceil(run.periods * (LEAST_CARRIERS / float(few.iloc[0]) - 1.0))
     return [
-        f"Slow impacts come in rare bursts: about {carry:.0f} of {run.paths} paths carry the error of `slow_share`, "
-        "whose interval is too narrow until there are more; ask for more periods."
+        f"Rare bursts: about {few.iloc[0]:.0f} of {run.paths} paths carry the error of {names[0]}; the intervals of "
+        f"{', '.join(names)}{others} may be too narrow. About {float(f'{periods:.1g}'):,.0f} more periods would do."
     ]
 
 

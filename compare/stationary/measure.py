@@ -23,8 +23,11 @@ from rattle.scene.validate import choice
 
 __all__ = ["Stationary", "stationary"]
 
+LEAST_CARRIERS = 16.0
+"""Paths that carry an error, below which its interval is too narrow."""
+LEAST_SHARE = 0.125  # of the paths, where there are few: a third carry it where they are normal
 STARTS = 12  # orbits that are followed to find the attractors of a scene without noise
-COLUMNS = ["value", "se", "low", "high", "autocorrelation", "se_batches"]
+COLUMNS = ["value", "se", "low", "high", "autocorrelation", "se_batches", "carriers"]
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,8 @@ class Stationary:
     table : DataFrame
         Index ``quantity``; columns ``value, se, low, high`` (95 % interval), ``autocorrelation`` (integrated, in
         impacts: the variance of the estimate over that of independent impacts) and ``se_batches`` (standard error from
-        batch means, to check the other; NaN where there is none).
+        batch means, to check the other; NaN where there is none) and ``carriers`` (how many paths carry the error, a
+        third of them where nothing is rare; for quantiles, of the units that share a distribution).
     run : LongRun or None
         The simulation; None for exact values.
     orbit : Attractor
@@ -77,6 +81,16 @@ class Stationary:
     def densities(self) -> tuple[SectionDensity, ...]:
         """Density of the section over phase and velocity at each mesh; empty for exact values."""
         return () if self.run is None else self.run.densities
+
+    @property
+    def few(self) -> pd.Series:
+        """Quantities whose intervals are too narrow, for few paths carry their errors, with the number of these."""
+        if self.run is None:
+            return pd.Series(dtype=float)
+        own = self.table["carriers"].where(self.table["se"] > 0.0)
+        units = len(self.run.sums.histogram)  # whose counts quantiles are taken from
+        parts = np.where(own.index.astype(str).str.startswith("q"), units, self.run.paths)
+        return own[own < np.minimum(LEAST_CARRIERS, LEAST_SHARE * parts)]
 
     @cached_property
     def laws(self) -> dict[str, Law | str]:
@@ -128,7 +142,7 @@ class Stationary:
             facts |= {
                 "paths": run.paths, "periods": run.periods, "impacts": run.impacts, "burn_in": run.burn_in.periods,
                 "seconds": round(run.wall_seconds, 3), "reach": None if run.reach is None else run.reach.sentence,
-                "reached": run.reach is None or run.reach.reached,
+                "reached": run.reach is None or run.reach.reached, "too_narrow": list(self.few.index.astype(str)),
             }  # fmt: skip
         table = self.table_in(units).reset_index().to_dict("records")
         return facts | {"table": table, "verdicts": self.verdicts.to_dict("records")}
@@ -211,6 +225,13 @@ def stationary(
         )  # fmt: skip
     except AtRest:
         return _resting(scene, own, slow, named)
+    except BurnInError as refused:
+        kinds = _attractors(scene, own)
+        if len(kinds) == 1:
+            raise
+        raise BurnInError(
+            "burn_in", refused.value, f"{refused.remedy}. Without noise, {_listed(kinds, scene)}"
+        ) from refused
     rows = [tuple(e) for e in run.estimates.values()]
     table = pd.DataFrame(rows, columns=COLUMNS, index=pd.Index(run.estimates, name="quantity"))
     said = (
@@ -224,7 +245,7 @@ def _exact_table(values: dict[str, float]) -> pd.DataFrame:
     value = np.array(list(values.values()))
     se = np.where(np.isnan(value), np.nan, 0.0)
     table = pd.DataFrame({"value": value, "se": se, "low": value, "high": value}, index=pd.Index(values))
-    return table.assign(autocorrelation=np.nan, se_batches=np.nan).rename_axis("quantity")[COLUMNS]
+    return table.assign(autocorrelation=np.nan, se_batches=np.nan, carriers=np.nan).rename_axis("quantity")[COLUMNS]
 
 
 def _resting(scene: Scene, a: Attractor, slow: float, closures: tuple[str, ...]) -> Stationary:
@@ -247,20 +268,11 @@ def _exact(scene: Scene, own: Attractor, slow: float, closures: tuple[str, ...])
     BurnInError
         If there are several attractors; names them and the share of the starts that each has drawn.
     """
-    ends = [own, *(attractor(scene, n) for n in range(1, STARTS))]
-    kinds: list[tuple[Attractor, int]] = []
-    for end in ends:
-        for i, (known, times) in enumerate(kinds):
-            if known.same(end):
-                kinds[i] = known, times + 1
-                break
-        else:
-            kinds.append((end, 1))
+    kinds = _attractors(scene, own)
     if len(kinds) > 1:
-        listed = "; ".join(f"{times / STARTS:.0%} {a.reason}{_described(a, scene)}" for a, times in kinds)
         raise BurnInError(
-            "sigma", scene.sigma, f"several attractors without noise, so that there is no one stationary motion: of "
-            f"{STARTS} starts, {listed}; that of the scene's own start is the first. Give noise that connects them",
+            "sigma", scene.sigma, "several attractors without noise, so that there is no one stationary motion: "
+            f"{_listed(kinds, scene)}; that of the scene's own start is the first. Give noise that connects them",
         )  # fmt: skip
     if own.kind == IRREGULAR:
         return None
@@ -271,6 +283,24 @@ def _exact(scene: Scene, own: Attractor, slow: float, closures: tuple[str, ...])
     if own.sticks:
         said += " Impacts of completed chatter, infinitely many, are counted up to where it is summed up."
     return Stationary(scene, "periodic", said, _exact_table(values), None, own, slow, closures)
+
+
+def _attractors(scene: Scene, own: Attractor) -> list[tuple[Attractor, int]]:
+    """The attractors without noise, that of the scene's own start first, and how many starts each has drawn."""
+    kinds: list[tuple[Attractor, int]] = []
+    for end in (own, *(attractor(scene, n) for n in range(1, STARTS))):
+        for i, (known, times) in enumerate(kinds):
+            if known.same(end):
+                kinds[i] = known, times + 1
+                break
+        else:
+            kinds.append((end, 1))
+    return kinds
+
+
+def _listed(kinds: list[tuple[Attractor, int]], scene: Scene) -> str:
+    shares = (f"the motion of {times / STARTS:.0%} {a.reason}{_described(a, scene)}" for a, times in kinds)
+    return f"of {STARTS} starts, {'; '.join(shares)}"
 
 
 def _described(a: Attractor, scene: Scene) -> str:

@@ -37,7 +37,8 @@ MEANING = (
     "and μ at mesh 2, in units of the mass of wheel 1 at its rim times the square of the unit of speed; "
     "`energy_per_period`, and `power` per unit of time. `slow_share`: share of impacts slower than {slow:g}. "
     "`contact_share`: share of the time in which a mesh is closed. `sd_`, `skew_`, `q05_`: standard deviation, "
-    "skewness, 5 % quantile. `autocorrelation`: in impacts. `se_batches`: standard error from batch means."
+    "skewness, 5 % quantile. `autocorrelation`: in impacts. `se_batches`: standard error from batch means. "
+    "`carriers`: how many paths carry the error."
 )
 
 

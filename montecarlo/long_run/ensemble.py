@@ -21,6 +21,7 @@ Floats = NDArray[np.float64]
 
 BATCHES = 64
 """Batches of each path; when they are full, each two become one."""
+AT_ONCE = 8  # batches between two looks at the progress
 TOGETHER, MANY = 4, 128  # paths that share a histogram, and paths from which on they do
 
 
@@ -68,18 +69,21 @@ class Ensemble:
         while self.periods < until:
             if self.periods == BATCHES * self.length:
                 self._merge()
-            self._advance(pool, self.length, bar, seen)
+            batch = self.periods // self.length
+            missing = -(-(until - self.periods) // self.length)
+            self._advance(pool, batch, min(missing, BATCHES - batch, AT_ONCE), bar, seen)
 
-    def _advance(self, pool: ThreadPoolExecutor, periods: int, bar: tqdm[NoReturn], seen: list[Floats] | None) -> None:
-        """One batch."""
-        batch = self.periods // self.length
+    def _advance(
+        self, pool: ThreadPoolExecutor, batch: int, batches: int, bar: tqdm[NoReturn], seen: list[Floats] | None
+    ) -> None:
+        """Some batches."""
+        periods = batches * self.length
 
         def one(i: int) -> list[Floats]:
             walk, sums = self.walks[i], self.sums[i]
             sums.batch[0] = batch
             own: list[Floats] = []
-            for _ in range(periods):
-                walk.follow(sums, self.detail, own if seen is not None else None)
+            walk.follow(sums, self.detail, own if seen is not None else None, periods, self.length)
             return own
 
         for own in pool.map(one, range(len(self.walks))):

@@ -41,6 +41,9 @@ class Estimate(NamedTuple):
         Integrated autocorrelation time in impacts; NaN where nothing varies.
     se_batches : float
         Standard error from batch means; NaN for what is not summed in batches.
+    carriers : float
+        Paths that carry the error, see `rattle.montecarlo.long_run.intervals.Spread`; for quantiles, units of the
+        distributions.
     """
 
     value: float
@@ -49,6 +52,7 @@ class Estimate(NamedTuple):
     high: float
     autocorrelation: float
     se_batches: float = math.nan
+    carriers: float = math.nan
 
 
 def _jackknife(sums: Floats, function: Callable[[Floats], Floats]) -> Spread:
@@ -70,7 +74,7 @@ class _Maker:
 
     def made(self, of: Spread, naive: float, batches: float = math.nan) -> Estimate:
         low, high = of.interval()
-        return Estimate(of.value, of.se, low, high, _over(of.se**2, naive**2), batches)
+        return Estimate(of.value, of.se, low, high, _over(of.se**2, naive**2), batches, of.carriers)
 
     def _batch_se(self, top: int, bottom: int | None) -> float:
         """Standard error of a ratio of sums (or of a rate) from the spread of all batches of all paths."""
@@ -176,7 +180,8 @@ class _Maker:
             low, high = (_inverse(edges, whole, p + x) for x in (-half, half))
             naive = math.sqrt(p * (1.0 - p) / float(n.sum()))
             yield f"q{percent:02d}_", Estimate(
-                value, 0.5 * (high - low) / half_width(units), low, high, _over(part.se**2, naive**2)
+                value, 0.5 * (high - low) / half_width(units), low, high, _over(part.se**2, naive**2),
+                carriers=part.carriers,
             )  # fmt: skip
 
 

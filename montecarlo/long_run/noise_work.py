@@ -12,6 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from rattle.montecarlo.schemes.short_flight import Phase, sine_cosine
 from rattle.scene.compiled import inlined, jit
 from rattle.scene.constants import Constants
 from rattle.scene.impact import struck
@@ -46,25 +47,37 @@ def _grown(x: float) -> float:
     """``e^x - 1``; the series, which is faster, where it is exact to 1e-13."""
     if x > 0.1:
         return math.expm1(x)
-    return x * (1 + x / 2 * (1 + x / 3 * (1 + x / 4 * (1 + x / 5 * (1 + x / 6 * (1 + x / 7 * (1 + x / 8)))))))
+    return x * (
+        1.0 + x * (1 / 2 + x * (1 / 6 + x * (1 / 24 + x * (1 / 120 + x * (1 / 720 + x * (1 / 5040 + x / 40320))))))
+    )
+
+
+@inlined
+def _growth(beta: float, t: float, from_: Phase, to: Phase) -> tuple[float, float, float]:
+    """``e^(beta t)`` over a piece of flight, its integral, and that of the squared modulation with ``e^(2 beta t)``."""
+    grown = _grown(beta * t)
+    twice = grown * (2.0 + grown)  # e^(2 beta t) - 1
+    length, longer = t, t
+    if beta > 0.0:
+        per = 1.0 / beta
+        length, longer = grown * per, 0.5 * twice * per
+    (sin_from, cos_from), (sin_to, cos_to) = from_, to
+    cos0, sin0 = cos_from * cos_from - sin_from * sin_from, 2.0 * cos_from * sin_from
+    cos1, sin1 = cos_to * cos_to - sin_to * sin_to, 2.0 * cos_to * sin_to
+    below = 0.5 / (1.0 + beta * beta)
+    even = ((1.0 + twice) * (beta * cos1 + sin1) - (beta * cos0 + sin0)) * below
+    odd = ((1.0 + twice) * (beta * sin1 - cos1) - (beta * sin0 - cos0)) * below
+    square = 0.5 * (1.0 + beta * beta) * longer + 0.5 * (beta * beta - 1.0) * even - beta * odd
+    return 1.0 + grown, length, square
 
 
 @inlined
 def _piece(
-    beta: float, gamma: float, variance: float, t: float, from_: tuple[float, float], to: tuple[float, float],
-    start: float, end: float,
-) -> tuple[float, float]:  # fmt: skip
-    """Impulse and work of the noise in a piece of flight; `from_` and `to` are cosine and sine of its ends."""
-    grown = _grown(beta * t)
-    twice = grown * (2.0 + grown)  # e^(2 beta t) - 1
-    length, longer = (grown / beta, 0.5 * twice / beta) if beta > 0.0 else (t, t)
-    pulled = (1.0 + grown) * end + gamma * length
-    cos0, sin0 = from_[0] * from_[0] - from_[1] * from_[1], 2.0 * from_[0] * from_[1]
-    cos1, sin1 = to[0] * to[0] - to[1] * to[1], 2.0 * to[0] * to[1]
-    below = 4.0 * (1.0 + beta * beta)
-    even = ((1.0 + twice) * 2.0 * (beta * cos1 + sin1) - 2.0 * (beta * cos0 + sin0)) / below
-    odd = ((1.0 + twice) * 2.0 * (beta * sin1 - cos1) - 2.0 * (beta * sin0 - cos0)) / below
-    square = 0.5 * (1.0 + beta * beta) * longer + 0.5 * (beta * beta - 1.0) * even - beta * odd  # of the modulation
+    gamma: float, variance: float, growth: tuple[float, float, float], start: float, end: float
+) -> tuple[float, float]:
+    """Impulse and work of the noise in a piece of flight."""
+    grown, length, square = growth
+    pulled = grown * end + gamma * length
     return pulled - start, 0.5 * (pulled * pulled - start * start - variance * square)
 
 
@@ -89,33 +102,43 @@ def add_noise_work(
     mass = c.mu / (1.0 - c.mu) if c.stages == 2 else 0.0
     variance, begin, last = c.sigma * c.sigma, tau - apart, states.shape[1] - 1
     for p in range(len(rows)):
-        at, here = begin, (math.cos(begin), math.sin(begin))
-        u1 = c.alpha * here[0] - before[p, 1]
+        at, here = begin, sine_cosine(begin)
+        u1 = c.alpha * here[1] - before[p, 1]
         u2, k, j = u1 + before[p, 3], 0, min(LONGEST - 1, last)
+        sum0 = sum1 = sum2 = sum3 = 0.0
         while j <= last:
             cut = tau + j * apart
             impact = k < impacts[p] and rows[p, k, 0] <= cut
             now, y1, y2 = cut, states[p, j, 1], states[p, j, 3]
             if impact:
                 now, y1, y2 = rows[p, k, 0], rows[p, k, 3], rows[p, k, 5]
-            there = (math.cos(now), math.sin(now))
-            end = c.alpha * there[0] - y1
-            impulse, work = _piece(c.beta1, c.gamma1, variance, now - at, here, there, u1, end)
-            work -= c.alpha * here[0] * impulse
+            there = sine_cosine(now)
+            moved = c.alpha * there[1]
+            end = moved - y1
+            growth = _growth(c.beta1, now - at, here, there)
+            impulse, work = _piece(c.gamma1, variance, growth, u1, end)
+            work -= c.alpha * here[1] * impulse
             if c.stages == 2:
-                other, more = _piece(c.beta2, c.gamma2, variance, now - at, here, there, u2, end + y2)
-                work += mass * (more - c.alpha * here[0] * other)
-            out[p, 0] += work
-            out[p, 1] += impulse
-            out[p, 2] += here[0] * impulse
-            out[p, 3] += here[1] * impulse
+                if c.beta2 != c.beta1:
+                    growth = _growth(c.beta2, now - at, here, there)
+                other, more = _piece(c.gamma2, variance, growth, u2, end + y2)
+                work += mass * (more - c.alpha * here[1] * other)
+            sum0 += work
+            sum1 += impulse
+            sum2 += here[1] * impulse
+            sum3 += here[0] * impulse
             if impact:
-                y1, y2 = struck(c, abs(int(rows[p, k, 6])), y1, y2)
+                first, second = struck(c, 1, y1, y2), struck(c, 2, y1, y2)  # both: the mesh is unpredictable
+                y1, y2 = first if abs(rows[p, k, 6]) == 1.0 else second
                 k += 1
             elif j == last:
                 break
             else:
                 j = min(j + LONGEST, last)
             at, here = now, there
-            u1 = c.alpha * there[0] - y1
+            u1 = moved - y1
             u2 = u1 + y2
+        out[p, 0] += sum0
+        out[p, 1] += sum1
+        out[p, 2] += sum2
+        out[p, 3] += sum3

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from rattle.montecarlo.long_run.sums import BINS, CELLS, FLIGHT, GROUPS, SPEED, Scales
+from rattle.montecarlo.long_run.sums import BINS, CELLS, FLIGHT, GROUPS, SPEED, Scales, cell_of
 from rattle.scene.compiled import jit
 
 __all__ = ["impacts_of", "no_scales", "scales_of_pilot"]
@@ -101,7 +101,9 @@ def scales_of_pilot(seen: Floats, slow: float) -> Scales:
             s.scale[g, i] = spread if spread > 0.0 else max(abs(s.centre[g, i]), 1.0)
             edges = np.quantile(values, share)
             s.edges[g, i] = edges
-            s.first[g, i] = np.searchsorted(edges, np.linspace(edges[0], edges[-1], CELLS + 1))
+            if edges[-1] > edges[0]:
+                cells = [cell_of(edges, edge) for edge in edges]
+                s.first[g, i] = np.searchsorted(cells, np.arange(CELLS + 1))
         if g > 0:
             low, high = np.quantile(own[:, 3], [1e-4, 1.0 - 1e-4])
             room = MARGIN * (high - low) + 1e-9 * max(abs(low), abs(high), 1e-30)

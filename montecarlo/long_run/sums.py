@@ -19,7 +19,7 @@ from rattle.scene.impact import energy_loss
 
 __all__ = [
     "BINS", "CELLS", "CONTACT", "ENERGY", "FLIGHT", "GROUPS", "MAIN", "NOISE", "NUMBER", "PHASES", "SLOW", "SPEED",
-    "VELOCITIES", "WORK", "Scales", "Sums", "add_stretch", "bin_of", "new_sums",
+    "VELOCITIES", "WORK", "Scales", "Sums", "add_stretch", "bin_of", "cell_of", "new_sums",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -40,7 +40,7 @@ FLIGHT = 0  # index of the flight in distributions; `SPEED` is 1 there too
 TURN = 2.0 * math.pi
 POWERS = 7  # power sums of order 0 to 6
 BINS = 400
-CELLS = 1024
+CELLS = 2048
 """Of equal width between the outermost edges; a bin is searched only among those that begin in the value's cell."""
 PHASES, VELOCITIES = 64, 64
 """Cells of the section along the phase and along the velocity."""
@@ -56,7 +56,7 @@ class Scales(NamedTuple):
     edges : ndarray, shape (GROUPS, 2, BINS - 1)
         Inner edges of the bins, ascending; the first and the last bin are open.
     first : ndarray of int, shape (GROUPS, 2, CELLS + 1)
-        Number of edges below each cell.
+        Number of edges in lower cells.
     low, high : ndarray, shape (2,)
         Velocities between which the section of each mesh is counted.
     slow : float
@@ -134,6 +134,24 @@ def new_sums(paths: int, batches: int, scales: Scales, detail: bool = True, toge
 
 
 @inlined
+def cell_of(edges: Floats, value: float) -> int:
+    """The cell of a value between the outermost edges; values in order are in cells in order, whatever is rounded.
+
+    Parameters
+    ----------
+    edges : ndarray
+        Ascending.
+    value : float
+        What is looked up.
+
+    Returns
+    -------
+    int
+    """
+    return min(int((value - edges[0]) / (edges[edges.size - 1] - edges[0]) * CELLS), CELLS - 1)
+
+
+@inlined
 def bin_of(edges: Floats, first: NDArray[np.int16], value: float) -> int:
     """Number of edges at or below a value.
 
@@ -142,7 +160,7 @@ def bin_of(edges: Floats, first: NDArray[np.int16], value: float) -> int:
     edges : ndarray
         Ascending.
     first : ndarray of int, shape (CELLS + 1,)
-        Number of edges below each of the cells of equal width between the outermost edges.
+        Number of edges in lower cells (`cell_of`), for each of the cells of equal width between the outermost edges.
     value : float
         What is looked up.
 
@@ -155,12 +173,8 @@ def bin_of(edges: Floats, first: NDArray[np.int16], value: float) -> int:
         return 0
     if value >= edges[n - 1]:
         return n
-    cell = min(int((value - edges[0]) / (edges[n - 1] - edges[0]) * CELLS), CELLS - 1)
-    low, high = (
-        int(first[cell]),
-        int(first[cell + 1]) + 1,
-    )  # one more: rounding may put a value into the cell before its own
-    low, high = max(low - 1, 0), min(high, n)
+    cell = cell_of(edges, value)
+    low, high = int(first[cell]), int(first[cell + 1])
     while low < high:
         middle = (low + high) // 2
         if edges[middle] <= value:
@@ -184,7 +198,8 @@ def _add_value(s: Sums, p: int, g: int, i: int, value: float) -> None:
     power[4] += square * square
     power[5] += cube * square
     power[6] += cube * cube
-    s.histogram[p // s.together, g, i, bin_of(scales.edges[g, i], scales.first[g, i], value)] += np.uint32(1)
+    at = g if i == FLIGHT else 0  # speeds have the same edges in all groups
+    s.histogram[p // s.together, g, i, bin_of(scales.edges[at, i], scales.first[at, i], value)] += np.uint32(1)
 
 
 @inlined

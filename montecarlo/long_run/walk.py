@@ -1,9 +1,7 @@
 """Paths followed without end: the kernel of `simulate`, a stretch of steps at a time.
 
 A block of paths goes through the compiled kernel of the exact flights for a part of a period; its impacts are added to
-sums, and it goes on.  A stretch has random numbers of its own: in stretch s path p has the number ``s 2^32 + p``.
-Of the fixed times that the kernel is given, the last is beyond the end: it retires no path before all fixed times are
-past, and a path that it retires is overwritten by another.
+sums, and it goes on (`rattle.montecarlo.long_run.stretches`).
 """
 
 import math
@@ -13,11 +11,12 @@ from numpy.typing import NDArray
 
 from rattle.montecarlo.kernel.block import start_state
 from rattle.montecarlo.kernel.control_variate import no_control
-from rattle.montecarlo.kernel.kernel import COLUMNS, EXACT, Job, block_kernel
+from rattle.montecarlo.kernel.kernel import COLUMNS, EXACT, Job
 from rattle.montecarlo.kernel.lanes import lanes_of
-from rattle.montecarlo.long_run.noise_work import add_noise_work, has_controls
+from rattle.montecarlo.long_run.noise_work import has_controls
 from rattle.montecarlo.long_run.pilot import impacts_of
-from rattle.montecarlo.long_run.sums import NOISE, Sums, add_stretch
+from rattle.montecarlo.long_run.stretches import MANY, Block, follow_stretches
+from rattle.montecarlo.long_run.sums import Sums
 from rattle.montecarlo.noise.backlash import backlash_of, draw_walls
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.step_size import default_step, scales_of
@@ -32,9 +31,7 @@ LANES = 128
 """Paths of a block: what all paths of a step share is computed once for so many."""
 SAMPLES = 64
 """Instants of a period at which states are taken for averages over time."""
-APART = 2**32  # between the numbers of a path in two stretches
-ROOM = 32  # impacts of a path in a stretch for which there is space at first: little space stays in the cache
-MANY = 256  # impacts of a path in a stretch from which on stretches become shorter
+ROOM = 33  # impacts of a path in a stretch for which there is space at first: little space stays in the cache
 SHORTEST = 8  # stretches of a period at the most
 
 
@@ -109,76 +106,75 @@ class Walk:
         walls = np.repeat([[c.wall1], [c.wall1], [c.wall2], [c.wall2]], paths, axis=1)
         if backlash.random:
             draw_walls(backlash, key, first, walls)
-        self.dt = PERIOD / self.steps
-        self._job = Job(c, backlash, key, scene.phase, self.dt, EXACT, False, 0)
+        job = Job(c, backlash, key, scene.phase, PERIOD / self.steps, EXACT, False, 0)
         starts = _spread_starts(scene, walls, seed, first)
-        self._controls, self._state = has_controls(c), starts.T.copy()  # state at the end of the last stretch
-        self._every, self._room = lanes_of(1, first, starts, walls, scene.phase)
-        self._struck = np.full((paths, 2), scene.phase)  # time of the last impact at each mesh
-        self.periods, self.stretches, self._part = 0, 0, self.steps
-        self._rows, self._states = np.empty((1, paths, ROOM, COLUMNS)), np.empty((1, paths, SAMPLES, 4))
+        every, room = lanes_of(1, first, starts, walls, scene.phase)
+        counters = (np.zeros(1, np.int64) for _ in range(4))
+        self._block = Block(
+            job, no_control(), first, paths, self.steps, every, room, starts.T.copy(),
+            np.full((paths, 2), scene.phase), np.empty((1, paths, SAMPLES + 1, 4)), np.zeros((0, 1, COLUMNS)),
+            *counters,
+        )  # fmt: skip
+        self._controls, self._fixed = has_controls(c), self._instants(self.steps)
+        self._rows = np.empty((1, paths, ROOM, COLUMNS))
 
-    def follow(self, sums: Sums, detail: bool, seen: list[Floats] | None = None) -> None:
-        """Follow all paths for a period, and add what they do.
+    @property
+    def periods(self) -> int:
+        """Periods followed so far."""
+        return int(self._block.periods[0])
+
+    @property
+    def stretches(self) -> int:
+        """Stretches followed so far."""
+        return int(self._block.stretches[0])
+
+    def follow(
+        self, sums: Sums, detail: bool, seen: list[Floats] | None = None, periods: int = 1, length: int = 1
+    ) -> None:
+        """Follow all paths for some periods, and add what they do.
 
         Parameters
         ----------
         sums : Sums
-            To be added to.
+            To be added to, from its batch on.
         detail : bool
             Whether distributions and the section are counted too.
         seen : list, optional
             Impacts are appended to it, as of `rattle.montecarlo.long_run.pilot.impacts_of`.
+        periods, length : int
+            Periods to follow, and in a batch.
         """
-        part = self._part  # steps of a stretch, fixed before it begins: what happens in it must not choose it
-        for begin in range(0, self.steps, part):
-            self._shorten(self._stretch(begin, part, sums, detail, seen))
-        self._every.last[0] -= PERIOD
-        self._struck -= PERIOD
-        self.periods += 1
-
-    def _shorten(self, most: int) -> None:
-        """Take shorter stretches from the next period on if one of this period had very many impacts."""
-        if most >= MANY and self._part > self.steps // SHORTEST:
-            self._part //= 2
-
-    def _stretch(self, begin: int, steps: int, sums: Sums, detail: bool, seen: list[Floats] | None) -> int:
-        """One stretch; returns the most impacts of a path in it."""
-        every = self._every
-        before = [array.copy() for array in every]
-        every.impacts[:] = 0
-        tau, first = self._job.tau + begin * self.dt, self.stretches * APART + self.first
-        self._room.path[:] = np.arange(first, first + self._room.path.size, dtype=np.uint64)
-        job = self._job._replace(tau=tau, most_steps=steps)
-        apart = self.steps // SAMPLES
-        at = np.arange(apart, steps + 1, apart)
-        if self._states.shape[2] != at.size:
-            self._states = np.empty((1, self.paths, at.size, 4))
-        states, fixed = self._states, np.append(at, steps + 1)
-        run = block_kernel(EXACT)
-        run(job, no_control(), first, every, self._room, self._rows, fixed, states, NO_CONTROLS)
-        most = int(every.impacts[0, : self.paths].max())
-        if most >= self._rows.shape[2]:  # again with the same random numbers, and space for all impacts
-            for array, old in zip(every, before, strict=True):
-                array[...] = old
-            every.impacts[:] = 0
-            self._room.path[:] = np.arange(first, first + self._room.path.size, dtype=np.uint64)
-            rows = np.empty((1, self.paths, 2 * most, COLUMNS))
-            run(job, no_control(), first, every, self._room, rows, fixed, states, NO_CONTROLS)
-            if 2 * most < MANY:
+        b, rows, until, batch = self._block, self._rows, self.periods + periods, sums.batch[0]
+        while self.periods < until:
+            at_once = SHORTEST * periods if seen is None and rows is self._rows else 1
+            struck = b.struck.copy()
+            most = follow_stretches(
+                b, rows, self._fixed, PERIOD, at_once, until, length, sums, detail, self._controls
+            )  # fmt: skip
+            if most:  # again with the same random numbers, and space for all impacts
+                rows = np.empty((1, self.paths, 2 * most, COLUMNS))
+                continue
+            if seen is not None:
+                seen.append(impacts_of(rows[0], b.every.impacts[0], struck))
+            if rows.shape[2] < MANY:
                 self._rows = rows  # from now on
-        else:
             rows = self._rows
-        if seen is not None:
-            seen.append(impacts_of(rows[0], every.impacts[0], self._struck.copy()))
-        c, own, first_at, dt = self._job.c, every.impacts[0], tau + apart * self.dt, apart * self.dt
-        if detail and self._controls:
-            out = sums.main[:, sums.batch[0], NOISE:]
-            add_noise_work(c, rows[0], own, self._state, states[0], first_at, dt, out)
-        self._state = states[0, :, -1].copy()
-        add_stretch(c, rows[0], own, self._struck, states[0], first_at, dt, sums, detail)
-        self.stretches += 1
-        return most
+            if b.begin[0] == 0:
+                self._shorten()
+        sums.batch[0] = batch
 
+    def _shorten(self) -> None:
+        """Take shorter stretches from the next period on if some of this period had very many impacts.
 
-NO_CONTROLS = np.zeros((0, 1, COLUMNS))
+        What happens in a stretch must not choose its own end.
+        """
+        part, least = int(self._fixed[-2]), self.steps // SHORTEST
+        for _ in range(int(self._block.long[0])):
+            part = part // 2 if part > least else part
+        self._block.long[0] = 0
+        self._fixed = self._instants(part)
+
+    def _instants(self, part: int) -> NDArray[np.int64]:
+        """Steps of a stretch at which states are recorded, and one beyond its end."""
+        apart = self.steps // SAMPLES
+        return np.append(np.arange(apart, part + 1, apart), part + 1)

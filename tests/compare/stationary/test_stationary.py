@@ -17,6 +17,7 @@ from rattle.compare.stationary import answer as answer_module
 from rattle.compare.stationary.answer import answer
 from rattle.compare.stationary.laws import law_of, values_of
 from rattle.montecarlo.long_run import BurnInError
+from rattle.montecarlo.long_run.estimates import estimates
 from rattle.montecarlo.long_run.sums import SLOW
 from rattle.scene import DAT21, InputError, Scene, Start
 
@@ -47,7 +48,7 @@ def test_motion_that_comes_to_rest_says_so(sigma):
 
 def test_several_attractors_are_named_with_their_shares():
     """Beside the symmetric orbit with two impacts a period there is one with six impacts in three periods."""
-    with pytest.raises(BurnInError, match=r"of 12 starts, \d+%") as caught:
+    with pytest.raises(BurnInError, match=r"of 12 starts, the motion of \d+%") as caught:
         rt.stationary(Scene(alpha=0.3, epsilon=0.8, beta1=0.05, gamma1=0.0, stages=1))
     assert "3 periods of the excitation and 6 impacts" in str(caught.value)
     assert "is periodic with the period of the excitation and 2 impacts" in str(caught.value)
@@ -134,14 +135,27 @@ def test_values_of_a_law_are_those_of_its_orbit():
     assert values["flight"] == pytest.approx(math.pi)
 
 
-def test_bursts_of_slow_impacts_are_named():
+def test_intervals_that_few_paths_carry_are_named():
     """A few paths carry nearly all slow impacts: the interval is not to be believed, and the answer says so."""
     found = rt.stationary(Scene.from_gears(DAT21, sigma=0.5), periods=64, paths=32, closures=[])
-    assert not any("rare bursts" in sentence for sentence in answer(found))
-    main = found.run.sums.main.copy()
+    assert "slow_share" not in found.few.index
+    sums = found.run.sums
+    main = sums.main.copy()
     main[3, 0, SLOW] += 400.0  # planted: one burst
-    burst = replace(found, run=replace(found.run, sums=found.run.sums._replace(main=main)))
-    assert any("about 1 of 32 paths" in sentence for sentence in answer(burst))
+    planted = estimates(sums._replace(main=main), ("slow_share",))["slow_share"]
+    table = found.table.copy()
+    table.loc["slow_share", "carriers"] = planted.carriers
+    burst = replace(found, table=table)
+    assert planted.carriers < 3.0  # what is left of it in the other paths' control variates counts too
+    assert "about 2 of 32 paths carry the error of `slow_share`" in " ".join(answer(burst))
+    assert "slow_share" in burst.to_dict()["too_narrow"]
+
+
+def test_attractors_that_little_noise_does_not_connect_are_named():
+    apart = Scene(alpha=0.3, epsilon=0.8, beta1=0.05, gamma1=0.0, stages=1, sigma=1e-6)
+    with pytest.raises(BurnInError, match=r"Without noise, of 12 starts, the motion of \d+% is periodic") as caught:
+        rt.stationary(apart, paths=32, budget=2.0)
+    assert caught.value.field == "burn_in"
 
 
 def test_physical_units():

@@ -1,0 +1,144 @@
+"""Stretch after stretch of a block of paths in compiled code: the kernel of `simulate`, then the sums.
+
+What is done once for a stretch (random numbers, times, and the way into compiled code) is spread over few impacts where
+a block has few paths, so that many stretches are one call.  A stretch has random numbers of its own: in stretch s path
+p has the number ``s 2^32 + p``.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rattle.montecarlo.kernel.control_variate import LinearPath
+from rattle.montecarlo.kernel.kernel import EXACT, Job, block_kernel
+from rattle.montecarlo.kernel.lanes import Lanes, Room
+from rattle.montecarlo.long_run.noise_work import add_noise_work
+from rattle.montecarlo.long_run.sums import NOISE, Sums, add_stretch
+from rattle.montecarlo.noise.philox import Word
+from rattle.scene.compiled import jit
+
+__all__ = ["MANY", "Block", "follow_stretches"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+APART = 2**32  # between the numbers of a path in two stretches
+MANY = 256  # impacts of a path in a stretch from which on stretches become shorter
+RUN = block_kernel(EXACT)
+
+
+class Block(NamedTuple):
+    """A block of paths that is followed without end.
+
+    Attributes
+    ----------
+    job : Job
+        Settings; its time is that at which every period begins.
+    control : LinearPath
+        Empty.
+    first, paths, steps : int
+        Number of the first path, number of paths, and of steps in a period.
+    every, room : Lanes, Room
+        Paths side by side, and buffers.
+    state : ndarray, shape (paths, 4)
+        States at the end of the last stretch.
+    struck : ndarray, shape (paths, 2)
+        Time of the last impact at each mesh.
+    samples : ndarray, shape (1, paths, samples + 1, 4)
+        Buffer of recorded states.  One more than is used: at powers of two, paths would share lines of the cache.
+    none : ndarray, shape (0, 1, COLUMNS)
+        Output of no control variate.
+    begin, periods, stretches, long : ndarray of int, shape (1,)
+        Step of the period at which the next stretch begins; periods and stretches followed so far; stretches of the
+        period in which a path had very many impacts.
+    """
+
+    job: Job
+    control: LinearPath
+    first: int
+    paths: int
+    steps: int
+    every: Lanes
+    room: Room
+    state: Floats
+    struck: Floats
+    samples: Floats
+    none: Floats
+    begin: Ints
+    periods: Ints
+    stretches: Ints
+    long: Ints
+
+
+@jit
+def follow_stretches(
+    b: Block, rows: Floats, fixed: Ints, turn: float, stretches: int, until: int, length: int, sums: Sums, detail: bool,
+    controls: bool,
+) -> int:  # fmt: skip
+    """Follow a block for some stretches.
+
+    Parameters
+    ----------
+    b : Block
+        The paths; brought up to date.
+    rows : ndarray, shape (1, paths, impacts, COLUMNS)
+        Space for the impacts of a stretch.
+    fixed : ndarray of int
+        Steps of a stretch after which states are recorded, and one beyond its end: the kernel retires no path before
+        all are past, and a path that it retires is overwritten by another.
+    turn : float
+        Time of a period.
+    stretches, until : int
+        Stretches to follow at most, and the number of periods to end at: the end of a batch.
+    length : int
+        Periods of a batch.
+    sums : Sums
+        Added to.
+    detail, controls : bool
+        Whether distributions and the section are counted, and whether the noise's work is summed then.
+
+    Returns
+    -------
+    int
+        0; or, where a path had more impacts in a stretch than there is space for, how many.  The block is then as
+        before that stretch.
+    """
+    samples = fixed.size - 1
+    part, apart = fixed[samples - 1], fixed[0]
+    between = apart * b.job.dt
+    for _ in range(stretches):
+        if b.periods[0] == until:
+            break
+        tau, number = b.job.tau + b.begin[0] * b.job.dt, b.stretches[0] * APART + b.first
+        for i in range(b.room.path.size):
+            b.room.path[i] = Word(number + i)
+        walls, last = b.every.walls.copy(), b.every.last.copy()
+        b.every.impacts[:] = 0
+        job = Job(b.job.c, b.job.backlash, b.job.key, tau, b.job.dt, b.job.scheme, b.job.two_point, part)
+        RUN(job, b.control, number, b.every, b.room, rows, fixed, b.samples, b.none)
+        own = b.every.impacts[0, : b.paths]
+        most = own.max()
+        if most >= rows.shape[2]:
+            b.every.walls[:], b.every.last[:] = walls, last
+            b.every.state[0, :, : b.paths] = b.state.T
+            return int(most)
+        states, at = b.samples[0, :, :samples], tau + between
+        if detail and controls:
+            out = sums.main[:, sums.batch[0], NOISE:]
+            add_noise_work(b.job.c, rows[0], own, b.state, states, at, between, out)
+        b.state[:] = states[:, samples - 1]
+        add_stretch(b.job.c, rows[0], own, b.struck, states, at, between, sums, detail)
+        b.stretches[0] += 1
+        b.begin[0] += part
+        b.long[0] += most >= MANY
+        if b.begin[0] == b.steps:
+            b.begin[0] = 0
+            b.periods[0] += 1
+            b.every.last[:] -= turn
+            b.struck[:] -= turn
+            if (until - b.periods[0]) % length == 0:
+                sums.batch[0] += 1
+            if b.long[0] > 0:
+                break
+    return 0
