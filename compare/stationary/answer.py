@@ -83,8 +83,9 @@ def _too_narrow(found: Stationary) -> list[str]:
     others = f" and {few.size - NAMED} more" if few.size > NAMED else ""
     periods = math.ceil(run.periods * (LEAST_CARRIERS / float(few.iloc[0]) - 1.0))
     return [
-        f"About {few.iloc[0]:.0f} of {run.paths} paths carry the error of {names[0]}, as where bursts are rare: intervals "
-        f"of {', '.join(names)}{others} may be too narrow. About {float(f'{periods:.1g}'):,.0f} more periods would do."
+        f"About {few.iloc[0]:.0f} of {run.paths} paths carry the error of {names[0]}, as where bursts are rare: "
+        f"intervals of {', '.join(names)}{others} may be too narrow. "
+        f"About {float(f'{periods:.1g}'):,.0f} more periods would do."
     ]
 
 
