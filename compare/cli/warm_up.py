@@ -16,17 +16,20 @@ Task = Callable[[], object]
 
 
 def tasks() -> dict[str, Task]:
-    """Small runs that compile what the commands need, by name: every closure, every scheme, and the long orbits."""
+    """Small runs that compile what the commands need, by name: every closure, every scheme, long orbits and runs."""
     from rattle.closure import CLOSURES, mean_map
     from rattle.compare.chaos.exponents import lyapunov
-    from rattle.montecarlo import SCHEMES, Record, simulate
+    from rattle.montecarlo import SCHEMES, Record, simulate, simulate_rare
     from rattle.montecarlo.coupling.long_path import LongPath
     from rattle.montecarlo.coupling.pairs import growths
+    from rattle.montecarlo.long_run import long_run
+    from rattle.montecarlo.rare_events import rare_events
     from rattle.scene import DAT21, Scene, Tolerance
 
     scene = Scene.from_gears(DAT21, sigma=0.1)
     single = Scene.from_gears(DAT21, sigma=0.1, stages=1)
     tolerant = Scene.from_gears(DAT21, sigma=0.1, tolerance=Tolerance(1e-3, 1e-3, draw="contact"))
+    by_path = Scene.from_gears(DAT21, sigma=0.1, tolerance=Tolerance(1e-3, 1e-3, draw="path"))
     found: dict[str, Task] = {}
     for name in CLOSURES:
         found[f"closure {name}"] = partial(mean_map, scene, impacts=IMPACTS, closure=name)
@@ -36,6 +39,12 @@ def tasks() -> dict[str, Task]:
         found[f"scheme {name}"] = partial(
             simulate, tolerant, paths=PATHS, impacts=IMPACTS, scheme=name, record=record
         )  # fmt: skip
+    for name, one in (("rare branches", scene), ("rare branches, one stage", single)):
+        found[name] = partial(rare_events, one, 4)
+    found["paths near rare branches"] = partial(simulate_rare, scene, paths=PATHS, impacts=IMPACTS)
+    for name, one in (("the long run", scene), ("the long run, one stage", single)):
+        found[name] = partial(long_run, one, paths=16, periods=64)
+    found["gaps that vary by path"] = partial(simulate, by_path, paths=PATHS, impacts=IMPACTS)
     found["orbits"] = partial(lyapunov, scene, impacts=8192, strict=False)
     found["long paths"] = partial(LongPath(scene, 0).stretch, 100)
     found["pairs of paths"] = partial(growths, scene, 1e-4, 2, seed=0, settle=10)

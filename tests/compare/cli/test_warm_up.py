@@ -9,12 +9,13 @@ from click.testing import CliRunner
 from rattle.closure import CLOSURES, mean_map
 from rattle.compare.cli.main import main
 from rattle.compare.cli.warm_up import tasks
-from rattle.montecarlo import SCHEMES, simulate
+from rattle.montecarlo import SCHEMES, simulate, simulate_rare
+from rattle.montecarlo.long_run import long_run
 from rattle.scene import DAT21, Scene, Tolerance, machine_code
 from rattle.scene.compiled import jit
 
 
-def test_after_warming_up_no_closure_or_scheme_compiles_anything():
+def test_after_warming_up_nothing_is_compiled():
     found = tasks()
     assert {f"closure {name}" for name in CLOSURES} | {f"scheme {name}" for name in SCHEMES} < set(found)
     for task in found.values():
@@ -28,7 +29,9 @@ def test_after_warming_up_no_closure_or_scheme_compiles_anything():
         for name in CLOSURES:
             mean_map(scene, impacts=3, closure=name)
         for name in SCHEMES:
-            simulate(scene, paths=40, impacts=3, scheme=name)
+            assert simulate(scene, paths=40, impacts=3, scheme=name).diagnostics is not None
+        long_run(scene, paths=16, periods=64)
+    simulate_rare(Scene.from_gears(DAT21, sigma=0.1), paths=40, impacts=3)
     assert machine_code.compiled_here() == before
 
 
