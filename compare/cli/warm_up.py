@@ -34,6 +34,7 @@ def tasks() -> dict[str, Task]:
     for name in CLOSURES:
         found[f"closure {name}"] = partial(mean_map, scene, impacts=IMPACTS, closure=name)
         found[f"closure {name}, one stage"] = partial(mean_map, single, impacts=IMPACTS, closure=name)
+        found[f"closure {name}, gaps that vary"] = partial(mean_map, by_path, impacts=IMPACTS, closure=name)
     for name, scheme in SCHEMES.items():
         record = Record(step_bias=scheme.has_step_bias, histogram=True, energy=True, batches=True)
         found[f"scheme {name}"] = partial(
