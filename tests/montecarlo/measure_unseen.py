@@ -81,7 +81,7 @@ def _covered(scene: Scene, truth: pd.DataFrame) -> tuple[int, int]:
     for seed in range(RUNS):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", AccuracyWarning)
-            run = simulate_to(scene, ACCURACY, impacts=len(truth), scheme="exact-flight", rng=1000 + seed, budget=1.0)
+            run = simulate_to(scene, ACCURACY, impacts=len(truth), scheme="exact-flight", rng=1000 + seed, budget=3.0)
         unit = units(run)
         off = [
             ((run.section[p + q] - truth[p + q]).abs() / unit[q]).max() for q in SECTION for p in ("", "sd_")
@@ -106,7 +106,7 @@ def main() -> None:
             for suffix, table in zip(("_without", ""), _verdicts(scene, truth.section, paths), strict=True):
                 found["inaccurate" + suffix] = int((table == "inaccurate").sum().max())
                 found["decided" + suffix] = float(table.isin(["accurate", "inaccurate"]).to_numpy().mean())
-            if paths == PATHS[-1] and name in ("A, 0.3", "B, 0.3", "C, 0.3", "pair"):
+            if paths == PATHS[-1] and name in ("A, 0.3", "B, 0.3", "C, 0.3", "D, 0.3"):
                 found["reached"], found["held"] = _covered(scene, truth.section)
             rows.append(found)
             print(found, flush=True)
