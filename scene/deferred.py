@@ -6,8 +6,8 @@ function of ours that is called by compiled code of ours alone is only linked; t
 optimised, once, with all below it.  Numba's own functions, and those of who imports this package beside his own, are
 compiled as ever: one of his that calls one of ours finds it optimised and translated.
 
-What loops over paths is optimised as numba does; the rest, small matrices called once or a few thousand times, less:
-unrolled and in vectors its loops take LLVM longer than they run.  No optimisation changes a floating-point result.
+What loops over paths is optimised as numba does; closures, small matrices a few thousand times, less: unrolled and in
+vectors their loops take LLVM longer than they run.  No optimisation changes a floating-point result.
 
 Numba has no public way to do so.  Of its internals this module and `rattle.scene.dispatcher` use what a code library
 does between `finalize` and `get_pointer_to_function`, the pass managers, the environments (Python objects of compiled

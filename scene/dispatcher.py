@@ -24,6 +24,7 @@ NORMALIZED: Any = sigutils.normalize_signature
 SETTINGS: Any = ConfigStack
 FLAGS: Any = Flags
 ENVIRONMENT: Any = Environment
+FEW = "rattle.closure."  # where no loop is over paths or time steps: small matrices, a few thousand times
 
 
 class Shared(DISPATCHER):  # type: ignore[misc]
@@ -106,7 +107,7 @@ class Shared(DISPATCHER):  # type: ignore[misc]
         description.env_name += "_for_python"  # objects of its own: callers are kept without those of a wrapper
         environment = ENVIRONMENT.from_fndesc(description)
         library = Deferred(made.codegen, description.qualname)
-        library.brief = self.targetoptions.get("_nrt", True)  # not where a loop over paths may be in it: `lean`
+        library.brief = self.py_func.__module__.startswith(FEW)
         library.add_linking_library(made.library)
         flags = FLAGS()
         self.targetdescr.options.parse_as_flags(flags, self.targetoptions)
