@@ -1,6 +1,6 @@
 """Measure how often an exactly right closure is called inaccurate, and whether an accuracy bounds the errors.
 
-Writes docs/results/unseen.csv: ``python -m tests.montecarlo.measure_unseen``.  The stand-in of an exact closure is a
+Writes docs/results/unseen.csv: ``python tests/montecarlo/measure_unseen.py``.  The stand-in of an exact closure is a
 much larger, independent ensemble of exact flights.
 """
 

@@ -147,7 +147,7 @@ def test_intervals_that_few_paths_carry_are_named():
     table.loc["slow_share", "carriers"] = planted.carriers
     burst = replace(found, table=table)
     assert planted.carriers < 3.0  # what is left of it in the other paths' control variates counts too
-    assert "about 2 of 32 paths carry the error of `slow_share`" in " ".join(answer(burst))
+    assert "About 2 of 32 paths carry the error of `slow_share`" in " ".join(answer(burst))
     assert "slow_share" in burst.to_dict()["too_narrow"]
 
 
