@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from rattle.closure.branching.advance import Advance
-from rattle.closure.branching.error import bounds, hopeless, settled
+from rattle.closure.branching.error import bounds, hopeless, within
 from rattle.closure.branching.fixed_times import FixedTimes
 from rattle.closure.branching.mixture import moments
 from rattle.closure.branching.refine import Level
@@ -80,8 +80,11 @@ def _refined(scene: Scene, impacts: int, order: int, tolerance: float | None) ->
     found = _trace(scene, impacts, order, LEVELS[first])
     for level in LEVELS[first + 1 :]:
         coarse, found = found, _trace(scene, impacts, order, level)
-        found = replace(found, error=bounds(coarse, found), work=coarse.work + found.work)
-        if tolerance is not None and (settled(found, tolerance) or hopeless(found, tolerance)):
+        error = bounds(coarse, found)
+        found = replace(found, error=error, work=coarse.work + found.work)
+        if tolerance is None:
+            continue
+        if within(error, tolerance)[1 : found.found + 1].all() or hopeless(found, tolerance):
             break
     return found
 

@@ -68,7 +68,7 @@ PLANTED = {
     "no cut at the next impact": lambda f: f._replace(end=f.end + np.array([np.inf, 0.0])),
     "its time does not depend on the state": lambda f: f._replace(crossing=0.0 * f.crossing),
     "all noise at the start": lambda f: f._replace(time=0.0 * f.time),
-    "parts in place of their parents": lambda f: f._replace(centre=f.centre + 0.05),
+    "later noise not conditioned on the state": lambda f: f._replace(regression=0.0 * f.regression),
 }
 
 
@@ -115,7 +115,7 @@ def test_in_flight_at_small_noise_it_is_the_saltation_closure(scene):
         np.testing.assert_allclose(b["rho1"], s["rho1"], atol=1e4 * noise**2)
     for i, power in enumerate((1, 2)):
         coarse, fine = off[1e-3][i].max(), off[1e-4][i].max()
-        assert coarse < 1e-2
+        assert fine < 5e-3
         assert np.log10(coarse / fine) == pytest.approx(power, abs=0.1)
 
 
@@ -142,6 +142,10 @@ def test_as_many_flights_are_followed_as_the_time_asks_for():
     m, further = (mean_map(scene, impacts=k, closure="branching") for k in (3, 6))
     time = m.section["tau"].loc[3]
     assert moments_of(scene).gaussians(time)[0].sum() == pytest.approx(1.0, abs=0.02)
-    np.testing.assert_allclose(m.at_times([time]), further.at_times([time]), rtol=1e-9, atol=1e-9)
+    # the label "on the orbit" ends with the orbit that is asked for, so components merge a little differently
+    np.testing.assert_allclose(m.at_times([time]), further.at_times([time]), rtol=5e-3, atol=1e-3)
+    few = moments_of(scene)
+    few.most = 3
+    assert np.isnan(few(time)[0]).all()  # negative control: a part of the paths is on the fourth flight
     with pytest.raises(InputError, match="lies outside the times followed"):
         m.at_times([time + 0.1])
