@@ -24,6 +24,7 @@ from rattle.scene.eigen import eigen
 from rattle.scene.flight import flow, jacobian, noise_covariance
 from rattle.scene.scene import Scene
 from rattle.scene.small_matrices import applied, congruence, put, times
+from rattle.scene.small_vectors import beyond, put_scaled
 
 __all__ = ["FixedTimes"]
 
@@ -163,44 +164,52 @@ def _at(
 
 
 @jit
+def _cut(mean: Floats, covariance: Floats, along: Floats, shift: float, narrow: float) -> None:
+    """Cut a Gaussian in place: a standard normal, whose covariance with it is `along`, gets this mean and variance."""
+    for i in range(mean.size):
+        mean[i] += shift * along[i]
+        for j in range(mean.size):
+            covariance[i, j] -= (1.0 - narrow) * along[i] * along[j]
+
+
+@jit
 def _add(c: Constants, f: Flight, time: float, weight: Floats, mean: Floats, covariance: Floats) -> float:
     """Gaussians of the state at a time on a flight, three for each component; returns the share of started paths."""
     started, d = 0.0, f.mean.shape[1]
     for j in range(f.weight.size):
-        m, s, cross = f.mean[j].copy(), f.covariance[j].copy(), f.crossing[j].copy()
-        end, variance = f.end[j, 0], f.end[j, 1]
-        share, shift, narrow = _below(_depth(time - m[0], s[0, 0]))
+        share, shift, narrow = _below(_depth(time - f.mean[j, 0], f.covariance[j, 0, 0]))
         share *= f.weight[j]
         started += share
         if share < NEGLIGIBLE:
             continue
-        sd = math.sqrt(max(s[0, 0], 0.0))
-        along, ahead = np.zeros(d), 0.0  # covariances with the standardised tau, which is then given
-        if sd > 0.0:
-            ahead = cross[0] / sd
+        m, s, crossing = f.mean[j].copy(), f.covariance[j].copy(), f.crossing[j].copy()
+        end, variance = f.end[j, 0], f.end[j, 1]
+        along = np.zeros(d)
+        if narrow < 1.0:
+            sd = math.sqrt(s[0, 0])
+            put_scaled(along, s[0], sd)
+            ahead = crossing[0] / sd
+            _cut(m, s, along, shift, narrow)
+            end += shift * ahead
+            variance -= (1.0 - narrow) * ahead * ahead
             for k in range(d):
-                along[k] = s[k, 0] / sd
+                crossing[k] -= (1.0 - narrow) * along[k] * ahead
+        flying, early, narrow = _below(_depth(end - time, variance))
+        share *= flying
+        if share < NEGLIGIBLE:
+            continue
+        if narrow < 1.0:
+            put_scaled(along, crossing, math.sqrt(variance))
+            _cut(m, s, along, -early, narrow)
         for k in range(d):
-            cross[k] -= along[k] * ahead
-            for n in range(d):
-                s[k, n] -= along[k] * along[n]
-        variance -= ahead * ahead
+            along[k] = 0.0
+        if s[0, 0] > 0.0:
+            put_scaled(along, s[0], math.sqrt(s[0, 0]))
+        _cut(m, s, along, 0.0, 0.0)  # tau is given
         for point in range(3):
-            at, z = 3 * j + point, shift + math.sqrt(narrow) * POINTS[point]
-            later = end + z * ahead
-            flying, late, tight = _below(_depth(later - time, variance))
-            weight[at] = share * SHARES[point] * flying
-            if weight[at] == 0.0:
-                continue
-            given, left = np.empty(d), s.copy()
-            for k in range(d):
-                given[k] = m[k] + z * along[k]
-            if tight < 1.0:
-                for k in range(d):
-                    given[k] -= late * cross[k] / math.sqrt(variance)
-                    for n in range(d):
-                        left[k, n] -= (1.0 - tight) * cross[k] * cross[n] / variance
-            _at(c, f, f.parent[j], given, left, time, mean[at], covariance[at])
+            at, given = 3 * j + point, beyond(m, POINTS[point], along)
+            weight[at] = share * SHARES[point]
+            _at(c, f, f.parent[j], given, s, time, mean[at], covariance[at])
     return started
 
 
