@@ -37,20 +37,20 @@ class Closure(NamedTuple):
         ``trace(scene, impacts, order)``, returns a `Trace`.
     check : callable
         ``check(scene)``, raises InputError for a scene to which the closure does not apply.
-    refine : callable, optional
-        ``refine(scene, impacts, order, tolerance)``, as `trace`, as coarse as an asked-for tolerance allows.
+    refines : bool
+        Whether `trace` takes a tolerance as its last argument, and is then as coarse as that allows.
     """
 
-    trace: Callable[[Scene, int, int], Trace]
+    trace: Callable[..., Trace]
     check: Callable[[Scene], None] = lambda scene: None
-    refine: Callable[[Scene, int, int, float], Trace] | None = None
+    refines: bool = False
 
 
 CLOSURES = {
     "published": Closure(published.trace, published.check),
     "corrected": Closure(corrected.trace),
     "saltation": Closure(saltation.trace),
-    "branching": Closure(branching.trace, refine=branching.trace),
+    "branching": Closure(branching.trace, refines=True),
 }
 """The closures, by name."""
 
@@ -274,9 +274,10 @@ class MeanMap:
         Returns
         -------
         DataFrame
-            Index ``time``; columns ``x1, y1, x2, y2``, ``cov_x1_x1, cov_x1_y1, ...`` and ``rho1, rho2``.  NaN for
-            ``branching``, which has no moments at fixed times.  In physical units index ``time_ms`` and columns
-            ``x1_mm, y1_mm_per_s, ..., cov_x1_x1_mm2, cov_x1_y1_mm2_per_s, ...``.
+            Index ``time``; columns ``x1, y1, x2, y2``, ``cov_x1_x1, cov_x1_y1, ...`` and ``rho1, rho2``.  In physical
+            units index ``time_ms`` and columns ``x1_mm, y1_mm_per_s, ..., cov_x1_x1_mm2, cov_x1_y1_mm2_per_s, ...``.
+            ``branching`` counts every path on the flight on which it is at that time, whichever that is; NaN where the
+            flights that it follows (twice as many as impacts, and eight) do not hold nearly all paths.
 
         Raises
         ------
@@ -289,6 +290,13 @@ class MeanMap:
         >>> m = mean_map(Scene.from_gears(DAT21, sigma=0.1), impacts=1)
         >>> m.at_times([0.3], units="physical")[["x1_mm", "y1_mm_per_s"]].round(3).reset_index().loc[0].tolist()
         [1.0, -0.006, -106.119]
+
+        At the mean time of an impact half of the paths have had it: their velocities have two signs.
+
+        >>> m = mean_map(Scene.from_gears(DAT21, sigma=0.01), impacts=2, closure="branching")
+        >>> at = m.at_times([m.section["tau"].loc[1]])
+        >>> at[["x1", "y1"]].assign(sd_y1=at["cov_y1_y1"] ** 0.5).round(2).to_numpy().tolist()
+        [[-0.5, -0.09, 1.75]]
         """
         check_units(units, self.scene.gears)
         low, high = self.trace.span
@@ -413,8 +421,7 @@ def mean_map(
         How many impacts after the start.
     closure : {"saltation", "branching", "corrected", "published"}
         Which closure (docs/model.md section 6).  ``saltation`` is asymptotically exact for small noise.  ``branching``
-        is a mixture over the different itineraries that paths take under larger noise; it predicts section moments and
-        shares of itineraries only.
+        is a mixture over the different itineraries that paths take under larger noise, and predicts their shares too.
     order : int
         Highest order of the moments in the Edgeworth series, 2 to 6.  ``saltation`` has first-order means and sds at
         order 2, and adds mean shifts and skewness from order 3 on.
@@ -447,16 +454,16 @@ def mean_map(
     choice("closure", closure, CLOSURES)
     count("order", order, *ORDERS)
     CLOSURES[closure].check(scene)
-    if tolerance is None:
-        return MeanMap(scene, closure, impacts, order, CLOSURES[closure].trace(scene, impacts, order))
-    positive("tolerance", tolerance)
-    refine = CLOSURES[closure].refine
-    if refine is None:
-        able = ", ".join(name for name, of in CLOSURES.items() if of.refine is not None)
-        raise InputError(
-            "tolerance", tolerance, f"closure {closure!r} cannot refine itself; leave it out, or use {able}"
-        )
-    return MeanMap(scene, closure, impacts, order, refine(scene, impacts, order, tolerance), tolerance)
+    asked: tuple[float, ...] = ()
+    if tolerance is not None:
+        positive("tolerance", tolerance)
+        if not CLOSURES[closure].refines:
+            able = ", ".join(name for name, of in CLOSURES.items() if of.refines)
+            raise InputError(
+                "tolerance", tolerance, f"closure {closure!r} cannot refine itself; leave it out, or use {able}"
+            )
+        asked = (tolerance,)
+    return MeanMap(scene, closure, impacts, order, CLOSURES[closure].trace(scene, impacts, order, *asked), tolerance)
 
 
 def refusals(scene: Scene) -> dict[str, str]:

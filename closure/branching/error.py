@@ -14,7 +14,7 @@ from rattle.closure.moments import Trace
 from rattle.closure.orbit import Floats
 from rattle.scene.moments import SECTION
 
-__all__ = ["advice", "bounds", "hopeless", "largest_error", "settled", "within"]
+__all__ = ["advice", "bounds", "hopeless", "largest_error", "within"]
 
 CHANGED = 1.0  # error per change from the coarser level
 SLOW = 0.7  # error per share of slow impacts
@@ -97,24 +97,6 @@ def within(error: Floats, tolerance: float) -> NDArray[np.bool_]:
     """
     limits = np.array([tolerance, SDS * tolerance])[:, None]
     return np.asarray(~(error > limits).any(axis=(1, 2)))
-
-
-def settled(found: Trace, tolerance: float) -> bool:
-    """Whether all bounds are within a tolerance.
-
-    Parameters
-    ----------
-    found : Trace
-        With bounds of its errors.
-    tolerance : float
-        Of the means, in sds; twice that of the sds.
-
-    Returns
-    -------
-    bool
-        True if no finer level is needed.
-    """
-    return found.error is not None and bool(within(found.error, tolerance)[1 : found.found + 1].all())
 
 
 def hopeless(found: Trace, tolerance: float) -> bool:

@@ -15,7 +15,7 @@ from rattle.scene.constants import Constants
 from rattle.scene.eigen import eigen
 from rattle.scene.flight import field, jacobian
 from rattle.scene.small_matrices import applied, block, inner, put, quadratic, times, times_transposed
-from rattle.scene.small_vectors import dot, norm
+from rattle.scene.small_vectors import dot, norm, put_row
 
 __all__ = ["Image", "propagate"]
 
@@ -32,10 +32,13 @@ class Image(NamedTuple):
         Section states; the label is ``mesh * side`` of the impact, 0 for none.
     flight : ndarray, shape (components, 2)
         Mean and variance of the flight time.
+    crossing : ndarray, shape (components, d)
+        Covariance of the section state at the start of the flight, its noise included, with the time of the impact.
     """
 
     section: Mixture
     flight: Floats
+    crossing: Floats
 
 
 @jit
@@ -138,6 +141,8 @@ def propagate(c: Constants, centre: Floats, axes: Floats, to: Image, at: int, be
         for k in range(d):
             spread[j, k] = 0.0
     flight[0], flight[1] = t, 0.0
+    for j in range(d):
+        to.crossing[at, j] = 0.0
     if code == 0 or rank == 0:
         return 0.0, np.zeros(rank)
     linear, curve = _derivatives(c, code, centre, axes, t, before)
@@ -152,6 +157,7 @@ def propagate(c: Constants, centre: Floats, axes: Floats, to: Image, at: int, be
     for k in range(rank):
         own[k] = linear[0, k] - axes[0, k] + (0.0 if straight else tilt * u[k])
     put(spread, times_transposed(linear, linear))
+    put_row(to.crossing[at], applied(axes, linear[0]))
     flight[1] = dot(own, own)
     if straight:
         for j in range(PLAIN):
@@ -178,4 +184,6 @@ def propagate(c: Constants, centre: Floats, axes: Floats, to: Image, at: int, be
                 spread[j, k] += 0.25 * ((ends[0, j] - ends[1, j]) * (ends[0, k] - ends[1, k]))
         flight[0] = 0.5 * (times[0] + times[1])
         flight[1] += 0.25 * (times[0] - times[1]) ** 2
+        for j in range(d):
+            to.crossing[at, j] += 0.5 * (ends[0, 0] - ends[1, 0]) * v[j]
     return bend, u

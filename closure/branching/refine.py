@@ -23,7 +23,7 @@ from rattle.scene.flight import jacobian, noise_covariance, noise_rate
 from rattle.scene.small_matrices import applied, block, congruence
 from rattle.scene.small_vectors import beyond, dot, largest, norm, put_row, put_scaled
 
-__all__ = ["Buffers", "Level", "buffers", "fly"]
+__all__ = ["Buffers", "Level", "add_noise", "buffers", "fly"]
 
 NEGLIGIBLE = 1e-6  # weight beyond a boundary that need not be found
 LIGHT = 1e-4  # weight of a component above which boundaries are searched for
@@ -75,6 +75,12 @@ class Buffers(NamedTuple):
         The impact (``mesh * side``) beyond that plane.
     slow : ndarray
         Share of the squared impact speed that noise makes.
+    parent : ndarray of int
+        The component after the last impact of which it is a part.
+    plane : ndarray, shape (components, d)
+        One sd across the boundary that halves a component.
+    halved : ndarray
+        Distance of that boundary, in sds; 0 for a component that is not halved.
     """
 
     start: Mixture
@@ -85,6 +91,9 @@ class Buffers(NamedTuple):
     depth: Floats
     beyond: Ints
     slow: Floats
+    parent: Ints
+    plane: Floats
+    halved: Floats
 
 
 def buffers(size: int, d: int = PLAIN) -> Buffers:
@@ -102,10 +111,10 @@ def buffers(size: int, d: int = PLAIN) -> Buffers:
     Buffers
         All weights 0.
     """
-    image = Image(empty(2 * size, d), np.zeros((2 * size, 2)))
+    image = Image(empty(2 * size, d), np.zeros((2 * size, 2)), np.zeros((2 * size, d)))
     return Buffers(
         empty(size, d), image, np.zeros(size, np.int64), np.zeros(size), np.zeros((size, d)), np.zeros(size),
-        np.zeros(size, np.int64), np.zeros(size),
+        np.zeros(size, np.int64), np.zeros(size), np.zeros(size, np.int64), np.zeros((size, d)), np.zeros(size),
     )  # fmt: skip
 
 
@@ -142,7 +151,7 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
     """
     w, centre = b.start.weight[i], b.start.mean[i]
     b.image.section.weight[2 * i], b.image.section.weight[2 * i + 1] = w, 0.0
-    b.error[i], b.depth[i] = 0.0, 0.0
+    b.error[i], b.depth[i], b.halved[i] = 0.0, 0.0, 0.0
     rank, full = root(b.start.covariance[i])
     axes = block(full, centre.size, 0, rank)
     t, code = event(c, centre, before)
@@ -160,6 +169,8 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
                 put_row(b.axis[i], applied(axes, n))
             else:
                 pieces = 2
+                b.halved[i] = depth
+                put_row(b.plane[i], applied(axes, n))
     worst = 0.0
     for k in range(pieces):
         share, rate, variance = half(depth, k == 0) if pieces == 2 else (1.0, 0.0, 1.0)
@@ -207,7 +218,7 @@ def _cut(b: Buffers, i: int, count: int) -> int:
             parts.mean[at, m] = centre[m] + place * v[m]
             for n in range(v.size):
                 parts.covariance[at, m, n] = sigma[m, n] - (1.0 - variance) * (v[m] * v[n])
-        parts.label[at], b.ignored[at] = parts.label[i], b.ignored[i]
+        parts.label[at], b.ignored[at], b.parent[at] = parts.label[i], b.ignored[i], b.parent[i]
     if pieces == 2:
         b.ignored[count] |= 1 << (code + 2)
         b.ignored[i] |= 1 << (b.beyond[i] + 2)
@@ -215,12 +226,11 @@ def _cut(b: Buffers, i: int, count: int) -> int:
 
 
 @jit
-def fly(c: Constants, live: int, b: Buffers, level: Level) -> tuple[int, float]:
-    """Propagate components to their next impact, splitting them where that is worth it.
+def add_noise(c: Constants, live: int, b: Buffers) -> float:
+    """Add the noise of the next flight to the components, at its start.
 
-    The noise of a flight is added at its start: the displacement ``exp(-A t) n`` leads to the same state at its end.  A
-    component whose flight is damped by more than ``exp(-DAMPED)`` is discarded: flown back, its noise has no digits
-    left.
+    The displacement ``exp(-A t) n`` leads to the same state at the end of the flight.  A component whose flight is
+    damped by more than ``exp(-DAMPED)`` is discarded: flown back, its noise has no digits left.
 
     Parameters
     ----------
@@ -229,19 +239,14 @@ def fly(c: Constants, live: int, b: Buffers, level: Level) -> tuple[int, float]:
     live : int
         Number of components in use.
     b : Buffers
-        Components in ``b.start``; their images are written to ``b.image``.
-    level : Level
-        How finely.
+        Components in ``b.start``; overwritten.
 
     Returns
     -------
-    count : int
-        Number of components after splitting.
-    discarded : float
+    float
         Probability discarded.
     """
-    before = np.empty(4)
-    discarded = 0.0
+    before, discarded = np.empty(4), 0.0
     for i in range(live):
         t, code = event(c, b.start.mean[i], before)
         if code != 0 and t * max(c.beta1, c.beta2) > DAMPED:
@@ -253,7 +258,31 @@ def fly(c: Constants, live: int, b: Buffers, level: Level) -> tuple[int, float]:
             for m in range(4):
                 for n in range(4):
                     b.start.covariance[i, 1 + m, 1 + n] += noise[m, n]
-        b.ignored[i] = 0
+        b.ignored[i], b.parent[i] = 0, i
+    return discarded
+
+
+@jit
+def fly(c: Constants, live: int, b: Buffers, level: Level) -> int:
+    """Propagate components to their next impact, splitting them where that is worth it.
+
+    Parameters
+    ----------
+    c : Constants
+        The scene.
+    live : int
+        Number of components in use.
+    b : Buffers
+        Components in ``b.start``, with the noise of the flight; their images are written to ``b.image``.
+    level : Level
+        How finely.
+
+    Returns
+    -------
+    int
+        Number of components after splitting.
+    """
+    before = np.empty(4)
     count, last, seen = live, 0, 0  # seen: components examined already, except the last one that was split
     while True:
         for k in range(seen, count + (1 if seen > 0 else 0)):
@@ -265,4 +294,4 @@ def fly(c: Constants, live: int, b: Buffers, level: Level) -> tuple[int, float]:
         if b.error[last] < level.worth:
             break
         count = _cut(b, last, count)
-    return count, discarded
+    return count

@@ -16,19 +16,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from rattle.closure.branching.error import bounds, hopeless, settled
-from rattle.closure.branching.mixture import Mixture, empty, moments, reduce
-from rattle.closure.branching.propagate import Image
-from rattle.closure.branching.refine import Level, buffers, fly
-from rattle.closure.flanks import PLAIN, column, forget, random_tolerance, start_pieces
+from rattle.closure.branching.advance import Advance
+from rattle.closure.branching.error import bounds, hopeless, within
+from rattle.closure.branching.fixed_times import FixedTimes
+from rattle.closure.branching.mixture import moments
+from rattle.closure.branching.refine import Level
+from rattle.closure.flanks import PLAIN
 from rattle.closure.moments import Trace
 from rattle.closure.orbit import Floats, follow
-from rattle.closure.section_map import hit_matrix
-from rattle.scene.compiled import jit
-from rattle.scene.constants import Constants
 from rattle.scene.scene import Scene
-from rattle.scene.small_matrices import applied, congruence, put
-from rattle.scene.small_vectors import put_row
 
 __all__ = ["LEVELS", "trace"]
 
@@ -37,44 +33,6 @@ LEVELS = (
     Level(10, 18, 1e-2, 3e-3), Level(20, 60, 3e-3, 1e-3), Level(40, 180, 1e-3, 1e-4), Level(80, 600, 1e-4, 1e-6)
 )  # fmt: skip
 """Resolutions of the closure, the coarsest first."""
-
-ON_ORBIT = 10  # added to the label of a component whose itinerary is the orbit's
-
-
-@jit
-def _strike(
-    c: Constants, redrawn: Floats, start: Mixture, image: Image, count: int, own: int, after: Mixture
-) -> tuple[int, float]:
-    """Apply the restitution map to all images, packed to the front; returns their number and the weight without impact.
-
-    The labels of `after` are the impact, ``mesh * side``, plus `ON_ORBIT` if the itinerary is still the orbit's, whose
-    impact is `own`.  `redrawn` has the variances of the deviations of +1, -1, +2, -2 that contacts draw anew; it is
-    empty if none are.
-    """
-    section, flight = image.section, image.flight
-    kept, discarded = 0, 0.0
-    for i in range(2 * count):
-        w, code = section.weight[i], section.label[i]
-        if w == 0.0:
-            continue
-        if code == 0:
-            discarded += w
-            continue
-        hit = hit_matrix(c, abs(code), section.mean.shape[1])
-        section.weight[kept], section.label[kept] = w, code
-        put_row(flight[kept], flight[i])
-        put_row(section.mean[kept], section.mean[i])
-        put(section.covariance[kept], section.covariance[i])
-        after.weight[kept] = w
-        put_row(after.mean[kept], applied(hit, section.mean[i]))
-        put(after.covariance[kept], congruence(hit, section.covariance[i]))
-        if redrawn.size > 0:
-            flank = column(abs(code), -code)
-            forget(flank, after.mean[kept], after.covariance[kept])
-            after.covariance[kept, flank, flank] = redrawn[flank - PLAIN]
-        after.label[kept] = code + (ON_ORBIT if start.label[i // 2] > 2 and code == own else 0)
-        kept += 1
-    return kept, discarded
 
 
 def trace(scene: Scene, impacts: int, order: int, tolerance: float | None = None) -> Trace:
@@ -99,7 +57,7 @@ def trace(scene: Scene, impacts: int, order: int, tolerance: float | None = None
     -------
     Trace
         With the mixtures, the shares of paths on the orbit's itinerary, the probability discarded and the bounds of its
-        own errors; no moments at fixed times.
+        own errors.
     """
     unit = 2.0 ** math.frexp(scene.constants.wall1)[1]
     scaled = scene.scaled(1.0 / unit)
@@ -108,7 +66,12 @@ def trace(scene: Scene, impacts: int, order: int, tolerance: float | None = None
     parts = {
         k: (w, means * lengths, variances * lengths**2) for k, (w, means, variances) in (found.parts or {}).items()
     }
-    return replace(found, mean=found.mean * unit, sd=found.sd * lengths, parts=parts)
+
+    def at(time: float) -> tuple[Floats, Floats]:
+        mean, covariance = found.at(time)
+        return mean * unit, covariance * unit**2
+
+    return replace(found, mean=found.mean * unit, sd=found.sd * lengths, parts=parts, at=at)
 
 
 def _refined(scene: Scene, impacts: int, order: int, tolerance: float | None) -> Trace:
@@ -117,27 +80,21 @@ def _refined(scene: Scene, impacts: int, order: int, tolerance: float | None) ->
     found = _trace(scene, impacts, order, LEVELS[first])
     for level in LEVELS[first + 1 :]:
         coarse, found = found, _trace(scene, impacts, order, level)
-        found = replace(found, error=bounds(coarse, found), work=coarse.work + found.work)
-        if tolerance is not None and (settled(found, tolerance) or hopeless(found, tolerance)):
+        error = bounds(coarse, found)
+        found = replace(found, error=error, work=coarse.work + found.work)
+        if tolerance is None:
+            continue
+        if within(error, tolerance)[1 : found.found + 1].all() or hopeless(found, tolerance):
             break
     return found
 
 
 def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
     """`trace` in the scene's own unit of length, at one level."""
-    c, orbit = scene.constants, follow(scene, impacts).until_sticking
-    tolerance = random_tolerance(scene)
-    redrawn = np.repeat(tolerance.variances, 2) if tolerance and tolerance.draw == "contact" else np.zeros(0)
-    first = start_pieces(scene)
-    live, d = first.mean.shape
-    size = max(level.cut, live)
-    b, after = buffers(size, d), empty(2 * size, d)
+    orbit = follow(scene, impacts).until_sticking
+    run = Advance(scene, orbit, level)
+    b, after = run.buffers, run.after
     section, flight = b.image.section, b.image.flight
-    b.start.weight[:live], b.start.label[:live] = first.weight, ON_ORBIT
-    b.start.mean[:live] = first.mean
-    b.start.mean[:live, :PLAIN] += np.array([orbit.tau[0], *orbit.after[0]])
-    b.start.covariance[:live] = first.variance
-    discarded = 0.0
     tau, mean = np.full(impacts + 1, np.nan), np.full((impacts + 1, 4), np.nan)
     sd, skew = np.full((impacts + 1, 6), np.nan), np.full((impacts + 1, 6), np.nan)
     covariance = np.full((impacts + 1, 4, 4), np.nan)
@@ -150,13 +107,13 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
     parts: dict[int, tuple[Floats, Floats, Floats]] = {}
     for k in range(1, impacts + 1):
         own = int(orbit.mesh[k] * orbit.side[k])
-        flown, damped = fly(c, live, b, level)
-        count, endless = _strike(c, redrawn, b.start, b.image, flown, own, after)
-        discarded += endless + damped
+        run.fly()
+        run.strike(own)
+        flown, count = run.flown, run.kept
         work += flown
         slow[k] = b.start.weight[:flown] @ b.slow[:flown]
         residual[k] = b.error[:flown].sum()
-        if count == 0 or discarded > 0.5:
+        if count == 0 or run.discarded > 0.5:
             found = k - 1
             break
         w, s = after.weight[:count], section.mean[:count]
@@ -168,11 +125,8 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
         tau[k], mean[k] = centre[0], centre[2:]
         code = max((-2, -1, 1, 2), key=lambda a: w[section.label[:count] == a].sum())
         mesh[k], side[k] = abs(code), np.sign(code)
-        agreement[k], discarded_at[k] = w[after.label[:count] > 2].sum(), discarded
-        live = reduce(after, count, level.components, b.start)
-
-    def at(time: float) -> tuple[Floats, Floats]:
-        return np.full(4, np.nan), np.full((4, 4), np.nan)  # at one time the components are between different impacts
+        agreement[k], discarded_at[k] = w[after.label[:count] > 2].sum(), run.discarded
+        run.merge()
 
     stopped = "" if found == impacts else f"more than half of the probability is discarded after impact {found}"
     raw = np.full((impacts + 1, 2, order + 1, order + 1), np.nan)
@@ -185,7 +139,7 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
         skew,
         covariance,
         raw,
-        at,
+        FixedTimes(scene, orbit, level, impacts),
         found,
         stopped,
         parts=parts,

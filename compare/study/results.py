@@ -147,7 +147,7 @@ class Results:
 
         Columns: the fields that vary, ``closure, impacts, reached, invalid`` (impacts whose second moments are not
         realizable), ``beyond`` (those of them with ``|rho| > 1``), ``largest`` (|rho|).  ``branching`` has no rows:
-        it predicts no correlations.
+        it predicts no correlations before impacts.
         """
         rows = []
         for point, _, prediction in self._pairs():

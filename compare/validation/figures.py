@@ -122,7 +122,7 @@ def correlation_figure(v: Validation) -> Figure:
                     label=f"{closure}: negative variance",
                 )
         fixed = v.table[(v.table["kind"] == "fixed time") & (v.table["quantity"] == f"rho{stage}")]
-        for closure in closures:
+        for closure in v.predictions:
             rows = fixed[fixed["closure"] == closure].dropna(subset=["predicted"])
             if rows.empty:
                 continue

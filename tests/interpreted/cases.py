@@ -83,9 +83,9 @@ def predicted(scene, closure, impacts, order=4):
     t = m.trace
     yield m.section.drop(columns="realizable").to_numpy(float)
     yield from (a for a in (t.mean, t.sd, t.skew, t.raw, t.agreement, t.discarded) if a is not None)
-    if closure != "branching" and t.found > 1:
+    if t.found > 1:
         yield m.at_times(np.linspace(t.tau[0], t.tau[t.found] if t.until is None else t.until, 7)[1:-1]).to_numpy(float)
-        if t.raw[1, 0, 2, 0] > 0.0 and t.raw[1, 0, 0, 2] > 0.0:
+        if closure != "branching" and t.raw[1, 0, 2, 0] > 0.0 and t.raw[1, 0, 0, 2] > 0.0:
             yield m.density(1, "y1", np.linspace(-3.0, 3.0, 5))
 
 

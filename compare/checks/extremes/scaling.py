@@ -146,7 +146,9 @@ def absolute_times() -> Extreme:
         scenes = (late, _scene(truth.phase(tau)))
         a, b = (validation.validate(s, impacts=2, paths=4096, rng=1, dt=0.01).table for s in scenes)
         errors.append(float((a["verdict"] != b["verdict"]).sum()))
-        errors.append(farthest(a[["error", "low", "high"]], b[["error", "low", "high"]], 1e-11))
+        # at a fixed time `branching` takes back the noise of the rest of the flight, which cancels most of it
+        scale = np.where((a["closure"] == "branching") & (a["kind"] == "fixed time"), 1e-7, 1e-11)[:, None]
+        errors.append(farthest(a[["error", "low", "high"]], b[["error", "low", "high"]], scale))
     return Extreme(
         "late start: absolute times, and verdicts", "start.tau", "1e4 to 1e12, and -1e12",
         "sums of fractions; the verdicts at the same phase", worst_of(errors), 0.5,

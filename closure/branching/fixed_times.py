@@ -1,0 +1,275 @@
+"""Moments of the branching closure at fixed times, when components are on different flights.
+
+At a time s a path is on the flight between its impacts at tau and tau' if ``tau <= s < tau'``.  A component and its two
+times are jointly Gaussian, so both ends are cuts of a Gaussian.  Given tau, the flight is affine: it is flown from
+three points of the Gaussian of tau (Gauss-Hermite).  The closure adds the noise of a whole flight at its start; of a
+point there, what acts after s is taken back by its Gaussian regression on the point, in the component before it was
+split.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from rattle.closure.branching.advance import Advance
+from rattle.closure.branching.mixture import Mixture
+from rattle.closure.branching.refine import Buffers, Level
+from rattle.closure.branching.split import event, half
+from rattle.closure.flanks import PLAIN
+from rattle.closure.orbit import Floats, Ints, Orbit
+from rattle.scene.compiled import jit
+from rattle.scene.constants import Constants
+from rattle.scene.eigen import eigen
+from rattle.scene.flight import flow, jacobian, noise_covariance
+from rattle.scene.scene import Scene
+from rattle.scene.small_matrices import applied, congruence, put, times
+from rattle.scene.small_vectors import beyond, put_scaled
+
+__all__ = ["FixedTimes"]
+
+REACH = 6.0  # distance of a cut, in sds, beyond which a Gaussian is on one side of it
+POINTS, SHARES = np.array([-math.sqrt(3.0), 0.0, math.sqrt(3.0)]), np.array([1.0, 4.0, 1.0]) / 6.0
+NEGLIGIBLE = 1e-7  # weight of a component on a flight that is left out
+ROUNDING = 1e-14  # eigenvalue, relative to the largest, below which a direction does not vary
+OPEN = 1e-3  # share of paths beyond the last flight that is followed
+LACKING = 0.05  # weight too little or too much, above which there are no moments
+FURTHER = 2, 8  # flights followed, at most: per impact asked for, and besides
+
+
+class Flight(NamedTuple):
+    """Components between two impacts.
+
+    Attributes
+    ----------
+    weight, mean, covariance : ndarray, shapes (n,), (n, d), (n, d, d)
+        At the start, after splitting, the noise of the flight included.
+    end : ndarray, shape (n, 2)
+        Mean and variance of the time of the next impact; infinite mean if there is none.
+    crossing : ndarray, shape (n, d)
+        Covariance of the start with that time.
+    parent : ndarray of int, shape (n,)
+        The component before splitting.
+    centre : ndarray, shape (parents, d)
+        Its mean.
+    regression : ndarray, shape (parents, d, d)
+        Inverse of its covariance, on its range.
+    time : ndarray, shape (parents,)
+        Time of its mean's flight, whose noise was added; 0 if it does not end.
+    """
+
+    weight: Floats
+    mean: Floats
+    covariance: Floats
+    end: Floats
+    crossing: Floats
+    parent: Ints
+    centre: Floats
+    regression: Floats
+    time: Floats
+
+
+@jit
+def _inverse(covariance: Floats) -> Floats:
+    """Inverse of a covariance on its range."""
+    d = covariance.shape[0]
+    values, vectors = eigen(covariance)
+    out = np.zeros((d, d))
+    for k in range(d):
+        if values[k] > ROUNDING * values[d - 1] and values[k] > 0.0:
+            for i in range(d):
+                for j in range(d):
+                    out[i, j] += vectors[i, k] * vectors[j, k] / values[k]
+    return out
+
+
+@jit
+def _regressions(c: Constants, whole: Mixture) -> tuple[Floats, Floats]:
+    """`Flight.regression` and `Flight.time` of components before splitting."""
+    n, d = whole.mean.shape
+    inverse, flown, before = np.zeros((n, d, d)), np.zeros(n), np.empty(4)
+    for i in range(n):
+        t, code = event(c, whole.mean[i], before)
+        flown[i] = t if code != 0 else 0.0
+        put(inverse[i], _inverse(whole.covariance[i]))
+    return inverse, flown
+
+
+def _in_flight(c: Constants, whole: Mixture, b: Buffers, count: int) -> Flight:
+    """Copies of the components of a flight; those that a boundary halves as their halves."""
+    section = b.image.section
+    place = np.flatnonzero(section.weight[: 2 * count] > 0.0)
+    of = place // 2
+    mean, covariance = b.start.mean[of], b.start.covariance[of]
+    for j in np.flatnonzero(b.halved[of] > 0.0):
+        plane = b.plane[of[j]]
+        _, rate, variance = half(b.halved[of[j]], bool(place[j] % 2 == 0))
+        mean[j] += rate * plane
+        covariance[j] -= (1.0 - variance) * np.outer(plane, plane)
+    end = np.column_stack([section.mean[place, 0], section.covariance[place, 0, 0]])
+    end[section.label[place] == 0] = np.inf, 0.0
+    inverse, flown = _regressions(c, whole)
+    return Flight(
+        section.weight[place], mean, covariance, end, b.image.crossing[place], b.parent[of], whole.mean, inverse, flown
+    )
+
+
+@jit
+def _below(depth: float) -> tuple[float, float, float]:
+    """Weight, mean and variance of a standard normal below `depth`."""
+    if depth >= REACH:
+        return 1.0, 0.0, 1.0
+    if depth <= -REACH:
+        return 0.0, 0.0, 1.0
+    weight, rate, variance = half(abs(depth), depth >= 0.0)
+    return weight, (rate if depth >= 0.0 else -rate), variance
+
+
+@jit
+def _depth(gap: float, variance: float) -> float:
+    """A gap in sds."""
+    if variance > 0.0:
+        return gap / math.sqrt(variance)
+    return math.inf if gap >= 0.0 else -math.inf
+
+
+@jit
+def _at(
+    c: Constants, f: Flight, parent: int, mean: Floats, covariance: Floats, time: float, out: Floats, spread: Floats
+) -> None:
+    """State at a time, of the starts with the time `mean[0]` and this Gaussian: its mean and covariance."""
+    d, t = mean.size, f.time[parent]
+    done = min(max(time - mean[0], 0.0), t)
+    turned = np.zeros((4, d))  # derivative of the state at the start, with the noise up to `time` only
+    for i in range(4):
+        turned[i, 1 + i] = 1.0
+    put(spread, congruence(turned, covariance))
+    start = mean[1:PLAIN].copy()
+    if done < t:
+        rest = congruence(jacobian(c, -t), noise_covariance(c, f.centre[parent, 0] + done, t - done))
+        gain = times(rest, f.regression[parent, 1:PLAIN])
+        back = applied(gain, mean - f.centre[parent])
+        for i in range(4):
+            start[i] -= back[i]
+            for j in range(d):
+                turned[i, j] -= gain[i, j]
+        put(spread, congruence(turned, covariance))
+        known = times(gain[:, 1:PLAIN].copy(), rest)
+        for i in range(4):
+            for j in range(4):
+                spread[i, j] += rest[i, j] - known[i, j]
+    left = time - mean[0]
+    out[0], out[1], out[2], out[3] = flow(c, mean[0], start[0], start[1], start[2], start[3], left)
+    put(spread, congruence(jacobian(c, left), spread))
+
+
+@jit
+def _cut(mean: Floats, covariance: Floats, along: Floats, shift: float, narrow: float) -> None:
+    """Cut a Gaussian in place: a standard normal, whose covariance with it is `along`, gets this mean and variance."""
+    for i in range(mean.size):
+        mean[i] += shift * along[i]
+        for j in range(mean.size):
+            covariance[i, j] -= (1.0 - narrow) * along[i] * along[j]
+
+
+@jit
+def _add(c: Constants, f: Flight, time: float, weight: Floats, mean: Floats, covariance: Floats) -> float:
+    """Gaussians of the state at a time on a flight, three for each component; returns the share of started paths."""
+    started, d = 0.0, f.mean.shape[1]
+    for j in range(f.weight.size):
+        share, shift, narrow = _below(_depth(time - f.mean[j, 0], f.covariance[j, 0, 0]))
+        share *= f.weight[j]
+        started += share
+        if share < NEGLIGIBLE:
+            continue
+        m, s, crossing = f.mean[j].copy(), f.covariance[j].copy(), f.crossing[j].copy()
+        end, variance = f.end[j, 0], f.end[j, 1]
+        along = np.zeros(d)
+        if narrow < 1.0:
+            sd = math.sqrt(s[0, 0])
+            put_scaled(along, s[0], sd)
+            ahead = crossing[0] / sd
+            _cut(m, s, along, shift, narrow)
+            end += shift * ahead
+            variance -= (1.0 - narrow) * ahead * ahead
+            for k in range(d):
+                crossing[k] -= (1.0 - narrow) * along[k] * ahead
+        flying, early, narrow = _below(_depth(end - time, variance))
+        share *= flying
+        if share < NEGLIGIBLE:
+            continue
+        if narrow < 1.0:
+            put_scaled(along, crossing, math.sqrt(variance))
+            _cut(m, s, along, -early, narrow)
+        for k in range(d):
+            along[k] = 0.0
+        if s[0, 0] > 0.0:
+            put_scaled(along, s[0], math.sqrt(s[0, 0]))
+        _cut(m, s, along, 0.0, 0.0)  # tau is given
+        for point in range(3):
+            at, given = 3 * j + point, beyond(m, POINTS[point], along)
+            weight[at] = share * SHARES[point]
+            _at(c, f, f.parent[j], given, s, time, mean[at], covariance[at])
+    return started
+
+
+class FixedTimes:
+    """Mean and covariance of the state at fixed times; follows the closure anew, as far as the times ask for it."""
+
+    def __init__(self, scene: Scene, orbit: Orbit, level: Level, impacts: int) -> None:
+        """Prepare; nothing is followed before the first time is asked for.
+
+        Parameters
+        ----------
+        scene : Scene
+            What is modelled.
+        orbit : Orbit
+            Its orbit.
+        level : Level
+            How finely.
+        impacts : int
+            Impacts asked for.
+        """
+        self.scene, self.orbit, self.level = scene, orbit, level
+        self.most = FURTHER[0] * impacts + FURTHER[1]
+        self.flights: list[Flight] = []
+        self.run: Advance | None = None
+
+    def __call__(self, time: float) -> tuple[Floats, Floats]:
+        """Mean and covariance of the state at a local time, shapes (4,) and (4, 4); NaN where `LACKING`."""
+        weight, mean, covariance = self.gaussians(time)
+        total = weight.sum()
+        if abs(total - 1.0) > LACKING:
+            return np.full(4, np.nan), np.full((4, 4), np.nan)
+        share = weight / total
+        centre = mean[0] + share @ (mean - mean[0])
+        off = mean - centre
+        return centre, np.einsum("n,nij->ij", share, covariance) + np.einsum("n,ni,nj->ij", share, off, off)
+
+    def gaussians(self, time: float) -> tuple[Floats, Floats, Floats]:
+        """The mixture of states at a local time: weights, means and covariances; the weights sum to nearly 1."""
+        c, found = self.scene.constants, []
+        for k in range(self.most):
+            if k == len(self.flights) and not self._follow():
+                break
+            n = 3 * self.flights[k].weight.size
+            weight, mean, covariance = np.zeros(n), np.zeros((n, 4)), np.zeros((n, 4, 4))
+            started = _add(c, self.flights[k], time, weight, mean, covariance)
+            found.append((weight[weight > 0.0], mean[weight > 0.0], covariance[weight > 0.0]))
+            if started < OPEN:
+                break
+        return tuple(np.concatenate(a) for a in zip(*found, strict=True))  # type: ignore[return-value]
+
+    def _follow(self) -> bool:
+        """Follow one more flight; False if the closure has ended."""
+        if self.run is None:
+            self.run = Advance(self.scene, self.orbit, self.level)
+        else:
+            k = len(self.flights)
+            self.run.strike(int(self.orbit.mesh[k] * self.orbit.side[k]) if k < len(self.orbit.mesh) else 0)
+            if self.run.kept == 0:
+                return False
+            self.run.merge()
+        whole = self.run.fly()
+        self.flights.append(_in_flight(self.scene.constants, whole, self.run.buffers, self.run.flown))
+        return True
