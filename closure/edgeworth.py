@@ -242,11 +242,19 @@ def mixture_density(values: Floats, weights: Floats, means: Floats, variances: F
     centre = (weights * means).sum()
     sd = np.sqrt((weights * (variances + (means - centre) ** 2)).sum())
     width = np.maximum(np.sqrt(variances), 0.01 * sd)
-    out = np.zeros(np.shape(values))
-    for w, m, s in zip(weights, means, width, strict=True):
-        z = (np.asarray(values) - m) / s
-        out += w * exponentials(-0.5 * z * z) / (np.sqrt(2.0 * np.pi) * s)
+    given = np.asarray(values, dtype=float)
+    out = np.zeros(given.shape)
+    _add_normals(given.ravel(), weights, means, width, out.ravel())
     return out
+
+
+@jit
+def _add_normals(values: Floats, weights: Floats, means: Floats, sds: Floats, out: Floats) -> None:
+    """Add a mixture's density at `values`, shape (n,), to `out`."""
+    for i, value in enumerate(values):
+        for k, w in enumerate(weights):
+            z = (value - means[k]) / sds[k]
+            out[i] += w * exp(-0.5 * z * z) / (sqrt(2.0 * pi) * sds[k])
 
 
 @dataclass(frozen=True)
@@ -281,6 +289,25 @@ class Edgeworth:
         u, v = np.asarray(xi) / self.sd_x, np.asarray(zeta) / self.sd_y
         weight = exponentials(-0.5 * (u * u + v * v)) / (2.0 * np.pi * self.sd_x * self.sd_y)
         return np.asarray(weight * hermite_e.hermeval2d(u, v, self.a))
+
+    def density_on_grid(self, xi: Floats, zeta: Floats) -> Floats:
+        """Joint density on a grid, to rounding that of `density` and several times faster.
+
+        Parameters
+        ----------
+        xi : ndarray, shape (m,)
+            Displacement perturbations.
+        zeta : ndarray, shape (n,)
+            Velocity perturbations.
+
+        Returns
+        -------
+        ndarray, shape (m, n)
+            Density at these points.
+        """
+        u, v = xi / self.sd_x, zeta / self.sd_y
+        normal = np.outer(exponentials(-0.5 * u * u), exponentials(-0.5 * v * v))
+        return np.asarray(normal * hermite_e.hermegrid2d(u, v, self.a / (2.0 * np.pi * self.sd_x * self.sd_y)))
 
     def velocity_density(self, zeta: Floats) -> Floats:
         """Marginal density of the velocity perturbation.

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import stdtrit
 
 from rattle.compare.chaos.record import Regime, check_finite, noisy_record, orbit_record
 from rattle.scene.errors import InputError
@@ -92,7 +92,7 @@ def ratio_mean(top: Floats, bottom: Floats, batches: int = BATCHES) -> Mean:
     lag1 = float((residual[1:] * residual[:-1]).sum()) / spread if spread > 0.0 else 0.0  # autocorrelation
     widening = (1.0 + max(lag1, 0.0)) / (1.0 - max(lag1, 0.0))
     se = math.sqrt(spread * batches / (batches - 1) * widening) / float(b.sum())
-    return Mean(value, float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, batches - 1)) * se, batches / widening)
+    return Mean(value, float(stdtrit(batches - 1, 0.5 + 0.5 * CONFIDENCE)) * se, batches / widening)
 
 
 @dataclass(frozen=True)

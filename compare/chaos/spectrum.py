@@ -16,7 +16,8 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy import ndimage, signal, stats
+from scipy import ndimage, signal
+from scipy.special import chdtri
 
 from rattle.closure.long_orbit import velocities
 from rattle.compare.chaos.record import Regime, check_finite, noisy_record, orbit_record
@@ -65,7 +66,7 @@ class Spectrum:
     @property
     def band(self) -> tuple[Floats, Floats]:
         """95 % band of the true density, bin by bin."""
-        low, high = (float(stats.chi2.ppf(0.5 + s * CONFIDENCE, self.dof)) for s in (-0.5, 0.5))
+        low, high = (float(chdtri(self.dof, 0.5 + s * CONFIDENCE)) for s in (0.5, -0.5))
         return self.power * self.dof / high, self.power * self.dof / low
 
     @cached_property
@@ -75,7 +76,7 @@ class Spectrum:
         The continuous part is assumed to be smooth over 65 bins; narrower features count as bands.
         """
         around = ndimage.median_filter(self.power, size=2 * AROUND + 1, mode="reflect")
-        return np.asarray(around * (self.dof / float(stats.chi2.ppf(0.5, self.dof))))
+        return np.asarray(around * (self.dof / float(chdtri(self.dof, 0.5))))
 
     @property
     def threshold(self) -> float:
@@ -84,7 +85,7 @@ class Spectrum:
         It includes three standard errors of the floor: a median has 1.25 times the standard error of a mean, and with
         this window 65 neighbouring bins count as 65 / 1.5 independent ones.
         """
-        chance = stats.chi2.ppf(1.0 - FALSE_ALARM / self.power.size, self.dof) / self.dof
+        chance = chdtri(self.dof, FALSE_ALARM / self.power.size) / self.dof
         unsure = 1.25 * math.sqrt(2.0 / self.dof) / math.sqrt((2 * AROUND + 1) / 1.5)
         return float(chance * (1.0 + 3.0 * unsure))
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import stdtrit
 
 from rattle.compare.chaos.exponents import CONFIDENCE
 from rattle.montecarlo.coupling.pairs import after_impact
@@ -74,7 +74,7 @@ def fitted(deltas: Floats, apart: Floats) -> tuple[float, float, float]:
     """
     x = np.log(deltas) - np.log(deltas).mean()
     slopes = np.log(np.abs(apart)) @ x / (x @ x)
-    half = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, slopes.size - 1)) * float(slopes.std(ddof=1)) / slopes.size**0.5
+    half = float(stdtrit(slopes.size - 1, 0.5 + 0.5 * CONFIDENCE)) * float(slopes.std(ddof=1)) / slopes.size**0.5
     value = float(slopes.mean())
     return value, value - half, value + half
 
@@ -123,7 +123,7 @@ def sqrt_law(scene: Scene, *, impacts: int = 4000, seed: int = 0, deltas: Floats
     law = (1.0 + scene.epsilon) * scene.sigma * np.abs(modulation) * np.sqrt(deltas / speed)
     square = (apart / law)[modulated] ** 2
     n = len(square)
-    half = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, n - 1)) * square.std(axis=0, ddof=1) / n**0.5
+    half = float(stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE)) * square.std(axis=0, ddof=1) / n**0.5
     table = pd.DataFrame({
         "delta": deltas, "apart": np.sqrt((apart[modulated] ** 2).mean(axis=0)), "ratio": square.mean(axis=0),
         "low": square.mean(axis=0) - half, "high": square.mean(axis=0) + half, "impacts": n,

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import ndtri
 
 from rattle.closure import mean_map
 from rattle.compare.chaos.exponents import CONFIDENCE, ORBIT, Exponents, drift_exponents, lyapunov
@@ -210,7 +210,7 @@ def signs(rows: pd.DataFrame) -> NDArray[np.int64]:
     >>> signs(pd.DataFrame({"low": [0.5, -1.0, np.nan], "high": [1.5, 1.0, np.nan]})).tolist()
     [1, 0, 0]
     """
-    wider = float(stats.norm.isf(0.5 * (1.0 - CONFIDENCE) / len(rows)) / stats.norm.isf(0.5 * (1.0 - CONFIDENCE)))
+    wider = float(ndtri(0.5 * (1.0 - CONFIDENCE) / len(rows)) / ndtri(0.5 * (1.0 - CONFIDENCE)))
     middle, half = 0.5 * (rows["high"] + rows["low"]), 0.5 * wider * (rows["high"] - rows["low"])
     return np.where(middle - half > 0.0, 1, np.where(middle + half < 0.0, -1, 0))
 

@@ -4,10 +4,15 @@ import sys
 import time
 from collections.abc import Callable
 from functools import partial
+from typing import TYPE_CHECKING
 
 import click
+import numpy as np
 
 from rattle.compare.cli.console import say
+
+if TYPE_CHECKING:
+    from rattle.scene import Scene
 
 __all__ = ["warm_up"]
 
@@ -17,7 +22,7 @@ Task = Callable[[], object]
 
 def tasks() -> dict[str, Task]:
     """Small runs that compile what the commands need, by name: every closure, every scheme, long orbits and runs."""
-    from rattle.closure import CLOSURES, mean_map
+    from rattle.closure import CLOSURES
     from rattle.compare.chaos.exponents import lyapunov
     from rattle.montecarlo import SCHEMES, Record, simulate, simulate_rare
     from rattle.montecarlo.coupling.long_path import LongPath
@@ -32,9 +37,12 @@ def tasks() -> dict[str, Task]:
     by_path = Scene.from_gears(DAT21, sigma=0.1, tolerance=Tolerance(1e-3, 1e-3, draw="path"))
     found: dict[str, Task] = {}
     for name in CLOSURES:
-        found[f"closure {name}"] = partial(mean_map, scene, impacts=IMPACTS, closure=name)
-        found[f"closure {name}, one stage"] = partial(mean_map, single, impacts=IMPACTS, closure=name)
-        found[f"closure {name}, gaps that vary"] = partial(mean_map, by_path, impacts=IMPACTS, closure=name)
+        found[f"closure {name}"] = partial(_predicted, scene, name)
+        found[f"closure {name}, one stage"] = partial(_predicted, single, name)
+        found[f"closure {name}, gaps that vary"] = partial(_predicted, by_path, name)
+    found["closures in the long run"] = partial(
+        _stationary, Scene(alpha=0.25, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1, sigma=0.01)
+    )
     for name, scheme in SCHEMES.items():
         record = Record(step_bias=scheme.has_step_bias, histogram=True, energy=True, batches=True)
         found[f"scheme {name}"] = partial(
@@ -50,6 +58,24 @@ def tasks() -> dict[str, Task]:
     found["long paths"] = partial(LongPath(scene, 0).stretch, 100)
     found["pairs of paths"] = partial(growths, scene, 1e-4, 2, seed=0, settle=10)
     return found
+
+
+def _predicted(scene: "Scene", closure: str) -> None:
+    """All that a closure can be asked for."""
+    from rattle.closure import mean_map
+
+    found = mean_map(scene, impacts=IMPACTS, closure=closure)
+    start, end = found.section["tau"].iloc[[0, -1]]
+    found.at_times([0.5 * (start + end)])
+    found.density(IMPACTS, "y1", np.zeros(1))
+
+
+def _stationary(scene: "Scene") -> None:
+    """The linear closure at a periodic orbit."""
+    from rattle.closure.attractor import attractor
+    from rattle.closure.stationary import linear_law
+
+    linear_law(scene, attractor(scene))
 
 
 @click.command("warm-up")

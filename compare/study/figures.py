@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy.stats import binomtest
 
 from rattle.compare.report.style import STYLE, SYMBOL, legend_above, new_figure, whole_impacts
 from rattle.compare.study.results import Results
@@ -128,6 +127,8 @@ def _wilson(k: int, n: int) -> tuple[float, float]:
     """Wilson's 95 % interval of a share k / n; without noise one path represents all, and k = 0 or 1 is exact."""
     if n <= 1:
         return (float(k), float(k)) if n else (0.0, 1.0)
+    from scipy.stats import binomtest  # takes longer to load than the figures to draw
+
     low, high = binomtest(k, n).proportion_ci(method="wilson")
     return float(low), float(high)
 

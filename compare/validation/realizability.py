@@ -195,9 +195,8 @@ def _series_negative_mass(prediction: MeanMap, impact: int, stage: int) -> Stati
         return Statistic(NAN)  # no series can be formed
     series = prediction.edgeworth(impact, stage)
     z = np.linspace(-REACH, REACH, POINTS)
-    xi, zeta = np.meshgrid(z * series.sd_x, z * series.sd_y)
     cell = (z[1] - z[0]) ** 2 * series.sd_x * series.sd_y
-    return Statistic(negative_mass(series.density(xi, zeta), cell))
+    return Statistic(negative_mass(series.density_on_grid(z * series.sd_x, z * series.sd_y), cell))
 
 
 def _section_negative_mass(prediction: MeanMap, impact: int) -> Statistic:

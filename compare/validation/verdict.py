@@ -252,7 +252,8 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
     )
     half, paths = table["noise"] + table["rest"], float(section["paths"].max())
     columns = {str(name): section[name].to_numpy() for name in section}
-    lean = z * skewed(columns, steps, z) * steps["se_corrected"]
+    gain = skewed(columns, steps, z)
+    lean = z * gain * steps["se_corrected"]
     table["low"], table["high"] = (
         table["error"] - half - lean.clip(lower=0.0),
         table["error"] + half - lean.clip(upper=0.0),
@@ -262,7 +263,7 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
     table["unseen_low"], table["unseen_high"], table["unseen_paths"] = up, down, needed
     table["low"], table["high"] = table["low"] - up, table["high"] + down
     table["unseen_share"] = chance
-    table["lean"] = skewed(columns, steps, z) * 6.0 * z / (2.0 * z**2 + 1.0)
+    table["lean"] = gain * 6.0 * z / (2.0 * z**2 + 1.0)
     table = judge(table)
     table["remark"] = remarks(table)
     return table
@@ -283,8 +284,13 @@ def remarks(table: pd.DataFrame) -> list[str]:
     """
     shift = np.maximum(table["unseen_low"], table["unseen_high"])
     said = (table["verdict"] == "undecided") & (shift > WORTH_A_WORD * table["tolerance"])
-    columns = (table["moment"], table["unseen_share"], shift / table["unit"], table["unseen_paths"], said)
-    return [unseen_text(m, p, s, n) if there else "" for m, p, s, n, there in zip(*columns, strict=True)]
+    out, columns = (
+        [""] * len(table),
+        (table["moment"], table["unseen_share"], shift / table["unit"], table["unseen_paths"]),
+    )
+    for i, m, p, s, n in zip(np.flatnonzero(said), *(column[said] for column in columns), strict=True):
+        out[i] = unseen_text(m, p, s, n)
+    return out
 
 
 def skewed(columns: Mapping[str, NDArray[Any]], steps: pd.DataFrame, z: float) -> NDArray[np.float64]:
@@ -303,15 +309,14 @@ def skewed(columns: Mapping[str, NDArray[Any]], steps: pd.DataFrame, z: float) -
     -------
     ndarray, shape (rows,)
     """
-    gains = {(m, q): skewness_gain(columns, q, m == "sd", z) for m in ("mean", "sd") for q in SECTION}
-    return np.array(
-        [gains[m, q][k - 1] for k, q, m in zip(*(steps[n] for n in ("impact", "quantity", "moment")), strict=True)]
-    )
+    gains = np.array([[skewness_gain(columns, q, of_sd, z) for q in SECTION] for of_sd in (False, True)])
+    of_sd = (steps["moment"] == "sd").to_numpy(int)
+    return np.asarray(gains[of_sd, _number(steps["quantity"]), steps["impact"].to_numpy() - 1])
 
 
 def _hidden(hidden: Unseen, steps: pd.DataFrame) -> tuple[NDArray[np.float64], ...]:
     """Shifts up and down, paths that would tell and probability of the branch, of the rows of a table."""
-    at = steps["impact"].to_numpy() - 1, np.array([SECTION.index(q) for q in steps["quantity"]])
+    at = steps["impact"].to_numpy() - 1, _number(steps["quantity"])
     mean = (steps["moment"] == "mean").to_numpy()
     up, down = (
         np.where(mean, hidden.mean_up[at], hidden.sd_up[at]),
@@ -344,6 +349,11 @@ def to_absolute_time(table: pd.DataFrame, scene: Scene) -> pd.DataFrame:
 
 def _picked(table: pd.DataFrame, impact: pd.Series, column: pd.Series) -> NDArray[np.float64]:
     """Entries of a table by row and column; NaN where it has none."""
-    names = list(dict.fromkeys(column))
+    code, names = pd.factorize(column)
     values = table.reindex(index=range(1, int(impact.max()) + 1), columns=names).to_numpy(float)
-    return np.asarray(values[impact.to_numpy() - 1, pd.Index(names).get_indexer(column)])
+    return np.asarray(values[impact.to_numpy() - 1, code])
+
+
+def _number(quantity: pd.Series) -> NDArray[np.intp]:
+    """Place of each quantity in `SECTION`."""
+    return np.asarray(pd.Index(SECTION).get_indexer(pd.Index(quantity)))

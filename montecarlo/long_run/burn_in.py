@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import stdtrit
 
 from rattle.montecarlo.long_run.sums import CONTACT, GROUPS
 from rattle.scene.errors import InputError
@@ -141,7 +141,7 @@ def drift(main: Floats, early: slice, late: slice) -> Drift:
         z = np.where(se > 0.0, mean / se, np.where(mean == 0.0, 0.0, np.inf))
         share = mean / np.abs(b.mean(axis=0))
     k = int(np.argmax(np.abs(z)))
-    allowed = float(stats.t.ppf(1.0 - 0.5 * FALSE_ALARM / z.size, n - 1))
+    allowed = float(stdtrit(n - 1, 1.0 - 0.5 * FALSE_ALARM / z.size))
     return Drift(_names()[k], float(z[k]), allowed, float(share[k]))
 
 

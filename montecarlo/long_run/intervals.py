@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import stdtrit
 
 __all__ = ["CONFIDENCE", "Spread", "half_width", "spread"]
 
@@ -27,7 +27,7 @@ def half_width(paths: int) -> float:
     float
         Student's t.
     """
-    return float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, paths - 1))
+    return float(stdtrit(paths - 1, 0.5 + 0.5 * CONFIDENCE))
 
 
 class Spread(NamedTuple):

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from scipy import stats
+from scipy.special import ndtri
 
 __all__ = ["FALSE_ALARM", "Check", "Measured", "NegativeControl", "PublishedResult", "limit"]
 
@@ -126,7 +126,7 @@ def limit(checks: int) -> float:
     >>> round(limit(1), 2), round(limit(50), 2)
     (3.29, 4.26)
     """
-    return float(stats.norm.isf(0.5 * FALSE_ALARM / max(checks, 1)))
+    return float(-ndtri(0.5 * FALSE_ALARM / max(checks, 1)))
 
 
 @dataclass(frozen=True)
