@@ -123,17 +123,11 @@ def test_derivatives_of_the_section_map(name, d):
                 np.testing.assert_allclose(bend[live], second[live, i, j], atol=1e-15 / step**2 + 1e-4 * scale)
 
 
-def compared_with(scene, paths, dt=1e-3, z=4.0, seed=5):
+def compared_with(scene, paths, z=4.0, seed=5, scheme="euler-maruyama-located", dt=1e-3):
     """Section errors of the rows that vary and that all paths reach along the closure's itinerary."""
     m = mean_map(scene, impacts=12)
-    run = simulate(
-        scene,
-        paths=paths,
-        dt=dt,
-        rng=seed,
-        workers=2,
-        record=Record(step_bias=True, itineraries={"saltation": m.itinerary}),
-    )
+    record = Record(step_bias=dt is not None, itineraries={"saltation": m.itinerary})
+    run = simulate(scene, paths=paths, dt=dt, scheme=scheme, rng=seed, workers=2, record=record)
     table = section_errors(m, run, z, Tolerances())
     table["scale"] = table["noise"] / z
     return table[(table["unit"] > ABSOLUTE) & (table["agreement"] == 1.0)], run
@@ -184,22 +178,18 @@ def test_mid_flight_correlation():
 def second_order():
     """A noise at which second order exceeds the sampling error, and all paths share one itinerary."""
     scene = Scene.from_gears(DAT21, sigma=0.02)
-    run = simulate(scene, paths=400_000, rng=11, workers=2, record=Record(step_bias=True))
-    return scene, run
+    return scene, simulate(scene, paths=400_000, scheme="exact-flight", rng=11, workers=2)
 
 
 def test_mean_shift(second_order):
     scene, run = second_order
     first, second = (mean_map(scene, impacts=12, order=order).section for order in (2, 3))
     z_first, z_second = [], []
-    for (moment, quantity), group in run.step_bias.groupby(["moment", "quantity"]):
-        if moment == "sd":
-            continue
-        rows = group.set_index("impact")
+    for quantity in SECTION:
         varies = run.section[f"sd_{quantity}"] > ABSOLUTE
-        scale = np.hypot(rows["se_corrected"], rows["rest"])[varies]
-        z_first += list(((first[quantity] - rows["corrected"])[varies] / scale).abs())
-        z_second += list(((second[quantity] - rows["corrected"])[varies] / scale).abs())
+        se, simulated = run.section[f"se_{quantity}"][varies], run.section[quantity][varies]
+        z_first += list(((first[quantity][varies] - simulated) / se).abs())
+        z_second += list(((second[quantity][varies] - simulated) / se).abs())
     assert max(z_second) < 4.0  # of about 60 values, Bonferroni at 0.5 %
     assert max(z_first) > 15.0  # negative control: first order only
 
@@ -228,7 +218,7 @@ def test_what_remains_grows_as_sigma_squared():
     sigmas = np.array([0.01, 0.02, 0.03])
     errors, scales = [], []
     for sigma in sigmas:
-        table, _ = compared_with(Scene.from_gears(DAT21, sigma=sigma), 200_000, dt=2e-3)
+        table, _ = compared_with(Scene.from_gears(DAT21, sigma=sigma), 200_000, scheme="exact-flight", dt=None)
         row = table[(table["quantity"] == "x1") & (table["moment"] == "sd") & (table["impact"] == 11)]
         if row.empty:  # an off-itinerary path at the largest sigma
             pytest.fail("itineraries differ at a noise where they were measured to agree")
