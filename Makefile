@@ -4,7 +4,7 @@ VENV := .venv
 RUN := $(VENV)/bin
 READY := $(VENV)/ready
 
-# Compiled first, without coverage: tracing slows the compiler.  All other tests count the lines of compare.
+# Without coverage, which slows the interpreter; the tests after them count the lines of compare.
 FIRST := tests/scene tests/closure tests/montecarlo rattle/scene rattle/closure rattle/montecarlo
 # With the compiler off, for the lines of what it compiles; the other tests would take hours so.
 INTERPRETED := tests/interpreted tests/scene
@@ -19,11 +19,10 @@ report: $(READY)
 
 test: $(READY)
 	sh setup-browser.sh
-	$(RUN)/ruff check .
-	$(RUN)/ruff format --check .
-	$(RUN)/mypy
+	$(RUN)/rattle warm-up & compiling=$$!; \
+		$(RUN)/ruff check . && $(RUN)/ruff format --check . && $(RUN)/mypy && wait $$compiling
 	$(RUN)/pytest $(BOTH) $(FIRST)
-	$(RUN)/pytest $(BOTH) --cov --cov-report= $(FIRST:%=--ignore=%) tests rattle/compare
+	$(RUN)/pytest $(BOTH) --cov --cov-report= $(FIRST:%=--ignore=%) --ignore=tests/interpreted tests rattle/compare
 	NUMBA_DISABLE_JIT=1 $(RUN)/pytest $(BOTH) --cov --cov-append --cov-report= $(INTERPRETED)
 	for package in scene closure montecarlo compare; do \
 		$(RUN)/coverage report --include="$$package/*" --skip-covered --fail-under=95 || exit 1; \
