@@ -167,6 +167,22 @@ def branching(reports: Path) -> Table:
 
 
 @table
+def fixed_times(reports: Path) -> Table:
+    """Errors of `branching` and `saltation` at fixed times."""
+    found = pd.read_csv(Path(__file__).parent / "results" / "fixed_times.csv")
+    rows = []
+    for (seen, noise), of in found.groupby(["seen", "noise"]):
+        row = ["looked at" if seen else "unseen", short(noise)]
+        for closure in ("branching", "saltation"):
+            for moment in ("mean", "sd"):
+                median, largest = of[f"{closure}_{moment}_median"], of[f"{closure}_{moment}_largest"]
+                row.append(f"{short(median.median(), 2)} / {short(largest.max(), 2)}")
+        rows.append(row)
+    heads = [f"`{closure}`: {of}" for closure in ("branching", "saltation") for of in ("mean", "sd")]
+    return ["gear sets", "σ/√α", *heads], rows
+
+
+@table
 def speed(reports: Path) -> Table:
     """What a closure saves where it holds."""
     found = pd.read_csv(reports / "dat21" / "speed.csv")

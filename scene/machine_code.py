@@ -35,6 +35,7 @@ PACKAGES = ("scene", "closure", "montecarlo")
 NUMBAS_FILES: Any = IndexDataCacheFile  # typed as Any: numba has no type hints
 NUMBAS_CACHE: Any = FunctionCache
 NUMBAS_STORE: Any = CompileResultCacheImpl
+NUMBAS_PLACE: Any = UserProvidedCacheLocator
 CHECKSUM = hashlib.sha256().digest_size  # bytes
 
 D = TypeVar("D")
@@ -90,7 +91,6 @@ def keep_by_source() -> None:
     for other in _folder.parent.glob(mine + "*") if _folder.name == name else ():
         if other != _folder:
             shutil.rmtree(other, ignore_errors=True)
-    setattr(numba.config, "CACHE_DIR", str(_folder))  # noqa: B010  (numba.config has no types)
 
 
 def _places(root: Path) -> Iterator[Path]:
@@ -221,10 +221,33 @@ def _is_whole(path: str) -> bool:
     return hashlib.sha256(content[:-CHECKSUM]).digest() == content[-CHECKSUM:]
 
 
+class InFolder(NUMBAS_PLACE):  # type: ignore[misc]
+    """Our folder, and for our functions only: numba reads NUMBA_CACHE_DIR again when any of its variables changes."""
+
+    def __init__(self, function: Any, file: Any) -> None:
+        super().__init__(function, file)
+        self._cache_path = os.path.join(str(_folder), self.get_suitable_cache_subpath(file))
+
+    @classmethod
+    def from_function(cls, function: Any, file: Any) -> Any:
+        """Where the machine code of a function is kept; None if it is not.
+
+        Parameters
+        ----------
+        function, file
+            The function and its file, as numba hands them over.
+
+        Returns
+        -------
+        InFolder or None
+        """
+        return None if _folder is None else super(NUMBAS_PLACE, cls).from_function(function, file)
+
+
 class Stored(NUMBAS_STORE):  # type: ignore[misc]
     """How machine code is stored: in our folder or nowhere; numba's runtime is loaded for functions that call it."""
 
-    _locator_classes = (UserProvidedCacheLocator,)
+    _locator_classes = (InFolder,)
 
     def rebuild(self, target_context: Any, payload: Any) -> Any:
         """Load machine code.

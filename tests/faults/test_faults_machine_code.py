@@ -85,13 +85,28 @@ def test_without_room_it_is_compiled_every_time(tmp_path):
 
 def test_a_folder_that_is_swept_away_in_use_breaks_nothing(kept, tmp_path):
     """As another version of the sources removes it: functions not loaded yet are compiled, and stored if possible."""
-    before = "import numba, pathlib, shutil; import rattle.scene.{}; folder = pathlib.Path(numba.config.CACHE_DIR); {};"
+    before = "import numba, pathlib, shutil; import rattle.scene.{}; folder = rattle.scene.machine_code.folder(); {};"
     folder = shutil.copytree(kept, tmp_path / "code")
     for module in ("compiled", "moments"):  # before numba has made a folder for the function, and after that
         assert run(before.format(module, "shutil.rmtree(folder)") + CODE, NUMBA_CACHE_DIR=folder) == (0, "")
     assert computed(folder) == 1
     in_the_way = "shutil.rmtree(folder); folder.write_text('')"
     assert run(before.format("moments", in_the_way) + CODE, NUMBA_CACHE_DIR=folder) == (0, "")
+
+
+def test_a_changed_environment_does_not_end_the_cache(tmp_path):
+    """Numba reads all its variables again when it compiles and one of them has changed; a user's code is the user's."""
+    changed = (
+        "import os, numba; import rattle.scene.moments; os.environ['NUMBA_WARNINGS'] = '0';"
+        "numba.njit(lambda: 1)(); assert not numba.config.CACHE_DIR;"
+    )
+    root = Path(
+        shutil.copytree(
+            ROOT, tmp_path / "sources", ignore=shutil.ignore_patterns(".*", "__pycache__", "reports", "docs")
+        )
+    )
+    hits = [run(changed + CODE, cwd=root, NUMBA_CACHE_DIR=None, PYTHONPATH=root)[0] for _ in range(2)]
+    assert hits == [0, 1]
 
 
 # --- sources

@@ -10,7 +10,8 @@ import threading
 import time
 from dataclasses import replace
 
-os.environ["NUMBA_ENABLE_CUDASIM"] = "1"
+if __name__ == "__main__":
+    os.environ["NUMBA_ENABLE_CUDASIM"] = "1"
 
 import numpy as np
 from mc_checks import dat21
