@@ -155,7 +155,7 @@ def test_every_study_runs_to_the_end(tmp_path, number):
 @pytest.mark.usefixtures("undrawn")
 def test_every_shell_example_runs_or_says_why_not(tmp_path, monkeypatch):
     """In their order, but that what is shown or repeated is there before."""
-    for name in ("noise", "restitution", "long-noise"):
+    for name in ("noise", "restitution", "long-noise", "long-restitution"):
         file = tmp_path / "reports" / "studies" / f"{name}.toml"
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(smaller((ROOT / "reports" / "studies" / file.name).read_text()))
