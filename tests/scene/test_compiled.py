@@ -134,4 +134,6 @@ def test_two_processes_fill_one_cache(tmp_path):
     ]
     said = [process.communicate() for process in both]
     assert [process.returncode for process in both] == [0, 0], said
-    assert said[0][0] == said[1][0] != b""
+    for out, _ in said:  # the later one may have found the machine code of the earlier
+        assert out.split()[:2] == [norm(V).hex().encode(), b"True"]
+    assert computed(CODE, tmp_path) == [norm(V).hex(), "True", "1"]
