@@ -10,7 +10,10 @@ FIRST := tests/scene tests/closure tests/montecarlo rattle/scene rattle/closure 
 INTERPRETED := tests/interpreted tests/scene
 
 # Two cores, a file on one of them; in their order, so that the many small files of the doctests come last and fill up.
-BOTH := --numprocesses=2 --dist=loadfile --no-loadscope-reorder
+SHARED := --dist=loadfile --no-loadscope-reorder
+BOTH := --numprocesses=2 $(SHARED)
+# Three at a time on two cores: many of these tests wait for processes that they have started.
+WAITING := --numprocesses=3 $(SHARED)
 
 .PHONY: report test docs audit clean
 
@@ -22,7 +25,7 @@ test: $(READY)
 	$(RUN)/rattle warm-up & compiling=$$!; \
 		$(RUN)/ruff check . && $(RUN)/ruff format --check . && $(RUN)/mypy && wait $$compiling
 	$(RUN)/pytest $(BOTH) $(FIRST)
-	$(RUN)/pytest $(BOTH) --cov --cov-report= $(FIRST:%=--ignore=%) --ignore=tests/interpreted tests rattle/compare
+	$(RUN)/pytest $(WAITING) --cov --cov-report= $(FIRST:%=--ignore=%) --ignore=tests/interpreted tests rattle/compare
 	NUMBA_DISABLE_JIT=1 $(RUN)/pytest $(BOTH) --cov --cov-append --cov-report= $(INTERPRETED)
 	for package in scene closure montecarlo compare; do \
 		$(RUN)/coverage report --include="$$package/*" --skip-covered --fail-under=95 || exit 1; \

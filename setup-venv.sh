@@ -18,5 +18,6 @@ if ! "$python" -c 'import ensurepip' 2>/dev/null; then
     fi
 fi
 "$python" -m venv "$venv"
-"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --requirement requirements.txt
+# Byte code is made of what is imported: of all of it would take as long as the rest.
+"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile --requirement requirements.txt
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --editable .

@@ -1,5 +1,6 @@
 """The wheel: one import name, beside any project's own modules, for pytest and for mypy."""
 
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -111,6 +112,8 @@ def test_no_module_under_two_names():
 
 
 def test_mypy_knows_the_types_of_the_installed_package(installed, neighbour):
+    if (ROOT / ".mypy_cache").is_dir():  # what mypy knows of the libraries already
+        shutil.copytree(ROOT / ".mypy_cache", neighbour / "cache")
     user = neighbour / "user.py"
     user.write_text(
         "import rattle as rt\n\n\ndef worst(sigma: float) -> float:\n"

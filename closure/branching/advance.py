@@ -66,6 +66,8 @@ class Advance:
         Components after the impact, not merged yet.
     live, flown, kept : int
         Number of components after merging, after splitting, and after the impact.
+    struck, merged : int
+        Number of impacts so far, and of those after which components were merged.
     discarded : float
         Probability discarded so far.
     """
@@ -88,7 +90,7 @@ class Advance:
         self.redrawn = np.repeat(tolerance.variances, 2) if tolerance and drawn_anew else np.zeros(0)
         first = start_pieces(scene)
         self.live, d = first.mean.shape
-        self.flown = self.kept = 0
+        self.flown = self.kept = self.struck = self.merged = 0
         size = max(level.cut, self.live)
         self.buffers, self.after = buffers(size, d), empty(2 * size, d)
         start = self.buffers.start
@@ -112,7 +114,9 @@ class Advance:
         b = self.buffers
         self.kept, endless = _strike(self.constants, self.redrawn, b.start, b.image, self.flown, own, self.after)
         self.discarded += endless
+        self.struck += 1
 
     def merge(self) -> None:
         """Merge the components that lie together after the impact."""
         self.live = reduce(self.after, self.kept, self.level.components, self.buffers.start)
+        self.merged += 1

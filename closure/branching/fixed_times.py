@@ -214,10 +214,18 @@ def _add(c: Constants, f: Flight, time: float, weight: Floats, mean: Floats, cov
 
 
 class FixedTimes:
-    """Mean and covariance of the state at fixed times; follows the closure anew, as far as the times ask for it."""
+    """Mean and covariance of the state at fixed times, from flights kept; follows the closure on where a time asks.
+
+    Attributes
+    ----------
+    run : Advance
+        The closure, impact by impact.
+    flights : list of Flight
+        Its flights so far.
+    """
 
     def __init__(self, scene: Scene, orbit: Orbit, level: Level, impacts: int) -> None:
-        """Prepare; nothing is followed before the first time is asked for.
+        """Begin at the start of an orbit, before the first flight.
 
         Parameters
         ----------
@@ -230,10 +238,10 @@ class FixedTimes:
         impacts : int
             Impacts asked for.
         """
-        self.scene, self.orbit, self.level = scene, orbit, level
+        self.constants, self.orbit = scene.constants, orbit
         self.most = FURTHER[0] * impacts + FURTHER[1]
+        self.run = Advance(scene, orbit, level)
         self.flights: list[Flight] = []
-        self.run: Advance | None = None
 
     def __call__(self, time: float) -> tuple[Floats, Floats]:
         """Mean and covariance of the state at a local time, shapes (4,) and (4, 4); NaN where `LACKING`."""
@@ -248,28 +256,31 @@ class FixedTimes:
 
     def gaussians(self, time: float) -> tuple[Floats, Floats, Floats]:
         """The mixture of states at a local time: weights, means and covariances; the weights sum to nearly 1."""
-        c, found = self.scene.constants, []
+        found = []
         for k in range(self.most):
             if k == len(self.flights) and not self._follow():
                 break
             n = 3 * self.flights[k].weight.size
             weight, mean, covariance = np.zeros(n), np.zeros((n, 4)), np.zeros((n, 4, 4))
-            started = _add(c, self.flights[k], time, weight, mean, covariance)
+            started = _add(self.constants, self.flights[k], time, weight, mean, covariance)
             found.append((weight[weight > 0.0], mean[weight > 0.0], covariance[weight > 0.0]))
             if started < OPEN:
                 break
         return tuple(np.concatenate(a) for a in zip(*found, strict=True))  # type: ignore[return-value]
 
+    def fly(self) -> None:
+        """One more flight of the closure, which is kept."""
+        whole = self.run.fly()
+        self.flights.append(_in_flight(self.constants, whole, self.run.buffers, self.run.flown))
+
     def _follow(self) -> bool:
         """Follow one more flight; False if the closure has ended."""
-        if self.run is None:
-            self.run = Advance(self.scene, self.orbit, self.level)
-        else:
-            k = len(self.flights)
-            self.run.strike(int(self.orbit.mesh[k] * self.orbit.side[k]) if k < len(self.orbit.mesh) else 0)
-            if self.run.kept == 0:
-                return False
-            self.run.merge()
-        whole = self.run.fly()
-        self.flights.append(_in_flight(self.scene.constants, whole, self.run.buffers, self.run.flown))
+        run, k = self.run, len(self.flights)
+        if run.struck < k:
+            run.strike(int(self.orbit.mesh[k] * self.orbit.side[k]) if k < len(self.orbit.mesh) else 0)
+        if k > 0 and run.kept == 0:
+            return False
+        if run.merged < k:
+            run.merge()
+        self.fly()
         return True

@@ -16,7 +16,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from rattle.closure.branching.advance import Advance
 from rattle.closure.branching.error import bounds, hopeless, within
 from rattle.closure.branching.fixed_times import FixedTimes
 from rattle.closure.branching.mixture import moments
@@ -92,7 +91,8 @@ def _refined(scene: Scene, impacts: int, order: int, tolerance: float | None) ->
 def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
     """`trace` in the scene's own unit of length, at one level."""
     orbit = follow(scene, impacts).until_sticking
-    run = Advance(scene, orbit, level)
+    at = FixedTimes(scene, orbit, level, impacts)
+    run = at.run
     b, after = run.buffers, run.after
     section, flight = b.image.section, b.image.flight
     tau, mean = np.full(impacts + 1, np.nan), np.full((impacts + 1, 4), np.nan)
@@ -107,7 +107,7 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
     parts: dict[int, tuple[Floats, Floats, Floats]] = {}
     for k in range(1, impacts + 1):
         own = int(orbit.mesh[k] * orbit.side[k])
-        run.fly()
+        at.fly()
         run.strike(own)
         flown, count = run.flown, run.kept
         work += flown
@@ -139,7 +139,7 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
         skew,
         covariance,
         raw,
-        FixedTimes(scene, orbit, level, impacts),
+        at,
         found,
         stopped,
         parts=parts,
