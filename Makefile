@@ -9,11 +9,9 @@ FIRST := tests/scene tests/closure tests/montecarlo rattle/scene rattle/closure 
 # With the compiler off, for the lines of what it compiles; the other tests would take hours so.
 INTERPRETED := tests/interpreted tests/scene
 
-# Two cores, a file on one of them; in their order, so that the many small files of the doctests come last and fill up.
-SHARED := --dist=loadfile --no-loadscope-reorder
-BOTH := --numprocesses=2 $(SHARED)
-# Three at a time on two cores: many of these tests wait for processes that they have started.
-WAITING := --numprocesses=3 $(SHARED)
+# Three files at a time on two cores, for many tests wait for processes that they have started; in their order, so that
+# the many small files of the doctests come last and fill up.
+WORKERS := --numprocesses=3 --dist=loadfile --no-loadscope-reorder
 
 .PHONY: report test docs audit clean
 
@@ -24,9 +22,9 @@ test: $(READY)
 	sh setup-browser.sh
 	$(RUN)/rattle warm-up & compiling=$$!; \
 		$(RUN)/ruff check . && $(RUN)/ruff format --check . && $(RUN)/mypy && wait $$compiling
-	$(RUN)/pytest $(BOTH) $(FIRST)
-	$(RUN)/pytest $(WAITING) --cov --cov-report= $(FIRST:%=--ignore=%) --ignore=tests/interpreted tests rattle/compare
-	NUMBA_DISABLE_JIT=1 $(RUN)/pytest $(BOTH) --cov --cov-append --cov-report= $(INTERPRETED)
+	$(RUN)/pytest $(WORKERS) $(FIRST)
+	$(RUN)/pytest $(WORKERS) --cov --cov-report= $(FIRST:%=--ignore=%) --ignore=tests/interpreted tests rattle/compare
+	NUMBA_DISABLE_JIT=1 $(RUN)/pytest $(WORKERS) --cov --cov-append --cov-report= $(INTERPRETED)
 	for package in scene closure montecarlo compare; do \
 		$(RUN)/coverage report --include="$$package/*" --skip-covered --fail-under=95 || exit 1; \
 	done
