@@ -13,6 +13,9 @@ INTERPRETED := tests/interpreted tests/scene
 # the many small files of the doctests come last and fill up.
 WORKERS := --numprocesses=3 --dist=loadfile --no-loadscope-reorder
 
+# Hundreds of processes import the same modules: byte code is kept, whatever the caller's environment says.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: report test docs audit clean
 
 report: $(READY)

@@ -18,6 +18,6 @@ if ! "$python" -c 'import ensurepip' 2>/dev/null; then
     fi
 fi
 "$python" -m venv "$venv"
-# Byte code is made of what is imported: of all of it would take as long as the rest.
+# Byte code is made of what is imported; of everything it would take longer than the rest.
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile --requirement requirements.txt
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --editable .

@@ -173,7 +173,7 @@ class LongResults:
 
     @cached_property
     def quantities(self) -> pd.DataFrame:
-        """Every quantity at every point: the fields that vary, ``quantity, value, se, low, high, autocorrelation``."""
+        """Every quantity at every point: the fields that vary, ``quantity``, and the columns of `LongResult.table`."""
         return self._joined(lambda r: r.table.reset_index())
 
     @cached_property

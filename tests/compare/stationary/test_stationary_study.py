@@ -59,6 +59,24 @@ def test_study_runs_and_is_kept(tmp_path):
         load_impacts(folder)
 
 
+def test_a_study_says_where_few_paths_carry_the_errors(tmp_path):
+    """DAT21 at little noise, where slow impacts come in bursts; at much noise the errors are everybody's."""
+    file = tmp_path / "rare.toml"
+    file.write_text(
+        '[study]\nkind = "stationary"\ntitle = "rare"\nclosures = ["saltation"]\nperiods = 64\n'
+        "[gears]\nalpha = 1.5\nepsilon = 0.9\nomega = 300.0\ninertia1 = 4000.0\ninertia2 = 2500.0\nradius1 = 41.0\n"
+        "radius2 = 26.4\nbacklash1 = 0.2\ndamping1 = 100.0\ntorque1 = 100.0\ntorque2 = 50.0\n"
+        "[[axes]]\nsigma = [0.01, 1.2]\n"
+    )
+    done = CliRunner().invoke(main, ["study", str(file)])
+    assert done.exit_code == 0, done.output
+    narrow = load(tmp_path / "rare").quantities.set_index(["sigma", "quantity"])["too_narrow"]
+    assert narrow[0.01, "slow_share"]
+    assert not narrow[1.2][["slow_share", "rate", "speed", "energy_per_period"]].any()
+    page = (tmp_path / "rare" / "study.md").read_text()
+    assert "`slow_share` at 1 of 2 points" in page
+
+
 @pytest.mark.parametrize(
     ("old", "new", "word"),
     [
