@@ -111,6 +111,16 @@ def test_claims_about_the_long_run_are_decided(tmp_path):
     assert (again.drawn, again.computed, again.seconds) == (1, 0, 0.0)
 
 
+@pytest.mark.parametrize(("sigma", "looks"), [(0.01, {2, 3}), (1.2, {1})])
+def test_nothing_is_decided_where_few_paths_carry_the_error(tmp_path, sigma, looks):
+    """Slow impacts of DAT21 come in rare bursts at little noise: even a claim that is far off waits for more."""
+    scene = Scene.from_gears(rt.DAT21, sigma=sigma)
+    wrong = predict_long(lambda scene, names: {"slow_share": 0.5}, scene, ["slow_share"])
+    found = decide_long(wrong, scene, Store(tmp_path / "cells"), 0, 0.01)
+    assert found.drawn in looks
+    assert found.table["outcome"].tolist() == ["fail"]
+
+
 @pytest.mark.parametrize(
     ("model", "quantities", "word"),
     [
