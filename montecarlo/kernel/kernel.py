@@ -24,7 +24,20 @@ from rattle.scene.constants import Constants
 from rattle.scene.impact import struck
 from rattle.scene.instructions import widest_vectors
 
-__all__ = ["CHUNK", "COLUMNS", "EXACT", "FLANK_DRAWS", "LOCATED", "PLAIN", "Job", "block_kernel", "next_event"]
+__all__ = [
+    "CHUNK",
+    "COLUMNS",
+    "EXACT",
+    "FLANK_DRAWS",
+    "LOCATED",
+    "PLAIN",
+    "Job",
+    "block_kernel",
+    "next_event",
+    "rebound",
+    "record",
+    "walls_of",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -143,7 +156,7 @@ def walls_of(lanes: Lanes, p: int) -> Walls:
 def record(
     job: Job, path: Word, row: int, level: int, p: int, code: int, tau: float, x1: float, y1: float, x2: float,
     y2: float, lanes: Lanes, rows: Floats,
-) -> tuple[float, float]:  # fmt: skip
+) -> None:  # fmt: skip
     """Record an impact of the path in lane p, and redraw the flank if impacts do.
 
     Parameters
@@ -164,13 +177,8 @@ def record(
         Of the level; output too.
     rows : ndarray, shape (levels, paths, impacts, COLUMNS)
         Output.
-
-    Returns
-    -------
-    y1, y2 : float
-        Velocities after the impact.
     """
-    c, k = job.c, lanes.impacts[p]
+    k = lanes.impacts[p]
     tau = max(tau, lanes.last[p])  # after the sum of a step's pieces its end may be a rounding error late
     if k < rows.shape[2]:
         seen = (tau, tau - lanes.last[p], x1, y1, x2, y2, float(code))
@@ -178,13 +186,34 @@ def record(
             rows[level, row, k, i] = seen[i]
     lanes.last[p] = tau
     lanes.impacts[p] = k + 1
-    mesh = abs(code)
     if job.backlash.redrawn:
+        mesh = abs(code)
         opposite = 2 * mesh - 1 if code > 0 else 2 * mesh - 2
         lanes.walls[opposite, p] = half_gap(job.backlash, job.key, path, Word(k) + FLANK_DRAWS, mesh)
-    a1, a2 = struck(c, FIRST, y1, y2)  # both: branch-free, since the mesh is unpredictable
+
+
+@spliced
+def rebound(c: Constants, mesh: float, y1: float, y2: float) -> tuple[float, float]:
+    """Velocities after an impact.  Without a branch on the mesh, which cannot be predicted.
+
+    Parameters
+    ----------
+    c : Constants
+        Of the scene.
+    mesh : float or int
+        The struck mesh; 0 for none.
+    y1, y2 : float
+        Velocities before.
+
+    Returns
+    -------
+    y1, y2 : float
+    """
+    a1, a2 = struck(c, FIRST, y1, y2)
     b1, b2 = struck(c, SECOND, y1, y2)
-    return (a1, a2) if mesh == 1 else (b1, b2)
+    y1 = a1 if mesh == 1 else (b1 if mesh == 2 else y1)
+    y2 = a2 if mesh == 1 else (b2 if mesh == 2 else y2)
+    return y1, y2
 
 
 @spliced
@@ -207,9 +236,8 @@ def _finish_inside(
             sticking = True
             break
         if at.code != 0:
-            y1, y2 = record(
-                job, path, row, level, p, at.code, at.tau, at.x1, at.y1, at.x2, at.y2, lanes, rows
-            )  # fmt: skip
+            record(job, path, row, level, p, at.code, at.tau, at.x1, at.y1, at.x2, at.y2, lanes, rows)
+            y1, y2 = rebound(job.c, abs(at.code), at.y1, at.y2)
             at = Progress(0, at.tau, at.left, at.noise, at.x1, y1, at.x2, y2)
     state[0, p], state[1, p], state[2, p], state[3, p] = at.x1, at.y1, at.x2, at.y2
     return sticking

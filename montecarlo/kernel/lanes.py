@@ -21,6 +21,9 @@ Bools = NDArray[np.bool_]
 CHUNK = 16  # finest steps between retirements of finished paths; a multiple of 4 (steps of a draw, coarsest step)
 TILE = 256  # lanes that are taken through a chunk together: their states and noise stay in the first cache
 
+ROW = TILE + 8  # apart in the cache.  At a known distance from each other, rows of one array cannot overlap
+X1, Y1, X2, Y2, HIGH1, LOW1, HIGH2, LOW2, CODE = range(0, 9 * ROW, ROW)
+
 
 class Lanes(NamedTuple):
     """Paths side by side: arrays of shape (levels, ..., lanes); for one level (..., lanes).
@@ -73,8 +76,13 @@ class Room(NamedTuple):
         Scratch of `rattle.montecarlo.schemes.exact_flight.advance_exactly`.
     forcing : ndarray, shape (levels, CHUNK, FORCING)
         Forcing of the Euler-Maruyama steps of a chunk.
-    few, few_walls : ndarray, shapes (5, lanes) and (4, lanes)
-        States with their noise, and flanks, of the lanes that are walked through steps one at a time.
+    few : ndarray, shape (9 * ROW,)
+        States, flanks and ``mesh * side`` of the impact at the end of a step (0 for none), of the lanes that are walked
+        through steps one at a time; a row begins at each of ``X1 ... CODE``.
+    few_noise : ndarray, shape (4, TILE)
+        Their noise.
+    crowded : ndarray of bool, shape (lanes,)
+        Those of them that are beyond walls of both meshes.
     struck : ndarray of int
         Those of them that have an impact.
     """
@@ -89,7 +97,8 @@ class Room(NamedTuple):
     ahead: Floats
     forcing: Floats
     few: Floats
-    few_walls: Floats
+    few_noise: Floats
+    crowded: Bools
     struck: Ints
 
 
@@ -120,11 +129,13 @@ def lanes_of(levels: int, first: int, start: Floats, walls: Floats, tau: float) 
         state, state.copy(), wall, np.zeros((levels, lanes)), np.zeros((levels, lanes)), np.full((levels, lanes), tau),
         np.zeros((levels, lanes), np.int64),
     )  # fmt: skip
+    few = np.zeros((CODE // ROW + 1, ROW))
+    few[HIGH1 // ROW : CODE // ROW] = walls[:, :1]  # stays so where all paths have the same
     room = Room(
         np.arange(first, first + lanes, dtype=np.uint64), np.zeros(lanes, np.uint64), np.zeros((5, lanes)),
         np.zeros((5, lanes)), np.zeros(lanes, np.bool_), np.empty(lanes // 8 + 1, np.int64),
         np.empty(lanes + 1, np.int64), np.empty((PARTS, 3)), np.empty((levels, CHUNK, FORCING)),
-        np.zeros((5, lanes)), np.ones((4, lanes)), np.empty(lanes + 1, np.int64),
+        few.ravel(), np.zeros((4, TILE)), np.zeros(lanes, np.bool_), np.empty(lanes + 1, np.int64),
     )  # fmt: skip
     return every, room
 

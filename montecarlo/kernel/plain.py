@@ -11,8 +11,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.kernel.control_variate import LinearPath
-from rattle.montecarlo.kernel.kernel import Job, record, walls_of
-from rattle.montecarlo.kernel.lanes import CHUNK, TILE, Lanes, Room, list_marked, of_level, retire
+from rattle.montecarlo.kernel.kernel import Job, rebound, record, walls_of
+from rattle.montecarlo.kernel.lanes import (
+    CHUNK,
+    CODE,
+    HIGH1,
+    HIGH2,
+    LOW1,
+    LOW2,
+    TILE,
+    X1,
+    X2,
+    Y1,
+    Y2,
+    Lanes,
+    Room,
+    list_marked,
+    of_level,
+    retire,
+)
 from rattle.montecarlo.noise.philox import Word, fill_normals, fill_signs, fill_words
 from rattle.montecarlo.schemes.euler import (
     FORCING,
@@ -20,11 +37,12 @@ from rattle.montecarlo.schemes.euler import (
     StepForcing,
     euler_step,
     four_euler_steps,
+    put_on_wall,
     step_forcing,
 )
 from rattle.montecarlo.schemes.euler import due as impact_due
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
-from rattle.scene.compiled import lean, spliced
+from rattle.scene.compiled import inlined, lean, spliced
 from rattle.scene.constants import Constants
 from rattle.scene.instructions import widest_vectors
 
@@ -71,64 +89,140 @@ def _join(steps: int, lanes: int, z: Floats) -> None:
             whole[p] = (first[p] + second[p]) * ROOT_HALF
 
 
+@inlined
+def _of(row: int, j: int) -> Word:
+    """Where a row of ``Room.few`` has its lane j; without a sign, which would be looked at."""
+    return Word(row + j)
+
+
 @lean
-def _pick(source: Floats, tile: int, hits: Ints, found: int, few: Floats) -> None:
-    """The lanes `hits` of the four rows of an array, counted from lane `tile` on, side by side."""
-    widest_vectors()
-    for i in range(4):
-        every, picked = source[i][tile:], few[i]
+def _pick_states(before: Floats, z: Floats, tile: int, hits: Ints, found: int, few: Floats, noise: Floats) -> None:
+    """States and noise of the lanes `hits`, counted from lane `tile` on, side by side."""
+    x1, y1, x2, y2 = before[0][tile:], before[1][tile:], before[2][tile:], before[3][tile:]
+    for j in range(found):
+        p = Word(hits[j])
+        few[_of(X1, j)], few[_of(Y1, j)], few[_of(X2, j)], few[_of(Y2, j)] = x1[p], y1[p], x2[p], y2[p]
+    for i in range(z.shape[0]):
+        every, picked = z[i], noise[i]
         for j in range(found):
-            picked[j] = every[hits[j]]
+            picked[j] = every[Word(hits[j])]
 
 
 @lean
-def _step_few(c: Constants, forcing: Floats, h: float, few: Floats, walls: Floats, due: Bools, lanes: int) -> None:
-    """One step of some lanes, in place; marks those with an impact at its end.  Vectorises."""
+def _pick_walls(walls: Floats, tile: int, hits: Ints, found: int, few: Floats) -> None:
+    """Flanks of the lanes `hits`, counted from lane `tile` on, side by side."""
+    high1, low1, high2, low2 = walls[0][tile:], walls[1][tile:], walls[2][tile:], walls[3][tile:]
+    for j in range(found):
+        p = Word(hits[j])
+        few[_of(HIGH1, j)], few[_of(LOW1, j)] = high1[p], low1[p]
+        few[_of(HIGH2, j)], few[_of(LOW2, j)] = high2[p], low2[p]
+
+
+@lean
+def _put_back(few: Floats, tile: int, hits: Ints, found: int, state: Floats) -> None:
+    """States of the picked lanes back where they came from."""
+    x1, y1, x2, y2 = state[0][tile:], state[1][tile:], state[2][tile:], state[3][tile:]
+    for j in range(found):
+        p = Word(hits[j])
+        x1[p], y1[p], x2[p], y2[p] = few[_of(X1, j)], few[_of(Y1, j)], few[_of(X2, j)], few[_of(Y2, j)]
+
+
+@inlined
+def _beyond(x: float, high: float, low: float) -> float:
+    """Side of the wall that a mesh is beyond: 1, -1, or 0 for none."""
+    return 1.0 if x > high else (-1.0 if x < -low else 0.0)
+
+
+@lean
+def _step_few(
+    c: Constants, forcing: Floats, h: float, few: Floats, z: Floats, due: Bools, crowded: Bools, lanes: int
+) -> None:  # fmt: skip
+    """One step of the picked lanes; those with an impact at its end are marked, and put back on the wall.
+
+    Their ``mesh * side`` is written beside their states, where others have 0; those beyond walls of both meshes, whose
+    first impact may bring about another, are marked as `crowded`.  Vectorises.
+    """
     widest_vectors()
-    f = StepForcing(forcing[0], forcing[1], forcing[2], forcing[3])
-    x1, y1, x2, y2, z = few[0], few[1], few[2], few[3], few[4]
-    high1, low1, high2, low2 = walls[0], walls[1], walls[2], walls[3]
+    f, two = StepForcing(forcing[0], forcing[1], forcing[2], forcing[3]), 1.0 if c.stages == 2 else 0.0
     for j in range(lanes):
-        x1[j], y1[j], x2[j], y2[j] = euler_step(c, f, h, x1[j], y1[j], x2[j], y2[j], z[j])
+        x1, y1, x2, y2 = euler_step(
+            c, f, h, few[_of(X1, j)], few[_of(Y1, j)], few[_of(X2, j)], few[_of(Y2, j)], z[j]
+        )  # fmt: skip
+        high1, low1, high2, low2 = few[_of(HIGH1, j)], few[_of(LOW1, j)], few[_of(HIGH2, j)], few[_of(LOW2, j)]
+        side1, side2 = _beyond(x1, high1, low1), two * _beyond(x2, high2, low2)
+        second = 2.0 * side2 if side2 * y2 > 0.0 else 0.0
+        code = side1 if side1 * y1 > 0.0 else second
+        due[j] = code != 0.0
+        crowded[j] = (side1 != 0.0) & (side2 != 0.0)
+        few[_of(CODE, j)] = code
+        few[_of(X1, j)] = high1 if code == 1.0 else (-low1 if code == -1.0 else x1)
+        few[_of(X2, j)] = high2 if code == 2.0 else (-low2 if code == -2.0 else x2)
+        few[_of(Y1, j)], few[_of(Y2, j)] = y1, y2
+
+
+@lean
+def _rebound(c: Constants, few: Floats, lanes: int) -> None:
+    """Velocities of the picked lanes after the impacts that are due in them.  Vectorises."""
+    widest_vectors()
     for j in range(lanes):
-        due[j] = ((x1[j] > high1[j]) & (y1[j] > 0.0)) | ((x1[j] < -low1[j]) & (y1[j] < 0.0))
-    if c.stages == 2:
-        for j in range(lanes):
-            due[j] |= ((x2[j] > high2[j]) & (y2[j] > 0.0)) | ((x2[j] < -low2[j]) & (y2[j] < 0.0))
+        few[_of(Y1, j)], few[_of(Y2, j)] = rebound(
+            c, abs(few[_of(CODE, j)]), few[_of(Y1, j)], few[_of(Y2, j)]
+        )  # fmt: skip
+
+
+@spliced
+def _have_more_impacts(
+    job: Job, first: int, level: int, tau: float, tile: int, found: int, lanes: Lanes, room: Room, rows: Floats
+) -> int:
+    """Further impacts at the end of a step, in the first `found` of the picked lanes ``room.struck``.
+
+    Returns in how many an impact is still due after `MOST_IN_A_STEP`.
+    """
+    c, few, path, struck = job.c, room.few, room.path, room.struck
+    for met in range(1, MOST_IN_A_STEP + 1):
+        more = 0
+        for i in range(found):
+            j = struck[i]
+            p = tile + room.hits[j]
+            x1, y1, x2, y2 = few[_of(X1, j)], few[_of(Y1, j)], few[_of(X2, j)], few[_of(Y2, j)]
+            walls = walls_of(lanes, p)
+            code = impact_due(c, x1, y1, x2, y2, walls)
+            if code != 0 and met < MOST_IN_A_STEP:
+                x1, x2 = put_on_wall(code, x1, x2, walls)
+                record(job, path[p], int(path[p]) - first, level, p, code, tau, x1, y1, x2, y2, lanes, rows)
+                y1, y2 = rebound(c, abs(code), y1, y2)
+                few[_of(X1, j)], few[_of(Y1, j)], few[_of(X2, j)], few[_of(Y2, j)] = x1, y1, x2, y2
+            struck[more] = j
+            more += code != 0
+        found = more
+        if found == 0:
+            break
+    return found
 
 
 @spliced
 def _have_impacts(
-    job: Job, first: int, level: int, tau: float, tile: int, hits: Ints, struck: Ints, found: int, few: Floats,
-    lanes: Lanes, path: NDArray[Word], rows: Floats,
+    job: Job, first: int, level: int, tau: float, tile: int, found: int, wide: int, lanes: Lanes, room: Room,
+    rows: Floats,
 ) -> int:  # fmt: skip
-    """Impacts at the end of a step, in the first `found` of the picked lanes `struck`.
+    """Impacts at the end of a step, in the first `found` of the picked lanes ``room.struck``, one at a time in each.
 
-    All lanes have their first impact, then those that have one their second, and so on.  Returns in how many lanes an
-    impact is still due after `MOST_IN_A_STEP`.
+    Returns in how many lanes an impact is still due after `MOST_IN_A_STEP`.
     """
-    c = job.c
-    for met in range(MOST_IN_A_STEP + 1):
-        more = 0
-        for i in range(found):
-            j = struck[i]
-            p = tile + hits[j]
-            code = impact_due(c, few[0, j], few[1, j], few[2, j], few[3, j], walls_of(lanes, p))
-            # by place in memory, not by choice among values, for the mesh and side of an impact are unpredictable
-            mesh, high = abs(code), code > 0
-            wall = lanes.walls[2 * mesh - 1 - high, p]
-            few[2 * mesh - 2, j] = wall if high else -wall
-            if met < MOST_IN_A_STEP:
-                few[1, j], few[3, j] = record(
-                    job, path[p], int(path[p]) - first, level, p, code, tau, few[0, j], few[1, j], few[2, j], few[3, j],
-                    lanes, rows,
-                )  # fmt: skip
-            struck[more] = j
-            more += impact_due(c, few[0, j], few[1, j], few[2, j], few[3, j], walls_of(lanes, p)) != 0
-        found = more if met < MOST_IN_A_STEP else found
-        if found == 0:
-            break
-    return found
+    few, path, struck, more, late = room.few, room.path, room.struck, 0, 0
+    for i in range(found):
+        j = struck[i]
+        p = tile + room.hits[j]
+        record(
+            job, path[p], int(path[p]) - first, level, p, int(few[_of(CODE, j)]), tau, few[_of(X1, j)],
+            few[_of(Y1, j)], few[_of(X2, j)], few[_of(Y2, j)], lanes, rows,
+        )  # fmt: skip
+        struck[more] = j
+        more += room.crowded[j]
+    _rebound(job.c, few, wide)
+    if more > 0:
+        late = _have_more_impacts(job, first, level, tau, tile, more, lanes, room, rows)
+    return late
 
 
 @spliced
@@ -140,27 +234,20 @@ def _walk(
 
     Returns in how many steps of them an impact is still due after `MOST_IN_A_STEP`.
     """
-    late, multiple, hits, few, walls = 0, 1 << level, room.hits, room.few, room.few_walls
+    late, multiple, hits, few = 0, 1 << level, room.hits, room.few
     h, wide = job.dt * multiple, (found + 7) // 8 * 8
-    _pick(before, tile, hits, found, few)
-    _pick(lanes.walls, tile, hits, found, walls)
+    _pick_states(before, z[:steps], tile, hits, found, few, room.few_noise)
+    if job.backlash.random:
+        _pick_walls(lanes.walls, tile, hits, found, few)
     for i in range(steps):
-        every, picked = z[i], few[4]
-        for j in range(found):
-            picked[j] = every[hits[j]]
-        _step_few(job.c, forcing[i], h, few, walls, room.marks, wide)
+        _step_few(job.c, forcing[i], h, few, room.few_noise[i], room.marks, room.crowded, wide)
         struck = list_marked(room.marks, found, room.groups, room.struck)
         if struck > 0:
             tau = job.tau + (n + i * multiple) * job.dt + h
-            late += _have_impacts(
-                job, first, level, tau, tile, hits, room.struck, struck, few, lanes, room.path, rows
-            )  # fmt: skip
+            late += _have_impacts(job, first, level, tau, tile, struck, wide, lanes, room, rows)
             if job.backlash.redrawn:
-                _pick(lanes.walls, tile, hits, found, walls)
-    for i in range(4):
-        every, picked = lanes.state[i][tile:], few[i]
-        for j in range(found):
-            every[hits[j]] = picked[j]
+                _pick_walls(lanes.walls, tile, hits, found, few)
+    _put_back(few, tile, hits, found, lanes.state)
     return late
 
 

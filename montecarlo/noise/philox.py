@@ -206,14 +206,6 @@ def _pair(high: Word, low: Word) -> tuple[float, float]:
     return radius * turned, radius * sine
 
 
-@inlined
-def _four(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, float, float, float]:
-    a, b, c, d = words(key, path, index, purpose)
-    z0, z1 = _pair(a, b)
-    z2, z3 = _pair(c, d)
-    return z0, z1, z2, z3
-
-
 @lean
 def normals(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, float, float, float]:
     """Four independent standard normals.
@@ -241,12 +233,18 @@ def normals(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, fl
     >>> normals(key, u(0), u(0), u(STEP)) == normals(key, u(1), u(0), u(STEP))
     False
     """
-    return _four(key, path, index, purpose)
+    a, b, c, d = words(key, path, index, purpose)
+    z0, z1 = _pair(a, b)
+    z2, z3 = _pair(c, d)
+    return z0, z1, z2, z3
 
 
 @lean
 def fill_normals(key: Key, paths: NDArray[np.uint64], index: Word, lanes: int, z: NDArray[np.float64]) -> None:
     """Four standard normals of every lane for one index of the substream `STEP`; vectorises.
+
+    In three loops, with the words where their normals will be: in one, a processor waits for the words of a vector
+    before it can begin with the next.
 
     Parameters
     ----------
@@ -264,7 +262,12 @@ def fill_normals(key: Key, paths: NDArray[np.uint64], index: Word, lanes: int, z
     widest_vectors()
     z0, z1, z2, z3 = z[0], z[1], z[2], z[3]
     for p in range(lanes):
-        z0[p], z1[p], z2[p], z3[p] = _four(key, paths[p], index, Word(STEP))
+        a, b, c, d = words(key, paths[p], index, Word(STEP))
+        z0[p], z1[p], z2[p], z3[p] = float_of(a), float_of(b), float_of(c), float_of(d)
+    for p in range(lanes):
+        z0[p], z1[p] = _pair(word_of(z0[p]), word_of(z1[p]))
+    for p in range(lanes):
+        z2[p], z3[p] = _pair(word_of(z2[p]), word_of(z3[p]))
 
 
 @inlined
