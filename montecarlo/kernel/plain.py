@@ -160,10 +160,9 @@ def _step_few(
         few[_of(Y1, j)], few[_of(Y2, j)] = y1, y2
 
 
-@lean
+@inlined
 def _rebound(c: Constants, few: Floats, lanes: int) -> None:
     """Velocities of the picked lanes after the impacts that are due in them.  Vectorises."""
-    widest_vectors()
     for j in range(lanes):
         few[_of(Y1, j)], few[_of(Y2, j)] = rebound(
             c, abs(few[_of(CODE, j)]), few[_of(Y1, j)], few[_of(Y2, j)]
@@ -241,7 +240,10 @@ def _walk(
         _pick_walls(lanes.walls, tile, hits, found, few)
     for i in range(steps):
         _step_few(job.c, forcing[i], h, few, room.few_noise[i], room.marks, room.crowded, wide)
-        struck = list_marked(room.marks, found, room.groups, room.struck)
+        struck = 0
+        for j in range(found):  # without a branch, as in `list_marked`
+            room.struck[struck] = j
+            struck += room.marks[j]
         if struck > 0:
             tau = job.tau + (n + i * multiple) * job.dt + h
             late += _have_impacts(job, first, level, tau, tile, struck, wide, lanes, room, rows)
