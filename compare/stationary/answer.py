@@ -9,7 +9,7 @@ from rattle.compare.stationary.measure import LEAST_CARRIERS, Stationary
 __all__ = ["answer", "verdict_lines"]
 
 MAIN = ("rate", "speed", "energy_per_period")
-NAMED = 4  # quantities with too narrow intervals that are named
+NAMED = 4  # quantities with few carriers that are named
 FEW = 0.5  # ratio of standard errors, from paths and from batches, from which both disagree
 
 
@@ -34,7 +34,7 @@ def answer(found: Stationary) -> list[str]:
     said.append(run.burn_in.sentence)
     if run.reach is not None:
         said.append(run.reach.sentence)
-    said += [_memory(found.table), *_too_narrow(found), *_checked(found.table), *verdict_lines(found)]
+    said += [_memory(found.table), *_carried_by_few(found), *_checked(found.table), *verdict_lines(found)]
     return said
 
 
@@ -74,8 +74,8 @@ def _memory(table: pd.DataFrame) -> str:
     )
 
 
-def _too_narrow(found: Stationary) -> list[str]:
-    """A warning where few paths carry the errors, as where slow impacts come in rare bursts; what more would do."""
+def _carried_by_few(found: Stationary) -> list[str]:
+    """Where few paths carry the errors, as where slow impacts come in rare bursts; what more would do."""
     few, run = found.few.sort_values(), found.run
     if few.empty or run is None:
         return []
@@ -84,8 +84,8 @@ def _too_narrow(found: Stationary) -> list[str]:
     periods = math.ceil(run.periods * (LEAST_CARRIERS / float(few.iloc[0]) - 1.0))
     return [
         f"About {few.iloc[0]:.0f} of {run.paths} paths carry the error of {names[0]}, as where bursts are rare: "
-        f"intervals of {', '.join(names)}{others} may be too narrow. "
-        f"About {float(f'{periods:.1g}'):,.0f} more periods would do."
+        f"intervals of {', '.join(names)}{others} are wider for that, since their errors are badly known. "
+        f"About {float(f'{periods:.1g}'):,.0f} more periods would mend it."
     ]
 
 

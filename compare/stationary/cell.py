@@ -19,7 +19,7 @@ from rattle.scene.scene import Scene
 __all__ = ["LongCell", "LongResult"]
 
 IMPACT_SECONDS = 1.5e-6  # of one core, steps included; measured on DAT21
-STORED = ["value", "se", "low", "high", "autocorrelation", "se_batches", "carriers", "too_narrow"]
+STORED = ["value", "se", "low", "high", "autocorrelation", "se_batches", "carriers"]
 PREDICTED = ("closure", "kind", "quantity", "predicted", "se_predicted", "reason")
 SPREAD = 2.0  # typical sd over mean of what is averaged, with its autocorrelation
 
@@ -31,7 +31,7 @@ class LongResult:
     Attributes
     ----------
     table : DataFrame
-        As of `rattle.compare.stationary.measure.Stationary`, and ``too_narrow``: whether too few paths carry the error.
+        As of `rattle.compare.stationary.measure.Stationary`.
     predicted : DataFrame
         As of `rattle.compare.stationary.judged.predictions`.
     facts : dict
@@ -126,8 +126,7 @@ class LongCell:
         if run is not None:
             facts |= {"periods": run.periods, "paths": run.paths, "impacts": run.impacts}
         facts |= {"burn_in": 0 if run is None else run.burn_in.periods, "seconds": time.perf_counter() - started}
-        narrow = found.table.index.isin(found.few.index).astype(float)
-        parts = [found.table.reset_index().assign(closure="", too_narrow=narrow), predicted]
+        parts = [found.table.reset_index().assign(closure=""), predicted]
         return Stored(pd.concat([part for part in parts if len(part)], ignore_index=True), facts)
 
     def opened(self, stored: Stored) -> LongResult:
@@ -146,6 +145,6 @@ class LongCell:
         names = [c for c in PREDICTED if c in stored.table]
         facts = {name: stored.facts[name] for name in ("kind", "said", "periods", "paths", "impacts", "burn_in")}
         return LongResult(
-            stored.table[own].set_index("quantity")[STORED].astype({"too_narrow": bool}), stored.table.loc[~own, names],
+            stored.table[own].set_index("quantity")[STORED], stored.table.loc[~own, names],
             facts | {"seconds": stored.facts["seconds"]},
         )  # fmt: skip

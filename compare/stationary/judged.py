@@ -4,11 +4,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pandas as pd
+from scipy.special import ndtr
 
 from rattle.closure.attractor import Attractor, attractor
 from rattle.closure.stationary import Law, NotPredicted, branching_law, linear_law, orbit_average
 from rattle.compare.stationary.laws import values_of
 from rattle.compare.validation.verdict import judge, widest
+from rattle.montecarlo.long_run.intervals import half_width
 from rattle.montecarlo.long_run.names import all_names
 from rattle.scene.scene import Scene
 
@@ -121,7 +123,7 @@ def judged(table: pd.DataFrame, periods: int, predicted: pd.DataFrame) -> pd.Dat
     Parameters
     ----------
     table : DataFrame
-        Index ``quantity``; columns ``value, se`` of the simulation.
+        Index ``quantity``; columns ``value, se, carriers`` of the simulation.
     periods : int
         Its length.
     predicted : DataFrame
@@ -150,9 +152,9 @@ def judged_rows(predicted: pd.DataFrame, table: pd.DataFrame, z: float, periods:
     predicted : DataFrame
         Columns ``quantity, predicted, se_predicted, tolerance``.
     table : DataFrame
-        Index ``quantity``; columns ``value, se`` of the simulation.
+        Index ``quantity``; columns ``value, se, carriers`` of the simulation.
     z : float
-        Half width of the intervals in standard errors.
+        Half width of the intervals in standard errors where all paths carry these; wider where few do.
     periods : int
         Length of the simulation.
 
@@ -165,6 +167,8 @@ def judged_rows(predicted: pd.DataFrame, table: pd.DataFrame, z: float, periods:
     rows["simulated"] = rows["quantity"].map(table["value"].to_dict()).astype(float)
     rows["se"] = rows["quantity"].map(table["se"].to_dict()).astype(float)
     rows["error"] = rows["predicted"].astype(float) - rows["simulated"]
-    rows["noise"] = z * np.hypot(rows["se"], rows["se_predicted"].astype(float))
+    widened = half_width(rows["quantity"].map(table["carriers"].to_dict()).astype(float), float(ndtr(-z)))
+    widened = np.where(np.isnan(widened), z, widened)  # where nothing varies
+    rows["noise"] = widened * np.hypot(rows["se"], rows["se_predicted"].astype(float))
     rows["low"], rows["high"] = rows["error"] - rows["noise"], rows["error"] + rows["noise"]
     return judge(rows.assign(paths=float(periods))).rename(columns={"paths_needed": "periods_needed"})

@@ -24,8 +24,8 @@ from rattle.scene.validate import choice
 __all__ = ["Stationary", "stationary"]
 
 LEAST_CARRIERS = 16.0
-"""Paths that carry an error, below which its interval is too narrow."""
-LEAST_SHARE = 0.125  # of the paths, where there are few: a third carry it where they are normal
+"""Paths that carry an error, below which its interval is a tenth wider for that, or more."""
+LEAST_SHARE = 0.25  # of the paths, where there are few
 STARTS = 12  # orbits that are followed to find the attractors of a scene without noise
 COLUMNS = ["value", "se", "low", "high", "autocorrelation", "se_batches", "carriers"]
 
@@ -44,8 +44,8 @@ class Stationary:
     table : DataFrame
         Index ``quantity``; columns ``value, se, low, high`` (95 % interval), ``autocorrelation`` (integrated, in
         impacts: the variance of the estimate over that of independent impacts) and ``se_batches`` (standard error from
-        batch means, to check the other; NaN where there is none) and ``carriers`` (how many paths carry the error, a
-        third of them where nothing is rare; for quantiles, of the units that share a distribution).
+        batch means, to check the other; NaN where there is none) and ``carriers`` (how many paths carry the error,
+        about all of them where nothing is rare; for quantiles, of the units that share a distribution).
     run : LongRun or None
         The simulation; None for exact values.
     orbit : Attractor
@@ -84,7 +84,7 @@ class Stationary:
 
     @property
     def few(self) -> pd.Series:
-        """Quantities whose intervals are too narrow, for few paths carry their errors, with the number of these."""
+        """Quantities whose intervals are wide because few paths carry their errors, with the number of these."""
         if self.run is None:
             return pd.Series(dtype=float)
         own = self.table["carriers"].where(self.table["se"] > 0.0)
@@ -142,7 +142,7 @@ class Stationary:
             facts |= {
                 "paths": run.paths, "periods": run.periods, "impacts": run.impacts, "burn_in": run.burn_in.periods,
                 "seconds": round(run.wall_seconds, 3), "reach": None if run.reach is None else run.reach.sentence,
-                "reached": run.reach is None or run.reach.reached, "too_narrow": list(self.few.index.astype(str)),
+                "reached": run.reach is None or run.reach.reached,
             }  # fmt: skip
         table = self.table_in(units).reset_index().to_dict("records")
         return facts | {"table": table, "verdicts": self.verdicts.to_dict("records")}

@@ -48,11 +48,9 @@ SMALL = ("cost", "reasons")
 COLOURS = ("#000000", "#0072B2", "#D55E00")
 MARKERS = ("D", "o", "s")
 CAPTION = (
-    "The long run over the field that varies, with 95 % intervals (hollow: may be too narrow, for few paths carry the "
-    "error): impacts, energy lost, speeds, slow impacts, and the share of its quantities that each closure has right "
-    "(no curve where it predicts none)."
+    "The long run over the field that varies, with 95 % intervals: impacts, energy lost, speeds, slow impacts, and the "
+    "share of its quantities that each closure has right (no curve where it predicts none)."
 )
-SHOWN = ("rate", "speed", "energy_per_period", "slow_share")
 
 
 def study_figure(r: LongResults) -> Drawing:
@@ -103,8 +101,6 @@ def _curve(ax: Axes, rows: pd.DataFrame, along: str, name: str, colour: str, mar
     rows = rows.sort_values(along)
     ax.fill_between(rows[along], rows["low"], rows["high"], color=colour, alpha=0.25, lw=0)
     ax.plot(rows[along], rows["value"], color=colour, marker=marker, ms=3, lw=1.0, label=name)
-    few = rows[rows["too_narrow"]]
-    ax.plot(few[along], few["value"], color=colour, marker=marker, ms=3, ls="", mfc="white")
 
 
 def answer(r: LongResults) -> list[str]:
@@ -144,25 +140,10 @@ def answer(r: LongResults) -> list[str]:
                 f"`{closure}` predicts the long run at {len(own)} of {len(good)} values of {name}, and has {right} of "
                 f"them; {own.min():.0%} to {own.max():.0%} of its quantities are accurate."
             )
-    sentences += _too_narrow(r.quantities)
     other = r.cost[r.cost["kind"] != "simulated"]
     if len(other):
         sentences.append(f"At {len(other)} of {len(r.cost)} points nothing is random and the values are exact.")
     return sentences
-
-
-def _too_narrow(quantities: pd.DataFrame) -> list[str]:
-    """Where few paths carry the errors of the main quantities."""
-    few = quantities[quantities["too_narrow"] & quantities["quantity"].isin(SHOWN)]
-    counts = few.groupby("quantity").size().reindex(SHOWN).dropna()
-    if counts.empty:
-        return []
-    where = ", ".join(f"of `{quantity}` at {count:.0f}" for quantity, count in counts.items())
-    points = quantities["quantity"].eq("rate").sum()
-    return [
-        f"The intervals {where} of {points} points may be too narrow, for few paths carry their errors, as where "
-        "bursts are rare: a smaller `accuracy`, or more `periods`, would do."
-    ]
 
 
 def written(folder: Path, r: LongResults, facts: dict[str, Any]) -> dict[str, Any]:
@@ -230,16 +211,15 @@ def _page(r: LongResults, record: dict[str, Any], drawn: list[Block]) -> Page:
 def _main(r: LongResults) -> Table:
     """The main quantities at every point, with half widths of their intervals."""
     names = [name for axis in r.study.axes for name in axis.names]
-    heads = [Column(n) for n in names] + list(numbers(*(x for n in SHOWN for x in (n, "±")), "burn-in", "periods"))
-    heads.append(Column("± may be too narrow"))
+    shown = ("rate", "speed", "energy_per_period", "slow_share")
+    heads = [Column(n) for n in names] + list(numbers(*(x for n in shown for x in (n, "±")), "burn-in", "periods"))
     rows = []
     for point, found in zip(r.study.points, r.found, strict=True):
         if found is None:
             continue
         row: list[Any] = [f"{point.coordinates[n]}" for n in names]
-        for name in SHOWN:
+        for name in shown:
             own = found.table.loc[name] if name in found.table.index else None
             row += [np.nan, np.nan] if own is None else [own["value"], 0.5 * (own["high"] - own["low"])]
-        few = [name for name in SHOWN if found.table["too_narrow"].get(name, False)]
-        rows.append([*row, float(found.facts["burn_in"]), float(found.facts["periods"]), ", ".join(few)])
+        rows.append([*row, float(found.facts["burn_in"]), float(found.facts["periods"])])
     return Table.of(heads or ["the only point"], rows, "Every point" if len(rows) > 12 else "")

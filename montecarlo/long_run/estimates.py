@@ -42,7 +42,7 @@ class Estimate(NamedTuple):
     se_batches : float
         Standard error from batch means; NaN for what is not summed in batches.
     carriers : float
-        Paths that carry the error, see `rattle.montecarlo.long_run.intervals.Spread`; for quantiles, units of the
+        Paths that carry the error, see `rattle.montecarlo.long_run.intervals.carriers_of`; for quantiles, units of the
         distributions.
     """
 
@@ -168,7 +168,7 @@ class _Maker:
     def quantiles(self, g: int, i: int) -> Iterator[tuple[str, Estimate]]:
         """Quantiles, with intervals by Woodruff's method: those of the probability, read off the distribution."""
         counts = self.c.histogram[:, g, i].astype(float)
-        edges, n, units = self.c.scales.edges[g, i], counts.sum(axis=1), len(counts)
+        edges, n = self.c.scales.edges[g, i], counts.sum(axis=1)
         below = np.cumsum(counts, axis=1)[:, :-1]  # of each unit, below each edge
         whole = below.sum(axis=0) / n.sum()
         for percent in QUANTILES:
@@ -176,11 +176,11 @@ class _Maker:
             value = _inverse(edges, whole, p)
             k = int(np.clip(np.searchsorted(whole, p), 0, edges.size - 1))
             part = spread((below[:, k] - whole[k] * n) / n.mean())
-            half = half_width(units) * part.se
-            low, high = (_inverse(edges, whole, p + x) for x in (-half, half))
+            half = float(half_width(part.carriers))
+            low, high = (_inverse(edges, whole, p + x * part.se) for x in (-half, half))
             naive = math.sqrt(p * (1.0 - p) / float(n.sum()))
             yield f"q{percent:02d}_", Estimate(
-                value, 0.5 * (high - low) / half_width(units), low, high, _over(part.se**2, naive**2),
+                value, 0.5 * (high - low) / half, low, high, _over(part.se**2, naive**2),
                 carriers=part.carriers,
             )  # fmt: skip
 

@@ -1,33 +1,74 @@
-"""Intervals from independent paths: Student's."""
+"""Intervals from independent paths: Student's, with as many degrees of freedom as paths carry the error, less one.
+
+A standard error is known as well as the variance of what paths put into a value.  Where rare bursts are nearly all of
+it, that variance comes from the few paths that had one, and is most often too small when few had.
+"""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
-__all__ = ["CONFIDENCE", "Spread", "half_width", "spread"]
+__all__ = ["CONFIDENCE", "Spread", "carriers_of", "half_width", "spread"]
 
 Floats = NDArray[np.float64]
 
 CONFIDENCE = 0.95
 
 
-def half_width(paths: int) -> float:
-    """Half width of a 95 % interval in standard errors from a number of independent paths.
+def half_width(carriers: ArrayLike, tail: float = 0.5 - 0.5 * CONFIDENCE) -> Any:
+    """Half width of an interval in standard errors, from the number of paths that carry the error.
 
     Parameters
     ----------
-    paths : int
-        Number of paths.
+    carriers : float or array of float
+        Their number; below 2 it counts as 2.
+    tail : float
+        Probability on each side of the interval; by default those of a 95 % interval.
+
+    Returns
+    -------
+    float or ndarray
+        Student's t.
+
+    Examples
+    --------
+    >>> [round(float(half_width(n)), 2) for n in (1000, 10, 3)]
+    [1.96, 2.26, 4.3]
+    """
+    return -stdtrit(np.maximum(np.asarray(carriers) - 1.0, 1.0), tail)
+
+
+def carriers_of(rest: Floats) -> float:
+    """How many paths carry an error: all of them where what they deviate by is normal, few where rare bursts are all.
+
+    Where few of many paths do, their number is about ``(sum r^2)^2 / sum r^4``, which is a third of all where the
+    deviations r are normal; the inverses are shifted such that these count in full.
+
+    Parameters
+    ----------
+    rest : ndarray, shape (paths,)
+        What each path deviates by; 4 paths or more.
 
     Returns
     -------
     float
-        Student's t.
+
+    Examples
+    --------
+    >>> burst = np.zeros(300)
+    >>> burst[:5] = 1.0
+    >>> round(carriers_of(burst - burst.mean()), 1)
+    5.3
     """
-    return float(stdtrit(paths - 1, 0.5 + 0.5 * CONFIDENCE))
+    n, fourth = len(rest), float((rest**4).sum())
+    if fourth == 0.0:
+        return float(n)
+    few = float((rest**2).sum()) ** 2 / fourth
+    inverse = 1.0 / max(few - 1.0, 1e-9) - 1.0 / (n / 3.0 - 1.0) + 1.0 / (n - 1.0)
+    return 1.0 + 1.0 / max(inverse, 1.0 / (n - 1.0))
 
 
 class Spread(NamedTuple):
@@ -37,21 +78,17 @@ class Spread(NamedTuple):
     ----------
     value, se : float
         Value and standard error.
-    paths : int
-        Their number.
     carriers : float
-        How many of them carry the variance, ``(sum r^2)^2 / sum r^4`` of what they deviate by: a third of them where
-        that is normal, few where rare bursts are all.
+        How many paths carry the error, see `carriers_of`.
     """
 
     value: float
     se: float
-    paths: int
     carriers: float
 
     def interval(self) -> tuple[float, float]:
         """95 % interval of the value."""
-        half = half_width(self.paths) * self.se
+        half = float(half_width(self.carriers)) * self.se
         return self.value - half, self.value + half
 
 
@@ -70,6 +107,5 @@ def spread(parts: Floats, value: float | None = None) -> Spread:
     Spread
     """
     n, rest = len(parts), parts - parts.mean()
-    square, fourth = float((rest**2).sum()), float((rest**4).sum())
     value = float(parts.mean()) if value is None else value
-    return Spread(value, math.sqrt(square / (n - 1) / n), n, square**2 / fourth if fourth > 0.0 else float(n))
+    return Spread(value, math.sqrt(float((rest**2).sum()) / (n - 1) / n), carriers_of(rest))

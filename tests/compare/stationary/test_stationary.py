@@ -15,6 +15,7 @@ from rattle.closure.stationary import NotPredicted, linear_law, multipliers
 from rattle.compare.cli.main import main
 from rattle.compare.stationary import answer as answer_module
 from rattle.compare.stationary.answer import answer
+from rattle.compare.stationary.judged import judged
 from rattle.compare.stationary.laws import law_of, values_of
 from rattle.montecarlo.long_run import BurnInError
 from rattle.montecarlo.long_run.estimates import estimates
@@ -136,7 +137,7 @@ def test_values_of_a_law_are_those_of_its_orbit():
 
 
 def test_intervals_that_few_paths_carry_are_named():
-    """A few paths carry nearly all slow impacts: the interval is not to be believed, and the answer says so."""
+    """A few paths carry nearly all slow impacts: the interval is wider for that, and the answer says so."""
     found = rt.stationary(Scene.from_gears(DAT21, sigma=0.5), periods=64, paths=32, closures=[])
     assert "slow_share" not in found.few.index
     sums = found.run.sums
@@ -144,11 +145,11 @@ def test_intervals_that_few_paths_carry_are_named():
     main[3, 0, SLOW] += 400.0  # planted: one burst
     planted = estimates(sums._replace(main=main), ("slow_share",))["slow_share"]
     table = found.table.copy()
-    table.loc["slow_share", "carriers"] = planted.carriers
+    table.loc["slow_share", ["carriers", "low", "high"]] = planted.carriers, planted.low, planted.high
     burst = replace(found, table=table)
     assert planted.carriers < 3.0  # what is left of it in the other paths' control variates counts too
-    assert "About 2 of 32 paths carry the error of `slow_share`" in " ".join(answer(burst))
-    assert "slow_share" in burst.to_dict()["too_narrow"]
+    assert planted.high - planted.low > 8.0 * planted.se  # 4 for normal parts
+    assert "of 32 paths carry the error of `slow_share`" in " ".join(answer(burst))
 
 
 def test_attractors_that_little_noise_does_not_connect_are_named():
@@ -217,3 +218,14 @@ def test_command_draws_the_bifurcation_with_noise(tmp_path):
     assert (out / "bifurcation.svg").exists()
     sides = {line.split(",")[0] for line in (out / "bifurcation.csv").read_text().splitlines()[1:]}
     assert sides == {"without noise", "with noise"}
+
+
+def test_verdicts_allow_for_few_carriers():
+    """The same error and standard error decide where all paths carry the error, and leave open where two do."""
+    table = pd.DataFrame({"value": [1.0], "se": [0.002], "carriers": [256.0]}, index=["rate"])
+    claim = pd.DataFrame({
+        "closure": ["mine"], "kind": [""], "quantity": ["rate"], "predicted": [1.07], "se_predicted": [0.0],
+        "reason": [""],
+    })  # fmt: skip
+    assert judged(table, 64, claim)["verdict"].tolist() == ["inaccurate"]
+    assert judged(table.assign(carriers=2.0), 64, claim)["verdict"].tolist() == ["undecided"]

@@ -59,24 +59,6 @@ def test_study_runs_and_is_kept(tmp_path):
         load_impacts(folder)
 
 
-def test_a_study_says_where_few_paths_carry_the_errors(tmp_path):
-    """DAT21 at little noise, where slow impacts come in bursts; at much noise the errors are everybody's."""
-    file = tmp_path / "rare.toml"
-    file.write_text(
-        '[study]\nkind = "stationary"\ntitle = "rare"\nclosures = ["saltation"]\nperiods = 64\n'
-        "[gears]\nalpha = 1.5\nepsilon = 0.9\nomega = 300.0\ninertia1 = 4000.0\ninertia2 = 2500.0\nradius1 = 41.0\n"
-        "radius2 = 26.4\nbacklash1 = 0.2\ndamping1 = 100.0\ntorque1 = 100.0\ntorque2 = 50.0\n"
-        "[[axes]]\nsigma = [0.01, 1.2]\n"
-    )
-    done = CliRunner().invoke(main, ["study", str(file)])
-    assert done.exit_code == 0, done.output
-    narrow = load(tmp_path / "rare").quantities.set_index(["sigma", "quantity"])["too_narrow"]
-    assert narrow[0.01, "slow_share"]
-    assert not narrow[1.2][["slow_share", "rate", "speed", "energy_per_period"]].any()
-    page = (tmp_path / "rare" / "study.md").read_text()
-    assert "`slow_share` at 1 of 2 points" in page
-
-
 @pytest.mark.parametrize(
     ("old", "new", "word"),
     [
@@ -109,16 +91,6 @@ def test_claims_about_the_long_run_are_decided(tmp_path):
     again = decide_long(wrong, PAIR, store, 0, 0.01)
     assert again.table["outcome"].tolist() == ["fail", "fail"]
     assert (again.drawn, again.computed, again.seconds) == (1, 0, 0.0)
-
-
-@pytest.mark.parametrize(("sigma", "looks"), [(0.01, {2, 3}), (1.2, {1})])
-def test_nothing_is_decided_where_few_paths_carry_the_error(tmp_path, sigma, looks):
-    """Slow impacts of DAT21 come in rare bursts at little noise: even a claim that is far off waits for more."""
-    scene = Scene.from_gears(rt.DAT21, sigma=sigma)
-    wrong = predict_long(lambda scene, names: {"slow_share": 0.5}, scene, ["slow_share"])
-    found = decide_long(wrong, scene, Store(tmp_path / "cells"), 0, 0.01)
-    assert found.drawn in looks
-    assert found.table["outcome"].tolist() == ["fail"]
 
 
 @pytest.mark.parametrize(
