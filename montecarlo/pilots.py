@@ -24,7 +24,7 @@ from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings import computed, default_horizon, is_random
 from rattle.scene.scene import Scene
 
-__all__ = ["COARSEST", "ROUGHEST", "PilotRun", "Simulate", "chosen", "pilot"]
+__all__ = ["COARSEST", "LOOKS", "ROUGHEST", "PilotRun", "Simulate", "chosen", "pilot"]
 
 PROBES = (8, 256)  # paths of the probe runs before a pilot: each shows whether the next run fits the budget
 PILOT = 4 * BLOCK  # paths of a pilot run
@@ -34,6 +34,7 @@ ENOUGH = 5.0  # core-seconds of exact flights below which no other scheme is tri
 PROBE_SPAN = 0.01  # share of the horizon over which the first probe is run
 VECTOR_GAIN = 32.0  # cost of a path-step of a single path over that in a full block of vector lanes
 STICKING_NS = 110.0  # measured time of a path-step in which a mesh sticks
+LOOKS = 2  # after which a run to an accuracy ends as a rule
 ROUGHEST = 1e3  # the least accuracy that is considered, in sds
 
 Simulate = Callable[..., Ensemble]
@@ -101,7 +102,7 @@ class PilotRun:
         -------
         ExpectedPaths
         """
-        return expected_paths(self.run, accuracy, share_of_look(1))
+        return expected_paths(self.run, accuracy, share_of_look(LOOKS))
 
     def at(self, accuracy: float) -> Candidate:
         """Step, paths and work that an accuracy is expected to take.

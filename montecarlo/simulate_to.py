@@ -37,6 +37,7 @@ ESTIMATES = logging.getLogger("rattle.estimate")
 """What an accuracy is expected to take is said here (level INFO) before the work starts."""
 
 MOST_BIAS = 0.6  # share of an accuracy that the bias of the step may take; pilots aim at half
+SPARE = 1.05  # paths that are run over those foreseen, so that the next look is the last
 LEAST_ROOM = 0.2  # share that is left to the error of sampling while the step is too long
 GROWTH = 8  # most by which the number of paths grows at once: the spread of heavy tails is found late
 
@@ -212,10 +213,11 @@ def _followed_up(
         bound = error_bound(run, share_of_look(look))
         step, se_step = (0.0, 0.0) if exact else step_error(run)
         room = max(accuracy - step, LEAST_ROOM * accuracy)  # for the error of sampling
-        wanted = math.ceil(expected_paths(run, room, share_of_look(look)).paths / grain) * grain
+        wanted = run.paths
         shorten = step > MOST_BIAS * accuracy and step > 3.0 * se_step
-        if bound.error + step > accuracy:  # also where a bias may be noise
-            wanted = max(wanted, math.ceil(1.1 * run.paths / grain) * grain)
+        if bound.error + step > accuracy:
+            foreseen = SPARE * expected_paths(run, room, share_of_look(look + 1)).paths  # when it will be looked at
+            wanted = math.ceil(max(foreseen, 1.1 * run.paths) / grain) * grain  # more also where a bias may be noise
         more = 2 * run.paths if shorten else max(wanted - run.paths, fewest - run.paths, 0)
         if shorten and 0.5 * run.dt < shortest:
             return run, math.inf, look

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from rattle.montecarlo import SCHEMES, Ensemble, Record
-from rattle.montecarlo.accuracy import sampling_error, step_error
+from rattle.montecarlo.accuracy import LEAST, sampling_error, share_of_look, step_error
+from rattle.montecarlo.expected_paths import expected_paths
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.pilots import pilot
+from rattle.montecarlo.pilots import LOOKS, pilot
 from rattle.scene.scene import Scene
 
 __all__ = ["CostModel", "Point", "timed"]
@@ -20,6 +21,8 @@ REPEATS = 3  # timings of a pilot run, of which the least counts
 
 class Point(NamedTuple):
     """Error and cost of a method at a requested accuracy; errors are in units of each quantity's sd.
+
+    An accuracy is that of `rattle.montecarlo.simulate_to`: with 95 % probability no section mean or sd is off by more.
 
     Attributes
     ----------
@@ -36,8 +39,8 @@ class Point(NamedTuple):
     sampling_error, step_error : float
         Worst standard error and worst step bias; of a closure the half width of the worst row's interval, and 0.
     error : float
-        As drawn: the larger of both if measured, the accuracy if extrapolated, ``actual_error`` if ``missed``; of a
-        closure its worst error.
+        As drawn: the bound that was reached if measured, the accuracy if extrapolated, ``actual_error`` if ``missed``;
+        of a closure its worst error.
     measured : bool
         Whether it was run, rather than extrapolated.
     median_error : float
@@ -49,7 +52,7 @@ class Point(NamedTuple):
     actual_error : float
         Worst difference of a measured run from the reference simulation.
     missed : bool
-        Whether that is more than the errors of the run explain: too few paths to contain the rare ones.
+        Whether that is more than the accuracy and the error of the reference explain.
     """
 
     method: str
@@ -71,7 +74,7 @@ class Point(NamedTuple):
 
 @dataclass
 class CostModel:
-    """Cost model of a scheme: error ``spread / sqrt(paths)`` and ``bias * dt``; time linear in paths and steps.
+    """Cost model of a scheme: paths as its runs foresee them, error ``bias * dt``, time linear in paths and steps.
 
     Attributes
     ----------
@@ -82,14 +85,12 @@ class CostModel:
         Seconds of a path without its steps, and of each step (counting those of dt, 2 dt and 4 dt).
     pilot_seconds : float
         Seconds of the pilot run, which are part of every cost.
-    spread : float
-        Worst standard error times the root of the number of paths, in sds.
     bias : float
         Worst step bias over dt, in sds; 0 for a scheme without step bias.
     best : Ensemble
         The run with most paths.
-    shared : float
-        Lower bound of the spread, from a run of another scheme: heavy tails show only in many paths.
+    shared : Ensemble, optional
+        A run of another scheme that foresees the paths if it has more: heavy tails show only in many.
     """
 
     scheme: str
@@ -97,10 +98,9 @@ class CostModel:
     path_seconds: float
     step_seconds: float
     pilot_seconds: float
-    spread: float
     bias: float
     best: Ensemble
-    shared: float = 0.0
+    shared: Ensemble | None = None
 
     @classmethod
     def from_pilots(cls, scene: Scene, scheme: str, again: Callable[..., Ensemble]) -> "CostModel":
@@ -120,20 +120,19 @@ class CostModel:
         CostModel
         """
         first, seconds = _least(lambda: pilot(scene, scheme, again))
-        spread = sampling_error(first)[0] * math.sqrt(first.paths)
         if not SCHEMES[scheme].has_step_bias:
-            return cls(scheme, first, 0.0, seconds / first.path_steps, seconds, spread, 0.0, first)
+            return cls(scheme, first, 0.0, seconds / first.path_steps, seconds, 0.0, first)
         finer, more = _least(
             lambda: again(paths=first.paths, scheme=scheme, dt=first.dt / FINER, record=Record(step_bias=True))
         )
         step = (more - seconds) / (finer.path_steps - first.path_steps)
         path = max(0.0, seconds - step * first.path_steps) / first.paths
-        model = cls(scheme, first, path, step, seconds, spread, step_error(first)[0] / first.dt, first)
+        model = cls(scheme, first, path, step, seconds, step_error(first)[0] / first.dt, first)
         model.learn(finer)
         return model
 
     def learn(self, run: Ensemble) -> None:
-        """Update the model: the spread from a run with more paths, the bias where it is significant.
+        """Update the model: what foresees the paths from a run with more, the bias where it is significant.
 
         Parameters
         ----------
@@ -141,7 +140,7 @@ class CostModel:
             Of the same scheme and scene.
         """
         if run.paths >= self.best.paths:
-            self.spread, self.best = max(self.shared, sampling_error(run)[0] * math.sqrt(run.paths)), run
+            self.best = run
         if self.bias:
             step, se = step_error(run)
             if step > 3.0 * se:
@@ -162,25 +161,26 @@ class CostModel:
         return self.first.path_steps / self.first.paths * self.first.dt / dt
 
     def at(self, accuracy: float) -> Point:
-        """Extrapolate to an accuracy.
+        """Extrapolate to an accuracy, half of which is left to the bias of a scheme that has one.
 
         Parameters
         ----------
         accuracy : float
-            In sds.
+            Error that with 95 % probability no section mean or sd exceeds, in sds.
 
         Returns
         -------
         Point
             Not measured.
         """
-        paths = max(1, math.ceil((self.spread / accuracy) ** 2 / BLOCK)) * BLOCK
-        dt = min(self.first.dt, accuracy / self.bias) if self.bias else self.first.dt
+        room = 0.5 * accuracy if self.bias else accuracy
+        run = max((self.best, self.shared or self.best), key=lambda found: found.paths)
+        wanted = max(expected_paths(run, room, share_of_look(LOOKS)).paths, LEAST)
+        paths = math.ceil(wanted / BLOCK) * BLOCK
+        dt = min(self.first.dt, room / self.bias) if self.bias else self.first.dt
         seconds = self.pilot_seconds + paths * (self.path_seconds + self.step_seconds * self.steps(dt))
-        return Point(
-            self.scheme, "scheme", accuracy, dt, paths, seconds, self.spread / math.sqrt(paths), self.bias * dt,
-            accuracy, False,
-        )  # fmt: skip
+        sampling = sampling_error(run)[0] * math.sqrt(run.paths / paths)
+        return Point(self.scheme, "scheme", accuracy, dt, paths, seconds, sampling, self.bias * dt, accuracy, False)
 
     def path_alone(self, accuracy: float, step_ns: float | None = None) -> float:
         """Seconds of a path at an accuracy, without the steps of 2 dt and 4 dt that measure the bias.

@@ -1,8 +1,8 @@
 """Cost of accuracy: every scheme at every accuracy, measured or extrapolated, and every closure.
 
-The error of a scheme is the larger of the worst standard error and the worst step bias over all section means and sds,
-in units of each quantity's sd (`rattle.montecarlo.accuracy`).  The error of a closure is its worst difference from the
-reference simulation, the run of exact flights with most paths.  Time is processor time, summed over threads.
+The error of a scheme is what with 95 % probability no section mean or sd is off by more than, in units of each
+quantity's sd (`rattle.montecarlo.accuracy`).  The error of a closure is its worst difference from the reference
+simulation, the run of exact flights with most paths.  Time is processor time, summed over threads.
 """
 
 import math
@@ -29,7 +29,7 @@ from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 from rattle.scene.validate import positive
 
-__all__ = ["ACCURACIES", "HAND_TUNED_NS", "Measured", "check_accuracies", "measure", "slope"]
+__all__ = ["ACCURACIES", "HAND_TUNED_NS", "Measured", "check_accuracies", "measure", "of_all", "slope"]
 
 Floats = NDArray[np.float64]
 
@@ -103,10 +103,10 @@ def _scheme_points(
             assert reach is not None
             point = model.at(accuracy)
             if reach.reached:
-                error, measured = max(reach.sampling, reach.step), run
+                measured = run
                 point = Point(
-                    model.scheme, "scheme", accuracy, run.dt, run.paths, seconds, reach.sampling, reach.step, error,
-                    True
+                    model.scheme, "scheme", accuracy, run.dt, run.paths, seconds, reach.sampling, reach.step,
+                    reach.bound, True
                 )  # fmt: skip
         points.append((point, measured))
         bar.update()
@@ -154,19 +154,42 @@ def _compared_with(point: Point, run: Ensemble | None, model: CostModel, referen
         return [point]
     actual = float(np.nanmax(np.abs(_differences(run.section, reference))))
     point = point._replace(actual_error=actual)
-    if actual <= point.step_error + widest(point.rows) * point.accuracy:
+    if actual <= point.accuracy * (1.0 + math.sqrt(run.paths / reference.paths)):
         return [point]
     return [point._replace(missed=True, error=actual), model.at(point.accuracy)._replace(rows=point.rows)]
 
 
-def multilevel_points(levels: dict[str, Levels], accuracies: Sequence[float]) -> list[Point]:
+def of_all(standard_error: float, scene: Scene, impacts: int) -> float:
+    """What with 95 % probability none of the section means is off by more than, from their largest standard error.
+
+    Parameters
+    ----------
+    standard_error : float
+        In sds.
+    scene : Scene
+        What is modelled.
+    impacts : int
+        Number of impacts.
+
+    Returns
+    -------
+    float
+        In sds.
+    """
+    return widest(len(_section_rows(scene)) // 2 * impacts) * standard_error
+
+
+def multilevel_points(
+    levels: dict[str, Levels], accuracies: Sequence[float], scene: Scene, impacts: int
+) -> list[Point]:  # fmt: skip
     """Cost of the cheapest multilevel estimator of the means for each Euler scheme, from the analysis of its levels."""
     points = []
     for scheme, found in levels.items():
         for a in accuracies:
             e = found.estimate(a)
             dt = found.table["dt"].iloc[0] / 2.0**e.last
-            points.append(Point(f"multilevel {scheme}", "multilevel", a, dt, 0, e.seconds, a, a, a, False))
+            error = of_all(a, scene, impacts) + a
+            points.append(Point(f"multilevel {scheme}", "multilevel", a, dt, 0, e.seconds, a, a, error, False))
     return points
 
 
@@ -259,8 +282,7 @@ def measure(
     with tqdm(total=len(SCHEMES) * len(accuracies), desc="accuracy", unit="point", disable=None) as bar:
         for scheme in exact_first:
             model = models[scheme] = CostModel.from_pilots(scene, scheme, again)
-            model.shared = max(other.spread for other in models.values())  # exact flights come first, with most paths
-            model.spread = max(model.spread, model.shared)
+            model.shared = models[exact_first[0]].best
             found[scheme] = _scheme_points(model, accuracies, budget, asked, bar)
     reference = models[exact_first[0]].best
     levels = {
@@ -271,6 +293,6 @@ def measure(
     for scheme in SCHEMES:
         for point, run in found[scheme]:
             points += _compared_with(point._replace(rows=rows), run, models[scheme], reference)
-    points += multilevel_points(levels, accuracies) + closure_points(scene, impacts, reference)
+    points += multilevel_points(levels, accuracies, scene, impacts) + closure_points(scene, impacts, reference)
     models = {scheme: models[scheme] for scheme in SCHEMES}
     return Measured(pd.DataFrame(points, columns=list(Point._fields)), models, levels, reference)

@@ -18,24 +18,28 @@ from rattle.scene.scene import Scene
 __all__ = ["orders_said", "orders_table", "tradeoff_page"]
 
 FIGURE = (
-    "Error against processor time, both on logarithmic scales. Schemes: the larger of the worst standard error and the "
-    "worst step bias of all section means and sds. Closures: worst and median error against {reference} paths of exact "
-    "flights. Dash-dotted: the section means alone. Open and dashed: extrapolated. Pale: runs that missed the "
-    "requested accuracy, at their actual error."
+    "Error against processor time, both on logarithmic scales. Schemes: what with 95 % probability no section mean or "
+    "sd is off by more than. Closures: worst and median error against {reference} paths of exact flights. Dash-dotted: "
+    "the section means alone. Open and dashed: extrapolated. Pale: runs that missed the requested accuracy, at their "
+    "actual error."
 )
 SCHEMES = (
     "Runs of `simulate_to(scene, accuracy, scheme=...)` where {budget} core-seconds suffice, including pilot runs and "
-    "the longer steps that measure the step bias; the others are extrapolated from the time of a path-step, the spread "
-    "of the paths and the step bias in the pilot runs and the runs. “Actual” is the worst difference of the run from "
-    "{reference} paths of exact flights over all rows; about three standard errors are to be expected. Where rare "
-    "paths dominate an sd, a run with few paths contains none of them and underestimates its standard error: it "
-    "“missed” the requested accuracy, and the next row gives the cost by the spread of the run with most paths."
+    "the longer steps that measure the step bias: with 95 % probability no section mean or sd is off by more than the "
+    "accuracy, branches that the sample cannot have seen included. The others are extrapolated from the time of a "
+    "path-step, from the paths that the largest run foresees, and from the step bias, which may take half of the "
+    "accuracy. “Actual” is the worst difference of the run from {reference} paths of exact flights over all rows, and "
+    "should be within the accuracy; where it is more than that and the reference's own error explain, the run “missed” "
+    "it, and the next row gives the cost as the largest run foresees it."
 )
 STEP = (
     "A path-step is one step of one path at one step size, timed in the pilot runs with all statistics; for "
     "exact-flight it includes the impacts."
 )
-RATES = "Powers of two per halving of the step, with 95 % intervals. Core-seconds of the section means:"
+RATES = (
+    "Powers of two per halving of the step, with 95 % intervals. Core-seconds for a standard error of the section "
+    "means alone; multilevel estimators have a bias of the same size beside it:"
+)
 LEVELS = (
     "In brackets: for a row with the median of the variances and biases alone. Every level by itself: `levels.csv`; a "
     "kurtosis beyond {alarm} there means that a few paths dominate the variance of the difference, whose estimate is "
@@ -97,7 +101,7 @@ def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> 
         cells = [f"{e.seconds:.2g} ({e.typical:.2g})" for e in (x.estimate(a) for x in m.levels.values())]
         cells += [f"{means_seconds(m.models[EXACT], a, control=control):.2g}" for control in (True, False)]
         means.append((f"{a:g}", *cells))
-    heads = ["accuracy", *(f"multilevel {n}" for n in m.levels), f"{EXACT} with control", f"{EXACT} without"]
+    heads = ["standard error", *(f"multilevel {n}" for n in m.levels), f"{EXACT} with control", f"{EXACT} without"]
     ratios = ("means_median", "means_smallest", "sds_median", "sds_smallest")
     best = [cheapest(p, a) for a in accuracies]
     chosen: list[Row] = [

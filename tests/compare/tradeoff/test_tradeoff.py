@@ -19,7 +19,7 @@ from rattle.compare.tradeoff.page import orders_said, orders_table
 from rattle.compare.tradeoff.save import CONTENTS
 from rattle.compare.tradeoff.variance_reduction import antithetic_gain, control_table
 from rattle.compare.tradeoff.weak_order import orders_over
-from rattle.montecarlo import Record, simulate
+from rattle.montecarlo import Record, simulate, simulate_to
 from rattle.montecarlo.accuracy import units
 from rattle.montecarlo.kernel.block import sample
 from rattle.montecarlo.settings import plan_of
@@ -144,14 +144,13 @@ def model(bias=100.0, **given):
         SCENE, paths=1024, impacts=2, dt=0.01, scheme=scheme, control=exact, record=Record(step_bias=not exact)
     )
     return CostModel(scheme, first, **{
-        "path_seconds": 0.0, "step_seconds": 1e-9, "pilot_seconds": 0.0, "spread": 10.0, "bias": bias, "best": first,
-        **given,
+        "path_seconds": 0.0, "step_seconds": 1e-9, "pilot_seconds": 0.0, "bias": bias, "best": first, **given,
     })  # fmt: skip
 
 
 @pytest.mark.parametrize(("bias", "power"), [(100.0, -3.0), (0.0, -2.0)])
 def test_extrapolated_costs_grow_as_they_should_and_are_flagged(bias, power):
-    points = [model(bias).at(a) for a in (0.03, 0.01, 0.003, 0.001)]
+    points = [model(bias).at(a) for a in (0.01, 0.003, 0.001, 0.0003)]
     assert not any(p.measured for p in points)
     found, n = slope(pd.DataFrame(points), points[0].method, False)
     assert n == 4
@@ -168,7 +167,7 @@ def test_points_that_pilots_dominate_are_left_out_of_the_slope():
 
 
 def test_a_run_that_promised_too_much_is_found_out():
-    """A run of too few paths to be as accurate as its standard errors, compared with one of many paths."""
+    """A run of too few paths to be as accurate as it says, compared with one of many paths."""
     small, large = (
         simulate(SCENE, paths=n, impacts=2, dt=0.05, scheme="exact-flight", control=True) for n in (300, 30_000)
     )
@@ -184,19 +183,27 @@ def test_a_run_that_promised_too_much_is_found_out():
     assert beside.accuracy == 0.001
 
 
-def test_a_cost_model_learns_from_more_paths_and_keeps_the_shared_spread():
+def test_a_cost_model_learns_from_more_paths_and_from_those_of_another_scheme():
     own = model()
     more = simulate(SCENE, paths=3000, impacts=2, dt=0.005, scheme="euler-maruyama", record=Record(step_bias=True))
     own.learn(more)
     assert own.best is more
-    assert own.spread < 10.0
-    own.shared = 50.0
-    own.learn(more)
-    assert own.spread == 50.0
+    before = own.at(0.003).paths
+    own.shared = simulate(SCENE.with_sigma(2.0 * SCENE.sigma), paths=4000, impacts=2, scheme="exact-flight")
+    assert own.at(0.003).paths != before
+
+
+def test_what_is_foreseen_is_what_a_run_to_an_accuracy_takes():
+    """Before, paths were foreseen for a standard error, a twelfth of those for a bound of all errors."""
+    run = simulate_to(SCENE, 0.01, impacts=2, scheme="exact-flight", rng=3)
+    assert run.reach.bound <= 0.01
+    own = model(0.0)
+    own.learn(simulate(SCENE, paths=40_000, impacts=2, scheme="exact-flight", control=True, rng=4))
+    assert 0.7 < own.at(0.01).paths / run.paths < 1.4
 
 
 def test_a_path_alone_takes_the_steps_of_one_step_size():
-    own = model()
+    own = model(10.0)
     steps = simulate(SCENE, paths=1024, impacts=2, dt=0.01, scheme="euler-maruyama").path_steps / 1024
     assert own.path_alone(1.0) == pytest.approx(1e-9 * steps, rel=0.03)
     assert own.path_alone(1.0, 5.0) == pytest.approx(5.0 * own.path_alone(1.0))
