@@ -62,6 +62,11 @@ def _jackknife(sums: Floats, function: Callable[[Floats], Floats]) -> Spread:
     return spread(n * value - (n - 1) * function(total - sums), value)
 
 
+def _within(least: float, e: Estimate, most: float) -> Estimate:
+    """An estimate whose interval ends where its quantity does."""
+    return e._replace(low=max(e.low, least), high=min(e.high, most))
+
+
 def _over(a: float, b: float) -> float:
     return a / b if b > 0.0 else math.nan
 
@@ -112,7 +117,7 @@ class _Maker:
         """A number of impacts out of a number of impacts."""
         found = _jackknife(self.main[:, [column, of]], lambda s: s[:, 0] / s[:, 1])
         naive = math.sqrt(max(found.value * (1.0 - found.value), 0.0) / self.main[:, of].sum())
-        return self.made(found, naive, self._batch_se(column, of))
+        return _within(0.0, self.made(found, naive, self._batch_se(column, of)), 1.0)
 
     def energy(self, g: int) -> Estimate:
         """Mean energy lost at an impact."""
@@ -129,7 +134,8 @@ class _Maker:
         found = spread(each)
         apart = float(self.main[:, NUMBER].sum()) / (c.samples * c.paths)  # impacts between two samples
         naive = math.sqrt(max(found.value * (1.0 - found.value), 0.0) / (c.samples * c.paths) / max(apart, 1e-300))
-        return self.made(found, naive, self._batch_se(CONTACT + mesh - 1, None) * c.time / c.samples)
+        batches = self._batch_se(CONTACT + mesh - 1, None) * c.time / c.samples
+        return _within(0.0, self.made(found, naive, batches), 1.0)
 
     def moments(self, g: int, i: int) -> Iterator[tuple[str, Estimate]]:
         """Mean, sd and skewness of flight or speed."""

@@ -149,6 +149,7 @@ def test_intervals_that_few_paths_carry_are_named():
     burst = replace(found, table=table)
     assert planted.carriers < 3.0  # what is left of it in the other paths' control variates counts too
     assert planted.high - planted.low > 8.0 * planted.se  # 4 for normal parts
+    assert planted.low == 0.0  # as a share is never less
     assert "of 32 paths carry the error of `slow_share`" in " ".join(answer(burst))
 
 
