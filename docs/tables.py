@@ -268,10 +268,10 @@ def crossings(reports: Path) -> Table:
 def tradeoff(reports: Path) -> Table:
     """What an accuracy costs with each scheme and each closure."""
     found = pd.read_csv(reports / "tradeoff" / "tradeoff.csv")
-    return ["method", "accuracy [sd]", "step", "paths", "core time", "measured"], [
+    return ["method", "error [sd]", "step", "paths", "core time", "measured"], [
         [
-            r["method"], short(r["accuracy"]), short(r["dt"]), short(r["paths"]), seconds(r["core_seconds"]),
-            "yes" if r["measured"] else "extrapolated",
+            r["method"] + (" (means alone)" if r["kind"] == "multilevel" else ""), short(r["error"]), short(r["dt"]),
+            short(r["paths"]), seconds(r["core_seconds"]), "yes" if r["measured"] else "extrapolated",
         ]
         for _, r in found.iterrows()
     ]  # fmt: skip
