@@ -21,6 +21,7 @@ SLOW = 0.7  # error per share of slow impacts
 BENT = 0.2  # error per unit of what further splits are worth
 COMPONENT = 100.0  # cost of a component's flight, in flights of a path
 SMALLEST = 1e-3  # error below which no bound is believed: 12 impacts of a million paths
+ALL = 3.5  # standard errors that with 95 % probability no mean or sd of 12 impacts is off by more than
 SDS = 2.0  # tolerance of the sds over that of the means, as in a verdict
 
 
@@ -141,8 +142,9 @@ def largest_error(errors: Floats) -> float:
 def advice(found: Trace, tolerance: float) -> str:
     """Whether to use the closure or to simulate.
 
-    A simulation of n paths has errors of about ``1 / sqrt(n)`` sds; it is advised where the closure's bounds are above
-    the tolerance, and where as many paths as reach the bounds cost less than its components.
+    A simulation of n paths has standard errors of about ``1 / sqrt(n)`` sds, and with 95 % probability none of its
+    errors is above `ALL` of these; it is advised where the closure's bounds are above the tolerance, and where as many
+    paths as reach the bounds so cost less than its components.
 
     Parameters
     ----------
@@ -167,7 +169,7 @@ def advice(found: Trace, tolerance: float) -> str:
     if wrong.size > 0:
         return f"{said}, above the tolerance {tolerance:g} from impact {wrong[0] + 1} on: simulate"
     worst = max(np.fmax(means, sds), SMALLEST)
-    paths = 1.0 / worst**2
+    paths = (ALL / worst) ** 2
     if COMPONENT * found.work > paths * found.found:
         return f"{said}, within the tolerance {tolerance:g}; {paths:.1g} paths are as accurate and cheaper: simulate"
     return f"{said}, within the tolerance {tolerance:g}"
