@@ -43,8 +43,9 @@ CONTENTS = frozenset({
 
 SPEED = (
     "Time of the closure up to the last impact at which it is accurate, compared with the cheapest simulation of equal "
-    "accuracy: as many exact flights with their control variate as make the standard error of every moment no larger "
-    "than the closure's worst error (in sds of the quantity). One core each; measured with this report (`speed.csv`)."
+    "accuracy: as many exact flights with their control variate as bound the error of every moment, with 95 % "
+    "probability for all of them at once, by the closure's worst error (in sds of the quantity). One core each; "
+    "measured with this report (`speed.csv`)."
 )
 NONE = "No closure is shown to be accurate up to the first impact at any of these noise intensities; {} undecided."
 UNRESOLVED = " “≤”: the sample cannot tell the error from zero, so the speed-up is a lower bound."

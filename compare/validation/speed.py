@@ -1,4 +1,7 @@
-"""Computing time of a closure compared with that of a simulation of equal accuracy."""
+"""Computing time of a closure compared with that of a simulation of equal accuracy.
+
+An accuracy is that of `rattle.montecarlo.simulate_to`: with 95 % probability no section mean or sd is off by more.
+"""
 
 import math
 import time
@@ -10,12 +13,17 @@ import pandas as pd
 from rattle.closure import mean_map
 from rattle.compare.validation.validate import Validation
 from rattle.compare.validation.validity import judged_rows, validity
+from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import simulate
+from rattle.montecarlo.accuracy import LEAST, share_of_look
+from rattle.montecarlo.expected_paths import expected_paths
+from rattle.montecarlo.pilots import LOOKS
+from rattle.montecarlo.settings import computed
 
 __all__ = ["WANTED", "Cost", "Speed", "best_of", "path_seconds", "paths_for", "simulation_cost", "speed"]
 
 CALLS, SPAN = 5, 0.3  # a call is repeated at most so often, and for at most so many seconds
-WANTED = 0.01  # standard error, in sds, for which the cost of a simulation is stated
+WANTED = 0.01  # accuracy, in sds, for which the cost of a simulation is stated
 TIMED_PATHS = 4096  # paths of the simulation whose time per path and impact is measured
 
 
@@ -36,7 +44,7 @@ class Speed(NamedTuple):
     closure_seconds, simulation_seconds : float
         Seconds on one core.
     paths : int
-        Paths whose largest standard error equals the worst error.
+        Paths that bound all errors by the worst error of the closure.
     speed_up : float
         Ratio of the two times.
     """
@@ -54,7 +62,7 @@ class Speed(NamedTuple):
 
 
 class Cost(NamedTuple):
-    """What a simulation takes until every section mean and sd has a standard error of at most `WANTED` sds.
+    """What a simulation takes until with 95 % probability no section mean or sd is off by more than `WANTED` sds.
 
     Attributes
     ----------
@@ -119,7 +127,7 @@ def path_seconds(v: Validation) -> float:
 
 
 def paths_for(rows: pd.DataFrame, error: float) -> int:
-    """Number of paths for which the standard error of every moment is at most `error`.
+    """Number of paths for which with 95 % probability no moment is off by more than `error`.
 
     Parameters
     ----------
@@ -134,14 +142,16 @@ def paths_for(rows: pd.DataFrame, error: float) -> int:
 
     Examples
     --------
-    >>> paths_for(pd.DataFrame({"unit": [1.0, 0.5], "se": [1.0, 1.0]}), 0.01)
-    40000
+    >>> paths_for(pd.DataFrame({"unit": [1.0], "se": [1.0]}), 0.0196)  # 1.96 standard errors
+    10000
     """
-    return math.ceil(round(float(((rows["se"] / (error * rows["unit"])) ** 2).max()), 6))
+    return math.ceil(round(float(((widest(len(rows)) * rows["se"] / (error * rows["unit"])) ** 2).max()), 6))
 
 
 def simulation_cost(v: Validation, seconds_per_impact: float = math.nan) -> Cost:
-    """What a simulation of the same scheme takes to a standard error of `WANTED`, from the errors of a validation.
+    """What a run of the same scheme to an accuracy of `WANTED` takes, as the run of a validation foresees it.
+
+    Branches that the run cannot have seen count.
 
     Parameters
     ----------
@@ -154,10 +164,8 @@ def simulation_cost(v: Validation, seconds_per_impact: float = math.nan) -> Cost
     -------
     Cost
     """
-    rows = judged_rows(v, next(iter(v.predictions)))
-    rows = rows[(rows["unit"] > 0.0) & rows["se"].notna()]
-    impacts = len(v.run.section)
-    paths = max(paths_for(rows.assign(se=rows["se"] * math.sqrt(v.run.paths)), WANTED), 1) if len(rows) else 1
+    impacts, foreseen = len(v.run.section), expected_paths(v.run, WANTED, share_of_look(LOOKS))
+    paths = max(math.ceil(foreseen.paths), computed(v.scene, LEAST))
     return Cost(v.scene.sigma, impacts, paths, paths * impacts * seconds_per_impact)
 
 

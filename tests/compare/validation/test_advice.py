@@ -10,6 +10,7 @@ from rattle.compare.report.glossary import TERMS, glossary
 from rattle.compare.validation.advice import advice, duration
 from rattle.compare.validation.figures import error_figure
 from rattle.compare.validation.speed import WANTED, simulation_cost
+from rattle.montecarlo import simulate_to
 from rattle.scene import DAT21, InputError, Scene
 
 SIGMAS = (0.01, 0.1, 1.0)
@@ -112,11 +113,12 @@ def v():
     return validate(scene, impacts=2, closures=["saltation"], paths=4_000, scheme="exact-flight", rng=1)
 
 
-def test_cost_falls_with_the_square_of_the_error(v):
-    cost = simulation_cost(v, 1e-6)
-    rows = v.table[(v.table["kind"] == "section") & (v.table["verdict"] != "not judged") & (v.table["unit"] > 0.0)]
-    worst = (rows["se"] / rows["unit"]).max()
-    assert cost.paths == pytest.approx(4_000 * (worst / WANTED) ** 2, abs=1.5)
+def test_the_cost_is_that_of_a_run_to_the_accuracy(v):
+    scene = Scene.from_gears(DAT21, sigma=0.3)
+    pilot = validate(scene, impacts=2, closures=["corrected"], paths=16_384, scheme="exact-flight", rng=1)
+    cost = simulation_cost(pilot, 1e-6)
+    run = simulate_to(scene, WANTED, impacts=2, scheme="exact-flight", rng=2)
+    assert 0.7 < cost.paths / run.paths < 1.4
     assert cost.seconds == pytest.approx(cost.paths * 2e-6)
     assert math.isnan(simulation_cost(v).seconds)
 
