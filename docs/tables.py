@@ -54,7 +54,7 @@ def seconds(value: float) -> str:
     """A time in the unit that suits it."""
     for unit, size in (("h", 3600.0), ("min", 60.0), ("s", 1.0), ("ms", 1e-3)):
         if value >= size:
-            return f"{value / size:.3g} {unit}"
+            return f"{float(f'{value / size:.3g}'):,g} {unit}"
     return f"{value / 1e-6:.3g} µs"
 
 
@@ -271,7 +271,7 @@ def tradeoff(reports: Path) -> Table:
     return ["method", "error [sd]", "step", "paths", "core time", "measured"], [
         [
             r["method"] + (" (means alone)" if r["kind"] == "multilevel" else ""), short(r["error"]), short(r["dt"]),
-            short(r["paths"]), seconds(r["core_seconds"]), "yes" if r["measured"] else "extrapolated",
+            short(r["paths"] or math.nan), seconds(r["core_seconds"]), "yes" if r["measured"] else "extrapolated",
         ]
         for _, r in found.iterrows()
     ]  # fmt: skip
