@@ -29,7 +29,7 @@ from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 from rattle.scene.validate import positive
 
-__all__ = ["ACCURACIES", "HAND_TUNED_NS", "Measured", "check_accuracies", "measure", "of_all", "slope"]
+__all__ = ["ACCURACIES", "HAND_TUNED_NS", "Measured", "bound_of_means", "check_accuracies", "measure", "slope"]
 
 Floats = NDArray[np.float64]
 
@@ -159,7 +159,7 @@ def _compared_with(point: Point, run: Ensemble | None, model: CostModel, referen
     return [point._replace(missed=True, error=actual), model.at(point.accuracy)._replace(rows=point.rows)]
 
 
-def of_all(standard_error: float, scene: Scene, impacts: int) -> float:
+def bound_of_means(standard_error: float, scene: Scene, impacts: int) -> float:
     """What with 95 % probability none of the section means is off by more than, from their largest standard error.
 
     Parameters
@@ -188,7 +188,7 @@ def multilevel_points(
         for a in accuracies:
             e = found.estimate(a)
             dt = found.table["dt"].iloc[0] / 2.0**e.last
-            error = of_all(a, scene, impacts) + a
+            error = bound_of_means(a, scene, impacts) + a
             points.append(Point(f"multilevel {scheme}", "multilevel", a, dt, 0, e.seconds, a, a, error, False))
     return points
 

@@ -9,7 +9,7 @@ import pandas as pd
 from rattle.compare.report.save import contents, save
 from rattle.compare.tradeoff.answer import EXACT, answer
 from rattle.compare.tradeoff.figures import order_figure, tradeoff_figure
-from rattle.compare.tradeoff.measure import Measured, means_seconds, of_all, slope
+from rattle.compare.tradeoff.measure import Measured, bound_of_means, means_seconds, slope
 from rattle.compare.tradeoff.page import tradeoff_page
 from rattle.compare.tradeoff.weak_order import Orders
 
@@ -56,7 +56,7 @@ def write_tradeoff(
     """
     sentences = answer(m, accuracies)
     means = pd.DataFrame({
-        "error": [of_all(a, m.reference.scene, m.reference.impacts) for a in accuracies],
+        "error": [bound_of_means(a, m.reference.scene, m.reference.impacts) for a in accuracies],
         "core_seconds": [means_seconds(m.models[EXACT], a, control=True) for a in accuracies],
     })  # fmt: skip
     slopes = {name: slope(m.points, name, False)[0] for name in m.models}

@@ -63,10 +63,11 @@ def carriers_of(rest: Floats) -> float:
     >>> round(carriers_of(burst - burst.mean()), 1)
     5.3
     """
-    n, fourth = len(rest), float((rest**4).sum())
-    if fourth == 0.0:
+    n, largest = len(rest), float(np.abs(rest).max())
+    if largest == 0.0:
         return float(n)
-    few = float((rest**2).sum()) ** 2 / fourth
+    square = (rest / largest) ** 2  # of any magnitude: a fourth power would overflow
+    few = float(square.sum()) ** 2 / float((square**2).sum())
     inverse = 1.0 / max(few - 1.0, 1e-9) - 1.0 / (n / 3.0 - 1.0) + 1.0 / (n - 1.0)
     return 1.0 + 1.0 / max(inverse, 1.0 / (n - 1.0))
 

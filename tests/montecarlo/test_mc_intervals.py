@@ -51,6 +51,12 @@ def test_all_paths_carry_what_is_normal():
     assert np.quantile(found, 0.01) > 0.3 * PATHS  # the t of 80 paths is 2 % above that of 256
 
 
+@pytest.mark.parametrize("size", [1e-120, 1e120])
+def test_carriers_are_those_of_any_unit(size):
+    rest = np.random.default_rng(3).standard_normal(PATHS)
+    assert carriers_of(size * rest) == pytest.approx(carriers_of(rest))
+
+
 def test_a_value_of_its_own_keeps_the_spread_of_the_parts():
     parts = np.array([1.0, 2.0, 4.0, 5.0])
     assert spread(parts, 7.0).se == spread(parts).se == pytest.approx(parts.std(ddof=1) / 2.0)
