@@ -17,9 +17,9 @@ import numpy as np
 
 from rattle.closure.orbit import Floats
 from rattle.scene.compiled import jit
-from rattle.scene.constants import Constants
+from rattle.scene.constants import CUT, Constants
 from rattle.scene.elementary import each, exponentials, gauss_legendre
-from rattle.scene.parts import CUT, Tolerance
+from rattle.scene.parts import Tolerance
 from rattle.scene.scene import Scene
 from rattle.scene.small_matrices import congruence
 

@@ -1,8 +1,10 @@
-"""The numbers of a scene as compiled code takes them."""
+"""The numbers of a scene, and of its model, as compiled code takes them."""
 
 from typing import NamedTuple
 
-__all__ = ["Constants"]
+__all__ = ["CUT", "Constants"]
+
+CUT = 2.0  # c_max in standard deviations of the normal distribution that is truncated there
 
 
 class Constants(NamedTuple):

@@ -32,6 +32,8 @@ from numba.core.runtime.nrt import rtsys
 __all__ = ["compiled_here", "folder", "fused_multiply_add", "keep_by_source", "sealed", "source_digest"]
 
 PACKAGES = ("scene", "closure", "montecarlo")
+COMPILER = ("scene/compiled.py", "scene/deferred.py", "scene/dispatcher.py", "scene/machine_code.py")
+TAKEN = (*COMPILER, "scene/constants.py", "montecarlo/schemes/step_state.py")  # beside it, what compiled code takes
 NUMBAS_FILES: Any = IndexDataCacheFile  # typed as Any: numba has no type hints
 NUMBAS_CACHE: Any = FunctionCache
 NUMBAS_STORE: Any = CompileResultCacheImpl
@@ -48,6 +50,7 @@ _compiled = 0  # functions that this process has compiled
 def source_digest(root: Path) -> str:
     """Digest of the sources of all compiled code and of the versions of the libraries that compile it.
 
+    Sources of compiled code import `rattle.scene.compiled`, or are named in `TAKEN`; all others may change freely.
     The processor is not part of it: numba's index records the processor and its features for each entry.
 
     Parameters
@@ -63,7 +66,9 @@ def source_digest(root: Path) -> str:
     digest = hashlib.sha256(f"{numba.__version__} {llvmlite.__version__} {np.__version__}".encode())
     for package in PACKAGES:
         for path in sorted((root / package).rglob("*.py")):
-            digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+            name, source = path.relative_to(root).as_posix(), path.read_bytes()
+            if b"from rattle.scene.compiled import" in source or name in TAKEN:
+                digest.update(name.encode() + source)
     return digest.hexdigest()[:16]
 
 

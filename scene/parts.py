@@ -3,12 +3,12 @@
 import math
 from dataclasses import dataclass
 
+from rattle.scene.constants import CUT
 from rattle.scene.keywords import suggesting
 from rattle.scene.validate import choice, count, finite, non_negative, ranged
 
-__all__ = ["CUT", "DRAWS", "GAPS", "SPEED", "TIME", "TINY", "UNIT_VARIANCE", "Start", "Tolerance"]
+__all__ = ["DRAWS", "GAPS", "SPEED", "TIME", "TINY", "UNIT_VARIANCE", "Start", "Tolerance"]
 
-CUT = 2.0  # c_max in standard deviations of the normal distribution that is truncated there
 _edge = math.exp(-0.5 * CUT**2) / math.sqrt(2.0 * math.pi)
 UNIT_VARIANCE = {
     "fixed": 0.0,

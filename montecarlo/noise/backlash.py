@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from rattle.montecarlo.noise.philox import CONTACT, Key, Word, normals, uniforms
 from rattle.scene.compiled import lean
-from rattle.scene.parts import CUT
+from rattle.scene.constants import CUT
 from rattle.scene.scene import Scene
 
 __all__ = ["Backlash", "backlash_of", "draw_walls", "first_half_gap", "half_gap"]

@@ -1,5 +1,6 @@
 """Machine code that is damaged or cannot be stored is compiled again, where numba alone would raise an exception."""
 
+import ast
 import os
 import shutil
 import subprocess
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 from small_disks import disk
 
-from rattle.scene.machine_code import PACKAGES, Sealed, source_digest
+from rattle.scene.machine_code import PACKAGES, TAKEN, Sealed, source_digest
 
 ROOT = Path(__file__).resolve().parents[2]
 CODE = (
@@ -112,23 +113,56 @@ def test_a_changed_environment_does_not_end_the_cache(tmp_path):
 # --- sources
 
 
-def test_every_source_however_deep_is_in_the_digest(tmp_path):
+DECORATORS = {"inlined", "jit", "lean", "spliced"}
+
+
+def test_the_digest_changes_with_every_source_of_compiled_code_and_with_no_other(tmp_path):
     for package in PACKAGES:
         shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
     nested = tmp_path / "closure" / "deep" / "deeper" / "new.py"
-    before = source_digest(tmp_path)
+    seen = {source_digest(tmp_path)}
     nested.parent.mkdir(parents=True)
-    nested.write_text("x = 1\n")
-    seen = {before, source_digest(tmp_path)}
+    nested.write_text("from rattle.scene.compiled import jit\n")
+    seen.add(source_digest(tmp_path))
     sources = sorted(tmp_path.rglob("*.py"))
-    assert len(sources) > 50
+    compiled = {path for path in sources if imports(path, "rattle.scene.compiled")}
+    compiled |= {tmp_path / name for name in TAKEN}
+    assert 50 < len(compiled) < len(sources) - 30
     for path in sources:
         with path.open("a") as file:
             file.write("# touched\n")
+        before = len(seen)
         seen.add(source_digest(tmp_path))
+        assert len(seen) == before + (path in compiled), path
     nested.rename(nested.with_name("other.py"))
-    seen.add(source_digest(tmp_path))
-    assert len(seen) == len(sources) + 3
+    assert source_digest(tmp_path) not in seen
+
+
+def imports(path, module):
+    return any(
+        isinstance(node, ast.ImportFrom) and node.module == module for node in ast.walk(ast.parse(path.read_text()))
+    )
+
+
+def test_compiled_functions_take_nothing_from_sources_outside_the_digest():
+    sources = {path.relative_to(ROOT).as_posix(): path for name in PACKAGES for path in (ROOT / name).rglob("*.py")}
+    inside = {name for name, path in sources.items() if imports(path, "rattle.scene.compiled")} | {*TAKEN}
+    for name in inside:
+        tree = ast.parse(sources[name].read_text())
+        foreign = {
+            alias.asname or alias.name: node.module
+            for node in ast.walk(tree)
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("rattle.")
+            if node.module.removeprefix("rattle.").replace(".", "/") + ".py" not in inside
+            for alias in node.names
+        }
+        for function in ast.walk(tree):
+            if isinstance(function, ast.FunctionDef) and DECORATORS & names(*function.decorator_list):
+                assert not foreign.keys() & names(*function.body), (name, function.name)
+
+
+def names(*nodes):
+    return {part.id for node in nodes for part in ast.walk(node) if isinstance(part, ast.Name)}
 
 
 def test_only_the_folders_of_earlier_sources_are_removed(kept, tmp_path):
