@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -20,8 +20,12 @@ from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION, SMALLEST, STATE, correlation, realizability
 from rattle.scene.scene import Scene
 from rattle.scene.shown import as_html
-from rattle.scene.units import at_times_in, check_units, in_units
+from rattle.scene.units import as_dataset, at_times_in, check_units, in_units
 from rattle.scene.validate import choice, count, positive
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
 
 __all__ = ["CLOSURES", "Breakdown", "Closure", "MeanMap", "closures_for", "mean_map", "refusals"]
 
@@ -256,6 +260,64 @@ class MeanMap:
         """
         columns = {str(name): values for name, values in self.section.items()}
         return pd.DataFrame(in_units(columns, self.scene.gears, units), index=self.section.index)
+
+    def plot(self, quantity: str = "y1", units: str = "dimensionless") -> "Figure":
+        """Draw the predicted mean and standard deviation of a quantity just before each impact.
+
+        Parameters
+        ----------
+        quantity : {"y1", "tau", "flight", "x1", "x2", "y2"}
+            What is drawn.
+        units : {"dimensionless", "physical"}
+            Units of the axis; the second for a scene that was made from gears.
+
+        Returns
+        -------
+        Figure
+            Of matplotlib; a notebook shows it, ``savefig`` writes it.
+
+        Raises
+        ------
+        InputError
+            For an unknown quantity or units, or physical units of a scene without gears.
+
+        Examples
+        --------
+        >>> from rattle.scene import DAT21, Scene
+        >>> m = mean_map(Scene.from_gears(DAT21, sigma=0.1), impacts=3)
+        >>> m.plot("y1").axes[0].get_ylabel()
+        'y1 before the impact in backlash1 omega'
+        """
+        from rattle.scene.plot import plot_section
+
+        return plot_section(self.section, self.scene, quantity, units, self.closure)
+
+    def to_xarray(self, units: str = "dimensionless") -> "xr.Dataset":
+        """Convert `section` to a dataset; needs the optional dependency ``xarray``.
+
+        Parameters
+        ----------
+        units : {"dimensionless", "physical"}
+            Units of the variables; the second for a scene that was made from gears.
+
+        Returns
+        -------
+        xarray.Dataset
+            Dimension ``impact``, a variable for each column, with its unit in ``attrs["units"]``.
+
+        Raises
+        ------
+        InputError
+            For unknown units, or physical ones of a scene without gears.
+
+        Examples
+        --------
+        >>> from rattle.scene import DAT21, Scene
+        >>> m = mean_map(Scene.from_gears(DAT21), impacts=1)
+        >>> m.to_xarray("physical")["y1"].attrs["units"]
+        'mm/s'
+        """
+        return as_dataset(self.section, units, self.scene.gears)
 
     @property
     def _stages(self) -> range:

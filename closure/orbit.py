@@ -7,7 +7,7 @@ phase, after which the state no longer depends on the one before.
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,14 @@ from rattle.scene.compiled import lean
 from rattle.scene.constants import Constants
 from rattle.scene.flight import flow
 from rattle.scene.impact import LOST, MISSES, NONE, REST, next_impact, struck
+from rattle.scene.moments import STATE
 from rattle.scene.scene import Scene
 from rattle.scene.sticking import carried, closed_sides, completed_chatter, next_contact, stuck
+from rattle.scene.units import as_dataset
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
 
 __all__ = ["HORIZON", "Orbit", "StickingPhase", "follow"]
 
@@ -174,6 +180,52 @@ class Orbit:
         tau, x1, y1, x2, y2, first, second = self.legs[int(np.searchsorted(self.legs[:, 0], time, side="right")) - 1]
         closed = int(first), int(second)
         return np.array(carried(self.constants, tau, x1, y1, x2, y2, closed, time - tau))
+
+    def plot(self) -> "Figure":
+        """Draw the displacements over time between their walls, with the impacts and the sticking phases.
+
+        Returns
+        -------
+        Figure
+            Of matplotlib; a notebook shows it, ``savefig`` writes it.
+
+        Examples
+        --------
+        >>> from rattle.scene import DAT21, Scene
+        >>> [ax.get_ylabel() for ax in follow(Scene.from_gears(DAT21), 3).plot().axes]
+        ['$x_1$ in backlash1', '$x_2$ in backlash1']
+        """
+        from rattle.closure.plot import plot_orbit
+
+        return plot_orbit(self)
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Convert times, meshes, sides and states to a dataset; needs the optional dependency ``xarray``.
+
+        Returns
+        -------
+        xarray.Dataset
+            Dimension ``impact``, from 0, the start; ``y1_after, y2_after`` are velocities just after the impact.  Each
+            variable has its unit in ``attrs["units"]``.
+
+        Examples
+        --------
+        >>> from rattle.scene import DAT21, Scene
+        >>> follow(Scene.from_gears(DAT21), 3).to_xarray()["mesh"].values.tolist()
+        [1, 1, 2, 1]
+        """
+        import pandas as pd
+
+        columns = {
+            "tau": self.tau,
+            "mesh": self.mesh,
+            "side": self.side,
+            **dict(zip(STATE, self.before.T, strict=True)),
+        }
+        data = as_dataset(pd.DataFrame(columns).rename_axis("impact"), "dimensionless", None)
+        for i in (1, 3):
+            data[f"{STATE[i]}_after"] = ("impact", self.after[:, i], data[STATE[i]].attrs)
+        return data
 
 
 def follow(scene: Scene, impacts: int) -> Orbit:

@@ -25,10 +25,11 @@ from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene
 from rattle.scene.shown import as_html
-from rattle.scene.units import at_times_in, in_units
+from rattle.scene.units import as_dataset, at_times_in, in_units
 
 if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
     import pandas as pd
+    import xarray as xr
     from matplotlib.figure import Figure
 
 __all__ = ["Ensemble"]
@@ -193,7 +194,7 @@ class Ensemble:
 
         return pd.DataFrame(in_units(self.columns, self.scene.gears, units), index=self.section.index)
 
-    def plot_section(self, quantity: str = "y1", units: str = "dimensionless") -> Figure:
+    def plot(self, quantity: str = "y1", units: str = "dimensionless") -> Figure:
         """Draw mean and standard deviation of a quantity just before each path's own impacts.
 
         Parameters
@@ -206,7 +207,7 @@ class Ensemble:
         Returns
         -------
         Figure
-            Of matplotlib.
+            Of matplotlib; a notebook shows it, ``savefig`` writes it.
 
         Raises
         ------
@@ -218,12 +219,40 @@ class Ensemble:
         >>> from rattle.montecarlo import simulate
         >>> from rattle.scene import DAT21, Scene
         >>> run = simulate(Scene.from_gears(DAT21, sigma=0.1), paths=64, impacts=3)
-        >>> run.plot_section("y1", units="physical").axes[0].get_ylabel()
+        >>> run.plot("y1", units="physical").axes[0].get_ylabel()
         'y1 before the impact in mm/s'
         """
-        from rattle.montecarlo.plot import plot_section
+        from rattle.scene.plot import plot_section
 
-        return plot_section(self, quantity, units)
+        return plot_section(self.columns, self.scene, quantity, units, f"{self.paths:,} paths")
+
+    def to_xarray(self, units: str = "dimensionless") -> xr.Dataset:
+        """Convert `section` to a dataset; needs the optional dependency ``xarray``.
+
+        Parameters
+        ----------
+        units : {"dimensionless", "physical"}
+            Units of the variables; the second for a scene that was made from gears.
+
+        Returns
+        -------
+        xarray.Dataset
+            Dimension ``impact``, a variable for each column, with its unit in ``attrs["units"]``.
+
+        Raises
+        ------
+        InputError
+            For unknown units, or physical ones of a scene without gears.
+
+        Examples
+        --------
+        >>> from rattle.montecarlo import simulate
+        >>> from rattle.scene import DAT21, Scene
+        >>> run = simulate(Scene.from_gears(DAT21), paths=1, impacts=1)
+        >>> run.to_xarray("physical")["y1"].attrs["units"]
+        'mm/s'
+        """
+        return as_dataset(self.section, units, self.scene.gears)
 
     @cached_property
     def columns(self) -> dict[str, Floats | Ints]:

@@ -11,10 +11,11 @@ Examples
 [1, 1]
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from rattle.closure import CLOSURES, MeanMap, Orbit, follow, mean_map
     from rattle.compare import Tolerances, Validation, validate
     from rattle.compare.stationary.measure import Stationary, stationary
@@ -57,11 +58,15 @@ _MODULES = {
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> "Any":
+    from importlib import import_module, metadata
+
+    if name == "__version__":
+        return metadata.version("rattle")
     if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return [*__all__, "__version__"]

@@ -9,8 +9,20 @@ from rattle.scene.validate import choice
 
 if TYPE_CHECKING:  # a table is there before it is converted
     import pandas as pd
+    import xarray as xr
 
-__all__ = ["PRODUCTS", "RATE", "UNITS", "Units", "at_times_in", "check_units", "in_units"]
+__all__ = [
+    "PRODUCTS",
+    "RATE",
+    "UNITS",
+    "Units",
+    "as_dataset",
+    "at_times_in",
+    "check_units",
+    "in_units",
+    "units_of",
+    "with_units",
+]
 
 UNITS = ("dimensionless", "physical")
 """The systems of units in which results are given."""
@@ -20,6 +32,13 @@ RATE = "impacts_per_s"
 """Column of the inverse of the mean time of flight."""
 PRODUCTS = {("mm", "mm"): "mm2", ("mm", "mm_per_s"): "mm2_per_s", ("mm_per_s", "mm_per_s"): "mm2_per_s2"}
 """Units of covariances."""
+
+
+DIMENSIONLESS = {
+    "ms": "1/omega", "mm": "backlash1", "mm_per_s": "backlash1 omega",
+    "mJ": "inertia1/radius1^2 (backlash1 omega)^2",
+}  # fmt: skip
+"""What dimensionless results count in, by the unit that they have in physical ones."""
 
 
 class Units(NamedTuple):
@@ -139,6 +158,34 @@ def in_units(columns: Mapping[str, Any], gears: Any, units: str) -> dict[str, An
         As `check_units`.
     """
     return dict(columns) if check_units(units, gears) == "dimensionless" else gears.units.convert(columns)
+
+
+def units_of(units: str, gears: Any) -> dict[str, tuple[str, float]]:
+    """Unit, as it is written, and factor of the columns of a section table that have a dimension."""
+    physical = check_units(units, gears) == "physical"
+    found = {}
+    for name, (shown, factor) in (gears.units if physical else Units(1.0, 1.0, 1.0, 1.0)).columns_of.items():
+        unit = shown.removeprefix(f"{name}_")
+        if not name.startswith(("cov_", "se_cov_")):
+            found[name] = (unit.replace("_per_", "/") if physical else DIMENSIONLESS[unit], factor)
+    return found
+
+
+def as_dataset(table: "pd.DataFrame", units: str, gears: Any) -> "xr.Dataset":
+    """A section table as an xarray dataset: a variable for each column, with its unit in ``attrs``."""
+    known = units_of(units, gears)
+    factors = {name: known[name] for name in table if name in known}
+    data = table.assign(**{name: table[name] * factor for name, (_, factor) in factors.items()}).to_xarray()
+    for name, variable in data.items():
+        variable.attrs["units"] = known[name][0] if name in known else "1"
+    return data
+
+
+def with_units(data: "xr.Dataset") -> "xr.Dataset":
+    """A dimensionless dataset with the unit of each quantity in the attributes of its dimension ``quantity``."""
+    known = units_of("dimensionless", None)
+    data["quantity"].attrs |= {name: known[name][0] for name in data["quantity"].values}
+    return data
 
 
 def at_times_in(table: "pd.DataFrame", gears: Any, units: str) -> "pd.DataFrame":

@@ -10,6 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from rattle.scene.figure import ShownFigure
+
 __all__ = [
     "ACCURATE", "FORBIDDEN", "STYLE", "SYMBOL", "caption_of", "legend_above", "new_figure", "save",
     "whole_impacts",
@@ -64,7 +66,7 @@ def new_figure(width: float, height: float, rows: int, columns: int) -> tuple[Fi
         Row by row.
     """
     with mpl.rc_context(SETTINGS):
-        figure = Figure(figsize=(width, height), layout="constrained")
+        figure = ShownFigure(figsize=(width, height), layout="constrained")
         axes = figure.subplots(rows, columns, squeeze=False)
     return figure, list(axes.ravel())
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -20,6 +20,10 @@ from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 from rattle.scene.shown import as_html
 from rattle.scene.validate import choice
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
 
 __all__ = ["Stationary", "stationary"]
 
@@ -123,6 +127,56 @@ class Stationary:
             For unknown units, or a scene without gears.
         """
         return in_units(self.table, self.scene.gears, units)
+
+    def plot(self, kind: str = "distribution") -> "Figure":
+        """Draw a figure of the page.
+
+        Parameters
+        ----------
+        kind : {"distribution", "section", "memory", "closures"}
+            Velocities before an impact, their density over the phase, autocorrelation times, or errors of the closures.
+
+        Returns
+        -------
+        Figure
+            Of matplotlib; a notebook shows it, ``savefig`` writes it.
+
+        Raises
+        ------
+        InputError
+            For an unknown kind, closures that predict nothing, or exact values.
+        """
+        from rattle.compare.stationary.figures import drawn
+
+        figures = drawn(self)
+        if not figures:
+            raise InputError("kind", kind, "nothing to draw: these values are exact, and there is no distribution")
+        return figures[choice("kind", kind, figures)]
+
+    def to_xarray(self, units: str = "dimensionless") -> "xr.Dataset":
+        """Convert the table to a dataset; needs the optional dependency ``xarray``.
+
+        Parameters
+        ----------
+        units : {"dimensionless", "physical"}
+            Units of the quantities; the second for a scene that was made from gears.
+
+        Returns
+        -------
+        xarray.Dataset
+            Dimension ``statistic`` (``value, se, low, high, ...``), a variable for each quantity, with its unit in
+            ``attrs["units"]``, "1" without one.
+
+        Raises
+        ------
+        InputError
+            For unknown units, or physical ones of a scene without gears.
+        """
+        table = self.table_in(units)
+        data = table.drop(columns="unit").T.rename_axis("statistic").to_xarray()
+        for name, unit in table["unit"].items():
+            data[name].attrs["units"] = unit or "1"
+        return data
 
     def to_dict(self, units: str = "dimensionless") -> dict[str, Any]:
         """Everything but the section as plain data.

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -19,6 +19,10 @@ from rattle.montecarlo.long_run.run import PATHS
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 from rattle.scene.validate import choice, count, known_keys, positive
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
 
 __all__ = ["KIND", "TABLES", "LongResults", "LongStudy"]
 
@@ -163,14 +167,6 @@ class LongResults:
         found = [p.sample.opened(s) if p.sample and s else None for p, s in zip(study.points, stored, strict=True)]
         return cls(study, found)
 
-    @property
-    def along(self) -> str:
-        """The field over which curves are drawn: the first that varies and is numeric; empty if there is none."""
-        for axis in self.study.axes:
-            if len(axis.values) > 1 and all(type(step[0]) in (int, float) for step in axis.values):
-                return axis.names[0]
-        return ""
-
     @cached_property
     def quantities(self) -> pd.DataFrame:
         """Every quantity at every point: the fields that vary, ``quantity``, and the columns of `LongResult.table`."""
@@ -189,11 +185,10 @@ class LongResults:
     @property
     def reasons(self) -> pd.DataFrame:
         """What could not be computed at each point, and why."""
-        names = [name for axis in self.study.axes for name in axis.names]
         rows = [
             {**p.coordinates, "what": what, "why": why} for p in self.study.points for what, why in p.reasons.items()
         ]
-        return pd.DataFrame(rows, columns=[*names, "what", "why"])
+        return pd.DataFrame(rows, columns=[*self.study.names, "what", "why"])
 
     @property
     def empty(self) -> bool:
@@ -231,6 +226,18 @@ class LongTables:
     verdicts: pd.DataFrame
     cost: pd.DataFrame
     reasons: pd.DataFrame
+
+    def plot(self) -> "Figure":
+        """Draw the figure of the study's page; a notebook shows it."""
+        from rattle.compare.stationary.study_page import study_figure
+
+        if not self.study.along or self.quantities.empty:
+            raise InputError("study", self.study.title, "no field varies over numbers, or nothing could be computed")
+        return study_figure(self)
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Convert the quantities to a dataset; needs the optional dependency ``xarray``."""
+        return self.quantities.set_index([*(axis.names[0] for axis in self.study.axes), "quantity"]).to_xarray()
 
 
 def load(folder: str | Path) -> LongTables:

@@ -28,7 +28,7 @@ from rattle.compare.report.glossary import CLOSURE_TERMS, VERDICT_TERMS, glossar
 from rattle.compare.report.json_text import json_text
 from rattle.compare.report.style import STYLE, new_figure, save
 from rattle.compare.stationary.judged import TOLERANCES
-from rattle.compare.stationary.study import TABLES, LongResults, shares
+from rattle.compare.stationary.study import TABLES, LongResults, LongTables, shares
 from rattle.compare.study.current import cells_digest, files_of
 from rattle.compare.study.figures import axis_label
 from rattle.compare.study.lacking import lacking
@@ -53,12 +53,12 @@ CAPTION = (
 )
 
 
-def study_figure(r: LongResults) -> Drawing:
+def study_figure(r: LongResults | LongTables) -> Drawing:
     """Draw rates, losses, speeds, slow shares and the closures' verdicts over the first field that varies.
 
     Parameters
     ----------
-    r : LongResults
+    r : LongResults or LongTables
         With at least one result, over a numeric field.
 
     Returns
@@ -66,23 +66,25 @@ def study_figure(r: LongResults) -> Drawing:
     Figure
     """
     figure, axes = new_figure(10.0, 6.0, 2, 3)
-    log = _is_log(r.quantities[r.along])
+    log = _is_log(r.quantities[r.study.along])
     for ax, (title, names) in zip(axes, PANELS, strict=False):
         for name, colour, marker in zip(names, COLOURS, MARKERS, strict=True):
-            _curve(ax, r.quantities[r.quantities["quantity"] == name], r.along, name, colour, marker)
+            _curve(ax, r.quantities[r.quantities["quantity"] == name], r.study.along, name, colour, marker)
         ax.set_title(title, loc="left")
-    good = shares(r.verdicts, r.along)
+    good = shares(r.verdicts, r.study.along)
     for closure in good:
         axes[4].plot(good.index, good[closure], lw=1.2, ms=4, label=str(closure), **STYLE[str(closure)])
     axes[4].set_title("closures: share of accurate quantities", loc="left")
     axes[4].set_ylim(-0.05, 1.05)
     memory = r.quantities[r.quantities["quantity"].isin(["speed", "slow_share", "energy_per_period"])]
     for (quantity, own), ink, sign in zip(memory.groupby("quantity", sort=False), COLOURS, MARKERS, strict=False):
-        axes[5].plot(own[r.along], own["autocorrelation"], color=ink, marker=sign, ms=3, lw=1.0, label=str(quantity))
+        axes[5].plot(
+            own[r.study.along], own["autocorrelation"], color=ink, marker=sign, ms=3, lw=1.0, label=str(quantity)
+        )
     axes[5].set_yscale("log")
     axes[5].set_title("autocorrelation time (impacts)", loc="left")
     for ax in axes:
-        ax.set_xlabel(axis_label(r.along))
+        ax.set_xlabel(axis_label(r.study.along))
         if log:
             ax.set_xscale("log")
     for ax in axes:
@@ -117,17 +119,17 @@ def answer(r: LongResults) -> list[str]:
     """
     if r.empty:
         return ["No point could be computed; the command says why."]
-    name, said = r.along or "the points", []
+    name, said = r.study.along or "the points", []
     for quantity, words in (("rate", "impacts per unit of time"), ("energy_per_period", "energy lost per period")):
         rows = r.quantities[r.quantities["quantity"] == quantity]
         rows = rows.sort_values("value")
         least, most = rows.iloc[0], rows.iloc[-1]
-        where = (f" (at {name} = {row[r.along]:.4g})" if r.along else "" for row in (least, most))
+        where = (f" (at {name} = {row[r.study.along]:.4g})" if r.study.along else "" for row in (least, most))
         low, high = where
         said.append(f"{words}: from {least['value']:.4g}{low} to {most['value']:.4g}{high}")
     sentences = [f"In the long run, {said[0]}.", f"{said[1][0].upper()}{said[1][1:]}."]
-    if r.along and not r.verdicts.empty:
-        good = shares(r.verdicts, r.along)
+    if r.study.along and not r.verdicts.empty:
+        good = shares(r.verdicts, r.study.along)
         for closure in r.study.closures:
             own = good[closure].dropna() if closure in good else pd.Series(dtype=float)
             if own.empty:
@@ -170,7 +172,7 @@ def written(folder: Path, r: LongResults, facts: dict[str, Any]) -> dict[str, An
             write_csv(table, folder / f"{name}.csv", index=False, float_format="%.9g")
     (folder / FILE).write_text(r.study.text, encoding="utf-8")
     drawn: list[Block] = []
-    if r.along and not r.empty:
+    if r.study.along and not r.empty:
         (folder / "figures").mkdir()
         save(study_figure(r), folder / "figures/long-run.svg")
         drawn.append(Figure("figures/long-run.svg", CAPTION, CAPTION))
@@ -210,7 +212,7 @@ def _page(r: LongResults, record: dict[str, Any], drawn: list[Block]) -> Page:
 
 def _main(r: LongResults) -> Table:
     """The main quantities at every point, with half widths of their intervals."""
-    names = [name for axis in r.study.axes for name in axis.names]
+    names = r.study.names
     shown = ("rate", "speed", "energy_per_period", "slow_share")
     heads = [Column(n) for n in names] + list(numbers(*(x for n in shown for x in (n, "±")), "burn-in", "periods"))
     rows = []

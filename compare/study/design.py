@@ -217,6 +217,24 @@ class Study:
         return found
 
     @property
+    def names(self) -> list[str]:
+        """Fields that vary."""
+        return [name for axis in self.axes for name in axis.names]
+
+    @property
+    def along(self) -> str:
+        """The field over which curves are drawn: the first that varies and is numeric; empty if there is none."""
+        for axis in self.axes:
+            if len(axis.values) > 1 and all(type(step[0]) in (int, float) for step in axis.values):
+                return axis.names[0]
+        return ""
+
+    @property
+    def others(self) -> list[str]:
+        """The first field of each other axis."""
+        return [axis.names[0] for axis in self.axes if self.along not in axis.names]
+
+    @property
     def size(self) -> int:
         """Number of grid points."""
         return math.prod(len(axis.values) for axis in self.axes)

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from rattle.compare.report.style import STYLE, SYMBOL, legend_above, new_figure, whole_impacts
 from rattle.compare.study.results import Results
+from rattle.compare.study.tables import Tables
 from rattle.compare.validation.validity_range import ACCURATE, ENDED, NOT_WRONG, WRONG, want
 
 __all__ = ["FIGURES", "panels"]
@@ -40,9 +41,9 @@ def _along(ax: Axes, name: str, values: Sequence[float]) -> None:
         ax.xaxis.set_major_formatter("{x:g}")
 
 
-def errors(r: Results, rows: pd.DataFrame) -> Figure:
+def errors(r: Results | Tables, rows: pd.DataFrame) -> Figure:
     """Draw the largest error of each closure at some impacts, with its interval: means above, sds below."""
-    name, shown = r.along, _shown(r.study.impacts)
+    name, shown = r.study.along, _shown(r.study.impacts)
     figure, axes = new_figure(2.6 * len(shown) + 0.8, 5.6, 2, len(shown))
     judged = rows[rows["judged"] & (rows["verdict"] != "not predicted")]
     for i, (moment, limit) in enumerate((("mean", r.study.within.mean), ("sd", r.study.within.sd))):
@@ -76,10 +77,10 @@ def _worst(rows: pd.DataFrame, name: str) -> pd.DataFrame:
     return table.sort_values("size").groupby(name).tail(1).sort_values(name)
 
 
-def validity(r: Results, rows: pd.DataFrame) -> Figure:
+def validity(r: Results | Tables, rows: pd.DataFrame) -> Figure:
     """Draw the range of validity over the first k impacts: where each closure is accurate, and not shown wrong."""
     figure, (ax,) = new_figure(8.0, 3.8, 1, 1)
-    name, values = r.along, [float(v) for v in pd.unique(r.errors[r.along])]
+    name, values = r.study.along, [float(v) for v in pd.unique(r.errors[r.study.along])]
     for closure, group in rows.groupby("closure", sort=False):
         style, impact = STYLE[str(closure)], group["impact"]
         accurate, not_wrong = group["accurate"], group["not_inaccurate"]
@@ -103,10 +104,10 @@ def validity(r: Results, rows: pd.DataFrame) -> Figure:
     return figure
 
 
-def correlation(r: Results, rows: pd.DataFrame) -> Figure:
+def correlation(r: Results | Tables, rows: pd.DataFrame) -> Figure:
     """Draw the share of a closure's impacts at which its correlation is invalid, and the largest |rho|."""
     figure, axes = new_figure(8.0, 3.4, 1, 2)
-    name = r.along
+    name = r.study.along
     for closure, group in rows.groupby("closure", sort=False):
         style = STYLE[str(closure)]
         group = group.sort_values(name)
@@ -133,10 +134,10 @@ def _wilson(k: int, n: int) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def agreement(r: Results, rows: pd.DataFrame) -> Figure:
+def agreement(r: Results | Tables, rows: pd.DataFrame) -> Figure:
     """Draw the share of paths that are still on the noise-free itinerary, with Wilson's 95 % interval."""
     figure, (ax,) = new_figure(6.2, 3.8, 1, 1)
-    name = r.along
+    name = r.study.along
     part = rows[(rows["quantity"] == "tau") & (rows["moment"] == "mean")]
     for impact, colour in zip(_shown(r.study.impacts), SHADES, strict=False):
         group = part[(part["impact"] == impact) & (part["paths"] > 0)].sort_values(name)
@@ -151,10 +152,10 @@ def agreement(r: Results, rows: pd.DataFrame) -> Figure:
     return figure
 
 
-def sections(r: Results, rows: pd.DataFrame) -> Figure:
+def sections(r: Results | Tables, rows: pd.DataFrame) -> Figure:
     """Draw sd and skewness at some impacts, impact rate and energy loss, with 95 % intervals."""
     figure, axes = new_figure(11.0, 5.8, 2, 3)
-    name = r.along
+    name = r.study.along
     panels = [
         ("tau", "sd"), ("y1", "sd"), ("rate", "mean"), ("tau", "skew"), ("y1", "skew"), ("energy", "mean"),
     ]  # fmt: skip
@@ -179,10 +180,10 @@ def sections(r: Results, rows: pd.DataFrame) -> Figure:
     return figure
 
 
-def paired(r: Results, rows: pd.DataFrame) -> Figure:
+def paired(r: Results | Tables, rows: pd.DataFrame) -> Figure:
     """Draw the gain of common random numbers: independent over paired standard error of a difference of neighbours."""
     figure, (ax,) = new_figure(6.2, 3.6, 1, 1)
-    name = r.along
+    name = r.study.along
     part = rows[(rows["se"] > 0.0) & (rows["se_independent"] > 0.0)]
     part = part.assign(gain=part["se_independent"] / part["se"], middle=0.5 * (part["from"] + part["to"]))
     for moment, style in MOMENT_STYLE.items():
@@ -201,10 +202,10 @@ def paired(r: Results, rows: pd.DataFrame) -> Figure:
     return figure
 
 
-def cost(r: Results, rows: pd.DataFrame) -> Figure:
+def cost(r: Results | Tables, rows: pd.DataFrame) -> Figure:
     """Draw the seconds of each cell."""
     figure, (ax,) = new_figure(6.2, 3.8, 1, 1)
-    name = r.along
+    name = r.study.along
     for what, group in rows.groupby("what", sort=False):
         group = group.sort_values(name)
         ax.plot(group[name], group["seconds"], label=str(what), lw=1.2, ms=4, **STYLE[str(what)])
@@ -218,7 +219,7 @@ def cost(r: Results, rows: pd.DataFrame) -> Figure:
 class Drawing(NamedTuple):
     """A figure: the function that draws it, the table of `Results` that it needs, and its title."""
 
-    draw: Callable[[Results, pd.DataFrame], Figure]
+    draw: Callable[[Results | Tables, pd.DataFrame], Figure]
     table: str
     title: str
 
@@ -235,7 +236,7 @@ FIGURES = {
 """All figures by name."""
 
 
-def panels(r: Results, table: pd.DataFrame, most: int = 6) -> Iterable[tuple[dict[str, Any], pd.DataFrame]]:
+def panels(r: Results | Tables, table: pd.DataFrame, most: int = 6) -> Iterable[tuple[dict[str, Any], pd.DataFrame]]:
     """Split a table into parts in which all fields but the first that varies are fixed, one for each figure.
 
     Parameters
@@ -254,7 +255,7 @@ def panels(r: Results, table: pd.DataFrame, most: int = 6) -> Iterable[tuple[dic
     part : DataFrame
         The rows with these values.
     """
-    others = r.others
+    others = r.study.others
     if not others:
         yield {}, table
         return

@@ -57,7 +57,7 @@ def answer(r: Results) -> list[str]:
     sentences = []
     table, impacts = r.validity, r.study.impacts
     if not table.empty:
-        last, name = table[table["impact"] == impacts], r.along
+        last, name = table[table["impact"] == impacts], r.study.along
         values = r.errors[name]
         sentences = [
             _advice(last, impacts, name, values.max()),
@@ -95,14 +95,14 @@ def _range_in_words(r: Results, rows: pd.DataFrame) -> str:
     found: dict[str, list[str]] = {}  # values of the other fields, by the sentence that holds there
     for row in rows.sort_values(["accurate", "not_inaccurate"], na_position="first").to_dict("records"):
         own = r.errors[(r.errors["closure"] == row["closure"]) & r.errors["judged"]]
-        for name in r.others:
+        for name in r.study.others:
             own = own[own[name] == row[name]]
-        values = sorted(own[r.along].unique())
+        values = sorted(own[r.study.along].unique())
         said = in_words(
-            r.along, values, row["accurate"], row["not_inaccurate"], ended=row["ended"],
-            undecided=want(own[own[r.along] <= row["not_inaccurate"]]),
+            r.study.along, values, row["accurate"], row["not_inaccurate"], ended=row["ended"],
+            undecided=want(own[own[r.study.along] <= row["not_inaccurate"]]),
         )  # fmt: skip
-        found.setdefault(said, []).append(", ".join(f"{name} = {row[name]}" for name in r.others))
+        found.setdefault(said, []).append(", ".join(f"{name} = {row[name]}" for name in r.study.others))
     if len(found) == 1:
         return next(iter(found))
     if len(found) <= FEW:
@@ -168,7 +168,7 @@ def _written(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
     drawn = []
     for name, (draw, table_name, title) in FIGURES.items():
         table = tables[table_name]
-        for number, (fixed, part) in enumerate(panels(r, table) if len(table) and r.along else ()):
+        for number, (fixed, part) in enumerate(panels(r, table) if len(table) and r.study.along else ()):
             file = f"figures/{name}.svg" if not fixed else f"figures/{name}-{number + 1}.svg"
             save(draw(r, part), folder / file)
             at = ", ".join(f"{name} = {v}" for name, v in fixed.items())

@@ -62,24 +62,6 @@ class Results:
         return cls(study, samples, predictions)
 
     @property
-    def names(self) -> list[str]:
-        """Fields that vary."""
-        return [name for axis in self.study.axes for name in axis.names]
-
-    @property
-    def along(self) -> str:
-        """The field over which curves are drawn: the first that varies and is numeric; empty if there is none."""
-        for axis in self.study.axes:
-            if len(axis.values) > 1 and all(type(step[0]) in (int, float) for step in axis.values):
-                return axis.names[0]
-        return ""
-
-    @property
-    def others(self) -> list[str]:
-        """The first field of each other axis."""
-        return [axis.names[0] for axis in self.study.axes if self.along not in axis.names]
-
-    @property
     def empty(self) -> bool:
         """Whether there is nothing to compare."""
         return bool(self.errors.empty)
@@ -172,9 +154,9 @@ class Results:
         shown to be inaccurate), both NaN if the smallest value fails already, and ``ended``: whether at the next value
         the closure is not shown to be inaccurate but predicts fewer than k impacts.
         """
-        if not self.along or self.errors.empty:
+        if not self.study.along or self.errors.empty:
             return pd.DataFrame()
-        first, keys = self.along, [*self.others, "closure"]
+        first, keys = self.study.along, [*self.study.others, "closure"]
         verdicts = self.errors.groupby([*keys, first, "impact"], sort=True)["verdict"].agg(set).reset_index()
         found = []
         for key, group in verdicts.groupby(keys, sort=False):
@@ -199,9 +181,9 @@ class Results:
         Columns: the other fields, ``from, to`` and those of `rattle.compare.study.paired.paired_differences`.  Empty
         if every point has random numbers of its own, or too few paths for a standard error.
         """
-        if not self.study.common_noise or not self.along:
+        if not self.study.common_noise or not self.study.along:
             return pd.DataFrame()
-        first, others = self.along, self.others
+        first, others = self.study.along, self.study.others
         groups: dict[tuple[Any, ...], list[tuple[float, Sampled]]] = {}
         for point, run in zip(self.study.points, self.samples, strict=True):
             if run is not None:
@@ -237,7 +219,7 @@ class Results:
         """What could not be computed at each point, and why: the fields that vary, ``what, why``."""
         return pd.DataFrame(
             [{**p.coordinates, "what": what, "why": why} for p in self.study.points for what, why in p.reasons.items()],
-            columns=[*self.names, "what", "why"],
+            columns=[*self.study.names, "what", "why"],
         )
 
     def _pairs(self) -> Iterator[tuple[Point, Sampled, Predicted]]:

@@ -13,11 +13,14 @@ import pandas as pd
 from rattle.compare.report.manifest import is_whole, not_newer
 from rattle.compare.study.design import TABLES, Study
 from rattle.compare.validation.verdict import Tolerances, judge
-from rattle.scene.errors import FileError
+from rattle.scene.errors import FileError, InputError
 from rattle.scene.moments import SECTION
+from rattle.scene.units import with_units
+from rattle.scene.validate import choice
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
 
 __all__ = ["CELLS", "FILE", "MANIFEST", "PAGE", "TABLES", "Tables", "damaged", "file_digest", "load", "read_tables"]
 
@@ -75,13 +78,43 @@ class Tables:
         Returns
         -------
         xarray.Dataset
-            Dimensions: the first field of each axis, ``impact, quantity, moment`` and, for the errors, ``closure``.
+            Dimensions: the first field of each axis, ``impact, quantity, moment`` and, for the errors, ``closure``;
+            ``["quantity"].attrs`` holds the unit of each quantity.
         """
         index = [*(axis.names[0] for axis in self.study.axes), "impact", "quantity", "moment"]
         errors = self.errors.set_index([*index, "closure"])
         predictions = errors[["predicted", "error", "low", "high", "tolerance", "verdict"]].to_xarray()
         sections = self.sections[self.sections["quantity"].isin(SECTION)].set_index(index)[["value", "se"]].to_xarray()
-        return predictions.merge(sections.rename(value="simulated"), join="outer")
+        return with_units(predictions.merge(sections.rename(value="simulated"), join="outer"))
+
+    def plot(self, kind: str = "validity", **at: Any) -> "Figure":
+        """Draw a figure of the study's page.
+
+        Parameters
+        ----------
+        kind : {"validity", "errors", "agreement", "sections", "correlation", "paired", "cost"}
+            Which one.
+        **at
+            Values of the fields that vary besides the first; the first that the table has, where one is left out.
+
+        Returns
+        -------
+        Figure
+            Of matplotlib; a notebook shows it, ``savefig`` writes it.
+
+        Raises
+        ------
+        InputError
+            For an unknown kind, a table without rows, or values that the study does not have.
+        """
+        from rattle.compare.study.figures import FIGURES, panels
+
+        draw, table, _ = FIGURES[choice("kind", kind, FIGURES)]
+        rows = getattr(self, table)
+        for fixed, part in panels(self, rows, len(rows)) if len(rows) and self.study.along else ():
+            if at.items() <= fixed.items():
+                return draw(self, part)
+        raise InputError("kind", kind, f"nothing to draw of it{f' at {at}' if at else ''} in this study")
 
 
 def load(folder: str | Path) -> Tables:

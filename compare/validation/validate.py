@@ -17,9 +17,11 @@ from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 from rattle.scene.shown import as_html
+from rattle.scene.units import with_units
 from rattle.scene.validate import choice
 
 if TYPE_CHECKING:
+    import xarray as xr
     from matplotlib.figure import Figure
 
 __all__ = ["COLUMNS", "Validation", "validate"]
@@ -118,7 +120,7 @@ class Validation:
         Returns
         -------
         Figure
-            Of matplotlib.
+            Of matplotlib; a notebook shows it, ``savefig`` writes it.
 
         Raises
         ------
@@ -138,6 +140,26 @@ class Validation:
         if not drawn.suits(self):
             raise InputError("kind", kind, "needs a closure with moments of a perturbation, which branching has not")
         return drawn.draw(self)
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Convert the section moments of closures and simulation to a dataset.
+
+        Needs the optional dependency ``xarray``.
+
+        Returns
+        -------
+        xarray.Dataset
+            Dimensions ``closure, impact, quantity, moment``; ``["quantity"].attrs`` holds the unit of each quantity.
+
+        Examples
+        --------
+        >>> from rattle.scene import DAT21, Scene
+        >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=1, closures=["saltation"], paths=1000)
+        >>> v.to_xarray()["verdict"].dims
+        ('closure', 'impact', 'quantity', 'moment')
+        """
+        rows = self.table[self.table["kind"] == "section"].drop(columns=["kind", "time"])
+        return with_units(rows.set_index(["closure", "impact", "quantity", "moment"]).to_xarray())
 
     def report(self, folder: str | Path, *, overwrite: bool = False) -> Path:
         """Write the report of this validation, as ``rattle validate`` does.

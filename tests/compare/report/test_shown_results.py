@@ -84,12 +84,12 @@ def test_physical_units_need_gears(make):
 def test_figures(validation, run):
     for kind in ("errors", "correlation", "section"):
         assert isinstance(validation.plot(kind), Figure)
-    assert isinstance(run.plot_section("tau"), Figure)
-    assert run.plot_section("y2", units="physical").axes[0].get_ylabel() == "y2 before the impact in mm/s"
+    assert isinstance(run.plot("tau"), Figure)
+    assert run.plot("y2", units="physical").axes[0].get_ylabel() == "y2 before the impact in mm/s"
     with pytest.raises(InputError, match="did you mean 'errors'"):
         validation.plot("error")
     with pytest.raises(InputError, match="quantity = 'y3'"):
-        run.plot_section("y3")
+        run.plot("y3")
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -27,7 +27,7 @@ from rattle.compare.study.results import Results
 from rattle.compare.study.store import Store
 from rattle.compare.study.tables import CELLS, load
 from rattle.compare.validation.verdict import Tolerances
-from rattle.scene.errors import OutputError
+from rattle.scene.errors import InputError, OutputError
 
 SLOW = {"sigmas": (0.01, 0.02, 0.03, 0.04, 0.05, 0.06), "paths": 40_000}
 
@@ -87,6 +87,10 @@ def test_tables_load_in_one_line(slow):
     at = {"sigma": 0.02, "impact": 2, "quantity": "y1", "moment": "sd"}
     assert float(data["error"].sel(**at, closure="saltation")) == row["error"]
     assert float(data["simulated"].sel(**at)) == row["simulated"]
+    assert data["quantity"].attrs["y1"] == "backlash1 omega"
+    assert len(results.plot("errors").axes) == 4  # means and sds, at two impacts
+    with pytest.raises(InputError, match="nothing to draw of it at"):
+        results.plot("errors", gap1=3)
 
 
 def test_killed_and_resumed_is_the_same_to_the_last_bit(slow, tmp_path):

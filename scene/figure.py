@@ -1,0 +1,17 @@
+"""A figure that notebooks show although pyplot does not know it: no window opens, and none stays in memory."""
+
+from io import BytesIO
+
+from matplotlib.figure import Figure
+
+__all__ = ["ShownFigure"]
+
+
+class ShownFigure(Figure):
+    """A figure of matplotlib that a notebook shows, once, as the value of a cell."""
+
+    def _repr_png_(self) -> bytes:
+        """The picture that a notebook asks for."""
+        picture = BytesIO()
+        self.savefig(picture, format="png")
+        return picture.getvalue()
