@@ -1,0 +1,112 @@
+"""Counts of the source, and its import graph: ``python tests/helpers/source_tree.py`` prints them.
+
+Lines of code are those that are neither blank nor comments nor docstrings.  An import counts wherever it stands: at the
+top of a module, under ``TYPE_CHECKING``, or within a function.
+"""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = ("scene", "closure", "montecarlo", "compare")
+DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef
+IRREGULAR = (  # participles that do not end in -ed
+    "begun done drawn felt flown found given gone grown held hidden kept known left lost made met seen shown taken "
+    "thrown told worn written"
+)
+NOUNS = {"need", "seed", "speed"}
+
+
+def sources() -> dict[str, ast.Module]:
+    """The modules of the four packages by dotted name, such as ``montecarlo.kernel.block``."""
+    found = {}
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            name = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+            found[name] = ast.parse(path.read_text(), filename=str(path))
+    return found
+
+
+def functions(tree: ast.Module) -> Iterator[ast.FunctionDef]:
+    """All functions and methods of a module."""
+    return (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))
+
+
+def docstring_lines(tree: ast.Module) -> set[int]:
+    """Numbers of the lines that docstrings stand on."""
+    documented = [
+        node for node in ast.walk(tree) if isinstance(node, DOCUMENTED) and ast.get_docstring(node) is not None
+    ]
+    return {line for node in documented for line in range(node.body[0].lineno, (node.body[0].end_lineno or 0) + 1)}
+
+
+def is_participle(name: str) -> bool:
+    """Whether the first word of a name is a participle, such as ``kept`` or ``merged_rows``."""
+    word = name.strip("_").split("_")[0]
+    return word in IRREGULAR.split() or (word.endswith("ed") and len(word) > 3 and word not in NOUNS)
+
+
+def import_graph(modules: dict[str, ast.Module]) -> dict[str, set[str]]:
+    """The modules of this project that each module imports."""
+    graph: dict[str, set[str]] = {name: set() for name in modules}
+    for name, tree in modules.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("rattle."):
+                source = str(node.module).removeprefix("rattle.")
+                targets = {f"{source}.{alias.name}" for alias in node.names}
+                graph[name] |= (targets & modules.keys()) | (
+                    {source} & modules.keys() if targets - modules.keys() else set()
+                )
+    return graph
+
+
+def circles(graph: dict[str, set[str]]) -> list[set[str]]:
+    """Sets of modules that import each other, directly or through others."""
+    reach = {name: set(found) for name, found in graph.items()}
+    for middle in graph:
+        for name in graph:
+            if middle in reach[name]:
+                reach[name] |= reach[middle]
+    joined = {frozenset(other for other in graph if other in reach[name] and name in reach[other]) for name in graph}
+    return [set(circle) for circle in joined if circle]
+
+
+def rows() -> Iterator[tuple[str, int, int, int, int]]:
+    """For each package and for all: modules, lines, lines of code, lines of docstrings."""
+    total = [0, 0, 0, 0]
+    for package in PACKAGES:
+        counts = [0, 0, 0, 0]
+        for path in sorted((ROOT / package).rglob("*.py")):
+            text = path.read_text()
+            documented = docstring_lines(ast.parse(text))
+            lines = text.splitlines()
+            code = [
+                line
+                for number, line in enumerate(lines, 1)
+                if number not in documented and line.strip() and not line.strip().startswith("#")
+            ]
+            counts = [a + b for a, b in zip(counts, (1, len(lines), len(code), len(documented)), strict=True)]
+        yield (package, *counts)
+        total = [a + b for a, b in zip(total, counts, strict=True)]
+    yield ("all", *total)
+
+
+def main() -> None:
+    """Print the counts."""
+    print(f"{'':12}{'modules':>8}{'lines':>8}{'code':>8}{'docstrings':>12}")
+    for package, modules, lines, code, documented in rows():
+        print(f"{package:12}{modules:8}{lines:8}{code:8}{documented:8} {documented / lines:3.0%}")
+    trees = sources()
+    names = [function.name for tree in trees.values() for function in functions(tree)]
+    participles = [name for name in names if is_participle(name)]
+    print(f"{len(names)} functions, {len(participles) / len(names):.1%} named by a participle")
+    skipped = sum(
+        path.read_text().count("# fmt: skip") for package in PACKAGES for path in (ROOT / package).rglob("*.py")
+    )
+    print(f"{skipped} lines that the formatter skips")
+    print(f"{len(circles(import_graph(trees)))} import circles")
+
+
+if __name__ == "__main__":
+    main()
