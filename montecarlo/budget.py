@@ -96,23 +96,14 @@ class Budget:
         return until_spent
 
 
-def in_words(seconds: float) -> str:
-    """A duration in a convenient unit, three digits.
+def in_words(seconds: float, digits: int = 3) -> str:
+    """A duration in a convenient unit, to some digits.
 
-    Parameters
-    ----------
-    seconds : float
-        Not negative.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> in_words(3.0), in_words(5400.0), in_words(1e9)
-    ('3 s', '1.5 h', '31.7 years')
+    >>> in_words(3.0), in_words(5400.0), in_words(1e9), in_words(0.00123, 2)
+    ('3 s', '1.5 h', '31.7 years', '1.2 ms')
     """
     units = {"s": 1.0, "minutes": 60.0, "h": HOUR, "days": 24.0 * HOUR, "years": 365.25 * 24.0 * HOUR}
     name = max((n for n, size in units.items() if seconds >= 1.5 * size), key=lambda n: units[n], default="s")
-    return f"{seconds / units[name]:.3g} {name}"
+    if 0.0 < seconds < 0.1:
+        return f"{float(f'{1e3 * seconds:.{digits}g}'):g} ms"
+    return f"{float(f'{seconds / units[name]:.{digits}g}'):g} {name}"

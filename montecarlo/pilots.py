@@ -9,12 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
-from rattle.montecarlo.accuracy import LEAST, share_of_look, small_noise, step_error
+from rattle.montecarlo.accuracy import share_of_look, small_noise
 from rattle.montecarlo.budget import Budget, clock
-from rattle.montecarlo.expected_paths import ExpectedPaths, expected_paths
+from rattle.montecarlo.cost import LOOKS, ExpectedPaths, cost_of, cost_to, expected_paths
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.reach import Candidate
 from rattle.montecarlo.record import Record
@@ -24,7 +23,7 @@ from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings import computed, default_horizon, is_random
 from rattle.scene.scene import Scene
 
-__all__ = ["COARSEST", "LOOKS", "ROUGHEST", "PilotRun", "Simulate", "chosen", "pilot"]
+__all__ = ["COARSEST", "ROUGHEST", "PilotRun", "Simulate", "chosen", "pilot"]
 
 PROBES = (8, 256)  # paths of the probe runs before a pilot: each shows whether the next run fits the budget
 PILOT = 4 * BLOCK  # paths of a pilot run
@@ -32,9 +31,6 @@ COARSEST = 4  # dt, 2 dt and 4 dt share one Brownian path (Richardson extrapolat
 FIRST_STEP = 0.01  # dt of the Euler-Maruyama pilots, where it is admissible
 ENOUGH = 5.0  # core-seconds of exact flights below which no other scheme is tried: its pilot would take as long
 PROBE_SPAN = 0.01  # share of the horizon over which the first probe is run
-VECTOR_GAIN = 32.0  # cost of a path-step of a single path over that in a full block of vector lanes
-STICKING_NS = 110.0  # measured time of a path-step in which a mesh sticks
-LOOKS = 2  # after which a run to an accuracy ends as a rule
 ROUGHEST = 1e3  # the least accuracy that is considered, in sds
 
 Simulate = Callable[..., Ensemble]
@@ -85,11 +81,6 @@ class PilotRun:
     path_seconds: float
     whole: bool
 
-    @cached_property
-    def bias(self) -> float:
-        """Largest step bias in sds; 0 for a scheme without one."""
-        return step_error(self.run)[0] if SCHEMES[self.run.scheme].has_step_bias else 0.0
-
     def sampled(self, accuracy: float) -> ExpectedPaths:
         """Paths for which sampling and unseen branches are within an accuracy.
 
@@ -105,24 +96,8 @@ class PilotRun:
         return expected_paths(self.run, accuracy, share_of_look(LOOKS))
 
     def at(self, accuracy: float) -> Candidate:
-        """Step, paths and work that an accuracy is expected to take.
-
-        Parameters
-        ----------
-        accuracy : float
-            Largest error of all section means and sds, in sds.
-
-        Returns
-        -------
-        Candidate
-        """
-        run, bias, dt = self.run, self.bias, self.run.dt
-        if SCHEMES[run.scheme].has_step_bias:  # aim at half the bias allowed: order 1 is asymptotic
-            dt *= min(1.0, max(0.5 * accuracy / max(bias, 1e-300), 1e-100))
-        wanted = self.sampled(0.5 * accuracy if bias else accuracy).paths
-        paths = max(LEAST // BLOCK, math.ceil(wanted / BLOCK)) * BLOCK
-        paths = computed(run.scene, paths)
-        return Candidate(run.scheme, dt, paths, 1e-9 * _nanoseconds(run, dt) * paths)
+        """Step, paths and work that an accuracy is expected to take."""
+        return cost_to(self.run, accuracy)
 
     def within(self, core_seconds: float, accuracy: float) -> float:
         """The finest accuracy, not below a given one, that an amount of work is expected to reach.
@@ -146,15 +121,6 @@ class PilotRun:
         return accuracy
 
 
-def _nanoseconds(run: Ensemble, dt: float) -> float:
-    """Cost model: nominal core time of a path like those of a run, at step dt; the same on every machine."""
-    kind, finer = SCHEMES[run.scheme], run.dt / dt
-    steps = run.path_steps / run.plan.paths * run.dt / dt  # over all step sizes run side by side
-    steps *= VECTOR_GAIN if run.plan.paths == 1 else 1.0
-    work = steps * kind.step_ns + run.impacts * kind.impact_ns * (1.0 if not kind.has_step_bias else 3.0)
-    return work + run.sticking_steps / run.plan.paths * finer * STICKING_NS
-
-
 def _pilot_within(scene: Scene, scheme: str, simulate: Simulate, budget: Budget, workers: int) -> PilotRun:
     """Probe runs and the pilot run of a scheme, each only if the budget is expected to cover it."""
     settings = _pilot_settings(scene, scheme)
@@ -169,7 +135,7 @@ def _pilot_within(scene: Scene, scheme: str, simulate: Simulate, budget: Budget,
         run, before = timed(paths=1, horizon=settings["dt"])
     horizon = default_horizon(run.impacts, run.dt * (COARSEST if settings["record"].step_bias else 1))
     probe, _ = timed(paths=computed(scene, PROBES[0]), horizon=PROBE_SPAN * horizon)
-    slow = 1e-9 * _nanoseconds(probe, probe.dt) / PROBE_SPAN
+    slow = cost_of(probe, 1).core_seconds / PROBE_SPAN
     if probe.unfinished and slow * probe.paths > budget.left:
         return PilotRun(probe, slow, False)
     followed, found = 0, None
@@ -177,7 +143,7 @@ def _pilot_within(scene: Scene, scheme: str, simulate: Simulate, budget: Budget,
         if found is not None and found.path_seconds * paths / min(workers, -(-paths // BLOCK)) > budget.left:
             break
         run, seconds = timed(paths=paths)
-        took = max(1e-9 * _nanoseconds(run, run.dt), (seconds - before) / (paths - followed))
+        took = max(cost_of(run, 1).core_seconds, (seconds - before) / (paths - followed))
         found = PilotRun(run, took, run.paths == computed(scene, PILOT))
         before, followed = seconds, paths
     assert found is not None

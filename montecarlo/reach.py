@@ -29,13 +29,16 @@ class Candidate(NamedTuple):
         Step.
     paths : int
         Number of paths.
+    path_steps : float
+        Their steps, over all step sizes that run side by side.
     core_seconds : float
-        Nominal processor time.
+        Nominal processor time of these, see `rattle.montecarlo.cost`.
     """
 
     scheme: str
     dt: float
     paths: int
+    path_steps: float
     core_seconds: float
 
     @property
@@ -43,7 +46,7 @@ class Candidate(NamedTuple):
         """The expected cost as text."""
         paths = f"{self.paths:,}" if self.paths < 1e12 else f"{self.paths:.2g}"
         return (
-            f"about {self.core_seconds:.2g} core-seconds: {self.scheme}, dt = {self.dt:.3g}, {paths} "
+            f"about {in_words(self.core_seconds, 2)} of processor time: {self.scheme}, dt = {self.dt:.3g}, {paths} "
             f"path{'s' if self.paths > 1 else ''}"
         )
 
@@ -91,7 +94,7 @@ class Reach(NamedTuple):
 
     @property
     def schemes(self) -> pd.DataFrame:
-        """The candidates as a table: index ``scheme``, columns ``dt, paths, core_seconds``."""
+        """The candidates as a table: index ``scheme``, columns ``dt, paths, path_steps, core_seconds``."""
         import pandas as pd
 
         return pd.DataFrame(self.candidates).set_index("scheme")

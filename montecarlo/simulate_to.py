@@ -18,8 +18,8 @@ import numpy as np
 
 from rattle.montecarlo.accuracy import LEAST, error_bound, sampling_error, share_of_look, small_noise, step_error
 from rattle.montecarlo.budget import HOUR, Budget, clock, in_words
+from rattle.montecarlo.cost import expected_paths
 from rattle.montecarlo.ensemble import Blocks, extended, in_threads, simulate
-from rattle.montecarlo.expected_paths import expected_paths
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.pilots import COARSEST, ROUGHEST, PilotRun, Simulate, chosen
 from rattle.montecarlo.reach import AccuracyWarning, Reach

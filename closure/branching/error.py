@@ -19,7 +19,8 @@ __all__ = ["advice", "bounds", "hopeless", "largest_error", "within"]
 CHANGED = 1.0  # error per change from the coarser level
 SLOW = 0.7  # error per share of slow impacts
 BENT = 0.2  # error per unit of what further splits are worth
-COMPONENT = 100.0  # cost of a component's flight, in flights of a path
+COMPONENT_MICROSECONDS = 60.0  # of a component's flight on one core, with splitting and merging; measured once
+FLIGHT_MICROSECONDS = 0.8  # of a path's flight, as the cost model of exact flights has it
 SMALLEST = 1e-3  # error below which no bound is believed: 12 impacts of a million paths
 ALL = 3.5  # standard errors that with 95 % probability no mean or sd of 12 impacts is off by more than
 SDS = 2.0  # tolerance of the sds over that of the means, as in a verdict
@@ -170,6 +171,6 @@ def advice(found: Trace, tolerance: float) -> str:
         return f"{said}, above the tolerance {tolerance:g} from impact {wrong[0] + 1} on: simulate"
     worst = max(np.fmax(means, sds), SMALLEST)
     paths = (ALL / worst) ** 2
-    if COMPONENT * found.work > paths * found.found:
+    if COMPONENT_MICROSECONDS * found.work > FLIGHT_MICROSECONDS * paths * found.found:
         return f"{said}, within the tolerance {tolerance:g}; {paths:.1g} paths are as accurate and cheaper: simulate"
     return f"{said}, within the tolerance {tolerance:g}"

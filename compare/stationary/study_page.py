@@ -34,6 +34,7 @@ from rattle.compare.study.figures import axis_label
 from rattle.compare.study.lacking import lacking
 from rattle.compare.study.tables import FILE, MANIFEST, file_digest
 from rattle.compare.study.version import numerical_version
+from rattle.compare.validation.validity_range import spanned
 
 __all__ = ["answer", "study_figure", "written"]
 
@@ -123,10 +124,13 @@ def answer(r: LongResults) -> list[str]:
     for quantity, words in (("rate", "impacts per unit of time"), ("energy_per_period", "energy lost per period")):
         rows = r.quantities[r.quantities["quantity"] == quantity]
         rows = rows.sort_values("value")
-        least, most = rows.iloc[0], rows.iloc[-1]
-        where = (f" (at {name} = {row[r.study.along]:.4g})" if r.study.along else "" for row in (least, most))
-        low, high = where
-        said.append(f"{words}: from {least['value']:.4g}{low} to {most['value']:.4g}{high}")
+        ends = [f"{row['value']:.4g}" for row in (rows.iloc[0], rows.iloc[-1])]
+        if ends[0] == ends[1]:
+            said.append(f"{words}: {ends[0]}")
+            continue
+        if r.study.along:
+            ends = [f"{e} (at {name} = {rows[r.study.along].iloc[i]:.4g})" for e, i in zip(ends, (0, -1), strict=True)]
+        said.append(f"{words}: from {' to '.join(ends)}")
     sentences = [f"In the long run, {said[0]}.", f"{said[1][0].upper()}{said[1][1:]}."]
     if r.study.along and not r.verdicts.empty:
         good = shares(r.verdicts, r.study.along)
@@ -140,7 +144,7 @@ def answer(r: LongResults) -> list[str]:
             right = f"everything right at {len(whole)}" if len(whole) else "not everything right at any"
             sentences.append(
                 f"`{closure}` predicts the long run at {len(own)} of {len(good)} values of {name}, and has {right} of "
-                f"them; {own.min():.0%} to {own.max():.0%} of its quantities are accurate."
+                f"them; {spanned(own, '.0%')} of its quantities are accurate."
             )
     other = r.cost[r.cost["kind"] != "simulated"]
     if len(other):

@@ -22,7 +22,7 @@ from rattle.compare.study.lacking import lacking
 from rattle.compare.study.results import Results
 from rattle.compare.study.tables import FILE, MANIFEST, PAGE, TABLES, file_digest
 from rattle.compare.study.version import numerical_version
-from rattle.compare.validation.validity_range import in_words, listed, want
+from rattle.compare.validation.validity_range import in_words, listed, spanned, want
 from rattle.compare.validation.verdict import RULE, VERDICTS
 from rattle.scene.errors import OutputError
 
@@ -61,33 +61,42 @@ def answer(r: Results) -> list[str]:
         values = r.errors[name]
         sentences = [
             _advice(last, impacts, name, values.max()),
-            f"Every section mean and sd of {impacts} impacts, {name} from {values.min():.4g} to {values.max():.4g}:",
+            f"Every section mean and sd of {impacts} impacts, {name} = {spanned(values, '.4g')}:",
             *(f"`{closure}`: {_range_in_words(r, rows)}." for closure, rows in last.groupby("closure", sort=False)),
         ]
     reached = r.sections[(r.sections["quantity"] == "tau") & (r.sections["moment"] == "mean")]
     shares = reached[reached["impact"] == impacts]["agreement"]
     if len(shares):
         sentences.append(
-            f"After {impacts} impacts {shares.min():.1%} to {shares.max():.1%} of the paths are on the noise-free "
-            "itinerary."
+            f"After {impacts} impacts {spanned(shares, '.1%')} of the paths are on the noise-free itinerary."
         )
     return sentences or ["No point could be computed; the command says why."]
 
 
 def _advice(last: pd.DataFrame, impacts: int, name: str, largest: float) -> str:
     """Which closure is accurate furthest, wherever the other fields of the study lie."""
-    least = last.groupby("closure", sort=False)["accurate"].min()  # NaN is left out, so it is asked for below
-    least = least[last.groupby("closure", sort=False)["accurate"].apply(lambda limits: limits.notna().all())]
-    shown = name if name != "sigma" else "σ"
-    if least.empty:
-        some = last[last["accurate"].notna()]["closure"].unique()
-        where = f"; {listed([f'`{c}`' for c in some])} {'is' if len(some) == 1 else 'are'} at some" if len(some) else ""
-        return f"Simulate: no closure is accurate over {impacts} impacts in every row of this study{where}."
-    best = [f"`{closure}`" for closure in least.index[least == least.max()]]
-    take = f"Take {' or '.join(best)} up to {shown} = {least.max():.4g}"
-    if least.max() >= largest:
-        return f"{take}, the largest of this study: all means and sds over {impacts} impacts are accurate there."
-    return f"{take}; beyond it simulate: no closure is shown to be accurate over {impacts} impacts everywhere there."
+    accurate, open_to = (_everywhere(last, column) for column in ("accurate", "not_inaccurate"))
+    shown, over = name if name != "sigma" else "σ", f"over {impacts} impacts"
+    if accurate.empty and not open_to.empty:
+        each = listed([f"`{c}` up to {shown} = {x:.4g}" for c, x in open_to.items()])
+        return (
+            f"Undecided: no closure is shown to be accurate {over} in every row of this study. Not shown to be wrong: "
+            f"{each}. More paths would settle it; until then simulate."
+        )
+    if accurate.empty:
+        some = [f"`{c}`" for c in last[last["accurate"].notna()]["closure"].unique()]
+        where = f"; {listed(some)} {'is' if len(some) == 1 else 'are'} at some" if some else ""
+        return f"Simulate: no closure is accurate {over} in every row of this study{where}."
+    best = [f"`{closure}`" for closure in accurate.index[accurate == accurate.max()]]
+    take = f"Take {' or '.join(best)} up to {shown} = {accurate.max():.4g}"
+    if accurate.max() >= largest:
+        return f"{take}, the largest of this study: all means and sds {over} are accurate there."
+    return f"{take}; beyond it simulate: no closure is shown to be accurate {over} everywhere there."
+
+
+def _everywhere(last: pd.DataFrame, column: str) -> pd.Series:
+    """The least range of each closure over the other fields; without those that have none somewhere."""
+    return last.groupby("closure", sort=False)[column].agg(lambda limits: limits.min(skipna=False)).dropna()
 
 
 def _range_in_words(r: Results, rows: pd.DataFrame) -> str:

@@ -9,15 +9,16 @@ import pandas as pd
 from rattle.compare.tradeoff.measure import HAND_TUNED_NS, Measured, means_seconds
 from rattle.compare.validation.answer import left_out
 from rattle.compare.validation.validity_range import listed
+from rattle.montecarlo.budget import in_words
 
-__all__ = ["EXACT", "advice", "answer", "cheapest", "seconds", "verdict"]
+__all__ = ["EXACT", "advice", "answer", "cheapest", "verdict"]
 
 EXACT = "exact-flight"
 PLAIN = "euler-maruyama"
 
 
 def cheapest(points: pd.DataFrame, accuracy: float) -> dict[str, Any]:
-    """The cheapest method for an accuracy: of the schemes, and of the closures that predict all moments so well.
+    """The method of least counted work for an accuracy: of schemes, and of closures that predict all moments so well.
 
     Parameters
     ----------
@@ -35,31 +36,8 @@ def cheapest(points: pd.DataFrame, accuracy: float) -> dict[str, Any]:
     prediction = (
         (points["kind"] == "closure") & (points["error"] <= accuracy) & (points["rows"] == points["rows"].max())
     )
-    best: dict[str, Any] = points[scheme | prediction].nsmallest(1, "core_seconds").to_dict("records")[0]
+    best: dict[str, Any] = points[scheme | prediction].nsmallest(1, "work").to_dict("records")[0]
     return best
-
-
-def seconds(value: float) -> str:
-    """A time in a suitable unit, with two digits.
-
-    Parameters
-    ----------
-    value : float
-        In seconds.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> seconds(0.00056), seconds(12.3), seconds(86400.0 * 3)
-    ('0.56 ms', '12 s', '72 h')
-    """
-    for factor, unit, below in ((1e-3, "ms", 1.0), (1.0, "s", 120.0), (60.0, "min", 7200.0)):
-        if value < below:
-            return f"{float(f'{value / factor:.2g}'):g} {unit}"
-    return f"{float(f'{value / 3600.0:.2g}'):g} h"
 
 
 def advice(m: Measured, accuracies: Sequence[float]) -> str:
@@ -79,12 +57,12 @@ def advice(m: Measured, accuracies: Sequence[float]) -> str:
     parts = []
     for method, same in groupby([(a, cheapest(m.points, a)) for a in accuracies], key=lambda found: found[1]["method"]):
         finest, best = list(same)[-1]
-        cost = seconds(best["core_seconds"]) + ("" if best["measured"] else ", extrapolated")
+        cost = in_words(best["core_seconds"], 2) + ("" if best["measured"] else ", extrapolated")
         parts.append(f"`{method}` for errors down to {finest:g} of an sd ({cost})")
     scene, impacts = m.reference.scene, m.reference.impacts
     return (
         f"For all means and sds at {impacts} impacts of this gear pair at σ = {scene.sigma:.4g} take {listed(parts)}; "
-        "times are those of one core."
+        "times are those of one core, and what is cheapest is decided by counted work."
     )
 
 
@@ -109,12 +87,12 @@ def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
     predictions = p[p["kind"] == "closure"]
     wins = []
     for _, row in predictions[predictions["rows"] == whole].iterrows():
-        simulated = m.models[EXACT].at(row["error"]).core_seconds
-        if simulated > row["core_seconds"] and row["error"] <= 1.0:
+        simulated = m.models[EXACT].at(row["error"]).work
+        if simulated > row["work"] and row["error"] <= 1.0:
             wins.append(
                 f"`{row['method']}`, whose worst error is {'' if row['resolved'] else 'below '}{row['error']:.2g} "
-                f"(median {row['median_error']:.2g}) after {seconds(row['core_seconds'])}: exact flights take "
-                f"{float(format(simulated / row['core_seconds'], '.2g')):g} times as long to its worst error"
+                f"(median {row['median_error']:.2g}) after {in_words(row['core_seconds'], 2)}: exact flights take "
+                f"{float(format(simulated / row['work'], '.2g')):g} times the work to its worst error"
             )
     found.append(
         f"A closure is the cheapest method for any accuracy no finer than its own worst error: {'; '.join(wins)}."
@@ -128,7 +106,7 @@ def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
         f"To {finest:g}, plain Euler-Maruyama would need dt = {plain.at(finest).dt:.2g}: at "
         f"{1e9 * plain.step_seconds:.2g} ns per path-step the same number of paths takes "
         f"{plain.path_alone(finest) / exact:,.0f} times the processor time of exact flights "
-        f"({seconds(m.models[EXACT].at(finest).core_seconds)}), and "
+        f"({in_words(m.models[EXACT].at(finest).core_seconds, 2)}), and "
         f"{plain.path_alone(finest, HAND_TUNED_NS) / exact:,.0f} times at the {HAND_TUNED_NS:g} ns of hand-tuned "
         "numba code."
     )

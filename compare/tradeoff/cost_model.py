@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 from rattle.montecarlo import SCHEMES, Ensemble, Record
 from rattle.montecarlo.accuracy import LEAST, sampling_error, share_of_look, step_error
-from rattle.montecarlo.expected_paths import expected_paths
+from rattle.montecarlo.cost import LOOKS, cost_of, expected_paths
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.pilots import LOOKS, pilot
+from rattle.montecarlo.pilots import pilot
 from rattle.scene.scene import Scene
 
 __all__ = ["CostModel", "Point", "timed"]
@@ -53,6 +53,8 @@ class Point(NamedTuple):
         Worst difference of a measured run from the reference simulation.
     missed : bool
         Whether that is more than the accuracy and the error of the reference explain.
+    work : float
+        Nominal core-seconds of the counted work: what decides which method is cheapest.  NaN for multilevel methods.
     """
 
     method: str
@@ -70,6 +72,7 @@ class Point(NamedTuple):
     rows: int = 0
     actual_error: float = math.nan
     missed: bool = False
+    work: float = math.nan
 
 
 @dataclass
@@ -180,7 +183,14 @@ class CostModel:
         dt = min(self.first.dt, room / self.bias) if self.bias else self.first.dt
         seconds = self.pilot_seconds + paths * (self.path_seconds + self.step_seconds * self.steps(dt))
         sampling = sampling_error(run)[0] * math.sqrt(run.paths / paths)
-        return Point(self.scheme, "scheme", accuracy, dt, paths, seconds, sampling, self.bias * dt, accuracy, False)
+        return Point(
+            self.scheme, "scheme", accuracy, dt, paths, seconds, sampling, self.bias * dt, accuracy, False,
+            work=self.work(self.first, paths, dt),
+        )  # fmt: skip
+
+    def work(self, run: Ensemble, paths: int, dt: float) -> float:
+        """Nominal core-seconds of the pilot run and of paths like those of a run."""
+        return cost_of(self.first, self.first.paths).core_seconds + cost_of(run, paths, dt).core_seconds
 
     def path_alone(self, accuracy: float, step_ns: float | None = None) -> float:
         """Seconds of a path at an accuracy, without the steps of 2 dt and 4 dt that measure the bias.

@@ -8,11 +8,12 @@ import pandas as pd
 
 from rattle.compare.report import Block, Cell, Code, Figure, Page, Row, Section, Source, Table, Text, numbers
 from rattle.compare.report.glossary import CLOSURE_TERMS, SCHEME_TERMS, SECTION_TERMS, glossary
-from rattle.compare.tradeoff.answer import EXACT, cheapest, seconds
+from rattle.compare.tradeoff.answer import EXACT, cheapest
 from rattle.compare.tradeoff.measure import Measured, means_seconds, slope
 from rattle.compare.tradeoff.multilevel import KURTOSIS_ALARM, Rate
 from rattle.compare.tradeoff.weak_order import ORDER_IMPACTS, STEPS, Orders
 from rattle.compare.validation.validity_range import listed
+from rattle.montecarlo.budget import in_words
 from rattle.scene.scene import Scene
 
 __all__ = ["orders_said", "orders_table", "tradeoff_page"]
@@ -89,7 +90,7 @@ def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> 
     ]  # fmt: skip
     predictions: list[Row] = [
         (r["method"], f"{r['rows']} of {p['rows'].max()}", ("" if r["resolved"] else "below ") + f"{r['error']:.3g}",
-         f"{r['median_error']:.2g}", Cell(seconds(r["core_seconds"]), value=float(r["core_seconds"])))
+         f"{r['median_error']:.2g}", Cell(in_words(r["core_seconds"], 2), value=float(r["core_seconds"])))
         for _, r in p[p["kind"] == "closure"].iterrows()
     ]  # fmt: skip
     rates: list[Row] = [
@@ -105,7 +106,7 @@ def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> 
     ratios = ("means_median", "means_smallest", "sds_median", "sds_smallest")
     best = [cheapest(p, a) for a in accuracies]
     chosen: list[Row] = [
-        (f"{a:g}", str(r["method"]), Cell(seconds(r["core_seconds"]), value=float(r["core_seconds"])),
+        (f"{a:g}", str(r["method"]), Cell(in_words(r["core_seconds"], 2), value=float(r["core_seconds"])),
          "measured" if r["measured"] else "extrapolated")
         for a, r in zip(accuracies, best, strict=True)
     ]  # fmt: skip

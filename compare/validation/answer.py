@@ -6,14 +6,14 @@ from collections.abc import Iterable, Sequence
 import pandas as pd
 
 from rattle.closure import refusals
-from rattle.compare.validation.advice import advice
+from rattle.compare.validation.advice import advice, cost_sentence
 from rattle.compare.validation.correlation import SIMULATED, first_failure
 from rattle.compare.validation.physical import lasting, motion_sentence
-from rattle.compare.validation.speed import Cost, simulation_cost
+from rattle.compare.validation.speed import simulation_costs, speeds
 from rattle.compare.validation.sweep import Sweep
 from rattle.compare.validation.validate import Validation
 from rattle.compare.validation.validity import validities
-from rattle.compare.validation.validity_range import in_words, listed, unbroken
+from rattle.compare.validation.validity_range import in_words, listed, spanned, unbroken
 from rattle.compare.validation.verdict import JUDGED
 from rattle.scene.scene import Scene
 
@@ -69,8 +69,8 @@ def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
     shares = [f"{listed(closures)}: {said}" for said, closures in found.items()]
     sigmas = validity["sigma"]
     return (
-        f"Every section mean and sd{SECTION} over {impacts} impacts ({sigmas.nunique()} noise intensities from "
-        f"{sigmas.min():.4g} to {sigmas.max():.4g}) — {'; '.join(shares)}."
+        f"Every section mean and sd{SECTION} over {impacts} impacts ({sigmas.nunique()} noise intensities, "
+        f"{spanned(sigmas, '.4g')}) — {'; '.join(shares)}."
     )
 
 
@@ -100,21 +100,22 @@ def left_out(scene: Scene, shown: Iterable[str]) -> list[str]:
 
 
 def answer(validations: Sequence[Validation], swept: Sweep | None = None) -> list[str]:
-    """The result of validations of one scene in sentences: advice, accuracy, realizability, agreement of itineraries.
+    """The result of validations of one scene in sentences.
+
+    Advice at their own noise intensities, cost, accuracy, realizability, and agreement of itineraries.
 
     Parameters
     ----------
     validations : sequence of Validation
         One for each noise intensity, of the same closures and number of impacts.
     swept : Sweep, optional
-        Ranges of validity over the noise intensity: the advice rests on them, and they add a second sentence, see
-        `validity_sentence`.
+        Ranges of validity over the noise intensity; they add a second sentence, see `validity_sentence`.
 
     Returns
     -------
     list of str
-        Four sentences; one more with `swept`, of a scene that was made from gears (the motion in physical units), and
-        where closures cannot be applied to the scene.
+        Four sentences; one more with `swept`, of a scene that was made from gears (the motion in physical units), where
+        paths leave the itinerary, and where closures cannot be applied to the scene.
     """
     impacts = len(validations[0].run.section)
     tolerances = validations[0].tolerances
@@ -145,19 +146,10 @@ def answer(validations: Sequence[Validation], swept: Sweep | None = None) -> lis
     ]
     if realizable:
         broken.append(f"the moments of {listed([f'`{name}`' for name in realizable])} stay realizable")
-    agreement = []
-    for v in validations:
-        best = max(v.run.agreement[name].iloc[-1] for name in v.predictions)
-        agreement.append(f"{best:.1%} at σ = {sigma_text(v)}")
-    motion = lasting(validations[0])
-    if swept:
-        first = [
-            advice(swept.validity, impacts, simulation=swept.simulation, speed=swept.speed, lasting=motion),
-            validity_sentence(swept.validity, impacts),
-        ]
-    else:
-        costs = pd.DataFrame([simulation_cost(v) for v in validations], columns=list(Cost._fields))
-        first = [advice(validities(validations), impacts, simulation=costs, lasting=motion)]
+    motion, speed = lasting(validations[0]), speeds(validations)
+    first = [advice(validities(validations), impacts, speed)]
+    first += [validity_sentence(swept.validity, impacts)] if swept else []
+    first += [cost_sentence(simulation_costs(validations), speed, impacts, motion, swept.speed if swept else None)]
     return [
         *first,
         *motion_sentence(validations),
@@ -167,9 +159,23 @@ def answer(validations: Sequence[Validation], swept: Sweep | None = None) -> lis
         f"{'; '.join(shares)}.",
         f"As for the correlation coefficient, {'; '.join(broken)}; in the simulation |ρ| never exceeds "
         f"{_largest_rho(validations, SIMULATED):.4f}.",
-        f"After {impacts} impacts the share of paths that still follow one itinerary of a closure is "
-        f"{listed(agreement)}: no closure along a single orbit can be accurate beyond it.",
+        *_agreement(validations),
         *left_out(validations[0].scene, validations[0].predictions),
+    ]
+
+
+def _agreement(validations: Sequence[Validation]) -> list[str]:
+    """How many paths have left the closures' itineraries, where some have."""
+    impacts, shares = len(validations[0].run.section), []
+    for v in validations:
+        best = max(v.run.agreement[name].iloc[-1] for name in v.predictions)
+        if best < 1.0:
+            shares.append(f"{f'{best:.1%}' if best < 0.9995 else f'{100.0 * best:.6g}%'} at σ = {sigma_text(v)}")
+    if not shares:
+        return []
+    return [
+        f"After {impacts} impacts the share of paths that still follow one itinerary of a closure is {listed(shares)}: "
+        "a closure along a single orbit says nothing of the others."
     ]
 
 

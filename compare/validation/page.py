@@ -42,10 +42,10 @@ CONTENTS = frozenset({
 """Names of all files in a report folder; a folder with any other file is not overwritten."""
 
 SPEED = (
-    "Time of the closure up to the last impact at which it is accurate, compared with the cheapest simulation of equal "
+    "Work of the closure up to the last impact at which it is accurate, compared with the cheapest simulation of equal "
     "accuracy: as many exact flights with their control variate as bound the error of every moment, with 95 % "
-    "probability for all of them at once, by the closure's worst error (in sds of the quantity). One core each; "
-    "measured with this report (`speed.csv`)."
+    "probability for all of them at once, by the closure's worst error (in sds of the quantity). Times of one core are "
+    "nominal: counted impacts, mixture components and path-steps at a fixed cost each (`speed.csv`)."
 )
 NONE = "No closure is shown to be accurate up to the first impact at any of these noise intensities; {} undecided."
 UNRESOLVED = " “≤”: the sample cannot tell the error from zero, so the speed-up is a lower bound."

@@ -1,34 +1,29 @@
-"""Computing time of a closure compared with that of a simulation of equal accuracy.
+"""Work of a closure compared with that of a simulation of equal accuracy, and what an accuracy takes by simulation.
 
 An accuracy is that of `rattle.montecarlo.simulate_to`: with 95 % probability no section mean or sd is off by more.
+Work is counted at nominal costs (`rattle.montecarlo.cost`, `rattle.closure.cost`): no clock decides what is advised.
 """
 
 import math
-import time
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import pandas as pd
 
 from rattle.closure import mean_map
+from rattle.closure.cost import closure_seconds
 from rattle.compare.validation.validate import Validation
 from rattle.compare.validation.validity import judged_rows, validity
 from rattle.compare.validation.verdict import widest
-from rattle.montecarlo import simulate
-from rattle.montecarlo.accuracy import LEAST, share_of_look
-from rattle.montecarlo.expected_paths import expected_paths
-from rattle.montecarlo.pilots import LOOKS
-from rattle.montecarlo.settings import computed
+from rattle.montecarlo.cost import cost_of, cost_to
 
-__all__ = ["WANTED", "Cost", "Speed", "best_of", "path_seconds", "paths_for", "simulation_cost", "speed"]
+__all__ = ["WANTED", "Speed", "paths_for", "simulation_costs", "speed", "speeds"]
 
-CALLS, SPAN = 5, 0.3  # a call is repeated at most so often, and for at most so many seconds
 WANTED = 0.01  # accuracy, in sds, for which the cost of a simulation is stated
-TIMED_PATHS = 4096  # paths of the simulation whose time per path and impact is measured
 
 
 class Speed(NamedTuple):
-    """Time of a closure and of a simulation of equal accuracy, both on one core.
+    """Nominal time of a closure and of a simulation of equal accuracy, both on one core.
 
     Attributes
     ----------
@@ -36,13 +31,13 @@ class Speed(NamedTuple):
     sigma : float
         Noise intensity.
     impacts : int
-        The impact up to which the closure is accurate; both sides are timed up to it.
+        The impact up to which the closure is accurate; both sides are counted up to it.
     worst, median : float
         Worst and median error of the closure's section means and sds, in units of the quantities' sds.
     resolved : bool
         Whether the interval of the worst error excludes zero; if not, the error may be smaller and the speed-up larger.
     closure_seconds, simulation_seconds : float
-        Seconds on one core.
+        Nominal seconds on one core.
     paths : int
         Paths that bound all errors by the worst error of the closure.
     speed_up : float
@@ -59,71 +54,6 @@ class Speed(NamedTuple):
     paths: int
     simulation_seconds: float
     speed_up: float
-
-
-class Cost(NamedTuple):
-    """What a simulation takes until with 95 % probability no section mean or sd is off by more than `WANTED` sds.
-
-    Attributes
-    ----------
-    sigma : float
-        Noise intensity.
-    impacts : int
-        Number of impacts.
-    paths : int
-        Of the scheme of the validation.
-    seconds : float
-        On one core; NaN if no time was measured.
-    """
-
-    sigma: float
-    impacts: int
-    paths: int
-    seconds: float
-
-
-def best_of(call: Callable[[], object]) -> float:
-    """Seconds of the fastest of a few calls; a call that takes long is made once.
-
-    Parameters
-    ----------
-    call : callable
-        Without arguments; already compiled, as every call is timed.
-
-    Returns
-    -------
-    float
-    """
-    times: list[float] = []
-    while not times or (len(times) < CALLS and sum(times) < SPAN):
-        started = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - started)
-    return min(times)
-
-
-def path_seconds(v: Validation) -> float:
-    """Seconds per impact of one path on one core, for the scene, scheme and step of a validation.
-
-    Parameters
-    ----------
-    v : Validation
-        The validation that is shown.
-
-    Returns
-    -------
-    float
-    """
-    plan = v.run.plan
-    control = "control" in v.run.result.sums
-
-    def call() -> None:
-        simulate(
-            plan.scene, paths=TIMED_PATHS, impacts=plan.impacts, dt=plan.dt, scheme=plan.scheme, rng=plan.seed,
-            control=control,
-        )  # fmt: skip
-
-    return best_of(call) / TIMED_PATHS / plan.impacts
 
 
 def paths_for(rows: pd.DataFrame, error: float) -> int:
@@ -148,55 +78,31 @@ def paths_for(rows: pd.DataFrame, error: float) -> int:
     return math.ceil(round(float(((widest(len(rows)) * rows["se"] / (error * rows["unit"])) ** 2).max()), 6))
 
 
-def simulation_cost(v: Validation, seconds_per_impact: float = math.nan) -> Cost:
-    """What a run of the same scheme to an accuracy of `WANTED` takes, as the run of a validation foresees it.
-
-    Branches that the run cannot have seen count.
-
-    Parameters
-    ----------
-    v : Validation
-        The validation that is shown.
-    seconds_per_impact : float
-        Of one simulated path, from `path_seconds`.
-
-    Returns
-    -------
-    Cost
-    """
-    impacts, foreseen = len(v.run.section), expected_paths(v.run, WANTED, share_of_look(LOOKS))
-    paths = max(math.ceil(foreseen.paths), computed(v.scene, LEAST))
-    return Cost(v.scene.sigma, impacts, paths, paths * impacts * seconds_per_impact)
+def simulation_costs(validations: Sequence[Validation]) -> pd.DataFrame:
+    """What a run of the scheme of each validation to an accuracy of `WANTED` takes, as its paths let expect."""
+    rows = [{"sigma": v.scene.sigma, "impacts": v.run.impacts, **cost_to(v.run, WANTED)._asdict()} for v in validations]
+    return pd.DataFrame(rows)
 
 
-def speed(v: Validation, closure: str, seconds_per_impact: float) -> Speed | None:
-    """Time a closure up to the last impact at which it is accurate.
+def speeds(validations: Sequence[Validation]) -> pd.DataFrame:
+    """`speed` of every closure of some validations that is accurate at the first impact."""
+    found = [s for v in validations for closure in v.predictions if (s := speed(v, closure))]
+    return pd.DataFrame(found, columns=list(Speed._fields))
 
-    Parameters
-    ----------
-    v : Validation
-        The validation that is shown.
-    closure : str
-        Name of the closure.
-    seconds_per_impact : float
-        Of one simulated path, from `path_seconds`.
 
-    Returns
-    -------
-    Speed or None
-        None if the closure is not accurate at the first impact.
-    """
-    reached = validity(v, closure).accurate
+def speed(v: Validation, closure: str) -> Speed | None:
+    """Count the work of a closure up to the last impact at which it is accurate; None if it is not at the first."""
+    reached, prediction = validity(v, closure).accurate, v.predictions[closure]
     if reached == 0:
         return None
     rows = judged_rows(v, closure)
     rows = rows[(rows["impact"] <= reached) & (rows["unit"] > 0.0) & (rows["verdict"] != "not predicted")]
     errors = rows["error"].abs() / rows["unit"]
     worst = rows.iloc[int(errors.argmax())]
-    order = v.predictions[closure].order
-    seconds = best_of(lambda: mean_map(v.scene, impacts=reached, closure=closure, order=order))
+    if reached < prediction.impacts:
+        prediction = mean_map(v.scene, impacts=reached, closure=closure, order=prediction.order)
     paths = paths_for(rows.assign(se=rows["se"] * math.sqrt(v.run.paths)), float(errors.max()))
-    cost = paths * reached * seconds_per_impact
+    seconds, cost = closure_seconds(prediction), cost_of(v.run, paths).core_seconds * reached / v.run.impacts
     return Speed(
         closure=closure,
         sigma=v.scene.sigma,

@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from rattle.compare.validation.speed import Cost, Speed, path_seconds, simulation_cost, speed
+from rattle.compare.validation.speed import simulation_costs, speeds
 from rattle.compare.validation.validate import validate
-from rattle.compare.validation.validity import Validity, validities
+from rattle.compare.validation.validity import validities
 from rattle.montecarlo import check_settings, default_step
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
@@ -28,11 +28,11 @@ class Sweep(NamedTuple):
     Attributes
     ----------
     validity : DataFrame
-        Columns of `rattle.compare.validation.validity.Validity`; repeats bit for bit.
+        Columns of `rattle.compare.validation.validity.Validity`.
     speed : DataFrame
-        Columns of `rattle.compare.validation.speed.Speed`; timings, which do not repeat.
+        Columns of `rattle.compare.validation.speed.Speed`.
     simulation : DataFrame
-        Columns of `rattle.compare.validation.speed.Cost`, a row for each noise intensity; ``seconds`` does not repeat.
+        From `rattle.compare.validation.speed.simulation_costs`, a row for each noise intensity.
     """
 
     validity: pd.DataFrame
@@ -124,17 +124,14 @@ def sweep(scene: Scene, sigmas: Sequence[float], *, workers: int, **settings: An
     -------
     Sweep
     """
-    found: list[pd.DataFrame] = []
-    timed: list[Speed] = []
-    costs: list[Cost] = []
+    validity, speed, costs = [], [], []
     for sigma in tqdm(sigmas, desc="validity", unit="sigma", disable=None):
-        v = validate(scene.with_sigma(sigma), scheme=SCHEME, workers=workers, **settings)
-        found.append(validities([v]))
-        seconds = path_seconds(v)
-        costs.append(simulation_cost(v, seconds))
-        timed += [s for closure in v.predictions if (s := speed(v, closure, seconds))]
-    return Sweep(
-        pd.concat(found, ignore_index=True)[list(Validity._fields)],
-        pd.DataFrame(timed, columns=list(Speed._fields)),
-        pd.DataFrame(costs, columns=list(Cost._fields)),
-    )
+        own = [validate(scene.with_sigma(sigma), scheme=SCHEME, workers=workers, **settings)]
+        validity.append(validities(own))
+        speed.append(speeds(own))
+        costs.append(simulation_costs(own))
+    return Sweep(*(_stacked(tables) for tables in (validity, speed, costs)))
+
+
+def _stacked(tables: list[pd.DataFrame]) -> pd.DataFrame:
+    return pd.concat([t for t in tables if len(t)] or tables[:1], ignore_index=True)

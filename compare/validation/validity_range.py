@@ -13,8 +13,8 @@ import pandas as pd
 from rattle.compare.validation.verdict import JUDGED
 
 __all__ = [
-    "ACCURATE", "ENDED", "NOT_WRONG", "UNDECIDED", "WRONG", "in_words", "is_accurate", "is_wrong", "listed", "unbroken",
-    "want",
+    "ACCURATE", "ENDED", "NOT_WRONG", "UNDECIDED", "WRONG", "in_words", "is_accurate", "is_wrong", "listed", "spanned",
+    "unbroken", "want",
 ]  # fmt: skip
 
 ACCURATE, NOT_WRONG = "accurate up to", "not shown wrong up to"
@@ -170,3 +170,14 @@ def listed(items: Sequence[str]) -> str:
     'a, b and c'
     """
     return items[0] if len(items) == 1 else ", ".join(items[:-1]) + " and " + items[-1]
+
+
+def spanned(values: Iterable[float], form: str) -> str:
+    """The range of some values in words; one value where they are the same as printed.
+
+    >>> spanned([17.257, 17.262], ".4g"), spanned([0.05, 0.1], ".0%")
+    ('17.26', '5% to 10%')
+    """
+    found = list(values)
+    low, high = format(min(found), form), format(max(found), form)
+    return low if low == high else f"{low} to {high}"

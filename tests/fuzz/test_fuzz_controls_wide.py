@@ -136,7 +136,7 @@ def test_identical_paths_behind_an_accuracy_and_what_is_not_said_of_it_are_seen(
     reached = simulate(SCENE, paths=2048, impacts=1, scheme="exact-flight")
     from rattle.montecarlo.reach import Candidate, Reach
 
-    candidates = [Candidate("exact-flight", 0.01, 2048, 1.0)]
+    candidates = [Candidate("exact-flight", 0.01, 2048, 1e5, 1.0)]
     right = Reach(0.5, 0.1, 0.0, 0.2, "mean of tau at impact 1", candidates, 0.0)
     cases = {
         "": (reached, right), "reach": (reached, right._replace(sampling=math.nan)),

@@ -91,7 +91,7 @@ def test_what_takes_more_than_an_hour_is_refused_unless_a_budget_is_given(monkey
     said = str(refused.value)
     assert said.startswith("accuracy = 1e-09: is expected to take ")
     assert " years on 2 threads (about " in said
-    assert "core-seconds" in said
+    assert "of processor time" in said
     assert "give the seconds that it may take as budget" in said
     assert max(watched.paths) <= BLOCK
     assert sum(watched.paths) < 15 * BLOCK  # pilots alone
@@ -127,7 +127,7 @@ def test_the_estimate_is_said_before_the_work(monkeypatch, caplog):
     (record,) = caplog.records
     assert record.getMessage() == f"Accuracy 0.02 sd: {run.reach.expected.sentence}."
     assert record.getMessage().startswith("Accuracy 0.02 sd: about ")
-    assert "core-seconds: exact-flight, dt = 0.0327, " in record.getMessage()
+    assert "of processor time: exact-flight, dt = 0.0327, " in record.getMessage()
 
 
 def test_the_finest_accuracies_are_refused_as_others_are():

@@ -293,7 +293,11 @@ def test_undecided_is_not_called_wrong(tmp_path):
     assert "inaccurate" not in first
     assert first["accurate"] > 5
     assert first["undecided"] > 5
-    _, _, published, saltation, _ = answer(found)
+    headline, _, published, saltation, _ = answer(found)
+    assert headline == (
+        "Undecided: no closure is shown to be accurate over 4 impacts in every row of this study. Not shown to be "
+        "wrong: `saltation` up to σ = 0.02. More paths would settle it; until then simulate."
+    )
     assert saltation.startswith("`saltation`: not shown wrong up to sigma = 0.02 (undecided for want of paths")
     assert published == "`published`: shown wrong at sigma = 0.01, the smallest."
     figure = validity(found, found.validity)

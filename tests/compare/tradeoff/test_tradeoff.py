@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from rattle.compare.cli.main import main
-from rattle.compare.tradeoff.answer import verdict
+from rattle.compare.tradeoff.answer import cheapest, verdict
 from rattle.compare.tradeoff.cost_model import CostModel, Point
 from rattle.compare.tradeoff.figures import order_figure, tradeoff_figure
 from rattle.compare.tradeoff.measure import Measured, _compared_with, check_accuracies, closure_points, slope
@@ -21,6 +21,7 @@ from rattle.compare.tradeoff.variance_reduction import antithetic_gain, control_
 from rattle.compare.tradeoff.weak_order import orders_over
 from rattle.montecarlo import Record, simulate, simulate_to
 from rattle.montecarlo.accuracy import units
+from rattle.montecarlo.cost import cost_of
 from rattle.montecarlo.kernel.block import sample
 from rattle.montecarlo.settings import plan_of
 from rattle.scene import DAT21, InputError, Scene
@@ -164,6 +165,18 @@ def test_points_that_pilots_dominate_are_left_out_of_the_slope():
         (1.0, 1024, 1.0), (0.1, 100_000, 1.0), (0.01, 10**7, 100.0),
     )]  # fmt: skip
     assert slope(pd.DataFrame(rows), "s", True) == (pytest.approx(-2.0), 2)
+
+
+def test_the_cheapest_method_is_that_of_least_counted_work():
+    """Whatever the clock said while they ran."""
+    rows = pd.DataFrame([
+        Point(name, "scheme", 0.1, 0.1, 5000, seconds, 0.1, 0.0, 0.1, True, rows=24, work=work)
+        for name, seconds, work in (("euler-maruyama", 1.0, 9.0), ("exact-flight", 60.0, 2.0))
+    ])  # fmt: skip
+    assert cheapest(rows, 0.1)["method"] == "exact-flight"
+    own = model(0.0)
+    point = own.at(0.01)
+    assert point.work == pytest.approx(cost_of(own.first, own.first.paths + point.paths).core_seconds)
 
 
 def test_a_run_that_promised_too_much_is_found_out():

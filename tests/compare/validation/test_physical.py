@@ -50,8 +50,8 @@ def test_moments_at_fixed_times_stand_in_both(v):
 def test_the_answer_speaks_of_milliseconds(v):
     said = answer([v])
     time = v.run.section["tau"].iloc[-1] / 0.3
-    assert said[1].startswith(f"In the units of these gears: at σ = 0.02, 3 impacts take {time:.3g} ms on average (")
-    assert "mm/s, losing " in said[1]
+    assert said[2].startswith(f"In the units of these gears: at σ = 0.02, 3 impacts take {time:.3g} ms on average (")
+    assert "mm/s, losing " in said[2]
     assert lasting(v) == f"{time:.3g} ms of rattling"
 
 
@@ -66,7 +66,7 @@ def test_pages_of_gears_have_physical_units_and_others_have_not(v, plain, tmp_pa
         page = read_page(one.report(tmp_path / str(has)).parent / "page.json")
         text = (tmp_path / str(has) / "report.md").read_text(encoding="utf-8")
         words = next(dict(block.terms) for block in page.blocks if isinstance(block, Glossary))
-        for sign in ("mm/s", " ms ", "mJ", "impacts per second"):
+        for sign in ("mm/s", " ms on average", "mJ", "impacts per second"):
             assert (sign in text) == has, sign
         assert words["τ"].endswith("1 is 3.333 ms for these gears") == has
         assert words["y1, y2"].endswith("1 is 60 mm/s for these gears") == has

@@ -1,14 +1,16 @@
 """What a simulation of a given accuracy costs."""
 
-import time
-
 import numpy as np
 import pandas as pd
 import pytest
 
-from rattle.compare.validation.speed import TIMED_PATHS, best_of, path_seconds, paths_for, speed
+from rattle.closure import mean_map
+from rattle.closure.branching.error import FLIGHT_MICROSECONDS
+from rattle.closure.cost import closure_seconds, most_seconds
+from rattle.compare.validation.speed import paths_for, speed
 from rattle.compare.validation.validate import validate
 from rattle.montecarlo import simulate
+from rattle.montecarlo.cost import cost_of
 from rattle.scene import DAT21, Scene
 
 
@@ -42,27 +44,25 @@ def test_a_simulation_of_that_cost_is_that_accurate():
     assert beyond(paths // 4) > 0.05 + 4.0 * np.sqrt(0.05 * 0.95 / 60)  # the negative control: a third of them
 
 
-def test_speed_up_is_the_ratio_of_the_costs():
+def test_speed_up_is_the_ratio_of_the_work():
     v = validate(
         Scene.from_gears(DAT21, sigma=0.02), impacts=2, closures=["saltation"], paths=4096, scheme="exact-flight"
     )
-    found = speed(v, "saltation", 1e-6)
+    found = speed(v, "saltation")
     assert found.impacts == 2
-    assert found.simulation_seconds == pytest.approx(found.paths * 2 * 1e-6)
+    assert found.closure_seconds == pytest.approx(2 * 50e-6)
+    assert found.simulation_seconds == pytest.approx(cost_of(v.run, found.paths).core_seconds)
     assert found.speed_up == pytest.approx(found.simulation_seconds / found.closure_seconds)
 
 
-def test_short_calls_are_timed_five_times_and_long_ones_once():
-    calls = []
-    assert best_of(lambda: calls.append(0)) > 0.0
-    assert len(calls) == 5
-    assert best_of(lambda: (calls.append(0), time.sleep(0.31))) >= 0.31
-    assert len(calls) == 6
+def test_work_of_a_mixture_grows_with_its_components():
+    few, many = (mean_map(Scene.from_gears(DAT21, sigma=s), impacts=2, closure="branching") for s in (1e-3, 0.5))
+    assert many.trace.work > 10 * few.trace.work
+    assert closure_seconds(few) < closure_seconds(many) < most_seconds("branching", 2)
+    assert closure_seconds(many) - closure_seconds(few) == pytest.approx(60e-6 * (many.trace.work - few.trace.work))
 
 
-def test_the_time_of_an_impact_is_shared_by_all_paths_and_impacts(monkeypatch):
-    v = validate(
-        Scene.from_gears(DAT21, sigma=0.1), impacts=2, closures=["corrected"], paths=600, scheme="exact-flight"
-    )
-    monkeypatch.setattr("rattle.compare.validation.speed.best_of", lambda call: 3.0)
-    assert path_seconds(v) == 3.0 / TIMED_PATHS / 2
+def test_costs_of_a_path_and_of_a_component_are_in_one_unit():
+    """`branching` weighs its components against flights of paths as the cost model of the sampler has them."""
+    run = simulate(Scene.from_gears(DAT21, sigma=0.3), paths=1024, impacts=12, scheme="exact-flight")
+    assert 0.5 < 1e6 * cost_of(run, 1).core_seconds / 12 / FLIGHT_MICROSECONDS < 2.0

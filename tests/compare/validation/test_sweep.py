@@ -35,7 +35,7 @@ def test_rows_are_those_of_single_validations(swept):
             assert tuple(row.iloc[0]) == tuple(validity(v, closure))
 
 
-def test_only_what_is_accurate_is_timed(swept):
+def test_only_the_work_of_what_is_accurate_is_counted(swept):
     assert list(swept.speed) == list(Speed._fields)
     assert list(zip(swept.speed["closure"], swept.speed["sigma"], strict=True)) == [("saltation", 0.02)]
     row = swept.speed.iloc[0]

@@ -54,9 +54,10 @@ def test_an_end_that_more_paths_would_decide_is_called_undecided():
     assert f"from impact {found.accurate + 1} on" in found.why
 
 
-def test_answer_is_advice_motion_and_three_sentences_with_the_counts(validations):
-    first, motion, *sentences = answer(validations)
-    assert first.startswith("For this gear pair ")
+def test_answer_is_advice_cost_motion_and_three_sentences_with_the_counts(validations):
+    first, cost, motion, *sentences = answer(validations)
+    assert first.startswith("For this gear pair take `saltation` at σ = 0.01 (all means")
+    assert cost.startswith("Counted work")
     assert motion.startswith("In the units of these gears: at σ = ")
     assert len(sentences) == 3
     rows = validations[0].table.query("closure == 'saltation' and kind == 'section'")
@@ -94,5 +95,5 @@ def test_counts_range_of_validity_answer_and_requirement_follow_one_rule():
     counts = [dict(zip(heads[2:], (int(cell.text) for cell in row[2:]), strict=True)) for row in count_table(v).rows]
     assert [c["inaccurate"] + c["undecided"] for c in counts] == [0, 0, 0]
     assert [c["not judged"] for c in counts] == [3, 3, 0]  # means, sds, rho
-    assert "`saltation` 30 of 30" in answer([v])[2]
+    assert "`saltation` 30 of 30" in answer([v])[3]
     assert len(judged_rows(v, "saltation")) == 30

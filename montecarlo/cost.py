@@ -1,32 +1,49 @@
-"""How many paths an accuracy is expected to take, from a smaller run and from the branches that it cannot have seen."""
+"""What paths cost, and how many an accuracy takes: the one estimate that every command, page and refusal states.
+
+Work is counted - steps, impacts and sticking steps of paths - at the stated nanoseconds of each scheme.  No clock is
+asked, so that what a cost decides is the same on every machine and in every run.  Compiling is not counted.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.accuracy import (
+    LEAST,
     HasColumns,
     absolute_errors,
     exceeded,
     sampled_paths,
+    share_of_look,
+    step_error,
     units_by_quantity,
     unseen_shifts,
 )
+from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.reach import Candidate
+from rattle.montecarlo.schemes.table import SCHEMES
+from rattle.montecarlo.settings import computed
 from rattle.montecarlo.unseen import Added, branches_between, share_of, unseen
 from rattle.scene.moments import SECTION
 
-__all__ = ["ExpectedPaths", "expected_paths"]
+if TYPE_CHECKING:
+    from rattle.montecarlo.result import Ensemble
+
+__all__ = ["LOOKS", "ExpectedPaths", "cost_of", "cost_to", "expected_paths"]
 
 Floats = NDArray[np.float64]
 
 STEP = 8.0  # largest ratio of two bounds that is followed at once
 TOUCH = 1.02  # ratio to which the number is found
 MOST = 1e15  # paths from which on the number does not matter any longer
+LOOKS = 2  # after which a run to an accuracy ends as a rule
+VECTOR_GAIN = 32.0  # cost of a path-step of a single path over that in a full block of vector lanes
+STICKING_NS = 110.0  # measured time of a path-step in which a mesh sticks
 
 
 class ExpectedPaths(NamedTuple):
@@ -108,3 +125,28 @@ def _foreseen(
     mean = np.sqrt((error[0] ** 2 * begun + added.square.T) / paths)
     spread = np.sqrt(((error[1] * shrunk) ** 2 * begun + new) / paths)
     return np.stack([mean, spread]), size
+
+
+def cost_of(run: Ensemble, paths: int, dt: float | None = None) -> Candidate:
+    """Work of a number of paths like those of a run, at its step or another one."""
+    kind, dt = SCHEMES[run.scheme], run.dt if dt is None else dt
+    finer, followed = run.dt / dt, run.plan.paths
+    steps = run.path_steps / followed * finer  # over all step sizes run side by side
+    levels = 3.0 if run.plan.levels > 1 else 1.0
+    each = steps * kind.step_ns * (VECTOR_GAIN if followed == 1 else 1.0) + run.impacts * kind.impact_ns * levels
+    each += run.sticking_steps / followed * finer * STICKING_NS
+    return Candidate(run.scheme, dt, paths, paths * steps, 1e-9 * paths * each)
+
+
+def cost_to(run: Ensemble, accuracy: float) -> Candidate:
+    """Step, paths and work that `rattle.montecarlo.simulate_to` is expected to need with the scheme of a run.
+
+    Where the run has a step bias, half of the accuracy is left to it: order 1 is asymptotic.
+    """
+    biased, dt = SCHEMES[run.scheme].has_step_bias, run.dt
+    bias = step_error(run)[0] if biased else 0.0
+    if biased:
+        dt *= min(1.0, max(0.5 * accuracy / max(bias, 1e-300), 1e-100))
+    wanted = expected_paths(run, 0.5 * accuracy if bias else accuracy, share_of_look(LOOKS)).paths
+    paths = max(LEAST // BLOCK, math.ceil(wanted / BLOCK)) * BLOCK
+    return cost_of(run, computed(run.scene, paths), dt)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from rattle.montecarlo import expected_paths as module
+from rattle.montecarlo import cost as module
 from rattle.montecarlo import simulate, simulate_to
 from rattle.montecarlo.accuracy import error_bound, share_of_look
-from rattle.montecarlo.expected_paths import expected_paths
+from rattle.montecarlo.cost import expected_paths
 from rattle.montecarlo.unseen import Added
 from rattle.scene import DAT21, Gears, InputError, Scene
 
