@@ -21,7 +21,7 @@ from scipy.special import ndtr
 
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.unseen import Unseen, unseen, unseen_text
-from rattle.scene.moments import SECTION
+from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from rattle.montecarlo.result import Ensemble
 
 __all__ = [
-    "CONFIDENCE", "LEAST", "STILL", "Bound", "absolute_errors", "error_bound", "exceeded", "sampled_paths",
-    "sampling_error", "share_of_look", "skewness_gain", "small_noise", "step_error", "units", "units_by_quantity",
-    "unseen_shifts",
+    "CONFIDENCE", "LEAST", "ROUNDED", "Bound", "absolute_errors", "error_bound", "exceeded", "resolved_sd",
+    "sampled_paths", "sampling_error", "share_of_look", "skewness_gain", "small_noise", "step_error", "units",
+    "units_by_quantity", "unseen_shifts",
 ]  # fmt: skip
 
 CONFIDENCE = 0.95
@@ -41,7 +41,7 @@ CONFIDENCE = 0.95
 LEAST = 32 * BLOCK  # fewest paths of an answer: events of probability 1e-4 can dominate an sd, so they must be sampled
 SMALL_NOISE = 0.2  # sigma / alpha up to which the control variate is tried; on DAT21 it pays up to 0.07
 Z_OF_GAIN = 3.0  # half width, in standard errors, at which the skewness of rows is accounted for
-STILL = 1e-9  # sd below which a quantity does not vary
+ROUNDED = 2.0**-40  # sd over size of a quantity below which the rounding of a path matters beside 5 % of the sd
 
 Floats = NDArray[np.float64]
 
@@ -65,6 +65,19 @@ class HasColumns(Protocol):
         ...
 
 
+def resolved_sd(columns: Mapping[str, NDArray[Any]]) -> dict[str, Floats]:
+    """Smallest sd of each quantity, shape (impacts,), that doubles resolve: below it the quantity counts as constant.
+
+    It is `ROUNDED` times a size: of times their own, of displacements and velocities the largest over the impacts.
+    """
+    tau = ROUNDED * np.abs(np.asarray(columns["tau"], float))
+    found = dict.fromkeys(SECTION[:2], tau)
+    for q in STATE:
+        size = np.nan_to_num(np.hypot(columns[q], columns["sd_" + q]))
+        found[q] = np.full_like(tau, ROUNDED * size.max(initial=0.0))
+    return found
+
+
 def units_by_quantity(run: HasColumns) -> dict[str, Floats]:
     """As `units`, without a table: one array for each section quantity.
 
@@ -78,7 +91,8 @@ def units_by_quantity(run: HasColumns) -> dict[str, Floats]:
     dict of str to ndarray, shape (impacts,)
     """
     columns = run.columns
-    unit = {q: np.where(columns["sd_" + q] > STILL, columns["sd_" + q], 1.0) for q in SECTION}
+    least = resolved_sd(columns)
+    unit = {q: np.where(columns["sd_" + q] > least[q], columns["sd_" + q], 1.0) for q in SECTION}
     for mesh in (1, 2):
         unit[f"x{mesh}"] = np.where(columns["mesh"] == mesh, 1.0, unit[f"x{mesh}"])
     return unit

@@ -73,7 +73,7 @@ class Rattle:
         failed, undecided = int(counts.get("fail", 0)), int(counts.get("undecided", 0))
         self._record(
             kind="check", model=prediction.closure, rows=len(table), failed=failed, undecided=undecided, z=session.z,
-            not_judged=len(self.claim.rows) - len(table),
+            not_judged=len(self.claim.rows) - len(table), by_size=int((table["still"] > 0.0).sum()),
             all_rows=session.rows, looks=session.looks, rate=session.settings.false_alarm, drawn=len(drawn),
             computed=sum(d.computed for d in drawn), seconds=sum(d.seconds for d in drawn), paths=run.paths,
             decide=deciding(table), folder=self._shown(session.folder),

@@ -50,7 +50,8 @@ def errors_of(prediction: Claimed, run: Simulated, claim: Claim) -> pd.DataFrame
     in_sd = rows["moment"].map({m: a.in_sd for m, a in claim.allowed.items()}).astype(bool)
     rows["noise"] += np.where(in_sd, error * rows["se_unit"], 0.0)
     rows["tolerance"] = np.where(in_sd, np.maximum(error * rows["unit"], rows["still"]), error)
-    rows["unit"] = rows["unit"].where(rows["unit"] > rows["still"], 1.0)
+    rows["unit"] = rows["unit"].where(rows["still"] == 0.0, 1.0)
+    rows["still"] = rows["still"].where(in_sd, 0.0)
     return rows
 
 

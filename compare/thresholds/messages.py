@@ -14,6 +14,11 @@ MARGIN = 2.0
 """Factor on the number of paths that should decide a test, since it is computed from an error that is itself random."""
 
 
+def _signed(value: float) -> str:
+    """Four decimals, or an exponent where these would be zeros."""
+    return f"{value:+.4f}" if abs(value) >= 1e-3 or value == 0.0 else f"{value:+.0e}"
+
+
 def row_table(rows: pd.DataFrame) -> str:
     """Format rows as an aligned table, with errors and intervals in sds of the quantity.
 
@@ -31,18 +36,18 @@ def row_table(rows: pd.DataFrame) -> str:
     >>> row = {"moment": "mean", "quantity": "y1", "impact": 2, "predicted": 1.13, "simulated": 1.03, "error": 0.1}
     >>> row |= {"low": 0.08, "high": 0.12, "tolerance": 0.005, "unit": 0.1, "agreement": 1.0, "outcome": "fail"}
     >>> print(row_table(pd.DataFrame([row])))
-                  model simulated error/sd      low     high  allowed on itinerary
-    E y1 at 2  1.130000  1.030000  +1.0000  +0.8000  +1.2000   0.0500       1.0000
+                 model simulated error/sd      low     high  allowed on itinerary
+    E y1 at 2     1.13      1.03  +1.0000  +0.8000  +1.2000   0.0500       1.0000
     """
     unit = rows["unit"]
     shown = pd.DataFrame(
         {
-            "model": rows["predicted"].map("{:.6f}".format),
-            "simulated": rows["simulated"].map("{:.6f}".format),
-            "error/sd": (rows["error"] / unit).map("{:+.4f}".format),
-            "low": (rows["low"] / unit).map("{:+.4f}".format),
-            "high": (rows["high"] / unit).map("{:+.4f}".format),
-            "allowed": (rows["tolerance"] / unit).map("{:.4f}".format),
+            "model": rows["predicted"].map("{:.7g}".format),
+            "simulated": rows["simulated"].map("{:.7g}".format),
+            "error/sd": (rows["error"] / unit).map(_signed),
+            "low": (rows["low"] / unit).map(_signed),
+            "high": (rows["high"] / unit).map(_signed),
+            "allowed": (rows["tolerance"] / unit).map(lambda v: _signed(v)[1:]),
             "on itinerary": rows["agreement"].map("{:.4f}".format),
         }
     )
@@ -51,9 +56,10 @@ def row_table(rows: pd.DataFrame) -> str:
 
 
 def _means(rows: pd.DataFrame, run: Sampled, z: float) -> str:
+    told = "".join(f"{r}\n" for r in dict.fromkeys(rows["remark"]) if r)
     return (
-        f"{run.paths} paths; intervals of {z:.2f} standard errors; errors in sds of the quantity, at each path's own "
-        f"impact\n{row_table(rows)}"
+        f"{told}{run.paths} paths; intervals of {z:.2f} standard errors; errors in sds of the quantity, at each path's "
+        f"own impact\n{row_table(rows)}"
     )
 
 
@@ -118,8 +124,7 @@ def undecided_text(model: str, table: pd.DataFrame, run: Sampled, z: float) -> s
     """
     rows = table[table["outcome"] == "undecided"]
     remedy = decided_by(deciding(table))
-    told = "".join(f"\n{r}" for r in dict.fromkeys(rows.get("remark", pd.Series(dtype=str))) if r)
-    return f"{model} is undecided in {len(rows)} of {len(table)} rows; {remedy}{told}\n{_means(rows, run, z)}"
+    return f"{model} is undecided in {len(rows)} of {len(table)} rows; {remedy}\n{_means(rows, run, z)}"
 
 
 def remedies(table: pd.DataFrame, claim: Claim) -> str:

@@ -4,6 +4,8 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from rattle.compare.validation.verdict import BY_SIZE
+
 __all__ = ["decided_by", "summary_lines"]
 
 
@@ -46,10 +48,11 @@ def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[
     --------
     >>> facts = {"kind": "check", "model": "corrected", "rows": 4, "failed": 1, "undecided": 0, "z": 3.2905}
     >>> facts |= {"all_rows": 10, "looks": 40, "rate": 0.01, "drawn": 2, "computed": 1, "seconds": 1.5, "decide": 0.0}
-    >>> facts |= {"folder": "cache", "not_judged": 1}
+    >>> facts |= {"folder": "cache", "not_judged": 1, "by_size": 2}
     >>> print("\\n".join(summary_lines([("test_a", facts)])))
     checks     4 rows in 1 test: 3 passed, 1 failed, 0 undecided
     not judged 1 row more: a displacement at the mesh that most simulated paths strike is the wall itself
+    by size    2 of the rows: sd is 0, or below what doubles resolve: compared with 1e-06 of the quantity's size
     intervals  3.29 standard errors, for a false-alarm rate of 0.01 over up to 40 looks at the 10 rows collected
     ensembles  1 simulated in 1.5 s, 1 from the cache cache
 
@@ -75,6 +78,8 @@ def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[
                 f"not judged {spared} row{'s' * (spared > 1)} more: a displacement at the mesh that most simulated "
                 "paths strike is the wall itself"
             )
+        if by_size := sum(f["by_size"] for _, f in checks):
+            yield f"by size    {by_size} of the rows: {BY_SIZE}"
         yield (
             f"intervals  {first['z']:.2f} standard errors, for a false-alarm rate of {first['rate']:g} over up to "
             f"{first['looks']} looks at the {first['all_rows']} rows collected"

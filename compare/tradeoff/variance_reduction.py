@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from rattle.montecarlo import default_step, simulate
-from rattle.montecarlo.accuracy import STILL
+from rattle.montecarlo.accuracy import resolved_sd
 from rattle.montecarlo.kernel.block import Plan, sample
 from rattle.montecarlo.settings import plan_of
 from rattle.scene.moments import SECTION
@@ -65,20 +65,16 @@ def control_table(
                 runs[control] = call(control=control).section
                 times[control] = min(times[control], time.process_time() - began)
         plain, controlled = runs[False], runs[True]
+        least = resolved_sd({str(name): plain[name].to_numpy() for name in plain})
+        usable = {q: (plain["sd_" + q] > least[q]) & (q != "x" + plain["mesh"].astype(str)) for q in SECTION}
         row: dict[str, float] = {"sigma": sigma}
         for moment, prefix in (("means", "se_"), ("sds", "se_sd_")):
-            ratios = np.concatenate([
-                ((plain[prefix + q] / controlled[prefix + q]) ** 2)[
-                    (plain["sd_" + q] > STILL) & (q != "x" + plain["mesh"].astype(str))
-                ]
-                for q in SECTION
-            ])  # fmt: skip
+            ratios = np.concatenate([((plain[prefix + q] / controlled[prefix + q]) ** 2)[usable[q]] for q in SECTION])
             row |= {f"{moment}_median": float(np.median(ratios)), f"{moment}_smallest": float(ratios.min())}
         plan = plan_of(
             own, paths=paths, impacts=impacts, dt=default_step(own, "exact-flight"), scheme="exact-flight", rng=seed
         )
-        usable = [(plain["sd_" + q] > STILL) & (q != "x" + plain["mesh"].astype(str)) for q in SECTION]
-        gains = [np.median(gain[np.array(usable).T]) for gain in antithetic_gain(plan)]
+        gains = [np.median(gain[np.array(list(usable.values())).T]) for gain in antithetic_gain(plan)]
         row |= {"antithetic_means": float(gains[0]), "antithetic_sds": float(gains[1])}
         rows.append({**row, "time_ratio": times[True] / times[False]})
     return pd.DataFrame(rows)

@@ -21,7 +21,7 @@ from tqdm import tqdm
 from rattle.compare.tradeoff.slopes import CONFIDENCE, changes_from, settled_from, slope_from
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, Ensemble, Record, simulate
-from rattle.montecarlo.accuracy import units
+from rattle.montecarlo.accuracy import ROUNDED, units
 from rattle.scene.scene import Scene
 from rattle.scene.validate import count
 
@@ -33,7 +33,6 @@ STEPS = (0.016, 0.008, 0.004, 0.002)
 """Larger step of each pair; the smaller one is half of it."""
 
 ORDER_IMPACTS = 4  # impacts over which paths with different dt keep the same itinerary
-STILL = 1e-9  # standard error below which a quantity counts as constant
 
 
 class Slope(NamedTuple):
@@ -147,7 +146,7 @@ def _limit_z(run: Ensemble, exact: Ensemble, moment: str) -> tuple[Floats, NDArr
     )
     away = np.maximum(np.abs(rows["corrected"].to_numpy() - value) - rows["rest"].to_numpy(), 0.0)
     error = np.hypot(rows["se_corrected"].to_numpy(), se)
-    varies = error > STILL
+    varies = error > ROUNDED * np.abs(value)
     return away / np.where(varies, error, np.inf), varies
 
 

@@ -14,10 +14,10 @@ from rattle.compare.validation.sweep import Sweep
 from rattle.compare.validation.validate import Validation
 from rattle.compare.validation.validity import validities
 from rattle.compare.validation.validity_range import in_words, listed, spanned, unbroken
-from rattle.compare.validation.verdict import JUDGED
+from rattle.compare.validation.verdict import BY_SIZE, JUDGED
 from rattle.scene.scene import Scene
 
-__all__ = ["answer", "correlation_claim", "left_out", "sigma_text", "validity_sentence"]
+__all__ = ["answer", "by_size_sentence", "correlation_claim", "left_out", "sigma_text", "validity_sentence"]
 
 SECTION = " (Poincaré section at the impacts)"
 """Explains the word section at its first use on a page."""
@@ -157,6 +157,7 @@ def answer(validations: Sequence[Validation], swept: Sweep | None = None) -> lis
         f"are accurate (within "
         f"{tolerances.mean:.0%} of an sd for means and {tolerances.sd:.0%} for sds, interval included): "
         f"{'; '.join(shares)}.",
+        *by_size_sentence(validations),
         f"As for the correlation coefficient, {'; '.join(broken)}; in the simulation |ρ| never exceeds "
         f"{_largest_rho(validations, SIMULATED):.4f}.",
         *_agreement(validations),
@@ -177,6 +178,17 @@ def _agreement(validations: Sequence[Validation]) -> list[str]:
         f"After {impacts} impacts the share of paths that still follow one itinerary of a closure is {listed(shares)}: "
         "a closure along a single orbit says nothing of the others."
     ]
+
+
+def by_size_sentence(validations: Sequence[Validation]) -> list[str]:
+    """How many verdicts of each closure rest on the size of what does not vary, in one sentence or none."""
+    rows = pd.concat([v.table.assign(sigma=sigma_text(v)) for v in validations])
+    rows = rows[rows["remark"] == BY_SIZE]
+    shares = [
+        f"at σ = {sigma} {listed([f'`{closure}` {n}' for closure, n in own.value_counts(sort=False).items()])}"
+        for sigma, own in rows.groupby("sigma", sort=False)["closure"]
+    ]
+    return [f"Moments whose {BY_SIZE}: {'; '.join(shares)}."] if shares else []
 
 
 def correlation_claim(validations: Sequence[Validation]) -> str:

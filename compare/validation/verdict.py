@@ -8,14 +8,14 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from rattle.montecarlo.accuracy import skewness_gain
+from rattle.montecarlo.accuracy import resolved_sd, skewness_gain
 from rattle.montecarlo.unseen import Unseen, unseen, unseen_text
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 
 __all__ = [
-    "ABSOLUTE", "JUDGED", "NOT_JUDGED", "RULE", "VERDICTS", "Claimed", "Simulated", "Tolerances", "at_wall", "judge",
-    "remarks", "section_errors", "to_absolute_time", "widest",
+    "ABSOLUTE", "BY_SIZE", "JUDGED", "NOT_JUDGED", "RULE", "VERDICTS", "Claimed", "Simulated", "Tolerances", "at_wall",
+    "judge", "remarks", "section_errors", "to_absolute_time", "widest",
 ]  # fmt: skip
 
 JUDGED = ("accurate", "inaccurate", "undecided")
@@ -39,7 +39,10 @@ WORTH_A_WORD = 0.05
 UNSEEN = ("unseen_low", "unseen_high", "unseen_paths")
 
 ABSOLUTE = 1e-6
-"""Tolerance, relative to its size, of a quantity that does not vary, such as the displacement of a path at the wall."""
+"""Tolerance, relative to its size, of a quantity that does not vary (`rattle.montecarlo.accuracy.resolved_sd`)."""
+
+BY_SIZE = f"sd is 0, or below what doubles resolve: compared with {ABSOLUTE:g} of the quantity's size"
+"""Remark on the rows of such quantities."""
 
 
 class Tolerances(NamedTuple):
@@ -209,13 +212,14 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
         ``se`` and the measured step ``bias``.  ``error`` is the predicted minus the bias-corrected value; ``low`` and
         ``high`` bound it: ``noise`` is `z` standard errors of the corrected value, ``rest`` bounds the bias that the
         correction may have left.  ``unit`` is the sd of the quantity, ``se_unit`` its standard error.  ``still`` is
-        the sd below which a quantity counts as constant: `ABSOLUTE` times its largest size over the impacts (for
-        times, that of a flight).  ``agreement`` is the share of paths on the closure's itinerary if the run has it,
-        else on the noise-free one.  ``judged`` is False for the rows that `RULE` excludes.  ``unseen_low`` and
-        ``unseen_high`` are how far branches that the sample cannot have seen widen the interval on either side, and
-        ``unseen_paths`` how many paths would show them (`rattle.montecarlo.unseen`); ``remark`` says so in words where
-        they leave a row undecided.  The interval of a sampled value is longer on the side to which its own sampling
-        distribution is skewed (`skewed`); ``lean`` is that skewness over sqrt(n).  Verdicts are those of `judge`.
+        the tolerance of a quantity that does not vary, `ABSOLUTE` times its largest size over the impacts (for times,
+        that of a flight), and 0 where it varies.  ``agreement`` is the share of paths on the closure's itinerary if
+        the run has it, else on the noise-free one.  ``judged`` is False for the rows that `RULE` excludes.
+        ``unseen_low`` and ``unseen_high`` are how far branches that the sample cannot have seen widen the interval on
+        either side, and ``unseen_paths`` how many paths would show them (`rattle.montecarlo.unseen`); ``remark`` says
+        so in words where they leave a row undecided, and is `BY_SIZE` where ``still`` is the tolerance.  The interval
+        of a sampled value is longer on the side to which its own sampling distribution is skewed (`skewed`); ``lean``
+        is that skewness over sqrt(n).  Verdicts are those of `judge`.
     """
     section, steps = run.section, run.step_bias
     impact, quantity, is_mean = steps["impact"], steps["quantity"], steps["moment"] == "mean"
@@ -226,7 +230,10 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
     agreement = run.agreement.get(prediction.closure, section["agreement"])
     predicted = _picked(prediction.section, impact, name)
     sizes = {q: float(np.hypot(section[q], section["sd_" + q]).max()) for q in quantity.unique() if q != "tau"}
-    still = ABSOLUTE * quantity.map(sizes | {"tau": sizes["flight"]}).astype(float).fillna(0.0)
+    size = quantity.map(sizes | {"tau": sizes["flight"]}).astype(float).fillna(0.0)
+    columns = {str(name): section[name].to_numpy() for name in section}
+    least = pd.DataFrame(resolved_sd(columns), index=section.index)
+    still = np.where(unit > _picked(least, impact, quantity), 0.0, ABSOLUTE * size)
     table = pd.DataFrame(
         {
             "closure": prediction.closure,
@@ -251,7 +258,6 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
         }
     )
     half, paths = table["noise"] + table["rest"], float(section["paths"].max())
-    columns = {str(name): section[name].to_numpy() for name in section}
     gain = skewed(columns, steps, z)
     lean = z * gain * steps["se_corrected"]
     table["low"], table["high"] = (
@@ -270,7 +276,7 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
 
 
 def remarks(table: pd.DataFrame) -> list[str]:
-    """What the sample cannot have seen, in words, of each row that is undecided and that it concerns.
+    """What decides a row besides its sd, in words: the size of what does not vary, and what the sample has not seen.
 
     Parameters
     ----------
@@ -284,10 +290,9 @@ def remarks(table: pd.DataFrame) -> list[str]:
     """
     shift = np.maximum(table["unseen_low"], table["unseen_high"])
     said = (table["verdict"] == "undecided") & (shift > WORTH_A_WORD * table["tolerance"])
-    out, columns = (
-        [""] * len(table),
-        (table["moment"], table["unseen_share"], shift / table["unit"], table["unseen_paths"]),
-    )
+    by_size = (table["still"] > 0.0) & table["verdict"].isin(JUDGED)
+    out = [BY_SIZE if by else "" for by in by_size]
+    columns = table["moment"], table["unseen_share"], shift / table["unit"], table["unseen_paths"]
     for i, m, p, s, n in zip(np.flatnonzero(said), *(column[said] for column in columns), strict=True):
         out[i] = unseen_text(m, p, s, n)
     return out

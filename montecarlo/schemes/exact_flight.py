@@ -88,16 +88,20 @@ def _due(c: Constants, s: State, walls: Walls) -> tuple[int, float, float]:
 
 @inlined
 def _struck(c: Constants, at: Progress, phase: Phase, code: int, lead: float, walls: Walls) -> tuple[Progress, Phase]:
-    """The path at the impact that is due, after its flight without noise to the wall: two terms of its series."""
+    """The path at the impact that is due, after its flight without noise to the wall: along a parabola."""
     sine, cosine = phase
     apart = c.beta1 - c.beta2
     rate1 = c.gamma1 - c.beta1 * at.y1 + c.alpha * (c.beta1 * cosine - sine)
     rate2 = (c.gamma1 - c.gamma2) - c.beta2 * at.y2 + apart * (c.alpha * cosine - at.y1)
+    speed, rate = (at.y1, rate1) if abs(code) == 1 else (at.y2, rate2)
+    lead = min(lead - 0.5 * lead * lead * rate / speed, at.left)
     half = 0.5 * lead
-    x1, y1 = at.x1 + lead * (at.y1 + half * rate1), at.y1 + lead * rate1
+    bend1 = c.beta1 * rate1 + c.alpha * (c.beta1 * sine + cosine)
+    bend2 = c.beta2 * rate2 + apart * (c.alpha * sine + rate1)
+    x1, y1 = at.x1 + lead * (at.y1 + half * rate1), at.y1 + lead * (rate1 - half * bend1)
     x2, y2 = at.x2, at.y2
     if c.stages == 2:
-        x2, y2 = x2 + lead * (y2 + half * rate2), y2 + lead * rate2
+        x2, y2 = x2 + lead * (y2 + half * rate2), y2 + lead * (rate2 - half * bend2)
     phase = sine + lead * (cosine - half * sine), cosine - lead * (sine + half * cosine)
     if abs(code) == 1:
         x1 = walls.high1 if code > 0 else -walls.low1

@@ -1,0 +1,102 @@
+"""At small noise the sds are small, and errors still count in sds: nothing wrong is accurate for being small."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rattle.closure import mean_map
+from rattle.compare.thresholds.claim import read_claim
+from rattle.compare.thresholds.judging import errors_of, judged
+from rattle.compare.thresholds.prediction import Prediction
+from rattle.compare.validation.answer import answer
+from rattle.compare.validation.validate import validate
+from rattle.compare.validation.verdict import ABSOLUTE, BY_SIZE, JUDGED, Tolerances, section_errors, widest
+from rattle.montecarlo import simulate
+from rattle.montecarlo.accuracy import error_bound, units
+from rattle.scene import DAT21, Scene
+
+IMPACTS = 3
+SCENES = {
+    "DAT21": Scene.from_gears(DAT21),
+    "two stages": Scene(alpha=1.5, epsilon=0.9, beta1=0.0, beta2=0.0, gamma1=0.1, gamma2=0.08, mu=0.4),
+    "one stage": Scene(alpha=14.6, epsilon=0.7, beta1=0.0, gamma1=5.07, stages=1),
+}
+SIGMAS = (1e-9, 1e-7, 1e-5, 1e-3)
+Z = widest(2 * 6 * IMPACTS)
+
+
+def drawn(name, sigma, paths=8192):
+    """A scene of this noise, a simulation of it, and the moments of saltation, which is exact in this limit."""
+    scene = SCENES[name].with_sigma(sigma)
+    run = simulate(scene, paths=paths, impacts=IMPACTS, scheme="exact-flight", control=True)
+    return scene, run, mean_map(scene, impacts=IMPACTS, closure="saltation").section
+
+
+def wrong(section):
+    """Planted errors: a mean by a fifth of its sd, an sd three times too large, and one that is zero."""
+    return section.assign(
+        tau=section["tau"] + 0.2 * section["sd_tau"], sd_y1=3.0 * section["sd_y1"], sd_flight=0.0 * section["sd_flight"]
+    )
+
+
+@pytest.mark.parametrize("sigma", SIGMAS)
+@pytest.mark.parametrize("name", SCENES)
+def test_planted_errors_are_inaccurate_at_any_noise(name, sigma):
+    _, run, right = drawn(name, sigma)
+
+    def table(section):
+        found = section_errors(Prediction("planted", section), run, Z, Tolerances())
+        return found[found["verdict"].isin(JUDGED) & (found["unit"] > 1e-3 * sigma)]
+
+    assert (table(right)["verdict"] == "accurate").all()
+    found = table(wrong(right))
+    planted = found.set_index(["moment", "quantity"])["verdict"]
+    for row in (("mean", "tau"), ("sd", "y1"), ("sd", "flight")):
+        assert (planted.loc[[row]] == "inaccurate").all(), row
+    np.testing.assert_allclose(found["tolerance"], found["moment"].map({"mean": 0.05, "sd": 0.10}) * found["unit"])
+    assert (found["remark"] != BY_SIZE).all()
+
+
+@pytest.mark.parametrize("within", [1e-3, 0.05])
+def test_an_explicit_tolerance_is_kept(within):
+    scene, run, right = drawn("two stages", 1e-6)
+    claim = read_claim({"scene": scene, "impacts": IMPACTS, "within": within}, Path())
+    rows = errors_of(Prediction("planted", right), run, claim)
+    np.testing.assert_allclose(rows["tolerance"], within * rows["unit"])
+    assert (rows["unit"] < 1e-5).all()
+    found = judged(errors_of(Prediction("planted", wrong(right)), run, claim), Z)
+    planted = found.set_index(["moment", "quantity"])["outcome"]
+    assert (planted.loc[[("mean", "tau"), ("sd", "y1")]] == "fail").all()
+
+
+def test_what_does_not_vary_is_judged_by_its_size_and_says_so():
+    scene = SCENES["DAT21"]
+    v = validate(scene, impacts=IMPACTS, closures=["saltation", "corrected"], paths=1, scheme="exact-flight")
+    rows = v.table[v.table["verdict"].isin(JUDGED)]
+    assert (rows["remark"] == BY_SIZE).all()
+    times = rows["quantity"] == "tau"  # by the size of a flight
+    assert (rows["tolerance"] >= ABSOLUTE * rows["simulated"].abs()).where(~times, True).all()
+    assert (rows["verdict"] == "accurate").all()
+    said = [sentence for sentence in answer([v]) if BY_SIZE in sentence]
+    assert said == [f"Moments whose {BY_SIZE}: at σ = 0 `saltation` {IMPACTS * 10} and `corrected` {IMPACTS * 8}."]
+    far = drawn("DAT21", 0.0, paths=1)[2].assign(tau=lambda s: s["tau"] * (1.0 + 2.0 * ABSOLUTE))
+    run = simulate(scene, paths=1, impacts=IMPACTS, scheme="exact-flight")
+    found = section_errors(Prediction("planted", far), run, Z, Tolerances())
+    assert found["verdict"][(found["moment"] == "mean") & (found["quantity"] == "tau")].eq("inaccurate").any()
+
+
+@pytest.mark.parametrize("sigma", SIGMAS)
+def test_an_accuracy_counts_in_sds_at_any_noise(sigma):
+    _, run, _ = drawn("DAT21", sigma)
+    small, large = error_bound(run).error, error_bound(drawn("DAT21", 0.01)[1]).error
+    assert 0.5 * large < small < 2.0 * large
+    assert (units(run)["tau"] == run.section["sd_tau"]).all()
+
+
+def test_an_exact_flight_hits_the_wall_with_its_velocity_to_rounding():
+    scene = SCENES["one stage"]
+    orbit = mean_map(scene, impacts=6, closure="saltation").section
+    run = simulate(scene, paths=1, impacts=6, scheme="exact-flight").section
+    for q in ("tau", "y1"):
+        assert (orbit[q] - run[q]).abs().max() < 3e-14, q
