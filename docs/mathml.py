@@ -1,6 +1,7 @@
 """Formulas as MathML, which browsers draw by themselves: the site needs neither a network nor a script for them."""
 
 import re
+from itertools import cycle
 from typing import Any
 
 from docutils import nodes
@@ -16,13 +17,15 @@ REWRITTEN = (
     (re.compile(r"\\(sin|cos|ln|exp)\b(?!\^)"), r"\\,\\\1\\,"),
 )
 """What docutils would set wrongly, and what it sets as meant."""
+BAR = re.compile(r'<mo stretchy="false">\|</mo>')
 
 
 def drawn(formula: str, as_block: bool) -> str:
     """A formula as MathML."""
     for pattern, replacement in REWRITTEN:
         formula = pattern.sub(replacement, formula)
-    return tex2mathml(formula, as_block=as_block)
+    ends = cycle(("prefix", "postfix"))  # an opening bar has no room on its inner side, nor has a closing one
+    return BAR.sub(lambda _: f'<mo form="{next(ends)}" stretchy="false">|</mo>', tex2mathml(formula, as_block=as_block))
 
 
 def inline(self: Any, node: nodes.math) -> None:

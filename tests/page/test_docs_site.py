@@ -15,10 +15,12 @@ from pathlib import Path
 import pytest
 from browser import CHROMIUM, Browser
 
+from rattle.compare.cli.main import main
+
 ROOT = Path(__file__).resolve().parent.parent.parent
 DOCS = ROOT / "docs"
 SCRIPTS = sorted((DOCS / "gallery").glob("plot_*.py"))
-SHOWN = ("start", "results/dat21", "reference/notation")
+SHOWN = ("start", "results/dat21", "results/claims", "reference/notation", "guide/notebooks")
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +114,7 @@ def test_no_private_word_is_left(word):
 def test_gallery_is_large_enough():
     assert len(SCRIPTS) >= 8
     for script in SCRIPTS:
-        assert script.read_text().count("plt.show()") == 1, script
+        assert len(re.findall(r"plt\.show\(\)|^figure = .*\.plot\(\)$", script.read_text(), re.MULTILINE)) == 1, script
 
 
 @pytest.mark.parametrize("name", ["plot_orbit.py", "plot_backlash.py"])
@@ -142,6 +144,34 @@ def test_fits_in_a_browser(browser, site, name, width):
 
 
 def test_formulas_are_drawn(browser, site):
+    """In the site's own font with a table for mathematics, whatever fonts the machine has."""
     browser.open(site / "model.html")
+    fonts = "document.fonts.ready.then(all => [...all].filter(f => f.status == 'loaded').map(f => f.family))"
+    assert "STIX Two Math" in str(browser.run(fonts))
+    assert "STIX Two Math" in browser.run("getComputedStyle(document.querySelector('math')).fontFamily")
     assert browser.run("document.querySelectorAll('math').length") > 100
     assert browser.run("[...document.querySelectorAll('math')].every(m => m.getBoundingClientRect().height > 5)")
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_claims_are_read_without_scrolling_sideways(browser, site, width):
+    browser.open(site / "results" / "claims.html", width)
+    assert browser.run("[...document.querySelectorAll('.wide-table')].every(t => t.scrollWidth <= t.clientWidth)")
+
+
+def test_the_page_of_the_commands_is_short_and_has_every_option(browser, site):
+    """What ``--help`` says is folded below the heading of each command."""
+    browser.open(site / "guide" / "command-line.html")
+    assert browser.run("document.documentElement.scrollHeight") < 6000
+    text = browser.run("document.body.textContent")
+    assert all(f"rattle {name} --help" in text and f"Usage: rattle {name}" in text for name in main.commands)
+    assert "--accuracy" in text
+
+
+def test_a_notebook_page_has_its_figures(site):
+    assert (site / "guide" / "notebooks.html").read_text().count('<img alt="') >= 4
+
+
+@pytest.mark.parametrize("word", ["closure", "Edgeworth", "impact", "moment", "path", "σ"])
+def test_the_glossary_has_the_words_of_the_first_page(word):
+    assert re.search(rf"^{word}\b", (DOCS / "reference" / "glossary.md").read_text(), re.MULTILINE)
