@@ -188,7 +188,7 @@ def by_size_sentence(validations: Sequence[Validation]) -> list[str]:
         f"at σ = {sigma} {listed([f'`{closure}` {n}' for closure, n in own.value_counts(sort=False).items()])}"
         for sigma, own in rows.groupby("sigma", sort=False)["closure"]
     ]
-    return [f"Moments whose {BY_SIZE}: {'; '.join(shares)}."] if shares else []
+    return [f"Moments not measured in sds ({BY_SIZE}): {'; '.join(shares)}."] if shares else []
 
 
 def correlation_claim(validations: Sequence[Validation]) -> str:

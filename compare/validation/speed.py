@@ -91,12 +91,14 @@ def speeds(validations: Sequence[Validation]) -> pd.DataFrame:
 
 
 def speed(v: Validation, closure: str) -> Speed | None:
-    """Count the work of a closure up to the last impact at which it is accurate; None if it is not at the first."""
+    """Count the work of a closure up to the last impact at which it is accurate; None if there is none, or no sd."""
     reached, prediction = validity(v, closure).accurate, v.predictions[closure]
     if reached == 0:
         return None
     rows = judged_rows(v, closure)
     rows = rows[(rows["impact"] <= reached) & (rows["unit"] > 0.0) & (rows["verdict"] != "not predicted")]
+    if rows.empty:
+        return None
     errors = rows["error"].abs() / rows["unit"]
     worst = rows.iloc[int(errors.argmax())]
     if reached < prediction.impacts:

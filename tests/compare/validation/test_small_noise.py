@@ -79,7 +79,9 @@ def test_what_does_not_vary_is_judged_by_its_size_and_says_so():
     assert (rows["tolerance"] >= ABSOLUTE * rows["simulated"].abs()).where(~times, True).all()
     assert (rows["verdict"] == "accurate").all()
     said = [sentence for sentence in answer([v]) if BY_SIZE in sentence]
-    assert said == [f"Moments whose {BY_SIZE}: at σ = 0 `saltation` {IMPACTS * 10} and `corrected` {IMPACTS * 8}."]
+    assert said == [
+        f"Moments not measured in sds ({BY_SIZE}): at σ = 0 `saltation` {IMPACTS * 10} and `corrected` {IMPACTS * 8}."
+    ]
     far = drawn("DAT21", 0.0, paths=1)[2].assign(tau=lambda s: s["tau"] * (1.0 + 2.0 * ABSOLUTE))
     run = simulate(scene, paths=1, impacts=IMPACTS, scheme="exact-flight")
     found = section_errors(Prediction("planted", far), run, Z, Tolerances())
