@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from itertools import islice
 from typing import NoReturn
 
@@ -15,7 +16,7 @@ from tqdm import tqdm
 from rattle.montecarlo.kernel.block import BLOCK, BlockResult, Plan, run
 from rattle.montecarlo.record import Record
 from rattle.montecarlo.result import Ensemble
-from rattle.montecarlo.schemes.step_size import default_step
+from rattle.montecarlo.schemes.step_size import COARSEST, default_step, is_admissible
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings import computed, plan_of
 from rattle.montecarlo.statistics.batches import Batches
@@ -89,7 +90,7 @@ def simulate(
     paths: int,
     impacts: int = 12,
     dt: float | None = None,
-    scheme: str = "euler-maruyama-located",
+    scheme: str = "exact-flight",
     rng: int | np.random.SeedSequence = 0,
     workers: int = 1,
     record: Record | None = None,
@@ -113,10 +114,11 @@ def simulate(
     impacts : int
         Impacts of each path after the start.
     dt : float
-        Step, at most `rattle.montecarlo.largest_step`; by default that of the scheme (0.002 for Euler-Maruyama,
-        pi / 96 for exact flights), shortened where the scene demands it.  `Ensemble.diagnostics` says what it may do.
-    scheme : {"euler-maruyama-located", "euler-maruyama", "exact-flight"}
-        Name of one of `rattle.montecarlo.SCHEMES`.
+        Step, at most `rattle.montecarlo.largest_step`; by default that of the scheme (pi / 96 for exact flights, 0.002
+        for Euler-Maruyama), shortened where the scene demands it.  `Ensemble.diagnostics` says what it may do.
+    scheme : {"exact-flight", "euler-maruyama-located", "euler-maruyama"}
+        Name of one of `rattle.montecarlo.SCHEMES`.  The bias of an Euler-Maruyama step is measured and stands beside
+        the moments, unless ``record=Record(step_bias=False)``.
     rng : int or SeedSequence
         Seed.  The result is the same bit for bit for any number of workers.
     workers : int
@@ -161,7 +163,9 @@ def simulate(
     if not isinstance(record, Record):
         raise InputError("record", record, "give a Record, as in record=Record(times=[1.0, 2.0])")
     scheme = choice("scheme", scheme, SCHEMES)
-    dt = default_step(scene, scheme, record.step_bias) if dt is None else dt
+    if record.step_bias is None and SCHEMES[scheme].has_step_bias and device == "cpu":
+        record = replace(record, step_bias=dt is None or is_admissible(scene, dt, scheme, COARSEST))
+    dt = default_step(scene, scheme, bool(record.step_bias)) if dt is None else dt
     if record.batches and device == "cuda":
         raise InputError("record.batches", True, "are not kept on a GPU; leave them out, or use device='cpu'")
     plan = plan_of(

@@ -19,9 +19,10 @@ class Record:
     ----------
     times : sequence of float
         Times at which the moments of all paths are taken, see `Ensemble.at_times`; on the grid of the coarsest step.
-    step_bias : bool
+    step_bias : bool, optional
         Run 2 dt and 4 dt on the same Brownian paths beside dt, and estimate the bias of the step from the differences
-        (Richardson extrapolation; about two thirds more work).
+        (Richardson extrapolation; about two thirds more work).  By default where the scheme has such a bias, and 4 dt
+        is admissible.
     itineraries : mapping of str to sequence of int
         Named itineraries ``mesh * side``, one entry for each impact, whose agreement with the paths is counted beside
         that of the noise-free path.
@@ -44,7 +45,7 @@ class Record:
     """
 
     times: Sequence[float] | NDArray[np.float64] = ()
-    step_bias: bool = False
+    step_bias: bool | None = None
     itineraries: Mapping[str, Sequence[int]] = field(default_factory=dict)
     histogram: bool = False
     raw: bool = False

@@ -20,7 +20,7 @@ from rattle.montecarlo.settings import NOISE_FREE, is_random
 from rattle.montecarlo.statistics.batches import Batches
 from rattle.montecarlo.statistics.histogram import Histograms
 from rattle.montecarlo.statistics.section_statistics import FEWEST, pair_statistics, single_statistics
-from rattle.montecarlo.statistics.step_bias import extrapolated
+from rattle.montecarlo.statistics.step_bias import StepBias, extrapolated
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene
@@ -156,8 +156,9 @@ class Ensemble:
         error of each of these under ``se_`` + its name (NaN where fewer than
         `rattle.montecarlo.statistics.section_statistics.FEWEST` paths tell none), ``rho1, rho2``, ``paths`` that
         reached the impact, and ``agreement``: the share that has followed the noise-free itinerary up to there.  With a
-        control variate, means and sds and their errors are the controlled ones.  If asked for, ``energy`` and
-        ``se_energy``: mean loss at the impact, see `rattle.scene.impact.energy_loss`.
+        control variate, means and sds and their errors are the controlled ones.  Where the bias of the step was
+        measured it stands under ``bias_`` + the name of the mean or sd, which is not corrected (`step_bias`).  If asked
+        for, ``energy`` and ``se_energy``: mean loss at the impact, see `rattle.scene.impact.energy_loss`.
         """
         import pandas as pd
 
@@ -188,7 +189,7 @@ class Ensemble:
         >>> from rattle.scene import DAT21, Scene
         >>> run = simulate(Scene.from_gears(DAT21), paths=1, impacts=1)
         >>> run.section_in("physical")[["tau_ms", "y1_mm_per_s"]].round(1).loc[1].tolist()
-        [1.9, -110.8]
+        [1.9, -110.9]
         """
         import pandas as pd
 
@@ -269,6 +270,9 @@ class Ensemble:
                 columns[prefix + quantity] = found * (np.nan if absent else 1.0)
                 estimable = self._estimable(self._reached, name) * (np.nan if absent else 1.0)
                 columns["se_" + prefix + quantity] = s["se_" + name][:, i] * estimable
+                if name in self._extrapolated:
+                    bias = self._extrapolated[name].bias[:, i]
+                    columns["bias_" + prefix + quantity] = bias * (np.nan if absent else 1.0)
                 if prefix + quantity == "flight":
                     columns |= {"mesh": np.abs(most), "side": np.sign(most)}
         covariance = self.covariance
@@ -341,7 +345,7 @@ class Ensemble:
         --------
         >>> from rattle.montecarlo import Record, simulate
         >>> from rattle.scene import DAT21, Scene
-        >>> run = simulate(Scene.from_gears(DAT21), paths=1, impacts=1, record=Record(times=[0.3]))
+        >>> run = simulate(Scene.from_gears(DAT21), paths=1, impacts=1, dt=0.03, record=Record(times=[0.3]))
         >>> run.at_times(units="physical").index
         Index([1.0], dtype='float64', name='time_ms')
         """
@@ -407,8 +411,7 @@ class Ensemble:
             return self._unbiased
         if "fine_coarse" not in self.result.sums:
             raise InputError("record.step_bias", False, "ask for it: simulate(..., record=Record(step_bias=True))")
-        fine, coarse = self.result.sums["fine_coarse"], self.result.sums["coarse_coarser"]
-        found = extrapolated(fine, coarse)
+        found = self._extrapolated
         estimable = {moment: self._estimable(self._reached, moment) for moment in found}
         late = ("tau", "mean")  # counted from the phase, and said in absolute time
         rows = [
@@ -421,6 +424,12 @@ class Ensemble:
             if self.scene.stages == 2 or quantity not in STATE[2:]
         ]  # fmt: skip
         return pd.concat(rows, ignore_index=True)
+
+    @cached_property
+    def _extrapolated(self) -> dict[str, StepBias]:
+        """Measured step bias of means and sds; empty where none was measured."""
+        sums = self.result.sums
+        return extrapolated(sums["fine_coarse"], sums["coarse_coarser"]) if "fine_coarse" in sums else {}
 
     @property
     def _unbiased(self) -> pd.DataFrame:

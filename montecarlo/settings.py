@@ -158,7 +158,7 @@ def plan_of(
     record = record or Record()
     check_settings(
         scene, paths=paths, impacts=impacts, dt=min(dt, default_step(scene, scheme)) if any_step else dt,
-        scheme=scheme, rng=rng, workers=workers, step_bias=record.step_bias,
+        scheme=scheme, rng=rng, workers=workers, step_bias=bool(record.step_bias),
     )  # fmt: skip
     if control and SCHEMES[scheme].normals < 2:
         raise InputError("control", control, f"works with scheme 'exact-flight' only; scheme = {scheme!r}")

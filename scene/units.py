@@ -27,7 +27,8 @@ __all__ = [
 UNITS = ("dimensionless", "physical")
 """The systems of units in which results are given."""
 
-MOMENTS = ("", "se_", "sd_", "se_sd_")  # prefixes of columns that have the unit of their quantity; skewness has none
+MOMENTS = ("", "se_", "bias_", "sd_", "se_sd_", "bias_sd_")
+"""Prefixes of columns that have the unit of their quantity; skewness has none."""
 RATE = "impacts_per_s"
 """Column of the inverse of the mean time of flight."""
 PRODUCTS = {("mm", "mm"): "mm2", ("mm", "mm_per_s"): "mm2_per_s", ("mm_per_s", "mm_per_s"): "mm2_per_s2"}

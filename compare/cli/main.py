@@ -107,7 +107,7 @@ def main() -> None:
 @click.option("--paths", type=WHOLE, default=256_000, show_default=True, help="Simulated paths.")
 @click.option("--dt", type=float, default=None, help="Step. [default: the scheme's, 0.002 for Euler-Maruyama]")
 @click.option(
-    "--scheme", type=Name("scheme", SCHEMES), default="euler-maruyama-located", show_default=True,
+    "--scheme", type=Name("scheme", SCHEMES), default="exact-flight", show_default=True,
     help="Scheme of the simulation.",
 )  # fmt: skip
 @click.option(

@@ -38,10 +38,16 @@ AN_HOUR = "an hour; what is expected to take longer is refused"
     help="Error of all means and sds, in sds, that 95 % of runs keep. [default: 0.01]",
 )
 @click.option("--paths", type=WHOLE, default=None, help="Number of paths, in place of an accuracy.")
-@click.option("--dt", type=float, default=None, help="Step, with --paths. [default: 0.002]")
+@click.option(
+    "--dt", type=float, default=None, help="Step, with --paths. [default: the scheme's, 0.002 for Euler-Maruyama]"
+)
 @click.option(
     "--scheme", type=Name("scheme", SCHEMES), default=None,
-    help="Scheme. [default: what costs least; euler-maruyama-located with --paths]",
+    help="Scheme. [default: what costs least; exact-flight with --paths]",
+)  # fmt: skip
+@click.option(
+    "--step-bias/--no-step-bias", default=True, show_default=True,
+    help="Measure the bias of an Euler-Maruyama step, with --paths (two thirds more work).",
 )  # fmt: skip
 @click.option("--budget", type=float, default=None, help=f"Seconds that an accuracy may take. [default: {AN_HOUR}]")
 @click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed.")
@@ -60,6 +66,7 @@ def simulate(
     paths: int | None,
     dt: float | None,
     scheme: str | None,
+    step_bias: bool,
     budget: float | None,
     seed: int,
     workers: int,
@@ -77,13 +84,13 @@ def simulate(
     ----------
     scene : Path or None
         TOML file; DAT21 if None.
-    sigma, impacts, accuracy, paths, dt, scheme, budget, seed, workers, units, out
+    sigma, impacts, accuracy, paths, dt, scheme, step_bias, budget, seed, workers, units, out
         The options of the same names.
     as_json : bool
         The option ``--json``.
     """
     from rattle.compare.report.folder import write_whole
-    from rattle.montecarlo import simulate, simulate_to
+    from rattle.montecarlo import Record, simulate, simulate_to
 
     base = _scene(scene, sigma)
     check_units(units, base.gears)
@@ -93,7 +100,8 @@ def simulate(
         raise InputError("out", str(out), "cannot be written; give the name of a file")
     common: dict[str, Any] = {"impacts": impacts, "rng": seed, "workers": workers, "progress": "simulate"}
     if paths is not None and accuracy is None:
-        run = simulate(base, paths=paths, dt=dt, scheme=scheme or "euler-maruyama-located", **common)
+        recorded = None if step_bias else Record(step_bias=False)
+        run = simulate(base, paths=paths, dt=dt, scheme=scheme or "exact-flight", record=recorded, **common)
     else:
         accuracy = 0.01 if accuracy is None else accuracy
         for name, value in (("paths", paths), ("dt", dt)):
@@ -164,9 +172,12 @@ def _estimates_shown() -> "Iterator[None]":
         ESTIMATES.setLevel(level)
 
 
-FORMS = {"se_": ".2g", "sd_": ".4g"}
+FORMS = {"se_": ".2g", "bias_": ".2g", "sd_": ".4g"}
 """How columns are printed whose names begin so: errors may be far smaller than what they belong to."""
-SHOWN = ("tau", "se_tau", "sd_tau", "y1", "se_y1", "sd_y1", "y2", "se_y2", "sd_y2", "mesh", "side", "agreement")
+SHOWN = (
+    "tau", "se_tau", "bias_tau", "sd_tau", "y1", "se_y1", "bias_y1", "sd_y1", "y2", "se_y2", "bias_y2", "sd_y2",
+    "mesh", "side", "agreement",
+)  # fmt: skip
 
 
 def shown_in(units: str, gears: "Gears | None") -> tuple[str, ...]:
@@ -178,9 +189,9 @@ def shown_in(units: str, gears: "Gears | None") -> tuple[str, ...]:
 
 
 def _table(columns: "Mapping[str, NDArray[Any]]", shown: tuple[str, ...]) -> str:
-    """The columns shown on a terminal, without empty ones; no pandas, which takes as long to load as the sampling."""
+    """The columns shown on a terminal, without absent and empty ones; pandas would take as long to load as sampling."""
     texts = [["impact", *(str(k) for k in range(1, len(columns["mesh"]) + 1))]]
-    for name in shown:
+    for name in (name for name in shown if name in columns):
         values = columns[name].tolist()
         if not all(math.isnan(v) for v in values):
             form = next((form for start, form in FORMS.items() if name.startswith(start)), ".5f")

@@ -277,7 +277,7 @@ BIAS = ("bias", "se_bias", "corrected", "se_corrected", "rest")
 
 def _sections(run: Ensemble) -> pd.DataFrame:
     """Everything that is stored of an ensemble, a row for each impact."""
-    parts = [run.section]
+    parts = [run.section[[name for name in run.section if not str(name).startswith("bias_")]]]
     for (moment, quantity), rows in run.step_bias.groupby(["moment", "quantity"], sort=False):
         name = quantity if moment == "mean" else f"sd_{quantity}"
         parts.append(rows.set_index("impact")[list(BIAS)].add_suffix(f"_{name}"))

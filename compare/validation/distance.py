@@ -116,7 +116,7 @@ def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
     prediction : MeanMap
         The closure's moments, for the same scene as `run`.
     run : Ensemble
-        A simulation with ``record=Record(histogram=True)``, preferably with ``step_bias=True`` as well.
+        A simulation with ``record=Record(histogram=True)``.
 
     Returns
     -------
@@ -144,7 +144,7 @@ def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
     >>> from rattle.montecarlo import Record, simulate
     >>> from rattle.scene import DAT21, Scene
     >>> scene = Scene.from_gears(DAT21, sigma=0.02)
-    >>> run = simulate(scene, paths=10_000, impacts=1, rng=7, record=Record(histogram=True, step_bias=True))
+    >>> run = simulate(scene, paths=10_000, impacts=1, rng=7, record=Record(histogram=True))
     >>> table = section_distances(mean_map(scene, impacts=1, closure="saltation"), run).set_index("quantity")
     >>> bool((table["kolmogorov"] < 1.5 * table["kolmogorov_floor"]).all())
     True

@@ -193,7 +193,7 @@ def validate(
     closures: Sequence[str] | None = None,
     paths: int = 256_000,
     dt: float | None = None,
-    scheme: str = "euler-maruyama-located",
+    scheme: str = "exact-flight",
     rng: int | np.random.SeedSequence = 0,
     workers: int = 1,
     order: int = 4,

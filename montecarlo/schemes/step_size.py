@@ -13,7 +13,10 @@ from rattle.scene.impact import struck
 from rattle.scene.scene import Scene
 from rattle.scene.validate import finite
 
-__all__ = ["Scales", "accurate_flight", "check_step", "default_step", "largest_step", "scales_of", "trusted_step"]
+__all__ = [
+    "COARSEST", "Scales", "accurate_flight", "check_step", "default_step", "is_admissible", "largest_step", "scales_of",
+    "trusted_step",
+]  # fmt: skip
 
 Limit = tuple[float, str]
 
@@ -284,3 +287,12 @@ def check_step(scene: Scene, dt: float, scheme: str, coarsest: int = 1) -> float
         with_bias = f" ({coarsest} dt is run beside it for the step bias)" if coarsest > 1 else ""
         raise InputError("dt", dt, f"must be at most {largest / coarsest:.3g}{with_bias}: {reason}")
     return float(dt)
+
+
+def is_admissible(scene: Scene, dt: float, scheme: str, coarsest: int = 1) -> bool:
+    """Whether `check_step` takes a step."""
+    try:
+        check_step(scene, dt, scheme, coarsest)
+    except InputError:
+        return False
+    return True

@@ -21,7 +21,14 @@ def pair(request):
     scene = dat21(request.param)
     orbit = mean_map(scene, impacts=1).scene
     follows = tuple(mean_map(scene, impacts=12, closure="corrected").itinerary)
-    run = simulate(orbit, paths=60_000, rng=3, workers=2, record=Record(step_bias=True, itineraries={"orbit": follows}))
+    run = simulate(
+        orbit,
+        paths=60_000,
+        rng=3,
+        workers=2,
+        scheme="euler-maruyama-located",
+        record=Record(itineraries={"orbit": follows}),
+    )
     return mean_map(scene, impacts=12, closure="branching"), run
 
 
@@ -119,7 +126,7 @@ def test_single_stage():
     """Slow impacts make the paths of a single stage diverge soon: the mixture holds for five impacts."""
     scene = dat21(0.3, stages=1)
     m = mean_map(scene, impacts=5, closure="branching")
-    run = simulate(scene, paths=30_000, impacts=5, rng=2, workers=2, record=Record(step_bias=True))
+    run = simulate(scene, paths=30_000, impacts=5, rng=2, workers=2, scheme="euler-maruyama-located")
     sd = corrected(run, "sd", "tau")
     assert ((m.section["tau"] - corrected(run, "mean", "tau")).abs() < 0.1 * sd).all()
     assert m.section[["x2", "y2"]].isna().all().all()

@@ -39,9 +39,10 @@ def sampled(scene):
         scene,
         paths=PATHS,
         dt=DT,
+        scheme="euler-maruyama-located",
         rng=5,
         workers=2,
-        record=Record(step_bias=True, times=all_middles[all_middles > 4.0 * DT]),
+        record=Record(times=all_middles[all_middles > 4.0 * DT]),
     )
     fixed, coarse = run.at_times(), run.result.sums["coarse_fixed"]
     parts = []

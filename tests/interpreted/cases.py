@@ -100,7 +100,7 @@ def in_few_components(scene):
 def simulated(scene, scheme, paths=3, impacts=3, **settings):
     """Every impact of a few paths, their moments, and what stands beside them."""
     recorded = {name: settings.pop(name) for name in ("times", "step_bias") if name in settings}
-    record = Record(raw=True, energy=True, **recorded)
+    record = Record(raw=True, energy=True, **{"step_bias": False} | recorded)
     run = simulate(scene, paths=paths, impacts=impacts, scheme=scheme, rng=5, record=record, **settings)
     yield run.raw
     yield run.section.to_numpy(float)

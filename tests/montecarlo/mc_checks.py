@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
+from rattle.montecarlo import Ensemble, Record, simulate
 from rattle.montecarlo.noise.philox import BRIDGE, STEP, Key, normals
 from rattle.scene import DAT21, Scene, Start, Tolerance
 from rattle.scene.compiled import jit
@@ -23,6 +24,15 @@ def agrees(value, truth, se, slack=0.0) -> bool:
     """Whether all values lie within the corrected limit of the truth, after a stated systematic `slack`."""
     value, truth, se, slack = np.broadcast_arrays(value, truth, se, slack)
     return bool((np.abs(value - truth) <= limit(value.size) * se + slack).all())
+
+
+def stepped(scene: Scene, record: Record | None = None, **settings) -> Ensemble:
+    """An ensemble of located Euler-Maruyama steps; their bias is measured where it is asked for only."""
+    record = record or Record()
+    return simulate(
+        scene, record=replace(record, step_bias=bool(record.step_bias)),
+        **({"scheme": "euler-maruyama-located"} | settings),
+    )  # fmt: skip
 
 
 def dat21(sigma: float = 0.0, **settings) -> Scene:

@@ -75,7 +75,7 @@ def test_choice_of_scheme_does_not_depend_on_the_clock(monkeypatch):
 
 
 def test_bias_of_a_step_is_seen_in_units_of_sds():
-    run = simulate(dat21(0.01), paths=4096, impacts=3, dt=0.01, record=Record(step_bias=True))
+    run = simulate(dat21(0.01), paths=4096, impacts=3, dt=0.01, scheme="euler-maruyama-located")
     bias, se = step_error(run)
     assert bias > 0.2
     assert bias > 5.0 * se

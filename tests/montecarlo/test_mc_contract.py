@@ -18,12 +18,13 @@ from mc_checks import (
     limit,
     open_space,
     orbit_of,
+    stepped,
 )
 from scheme_steps import by_steps
 from scipy import stats
 from settings import recorded
 
-from rattle.montecarlo import SCHEMES, simulate
+from rattle.montecarlo import SCHEMES
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.kernel import CHUNK
 from rattle.scene import Scene, Start, Tolerance
@@ -71,7 +72,7 @@ class TestScheme:
 
     def run(self, scheme, scene, **settings):
         settings = {"paths": 200, "impacts": 8, "dt": STEP[scheme], "rng": 2, "raw": True} | settings
-        return simulate(scene, scheme=scheme, **recorded(settings))
+        return stepped(scene, scheme=scheme, **recorded(settings))
 
     # --- what it is
 

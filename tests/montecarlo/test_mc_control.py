@@ -168,4 +168,4 @@ def test_no_noise_leaves_nothing_to_control():
 
 def test_euler_schemes_have_no_control():
     with pytest.raises(InputError, match=r"control = True: works with scheme 'exact-flight' only"):
-        simulate(dat21(0.1), paths=10, control=True)
+        simulate(dat21(0.1), paths=10, scheme="euler-maruyama", control=True)

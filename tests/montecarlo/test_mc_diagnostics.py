@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from mc_checks import dat21
+from mc_checks import dat21, stepped
 
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.diagnostics import motion_units, orbit_shift
@@ -15,13 +15,12 @@ LOCATED, PLAIN, EXACT = "euler-maruyama-located", "euler-maruyama", "exact-fligh
 
 
 def run(sigma=0.1, **settings):
-    return simulate(dat21(sigma), **({"paths": 1000, "impacts": 4, "rng": 3} | settings))
+    return stepped(dat21(sigma), **({"paths": 1000, "impacts": 4, "rng": 3} | settings))
 
 
 def test_run_without_a_fault_says_nothing():
     assert run(sigma=0.5).diagnostics == ()
     assert run(sigma=0.02, scheme=EXACT).diagnostics == ()
-    assert run(sigma=0.02, dt=0.02, record=Record(step_bias=True)).diagnostics == ()  # measured, and taken out
 
 
 def test_a_rare_branch_that_was_not_sampled_is_named():
@@ -47,6 +46,12 @@ def test_shift_of_the_orbit_is_the_bias_of_the_mean():
     rows = beside.step_bias.query("moment == 'mean'")
     shares = [abs(b) / unit[q][k - 1] for k, q, b in rows[["impact", "quantity", "bias"]].itertuples(index=False)]
     assert orbit_shift(found)[0] == pytest.approx(max(shares), rel=0.35)
+
+
+def test_measured_bias_of_the_step_is_said_where_it_matters():
+    said, *_ = simulate(dat21(0.003), paths=4096, impacts=4, rng=3, scheme=LOCATED, dt=0.004).diagnostics
+    assert said.startswith("The step biases the mean of ")
+    assert not simulate(dat21(0.5), paths=16_384, impacts=2, rng=3, scheme=LOCATED, dt=0.001).diagnostics
 
 
 def test_impacts_seen_at_the_end_of_a_step_are_diagnosed_as_late():

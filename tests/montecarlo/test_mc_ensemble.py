@@ -5,10 +5,11 @@ import time
 import numpy as np
 import pytest
 from mc_checks import agrees, dat21, limit, open_space
+from mc_checks import stepped as simulate
 from scipy import stats
 
 from rattle.closure.orbit import follow
-from rattle.montecarlo import Record, simulate
+from rattle.montecarlo import Record
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.statistics.section_statistics import FEWEST
@@ -264,7 +265,8 @@ def test_changes_that_turn_their_sign_leave_more_than_the_last_one():
     assert left[0] > 0.05
 
 
-def test_step_bias_must_be_asked_for(run):
+def test_step_bias_may_be_left_out(run):
+    assert not [name for name in run.section if "bias" in name]
     with pytest.raises(InputError, match=r"ask for it: simulate\(..., record=Record"):
         _ = run.step_bias
 
@@ -362,7 +364,7 @@ def test_single_stage_run_has_no_second_stage():
         dat21(0.2, stages=1), paths=100, impacts=3, dt=5e-3, record=Record(times=[0.5], step_bias=True, raw=True)
     )
     second = [n for n in run.section.columns if n.endswith(("x2", "y2"))]
-    assert len(second) == 16
+    assert len(second) == 20
     assert run.section[second].isna().all(axis=None)
     assert run.section[["tau", "sd_tau", "y1", "sd_y1", "skew_tau"]].notna().all(axis=None)
     assert np.isnan(run.section.rho2).all()

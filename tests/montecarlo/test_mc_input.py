@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 from mc_checks import dat21
+from mc_checks import stepped as simulate
 from settings import recorded
 
-from rattle.montecarlo import ensemble, largest_step, simulate
+from rattle.montecarlo import ensemble, largest_step
 from rattle.montecarlo import settings as validation
 from rattle.scene import DAT21, InputError, Scene, Start, Tolerance
 

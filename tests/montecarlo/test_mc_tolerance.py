@@ -6,10 +6,11 @@ What holds for every scheme is in the contract.
 import numpy as np
 import pytest
 from mc_checks import FALSE_ALARM, dat21, flank_changes
+from mc_checks import stepped as simulate
 from scipy import stats
 from settings import recorded
 
-from rattle.montecarlo import Record, simulate
+from rattle.montecarlo import Record
 from rattle.scene import Scene, Start, Tolerance
 
 GAP, C1, C2 = 0.5, 0.04, 0.02

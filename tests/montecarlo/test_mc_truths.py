@@ -5,11 +5,12 @@ import math
 import numpy as np
 import pytest
 from mc_checks import agrees, dat21, open_space
+from mc_checks import stepped as simulate
 from scheme_steps import affine_step, by_steps
 from scipy.special import gamma, hyp2f1
 
 from rattle.closure.orbit import follow
-from rattle.montecarlo import Record, simulate
+from rattle.montecarlo import Record
 from rattle.scene import Scene, Start
 from rattle.scene.flight import noise_covariance
 

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from mc_checks import agrees, dat21, open_space
+from mc_checks import stepped as simulate
 
-from rattle.montecarlo import Record, simulate
+from rattle.montecarlo import Record
 from rattle.montecarlo.noise.philox import Word, fill_signs, fill_words, key_of
 from rattle.scene import InputError
 

@@ -12,7 +12,7 @@ from rattle.closure import CLOSURES, long_orbit
 from rattle.compare.checks.extremes import truth
 from rattle.compare.checks.extremes.row import ROUNDING, Extreme, farthest, worst_of
 from rattle.compare.validation import validate as validation
-from rattle.montecarlo import SCHEMES
+from rattle.montecarlo import SCHEMES, Record
 from rattle.montecarlo.coupling import long_path
 from rattle.scene import DAT21, Scene, Start, Tolerance
 
@@ -37,7 +37,9 @@ def _sections(scene: Scene) -> Iterator[tuple[str, pd.DataFrame]]:
     for scheme in SCHEMES:
         yield (
             scheme,
-            montecarlo.simulate(scene, paths=PATHS, impacts=IMPACTS, scheme=scheme, rng=3).phase_reduced.section,
+            montecarlo.simulate(
+                scene, paths=PATHS, impacts=IMPACTS, scheme=scheme, rng=3, record=Record(step_bias=False)
+            ).phase_reduced.section,
         )
     loose = Tolerance(scene.gap1 / 64.0, scene.gap2 / 64.0, draw="contact")
     noisy = replace(scene, tolerance=loose)

@@ -1,12 +1,13 @@
 """Mean exit time of a randomly accelerated particle from a gap."""
 
 import math
+from typing import Any
 
 import numpy as np
 from scipy.special import gamma, hyp2f1
 
 from rattle.compare.checks.published.result import Check, Measured, NegativeControl
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Record, simulate
 from rattle.scene import Scene, Start
 
 __all__ = ["exit_time", "mean_exit_time"]
@@ -56,7 +57,8 @@ def _check(scheme: str, share: float, sigma: float, seed: int, workers: int) -> 
     start = Start(-0.5 * math.pi, HALF * (2.0 * share - 1.0), 0.0)
     scene = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, gap1=HALF, sigma=sigma, start=start, stages=1)
     rng = np.random.SeedSequence([seed, 1])
-    run = simulate(scene, paths=PATHS, impacts=1, dt=dt, rng=rng, horizon=1.0, scheme=scheme, workers=workers)
+    common: dict[str, Any] = {"rng": rng, "workers": workers, "record": Record(step_bias=False)}
+    run = simulate(scene, paths=PATHS, impacts=1, dt=dt, horizon=1.0, scheme=scheme, **common)
     tau, se = float(run.columns["tau"][0]), float(run.columns["se_tau"][0])
     truth = mean_exit_time(2.0 * HALF * share, 2.0 * HALF, SIGMA)
     return Check(f"mean exit time from {share:g}, {scheme}", tau - start.tau, truth, se, left * truth)

@@ -27,8 +27,21 @@ def test_simulate_prints_moments_and_writes_the_whole_table(tmp_path):
 def test_simulate_with_a_number_of_paths_speaks_json():
     result = rattle("simulate", "--impacts", "2", "--paths", "500", "--dt", "0.01", "--json")
     record = json.loads(result.output)
-    assert (record["scheme"], record["paths"], record["reach"]) == ("euler-maruyama-located", 500, None)
+    assert (record["scheme"], record["paths"], record["reach"]) == ("exact-flight", 500, None)
     assert len(record["section"]) == 2
+
+
+@pytest.mark.parametrize("scheme", ["euler-maruyama", "euler-maruyama-located"])
+def test_bias_of_a_named_euler_step_stands_in_the_table_unless_it_is_switched_off(scheme):
+    words = ("simulate", "--sigma", "0.01", "--impacts", "2", "--paths", "2000", "--scheme", scheme)
+    table, rows = rattle(*words).output, json.loads(rattle(*words, "--json").stdout)["section"]
+    assert "bias_tau" in table
+    assert "The step biases the mean of " in table
+    exact = json.loads(rattle(*words[:-2], "--json").stdout)["section"]
+    for biased, right in zip(rows, exact, strict=True):
+        assert abs(biased["tau"] - right["tau"]) > 10.0 * biased["se_tau"]
+        assert biased["tau"] - right["tau"] == pytest.approx(biased["bias_tau"], rel=0.3, abs=4.0 * biased["se_tau"])
+    assert "bias_tau" not in rattle(*words, "--no-step-bias").output
 
 
 def test_a_budget_too_small_ends_with_code_3():

@@ -55,7 +55,7 @@ def test_sections_in_physical_units(run):
 
 
 def test_moments_at_fixed_times_in_physical_units():
-    run = simulate(SCENE, paths=256, impacts=2, rng=7, record=Record(times=[0.3, 0.6], step_bias=True))
+    run = simulate(SCENE, paths=256, impacts=2, rng=7, scheme="euler-maruyama-located", record=Record(times=[0.3, 0.6]))
     for made in (run, mean_map(SCENE, impacts=2)):
         physical, plain = made.at_times([0.3, 0.6], units="physical"), made.at_times([0.3, 0.6])
         np.testing.assert_allclose(physical.index, plain.index / 0.3)

@@ -99,7 +99,15 @@ def test_mass_outside_the_bins_counts_on_its_side():
 @pytest.fixture(scope="module")
 def run():
     scene = Scene.from_gears(DAT21, sigma=0.02)
-    return simulate(scene, paths=200_000, impacts=12, rng=11, workers=2, record=Record(histogram=True, step_bias=True))
+    return simulate(
+        scene,
+        paths=200_000,
+        impacts=12,
+        rng=11,
+        workers=2,
+        scheme="euler-maruyama-located",
+        record=Record(histogram=True),
+    )
 
 
 def of(run, closure, **settings):
@@ -142,7 +150,7 @@ def test_rows_only_where_something_varies_and_is_predicted(run):
 def test_few_paths_elsewhere_do_not_make_a_density():
     """At sigma = 0.1 a few paths strike the other mesh first, so the sd of x at the usual one is not quite zero."""
     scene = Scene.from_gears(DAT21, sigma=0.1)
-    wide = simulate(scene, paths=20_000, impacts=3, rng=7, workers=2, record=Record(histogram=True, step_bias=True))
+    wide = simulate(scene, paths=20_000, impacts=3, rng=7, workers=2, record=Record(histogram=True))
     assert wide.section.loc[3, "sd_x1"] > 0.0
     table = of(wide, "corrected")
     assert table.query("impact == 3")["quantity"].tolist() == ["y1", "x2", "y2"]
@@ -153,7 +161,15 @@ def test_bias_of_the_step_is_taken_out_where_it_was_measured():
     prediction = mean_map(scene, impacts=1, closure="saltation")
     tables = [
         section_distances(
-            prediction, simulate(scene, paths=20_000, impacts=1, rng=3, record=Record(histogram=True, step_bias=b))
+            prediction,
+            simulate(
+                scene,
+                paths=20_000,
+                impacts=1,
+                rng=3,
+                scheme="euler-maruyama-located",
+                record=Record(histogram=True, step_bias=b),
+            ),
         )
         for b in (False, True)
     ]
@@ -179,7 +195,7 @@ def test_no_noise_and_one_stage():
     rattler = replace(Scene.from_gears(DAT21, sigma=0.02), stages=1)
     single = section_distances(
         mean_map(rattler, impacts=3),
-        simulate(rattler, paths=5000, impacts=3, record=Record(histogram=True, step_bias=True)),
+        simulate(rattler, paths=5000, impacts=3, record=Record(histogram=True)),
     )
     assert set(single["quantity"]) <= {"tau", "flight", "y1"}
     assert not single.empty

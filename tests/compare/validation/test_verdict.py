@@ -90,7 +90,13 @@ def ensemble(sigma, seed, paths):
     scene = Scene.from_gears(DAT21, sigma=sigma)
     itinerary = {"claimed": mean_map(scene, impacts=IMPACTS, closure="corrected").itinerary}
     return simulate(
-        scene, paths=paths, impacts=IMPACTS, rng=seed, workers=2, record=Record(step_bias=True, itineraries=itinerary)
+        scene,
+        paths=paths,
+        impacts=IMPACTS,
+        rng=seed,
+        workers=2,
+        scheme="euler-maruyama-located",
+        record=Record(itineraries=itinerary),
     )
 
 
