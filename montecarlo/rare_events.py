@@ -22,10 +22,8 @@ from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import flow, jacobian, noise_covariance
 from rattle.scene.impact import next_impact, struck
-from rattle.scene.scene import Scene
-from rattle.scene.tangent import saltation_matrix
 
-__all__ = ["FURTHEST", "Branch", "RareEvents", "rare_events"]
+__all__ = ["FURTHEST", "Event", "Flight", "events", "onward"]
 
 Floats = NDArray[np.float64]
 
@@ -37,68 +35,10 @@ PLACES = (0.5 + np.arange(1, 13) * np.array([[0.8191725134], [0.6710436067], [0.
 TURN = 2.0  # time within which a grazing path turns
 SAMPLE = 2000  # Gaussian paths around the design point of a missed impact
 LONGEST = 100.0  # flight; a longer one ends the search
-GRAZE = 1e-6  # impact speed, over the largest of alpha, gamma1 and initial speeds, below which the orbit grazes
 FAINT = -60.0  # logarithm of the flux below which a peak is not looked at
 LATEST = 1.0  # time after the orbit's own impact up to which another may still come before that of a path
 STRATA = np.array([0.6, 0.35, 0.05])  # of the depth by which a missed impact is missed; each has one representative
 MIDDLES = np.cumsum(STRATA) - 0.5 * STRATA
-MOST = 12  # branches that are followed further, the most probable first
-
-
-class Branch(NamedTuple):
-    """Paths that leave the orbit, or another branch, by one other event.
-
-    Attributes
-    ----------
-    impact : int
-        Number of the impact that differs.
-    mesh, side : int
-        The wall that is met, or missed.
-    missed : bool
-        Whether that impact is missed rather than added.
-    beta : float
-        Reliability index: distance of the design point in sds.
-    probability : float
-        Of the branch.
-    weights : ndarray, shape (strata,)
-        Probabilities of its strata, by depth beyond the design point.
-    section : ndarray, shape (strata, impacts, 6)
-        ``tau, flight, x1, y1, x2, y2`` before each impact of a representative of each stratum; those of the parent
-        before `impact`, NaN where it has ended.
-    parent : ndarray, shape (impacts, 6)
-        The same of the path that it leaves.
-    """
-
-    impact: int
-    mesh: int
-    side: int
-    missed: bool
-    beta: float
-    probability: float
-    weights: Floats
-    section: Floats
-    parent: Floats
-
-
-class RareEvents(NamedTuple):
-    """The branches of an orbit.
-
-    Attributes
-    ----------
-    orbit : ndarray, shape (impacts, 6)
-        ``tau, flight, x1, y1, x2, y2`` before each impact; NaN where the orbit has ended.
-    branches : tuple of Branch
-        In the order of their discovery; of equal distance or not, each is an own branch.
-    known : int
-        Number of impacts up to which the search was complete: later ones have unknown branches.
-    why : str
-        What ended the search before the last impact; else empty.
-    """
-
-    orbit: Floats
-    branches: tuple[Branch, ...]
-    known: int
-    why: str
 
 
 @jit
@@ -121,7 +61,7 @@ def _covariances(
 
 
 @jit
-def _onward(
+def onward(
     c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, mesh: int, first: int, rows: Floats
 ) -> None:
     """Follow a noise-free path from an impact, whose row is written already, through the rows after it."""
@@ -136,7 +76,7 @@ def _onward(
         rows[k, 2], rows[k, 3], rows[k, 4], rows[k, 5] = x1, y1, x2, y2
 
 
-class _Flight:
+class Flight:
     """A flight with its Gaussian state around a noise-free path, to or beyond that path's next impact."""
 
     def __init__(self, c: Constants, tau: float, after: Floats, start: Floats) -> None:
@@ -156,14 +96,14 @@ def _wall(c: Constants, mesh: int) -> float:
     return c.wall1 if mesh == 1 else c.wall2
 
 
-def _distance(flight: _Flight, means: Floats, spread: Floats, mesh: int, side: int) -> Floats:
+def _distance(flight: Flight, means: Floats, spread: Floats, mesh: int, side: int) -> Floats:
     """Distance from a wall in sds."""
     i = 2 * (mesh - 1)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray((_wall(flight.c, mesh) - side * means[:, i]) / np.sqrt(np.maximum(spread[:, i, i], 0.0)))
 
 
-class _Found(NamedTuple):
+class Event(NamedTuple):
     """An event: its kind, its probability within the flight, and per stratum the state before the branch's impact."""
 
     mesh: int
@@ -175,7 +115,7 @@ class _Found(NamedTuple):
     states: list[tuple[float, Floats, Floats, int]]  # time since the start, state, covariance there, mesh struck (or 0)
 
 
-def _log_flux(flight: _Flight, times: Floats, mesh: int, side: int) -> Floats:
+def _log_flux(flight: Flight, times: Floats, mesh: int, side: int) -> Floats:
     """Logarithm of the rate at which paths meet a wall that have not met the orbit's own: Rice's formula."""
     means, spread = flight.at(times)
     i, own = 2 * (mesh - 1), 2 * (flight.mesh - 1)
@@ -196,7 +136,7 @@ def _log_flux(flight: _Flight, times: Floats, mesh: int, side: int) -> Floats:
     return np.asarray(np.nan_to_num(found, nan=-np.inf, posinf=-np.inf))
 
 
-def _earlier(flight: _Flight, mesh: int, side: int) -> list[_Found]:
+def _earlier(flight: Flight, mesh: int, side: int) -> list[Event]:
     """Another wall that is met before the orbit's own: an event for each peak of the flux of paths that meet it."""
     same = mesh == flight.mesh
     end = flight.time if same else flight.time + min(flight.time, LATEST)
@@ -226,7 +166,7 @@ def _earlier(flight: _Flight, mesh: int, side: int) -> list[_Found]:
     return found
 
 
-def _met(flight: _Flight, mesh: int, side: int, probability: float, times: Floats) -> _Found:
+def _met(flight: Flight, mesh: int, side: int, probability: float, times: Floats) -> Event:
     """An event with representatives at given times: how near the own wall is, and the speed, are spread as they are."""
     i, own, wall = 2 * (mesh - 1), 2 * (flight.mesh - 1), side * _wall(flight.c, mesh)
     means, spreads = flight.at(times)
@@ -245,7 +185,7 @@ def _met(flight: _Flight, mesh: int, side: int, probability: float, times: Float
         mean, spread = _given(mean, spread, i + 1, side * speed)
         states.append((float(t), mean, spread, mesh))
     weights = weights / weights.sum() if weights.sum() > 0.0 else np.full(times.size, 1.0 / times.size)
-    return _Found(mesh, side, False, float(-ndtri(probability)), probability, weights, states)
+    return Event(mesh, side, False, float(-ndtri(probability)), probability, weights, states)
 
 
 def _given(mean: Floats, spread: Floats, i: int, value: float) -> tuple[Floats, Floats]:
@@ -258,7 +198,7 @@ def _given(mean: Floats, spread: Floats, i: int, value: float) -> tuple[Floats, 
     return moved, spread - np.outer(gain, spread[i])
 
 
-def _missed(flight: _Flight) -> _Found | None:
+def _missed(flight: Flight) -> Event | None:
     """The orbit's own impact, if it all but grazes: paths that stay within the wall.
 
     The design point is where the wall is furthest behind, in sds; a path that is within it then has to be so all along,
@@ -292,10 +232,10 @@ def _missed(flight: _Flight) -> _Found | None:
     sd, states = math.sqrt(joint[6, 6]), []
     for depth in np.quantile(depths[within] if within.any() else depths, MIDDLES):
         states.append((top, *_given(means[6], spread[6], i, means[6, i] - side * depth * sd), 0))
-    return _Found(mesh, side, True, nearest, float(ndtr(-nearest) * share), STRATA, states)
+    return Event(mesh, side, True, nearest, float(ndtr(-nearest) * share), STRATA, states)
 
 
-def _events(flight: _Flight) -> list[_Found]:
+def events(flight: Flight) -> list[Event]:
     """All other events of a flight within reach."""
     missed = _missed(flight)
     found = [] if missed is None else [missed]
@@ -303,109 +243,3 @@ def _events(flight: _Flight) -> list[_Found]:
         for side in (1, -1):
             found += _earlier(flight, mesh, side)
     return found
-
-
-class _Parent(NamedTuple):
-    """A path whose flights are to be searched from an impact on, with the covariance after that impact."""
-
-    probability: float
-    tau: float
-    after: Floats
-    start: Floats
-    first: int
-    rows: Floats
-
-
-def rare_events(scene: Scene, impacts: int, least: float = 1.0) -> RareEvents:
-    """Search the orbit, and the branches that are more probable than `least`, for other events.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled; it has noise.
-    impacts : int
-        Impacts after the start.
-    least : float
-        Probability from which on a representative of a branch is searched for branches of its own.
-
-    Returns
-    -------
-    RareEvents
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> found = rare_events(Scene.from_gears(DAT21, sigma=0.1), 2)
-    >>> found.known, [(b.impact, b.mesh, b.side, round(b.beta, 1)) for b in found.branches]
-    (2, [(1, 2, -1, 3.3)])
-    """
-    c, start = scene.constants, scene.start
-    state = np.array(scene.start_state)
-    if start.mesh:
-        state[1], state[3] = struck(c, start.mesh, state[1], state[3])
-    orbit = np.full((impacts, 6), np.nan)
-    _onward(c, scene.phase, state[0], state[1], state[2], state[3], 0, 0, orbit)
-    fastest = max(c.alpha, c.gamma1, abs(state[1]), abs(state[3]))
-    queue, branches = [_Parent(1.0, scene.phase, state, np.zeros((4, 4)), 0, orbit)], list[Branch]()
-    known, why, followed = impacts, "", 0
-    while queue and followed < MOST:
-        queue.sort(key=lambda parent: parent.probability)
-        parent = queue.pop()
-        reached, ended = _search(c, parent, impacts, least, GRAZE * fastest, queue, branches)
-        if followed == 0:
-            known, why = reached, ended
-        followed += 1
-    return RareEvents(orbit, tuple(branches), known, why)
-
-
-def _search(
-    c: Constants, parent: _Parent, impacts: int, least: float, slowest: float,
-    queue: list[_Parent], branches: list[Branch],
-) -> tuple[int, str]:  # fmt: skip
-    """Search the flights of a path; returns the impacts that were reached, and why not all."""
-    tau, after, start = parent.tau, parent.after, parent.start
-    for k in range(parent.first, impacts):
-        flight = _Flight(c, tau, after, start)
-        if flight.mesh <= 0:
-            return k, f"the orbit ends after impact {k}"
-        for event in _events(flight):
-            probability = parent.probability * event.probability
-            rows = np.repeat(parent.rows[None], len(event.states), axis=0)
-            rows[:, k:] = np.nan
-            for j, (t, state, spread, mesh) in enumerate(event.states):
-                if mesh:
-                    rows[j, k] = [tau + t, t, *state]
-                _onward(c, tau + t, state[0], state[1], state[2], state[3], mesh, k + 1 if mesh else k, rows[j])
-                if not mesh and k < impacts:
-                    rows[j, k, 1] = rows[j, k, 0] - tau
-                share = probability * event.weights[j]
-                i = 2 * (mesh - 1)
-                if share >= least and mesh and abs(state[i + 1]) > slowest:
-                    hit = state.copy()
-                    hit[1], hit[3] = struck(c, mesh, hit[1], hit[3])
-                    across = saltation_matrix(c, mesh, tau + t, state[1], state[3])
-                    queue.append(_Parent(share, tau + t, hit, across @ spread @ across.T, k + 1, rows[j]))
-                elif share >= least and not mesh:
-                    queue.append(_Parent(share, tau + t, state, spread, k, rows[j]))
-            branches.append(
-                Branch(
-                    k + 1,
-                    event.mesh,
-                    event.side,
-                    event.missed,
-                    event.beta,
-                    probability,
-                    probability * event.weights,
-                    rows,
-                    parent.rows,
-                )
-            )
-        i = 2 * (flight.mesh - 1)
-        if abs(flight.before[i + 1]) < slowest:
-            return k, f"impact {k + 1} of the orbit grazes its wall"
-        spread = flight.at(np.array([flight.time]))[1][0]
-        tau += flight.time
-        across = saltation_matrix(c, flight.mesh, tau, flight.before[1], flight.before[3])
-        after, start = flight.before.copy(), across @ spread @ across.T
-        after[1], after[3] = struck(c, flight.mesh, after[1], after[3])
-    return impacts, ""

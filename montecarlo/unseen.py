@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.montecarlo.rare_events import RareEvents, rare_events
+from rattle.montecarlo.branches import BranchSearch, RareEvents
 from rattle.montecarlo.settings import is_random
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 
-__all__ = ["SEEN", "Added", "Unseen", "branches_between", "searched", "share_of", "unseen", "unseen_text"]
+__all__ = ["SEEN", "Added", "Unseen", "branches_between", "search_of", "share_of", "unseen", "unseen_text"]
 
 SEEN = 10.0
 """Expected number of sampled paths from which on a branch is in the sample; below, it may be missing."""
@@ -49,24 +49,8 @@ class Unseen(NamedTuple):
     known: int
 
 
-@lru_cache(maxsize=32)
-def searched(scene: Scene, impacts: int, least: float) -> RareEvents:
-    """`rare_events`, remembered.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    impacts : int
-        Impacts after the start.
-    least : float
-        Probability from which on branches are searched too.
-
-    Returns
-    -------
-    RareEvents
-    """
-    return rare_events(scene, impacts, least)
+search_of = lru_cache(maxsize=32)(BranchSearch)
+"""The search for the branches of a scene over a number of impacts, remembered with what it has found."""
 
 
 MATTERS = 0.1  # share of the largest influence on a row from which on a branch counts for the paths needed
@@ -128,8 +112,7 @@ def unseen(scene: Scene, columns: Mapping[str, NDArray[Any]], paths: int) -> Uns
 
 def _branches(scene: Scene, impacts: int, paths: int) -> RareEvents:
     """Branches of the orbit, and of those branches of which about `SEEN` paths are expected."""
-    # powers of two, so that looks at one scene share a search
-    return searched(scene.phase_reduced, impacts, float(2.0 ** np.ceil(np.log2(SEEN / paths))))
+    return search_of(scene.phase_reduced, impacts).until(float(2.0 ** np.ceil(np.log2(SEEN / paths))))
 
 
 class Added(NamedTuple):

@@ -25,10 +25,10 @@ def tasks() -> dict[str, Task]:
     from rattle.closure import CLOSURES
     from rattle.compare.chaos.exponents import lyapunov
     from rattle.montecarlo import SCHEMES, Record, simulate, simulate_rare
+    from rattle.montecarlo.branches import rare_events
     from rattle.montecarlo.coupling.long_path import LongPath
     from rattle.montecarlo.coupling.pairs import growths
     from rattle.montecarlo.long_run import long_run
-    from rattle.montecarlo.rare_events import rare_events
     from rattle.scene import DAT21, Scene, Tolerance
 
     scene = Scene.from_gears(DAT21, sigma=0.1)

@@ -149,18 +149,8 @@ def _rebinned(found: tuple[Floats, Floats] | None, edges: Floats) -> Floats:
     return np.asarray(np.diff(np.interp(edges, own, below)) / np.diff(edges))
 
 
-def bifurcation_figure(view: Bifurcation) -> Figure:
-    """Draw both densities side by side.
-
-    Parameters
-    ----------
-    view : Bifurcation
-        What was found.
-
-    Returns
-    -------
-    Figure
-    """
+def bifurcation_figure(view: Bifurcation, factor: float, unit: str) -> Figure:
+    """Draw both densities side by side, velocities times a factor in a unit."""
     figure, axes = new_figure(10.4, 4.4, 1, 2)
     half = 0.5 * float(np.diff(view.at).min()) if view.at.size > 1 else 0.5
     x = np.concatenate([[view.at[0] - half], 0.5 * (view.at[1:] + view.at[:-1]), [view.at[-1] + half]])
@@ -168,7 +158,9 @@ def bifurcation_figure(view: Bifurcation) -> Figure:
         top = np.maximum(density.max(axis=1, keepdims=True), 1e-300)
         shown = np.ma.masked_less(density / top, DEEP)
         ax.grid(False)
-        image = ax.pcolormesh(x, view.edges, np.sqrt(shown.T), cmap="magma_r", vmin=0.0, vmax=1.0, rasterized=True)
+        image = ax.pcolormesh(
+            x, factor * view.edges, np.sqrt(shown.T), cmap="magma_r", vmin=0.0, vmax=1.0, rasterized=True
+        )
         ax.set_title(side, loc="left", fontweight="bold")
         ax.set_xlabel(NAMES.get(view.field, view.field))
         lost = [a for a, why in zip(view.at, view.reasons[side], strict=True) if why]
@@ -178,6 +170,6 @@ def bifurcation_figure(view: Bifurcation) -> Figure:
             )  # fmt: skip
         if lost:
             ax.legend(loc="lower left", fontsize=7)
-    axes[0].set_ylabel(rf"velocity before the impact $y_{view.mesh}$ ($\nu_1\omega$)")
+    axes[0].set_ylabel(rf"velocity before the impact $y_{view.mesh}$ ({unit})")
     figure.colorbar(image, ax=axes, label="root of the density / its highest at this value", pad=0.01)
     return figure

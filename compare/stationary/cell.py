@@ -19,7 +19,7 @@ from rattle.scene.scene import Scene
 __all__ = ["LongCell", "LongResult"]
 
 IMPACT_SECONDS = 1.5e-6  # of one core, steps included; measured on DAT21
-STORED = ["value", "se", "low", "high", "autocorrelation", "se_batches", "carriers"]
+STORED = ["value", "se", "low", "high", "autocorrelation", "se_batches", "effective_paths"]
 PREDICTED = ("closure", "kind", "quantity", "predicted", "se_predicted", "reason")
 SPREAD = 2.0  # typical sd over mean of what is averaged, with its autocorrelation
 

@@ -14,14 +14,15 @@ from rattle.closure.stationary import Law
 from rattle.compare.report.style import ACCURATE, STYLE, legend_above, new_figure
 from rattle.compare.stationary.measure import Stationary
 from rattle.montecarlo.long_run.intervals import half_width
+from rattle.scene.gears import Gears
 
-__all__ = ["closure_figure", "distribution_figure", "drawn", "memory_figure", "section_figure"]
+__all__ = ["closure_figure", "distribution_figure", "drawn", "memory_figure", "section_figure", "speed_unit"]
 
 Floats = NDArray[np.float64]
 
 SIMULATED: Any = STYLE["monte carlo"]["color"]
 DEEP = 1e-3  # lower end of the colours of a density, relative to its highest
-GRID = 400  # points of a curve
+WIDTH = 7.4  # inches, that the legend of a figure with one panel takes
 
 
 def drawn(found: Stationary) -> dict[str, Figure]:
@@ -60,40 +61,46 @@ def distribution_figure(found: Stationary) -> Figure:
     """
     assert found.run is not None
     t = half_width(found.run.paths)
-    figure, axes = new_figure(4.6 * len(found.densities), 3.6, 1, len(found.densities))
+    figure, axes = new_figure(max(4.6 * len(found.densities), WIDTH), 3.6, 1, len(found.densities))
+    factor, unit = speed_unit(found.scene.gears)
     for ax, density in zip(axes, found.densities, strict=True):
-        value, se = found.run.velocity_density(density.mesh)
-        ax.stairs(value, density.velocity, color=SIMULATED, lw=1.2, label="simulation")
+        value, se = (part / factor for part in found.run.velocity_density(density.mesh))
+        edges, top = factor * density.velocity, float((value + t * se).max())
+        least = max(0.3 * float(value[value > 0.0].min()), 1e-6 * top)
+        ax.stairs(np.maximum(value, least), edges, baseline=least, color=SIMULATED, lw=1.2, label="simulation")
         ax.stairs(
-            value + t * se, density.velocity, baseline=np.maximum(value - t * se, 0.0), fill=True, color=SIMULATED,
-            alpha=0.25, lw=0, label="simulation: 95 % interval",
+            np.maximum(value + t * se, least), edges, baseline=np.maximum(value - t * se, least), fill=True,
+            color=SIMULATED, alpha=0.25, lw=0, label="simulation: 95 % interval",
         )  # fmt: skip
-        ax.set_ylim(0.0, 1.15 * float((value + t * se).max()))
+        ax.set_yscale("log")
+        ax.set_ylim(least, 2.0 * top)
         for closure, law in found.laws.items():
             if isinstance(law, Law):
-                _speeds(ax, law, density.mesh, closure, density.velocity)
-        ax.axvspan(-found.slow, found.slow, color="0.6", alpha=0.3, lw=0, label="slow impacts")
-        ax.set_xlabel(rf"velocity before the impact $y_{density.mesh}$ ($\nu_1\omega$)")
+                _speeds(ax, law, density.mesh, closure, edges, factor)
+        slow = factor * found.slow
+        ax.axvspan(-slow, slow, color="0.6", alpha=0.3, lw=0, label="slow impacts")
+        ax.set_xlabel(rf"velocity before the impact $y_{density.mesh}$ ({unit})")
         ax.set_title(f"mesh {density.mesh}", loc="left")
-    axes[0].set_ylabel("probability density")
+    axes[0].set_ylabel(f"probability density (1 / ({unit}))")
     legend_above(figure, axes, 3)
     return figure
 
 
-def _speeds(ax: Axes, law: Law, mesh: int, closure: str, edges: Floats) -> None:
-    """Mean speed of a closure's law on both sides, as ticks: its law is one of speeds."""
+def speed_unit(gears: Gears | None) -> tuple[float, str]:
+    """Factor and name of the unit in which speeds are drawn."""
+    return (1.0, r"$\nu_1\omega$") if gears is None else (gears.units.speed, "mm/s")
+
+
+def _speeds(ax: Axes, law: Law, mesh: int, closure: str, edges: Floats, factor: float) -> None:
+    """Mean speed of a closure's law on both sides, as lines: its law is one of speeds."""
     part = law.mesh == mesh
     if not part.any():
         return
     weight = law.weight[part] / law.weight[part].sum()
-    mean = float((weight * law.speed[part]).sum())
-    top = ax.get_ylim()[1]
+    mean = factor * float((weight * law.speed[part]).sum())
     for sign in (-1.0, 1.0):
         if edges[0] <= sign * mean <= edges[-1]:
-            ax.plot(
-                [sign * mean] * 2, [0.0, 0.12 * top], color=STYLE[closure]["color"], lw=2.0,
-                label=f"{closure}: mean speed",
-            )  # fmt: skip
+            ax.axvline(sign * mean, ymax=0.12, color=STYLE[closure]["color"], lw=2.0, label=f"{closure}: mean speed")
 
 
 def section_figure(found: Stationary) -> Figure:
@@ -109,29 +116,29 @@ def section_figure(found: Stationary) -> Figure:
     Figure
         A row for each mesh; the density left, its relative standard error right.
     """
-    rows = len(found.densities)
+    rows, (factor, unit) = len(found.densities), speed_unit(found.scene.gears)
     figure, axes = new_figure(9.2, 0.6 + 2.9 * rows, rows, 2)
     for n, d in enumerate(found.densities):
         left, right = axes[2 * n], axes[2 * n + 1]
-        highest = float(d.density.max())
-        phase = d.phase / math.pi
+        density = d.density.T / factor
+        highest, phase, velocity = float(density.max()), d.phase / math.pi, factor * d.velocity
         image = left.pcolormesh(
-            phase, d.velocity, np.ma.masked_less_equal(d.density.T, 0.0), norm=LogNorm(DEEP * highest, highest),
+            phase, velocity, np.ma.masked_less_equal(density, 0.0), norm=LogNorm(DEEP * highest, highest),
             cmap="viridis", rasterized=True,
         )  # fmt: skip
         with np.errstate(invalid="ignore", divide="ignore"):
             relative = np.ma.masked_invalid(d.se.T / d.density.T)
         error = right.pcolormesh(
-            phase, d.velocity, relative, norm=LogNorm(0.01, 1.0), cmap="magma_r", rasterized=True
+            phase, velocity, relative, norm=LogNorm(0.01, 1.0), cmap="magma_r", rasterized=True
         )  # fmt: skip
         for ax in (left, right):
             ax.grid(False)
-            ax.set_xlabel(r"phase of the excitation ($\pi$)")
-        left.set_ylabel(rf"velocity before the impact $y_{d.mesh}$ ($\nu_1\omega$)")
+            ax.set_xlabel(r"phase of the excitation ($\pi$ rad)")
+        left.set_ylabel(rf"velocity before the impact $y_{d.mesh}$ ({unit})")
         left.set_title(f"mesh {d.mesh}: density", loc="left")
         right.set_title(f"mesh {d.mesh}: standard error / density", loc="left")
-        figure.colorbar(image, ax=left, pad=0.01)
-        figure.colorbar(error, ax=right, pad=0.01)
+        figure.colorbar(image, ax=left, pad=0.01, label=f"1 / (rad · {unit})")
+        figure.colorbar(error, ax=right, pad=0.01, label="share of the density")
     return figure
 
 

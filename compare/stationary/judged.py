@@ -123,7 +123,7 @@ def judged(table: pd.DataFrame, periods: int, predicted: pd.DataFrame) -> pd.Dat
     Parameters
     ----------
     table : DataFrame
-        Index ``quantity``; columns ``value, se, carriers`` of the simulation.
+        Index ``quantity``; columns ``value, se, effective_paths`` of the simulation.
     periods : int
         Its length.
     predicted : DataFrame
@@ -152,9 +152,9 @@ def judged_rows(predicted: pd.DataFrame, table: pd.DataFrame, z: float, periods:
     predicted : DataFrame
         Columns ``quantity, predicted, se_predicted, tolerance``.
     table : DataFrame
-        Index ``quantity``; columns ``value, se, carriers`` of the simulation.
+        Index ``quantity``; columns ``value, se, effective_paths`` of the simulation.
     z : float
-        Half width of the intervals in standard errors where all paths carry these; wider where few do.
+        Half width of the intervals in standard errors where these rest on all paths; wider where on few.
     periods : int
         Length of the simulation.
 
@@ -167,7 +167,7 @@ def judged_rows(predicted: pd.DataFrame, table: pd.DataFrame, z: float, periods:
     rows["simulated"] = rows["quantity"].map(table["value"].to_dict()).astype(float)
     rows["se"] = rows["quantity"].map(table["se"].to_dict()).astype(float)
     rows["error"] = rows["predicted"].astype(float) - rows["simulated"]
-    widened = half_width(rows["quantity"].map(table["carriers"].to_dict()).astype(float), float(ndtr(-z)))
+    widened = half_width(rows["quantity"].map(table["effective_paths"].to_dict()).astype(float), float(ndtr(-z)))
     widened = np.where(np.isnan(widened), z, widened)  # where nothing varies
     rows["noise"] = widened * np.hypot(rows["se"], rows["se_predicted"].astype(float))
     rows["low"], rows["high"] = rows["error"] - rows["noise"], rows["error"] + rows["noise"]

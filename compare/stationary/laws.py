@@ -69,6 +69,28 @@ def _spread(weight: Floats, mean: Floats, sd: Floats) -> tuple[float, float, flo
     return centre, math.sqrt(variance), third / variance**1.5 if variance > 0.0 else math.nan
 
 
+def _by_speed(slow: float, rate: float, weight: Floats, mean: Floats, sd: Floats) -> dict[str, float]:
+    """Share of slow impacts; rate of the others, and moments and quantiles of their speed, which is a cut mixture."""
+    share = _cdf(slow, weight, mean, sd)
+    found = {"slow_share": share, "rate_above": rate * (1.0 - share)}
+    if not share < 1.0:
+        return found
+    with np.errstate(invalid="ignore", divide="ignore"):
+        z = np.where(sd > 0.0, (slow - mean) / sd, np.where(mean <= slow, np.inf, -np.inf))
+    edge, density = np.where(sd > 0.0, z, 0.0), np.where(sd > 0.0, np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi), 0.0)
+    powers = [ndtr(-z), density, ndtr(-z) + edge * density, (edge**2 + 2.0) * density]  # of a normal variable above z
+    whole = float((weight * powers[0]).sum())
+    one = float((weight * (mean * powers[0] + sd * powers[1])).sum()) / whole
+    off = mean - one
+    two = float((weight * (off**2 * powers[0] + 2.0 * off * sd * powers[1] + sd**2 * powers[2])).sum()) / whole
+    three = off**3 * powers[0] + 3.0 * off**2 * sd * powers[1] + 3.0 * off * sd**2 * powers[2] + sd**3 * powers[3]
+    third = float((weight * three).sum()) / whole
+    spread = (one, math.sqrt(two), third / two**1.5 if two > 0.0 else math.nan)
+    found |= dict(zip(("speed_above", "sd_speed_above", "skew_speed_above"), spread, strict=True))
+    cut = (_quantile(share + 0.01 * q * (1.0 - share), weight, mean, sd) for q in QUANTILES)
+    return found | {f"q{q:02d}_speed_above": value for q, value in zip(QUANTILES, cut, strict=True)}
+
+
 def values_of(law: Law, scene: Scene, slow: float, contact: tuple[float, float] = (0.0, 0.0)) -> dict[str, float]:
     """All quantities of `rattle.montecarlo.long_run.estimates.estimates` by a stationary law.
 
@@ -110,7 +132,7 @@ def values_of(law: Law, scene: Scene, slow: float, contact: tuple[float, float] 
         flight = (law.flight, law.sd_flight) if g == 0 else (law.back, law.sd_back)
         energy = float((weight * lost[part]).sum())
         found = {"rate": rate, "energy": energy, "energy_per_period": 2.0 * math.pi * rate * energy}
-        found |= {"power": rate * energy, "slow_share": _cdf(slow, weight, law.speed[part], law.sd_speed[part])}
+        found |= {"power": rate * energy} | _by_speed(slow, rate, weight, law.speed[part], law.sd_speed[part])
         for name, (mean, sd) in {"flight": flight, "speed": (law.speed, law.sd_speed)}.items():
             mean, sd = mean[part], sd[part]
             if not np.isfinite(mean).all():

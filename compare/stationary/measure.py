@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 
 __all__ = ["Stationary", "stationary"]
 
-LEAST_CARRIERS = 16.0
-"""Paths that carry an error, below which its interval is a tenth wider for that, or more."""
+LEAST_EFFECTIVE = 16.0
+"""Effective paths below which an interval is a tenth wider for that, or more."""
 LEAST_SHARE = 0.25  # of the paths, where there are few
 STARTS = 12  # orbits that are followed to find the attractors of a scene without noise
-COLUMNS = ["value", "se", "low", "high", "autocorrelation", "se_batches", "carriers"]
+COLUMNS = ["value", "se", "low", "high", "autocorrelation", "se_batches", "effective_paths"]
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,8 @@ class Stationary:
     table : DataFrame
         Index ``quantity``; columns ``value, se, low, high`` (95 % interval), ``autocorrelation`` (integrated, in
         impacts: the variance of the estimate over that of independent impacts) and ``se_batches`` (standard error from
-        batch means, to check the other; NaN where there is none) and ``carriers`` (how many paths carry the error,
-        about all of them where nothing is rare; for quantiles, of the units that share a distribution).
+        batch means, to check the other; NaN where there is none) and ``effective_paths`` (how many paths the standard
+        error rests on, about all of them where nothing is rare; for quantiles, of the units that share a distribution).
     run : LongRun or None
         The simulation; None for exact values.
     orbit : Attractor
@@ -71,7 +71,7 @@ class Stationary:
 
     def __repr__(self) -> str:
         """The main quantities, on a few lines."""
-        shown = [n for n in ("rate", "speed", "energy_per_period", "slow_share") if n in self.table.index]
+        shown = [n for n in ("rate_above", "speed_above", "energy_per_period", "slow_share") if n in self.table.index]
         lines = [f"Stationary: {self.said}"]
         for name in shown:
             row = self.table.loc[name]
@@ -88,13 +88,13 @@ class Stationary:
 
     @property
     def few(self) -> pd.Series:
-        """Quantities whose intervals are wide because few paths carry their errors, with the number of these."""
+        """Quantities whose intervals are wide because their errors rest on few paths, with the number of these."""
         if self.run is None:
             return pd.Series(dtype=float)
-        own = self.table["carriers"].where(self.table["se"] > 0.0)
+        own = self.table["effective_paths"].where(self.table["se"] > 0.0)
         units = len(self.run.sums.histogram)  # whose counts quantiles are taken from
         parts = np.where(own.index.astype(str).str.startswith("q"), units, self.run.paths)
-        return own[own < np.minimum(LEAST_CARRIERS, LEAST_SHARE * parts)]
+        return own[own < np.minimum(LEAST_EFFECTIVE, LEAST_SHARE * parts)]
 
     @cached_property
     def laws(self) -> dict[str, Law | str]:
@@ -103,7 +103,7 @@ class Stationary:
 
     @cached_property
     def verdicts(self) -> pd.DataFrame:
-        """The closures against the simulation, row by row."""
+        """The closures against the simulation, row by row, dimensionless."""
         if self.run is None:
             return pd.DataFrame()
         return judged(self.table, self.run.periods, predictions(self.laws, self.scene, self.slow))
@@ -178,6 +178,10 @@ class Stationary:
             data[name].attrs["units"] = unit or "1"
         return data
 
+    def verdicts_in(self, units: str) -> pd.DataFrame:
+        """`verdicts` in a system of units, with a column ``unit``, as `table_in`."""
+        return in_units(self.verdicts, self.scene.gears, units) if len(self.verdicts) else self.verdicts
+
     def to_dict(self, units: str = "dimensionless") -> dict[str, Any]:
         """Everything but the section as plain data.
 
@@ -199,7 +203,7 @@ class Stationary:
                 "reached": run.reach is None or run.reach.reached,
             }  # fmt: skip
         table = self.table_in(units).reset_index().to_dict("records")
-        return facts | {"table": table, "verdicts": self.verdicts.to_dict("records")}
+        return facts | {"table": table, "verdicts": self.verdicts_in(units).to_dict("records")}
 
 
 def stationary(
@@ -218,6 +222,9 @@ def stationary(
     progress: str | None = None,
 ) -> Stationary:
     """The stationary motion of a scene: rates, speeds, energies, and the share of slow impacts, with their errors.
+
+    Where teeth chatter, most impacts are too slow to matter: ``rate_above`` and ``speed_above`` are of impacts that are
+    not slow.
 
     Parameters
     ----------
@@ -299,12 +306,15 @@ def _exact_table(values: dict[str, float]) -> pd.DataFrame:
     value = np.array(list(values.values()))
     se = np.where(np.isnan(value), np.nan, 0.0)
     table = pd.DataFrame({"value": value, "se": se, "low": value, "high": value}, index=pd.Index(values))
-    return table.assign(autocorrelation=np.nan, se_batches=np.nan, carriers=np.nan).rename_axis("quantity")[COLUMNS]
+    return table.assign(autocorrelation=np.nan, se_batches=np.nan, effective_paths=np.nan).rename_axis("quantity")[
+        COLUMNS
+    ]
 
 
 def _resting(scene: Scene, a: Attractor, slow: float, closures: tuple[str, ...]) -> Stationary:
     """A motion without impacts."""
-    zero = {f"{name}{s}": 0.0 for name in ("rate", "energy_per_period", "power") for s in _suffixes(scene)}
+    none = ("rate_above", "rate", "energy_per_period", "power")
+    zero = {f"{name}{s}": 0.0 for name in none for s in _suffixes(scene)}
     contact = {f"contact_share_mesh{m}": a.contact[m - 1] for m in range(1, scene.stages + 1)}
     said = f"At rest: the motion {a.reason}; there are no impacts and no energy is lost."
     return Stationary(scene, "rest", said, _exact_table(zero | contact), None, a, slow, closures)

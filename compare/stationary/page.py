@@ -10,13 +10,14 @@ from rattle.compare.report.glossary import CLOSURE_TERMS, VERDICT_TERMS, glossar
 from rattle.compare.stationary.answer import answer
 from rattle.compare.stationary.judged import TOLERANCES
 from rattle.compare.stationary.measure import Stationary
+from rattle.compare.stationary.units import speed_text
 from rattle.scene.scene import Scene
 
 __all__ = ["FIGURES", "stationary_page"]
 
 FIGURES = {
-    "distribution": "Velocity just before an impact, with its 95 % interval: the stationary motion. Coloured ticks: "
-    "the mean speed that each closure gives; grey: impacts that count as slow.",
+    "distribution": "Velocity just before an impact, with its 95 % interval, on a logarithmic scale: the stationary "
+    "motion. Coloured lines: the mean speed that each closure gives; grey: impacts that count as slow.",
     "section": "The Poincaré section at the impacts: density over the phase of the excitation and the velocity before "
     "the impact, and its relative standard error in every cell.",
     "memory": "Autocorrelation time of each quantity, in impacts: right of 1 errors computed as if impacts were "
@@ -32,14 +33,16 @@ WORDS = (
 )  # fmt: skip
 
 MEANING = (
-    "`rate`: impacts per unit of time. `flight`: time since the last impact (with `_mesh1`, `_mesh2`: since the last "
-    "one at that mesh). `speed`: just before an impact. `energy`: lost at an impact, ½(1 − ε²) w y², w = 1 at mesh 1 "
-    "and μ at mesh 2, in units of the mass of wheel 1 at its rim times the square of the unit of speed; "
-    "`energy_per_period`, and `power` per unit of time. `slow_share`: share of impacts slower than {slow:g}. "
+    "`rate_above`, `speed_above`: impacts per unit of time, and speed just before them, of impacts at {slow} or "
+    "faster. `rate`, `speed`: of all impacts, chatter included. `flight`: time since the last impact (with `_mesh1`, "
+    "`_mesh2`: since the last one at that mesh). `energy`: lost at an impact, ½(1 − ε²) w y², w = 1 at mesh 1 "
+    "and μ at mesh 2{mass}; "
+    "`energy_per_period`, and `power` per unit of time. `slow_share`: share of impacts slower than {slow}. "
     "`contact_share`: share of the time in which a mesh is closed. `sd_`, `skew_`, `q05_`: standard deviation, "
     "skewness, 5 % quantile. `autocorrelation`: in impacts. `se_batches`: standard error from batch means. "
-    "`carriers`: how many paths carry the error."
+    "`effective_paths`: how many paths the standard error rests on."
 )
+MASS = ", in units of the mass of wheel 1 at its rim times the square of the unit of speed"
 
 
 def stationary_page(found: Stationary, record: dict[str, Any], drawn: list[str]) -> Page:
@@ -62,14 +65,16 @@ def stationary_page(found: Stationary, record: dict[str, Any], drawn: list[str])
     units = "dimensionless" if found.scene.gears is None else "physical"
     opening: list[Block] = [figures["distribution"]] if "distribution" in figures else []
     words = glossary(*WORDS, gears=found.scene.gears)
-    opening += [_quantities(found.table_in(units)), Text(MEANING.format(slow=found.slow), note=True), words]
+    slow = speed_text(found.slow, found.scene.gears, units)
+    meaning = MEANING.format(slow=slow, mass=MASS if units == "dimensionless" else "")
+    opening += [_quantities(found.table_in(units)), Text(meaning, note=True), words]
     sections = []
     if units == "physical":
         sections.append(Section("Dimensionless", (_quantities(found.table_in("dimensionless"), "All quantities"),)))
     if len(found.verdicts):
         blocks: list[Block] = [figures["closures"]] if "closures" in figures else []
         sections.append(
-            Section("The closures", (*blocks, _verdicts(found.verdicts), Text(TOLERANCES, note=True)))
+            Section("The closures", (*blocks, _verdicts(found.verdicts_in(units)), Text(TOLERANCES, note=True)))
         )  # fmt: skip
     if "section" in figures:
         sections.append(Section("The section", (figures["section"],)))
@@ -98,18 +103,18 @@ MARK = {"accurate": "good", "inaccurate": "bad", "undecided": "open"}
 def _verdicts(verdicts: pd.DataFrame) -> Table:
     """The main quantities of each closure, and why it has none."""
     heads = [
-        Column("closure"), Column("quantity"), *(Column(n, NUMBER) for n in ("predicted", "simulated", "low", "high")),
-        Column("verdict"), Column("why not"),
+        *(Column(n) for n in ("closure", "quantity", "unit")),
+        *(Column(n, NUMBER) for n in ("predicted", "simulated", "low", "high")), Column("verdict"), Column("why not"),
     ]  # fmt: skip
     rows: list[Row] = []
     for closure, own in verdicts.groupby("closure", sort=False):
         reason = own["reason"].iloc[0]
         if reason:
-            rows.append([f"{closure}", "all", *[float("nan")] * 4, "not predicted", reason])
+            rows.append([f"{closure}", "all", "", *[float("nan")] * 4, "not predicted", reason])
             continue
         for r in own[own["verdict"] != "not predicted"].to_dict("records"):
             rows.append([
-                f"{closure}", r["quantity"], r["predicted"], r["simulated"], r["low"], r["high"],
+                f"{closure}", r["quantity"], r["unit"], r["predicted"], r["simulated"], r["low"], r["high"],
                 Cell(r["verdict"], MARK.get(r["verdict"], "")), "",
             ])  # fmt: skip
     return Table.of(heads, rows, "Every quantity" if len(rows) > 12 else "")

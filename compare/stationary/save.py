@@ -7,7 +7,7 @@ import pandas as pd
 
 from rattle.compare.report.save import contents, save
 from rattle.compare.stationary.bifurcation import Bifurcation, bifurcation_figure
-from rattle.compare.stationary.figures import drawn
+from rattle.compare.stationary.figures import drawn, speed_unit
 from rattle.compare.stationary.measure import Stationary
 from rattle.compare.stationary.page import FIGURES, stationary_page
 
@@ -48,15 +48,19 @@ def write_stationary(
         If the folder contains other files, or earlier results and `overwrite` is false.
     """
     figures = drawn(found)
-    tables = {"stationary": found.table.reset_index()}
+    tables, units = {"stationary": found.table.reset_index()}, "dimensionless"
     if found.scene.gears is not None:
-        tables["physical"] = found.table_in("physical").reset_index()
+        units = "physical"
+        tables["physical"] = found.table_in(units).reset_index()
     if len(found.verdicts):
-        tables["verdicts"] = found.verdicts
+        tables["verdicts"] = found.verdicts_in(units)
     if found.densities:
         tables["sections"] = pd.concat([d.table for d in found.densities], ignore_index=True)
     if view is not None:
-        figures["bifurcation"], tables["bifurcation"] = bifurcation_figure(view), view.table
+        figures["bifurcation"], tables["bifurcation"] = (
+            bifurcation_figure(view, *speed_unit(found.scene.gears)),
+            view.table,
+        )
     page = stationary_page(found, record, list(figures))
     save(
         out, "stationary", page, record | found.to_dict(), allowed=CONTENTS, figures=figures, tables=tables,

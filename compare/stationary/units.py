@@ -2,57 +2,50 @@
 
 import pandas as pd
 
-from rattle.montecarlo.long_run.names import QUANTILES
+from rattle.montecarlo.long_run.names import NAMES, QUANTILES
 from rattle.scene.gears import Gears
 from rattle.scene.units import check_units
 
-__all__ = ["in_units"]
+__all__ = ["in_units", "speed_text", "unit_of"]
 
 SPREAD = ("", "sd_", *(f"q{percent:02d}_" for percent in QUANTILES))
-NUMERIC = ["value", "se", "low", "high", "se_batches"]
+NUMERIC = ["value", "se", "low", "high", "se_batches", "predicted", "simulated", "error", "tolerance"]
 
 
-def in_units(table: pd.DataFrame, gears: Gears | None, units: str) -> pd.DataFrame:
-    """A table of stationary quantities in a system of units.
+def unit_of(quantity: str, gears: Gears | None, units: str) -> tuple[str, float]:
+    """The unit of a quantity, and its factor; empty and 1 for one without a unit.
 
     The energy is that of both wheels in relative motion.  Its unit is the mass of wheel 1 at its rim, ``I1 / R1^2``,
     times the square of ``backlash1 omega``; at mesh 2 the reduced mass of both wheels counts.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Index ``quantity``, dimensionless.
-    gears : Gears or None
-        The gears that the scene was made from.
-    units : {"dimensionless", "physical"}
-        The units wanted.
-
-    Returns
-    -------
-    DataFrame
-        With a first column ``unit``; empty for a quantity without one.
-
-    Raises
-    ------
-    InputError
-        For unknown units, or a scene without gears.
     """
-    physical = check_units(units, gears) == "physical"
-    unit, factor = [], []
-    for name in table.index.astype(str):
-        what = name.split("_mesh")[0]
-        kind = next((k for k in ("flight", "speed") if what in {p + k for p in SPREAD}), what)
-        text, value = ("", 1.0)
-        if physical and gears is not None:
-            u = gears.units
-            text, value = {
-                "rate": ("1/s", 1000.0 / u.time), "flight": ("ms", u.time), "speed": ("mm/s", u.speed),
-                "energy": ("mJ", u.energy), "energy_per_period": ("mJ", u.energy),
-                "power": ("mW", 1000.0 * u.energy / u.time),
-            }.get(kind, ("", 1.0))  # fmt: skip
-        unit.append(text)
-        factor.append(value)
+    if gears is None or check_units(units, gears) == "dimensionless":
+        return "", 1.0
+    what = quantity.split("_mesh")[0]
+    kind = next((name for name in NAMES.values() if what in {prefix + name for prefix in SPREAD}), what)
+    u = gears.units
+    found = {
+        "rate": ("1/s", 1000.0 / u.time), "flight": ("ms", u.time), "speed": ("mm/s", u.speed),
+        "energy": ("mJ", u.energy), "energy_per_period": ("mJ", u.energy), "power": ("mW", 1000.0 * u.energy / u.time),
+    }  # fmt: skip
+    return found.get(kind.removesuffix("_above"), ("", 1.0))
+
+
+def speed_text(speed: float, gears: Gears | None, units: str) -> str:
+    """A dimensionless speed as text, with its unit."""
+    unit, factor = unit_of("speed", gears, units)
+    return f"{speed * factor:.3g} {unit}".rstrip()
+
+
+def in_units(table: pd.DataFrame, gears: Gears | None, units: str) -> pd.DataFrame:
+    """A table of stationary quantities or verdicts in a system of units, with a column ``unit``.
+
+    The quantities are its column ``quantity``, or its index.
+    """
+    check_units(units, gears)
+    names = table.get("quantity", table.index)
+    found = [unit_of(str(name), gears, units) for name in names]
     out = table.copy()
-    out[NUMERIC] = out[NUMERIC].mul(factor, axis=0)
-    out.insert(0, "unit", unit)
+    numeric = [name for name in NUMERIC if name in out]
+    out[numeric] = out[numeric].mul([factor for _, factor in found], axis=0)
+    out.insert(list(table).index("quantity") + 1 if "quantity" in table else 0, "unit", [unit for unit, _ in found])
     return out

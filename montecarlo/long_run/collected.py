@@ -21,7 +21,7 @@ class Collected(NamedTuple):
         As of `Sums`, over the batches that are full.
     time, samples : float
         Duration of each path, and number of samples of its state.
-    power, energy, histogram, section, together
+    power, products, histogram, section, together
         As of `Sums`, of all paths.
     scales : Scales
         Of the pilot run.
@@ -33,7 +33,7 @@ class Collected(NamedTuple):
     time: float
     samples: float
     power: Floats
-    energy: Floats
+    products: Floats
     histogram: NDArray[np.uint32]
     section: NDArray[np.uint32]
     together: int
@@ -82,12 +82,12 @@ def collected(parts: list[Sums], batches: int, time: float, samples: float, stag
     def joined(name: str) -> NDArray[Any]:
         return np.concatenate([getattr(part, name) for part in parts])
 
-    power, energy, histogram = joined("power"), joined("energy"), joined("histogram")
+    power, products, histogram = joined("power"), joined("products"), joined("histogram")
     if stages == 2:  # all impacts: those at either mesh
-        for sums in (power[:, :, SPEED], energy[:, :, 0], histogram[:, :, SPEED]):
+        for sums in (power[:, :, SPEED:], products[:, :, 0], histogram[:, :, SPEED:]):
             sums[:, 0] = sums[:, 1] + sums[:, 2]
     return Collected(
-        joined("main")[:, :batches], time, samples, power, energy, histogram, joined("section"), parts[0].together,
+        joined("main")[:, :batches], time, samples, power, products, histogram, joined("section"), parts[0].together,
         parts[0].scales, stages,
     )  # fmt: skip
 

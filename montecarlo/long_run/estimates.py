@@ -41,9 +41,9 @@ class Estimate(NamedTuple):
         Integrated autocorrelation time in impacts; NaN where nothing varies.
     se_batches : float
         Standard error from batch means; NaN for what is not summed in batches.
-    carriers : float
-        Paths that carry the error, see `rattle.montecarlo.long_run.intervals.carriers_of`; for quantiles, units of the
-        distributions.
+    effective_paths : float
+        Paths that the standard error rests on, see `rattle.montecarlo.long_run.intervals.count_effective_paths`; for
+        quantiles, units of the distributions.
     """
 
     value: float
@@ -52,7 +52,7 @@ class Estimate(NamedTuple):
     high: float
     autocorrelation: float
     se_batches: float = math.nan
-    carriers: float = math.nan
+    effective_paths: float = math.nan
 
 
 def _jackknife(sums: Floats, function: Callable[[Floats], Floats]) -> Spread:
@@ -79,12 +79,11 @@ class _Maker:
 
     def made(self, of: Spread, naive: float, batches: float = math.nan) -> Estimate:
         low, high = of.interval()
-        return Estimate(of.value, of.se, low, high, _over(of.se**2, naive**2), batches, of.carriers)
+        return Estimate(of.value, of.se, low, high, _over(of.se**2, naive**2), batches, of.effective_paths)
 
-    def _batch_se(self, top: int, bottom: int | None) -> float:
+    def _batch_se(self, a: Floats, bottom: int | None) -> float:
         """Standard error of a ratio of sums (or of a rate) from the spread of all batches of all paths."""
-        batches = self.c.main.shape[1]
-        a = self.c.main[:, :, top]
+        batches = a.shape[1]
         b = np.full_like(a, self.c.time / batches) if bottom is None else self.c.main[:, :, bottom]
         if batches < 2 or b.sum() == 0.0:
             return math.nan
@@ -92,20 +91,29 @@ class _Maker:
         rest = rest - rest.mean(axis=1, keepdims=True)  # within paths only
         return float(np.sqrt((rest**2).sum() * batches / (batches - 1))) / float(b.sum())
 
-    def per_time(self, column: int, g: int, factor: float = 1.0) -> Estimate:
-        """A sum over impacts per unit of time."""
-        c, total = self.c, float(self.main[:, column].sum())
-        whole = c.time * c.paths
-        found = spread(factor * self.main[:, column] / c.time)
-        value = total / whole
-        flight, n = self._raw(g, FLIGHT), float(self.main[:, 4 * g + NUMBER].sum())
-        if column == 4 * g + NUMBER:
-            square = n - 2.0 * value * flight[0] + value**2 * flight[1]
-        else:
-            lost = c.energy[:, g].sum(axis=0)
-            square = lost[0] - 2.0 * value * lost[1] + value**2 * flight[1]
-        naive = math.sqrt(max(square, 0.0)) / whole
-        return self.made(found, factor * naive, factor * self._batch_se(column, None))
+    def rate(self, g: int) -> Estimate:
+        """Impacts per unit of time."""
+        number = self.c.main[:, :, 4 * g + NUMBER]
+        return self._per_time(number, g, float(number.sum()), self._raw(g, FLIGHT)[0])
+
+    def rate_above(self, g: int) -> Estimate:
+        """Impacts per unit of time that are not slow."""
+        number = self.c.main[:, :, 4 * g + NUMBER] - self.c.main[:, :, 4 * g + SLOW]
+        return self._per_time(number, g, float(number.sum()), float(self.c.products[:, g, 2].sum()))
+
+    def power(self, g: int, factor: float = 1.0) -> Estimate:
+        """Energy lost per unit of time."""
+        square, cross = self.c.products[:, g, :2].sum(axis=0)
+        return self._per_time(self.c.main[:, :, 4 * g + ENERGY], g, float(square), float(cross), factor)
+
+    def _per_time(self, sums: Floats, g: int, square: float, cross: float, factor: float = 1.0) -> Estimate:
+        """A sum over impacts per unit of time, from its square and its product with the flight, summed over impacts."""
+        whole = self.c.time * self.c.paths
+        value = float(sums.sum()) / whole
+        rest = square - 2.0 * value * cross + value**2 * self._raw(g, FLIGHT)[1]
+        naive = math.sqrt(max(rest, 0.0)) / whole
+        found = spread(factor * sums.sum(axis=1) / self.c.time)
+        return self.made(found, factor * naive, factor * self._batch_se(sums, None))
 
     def _raw(self, g: int, i: int) -> tuple[float, float]:
         """Sums of a value and of its square."""
@@ -117,15 +125,15 @@ class _Maker:
         """A number of impacts out of a number of impacts."""
         found = _jackknife(self.main[:, [column, of]], lambda s: s[:, 0] / s[:, 1])
         naive = math.sqrt(max(found.value * (1.0 - found.value), 0.0) / self.main[:, of].sum())
-        return _within(0.0, self.made(found, naive, self._batch_se(column, of)), 1.0)
+        return _within(0.0, self.made(found, naive, self._batch_se(self.c.main[:, :, column], of)), 1.0)
 
     def energy(self, g: int) -> Estimate:
         """Mean energy lost at an impact."""
         columns = [4 * g + ENERGY, 4 * g + NUMBER]
         found = _jackknife(self.main[:, columns], lambda s: s[:, 0] / s[:, 1])
-        n, square = float(self.main[:, columns[1]].sum()), float(self.c.energy[:, g, 0].sum())
+        n, square = float(self.main[:, columns[1]].sum()), float(self.c.products[:, g, 0].sum())
         naive = math.sqrt(max(square / n - found.value**2, 0.0) / n)
-        return self.made(found, naive, self._batch_se(*columns))
+        return self.made(found, naive, self._batch_se(self.c.main[:, :, columns[0]], columns[1]))
 
     def contact(self, mesh: int) -> Estimate:
         """Share of the time in which a mesh is closed; its autocorrelation in impacts."""
@@ -134,11 +142,11 @@ class _Maker:
         found = spread(each)
         apart = float(self.main[:, NUMBER].sum()) / (c.samples * c.paths)  # impacts between two samples
         naive = math.sqrt(max(found.value * (1.0 - found.value), 0.0) / (c.samples * c.paths) / max(apart, 1e-300))
-        batches = self._batch_se(CONTACT + mesh - 1, None) * c.time / c.samples
+        batches = self._batch_se(c.main[:, :, CONTACT + mesh - 1], None) * c.time / c.samples
         return _within(0.0, self.made(found, naive, batches), 1.0)
 
     def moments(self, g: int, i: int) -> Iterator[tuple[str, Estimate]]:
-        """Mean, sd and skewness of flight or speed."""
+        """Mean, sd and skewness of flight or of a speed."""
         power, scale, centre = (
             self.c.power[:, g, i],
             float(self.c.scales.scale[g, i]),
@@ -146,10 +154,10 @@ class _Maker:
         )
 
         def standardised(s: Floats) -> tuple[Floats, Floats, Floats]:
-            m = s / s[:, :1]
-            variance = np.maximum(m[:, 2] - m[:, 1] ** 2, 0.0)
-            third = m[:, 3] - 3.0 * m[:, 1] * m[:, 2] + 2.0 * m[:, 1] * m[:, 1] ** 2
             with np.errstate(invalid="ignore", divide="ignore"):
+                m = s / s[:, :1]
+                variance = np.maximum(m[:, 2] - m[:, 1] ** 2, 0.0)
+                third = m[:, 3] - 3.0 * m[:, 1] * m[:, 2] + 2.0 * m[:, 1] * m[:, 1] ** 2
                 return m[:, 1], np.sqrt(variance), third / (variance * np.sqrt(variance))
 
         m = power.sum(axis=0)
@@ -167,7 +175,9 @@ class _Maker:
             factor = scale if k < 2 else 1.0
             square = sum(a * b * central[p + q] for p, a in enumerate(polynomial) for q, b in enumerate(polynomial))
             naive = unit * math.sqrt(max(square, 0.0) / n) if sd > 0.0 else math.nan
-            batches = self._batch_se(4 * g + SPEED, 4 * g + NUMBER) if (prefix, i) == ("", SPEED) else math.nan
+            batches = math.nan
+            if (prefix, i) == ("", SPEED):
+                batches = self._batch_se(self.c.main[:, :, 4 * g + SPEED], 4 * g + NUMBER)
             found = found._replace(value=found.value * factor + (centre if k == 0 else 0.0), se=found.se * factor)
             yield prefix, self.made(found, naive, batches)
 
@@ -182,12 +192,12 @@ class _Maker:
             value = _inverse(edges, whole, p)
             k = int(np.clip(np.searchsorted(whole, p), 0, edges.size - 1))
             part = spread((below[:, k] - whole[k] * n) / n.mean())
-            half = float(half_width(part.carriers))
+            half = float(half_width(part.effective_paths))
             low, high = (_inverse(edges, whole, p + x * part.se) for x in (-half, half))
             naive = math.sqrt(p * (1.0 - p) / float(n.sum()))
             yield f"q{percent:02d}_", Estimate(
                 value, 0.5 * (high - low) / half, low, high, _over(part.se**2, naive**2),
-                carriers=part.carriers,
+                effective_paths=part.effective_paths,
             )  # fmt: skip
 
 
@@ -219,7 +229,8 @@ def estimates(c: Collected, names: tuple[str, ...] | None = None) -> dict[str, E
     Returns
     -------
     dict of str to Estimate
-        ``rate`` (impacts per unit of time), ``flight`` and ``speed`` with ``sd_``, ``skew_`` and ``q01_`` to ``q99_``,
+        ``rate_above`` (impacts per unit of time that are not slow) and ``speed_above``, ``rate`` and ``flight`` and
+        ``speed`` of all impacts, with ``sd_``, ``skew_`` and ``q01_`` to ``q99_``,
         ``energy`` (mean loss of an impact), ``energy_per_period``, ``power`` (loss per unit of time), ``slow_share``,
         all of them also with ``_mesh1`` and ``_mesh2`` for two stages, and ``contact_share_mesh1``, ....
     """
@@ -242,16 +253,18 @@ def _estimates(made: _Maker, names: tuple[str, ...] | None) -> dict[str, Estimat
         if made.main[:, 4 * g].sum() == 0.0:
             continue
         at = 4 * g
-        out["rate" + suffix] = made.per_time(at + NUMBER, g)
-        for i in (FLIGHT, SPEED):
+        out["rate_above" + suffix], out["rate" + suffix] = made.rate_above(g), made.rate(g)
+        for i in NAMES:
             name = NAMES[i] + suffix
+            if not c.power[:, g, i, 0].any():
+                continue
             if wanted(name, "sd_" + name, "skew_" + name):
                 out |= {prefix + name: estimate for prefix, estimate in made.moments(g, i)}
             if wanted(*(f"q{percent:02d}_{name}" for percent in QUANTILES)):
                 out |= {prefix + name: estimate for prefix, estimate in made.quantiles(g, i)}
         out["energy" + suffix] = made.energy(g)
-        out["energy_per_period" + suffix] = made.per_time(at + ENERGY, g, 2.0 * math.pi)
-        out["power" + suffix] = made.per_time(at + ENERGY, g)
+        out["energy_per_period" + suffix] = made.power(g, 2.0 * math.pi)
+        out["power" + suffix] = made.power(g)
         out["slow_share" + suffix] = made.share(at + SLOW, at + NUMBER)
     for mesh in range(1, c.stages + 1):
         out[f"contact_share_mesh{mesh}"] = made.contact(mesh)

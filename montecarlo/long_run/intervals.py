@@ -1,4 +1,4 @@
-"""Intervals from independent paths: Student's, with as many degrees of freedom as paths carry the error, less one.
+"""Intervals from independent paths: Student's, with as many degrees of freedom as paths the error rests on, less one.
 
 A standard error is known as well as the variance of what paths put into a value.  Where rare bursts are nearly all of
 it, that variance comes from the few paths that had one, and is most often too small when few had.
@@ -11,19 +11,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
-__all__ = ["CONFIDENCE", "Spread", "carriers_of", "half_width", "spread"]
+__all__ = ["CONFIDENCE", "Spread", "count_effective_paths", "half_width", "spread"]
 
 Floats = NDArray[np.float64]
 
 CONFIDENCE = 0.95
 
 
-def half_width(carriers: ArrayLike, tail: float = 0.5 - 0.5 * CONFIDENCE) -> Any:
-    """Half width of an interval in standard errors, from the number of paths that carry the error.
+def half_width(effective_paths: ArrayLike, tail: float = 0.5 - 0.5 * CONFIDENCE) -> Any:
+    """Half width of an interval in standard errors, from the number of paths that the error rests on.
 
     Parameters
     ----------
-    carriers : float or array of float
+    effective_paths : float or array of float
         Their number; below 2 it counts as 2.
     tail : float
         Probability on each side of the interval; by default those of a 95 % interval.
@@ -38,11 +38,11 @@ def half_width(carriers: ArrayLike, tail: float = 0.5 - 0.5 * CONFIDENCE) -> Any
     >>> [round(float(half_width(n)), 2) for n in (1000, 10, 3)]
     [1.96, 2.26, 4.3]
     """
-    return -stdtrit(np.maximum(np.asarray(carriers) - 1.0, 1.0), tail)
+    return -stdtrit(np.maximum(np.asarray(effective_paths) - 1.0, 1.0), tail)
 
 
-def carriers_of(rest: Floats) -> float:
-    """How many paths carry an error: all of them where what they deviate by is normal, few where rare bursts are all.
+def count_effective_paths(rest: Floats) -> float:
+    """How many paths an error rests on: all where what they deviate by is normal, few where rare bursts are all.
 
     Where few of many paths do, their number is about ``(sum r^2)^2 / sum r^4``, which is a third of all where the
     deviations r are normal; the inverses are shifted such that these count in full.
@@ -60,7 +60,7 @@ def carriers_of(rest: Floats) -> float:
     --------
     >>> burst = np.zeros(300)
     >>> burst[:5] = 1.0
-    >>> round(carriers_of(burst - burst.mean()), 1)
+    >>> round(count_effective_paths(burst - burst.mean()), 1)
     5.3
     """
     n, largest = len(rest), float(np.abs(rest).max())
@@ -79,17 +79,17 @@ class Spread(NamedTuple):
     ----------
     value, se : float
         Value and standard error.
-    carriers : float
-        How many paths carry the error, see `carriers_of`.
+    effective_paths : float
+        How many paths the error rests on, see `count_effective_paths`.
     """
 
     value: float
     se: float
-    carriers: float
+    effective_paths: float
 
     def interval(self) -> tuple[float, float]:
         """95 % interval of the value."""
-        half = float(half_width(self.carriers)) * self.se
+        half = float(half_width(self.effective_paths)) * self.se
         return self.value - half, self.value + half
 
 
@@ -109,4 +109,4 @@ def spread(parts: Floats, value: float | None = None) -> Spread:
     """
     n, rest = len(parts), parts - parts.mean()
     value = float(parts.mean()) if value is None else value
-    return Spread(value, math.sqrt(float((rest**2).sum()) / (n - 1) / n), carriers_of(rest))
+    return Spread(value, math.sqrt(float((rest**2).sum()) / (n - 1) / n), count_effective_paths(rest))

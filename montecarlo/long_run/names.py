@@ -2,14 +2,14 @@
 
 from collections.abc import Iterator
 
-from rattle.montecarlo.long_run.sums import FLIGHT, GROUPS, SPEED
+from rattle.montecarlo.long_run.sums import ABOVE, FLIGHT, GROUPS, SPEED
 
 __all__ = ["NAMES", "QUANTILES", "all_names", "groups"]
 
 QUANTILES = (1, 5, 50, 95, 99)
 """Percentages of the quantiles."""
-NAMES = {FLIGHT: "flight", SPEED: "speed"}
-"""Of what has a distribution, by its index there."""
+NAMES = {ABOVE: "speed_above", FLIGHT: "flight", SPEED: "speed"}
+"""Of what has a distribution, by its index there: the speed of impacts that are not slow, flight, and speed."""
 
 
 def groups(stages: int) -> Iterator[tuple[int, str]]:
@@ -46,11 +46,12 @@ def all_names(stages: int) -> tuple[str, ...]:
     Examples
     --------
     >>> all_names(1)[:4]
-    ('rate', 'flight', 'sd_flight', 'skew_flight')
+    ('rate_above', 'speed_above', 'sd_speed_above', 'skew_speed_above')
     """
     found = []
     spread = ("", "sd_", "skew_", *(f"q{percent:02d}_" for percent in QUANTILES))
     for _, suffix in groups(stages):
-        found += ["rate" + suffix, *(f"{prefix}{name}{suffix}" for name in NAMES.values() for prefix in spread)]
+        for rate, names in (("rate_above", ("speed_above",)), ("rate", ("flight", "speed"))):
+            found += [rate + suffix, *(f"{prefix}{name}{suffix}" for name in names for prefix in spread)]
         found += [name + suffix for name in ("energy", "energy_per_period", "power", "slow_share")]
     return (*found, *(f"contact_share_mesh{mesh}" for mesh in range(1, stages + 1)))

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from rattle.montecarlo.long_run.sums import BINS, CELLS, FLIGHT, GROUPS, SPEED, Scales, cell_of
+from rattle.montecarlo.long_run.sums import ABOVE, BINS, CELLS, FLIGHT, GROUPS, KINDS, SPEED, Scales, cell_of
 from rattle.scene.compiled import jit
 
 __all__ = ["impacts_of", "no_scales", "scales_of_pilot"]
@@ -27,7 +27,7 @@ def no_scales(slow: float) -> Scales:
     -------
     Scales
     """
-    shape = (GROUPS, 2)
+    shape = (GROUPS, KINDS)
     edges = np.zeros((*shape, BINS - 1))
     first = np.zeros((*shape, CELLS + 1), np.int16)
     return Scales(np.zeros(shape), np.ones(shape), edges, first, np.zeros(2), np.ones(2), slow)
@@ -84,7 +84,7 @@ def scales_of_pilot(seen: Floats, slow: float) -> Scales:
     >>> rng = np.random.default_rng(1)
     >>> s = scales_of_pilot(np.column_stack([np.ones(1000), *rng.uniform(1.0, 2.0, (3, 1000))]), 0.1)
     >>> s.edges.shape, bool(abs(s.centre[0, FLIGHT] - 1.5) < 0.05)
-    ((3, 2, 399), True)
+    ((3, 3, 399), True)
     """
     s = no_scales(slow)
     share = expit(np.linspace(-TAILS, TAILS, BINS - 1))
@@ -92,8 +92,11 @@ def scales_of_pilot(seen: Floats, slow: float) -> Scales:
         own = seen if g == 0 else seen[seen[:, 0] == g]
         if len(own) == 0:
             continue
-        for i, values in ((FLIGHT, own[:, 1 if g == 0 else 2]), (SPEED, np.abs(own[:, 3]))):
-            if g > 0 and i == SPEED:  # as for all impacts, which are the sum of both meshes
+        speed = np.abs(own[:, 3])
+        for i, values in ((FLIGHT, own[:, 1 if g == 0 else 2]), (SPEED, speed), (ABOVE, speed[speed >= slow])):
+            if values.size == 0:
+                continue
+            if g > 0 and i != FLIGHT:  # as for all impacts, which are the sum of both meshes
                 s.centre[g, i], s.scale[g, i] = s.centre[0, i], s.scale[0, i]
                 s.edges[g, i], s.first[g, i] = s.edges[0, i], s.first[0, i]
                 continue

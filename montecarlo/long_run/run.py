@@ -23,7 +23,7 @@ __all__ = ["ACCURACY", "ASKED", "PATHS", "long_run"]
 
 PATHS = 256
 ACCURACY = 0.01
-ASKED = ("rate", "speed", "energy_per_period")
+ASKED = ("rate_above", "speed_above", "energy_per_period")
 """Quantities whose intervals an accuracy is asked for, by default."""
 RESTARTS = 3  # most times that what was taken for stationary is taken for burn-in after all
 

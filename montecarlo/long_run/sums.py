@@ -18,8 +18,8 @@ from rattle.scene.constants import Constants
 from rattle.scene.impact import energy_loss
 
 __all__ = [
-    "BINS", "CELLS", "CONTACT", "ENERGY", "FLIGHT", "GROUPS", "MAIN", "NOISE", "NUMBER", "PHASES", "SLOW", "SPEED",
-    "VELOCITIES", "WORK", "Scales", "Sums", "add_stretch", "bin_of", "cell_of", "new_sums",
+    "ABOVE", "BINS", "CELLS", "CONTACT", "ENERGY", "FLIGHT", "GROUPS", "KINDS", "MAIN", "NOISE", "NUMBER", "PHASES",
+    "SLOW", "SPEED", "VELOCITIES", "WORK", "Scales", "Sums", "add_stretch", "bin_of", "cell_of", "new_sums",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -36,7 +36,8 @@ WORK = CONTACT + 2
 NOISE = WORK + 4
 """Columns of `Sums.main` from here: the control variates of `rattle.montecarlo.long_run.noise_work`."""
 MAIN = NOISE + CONTROLS
-FLIGHT = 0  # index of the flight in distributions; `SPEED` is 1 there too
+FLIGHT, ABOVE, KINDS = 0, 2, 3
+"""Distributions: flight, `SPEED` (1 there too), and the speed of impacts that are not slow; how many these are."""
 TURN = 2.0 * math.pi
 POWERS = 7  # power sums of order 0 to 6
 BINS = 400
@@ -51,11 +52,11 @@ class Scales(NamedTuple):
 
     Attributes
     ----------
-    centre, scale : ndarray, shape (GROUPS, 2)
-        Of the power sums of flight and speed.
-    edges : ndarray, shape (GROUPS, 2, BINS - 1)
+    centre, scale : ndarray, shape (GROUPS, KINDS)
+        Of the power sums of flight and speeds.
+    edges : ndarray, shape (GROUPS, KINDS, BINS - 1)
         Inner edges of the bins, ascending; the first and the last bin are open.
-    first : ndarray of int, shape (GROUPS, 2, CELLS + 1)
+    first : ndarray of int, shape (GROUPS, KINDS, CELLS + 1)
         Number of edges in lower cells.
     low, high : ndarray, shape (2,)
         Velocities between which the section of each mesh is counted.
@@ -81,13 +82,14 @@ class Sums(NamedTuple):
         Sums in each batch of time.
     batch : ndarray of int, shape (1,)
         The batch that is being filled.
-    power : ndarray, shape (paths, GROUPS, 2, POWERS)
-        Power sums of flight and speed.
-    energy : ndarray, shape (paths, GROUPS, 2)
-        Sums of the squared energy loss, and of the energy loss times the flight.
-    histogram : ndarray of uint32, shape (units, GROUPS, 2, BINS)
-        Counts of flight and speed, of `together` successive paths each.  With two stages the speed, and the squared
-        energy loss, are counted for each mesh only (also in `power` and `energy`).
+    power : ndarray, shape (paths, GROUPS, KINDS, POWERS)
+        Power sums of flight and speeds.
+    products : ndarray, shape (paths, GROUPS, 3)
+        Sums of the squared energy loss, of the energy loss times the flight, and of flights to impacts that are not
+        slow.
+    histogram : ndarray of uint32, shape (units, GROUPS, KINDS, BINS)
+        Counts of flight and speeds, of `together` successive paths each.  With two stages the speeds, and the squared
+        energy loss, are counted for each mesh only (also in `power` and `products`).
     section : ndarray of uint32, shape (units, 2, PHASES, VELOCITIES)
         Impacts at each mesh by phase and velocity before them.
     together : int
@@ -99,7 +101,7 @@ class Sums(NamedTuple):
     main: Floats
     batch: NDArray[np.int64]
     power: Floats
-    energy: Floats
+    products: Floats
     histogram: Counts
     section: Counts
     together: int
@@ -127,8 +129,8 @@ def new_sums(paths: int, batches: int, scales: Scales, detail: bool = True, toge
     n = paths if detail else 0
     units = -(-n // together)
     return Sums(
-        np.zeros((paths, batches, MAIN)), np.zeros(1, np.int64), np.zeros((n, GROUPS, 2, POWERS)),
-        np.zeros((n, GROUPS, 2)), np.zeros((units, GROUPS, 2, BINS), np.uint32),
+        np.zeros((paths, batches, MAIN)), np.zeros(1, np.int64), np.zeros((n, GROUPS, KINDS, POWERS)),
+        np.zeros((n, GROUPS, 3)), np.zeros((units, GROUPS, KINDS, BINS), np.uint32),
         np.zeros((units, 2, PHASES, VELOCITIES), np.uint32), together, scales,
     )  # fmt: skip
 
@@ -186,7 +188,7 @@ def bin_of(edges: Floats, first: NDArray[np.int16], value: float) -> int:
 
 @inlined
 def _add_value(s: Sums, p: int, g: int, i: int, value: float) -> None:
-    """Add the flight or the speed of an impact to the distribution of a group."""
+    """Add the flight or the speed of an impact to a distribution of a group."""
     scales, power = s.scales, s.power[p, g, i]
     u = (value - scales.centre[g, i]) / scales.scale[g, i]
     square = u * u
@@ -270,21 +272,27 @@ def add_stretch(
         for k in range(impacts[p]):
             now, mesh = rows[p, k, 0], abs(int(rows[p, k, 6]))
             y = rows[p, k, 2 * mesh + 1]
+            slow = abs(y) < s.scales.slow
             lost = energy_loss(c, mesh, rows[p, k, 3], rows[p, k, 5])
             g = mesh if two else 0
             main[4 * g + NUMBER] += 1.0
             main[4 * g + SPEED] += abs(y)
             main[4 * g + ENERGY] += lost
-            main[4 * g + SLOW] += abs(y) < s.scales.slow
+            main[4 * g + SLOW] += slow
             if detail:
                 flight, own = now - max(last[0], last[1]), now - last[mesh - 1]
                 _add_value(s, p, 0, FLIGHT, flight)
-                s.energy[p, 0, 1] += lost * flight
+                s.products[p, 0, 1] += lost * flight
                 if two:
                     _add_value(s, p, g, FLIGHT, own)
-                    s.energy[p, g, 1] += lost * own
+                    s.products[p, g, 1] += lost * own
                 _add_value(s, p, g, SPEED, abs(y))
-                s.energy[p, g, 0] += lost * lost
+                s.products[p, g, 0] += lost * lost
+                if not slow:
+                    _add_value(s, p, g, ABOVE, abs(y))
+                    s.products[p, 0, 2] += flight
+                    if two:
+                        s.products[p, g, 2] += own
                 _add_to_section(s, p, mesh, now, y)
             last[mesh - 1] = now
         if two:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rattle.montecarlo.long_run import intervals
-from rattle.montecarlo.long_run.intervals import carriers_of, spread
+from rattle.montecarlo.long_run.intervals import count_effective_paths, spread
 
 SAMPLES, PATHS = 2000, 256
 
@@ -35,7 +35,7 @@ def test_intervals_hold_the_truth_even_where_few_paths_carry_the_error(bursts):
 
 def test_intervals_that_take_all_paths_for_carriers_do_not(monkeypatch):
     """The negative control: Student's t with one degree of freedom less than there are paths."""
-    monkeypatch.setattr(intervals, "carriers_of", lambda rest: float(len(rest)))
+    monkeypatch.setattr(intervals, "count_effective_paths", lambda rest: float(len(rest)))
     assert coverage(6) < 0.88
 
 
@@ -46,7 +46,7 @@ def test_two_bursts_are_too_few():
 
 def test_all_paths_carry_what_is_normal():
     rng = np.random.default_rng(2)
-    found = [carriers_of(rest - rest.mean()) for rest in rng.standard_normal((SAMPLES, PATHS))]
+    found = [count_effective_paths(rest - rest.mean()) for rest in rng.standard_normal((SAMPLES, PATHS))]
     assert 0.7 * PATHS < np.median(found) <= PATHS
     assert np.quantile(found, 0.01) > 0.3 * PATHS  # the t of 80 paths is 2 % above that of 256
 
@@ -54,7 +54,7 @@ def test_all_paths_carry_what_is_normal():
 @pytest.mark.parametrize("size", [1e-120, 1e120])
 def test_carriers_are_those_of_any_unit(size):
     rest = np.random.default_rng(3).standard_normal(PATHS)
-    assert carriers_of(size * rest) == pytest.approx(carriers_of(rest))
+    assert count_effective_paths(size * rest) == pytest.approx(count_effective_paths(rest))
 
 
 def test_a_value_of_its_own_keeps_the_spread_of_the_parts():

@@ -8,7 +8,7 @@ import pytest
 from rattle.compare.validation import verdict
 from rattle.compare.validation.verdict import Tolerances, section_errors, widest
 from rattle.montecarlo import simulate
-from rattle.montecarlo.rare_events import rare_events
+from rattle.montecarlo.branches import rare_events
 from rattle.montecarlo.unseen import Unseen
 from rattle.scene import DAT21, Scene
 from tests.montecarlo.measure_unseen import PAIR

@@ -65,9 +65,9 @@ def test_a_load_on_the_one_wheel_leaves_the_orbit_periodic():
     assert np.allclose(np.sort(far["sd_y1"]), np.sort(law.sd_speed), rtol=1e-3)
 
 
-def test_where_nothing_is_left_to_chance_an_answer_says_so():
+def test_an_answer_says_that_there_is_no_sampling_error():
     nothing = pd.DataFrame({"autocorrelation": [0.0, math.nan]}, index=["rate", "speed"])
-    assert "nothing is left to chance" in answer_module._memory(nothing)
+    assert "there is no sampling error" in answer_module._memory(nothing)
 
 
 def test_linear_law_obeys_lyapunov_and_iteration():
@@ -136,7 +136,7 @@ def test_values_of_a_law_are_those_of_its_orbit():
     assert values["flight"] == pytest.approx(math.pi)
 
 
-def test_intervals_that_few_paths_carry_are_named():
+def test_intervals_that_rest_on_few_paths_are_named():
     """A few paths carry nearly all slow impacts: the interval is wider for that, and the answer says so."""
     found = rt.stationary(Scene.from_gears(DAT21, sigma=0.5), periods=64, paths=32, closures=[])
     assert "slow_share" not in found.few.index
@@ -145,12 +145,12 @@ def test_intervals_that_few_paths_carry_are_named():
     main[3, 0, SLOW] += 400.0  # planted: one burst
     planted = estimates(sums._replace(main=main), ("slow_share",))["slow_share"]
     table = found.table.copy()
-    table.loc["slow_share", ["carriers", "low", "high"]] = planted.carriers, planted.low, planted.high
+    table.loc["slow_share", ["effective_paths", "low", "high"]] = planted.effective_paths, planted.low, planted.high
     burst = replace(found, table=table)
-    assert planted.carriers < 3.0  # what is left of it in the other paths' control variates counts too
+    assert planted.effective_paths < 3.0  # what is left of it in the other paths' control variates counts too
     assert planted.high - planted.low > 8.0 * planted.se  # 4 for normal parts
     assert planted.low == 0.0  # as a share is never less
-    assert "of 32 paths carry the error of `slow_share`" in " ".join(answer(burst))
+    assert "The standard error of `slow_share` rests on about 2 of 32 paths" in " ".join(answer(burst))
 
 
 def test_attractors_that_little_noise_does_not_connect_are_named():
@@ -221,12 +221,12 @@ def test_command_draws_the_bifurcation_with_noise(tmp_path):
     assert sides == {"without noise", "with noise"}
 
 
-def test_verdicts_allow_for_few_carriers():
-    """The same error and standard error decide where all paths carry the error, and leave open where two do."""
-    table = pd.DataFrame({"value": [1.0], "se": [0.002], "carriers": [256.0]}, index=["rate"])
+def test_verdicts_allow_for_errors_that_rest_on_few_paths():
+    """The same error and standard error decide where it rests on all paths, and leave open where it does on two."""
+    table = pd.DataFrame({"value": [1.0], "se": [0.002], "effective_paths": [256.0]}, index=["rate"])
     claim = pd.DataFrame({
         "closure": ["mine"], "kind": [""], "quantity": ["rate"], "predicted": [1.07], "se_predicted": [0.0],
         "reason": [""],
     })  # fmt: skip
     assert judged(table, 64, claim)["verdict"].tolist() == ["inaccurate"]
-    assert judged(table.assign(carriers=2.0), 64, claim)["verdict"].tolist() == ["undecided"]
+    assert judged(table.assign(effective_paths=2.0), 64, claim)["verdict"].tolist() == ["undecided"]

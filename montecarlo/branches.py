@@ -1,0 +1,197 @@
+"""The branches of the noise-free orbit: paths that leave it, or another branch, by one other event each.
+
+The orbit is searched first (`rattle.montecarlo.rare_events`), then representatives of its branches, the most probable
+first.  Every path that was searched stands for all smaller probabilities too, so that one search serves all of them.
+"""
+
+from __future__ import annotations
+
+import threading
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rattle.montecarlo.rare_events import Event, Flight, events, onward
+from rattle.scene.impact import struck
+from rattle.scene.scene import Scene
+from rattle.scene.tangent import saltation_matrix
+
+__all__ = ["Branch", "BranchSearch", "RareEvents", "rare_events"]
+
+Floats = NDArray[np.float64]
+
+MOST = 12  # paths that are searched: the orbit, and the most probable branches
+GRAZE = 1e-6  # impact speed, over the largest of alpha, gamma1 and initial speeds, below which the orbit grazes
+
+
+class Branch(NamedTuple):
+    """Paths that leave the orbit, or another branch, by one other event.
+
+    Attributes
+    ----------
+    impact : int
+        Number of the impact that differs.
+    mesh, side : int
+        The wall that is met, or missed.
+    missed : bool
+        Whether that impact is missed rather than added.
+    beta : float
+        Reliability index: distance of the design point in sds.
+    probability : float
+        Of the branch.
+    weights : ndarray, shape (strata,)
+        Probabilities of its strata, by depth beyond the design point.
+    section : ndarray, shape (strata, impacts, 6)
+        ``tau, flight, x1, y1, x2, y2`` before each impact of a representative of each stratum; those of the parent
+        before `impact`, NaN where it has ended.
+    parent : ndarray, shape (impacts, 6)
+        The same of the path that it leaves.
+    """
+
+    impact: int
+    mesh: int
+    side: int
+    missed: bool
+    beta: float
+    probability: float
+    weights: Floats
+    section: Floats
+    parent: Floats
+
+
+class RareEvents(NamedTuple):
+    """The branches of an orbit.
+
+    Attributes
+    ----------
+    orbit : ndarray, shape (impacts, 6)
+        ``tau, flight, x1, y1, x2, y2`` before each impact; NaN where the orbit has ended.
+    branches : tuple of Branch
+        In the order of their discovery; of equal distance or not, each is an own branch.
+    known : int
+        Number of impacts up to which the search was complete: later ones have unknown branches.
+    why : str
+        What ended the search before the last impact; else empty.
+    """
+
+    orbit: Floats
+    branches: tuple[Branch, ...]
+    known: int
+    why: str
+
+
+class _Parent(NamedTuple):
+    """A path whose flights are to be searched from an impact on, with the covariance after that impact."""
+
+    probability: float
+    tau: float
+    after: Floats
+    start: Floats
+    first: int
+    rows: Floats
+
+
+class BranchSearch:
+    """A search of the orbit and of its branches for other events, which goes on where less probable ones are wanted."""
+
+    def __init__(self, scene: Scene, impacts: int) -> None:
+        c, start = scene.constants, scene.start
+        state = np.array(scene.start_state)
+        if start.mesh:
+            state[1], state[3] = struck(c, start.mesh, state[1], state[3])
+        self.constants, self.impacts, self.orbit = c, impacts, np.full((impacts, 6), np.nan)
+        onward(c, scene.phase, state[0], state[1], state[2], state[3], 0, 0, self.orbit)
+        self._slowest = GRAZE * max(c.alpha, c.gamma1, abs(state[1]), abs(state[3]))
+        self._queue = [_Parent(1.0, scene.phase, state, np.zeros((4, 4)), 0, self.orbit)]  # the most probable last
+        self._branches: list[Branch] = []
+        self._searched: list[tuple[float, int]] = []  # probability of each path, and number of branches after it
+        self._known, self._why, self._one_at_a_time = impacts, "", threading.Lock()
+
+    def until(self, least: float) -> RareEvents:
+        """Branches of the orbit, and of those of its branches that are at least so probable."""
+        with self._one_at_a_time:
+            while self._queue and len(self._searched) < MOST:
+                if self._searched and self._queue[-1].probability < least:
+                    break
+                parent = self._queue.pop()
+                known, why = self._search(parent)
+                if not self._searched:
+                    self._known, self._why = known, why
+                self._searched.append((parent.probability, len(self._branches)))
+                self._queue = sorted(self._queue, key=lambda one: one.probability)[-MOST:]
+            number = max(n for k, (p, n) in enumerate(self._searched) if k == 0 or p >= least)
+            return RareEvents(self.orbit, tuple(self._branches[:number]), self._known, self._why)
+
+    def _search(self, parent: _Parent) -> tuple[int, str]:
+        """Search the flights of a path; gives the impacts that were reached, and why not all."""
+        c, tau, after, start = self.constants, parent.tau, parent.after, parent.start
+        for k in range(parent.first, self.impacts):
+            flight = Flight(c, tau, after, start)
+            if flight.mesh <= 0:
+                return k, f"the orbit ends after impact {k}"
+            for event in events(flight):
+                self._add(parent, tau, k, event)
+            i = 2 * (flight.mesh - 1)
+            if abs(flight.before[i + 1]) < self._slowest:
+                return k, f"impact {k + 1} of the orbit grazes its wall"
+            spread = flight.at(np.array([flight.time]))[1][0]
+            tau += flight.time
+            across = saltation_matrix(c, flight.mesh, tau, flight.before[1], flight.before[3])
+            after, start = flight.before.copy(), across @ spread @ across.T
+            after[1], after[3] = struck(c, flight.mesh, after[1], after[3])
+        return self.impacts, ""
+
+    def _add(self, parent: _Parent, tau: float, k: int, event: Event) -> None:
+        """Follow the representatives of a branch that leaves in the flight before impact `k`, counted from 0."""
+        c, probability = self.constants, parent.probability * event.probability
+        rows = np.repeat(parent.rows[None], len(event.states), axis=0)
+        rows[:, k:] = np.nan
+        rarest = self._queue[0].probability if len(self._queue) >= MOST else 0.0  # rarer ones are never searched
+        for j, (t, state, spread, mesh) in enumerate(event.states):
+            if mesh:
+                rows[j, k] = [tau + t, t, *state]
+            onward(c, tau + t, state[0], state[1], state[2], state[3], mesh, k + 1 if mesh else k, rows[j])
+            if not mesh:
+                rows[j, k, 1] = rows[j, k, 0] - tau
+            share = probability * event.weights[j]
+            i = 2 * (mesh - 1)
+            if share < rarest:
+                continue
+            if not mesh:
+                self._queue.append(_Parent(share, tau + t, state, spread, k, rows[j]))
+            elif abs(state[i + 1]) > self._slowest:
+                hit = state.copy()
+                hit[1], hit[3] = struck(c, mesh, hit[1], hit[3])
+                across = saltation_matrix(c, mesh, tau + t, state[1], state[3])
+                self._queue.append(_Parent(share, tau + t, hit, across @ spread @ across.T, k + 1, rows[j]))
+        shares = probability * event.weights
+        self._branches.append(Branch(
+            k + 1, event.mesh, event.side, event.missed, event.beta, probability, shares, rows, parent.rows
+        ))  # fmt: skip
+
+
+def rare_events(scene: Scene, impacts: int, least: float = 1.0) -> RareEvents:
+    """Search the orbit, and the branches that are more probable than `least`, for other events.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled; it has noise.
+    impacts : int
+        Impacts after the start.
+    least : float
+        Probability from which on a representative of a branch is searched for branches of its own.
+
+    Returns
+    -------
+    RareEvents
+
+    Examples
+    --------
+    >>> from rattle.scene import DAT21
+    >>> found = rare_events(Scene.from_gears(DAT21, sigma=0.1), 2)
+    >>> found.known, [(b.impact, b.mesh, b.side, round(b.beta, 1)) for b in found.branches]
+    (2, [(1, 2, -1, 3.3)])
+    """
+    return BranchSearch(scene, impacts).until(least)

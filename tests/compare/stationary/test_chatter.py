@@ -1,0 +1,110 @@
+"""Gears that chatter: what is fast stands first, chatter is said to be chatter, and pages of gears are physical."""
+
+import math
+
+import numpy as np
+import pytest
+
+import rattle as rt
+from rattle.closure.stationary import Law
+from rattle.compare.stationary.answer import answer
+from rattle.compare.stationary.figures import drawn
+from rattle.compare.stationary.laws import values_of
+from rattle.compare.stationary.page import stationary_page
+from rattle.montecarlo.long_run.names import all_names
+from rattle.scene import Gears, Scene
+
+GEARS = Gears.driven(
+    amplitude_rad=0.05, driver_radius=35.0, epsilon=0.7, omega=157.0, inertia1=2000.0, inertia2=2000.0, radius1=60.0,
+    radius2=60.0, backlash1=0.12, torque1=500.0,
+)  # fmt: skip
+RECORD = {
+    "name": "pair", "commit": "", "seed": 0, "wall_seconds": 0.0, "versions": {}, "command": "rattle stationary",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def found():
+    scene = Scene.from_gears(GEARS, sigma=0.03, stages=1)
+    return rt.stationary(scene, periods=64, paths=32, closures=["published", "saltation"])
+
+
+def test_impacts_above_the_threshold_stand_first(found):
+    """Nine of ten impacts are slower than 1.9 mm/s; an orbit of 15 others a period is what is heard."""
+    assert all_names(1)[:2] == ("rate_above", "speed_above")
+    table = found.table["value"]
+    assert table["rate_above"] == pytest.approx(15.0 / (2.0 * math.pi), rel=1e-3)
+    assert table["rate_above"] == pytest.approx(table["rate"] * (1.0 - table["slow_share"]), rel=1e-3)
+    assert table["q50_speed"] < 1e-3 < found.slow < table["q50_speed_above"]
+    first, second, *_ = answer(found)
+    assert "374.8" in first
+    assert "impacts a second faster than 1.88 mm/s, half of them faster than 20" in first
+    assert second.startswith("The others are chatter: 3,")
+    assert "mesh 1 for 31 % of the time" in second
+
+
+def test_speeds_above_the_threshold_are_those_of_the_impacts(found):
+    """The share above it in the counts of all speeds is that of the counts above it, whatever the bins."""
+    sums = found.run.sums
+    every, above = (sums.histogram[:, 0, i].sum(axis=0) for i in (1, 2))
+    assert above.sum() == pytest.approx(every.sum() * (1.0 - found.table.loc["slow_share", "value"]), rel=1e-3)
+    speeds, fast = (sums.scales.edges[0, i] for i in (1, 2))
+    assert fast.min() >= found.slow
+    for p in (0.2, 0.5, 0.8):
+        cut = np.interp(p, np.cumsum(above)[:-1] / above.sum(), fast)
+        beyond = 1.0 - np.interp(cut, speeds, np.cumsum(every)[:-1]) / every.sum()
+        assert beyond / (above.sum() / every.sum()) == pytest.approx(1.0 - p, abs=0.05)
+
+
+def test_a_law_above_the_threshold_is_that_of_a_sample():
+    """A mixture of normal speeds, cut at the threshold, against its own random numbers."""
+    n, zero = 200_000, np.zeros(2)
+    mean, sd = np.array([0.05, 0.4]), np.array([0.08, 0.3])
+    law = Law(2.0, np.array([0.7, 0.3]), np.ones(2, int), mean, sd, mean, zero, mean, zero)
+    values = values_of(law, Scene(alpha=1.0, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1), 0.1)
+    rng = np.random.default_rng(1)
+    which = (rng.random(n) < 0.3).astype(int)
+    drawn_speeds = rng.normal(mean[which], sd[which])
+    fast = drawn_speeds[drawn_speeds > 0.1]
+    assert values["rate_above"] == pytest.approx(2.0 * fast.size / n, rel=0.01)
+    assert values["speed_above"] == pytest.approx(fast.mean(), abs=5.0 * fast.std() / math.sqrt(fast.size))
+    assert values["sd_speed_above"] == pytest.approx(fast.std(), rel=0.01)
+    skewness = ((fast - fast.mean()) ** 3).mean() / fast.std() ** 3
+    assert values["skew_speed_above"] == pytest.approx(skewness, rel=0.03)
+    assert values["q50_speed_above"] == pytest.approx(np.median(fast), rel=0.01)
+
+
+def test_a_page_of_gears_is_physical_throughout(found):
+    text = repr(stationary_page(found, RECORD | {"scene": found.scene.to_dict()}, []))
+    assert "of impacts at 1.88 mm/s or faster" in text
+    assert "slower than 1.88 mm/s" in text
+    assert "slower than 0.1" not in text
+    rows = found.verdicts_in("physical").set_index(["closure", "quantity"])
+    rate = rows.loc[("published", "rate")]
+    assert rate["unit"] == "1/s"
+    assert rate["simulated"] == pytest.approx(found.table_in("physical").loc["rate", "value"])
+    dimensionless = found.verdicts.set_index(["closure", "quantity"]).loc[("published", "rate")]
+    assert rate["predicted"] == pytest.approx(157.0 * dimensionless["predicted"])
+    (against,) = [line for line in answer(found) if line.startswith("`published`")]
+    assert "374.8 1/s" in against
+    for name, figure in drawn(found).items():
+        labels = [label for ax in figure.axes for label in (ax.get_xlabel(), ax.get_ylabel())]
+        assert not any("omega" in label for label in labels), name
+        assert name not in ("distribution", "section") or any("mm/s" in label for label in labels)
+
+
+def test_figures_of_one_stage_hold_their_legends(found):
+    """The legend above one panel was wider than the figure."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    for name, figure in drawn(found).items():
+        FigureCanvasAgg(figure).draw()
+        for legend in figure.legends:
+            box = legend.get_window_extent()
+            assert box.x0 >= 0.0, name
+            assert box.x1 <= figure.bbox.x1, name
+
+
+def test_histograms_have_a_logarithmic_axis(found):
+    (ax,) = drawn(found)["distribution"].axes
+    assert ax.get_yscale() == "log"
