@@ -33,7 +33,7 @@ def test_intervals_hold_the_truth_even_where_few_paths_carry_the_error(bursts):
     assert 0.95 - slack() < held < 0.98 + slack()
 
 
-def test_intervals_that_take_all_paths_for_carriers_do_not(monkeypatch):
+def test_intervals_that_rest_on_all_paths_do_not(monkeypatch):
     """The negative control: Student's t with one degree of freedom less than there are paths."""
     monkeypatch.setattr(intervals, "count_effective_paths", lambda rest: float(len(rest)))
     assert coverage(6) < 0.88
@@ -52,7 +52,7 @@ def test_all_paths_carry_what_is_normal():
 
 
 @pytest.mark.parametrize("size", [1e-120, 1e120])
-def test_carriers_are_those_of_any_unit(size):
+def test_effective_paths_are_those_of_any_unit(size):
     rest = np.random.default_rng(3).standard_normal(PATHS)
     assert count_effective_paths(size * rest) == pytest.approx(count_effective_paths(rest))
 

@@ -7,8 +7,8 @@ import pytest
 
 from rattle.compare.validation import verdict
 from rattle.compare.validation.verdict import Tolerances, section_errors, widest
-from rattle.montecarlo import simulate
-from rattle.montecarlo.branches import rare_events
+from rattle.montecarlo import branches, simulate
+from rattle.montecarlo.branches import BranchSearch, rare_events
 from rattle.montecarlo.unseen import Unseen
 from rattle.scene import DAT21, Scene
 from tests.montecarlo.measure_unseen import PAIR
@@ -56,3 +56,23 @@ def test_an_orbit_that_ends_leaves_later_impacts_unknown():
     found = rare_events(scene, 3)
     assert found.known < 3
     assert found.why
+
+
+def test_one_search_serves_all_probabilities(monkeypatch):
+    """Whatever is asked for first, no flight is searched twice, and the answers are those of searches of their own."""
+    flights, one = [], branches.events
+    monkeypatch.setattr(branches, "events", lambda flight: flights.append(flight) or one(flight))
+    scene = Scene.from_gears(DAT21, sigma=0.1).phase_reduced
+    wanted, search = [2.0**-k for k in (9, 2, 12, 8)], BranchSearch(scene, 12)
+    found = [[b.probability for b in search.until(least).branches] for least in wanted]
+    together = len(flights)
+    apart = []
+    for least in wanted:
+        flights.clear()
+        apart.append([b.probability for b in rare_events(scene, 12, least).branches])
+        assert len(flights) <= together
+    assert found == apart
+    assert len({len(b) for b in found}) > 1
+    flights.clear()
+    rare_events(scene, 12, min(wanted))
+    assert together == len(flights)
