@@ -16,7 +16,7 @@ WORKERS := --numprocesses=3 --dist=loadfile --no-loadscope-reorder
 # Hundreds of processes import the same modules: byte code is kept, whatever the caller's environment says.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: report test docs audit clean
+.PHONY: report test docs audit pins clean
 
 report: $(READY)
 	$(RUN)/rattle validate --out reports/dat21 --overwrite
@@ -42,6 +42,10 @@ audit: $(READY)
 	$(PYTHON) -m venv $(VENV)/audit
 	$(VENV)/audit/bin/pip install --quiet --disable-pip-version-check pip-audit==2.10.1
 	$(VENV)/audit/bin/pip-audit --requirement requirements.txt --no-deps --disable-pip --strict
+
+# Needs the network: the hashes of the versions in requirements.txt, after a version has been changed there by hand.
+pins:
+	$(PYTHON) .ci/hash_pins.py
 
 $(READY): requirements.txt pyproject.toml setup-venv.sh
 	PYTHON=$(PYTHON) sh setup-venv.sh $(VENV)

@@ -18,6 +18,8 @@ if ! "$python" -c 'import ensurepip' 2>/dev/null; then
     fi
 fi
 "$python" -m venv "$venv"
-# Byte code is made of what is imported; of everything it would take longer than the rest.
-"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile --requirement requirements.txt
-"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --editable .
+# Byte code is made of what is imported; of everything it would take longer than the rest.  Nothing without a known hash
+# is installed, nor is what builds this project: setuptools is among the requirements.
+"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile --require-hashes \
+    --only-binary=:all: --requirement requirements.txt
+"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .

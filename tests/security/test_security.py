@@ -86,9 +86,9 @@ def test_what_would_run_it_is_seen(source):
     assert list(offences(Path("x.py"), source))
 
 
-def test_every_dependency_is_pinned_by_name():
-    for line in (ROOT / "requirements.txt").read_text().splitlines():
-        assert re.fullmatch(r"[A-Za-z0-9_.-]+==[A-Za-z0-9.]+", line)
+def test_every_dependency_is_pinned_by_name_and_hash():
+    for pin in (ROOT / "requirements.txt").read_text().replace(" \\\n    ", " ").splitlines():
+        assert re.fullmatch(r"[A-Za-z0-9_.-]+==[A-Za-z0-9.]+( --hash=sha256:[0-9a-f]{64})+", pin)
 
 
 # --- names
