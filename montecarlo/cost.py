@@ -18,6 +18,7 @@ from rattle.montecarlo.accuracy import (
     HasColumns,
     absolute_errors,
     exceeded,
+    resolved_sd,
     sampled_paths,
     share_of_look,
     step_error,
@@ -118,10 +119,11 @@ def _foreseen(
     """Errors of `paths` paths, as `absolute_errors`, and the units in which they count."""
     sd = np.nan_to_num([columns["sd_" + q] for q in SECTION])
     wider = np.sqrt(sd**2 + added.square.T)
+    varies = np.array(list(resolved_sd(columns).values()))
     size = np.where(unit == sd, wider, unit)  # displacements at a struck wall, and what does not vary
     with np.errstate(divide="ignore", invalid="ignore"):
         shrunk = np.nan_to_num(sd / wider, nan=1.0)
-        new = np.nan_to_num(added.fourth.T / (4.0 * wider**2))
+        new = np.where(wider > varies, added.fourth.T / (4.0 * wider**2), 0.0)
     mean = np.sqrt((error[0] ** 2 * begun + added.square.T) / paths)
     spread = np.sqrt(((error[1] * shrunk) ** 2 * begun + new) / paths)
     return np.stack([mean, spread]), size

@@ -15,7 +15,7 @@ from rattle.scene.text import line
 
 if TYPE_CHECKING:
     from rattle.compare.study.cells import Cell
-    from rattle.compare.study.design import Point, Study
+    from rattle.compare.study.design import Study
     from rattle.compare.study.store import Store
 
 __all__ = ["study"]
@@ -194,7 +194,7 @@ def _finished(wanted: "Study", seen: "Store", folder: Path) -> dict[str, Any] | 
 
 def _explained(wanted: "Study", seen: "Store", workers: int) -> str:
     from rattle.compare.study.cells import Prediction
-    from rattle.compare.study.estimate import estimate, scaling
+    from rattle.compare.study.estimate import estimate, expected_work, scaling
     from rattle.compare.study.lacking import lacking
 
     points = wanted.some_points(LOOKED_AT)
@@ -205,7 +205,8 @@ def _explained(wanted: "Study", seen: "Store", workers: int) -> str:
         return (wanted.scenes if isinstance(cell, Prediction) else wanted.size) / len(points) if sampled else 1.0
 
     todo = [c for c in cells if not seen.path(c.key).exists()] if seen.folder.is_dir() else cells
-    work = estimate(todo, workers, times)
+    each = expected_work(todo)
+    work = estimate(todo, each, workers, times)
     number, left = (f"{'about ' * sampled}{sum(map(times, some)):.0f}" for some in (cells, todo))
     lines = [f"{line(wanted.title)}: {wanted.size} points, {number} cells, {left} to compute."]
     if sampled:
@@ -213,17 +214,14 @@ def _explained(wanted: "Study", seen: "Store", workers: int) -> str:
     lines += [f"  {axis_text}" for axis_text in _axes_text(wanted)]
     lines += [f"  {line(str(lack))}" for lack in lacking(points, {})]
     lines.append(
-        f"About {work.core_seconds:.0f} core-seconds, {work.wall_seconds:.0f} s on {workers} threads, "
-        f"{work.megabytes:.0f} MB (nominal; the first run compiles for about a minute"
-        + (", an accuracy may cost more where tails are heavy)." if _asks_accuracy(points) else ").")
+        f"About {work.core_seconds:.0f} core-seconds of counted work at nominal costs ({work.path_steps:.2g} "
+        f"path-steps; `branching` with all its components), {work.megabytes:.0f} MB on {workers} threads. Compiling, "
+        "the first time, takes about a minute besides."
     )
     lines.append("Expected time on more cores (Dask):")
-    lines.append(scaling(todo, times=times).to_string(index=False, float_format="{:.3g}".format))
+    seconds = {key: one.core_seconds for key, one in each.items()}
+    lines.append(scaling(todo, seconds, times).to_string(index=False, float_format="{:.3g}".format))
     return "\n".join(lines)
-
-
-def _asks_accuracy(points: "tuple[Point, ...]") -> bool:
-    return any(p.sample is not None and p.sample.accuracy is not None for p in points)
 
 
 def _axes_text(wanted: "Study") -> list[str]:

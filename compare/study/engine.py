@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 from rattle.compare.study.cells import Cell
 from rattle.compare.study.design import Study
-from rattle.compare.study.estimate import core_seconds
 from rattle.compare.study.executors import Failed, Place, Stopped
 from rattle.compare.study.obtain import attempt, kept
 from rattle.compare.study.progress import Progress
@@ -100,8 +99,7 @@ def run(
     stored = len(study.cells) - len(todo)
     started = time.perf_counter()
     failed: dict[str, str] = {}
-    work = {key: core_seconds(cell) for key, cell in todo.items()}
-    with place, Progress(work, stored, store.folder.parent, show) as progress, _threads(place.threads) as pool:
+    with place, Progress(todo, stored, store.folder.parent, show) as progress, _threads(place.threads) as pool:
         running: dict[Future[Work], Cell] = {}
         waiting, others = list(todo.values()), Waiting(store.lock, progress.waits)
         elsewhere: list[Cell] = []  # being computed by other processes; tried again when nothing else is left

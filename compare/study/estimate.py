@@ -1,150 +1,126 @@
-"""Cost of a study before it runs: core seconds, wall time, memory, and the speed-up of more cores."""
+"""Cost of a study before it runs: counted work, memory, and what more cores would gain.
 
-import math
+Work is counted by `rattle.montecarlo.cost` from short runs of the study's own scenes, and for closures by
+`rattle.closure.cost`; compiling is not part of it.
+"""
+
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
-import numpy as np
 import pandas as pd
 
-from rattle.closure import follow
+from rattle.closure.cost import most_seconds
 from rattle.compare.study.cells import Cell, Prediction, Sample
 from rattle.compare.study.executors import SHARE
-from rattle.montecarlo import SCHEMES, default_step
-from rattle.montecarlo.accuracy import LEAST
+from rattle.montecarlo import SCHEMES, Record, simulate
+from rattle.montecarlo.accuracy import LEAST, small_noise
+from rattle.montecarlo.budget import Budget
+from rattle.montecarlo.cost import cost_of
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.kernel import COLUMNS
+from rattle.montecarlo.pilots import chosen
 from rattle.montecarlo.settings import computed
-from rattle.scene.scene import Scene
 
-__all__ = ["Estimate", "calibrated", "core_seconds", "estimate", "scaling"]
+__all__ = ["Estimate", "Work", "estimate", "expected_work", "scaling"]
 
-CLOSURE_SECONDS = {"published": 0.005, "corrected": 0.0005, "saltation": 0.001, "branching": 1.2}
-"""Seconds for twelve impacts once compiled, measured on DAT21."""
-FLIGHT = 0.5  # assumed time between impacts after the noise-free orbit has ended
-FINEST = 1e-100  # smallest accuracy that the estimate uses, so that its square does not underflow
+PROBED = 64  # paths whose steps stand for those of all where the number of paths is given
+PILOTS = 20  # most pilot runs for accuracies; other cells are taken to be like the one before
+PILOT_SECONDS = 10.0  # budget of one of them
 BASE_MEGABYTES = 330.0  # interpreter, libraries and machine code
-LEVEL_WORK = 1.75  # steps at dt, 2 dt and 4 dt (one Brownian path, Richardson extrapolation), relative to dt alone
 TASK_SECONDS = 0.0035  # scheduling of an empty task, measured with scheduler, workers and client on two cores
 MERGE_SECONDS = 110e-6  # measured time in which the client merges one block
 
 
-class Estimate(NamedTuple):
-    """Estimated cost of cells.
+class Work(NamedTuple):
+    """Expected work of a cell: steps of its paths, and nominal seconds of one core."""
 
-    Attributes
-    ----------
-    core_seconds, wall_seconds : float
-        Seconds of one core, and seconds on the given number of threads.
-    megabytes : float
-        Memory of this process.
-    """
-
+    path_steps: float
     core_seconds: float
-    wall_seconds: float
+
+
+class Estimate(NamedTuple):
+    """Expected cost of cells: steps of their paths, nominal seconds of one core, and memory of this process in MB."""
+
+    path_steps: float
+    core_seconds: float
     megabytes: float
 
 
-def core_seconds(cell: Cell) -> float:
-    """Estimate the seconds of one core for a cell.
-
-    For a cell with an accuracy the estimate assumes Gaussian tails; heavy tails can cost many times as much.
-
-    Parameters
-    ----------
-    cell : Cell
-        What is computed, and under which key it is kept.
-
-    Returns
-    -------
-    float
+def expected_work(cells: Sequence[Cell]) -> dict[str, Work]:
+    """Expected work of cells, by key.
 
     Examples
     --------
     >>> from rattle.scene import DAT21, Scene
     >>> cell = Sample(Scene.from_gears(DAT21, sigma=0.1), impacts=12, seed=0, paths=100_000)
-    >>> 0.2 < core_seconds(cell) < 5.0
-    True
+    >>> round(expected_work([cell])[cell.key].path_steps / 100_000, -1)
+    180.0
     """
-    if isinstance(cell, Prediction):
-        return CLOSURE_SECONDS[cell.closure] * cell.impacts / 12.0
-    if not isinstance(cell, Sample):
-        return float(getattr(cell, "core_seconds", 1.0))  # the long run of a scene estimates its own cost
-    kind = SCHEMES[cell.scheme]
-    exact = not kind.has_step_bias
-    dt = cell.settings["dt"] or default_step(cell.scene, cell.scheme, not exact)
-    paths = computed(cell.scene, _paths(cell))
-    steps = _duration(cell.scene, cell.impacts) / dt * (1.0 if exact else LEVEL_WORK)
-    return 1e-9 * paths * (steps * kind.step_ns + cell.impacts * kind.impact_ns * (1.0 if exact else 3.0))
+    asked = sum(isinstance(cell, Sample) and cell.accuracy is not None for cell in cells)
+    every, seen = -(-asked // PILOTS), 0
+    found, last = {}, Work(0.0, 0.0)
+    for cell in cells:
+        if isinstance(cell, Sample) and cell.accuracy is not None:
+            last = last if seen % every else _piloted(cell, cell.accuracy)
+            found[cell.key], seen = last, seen + 1
+        elif isinstance(cell, Sample):
+            found[cell.key] = _probed(cell, cell.paths or LEAST)
+        elif isinstance(cell, Prediction):
+            found[cell.key] = Work(0.0, most_seconds(cell.closure, cell.impacts))
+        else:
+            found[cell.key] = Work(0.0, float(getattr(cell, "core_seconds", 1.0)))  # a long run counts its own
+    return found
 
 
-def _paths(cell: Sample) -> int:
-    return cell.paths or max(LEAST, math.ceil(max(cell.accuracy or 1.0, FINEST) ** -2))
+def _probed(cell: Sample, paths: int) -> Work:
+    """Work of a number of paths, as a few of them let expect."""
+    biased = SCHEMES[cell.scheme].has_step_bias
+    run = simulate(
+        cell.scene.phase_reduced, paths=PROBED, impacts=cell.impacts, dt=cell.dt, scheme=cell.scheme, rng=cell.seed,
+        control=not biased and small_noise(cell.scene), record=Record(step_bias=biased),
+    )  # fmt: skip
+    found = cost_of(run, computed(cell.scene, paths))
+    return Work(found.path_steps, found.core_seconds)
 
 
-def _duration(scene: Scene, impacts: int) -> float:
-    orbit = follow(scene, impacts)
-    followed = float(orbit.tau[orbit.found] - scene.phase)
-    return followed + FLIGHT * (impacts - orbit.found)
-
-
-def calibrated(expected: Mapping[str, float], taken: Mapping[str, float]) -> float:
-    """Compute the factor by which finished cells have taken longer than estimated.
-
-    Parameters
-    ----------
-    expected, taken : mapping of str to float
-        Estimated and measured seconds by key.
-
-    Returns
-    -------
-    float
-        Median ratio; 1 if no cell is finished.
-    """
-    ratios = [taken[key] / expected[key] for key in taken if expected.get(key, 0.0) > 0.0]
-    return float(np.median(ratios)) if ratios else 1.0
+def _piloted(cell: Sample, accuracy: float) -> Work:
+    """Work of an accuracy, as the pilot run of `rattle.montecarlo.simulate_to` lets expect."""
+    scene = cell.scene.phase_reduced
+    again = partial(simulate, scene, impacts=cell.impacts, rng=cell.seed)
+    pilot, (found, *_) = chosen(scene, [cell.scheme], accuracy, again, Budget(PILOT_SECONDS), 1)
+    slow = 0.0 if pilot.whole else pilot.path_seconds * found.paths
+    return Work(found.path_steps, max(found.core_seconds, slow))
 
 
 def _once(cell: Cell) -> float:
     return 1.0
 
 
-def estimate(cells: Sequence[Cell], workers: int, times: Callable[[Cell], float] = _once) -> Estimate:
-    """Estimate the cost of cells.
-
-    Parameters
-    ----------
-    cells : sequence of Cell
-        All cells, or a sample of them.
-    workers : int
-        Threads.
-    times : callable
-        For each cell, how many cells of the study it represents; 1 by default.
-
-    Returns
-    -------
-    Estimate
-    """
-    seconds = [core_seconds(c) for c in cells]
-    work = sum(times(c) * s for c, s in zip(cells, seconds, strict=True))
-    longest = max((s for c, s in zip(cells, seconds, strict=True) if isinstance(c, Prediction)), default=0.0)
+def estimate(
+    cells: Sequence[Cell], work: Mapping[str, Work], workers: int, times: Callable[[Cell], float] = _once
+) -> Estimate:
+    """Sum the expected work of cells; `times` is how many cells of the study each represents."""
+    steps, seconds = (sum(times(c) * work[c.key][i] for c in cells) for i in (0, 1))
     rows = max((BLOCK * c.impacts * COLUMNS * 8 * _copies(c) for c in cells if isinstance(c, Sample)), default=0)
-    return Estimate(work, max(work / workers, longest), BASE_MEGABYTES + 4.0 * workers * rows / 1e6)
+    return Estimate(steps, seconds, BASE_MEGABYTES + 4.0 * workers * rows / 1e6)
 
 
 def _copies(sample: Sample) -> int:
     return 2 if not SCHEMES[sample.scheme].has_step_bias else 3
 
 
-def scaling(cells: Sequence[Cell], factor: float = 1.0, times: Callable[[Cell], float] = _once) -> pd.DataFrame:
+def scaling(
+    cells: Sequence[Cell], seconds: Mapping[str, float], times: Callable[[Cell], float] = _once
+) -> pd.DataFrame:
     """Estimate the wall time of cells on 1 to 10 000 cores of a cluster, and what limits it.
 
     Parameters
     ----------
     cells : sequence of Cell
         The cells, in order.
-    factor : float
-        Measured over estimated seconds, see `calibrated`.
+    seconds : mapping of str to float
+        Seconds of one core by key, expected or measured; cells without are left out.
     times : callable
         For each cell, how many cells of the study it represents; 1 by default.
 
@@ -157,14 +133,14 @@ def scaling(cells: Sequence[Cell], factor: float = 1.0, times: Callable[[Cell], 
     """
     work = tasks = blocks = longest = 0.0  # sums only: a single cell may have a million blocks
     for cell in cells:
-        seconds, pieces = factor * core_seconds(cell), 1
+        taken, pieces = seconds.get(cell.key, 0.0), 1
         if isinstance(cell, Sample):
             count = -(-computed(cell.scene, cell.paths or LEAST) // BLOCK)
             pieces = -(-count // SHARE)
             blocks += times(cell) * count
-        work += times(cell) * seconds
+        work += times(cell) * taken
         tasks += times(cell) * pieces
-        longest = max(longest, seconds / pieces)
+        longest = max(longest, taken / pieces)
     rows: list[dict[str, Any]] = []
     for cores in (1, 2, 10, 100, 1000, 10_000):
         limits = {

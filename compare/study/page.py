@@ -16,7 +16,7 @@ from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, VERDICT
 from rattle.compare.report.json_text import json_text
 from rattle.compare.report.style import save
 from rattle.compare.study.current import FILES, cells_digest
-from rattle.compare.study.estimate import calibrated, core_seconds, scaling
+from rattle.compare.study.estimate import scaling
 from rattle.compare.study.figures import FIGURES, panels
 from rattle.compare.study.lacking import lacking
 from rattle.compare.study.results import Results
@@ -184,7 +184,6 @@ def _written(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
             caption = f"{title} ({at})." if at else f"{title}."
             drawn.append(Figure(file, caption, caption))
     taken = _seconds(r)
-    factor = calibrated({c.key: core_seconds(c) for c in r.study.cells if c.key in taken}, taken)
     record = {
         "version": manifest.VERSION, "kind": "study", "title": r.study.title, "answer": answer(r),
         "complete": len(taken) == len(r.study.cells),
@@ -193,13 +192,15 @@ def _written(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
         "study_sha256": r.study.digest,
         "numerical_version": numerical_version(), "commit": manifest.commit(), "versions": manifest.versions(), **facts,
     }  # fmt: skip
-    write_views(_page(r, record, drawn, tables["cost"], factor), folder, "study")
+    write_views(_page(r, record, drawn, tables["cost"], taken), folder, "study")
     record = manifest.sealed(record | {"files": {file: file_digest(folder / file) for file in FILES}})
     (folder / MANIFEST).write_text(json_text(record) + "\n", encoding="utf-8")
     return record
 
 
-def _page(r: Results, record: dict[str, Any], figures: list[Figure], cost: pd.DataFrame, factor: float) -> Page:
+def _page(
+    r: Results, record: dict[str, Any], figures: list[Figure], cost: pd.DataFrame, taken: dict[str, float]
+) -> Page:
     """The page, from the results and the manifest."""
     method = (
         f"{record['points']} points, intervals of {record['z']:.2f} standard errors (95 % simultaneous coverage over "
@@ -207,8 +208,8 @@ def _page(r: Results, record: dict[str, Any], figures: list[Figure], cost: pd.Da
         f"{RULE} All rows: `errors.parquet`."
     )
     more = (
-        f"Estimate for more cores, from these times ({factor:.2g} times the nominal ones) and 3.5 ms of a Dask "
-        "scheduler for each task of at most 65 536 paths:"
+        "Estimate for more cores, from these times and 3.5 ms of a Dask scheduler for each task of at most 65 536 "
+        "paths:"
     )
     words = glossary(*WORDS, gears=r.study.gears)
     opening: tuple[Block, ...] = (*figures[:1], _counts(r), Text(method, note=True), words)
@@ -218,7 +219,7 @@ def _page(r: Results, record: dict[str, Any], figures: list[Figure], cost: pd.Da
         every = Text("All points: `reasons.csv`.", note=True)
         lost = Table.of(["what", *numbers("points"), "the first", "why"], rows)
         sections.append(Section("What could not be computed", (every, lost)))
-    sections.append(Section("Cost", (_cost(cost), Text(more), _scaling(r, factor))))
+    sections.append(Section("Cost", (_cost(cost), Text(more), _scaling(r, taken))))
     facts = {
         "commit": record["commit"],
         "numerical version": record["numerical_version"],
@@ -244,10 +245,10 @@ def _cost(table: pd.DataFrame) -> Table:
     return Table.of(["what", *numbers("cells", "median seconds", "all seconds")], rows)
 
 
-def _scaling(r: Results, factor: float) -> Table:
+def _scaling(r: Results, taken: dict[str, float]) -> Table:
     rows = (
         [str(row["cores"]), f"{row['wall_seconds']:.3g}", f"{row['efficiency']:.0%}", str(row["limit"])]
-        for row in scaling(r.study.cells, factor).to_dict("records")
+        for row in scaling(r.study.cells, taken).to_dict("records")
     )
     return Table.of([*numbers("cores", "seconds", "efficiency"), "limited by"], rows)
 

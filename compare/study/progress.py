@@ -4,6 +4,7 @@ import logging
 import os
 import sys
 import time
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
@@ -37,12 +38,12 @@ class _LogFile(logging.FileHandler):
 
 
 class Progress:
-    """Counts finished cells and estimates the remaining time from the expected work of the others.
+    """Counts finished cells and estimates the remaining time from what finished cells of the same kind took.
 
     Parameters
     ----------
-    work : mapping of str to float
-        Expected seconds of each cell to compute, by key; only their ratios matter.
+    todo : mapping of str to Cell
+        The cells to compute, by key.
     there : int
         Number of cells that were stored before.
     folder : Path
@@ -52,9 +53,10 @@ class Progress:
         for and which cells fail.
     """
 
-    def __init__(self, work: Mapping[str, float], there: int, folder: Path, show: bool) -> None:
-        self.work, self.there = dict(work), there
-        self.done_work, self.all_work = 0.0, sum(work.values())
+    def __init__(self, todo: Mapping[str, Cell], there: int, folder: Path, show: bool) -> None:
+        self.there = there
+        self._left = Counter(_kind(cell) for cell in todo.values())
+        self._taken: dict[str, list[float]] = {}
         self._show = show
         self.worst, self.seconds, self.computed = 0.0, 0.0, 0
         self.started = time.perf_counter()
@@ -64,13 +66,13 @@ class Progress:
         self._file = _LogFile(folder / LOG)
         self._file.setFormatter(logging.Formatter("%(asctime)s %(process)d %(message)s"))
         self._bar: tqdm[NoReturn] = tqdm(
-            total=there + len(work), initial=there, desc="study", unit="cell", disable=None if show else True,
+            total=there + len(todo), initial=there, desc="study", unit="cell", disable=None if show else True,
             bar_format="{desc} {n}/{total} cells |{bar:20}| {elapsed}{postfix}",
         )  # fmt: skip
 
     def __enter__(self) -> Self:
         self._log.addHandler(self._file)
-        self.say(f"start: {self.there} cells are there, {len(self.work)} to compute")
+        self.say(f"start: {self.there} cells are there, {self._left.total()} to compute")
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
@@ -82,8 +84,13 @@ class Progress:
     @property
     def seconds_left(self) -> float:
         """Expected seconds to the end; infinite before the first cell is finished."""
+        if not self._taken:
+            return float("inf")
+        means = {kind: sum(taken) / len(taken) for kind, taken in self._taken.items()}
+        other = sum(means.values()) / len(means)
+        left = sum(count * means.get(kind, other) for kind, count in self._left.items())
         passed = time.perf_counter() - self.started
-        return passed * (self.all_work - self.done_work) / self.done_work if self.done_work > 0.0 else float("inf")
+        return passed * left / max(sum(map(sum, self._taken.values())), 1e-9)
 
     def say(self, text: str) -> None:
         """Write a line to the log.
@@ -135,6 +142,7 @@ class Progress:
             self.worst = max(self.worst, error)
             text += f", largest se {error:.2g} sd ({where})"
         self.computed += here
+        self._taken.setdefault(_kind(cell), []).append(found.facts["seconds"])
         self.seconds += found.facts["seconds"] if here else 0.0
         self._count(cell, text)
 
@@ -154,7 +162,7 @@ class Progress:
 
     def _count(self, cell: Cell, text: str) -> None:
         self.say(text)
-        self.done_work += self.work.get(cell.key, 0.0)
+        self._left[_kind(cell)] -= 1
         self._bar.update(1)
         self._draw(cell.label)
 
@@ -163,5 +171,10 @@ class Progress:
             return
         done = self._bar.n - self.there
         rate = done / max(time.perf_counter() - self.started, 1e-9)
-        left = tqdm.format_interval(self.seconds_left) if self.done_work > 0.0 else "?"
+        left = tqdm.format_interval(self.seconds_left) if self._taken else "?"
         self._bar.set_postfix_str(f"{left} left, {rate:.2g} cells/s, {label}, largest se {self.worst:.2g} sd")
+
+
+def _kind(cell: Cell) -> str:
+    """Cells of one closure, or simulations."""
+    return str(getattr(cell, "closure", type(cell).__name__))

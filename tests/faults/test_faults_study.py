@@ -279,7 +279,7 @@ def test_estimates_of_the_time_left_do_not_depend_on_the_clock(tmp_path, monkeyp
     store = Store(tmp_path / CELLS)
     run(study, store, Here(1))
     monkeypatch.setattr(time, "time", lambda: -1e9)
-    with Progress({c.key: 1.0 for c in cells}, 0, tmp_path, False) as progress:
+    with Progress({c.key: c for c in cells}, 0, tmp_path, False) as progress:
         for cell in cells[:2]:
             progress.finished(cell, kept(store, cell), True)
         assert 0.0 < progress.seconds_left < 60.0

@@ -53,7 +53,7 @@ def test_a_budget_too_small_ends_with_code_3():
 def test_what_an_accuracy_takes_is_one_line_before_the_work():
     result = rattle("simulate", "--sigma", "0", "--impacts", "2", "--accuracy", "0.05", "--json")
     assert result.stderr.startswith("Accuracy 0.05 sd: about ")
-    assert result.stderr.endswith("core-seconds: exact-flight, dt = 0.0327, 1 path.\n")
+    assert result.stderr.endswith("of processor time: exact-flight, dt = 0.0327, 1 path.\n")
     assert result.stderr.count("\n") == 1
     record = json.loads(result.stdout)
     assert record["paths"] == 1

@@ -1,14 +1,22 @@
 """A study that asks for an accuracy: a point without noise goes all the way to the page, and no cell runs for ever."""
 
+from pathlib import Path
+
 import pandas as pd
+import pytest
 from click.testing import CliRunner
 from study_files import study_text
 
+from rattle.compare import validate
 from rattle.compare.cli.main import main
 from rattle.compare.study.cells import Sample
-from rattle.compare.study.estimate import core_seconds, scaling
+from rattle.compare.study.estimate import Work, expected_work, scaling
+from rattle.montecarlo import simulate_to
+from rattle.montecarlo.cost import cost_to
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.scene import DAT21, Scene
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
 def asked(folder, accuracy, sigmas):
@@ -38,6 +46,56 @@ def test_what_is_not_random_is_expected_to_take_one_path():
     noisy, still = (
         Sample(Scene.from_gears(DAT21, sigma=sigma), impacts=2, seed=0, accuracy=0.01) for sigma in (0.1, 0.0)
     )
-    assert core_seconds(noisy) / core_seconds(still) >= 32 * BLOCK - 1
-    assert scaling([still])["limit"].notna().all()
-    assert core_seconds(Sample(noisy.scene, impacts=2, seed=0, accuracy=1e-300)) > 1e100
+    work = expected_work([noisy, still])
+    assert work[noisy.key].path_steps / work[still.key].path_steps >= 32 * BLOCK - 1
+    assert scaling([still], {still.key: 1.0})["limit"].notna().all()
+    beyond = Sample(noisy.scene, impacts=2, seed=0, accuracy=1e-300)
+    assert expected_work([beyond])[beyond.key].core_seconds > 1e100
+
+
+PAIR = """
+[gears]
+amplitude_rad = 0.05
+driver_radius = 35.0
+epsilon = 0.7
+omega = 157.0
+inertia1 = 2000.0
+radius1 = 60.0
+backlash1 = 0.12
+torque1 = 500.0
+[scene]
+sigma = 0.03
+stages = 1
+"""
+SCENES = {
+    "quiet": (Scene.from_gears(DAT21, sigma=0.01), 0.02, 12),
+    "loud": (Scene.from_gears(DAT21, sigma=0.3), 0.02, 12),
+    "gearbox": (Scene.load(EXAMPLES / "gearbox.toml"), 0.03, 12),
+    "tolerances": (Scene.load(EXAMPLES / "drawing-tolerances.toml"), 0.03, 12),
+    "single stage": (Scene.load(EXAMPLES / "single-stage.toml"), 0.02, 12),
+    "chatter": (Scene.from_toml(PAIR), 0.05, 6),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_every_estimate_is_within_a_factor_of_two_of_what_is_taken(name):
+    """Path-steps, as `rattle simulate`, a page and a study expect them; for one stage it was 7e10 times too many."""
+    scene, accuracy, impacts = SCENES[name]
+    run = simulate_to(scene, accuracy, impacts=impacts, scheme="exact-flight", rng=1)
+    cell = Sample(scene, impacts, seed=2, accuracy=accuracy)
+    fixed = Sample(scene, impacts, seed=2, paths=8192)
+    work = expected_work([cell, fixed])
+    page = validate(scene, impacts=impacts, closures=["corrected"], paths=8192, scheme="exact-flight", rng=3)
+    assert run.reach.reached
+    assert 0.5 < run.reach.expected.path_steps / run.path_steps < 2.0
+    assert 0.5 < work[cell.key].path_steps / run.path_steps < 2.0
+    assert 0.5 < cost_to(page.run, accuracy).path_steps / run.path_steps < 2.0
+    assert 0.9 < work[fixed.key].path_steps / fixed.compute().facts["path_steps"] < 1.1
+
+
+def test_pilot_runs_of_a_large_study_are_few(monkeypatch):
+    made = []
+    monkeypatch.setattr("rattle.compare.study.estimate._piloted", lambda cell, a: made.append(a) or Work(a, a))
+    cells = [Sample(SCENES["quiet"][0], 2, seed=seed, accuracy=0.1 + seed) for seed in range(50)]
+    assert len(expected_work(cells)) == 50
+    assert made == [0.1 + seed for seed in range(0, 50, 3)]
