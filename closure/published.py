@@ -240,6 +240,8 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
         mean, _, raw = _in_flight(c, m.tau[k], m.mean[k], m.shift[k], m.after[k], time - m.tau[k], windows)
         return mean, _covariance(raw)
 
-    stopped = "" if found == impacts else f"no counter mesh within {LONGEST:g} after impact {found}"
+    stopped = (
+        "" if found == impacts else f"the other mesh is not struck within {LONGEST:g} time units after impact {found}"
+    )
     skew = np.full_like(sd, np.nan)
     return Trace(m.tau, m.mesh, side, m.mean, sd, skew, covariance, m.before, at, found, stopped)

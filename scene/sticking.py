@@ -344,7 +344,8 @@ def completed_chatter(
     The speed shrinks by epsilon from bounce to bounce, and the flight times ``2 w / a`` with it.  Their sum is
     ``2 w / (a (1 - epsilon))``, w the speed after the impact and a the acceleration towards the wall.  The sum is used
     where it is short, a changes by less than the share `CHATTER` in it, and the other mesh meets no wall; its relative
-    error is about `CHATTER`.  Two meshes that throw each other back stick together, at once, when both are that slow.
+    error is about `CHATTER`.  Two meshes that throw each other back stick together, at once, when both are that slow
+    and that close to their walls: they are hardly ever on both at the same instant.
 
     Parameters
     ----------
@@ -367,16 +368,16 @@ def completed_chatter(
     p1, p2, driver = _pulls(c, tau, y1, y2)
     jerk1, jerk2 = c.alpha + c.beta1 * abs(p1), c.beta1 * abs(p1) + c.beta2 * abs(p2)
     longest = 2.0 / (1.0 - c.epsilon)
-    if c.stages == 2 and abs(x1) == c.wall1 and abs(x2) == c.wall2:
+    if c.stages == 2:
         sides = (1 if x1 > 0.0 else -1), (1 if x2 > 0.0 else -1)
         press1, press2 = presses(c, tau, y1, y2, sides)
-        jerk = jerk1 + jerk2
-        if press1 > 0.0 and press2 > 0.0:
-            weakest = min(press1, press2)
-            t = longest * max(abs(y1), abs(y2)) / weakest
-            if t > CHATTER or t * jerk > CHATTER * weakest:
-                return math.inf, (0, 0)
-            return 0.0, sides
+        weakest = min(press1, press2)
+        if weakest > 0.0:
+            gap = max(c.wall1 - abs(x1), c.wall2 - abs(x2), 0.0)
+            speed = max(abs(y1), abs(y2)) + math.sqrt(2.0 * max(press1, press2) * gap)
+            t = longest * speed / weakest
+            if t <= CHATTER and t * (jerk1 + jerk2) <= CHATTER * weakest:
+                return 0.0, sides
     if mesh == 1:
         press, speed, jerk = side * (p1 + driver), -side * y1, jerk1
         sides = (side, 0)

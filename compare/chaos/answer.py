@@ -1,5 +1,7 @@
 """The answer of a study of chaos in a few sentences."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 
@@ -18,7 +20,7 @@ ROUNDING = 1e-12  # a smaller error of the exponents' sum is rounding
 
 def _exponents(e: Exponents, name: str) -> str:
     if not np.isfinite(e.value[0]):
-        return f"The {name} has no exponents: {e.regime.reason}."
+        return f"The {name} has no exponents: the path {e.regime.reason}."
     shown = ", ".join(f"{v:.4f} ± {h:.4f}" for v, h in zip(e.value, e.half, strict=True))
     return (
         f"The {name} has the exponents {shown} per unit of dimensionless time ({e.impacts:,} impacts, "
@@ -39,7 +41,7 @@ def _first(orbit: Exponents, field: str, sweep: pd.DataFrame | None, gears: Gear
     if gears is not None:
         found += f" per unit of τ, {gears.omega * value:.3g} per second"
     if not np.isfinite(value):
-        said = f"Without noise this gear pair has no Lyapunov exponents: {orbit.regime.reason}"
+        said = f"Without noise this gear pair has no Lyapunov exponents: it {orbit.regime.reason}"
     elif low > 0.0:
         said = f"Without noise this gear pair rattles chaotically ({found})"
     elif high < 0.0:
@@ -64,6 +66,8 @@ def _maps(maps: pd.DataFrame) -> str:
             )
             ended = f"ends at impact {row['ends']:g}" if row["ends"] < row["followed"] else "does not end"
             words.append(f"`published` {broken}, {ended} and has no exponents")
+        elif np.isnan(row["largest"]):
+            words.append(f"`{row['closure']}` has none, as the orbit")
         elif np.isfinite(row["too_wide"]):
             words.append(
                 f"`{row['closure']}` has the orbit's, and from impact {row['too_wide']:g} on its sd of y1 is larger "
@@ -75,21 +79,22 @@ def _maps(maps: pd.DataFrame) -> str:
     return f"Exponents of the mean maps: {'; '.join(words)}.{f' {lost}' if maps['too_wide'].notna().any() else ''}"
 
 
-def _law(law: SqrtLaw | None, missing: str, table: pd.DataFrame) -> str:
+def _sizes(table: pd.DataFrame) -> str:
     first, last = table.iloc[0], table.iloc[-1]
-    sizes = (
+    return (
         f"The finite-size exponent is {first['exponent']:.3g} ± {0.5 * (first['high'] - first['low']):.2g} at "
         f"{first['delta']:.0e} and {last['exponent']:.3g} ± {0.5 * (last['high'] - last['low']):.2g} at "
         f"{last['delta']:.0e}."
     )
-    if law is None:
-        return f"The square-root law was not measured ({missing}). {sizes}"
+
+
+def _law(law: SqrtLaw) -> str:
     half = 0.5 * (law.high - law.low)
     return (
         f"Two paths on the same noise that are delta apart before an impact are apart in proportion to delta to the "
         f"power {law.exponent:.4f} ± {half:.4f} after it, with {law.table['ratio'].min():.3f} to "
         f"{law.table['ratio'].max():.3f} times the mean square of the square-root law: the noisy system has no "
-        f"infinitesimal exponent. {sizes}"
+        "infinitesimal exponent."
     )
 
 
@@ -115,7 +120,8 @@ def _sweep(table: pd.DataFrame, field: str) -> list[str]:
         )
         kinds = {kind: int((rows["regime"] == kind).sum()) for kind in (STICKS_FOR_GOOD, STICKS_OFTEN, STICKS_AT_TIMES)}
         sticking = [f"{kind} at {n}" for kind, n in kinds.items() if n]
-        marked = f"; the orbit {listed(sticking)}" if sticking else ""
+        who = "the orbit" if of == ORBIT else "the noisy path"
+        marked = f"; {who} {listed(sticking)}" if sticking else ""
         where = "; ".join(
             f"{'+' if r['to'] > 0 else '-'} between {r['low']:.3g} and {r['high']:.3g}" for _, r in changes.iterrows()
         )
@@ -124,8 +130,9 @@ def _sweep(table: pd.DataFrame, field: str) -> list[str]:
 
 
 def answer(
-    orbit: Exponents, drift: Exponents, maps: pd.DataFrame, law: SqrtLaw | None, missing: str, sizes: pd.DataFrame,
-    summary: pd.DataFrame, field: str, sweep: pd.DataFrame | None, gears: Gears | None = None,
+    orbit: Exponents, drift: Exponents, maps: pd.DataFrame, law: SqrtLaw | None, sizes: pd.DataFrame | None,
+    summary: pd.DataFrame | None, field: str, sweep: pd.DataFrame | None, missing: Mapping[str, str],
+    gears: Gears | None = None,
 ) -> list[str]:  # fmt: skip
     """Summarise a study of chaos in sentences.
 
@@ -137,16 +144,16 @@ def answer(
         As of `rattle.compare.chaos.mean_maps.mean_maps`.
     law : SqrtLaw or None
         The measured square-root law.
-    missing : str
-        Why there is none; empty otherwise.
-    sizes : DataFrame
+    sizes : DataFrame or None
         Finite-size exponents, as of `rattle.compare.chaos.finite_size.finite_size`.
-    summary : DataFrame
+    summary : DataFrame or None
         Third table of `rattle.compare.chaos.spectrum.spectra_tables`.
     field : str
         Field of the sweep.
     sweep : DataFrame or None
         As of `rattle.compare.chaos.sweep.sweep`.
+    missing : mapping of str to str
+        What was left out, with the reason.
     gears : Gears, optional
         Those that the scene was made from: the largest exponent is then given per second too.
 
@@ -156,10 +163,15 @@ def answer(
     """
     said = [
         _first(orbit, field, sweep, gears),
-        _exponents(orbit, ORBIT),
+        *([_exponents(orbit, ORBIT)] if np.isfinite(orbit.value[0]) else []),
         _exponents(drift, DRIFT),
         _maps(maps),
-        _law(law, missing, sizes),
-        _spectra(summary),
+        *([_law(law)] if law is not None else []),
+        *([_sizes(sizes)] if sizes is not None else []),
+        *([_spectra(summary)] if summary is not None else []),
+        *(_sweep(sweep, field) if sweep is not None else []),
     ]
-    return said + (_sweep(sweep, field) if sweep is not None else [])
+    by_reason: dict[str, list[str]] = {}
+    for what, reason in missing.items():
+        by_reason.setdefault(reason, []).append(what)
+    return said + [f"Left out: {listed(names)} ({reason})." for reason, names in by_reason.items()]

@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from rattle.compare.chaos.over_field import cells_table, over_field
-from rattle.compare.chaos.record import Regime, check_finite, noisy_record, orbit_record
+from rattle.compare.chaos.record import NoRecord, Regime, check_finite, noisy_record, orbit_record
 from rattle.compare.chaos.section import NOISY, ORBIT
 from rattle.scene.scene import Scene
 from rattle.scene.validate import choice, count
@@ -92,6 +92,8 @@ def bifurcation(
     ------
     InputError
         If an argument or a value of the field is not valid.
+    NoRecord
+        If neither the orbit nor a noisy path has a section at any value.
 
     Examples
     --------
@@ -123,6 +125,8 @@ def bifurcation(
 
     found = over_field(scene, at, field, noise, workers, of)
     every = np.concatenate([v for pair in found for v, _ in pair])
+    if every.size == 0:
+        raise NoRecord(f"the noisy path {found[0][1][1].brief}")
     low, high = np.quantile(every, [1e-4, 1.0 - 1e-4])
     edges = np.linspace(low, high, BINS + 1)
     counts, rows = {}, []

@@ -13,7 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from rattle.compare.chaos.record import Regime, check_finite, noisy_record, orbit_record
+from rattle.compare.chaos.record import Regime, noisy_record, orbit_record
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 from rattle.scene.tangent import Stretch
@@ -33,6 +33,7 @@ CONFIDENCE = 0.95
 FIRST = 100_000  # impacts of a record without a required width
 LEAST, MOST = 40_000, 2_000_000  # impacts of a record with one: the first attempt, and the longest
 TOGETHER = 0.4  # below this share of effectively independent batches a record is taken to contain a transient
+LOST = 1e-3  # error of the exponents' sum above which their growth is taken to be lost in rounding
 SPARE = 0.9  # a record is lengthened so as to reach this fraction of the required width
 
 
@@ -202,21 +203,29 @@ def _blocks(s: Stretch) -> Floats:
 
 
 def _exponents(of: str, scene: Scene, blocks: list[Floats], regime: Regime) -> Exponents:
-    b = check_finite(f"growth of the {of}, block", np.concatenate([np.empty((0, 6)), *blocks]))
+    """Exponents of a record; NaN without one, and where their sum shows that growth is lost in rounding."""
+    b = np.concatenate([np.empty((0, 6)), *blocks])
     size = 2 * scene.stages
     time, impacts = float(b[:, 4].sum()), int(b[:, 5].sum())
-    if len(b) < 2 * BATCHES or not regime.measured:
+    sum_error = np.nan
+    if len(b) >= 2 * BATCHES and regime.measured:
+        c = scene.constants
+        exact_sum = -(c.beta1 + c.beta2) + impacts / time * 2.0 * math.log(c.epsilon)
+        sum_error = float(b[:, :size].sum() / time - exact_sum)
+        if not abs(sum_error) < LOST:
+            regime.gave_up = regime.sticking_steps > 0
+            if not regime.gave_up:
+                regime.unfollowed = "brings neighbours together faster than double precision resolves"
+    if not abs(sum_error) < LOST:
         nothing = np.full(size, np.nan)
         return Exponents(of, nothing, nothing, np.nan, np.nan, np.nan, impacts, time, 0.0, regime)
     found = [ratio_mean(b[:, i], b[:, 4]) for i in range(size)]
     rate = ratio_mean(b[:, 5], b[:, 4])
-    c = scene.constants
-    exact_sum = -(c.beta1 + c.beta2) + impacts / time * 2.0 * math.log(c.epsilon)
     order = np.argsort([-m.value for m in found])
     ranked = [found[i] for i in order]
     return Exponents(
         of, np.array([m.value for m in ranked]), np.array([m.half for m in ranked]), rate.value, rate.half,
-        float(b[:, :size].sum() / time - exact_sum), impacts, time, ranked[0].effective, regime,
+        sum_error, impacts, time, ranked[0].effective, regime,
     )  # fmt: skip
 
 
@@ -248,7 +257,7 @@ def _measured(
         if done < target:
             continue
         found = _exponents(of, scene, blocks, regime)
-        if width is None or found.width <= width:
+        if width is None or found.width <= width or not regime.measured:
             return found
         if impacts is not None or regime.computed > MOST:
             return found.require(width) if strict else found
@@ -283,7 +292,8 @@ def lyapunov(scene: Scene, *, impacts: int | None = None, width: float | None = 
     Returns
     -------
     Exponents
-        NaN if the orbit sticks often or for good, or has no further impact; `regime` gives the reason.
+        NaN if the orbit sticks often or for good, has no further impact, or brings neighbours together faster than
+        double precision resolves; `regime` gives the reason.
 
     Raises
     ------
@@ -315,7 +325,7 @@ def drift_exponents(
     Parameters
     ----------
     scene : Scene
-        Without random tolerance.
+        With its noise.
     impacts : int, optional
         Length of the record without transients; 100 000 by default, or what `width` takes.
     width : float, optional
@@ -328,6 +338,7 @@ def drift_exponents(
     Returns
     -------
     Exponents
+        NaN if gaps are random, or the path sticks too often; `regime` gives the reason.
 
     Raises
     ------

@@ -38,7 +38,15 @@ NAMES = {
     "alpha": r"excitation amplitude $\alpha$",
     "sigma": r"noise intensity $\sigma$",
     "epsilon": r"restitution $\epsilon$",
-}
+    "mu": r"mass ratio $\mu$",
+} | {
+    f"{name}{stage}": rf"{word} of stage {stage} ${symbol}_{stage}$ ({unit})"
+    for name, word, symbol, unit in (
+        ("beta", "damping", r"\beta", r"$\omega$"), ("gamma", "drag", r"\gamma", r"$\nu_1\omega^2$"),
+        ("gap", "half gap", "g", r"$\nu_1$"),
+    )
+    for stage in (1, 2)
+}  # fmt: skip
 FLIGHT = r"time since the last impact $\Delta\tau$ (1/$\omega$)"
 IMAGE: Any = {"rasterized": True}
 HIGHEST = 6.5  # highest frequency drawn, in units of the excitation frequency
@@ -78,7 +86,7 @@ def section_figure(found: Mapping[str, Section]) -> Figure:
     for n, ax in enumerate(axes):
         stage, side = divmod(n, len(sides))
         s = found[sides[side]]
-        images.append(_density(ax, s.flight, s.velocity, s.counts[stage] / (s.points * area), highest))
+        images.append(_density(ax, s.flight, s.velocity, s.counts[stage] / (max(s.points, 1) * area), highest))
         ax.set_xlim(s.flight[0], s.flight[-1])
         ax.set_ylim(s.velocity[0], s.velocity[-1])
         if stage == 0:
@@ -87,7 +95,7 @@ def section_figure(found: Mapping[str, Section]) -> Figure:
             ax.set_xlabel(FLIGHT)
         if side == 0:
             ax.set_ylabel(_velocity(stage + 1))
-    figure.colorbar(images[0], ax=axes, label="density", pad=0.01, aspect=40)
+    figure.colorbar(images[0], ax=axes, label=r"density ($1/\nu_1$)", pad=0.01, aspect=40)
     return figure
 
 
@@ -118,7 +126,8 @@ def spectrum_figure(found: Mapping[tuple[str, str, str], Spectrum]) -> Figure:
         ax.set_xlabel(f"frequency ({unit})" if kind == SEQUENCE else f"frequency / {unit}")
         ax.set_title(f"{SYMBOL[name]}: {kind}", loc="left")
         if n % len(names) == 0:
-            ax.set_ylabel("power spectral density")
+            per = "excitation frequency" if kind == TIME else "cycle per impact"
+            ax.set_ylabel("power spectral density\n" rf"($\nu_1^2\omega^2$ per {per})", fontsize=8)
     legend_above(figure, axes, 3)
     return figure
 
@@ -214,7 +223,8 @@ def bifurcation_figure(b: Bifurcation, table: pd.DataFrame | None = None) -> Fig
     label = FLIGHT if b.quantity == "flight" else _velocity(int(b.quantity[1]))
     for ax, (side, counts) in zip(axes, b.counts.items(), strict=False):
         share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-        _density(ax, x, b.edges, share, float(share.max()))
+        if share.any():
+            _density(ax, x, b.edges, share, float(share.max()))
         ended = b.regime[(b.regime["side"] == side) & b.regime["regime"].isin([STICKS_OFTEN, STICKS_FOR_GOOD, SILENT])]
         _mark_sticking(ax, b.at, np.isin(b.at, ended["value"]))
         ax.set_title(side, loc="left", color=SIDE[side]["color"], fontweight="bold")

@@ -83,7 +83,8 @@ def mean_maps(scene: Scene, orbit: Exponents | None = None) -> pd.DataFrame:
     (2, "the orbit's")
     """
     found = orbit or lyapunov(scene)
-    spread = float(np.std(LongOrbit(scene).stretch(SPREAD, tangent=False).before[:, 1]))
+    along = LongOrbit(scene).stretch(SPREAD, tangent=False).before[:, 1]
+    spread = float(along.std()) if along.size else np.inf
     value, low, high = found.largest
     rows = []
     for closure in closures_for(scene):

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -12,6 +13,7 @@ from rattle.compare.chaos.bifurcation import Bifurcation, bifurcation
 from rattle.compare.chaos.exponents import Exponents, drift_exponents, lyapunov
 from rattle.compare.chaos.finite_size import finite_size
 from rattle.compare.chaos.mean_maps import mean_maps
+from rattle.compare.chaos.record import NoRecord
 from rattle.compare.chaos.section import Section, sections
 from rattle.compare.chaos.spectrum import Spectrum, spectra, spectra_tables
 from rattle.compare.chaos.sqrt_law import SqrtLaw, sqrt_law
@@ -24,6 +26,8 @@ __all__ = ["CLAIMED", "ChaosStudy", "study"]
 
 CLAIMED = (0.2, 1.7)
 """Range of alpha that the paper claims to be chaotic (section 4)."""
+T = TypeVar("T")
+
 WIDTH = 0.01  # default width of the interval of a largest exponent
 
 
@@ -43,10 +47,8 @@ class ChaosStudy:
     spectra : dict
         As of `rattle.compare.chaos.spectrum.spectra`.
     law : SqrtLaw or None
-        The measured square-root law; None if it could not be measured.
-    law_missing : str
-        The reason for that; empty otherwise.
-    finite_size : DataFrame
+        The measured square-root law.
+    finite_size : DataFrame or None
         As of `rattle.compare.chaos.finite_size.finite_size`.
     field : str
         Field of the sweep.
@@ -54,6 +56,8 @@ class ChaosStudy:
         As of `rattle.compare.chaos.sweep.sweep`.
     view : Bifurcation or None
         Over the same values.
+    missing : dict of str to str
+        What was left out, with the reason.
     """
 
     scene: Scene
@@ -63,18 +67,19 @@ class ChaosStudy:
     sections: dict[str, Section]
     spectra: dict[tuple[str, str, str], Spectrum]
     law: SqrtLaw | None
-    law_missing: str
-    finite_size: pd.DataFrame
+    finite_size: pd.DataFrame | None
     field: str
     sweep: pd.DataFrame | None
     view: Bifurcation | None
+    missing: dict[str, str]
 
     @property
     def answer(self) -> list[str]:
         """The answer in a few sentences."""
+        summary = spectra_tables(self.spectra)[2] if self.spectra else None
         said = answer(
-            self.orbit, self.drift, self.maps, self.law, self.law_missing, self.finite_size,
-            spectra_tables(self.spectra)[2], self.field, self.sweep, self.scene.gears,
+            self.orbit, self.drift, self.maps, self.law, self.finite_size, summary, self.field, self.sweep,
+            self.missing, self.scene.gears,
         )  # fmt: skip
         return said + left_out(self.scene, list(self.maps["closure"]))
 
@@ -84,15 +89,17 @@ class ChaosStudy:
         Returns
         -------
         dict of str to DataFrame
-            ``exponents, mean_maps, sections, spectra, lines, spectra_summary, fsle`` (finite-size exponents), and as
-            far as they were measured ``sqrt_law, sweep, crossings, bifurcation``.
+            ``exponents, mean_maps``, and as far as they were measured ``sections, spectra, lines, spectra_summary,
+            fsle`` (finite-size exponents), ``sqrt_law, sweep, crossings, bifurcation``.
         """
-        density, lines, summary = spectra_tables(self.spectra)
-        found = {
-            "exponents": pd.concat([self.orbit.table, self.drift.table], ignore_index=True), "mean_maps": self.maps,
-            "sections": pd.concat([s.table for s in self.sections.values()], ignore_index=True), "spectra": density,
-            "lines": lines, "spectra_summary": summary, "fsle": self.finite_size,
-        }  # fmt: skip
+        exponents = pd.concat([self.orbit.table, self.drift.table], ignore_index=True)
+        found = {"exponents": exponents, "mean_maps": self.maps}
+        if self.sections:
+            found["sections"] = pd.concat([s.table for s in self.sections.values()], ignore_index=True)
+        if self.spectra:
+            found["spectra"], found["lines"], found["spectra_summary"] = spectra_tables(self.spectra)
+        if self.finite_size is not None:
+            found["fsle"] = self.finite_size
         if self.law is not None:
             found["sqrt_law"] = self.law.table.assign(
                 exponent=self.law.exponent, exponent_low=self.law.low, exponent_high=self.law.high
@@ -113,10 +120,13 @@ class ChaosStudy:
         dict of str to Figure
             By name, see `rattle.compare.chaos.page.FIGURES`; without those of what was not measured.
         """
-        found = {
-            "section": figures.section_figure(self.sections), "spectra": figures.spectrum_figure(self.spectra),
-            "finite_size": figures.finite_size_figure(self.finite_size, self.orbit, self.drift),
-        }  # fmt: skip
+        found = {}
+        if self.sections:
+            found["section"] = figures.section_figure(self.sections)
+        if self.spectra:
+            found["spectra"] = figures.spectrum_figure(self.spectra)
+        if self.finite_size is not None:
+            found["finite_size"] = figures.finite_size_figure(self.finite_size, self.orbit, self.drift)
         if self.law is not None:
             found["sqrt_law"] = figures.sqrt_law_figure(self.law)
         if self.sweep is not None:
@@ -133,6 +143,8 @@ def study(
     workers: int = 2,
 ) -> ChaosStudy:  # fmt: skip
     """Measure the chaos of a scene: exponents, sections, spectra, divergence of two paths, and a sweep over a field.
+
+    What its motion does not have, for instance because a mesh sticks in every period, is left out with the reason.
 
     Parameters
     ----------
@@ -166,17 +178,29 @@ def study(
     InputError
         If an argument is not valid, or the restitution is 0.
     """
+    missing: dict[str, str] = {}
+
+    def attempt(what: str, measure: Callable[[], T]) -> T | None:
+        try:
+            return measure()
+        except (InputError, NoRecord) as reason:
+            missing[what] = str(reason)
+            return None
+
+    def finite_sizes() -> pd.DataFrame:
+        if not drift.regime.measured:  # two paths that stick are one from then on
+            raise NoRecord(f"the noisy path {drift.regime.brief}")
+        return finite_size(scene, events=events, seed=seed, workers=workers)
+
+    common: dict[str, Any] = {"field": field, "noise": noise, "seed": seed, "workers": workers}
     orbit = lyapunov(scene, width=width, strict=False)
-    law, missing = None, ""
-    try:
-        law = sqrt_law(scene, impacts=events, seed=seed)
-    except InputError as error:
-        missing = str(error)
+    drift = drift_exponents(scene, width=width, strict=False, seed=seed)
     return ChaosStudy(
-        scene, orbit, drift_exponents(scene, width=width, strict=False, seed=seed), mean_maps(scene, orbit),
-        sections(scene, points=points, seed=seed, workers=workers),
-        spectra(scene, impacts=impacts, seed=seed, workers=workers), law, missing,
-        finite_size(scene, events=events, seed=seed, workers=workers), field,
-        sweep(scene, at, field=field, noise=noise, width=width, seed=seed, workers=workers) if at else None,
-        bifurcation(scene, at, field=field, noise=noise, seed=seed, workers=workers) if at else None,
+        scene, orbit, drift, mean_maps(scene, orbit),
+        sections(scene, points=points, seed=seed, workers=workers, missing=missing),
+        spectra(scene, impacts=impacts, seed=seed, workers=workers, missing=missing),
+        attempt("the square-root law", lambda: sqrt_law(scene, impacts=events, seed=seed)),
+        attempt("the finite-size exponents", finite_sizes), field,
+        sweep(scene, at, width=width, **common) if at else None,
+        attempt("the bifurcation diagram", lambda: bifurcation(scene, at, **common)) if at else None, missing,
     )  # fmt: skip

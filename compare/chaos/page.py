@@ -5,7 +5,7 @@ from typing import Any
 import pandas as pd
 
 from rattle.compare.chaos.measure import ChaosStudy
-from rattle.compare.report import NUMBER, TEXT, Code, Column, Figure, Page, Section, Source, Table, Text
+from rattle.compare.report import NUMBER, TEXT, Block, Code, Column, Figure, Page, Section, Source, Table, Text
 from rattle.compare.report.glossary import CHAOS_TERMS, CLOSURE_TERMS, SECTION_TERMS, glossary
 from rattle.scene.scene import Scene
 
@@ -75,8 +75,8 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
     shown = ["closure", "map", "exponents", "not_realizable", "ends", "moments"]
     maps = table_of(tables["mean_maps"][shown], ("closure", "map", "exponents", "moments"))
     key = "section" if found.sweep is None else "sweep"
-    opening = (
-        figures[key],
+    opening: tuple[Block, ...] = (
+        *(figures[n] for n in (key,) if n in figures),
         exponents,
         Text("Lyapunov exponents per unit of dimensionless time, by the QR method, with 95 % intervals from batch "
              "means. `sum_error` is their sum less its exact value −(β1 + β2) + rate · 2 ln ε.", True),
@@ -84,33 +84,36 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
     )  # fmt: skip
     said = Text("The map that each closure iterates, and which exponents its means have.", True)
     parts = [Section("The mean maps", (said, maps))]
+
+    def left_out(part: str) -> list[Block]:
+        return [Text(f"Left out: {what} ({why}).") for what, why in found.missing.items() if part in what]
+
     if found.sweep is not None:
-        blocks = [figures[n] for n in ("bifurcation",) if n in figures]
+        blocks = left_out("bifurcation") + [figures[n] for n in ("bifurcation",) if n in figures]
         crossings = table_of(tables["crossings"], ("of",))
         rows = table_of(tables["sweep"], ("of", "regime", "reason"), summary=f"All values of {found.field}")
         said = Text(f"Where the largest exponent changes its sign over {found.field}: between `low` and `high`.", True)
         parts.append(Section(f"Over {found.field}", (*blocks, said, crossings, rows)))
-    if key != "section":
-        parts.append(Section("Poincaré sections", (figures["section"],)))
-    texts = ("side", "kind", "velocity", "narrow")
-    lines = tables["lines"][["side", "kind", "velocity", "frequency", "width", "share", "over", "narrow"]]
-    parts.append(
-        Section(
-            "Spectra",
-            (
-                figures["spectra"],
-                Text("`floor_share` is the share of the continuous part in the power, `narrow` the number of bands no "
-                     "wider than a single frequency. False-alarm probability: 1 % for each spectrum.", True),
-                table_of(tables["spectra_summary"], ("side", "kind", "velocity")),
-                table_of(lines, texts, summary="All bands"),
-            ),
-        )
-    )  # fmt: skip
-    apart = [figures[n] for n in ("finite_size", "sqrt_law") if n in figures]
-    missing = (Text(f"The square-root law was not measured: {found.law_missing}."),) if found.law is None else ()
-    parts.append(
-        Section("Two paths on the same noise", (*apart, *missing, table_of(tables["fsle"], summary="All distances")))
-    )
+    sections: list[Block] = [figures["section"]] if key != "section" and "section" in figures else []
+    sections += left_out("Poincaré")
+    if sections:
+        parts.append(Section("Poincaré sections", tuple(sections)))
+    spectra = left_out("spectra")
+    if found.spectra:
+        shown = ["side", "kind", "velocity", "frequency", "width", "share", "over", "narrow"]
+        spectra += [
+            figures["spectra"],
+            Text("`floor_share` is the share of the continuous part in the power, `narrow` the number of bands no "
+                 "wider than a single frequency. False-alarm probability: 1 % for each spectrum.", True),
+            table_of(tables["spectra_summary"], ("side", "kind", "velocity")),
+            table_of(tables["lines"][shown], ("side", "kind", "velocity", "narrow"), summary="All bands"),
+        ]  # fmt: skip
+    parts.append(Section("Spectra", tuple(spectra)))
+    apart: list[Block] = [figures[n] for n in ("finite_size", "sqrt_law") if n in figures]
+    apart += left_out("square-root") + left_out("finite-size")
+    if found.finite_size is not None:
+        apart.append(table_of(found.finite_size, summary="All distances"))
+    parts.append(Section("Two paths on the same noise", tuple(apart)))
     return Page(f"Chaos of {record['name']}", tuple(found.answer), source_of(record), opening, tuple(parts))
 
 

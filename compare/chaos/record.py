@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from rattle.closure.long_orbit import LongOrbit
 from rattle.closure.orbit import follow
 from rattle.montecarlo.coupling.long_path import LongPath
-from rattle.scene.errors import InputError
+from rattle.scene.errors import InputError, RattleError
 from rattle.scene.impact import MISSES, NONE
 from rattle.scene.scene import Scene
 from rattle.scene.tangent import Stretch
 
 __all__ = [
-    "DISCARD", "KINDS", "RUNS", "SILENT", "STICKS_AT_TIMES", "STICKS_FOR_GOOD", "STICKS_OFTEN", "Regime",
-    "check_finite", "noisy_record", "orbit_record",
+    "DISCARD", "KINDS", "NOT_FOLLOWED", "RUNS", "SILENT", "STICKS_AT_TIMES", "STICKS_FOR_GOOD", "STICKS_OFTEN",
+    "NoRecord", "Regime", "check_finite", "noisy_record", "orbit_record",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -33,10 +33,14 @@ ROUNDED = 1e-6  # speed below which rounding breaks the monotonic decrease of im
 WORTH = 0.25  # smallest share of the computed impacts that must have been recorded by then
 
 RUNS, STICKS_AT_TIMES, STICKS_OFTEN = "runs", "sticks at times", "sticks often"
-STICKS_FOR_GOOD, SILENT = "sticks for good", "silent"
-KINDS = (RUNS, STICKS_AT_TIMES, STICKS_OFTEN, STICKS_FOR_GOOD, SILENT)
+STICKS_FOR_GOOD, SILENT, NOT_FOLLOWED = "sticks for good", "silent", "not followed"
+KINDS = (RUNS, STICKS_AT_TIMES, STICKS_OFTEN, STICKS_FOR_GOOD, SILENT, NOT_FOLLOWED)
 """Kinds of motion: impacts go on; so they do between rare sticking phases; between phases so frequent that there is no
-record of the motion between; a mesh stays closed; there is no further impact."""
+record of the motion between; a mesh stays closed; there is no further impact; this method cannot follow it."""
+
+
+class NoRecord(RattleError):
+    """A result that the motion of these gears does not have; the message is the reason, as a clause."""
 
 
 @dataclass
@@ -53,8 +57,8 @@ class Regime:
         Number of starts, and of those that ended in sticking.
     silent : bool
         Whether the motion ended without a further impact.
-    sticking_steps : int
-        Steps of a noisy path that it spent sticking.
+    steps, sticking_steps : int
+        Steps of a noisy path, and those that it spent sticking.
     gave_up : bool
         Whether the record was given up because too few impacts could be recorded.
     for_good : bool
@@ -63,6 +67,8 @@ class Regime:
         Of an orbit that was given up: share of the time in which a mesh is closed.
     transient : int
         Impacts that were removed later as a transient.
+    unfollowed : str
+        Why this method cannot follow the motion; empty if it can.
     """
 
     impacts: int = 0
@@ -70,20 +76,24 @@ class Regime:
     starts: int = 0
     stuck: int = 0
     silent: bool = False
+    steps: int = 0
     sticking_steps: int = 0
     gave_up: bool = False
     for_good: bool = False
     closed: float = 0.0
     transient: int = 0
+    unfollowed: str = ""
 
     @property
     def kind(self) -> str:
         """One of `KINDS`."""
+        if self.unfollowed:
+            return NOT_FOLLOWED
         if self.silent:
             return SILENT
         if self.gave_up:
             return STICKS_FOR_GOOD if self.for_good else STICKS_OFTEN
-        return STICKS_AT_TIMES if self.stuck else RUNS
+        return STICKS_AT_TIMES if self.stuck or self.sticking_steps else RUNS
 
     @property
     def measured(self) -> bool:
@@ -95,6 +105,12 @@ class Regime:
         """The kind of motion as a clause with numbers."""
         stuck = f"sticks {self.stuck} time{'s' if self.stuck > 1 else ''} in {self.computed:,} impacts"
         transient = f", the first {self.transient:,} of them a transient" if self.transient else ""
+        if self.steps and self.sticking_steps and self.measured:
+            part = f"sticks in {self.sticking_steps:,} of {self.steps:,} time steps"
+            return f"ran through all {self.computed:,} impacts{transient}; it {part}"
+        if self.steps and self.gave_up:
+            stuck = f"sticks {100.0 * self.sticking_steps / self.steps:.2g} % of the time"
+            return f"completes chatter and {stuck}, too often for a record of the motion between"
         return {
             RUNS: f"ran through all {self.computed:,} impacts{transient}",
             STICKS_AT_TIMES: f"completes chatter and {stuck}; restarted after each, the exponents are those of the "
@@ -103,7 +119,13 @@ class Regime:
             f"after each, and a mesh is closed {100.0 * self.closed:.2g} % of the time",
             STICKS_FOR_GOOD: f"completes chatter and sticks for good, from each of {self.starts} starts: impacts end",
             SILENT: f"ends: {MISSES[NONE]}",
+            NOT_FOLLOWED: self.unfollowed,
         }[self.kind]
+
+    @property
+    def brief(self) -> str:
+        """The reason in few words where sticking is one."""
+        return self.reason if self.silent or self.unfollowed else self.kind
 
 
 def check_finite(name: str, values: Floats, offset: int = 0) -> Floats:
@@ -230,14 +252,20 @@ def noisy_record(
     settle : float
         Initial time that is discarded as a transient.
 
+    Nothing is recorded of a path whose gaps are random.
+
     Yields
     ------
     stretch : Stretch
     velocities : ndarray, shape (steps, 2)
         ``(y1, y2)`` at the start of each step.
     """
+    if scene.tolerance is not None and scene.tolerance.distribution != "fixed":
+        regime.unfollowed = "has random gaps, and long paths are followed with fixed ones only"
+        return
     walker = LongPath(scene, seed, path)
     walker.stretch(math.ceil(settle / walker.step), tangent, velocities=False)
+    settled = walker.sticking_steps
     regime.starts += 1
     done = 0
     while done < steps:
@@ -246,7 +274,7 @@ def noisy_record(
         done += walker.steps - before
         regime.computed += s.flight.size
         regime.impacts += s.flight.size
-        regime.sticking_steps = walker.sticking_steps
+        regime.steps, regime.sticking_steps = done, walker.sticking_steps - settled
         if s.flight.size == 0:
             regime.silent = True
             return

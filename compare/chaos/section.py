@@ -14,8 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from rattle.closure import mean_map
-from rattle.compare.chaos.record import Regime, check_finite, noisy_record, orbit_record
-from rattle.scene.errors import InputError
+from rattle.compare.chaos.record import NoRecord, Regime, check_finite, noisy_record, orbit_record
 from rattle.scene.scene import Scene
 from rattle.scene.validate import count
 
@@ -108,7 +107,7 @@ def _orbit_points(scene: Scene, points: int, regime: Regime) -> Iterator[tuple[F
     for s in orbit_record(scene, points, regime, tangent=False):
         yield s.flight, s.before
     if regime.impacts == 0 or not regime.measured:
-        raise InputError("scene", f"alpha = {scene.alpha:g}", f"has an orbit without a section: {regime.reason}")
+        raise NoRecord(f"the orbit {regime.brief}")
 
 
 def _noisy_points(
@@ -120,11 +119,11 @@ def _noisy_points(
         left -= s.flight[:left].size
         if left <= 0:
             return
-    raise InputError("scene", f"alpha = {scene.alpha:g}", f"has a path without a section: {regime.reason}")
+    raise NoRecord(f"the noisy path {regime.brief}")
 
 
 def frame(scene: Scene, seed: int = 0, points: int = PILOT) -> tuple[Floats, Floats]:
-    """Choose the edges of bins that cover the orbit and the noisy system, by a pilot run of both.
+    """Choose the edges of bins that cover the orbit and the noisy system, by a pilot run of each that has a section.
 
     Parameters
     ----------
@@ -133,16 +132,26 @@ def frame(scene: Scene, seed: int = 0, points: int = PILOT) -> tuple[Floats, Flo
     seed : int
         Seed of the random numbers.
     points : int
-        Points of the pilot run on each side; an orbit that sticks often or for good is left out.
+        Points of the pilot run on each side.
 
     Returns
     -------
     flight, velocity : ndarray, shape (bins + 1,)
         Edges of the flight times and of the velocities.
+
+    Raises
+    ------
+    NoRecord
+        If neither has a section.
     """
-    found = list(_noisy_points(scene, points, seed, PARTS, Regime()))
-    with suppress(InputError):
-        found += list(_orbit_points(scene, points, Regime()))
+    found: list[tuple[Floats, Floats]] = []
+    with suppress(NoRecord):
+        found += _orbit_points(scene, points, Regime())
+    try:
+        found += _noisy_points(scene, points, seed, PARTS, Regime())
+    except NoRecord:
+        if not found:
+            raise
     flight = np.concatenate([f for f, _ in found])
     velocity = np.concatenate([b[:, 1 : 2 * scene.stages : 2].ravel() for _, b in found])
     low, high = np.quantile(velocity, [1e-4, 1.0 - 1e-4])
@@ -169,7 +178,7 @@ def orbit_section(scene: Scene, points: int, edges: tuple[Floats, Floats]) -> Se
 
     Raises
     ------
-    InputError
+    NoRecord
         If the orbit sticks often or for good or has no further impact, and so has no section.
     """
     counter, regime = _Counter(edges, scene.stages), Regime()
@@ -204,7 +213,9 @@ def _map_section(scene: Scene, edges: tuple[Floats, Floats]) -> Section:
     return counter.section(MAP, t.stopped or f"followed through {MAPPED:,} impacts from the start")
 
 
-def sections(scene: Scene, *, points: int = 1_000_000, seed: int = 0, workers: int = 2) -> dict[str, Section]:
+def sections(
+    scene: Scene, *, points: int = 1_000_000, seed: int = 0, workers: int = 2, missing: dict[str, str] | None = None
+) -> dict[str, Section]:
     """Compute the sections of the orbit, of the corrected mean map and of the noisy system, on the same axes.
 
     Parameters
@@ -217,16 +228,19 @@ def sections(scene: Scene, *, points: int = 1_000_000, seed: int = 0, workers: i
         Seed of the random numbers.
     workers : int
         Threads; the result does not depend on it.
+    missing : dict, optional
+        Filled in: what is left out, and why.
 
     Returns
     -------
     dict of str to Section
-        By side; without the orbit and the mean map if the orbit has no section (see `orbit_section`).
+        By side; without the orbit and the mean map if the orbit has no section (see `orbit_section`), and without the
+        noisy system if its path has none.
 
     Raises
     ------
     InputError
-        If `points` is below 100 or `workers` below 1, or a noisy path has no further impact.
+        If `points` is below 100 or `workers` below 1.
 
     Examples
     --------
@@ -238,11 +252,21 @@ def sections(scene: Scene, *, points: int = 1_000_000, seed: int = 0, workers: i
     """
     count("points", points, least=100)
     count("workers", workers)
-    edges = frame(scene, seed)
+    missing = {} if missing is None else missing
     found: dict[str, Section] = {}
-    with suppress(InputError):
+    try:
+        edges = frame(scene, seed)
+    except NoRecord as reason:
+        missing["the Poincaré sections"] = str(reason)
+        return found
+    try:
         found[ORBIT] = orbit_section(scene, points, edges)
         if scene.sigma > 0.0:
             found[MAP] = _map_section(scene, edges)
-    found[NOISY] = _noisy_section(scene, points, edges, seed, workers)
+    except NoRecord as reason:
+        missing["the Poincaré section of the orbit"] = str(reason)
+    try:
+        found[NOISY] = _noisy_section(scene, points, edges, seed, workers)
+    except NoRecord as reason:
+        missing["the Poincaré section of the noisy system"] = str(reason)
     return found

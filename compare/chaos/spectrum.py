@@ -20,10 +20,9 @@ from scipy import ndimage, signal
 from scipy.special import chdtri
 
 from rattle.closure.long_orbit import velocities
-from rattle.compare.chaos.record import Regime, check_finite, noisy_record, orbit_record
+from rattle.compare.chaos.record import NoRecord, Regime, check_finite, noisy_record, orbit_record
 from rattle.compare.chaos.section import NOISY, ORBIT
-from rattle.montecarlo.coupling.dyadic import clockwork
-from rattle.scene.errors import InputError
+from rattle.montecarlo.coupling.dyadic import step_time
 from rattle.scene.scene import Scene
 from rattle.scene.validate import count
 
@@ -40,6 +39,7 @@ ALONE = 1.5  # factor on the threshold of an isolated bin: a true line also rais
 NARROW = 2.0  # largest width of a narrow band, in bins; a single frequency has 1.5 with this window
 SEGMENT = {SEQUENCE: 2048, TIME: 8192}  # samples of a segment; in time these are 64 periods of the excitation
 PARTS = 4  # noisy paths
+SEGMENTS = 4  # fewest segments of each, in time
 
 
 @dataclass(frozen=True)
@@ -138,8 +138,10 @@ def welch(pieces: Iterable[Floats], segment: int, rate: float) -> Spectrum:
 
     Raises
     ------
+    NoRecord
+        If no piece is as long as a segment.
     InputError
-        If no piece is as long as a segment, or a value is not finite.
+        If a value is not finite.
 
     Examples
     --------
@@ -163,7 +165,7 @@ def welch(pieces: Iterable[Floats], segment: int, rate: float) -> Spectrum:
         segments += k
         dof += 2.0 * k / (1.0 + 2.0 * (1.0 - 1.0 / k) * beside)
     if segments == 0:
-        raise InputError("record", longest, f"is too short for a spectrum: pieces need {segment} samples or more")
+        raise NoRecord(f"its longest stretch has {longest:,} samples, and a spectrum needs {segment:,}")
     return Spectrum(frequency[2:-1], total[2:-1] / segments, dof, segments)
 
 
@@ -172,17 +174,16 @@ def _collect(scene: Scene, parts: Iterable[tuple[list[Floats], list[Floats]]]) -
     for a, b in parts:
         sequence += a
         time += b
-    h = clockwork(scene, 1).h
     found = {}
     for stage in range(scene.stages):
         name = f"y{stage + 1}"
         found[SEQUENCE, name] = welch((p[:, stage] for p in sequence), SEGMENT[SEQUENCE], 1.0)
-        found[TIME, name] = welch((p[:, stage] for p in time), SEGMENT[TIME], 2.0 * math.pi / h)
+        found[TIME, name] = welch((p[:, stage] for p in time), SEGMENT[TIME], 2.0 * math.pi / step_time(scene))
     return found
 
 
 def spectra(
-    scene: Scene, *, impacts: int = 200_000, seed: int = 0, workers: int = 2
+    scene: Scene, *, impacts: int = 200_000, seed: int = 0, workers: int = 2, missing: dict[str, str] | None = None
 ) -> dict[tuple[str, str, str], Spectrum]:
     """Estimate the spectra of the velocities of the orbit and of the noisy system.
 
@@ -191,45 +192,59 @@ def spectra(
     scene : Scene
         What is modelled.
     impacts : int
-        Impacts of the orbit; the noisy paths have at least as many together.
+        Impacts of the orbit; the noisy paths have at least as many together, and more where they chatter.
     seed : int
         Seed of the random numbers.
     workers : int
         Threads; the result does not depend on it.
+    missing : dict, optional
+        Filled in: what is left out, and why.
 
     Returns
     -------
     dict of tuple to Spectrum
         By side, kind and velocity (``y1, y2``).  `SEQUENCE` is the velocity before each impact, with frequencies in
         cycles per impact; `TIME` is the velocity in time, with frequencies in units of the excitation frequency.
-        Without the orbit if it sticks often or for good, or has no further impact.
+        Without a side whose record is too short, because it sticks, or has no further impact.
 
     Raises
     ------
     InputError
-        If `impacts` is below 20 000, or a record is too short for a segment.
+        If `impacts` is below 20 000.
     """
     count("impacts", impacts, least=20_000)
-    h = clockwork(scene, 1).h
+    h = step_time(scene)
 
     def noisy(path: int) -> tuple[list[Floats], list[Floats]]:
         sequence, time, regime = [], [], Regime()
         for s, velocity in noisy_record(scene, 2**30, seed, regime, path=path, tangent=False):
             sequence.append(s.before[:, 1::2].copy())
             time.append(velocity)
-            if regime.impacts * PARTS >= impacts:
+            if regime.impacts * PARTS >= impacts and regime.steps >= SEGMENTS * SEGMENT[TIME]:
                 break
+        if not regime.measured:
+            raise NoRecord(f"the noisy path {regime.brief}")
         return [np.concatenate(sequence)], [np.concatenate(time)]
 
+    def orbit() -> dict[tuple[str, str], Spectrum]:
+        regime = Regime()
+        record = orbit_record(scene, impacts, regime, tangent=False)
+        pieces = [([s.before[:, 1::2]], [velocities(scene, s, h)]) for s in record]
+        if not regime.measured:
+            raise NoRecord(f"the orbit {regime.brief}")
+        return _collect(scene, pieces)
+
+    def noisy_system() -> dict[tuple[str, str], Spectrum]:
+        with ThreadPoolExecutor(workers) as pool:
+            return _collect(scene, pool.map(noisy, range(PARTS)))
+
     found: dict[tuple[str, str, str], Spectrum] = {}
-    regime = Regime()
-    pieces = [(s.before[:, 1::2], velocities(scene, s, h)) for s in orbit_record(scene, impacts, regime, tangent=False)]
-    if regime.measured:
-        orbit = _collect(scene, ([[a], [b]] for a, b in pieces))  # type: ignore[misc]
-        found |= {(ORBIT, *key): value for key, value in orbit.items()}
-    with ThreadPoolExecutor(workers) as pool:
-        noisy_found = _collect(scene, pool.map(noisy, range(PARTS)))
-    found |= {(NOISY, *key): value for key, value in noisy_found.items()}
+    for side, of_side in ((ORBIT, orbit), (NOISY, noisy_system)):
+        try:
+            found |= {(side, *key): value for key, value in of_side().items()}
+        except NoRecord as reason:
+            if missing is not None:
+                missing[f"the spectra of the {side}"] = str(reason)
     return found
 
 

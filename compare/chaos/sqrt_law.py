@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from rattle.compare.chaos.exponents import CONFIDENCE
+from rattle.compare.chaos.record import NoRecord
 from rattle.montecarlo.coupling.pairs import after_impact
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
@@ -101,7 +102,9 @@ def sqrt_law(scene: Scene, *, impacts: int = 4000, seed: int = 0, deltas: Floats
     Raises
     ------
     InputError
-        If the noise is too weak, or fewer than 100 impacts can be used.
+        If the noise is too weak, or gaps are random.
+    NoRecord
+        If fewer than 100 impacts can be used.
 
     Examples
     --------
@@ -119,7 +122,7 @@ def sqrt_law(scene: Scene, *, impacts: int = 4000, seed: int = 0, deltas: Floats
     speed, modulation = place[:, 1:2], place[:, 2:3]
     modulated = np.abs(modulation[:, 0]) > MODULATED
     if modulated.sum() < 100:
-        raise InputError("impacts", impacts, f"gave {modulated.sum()} impacts at mesh 1 that can be used: give more")
+        raise NoRecord(f"only {modulated.sum()} impacts at mesh 1 are fast enough, and at a phase that has noise")
     law = (1.0 + scene.epsilon) * scene.sigma * np.abs(modulation) * np.sqrt(deltas / speed)
     square = (apart / law)[modulated] ** 2
     n = len(square)

@@ -81,13 +81,17 @@ def legend_above(figure: Figure, axes: Sequence[Axes], columns: int) -> None:
     axes : sequence of Axes
         The panels whose labels are collected.
     columns : int
-        Columns of the legend.
+        Most columns of the legend; fewer where the figure is narrower.
     """
     handles: dict[str, Artist] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
-    figure.legend(list(handles.values()), list(handles), loc="outside upper center", ncols=columns)
+    for most in range(columns, 0, -1):
+        legend = figure.legend(list(handles.values()), list(handles), loc="outside upper center", ncols=most)
+        if most == 1 or legend.get_window_extent().width <= figure.bbox.width:
+            break
+        legend.remove()
 
 
 def whole_impacts(ax: Axes) -> None:

@@ -110,7 +110,7 @@ def bifurcation(
         seen = [
             x.before[np.abs(x.code) == mesh, 2 * mesh - 1] for x in orbit_record(s, POINTS, regime, tangent=False)
         ]  # fmt: skip
-        ends = regime.kind in ("sticks", "silent")
+        ends = not regime.measured
         orbit = (np.concatenate([np.empty(0), *([] if ends else seen)]), regime.reason if ends else "")
         return orbit, _noisy(s, mesh, seed)
 

@@ -26,7 +26,7 @@ from rattle.scene.errors import InputError
 from rattle.scene.impact import struck
 from rattle.scene.scene import Scene
 
-__all__ = ["DEEPEST", "HIT", "Clockwork", "Room", "clockwork", "flown", "new_room", "walk_step"]
+__all__ = ["DEEPEST", "HIT", "Clockwork", "Room", "clockwork", "flown", "new_room", "step_time", "walk_step"]
 
 Floats = NDArray[np.float64]
 
@@ -64,6 +64,15 @@ class Clockwork(NamedTuple):
     carry: Floats
 
 
+def step_time(scene: Scene) -> float:
+    """Step of a path: a period over a power of two of at least `STEPS`, shorter where damping is strong."""
+    longest = 0.5 * accurate_flight(scene)[0]
+    steps = STEPS
+    while 2.0 * math.pi / steps > longest:
+        steps *= 2
+    return 2.0 * math.pi / steps
+
+
 def clockwork(scene: Scene, depth: int) -> Clockwork:
     """The step tables of a scene.
 
@@ -95,11 +104,8 @@ def clockwork(scene: Scene, depth: int) -> Clockwork:
             scene.tolerance.distribution,
             "a path on a shared Brownian tree needs gaps that do not vary: give 'fixed', or no tolerance",
         )
-    longest = 0.5 * accurate_flight(scene)[0]
-    steps = STEPS
-    while 2.0 * math.pi / steps > longest:
-        steps *= 2
-    c, h = scene.constants, 2.0 * math.pi / steps
+    c, h = scene.constants, step_time(scene)
+    steps = round(2.0 * math.pi / h)
     forces = [flight_forcing(c, n * h, h) for n in range(steps)]
     table = np.array([(*f.drift, *f.along, *f.across, f.margin1, f.margin2) for f in forces])
     carry = np.array([forces[0].x1y1, forces[0].y1y1, forces[0].x2y1, forces[0].x2y2, forces[0].y2y1, forces[0].y2y2])

@@ -125,14 +125,23 @@ def after_impact(
 
 
 @jit
+def _distance(c: Constants, a: Floats, b: Floats) -> float:
+    """Distance of two states, of the stages that there are."""
+    square = 0.0
+    for i in range(2 * c.stages):
+        square += (a[i] - b[i]) ** 2
+    return math.sqrt(square)
+
+
+@jit
 def _place(c: Constants, a: Floats, b: Floats, delta: float) -> bool:
     """Put b at the distance `delta` from a, in its present direction or opposite to it; False if walls forbid both."""
-    d = math.sqrt(((a - b) ** 2).sum())
+    d = _distance(c, a, b)
     for sign in (1.0, -1.0):
         x1 = a[0] + sign * (b[0] - a[0]) * delta / d
         x2 = a[2] + sign * (b[2] - a[2]) * delta / d
         if abs(x1) < c.wall1 and (c.stages == 1 or abs(x2) < c.wall2):
-            for i in range(4):
+            for i in range(2 * c.stages):
                 b[i] = a[i] + sign * (b[i] - a[i]) * delta / d
             return True
     return False
@@ -159,7 +168,7 @@ def _growths(
             continue
         walk_step(c, w, room, key, path, step + k, z, b, hits)
         waited += 1
-        now = math.sqrt(((a - b) ** 2).sum())
+        now = _distance(c, a, b)
         far = min(now, last)  # the smaller of two: between both paths' impacts distance does not count
         last = now
         if far >= ratio * delta or waited >= patience:

@@ -229,6 +229,6 @@ def test_a_tolerance_widens_its_windows():
 def test_it_says_where_and_why_it_cannot_go_on():
     scene = Scene(alpha=0.0, epsilon=0.5, beta1=1.0, gamma1=0.0, stages=1, start=Start(0.0, 0.5, 0.1, mesh=1))
     m = mean_map(scene, impacts=3, closure="published")
-    assert m.stopped == "no counter mesh within 20 after impact 0"
+    assert m.stopped == "the other mesh is not struck within 20 time units after impact 0"
     assert m.section["tau"].isna().all()
     assert not m.section["realizable"].any()

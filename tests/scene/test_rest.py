@@ -13,7 +13,8 @@ from scipy.optimize import brentq
 from timing import times_as_long
 
 from rattle.closure import follow, mean_map
-from rattle.scene import DAT21, Scene, Start
+from rattle.closure.long_orbit import LongOrbit
+from rattle.scene import DAT21, Gears, Scene, Start
 from rattle.scene.impact import MISSES, NONE, REST, next_impact, struck
 from rattle.scene.sticking import closed_sides, opening, stuck
 
@@ -223,6 +224,18 @@ def test_flights_of_1e_minus_11_keep_their_ratio():
     ratios = np.array(flights[1:]) / np.array(flights[:-1])
     assert flights[-1] < 1e-11
     assert ratios[-5:] == pytest.approx(c.epsilon, rel=1e-4)
+
+
+def test_two_meshes_that_throw_each_other_back_stick_though_never_on_their_walls_at_one_instant():
+    """Impacts at mesh 1 and mesh 2 in turn, down to flights in which doubles no longer resolve a displacement."""
+    gears = Gears(
+        alpha=3.7333333333333334, epsilon=0.7, omega=167.6, inertia1=950.0, inertia2=620.0, radius1=38.0, radius2=30.0,
+        backlash1=0.12, backlash2=0.1, damping1=20.0, damping2=15.0, torque1=60.0, torque2=40.0,
+    )  # fmt: skip
+    orbit = LongOrbit(Scene.from_gears(gears), start=148)
+    found = orbit.stretch(1000, tangent=False)
+    assert (orbit.ended, found.code[-6:].tolist()) == (REST, [1, -2, 1, -2, 1, -2])
+    assert found.flight.size < 150
 
 
 @COMPILED

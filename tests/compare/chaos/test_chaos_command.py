@@ -1,11 +1,15 @@
 import json
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
 
+from rattle.compare.chaos.figures import spectrum_figure
 from rattle.compare.chaos.save import CONTENTS
+from rattle.compare.chaos.section import NOISY, ORBIT
+from rattle.compare.chaos.spectrum import SEQUENCE, TIME, Spectrum
 from rattle.compare.cli.main import main
 
 SMALL = ["--points", "2000", "--impacts", "40000", "--events", "300", "--width", "0.2"]
@@ -49,6 +53,31 @@ def test_one_stage_and_weak_noise_say_what_is_missing(tmp_path):
     assert "per second" not in (out / "chaos.md").read_text(encoding="utf-8")  # it was not made from gears
     assert not (out / "sweep.csv").exists()
     assert pd.read_csv(out / "exponents.csv")["exponent"].max() == 2
+
+
+PAIR = Path(__file__).parents[1] / "cli" / "pair.toml"
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_what_gears_that_stick_do_not_have_is_left_out_with_its_reason(tmp_path):
+    out = tmp_path / "out"
+    done = run(str(PAIR), *SMALL, "--no-sweep", "--out", str(out))
+    assert done.exit_code == 0, done.output
+    page = (out / "chaos.md").read_text(encoding="utf-8")
+    for text in (done.output, page):
+        assert "the spectra of the orbit (the orbit sticks often)" in text
+        assert "Left out: the finite-size exponents (the noisy path sticks often)." in text
+        assert "give " not in text
+    assert {p.stem for p in out.glob("*.svg")} == {"section", "spectra", "sqrt_law"}
+    assert not (out / "fsle.csv").exists()
+    assert pd.read_csv(out / "exponents.csv")["value"].isna().all()
+
+
+def test_legends_of_one_stage_fit_their_figure():
+    one = Spectrum(np.linspace(0.1, 6.0, 60), np.ones(60), 40.0, 20)
+    found = {(side, kind, "y1"): one for side in (ORBIT, NOISY) for kind in (SEQUENCE, TIME)}
+    figure = spectrum_figure(found)
+    assert figure.legends[0].get_window_extent().width <= figure.bbox.width
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,11 @@ from rattle.closure.long_orbit import LongOrbit
 from rattle.closure.orbit import follow
 from rattle.compare.chaos.exponents import drift_exponents, lyapunov, ratio_mean
 from rattle.compare.chaos.mean_maps import mean_maps
-from rattle.compare.chaos.record import Regime, orbit_record
-from rattle.compare.chaos.section import orbit_section, sections
+from rattle.compare.chaos.record import NoRecord, Regime, noisy_record, orbit_record
+from rattle.compare.chaos.section import NOISY, orbit_section, sections
 from rattle.compare.chaos.sweep import ALPHAS, crossings, paper_noise, sweep, values, with_field
-from rattle.scene import DAT21, InputError, Scene, Start
+from rattle.montecarlo.coupling.pairs import growths
+from rattle.scene import DAT21, Gears, InputError, Scene, Start, Tolerance
 from rattle.scene.flight import flow, jacobian
 from rattle.scene.impact import contact_matrix, next_impact, struck
 from rattle.scene.tangent import saltation_matrix
@@ -141,9 +142,51 @@ def test_an_orbit_that_sticks_often_goes_on_and_has_no_section():
     assert "stationary" not in found.regime.reason
     assert np.isnan(found.value).all()
     edges = np.linspace(0, 1, 11), np.linspace(-1, 1, 11)
-    with pytest.raises(InputError, match="without a section"):
+    with pytest.raises(NoRecord, match="the orbit sticks often"):
         orbit_section(scene, 1000, edges)
     assert list(sections(scene, points=2000)) == ["noisy system"]
+
+
+PAIR = Gears(alpha=14.583333333333334, epsilon=0.7, omega=157.0, inertia1=2000.0, inertia2=2000.0,
+             radius1=60.0, radius2=60.0, backlash1=0.12, torque1=500.0)  # fmt: skip
+
+
+def test_a_noisy_path_that_sticks_in_every_period_has_no_exponents_and_says_so():
+    found = drift_exponents(Scene.from_gears(PAIR, sigma=0.03, stages=1), width=0.1, strict=False)
+    assert np.isnan(found.value).all()
+    assert found.regime.kind == "sticks often"
+    assert "sticks 30 % of the time" in found.regime.reason
+
+
+def test_exponents_whose_sum_is_off_are_not_reported():
+    """Slow impacts lose the growth of neighbours in rounding; the exact sum of the exponents shows it."""
+    gears = replace(PAIR, inertia2=1500.0, radius2=50.0)
+    regime = Regime()
+    sums, time, impacts = 0.0, 0.0, 0
+    scene = Scene.from_gears(gears, sigma=0.2)
+    for s, _ in noisy_record(scene, 2000, 0, regime):
+        sums, time, impacts = sums + s.growth.sum(), time + s.flight.sum(), impacts + s.flight.size
+    assert not abs(sums - impacts * 2.0 * np.log(gears.epsilon)) / time < 0.01
+    found = drift_exponents(scene, width=0.1, strict=False)
+    assert np.isnan(found.value).all()
+    assert found.regime.kind == "sticks often"
+
+
+def test_random_gaps_are_a_reason_and_no_error():
+    scene = DAT.with_sigma(0.1)
+    random = replace(scene, tolerance=Tolerance(0.05, 0.05, distribution="uniform"))
+    found = drift_exponents(random, width=0.1, strict=False)
+    assert found.regime.kind == "not followed"
+    assert "random gaps" in found.regime.reason
+    missing = {}
+    assert NOISY not in sections(random, points=200, missing=missing)
+    assert "random gaps" in missing["the Poincaré section of the noisy system"]
+
+
+def test_two_paths_of_one_stage_that_stick_become_one():
+    """Wheel 2, which a single stage does not have, is no part of their distance."""
+    _, growth = growths(Scene.from_gears(PAIR, sigma=0.03, stages=1), 0.1, 3, 0, patience=20.0, settle=200)
+    assert growth.min() < np.log(1e-3)
 
 
 def test_an_orbit_that_sticks_for_good_is_told_from_one_that_goes_on():

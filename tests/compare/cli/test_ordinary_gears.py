@@ -1,0 +1,38 @@
+"""Every command that takes a scene, on every example and on the gear pair of an engineer, whose motion sticks."""
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from rattle.compare.cli.main import main
+
+HERE = Path(__file__).parent
+SCENES = [*sorted((HERE.parents[2] / "examples").glob("*.toml")), HERE / "pair.toml"]
+SMALL = {
+    "animate": ("--impacts", "5"),
+    "chaos": ("--points", "200", "--impacts", "20000", "--events", "128", "--width", "0.5", "--over", "0.8:15:2"),
+    "order": ("--impacts", "2", "--paths", "1000"),
+    "simulate": ("--impacts", "3", "--paths", "500"),
+    "stationary": ("--periods", "64", "--paths", "16", "--burn-in", "10"),
+    "tradeoff": ("--impacts", "2", "--budget", "0.2", "--no-orders", "--accuracy", "0.3"),
+    "validate": ("--impacts", "3", "--paths", "2000", "--no-validity"),
+}
+TO_A_FOLDER = ("chaos", "stationary", "tradeoff", "validate")
+
+
+def test_these_are_all_commands_that_take_a_scene():
+    takes = {name for name, command in main.commands.items() if any(p.name == "scene" for p in command.params)}
+    assert takes == set(SMALL)
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize("command", SMALL)
+@pytest.mark.parametrize("scene", SCENES, ids=lambda path: path.stem)
+def test_every_command_runs(scene, command, tmp_path):
+    out = {"order": [], "animate": ["--out", str(tmp_path / "out.html")]}.get(command, ["--out", str(tmp_path / "out")])
+    done = CliRunner().invoke(main, [command, str(scene), *SMALL[command], *out])
+    assert done.exit_code == 0, done.output
+    assert "Traceback" not in done.output
+    if command in TO_A_FOLDER:
+        assert any(p.suffix == ".html" for p in (tmp_path / "out").iterdir())
