@@ -50,7 +50,8 @@ TERMS = {
     "τ": "time, in units of 1/ω; the driving motion has period 2π",
     "Δτ": "time of flight between two impacts",
     "x1, x2": "position within the backlash: between driver and wheel 1 (mesh 1), and between wheels 1 and 2 (mesh 2)",
-    "y1, y2": "the relative velocities that belong to x1 and x2, just before an impact",
+    "y1, y2": "the relative velocities that belong to x1 and x2, just before an impact, in units of ν₁ω: backlash 1 "
+    "times the angular frequency of the driving motion",
     "E, sd": "mean and standard deviation over all paths",
     "ρ1, ρ2": "correlation of position and velocity in stage 1 and 2; lies between −1 and 1 for every distribution",
     "stage": "stage 1 is driver and wheel 1, stage 2 is wheel 1 and wheel 2",

@@ -39,10 +39,11 @@ from rattle.compare.validation.validity_range import spanned
 __all__ = ["answer", "study_figure", "written"]
 
 PANELS = (
-    ("impacts per unit of time", ("rate", "rate_mesh1", "rate_mesh2")),
-    ("energy lost per period", ("energy_per_period", "energy_per_period_mesh1", "energy_per_period_mesh2")),
-    ("speed: 5, 50 and 95 %", ("q05_speed", "q50_speed", "q95_speed")),
-    ("share of slow impacts", ("slow_share", "slow_share_mesh1", "slow_share_mesh2")),
+    ("impacts", r"per $1/\omega$", ("rate", "rate_mesh1", "rate_mesh2")),
+    ("energy lost", r"$I_1/R_1^2\,(\nu_1\omega)^2$ per period",
+     ("energy_per_period", "energy_per_period_mesh1", "energy_per_period_mesh2")),
+    ("speed: 5, 50 and 95 %", r"$\nu_1\omega$", ("q05_speed", "q50_speed", "q95_speed")),
+    ("slow impacts", "share", ("slow_share", "slow_share_mesh1", "slow_share_mesh2")),
 )  # fmt: skip
 SMALL = ("cost", "reasons")
 """Small tables, written as CSV in addition to Parquet."""
@@ -50,7 +51,8 @@ COLOURS = ("#000000", "#0072B2", "#D55E00")
 MARKERS = ("D", "o", "s")
 CAPTION = (
     "The long run over the field that varies, with 95 % intervals: impacts, energy lost, speeds, slow impacts, and the "
-    "share of its quantities that each closure has right (no curve where it predicts none)."
+    "share of its quantities that each closure has right (no curve where it predicts none). Units: the drive's angular "
+    "frequency ω, the backlash ν₁ of mesh 1, inertia I₁ and radius R₁ of wheel 1."
 )
 
 
@@ -68,22 +70,26 @@ def study_figure(r: LongResults | LongTables) -> Drawing:
     """
     figure, axes = new_figure(10.0, 6.0, 2, 3)
     log = _is_log(r.quantities[r.study.along])
-    for ax, (title, names) in zip(axes, PANELS, strict=False):
+    for ax, (title, unit, names) in zip(axes, PANELS, strict=False):
         for name, colour, marker in zip(names, COLOURS, MARKERS, strict=True):
             _curve(ax, r.quantities[r.quantities["quantity"] == name], r.study.along, name, colour, marker)
         ax.set_title(title, loc="left")
-    good = shares(r.verdicts, r.study.along)
-    for closure in good:
-        axes[4].plot(good.index, good[closure], lw=1.2, ms=4, label=str(closure), **STYLE[str(closure)])
-    axes[4].set_title("closures: share of accurate quantities", loc="left")
-    axes[4].set_ylim(-0.05, 1.05)
+        ax.set_ylabel(unit)
     memory = r.quantities[r.quantities["quantity"].isin(["speed", "slow_share", "energy_per_period"])]
     for (quantity, own), ink, sign in zip(memory.groupby("quantity", sort=False), COLOURS, MARKERS, strict=False):
-        axes[5].plot(
+        axes[4].plot(
             own[r.study.along], own["autocorrelation"], color=ink, marker=sign, ms=3, lw=1.0, label=str(quantity)
         )
-    axes[5].set_yscale("log")
-    axes[5].set_title("autocorrelation time (impacts)", loc="left")
+    axes[4].set_yscale("log")
+    axes[4].set_title("autocorrelation time", loc="left")
+    axes[4].set_ylabel("impacts")
+    good = shares(r.verdicts, r.study.along).dropna(axis="columns", how="all")
+    for closure in good:
+        axes[5].plot(good.index, good[closure], lw=1.2, ms=4, label=str(closure), **STYLE[str(closure)])
+    axes[5].set_title("accurate quantities", loc="left")
+    axes[5].set_ylabel("share")
+    axes[5].set_ylim(-0.05, 1.05)
+    axes[5].set_visible(not good.empty)
     for ax in axes:
         ax.set_xlabel(axis_label(r.study.along))
         if log:

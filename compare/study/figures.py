@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from rattle.compare.report.style import STYLE, SYMBOL, legend_above, new_figure, whole_impacts
 from rattle.compare.study.results import Results
@@ -38,7 +39,10 @@ def _along(ax: Axes, name: str, values: Sequence[float]) -> None:
     ax.set_xlabel(axis_label(name))
     if len(values) and min(values) > 0.0 and max(values) / min(values) > 10.0:
         ax.set_xscale("log")
+        if max(values) / min(values) < 100.0:
+            ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.xaxis.set_major_formatter("{x:g}")
+        ax.xaxis.set_minor_formatter(NullFormatter())
 
 
 def errors(r: Results | Tables, rows: pd.DataFrame) -> Figure:
@@ -161,7 +165,7 @@ def sections(r: Results | Tables, rows: pd.DataFrame) -> Figure:
     ]  # fmt: skip
     labels = {
         "sd": "sd of {}", "skew": "skewness of {}", "rate": r"impacts so far / mean $\tau$",
-        "energy": "energy lost at the impact",
+        "energy": r"energy lost ($I_1/R_1^2\,(\nu_1\omega)^2$)",
     }  # fmt: skip
     for ax, (quantity, moment) in zip(axes, panels, strict=True):
         part = rows[(rows["quantity"] == quantity) & (rows["moment"] == moment)]
@@ -170,7 +174,8 @@ def sections(r: Results | Tables, rows: pd.DataFrame) -> Figure:
             low, high = (group["value"] + sign * 1.96 * group["se"] for sign in (-1.0, 1.0))
             ax.plot(group[name], group["value"], color=colour, lw=1.4, marker="o", ms=2.5, label=f"impact {impact}")
             ax.fill_between(group[name], low, high, color=colour, alpha=BAND, lw=0)
-        ax.set_ylabel(labels.get(quantity, labels.get(moment, "")).format(SYMBOL.get(quantity, "")))
+        label = labels.get(quantity) or labels[moment].format(SYMBOL[quantity])
+        ax.set_ylabel(label + r" ($\nu_1\omega$)" * ((quantity, moment) == ("y1", "sd")))
         if moment == "sd" and (part["value"] > 0.0).any():
             ax.set_yscale("log")
         if moment == "skew":

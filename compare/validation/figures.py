@@ -202,9 +202,9 @@ def section_figure(v: Validation) -> Figure:
                 ax.set_xlim(y[0], y[-1])
             ax.xaxis.set_major_locator(MaxNLocator(4))
             ax.set_title(f"impact {impact}", loc="left")
-            ax.set_xlabel(f"{SYMBOL[quantity]} before impact")
+            ax.set_xlabel(rf"{SYMBOL[quantity]} before impact ($\nu_1\omega$)")
             if column == 0:
-                ax.set_ylabel("density")
+                ax.set_ylabel(r"density ($1/\nu_1\omega$)")
     legend_above(figure, axes, 4)
     return figure
 

@@ -6,6 +6,7 @@ import re
 import shutil
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from browser import CHROMIUM, Browser
@@ -174,14 +175,12 @@ def test_every_text_is_readable_by_day_and_by_night(browser, page, scheme):
         assert (max(ink, ground) + 0.05) / (min(ink, ground) + 0.05) > 4.5, what  # WCAG 2.2, level AA
 
 
-FILTERED = """(() => {
-  const at = new OffscreenCanvas(1, 1).getContext("2d");
-  at.filter = getComputedStyle(document.querySelector("img[src^='data:image/svg']")).filter;
-  return %s.map(colour => {
-    at.fillStyle = colour;
-    at.fillRect(0, 0, 1, 1);
-    return [...at.getImageData(0, 0, 1, 1).data];
-  });
+STRIPES = """(() => {
+  const image = document.querySelector("img[src^='data:image/svg']");
+  const stripes = %s.map((colour, n) => `<rect x="${20 * n}" width="20" height="20" fill="${colour}"/>`);
+  const svg = `<svg xmlns="http://www.w3.org/2000/svg" width="640" height="20">${stripes.join("")}</svg>`;
+  image.src = "data:image/svg+xml," + encodeURIComponent(svg);
+  return image.decode().then(() => { image.scrollIntoView(); return image.getBoundingClientRect().toJSON(); });
 })()"""
 
 
@@ -193,15 +192,25 @@ def lab(colour):
     return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
 
 
-def test_figures_are_dark_by_night_and_their_colours_stay_apart(browser, page):
+def hue(colour):
+    return np.arctan2(*lab(colour)[:0:-1])
+
+
+def test_figures_are_dark_by_night_and_their_colours_stay_apart(browser, page, tmp_path):
     colours = ["#ffffff", *(style["color"] for style in STYLE.values())]
     for scheme in ("light", "dark"):
         browser.open(page, scheme=scheme)
         assert browser.run("getComputedStyle(document.images[0]).filter") == "none"  # a picture of points is none
-        ground, *seen = [np.array(c[:3]) / 255.0 for c in browser.run(FILTERED % json.dumps(colours))]
+        box = browser.run(STRIPES % json.dumps(colours))
+        browser.picture(tmp_path / "seen.png", whole=False)
+        pixels = plt.imread(tmp_path / "seen.png")[round(box["y"]) + 10, :, :3]
+        ground, *seen = (pixels[round(box["x"]) + 20 * n + 10] for n in range(len(colours)))
         assert (ground.max() < 0.15) == (scheme == "dark")
         for n, one in enumerate(seen):
             assert abs(lab(one)[0] - lab(ground)[0]) > 25.0
+            own = np.array([int(colours[n + 1][i : i + 2], 16) / 255.0 for i in (1, 3, 5)])
+            turned = (hue(one) - hue(own) + np.pi) % (2.0 * np.pi) - np.pi
+            assert scheme == "light" or (lab(one)[0] > 55.0 and (not own.any() or abs(turned) < 0.45))  # no brown
             assert all(np.linalg.norm(lab(one) - lab(other)) > 20.0 for other in seen[:n])
 
 
@@ -211,6 +220,23 @@ def test_figures_keep_readable_text_on_a_phone_and_scroll(browser, page):
     assert browser.run(f"{box}.querySelector('img').getBoundingClientRect().width") > 0.8 * 640  # its own width
     assert browser.run(f"{box}.scrollWidth > {box}.clientWidth")
     assert browser.run("document.documentElement.scrollWidth") <= 390
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_shadow_says_that_a_figure_continues(browser, page, tmp_path, scheme):
+    """At the edge of a phone's screen, upon the figure's own paper; not where the figure has ended."""
+    shown = []
+    for end in (0, 10_000):
+        browser.open(page, 390, scheme=scheme)
+        edge = "document.querySelector('section figure .scroll')"
+        browser.run(f"{edge}.scrollIntoView(); {edge}.scrollLeft = {end}")
+        box = browser.run(f"(() => {{ const r = {edge}.getBoundingClientRect(); return [r.right, r.bottom]; }})()")
+        browser.picture(tmp_path / "seen.png", whole=False)
+        pixels = plt.imread(tmp_path / "seen.png")[:, :, :3]
+        right, bottom = (round(v) for v in box)
+        shown.append(abs(pixels[bottom - 8, right - 3] - pixels[bottom - 8, right - 100]).max())
+    assert shown[0] > 0.15
+    assert shown[1] < 0.05
 
 
 def test_first_screen_has_advice_and_key_figure(browser, report):

@@ -1,6 +1,8 @@
 """Studies of the long run, and claims about it in pytest."""
 
 import json
+from dataclasses import replace
+from itertools import pairwise
 from types import SimpleNamespace
 
 import pandas as pd
@@ -36,6 +38,16 @@ sigma = [0.0, 0.002, 0.3]
 """
 
 
+def titles_apart(figure):
+    """Every panel has a unit at its axis, and no title reaches into its neighbour's panel."""
+    figure.canvas.draw()
+    shown = [ax for ax in figure.axes if ax.get_visible()]
+    assert all(ax.get_ylabel() for ax in shown)
+    for left, right in pairwise(shown):
+        if left.get_position().y0 == right.get_position().y0:
+            assert left._left_title.get_window_extent().x1 < right.get_tightbbox().x0
+
+
 def test_study_runs_and_is_kept(tmp_path):
     file = tmp_path / "pair.toml"
     file.write_text(STUDY)
@@ -53,9 +65,13 @@ def test_study_runs_and_is_kept(tmp_path):
     linear = tables.verdicts.query("closure == 'saltation' and quantity == 'speed'").set_index("sigma")["verdict"]
     assert linear[0.002] == "accurate"
     assert linear[0.3] == "inaccurate"
+    assert float(tables.to_xarray()["value"].sel(sigma=0.0, quantity="rate")) == rate.loc[0.0, "value"]
     again = CliRunner().invoke(main, ["study", str(file)])
     assert again.exit_code == 0
     assert "up to date" in again.stderr
+    titles_apart(tables.plot())
+    nothing = replace(tables, verdicts=tables.verdicts.assign(verdict="not predicted")).plot()
+    assert [ax.get_title("left") for ax in nothing.axes if ax.get_visible() and not ax.lines] == []
     explained = CliRunner().invoke(main, ["study", str(file), "--explain"])
     assert "3 points, 3 cells, 0 to compute" in explained.output
     with pytest.raises(FileError, match="long run"):
