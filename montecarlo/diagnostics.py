@@ -15,6 +15,7 @@ from rattle.montecarlo.kernel.control_variate import no_control
 from rattle.montecarlo.schemes.step_size import default_step, largest_step, trusted_step
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.montecarlo.schemes.table import SCHEMES
+from rattle.montecarlo.settings import is_random
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 
@@ -232,8 +233,9 @@ def _of_step(run: Ensemble) -> tuple[str, ...]:
         else ""
     )
     shift, where = orbit_shift(run)
+    by = f"{shift:.2g} sd" if is_random(scene) else f"{SMALLEST * shift:.2%}"
     moved = (
-        f"The step moves the noise-free path by {shift:.2g} sd ({where}): shorten it, or take exact-flight, which has "
+        f"The step moves the noise-free path by {by} ({where}): shorten it, or take exact-flight, which has "
         "no such bias."
         if shift > TOLERANCE
         else ""

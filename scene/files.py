@@ -13,10 +13,12 @@ __all__ = ["in_file", "read_text", "read_toml"]
 
 TABLE = re.compile(r"\s*\[+\s*([^\[\]]+?)\s*\]")
 KEY = re.compile(r"""\s*["']?([\w-]+)["']?\s*=""")
+PLACE = re.compile(r"\(at line (\d+),")
+COMMA = re.compile(r"=\s*([-+]?\d+),(\d+)")
 
 
 def read_text(what: str, path: str | Path) -> str:
-    """Read a UTF-8 text file.
+    """Read a UTF-8 text file, with a byte-order mark or without.
 
     Parameters
     ----------
@@ -36,9 +38,9 @@ def read_text(what: str, path: str | Path) -> str:
         If it cannot be read or is not UTF-8; names what the file was to be, its path, and the remedy.
     """
     try:
-        return Path(path).read_text(encoding="utf-8")
+        return Path(path).read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
-        raise FileError(what, str(path), "is not UTF-8 text; give a TOML file") from None
+        raise FileError(what, str(path), "is not UTF-8 text; give a TOML file saved as UTF-8") from None
     except OSError as error:
         raise FileError(what, str(path), f"cannot be read ({error.strerror}); give a TOML file") from None
     except (TypeError, ValueError):  # not a path, or one with a null character in it
@@ -73,9 +75,20 @@ def read_toml(text: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except ValueError as error:  # includes TOMLDecodeError; an integer of too many digits raises a plain ValueError
-        raise FileError("TOML", str(error), "correct the file at that place") from None
+        raise FileError("TOML", str(error), _remedy(text, str(error))) from None
     except RecursionError:
         raise FileError("TOML", text[:20], "is nested too deeply; give a file that people write") from None
+
+
+def _remedy(text: str, error: str) -> str:
+    """What to do about a text that is not TOML: two common slips are named."""
+    place = PLACE.search(error)
+    row = text.split("\n")[int(place[1]) - 1] if place else ""
+    if comma := COMMA.search(row):
+        return f"use a decimal point: {comma[1]}.{comma[2]}"
+    if row and "=" not in row and re.search("[,;\t]", row):
+        return "this looks like a table (CSV): write each value on a line as name = value, with a decimal point"
+    return "correct the file at that place"
 
 
 @contextmanager

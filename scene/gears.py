@@ -1,9 +1,12 @@
-"""A pair of loose gears in physical units (mm, kg, N, s), and the only conversion of units (Eqs. 1-3)."""
+"""Loose gears in physical units (mm, kg, N, s), and the only conversion of units (Eqs. 1-3)."""
 
-from dataclasses import dataclass, fields
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 
 from rattle.scene.errors import InputError
 from rattle.scene.keywords import suggesting
+from rattle.scene.shown import as_call
 from rattle.scene.units import Units
 from rattle.scene.validate import finite, non_negative, positive, ranged, unit_interval
 
@@ -13,15 +16,19 @@ KG_MM_PER_S2_PER_N = 1000.0  # 1 N = 1000 kg mm / s^2
 SIZES = (1e-12, 1e12)  # admissible range of every dimensional value, in the units below
 DRIVES = ("alpha", "amplitude", "amplitude_rad")
 """The ways to give the drive; just one of them."""
+SPEEDS = {"speed_rpm": 2.0 * math.pi / 60.0, "speed_rad_s": 1.0}
+"""The ways to give the mean speed of the driver, at most one of them, and their units in rad/s."""
+WHEEL2 = ("inertia2", "radius2")
+"""What a second wheel must have."""
 
 
 @suggesting
 @dataclass(frozen=True, kw_only=True)
 class Gears:
-    """Physical data of the driver and the two loose wheels.
+    """Physical data of the driver and its one or two loose wheels.
 
-    `driven` takes the amplitude of the driver's motion in place of `alpha`.  All dimensional values are at most 1e12 in
-    the units below; frequency, inertias, radii and backlashes are at least 1e-12.
+    `driven` takes the amplitude of the driver's motion in place of `alpha`, and the mean speed.  All dimensional values
+    are at most 1e12 in the units below; frequency, inertias, radii and backlashes are at least 1e-12.
 
     Parameters
     ----------
@@ -32,7 +39,7 @@ class Gears:
     omega : float
         Excitation frequency in rad/s.
     inertia1, inertia2 : float
-        Moments of inertia of the wheels in kg mm^2.
+        Moments of inertia of the wheels in kg mm^2; without a second wheel `inertia2` and `radius2` are left out.
     radius1, radius2 : float
         Base radii in mm.
     backlash1, backlash2 : float
@@ -40,7 +47,8 @@ class Gears:
     damping1, damping2 : float
         Rotational damping in N mm s; left out, none, and of wheel 2 that of wheel 1.
     torque1, torque2 : float
-        Drag torques in N mm; left out, none, and on wheel 2 that on wheel 1.
+        Drag torques in N mm at the mean speed; left out, none, and on wheel 2 that on wheel 1.  Damping acts on the
+        oscillation alone: what it brakes the mean rotation by, ``damping * mean speed``, is part of the torque.
 
     Raises
     ------
@@ -61,30 +69,49 @@ class Gears:
     epsilon: float
     omega: float
     inertia1: float
-    inertia2: float
+    inertia2: float = None  # type: ignore[assignment]  # None without a second wheel
     radius1: float
-    radius2: float
+    radius2: float = None  # type: ignore[assignment]
     backlash1: float
-    backlash2: float = None  # type: ignore[assignment]  # these of wheel 2 are those of wheel 1, filled in below
+    backlash2: float = None  # type: ignore[assignment]  # these of a wheel 2 are those of wheel 1, filled in below
     damping1: float = 0.0
     damping2: float = None  # type: ignore[assignment]
     torque1: float = 0.0
     torque2: float = None  # type: ignore[assignment]
 
-    ELSEWHERE = dict.fromkeys((*DRIVES[1:], "driver_radius"), "give it to Gears.driven, in place of alpha")
+    ELSEWHERE = dict.fromkeys((*DRIVES[1:], "driver_radius", *SPEEDS), "give it to Gears.driven")
 
     def __post_init__(self) -> None:
+        given = [name for name in WHEEL2 if getattr(self, name) is not None]
+        if len(given) == 1:
+            other = WHEEL2[1 - WHEEL2.index(given[0])]
+            raise InputError(other, None, f"goes with {given[0]}; leave out both where there is no wheel 2")
         for name in ("backlash", "damping", "torque"):
-            if getattr(self, f"{name}2") is None:
+            if given and getattr(self, f"{name}2") is None:
                 object.__setattr__(self, f"{name}2", getattr(self, f"{name}1"))
         for f in fields(self):
-            object.__setattr__(self, f.name, finite(f.name, getattr(self, f.name)))
-        for name in ("omega", "inertia1", "inertia2", "radius1", "radius2", "backlash1", "backlash2"):
-            ranged(name, positive(name, getattr(self, name)), *SIZES)
-        for name in ("damping1", "damping2", "torque1", "torque2"):
-            ranged(name, non_negative(name, getattr(self, name)), 0.0, SIZES[1])
+            if given or f.name[-1] != "2" or getattr(self, f.name) is not None:
+                object.__setattr__(self, f.name, finite(f.name, getattr(self, f.name)))
+        for name, value in self.values.items():
+            if name.startswith(("omega", "inertia", "radius", "backlash")):
+                ranged(name, positive(name, value), *SIZES)
+            if name.startswith(("damping", "torque")):
+                ranged(name, non_negative(name, value), 0.0, SIZES[1])
         non_negative("alpha", self.alpha)
         unit_interval("epsilon", self.epsilon)
+
+    def __repr__(self) -> str:
+        return as_call("Gears", self.values)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The values by name, without those of a wheel that does not exist."""
+        return {name: value for name, value in vars(self).items() if value is not None}
+
+    @property
+    def wheels(self) -> int:
+        """How many loose wheels there are: 1 or 2."""
+        return 1 if self.inertia2 is None else 2
 
     @classmethod
     def driven(
@@ -93,9 +120,11 @@ class Gears:
         amplitude: float | None = None,
         amplitude_rad: float | None = None,
         driver_radius: float | None = None,
+        speed_rpm: float | None = None,
+        speed_rad_s: float | None = None,
         **values: float,
     ) -> "Gears":
-        """Gears whose drive is given as the amplitude of the driver's motion, in place of `alpha`.
+        """Gears whose drive is given as the amplitude of the driver's motion, or with the mean speed of the driver.
 
         Parameters
         ----------
@@ -104,19 +133,23 @@ class Gears:
         amplitude_rad : float, optional
             Amplitude ``a`` of the driver's rotation in rad, in place of `amplitude`; with `driver_radius`.
         driver_radius : float, optional
-            Base radius ``R_e`` of the driver in mm.
+            Base radius ``R_e`` of the driver in mm; with `amplitude_rad` or a speed.
+        speed_rpm, speed_rad_s : float, optional
+            Mean speed of the driver in revolutions per minute or in rad/s, one of them.  Wheel i then turns at
+            ``speed R_e / R_i``, and what its damping brakes it by is added to the torque that is given.
         **values : float
-            All other fields of Gears.
+            All other fields of Gears; `alpha` where no amplitude is given.
 
         Returns
         -------
         Gears
-            With ``alpha = R_e a / backlash1`` (Eqs. 1-3).
+            With ``alpha = R_e a / backlash1`` (Eqs. 1-3) and ``torque_i + damping_i speed R_e / R_i``.
 
         Raises
         ------
         InputError
-            Unless the drive is given in just one way, or if a value has no physical meaning.
+            Unless the drive is given in just one way, or if a value has no physical meaning, or a speed comes without
+            `driver_radius`.
 
         Examples
         --------
@@ -128,16 +161,83 @@ class Gears:
         given = [name for name in DRIVES if drives[name] is not None]
         if len(given) != 1:
             raise InputError("gears", given, "give the drive once: " + ", ".join(DRIVES[:-1]) + f" or {DRIVES[-1]}")
-        if (driver_radius is None) != (amplitude_rad is None):
-            raise InputError("driver_radius", driver_radius, "goes with amplitude_rad, in mm, and with nothing else")
-        if amplitude_rad is not None:
+        speeds = {name: v for name, v in {"speed_rpm": speed_rpm, "speed_rad_s": speed_rad_s}.items() if v is not None}
+        if len(speeds) == 2:
+            raise InputError("gears", list(speeds), "give the mean speed of the driver once")
+        if speeds and driver_radius is None:
+            why = "give the driver's base radius in mm, for the wheels' speeds; or wheel 1's, with wheel 1's speed"
+            raise InputError("driver_radius", None, why)
+        if (driver_radius is None) != (amplitude_rad is None and not speeds):
+            why = "goes with amplitude_rad or a speed, in mm, and with nothing else"
+            raise InputError("driver_radius", driver_radius, why)
+        radius = 0.0
+        if driver_radius is not None:
             radius = ranged("driver_radius", positive("driver_radius", finite("driver_radius", driver_radius)), *SIZES)
+        if amplitude_rad is not None:
             amplitude = radius * non_negative("amplitude_rad", amplitude_rad)
         if amplitude is not None:
             non_negative("amplitude", amplitude)
             backlash = values.get("backlash1", 1.0)  # one that is missing is refused below
             values["alpha"] = amplitude / ranged("backlash1", positive("backlash1", backlash), *SIZES)
-        return cls(**values)
+        gears = cls(**values)
+        if not speeds:
+            return gears
+        ((name, speed),) = speeds.items()
+        rim = radius * SPEEDS[name] * non_negative(name, speed)  # mean speed of all pitch circles, mm/s
+        torques = {}
+        for i in range(1, gears.wheels + 1):
+            damping, _, torque, own = gears._wheel(i)
+            torques[f"torque{i}"] = torque + damping * rim / own
+        return replace(gears, **torques)
+
+    def sigma_from(
+        self,
+        *,
+        rms: float | None = None,
+        bandwidth: float | None = None,
+        spectrum: tuple[Sequence[float], Sequence[float]] | None = None,
+    ) -> float:
+        """Noise intensity `sigma` of a scene from a measured modulation of the driver's motion.
+
+        The modulation m(t) is relative: the acceleration of the driver is ``a omega^2 (1 + m)`` times the sine.  It is
+        taken for white noise of the same spectral density: with ``G`` its one-sided density (the mean square of m in a
+        band, per Hz of frequencies above 0), ``sigma = alpha sqrt(omega G / 2)``.
+
+        Parameters
+        ----------
+        rms : float, optional
+            Root mean square of the modulation, 0.03 for 3 %; with `bandwidth`.
+        bandwidth : float, optional
+            One-sided bandwidth in Hz: the modulation has frequencies from 0 to this one, ``G = rms^2 / bandwidth``.
+        spectrum : pair of array_like, optional
+            In place of both: frequencies in Hz, rising, and at each the one-sided density of the modulation in 1/Hz.
+            ``G`` is its mean over these frequencies.
+
+        Returns
+        -------
+        float
+            `sigma`, dimensionless.
+
+        Raises
+        ------
+        InputError
+            Unless the modulation is given in just one way, by numbers that are not negative.
+
+        Examples
+        --------
+        >>> round(DAT21.sigma_from(rms=0.03, bandwidth=50.0), 4)
+        0.0779
+        >>> round(DAT21.sigma_from(spectrum=([0.0, 50.0], [1.8e-5, 1.8e-5])), 4)
+        0.0779
+        """
+        if spectrum is not None and rms is None and bandwidth is None:
+            density = _mean_density(*spectrum)
+        elif spectrum is None and rms is not None and bandwidth is not None:
+            density = non_negative("rms", rms) ** 2 / positive("bandwidth", bandwidth)
+        else:
+            given = [n for n, v in {"rms": rms, "bandwidth": bandwidth, "spectrum": spectrum}.items() if v is not None]
+            raise InputError("sigma_from", given, "give rms and bandwidth, or a spectrum")
+        return self.alpha * math.sqrt(0.5 * self.omega * density)
 
     @property
     def amplitude(self) -> float:
@@ -152,7 +252,8 @@ class Gears:
 
     @property
     def mu(self) -> float:
-        """Share of the mesh-2 impulse that wheel 1 takes (dimensionless, Eq. 2)."""
+        """Wheel 1's share of the change of the relative velocity at an impact of both wheels (dimensionless, Eq. 2)."""
+        self._wheel(2)
         a, b = self.inertia1 * self.radius2**2, self.inertia2 * self.radius1**2
         return b / (a + b)
 
@@ -208,9 +309,21 @@ class Gears:
     def _wheel(self, wheel: int) -> tuple[float, float, float, float]:
         if wheel == 1:
             return self.damping1, self.inertia1, self.torque1, self.radius1
-        if wheel == 2:
+        if wheel == 2 and self.wheels == 2:
             return self.damping2, self.inertia2, self.torque2, self.radius2
-        raise InputError("wheel", wheel, "the loose wheels are 1 and 2")
+        known = "the loose wheels are 1 and 2" if self.wheels == 2 else "there is one loose wheel, 1"
+        raise InputError("wheel", wheel, known)
+
+
+def _mean_density(frequencies: Sequence[float], densities: Sequence[float]) -> float:
+    """The mean of a spectral density over its frequencies, by the trapezoidal rule."""
+    if len(frequencies) != len(densities) or len(frequencies) < 2:
+        raise InputError("spectrum", len(frequencies), "give two or more frequencies, and a density at each")
+    power = 0.0
+    for i in range(1, len(frequencies)):
+        width = positive("spectrum: step of the frequencies", frequencies[i] - frequencies[i - 1])
+        power += 0.5 * width * sum(non_negative("spectrum: density", d) for d in densities[i - 1 : i + 1])
+    return power / (frequencies[-1] - non_negative("spectrum: frequency", frequencies[0]))
 
 
 DAT21 = Gears(

@@ -5,14 +5,14 @@ from dataclasses import MISSING, fields
 from typing import Any
 
 from rattle.scene.errors import InputError
-from rattle.scene.gears import DRIVES, Gears
+from rattle.scene.gears import DRIVES, SPEEDS, WHEEL2, Gears
 from rattle.scene.validate import finite, known_keys, non_negative
 
 __all__ = ["read_gears", "read_tolerance"]
 
 FIELDS = tuple(f.name for f in fields(Gears))
 REQUIRED = tuple(f.name for f in fields(Gears) if f.default is MISSING)
-OPTIONAL = ("amplitude", "amplitude_rad", "driver_radius", "tolerance")
+OPTIONAL = (*DRIVES, "driver_radius", *SPEEDS, "tolerance")
 TOLERANCE = ("backlash1", "backlash2", "distribution", "draw")
 
 
@@ -22,10 +22,9 @@ def read_gears(table: Mapping[str, Any], stages: object) -> Gears:
     Parameters
     ----------
     table : mapping
-        The fields of Gears, which says what may be left out; in place of ``alpha`` it may have ``amplitude``, or
-        ``amplitude_rad`` and ``driver_radius``, see `Gears.driven`.
+        The fields of Gears, which says what may be left out, and the arguments of `Gears.driven`.
     stages : {2, 1}
-        Of the scene; for a single stage all values of wheel 2 may be left out, and are then those of wheel 1.
+        Of the scene; for a single stage all values of wheel 2 may be left out.
 
     Returns
     -------
@@ -40,17 +39,17 @@ def read_gears(table: Mapping[str, Any], stages: object) -> Gears:
     Examples
     --------
     >>> from rattle.scene import DAT21
-    >>> read_gears({k: v for k, v in vars(DAT21).items() if k != "inertia2"}, 1).inertia2
-    4000.0
+    >>> read_gears({k: v for k, v in vars(DAT21).items() if k[-1] != "2"}, 1).wheels
+    1
     """
     known_keys("gears", table, (*FIELDS, *OPTIONAL))
     values = {name: value for name, value in table.items() if name != "tolerance"}
     drives = [name for name in DRIVES if name in values]
-    if stages == 1:
-        values |= {n: values[_first(n)] for n in FIELDS if n.endswith("2") and n not in values and _first(n) in values}
-    missing = [name for name in REQUIRED if name not in values and not (name == "alpha" and drives)]
+    wanted = REQUIRED if stages == 1 else sorted((*REQUIRED, *WHEEL2), key=FIELDS.index)
+    missing = [name for name in wanted if name not in values and not (name == "alpha" and drives)]
     if missing:
-        raise InputError("gears", missing, "these keys are missing")
+        single = "; without a second wheel write stages = 1 in [scene]" if set(missing) & set(WHEEL2) else ""
+        raise InputError("gears", missing, f"these keys are missing{single}")
     try:
         return Gears.driven(**values)
     except InputError as error:
@@ -95,16 +94,13 @@ def read_tolerance(table: Mapping[str, Any], gears: Gears) -> dict[str, Any] | N
         name, backlash = f"gears.tolerance.backlash{i}", getattr(gears, f"backlash{i}")
         if f"backlash{i}" in given:
             deviation = non_negative(name, finite(name, given[f"backlash{i}"]))
+            if backlash is None:
+                raise InputError(name, deviation, "belongs to wheel 2, which these gears do not have")
             if deviation >= backlash:
                 why = f"must be below backlash{i} = {backlash:g} mm, or a gap could close; the unit is mm"
                 raise InputError(name, deviation, why)
             found[f"c{i}_max"] = 0.5 * deviation / gears.backlash1
     return found | {name: given[name] for name in ("distribution", "draw") if name in given}
-
-
-def _first(name: str) -> str:
-    """The field of wheel 1 that belongs to one of wheel 2."""
-    return name[:-1] + "1"
 
 
 def _full(field: str) -> str:

@@ -6,6 +6,9 @@ A value is questioned only where no gear pair can have it:
 - a backlash that is not smaller than its radius, or smaller than 1e-5 of it, by which steel grows in one kelvin;
 - an inertia below that of a plastic disc a thousandth of its radius thick, or above 1e7 times that of a solid steel
   cylinder as long as wide (`LIGHTEST` and `HEAVIEST`, times the fifth power of the radius);
+- a drag torque above 0 but below 0.003 of the wheel's weight (the mass at its rim that has its inertia) times its
+  radius: a needle bearing alone takes about as much;
+- a drive that swings by more than half a radian, or wheel 1 with it;
 - a drive whose pitch circle moves faster than sound in steel, 5000 m/s.
 
 What follows from several values, and is outside the range of the model, is named by the field that differs most from
@@ -13,7 +16,8 @@ the paper's example.
 """
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from rattle.scene.errors import InputError
 
@@ -25,6 +29,8 @@ __all__ = ["PARTS", "check_plausible", "of_gears"]
 SMALLEST_RADIUS = 0.05  # mm
 LEAST_BACKLASH = 1e-5  # of the radius
 LIGHTEST, HEAVIEST = 1e-9, 1e3  # kg/mm^3: inertia over the fifth power of the radius
+LEAST_DRAG = 0.003 * 9.81  # N/kg: of the weight of a kilogram
+SWING = 0.5  # rad
 SOUND = 5e6  # mm/s
 
 PARTS = {
@@ -37,17 +43,21 @@ PARTS = {
 
 UNIT = {
     "omega": "rad/s", "inertia": "kg mm^2", "radius": "mm", "backlash": "mm", "damping": "N mm s", "torque": "N mm",
+    "amplitude": "mm", "amplitude_rad": "rad",
 }  # fmt: skip
-IN_SI = {"inertia": ("kg m^2", 1e6), "radius": ("m", 1e3), "backlash": ("m", 1e3)}
+IN_SI = {"inertia": ("kg m^2", 1e6), "radius": ("m", 1e3), "backlash": ("m", 1e3), "torque": ("N m", 1e3)}
+SMALLER = {"amplitude": ("um", 1e-3), "amplitude_rad": ("degrees", math.pi / 180.0)}
 
 
-def check_plausible(gears: "Gears") -> None:
+def check_plausible(gears: "Gears", table: Mapping[str, Any]) -> None:
     """Refuse gears that cannot exist as given; the bounds are those of this module.
 
     Parameters
     ----------
     gears : Gears
         What a user has written.
+    table : mapping
+        The table ``[gears]`` in which it is written, for the name of the drive.
 
     Raises
     ------
@@ -58,14 +68,15 @@ def check_plausible(gears: "Gears") -> None:
     --------
     >>> from dataclasses import replace
     >>> from rattle.scene import DAT21
-    >>> check_plausible(replace(DAT21, inertia1=0.004))
+    >>> check_plausible(replace(DAT21, inertia1=0.004), {})
     Traceback (most recent call last):
     ...
     rattle.scene.errors.InputError: gears.inertia1 = 0.004: is too little for a wheel of radius1 = 41 mm, of whatever \
 it is made; the unit is kg mm^2: if 0.004 is in kg m^2, write 4000; if it is meant, write a [scene] without [gears]
     """
-    for i in (1, 2):
-        radius, backlash, inertia = (getattr(gears, f"{name}{i}") for name in ("radius", "backlash", "inertia"))
+    for i in range(1, gears.wheels + 1):
+        names = ("radius", "backlash", "inertia", "torque")
+        radius, backlash, inertia, torque = (getattr(gears, f"{name}{i}") for name in names)
         wheel, volume = f"radius{i} = {radius:g} mm", radius**5
         if radius < SMALLEST_RADIUS:
             raise _question(gears, f"radius{i}", "is smaller than any gear")
@@ -81,6 +92,13 @@ it is made; the unit is kg mm^2: if 0.004 is in kg m^2, write 4000; if it is mea
             if radius < 1.0:
                 raise _question(gears, f"radius{i}", f"is too small for inertia{i} = {inertia:g} kg mm^2")
             raise _question(gears, f"inertia{i}", f"is too much for a wheel of {wheel}", ("g mm^2", 1e-3))
+        if 0.0 < torque < LEAST_DRAG * inertia / radius:
+            why = f"is less than the bearing of a wheel of {inertia / radius**2:.2g} kg takes (0 leaves drag out)"
+            raise _question(gears, f"torque{i}", why)
+    drive = next((name for name in SMALLER if name in table), "alpha")
+    if max(gears.amplitude / gears.radius1, table.get("amplitude_rad", 0.0)) > SWING:
+        why = f"swings the driver's pitch circle by {gears.amplitude:g} mm, at radius1 = {gears.radius1:g} mm"
+        raise _question(gears, drive, why, SMALLER.get(drive), table.get(drive, gears.alpha))
     if gears.amplitude * gears.omega > SOUND:
         why = f"moves the driver's pitch circle by {gears.amplitude:g} mm faster than sound in steel"
         raise _question(gears, "omega", why, ("1/min", 2.0 * math.pi / 60.0))
@@ -116,9 +134,12 @@ def of_gears(gears: "Gears", error: InputError) -> InputError:
     return InputError(f"gears.{worst}", given, why + (_conversion(kind, given, IN_SI[kind]) if small else ""))
 
 
-def _question(gears: "Gears", name: str, why: str, likely: tuple[str, float] | None = None) -> InputError:
-    kind, value = name.rstrip("12"), getattr(gears, name)
-    conversion = _conversion(kind, value, likely or IN_SI[kind])
+def _question(
+    gears: "Gears", name: str, why: str, likely: tuple[str, float] | None = None, given: float | None = None
+) -> InputError:
+    kind, value = name.rstrip("12"), getattr(gears, name) if given is None else given
+    likely = likely or IN_SI.get(kind)
+    conversion = _conversion(kind, value, likely) if likely else ""
     return InputError(f"gears.{name}", value, f"{why}{conversion}; if it is meant, write a [scene] without [gears]")
 
 

@@ -50,7 +50,7 @@ class Scene:
     gamma1, gamma2 : float
         Constant drags, 0 to 1e6.
     mu : float
-        Share of the mesh-2 impulse that wheel 1 takes, between 0 and 1.
+        Wheel 1's share of the change of the relative velocity at an impact at mesh 2, between 0 and 1.
     gap1, gap2 : float
         Half gaps, 1e-9 to 1e6.
     sigma : float
@@ -63,11 +63,8 @@ class Scene:
         each path's own flank.
     stages : {2, 1}
         1 is the single-stage rattler: mesh 1 alone; ``beta2, gamma2, mu, gap2`` are then unused.
-
-    Attributes
-    ----------
-    gears : Gears or None
-        The physical gears that the scene was made from, by `from_gears`.
+    gears : Gears, optional
+        The physical gears that the scene was made from, by `from_gears`; None once a value that gears fix is another.
 
     Raises
     ------
@@ -95,7 +92,7 @@ class Scene:
     tolerance: Tolerance | None = None
     start: Start = None  # type: ignore[assignment]  # the paper's start, filled in below
     stages: int = 2
-    gears: Gears | None = field(default=None, init=False, compare=False, repr=False)
+    gears: Gears | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "stages", count("stages", self.stages, least=1, most=2))
@@ -115,10 +112,12 @@ class Scene:
         if self.start is None:
             object.__setattr__(self, "start", Start(0.0, self.gap1, 2.0, self.gap2, 2.0, mesh=1))
         self._check_start()
+        if self.gears is not None and any(getattr(self, n) != v for n, v in _fixed_by(self.gears).items()):
+            object.__setattr__(self, "gears", None)
 
     def __repr__(self) -> str:
         """Python text that makes the scene, to the last bit, on a few lines; defaults are left out."""
-        shown = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
+        shown = {f.name: getattr(self, f.name) for f in fields(self) if f.repr}
         defaults: dict[str, Any] = {f.name: f.default for f in fields(self)}
         defaults["start"] = Start(0.0, self.gap1, 2.0, self.gap2, 2.0, mesh=1)
         shown = {name: value for name, value in shown.items() if repr(value) != repr(defaults[name])}
@@ -191,17 +190,13 @@ class Scene:
         1
         """
         known_keys("Scene.from_gears", settings, FREE)
-        if not isinstance(gears, Gears):
-            raise InputError("gears", gears, "give Gears")
+        fixed = _fixed_by(gears)
+        if gears.wheels == 1 and settings.get("stages", 2) == 2:
+            raise InputError("stages", 2, "these gears have no wheel 2: give stages = 1, or inertia2 and radius2")
         try:
-            scene = cls(
-                alpha=gears.alpha, epsilon=gears.epsilon, beta1=gears.beta(1), beta2=gears.beta(2),
-                gamma1=gears.gamma(1), gamma2=gears.gamma(2), mu=gears.mu, gap1=0.5, gap2=gears.gap2, **settings,
-            )  # fmt: skip
+            return cls(gears=gears, **fixed, **settings)
         except InputError as error:
             raise of_gears(gears, error) from None
-        object.__setattr__(scene, "gears", gears)
-        return scene
 
     def with_sigma(self, sigma: float) -> "Scene":
         """The same scene at another noise intensity.
@@ -221,9 +216,7 @@ class Scene:
         InputError
             If `sigma` is out of range.
         """
-        scene = replace(self, sigma=sigma)
-        object.__setattr__(scene, "gears", self.gears)
-        return scene
+        return replace(self, sigma=sigma)
 
     def scaled(self, factor: float) -> "Scene":
         """The same system in another unit of length.
@@ -364,7 +357,7 @@ class Scene:
         if self.gears is None:
             return {"scene": values}
         kept = {k: v for k, v in values.items() if k in FREE}
-        return {"gears": asdict(self.gears), "scene": kept}
+        return {"gears": self.gears.values, "scene": kept}
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> "Scene":
@@ -395,13 +388,13 @@ class Scene:
                 settings[name] = kind(**table)
         if "gears" in data:
             gears = _table("gears", data["gears"])
-            pair = read_gears(gears, settings.get("stages", 2))
             known_keys("scene", settings, FREE)
+            pair = read_gears(gears, settings.get("stages", 2))
             drawn = read_tolerance(gears, pair)
             if drawn is not None and "tolerance" in settings:
                 raise InputError("gears.tolerance", drawn, "give it once: here in mm, or in [scene.tolerance]")
             return cls.from_gears(pair, **settings, **({} if drawn is None else {"tolerance": Tolerance(**drawn)}))
-        known_keys("scene", settings, (f.name for f in fields(cls) if f.init))
+        known_keys("scene", settings, (f.name for f in fields(cls) if f.name != "gears"))
         _all_given("scene", settings, ("alpha", "epsilon", "beta1", "gamma1"))
         return cls(**settings)
 
@@ -460,10 +453,23 @@ class Scene:
         """
         text = read_text("scene file", path)
         with in_file(path, text):
-            scene = cls.from_toml(text)
+            data = read_toml(text)
+            scene = cls.from_dict(data)
             if scene.gears is not None:
-                check_plausible(scene.gears)
+                check_plausible(scene.gears, data["gears"])
         return scene
+
+
+def _fixed_by(gears: Gears) -> dict[str, Any]:
+    """The parameters of the model that gears fix (docs/model.md section 1)."""
+    if not isinstance(gears, Gears):
+        raise InputError("gears", gears, "give Gears")
+    first: dict[str, Any] = {
+        "alpha": gears.alpha, "epsilon": gears.epsilon, "beta1": gears.beta(1), "gamma1": gears.gamma(1), "gap1": 0.5,
+    }  # fmt: skip
+    if gears.wheels == 1:
+        return first
+    return first | {"beta2": gears.beta(2), "gamma2": gears.gamma(2), "mu": gears.mu, "gap2": gears.gap2}
 
 
 def _copy_with(part: Part, **changes: Any) -> Part:

@@ -3,9 +3,9 @@
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import fields
+from dataclasses import replace
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -90,9 +90,8 @@ def with_field(scene: Scene, name: str, value: float) -> Scene:
     """
     choice("field", name, FIELDS)
     usual = scene.start == Start(0.0, scene.gap1, 2.0, scene.gap2, 2.0, mesh=1)
-    kept = {f.name: getattr(scene, f.name) for f in fields(scene) if f.init}
-    kept |= {name: value} | ({"start": None} if usual else {})
-    return Scene(**kept)
+    changes: dict[str, Any] = {name: value} | ({"start": None} if usual else {})
+    return replace(scene, **changes)
 
 
 def paper_noise(scene: Scene) -> Scene:

@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from rattle.compare.cli.console import say
+from rattle.compare.cli.load import load_scene
 from rattle.compare.cli.options import WHOLE
 
 __all__ = ["animate"]
@@ -43,10 +44,8 @@ def animate(
     from rattle.compare.animation.record import check_recording
     from rattle.compare.report import manifest
     from rattle.compare.report.folder import default_place, named
-    from rattle.scene import DAT21, Scene
 
-    base = Scene.load(scene) if scene else Scene.from_gears(DAT21, sigma=0.1)
-    base = base if sigma is None else base.with_sigma(sigma)
+    base = load_scene(scene, sigma, 0.1)
     check_recording(base, impacts, seed)
     name = named(scene) if scene else "DAT21"
     out = out or Path(f"{default_place(name, '-animation')}.html")

@@ -1,6 +1,5 @@
 """The command ``rattle chaos``."""
 
-import math
 import sys
 import time
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 import click
 
 from rattle.compare.cli.console import say
+from rattle.compare.cli.load import load_scene
 from rattle.compare.cli.options import FIELDS, WHOLE, Name
 
 __all__ = ["chaos"]
@@ -69,11 +69,9 @@ def chaos(
     from rattle.compare.chaos.sweep import paper_noise, values, with_field
     from rattle.compare.report import manifest
     from rattle.compare.report.folder import check_free, default_place, named
-    from rattle.scene import DAT21, Scene
     from rattle.scene.validate import count, positive
 
-    base = Scene.load(scene) if scene else Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha))
-    base = base if sigma is None else base.with_sigma(sigma)
+    base = load_scene(scene, sigma)
     at = () if no_sweep else values("over", over)
     for value in at:
         with_field(base, field, value)

@@ -19,6 +19,7 @@ with ends_at_once():
     from rattle.compare.cli.console import say, say_json
     from rattle.compare.cli.extremes import extremes
     from rattle.compare.cli.init import init
+    from rattle.compare.cli.load import load_scene
     from rattle.compare.cli.options import CLOSURES, SCHEMES, WHOLE, Name
     from rattle.compare.cli.selftest import selftest
     from rattle.compare.cli.show import show
@@ -181,7 +182,6 @@ def validate(
     from rattle.compare.validation.sweep import check_sweep, grid, sweep
     from rattle.compare.validation.validate import validate as compare_closures
     from rattle.montecarlo import SCHEMES, check_settings, default_step
-    from rattle.scene import DAT21, Scene
     from rattle.scene.validate import choice, count
 
     recorded, earlier = None, {}
@@ -190,7 +190,7 @@ def validate(
         settings, earlier = recorded.settings, tables_beside(repeat, recorded)
         out = out or default_place(settings.name, "-repeated")
     else:
-        base = Scene.load(scene) if scene else Scene.from_gears(DAT21)
+        base = load_scene(scene, sigmas[0] if sigmas else None, 0.0)
         name = named(scene) if scene else "DAT21"
         biased = SCHEMES[choice("scheme", scheme, SCHEMES)].has_step_bias
         wanted = sigmas or ((base.sigma,) if scene else PAPER_SIGMAS)
@@ -301,11 +301,9 @@ def tradeoff(
     from rattle.compare.tradeoff.variance_reduction import control_table
     from rattle.compare.tradeoff.weak_order import orders_over
     from rattle.montecarlo import SCHEMES, check_settings
-    from rattle.scene import DAT21, Scene
     from rattle.scene.validate import positive
 
-    base = Scene.load(scene) if scene else Scene.from_gears(DAT21, sigma=0.1)
-    base = base if sigma is None else base.with_sigma(sigma)
+    base = load_scene(scene, sigma, 0.1)
     positive("sigma", base.sigma)
     asked = check_accuracies(accuracies or ACCURACIES)
     positive("budget", budget)

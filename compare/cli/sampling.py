@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rattle.compare.cli.console import say, say_json
+from rattle.compare.cli.load import load_scene
 from rattle.compare.cli.options import SCHEMES, WHOLE, Name
 from rattle.scene.errors import InputError
 from rattle.scene.units import RATE, UNITS, check_units, in_units
@@ -19,7 +20,7 @@ from rattle.scene.units import RATE, UNITS, check_units, in_units
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from rattle.scene import Gears, Scene
+    from rattle.scene import Gears
 
 __all__ = ["bench", "order", "simulate"]
 
@@ -92,7 +93,7 @@ def simulate(
     from rattle.compare.report.folder import write_whole
     from rattle.montecarlo import Record, simulate, simulate_to
 
-    base = _scene(scene, sigma)
+    base = load_scene(scene, sigma)
     check_units(units, base.gears)
     if out is not None and not out.parent.is_dir():
         raise InputError("out", str(out), f"the folder {out.parent} does not exist; make it first")
@@ -251,7 +252,7 @@ def order(
     from rattle.compare.tradeoff.page import orders_said
     from rattle.compare.tradeoff.weak_order import weak_orders
 
-    table = weak_orders(_scene(scene, sigma), impacts=impacts, paths=paths, rng=seed, workers=workers).table
+    table = weak_orders(load_scene(scene, sigma), impacts=impacts, paths=paths, rng=seed, workers=workers).table
     if as_json:
         say_json(table.to_dict("records"))
         return
@@ -265,11 +266,3 @@ def order(
         "last change, in sds;\nlimit_z: Richardson extrapolation minus exact flights in standard errors; -: hidden by "
         "noise."
     )
-
-
-def _scene(path: Path | None, sigma: float | None) -> "Scene":
-    """The scene of a command: from a file, or DAT21 at the paper's noise intensity."""
-    from rattle.scene import DAT21, Scene
-
-    base = Scene.load(path) if path else Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha))
-    return base if sigma is None else base.with_sigma(sigma)

@@ -1,6 +1,5 @@
 """The command ``rattle stationary``."""
 
-import math
 import sys
 import time
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 import click
 
 from rattle.compare.cli.console import say, say_json
+from rattle.compare.cli.load import load_scene
 from rattle.compare.cli.options import CLOSURES, FIELDS, WHOLE, Name
 from rattle.scene.errors import InputError
 from rattle.scene.units import UNITS, check_units
@@ -100,10 +100,8 @@ def stationary(
     from rattle.compare.stationary.measure import stationary as measure
     from rattle.compare.stationary.save import CONTENTS, write_stationary
     from rattle.montecarlo.long_run.run import ASKED
-    from rattle.scene import DAT21, Scene
 
-    base = Scene.load(scene) if scene else Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha))
-    base = base if sigma is None else base.with_sigma(sigma)
+    base = load_scene(scene, sigma)
     check_units(units or "dimensionless", base.gears)
     if closures and no_closures:
         raise InputError("closure", closures, "is left out by --no-closures; give one of them")

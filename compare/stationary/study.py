@@ -84,7 +84,7 @@ class LongStudy(Study):
         known_keys("study", wanted, KEYS)
         given: dict[str, Any] = {name: data[name] for name in ("gears", "scene") if name in data}
         scene = Scene.from_dict(given)
-        base = replace(scene).to_dict()["scene"]
+        base = replace(scene, gears=None).to_dict()["scene"]
         if "start" not in given.get("scene", {}):
             del base["start"]
         axes = read_axes(data.get("axes", []))

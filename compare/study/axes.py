@@ -23,7 +23,7 @@ SETTINGS = ("scheme", "paths", "accuracy", "dt", "seed")
 
 PARTS = {"tolerance": Tolerance, "start": Start}
 FIELDS = tuple(
-    [f.name for f in fields(Scene) if f.init and f.name not in PARTS]
+    [f.name for f in fields(Scene) if f.name not in (*PARTS, "gears")]
     + [f"{part}.{f.name}" for part, kind in PARTS.items() for f in fields(kind)]
 )
 MOST_POINTS = 100_000  # largest number of grid points of a study

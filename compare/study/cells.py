@@ -98,7 +98,7 @@ def cell_key(kind: str, packages: tuple[str, ...], scene: Scene, settings: Mappi
     str
         32 hexadecimal digits.
     """
-    numbers = replace(scene).to_dict()  # without the gears that it came from
+    numbers = replace(scene, gears=None).to_dict()  # without the gears that it came from
     content = {"kind": kind, "scene": numbers, "settings": settings, "version": numerical_version("scene", *packages)}
     return json_digest(content)[:32]
 

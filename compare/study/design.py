@@ -146,7 +146,7 @@ class Study:
         with in_file(path, text):
             study = cls.from_toml(text)
             if study.gears is not None:
-                check_plausible(study.gears)
+                check_plausible(study.gears, read_toml(text)["gears"])
         return study
 
     @classmethod
@@ -180,7 +180,7 @@ class Study:
         known_keys("study", wanted, KEYS)
         given: dict[str, Any] = {name: data[name] for name in ("gears", "scene") if name in data}
         scene = Scene.from_dict(given)
-        base = replace(scene).to_dict()["scene"]  # without the gears: an axis may vary what they fix
+        base = replace(scene, gears=None).to_dict()["scene"]  # without the gears: an axis may vary what they fix
         if "start" not in given.get("scene", {}):
             del base["start"]
         axes = read_axes(data.get("axes", []))

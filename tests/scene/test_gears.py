@@ -3,7 +3,7 @@ from dataclasses import FrozenInstanceError, replace
 import numpy as np
 import pytest
 
-from rattle.scene import DAT21, Gears, InputError
+from rattle.scene import DAT21, Gears, InputError, Scene
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,7 @@ BAD = (
     + [("epsilon", value, "must lie between 0 and 1") for value in (-0.1, 1.1)]
     + [(name, value, "give a finite number") for name in NAMES for value in (float("nan"), float("inf"))]
     + [(name, value, "give a number") for name in NAMES for value in ("1", True, [1.0], 1j)]
-    + [(name, None, "give a number") for name in NAMES if name not in ("backlash2", "damping2", "torque2")]
+    + [(name, None, "give a number") for name in NAMES if not name.endswith("2")]
 )
 
 
@@ -99,9 +99,32 @@ def test_what_acts_on_no_wheel_is_left_out_and_a_second_value_is_the_first():
     assert replace(DAT21, backlash1=0.3).backlash2 == 0.2  # a value that was given stays
 
 
-@pytest.mark.parametrize("name", ["epsilon", "omega", "backlash1", *WHEELS])
+@pytest.mark.parametrize("name", ["epsilon", "omega", "backlash1", "inertia1", "radius1"])
 def test_every_other_value_must_be_given(name):
     values = {"alpha": 1.5, "epsilon": 0.9, "omega": 300.0, "backlash1": 0.3, **WHEELS}
     del values[name]
     with pytest.raises(TypeError, match=name):
         Gears(**values)
+
+
+FIRST = {"alpha": 1.5, "epsilon": 0.9, "omega": 300.0, "inertia1": 4000.0, "radius1": 41.0, "backlash1": 0.2}
+
+
+def test_gears_of_one_stage_have_one_wheel():
+    gears = Gears(**FIRST, damping1=100.0, torque1=100.0)
+    assert (gears.wheels, DAT21.wheels) == (1, 2)
+    assert "2=" not in repr(gears)
+    scene = Scene.from_gears(gears, stages=1)
+    assert scene.constants == Scene.from_gears(DAT21, stages=1).constants
+    assert scene.gears is gears
+    with pytest.raises(InputError, match="stages = 2: these gears have no wheel 2"):
+        Scene.from_gears(gears)
+    for call in (lambda: gears.mu, lambda: gears.gamma(2)):
+        with pytest.raises(InputError, match="wheel = 2: there is one loose wheel, 1"):
+            call()
+
+
+@pytest.mark.parametrize(("given", "other"), [("inertia2", "radius2"), ("radius2", "inertia2")])
+def test_a_second_wheel_has_an_inertia_and_a_radius(given, other):
+    with pytest.raises(InputError, match=f"{other} = None: goes with {given}"):
+        Gears(**FIRST, **{given: 30.0})

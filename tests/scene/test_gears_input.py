@@ -1,5 +1,6 @@
 """Gears as an engineer writes them: the drive as an amplitude, tolerances of a drawing, and what cannot be right."""
 
+import math
 import re
 from dataclasses import asdict, replace
 
@@ -35,6 +36,10 @@ def test_the_drive_is_given_as_alpha_or_as_an_amplitude(tmp_path, drive):
         ("alpha = 1.0\ndriver_radius = 3.0", "gears.driver_radius = 3.0: goes with amplitude_rad"),
         ("amplitude = -0.3", "gears.amplitude = -0.3: must be 0 or greater"),
         ("amplitude = 'big'", "gears.amplitude = 'big': give a number"),
+        ("alpha = 1.5\nspeed_rpm = 800", "gears.driver_radius = None: give the driver's base radius in mm"),
+        ("alpha = 1.5\ndriver_radius = 30.0\nspeed_rpm = 8\nspeed_rad_s = 9", "give the mean speed of the driver once"),
+        ("alpha = 1.5\ndriver_radius = 30.0\nspeed_rpm = -8", "gears.speed_rpm = -8: must be 0 or greater"),
+        ("alpha = 1.5\nspeed = 800", "did you mean 'speed_rpm'?"),
         ("amplitude_rad = 0.01\ndriver_radius = 0.0", "gears.driver_radius = 0.0: must be greater than 0"),
         ("amplitud = 0.3", "did you mean 'amplitude'?"),
         ("amplitude = 0.3\n[gears.tolerance]\nbacklash1 = 0.2", "gears.tolerance.backlash1 = 0.2: must be below"),
@@ -56,12 +61,57 @@ def test_the_tolerance_of_a_drawing_is_that_of_the_full_backlash():
     assert Scene.from_toml(scene.to_toml()) == scene
 
 
-def test_a_single_stage_needs_no_second_wheel():
-    first = "".join(line for line in TEXT.splitlines(keepends=True) if "2 =" not in line)
-    scene = Scene.from_toml(first + "alpha = 1.5\n[scene]\nstages = 1")
+FIRST = "".join(line for line in TEXT.splitlines(keepends=True) if "2 =" not in line) + "alpha = 1.5\n"
+
+
+def test_a_single_stage_needs_no_second_wheel_and_invents_none():
+    scene = Scene.from_toml(FIRST + "[scene]\nstages = 1")
     assert scene.constants == Scene.from_gears(DAT21, stages=1).constants
-    with pytest.raises(InputError, match=r"gears = \['inertia2'"):
-        Scene.from_toml(first + "alpha = 1.5")
+    assert not re.search("(inertia|radius|backlash|damping|torque)2", scene.to_toml() + repr(scene))
+    assert Scene.from_toml(scene.to_toml()).gears == scene.gears
+    with pytest.raises(InputError, match=r"gears = \['inertia2', 'radius2'\]: .* write stages = 1 in \[scene\]"):
+        Scene.from_toml(FIRST)
+    with pytest.raises(InputError, match=r"gears\.tolerance\.backlash2 = 0\.1: belongs to wheel 2"):
+        Scene.from_toml(FIRST + "[gears.tolerance]\nbacklash2 = 0.1\n[scene]\nstages = 1")
+
+
+def test_a_slip_in_a_single_stage_is_named_by_itself():
+    with pytest.raises(InputError, match=r"scene = 'stage': unknown key; did you mean 'stages'\?"):
+        Scene.from_toml(FIRST + "[scene]\nstage = 1")
+    with pytest.raises(InputError, match=r"gears = \['inertia1'\]: these keys are missing$"):
+        Scene.from_toml(FIRST.replace("inertia1", "#") + "[scene]\nstages = 1")
+
+
+def test_the_mean_speed_adds_what_damping_takes_to_the_drag():
+    """d Omega_i of each wheel at its own speed: R_i Omega_i is the same on all pitch circles."""
+    speed, radius = 80.0, 30.0
+    speed1 = speed * radius / DAT21.radius1
+    speed2 = speed1 * DAT21.radius1 / DAT21.radius2
+    for drive in ("amplitude = 0.3", "alpha = 1.5", "amplitude_rad = 0.01"):
+        for given in ("speed_rad_s = 80.0", f"speed_rpm = {80.0 * 30.0 / math.pi!r}"):
+            gears = Scene.from_toml(f"{TEXT}{drive}\ndriver_radius = 30.0\n{given}").gears
+            assert gears.torque1 == pytest.approx(100.0 + 100.0 * speed1, rel=1e-14)
+            assert gears.torque2 == pytest.approx(50.0 + 100.0 * speed2, rel=1e-14)
+            assert gears.damping1 == DAT21.damping1
+    single = Scene.from_toml(FIRST + "driver_radius = 30.0\nspeed_rad_s = 80.0\n[scene]\nstages = 1")
+    assert single.gears.torque1 == pytest.approx(100.0 + 100.0 * speed1, rel=1e-14)
+    assert Scene.from_toml(single.to_toml()).gears == single.gears  # added once
+
+
+def test_the_mean_rotation_is_part_of_the_drag():
+    """The wheel's whole rotation, I Phi'' + d Phi' = -T0, is the mean rotation and what the model follows."""
+    inertia, damping, torque, speed, t = 950.0, 20.0, 60.0, 70.0, 0.003
+    wheel = Gears.driven(
+        amplitude=0.3, epsilon=0.7, omega=167.6, inertia1=inertia, radius1=38.0, backlash1=0.12, damping1=damping,
+        torque1=torque, speed_rad_s=speed, driver_radius=38.0,
+    )  # fmt: skip
+    rate = 1000.0 * damping / inertia  # 1/s
+    whole = (speed + torque / damping) * math.exp(-rate * t) - torque / damping  # exact Phi' in rad/s from Phi' = speed
+    beta, gamma, tau = wheel.beta(1), wheel.gamma(1), wheel.omega * t
+    u = -gamma * -math.expm1(-beta * tau) / beta  # docs/model.md section 2, from u = 0
+    found = speed + u * wheel.backlash1 * wheel.omega / wheel.radius1
+    assert found == pytest.approx(whole, rel=1e-12)
+    assert whole < speed - 1.0  # 4.8 rad/s of 70 are lost to damping in 3 ms
 
 
 def test_a_pair_takes_ten_lines_and_says_which_are_missing(tmp_path):
@@ -90,11 +140,14 @@ def test_a_pair_takes_ten_lines_and_says_which_are_missing(tmp_path):
         ({"backlash1": 200.0}, "gears.backlash1", "if 200 is in um, write 0.2"),
         ({"inertia1": 4e12 / 5}, "gears.inertia1", "kg mm^2"),
         ({"omega": 1e9}, "gears.omega", "faster than sound"),
+        ({"torque1": 0.5}, "gears.torque1", "the unit is N mm: if 0.5 is in N m, write 500"),
+        ({"torque2": 0.1}, "gears.torque2", "write 100"),
+        ({"alpha": 300.0}, "gears.alpha", "swings the driver's pitch circle by 60 mm"),
     ],
 )
 def test_gears_that_cannot_be_are_questioned_in_the_users_unit(changes, field, conversion):
     with pytest.raises(InputError) as caught:
-        check_plausible(replace(DAT21, **changes))
+        check_plausible(replace(DAT21, **changes), {})
     assert caught.value.field == field
     assert conversion in str(caught.value)
 
@@ -102,13 +155,14 @@ def test_gears_that_cannot_be_are_questioned_in_the_users_unit(changes, field, c
 @pytest.mark.parametrize(
     "changes",
     [
-        {}, {"backlash1": 0.002, "backlash2": 0.002}, {"inertia1": 40.0}, {"inertia1": 4e7}, {"omega": 1e5},
-        {"damping1": 0.0, "torque1": 0.0}, {"radius1": 400.0, "inertia1": 1e7},
+        {}, {"backlash1": 0.002, "backlash2": 0.002}, {"inertia1": 40.0}, {"inertia1": 4e7, "torque1": 1e5},
+        {"omega": 1e5},
+        {"damping1": 0.0, "torque1": 0.0}, {"radius1": 400.0, "inertia1": 1e7, "torque1": 1e4},
         {"radius1": 0.3, "radius2": 0.2, "inertia1": 1e-4, "inertia2": 1e-5, "backlash1": 0.01, "backlash2": 0.01},
     ],
 )  # fmt: skip
 def test_gears_of_watches_and_of_ships_are_not(changes):
-    check_plausible(replace(DAT21, **changes))
+    check_plausible(replace(DAT21, **changes), {})
 
 
 def test_only_what_was_written_in_a_file_is_questioned(tmp_path):
@@ -152,6 +206,7 @@ def test_other_errors_of_a_scene_of_gears_stay_as_they_are():
         (lambda: Tolerance(c1_mx=0.1), "did you mean 'c1_max'?"),
         (lambda: Gears(omgea=1.0), "did you mean 'omega'?"),
         (lambda: Gears(amplitude=1.0), "give it to Gears.driven"),
+        (lambda: Gears(speed_rpm=1.0), "give it to Gears.driven"),
         (lambda: replace(DAT21, omgea=1.0), "did you mean 'omega'?"),
     ],
 )
@@ -170,6 +225,13 @@ def test_an_unknown_keyword_suggests_the_nearest(make, words):
         (TEXT + "alpha = 1.5\n[scene.start]\n\ny1 = 'fast'", "line 17: start.y1 = 'fast'"),
         (TEXT.replace("epsilon = 0.9", "epsilon = 9.0") + "alpha = 1.5", "line 2: gears.epsilon = 9.0"),
         (TEXT + "alpha = \n", "mine.toml: TOML = 'Invalid value (at line 14, column 9)'"),
+        (TEXT + "alpha = 1,5\n", "use a decimal point: 1.5"),
+        ("name,value\nalpha,1.5\n", "write each value on a line as name = value, with a decimal point"),
+        ("alpha;epsilon\n1,5;0,9\n", "this looks like a table (CSV)"),
+        (TEXT + "amplitude_rad = 2.8\ndriver_radius = 30.0", "line 14: gears.amplitude_rad = 2.8: swings"),
+        (TEXT + "amplitude_rad = 2.8\ndriver_radius = 30.0", "if 2.8 is in degrees, write 0.0488692"),
+        (TEXT + "amplitude = 300.0", "line 14: gears.amplitude = 300.0: swings"),
+        (TEXT.replace("torque1 = 100.0", "torque1 = 0.5") + "alpha = 1.5", "gears.torque1 = 0.5: is less than"),
     ],
 )
 def test_an_error_from_a_file_names_file_line_and_key(tmp_path, text, where):
@@ -177,6 +239,12 @@ def test_an_error_from_a_file_names_file_line_and_key(tmp_path, text, where):
         Scene.load(written(tmp_path, text))
     assert where in str(caught.value)
     assert str(caught.value).startswith(str(tmp_path / "mine.toml"))
+
+
+def test_a_byte_order_mark_is_no_content(tmp_path):
+    path = tmp_path / "windows.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + (TEXT + "alpha = 1.5\n").replace("\n", "\r\n").encode())
+    assert Scene.load(path).gears == DAT21
 
 
 def test_a_missing_file_is_named_once(tmp_path):

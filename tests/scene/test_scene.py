@@ -179,6 +179,17 @@ def test_with_sigma_changes_the_noise_alone():
     assert louder.gears is DAT21
 
 
+def test_a_scene_keeps_its_gears_while_they_are_its_gears():
+    scene = Scene.from_gears(DAT21, sigma=0.1)
+    for same in ({}, {"sigma": 0.2}, {"stages": 1}, {"tolerance": Tolerance(0.1, 0.1)}, {"start": Start()}):
+        assert replace(scene, **same).gears is DAT21
+        assert "[gears]" in replace(scene, **same).to_toml()
+    for other in ({"alpha": 2.0}, {"gap2": 0.6}, {"gears": None}):
+        assert replace(scene, **other).gears is None
+    assert replace(scene, alpha=2.0).alpha == 2.0
+    assert Scene.from_toml(replace(scene, alpha=2.0).to_toml()).alpha == 2.0
+
+
 def test_with_sigma_is_validated():
     with refused("sigma", -0.7, "must be 0 or greater"):
         Scene(**VALUES).with_sigma(-0.7)

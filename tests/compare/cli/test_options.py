@@ -1,6 +1,8 @@
 """Options as they are typed: whole numbers, names, completion, units; the template and the examples."""
 
 import json
+import math
+import re
 import tomllib
 from dataclasses import fields, replace
 from pathlib import Path
@@ -9,7 +11,7 @@ import pytest
 from click.shell_completion import ShellComplete
 from click.testing import CliRunner
 
-from rattle.closure import CLOSURES
+from rattle.closure import CLOSURES, follow
 from rattle.compare.chaos.sweep import FIELDS
 from rattle.compare.checks.stability.axes import AXES
 from rattle.compare.cli import options
@@ -99,7 +101,8 @@ def test_physical_units_of_a_scene_without_gears_are_refused_before_the_work(tmp
 def test_init_writes_a_scene_that_loads_and_never_replaces_one(tmp_path):
     path = tmp_path / "gears.toml"
     assert rattle("init", path).exit_code == 0
-    assert Scene.load(path) == Scene.from_gears(DAT21, sigma=DAT21.alpha**0.5)
+    scene = Scene.load(path)
+    assert scene.constants == pytest.approx(Scene.from_gears(DAT21, sigma=0.08).constants, rel=1e-12)
     path.write_text("mine")
     result = rattle("init", path)
     assert (result.exit_code, path.read_text()) == (2, "mine")
@@ -112,6 +115,37 @@ def test_the_template_has_every_key():
     for kind in (Gears, Scene, Start, Tolerance):
         for f in fields(kind):
             assert f"{f.name} = " in text or f.name in ("gears", "start", "tolerance"), f.name
+
+
+def test_the_template_tells_signs_and_shares_as_the_model_has_them():
+    """x1 and x2 are positive where the driver, or wheel 2, is ahead; mu is wheel 1's share of a change of velocity."""
+    text = template("gears.toml")
+    assert "displacement of the driver relative to wheel 1" in text
+    assert "displacement of wheel 2 relative to wheel 1" in text
+    assert "wheel 1's share of the change of y2 at mesh 2" in text
+    resting = Start(tau=0.0, x1=0.0, y1=DAT21.alpha)  # the wheel rests, the driver alpha sin(tau) begins to move ahead
+    assert follow(Scene.from_gears(DAT21, stages=1, start=resting), 1).side[1] == 1
+
+
+def test_a_file_without_noise_is_said_to_have_none_once(tmp_path):
+    path = tmp_path / "quiet.toml"
+    path.write_text(template("quiet.toml").replace("sigma = 0.08 ", "# "))
+    for words in (("--accuracy", "0.05"), ("--paths", "100", "--scheme", "euler-maruyama")):
+        result = rattle("simulate", path, "--impacts", "2", *words)
+        assert result.exit_code == 0
+        assert result.output.count(f"{path}: no sigma, so there is no noise") == 1
+        assert not re.search(r"moves the noise-free path by .* sd", result.output)
+        assert "no sigma" not in rattle("simulate", path, "--impacts", "2", *words, "--sigma", "0.1").output
+
+
+def test_the_mean_rotation_that_the_template_comments_out_adds_to_the_drag():
+    text = template("gears.toml")
+    for name in ("speed_rpm", "driver_radius"):
+        text = text.replace(f"# {name} = ", f"{name} = ")
+    gears = Scene.from_toml(text).gears
+    speed = 2.0 * math.pi * 800.0 / 60.0 * 30.0
+    assert gears.torque1 == pytest.approx(100.0 + 100.0 * speed / 41.0)
+    assert gears.torque2 == pytest.approx(50.0 + 100.0 * speed / 26.4)
 
 
 def test_what_the_template_comments_out_can_be_taken_in():
