@@ -1,6 +1,7 @@
 """The closures in the long run, each against the simulation, with a verdict on every quantity."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -161,14 +162,35 @@ def judged_rows(predicted: pd.DataFrame, table: pd.DataFrame, z: float, periods:
     Returns
     -------
     DataFrame
-        With ``simulated, se, error, low, high, verdict, periods_needed``.
+        With ``simulated, se, error, low, high, verdict, periods_needed``, and ``effective_paths`` and ``widened``: how
+        many paths carry the error, and the half width of the interval in standard errors for that.
     """
     rows = predicted.copy()
     rows["simulated"] = rows["quantity"].map(table["value"].to_dict()).astype(float)
     rows["se"] = rows["quantity"].map(table["se"].to_dict()).astype(float)
     rows["error"] = rows["predicted"].astype(float) - rows["simulated"]
-    widened = half_width(rows["quantity"].map(table["effective_paths"].to_dict()).astype(float), float(ndtr(-z)))
-    widened = np.where(np.isnan(widened), z, widened)  # where nothing varies
-    rows["noise"] = widened * np.hypot(rows["se"], rows["se_predicted"].astype(float))
+    rows["effective_paths"] = rows["quantity"].map(table["effective_paths"].to_dict()).astype(float)
+    rows["widened"] = _width(rows["effective_paths"], z)
+    se = (rows["se"] ** 2 + rows["se_predicted"].astype(float) ** 2) ** 0.5
+    rows["noise"] = rows["widened"] * se
     rows["low"], rows["high"] = rows["error"] - rows["noise"], rows["error"] + rows["noise"]
-    return judge(rows.assign(paths=float(periods))).rename(columns={"paths_needed": "periods_needed"})
+    found = judge(rows.assign(paths=float(periods))).rename(columns={"paths_needed": "periods_needed"})
+    margin = (rows["error"].abs() - rows["tolerance"]).abs()
+    needed = np.ceil(periods * _times_longer(rows["effective_paths"], se, margin, z))
+    return found.assign(periods_needed=found["periods_needed"].where(found["periods_needed"].isna(), needed))
+
+
+def _width(effective: pd.Series, z: float) -> Any:
+    """Half width of an interval in standard errors; `z` where all paths carry the error, or nothing varies."""
+    widened = half_width(effective, float(ndtr(-z)))
+    return np.where(np.isnan(widened), z, widened)
+
+
+def _times_longer(effective: pd.Series, se: pd.Series, margin: pd.Series, z: float) -> Any:
+    """How many times longer a run decides its rows: its rare bursts are then as many times more, on more paths."""
+    low, high = np.zeros(len(se)), np.full(len(se), 40.0)  # log of the factor: the half width falls with it
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        wide = _width(effective * np.exp(middle), z) * se * np.exp(-0.5 * middle) > margin
+        low, high = np.where(wide, middle, low), np.where(wide, high, middle)
+    return np.exp(high)

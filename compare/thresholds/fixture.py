@@ -1,6 +1,5 @@
 """The fixture: compares a model with the simulation, or with its recorded baseline."""
 
-import math
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -11,8 +10,8 @@ import pytest
 
 from rattle.compare.thresholds import baseline
 from rattle.compare.thresholds.claim import Claim
-from rattle.compare.thresholds.looks import decide
-from rattle.compare.thresholds.messages import deciding, failure_text, remedies, undecided_text
+from rattle.compare.thresholds.looks import Looked, decide
+from rattle.compare.thresholds.messages import deciding, failure_text, long_rows, moment_rows, remedies, undecided_text
 from rattle.compare.thresholds.prediction import Model, Prediction, predict
 from rattle.compare.thresholds.sessions import Thresholds
 from rattle.scene.errors import RattleError
@@ -60,60 +59,58 @@ class Rattle:
         Returns
         -------
         DataFrame
-            A row for each check; columns of `rattle.compare.validation.verdict.section_errors` and ``outcome``.
+            A row for each check; columns of `rattle.compare.validation.verdict.section_errors` and ``outcome``, or of
+            `rattle.compare.thresholds.long_run.decide_long`.
         """
         self._once("check")
         if quantities is not None:
             return self._check_long(model, quantities)
         prediction = self._guarded(lambda: predict(cast(Model, model), self.claim))
-        session = self._thresholds
-        table, drawn = self._guarded(lambda: decide(prediction, self.claim, session))
-        run = drawn[-1].run
-        counts = table["outcome"].value_counts()
-        failed, undecided = int(counts.get("fail", 0)), int(counts.get("undecided", 0))
-        self._record(
-            kind="check", model=prediction.closure, rows=len(table), failed=failed, undecided=undecided, z=session.z,
-            not_judged=len(self.claim.rows) - len(table), by_size=int((table["still"] > 0.0).sum()),
-            all_rows=session.rows, looks=session.looks, rate=session.settings.false_alarm, drawn=len(drawn),
-            computed=sum(d.computed for d in drawn), seconds=sum(d.seconds for d in drawn), paths=run.paths,
-            decide=deciding(table), folder=self._shown(session.folder),
+        looked = self._guarded(lambda: decide(prediction, self.claim, self._thresholds))
+        run, excluded = looked.drawn[-1].run, len(self.claim.rows) - len(looked.table)
+        return self._judge(
+            prediction.closure, looked, lambda rows: moment_rows(rows, run, looked.z),
+            lambda: self._figure(prediction, looked.table), kind="check", not_judged=excluded,
+            by_size=int((looked.table["still"] > 0.0).sum()), size=f"{run.paths:,} paths",
         )  # fmt: skip
-        if failed:
-            self._fail(failure_text(prediction.closure, table, run, session.z) + self._figure(prediction, table))
-        if undecided:
-            text = undecided_text(prediction.closure, table, run, session.z)
-            if (self.claim.undecided or session.settings.undecided) == "skip":
-                pytest.skip(harmless(f"rattle: {text}"))
-            self._fail(f"{text}\n{remedies(table, self.claim)}{self._figure(prediction, table)}")
-        return table
 
     def _check_long(self, model: Any, quantities: Sequence[str]) -> pd.DataFrame:
-        """Compare a model with the long run; the test's share of the session's false alarms covers it."""
+        """Compare a model with the long run."""
         from rattle.compare.thresholds.long_run import decide_long, predict_long
 
-        session, scene = self._thresholds, self.claim.scene
-        prediction = self._guarded(lambda: predict_long(model, scene, quantities))
-        own = len(self.claim.rows) * len(session.settings.sizes(self.claim)) / session.looks
-        rate = session.settings.false_alarm
-        found = self._guarded(lambda: decide_long(prediction, scene, session.store, session.settings.seed, own * rate))
-        table, run = found.table, found.result
-        counts = table["outcome"].value_counts()
-        failed, undecided = int(counts.get("fail", 0)), int(counts.get("undecided", 0))
-        open_ = table.loc[table["outcome"] == "undecided", "periods_needed"]
-        self._record(
-            kind="long check", model=prediction.name, rows=len(table), failed=failed, undecided=undecided, z=found.z,
-            drawn=found.drawn, computed=found.computed, seconds=found.seconds, periods=run.facts["periods"],
-            decide=float(open_.fillna(math.inf).max()) if len(open_) else 0.0, folder=self._shown(session.folder),
+        prediction = self._guarded(lambda: predict_long(model, self.claim.scene, quantities))
+        looked = self._guarded(lambda: decide_long(prediction, self.claim, self._thresholds))
+        facts = looked.drawn[-1].run.facts
+        return self._judge(
+            f"{prediction.name} in the long run", looked, lambda rows: long_rows(rows, looked.z), kind="long check",
+            not_judged=0, by_size=0, size=f"{facts['paths']:,} paths of {facts['periods']:,} periods",
         )  # fmt: skip
-        shown = ["quantity", "predicted", "simulated", "se", "low", "high", "tolerance", "outcome"]
-        wrong = table[table["outcome"] != "pass"][shown].to_string(index=False, float_format="{:.5g}".format)
+
+    def _judge(
+        self,
+        model: str,
+        looked: Looked,
+        shown: Callable[[pd.DataFrame], str],
+        figure: Callable[[], str] = str,
+        **facts: Any,
+    ) -> pd.DataFrame:
+        """Record the decision on a claim, and fail or skip the test that it does not pass."""
+        table, drawn, settings = looked.table, looked.drawn, self._thresholds.settings
+        counts, folder = table["outcome"].value_counts(), self._thresholds.folder
+        failed, undecided = int(counts.get("fail", 0)), int(counts.get("undecided", 0))
+        self._record(
+            model=model, rows=len(table), failed=failed, undecided=undecided, z=looked.z, rate=settings.false_alarm,
+            widened=float(table["widened"].max()) if "widened" in table else looked.z, drawn=len(drawn),
+            computed=sum(d.computed for d in drawn), seconds=sum(d.seconds for d in drawn), decide=deciding(table),
+            folder="" if folder is None else self._shown(folder), **facts,
+        )  # fmt: skip
         if failed:
-            self._fail(f"{prediction.name} is wrong in the long run ({run.facts['periods']} periods):\n{wrong}")
+            self._fail(failure_text(model, table, shown) + figure())
         if undecided:
-            text = f"{prediction.name} is undecided in the long run ({run.facts['periods']} periods):\n{wrong}"
-            if (self.claim.undecided or session.settings.undecided) == "skip":
+            text = undecided_text(model, table, shown)
+            if (self.claim.undecided or settings.undecided) == "skip":
                 pytest.skip(harmless(f"rattle: {text}"))
-            self._fail(text)
+            self._fail(f"{text}\n{remedies(table, self.claim)}{figure()}")
         return table
 
     def baseline(self, model: Model, *, relative: float = 1e-9, absolute: float = 1e-12) -> None:
@@ -178,6 +175,8 @@ class Rattle:
         from rattle.compare.report.style import save
         from rattle.compare.thresholds.figure import error_figure
 
+        if self._thresholds.folder is None:
+            return ""
         name = re.sub(r"[^\w.-]+", "-", self._item.nodeid)
         path = self._thresholds.folder / "figures" / f"{name}.svg"
         try:

@@ -7,22 +7,25 @@ import numpy as np
 import pandas as pd
 
 from rattle.closure.stationary import Law
-from rattle.compare.stationary.cell import LongCell, LongResult
+from rattle.compare.stationary.cell import LongCell
 from rattle.compare.stationary.judged import CLOSURES_JUDGED, judged_rows, laws, tolerance_of
 from rattle.compare.stationary.laws import values_of
-from rattle.compare.study.obtain import kept, obtain
-from rattle.compare.study.store import Store
+from rattle.compare.thresholds.claim import Claim
 from rattle.compare.thresholds.judging import OUTCOMES
+from rattle.compare.thresholds.looks import Looked, look_until_decided
+from rattle.compare.thresholds.prediction import name_of
+from rattle.compare.thresholds.sessions import Drawn, Thresholds
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo.long_run.names import all_names
+from rattle.montecarlo.long_run.run import PATHS
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 from rattle.scene.validate import choice
 
-__all__ = ["LOOKS", "LongDecision", "LongModel", "LongPrediction", "decide_long", "predict_long"]
+__all__ = ["PERIODS", "LongModel", "LongPrediction", "decide_long", "predict_long"]
 
-LOOKS = (64, 256, 1024)
-"""Periods of the simulation at each look."""
+PERIODS = (64, 256, 1024)
+"""Length of the simulation at the first looks; the later ones take more paths of the last."""
 
 LongModel = str | Callable[[Scene, Sequence[str]], Mapping[str, float]]
 """A closure's name, or a function of a scene and names of quantities that gives their values."""
@@ -41,32 +44,6 @@ class LongPrediction(NamedTuple):
 
     name: str
     values: dict[str, float]
-
-
-class LongDecision(NamedTuple):
-    """What long runs say of a prediction.
-
-    Attributes
-    ----------
-    table : DataFrame
-        Columns ``quantity, predicted, simulated, se, error, low, high, tolerance, verdict, periods_needed, outcome``; a
-        row is that of the look that decided it.
-    result : LongResult
-        The longest simulation.
-    z : float
-        Half width of the intervals in standard errors.
-    drawn, computed : int
-        Simulations used, and those of them that were not in the store.
-    seconds : float
-        That these took.
-    """
-
-    table: pd.DataFrame
-    result: LongResult
-    z: float
-    drawn: int
-    computed: int
-    seconds: float
 
 
 def predict_long(model: LongModel, scene: Scene, quantities: Sequence[str]) -> LongPrediction:
@@ -103,7 +80,7 @@ def predict_long(model: LongModel, scene: Scene, quantities: Sequence[str]) -> L
         found = model(scene, tuple(quantities))
     else:
         raise InputError("model", model, "give a closure's name, or a function (scene, quantities) -> mapping")
-    label = model if isinstance(model, str) else getattr(model, "__name__", type(model).__name__)
+    label = model if isinstance(model, str) else name_of(model)
     values = {}
     for name in dict.fromkeys(quantities):
         try:
@@ -117,42 +94,26 @@ def predict_long(model: LongModel, scene: Scene, quantities: Sequence[str]) -> L
     return LongPrediction(label, values)
 
 
-def decide_long(
-    prediction: LongPrediction, scene: Scene, store: Store, seed: int, false_alarm: float
-) -> LongDecision:  # fmt: skip
-    """Compare a prediction with long runs of growing length, until every quantity is decided.
+def decide_long(prediction: LongPrediction, claim: Claim, session: Thresholds) -> Looked:
+    """Compare a prediction with long runs that grow until every quantity is decided, first in length, then in paths.
 
-    Parameters
-    ----------
-    prediction : LongPrediction
-        From `predict_long`.
-    scene : Scene
-        What is modelled.
-    store : Store
-        Where simulations are kept.
-    seed : int
-        Of the simulation.
-    false_alarm : float
-        Probability that a true claim fails: the share of this test in that of the session.
-
-    Returns
-    -------
-    LongDecision
+    ``paths_needed`` are paths of the longest run; ``effective_paths`` and ``widened`` are how many paths of the run its
+    standard error rests on, and the half width of its interval in standard errors.
     """
-    names = list(prediction.values)
-    z = widest(len(names) * len(LOOKS), false_alarm)
-    table, drawn, computed, seconds = pd.DataFrame(), 0, 0, 0.0
-    for periods in LOOKS:
-        cell = LongCell(scene, seed, (), periods=periods)
-        new = kept(store, cell) is None
-        result = cell.opened(obtain(store, cell))
-        drawn, computed, seconds = drawn + 1, computed + new, seconds + new * result.facts["seconds"]
+    names, settings, longest = list(prediction.values), session.settings, PERIODS[-1]
+    sizes = {periods * PATHS: (periods, PATHS) for periods in PERIODS}
+    sizes |= {longest * paths: (longest, paths) for paths in settings.doubled(claim, PATHS)}
+    z = widest(len(names) * len(sizes), settings.false_alarm)
+
+    def look(size: int | None) -> tuple[pd.DataFrame, Drawn]:
+        periods, paths = sizes[size or 0]
+        drawn = session.draw(LongCell(claim.scene, settings.seed, (), periods=periods, paths=paths))
+        result = drawn.run
         simulated = {str(name): float(value) for name, value in result.table["value"].items()}
         rows = pd.DataFrame({"quantity": names, "predicted": list(prediction.values.values()), "se_predicted": 0.0})
         rows["tolerance"] = [tolerance_of(name, simulated) for name in names]
-        now = judged_rows(rows, result.table, z, max(result.facts["periods"], 1))
-        now["outcome"] = now["verdict"].map(OUTCOMES)
-        table = now if table.empty else table.where(table["outcome"] != "undecided", now)
-        if not (table["outcome"] == "undecided").any() or (table["outcome"] == "fail").any():
-            break
-    return LongDecision(table, result, z, drawn, computed, seconds)
+        table = judged_rows(rows, result.table, z, size or 0).rename(columns={"periods_needed": "paths_needed"})
+        return table.assign(outcome=table["verdict"].map(OUTCOMES), periods=periods, paths=paths), drawn
+
+    table, drawn = look_until_decided(tuple(sizes), look)
+    return Looked(table.assign(paths_needed=np.ceil(table["paths_needed"] / longest)), drawn, z)

@@ -1,20 +1,23 @@
 """Sequential testing of a claim: interim looks with more and more paths until it is decided or its budget is spent.
 
-The sizes of all looks are fixed beforehand, and the intervals have simultaneous coverage over all rows at all looks
-(Bonferroni).  Therefore looks may be skipped depending on earlier ones, and the first decision on a row is final.
+The sizes of all looks are fixed beforehand, and the intervals have simultaneous coverage over all rows of the claim at
+all looks (Bonferroni).  Therefore looks may be skipped depending on earlier ones, and the first decision on a row is
+final.  Other claims do not widen them: a verdict does not depend on which tests run beside it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import pandas as pd
 
+from rattle.compare.study.cells import Sample
 from rattle.compare.thresholds.claim import Claim
 from rattle.compare.thresholds.judging import errors_of, judged
 from rattle.compare.thresholds.prediction import Prediction
 from rattle.compare.thresholds.sessions import Drawn, Thresholds
+from rattle.compare.validation.verdict import widest
 
-__all__ = ["Looked", "decide", "following", "standing"]
+__all__ = ["Looked", "decide", "following", "look_until_decided", "standing"]
 
 
 class Looked(NamedTuple):
@@ -25,11 +28,14 @@ class Looked(NamedTuple):
     table : DataFrame
         Its rows, each as of the look that decided it.
     drawn : tuple of Drawn
-        The ensemble of each look that was taken.
+        The simulation of each look that was taken.
+    z : float
+        Half width of the intervals in standard errors.
     """
 
     table: pd.DataFrame
     drawn: tuple[Drawn, ...]
+    z: float
 
 
 def following(later: Sequence[int], table: pd.DataFrame) -> int | None:
@@ -95,15 +101,25 @@ def decide(prediction: Prediction, claim: Claim, session: Thresholds) -> Looked:
     RattleError
         If the scene cannot be simulated, or an ensemble cannot be stored.
     """
-    drawn: list[Drawn] = []
+    sizes, settings = session.settings.sizes(claim), session.settings
+    z = widest(len(claim.rows) * len(sizes), settings.false_alarm)
 
-    def seen(paths: int | None) -> pd.DataFrame:
-        drawn.append(session.ensemble(claim, paths))
-        return judged(errors_of(prediction, drawn[-1].run, claim), session.z)
+    def look(paths: int | None) -> tuple[pd.DataFrame, Drawn]:
+        sample = Sample(claim.scene, claim.impacts[-1], settings.seed, claim.scheme, paths, claim.accuracy)
+        drawn = session.draw(sample)
+        return judged(errors_of(prediction, drawn.run, claim), z), drawn
 
-    first, *rest = session.settings.sizes(claim)
-    table, later = seen(first), [paths for paths in rest if paths is not None]
+    return Looked(*look_until_decided(sizes, look), z)
+
+
+def look_until_decided(
+    sizes: Sequence[int | None], look: Callable[[int | None], tuple[pd.DataFrame, Drawn]]
+) -> tuple[pd.DataFrame, tuple[Drawn, ...]]:
+    """The rows, each as of the look that decided it, and the simulation of each look that was taken."""
+    table, first = look(sizes[0])
+    drawn, later = [first], [paths for paths in sizes[1:] if paths is not None]
     while (paths := following(later, table)) is not None:
-        table = standing(table, seen(paths))
-        later = [more for more in later if more > paths]
-    return Looked(table, tuple(drawn))
+        now, more = look(paths)
+        table, drawn = standing(table, now), [*drawn, more]
+        later = [size for size in later if size > paths]
+    return table, tuple(drawn)

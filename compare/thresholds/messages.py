@@ -1,14 +1,15 @@
 """The messages of a test that fails or stays undecided."""
 
 import math
+from collections.abc import Callable
 
 import pandas as pd
 
 from rattle.compare.study.cells import Sampled
 from rattle.compare.thresholds.claim import Claim
-from rattle.compare.thresholds.summary import decided_by
+from rattle.compare.thresholds.summary import WIDER, decided_by
 
-__all__ = ["deciding", "failure_text", "remedies", "row_table", "undecided_text"]
+__all__ = ["deciding", "failure_text", "long_rows", "moment_rows", "remedies", "row_table", "undecided_text"]
 
 MARGIN = 2.0
 """Factor on the number of paths that should decide a test, since it is computed from an error that is itself random."""
@@ -55,36 +56,33 @@ def row_table(rows: pd.DataFrame) -> str:
     return shown.set_axis(names, axis=0).to_string(col_space=8)
 
 
-def _means(rows: pd.DataFrame, run: Sampled, z: float) -> str:
-    told = "".join(f"{r}\n" for r in dict.fromkeys(rows["remark"]) if r)
+def moment_rows(rows: pd.DataFrame, run: Sampled, z: float) -> str:
+    """Rows of section moments with their remarks, as a message states them."""
+    remarks = "".join(f"{r}\n" for r in dict.fromkeys(rows["remark"]) if r)
     return (
-        f"{told}{run.paths} paths; intervals of {z:.2f} standard errors; errors in sds of the quantity, at each path's "
-        f"own impact\n{row_table(rows)}"
+        f"{remarks}{run.paths} paths; intervals of {z:.2f} standard errors; errors in sds of the quantity, at each "
+        f"path's own impact\n{row_table(rows)}"
     )
 
 
-def failure_text(model: str, table: pd.DataFrame, run: Sampled, z: float) -> str:
-    """Describe the rows that failed.
+def long_rows(rows: pd.DataFrame, z: float) -> str:
+    """Rows of the long run, as a message states them, and what has widened their intervals."""
+    names = ["predicted", "simulated", "se", "low", "high", "tolerance", "paths", "periods"]
+    shown = rows.set_index("quantity")[names].rename_axis(None).rename(columns={"tolerance": "allowed"})
+    wide = [
+        f"\n{r['quantity']}: its standard error rests on {r['effective_paths']:.1f} of {r['paths']} paths, as with "
+        f"rare bursts; so its interval is {r['widened']:.3g} standard errors on either side, not {z:.2f}"
+        for r in rows[rows["widened"] > WIDER * z].to_dict("records")
+    ]
+    return f"intervals of {z:.2f} standard errors\n{shown.to_string(float_format='{:.5g}'.format)}{''.join(wide)}"
 
-    Parameters
-    ----------
-    model : str
-        Name of the closure or model.
-    table : DataFrame
-        As of `rattle.compare.thresholds.judging.judged`.
-    run : Sampled
-        The simulation.
-    z : float
-        Half width of the intervals in standard errors.
 
-    Returns
-    -------
-    str
-    """
+def failure_text(model: str, table: pd.DataFrame, shown: Callable[[pd.DataFrame], str]) -> str:
+    """Say which rows failed; `shown` formats them."""
     failed = table[table["outcome"] == "fail"]
     undecided = int((table["outcome"] == "undecided").sum())
     beside = f", {undecided} undecided" if undecided else ""
-    return f"{model} exceeds the allowed error in {len(failed)} of {len(table)} rows{beside}\n{_means(failed, run, z)}"
+    return f"{model} exceeds the allowed error in {len(failed)} of {len(table)} rows{beside}\n{shown(failed)}"
 
 
 def deciding(table: pd.DataFrame) -> float:
@@ -104,27 +102,11 @@ def deciding(table: pd.DataFrame) -> float:
     return float(undecided.fillna(math.inf).max()) if len(undecided) else 0.0
 
 
-def undecided_text(model: str, table: pd.DataFrame, run: Sampled, z: float) -> str:
-    """Describe the rows that are undecided, and the number of paths that would decide them.
-
-    Parameters
-    ----------
-    model : str
-        Name of the closure or model.
-    table : DataFrame
-        As of `rattle.compare.thresholds.judging.judged`.
-    run : Sampled
-        The simulation.
-    z : float
-        Half width of the intervals in standard errors.
-
-    Returns
-    -------
-    str
-    """
+def undecided_text(model: str, table: pd.DataFrame, shown: Callable[[pd.DataFrame], str]) -> str:
+    """Say which rows are undecided, and how many paths would decide them; `shown` formats them."""
     rows = table[table["outcome"] == "undecided"]
-    remedy = decided_by(deciding(table))
-    return f"{model} is undecided in {len(rows)} of {len(table)} rows; {remedy}\n{_means(rows, run, z)}"
+    decided = decided_by(deciding(table))
+    return f"{model} is undecided in {len(rows)} of {len(table)} rows; {decided}\n{shown(rows)}"
 
 
 def remedies(table: pd.DataFrame, claim: Claim) -> str:
@@ -147,19 +129,18 @@ def remedies(table: pd.DataFrame, claim: Claim) -> str:
     >>> from rattle.compare.thresholds.claim import read_claim
     >>> from rattle.scene import DAT21, Scene
     >>> claim = read_claim({"scene": Scene.from_gears(DAT21, sigma=0.1), "within": 0.01}, Path())
-    >>> print(remedies(pd.DataFrame({"outcome": ["undecided"], "paths_needed": [410_000.0]}), claim))
-    Undecided is not passed. Give it more paths (budget=820_000 in its marker, or --rattle-budget), allow a larger error
-    (within), or let it be undecided (undecided="skip" in its marker, or --rattle-undecided=skip).
+    >>> print(remedies(pd.DataFrame({"outcome": ["undecided"], "paths_needed": [4e5], "moment": ["sd"]}), claim))
+    ... # doctest: +NORMALIZE_WHITESPACE
+    Undecided is not passed: give it more paths (budget=800_000 in its marker, or --rattle-budget), or allow a larger
+    error (within), or let it be undecided (undecided="skip" in its marker, or --rattle-undecided=skip).
     """
-    needed = MARGIN * deciding(table)
-    if not math.isfinite(needed):
-        more = ""
-    elif claim.accuracy is not None:
-        more = f"Ask for a smaller accuracy than {claim.accuracy:g}, allow"
-    else:
-        more = f"Give it more paths (budget={float(f'{needed:.2g}'):_.0f} in its marker, or --rattle-budget), allow"
-    given = " or ".join(dict.fromkeys("within" if a.in_sd else "absolute" for a in claim.allowed.values()))
-    return (
-        f"Undecided is not passed. {more or 'Allow'} a larger error\n({given}), or let it be undecided "
-        '(undecided="skip" in its marker, or --rattle-undecided=skip).'
-    )
+    needed, options = MARGIN * deciding(table), []
+    if claim.accuracy is not None and "moment" in table:
+        options.append(f"ask for a smaller accuracy than {claim.accuracy:g}")
+    elif math.isfinite(needed):
+        options.append(f"give it more paths (budget={float(f'{needed:.2g}'):_.0f} in its marker, or --rattle-budget)")
+    if "moment" in table:
+        given = " or ".join(dict.fromkeys("within" if a.in_sd else "absolute" for a in claim.allowed.values()))
+        options.append(f"allow a larger error ({given})")
+    options.append('let it be undecided (undecided="skip" in its marker, or --rattle-undecided=skip)')
+    return f"Undecided is not passed: {', or '.join(options)}."

@@ -45,11 +45,11 @@ class Option(NamedTuple):
 
 
 OPTIONS = (
-    Option("rattle-false-alarm", "0.01", "Probability that a session fails although every claim in it is true."),
+    Option("rattle-false-alarm", "0.01", "Probability that a test fails although its claim is true."),
     Option("rattle-undecided", "fail", "Outcome of a test that its budget does not decide.", ("fail", "skip")),
     Option("rattle-profile", "quick", "Simulated paths to begin with: quick 32768, full 1048576.", ("quick", "full")),
     Option("rattle-budget", "", "Most paths for a test that is undecided. [default: 8 times those it begins with]"),
-    Option("rattle-cache", "", "Folder of simulated ensembles. [default: in pytest's cache]"),
+    Option("rattle-cache", "", "Folder of the simulations. [default: in pytest's cache; without it none is kept]"),
     Option("rattle-seed", "0", "Seed of the simulations."),
     Option("rattle-workers", "1", "Threads of a simulation; the result does not depend on it."),
     Option(
@@ -97,13 +97,14 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """Read the claims of the selected tests; their number of rows determines the width of all intervals."""
+    """Read the claims of the selected tests."""
     marked = [item for item in session.items if item.get_closest_marker("rattle")]
     if marked:
-        from rattle.compare.thresholds.sessions import thresholds_of
+        from rattle.compare.thresholds.sessions import Thresholds, read_claims
         from rattle.compare.thresholds.settings import read_settings
 
-        session.config.stash[THRESHOLDS] = thresholds_of(marked, read_settings(chosen(session.config)), session.config)
+        session.config.stash[THRESHOLDS] = Thresholds(read_settings(chosen(session.config)), session.config)
+        read_claims(marked)
 
 
 def pytest_report_collectionfinish(config: pytest.Config, items: Sequence[pytest.Item]) -> list[str]:
@@ -156,4 +157,4 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
 
         terminalreporter.section("rattle: accuracy thresholds")
         for line in summary_lines(list(records.values())):
-            terminalreporter.write_line(harmless(line))
+            terminalreporter.write_line(harmless(line, keep=""))

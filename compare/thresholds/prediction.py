@@ -10,9 +10,10 @@ from rattle.closure import CLOSURES, mean_map
 from rattle.compare.thresholds.claim import Claim
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
+from rattle.scene.text import line
 from rattle.scene.validate import choice
 
-__all__ = ["Model", "Prediction", "predict"]
+__all__ = ["Model", "Prediction", "name_of", "predict"]
 
 Model = str | Callable[[Scene, int], pd.DataFrame]
 """A closure's name, or a function of a scene and a number of impacts."""
@@ -72,8 +73,13 @@ def predict(model: Model, claim: Claim) -> Prediction:
         )
     if not callable(model):
         raise InputError("model", model, "give a closure's name, or a function (scene, impacts) -> DataFrame")
-    name = getattr(model, "__name__", type(model).__name__)
+    name = name_of(model)
     return Prediction(name, _complete(name, model(claim.scene, impacts), claim))
+
+
+def name_of(model: Callable[..., object]) -> str:
+    """Name of a user's function, on one line."""
+    return line(str(getattr(model, "__name__", type(model).__name__)))
 
 
 def _complete(name: str, table: object, claim: Claim, why: str = "") -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""Data shared by the tests of a session: settings, ensembles, and the common width of all intervals."""
+"""What the tests of a session share: its settings and its simulations."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -6,37 +6,36 @@ from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 
-from rattle.compare.study.cells import Sample, Sampled
+from rattle.compare.study.cells import Cell
 from rattle.compare.study.obtain import obtain
 from rattle.compare.study.store import Store, Stored
 from rattle.compare.study.waiting import aloud
 from rattle.compare.thresholds.claim import Claim, merged, read_claim
 from rattle.compare.thresholds.plugin import CLAIM, REFUSED
 from rattle.compare.thresholds.settings import Settings
-from rattle.compare.validation.verdict import widest
 from rattle.montecarlo.ensemble import Blocks, in_threads
 from rattle.scene.errors import InputError, RattleError
 
-__all__ = ["Drawn", "Thresholds", "thresholds_of"]
+__all__ = ["Drawn", "Thresholds", "read_claims"]
 
 
 class Drawn(NamedTuple):
-    """An ensemble with its cost.
+    """A simulation with its cost.
 
     Attributes
     ----------
-    run : Sampled
+    run : Sampled or LongResult
     computed : bool
         Whether it was simulated now; false if it was stored.
     seconds : float
         Wall time of the simulation; 0 if it was stored.
     """
 
-    run: Sampled
+    run: Any
     computed: bool
     seconds: float
 
@@ -45,126 +44,78 @@ class Drawn(NamedTuple):
 class _Watched:
     """A cell that runs on threads and records whether it had to be computed."""
 
-    sample: Sample
+    cell: Cell
     workers: int
     computed: bool = False
 
     @property
     def key(self) -> str:
-        return self.sample.key
+        return self.cell.key
 
     @property
     def label(self) -> str:
-        return self.sample.label
+        return self.cell.label
 
-    def opened(self, stored: Stored) -> Sampled:
-        return self.sample.opened(stored)
+    def opened(self, stored: Stored) -> object:
+        return self.cell.opened(stored)
 
     def compute(self, blocks: Blocks | None = None) -> Stored:
         self.computed = True
-        return self.sample.compute(in_threads(self.workers))
+        return self.cell.compute(in_threads(self.workers))
 
 
 @dataclass
 class Thresholds:
-    """The claims of a session and the ensembles that they are compared with.
+    """The settings of a session and the simulations that its tests share.
 
     Attributes
     ----------
     settings : Settings
-    claims : sequence of Claim
-        Claims of all selected tests with valid markers.
     config : pytest.Config
     """
 
     settings: Settings
-    claims: Sequence[Claim]
     config: pytest.Config
-    _drawn: dict[str, Sampled] = field(default_factory=dict)
+    _drawn: dict[str, Any] = field(default_factory=dict)
 
     @cached_property
-    def rows(self) -> int:
-        """Number of checks of all tests."""
-        return sum(len(claim.rows) for claim in self.claims)
-
-    @cached_property
-    def looks(self) -> int:
-        """Number of intervals that may be evaluated: every row at every possible look of its claim."""
-        return sum(len(claim.rows) * len(self.settings.sizes(claim)) for claim in self.claims)
-
-    @property
-    def z(self) -> float:
-        """Half width of the intervals in standard errors, for simultaneous coverage (Bonferroni)."""
-        return widest(self.looks, self.settings.false_alarm)
-
-    @cached_property
-    def folder(self) -> Path:
-        """Folder of the stored ensembles; raises InputError if pytest's cache is off and no other folder is given."""
+    def folder(self) -> Path | None:
+        """Folder of the stored simulations; None if pytest's cache is off and no other folder is given."""
         if self.settings.cache is not None:
             return self.settings.cache
         cache = getattr(self.config, "cache", None)
-        if cache is None:
-            raise InputError("rattle-cache", "", "pytest's own cache is switched off; name a folder for the ensembles")
-        return Path(cache.mkdir("rattle"))
+        return None if cache is None else Path(cache.mkdir("rattle"))
 
     @cached_property
-    def store(self) -> Store:
-        """Store of the ensembles, created when the first one is needed."""
-        return Store(self.folder)
+    def store(self) -> Store | None:
+        """Store of the simulations, created when the first one is needed; None if none is kept."""
+        return None if self.folder is None else Store(self.folder)
 
-    def ensemble(self, claim: Claim, paths: int | None) -> Drawn:
-        """Simulate an ensemble, or read the one that an earlier test or session has simulated.
-
-        Parameters
-        ----------
-        claim : Claim
-            What the test says of a model.
-        paths : int or None
-            Number of paths; None for the accuracy of the claim.
-
-        Returns
-        -------
-        Drawn
-        """
-        sample = Sample(claim.scene, claim.impacts[-1], self.settings.seed, claim.scheme, paths, claim.accuracy)
-        cell = _Watched(sample, self.settings.workers)
+    def draw(self, cell: Cell) -> Drawn:
+        """Simulate, or read what an earlier test or session has simulated."""
+        watched = _Watched(cell, self.settings.workers)
         started = time.perf_counter()
         if cell.key not in self._drawn:
-            self._drawn[cell.key] = sample.opened(obtain(self.store, cell, say=_past_capture(self.config)))
-        return Drawn(self._drawn[cell.key], cell.computed, cell.computed * (time.perf_counter() - started))
+            say = _past_capture(self.config)
+            found = watched.compute() if self.store is None else obtain(self.store, watched, say=say)
+            self._drawn[cell.key] = cell.opened(found)
+        return Drawn(self._drawn[cell.key], watched.computed, watched.computed * (time.perf_counter() - started))
 
 
-def thresholds_of(marked: Sequence[pytest.Item], settings: Settings, config: pytest.Config) -> Thresholds:
-    """Read the claims of marked tests, and store each claim, or the error of its marker, in the stash of its test.
+def read_claims(marked: Sequence[pytest.Item]) -> None:
+    """Store the claim of each marked test, or the error of its marker, in the stash of the test.
 
     A test that inherits the marker but does not use the fixture has no claim.
-
-    Parameters
-    ----------
-    marked : sequence of pytest.Item
-        The selected tests with the marker.
-    settings : Settings
-        Settings as they were given.
-    config : pytest.Config
-        Configuration of the session.
-
-    Returns
-    -------
-    Thresholds
     """
-    claims = []
     for item in marked:
         if "rattle" not in getattr(item, "fixturenames", ()):
             if any(mark.name == "rattle" for mark in item.own_markers):
                 item.stash[REFUSED] = RattleError("its marker checks nothing; let the test take the fixture 'rattle'")
             continue
         try:
-            claims.append(_claim(item))
+            item.stash[CLAIM] = _claim(item)
         except Exception as error:  # any error in reading a marker belongs to this test alone
             item.stash[REFUSED] = error
-        else:
-            item.stash[CLAIM] = claims[-1]
-    return Thresholds(settings, claims, config)
 
 
 def _past_capture(config: pytest.Config) -> Callable[[str], None]:

@@ -26,7 +26,7 @@ class Settings(NamedTuple):
     Attributes
     ----------
     false_alarm : float
-        Largest probability that the session fails although every claim in it is true.
+        Largest probability that a test fails although its claim is true.
     undecided : str
         Outcome of a test that its budget does not decide, ``fail`` or ``skip``.
     profile : str
@@ -34,7 +34,7 @@ class Settings(NamedTuple):
     budget : int or None
         Largest number of paths of an undecided test; None for `TIMES` those of its first look.
     cache : Path or None
-        Folder of simulated ensembles; None for pytest's own cache.
+        Folder of the simulations; None for pytest's own cache.
     seed, workers : int
         Seed and threads of the simulations.
     baselines : str
@@ -75,7 +75,10 @@ class Settings(NamedTuple):
         """
         if claim.accuracy is not None:
             return (None,)
-        first = claim.paths or PROFILES[self.profile]
+        return self.doubled(claim, claim.paths or PROFILES[self.profile])
+
+    def doubled(self, claim: "Claim", first: int) -> tuple[int, ...]:
+        """Numbers of paths from the first look at a claim up to its budget."""
         most = claim.budget or self.budget or TIMES * first
         sizes = [first]
         while sizes[-1] < most:

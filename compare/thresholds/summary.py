@@ -6,7 +6,10 @@ from typing import Any
 
 from rattle.compare.validation.verdict import BY_SIZE
 
-__all__ = ["decided_by", "summary_lines"]
+__all__ = ["WIDER", "decided_by", "summary_lines"]
+
+WIDER = 1.1
+"""Ratio of an interval to that of all paths above which it is said what widened it."""
 
 
 def decided_by(paths: float) -> str:
@@ -47,51 +50,28 @@ def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[
     Examples
     --------
     >>> facts = {"kind": "check", "model": "corrected", "rows": 4, "failed": 1, "undecided": 0, "z": 3.2905}
-    >>> facts |= {"all_rows": 10, "looks": 40, "rate": 0.01, "drawn": 2, "computed": 1, "seconds": 1.5, "decide": 0.0}
-    >>> facts |= {"folder": "cache", "not_judged": 1, "by_size": 2}
+    >>> facts |= {"widened": 3.2905, "rate": 0.01, "drawn": 2, "computed": 1, "seconds": 1.5, "decide": 0.0}
+    >>> facts |= {"folder": "cache", "not_judged": 1, "by_size": 2, "size": "2,048 paths"}
     >>> print("\\n".join(summary_lines([("test_a", facts)])))
     checks     4 rows in 1 test: 3 passed, 1 failed, 0 undecided
     not judged 1 row more: a displacement at the mesh that most simulated paths strike is the wall itself
     by size    2 of the rows: sd is 0, or below what doubles resolve: compared with 1e-06 of the quantity's size
-    intervals  3.29 standard errors, for a false-alarm rate of 0.01 over up to 40 looks at the 10 rows collected
+    intervals  3.29 standard errors, so that a test whose claim is true fails with a probability of at most 0.01
     ensembles  1 simulated in 1.5 s, 1 from the cache cache
 
-    >>> facts = {"kind": "long check", "model": "saltation", "rows": 2, "failed": 0, "undecided": 1, "z": 3.2905}
-    >>> facts |= {"drawn": 3, "computed": 3, "seconds": 1.5, "periods": 1024, "decide": 4123.0, "folder": "cache"}
+    >>> facts |= {"kind": "long check", "rows": 2, "failed": 0, "undecided": 1, "widened": 340.0, "decide": 4123.0}
+    >>> facts |= {"folder": "", "not_judged": 0, "by_size": 0, "size": "2,048 paths of 1,024 periods"}
     >>> print("\\n".join(summary_lines([("test_b", facts)])))
     long run   2 rows in 1 test: 1 passed, 0 failed, 1 undecided
-    intervals  3.29 standard errors in the long run
-    long runs  3 simulated in 1.5 s, 0 from the cache cache
-    undecided  test_b (saltation) after 1,024 periods: 4,100 periods would decide
+    intervals  3.29 standard errors, so that a test whose claim is true fails with a probability of at most 0.01
+    widened    up to 340 standard errors where a standard error rests on few paths
+    long runs  1 simulated in 1.5 s, 1 from memory; none is kept without a cache (--rattle-cache)
+    undecided  test_b (corrected) after 2,048 paths of 1,024 periods: 4,100 paths would decide
     """
-    checks = [(test, facts) for test, facts in records if facts["kind"] == "check"]
-    if checks:
-        rows, failed, undecided = (sum(f[name] for _, f in checks) for name in ("rows", "failed", "undecided"))
-        drawn, computed = (sum(f[name] for _, f in checks) for name in ("drawn", "computed"))
-        first = checks[0][1]
-        yield (
-            f"checks     {rows} rows in {len(checks)} test{'s' * (len(checks) > 1)}: "
-            f"{rows - failed - undecided} passed, {failed} failed, {undecided} undecided"
-        )
-        if spared := sum(f["not_judged"] for _, f in checks):
-            yield (
-                f"not judged {spared} row{'s' * (spared > 1)} more: a displacement at the mesh that most simulated "
-                "paths strike is the wall itself"
-            )
-        if by_size := sum(f["by_size"] for _, f in checks):
-            yield f"by size    {by_size} of the rows: {BY_SIZE}"
-        yield (
-            f"intervals  {first['z']:.2f} standard errors, for a false-alarm rate of {first['rate']:g} over up to "
-            f"{first['looks']} looks at the {first['all_rows']} rows collected"
-        )
-        yield (
-            f"ensembles  {computed} simulated in {sum(f['seconds'] for _, f in checks):.1f} s, "
-            f"{drawn - computed} from the cache {first['folder']}"
-        )
-    for test, facts in checks:
-        if facts["undecided"]:
-            yield f"undecided  {test} ({facts['model']}) after {facts['paths']:,} paths: {decided_by(facts['decide'])}"
-    yield from _long_lines([(test, facts) for test, facts in records if facts["kind"] == "long check"])
+    for kind, title, simulations in (("check", "checks", "ensembles"), ("long check", "long run", "long runs")):
+        own = [(test, facts) for test, facts in records if facts["kind"] == kind]
+        if own:
+            yield from _check_lines(own, title, simulations)
     compared = [(test, facts["done"]) for test, facts in records if facts["kind"] == "baseline"]
     if compared:
         written = [done for _, done in compared if done]
@@ -100,25 +80,33 @@ def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[
             yield from (f"           {line}" for line in done.splitlines())
 
 
-def _long_lines(checks: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[str]:
-    """The same of the checks of the long run."""
-    if not checks:
-        return
+def _check_lines(checks: Sequence[tuple[str, Mapping[str, Any]]], title: str, simulations: str) -> Iterator[str]:
+    """The same of one kind of checks."""
     rows, failed, undecided = (sum(f[name] for _, f in checks) for name in ("rows", "failed", "undecided"))
     drawn, computed = (sum(f[name] for _, f in checks) for name in ("drawn", "computed"))
-    widths = sorted({f"{f['z']:.2f}" for _, f in checks}, key=float)
+    rate, folder = checks[0][1]["rate"], checks[0][1]["folder"]
     yield (
-        f"long run   {rows} rows in {len(checks)} test{'s' * (len(checks) > 1)}: "
+        f"{title:10} {rows} rows in {len(checks)} test{'s' * (len(checks) > 1)}: "
         f"{rows - failed - undecided} passed, {failed} failed, {undecided} undecided"
     )
-    yield f"intervals  {' to '.join(dict.fromkeys((widths[0], widths[-1])))} standard errors in the long run"
+    if excluded := sum(f["not_judged"] for _, f in checks):
+        yield (
+            f"not judged {excluded} row{'s' * (excluded > 1)} more: a displacement at the mesh that most simulated "
+            "paths strike is the wall itself"
+        )
+    if by_size := sum(f["by_size"] for _, f in checks):
+        yield f"by size    {by_size} of the rows: {BY_SIZE}"
+    widths = sorted({f"{f['z']:.2f}" for _, f in checks}, key=float)
     yield (
-        f"long runs  {computed} simulated in {sum(f['seconds'] for _, f in checks):.1f} s, "
-        f"{drawn - computed} from the cache {checks[0][1]['folder']}"
+        f"intervals  {' to '.join(dict.fromkeys((widths[0], widths[-1])))} standard errors, so that a test whose claim "
+        f"is true fails with a probability of at most {rate:g}"
     )
+    if any(f["widened"] > WIDER * f["z"] for _, f in checks):
+        most = max(f["widened"] for _, f in checks)
+        yield f"widened    up to {most:.3g} standard errors where a standard error rests on few paths"
+    kept = f"the cache {folder}" if folder else "memory; none is kept without a cache (--rattle-cache)"
+    took = sum(f["seconds"] for _, f in checks)
+    yield f"{simulations:10} {computed} simulated in {took:.1f} s, {drawn - computed} from {kept}"
     for test, facts in checks:
-        if facts["undecided"]:
-            periods = facts["decide"]
-            known = math.isfinite(periods)
-            more = f"{float(f'{periods:.2g}'):,.0f} periods would" if known else "no number of periods would"
-            yield f"undecided  {test} ({facts['model']}) after {facts['periods']:,} periods: {more} decide"
+        if facts["undecided"] and not facts["failed"]:
+            yield f"undecided  {test} ({facts['model']}) after {facts['size']}: {decided_by(facts['decide'])}"

@@ -13,9 +13,11 @@ import rattle as rt
 from rattle.compare.cli.main import main
 from rattle.compare.stationary.study import LongStudy, load
 from rattle.compare.stationary.study_page import answer
-from rattle.compare.study.store import Store
 from rattle.compare.study.tables import load as load_impacts
+from rattle.compare.thresholds.claim import read_claim
 from rattle.compare.thresholds.long_run import decide_long, predict_long
+from rattle.compare.thresholds.sessions import Thresholds
+from rattle.compare.thresholds.settings import Settings
 from rattle.scene import FileError, InputError, Scene
 
 STUDY = """
@@ -101,15 +103,18 @@ PAIR = Scene(alpha=0.25, epsilon=0.5, beta1=0.02, gamma1=0.0, stages=1, sigma=0.
 
 
 def test_claims_about_the_long_run_are_decided(tmp_path):
-    store = Store(tmp_path / "cells")
+    def session():
+        return Thresholds(Settings(cache=tmp_path / "cells"), None)
+
+    claim = read_claim({"scene": PAIR}, tmp_path)
     good = predict_long("saltation", PAIR, ["rate", "energy", "speed"])
-    found = decide_long(good, PAIR, store, 0, 0.01)
+    found = decide_long(good, claim, session())
     assert found.table["outcome"].tolist() == ["pass"] * 3
-    assert (found.drawn, found.computed) == (1, 1)
+    assert [d.computed for d in found.drawn] == [True]
     wrong = predict_long(lambda scene, names: {n: 1.2 * good.values[n] for n in names}, PAIR, ["rate", "energy"])
-    again = decide_long(wrong, PAIR, store, 0, 0.01)
+    again = decide_long(wrong, claim, session())
     assert again.table["outcome"].tolist() == ["fail", "fail"]
-    assert (again.drawn, again.computed, again.seconds) == (1, 0, 0.0)
+    assert [(d.computed, d.seconds) for d in again.drawn] == [(False, 0.0)]
 
 
 @pytest.mark.parametrize(

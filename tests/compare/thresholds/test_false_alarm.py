@@ -216,13 +216,12 @@ def test_looks_as_they_are_taken_fail_at_most_at_the_stated_rate(looks, truth):
     claim = read_claim(options, Path())
     prediction, settings, taken = displaced(truth, claim, 1.0), Settings(RATE), set()
     assert settings.sizes(claim) == tuple(n * BLOCK for n in LOOKS)
-    z = widest(len(claim.rows) * len(LOOKS), RATE)
 
     def failed(i):
-        def ensemble(claim, paths):
-            return Drawn(looks[LOOKS.index(paths // BLOCK)].session(i), True, 0.0)
+        def draw(sample):
+            return Drawn(looks[LOOKS.index(sample.paths // BLOCK)].session(i), True, 0.0)
 
-        table, drawn = decide(prediction, claim, SimpleNamespace(settings=settings, z=z, ensemble=ensemble))
+        table, drawn, _ = decide(prediction, claim, SimpleNamespace(settings=settings, draw=draw))
         taken.add(tuple(int(d.run.section["paths"].iloc[0]) // BLOCK for d in drawn))
         return (table["outcome"] == "fail").any()
 

@@ -35,8 +35,7 @@ def test_a_gate_that_decides_nothing_fails_unless_that_is_allowed(run):
         [
             "rattle: saltation is undecided in * of 4 rows; * paths would decide",
             "16384 paths; intervals of *",
-            "Undecided is not passed. Give it more paths (budget=* in its marker, or --rattle-budget), allow a larger*",
-            '(within), or let it be undecided (undecided="skip" in its marker, or --rattle-undecided=skip).',
+            "Undecided is not passed: give it more paths (budget=* in its marker, or --rattle-budget), or *",
             "checks     4 rows in 1 test: * passed, 0 failed, * undecided",
         ]
     )
@@ -56,7 +55,6 @@ def test_more_paths_decide(run, said):
     more = run(SUITE)
     more.assert_outcomes(passed=1)
     assert said(more, r"intervals  (\S+) standard") == f"{widest(4 * ROWS, 0.01):.2f}"
-    assert "over up to 16 looks at the 4 rows collected" in more.stdout.str()
 
 
 def test_a_look_that_cannot_decide_is_left_out(run, said, tmp_path):
@@ -67,7 +65,7 @@ def test_a_look_that_cannot_decide_is_left_out(run, said, tmp_path):
 
 def test_the_budget_that_the_message_asks_for_decides(run, said):
     suite = SUITE.replace("paths=2048", "paths=2048, budget=2048")
-    budget = said(run(suite), r"Give it more paths \(budget=(\S+) in its marker")
+    budget = said(run(suite), r"give it more paths \(budget=(\S+) in its marker")
     assert int(budget) > 2048
     run(suite.replace("budget=2048", f"budget={budget}")).assert_outcomes(passed=1)
 
@@ -86,7 +84,9 @@ def test_an_accuracy_is_looked_at_once(run, said):
     result = run(HOPELESS.replace("paths=2048", "accuracy=0.01"))
     result.assert_outcomes(failed=1)
     assert said(result, r"intervals of (\S+) standard") == f"{widest(ROWS, 0.01):.2f}"
-    result.stdout.fnmatch_lines(["Undecided is not passed. Ask for a smaller accuracy than 0.01, allow a larger error"])
+    result.stdout.fnmatch_lines(
+        ["Undecided is not passed: ask for a smaller accuracy than 0.01, or allow a larger error*"]
+    )
 
 
 class Claim:

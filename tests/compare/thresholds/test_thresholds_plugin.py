@@ -51,8 +51,7 @@ def test_planted(rattle, model):
 def test_not_marked_by_itself():
     pass
 """
-ROWS = 12 + 6 + 4 + 3 * 12
-LOOKS = 4 * ROWS
+LOOKS = 4
 
 
 def test_three_outcomes_and_planted_errors(run, said):
@@ -62,9 +61,9 @@ def test_three_outcomes_and_planted_errors(run, said):
     assert re.search(r"FAILED .*::test_fails", text)
     assert re.search(r"FAILED .*::test_planted\[wrong_sd\]", text)
     assert re.search(r"FAILED .*::test_planted\[wrong_mean\]", text)
-    z = f"{widest(LOOKS, 0.01):.2f}"
+    low, high = (f"{widest(rows * LOOKS, 0.01):.2f}" for rows in (4, 12))
     result.stdout.fnmatch_lines(
-        [f"intervals *{z} standard errors, for a false-alarm rate of 0.01 over up to {LOOKS} looks at the {ROWS} rows*"]
+        [f"intervals  {low} to {high} standard errors, so that a test whose claim is true *0.01"]
     )
     assert "wrong_sd exceeds the allowed error in 2 of 12 rows" in text
     assert re.search(r"sd y1 at 1 .* \+0\.\d{4} +\+0\.\d{4} +\+0\.\d{4} +0\.1000", text)
@@ -78,7 +77,35 @@ def test_a_failure_leaves_a_figure(run, said):
     drawn = Path(said(result, r"Figure: (.*\.svg)")).read_text()
     assert drawn.startswith("<?xml")
     assert len(re.findall("impact", drawn)) >= 12  # a row for each check
-    result.stdout.fnmatch_lines(["*over up to 48 looks at the 12 rows collected"])  # of the selected tests
+
+
+def test_a_verdict_does_not_depend_on_the_tests_beside_it(run, said):
+    alone, beside = run(SUITE, "-k", "undecided"), run(SUITE, "-k", "undecided or passes or planted")
+    for pattern in (r"(sd y1 at 2 .*)", r"(\d+ paths; intervals of \S+)", r"budget=(\S+)"):
+        assert said(alone, pattern) == said(beside, pattern)
+
+
+def test_without_a_cache_nothing_is_kept(run, pytester, said):
+    some = ("-k", "passes or undecided", "-p", "no:cacheprovider")
+    for _ in range(2):
+        result = run(SUITE, *some, cache="")
+        result.assert_outcomes(passed=1, failed=1, deselected=5)
+        assert said(result, r"ensembles  (\d+ simulated in .*)").endswith(
+            "1 from memory; none is kept without a cache (--rattle-cache)"
+        )
+    assert not list(pytester.path.rglob("*.parquet"))
+    assert not list(pytester.path.rglob("*.svg"))
+    assert "Figure" not in result.stdout.str()
+
+
+def test_names_of_models_stay_on_one_line(run):
+    forged = "def near(scene, impacts):\n    return right(scene, impacts)\nnear.__name__ = 'near\\n== 9 passed =='\n"
+    suite = SUITE.replace("def test_passes", forged + "def test_passes").replace('check("saltation")', "check(near)")
+    result = run(suite, "-k", "undecided")
+    result.stdout.fnmatch_lines(
+        ["rattle: near == 9 passed == is undecided in *", "undecided  * (near == 9 passed ==) *"]
+    )
+    assert "== 9 passed ==" not in result.outlines
 
 
 def test_nothing_is_simulated_twice(run, tmp_path, said):
@@ -98,17 +125,15 @@ def test_profiles_and_settings_of_the_configuration_file(run, pytester):
     suite = SUITE.replace(", paths=2048", "").replace("impacts=2", "impacts=1")
     pytester.makeini("[pytest]\nrattle_false_alarm = 0.05\nrattle_undecided = skip\n")
     result = run(suite, "-k", "fails", "--rattle-workers=2")
-    result.stdout.fnmatch_lines(["*32768 paths*", "*false-alarm rate of 0.05*"])
+    result.stdout.fnmatch_lines(["*32768 paths*", "intervals *of at most 0.05"])
     assert settings.PROFILES["full"] == 2**20
     run(SUITE, "-k", "undecided").assert_outcomes(skipped=1, deselected=6)
 
 
-def test_workers_of_xdist_count_the_same_rows(run_workers):
+def test_workers_of_xdist_give_one_summary(run_workers):
     result = run_workers(SUITE)
     result.assert_outcomes(passed=3, failed=4)
-    result.stdout.fnmatch_lines(
-        ["checks * 58 rows in 6 tests*", f"*over up to {LOOKS} looks at the {ROWS} rows collected"]
-    )
+    result.stdout.fnmatch_lines(["checks * 58 rows in 6 tests*", "intervals  3.42 to 3.71 standard errors*"])
 
 
 def test_the_example_suite_holds(pytester, ensembles):
@@ -207,6 +232,40 @@ def test_checks_of_the_long_run_have_their_lines(run, tmp_path):
         result = run(LONG, cache=tmp_path)
         result.assert_outcomes(passed=1, failed=1)
         result.stdout.fnmatch_lines([
-            "long run   3 rows in 2 tests: 2 passed, 1 failed, 0 undecided",
-            "intervals  * standard errors in the long run", line,
+            "long run   3 rows in 2 tests: 2 passed, 1 failed, 0 undecided", "intervals  * standard errors, *", line,
         ])  # fmt: skip
+
+
+BURSTS = """
+import pytest
+import rattle as rt
+
+pytestmark = pytest.mark.rattle(scene=rt.Scene.from_gears(rt.DAT21, sigma=0.01), impacts=1)
+
+def test_wrong(rattle):
+    rattle.check(lambda scene, names: {"rate": 2.2, "speed": 2.0}, quantities=["rate", "speed"])
+
+@pytest.mark.rattle(budget=512)
+def test_near(rattle):
+    rattle.check(lambda scene, names: {"rate": 2.147}, quantities=["rate"])
+
+@pytest.mark.parametrize("n", range(9))
+def test_other(rattle, n):
+    rattle.check("saltation")
+"""
+
+
+def test_rare_bursts_are_shown_and_more_paths_taken(run, said, tmp_path):
+    alone = run(BURSTS, "-k", "wrong or near", cache=tmp_path)
+    alone.assert_outcomes(failed=2, deselected=9)
+    wide = r"speed: its standard error rests on (\d\.\d of 256 paths, .* \d+\.?\d* standard errors on .*, not 3.34)"
+    rows = [
+        wide,
+        r"(rate .* 512 +1024)",
+        r"budget=(\S+) in",
+        r"test_near \(.*\) (after 512 paths of 1,024 periods: .*)",
+    ]
+    found = [said(alone, row) for row in rows]
+    assert int(found[2]) > 2_400
+    beside = run(BURSTS, cache=tmp_path)
+    assert [said(beside, row) for row in rows] == found
