@@ -12,6 +12,7 @@ if TYPE_CHECKING:  # a table is there before it is converted
     import xarray as xr
 
 __all__ = [
+    "DIMENSIONLESS",
     "PRODUCTS",
     "RATE",
     "UNITS",

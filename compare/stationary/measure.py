@@ -12,7 +12,7 @@ from rattle.closure.attractor import IRREGULAR, PERIODIC, Attractor, attractor
 from rattle.closure.stationary import Law
 from rattle.compare.stationary.judged import CLOSURES_JUDGED, judged, laws, predictions
 from rattle.compare.stationary.laws import law_of, values_of
-from rattle.compare.stationary.units import in_units
+from rattle.compare.stationary.units import PLAIN, in_units, kind_of
 from rattle.montecarlo.long_run import AtRest, BurnInError, LongRun, SectionDensity, long_run
 from rattle.montecarlo.long_run.run import ASKED, PATHS
 from rattle.montecarlo.settings import is_random
@@ -175,7 +175,7 @@ class Stationary:
         table = self.table_in(units)
         data = table.drop(columns="unit").T.rename_axis("statistic").to_xarray()
         for name, unit in table["unit"].items():
-            data[name].attrs["units"] = unit or "1"
+            data[name].attrs["units"] = unit or PLAIN.get(kind_of(str(name)), "1")
         return data
 
     def verdicts_in(self, units: str) -> pd.DataFrame:

@@ -10,6 +10,7 @@ import pandas as pd
 
 from rattle.compare.stationary.cell import LongCell, LongResult
 from rattle.compare.stationary.judged import CLOSURES_JUDGED
+from rattle.compare.stationary.units import PLAIN, kind_of
 from rattle.compare.study.axes import read_axes
 from rattle.compare.study.design import Point, Study, placed
 from rattle.compare.study.store import Store
@@ -236,8 +237,10 @@ class LongTables:
         return study_figure(self)
 
     def to_xarray(self) -> "xr.Dataset":
-        """Convert the quantities to a dataset; needs the optional dependency ``xarray``."""
-        return self.quantities.set_index([*(axis.names[0] for axis in self.study.axes), "quantity"]).to_xarray()
+        """Convert the quantities to a dataset, with the unit of each in ``["quantity"].attrs``; needs ``xarray``."""
+        data = self.quantities.set_index([*(axis.names[0] for axis in self.study.axes), "quantity"]).to_xarray()
+        data["quantity"].attrs |= {name: PLAIN.get(kind_of(name), "1") for name in data["quantity"].values}
+        return data
 
 
 def load(folder: str | Path) -> LongTables:

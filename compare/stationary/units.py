@@ -4,12 +4,25 @@ import pandas as pd
 
 from rattle.montecarlo.long_run.names import NAMES, QUANTILES
 from rattle.scene.gears import Gears
-from rattle.scene.units import check_units
+from rattle.scene.units import DIMENSIONLESS, check_units
 
-__all__ = ["in_units", "speed_text", "unit_of"]
+__all__ = ["PLAIN", "in_units", "kind_of", "speed_text", "unit_of"]
 
 SPREAD = ("", "sd_", *(f"q{percent:02d}_" for percent in QUANTILES))
 NUMERIC = ["value", "se", "low", "high", "se_batches", "predicted", "simulated", "error", "tolerance"]
+
+
+PLAIN = {
+    "rate": "omega", "flight": DIMENSIONLESS["ms"], "speed": DIMENSIONLESS["mm_per_s"], "energy": DIMENSIONLESS["mJ"],
+    "energy_per_period": DIMENSIONLESS["mJ"], "power": f"{DIMENSIONLESS['mJ']} omega",
+}  # fmt: skip
+"""What dimensionless quantities count in, by their kind."""
+
+
+def kind_of(quantity: str) -> str:
+    """Which of the kinds of quantities it is, whatever its mesh, and its mean, sd or quantile."""
+    what = quantity.split("_mesh")[0]
+    return next((name for name in NAMES.values() if what in {p + name for p in SPREAD}), what).removesuffix("_above")
 
 
 def unit_of(quantity: str, gears: Gears | None, units: str) -> tuple[str, float]:
@@ -20,14 +33,12 @@ def unit_of(quantity: str, gears: Gears | None, units: str) -> tuple[str, float]
     """
     if gears is None or check_units(units, gears) == "dimensionless":
         return "", 1.0
-    what = quantity.split("_mesh")[0]
-    kind = next((name for name in NAMES.values() if what in {prefix + name for prefix in SPREAD}), what)
     u = gears.units
     found = {
         "rate": ("1/s", 1000.0 / u.time), "flight": ("ms", u.time), "speed": ("mm/s", u.speed),
         "energy": ("mJ", u.energy), "energy_per_period": ("mJ", u.energy), "power": ("mW", 1000.0 * u.energy / u.time),
     }  # fmt: skip
-    return found.get(kind.removesuffix("_above"), ("", 1.0))
+    return found.get(kind_of(quantity), ("", 1.0))
 
 
 def speed_text(speed: float, gears: Gears | None, units: str) -> str:

@@ -59,7 +59,7 @@ def test_every_result_draws_itself_and_gives_a_dataset_with_units(results, name)
     assert isinstance(figure, Figure)
     assert figure._repr_png_().startswith(b"\x89PNG")
     units = data["quantity"].attrs if "quantity" in data else {n: v.attrs["units"] for n, v in data.items()}
-    assert units["speed" if name == "long run" else "y1"] == ("1" if name == "long run" else "backlash1 omega")
+    assert units["q50_speed_mesh1" if name == "long run" else "y1"] == "backlash1 omega"
     if name in ("prediction", "run", "long run"):
         assert {v.attrs["units"] for v in results[name].to_xarray("physical").values()} >= {"ms", "mm/s", "1"}
 

@@ -68,6 +68,7 @@ def test_study_runs_and_is_kept(tmp_path):
     assert linear[0.002] == "accurate"
     assert linear[0.3] == "inaccurate"
     assert float(tables.to_xarray()["value"].sel(sigma=0.0, quantity="rate")) == rate.loc[0.0, "value"]
+    assert tables.to_xarray()["quantity"].attrs["rate"] == "omega"
     again = CliRunner().invoke(main, ["study", str(file)])
     assert again.exit_code == 0
     assert "up to date" in again.stderr
