@@ -42,7 +42,7 @@ def error_figure(table: pd.DataFrame, model: str) -> Figure:
         own = (rows["outcome"] == outcome).to_numpy()
         ax.hlines(place[own], low[own], high[own], color=colour, lw=1.6)
         ax.plot(error[own], place[own], ls="none", marker=marker, ms=6, color=colour)
-    reach = float(np.max(np.abs([low, high, allowed])))
+    reach = float(np.nanmax(np.abs([low, high, allowed])))
     far = reach > WIDE * allowed.min()
     if far:
         ax.set_xscale("symlog", linthresh=2.0 * float(allowed.max()), linscale=2.0)

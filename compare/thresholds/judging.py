@@ -2,9 +2,11 @@
 
 import numpy as np
 import pandas as pd
+from scipy.special import ndtr
 
 from rattle.compare.thresholds.claim import Claim
 from rattle.compare.validation.verdict import RULE, Claimed, Simulated, Tolerances, judge, remarks, section_errors
+from rattle.montecarlo.long_run.intervals import half_width
 from rattle.scene.errors import InputError
 
 __all__ = ["OUTCOMES", "errors_of", "judged"]
@@ -85,8 +87,9 @@ def judged(errors: pd.DataFrame, z: float) -> pd.DataFrame:
     [['pass', 'pass'], ['fail', 'pass']]
     """
     rows = errors.assign(noise=z * errors["noise"])
-    half = rows["noise"] + rows["rest"]
-    lean = rows["noise"] * rows["lean"] * (2.0 * z**2 + 1.0) / (6.0 * z)
+    student = half_width(rows["paths"], float(ndtr(-z))) * errors["noise"]
+    half = student + rows["rest"]
+    lean = student * rows["lean"] * (2.0 * z**2 + 1.0) / (6.0 * z)
     rows["low"] = rows["error"] - half - lean.clip(lower=0.0) - rows["unseen_low"]
     rows["high"] = rows["error"] + half - lean.clip(upper=0.0) + rows["unseen_high"]
     rows = judge(rows)

@@ -5,10 +5,12 @@ import math
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
 from rattle.closure import MeanMap
 from rattle.compare.validation.verdict import Tolerances, judge
 from rattle.montecarlo import Ensemble
+from rattle.montecarlo.long_run.intervals import half_width
 from rattle.scene.elementary import each
 from rattle.scene.moments import realizability
 
@@ -136,7 +138,7 @@ def mid_flight_errors(
     for stage in range(1, run.scene.stages + 1):
         rho = fixed[f"rho{stage}"]
         fisher = each(math.atanh, rho.clip(-1.0 + 1e-15, 1.0 - 1e-15))
-        half = z * fixed[f"se_z_rho{stage}"]
+        half = half_width(run.paths, float(ndtr(-z))) * fixed[f"se_z_rho{stage}"]
         bias = fixed.get(f"coarse_rho{stage}", rho) - rho
         value = predicted[f"rho{stage}"].reindex(fixed.index)
         low = value - each(math.tanh, fisher + half) - bias.abs()

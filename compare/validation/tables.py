@@ -53,6 +53,8 @@ def _cell(row: pd.Series) -> Cell:
         return Cell("–")
     unit = row["unit"] if row["unit"] > 0.0 else 1.0
     error, half = row["error"] / unit, 0.5 * (row["high"] - row["low"]) / unit
+    if half != half:  # too few paths for an interval
+        return Cell(f"{error:+.3g}", MARKS[row["verdict"]], float(error))
     text = f"{error:+.3f} ± {half:.3f}" if abs(error) < 1e3 else f"{error:+.2g} ± {half:.2g}"
     return Cell(text, MARKS[row["verdict"]], float(error))
 

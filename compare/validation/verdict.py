@@ -6,9 +6,11 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.special import ndtri
+from scipy.special import ndtr, ndtri
 
 from rattle.montecarlo.accuracy import resolved_sd, skewness_gain
+from rattle.montecarlo.long_run.intervals import half_width
+from rattle.montecarlo.settings import is_random
 from rattle.montecarlo.unseen import Unseen, unseen, unseen_text
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
@@ -35,6 +37,12 @@ SIDES = ("predicted", "simulated")  # columns that hold a value of the closure a
 
 WORTH_A_WORD = 0.05
 """Share of a tolerance from which on what a branch could change is told."""
+
+FEWEST = 32
+"""Least number of paths from which an sd is judged: the fourth moment of fewer says too little about its error."""
+
+TOO_FEW = f"too few paths for an interval; an sd is judged from {FEWEST} on"
+"""Remark on a row whose interval the sample cannot have."""
 
 UNSEEN = ("unseen_low", "unseen_high", "unseen_paths")
 
@@ -113,7 +121,8 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
     table : DataFrame
         Columns ``predicted, error, low, high, noise, tolerance, paths``; optionally ``judged`` (bool), and
         ``unseen_low, unseen_high, unseen_paths`` (see `section_errors`).  ``low`` and ``high`` bound the error;
-        ``noise`` is the part of the interval's half width that more paths would reduce.
+        ``noise`` is the part of the interval's half width that more paths would reduce.  An interval that so few
+        paths cannot have is NaN.
 
     Returns
     -------
@@ -132,7 +141,7 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
     tolerance = out["tolerance"]
     inside = (out["low"] >= -tolerance) & (out["high"] <= tolerance)
     outside = (out["low"] > tolerance) | (out["high"] < -tolerance)
-    absent = out["predicted"].isna() | out["low"].isna()
+    absent = out["predicted"].isna() | out["error"].isna()
     excluded = ~out["judged"].astype(bool) if "judged" in out else np.zeros(len(out), bool)
     out["verdict"] = np.select(
         [excluded, absent, inside, outside], [NOT_JUDGED, "not predicted", "accurate", "inaccurate"], "undecided"
@@ -146,7 +155,7 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
         needed = out["paths"] * (out["noise"] / margin) ** 2
     undecided = out["verdict"] == "undecided"
     seen = ((low >= -tolerance) & (high <= tolerance)) | (low > tolerance) | (high < -tolerance)
-    needed = needed.where(~seen, 0.0).clip(lower=out["unseen_paths"])
+    needed = needed.where(~seen & low.notna(), 0.0).clip(lower=out["unseen_paths"])
     out["paths_needed"] = np.where(undecided & (margin > 0.0) & np.isfinite(needed), np.ceil(needed), np.nan)
     return out
 
@@ -210,16 +219,17 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
     DataFrame
         A row for each impact, quantity and moment.  ``simulated`` is the simulated value with its standard error
         ``se`` and the measured step ``bias``.  ``error`` is the predicted minus the bias-corrected value; ``low`` and
-        ``high`` bound it: ``noise`` is `z` standard errors of the corrected value, ``rest`` bounds the bias that the
-        correction may have left.  ``unit`` is the sd of the quantity, ``se_unit`` its standard error.  ``still`` is
-        the tolerance of a quantity that does not vary, `ABSOLUTE` times its largest size over the impacts (for times,
-        that of a flight), and 0 where it varies.  ``agreement`` is the share of paths on the closure's itinerary if
-        the run has it, else on the noise-free one.  ``judged`` is False for the rows that `RULE` excludes.
-        ``unseen_low`` and ``unseen_high`` are how far branches that the sample cannot have seen widen the interval on
-        either side, and ``unseen_paths`` how many paths would show them (`rattle.montecarlo.unseen`); ``remark`` says
-        so in words where they leave a row undecided, and is `BY_SIZE` where ``still`` is the tolerance.  The interval
-        of a sampled value is longer on the side to which its own sampling distribution is skewed (`skewed`); ``lean``
-        is that skewness over sqrt(n).  Verdicts are those of `judge`.
+        ``high`` bound it: ``noise`` is `z` standard errors of the corrected value (the interval has Student's t in
+        place of `z`, which is wider where paths are few), ``rest`` bounds the bias that the correction may have left.
+        ``unit`` is the sd of the quantity, ``se_unit`` its standard error. ``still`` is the tolerance of a quantity
+        that does not vary, `ABSOLUTE` times its largest size over the impacts (for times, that of a flight), and 0
+        where it varies. ``agreement`` is the share of paths on the closure's itinerary if the run has it, else on the
+        noise-free one. ``judged`` is False for the rows that `RULE` excludes. ``unseen_low`` and ``unseen_high`` are
+        how far branches that the sample cannot have seen widen the interval on either side, and ``unseen_paths`` how
+        many paths would show them (`rattle.montecarlo.unseen`); ``remark`` says so in words where they leave a row
+        undecided, and is `BY_SIZE` where ``still`` is the tolerance. The interval of a sampled value is longer on the
+        side to which its own sampling distribution is skewed (`skewed`); ``lean`` is that skewness over sqrt(n).
+        Verdicts are those of `judge`.
     """
     section, steps = run.section, run.step_bias
     impact, quantity, is_mean = steps["impact"], steps["quantity"], steps["moment"] == "mean"
@@ -232,6 +242,7 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
     sizes = {q: float(np.hypot(section[q], section["sd_" + q]).max()) for q in quantity.unique() if q != "tau"}
     size = quantity.map(sizes | {"tau": sizes["flight"]}).astype(float).fillna(0.0)
     columns = {str(name): section[name].to_numpy() for name in section}
+    few = ~is_mean & is_random(run.scene) & (section["paths"].loc[impact].to_numpy() < FEWEST)
     least = pd.DataFrame(resolved_sd(columns), index=section.index)
     still = np.where(unit > _picked(least, impact, quantity), 0.0, ABSOLUTE * size)
     table = pd.DataFrame(
@@ -246,7 +257,7 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
             "se": _picked(section, impact, "se_" + name),
             "bias": steps["bias"],
             "error": predicted - steps["corrected"],
-            "noise": z * steps["se_corrected"],
+            "noise": z * steps["se_corrected"].where(~few),
             "rest": steps["rest"],
             "unit": unit,
             "se_unit": own["se_corrected"],
@@ -257,9 +268,10 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
             "paths": section["paths"].loc[impact].to_numpy(),
         }
     )
-    half, paths = table["noise"] + table["rest"], float(section["paths"].max())
+    student = half_width(table["paths"], float(ndtr(-z))) / z * table["noise"]
+    half, paths = student + table["rest"], float(section["paths"].max())
     gain = skewed(columns, steps, z)
-    lean = z * gain * steps["se_corrected"]
+    lean = gain * student
     table["low"], table["high"] = (
         table["error"] - half - lean.clip(lower=0.0),
         table["error"] + half - lean.clip(upper=0.0),
@@ -268,6 +280,7 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
     up, down, needed, chance = _hidden(hidden, steps)
     table["unseen_low"], table["unseen_high"], table["unseen_paths"] = up, down, needed
     table["low"], table["high"] = table["low"] - up, table["high"] + down
+    table.loc[few, "unseen_paths"] = FEWEST
     table["unseen_share"] = chance
     table["lean"] = gain * 6.0 * z / (2.0 * z**2 + 1.0)
     table = judge(table)
@@ -291,7 +304,8 @@ def remarks(table: pd.DataFrame) -> list[str]:
     shift = np.maximum(table["unseen_low"], table["unseen_high"])
     said = (table["verdict"] == "undecided") & (shift > WORTH_A_WORD * table["tolerance"])
     by_size = (table["still"] > 0.0) & table["verdict"].isin(JUDGED)
-    out = [BY_SIZE if by else "" for by in by_size]
+    few = table["low"].isna() & (table["verdict"] == "undecided")
+    out = [TOO_FEW if f else BY_SIZE if by else "" for f, by in zip(few, by_size, strict=True)]
     columns = table["moment"], table["unseen_share"], shift / table["unit"], table["unseen_paths"]
     for i, m, p, s, n in zip(np.flatnonzero(said), *(column[said] for column in columns), strict=True):
         out[i] = unseen_text(m, p, s, n)

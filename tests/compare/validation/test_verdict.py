@@ -130,6 +130,43 @@ def test_a_perfect_closure_is_within_its_intervals(sigma):
     assert missing <= 3  # P(more than 3 of 12 | 5 %) = 0.002
 
 
+@pytest.fixture(scope="module")
+def few():
+    """What a perfect closure would claim, and sixty small samples of each size."""
+    scene = Scene.from_gears(DAT21, sigma=0.01)
+    runs = {n: [simulate(scene, paths=n, impacts=2, rng=seed) for seed in range(60)] for n in (2, 4, 8, 16)}
+    return Claimed(simulate(scene, paths=200_000, impacts=2, rng=1000, workers=2).section), runs
+
+
+def seeds_called_inaccurate(claim, runs):
+    z = widest(2 * len(SECTION) * 2)
+    return sum((section_errors(claim, run, z, Tolerances())["verdict"] == "inaccurate").any() for run in runs)
+
+
+@pytest.mark.parametrize("paths", [2, 4, 8, 16])
+def test_few_paths_do_not_call_a_perfect_closure_inaccurate(few, paths):
+    claim, runs = few
+    assert seeds_called_inaccurate(claim, runs[paths]) <= 9  # P(more than 9 of 60 | 5 %) = 3e-4
+
+
+def test_few_paths_with_normal_intervals_would(few, monkeypatch):
+    claim, runs = few
+    monkeypatch.setattr("rattle.compare.validation.verdict.half_width", lambda *_: widest(2 * len(SECTION) * 2))
+    monkeypatch.setattr("rattle.compare.validation.verdict.FEWEST", 0)
+    assert seeds_called_inaccurate(claim, runs[4]) > 30
+
+
+def test_few_paths_see_a_wrong_mean_and_judge_no_sd(few):
+    claim, runs = few
+    section = claim.section
+    wrong = Claimed(section.assign(y1=section["y1"] + 20.0 * section["sd_y1"]))
+    assert seeds_called_inaccurate(wrong, runs[16]) == 60
+    table = section_errors(claim, runs[16][0], 4.0, Tolerances()).query("judged and moment == 'sd'")
+    assert (table["verdict"] == "undecided").all()
+    assert (table["paths_needed"] >= 32).all()
+    assert table["remark"].str.startswith("too few paths").all()
+
+
 @pytest.mark.parametrize(
     ("column", "change"),
     [
