@@ -1,6 +1,8 @@
 """Reading of text and TOML files, with errors that name the file."""
 
+import os
 import re
+import stat
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +16,8 @@ __all__ = ["in_file", "read_text", "read_toml"]
 TABLE = re.compile(r"\s*\[+\s*([^\[\]]+?)\s*\]")
 KEY = re.compile(r"""\s*["']?([\w-]+)["']?\s*=""")
 PLACE = re.compile(r"\(at line (\d+),")
+LARGEST = 4_000_000
+"""Bytes of the largest file that is read."""
 COMMA = re.compile(r"=\s*([-+]?\d+),(\d+)")
 
 
@@ -35,10 +39,20 @@ def read_text(what: str, path: str | Path) -> str:
     Raises
     ------
     FileError
-        If it cannot be read or is not UTF-8; names what the file was to be, its path, and the remedy.
+        If it cannot be read, is no regular file, is larger than `LARGEST`, or is not UTF-8; names what the file was to
+        be, its path, and the remedy.
     """
     try:
-        return Path(path).read_text(encoding="utf-8-sig")
+        with open(Path(path), "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
+            found = os.fstat(file.fileno())
+            if not stat.S_ISREG(found.st_mode):  # a pipe or a device may never end
+                raise FileError(what, str(path), "is a pipe or a device; give a TOML file")
+            if found.st_size > LARGEST:
+                size = f"{found.st_size:,} bytes where {LARGEST:,} are the most"
+                raise FileError(what, str(path), f"is too large, {size}; give a TOML file")
+            return file.read(LARGEST).decode("utf-8-sig").replace("\r\n", "\n")
+    except FileError:
+        raise
     except UnicodeDecodeError:
         raise FileError(what, str(path), "is not UTF-8 text; give a TOML file saved as UTF-8") from None
     except OSError as error:

@@ -43,6 +43,9 @@ STORAGE = {
 }  # fmt: skip
 """Remedies by error number, for files that are not written by this package itself, such as machine code by numba."""
 
+NO_TEMPORARY = ("MPLCONFIGDIR", "No usable temporary directory")
+"""What matplotlib and Python say where no folder for temporary files can be written."""
+
 
 class RattleGroup(click.Group):
     """Group of commands that reports the project's own errors in one line on standard error, with exit code 2."""
@@ -76,6 +79,9 @@ class RattleGroup(click.Group):
             say(f"rattle: {error}", err=True)
             ctx.exit(EXIT_BAD_INPUT)
         except OSError as error:
+            if any(sign in str(error) for sign in NO_TEMPORARY):
+                say("rattle: no folder for temporary files; set TMPDIR to one that can be written", err=True)
+                ctx.exit(EXIT_BAD_INPUT)
             if error.errno not in STORAGE:
                 raise
             where = line(str(error.filename or "a file"))

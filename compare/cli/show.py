@@ -10,6 +10,9 @@ from rattle.compare.cli.options import WHOLE
 
 __all__ = ["show"]
 
+NARROWEST = 20
+"""Characters of the shortest line; a narrower terminal wraps it."""
+
 
 @click.command()
 @click.argument("report", type=click.Path(path_type=Path))
@@ -39,7 +42,8 @@ def show(report: Path, section: str | None, width: int | None) -> None:
         why = f"holds no {NAME}; give a folder into which this version of rattle has written a report"
         raise FileError("report", str(report), why)
     page = read_page(path)
-    columns = count("width", shutil.get_terminal_size().columns if width is None else width, least=20)
+    terminal = max(shutil.get_terminal_size().columns, NARROWEST)
+    columns = terminal if width is None else count("width", width, least=NARROWEST)
     if section is None:
         lines = page_lines(page, columns)
     else:

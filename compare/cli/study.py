@@ -10,7 +10,8 @@ import click
 
 from rattle.compare.cli.console import say, say_json
 from rattle.compare.cli.options import WHOLE
-from rattle.scene.errors import InputError, OutputError, RattleError
+from rattle.scene.errors import FileError, InputError, OutputError, RattleError
+from rattle.scene.files import read_text
 from rattle.scene.text import line
 
 if TYPE_CHECKING:
@@ -128,8 +129,8 @@ def _computed(
 
     def unchanged() -> bool:
         try:
-            return file.read_text(encoding="utf-8") == wanted.text
-        except (OSError, UnicodeDecodeError):
+            return read_text("study file", file) == wanted.text
+        except FileError:
             return False
 
     started = time.perf_counter()

@@ -14,6 +14,7 @@ from rattle.compare.report.folder import refused, write_whole
 from rattle.compare.thresholds.claim import Claim
 from rattle.compare.thresholds.prediction import Prediction
 from rattle.scene.errors import FileError
+from rattle.scene.files import read_text
 from rattle.scene.text import line
 
 __all__ = ["changes", "content", "listed", "place", "read", "updated", "write"]
@@ -86,9 +87,9 @@ def read(path: Path) -> dict[str, Any]:
         If the file cannot be read, or is no baseline.
     """
     try:
-        found = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FileError("baseline", str(path), f"cannot be read ({error.strerror})") from None
+        found = tomllib.loads(read_text("baseline", path))
+    except FileError:
+        raise
     except (ValueError, RecursionError) as error:
         raise FileError("baseline", str(path), f"is damaged ({error}); restore it, or remove and record it") from None
     if not isinstance(found.get("values"), dict):

@@ -111,6 +111,21 @@ def test_other_failed_writes_are_reported_by_the_command_line(monkeypatch, code)
     assert said.endswith(", and repeat the command\n")
 
 
+def test_without_a_folder_for_temporary_files_a_command_says_so(tmp_path):
+    """A process of its own: matplotlib, which asks for the folder, is imported once."""
+    (tmp_path / "sitecustomize.py").write_text("import tempfile\ntempfile._candidate_tempdir_list = lambda: []\n")
+    settings = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *filter(None, sys.path)])}
+    for name in ("MPLCONFIGDIR", "XDG_CONFIG_HOME", "XDG_CACHE_HOME"):
+        settings.pop(name, None)
+    words = ["validate", "--no-validity", "--paths", "100", "--impacts", "1", "--out", str(tmp_path / "report")]
+    found = subprocess.run(
+        [sys.executable, "-m", "rattle.compare", *words], env=settings | {"HOME": "/proc/none"}, capture_output=True,
+        text=True, check=False,
+    )  # fmt: skip
+    assert found.returncode == 2, found.stderr
+    assert found.stderr.endswith("rattle: no folder for temporary files; set TMPDIR to one that can be written\n")
+
+
 def test_another_fault_of_the_system_keeps_its_trace(monkeypatch):
     def refuse(*_):
         raise OSError(errno.ECHILD, "a mistake of ours")
