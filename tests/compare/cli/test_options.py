@@ -7,6 +7,7 @@ import tomllib
 from dataclasses import fields, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.shell_completion import ShellComplete
 from click.testing import CliRunner
@@ -17,7 +18,7 @@ from rattle.compare.checks.stability.axes import AXES
 from rattle.compare.cli import options
 from rattle.compare.cli.main import main
 from rattle.compare.cli.template import template
-from rattle.montecarlo import SCHEMES, simulate
+from rattle.montecarlo import SCHEMES, Record, simulate
 from rattle.scene import DAT21, Gears, Scene, Start, Tolerance
 
 EXAMPLES = sorted((Path(__file__).resolve().parents[3] / "examples").glob("*.toml"))
@@ -146,6 +147,22 @@ def test_the_mean_rotation_that_the_template_comments_out_adds_to_the_drag():
     speed = 2.0 * math.pi * 800.0 / 60.0 * 30.0
     assert gears.torque1 == pytest.approx(100.0 + 100.0 * speed / 41.0)
     assert gears.torque2 == pytest.approx(50.0 + 100.0 * speed / 26.4)
+
+
+def test_the_gearbox_of_the_examples_rattles_at_its_mean_speed():
+    """Its drag contains what damping takes at 800/min, and at most half of its impacts are chatter."""
+    scene = Scene.load(EXAMPLES[0].parent / "gearbox.toml")
+    rim = 2.0 * math.pi * 800.0 / 60.0 * 32.0
+    assert scene.gears.torque1 == pytest.approx(6.0 + 0.06 * rim / 38.0)
+    assert scene.gears.torque2 == pytest.approx(5.0 + 0.05 * rim / 30.0)
+    still = replace(scene.gears, torque1=60.0 + 20.0 * rim / 38.0, torque2=40.0 + 15.0 * rim / 30.0)
+    for gears, rattles in ((scene.gears, True), (still, False)):
+        run = simulate(
+            Scene.from_gears(gears, sigma=scene.sigma), paths=20, impacts=1500, rng=7, record=Record(raw=True)
+        )
+        _, _, _, y1, _, y2, side = run.raw[:, 500:].transpose(2, 0, 1)
+        assert (np.median(np.abs(np.where(abs(side) == 1.0, y1, y2))) > 0.1) == rattles
+        assert (gears.gamma(1) < scene.alpha) == rattles
 
 
 def test_what_the_template_comments_out_can_be_taken_in():
