@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import source_tree
 from browser import CHROMIUM, Browser
 
 from rattle.compare.cli.main import main
@@ -28,6 +29,7 @@ def site(tmp_path_factory):
     """The site, from a copy of its sources: what is generated beside them stays out of the tree."""
     copy, out = tmp_path_factory.mktemp("repository"), tmp_path_factory.mktemp("site")
     listed = ["git", "ls-files", "--cached", "--others", "--exclude-standard", "docs", "reports", "CHANGELOG.md"]
+    listed += ["tests/helpers", *source_tree.PACKAGES]  # whose lines a page counts
     for name in subprocess.run(listed, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines():
         if (ROOT / name).exists():
             (copy / name).parent.mkdir(parents=True, exist_ok=True)
