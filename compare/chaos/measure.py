@@ -140,7 +140,7 @@ class ChaosStudy:
 def study(
     scene: Scene, *, at: Sequence[float] = (), field: str = "alpha", noise: Callable[[Scene], Scene] | None = None,
     points: int = 1_000_000, impacts: int = 200_000, events: int = 4000, width: float = WIDTH, seed: int = 0,
-    workers: int = 2,
+    workers: int = 2, progress: Callable[[str], None] = lambda part: None,
 ) -> ChaosStudy:  # fmt: skip
     """Measure the chaos of a scene: exponents, sections, spectra, divergence of two paths, and a sweep over a field.
 
@@ -168,6 +168,8 @@ def study(
         Seed of the random numbers.
     workers : int
         Threads; the result does not depend on it.
+    progress : callable
+        Called with the name of each part before it is measured.
 
     Returns
     -------
@@ -193,14 +195,21 @@ def study(
         return finite_size(scene, events=events, seed=seed, workers=workers)
 
     common: dict[str, Any] = {"field": field, "noise": noise, "seed": seed, "workers": workers}
+    progress("exponents")
     orbit = lyapunov(scene, width=width, strict=False)
     drift = drift_exponents(scene, width=width, strict=False, seed=seed)
-    return ChaosStudy(
-        scene, orbit, drift, mean_maps(scene, orbit),
-        sections(scene, points=points, seed=seed, workers=workers, missing=missing),
-        spectra(scene, impacts=impacts, seed=seed, workers=workers, missing=missing),
-        attempt("the square-root law", lambda: sqrt_law(scene, impacts=events, seed=seed)),
-        attempt("the finite-size exponents", finite_sizes), field,
-        sweep(scene, at, width=width, **common) if at else None,
-        attempt("the bifurcation diagram", lambda: bifurcation(scene, at, **common)) if at else None, missing,
-    )  # fmt: skip
+    maps = mean_maps(scene, orbit)
+    progress("Poincaré sections")
+    drawn = sections(scene, points=points, seed=seed, workers=workers, missing=missing)
+    progress("spectra")
+    power = spectra(scene, impacts=impacts, seed=seed, workers=workers, missing=missing)
+    progress("two paths on the same noise")
+    law = attempt("the square-root law", lambda: sqrt_law(scene, impacts=events, seed=seed))
+    sizes = attempt("the finite-size exponents", finite_sizes)
+    swept, view = None, None
+    if at:
+        progress(f"exponents at {len(at)} values of {field}")
+        swept = sweep(scene, at, width=width, **common)
+        progress(f"bifurcation diagram at {len(at)} values of {field}")
+        view = attempt("the bifurcation diagram", lambda: bifurcation(scene, at, **common))
+    return ChaosStudy(scene, orbit, drift, maps, drawn, power, law, sizes, field, swept, view, missing)

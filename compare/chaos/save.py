@@ -9,11 +9,9 @@ from rattle.compare.report.save import contents, save
 
 __all__ = ["CONTENTS", "write_chaos"]
 
-TABLES = (
-    "exponents", "mean_maps", "sections", "spectra", "lines", "spectra_summary", "fsle", "sqrt_law", "sweep",
-    "crossings", "bifurcation",
-)  # fmt: skip
-CONTENTS = contents("chaos", figures=tuple(FIGURES), tables=TABLES)
+TABLES = ("exponents", "mean_maps", "lines", "spectra_summary", "fsle", "sqrt_law", "sweep", "crossings")
+LARGE = ("sections", "spectra", "bifurcation")
+CONTENTS = contents("chaos", figures=tuple(FIGURES), tables=TABLES, large=LARGE)
 """Files of such a folder; a folder with any other file is not overwritten."""
 
 

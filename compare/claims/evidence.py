@@ -1,6 +1,6 @@
 """The evidence for all claims: every simulation and measurement, made once."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -62,6 +62,7 @@ class Evidence:
 def gather(
     scene: Scene, *, sigmas: Sequence[float], at: Sequence[float], paths: int = 100_000, impacts: int = 12,
     seed: int = 0, workers: int = 2, points: int = 1_000_000, spectrum_impacts: int = 200_000, events: int = 4000,
+    progress: Callable[[str], None] = lambda part: None,
 ) -> Evidence:  # fmt: skip
     """Make all measurements that the claims need.
 
@@ -81,6 +82,8 @@ def gather(
         Threads; the result does not depend on it.
     points, spectrum_impacts, events : int
         Points of the sections, impacts of the spectra and pairs of paths, see `rattle.compare.chaos.measure.study`.
+    progress : callable
+        Called with the name of each part before it is measured.
 
     Returns
     -------
@@ -94,6 +97,7 @@ def gather(
     scene = paper_noise(scene)
     levels = [*sorted(sigmas), scene.sigma]
     settings: dict[str, Any] = {"impacts": impacts, "paths": paths, "rng": seed, "workers": workers}
+    progress(f"closures compared with {paths:,} paths at {len(levels)} noise intensities")
     validations = [validate(scene.with_sigma(s), scheme="exact-flight", **settings) for s in levels]
     exponents: dict[str, Any] = {"width": 0.02, "strict": False}
     single = replace(scene, stages=1, start=Start(0.0, scene.gap1, 2.0, 0.0, 0.0, mesh=1))
@@ -111,8 +115,9 @@ def gather(
     )
     chaos = study(
         scene, at=at, noise=paper_noise, points=points, impacts=spectrum_impacts, events=events, seed=seed,
-        workers=workers,
+        workers=workers, progress=progress,
     )  # fmt: skip
+    progress("a single stage, repeated flanks, the mean motion")
     return Evidence(
         scene, validations, chaos,
         {"orbit": lyapunov(single, **exponents), "noisy": drift_exponents(single, **exponents, seed=seed)},

@@ -164,9 +164,12 @@ def stages_apart(e: Evidence) -> Claim:
         shown.append(f"{_at(v)}: non-zero at {many} of {len(fixed)} fixed times, largest {largest:.3f}")
     return Claim(
         "Independent stages",
-        "section 3, above Eq. 11", "the variables ξ₁ and ζ₁ have nothing to do with ξ₂ and ζ₂",
-        "Correlation of y₁ and y₂ over the paths in the middle of the orbit's flights, non-zero beyond its interval "
-        "(corrected for the number of fixed times).", "; ".join(shown) + ".",
+        "section 3, above Eq. 11",
+        "It is assumed that the variables ξ₁ and ζ₁ have nothing to do with ξ₂ and ζ₂ because the variables ξ₂ and ζ₂ "
+        "have not arisen in the equation about ξ₁ and ζ₁.",
+        "An assumption of the paper, not a result. Correlation of y₁ and y₂ over the paths in the middle of the "
+        "orbit's flights, non-zero beyond its interval (corrected for the number of fixed times).",
+        "; ".join(shown) + ".",
         NOT_REPRODUCED if coupled else UNDECIDED,
     )  # fmt: skip
 

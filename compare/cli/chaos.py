@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from rattle.compare.cli.console import say
+from rattle.compare.cli.console import say, say_part
 from rattle.compare.cli.load import load_scene
 from rattle.compare.cli.options import FIELDS, WHOLE, Name
 
@@ -87,7 +87,7 @@ def chaos(
     }  # fmt: skip
     wall = time.perf_counter()
     noise = None if keep_sigma or field == "sigma" else paper_noise
-    found = study(base, at=at, noise=noise, workers=workers, **settings)
+    found = study(base, at=at, noise=noise, workers=workers, progress=say_part, **settings)
     record = {
         "name": name, "scene": base.to_dict(), **settings, "over": list(at), "workers": workers,
         "noise": "the scene's" if noise is None else "sqrt(alpha)",

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import click
 
-from rattle.compare.cli.console import say
+from rattle.compare.cli.console import say, say_part
 from rattle.compare.cli.options import WHOLE
 
 __all__ = ["claims"]
+
+BASE, PER_VALUE, PER_PATH = 60.0, 1.0, 1e-4  # seconds: sections, spectra and pairs; a value of alpha; a path
 
 
 @click.command()
@@ -65,10 +67,12 @@ def claims(
     count("workers", workers)
     out = out or Path("reports/claims")
     check_free(out, CONTENTS, overwrite)
+    minutes = (BASE + PER_VALUE * len(at) + PER_PATH * paths * (len(levels) + 1)) / 60.0
+    say(f"About {minutes:.1g} minutes of processor time, and what has to be compiled.", err=True)
     started = time.perf_counter()
     found = gather(
         Scene.from_gears(DAT21), sigmas=levels, at=at, paths=paths, seed=seed, workers=workers, points=points,
-        spectrum_impacts=impacts,
+        spectrum_impacts=impacts, progress=say_part,
     )  # fmt: skip
     judged = judge(found)
     record = {

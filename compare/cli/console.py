@@ -1,5 +1,6 @@
 """Output of the commands: text without terminal control characters, and strict JSON."""
 
+from datetime import datetime
 from typing import Any
 
 import click
@@ -7,7 +8,7 @@ import click
 from rattle.compare.report.json_text import json_text
 from rattle.scene.text import harmless
 
-__all__ = ["say", "say_json"]
+__all__ = ["say", "say_json", "say_part"]
 
 
 def say(text: str, *, err: bool = False) -> None:
@@ -32,3 +33,8 @@ def say_json(data: Any) -> None:
         See `rattle.compare.report.json_text.plain`.
     """
     click.echo(json_text(data))
+
+
+def say_part(part: str) -> None:
+    """Print on standard error which part of a long command begins, and when."""
+    say(f"{datetime.now():%H:%M:%S} {part}", err=True)

@@ -19,15 +19,17 @@ __all__ = ["MANIFEST", "contents", "save"]
 MANIFEST = "manifest.json"
 
 
-def contents(name: str, *, figures: Sequence[str] = (), tables: Sequence[str] = ()) -> frozenset[str]:
+def contents(
+    name: str, *, figures: Sequence[str] = (), tables: Sequence[str] = (), large: Sequence[str] = ()
+) -> frozenset[str]:
     """Every file that a report folder may hold; a folder with any other file is not overwritten.
 
     Parameters
     ----------
     name : str
         Name of the page's files, without suffix.
-    figures, tables : sequence of str
-        Names without suffix.
+    figures, tables, large : sequence of str
+        Names without suffix; large tables are Parquet files, the others CSV.
 
     Returns
     -------
@@ -38,7 +40,8 @@ def contents(name: str, *, figures: Sequence[str] = (), tables: Sequence[str] = 
     >>> sorted(contents("claims", tables=["claims"]))
     ['claims.csv', 'claims.html', 'claims.md', 'manifest.json', 'page.json']
     """
-    return frozenset({MANIFEST, *pages(name), *(f"{t}.csv" for t in tables), *(f"{f}.svg" for f in figures)})
+    csv, parquet, svg = (f"{t}.csv" for t in tables), (f"{t}.parquet" for t in large), (f"{f}.svg" for f in figures)
+    return frozenset({MANIFEST, *pages(name), *csv, *parquet, *svg})
 
 
 def save(
@@ -70,9 +73,9 @@ def save(
     figures : mapping of str to Figure
         Written as ``<name>.svg``.
     tables : mapping of str to DataFrame
-        Written as ``<name>.csv``, without the index.
+        Written without the index, as ``<name>.parquet`` where `allowed` has that, else as ``<name>.csv``.
     digits : str, optional
-        Format of the numbers in the tables, as ``%.10g``; all digits by default.
+        Format of the numbers in CSV files, as ``%.10g``; all digits by default.
     overwrite : bool
         Whether an earlier report in the folder may be replaced.
 
@@ -85,7 +88,10 @@ def save(
         for label, figure in figures.items():
             style.save(figure, folder / f"{label}.svg")
         for label, table in tables.items():
-            write_csv(table, folder / f"{label}.csv", index=False, float_format=digits)
+            if f"{label}.parquet" in allowed:
+                table.to_parquet(folder / f"{label}.parquet", index=False, compression="zstd")
+            else:
+                write_csv(table, folder / f"{label}.csv", index=False, float_format=digits)
         write_page(page, folder, name)
         text = json_text({**record, "answer": list(page.answer)}) + "\n"
         (folder / MANIFEST).write_text(text, encoding="utf-8")

@@ -33,7 +33,7 @@ def test_a_folder_of_chaos_is_whole_and_said_in_a_few_lines(tmp_path):
     assert sorted(sweep["alpha"].unique()) == [0.3, 0.9, 1.5]
     assert np.isfinite(sweep[sweep["of"] == "orbit"]["largest"]).all()
     manifest = json.loads((out / "manifest.json").read_text())
-    assert manifest["answer"] == done.output.splitlines()[:-1]
+    assert manifest["answer"] == done.stdout.splitlines()[:-1]
     assert len(manifest["answer"]) < 10
     largest = exponents.query("of == 'orbit'")["value"].max()
     assert f"per unit of τ, {300.0 * largest:.3g} per second)" in manifest["answer"][0]

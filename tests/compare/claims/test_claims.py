@@ -1,5 +1,6 @@
 """The paper's claims: every verdict can come out either way, and the page says what was found."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from rattle.closure import mean_map
-from rattle.compare.chaos.exponents import Mean
+from rattle.compare.chaos.exponents import ORBIT, Mean
 from rattle.compare.chaos.sweep import paper_noise
 from rattle.compare.claims import judged, of_moments, of_motion, of_spectra
 from rattle.compare.claims import mean_motion as of_mean_motion
@@ -21,6 +22,8 @@ from rattle.compare.claims.page import answer, write_claims
 from rattle.compare.cli.main import main
 from rattle.compare.report import read_page
 from rattle.scene import DAT21, Scene
+
+REPOSITORY = Path(__file__).parents[3]
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*too short.*")
 
@@ -93,6 +96,30 @@ def test_the_range_of_chaos_follows_the_signs(evidence, signs, verdict):
     assert of_motion.chaotic_range(replace(evidence, chaos=chaos)).verdict.startswith(verdict)
     controlled = of_motion.controlled(replace(evidence, chaos=chaos)).verdict
     assert (controlled == REPRODUCED) == (len(set(signs)) == 2)
+
+
+def test_control_of_the_orbit_alone_is_said_to_be_that(evidence):
+    """The claim is on the stochastic vibration, whose exponent may be positive throughout."""
+    sweep = evidence.chaos.sweep
+    sign = sweep["alpha"].map({0.3: -1, 1.0: 1, 2.0: 1}).where(sweep["of"] == ORBIT, 1)
+    chaos = replace(evidence.chaos, sweep=sweep.assign(low=sign - 0.1, high=sign + 0.1))
+    found = of_motion.controlled(replace(evidence, chaos=chaos))
+    assert found.verdict == "holds only for the orbit"
+    assert "along a noisy path: positive at 3, negative at 0 of 3 values" in found.evidence
+
+
+def test_the_model_quotes_the_repeated_flanks_of_claim_5():
+    """One definition: consecutive impacts at one mesh, whatever happens at the other in between."""
+    committed = pd.read_csv(REPOSITORY / "reports/claims/claims.csv", index_col="claim")["evidence"][5]
+    said = " ".join((REPOSITORY / "docs/model.md").read_text(encoding="utf-8").split())
+    orbit, noisy = (round(float(share)) for share in re.findall(r"([\d.]+)% ±", committed))
+    assert f"{orbit} % of consecutive impacts at one mesh on DAT21's orbit, {noisy} % along noisy paths" in said
+
+
+def test_an_assumption_is_said_to_be_one_and_the_other_single_stage_to_be_another(claims):
+    assert claims["stages_apart"].says.startswith("It is assumed that")
+    assert "An assumption of the paper" in claims["stages_apart"].test
+    assert "reference 7 are others" in claims["both_models"].test
 
 
 def test_alpha_outside_the_range_and_an_orbit_that_sticks_at_times_are_said(evidence):
