@@ -7,6 +7,8 @@ first.  Every path that was searched stands for all smaller probabilities too, s
 from __future__ import annotations
 
 import threading
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +24,7 @@ __all__ = ["Branch", "BranchSearch", "RareEvents", "rare_events"]
 Floats = NDArray[np.float64]
 
 MOST = 12  # paths that are searched: the orbit, and the most probable branches
+FLIGHTS = 300  # flights that are searched, so that orbits of many impacts take no more than about a second
 GRAZE = 1e-6  # impact speed, over the largest of alpha, gamma1 and initial speeds, below which the orbit grazes
 
 
@@ -45,8 +48,9 @@ class Branch(NamedTuple):
     section : ndarray, shape (strata, impacts, 6)
         ``tau, flight, x1, y1, x2, y2`` before each impact of a representative of each stratum; those of the parent
         before `impact`, NaN where it has ended.
-    parent : ndarray, shape (impacts, 6)
-        The same of the path that it leaves.
+    mean, square, fourth : ndarray, shape (impacts, 6)
+        What the branch adds to the mean deviation from the orbit, to its square and to its fourth power, in place of
+        the path that it leaves.
     """
 
     impact: int
@@ -57,10 +61,13 @@ class Branch(NamedTuple):
     probability: float
     weights: Floats
     section: Floats
-    parent: Floats
+    mean: Floats
+    square: Floats
+    fourth: Floats
 
 
-class RareEvents(NamedTuple):
+@dataclass(frozen=True)
+class RareEvents:
     """The branches of an orbit.
 
     Attributes
@@ -79,6 +86,17 @@ class RareEvents(NamedTuple):
     branches: tuple[Branch, ...]
     known: int
     why: str
+
+    @cached_property
+    def probabilities(self) -> Floats:
+        """Of the branches."""
+        return np.array([branch.probability for branch in self.branches])
+
+    @cached_property
+    def added(self) -> Floats:
+        """What each branch adds to mean, square and fourth power, shape (3, branches, impacts, 6)."""
+        parts = [[getattr(branch, name) for branch in self.branches] for name in ("mean", "square", "fourth")]
+        return np.array(parts).reshape(3, len(self.branches), *self.orbit.shape)
 
 
 class _Parent(NamedTuple):
@@ -106,12 +124,13 @@ class BranchSearch:
         self._queue = [_Parent(1.0, scene.phase, state, np.zeros((4, 4)), 0, self.orbit)]  # the most probable last
         self._branches: list[Branch] = []
         self._searched: list[tuple[float, int]] = []  # probability of each path, and number of branches after it
+        self._flights, self._found = 0, dict[int, RareEvents]()
         self._known, self._why, self._one_at_a_time = impacts, "", threading.Lock()
 
     def until(self, least: float) -> RareEvents:
         """Branches of the orbit, and of those of its branches that are at least so probable."""
         with self._one_at_a_time:
-            while self._queue and len(self._searched) < MOST:
+            while self._queue and len(self._searched) < MOST and self._flights < FLIGHTS:
                 if self._searched and self._queue[-1].probability < least:
                     break
                 parent = self._queue.pop()
@@ -121,12 +140,18 @@ class BranchSearch:
                 self._searched.append((parent.probability, len(self._branches)))
                 self._queue = sorted(self._queue, key=lambda one: one.probability)[-MOST:]
             number = max(n for k, (p, n) in enumerate(self._searched) if k == 0 or p >= least)
-            return RareEvents(self.orbit, tuple(self._branches[:number]), self._known, self._why)
+            if number not in self._found:
+                branches = tuple(self._branches[:number])
+                self._found[number] = RareEvents(self.orbit, branches, self._known, self._why)
+            return self._found[number]
 
     def _search(self, parent: _Parent) -> tuple[int, str]:
         """Search the flights of a path; gives the impacts that were reached, and why not all."""
         c, tau, after, start = self.constants, parent.tau, parent.after, parent.start
         for k in range(parent.first, self.impacts):
+            if self._flights == FLIGHTS:
+                return k, f"{FLIGHTS} flights were searched"
+            self._flights += 1
             flight = Flight(c, tau, after, start)
             if flight.mesh <= 0:
                 return k, f"the orbit ends after impact {k}"
@@ -166,9 +191,14 @@ class BranchSearch:
                 across = saltation_matrix(c, mesh, tau + t, state[1], state[3])
                 self._queue.append(_Parent(share, tau + t, hit, across @ spread @ across.T, k + 1, rows[j]))
         shares = probability * event.weights
-        self._branches.append(Branch(
-            k + 1, event.mesh, event.side, event.missed, event.beta, probability, shares, rows, parent.rows
-        ))  # fmt: skip
+        added = np.zeros((3, *self.orbit.shape))
+        gap, before = rows[:, k:] - self.orbit[k:], parent.rows[k:] - self.orbit[k:]
+        for n in range(3):  # powers 1, 2 and 4
+            added[n, k:] = np.nan_to_num(shares[:, None, None] * (gap - before)).sum(axis=0)
+            gap, before = gap * gap, before * before
+        self._branches.append(
+            Branch(k + 1, event.mesh, event.side, event.missed, event.beta, probability, shares, rows, *added)
+        )
 
 
 def rare_events(scene: Scene, impacts: int, least: float = 1.0) -> RareEvents:

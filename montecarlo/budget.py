@@ -1,4 +1,4 @@
-"""Time budget of an answer in seconds, checked between blocks of paths."""
+"""Time budget of an answer in seconds of processor time, checked between blocks of paths."""
 
 from __future__ import annotations
 
@@ -21,14 +21,8 @@ HOUR = 3600.0
 
 
 def clock() -> float:
-    """Elapsed wall-clock time, from an arbitrary origin.
-
-    Returns
-    -------
-    float
-        Seconds.
-    """
-    return time.perf_counter()
+    """Processor time of this process so far, all threads together, in seconds: other work on the machine is none."""
+    return time.process_time()
 
 
 class Budget:
@@ -37,10 +31,12 @@ class Budget:
     Parameters
     ----------
     seconds : float
-        Wall-clock time; may be infinite.
+        Processor time; may be infinite.
 
     Attributes
     ----------
+    seconds : float
+        The whole budget.
     ends : float
         `clock` at which it is spent.
 
@@ -52,7 +48,7 @@ class Budget:
     """
 
     def __init__(self, seconds: float) -> None:
-        self.ends = clock() + seconds
+        self.seconds, self.ends = seconds, clock() + seconds
 
     @property
     def left(self) -> float:

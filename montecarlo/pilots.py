@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from rattle.montecarlo.accuracy import share_of_look, small_noise
@@ -80,6 +80,7 @@ class PilotRun:
     run: Ensemble
     path_seconds: float
     whole: bool
+    _expected: dict[float, Candidate] = field(default_factory=dict, repr=False, compare=False)
 
     def sampled(self, accuracy: float) -> ExpectedPaths:
         """Paths for which sampling and unseen branches are within an accuracy.
@@ -97,7 +98,9 @@ class PilotRun:
 
     def at(self, accuracy: float) -> Candidate:
         """Step, paths and work that an accuracy is expected to take."""
-        return cost_to(self.run, accuracy)
+        if accuracy not in self._expected:
+            self._expected[accuracy] = cost_to(self.run, accuracy)
+        return self._expected[accuracy]
 
     def within(self, core_seconds: float, accuracy: float) -> float:
         """The finest accuracy, not below a given one, that an amount of work is expected to reach.
@@ -121,7 +124,7 @@ class PilotRun:
         return accuracy
 
 
-def _pilot_within(scene: Scene, scheme: str, simulate: Simulate, budget: Budget, workers: int) -> PilotRun:
+def _pilot_within(scene: Scene, scheme: str, simulate: Simulate, budget: Budget) -> PilotRun:
     """Probe runs and the pilot run of a scheme, each only if the budget is expected to cover it."""
     settings = _pilot_settings(scene, scheme)
     with budget.uncounted():
@@ -140,7 +143,7 @@ def _pilot_within(scene: Scene, scheme: str, simulate: Simulate, budget: Budget,
         return PilotRun(probe, slow, False)
     followed, found = 0, None
     for paths in (*PROBES, PILOT) if is_random(scene) else (1,):
-        if found is not None and found.path_seconds * paths / min(workers, -(-paths // BLOCK)) > budget.left:
+        if found is not None and found.path_seconds * paths > budget.left:
             break
         run, seconds = timed(paths=paths)
         took = max(cost_of(run, 1).core_seconds, (seconds - before) / (paths - followed))
@@ -151,7 +154,7 @@ def _pilot_within(scene: Scene, scheme: str, simulate: Simulate, budget: Budget,
 
 
 def chosen(
-    scene: Scene, names: Sequence[str], accuracy: float, simulate: Simulate, budget: Budget, workers: int
+    scene: Scene, names: Sequence[str], accuracy: float, simulate: Simulate, budget: Budget
 ) -> tuple[PilotRun, list[Candidate]]:
     """The scheme that is expected to cost least at an accuracy.
 
@@ -169,8 +172,6 @@ def chosen(
         `montecarlo.simulate` with all that does not change: scene, impacts, seed.
     budget : Budget
         Time for the pilot runs too.
-    workers : int
-        Blocks of paths that run at a time.
 
     Returns
     -------
@@ -179,11 +180,11 @@ def chosen(
     candidates : list of Candidate
         What each scheme that was tried is expected to need.
     """
-    pilots = [_pilot_within(scene, names[0], simulate, budget, workers)]
+    pilots = [_pilot_within(scene, names[0], simulate, budget)]
     if pilots[0].whole and pilots[0].at(accuracy).core_seconds > ENOUGH:
         for name in names[1:]:
             if budget.left > 0.0:
-                pilots.append(_pilot_within(scene, name, simulate, budget, workers))
+                pilots.append(_pilot_within(scene, name, simulate, budget))
     tried = [pilots[0], *(p for p in pilots[1:] if p.whole)]
     candidates = [p.at(accuracy) for p in tried]
     return min(zip(tried, candidates, strict=True), key=lambda pair: pair[1].core_seconds)[0], candidates

@@ -155,8 +155,8 @@ def _earlier(flight: Flight, mesh: int, side: int) -> list[Event]:
             log = _log_flux(flight, fine, mesh, side)
             best = int(np.clip(log.argmax(), 1, 7))
             at = fine[best - 1 : best + 2]
-        bend = (2.0 * log[best] - log[best - 1] - log[best + 1]) / (at[1] - at[0]) ** 2
-        width = 6.0 / math.sqrt(bend) if bend > 0.0 else end
+        bend = 2.0 * log[best] - log[best - 1] - log[best + 1]
+        width = 6.0 * (at[1] - at[0]) / math.sqrt(bend) if bend > 0.0 else end
         around = np.linspace(max(at[1] - width, times[0]), min(at[1] + width, end), 65)
         density = np.exp(_log_flux(flight, around, mesh, side))
         mass = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(around))])
@@ -175,11 +175,11 @@ def _met(flight: Flight, mesh: int, side: int, probability: float, times: Floats
         mean, spread = _given(means[n], spreads[n], i, wall)
         if own != i:
             sd = math.sqrt(max(spread[own, own], 0.0))
-            room = (_wall(flight.c, flight.mesh) - flight.side * mean[own]) / max(sd, 1e-300)
+            room = (_wall(flight.c, flight.mesh) - flight.side * mean[own]) / max(sd, 1e-200)
             at = float(ndtri_exp(log_ndtr(room) + math.log(PLACES[1, n])))
             mean, spread = _given(mean, spread, own, mean[own] + flight.side * at * sd)
         sd = math.sqrt(max(spread[i + 1, i + 1], 0.0))
-        least = -side * mean[i + 1] / max(sd, 1e-300)
+        least = -side * mean[i + 1] / max(sd, 1e-200)
         speed = side * mean[i + 1] - sd * float(ndtri_exp(log_ndtr(-least) + math.log(PLACES[2, n])))
         weights[n] = max(speed, 0.0)
         mean, spread = _given(mean, spread, i + 1, side * speed)

@@ -122,5 +122,5 @@ class Reach(NamedTuple):
             return f"Accuracy {self.asked:g} sd NOT reached: {errors}; no shorter step can be taken."
         errors += f"; {self.remark}" if self.remark else ""
         few = "" if self.enough else ", from fewer paths or a shorter time than an answer needs"
-        more = in_words(self.more_seconds)
-        return f"Accuracy {self.asked:g} sd NOT reached within the budget: {errors}{few}; about {more} more would do."
+        more = f"{in_words(self.more_seconds)} of processor time more"
+        return f"Accuracy {self.asked:g} sd NOT reached within the budget: {errors}{few}; about {more} would do."

@@ -2,8 +2,9 @@
 
 Where nothing is random one path is the answer, and only the bias of the step is left to be made small.
 
-A budget bounds all of it, and an answer that is expected to cost more than the default one is refused as soon as pilots
-have shown it.  The budget is looked at between runs and between blocks of paths: a block that runs is not cut short.
+A budget of processor time bounds all of it, the search for rare branches too, and an answer that is expected to cost
+more than an hour without one is refused as soon as pilots have shown it.  The budget is looked at between runs and
+between blocks of paths: a block that runs is not cut short.
 """
 
 from __future__ import annotations
@@ -42,19 +43,17 @@ LEAST_ROOM = 0.2  # share that is left to the error of sampling while the step i
 GROWTH = 8  # most by which the number of paths grows at once: the spread of heavy tails is found late
 
 
-def _check_affordable(pilot_run: PilotRun, accuracy: float, workers: int) -> None:
+def _check_affordable(pilot_run: PilotRun, accuracy: float) -> None:
     """Refuse what is expected to take longer than where no budget is given."""
     expected = pilot_run.at(accuracy)
-    seconds = max(expected.core_seconds, 0.0 if pilot_run.whole else pilot_run.path_seconds * LEAST) / workers
+    seconds = max(expected.core_seconds, 0.0 if pilot_run.whole else pilot_run.path_seconds * LEAST)
     if seconds <= HOUR:
         return
-    gives = pilot_run.within(HOUR * workers, accuracy) if pilot_run.whole else math.inf
-    threads = f"{workers} thread{'s' if workers > 1 else ''}"
+    gives = pilot_run.within(HOUR, accuracy) if pilot_run.whole else math.inf
     instead = f"ask for {_rounded_up(gives):g}, which an hour is expected to give, or " if gives < math.inf else ""
     raise InputError(
-        "accuracy", accuracy, f"is expected to take {in_words(seconds)} on {threads} ({expected.sentence}), and where "
-        f"no budget is given an hour is the most{_most_for(pilot_run, accuracy)}: {instead}give the seconds "
-        "that it may take as budget",
+        "accuracy", accuracy, f"is expected to take {in_words(seconds)} ({expected.sentence}), and without a budget "
+        f"the limit is one hour{_most_for(pilot_run, accuracy)}: {instead}give the seconds that it may take as budget",
     )  # fmt: skip
 
 
@@ -102,9 +101,9 @@ def simulate_to(
     workers : int
         Threads.
     budget : float
-        Seconds that it may take, looked at between blocks of paths.  When they are spent, the best answer so far is
-        returned and `Ensemble.diagnostics` says what is missing.  By default an hour, and what pilot runs expect to
-        take longer is refused before the work.  Compiling is not counted.
+        Seconds of processor time that it may take, all threads together, looked at between blocks of paths.  When they
+        are spent, the best answer so far is returned and `Ensemble.diagnostics` says what is missing.  Without it, what
+        pilot runs expect to take more than an hour is refused before the work.  Compiling is not counted.
     record : Record
         ``energy`` and ``batches`` are recorded where they are asked for; nothing else can be.
     progress : str
@@ -170,11 +169,12 @@ def _simulated(
         return simulate(scene, rng=rng, blocks=blocks, **given)
 
     names = [scheme] if scheme else sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
-    pilot_run, candidates = chosen(scene, names, accuracy, again, left, workers)
+    pilot_run, candidates = chosen(scene, names, accuracy, again, left)
     ESTIMATES.info("Accuracy %g sd: %s%s.", accuracy, pilot_run.at(accuracy).sentence, _most_for(pilot_run, accuracy))
     if budget is None:
-        _check_affordable(pilot_run, accuracy, workers)
-    run, more, look = _followed_up(pilot_run, again, record, blocks, accuracy, left, workers, progress)
+        _check_affordable(pilot_run, accuracy)
+        left.ends = math.inf  # from here on no clock decides
+    run, more, look = _followed_up(pilot_run, again, record, blocks, accuracy, left, progress)
     bound = error_bound(run, share_of_look(look))
     step = 0.0 if not SCHEMES[run.scheme].has_step_bias else step_error(run)[0]
     worst = bound.where + ("" if is_random(scene) else ": one path is the answer")
@@ -187,12 +187,12 @@ def _simulated(
 
 def _followed_up(
     pilot_run: PilotRun, simulate: Simulate, record: Record, blocks: Blocks,
-    accuracy: float, budget: Budget, workers: int, progress: str | None
+    accuracy: float, budget: Budget, progress: str | None
 ) -> tuple[Ensemble, float, int]:  # fmt: skip
     """The pilot's scheme until its errors are within the accuracy, or the budget is spent; seconds missing, looks."""
     run, scene, expected = pilot_run.run, pilot_run.run.scene, pilot_run.at(accuracy)
     if not pilot_run.whole or budget.left <= 0.0:
-        missing = max(expected.core_seconds, pilot_run.path_seconds * expected.paths) / workers
+        missing = max(expected.core_seconds, pilot_run.path_seconds * expected.paths)
         return run, missing, 1
     exact, fewest, grain = not SCHEMES[run.scheme].has_step_bias, computed(scene, LEAST), computed(scene, BLOCK)
     horizon = default_horizon(run.impacts, run.dt * (1 if exact else COARSEST))
@@ -203,7 +203,7 @@ def _followed_up(
     }  # fmt: skip
     began, before, look = clock(), 0, 0
     if not exact:
-        aim = min(pilot_run.within(budget.left * workers, accuracy), ROUGHEST)
+        aim = min(pilot_run.within(budget.left, accuracy), ROUGHEST)
         run = simulate(paths=fewest, dt=max(pilot_run.at(aim).dt, shortest), **settings)
     elif run.paths < fewest:
         run, before = extended(run, fewest, blocks, progress), run.paths
@@ -223,7 +223,7 @@ def _followed_up(
             return run, math.inf, look
         affordable = int(min(max(budget.left, 0.0) / seconds_per_path, 1e15)) // grain * grain
         if more == 0 or affordable <= 0 or (shorten and affordable < more):
-            missing = 0.0 if exact or more == 0 else expected.core_seconds / workers
+            missing = 0.0 if exact or more == 0 else expected.core_seconds
             return run, max(more * seconds_per_path, missing), look
         began, before = clock(), run.paths
         if shorten:

@@ -79,25 +79,18 @@ def unseen(scene: Scene, columns: Mapping[str, NDArray[Any]], paths: int) -> Uns
     if not is_random(scene) or scene.sigma == 0.0 or paths == 0:
         return Unseen(nil, nil, nil, nil, nil, nil, impacts)
     found = _branches(scene, impacts, paths)
-    up, down, more, less = nil.copy(), nil.copy(), nil.copy(), nil.copy()
-    largest, chance, needed = nil.copy(), nil.copy(), nil.copy()
-    parts = []
-    for branch in found.branches:
-        weights = branch.weights[:, None, None]
-        if branch.probability * paths >= SEEN or branch.probability * paths < 1e-6:
-            continue
-        gap, before = branch.section - found.orbit, branch.parent - found.orbit
-        mean = np.nan_to_num(weights * (gap - before)).sum(axis=0)
-        square = np.nan_to_num(weights * (gap**2 - before**2)).sum(axis=0)
-        up, down = up + np.maximum(mean, 0.0), down + np.maximum(-mean, 0.0)
-        more, less = more + np.maximum(square, 0.0), less + np.maximum(-square, 0.0)
-        influence = np.abs(square)
-        chance = np.where(influence > largest, branch.probability, chance)
-        largest = np.maximum(largest, influence)
-        parts.append((branch.probability, influence))
-    for probability, influence in parts:
-        counts = (influence >= MATTERS * largest) & (influence > 0.0)
-        needed = np.where(counts, np.maximum(needed, SEEN / probability), needed)
+    expected = found.probabilities * paths
+    rare = (expected < SEEN) & (expected >= 1e-6)
+    probability, (mean, square, _) = found.probabilities[rare], found.added[:, rare]
+    up, down = np.maximum(mean, 0.0).sum(axis=0), np.maximum(-mean, 0.0).sum(axis=0)
+    more, less = np.maximum(square, 0.0).sum(axis=0), np.maximum(-square, 0.0).sum(axis=0)
+    influence = np.abs(square)
+    largest = influence.max(axis=0, initial=0.0)
+    chance, needed = nil.copy(), nil.copy()
+    for one, its in zip(probability[::-1], influence[::-1], strict=True):  # of equals the first that was found
+        chance = np.where((its == largest) & (its > 0.0), one, chance)
+        counts = (its >= MATTERS * largest) & (its > 0.0)
+        needed = np.where(counts, np.maximum(needed, SEEN / one), needed)
     if found.known < impacts:
         widest = _range(scene, columns)
         beyond = np.arange(impacts)[:, None] >= found.known
@@ -148,18 +141,13 @@ def branches_between(scene: Scene, columns: Mapping[str, NDArray[Any]], fewer: i
     Added
     """
     impacts = len(columns["tau"])
-    square, fourth = np.zeros((2, impacts, len(SECTION)))
     if not is_random(scene) or scene.sigma == 0.0:
-        return Added(square, fourth, np.zeros(0))
-    found, chances = _branches(scene, impacts, more), []
-    for branch in found.branches:
-        if SEEN / more <= branch.probability < SEEN / fewer:
-            weights = branch.weights[:, None, None]
-            gap, before = branch.section - found.orbit, branch.parent - found.orbit
-            square = square + np.maximum(np.nan_to_num(weights * (gap**2 - before**2)).sum(axis=0), 0.0)
-            fourth = fourth + np.maximum(np.nan_to_num(weights * (gap**4 - before**4)).sum(axis=0), 0.0)
-            chances.append(branch.probability)
-    return Added(square, fourth, np.array(chances))
+        nil = np.zeros((impacts, len(SECTION)))
+        return Added(nil, nil, np.zeros(0))
+    found = _branches(scene, impacts, more)
+    between = (found.probabilities >= SEEN / more) & (found.probabilities < SEEN / fewer)
+    square, fourth = np.maximum(found.added[1:, between], 0.0).sum(axis=1)
+    return Added(square, fourth, found.probabilities[between])
 
 
 def _range(scene: Scene, columns: Mapping[str, NDArray[Any]]) -> Floats:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["bench", "order", "simulate"]
 
 EXIT_NOT_MET = 3
-AN_HOUR = "an hour; what is expected to take longer is refused"
+AN_HOUR = "what is expected to take more than an hour is refused"
 
 
 @click.command()
@@ -50,7 +50,12 @@ AN_HOUR = "an hour; what is expected to take longer is refused"
     "--step-bias/--no-step-bias", default=True, show_default=True,
     help="Measure the bias of an Euler-Maruyama step, with --paths (two thirds more work).",
 )  # fmt: skip
-@click.option("--budget", type=float, default=None, help=f"Seconds that an accuracy may take. [default: {AN_HOUR}]")
+@click.option(
+    "--budget",
+    type=float,
+    default=None,
+    help=f"Processor seconds that an accuracy may take, all threads together. [default: {AN_HOUR}]",
+)
 @click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed.")
 @click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads; the result does not depend on it.")
 @click.option(

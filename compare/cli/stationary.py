@@ -33,7 +33,10 @@ EXIT_NOT_MET = 3
 @click.option("--paths", type=WHOLE, default=256, show_default=True, help="Independent paths.")
 @click.option("--burn-in", type=WHOLE, default=None, help="Periods to leave out before. [default: found by tests]")
 @click.option("--slow", type=float, default=0.1, show_default=True, help="Speed below which an impact is slow.")
-@click.option("--budget", type=float, default=None, help="Seconds that it may take. [default: an hour]")
+@click.option(
+    "--budget", type=float, default=None, help="Processor seconds of the simulation, all threads together; "
+    "compiling, closures and figures are not counted. [default: refused above an hour]",
+)  # fmt: skip
 @click.option(
     "--closure", "closures", type=Name("closures", CLOSURES), multiple=True,
     help="Closure to judge; again for more. [default: all]",

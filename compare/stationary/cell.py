@@ -12,13 +12,13 @@ from rattle.compare.stationary.measure import stationary
 from rattle.compare.study.cells import cell_key
 from rattle.compare.study.store import Stored
 from rattle.montecarlo.ensemble import Blocks
+from rattle.montecarlo.long_run.parts import IMPACT_SECONDS
 from rattle.montecarlo.long_run.run import ACCURACY, PATHS
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 
 __all__ = ["LongCell", "LongResult"]
 
-IMPACT_SECONDS = 1.5e-6  # of one core, steps included; measured on DAT21
 STORED = ["value", "se", "low", "high", "autocorrelation", "se_batches", "effective_paths"]
 PREDICTED = ("closure", "kind", "quantity", "predicted", "se_predicted", "reason")
 SPREAD = 2.0  # typical sd over mean of what is averaged, with its autocorrelation

@@ -243,7 +243,8 @@ def stationary(
     slow : float
         Speed below which an impact counts as slow.
     budget : float, optional
-        Seconds that it may take; an hour by default, and what is expected to take longer is refused.
+        Seconds of processor time that the simulation may take, all threads together; compiling is not counted.  Without
+        it, what is expected to take more than an hour is refused.
     closures : sequence of str
         Closures that `Stationary.verdicts` judges; computed when that is asked for.
     rng : int or SeedSequence

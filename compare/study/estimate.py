@@ -88,7 +88,7 @@ def _piloted(cell: Sample, accuracy: float) -> Work:
     """Work of an accuracy, as the pilot run of `rattle.montecarlo.simulate_to` lets expect."""
     scene = cell.scene.phase_reduced
     again = partial(simulate, scene, impacts=cell.impacts, rng=cell.seed)
-    pilot, (found, *_) = chosen(scene, [cell.scheme], accuracy, again, Budget(PILOT_SECONDS), 1)
+    pilot, (found, *_) = chosen(scene, [cell.scheme], accuracy, again, Budget(PILOT_SECONDS))
     slow = 0.0 if pilot.whole else pilot.path_seconds * found.paths
     return Work(found.path_steps, max(found.core_seconds, slow))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from concurrent.futures import ThreadPoolExecutor
 from typing import NoReturn
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from rattle.montecarlo.budget import Budget, clock
 from rattle.montecarlo.long_run.collected import Collected, collected
 from rattle.montecarlo.long_run.pilot import no_scales
 from rattle.montecarlo.long_run.sums import CONTACT, Scales, new_sums
@@ -38,6 +40,8 @@ class Ensemble:
         Of all random numbers.
     slow : float
         Speed below which an impact is slow.
+    limit : Budget
+        Time that following them may take.
 
     Attributes
     ----------
@@ -47,12 +51,14 @@ class Ensemble:
         Of each block.
     length, periods : int
         Periods of a batch, and in all batches.
+    pace : float
+        Processor time of a period, as measured last.
     """
 
-    def __init__(self, scene: Scene, paths: int, seed: np.random.SeedSequence, slow: float) -> None:
+    def __init__(self, scene: Scene, paths: int, seed: np.random.SeedSequence, slow: float, limit: Budget) -> None:
         starts = range(0, paths, LANES)
         self.walks = [Walk(scene, seed, first, min(LANES, paths - first)) for first in starts]
-        self.scene, self.slow = scene, slow
+        self.scene, self.slow, self.limit, self.pace = scene, slow, limit, math.nan
         self.begin(no_scales(slow), detail=False)
 
     def begin(self, scales: Scales, detail: bool) -> None:
@@ -65,13 +71,27 @@ class Ensemble:
     def follow(
         self, pool: ThreadPoolExecutor, until: int, bar: tqdm[NoReturn], seen: list[Floats] | None = None
     ) -> None:
-        """Follow all paths for at least `until` periods since the sums began, to the end of a batch."""
+        """Follow all paths for at least `until` periods since the sums began, to the end of a batch.
+
+        Less where the budget has no room for the next batch.
+        """
         while self.periods < until:
             if self.periods == BATCHES * self.length:
                 self._merge()
             batch = self.periods // self.length
             missing = -(-(until - self.periods) // self.length)
-            self._advance(pool, batch, min(missing, BATCHES - batch, AT_ONCE), bar, seen)
+            batches = min(missing, BATCHES - batch, AT_ONCE, self._affordable())
+            if batches == 0:
+                return
+            began, before = clock(), self.periods
+            self._advance(pool, batch, batches, bar, seen)
+            self.pace = (clock() - began) / (self.periods - before)
+
+    def _affordable(self) -> int:
+        """Batches for which the budget has room; one where no period has been measured yet."""
+        if math.isnan(self.pace):
+            return 1
+        return int(min(max(self.limit.left, 0.0) / max(self.pace * self.length, 1e-9), AT_ONCE))
 
     def _advance(
         self, pool: ThreadPoolExecutor, batch: int, batches: int, bar: tqdm[NoReturn], seen: list[Floats] | None

@@ -31,13 +31,17 @@ from rattle.montecarlo.long_run.reach import LongReach, widest
 from rattle.montecarlo.long_run.sums import NUMBER
 from rattle.scene.errors import InputError
 
-__all__ = ["Parts"]
+__all__ = ["IMPACT_SECONDS", "Parts"]
 
 Floats = NDArray[np.float64]
 
 PILOT = 40_000  # impacts of the pilot run
 MOST_PILOT = 64  # periods of the pilot run
+PILOT_SHARE = 0.25  # of the budget that is left, for the pilot run
 LEAST = 64  # periods of the stationary motion
+FEWEST = 8  # where the budget ends before
+IMPACT_SECONDS = 1.5e-6
+"""Nominal processor time of an impact, steps included: what is refused does not depend on the machine."""
 GROWTH = 4  # most by which a run grows at once
 SPARE = 1.1  # more than what an accuracy is expected to take
 
@@ -73,6 +77,8 @@ class Parts(NamedTuple):
         while True:
             began = clock()
             e.follow(self.pool, until, self.bar)
+            if e.periods < until and (before is None or burn_in is not None):
+                raise self._unaffordable(f"{until} periods of burn-in at least", until)
             main = e.main
             quarter = main.shape[1] // 4
             late = slice(main.shape[1] - 2 * quarter, main.shape[1])
@@ -85,9 +91,25 @@ class Parts(NamedTuple):
                 return BurnIn(e.periods, moved, differ)
             if impacts == 0.0 and until >= 4 * FIRST and e.at_rest():
                 raise AtRest("scene", e.scene.sigma, "comes to rest for good: a mesh stays closed and nothing moves it")
-            if until >= MOST or self.limit.left < 2.0 * (clock() - began):
+            if until >= MOST or self.limit.left < 2.0 * (clock() - began) or self._refused(until):
                 raise self.refusal(moved, differ, before, impacts)
             before, until = moved, 2 * until
+
+    def _nominal(self) -> float:
+        """Nominal processor time of a period."""
+        return IMPACT_SECONDS * float(self.ensemble.main[:, :, NUMBER].sum()) / self.ensemble.periods
+
+    def _refused(self, periods: int) -> bool:
+        """Whether so many periods more are expected to take more than an hour, and no budget is given."""
+        return self.refuse and periods * self._nominal() > HOUR
+
+    def _unaffordable(self, what: str, periods: int) -> InputError:
+        """The error for a budget that ends before there is an answer."""
+        e = self.ensemble
+        more = in_words((periods - e.periods + LEAST) * e.pace, 2)
+        return InputError(
+            "budget", self.limit.seconds, f"ends after {e.periods} of {what}; give about {more} of processor time more"
+        )
 
     def refusal(
         self, moved: Drift, differ: Apart | None, before: Drift | None = None, impacts: float = math.inf
@@ -119,34 +141,40 @@ class Parts(NamedTuple):
         """Choose where distributions are counted, and begin to sum."""
         e = self.ensemble
         rate = float(e.main[:, -1, NUMBER].sum()) / e.length  # impacts of all paths in a period
-        periods = int(min(max(PILOT / max(rate, 1e-9), 2.0), MOST_PILOT))
+        affordable = PILOT_SHARE * self.limit.left / max(e.pace, 1e-9)
+        periods = int(max(min(max(PILOT / max(rate, 1e-9), 2.0), MOST_PILOT, affordable), 1.0))
         e.begin(no_scales(e.slow), detail=False)
         seen: list[Floats] = []
         e.follow(self.pool, periods, self.bar, seen)
+        if not seen:
+            raise self._unaffordable(f"{periods} periods of a pilot run", periods)
         e.begin(scales_of_pilot(np.concatenate(seen), e.slow), detail=True)
 
     def gather(self, goal: float | None, periods: int | None, asked: tuple[str, ...]) -> LongReach | None:
         """Follow the stationary motion for a number of periods, or until the intervals are narrow enough."""
-        e, began = self.ensemble, clock()
+        e = self.ensemble
         e.follow(self.pool, LEAST if periods is None else periods, self.bar)
+        if e.periods < (FEWEST if periods is None else periods):
+            wanted = LEAST if periods is None else periods
+            raise self._unaffordable(f"{wanted} periods after the burn-in", wanted)
         while goal is not None:
             width, worst = widest(estimates(e.collected(), asked))
-            each = (clock() - began) / e.periods
             need = math.inf if math.isinf(width) else e.periods * (width / goal) ** 2
-            missing = max(need - e.periods, 0.0) * each
+            more = max(need - e.periods, 0.0)
             if width <= goal:
                 return LongReach(goal, worst, width, 0.0)
-            if self.refuse and missing > HOUR:
-                gives = width * math.sqrt(e.periods / (HOUR / each))
+            nominal = self._nominal()
+            if self.refuse and more * nominal > HOUR:
+                gives = width * math.sqrt(e.periods * nominal / HOUR)
                 raise InputError(
-                    "accuracy", goal, f"is expected to take {in_words(missing)}, and where no budget is given an hour "
-                    f"is the most: ask for {gives:.2g}, or give the seconds that it may take as budget",
+                    "accuracy", goal, f"is expected to take {in_words(more * nominal)} of processor time, and without "
+                    f"a budget the limit is one hour: ask for {gives:.2g}, or give the seconds that it may take as "
+                    "budget",
                 )  # fmt: skip
-            affordable = e.periods + int(max(self.limit.left, 0.0) / each)
-            target = int(min(SPARE * need + 1.0, GROWTH * e.periods, affordable))
-            if target < e.periods + e.length:
-                return LongReach(goal, worst, width, missing)
-            e.follow(self.pool, target, self.bar)
+            before = e.periods
+            e.follow(self.pool, int(min(SPARE * need + 1.0, GROWTH * before)), self.bar)
+            if e.periods == before:
+                return LongReach(goal, worst, width, more * e.pace)
         return None
 
     def late(self) -> Drift:

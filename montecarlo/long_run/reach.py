@@ -42,8 +42,8 @@ class LongReach(NamedTuple):
         found = f"the widest interval is ± {self.width:.2g} of its value ({self.worst})"
         if self.reached:
             return f"Accuracy {self.asked:g} reached: {found}."
-        more = in_words(self.more_seconds)
-        return f"Accuracy {self.asked:g} NOT reached within the budget: {found}; about {more} more would do."
+        more = f"{in_words(self.more_seconds)} of processor time more"
+        return f"Accuracy {self.asked:g} NOT reached within the budget: {found}; about {more} would do."
 
 
 def widest(found: dict[str, Estimate]) -> tuple[float, str]:

@@ -159,7 +159,7 @@ def test_bad_settings_are_refused(settings, field):
 
 
 def test_accuracy_beyond_an_hour_is_refused():
-    with pytest.raises(InputError, match="an hour"):
+    with pytest.raises(InputError, match="the limit is one hour"):
         long_run(SCENE, accuracy=1e-7, quantities=["rate"], paths=64)
 
 

@@ -18,9 +18,10 @@ PROBABILITY, SD = 7.9e-6, 0.01528
 
 
 def test_a_rare_branch_has_the_probability_and_the_size_that_eight_million_paths_show():
-    (branch,) = [b for b in rare_events(PAIR, 2).branches if b.impact == 1]
+    found = rare_events(PAIR, 2)
+    (branch,) = [b for b in found.branches if b.impact == 1]
     assert abs(branch.probability - PROBABILITY) < 4.0 * PROBABILITY / np.sqrt(63.0)
-    gap = branch.section[:, 1, 5] - branch.parent[1, 5]
+    gap = branch.section[:, 1, 5] - found.orbit[1, 5]
     share = (branch.weights * gap**2).sum() / SD**2
     assert 0.2 < share < 0.5  # 0.34 by the kurtosis
 
@@ -76,3 +77,17 @@ def test_one_search_serves_all_probabilities(monkeypatch):
     flights.clear()
     rare_events(scene, 12, min(wanted))
     assert together == len(flights)
+
+
+def test_the_search_is_bounded_whatever_the_number_of_impacts(monkeypatch):
+    """It took 45 seconds of an answer whose budget was 2; beyond what is searched, branches count as unknown."""
+    flights, one = [], branches.events
+    monkeypatch.setattr(branches, "events", lambda flight: flights.append(flight) or one(flight))
+    scene = Scene.from_gears(DAT21, sigma=1.2).phase_reduced
+    for impacts in (200, 400):
+        flights.clear()
+        search = BranchSearch(scene, impacts)
+        for k in range(4, 20):
+            found = search.until(2.0**-k)
+        assert len(flights) <= branches.FLIGHTS
+        assert found.known == min(impacts, branches.FLIGHTS)
