@@ -44,6 +44,8 @@ class Trace:
         none is made.
     slow : ndarray, shape (impacts + 1,), optional
         The same closure's mean share of the squared impact speed that the noise of one flight makes.
+    carried : ndarray, shape (impacts + 1, 6), optional
+        The same, as a mean over the variance of each section quantity: what slow impacts carry of it.
     residual : ndarray, shape (impacts + 1,), optional
         What splitting its components further would be worth, by its own measure.
     work : int, optional
@@ -75,6 +77,7 @@ class Trace:
     discarded: Floats | None = None
     error: Floats | None = None
     slow: Floats | None = None
+    carried: Floats | None = None
     residual: Floats | None = None
     work: int = 0
 

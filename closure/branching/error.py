@@ -14,7 +14,7 @@ from rattle.closure.moments import Trace
 from rattle.closure.orbit import Floats
 from rattle.scene.moments import SECTION
 
-__all__ = ["advice", "bounds", "hopeless", "largest_error", "within"]
+__all__ = ["advice", "bounds", "hopeless", "kurtosis", "largest_error", "paths_as_accurate", "within"]
 
 CHANGED = 1.0  # error per change from the coarser level
 SLOW = 0.7  # error per share of slow impacts
@@ -23,6 +23,7 @@ COMPONENT_MICROSECONDS = 60.0  # of a component's flight on one core, with split
 FLIGHT_MICROSECONDS = 0.8  # of a path's flight, as the cost model of exact flights has it
 SMALLEST = 1e-3  # error below which no bound is believed: 12 impacts of a million paths
 ALL = 3.5  # standard errors that with 95 % probability no mean or sd of 12 impacts is off by more than
+TINY = 1e-18  # variance of a displacement at its wall: rounding
 SDS = 2.0  # tolerance of the sds over that of the means, as in a verdict
 
 
@@ -59,9 +60,16 @@ def bounds(coarse: Trace, fine: Trace) -> Floats:
     missing = np.repeat(missing[:, None], 2, axis=1)
     change[missing] = np.nan
     change = np.fmax.accumulate(change)
-    change[missing] = np.nan
     common = np.hypot(SLOW * _so_far(fine.slow), BENT * np.minimum(_so_far(fine.residual), 1.0))
-    return np.asarray(np.hypot(CHANGED * change, common[:, None, None]))
+    error = np.asarray(np.hypot(CHANGED * change, common[:, None, None]))
+    error[:, 1] *= 1.0 + np.log(np.fmax(kurtosis(fine) / 3.0, 1.0))
+    if fine.carried is not None:
+        error[:, 1] = np.hypot(error[:, 1], SLOW * fine.carried)
+    error[missing] = np.nan
+    worst = np.fmax.accumulate(np.fmax.reduce(error, axis=2))
+    error[1:] = np.fmax(error[1:], worst[:-1, :, None])
+    error[missing] = np.nan
+    return error
 
 
 def _so_far(sign: Floats | None) -> Floats:
@@ -143,9 +151,9 @@ def largest_error(errors: Floats) -> float:
 def advice(found: Trace, tolerance: float) -> str:
     """Whether to use the closure or to simulate.
 
-    A simulation of n paths has standard errors of about ``1 / sqrt(n)`` sds, and with 95 % probability none of its
-    errors is above `ALL` of these; it is advised where the closure's bounds are above the tolerance, and where as many
-    paths as reach the bounds so cost less than its components.
+    With 95 % probability none of the errors of a simulation is above `ALL` standard errors.  It is advised where the
+    closure's bounds are above the tolerance, and where as many paths as reach the bounds so are less counted work than
+    the closure's components.
 
     Parameters
     ----------
@@ -167,10 +175,36 @@ def advice(found: Trace, tolerance: float) -> str:
     means, sds = largest_error(error[:, 0]), largest_error(error[:, 1])
     said = f"own bounds of the errors: means {means:.2g}, sds {sds:.2g} of an sd"
     wrong = np.flatnonzero(np.logical_not(within(error, tolerance)))
+    if wrong.size > 0 and wrong[0] == 0:
+        return f"{said}, above the tolerance {tolerance:g} from impact 1 on: simulate"
     if wrong.size > 0:
-        return f"{said}, above the tolerance {tolerance:g} from impact {wrong[0] + 1} on: simulate"
-    worst = max(np.fmax(means, sds), SMALLEST)
-    paths = (ALL / worst) ** 2
-    if COMPONENT_MICROSECONDS * found.work > FLIGHT_MICROSECONDS * paths * found.found:
-        return f"{said}, within the tolerance {tolerance:g}; {paths:.1g} paths are as accurate and cheaper: simulate"
+        return f"{said}, within the tolerance {tolerance:g} up to impact {wrong[0]}; beyond it simulate"
+    paths = paths_as_accurate(found, float(max(np.fmax(means, sds), SMALLEST)))
+    work, simulated = 1e-6 * COMPONENT_MICROSECONDS * found.work, 1e-6 * FLIGHT_MICROSECONDS * paths * found.found
+    if work > simulated:
+        said += f", within the tolerance {tolerance:g}; {paths:.1g} paths are as accurate at less work"
+        return f"{said} ({simulated:.1g} s against {work:.1g} s of a core): simulate"
     return f"{said}, within the tolerance {tolerance:g}"
+
+
+def paths_as_accurate(found: Trace, error: float) -> float:
+    """Paths whose means and sds are all within an error, in sds, with 95 % probability.
+
+    The standard error of a mean is ``1 / sqrt(n)`` sds, that of an sd ``sqrt((kurtosis - 1) / 4 n)``.
+    """
+    heaviest = float(np.fmax.reduce(kurtosis(found), axis=None, initial=3.0))
+    return (ALL / error) ** 2 * max(1.0, 0.25 * (heaviest - 1.0))
+
+
+def kurtosis(found: Trace) -> Floats:
+    """Kurtosis of the section quantities, shape (impacts + 1, 6); NaN where they do not vary or nothing is known."""
+    out = np.full((len(found.tau), len(SECTION)), np.nan)
+    for k, (weights, means, variances) in (found.parts or {}).items():
+        off = means - weights @ means
+        second, fourth = (
+            weights @ (off**2 + variances),
+            weights @ (off**4 + (6.0 * off**2 + 3.0 * variances) * variances),
+        )
+        varies = second > TINY
+        out[k, varies] = fourth[varies] / second[varies] ** 2
+    return out

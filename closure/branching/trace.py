@@ -102,12 +102,13 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
     agreement, discarded_at = np.full(impacts + 1, np.nan), np.full(impacts + 1, np.nan)
     tau[0], mean[0], mesh[0], side[0] = orbit.tau[0], orbit.before[0], orbit.mesh[0], orbit.side[0]
     agreement[0], discarded_at[0] = 1.0, 0.0
-    slow, residual = np.zeros(impacts + 1), np.zeros(impacts + 1)
+    slow, residual, carried = np.zeros(impacts + 1), np.zeros(impacts + 1), np.zeros((impacts + 1, 6))
     found, work = impacts, 0
     parts: dict[int, tuple[Floats, Floats, Floats]] = {}
     for k in range(1, impacts + 1):
         own = int(orbit.mesh[k] * orbit.side[k])
         at.fly()
+        struck = (section.weight[: 2 * run.flown] != 0.0) & (section.label[: 2 * run.flown] != 0)
         run.strike(own)
         flown, count = run.flown, run.kept
         work += flown
@@ -123,6 +124,7 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
         parts[k] = w / w.sum(), values, variances
         centre, sd[k], skew[k] = moments(w, values, variances)
         tau[k], mean[k] = centre[0], centre[2:]
+        carried[k] = _carried(w, values - centre, variances, np.repeat(b.slow[:flown], 2)[struck])
         code = max((-2, -1, 1, 2), key=lambda a: w[section.label[:count] == a].sum())
         mesh[k], side[k] = abs(code), np.sign(code)
         agreement[k], discarded_at[k] = w[after.label[:count] > 2].sum(), run.discarded
@@ -146,6 +148,14 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
         agreement=agreement,
         discarded=discarded_at,
         slow=slow,
+        carried=carried,
         residual=residual,
         work=work,
     )
+
+
+def _carried(weights: Floats, off: Floats, variances: Floats, slow: Floats) -> Floats:
+    """Mean over the variance of each quantity of a number that each component has."""
+    of = weights[:, None] * (off**2 + variances)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.nan_to_num(slow @ of / of.sum(axis=0)))
