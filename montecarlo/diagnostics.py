@@ -275,7 +275,7 @@ def _of_impacts(run: Ensemble) -> tuple[str, ...]:
         else ""
     )
     unfinished = (
-        f"{run.unfinished:,} of {run.paths:,} paths had not had all their impacts when the horizon came, "
+        f"{run.unfinished:,} of {run.paths:,} paths did not finish before the time limit, "
         f"{run.plan.most_steps * run.dt:.3g} after the start; the moments are those of the others."
         if run.unfinished
         else ""

@@ -175,7 +175,7 @@ def unseen_text(moment: str, probability: float, change: float, needed: float) -
     change : float
         Shift in sds of the quantity.
     needed : float
-        Paths that would tell; infinite if that is not known.
+        Paths that would settle it; infinite if that is not known.
 
     Returns
     -------
@@ -183,8 +183,8 @@ def unseen_text(moment: str, probability: float, change: float, needed: float) -
 
     Examples
     --------
-    >>> unseen_text("sd", 7e-6, 0.12, 1.43e6)[59:]
-    'could change this sd by 12 %; 1.5 million paths would tell'
+    >>> unseen_text("sd", 7e-6, 0.12, 1.43e6)[71:]
+    'it could change this sd by 12 %; 1.5 million paths would settle it'
     """
     if not np.isfinite(needed):
         return (
@@ -192,8 +192,8 @@ def unseen_text(moment: str, probability: float, change: float, needed: float) -
             f"{moment} by {100.0 * change:.2g} %"
         )
     return (
-        f"a branch taken by {share_of(probability)} paths, not sampled, could change this {moment} by "
-        f"{100.0 * change:.2g} %{' of an sd' if moment == 'mean' else ''}; {_count(needed)} paths would tell"
+        f"a rare branch ({share_of(probability)} paths) is missing from the sample: it could change this {moment} by "
+        f"{100.0 * change:.2g} %{' of an sd' if moment == 'mean' else ''}; {_count(needed)} paths would settle it"
     )
 
 

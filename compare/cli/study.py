@@ -123,7 +123,7 @@ def _computed(
     except OutputError as error:
         if missing(wanted, seen):
             raise
-        say(f"rattle: {error}; all cells are there, their page is not written", err=True)
+        say(f"rattle: {error}; all results stored; the page could not be written", err=True)
         results, answer, _ = _kind(wanted, seen)
         return {"answer": answer(results)}
 
@@ -180,7 +180,7 @@ def _finished(wanted: "Study", seen: "Store", folder: Path) -> dict[str, Any] | 
     current = is_current(wanted, folder)
     if current is None or missing(wanted, seen):
         return None
-    say(f"All {len(wanted.cells)} cells are there, and the page is up to date.", err=True)
+    say(f"All {len(wanted.cells)} results are stored, and the page is up to date.", err=True)
     with suppress(OutputError):  # where nothing can be written, there are no leftovers to remove
         seen.sweep()
         for name in (PAGE, ANY_TEXT):
@@ -239,7 +239,7 @@ def _status(wanted: "Study", seen: "Store") -> str:
     from rattle.compare.study.lacking import lacking
 
     todo = missing(wanted, seen)
-    lines = [f"{line(wanted.title)}: {len(wanted.cells) - len(todo)} of {len(wanted.cells)} cells are there."]
+    lines = [f"{line(wanted.title)}: {len(wanted.cells) - len(todo)} of {len(wanted.cells)} results stored."]
     left: dict[str, int] = {}
     for cell in todo:
         kind = getattr(cell, "closure", "ensembles")

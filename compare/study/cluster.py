@@ -198,7 +198,9 @@ class Cluster:
         return Lost(self._lost) if self._lost else self._lasting("no longer answers: start it again")
 
     def _lasting(self, why: str) -> Lost:
-        return Lost(f"scheduler = {self.address!r}: {why}; what is finished is kept: the same command goes on")
+        return Lost(
+            f"scheduler = {self.address!r}: {why}; finished results are kept; run the same command again to continue"
+        )
 
     def _refused(self, why: str) -> InputError:
         return InputError("scheduler", self.address, why)

@@ -118,7 +118,7 @@ def run(
                     raise InputError("study", study.title, CHANGED)
         except KeyboardInterrupt:
             have = len(study.cells) - sum(not store.path(key).exists() for key in todo)
-            text = f"interrupted; {have} of {len(study.cells)} cells are there: the same command goes on"
+            text = f"interrupted; {have} of {len(study.cells)} results stored; run the same command again to continue"
             raise KeyboardInterrupt(text) from None
         finally:
             place.stop()

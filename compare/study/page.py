@@ -160,7 +160,7 @@ def write_page(
         raise
     except OSError as error:
         raise OutputError(
-            f"out = {str(folder)!r}: the page cannot be written ({error.strerror}); all cells are there: make room and "
+            f"out = {str(folder)!r}: the page cannot be written ({error.strerror}); all results stored: make room and "
             "repeat the command"
         ) from None
     return record

@@ -72,7 +72,7 @@ class Progress:
 
     def __enter__(self) -> Self:
         self._log.addHandler(self._file)
-        self.say(f"start: {self.there} cells are there, {self._left.total()} to compute")
+        self.say(f"start: {self.there} results stored, {self._left.total()} to compute")
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:

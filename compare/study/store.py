@@ -268,7 +268,7 @@ class Store:
         except OSError as error:
             scratch.unlink(missing_ok=True)
             why = "the disk is full" if error.errno == errno.ENOSPC else f"cannot be written ({error.strerror})"
-            raise self._refused(f"{why}; what is finished is there: make room and repeat the command") from None
+            raise self._refused(f"{why}; finished results are kept: make room and repeat the command") from None
 
     @contextmanager
     def alone(self, key: str) -> Iterator[bool]:

@@ -110,5 +110,5 @@ class Waiting:
             who, since = holder(self._lock(cell.key))
             if who not in self._said:
                 self._said.add(who)
-                self._say(f"rattle: waiting for {who}, at work on {cell.label}{since}; when it ends, this one goes on")
+                self._say(f"rattle: waiting for {who}, at work on {cell.label}{since}; continues when it finishes")
         time.sleep(PAUSE)

@@ -229,7 +229,7 @@ def test_what_killed_processes_have_left_is_gone_after_the_next_run(file):
         left.touch()
     (out / ".page-0123abcd.part" / "figures").mkdir(parents=True)
     found = CliRunner().invoke(main, ["study", str(file)])
-    assert "All 2 cells are there" in found.output
+    assert "All 2 results are stored" in found.output
     assert not list(out.rglob(".*"))
 
 

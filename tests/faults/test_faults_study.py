@@ -85,7 +85,7 @@ def test_a_disk_that_fills_while_the_page_is_written(file, tmp_path):
     """All cells are kept, no file of the page is half written, and with free space the command need not recompute."""
     with disk(tmp_path / "disk", "250k") as place:
         found = rattle("study", file, "--out", place / "noise", code=2)
-        assert "all cells are there: make room and repeat the command" in found.output
+        assert "all results stored: make room and repeat the command" in found.output
         assert len(list((place / "noise" / CELLS).glob("*.parquet"))) == 4
         assert not (place / "noise" / MANIFEST).exists()
         assert not list((place / "noise").glob(".*"))
@@ -117,10 +117,10 @@ def test_a_finished_study_on_a_read_only_disk_shows_its_result(file, finished, t
         make_read_only(place)
         shown = rattle(*words)
         assert shown.stdout == whole.stdout
-        assert shown.stderr == whole.stderr == "All 4 cells are there, and the page is up to date.\n"
+        assert shown.stderr == whole.stderr == "All 4 results are stored, and the page is up to date.\n"
         assert json.loads(rattle(*words, "--json").stdout)["complete"]
         assert "4 cells, 0 to compute" in rattle(*words, "--explain").stdout
-        assert "4 of 4 cells are there" in rattle(*words, "--status").stdout
+        assert "4 of 4 results stored" in rattle(*words, "--status").stdout
         assert len(load(place / "noise").errors) == 32
 
 
@@ -139,7 +139,7 @@ def test_what_a_finished_study_lacks_on_a_read_only_disk_is_said(file, finished,
         make_read_only(place)
         shown = rattle(*words)
         assert "cannot be written" in shown.stderr
-        assert shown.stderr.endswith("all cells are there, their page is not written\n")
+        assert shown.stderr.endswith("all results stored; the page could not be written\n")
         assert shown.stdout.splitlines() == answer[:-1]
         subprocess.run(["mount", "-o", "remount,rw", place], check=True)
         next((place / "noise" / CELLS).glob("*.parquet")).unlink()
@@ -171,7 +171,7 @@ def test_a_damaged_page_is_written_again_from_its_cells(file, finished):
     (finished / "errors.parquet").write_bytes(whole[:-20])
     assert "0 cells computed, 4 there" in rattle("study", file).output
     assert (finished / "errors.parquet").read_bytes() == whole
-    assert "All 4 cells are there" in rattle("study", file).output
+    assert "All 4 results are stored" in rattle("study", file).output
 
 
 def test_a_folder_of_a_newer_version_says_so(finished):

@@ -89,7 +89,7 @@ def test_whoever_waits_for_a_cell_says_for_whom(study, store):
     at = r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d"
     assert re.fullmatch(
         rf"rattle: waiting for process {number} on {re.escape(platform.node())}, "
-        rf"at work on {re.escape(cell.label)} since {at}; when it ends, this one goes on",
+        rf"at work on {re.escape(cell.label)} since {at}; continues when it finishes",
         text,
     )
 

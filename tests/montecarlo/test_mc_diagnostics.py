@@ -26,8 +26,8 @@ def test_run_without_a_fault_says_nothing():
 def test_a_rare_branch_that_was_not_sampled_is_named():
     """About 520 in a million paths strike mesh 2 first; twenty thousand paths see them."""
     (said,) = run(scheme=EXACT).diagnostics
-    assert said.startswith("A branch taken by about 5")
-    assert said.endswith("20,000 paths would tell (sd of y2 at impact 3).")
+    assert said.startswith("A rare branch (about 5")
+    assert said.endswith("20,000 paths would settle it (sd of y2 at impact 3).")
     assert run(scheme=EXACT, paths=20_000).diagnostics == ()
 
 
@@ -116,5 +116,5 @@ def test_few_paths_and_a_horizon_that_nobody_reaches_are_diagnosed_without_a_war
                     record=Record(step_bias=scheme != EXACT, times=[0.016]),
                     **{"dt": 0.004} | settings,
                 )
-                assert (found.unfinished > 0) == any("when the horizon came" in said for said in found.diagnostics)
+                assert (found.unfinished > 0) == any("before the time limit" in said for said in found.diagnostics)
                 assert (len(found.section), len(found.at_times())) == (4, 1)

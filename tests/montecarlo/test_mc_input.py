@@ -160,6 +160,4 @@ def test_run_that_could_not_end_is_refused_or_given_up_early():
 def test_paths_unfinished_at_the_horizon_are_diagnosed():
     run = simulated(horizon=0.3)
     assert run.unfinished == 10
-    assert run.diagnostics[-1].startswith(
-        "10 of 10 paths had not had all their impacts when the horizon came, 0.3 after"
-    )
+    assert run.diagnostics[-1].startswith("10 of 10 paths did not finish before the time limit, 0.3 after")

@@ -35,6 +35,10 @@ def test_every_quantity_is_there_and_consistent(run):
     assert e["rate"].value * e["energy"].value == pytest.approx(e["power"].value)
     assert e["energy_per_period"].value == pytest.approx(2.0 * math.pi * e["power"].value)
     assert e["power"].value == pytest.approx(e["power_mesh1"].value + e["power_mesh2"].value)
+    for mesh, mass in ((1, 1.0), (2, SCENE.mu)):  # reduced, in that of wheel 1's rim
+        square = e[f"speed_mesh{mesh}"].value ** 2 + e[f"sd_speed_mesh{mesh}"].value ** 2
+        lost = 0.5 * mass * (1.0 - SCENE.epsilon**2) * square
+        assert e[f"energy_mesh{mesh}"].value == pytest.approx(lost, rel=1e-3)
     for suffix in ("", "_mesh1", "_mesh2"):
         quantiles = [e[f"q{q:02d}_speed{suffix}"] for q in (1, 5, 50, 95, 99)]
         assert all(a.value < b.value for a, b in pairwise(quantiles))

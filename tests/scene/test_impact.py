@@ -11,7 +11,7 @@ from timing import times_as_long
 from rattle.closure.orbit import follow
 from rattle.scene import DAT21, Scene, Start
 from rattle.scene.flight import flow, jacobian
-from rattle.scene.impact import NONE, REST, contact_matrix, next_impact, struck
+from rattle.scene.impact import NONE, REST, contact_matrix, energy_loss, next_impact, struck
 
 HORIZON = 50.0
 
@@ -81,6 +81,21 @@ def test_no_impact_adds_energy(y1, y2, epsilon, mu, mesh):
         return (1 - mu) * y1**2 + mu * (y2 - y1) ** 2
 
     assert energy(*struck(c, mesh, y1, y2)) <= energy(y1, y2) * (1 + 1e-13) + 1e-300
+
+
+@pytest.mark.parametrize("mu", [0.2, 0.601187])
+def test_energy_lost_is_that_of_the_rims(mu):
+    c = Scene(alpha=0.0, epsilon=0.6, beta1=0.0, gamma1=0.0, mu=mu).constants
+
+    def energy(y1, y2, share):  # driver at rest; the rims' masses are 1 and mu / (1 - mu)
+        return 0.5 * y1**2 + 0.5 * share / (1.0 - share) * (y2 - y1) ** 2
+
+    for y in ((0.3, 1.7), (-2.0, -0.4)):
+        after = struck(c, 2, *y)
+        assert energy_loss(c, 2, *y) == pytest.approx(energy(*y, mu) - energy(*after, mu), rel=1e-12)
+        wrong = energy_loss(c._replace(mu=1.0 - mu), 2, *y)  # negative control: the weight of the other wheel
+        assert abs(wrong / energy_loss(c, 2, *y) - 1.0) > 0.3
+        assert energy_loss(c, 1, *y) == pytest.approx(0.5 * (y[0] ** 2 - struck(c, 1, *y)[0] ** 2), rel=1e-12)
 
 
 @pytest.mark.parametrize(("stages", "mu"), [(1, 0.5), (2, 0.2), (2, 0.601187)])

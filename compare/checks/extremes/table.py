@@ -32,7 +32,7 @@ def lines(rows: Sequence[Extreme], *, ranges: bool = False) -> list[str]:
     extreme  field    worst  allowed  relative to  verdict
     ------------------------------------------------------
     E        beta   2.0e-16  4.0e-15  its value    holds
-    1 of 1 extremes hold.
+    1 of 1 extreme-value checks passed.
     """
     cells = [HEAD, *(_row(row) for row in rows)]
     width = [max(len(c[i]) for c in cells) for i in range(len(HEAD))]
@@ -45,7 +45,7 @@ def lines(rows: Sequence[Extreme], *, ranges: bool = False) -> list[str]:
         out.append(line.rstrip())
         if ranges or not row.holds:
             out.append(f"    {row.tried}; against: {row.truth}")
-    return [*out, f"{sum(row.holds for row in rows)} of {len(rows)} extremes hold."]
+    return [*out, f"{sum(row.holds for row in rows)} of {len(rows)} extreme-value checks passed."]
 
 
 def _row(row: Extreme) -> tuple[str, ...]:

@@ -124,7 +124,7 @@ def test_interrupt_ends_soon_and_says_how_to_go_on(tmp_path):
     finally:
         running.kill()
     assert running.returncode == 130
-    assert "the same command goes on" in err
+    assert "run the same command again to continue" in err
 
 
 def test_two_processes_share_the_work(slow, tmp_path):
@@ -186,7 +186,7 @@ def test_a_value_more_computes_its_cells_only(small):
     small.write_text(study_text(sigmas=(0.01, 0.02, 0.05, 0.1)))
     assert "12 cells, 3 to compute" in rattle(small, "--explain").output
     assert "3 cells computed, 12 there" in rattle(small).output
-    assert "All 12 cells are there" in rattle(small).output
+    assert "All 12 results are stored" in rattle(small).output
 
 
 def test_explain_and_status_make_nothing(small):

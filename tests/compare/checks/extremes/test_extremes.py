@@ -228,7 +228,7 @@ def test_table_and_terminal_say_what_failed(monkeypatch):
     assert found["holds"].tolist() == [True, False]
     assert found.columns.tolist() == [*Extreme._fields, "holds"]
     text = lines([good, bad])
-    assert text[-1] == "1 of 2 extremes hold."
+    assert text[-1] == "1 of 2 extreme-value checks passed."
     assert "FAILS" in text[3]
     assert text[4].strip() == "1e-3 to 1e4; against: a formula"
     monkeypatch.setattr(run, "ROWS", {"good": lambda: good, "bad": lambda: bad})
