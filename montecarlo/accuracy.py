@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.settings import exact_orbit, is_random
 from rattle.montecarlo.unseen import Unseen, unseen, unseen_text
 from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene
@@ -39,6 +40,7 @@ CONFIDENCE = 0.95
 """Probability with which an accuracy that is said to be reached bounds all errors of section means and sds."""
 
 LEAST = 32 * BLOCK  # fewest paths of an answer: events of probability 1e-4 can dominate an sd, so they must be sampled
+NO_SUCH_IMPACT = 1e3  # error of a path that has an impact more, or less, than it should
 SMALL_NOISE = 0.2  # sigma / alpha up to which the control variate is tried; on DAT21 it pays up to 0.07
 Z_OF_GAIN = 3.0  # half width, in standard errors, at which the skewness of rows is accounted for
 ROUNDED = 2.0**-40  # sd over size of a quantity below which the rounding of a path matters beside 5 % of the sd
@@ -344,6 +346,9 @@ def _name(moment: int, quantity: int, impact: int) -> str:
 def step_error(run: Ensemble) -> tuple[float, float]:
     """Largest step bias of the section means and sds, in units of each quantity's sd, over the impacts that occurred.
 
+    Where nothing is random the exact orbit is known, and the bias is the difference from it: extrapolation cannot see
+    that a step strikes another mesh.
+
     Parameters
     ----------
     run : Ensemble
@@ -359,11 +364,25 @@ def step_error(run: Ensemble) -> tuple[float, float]:
     InputError
         If the run was made without step bias.
     """
+    if not is_random(run.scene):
+        return _distance_from_orbit(run), 0.0
     unit, bias = units(run), run.step_bias
     scale = np.array([unit.at[k, q] for k, q in zip(bias["impact"], bias["quantity"], strict=True)])
     share = (bias["bias"].abs() / scale).fillna(0.0)
     worst = int(share.to_numpy().argmax())
     return float(share.iloc[worst]), float(np.nan_to_num(bias["se_bias"].iloc[worst] / scale[worst]))
+
+
+def _distance_from_orbit(run: Ensemble) -> float:
+    """Largest difference of a path without noise from the exact orbit; `NO_SUCH_IMPACT` where one of them has ended."""
+    exact, unit = exact_orbit(run.plan), units_by_quantity(run)
+    struck, columns = exact[:, 6] != 0.0, run.phase_reduced.columns
+    if not (struck == (columns["mesh"] != 0)).all():
+        return NO_SUCH_IMPACT
+    exact[:, 0] = run.scene.phase_reduced.to_absolute_time(exact[:, 0])
+    of = SECTION if run.scene.stages == 2 else SECTION[:4]
+    errors = [np.abs(columns[q] - exact[:, i])[struck] / unit[q][struck] for i, q in enumerate(of)]
+    return float(np.max(errors, initial=0.0))
 
 
 def small_noise(scene: Scene) -> bool:

@@ -17,12 +17,23 @@ from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 from rattle.scene.validate import choice, count, finite, positive
 
-__all__ = ["MOST_STEPS", "NOISE_FREE", "check_settings", "computed", "default_horizon", "is_random", "plan_of"]
+__all__ = [
+    "MOST_STEPS",
+    "NOISE_FREE",
+    "check_settings",
+    "computed",
+    "default_horizon",
+    "exact_orbit",
+    "is_random",
+    "plan_of",
+]
 
 Floats = NDArray[np.float64]
 
 NOISE_FREE = "noise-free"
-"""Name of the itinerary of the noise-free path, simulated by the same scheme."""
+"""Name of the itinerary of the noise-free path, by exact flights."""
+
+EXACT = "exact-flight"
 
 MOST_PATHS, MOST_WORKERS = 2**40, 1024
 MOST_IMPACTS = 10_000  # a block of paths keeps every impact: 57 kB each
@@ -194,21 +205,28 @@ def plan_of(
         control=linear_path(scene, impacts, dt) if control and scene.sigma > 0.0 else no_control(),
         two_point=two_point, energy=record.energy,
     )  # fmt: skip
-    step = _noise_free_step(scene, scheme, impacts, dt)
-    quiet = plan._replace(
-        scene=scene.noise_free, dt=step, most_steps=math.ceil(plan.most_steps * dt / step), paths=1,
-        fixed_steps=np.empty(0, np.int64), itineraries={}, levels=1, control=no_control(), two_point=False,
-        energy=False,
-    )  # fmt: skip
-    named[NOISE_FREE] = tuple(np.nan_to_num(sample(quiet, 0).rows[0, 0, :, 6]).astype(int).tolist())
+    named[NOISE_FREE] = tuple(exact_orbit(plan)[:, 6].astype(int).tolist())
     return plan
 
 
-def _noise_free_step(scene: Scene, scheme: str, impacts: int, dt: float) -> float:
-    """The step of the noise-free path: that of the others, for its bias is the scheme's, unless the scheme has none."""
-    if SCHEMES[scheme].has_step_bias or impacts > MOST_IN_A_STEP:
-        return dt
-    return max(dt, min(SCHEMES[scheme].step, accurate_flight(scene)[0]))
+def exact_orbit(plan: Plan) -> Floats:
+    """The noise-free path by exact flights, whatever the scheme of the plan.
+
+    Rows ``tau, flight, x1, y1, x2, y2, mesh * side`` of each impact, shape (impacts, 7); 0 after the last one.
+    """
+    step = _noise_free_step(plan.scene, plan.impacts, plan.dt)
+    quiet = plan._replace(
+        scene=plan.scene.noise_free, scheme=EXACT, dt=step, most_steps=math.ceil(plan.most_steps * plan.dt / step),
+        paths=1, fixed_steps=np.empty(0, np.int64), itineraries={}, levels=1, control=no_control(), two_point=False,
+        energy=False, keep=False,
+    )  # fmt: skip
+    return np.asarray(np.nan_to_num(sample(quiet, 0).rows[0, 0]))
+
+
+def _noise_free_step(scene: Scene, impacts: int, dt: float) -> float:
+    """The step of the noise-free path: the longest that is accurate, and none longer than `dt` for many impacts."""
+    step = min(SCHEMES[EXACT].step, accurate_flight(scene)[0])
+    return min(dt, step) if impacts > MOST_IN_A_STEP else step
 
 
 def _horizon(given: float | None, impacts: int, dt: float, scheme: str) -> float:

@@ -6,7 +6,7 @@ from mc_checks import dat21
 
 from rattle.montecarlo import SCHEMES, AccuracyWarning, Record, simulate, simulate_to
 from rattle.montecarlo.accuracy import sampling_error, step_error, units
-from rattle.scene import InputError
+from rattle.scene import InputError, Scene
 from rattle.scene.moments import SECTION
 
 TRUTH = {"paths": 200_000, "dt": np.pi / 64.0, "scheme": "exact-flight", "control": True, "rng": 77, "workers": 2}
@@ -79,6 +79,25 @@ def test_bias_of_a_step_is_seen_in_units_of_sds():
     bias, se = step_error(run)
     assert bias > 0.2
     assert bias > 5.0 * se
+
+
+@pytest.mark.parametrize("scheme", ["euler-maruyama", "euler-maruyama-located"])
+def test_a_path_without_noise_is_compared_with_the_exact_orbit(scheme):
+    """Meshes are struck within a hair of each other; a step of 0.01 strikes the wrong one first, as do 2 and 4 dt."""
+    scene = Scene(
+        alpha=1.2179, epsilon=0.8944, beta1=0.0265, gamma1=0.1517, beta2=0.0173, gamma2=0.1973, mu=0.2996
+    )  # fmt: skip
+    exact = simulate(scene, paths=1, impacts=4)
+    coarse = simulate(scene, paths=1, impacts=4, dt=0.01, scheme=scheme)
+    wrong = (coarse.columns["mesh"] != exact.columns["mesh"]).any()
+    assert wrong == (scheme != "euler-maruyama")
+    assert coarse.columns["agreement"][-1] == (0.0 if wrong else 1.0)
+    run = simulate_to(scene, 0.01, impacts=4, scheme=scheme)
+    assert run.reach.reached
+    assert (run.columns["agreement"] == 1.0).all()
+    off = max(np.abs(run.columns[q] - exact.columns[q]).max() for q in SECTION)
+    assert off == pytest.approx(run.reach.bound, abs=1e-6)
+    assert off <= 0.01
 
 
 def test_struck_displacement_and_what_does_not_vary_count_absolutely():
