@@ -45,7 +45,8 @@ audit: $(READY)
 
 # Needs the network: the hashes of the versions in requirements.txt, after a version has been changed there by hand.
 pins:
-	$(PYTHON) .ci/hash_pins.py
+	$(PYTHON) -m venv $(VENV)/pins
+	$(VENV)/pins/bin/python .ci/hash_pins.py
 
 $(READY): requirements.txt pyproject.toml setup-venv.sh
 	PYTHON=$(PYTHON) sh setup-venv.sh $(VENV)

@@ -7,12 +7,13 @@ follow from it, and ``|rho| <= 1`` always.  The means are shifted by the window 
 """
 
 import math
+from functools import partial
 
 import numpy as np
 
 from rattle.closure.edgeworth import coefficients, has_series, window_means
 from rattle.closure.moments import Trace
-from rattle.closure.orbit import Floats, Ints, follow
+from rattle.closure.orbit import Floats, Ints, Orbit, follow
 from rattle.closure.raw_moments import stage_raw_moments
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
@@ -112,10 +113,15 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     sd[:, 2:] = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     skew = np.where(sd > 0.0, 0.0, np.nan)
 
-    def at(time: float) -> tuple[Floats, Floats]:
-        k = int(np.searchsorted(orbit.tau[: orbit.found + 1], time, side="right")) - 1
-        cov = semidefinite(*_flown(c, orbit.mesh[k], covariance[k], orbit.tau[k], time - orbit.tau[k]))
-        state = orbit.state(time)
-        return state + stage_shifts(stage_raw_moments(cov[None], order)[0], state, windows, c.stages), cov
-
+    at = partial(_in_flight, c, orbit, covariance, order, windows)
     return Trace(orbit.tau, orbit.mesh, orbit.side, mean, sd, skew, covariance, raw, at, orbit.found, orbit.stopped)
+
+
+def _in_flight(
+    c: Constants, orbit: Orbit, covariance: Floats, order: int, windows: tuple[float, float], time: float
+) -> tuple[Floats, Floats]:
+    """Mean and covariance of the state at a local time, from the covariance before each impact."""
+    k = int(np.searchsorted(orbit.tau[: orbit.found + 1], time, side="right")) - 1
+    cov = semidefinite(*_flown(c, orbit.mesh[k], covariance[k], orbit.tau[k], time - orbit.tau[k]))
+    state = orbit.state(time)
+    return state + stage_shifts(stage_raw_moments(cov[None], order)[0], state, windows, c.stages), cov

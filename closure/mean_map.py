@@ -368,8 +368,8 @@ class MeanMap:
                 followed = f"{self.scene.to_absolute_time(low):g} to {self.scene.to_absolute_time(high):g}"
                 raise InputError("times", time, f"lies outside the times followed, {followed}")
             mean, covariance = self.trace.at(self.scene.to_local_time(time))
-            rows.append(fixed_row(mean, covariance))
-        columns = list(fixed_row(np.zeros(4), np.zeros((4, 4))))
+            rows.append(fixed_row(mean, covariance, self.scene.stages))
+        columns = list(fixed_row(np.zeros(4), np.zeros((4, 4)), 2))
         index = pd.Index(np.asarray(times, dtype=float), name="time")
         table = pd.DataFrame(rows, index=index, columns=columns, dtype=float)
         return at_times_in(table, self.scene.gears, units)
@@ -458,8 +458,11 @@ def _as_list(times: Sequence[float] | Floats) -> list[float]:
         raise InputError("times", times, "give a sequence of times") from None
 
 
-def fixed_row(mean: Floats, covariance: Floats) -> dict[str, float]:
-    """One row of a table of moments at fixed times, with the columns that closures and simulation share."""
+def fixed_row(mean: Floats, covariance: Floats, stages: int) -> dict[str, float]:
+    """One row of a table of moments at fixed times, as closures and simulation share them; NaN of an absent stage."""
+    if stages == 1:
+        mean, covariance = mean.copy(), covariance.copy()
+        mean[2:] = covariance[2:] = covariance[:, 2:] = np.nan
     row = {name: float(mean[i]) for i, name in enumerate(STATE)}
     for i, a in enumerate(STATE):
         for j in range(i, 4):

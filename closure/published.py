@@ -9,6 +9,7 @@ Choices where the paper is silent: ``B_k`` and ``D_k`` go with the standard devi
 whose variance is not positive is left out, and the map goes on.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -235,13 +236,16 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     struck_x = np.where(m.mesh == 2, m.mean[:, 2], m.mean[:, 0])
     side = np.where(m.mesh > 0, np.copysign(1.0, struck_x), 0).astype(np.int64)
 
-    def at(time: float) -> tuple[Floats, Floats]:
-        k = int(np.searchsorted(m.tau[: found + 1], time, side="right")) - 1
-        mean, _, raw = _in_flight(c, m.tau[k], m.mean[k], m.shift[k], m.after[k], time - m.tau[k], windows)
-        return mean, _covariance(raw)
-
+    at = partial(_at, c, m, found, windows)
     stopped = (
         "" if found == impacts else f"the other mesh is not struck within {LONGEST:g} time units after impact {found}"
     )
     skew = np.full_like(sd, np.nan)
     return Trace(m.tau, m.mesh, side, m.mean, sd, skew, covariance, m.before, at, found, stopped)
+
+
+def _at(c: Constants, m: Map, found: int, windows: Windows, time: float) -> tuple[Floats, Floats]:
+    """Mean and covariance of the state at a local time."""
+    k = int(np.searchsorted(m.tau[: found + 1], time, side="right")) - 1
+    mean, _, raw = _in_flight(c, m.tau[k], m.mean[k], m.shift[k], m.after[k], time - m.tau[k], windows)
+    return mean, _covariance(raw)

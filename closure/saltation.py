@@ -7,11 +7,13 @@ section 6).  From order 3 on, the second derivatives add the shift of the mean, 
 cumulants.
 """
 
+from functools import partial
+
 import numpy as np
 
 from rattle.closure.flanks import column, forget, random_tolerance, start_covariance
 from rattle.closure.moments import Trace
-from rattle.closure.orbit import Floats, Ints, follow
+from rattle.closure.orbit import Floats, Ints, Orbit, follow
 from rattle.closure.raw_moments import stage_raw_moments
 from rattle.closure.section_map import derivatives, flight_third_cumulant, hit_matrix, noise_slope, third_cumulants
 from rattle.scene.compiled import jit
@@ -158,16 +160,19 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
         covariance[k] = _at_one_time(rate, section[k, :5, :5], np.eye(4))
     raw = stage_raw_moments(covariance, order)
 
-    def at(time: float) -> tuple[Floats, Floats]:
-        k = int(np.searchsorted(orbit.tau[: found + 1], time, side="right")) - 1
-        rate = field(c, orbit.tau[k], orbit.after[k, 1], orbit.after[k, 3])
-        t = time - orbit.tau[k]
-        flown = _at_one_time(rate, after[k, :5, :5], jacobian(c, t))
-        return orbit.state(time), flown + noise_covariance(c, orbit.tau[k], t)
-
+    at = partial(_in_flight, c, orbit, found, after)
     mesh, side = orbit.mesh.copy(), orbit.side.copy()
     mesh[found + 1 :], side[found + 1 :] = 0, 0
     return Trace(tau, mesh, side, mean, sd, skew, covariance, raw, at, found, stopped, until=float(orbit.tau[found]))
+
+
+def _in_flight(c: Constants, orbit: Orbit, found: int, after: Floats, time: float) -> tuple[Floats, Floats]:
+    """Mean and covariance of the state at a local time, from the covariance of the section state after each impact."""
+    k = int(np.searchsorted(orbit.tau[: found + 1], time, side="right")) - 1
+    rate = field(c, orbit.tau[k], orbit.after[k, 1], orbit.after[k, 3])
+    t = time - orbit.tau[k]
+    flown = _at_one_time(rate, after[k, :5, :5], jacobian(c, t))
+    return orbit.state(time), flown + noise_covariance(c, orbit.tau[k], t)
 
 
 def _at_one_time(rate: Floats, section: Floats, flown: Floats) -> Floats:

@@ -53,7 +53,7 @@ class Realizability(NamedTuple):
 
 
 def correlation(covariance: Floats) -> float:
-    """Correlation ``rho`` of a 2 x 2 covariance.
+    """Correlation ``rho`` of a 2 x 2 covariance; what is beyond 1 by rounding alone is 1.
 
     Parameters
     ----------
@@ -72,7 +72,8 @@ def correlation(covariance: Floats) -> float:
     """
     if not (covariance[0, 0] > 0.0 and covariance[1, 1] > 0.0):
         return float("nan")
-    return float(covariance[0, 1] / np.sqrt(covariance[0, 0]) / np.sqrt(covariance[1, 1]))
+    rho = float(covariance[0, 1] / np.sqrt(covariance[0, 0]) / np.sqrt(covariance[1, 1]))
+    return rho if abs(rho) > 1.0 + ROUNDING else max(-1.0, min(1.0, rho))
 
 
 def realizability(covariance: Floats) -> Realizability:

@@ -22,6 +22,7 @@ from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.eigen import eigen
 from rattle.scene.flight import flow, jacobian, noise_covariance
+from rattle.scene.moments import semidefinite
 from rattle.scene.scene import Scene
 from rattle.scene.small_matrices import applied, congruence, put, times
 from rattle.scene.small_vectors import beyond, put_scaled
@@ -244,7 +245,13 @@ class FixedTimes:
         self.flights: list[Flight] = []
 
     def __call__(self, time: float) -> tuple[Floats, Floats]:
-        """Mean and covariance of the state at a local time, shapes (4,) and (4, 4); NaN where `LACKING`."""
+        """Mean and covariance of the state at a local time, shapes (4,) and (4, 4); NaN where `LACKING`.
+
+        Until a path has struck, they are those of the one flight that all paths are on.
+        """
+        tau, end = self.orbit.tau[0], self.flights[0].end
+        if time == tau or (end[:, 0] - time > REACH * np.sqrt(end[:, 1])).all():
+            return self.orbit.state(time), noise_covariance(self.constants, tau, time - tau)
         weight, mean, covariance = self.gaussians(time)
         total = weight.sum()
         if abs(total - 1.0) > LACKING:
@@ -252,7 +259,8 @@ class FixedTimes:
         share = weight / total
         centre = mean[0] + share @ (mean - mean[0])
         off = mean - centre
-        return centre, np.einsum("n,nij->ij", share, covariance) + np.einsum("n,ni,nj->ij", share, off, off)
+        found = np.einsum("n,nij->ij", share, covariance) + np.einsum("n,ni,nj->ij", share, off, off)
+        return centre, semidefinite(found, np.sqrt(np.abs(np.diagonal(found))))  # of noise taken back, rounding is left
 
     def gaussians(self, time: float) -> tuple[Floats, Floats, Floats]:
         """The mixture of states at a local time: weights, means and covariances; the weights sum to nearly 1."""

@@ -12,7 +12,9 @@ own error is bounded without simulation (`rattle.closure.branching.error`).
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -66,11 +68,14 @@ def trace(scene: Scene, impacts: int, order: int, tolerance: float | None = None
         k: (w, means * lengths, variances * lengths**2) for k, (w, means, variances) in (found.parts or {}).items()
     }
 
-    def at(time: float) -> tuple[Floats, Floats]:
-        mean, covariance = found.at(time)
-        return mean * unit, covariance * unit**2
-
+    at = partial(_in_unit, found.at, unit)
     return replace(found, mean=found.mean * unit, sd=found.sd * lengths, parts=parts, at=at)
+
+
+def _in_unit(at: Callable[[float], tuple[Floats, Floats]], unit: float, time: float) -> tuple[Floats, Floats]:
+    """Mean and covariance at a local time, in another unit of length."""
+    mean, covariance = at(time)
+    return mean * unit, covariance * unit**2
 
 
 def _refined(scene: Scene, impacts: int, order: int, tolerance: float | None) -> Trace:
@@ -127,7 +132,7 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
         carried[k] = _carried(w, values - centre, variances, np.repeat(b.slow[:flown], 2)[struck])
         code = max((-2, -1, 1, 2), key=lambda a: w[section.label[:count] == a].sum())
         mesh[k], side[k] = abs(code), np.sign(code)
-        agreement[k], discarded_at[k] = w[after.label[:count] > 2].sum(), run.discarded
+        agreement[k], discarded_at[k] = min(w[after.label[:count] > 2].sum(), 1.0), run.discarded
         run.merge()
 
     stopped = "" if found == impacts else f"more than half of the probability is discarded after impact {found}"

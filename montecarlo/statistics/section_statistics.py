@@ -92,7 +92,7 @@ def pair_statistics(sums: CentralSums) -> dict[str, Floats]:
     with np.errstate(invalid="ignore", divide="ignore"):
         a, b, c = sums.moment(2, 0), sums.moment(0, 2), sums.moment(1, 1)
         root = np.sqrt(np.where(a * b >= TINY, a * b, np.nan))
-        rho = c / root
+        rho = np.clip(c / root, -1.0, 1.0)  # rounding can pass 1
         m22, m31, m13 = sums.moment(2, 2) / (a * b), sums.moment(3, 1) / (a * root), sums.moment(1, 3) / (b * root)
         m40, m04 = sums.moment(4, 0) / a**2, sums.moment(0, 4) / b**2
         # influence function u v - rho (u^2 + v^2) / 2 of a correlation, u and v standardised
