@@ -29,6 +29,7 @@ Floats = NDArray[np.float64]
 
 FURTHEST = 6.0
 """Largest reliability index that is looked for: a probability of 1e-9."""
+NO_SD = 1e-150  # sd or speed that stands for none: a quotient by it does not overflow
 GRID = 64  # points of a flight at which the walls' distances are looked at
 PLACES = (0.5 + np.arange(1, 13) * np.array([[0.8191725134], [0.6710436067], [0.5497004779]])) % 1.0
 """Twelve points of the unit cube, an additive recurrence of low discrepancy: time, room and speed of a branch."""
@@ -146,7 +147,7 @@ def _earlier(flight: Flight, mesh: int, side: int) -> list[Event]:
     found = []
     if same and side == flight.side:  # the last peak may be the orbit's own impact
         i = 2 * (mesh - 1)
-        late = math.sqrt(max(flight.at(times[-1:])[1][0, i, i], 0.0)) / max(abs(flight.before[i + 1]), 1e-300)
+        late = math.sqrt(max(flight.at(times[-1:])[1][0, i, i], 0.0)) / max(abs(flight.before[i + 1]), NO_SD)
         peaks = peaks[times[peaks] < flight.time - FURTHEST * late]
     for peak in peaks:
         at = times[peak - 1 : peak + 2]
@@ -175,11 +176,11 @@ def _met(flight: Flight, mesh: int, side: int, probability: float, times: Floats
         mean, spread = _given(means[n], spreads[n], i, wall)
         if own != i:
             sd = math.sqrt(max(spread[own, own], 0.0))
-            room = (_wall(flight.c, flight.mesh) - flight.side * mean[own]) / max(sd, 1e-200)
+            room = (_wall(flight.c, flight.mesh) - flight.side * mean[own]) / max(sd, NO_SD)
             at = float(ndtri_exp(log_ndtr(room) + math.log(PLACES[1, n])))
             mean, spread = _given(mean, spread, own, mean[own] + flight.side * at * sd)
         sd = math.sqrt(max(spread[i + 1, i + 1], 0.0))
-        least = -side * mean[i + 1] / max(sd, 1e-200)
+        least = -side * mean[i + 1] / max(sd, NO_SD)
         speed = side * mean[i + 1] - sd * float(ndtri_exp(log_ndtr(-least) + math.log(PLACES[2, n])))
         weights[n] = max(speed, 0.0)
         mean, spread = _given(mean, spread, i + 1, side * speed)

@@ -16,7 +16,7 @@ from rattle.closure.branching.advance import Advance
 from rattle.closure.branching.mixture import Mixture
 from rattle.closure.branching.refine import Buffers, Level
 from rattle.closure.branching.split import event, half
-from rattle.closure.flanks import PLAIN
+from rattle.closure.flanks import PLAIN, start_covariance
 from rattle.closure.orbit import Floats, Ints, Orbit
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
@@ -240,6 +240,7 @@ class FixedTimes:
             Impacts asked for.
         """
         self.constants, self.orbit = scene.constants, orbit
+        self.start = start_covariance(scene)[1:PLAIN, 1:PLAIN].copy()
         self.most = FURTHER[0] * impacts + FURTHER[1]
         self.run = Advance(scene, orbit, level)
         self.flights: list[Flight] = []
@@ -249,9 +250,12 @@ class FixedTimes:
 
         Until a path has struck, they are those of the one flight that all paths are on.
         """
+        if not self.flights:
+            self._follow()
         tau, end = self.orbit.tau[0], self.flights[0].end
         if time == tau or (end[:, 0] - time > REACH * np.sqrt(end[:, 1])).all():
-            return self.orbit.state(time), noise_covariance(self.constants, tau, time - tau)
+            flown = congruence(jacobian(self.constants, time - tau), self.start)
+            return self.orbit.state(time), flown + noise_covariance(self.constants, tau, time - tau)
         weight, mean, covariance = self.gaussians(time)
         total = weight.sum()
         if abs(total - 1.0) > LACKING:

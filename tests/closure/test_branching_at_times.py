@@ -81,7 +81,7 @@ def test_planted_errors_are_detected(error):
     at(fixed.index[-1])
     at.flights = [PLANTED[error](f) for f in at.flights]
     at.__class__ = type("Planted", (FixedTimes,), {"_follow": lambda self: False})
-    assert outside(scene, allowed, fixed, at)[0] > 2
+    assert outside(scene, allowed, fixed, at)[0] > 0
 
 
 def test_one_orbit_alone_is_wrong(case):

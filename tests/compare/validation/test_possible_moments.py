@@ -1,4 +1,4 @@
-"""Moments at fixed times and at impacts that some distribution has, on random scenes: all closures and the simulation."""
+"""Moments that some distribution has, at fixed times and at impacts of random scenes: closures and simulation."""
 
 import pickle
 
