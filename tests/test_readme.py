@@ -33,6 +33,7 @@ NOT_RUN = {
     "make test": "runs this test",
     "make docs": "tests/page/test_docs_site.py builds the site",
     "make audit": "needs the network",
+    "make pins": "needs the network",
     "pip install .": "changes the environment",
     "pip install .[xarray]": "changes the environment",
     "pip install rattle[cluster]": "changes the environment",
