@@ -9,6 +9,7 @@ from rattle.compare.checks.published.energy_law import energy_law
 from rattle.compare.checks.published.exit_time import exit_time
 from rattle.compare.checks.published.exponent_sum import exponent_sum
 from rattle.compare.checks.published.free_flight import free_flight
+from rattle.compare.checks.published.gaps import exit_side, random_gap
 from rattle.compare.checks.published.impact_laws import impact_laws
 from rattle.compare.checks.published.impact_pair import impact_pair
 from rattle.compare.checks.published.result import Measured, PublishedResult, limit
@@ -31,6 +32,8 @@ RESULTS: dict[str, Callable[[int, int], Measured]] = {
         impact_laws,
         energy_law,
         impact_pair,
+        random_gap,
+        exit_side,
     )
 }
 """Every result by its name on the command line."""
