@@ -121,6 +121,10 @@ def main() -> None:
     "--closure", "closures", type=Name("closures", CLOSURES), multiple=True,
     help="Closure; again for more. [default: all that can be applied]",
 )  # fmt: skip
+@click.option(
+    "--beside", type=Name("beside", SCHEMES), multiple=True,
+    help="Scheme whose ensemble is shown beside; again for more. [default: both Euler-Maruyama schemes without SCENE]",
+)  # fmt: skip
 @click.option("--order", type=WHOLE, default=4, show_default=True, help="Order of the closures' moments, 2 to 6.")
 @click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed of the simulation.")
 @click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads; the result does not depend on it.")
@@ -148,6 +152,7 @@ def validate(
     dt: float | None,
     scheme: str,
     closures: tuple[str, ...],
+    beside: tuple[str, ...],
     order: int,
     seed: int,
     workers: int,
@@ -170,8 +175,8 @@ def validate(
     ----------
     scene : Path or None
         TOML file; DAT21 if None.
-    sigmas, closures
-        The options ``--sigma`` and ``--closure``.
+    sigmas, closures, beside
+        The options ``--sigma``, ``--closure`` and ``--beside``.
     as_json : bool
         The option ``--json``.
     impacts, paths, dt, scheme, order, seed, workers, validity, validity_paths, no_validity
@@ -184,6 +189,7 @@ def validate(
     from rattle.compare.report import manifest
     from rattle.compare.report.folder import check_free, default_place, named
     from rattle.compare.report.repeat import DIFFERENT, ROUNDED, SAME, compared, tables_beside
+    from rattle.compare.validation.beside import beside as ensembles_beside
     from rattle.compare.validation.page import CONTENTS, write_report
     from rattle.compare.validation.sweep import check_sweep, grid, sweep
     from rattle.compare.validation.validate import validate as compare_closures
@@ -213,6 +219,7 @@ def validate(
             closures or closures_for(base),
             () if no_validity else grid(validity),
             0 if no_validity else count("validity-paths", validity_paths),
+            beside or (() if scene else tuple(s for s in SCHEMES if SCHEMES[s].has_step_bias)),
         )
         out = out or default_place(name)
     check_free(out, CONTENTS, overwrite)
@@ -230,6 +237,7 @@ def validate(
     swept = (
         sweep(first, settings.validity, **settings.sweep, **predictions, workers=workers) if settings.validity else None
     )
+    schemes = ensembles_beside(validations, settings.beside, workers) if settings.beside else None
     provenance = {
         "command": manifest.command_line(sys.argv[1:]),
         "repeat": manifest.command_line(["validate", "--repeat", str(out / "manifest.json")]),
@@ -238,7 +246,7 @@ def validate(
         "wall_seconds": round(time.perf_counter() - wall, 1),
         "cpu_seconds": round(_cpu() - cpu, 1),
     }
-    record = write_report(out, settings, validations, swept, provenance, overwrite)
+    record = write_report(out, settings, validations, swept, provenance, overwrite, schemes)
     repeated = None if recorded is None else compared(recorded, earlier, record, out)
     accurate = all(v.accurate for v in validations)
     if as_json:

@@ -63,6 +63,8 @@ class Settings(NamedTuple):
         Noise intensities of the range of validity; may be empty.
     validity_paths : int
         Simulated paths at each of these.
+    beside : tuple of str
+        Schemes whose ensembles are shown beside that of the report.
     """
 
     name: str
@@ -76,6 +78,7 @@ class Settings(NamedTuple):
     closures: tuple[str, ...]
     validity: tuple[float, ...] = ()
     validity_paths: int = 0
+    beside: tuple[str, ...] = ()
 
     @property
     def simulation(self) -> dict[str, Any]:
@@ -146,6 +149,7 @@ def read_settings(path: Path) -> Recorded:
         if not scenes:
             raise InputError("manifest.settings.scenes", [], "must hold a scene")
         lists = {"closures": tuple(settings["closures"]), "validity": tuple(settings.get("validity", ()))}
+        lists["beside"] = tuple(settings.get("beside", ()))
         digests = {name: data.get(name) for name in DIGESTS}
         if digests["table_sha256"] is None:
             raise KeyError("table_sha256")

@@ -15,6 +15,7 @@ from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, VERDICT
 from rattle.compare.report.json_text import json_text
 from rattle.compare.report.style import caption_of, save
 from rattle.compare.validation.answer import answer, correlation_claim, sigma_text
+from rattle.compare.validation.beside import NOTE, beside_table
 from rattle.compare.validation.figures import FIGURES, agreement_figure
 from rattle.compare.validation.physical import motion_blocks
 from rattle.compare.validation.sweep import Sweep
@@ -37,7 +38,7 @@ __all__ = ["CONTENTS", "table_text", "write_one", "write_report"]
 
 CONTENTS = frozenset({
     *pages("report"), "table.csv", "table.parquet", "correlation.csv", "validity.csv", "validity.parquet", "speed.csv",
-    "simulation.csv", "manifest.json", "figures",
+    "simulation.csv", "schemes.csv", "manifest.json", "figures",
 })  # fmt: skip
 """Names of all files in a report folder; a folder with any other file is not overwritten."""
 
@@ -121,6 +122,7 @@ def _page(
     swept: Sweep | None,
     record: dict[str, Any],
     folder: Path,
+    schemes: pd.DataFrame | None,
 ) -> Page:
     """The page of the report; its figures are saved into the folder."""
     caption = AGREEMENT + (PREDICTED if "branching" in validations[0].predictions else "")
@@ -152,6 +154,15 @@ def _page(
         f"Marks: {marks}. Errors are closure minus simulation, corrected for the measured step bias, in units of the "
         f"quantity's standard deviation, with the half width of their interval. {RULE}"
     )
+    if schemes is not None:
+        tables = [
+            block
+            for v in validations
+            for block in (Text(f"At σ = {sigma_text(v)}:"), beside_table(schemes, v.scene.sigma))
+        ]
+        sections.append(
+            Section("Euler–Maruyama beside exact flights and the closures", (Text(NOTE, note=True), *tables))
+        )
     if claim := correlation_claim(validations):
         sections.append(Section("Does |ρ| > 1 show that the density is not Gaussian?", (Text(claim),)))
     sections.append(Section("How the tables are read", (Text(legend),)))
@@ -184,6 +195,7 @@ def write_report(
     swept: Sweep | None,
     provenance: dict[str, Any],
     overwrite: bool,
+    schemes: pd.DataFrame | None = None,
 ) -> dict[str, Any]:
     """Write the report folder, whole or not at all.
 
@@ -201,6 +213,8 @@ def write_report(
         Further facts for the manifest: command, commit, versions, times.
     overwrite : bool
         Whether an earlier report may be replaced.
+    schemes : DataFrame, optional
+        Ensembles of other schemes beside these, see `rattle.compare.validation.beside.beside`.
 
     Returns
     -------
@@ -233,7 +247,9 @@ def write_report(
             swept.validity.to_parquet(folder / "validity.parquet", index=False)
             write_csv(swept.speed, folder / "speed.csv", index=False)
             write_csv(swept.simulation, folder / "simulation.csv", index=False)
-        write_page(_page(settings, validations, swept, record, folder), folder, "report")
+        if schemes is not None:
+            write_csv(schemes, folder / "schemes.csv", index=False)
+        write_page(_page(settings, validations, swept, record, folder, schemes), folder, "report")
         (folder / "manifest.json").write_text(json_text(manifest.sealed(record)) + "\n", encoding="utf-8")
     return record
 

@@ -1,0 +1,83 @@
+"""Ensembles of named schemes beside exact flights and the closures: what each is off by, and what it costs."""
+
+import time
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from rattle.closure.cost import closure_seconds
+from rattle.compare.report import Row, Table, numbers
+from rattle.compare.validation.validate import Validation
+from rattle.compare.validation.verdict import section_errors
+from rattle.montecarlo import Ensemble, simulate
+
+__all__ = ["COLUMNS", "NOTE", "beside", "beside_table"]
+
+PATHS = 32_768
+COLUMNS = (
+    "sigma", "method", "dt", "paths", "bias_mean", "bias_sd", "error_mean", "error_sd", "core_seconds",
+)  # fmt: skip
+MOMENTS = ("mean", "sd")
+NOTE = (
+    f"Each scheme with {PATHS:,} paths, and each closure, compared with the simulation of this report: the largest "
+    "difference of a mean and of an sd over all impacts, in sds of the quantity, and the processor time (of closures "
+    "the nominal one). The difference of exact flights is the error of sampling so few paths. The bias of a step is "
+    "measured from dt, 2 dt and 4 dt on the same noise, whose time is included; differences are those of the moments "
+    "as simulated, from which it is not taken off (`schemes.csv`)."
+)
+
+
+class _Named(NamedTuple):
+    """The section moments of an ensemble, to be judged as those of a closure are."""
+
+    closure: str
+    section: pd.DataFrame
+
+
+def beside(validations: Sequence[Validation], schemes: Sequence[str], workers: int) -> pd.DataFrame:
+    """Simulate each scene of some validations by each of these schemes; a row for each of them and for each closure."""
+    rows = []
+    for v in validations:
+        for scheme in dict.fromkeys((v.run.scheme, *schemes)):
+            seed = np.random.SeedSequence(v.run.seed.entropy, spawn_key=(*v.run.seed.spawn_key, 1))
+            common: dict[str, Any] = {"impacts": v.run.impacts, "scheme": scheme, "rng": seed, "workers": workers}
+            simulate(v.scene.phase_reduced, paths=2, **common)  # compiles
+            began = time.process_time()
+            run = simulate(v.scene.phase_reduced, paths=PATHS, **common)
+            took = time.process_time() - began
+            table = section_errors(_Named(scheme, run.section), v.run.phase_reduced, v.z, v.tolerances)
+            rows.append((v.scene.sigma, scheme, run.dt, PATHS, *_biases(run, table), *_largest(table, "error"), took))
+        for closure, prediction in v.predictions.items():
+            table = v.table[(v.table["closure"] == closure) & (v.table["kind"] == "section")]
+            own = table.assign(judged=table["verdict"] != "not judged")
+            took = closure_seconds(prediction)
+            rows.append((v.scene.sigma, closure, np.nan, 0, np.nan, np.nan, *_largest(own, "error"), took))
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def _biases(run: Ensemble, table: pd.DataFrame) -> list[float]:
+    """The largest measured bias of a mean and of an sd."""
+    at = ["impact", "quantity", "moment"]
+    return _largest(table.drop(columns="bias").merge(run.step_bias[[*at, "bias"]], on=at), "bias")
+
+
+def _largest(table: pd.DataFrame, column: str) -> list[float]:
+    """The largest value of a mean and of an sd, in sds of the quantity, over the rows that are judged."""
+    rows = table[table["judged"] & (table["unit"] > 0.0)]
+    shares = rows[column].abs() / rows["unit"]
+    return [float(shares[rows["moment"] == moment].max()) for moment in MOMENTS]
+
+
+def beside_table(found: pd.DataFrame, sigma: float) -> Table:
+    """The rows of one noise intensity."""
+    rows: list[Row] = []
+    for r in found[found["sigma"] == sigma].to_dict("records"):
+        shares = [f"{r[name]:.3g}" if r[name] == r[name] else "–" for name in COLUMNS[4:8]]
+        dt = f"{r['dt']:.4g}" if r["dt"] == r["dt"] else "–"
+        rows.append(
+            [str(r["method"]), dt, f"{r['paths']:,}" if r["paths"] else "–", *shares, f"{r['core_seconds']:.3g}"]
+        )
+    heads = ("dt", "paths", "bias of a mean", "bias of an sd", "off by, mean", "off by, sd", "processor time in s")
+    return Table.of(["scheme or closure", *numbers(*heads)], rows)
