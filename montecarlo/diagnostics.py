@@ -15,7 +15,7 @@ from rattle.montecarlo.kernel.control_variate import no_control
 from rattle.montecarlo.schemes.step_size import default_step, largest_step, trusted_step
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings import is_random
+from rattle.montecarlo.settings import STEPS, is_random
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 
@@ -227,11 +227,8 @@ def _of_step(run: Ensemble) -> tuple[str, ...]:
     if run.plan.levels > 1:
         return (_of_measured_bias(run),)
     limit, why = trusted_step(scene, scheme)
-    noisy = (
-        f"The step may bias moments by more than {TOLERANCE:.0%} of an sd: {why}; dt = {limit:.2g} would do."
-        if dt > limit
-        else ""
-    )
+    remedy = f"dt = {limit:.2g} would do" if limit * STEPS > 1.0 else "take exact-flight, which has no such bias"
+    noisy = f"The step may bias moments by more than {TOLERANCE:.0%} of an sd: {why}; {remedy}." if dt > limit else ""
     shift, where = orbit_shift(run)
     by = f"{shift:.2g} sd" if is_random(scene) else f"{SMALLEST * shift:.2%}"
     moved = (

@@ -123,7 +123,7 @@ class Repeat(NamedTuple):
 
 
 def tables_beside(path: Path, recorded: Recorded) -> dict[str, str]:
-    """Read the tables beside a manifest whose digests are those that it records.
+    """Read the tables beside a manifest.
 
     Parameters
     ----------
@@ -140,11 +140,11 @@ def tables_beside(path: Path, recorded: Recorded) -> dict[str, str]:
     found = {}
     for name, file in TABLES.items():
         try:
-            text = (path.parent / file).read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError):
+            found[name] = (path.parent / file).read_text(encoding="utf-8")
+        except OSError:
             continue
-        if digest(text) == recorded.digests[name]:
-            found[name] = text
+        except UnicodeDecodeError:
+            found[name] = ""
     return found
 
 
@@ -170,17 +170,21 @@ def compared(recorded: Recorded, earlier: Mapping[str, str], now: Mapping[str, A
     changed = {n: (recorded.versions.get(n), here.get(n)) for n in dict.fromkeys([*here, *recorded.versions])}
     changed = {name: pair for name, pair in changed.items() if pair[0] != pair[1]}
     differing = [name for name in DIGESTS if now[name] != recorded.digests[name]]
+    altered = [name for name, text in earlier.items() if recorded.digests[name] not in (None, digest(text))]
     found = []
     for name in differing:
         file = TABLES[name]
         if now[name] is None or recorded.digests[name] is None:
             found.append(Difference(math.inf, math.inf, math.nan, f"only one of them has {file}"))
-        elif name not in earlier:
+        elif name not in earlier or name in altered:
             return Repeat(DIFFERENT, None, f"no {file} with the manifest's digest lies beside it", changed)
         else:
             before, after = (pd.read_csv(io.StringIO(t)) for t in (earlier[name], (folder / file).read_text("utf-8")))
             one = difference(before, after, recorded.settings.paths)
             found.append(one._replace(where=f"{file}, {one.where}"))
+    if altered:
+        files = " and ".join(TABLES[name] for name in altered)
+        found.append(Difference(math.inf, math.inf, math.nan, f"{files} beside it was altered since"))
     if not found:
         return Repeat(SAME, None, "", changed)
     largest = max(found, key=lambda one: one.excess)

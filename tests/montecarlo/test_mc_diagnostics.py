@@ -1,6 +1,7 @@
 """What a run says by itself of its numbers."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -104,6 +105,19 @@ def test_a_flight_of_no_length_is_no_unit(scheme):
     assert (motion_units(found.columns, scene)["tau"] == 0.0).any() == (scheme != PLAIN)
     assert math.isfinite(orbit_shift(found)[0])
     assert not any("nan" in said or "inf " in said for said in found.diagnostics)
+
+
+UNMEASURED = Record(step_bias=False)
+
+
+def test_no_step_is_advised_that_nobody_can_take():
+    """Wheels that do not rebound leave their wall with no speed: the noise returns them within any step."""
+    for epsilon in (0.0, 1e-9):
+        lines = simulate(
+            replace(dat21(0.1), epsilon=epsilon), paths=8, impacts=2, scheme=PLAIN, record=UNMEASURED
+        ).diagnostics
+        assert any("take exact-flight" in line and "may bias moments" in line for line in lines)
+        assert not any("would do" in line for line in lines)
 
 
 def test_few_paths_and_a_horizon_that_nobody_reaches_are_diagnosed_without_a_warning():

@@ -124,6 +124,17 @@ def test_without_the_tables_only_digests_are_compared(first, tmp_path, left):
 
 
 @pytest.mark.usefixtures("undrawn")
+def test_a_table_that_was_altered_beside_its_manifest_is_named(first, tmp_path):
+    shutil.copytree(first, tmp_path / "there")
+    rounded(pd.read_csv(first / "table.csv")).to_csv(tmp_path / "there" / "table.csv", index=False)
+    said = validate(
+        "--repeat", tmp_path / "there" / "manifest.json", "--out", tmp_path / "here", code=EXIT_NOT_REPEATED
+    )
+    assert "table.csv beside it was altered since" in said.output
+    assert "bit for bit" not in said.output
+
+
+@pytest.mark.usefixtures("undrawn")
 def test_a_requirement_that_is_not_met_counts_more_than_rounding(first, tmp_path):
     earlier = elsewhere(first, tmp_path / "there", rounded)
     validate("--repeat", earlier, "--out", tmp_path / "here", "--require", "accurate", code=EXIT_NOT_MET)
