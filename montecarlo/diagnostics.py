@@ -184,7 +184,7 @@ def unsampled(run: Ensemble) -> str:
     >>> from rattle.scene import DAT21
     >>> run = simulate(Scene.from_gears(DAT21, sigma=0.1), paths=1000, impacts=3, scheme="exact-flight")
     >>> print(unsampled(run)[:51])
-    A branch taken by about 521 in a million paths, not
+    A rare branch (about 521 in a million paths) is mis
     """
     if run.reach is not None or run.impacts > SEARCHED:
         return ""

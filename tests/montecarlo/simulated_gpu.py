@@ -76,7 +76,7 @@ def largest(a, b) -> float:
 def compare(scene: Scene, rng: int = 5, **settings) -> dict:
     """Differences between a run on the simulated GPU and one on the processor, whose seed is always 5."""
     settings = {"paths": 10, "impacts": 2, "dt": 0.01, "scheme": "euler-maruyama"} | settings
-    record = Record(raw=True, **settings.pop("record", {}))
+    record = Record(raw=True, step_bias=False, **settings.pop("record", {}))
     host = simulate(scene, rng=5, record=record, **settings)
     gpu = simulate(scene, rng=rng, device="cuda", record=record, **settings)
     seen = [0, 1, 2, 3, 6] if scene.stages == 1 else list(range(7))
