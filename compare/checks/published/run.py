@@ -12,6 +12,7 @@ from rattle.compare.checks.published.free_flight import free_flight
 from rattle.compare.checks.published.gaps import exit_side, random_gap
 from rattle.compare.checks.published.impact_laws import impact_laws
 from rattle.compare.checks.published.impact_pair import impact_pair
+from rattle.compare.checks.published.orbit_exponents import orbit_exponents
 from rattle.compare.checks.published.result import Measured, PublishedResult, limit
 from rattle.compare.checks.published.return_speed import critical_restitution, return_moments, return_speed
 from rattle.scene.validate import choice, count
@@ -28,6 +29,7 @@ RESULTS: dict[str, Callable[[int, int], Measured]] = {
         bouncing_ball,
         elastic_box,
         exponent_sum,
+        orbit_exponents,
         free_flight,
         impact_laws,
         energy_law,

@@ -15,6 +15,7 @@ from rattle.compare.checks.published import (
     elastic_box,
     exponent_sum,
     free_flight,
+    orbit_exponents,
     return_speed,
     returning,
 )  # fmt: skip
@@ -102,6 +103,11 @@ WRONG = {  # what a result calls, with an error in it
     ),
     "elastic-box": (elastic_box, "simulate", lambda scene, **k: simulate(replace(scene, beta1=0.52), **k)),
     "exponent-sum": (exponent_sum, "lyapunov", lambda scene, **k: lyapunov(replace(scene, beta1=0.09), **k)),
+    "orbit-exponents": (
+        orbit_exponents,
+        "lyapunov",
+        lambda scene, **k: lyapunov(replace(scene, alpha=1.001 * scene.alpha), **k),
+    ),
     "critical-restitution": (return_speed, "log_speeds", lambda epsilon, *k: returning.log_speeds(0.95 * epsilon, *k)),
 }
 
