@@ -19,8 +19,8 @@ LOST = "interrupted; unfinished work is lost, no file is half written"
 GRACE = 1.2
 """Seconds from Ctrl-C to the end of the process: enough to finish running blocks of paths and to print one line."""
 RETRY = 0.02  # seconds between two attempts to raise the interrupt while a module is imported
-LOSES_EXCEPTIONS = ("<frozen importlib._bootstrap>", "executionengine.py")
-"""Ends of the files of frames in which an exception goes astray: every import, and callbacks from the compiler's C."""
+LOSES_EXCEPTIONS = ("<frozen importlib._bootstrap>", "executionengine.py", "ffi.py")
+"""Ends of the files of frames in which an exception goes astray: imports, the compiler's callbacks and destructors."""
 
 said = threading.Event()
 """Set once the one line about the interrupt has been printed."""

@@ -105,7 +105,7 @@ def test_other_failed_writes_are_reported_by_the_command_line(monkeypatch, code)
     def refuse(*_):
         raise OSError(code, os.strerror(code), "/somewhere/x")
 
-    monkeypatch.setattr("rattle.compare.cli.sampling._scene", refuse)
+    monkeypatch.setattr("rattle.compare.cli.sampling.load_scene", refuse)
     said = rattle("simulate", code=2).stderr
     assert said.startswith(f"rattle: /somewhere/x: {os.strerror(code)}; ")
     assert said.endswith(", and repeat the command\n")
@@ -130,7 +130,7 @@ def test_another_fault_of_the_system_keeps_its_trace(monkeypatch):
     def refuse(*_):
         raise OSError(errno.ECHILD, "a mistake of ours")
 
-    monkeypatch.setattr("rattle.compare.cli.sampling._scene", refuse)
+    monkeypatch.setattr("rattle.compare.cli.sampling.load_scene", refuse)
     assert isinstance(CliRunner().invoke(main, ["simulate"]).exception, OSError)
 
 

@@ -85,7 +85,7 @@ def called_from_c():
 """
 
 
-@pytest.mark.parametrize(("module", "printed"), [("executionengine", False), ("another", True)])
+@pytest.mark.parametrize(("module", "printed"), [("executionengine", False), ("ffi", False), ("another", True)])
 def test_an_interrupt_in_a_callback_of_the_compiler_is_put_off_until_it_is_over(tmp_path, module, printed):
     """There, Python would print it and go on: the other module shows it."""
     command = COMMAND.replace("import extension", f"import {module} as m; m.called_from_c()")

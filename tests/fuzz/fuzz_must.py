@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from rattle.compare.validation.verdict import VERDICTS
+from rattle.compare.validation.verdict import TOO_FEW, VERDICTS
 from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene
 
@@ -40,10 +40,13 @@ def has_verdicts(table: Any) -> None:
     """Every row of a comparison has a verdict; where it says more than that there is nothing to say, numbers do too."""
     must(table["verdict"].isin(VERDICTS), table["verdict"].unique())
     judged = table[table["verdict"].isin(["accurate", "inaccurate", "undecided"])]
-    numbers = ["predicted", "simulated", "se", "error", "low", "high", "tolerance", "agreement"]
+    numbers = ["predicted", "simulated", "error", "tolerance", "agreement"]
+    interval = ["se", "low", "high"]
     must(np.isfinite(judged[numbers].to_numpy(float)), "judged without a number\n", judged[numbers])
-    must(judged["low"] <= judged["high"], "interval\n", judged[numbers])
-    must((judged["se"] >= 0.0) & (judged["tolerance"] >= 0.0), "widths\n", judged[numbers])
+    must(judged["tolerance"] >= 0.0, "tolerance\n", judged[numbers])
+    told = judged[~judged["remark"].str.contains(TOO_FEW, regex=False)]
+    must(np.isfinite(told[interval].to_numpy(float)), "judged without an interval\n", told[interval])
+    must((told["low"] <= told["high"]) & (told["se"] >= 0.0), "interval\n", told[interval])
     silent = table[(table["verdict"] == "not predicted") & table[["predicted", "low"]].notna().all(axis=1)]
     must(silent.empty, "predicted, and not judged\n", silent)
     share = table["agreement"].dropna()

@@ -140,7 +140,7 @@ def long_run_sums(scene):
     walk.follow(new_sums(2, 1, no_scales(0.1), False), False, seen)
     kept = new_sums(2, 1, scales_of_pilot(np.concatenate(seen), 0.1))
     walk.follow(kept, True)
-    yield from (kept.main, kept.power, kept.energy, kept.histogram, kept.section)
+    yield from (kept.main, kept.power, kept.products, kept.histogram, kept.section)
 
 
 def sums():

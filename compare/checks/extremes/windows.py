@@ -68,7 +68,7 @@ def correlations() -> Extreme:
                 covariance = np.array([[unit * unit, rho * unit], [rho * unit, 1.0]])
                 judged = moments.realizability(covariance)
                 least = _least(covariance)
-                errors.append(farthest(judged.rho, rho, 1.0))
+                errors.append(farthest(judged.rho, 1.0 if beyond and distance < moments.ROUNDING else rho, 1.0))
                 errors.append(farthest(judged.smallest_eigenvalue, least, min(unit, 1.0) ** 2))
                 if distance > moments.ROUNDING and judged.realizable == beyond:
                     errors.append(np.inf)

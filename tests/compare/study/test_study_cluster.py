@@ -169,7 +169,7 @@ def test_a_lost_scheduler_ends_the_study_with_one_line(small, tmp_path):
     assert done.returncode == 2, done.stderr
     line = done.stderr.rstrip("\n")
     assert "\n" not in line, line
-    assert line.startswith(f"rattle: scheduler = {address!r}: no longer answers: start it again; what is finished is")
+    assert line.startswith(f"rattle: scheduler = {address!r}: no longer answers: start it again; finished results")
     assert 2 <= len(kept(Study.load(file), store)) < 9
 
 
@@ -193,7 +193,7 @@ def test_the_loss_of_all_workers_is_said(small, tmp_path):
 
         killer = meanwhile(store, 1, act)
         with pytest.raises(
-            Lost, match=r"has had no workers for 5 s: start some .dask worker ADDRESS.; what is finished"
+            Lost, match=r"has had no workers for 5 s: start some .dask worker ADDRESS.; finished results are kept"
         ):
             run(Study.from_toml(study_text(sigmas=(0.02, 0.1), paths=30_000_000)), store, place)
         killer.join()
