@@ -110,7 +110,7 @@ def expected_paths(run: HasColumns, accuracy: float, share: float) -> ExpectedPa
         return ExpectedPaths(paths, "")
     if not added.probabilities.size:
         return ExpectedPaths(paths, "branches that are not known")
-    return ExpectedPaths(paths, f"a branch taken by {share_of(float(added.probabilities.min()))} paths")
+    return ExpectedPaths(paths, f"a rare branch ({share_of(float(added.probabilities.min()))} paths)")
 
 
 def _foreseen(

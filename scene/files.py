@@ -1,5 +1,6 @@
-"""Reading of text and TOML files, with errors that name the file."""
+"""Reading of text, TOML and JSON files, with errors that name the file."""
 
+import json
 import os
 import re
 import stat
@@ -11,17 +12,19 @@ from typing import Any
 
 from rattle.scene.errors import FileError, InputError
 
-__all__ = ["in_file", "read_text", "read_toml"]
+__all__ = ["in_file", "read_json", "read_text", "read_toml"]
 
 TABLE = re.compile(r"\s*\[+\s*([^\[\]]+?)\s*\]")
 KEY = re.compile(r"""\s*["']?([\w-]+)["']?\s*=""")
 PLACE = re.compile(r"\(at line (\d+),")
 LARGEST = 4_000_000
-"""Bytes of the largest file that is read."""
+"""Bytes of the largest file that is read, of those that people write."""
+LARGEST_JSON = 16 * LARGEST
+"""The same of files that rattle writes."""
 COMMA = re.compile(r"=\s*([-+]?\d+),(\d+)")
 
 
-def read_text(what: str, path: str | Path) -> str:
+def read_text(what: str, path: str | Path, give: str = "a TOML file", largest: int = LARGEST) -> str:
     """Read a UTF-8 text file, with a byte-order mark or without.
 
     Parameters
@@ -30,6 +33,10 @@ def read_text(what: str, path: str | Path) -> str:
         What the file is, for error messages, such as ``"scene file"``.
     path : str or Path
         Where it is.
+    give : str
+        What to give instead, for error messages.
+    largest : int
+        Bytes that it may have.
 
     Returns
     -------
@@ -39,26 +46,31 @@ def read_text(what: str, path: str | Path) -> str:
     Raises
     ------
     FileError
-        If it cannot be read, is no regular file, is larger than `LARGEST`, or is not UTF-8; names what the file was to
+        If it cannot be read, is no regular file, is larger than `largest`, or is not UTF-8; names what the file was to
         be, its path, and the remedy.
     """
     try:
         with open(Path(path), "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
             found = os.fstat(file.fileno())
             if not stat.S_ISREG(found.st_mode):  # a pipe or a device may never end
-                raise FileError(what, str(path), "is a pipe or a device; give a TOML file")
-            if found.st_size > LARGEST:
-                size = f"{found.st_size:,} bytes where {LARGEST:,} are the most"
-                raise FileError(what, str(path), f"is too large, {size}; give a TOML file")
-            return file.read(LARGEST).decode("utf-8-sig").replace("\r\n", "\n")
+                raise FileError(what, str(path), f"is a pipe or a device; give {give}")
+            if found.st_size > largest:
+                size = f"{found.st_size:,} bytes where {largest:,} are the most"
+                raise FileError(what, str(path), f"is too large, {size}; give {give}")
+            return file.read(largest).decode("utf-8-sig").replace("\r\n", "\n")
     except FileError:
         raise
     except UnicodeDecodeError:
-        raise FileError(what, str(path), "is not UTF-8 text; give a TOML file saved as UTF-8") from None
+        raise FileError(what, str(path), f"is not UTF-8 text; give {give} saved as UTF-8") from None
     except OSError as error:
-        raise FileError(what, str(path), f"cannot be read ({error.strerror}); give a TOML file") from None
+        raise FileError(what, str(path), f"cannot be read ({error.strerror}); give {give}") from None
     except (TypeError, ValueError):  # not a path, or one with a null character in it
-        raise FileError(what, path, "is no path; give that of a TOML file") from None
+        raise FileError(what, path, f"is no path; give that of {give}") from None
+
+
+def read_json(what: str, path: str | Path, give: str) -> Any:
+    """Read the data of a JSON file that rattle wrote; ValueError or RecursionError where it is no JSON."""
+    return json.loads(read_text(what, path, give, LARGEST_JSON))
 
 
 def read_toml(text: str) -> dict[str, Any]:

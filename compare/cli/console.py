@@ -11,8 +11,8 @@ from rattle.scene.text import harmless
 __all__ = ["say", "say_json", "say_part"]
 
 
-def say(text: str, *, err: bool = False) -> None:
-    """Print a text; terminal control characters are shown as escapes.
+def say(text: str, *, err: bool = False, keep: str = "") -> None:
+    """Print a text on one line; control characters, such as those of a file's name, are shown as escapes.
 
     Parameters
     ----------
@@ -20,8 +20,10 @@ def say(text: str, *, err: bool = False) -> None:
         The text as it was given.
     err : bool
         Whether to print on standard error.
+    keep : str
+        Control characters that stay: line ends, for a table.
     """
-    click.echo(harmless(text), err=err)
+    click.echo(harmless(text, keep), err=err)
 
 
 def say_json(data: Any) -> None:

@@ -129,7 +129,7 @@ def simulate(
         }
         say_json(record)
     else:
-        say(_table(in_units(run.columns, base.gears, units), shown_in(units, base.gears)))
+        say(_table(in_units(run.columns, base.gears, units), shown_in(units, base.gears)), keep="\n")
         say(f"{run.paths:,} paths, {run.scheme}, dt = {run.dt:.4g}, {run.wall_seconds:.1f} s on {workers} threads")
         if reach is not None and reach.reached:  # else it is among the diagnostics
             say(reach.sentence)
@@ -226,7 +226,7 @@ def bench(as_json: bool) -> None:
         say_json(table.reset_index().to_dict("records"))
         return
     names = {"ns": "ns per path-step", "times_floor": "times floor", "gain": "times as fast", "us": "us per path"}
-    say(table.rename(columns=names).to_string(float_format="{:.2f}".format, na_rep=""))
+    say(table.rename(columns=names).to_string(float_format="{:.2f}".format, na_rep=""), keep="\n")
     say("One core, processor time, all in turns: the least, and medians of ratios; floor = one normal + the arithmetic")
     say("of one step; times as fast as a path-step of the skilled loop, or as a normal by standard_normal.")
 
@@ -262,12 +262,12 @@ def order(
         say_json(table.to_dict("records"))
         return
     names = ["scheme", "moment", "quantity", "slope", "low", "high", "last", "turns", "order", "change", "limit_z"]
-    say(table[names].to_string(index=False, float_format="{:.3g}".format, na_rep="-"))
+    say(table[names].to_string(index=False, float_format="{:.3g}".format, na_rep="-"), keep="\n")
     for sentence in orders_said(table):
         say(sentence)
     say(
         "slope of the step bias over these dt, in [low, high] with 95 % confidence; last: that at the finest; turns: "
         "impacts at\nwhich the change turns its sign; order: only where the slope has settled; change: size of the "
         "last change, in sds;\nlimit_z: Richardson extrapolation minus exact flights in standard errors; -: hidden by "
-        "noise."
-    )
+        "noise.", keep="\n",
+    )  # fmt: skip

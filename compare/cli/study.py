@@ -76,11 +76,11 @@ def study(
     within(folder, CELLS)
     seen = Store(folder / CELLS, read_only=True)
     if explain:
-        say(_explained(wanted, seen, workers))
+        say(_explained(wanted, seen, workers), keep="\n")
         return
     _ = wanted.points  # finds what cannot be computed before any file is written
     if status:
-        say(_status(wanted, seen))
+        say(_status(wanted, seen), keep="\n")
         return
     record = _finished(wanted, seen, folder)
     if record is None:

@@ -4,6 +4,7 @@ from dataclasses import asdict
 
 from rattle.scene.gears import DAT21
 from rattle.scene.parts import Start, Tolerance
+from rattle.scene.text import line
 
 __all__ = ["template"]
 
@@ -108,7 +109,7 @@ def template(name: str) -> str:
     tolerance = asdict(Tolerance(0.05, 0.05))
     model = {f"{kind}{i}": getattr(DAT21, kind)(i) for kind in ("beta", "gamma") for i in (1, 2)}
     parts = [
-        HEAD.format(name=" ".join(name.split())),
+        HEAD.format(name=line(name)),
         "[gears]\n" + "".join(gears) + ROTATION,
         DRAWING,
         SCENE,

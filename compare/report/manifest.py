@@ -2,7 +2,6 @@
 
 import hashlib
 import importlib.metadata
-import json
 import platform
 import re
 import shlex
@@ -16,6 +15,7 @@ from llvmlite import binding
 
 from rattle.compare.report.json_text import json_digest, plain
 from rattle.scene.errors import FileError, InputError
+from rattle.scene.files import read_json
 from rattle.scene.scene import Scene
 from rattle.scene.validate import known_keys
 
@@ -137,7 +137,7 @@ def read_settings(path: Path) -> Recorded:
         For a setting or scene that is not admissible.
     """
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = read_json("manifest", path, "a manifest.json")
         not_newer(data, path)
         if not is_whole(data):
             raise FileError("manifest", str(path), "was changed after it was written; restore it")
@@ -156,8 +156,6 @@ def read_settings(path: Path) -> Recorded:
         name = settings["name"].encode(errors="replace").decode()
         versions = {str(of): str(version) for of, version in data.get("versions", {}).items()}
         return Recorded(Settings(**{**settings, "name": name, "scenes": scenes, **lists}), digests, versions)
-    except OSError as error:
-        raise FileError("manifest", str(path), f"cannot be read ({error.strerror})") from None
     except InputError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:

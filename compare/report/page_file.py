@@ -1,7 +1,6 @@
 """The file ``page.json``: a page as data, read back with validation of its structure and digest."""
 
 import dataclasses
-import json
 import types
 import typing
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 from rattle.compare.report.content import Block, Code, Figure, Glossary, Page, Table, Text
 from rattle.compare.report.json_text import json_digest, json_text
 from rattle.scene.errors import FileError, InputError
+from rattle.scene.files import read_json
 
 __all__ = ["NAME", "page_text", "read_page"]
 
@@ -42,6 +42,7 @@ def page_text(page: Page) -> str:
     Examples
     --------
     >>> from rattle.compare.report import Page, Source
+    >>> import json
     >>> json.loads(page_text(Page("t", ("a",), Source("again"))))["page"]
     {'title': 't', 'answer': ['a'], 'source': {'repeat': 'again'}}
     """
@@ -69,13 +70,13 @@ def read_page(path: Path) -> Page:
 
     Examples
     --------
-    >>> read_page(Path("nowhere.json"))
+    >>> read_page(Path("no.json"))
     Traceback (most recent call last):
     ...
-    rattle.scene.errors.FileError: page = 'nowhere.json': cannot be read (No such file or directory)
+    rattle.scene.errors.FileError: page = 'no.json': cannot be read (No such file or directory); give a page.json
     """
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = read_json("page", path, "a page.json")
         if not isinstance(data, dict) or data.get("format") != FORMAT:
             raise _Refused("format", f"is not {FORMAT!r}")
         version = data.get("version")
@@ -87,8 +88,6 @@ def read_page(path: Path) -> Page:
         page: Page = _read(Page, data.get("page"), "page")
         if "sha256" in data and data["sha256"] != json_digest(data["page"]):  # an earlier version wrote none
             raise _Refused("sha256", "the page was changed after it was written")
-    except OSError as error:
-        raise FileError("page", str(path), f"cannot be read ({error.strerror})") from None
     except _Refused as error:
         raise FileError("page", str(path), f"is no page of a report ({error})") from None
     except (ValueError, OverflowError, RecursionError) as error:

@@ -54,7 +54,7 @@ def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[
     >>> facts |= {"folder": "cache", "not_judged": 1, "by_size": 2, "size": "2,048 paths"}
     >>> print("\\n".join(summary_lines([("test_a", facts)])))
     checks     4 rows in 1 test: 3 passed, 1 failed, 0 undecided
-    not judged 1 row more: a displacement at the mesh that most simulated paths strike is the wall itself
+    excluded   1 row more (at the wall): there a displacement is the wall itself
     by size    2 of the rows: sd is 0, or below what doubles resolve: compared with 1e-06 of the quantity's size
     intervals  3.29 standard errors, so that a test whose claim is true fails with a probability of at most 0.01
     ensembles  1 simulated in 1.5 s, 1 from the cache cache
@@ -90,10 +90,8 @@ def _check_lines(checks: Sequence[tuple[str, Mapping[str, Any]]], title: str, si
         f"{rows - failed - undecided} passed, {failed} failed, {undecided} undecided"
     )
     if excluded := sum(f["not_judged"] for _, f in checks):
-        yield (
-            f"not judged {excluded} row{'s' * (excluded > 1)} more: a displacement at the mesh that most simulated "
-            "paths strike is the wall itself"
-        )
+        rows_more = f"{excluded} row{'s' * (excluded > 1)} more"
+        yield f"excluded   {rows_more} (at the wall): there a displacement is the wall itself"
     if by_size := sum(f["by_size"] for _, f in checks):
         yield f"by size    {by_size} of the rows: {BY_SIZE}"
     widths = sorted({f"{f['z']:.2f}" for _, f in checks}, key=float)

@@ -27,9 +27,9 @@ NOT_JUDGED = "not judged"
 VERDICTS = (*JUDGED, "not predicted", NOT_JUDGED)
 
 RULE = (
-    "At each impact the displacement at the mesh that most simulated paths strike is not judged, in any table, count "
-    "or sentence: there it is the wall itself, known beforehand, and its spread says only how many paths have left the "
-    "itinerary (with a random tolerance, what was drawn besides)."
+    "At each impact the displacement at the mesh that most simulated paths strike is excluded (at the wall) from "
+    "verdicts, counts and sentences: there it is the wall itself, known beforehand, and its spread says only how many "
+    "paths have left the itinerary (with a random tolerance, what was drawn besides)."
 )
 """Which rows `at_wall` excludes, and why, as pages state it."""
 

@@ -25,7 +25,7 @@ def pilot():
 
 def test_a_rare_branch_is_counted_before_it_is_seen(pilot):
     found = expected_paths(pilot, 0.3, share_of_look(1))
-    assert found.branch == "a branch taken by about 27 in a million paths"
+    assert found.branch == "a rare branch (about 27 in a million paths)"
     run = simulate(BRANCHING, paths=int(found.paths), impacts=6, scheme="exact-flight", rng=1, workers=2)
     assert 0.3 / 1.5 < error_bound(run, share_of_look(1)).error < 0.3 * 1.5
 
@@ -45,7 +45,7 @@ def test_where_no_branch_is_near_paths_fall_with_the_square_of_the_accuracy():
 
 
 def test_what_a_branch_makes_dear_is_refused_before_the_work_and_says_so():
-    with pytest.raises(InputError, match=r"most paths are for a branch taken by about 27 in a million paths: ask for"):
+    with pytest.raises(InputError, match=r"most paths are for a rare branch \(about 27 in a million paths\): ask for"):
         simulate_to(BRANCHING, 1e-3, impacts=6)
 
 

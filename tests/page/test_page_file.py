@@ -88,7 +88,7 @@ def test_what_is_no_object_is_refused(text, tmp_path):
 
 def test_bytes_that_are_no_text_are_refused(tmp_path):
     (tmp_path / "page.json").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(FileError, match="no page of a report"):
+    with pytest.raises(FileError, match="is not UTF-8 text; give a page"):
         read_page(tmp_path / "page.json")
 
 
