@@ -28,35 +28,18 @@ GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 @dataclass(frozen=True)
 class Attractor:
-    """Where an orbit ends.
+    """Where an orbit ends."""
 
-    Attributes
-    ----------
-    kind : str
-        `PERIODIC`, `REST_FOR_GOOD` or `IRREGULAR`.
-    reason : str
-        The same as a clause.
-    periods : int
-        Length of a periodic orbit in periods of the excitation; 0 for others.
-    tau : ndarray, shape (impacts + 1,)
-        Times of the impacts of one cycle, the last of the cycle before it first; empty for others.
-    mesh, side : ndarray of int, shape (impacts + 1,)
-        What is struck.
-    before, after : ndarray, shape (impacts + 1, 4)
-        States just before and just after.
-    contact : tuple of float
-        Share of the time in which each mesh is closed.
-    """
-
-    kind: str
-    reason: str
-    periods: int
+    kind: str  # `PERIODIC`, `REST_FOR_GOOD` or `IRREGULAR`
+    reason: str  # the same as a clause
+    periods: int  # length of a periodic orbit in periods of the excitation; 0 for others
+    # times of the impacts of one cycle, the last of the cycle before it first; empty for others; (impacts + 1,)
     tau: Floats
-    mesh: Ints
+    mesh: Ints  # mesh, side: what is struck; (impacts + 1,)
     side: Ints
-    before: Floats
+    before: Floats  # before, after: states just before and just after; (impacts + 1, 4)
     after: Floats
-    contact: tuple[float, float]
+    contact: tuple[float, float]  # share of the time in which each mesh is closed
 
     @property
     def impacts(self) -> int:
@@ -69,17 +52,7 @@ class Attractor:
         return max(self.contact) > 0.0
 
     def same(self, other: "Attractor") -> bool:
-        """Whether this is the same attractor, at another time.
-
-        Parameters
-        ----------
-        other : Attractor
-            Of the same scene.
-
-        Returns
-        -------
-        bool
-        """
+        """Whether this is the same attractor, at another time."""
         if (self.kind, self.periods, self.impacts) != (other.kind, other.periods, other.impacts):
             return False
         if self.impacts == 0:
@@ -106,16 +79,8 @@ def _repeats(orbit: Orbit, end: float, periods: int, stages: int) -> bool:
 def attractor(scene: Scene, start: int = 0) -> Attractor:
     """Find where the orbit of a scene ends.
 
-    Parameters
-    ----------
-    scene : Scene
-        Its noise and random tolerance are not used.
-    start : int
-        0 for the scene's own start; start number n is the same state at a phase later by n times 0.618 periods.
-
-    Returns
-    -------
-    Attractor
+    `start`: 0 for the scene's own start; start number n is the same state at a phase later by n times 0.618
+    periods.
 
     Examples
     --------

@@ -86,22 +86,7 @@ def _means(before: Floats, raw: Floats, windows: tuple[float, float], stages: in
 
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
-    """Follow the corrected closure.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    impacts : int
-        Impacts after the start.
-    order : int
-        Highest order of the raw moments.
-
-    Returns
-    -------
-    Trace
-        Up to the orbit's first sticking phase at most.
-    """
+    """Follow the corrected closure."""
     c, orbit = scene.constants, follow(scene, impacts).until_sticking
     windows = scene.windows
     computed, scale = _propagate(c, orbit.tau, orbit.mesh, orbit.found)

@@ -33,17 +33,7 @@ def coefficients(raw: Floats, sd_x: float, sd_y: float) -> Floats:
     has the given moments; Eq. 11 groups the same terms by order, with moments of order 4 where
     cumulants belong (docs/model.md section 9).
 
-    Parameters
-    ----------
-    raw : ndarray, shape (order + 1, order + 1)
-        Raw moments ``E[xi^n zeta^p]``.
-    sd_x, sd_y : float
-        Standard deviations of displacement and velocity.
-
-    Returns
-    -------
-    ndarray, shape (order + 1, order + 1)
-        Entry ``[i, j]``; 0 for ``i + j > order``.
+    Shapes: `raw` (order + 1, order + 1); result (order + 1, order + 1).
 
     Examples
     --------
@@ -66,18 +56,6 @@ def coefficients(raw: Floats, sd_x: float, sd_y: float) -> Floats:
 @jit
 def has_series(vx: float, vy: float, order: int) -> bool:
     """Whether two variances are positive, and the powers of the sds up to that order neither underflow nor overflow.
-
-    Parameters
-    ----------
-    vx, vy : float
-        Variances of displacement and velocity.
-    order : int
-        Highest order of the series.
-
-    Returns
-    -------
-    bool
-        Whether an Edgeworth series can be formed.
 
     Examples
     --------
@@ -160,19 +138,7 @@ def window_means(a: Floats, sd_x: float, sd_y: float, low: float, high: float) -
 
     These are integrals over the window, not means conditional on it: that is how the paper shifts its means.
 
-    Parameters
-    ----------
-    a : ndarray, shape (order + 1, order + 1)
-        Coefficients of the series.
-    sd_x, sd_y : float
-        Standard deviations of displacement and velocity.
-    low, high : float
-        Ends of the window in xi.
-
-    Returns
-    -------
-    mean_x, mean_y : float
-        Both integrals.
+    Shapes: `a` (order + 1, order + 1).
 
     Examples
     --------
@@ -195,18 +161,6 @@ def window_means(a: Floats, sd_x: float, sd_y: float, low: float, high: float) -
 def section_density(values: Floats, mean: float, sd: float, skew: float) -> Floats:
     """Edgeworth density of one quantity up to its third cumulant, the order at which its skewness is O(sigma).
 
-    Parameters
-    ----------
-    values : ndarray
-        Where to evaluate it, any shape.
-    mean, sd, skew : float
-        Moments of the quantity; the sd is positive.
-
-    Returns
-    -------
-    ndarray
-        Density at `values`; it may be negative in the tails.
-
     Examples
     --------
     >>> section_density(np.array([0.0]), 0.0, 1.0, 0.3).round(6).tolist()
@@ -222,17 +176,7 @@ def mixture_density(values: Floats, weights: Floats, means: Floats, variances: F
 
     A component narrower than a hundredth of the mixture's sd is widened to that.
 
-    Parameters
-    ----------
-    values : ndarray
-        Where to evaluate it, any shape.
-    weights, means, variances : ndarray, shape (components,)
-        The mixture; weights sum to 1.
-
-    Returns
-    -------
-    ndarray
-        Density at `values`.
+    Shapes: `weights`, `means`, `variances` (components,).
 
     Examples
     --------

@@ -34,35 +34,15 @@ NODES = 20  # of the quadrature over a cell
 
 
 class Pieces(NamedTuple):
-    """A mixture of Gaussians, over one deviation or over the section state.
+    """A mixture of Gaussians, over one deviation or over the section state."""
 
-    Attributes
-    ----------
-    weight : ndarray, shape (components,)
-        Probabilities; their sum is 1.
-    mean : ndarray, shape (components,) or (components, d)
-        Of each component.
-    variance : ndarray, shape (components,) or (components, d, d)
-        Variances of one deviation, or covariances.
-    """
-
-    weight: Floats
-    mean: Floats
-    variance: Floats
+    weight: Floats  # probabilities; their sum is 1; (components,)
+    mean: Floats  # of each component; (components,) or (components, d)
+    variance: Floats  # variances of one deviation, or covariances; (components,) or (components, d, d)
 
 
 def random_tolerance(scene: Scene) -> Tolerance | None:
     """The tolerance of a scene if a flank is random.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-
-    Returns
-    -------
-    Tolerance or None
-        None if no deviation varies.
 
     Examples
     --------
@@ -76,16 +56,6 @@ def random_tolerance(scene: Scene) -> Tolerance | None:
 
 def pieces(distribution: str) -> Pieces:
     """A random deviation as a mixture, one Gaussian for each of `PIECES` cells that are narrower towards the ends.
-
-    Parameters
-    ----------
-    distribution : {"uniform", "normal"}
-        Distribution of the deviation, as of `Tolerance`.
-
-    Returns
-    -------
-    Pieces
-        For ``c_max = 1``.
 
     Examples
     --------
@@ -120,15 +90,8 @@ def _placed(scene: Scene) -> Floats:
 def start_covariance(scene: Scene) -> Floats:
     """Covariance of the section state after the start, which only random flanks give it.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-
-    Returns
-    -------
-    ndarray, shape (9, 9), or (5, 5) where no flank varies
-        Of ``(tau, x1, y1, x2, y2)`` and the deviations of +1, -1, +2, -2.
+    Returns: Of ``(tau, x1, y1, x2, y2)`` and the deviations of +1, -1, +2, -2. Shapes: result (9, 9), or (5, 5)
+    where no flank varies.
 
     Examples
     --------
@@ -151,15 +114,7 @@ def start_covariance(scene: Scene) -> Floats:
 def start_pieces(scene: Scene) -> Pieces:
     """The section state after the start relative to the orbit's, as a mixture over the deviations drawn once per path.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-
-    Returns
-    -------
-    Pieces
-        Over 9 quantities, or 5 where no flank varies; one component if deviations are drawn per contact.
+    Returns: Over 9 quantities, or 5 where no flank varies; one component if deviations are drawn per contact.
 
     Examples
     --------
@@ -187,18 +142,6 @@ def start_pieces(scene: Scene) -> Pieces:
 def column(mesh: int, side: int) -> int:
     """Index of a flank's deviation in the section state.
 
-    Parameters
-    ----------
-    mesh : {1, 2}
-        Mesh.
-    side : int
-        Flank, +1 or -1.
-
-    Returns
-    -------
-    int
-        5 to 8.
-
     Examples
     --------
     >>> [column(mesh, side) for mesh in (1, 2) for side in (1, -1)]
@@ -211,19 +154,7 @@ def column(mesh: int, side: int) -> int:
 def between(c: Constants, e: Floats) -> tuple[Constants, float, float]:
     """A scene with given flank deviations: its half gaps, and the centres of the gaps.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene with nominal walls.
-    e : ndarray, shape (9,)
-        Section state, with the deviations of the flanks.
-
-    Returns
-    -------
-    c : Constants
-        The scene with these half gaps.
-    middle1, middle2 : float
-        Displacements at the centres of both gaps.
+    Shapes: `e` (9,).
 
     Examples
     --------
@@ -245,14 +176,7 @@ def between(c: Constants, e: Floats) -> tuple[Constants, float, float]:
 def forget(flank: int, mean: Floats, covariance: Floats) -> None:
     """Remove from a Gaussian, in place, what is known of a flank's deviation, because it is drawn anew.
 
-    Parameters
-    ----------
-    flank : int
-        Index of the deviation, see `column`.
-    mean : ndarray, shape (9,)
-        Overwritten.
-    covariance : ndarray, shape (9, 9)
-        Overwritten; row and column of the flank become 0.
+    Shapes: `mean` (9,); `covariance` (9, 9).
 
     Examples
     --------

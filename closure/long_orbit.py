@@ -69,13 +69,8 @@ def _sample(c: Constants, step: float, s: Stretch, velocity: Floats) -> int:
 class LongOrbit:
     """The deterministic orbit of a scene from one of many starts, followed a stretch at a time.
 
-    Parameters
-    ----------
-    scene : Scene
-        Its noise and random tolerance are not used.
-    start : int
-        0 for the scene's own start; start number n is the same state at a phase later by n times 0.618 periods (the
-        golden ratio, so that the phases of many starts are spread evenly).
+    `start`: 0 for the scene's own start; start number n is the same state at a phase later by n times 0.618
+    periods (the golden ratio, so that the phases of many starts are spread evenly).
 
     Examples
     --------
@@ -99,18 +94,8 @@ class LongOrbit:
     def stretch(self, impacts: int, tangent: bool = True) -> Stretch:
         """The next impacts of the orbit.
 
-        Parameters
-        ----------
-        impacts : int
-            How many.
-        tangent : bool
-            Whether to compute the growth of neighbours; `growth` is 0 otherwise.
-
-        Returns
-        -------
-        Stretch
-            Fewer impacts where the orbit has ended; the attribute `ended` is then a code of
-            `rattle.scene.impact.MISSES`.
+        Returns: Fewer impacts where the orbit has ended; the attribute `ended` is then a code of
+        `rattle.scene.impact.MISSES`.
         """
         flight, phase, code = np.empty(impacts), np.empty(impacts), np.empty(impacts, np.int64)
         before, growth = np.empty((impacts, 4)), np.zeros((impacts, 4))
@@ -125,19 +110,7 @@ class LongOrbit:
 def velocities(scene: Scene, s: Stretch, step: float) -> Floats:
     """``(y1, y2)`` at equal time steps from the first to the last impact of a stretch of the orbit.
 
-    Parameters
-    ----------
-    scene : Scene
-        The scene of the orbit.
-    s : Stretch
-        From `LongOrbit.stretch`.
-    step : float
-        Time step.
-
-    Returns
-    -------
-    ndarray, shape (steps, 2)
-        Relative velocities.
+    Shapes: result (steps, 2).
 
     Examples
     --------

@@ -97,23 +97,13 @@ def _follow(
 
 
 class StickingPhase(NamedTuple):
-    """A time in which a mesh sticks.
+    """A time in which a mesh sticks."""
 
-    Attributes
-    ----------
-    mesh, side : int
-        Mesh and flank.
-    closed, opened : float
-        Begin and end in local time; ``opened`` is infinite for a mesh that sticks for good.
-    impact : int
-        Number of the last impact before it.
-    """
-
-    mesh: int
+    mesh: int  # mesh, side: mesh and flank
     side: int
-    closed: float
+    closed: float  # closed, opened: begin and end in local time; ``opened`` is infinite for a mesh that sticks for good
     opened: float
-    impact: int
+    impact: int  # number of the last impact before it
 
 
 @dataclass(frozen=True)

@@ -189,18 +189,7 @@ def _covariance(raw: Floats) -> Floats:
 
 
 def check(scene: Scene) -> None:
-    """Refuse a scene that does not start with an impact at mesh 1, the only start that Eq. 10 covers.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-
-    Raises
-    ------
-    InputError
-        For any other start.
-    """
+    """Refuse a scene that does not start with an impact at mesh 1, the only start that Eq. 10 covers."""
     if scene.start.mesh != 1:
         raise InputError(
             "start.mesh",
@@ -210,22 +199,7 @@ def check(scene: Scene) -> None:
 
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
-    """Follow the published mean map.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled; it starts at mesh 1.
-    impacts : int
-        Impacts after the start.
-    order : int
-        Highest order of the raw moments.
-
-    Returns
-    -------
-    Trace
-        Without sds of tau and flight.
-    """
+    """Follow the published mean map."""
     c, windows = scene.constants, scene.windows
     m = _first(scene, impacts, order)
     found = _iterate(c, windows, m)

@@ -26,17 +26,7 @@ BINOMIAL = np.array([[comb(n, k) for k in range(7)] for n in range(7)], dtype=fl
 def stage_raw_moments(covariance: Floats, order: int) -> Floats:
     """Raw moments of both stages of Gaussian perturbations.
 
-    Parameters
-    ----------
-    covariance : ndarray, shape (count, 4, 4)
-        Of ``(xi_1, zeta_1, xi_2, zeta_2)``.
-    order : int
-        Highest order.
-
-    Returns
-    -------
-    ndarray, shape (count, 2, order + 1, order + 1)
-        ``E[xi^n zeta^p]`` of each stage.
+    Shapes: `covariance` (count, 4, 4); result (count, 2, order + 1, order + 1).
     """
     raw = np.empty((len(covariance), 2, order + 1, order + 1))
     for k in range(len(covariance)):
@@ -51,21 +41,7 @@ def stage_raw_moments(covariance: Floats, order: int) -> Floats:
 def after_flight(raw: Floats, beta: float, t: float, q: Floats) -> Floats:
     """Raw moments after a flight.
 
-    Parameters
-    ----------
-    raw : ndarray, shape (order + 1, order + 1)
-        ``E[xi^n zeta^p]`` before it; entries with ``n + p > order`` are ignored.
-    beta : float
-        Damping ratio.
-    t : float
-        Flight time.
-    q : ndarray, shape (2, 2)
-        Covariance of the noise of the flight.
-
-    Returns
-    -------
-    ndarray, shape (order + 1, order + 1)
-        The same after it.
+    Shapes: `raw` (order + 1, order + 1); `q` (2, 2); result (order + 1, order + 1).
 
     Examples
     --------
@@ -94,19 +70,7 @@ def after_flight(raw: Floats, beta: float, t: float, q: Floats) -> Floats:
 def unmodulated_covariance(beta: float, sigma: float, t: float) -> Floats:
     """Noise covariance of a flight if the noise on the velocity were not modulated, as in Eq. 14.
 
-    Parameters
-    ----------
-    beta : float
-        Damping ratio.
-    sigma : float
-        Noise intensity.
-    t : float
-        Flight time.
-
-    Returns
-    -------
-    ndarray, shape (2, 2)
-        Of displacement and velocity.
+    Shapes: result (2, 2).
     """
     q = np.zeros((2, 2))
     panel = min(PANEL, 2.0 / beta) if beta > 0.0 else PANEL

@@ -37,29 +37,8 @@ def propagate(
 ) -> tuple[int, Floats, Floats, Floats, Floats, Floats]:  # fmt: skip
     """Mean shift, sd and skewness of the section quantities, and covariance of the section state before and after.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    tau, mesh, side, before, after, found
-        Of the orbit, see `rattle.closure.orbit.Orbit`.
-    start : ndarray, shape (d, d)
-        Covariance of the section state after the start; its size tells whether flanks vary.
-    variance : ndarray, shape (4,)
-        Of the flanks' deviations.
-    redraw : bool
-        Whether impacts draw them anew.
-    second : bool
-        Whether to go to second order.
-
-    Returns
-    -------
-    found : int
-        Number of impacts that could be evaluated.
-    shift, sd, skew : ndarray, shape (impacts + 1, 6)
-        Of the section quantities.
-    section, covariance : ndarray, shape (impacts + 1, d, d)
-        Of the section state before and after each impact.
+    `start`: Covariance of the section state after the start; its size tells whether flanks vary. Shapes: `start`
+    (d, d); `variance` (4,); result (impacts + 1, 6); result (impacts + 1, d, d).
     """
     count, d = tau.size, start.shape[0]
     shift = np.full((count, 6), np.nan)
@@ -126,22 +105,7 @@ def propagate(
 
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
-    """Follow the saltation closure; to second order from `order` 3 on.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    impacts : int
-        Impacts after the start.
-    order : int
-        Highest order of the raw moments.
-
-    Returns
-    -------
-    Trace
-        Up to the orbit's first sticking phase or grazing impact at most.
-    """
+    """Follow the saltation closure; to second order from `order` 3 on."""
     c, orbit = scene.constants, follow(scene, impacts).until_sticking
     tolerance = random_tolerance(scene)
     variance = np.zeros(4) if tolerance is None else np.repeat(tolerance.variances, 2)

@@ -37,25 +37,7 @@ def derivatives(
 
     The flight is linear except in the phase of its start; the other nonlinearity is the time at which it ends.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    mesh, side : int
-        The mesh and flank that are struck.
-    tau, after : float, ndarray of shape (4,)
-        Time of the last impact and the orbit's state after it.
-    t, before : float, ndarray of shape (4,)
-        Flight time of the orbit and its state before the next impact.
-    d : int
-        Size of s: 5, or 9 with the flanks.
-
-    Returns
-    -------
-    first : ndarray, shape (d, d + 4)
-        Jacobian.
-    second : ndarray, shape (5, d + 4, d + 4)
-        Hessians of ``tau, x1, y1, x2, y2``.
+    Shapes: `tau`, `after` (4,); `t`, `before` (4,); `first` (d, d + 4); `second` (5, d + 4, d + 4).
     """
     size = d + 4
     i = 0 if mesh == 1 else 2
@@ -115,17 +97,7 @@ def noise_slope(c: Constants, tau: float, t: float) -> Floats:
 
     That covariance is ``A + B cos 2 tau + C sin 2 tau``, so a difference over a quarter of a period gives it exactly.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    tau, t : float
-        Start and time of the flight.
-
-    Returns
-    -------
-    ndarray, shape (4, 4)
-        ``d Q / d tau``.
+    Shapes: result (4, 4).
     """
     eighth = 0.25 * math.pi
     slope, earlier = noise_covariance(c, tau + eighth, t), noise_covariance(c, tau - eighth, t)
@@ -141,25 +113,8 @@ def third_cumulants(
 ) -> Floats:
     """Third cumulants of the next section state; see the module's docstring.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    tau : float
-        Time of the next impact of the orbit.
-    first, hessian : ndarray, shapes (d, d + 4) and (5, d + 4, d + 4)
-        From `derivatives`.
-    p, q : ndarray, shapes (d, d) and (4, 4)
-        Covariances of the last section state and of the flight's noise.
-    slope : ndarray, shape (4, 4)
-        From `noise_slope`.
-    third : ndarray, shape (d, d, d)
-        Third cumulants of the last section state.
-
-    Returns
-    -------
-    ndarray, shape (d, d, d)
-        Third cumulants just before the next impact.
+    Shapes: `first`, `hessian` (d, d + 4) and (5, d + 4, d + 4); `p`, `q` (d, d) and (4, 4); `slope` (4, 4);
+    `third` (d, d, d); result (d, d, d).
     """
     d = p.shape[0]
     size = d + 4
@@ -204,21 +159,8 @@ def flight_third_cumulant(first: Floats, hessian: Floats, p: Floats, q: Floats, 
     Only the next tau is nonlinear.  The noise beyond the orbit's flight time does not enter, because it acts on
     velocities.
 
-    Parameters
-    ----------
-    first, hessian : ndarray, shapes (d, d + 4) and (5, d + 4, d + 4)
-        From `derivatives`.
-    p, q : ndarray, shapes (d, d) and (4, 4)
-        Covariances of the last section state and of the flight's noise.
-    slope : ndarray, shape (4, 4)
-        From `noise_slope`.
-    third : ndarray, shape (d, d, d)
-        Third cumulants of the last section state.
-
-    Returns
-    -------
-    float
-        Third cumulant.
+    Shapes: `first`, `hessian` (d, d + 4) and (5, d + 4, d + 4); `p`, `q` (d, d) and (4, 4); `slope` (4, 4);
+    `third` (d, d, d).
     """
     d = p.shape[0]
     own = first[0].copy()  # derivative of the flight time with respect to (s, n)
@@ -238,19 +180,7 @@ def flight_third_cumulant(first: Floats, hessian: Floats, p: Floats, q: Floats, 
 def hit_matrix(c: Constants, mesh: int, d: int) -> Floats:
     """The restitution map on the section state ``(tau, x1, y1, x2, y2, ...)``.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    mesh : {1, 2}
-        Mesh that is struck.
-    d : int
-        Size of the section state, 5 or 9.
-
-    Returns
-    -------
-    ndarray, shape (d, d)
-        It leaves tau and the flanks unchanged.
+    Shapes: result (d, d).
 
     Examples
     --------

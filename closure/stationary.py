@@ -45,36 +45,20 @@ class NotPredicted(Exception):
 
 
 class Law(NamedTuple):
-    """A stationary law: a mixture over impacts.
+    """A stationary law: a mixture over impacts."""
 
-    Attributes
-    ----------
-    rate : float
-        Impacts per unit of time.
-    weight : ndarray, shape (parts,)
-        Share of the impacts; they sum to 1.
-    mesh : ndarray of int, shape (parts,)
-        What is struck.
-    speed, sd_speed : ndarray, shape (parts,)
-        Mean and sd of the speed before the impact.
-    flight, sd_flight : ndarray, shape (parts,)
-        Mean and sd of the time since the last impact.
-    back, sd_back : ndarray, shape (parts,)
-        Mean and sd of the time since the last impact at the same mesh; NaN where there is no such prediction.
-    se : float
-        Relative standard error of averages over a mean map's orbit; 0 for a law that is not an average.
-    """
-
-    rate: float
-    weight: Floats
-    mesh: Ints
-    speed: Floats
+    rate: float  # impacts per unit of time
+    weight: Floats  # share of the impacts; they sum to 1; (parts,)
+    mesh: Ints  # what is struck; (parts,)
+    speed: Floats  # speed, sd_speed: mean and sd of the speed before the impact; (parts,)
     sd_speed: Floats
-    flight: Floats
+    flight: Floats  # flight, sd_flight: mean and sd of the time since the last impact; (parts,)
     sd_flight: Floats
+    # back, sd_back: mean and sd of the time since the last impact at the same mesh; NaN where there is no such
+    # prediction; (parts,)
     back: Floats
     sd_back: Floats
-    se: float = 0.0
+    se: float = 0.0  # relative standard error of averages over a mean map's orbit; 0 for a law that is not an average
 
 
 @jit
@@ -107,40 +91,13 @@ def _cycle_map(scene: Scene, a: Attractor) -> tuple[Floats, Floats, Floats, Floa
 def multipliers(scene: Scene, a: Attractor) -> Floats:
     """Absolute Floquet multipliers of a periodic orbit on the section, the largest first.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    a : Attractor
-        A periodic orbit without sticking phases.
-
-    Returns
-    -------
-    ndarray, shape (1 + 2 stages,)
-        Below 1 for a stable orbit.
+    Shapes: result (1 + 2 stages,).
     """
     return np.sort(np.abs(np.linalg.eigvals(_cycle_map(scene, a)[0])))[::-1]
 
 
 def linear_law(scene: Scene, a: Attractor) -> Law:
     """The stationary law of the linear closure at a stable periodic orbit.
-
-    Parameters
-    ----------
-    scene : Scene
-        With its noise.
-    a : Attractor
-        Where its orbit ends.
-
-    Returns
-    -------
-    Law
-        Means to second order in the noise, sds to first order.
-
-    Raises
-    ------
-    NotPredicted
-        If the orbit is not periodic and stable, sticks or grazes, or the tolerance is random.
 
     Examples
     --------
@@ -218,25 +175,7 @@ def _since_same_mesh(a: Attractor, flown: Floats, hit: Floats, section: Floats, 
 
 
 def orbit_average(scene: Scene, closure: str) -> Law:
-    """The average over the orbit of a closure's mean map, which the paper takes for the stationary law.
-
-    Parameters
-    ----------
-    scene : Scene
-        With its noise.
-    closure : str
-        ``published`` or ``corrected``.
-
-    Returns
-    -------
-    Law
-        A point mass for each impact of the mean map.
-
-    Raises
-    ------
-    NotPredicted
-        If the closure does not apply, or its mean map ends.
-    """
+    """The average over the orbit of a closure's mean map, which the paper takes for the stationary law."""
     try:
         CLOSURES[closure].check(scene)
     except InputError as error:
@@ -261,22 +200,7 @@ def orbit_average(scene: Scene, closure: str) -> Law:
 
 
 def branching_law(scene: Scene) -> Law:
-    """The mixture of `branching` once it no longer changes from impact to impact.
-
-    Parameters
-    ----------
-    scene : Scene
-        With its noise.
-
-    Returns
-    -------
-    Law
-
-    Raises
-    ------
-    NotPredicted
-        If the closure ends, discards too much, or does not converge within `BRANCHED` impacts.
-    """
+    """The mixture of `branching` once it no longer changes from impact to impact."""
     t = mean_map(scene.phase_reduced, impacts=BRANCHED, closure="branching").trace
     if t.found < BRANCHED or t.parts is None or t.discarded is None:
         raise NotPredicted(f"it ends at impact {t.found}: {t.stopped}")

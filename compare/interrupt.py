@@ -46,11 +46,6 @@ def ends_soon() -> Iterator[None]:
     The exception is postponed until a running import, or a callback from the compiler, is complete.  Exiting is needed
     because an exception raised while a compiler or a destructor runs is swallowed there, and because a thread cannot be
     stopped from outside.  It is safe because results are written whole or not at all.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        In the main thread, at most once.
     """
     asked, raised = threading.Event(), threading.Event()
 

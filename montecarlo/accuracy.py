@@ -83,14 +83,7 @@ def resolved_sd(columns: Mapping[str, NDArray[Any]]) -> dict[str, Floats]:
 def units_by_quantity(run: HasColumns) -> dict[str, Floats]:
     """As `units`, without a table: one array for each section quantity.
 
-    Parameters
-    ----------
-    run : Ensemble or stored result
-        Anything with `columns`.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (impacts,)
+    Shapes: result (impacts,).
     """
     columns = run.columns
     least = resolved_sd(columns)
@@ -101,38 +94,14 @@ def units_by_quantity(run: HasColumns) -> dict[str, Floats]:
 
 
 def units(run: HasColumns) -> pd.DataFrame:
-    """Unit of each quantity's errors: its sd, or 1 where the sd is no scale.
-
-    Parameters
-    ----------
-    run : Ensemble or stored result
-        Anything with `columns` and `section`.
-
-    Returns
-    -------
-    DataFrame
-        Index ``impact``, columns the section quantities.
-    """
+    """Unit of each quantity's errors: its sd, or 1 where the sd is no scale."""
     import pandas as pd
 
     return pd.DataFrame(units_by_quantity(run), index=run.section.index)
 
 
 def sampling_error(run: HasColumns) -> tuple[float, str]:
-    """Largest standard error of the section means and sds, in units of each quantity's sd.
-
-    Parameters
-    ----------
-    run : Ensemble or stored result
-        Anything with `columns` and `section`.
-
-    Returns
-    -------
-    error : float
-        0 where nothing varies.
-    where : str
-        Moment, quantity and impact of the largest error.
-    """
+    """Largest standard error of the section means and sds, in units of each quantity's sd."""
     unit, columns = units_by_quantity(run), run.columns
     worst, where = 0.0, "nothing varies" if np.isfinite(columns["tau"]).any() else "no impact was seen"
     for q in SECTION:
@@ -145,40 +114,17 @@ def sampling_error(run: HasColumns) -> tuple[float, str]:
 
 
 class Bound(NamedTuple):
-    """A simultaneous bound of all errors of section means and sds, in units of each quantity's sd.
+    """A simultaneous bound of all errors of section means and sds, in units of each quantity's sd."""
 
-    Attributes
-    ----------
-    error : float
-        The bound, with what the sample cannot have seen.
-    sampled : float
-        The bound without it: this part falls with the square root of the number of paths.
-    where : str
-        Moment, quantity and impact that matter most.
-    remark : str
-        The unseen branch that matters most, in words; empty if none does.
-    rare : str
-        Moment, quantity and impact that it could change most.
-    """
-
-    error: float
-    sampled: float
-    where: str
-    remark: str
-    rare: str
+    error: float  # the bound, with what the sample cannot have seen
+    sampled: float  # the bound without it: this part falls with the square root of the number of paths
+    where: str  # moment, quantity and impact that matter most
+    remark: str  # the unseen branch that matters most, in words; empty if none does
+    rare: str  # moment, quantity and impact that it could change most
 
 
 def share_of_look(look: int) -> float:
     """Probability of a wrong statement that a look may spend; over all looks they add up to 1 - `CONFIDENCE`.
-
-    Parameters
-    ----------
-    look : int
-        Number of the look, from 1.
-
-    Returns
-    -------
-    float
 
     Examples
     --------
@@ -195,21 +141,8 @@ def skewness_gain(columns: Mapping[str, NDArray[Any]], quantity: str, sd: bool, 
     what is averaged: the quantity for its mean, its squared deviation for its sd.  Ten paths that carry most of a
     variance are nearly a Poisson count, whose upper limit this is.
 
-    Parameters
-    ----------
-    columns : mapping of str to ndarray
-        Of the section.
-    quantity : str
-        Name of a section quantity.
-    sd : bool
-        Whether its sd is meant, rather than its mean.
-    z : float
-        Half width of the interval in standard errors.
-
-    Returns
-    -------
-    ndarray, shape (impacts,)
-        Positive where the true value may lie further above than below; 0 where it is not known.
+    Returns: Positive where the true value may lie further above than below; 0 where it is not known. Shapes:
+    result (impacts,).
     """
     n = np.maximum(np.asarray(columns["paths"], float), 1.0)
     gamma = np.asarray(columns["skew_" + quantity], float)
@@ -228,15 +161,8 @@ def skewness_gain(columns: Mapping[str, NDArray[Any]], quantity: str, sd: bool, 
 def absolute_errors(columns: Mapping[str, NDArray[Any]]) -> Floats:
     """Standard errors of section means and sds, longer where their sampling distribution is skewed.
 
-    Parameters
-    ----------
-    columns : mapping of str to ndarray
-        Of the section.
-
-    Returns
-    -------
-    ndarray, shape (2, 6, impacts)
-        Of the mean and of the sd of ``tau, flight, x1, y1, x2, y2``, in the quantity's own unit; 0 where not known.
+    Returns: Of the mean and of the sd of ``tau, flight, x1, y1, x2, y2``, in the quantity's own unit; 0 where not
+    known. Shapes: result (2, 6, impacts).
     """
     found = []
     for prefix in ("se_", "se_sd_"):
@@ -249,15 +175,7 @@ def absolute_errors(columns: Mapping[str, NDArray[Any]]) -> Floats:
 def unseen_shifts(hidden: Unseen) -> Floats:
     """How far unseen branches could move a mean or an sd, whichever way is further.
 
-    Parameters
-    ----------
-    hidden : Unseen
-        Of a number of paths.
-
-    Returns
-    -------
-    ndarray, shape (2, 6, impacts)
-        As of `absolute_errors`.
+    Shapes: result (2, 6, impacts).
     """
     mean = np.maximum(hidden.mean_up, hidden.mean_down)
     return np.asarray(np.nan_to_num(np.stack([mean.T, np.maximum(hidden.sd_up, hidden.sd_down).T])))
@@ -265,17 +183,6 @@ def unseen_shifts(hidden: Unseen) -> Floats:
 
 def exceeded(error: Floats, shift: Floats, share: float) -> float:
     """Where the probabilities that normal errors exceed it, less a shift each, add up to `share`.
-
-    Parameters
-    ----------
-    error, shift : ndarray of the same shape
-        Standard errors, and shifts that are not negative.
-    share : float
-        Sum of the probabilities.
-
-    Returns
-    -------
-    float
 
     Examples
     --------
@@ -292,34 +199,12 @@ def exceeded(error: Floats, shift: Floats, share: float) -> float:
 
 
 def sampled_paths(columns: Mapping[str, NDArray[Any]]) -> int:
-    """Paths that reached the first impact.
-
-    Parameters
-    ----------
-    columns : mapping of str to ndarray
-        Of the section.
-
-    Returns
-    -------
-    int
-    """
+    """Paths that reached the first impact."""
     return int(np.nanmax(np.nan_to_num(columns["paths"]), initial=0.0))
 
 
 def error_bound(run: HasColumns, share: float = 1.0 - CONFIDENCE) -> Bound:
-    """Bound all errors of section means and sds at once, except for the bias of the step.
-
-    Parameters
-    ----------
-    run : Ensemble or stored result
-        Anything with `columns`, `section` and `scene`.
-    share : float
-        Probability with which one of them may be larger.
-
-    Returns
-    -------
-    Bound
-    """
+    """Bound all errors of section means and sds at once, except for the bias of the step."""
     unit = np.array(list(units_by_quantity(run).values()))
     hidden = unseen(run.scene, run.columns, sampled_paths(run.columns))
     error, shift = absolute_errors(run.columns) / unit, unseen_shifts(hidden) / unit
@@ -348,21 +233,6 @@ def step_error(run: Ensemble) -> tuple[float, float]:
 
     Where nothing is random the exact orbit is known, and the bias is the difference from it: extrapolation cannot see
     that a step strikes another mesh.
-
-    Parameters
-    ----------
-    run : Ensemble
-        Simulated with its step bias.
-
-    Returns
-    -------
-    bias, se_bias : float
-        Size of the largest bias, and its standard error.
-
-    Raises
-    ------
-    InputError
-        If the run was made without step bias.
     """
     if not is_random(run.scene):
         return _distance_from_orbit(run), 0.0
@@ -386,15 +256,5 @@ def _distance_from_orbit(run: Ensemble) -> float:
 
 
 def small_noise(scene: Scene) -> bool:
-    """Whether the noise is weak enough for the linearised path to be worth its time as a control variate.
-
-    Parameters
-    ----------
-    scene : Scene
-        Its `sigma` is compared with `alpha`.
-
-    Returns
-    -------
-    bool
-    """
+    """Whether the noise is weak enough for the linearised path to be worth its time as a control variate."""
     return scene.sigma <= SMALL_NOISE * scene.alpha

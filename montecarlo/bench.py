@@ -92,16 +92,7 @@ def _skilled_loop(c: Constants, generator: np.random.Generator, paths: int, forc
 def slices(calls: Mapping[str, tuple[Callable[[], Any], float]], turns: int) -> dict[str, Floats]:
     """Processor time of calls that take turns, in ns per unit of work.
 
-    Parameters
-    ----------
-    calls : mapping of str to (callable, float)
-        What is measured, and how many units of work a call does.
-    turns : int
-        How often each is called, after a first time that is not measured.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (turns,)
+    Shapes: result (turns,).
     """
     taken = {name: np.empty(turns) for name in calls}
     for call, _ in calls.values():
@@ -147,18 +138,10 @@ def _case(scene: Scene, statistics: bool = True, **settings: Any) -> tuple[Calla
 def bench(scene: Scene | None = None) -> pd.DataFrame:
     """Time of a path-step for every scheme, and for each option of a scene or a run.
 
-    Parameters
-    ----------
-    scene : Scene or None
-        By default DAT21 with ``sigma = sqrt(alpha)``.
-
-    Returns
-    -------
-    DataFrame
-        Index ``what``; columns ``ns`` per path-step, the least; ``times_floor``, over a normal and the arithmetic of a
-        step together; ``gain``, how many path-steps are done in the time of one of the skilled loop, or normals in that
-        of one by ``standard_normal``, or paths of exact flights in that of one of the loop; ``steps`` of a path;
-        ``us`` per path.
+    Returns: Index ``what``; columns ``ns`` per path-step, the least; ``times_floor``, over a normal and the
+    arithmetic of a step together; ``gain``, how many path-steps are done in the time of one of the skilled loop,
+    or normals in that of one by ``standard_normal``, or paths of exact flights in that of one of the loop;
+    ``steps`` of a path; ``us`` per path.
     """
     base = scene or Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha))
     walls = Tolerance(0.01, 0.01, draw="path")

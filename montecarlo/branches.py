@@ -29,38 +29,20 @@ GRAZE = 1e-6  # impact speed, over the largest of alpha, gamma1 and initial spee
 
 
 class Branch(NamedTuple):
-    """Paths that leave the orbit, or another branch, by one other event.
+    """Paths that leave the orbit, or another branch, by one other event."""
 
-    Attributes
-    ----------
-    impact : int
-        Number of the impact that differs.
-    mesh, side : int
-        The wall that is met, or missed.
-    missed : bool
-        Whether that impact is missed rather than added.
-    beta : float
-        Reliability index: distance of the design point in sds.
-    probability : float
-        Of the branch.
-    weights : ndarray, shape (strata,)
-        Probabilities of its strata, by depth beyond the design point.
-    section : ndarray, shape (strata, impacts, 6)
-        ``tau, flight, x1, y1, x2, y2`` before each impact of a representative of each stratum; those of the parent
-        before `impact`, NaN where it has ended.
-    mean, square, fourth : ndarray, shape (impacts, 6)
-        What the branch adds to the mean deviation from the orbit, to its square and to its fourth power, in place of
-        the path that it leaves.
-    """
-
-    impact: int
-    mesh: int
+    impact: int  # number of the impact that differs
+    mesh: int  # mesh, side: the wall that is met, or missed
     side: int
-    missed: bool
-    beta: float
-    probability: float
-    weights: Floats
+    missed: bool  # whether that impact is missed rather than added
+    beta: float  # reliability index: distance of the design point in sds
+    probability: float  # of the branch
+    weights: Floats  # probabilities of its strata, by depth beyond the design point; (strata,)
+    # ``tau, flight, x1, y1, x2, y2`` before each impact of a representative of each stratum; those of the parent
+    # before `impact`, NaN where it has ended; (strata, impacts, 6)
     section: Floats
+    # mean, square, fourth: what the branch adds to the mean deviation from the orbit, to its square and to its fourth
+    # power, in place of the path that it leaves; (impacts, 6)
     mean: Floats
     square: Floats
     fourth: Floats
@@ -68,24 +50,12 @@ class Branch(NamedTuple):
 
 @dataclass(frozen=True)
 class RareEvents:
-    """The branches of an orbit.
+    """The branches of an orbit."""
 
-    Attributes
-    ----------
-    orbit : ndarray, shape (impacts, 6)
-        ``tau, flight, x1, y1, x2, y2`` before each impact; NaN where the orbit has ended.
-    branches : tuple of Branch
-        In the order of their discovery; of equal distance or not, each is an own branch.
-    known : int
-        Number of impacts up to which the search was complete: later ones have unknown branches.
-    why : str
-        What ended the search before the last impact; else empty.
-    """
-
-    orbit: Floats
-    branches: tuple[Branch, ...]
-    known: int
-    why: str
+    orbit: Floats  # ``tau, flight, x1, y1, x2, y2`` before each impact; NaN where the orbit has ended; (impacts, 6)
+    branches: tuple[Branch, ...]  # in the order of their discovery; of equal distance or not, each is an own branch
+    known: int  # number of impacts up to which the search was complete: later ones have unknown branches
+    why: str  # what ended the search before the last impact; else empty
 
     @cached_property
     def probabilities(self) -> Floats:
@@ -204,18 +174,7 @@ class BranchSearch:
 def rare_events(scene: Scene, impacts: int, least: float = 1.0) -> RareEvents:
     """Search the orbit, and the branches that are more probable than `least`, for other events.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled; it has noise.
-    impacts : int
-        Impacts after the start.
-    least : float
-        Probability from which on a representative of a branch is searched for branches of its own.
-
-    Returns
-    -------
-    RareEvents
+    `least`: Probability from which on a representative of a branch is searched for branches of its own.
 
     Examples
     --------

@@ -28,17 +28,7 @@ def clock() -> float:
 class Budget:
     """A time budget that starts now, and what is left of it.
 
-    Parameters
-    ----------
-    seconds : float
-        Processor time; may be infinite.
-
-    Attributes
-    ----------
-    seconds : float
-        The whole budget.
-    ends : float
-        `clock` at which it is spent.
+    `seconds`: the whole budget. `ends`: `clock` at which it is spent.
 
     Examples
     --------
@@ -57,12 +47,7 @@ class Budget:
 
     @contextmanager
     def uncounted(self) -> Iterator[None]:
-        """Context whose duration is not charged to the budget.
-
-        Yields
-        ------
-        None
-        """
+        """Context whose duration is not charged to the budget."""
         began = clock()
         yield
         self.ends += clock() - began
@@ -71,16 +56,6 @@ class Budget:
         """The same blocks, but none is started after the budget is spent.
 
         The first block is run in any case, and no block is interrupted.
-
-        Parameters
-        ----------
-        blocks : callable
-            Runs the blocks of a plan, see `rattle.montecarlo.ensemble.Blocks`.
-
-        Returns
-        -------
-        callable
-            Of the same signature.
         """
 
         def until_spent(plan: Plan, first: int) -> Iterator[tuple[BlockResult, NDArray[np.float64] | None]]:

@@ -48,18 +48,10 @@ STICKING_NS = 110.0  # measured time of a path-step in which a mesh sticks
 
 
 class ExpectedPaths(NamedTuple):
-    """Paths that an accuracy is expected to take.
+    """Paths that an accuracy is expected to take."""
 
-    Attributes
-    ----------
-    paths : float
-        Number of paths.
-    branch : str
-        The rare branch for which most of them are needed, in words; empty if there is none.
-    """
-
-    paths: float
-    branch: str
+    paths: float  # number of paths
+    branch: str  # the rare branch for which most of them are needed, in words; empty if there is none
 
 
 def expected_paths(run: HasColumns, accuracy: float, share: float) -> ExpectedPaths:
@@ -69,18 +61,7 @@ def expected_paths(run: HasColumns, accuracy: float, share: float) -> ExpectedPa
     but that more paths will see adds to the variance and, by its fourth power, to the error of the sd; one that they
     cannot see either shifts the bound.
 
-    Parameters
-    ----------
-    run : Ensemble or stored result
-        The smaller run.
-    accuracy : float
-        Bound that is wanted for sampling and unseen branches, in units of each quantity's sd.
-    share : float
-        Probability with which one of the errors may be larger.
-
-    Returns
-    -------
-    ExpectedPaths
+    `accuracy`: Bound that is wanted for sampling and unseen branches, in units of each quantity's sd.
     """
     columns = run.columns
     begun, error = sampled_paths(columns), absolute_errors(columns)

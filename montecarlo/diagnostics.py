@@ -41,17 +41,7 @@ COLLAPSE = math.exp(-math.pi / math.sqrt(3.0))
 def motion_units(columns: Mapping[str, NDArray[Any]], scene: Scene) -> dict[str, Floats]:
     """Unit of each section quantity's errors: its sd, or 1 % of flight time, half gap or speed where that is more.
 
-    Parameters
-    ----------
-    columns : mapping
-        Means and sds as of `Ensemble.columns`, each of shape (impacts,).
-    scene : Scene
-        Its half gaps are scales of the displacements.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (impacts,)
-        By section quantity.
+    Shapes: result (impacts,).
 
     Examples
     --------
@@ -75,18 +65,6 @@ def orbit_shift(run: Ensemble) -> tuple[float, str]:
 
     The noise-free path is followed at dt and at dt / 4, as long as at least half of the paths share its itinerary.  A
     scheme that detects impacts at the end of a step is late by half a step on average, at every impact.
-
-    Parameters
-    ----------
-    run : Ensemble
-        Its scene, scheme and dt are used.
-
-    Returns
-    -------
-    shift : float
-        Infinite where the two steps have different impacts.
-    where : str
-        Quantity and impact.
 
     Examples
     --------
@@ -136,16 +114,6 @@ def _orbit(plan: Plan, finer: int) -> Floats:
 def diagnostics(run: Ensemble) -> tuple[str, ...]:
     """What may be wrong with the numbers of a run.
 
-    Parameters
-    ----------
-    run : Ensemble
-        Of any scheme.
-
-    Returns
-    -------
-    tuple of str
-        One sentence each; empty if no problem is known.
-
     Examples
     --------
     >>> from rattle.montecarlo import simulate
@@ -168,15 +136,7 @@ def _of_accuracy(run: Ensemble) -> str:
 def unsampled(run: Ensemble) -> str:
     """The diagnostic of a rare branch that may be missing from the sample.
 
-    Parameters
-    ----------
-    run : Ensemble
-        Of any scheme.
-
-    Returns
-    -------
-    str
-        Empty if no such branch matters, and where an accuracy was asked for, which counts them.
+    Returns: Empty if no such branch matters, and where an accuracy was asked for, which counts them.
 
     Examples
     --------
@@ -196,16 +156,6 @@ def unsampled(run: Ensemble) -> str:
 
 def shortened(run: Ensemble) -> str:
     """The diagnostic of a step that is shorter than the scheme's default because the scene requires it.
-
-    Parameters
-    ----------
-    run : Ensemble
-        Of any scheme.
-
-    Returns
-    -------
-    str
-        Empty if the step is not shortened.
 
     Examples
     --------

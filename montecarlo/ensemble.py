@@ -34,18 +34,7 @@ Blocks = Callable[[Plan, int], Iterator[tuple[BlockResult, Floats | None]]]
 
 
 def in_threads(workers: int) -> Blocks:
-    """Run blocks on threads of this process.
-
-    Parameters
-    ----------
-    workers : int
-        Threads, of a pool made for each run.
-
-    Returns
-    -------
-    callable
-        As `simulate` takes it for `blocks`.
-    """
+    """Run blocks on threads of this process."""
 
     def blocks(plan: Plan, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:
         with ThreadPoolExecutor(workers) as pool:
@@ -55,20 +44,7 @@ def in_threads(workers: int) -> Blocks:
 
 
 def in_pool(pool: ThreadPoolExecutor, workers: int) -> Blocks:
-    """Run blocks on the threads of a pool that other runs may share.
-
-    Parameters
-    ----------
-    pool : ThreadPoolExecutor
-        Threads that run the blocks.
-    workers : int
-        Its threads; four blocks for each are alive at a time.
-
-    Returns
-    -------
-    callable
-        As `simulate` takes it for `blocks`.
-    """
+    """Run blocks on the threads of a pool that other runs may share."""
 
     def blocks(plan: Plan, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:
         numbers = iter(range(first, plan.blocks))
@@ -216,21 +192,7 @@ def extended(run: Ensemble, paths: int, blocks: Blocks, progress: str | None = N
 
     Where nothing is random, the one path that is there stands for the others too.
 
-    Parameters
-    ----------
-    run : Ensemble
-        Of whole blocks of paths.
-    paths : int
-        Paths in all, a multiple of the block.
-    blocks : callable
-        Who runs the blocks, see `simulate`.
-    progress : str, optional
-        Label of a progress bar on a terminal.
-
-    Returns
-    -------
-    Ensemble
-        Equal bit for bit to a run of that many paths from the start; without histograms and single paths.
+    Returns: Equal bit for bit to a run of that many paths from the start; without histograms and single paths.
 
     Examples
     --------

@@ -37,22 +37,7 @@ Simulate = Callable[..., Ensemble]
 
 
 def pilot(scene: Scene, scheme: str, simulate: Simulate) -> Ensemble:
-    """A small run that shows what an accuracy takes: the spread, and the step bias of a scheme that has one.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is simulated.
-    scheme : str
-        Name in `SCHEMES`.
-    simulate : callable
-        `montecarlo.simulate` with all that does not change: scene, impacts, seed.
-
-    Returns
-    -------
-    Ensemble
-        Of `PILOT` paths.
-    """
+    """A small run that shows what an accuracy takes: the spread, and the step bias of a scheme that has one."""
     return simulate(paths=PILOT, **_pilot_settings(scene, scheme))
 
 
@@ -65,35 +50,15 @@ def _pilot_settings(scene: Scene, scheme: str) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class PilotRun:
-    """The pilot run of one scheme, and the cost of any accuracy estimated from it.
+    """The pilot run of one scheme, and the cost of any accuracy estimated from it."""
 
-    Attributes
-    ----------
-    run : Ensemble
-        The pilot; the last probe run where the budget had no room for the pilot.
-    path_seconds : float
-        Core time of a path: as measured, or by the cost model if that is more.
-    whole : bool
-        Whether `run` is the pilot.
-    """
-
-    run: Ensemble
-    path_seconds: float
-    whole: bool
+    run: Ensemble  # the pilot; the last probe run where the budget had no room for the pilot
+    path_seconds: float  # core time of a path: as measured, or by the cost model if that is more
+    whole: bool  # whether `run` is the pilot
     _expected: dict[float, Candidate] = field(default_factory=dict, repr=False, compare=False)
 
     def sampled(self, accuracy: float) -> ExpectedPaths:
-        """Paths for which sampling and unseen branches are within an accuracy.
-
-        Parameters
-        ----------
-        accuracy : float
-            In sds.
-
-        Returns
-        -------
-        ExpectedPaths
-        """
+        """Paths for which sampling and unseen branches are within an accuracy."""
         return expected_paths(self.run, accuracy, share_of_look(LOOKS))
 
     def at(self, accuracy: float) -> Candidate:
@@ -103,20 +68,7 @@ class PilotRun:
         return self._expected[accuracy]
 
     def within(self, core_seconds: float, accuracy: float) -> float:
-        """The finest accuracy, not below a given one, that an amount of work is expected to reach.
-
-        Parameters
-        ----------
-        core_seconds : float
-            Work.
-        accuracy : float
-            The finest that is wanted, in sds.
-
-        Returns
-        -------
-        float
-            In sds; infinite if it would exceed `ROUGHEST`.
-        """
+        """The finest accuracy, not below a given one, that an amount of work is expected to reach."""
         while (share := self.at(accuracy).core_seconds / max(core_seconds, 1e-9)) > 1.0:
             accuracy *= max(1.01, share ** (1.0 / 3.0))  # work ~ accuracy^-2 or ^-3: the cube root never overshoots
             if accuracy > ROUGHEST:
@@ -159,26 +111,6 @@ def chosen(
     """The scheme that is expected to cost least at an accuracy.
 
     Schemes after the first are tried only if the first is expensive (`ENOUGH`) and the budget lasts.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is simulated.
-    names : sequence of str
-        Schemes to try, in this order.
-    accuracy : float
-        Largest error of all section means and sds, in sds.
-    simulate : callable
-        `montecarlo.simulate` with all that does not change: scene, impacts, seed.
-    budget : Budget
-        Time for the pilot runs too.
-
-    Returns
-    -------
-    cheapest : PilotRun
-        Its pilot run.
-    candidates : list of Candidate
-        What each scheme that was tried is expected to need.
     """
     pilots = [_pilot_within(scene, names[0], simulate, budget)]
     if pilots[0].whole and pilots[0].at(accuracy).core_seconds > ENOUGH:

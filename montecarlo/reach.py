@@ -19,27 +19,13 @@ class AccuracyWarning(UserWarning):
 
 
 class Candidate(NamedTuple):
-    """What a scheme is expected to need for an accuracy.
+    """What a scheme is expected to need for an accuracy."""
 
-    Attributes
-    ----------
-    scheme : str
-        Name in `SCHEMES`.
-    dt : float
-        Step.
-    paths : int
-        Number of paths.
-    path_steps : float
-        Their steps, over all step sizes that run side by side.
-    core_seconds : float
-        Nominal processor time of these, see `rattle.montecarlo.cost`.
-    """
-
-    scheme: str
-    dt: float
-    paths: int
-    path_steps: float
-    core_seconds: float
+    scheme: str  # name in `SCHEMES`
+    dt: float  # step
+    paths: int  # number of paths
+    path_steps: float  # their steps, over all step sizes that run side by side
+    core_seconds: float  # nominal processor time of these, see `rattle.montecarlo.cost`
 
     @property
     def sentence(self) -> str:

@@ -46,33 +46,12 @@ STEPS, MOST_STEPS = 10**7, 10**9
 
 
 def is_random(scene: Scene) -> bool:
-    """Whether one path differs from another: noise, or a random tolerance.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-
-    Returns
-    -------
-    bool
-    """
+    """Whether one path differs from another: noise, or a random tolerance."""
     return scene.sigma > 0.0 or (scene.tolerance is not None and scene.tolerance.distribution != "fixed")
 
 
 def computed(scene: Scene, paths: int) -> int:
     """How many of these paths are followed: one stands for all where nothing is random.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    paths : int
-        Paths that are asked for.
-
-    Returns
-    -------
-    int
 
     Examples
     --------
@@ -84,20 +63,7 @@ def computed(scene: Scene, paths: int) -> int:
 
 
 def default_horizon(impacts: int, dt: float) -> float:
-    """Time after which a path is given up where none is given.
-
-    Parameters
-    ----------
-    impacts : int
-        Number of impacts.
-    dt : float
-        The coarsest step.
-
-    Returns
-    -------
-    float
-        `HORIZON_PER_IMPACT` for each impact, at most `STEPS` steps.
-    """
+    """Time after which a path is given up where none is given."""
     return min(HORIZON_PER_IMPACT * impacts, STEPS * dt)
 
 
@@ -112,22 +78,7 @@ def check_settings(
     workers: int,
     step_bias: bool,
 ) -> None:
-    """Refuse settings that `simulate` could not run, before any work.
-
-    Parameters
-    ----------
-    scene, paths, impacts, scheme, rng, workers
-        As for `rattle.montecarlo.simulate`.
-    dt : float or None
-        Step; None if it is chosen later.
-    step_bias : bool
-        Whether 2 dt and 4 dt are run beside dt.
-
-    Raises
-    ------
-    InputError
-        Names the setting, its value and the remedy.
-    """
+    """Refuse settings that `simulate` could not run, before any work."""
     if not isinstance(scene, Scene):
         raise InputError("scene", scene, "give a Scene")
     count("paths", paths, most=MOST_PATHS)
@@ -150,21 +101,7 @@ def plan_of(
 ) -> Plan:  # fmt: skip
     """Turn settings into the plan of a run.
 
-    Parameters
-    ----------
-    scene, paths, impacts, dt, scheme, rng, workers, record, control, increments, horizon, device
-        As for `rattle.montecarlo.simulate`.
-    any_step : bool
-        Take a step that is not admissible too, to measure what becomes of it.
-
-    Returns
-    -------
-    Plan
-
-    Raises
-    ------
-    InputError
-        Names the setting, its value and the remedy.
+    `any_step`: Take a step that is not admissible too, to measure what becomes of it.
     """
     record = record or Record()
     check_settings(

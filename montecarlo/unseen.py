@@ -26,26 +26,19 @@ class Unseen(NamedTuple):
     """How far the true means and sds could lie beyond the sampled ones for want of paths on rare branches.
 
     All arrays have the shape (impacts, 6), for ``tau, flight, x1, y1, x2, y2``.
-
-    Attributes
-    ----------
-    mean_up, mean_down, sd_up, sd_down : ndarray
-        Largest shifts of the mean and of the sd, upwards and downwards; not negative.
-    probability : ndarray
-        Of the branches that make the shift of the sd, the most influential first: its own probability.
-    needed : ndarray
-        Paths of which `SEEN` are expected on each branch that matters; 0 where there is none.
-    known : int
-        Impacts up to which branches were searched for; beyond, one of up to `SEEN` paths with the motion's whole range
-        is assumed.
     """
 
+    # mean_up, mean_down, sd_up, sd_down: largest shifts of the mean and of the sd, upwards and downwards; not
+    # negative
     mean_up: Floats
     mean_down: Floats
     sd_up: Floats
     sd_down: Floats
+    # of the branches that make the shift of the sd, the most influential first: its own probability
     probability: Floats
-    needed: Floats
+    needed: Floats  # paths of which `SEEN` are expected on each branch that matters; 0 where there is none
+    # impacts up to which branches were searched for; beyond, one of up to `SEEN` paths with the motion's whole range
+    # is assumed
     known: int
 
 
@@ -59,19 +52,7 @@ MATTERS = 0.1  # share of the largest influence on a row from which on a branch 
 def unseen(scene: Scene, columns: Mapping[str, NDArray[Any]], paths: int) -> Unseen:
     """Bound what branches with fewer than `SEEN` expected paths could change.
 
-    Parameters
-    ----------
-    scene : Scene
-        What was simulated.
-    columns : mapping of str to ndarray, shape (impacts,)
-        Of the section, as of `Ensemble.columns`.
-    paths : int
-        Sampled paths.
-
-    Returns
-    -------
-    Unseen
-        All zeros where nothing is random.
+    Shapes: `columns` (impacts,).
     """
     impacts = len(columns["tau"])
     sd = np.column_stack([columns["sd_" + q] for q in SECTION])
@@ -109,36 +90,19 @@ def _branches(scene: Scene, impacts: int, paths: int) -> RareEvents:
 
 
 class Added(NamedTuple):
-    """What branches add to the moments of the section that more paths will see and fewer cannot have seen.
+    """What branches add to the moments of the section that more paths will see and fewer cannot have seen."""
 
-    Attributes
-    ----------
-    square, fourth : ndarray, shape (impacts, 6)
-        Added to the mean squared deviation from the orbit, and to its fourth power's mean; not negative.
-    probabilities : ndarray
-        Of these branches.
-    """
-
+    # square, fourth: added to the mean squared deviation from the orbit, and to its fourth power's mean; not
+    # negative; (impacts, 6)
     square: Floats
     fourth: Floats
-    probabilities: Floats
+    probabilities: Floats  # of these branches
 
 
 def branches_between(scene: Scene, columns: Mapping[str, NDArray[Any]], fewer: int, more: int) -> Added:
     """What branches add of which `more` paths see enough, and `fewer` do not.
 
-    Parameters
-    ----------
-    scene : Scene
-        What was simulated.
-    columns : mapping of str to ndarray, shape (impacts,)
-        Of the section, as of `Ensemble.columns`.
-    fewer, more : int
-        Numbers of paths.
-
-    Returns
-    -------
-    Added
+    Shapes: `columns` (impacts,).
     """
     impacts = len(columns["tau"])
     if not is_random(scene) or scene.sigma == 0.0:
@@ -166,21 +130,6 @@ def _range(scene: Scene, columns: Mapping[str, NDArray[Any]]) -> Floats:
 def unseen_text(moment: str, probability: float, change: float, needed: float) -> str:
     """The unseen of a row in words.
 
-    Parameters
-    ----------
-    moment : {"mean", "sd"}
-        Of which moment.
-    probability : float
-        Of the branch.
-    change : float
-        Shift in sds of the quantity.
-    needed : float
-        Paths that would settle it; infinite if that is not known.
-
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> unseen_text("sd", 7e-6, 0.12, 1.43e6)[71:]
@@ -199,15 +148,6 @@ def unseen_text(moment: str, probability: float, change: float, needed: float) -
 
 def share_of(probability: float) -> str:
     """A small share in words.
-
-    Parameters
-    ----------
-    probability : float
-        Of an event.
-
-    Returns
-    -------
-    str
 
     Examples
     --------

@@ -61,49 +61,17 @@ def jit(function: Callable[P, R]) -> Callable[P, R]:
 
     Division follows IEEE rules instead of raising: a branch on every division keeps LLVM from
     vectorising the loops over paths.  No fast-math: results do not depend on how a loop over paths is cut.
-
-    Parameters
-    ----------
-    function : callable
-        Function to compile.
-
-    Returns
-    -------
-    callable
-        The compiled function; the function itself where numba is disabled.
     """
     return _compiled(function, OPTIONS)
 
 
 def lean(function: Callable[P, R]) -> Callable[P, R]:
-    """As `jit`, without reference counting: for functions that allocate no arrays and take views only.
-
-    Parameters
-    ----------
-    function : callable
-        Function to compile; it must not allocate.
-
-    Returns
-    -------
-    callable
-        The compiled function.
-    """
+    """As `jit`, without reference counting: for functions that allocate no arrays and take views only."""
     return _compiled(function, LEAN)
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
-    """As `lean`, and always inlined by LLVM: a loop over paths vectorises only when its body calls nothing.
-
-    Parameters
-    ----------
-    function : callable
-        Function to compile; it must not allocate.
-
-    Returns
-    -------
-    callable
-        The compiled function.
-    """
+    """As `lean`, and always inlined by LLVM: a loop over paths vectorises only when its body calls nothing."""
     return _compiled(function, LEAN | {"forceinline": True})
 
 
@@ -111,15 +79,5 @@ def spliced(function: Callable[P, R]) -> Callable[P, R]:
     """Inline a function into its caller before type inference, so that branches on the caller's constants are removed.
 
     For no other reason: the copy is typed again in each caller.
-
-    Parameters
-    ----------
-    function : callable
-        Function to inline.
-
-    Returns
-    -------
-    callable
-        A function for compiled callers.
     """
     return cast(Callable[P, R], numba.njit(inline="always")(function))

@@ -23,18 +23,6 @@ PHI2_SERIES = np.array([1.0 / math.factorial(k) for k in range(18, 1, -1)])
 def phi1(beta: float, t: float) -> float:
     """``E = t phi1(-beta t) = (1 - exp(-beta t)) / beta``: displacement of a unit initial speed under linear damping.
 
-    Parameters
-    ----------
-    beta : float
-        Damping ratio.
-    t : float
-        Time, of either sign.
-
-    Returns
-    -------
-    float
-        ``E``; ``t`` for ``beta = 0``.
-
     Examples
     --------
     >>> phi1(0.0, 2.0), phi1(1e3, 1e6)
@@ -48,38 +36,13 @@ def phi1(beta: float, t: float) -> float:
 
 @jit
 def decay(beta: float, t: float) -> float:
-    """``exp(-beta t)``: what is left of a unit speed.
-
-    Parameters
-    ----------
-    beta : float
-        Damping ratio.
-    t : float
-        Time, of either sign.
-
-    Returns
-    -------
-    float
-        The factor by which damping reduces a speed.
-    """
+    """``exp(-beta t)``: what is left of a unit speed."""
     return math.exp(-beta * t)
 
 
 @jit
 def damped(beta: float, t: float) -> tuple[float, float]:
     """`phi1` and `decay` together, with one exponential for both where ``beta t`` is small.
-
-    Parameters
-    ----------
-    beta : float
-        Damping ratio.
-    t : float
-        Time, of either sign.
-
-    Returns
-    -------
-    e, d : float
-        ``t phi1(-beta t)`` and ``exp(-beta t)``.
 
     Examples
     --------
@@ -96,18 +59,6 @@ def phi2(beta: float, t: float) -> float:
 
     Summed as a series where the difference would cancel.
 
-    Parameters
-    ----------
-    beta : float
-        Damping ratio.
-    t : float
-        Time, of either sign.
-
-    Returns
-    -------
-    float
-        ``t^2 / 2`` for ``beta = 0``.
-
     Examples
     --------
     >>> phi2(0.0, 2.0)
@@ -123,27 +74,15 @@ def phi2(beta: float, t: float) -> float:
 
 
 class Pair(NamedTuple):
-    """The phi-functions of two dampings over one time.
+    """The phi-functions of two dampings over one time."""
 
-    Attributes
-    ----------
-    e1, e2 : float
-        `phi1` of each damping.
-    d1, d2 : float
-        `decay` of each damping.
-    g1, g2 : float
-        `phi2` of each damping.
-    e12, d12 : float
-        ``e1 - e2`` and ``d1 - d2``, accurate to rounding however close the dampings are.
-    """
-
-    e1: float
-    d1: float
-    g1: float
+    e1: float  # e1, e2: `phi1` of each damping
+    d1: float  # d1, d2: `decay` of each damping
+    g1: float  # g1, g2: `phi2` of each damping
     e2: float
     d2: float
     g2: float
-    e12: float
+    e12: float  # e12, d12: ``e1 - e2`` and ``d1 - d2``, accurate to rounding however close the dampings are
     d12: float
 
 
@@ -154,18 +93,6 @@ def pair(beta1: float, beta2: float, t: float) -> Pair:
     For small ``beta t`` from the series of `phi2`: Horner's scheme for a value and a divided difference, and from these
     ``E = t - beta (t - E) / beta`` and so on, where nothing cancels.  Otherwise, with ``d = beta2 - beta1 > 0``,
     ``d1 - d2 = exp(-beta1 t) (1 - exp(-d t))`` and ``e1 - e2 = (d e1 - (d1 - d2)) / beta2``.
-
-    Parameters
-    ----------
-    beta1, beta2 : float
-        Damping ratios of both wheels.
-    t : float
-        Time, of either sign.
-
-    Returns
-    -------
-    Pair
-        All of it, in the order of the two dampings given.
 
     Examples
     --------

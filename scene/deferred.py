@@ -32,13 +32,7 @@ BUILDER: Any = create_pass_builder
 
 
 class Deferred(LIBRARY):  # type: ignore[misc]
-    """The code of a function; machine code from the first time that it is called for from outside.
-
-    Parameters
-    ----------
-    codegen, name
-        Numba's code generator, and the name of the function.
-    """
+    """The code of a function; machine code from the first time that it is called for from outside."""
 
     brief = False  # whether to optimise little: neither vectors nor unrolled loops
 
@@ -60,18 +54,7 @@ class Deferred(LIBRARY):  # type: ignore[misc]
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> Any:
-        """Address of a function.
-
-        Parameters
-        ----------
-        name : str
-            Its name.
-
-        Returns
-        -------
-        int
-            0 where it is not in the library.
-        """
+        """Address of a function."""
         self._ensure_finalized()
         if any(f.name == name for f in self.get_defined_functions()):
             self._translate()
@@ -131,13 +114,7 @@ class Deferred(LIBRARY):  # type: ignore[misc]
 
 
 class Absent:
-    """A code generator that takes the environment of a function that has no machine code for granted.
-
-    Parameters
-    ----------
-    codegen
-        Numba's code generator.
-    """
+    """A code generator that takes the environment of a function that has no machine code for granted."""
 
     def __init__(self, codegen: Any) -> None:
         self._codegen = codegen
@@ -146,13 +123,7 @@ class Absent:
         return getattr(self._codegen, name)
 
     def set_env(self, env_name: str, env: Any) -> None:
-        """Say where the Python objects of a function are, if there is machine code of it.
-
-        Parameters
-        ----------
-        env_name, env
-            Name and environment, as numba hands them over.
-        """
+        """Say where the Python objects of a function are, if there is machine code of it."""
         if self._codegen._engine.is_symbol_defined(env_name):
             self._codegen.set_env(env_name, env)
 
@@ -161,12 +132,6 @@ class Linked(COMPILER):  # type: ignore[misc]
     """Numba's compiler, for a function whose code is linked into its callers before it is optimised."""
 
     def define_pipelines(self) -> Any:
-        """Numba's passes, with a library of ours to take the code.
-
-        Returns
-        -------
-        list
-            As numba has it.
-        """
+        """Numba's passes, with a library of ours to take the code."""
         self.state.library = Deferred(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
         return super().define_pipelines()

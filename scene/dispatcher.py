@@ -28,13 +28,7 @@ FEW = "rattle.closure."  # where no loop is over paths or time steps: small matr
 
 
 class Shared(DISPATCHER):  # type: ignore[misc]
-    """A function of numba's that is compiled for compiled callers; a wrapper is added where Python calls it.
-
-    Parameters
-    ----------
-    *args, **kwargs
-        As numba hands them over.
-    """
+    """A function of numba's that is compiled for compiled callers; a wrapper is added where Python calls it."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs, pipeline_class=Linked)
@@ -44,18 +38,7 @@ class Shared(DISPATCHER):  # type: ignore[misc]
         self._lower, self._compiler.compile = self._compiler.compile, self._make
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Compile the function for a compiled caller, if need be.
-
-        Parameters
-        ----------
-        args, kws
-            Types, as numba hands them over.
-
-        Returns
-        -------
-        tuple
-            What numba makes of it.
-        """
+        """Compile the function for a compiled caller, if need be."""
         with global_compiler_lock:
             before, self.inner = self.inner, True
             try:
@@ -64,18 +47,7 @@ class Shared(DISPATCHER):  # type: ignore[misc]
                 self.inner = before
 
     def compile(self, sig: Any) -> Any:
-        """Compile the function, or read it from the cache, for a signature.
-
-        Parameters
-        ----------
-        sig
-            The signature, as numba hands it over.
-
-        Returns
-        -------
-        object
-            The compiled function.
-        """
+        """Compile the function, or read it from the cache, for a signature."""
         with global_compiler_lock:
             args = tuple(NORMALIZED(sig)[0])
             if not self.inner and self.overloads.get(args) is self._bare.get(args):
@@ -83,13 +55,7 @@ class Shared(DISPATCHER):  # type: ignore[misc]
             return super().compile(sig)
 
     def add_overload(self, made: Any) -> None:
-        """Take a compiled function into use.
-
-        Parameters
-        ----------
-        made
-            What numba has compiled or read.
-        """
+        """Take a compiled function into use."""
         if self.inner:
             self.overloads[tuple(made.signature.args)] = made
         else:

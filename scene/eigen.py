@@ -38,17 +38,7 @@ def _rotated(a: Floats, vectors: Floats, p: int, q: int) -> None:
 def eigen(symmetric: Floats) -> tuple[Floats, Floats]:
     """Eigenvalues and eigenvectors of a symmetric matrix by Jacobi's cyclic rotations.
 
-    Parameters
-    ----------
-    symmetric : ndarray, shape (n, n)
-        The matrix, finite.
-
-    Returns
-    -------
-    values : ndarray, shape (n,)
-        Eigenvalues, smallest first.
-    vectors : ndarray, shape (n, n)
-        Their unit vectors in the columns.
+    Shapes: `symmetric` (n, n); `values` (n,); `vectors` (n, n).
 
     Notes
     -----

@@ -24,18 +24,6 @@ Floats = NDArray[np.float64]
 def each(function: Callable[[float], float], values: ArrayLike) -> Floats:
     """A function of the standard library, of each number of an array.
 
-    Parameters
-    ----------
-    function : callable
-        Of a float.
-    values : array_like
-        The numbers.
-
-    Returns
-    -------
-    ndarray
-        Of the same shape.
-
     Examples
     --------
     >>> each(math.exp, np.array([[0.0], [1.0]])).round(6).tolist()
@@ -47,16 +35,6 @@ def each(function: Callable[[float], float], values: ArrayLike) -> Floats:
 
 def exponentials(values: ArrayLike) -> Floats:
     """``e^x`` of each number of an array, as `each` gives it and a hundred times faster.
-
-    Parameters
-    ----------
-    values : array_like
-        The numbers.
-
-    Returns
-    -------
-    ndarray
-        Of the same shape.
 
     Examples
     --------
@@ -79,18 +57,6 @@ def _exponentials(values: Floats, out: Floats) -> None:
 def powers(x: Floats, most: int) -> list[Floats]:
     """Powers of an array, by multiplication.
 
-    Parameters
-    ----------
-    x : ndarray
-        The base.
-    most : int
-        Largest exponent.
-
-    Returns
-    -------
-    list of ndarray
-        ``x^0`` to ``x^most``.
-
     Examples
     --------
     >>> [p.tolist() for p in powers(np.array([2.0]), 3)]
@@ -103,15 +69,7 @@ def powers(x: Floats, most: int) -> list[Floats]:
 def gauss_legendre(n: int) -> tuple[Floats, Floats]:
     """Nodes and weights of Gauss and Legendre's quadrature on [-1, 1].
 
-    Parameters
-    ----------
-    n : int
-        Number of nodes.
-
-    Returns
-    -------
-    nodes, weights : ndarray, shape (n,)
-        Exact for polynomials of degree 2 n - 1.
+    Shapes: result (n,).
 
     Examples
     --------

@@ -25,30 +25,7 @@ COMMA = re.compile(r"=\s*([-+]?\d+),(\d+)")
 
 
 def read_text(what: str, path: str | Path, give: str = "a TOML file", largest: int = LARGEST) -> str:
-    """Read a UTF-8 text file, with a byte-order mark or without.
-
-    Parameters
-    ----------
-    what : str
-        What the file is, for error messages, such as ``"scene file"``.
-    path : str or Path
-        Where it is.
-    give : str
-        What to give instead, for error messages.
-    largest : int
-        Bytes that it may have.
-
-    Returns
-    -------
-    str
-        Its content.
-
-    Raises
-    ------
-    FileError
-        If it cannot be read, is no regular file, is larger than `largest`, or is not UTF-8; names what the file was to
-        be, its path, and the remedy.
-    """
+    """Read a UTF-8 text file, with a byte-order mark or without."""
     try:
         with open(Path(path), "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
             found = os.fstat(file.fileno())
@@ -75,21 +52,6 @@ def read_json(what: str, path: str | Path, give: str) -> Any:
 
 def read_toml(text: str) -> dict[str, Any]:
     """Parse a TOML text.
-
-    Parameters
-    ----------
-    text : str
-        Content of a TOML file.
-
-    Returns
-    -------
-    dict
-        Its data.
-
-    Raises
-    ------
-    FileError
-        If it is no text, no valid TOML, or nested too deeply.
 
     Examples
     --------
@@ -120,23 +82,6 @@ def _remedy(text: str, error: str) -> str:
 @contextmanager
 def in_file(path: str | Path, text: str) -> Iterator[None]:
     """Errors about the content of a TOML file name the file, and the line of the key where that can be found.
-
-    Parameters
-    ----------
-    path : str or Path
-        Where it is.
-    text : str
-        Its content.
-
-    Yields
-    ------
-    None
-        To code that reads the content.
-
-    Raises
-    ------
-    InputError
-        Of the type raised there, with `where`.
 
     Examples
     --------

@@ -41,20 +41,7 @@ PANEL = 2.0
 
 @jit
 def wheel_speeds(c: Constants, tau: float, y1: float, y2: float) -> tuple[float, float]:
-    """Speeds ``(u_1, u_2)`` of the two wheels at their base circles.
-
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    tau, y1, y2 : float
-        Time and relative velocities.
-
-    Returns
-    -------
-    u1, u2 : float
-        ``alpha cos tau - y_1`` and ``u_1 + y_2``.
-    """
+    """Speeds ``(u_1, u_2)`` of the two wheels at their base circles."""
     u1 = c.alpha * math.cos(tau) - y1
     return u1, u1 + y2
 
@@ -75,19 +62,8 @@ def _t_minus_sine(t: float, sine: float) -> float:
 def displacement(c: Constants, tau: float, y1: float, y2: float, t: float) -> State:
     """Increments of ``x_1`` and ``x_2`` over a flight of time `t` from `tau`, and the velocities at its end (Eq. 3).
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    tau, y1, y2 : float
-        Time and velocities at the start of the flight.
-    t : float
-        Flight time.
-
-    Returns
-    -------
-    dx1, y1, dx2, y2 : float
-        Increments of the displacements, and final velocities; ``dx2 = 0`` and `y2` unchanged for a single stage.
+    Returns: Increments of the displacements, and final velocities; ``dx2 = 0`` and `y2` unchanged for a single
+    stage.
 
     Examples
     --------
@@ -115,20 +91,6 @@ def displacement(c: Constants, tau: float, y1: float, y2: float, t: float) -> St
 def flow(c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, t: float) -> State:
     """State after a flight of time `t` from `tau` (Eq. 3; Eq. 10 is this map after a mesh-1 impact).
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    tau, x1, y1, x2, y2 : float
-        Time and state at the start of the flight.
-    t : float
-        Flight time.
-
-    Returns
-    -------
-    x1, y1, x2, y2 : float
-        State at its end.
-
     Examples
     --------
     >>> from rattle.scene import DAT21, Scene
@@ -144,17 +106,7 @@ def flow(c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, t
 def field(c: Constants, tau: float, y1: float, y2: float) -> Floats:
     """The drift, ``d(x1, y1, x2, y2) / d tau`` in flight without noise (Eq. 3).
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    tau, y1, y2 : float
-        Time and velocities.
-
-    Returns
-    -------
-    ndarray, shape (4,)
-        Velocities and accelerations.
+    Shapes: result (4,).
     """
     u1, _ = wheel_speeds(c, tau, y1, y2)
     drag1 = c.beta1 * u1 + c.gamma1
@@ -169,17 +121,7 @@ def field(c: Constants, tau: float, y1: float, y2: float) -> Floats:
 def field_rate(c: Constants, tau: float) -> Floats:
     """Partial derivative of the drift `field` with respect to time.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    tau : float
-        Time.
-
-    Returns
-    -------
-    ndarray, shape (4,)
-        ``d field / d tau`` at constant state.
+    Shapes: result (4,).
     """
     f = np.zeros(4)
     f[1] = -c.alpha * (math.cos(tau) + c.beta1 * math.sin(tau))
@@ -192,15 +134,7 @@ def field_rate(c: Constants, tau: float) -> Floats:
 def system_matrix(c: Constants) -> Floats:
     """``A`` of the linear flight ``s' = A s + ...`` (Eq. 8).
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-
-    Returns
-    -------
-    ndarray, shape (4, 4)
-        The drift matrix on ``(x1, y1, x2, y2)``.
+    Shapes: result (4, 4).
     """
     a = np.zeros((4, 4))
     a[0, 1], a[1, 1] = 1.0, -c.beta1
@@ -213,17 +147,7 @@ def system_matrix(c: Constants) -> Floats:
 def jacobian(c: Constants, t: float) -> Floats:
     """``exp(A t)``, the derivative of `flow` with respect to ``(x1, y1, x2, y2)``.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    t : float
-        Flight time, of either sign.
-
-    Returns
-    -------
-    ndarray, shape (4, 4)
-        The state-transition matrix.
+    Shapes: result (4, 4).
     """
     j = np.eye(4)
     p = pair(c.beta1, c.beta2, t)
@@ -234,20 +158,7 @@ def jacobian(c: Constants, t: float) -> Floats:
 
 @jit
 def noise_rate(c: Constants, tau: float) -> tuple[float, float]:
-    """Noise coefficients of ``(y_1, y_2)`` for the one white noise ``sigma eta`` (Eq. 5), for ``sigma = 1``.
-
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    tau : float
-        Time.
-
-    Returns
-    -------
-    m1, m2 : float
-        The modulation of the noise in each velocity.
-    """
+    """Noise coefficients of ``(y_1, y_2)`` for the one white noise ``sigma eta`` (Eq. 5), for ``sigma = 1``."""
     cosine = math.cos(tau)
     return -math.sin(tau) + c.beta1 * cosine, (c.beta1 - c.beta2) * cosine
 
@@ -334,17 +245,7 @@ def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
     Eq. 5.  The flight is halved until Gauss-Legendre quadrature is exact to rounding, then doubled again: a flight of
     time 1e6 takes twenty doublings.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    tau, t : float
-        Start and time of the flight.
-
-    Returns
-    -------
-    ndarray, shape (4, 4)
-        Symmetric; rows and columns of stage 2 are 0 for a single stage.
+    Shapes: result (4, 4).
 
     Examples
     --------

@@ -19,22 +19,8 @@ TOLERANCE = ("backlash1", "backlash2", "distribution", "draw")
 def read_gears(table: Mapping[str, Any], stages: object) -> Gears:
     """Gears from their table.
 
-    Parameters
-    ----------
-    table : mapping
-        The fields of Gears, which says what may be left out, and the arguments of `Gears.driven`.
-    stages : {2, 1}
-        Of the scene; for a single stage all values of wheel 2 may be left out.
-
-    Returns
-    -------
-    Gears
-        Validated.
-
-    Raises
-    ------
-    InputError
-        For unknown or missing keys and values that are not admissible; names them as ``gears.inertia1``.
+    `table`: The fields of Gears, which says what may be left out, and the arguments of `Gears.driven`. `stages`:
+    Of the scene; for a single stage all values of wheel 2 may be left out.
 
     Examples
     --------
@@ -59,23 +45,9 @@ def read_gears(table: Mapping[str, Any], stages: object) -> Gears:
 def read_tolerance(table: Mapping[str, Any], gears: Gears) -> dict[str, Any] | None:
     """The tolerances of the backlashes in the table of the gears, as the fields of a `rattle.scene.Tolerance`.
 
-    Parameters
-    ----------
-    table : mapping
-        ``[gears]``; its table ``tolerance`` has ``backlash1`` and ``backlash2``, the largest deviations of the full
-        backlashes in mm (the number behind ± in a drawing), ``distribution`` and ``draw``.
-    gears : Gears
-        Of the same table.
-
-    Returns
-    -------
-    dict or None
-        Half the deviations, in units of ``backlash1``; None if the table has no tolerances.
-
-    Raises
-    ------
-    InputError
-        For unknown keys, or a deviation that could close a backlash; names it as ``gears.tolerance.backlash1``.
+    `table`: ``[gears]``; its table ``tolerance`` has ``backlash1`` and ``backlash2``, the largest deviations of
+    the full backlashes in mm (the number behind ± in a drawing), ``distribution`` and ``draw``. Returns: Half the
+    deviations, in units of ``backlash1``; None if the table has no tolerances.
 
     Examples
     --------

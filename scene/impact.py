@@ -31,20 +31,6 @@ SOON = 100  # most times that a step is enlarged, each time by 8: the first step
 def struck(c: Constants, mesh: int, y1: float, y2: float) -> tuple[float, float]:
     """Velocities after an impact at a mesh (the restitution map).
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    mesh : {1, 2}
-        Mesh that is struck.
-    y1, y2 : float
-        Relative velocities just before the impact.
-
-    Returns
-    -------
-    y1, y2 : float
-        Relative velocities just after it.
-
     Examples
     --------
     >>> from rattle.scene import DAT21, Scene
@@ -63,20 +49,6 @@ def energy_loss(c: Constants, mesh: int, y1: float, y2: float) -> float:
 
     ``(1 - eps^2) y^2 / 2`` times the reduced mass: 1 at mesh 1, whose driver is prescribed, and mu at mesh 2.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    mesh : {1, 2}
-        Mesh that is struck.
-    y1, y2 : float
-        Relative velocities just before the impact.
-
-    Returns
-    -------
-    float
-        The energy, zero or above.
-
     Examples
     --------
     >>> from rattle.scene import DAT21, Scene
@@ -91,19 +63,7 @@ def energy_loss(c: Constants, mesh: int, y1: float, y2: float) -> float:
 def safe_time(distance: float, speed: float, acceleration: float, most: float, jerk: float) -> float:
     """A time within which a wall `distance` ahead cannot be reached.
 
-    Parameters
-    ----------
-    distance, speed, acceleration : float
-        Now, counted positive towards the wall.
-    most : float
-        Upper bound of the acceleration towards the wall, from now on.
-    jerk : float
-        Upper bound of the rate of change of the acceleration; 0 if none is known.
-
-    Returns
-    -------
-    float
-        The time; infinite if the wall is never reached.
+    `jerk`: Upper bound of the rate of change of the acceleration; 0 if none is known.
     """
     distance = max(distance, 0.0)
     step = _within(distance, speed, most)
@@ -157,26 +117,10 @@ def next_impact(
     Distances are computed from the initial distance and the displacement since, so that a flight of time 1e-12 from a
     wall back to it is resolved as well as any other.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    tau, x1, y1, x2, y2 : float
-        Time and state at the start of the flight, after the last impact.
-    horizon : float
-        Longest flight that is followed.
-
-    Returns
-    -------
-    t : float
-        Flight time.
-    mesh : int
-        1 or 2; `NONE` if there is no impact within the horizon; `REST` if a mesh sticks; `LOST` after `MOST_STEPS`
-        steps. If both meshes are struck at one instant mesh 1 comes first, and mesh 2 follows after a flight of time 0.
-    side : int
-        Flank that is struck, +1 or -1.
-    x1, y1, x2, y2 : float
-        State just before the impact; the displacement of the struck mesh is exactly that of its wall.
+    Returns: 1 or 2; `NONE` if there is no impact within the horizon; `REST` if a mesh sticks; `LOST` after
+    `MOST_STEPS` steps. If both meshes are struck at one instant mesh 1 comes first, and mesh 2 follows after a
+    flight of time 0. Returns: State just before the impact; the displacement of the struck mesh is exactly that
+    of its wall.
     """
     high1, low1, high2, low2 = c.wall1 - x1, c.wall1 + x1, c.wall2 - x2, c.wall2 + x2
     u1, u2 = wheel_speeds(c, tau, y1, y2)
@@ -226,17 +170,7 @@ def next_impact(
 def contact_matrix(c: Constants, mesh: int) -> Floats:
     """The restitution map as a matrix on ``(x1, y1, x2, y2)``.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    mesh : {1, 2, 0}
-        Mesh that is struck; 0 for none.
-
-    Returns
-    -------
-    ndarray, shape (4, 4)
-        Its derivative and itself, for it is linear.
+    Shapes: result (4, 4).
     """
     r = np.eye(4)
     if mesh == 1:

@@ -28,15 +28,6 @@ def emulated_fma(a: float, b: float, c: float) -> float:
     The product is split into two floats whose sum it is (Dekker 1971), and the three are added with one rounding;
     where a part could underflow or overflow, in fractions.
 
-    Parameters
-    ----------
-    a, b, c : float
-        Operands.
-
-    Returns
-    -------
-    float
-
     Examples
     --------
     >>> emulated_fma(1.0 + 2.0**-30, 1.0 - 2.0**-30, -1.0) == -(2.0**-60)
@@ -96,15 +87,6 @@ of that.  Numbers do not depend on it.
 def float_of(word: np.uint64) -> np.float64:
     """The float that has these bits.
 
-    Parameters
-    ----------
-    word : uint64
-        Its bits.
-
-    Returns
-    -------
-    float
-
     Examples
     --------
     >>> float(float_of(np.uint64(0x3FF0000000000000)))
@@ -116,15 +98,6 @@ def float_of(word: np.uint64) -> np.float64:
 @inlined
 def word_of(x: float) -> np.uint64:
     """The bits of a float.
-
-    Parameters
-    ----------
-    x : float
-        A float.
-
-    Returns
-    -------
-    uint64
 
     Examples
     --------

@@ -15,16 +15,8 @@ C = TypeVar("C")
 def suggesting(cls: type[C]) -> type[C]:
     """Make a class refuse an unknown keyword by an InputError that names the nearest known one.
 
-    Parameters
-    ----------
-    cls : type
-        The class; it is changed in place.  Its dictionary ``ELSEWHERE``, if it has one, says of keywords that people
-        try here where they belong.
-
-    Returns
-    -------
-    type
-        The same class.
+    `cls`: The class; it is changed in place.  Its dictionary ``ELSEWHERE``, if it has one, says of keywords that
+    people try here where they belong.
 
     Examples
     --------

@@ -52,16 +52,6 @@ def source_digest(root: Path) -> str:
 
     Sources of compiled code import `rattle.scene.compiled`, or are named in `TAKEN`; all others may change freely.
     The processor is not part of it: numba's index records the processor and its features for each entry.
-
-    Parameters
-    ----------
-    root : Path
-        Folder that holds the packages.
-
-    Returns
-    -------
-    str
-        16 hexadecimal digits.
     """
     digest = hashlib.sha256(f"{numba.__version__} {llvmlite.__version__} {np.__version__}".encode())
     for package in PACKAGES:
@@ -143,10 +133,6 @@ def fused_multiply_add() -> bool:
     """Whether compiled code may use AVX2 and a fused multiply-add; every processor but an old x86-64 has its like.
 
     Without them the results are right and slower, since each multiply-add calls a function.
-
-    Returns
-    -------
-    bool
     """
     if platform.machine().lower() not in ("x86_64", "amd64"):
         return True
@@ -169,24 +155,12 @@ def _warn() -> None:
 
 
 def folder() -> Path | None:
-    """Folder that machine code is kept in.
-
-    Returns
-    -------
-    Path or None
-        None where it is not kept.
-    """
+    """Folder that machine code is kept in."""
     return _folder
 
 
 def compiled_here() -> int:
-    """How many functions this process has compiled, because they were not in the cache.
-
-    Returns
-    -------
-    int
-        One for each function and signature.
-    """
+    """How many functions this process has compiled, because they were not in the cache."""
     return _compiled
 
 
@@ -235,17 +209,7 @@ class InFolder(NUMBAS_PLACE):  # type: ignore[misc]
 
     @classmethod
     def from_function(cls, function: Any, file: Any) -> Any:
-        """Where the machine code of a function is kept; None if it is not.
-
-        Parameters
-        ----------
-        function, file
-            The function and its file, as numba hands them over.
-
-        Returns
-        -------
-        InFolder or None
-        """
+        """Where the machine code of a function is kept; None if it is not."""
         return None if _folder is None else super(NUMBAS_PLACE, cls).from_function(function, file)
 
 
@@ -255,18 +219,7 @@ class Stored(NUMBAS_STORE):  # type: ignore[misc]
     _locator_classes = (InFolder,)
 
     def rebuild(self, target_context: Any, payload: Any) -> Any:
-        """Load machine code.
-
-        Parameters
-        ----------
-        target_context, payload
-            Target, and what was stored.
-
-        Returns
-        -------
-        object
-            What numba makes of it.
-        """
+        """Load machine code."""
         _, _, (machine_code, _) = payload[0]
         if b"NRT_" in machine_code:
             rtsys.initialize(target_context)
@@ -279,11 +232,6 @@ class Kept(NUMBAS_CACHE):  # type: ignore[misc]
     Few functions of a package are called in a process, and most of those from the cache.  So what numba prepares where
     a function is declared waits for its first call, and the description of all that numba can compile for the first
     function that has to be compiled.
-
-    Parameters
-    ----------
-    function : callable
-        Compiled by numba.
     """
 
     _impl_class = Stored
@@ -307,31 +255,14 @@ class Kept(NUMBAS_CACHE):  # type: ignore[misc]
         return bool(getattr(self._function, "inner", False))
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Read machine code from the cache; None where it has to be compiled, which is announced once.
-
-        Parameters
-        ----------
-        sig, target_context
-            Signature and target, as numba hands them over.
-
-        Returns
-        -------
-        object
-            What numba makes of it.
-        """
+        """Read machine code from the cache; None where it has to be compiled, which is announced once."""
         found = None if self._is_inner() else self._load_overload(sig, target_context)
         if found is None:
             _count()
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Write machine code to the cache, or skip it where that is not possible: it is compiled again next time.
-
-        Parameters
-        ----------
-        sig, data
-            Signature and compile result, as numba hands them over.
-        """
+        """Write machine code to the cache, or skip it where that is not possible: it is compiled again next time."""
         _warn()
         if not self._is_inner() and _folder is not None and _is_private(_folder):
             with suppress(OSError):
@@ -339,18 +270,7 @@ class Kept(NUMBAS_CACHE):  # type: ignore[misc]
 
 
 def sealed(function: D) -> D:
-    """Have the machine code of a function kept on disk, in files with a checksum.
-
-    Parameters
-    ----------
-    function : callable
-        Compiled by numba, or a plain function where the compiler is off.
-
-    Returns
-    -------
-    callable
-        The same function.
-    """
+    """Have the machine code of a function kept on disk, in files with a checksum."""
     made: Any = function
     if _folder is not None and hasattr(made, "py_func"):
         made._cache = Kept(made)

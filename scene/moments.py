@@ -28,42 +28,20 @@ LOST = 4.0 * 2.0**-52  # a variance below this times the square of its largest t
 
 
 class Realizability(NamedTuple):
-    """Whether a 2 x 2 covariance of displacement and velocity can belong to a distribution.
+    """Whether a 2 x 2 covariance of displacement and velocity can belong to a distribution."""
 
-    Attributes
-    ----------
-    realizable : bool
-        The verdict.
-    reason : str
-        What fails; empty if realizable.
-    variance_x, variance_y : float
-        Diagonal of the covariance.
-    rho : float
-        Correlation; NaN if a variance is not positive.
-    smallest_eigenvalue : float
-        Of the covariance; NaN if it is not finite.
-    """
-
-    realizable: bool
-    reason: str
-    variance_x: float
+    realizable: bool  # the verdict
+    reason: str  # what fails; empty if realizable
+    variance_x: float  # variance_x, variance_y: diagonal of the covariance
     variance_y: float
-    rho: float
-    smallest_eigenvalue: float
+    rho: float  # correlation; NaN if a variance is not positive
+    smallest_eigenvalue: float  # of the covariance; NaN if it is not finite
 
 
 def correlation(covariance: Floats) -> float:
     """Correlation ``rho`` of a 2 x 2 covariance; what is beyond 1 by rounding alone is 1.
 
-    Parameters
-    ----------
-    covariance : ndarray, shape (2, 2)
-        Of displacement and velocity.
-
-    Returns
-    -------
-    float
-        NaN where a variance is not positive.
+    Shapes: `covariance` (2, 2).
 
     Examples
     --------
@@ -81,15 +59,7 @@ def realizability(covariance: Floats) -> Realizability:
 
     A point mass (all zero) is realizable.  What fails is named, never clipped.
 
-    Parameters
-    ----------
-    covariance : ndarray, shape (2, 2)
-        Of displacement and velocity.
-
-    Returns
-    -------
-    Realizability
-        Verdict, reason and the numbers behind them.
+    Shapes: `covariance` (2, 2).
 
     Examples
     --------
@@ -150,17 +120,7 @@ def semidefinite(covariance: Floats, scale: Floats) -> Floats:
     Variances below the rounding error of their terms become 0, and negative eigenvalues are removed.  A covariance that
     is clearly positive definite is returned as it is, symmetrised.
 
-    Parameters
-    ----------
-    covariance : ndarray, shape (n, n)
-        With rounding errors.
-    scale : ndarray, shape (n,)
-        Standard deviations of the largest terms that were subtracted.
-
-    Returns
-    -------
-    ndarray, shape (n, n)
-        Symmetric, without negative eigenvalues.
+    Shapes: `covariance` (n, n); `scale` (n,); result (n, n).
 
     Examples
     --------
@@ -181,17 +141,7 @@ def semidefinite(covariance: Floats, scale: Floats) -> Floats:
 def gaussian_raw_moments(vx: float, cxy: float, vy: float, order: int) -> Floats:
     """``E[x^n y^p]`` of a centred Gaussian pair for ``n + p <= order``, by Isserlis' theorem as a recursion.
 
-    Parameters
-    ----------
-    vx, cxy, vy : float
-        Variances and covariance.
-    order : int
-        Highest order.
-
-    Returns
-    -------
-    ndarray, shape (order + 1, order + 1)
-        Entry ``[n, p]``; 0 for ``n + p > order``.
+    Shapes: result (order + 1, order + 1).
 
     Examples
     --------
@@ -214,15 +164,7 @@ def gaussian_raw_moments(vx: float, cxy: float, vy: float, order: int) -> Floats
 def central_from_raw(raw: Floats) -> Floats:
     """Central moments from raw moments.
 
-    Parameters
-    ----------
-    raw : ndarray, shape (orders, ...)
-        ``E[x^p]`` for p = 0, 1, ... along the first axis.
-
-    Returns
-    -------
-    ndarray, shape (orders, ...)
-        ``E[(x - E[x])^p]``.
+    Shapes: `raw` (orders, ...); result (orders, ...).
 
     Examples
     --------

@@ -52,18 +52,6 @@ SMALLER = {"amplitude": ("um", 1e-3), "amplitude_rad": ("degrees", math.pi / 180
 def check_plausible(gears: "Gears", table: Mapping[str, Any]) -> None:
     """Refuse gears that cannot exist as given; the bounds are those of this module.
 
-    Parameters
-    ----------
-    gears : Gears
-        What a user has written.
-    table : mapping
-        The table ``[gears]`` in which it is written, for the name of the drive.
-
-    Raises
-    ------
-    InputError
-        Names the field in ``[gears]``, its unit and the likely conversion.
-
     Examples
     --------
     >>> from dataclasses import replace
@@ -107,17 +95,8 @@ it is made; the unit is kg mm^2: if 0.004 is in kg m^2, write 4000; if it is mea
 def of_gears(gears: "Gears", error: InputError) -> InputError:
     """The refusal of a parameter that follows from gears, said of the gears.
 
-    Parameters
-    ----------
-    gears : Gears
-        What a user has written.
-    error : InputError
-        The refusal of a parameter of the model.
-
-    Returns
-    -------
-    InputError
-        Names the field of gears that differs most from the paper's example; the same error for anything else.
+    Returns: Names the field of gears that differs most from the paper's example; the same error for anything
+    else.
     """
     from rattle.scene.gears import DAT21
 

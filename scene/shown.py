@@ -12,20 +12,6 @@ WIDTH = 100
 def as_call(name: str, arguments: Mapping[str, object], *, first: str = "") -> str:
     """Python text of a call, on as many lines as it needs.
 
-    Parameters
-    ----------
-    name : str
-        What is called.
-    arguments : mapping of str to object
-        Its keyword arguments.
-    first : str
-        Text of a positional argument before them.
-
-    Returns
-    -------
-    str
-        The text; continued lines are indented.
-
     Examples
     --------
     >>> as_call("Start", {"tau": 0.0, "mesh": 1})
@@ -38,18 +24,6 @@ def as_call(name: str, arguments: Mapping[str, object], *, first: str = "") -> s
 
 def as_html(text: str, table: str = "") -> str:
     """Show a text, and a table below it, in a notebook.
-
-    Parameters
-    ----------
-    text : str
-        Plain text; it is escaped.
-    table : str
-        HTML.
-
-    Returns
-    -------
-    str
-        HTML.
 
     Examples
     --------

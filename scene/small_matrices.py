@@ -20,12 +20,7 @@ Floats = NDArray[np.float64]
 def put(to: Floats, values: Floats) -> None:
     """Copy a matrix into another one, or into a block of one.
 
-    Parameters
-    ----------
-    to : ndarray, shape (m, n)
-        Overwritten.
-    values : ndarray, shape (m, n)
-        The matrix.
+    Shapes: `to` (m, n); `values` (m, n).
 
     Examples
     --------
@@ -43,17 +38,7 @@ def put(to: Floats, values: Floats) -> None:
 def applied(matrix: Floats, v: Floats) -> Floats:
     """``A v``, a vector after a linear map.
 
-    Parameters
-    ----------
-    matrix : ndarray, shape (m, n)
-        The map A.
-    v : ndarray, shape (n,)
-        The vector.
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        A new vector.
+    Shapes: `matrix` (m, n); `v` (n,); result (m,).
 
     Examples
     --------
@@ -70,15 +55,7 @@ def applied(matrix: Floats, v: Floats) -> Floats:
 def times(a: Floats, b: Floats) -> Floats:
     """``A B``.
 
-    Parameters
-    ----------
-    a, b : ndarray, shapes (m, k) and (k, n)
-        The factors.
-
-    Returns
-    -------
-    ndarray, shape (m, n)
-        A new matrix.
+    Shapes: `a`, `b` (m, k) and (k, n); result (m, n).
 
     Examples
     --------
@@ -97,15 +74,7 @@ def times(a: Floats, b: Floats) -> Floats:
 def times_transposed(a: Floats, b: Floats) -> Floats:
     """``A B'``.
 
-    Parameters
-    ----------
-    a, b : ndarray, shapes (m, k) and (n, k)
-        The factors.
-
-    Returns
-    -------
-    ndarray, shape (m, n)
-        A new matrix.
+    Shapes: `a`, `b` (m, k) and (n, k); result (m, n).
 
     Examples
     --------
@@ -123,19 +92,7 @@ def times_transposed(a: Floats, b: Floats) -> Floats:
 def block(matrix: Floats, rows: int, first: int, last: int) -> Floats:
     """Copy of a block of a matrix.
 
-    Parameters
-    ----------
-    matrix : ndarray
-        The matrix.
-    rows : int
-        Number of rows, from the first on.
-    first, last : int
-        Columns from `first` up to, but not including, `last`.
-
-    Returns
-    -------
-    ndarray, shape (rows, last - first)
-        A new matrix.
+    Shapes: result (rows, last - first).
 
     Examples
     --------
@@ -153,17 +110,7 @@ def block(matrix: Floats, rows: int, first: int, last: int) -> Floats:
 def congruence(linear: Floats, form: Floats) -> Floats:
     """``T A T'``, the covariance A after a linear map T.
 
-    Parameters
-    ----------
-    linear : ndarray, shape (m, n)
-        The linear map T.
-    form : ndarray, shape (n, n)
-        The covariance A.
-
-    Returns
-    -------
-    ndarray, shape (m, m)
-        A new matrix.
+    Shapes: `linear` (m, n); `form` (n, n); result (m, m).
 
     Examples
     --------
@@ -177,17 +124,7 @@ def congruence(linear: Floats, form: Floats) -> Floats:
 def quadratic(form: Floats, axes: Floats) -> Floats:
     """``T' A T``, the quadratic form A in the coordinates along the columns of T.
 
-    Parameters
-    ----------
-    form : ndarray, shape (n, n)
-        The form A.
-    axes : ndarray, shape (n, m)
-        The columns T.
-
-    Returns
-    -------
-    ndarray, shape (m, m)
-        A new matrix.
+    Shapes: `form` (n, n); `axes` (n, m); result (m, m).
 
     Examples
     --------
@@ -206,19 +143,7 @@ def quadratic(form: Floats, axes: Floats) -> Floats:
 def inner(matrix: Floats, other: Floats, first: int) -> float:
     """Sum of the products of corresponding entries of a matrix and of a block of another one.
 
-    Parameters
-    ----------
-    matrix : ndarray
-        Its block begins at row and column `first`.
-    other : ndarray, shape (m, n)
-        Of the size of the block.
-    first : int
-        First row and column of the block.
-
-    Returns
-    -------
-    float
-        The Frobenius inner product.
+    Shapes: `other` (m, n).
 
     Examples
     --------

@@ -16,12 +16,7 @@ Floats = NDArray[np.float64]
 def put_row(to: Floats, values: Floats) -> None:
     """Copy a vector into another one.
 
-    Parameters
-    ----------
-    to : ndarray, shape (n,)
-        Overwritten.
-    values : ndarray, shape (n,)
-        The vector.
+    Shapes: `to` (n,); `values` (n,).
 
     Examples
     --------
@@ -38,14 +33,7 @@ def put_row(to: Floats, values: Floats) -> None:
 def put_scaled(to: Floats, values: Floats, divisor: float) -> None:
     """Copy a vector, divided by a number, into another one or into itself.
 
-    Parameters
-    ----------
-    to : ndarray, shape (n,)
-        Overwritten.
-    values : ndarray, shape (n,)
-        The vector.
-    divisor : float
-        The number.
+    Shapes: `to` (n,); `values` (n,).
 
     Examples
     --------
@@ -62,19 +50,7 @@ def put_scaled(to: Floats, values: Floats, divisor: float) -> None:
 def beyond(centre: Floats, step: float, direction: Floats) -> Floats:
     """``x + h v``: a point a number of steps away from another one.
 
-    Parameters
-    ----------
-    centre : ndarray, shape (n,)
-        The point x.
-    step : float
-        The number of steps h.
-    direction : ndarray, shape (n,)
-        The step v.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        A new vector.
+    Shapes: `centre` (n,); `direction` (n,); result (n,).
 
     Examples
     --------
@@ -91,15 +67,7 @@ def beyond(centre: Floats, step: float, direction: Floats) -> Floats:
 def dot(v: Floats, w: Floats) -> float:
     """``v' w``, summed in order of the components.
 
-    Parameters
-    ----------
-    v, w : ndarray, shape (n,)
-        The vectors.
-
-    Returns
-    -------
-    float
-        Their inner product.
+    Shapes: `v`, `w` (n,).
 
     Examples
     --------
@@ -116,15 +84,7 @@ def dot(v: Floats, w: Floats) -> float:
 def norm(v: Floats) -> float:
     """Euclidean norm, summed in order of the components.
 
-    Parameters
-    ----------
-    v : ndarray, shape (n,)
-        The vector.
-
-    Returns
-    -------
-    float
-        Its length.
+    Shapes: `v` (n,).
 
     Examples
     --------
@@ -141,17 +101,7 @@ def norm(v: Floats) -> float:
 def largest(values: Floats, count: int) -> int:
     """Index of the largest of the first values; of the first of them where several are equal.
 
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        The values.
-    count : int
-        How many are looked at, at least one.
-
-    Returns
-    -------
-    int
-        The index.
+    Shapes: `values` (n,).
 
     Examples
     --------

@@ -40,22 +40,7 @@ def _pulls(c: Constants, tau: float, y1: float, y2: float) -> tuple[float, float
 
 @jit
 def presses(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tuple[float, float]:
-    """Contact forces of the sticking meshes, as accelerations: positive while a contact pushes, 0 for an open mesh.
-
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    tau, y1, y2 : float
-        Time and velocities.
-    sides : (int, int)
-        Sides on which the meshes stick.
-
-    Returns
-    -------
-    press1, press2 : float
-        A negative one would pull: that mesh opens.
-    """
+    """Contact forces of the sticking meshes, as accelerations: positive while a contact pushes, 0 for an open mesh."""
     p1, p2, driver = _pulls(c, tau, y1, y2)
     f1, f2 = p1 + driver, p1 - p2
     first, second = sides
@@ -71,19 +56,7 @@ def closed_sides(c: Constants, tau: float, y1: float, y2: float, touching: Sides
     If both touch, the answer is the one combination in which every contact pushes and every open mesh accelerates away.
     It is unique, because the matrix of the contacts' effects on each other has a positive determinant, ``1 - mu``.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    tau, y1, y2 : float
-        Time and velocities.
-    touching : (int, int)
-        Sides on which meshes touch their wall at zero speed; 0 for a mesh that does not.
-
-    Returns
-    -------
-    (int, int)
-        Sides on which the meshes stick.
+    `touching`: Sides on which meshes touch their wall at zero speed; 0 for a mesh that does not.
 
     Examples
     --------
@@ -119,22 +92,6 @@ def _until_driver(side: int, beta: float, gamma: float, alpha: float, tau: float
 @jit
 def opening(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tuple[float, int]:
     """Time until the first of the sticking meshes opens, because its contact force has fallen to zero.
-
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    tau, y1, y2 : float
-        Time and velocities.
-    sides : (int, int)
-        Sides on which the meshes stick; at least one does.
-
-    Returns
-    -------
-    t : float
-        Time from now; infinite if none opens.
-    mesh : int
-        The mesh that opens.
 
     Examples
     --------
@@ -175,17 +132,7 @@ def _as_one(c: Constants) -> tuple[float, float]:
 def open_stage(c: Constants, sides: Sides) -> Constants:
     """The single stage that remains while one mesh sticks.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    sides : (int, int)
-        Sides on which the meshes stick; exactly one does.
-
-    Returns
-    -------
-    Constants
-        A single stage for ``-x2`` if mesh 1 sticks, for ``x1`` if mesh 2 does.
+    Returns: A single stage for ``-x2`` if mesh 1 sticks, for ``x1`` if mesh 2 does.
     """
     if sides[0] != 0:
         return Constants(
@@ -199,24 +146,7 @@ def open_stage(c: Constants, sides: Sides) -> Constants:
 def carried(
     c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, sides: Sides, t: float
 ) -> State:  # fmt: skip
-    """State after a time in which the same meshes stick and no wall is struck.
-
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    tau, x1, y1, x2, y2 : float
-        Time and state.
-    sides : (int, int)
-        Sides on which the meshes stick; ``(0, 0)`` is free flight.
-    t : float
-        Time from now.
-
-    Returns
-    -------
-    x1, y1, x2, y2 : float
-        State after it.
-    """
+    """State after a time in which the same meshes stick and no wall is struck."""
     first, second = sides
     if first == 0 and second == 0:
         return flow(c, tau, x1, y1, x2, y2, t)
@@ -235,24 +165,8 @@ def next_contact(
 ) -> tuple[float, int, int, float, float, float, float, Sides]:
     """The next event of a sticking phase: an impact of the open mesh, or the opening of a sticking one.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    tau, x1, y1, x2, y2 : float
-        Time and state.
-    sides : (int, int)
-        Sides on which the meshes stick; at least one does.
-    horizon : float
-        Longest time that is followed.
-
-    Returns
-    -------
-    t, mesh, side, x1, y1, x2, y2
-        As of `rattle.scene.impact.next_impact`; `REST` means that a mesh has opened, or that the open one has come to
-        its wall at zero speed.
-    sides : (int, int)
-        Meshes that are known to stick still.
+    Returns: As of `rattle.scene.impact.next_impact`; `REST` means that a mesh has opened, or that the open one
+    has come to its wall at zero speed.
     """
     first, second = sides
     opens, which = opening(c, tau, y1, y2, sides)
@@ -285,22 +199,6 @@ def stuck_on(c: Constants, x1: float, y1: float, x2: float, y2: float, mesh: int
     """The state with a mesh put on its wall at zero speed, everything that its contact does not act on kept.
 
     At mesh 1 position and speed of wheel 2 are kept, at mesh 2 the momentum and centre of mass of both wheels.
-
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    x1, y1, x2, y2 : float
-        State.
-    mesh : {1, 2}
-        Mesh that sticks.
-    place : float
-        Its wall.
-
-    Returns
-    -------
-    x1, y1, x2, y2 : float
-        State with the mesh on its wall.
     """
     if mesh == 1:
         return place, 0.0, x2 + (place - x1), y2 - y1
@@ -309,22 +207,7 @@ def stuck_on(c: Constants, x1: float, y1: float, x2: float, y2: float, mesh: int
 
 @jit
 def stuck(c: Constants, x1: float, y1: float, x2: float, y2: float, sides: Sides) -> State:
-    """The state with all sticking meshes put on their walls at zero speed, see `stuck_on`.
-
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    x1, y1, x2, y2 : float
-        State.
-    sides : (int, int)
-        Sides on which the meshes stick.
-
-    Returns
-    -------
-    x1, y1, x2, y2 : float
-        State with these meshes on their walls.
-    """
+    """The state with all sticking meshes put on their walls at zero speed, see `stuck_on`."""
     first, second = sides
     if first != 0 and second != 0:
         return first * c.wall1, 0.0, second * c.wall2, 0.0
@@ -347,21 +230,8 @@ def completed_chatter(
     error is about `CHATTER`.  Two meshes that throw each other back stick together, at once, when both are that slow
     and that close to their walls: they are hardly ever on both at the same instant.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    tau, x1, y1, x2, y2 : float
-        Time and state just after an impact.
-    mesh, side : int
-        The mesh and flank that were struck.
-
-    Returns
-    -------
-    t : float
-        Time until the chatter is complete; infinite where impacts do not accumulate, or cannot be summed up yet.
-    sides : (int, int)
-        Sides on which meshes then stick.
+    Returns: Time until the chatter is complete; infinite where impacts do not accumulate, or cannot be summed up
+    yet.
     """
     if c.epsilon == 1.0:
         return math.inf, (0, 0)

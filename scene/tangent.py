@@ -27,42 +27,19 @@ SLOWEST = 1e-150
 
 
 class Stretch(NamedTuple):
-    """A stretch of impacts of an orbit or of a path, and the growth of its neighbours.
+    """A stretch of impacts of an orbit or of a path, and the growth of its neighbours."""
 
-    Attributes
-    ----------
-    flight : ndarray, shape (impacts,)
-        Time since the last impact.
-    phase : ndarray, shape (impacts,)
-        Time of the impact, modulo the period 2 pi of the excitation.
-    code : ndarray of int, shape (impacts,)
-        ``mesh * side``.
-    before : ndarray, shape (impacts, 4)
-        ``(x1, y1, x2, y2)`` just before the impact.
-    growth : ndarray, shape (impacts, 4)
-        Logarithmic growth of an orthonormal tangent frame since the last impact, along its four axes (two for a
-        single stage, the others 0); minus infinity along an axis that the impact or the damping has reduced to zero.
-    """
-
-    flight: Floats
-    phase: Floats
-    code: Ints
-    before: Floats
+    flight: Floats  # time since the last impact; (impacts,)
+    phase: Floats  # time of the impact, modulo the period 2 pi of the excitation; (impacts,)
+    code: Ints  # ``mesh * side``; (impacts,)
+    before: Floats  # ``(x1, y1, x2, y2)`` just before the impact; (impacts, 4)
+    # logarithmic growth of an orthonormal tangent frame since the last impact, along its four axes (two for a single
+    # stage, the others 0); minus infinity along an axis that the impact or the damping has reduced to zero; (impacts,
+    # 4)
     growth: Floats
 
     def first(self, impacts: int) -> "Stretch":
-        """Keep the first impacts only.
-
-        Parameters
-        ----------
-        impacts : int
-            How many.
-
-        Returns
-        -------
-        Stretch
-            Views of the first rows.
-        """
+        """Keep the first impacts only."""
         n = impacts
         return Stretch(self.flight[:n], self.phase[:n], self.code[:n], self.before[:n], self.growth[:n])
 
@@ -71,19 +48,7 @@ class Stretch(NamedTuple):
 def saltation_matrix(c: Constants, mesh: int, tau: float, y1: float, y2: float) -> Floats:
     """``Xi`` of an impact.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    mesh : {1, 2}
-        Mesh that is struck.
-    tau, y1, y2 : float
-        Time, and velocities just before the impact.
-
-    Returns
-    -------
-    ndarray, shape (4, 4)
-        Acts on displacements of ``(x1, y1, x2, y2)``.
+    Shapes: result (4, 4).
 
     Examples
     --------
@@ -111,14 +76,7 @@ def saltation_matrix(c: Constants, mesh: int, tau: float, y1: float, y2: float) 
 def carry_frame(c: Constants, t: float, frame: Floats) -> None:
     """Propagate all columns of a tangent frame through a flight, in place.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    t : float
-        Flight time.
-    frame : ndarray, shape (4, 4)
-        Tangent vectors as columns; overwritten.
+    Shapes: `frame` (4, 4).
     """
     p = pair(c.beta1, c.beta2, t)
     for k in range(4):
@@ -185,18 +143,7 @@ def strike_frame(c: Constants, mesh: int, tau: float, y1: float, y2: float, fram
 
     Orthonormalised on both sides of the impact: the saltation matrix of a slow one is as large as 1 / speed.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    mesh : {1, 2}
-        Mesh that is struck.
-    tau, y1, y2 : float
-        Time, and velocities just before the impact.
-    frame : ndarray, shape (4, 4)
-        Tangent vectors as columns; overwritten.
-    growth : ndarray, shape (4,)
-        The logarithmic growth since the last impact is added to it.
+    Shapes: `frame` (4, 4); `growth` (4,).
     """
     size = 2 * c.stages
     _orthonormalise(frame, size, growth)

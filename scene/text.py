@@ -12,18 +12,6 @@ text or are invisible; halves of surrogate pairs (Cs); line and paragraph separa
 def harmless(text: str, keep: str = "\n\t") -> str:
     r"""Show control and formatting characters as escapes, so that a terminal or a page does not obey them.
 
-    Parameters
-    ----------
-    text : str
-        Any text.
-    keep : str
-        Control characters that may stay; line ends and tabs by default.
-
-    Returns
-    -------
-    str
-        The text with all other control, format, surrogate and separator characters escaped.
-
     Examples
     --------
     >>> print(harmless("\x1b[31mred, \u202eturned"))
@@ -39,16 +27,6 @@ def harmless(text: str, keep: str = "\n\t") -> str:
 
 def line(text: str) -> str:
     r"""Put a text on one line: white space collapsed, control characters escaped.
-
-    Parameters
-    ----------
-    text : str
-        Any text.
-
-    Returns
-    -------
-    str
-        The same on one line.
 
     Examples
     --------

@@ -46,17 +46,6 @@ DIMENSIONLESS = {
 class Units(NamedTuple):
     """What one dimensionless unit of a gear pair is in physical units; see `rattle.scene.Gears.units`.
 
-    Attributes
-    ----------
-    time : float
-        ``1 / omega``, in ms.
-    length : float
-        ``backlash1``, in mm.
-    speed : float
-        ``backlash1 omega``, in mm/s.
-    energy : float
-        ``inertia1 / radius1^2 (backlash1 omega)^2``, in mJ.
-
     Examples
     --------
     >>> from rattle.scene import DAT21
@@ -64,10 +53,10 @@ class Units(NamedTuple):
     [3.333333, 0.2, 60.0, 8.56633]
     """
 
-    time: float
-    length: float
-    speed: float
-    energy: float
+    time: float  # ``1 / omega``, in ms
+    length: float  # ``backlash1``, in mm
+    speed: float  # ``backlash1 omega``, in mm/s
+    energy: float  # ``inertia1 / radius1^2 (backlash1 omega)^2``, in mJ
 
     @property
     def columns_of(self) -> dict[str, tuple[str, float]]:
@@ -85,17 +74,9 @@ class Units(NamedTuple):
     def convert(self, columns: Mapping[str, Any]) -> dict[str, Any]:
         """Convert the columns of a table of moments, of a section or at fixed times, to physical units.
 
-        Parameters
-        ----------
-        columns : mapping of str to ndarray
-            Columns by name.
-
-        Returns
-        -------
-        dict of str to ndarray
-            The same columns in the same order.  A column with a dimension is converted, and its name ends with its
-            unit: ``tau_ms``, ``x1_mm``, ``y1_mm_per_s``, ``cov_x1_x1_mm2``, ``energy_mJ``.  After the mean time of
-            flight stands its inverse, ``impacts_per_s``.
+        Returns: The same columns in the same order.  A column with a dimension is converted, and its name ends with
+        its unit: ``tau_ms``, ``x1_mm``, ``y1_mm_per_s``, ``cov_x1_x1_mm2``, ``energy_mJ``.  After the mean time of
+        flight stands its inverse, ``impacts_per_s``.
 
         Examples
         --------
@@ -112,25 +93,7 @@ class Units(NamedTuple):
 
 
 def check_units(units: object, gears: object) -> str:
-    """Check the name of a system of units for the results of a scene.
-
-    Parameters
-    ----------
-    units : {"dimensionless", "physical"}
-        Its name.
-    gears : Gears or None
-        The gears that the scene was made from.
-
-    Returns
-    -------
-    str
-        The name.
-
-    Raises
-    ------
-    InputError
-        For an unknown name, or physical units of a scene that was not made from gears.
-    """
+    """Check the name of a system of units for the results of a scene."""
     name = choice("units", units, UNITS)
     if name == "physical" and gears is None:
         raise InputError("units", name, "this scene was not made from gears; give a [gears] table, or Scene.from_gears")
@@ -138,27 +101,7 @@ def check_units(units: object, gears: object) -> str:
 
 
 def in_units(columns: Mapping[str, Any], gears: Any, units: str) -> dict[str, Any]:
-    """The columns of a section table in a system of units.
-
-    Parameters
-    ----------
-    columns : mapping of str to ndarray
-        Dimensionless columns by name.
-    gears : Gears or None
-        The gears that the scene was made from.
-    units : {"dimensionless", "physical"}
-        The units wanted.
-
-    Returns
-    -------
-    dict of str to ndarray
-        See `Units.convert`.
-
-    Raises
-    ------
-    InputError
-        As `check_units`.
-    """
+    """The columns of a section table in a system of units."""
     return dict(columns) if check_units(units, gears) == "dimensionless" else gears.units.convert(columns)
 
 
@@ -191,27 +134,7 @@ def with_units(data: "xr.Dataset") -> "xr.Dataset":
 
 
 def at_times_in(table: "pd.DataFrame", gears: Any, units: str) -> "pd.DataFrame":
-    """A table of moments at fixed times in a system of units.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Dimensionless, with the index ``time``.
-    gears : Gears or None
-        The gears that the scene was made from.
-    units : {"dimensionless", "physical"}
-        The units wanted.
-
-    Returns
-    -------
-    DataFrame
-        In physical units with the index ``time_ms``, and the columns of `Units.convert`.
-
-    Raises
-    ------
-    InputError
-        As `check_units`.
-    """
+    """A table of moments at fixed times in a system of units."""
     if check_units(units, gears) == "dimensionless":
         return table
     columns = gears.units.columns_of

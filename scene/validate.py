@@ -13,25 +13,7 @@ __all__ = [
 
 
 def finite(field: str, value: object) -> float:
-    """Check for a finite real number; booleans and strings are refused.
-
-    Parameters
-    ----------
-    field : str
-        Name of the value, for the error.
-    value : object
-        What was given.
-
-    Returns
-    -------
-    float
-        The number.
-
-    Raises
-    ------
-    InputError
-        If it is not a real number, or not finite as a float.
-    """
+    """Check for a finite real number; booleans and strings are refused."""
     if isinstance(value, bool) or not isinstance(value, Real):
         raise InputError(field, value, "give a number")
     try:
@@ -44,75 +26,21 @@ def finite(field: str, value: object) -> float:
 
 
 def positive(field: str, value: float) -> float:
-    """Check for a finite number above zero.
-
-    Parameters
-    ----------
-    field : str
-        Name of the value, for the error.
-    value : float
-        What was given.
-
-    Returns
-    -------
-    float
-        The value.
-
-    Raises
-    ------
-    InputError
-        If it is not positive and finite.
-    """
+    """Check for a finite number above zero."""
     if not finite(field, value) > 0.0:
         raise InputError(field, value, "must be greater than 0")
     return value
 
 
 def non_negative(field: str, value: float) -> float:
-    """Check for a finite number, zero or above.
-
-    Parameters
-    ----------
-    field : str
-        Name of the value, for the error.
-    value : float
-        What was given.
-
-    Returns
-    -------
-    float
-        The value.
-
-    Raises
-    ------
-    InputError
-        If it is negative or not finite.
-    """
+    """Check for a finite number, zero or above."""
     if not finite(field, value) >= 0.0:
         raise InputError(field, value, "must be 0 or greater")
     return value
 
 
 def unit_interval(field: str, value: float) -> float:
-    """Check for a number between 0 and 1, both allowed.
-
-    Parameters
-    ----------
-    field : str
-        Name of the value, for the error.
-    value : float
-        What was given.
-
-    Returns
-    -------
-    float
-        The value.
-
-    Raises
-    ------
-    InputError
-        If it lies outside, or is not finite.
-    """
+    """Check for a number between 0 and 1, both allowed."""
     if not 0.0 <= finite(field, value) <= 1.0:
         raise InputError(field, value, "must lie between 0 and 1")
     return value
@@ -120,27 +48,6 @@ def unit_interval(field: str, value: float) -> float:
 
 def ranged(field: str, value: float, least: float, most: float, zero: bool = True) -> float:
     """Check that the absolute value of a number lies within bounds, or is 0 where that is allowed.
-
-    Parameters
-    ----------
-    field : str
-        Name of the value, for the error.
-    value : float
-        What was given.
-    least, most : float
-        Bounds of ``abs(value)``, both included.
-    zero : bool
-        Whether 0 is allowed too.
-
-    Returns
-    -------
-    float
-        The value.
-
-    Raises
-    ------
-    InputError
-        If it lies outside, or is not finite.
 
     Examples
     --------
@@ -157,29 +64,7 @@ def ranged(field: str, value: float, least: float, most: float, zero: bool = Tru
 
 
 def count(field: str, value: object, least: int = 1, most: int | None = None) -> int:
-    """Check for a whole number of at least `least` (and at most `most`).
-
-    Parameters
-    ----------
-    field : str
-        Name of the value, for the error.
-    value : object
-        What was given; numpy integers are accepted, booleans are not.
-    least : int
-        Smallest value allowed.
-    most : int, optional
-        Largest value allowed.
-
-    Returns
-    -------
-    int
-        The number.
-
-    Raises
-    ------
-    InputError
-        If it is not an integer, or out of bounds.
-    """
+    """Check for a whole number of at least `least` (and at most `most`)."""
     if isinstance(value, bool) or not isinstance(value, Integral):
         raise InputError(field, value, "give a whole number")
     number = int(value)
@@ -191,47 +76,14 @@ def count(field: str, value: object, least: int = 1, most: int | None = None) ->
 
 
 def nearest(word: str, valid: Iterable[str]) -> str:
-    """The end of an error message about an unknown name: the closest valid one, or all of them.
-
-    Parameters
-    ----------
-    word : str
-        The unknown name.
-    valid : iterable of str
-        Valid names.
-
-    Returns
-    -------
-    str
-        ``did you mean ...?`` or ``valid are ...``.
-    """
+    """The end of an error message about an unknown name: the closest valid one, or all of them."""
     names = list(valid)
     close = get_close_matches(word[:100], names, n=1)
     return f"did you mean {close[0]!r}?" if close else "valid are " + ", ".join(map(repr, names))
 
 
 def choice(field: str, value: object, valid: Iterable[str]) -> str:
-    """Check for one of a set of names.
-
-    Parameters
-    ----------
-    field : str
-        Name of the value, for the error.
-    value : object
-        What was given.
-    valid : iterable of str
-        Valid names.
-
-    Returns
-    -------
-    str
-        The name.
-
-    Raises
-    ------
-    InputError
-        If it is not among them.
-    """
+    """Check for one of a set of names."""
     names = list(valid)
     if not isinstance(value, str) or value not in names:
         raise InputError(field, value, nearest(value if isinstance(value, str) else "", names))
@@ -239,22 +91,7 @@ def choice(field: str, value: object, valid: Iterable[str]) -> str:
 
 
 def known_keys(where: str, given: Iterable[str], valid: Iterable[str]) -> None:
-    """Refuse a key that is not among the valid ones, and name the closest.
-
-    Parameters
-    ----------
-    where : str
-        Name of the table that holds the keys, for the error.
-    given : iterable of str
-        Keys that were given.
-    valid : iterable of str
-        Valid keys.
-
-    Raises
-    ------
-    InputError
-        For the first unknown key.
-    """
+    """Refuse a key that is not among the valid ones, and name the closest."""
     names = list(valid)
     for key in given:
         if not isinstance(key, str) or key not in names:

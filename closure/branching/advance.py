@@ -58,32 +58,14 @@ def _strike(
 class Advance:
     """The mixture on its way; each impact is a call of `fly`, one of `strike`, and one of `merge`.
 
-    Attributes
-    ----------
-    buffers : Buffers
-        Components in flight, and their images.
-    after : Mixture
-        Components after the impact, not merged yet.
-    live, flown, kept : int
-        Number of components after merging, after splitting, and after the impact.
-    struck, merged : int
-        Number of impacts so far, and of those after which components were merged.
-    discarded : float
-        Probability discarded so far.
+    `buffers`: components in flight, and their images. `after`: components after the impact, not merged yet.
+    `live, flown, kept`: number of components after merging, after splitting, and after the impact. `struck,
+    merged`: number of impacts so far, and of those after which components were merged. `discarded`: probability
+    discarded so far.
     """
 
     def __init__(self, scene: Scene, orbit: Orbit, level: Level) -> None:
-        """Begin at the start of an orbit.
-
-        Parameters
-        ----------
-        scene : Scene
-            What is modelled.
-        orbit : Orbit
-            Its orbit.
-        level : Level
-            How finely.
-        """
+        """Begin at the start of an orbit."""
         self.constants, self.level, self.discarded = scene.constants, level, 0.0
         tolerance = random_tolerance(scene)
         drawn_anew = tolerance is not None and tolerance.draw == "contact"

@@ -30,16 +30,9 @@ SDS = 2.0  # tolerance of the sds over that of the means, as in a verdict
 def bounds(coarse: Trace, fine: Trace) -> Floats:
     """Bounds of the errors of the finer of two traces.
 
-    Parameters
-    ----------
-    coarse, fine : Trace
-        Of the same scene at successive levels.
-
-    Returns
-    -------
-    ndarray, shape (impacts + 1, 2, 6)
-        Of mean and sd of the section quantities, in sds; infinite where only the finer one goes on, NaN at the start,
-        at the displacement of the mesh that most paths strike, and where a quantity does not vary.
+    Returns: Of mean and sd of the section quantities, in sds; infinite where only the finer one goes on, NaN at
+    the start, at the displacement of the mesh that most paths strike, and where a quantity does not vary. Shapes:
+    result (impacts + 1, 2, 6).
 
     Examples
     --------
@@ -86,17 +79,7 @@ def _means(found: Trace) -> Floats:
 def within(error: Floats, tolerance: float) -> NDArray[np.bool_]:
     """Whether the bounds of an impact's errors are within a tolerance.
 
-    Parameters
-    ----------
-    error : ndarray, shape (impacts + 1, 2, 6)
-        From `bounds`.
-    tolerance : float
-        Of the means, in sds; twice that of the sds.
-
-    Returns
-    -------
-    ndarray of bool, shape (impacts + 1,)
-        By impact.
+    Shapes: `error` (impacts + 1, 2, 6); result (impacts + 1,).
 
     Examples
     --------
@@ -110,35 +93,12 @@ def within(error: Floats, tolerance: float) -> NDArray[np.bool_]:
 
 
 def hopeless(found: Trace, tolerance: float) -> bool:
-    """Whether slow impacts alone put the bounds above a tolerance: more components would not help.
-
-    Parameters
-    ----------
-    found : Trace
-        Of any level.
-    tolerance : float
-        Of the means, in sds.
-
-    Returns
-    -------
-    bool
-        True if a finer level is of no use.
-    """
+    """Whether slow impacts alone put the bounds above a tolerance: more components would not help."""
     return found.slow is not None and bool(SLOW * found.slow.max() > tolerance)
 
 
 def largest_error(errors: Floats) -> float:
     """The largest of some errors, leaving out those that are NaN.
-
-    Parameters
-    ----------
-    errors : ndarray
-        Any number of them.
-
-    Returns
-    -------
-    float
-        NaN if all are.
 
     Examples
     --------
@@ -154,18 +114,6 @@ def advice(found: Trace, tolerance: float) -> str:
     With 95 % probability none of the errors of a simulation is above `ALL` standard errors.  It is advised where the
     closure's bounds are above the tolerance, and where as many paths as reach the bounds so are less counted work than
     the closure's components.
-
-    Parameters
-    ----------
-    found : Trace
-        With bounds of its errors.
-    tolerance : float
-        Of the means, in sds; twice that of the sds.
-
-    Returns
-    -------
-    str
-        One sentence.
     """
     if found.error is None:
         return ""

@@ -39,35 +39,19 @@ FURTHER = 2, 8  # flights followed, at most: per impact asked for, and besides
 
 
 class Flight(NamedTuple):
-    """Components between two impacts.
+    """Components between two impacts."""
 
-    Attributes
-    ----------
-    weight, mean, covariance : ndarray, shapes (n,), (n, d), (n, d, d)
-        At the start, after splitting, the noise of the flight included.
-    end : ndarray, shape (n, 2)
-        Mean and variance of the time of the next impact; infinite mean if there is none.
-    crossing : ndarray, shape (n, d)
-        Covariance of the start with that time.
-    parent : ndarray of int, shape (n,)
-        The component before splitting.
-    centre : ndarray, shape (parents, d)
-        Its mean.
-    regression : ndarray, shape (parents, d, d)
-        Inverse of its covariance, on its range.
-    time : ndarray, shape (parents,)
-        Time of its mean's flight, whose noise was added; 0 if it does not end.
-    """
-
+    # weight, mean, covariance: at the start, after splitting, the noise of the flight included; (n,), (n, d), (n, d,
+    # d)
     weight: Floats
     mean: Floats
     covariance: Floats
-    end: Floats
-    crossing: Floats
-    parent: Ints
-    centre: Floats
-    regression: Floats
-    time: Floats
+    end: Floats  # mean and variance of the time of the next impact; infinite mean if there is none; (n, 2)
+    crossing: Floats  # covariance of the start with that time; (n, d)
+    parent: Ints  # the component before splitting; (n,)
+    centre: Floats  # its mean; (parents, d)
+    regression: Floats  # inverse of its covariance, on its range; (parents, d, d)
+    time: Floats  # time of its mean's flight, whose noise was added; 0 if it does not end; (parents,)
 
 
 @jit
@@ -217,28 +201,11 @@ def _add(c: Constants, f: Flight, time: float, weight: Floats, mean: Floats, cov
 class FixedTimes:
     """Mean and covariance of the state at fixed times, from flights kept; follows the closure on where a time asks.
 
-    Attributes
-    ----------
-    run : Advance
-        The closure, impact by impact.
-    flights : list of Flight
-        Its flights so far.
+    `run`: the closure, impact by impact. `flights`: its flights so far.
     """
 
     def __init__(self, scene: Scene, orbit: Orbit, level: Level, impacts: int) -> None:
-        """Begin at the start of an orbit, before the first flight.
-
-        Parameters
-        ----------
-        scene : Scene
-            What is modelled.
-        orbit : Orbit
-            Its orbit.
-        level : Level
-            How finely.
-        impacts : int
-            Impacts asked for.
-        """
+        """Begin at the start of an orbit, before the first flight."""
         self.constants, self.orbit = scene.constants, orbit
         self.start = start_covariance(scene)[1:PLAIN, 1:PLAIN].copy()
         self.most = FURTHER[0] * impacts + FURTHER[1]

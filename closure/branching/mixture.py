@@ -14,40 +14,18 @@ __all__ = ["Mixture", "empty", "moments", "reduce"]
 
 
 class Mixture(NamedTuple):
-    """Components of a Gaussian mixture; components of different labels are never merged.
+    """Components of a Gaussian mixture; components of different labels are never merged."""
 
-    Attributes
-    ----------
-    weight : ndarray, shape (components,)
-        Probabilities.
-    mean : ndarray, shape (components, d)
-        Of each component.
-    covariance : ndarray, shape (components, d, d)
-        Of each component.
-    label : ndarray of int, shape (components,)
-        What a component has gone through.
-    """
-
-    weight: Floats
-    mean: Floats
-    covariance: Floats
-    label: Ints
+    weight: Floats  # probabilities; (components,)
+    mean: Floats  # of each component; (components, d)
+    covariance: Floats  # of each component; (components, d, d)
+    label: Ints  # what a component has gone through; (components,)
 
 
 def empty(size: int, d: int = PLAIN) -> Mixture:
     """A mixture of zeros, to be filled.
 
-    Parameters
-    ----------
-    size : int
-        Number of components.
-    d : int
-        Size of the section state ``(tau, x1, y1, x2, y2)``: 5, or 9 with the flanks.
-
-    Returns
-    -------
-    Mixture
-        All weights 0.
+    `d`: Size of the section state ``(tau, x1, y1, x2, y2)``: 5, or 9 with the flanks.
     """
     return Mixture(np.zeros(size), np.zeros((size, d)), np.zeros((size, d, d)), np.zeros(size, np.int64))
 
@@ -100,21 +78,7 @@ def reduce(parts: Mixture, count: int, most: int, out: Mixture) -> int:
     Top down: the group with the largest scatter of its means is divided across its principal axis until there are as
     many groups as components allowed.  Each group then becomes one component.
 
-    Parameters
-    ----------
-    parts : Mixture
-        Components to reduce.
-    count : int
-        How many of them are in use.
-    most : int
-        Largest number of components that may be left; at least the number of labels.
-    out : Mixture
-        The result is written here.
-
-    Returns
-    -------
-    int
-        Number of components written.
+    `most`: Largest number of components that may be left; at least the number of labels.
     """
     d, order = parts.mean.shape[1], _by_label(parts.label, count)
     first, last = np.zeros(most, np.int64), np.zeros(most, np.int64)
@@ -174,17 +138,7 @@ def reduce(parts: Mixture, count: int, most: int, out: Mixture) -> int:
 def moments(w: Floats, mean: Floats, variance: Floats) -> tuple[Floats, Floats, Floats]:
     """Mean, sd and skewness of the marginals of a mixture.
 
-    Parameters
-    ----------
-    w : ndarray, shape (components,)
-        Weights; they need not sum to 1.
-    mean, variance : ndarray, shape (components, quantities)
-        Of each component.
-
-    Returns
-    -------
-    mean, sd, skew : ndarray, shape (quantities,)
-        The skewness is NaN where the sd is 0.
+    Shapes: `w` (components,); `mean`, `variance` (components, quantities); result (quantities,).
     """
     share = (w / w.sum())[:, None]
     centre = mean[0] + (share * (mean - mean[0])).sum(axis=0)  # exact where nothing varies

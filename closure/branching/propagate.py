@@ -24,20 +24,12 @@ GRAZE = 2.0  # slowest impact at which derivatives are taken, in units of the sp
 
 
 class Image(NamedTuple):
-    """Images of Gaussian components just before their next impact.
+    """Images of Gaussian components just before their next impact."""
 
-    Attributes
-    ----------
-    section : Mixture
-        Section states; the label is ``mesh * side`` of the impact, 0 for none.
-    flight : ndarray, shape (components, 2)
-        Mean and variance of the flight time.
-    crossing : ndarray, shape (components, d)
-        Covariance of the section state at the start of the flight, its noise included, with the time of the impact.
-    """
-
-    section: Mixture
-    flight: Floats
+    section: Mixture  # section states; the label is ``mesh * side`` of the impact, 0 for none
+    flight: Floats  # mean and variance of the flight time; (components, 2)
+    # covariance of the section state at the start of the flight, its noise included, with the time of the impact;
+    # (components, d)
     crossing: Floats
 
 
@@ -106,27 +98,7 @@ def _trace(square: Floats) -> float:
 def propagate(c: Constants, centre: Floats, axes: Floats, to: Image, at: int, before: Floats) -> tuple[float, Floats]:
     """Propagate a Gaussian to its next impact, to second order in its spread.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    centre : ndarray, shape (d,)
-        Mean of the section state after the last impact.
-    axes : ndarray, shape (d, rank)
-        Square root of the covariance, including the noise of the flight.
-    to : Image
-        The result is written here.
-    at : int
-        Its place there.
-    before : ndarray, shape (4,)
-        Scratch space; overwritten.
-
-    Returns
-    -------
-    bend : float
-        Largest ratio of second-order to first-order variance over the outputs.
-    u : ndarray, shape (rank,)
-        Direction of the largest curvature, a unit vector along the axes.
+    Shapes: `centre` (d,); `axes` (d, rank); `before` (4,); `u` (rank,).
     """
     t, code = event(c, centre, before)
     to.section.label[at] = code

@@ -34,83 +34,32 @@ POWER = 0.35  # error of a component relative to its weight, as a power of the r
 
 
 class Level(NamedTuple):
-    """A resolution of the closure.
+    """A resolution of the closure."""
 
-    Attributes
-    ----------
-    components : int
-        Most components after an impact.
-    cut : int
-        Most components before an impact, not counting halves.
-    flat : float
-        Ratio of second-order to first-order variance below which a component is not split.
-    worth : float
-        Error below which no component is split.
-    """
-
-    components: int
-    cut: int
-    flat: float
-    worth: float
+    components: int  # most components after an impact
+    cut: int  # most components before an impact, not counting halves
+    flat: float  # ratio of second-order to first-order variance below which a component is not split
+    worth: float  # error below which no component is split
 
 
 class Buffers(NamedTuple):
-    """Components at the start of a flight, their images, and how each would be split.
+    """Components at the start of a flight, their images, and how each would be split."""
 
-    Attributes
-    ----------
-    start : Mixture
-        Section states after the last impact, with the noise of the flight included.
-    image : Image
-        Component i has its image at 2 i and, where a boundary halves it, at 2 i + 1.
-    ignored : ndarray of int
-        Bit mask of impacts that were split off already.
-    error : ndarray
-        What splitting a component is worth, weighted.
-    axis : ndarray, shape (components, d)
-        One sd across the split.
-    depth : ndarray
-        Distance of the plane that splits a tail off, in sds; 0 for a split in three.
-    beyond : ndarray of int
-        The impact (``mesh * side``) beyond that plane.
-    slow : ndarray
-        Share of the squared impact speed that noise makes.
-    parent : ndarray of int
-        The component after the last impact of which it is a part.
-    plane : ndarray, shape (components, d)
-        One sd across the boundary that halves a component.
-    halved : ndarray
-        Distance of that boundary, in sds; 0 for a component that is not halved.
-    """
-
-    start: Mixture
-    image: Image
-    ignored: Ints
-    error: Floats
-    axis: Floats
-    depth: Floats
-    beyond: Ints
-    slow: Floats
-    parent: Ints
-    plane: Floats
-    halved: Floats
+    start: Mixture  # section states after the last impact, with the noise of the flight included
+    image: Image  # component i has its image at 2 i and, where a boundary halves it, at 2 i + 1
+    ignored: Ints  # bit mask of impacts that were split off already
+    error: Floats  # what splitting a component is worth, weighted
+    axis: Floats  # one sd across the split; (components, d)
+    depth: Floats  # distance of the plane that splits a tail off, in sds; 0 for a split in three
+    beyond: Ints  # the impact (``mesh * side``) beyond that plane
+    slow: Floats  # share of the squared impact speed that noise makes
+    parent: Ints  # the component after the last impact of which it is a part
+    plane: Floats  # one sd across the boundary that halves a component; (components, d)
+    halved: Floats  # distance of that boundary, in sds; 0 for a component that is not halved
 
 
 def buffers(size: int, d: int = PLAIN) -> Buffers:
-    """Empty arrays for the components of a flight.
-
-    Parameters
-    ----------
-    size : int
-        Largest number of components before the impact, not counting halves.
-    d : int
-        Size of the section state, 5 or 9.
-
-    Returns
-    -------
-    Buffers
-        All weights 0.
-    """
+    """Empty arrays for the components of a flight."""
     image = Image(empty(2 * size, d), np.zeros((2 * size, 2)), np.zeros((2 * size, d)))
     return Buffers(
         empty(size, d), image, np.zeros(size, np.int64), np.zeros(size), np.zeros((size, d)), np.zeros(size),
@@ -231,20 +180,6 @@ def add_noise(c: Constants, live: int, b: Buffers) -> float:
 
     The displacement ``exp(-A t) n`` leads to the same state at the end of the flight.  A component whose flight is
     damped by more than ``exp(-DAMPED)`` is discarded: flown back, its noise has no digits left.
-
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    live : int
-        Number of components in use.
-    b : Buffers
-        Components in ``b.start``; overwritten.
-
-    Returns
-    -------
-    float
-        Probability discarded.
     """
     before, discarded = np.empty(4), 0.0
     for i in range(live):
@@ -266,21 +201,7 @@ def add_noise(c: Constants, live: int, b: Buffers) -> float:
 def fly(c: Constants, live: int, b: Buffers, level: Level) -> int:
     """Propagate components to their next impact, splitting them where that is worth it.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    live : int
-        Number of components in use.
-    b : Buffers
-        Components in ``b.start``, with the noise of the flight; their images are written to ``b.image``.
-    level : Level
-        How finely.
-
-    Returns
-    -------
-    int
-        Number of components after splitting.
+    `b`: Components in ``b.start``, with the noise of the flight; their images are written to ``b.image``.
     """
     before = np.empty(4)
     count, last, seen = live, 0, 0  # seen: components examined already, except the last one that was split

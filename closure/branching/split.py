@@ -30,21 +30,7 @@ THIRD_CENTRE = math.sqrt(0.5 * (1.0 - THIRD_WIDTH**2) / THIRD_WEIGHT)
 def event(c: Constants, e: Floats, before: Floats) -> tuple[float, int]:
     """The next impact from a point.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    e : ndarray, shape (5,) or (9,)
-        Section state after an impact.
-    before : ndarray, shape (4,)
-        The state just before the next impact is written here.
-
-    Returns
-    -------
-    t : float
-        Flight time.
-    code : int
-        ``mesh * side``, or 0 if there is no impact within `LONGEST`.
+    Shapes: `e` (5,) or (9,); `before` (4,).
     """
     middle1 = middle2 = 0.0
     if e.size > PLAIN:
@@ -61,17 +47,7 @@ def root(sigma: Floats) -> tuple[int, Floats]:
     Components of the flanks are scaled differently before the eigendecomposition: two flanks of equal variance have no
     unique principal axes, and rounding would choose them.  The sign of each axis is fixed too.
 
-    Parameters
-    ----------
-    sigma : ndarray, shape (d, d)
-        Covariance.
-
-    Returns
-    -------
-    rank : int
-        Number of axes.
-    axes : ndarray, shape (d, d)
-        The first `rank` columns are the axes, largest first; the others are 0.
+    Shapes: `sigma` (d, d); `axes` (d, d).
     """
     d = sigma.shape[0]
     weight, weighed = np.ones(d), sigma
@@ -127,29 +103,7 @@ def cut_plane(
     The nearest point of the boundary is searched for as in the first-order reliability method (Hasofer and Lind 1974):
     from the best axis, along the normal of the plane through nearby points of the boundary.
 
-    Parameters
-    ----------
-    c : Constants
-        The scene.
-    centre : ndarray, shape (d,)
-        Mean of the component.
-    axes : ndarray, shape (d, rank)
-        Square root of its covariance.
-    code : int
-        Next impact from the centre, ``mesh * side``.
-    ignored : int
-        Bit mask of impacts that are not searched for.
-    reach : float
-        Largest distance, in sds.
-    before : ndarray, shape (4,)
-        Scratch space; overwritten.
-
-    Returns
-    -------
-    other : int
-        The other impact; `code` itself where no boundary is within `reach`.
-    q : ndarray, shape (rank,)
-        Normal of the plane over its distance.
+    Shapes: `centre` (d,); `axes` (d, rank); `before` (4,); `q` (rank,).
     """
     rank = axes.shape[1]
     far = 1.6 * reach  # a slanted plane within reach cuts one of the axes there
@@ -191,20 +145,7 @@ def cut_plane(
 
 @jit
 def half(depth: float, inner: bool) -> tuple[float, float, float]:
-    """Moments of a standard normal restricted to one side of a plane.
-
-    Parameters
-    ----------
-    depth : float
-        Distance of the plane from the centre.
-    inner : bool
-        Whether the side of the centre is meant.
-
-    Returns
-    -------
-    weight, mean, variance : float
-        Probability of that side, and conditional moments along the normal.
-    """
+    """Moments of a standard normal restricted to one side of a plane."""
     beyond = 0.5 * math.erfc(depth / math.sqrt(2.0))
     weight = 1.0 - beyond if inner else beyond
     rate = math.exp(-0.5 * depth * depth) / math.sqrt(2.0 * math.pi) / weight * (-1.0 if inner else 1.0)

@@ -42,23 +42,9 @@ def trace(scene: Scene, impacts: int, order: int, tolerance: float | None = None
     Principal axes mix times and lengths, so the result could depend on the unit of length: the one used is the power of
     two next to the gap, whatever the scene's.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    impacts : int
-        Impacts after the start.
-    order : int
-        Not used: this closure has no raw moments of a perturbation.
-    tolerance : float, optional
-        Error of the means, in sds, and half that of the sds, that the bounds need not fall below.  A tolerance that no
-        level can meet stops the refinement too.
-
-    Returns
-    -------
-    Trace
-        With the mixtures, the shares of paths on the orbit's itinerary, the probability discarded and the bounds of its
-        own errors.
+    `tolerance`: Error of the means, in sds, and half that of the sds, that the bounds need not fall below.  A
+    tolerance that no level can meet stops the refinement too. Returns: With the mixtures, the shares of paths on
+    the orbit's itinerary, the probability discarded and the bounds of its own errors.
     """
     unit = 2.0 ** math.frexp(scene.constants.wall1)[1]
     scaled = scene.scaled(1.0 / unit)

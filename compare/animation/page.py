@@ -40,48 +40,20 @@ SUBSCRIPT = {1: "₁", 2: "₂"}
 
 
 class Strip(NamedTuple):
-    """One displacement of both paths over time.
+    """One displacement of both paths over time."""
 
-    Attributes
-    ----------
-    mesh : int
-        Of which mesh.
-    label, unit : str
-        What is drawn, and its unit.
-    ticks : list of (float, str)
-        Height of a tick from the top in percent, and its label.
-    curves : list of (str, str)
-        Name and SVG points of each path.
-    marks : list of (str, int, float, float)
-        Name of the path, number of the impact, and its place from left and top in percent.
-    band : float
-        Half the height of the band in which a flank of a toleranced gap lies, in percent; 0 for none.
-    """
-
-    mesh: int
-    label: str
+    mesh: int  # of which mesh
+    label: str  # label, unit: what is drawn, and its unit
     unit: str
-    ticks: list[tuple[float, str]]
-    curves: list[tuple[str, str]]
+    ticks: list[tuple[float, str]]  # height of a tick from the top in percent, and its label
+    curves: list[tuple[str, str]]  # name and SVG points of each path
+    # name of the path, number of the impact, and its place from left and top in percent
     marks: list[tuple[str, int, float, float]]
-    band: float
+    band: float  # half the height of the band in which a flank of a toleranced gap lies, in percent; 0 for none
 
 
 def animation(shown: Recording, name: str, command: str = "") -> str:
     """The text of an animation's HTML file.
-
-    Parameters
-    ----------
-    shown : Recording
-        Both paths.
-    name : str
-        Of the scene; it may hold anything.
-    command : str
-        What makes the file again; left out where it is empty.
-
-    Returns
-    -------
-    str
 
     Examples
     --------
@@ -121,18 +93,6 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
 def check_file(out: Path, overwrite: bool) -> None:
     """Check before the work that a file can be written without losing another's.
 
-    Parameters
-    ----------
-    out : Path
-        The file; its folder need not exist.
-    overwrite : bool
-        Whether an earlier animation may be replaced.
-
-    Raises
-    ------
-    OutputError
-        Names the file, what is in the way, and what to do.
-
     Examples
     --------
     >>> check_file(Path("wheels.gif"), False)
@@ -161,26 +121,7 @@ def check_file(out: Path, overwrite: bool) -> None:
 
 
 def write_animation(out: Path, shown: Recording, name: str, command: str = "", overwrite: bool = False) -> None:
-    """Write an animation, whole or not at all.
-
-    Parameters
-    ----------
-    out : Path
-        The file; its folder is made if need be.
-    shown : Recording
-        Both paths.
-    name : str
-        Of the scene.
-    command : str
-        What makes the file again.
-    overwrite : bool
-        Whether an earlier animation may be replaced.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written.
-    """
+    """Write an animation, whole or not at all."""
     text = animation(shown, name, command)
     check_file(out, overwrite)
     try:

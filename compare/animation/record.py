@@ -29,28 +29,14 @@ TAIL = 0.5  # what is shown after the last impact: at the most this share of a m
 
 @dataclass(frozen=True)
 class Motion:
-    """One path, as it is drawn: its displacements at instants, and its impacts.
+    """One path, as it is drawn: its displacements at instants, and its impacts."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (instants,)
-        Time since the start, increasing; the instants of the impacts are among them.
-    x1, x2 : ndarray, shape (instants,)
-        Relative displacements; `x2` is NaN for a single stage.
-    impact_time : ndarray, shape (impacts,)
-        Time of each impact since the start; that of the start itself is not among them.
-    impact_x : ndarray, shape (impacts,)
-        Displacement of the mesh that is struck.
-    mesh, side : ndarray of int, shape (impacts,)
-        Mesh and flank of each impact.
-    """
-
-    time: Floats
-    x1: Floats
+    time: Floats  # time since the start, increasing; the instants of the impacts are among them; (instants,)
+    x1: Floats  # x1, x2: relative displacements; `x2` is NaN for a single stage; (instants,)
     x2: Floats
-    impact_time: Floats
-    impact_x: Floats
-    mesh: Ints
+    impact_time: Floats  # time of each impact since the start; that of the start itself is not among them; (impacts,)
+    impact_x: Floats  # displacement of the mesh that is struck; (impacts,)
+    mesh: Ints  # mesh, side: mesh and flank of each impact; (impacts,)
     side: Ints
 
     @property
@@ -61,27 +47,13 @@ class Motion:
 
 @dataclass(frozen=True)
 class Recording:
-    """Both paths of an animation.
+    """Both paths of an animation."""
 
-    Attributes
-    ----------
-    scene : Scene
-        What is modelled.
-    seed : int
-        Of the noisy path.
-    span : float
-        Time that is shown, from the start on.
-    step : float
-        Time between two recorded instants of flight.
-    orbit, path : Motion
-        The noise-free orbit, and the noisy path.
-    """
-
-    scene: Scene
-    seed: int
-    span: float
-    step: float
-    orbit: Motion
+    scene: Scene  # what is modelled
+    seed: int  # of the noisy path
+    span: float  # time that is shown, from the start on
+    step: float  # time between two recorded instants of flight
+    orbit: Motion  # orbit, path: the noise-free orbit, and the noisy path
     path: Motion
 
     @property
@@ -94,16 +66,6 @@ class Recording:
 
 def check_recording(scene: Scene, impacts: int, seed: int) -> None:
     """Refuse settings that `record` could not take, before any work.
-
-    Parameters
-    ----------
-    scene, impacts, seed
-        As of `record`.
-
-    Raises
-    ------
-    InputError
-        Names the setting, its value and the remedy.
 
     Examples
     --------
@@ -127,23 +89,8 @@ def record(scene: Scene, *, impacts: int = 24, seed: int = 0) -> Recording:
     The orbit is exact. The noisy path is a sample by exact flights, which have no step bias; its state is taken at
     fixed times and just before each impact.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled; its noise or its tolerance is random.
-    impacts : int
-        Impacts of the orbit after the start, at most `MOST_IMPACTS`; the path has as many as it has in that time.
-    seed : int
-        Of the noisy path.
-
-    Returns
-    -------
-    Recording
-
-    Raises
-    ------
-    InputError
-        For a setting that cannot be shown, and if the orbit has fewer impacts.
+    `impacts`: Impacts of the orbit after the start, at most `MOST_IMPACTS`; the path has as many as it has in
+    that time.
 
     Examples
     --------

@@ -23,13 +23,6 @@ POINTS = 7  # of a flank
 class Wheel:
     """A toothed wheel of `TEETH` teeth.
 
-    Parameters
-    ----------
-    radius : float
-        Of its pitch circle.
-    width : float
-        Of its teeth along the pitch circle, as a share of the pitch.
-
     Examples
     --------
     >>> Wheel(6.0, 0.35).module
@@ -57,15 +50,7 @@ class Wheel:
     def half_angle(self, radius: float) -> float:
         """Half the angle that a tooth spans at a radius.
 
-        Parameters
-        ----------
-        radius : float
-            From the root to the tip; below the base circle the flank is radial.
-
-        Returns
-        -------
-        float
-            In radians.
+        `radius`: From the root to the tip; below the base circle the flank is radial.
 
         Examples
         --------
@@ -81,16 +66,6 @@ class Wheel:
 
 def outline(wheel: Wheel) -> str:
     """The outline of a wheel as the data of an SVG path; the middle of a tooth points along the x axis.
-
-    Parameters
-    ----------
-    wheel : Wheel
-        Its size and teeth.
-
-    Returns
-    -------
-    str
-        Around the origin.
 
     Examples
     --------

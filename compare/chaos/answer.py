@@ -136,30 +136,7 @@ def answer(
 ) -> list[str]:  # fmt: skip
     """Summarise a study of chaos in sentences.
 
-    Parameters
-    ----------
-    orbit, drift : Exponents
-        Of the orbit, and of the drift's linearisation along a noisy path.
-    maps : DataFrame
-        As of `rattle.compare.chaos.mean_maps.mean_maps`.
-    law : SqrtLaw or None
-        The measured square-root law.
-    sizes : DataFrame or None
-        Finite-size exponents, as of `rattle.compare.chaos.finite_size.finite_size`.
-    summary : DataFrame or None
-        Third table of `rattle.compare.chaos.spectrum.spectra_tables`.
-    field : str
-        Field of the sweep.
-    sweep : DataFrame or None
-        As of `rattle.compare.chaos.sweep.sweep`.
-    missing : mapping of str to str
-        What was left out, with the reason.
-    gears : Gears, optional
-        Those that the scene was made from: the largest exponent is then given per second too.
-
-    Returns
-    -------
-    list of str
+    `gears`: Those that the scene was made from: the largest exponent is then given per second too.
     """
     said = [
         _first(orbit, field, sweep, gears),

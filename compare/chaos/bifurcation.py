@@ -26,28 +26,15 @@ BINS = 300
 
 @dataclass(frozen=True)
 class Bifurcation:
-    """Histograms of a section quantity, one for each value of a field.
-
-    Attributes
-    ----------
-    field : str
-    quantity : str
-    at : ndarray, shape (values,)
-        Values of the field.
-    edges : ndarray, shape (bins + 1,)
-        Edges of the quantity's bins.
-    counts : dict of str to ndarray of int, shape (values, bins)
-        For ``orbit`` and ``noisy system``; zero where the orbit sticks often or for good.
-    regime : DataFrame
-        Per side and value: ``side, value, points, regime, reason``.
-    """
+    """Histograms of a section quantity, one for each value of a field."""
 
     field: str
     quantity: str
-    at: Floats
-    edges: Floats
+    at: Floats  # values of the field; (values,)
+    edges: Floats  # edges of the quantity's bins; (bins + 1,)
+    # for ``orbit`` and ``noisy system``; zero where the orbit sticks often or for good; (values, bins)
     counts: dict[str, NDArray[np.int64]]
-    regime: pd.DataFrame
+    regime: pd.DataFrame  # per side and value: ``side, value, points, regime, reason``
 
     @property
     def table(self) -> pd.DataFrame:
@@ -65,35 +52,7 @@ def bifurcation(
 ) -> Bifurcation:  # fmt: skip
     """Compute the bifurcation diagram of the orbit and of the noisy system.
 
-    Parameters
-    ----------
-    scene : Scene
-        All fields besides the one that varies.
-    at : sequence of float
-        Values of the field, ascending.
-    field : str
-        One of `rattle.compare.chaos.sweep.FIELDS`.
-    quantity : {"y1", "y2", "flight"}
-        Velocity before the impact, or time since the last one.
-    points : int
-        Impacts at each value.
-    noise : callable, optional
-        Maps each scene to the same with its noise set; without it, the noise of `scene` is used.
-    seed : int
-        Seed of the random numbers.
-    workers : int
-        Threads; the result does not depend on it.
-
-    Returns
-    -------
-    Bifurcation
-
-    Raises
-    ------
-    InputError
-        If an argument or a value of the field is not valid.
-    NoRecord
-        If neither the orbit nor a noisy path has a section at any value.
+    `noise`: Maps each scene to the same with its noise set; without it, the noise of `scene` is used.
 
     Examples
     --------

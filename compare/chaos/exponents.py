@@ -38,19 +38,11 @@ SPARE = 0.9  # a record is lengthened so as to reach this fraction of the requir
 
 
 class Mean(NamedTuple):
-    """A ratio of sums with its interval.
+    """A ratio of sums with its interval."""
 
-    Attributes
-    ----------
-    value, half : float
-        The ratio, and the half width of its 95 % interval.
-    effective : float
-        Effective number of independent batches.
-    """
-
-    value: float
+    value: float  # value, half: the ratio, and the half width of its 95 % interval
     half: float
-    effective: float
+    effective: float  # effective number of independent batches
 
 
 def ratio_mean(top: Floats, bottom: Floats, batches: int = BATCHES) -> Mean:
@@ -59,21 +51,8 @@ def ratio_mean(top: Floats, bottom: Floats, batches: int = BATCHES) -> Mean:
     The residuals ``top - ratio bottom`` of the batches are taken as normal.  If neighbouring batches are positively
     correlated (coefficient r), the variance is multiplied by ``(1 + r) / (1 - r)``.
 
-    Parameters
-    ----------
-    top, bottom : ndarray, shape (entries,)
-        In the order of time.
-    batches : int
-        Number of batches of equal length; entries beyond the last full batch are left out.
-
-    Returns
-    -------
-    Mean
-
-    Raises
-    ------
-    InputError
-        If there are fewer than two entries per batch.
+    `batches`: Number of batches of equal length; entries beyond the last full batch are left out. Shapes: `top`,
+    `bottom` (entries,).
 
     Examples
     --------
@@ -98,39 +77,21 @@ def ratio_mean(top: Floats, bottom: Floats, batches: int = BATCHES) -> Mean:
 
 @dataclass(frozen=True)
 class Exponents:
-    """Lyapunov exponents, per unit of dimensionless time, from the largest to the smallest.
+    """Lyapunov exponents, per unit of dimensionless time, from the largest to the smallest."""
 
-    Attributes
-    ----------
-    of : str
-        The linearised system: `ORBIT` or `DRIFT`.
-    value, half : ndarray, shape (2 stages,)
-        Exponents and half widths of their 95 % intervals; NaN without a record.
-    rate, rate_half : float
-        Impacts per unit of time at both meshes together, and the half width of its 95 % interval.
-    sum_error : float
-        Sum of the exponents less its exact value ``-(beta1 + beta2) + rate 2 ln epsilon`` on the same record; nothing
-        but rounding.
-    impacts : int
-        Impacts of the record.
-    time : float
-        Duration of the record.
-    effective : float
-        Effective number of independent batches, of 32, in the interval of the largest exponent.
-    regime : Regime
-        What the orbit or path did.
-    """
-
-    of: str
-    value: Floats
+    of: str  # the linearised system: `ORBIT` or `DRIFT`
+    value: Floats  # value, half: exponents and half widths of their 95 % intervals; NaN without a record; (2 stages,)
     half: Floats
+    # rate, rate_half: impacts per unit of time at both meshes together, and the half width of its 95 % interval
     rate: float
     rate_half: float
+    # sum of the exponents less its exact value ``-(beta1 + beta2) + rate 2 ln epsilon`` on the same record; nothing
+    # but rounding
     sum_error: float
-    impacts: int
-    time: float
-    effective: float
-    regime: Regime
+    impacts: int  # impacts of the record
+    time: float  # duration of the record
+    effective: float  # effective number of independent batches, of 32, in the interval of the largest exponent
+    regime: Regime  # what the orbit or path did
 
     @property
     def largest(self) -> tuple[float, float, float]:
@@ -153,39 +114,13 @@ class Exponents:
         })  # fmt: skip
 
     def needed(self, width: float) -> int:
-        """Estimate the impacts that a given width of the largest exponent's interval takes.
-
-        Parameters
-        ----------
-        width : float
-            Half width of the interval that is asked for.
-
-        Returns
-        -------
-        int
-            Rounded up to two digits.
-        """
+        """Estimate the impacts that a given width of the largest exponent's interval takes."""
         need = self.impacts * (self.width / (SPARE * width)) ** 2
         unit = 10.0 ** max(math.floor(math.log10(need)) - 1, 0)
         return int(math.ceil(need / unit) * unit)
 
     def require(self, width: float) -> "Exponents":
-        """Return these exponents if the interval of the largest is narrow enough.
-
-        Parameters
-        ----------
-        width : float
-            Largest admissible width.
-
-        Returns
-        -------
-        Exponents
-
-        Raises
-        ------
-        InputError
-            If it is wider; the message says how many impacts are needed.
-        """
+        """Return these exponents if the interval of the largest is narrow enough."""
         if self.width > width:
             raise InputError(
                 "impacts", self.impacts,
@@ -278,27 +213,10 @@ def lyapunov(scene: Scene, *, impacts: int | None = None, width: float | None = 
     By the QR method with orthonormal frames (Benettin et al. 1980), with the exact Jacobian of each flight and the
     saltation matrix of each impact.
 
-    Parameters
-    ----------
-    scene : Scene
-        Its noise is not used.
-    impacts : int, optional
-        Length of the record without transients; 100 000 by default, or what `width` takes.
-    width : float, optional
-        Largest admissible width of the largest exponent's interval.
-    strict : bool
-        Whether a wider interval raises an error; otherwise it is returned as it is.
-
-    Returns
-    -------
-    Exponents
-        NaN if the orbit sticks often or for good, has no further impact, or brings neighbours together faster than
-        double precision resolves; `regime` gives the reason.
-
-    Raises
-    ------
-    InputError
-        If the restitution is 0, or `impacts` (or the 2 000 000 that are tried at most) do not suffice for `width`.
+    `impacts`: Length of the record without transients; 100 000 by default, or what `width` takes. `strict`:
+    Whether a wider interval raises an error; otherwise it is returned as it is. Returns: NaN if the orbit sticks
+    often or for good, has no further impact, or brings neighbours together faster than double precision resolves;
+    `regime` gives the reason.
 
     Examples
     --------
@@ -322,28 +240,9 @@ def drift_exponents(
     These are not Lyapunov exponents of the noisy system, which has none (docs/model.md section 8).  Tangent vectors
     along the noisy path are propagated by the Jacobian of the flight and by the saltation matrix of the drift.
 
-    Parameters
-    ----------
-    scene : Scene
-        With its noise.
-    impacts : int, optional
-        Length of the record without transients; 100 000 by default, or what `width` takes.
-    width : float, optional
-        Largest admissible width of the largest exponent's interval.
-    strict : bool
-        Whether a wider interval raises an error; otherwise it is returned as it is.
-    seed, path : int
-        Seed of the noise, and index of the path.
-
-    Returns
-    -------
-    Exponents
-        NaN if gaps are random, or the path sticks too often; `regime` gives the reason.
-
-    Raises
-    ------
-    InputError
-        If the restitution is 0, or `impacts` (or the 2 000 000 that are tried at most) do not suffice for `width`.
+    `impacts`: Length of the record without transients; 100 000 by default, or what `width` takes. `strict`:
+    Whether a wider interval raises an error; otherwise it is returned as it is. Returns: NaN if gaps are random,
+    or the path sticks too often; `regime` gives the reason.
 
     Examples
     --------

@@ -64,18 +64,7 @@ def _density(ax: Axes, x: Floats, y: Floats, share: Floats, highest: float) -> Q
 
 
 def section_figure(found: Mapping[str, Section]) -> Figure:
-    """Draw the Poincaré sections of all sides on the same axes (Fig. 2 of the paper).
-
-    Parameters
-    ----------
-    found : mapping of str to Section
-        By side, as of `rattle.compare.chaos.section.sections`.
-
-    Returns
-    -------
-    Figure
-        A row for each stage and a column for each side.
-    """
+    """Draw the Poincaré sections of all sides on the same axes (Fig. 2 of the paper)."""
     sides = list(found)
     stages = len(next(iter(found.values())).counts)
     figure, axes = new_figure(1.0 + 3.2 * len(sides), 0.7 + 2.9 * stages, stages, len(sides))
@@ -100,18 +89,7 @@ def section_figure(found: Mapping[str, Section]) -> Figure:
 
 
 def spectrum_figure(found: Mapping[tuple[str, str, str], Spectrum]) -> Figure:
-    """Draw the spectra of both sides with their 95 % bands, floors and lines (Fig. 3 of the paper).
-
-    Parameters
-    ----------
-    found : mapping of tuple to Spectrum
-        By side, kind and velocity, as of `rattle.compare.chaos.spectrum.spectra`.
-
-    Returns
-    -------
-    Figure
-        A row for each kind and a column for each velocity.
-    """
+    """Draw the spectra of both sides with their 95 % bands, floors and lines (Fig. 3 of the paper)."""
     kinds, names = [TIME, SEQUENCE], sorted({name for _, _, name in found})
     figure, axes = new_figure(4.6 * len(names), 6.4, 2, len(names))
     for n, ax in enumerate(axes):
@@ -174,21 +152,7 @@ def _mark_sticking(ax: Axes, x: Floats, sticks: NDArray[np.bool_]) -> None:
 
 
 def sweep_figure(table: pd.DataFrame, field: str = "alpha", claimed: tuple[float, float] | None = None) -> Figure:
-    """Draw the largest exponent over a field (Fig. 4 of the paper).
-
-    Parameters
-    ----------
-    table : DataFrame
-        As of `rattle.compare.chaos.sweep.sweep`.
-    field : str
-        Field of the sweep.
-    claimed : tuple of float, optional
-        Range of the field that the paper claims to be chaotic.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the largest exponent over a field (Fig. 4 of the paper)."""
     figure, (ax,) = new_figure(8.0, 4.4, 1, 1)
     if claimed:
         ax.axvspan(
@@ -205,16 +169,7 @@ def sweep_figure(table: pd.DataFrame, field: str = "alpha", claimed: tuple[float
 def bifurcation_figure(b: Bifurcation, table: pd.DataFrame | None = None) -> Figure:
     """Draw a bifurcation diagram as densities, a row for each side.
 
-    Parameters
-    ----------
-    b : Bifurcation
-        The bifurcation diagram.
-    table : DataFrame, optional
-        A sweep over the same field, whose largest exponents are drawn in a last row.
-
-    Returns
-    -------
-    Figure
+    `table`: A sweep over the same field, whose largest exponents are drawn in a last row.
     """
     rows = len(b.counts) + (table is not None)
     figure, axes = new_figure(8.0, 2.6 * rows + 0.4, rows, 1)
@@ -240,21 +195,7 @@ def bifurcation_figure(b: Bifurcation, table: pd.DataFrame | None = None) -> Fig
 
 
 def finite_size_figure(table: pd.DataFrame, orbit: Exponents, drift: Exponents | None = None) -> Figure:
-    """Draw the finite-size exponent of the noisy system over the distance of two paths.
-
-    Parameters
-    ----------
-    table : DataFrame
-        As of `rattle.compare.chaos.finite_size.finite_size`.
-    orbit : Exponents
-        Whose largest exponent is drawn for comparison, if it is positive.
-    drift : Exponents, optional
-        The same for the drift's linearisation.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the finite-size exponent of the noisy system over the distance of two paths."""
     figure, (ax,) = new_figure(6.4, 4.4, 1, 1)
     value = table["exponent"]
     ax.errorbar(
@@ -276,17 +217,7 @@ def finite_size_figure(table: pd.DataFrame, orbit: Exponents, drift: Exponents |
 
 
 def sqrt_law_figure(law: SqrtLaw) -> Figure:
-    """Draw the distance of two paths after an impact against that before it, and its ratio to the square-root law.
-
-    Parameters
-    ----------
-    law : SqrtLaw
-        What was measured of the square-root law.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the distance of two paths after an impact against that before it, and its ratio to the square-root law."""
     figure, (ax, ratio) = new_figure(8.4, 3.9, 1, 2)
     t = law.table
     ax.plot(t["delta"], t["apart"], ls="none", ms=5, label="measured, root mean square", **SIDE[NOISY])

@@ -29,31 +29,8 @@ def finite_size(
     exponent tends to the largest Lyapunov exponent as delta decreases; with noise it grows without bound, because of
     the square-root law.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    deltas : tuple of float
-        Distances, in the unit of length.
-    events : int
-        Number of growths measured at each distance.
-    ratio : float
-        Growth factor of one event.
-    seed : int
-        Seed of the random numbers.
-    workers : int
-        Threads; the result does not depend on it.
-
-    Returns
-    -------
-    DataFrame
-        Columns: ``delta, exponent, low, high`` (95 % interval), ``time`` and ``growth`` (means of the time and of
-        ``ln(end / delta)``), ``events``.
-
-    Raises
-    ------
-    InputError
-        If `events` is below 128 or `workers` below 1.
+    Returns: Columns: ``delta, exponent, low, high`` (95 % interval), ``time`` and ``growth`` (means of the time
+    and of ``ln(end / delta)``), ``events``.
 
     Examples
     --------

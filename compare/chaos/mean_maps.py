@@ -23,21 +23,11 @@ TOO_WIDE = 1.0  # a closure's sd of y1 above this fraction of the orbit's own no
 
 
 class MapOf(NamedTuple):
-    """The map that a closure iterates.
+    """The map that a closure iterates."""
 
-    Attributes
-    ----------
-    map : str
-        Description of the map.
-    own : bool
-        Whether its means have dynamics of their own, different from the orbit's.
-    moments : str
-        Growth of its second moments along the orbit, in terms of exponents.
-    """
-
-    map: str
-    own: bool
-    moments: str
+    map: str  # description of the map
+    own: bool  # whether its means have dynamics of their own, different from the orbit's
+    moments: str  # growth of its second moments along the orbit, in terms of exponents
 
 
 MAPS = {
@@ -59,21 +49,11 @@ MAPS = {
 def mean_maps(scene: Scene, orbit: Exponents | None = None) -> pd.DataFrame:
     """Iterate each closure as a map, and report its exponents and where it breaks down.
 
-    Parameters
-    ----------
-    scene : Scene
-        With its noise.
-    orbit : Exponents, optional
-        Exponents of the orbit; computed if not given.
-
-    Returns
-    -------
-    DataFrame
-        Columns: ``closure, map, exponents`` (which exponents its means have), ``largest, low, high`` (largest exponent
-        and its 95 % interval), ``moments, not_realizable`` (first impact whose moments are not realizable),
-        ``leaves_gap`` (first impact whose mean lies beyond a wall), ``too_wide`` (first impact whose sd of y1 exceeds
-        the sd of y1 along the orbit), ``ends`` (impacts that could be evaluated) and ``followed`` (impacts requested).
-        Impacts are NaN if there is none.
+    Returns: Columns: ``closure, map, exponents`` (which exponents its means have), ``largest, low, high``
+    (largest exponent and its 95 % interval), ``moments, not_realizable`` (first impact whose moments are not
+    realizable), ``leaves_gap`` (first impact whose mean lies beyond a wall), ``too_wide`` (first impact whose sd
+    of y1 exceeds the sd of y1 along the orbit), ``ends`` (impacts that could be evaluated) and ``followed``
+    (impacts requested). Impacts are NaN if there is none.
 
     Examples
     --------

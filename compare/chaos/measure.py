@@ -33,45 +33,20 @@ WIDTH = 0.01  # default width of the interval of a largest exponent
 
 @dataclass(frozen=True)
 class ChaosStudy:
-    """Measurements of a scene's chaos.
-
-    Attributes
-    ----------
-    scene : Scene
-    orbit, drift : Exponents
-        Of the orbit, and of the drift's linearisation along a noisy path.
-    maps : DataFrame
-        As of `rattle.compare.chaos.mean_maps.mean_maps`.
-    sections : dict of str to Section
-        As of `rattle.compare.chaos.section.sections`.
-    spectra : dict
-        As of `rattle.compare.chaos.spectrum.spectra`.
-    law : SqrtLaw or None
-        The measured square-root law.
-    finite_size : DataFrame or None
-        As of `rattle.compare.chaos.finite_size.finite_size`.
-    field : str
-        Field of the sweep.
-    sweep : DataFrame or None
-        As of `rattle.compare.chaos.sweep.sweep`.
-    view : Bifurcation or None
-        Over the same values.
-    missing : dict of str to str
-        What was left out, with the reason.
-    """
+    """Measurements of a scene's chaos."""
 
     scene: Scene
-    orbit: Exponents
+    orbit: Exponents  # orbit, drift: of the orbit, and of the drift's linearisation along a noisy path
     drift: Exponents
-    maps: pd.DataFrame
-    sections: dict[str, Section]
-    spectra: dict[tuple[str, str, str], Spectrum]
-    law: SqrtLaw | None
-    finite_size: pd.DataFrame | None
-    field: str
-    sweep: pd.DataFrame | None
-    view: Bifurcation | None
-    missing: dict[str, str]
+    maps: pd.DataFrame  # as of `rattle.compare.chaos.mean_maps.mean_maps`
+    sections: dict[str, Section]  # as of `rattle.compare.chaos.section.sections`
+    spectra: dict[tuple[str, str, str], Spectrum]  # as of `rattle.compare.chaos.spectrum.spectra`
+    law: SqrtLaw | None  # the measured square-root law
+    finite_size: pd.DataFrame | None  # as of `rattle.compare.chaos.finite_size.finite_size`
+    field: str  # field of the sweep
+    sweep: pd.DataFrame | None  # as of `rattle.compare.chaos.sweep.sweep`
+    view: Bifurcation | None  # over the same values
+    missing: dict[str, str]  # what was left out, with the reason
 
     @property
     def answer(self) -> list[str]:
@@ -86,11 +61,8 @@ class ChaosStudy:
     def tables(self) -> dict[str, pd.DataFrame]:
         """Collect all tables.
 
-        Returns
-        -------
-        dict of str to DataFrame
-            ``exponents, mean_maps``, and as far as they were measured ``sections, spectra, lines, spectra_summary,
-            fsle`` (finite-size exponents), ``sqrt_law, sweep, crossings, bifurcation``.
+        Returns: ``exponents, mean_maps``, and as far as they were measured ``sections, spectra, lines,
+        spectra_summary, fsle`` (finite-size exponents), ``sqrt_law, sweep, crossings, bifurcation``.
         """
         exponents = pd.concat([self.orbit.table, self.drift.table], ignore_index=True)
         found = {"exponents": exponents, "mean_maps": self.maps}
@@ -113,13 +85,7 @@ class ChaosStudy:
         return found
 
     def figures(self) -> dict[str, Figure]:
-        """Draw all figures.
-
-        Returns
-        -------
-        dict of str to Figure
-            By name, see `rattle.compare.chaos.page.FIGURES`; without those of what was not measured.
-        """
+        """Draw all figures."""
         found = {}
         if self.sections:
             found["section"] = figures.section_figure(self.sections)
@@ -146,39 +112,8 @@ def study(
 
     What its motion does not have, for instance because a mesh sticks in every period, is left out with the reason.
 
-    Parameters
-    ----------
-    scene : Scene
-        With noise.
-    at : sequence of float
-        Values of the field; empty for no sweep.
-    field : str
-        One of `rattle.compare.chaos.sweep.FIELDS`.
-    noise : callable, optional
-        Maps each scene of the sweep to the same with its noise set; without it, the noise of `scene` is used.
-    points : int
-        Points of each section.
-    impacts : int
-        Impacts of the records behind the spectra.
-    events : int
-        Impacts behind the square-root law, and growths behind each finite-size exponent.
-    width : float
-        Required width of the interval of each largest exponent; wider ones are reported as they are.
-    seed : int
-        Seed of the random numbers.
-    workers : int
-        Threads; the result does not depend on it.
-    progress : callable
-        Called with the name of each part before it is measured.
-
-    Returns
-    -------
-    ChaosStudy
-
-    Raises
-    ------
-    InputError
-        If an argument is not valid, or the restitution is 0.
+    `noise`: Maps each scene of the sweep to the same with its noise set; without it, the noise of `scene` is
+    used. `width`: Required width of the interval of each largest exponent; wider ones are reported as they are.
     """
     missing: dict[str, str] = {}
 

@@ -23,25 +23,7 @@ def over_field(
 ) -> list[T]:  # fmt: skip
     """Evaluate something of a scene at each value of a field.
 
-    Parameters
-    ----------
-    scene : Scene
-        All fields besides the one that varies.
-    at : sequence of float
-        Values of the field.
-    field : str
-        One of `rattle.compare.chaos.sweep.FIELDS`.
-    noise : callable or None
-        Maps each scene to the same with its noise set; without it, the noise of `scene` is used.
-    workers : int
-        Threads; the result does not depend on it.
-    found_at : callable
-        What is evaluated.
-
-    Returns
-    -------
-    list
-        In the order of the values.
+    `noise`: Maps each scene to the same with its noise set; without it, the noise of `scene` is used.
 
     Examples
     --------
@@ -63,23 +45,7 @@ def cells_table(
 ) -> pd.DataFrame:
     """Cells of a bifurcation diagram that are not empty.
 
-    Parameters
-    ----------
-    side, field : str
-        Of the diagram.
-    at : ndarray, shape (values,)
-        Values of the field.
-    edges : ndarray, shape (bins + 1,)
-        Of the quantity.
-    what, name : str
-        The quantity, and what is in its cells.
-    cells : ndarray, shape (values, bins)
-        Content of the cells.
-
-    Returns
-    -------
-    DataFrame
-        Columns ``side``, the field, the quantity (middle of the cell), and the content.
+    Shapes: `at` (values,); `edges` (bins + 1,); `cells` (values, bins).
     """
     i, j = np.nonzero(cells)
     middle = 0.5 * (edges[1:] + edges[:-1])

@@ -31,18 +31,7 @@ WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *CHAOS_TERMS, "Δτ", "σ", "α", "ε",
 def table_of(table: pd.DataFrame, texts: tuple[str, ...] = (), summary: str = "") -> Table:
     """Convert a DataFrame to a table of a page.
 
-    Parameters
-    ----------
-    table : DataFrame
-        The table.
-    texts : tuple of str
-        Columns that contain text; all others contain numbers.
-    summary : str
-        Title of a table that is collapsed at first; empty for one that is always shown.
-
-    Returns
-    -------
-    Table
+    `summary`: Title of a table that is collapsed at first; empty for one that is always shown.
     """
     heads = [Column(str(name), TEXT if name in texts else NUMBER) for name in table.columns]
     rows = [
@@ -53,21 +42,7 @@ def table_of(table: pd.DataFrame, texts: tuple[str, ...] = (), summary: str = ""
 
 
 def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> Page:
-    """Build the page of a study of chaos.
-
-    Parameters
-    ----------
-    found : ChaosStudy
-        What was found.
-    record : dict
-        The manifest.
-    drawn : list of str
-        Names of the figures in the folder.
-
-    Returns
-    -------
-    Page
-    """
+    """Build the page of a study of chaos."""
     tables = found.tables()
     figures = {name: Figure(f"{name}.svg", FIGURES[name], FIGURES[name]) for name in drawn}
     shown = ["of", "exponent", "value", "low", "high", "rate", "sum_error", "impacts", "reason"]
@@ -118,17 +93,7 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
 
 
 def source_of(record: dict[str, Any]) -> Source:
-    """Read the provenance of a page from its manifest.
-
-    Parameters
-    ----------
-    record : dict
-        The manifest, with ``command, commit, seed, wall_seconds, versions, scene``.
-
-    Returns
-    -------
-    Source
-    """
+    """Read the provenance of a page from its manifest."""
     facts = {
         "commit": record["commit"], "seed": str(record["seed"]), "time": f"{record['wall_seconds']} s wall",
         "versions": ", ".join(f"{name} {version}" for name, version in record["versions"].items()),

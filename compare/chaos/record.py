@@ -45,44 +45,20 @@ class NoRecord(RattleError):
 
 @dataclass
 class Regime:
-    """What an orbit or a path did while it was recorded; filled in as the record is read.
+    """What an orbit or a path did while it was recorded; filled in as the record is read."""
 
-    Attributes
-    ----------
-    impacts : int
-        Recorded impacts: after transients, and without chatter that ends in sticking.
-    computed : int
-        All impacts that were computed.
-    starts, stuck : int
-        Number of starts, and of those that ended in sticking.
-    silent : bool
-        Whether the motion ended without a further impact.
-    steps, sticking_steps : int
-        Steps of a noisy path, and those that it spent sticking.
-    gave_up : bool
-        Whether the record was given up because too few impacts could be recorded.
-    for_good : bool
-        Of an orbit that was given up: whether a mesh sticks for good.
-    closed : float
-        Of an orbit that was given up: share of the time in which a mesh is closed.
-    transient : int
-        Impacts that were removed later as a transient.
-    unfollowed : str
-        Why this method cannot follow the motion; empty if it can.
-    """
-
-    impacts: int = 0
-    computed: int = 0
-    starts: int = 0
+    impacts: int = 0  # recorded impacts: after transients, and without chatter that ends in sticking
+    computed: int = 0  # all impacts that were computed
+    starts: int = 0  # starts, stuck: number of starts, and of those that ended in sticking
     stuck: int = 0
-    silent: bool = False
-    steps: int = 0
+    silent: bool = False  # whether the motion ended without a further impact
+    steps: int = 0  # steps, sticking_steps: steps of a noisy path, and those that it spent sticking
     sticking_steps: int = 0
-    gave_up: bool = False
-    for_good: bool = False
-    closed: float = 0.0
-    transient: int = 0
-    unfollowed: str = ""
+    gave_up: bool = False  # whether the record was given up because too few impacts could be recorded
+    for_good: bool = False  # of an orbit that was given up: whether a mesh sticks for good
+    closed: float = 0.0  # of an orbit that was given up: share of the time in which a mesh is closed
+    transient: int = 0  # impacts that were removed later as a transient
+    unfollowed: str = ""  # why this method cannot follow the motion; empty if it can
 
     @property
     def kind(self) -> str:
@@ -131,24 +107,7 @@ class Regime:
 def check_finite(name: str, values: Floats, offset: int = 0) -> Floats:
     """Return an array unchanged if all of its values are finite.
 
-    Parameters
-    ----------
-    name : str
-        Name of the array in the error message.
-    values : ndarray
-        The values.
-    offset : int
-        Added to the first index in the error message, for arrays that are parts of a record.
-
-    Returns
-    -------
-    ndarray
-        `values`.
-
-    Raises
-    ------
-    InputError
-        If a value is not finite; the message names its index.
+    `offset`: Added to the first index in the error message, for arrays that are parts of a record.
 
     Examples
     --------
@@ -167,21 +126,6 @@ def check_finite(name: str, values: Floats, offset: int = 0) -> Floats:
 
 def orbit_record(scene: Scene, impacts: int, regime: Regime, *, tangent: bool = True) -> Iterator[Stretch]:
     """Record the orbit of a scene in stretches; after sticking it is restarted at another phase.
-
-    Parameters
-    ----------
-    scene : Scene
-        Its noise is not used.
-    impacts : int
-        Impacts to record in all.
-    regime : Regime
-        Filled in while the stretches are read.
-    tangent : bool
-        Whether tangent vectors are propagated too.
-
-    Yields
-    ------
-    Stretch
 
     Examples
     --------
@@ -237,28 +181,8 @@ def noisy_record(
 ) -> Iterator[tuple[Stretch, Floats]]:
     """Record a noisy path of a scene in stretches.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    steps : int
-        Steps to record in all; 2 pi / 128 each, or less for strong damping (`rattle.montecarlo.coupling.dyadic`).
-    seed, path : int
-        Seed of the noise, and index of the path.
-    regime : Regime
-        Filled in while the stretches are read.
-    tangent : bool
-        Whether tangent vectors of the drift's linearisation are propagated too.
-    settle : float
-        Initial time that is discarded as a transient.
-
-    Nothing is recorded of a path whose gaps are random.
-
-    Yields
-    ------
-    stretch : Stretch
-    velocities : ndarray, shape (steps, 2)
-        ``(y1, y2)`` at the start of each step.
+    `steps`: Steps to record in all; 2 pi / 128 each, or less for strong damping
+    (`rattle.montecarlo.coupling.dyadic`). Shapes: `velocities` (steps, 2).
     """
     if scene.tolerance is not None and scene.tolerance.distribution != "fixed":
         regime.unfollowed = "has random gaps, and long paths are followed with fixed ones only"

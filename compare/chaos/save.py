@@ -16,29 +16,7 @@ CONTENTS = contents("chaos", figures=tuple(FIGURES), tables=TABLES, large=LARGE)
 
 
 def write_chaos(out: Path, found: ChaosStudy, record: dict[str, Any], overwrite: bool) -> list[str]:
-    """Write the folder of a study of chaos.
-
-    Parameters
-    ----------
-    out : Path
-        The folder.
-    found : ChaosStudy
-        What was found.
-    record : dict
-        Entries of the manifest.
-    overwrite : bool
-        Whether earlier results may be replaced.
-
-    Returns
-    -------
-    list of str
-        The answer, in sentences.
-
-    Raises
-    ------
-    OutputError
-        If the folder contains other files, or earlier results and `overwrite` is false.
-    """
+    """Write the folder of a study of chaos."""
     figures = found.figures()
     page = chaos_page(found, record, list(figures))
     save(

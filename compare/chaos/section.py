@@ -33,31 +33,15 @@ MAPPED = 4000  # points of the mean map, which propagates moments as well
 
 @dataclass(frozen=True)
 class Section:
-    """A Poincare section as counts.
+    """A Poincare section as counts."""
 
-    Attributes
-    ----------
-    side : str
-        ``orbit``, ``mean map (corrected)`` or ``noisy system``.
-    flight, velocity : ndarray, shape (bins + 1,)
-        Edges of the bins.
-    counts : ndarray of int, shape (stages, bins, bins)
-        Impacts by flight time and by the velocity of each stage before the impact.
-    outside : ndarray of int, shape (stages,)
-        Impacts outside the edges.
-    points : int
-        All impacts: the sum of each stage's counts and `outside`.
-    reason : str
-        What the orbit or path did, see `Regime.reason`.
-    """
-
-    side: str
-    flight: Floats
+    side: str  # ``orbit``, ``mean map (corrected)`` or ``noisy system``
+    flight: Floats  # flight, velocity: edges of the bins; (bins + 1,)
     velocity: Floats
-    counts: Ints
-    outside: Ints
-    points: int
-    reason: str
+    counts: Ints  # impacts by flight time and by the velocity of each stage before the impact; (stages, bins, bins)
+    outside: Ints  # impacts outside the edges; (stages,)
+    points: int  # all impacts: the sum of each stage's counts and `outside`
+    reason: str  # what the orbit or path did, see `Regime.reason`
 
     @property
     def table(self) -> pd.DataFrame:
@@ -125,24 +109,7 @@ def _noisy_points(
 def frame(scene: Scene, seed: int = 0, points: int = PILOT) -> tuple[Floats, Floats]:
     """Choose the edges of bins that cover the orbit and the noisy system, by a pilot run of each that has a section.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    seed : int
-        Seed of the random numbers.
-    points : int
-        Points of the pilot run on each side.
-
-    Returns
-    -------
-    flight, velocity : ndarray, shape (bins + 1,)
-        Edges of the flight times and of the velocities.
-
-    Raises
-    ------
-    NoRecord
-        If neither has a section.
+    Shapes: result (bins + 1,).
     """
     found: list[tuple[Floats, Floats]] = []
     with suppress(NoRecord):
@@ -161,26 +128,7 @@ def frame(scene: Scene, seed: int = 0, points: int = PILOT) -> tuple[Floats, Flo
 
 
 def orbit_section(scene: Scene, points: int, edges: tuple[Floats, Floats]) -> Section:
-    """Compute the section of the noise-free orbit.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    points : int
-        Impacts.
-    edges : tuple of ndarray
-        As of `frame`.
-
-    Returns
-    -------
-    Section
-
-    Raises
-    ------
-    NoRecord
-        If the orbit sticks often or for good or has no further impact, and so has no section.
-    """
+    """Compute the section of the noise-free orbit."""
     counter, regime = _Counter(edges, scene.stages), Regime()
     for flight, before in _orbit_points(scene, points, regime):
         counter.add(flight, before)
@@ -218,29 +166,8 @@ def sections(
 ) -> dict[str, Section]:
     """Compute the sections of the orbit, of the corrected mean map and of the noisy system, on the same axes.
 
-    Parameters
-    ----------
-    scene : Scene
-        With its noise.
-    points : int
-        Points of the orbit and of the noisy system.
-    seed : int
-        Seed of the random numbers.
-    workers : int
-        Threads; the result does not depend on it.
-    missing : dict, optional
-        Filled in: what is left out, and why.
-
-    Returns
-    -------
-    dict of str to Section
-        By side; without the orbit and the mean map if the orbit has no section (see `orbit_section`), and without the
-        noisy system if its path has none.
-
-    Raises
-    ------
-    InputError
-        If `points` is below 100 or `workers` below 1.
+    Returns: By side; without the orbit and the mean map if the orbit has no section (see `orbit_section`), and
+    without the noisy system if its path has none.
 
     Examples
     --------

@@ -44,24 +44,13 @@ SEGMENTS = 4  # fewest segments of each, in time
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Power spectral density with its band, lines and floor.
+    """Power spectral density with its band, lines and floor."""
 
-    Attributes
-    ----------
-    frequency : ndarray, shape (bins,)
-        Without zero, its neighbour (affected by the subtracted mean) and the Nyquist frequency.
-    power : ndarray, shape (bins,)
-        One-sided density: its integral over frequency is the variance.
-    dof : float
-        Degrees of freedom: ``dof power / true density`` has a chi-square distribution with these.
-    segments : int
-        Number of averaged segments, which overlap by half.
-    """
-
+    # without zero, its neighbour (affected by the subtracted mean) and the Nyquist frequency; (bins,)
     frequency: Floats
-    power: Floats
-    dof: float
-    segments: int
+    power: Floats  # one-sided density: its integral over frequency is the variance; (bins,)
+    dof: float  # degrees of freedom: ``dof power / true density`` has a chi-square distribution with these
+    segments: int  # number of averaged segments, which overlap by half
 
     @property
     def band(self) -> tuple[Floats, Floats]:
@@ -123,25 +112,7 @@ class Spectrum:
 def welch(pieces: Iterable[Floats], segment: int, rate: float) -> Spectrum:
     """Estimate the spectrum of a record by Welch's method: Hann windows that overlap by half, averaged over all pieces.
 
-    Parameters
-    ----------
-    pieces : iterable of ndarray, shape (samples,)
-        Parts of the record; those shorter than a segment are left out.
-    segment : int
-        Samples of a segment.
-    rate : float
-        Samples per unit of time.
-
-    Returns
-    -------
-    Spectrum
-
-    Raises
-    ------
-    NoRecord
-        If no piece is as long as a segment.
-    InputError
-        If a value is not finite.
+    Shapes: `pieces` (samples,).
 
     Examples
     --------
@@ -187,30 +158,10 @@ def spectra(
 ) -> dict[tuple[str, str, str], Spectrum]:
     """Estimate the spectra of the velocities of the orbit and of the noisy system.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    impacts : int
-        Impacts of the orbit; the noisy paths have at least as many together, and more where they chatter.
-    seed : int
-        Seed of the random numbers.
-    workers : int
-        Threads; the result does not depend on it.
-    missing : dict, optional
-        Filled in: what is left out, and why.
-
-    Returns
-    -------
-    dict of tuple to Spectrum
-        By side, kind and velocity (``y1, y2``).  `SEQUENCE` is the velocity before each impact, with frequencies in
-        cycles per impact; `TIME` is the velocity in time, with frequencies in units of the excitation frequency.
-        Without a side whose record is too short, because it sticks, or has no further impact.
-
-    Raises
-    ------
-    InputError
-        If `impacts` is below 20 000.
+    `impacts`: Impacts of the orbit; the noisy paths have at least as many together, and more where they chatter.
+    Returns: By side, kind and velocity (``y1, y2``).  `SEQUENCE` is the velocity before each impact, with
+    frequencies in cycles per impact; `TIME` is the velocity in time, with frequencies in units of the excitation
+    frequency. Without a side whose record is too short, because it sticks, or has no further impact.
     """
     count("impacts", impacts, least=20_000)
     h = step_time(scene)
@@ -251,17 +202,9 @@ def spectra(
 def spectra_tables(found: dict[tuple[str, str, str], Spectrum]) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     """Convert spectra to tables.
 
-    Parameters
-    ----------
-    found : dict of tuple to Spectrum
-        As of `spectra`.
-
-    Returns
-    -------
-    density, lines, summary : DataFrame
-        All with ``side, kind, velocity``.  Densities: ``frequency, power, low, high, floor``.  Lines: see
-        `Spectrum.lines`.  Summary, one row for each spectrum: ``variance, lines`` (their number), ``narrow`` (number of
-        narrow ones), ``line_share, floor_share, threshold, dof, segments``.
+    Returns: All with ``side, kind, velocity``.  Densities: ``frequency, power, low, high, floor``.  Lines: see
+    `Spectrum.lines`.  Summary, one row for each spectrum: ``variance, lines`` (their number), ``narrow`` (number
+    of narrow ones), ``line_share, floor_share, threshold, dof, segments``.
     """
     density, lines, summary = [], [], []
     for (side, kind, velocity), s in found.items():

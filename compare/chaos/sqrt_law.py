@@ -29,41 +29,23 @@ MODULATED = 0.2  # impacts with a smaller |modulation| of the noise are left out
 
 
 class SqrtLaw(NamedTuple):
-    """The measured square-root law.
+    """The measured square-root law."""
 
-    Attributes
-    ----------
-    table : DataFrame
-        For each ``delta``: ``apart`` (root mean square of the difference of y1 after the impact), ``ratio`` (its mean
-        square over that of the law; 1 if the law holds), ``low, high`` (95 % interval of the ratio), ``impacts`` and
-        ``law`` (root mean square by the law).
-    exponent, low, high : float
-        Power of delta to which the difference is proportional, and its 95 % interval.
-    missed : int
-        Impacts left out because the second path did not have the same impact.
-    """
-
+    # for each ``delta``: ``apart`` (root mean square of the difference of y1 after the impact), ``ratio`` (its mean
+    # square over that of the law; 1 if the law holds), ``low, high`` (95 % interval of the ratio), ``impacts`` and
+    # ``law`` (root mean square by the law)
     table: pd.DataFrame
+    # exponent, low, high: power of delta to which the difference is proportional, and its 95 % interval
     exponent: float
     low: float
     high: float
-    missed: int
+    missed: int  # impacts left out because the second path did not have the same impact
 
 
 def fitted(deltas: Floats, apart: Floats) -> tuple[float, float, float]:
     """Fit the exponent of a power law ``|apart| ~ delta^p`` as the mean of the log-log slopes of all events.
 
-    Parameters
-    ----------
-    deltas : ndarray, shape (deltas,)
-        Distances, ascending.
-    apart : ndarray, shape (events, deltas)
-        Differences after the impact.
-
-    Returns
-    -------
-    value, low, high : float
-        The exponent and its 95 % interval.
+    Shapes: `deltas` (deltas,); `apart` (events, deltas).
 
     Examples
     --------
@@ -83,28 +65,9 @@ def fitted(deltas: Floats, apart: Floats) -> tuple[float, float, float]:
 def sqrt_law(scene: Scene, *, impacts: int = 4000, seed: int = 0, deltas: Floats | None = None) -> SqrtLaw:
     """Measure exponent and prefactor of the square-root law, at impacts at mesh 1 of a long path.
 
-    Parameters
-    ----------
-    scene : Scene
-        With a noise intensity of at least 0.03.  The drift alone separates the paths by about ``delta / |y|``, which
-        outweighs weaker noise at all distances that the Brownian tree resolves.
-    impacts : int
-        Impacts to measure.
-    seed : int
-        Seed of the random numbers.
-    deltas : ndarray, optional
-        Distances before the impact; by default 7 from 1e-7 to ``1e-3 min(1, sigma^2)``, below the range of the drift.
-
-    Returns
-    -------
-    SqrtLaw
-
-    Raises
-    ------
-    InputError
-        If the noise is too weak, or gaps are random.
-    NoRecord
-        If fewer than 100 impacts can be used.
+    `scene`: With a noise intensity of at least 0.03.  The drift alone separates the paths by about ``delta /
+    |y|``, which outweighs weaker noise at all distances that the Brownian tree resolves. `deltas`: Distances
+    before the impact; by default 7 from 1e-7 to ``1e-3 min(1, sigma^2)``, below the range of the drift.
 
     Examples
     --------

@@ -29,22 +29,6 @@ PUBLISHED = 30  # impacts through which the published map is followed at each va
 def values(name: str, text: str) -> tuple[float, ...]:
     """Read evenly spaced values from ``LOW:HIGH:POINTS``.
 
-    Parameters
-    ----------
-    name : str
-        Name of the option in error messages.
-    text : str
-        The text as it was given.
-
-    Returns
-    -------
-    tuple of float
-
-    Raises
-    ------
-    InputError
-        If the text has another form, HIGH is not above LOW, or POINTS is below 2.
-
     Examples
     --------
     >>> values("alpha", "0.5:1.5:3")
@@ -64,24 +48,6 @@ def values(name: str, text: str) -> tuple[float, ...]:
 def with_field(scene: Scene, name: str, value: float) -> Scene:
     """Return the same scene with another value of a field; a default start is adapted to new gaps.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    name : str
-        One of `FIELDS`.
-    value : float
-        The value.
-
-    Returns
-    -------
-    Scene
-
-    Raises
-    ------
-    InputError
-        If the field is unknown or the value not valid.
-
     Examples
     --------
     >>> from rattle.scene import DAT21
@@ -95,17 +61,7 @@ def with_field(scene: Scene, name: str, value: float) -> Scene:
 
 
 def paper_noise(scene: Scene) -> Scene:
-    """Return the scene with the paper's noise intensity, ``sigma = sqrt(alpha)``.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-
-    Returns
-    -------
-    Scene
-    """
+    """Return the scene with the paper's noise intensity, ``sigma = sqrt(alpha)``."""
     return scene.with_sigma(math.sqrt(scene.alpha))
 
 
@@ -145,34 +101,11 @@ def sweep(
 ) -> pd.DataFrame:  # fmt: skip
     """Compute the largest exponent over a field: of the orbit, the mean maps, and the drift along a noisy path.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    at : sequence of float
-        Values of the field.
-    field : str
-        One of `FIELDS`.
-    noise : callable, optional
-        Maps each scene to the same with its noise set, such as `paper_noise`; without it, the noise of `scene` is used.
-    width : float
-        Required width of the interval of each largest exponent; wider ones are reported as they are.
-    seed : int
-        Common to all values of the field.
-    workers : int
-        Threads; the result does not depend on it.
-
-    Returns
-    -------
-    DataFrame
-        Columns: the field, ``of`` (the linearised system), ``largest, low, high`` (largest exponent and its 95 %
-        interval; NaN where there is no record), ``rate, sum_error, impacts`` as of `Exponents`, and ``regime,
-        reason`` as of `Regime`.
-
-    Raises
-    ------
-    InputError
-        If an argument or a value of the field is not valid.
+    `noise`: Maps each scene to the same with its noise set, such as `paper_noise`; without it, the noise of
+    `scene` is used. `width`: Required width of the interval of each largest exponent; wider ones are reported as
+    they are. Returns: Columns: the field, ``of`` (the linearised system), ``largest, low, high`` (largest
+    exponent and its 95 % interval; NaN where there is no record), ``rate, sum_error, impacts`` as of `Exponents`,
+    and ``regime, reason`` as of `Regime`.
 
     Examples
     --------
@@ -194,15 +127,7 @@ def sweep(
 def signs(rows: pd.DataFrame) -> NDArray[np.int64]:
     """Determine the sign of the largest exponent in each row, at 95 % simultaneous coverage (Bonferroni).
 
-    Parameters
-    ----------
-    rows : DataFrame
-        With the 95 % intervals ``low, high``.
-
-    Returns
-    -------
-    ndarray of int, shape (rows,)
-        1 or -1; 0 if the widened interval contains zero, or there is none.
+    Returns: 1 or -1; 0 if the widened interval contains zero, or there is none. Shapes: result (rows,).
 
     Examples
     --------
@@ -220,20 +145,8 @@ def crossings(table: pd.DataFrame, field: str = "alpha", of: str = ORBIT) -> pd.
     A change is bracketed by the last value of the field with one sign and the first with the other (see `signs`).
     Values between whose sign is undecided, or at which the orbit has no exponents, make the bracket wider.
 
-    Parameters
-    ----------
-    table : DataFrame
-        As of `sweep`.
-    field : str
-        Field of the sweep.
-    of : str
-        Linearised system, a value of the column ``of``.
-
-    Returns
-    -------
-    DataFrame
-        Columns: ``of, low, high`` (bracket of the field's value), ``to`` (+1: becomes positive, -1: negative) and
-        ``undecided`` (number of values inside the bracket).
+    Returns: Columns: ``of, low, high`` (bracket of the field's value), ``to`` (+1: becomes positive, -1:
+    negative) and ``undecided`` (number of values inside the bracket).
 
     Examples
     --------

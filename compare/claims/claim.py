@@ -14,30 +14,14 @@ KINDS = (NOT_REPRODUCED, UNDECIDED, PART, REPRODUCED)
 
 
 class Claim(NamedTuple):
-    """A claim of the paper with its test, evidence and verdict.
+    """A claim of the paper with its test, evidence and verdict."""
 
-    Attributes
-    ----------
-    name : str
-        Short title.
-    where : str
-        Place in the paper.
-    says : str
-        The claim itself, in the paper's own words; ``…`` stands for words left out.
-    test : str
-        What is measured, and the result for which the claim counts as reproduced.
-    evidence : str
-        The measured numbers, with their intervals.
-    verdict : str
-        ``reproduced``, ``not reproduced``, ``holds only for ...`` or ``undecided``.
-    """
-
-    name: str
-    where: str
-    says: str
-    test: str
-    evidence: str
-    verdict: str
+    name: str  # short title
+    where: str  # place in the paper
+    says: str  # the claim itself, in the paper's own words; ``…`` stands for words left out
+    test: str  # what is measured, and the result for which the claim counts as reproduced
+    evidence: str  # the measured numbers, with their intervals
+    verdict: str  # ``reproduced``, ``not reproduced``, ``holds only for ...`` or ``undecided``
 
     @property
     def kind(self) -> str:
@@ -46,16 +30,5 @@ class Claim(NamedTuple):
 
 
 def table(claims: list[Claim]) -> pd.DataFrame:
-    """Convert claims to a table.
-
-    Parameters
-    ----------
-    claims : list of Claim
-        The claims, in order.
-
-    Returns
-    -------
-    DataFrame
-        Index ``claim`` from 1, columns as the attributes of `Claim`.
-    """
+    """Convert claims to a table."""
     return pd.DataFrame(claims, index=pd.RangeIndex(1, len(claims) + 1, name="claim"))

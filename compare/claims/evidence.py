@@ -27,36 +27,17 @@ REPEATS, STEPS = 100_000, 2_000_000  # impacts of the orbit, and steps of a nois
 
 @dataclass(frozen=True)
 class Evidence:
-    """Measurements by which the claims are judged.
+    """Measurements by which the claims are judged."""
 
-    Attributes
-    ----------
-    scene : Scene
-        With the paper's noise.
-    validations : list of Validation
-        At increasing noise intensities, the last being the paper's.
-    chaos : ChaosStudy
-        With its sweep over alpha.
-    single : dict of str to Exponents
-        Exponents of the single-stage system: ``orbit`` and ``noisy``.
-    flight : Ensemble
-        Paths without walls.
-    open_space : Scene
-        Their scene.
-    repeats : dict of str to Mean
-        Share of consecutive impacts at one mesh that are on the same flank: ``orbit`` and ``noisy``.
-    mean : MeanMotion
-        The mean velocity of an ensemble in time.
-    """
-
-    scene: Scene
-    validations: list[Validation]
-    chaos: ChaosStudy
-    single: dict[str, Exponents]
-    flight: Ensemble
-    open_space: Scene
+    scene: Scene  # with the paper's noise
+    validations: list[Validation]  # at increasing noise intensities, the last being the paper's
+    chaos: ChaosStudy  # with its sweep over alpha
+    single: dict[str, Exponents]  # exponents of the single-stage system: ``orbit`` and ``noisy``
+    flight: Ensemble  # paths without walls
+    open_space: Scene  # their scene
+    # share of consecutive impacts at one mesh that are on the same flank: ``orbit`` and ``noisy``
     repeats: dict[str, Mean]
-    mean: MeanMotion
+    mean: MeanMotion  # the mean velocity of an ensemble in time
 
 
 def gather(
@@ -66,33 +47,8 @@ def gather(
 ) -> Evidence:  # fmt: skip
     """Make all measurements that the claims need.
 
-    Parameters
-    ----------
-    scene : Scene
-        With two stages; its noise is set to the paper's, ``sqrt(alpha)``.
-    sigmas : sequence of float
-        Noise intensities of the validations, in addition to the paper's.
-    at : sequence of float
-        Values of alpha in the sweep.
-    paths, impacts : int
-        Paths of each validation, and impacts that they are followed for.
-    seed : int
-        Seed of all simulations.
-    workers : int
-        Threads; the result does not depend on it.
-    points, spectrum_impacts, events : int
-        Points of the sections, impacts of the spectra and pairs of paths, see `rattle.compare.chaos.measure.study`.
-    progress : callable
-        Called with the name of each part before it is measured.
-
-    Returns
-    -------
-    Evidence
-
-    Raises
-    ------
-    InputError
-        If an argument is not valid.
+    `points`, `spectrum_impacts`, `events`: Points of the sections, impacts of the spectra and pairs of paths, see
+    `rattle.compare.chaos.measure.study`.
     """
     scene = paper_noise(scene)
     levels = [*sorted(sigmas), scene.sigma]

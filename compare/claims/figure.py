@@ -19,17 +19,7 @@ MARKS: Any = {
 
 
 def verdict_figure(claims: list[Claim]) -> Figure:
-    """Draw the verdict on each claim: a row for each claim, a column for each kind of verdict that occurs.
-
-    Parameters
-    ----------
-    claims : list of Claim
-        The claims, in order.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the verdict on each claim: a row for each claim, a column for each kind of verdict that occurs."""
     kinds = [kind for kind in KINDS if any(c.kind == kind for c in claims)]
     figure, (ax,) = new_figure(8.6, 0.27 * len(claims) + 0.7, 1, 1)
     for row, claim in enumerate(claims):

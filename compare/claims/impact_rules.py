@@ -24,20 +24,11 @@ FOLLOWED = 12  # impacts
 
 
 class Failure(NamedTuple):
-    """Where the second moments of a stage are not realizable first.
-
-    Attributes
-    ----------
-    stage : int
-    impact : int
-        0 if they do not fail.
-    reason : str
-        What is wrong with them; empty if nothing is.
-    """
+    """Where the second moments of a stage are not realizable first."""
 
     stage: int
-    impact: int
-    reason: str
+    impact: int  # 0 if they do not fail
+    reason: str  # what is wrong with them; empty if nothing is
 
 
 def _struck(scene: Scene, stage1: Floats, stage2: Floats, rule: str) -> tuple[Floats, Floats]:
@@ -66,15 +57,8 @@ def _failure(stage: int, moments: list[Floats]) -> Failure:
 def failures(scene: Scene) -> dict[str, list[Failure]]:
     """Follow the second moments of both stages by the published rules and with one of them, or both, mended.
 
-    Parameters
-    ----------
-    scene : Scene
-        With two stages, noise, and a start at mesh 1.
-
-    Returns
-    -------
-    dict of str to list of Failure
-        By `PUBLISHED`, `MEND_15`, `MEND_17` and `MEND_BOTH`: of stage 1 and of stage 2, the first to fail first.
+    Returns: By `PUBLISHED`, `MEND_15`, `MEND_17` and `MEND_BOTH`: of stage 1 and of stage 2, the first to fail
+    first.
 
     Examples
     --------

@@ -23,16 +23,5 @@ CLAIMS: tuple[Callable[[Evidence], Claim], ...] = (
 
 
 def judge(evidence: Evidence) -> list[Claim]:
-    """Judge all claims.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        What the claims are judged by.
-
-    Returns
-    -------
-    list of Claim
-        In the order of `CLAIMS`.
-    """
+    """Judge all claims."""
     return [claim(evidence) for claim in CLAIMS]

@@ -18,22 +18,14 @@ IMPACTS = 512  # more than any path has in these periods
 
 
 class MeanMotion(NamedTuple):
-    """The mean velocities of all paths at one time, over several periods of the excitation.
+    """The mean velocities of all paths at one time, over several periods of the excitation."""
 
-    Attributes
-    ----------
-    paths : int
-        Number of paths.
-    largest, allowed : float
-        Largest change of a mean from one period to the next in standard errors, and its bound at 95 % confidence over
-        all of them if the mean is periodic.
-    share : tuple of float
-        For each stage, the variance of the mean over a period over that of the velocity of single paths.
-    """
-
-    paths: int
+    paths: int  # number of paths
+    # largest, allowed: largest change of a mean from one period to the next in standard errors, and its bound at 95 %
+    # confidence over all of them if the mean is periodic
     largest: float
     allowed: float
+    # for each stage, the variance of the mean over a period over that of the velocity of single paths
     share: tuple[float, ...]
 
     @property
@@ -43,23 +35,7 @@ class MeanMotion(NamedTuple):
 
 
 def mean_motion(scene: Scene, paths: int, seed: int, workers: int) -> MeanMotion:
-    """Simulate the mean velocities after the start is forgotten.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    paths : int
-        Number of paths.
-    seed : int
-        Seed of the random numbers.
-    workers : int
-        Threads; the result does not depend on it.
-
-    Returns
-    -------
-    MeanMotion
-    """
+    """Simulate the mean velocities after the start is forgotten."""
     period = round(2.0 * math.pi / STEP)
     steps = np.arange(SETTLED * period, (SETTLED + COMPARED) * period, EVERY) + EVERY
     times = np.asarray(scene.start.tau + STEP * steps, dtype=float)

@@ -21,17 +21,7 @@ def _at(v: Validation) -> str:
 
 
 def solvable(e: Evidence) -> Claim:
-    """Judge section 3: the equation of the flight cannot be solved exactly.
-
-    Parameters
-    ----------
-    e : Evidence
-        What the claims are judged by.
-
-    Returns
-    -------
-    Claim
-    """
+    """Judge section 3: the equation of the flight cannot be solved exactly."""
     c, tau = e.open_space.constants, e.open_space.start.tau
     fixed = e.flight.at_times()
     worst = 0.0
@@ -57,17 +47,7 @@ def solvable(e: Evidence) -> Claim:
 
 
 def beyond_one(e: Evidence) -> Claim:
-    """Judge section 3: the correlation exceeds 1, so the distribution is not Gaussian.
-
-    Parameters
-    ----------
-    e : Evidence
-        What the claims are judged by.
-
-    Returns
-    -------
-    Claim
-    """
+    """Judge section 3: the correlation exceeds 1, so the distribution is not Gaussian."""
     found = []
     for v in e.validations:
         simulated = float(v.correlation[v.correlation["closure"] == SIMULATED]["rho"].abs().max())
@@ -105,17 +85,7 @@ def _failed(f: Failure) -> str:
 
 
 def not_gaussian(e: Evidence) -> Claim:
-    """Judge section 3: the perturbation's distribution is not Gaussian (at the impacts).
-
-    Parameters
-    ----------
-    e : Evidence
-        What the claims are judged by.
-
-    Returns
-    -------
-    Claim
-    """
+    """Judge section 3: the perturbation's distribution is not Gaussian (at the impacts)."""
     shown: list[str] = []
     beyond = 0
     rows = [(v, k) for v in e.validations for k in v.run.section.index]
@@ -141,17 +111,7 @@ def not_gaussian(e: Evidence) -> Claim:
 
 
 def stages_apart(e: Evidence) -> Claim:
-    """Judge section 3: the perturbations of the two stages are independent of each other.
-
-    Parameters
-    ----------
-    e : Evidence
-        What the claims are judged by.
-
-    Returns
-    -------
-    Claim
-    """
+    """Judge section 3: the perturbations of the two stages are independent of each other."""
     shown: list[str] = []
     coupled = 0
     for v in e.validations:
@@ -175,17 +135,7 @@ def stages_apart(e: Evidence) -> Claim:
 
 
 def describes(e: Evidence) -> Claim:
-    """Judge section 5: the mean map describes the noisy system.
-
-    Parameters
-    ----------
-    e : Evidence
-        What the claims are judged by.
-
-    Returns
-    -------
-    Claim
-    """
+    """Judge section 5: the mean map describes the noisy system."""
     shares = {r: [_accurate(v, r) for v in e.validations] for r in e.validations[0].predictions}
     sigmas = [v.scene.sigma for v in e.validations]
     text = "; ".join(

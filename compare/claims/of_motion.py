@@ -18,17 +18,7 @@ FINITE = 100  # largest number of bins that a periodic orbit of moderate length 
 
 
 def counter_meshes(e: Evidence) -> Claim:
-    """Judge section 4: consecutive impacts are at counter meshes.
-
-    Parameters
-    ----------
-    e : Evidence
-        What the claims are judged by.
-
-    Returns
-    -------
-    Claim
-    """
+    """Judge section 4: consecutive impacts are at counter meshes."""
     orbit, noisy = e.repeats["orbit"], e.repeats["noisy"]
     none = all(m.value - m.half <= 0.0 for m in (orbit, noisy))
     return Claim(
@@ -42,17 +32,7 @@ def counter_meshes(e: Evidence) -> Claim:
 
 
 def fuzzy(e: Evidence) -> Claim:
-    """Judge Fig. 2: the mean Poincaré map is a fuzzy set of points.
-
-    Parameters
-    ----------
-    e : Evidence
-        What the claims are judged by.
-
-    Returns
-    -------
-    Claim
-    """
+    """Judge Fig. 2: the mean Poincaré map is a fuzzy set of points."""
     sections = e.chaos.sections
     filled = {side: int((s.counts[0] > 0).sum()) for side, s in sections.items()}
     noisy = filled["noisy system"]
@@ -76,17 +56,7 @@ def _bins(s: Section) -> int:
 
 
 def chaotic_range(e: Evidence) -> Claim:
-    """Judge Fig. 4: the largest exponent is positive for 0.2 <= alpha <= 1.7.
-
-    Parameters
-    ----------
-    e : Evidence
-        What the claims are judged by.
-
-    Returns
-    -------
-    Claim
-    """
+    """Judge Fig. 4: the largest exponent is positive for 0.2 <= alpha <= 1.7."""
     table = e.chaos.sweep
     assert table is not None
     shown: list[str] = []
@@ -135,17 +105,7 @@ def _sticking(rows: pd.DataFrame) -> str:
 
 
 def both_models(e: Evidence) -> Claim:
-    """Judge section 5: the single-stage model and the two-stage model both show random chaos.
-
-    Parameters
-    ----------
-    e : Evidence
-        What the claims are judged by.
-
-    Returns
-    -------
-    Claim
-    """
+    """Judge section 5: the single-stage model and the two-stage model both show random chaos."""
     found: dict[str, Exponents] = {
         "single stage, orbit": e.single["orbit"], "single stage, along noisy paths": e.single["noisy"],
         "two stages, orbit": e.chaos.orbit, "two stages, along noisy paths": e.chaos.drift,
@@ -181,17 +141,7 @@ def _exponent(x: Exponents) -> str:
 
 
 def controlled(e: Evidence) -> Claim:
-    """Judge section 5: chaos can be controlled by a parameter.
-
-    Parameters
-    ----------
-    e : Evidence
-        What the claims are judged by.
-
-    Returns
-    -------
-    Claim
-    """
+    """Judge section 5: chaos can be controlled by a parameter."""
     table = e.chaos.sweep
     assert table is not None
     shown: list[str] = []

@@ -12,17 +12,7 @@ __all__ = ["continuous", "narrow_bands"]
 
 
 def narrow_bands(e: Evidence) -> Claim:
-    """Judge Fig. 3: narrow-band spectra.
-
-    Parameters
-    ----------
-    e : Evidence
-        What the claims are judged by.
-
-    Returns
-    -------
-    Claim
-    """
+    """Judge Fig. 3: narrow-band spectra."""
     rows = _spectra(e)
     shown = [
         f"{r['side']} {r['velocity']}: {r['narrow']} narrow of {r['lines']} bands, {r['line_share']:.1%} of the power"
@@ -94,17 +84,7 @@ def _sentence(text: str) -> str:
 
 
 def continuous(e: Evidence) -> Claim:
-    """Judge section 5: continuous spectra.
-
-    Parameters
-    ----------
-    e : Evidence
-        What the claims are judged by.
-
-    Returns
-    -------
-    Claim
-    """
+    """Judge section 5: continuous spectra."""
     rows = _spectra(e)
     shown = [f"{r['side']} {r['velocity']}: {r['floor_share']:.1%}" for r in rows]
     mostly = [_of(side) for side in _sides(rows) if all(r["floor_share"] > 0.5 for r in rows if r["side"] == side)]

@@ -35,18 +35,7 @@ MARKS = {REPRODUCED: "good", NOT_REPRODUCED: "bad", PART: "part"}
 
 
 def answer(claims: list[Claim]) -> list[str]:
-    """Summarise how many claims have which verdict, and which are not reproduced.
-
-    Parameters
-    ----------
-    claims : list of Claim
-        The claims, in order.
-
-    Returns
-    -------
-    list of str
-        One sentence.
-    """
+    """Summarise how many claims have which verdict, and which are not reproduced."""
     counts = Counter(c.kind for c in claims)
     said = listed([f"{n} {words[n > 1]}" for kind, words in SAID.items() if (n := counts[kind])])
     failed = [f"“{c.name}”" for c in claims if c.kind == NOT_REPRODUCED]
@@ -56,33 +45,7 @@ def answer(claims: list[Claim]) -> list[str]:
 def write_claims(
     out: Path, claims: list[Claim], names: list[str], chaos: ChaosStudy, record: dict[str, Any], overwrite: bool
 ) -> list[str]:
-    """Write the folder of the claims atomically.
-
-    Parameters
-    ----------
-    out : Path
-        The folder.
-    claims : list of Claim
-        The claims, in order.
-    names : list of str
-        Names of the functions that judged them.
-    chaos : ChaosStudy
-        Source of the figures that show some of the evidence.
-    record : dict
-        Entries of the manifest.
-    overwrite : bool
-        Whether earlier results may be replaced.
-
-    Returns
-    -------
-    list of str
-        The answer, in sentences.
-
-    Raises
-    ------
-    OutputError
-        If the folder contains other files, or earlier results and `overwrite` is false.
-    """
+    """Write the folder of the claims atomically."""
     said = answer(claims)
     drawn = {name: figure for name, figure in chaos.figures().items() if name in SHOWN.values()}
     opening = Figure(f"{KEY}.svg", CAPTION, f"{CAPTION} {said[0]}")

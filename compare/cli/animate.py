@@ -31,14 +31,6 @@ def animate(
     Writes one HTML file of less than 1 MB that needs no other; open it in any browser.
 
     Exit codes: 0 written; 2 bad input.
-    \f
-
-    Parameters
-    ----------
-    scene : Path or None
-        TOML file; DAT21 if None.
-    sigma, impacts, seed, out, overwrite
-        The options of the same names.
     """
     from rattle.compare.animation import check_file, record, write_animation
     from rattle.compare.animation.record import check_recording

@@ -55,14 +55,6 @@ def chaos(
     """Measure the chaos of SCENE (a TOML file; DAT21 if none): Lyapunov exponents, Poincare sections, spectra, a sweep.
 
     Exit codes: 0 complete; 2 bad input.
-    \f
-
-    Parameters
-    ----------
-    scene : Path or None
-        TOML file; DAT21 if None.
-    sigma, field, over, keep_sigma, no_sweep, width, points, impacts, events, seed, workers, out, overwrite
-        The options of the same names.
     """
     from rattle.compare.chaos.measure import study
     from rattle.compare.chaos.save import CONTENTS, write_chaos

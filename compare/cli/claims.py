@@ -40,14 +40,6 @@ def claims(
     """Judge every testable claim of the paper on its own example, DAT21: test, evidence, verdict.
 
     Exit codes: 0 complete, whatever the verdicts; 2 bad input.
-    \f
-
-    Parameters
-    ----------
-    sigmas : tuple of float
-        Noise intensities of the validations, the option ``--sigma``.
-    over, paths, points, impacts, seed, workers, out, overwrite
-        The options of the same names.
     """
     from rattle.compare.chaos.sweep import values
     from rattle.compare.claims.evidence import gather

@@ -12,28 +12,12 @@ __all__ = ["say", "say_json", "say_part"]
 
 
 def say(text: str, *, err: bool = False, keep: str = "") -> None:
-    """Print a text on one line; control characters, such as those of a file's name, are shown as escapes.
-
-    Parameters
-    ----------
-    text : str
-        The text as it was given.
-    err : bool
-        Whether to print on standard error.
-    keep : str
-        Control characters that stay: line ends, for a table.
-    """
+    """Print a text on one line; control characters, such as those of a file's name, are shown as escapes."""
     click.echo(harmless(text, keep), err=err)
 
 
 def say_json(data: Any) -> None:
-    """Print data as strict JSON; NaN and infinities become null.
-
-    Parameters
-    ----------
-    data : object
-        See `rattle.compare.report.json_text.plain`.
-    """
+    """Print data as strict JSON; NaN and infinities become null."""
     click.echo(json_text(data))
 
 

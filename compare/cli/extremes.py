@@ -19,12 +19,6 @@ def extremes(ranges: bool, as_json: bool) -> None:
 
     References are formulas in 400 digits, limits, published results, and exact scaling.  Exit codes: 0 all rows hold;
     1 one does not; 2 bad input.
-    \f
-
-    Parameters
-    ----------
-    ranges, as_json : bool
-        The options ``--all`` and ``--json``.
     """
     from rattle.compare.checks.extremes.run import extremes as run_checks
     from rattle.compare.checks.extremes.table import lines

@@ -15,12 +15,6 @@ def init(file: Path) -> None:
     """Write a scene file to start from: every key with its unit and a comment, and the values of DAT21.
 
     FILE is gears.toml if none is given; a file that is there is never replaced.  Exit codes: 0 written; 2 not.
-    \f
-
-    Parameters
-    ----------
-    file : Path
-        What to write.
     """
     from rattle.compare.cli.template import template
     from rattle.scene.errors import OutputError

@@ -51,24 +51,12 @@ class RattleGroup(click.Group):
     """Group of commands that reports the project's own errors in one line on standard error, with exit code 2."""
 
     def main(self, *args: Any, **extra: Any) -> Any:
-        """Run the command line; Ctrl-C ends it at once where no command runs.
-
-        Parameters
-        ----------
-        *args, **extra
-            Of `click.Group.main`.
-        """
+        """Run the command line; Ctrl-C ends it at once where no command runs."""
         with ends_at_once():
             return super().main(*args, **extra)
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run a command, and convert its errors to a message and an exit code.
-
-        Parameters
-        ----------
-        ctx : click.Context
-            Context of the command.
-        """
+        """Run a command, and convert its errors to a message and an exit code."""
         try:
             with ends_soon():
                 return super().invoke(ctx)
@@ -169,20 +157,6 @@ def validate(
 
     Exit codes: 0 the run is complete, whatever the verdicts; 2 bad input; 3 --require is not met; 4 --repeat differs;
     5 --repeat is the same but for rounding, as on another kind of processor.
-    \f
-
-    Parameters
-    ----------
-    scene : Path or None
-        TOML file; DAT21 if None.
-    sigmas, closures, beside
-        The options ``--sigma``, ``--closure`` and ``--beside``.
-    as_json : bool
-        The option ``--json``.
-    impacts, paths, dt, scheme, order, seed, workers, validity, validity_paths, no_validity
-        The options of the same names.
-    out, overwrite, repeat, require
-        The options of the same names.
     """
     # the scientific stack is imported here, so that --help and wrong options need not wait for it
     from rattle.closure import closures_for
@@ -297,16 +271,6 @@ def tradeoff(
     """Measure what accuracy costs on SCENE (a TOML file; DAT21 if none) by every scheme and every closure.
 
     Exit codes: 0 complete; 2 bad input.
-    \f
-
-    Parameters
-    ----------
-    scene : Path or None
-        TOML file; DAT21 if None.
-    accuracies : tuple of float
-        The option ``--accuracy``.
-    sigma, impacts, budget, seed, orders, workers, out, overwrite
-        The options of the same names.
     """
     from rattle.compare.report import manifest
     from rattle.compare.report.folder import check_free, default_place, named

@@ -31,20 +31,7 @@ class WholeNumber(click.ParamType):  # type: ignore[type-arg]  # generic only si
     name = "integer"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        """Read a whole number.
-
-        Parameters
-        ----------
-        value : str or int
-            What was typed, or a default.
-        param, ctx
-            Of click, for its error.
-
-        Returns
-        -------
-        int
-            The number.
-        """
+        """Read a whole number."""
         if isinstance(value, int):
             return value
         text = str(value).strip()
@@ -64,13 +51,6 @@ WHOLE = WholeNumber()
 class Name(click.Choice):  # type: ignore[type-arg]  # generic only since click 8.2
     """A name from a list, which ``--help`` shows and the shell completes.
 
-    Parameters
-    ----------
-    field : str
-        Name of the setting, for the error.
-    names : sequence of str
-        The valid names.
-
     Examples
     --------
     >>> Name("scheme", SCHEMES).convert("exact-fligt", None, None)
@@ -84,23 +64,5 @@ class Name(click.Choice):  # type: ignore[type-arg]  # generic only since click 
         self.field = field
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Check a name.
-
-        Parameters
-        ----------
-        value : str
-            What was typed.
-        param, ctx
-            Of click; unused.
-
-        Returns
-        -------
-        str
-            The name.
-
-        Raises
-        ------
-        InputError
-            If it is not on the list; names the closest.
-        """
+        """Check a name."""
         return choice(self.field, value, self.choices)

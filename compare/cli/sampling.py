@@ -84,16 +84,6 @@ def simulate(
 
     With --accuracy the expected time is printed before the work starts.  Exit codes: 0 done; 2 bad input, or an
     accuracy that would take too long; 3 the budget ended before the accuracy was reached.
-    \f
-
-    Parameters
-    ----------
-    scene : Path or None
-        TOML file; DAT21 if None.
-    sigma, impacts, accuracy, paths, dt, scheme, step_bias, budget, seed, workers, units, out
-        The options of the same names.
-    as_json : bool
-        The option ``--json``.
     """
     from rattle.compare.report.folder import write_whole
     from rattle.montecarlo import Record, simulate, simulate_to
@@ -147,13 +137,7 @@ class _OnStderr(logging.Handler):
     """Log handler that prints each record as a line on standard error."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Print a record.
-
-        Parameters
-        ----------
-        record : LogRecord
-            Entries of the manifest.
-        """
+        """Print a record."""
         say(self.format(record), err=True)
 
 
@@ -211,14 +195,7 @@ def _table(columns: "Mapping[str, NDArray[Any]]", shown: tuple[str, ...]) -> str
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
 def bench(as_json: bool) -> None:
-    """Measure the time of a step of a path on this machine, and its lower bound: random numbers and arithmetic alone.
-    \f
-
-    Parameters
-    ----------
-    as_json : bool
-        The option ``--json``.
-    """
+    """Measure the time of a step of a path on this machine, and its lower bound: random numbers and arithmetic alone."""
     from rattle.montecarlo.bench import bench as measure
 
     table = measure()
@@ -242,18 +219,7 @@ def bench(as_json: bool) -> None:
 def order(
     scene: Path | None, sigma: float | None, impacts: int, paths: int, seed: int, workers: int, as_json: bool
 ) -> None:
-    """Measure slopes of the step bias, and orders, of the Euler-Maruyama schemes on SCENE (a TOML file; DAT21 if none).
-    \f
-
-    Parameters
-    ----------
-    scene : Path or None
-        TOML file; DAT21 if None.
-    sigma, impacts, paths, seed, workers
-        The options of the same names.
-    as_json : bool
-        The option ``--json``.
-    """
+    """Measure slopes of the step bias, and orders, of the Euler-Maruyama schemes on SCENE (a TOML file; DAT21 if none)."""
     from rattle.compare.tradeoff.page import orders_said
     from rattle.compare.tradeoff.weak_order import weak_orders
 

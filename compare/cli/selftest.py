@@ -24,14 +24,6 @@ def selftest(names: tuple[str, ...], all_checks: bool, seed: int, workers: int, 
     """Compare the installed program with published results: exits, returns, collapse, bounces, exponents, covariances.
 
     Each check must also reject its negative controls.  Exit codes: 0 all results hold; 1 one does not; 2 bad input.
-    \f
-
-    Parameters
-    ----------
-    names : tuple of str
-        Results, the option ``--result``; all if empty.
-    all_checks, seed, workers, as_json
-        The options ``--all``, ``--seed``, ``--workers`` and ``--json``.
     """
     from rattle.compare.checks.published.run import selftest as run_checks
     from rattle.compare.checks.published.table import lines, record

@@ -22,14 +22,6 @@ def show(report: Path, section: str | None, width: int | None) -> None:
     """Show the page in the folder REPORT on the terminal: the answer, the tables, and what repeats it.
 
     Exit codes: 0 shown; 2 no report is there.
-    \f
-
-    Parameters
-    ----------
-    report : Path
-        Folder of a report, or its ``page.json``.
-    section, width
-        The options of the same names.
     """
     from rattle.compare.cli.terminal import page_lines, section_lines
     from rattle.compare.report.page_file import NAME, read_page

@@ -45,16 +45,6 @@ def stability(
 
     Exit codes: 0 complete; 1 a run with an admissible step is inaccurate without a diagnostic, or an extreme value
     fails; 2 bad input.
-    \f
-
-    Parameters
-    ----------
-    schemes, axes : tuple of str
-        Names; all if empty.
-    extreme : bool
-        The option ``--extremes``.
-    points, paths, seed, workers, out, overwrite
-        The options of the same names.
     """
     from rattle.compare.checks.extremes.run import extremes
     from rattle.compare.checks.stability.axes import moderate

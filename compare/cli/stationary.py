@@ -80,20 +80,6 @@ def stationary(
 
     Exit codes: 0 done; 2 bad input, or no stationary motion was reached; 3 the budget ended before the accuracy was
     reached.
-    \f
-
-    Parameters
-    ----------
-    scene : Path or None
-        TOML file; DAT21 if None.
-    quantities, closures
-        The options ``--quantity`` and ``--closure``.
-    sigma, accuracy, periods, paths, burn_in, slow, budget, no_closures, field, over, seed, workers, units, out
-        The options of the same names.
-    overwrite
-        The option ``--overwrite``.
-    as_json : bool
-        The option ``--json``.
     """
     from rattle.compare.chaos.sweep import values, with_field
     from rattle.compare.report import manifest

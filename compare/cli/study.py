@@ -46,16 +46,6 @@ def study(
     Every result is saved when it is computed; the same command continues an interrupted one.  Exit codes: 0 complete;
     1 complete except for results that cannot be computed at some points, with the reasons; 2 bad input, or nothing that
     could be computed; 130 interrupted.
-    \f
-
-    Parameters
-    ----------
-    file : Path
-        The study, in TOML.
-    out, workers, scheduler, explain, status
-        The options of the same names.
-    as_json : bool
-        The option ``--json``.
     """
     from rattle.compare.report.folder import within
     from rattle.compare.study.design import Study
@@ -102,13 +92,7 @@ def study(
 def _computed(
     wanted: "Study", seen: "Store", folder: Path, file: Path, workers: int, scheduler: str | None
 ) -> dict[str, Any]:
-    """Run the study and write its page; returns the record of the page, or only the answer if it cannot be written.
-
-    Raises
-    ------
-    OutputError
-        If nothing can be written and cells are missing.
-    """
+    """Run the study and write its page; returns the record of the page, or only the answer if it cannot be written."""
     from rattle.compare.report.folder import write_whole
     from rattle.compare.report.manifest import command_line
     from rattle.compare.study.engine import missing, run

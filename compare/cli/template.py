@@ -85,16 +85,6 @@ PLAIN = """\
 def template(name: str) -> str:
     """Text of a scene file with DAT21's values.
 
-    Parameters
-    ----------
-    name : str
-        Of the file, for the commands in its head.
-
-    Returns
-    -------
-    str
-        TOML with comments.
-
     Examples
     --------
     >>> from rattle.scene import Scene

@@ -31,19 +31,7 @@ GAP = "  "
 
 
 def page_lines(page: Page, width: int) -> Iterator[str]:
-    """The lines of a page.
-
-    Parameters
-    ----------
-    page : Page
-        The page.
-    width : int
-        Characters of a line; only code and file paths may be wider.
-
-    Yields
-    ------
-    str
-    """
+    """The lines of a page."""
     yield from _heading(page.title, 1, width)
     for sentence in page.answer:
         yield from _paragraph(sentence, width)
@@ -55,21 +43,7 @@ def page_lines(page: Page, width: int) -> Iterator[str]:
 
 
 def section_lines(section: Section, width: int, level: int = 2) -> Iterator[str]:
-    """The lines of a section and its subsections.
-
-    Parameters
-    ----------
-    section : Section
-        The section.
-    width : int
-        Characters of a line; only code and file paths may be wider.
-    level : int
-        Of the heading; up to 2 it is underlined.
-
-    Yields
-    ------
-    str
-    """
+    """The lines of a section and its subsections."""
     yield from _heading(section.title, level, width)
     for block in section.blocks:
         yield from _block(block, width)

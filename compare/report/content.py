@@ -30,16 +30,6 @@ NOTHING = "–"  # shown in place of NaN
 def leading_number(text: str) -> float | None:
     """The first number in a text, by which a column of numbers is sorted.
 
-    Parameters
-    ----------
-    text : str
-        May have commas between thousands.
-
-    Returns
-    -------
-    float or None
-        None if there is no number.
-
     Examples
     --------
     >>> leading_number("≤ 0.0006"), leading_number("17,229 paths"), leading_number("-1.5e-3 ± 0.1"), leading_number("–")
@@ -51,40 +41,19 @@ def leading_number(text: str) -> float | None:
 
 @dataclass(frozen=True)
 class Text:
-    """A paragraph.
-
-    Attributes
-    ----------
-    text : str
-    note : bool
-        Whether it explains the block beside it, and is set in smaller type.
-    """
+    """A paragraph."""
 
     text: str
-    note: bool = False
+    note: bool = False  # whether it explains the block beside it, and is set in smaller type
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell of a table.
-
-    Attributes
-    ----------
-    text : str
-    mark : str
-        The verdict on it, a key of `MARKS`.
-    value : float or None
-        Number by which it is sorted; finite.
-
-    Raises
-    ------
-    InputError
-        For an unknown mark, or a value that is not finite.
-    """
+    """A cell of a table."""
 
     text: str
-    mark: str = ""
-    value: float | None = None
+    mark: str = ""  # the verdict on it, a key of `MARKS`
+    value: float | None = None  # number by which it is sorted; finite
 
     def __post_init__(self) -> None:
         choice("mark", self.mark, MARKS)
@@ -98,19 +67,7 @@ class Cell:
 
     @classmethod
     def of(cls, content: "Cell | str | float", kind: str) -> "Cell":
-        """Make a cell: numbers are shown with four digits, NaN as a dash.
-
-        Parameters
-        ----------
-        content : Cell, str or float
-            What is written.
-        kind : str
-            Of its column, `TEXT` or `NUMBER`.
-
-        Returns
-        -------
-        Cell
-        """
+        """Make a cell: numbers are shown with four digits, NaN as a dash."""
         if isinstance(content, Cell):
             cell = content
         elif isinstance(content, str):
@@ -131,63 +88,27 @@ Row: TypeAlias = Iterable[Cell | str | float]
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table.
-
-    Attributes
-    ----------
-    head : str
-    kind : str
-        `TEXT` or `NUMBER`.
-
-    Raises
-    ------
-    InputError
-        For another kind.
-    """
+    """A column of a table."""
 
     head: str
-    kind: str = TEXT
+    kind: str = TEXT  # `TEXT` or `NUMBER`
 
     def __post_init__(self) -> None:
         choice("kind", self.kind, (TEXT, NUMBER))
 
 
 def numbers(*heads: str) -> tuple[Column, ...]:
-    """Columns of numbers.
-
-    Parameters
-    ----------
-    *heads : str
-        Heads of the columns.
-
-    Returns
-    -------
-    tuple of Column
-    """
+    """Columns of numbers."""
     return tuple(Column(head, NUMBER) for head in heads)
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table.
-
-    Attributes
-    ----------
-    columns : tuple of Column
-    rows : tuple of tuple of Cell
-        Each as long as ``columns``.
-    summary : str
-        If given, HTML shows the table collapsed beneath this line.
-
-    Raises
-    ------
-    InputError
-        For no columns, or a row of another length.
-    """
+    """A table."""
 
     columns: tuple[Column, ...]
-    rows: tuple[tuple[Cell, ...], ...]
-    summary: str = ""
+    rows: tuple[tuple[Cell, ...], ...]  # each as long as ``columns``
+    summary: str = ""  # if given, HTML shows the table collapsed beneath this line
 
     def __post_init__(self) -> None:
         if not self.columns:
@@ -199,19 +120,6 @@ class Table:
     @classmethod
     def of(cls, columns: Sequence[Column | str], rows: Iterable[Row], summary: str = "") -> "Table":
         """Make a table of plain values.
-
-        Parameters
-        ----------
-        columns : sequence of Column or str
-            A bare string is the head of a column of text.
-        rows : iterable of Row
-            Rows of the table of errors.
-        summary : str
-            See `Table`.
-
-        Returns
-        -------
-        Table
 
         Examples
         --------
@@ -226,25 +134,11 @@ class Table:
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure.
+    """A figure."""
 
-    Attributes
-    ----------
-    path : str
-        Of an SVG or PNG file, relative to the report's folder and inside it.
-    caption : str
-    alt : str
-        Description for readers who do not see the figure; not empty.
-
-    Raises
-    ------
-    InputError
-        For a path outside the folder or of another type, or an empty description.
-    """
-
-    path: str
+    path: str  # of an SVG or PNG file, relative to the report's folder and inside it
     caption: str
-    alt: str
+    alt: str  # description for readers who do not see the figure; not empty
 
     def __post_init__(self) -> None:
         path = PurePosixPath(self.path)
@@ -256,35 +150,15 @@ class Figure:
 
 @dataclass(frozen=True)
 class Code:
-    """A block of code.
+    """A block of code."""
 
-    Attributes
-    ----------
-    text : str
-        Shown literally.
-    language : str
-        Name for syntax highlighting; may be empty.
-    """
-
-    text: str
-    language: str = ""
+    text: str  # shown literally
+    language: str = ""  # name for syntax highlighting; may be empty
 
 
 @dataclass(frozen=True)
 class Glossary:
     """Words and symbols of a page, each with its meaning; HTML shows it folded.
-
-    Attributes
-    ----------
-    title : str
-        The line beneath which it is folded.
-    terms : tuple of (str, str)
-        Each term and its meaning; at least one.
-
-    Raises
-    ------
-    InputError
-        If there is no term, or one without a meaning.
 
     Examples
     --------
@@ -292,8 +166,8 @@ class Glossary:
     'σ'
     """
 
-    title: str
-    terms: tuple[tuple[str, str], ...]
+    title: str  # the line beneath which it is folded
+    terms: tuple[tuple[str, str], ...]  # each term and its meaning; at least one
 
     def __post_init__(self) -> None:
         if not self.terms:
@@ -308,60 +182,25 @@ Block: TypeAlias = Text | Table | Figure | Code | Glossary
 
 @dataclass(frozen=True)
 class Section:
-    """A section of a page.
-
-    Attributes
-    ----------
-    title : str
-    blocks : tuple of Block
-    sections : tuple of Section
-        Subsections, which follow the blocks.
-    """
+    """A section of a page."""
 
     title: str
     blocks: tuple[Block, ...] = ()
-    sections: tuple["Section", ...] = ()
+    sections: tuple["Section", ...] = ()  # subsections, which follow the blocks
 
 
 @dataclass(frozen=True)
 class Source:
-    """Where a page comes from.
+    """Where a page comes from."""
 
-    Attributes
-    ----------
-    repeat : str
-        Command that makes the page again.
-    facts : tuple of (str, str)
-        Entries of the manifest: name and value.
-    blocks : tuple of Block
-        Further blocks, such as the scene.
-    """
-
-    repeat: str
-    facts: tuple[tuple[str, str], ...] = ()
-    blocks: tuple[Block, ...] = ()
+    repeat: str  # command that makes the page again
+    facts: tuple[tuple[str, str], ...] = ()  # entries of the manifest: name and value
+    blocks: tuple[Block, ...] = ()  # further blocks, such as the scene
 
 
 @dataclass(frozen=True)
 class Page:
     """The page of a report.
-
-    Attributes
-    ----------
-    title : str
-    answer : tuple of str
-        Sentences that stand first; at least one.  The first is the advice, or what is most worth knowing.
-    source : Source
-        Stands last.
-    blocks : tuple of Block
-        Before the sections: the key figure, and the table.  HTML and Markdown show the first sentence of the answer,
-        the blocks, and then the other sentences.
-    sections : tuple of Section
-
-    Raises
-    ------
-    InputError
-        For a page without an answer.
 
     Examples
     --------
@@ -371,8 +210,11 @@ class Page:
     """
 
     title: str
+    # sentences that stand first; at least one.  The first is the advice, or what is most worth knowing
     answer: tuple[str, ...]
-    source: Source
+    source: Source  # stands last
+    # before the sections: the key figure, and the table.  HTML and Markdown show the first sentence of the answer,
+    # the blocks, and then the other sentences
     blocks: tuple[Block, ...] = ()
     sections: tuple[Section, ...] = ()
 
@@ -381,12 +223,7 @@ class Page:
             raise InputError("answer", self.answer, "a page begins with its answer; give a sentence")
 
     def all_sections(self) -> Iterator[Section]:
-        """Iterate over all sections and subsections, each before its own subsections.
-
-        Yields
-        ------
-        Section
-        """
+        """Iterate over all sections and subsections, each before its own subsections."""
         waiting = list(self.sections)
         while waiting:
             section = waiting.pop(0)

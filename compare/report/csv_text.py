@@ -13,18 +13,6 @@ __all__ = ["csv_text", "write_csv"]
 def csv_text(table: pd.DataFrame, **options: Any) -> str:
     r"""A table as CSV.
 
-    Parameters
-    ----------
-    table : DataFrame
-        The table.
-    **options
-        Of `pandas.DataFrame.to_csv`.
-
-    Returns
-    -------
-    str
-        Terminal control characters in texts are escaped.
-
     Examples
     --------
     >>> print(csv_text(pd.DataFrame({"name": ["\x1b[31mnormal"], "sigma": [0.1]}), index=False).strip())
@@ -36,17 +24,7 @@ def csv_text(table: pd.DataFrame, **options: Any) -> str:
 
 
 def write_csv(table: pd.DataFrame, path: Path, **options: Any) -> None:
-    """Write a table as CSV, see `csv_text`.
-
-    Parameters
-    ----------
-    table : DataFrame
-        The table.
-    path : Path
-        Of the file; overwritten.
-    **options
-        Of `pandas.DataFrame.to_csv`.
-    """
+    """Write a table as CSV, see `csv_text`."""
     path.write_text(csv_text(table, **options), encoding="utf-8")
 
 

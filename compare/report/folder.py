@@ -38,17 +38,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 def default_place(name: str, suffix: str = "") -> Path:
     """The default output folder ``reports/NAME``.
 
-    Parameters
-    ----------
-    name : str
-        From a file, so it may hold anything; separators and control characters are replaced.
-    suffix : str
-        Appended.
-
-    Returns
-    -------
-    Path
-        Exactly one level below ``reports``.
+    `name`: From a file, so it may hold anything; separators and control characters are replaced.
 
     Examples
     --------
@@ -61,18 +51,6 @@ def default_place(name: str, suffix: str = "") -> Path:
 
 def refused(out: Path, error: OSError) -> OutputError:
     """The error message for a failed write.
-
-    Parameters
-    ----------
-    out : Path
-        File or folder that was to be written.
-    error : OSError
-        What went wrong.
-
-    Returns
-    -------
-    OutputError
-        To be raised; names the remedy.
 
     Examples
     --------
@@ -89,19 +67,7 @@ def refused(out: Path, error: OSError) -> OutputError:
 def check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
     """Check before a run that its output folder can be written without losing other files.
 
-    Parameters
-    ----------
-    out : Path
-        The folder; need not exist.
-    ours : frozenset of str
-        Names of the files of such a report; a folder with any other file is not replaced.
-    overwrite : bool
-        Whether an earlier report may be replaced.
-
-    Raises
-    ------
-    OutputError
-        Names the folder, what is in the way, and what to do.
+    `ours`: Names of the files of such a report; a folder with any other file is not replaced.
     """
     try:
         _check_free(out, ours, overwrite)
@@ -133,24 +99,7 @@ def _check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
 
 @contextmanager
 def whole_folder(out: Path, ours: frozenset[str], overwrite: bool) -> Iterator[Path]:
-    """Context that writes a folder atomically: into a scratch folder beside it, which replaces it at the end.
-
-    Parameters
-    ----------
-    out, ours, overwrite
-        As of `check_free`.
-
-    Yields
-    ------
-    Path
-        The scratch folder; removed if the block raises.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written.  If another run has written `out` meanwhile, this result is kept under another name,
-        which the message gives.
-    """
+    """Context that writes a folder atomically: into a scratch folder beside it, which replaces it at the end."""
     check_free(out, ours, overwrite)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -167,17 +116,8 @@ def whole_folder(out: Path, ours: frozenset[str], overwrite: bool) -> Iterator[P
 def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
     """Context with a temporary folder; leftovers of killed processes under the same name are removed first.
 
-    Parameters
-    ----------
-    parent : Path
-        Where it is made; exists.
-    name : str
-        Part of its name.
-
-    Yields
-    ------
-    Path
-        The folder.  It is locked (flock) while its process lives, so that no other process removes it as a leftover.
+    Yields: The folder.  It is locked (flock) while its process lives, so that no other process removes it as a
+    leftover.
     """
     sweep(parent, name)
     scratch, number = _locked(parent, name, Path.mkdir)
@@ -191,20 +131,7 @@ def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
 
 
 def within(folder: Path, *names: str) -> None:
-    """Check that subfolders are no symbolic links, through which files would be written elsewhere.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder.
-    *names : str
-        Subfolders; need not exist.
-
-    Raises
-    ------
-    OutputError
-        Names the link.
-    """
+    """Check that subfolders are no symbolic links, through which files would be written elsewhere."""
     for name in names:
         if (folder / name).is_symlink() and name != ".":
             raise OutputError(
@@ -239,20 +166,7 @@ def _empty(path: Path) -> None:
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a text file whole or not at all; a symbolic link of that name is replaced, not followed.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    text : str
-        Written as UTF-8.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written; an earlier file stays.
-    """
+    """Write a text file whole or not at all; a symbolic link of that name is replaced, not followed."""
     try:
         sweep(path.parent, ANY_TEXT)
         scratch, number = _locked(path.parent, ANY_TEXT, _empty)
@@ -308,15 +222,7 @@ def _replace(scratch: Path, out: Path) -> None:
 
 
 def sweep(parent: Path, name: str) -> None:
-    """Remove scratch files and folders of killed processes; restore a folder that one was replacing.
-
-    Parameters
-    ----------
-    parent : Path
-        Where they lie.
-    name : str
-        In their names; see `scratch_folder`.
-    """
+    """Remove scratch files and folders of killed processes; restore a folder that one was replacing."""
     pattern = re.compile(rf"\.{re.escape(name)}-[a-z0-9_]{{8}}(\{PART}|\{OLD})")
     try:
         found = [parent / name for name in os.listdir(parent) if pattern.fullmatch(name)]
@@ -344,16 +250,6 @@ def _opened(path: Path) -> Iterator[int]:
 
 def named(path: Path) -> str:
     """The name of a scene or study: that of its file without suffix.
-
-    Parameters
-    ----------
-    path : Path
-        Of the file.
-
-    Returns
-    -------
-    str
-        Encodable as UTF-8.
 
     Examples
     --------

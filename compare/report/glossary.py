@@ -104,21 +104,8 @@ IN_UNITS: dict[str, Callable[[Units], str]] = {
 def glossary(*names: str, gears: Gears | None = None) -> Glossary:
     """The glossary of a page.
 
-    Parameters
-    ----------
-    *names : str
-        Terms that the page uses, keys of `TERMS`; they are listed in the order of `TERMS`.
-    gears : Gears, optional
-        Those of the page's scene: the glossary then says what 1 is in their units.
-
-    Returns
-    -------
-    Glossary
-
-    Raises
-    ------
-    InputError
-        For a term that is not explained here.
+    `*names`: Terms that the page uses, keys of `TERMS`; they are listed in the order of `TERMS`. `gears`: Those
+    of the page's scene: the glossary then says what 1 is in their units.
 
     Examples
     --------

@@ -15,15 +15,7 @@ __all__ = ["json_digest", "json_text", "plain"]
 def plain(data: Any) -> Any:
     """Convert data to the types of JSON.
 
-    Parameters
-    ----------
-    data : object
-        Mappings, sequences, numpy arrays and scalars, paths, text, numbers, None.
-
-    Returns
-    -------
-    object
-        Dicts, lists, Python numbers, text and None; NaN and infinities become None, paths text.
+    Returns: Dicts, lists, Python numbers, text and None; NaN and infinities become None, paths text.
 
     Examples
     --------
@@ -47,17 +39,6 @@ def plain(data: Any) -> Any:
 def json_text(data: Any, indent: int | None = 2) -> str:
     r"""Data as strict JSON (RFC 8259); terminal control characters are escaped, other non-ASCII characters are not.
 
-    Parameters
-    ----------
-    data : object
-        Anything that `plain` converts.
-    indent : int, optional
-        Spaces per level; None for one line.
-
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> print(json_text({"σ": float("inf"), "name": "\u202etxt\x9b1m"}, indent=None))
@@ -71,16 +52,6 @@ def json_text(data: Any, indent: int | None = 2) -> str:
 
 def json_digest(data: Any) -> str:
     """SHA-256 digest of data, independent of the order of keys.
-
-    Parameters
-    ----------
-    data : object
-        Plain data, see `plain`.
-
-    Returns
-    -------
-    str
-        Hexadecimal.
 
     Examples
     --------

@@ -46,39 +46,20 @@ DIGESTS = ("table_sha256", "validity_sha256")
 
 
 class Settings(NamedTuple):
-    """The settings of a report; together with the versions they determine every number.
+    """The settings of a report; together with the versions they determine every number."""
 
-    Attributes
-    ----------
-    name : str
-        Of the scene.
-    scenes : tuple of Scene
-        One for each noise intensity.
-    impacts, paths, dt, scheme, seed
-        Of the simulations, see `rattle.montecarlo.simulate`.
-    order : int
-        Order of the closures' moments.
-    closures : tuple of str
-    validity : tuple of float
-        Noise intensities of the range of validity; may be empty.
-    validity_paths : int
-        Simulated paths at each of these.
-    beside : tuple of str
-        Schemes whose ensembles are shown beside that of the report.
-    """
-
-    name: str
-    scenes: tuple[Scene, ...]
-    impacts: int
+    name: str  # of the scene
+    scenes: tuple[Scene, ...]  # one for each noise intensity
+    impacts: int  # impacts, paths, dt, scheme, seed: of the simulations, see `rattle.montecarlo.simulate`
     paths: int
     dt: float
     scheme: str
     seed: int
-    order: int
+    order: int  # order of the closures' moments
     closures: tuple[str, ...]
-    validity: tuple[float, ...] = ()
-    validity_paths: int = 0
-    beside: tuple[str, ...] = ()
+    validity: tuple[float, ...] = ()  # noise intensities of the range of validity; may be empty
+    validity_paths: int = 0  # simulated paths at each of these
+    beside: tuple[str, ...] = ()  # schemes whose ensembles are shown beside that of the report
 
     @property
     def simulation(self) -> dict[str, Any]:
@@ -91,51 +72,21 @@ class Settings(NamedTuple):
         return {"paths": self.validity_paths, "impacts": self.impacts, "rng": self.seed}
 
     def to_dict(self) -> dict[str, Any]:
-        """The settings as plain data for the manifest.
-
-        Returns
-        -------
-        dict
-        """
+        """The settings as plain data for the manifest."""
         return {**self._asdict(), "scenes": [s.to_dict() for s in self.scenes]}
 
 
 class Recorded(NamedTuple):
-    """Content of the manifest of an earlier report.
-
-    Attributes
-    ----------
-    settings : Settings
-    digests : dict of str to (str or None)
-        Of its tables, by `DIGESTS`; None where it has no such table.
-    versions : dict of str to str
-        See `versions`; entries that an earlier version of this program did not record are missing.
-    """
+    """Content of the manifest of an earlier report."""
 
     settings: Settings
-    digests: dict[str, str | None]
+    digests: dict[str, str | None]  # of its tables, by `DIGESTS`; None where it has no such table
+    # see `versions`; entries that an earlier version of this program did not record are missing
     versions: dict[str, str]
 
 
 def read_settings(path: Path) -> Recorded:
-    """Read the manifest of an earlier report.
-
-    Parameters
-    ----------
-    path : Path
-        Of the ``manifest.json``.
-
-    Returns
-    -------
-    Recorded
-
-    Raises
-    ------
-    FileError
-        If the file cannot be read, is no manifest, was changed, or is of a newer version.
-    InputError
-        For a setting or scene that is not admissible.
-    """
+    """Read the manifest of an earlier report."""
     try:
         data = read_json("manifest", path, "a manifest.json")
         not_newer(data, path)
@@ -163,20 +114,7 @@ def read_settings(path: Path) -> Recorded:
 
 
 def not_newer(data: dict[str, Any], path: Path) -> None:
-    """Check that a manifest was not written by a newer version of this program.
-
-    Parameters
-    ----------
-    data : dict
-        Its content.
-    path : Path
-        Of the file, for the message.
-
-    Raises
-    ------
-    FileError
-        If its format is newer than `VERSION`.
-    """
+    """Check that a manifest was not written by a newer version of this program."""
     version = data.get("version", 1)
     if type(version) is int and version > VERSION:
         why = f"comes from a newer version of rattle (manifest {version}; this one reads {VERSION}); update rattle"
@@ -185,16 +123,6 @@ def not_newer(data: dict[str, Any], path: Path) -> None:
 
 def command_line(words: Sequence[str]) -> str:
     """A command as it is typed in a shell.
-
-    Parameters
-    ----------
-    words : sequence of str
-        Its arguments, without ``rattle``.
-
-    Returns
-    -------
-    str
-        Quoted where needed, and encodable as UTF-8.
 
     Examples
     --------
@@ -207,16 +135,6 @@ def command_line(words: Sequence[str]) -> str:
 def sealed(record: Mapping[str, Any]) -> dict[str, Any]:
     """Add a digest of a record to it, so that a later change is detected.
 
-    Parameters
-    ----------
-    record : mapping
-        Entries of the manifest.
-
-    Returns
-    -------
-    dict
-        Plain data with the further key ``seal``.
-
     Examples
     --------
     >>> is_whole(sealed({"z": 4.1})), is_whole(sealed({"z": 4.1}) | {"z": 1.4})
@@ -227,29 +145,13 @@ def sealed(record: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def is_whole(record: Mapping[str, Any]) -> bool:
-    """Whether a record is unchanged since it was sealed.
-
-    Parameters
-    ----------
-    record : mapping
-        From `sealed`, read back.
-
-    Returns
-    -------
-    bool
-        True also without a seal, which earlier versions did not write.
-    """
+    """Whether a record is unchanged since it was sealed."""
     content = {name: value for name, value in record.items() if name != "seal"}
     return "seal" not in record or record["seal"] == json_digest(content)
 
 
 def versions() -> dict[str, str]:
-    """Versions of the packages on which the numbers depend, and the processor as named by system and compiler.
-
-    Returns
-    -------
-    dict of str to str
-    """
+    """Versions of the packages on which the numbers depend, and the processor as named by system and compiler."""
     found = {
         "python": platform.python_version(), "machine": platform.machine(), "processor": _processor(),
         "compiled for": COMPILER.CPU_NAME or binding.get_host_cpu_name(), "vectors": _vectors(),
@@ -279,13 +181,7 @@ def _vectors() -> str:
 
 
 def commit() -> str:
-    """Git commit of the running code.
-
-    Returns
-    -------
-    str
-        With ``+changes`` if the code differs from the commit; ``unknown`` outside a repository.
-    """
+    """Git commit of the running code."""
     here = Path(__file__).resolve().parents[2]
 
     def git(*words: str) -> str:
@@ -303,16 +199,5 @@ def commit() -> str:
 
 
 def digest(text: str) -> str:
-    """SHA-256 digest of a text.
-
-    Parameters
-    ----------
-    text : str
-        The text as it was given.
-
-    Returns
-    -------
-    str
-        Hexadecimal.
-    """
+    """SHA-256 digest of a text."""
     return hashlib.sha256(text.encode()).hexdigest()

@@ -17,16 +17,6 @@ Words: TypeAlias = Callable[[str, bool], Markup]
 def parts(text: str) -> list[tuple[str, bool]]:
     """Split a text at its backticks.
 
-    Parameters
-    ----------
-    text : str
-        The text as it was given.
-
-    Returns
-    -------
-    list of (str, bool)
-        Pieces, on one line and without control characters, and whether each is code.
-
     Examples
     --------
     >>> parts("see `a_b` there")
@@ -43,18 +33,8 @@ def _escaped_only(piece: str, _: bool) -> Markup:
 def as_html(text: str, files: Collection[str] = (), words: Words = _escaped_only) -> Markup:
     """A text as HTML; code between backticks becomes a ``<code>`` element.
 
-    Parameters
-    ----------
-    text : str
-        The text as it was given.
-    files : collection of str
-        Names of files beside the page; code that is such a name becomes a link to the file.
-    words : callable
-        Makes a piece of the text HTML, and is told whether it is code; see `rattle.compare.report.terms`.
-
-    Returns
-    -------
-    Markup
+    `files`: Names of files beside the page; code that is such a name becomes a link to the file. `words`: Makes a
+    piece of the text HTML, and is told whether it is code; see `rattle.compare.report.terms`.
 
     Examples
     --------
@@ -74,19 +54,6 @@ def as_html(text: str, files: Collection[str] = (), words: Words = _escaped_only
 
 def as_markdown(text: str, cell: bool = False, files: Collection[str] = ()) -> str:
     r"""A text as Markdown that shows it literally.
-
-    Parameters
-    ----------
-    text : str
-        The text as it was given.
-    cell : bool
-        Whether it stands in a table, where vertical bars must be escaped as well.
-    files : collection of str
-        Names of files beside the page; code that is such a name becomes a link to the file.
-
-    Returns
-    -------
-    str
 
     Examples
     --------
@@ -110,15 +77,6 @@ def _escaped(text: str) -> str:
 def as_code(text: str) -> str:
     """A text as inline code in Markdown, with as many backticks around it as its own require.
 
-    Parameters
-    ----------
-    text : str
-        The text as it was given.
-
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> as_code("rattle validate"), as_code("a`b")
@@ -133,15 +91,5 @@ def _longest_run(text: str) -> int:
 
 
 def fence(text: str) -> str:
-    """The fence around a block of code in Markdown: one backtick more than the longest run in it, at least three.
-
-    Parameters
-    ----------
-    text : str
-        The code.
-
-    Returns
-    -------
-    str
-    """
+    """The fence around a block of code in Markdown: one backtick more than the longest run in it, at least three."""
     return "`" * max(3, 1 + _longest_run(text))

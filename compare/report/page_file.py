@@ -29,16 +29,6 @@ class _Refused(Exception):
 def page_text(page: Page) -> str:
     """A page as JSON, without fields that have their default.
 
-    Parameters
-    ----------
-    page : Page
-        The page.
-
-    Returns
-    -------
-    str
-        With format, version and a SHA-256 digest.
-
     Examples
     --------
     >>> from rattle.compare.report import Page, Source
@@ -53,20 +43,6 @@ def page_text(page: Page) -> str:
 
 def read_page(path: Path) -> Page:
     """Read a page from its file.
-
-    Parameters
-    ----------
-    path : Path
-        Of a ``page.json``.
-
-    Returns
-    -------
-    Page
-
-    Raises
-    ------
-    FileError
-        If the file cannot be read, is no page, was changed, or is of a newer version; names the place in the data.
 
     Examples
     --------

@@ -29,32 +29,12 @@ LONG = 40
 
 
 def pages(name: str) -> tuple[str, str, str]:
-    """Names of the files that `write_page` writes.
-
-    Parameters
-    ----------
-    name : str
-        Of the page, without suffix.
-
-    Returns
-    -------
-    data, markdown, html : str
-    """
+    """Names of the files that `write_page` writes."""
     return NAME, f"{name}.md", f"{name}.html"
 
 
 def write_page(page: Page, folder: Path, name: str) -> None:
-    """Write a page into a folder: ``page.json``, ``name.md`` and ``name.html``.
-
-    Parameters
-    ----------
-    page : Page
-        The page.
-    folder : Path
-        Exists, and holds the figures of the page.
-    name : str
-        Of the page, without suffix.
-    """
+    """Write a page into a folder: ``page.json``, ``name.md`` and ``name.html``."""
     texts = (page_text(page), markdown(page, data_files(folder)), html(page, folder))
     for file, text in zip(pages(name), texts, strict=True):
         (folder / file).write_text(text, encoding="utf-8")

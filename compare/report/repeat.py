@@ -48,42 +48,21 @@ NAMING = ("sigma", "closure", "kind", "moment", "quantity", "impact")
 
 
 class Difference(NamedTuple):
-    """The largest difference between two tables, relative to what rounding explains.
+    """The largest difference between two tables, relative to what rounding explains."""
 
-    Attributes
-    ----------
-    excess : float
-        Difference over the largest one that rounding explains; infinite if the entries are not numbers.
-    sds, errors : float
-        Difference in sds of the quantity, and in standard errors (NaN where nothing is sampled).
-    where : str
-        Column, row, and both entries.
-    """
-
-    excess: float
-    sds: float
+    excess: float  # difference over the largest one that rounding explains; infinite if the entries are not numbers
+    sds: float  # sds, errors: difference in sds of the quantity, and in standard errors (NaN where nothing is sampled)
     errors: float
-    where: str
+    where: str  # column, row, and both entries
 
 
 class Repeat(NamedTuple):
-    """Result of comparing a repeated report with the first.
+    """Result of comparing a repeated report with the first."""
 
-    Attributes
-    ----------
-    outcome : str
-        `SAME`, `ROUNDED` or `DIFFERENT`.
-    largest : Difference or None
-        None if both are the same, or if only digests could be compared.
-    why : str
-        Why only digests could be compared; else empty.
-    changed : dict of str to (str or None, str or None)
-        Versions and properties of the processor that differ: as recorded (None if not recorded), and here.
-    """
-
-    outcome: str
-    largest: Difference | None
-    why: str
+    outcome: str  # `SAME`, `ROUNDED` or `DIFFERENT`
+    largest: Difference | None  # none if both are the same, or if only digests could be compared
+    why: str  # why only digests could be compared; else empty
+    # versions and properties of the processor that differ: as recorded (None if not recorded), and here
     changed: dict[str, tuple[str | None, str | None]]
 
     @property
@@ -110,33 +89,14 @@ class Repeat(NamedTuple):
         return " ".join(map(line, sentences)) or "All versions and the processor are those of the manifest."
 
     def to_dict(self) -> dict[str, Any]:
-        """The result as plain data for JSON.
-
-        Returns
-        -------
-        dict
-            ``outcome, largest_difference, why, changed``.
-        """
+        """The result as plain data for JSON."""
         changed = {name: {"manifest": there, "here": here} for name, (there, here) in self.changed.items()}
         largest = self.largest and self.largest._asdict()
         return {"outcome": self.outcome, "largest_difference": largest, "why": self.why, "changed": changed}
 
 
 def tables_beside(path: Path, recorded: Recorded) -> dict[str, str]:
-    """Read the tables beside a manifest.
-
-    Parameters
-    ----------
-    path : Path
-        Of the manifest.
-    recorded : Recorded
-        Its content.
-
-    Returns
-    -------
-    dict of str to str
-        CSV text by the name of the digest.
-    """
+    """Read the tables beside a manifest."""
     found = {}
     for name, file in TABLES.items():
         try:
@@ -149,23 +109,7 @@ def tables_beside(path: Path, recorded: Recorded) -> dict[str, str]:
 
 
 def compared(recorded: Recorded, earlier: Mapping[str, str], now: Mapping[str, Any], folder: Path) -> Repeat:
-    """Compare a repeated report with the first.
-
-    Parameters
-    ----------
-    recorded : Recorded
-        Manifest of the first report.
-    earlier : mapping of str to str
-        Its tables, from `tables_beside`.
-    now : mapping
-        Manifest of the repeated report.
-    folder : Path
-        Folder of the repeated report.
-
-    Returns
-    -------
-    Repeat
-    """
+    """Compare a repeated report with the first."""
     here = versions()
     changed = {n: (recorded.versions.get(n), here.get(n)) for n in dict.fromkeys([*here, *recorded.versions])}
     changed = {name: pair for name, pair in changed.items() if pair[0] != pair[1]}
@@ -194,17 +138,8 @@ def compared(recorded: Recorded, earlier: Mapping[str, str], now: Mapping[str, A
 def difference(one: pd.DataFrame, other: pd.DataFrame, paths: int) -> Difference:
     """The largest difference between two tables of a report, relative to what rounding explains.
 
-    Parameters
-    ----------
-    one, other : DataFrame
-        The unit of a difference is the sd in the column ``unit``, or `RELATIVE` of the value where that is larger; the
-        standard error is in the column ``se``.
-    paths : int
-        Number of simulated paths of each row.
-
-    Returns
-    -------
-    Difference
+    `one`, `other`: The unit of a difference is the sd in the column ``unit``, or `RELATIVE` of the value where
+    that is larger; the standard error is in the column ``se``.
 
     Examples
     --------

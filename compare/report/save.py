@@ -24,17 +24,6 @@ def contents(
 ) -> frozenset[str]:
     """Every file that a report folder may hold; a folder with any other file is not overwritten.
 
-    Parameters
-    ----------
-    name : str
-        Name of the page's files, without suffix.
-    figures, tables, large : sequence of str
-        Names without suffix; large tables are Parquet files, the others CSV.
-
-    Returns
-    -------
-    frozenset of str
-
     Examples
     --------
     >>> sorted(contents("claims", tables=["claims"]))
@@ -56,34 +45,7 @@ def save(
     digits: str | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Write a report folder; whatever ends it on the way, the folder is the earlier one or the new one.
-
-    Parameters
-    ----------
-    out : Path
-        The folder.
-    name : str
-        Name of the page's files, without suffix.
-    page : Page
-        Its answer goes into the manifest too.
-    record : mapping
-        Entries of the manifest.
-    allowed : frozenset of str
-        Files that such a folder may hold, see `contents`.
-    figures : mapping of str to Figure
-        Written as ``<name>.svg``.
-    tables : mapping of str to DataFrame
-        Written without the index, as ``<name>.parquet`` where `allowed` has that, else as ``<name>.csv``.
-    digits : str, optional
-        Format of the numbers in CSV files, as ``%.10g``; all digits by default.
-    overwrite : bool
-        Whether an earlier report in the folder may be replaced.
-
-    Raises
-    ------
-    OutputError
-        If the folder holds other files, holds an earlier report and `overwrite` is false, or cannot be written.
-    """
+    """Write a report folder; whatever ends it on the way, the folder is the earlier one or the new one."""
     with whole_folder(out, allowed, overwrite) as folder:
         for label, figure in figures.items():
             style.save(figure, folder / f"{label}.svg")

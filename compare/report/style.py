@@ -50,21 +50,7 @@ SETTINGS: Any = {
 
 
 def new_figure(width: float, height: float, rows: int, columns: int) -> tuple[Figure, list[Axes]]:
-    """A figure with a grid of panels.
-
-    Parameters
-    ----------
-    width, height : float
-        In inches.
-    rows, columns : int
-        Of panels.
-
-    Returns
-    -------
-    figure : Figure
-    axes : list of Axes
-        Row by row.
-    """
+    """A figure with a grid of panels."""
     with mpl.rc_context(SETTINGS):
         figure = ShownFigure(figsize=(width, height), layout="constrained")
         axes = figure.subplots(rows, columns, squeeze=False)
@@ -72,17 +58,7 @@ def new_figure(width: float, height: float, rows: int, columns: int) -> tuple[Fi
 
 
 def legend_above(figure: Figure, axes: Sequence[Axes], columns: int) -> None:
-    """Add one legend for all panels above them; equal labels are shown once.
-
-    Parameters
-    ----------
-    figure : Figure
-        The figure.
-    axes : sequence of Axes
-        The panels whose labels are collected.
-    columns : int
-        Most columns of the legend; fewer where the figure is narrower.
-    """
+    """Add one legend for all panels above them; equal labels are shown once."""
     handles: dict[str, Artist] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
@@ -96,11 +72,6 @@ def legend_above(figure: Figure, axes: Sequence[Axes], columns: int) -> None:
 
 def whole_impacts(ax: Axes) -> None:
     """Put the ticks of the horizontal axis at whole numbers of impacts.
-
-    Parameters
-    ----------
-    ax : Axes
-        The panel, with impacts along its horizontal axis.
 
     Examples
     --------
@@ -117,16 +88,8 @@ def whole_impacts(ax: Axes) -> None:
 def caption_of(figure: Figure, parts: Sequence[tuple[str, str]]) -> str:
     """The caption of a figure: only the parts that refer to something that is drawn.
 
-    Parameters
-    ----------
-    figure : Figure
-        With its legends.
-    parts : sequence of (str, str)
-        Texts, each with a word; a text is included if a label of the legends contains its word, or if that is empty.
-
-    Returns
-    -------
-    str
+    `parts`: Texts, each with a word; a text is included if a label of the legends contains its word, or if that
+    is empty.
 
     Examples
     --------
@@ -141,14 +104,6 @@ def caption_of(figure: Figure, parts: Sequence[tuple[str, str]]) -> str:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as SVG; equal figures give equal files.
-
-    Parameters
-    ----------
-    figure : Figure
-        The figure.
-    path : Path
-        The file.
-    """
+    """Write a figure as SVG; equal figures give equal files."""
     with mpl.rc_context(SETTINGS):
         figure.savefig(path, format="svg", metadata={"Date": None})

@@ -18,11 +18,8 @@ class Terms:
 
     Only the first mark of a term on the page is in the order of the Tab key; a tap opens each.
 
-    Parameters
-    ----------
-    glossaries : iterable of Glossary
-        Of the page; a term "x1, x2" explains both words, and one between backticks is a term in code, heads and cells
-        alone.
+    `glossaries`: Of the page; a term "x1, x2" explains both words, and one between backticks is a term in code,
+    heads and cells alone.
 
     Examples
     --------
@@ -47,17 +44,7 @@ class Terms:
     def text(self, piece: str, code: bool) -> Markup:
         """Mark each term where it stands first in a piece of text.
 
-        Parameters
-        ----------
-        piece : str
-            Text without markup.
-        code : bool
-            Whether it is code, which is marked if it is a term as a whole.
-
-        Returns
-        -------
-        Markup
-            The text, escaped.
+        `code`: Whether it is code, which is marked if it is a term as a whole.
         """
         if code:
             return self._marked(piece, self._code[piece]) if piece in self._code else escape(piece)
@@ -76,36 +63,12 @@ class Terms:
         return WORD.format(said, order, word)
 
     def head(self, text: str, shown: Markup) -> Markup:
-        """Mark the head of a column with the meanings of all terms in it.
-
-        Parameters
-        ----------
-        text : str
-            The head.
-        shown : Markup
-            The same as HTML.
-
-        Returns
-        -------
-        Markup
-        """
+        """Mark the head of a column with the meanings of all terms in it."""
         found = [self._meanings[match[1]] for match in self._pattern.finditer(text)]
         found += [said for word, said in self._code.items() if word == text]
         return HINT.format("; ".join(dict.fromkeys(found)), shown) if found else shown
 
     def cell(self, text: str, shown: Markup) -> Markup:
-        """Mark the cell of a table if it is a term.
-
-        Parameters
-        ----------
-        text : str
-            Text of the cell.
-        shown : Markup
-            The cell as HTML.
-
-        Returns
-        -------
-        Markup
-        """
+        """Mark the cell of a table if it is a term."""
         said = self._code.get(text) or self._meanings.get(text)
         return shown if said is None else WORD.format(said, -1, shown)

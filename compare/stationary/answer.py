@@ -16,17 +16,7 @@ FEW = 0.5  # ratio of standard errors, from paths and from batches, from which b
 
 
 def answer(found: Stationary) -> list[str]:
-    """Summarise a long run in sentences.
-
-    Parameters
-    ----------
-    found : Stationary
-        What was found.
-
-    Returns
-    -------
-    list of str
-    """
+    """Summarise a long run in sentences."""
     units = "dimensionless" if found.scene.gears is None else "physical"
     table = found.table_in(units)
     said = [*_impacts(found, table, units), found.said]
@@ -138,18 +128,7 @@ def _checked(table: pd.DataFrame) -> list[str]:
 
 
 def verdict_lines(found: Stationary) -> list[str]:
-    """What each closure says of the long run, and whether it is right.
-
-    Parameters
-    ----------
-    found : Stationary
-        What was found.
-
-    Returns
-    -------
-    list of str
-        A sentence for each closure.
-    """
+    """What each closure says of the long run, and whether it is right."""
     said = []
     verdicts = found.verdicts_in("dimensionless" if found.scene.gears is None else "physical")
     for closure, rows in verdicts.groupby("closure", sort=False) if len(verdicts) else ():

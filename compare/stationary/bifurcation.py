@@ -30,28 +30,14 @@ DEEP = 1e-3  # lower end of the colours, relative to the highest density
 
 @dataclass(frozen=True)
 class Bifurcation:
-    """Densities of the velocity before an impact at a mesh, one for each value of a field.
-
-    Attributes
-    ----------
-    field : str
-    mesh : int
-    at : ndarray, shape (values,)
-        Values of the field.
-    edges : ndarray, shape (bins + 1,)
-        Of the velocity.
-    density : dict of str to ndarray, shape (values, bins)
-        `NOISE_FREE` and `NOISY`; 0 where there is no stationary motion.
-    reasons : dict of str to list of str
-        Of each side and value: why there is none, or an empty string.
-    """
+    """Densities of the velocity before an impact at a mesh, one for each value of a field."""
 
     field: str
     mesh: int
-    at: Floats
-    edges: Floats
-    density: dict[str, Floats]
-    reasons: dict[str, list[str]]
+    at: Floats  # values of the field; (values,)
+    edges: Floats  # of the velocity; (bins + 1,)
+    density: dict[str, Floats]  # `NOISE_FREE` and `NOISY`; 0 where there is no stationary motion; (values, bins)
+    reasons: dict[str, list[str]]  # of each side and value: why there is none, or an empty string
 
     @property
     def table(self) -> pd.DataFrame:
@@ -69,31 +55,7 @@ def bifurcation(
 ) -> Bifurcation:  # fmt: skip
     """Compute the density of the section over a field of the scene, without noise and with it.
 
-    Parameters
-    ----------
-    scene : Scene
-        All fields besides the one that varies.
-    at : sequence of float
-        Values of the field, ascending.
-    field : str
-        One of `rattle.compare.chaos.sweep.FIELDS`.
-    mesh : int
-        Mesh whose impacts are counted.
-    noise : callable, optional
-        Maps each scene to the same with its noise set; without it, the noise of `scene` is used.
-    seed : int
-        Seed of the noise.
-    workers : int
-        Threads; the result does not depend on it.
-
-    Returns
-    -------
-    Bifurcation
-
-    Raises
-    ------
-    InputError
-        If an argument or a value of the field is not valid.
+    `noise`: Maps each scene to the same with its noise set; without it, the noise of `scene` is used.
 
     Examples
     --------

@@ -26,21 +26,11 @@ SPREAD = 2.0  # typical sd over mean of what is averaged, with its autocorrelati
 
 @dataclass(frozen=True)
 class LongResult:
-    """The long run of a scene as read from the store.
+    """The long run of a scene as read from the store."""
 
-    Attributes
-    ----------
-    table : DataFrame
-        As of `rattle.compare.stationary.measure.Stationary`.
-    predicted : DataFrame
-        As of `rattle.compare.stationary.judged.predictions`.
-    facts : dict
-        ``kind, said, periods, paths, impacts, burn_in, seconds``.
-    """
-
-    table: pd.DataFrame
-    predicted: pd.DataFrame
-    facts: dict[str, Any]
+    table: pd.DataFrame  # as of `rattle.compare.stationary.measure.Stationary`
+    predicted: pd.DataFrame  # as of `rattle.compare.stationary.judged.predictions`
+    facts: dict[str, Any]  # ``kind, said, periods, paths, impacts, burn_in, seconds``
 
     @property
     def verdicts(self) -> pd.DataFrame:
@@ -52,17 +42,7 @@ class LongResult:
 
 @dataclass(frozen=True)
 class LongCell:
-    """The long run of a scene.
-
-    Parameters
-    ----------
-    scene : Scene
-    seed : int
-    closures : tuple of str
-        Closures to be judged.
-    accuracy, periods, paths, burn_in, slow
-        As of `rattle.compare.stationary.measure.stationary`.
-    """
+    """The long run of a scene."""
 
     scene: Scene
     seed: int
@@ -96,23 +76,7 @@ class LongCell:
         return IMPACT_SECONDS * (impacts + 60.0 * 12.0 * self.paths) + 2.5 * ("branching" in self.closures)
 
     def compute(self, blocks: Blocks | None = None) -> Stored:
-        """Follow the long run.
-
-        Parameters
-        ----------
-        blocks : callable, optional
-            Not used: its paths are not those of `simulate`.
-
-        Returns
-        -------
-        Stored
-            The table of quantities, and below it the predictions.
-
-        Raises
-        ------
-        InputError
-            If there is no stationary motion, or the accuracy would take too long.
-        """
+        """Follow the long run."""
         started = time.perf_counter()
         found = stationary(
             self.scene.phase_reduced, accuracy=self.accuracy, periods=self.periods, paths=self.paths,
@@ -130,17 +94,7 @@ class LongCell:
         return Stored(pd.concat([part for part in parts if len(part)], ignore_index=True), facts)
 
     def opened(self, stored: Stored) -> LongResult:
-        """Turn a stored result back into tables.
-
-        Parameters
-        ----------
-        stored : Stored
-            As `compute` gives it.
-
-        Returns
-        -------
-        LongResult
-        """
+        """Turn a stored result back into tables."""
         own = stored.table["closure"] == ""
         names = [c for c in PREDICTED if c in stored.table]
         facts = {name: stored.facts[name] for name in ("kind", "said", "periods", "paths", "impacts", "burn_in")}

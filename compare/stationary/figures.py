@@ -26,18 +26,7 @@ WIDTH = 7.4  # inches, that the legend of a figure with one panel takes
 
 
 def drawn(found: Stationary) -> dict[str, Figure]:
-    """All figures of a long run.
-
-    Parameters
-    ----------
-    found : Stationary
-        What was found.
-
-    Returns
-    -------
-    dict of str to Figure
-        By name; empty for exact values.
-    """
+    """All figures of a long run."""
     if found.run is None:
         return {}
     out = {"distribution": distribution_figure(found), "section": section_figure(found), "memory": memory_figure(found)}
@@ -47,18 +36,7 @@ def drawn(found: Stationary) -> dict[str, Figure]:
 
 
 def distribution_figure(found: Stationary) -> Figure:
-    """Draw the density of the velocity before an impact at each mesh with its 95 % band, and that of the closures.
-
-    Parameters
-    ----------
-    found : Stationary
-        A simulated long run.
-
-    Returns
-    -------
-    Figure
-        A panel for each mesh.
-    """
+    """Draw the density of the velocity before an impact at each mesh with its 95 % band, and that of the closures."""
     assert found.run is not None
     t = half_width(found.run.paths)
     figure, axes = new_figure(max(4.6 * len(found.densities), WIDTH), 3.6, 1, len(found.densities))
@@ -104,18 +82,7 @@ def _speeds(ax: Axes, law: Law, mesh: int, closure: str, edges: Floats, factor: 
 
 
 def section_figure(found: Stationary) -> Figure:
-    """Draw the density of the section over phase and velocity, and its relative error in every cell.
-
-    Parameters
-    ----------
-    found : Stationary
-        A simulated long run.
-
-    Returns
-    -------
-    Figure
-        A row for each mesh; the density left, its relative standard error right.
-    """
+    """Draw the density of the section over phase and velocity, and its relative error in every cell."""
     rows, (factor, unit) = len(found.densities), speed_unit(found.scene.gears)
     figure, axes = new_figure(9.2, 0.6 + 2.9 * rows, rows, 2)
     for n, d in enumerate(found.densities):
@@ -143,17 +110,7 @@ def section_figure(found: Stationary) -> Figure:
 
 
 def memory_figure(found: Stationary) -> Figure:
-    """Draw the autocorrelation time of each quantity, and the standard error from batch means beside it.
-
-    Parameters
-    ----------
-    found : Stationary
-        A simulated long run.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the autocorrelation time of each quantity, and the standard error from batch means beside it."""
     rows = found.table[found.table["autocorrelation"] > 0.0]
     rows = rows[[not name.startswith("contact") for name in rows.index]][::-1]
     figure, (ax,) = new_figure(7.0, 1.0 + 0.16 * len(rows), 1, 1)
@@ -170,17 +127,7 @@ def memory_figure(found: Stationary) -> Figure:
 
 
 def closure_figure(verdicts: pd.DataFrame) -> Figure:
-    """Draw the errors of the closures in units of what is admissible.
-
-    Parameters
-    ----------
-    verdicts : DataFrame
-        As of `rattle.compare.stationary.judged.judged`.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the errors of the closures in units of what is admissible."""
     rows = verdicts[verdicts["predicted"].notna() & (verdicts["tolerance"] > 0.0)]
     names = list(dict.fromkeys(rows["quantity"]))[::-1]
     closures = list(dict.fromkeys(rows["closure"]))

@@ -34,21 +34,7 @@ RATES = ("rate", "energy", "power")
 
 
 def laws(scene: Scene, closures: tuple[str, ...], a: Attractor | None = None) -> dict[str, Law | str]:
-    """The stationary law of each closure, or the reason why it has none.
-
-    Parameters
-    ----------
-    scene : Scene
-        With its noise.
-    closures : tuple of str
-        Keys of `CLOSURES_JUDGED`.
-    a : Attractor, optional
-        Where the orbit ends; found if it is not given.
-
-    Returns
-    -------
-    dict of str to Law or str
-    """
+    """The stationary law of each closure, or the reason why it has none."""
     end = attractor(scene) if a is None else a
     by: dict[str, Callable[[], Law]] = {
         "saltation": lambda: linear_law(scene, end), "published": lambda: orbit_average(scene, "published"),
@@ -64,19 +50,7 @@ def laws(scene: Scene, closures: tuple[str, ...], a: Attractor | None = None) ->
 
 
 def tolerance_of(name: str, values: dict[str, float]) -> float:
-    """The largest error of a quantity that counts as accurate.
-
-    Parameters
-    ----------
-    name : str
-        The quantity.
-    values : dict of str to float
-        Simulated value of every quantity.
-
-    Returns
-    -------
-    float
-    """
+    """The largest error of a quantity that counts as accurate."""
     if name.startswith(RATES):
         return 0.05 * abs(values[name])
     if "share" in name:
@@ -90,19 +64,8 @@ def tolerance_of(name: str, values: dict[str, float]) -> float:
 def predictions(found: dict[str, Law | str], scene: Scene, slow: float) -> pd.DataFrame:
     """What each closure says of every quantity.
 
-    Parameters
-    ----------
-    found : dict of str to Law or str
-        From `laws`.
-    scene : Scene
-        What is modelled.
-    slow : float
-        Speed below which an impact is slow.
-
-    Returns
-    -------
-    DataFrame
-        Columns ``closure, kind, quantity, predicted, se_predicted, reason``; NaN and a reason where it says nothing.
+    Returns: Columns ``closure, kind, quantity, predicted, se_predicted, reason``; NaN and a reason where it says
+    nothing.
     """
     parts = []
     for closure, law in found.items():
@@ -121,20 +84,8 @@ def predictions(found: dict[str, Law | str], scene: Scene, slow: float) -> pd.Da
 def judged(table: pd.DataFrame, periods: int, predicted: pd.DataFrame) -> pd.DataFrame:
     """Compare the predictions of closures with a simulation.
 
-    Parameters
-    ----------
-    table : DataFrame
-        Index ``quantity``; columns ``value, se, effective_paths`` of the simulation.
-    periods : int
-        Its length.
-    predicted : DataFrame
-        From `predictions`.
-
-    Returns
-    -------
-    DataFrame
-        Columns ``closure, kind, quantity, predicted, simulated, se, error, low, high, tolerance, verdict,
-        periods_needed, reason``; the interval of the error holds the errors of both sides.
+    Returns: Columns ``closure, kind, quantity, predicted, simulated, se, error, low, high, tolerance, verdict,
+    periods_needed, reason``; the interval of the error holds the errors of both sides.
     """
     simulated = {str(name): float(value) for name, value in table["value"].items()}
     rows = predicted[predicted["quantity"].isin(simulated)].reset_index(drop=True)
@@ -148,22 +99,9 @@ def judged(table: pd.DataFrame, periods: int, predicted: pd.DataFrame) -> pd.Dat
 def judged_rows(predicted: pd.DataFrame, table: pd.DataFrame, z: float, periods: int) -> pd.DataFrame:
     """Intervals of the errors of predictions, and verdicts.
 
-    Parameters
-    ----------
-    predicted : DataFrame
-        Columns ``quantity, predicted, se_predicted, tolerance``.
-    table : DataFrame
-        Index ``quantity``; columns ``value, se, effective_paths`` of the simulation.
-    z : float
-        Half width of the intervals in standard errors where these rest on all paths; wider where on few.
-    periods : int
-        Length of the simulation.
-
-    Returns
-    -------
-    DataFrame
-        With ``simulated, se, error, low, high, verdict, periods_needed``, and ``effective_paths`` and ``widened``: how
-        many paths carry the error, and the half width of the interval in standard errors for that.
+    `z`: Half width of the intervals in standard errors where these rest on all paths; wider where on few.
+    Returns: With ``simulated, se, error, low, high, verdict, periods_needed``, and ``effective_paths`` and
+    ``widened``: how many paths carry the error, and the half width of the interval in standard errors for that.
     """
     rows = predicted.copy()
     rows["simulated"] = rows["quantity"].map(table["value"].to_dict()).astype(float)

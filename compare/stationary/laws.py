@@ -19,17 +19,7 @@ HALVINGS = 80  # of an interval that holds a quantile
 
 
 def law_of(a: Attractor) -> Law:
-    """The law of a periodic orbit itself: a point mass at each impact of its cycle.
-
-    Parameters
-    ----------
-    a : Attractor
-        A periodic orbit.
-
-    Returns
-    -------
-    Law
-    """
+    """The law of a periodic orbit itself: a point mass at each impact of its cycle."""
     n, zero = a.impacts, np.zeros(a.impacts)
     turn = 2.0 * math.pi * a.periods
     mesh, tau = a.mesh[1:], a.tau[1:]
@@ -93,22 +83,6 @@ def _by_speed(slow: float, rate: float, weight: Floats, mean: Floats, sd: Floats
 
 def values_of(law: Law, scene: Scene, slow: float, contact: tuple[float, float] = (0.0, 0.0)) -> dict[str, float]:
     """All quantities of `rattle.montecarlo.long_run.estimates.estimates` by a stationary law.
-
-    Parameters
-    ----------
-    law : Law
-        The law.
-    scene : Scene
-        What is modelled.
-    slow : float
-        Speed below which an impact is slow.
-    contact : tuple of float
-        Share of the time in which each mesh is closed.
-
-    Returns
-    -------
-    dict of str to float
-        NaN for what the law says nothing of.
 
     Examples
     --------

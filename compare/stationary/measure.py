@@ -326,13 +326,7 @@ def _suffixes(scene: Scene) -> tuple[str, ...]:
 
 
 def _exact(scene: Scene, own: Attractor, slow: float, closures: tuple[str, ...]) -> Stationary | None:
-    """The exact values of a scene in which nothing is random; None if it is irregular from every start.
-
-    Raises
-    ------
-    BurnInError
-        If there are several attractors; names them and the share of the starts that each has drawn.
-    """
+    """The exact values of a scene in which nothing is random; None if it is irregular from every start."""
     kinds = _attractors(scene, own)
     if len(kinds) > 1:
         raise BurnInError(

@@ -46,21 +46,7 @@ MASS = ", in units of the mass of wheel 1 at its rim times the square of the uni
 
 
 def stationary_page(found: Stationary, record: dict[str, Any], drawn: list[str]) -> Page:
-    """Build the page of a long run.
-
-    Parameters
-    ----------
-    found : Stationary
-        What was found.
-    record : dict
-        The manifest.
-    drawn : list of str
-        Names of the figures in the folder.
-
-    Returns
-    -------
-    Page
-    """
+    """Build the page of a long run."""
     figures = {name: Figure(f"{name}.svg", FIGURES[name], FIGURES[name]) for name in drawn}
     units = "dimensionless" if found.scene.gears is None else "physical"
     opening: list[Block] = [figures["distribution"]] if "distribution" in figures else []

@@ -22,31 +22,7 @@ CONTENTS = contents(
 def write_stationary(
     out: Path, found: Stationary, view: Bifurcation | None, record: dict[str, Any], overwrite: bool
 ) -> list[str]:
-    """Write the folder of a long run.
-
-    Parameters
-    ----------
-    out : Path
-        The folder.
-    found : Stationary
-        What was found.
-    view : Bifurcation or None
-        Over a field of the scene.
-    record : dict
-        Entries of the manifest.
-    overwrite : bool
-        Whether earlier results may be replaced.
-
-    Returns
-    -------
-    list of str
-        The answer, in sentences.
-
-    Raises
-    ------
-    OutputError
-        If the folder contains other files, or earlier results and `overwrite` is false.
-    """
+    """Write the folder of a long run."""
     figures = drawn(found)
     tables, units = {"stationary": found.table.reset_index()}, "dimensionless"
     if found.scene.gears is not None:

@@ -63,24 +63,7 @@ class LongStudy(Study):
 
     @classmethod
     def of(cls, data: Mapping[str, Any], text: str) -> "LongStudy":
-        """Make a study of the tables of its file.
-
-        Parameters
-        ----------
-        data : mapping
-            Tables ``study``, a scene as in a scene file, and ``axes``.
-        text : str
-            The file.
-
-        Returns
-        -------
-        LongStudy
-
-        Raises
-        ------
-        InputError
-            If a key or a value is wrong; the message names it.
-        """
+        """Make a study of the tables of its file."""
         wanted = data["study"]
         known_keys("study", wanted, KEYS)
         given: dict[str, Any] = {name: data[name] for name in ("gears", "scene") if name in data}
@@ -137,33 +120,14 @@ def _check(cell: LongCell) -> None:
 
 @dataclass(frozen=True)
 class LongResults:
-    """The results of a study of the long run that are stored so far.
-
-    Attributes
-    ----------
-    study : LongStudy
-    found : list of LongResult or None
-        Of each point; None if it is not stored.
-    """
+    """The results of a study of the long run that are stored so far."""
 
     study: Study
-    found: list[LongResult | None]
+    found: list[LongResult | None]  # of each point; None if it is not stored
 
     @classmethod
     def of(cls, study: Study, store: Store) -> "LongResults":
-        """Read the results of a study from a store.
-
-        Parameters
-        ----------
-        study : Study
-            The study as it was read.
-        store : Store
-            Where the cells are kept.
-
-        Returns
-        -------
-        LongResults
-        """
+        """Read the results of a study from a store."""
         stored = [store.read(p.sample.key) if p.sample else None for p in study.points]
         found = [p.sample.opened(s) if p.sample and s else None for p, s in zip(study.points, stored, strict=True)]
         return cls(study, found)
@@ -210,20 +174,11 @@ class LongResults:
 
 @dataclass(frozen=True)
 class LongTables:
-    """The tables of a finished study of the long run.
-
-    Attributes
-    ----------
-    study : Study
-    record : dict
-        The manifest.
-    quantities, verdicts, cost, reasons : DataFrame
-        See `LongResults`.
-    """
+    """The tables of a finished study of the long run."""
 
     study: Study
-    record: dict[str, Any]
-    quantities: pd.DataFrame
+    record: dict[str, Any]  # the manifest
+    quantities: pd.DataFrame  # quantities, verdicts, cost, reasons: see `LongResults`
     verdicts: pd.DataFrame
     cost: pd.DataFrame
     reasons: pd.DataFrame
@@ -264,17 +219,8 @@ def load(folder: str | Path) -> LongTables:
 def shares(verdicts: pd.DataFrame, along: str) -> pd.DataFrame:
     """How many quantities of each closure are accurate at each value of a field.
 
-    Parameters
-    ----------
-    verdicts : DataFrame
-        As of `LongResults.verdicts`.
-    along : str
-        The field.
-
-    Returns
-    -------
-    DataFrame
-        Index the field; for each closure the share of its judged quantities that are accurate, NaN without any.
+    Returns: Index the field; for each closure the share of its judged quantities that are accurate, NaN without
+    any.
     """
     if verdicts.empty:
         return pd.DataFrame()

@@ -57,17 +57,7 @@ CAPTION = (
 
 
 def study_figure(r: LongResults | LongTables) -> Drawing:
-    """Draw rates, losses, speeds, slow shares and the closures' verdicts over the first field that varies.
-
-    Parameters
-    ----------
-    r : LongResults or LongTables
-        With at least one result, over a numeric field.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw rates, losses, speeds, slow shares and the closures' verdicts over the first field that varies."""
     figure, axes = new_figure(10.0, 6.0, 2, 3)
     log = _is_log(r.quantities[r.study.along])
     for ax, (title, unit, names) in zip(axes, PANELS, strict=False):
@@ -113,17 +103,7 @@ def _curve(ax: Axes, rows: pd.DataFrame, along: str, name: str, colour: str, mar
 
 
 def answer(r: LongResults) -> list[str]:
-    """Summarise a study of the long run in a few sentences.
-
-    Parameters
-    ----------
-    r : LongResults
-        Results of the study.
-
-    Returns
-    -------
-    list of str
-    """
+    """Summarise a study of the long run in a few sentences."""
     if r.empty:
         return ["No point could be computed; the command says why."]
     name, said = r.study.along or "the points", []
@@ -159,22 +139,7 @@ def answer(r: LongResults) -> list[str]:
 
 
 def written(folder: Path, r: LongResults, facts: dict[str, Any]) -> dict[str, Any]:
-    """Write tables, figure, page and manifest of a study of the long run into a scratch folder.
-
-    Parameters
-    ----------
-    folder : Path
-        Where to write.
-    r : LongResults
-        Results of the study.
-    facts : dict
-        Further entries of the manifest.
-
-    Returns
-    -------
-    dict
-        The manifest.
-    """
+    """Write tables, figure, page and manifest of a study of the long run into a scratch folder."""
     for name in TABLES:
         table = getattr(r, name)
         table.to_parquet(folder / f"{name}.parquet", compression="zstd")

@@ -31,54 +31,23 @@ EXAMPLE = "write { log = [0.001, 2.0, 24] }, { linear = [0.5, 1.5, 11] } or a li
 
 
 class Axis(NamedTuple):
-    """One or more fields that vary together.
+    """One or more fields that vary together."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        The fields.
-    values : tuple of tuple
-        One tuple for each step along the axis: a value of each field, in the order of `names`.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # the fields
+    # one tuple for each step along the axis: a value of each field, in the order of `names`
     values: tuple[tuple[Any, ...], ...]
 
     def named(self, step: tuple[Any, ...]) -> Iterator[tuple[str, Any]]:
-        """Pair the fields with their values at a step.
-
-        Parameters
-        ----------
-        step : tuple
-            One entry of `values`.
-
-        Returns
-        -------
-        iterator of (str, object)
-            Name and value of each field.
-        """
+        """Pair the fields with their values at a step."""
         return zip(self.names, step, strict=True)
 
 
 def read_axes(tables: Sequence[Mapping[str, Any]]) -> tuple[Axis, ...]:
     """Read the axes from the ``[[axes]]`` tables of a study file.
 
-    Parameters
-    ----------
-    tables : sequence of mapping
-        Each table gives one or more fields (dotted names for parts of the scene, such as ``start.y1``) and their
-        values: a list, ``{ linear = [LOW, HIGH, POINTS] }`` or ``{ log = [LOW, HIGH, POINTS] }``.  Fields of one
-        table vary together and need equally many values.
-
-    Returns
-    -------
-    tuple of Axis
-        One axis for each table, in their order.
-
-    Raises
-    ------
-    InputError
-        If a field is unknown or varies twice, values are malformed, or the grid has more than 100 000 points.
+    `tables`: Each table gives one or more fields (dotted names for parts of the scene, such as ``start.y1``) and
+    their values: a list, ``{ linear = [LOW, HIGH, POINTS] }`` or ``{ log = [LOW, HIGH, POINTS] }``.  Fields of
+    one table vary together and need equally many values.
 
     Examples
     --------
@@ -107,18 +76,7 @@ def read_axes(tables: Sequence[Mapping[str, Any]]) -> tuple[Axis, ...]:
 
 
 def combinations(axes: Sequence[Axis]) -> list[dict[str, Any]]:
-    """List all points of the grid, the last axis running fastest.
-
-    Parameters
-    ----------
-    axes : sequence of Axis
-        The panels.
-
-    Returns
-    -------
-    list of dict
-        For each point, the value of every field that varies.
-    """
+    """List all points of the grid, the last axis running fastest."""
     return [
         {name: value for axis, step in zip(axes, steps, strict=True) for name, value in axis.named(step)}
         for steps in itertools.product(*(axis.values for axis in axes))
@@ -127,18 +85,6 @@ def combinations(axes: Sequence[Axis]) -> list[dict[str, Any]]:
 
 def combination(axes: Sequence[Axis], number: int) -> dict[str, Any]:
     """Give one point of the grid by its index in `combinations`, without listing the others.
-
-    Parameters
-    ----------
-    axes : sequence of Axis
-        The panels.
-    number : int
-        Index from 0.
-
-    Returns
-    -------
-    dict
-        The value of every field that varies.
 
     Examples
     --------

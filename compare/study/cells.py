@@ -45,59 +45,16 @@ class Cell(Protocol):
         ...
 
     def compute(self, blocks: Blocks | None = None) -> Stored:
-        """Compute the result.
-
-        Parameters
-        ----------
-        blocks : callable, optional
-            Runs the blocks of paths, on threads or on a cluster.
-
-        Returns
-        -------
-        Stored
-
-        Raises
-        ------
-        InputError
-            If the cell cannot be computed.
-        """
+        """Compute the result."""
         ...
 
     def opened(self, stored: Stored) -> object:
-        """Turn a stored result back into an object with named attributes.
-
-        Parameters
-        ----------
-        stored : Stored
-            As `compute` gives it.
-
-        Returns
-        -------
-        object
-            `Sampled` or `Predicted`.
-        """
+        """Turn a stored result back into an object with named attributes."""
         ...
 
 
 def cell_key(kind: str, packages: tuple[str, ...], scene: Scene, settings: Mapping[str, Any]) -> str:
-    """Digest of a scene's dimensionless numbers, the settings, and the version of the code that makes the result.
-
-    Parameters
-    ----------
-    kind : str
-        Of the cell.
-    packages : tuple of str
-        Whose code makes the result, besides that of `rattle.scene`.
-    scene : Scene
-        What is modelled.
-    settings : mapping
-        Everything else that determines the result.
-
-    Returns
-    -------
-    str
-        32 hexadecimal digits.
-    """
+    """Digest of a scene's dimensionless numbers, the settings, and the version of the code that makes the result."""
     numbers = replace(scene, gears=None).to_dict()  # without the gears that it came from
     content = {"kind": kind, "scene": numbers, "settings": settings, "version": numerical_version("scene", *packages)}
     return json_digest(content)[:32]
@@ -105,26 +62,15 @@ def cell_key(kind: str, packages: tuple[str, ...], scene: Scene, settings: Mappi
 
 @dataclass(frozen=True)
 class Sampled:
-    """Section moments of an ensemble as read from the store; has those attributes of `montecarlo.Ensemble` it needs.
-
-    Attributes
-    ----------
-    scene : Scene
-    section : DataFrame
-        As `Ensemble.section`, with ``energy``.
-    step_bias : DataFrame
-        As `Ensemble.step_bias`.
-    batches : DataFrame
-        Index ``impact``; columns ``batch_mean_tau, batch_sd_tau, batch_control_tau, ...``, lists over the batches of
-        `rattle.montecarlo.statistics.batches`.
-    facts : dict
-        ``paths, dt, scheme, path_steps, sticking_steps, unfinished, sampling, step, reached, seconds``.
-    """
+    """Section moments of an ensemble as read from the store; has those attributes of `montecarlo.Ensemble` it needs."""
 
     scene: Scene
-    section: pd.DataFrame
-    step_bias: pd.DataFrame
+    section: pd.DataFrame  # as `Ensemble.section`, with ``energy``
+    step_bias: pd.DataFrame  # as `Ensemble.step_bias`
+    # index ``impact``; columns ``batch_mean_tau, batch_sd_tau, batch_control_tau, ...``, lists over the batches of
+    # `rattle.montecarlo.statistics.batches`
     batches: pd.DataFrame
+    # ``paths, dt, scheme, path_steps, sticking_steps, unfinished, sampling, step, reached, seconds``
     facts: dict[str, Any]
 
     @property
@@ -146,21 +92,6 @@ class Sampled:
 @dataclass(frozen=True)
 class Sample:
     """An ensemble of paths of a scene.
-
-    Parameters
-    ----------
-    scene : Scene
-    impacts : int
-        Impacts that are followed on each path.
-    seed : int
-    scheme : str
-        Name in `montecarlo.SCHEMES`.
-    paths : int or None
-        Number of paths; None if `accuracy` is given.
-    accuracy : float or None
-        Largest standard error, in sds of each quantity; see `montecarlo.simulate`.
-    dt : float or None
-        Time step; the default step of the scheme if None.
 
     Examples
     --------
@@ -203,20 +134,8 @@ class Sample:
     def compute(self, blocks: Blocks | None = None) -> Stored:
         """Simulate the ensemble.
 
-        Parameters
-        ----------
-        blocks : callable, optional
-            Runs the blocks of paths (on threads or on a cluster); one after the other in this thread by default.
-
-        Returns
-        -------
-        Stored
-            Section moments, step biases and batch statistics, one row for each impact.
-
-        Raises
-        ------
-        InputError
-            If the scene cannot be simulated, or the accuracy would take more than an hour of one core.
+        `blocks`: Runs the blocks of paths (on threads or on a cluster); one after the other in this thread by
+        default.
         """
         started = time.perf_counter()
         exact = not SCHEMES[self.scheme].has_step_bias
@@ -248,17 +167,7 @@ class Sample:
         return Stored(_sections(run), facts)
 
     def opened(self, stored: Stored) -> Sampled:
-        """Turn a stored result back into section moments.
-
-        Parameters
-        ----------
-        stored : Stored
-            As `compute` gives it.
-
-        Returns
-        -------
-        Sampled
-        """
+        """Turn a stored result back into section moments."""
         wide = stored.table
         first, last = wide.columns.get_loc("bias_tau"), wide.columns.get_loc(BATCH.format("mean", "tau"))
         section, batches = wide.iloc[:, :first], wide.iloc[:, last:]
@@ -294,36 +203,17 @@ def _sections(run: Ensemble) -> pd.DataFrame:
 
 @dataclass(frozen=True)
 class Predicted:
-    """Section moments that a closure predicts, as read from the store.
+    """Section moments that a closure predicts, as read from the store."""
 
-    Attributes
-    ----------
-    closure : str
-        Name in `rattle.closure.CLOSURES`.
-    section : DataFrame
-        As `closure.MeanMap.section`, times counted from the phase of the start.
-    facts : dict
-        ``stopped`` (why the closure ended early, empty if it did not), ``found`` (impacts), ``seconds``.
-    """
-
-    closure: str
-    section: pd.DataFrame
+    closure: str  # name in `rattle.closure.CLOSURES`
+    section: pd.DataFrame  # as `closure.MeanMap.section`, times counted from the phase of the start
+    # ``stopped`` (why the closure ended early, empty if it did not), ``found`` (impacts), ``seconds``
     facts: dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Prediction:
     """A closure's prediction for a scene.
-
-    Parameters
-    ----------
-    scene : Scene
-    impacts : int
-        Impacts that are predicted.
-    closure : str
-        Name in `rattle.closure.CLOSURES`.
-    order : int
-        Order of the Edgeworth series.
 
     Examples
     --------
@@ -350,23 +240,7 @@ class Prediction:
         return f"{self.closure} sigma {self.scene.sigma:.3g}"
 
     def compute(self, blocks: Blocks | None = None) -> Stored:
-        """Evaluate the closure.
-
-        Parameters
-        ----------
-        blocks : callable, optional
-            Not used: a closure has no paths.
-
-        Returns
-        -------
-        Stored
-            Section moments, one row for each impact.
-
-        Raises
-        ------
-        InputError
-            If the closure does not cover the scene.
-        """
+        """Evaluate the closure."""
         started = time.perf_counter()
         prediction = mean_map(self.scene.phase_reduced, impacts=self.impacts, closure=self.closure, order=self.order)
         table = prediction.section
@@ -378,15 +252,5 @@ class Prediction:
         return Stored(table, facts)
 
     def opened(self, stored: Stored) -> Predicted:
-        """Turn a stored result back into section moments.
-
-        Parameters
-        ----------
-        stored : Stored
-            As `compute` gives it.
-
-        Returns
-        -------
-        Predicted
-        """
+        """Turn a stored result back into section moments."""
         return Predicted(self.closure, stored.table, stored.facts)

@@ -52,21 +52,9 @@ class Cluster:
     carries the numerical version that it was planned with; a worker with another version refuses it, because workers
     may join at any time.
 
-    Parameters
-    ----------
-    address : str
-        Address of the scheduler, as in ``tcp://host:8786``, or ``tls://host:8786`` with the certificates named in
-        Dask's configuration.
-    patience : float
-        Seconds to wait for an answer of the scheduler, and for a worker while there is none.
-
-    Raises
-    ------
-    InputError
-        If the address is malformed, Dask is not installed, the scheduler does not answer or has no workers, or a
-        worker has another numerical version, so that its results would differ.
-    Lost
-        If one of these happens after the start.
+    `address`: Address of the scheduler, as in ``tcp://host:8786``, or ``tls://host:8786`` with the certificates
+    named in Dask's configuration. `patience`: Seconds to wait for an answer of the scheduler, and for a worker
+    while there is none.
     """
 
     def __init__(self, address: str, patience: float = PATIENCE) -> None:
@@ -107,24 +95,7 @@ class Cluster:
         self._stopped.set()
 
     def compute(self, cell: Cell) -> Stored:
-        """Compute a cell on the cluster.
-
-        Parameters
-        ----------
-        cell : Cell
-            What is computed, and under which key it is kept.
-
-        Returns
-        -------
-        Stored
-
-        Raises
-        ------
-        Failed
-            If its workers have died repeatedly.
-        Lost
-            If the scheduler or all workers are gone, or a worker has another numerical version.
-        """
+        """Compute a cell on the cluster."""
         from distributed import KilledWorker
 
         try:

@@ -27,16 +27,6 @@ __all__ = ["check_address", "connected", "silence"]
 def check_address(address: str) -> None:
     """Check the form of a scheduler's address.
 
-    Parameters
-    ----------
-    address : str
-        ``tcp://HOST:PORT`` or ``tls://HOST:PORT``.
-
-    Raises
-    ------
-    InputError
-        If it is neither.
-
     Examples
     --------
     >>> check_address("tcp://127.0.0.1:8786")
@@ -60,24 +50,7 @@ def silence() -> None:
 
 
 def connected(address: str, patience: float) -> "Client":
-    """Connect to the scheduler at an address.
-
-    Parameters
-    ----------
-    address : str
-        As `check_address` accepts it.
-    patience : float
-        Seconds to wait for an answer.
-
-    Returns
-    -------
-    distributed.Client
-
-    Raises
-    ------
-    InputError
-        If Dask is not installed, the certificates cannot be used, or no scheduler answers at the address.
-    """
+    """Connect to the scheduler at an address."""
     try:
         from distributed import Client  # an optional dependency, imported only when a scheduler is asked for
         from distributed.security import Security

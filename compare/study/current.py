@@ -17,34 +17,14 @@ FILES = (*(f"{name}.parquet" for name in TABLES), *pages("study"))
 
 
 def files_of(study: Study) -> tuple[str, ...]:
-    """Files whose digests the manifest of a finished study holds.
-
-    Parameters
-    ----------
-    study : Study
-        Of any kind.
-
-    Returns
-    -------
-    tuple of str
-    """
+    """Files whose digests the manifest of a finished study holds."""
     return (*(f"{name}.parquet" for name in study.tables), *pages("study"))
 
 
 def is_current(study: Study, folder: Path) -> dict[str, Any] | None:
     """Read the manifest of a folder, if it belongs to this study and covers all of its cells.
 
-    Parameters
-    ----------
-    study : Study
-        The study as it was read.
-    folder : Path
-        The folder.
-
-    Returns
-    -------
-    dict or None
-        The manifest; None if the folder is missing, damaged, incomplete, or of another study or version.
+    Returns: The manifest; None if the folder is missing, damaged, incomplete, or of another study or version.
     """
     try:
         record: dict[str, Any] = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
@@ -61,17 +41,6 @@ def is_current(study: Study, folder: Path) -> dict[str, Any] | None:
 
 
 def cells_digest(study: Study) -> str:
-    """Compute a digest of the study's file and of the keys of its cells.
-
-    Parameters
-    ----------
-    study : Study
-        The study as it was read.
-
-    Returns
-    -------
-    str
-        SHA-256, hexadecimal.
-    """
+    """Compute a digest of the study's file and of the keys of its cells."""
     keys = ",".join(sorted(cell.key for cell in study.cells))
     return hashlib.sha256(f"{study.digest} {keys}".encode()).hexdigest()

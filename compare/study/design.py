@@ -36,23 +36,13 @@ TABLES = ("errors", "sections", "correlation", "validity", "paired", "cost", "re
 
 @dataclass(frozen=True)
 class Point:
-    """One point of the grid.
+    """One point of the grid."""
 
-    Attributes
-    ----------
-    coordinates : dict
-        Value of each field that varies.
-    sample : Cell or None
-        The simulation: a `Sample`, or the long run of a scene; None if the scene or the settings cannot be simulated.
-    predictions : tuple of Prediction
-        One for each closure that covers the scene.
-    reasons : dict of str to str
-        The error message for everything that is missing, under ``scene``, ``sample`` or the name of the closure.
-    """
-
-    coordinates: dict[str, Any]
+    coordinates: dict[str, Any]  # value of each field that varies
+    # the simulation: a `Sample`, or the long run of a scene; None if the scene or the settings cannot be simulated
     sample: Any
-    predictions: tuple[Prediction, ...]
+    predictions: tuple[Prediction, ...]  # one for each closure that covers the scene
+    # the error message for everything that is missing, under ``scene``, ``sample`` or the name of the closure
     reasons: dict[str, str]
 
     @property
@@ -292,19 +282,7 @@ class Study:
 
 
 def placed(base: dict[str, Any], coordinates: Mapping[str, Any]) -> dict[str, Any]:
-    """The scene's table with values replaced; a dotted name is a field of a nested table.
-
-    Parameters
-    ----------
-    base : dict
-        The scene, as of `Study.base`.
-    coordinates : mapping
-        Value of each field that varies; settings of a simulation are left out.
-
-    Returns
-    -------
-    dict
-    """
+    """The scene's table with values replaced; a dotted name is a field of a nested table."""
     out = {name: dict(value) if isinstance(value, dict) else value for name, value in base.items()}
     for name, value in coordinates.items():
         part, _, field = name.partition(".")

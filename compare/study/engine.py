@@ -28,38 +28,16 @@ class Work(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Summary of a run.
+    """Summary of a run."""
 
-    Attributes
-    ----------
-    computed : int
-        Cells that this run has computed; others may come from another process.
-    failed : dict of str to str
-        Error message of each cell that could not be computed, by key.
-    wall_seconds, cell_seconds : float
-        Wall time of the run, and the sum of the times of its cells.
-    """
-
-    computed: int
-    failed: dict[str, str]
-    wall_seconds: float
+    computed: int  # cells that this run has computed; others may come from another process
+    failed: dict[str, str]  # error message of each cell that could not be computed, by key
+    wall_seconds: float  # wall_seconds, cell_seconds: wall time of the run, and the sum of the times of its cells
     cell_seconds: float
 
 
 def missing(study: Study, store: Store) -> list[Cell]:
-    """List the cells that are not in the store.
-
-    Parameters
-    ----------
-    study : Study
-        The study as it was read.
-    store : Store
-        Where the cells are kept.
-
-    Returns
-    -------
-    list of Cell
-    """
+    """List the cells that are not in the store."""
     return [cell for cell in study.cells if not store.path(cell.key).exists()]
 
 
@@ -68,31 +46,7 @@ def run(
 ) -> Outcome:
     """Compute the cells that are missing.
 
-    Parameters
-    ----------
-    study : Study
-        The study as it was read.
-    store : Store
-        Where results are kept; several processes may use the same one.
-    place : Place
-        Threads of this process, or a cluster.
-    show : bool
-        Whether to draw a progress line on a terminal.
-    unchanged : callable
-        Called between cells; false if the study's file has changed, which ends the run.
-
-    Returns
-    -------
-    Outcome
-
-    Raises
-    ------
-    KeyboardInterrupt
-        After Ctrl-C; the text says how many cells are finished.
-    InputError
-        If the study's file has changed meanwhile.
-    OutputError
-        If a result cannot be stored.
+    `unchanged`: Called between cells; false if the study's file has changed, which ends the run.
     """
     store.sweep()
     todo = {cell.key: cell for cell in study.cells if kept(store, cell) is None}

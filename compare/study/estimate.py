@@ -115,21 +115,10 @@ def scaling(
 ) -> pd.DataFrame:
     """Estimate the wall time of cells on 1 to 10 000 cores of a cluster, and what limits it.
 
-    Parameters
-    ----------
-    cells : sequence of Cell
-        The cells, in order.
-    seconds : mapping of str to float
-        Seconds of one core by key, expected or measured; cells without are left out.
-    times : callable
-        For each cell, how many cells of the study it represents; 1 by default.
-
-    Returns
-    -------
-    DataFrame
-        Columns ``cores``, ``wall_seconds``, ``efficiency`` (speed-up over cores) and ``limit``: ``cores``,
-        ``longest task`` (work that cannot be split), ``scheduler`` (3.5 ms a task) or ``merging`` (of blocks, by the
-        client).
+    `seconds`: Seconds of one core by key, expected or measured; cells without are left out. `times`: For each
+    cell, how many cells of the study it represents; 1 by default. Returns: Columns ``cores``, ``wall_seconds``,
+    ``efficiency`` (speed-up over cores) and ``limit``: ``cores``, ``longest task`` (work that cannot be split),
+    ``scheduler`` (3.5 ms a task) or ``merging`` (of blocks, by the client).
     """
     work = tasks = blocks = longest = 0.0  # sums only: a single cell may have a million blocks
     for cell in cells:

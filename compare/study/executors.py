@@ -31,24 +31,7 @@ class Place(Protocol):
     threads: int
 
     def compute(self, cell: Cell) -> Stored:
-        """Compute a cell.
-
-        Parameters
-        ----------
-        cell : Cell
-            What is computed, and under which key it is kept.
-
-        Returns
-        -------
-        Stored
-
-        Raises
-        ------
-        Failed
-            If the cell cannot be computed by this executor.
-        Stopped
-            If `stop` is called meanwhile.
-        """
+        """Compute a cell."""
         ...
 
     def stop(self) -> None:
@@ -65,13 +48,7 @@ class Place(Protocol):
 
 
 class Here:
-    """Executes cells on threads of this process; all cells share one pool, so that the last cell uses every thread.
-
-    Parameters
-    ----------
-    workers : int
-        Threads.
-    """
+    """Executes cells on threads of this process; all cells share one pool, so that the last cell uses every thread."""
 
     def __init__(self, workers: int) -> None:
         self.threads = workers
@@ -85,22 +62,7 @@ class Here:
         self._pool.shutdown(wait=True, cancel_futures=True)
 
     def compute(self, cell: Cell) -> Stored:
-        """Compute a cell.
-
-        Parameters
-        ----------
-        cell : Cell
-            What is computed, and under which key it is kept.
-
-        Returns
-        -------
-        Stored
-
-        Raises
-        ------
-        Stopped
-            If `stop` is called meanwhile.
-        """
+        """Compute a cell."""
         return cell.compute(stoppable(in_pool(self._pool, self.threads), self._stopped))
 
     def stop(self) -> None:
@@ -109,20 +71,7 @@ class Here:
 
 
 def stoppable(blocks: Blocks, stopped: threading.Event) -> Blocks:
-    """Wrap a runner of blocks so that it can be stopped between two blocks.
-
-    Parameters
-    ----------
-    blocks : callable
-        Runs the blocks of a plan and yields their results.
-    stopped : threading.Event
-        Set to stop.
-
-    Returns
-    -------
-    callable
-        Yields the same results; raises Stopped once the event is set.
-    """
+    """Wrap a runner of blocks so that it can be stopped between two blocks."""
 
     def until_stopped(plan: Plan, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:
         for result in blocks(plan, first):

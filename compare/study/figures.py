@@ -242,24 +242,7 @@ FIGURES = {
 
 
 def panels(r: Results | Tables, table: pd.DataFrame, most: int = 6) -> Iterable[tuple[dict[str, Any], pd.DataFrame]]:
-    """Split a table into parts in which all fields but the first that varies are fixed, one for each figure.
-
-    Parameters
-    ----------
-    r : Results
-        Results of the study.
-    table : DataFrame
-        A table of `r`.
-    most : int
-        Largest number of parts; further ones are left out.
-
-    Yields
-    ------
-    fixed : dict
-        Values of the fixed fields.
-    part : DataFrame
-        The rows with these values.
-    """
+    """Split a table into parts in which all fields but the first that varies are fixed, one for each figure."""
     others = r.study.others
     if not others:
         yield {}, table

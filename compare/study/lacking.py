@@ -14,25 +14,13 @@ NAMES = {"scene": "the scene", "sample": "the simulation"}
 
 
 class Lack(NamedTuple):
-    """Something that cannot be computed at some points; their error messages differ at most in numbers.
+    """Something that cannot be computed at some points; their error messages differ at most in numbers."""
 
-    Attributes
-    ----------
-    what : str
-        The scene, the simulation, or a closure.
-    why : str
-        Error message at the first of the points: field, value and remedy.
-    points, of : int
-        Number of points concerned, and number of all points.
-    first : dict
-        Coordinates of the first point concerned.
-    """
-
-    what: str
-    why: str
-    points: int
+    what: str  # the scene, the simulation, or a closure
+    why: str  # error message at the first of the points: field, value and remedy
+    points: int  # points, of: number of points concerned, and number of all points
     of: int
-    first: dict[str, Any]
+    first: dict[str, Any]  # coordinates of the first point concerned
 
     @property
     def where(self) -> str:
@@ -46,17 +34,6 @@ class Lack(NamedTuple):
 
 def lacking(points: Sequence[Point], failed: Mapping[str, str]) -> list[Lack]:
     """Group the error messages of a study's points by their reason.
-
-    Parameters
-    ----------
-    points : sequence of Point
-        Points of the study.
-    failed : mapping of str to str
-        Error messages of cells whose computation was tried and failed, by key.
-
-    Returns
-    -------
-    list of Lack
 
     Examples
     --------

@@ -17,25 +17,7 @@ def _here(cell: Cell) -> Stored:
 
 
 def kept(store: Store, cell: Cell) -> Stored | None:
-    """Read a cell's result from the store; a file of that name with another content is moved aside.
-
-    Parameters
-    ----------
-    store : Store
-        Where the cells are kept.
-    cell : Cell
-        What is computed, and under which key it is kept.
-
-    Returns
-    -------
-    Stored or None
-        None if there is no result.
-
-    Raises
-    ------
-    OutputError
-        If the operating system does not let the file be read; it is not moved then.
-    """
+    """Read a cell's result from the store; a file of that name with another content is moved aside."""
     found = store.read(cell.key)
     if found is None:
         return None
@@ -51,29 +33,7 @@ def kept(store: Store, cell: Cell) -> Stored | None:
 
 
 def attempt(store: Store, cell: Cell, compute: Compute = _here) -> Stored | None:
-    """Read or compute a cell's result, unless another process or thread is computing it.
-
-    Parameters
-    ----------
-    store : Store
-        Where the cells are kept.
-    cell : Cell
-        What is computed, and under which key it is kept.
-    compute : callable
-        Computes the cell if it is not stored.
-
-    Returns
-    -------
-    Stored or None
-        None while another process or thread computes the cell.
-
-    Raises
-    ------
-    InputError
-        If the cell cannot be computed.
-    OutputError
-        If the result cannot be stored, or a stored one cannot be read.
-    """
+    """Read or compute a cell's result, unless another process or thread is computing it."""
     found = kept(store, cell)
     if found is not None:
         return found
@@ -90,27 +50,7 @@ def attempt(store: Store, cell: Cell, compute: Compute = _here) -> Stored | None
 def obtain(store: Store, cell: Cell, compute: Compute = _here, say: Callable[[str], object] = aloud) -> Stored:
     """Read or compute a cell's result, waiting for another process that computes it.
 
-    Parameters
-    ----------
-    store : Store
-        Where the cells are kept.
-    cell : Cell
-        What is computed, and under which key it is kept.
-    compute : callable
-        Computes the cell if it is not stored.
-    say : callable
-        Prints a line that names the process that is waited for; to standard error by default.
-
-    Returns
-    -------
-    Stored
-
-    Raises
-    ------
-    InputError
-        If the cell cannot be computed.
-    OutputError
-        If the result cannot be stored, or a stored one cannot be read.
+    `say`: Prints a line that names the process that is waited for; to standard error by default.
 
     Examples
     --------

@@ -44,15 +44,8 @@ def _digest(table: pd.DataFrame) -> str:
 def answer(r: Results) -> list[str]:
     """Summarise a study in a few sentences.
 
-    Parameters
-    ----------
-    r : Results
-        Results of the study.
-
-    Returns
-    -------
-    list of str
-        Advice, the range of validity of each closure over all impacts, and the itinerary agreement after the last.
+    Returns: Advice, the range of validity of each closure over all impacts, and the itinerary agreement after the
+    last.
     """
     sentences = []
     table, impacts = r.validity, r.study.impacts
@@ -126,26 +119,7 @@ def write_page(
 ) -> dict[str, Any]:  # fmt: skip
     """Write tables, figures, the page and the manifest; each file is replaced atomically.
 
-    Parameters
-    ----------
-    folder : Path
-        The study's folder.
-    r : Results
-        Results of the study, or of the kind that `written` takes.
-    facts : dict
-        Further entries of the manifest: command, times, failed cells.
-    written : callable, optional
-        Writes the files of another kind of study into a scratch folder, from the same arguments.
-
-    Returns
-    -------
-    dict
-        The manifest.
-
-    Raises
-    ------
-    OutputError
-        If the folder cannot be written; earlier files stay.
+    `written`: Writes the files of another kind of study into a scratch folder, from the same arguments.
     """
     try:
         with scratch_folder(folder, PAGE) as scratch:

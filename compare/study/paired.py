@@ -18,16 +18,8 @@ def paired_differences(one: Sampled, other: Sampled) -> pd.DataFrame:
     The standard error is that of the mean of the batches' differences.  For means, the differences are first regressed
     on the batches of the control variate, whose expectation is zero.
 
-    Parameters
-    ----------
-    one, other : Sampled
-        Ensembles with the same seed.
-
-    Returns
-    -------
-    DataFrame
-        Columns ``impact, quantity, moment, difference`` (`other` less `one`), ``se`` and ``se_independent``, the
-        standard error that independent runs without a control variate would have.
+    Returns: Columns ``impact, quantity, moment, difference`` (`other` less `one`), ``se`` and ``se_independent``,
+    the standard error that independent runs without a control variate would have.
     """
     rows = []
     for quantity in SECTION:

@@ -40,17 +40,8 @@ class _LogFile(logging.FileHandler):
 class Progress:
     """Counts finished cells and estimates the remaining time from what finished cells of the same kind took.
 
-    Parameters
-    ----------
-    todo : mapping of str to Cell
-        The cells to compute, by key.
-    there : int
-        Number of cells that were stored before.
-    folder : Path
-        Folder of the log file.
-    show : bool
-        Whether to draw the progress line if standard error is a terminal, and to print there which process is waited
-        for and which cells fail.
+    `show`: Whether to draw the progress line if standard error is a terminal, and to print there which process is
+    waited for and which cells fail.
     """
 
     def __init__(self, todo: Mapping[str, Cell], there: int, folder: Path, show: bool) -> None:
@@ -93,49 +84,21 @@ class Progress:
         return passed * left / max(sum(map(sum, self._taken.values())), 1e-9)
 
     def say(self, text: str) -> None:
-        """Write a line to the log.
-
-        Parameters
-        ----------
-        text : str
-            The text as it was given.
-        """
+        """Write a line to the log."""
         self._log.info(line(text))
 
     def waits(self, text: str) -> None:
-        """Report that another process is waited for.
-
-        Parameters
-        ----------
-        text : str
-            Which process, and for which cell.
-        """
+        """Report that another process is waited for."""
         self.say(text)
         if self._show:
             self._bar.write(text, file=sys.stderr)
 
     def begun(self, cell: Cell) -> None:
-        """Show the cell whose computation begins.
-
-        Parameters
-        ----------
-        cell : Cell
-            What is computed, and under which key it is kept.
-        """
+        """Show the cell whose computation begins."""
         self._draw(cell.label)
 
     def finished(self, cell: Cell, found: Stored, here: bool) -> None:
-        """Count a finished cell.
-
-        Parameters
-        ----------
-        cell : Cell
-            What is computed, and under which key it is kept.
-        found : Stored
-            Its result.
-        here : bool
-            Whether it was computed by this process.
-        """
+        """Count a finished cell."""
         text = f"{'done' if here else 'found'} {cell.label} {cell.key}: {found.facts['seconds']:.2f} s"
         if isinstance(cell, Sample):
             error, where = sampling_error(cell.opened(found))
@@ -147,15 +110,7 @@ class Progress:
         self._count(cell, text)
 
     def failed(self, cell: Cell, why: str) -> None:
-        """Count and report a cell that cannot be computed.
-
-        Parameters
-        ----------
-        cell : Cell
-            What is computed, and under which key it is kept.
-        why : str
-            Error message.
-        """
+        """Count and report a cell that cannot be computed."""
         if self._show:
             self._bar.write(f"rattle: {why}", file=sys.stderr)  # at once: the other cells may take hours
         self._count(cell, f"failed {cell.label} {cell.key}: {why}")

@@ -22,36 +22,15 @@ __all__ = ["Results"]
 
 @dataclass(frozen=True)
 class Results:
-    """The results that are stored so far.
-
-    Attributes
-    ----------
-    study : Study
-    samples : list of Sampled or None
-        The ensemble of each point; None if it is not stored.
-    predictions : list of list of Predicted
-        The stored predictions of each point.
-    """
+    """The results that are stored so far."""
 
     study: Study
-    samples: list[Sampled | None]
-    predictions: list[list[Predicted]]
+    samples: list[Sampled | None]  # the ensemble of each point; None if it is not stored
+    predictions: list[list[Predicted]]  # the stored predictions of each point
 
     @classmethod
     def of(cls, study: Study, store: Store) -> "Results":
-        """Read the results of a study from a store.
-
-        Parameters
-        ----------
-        study : Study
-            The study as it was read.
-        store : Store
-            Where the cells are kept.
-
-        Returns
-        -------
-        Results
-        """
+        """Read the results of a study from a store."""
         samples: list[Sampled | None] = []
         predictions: list[list[Predicted]] = []
         for point in study.points:

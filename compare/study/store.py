@@ -93,33 +93,14 @@ def _parsed(key: str, content: bytes) -> "Stored":
 
 
 class Stored(NamedTuple):
-    """Content of a file.
-
-    Attributes
-    ----------
-    table : DataFrame
-    facts : dict
-        Plain data; may hold entries that are not reproducible, such as times.
-    """
+    """Content of a file."""
 
     table: pd.DataFrame
-    facts: dict[str, Any]
+    facts: dict[str, Any]  # plain data; may hold entries that are not reproducible, such as times
 
 
 class Store:
     """Results by key; files are written atomically, so that a killed process leaves no partial result.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of the files; created if it is missing.
-    read_only : bool
-        Whether to create and check nothing, for readers.
-
-    Raises
-    ------
-    OutputError
-        If the folder cannot be made or written.
 
     Examples
     --------
@@ -153,51 +134,15 @@ class Store:
         return self.folder / "set-aside"
 
     def path(self, key: str) -> Path:
-        """Path of the file of a key.
-
-        Parameters
-        ----------
-        key : str
-            Digest under which the cell is kept.
-
-        Returns
-        -------
-        Path
-        """
+        """Path of the file of a key."""
         return self.folder / f"{key}.parquet"
 
     def lock(self, key: str) -> Path:
-        """Path of the lock file of a key, which names the process that holds it.
-
-        Parameters
-        ----------
-        key : str
-            Digest under which the cell is kept.
-
-        Returns
-        -------
-        Path
-        """
+        """Path of the lock file of a key, which names the process that holds it."""
         return self._locks / key
 
     def read(self, key: str) -> Stored | None:
-        """Read the result of a key; a damaged or foreign file is moved aside.
-
-        Parameters
-        ----------
-        key : str
-            Digest under which the cell is kept.
-
-        Returns
-        -------
-        Stored or None
-            None if there is no valid file.
-
-        Raises
-        ------
-        OutputError
-            If the operating system does not let the file be read; it may be sound and is not moved.
-        """
+        """Read the result of a key; a damaged or foreign file is moved aside."""
         try:
             content = self._content(key)
             return None if content is None else _parsed(key, content)
@@ -217,20 +162,7 @@ class Store:
             return None
 
     def unreadable(self, key: str, error: BaseException) -> OutputError:
-        """Build the error for a result that the operating system does not let be read.
-
-        Parameters
-        ----------
-        key : str
-            Digest under which the cell is kept.
-        error : BaseException
-            As the system has raised it.
-
-        Returns
-        -------
-        OutputError
-            Names the file, the cause and the remedy.
-        """
+        """Build the error for a result that the operating system does not let be read."""
         number = errno.ENOMEM if isinstance(error, MemoryError) else getattr(error, "errno", None)
         what = os.strerror(number) if number else str(error)
         remedy = REMEDIES.get(number or 0, "remove the cause")
@@ -238,22 +170,7 @@ class Store:
         return self._refused(f"{name} cannot be read ({what}); it stays as it is: {remedy}, and repeat the command")
 
     def write(self, key: str, table: pd.DataFrame, facts: dict[str, Any]) -> None:
-        """Store a table under a key, atomically.
-
-        Parameters
-        ----------
-        key : str
-            Digest under which the cell is kept.
-        table : DataFrame
-            The table.
-        facts : dict
-            Plain data, kept in the file's metadata.
-
-        Raises
-        ------
-        OutputError
-            If the disk is full or the folder cannot be written; an earlier file is untouched.
-        """
+        """Store a table under a key, atomically."""
         content = pa.Table.from_pandas(table)
         record = json_text({"key": key, "facts": facts}, indent=None).encode()
         content = content.replace_schema_metadata({**content.schema.metadata, NAME: record})
@@ -272,18 +189,7 @@ class Store:
 
     @contextmanager
     def alone(self, key: str) -> Iterator[bool]:
-        """Try to lock a key, without waiting; the lock ends with the context, or with its process.
-
-        Parameters
-        ----------
-        key : str
-            Digest under which the cell is kept.
-
-        Yields
-        ------
-        bool
-            Whether this thread holds the lock; false if another thread or process does.
-        """
+        """Try to lock a key, without waiting; the lock ends with the context, or with its process."""
         lock = FileLock(self.lock(key), thread_local=False)
         try:
             lock.acquire(blocking=False)
@@ -309,20 +215,7 @@ class Store:
         return OutputError(f"out = {str(self.folder)!r}: {why}")
 
     def set_aside(self, key: str, why: str) -> None:
-        """Move the file of a key to `aside`, with a note of the reason.
-
-        Parameters
-        ----------
-        key : str
-            Digest under which the cell is kept.
-        why : str
-            What is wrong with the file.
-
-        Raises
-        ------
-        OutputError
-            If it cannot be moved.
-        """
+        """Move the file of a key to `aside`, with a note of the reason."""
         path, number = self.path(key), 1
         try:
             self.aside.mkdir(exist_ok=True)

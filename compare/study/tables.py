@@ -33,19 +33,12 @@ PAGE = "page"
 
 @dataclass(frozen=True)
 class Tables:
-    """The tables of a study.
-
-    Attributes
-    ----------
-    study : Study
-    record : dict
-        The manifest.
-    errors, sections, correlation, validity, paired, cost, reasons : DataFrame
-        See the properties of `rattle.compare.study.results.Results`.
-    """
+    """The tables of a study."""
 
     study: Study
-    record: dict[str, Any]
+    record: dict[str, Any]  # the manifest
+    # errors, sections, correlation, validity, paired, cost, reasons: see the properties of
+    # `rattle.compare.study.results.Results`
     errors: pd.DataFrame
     sections: pd.DataFrame
     correlation: pd.DataFrame
@@ -55,18 +48,7 @@ class Tables:
     reasons: pd.DataFrame
 
     def judged(self, within: Tolerances) -> pd.DataFrame:
-        """Judge the errors by other tolerances.
-
-        Parameters
-        ----------
-        within : Tolerances
-            Largest error, in sds.
-
-        Returns
-        -------
-        DataFrame
-            The table `errors` with new tolerances and verdicts.
-        """
+        """Judge the errors by other tolerances."""
         share = self.errors["moment"].map({"mean": within.mean, "sd": within.sd})
         return judge(self.errors.assign(tolerance=np.maximum(share * self.errors["unit"], self.errors["still"])))
 
@@ -75,11 +57,8 @@ class Tables:
 
         Needs the optional dependency ``xarray`` (``pip install rattle[xarray]``).
 
-        Returns
-        -------
-        xarray.Dataset
-            Dimensions: the first field of each axis, ``impact, quantity, moment`` and, for the errors, ``closure``;
-            ``["quantity"].attrs`` holds the unit of each quantity.
+        Returns: Dimensions: the first field of each axis, ``impact, quantity, moment`` and, for the errors,
+        ``closure``; ``["quantity"].attrs`` holds the unit of each quantity.
         """
         index = [*(axis.names[0] for axis in self.study.axes), "impact", "quantity", "moment"]
         errors = self.errors.set_index([*index, "closure"])
@@ -90,22 +69,7 @@ class Tables:
     def plot(self, kind: str = "validity", **at: Any) -> "Figure":
         """Draw a figure of the study's page.
 
-        Parameters
-        ----------
-        kind : {"validity", "errors", "agreement", "sections", "correlation", "paired", "cost"}
-            Which one.
-        **at
-            Values of the fields that vary besides the first; the first that the table has, where one is left out.
-
-        Returns
-        -------
-        Figure
-            Of matplotlib; a notebook shows it, ``savefig`` writes it.
-
-        Raises
-        ------
-        InputError
-            For an unknown kind, a table without rows, or values that the study does not have.
+        `**at`: Values of the fields that vary besides the first; the first that the table has, where one is left out.
         """
         from rattle.compare.study.figures import FIGURES, panels
 
@@ -151,25 +115,7 @@ def load(folder: str | Path) -> Tables:
 
 
 def read_tables(folder: str | Path) -> tuple[Study, dict[str, Any], dict[str, pd.DataFrame]]:
-    """Read study, manifest and tables of any kind of study from its folder.
-
-    Parameters
-    ----------
-    folder : str or Path
-        The folder.
-
-    Returns
-    -------
-    study : Study
-    record : dict
-        The manifest.
-    tables : dict of str to DataFrame
-
-    Raises
-    ------
-    FileError
-        As `load`.
-    """
+    """Read study, manifest and tables of any kind of study from its folder."""
     place = Path(folder)
     try:
         record = json.loads((place / MANIFEST).read_text(encoding="utf-8"))
@@ -209,48 +155,13 @@ def read_tables(folder: str | Path) -> tuple[Study, dict[str, Any], dict[str, pd
 
 
 def damaged(folder: Path, record: dict[str, Any], files: Iterable[str]) -> list[str]:
-    """List the files of a study's folder that are missing or have changed since they were written.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder.
-    record : dict
-        The manifest, with digests under ``files``.
-    files : iterable of str
-        Names to check.
-
-    Returns
-    -------
-    list of str
-
-    Raises
-    ------
-    OSError
-        If the operating system does not let a file be read.
-    """
+    """List the files of a study's folder that are missing or have changed since they were written."""
     written = record.get("files")
     return [f for f in files if not isinstance(written, dict) or written.get(f) != file_digest(folder / f)]
 
 
 def file_digest(path: Path) -> str | None:
-    """Compute the digest of a file.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    str or None
-        SHA-256, hexadecimal; None if there is no such file.
-
-    Raises
-    ------
-    OSError
-        If the operating system does not let it be read.
-    """
+    """Compute the digest of a file."""
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except (FileNotFoundError, IsADirectoryError):

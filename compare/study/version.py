@@ -26,16 +26,6 @@ def numerical_version(*packages: str) -> str:
 
     The code enters as a syntax tree without docstrings: comments, docstrings and layout do not change the digest.
 
-    Parameters
-    ----------
-    *packages : str
-        Packages whose code determines the numbers in question; ``scene, closure, montecarlo`` by default.
-
-    Returns
-    -------
-    str
-        16 hexadecimal digits.
-
     Examples
     --------
     >>> numerical_version() == numerical_version()

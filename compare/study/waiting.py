@@ -26,13 +26,7 @@ NOTE = re.compile(r"(\d+)\n([\w.-]+)\n", re.ASCII)  # process id and host; these
 
 
 def sign(lock: FileLock) -> None:
-    """Write process id and host into a held lock file, for processes that wait.
-
-    Parameters
-    ----------
-    lock : FileLock
-        A SoftFileLock, used where the system has no file locks, holds them already.
-    """
+    """Write process id and host into a held lock file, for processes that wait."""
     if not isinstance(lock, SoftFileLock):
         with suppress(OSError):  # not essential
             number = os.open(lock.lock_file, os.O_WRONLY | os.O_TRUNC | SAFELY)
@@ -43,15 +37,7 @@ def sign(lock: FileLock) -> None:
 def holder(lock: Path) -> tuple[str, str]:
     """Read which process holds a lock, and since when.
 
-    Parameters
-    ----------
-    lock : Path
-        The lock file.
-
-    Returns
-    -------
-    who, since : str
-        As parts of a sentence; ``another process`` and an empty string if the file does not say.
+    Returns: As parts of a sentence; ``another process`` and an empty string if the file does not say.
 
     Examples
     --------
@@ -70,26 +56,12 @@ def holder(lock: Path) -> tuple[str, str]:
 
 
 def aloud(text: str) -> None:
-    """Print a line on standard error.
-
-    Parameters
-    ----------
-    text : str
-        Control characters are made harmless.
-    """
+    """Print a line on standard error."""
     print(harmless(text), file=sys.stderr, flush=True)
 
 
 class Waiting:
-    """Pauses while other processes compute cells; after about a second each of them is named once.
-
-    Parameters
-    ----------
-    lock : callable
-        Gives the lock file of a key.
-    say : callable
-        Prints a line.
-    """
+    """Pauses while other processes compute cells; after about a second each of them is named once."""
 
     def __init__(self, lock: Callable[[str], Path], say: Callable[[str], object] = aloud) -> None:
         self._lock, self._say = lock, say
@@ -97,13 +69,7 @@ class Waiting:
         self._said: set[str] = set()
 
     def pause(self, cells: "Iterable[Cell]") -> None:
-        """Wait for 0.2 s, and name the processes that compute these cells if they have taken long.
-
-        Parameters
-        ----------
-        cells : iterable of Cell
-            The cells, in order.
-        """
+        """Wait for 0.2 s, and name the processes that compute these cells if they have taken long."""
         for cell in cells:
             if time.monotonic() - self._began.setdefault(cell.key, time.monotonic()) < SILENCE:
                 continue

@@ -26,17 +26,6 @@ Changes = dict[str, tuple[Any, Any]]
 def place(module: Path, test: str) -> Path:
     """Give the path of a test's baseline.
 
-    Parameters
-    ----------
-    module : Path
-        The file of the test.
-    test : str
-        Name of the test, with class and parameters.
-
-    Returns
-    -------
-    Path
-
     Examples
     --------
     >>> place(Path("tests/test_gate.py"), "test_mine").as_posix()
@@ -49,20 +38,7 @@ def place(module: Path, test: str) -> Path:
 
 
 def content(prediction: Prediction, claim: Claim) -> dict[str, Any]:
-    """Build the content of a baseline.
-
-    Parameters
-    ----------
-    prediction : Prediction
-        What the closure predicts.
-    claim : Claim
-        What the test says of a model.
-
-    Returns
-    -------
-    dict
-        The predicted values by column and impact, and the scene.
-    """
+    """Build the content of a baseline."""
     values = {
         c: dict(zip(map(str, claim.impacts), map(float, prediction.section[c]), strict=True)) for c in claim.columns
     }
@@ -70,22 +46,7 @@ def content(prediction: Prediction, claim: Claim) -> dict[str, Any]:
 
 
 def read(path: Path) -> dict[str, Any]:
-    """Read a recorded baseline.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    FileError
-        If the file cannot be read, or is no baseline.
-    """
+    """Read a recorded baseline."""
     try:
         found = tomllib.loads(read_text("baseline", path))
     except FileError:
@@ -98,22 +59,7 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def write(path: Path, found: Mapping[str, Any], model: str) -> None:
-    """Write a baseline atomically.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    found : mapping
-        As of `content`.
-    model : str
-        Name of the model, for a comment.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
-    """
+    """Write a baseline atomically."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -133,17 +79,8 @@ def _flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
 def changes(recorded: Mapping[str, Any], now: Mapping[str, Any], relative: float, absolute: float) -> Changes:
     """Compare two contents.
 
-    Parameters
-    ----------
-    recorded, now : mapping
-        As of `content`.
-    relative, absolute : float
-        A value may differ by ``absolute + relative * |recorded|``; everything else must be equal.
-
-    Returns
-    -------
-    dict
-        Recorded and present value of each difference, by dotted key.
+    `relative`, `absolute`: A value may differ by ``absolute + relative * |recorded|``; everything else must be
+    equal.
 
     Examples
     --------
@@ -162,19 +99,7 @@ def changes(recorded: Mapping[str, Any], now: Mapping[str, Any], relative: float
 
 
 def updated(recorded: Mapping[str, Any], now: Mapping[str, Any], changed: Changes) -> dict[str, Any]:
-    """Take the present content, but keep the recorded digits of values that have not changed.
-
-    Parameters
-    ----------
-    recorded, now : mapping
-        As of `content`.
-    changed : dict
-        As of `changes`.
-
-    Returns
-    -------
-    dict
-    """
+    """Take the present content, but keep the recorded digits of values that have not changed."""
 
     def merge(old: Mapping[str, Any], new: Mapping[str, Any], before: str) -> dict[str, Any]:
         return {
@@ -189,15 +114,6 @@ def updated(recorded: Mapping[str, Any], now: Mapping[str, Any], changed: Change
 
 def listed(changed: Changes) -> list[str]:
     """Format changes as lines of text.
-
-    Parameters
-    ----------
-    changed : dict
-        As of `changes`.
-
-    Returns
-    -------
-    list of str
 
     Examples
     --------

@@ -44,52 +44,25 @@ class Row(NamedTuple):
 
 
 class Allowed(NamedTuple):
-    """Largest admissible error.
-
-    Attributes
-    ----------
-    error : float
-    in_sd : bool
-        Whether `error` is in sds of the quantity; absolute otherwise.
-    """
+    """Largest admissible error."""
 
     error: float
-    in_sd: bool
+    in_sd: bool  # whether `error` is in sds of the quantity; absolute otherwise
 
 
 @dataclass(frozen=True)
 class Claim:
-    """The claim that section moments of a closure are right within a tolerance.
-
-    Attributes
-    ----------
-    scene : Scene
-    impacts : tuple of int
-        Impacts that are checked, ascending.
-    quantities : tuple of str
-        Names in `rattle.scene.moments.SECTION`.
-    allowed : dict of str to Allowed
-        For each moment, ``mean`` or ``sd``.
-    paths : int or None
-        Simulated paths to begin with; None for those of the session's profile.
-    budget : int or None
-        Largest number of paths while the claim is undecided; None for the session's.
-    accuracy : float or None
-        Accuracy to simulate to instead of a number of paths, see `montecarlo.simulate`.
-    scheme : str
-        Scheme of the simulation.
-    undecided : str or None
-        Outcome of the test if its budget does not decide it, ``fail`` or ``skip``; None for the session's.
-    """
+    """The claim that section moments of a closure are right within a tolerance."""
 
     scene: Scene
-    impacts: tuple[int, ...]
-    quantities: tuple[str, ...]
-    allowed: Mapping[str, Allowed]
-    paths: int | None = None
-    budget: int | None = None
-    accuracy: float | None = None
-    scheme: str = "exact-flight"
+    impacts: tuple[int, ...]  # impacts that are checked, ascending
+    quantities: tuple[str, ...]  # names in `rattle.scene.moments.SECTION`
+    allowed: Mapping[str, Allowed]  # for each moment, ``mean`` or ``sd``
+    paths: int | None = None  # simulated paths to begin with; None for those of the session's profile
+    budget: int | None = None  # largest number of paths while the claim is undecided; None for the session's
+    accuracy: float | None = None  # accuracy to simulate to instead of a number of paths, see `montecarlo.simulate`
+    scheme: str = "exact-flight"  # scheme of the simulation
+    # outcome of the test if its budget does not decide it, ``fail`` or ``skip``; None for the session's
     undecided: str | None = None
 
     @cached_property
@@ -106,15 +79,6 @@ class Claim:
 def merged(markers: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     """Merge the options of a test's markers with those of its class and module.
 
-    Parameters
-    ----------
-    markers : iterable of mapping
-        Options of each marker, the test's own first; they override later ones.
-
-    Returns
-    -------
-    dict
-
     Examples
     --------
     >>> merged([{"absolute": 1e-3}, {"scene": "dat21.toml", "within": 0.05}])
@@ -130,23 +94,10 @@ def merged(markers: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
 def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
     """Read a claim from the options of a marker.
 
-    Parameters
-    ----------
-    options : mapping
-        ``scene`` (a Scene, or a TOML file), ``impacts`` (their number, or a list), ``quantities``, ``moments``,
-        ``within`` (admissible error in sds of the quantity) or ``absolute``, each a number or one for each moment,
-        ``paths`` and ``budget`` or ``accuracy``, ``scheme``, and ``undecided``.
-    folder : Path
-        Folder of the test, to which the path of a scene file is relative.
-
-    Returns
-    -------
-    Claim
-
-    Raises
-    ------
-    InputError
-        If an option is unknown or its value not valid.
+    `options`: ``scene`` (a Scene, or a TOML file), ``impacts`` (their number, or a list), ``quantities``,
+    ``moments``, ``within`` (admissible error in sds of the quantity) or ``absolute``, each a number or one for
+    each moment, ``paths`` and ``budget`` or ``accuracy``, ``scheme``, and ``undecided``. `folder`: Folder of the
+    test, to which the path of a scene file is relative.
 
     Examples
     --------

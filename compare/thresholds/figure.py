@@ -18,19 +18,7 @@ WIDE = 12.0  # ratio of the largest error to the admissible one above which the 
 
 
 def error_figure(table: pd.DataFrame, model: str) -> Figure:
-    """Draw the errors of a claim's rows, in sds of each quantity.
-
-    Parameters
-    ----------
-    table : DataFrame
-        As of `rattle.compare.thresholds.judging.judged`.
-    model : str
-        Name of the closure or model.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the errors of a claim's rows, in sds of each quantity."""
     excess = (table["error"] / table["tolerance"]).abs()
     rows = table.loc[excess.nlargest(MOST).index.sort_values()]
     unit = rows["unit"].to_numpy()

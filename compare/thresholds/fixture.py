@@ -28,10 +28,7 @@ T = TypeVar("T")
 class Rattle:
     """The value of the fixture ``rattle``.
 
-    Attributes
-    ----------
-    claim : Claim
-        The claim of the test's marker.
+    `claim`: the claim of the test's marker.
     """
 
     def __init__(self, item: pytest.Item, claim: Claim, thresholds: Thresholds) -> None:
@@ -46,21 +43,9 @@ class Rattle:
         (`rattle.compare.thresholds.looks`).  A test that stays undecided fails, unless the marker's ``undecided`` or
         ``--rattle-undecided`` is ``skip``.
 
-        Parameters
-        ----------
-        model : str or callable
-            A closure, or a function ``(scene, impacts) -> DataFrame``; see
-            `rattle.compare.thresholds.prediction.predict`.
-        quantities : sequence of str, optional
-            Quantities of the long run, such as ``["rate", "energy"]``, in place of the marker's section moments.  The
-            model is then a closure, or a function ``(scene, quantities) -> mapping``; what counts as accurate is said
-            in `rattle.compare.stationary.judged.TOLERANCES`.
-
-        Returns
-        -------
-        DataFrame
-            A row for each check; columns of `rattle.compare.validation.verdict.section_errors` and ``outcome``, or of
-            `rattle.compare.thresholds.long_run.decide_long`.
+        `quantities`: Quantities of the long run, such as ``["rate", "energy"]``, in place of the marker's section
+        moments.  The model is then a closure, or a function ``(scene, quantities) -> mapping``; what counts as
+        accurate is said in `rattle.compare.stationary.judged.TOLERANCES`.
         """
         self._once("check")
         if quantities is not None:
@@ -114,15 +99,7 @@ class Rattle:
         return table
 
     def baseline(self, model: Model, *, relative: float = 1e-9, absolute: float = 1e-12) -> None:
-        """Compare a model's predictions with those recorded in ``baselines/`` next to the test; nothing is simulated.
-
-        Parameters
-        ----------
-        model : str or callable
-            As for `check`.
-        relative, absolute : float
-            A value may differ by ``absolute + relative * |recorded|``.
-        """
+        """Compare a model's predictions with those recorded in ``baselines/`` beside the test; nothing is simulated."""
         self._once("baseline")
         prediction = self._guarded(lambda: predict(model, self.claim))
         path = baseline.place(self._item.path, ".".join(self._item.nodeid.split("::")[1:]))

@@ -21,26 +21,9 @@ def errors_of(prediction: Claimed, run: Simulated, claim: Claim) -> pd.DataFrame
     A tolerance in units of the sd has a sampling error as well: an error d is within w sds if ``d - w sd`` is negative,
     and the standard error of this difference is at most ``se(d) + w se(sd)``.
 
-    Parameters
-    ----------
-    prediction : Claimed
-        Section moments of the model.
-    run : Simulated
-        Section moments of the simulation.
-    claim : Claim
-        What the test says of a model.
-
-    Returns
-    -------
-    DataFrame
-        Columns as of `rattle.compare.validation.verdict.section_errors`; ``error`` is absolute, ``unit`` the sd of the
-        quantity (1 if it does not vary), ``noise`` one standard error.  Without rows that are not judged
-        (`rattle.compare.validation.verdict.RULE`).
-
-    Raises
-    ------
-    InputError
-        If none of the rows is judged.
+    Returns: Columns as of `rattle.compare.validation.verdict.section_errors`; ``error`` is absolute, ``unit`` the
+    sd of the quantity (1 if it does not vary), ``noise`` one standard error.  Without rows that are not judged
+    (`rattle.compare.validation.verdict.RULE`).
     """
     table = section_errors(prediction, run, 1.0, Tolerances(0.0, 0.0, 0.0))
     places = pd.MultiIndex.from_frame(table[["moment", "quantity", "impact"]])
@@ -60,17 +43,8 @@ def errors_of(prediction: Claimed, run: Simulated, claim: Claim) -> pd.DataFrame
 def judged(errors: pd.DataFrame, z: float) -> pd.DataFrame:
     """Add intervals and outcomes to the errors of a claim.
 
-    Parameters
-    ----------
-    errors : DataFrame
-        As of `errors_of`.
-    z : float
-        Half width of the intervals in standard errors.
-
-    Returns
-    -------
-    DataFrame
-        With ``low, high`` (interval of the error), ``verdict`` and ``outcome`` (``pass, fail`` or ``undecided``).
+    Returns: With ``low, high`` (interval of the error), ``verdict`` and ``outcome`` (``pass, fail`` or
+    ``undecided``).
 
     Examples
     --------

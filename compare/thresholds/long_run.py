@@ -32,40 +32,16 @@ LongModel = str | Callable[[Scene, Sequence[str]], Mapping[str, float]]
 
 
 class LongPrediction(NamedTuple):
-    """What a model says of the long run.
+    """What a model says of the long run."""
 
-    Attributes
-    ----------
-    name : str
-        Of the model.
-    values : dict of str to float
-        Of each quantity.
-    """
-
-    name: str
-    values: dict[str, float]
+    name: str  # of the model
+    values: dict[str, float]  # of each quantity
 
 
 def predict_long(model: LongModel, scene: Scene, quantities: Sequence[str]) -> LongPrediction:
     """Evaluate a model for quantities of the long run.
 
-    Parameters
-    ----------
-    model : str or callable
-        A key of `CLOSURES_JUDGED`, or a function ``(scene, quantities) -> mapping`` of names to values.
-    scene : Scene
-        What is modelled.
-    quantities : sequence of str
-        Names of `rattle.montecarlo.long_run.names.all_names`.
-
-    Returns
-    -------
-    LongPrediction
-
-    Raises
-    ------
-    InputError
-        For an unknown closure or quantity, a closure that says nothing of the long run, or a value that is missing.
+    `model`: A key of `CLOSURES_JUDGED`, or a function ``(scene, quantities) -> mapping`` of names to values.
     """
     if isinstance(quantities, str) or not quantities:
         raise InputError("quantities", quantities, "give a list, as in quantities=['rate', 'energy']")

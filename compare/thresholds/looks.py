@@ -21,37 +21,17 @@ __all__ = ["Looked", "decide", "following", "look_until_decided", "standing"]
 
 
 class Looked(NamedTuple):
-    """The decision on a claim.
+    """The decision on a claim."""
 
-    Attributes
-    ----------
-    table : DataFrame
-        Its rows, each as of the look that decided it.
-    drawn : tuple of Drawn
-        The simulation of each look that was taken.
-    z : float
-        Half width of the intervals in standard errors.
-    """
-
-    table: pd.DataFrame
-    drawn: tuple[Drawn, ...]
-    z: float
+    table: pd.DataFrame  # its rows, each as of the look that decided it
+    drawn: tuple[Drawn, ...]  # the simulation of each look that was taken
+    z: float  # half width of the intervals in standard errors
 
 
 def following(later: Sequence[int], table: pd.DataFrame) -> int | None:
     """Choose the number of paths of the next look: the first that should decide every row, or the last.
 
-    Parameters
-    ----------
-    later : sequence of int
-        Sizes of the remaining looks, ascending.
-    table : DataFrame
-        Rows so far, with ``outcome`` and ``paths_needed``.
-
-    Returns
-    -------
-    int or None
-        None if no look is left, the claim has failed, or no number of paths would decide any row.
+    Returns: None if no look is left, the claim has failed, or no number of paths would decide any row.
 
     Examples
     --------
@@ -66,41 +46,12 @@ def following(later: Sequence[int], table: pd.DataFrame) -> int | None:
 
 
 def standing(before: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
-    """Combine the rows of two looks: decided rows are kept, undecided ones are taken from the later look.
-
-    Parameters
-    ----------
-    before, now : DataFrame
-        Rows of the earlier and of the later look.
-
-    Returns
-    -------
-    DataFrame
-    """
+    """Combine the rows of two looks: decided rows are kept, undecided ones are taken from the later look."""
     return before.where(before["outcome"] != "undecided", now)
 
 
 def decide(prediction: Prediction, claim: Claim, session: Thresholds) -> Looked:
-    """Compare a prediction with the simulation, with more paths while the claim is undecided.
-
-    Parameters
-    ----------
-    prediction : Prediction
-        What the closure predicts.
-    claim : Claim
-        What the test says of a model.
-    session : Thresholds
-        What the tests of the session share.
-
-    Returns
-    -------
-    Looked
-
-    Raises
-    ------
-    RattleError
-        If the scene cannot be simulated, or an ensemble cannot be stored.
-    """
+    """Compare a prediction with the simulation, with more paths while the claim is undecided."""
     sizes, settings = session.settings.sizes(claim), session.settings
     z = widest(len(claim.rows) * len(sizes), settings.false_alarm)
 

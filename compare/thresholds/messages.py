@@ -23,15 +23,6 @@ def _signed(value: float) -> str:
 def row_table(rows: pd.DataFrame) -> str:
     """Format rows as an aligned table, with errors and intervals in sds of the quantity.
 
-    Parameters
-    ----------
-    rows : DataFrame
-        As of `rattle.compare.thresholds.judging.judged`.
-
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> row = {"moment": "mean", "quantity": "y1", "impact": 2, "predicted": 1.13, "simulated": 1.03, "error": 0.1}
@@ -86,18 +77,7 @@ def failure_text(model: str, table: pd.DataFrame, shown: Callable[[pd.DataFrame]
 
 
 def deciding(table: pd.DataFrame) -> float:
-    """Estimate the number of paths that would decide every undecided row.
-
-    Parameters
-    ----------
-    table : DataFrame
-        As of `rattle.compare.thresholds.judging.judged`.
-
-    Returns
-    -------
-    float
-        Infinite if no number would; 0 if no row is undecided.
-    """
+    """Estimate the number of paths that would decide every undecided row."""
     undecided = table.loc[table["outcome"] == "undecided", "paths_needed"]
     return float(undecided.fillna(math.inf).max()) if len(undecided) else 0.0
 
@@ -111,17 +91,6 @@ def undecided_text(model: str, table: pd.DataFrame, shown: Callable[[pd.DataFram
 
 def remedies(table: pd.DataFrame, claim: Claim) -> str:
     """Describe what can be done about undecided rows.
-
-    Parameters
-    ----------
-    table : DataFrame
-        With ``outcome`` and ``paths_needed``.
-    claim : Claim
-        What the test says of a model.
-
-    Returns
-    -------
-    str
 
     Examples
     --------

@@ -125,17 +125,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @pytest.fixture
 def rattle(request: pytest.FixtureRequest) -> Rattle:
-    """Fixture that compares a closure with the simulation of the marker's scene: ``rattle.check(model)``.
-
-    Parameters
-    ----------
-    request : pytest.FixtureRequest
-        Given by pytest.
-
-    Returns
-    -------
-    Rattle
-    """
+    """Fixture that compares a closure with the simulation of the marker's scene: ``rattle.check(model)``."""
     from rattle.compare.thresholds.fixture import Rattle
 
     if CLAIM not in request.node.stash:

@@ -21,40 +21,18 @@ Model = str | Callable[[Scene, int], pd.DataFrame]
 
 @dataclass(frozen=True)
 class Prediction:
-    """Predicted section moments, complete and finite where the claim needs them.
+    """Predicted section moments, complete and finite where the claim needs them."""
 
-    Attributes
-    ----------
-    closure : str
-        Name of the closure or model.
-    section : DataFrame
-        Index ``impact``; the columns of the claim.
-    """
-
-    closure: str
-    section: pd.DataFrame
+    closure: str  # name of the closure or model
+    section: pd.DataFrame  # index ``impact``; the columns of the claim
 
 
 def predict(model: Model, claim: Claim) -> Prediction:
     """Evaluate a model for the section moments of a claim.
 
-    Parameters
-    ----------
-    model : str or callable
-        A closure (``"saltation"``), or a function ``(scene, impacts) -> DataFrame`` whose table has the index
-        ``impact`` from 1, columns ``tau, flight, x1, y1, x2, y2`` for means and ``sd_tau, ...`` for standard
-        deviations; those that the claim does not need may be missing.
-    claim : Claim
-        What the test says of a model.
-
-    Returns
-    -------
-    Prediction
-
-    Raises
-    ------
-    InputError
-        If there is no such closure, or the function returns another kind of table.
+    `model`: A closure (``"saltation"``), or a function ``(scene, impacts) -> DataFrame`` whose table has the
+    index ``impact`` from 1, columns ``tau, flight, x1, y1, x2, y2`` for means and ``sd_tau, ...`` for standard
+    deviations; those that the claim does not need may be missing.
 
     Examples
     --------

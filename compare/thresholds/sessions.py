@@ -24,20 +24,11 @@ __all__ = ["Drawn", "Thresholds", "read_claims"]
 
 
 class Drawn(NamedTuple):
-    """A simulation with its cost.
-
-    Attributes
-    ----------
-    run : Sampled or LongResult
-    computed : bool
-        Whether it was simulated now; false if it was stored.
-    seconds : float
-        Wall time of the simulation; 0 if it was stored.
-    """
+    """A simulation with its cost."""
 
     run: Any
-    computed: bool
-    seconds: float
+    computed: bool  # whether it was simulated now; false if it was stored
+    seconds: float  # wall time of the simulation; 0 if it was stored
 
 
 @dataclass
@@ -66,13 +57,7 @@ class _Watched:
 
 @dataclass
 class Thresholds:
-    """The settings of a session and the simulations that its tests share.
-
-    Attributes
-    ----------
-    settings : Settings
-    config : pytest.Config
-    """
+    """The settings of a session and the simulations that its tests share."""
 
     settings: Settings
     config: pytest.Config

@@ -21,49 +21,23 @@ BASELINES = ("compare", "record", "regenerate")
 
 
 class Settings(NamedTuple):
-    """Settings of a session.
+    """Settings of a session."""
 
-    Attributes
-    ----------
-    false_alarm : float
-        Largest probability that a test fails although its claim is true.
-    undecided : str
-        Outcome of a test that its budget does not decide, ``fail`` or ``skip``.
-    profile : str
-        Key of `PROFILES`.
-    budget : int or None
-        Largest number of paths of an undecided test; None for `TIMES` those of its first look.
-    cache : Path or None
-        Folder of the simulations; None for pytest's own cache.
-    seed, workers : int
-        Seed and threads of the simulations.
-    baselines : str
-        ``compare``, ``record`` or ``regenerate``.
-    """
-
-    false_alarm: float = 0.01
-    undecided: str = "fail"
-    profile: str = "quick"
-    budget: int | None = None
-    cache: Path | None = None
-    seed: int = 0
+    false_alarm: float = 0.01  # largest probability that a test fails although its claim is true
+    undecided: str = "fail"  # outcome of a test that its budget does not decide, ``fail`` or ``skip``
+    profile: str = "quick"  # key of `PROFILES`
+    budget: int | None = None  # largest number of paths of an undecided test; None for `TIMES` those of its first look
+    cache: Path | None = None  # folder of the simulations; None for pytest's own cache
+    seed: int = 0  # seed, workers: seed and threads of the simulations
     workers: int = 1
-    baselines: str = "compare"
+    baselines: str = "compare"  # ``compare``, ``record`` or ``regenerate``
 
     def sizes(self, claim: "Claim") -> tuple[int | None, ...]:
         """Give the numbers of paths of all possible looks at a claim: doubled up to its budget.
 
         They are fixed before anything is simulated, so that the intervals of all looks can have simultaneous coverage.
 
-        Parameters
-        ----------
-        claim : Claim
-            What the test says of a model.
-
-        Returns
-        -------
-        tuple of int or None
-            ``(None,)`` for a claim with an accuracy, which determines the number of paths itself.
+        Returns: ``(None,)`` for a claim with an accuracy, which determines the number of paths itself.
 
         Examples
         --------
@@ -88,20 +62,6 @@ class Settings(NamedTuple):
 
 def read_settings(chosen: Mapping[str, str]) -> Settings:
     """Read settings from the text of the options.
-
-    Parameters
-    ----------
-    chosen : mapping of str to str
-        Text by option (``rattle_false_alarm``, ...); empty for the default.
-
-    Returns
-    -------
-    Settings
-
-    Raises
-    ------
-    InputError
-        If a value is not valid.
 
     Examples
     --------

@@ -15,15 +15,6 @@ WIDER = 1.1
 def decided_by(paths: float) -> str:
     """Describe what would decide an undecided test.
 
-    Parameters
-    ----------
-    paths : float
-        Number of paths that would; infinite if no number would.
-
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> decided_by(141_234.0)

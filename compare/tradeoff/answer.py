@@ -18,20 +18,7 @@ PLAIN = "euler-maruyama"
 
 
 def cheapest(points: pd.DataFrame, accuracy: float) -> dict[str, Any]:
-    """The method of least counted work for an accuracy: of schemes, and of closures that predict all moments so well.
-
-    Parameters
-    ----------
-    points : DataFrame
-        Of `rattle.compare.tradeoff.measure.Measured`.
-    accuracy : float
-        Error of every section mean and sd, in sds.
-
-    Returns
-    -------
-    dict
-        The point.
-    """
+    """The method of least counted work for an accuracy, of schemes and of closures that predict all moments so well."""
     scheme = (points["kind"] == "scheme") & (points["accuracy"] == accuracy) & ~points["missed"]
     prediction = (
         (points["kind"] == "closure") & (points["error"] <= accuracy) & (points["rows"] == points["rows"].max())
@@ -41,19 +28,7 @@ def cheapest(points: pd.DataFrame, accuracy: float) -> dict[str, Any]:
 
 
 def advice(m: Measured, accuracies: Sequence[float]) -> str:
-    """Which method to take down to which error, in one sentence.
-
-    Parameters
-    ----------
-    m : Measured
-        What was measured.
-    accuracies : sequence of float
-        From the roughest to the finest.
-
-    Returns
-    -------
-    str
-    """
+    """Which method to take down to which error, in one sentence."""
     parts = []
     for method, same in groupby([(a, cheapest(m.points, a)) for a in accuracies], key=lambda found: found[1]["method"]):
         finest, best = list(same)[-1]
@@ -67,20 +42,7 @@ def advice(m: Measured, accuracies: Sequence[float]) -> str:
 
 
 def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
-    """What to take, where a closure is cheapest, and the cost of plain Euler-Maruyama.
-
-    Parameters
-    ----------
-    m : Measured
-        What was measured.
-    accuracies : sequence of float
-        From the roughest to the finest.
-
-    Returns
-    -------
-    list of str
-        Sentences; the last one is `verdict`.
-    """
+    """What to take, where a closure is cheapest, and the cost of plain Euler-Maruyama."""
     p = m.points
     whole = p["rows"].max()
     found = [advice(m, accuracies)]
@@ -114,19 +76,7 @@ def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
 
 
 def verdict(m: Measured, accuracies: Sequence[float]) -> str:
-    """Whether multilevel Monte Carlo over the step is anywhere cheaper than exact flights, for the section means.
-
-    Parameters
-    ----------
-    m : Measured
-        What was measured.
-    accuracies : sequence of float
-        From the roughest to the finest.
-
-    Returns
-    -------
-    str
-    """
+    """Whether multilevel Monte Carlo over the step is anywhere cheaper than exact flights, for the section means."""
     exact, factors, typical = m.models[EXACT], [], []
     for a in accuracies:
         estimates = [levels.estimate(a) for levels in m.levels.values()]

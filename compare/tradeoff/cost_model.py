@@ -23,105 +23,51 @@ class Point(NamedTuple):
     """Error and cost of a method at a requested accuracy; errors are in units of each quantity's sd.
 
     An accuracy is that of `rattle.montecarlo.simulate_to`: with 95 % probability no section mean or sd is off by more.
-
-    Attributes
-    ----------
-    method : str
-        Name of a scheme, of a closure, or ``multilevel`` and a scheme.
-    kind : str
-        ``scheme``, ``multilevel`` (section means only) or ``closure``.
-    accuracy : float
-        As requested; NaN for a closure.
-    dt : float
-    paths : int
-    core_seconds : float
-        Processor time, pilot runs included.
-    sampling_error, step_error : float
-        Worst standard error and worst step bias; of a closure the half width of the worst row's interval, and 0.
-    error : float
-        As drawn: the bound that was reached if measured, the accuracy if extrapolated, ``actual_error`` if ``missed``;
-        of a closure its worst error.
-    measured : bool
-        Whether it was run, rather than extrapolated.
-    median_error : float
-        Of a closure.
-    resolved : bool
-        Whether the worst error of a closure is larger than its interval; if not, ``error`` is an upper bound.
-    rows : int
-        Number of section means and sds to which the errors refer.
-    actual_error : float
-        Worst difference of a measured run from the reference simulation.
-    missed : bool
-        Whether that is more than the accuracy and the error of the reference explain.
-    work : float
-        Nominal core-seconds of the counted work: what decides which method is cheapest.  NaN for multilevel methods.
     """
 
-    method: str
-    kind: str
-    accuracy: float
+    method: str  # name of a scheme, of a closure, or ``multilevel`` and a scheme
+    kind: str  # ``scheme``, ``multilevel`` (section means only) or ``closure``
+    accuracy: float  # as requested; NaN for a closure
     dt: float
     paths: int
-    core_seconds: float
+    core_seconds: float  # processor time, pilot runs included
+    # sampling_error, step_error: worst standard error and worst step bias; of a closure the half width of the worst
+    # row's interval, and 0
     sampling_error: float
     step_error: float
+    # as drawn: the bound that was reached if measured, the accuracy if extrapolated, ``actual_error`` if ``missed``;
+    # of a closure its worst error
     error: float
-    measured: bool
-    median_error: float = math.nan
+    measured: bool  # whether it was run, rather than extrapolated
+    median_error: float = math.nan  # of a closure
+    # whether the worst error of a closure is larger than its interval; if not, ``error`` is an upper bound
     resolved: bool = True
-    rows: int = 0
-    actual_error: float = math.nan
-    missed: bool = False
+    rows: int = 0  # number of section means and sds to which the errors refer
+    actual_error: float = math.nan  # worst difference of a measured run from the reference simulation
+    missed: bool = False  # whether that is more than the accuracy and the error of the reference explain
+    # nominal core-seconds of the counted work: what decides which method is cheapest.  NaN for multilevel methods
     work: float = math.nan
 
 
 @dataclass
 class CostModel:
-    """Cost model of a scheme: paths as its runs foresee them, error ``bias * dt``, time linear in paths and steps.
-
-    Attributes
-    ----------
-    scheme : str
-    first : Ensemble
-        The pilot run.
-    path_seconds, step_seconds : float
-        Seconds of a path without its steps, and of each step (counting those of dt, 2 dt and 4 dt).
-    pilot_seconds : float
-        Seconds of the pilot run, which are part of every cost.
-    bias : float
-        Worst step bias over dt, in sds; 0 for a scheme without step bias.
-    best : Ensemble
-        The run with most paths.
-    shared : Ensemble, optional
-        A run of another scheme that foresees the paths if it has more: heavy tails show only in many.
-    """
+    """Cost model of a scheme: paths as its runs foresee them, error ``bias * dt``, time linear in paths and steps."""
 
     scheme: str
-    first: Ensemble
+    first: Ensemble  # the pilot run
+    # path_seconds, step_seconds: seconds of a path without its steps, and of each step (counting those of dt, 2 dt
+    # and 4 dt)
     path_seconds: float
     step_seconds: float
-    pilot_seconds: float
-    bias: float
-    best: Ensemble
+    pilot_seconds: float  # seconds of the pilot run, which are part of every cost
+    bias: float  # worst step bias over dt, in sds; 0 for a scheme without step bias
+    best: Ensemble  # the run with most paths
+    # A run of another scheme that foresees the paths if it has more: heavy tails show only in many
     shared: Ensemble | None = None
 
     @classmethod
     def from_pilots(cls, scene: Scene, scheme: str, again: Callable[..., Ensemble]) -> "CostModel":
-        """Fit the model to pilot runs: one for a scheme without step bias, else a second one with a shorter step.
-
-        Parameters
-        ----------
-        scene : Scene
-            What is modelled.
-        scheme : str
-            Name of the scheme.
-        again : callable
-            `rattle.montecarlo.simulate` with scene, impacts, seed and workers bound.
-
-        Returns
-        -------
-        CostModel
-        """
+        """Fit the model to pilot runs: one for a scheme without step bias, else a second one with a shorter step."""
         first, seconds = _least(lambda: pilot(scene, scheme, again))
         if not SCHEMES[scheme].has_step_bias:
             return cls(scheme, first, 0.0, seconds / first.path_steps, seconds, 0.0, first)
@@ -135,13 +81,7 @@ class CostModel:
         return model
 
     def learn(self, run: Ensemble) -> None:
-        """Update the model: what foresees the paths from a run with more, the bias where it is significant.
-
-        Parameters
-        ----------
-        run : Ensemble
-            Of the same scheme and scene.
-        """
+        """Update the model: what foresees the paths from a run with more, the bias where it is significant."""
         if run.paths >= self.best.paths:
             self.best = run
         if self.bias:
@@ -150,31 +90,13 @@ class CostModel:
                 self.bias = step / run.dt
 
     def steps(self, dt: float) -> float:
-        """Number of steps of a path, summed over the step sizes dt, 2 dt and 4 dt that run in parallel.
-
-        Parameters
-        ----------
-        dt : float
-            Step.
-
-        Returns
-        -------
-        float
-        """
+        """Number of steps of a path, summed over the step sizes dt, 2 dt and 4 dt that run in parallel."""
         return self.first.path_steps / self.first.paths * self.first.dt / dt
 
     def at(self, accuracy: float) -> Point:
         """Extrapolate to an accuracy, half of which is left to the bias of a scheme that has one.
 
-        Parameters
-        ----------
-        accuracy : float
-            Error that with 95 % probability no section mean or sd exceeds, in sds.
-
-        Returns
-        -------
-        Point
-            Not measured.
+        `accuracy`: Error that with 95 % probability no section mean or sd exceeds, in sds.
         """
         room = 0.5 * accuracy if self.bias else accuracy
         run = max((self.best, self.shared or self.best), key=lambda found: found.paths)
@@ -195,16 +117,7 @@ class CostModel:
     def path_alone(self, accuracy: float, step_ns: float | None = None) -> float:
         """Seconds of a path at an accuracy, without the steps of 2 dt and 4 dt that measure the bias.
 
-        Parameters
-        ----------
-        accuracy : float
-            In sds; determines dt.
-        step_ns : float, optional
-            Nanoseconds of a step, in place of the measured times; impacts are then free.
-
-        Returns
-        -------
-        float
+        `step_ns`: Nanoseconds of a step, in place of the measured times; impacts are then free.
         """
         share = 4.0 / 7.0 if self.bias else 1.0  # 1 : 1/2 : 1/4 steps of dt, 2 dt and 4 dt
         steps = self.steps(self.at(accuracy).dt) * share
@@ -212,19 +125,7 @@ class CostModel:
 
 
 def timed(call: Callable[[], Ensemble]) -> tuple[Ensemble, float]:
-    """Time a simulation.
-
-    Parameters
-    ----------
-    call : callable
-        Without arguments.
-
-    Returns
-    -------
-    run : Ensemble
-    seconds : float
-        Processor time of all threads.
-    """
+    """Time a simulation."""
     began = time.process_time()
     run = call()
     return run, time.process_time() - began

@@ -27,18 +27,7 @@ MISSED = Line2D([], [], ls="none", marker="D", ms=5, color="0.4", alpha=0.35, la
 def tradeoff_figure(points: pd.DataFrame, slopes: dict[str, float], means_alone: pd.DataFrame) -> Figure:
     """Error against processor time of all methods in one panel.
 
-    Parameters
-    ----------
-    points : DataFrame
-        Rows of `rattle.compare.tradeoff.cost_model.Point`.
-    slopes : dict of str to float
-        Exponent with which the cost of each scheme grows with the accuracy; NaN if unknown.
-    means_alone : DataFrame
-        Cost of exact flights for the section means alone: columns ``error, core_seconds``.
-
-    Returns
-    -------
-    Figure
+    `slopes`: Exponent with which the cost of each scheme grows with the accuracy; NaN if unknown.
     """
     figure, (ax,) = new_figure(10.6, 4.9, 1, 1)  # low enough for the first screen, its legend beside it
     handles: list[Artist] = []
@@ -76,17 +65,7 @@ MOMENTS = {"mean": "section means", "sd": "section sds", "itinerary": "itinerary
 
 
 def order_figure(changes: pd.DataFrame) -> Figure:
-    """Change against the step: a row of panels for each noise intensity and scheme, a panel for each kind of moment.
-
-    Parameters
-    ----------
-    changes : DataFrame
-        Of `rattle.compare.tradeoff.weak_order.Orders`.
-
-    Returns
-    -------
-    Figure
-    """
+    """Change against the step: a row of panels for each noise intensity and scheme, a panel for each kind of moment."""
     pairs = list(dict.fromkeys(zip(changes["sigma"], changes["scheme"], strict=True)))
     figure, axes = new_figure(9.6, 2.7 * len(pairs), len(pairs), len(MOMENTS))
     for i, (sigma, scheme) in enumerate(pairs):

@@ -43,44 +43,16 @@ HAND_TUNED_NS = 10.7
 
 @dataclass(frozen=True)
 class Measured:
-    """Results of a comparison of costs.
+    """Results of a comparison of costs."""
 
-    Attributes
-    ----------
-    points : DataFrame
-        Rows of `rattle.compare.tradeoff.cost_model.Point`.
-    models : dict of str to CostModel
-        By scheme.
-    levels : dict of str to Levels
-        Multilevel analysis, by Euler scheme.
-    reference : Ensemble
-        The simulation with which closures are compared.
-    """
-
-    points: pd.DataFrame
-    models: dict[str, CostModel]
-    levels: dict[str, Levels]
-    reference: Ensemble
+    points: pd.DataFrame  # rows of `rattle.compare.tradeoff.cost_model.Point`
+    models: dict[str, CostModel]  # by scheme
+    levels: dict[str, Levels]  # multilevel analysis, by Euler scheme
+    reference: Ensemble  # the simulation with which closures are compared
 
 
 def check_accuracies(accuracies: Sequence[float]) -> tuple[float, ...]:
-    """Validate accuracies and sort them.
-
-    Parameters
-    ----------
-    accuracies : sequence of float
-        Largest errors, in sds.
-
-    Returns
-    -------
-    tuple of float
-        From the roughest to the finest, without repetition.
-
-    Raises
-    ------
-    InputError
-        If there is none, or one is not a positive number.
-    """
+    """Validate accuracies and sort them."""
     if not accuracies:
         raise InputError("accuracy", accuracies, "give at least one")
     return tuple(sorted({positive("accuracy", a) for a in accuracies}, reverse=True))
@@ -170,22 +142,7 @@ def _compared_with(point: Point, run: Ensemble | None, model: CostModel, referen
 
 
 def bound_of_means(standard_error: float, scene: Scene, impacts: int) -> float:
-    """What with 95 % probability none of the section means is off by more than, from their largest standard error.
-
-    Parameters
-    ----------
-    standard_error : float
-        In sds.
-    scene : Scene
-        What is modelled.
-    impacts : int
-        Number of impacts.
-
-    Returns
-    -------
-    float
-        In sds.
-    """
+    """What with 95 % probability none of the section means is off by more than, from their largest standard error."""
     return widest(len(_section_rows(scene)) // 2 * impacts) * standard_error
 
 
@@ -204,23 +161,7 @@ def multilevel_points(
 
 
 def means_seconds(model: CostModel, accuracy: float, *, control: bool, typical: bool = False) -> float:
-    """Core-seconds of exact flights for the section means alone.
-
-    Parameters
-    ----------
-    model : CostModel
-        Of exact flights.
-    accuracy : float
-        Standard error, in sds.
-    control : bool
-        Whether with the control variate.
-    typical : bool
-        Whether for the median over the means, rather than for the worst.
-
-    Returns
-    -------
-    float
-    """
+    """Core-seconds of exact flights for the section means alone."""
     unit, section = units(model.best), model.best.section
     n = section["paths"].to_numpy(float)[:, None]
     spread = np.sqrt(model.best.result.sums["section"].moment(2, 0))
@@ -234,22 +175,6 @@ def slope(points: pd.DataFrame, method: str, measured: bool) -> tuple[float, int
     """Exponent with which the cost of a method grows with the accuracy, fitted to the logarithms.
 
     Points so rough that the minimal number of paths determines their cost are left out.
-
-    Parameters
-    ----------
-    points : DataFrame
-        Rows of `rattle.compare.tradeoff.cost_model.Point`.
-    method : str
-        The method that is counted.
-    measured : bool
-        Whether to use measured points only.
-
-    Returns
-    -------
-    exponent : float
-        NaN for fewer than two points.
-    number : int
-        Of points.
     """
     rows = points[(points["method"] == method) & (points["paths"] > LEAST) & ~points["missed"]]
     rows = rows[rows["measured"]] if measured else rows
@@ -265,23 +190,6 @@ def measure(
 
     The cost of multilevel estimators is estimated from runs at halved steps.  Closures are compared with the run of
     exact flights that has most paths.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    impacts : int
-        Number of impacts.
-    accuracies : sequence of float
-        From the roughest to the finest, in sds.
-    budget : float
-        Core-seconds up to which a point is run; costlier ones are extrapolated.
-    seed, workers : int
-        Seed of the random numbers.
-
-    Returns
-    -------
-    Measured
     """
     scene = scene.phase_reduced  # so that a late start loses no digits of the times
     again = partial(simulate, scene, impacts=impacts, rng=seed, workers=workers)

@@ -42,46 +42,21 @@ MOST_LEVELS = 60  # levels up to which the rates are extrapolated
 
 
 class Rate(NamedTuple):
-    """An exponential in the level: ``2**(intercept + slope * level)``.
-
-    Attributes
-    ----------
-    slope : float
-    half : float
-        Half width of the slope's 95 % interval.
-    intercept : float
-    """
+    """An exponential in the level: ``2**(intercept + slope * level)``."""
 
     slope: float
-    half: float
+    half: float  # half width of the slope's 95 % interval
     intercept: float
 
     def at(self, level: Floats) -> Floats:
-        """The fitted values at levels.
-
-        Parameters
-        ----------
-        level : ndarray
-            Level of the heading.
-
-        Returns
-        -------
-        ndarray
-        """
+        """The fitted values at levels."""
         return np.asarray(2.0 ** (self.intercept + self.slope * level))
 
 
 def fitted(level: Floats, value: Floats) -> Rate:
     """Fit an exponential by a straight line through the binary logarithms.
 
-    Parameters
-    ----------
-    level, value : ndarray, shape (levels,)
-        Values are positive.
-
-    Returns
-    -------
-    Rate
+    Shapes: `level`, `value` (levels,).
 
     Examples
     --------
@@ -95,66 +70,36 @@ def fitted(level: Floats, value: Floats) -> Rate:
 
 
 class Estimate(NamedTuple):
-    """The cheapest multilevel estimator of the means for an accuracy.
+    """The cheapest multilevel estimator of the means for an accuracy."""
 
-    Attributes
-    ----------
-    first, last : int
-        Its coarsest and finest level.
-    seconds : float
-        Core-seconds for all rows (means) at once.
-    typical : float
-        Core-seconds for a single row with the median of the variances and biases: the case most favourable to the
-        method.
-    measured : bool
-        Whether its finest level was run, rather than extrapolated.
-    """
-
-    first: int
+    first: int  # first, last: its coarsest and finest level
     last: int
-    seconds: float
+    seconds: float  # core-seconds for all rows (means) at once
+    # core-seconds for a single row with the median of the variances and biases: the case most favourable to the
+    # method
     typical: float
-    measured: bool
+    measured: bool  # whether its finest level was run, rather than extrapolated
 
 
 class Levels(NamedTuple):
-    """Level differences of the section means in units of each quantity's sd.
+    """Level differences of the section means in units of each quantity's sd."""
 
-    Attributes
-    ----------
-    table : DataFrame
-        A row per level: ``scheme, level, dt``; worst and median over the section means of the absolute ``mean`` of the
-        difference and of its ``variance``; largest ``kurtosis`` of a difference, and whether it exceeds
-        `KURTOSIS_ALARM` (``alarm``); ``consistency`` with the coarser level, which should be below 1; seconds of a path
-        of the difference (``path_seconds``) and of the level alone (``alone_seconds``).
-    single : ndarray, shape (levels, rows)
-        Variance of each level alone.
-    alpha, beta, gamma : Rate
-        Decay of the worst mean and of the worst variance, growth of the time, per level.
-    typical_alpha, typical_beta : Rate
-        Decay of the medians; the first has the slope of the worst, as at fine levels the median is sampling noise.
-    """
-
+    # A row per level: ``scheme, level, dt``; worst and median over the section means of the absolute ``mean`` of the
+    # difference and of its ``variance``; largest ``kurtosis`` of a difference, and whether it exceeds
+    # `KURTOSIS_ALARM` (``alarm``); ``consistency`` with the coarser level, which should be below 1; seconds of a path
+    # of the difference (``path_seconds``) and of the level alone (``alone_seconds``)
     table: pd.DataFrame
-    single: Floats
-    alpha: Rate
+    single: Floats  # variance of each level alone; (levels, rows)
+    alpha: Rate  # alpha, beta, gamma: decay of the worst mean and of the worst variance, growth of the time, per level
     beta: Rate
     gamma: Rate
+    # typical_alpha, typical_beta: decay of the medians; the first has the slope of the worst, as at fine levels the
+    # median is sampling noise
     typical_alpha: Rate
     typical_beta: Rate
 
     def estimate(self, accuracy: float) -> Estimate:
-        """Cost of an optimal estimator whose standard error and bias are each within the accuracy.
-
-        Parameters
-        ----------
-        accuracy : float
-            In sds.
-
-        Returns
-        -------
-        Estimate
-        """
+        """Cost of an optimal estimator whose standard error and bias are each within the accuracy."""
         t = self.table
         single = self.single.max(axis=1), np.median(self.single, axis=1)
         last, seconds, first = self._cheapest(self.alpha, self.beta, t["variance_worst"], single[0], accuracy)
@@ -192,17 +137,7 @@ def giles_cost(variance: Floats, seconds: Floats, accuracy: float) -> float:
 
     Level l gets paths in proportion to ``sqrt(V_l / C_l)``; the total is ``(sum sqrt(V_l C_l))^2 / accuracy^2``.
 
-    Parameters
-    ----------
-    variance, seconds : ndarray, shape (levels,)
-        Variance V_l and time C_l of a path of each level.
-    accuracy : float
-        The standard error.
-
-    Returns
-    -------
-    float
-        Seconds.
+    Shapes: `variance`, `seconds` (levels,).
 
     Examples
     --------
@@ -215,25 +150,7 @@ def giles_cost(variance: Floats, seconds: Floats, accuracy: float) -> float:
 def measure_levels(
     scene: Scene, scheme: str, *, impacts: int, seed: int, workers: int, paths: int = PATHS, levels: int = LEVELS
 ) -> Levels:
-    """Run every level with its own random numbers, and tabulate the level differences.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    scheme : str
-        With a step bias.
-    impacts, seed, workers : int
-        Of the simulations.
-    paths : int
-        Of each level.
-    levels : int
-        Number of levels; each halves the step.
-
-    Returns
-    -------
-    Levels
-    """
+    """Run every level with its own random numbers, and tabulate the level differences."""
     # compiles, before anything is timed
     simulate(scene, paths=1, impacts=1, scheme=scheme, dt=1e-3, record=Record(step_bias=True))
     longest = 0.99 * largest_step(scene, scheme)[0] / 2 ** (SIDE_BY_SIDE - 1)
@@ -257,19 +174,7 @@ def measure_levels(
 
 
 def levels_of(runs: Sequence[Ensemble], seconds: Sequence[float]) -> Levels:
-    """Tabulate the level differences of runs at halved steps.
-
-    Parameters
-    ----------
-    runs : sequence of Ensemble
-        Level 0 (longest step) first; each with ``Record(step_bias=True)`` and its own random numbers.
-    seconds : sequence of float
-        Time of a path of each, with all three step sizes.
-
-    Returns
-    -------
-    Levels
-    """
+    """Tabulate the level differences of runs at halved steps."""
     unit = units(runs[-1]).to_numpy()
     seen = [run.result.sums["fine_coarse"] for run in runs]
     single, rows = [], []

@@ -141,17 +141,7 @@ def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> 
 
 
 def orders_table(table: pd.DataFrame) -> Table:
-    """The measured slopes, the orders on which they have settled, and whether each scheme's limit is correct.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Rows of `rattle.compare.tradeoff.weak_order.Slope`.
-
-    Returns
-    -------
-    Table
-    """
+    """The measured slopes, the orders on which they have settled, and whether each scheme's limit is correct."""
     seen = table[table["slope"].notna()]
     rows: list[Row] = [
         (
@@ -175,17 +165,7 @@ def _between(row: Any, value: str, low: str, high: str) -> str:
 
 
 def orders_said(table: pd.DataFrame) -> list[str]:
-    """Which slopes have settled on an order and which have not, a sentence for each scheme and noise intensity.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Rows of `rattle.compare.tradeoff.weak_order.Slope`.
-
-    Returns
-    -------
-    list of str
-    """
+    """Which slopes have settled on an order and which have not, a sentence for each scheme and noise intensity."""
     said = []
     for (sigma, scheme), rows in table[table["moment"] != "itinerary"].groupby(["sigma", "scheme"], sort=False):
         seen = rows[rows["slope"].notna()]
@@ -215,27 +195,7 @@ def tradeoff_page(
     m: Measured, control: pd.DataFrame, orders: Orders | None, accuracies: Sequence[float], sentences: Sequence[str],
     record: dict[str, Any],
 ) -> Page:  # fmt: skip
-    """The page of a trade-off.
-
-    Parameters
-    ----------
-    m : Measured
-        What was measured.
-    control : DataFrame
-        From `rattle.compare.tradeoff.variance_reduction.control_table`.
-    orders : Orders or None
-        Weak orders, if measured.
-    accuracies : sequence of float
-        From the roughest to the finest.
-    sentences : sequence of str
-        The answer; the last one stands in the section on multilevel Monte Carlo.
-    record : dict
-        Of the manifest: at least ``name, scene, budget, command, commit, versions``.
-
-    Returns
-    -------
-    Page
-    """
+    """The page of a trade-off."""
     tables, reference = _tables(m, control, accuracies), f"{m.reference.paths:,}"
     figure = "Error against processor time of every scheme and every closure"
     schemes = Text(SCHEMES.format(budget=record["budget"], reference=reference), note=True)

@@ -25,35 +25,7 @@ def write_tradeoff(
     out: Path, m: Measured, control: pd.DataFrame, orders: Orders | None, accuracies: Sequence[float],
     record: dict[str, Any], overwrite: bool,
 ) -> list[str]:  # fmt: skip
-    """Write the folder of a trade-off, whole or not at all.
-
-    Parameters
-    ----------
-    out : Path
-        The folder.
-    m : Measured
-        What was measured.
-    control : DataFrame
-        From `rattle.compare.tradeoff.variance_reduction.control_table`.
-    orders : Orders or None
-        From `rattle.compare.tradeoff.weak_order.weak_orders`, if measured.
-    accuracies : sequence of float
-        From the roughest to the finest.
-    record : dict
-        Of the manifest: at least ``name, scene, budget, command, commit, versions``.
-    overwrite : bool
-        Whether earlier results may be replaced.
-
-    Returns
-    -------
-    list of str
-        The answer.
-
-    Raises
-    ------
-    OutputError
-        If the folder holds other files, or earlier results that may not be replaced.
-    """
+    """Write the folder of a trade-off, whole or not at all."""
     sentences = answer(m, accuracies)
     means = pd.DataFrame({
         "error": [bound_of_means(a, m.reference.scene, m.reference.impacts) for a in accuracies],

@@ -26,19 +26,8 @@ def slope_from(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[float,
     The change at a step is the root mean square over the rows of the replicates' mean, corrected for the variance of
     its measurement; NaN where that exceeds it.
 
-    Parameters
-    ----------
-    bias, se : ndarray, shape (replicates, steps, rows)
-        Change between a step and its half in each row (moment), and its standard error.
-    steps : sequence of float
-        Descending.
-
-    Returns
-    -------
-    slope, low, high : float
-        Slope and its 95 % interval.
-    last : float
-        Change at the last step.
+    `bias`, `se`: Change between a step and its half in each row (moment), and its standard error. Shapes: `bias`,
+    `se` (replicates, steps, rows).
 
     Examples
     --------
@@ -62,17 +51,9 @@ def _slope(bias: Floats, se: Floats, steps: Sequence[float], chosen: Floats) -> 
 def settled_from(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[float, float, float, int]:
     """The order, if the slope has settled: the local slopes of the finest three changes agree, and none turns its sign.
 
-    Parameters
-    ----------
-    bias, se, steps
-        As of `slope_from`, with at least three steps.
-
-    Returns
-    -------
-    order, low, high : float
-        Slope over the finest three steps and its 95 % interval; NaN if it has not settled, or noise hides it.
-    turns : int
-        Rows whose change turns its sign from one step to the next, over all steps, beyond three standard errors.
+    Returns: Slope over the finest three steps and its 95 % interval; NaN if it has not settled, or noise hides
+    it. Returns: Rows whose change turns its sign from one step to the next, over all steps, beyond three standard
+    errors.
 
     Examples
     --------
@@ -106,14 +87,7 @@ def settled_from(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[floa
 def changes_from(bias: Floats, se: Floats) -> tuple[Floats, Floats, Floats]:
     """Size of the change at each step with its jackknife interval, which is symmetric in the logarithm.
 
-    Parameters
-    ----------
-    bias, se : ndarray, shape (replicates, steps, rows)
-        As of `slope_from`.
-
-    Returns
-    -------
-    change, low, high : ndarray, shape (steps,)
+    Shapes: `bias`, `se` (replicates, steps, rows); result (steps,).
 
     Examples
     --------

@@ -30,25 +30,11 @@ def control_table(
 ) -> pd.DataFrame:
     """Variance without the control variate over variance with it, on the same paths.
 
-    Parameters
-    ----------
-    scene : Scene
-        Its own noise intensity is not used.
-    impacts, seed, workers : int
-        Of the simulations.
-    sigmas : sequence of float
-        Noise intensities.
-    paths : int
-        At each of them.
-
-    Returns
-    -------
-    DataFrame
-        A row per noise intensity ``sigma``: median and smallest ratio of variances over the section means
-        (``means_median, means_smallest``) and sds (``sds_median, sds_smallest``), without displacements at the wall,
-        whose variance is due to off-itinerary paths alone; ``time_ratio``, the time of a path with the control
-        variate over that without, so that a ratio of variances over ``time_ratio`` is the gain per second;
-        ``antithetic_means, antithetic_sds``, the median gain of antithetic pairs, see `antithetic_gain`.
+    Returns: A row per noise intensity ``sigma``: median and smallest ratio of variances over the section means
+    (``means_median, means_smallest``) and sds (``sds_median, sds_smallest``), without displacements at the wall,
+    whose variance is due to off-itinerary paths alone; ``time_ratio``, the time of a path with the control
+    variate over that without, so that a ratio of variances over ``time_ratio`` is the gain per second;
+    ``antithetic_means, antithetic_sds``, the median gain of antithetic pairs, see `antithetic_gain`.
     """
     rows = []
     for sigma in tqdm(sigmas, desc="control variate", unit="sigma", disable=None, leave=False):
@@ -87,15 +73,7 @@ def antithetic_gain(plan: Plan) -> tuple[Floats, Floats]:
     that of a path.  Two independent paths have 1 / 2, so the gain is ``1 / (1 + r)``.  For an sd, r is the correlation
     of the squared deviations.
 
-    Parameters
-    ----------
-    plan : Plan
-        Of the simulation.
-
-    Returns
-    -------
-    means, sds : ndarray, shape (impacts, 6)
-        Gains for the section means and sds.
+    Shapes: result (impacts, 6).
 
     Examples
     --------

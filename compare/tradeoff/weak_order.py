@@ -36,91 +36,48 @@ ORDER_IMPACTS = 4  # impacts over which paths with different dt keep the same it
 
 
 class Slope(NamedTuple):
-    """Slope of the step bias of one quantity, of one scheme and kind of moment.
-
-    Attributes
-    ----------
-    scheme : str
-    sigma : float
-        Noise intensity.
-    moment : str
-        ``mean``, ``sd``, or ``itinerary`` for the probability of the noise-free itinerary.
-    quantity : str
-        Of the section; empty for the itinerary.
-    coarsest, finest : float
-        Range of steps: the larger step of the first pair and the smaller one of the last.
-    slope, low, high : float
-        Slope over the whole range and its 95 % interval; NaN where sampling noise hides the bias.
-    last, last_low, last_high : float
-        Local slope at the finest steps.
-    turns : int
-        Number of impacts at which the change turns its sign within the range.
-    order, order_low, order_high : float
-        Slope over the finest three changes, where it has settled; NaN where not.
-    change : float
-        Root mean square over the impacts, in sds, of the change from twice the smallest step to the smallest; of an
-        itinerary the distance from exact flights.
-    limit_z : float
-        Largest difference between the extrapolated value and exact flights, in standard errors.
-    limit_allowed : float
-        Its bound at 95 % confidence if the limit is correct, over all quantities of the scheme and moment.
-    """
+    """Slope of the step bias of one quantity, of one scheme and kind of moment."""
 
     scheme: str
-    sigma: float
-    moment: str
-    quantity: str
+    sigma: float  # noise intensity
+    moment: str  # ``mean``, ``sd``, or ``itinerary`` for the probability of the noise-free itinerary
+    quantity: str  # of the section; empty for the itinerary
+    # coarsest, finest: range of steps: the larger step of the first pair and the smaller one of the last
     coarsest: float
     finest: float
+    # slope, low, high: slope over the whole range and its 95 % interval; NaN where sampling noise hides the bias
     slope: float
     low: float
     high: float
-    last: float
+    last: float  # last, last_low, last_high: local slope at the finest steps
     last_low: float
     last_high: float
-    turns: int
+    turns: int  # number of impacts at which the change turns its sign within the range
+    # order, order_low, order_high: slope over the finest three changes, where it has settled; NaN where not
     order: float
     order_low: float
     order_high: float
+    # root mean square over the impacts, in sds, of the change from twice the smallest step to the smallest; of an
+    # itinerary the distance from exact flights
     change: float
-    limit_z: float
+    limit_z: float  # largest difference between the extrapolated value and exact flights, in standard errors
+    # its bound at 95 % confidence if the limit is correct, over all quantities of the scheme and moment
     limit_allowed: float
 
 
 class Orders(NamedTuple):
-    """Measured slopes and orders, and the changes from which they are fitted.
+    """Measured slopes and orders, and the changes from which they are fitted."""
 
-    Attributes
-    ----------
-    table : DataFrame
-        A row for each `Slope`.
-    changes : DataFrame
-        Columns ``scheme, sigma, moment, quantity, dt, change, low, high``.  For means and sds ``change`` is the root
-        mean square over the impacts, in sds, of the change between dt and dt / 2; for the itinerary the distance of its
-        probability at dt from that of exact flights; NaN where noise hides it.  The 95 % intervals are for each row by
-        itself.
-    """
-
-    table: pd.DataFrame
+    table: pd.DataFrame  # A row for each `Slope`
+    # columns ``scheme, sigma, moment, quantity, dt, change, low, high``.  For means and sds ``change`` is the root
+    # mean square over the impacts, in sds, of the change between dt and dt / 2; for the itinerary the distance of its
+    # probability at dt from that of exact flights; NaN where noise hides it.  The 95 % intervals are for each row by
+    # itself
     changes: pd.DataFrame
 
 
 def orders_over(scene: Scene, sigmas: Sequence[float], **settings: int) -> Orders:
-    """Slopes and weak orders at several noise intensities.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    sigmas : sequence of float
-        Noise intensities.
-    **settings
-        Of `weak_orders`.
-
-    Returns
-    -------
-    Orders
-    """
+    """Slopes and weak orders at several noise intensities."""
     found = [weak_orders(scene.with_sigma(sigma), **settings) for sigma in sigmas]
     return Orders(pd.concat([one.table for one in found]), pd.concat([one.changes for one in found]))
 
@@ -163,30 +120,6 @@ def weak_orders(
 
     They are measured for mean and sd of each quantity on the Poincaré section at the impacts, and for the probability
     of the noise-free itinerary.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    impacts : int
-        Number of impacts.
-    paths : int
-        Paths of each replicate at each step.
-    replicates : int
-        Independent repetitions for the jackknife intervals, at least 2.
-    rng : int
-        Seed.
-    workers : int
-        Threads.
-
-    Returns
-    -------
-    Orders
-
-    Raises
-    ------
-    InputError
-        For fewer than 2 replicates, or settings that cannot be simulated.
     """
     count("replicates", replicates, least=2)
     seeds = np.random.SeedSequence(rng).spawn(replicates + 1)

@@ -17,19 +17,6 @@ ASKED = "1% of an sd"
 def advice(validity: pd.DataFrame, impacts: int, speed: pd.DataFrame) -> str:
     """What to take for a gear pair at each noise intensity that was asked for, in one sentence.
 
-    Parameters
-    ----------
-    validity : DataFrame
-        Rows of `rattle.compare.validation.validity.Validity`, one for each closure and noise intensity.
-    impacts : int
-        Number of impacts that were compared.
-    speed : DataFrame
-        Rows of `rattle.compare.validation.speed.Speed` of the same validations.
-
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> rows = [("saltation", 0.01, 12, 12), ("saltation", 0.1, 3, 3)]
@@ -78,22 +65,7 @@ def cost_sentence(
 ) -> str:
     """What a simulation and the closures cost in counted work.
 
-    Parameters
-    ----------
-    simulation : DataFrame
-        From `rattle.compare.validation.speed.simulation_costs`.
-    speed : DataFrame
-        Rows of `rattle.compare.validation.speed.Speed` of the same validations.
-    impacts : int
-        Number of impacts that were compared.
-    lasting : str
-        How long the motion is in physical units, as "24 ms of rattling", if that is known.
-    over : DataFrame, optional
-        Rows of `rattle.compare.validation.speed.Speed` over a range of noise intensities.
-
-    Returns
-    -------
-    str
+    `lasting`: How long the motion is in physical units, as "24 ms of rattling", if that is known.
     """
     what = f"{impacts} impact{'s' if impacts > 1 else ''}{f' ({lasting})' if lasting else ''} to {ASKED}"
     each = [

@@ -24,17 +24,7 @@ SECTION = " (Poincaré section at the impacts)"
 
 
 def sigma_text(v: Validation) -> str:
-    """The noise intensity of a validation to four digits, as the report writes it.
-
-    Parameters
-    ----------
-    v : Validation
-        The validation that is shown.
-
-    Returns
-    -------
-    str
-    """
+    """The noise intensity of a validation to four digits, as the report writes it."""
     return f"{v.scene.sigma:.4g}"
 
 
@@ -44,20 +34,7 @@ def _largest_rho(validations: Sequence[Validation], closure: str) -> float:
 
 
 def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
-    """Up to which noise intensity each closure is accurate at all impacts, in one sentence.
-
-    Parameters
-    ----------
-    validity : DataFrame
-        Rows of `rattle.compare.validation.validity.Validity`, one for each closure and noise intensity.
-    impacts : int
-        Number of impacts that were compared.
-
-    Returns
-    -------
-    str
-        In the phrases of `rattle.compare.validation.validity_range`; closures with the same range are grouped.
-    """
+    """Up to which noise intensity each closure is accurate at all impacts, in one sentence."""
     found: dict[str, list[str]] = {}  # closures by the phrase for their range of validity
     for closure, rows in validity.groupby("closure", sort=False):
         at = rows.sort_values("sigma").set_index("sigma")
@@ -77,18 +54,6 @@ def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
 def left_out(scene: Scene, shown: Iterable[str]) -> list[str]:
     """Which closures cannot be applied to a scene, and why.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    shown : iterable of str
-        Names of the closures that are shown, and so not to be mentioned.
-
-    Returns
-    -------
-    list of str
-        One sentence, or none if no closure is missing.
-
     Examples
     --------
     >>> from rattle.scene import DAT21, Scene, Start
@@ -104,18 +69,9 @@ def answer(validations: Sequence[Validation], swept: Sweep | None = None) -> lis
 
     Advice at their own noise intensities, cost, accuracy, realizability, and agreement of itineraries.
 
-    Parameters
-    ----------
-    validations : sequence of Validation
-        One for each noise intensity, of the same closures and number of impacts.
-    swept : Sweep, optional
-        Ranges of validity over the noise intensity; they add a second sentence, see `validity_sentence`.
-
-    Returns
-    -------
-    list of str
-        Four sentences; one more with `swept`, of a scene that was made from gears (the motion in physical units), where
-        paths leave the itinerary, and where closures cannot be applied to the scene.
+    `swept`: Ranges of validity over the noise intensity; they add a second sentence, see `validity_sentence`.
+    Returns: Four sentences; one more with `swept`, of a scene that was made from gears (the motion in physical
+    units), where paths leave the itinerary, and where closures cannot be applied to the scene.
     """
     impacts = len(validations[0].run.section)
     tolerances = validations[0].tolerances
@@ -192,18 +148,7 @@ def by_size_sentence(validations: Sequence[Validation]) -> list[str]:
 
 
 def correlation_claim(validations: Sequence[Validation]) -> str:
-    """The paper's argument that the density is not Gaussian because |rho| may exceed 1, compared with the evidence.
-
-    Parameters
-    ----------
-    validations : sequence of Validation
-        One for each noise intensity.
-
-    Returns
-    -------
-    str
-        A paragraph; empty unless both the published and the corrected closure were validated.
-    """
+    """The paper's argument that the density is not Gaussian because |rho| may exceed 1, compared with the evidence."""
     if "published" not in validations[0].predictions or "corrected" not in validations[0].predictions:
         return ""
     evidence = []

@@ -31,20 +31,8 @@ def validity(predictions: list[MeanMap], run: Ensemble, flights: Ints) -> pd.Dat
     A closure is judged just before its impacts.  The simulation is judged at mid-flight before the same impacts,
     because at the mean impact time about half of the paths have already rebounded.
 
-    Parameters
-    ----------
-    predictions : list of MeanMap
-        The closures; mixtures are skipped, as they have no moments of a perturbation.
-    run : Ensemble
-        The simulation, with moments at fixed times.
-    flights : ndarray of int, shape (fixed times,)
-        For each fixed time the impact that ends the flight.
-
-    Returns
-    -------
-    DataFrame
-        A row for each closure (or ``monte carlo``), impact and stage: ``closure, impact, stage, variance_x,
-        variance_y, rho, smallest_eigenvalue, realizable, reason``.
+    Returns: A row for each closure (or ``monte carlo``), impact and stage: ``closure, impact, stage, variance_x,
+    variance_y, rho, smallest_eigenvalue, realizable, reason``. Shapes: `flights` (fixed times,).
     """
     rows = []
     stages = range(1, run.scene.stages + 1)
@@ -81,22 +69,7 @@ def validity(predictions: list[MeanMap], run: Ensemble, flights: Ints) -> pd.Dat
 
 
 def first_failure(table: pd.DataFrame, closure: str) -> tuple[int, int, str] | None:
-    """The first impact, and there the first stage, at which a closure's second moments are not realizable.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `validity`.
-    closure : str
-        Name of the closure, or ``monte carlo``.
-
-    Returns
-    -------
-    impact : int
-    stage : int
-    reason : str
-        Or None in place of the three if all are realizable.
-    """
+    """The first impact, and there the first stage, at which a closure's second moments are not realizable."""
     failed = table[(table["closure"] == closure) & ~table["realizable"]].sort_values(["impact", "stage"])
     if failed.empty:
         return None
@@ -112,24 +85,8 @@ def mid_flight_errors(
     The interval of the simulated value is symmetric in Fisher's z = artanh rho, whose standard error is measured (for
     a Gaussian pair it is ``1 / sqrt(paths)``); it is widened by the change from 2 dt to dt where there is a step bias.
 
-    Parameters
-    ----------
-    prediction : MeanMap
-        The closure's moments.
-    run : Ensemble
-        The simulation, with moments at fixed times.
-    flights : ndarray of int, shape (fixed times,)
-        For each fixed time the impact that ends the flight.
-    z : float
-        Half width of the intervals in standard errors.
-    tolerances : Tolerances
-        Largest errors that count as accurate.
-
-    Returns
-    -------
-    DataFrame
-        Rows as of `rattle.compare.validation.verdict.section_errors`; ``time`` is the fixed time, ``impact`` the one
-        that ends its flight.
+    Returns: Rows as of `rattle.compare.validation.verdict.section_errors`; ``time`` is the fixed time, ``impact``
+    the one that ends its flight. Shapes: `flights` (fixed times,).
     """
     fixed = run.at_times()
     reached = fixed.index.to_numpy(float)

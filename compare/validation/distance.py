@@ -40,21 +40,10 @@ class Distances(NamedTuple):
 def bin_masses(density: Callable[[Floats], Floats], edges: Floats, mean: float, sd: float) -> Floats:
     """Mass of a density below, in and above the bins; Gauss-Legendre on panels no wider than a bin.
 
-    Parameters
-    ----------
-    density : callable
-        Density at an array of values.
-    edges : ndarray, shape (bins + 1,)
-        Edges of the bins, increasing.
-    mean, sd : float
-        Of the density.  Panels are no wider than a quarter of the sd, so that a density much narrower than a bin is
-        resolved.
-
-    Returns
-    -------
-    ndarray, shape (bins + 2,)
-        The first is integrated from 10 sds below the mean; the last is the remainder, so that all sum to 1.  A mass is
-        negative where the density is.
+    `mean`, `sd`: Of the density.  Panels are no wider than a quarter of the sd, so that a density much narrower
+    than a bin is resolved. Returns: The first is integrated from 10 sds below the mean; the last is the
+    remainder, so that all sum to 1.  A mass is negative where the density is. Shapes: `edges` (bins + 1,); result
+    (bins + 2,).
 
     Examples
     --------
@@ -74,20 +63,11 @@ def bin_masses(density: Callable[[Floats], Floats], edges: Floats, mean: float, 
 def distances(masses: Floats, counts: Ints) -> Distances:
     """Kolmogorov and total variation distance of a density from a sample on the same bins.
 
-    Parameters
-    ----------
-    masses : ndarray, shape (bins + 2,)
-        From `bin_masses`.
-    counts : ndarray of int, shape (bins + 2,)
-        Counts of the sample below, in and above the bins; at least one.
-
-    Returns
-    -------
-    Distances
-        ``kolmogorov`` is the largest difference of the distribution functions at the edges of the bins;
-        ``total_variation`` half the sum of the absolute differences, in [0, 1] unless a mass is negative.
-        ``kolmogorov_floor`` is the 95 % quantile of Kolmogorov's limit distribution over sqrt(n), conservative on
-        bins; ``total_variation_floor`` the expected value for a sample of the true density.
+    Returns: ``kolmogorov`` is the largest difference of the distribution functions at the edges of the bins;
+    ``total_variation`` half the sum of the absolute differences, in [0, 1] unless a mass is negative.
+    ``kolmogorov_floor`` is the 95 % quantile of Kolmogorov's limit distribution over sqrt(n), conservative on
+    bins; ``total_variation_floor`` the expected value for a sample of the true density. Shapes: `masses` (bins +
+    2,); `counts` (bins + 2,).
 
     Examples
     --------
@@ -111,25 +91,10 @@ def distances(masses: Floats, counts: Ints) -> Distances:
 def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
     """Distance of a closure's section densities from the sampled histograms.
 
-    Parameters
-    ----------
-    prediction : MeanMap
-        The closure's moments, for the same scene as `run`.
-    run : Ensemble
-        A simulation with ``record=Record(histogram=True)``.
-
-    Returns
-    -------
-    DataFrame
-        Columns ``closure, impact, quantity, kolmogorov, kolmogorov_floor, total_variation, total_variation_floor,
-        paths``; distances are shares of the probability, see `distances`.  ``paths`` is how many reached the impact.
-        A row only where the closure has a density and the quantity varies on both sides: not the displacement at the
-        mesh that most paths strike.
-
-    Raises
-    ------
-    InputError
-        If the run kept no histograms, or is of another scene.
+    Returns: Columns ``closure, impact, quantity, kolmogorov, kolmogorov_floor, total_variation,
+    total_variation_floor, paths``; distances are shares of the probability, see `distances`.  ``paths`` is how
+    many reached the impact. A row only where the closure has a density and the quantity varies on both sides: not
+    the displacement at the mesh that most paths strike.
 
     Notes
     -----

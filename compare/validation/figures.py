@@ -23,17 +23,7 @@ def _offsets(names: Sequence[str]) -> dict[str, float]:
 
 
 def error_figure(v: Validation) -> Figure:
-    """Errors of section means and sds per impact and closure, in units of the quantity's sd, with intervals.
-
-    Parameters
-    ----------
-    v : Validation
-        The validation that is shown.
-
-    Returns
-    -------
-    Figure
-    """
+    """Errors of section means and sds per impact and closure, in units of the quantity's sd, with intervals."""
     quantities = [q for q in ("tau", "y1", "y2") if v.scene.stages == 2 or q != "y2"]
     figure, axes = new_figure(3.4 * len(quantities), 5.4, 2, len(quantities))
     section = v.table[
@@ -79,17 +69,7 @@ def error_figure(v: Validation) -> Figure:
 
 
 def correlation_figure(v: Validation) -> Figure:
-    """Correlation of displacement and velocity per stage: closures before impacts, closures and Monte Carlo mid-flight.
-
-    Parameters
-    ----------
-    v : Validation
-        With at least one closure that is no mixture.
-
-    Returns
-    -------
-    Figure
-    """
+    """Correlation of displacement and velocity per stage: closures before impacts, all of them mid-flight."""
     stages = range(1, v.scene.stages + 1)
     figure, axes = new_figure(5.2 * len(stages), 3.9, 1, len(stages))
     limit, impacts = 1.9, len(v.run.section)
@@ -162,18 +142,7 @@ def correlation_figure(v: Validation) -> Figure:
 
 
 def section_figure(v: Validation) -> Figure:
-    """Histogram of the velocities before each path's own impact, with the densities that the closures predict.
-
-    Parameters
-    ----------
-    v : Validation
-        The validation that is shown.
-
-    Returns
-    -------
-    Figure
-        Up to four impacts, evenly spaced.
-    """
+    """Histogram of the velocities before each path's own impact, with the densities that the closures predict."""
     impacts = sorted(set(np.linspace(1, len(v.run.section), 4).round().astype(int).tolist()))
     velocities = ["y1", "y2"][: v.scene.stages]
     figure, axes = new_figure(3.0 * len(impacts), 2.7 * len(velocities), len(velocities), len(impacts))
@@ -210,18 +179,7 @@ def section_figure(v: Validation) -> Figure:
 
 
 def agreement_figure(validations: Sequence[Validation]) -> Figure:
-    """Share of paths that have followed an itinerary so far, per noise intensity; dashed: as `branching` predicts it.
-
-    Parameters
-    ----------
-    validations : sequence of Validation
-        One for each noise intensity.
-
-    Returns
-    -------
-    Figure
-        A panel for each different itinerary of the closures.
-    """
+    """Share of paths on an itinerary so far, per noise intensity; dashed: as `branching` predicts it."""
     first = validations[0]
     closures_by_itinerary: dict[tuple[int, ...], list[str]] = {}  # at the first noise intensity
     for closure, prediction in first.predictions.items():
@@ -246,34 +204,14 @@ def agreement_figure(validations: Sequence[Validation]) -> Figure:
 
 
 class Drawn(NamedTuple):
-    """A figure of one validation.
+    """A figure of one validation."""
 
-    Attributes
-    ----------
-    draw : callable
-        Returns the figure of a validation.
-    caption : tuple of (str, str)
-        For `rattle.compare.report.style.caption_of`.
-    moments : bool
-        Whether it needs a closure with moments of a perturbation, that is one that is no mixture.
-    """
-
-    draw: Callable[[Validation], Figure]
-    caption: tuple[tuple[str, str], ...]
-    moments: bool = False
+    draw: Callable[[Validation], Figure]  # returns the figure of a validation
+    caption: tuple[tuple[str, str], ...]  # for `rattle.compare.report.style.caption_of`
+    moments: bool = False  # whether it needs a closure with moments of a perturbation, that is one that is no mixture
 
     def suits(self, v: Validation) -> bool:
-        """Whether a validation has something to draw.
-
-        Parameters
-        ----------
-        v : Validation
-            The validation that is shown.
-
-        Returns
-        -------
-        bool
-        """
+        """Whether a validation has something to draw."""
         return not self.moments or any(m.trace.parts is None for m in v.predictions.values())
 
 

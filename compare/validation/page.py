@@ -61,20 +61,7 @@ PREDICTED = " Dashed: the share that the branching closure predicts."
 
 
 def table_text(validations: Sequence[Validation]) -> tuple[pd.DataFrame, str]:
-    """All rows of several validations in one table.
-
-    Parameters
-    ----------
-    validations : sequence of Validation
-        One for each noise intensity.
-
-    Returns
-    -------
-    table : DataFrame
-        With the noise intensity as first column ``sigma``.
-    text : str
-        The same as CSV, without loss of digits.
-    """
+    """All rows of several validations in one table."""
     table = pd.concat([v.table.assign(sigma=v.scene.sigma) for v in validations], ignore_index=True)
     table.insert(0, "sigma", table.pop("sigma"))
     return table, csv_text(table, index=False)
@@ -197,35 +184,7 @@ def write_report(
     overwrite: bool,
     schemes: pd.DataFrame | None = None,
 ) -> dict[str, Any]:
-    """Write the report folder, whole or not at all.
-
-    Parameters
-    ----------
-    out : Path
-        The folder.
-    settings : Settings
-        What the report was asked for.
-    validations : sequence of Validation
-        One for each noise intensity.
-    swept : Sweep or None
-        Ranges of validity over the noise intensity, if asked for.
-    provenance : dict
-        Further facts for the manifest: command, commit, versions, times.
-    overwrite : bool
-        Whether an earlier report may be replaced.
-    schemes : DataFrame, optional
-        Ensembles of other schemes beside these, see `rattle.compare.validation.beside.beside`.
-
-    Returns
-    -------
-    dict
-        The manifest.
-
-    Raises
-    ------
-    OutputError
-        If the folder holds other things, or an earlier report that may not be replaced.
-    """
+    """Write the report folder, whole or not at all."""
     table, text = table_text(validations)
     validity_text = csv_text(swept.validity, index=False) if swept else None
     record = {
@@ -255,27 +214,7 @@ def write_report(
 
 
 def write_one(v: Validation, out: Path, overwrite: bool) -> Path:
-    """Write the report of a validation that was made in Python.
-
-    Parameters
-    ----------
-    v : Validation
-        What is reported.
-    out : Path
-        The folder.
-    overwrite : bool
-        Whether an earlier report may be replaced.
-
-    Returns
-    -------
-    Path
-        The page.
-
-    Raises
-    ------
-    OutputError
-        As `write_report`.
-    """
+    """Write the report of a validation that was made in Python."""
     run, seed = v.run, v.run.seed
     whole = isinstance(seed.entropy, int) and not seed.spawn_key
     settings = manifest.Settings(

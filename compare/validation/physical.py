@@ -21,18 +21,7 @@ FIXED = "The simulated motion between the impacts: mean ± sd of all paths at on
 
 
 def motion_blocks(v: Validation) -> list[Block]:
-    """The motion of a validation's gears in both systems of units, as blocks of a page.
-
-    Parameters
-    ----------
-    v : Validation
-        What is shown.
-
-    Returns
-    -------
-    list of Block
-        Empty for a scene that was not made from gears.
-    """
+    """The motion of a validation's gears in both systems of units, as blocks of a page."""
     if v.scene.gears is None:
         return []
     blocks: list[Block] = [Text(NOTE.format(**v.scene.gears.units._asdict()), note=True), motion_table(v)]
@@ -40,23 +29,7 @@ def motion_blocks(v: Validation) -> list[Block]:
 
 
 def motion_table(v: Validation) -> Table:
-    """The simulated section means and sds in both systems of units.
-
-    Parameters
-    ----------
-    v : Validation
-        Of a scene that was made from gears.
-
-    Returns
-    -------
-    Table
-        A row for each impact.
-
-    Raises
-    ------
-    InputError
-        For a scene without gears.
-    """
+    """The simulated section means and sds in both systems of units."""
     plain, physical = v.run.section, v.run.section_in("physical")
     speeds = [f"y{i}" for i in range(1, v.scene.stages + 1)]
     rows: list[Row] = []
@@ -74,23 +47,7 @@ def motion_table(v: Validation) -> Table:
 
 
 def fixed_time_table(v: Validation) -> Table:
-    """The simulated means and sds at fixed times in both systems of units.
-
-    Parameters
-    ----------
-    v : Validation
-        Of a scene that was made from gears.
-
-    Returns
-    -------
-    Table
-        A row for each time; folded.
-
-    Raises
-    ------
-    InputError
-        For a scene without gears.
-    """
+    """The simulated means and sds at fixed times in both systems of units."""
     state = STATE[: 2 * v.scene.stages]
     plain, physical = v.run.at_times(), v.run.at_times(units="physical")
     units = {name: "mm" if name.startswith("x") else "mm_per_s" for name in state}
@@ -109,33 +66,15 @@ def fixed_time_table(v: Validation) -> Table:
 def lasting(v: Validation) -> str:
     """How long the simulated motion is, for the advice.
 
-    Parameters
-    ----------
-    v : Validation
-        What is shown.
-
-    Returns
-    -------
-    str
-        As "24 ms of rattling"; empty for a scene that was not made from gears, or if no path had all impacts.
+    Returns: As "24 ms of rattling"; empty for a scene that was not made from gears, or if no path had all
+    impacts.
     """
     time = _milliseconds(v)
     return "" if math.isnan(time) else f"{time:.3g} ms of rattling"
 
 
 def motion_sentence(validations: Sequence[Validation]) -> list[str]:
-    """The motion of gears in physical units, in a sentence.
-
-    Parameters
-    ----------
-    validations : sequence of Validation
-        One for each noise intensity.
-
-    Returns
-    -------
-    list of str
-        One sentence; none for a scene that was not made from gears.
-    """
+    """The motion of gears in physical units, in a sentence."""
     shown = [v for v in validations if not math.isnan(_milliseconds(v))]
     return [f"In the units of these gears: {'; '.join(map(_in_words, shown))}."] if shown else []
 

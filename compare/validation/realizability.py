@@ -65,15 +65,7 @@ class Statistic(NamedTuple):
 def covariance_eigenvalue(covariance: Floats) -> float:
     """Smallest eigenvalue of a covariance matrix over its largest diagonal entry; negative for no distribution.
 
-    Parameters
-    ----------
-    covariance : ndarray, shape (n, n)
-        Symmetric.
-
-    Returns
-    -------
-    float
-        0 for a point mass; NaN where a moment is missing.
+    Shapes: `covariance` (n, n).
 
     Examples
     --------
@@ -92,15 +84,7 @@ def kurtosis_margin(raw: Floats) -> Statistic:
 
     Pearson (1916), Phil. Trans. R. Soc. A 216, 429.  It is zero for distributions on two points.
 
-    Parameters
-    ----------
-    raw : ndarray, shape (order + 1, order + 1)
-        ``E[xi^n zeta^p]``.
-
-    Returns
-    -------
-    Statistic
-        NaN below order 4, or where no variance is positive.
+    Shapes: `raw` (order + 1, order + 1).
 
     Examples
     --------
@@ -127,15 +111,7 @@ def moment_matrix_eigenvalue(raw: Floats) -> Statistic:
     It is the smallest mean square of a polynomial whose coefficient vector has length 1: negative for no distribution
     (Akhiezer 1965, The Classical Moment Problem, chapter 2).
 
-    Parameters
-    ----------
-    raw : ndarray, shape (order + 1, order + 1)
-        ``E[xi^n zeta^p]``.
-
-    Returns
-    -------
-    Statistic
-        NaN where a moment is missing or not finite.
+    Shapes: `raw` (order + 1, order + 1).
 
     Examples
     --------
@@ -167,17 +143,7 @@ def moment_matrix_eigenvalue(raw: Floats) -> Statistic:
 def negative_mass(values: Floats, spacing: float) -> float:
     """Mass of the negative part of a density given on a uniform grid of any dimension, by the rectangle rule.
 
-    Parameters
-    ----------
-    values : ndarray
-        Density at the grid points; it vanishes at the grid's ends, so that this is the trapezoidal rule.
-    spacing : float
-        Volume of a grid cell: length in one dimension, area in two.
-
-    Returns
-    -------
-    float
-        Not negative.
+    `values`: Density at the grid points; it vanishes at the grid's ends, so that this is the trapezoidal rule.
 
     Examples
     --------
@@ -235,17 +201,9 @@ def _statistics(prediction: MeanMap, impact: int) -> Iterator[tuple[int, str, St
 def realizability_table(predictions: Sequence[MeanMap]) -> pd.DataFrame:
     """Check the bounds that moments of any distribution satisfy, at each impact of each closure.
 
-    Parameters
-    ----------
-    predictions : sequence of MeanMap
-        The closures' moments, checked just before each impact that they reach.
-
-    Returns
-    -------
-    DataFrame
-        Columns ``closure, impact, stage, check, value, bound, holds, excess`` (dimensionless).  Stage 0 stands for both
-        stages jointly.  ``holds`` is nullable: NA where the closure has no such moment, and then ``value`` and
-        ``excess`` are NaN.  ``excess`` is the amount by which a bound is violated, 0 where it holds.
+    Returns: Columns ``closure, impact, stage, check, value, bound, holds, excess`` (dimensionless).  Stage 0
+    stands for both stages jointly.  ``holds`` is nullable: NA where the closure has no such moment, and then
+    ``value`` and ``excess`` are NaN.  ``excess`` is the amount by which a bound is violated, 0 where it holds.
 
     Notes
     -----
@@ -298,15 +256,7 @@ def realizability_table(predictions: Sequence[MeanMap]) -> pd.DataFrame:
 def first_failures(table: pd.DataFrame) -> pd.DataFrame:
     """The first impact (and there the first stage) at which each closure violates each bound.
 
-    Parameters
-    ----------
-    table : DataFrame
-        From `realizability_table`.
-
-    Returns
-    -------
-    DataFrame
-        Columns ``closure, check, impact, stage, value, excess``; no row for a bound that is never violated.
+    Returns: Columns ``closure, check, impact, stage, value, excess``; no row for a bound that is never violated.
 
     Examples
     --------

@@ -23,52 +23,27 @@ WANTED = 0.01  # accuracy, in sds, for which the cost of a simulation is stated
 
 
 class Speed(NamedTuple):
-    """Nominal time of a closure and of a simulation of equal accuracy, both on one core.
-
-    Attributes
-    ----------
-    closure : str
-    sigma : float
-        Noise intensity.
-    impacts : int
-        The impact up to which the closure is accurate; both sides are counted up to it.
-    worst, median : float
-        Worst and median error of the closure's section means and sds, in units of the quantities' sds.
-    resolved : bool
-        Whether the interval of the worst error excludes zero; if not, the error may be smaller and the speed-up larger.
-    closure_seconds, simulation_seconds : float
-        Nominal seconds on one core.
-    paths : int
-        Paths that bound all errors by the worst error of the closure.
-    speed_up : float
-        Ratio of the two times.
-    """
+    """Nominal time of a closure and of a simulation of equal accuracy, both on one core."""
 
     closure: str
-    sigma: float
-    impacts: int
+    sigma: float  # noise intensity
+    impacts: int  # the impact up to which the closure is accurate; both sides are counted up to it
+    # worst, median: worst and median error of the closure's section means and sds, in units of the quantities' sds
     worst: float
     median: float
+    # whether the interval of the worst error excludes zero; if not, the error may be smaller and the speed-up larger
     resolved: bool
-    closure_seconds: float
-    paths: int
+    closure_seconds: float  # closure_seconds, simulation_seconds: nominal seconds on one core
+    paths: int  # paths that bound all errors by the worst error of the closure
     simulation_seconds: float
-    speed_up: float
+    speed_up: float  # ratio of the two times
 
 
 def paths_for(rows: pd.DataFrame, error: float) -> int:
     """Number of paths for which with 95 % probability no moment is off by more than `error`.
 
-    Parameters
-    ----------
-    rows : DataFrame
-        A row for each moment: ``unit``, the sd of its quantity, and ``se``, its standard error for a single path.
-    error : float
-        In units of ``unit``.
-
-    Returns
-    -------
-    int
+    `rows`: A row for each moment: ``unit``, the sd of its quantity, and ``se``, its standard error for a single
+    path.
 
     Examples
     --------

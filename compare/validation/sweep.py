@@ -23,40 +23,15 @@ SCHEME = "exact-flight"
 
 
 class Sweep(NamedTuple):
-    """Ranges of validity and speed-ups of all closures at all noise intensities.
+    """Ranges of validity and speed-ups of all closures at all noise intensities."""
 
-    Attributes
-    ----------
-    validity : DataFrame
-        Columns of `rattle.compare.validation.validity.Validity`.
-    speed : DataFrame
-        Columns of `rattle.compare.validation.speed.Speed`.
-    simulation : DataFrame
-        From `rattle.compare.validation.speed.simulation_costs`, a row for each noise intensity.
-    """
-
-    validity: pd.DataFrame
-    speed: pd.DataFrame
-    simulation: pd.DataFrame
+    validity: pd.DataFrame  # columns of `rattle.compare.validation.validity.Validity`
+    speed: pd.DataFrame  # columns of `rattle.compare.validation.speed.Speed`
+    simulation: pd.DataFrame  # from `rattle.compare.validation.speed.simulation_costs`, a row for each noise intensity
 
 
 def grid(text: str) -> tuple[float, ...]:
     """Noise intensities from ``LOW:HIGH:POINTS``, evenly spaced in their logarithm, rounded to three digits.
-
-    Parameters
-    ----------
-    text : str
-        Smallest and largest noise intensity, and their number, at least 2.
-
-    Returns
-    -------
-    tuple of float
-        Ascending, all different.
-
-    Raises
-    ------
-    InputError
-        If the text has another form, the range is empty, or three digits cannot tell the points apart.
 
     Examples
     --------
@@ -82,22 +57,7 @@ def grid(text: str) -> tuple[float, ...]:
 
 
 def check_sweep(scene: Scene, sigmas: Sequence[float], **settings: Any) -> None:
-    """Validate the input of a sweep before any work starts.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    sigmas : sequence of float
-        Noise intensities.
-    **settings
-        Of `rattle.montecarlo.check_settings`, except scheme and step.
-
-    Raises
-    ------
-    InputError
-        If a simulation of the sweep is not admissible; names the noise intensity and the remedy.
-    """
+    """Validate the input of a sweep before any work starts."""
     for sigma in sigmas:
         try:
             own = scene.with_sigma(sigma)
@@ -109,20 +69,8 @@ def check_sweep(scene: Scene, sigmas: Sequence[float], **settings: Any) -> None:
 def sweep(scene: Scene, sigmas: Sequence[float], *, workers: int, **settings: Any) -> Sweep:
     """Validate a scene at each noise intensity against exact flights, all from one seed.
 
-    Parameters
-    ----------
-    scene : Scene
-        The scene; its own noise intensity is not used.
-    sigmas : sequence of float
-        Noise intensities.  All use the same random numbers, so that the sample does not change along the grid.
-    workers : int
-        Threads of the simulations.
-    **settings
-        Of `rattle.compare.validation.validate.validate`, except scheme and step.
-
-    Returns
-    -------
-    Sweep
+    `sigmas`: Noise intensities.  All use the same random numbers, so that the sample does not change along the
+    grid.
     """
     validity, speed, costs = [], [], []
     for sigma in tqdm(sigmas, desc="validity", unit="sigma", disable=None):

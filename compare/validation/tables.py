@@ -30,17 +30,7 @@ SHOWN = [("mean", "tau"), ("mean", "y1"), ("mean", "y2"), ("sd", "tau"), ("sd", 
 
 
 def count_table(v: Validation) -> Table:
-    """Number of moments with each verdict, by closure and kind of moment.
-
-    Parameters
-    ----------
-    v : Validation
-        The validation that is shown.
-
-    Returns
-    -------
-    Table
-    """
+    """Number of moments with each verdict, by closure and kind of moment."""
     rows: list[Row] = []
     for (closure, kind, moment), group in v.table.groupby(["closure", "kind", "moment"], sort=False):
         name = "ρ at mid-flight" if kind == "fixed time" else f"section {moment}s"
@@ -60,21 +50,7 @@ def _cell(row: pd.Series) -> Cell:
 
 
 def impact_table(v: Validation, closure: str, summary: str) -> Table:
-    """Errors of a closure at each impact, in sds, with the half width of their intervals.
-
-    Parameters
-    ----------
-    v : Validation
-        The validation that is shown.
-    closure : str
-        Name of the closure.
-    summary : str
-        Line beneath which the table is collapsed.
-
-    Returns
-    -------
-    Table
-    """
+    """Errors of a closure at each impact, in sds, with the half width of their intervals."""
     table = v.table[(v.table["closure"] == closure) & (v.table["kind"] == "section")]
     columns = [(m, q) for m, q in SHOWN if v.scene.stages == 2 or q != "y2"]
     cells = {(r["moment"], r["quantity"], r["impact"]): _cell(r) for _, r in table.iterrows()}
@@ -95,15 +71,7 @@ def impact_table(v: Validation, closure: str, summary: str) -> Table:
 def failure_table(v: Validation) -> Table:
     """First failure of each check of realizability.
 
-    Parameters
-    ----------
-    v : Validation
-        The validation that is shown.
-
-    Returns
-    -------
-    Table
-        Without rows if no check fails.  Mixtures (branching) have no moments of a perturbation to check.
+    Returns: Without rows if no check fails.  Mixtures (branching) have no moments of a perturbation to check.
     """
     failures = first_failures(realizability_table([m for m in v.predictions.values() if m.trace.parts is None]))
     rows: list[Row] = [
@@ -122,15 +90,7 @@ def failure_table(v: Validation) -> Table:
 def distance_table(v: Validation) -> Table:
     """Distances between predicted section density and histogram, by closure.
 
-    Parameters
-    ----------
-    v : Validation
-        The validation that is shown.
-
-    Returns
-    -------
-    Table
-        In units of the sampling floor: the distance that a sample of the true density would have.
+    Returns: In units of the sampling floor: the distance that a sample of the true density would have.
     """
     table = pd.concat([section_distances(m, v.run) for m in v.predictions.values()], ignore_index=True)
     rows: list[Row] = []
@@ -144,35 +104,14 @@ def distance_table(v: Validation) -> Table:
 
 
 def reach_table(v: Validation) -> Table:
-    """Range of validity of each closure of a validation, and its cause.
-
-    Parameters
-    ----------
-    v : Validation
-        The validation that is shown.
-
-    Returns
-    -------
-    Table
-    """
+    """Range of validity of each closure of a validation, and its cause."""
     found = validities([v]).to_dict("records")
     rows: list[Row] = [[str(f["closure"]), int(f["accurate"]), int(f["not_inaccurate"]), str(f["why"])] for f in found]
     return Table.of(["closure", *numbers(f"{ACCURATE} impact", NOT_WRONG), "why it ends"], rows)
 
 
 def validity_table(table: pd.DataFrame) -> Table:
-    """Range of validity of each closure over the noise intensity.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `rattle.compare.validation.sweep.sweep`.
-
-    Returns
-    -------
-    Table
-        Neighbouring noise intensities with the same range and cause share a row.
-    """
+    """Range of validity of each closure over the noise intensity."""
     rows: list[Row] = []
     for closure, group in table.groupby("closure", sort=False):
         group = group.sort_values("sigma")
@@ -188,15 +127,8 @@ def validity_table(table: pd.DataFrame) -> Table:
 def speed_table(table: pd.DataFrame) -> Table:
     """Speed-up of each closure against a simulation of equal accuracy.
 
-    Parameters
-    ----------
-    table : DataFrame
-        Rows of `rattle.compare.validation.speed.Speed`.
-
-    Returns
-    -------
-    Table
-        Where the interval of the worst error contains zero, the error is an upper and the speed-up a lower bound.
+    Returns: Where the interval of the worst error contains zero, the error is an upper and the speed-up a lower
+    bound.
     """
     rows: list[Row] = [
         [
@@ -217,17 +149,7 @@ def speed_table(table: pd.DataFrame) -> Table:
 
 
 def simulation_text(v: Validation) -> str:
-    """The simulation behind a validation in words: paths, scheme, step, sampling error, diagnostics.
-
-    Parameters
-    ----------
-    v : Validation
-        The validation that is shown.
-
-    Returns
-    -------
-    str
-    """
+    """The simulation behind a validation in words: paths, scheme, step, sampling error, diagnostics."""
     run = v.run
     mean = v.run.section
     bias = " (2 dt and 4 dt on the same Brownian paths)" if "fine_coarse" in run.result.sums else ", no step bias"

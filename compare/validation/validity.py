@@ -33,52 +33,21 @@ SLOW = 3.0  # mean impact speed, in its sds, below which a Gaussian has a part o
 
 
 class Validity(NamedTuple):
-    """Range of validity of a closure at one noise intensity; which rows are judged is stated in `verdict.RULE`.
-
-    Attributes
-    ----------
-    closure : str
-    sigma : float
-        Noise intensity.
-    accurate : int
-        Last impact up to which every section mean and sd that it predicts is accurate.
-    not_inaccurate : int
-        Last impact up to which none is inaccurate; beyond ``accurate`` some are undecided.
-    cause : str
-        What limits the range, a key of `CAUSES`.
-    why : str
-        The evidence for the cause.
-    on_itinerary : int
-        Last impact up to which 99 % of the paths have followed the closure's itinerary.
-    paths : int
-    dt : float
-        Of the simulation.
-    """
+    """Range of validity of a closure at one noise intensity; which rows are judged is stated in `verdict.RULE`."""
 
     closure: str
-    sigma: float
-    accurate: int
-    not_inaccurate: int
-    cause: str
-    why: str
-    on_itinerary: int
+    sigma: float  # noise intensity
+    accurate: int  # last impact up to which every section mean and sd that it predicts is accurate
+    not_inaccurate: int  # last impact up to which none is inaccurate; beyond ``accurate`` some are undecided
+    cause: str  # what limits the range, a key of `CAUSES`
+    why: str  # the evidence for the cause
+    on_itinerary: int  # last impact up to which 99 % of the paths have followed the closure's itinerary
     paths: int
-    dt: float
+    dt: float  # of the simulation
 
 
 def validity(v: Validation, closure: str) -> Validity:
     """Range of validity of one closure of a validation.
-
-    Parameters
-    ----------
-    v : Validation
-        The validation that is shown.
-    closure : str
-        Name of the closure.
-
-    Returns
-    -------
-    Validity
 
     Examples
     --------
@@ -104,36 +73,12 @@ def validity(v: Validation, closure: str) -> Validity:
 
 
 def validities(validations: Sequence[Validation]) -> pd.DataFrame:
-    """Ranges of validity of all closures at all noise intensities.
-
-    Parameters
-    ----------
-    validations : sequence of Validation
-        One for each noise intensity.
-
-    Returns
-    -------
-    DataFrame
-        A row for each `Validity`.
-    """
+    """Ranges of validity of all closures at all noise intensities."""
     return pd.DataFrame([validity(v, closure) for v in validations for closure in v.predictions])
 
 
 def judged_rows(v: Validation, closure: str) -> pd.DataFrame:
-    """The section rows of a closure that are judged, see `rattle.compare.validation.verdict.RULE`.
-
-    Parameters
-    ----------
-    v : Validation
-        The validation that is shown.
-    closure : str
-        Name of the closure.
-
-    Returns
-    -------
-    DataFrame
-        Rows of ``v.table``.
-    """
+    """The section rows of a closure that are judged, see `rattle.compare.validation.verdict.RULE`."""
     rows = v.table[(v.table["closure"] == closure) & (v.table["kind"] == "section")]
     return rows[rows["verdict"] != NOT_JUDGED]
 

@@ -38,19 +38,7 @@ ROOM = 0.9  # height, in impacts, that a marker takes above the band that it exp
 
 
 def validity_figure(table: pd.DataFrame, impacts: int) -> Figure:
-    """Impact up to which each closure is accurate and not shown wrong, over sigma, a panel for each closure.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Rows of `rattle.compare.validation.validity.Validity`, at two noise intensities at least.
-    impacts : int
-        Number of impacts that were compared.
-
-    Returns
-    -------
-    Figure
-    """
+    """Impact up to which each closure is accurate and not shown wrong, over sigma, a panel for each closure."""
     closures = list(table["closure"].unique())
     columns = min(len(closures), 2)
     rows = -(-len(closures) // columns)

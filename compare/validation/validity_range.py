@@ -26,50 +26,18 @@ T = TypeVar("T")
 
 
 def is_accurate(verdicts: Iterable[str]) -> bool:
-    """Whether every row that is judged and predicted is accurate, and there is at least one.
-
-    Parameters
-    ----------
-    verdicts : iterable of str
-        Of `rattle.compare.validation.verdict.VERDICTS`.
-
-    Returns
-    -------
-    bool
-    """
+    """Whether every row that is judged and predicted is accurate, and there is at least one."""
     return set(verdicts) & set(JUDGED) == {"accurate"}
 
 
 def is_wrong(verdicts: Iterable[str]) -> bool:
-    """Whether some judged row is inaccurate, or nothing is predicted.
-
-    Parameters
-    ----------
-    verdicts : iterable of str
-        Of `rattle.compare.validation.verdict.VERDICTS`.
-
-    Returns
-    -------
-    bool
-    """
+    """Whether some judged row is inaccurate, or nothing is predicted."""
     judged = set(verdicts) & set(JUDGED)
     return not judged or "inaccurate" in judged
 
 
 def unbroken(values: Iterable[T], holds: Iterable[bool]) -> T | None:
     """The last value up to which a condition is true without a gap.
-
-    Parameters
-    ----------
-    values : iterable
-        Ascending.
-    holds : iterable of bool
-        Whether the condition is true at each of them.
-
-    Returns
-    -------
-    object or None
-        One of the values; None if the condition is false at the first.
 
     Examples
     --------
@@ -86,16 +54,6 @@ def unbroken(values: Iterable[T], holds: Iterable[bool]) -> T | None:
 
 def want(rows: pd.DataFrame) -> str:
     """Whether undecided rows lack paths, a smaller step, or both.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        From `rattle.compare.validation.verdict.judge`: columns ``verdict, paths_needed``.
-
-    Returns
-    -------
-    str
-        A phrase that begins with ``undecided``.
 
     Examples
     --------
@@ -114,22 +72,9 @@ def in_words(
 ) -> str:  # fmt: skip
     """A range of validity over a scene parameter in words, and what lies beyond it.
 
-    Parameters
-    ----------
-    name : str
-        Name of the parameter.
-    values : sequence of float
-        Its values that were tried, ascending.
-    accurate, not_wrong : float
-        The last value up to which all is accurate, and up to which nothing is inaccurate; NaN if not even the first.
-    ended : bool
-        Whether beyond ``not_wrong`` the closure cannot be continued to the last impact, rather than being inaccurate.
-    undecided : str
-        The phrase for what is undecided, from `want`.
-
-    Returns
-    -------
-    str
+    `accurate`, `not_wrong`: The last value up to which all is accurate, and up to which nothing is inaccurate;
+    NaN if not even the first. `ended`: Whether beyond ``not_wrong`` the closure cannot be continued to the last
+    impact, rather than being inaccurate.
 
     Examples
     --------
@@ -154,15 +99,6 @@ def in_words(
 
 def listed(items: Sequence[str]) -> str:
     """Join items as in a sentence: commas, and ``and`` before the last.
-
-    Parameters
-    ----------
-    items : sequence of str
-        At least one.
-
-    Returns
-    -------
-    str
 
     Examples
     --------

@@ -72,17 +72,6 @@ class Tolerances(NamedTuple):
 def widest(checks: int, family_error: float = 0.05) -> float:
     """Half width, in standard errors, of simultaneous two-sided normal confidence intervals (Bonferroni).
 
-    Parameters
-    ----------
-    checks : int
-        Number of intervals.
-    family_error : float
-        Probability that at least one of them misses its true value.
-
-    Returns
-    -------
-    float
-
     Examples
     --------
     >>> round(widest(1), 2), round(widest(100), 2)
@@ -93,17 +82,6 @@ def widest(checks: int, family_error: float = 0.05) -> float:
 
 def at_wall(quantity: Any, mesh: Any) -> Any:
     """Whether a quantity is the displacement at the struck mesh, which is not judged, see `RULE`.
-
-    Parameters
-    ----------
-    quantity : str or array of str
-        Name of a section quantity: ``x1``, ``y1``, ...
-    mesh : int or array of int
-        The mesh that is struck, 1 or 2.
-
-    Returns
-    -------
-    bool or array of bool
 
     Examples
     --------
@@ -116,22 +94,14 @@ def at_wall(quantity: Any, mesh: Any) -> Any:
 def judge(table: pd.DataFrame) -> pd.DataFrame:
     """Give a verdict on each row: is the error of a predicted moment within its tolerance?
 
-    Parameters
-    ----------
-    table : DataFrame
-        Columns ``predicted, error, low, high, noise, tolerance, paths``; optionally ``judged`` (bool), and
-        ``unseen_low, unseen_high, unseen_paths`` (see `section_errors`).  ``low`` and ``high`` bound the error;
-        ``noise`` is the part of the interval's half width that more paths would reduce.  An interval that so few
-        paths cannot have is NaN.
-
-    Returns
-    -------
-    DataFrame
-        A copy with two more columns.  ``verdict``: ``accurate`` if the whole interval lies within the tolerance,
-        ``inaccurate`` if all of it lies outside, else ``undecided``; ``not predicted`` where a value is missing,
-        ``not judged`` where ``judged`` is False.  ``paths_needed``: the number of paths that would decide an undecided
-        row, NaN where only a smaller step can.  It counts the paths that show the branches which this sample cannot
-        have seen, where these alone leave the row open.
+    `table`: Columns ``predicted, error, low, high, noise, tolerance, paths``; optionally ``judged`` (bool), and
+    ``unseen_low, unseen_high, unseen_paths`` (see `section_errors`).  ``low`` and ``high`` bound the error;
+    ``noise`` is the part of the interval's half width that more paths would reduce.  An interval that so few
+    paths cannot have is NaN. Returns: A copy with two more columns.  ``verdict``: ``accurate`` if the whole
+    interval lies within the tolerance, ``inaccurate`` if all of it lies outside, else ``undecided``; ``not
+    predicted`` where a value is missing, ``not judged`` where ``judged`` is False.  ``paths_needed``: the number
+    of paths that would decide an undecided row, NaN where only a smaller step can.  It counts the paths that show
+    the branches which this sample cannot have seen, where these alone leave the row open.
     """
     out = table.copy()
     for name in UNSEEN:
@@ -203,33 +173,19 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
 
     Both sides are moments on the Poincaré section at the impacts: of the state of each path at its own k-th impact.
 
-    Parameters
-    ----------
-    prediction : Claimed
-        A closure's section moments.
-    run : Simulated
-        The simulation.
-    z : float
-        Half width of the intervals in standard errors, see `widest`.
-    tolerances : Tolerances
-        Largest errors that count as accurate.
-
-    Returns
-    -------
-    DataFrame
-        A row for each impact, quantity and moment.  ``simulated`` is the simulated value with its standard error
-        ``se`` and the measured step ``bias``.  ``error`` is the predicted minus the bias-corrected value; ``low`` and
-        ``high`` bound it: ``noise`` is `z` standard errors of the corrected value (the interval has Student's t in
-        place of `z`, which is wider where paths are few), ``rest`` bounds the bias that the correction may have left.
-        ``unit`` is the sd of the quantity, ``se_unit`` its standard error. ``still`` is the tolerance of a quantity
-        that does not vary, `ABSOLUTE` times its largest size over the impacts (for times, that of a flight), and 0
-        where it varies. ``agreement`` is the share of paths on the closure's itinerary if the run has it, else on the
-        noise-free one. ``judged`` is False for the rows that `RULE` excludes. ``unseen_low`` and ``unseen_high`` are
-        how far branches that the sample cannot have seen widen the interval on either side, and ``unseen_paths`` how
-        many paths would show them (`rattle.montecarlo.unseen`); ``remark`` says so in words where they leave a row
-        undecided, and is `BY_SIZE` where ``still`` is the tolerance. The interval of a sampled value is longer on the
-        side to which its own sampling distribution is skewed (`skewed`); ``lean`` is that skewness over sqrt(n).
-        Verdicts are those of `judge`.
+    Returns: A row for each impact, quantity and moment.  ``simulated`` is the simulated value with its standard
+    error ``se`` and the measured step ``bias``.  ``error`` is the predicted minus the bias-corrected value;
+    ``low`` and ``high`` bound it: ``noise`` is `z` standard errors of the corrected value (the interval has
+    Student's t in place of `z`, which is wider where paths are few), ``rest`` bounds the bias that the correction
+    may have left. ``unit`` is the sd of the quantity, ``se_unit`` its standard error. ``still`` is the tolerance
+    of a quantity that does not vary, `ABSOLUTE` times its largest size over the impacts (for times, that of a
+    flight), and 0 where it varies. ``agreement`` is the share of paths on the closure's itinerary if the run has
+    it, else on the noise-free one. ``judged`` is False for the rows that `RULE` excludes. ``unseen_low`` and
+    ``unseen_high`` are how far branches that the sample cannot have seen widen the interval on either side, and
+    ``unseen_paths`` how many paths would show them (`rattle.montecarlo.unseen`); ``remark`` says so in words
+    where they leave a row undecided, and is `BY_SIZE` where ``still`` is the tolerance. The interval of a sampled
+    value is longer on the side to which its own sampling distribution is skewed (`skewed`); ``lean`` is that
+    skewness over sqrt(n). Verdicts are those of `judge`.
     """
     section, steps = run.section, run.step_bias
     impact, quantity, is_mean = steps["impact"], steps["quantity"], steps["moment"] == "mean"
@@ -289,18 +245,7 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
 
 
 def remarks(table: pd.DataFrame) -> list[str]:
-    """What decides a row besides its sd, in words: the size of what does not vary, and what the sample has not seen.
-
-    Parameters
-    ----------
-    table : DataFrame
-        As of `section_errors`.
-
-    Returns
-    -------
-    list of str
-        Empty where there is nothing to say.
-    """
+    """What decides a row besides its sd, in words: the size of what does not vary, and what the sample has not seen."""
     shift = np.maximum(table["unseen_low"], table["unseen_high"])
     said = (table["verdict"] == "undecided") & (shift > WORTH_A_WORD * table["tolerance"])
     by_size = (table["still"] > 0.0) & table["verdict"].isin(JUDGED)
@@ -315,18 +260,7 @@ def remarks(table: pd.DataFrame) -> list[str]:
 def skewed(columns: Mapping[str, NDArray[Any]], steps: pd.DataFrame, z: float) -> NDArray[np.float64]:
     """`rattle.montecarlo.accuracy.skewness_gain` of the rows of a table.
 
-    Parameters
-    ----------
-    columns : mapping of str to ndarray
-        Of the section of a simulation.
-    steps : DataFrame
-        Rows ``impact, quantity, moment``.
-    z : float
-        Half width of the interval in standard errors.
-
-    Returns
-    -------
-    ndarray, shape (rows,)
+    Shapes: result (rows,).
     """
     gains = np.array([[skewness_gain(columns, q, of_sd, z) for q in SECTION] for of_sd in (False, True)])
     of_sd = (steps["moment"] == "sd").to_numpy(int)
@@ -347,17 +281,8 @@ def _hidden(hidden: Unseen, steps: pd.DataFrame) -> tuple[NDArray[np.float64], .
 def to_absolute_time(table: pd.DataFrame, scene: Scene) -> pd.DataFrame:
     """Convert the times in a table of errors from phase-reduced (`Scene.phase_reduced`) to absolute time.
 
-    Parameters
-    ----------
-    table : DataFrame
-        Rows of `section_errors`, or such rows at fixed times with a column ``time``.
-    scene : Scene
-        The scene as given.
-
-    Returns
-    -------
-    DataFrame
-        Mean impact times and ``time`` are shifted; errors, intervals and verdicts are the same in both times.
+    Returns: Mean impact times and ``time`` are shifted; errors, intervals and verdicts are the same in both
+    times.
     """
     late = (table["quantity"] == "tau") & (table["moment"] == "mean")
     columns = {name: np.where(late, scene.to_absolute_time(table[name].to_numpy(float)), table[name]) for name in SIDES}

@@ -42,25 +42,15 @@ HIT = 6
 
 
 class Clockwork(NamedTuple):
-    """Tables of the steps, periodic with the excitation.
+    """Tables of the steps, periodic with the excitation."""
 
-    Attributes
-    ----------
-    h : float
-        Step; a whole number of steps makes a period.
-    depth : int
-        Levels of the tree below a step.
-    forcing : ndarray, shape (steps, 14)
-        For each step of a period: drift, effect of a unit normal of the increment and of the area (4 each), margins of
-        both stages.
-    carry : ndarray, shape (6,)
-        Entries ``x1y1, y1y1, x2y1, x2y2, y2y1, y2y2`` of a step's Jacobian, see
-        `rattle.montecarlo.schemes.whole_step.FlightForcing`.
-    """
-
-    h: float
-    depth: int
+    h: float  # step; a whole number of steps makes a period
+    depth: int  # levels of the tree below a step
+    # for each step of a period: drift, effect of a unit normal of the increment and of the area (4 each), margins of
+    # both stages; (steps, 14)
     forcing: Floats
+    # entries ``x1y1, y1y1, x2y1, x2y2, y2y1, y2y2`` of a step's Jacobian, see
+    # `rattle.montecarlo.schemes.whole_step.FlightForcing`; (6,)
     carry: Floats
 
 
@@ -75,22 +65,6 @@ def step_time(scene: Scene) -> float:
 
 def clockwork(scene: Scene, depth: int) -> Clockwork:
     """The step tables of a scene.
-
-    Parameters
-    ----------
-    scene : Scene
-        Without random tolerance.
-    depth : int
-        Levels of the tree below a step, at most `DEEPEST`.
-
-    Returns
-    -------
-    Clockwork
-
-    Raises
-    ------
-    InputError
-        If half gaps are random: then paths differ in more than their noise.
 
     Examples
     --------
@@ -113,37 +87,17 @@ def clockwork(scene: Scene, depth: int) -> Clockwork:
 
 
 class Room(NamedTuple):
-    """Buffers of a walk.
+    """Buffers of a walk."""
 
-    Attributes
-    ----------
-    end : ndarray, shape (4,)
-        State at the end of a trial.
-    pending : ndarray, shape (depth + 2, 2)
-        Stack of the intervals still to be walked: increment and area.
-    level, node : ndarray of int, shape (depth + 2,)
-        Their places in the tree.
-    """
-
-    end: Floats
-    pending: Floats
-    level: NDArray[np.int64]
+    end: Floats  # state at the end of a trial; (4,)
+    pending: Floats  # stack of the intervals still to be walked: increment and area; (depth + 2, 2)
+    level: NDArray[np.int64]  # level, node: their places in the tree; (depth + 2,)
     node: NDArray[np.int64]
 
 
 @jit
 def new_room(depth: int) -> Room:
-    """Buffers for a tree of given depth.
-
-    Parameters
-    ----------
-    depth : int
-        Levels below a step.
-
-    Returns
-    -------
-    Room
-    """
+    """Buffers for a tree of given depth."""
     size = depth + 2
     return Room(np.empty(4), np.empty((size, 2)), np.empty(size, np.int64), np.empty(size, np.int64))
 
@@ -152,25 +106,7 @@ def new_room(depth: int) -> Room:
 def flown(c: Constants, tau: float, s: Floats, h: float, noise: Noise, end: Floats) -> tuple[float, float]:
     """State after a flight of time h, at most a step, with given noise, into `end`.
 
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    tau : float
-        Time.
-    s : ndarray, shape (4,)
-        State at the start.
-    h : float
-        Length of the flight.
-    noise : Noise
-        Of this time.
-    end : ndarray, shape (4,)
-        Output.
-
-    Returns
-    -------
-    margin1, margin2 : float
-        Margins of both stages for any path in this time, see `rattle.montecarlo.schemes.crossing.margins`.
+    Shapes: `s` (4,); `end` (4,).
     """
     phase = sine_cosine(tau)
     (end[0], end[1], end[2], end[3]), _ = short_flight(
@@ -245,31 +181,8 @@ def walk_step(
 ) -> tuple[int, bool]:  # fmt: skip
     """Carry a path through a step, in place.
 
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    w : Clockwork
-        Step tables.
-    room : Room
-        Buffers.
-    key, path : Key, Word
-        Of the Brownian tree.
-    step : int
-        Number of the step since time 0, below 2^30.
-    z : tuple of 2 float
-        The step's standard normals: of increment and area.
-    s : ndarray, shape (4,)
-        State; output too.
-    hits : ndarray, shape (at least 1, HIT)
-        Output: the impacts in the step.
-
-    Returns
-    -------
-    found : int
-        Number of impacts.
-    full : bool
-        Whether `hits` was filled: the path then stays in this state to the end of the step.
+    Returns: Whether `hits` was filled: the path then stays in this state to the end of the step. Shapes: `s`
+    (4,); `hits` (at least 1, HIT).
     """
     row = step % len(w.forcing)
     f, m = w.forcing[row], w.carry

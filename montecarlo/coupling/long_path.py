@@ -68,25 +68,9 @@ def _stretch(
 class LongPath:
     """One path of a scene, to be followed a stretch at a time.
 
-    Parameters
-    ----------
-    scene : Scene
-        Without random tolerance.
-    seed : int
-        Of the noise.
-    path : int
-        Number of the path within this seed.
-    depth : int
-        Levels of the Brownian tree (`rattle.montecarlo.coupling.dyadic`).
-
-    Attributes
-    ----------
-    step : float
-        Time between the velocities that `stretch` returns.
-    steps : int
-        Number of the next step, counted from time 0 (modulo the period at the start).
-    sticking_steps : int
-        Steps with more impacts than there is space for; the path stays as it is to their end.
+    `step`: time between the velocities that `stretch` returns. `steps`: number of the next step, counted from
+    time 0 (modulo the period at the start). `sticking_steps`: steps with more impacts than there is space for;
+    the path stays as it is to their end.
 
     Examples
     --------
@@ -115,21 +99,7 @@ class LongPath:
 
         A path that has more impacts than there is space for (one in two steps) ends its stretch early.
 
-        Parameters
-        ----------
-        steps : int
-            Number of steps.
-        tangent : bool
-            Whether the frame is carried along, and its growth recorded.
-        velocities : bool
-            Whether velocities are recorded.
-
-        Returns
-        -------
-        stretch : Stretch
-            Impacts, and the growth of the frame at each.
-        velocity : ndarray, shape (steps taken, 2)
-            ``(y1, y2)`` at the start of each step; empty if not recorded.
+        Shapes: `velocity` (steps taken, 2).
         """
         room = steps // 2 + MOST_IN_A_STEP
         s = Stretch(

@@ -80,34 +80,7 @@ def after_impact(
 ) -> tuple[Floats, Floats, int]:
     """Difference in ``y1`` after an impact at mesh 1, of two paths that reach the wall some distance apart.
 
-    Parameters
-    ----------
-    scene : Scene
-        With noise, without random tolerance.
-    deltas : ndarray
-        Distances in ``x1`` by which the partner lags.
-    impacts : int
-        Number of impacts of one long path that are used.
-    seed : int
-        Of the noise.
-    least : float
-        Least impact velocity that is used.
-    settle : int
-        Steps left out at the start.
-
-    Returns
-    -------
-    apart : ndarray, shape (impacts, deltas)
-        Difference of ``y1`` just after the later of both impacts.
-    place : ndarray, shape (impacts, 3)
-        Time modulo 2 pi, speed before the impact, modulation of the noise there.
-    missed : int
-        Impacts left out because the partner did not have the same one.
-
-    Raises
-    ------
-    InputError
-        If half gaps are random.
+    Shapes: `apart` (impacts, deltas); `place` (impacts, 3).
 
     Examples
     --------
@@ -190,32 +163,7 @@ def growths(
     The distance is looked at once a step (2 pi / 128 or less); after each growth the partner is put back to `delta` in
     its present direction.  The distance is that of ``(x1, y1, x2, y2)``, the smaller one of two successive steps.
 
-    Parameters
-    ----------
-    scene : Scene
-        Without random tolerance; without noise these are two orbits.
-    delta : float
-        Distance at the start of a growth.
-    events : int
-        Number of growths along one long path.
-    seed : int
-        Of the noise.
-    ratio : float
-        Factor of the distance at which a growth ends.
-    patience : float
-        Time after which a growth is given up; it is returned as it is then.
-    settle : int
-        Steps left out at the start.
-
-    Returns
-    -------
-    duration, growth : ndarray
-        Times, and logarithms of the distance at their end over `delta`.
-
-    Raises
-    ------
-    InputError
-        If half gaps are random.
+    `patience`: Time after which a growth is given up; it is returned as it is then.
 
     Examples
     --------

@@ -47,13 +47,7 @@ SIMULATED = 8
 
 
 def check_gpu() -> None:
-    """Raise an error if there is no GPU to run on.
-
-    Raises
-    ------
-    InputError
-        Names what is missing: the package, the compiler's libraries, the driver, or the GPU.
-    """
+    """Raise an error if there is no GPU to run on."""
     if find_spec("numba_cuda") is None:
         raise InputError("device", "cuda", "needs the package numba-cuda; run: pip install 'rattle[gpu]'")
     from numba import cuda
@@ -85,17 +79,7 @@ def _resident() -> int:
 
 
 def launch_size(plan: Plan) -> int:
-    """Paths of a launch: `ROUNDS` per resident thread, or as many as fit a quarter of the GPU's free memory.
-
-    Parameters
-    ----------
-    plan : Plan
-        Of the run.
-
-    Returns
-    -------
-    int
-    """
+    """Paths of a launch: `ROUNDS` per resident thread, or as many as fit a quarter of the GPU's free memory."""
     if _simulated():
         return min(SIMULATED, plan.paths)
     from numba import cuda
@@ -160,19 +144,7 @@ def _followed(gpu: _Resources, first: int, paths: int) -> tuple[Any, Any, NDArra
 def launches(plan: Plan, size: int) -> Iterator[tuple[BlockResult, Floats | None]]:
     """Results of the launches of a plan, in order, as `rattle.montecarlo.kernel.block.run` gives them for blocks.
 
-    Parameters
-    ----------
-    plan : Plan
-        Of the run.
-    size : int
-        Paths of a launch.
-
-    Yields
-    ------
-    result : BlockResult
-        Sums and counts of the launch.
-    rows : ndarray, shape (paths, impacts, COLUMNS), or None
-        Its impacts, if the plan keeps them.
+    Shapes: `rows` (paths, impacts, COLUMNS), or None.
     """
     from rattle.montecarlo.cuda.sums import MOST_THREADS, reduced
 
@@ -211,19 +183,7 @@ COSTS = {
 
 
 def speed(plan: Plan, repeats: int = 3) -> float:
-    """Path-steps per second of a plan's first launch: the best of several, after one that compiles.
-
-    Parameters
-    ----------
-    plan : Plan
-        Of the run.
-    repeats : int
-        Timed launches.
-
-    Returns
-    -------
-    float
-    """
+    """Path-steps per second of a plan's first launch: the best of several, after one that compiles."""
     gpu, paths = _prepared(plan), launch_size(plan)
     _followed(gpu, 0, paths)
     best = 0.0
@@ -239,24 +199,9 @@ def measure(dt: float = 2e-3, impacts: int = 12) -> pd.DataFrame:
 
     Not yet run on a GPU.  The goal is 1e11 path-steps per second on an H200.
 
-    Parameters
-    ----------
-    dt : float
-        Step.
-    impacts : int
-        Impacts of each path.
-
-    Returns
-    -------
-    DataFrame
-        Index ``scheme, increments``; columns ``path_steps_per_s``, ``flops_per_s``, ``words_per_s`` (random), and the
-        shares of two limits of the GPU, without impacts and idle threads: ``of_float64`` (all float64 pipes always
-        busy) and ``of_issue`` (an instruction issued at every clock).
-
-    Raises
-    ------
-    InputError
-        Without a GPU.
+    Returns: Index ``scheme, increments``; columns ``path_steps_per_s``, ``flops_per_s``, ``words_per_s``
+    (random), and the shares of two limits of the GPU, without impacts and idle threads: ``of_float64`` (all
+    float64 pipes always busy) and ``of_issue`` (an instruction issued at every clock).
     """
     from numba import cuda
 

@@ -105,20 +105,6 @@ def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callabl
     path; state after the start as a tuple; +1, -1 or 0 per mesh for a coordinate that starts on a flank; then device
     arrays: `rows` of shape (impacts, COLUMNS, paths), the steps of the fixed times, `fixed` of shape (times, 4, paths),
     and three integer `counts` that are added to.
-
-    Parameters
-    ----------
-    scheme : int
-        Code of the scheme.
-    noise : {"none", "gaussian", "two-point"}
-        Distribution of the increments of a step.
-    random, redrawn : bool
-        Whether the backlash is random, and whether impacts redraw it.
-
-    Returns
-    -------
-    callable
-        The kernel.
     """
     gaussian, two_point = noise == "gaussian", noise == "two-point"
     width = 14 if scheme == EXACT else 4

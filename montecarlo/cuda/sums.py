@@ -133,19 +133,7 @@ def _tally(rows, itineraries, codes, agreeing):  # type: ignore[no-untyped-def]
 
 
 def launch(kernel: Any, grid: int | tuple[int, int], threads: int, *arguments: Any) -> None:
-    """Run a CUDA kernel, without numba's warning about a grid too small to fill the GPU.
-
-    Parameters
-    ----------
-    kernel : callable
-        Compiled by ``cuda.jit``.
-    grid : int or tuple of int
-        Number of thread blocks.
-    threads : int
-        Threads of a block.
-    *arguments
-        Of the kernel.
-    """
+    """Run a CUDA kernel, without numba's warning about a grid too small to fill the GPU."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "(?s).*Grid size")
         kernel[grid, threads](*arguments)
@@ -172,22 +160,7 @@ def _sums(v: Any, variables: int, pairs: Sequence[tuple[int, int]], orders: Orde
 def reduced(plan: Plan, rows: Any, fixed: Any, counts: NDArray[np.int64], threads: int) -> BlockResult:
     """The result of a launch, reduced on the GPU.
 
-    Parameters
-    ----------
-    plan : Plan
-        Of the run.
-    rows : device array, shape (impacts, COLUMNS, paths)
-        Impacts.
-    fixed : device array, shape (times, 4, paths)
-        States at fixed times.
-    counts : ndarray of int, shape (3,)
-        Path-steps, path-steps with sticking, unfinished paths.
-    threads : int
-        Threads of a block, at most `MOST_THREADS`.
-
-    Returns
-    -------
-    BlockResult
+    Shapes: `rows` (impacts, COLUMNS, paths); `fixed` (times, 4, paths); `counts` (3,).
     """
     own, pairs = [(i, i) for i in range(len(SECTION))], [(SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS]
     sums = {

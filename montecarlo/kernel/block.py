@@ -52,55 +52,23 @@ SECTION_OF = (0, 2, 3, 4, 5)
 
 
 class Plan(NamedTuple):
-    """Settings of a run, common to all of its blocks.
+    """Settings of a run, common to all of its blocks."""
 
-    Attributes
-    ----------
-    scene : Scene
-        What is simulated.
-    paths, impacts : int
-        Number of paths; impacts of each.
-    dt : float
-        Finest step.
-    scheme : str
-        Name in `SCHEMES`.
-    seed : SeedSequence
-        Of all random numbers.
-    most_steps : int
-        Finest steps after which a path is given up.
-    fixed_steps : ndarray of int
-        Finest steps after which states are recorded: the fixed times.
-    itineraries : dict of str to tuple of int
-        Named sequences of ``mesh * side``, one for each impact.
-    levels : int
-        Number of step sizes on the same Brownian paths: dt, 2 dt, ...
-    control : LinearPath
-        Control variate; empty for none.
-    keep : bool
-        Whether all impacts are kept.
-    two_point : bool
-        Whether increments are two-point.
-    mirrored : bool
-        Whether to run the antithetic partner of each path: all noise negated, backlashes the same.
-    energy : bool
-        Whether the energy loss of impacts is recorded.
-    """
-
-    scene: Scene
-    paths: int
+    scene: Scene  # what is simulated
+    paths: int  # paths, impacts: number of paths; impacts of each
     impacts: int
-    dt: float
-    scheme: str
-    seed: np.random.SeedSequence
-    most_steps: int
-    fixed_steps: Ints
-    itineraries: dict[str, tuple[int, ...]]
-    levels: int
-    control: LinearPath = no_control()
-    keep: bool = False
-    two_point: bool = False
-    mirrored: bool = False
-    energy: bool = False
+    dt: float  # finest step
+    scheme: str  # name in `SCHEMES`
+    seed: np.random.SeedSequence  # of all random numbers
+    most_steps: int  # finest steps after which a path is given up
+    fixed_steps: Ints  # finest steps after which states are recorded: the fixed times
+    itineraries: dict[str, tuple[int, ...]]  # named sequences of ``mesh * side``, one for each impact
+    levels: int  # number of step sizes on the same Brownian paths: dt, 2 dt,
+    control: LinearPath = no_control()  # control variate; empty for none
+    keep: bool = False  # whether all impacts are kept
+    two_point: bool = False  # whether increments are two-point
+    mirrored: bool = False  # whether to run the antithetic partner of each path: all noise negated, backlashes the same
+    energy: bool = False  # whether the energy loss of impacts is recorded
 
     @property
     def blocks(self) -> int:
@@ -109,23 +77,14 @@ class Plan(NamedTuple):
 
 
 class Raw(NamedTuple):
-    """Output of the kernel for a block.
+    """Output of the kernel for a block."""
 
-    Attributes
-    ----------
-    rows : ndarray, shape (levels, paths, impacts, COLUMNS)
-        Impacts; NaN where a path did not reach one.
-    fixed : ndarray, shape (levels, paths, times, 4)
-        States at fixed times.
-    controls : ndarray, shape (paths, impacts, COLUMNS)
-        Section quantities of the linearised path; no paths without a control variate.
-    path_steps, sticking_steps, unfinished : int
-        Path-steps, those in which a mesh stayed closed to the end, and paths without all impacts.
-    """
-
-    rows: Floats
-    fixed: Floats
+    rows: Floats  # impacts; NaN where a path did not reach one; (levels, paths, impacts, COLUMNS)
+    fixed: Floats  # states at fixed times; (levels, paths, times, 4)
+    # section quantities of the linearised path; no paths without a control variate; (paths, impacts, COLUMNS)
     controls: Floats
+    # path_steps, sticking_steps, unfinished: path-steps, those in which a mesh stayed closed to the end, and paths
+    # without all impacts
     path_steps: int
     sticking_steps: int
     unfinished: int
@@ -134,16 +93,8 @@ class Raw(NamedTuple):
 def start_state(scene: Scene, walls: Floats) -> Floats:
     """Initial states, after the impact at the start if there is one.
 
-    Parameters
-    ----------
-    scene : Scene
-        Its start; a coordinate on a flank is put on each path's own flank.
-    walls : ndarray, shape (4, paths)
-        Distances of the flanks +1, -1, +2, -2 from the middle.
-
-    Returns
-    -------
-    ndarray, shape (4, paths)
+    `scene`: Its start; a coordinate on a flank is put on each path's own flank. Shapes: `walls` (4, paths);
+    result (4, paths).
     """
     s = scene.start
     state = np.empty((4, walls.shape[1]))
@@ -170,21 +121,7 @@ def _array(name: str, shape: tuple[int, ...], fill: float, reuse: bool) -> Float
 
 
 def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
-    """Run the paths of a block.
-
-    Parameters
-    ----------
-    plan : Plan
-        Of the run.
-    block : int
-        Number of the block.
-    reuse : bool
-        Whether to return buffers that the thread's next block overwrites.
-
-    Returns
-    -------
-    Raw
-    """
+    """Run the paths of a block."""
     scene = plan.scene
     first = block * BLOCK
     paths = min(BLOCK, plan.paths - first)
@@ -213,43 +150,22 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
 
 @dataclass(frozen=True)
 class BlockResult:
-    """A block reduced to mergeable sums and counts.
+    """A block reduced to mergeable sums and counts."""
 
-    Attributes
-    ----------
-    sums : dict of str to CentralSums
-        ``section`` over (impact, quantity); ``section_pairs`` over (impact, pair of `PAIRS`); ``fixed`` over (time,
-        pair of `CROSS`).  With step bias also ``fine_coarse`` and ``coarse_coarser`` over (impact, quantity), the same
-        quantity at two step sizes, and ``coarse_fixed`` over (time, stage), displacement with velocity at 2 dt.  With a
-        control variate ``control`` over (impact, quantity), the quantity with that of the linearised path.  If asked
-        for, ``energy`` over (impact, 1), the energy loss.
-    codes : ndarray, shape (impacts, CODES)
-        Counts of mesh and side of each impact.
-    agreeing : dict of str to ndarray, shape (impacts,)
-        Number of paths that have followed each itinerary up to each impact.
-    path_steps, sticking_steps, unfinished : int
-        As in `Raw`.
-    """
-
+    # ``section`` over (impact, quantity); ``section_pairs`` over (impact, pair of `PAIRS`); ``fixed`` over (time,
+    # pair of `CROSS`).  With step bias also ``fine_coarse`` and ``coarse_coarser`` over (impact, quantity), the same
+    # quantity at two step sizes, and ``coarse_fixed`` over (time, stage), displacement with velocity at 2 dt.  With a
+    # control variate ``control`` over (impact, quantity), the quantity with that of the linearised path.  If asked
+    # for, ``energy`` over (impact, 1), the energy loss
     sums: dict[str, CentralSums]
-    codes: Floats
-    agreeing: dict[str, Floats]
-    path_steps: int
+    codes: Floats  # counts of mesh and side of each impact; (impacts, CODES)
+    agreeing: dict[str, Floats]  # number of paths that have followed each itinerary up to each impact; (impacts,)
+    path_steps: int  # path_steps, sticking_steps, unfinished: as in `Raw`
     sticking_steps: int
     unfinished: int
 
     def merged(self, other: "BlockResult") -> "BlockResult":
-        """Both blocks together.
-
-        Parameters
-        ----------
-        other : BlockResult
-            Of the same plan.
-
-        Returns
-        -------
-        BlockResult
-        """
+        """Both blocks together."""
         return BlockResult(
             {name: s.merged(other.sums[name]) for name, s in self.sums.items()},
             self.codes + other.codes,
@@ -282,19 +198,7 @@ def _pairs(
 def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
     """Run a block and reduce it.
 
-    Parameters
-    ----------
-    plan : Plan
-        Of the run.
-    block : int
-        Number of the block.
-
-    Returns
-    -------
-    result : BlockResult
-        Sums and counts.
-    rows : ndarray, shape (paths, impacts, COLUMNS), or None
-        Its impacts, if the plan keeps them.
+    Shapes: `rows` (paths, impacts, COLUMNS), or None.
     """
     raw = sample(plan, block, reuse=True)
     section, times = partial(_pairs, plan.impacts), partial(_pairs, plan.fixed_steps.size)

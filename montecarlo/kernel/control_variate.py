@@ -39,36 +39,20 @@ class LinearPath(NamedTuple):
     """The linearised path as a sequence of linear maps, one for each step, for compiled code.
 
     The perturbation has five components: of ``x1, y1, x2, y2``, and of the time of the last impact.
-
-    Attributes
-    ----------
-    carry : ndarray, shape (steps, 5, 5)
-        Propagator of the perturbation over a step.
-    noise : ndarray, shape (steps, 2, 5)
-        Effect of the two standard normals of a step.
-    at_step : ndarray of int, shape (impacts,)
-        Step in which the orbit has each impact; impacts that it does not have are left out.
-    read, read_noise : ndarray, shapes (impacts, 6, 5) and (impacts, 2, 6)
-        From the perturbation at the start of that step, and from its normals, to the section quantities.
-    variance : ndarray, shape (all impacts, 6)
-        Of the section quantities; zero at impacts that the orbit does not have.
     """
 
-    carry: Floats
-    noise: Floats
-    at_step: Ints
+    carry: Floats  # propagator of the perturbation over a step; (steps, 5, 5)
+    noise: Floats  # effect of the two standard normals of a step; (steps, 2, 5)
+    at_step: Ints  # step in which the orbit has each impact; impacts that it does not have are left out; (impacts,)
+    # read, read_noise: from the perturbation at the start of that step, and from its normals, to the section
+    # quantities; (impacts, 6, 5) and (impacts, 2, 6)
     read: Floats
     read_noise: Floats
-    variance: Floats
+    variance: Floats  # of the section quantities; zero at impacts that the orbit does not have; (all impacts, 6)
 
 
 def no_control() -> LinearPath:
-    """A linearised path without steps and impacts: no control variate.
-
-    Returns
-    -------
-    LinearPath
-    """
+    """A linearised path without steps and impacts: no control variate."""
     return LinearPath(
         np.empty((0, 5, 5)), np.empty((0, 2, 5)), np.empty(0, np.int64), np.empty((0, 6, 5)), np.empty((0, 2, 6)),
         np.empty((0, 6)),
@@ -129,19 +113,6 @@ def _flight(c: Constants, tau: float, begin: float, h: float, span: float) -> tu
 def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
     """The linearised path of a scene at a step.
 
-    Parameters
-    ----------
-    scene : Scene
-        With noise.
-    impacts : int
-        Number of impacts.
-    dt : float
-        Step.
-
-    Returns
-    -------
-    LinearPath
-
     Examples
     --------
     >>> from rattle.scene import DAT21, Scene
@@ -184,31 +155,7 @@ def carry_along(
 ) -> int:  # fmt: skip
     """Carry the perturbations of all lanes through step n.
 
-    Parameters
-    ----------
-    path : LinearPath
-        The maps.
-    n : int
-        Number of the step.
-    done : int
-        Number of the orbit's impacts before it.
-    first : int
-        Number of the block's first path.
-    numbers : ndarray of Word, shape (lanes,)
-        Number of the path in each lane.
-    xi : ndarray, shape (5, lanes)
-        Perturbations; output too.
-    w, area : ndarray, shape (lanes,)
-        Normals of the step.
-    controls : ndarray, shape (paths, impacts, COLUMNS)
-        Output: section quantities of the linearised path.
-    live : int
-        Number of lanes in use.
-
-    Returns
-    -------
-    int
-        Number of the orbit's impacts up to the end of the step.
+    Shapes: `numbers` (lanes,); `xi` (5, lanes); `w`, `area` (lanes,); `controls` (paths, impacts, COLUMNS).
     """
     while done < path.at_step.size and path.at_step[done] == n:
         read, noise = path.read[done], path.read_noise[done]
@@ -245,18 +192,8 @@ def controlled_statistics(sums: CentralSums, variance: Floats) -> dict[str, Floa
     `FEWEST` have.  Nor is it used where it gives something impossible, as it may with few paths: a variance that is not
     positive, or (then for all times and flights together) mean impact times out of order or negative mean flights.
 
-    Parameters
-    ----------
-    sums : CentralSums
-        Of the quantity (first) and the control variate (second), orders `PAIR`, shape (impacts, quantities of
-        `SECTION`).
-    variance : ndarray, shape (impacts, quantities)
-        Known variance of the control variate.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (impacts, quantities)
-        ``mean, se_mean, sd, se_sd``.
+    `sums`: Of the quantity (first) and the control variate (second), orders `PAIR`, shape (impacts, quantities of
+    `SECTION`). Shapes: `variance` (impacts, quantities); result (impacts, quantities).
 
     References
     ----------

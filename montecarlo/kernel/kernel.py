@@ -54,36 +54,16 @@ FLANK_DRAWS = Word(4)  # half gaps drawn at the start; the draws of the impacts 
 
 
 class Job(NamedTuple):
-    """Settings of a run for compiled code.
+    """Settings of a run for compiled code."""
 
-    Attributes
-    ----------
-    c : Constants
-        Of the scene.
-    backlash : Backlash
-        Half gaps and their tolerance.
-    key : Key
-        Of the random numbers.
-    tau : float
-        Initial time.
-    dt : float
-        Finest step.
-    scheme : int
-        Code of the scheme.
-    two_point : bool
-        Whether increments are two-point.
-    most_steps : int
-        Finest steps after which a path is given up.
-    """
-
-    c: Constants
-    backlash: Backlash
-    key: Key
-    tau: float
-    dt: float
-    scheme: int
-    two_point: bool
-    most_steps: int
+    c: Constants  # of the scene
+    backlash: Backlash  # half gaps and their tolerance
+    key: Key  # of the random numbers
+    tau: float  # initial time
+    dt: float  # finest step
+    scheme: int  # code of the scheme
+    two_point: bool  # whether increments are two-point
+    most_steps: int  # finest steps after which a path is given up
 
 
 @spliced
@@ -93,37 +73,8 @@ def next_event(
 ) -> tuple[Progress, Phase]:  # fmt: skip
     """Go to the next impact within a step, or to the end of the step; the same function on processors and GPUs.
 
-    Parameters
-    ----------
-    scheme : int
-        Code of the scheme, a compile-time constant: other schemes are not compiled in.
-    c : Constants
-        Of the scene.
-    key : Key
-        Of the run.
-    path : Word
-        Number of the path.
-    step, level : int
-        Number of the step, in finest steps; its level (0 for dt, 1 for 2 dt, ...).
-    met : int
-        Number of earlier calls for this path and step.
-    at : Progress
-        The path within the step.
-    phase : tuple of 2 float
-        Sine and cosine of its time, for exact flights.
-    whole : tuple of 4 float
-        State at the end of the step, ignoring the walls.
-    walls : Walls
-        Of the path.
-    ahead : ndarray, shape (PARTS, 3)
-        Scratch of `advance_exactly`.
-
-    Returns
-    -------
-    at : Progress
-        At the impact that is due, or at the end of the step.
-    phase : tuple of 2 float
-        Sine and cosine of its time, if an exact flight has an impact.
+    `step`, `level`: Number of the step, in finest steps; its level (0 for dt, 1 for 2 dt, ...). Shapes: `ahead`
+    (PARTS, 3).
     """
     if scheme == PLAIN:
         return at_end(c, at, walls), phase
@@ -136,19 +87,7 @@ def next_event(
 
 @spliced
 def walls_of(lanes: Lanes, p: int) -> Walls:
-    """Walls of the path in lane p.
-
-    Parameters
-    ----------
-    lanes : Lanes
-        Of one level.
-    p : int
-        Lane.
-
-    Returns
-    -------
-    Walls
-    """
+    """Walls of the path in lane p."""
     return Walls(lanes.walls[0, p], lanes.walls[1, p], lanes.walls[2, p], lanes.walls[3, p])
 
 
@@ -159,24 +98,7 @@ def record(
 ) -> None:  # fmt: skip
     """Record an impact of the path in lane p, and redraw the flank if impacts do.
 
-    Parameters
-    ----------
-    job : Job
-        Of the run.
-    path : Word
-        Number of the path.
-    row, level : int
-        Its row in `rows`, and the level of its step.
-    p : int
-        Its lane.
-    code : int
-        ``mesh * side``.
-    tau, x1, y1, x2, y2 : float
-        Time and state just before.
-    lanes : Lanes
-        Of the level; output too.
-    rows : ndarray, shape (levels, paths, impacts, COLUMNS)
-        Output.
+    Shapes: `rows` (levels, paths, impacts, COLUMNS).
     """
     k = lanes.impacts[p]
     tau = max(tau, lanes.last[p])  # after the sum of a step's pieces its end may be a rounding error late
@@ -194,21 +116,7 @@ def record(
 
 @spliced
 def rebound(c: Constants, mesh: float, y1: float, y2: float) -> tuple[float, float]:
-    """Velocities after an impact.  Without a branch on the mesh, which cannot be predicted.
-
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    mesh : float or int
-        The struck mesh; 0 for none.
-    y1, y2 : float
-        Velocities before.
-
-    Returns
-    -------
-    y1, y2 : float
-    """
+    """Velocities after an impact.  Without a branch on the mesh, which cannot be predicted."""
     a1, a2 = struck(c, FIRST, y1, y2)
     b1, b2 = struck(c, SECOND, y1, y2)
     y1 = a1 if mesh == 1 else (b1 if mesh == 2 else y1)
@@ -279,16 +187,6 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
     - fixed : ndarray, shape (levels, paths, times, 4).  Output: those states.
     - controls : ndarray, shape (paths, impacts, COLUMNS).  Output: section quantities of the linearised path; as given
       where there is none.
-
-    Parameters
-    ----------
-    scheme : int
-        Code of the scheme.
-
-    Returns
-    -------
-    callable
-        The compiled kernel.
     """
     draws = 2 if scheme == EXACT else 4  # steps per draw of four normals
     apart = 4 // draws  # normals per step

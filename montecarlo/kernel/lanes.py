@@ -29,96 +29,44 @@ class Lanes(NamedTuple):
     """Paths side by side: arrays of shape (levels, ..., lanes); for one level (..., lanes).
 
     A level is a step size: dt, 2 dt, 4 dt.
-
-    Attributes
-    ----------
-    state, before : ndarray, shape (levels, 4, lanes)
-        Present state, and the state at the start of the step.
-    walls : ndarray, shape (levels, 4, lanes)
-        Distances of the flanks +1, -1, +2, -2 from the middle.
-    w, area : ndarray, shape (levels, lanes)
-        Increment and area of the step's noise, in units of their sd.
-    last : ndarray, shape (levels, lanes)
-        Time of the last impact.
-    impacts : ndarray of int, shape (levels, lanes)
-        Number of impacts so far.
     """
 
-    state: Floats
+    state: Floats  # state, before: present state, and the state at the start of the step; (levels, 4, lanes)
     before: Floats
-    walls: Floats
-    w: Floats
+    walls: Floats  # distances of the flanks +1, -1, +2, -2 from the middle; (levels, 4, lanes)
+    w: Floats  # w, area: increment and area of the step's noise, in units of their sd; (levels, lanes)
     area: Floats
-    last: Floats
-    impacts: Ints
+    last: Floats  # time of the last impact; (levels, lanes)
+    impacts: Ints  # number of impacts so far; (levels, lanes)
 
 
 class Room(NamedTuple):
     """Buffers of a block.
 
     A draw of four normals serves four steps, or two steps of a scheme that uses the area.
-
-    Attributes
-    ----------
-    path : ndarray of Word, shape (lanes,)
-        Number of the path in each lane.
-    bits : ndarray of Word, shape (lanes,)
-        Random bits of two-point increments.
-    z : ndarray, shape (5, lanes)
-        Four normals; the fifth row stays zero.
-    xi : ndarray, shape (5, lanes)
-        Perturbations of the linearised path.
-    marks : ndarray of bool, shape (lanes,)
-        Lanes that may have an impact in this step.
-    groups, hits : ndarray of int
-        Scratch and output of `list_marked`.
-    ahead : ndarray, shape (PARTS, 3)
-        Scratch of `rattle.montecarlo.schemes.exact_flight.advance_exactly`.
-    forcing : ndarray, shape (levels, CHUNK, FORCING)
-        Forcing of the Euler-Maruyama steps of a chunk.
-    few : ndarray, shape (9 * ROW,)
-        States, flanks and ``mesh * side`` of the impact at the end of a step (0 for none), of the lanes that are walked
-        through steps one at a time; a row begins at each of ``X1 ... CODE``.
-    few_noise : ndarray, shape (4, TILE)
-        Their noise.
-    crowded : ndarray of bool, shape (lanes,)
-        Those of them that are beyond walls of both meshes.
-    struck : ndarray of int
-        Those of them that have an impact.
     """
 
-    path: NDArray[Word]
-    bits: NDArray[Word]
-    z: Floats
-    xi: Floats
-    marks: Bools
-    groups: Ints
+    path: NDArray[Word]  # number of the path in each lane; (lanes,)
+    bits: NDArray[Word]  # random bits of two-point increments; (lanes,)
+    z: Floats  # four normals; the fifth row stays zero; (5, lanes)
+    xi: Floats  # perturbations of the linearised path; (5, lanes)
+    marks: Bools  # lanes that may have an impact in this step; (lanes,)
+    groups: Ints  # groups, hits: scratch and output of `list_marked`
     hits: Ints
-    ahead: Floats
-    forcing: Floats
+    ahead: Floats  # scratch of `rattle.montecarlo.schemes.exact_flight.advance_exactly`; (PARTS, 3)
+    forcing: Floats  # forcing of the Euler-Maruyama steps of a chunk; (levels, CHUNK, FORCING)
+    # states, flanks and ``mesh * side`` of the impact at the end of a step (0 for none), of the lanes that are walked
+    # through steps one at a time; a row begins at each of ``X1 ... CODE``; (9 * ROW,)
     few: Floats
-    few_noise: Floats
-    crowded: Bools
-    struck: Ints
+    few_noise: Floats  # their noise; (4, TILE)
+    crowded: Bools  # those of them that are beyond walls of both meshes; (lanes,)
+    struck: Ints  # those of them that have an impact
 
 
 def lanes_of(levels: int, first: int, start: Floats, walls: Floats, tau: float) -> tuple[Lanes, Room]:
     """Lanes and buffers of a block; allocated outside compiled code, which takes longer to compile if it allocates.
 
-    Parameters
-    ----------
-    levels, first : int
-        Number of step sizes; number of the first path.
-    start : ndarray, shape (4, paths)
-        Initial states.
-    walls : ndarray, shape (4, paths)
-        Distances of the flanks +1, -1, +2, -2 from the middle.
-    tau : float
-        Initial time.
-
-    Returns
-    -------
-    Lanes, Room
+    Shapes: `start` (4, paths); `walls` (4, paths).
     """
     paths = start.shape[1]
     # whole vectors; results of lanes without a path are ignored.  The rest keeps rows from sharing lines of the cache
@@ -144,19 +92,7 @@ def lanes_of(levels: int, first: int, start: Floats, walls: Floats, tau: float) 
 def of_level(every: Lanes, level: int, w: Floats, area: Floats) -> Lanes:
     """The lanes of one level, with given noise.
 
-    Parameters
-    ----------
-    every : Lanes
-        Of all levels.
-    level : int
-        Which.
-    w, area : ndarray, shape (lanes,)
-        Increment and area of the step's noise, in units of their sd.
-
-    Returns
-    -------
-    Lanes
-        Views.
+    Shapes: `w`, `area` (lanes,).
     """
     return Lanes(
         every.state[level], every.before[level], every.walls[level], w, area, every.last[level], every.impacts[level]
@@ -169,22 +105,6 @@ def list_marked(marks: Bools, lanes: int, groups: Ints, out: Ints) -> int:
 
     There is no branch on a mark, which would be mispredicted: every index is written, and overwritten if it is not
     marked.
-
-    Parameters
-    ----------
-    marks : ndarray of bool
-        Of whole groups of eight; those beyond the lanes in use are cleared.
-    lanes : int
-        Number of lanes in use.
-    groups : ndarray of int
-        Scratch.
-    out : ndarray of int
-        Output: indices of the marked lanes.
-
-    Returns
-    -------
-    int
-        How many.
     """
     words = marks.view(np.int64)
     whole, some, found = Word((lanes + 7) // 8), Word(0), Word(0)  # indices without a sign need no look at it
@@ -206,16 +126,8 @@ def list_marked(marks: Bools, lanes: int, groups: Ints, out: Ints) -> int:
 def join_halves(fine_w: Floats, fine_area: Floats, w: Floats, area: Floats, second: bool, live: int) -> None:
     """Noise of a coarse step from that of its halves, in units of the sd (`rattle.montecarlo.noise.brownian.joined`).
 
-    Parameters
-    ----------
-    fine_w, fine_area : ndarray, shape (lanes,)
-        Of the half that has just been taken.
-    w, area : ndarray, shape (lanes,)
-        Of the coarse step; hold the first half until the second is taken.  Output.
-    second : bool
-        Whether it is the second half.
-    live : int
-        Number of lanes in use.
+    `w`, `area`: Of the coarse step; hold the first half until the second is taken.  Output. Shapes: `fine_w`,
+    `fine_area` (lanes,); `w`, `area` (lanes,).
     """
     root2, root3 = math.sqrt(2.0), math.sqrt(3.0)
     for p in range(live):
@@ -231,21 +143,7 @@ def join_halves(fine_w: Floats, fine_area: Floats, w: Floats, area: Floats, seco
 def retire(every: Lanes, room: Room, impacts: int, live: int) -> int:
     """Move the last path in use to the lane of each finished one.
 
-    Parameters
-    ----------
-    every : Lanes
-        Of all levels; a path is finished once it has had its impacts at all of them.
-    room : Room
-        Its paths, bits and perturbations are moved along; marks are overwritten.
-    impacts : int
-        Impacts of a finished path.
-    live : int
-        Number of lanes in use.
-
-    Returns
-    -------
-    int
-        Number of lanes still in use.
+    `every`: Of all levels; a path is finished once it has had its impacts at all of them.
     """
     path, bits, xi, marks, groups, hits = room.path, room.bits, room.xi, room.marks, room.groups, room.hits
     widest_vectors()

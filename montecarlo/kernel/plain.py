@@ -315,20 +315,7 @@ def plain_block(
     job: Job, control: LinearPath, first: int, every: Lanes, room: Room, rows: Floats, fixed_steps: Ints, fixed: Floats,
     controls: Floats,
 ) -> tuple[int, int]:  # fmt: skip
-    """Follow a block of paths by ``euler-maruyama``.
-
-    Parameters
-    ----------
-    job, first, every, room, rows, fixed_steps, fixed
-        As of the kernels of `rattle.montecarlo.kernel.kernel.block_kernel`.
-    control, controls
-        Not used: the scheme has no control variate.
-
-    Returns
-    -------
-    work, sticking : int
-        Path-steps, and those with an impact still due after `MOST_IN_A_STEP`.
-    """
+    """Follow a block of paths by ``euler-maruyama``."""
     widest_vectors()
     levels, impacts = rows.shape[0], rows.shape[2]
     work, sticking, live, ticks, n = 0, 0, rows.shape[1], 0, 0

@@ -14,15 +14,8 @@ Floats = NDArray[np.float64]
 def balance(run: LongRun) -> tuple[Floats, Floats]:
     """Energy lost in impacts, and energy supplied, per unit of time on each path.
 
-    Parameters
-    ----------
-    run : LongRun
-        A long run.
-
-    Returns
-    -------
-    lost, supplied : ndarray, shape (paths,)
-        Their means agree within the standard error of the mean of their difference, as long as no mesh is closed.
+    Returns: Their means agree within the standard error of the mean of their difference, as long as no mesh is
+    closed. Shapes: result (paths,).
 
     Examples
     --------

@@ -46,22 +46,12 @@ class AtRest(InputError):
 
 
 class Drift(NamedTuple):
-    """The largest difference between two parts of a run.
+    """The largest difference between two parts of a run."""
 
-    Attributes
-    ----------
-    quantity : str
-        Where it is largest.
-    z, allowed : float
-        Difference in standard errors, and the largest that is put down to chance.
-    share : float
-        Difference over the mean.
-    """
-
-    quantity: str
-    z: float
+    quantity: str  # where it is largest
+    z: float  # z, allowed: difference in standard errors, and the largest that is put down to chance
     allowed: float
-    share: float
+    share: float  # difference over the mean
 
     @property
     def reached(self) -> bool:
@@ -70,18 +60,10 @@ class Drift(NamedTuple):
 
 
 class Apart(NamedTuple):
-    """How much more paths differ from each other than the parts of a path do.
+    """How much more paths differ from each other than the parts of a path do."""
 
-    Attributes
-    ----------
-    quantity : str
-        Where the ratio is largest.
-    ratio : float
-        Variance between paths over that expected from the parts.
-    """
-
-    quantity: str
-    ratio: float
+    quantity: str  # where the ratio is largest
+    ratio: float  # variance between paths over that expected from the parts
 
     @property
     def reached(self) -> bool:
@@ -90,21 +72,11 @@ class Apart(NamedTuple):
 
 
 class BurnIn(NamedTuple):
-    """The burn-in of a run.
+    """The burn-in of a run."""
 
-    Attributes
-    ----------
-    periods : int
-        Periods of the excitation that were left out.
-    drift : Drift
-        Of the test that it passed.
-    apart : Apart or None
-        Of the other test; None where paths differ for good, because each has a backlash of its own.
-    """
-
-    periods: int
-    drift: Drift
-    apart: Apart | None
+    periods: int  # periods of the excitation that were left out
+    drift: Drift  # of the test that it passed
+    apart: Apart | None  # of the other test; None where paths differ for good, because each has a backlash of its own
 
     @property
     def sentence(self) -> str:
@@ -123,16 +95,7 @@ def _names() -> list[str]:
 def drift(main: Floats, early: slice, late: slice) -> Drift:
     """Compare two parts of a run.
 
-    Parameters
-    ----------
-    main : ndarray, shape (paths, batches, MAIN)
-        As of `rattle.montecarlo.long_run.sums.Sums`.
-    early, late : slice
-        Batches of both parts.
-
-    Returns
-    -------
-    Drift
+    Shapes: `main` (paths, batches, MAIN).
     """
     a, b = (main[:, part, : CONTACT + 2].mean(axis=1) for part in (early, late))
     difference, n = b - a, len(main)
@@ -148,16 +111,7 @@ def drift(main: Floats, early: slice, late: slice) -> Drift:
 def apart(main: Floats, late: slice) -> Apart:
     """Compare the variance between paths with that within them.
 
-    Parameters
-    ----------
-    main : ndarray, shape (paths, batches, MAIN)
-        As of `rattle.montecarlo.long_run.sums.Sums`.
-    late : slice
-        Batches of the last half; a multiple of `PARTS`.
-
-    Returns
-    -------
-    Apart
+    Shapes: `main` (paths, batches, MAIN).
     """
     own = main[:, late, : CONTACT + 2]
     parts = own.reshape(len(own), PARTS, -1, own.shape[2]).mean(axis=2)

@@ -13,32 +13,18 @@ Floats = NDArray[np.float64]
 
 
 class Collected(NamedTuple):
-    """The sums of all paths.
+    """The sums of all paths."""
 
-    Attributes
-    ----------
-    main : ndarray, shape (paths, batches, MAIN)
-        As of `Sums`, over the batches that are full.
-    time, samples : float
-        Duration of each path, and number of samples of its state.
-    power, products, histogram, section, together
-        As of `Sums`, of all paths.
-    scales : Scales
-        Of the pilot run.
-    stages : int
-        Of the scene.
-    """
-
-    main: Floats
-    time: float
+    main: Floats  # as of `Sums`, over the batches that are full; (paths, batches, MAIN)
+    time: float  # time, samples: duration of each path, and number of samples of its state
     samples: float
-    power: Floats
+    power: Floats  # power, products, histogram, section, together: as of `Sums`, of all paths
     products: Floats
     histogram: NDArray[np.uint32]
     section: NDArray[np.uint32]
     together: int
-    scales: Scales
-    stages: int
+    scales: Scales  # of the pilot run
+    stages: int  # of the scene
 
     @property
     def paths(self) -> int:
@@ -48,36 +34,13 @@ class Collected(NamedTuple):
     def of_units(self, of_paths: Floats) -> Floats:
         """Sums over the paths that share a unit of the distributions.
 
-        Parameters
-        ----------
-        of_paths : ndarray, shape (paths,)
-            Of each path.
-
-        Returns
-        -------
-        ndarray, shape (units,)
+        Shapes: `of_paths` (paths,); result (units,).
         """
         return np.asarray(np.add.reduceat(of_paths, np.arange(0, self.paths, self.together)))
 
 
 def collected(parts: list[Sums], batches: int, time: float, samples: float, stages: int) -> Collected:
-    """Join the sums of all blocks of paths.
-
-    Parameters
-    ----------
-    parts : list of Sums
-        One for each block.
-    batches : int
-        Number of batches that are full.
-    time, samples : float
-        Duration of these batches, and number of samples of the state in them.
-    stages : int
-        Of the scene.
-
-    Returns
-    -------
-    Collected
-    """
+    """Join the sums of all blocks of paths."""
 
     def joined(name: str) -> NDArray[Any]:
         return np.concatenate([getattr(part, name) for part in parts])
@@ -93,15 +56,5 @@ def collected(parts: list[Sums], batches: int, time: float, samples: float, stag
 
 
 def time_averages(c: Collected) -> Floats:
-    """Averages over time on each path, shape (paths, 4): of y1^2, v2^2, m1 y1, m2 v2 (docs/model.md section 10).
-
-    Parameters
-    ----------
-    c : Collected
-        The sums of all paths.
-
-    Returns
-    -------
-    ndarray
-    """
+    """Averages over time on each path, shape (paths, 4): of y1^2, v2^2, m1 y1, m2 v2 (docs/model.md section 10)."""
     return np.asarray(c.main[:, :, WORK:NOISE].sum(axis=1) / c.samples)

@@ -28,16 +28,7 @@ LEAST_PATHS = 8 * CONTROLS
 def corrections(sums: Floats, controls: Floats) -> Floats:
     """Slopes of sums over controls of mean zero, for each path from all other paths.
 
-    Parameters
-    ----------
-    sums : ndarray, shape (paths, sums)
-        Of each path.
-    controls : ndarray, shape (paths, controls)
-        Of each path; independent of those of other paths, with mean zero.
-
-    Returns
-    -------
-    ndarray, shape (paths, controls, sums)
+    Shapes: `sums` (paths, sums); `controls` (paths, controls); result (paths, controls, sums).
 
     Examples
     --------
@@ -61,16 +52,8 @@ def corrections(sums: Floats, controls: Floats) -> Floats:
 def controlled(c: Collected) -> Collected | None:
     """Sums of the impacts of each path, less the part that the noise's own work explains.
 
-    Parameters
-    ----------
-    c : Collected
-        The sums of all paths.
-
-    Returns
-    -------
-    Collected or None
-        None where the controls do not hold or do not pay: there is no noise, a mesh was closed for a while, so that
-        what pushed a wheel was not the noise alone, or there are too few paths.
+    Returns: None where the controls do not hold or do not pay: there is no noise, a mesh was closed for a while,
+    so that what pushed a wheel was not the noise alone, or there are too few paths.
     """
     every = c.main[:, :, NOISE : NOISE + CONTROLS]
     controls = every.sum(axis=1)

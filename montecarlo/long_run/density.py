@@ -17,26 +17,16 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SectionDensity:
-    """Impacts at a mesh by the phase of the excitation and the velocity just before them.
+    """Impacts at a mesh by the phase of the excitation and the velocity just before them."""
 
-    Attributes
-    ----------
-    mesh : int
-        Mesh that is struck.
-    phase, velocity : ndarray, shape (cells + 1,)
-        Edges of the cells; phases in [0, 2 pi].
-    density, se : ndarray, shape (phases, velocities)
-        Probability density of the section, and its standard error from the variation between paths.
-    outside : float
-        Share of the impacts with a velocity beyond the edges.
-    """
-
-    mesh: int
-    phase: Floats
+    mesh: int  # mesh that is struck
+    phase: Floats  # phase, velocity: edges of the cells; phases in [0, 2 pi]; (cells + 1,)
     velocity: Floats
+    # density, se: probability density of the section, and its standard error from the variation between paths;
+    # (phases, velocities)
     density: Floats
     se: Floats
-    outside: float
+    outside: float  # share of the impacts with a velocity beyond the edges
 
     @property
     def table(self) -> pd.DataFrame:
@@ -50,18 +40,7 @@ class SectionDensity:
 
 
 def section_densities(c: Collected) -> tuple[SectionDensity, ...]:
-    """Density of the section at each mesh.
-
-    Parameters
-    ----------
-    c : Collected
-        The sums of all paths.
-
-    Returns
-    -------
-    tuple of SectionDensity
-        Without a mesh that was never struck.
-    """
+    """Density of the section at each mesh."""
     found = []
     for mesh in range(1, c.stages + 1):
         at = 4 * (mesh if c.stages == 2 else 0) + NUMBER
@@ -86,16 +65,7 @@ def _shares(counts: Floats, n: Floats) -> tuple[Floats, Floats]:
 def velocity_density(c: Collected, mesh: int) -> tuple[Floats, Floats]:
     """Density of the velocity before an impact at a mesh, in the cells of the section, and its standard error.
 
-    Parameters
-    ----------
-    c : Collected
-        The sums of all paths.
-    mesh : int
-        1 or 2.
-
-    Returns
-    -------
-    density, se : ndarray, shape (VELOCITIES,)
+    Shapes: result (VELOCITIES,).
     """
     at = 4 * (mesh if c.stages == 2 else 0) + NUMBER
     n = c.of_units(c.main[:, :, at].sum(axis=1))

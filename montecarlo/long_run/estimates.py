@@ -29,29 +29,16 @@ Floats = NDArray[np.float64]
 
 
 class Estimate(NamedTuple):
-    """An estimate with its errors.
+    """An estimate with its errors."""
 
-    Attributes
-    ----------
-    value, se : float
-        Estimate and standard error from the variation between paths.
-    low, high : float
-        95 % interval.
-    autocorrelation : float
-        Integrated autocorrelation time in impacts; NaN where nothing varies.
-    se_batches : float
-        Standard error from batch means; NaN for what is not summed in batches.
-    effective_paths : float
-        Paths that the standard error rests on, see `rattle.montecarlo.long_run.intervals.count_effective_paths`; for
-        quantiles, units of the distributions.
-    """
-
-    value: float
+    value: float  # value, se: estimate and standard error from the variation between paths
     se: float
-    low: float
+    low: float  # low, high: 95 % interval
     high: float
-    autocorrelation: float
-    se_batches: float = math.nan
+    autocorrelation: float  # integrated autocorrelation time in impacts; NaN where nothing varies
+    se_batches: float = math.nan  # standard error from batch means; NaN for what is not summed in batches
+    # paths that the standard error rests on, see `rattle.montecarlo.long_run.intervals.count_effective_paths`; for
+    # quantiles, units of the distributions
     effective_paths: float = math.nan
 
 
@@ -219,20 +206,10 @@ def _inverse(edges: Floats, below: Floats, p: float) -> float:
 def estimates(c: Collected, names: tuple[str, ...] | None = None) -> dict[str, Estimate]:
     """All stationary quantities of a long run (dimensionless).
 
-    Parameters
-    ----------
-    c : Collected
-        The sums of all paths.
-    names : tuple of str, optional
-        Those that are wanted; all by default.
-
-    Returns
-    -------
-    dict of str to Estimate
-        ``rate_above`` (impacts per unit of time that are not slow) and ``speed_above``, ``rate`` and ``flight`` and
-        ``speed`` of all impacts, with ``sd_``, ``skew_`` and ``q01_`` to ``q99_``,
-        ``energy`` (mean loss of an impact), ``energy_per_period``, ``power`` (loss per unit of time), ``slow_share``,
-        all of them also with ``_mesh1`` and ``_mesh2`` for two stages, and ``contact_share_mesh1``, ....
+    Returns: ``rate_above`` (impacts per unit of time that are not slow) and ``speed_above``, ``rate`` and
+    ``flight`` and ``speed`` of all impacts, with ``sd_``, ``skew_`` and ``q01_`` to ``q99_``, ``energy`` (mean
+    loss of an impact), ``energy_per_period``, ``power`` (loss per unit of time), ``slow_share``, all of them also
+    with ``_mesh1`` and ``_mesh2`` for two stages, and ``contact_share_mesh1``, ....
     """
     plain = _estimates(_Maker(c), names)
     less = controlled(c)

@@ -21,17 +21,7 @@ CONFIDENCE = 0.95
 def half_width(effective_paths: ArrayLike, tail: float = 0.5 - 0.5 * CONFIDENCE) -> Any:
     """Half width of an interval in standard errors, from the number of paths that the error rests on.
 
-    Parameters
-    ----------
-    effective_paths : float or array of float
-        Their number; below 2 it counts as 2.
-    tail : float
-        Probability on each side of the interval; by default those of a 95 % interval.
-
-    Returns
-    -------
-    float or ndarray
-        Student's t.
+    `tail`: Probability on each side of the interval; by default those of a 95 % interval.
 
     Examples
     --------
@@ -47,14 +37,7 @@ def count_effective_paths(rest: Floats) -> float:
     Where few of many paths do, their number is about ``(sum r^2)^2 / sum r^4``, which is a third of all where the
     deviations r are normal; the inverses are shifted such that these count in full.
 
-    Parameters
-    ----------
-    rest : ndarray, shape (paths,)
-        What each path deviates by; 4 paths or more.
-
-    Returns
-    -------
-    float
+    Shapes: `rest` (paths,).
 
     Examples
     --------
@@ -73,19 +56,11 @@ def count_effective_paths(rest: Floats) -> float:
 
 
 class Spread(NamedTuple):
-    """A value with the spread of what independent paths put into it.
+    """A value with the spread of what independent paths put into it."""
 
-    Attributes
-    ----------
-    value, se : float
-        Value and standard error.
-    effective_paths : float
-        How many paths the error rests on, see `count_effective_paths`.
-    """
-
-    value: float
+    value: float  # value, se: value and standard error
     se: float
-    effective_paths: float
+    effective_paths: float  # how many paths the error rests on, see `count_effective_paths`
 
     def interval(self) -> tuple[float, float]:
         """95 % interval of the value."""
@@ -96,16 +71,7 @@ class Spread(NamedTuple):
 def spread(parts: Floats, value: float | None = None) -> Spread:
     """The mean of what paths put into a value, with its spread.
 
-    Parameters
-    ----------
-    parts : ndarray, shape (paths,)
-        Of each path.
-    value : float, optional
-        The value, where it is not their mean.
-
-    Returns
-    -------
-    Spread
+    Shapes: `parts` (paths,).
     """
     n, rest = len(parts), parts - parts.mean()
     value = float(parts.mean()) if value is None else value

@@ -13,19 +13,7 @@ NAMES = {ABOVE: "speed_above", FLIGHT: "flight", SPEED: "speed"}
 
 
 def groups(stages: int) -> Iterator[tuple[int, str]]:
-    """The groups of impacts of a scene with the suffixes of their names.
-
-    Parameters
-    ----------
-    stages : int
-        Of the scene.
-
-    Yields
-    ------
-    group : int
-    suffix : str
-        Empty for all impacts.
-    """
+    """The groups of impacts of a scene with the suffixes of their names."""
     yield 0, ""
     for mesh in range(1, GROUPS if stages == 2 else 1):
         yield mesh, f"_mesh{mesh}"
@@ -33,15 +21,6 @@ def groups(stages: int) -> Iterator[tuple[int, str]]:
 
 def all_names(stages: int) -> tuple[str, ...]:
     """Names of all quantities, in the order of a table.
-
-    Parameters
-    ----------
-    stages : int
-        Of the scene.
-
-    Returns
-    -------
-    tuple of str
 
     Examples
     --------

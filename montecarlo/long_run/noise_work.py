@@ -28,17 +28,7 @@ STRONGEST = 2.5  # damping from which a piece would have to be shorter than the 
 
 
 def has_controls(c: Constants) -> bool:
-    """Whether a scene has these control variates: there is noise, and damping leaves a speed known over a piece.
-
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-
-    Returns
-    -------
-    bool
-    """
+    """Whether a scene has these control variates: there is noise, and damping leaves a speed known over a piece."""
     return c.sigma > 0.0 and max(c.beta1, c.beta2) <= STRONGEST
 
 
@@ -88,16 +78,8 @@ def add_noise_work(
 ) -> None:  # fmt: skip
     """Add the control variates of a stretch to the sums of each path.
 
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    rows, impacts, states, tau, apart
-        As of `rattle.montecarlo.long_run.sums.add_stretch`; the last state is that at the end of the stretch.
-    before : ndarray, shape (paths, 4)
-        States at its begin, ``tau - apart``.
-    out : ndarray, shape (paths, CONTROLS)
-        Added to.
+    `rows`, `impacts`, `states`, `tau`, `apart`: As of `rattle.montecarlo.long_run.sums.add_stretch`; the last
+    state is that at the end of the stretch. Shapes: `before` (paths, 4); `out` (paths, CONTROLS).
     """
     mass = c.mu / (1.0 - c.mu) if c.stages == 2 else 0.0
     variance, begin, last = c.sigma * c.sigma, tau - apart, states.shape[1] - 1

@@ -47,27 +47,13 @@ SPARE = 1.1  # more than what an accuracy is expected to take
 
 
 class Parts(NamedTuple):
-    """The parts of a run, one after the other.
+    """The parts of a run, one after the other."""
 
-    Attributes
-    ----------
-    ensemble : Ensemble
-        The paths.
-    pool : ThreadPoolExecutor
-        Threads.
-    bar : tqdm
-        Counts periods.
-    limit : Budget
-        Time that the run may take.
-    refuse : bool
-        Whether an accuracy that would take more than an hour is refused.
-    """
-
-    ensemble: Ensemble
-    pool: ThreadPoolExecutor
-    bar: tqdm[NoReturn]
-    limit: Budget
-    refuse: bool
+    ensemble: Ensemble  # the paths
+    pool: ThreadPoolExecutor  # threads
+    bar: tqdm[NoReturn]  # counts periods
+    limit: Budget  # time that the run may take
+    refuse: bool  # whether an accuracy that would take more than an hour is refused
 
     def settle(self, burn_in: int | None) -> BurnIn:
         """Follow the paths until two tests say that they have forgotten their start, or for a given time."""

@@ -16,17 +16,7 @@ MARGIN = 0.05  # of the range of velocities, at each end of the section
 
 
 def no_scales(slow: float) -> Scales:
-    """Scales before there is a pilot run: nothing but means can be summed by them.
-
-    Parameters
-    ----------
-    slow : float
-        Speed below which an impact is slow.
-
-    Returns
-    -------
-    Scales
-    """
+    """Scales before there is a pilot run: nothing but means can be summed by them."""
     shape = (GROUPS, KINDS)
     edges = np.zeros((*shape, BINS - 1))
     first = np.zeros((*shape, CELLS + 1), np.int16)
@@ -37,15 +27,8 @@ def no_scales(slow: float) -> Scales:
 def impacts_of(rows: Floats, impacts: NDArray[np.int64], struck: Floats) -> Floats:
     """The impacts of a stretch one below the other.
 
-    Parameters
-    ----------
-    rows, impacts, struck
-        As of `rattle.montecarlo.long_run.sums.add_stretch`.
-
-    Returns
-    -------
-    ndarray, shape (impacts, 4)
-        Mesh, time since the last impact and since the last one at this mesh, velocity at this mesh.
+    Returns: Mesh, time since the last impact and since the last one at this mesh, velocity at this mesh. Shapes:
+    result (impacts, 4).
     """
     total = 0
     for p in range(len(rows)):
@@ -68,16 +51,7 @@ def scales_of_pilot(seen: Floats, slow: float) -> Scales:
     The edges of the bins are quantiles of the pilot run, densest in the tails, so that every quantile that is asked for
     lies among bins of little probability, whatever the distribution looks like.
 
-    Parameters
-    ----------
-    seen : ndarray, shape (impacts, 4)
-        As of `impacts_of`.
-    slow : float
-        Speed below which an impact is slow.
-
-    Returns
-    -------
-    Scales
+    Shapes: `seen` (impacts, 4).
 
     Examples
     --------

@@ -12,24 +12,12 @@ __all__ = ["LongReach", "widest"]
 
 
 class LongReach(NamedTuple):
-    """The accuracy that a long run reached, compared with the accuracy asked for.
+    """The accuracy that a long run reached, compared with the accuracy asked for."""
 
-    Attributes
-    ----------
-    asked : float
-        Largest half width of the 95 % intervals over their value.
-    worst : str
-        The quantity whose interval is widest.
-    width : float
-        Half width of its interval over its value.
-    more_seconds : float
-        Estimated time that is missing; 0 where the accuracy was reached.
-    """
-
-    asked: float
-    worst: str
-    width: float
-    more_seconds: float
+    asked: float  # largest half width of the 95 % intervals over their value
+    worst: str  # the quantity whose interval is widest
+    width: float  # half width of its interval over its value
+    more_seconds: float  # estimated time that is missing; 0 where the accuracy was reached
 
     @property
     def reached(self) -> bool:
@@ -47,20 +35,7 @@ class LongReach(NamedTuple):
 
 
 def widest(found: dict[str, Estimate]) -> tuple[float, str]:
-    """Find the widest interval.
-
-    Parameters
-    ----------
-    found : dict of str to Estimate
-        Quantities by name.
-
-    Returns
-    -------
-    width : float
-        Largest half width over the value.
-    name : str
-        Of which quantity.
-    """
+    """Find the widest interval."""
     widths = {
         name: 0.0 if e.se == 0.0 else 0.5 * (e.high - e.low) / abs(e.value) if e.value != 0.0 else math.inf
         for name, e in found.items()

@@ -24,32 +24,15 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LongRun:
-    """Stationary quantities of an ensemble, from `rattle.montecarlo.long_run.long_run`.
-
-    Attributes
-    ----------
-    scene : Scene
-    sums : Collected
-        The sums of all paths.
-    periods : int
-        Periods of each path after the burn-in.
-    burn_in : BurnIn
-    reach : LongReach or None
-        None where a number of periods was given.
-    late : Drift
-        First quarter against last half of the stationary motion.
-    slow : float
-        Speed below which an impact is slow.
-    wall_seconds : float
-    """
+    """Stationary quantities of an ensemble, from `rattle.montecarlo.long_run.long_run`."""
 
     scene: Scene
-    sums: Collected
-    periods: int
+    sums: Collected  # the sums of all paths
+    periods: int  # periods of each path after the burn-in
     burn_in: BurnIn
-    reach: LongReach | None
-    late: Drift
-    slow: float
+    reach: LongReach | None  # none where a number of periods was given
+    late: Drift  # first quarter against last half of the stationary motion
+    slow: float  # speed below which an impact is slow
     wall_seconds: float
 
     @property
@@ -76,14 +59,7 @@ class LongRun:
     def velocity_density(self, mesh: int) -> tuple[Floats, Floats]:
         """Density of the velocity before an impact at a mesh, and its standard error, in the cells of the section.
 
-        Parameters
-        ----------
-        mesh : int
-            1 or 2.
-
-        Returns
-        -------
-        density, se : ndarray, shape (velocities,)
+        Shapes: result (velocities,).
         """
         return velocity_density(self.sums, mesh)
 

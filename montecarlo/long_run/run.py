@@ -48,42 +48,10 @@ def long_run(
 
     Path 0 starts where the scene says, all others anywhere between the walls.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    accuracy : float, optional
-        Largest half width of the 95 % intervals of `quantities`, over their value; 0.01 by default.
-    periods : int, optional
-        Periods of each path after the burn-in, in place of an accuracy.
-    quantities : sequence of str
-        Those that the accuracy is for, names of `rattle.montecarlo.long_run.names.all_names`.
-    paths : int
-        Independent paths, 16 or more.
-    burn_in : int, optional
-        Periods to leave out before; found by tests by default.
-    slow : float
-        Speed below which an impact counts as slow.
-    budget : float, optional
-        Seconds of processor time that it may take, all threads together; compiling is not counted.  Without it, what is
-        expected to take more than an hour is refused.
-    rng : int or SeedSequence
-        Seed.  The result is the same bit for bit for any number of workers.
-    workers : int
-        Threads.
-    progress : str, optional
-        Label of a progress bar on a terminal.
-
-    Returns
-    -------
-    LongRun
-
-    Raises
-    ------
-    InputError
-        For a setting that cannot be run, or an accuracy that would take more than an hour where no budget is given.
-    BurnInError
-        If the paths do not forget their start; says how long the burn-in must be.
+    `accuracy`: Largest half width of the 95 % intervals of `quantities`, over their value; 0.01 by default.
+    `budget`: Seconds of processor time that it may take, all threads together; compiling is not counted.  Without
+    it, what is expected to take more than an hour is refused. `rng`: Seed.  The result is the same bit for bit
+    for any number of workers.
 
     Examples
     --------

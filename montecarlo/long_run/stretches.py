@@ -29,42 +29,23 @@ RUN = block_kernel(EXACT)
 
 
 class Block(NamedTuple):
-    """A block of paths that is followed without end.
+    """A block of paths that is followed without end."""
 
-    Attributes
-    ----------
-    job : Job
-        Settings; its time is that at which every period begins.
-    control : LinearPath
-        Empty.
-    first, paths, steps : int
-        Number of the first path, number of paths, and of steps in a period.
-    every, room : Lanes, Room
-        Paths side by side, and buffers.
-    state : ndarray, shape (paths, 4)
-        States at the end of the last stretch.
-    struck : ndarray, shape (paths, 2)
-        Time of the last impact at each mesh.
-    samples : ndarray, shape (1, paths, samples + 1, 4)
-        Buffer of recorded states.  One more than is used: at powers of two, paths would share lines of the cache.
-    none : ndarray, shape (0, 1, COLUMNS)
-        Output of no control variate.
-    begin, periods, stretches, long : ndarray of int, shape (1,)
-        Step of the period at which the next stretch begins; periods and stretches followed so far; stretches of the
-        period in which a path had very many impacts.
-    """
-
-    job: Job
-    control: LinearPath
-    first: int
+    job: Job  # settings; its time is that at which every period begins
+    control: LinearPath  # empty
+    first: int  # first, paths, steps: number of the first path, number of paths, and of steps in a period
     paths: int
     steps: int
-    every: Lanes
+    every: Lanes  # every, room: paths side by side, and buffers
     room: Room
-    state: Floats
-    struck: Floats
+    state: Floats  # states at the end of the last stretch; (paths, 4)
+    struck: Floats  # time of the last impact at each mesh; (paths, 2)
+    # buffer of recorded states.  One more than is used: at powers of two, paths would share lines of the cache; (1,
+    # paths, samples + 1, 4)
     samples: Floats
-    none: Floats
+    none: Floats  # output of no control variate; (0, 1, COLUMNS)
+    # begin, periods, stretches, long: step of the period at which the next stretch begins; periods and stretches
+    # followed so far; stretches of the period in which a path had very many impacts; (1,)
     begin: Ints
     periods: Ints
     stretches: Ints
@@ -78,31 +59,12 @@ def follow_stretches(
 ) -> int:  # fmt: skip
     """Follow a block for some stretches.
 
-    Parameters
-    ----------
-    b : Block
-        The paths; brought up to date.
-    rows : ndarray, shape (1, paths, impacts, COLUMNS)
-        Space for the impacts of a stretch.
-    fixed : ndarray of int
-        Steps of a stretch after which states are recorded, and one beyond its end: the kernel retires no path before
-        all are past, and a path that it retires is overwritten by another.
-    turn : float
-        Time of a period.
-    stretches, until : int
-        Stretches to follow at most, and the number of periods to end at: the end of a batch.
-    length : int
-        Periods of a batch.
-    sums : Sums
-        Added to.
-    detail, controls : bool
-        Whether distributions and the section are counted, and whether the noise's work is summed then.
-
-    Returns
-    -------
-    int
-        0; or, where a path had more impacts in a stretch than there is space for, how many.  The block is then as
-        before that stretch.
+    `fixed`: Steps of a stretch after which states are recorded, and one beyond its end: the kernel retires no
+    path before all are past, and a path that it retires is overwritten by another. `stretches`, `until`:
+    Stretches to follow at most, and the number of periods to end at: the end of a batch. `detail`, `controls`:
+    Whether distributions and the section are counted, and whether the noise's work is summed then. Returns: 0;
+    or, where a path had more impacts in a stretch than there is space for, how many.  The block is then as before
+    that stretch. Shapes: `rows` (1, paths, impacts, COLUMNS).
     """
     samples = fixed.size - 1
     part, apart = fixed[samples - 1], fixed[0]

@@ -48,84 +48,36 @@ PHASES, VELOCITIES = 64, 64
 
 
 class Scales(NamedTuple):
-    """What a pilot run sets.
+    """What a pilot run sets."""
 
-    Attributes
-    ----------
-    centre, scale : ndarray, shape (GROUPS, KINDS)
-        Of the power sums of flight and speeds.
-    edges : ndarray, shape (GROUPS, KINDS, BINS - 1)
-        Inner edges of the bins, ascending; the first and the last bin are open.
-    first : ndarray of int, shape (GROUPS, KINDS, CELLS + 1)
-        Number of edges in lower cells.
-    low, high : ndarray, shape (2,)
-        Velocities between which the section of each mesh is counted.
-    slow : float
-        Speed below which an impact is slow.
-    """
-
-    centre: Floats
+    centre: Floats  # centre, scale: of the power sums of flight and speeds; (GROUPS, KINDS)
     scale: Floats
-    edges: Floats
-    first: NDArray[np.int16]
-    low: Floats
+    edges: Floats  # inner edges of the bins, ascending; the first and the last bin are open; (GROUPS, KINDS, BINS - 1)
+    first: NDArray[np.int16]  # number of edges in lower cells; (GROUPS, KINDS, CELLS + 1)
+    low: Floats  # low, high: velocities between which the section of each mesh is counted; (2,)
     high: Floats
-    slow: float
+    slow: float  # speed below which an impact is slow
 
 
 class Sums(NamedTuple):
-    """The sums of a block of paths.
+    """The sums of a block of paths."""
 
-    Attributes
-    ----------
-    main : ndarray, shape (paths, batches, MAIN)
-        Sums in each batch of time.
-    batch : ndarray of int, shape (1,)
-        The batch that is being filled.
-    power : ndarray, shape (paths, GROUPS, KINDS, POWERS)
-        Power sums of flight and speeds.
-    products : ndarray, shape (paths, GROUPS, 3)
-        Sums of the squared energy loss, of the energy loss times the flight, and of flights to impacts that are not
-        slow.
-    histogram : ndarray of uint32, shape (units, GROUPS, KINDS, BINS)
-        Counts of flight and speeds, of `together` successive paths each.  With two stages the speeds, and the squared
-        energy loss, are counted for each mesh only (also in `power` and `products`).
-    section : ndarray of uint32, shape (units, 2, PHASES, VELOCITIES)
-        Impacts at each mesh by phase and velocity before them.
-    together : int
-        Paths that share a unit: counts of fewer units stay in the cache of a core.
-    scales : Scales
-        Set by the pilot run.
-    """
-
-    main: Floats
-    batch: NDArray[np.int64]
-    power: Floats
+    main: Floats  # sums in each batch of time; (paths, batches, MAIN)
+    batch: NDArray[np.int64]  # the batch that is being filled; (1,)
+    power: Floats  # power sums of flight and speeds; (paths, GROUPS, KINDS, POWERS)
+    # sums of the squared energy loss, of the energy loss times the flight, and of flights to impacts that are not
+    # slow; (paths, GROUPS, 3)
     products: Floats
+    # counts of flight and speeds, of `together` successive paths each.  With two stages the speeds, and the squared
+    # energy loss, are counted for each mesh only (also in `power` and `products`); (units, GROUPS, KINDS, BINS)
     histogram: Counts
-    section: Counts
-    together: int
-    scales: Scales
+    section: Counts  # impacts at each mesh by phase and velocity before them; (units, 2, PHASES, VELOCITIES)
+    together: int  # paths that share a unit: counts of fewer units stay in the cache of a core
+    scales: Scales  # set by the pilot run
 
 
 def new_sums(paths: int, batches: int, scales: Scales, detail: bool = True, together: int = 1) -> Sums:
-    """Empty sums.
-
-    Parameters
-    ----------
-    paths, batches : int
-        Number of paths, and of batches.
-    scales : Scales
-        From the pilot run.
-    detail : bool
-        Whether there is space for distributions and the section.
-    together : int
-        Paths that share counts of distributions and section.
-
-    Returns
-    -------
-    Sums
-    """
+    """Empty sums."""
     n = paths if detail else 0
     units = -(-n // together)
     return Sums(
@@ -137,19 +89,7 @@ def new_sums(paths: int, batches: int, scales: Scales, detail: bool = True, toge
 
 @inlined
 def cell_of(edges: Floats, value: float) -> int:
-    """The cell of a value between the outermost edges; values in order are in cells in order, whatever is rounded.
-
-    Parameters
-    ----------
-    edges : ndarray
-        Ascending.
-    value : float
-        What is looked up.
-
-    Returns
-    -------
-    int
-    """
+    """The cell of a value between the outermost edges; values in order are in cells in order, whatever is rounded."""
     return min(int((value - edges[0]) / (edges[edges.size - 1] - edges[0]) * CELLS), CELLS - 1)
 
 
@@ -157,18 +97,8 @@ def cell_of(edges: Floats, value: float) -> int:
 def bin_of(edges: Floats, first: NDArray[np.int16], value: float) -> int:
     """Number of edges at or below a value.
 
-    Parameters
-    ----------
-    edges : ndarray
-        Ascending.
-    first : ndarray of int, shape (CELLS + 1,)
-        Number of edges in lower cells (`cell_of`), for each of the cells of equal width between the outermost edges.
-    value : float
-        What is looked up.
-
-    Returns
-    -------
-    int
+    `first`: Number of edges in lower cells (`cell_of`), for each of the cells of equal width between the
+    outermost edges. Shapes: `first` (CELLS + 1,).
     """
     n = edges.size
     if value < edges[0]:
@@ -246,24 +176,8 @@ def add_stretch(
 ) -> None:  # fmt: skip
     """Add the impacts and the states of a stretch to the sums of each path.
 
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    rows : ndarray, shape (paths, impacts or more, COLUMNS)
-        Impacts, as the kernel records them.
-    impacts : ndarray of int, shape (paths or more,)
-        Number of impacts of each path.
-    struck : ndarray, shape (paths, 2)
-        Time of the last impact at each mesh; brought up to date.
-    states : ndarray, shape (paths, samples, 4)
-        States at equal distances.
-    tau, apart : float
-        Time of the first sample, and between two samples.
-    s : Sums
-        Added to.
-    detail : bool
-        Whether distributions and the section are counted too.
+    Shapes: `rows` (paths, impacts or more, COLUMNS); `impacts` (paths or more,); `struck` (paths, 2); `states`
+    (paths, samples, 4).
     """
     n, two = states.shape[1], c.stages == 2
     sine, cosine = np.sin(tau + apart * np.arange(n)), np.cos(tau + apart * np.arange(n))

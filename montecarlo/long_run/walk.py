@@ -38,15 +38,6 @@ SHORTEST = 8  # stretches of a period at the most
 def steps_per_period(scene: Scene) -> int:
     """Steps in a period of the excitation: the default step of exact flights or a little less, a multiple of `SAMPLES`.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is simulated.
-
-    Returns
-    -------
-    int
-
     Examples
     --------
     >>> from rattle.scene import DAT21
@@ -80,23 +71,7 @@ def _spread_starts(scene: Scene, walls: Floats, seed: np.random.SeedSequence, fi
 class Walk:
     """A block of paths, followed as long as wanted.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is simulated.
-    seed : SeedSequence
-        Of all random numbers.
-    first, paths : int
-        Number of the first path, and of paths.
-
-    Attributes
-    ----------
-    steps : int
-        In a period.
-    periods : int
-        Followed so far.
-    stretches : int
-        Stretches followed so far.
+    `steps`: in a period. `periods`: followed so far. `stretches`: stretches followed so far.
     """
 
     def __init__(self, scene: Scene, seed: np.random.SeedSequence, first: int, paths: int) -> None:
@@ -131,19 +106,7 @@ class Walk:
     def follow(
         self, sums: Sums, detail: bool, seen: list[Floats] | None = None, periods: int = 1, length: int = 1
     ) -> None:
-        """Follow all paths for some periods, and add what they do.
-
-        Parameters
-        ----------
-        sums : Sums
-            To be added to, from its batch on.
-        detail : bool
-            Whether distributions and the section are counted too.
-        seen : list, optional
-            Impacts are appended to it, as of `rattle.montecarlo.long_run.pilot.impacts_of`.
-        periods, length : int
-            Periods to follow, and in a batch.
-        """
+        """Follow all paths for some periods, and add what they do."""
         b, rows, until, batch = self._block, self._rows, self.periods + periods, sums.batch[0]
         while self.periods < until:
             at_once = SHORTEST * periods if seen is None and rows is self._rows else 1

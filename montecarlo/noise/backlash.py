@@ -19,43 +19,19 @@ ATTEMPTS = Word(64)  # rejection sampling of the truncated normal, which accepts
 
 
 class Backlash(NamedTuple):
-    """Half gaps and their tolerance, as compiled code reads them.
+    """Half gaps and their tolerance, as compiled code reads them."""
 
-    Attributes
-    ----------
-    gap1, gap2 : float
-        Nominal half gaps.
-    c1_max, c2_max : float
-        Largest deviation of a half gap.
-    distribution : int
-        0 fixed, 1 uniform, 2 truncated normal.
-    random : bool
-        Whether half gaps differ between paths.
-    redrawn : bool
-        Whether an impact redraws the opposite flank.
-    """
-
-    gap1: float
+    gap1: float  # gap1, gap2: nominal half gaps
     gap2: float
-    c1_max: float
+    c1_max: float  # c1_max, c2_max: largest deviation of a half gap
     c2_max: float
-    distribution: int
-    random: bool
-    redrawn: bool
+    distribution: int  # 0 fixed, 1 uniform, 2 truncated normal
+    random: bool  # whether half gaps differ between paths
+    redrawn: bool  # whether an impact redraws the opposite flank
 
 
 def backlash_of(scene: Scene) -> Backlash:
-    """Backlash of a scene.
-
-    Parameters
-    ----------
-    scene : Scene
-        With or without tolerance.
-
-    Returns
-    -------
-    Backlash
-    """
+    """Backlash of a scene."""
     t = scene.tolerance
     if t is None:
         return Backlash(scene.gap1, scene.gap2, 0.0, 0.0, DISTRIBUTIONS["fixed"], False, False)
@@ -83,46 +59,14 @@ def _deviation(key: Key, path: Word, contact: Word, distribution: int) -> float:
 
 @lean
 def half_gap(b: Backlash, key: Key, path: Word, contact: Word, mesh: int) -> float:
-    """Half gap of a flank by draw number `contact` of a path.
-
-    Parameters
-    ----------
-    b : Backlash
-        Of the scene.
-    key : Key
-        Of the run.
-    path, contact : Word
-        Numbers of the path and of the draw.
-    mesh : int
-        1 or 2.
-
-    Returns
-    -------
-    float
-    """
+    """Half gap of a flank by draw number `contact` of a path."""
     gap, c_max = (b.gap1, b.c1_max) if mesh == 1 else (b.gap2, b.c2_max)
     return gap + c_max * _deviation(key, path, contact, b.distribution)
 
 
 @lean
 def first_half_gap(b: Backlash, key: Key, path: Word, flank: int) -> float:
-    """Half gap of a flank at the start; both flanks of a mesh share a draw unless impacts redraw them.
-
-    Parameters
-    ----------
-    b : Backlash
-        Of the scene.
-    key : Key
-        Of the run.
-    path : Word
-        Number of the path.
-    flank : int
-        0 to 3: ``mesh * side`` = +1, -1, +2, -2.
-
-    Returns
-    -------
-    float
-    """
+    """Half gap of a flank at the start; both flanks of a mesh share a draw unless impacts redraw them."""
     draw = flank if b.redrawn else 2 * (flank // 2)
     return half_gap(b, key, path, Word(draw), 1 + flank // 2)
 
@@ -131,16 +75,7 @@ def first_half_gap(b: Backlash, key: Key, path: Word, flank: int) -> float:
 def draw_walls(b: Backlash, key: Key, first: int, walls: Floats) -> None:
     """Distances of the flanks +1, -1, +2, -2 from the middle of their gap at the start, into `walls`.
 
-    Parameters
-    ----------
-    b : Backlash
-        Of the scene.
-    key : Key
-        Of the run.
-    first : int
-        Number of the first path.
-    walls : ndarray, shape (4, paths)
-        Output.  Draws 0 to 3 belong to the flanks; impact k uses draw 4 + k.
+    `walls`: Output.  Draws 0 to 3 belong to the flanks; impact k uses draw 4 + k. Shapes: `walls` (4, paths).
     """
     for flank in range(4):
         for p in range(walls.shape[1]):

@@ -23,19 +23,7 @@ ROOT12_INVERSE = 1.0 / math.sqrt(12.0)
 def split(whole: Noise, h: float, share: float, z1: float, z2: float) -> tuple[Noise, Noise]:
     """Noise of the first part of an interval and of the second, conditional on that of the whole.
 
-    Parameters
-    ----------
-    whole : Noise
-        Increment and area of the interval.
-    h, share : float
-        Length of the interval, and the share of it before the cut, in (0, 1).
-    z1, z2 : float
-        Fresh independent standard normals.
-
-    Returns
-    -------
-    first, second : Noise
-        Before and after the cut.
+    `h`, `share`: Length of the interval, and the share of it before the cut, in (0, 1).
 
     Examples
     --------
@@ -57,17 +45,6 @@ def split(whole: Noise, h: float, share: float, z1: float, z2: float) -> tuple[N
 @lean
 def joined(first: Noise, second: Noise, share: float) -> Noise:
     """Noise of an interval from that of its two parts; the inverse of `split`.
-
-    Parameters
-    ----------
-    first, second : Noise
-        Before and after the cut.
-    share : float
-        Share of the interval before the cut, in (0, 1).
-
-    Returns
-    -------
-    Noise
 
     Examples
     --------

@@ -72,29 +72,14 @@ COSINE = tuple(a * 2.0 ** (-30 * 2 * i) for i, a in enumerate(_COSINE))
 
 
 class Key(NamedTuple):
-    """The Philox key of a run; every seed has its own.
+    """The Philox key of a run; every seed has its own."""
 
-    Attributes
-    ----------
-    low, high : Word
-        Two 32-bit words.
-    """
-
-    low: Word
+    low: Word  # low, high: two 32-bit words
     high: Word
 
 
 def key_of(seed: np.random.SeedSequence) -> Key:
     """Philox key of a seed.
-
-    Parameters
-    ----------
-    seed : SeedSequence
-        Of the run.
-
-    Returns
-    -------
-    Key
 
     Examples
     --------
@@ -107,23 +92,7 @@ def key_of(seed: np.random.SeedSequence) -> Key:
 
 @inlined
 def words(key: Key, path: Word, index: Word, purpose: Word) -> tuple[Word, Word, Word, Word]:
-    """Four random 32-bit words (each in a uint64): Philox 4x32-10 of the counter (path, index, purpose).
-
-    Parameters
-    ----------
-    key : Key
-        Of the run.
-    path : Word
-        Number of the path.
-    index : Word
-        Position in the substream, below 2^56.
-    purpose : Word
-        Substream, below 2^8.
-
-    Returns
-    -------
-    a, b, c, d : Word
-    """
+    """Four random 32-bit words (each in a uint64): Philox 4x32-10 of the counter (path, index, purpose)."""
     c0, c1, c2 = path, path >> HALF, index
     c3 = (index >> HALF) | (purpose << INDEX_BITS)
     k0, k1 = key.low, key.high
@@ -136,23 +105,7 @@ def words(key: Key, path: Word, index: Word, purpose: Word) -> tuple[Word, Word,
 
 @lean
 def uniforms(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, float]:
-    """Two independent uniform numbers in (0, 1), each with 53 bits.
-
-    Parameters
-    ----------
-    key : Key
-        Of the run.
-    path : Word
-        Number of the path.
-    index : Word
-        Position in the substream, below 2^56.
-    purpose : Word
-        Substream, below 2^8.
-
-    Returns
-    -------
-    u1, u2 : float
-    """
+    """Two independent uniform numbers in (0, 1), each with 53 bits."""
     a, b, c, d = words(key, path, index, purpose)
     shift = Word(11)
     return (
@@ -210,21 +163,6 @@ def _pair(high: Word, low: Word) -> tuple[float, float]:
 def normals(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, float, float, float]:
     """Four independent standard normals.
 
-    Parameters
-    ----------
-    key : Key
-        Of the run.
-    path : Word
-        Number of the path.
-    index : Word
-        Position in the substream, below 2^56.
-    purpose : Word
-        Substream, below 2^8.
-
-    Returns
-    -------
-    z0, z1, z2, z3 : float
-
     Examples
     --------
     >>> key, u = key_of(np.random.SeedSequence(7)), np.uint64
@@ -246,18 +184,7 @@ def fill_normals(key: Key, paths: NDArray[np.uint64], index: Word, lanes: int, z
     In three loops, with the words where their normals will be: in one, a processor waits for the words of a vector
     before it can begin with the next.
 
-    Parameters
-    ----------
-    key : Key
-        Of the run.
-    paths : ndarray of Word, shape (lanes or more,)
-        Number of the path in each lane.
-    index : Word
-        Position in the substream.
-    lanes : int
-        Number of lanes.
-    z : ndarray, shape (4, lanes or more)
-        Output.
+    Shapes: `paths` (lanes or more,); `z` (4, lanes or more).
     """
     widest_vectors()
     z0, z1, z2, z3 = z[0], z[1], z[2], z[3]
@@ -272,60 +199,20 @@ def fill_normals(key: Key, paths: NDArray[np.uint64], index: Word, lanes: int, z
 
 @inlined
 def bits_of(key: Key, path: Word, index: Word) -> Word:
-    """Sixty-four random bits for one index of the substream `STEP`.
-
-    Parameters
-    ----------
-    key : Key
-        Of the run.
-    path : Word
-        Number of the path.
-    index : Word
-        Position in the substream, below 2^56.
-
-    Returns
-    -------
-    Word
-    """
+    """Sixty-four random bits for one index of the substream `STEP`."""
     a, b, _, _ = words(key, path, index, Word(STEP))
     return (a << HALF) | b
 
 
 @inlined
 def sign_of(bits: Word, place: int) -> float:
-    """Two-point increment +1 or -1 from one bit; its first three moments are those of a standard normal.
-
-    Parameters
-    ----------
-    bits : Word
-        Random bits.
-    place : int
-        Which of the 64 bits.
-
-    Returns
-    -------
-    float
-    """
+    """Two-point increment +1 or -1 from one bit; its first three moments are those of a standard normal."""
     return float_of(((bits << Word(63 - place)) & SIGN) | ONE)
 
 
 @lean
 def fill_words(key: Key, paths: NDArray[Word], index: Word, lanes: int, out: NDArray[Word]) -> None:
-    """Sixty-four random bits of every lane for one index of the substream `STEP`; vectorises.
-
-    Parameters
-    ----------
-    key : Key
-        Of the run.
-    paths : ndarray of Word
-        Number of the path in each lane.
-    index : Word
-        Position in the substream.
-    lanes : int
-        Number of lanes.
-    out : ndarray of Word
-        Output.
-    """
+    """Sixty-four random bits of every lane for one index of the substream `STEP`; vectorises."""
     widest_vectors()
     for p in range(lanes):
         out[p] = bits_of(key, paths[p], index)
@@ -333,19 +220,7 @@ def fill_words(key: Key, paths: NDArray[Word], index: Word, lanes: int, out: NDA
 
 @lean
 def fill_signs(bits: NDArray[Word], place: int, lanes: int, z: NDArray[np.float64]) -> None:
-    """Two-point increments of every lane; vectorises.
-
-    Parameters
-    ----------
-    bits : ndarray of Word
-        Random bits of each lane.
-    place : int
-        Which of the 64 bits.
-    lanes : int
-        Number of lanes.
-    z : ndarray
-        Output: +1 or -1.
-    """
+    """Two-point increments of every lane; vectorises."""
     widest_vectors()
     for p in range(lanes):
         z[p] = sign_of(bits[p], place)

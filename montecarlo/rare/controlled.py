@@ -22,36 +22,18 @@ MOST_STEPS = 100_000  # after which a path is given up
 
 
 class Origin(NamedTuple):
-    """Where controlled paths begin, and the step of their noise.
+    """Where controlled paths begin, and the step of their noise."""
 
-    Attributes
-    ----------
-    tau : float
-        Initial time.
-    state : tuple of 4 float
-        Initial state, after the impact at the start if there is one.
-    dt : float
-        Step.
-    """
-
-    tau: float
-    state: State
-    dt: float
+    tau: float  # initial time
+    state: State  # initial state, after the impact at the start if there is one
+    dt: float  # step
 
 
 class Question(NamedTuple):
-    """Which other event is asked for.
+    """Which other event is asked for."""
 
-    Attributes
-    ----------
-    impact : int
-        From 0 on, the impact that is to be another than the orbit's; -1 for none.
-    flank : int
-        ``mesh * side`` of the flank that is to be struck first; the orbit's own if it is to be missed.
-    """
-
-    impact: int
-    flank: int
+    impact: int  # from 0 on, the impact that is to be another than the orbit's; -1 for none
+    flank: int  # ``mesh * side`` of the flank that is to be struck first; the orbit's own if it is to be missed
 
 
 @jit
@@ -108,27 +90,8 @@ def controlled_path(
     The limit function is negative where the other event happens: the gap that the flank asked for keeps until the
     orbit's is struck; if the orbit's own is to be missed, how far the path would pass it before it strikes another.
 
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    origin : Origin
-        Where it begins.
-    noise : ndarray, shape (steps,)
-        Increments in units of their sd; none after the last.
-    codes : ndarray of int, shape (impacts,)
-        The orbit's impacts, ``mesh * side``.
-    asked : Question
-        Which other event is asked for.
-    rows : ndarray, shape (impacts, 7)
-        Output: tau, flight, x1, y1, x2, y2, ``mesh * side`` of the impacts.
-
-    Returns
-    -------
-    limit : float
-        The limit function; NaN if an earlier impact is another than the orbit's, and without a question.
-    steps : int
-        Steps that were begun.
+    Returns: The limit function; NaN if an earlier impact is another than the orbit's, and without a question.
+    Shapes: `noise` (steps,); `codes` (impacts,); `rows` (impacts, 7).
     """
     n, k, last, left, s = 0, 0, origin.tau, origin.dt, origin.state
     wall = c.wall1 if abs(asked.flank) == 1 else c.wall2

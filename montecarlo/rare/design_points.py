@@ -35,61 +35,29 @@ PILOT = 0x9170  # spawn key of the pilot's random numbers
 
 @dataclass(frozen=True)
 class Branch:
-    """Another event than the orbit's.
+    """Another event than the orbit's."""
 
-    Attributes
-    ----------
-    impact : int
-        The impact at which paths leave the orbit's itinerary, from 1 on.
-    code : int
-        ``mesh * side`` that they strike instead.
-    beta : float
-        Reliability index: size of the least noise.
-    probability : float
-        ``Phi(-beta)``, its estimate to first order.
-    kurtosis : float
-        What the branch adds to the kurtosis of the section row that it changes most, by the same estimate.
-    shift : ndarray, shape (steps,)
-        The design point, increments in units of their sd.
-    """
-
-    impact: int
-    code: int
-    beta: float
-    probability: float
+    impact: int  # the impact at which paths leave the orbit's itinerary, from 1 on
+    code: int  # ``mesh * side`` that they strike instead
+    beta: float  # reliability index: size of the least noise
+    probability: float  # ``Phi(-beta)``, its estimate to first order
+    # what the branch adds to the kurtosis of the section row that it changes most, by the same estimate
     kurtosis: float
-    shift: Floats
+    shift: Floats  # the design point, increments in units of their sd; (steps,)
 
 
 @dataclass(frozen=True)
 class Pilot:
-    """What a small plain run tells beforehand.
+    """What a small plain run tells beforehand."""
 
-    Attributes
-    ----------
-    mean : ndarray, shape (impacts, 6)
-        Of the section quantities.
-    sd : ndarray, shape (impacts, 6)
-        Theirs, over the paths that keep to the orbit's itinerary.
-    """
-
-    mean: Floats
-    sd: Floats
+    mean: Floats  # of the section quantities; (impacts, 6)
+    sd: Floats  # theirs, over the paths that keep to the orbit's itinerary; (impacts, 6)
 
 
 def pilot_of(plan: Plan, codes: Ints) -> Pilot:
     """A plain run of a few blocks with random numbers of its own.
 
-    Parameters
-    ----------
-    plan : Plan
-        Of the run.
-    codes : ndarray of int, shape (impacts,)
-        The orbit's impacts.
-
-    Returns
-    -------
-    Pilot
+    Shapes: `codes` (impacts,).
     """
     seed = np.random.SeedSequence(plan.seed.entropy, spawn_key=(*plan.seed.spawn_key, PILOT))
     plan = plan._replace(seed=seed, paths=PILOT_PATHS)
@@ -170,21 +138,8 @@ def _entered(c: Constants, origin: Origin, codes: Ints, branch: Branch, orbit: F
 def find_branches(plan: Plan, codes: Ints, sd: Floats) -> tuple[list[Branch], list[tuple[int, int]]]:
     """The branches within `FARTHEST`, one for each design point.
 
-    Parameters
-    ----------
-    plan : Plan
-        Of the run; its gaps are the same for all paths.
-    codes : ndarray of int, shape (impacts,)
-        The orbit's impacts.
-    sd : ndarray, shape (impacts, 6)
-        Of the section quantities, see `Pilot`.
-
-    Returns
-    -------
-    found : list of Branch
-        Those that were found, the one that adds most to a kurtosis first.
-    unresolved : list of (impact, code)
-        Where the first search came near and the second did not settle: unknown, not absent.
+    Returns: Where the first search came near and the second did not settle: unknown, not absent. Shapes: `codes`
+    (impacts,); `sd` (impacts, 6).
     """
     c, impacts = plan.scene.constants, codes.size
     start = start_state(plan.scene, np.array([[c.wall1], [c.wall1], [c.wall2], [c.wall2]]))[:, 0]

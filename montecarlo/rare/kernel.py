@@ -80,26 +80,9 @@ def run_weighted(
 ) -> None:  # fmt: skip
     """Follow a block of paths until each has had its impacts.
 
-    Parameters
-    ----------
-    job : Job
-        Settings; its scheme is not read.
-    mixture : Mixture
-        Parts.
-    first : int
-        Number of the block's first path.
-    every, room : Lanes, Room
-        From `rattle.montecarlo.kernel.lanes.lanes_of`, of one level.
-    part : ndarray of int, shape (lanes,)
-        Branch of each path; -1 for plain ones.
-    ahead : ndarray, shape (lanes,)
-        ``u z`` that conditioned paths have to reach.
-    done : ndarray, shape (branches, lanes)
-        Zeros; overwritten by ``u z`` so far.
-    rows : ndarray, shape (1, paths, impacts, COLUMNS)
-        Output: the state just before each impact; impacts that are not reached stay as given.
-    weights : ndarray, shape (paths, impacts)
-        Output: the weight of each, given the steps up to the one of the impact.
+    `rows`: Output: the state just before each impact; impacts that are not reached stay as given. `weights`:
+    Output: the weight of each, given the steps up to the one of the impact. Shapes: `part` (lanes,); `ahead`
+    (lanes,); `done` (branches, lanes); `rows` (1, paths, impacts, COLUMNS); `weights` (paths, impacts).
     """
     widest_vectors()
     impacts, live, n, z, steps = rows.shape[2], rows.shape[1], 0, room.z, mixture.unit.shape[1]

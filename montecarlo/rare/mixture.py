@@ -34,60 +34,25 @@ TARGETS = 0x7A6  # spawn key of the random numbers of `targets`
 
 
 class Mixture(NamedTuple):
-    """Parts of the mixture, for compiled code.
+    """Parts of the mixture, for compiled code."""
 
-    Attributes
-    ----------
-    unit : ndarray, shape (branches, steps)
-        Unit vectors towards the design points.
-    rest : ndarray, shape (branches, steps + 1)
-        Their squared norm from a step on.
-    level : ndarray, shape (branches, thresholds)
-        Thresholds b.
-    rate : ndarray, shape (branches, thresholds)
-        Share of the paths over ``Phi(-b)``.
-    plain : float
-        Share of plain paths.
-    counts : ndarray of int, shape (branches, thresholds)
-        Paths of a part in a block of `BLOCK`: the first rows, the plain ones after them.
-    """
-
-    unit: Floats
-    rest: Floats
-    level: Floats
-    rate: Floats
-    plain: float
+    unit: Floats  # unit vectors towards the design points; (branches, steps)
+    rest: Floats  # their squared norm from a step on; (branches, steps + 1)
+    level: Floats  # thresholds b; (branches, thresholds)
+    rate: Floats  # share of the paths over ``Phi(-b)``; (branches, thresholds)
+    plain: float  # share of plain paths
+    # paths of a part in a block of `BLOCK`: the first rows, the plain ones after them; (branches, thresholds)
     counts: Ints
 
 
 def chosen(branches: Sequence[Branch]) -> list[Branch]:
-    """The branches that are worth paths of their own.
-
-    Parameters
-    ----------
-    branches : sequence of Branch
-        The one that adds most to a kurtosis first.
-
-    Returns
-    -------
-    list of Branch
-        At most `MOST`.
-    """
+    """The branches that are worth paths of their own."""
     rare = [b for b in branches if b.probability < LIKELY and b.kurtosis > LEAST_KURTOSIS]
     return [b for b in rare if b.kurtosis > WORTH * rare[0].kurtosis][:MOST]
 
 
 def mixture_of(branches: Sequence[Branch]) -> Mixture:
     """Give each branch paths in proportion to the root of the kurtosis that it adds.
-
-    Parameters
-    ----------
-    branches : sequence of Branch
-        Those to be sampled; none for plain paths alone.
-
-    Returns
-    -------
-    Mixture
 
     Examples
     --------
@@ -111,21 +76,7 @@ def mixture_of(branches: Sequence[Branch]) -> Mixture:
 def targets(mixture: Mixture, seed: np.random.SeedSequence, block: int) -> tuple[Ints, Floats]:
     """What the conditioned paths of a block have to reach along their unit vector.
 
-    Parameters
-    ----------
-    mixture : Mixture
-        Parts.
-    seed : SeedSequence
-        Of the run.
-    block : int
-        Number of the block.
-
-    Returns
-    -------
-    part : ndarray of int, shape (BLOCK,)
-        Branch of each path; -1 for plain ones.
-    ahead : ndarray, shape (BLOCK,)
-        ``u z`` of each, normal beyond its threshold.
+    Shapes: `part` (BLOCK,); `ahead` (BLOCK,).
     """
     part, ahead, at, normal = np.full(BLOCK, -1), np.zeros(BLOCK), 0, NormalDist()
     rng = np.random.default_rng(np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, TARGETS, block)))

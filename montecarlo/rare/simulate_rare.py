@@ -165,21 +165,8 @@ def _block(plan: Plan, mixture: Mixture, counts: NDArray[np.int64], centre: Floa
 def weighted_rows(plan: Plan, mixture: Mixture, block: int) -> tuple[Floats, Floats]:
     """Run the paths of a block.
 
-    Parameters
-    ----------
-    plan : Plan
-        Of the run.
-    mixture : Mixture
-        Parts; their paths come first.
-    block : int
-        Number of the block.
-
-    Returns
-    -------
-    rows : ndarray, shape (BLOCK, impacts, COLUMNS)
-        Impacts; NaN where a path did not reach one.
-    weights : ndarray, shape (BLOCK, impacts)
-        Likelihood ratio of the plain distribution to the mixture, given the steps up to the impact.
+    Returns: Likelihood ratio of the plain distribution to the mixture, given the steps up to the impact. Shapes:
+    `rows` (BLOCK, impacts, COLUMNS); `weights` (BLOCK, impacts).
     """
     scene, c, first = plan.scene, plan.scene.constants, block * BLOCK
     walls = np.repeat([[c.wall1], [c.wall1], [c.wall2], [c.wall2]], BLOCK, axis=1)

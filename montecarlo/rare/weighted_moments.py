@@ -16,16 +16,8 @@ ORDERS = 8  # sums of w d^o for o = 0, 1, 2 and of w^2 d^o for o = 0 ... 4
 def add(rows: Floats, weights: Floats, centre: Floats, sums: Floats) -> None:
     """Add paths of one part to its sums.
 
-    Parameters
-    ----------
-    rows : ndarray, shape (paths, impacts, columns)
-        Section quantities first.
-    weights : ndarray, shape (paths, impacts)
-        Theirs.
-    centre : ndarray, shape (impacts, 6)
-        Values near the means, from other paths.
-    sums : ndarray, shape (impacts, 6, ORDERS)
-        Added to.
+    Shapes: `rows` (paths, impacts, columns); `weights` (paths, impacts); `centre` (impacts, 6); `sums` (impacts,
+    6, ORDERS).
     """
     for p in range(rows.shape[0]):
         for k in range(rows.shape[1]):
@@ -47,18 +39,7 @@ def moments(parts: Floats, counts: Floats, centre: Floats) -> tuple[Floats, Floa
     Each part has a fixed number of independent paths, so that variances are added within parts.  The estimates of the
     mean ``sum w d / n`` and of the variance ``sum w d^2 / n - m^2 + var(m)`` are unbiased.
 
-    Parameters
-    ----------
-    parts : ndarray, shape (parts, impacts, 6, ORDERS)
-        Sums of each part.
-    counts : ndarray, shape (parts,)
-        Paths of each; at least two.
-    centre : ndarray, shape (impacts, 6)
-        As for `add`.
-
-    Returns
-    -------
-    mean, se_mean, sd, se_sd : ndarray, shape (impacts, 6)
+    Shapes: `parts` (parts, impacts, 6, ORDERS); `counts` (parts,); `centre` (impacts, 6); result (impacts, 6).
     """
     n = counts[:, None, None]
     whole, total = parts.sum(axis=0) / counts.sum(), counts.sum()

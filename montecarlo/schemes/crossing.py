@@ -30,20 +30,6 @@ def margins(c: Constants, sine: float, cosine: float, h: float) -> tuple[float, 
     A stage has no impact if its coefficients stay away from the walls by its margin.  The noise is taken at its largest
     modulation in this time, not at its largest ever: where the modulation vanishes, a path that sticks to its wall must
     not be cut as if it were noisy.
-
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    sine, cosine : float
-        Of any phase in this time.
-    h : float
-        Length of the time.
-
-    Returns
-    -------
-    margin1, margin2 : float
-        Displacements.
     """
     spread = MARGIN_SDS * abs(c.sigma) * h * math.sqrt(h) * SCALE
     most = math.sqrt(1.0 + c.beta1**2)  # bound on the modulation of y1, and on its rate
@@ -63,23 +49,7 @@ def _near(a: float, b: float, end: float, high: float, low: float, margin: float
 
 @inlined
 def near_wall(third: float, x0: float, y0: float, x: float, y: float, high: float, low: float, margin: float) -> bool:
-    """Whether the cubic through both end states of a stage comes within its margin of a wall.
-
-    Parameters
-    ----------
-    third : float
-        A third of the step.
-    x0, y0, x, y : float
-        Displacement and velocity at the start and at the end.
-    high, low : float
-        Distances of the two flanks from the middle.
-    margin : float
-        Of this stage, see `margins`.
-
-    Returns
-    -------
-    bool
-    """
+    """Whether the cubic through both end states of a stage comes within its margin of a wall."""
     return _near(x0 + third * y0, x - third * y, x, high, low, margin)
 
 
@@ -89,16 +59,6 @@ def first_root(a: float, b: float, c: float, d: float) -> float:
 
     A cubic that falls all the way, as that of a transversal impact does, has one zero and needs no pieces.  The error
     is about the square of the last Newton step, which is below `SETTLED`.
-
-    Parameters
-    ----------
-    a, b, c, d : float
-        Bernstein coefficients, a >= 0.
-
-    Returns
-    -------
-    float
-        2 if no piece ends below zero.
     """
     p1, p2, p3 = 3.0 * (b - a), 3.0 * (a - 2.0 * b + c), (d - a) + 3.0 * (b - c)
     low, high = 0.0, 1.0
@@ -144,25 +104,7 @@ def cut_share(
 ) -> float:
     """Share of a trial at which to cut it, over all walls.
 
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    phase : tuple of 2 float
-        Sine and cosine of its start.
-    s, end : tuple of 4 float
-        States at its start and at its end.
-    h : float
-        Its length.
-    walls : Walls
-        Of the path.
-    close1, close2 : float
-        Distances from the walls of both meshes within which the end counts as an impact.
-
-    Returns
-    -------
-    float
-        1 if it has no impact before its end.
+    `close1`, `close2`: Distances from the walls of both meshes within which the end counts as an impact.
     """
     margin1, margin2 = margins(c, phase[0], phase[1], h)
     cut = min(

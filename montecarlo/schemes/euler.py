@@ -35,37 +35,17 @@ FORCING = 4  # numbers of a `StepForcing`
 
 
 class StepForcing(NamedTuple):
-    """The part of a step that is the same for every path: ``y_i += push_i + kick_i z``, z standard normal.
+    """The part of a step that is the same for every path: ``y_i += push_i + kick_i z``, z standard normal."""
 
-    Attributes
-    ----------
-    push1, push2 : float
-        Drift by excitation and drag, over the step.
-    kick1, kick2 : float
-        Effect of a unit normal.
-    """
-
-    push1: float
-    kick1: float
+    push1: float  # push1, push2: drift by excitation and drag, over the step
+    kick1: float  # kick1, kick2: effect of a unit normal
     push2: float
     kick2: float
 
 
 @lean
 def step_forcing(c: Constants, tau: float, h: float) -> StepForcing:
-    """Forcing of an Euler-Maruyama step of length h at `tau` (Eq. 5).
-
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    tau, h : float
-        Start and length of the step.
-
-    Returns
-    -------
-    StepForcing
-    """
+    """Forcing of an Euler-Maruyama step of length h at `tau` (Eq. 5)."""
     m1, m2 = noise_rate(c, tau)
     root = c.sigma * math.sqrt(h)
     return StepForcing(
@@ -77,26 +57,7 @@ def step_forcing(c: Constants, tau: float, h: float) -> StepForcing:
 def euler_step(
     c: Constants, f: StepForcing, h: float, x1: float, y1: float, x2: float, y2: float, z: float
 ) -> tuple[float, float, float, float]:
-    """One Euler-Maruyama step of Eq. 5 without walls.
-
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    f : StepForcing
-        Of the step.
-    h : float
-        Step.
-    x1, y1, x2, y2 : float
-        State at its start.
-    z : float
-        The standard normal that both stages share.
-
-    Returns
-    -------
-    x1, y1, x2, y2 : float
-        State at its end.
-    """
+    """One Euler-Maruyama step of Eq. 5 without walls."""
     keep1, keep2, pull = 1.0 - h * c.beta1, 1.0 - h * c.beta2, h * (c.beta2 - c.beta1)
     return (
         fma(h, y1, x1),
@@ -141,25 +102,9 @@ def four_euler_steps(
 ) -> None:  # fmt: skip
     """Four steps of some lanes, in registers; marks those that are beyond a wall at the end of any step.  Vectorises.
 
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    forcing : ndarray, shape (4, FORCING)
-        `StepForcing` of each step.
-    h : float
-        Step.
-    toleranced : bool
-        Whether flanks differ between paths.
-    walls, state, before : ndarray, shape (4, begin + lanes or more)
-        Flanks and states of the paths, and the states before these steps (output); `walls` is read only if they are
-        toleranced.
-    begin, lanes : int
-        First lane, and number of lanes.
-    z : ndarray, shape (4 or more, lanes or more)
-        Standard normals of each step.
-    beyond : ndarray of bool, shape (lanes or more,)
-        Output.
+    `walls`, `state`, `before`: Flanks and states of the paths, and the states before these steps (output);
+    `walls` is read only if they are toleranced. Shapes: `forcing` (4, FORCING); `walls`, `state`, `before` (4,
+    begin + lanes or more); `z` (4 or more, lanes or more); `beyond` (lanes or more,).
     """
     widest_vectors()
     end = begin + lanes
@@ -200,22 +145,7 @@ def four_euler_steps(
 
 @spliced
 def due(c: Constants, x1: float, y1: float, x2: float, y2: float, walls: Walls) -> int:
-    """The impact due at the end of a step: beyond a wall and moving outward, mesh 1 before mesh 2.  Branch-free.
-
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    x1, y1, x2, y2 : float
-        State.
-    walls : Walls
-        Of the path.
-
-    Returns
-    -------
-    int
-        ``mesh * side``, or 0.
-    """
+    """The impact due at the end of a step: beyond a wall and moving outward, mesh 1 before mesh 2.  Branch-free."""
     first = int((x1 > walls.high1) & (y1 > 0.0)) - int((x1 < -walls.low1) & (y1 < 0.0))
     second = int((x2 > walls.high2) & (y2 > 0.0)) - int((x2 < -walls.low2) & (y2 < 0.0))
     return first if first != 0 else (2 * second if c.stages == 2 else 0)
@@ -223,21 +153,7 @@ def due(c: Constants, x1: float, y1: float, x2: float, y2: float, walls: Walls) 
 
 @spliced
 def put_on_wall(code: int, x1: float, x2: float, walls: Walls) -> tuple[float, float]:
-    """Displacements with that of the struck mesh put back on its wall.
-
-    Parameters
-    ----------
-    code : int
-        ``mesh * side`` of the impact, or 0.
-    x1, x2 : float
-        Displacements.
-    walls : Walls
-        Of the path.
-
-    Returns
-    -------
-    x1, x2 : float
-    """
+    """Displacements with that of the struck mesh put back on its wall."""
     x1 = walls.high1 if code == 1 else (-walls.low1 if code == -1 else x1)
     x2 = walls.high2 if code == 2 else (-walls.low2 if code == -2 else x2)
     return x1, x2
@@ -245,22 +161,7 @@ def put_on_wall(code: int, x1: float, x2: float, walls: Walls) -> tuple[float, f
 
 @spliced
 def at_end(c: Constants, at: Progress, walls: Walls) -> Progress:
-    """The path with the impact that is due at the end of its step.
-
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    at : Progress
-        At the end of the step.
-    walls : Walls
-        Of the path.
-
-    Returns
-    -------
-    Progress
-        Struck coordinate on its wall, and `code` set.
-    """
+    """The path with the impact that is due at the end of its step."""
     code = due(c, at.x1, at.y1, at.x2, at.y2, walls)
     x1, x2 = put_on_wall(code, at.x1, at.x2, walls)
     return Progress(code, at.tau, 0.0, Noise(0.0, 0.0), x1, at.y1, x2, at.y2)

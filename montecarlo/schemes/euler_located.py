@@ -23,21 +23,7 @@ Bools = NDArray[np.bool_]
 
 @inlined
 def leaves(h: float, x: float, y: float, high: float, low: float) -> bool:
-    """Whether a stage's next Euler step, ``x + h y``, ends beyond a wall.
-
-    Parameters
-    ----------
-    h : float
-        Step.
-    x, y : float
-        Displacement and velocity of the stage.
-    high, low : float
-        Distances of its two flanks from the middle.
-
-    Returns
-    -------
-    bool
-    """
+    """Whether a stage's next Euler step, ``x + h y``, ends beyond a wall."""
     end = x + h * y
     return (end > high) | (end < -low)
 
@@ -46,18 +32,7 @@ def leaves(h: float, x: float, y: float, high: float, low: float) -> bool:
 def leaving(c: Constants, h: float, walls: Floats, state: Floats, beyond: Bools, lanes: int) -> None:
     """Mark the lanes whose next step ends beyond a wall; vectorises.
 
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    h : float
-        Step.
-    walls, state : ndarray, shape (4, lanes or more)
-        Flanks and states of the paths.
-    beyond : ndarray of bool
-        Output.
-    lanes : int
-        Number of lanes.
+    Shapes: `walls`, `state` (4, lanes or more).
     """
     x1, y1, x2, y2 = state[0], state[1], state[2], state[3]
     high1, low1, high2, low2 = walls[0], walls[1], walls[2], walls[3]
@@ -72,20 +47,7 @@ def leaving(c: Constants, h: float, walls: Floats, state: Floats, beyond: Bools,
 def located_lanes(c: Constants, f: StepForcing, h: float, state: Floats, z: Floats, lanes: int) -> None:
     """One step of all lanes in place, ignoring the walls; vectorises.
 
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    f : StepForcing
-        Of the step.
-    h : float
-        Step.
-    state : ndarray, shape (4, lanes or more)
-        States; output too.
-    z : ndarray
-        Standard normals.
-    lanes : int
-        Number of lanes.
+    Shapes: `state` (4, lanes or more).
     """
     x1, y1, x2, y2 = state[0], state[1], state[2], state[3]
     for p in range(lanes):
@@ -116,21 +78,7 @@ def _reach(x: float, y: float, high: float, low: float) -> float:
 def advance_inside(c: Constants, at: Progress, normal: float, walls: Walls) -> Progress:
     """Go to the next wall that the path meets in this step, or to the end of the step.
 
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    at : Progress
-        Just after an impact, or at the start of a step.
-    normal : float
-        A fresh standard normal for every call: it splits the increment at the wall (Brownian bridge).
-    walls : Walls
-        Of the path.
-
-    Returns
-    -------
-    Progress
-        At the impact that is due, or at the end of the step.
+    `normal`: A fresh standard normal for every call: it splits the increment at the wall (Brownian bridge).
     """
     x1, y1, x2, y2 = at.x1, at.y1, at.x2, at.y2
     whole = at.noise.increment

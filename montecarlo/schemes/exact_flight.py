@@ -139,33 +139,9 @@ def advance_exactly(
     end would be, and forgetting that end and sampling it anew would give the path a second chance to miss the wall.  At
     an impact they may be joined, since it is a stopping time of the path.
 
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    key : Key
-        Of the run.
-    path, index, purpose : Word
-        Of the random numbers that split the noise; cuts 2 i and 2 i + 1 share the four normals of index + i.
-    at : Progress
-        Just after an impact, or at the start of a step.
-    phase : tuple of 2 float
-        Sine and cosine of its time.
-    whole : tuple of 4 float
-        State at the end of the time left, ignoring the walls.
-    known : bool
-        Whether `whole` is given; otherwise it is computed.
-    walls : Walls
-        Of the path.
-    ahead : ndarray, shape (PARTS, 3)
-        Scratch, a stack: length, increment and area of the parts of the step still ahead, the nearest on top.
-
-    Returns
-    -------
-    at : Progress
-        At the impact that is due, or at the end of the step.
-    phase : tuple of 2 float
-        Sine and cosine of its time, if an impact is due.
+    `path`, `index`, `purpose`: Of the random numbers that split the noise; cuts 2 i and 2 i + 1 share the four
+    normals of index + i. `ahead`: Scratch, a stack: length, increment and area of the parts of the step still
+    ahead, the nearest on top. Shapes: `ahead` (PARTS, 3).
     """
     tau, left, s = at.tau, at.left, (at.x1, at.y1, at.x2, at.y2)
     code, lead, _ = _due(c, s, walls)

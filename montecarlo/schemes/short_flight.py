@@ -35,15 +35,6 @@ def sine_cosine(tau: float) -> Phase:
 
     Reduction to a quarter turn and the polynomials of FDLIBM (k_sin.c, k_cos.c).
 
-    Parameters
-    ----------
-    tau : float
-        Time.
-
-    Returns
-    -------
-    sine, cosine : float
-
     Examples
     --------
     >>> [round(v, 15) for v in sine_cosine(0.5)]
@@ -77,26 +68,6 @@ def short_flight(c: Constants, phase: Phase, h: float, s: State, increment: floa
     With u = s / h in [0, 1] the flight is ``dx/du = h y`` and ``dy1/du = -h beta1 y1 + h gamma1 + m1 (even + odd u)``,
     likewise for stage 2.  All series are summed until their terms, of relative size ``(h (1 + beta))^k / k!``, are
     below rounding: eight terms at the default step, three at the last trial before an impact.
-
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    phase : tuple of 2 float
-        Sine and cosine of the time at the start.
-    h : float
-        Length of the flight; may be negative.
-    s : tuple of 4 float
-        State at the start.
-    increment, area : float
-        Of the noise in this time.
-
-    Returns
-    -------
-    state : tuple of 4 float
-        At the end.
-    phase : tuple of 2 float
-        At the end.
 
     Examples
     --------
@@ -137,20 +108,6 @@ def short_flight(c: Constants, phase: Phase, h: float, s: State, increment: floa
 
 @lean
 def kick(c: Constants, tau: float, h: float, increment: float, area: float) -> State:
-    """Displacement at the end of a time h by given noise alone (Eq. 5).
-
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    tau, h : float
-        Start and length of the time.
-    increment, area : float
-        Of the noise.
-
-    Returns
-    -------
-    x1, y1, x2, y2 : float
-    """
+    """Displacement at the end of a time h by given noise alone (Eq. 5)."""
     quiet = Constants(0.0, c.epsilon, c.beta1, c.beta2, 0.0, 0.0, c.mu, c.wall1, c.wall2, c.sigma, c.stages)
     return short_flight(quiet, sine_cosine(tau), h, (0.0, 0.0, 0.0, 0.0), increment, area)[0]

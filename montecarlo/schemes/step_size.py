@@ -28,39 +28,21 @@ COARSEST = 2 ** (LEVELS - 1)
 
 
 class Scales(NamedTuple):
-    """Time scales that a step must resolve; infinite where there is no such process.
+    """Time scales that a step must resolve; infinite where there is no such process."""
 
-    Attributes
-    ----------
-    damping : float
-        Relaxation time of the faster damped wheel, ``1 / beta``.
-    crossing : float
-        Time to cross the narrowest half gap at a typical speed: that of the start, or what excitation and drag make of
-        a path within one crossing.
-    shaking : float
-        Time in which noise alone takes a path across that half gap: ``(g / sigma)^(2/3)``, or by diffusion ``(beta g /
-        sigma)^2`` where damping is faster than that.
-    turning : float
-        Time in which noise reverses the velocity of a path that leaves its wall at the start: ``(speed / sigma)^2``.
-    """
-
-    damping: float
+    damping: float  # relaxation time of the faster damped wheel, ``1 / beta``
+    # time to cross the narrowest half gap at a typical speed: that of the start, or what excitation and drag make of
+    # a path within one crossing
     crossing: float
+    # time in which noise alone takes a path across that half gap: ``(g / sigma)^(2/3)``, or by diffusion ``(beta g /
+    # sigma)^2`` where damping is faster than that
     shaking: float
+    # time in which noise reverses the velocity of a path that leaves its wall at the start: ``(speed / sigma)^2``
     turning: float
 
 
 def scales_of(scene: Scene) -> Scales:
     """The time scales of a scene.
-
-    Parameters
-    ----------
-    scene : Scene
-        With or without noise and tolerance.
-
-    Returns
-    -------
-    Scales
 
     Examples
     --------
@@ -109,18 +91,6 @@ def accurate_flight(scene: Scene) -> Limit:
 
     The neglected part (of relative order h^4 of the variance) matters where the variance grows from zero: at this limit
     0.8 % of sd(x1) after a flight of 0.2 from tau = 0, at half of it 0.05 %.
-
-    Parameters
-    ----------
-    scene : Scene
-        Its damping counts.
-
-    Returns
-    -------
-    limit : float
-        Step.
-    why : str
-        The reason, as part of a message.
 
     Examples
     --------
@@ -184,20 +154,6 @@ def trusted_step(scene: Scene, scheme: str) -> Limit:
     The effect of the step on the noise-free motion is not included: `rattle.montecarlo.diagnostics` measures that.
     `rattle stability` finds these limits to hold over all of its axes.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is simulated.
-    scheme : str
-        Name in `SCHEMES`.
-
-    Returns
-    -------
-    limit : float
-        Step.
-    why : str
-        The reason, as part of a message.
-
     Examples
     --------
     >>> from rattle.scene import DAT21, Scene
@@ -254,25 +210,7 @@ def default_step(scene: Scene, scheme: str, step_bias: bool = False) -> float:
 def check_step(scene: Scene, dt: float, scheme: str, coarsest: int = 1) -> float:
     """The step as a float, if it is admissible, and with it its multiple `coarsest`.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is simulated.
-    dt : float
-        Step.
-    scheme : str
-        Name in `SCHEMES`.
-    coarsest : int
-        Largest multiple of dt that is run too; ignored for a scheme without step bias.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    InputError
-        Says how long or short the step may be, and why.
+    `coarsest`: Largest multiple of dt that is run too; ignored for a scheme without step bias.
     """
     if not finite("dt", dt) > 0.0:
         raise InputError("dt", dt, "must be greater than 0")

@@ -9,58 +9,31 @@ MOST_IN_A_STEP = 64
 
 
 class Noise(NamedTuple):
-    """Brownian motion on a time h.
+    """Brownian motion on a time h."""
 
-    Attributes
-    ----------
-    increment : float
-        Of variance h.
-    area : float
-        ``int (s / h - 1/2) dB``, of variance h / 12: minus the space-time Lévy area.  The Euler-Maruyama schemes do not
-        use it and leave it zero.
-    """
-
-    increment: float
+    increment: float  # of variance h
+    # ``int (s / h - 1/2) dB``, of variance h / 12: minus the space-time Lévy area.  The Euler-Maruyama schemes do not
+    # use it and leave it zero
     area: float
 
 
 class Walls(NamedTuple):
-    """Distances of a path's four flanks from the middle of their gap.
+    """Distances of a path's four flanks from the middle of their gap."""
 
-    Attributes
-    ----------
-    high1, low1, high2, low2 : float
-        Flanks +1, -1, +2, -2; all positive.
-    """
-
-    high1: float
+    high1: float  # high1, low1, high2, low2: flanks +1, -1, +2, -2; all positive
     low1: float
     high2: float
     low2: float
 
 
 class Progress(NamedTuple):
-    """A path within a step: its state, the impact that is due there, and what is left of the step.
+    """A path within a step: its state, the impact that is due there, and what is left of the step."""
 
-    Attributes
-    ----------
-    code : int
-        ``mesh * side`` of an impact that is due at this very state, or 0.
-    tau : float
-        Time.
-    left : float
-        Time to the end of the step.
-    noise : Noise
-        Of the time left.
-    x1, y1, x2, y2 : float
-        State.
-    """
-
-    code: int
-    tau: float
-    left: float
-    noise: Noise
-    x1: float
+    code: int  # ``mesh * side`` of an impact that is due at this very state, or 0
+    tau: float  # time
+    left: float  # time to the end of the step
+    noise: Noise  # of the time left
+    x1: float  # x1, y1, x2, y2: state
     y1: float
     x2: float
     y2: float

@@ -23,18 +23,7 @@ OPEN: Sides = (0, 0)
 
 @lean
 def sides_of(code: int) -> Sides:
-    """The mesh of an impact closed on the side of that impact, the other open.
-
-    Parameters
-    ----------
-    code : int
-        ``mesh * side`` of the impact.
-
-    Returns
-    -------
-    Sides
-        Side of each mesh, 0 for open.
-    """
+    """The mesh of an impact closed on the side of that impact, the other open."""
     side = 1 if code > 0 else -1
     return (side, 0) if abs(code) == 1 else (0, side)
 
@@ -45,20 +34,6 @@ def sticking_sides(c: Constants, at: Progress, walls: Walls) -> Sides:
 
     A mesh sticks if it is at a wall with zero velocity and its contact force exceeds what noise over this time could
     overcome (`MARGIN_SDS` sds of it).
-
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    at : Progress
-        The path within its step.
-    walls : Walls
-        Of the path.
-
-    Returns
-    -------
-    Sides
-        Side of each mesh, 0 for open.
     """
     flank1 = int(at.x1 == walls.high1) - int(at.x1 == -walls.low1)
     flank2 = int(at.x2 == walls.high2) - int(at.x2 == -walls.low2) if c.stages == 2 else 0
@@ -79,24 +54,7 @@ def sticking_sides(c: Constants, at: Progress, walls: Walls) -> Sides:
 
 @lean
 def stick_to_end(c: Constants, at: Progress, sides: Sides, walls: Walls) -> Progress:
-    """The path at the end of its step, with some meshes closed until then.
-
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    at : Progress
-        The path within its step.
-    sides : Sides
-        Side on which each mesh is closed, 0 for open.
-    walls : Walls
-        Of the path.
-
-    Returns
-    -------
-    Progress
-        At the end of the step.
-    """
+    """The path at the end of its step, with some meshes closed until then."""
     first, second = sides
     x1, y1, x2, y2 = at.x1, at.y1, at.x2, at.y2
     if first != 0:

@@ -8,31 +8,16 @@ __all__ = ["SCHEMES", "Scheme"]
 
 @dataclass(frozen=True)
 class Scheme:
-    """A way to advance paths and to detect impacts.
+    """A way to advance paths and to detect impacts."""
 
-    Attributes
-    ----------
-    code : int
-        Its number in compiled code.
-    file : str
-        Module of this package that implements it.
-    weak_order : int or None
-        Weak order of convergence in the step; None for a scheme without step bias.
-    normals : int
-        Standard normals of a path per step without an impact.
-    step : float
-        Default step.
-    step_ns, impact_ns : float
-        Cost model for the choice of a scheme: time of a path-step and of an impact on one core in ns, with statistics.
-        Measured once, on an Intel Xeon with AVX-512 (12 impacts on DAT21 with two steps each, the least of interleaved
-        slices), and constant, so that the choice does not depend on the machine.
-    """
-
-    code: int
-    file: str
-    weak_order: int | None
-    normals: int
-    step: float
+    code: int  # its number in compiled code
+    file: str  # module of this package that implements it
+    weak_order: int | None  # weak order of convergence in the step; None for a scheme without step bias
+    normals: int  # standard normals of a path per step without an impact
+    step: float  # default step
+    # step_ns, impact_ns: cost model for the choice of a scheme: time of a path-step and of an impact on one core in
+    # ns, with statistics. Measured once, on an Intel Xeon with AVX-512 (12 impacts on DAT21 with two steps each, the
+    # least of interleaved slices), and constant, so that the choice does not depend on the machine
     step_ns: float
     impact_ns: float
 

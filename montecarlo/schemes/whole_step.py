@@ -23,48 +23,26 @@ Bools = NDArray[np.bool_]
 
 
 class FlightForcing(NamedTuple):
-    """A step of all lanes: ``s' = J s + drift + z_w along + z_a across``, and the margins of the walls.
+    """A step of all lanes: ``s' = J s + drift + z_w along + z_a across``, and the margins of the walls."""
 
-    Attributes
-    ----------
-    x1y1, y1y1, x2y1, x2y2, y2y1, y2y2 : float
-        Entries of the flight's Jacobian J that are neither 0 nor 1: ``x1y1 = dx1'/dy1`` and so on.
-    drift : tuple of 4 float
-        Effect of excitation and drag on ``(x1, y1, x2, y2)``.
-    along, across : tuple of 4 float
-        Effect of a unit normal for the increment, and for the area.
-    margin1, margin2 : float
-        Of both stages, see `rattle.montecarlo.schemes.crossing.margins`.
-    """
-
+    # x1y1, y1y1, x2y1, x2y2, y2y1, y2y2: entries of the flight's Jacobian J that are neither 0 nor 1: ``x1y1 =
+    # dx1'/dy1`` and so on
     x1y1: float
     y1y1: float
     x2y1: float
     x2y2: float
     y2y1: float
     y2y2: float
-    drift: State
-    along: State
+    drift: State  # effect of excitation and drag on ``(x1, y1, x2, y2)``
+    along: State  # along, across: effect of a unit normal for the increment, and for the area
     across: State
-    margin1: float
+    margin1: float  # margin1, margin2: of both stages, see `rattle.montecarlo.schemes.crossing.margins`
     margin2: float
 
 
 @lean
 def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
-    """Everything in a step that is the same for all paths.
-
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    tau, h : float
-        Start and length of the step.
-
-    Returns
-    -------
-    FlightForcing
-    """
+    """Everything in a step that is the same for all paths."""
     p = pair(c.beta1, c.beta2, h)
     phase = sine_cosine(tau)
     margin1, margin2 = margins(c, phase[0], phase[1], h)
@@ -77,21 +55,7 @@ def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
 
 @inlined
 def first_stage(f: FlightForcing, x1: float, y1: float, z: float, area: float) -> tuple[float, float]:
-    """Stage 1 after a step, ignoring the walls.
-
-    Parameters
-    ----------
-    f : FlightForcing
-        Of the step.
-    x1, y1 : float
-        Its displacement and velocity.
-    z, area : float
-        Standard normals of the increment and of the area.
-
-    Returns
-    -------
-    x1, y1 : float
-    """
+    """Stage 1 after a step, ignoring the walls."""
     return (
         x1 + f.x1y1 * y1 + (f.drift[0] + f.along[0] * z + f.across[0] * area),
         f.y1y1 * y1 + (f.drift[1] + f.along[1] * z + f.across[1] * area),
@@ -100,21 +64,7 @@ def first_stage(f: FlightForcing, x1: float, y1: float, z: float, area: float) -
 
 @inlined
 def second_stage(f: FlightForcing, x2: float, y1: float, y2: float, z: float, area: float) -> tuple[float, float]:
-    """Stage 2 after a step, ignoring the walls.
-
-    Parameters
-    ----------
-    f : FlightForcing
-        Of the step.
-    x2, y1, y2 : float
-        State at the start of the step.
-    z, area : float
-        Standard normals of the increment and of the area.
-
-    Returns
-    -------
-    x2, y2 : float
-    """
+    """Stage 2 after a step, ignoring the walls."""
     return (
         x2 + (f.x2y1 * y1 + f.x2y2 * y2 + (f.drift[2] + f.along[2] * z + f.across[2] * area)),
         f.y2y1 * y1 + f.y2y2 * y2 + (f.drift[3] + f.along[3] * z + f.across[3] * area),
@@ -128,26 +78,8 @@ def flight_lanes(
 ) -> None:  # fmt: skip
     """One step of all lanes in place, ignoring the walls; marks those that may have an impact.  Vectorises.
 
-    Parameters
-    ----------
-    c : Constants
-        Of the scene.
-    f : FlightForcing
-        Of the step.
-    h : float
-        Step.
-    toleranced : bool
-        Whether flanks differ between paths.
-    walls, state : ndarray, shape (4, lanes or more)
-        Flanks and states of the paths; `walls` is read only if they are toleranced.
-    before : ndarray, shape (4, lanes or more)
-        Output: the states at the start of the step.
-    z, area : ndarray
-        Standard normals of the increment and of the area.
-    near : ndarray of bool
-        Output.
-    lanes : int
-        Number of lanes.
+    `walls`, `state`: Flanks and states of the paths; `walls` is read only if they are toleranced. Shapes:
+    `walls`, `state` (4, lanes or more); `before` (4, lanes or more).
     """
     x1, y1, x2, y2 = state[0], state[1], state[2], state[3]
     x1_before, y1_before, x2_before, y2_before = before[0], before[1], before[2], before[3]

@@ -23,54 +23,25 @@ class Batches:
 
     Two runs with one seed use the same noise in each batch.  The spread of the differences between their batches is
     therefore the standard error of the difference, with the correlation of the runs taken into account.
-
-    Attributes
-    ----------
-    n, mean, squares : ndarray, shape (BATCHES, impacts, 6)
-        Paths that had the impact, their mean, and the sum of squares about it.
-    control : ndarray, shape (BATCHES, impacts, 6)
-        Mean of the control variate, whose expectation is zero; 0 without one.
     """
 
+    # n, mean, squares: paths that had the impact, their mean, and the sum of squares about it; (BATCHES, impacts, 6)
     n: Floats
     mean: Floats
     squares: Floats
-    control: Floats
+    control: Floats  # mean of the control variate, whose expectation is zero; 0 without one; (BATCHES, impacts, 6)
 
     @classmethod
     def empty(cls, impacts: int) -> Batches:
-        """Batches without paths.
-
-        Parameters
-        ----------
-        impacts : int
-            Impacts per path.
-
-        Returns
-        -------
-        Batches
-        """
+        """Batches without paths."""
         return cls(*np.zeros((4, BATCHES, impacts, 6)))
 
     def copy(self) -> Batches:
-        """A copy that can be added to without changing the original.
-
-        Returns
-        -------
-        Batches
-        """
+        """A copy that can be added to without changing the original."""
         return Batches(self.n.copy(), self.mean.copy(), self.squares.copy(), self.control.copy())
 
     def add(self, block: int, sums: dict[str, CentralSums]) -> None:
-        """Add a block's sums, by the pairwise update of Chan, Golub and LeVeque (1979).
-
-        Parameters
-        ----------
-        block : int
-            Number of the block, which determines its batch.
-        sums : dict of str to CentralSums
-            As of `rattle.montecarlo.kernel.block.BlockResult`.
-        """
+        """Add a block's sums, by the pairwise update of Chan, Golub and LeVeque (1979)."""
         s, b = sums["section"], block % BATCHES
         n = self.n[b] + s.n
         share = np.divide(s.n, n, out=np.zeros_like(n), where=n > 0.0)

@@ -110,17 +110,6 @@ class CentralSums:
     Blocks are merged about the joint mean (Pebay 2008), always in block order, so that the result does not depend on
     the worker that computed a block.
 
-    Attributes
-    ----------
-    orders : tuple of (p, q)
-        Exponents of the sums that are kept; with each, all lower ones of degree 2 and more.
-    n : ndarray
-        Number of observations of each cell.
-    mean : ndarray, shape (2, ...)
-        Means of both variables.
-    sums : ndarray, shape (orders, ...)
-        The sums.
-
     Examples
     --------
     >>> x = np.arange(10.0)[:, None]
@@ -130,26 +119,16 @@ class CentralSums:
     True
     """
 
-    orders: Orders
-    n: Floats
-    mean: Floats
-    sums: Floats
+    orders: Orders  # exponents of the sums that are kept; with each, all lower ones of degree 2 and more
+    n: Floats  # number of observations of each cell
+    mean: Floats  # means of both variables; (2, ...)
+    sums: Floats  # the sums; (orders, ...)
 
     @classmethod
     def of(cls, a: Floats, b: Floats, orders: Orders) -> "CentralSums":
         """Sums of one block of paths.
 
-        Parameters
-        ----------
-        a, b : ndarray, shape (paths, ...)
-            The two variables of each cell; NaN marks a missing observation.
-        orders : tuple of (p, q)
-            Exponents.
-
-        Returns
-        -------
-        CentralSums
-            Cells of shape ``a.shape[1:]``.
+        Shapes: `a`, `b` (paths, ...).
         """
         cells = np.arange(a[0].size)
         return cls.of_columns(columns_of(a), columns_of(b), cells, cells, orders, a.shape[1:])
@@ -160,20 +139,7 @@ class CentralSums:
     ) -> "CentralSums":
         """Sums of one block of paths, each cell over one variable of `a` and one of `b`.
 
-        Parameters
-        ----------
-        a, b : ndarray, shape (variables, paths)
-            As of `columns_of`.
-        left, right : ndarray of int, shape (cells,)
-            Variable of `a` and of `b` of each cell.
-        orders : tuple of (p, q)
-            Exponents.
-        shape : tuple of int
-            Shape of the cells in the result.
-
-        Returns
-        -------
-        CentralSums
+        Shapes: `a`, `b` (variables, paths); `left`, `right` (cells,).
         """
         n, mean, sums = np.empty(left.size), np.empty((2, left.size)), np.empty((len(orders), left.size))
         exponents = np.array(orders)
@@ -187,21 +153,7 @@ class CentralSums:
     ) -> "tuple[CentralSums, CentralSums]":
         """Sums of single variables, and of pairs of them, that are observed together: in a path all of a group or none.
 
-        Parameters
-        ----------
-        columns : ndarray, shape (groups * variables, paths)
-            As of `columns_of`.
-        groups : int
-            Number of groups.
-        own : sequence of int
-            The variables of a group.
-        pairs : sequence of (int, int)
-            Pairs among them, by their place in `own`.
-
-        Returns
-        -------
-        single, pairs : CentralSums
-            Over the orders `SINGLE`, shape (groups, own), and `COVARIANCE`, shape (groups, pairs).
+        Shapes: `columns` (groups * variables, paths).
         """
         ones, twos = (groups, len(own)), (groups, len(pairs))
         n, mean, single = np.empty(ones), np.empty((groups, 2, len(own))), np.empty((*ones, len(SINGLE)))
@@ -217,17 +169,7 @@ class CentralSums:
         )
 
     def merged(self, other: "CentralSums") -> "CentralSums":
-        """The sums over two sets of observations together.
-
-        Parameters
-        ----------
-        other : CentralSums
-            Of the same orders and shape.
-
-        Returns
-        -------
-        CentralSums
-        """
+        """The sums over two sets of observations together."""
         n = self.n + other.n
         weight = np.divide(other.n, n, out=np.zeros_like(n), where=n > 0)
         mean = self.mean + (other.mean - self.mean) * weight
@@ -243,17 +185,6 @@ class CentralSums:
         return CentralSums(self.orders, n, mean, out.reshape(self.sums.shape))
 
     def moment(self, p: int, q: int) -> Floats:
-        """Central moment ``E[(a - E a)^p (b - E b)^q]``, without bias correction.
-
-        Parameters
-        ----------
-        p, q : int
-            Exponents, one of `orders`.
-
-        Returns
-        -------
-        ndarray
-            Of the cells' shape; NaN where nothing was observed.
-        """
+        """Central moment ``E[(a - E a)^p (b - E b)^q]``, without bias correction."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(self.sums[self.orders.index((p, q))] / self.n)

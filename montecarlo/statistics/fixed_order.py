@@ -138,15 +138,7 @@ def centred(u: Floats, v: Floats, da: Floats, db: Floats, room: Floats) -> tuple
 def columns_of(values: Floats) -> Floats:
     """A block's values with the paths of each variable contiguous.
 
-    Parameters
-    ----------
-    values : ndarray, shape (paths, ...)
-        The axes after the first are flattened to variables.
-
-    Returns
-    -------
-    ndarray, shape (variables, paths)
-        Filled up with NaN to a multiple of `STRAND` paths.
+    Shapes: `values` (paths, ...); result (variables, paths).
     """
     rows = np.ascontiguousarray(values, dtype=float).reshape(len(values), -1)
     lanes = -(-len(rows) // STRAND) * STRAND

@@ -16,32 +16,17 @@ BINS, REACH = 240, 6.0  # equal bins over +- REACH sds of the first block
 
 @dataclass
 class Histograms:
-    """Counts over equal bins, for every impact and section quantity.
+    """Counts over equal bins, for every impact and section quantity."""
 
-    Attributes
-    ----------
-    low, width : ndarray, shape (impacts, 6)
-        Lower edge of the first bin, and width of a bin.
-    counts : ndarray of int, shape (impacts, 6, BINS + 2)
-        The first and last count values below and above the bins.
-    """
-
-    low: Floats
+    low: Floats  # low, width: lower edge of the first bin, and width of a bin; (impacts, 6)
     width: Floats
-    counts: NDArray[np.int64]
+    counts: NDArray[np.int64]  # the first and last count values below and above the bins; (impacts, 6, BINS + 2)
 
     @classmethod
     def sized_by(cls, section: Floats) -> "Histograms":
         """Empty histograms that reach `REACH` standard deviations of a sample to both sides of its mean.
 
-        Parameters
-        ----------
-        section : ndarray, shape (paths, impacts, 6)
-            Section quantities of a block of paths; NaN where there is none.
-
-        Returns
-        -------
-        Histograms
+        Shapes: `section` (paths, impacts, 6).
         """
         impacts = section.shape[1]
         seen = np.isfinite(section)
@@ -54,10 +39,7 @@ class Histograms:
     def add(self, section: Floats) -> None:
         """Count a block of paths.
 
-        Parameters
-        ----------
-        section : ndarray, shape (paths, impacts, 6)
-            Section quantities; NaN is not counted.
+        Shapes: `section` (paths, impacts, 6).
         """
         _, impacts, quantities = section.shape
         seen = np.isfinite(section)
@@ -70,19 +52,7 @@ class Histograms:
     def density(self, impact: int, quantity: str) -> tuple[Floats, Floats]:
         """Probability density of a quantity at an impact, over all paths that reached it.
 
-        Parameters
-        ----------
-        impact : int
-            From 1.
-        quantity : str
-            Name in `rattle.scene.moments.SECTION`.
-
-        Returns
-        -------
-        edges : ndarray, shape (BINS + 1,)
-            Bin edges.
-        density : ndarray, shape (BINS,)
-            Its integral is the share of values within the bins.
+        Shapes: `edges` (BINS + 1,); `density` (BINS,).
         """
         k, i = impact - 1, SECTION.index(quantity)
         edges = self.low[k, i] + self.width[k, i] * np.arange(BINS + 1)

@@ -38,16 +38,6 @@ def single_statistics(sums: CentralSums) -> dict[str, Floats]:
     influence functions (delta method) and hold for any distribution with eight moments.  A constant has sd 0 with error
     0 and no skewness.  ``se_skew`` and ``se_kurt`` are NaN where the sixth and the eighth power of the sd underflow:
     below about 1e-51 and 1e-38.
-
-    Parameters
-    ----------
-    sums : CentralSums
-        Over the orders `SINGLE`.
-
-    Returns
-    -------
-    dict of str to ndarray
-        ``mean, sd, skew, kurt``, each with ``se_...``; of the cells' shape.
     """
     n = sums.n
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -77,16 +67,6 @@ def pair_statistics(sums: CentralSums) -> dict[str, Floats]:
 
     ``se_z`` is the standard error of Fisher's ``artanh rho``; it is ``1 / sqrt(n)`` for a Gaussian pair, and NaN where
     ``|rho| = 1``.  The correlation and its errors are NaN where the product of the variances underflows.
-
-    Parameters
-    ----------
-    sums : CentralSums
-        Over the orders `PAIR`.
-
-    Returns
-    -------
-    dict of str to ndarray
-        ``cov, se_cov, rho, se_rho, se_z``; of the cells' shape.
     """
     n = sums.n
     with np.errstate(invalid="ignore", divide="ignore"):

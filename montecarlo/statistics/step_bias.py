@@ -20,39 +20,24 @@ discrete path misses is the slowest that is known; beside first order it leaves 
 
 
 class StepBias(NamedTuple):
-    """Step bias of a moment; each entry has shape (impacts, quantities).
+    """Step bias of a moment; each entry has shape (impacts, quantities)."""
 
-    Attributes
-    ----------
-    bias, se_bias : ndarray
-        First-order estimate of (value at dt) - (limit dt -> 0), the change from dt to 2 dt; its standard error.
-    corrected, se_corrected : ndarray
-        Richardson extrapolation, value - bias; its standard error.
-    rest : ndarray
-        Estimate of the error left: the difference to the same extrapolation from 2 dt and 4 dt, over ``2^p - 1``.  The
-        error left is of second order (p = 2), as means settle at first order; where the changes of an sd fall more
-        slowly, beyond noise, p is the slope that they have, 1/2 at least (`rattle order`: docs/theory/schemes.md).
-    """
-
+    # bias, se_bias: first-order estimate of (value at dt) - (limit dt -> 0), the change from dt to 2 dt; its standard
+    # error
     bias: Floats
     se_bias: Floats
-    corrected: Floats
+    corrected: Floats  # corrected, se_corrected: richardson extrapolation, value - bias; its standard error
     se_corrected: Floats
+    # estimate of the error left: the difference to the same extrapolation from 2 dt and 4 dt, over ``2^p - 1``.  The
+    # error left is of second order (p = 2), as means settle at first order; where the changes of an sd fall more
+    # slowly, beyond noise, p is the slope that they have, 1/2 at least (`rattle order`: docs/theory/schemes.md)
     rest: Floats
 
 
 def extrapolated(fine: CentralSums, coarse: CentralSums) -> dict[str, StepBias]:
     """Step bias of the means and of the sds.
 
-    Parameters
-    ----------
-    fine, coarse : CentralSums
-        Joint sums of the same quantities at dt and 2 dt, and at 2 dt and 4 dt.
-
-    Returns
-    -------
-    dict of str to StepBias
-        ``mean`` and ``sd``; NaN where no path had the impact.
+    `fine`, `coarse`: Joint sums of the same quantities at dt and 2 dt, and at 2 dt and 4 dt.
     """
     n = np.where(fine.n > 0, fine.n, np.nan)
     v = {(p, q): fine.moment(p, q) for p, q in ((2, 0), (1, 1), (0, 2), (4, 0), (2, 2), (0, 4))}
@@ -78,17 +63,9 @@ def extrapolated(fine: CentralSums, coarse: CentralSums) -> dict[str, StepBias]:
 def left_over(change: Floats, before: Floats, se: Floats) -> Floats:
     """Estimate the error that first-order extrapolation leaves.
 
-    Parameters
-    ----------
-    change, before : ndarray
-        Change of a value from dt to 2 dt, and from 2 dt to 4 dt.
-    se : ndarray
-        Standard error of `change`; that of ``2 change - before`` is taken to be three times as large, as the earlier
-        change has about twice the error.
-
-    Returns
-    -------
-    ndarray
+    `change`, `before`: Change of a value from dt to 2 dt, and from 2 dt to 4 dt. `se`: Standard error of
+    `change`; that of ``2 change - before`` is taken to be three times as large, as the earlier change has about
+    twice the error.
 
     Examples
     --------

@@ -18,17 +18,7 @@ POINTS = 120  # random grid points of each row
 
 
 def constants(**fields: float) -> Constants:
-    """Build the constants of a two-stage scene with moderate values.
-
-    Parameters
-    ----------
-    **fields : float
-        Fields of `Constants` with other values.
-
-    Returns
-    -------
-    Constants
-    """
+    """Build the constants of a two-stage scene with moderate values."""
     plain = {"alpha": 1.5, "epsilon": 0.9, "beta1": 0.08, "beta2": 0.13, "gamma1": 0.06, "gamma2": 0.03, "mu": 0.6}
     return Constants(**({**plain, "wall1": 0.5, "wall2": 0.5, "sigma": 1.0, "stages": 2} | fields))  # type: ignore[arg-type]
 

@@ -16,36 +16,19 @@ ROUNDING = 4e-15
 class Extreme(NamedTuple):
     """A computation that was checked at extreme values.
 
-    Attributes
-    ----------
-    name : str
-        Description of the computation.
-    field : str
-        Fields of the scene that are extreme.
-    tried : str
-        Their range.
-    truth : str
-        The reference.
-    worst : float
-        Worst error over the range, in units of `unit`.
-    allowed : float
-        Largest admissible error.
-    unit : str
-        The size that errors are relative to, or "z" for standard errors.
-
     Examples
     --------
     >>> Extreme("E", "beta", "0 to 1e3", "mpmath", 2e-16, 4e-15, "its value").holds
     True
     """
 
-    name: str
-    field: str
-    tried: str
-    truth: str
-    worst: float
-    allowed: float
-    unit: str
+    name: str  # description of the computation
+    field: str  # fields of the scene that are extreme
+    tried: str  # their range
+    truth: str  # the reference
+    worst: float  # worst error over the range, in units of `unit`
+    allowed: float  # largest admissible error
+    unit: str  # the size that errors are relative to, or "z" for standard errors
 
     @property
     def holds(self) -> bool:
@@ -55,16 +38,6 @@ class Extreme(NamedTuple):
 
 def farthest(found: ArrayLike, truth: ArrayLike, unit: ArrayLike = 1.0) -> float:
     """Compute the largest absolute error in given units.
-
-    Parameters
-    ----------
-    found, truth, unit : array_like
-        Computed and exact values, and the units of their errors; shapes are broadcast.
-
-    Returns
-    -------
-    float
-        Infinite if an element is NaN in only one of `found` and `truth`.
 
     Examples
     --------
@@ -80,19 +53,6 @@ def farthest(found: ArrayLike, truth: ArrayLike, unit: ArrayLike = 1.0) -> float
 
 def spread(low: float, high: float, count: int, *also: float) -> list[float]:
     """List logarithmically spaced values, preceded by others.
-
-    Parameters
-    ----------
-    low, high : float
-        First and last value, positive.
-    count : int
-        Number of spaced values.
-    *also : float
-        Further values.
-
-    Returns
-    -------
-    list of float
 
     Examples
     --------

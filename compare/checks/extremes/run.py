@@ -22,11 +22,6 @@ ROWS: dict[str, Callable[[], Extreme]] = {
 def extremes() -> tuple[Extreme, ...]:
     """Run all rows; takes about a minute.
 
-    Returns
-    -------
-    tuple of Extreme
-        In the order of `ROWS`.
-
     Examples
     --------
     >>> all(row.holds for row in extremes())  # doctest: +SKIP
@@ -37,16 +32,6 @@ def extremes() -> tuple[Extreme, ...]:
 
 def table(rows: Iterable[Extreme]) -> "pd.DataFrame":
     """Convert rows to a table.
-
-    Parameters
-    ----------
-    rows : iterable of Extreme
-        Rows of the table of errors.
-
-    Returns
-    -------
-    DataFrame
-        Columns as the attributes of `Extreme`, and ``holds``.
 
     Examples
     --------

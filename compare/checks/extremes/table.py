@@ -13,17 +13,7 @@ RIGHT = {2, 3}  # columns with right alignment
 def lines(rows: Sequence[Extreme], *, ranges: bool = False) -> list[str]:
     """Format rows as an aligned table with a summary.
 
-    Parameters
-    ----------
-    rows : sequence of Extreme
-        Rows of the table of errors.
-    ranges : bool
-        Whether to print range and reference below each row, not only below those that fail.
-
-    Returns
-    -------
-    list of str
-        Lines of text.
+    `ranges`: Whether to print range and reference below each row, not only below those that fail.
 
     Examples
     --------

@@ -24,18 +24,7 @@ NIL = "1e-30"
 
 
 def in_digits(function: Callable[P, R]) -> Callable[P, R]:
-    """Decorate a function so that it computes with `DIGITS` decimal digits.
-
-    Parameters
-    ----------
-    function : callable
-        Uses mpmath.
-
-    Returns
-    -------
-    callable
-        With the same arguments.
-    """
+    """Decorate a function so that it computes with `DIGITS` decimal digits."""
 
     @wraps(function)
     def precise(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -57,22 +46,8 @@ def _phi1(beta: Any, t: Any) -> Any:
 def flight(c: Constants, tau: float, y1: float, y2: float, t: float) -> tuple[list[float], list[float]]:
     """Compute the state after a flight.
 
-    Parameters
-    ----------
-    c : Constants
-        Constants of the scene.
-    tau : float
-        Phase at the start.
-    y1, y2 : float
-        Velocities at the start.
-    t : float
-        Flight time.
-
-    Returns
-    -------
-    values, sizes : list of float, length 4
-        Changes of x1 and x2 and new values of y1 and y2, in the order x1, y1, x2, y2; and the sum of the absolute
-        values of their terms.
+    Returns: Changes of x1 and x2 and new values of y1 and y2, in the order x1, y1, x2, y2; and the sum of the
+    absolute values of their terms.
     """
     b1, b2 = _betas(c)
     a, g1, g2, tau, t = (mp.mpf(v) for v in (c.alpha, c.gamma1, c.gamma2, tau, t))
@@ -98,16 +73,7 @@ def flight(c: Constants, tau: float, y1: float, y2: float, t: float) -> tuple[li
 def jacobian(c: Constants, t: float) -> list[list[float]]:
     """Compute the Jacobian of a flight, ``exp(A t)``.
 
-    Parameters
-    ----------
-    c : Constants
-        Constants of the scene.
-    t : float
-        Flight time.
-
-    Returns
-    -------
-    list of list of float, shape (4, 4)
+    Shapes: result (4, 4).
     """
     b1, b2 = _betas(c)
     time = mp.mpf(t)
@@ -156,22 +122,7 @@ def _responses(c: Constants, end: Any) -> list[Sum]:
 
 @in_digits
 def unit_noise(c: Constants, end: float, lag: float) -> list[float]:
-    """Compute the response of the state to a unit impulse of noise.
-
-    Parameters
-    ----------
-    c : Constants
-        Constants of the scene.
-    end : float
-        Phase at which the state is taken.
-    lag : float
-        Time since the impulse.
-
-    Returns
-    -------
-    list of float, length 4
-        Of ``(x1, y1, x2, y2)``.
-    """
+    """Compute the response of the state to a unit impulse of noise."""
     b1, b2 = _betas(c)
     time = mp.mpf(lag)
     return [
@@ -184,19 +135,7 @@ def unit_noise(c: Constants, end: float, lag: float) -> list[float]:
 def noise(c: Constants, tau: float, t: float) -> list[list[float]]:
     """Compute the covariance that the noise adds in a flight.
 
-    Parameters
-    ----------
-    c : Constants
-        Constants of the scene.
-    tau : float
-        Phase at the start.
-    t : float
-        Flight time.
-
-    Returns
-    -------
-    list of list of float, shape (4, 4)
-        In the order x1, y1, x2, y2.
+    Shapes: result (4, 4).
     """
     b1, b2 = _betas(c)
     time = mp.mpf(t)
@@ -220,21 +159,7 @@ def noise(c: Constants, tau: float, t: float) -> list[list[float]]:
 def saltation(c: Constants, mesh: int, tau: float, y1: float, y2: float) -> tuple[list[list[float]], list[list[float]]]:
     """Compute the saltation matrix ``R + (F+ - R F-) g' / (g' F-)`` of docs/model.md section 6.
 
-    Parameters
-    ----------
-    c : Constants
-        Constants of the scene.
-    mesh : int
-        1 or 2.
-    tau : float
-        Phase of the impact.
-    y1, y2 : float
-        Velocities just before it.
-
-    Returns
-    -------
-    values, sizes : list of list of float, shape (4, 4)
-        The matrix, and for each entry the sum of the absolute values of its terms.
+    Returns: The matrix, and for each entry the sum of the absolute values of its terms. Shapes: result (4, 4).
     """
     a, eps, mu = mp.mpf(c.alpha), mp.mpf(c.epsilon), mp.mpf(c.mu)
     restitution = mp.eye(4)
@@ -267,20 +192,7 @@ def saltation(c: Constants, mesh: int, tau: float, y1: float, y2: float) -> tupl
 
 @in_digits
 def normal_integrals(low: float, high: float, order: int) -> tuple[list[Any], list[Any]]:
-    """Compute ``int z^n phi(z) dz`` and ``int |z|^n phi(z) dz`` over a window, by parts from the error function.
-
-    Parameters
-    ----------
-    low, high : float
-        Ends of the window; phi is the standard normal density.
-    order : int
-        Largest n.
-
-    Returns
-    -------
-    values, sizes : list, length order + 1
-        The two integrals for n = 0 to `order`, with all digits.
-    """
+    """Compute ``int z^n phi(z) dz`` and ``int |z|^n phi(z) dz`` over a window, by parts from the error function."""
 
     def upwards(a: Any, b: Any) -> list[Any]:
         edges = [mp.exp(-z * z / 2) / mp.sqrt(2 * mp.pi) for z in (a, b)]
@@ -305,16 +217,6 @@ def normal_integrals(low: float, high: float, order: int) -> tuple[list[Any], li
 
 @in_digits
 def phase(tau: float) -> float:
-    """Reduce a time to the phase in [-pi, pi], with 400 digits of pi.
-
-    Parameters
-    ----------
-    tau : float
-        Times.
-
-    Returns
-    -------
-    float
-    """
+    """Reduce a time to the phase in [-pi, pi], with 400 digits of pi."""
     turn = 2 * mp.pi
     return float(mp.mpf(tau) - turn * mp.nint(mp.mpf(tau) / turn))

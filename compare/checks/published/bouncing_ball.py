@@ -40,15 +40,6 @@ def bouncing_ball(seed: int = 0, workers: int = 2) -> Measured:
     With ``alpha = beta = sigma = 0`` Eq. 3 is ``y' = gamma``: an impact at speed v is followed by a flight of
     ``2 epsilon v / gamma`` and an impact at ``epsilon v``, so that all flights add up to ``t1 / (1 - epsilon)``.
 
-    Parameters
-    ----------
-    seed, workers : int
-        Not used: nothing is random.
-
-    Returns
-    -------
-    Measured
-
     Examples
     --------
     >>> [check.holds(4.5) for check in bouncing_ball().checks]

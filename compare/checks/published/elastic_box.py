@@ -29,16 +29,6 @@ def speed_variance(tau: float, beta: float, sigma: float) -> float:
 
     It follows from ``m^2 = (1 + beta^2) / 2 + a cos 2 tau + b sin 2 tau``.
 
-    Parameters
-    ----------
-    tau, beta, sigma : float
-        Time, damping (not 0) and noise intensity.
-
-    Returns
-    -------
-    float
-        Variance of the velocity.
-
     Examples
     --------
     >>> round(speed_variance(0.0, 0.5, 1.0), 6)
@@ -86,17 +76,6 @@ def _checks(run: Ensemble, sigma: float, phase: float) -> list[Check]:
 
 def elastic_box(seed: int = 0, workers: int = 2) -> Measured:
     """Check that displacement is uniform and velocity Gaussian with a closed-form variance, at three fixed times.
-
-    Parameters
-    ----------
-    seed : int
-        Seed of the random numbers.
-    workers : int
-        Threads; the result does not depend on it.
-
-    Returns
-    -------
-    Measured
 
     Examples
     --------

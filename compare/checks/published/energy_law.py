@@ -55,17 +55,6 @@ def _by_noise(scene: Scene) -> float:
 def energy_law(seed: int = 0, workers: int = 2) -> Measured:
     """Check the energy balance of eight long runs, driven and not, of one stage and of two.
 
-    Parameters
-    ----------
-    seed : int
-        Seed of the random numbers.
-    workers : int
-        Threads.
-
-    Returns
-    -------
-    Measured
-
     Examples
     --------
     >>> all(check.holds(4.5) for check in energy_law().checks)  # doctest: +SKIP

@@ -28,19 +28,6 @@ def mean_exit_time(start: float, gap: float, sigma: float) -> float:
 
     Masoliver and Porra 1995; docs/model.md section 8.
 
-    Parameters
-    ----------
-    start : float
-        Initial distance from one end of the gap.
-    gap : float
-        Width of the gap.
-    sigma : float
-        Noise intensity.
-
-    Returns
-    -------
-    float
-
     Examples
     --------
     >>> round(mean_exit_time(0.5, 1.0, 1.0) / mean_exit_time(0.5, 1.0, 8.0), 12)
@@ -66,17 +53,6 @@ def _check(scheme: str, share: float, sigma: float, seed: int, workers: int) -> 
 
 def exit_time(seed: int = 0, workers: int = 2) -> Measured:
     """Check the mean exit time from three starting points, for all three schemes of `montecarlo.simulate`.
-
-    Parameters
-    ----------
-    seed : int
-        Seed of the random numbers.
-    workers : int
-        Threads; the result does not depend on it.
-
-    Returns
-    -------
-    Measured
 
     Examples
     --------

@@ -21,17 +21,6 @@ def _check(scene: Scene, found: Exponents, power: float, damping: float) -> Chec
 def exponent_sum(seed: int = 0, workers: int = 2) -> Measured:
     """Check the sum of the four exponents of DAT21: of the orbit, and of the drift along a noisy path.
 
-    Parameters
-    ----------
-    seed : int
-        Seed of the random numbers.
-    workers : int
-        Not used.
-
-    Returns
-    -------
-    Measured
-
     Examples
     --------
     >>> [check.holds(4.5) for check in exponent_sum().checks]

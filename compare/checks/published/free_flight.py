@@ -36,19 +36,8 @@ def linear_moments(scene: Scene, tau: float, coupled: bool = True) -> tuple[Floa
     ``s' = A s + f`` and ``P' = A P + P A' + sigma^2 m m'``, from Eqs. 5 and 8.  The matrices are written out here
     independently of `rattle.scene.flight`.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    tau : float
-        Absolute time, not before the start.
-    coupled : bool
-        Whether the noise acts on the second stage directly; false only for a negative control.
-
-    Returns
-    -------
-    mean : ndarray, shape (4,)
-    covariance : ndarray, shape (4, 4)
+    `coupled`: Whether the noise acts on the second stage directly; false only for a negative control. Shapes:
+    `mean` (4,); `covariance` (4, 4).
 
     Examples
     --------
@@ -76,17 +65,6 @@ def linear_moments(scene: Scene, tau: float, coupled: bool = True) -> tuple[Floa
 
 def free_flight(seed: int = 0, workers: int = 2) -> Measured:
     """Check the first four moments of `montecarlo.simulate`, and the covariance of `rattle.scene.flight`.
-
-    Parameters
-    ----------
-    seed : int
-        Seed of the random numbers.
-    workers : int
-        Threads; the result does not depend on it.
-
-    Returns
-    -------
-    Measured
 
     Examples
     --------

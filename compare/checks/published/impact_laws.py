@@ -29,18 +29,11 @@ ROUNDING = 1e-11
 
 
 class Impacts(NamedTuple):
-    """Speeds of both wheels' rims before and after impacts, and the driver's speed.
+    """Speeds of both wheels' rims before and after impacts, and the driver's speed."""
 
-    Attributes
-    ----------
-    mesh : ndarray of int, shape (impacts,)
-    driver : ndarray, shape (impacts,)
-    before, after : ndarray, shape (impacts, 2)
-    """
-
-    mesh: NDArray[np.int64]
-    driver: Floats
-    before: Floats
+    mesh: NDArray[np.int64]  # (impacts,)
+    driver: Floats  # (impacts,)
+    before: Floats  # before, after: (impacts, 2)
     after: Floats
 
 
@@ -106,15 +99,6 @@ def _energy(i: Impacts, lost: Floats, mass: tuple[float, float]) -> list[Check]:
 
 def impact_laws(seed: int = 0, workers: int = 2) -> Measured:
     """Check momentum, restitution and energy of the impacts at both meshes, of the orbit and of every scheme.
-
-    Parameters
-    ----------
-    seed, workers : int
-        Not used: nothing is random.
-
-    Returns
-    -------
-    Measured
 
     Examples
     --------

@@ -53,17 +53,6 @@ def _spread(run: LongRun, law: Law, name: str, factor: float = 1.0) -> list[Chec
 def impact_pair(seed: int = 0, workers: int = 2) -> Measured:
     """Check phase and speed of the impacts of three symmetric orbits, and the sds that weak noise gives them.
 
-    Parameters
-    ----------
-    seed : int
-        Seed of the random numbers.
-    workers : int
-        Threads.
-
-    Returns
-    -------
-    Measured
-
     Examples
     --------
     >>> all(check.holds(4.5) for check in impact_pair().checks)  # doctest: +SKIP

@@ -16,17 +16,6 @@ FALSE_ALARM = 1e-3
 class Check(NamedTuple):
     """A number computed by the program, with its true value.
 
-    Attributes
-    ----------
-    quantity : str
-        Description of the number.
-    found, truth : float
-        Computed and true value.
-    se : float
-        Standard error of `found`; 0 if nothing is random.
-    slack : float
-        Bound of the systematic error: of a time step, of a truncation, of rounding.
-
     Examples
     --------
     >>> check = Check("mean", 1.02, 1.0, se=0.01, slack=0.001)
@@ -34,11 +23,11 @@ class Check(NamedTuple):
     (1.9, True)
     """
 
-    quantity: str
-    found: float
+    quantity: str  # description of the number
+    found: float  # found, truth: computed and true value
     truth: float
-    se: float = 0.0
-    slack: float = 0.0
+    se: float = 0.0  # standard error of `found`; 0 if nothing is random
+    slack: float = 0.0  # bound of the systematic error: of a time step, of a truncation, of rounding
 
     @property
     def z(self) -> float:
@@ -49,59 +38,25 @@ class Check(NamedTuple):
         return beyond / self.se if self.se > 0.0 else math.inf
 
     def holds(self, allowed: float) -> bool:
-        """Whether the error is admissible; false for NaN.
-
-        Parameters
-        ----------
-        allowed : float
-            Largest admissible `z`.
-
-        Returns
-        -------
-        bool
-        """
+        """Whether the error is admissible; false for NaN."""
         return self.z <= allowed and math.isfinite(self.found)
 
 
 class NegativeControl(NamedTuple):
-    """Checks with a deliberate error in the true value or in the scene: at least one of them must fail.
+    """Checks with a deliberate error in the true value or in the scene: at least one of them must fail."""
 
-    Attributes
-    ----------
-    error : str
-        Description of the error.
-    checks : sequence of Check
-    """
-
-    error: str
+    error: str  # description of the error
     checks: Sequence[Check]
 
     def rejected(self, allowed: float) -> bool:
-        """Whether at least one check fails.
-
-        Parameters
-        ----------
-        allowed : float
-            Largest admissible `Check.z`.
-
-        Returns
-        -------
-        bool
-        """
+        """Whether at least one check fails."""
         return not all(check.holds(allowed) for check in self.checks)
 
 
 class Measured(NamedTuple):
-    """The checks of one published result; `PublishedResult` adds the verdict.
+    """The checks of one published result; `PublishedResult` adds the verdict."""
 
-    Attributes
-    ----------
-    name, reference, statement : str
-        The result, its publication, and what is computed with which part of the program.
-    checks : sequence of Check
-    controls : sequence of NegativeControl
-    """
-
+    # name, reference, statement: the result, its publication, and what is computed with which part of the program
     name: str
     reference: str
     statement: str
@@ -111,15 +66,6 @@ class Measured(NamedTuple):
 
 def limit(checks: int) -> float:
     """Compute the admissible error of each check in standard errors, for `FALSE_ALARM` over all (Bonferroni).
-
-    Parameters
-    ----------
-    checks : int
-        Number of statistical checks.
-
-    Returns
-    -------
-    float
 
     Examples
     --------
@@ -133,14 +79,6 @@ def limit(checks: int) -> float:
 class PublishedResult:
     """A published result with its verdict.
 
-    Attributes
-    ----------
-    measured : Measured
-    allowed : float
-        Largest admissible error of each check, in standard errors.
-    seconds : float
-        Wall time of the measurement.
-
     Examples
     --------
     >>> checks = [Check("mean", 1.02, 1.0, 0.01)]
@@ -151,8 +89,8 @@ class PublishedResult:
     """
 
     measured: Measured
-    allowed: float
-    seconds: float
+    allowed: float  # largest admissible error of each check, in standard errors
+    seconds: float  # wall time of the measurement
 
     @property
     def worst(self) -> Check:
@@ -177,10 +115,8 @@ class PublishedResult:
     def to_dict(self) -> dict[str, Any]:
         """Convert to plain data.
 
-        Returns
-        -------
-        dict
-            ``quantity, found, truth, se, slack, z`` of the worst check, lists ``checks`` and ``controls``, and more.
+        Returns: ``quantity, found, truth, se, slack, z`` of the worst check, lists ``checks`` and ``controls``, and
+        more.
         """
         m = self.measured
         return {

@@ -37,17 +37,6 @@ def _moments(ln: Floats, mean: float, variance: float, slower: float) -> list[Ch
 def return_speed(seed: int = 0, workers: int = 2) -> Measured:
     """Check mean and variance of ln rho, and P(rho < 1), over `RETURNS` flights that start at speed 1.
 
-    Parameters
-    ----------
-    seed : int
-        Seed of the random numbers.
-    workers : int
-        Not used.
-
-    Returns
-    -------
-    Measured
-
     Examples
     --------
     >>> all(check.holds(4.5) for check in return_speed().checks)  # doctest: +SKIP
@@ -70,17 +59,6 @@ def return_speed(seed: int = 0, workers: int = 2) -> Measured:
 
 def return_moments(seed: int = 0, workers: int = 2) -> Measured:
     """Check moments of the ratio of consecutive speeds, ``E rho^s = 1 / (2 cos(pi (1 + s) / 3))``.
-
-    Parameters
-    ----------
-    seed : int
-        Seed of the random numbers.
-    workers : int
-        Not used.
-
-    Returns
-    -------
-    Measured
 
     Examples
     --------
@@ -115,17 +93,6 @@ def _drift(epsilon: float, seed: int) -> tuple[float, float]:
 
 def critical_restitution(seed: int = 0, workers: int = 2) -> Measured:
     """Check the drift of ln speed per bounce below and above the critical restitution, and where it is zero.
-
-    Parameters
-    ----------
-    seed : int
-        Seed of the random numbers.
-    workers : int
-        Not used.
-
-    Returns
-    -------
-    Measured
 
     Examples
     --------

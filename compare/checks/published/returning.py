@@ -75,24 +75,7 @@ def _clockwork(c: Constants) -> Clockwork:
 def log_speeds(epsilon: float, paths: int, bounces: int, seed: int) -> Floats:
     """Simulate bounces of a randomly accelerated particle that leaves the wall at speed 1.
 
-    Parameters
-    ----------
-    epsilon : float
-        Restitution, above 0.
-    paths, bounces : int
-        Number of particles, and of impacts of each.
-    seed : int
-        Seed of the random numbers.
-
-    Returns
-    -------
-    ndarray, shape (paths, bounces)
-        ln of the speed after each impact.
-
-    Raises
-    ------
-    RattleError
-        If a flight does not return within 200 steps.
+    Shapes: result (paths, bounces).
 
     Examples
     --------

@@ -47,25 +47,6 @@ def selftest(names: Sequence[str] = (), *, seed: int = 0, workers: int = 2) -> l
     The admissible error of each check depends on their number (Bonferroni), so that at least one check of a correct
     program fails with a probability of at most `rattle.compare.checks.published.result.FALSE_ALARM`.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Keys of `RESULTS`; all by default.
-    seed : int
-        Seed of all random numbers.
-    workers : int
-        Threads; the result does not depend on it.
-
-    Returns
-    -------
-    list of PublishedResult
-        In the order of `names`.
-
-    Raises
-    ------
-    InputError
-        If a name is unknown, `seed` is negative, or `workers` is below 1.
-
     Examples
     --------
     >>> [(result.measured.name, result.holds) for result in selftest(["bouncing-ball"])]

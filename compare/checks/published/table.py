@@ -14,17 +14,7 @@ LEFT = {0, 1, 8}  # columns with left alignment
 def lines(results: Sequence[PublishedResult], *, all_checks: bool = False) -> list[str]:
     """Format the outcome as an aligned table with one row per result, the failures below it, and a summary.
 
-    Parameters
-    ----------
-    results : sequence of PublishedResult
-        Results of the study.
-    all_checks : bool
-        Whether to list every check and every negative control below the table, not only failures.
-
-    Returns
-    -------
-    list of str
-        Lines of text.
+    `all_checks`: Whether to list every check and every negative control below the table, not only failures.
 
     Examples
     --------
@@ -90,18 +80,6 @@ def _sentence(results: Sequence[PublishedResult]) -> str:
 
 def record(results: Sequence[PublishedResult], seed: int) -> dict[str, Any]:
     """Convert the outcome to plain data.
-
-    Parameters
-    ----------
-    results : sequence of PublishedResult
-        Results of the study.
-    seed : int
-        Seed of the run.
-
-    Returns
-    -------
-    dict
-        ``holds`` (whether all results hold), ``false_alarm, seed, seconds`` and a list ``results``.
 
     Examples
     --------

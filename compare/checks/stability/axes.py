@@ -21,24 +21,6 @@ def moderate(*, beta: float | None = None, gap: float = HALF_GAP, sigma: float =
     constant acceleration.  It is at least ``(g sigma^2)^(1/3)``, which noise creates in a crossing, and at least g, so
     that a wide gap is crossed before the velocity is damped.
 
-    Parameters
-    ----------
-    beta : float, optional
-        Damping of stage 1; that of stage 2 is changed in proportion.
-    gap : float
-        Half gap of both meshes.
-    sigma, epsilon : float
-        Noise intensity and restitution.
-
-    Returns
-    -------
-    Scene
-
-    Raises
-    ------
-    InputError
-        If a value is not valid.
-
     Examples
     --------
     >>> moderate(gap=0.5).start.y1, round(moderate(gap=1e-8).start.y1, 6)
@@ -54,20 +36,11 @@ def moderate(*, beta: float | None = None, gap: float = HALF_GAP, sigma: float =
 
 
 class Axis(NamedTuple):
-    """An axis of the map.
+    """An axis of the map."""
 
-    Attributes
-    ----------
-    symbol : str
-        For the figure.
-    values : tuple of float
-    scene : callable
-        Gives the scene at a value.
-    """
-
-    symbol: str
+    symbol: str  # for the figure
     values: tuple[float, ...]
-    scene: Callable[[float], Scene]
+    scene: Callable[[float], Scene]  # gives the scene at a value
 
 
 AXES = {

@@ -42,46 +42,24 @@ FAST = 10.0  # speeds above so many times those of the reference count as unstab
 
 
 class Judged(NamedTuple):
-    """The verdict on a cell, with its evidence.
+    """The verdict on a cell, with its evidence."""
 
-    Attributes
-    ----------
-    verdict : str
-        One of `VERDICTS`.  ``unbiased``: all moments are within the tolerance, intervals included.  ``biased``: one of
-        them is outside, interval included.  ``undecided``: neither.  ``unstable``: moments are not finite, speeds are
-        ten times too large, or paths are abandoned.  ``no limit``: the scheme cannot converge as the step decreases.
-    error, half : float
-        Error of the decisive moment, and the half width of its interval, in units of the tolerance.
-    where : str
-        The decisive moment, or the kind of instability.
-    diagnosed : bool
-        Whether the run reports a diagnostic of its step; that a default step was shortened does not count.
-    paths : int
-        Simulated paths.
-    moments : int
-        Number of moments that are judged.
-    """
-
+    # one of `VERDICTS`.  ``unbiased``: all moments are within the tolerance, intervals included.  ``biased``: one of
+    # them is outside, interval included.  ``undecided``: neither.  ``unstable``: moments are not finite, speeds are
+    # ten times too large, or paths are abandoned.  ``no limit``: the scheme cannot converge as the step decreases
     verdict: str
+    # error, half: error of the decisive moment, and the half width of its interval, in units of the tolerance
     error: float
     half: float
-    where: str
+    where: str  # the decisive moment, or the kind of instability
+    # whether the run reports a diagnostic of its step; that a default step was shortened does not count
     diagnosed: bool
-    paths: int
-    moments: int
+    paths: int  # simulated paths
+    moments: int  # number of moments that are judged
 
 
 def looks(paths: int) -> int:
     """Compute how often a verdict may be attempted, for the simultaneous intervals.
-
-    Parameters
-    ----------
-    paths : int
-        Largest number of paths.
-
-    Returns
-    -------
-    int
 
     Examples
     --------
@@ -96,28 +74,6 @@ def looks(paths: int) -> int:
 
 def sampled(scene: Scene, *, scheme: str, dt: float, paths: int, seed: int, workers: int) -> Ensemble:
     """Simulate with any time step, admissible or not.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    scheme : str
-        Name in `montecarlo.SCHEMES`.
-    dt : float
-        Time step; not checked against `montecarlo.largest_step`.
-    paths, seed : int
-        Number of paths.
-    workers : int
-        Threads; the result does not depend on it.
-
-    Returns
-    -------
-    Ensemble
-
-    Raises
-    ------
-    InputError
-        If another argument is not valid.
 
     Examples
     --------
@@ -142,31 +98,6 @@ def judged(
     within: Tolerances = Tolerances(),  # noqa: B008  (a tuple)
 ) -> Judged:  # fmt: skip
     """Simulate a cell, with more paths while the verdict is undecided, and judge it.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    beside : Reference
-        The exact or reference moments.
-    scheme : str
-        Name in `montecarlo.SCHEMES`.
-    dt : float
-        Time step, admissible or not.
-    paths : int
-        Largest number of paths.
-    seed : int
-        Seed of the random numbers.
-    workers : int
-        Threads; the result does not depend on it.
-    z : float
-        Half width of the intervals in standard errors.
-    within : Tolerances
-        Admissible errors of means and sds.
-
-    Returns
-    -------
-    Judged
 
     Examples
     --------

@@ -26,23 +26,14 @@ OUTSIDE = 8 * BLOCK  # most paths of a cell with an inadmissible step (large err
 
 
 class Chart(NamedTuple):
-    """The measured map.
+    """The measured map."""
 
-    Attributes
-    ----------
-    table : DataFrame
-        A row for each cell: ``scheme, axis, value, dt, share`` (dt over the longest admissible step), ``why`` (what
-        limits that step), ``default`` (whether dt is the default step), and the attributes of
-        `rattle.compare.checks.stability.cell.Judged`.
-    z : float
-        Half width of the intervals in standard errors, for 95 % simultaneous coverage.
-    seconds : float
-        Wall time.
-    """
-
+    # A row for each cell: ``scheme, axis, value, dt, share`` (dt over the longest admissible step), ``why`` (what
+    # limits that step), ``default`` (whether dt is the default step), and the attributes of
+    # `rattle.compare.checks.stability.cell.Judged`
     table: pd.DataFrame
-    z: float
-    seconds: float
+    z: float  # half width of the intervals in standard errors, for 95 % simultaneous coverage
+    seconds: float  # wall time
 
     @property
     def admissible(self) -> pd.DataFrame:
@@ -62,22 +53,8 @@ def chart(
 ) -> Chart:  # fmt: skip
     """Measure the map.
 
-    Parameters
-    ----------
-    schemes, axes : sequence of str
-        Names in `montecarlo.SCHEMES` and `AXES`.
-    points : int
-        Number of values on each axis, up to 7, spread from end to end.
-    paths : int
-        Largest number of paths of a cell; fewer are simulated if they suffice for a verdict.
-    seed : int
-        Seed of all cells; the references use another.
-    workers : int
-        Threads; the result does not depend on it.
-
-    Returns
-    -------
-    Chart
+    `points`: Number of values on each axis, up to 7, spread from end to end. `paths`: Largest number of paths of
+    a cell; fewer are simulated if they suffice for a verdict.
 
     Examples
     --------

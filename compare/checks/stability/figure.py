@@ -26,17 +26,7 @@ BESIDE = 0.28  # horizontal offset of the cell at the default step, in columns
 
 
 def summary(table: pd.DataFrame) -> Figure:
-    """Draw how many cells with an admissible step have which verdict, at the default step and at all of them.
-
-    Parameters
-    ----------
-    table : DataFrame
-        As `rattle.compare.checks.stability.chart.Chart.table`.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw how many cells with an admissible step have which verdict, at the default step and at all of them."""
     schemes, cells = list(dict.fromkeys(table["scheme"])), table[table["share"] <= 1.0]
     drawn, panels = new_figure(10.0, 0.42 * len(schemes) + 1.2, 1, 2)
     shown = (("at the default step", cells[cells["default"]]), ("at every admissible step", cells))
@@ -60,17 +50,7 @@ def summary(table: pd.DataFrame) -> Figure:
 
 
 def figure(table: pd.DataFrame) -> Figure:
-    """Draw the map.
-
-    Parameters
-    ----------
-    table : DataFrame
-        As `rattle.compare.checks.stability.chart.Chart.table`.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the map."""
     schemes, axes = list(dict.fromkeys(table["scheme"])), list(dict.fromkeys(table["axis"]))
     drawn, panels = new_figure(2.9 * len(axes) + 0.8, 2.7 * len(schemes) + 0.9, len(schemes), len(axes))
     for i, scheme in enumerate(schemes):

@@ -21,21 +21,9 @@ TOLERANCE = 0.10  # admissible relative error of an sd, as for the sds of the ma
 def covariance_table(*, points: int = 7, paths: int, seed: int, workers: int) -> pd.DataFrame:
     """Compare simulated sds after a flight with `rattle.scene.flight.noise_covariance`, for each damping of the map.
 
-    Parameters
-    ----------
-    points : int
-        Number of values of the damping, up to 7.
-    paths, seed : int
-        Number of paths.
-    workers : int
-        Threads; the result does not depend on it.
-
-    Returns
-    -------
-    DataFrame
-        Columns ``beta, dt, share`` (dt over the longest admissible step); for the quantity with the largest error
-        ``quantity, error`` (relative, of its sd) and ``half`` (half width of its interval); ``holds`` (whether all
-        quantities are within 10 %).
+    Returns: Columns ``beta, dt, share`` (dt over the longest admissible step); for the quantity with the largest
+    error ``quantity, error`` (relative, of its sd) and ``half`` (half width of its interval); ``holds`` (whether
+    all quantities are within 10 %).
 
     Examples
     --------

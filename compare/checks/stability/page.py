@@ -60,17 +60,7 @@ FLOATS = "All computations are in double precision; single precision is not offe
 
 
 def answer(found: Chart) -> list[str]:
-    """Summarise the map in sentences.
-
-    Parameters
-    ----------
-    found : Chart
-        What was found.
-
-    Returns
-    -------
-    list of str
-    """
+    """Summarise the map in sentences."""
     cells, undiagnosed = found.admissible, found.undiagnosed
     counts = {v: int((cells["verdict"] == v).sum()) for v in (UNBIASED, UNDECIDED, BIASED, UNSTABLE)}
     wrong = cells[cells["verdict"].isin((BIASED, UNSTABLE))]
@@ -108,33 +98,7 @@ def _advice(found: Chart) -> str:
 def write_stability(
     out: Path, found: Chart, covariance: pd.DataFrame, tried: Sequence[Extreme], record: dict[str, Any], overwrite: bool
 ) -> list[str]:
-    """Write the folder of the map atomically.
-
-    Parameters
-    ----------
-    out : Path
-        The folder.
-    found : Chart
-        What was found.
-    covariance : DataFrame
-        As of `rattle.compare.checks.stability.free_flight.covariance_table`.
-    tried : sequence of Extreme
-        As of `rattle.compare.checks.extremes.run.extremes`; empty if they were not run.
-    record : dict
-        Entries of the manifest.
-    overwrite : bool
-        Whether earlier results may be replaced.
-
-    Returns
-    -------
-    list of str
-        The answer, in sentences.
-
-    Raises
-    ------
-    OutputError
-        If the folder contains other files, or earlier results and `overwrite` is false.
-    """
+    """Write the folder of the map atomically."""
     said = answer(found)
     if tried:
         said.append(f"{sum(row.holds for row in tried)} of {len(tried)} extremes of the formulas and samplers hold.")

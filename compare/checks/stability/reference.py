@@ -24,21 +24,12 @@ CROSSINGS = 40.0  # horizon of a path, in crossings of a half gap at the speed o
 
 
 class Reference(NamedTuple):
-    """Reference section moments of a cell.
+    """Reference section moments of a cell."""
 
-    Attributes
-    ----------
-    columns : mapping of str to ndarray
-        Means, sds and their standard errors, as `Ensemble.columns`.
-    unit : dict of str to ndarray
-        Units of the errors, see `rattle.montecarlo.diagnostics.motion_units`; NaN where a quantity is not judged.
-    late : float
-        Share of the paths that did not complete their impacts before the horizon.
-    """
-
-    columns: Mapping[str, NDArray[Any]]
+    columns: Mapping[str, NDArray[Any]]  # means, sds and their standard errors, as `Ensemble.columns`
+    # units of the errors, see `rattle.montecarlo.diagnostics.motion_units`; NaN where a quantity is not judged
     unit: dict[str, Floats]
-    late: float
+    late: float  # share of the paths that did not complete their impacts before the horizon
 
     @property
     def moments(self) -> int:
@@ -47,17 +38,7 @@ class Reference(NamedTuple):
 
 
 def horizon_of(scene: Scene) -> float:
-    """Compute the time after which a path is abandoned.
-
-    Parameters
-    ----------
-    scene : Scene
-        With a start at mesh 1, as of `rattle.compare.checks.stability.axes.moderate`.
-
-    Returns
-    -------
-    float
-    """
+    """Compute the time after which a path is abandoned."""
     return CROSSINGS * scene.gap1 / abs(scene.start.y1)
 
 
@@ -66,19 +47,6 @@ def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference
 
     Not judged are the quantities that `rattle.compare.validation.verdict.RULE` leaves out, and those whose variance
     comes from less than about 3 % of the paths, for which standard errors are unreliable.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is modelled.
-    paths, seed : int
-        Number of paths.
-    workers : int
-        Threads; the result does not depend on it.
-
-    Returns
-    -------
-    Reference
 
     Examples
     --------
