@@ -95,7 +95,7 @@ def attractor(scene: Scene, start: int = 0) -> Attractor:
     for impacts in TRIES:
         orbit = follow(own, impacts)
         if orbit.stopped:
-            return _ended(orbit)
+            return _end(orbit)
         end = float(orbit.tau[orbit.found])
         for periods in range(1, LONGEST + 1):
             if end - own.phase < 4.0 * periods * PERIOD:
@@ -105,7 +105,7 @@ def attractor(scene: Scene, start: int = 0) -> Attractor:
     return _none(IRREGULAR, f"is chaotic, or has a period of more than {LONGEST} of the excitation")
 
 
-def _ended(orbit: Orbit) -> Attractor:
+def _end(orbit: Orbit) -> Attractor:
     """An orbit that has no further impact."""
     for code in (REST, NONE):
         if orbit.stopped.startswith(MISSES[code]):

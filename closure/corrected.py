@@ -51,7 +51,7 @@ def stage_shifts(raw: Floats, state: Floats, windows: tuple[float, float], stage
 
 
 @jit
-def _flown(c: Constants, mesh: int, covariance: Floats, tau: float, t: float) -> tuple[Floats, Floats]:
+def _fly(c: Constants, mesh: int, covariance: Floats, tau: float, t: float) -> tuple[Floats, Floats]:
     """Covariance a time t after an impact, from that before it; and the sds of its terms, for rounding."""
     j, noise = times(jacobian(c, t), contact_matrix(c, mesh)), noise_covariance(c, tau, t)
     flown, scale = congruence(j, covariance), np.zeros(4)
@@ -68,7 +68,7 @@ def _propagate(c: Constants, tau: Floats, mesh: Ints, found: int) -> tuple[Float
     """Covariance just before each impact, shape (impacts + 1, 4, 4), and the sds of its terms, for rounding."""
     covariance, scale = np.zeros((tau.size, 4, 4)), np.zeros((tau.size, 4))
     for k in range(1, found + 1):
-        flown, terms = _flown(c, mesh[k - 1], covariance[k - 1], tau[k - 1], tau[k] - tau[k - 1])
+        flown, terms = _fly(c, mesh[k - 1], covariance[k - 1], tau[k - 1], tau[k] - tau[k - 1])
         put(covariance[k], flown)
         put_row(scale[k], terms)
     return covariance, scale
@@ -107,6 +107,6 @@ def _in_flight(
 ) -> tuple[Floats, Floats]:
     """Mean and covariance of the state at a local time, from the covariance before each impact."""
     k = int(np.searchsorted(orbit.tau[: orbit.found + 1], time, side="right")) - 1
-    cov = semidefinite(*_flown(c, orbit.mesh[k], covariance[k], orbit.tau[k], time - orbit.tau[k]))
+    cov = semidefinite(*_fly(c, orbit.mesh[k], covariance[k], orbit.tau[k], time - orbit.tau[k]))
     state = orbit.state(time)
     return state + stage_shifts(stage_raw_moments(cov[None], order)[0], state, windows, c.stages), cov

@@ -77,7 +77,7 @@ def pieces(distribution: str) -> Pieces:
     return Pieces(weight / weight.sum(), mean, variance)
 
 
-def _placed(scene: Scene) -> Floats:
+def _place(scene: Scene) -> Floats:
     """Derivative of the section state after the start with respect to the deviations of the flanks, shape (9, 4)."""
     out = np.zeros((9, 4))
     out[5:] = np.eye(4)
@@ -108,7 +108,7 @@ def start_covariance(scene: Scene) -> Floats:
     flanks = np.diag(variance)
     if tolerance.draw == "path":  # both flanks of a mesh have one deviation
         flanks[[0, 1], [1, 0]], flanks[[2, 3], [3, 2]] = variance[0], variance[2]
-    return congruence(_placed(scene), flanks)
+    return congruence(_place(scene), flanks)
 
 
 def start_pieces(scene: Scene) -> Pieces:
@@ -127,7 +127,7 @@ def start_pieces(scene: Scene) -> Pieces:
     if tolerance is None or tolerance.draw == "contact":
         whole = start_covariance(scene)
         return Pieces(np.ones(1), np.zeros((1, len(whole))), whole[None])
-    cut, to = pieces(tolerance.distribution), _placed(scene)
+    cut, to = pieces(tolerance.distribution), _place(scene)
     weight, mean, variance = np.ones(1), np.zeros((1, 9)), np.zeros((1, 9, 9))
     for i, size in enumerate((tolerance.c1_max, tolerance.c2_max)[: scene.stages]):
         if size > 0.0:

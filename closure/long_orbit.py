@@ -14,7 +14,7 @@ from rattle.scene.constants import Constants
 from rattle.scene.flight import flow
 from rattle.scene.impact import REST, next_impact, struck
 from rattle.scene.scene import Scene
-from rattle.scene.sticking import completed_chatter
+from rattle.scene.sticking import complete_chatter
 from rattle.scene.tangent import Stretch, carry_frame, strike_frame
 
 __all__ = ["LongOrbit", "velocities"]
@@ -46,7 +46,7 @@ def _stretch(
             carry_frame(c, t, frame)
             strike_frame(c, mesh, tau, y1, y2, frame, growth[k])
         y1, y2 = struck(c, mesh, y1, y2)
-        if completed_chatter(c, tau, x1, y1, x2, y2, mesh, side)[0] < math.inf:
+        if complete_chatter(c, tau, x1, y1, x2, y2, mesh, side)[0] < math.inf:
             return k + 1, REST
     at[0], at[1], at[2], at[3], at[4] = tau, x1, y1, x2, y2
     return flight.size, 1

@@ -18,7 +18,7 @@ from rattle.scene.flight import flow
 from rattle.scene.impact import LOST, MISSES, NONE, REST, next_impact, struck
 from rattle.scene.moments import STATE
 from rattle.scene.scene import Scene
-from rattle.scene.sticking import carried, closed_sides, completed_chatter, next_contact, stuck
+from rattle.scene.sticking import complete_chatter, find_sticking, next_contact, stick_on, stuck
 from rattle.scene.units import as_dataset
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def _follow(
             return k, n, 1
         closed = (0, 0)
         if mesh > 0:
-            t, sticking = completed_chatter(c, tau, x1, y1, x2, y2, mesh, side)
+            t, sticking = complete_chatter(c, tau, x1, y1, x2, y2, mesh, side)
             if t < np.inf:
                 x1, y1, x2, y2 = stuck(c, *flow(c, tau, x1, y1, x2, y2, t), sticking)
                 tau += t
@@ -73,7 +73,7 @@ def _follow(
             if closed[0] == 0 and closed[1] == 0:
                 touching1 = int(x1 == c.wall1) - int(x1 == -c.wall1) if y1 == 0.0 else 0
                 touching2 = int(x2 == c.wall2) - int(x2 == -c.wall2) if y2 == 0.0 and c.stages == 2 else 0
-                closed = closed_sides(c, tau, y1, y2, (touching1, touching2))
+                closed = find_sticking(c, tau, y1, y2, (touching1, touching2))
             if closed[0] != 0 or closed[1] != 0:
                 n = _note(legs, n, tau, x1, y1, x2, y2, *closed)
                 t, mesh, side, x1, y1, x2, y2, closed = next_contact(c, tau, x1, y1, x2, y2, closed, HORIZON)
@@ -169,7 +169,7 @@ class Orbit:
         """
         tau, x1, y1, x2, y2, first, second = self.legs[int(np.searchsorted(self.legs[:, 0], time, side="right")) - 1]
         closed = int(first), int(second)
-        return np.array(carried(self.constants, tau, x1, y1, x2, y2, closed, time - tau))
+        return np.array(stick_on(self.constants, tau, x1, y1, x2, y2, closed, time - tau))
 
     def plot(self) -> "Figure":
         """Draw the displacements over time between their walls, with the impacts and the sticking phases.

@@ -21,7 +21,7 @@ from rattle.scene.constants import Constants
 from rattle.scene.flight import field, jacobian, noise_covariance
 from rattle.scene.moments import SMALLEST, semidefinite
 from rattle.scene.scene import Scene
-from rattle.scene.small_matrices import applied, block, congruence, inner, put, times
+from rattle.scene.small_matrices import apply, block, congruence, inner, put, times
 from rattle.scene.small_vectors import dot
 
 __all__ = ["SLOWEST", "propagate", "trace"]
@@ -69,7 +69,7 @@ def propagate(
             sd[k, i if i == 0 else i + 1] = np.sqrt(max(section[k, i, i], 0.0))
         sd[k, 1] = np.sqrt(max(spread, 0.0))
         last = moved[0]
-        moved = applied(linear, moved)
+        moved = apply(linear, moved)
         if second:
             slope = noise_slope(c, tau[k - 1], t)
             if sd[k, 1] ** 3 > SMALLEST:
@@ -84,7 +84,7 @@ def propagate(
             shift[k, 1] = moved[0] - last
         hit = hit_matrix(c, mesh[k], d)
         put(covariance[k], congruence(hit, section[k]))
-        moved = applied(hit, moved)
+        moved = apply(hit, moved)
         third_after = np.zeros((d, d, d))  # third cumulants after the impact
         for a in range(d):
             mapped = congruence(hit, third[a])
@@ -143,4 +143,4 @@ def _at_one_time(rate: Floats, section: Floats, flown: Floats) -> Floats:
     """Covariance of the state at one time: ``xi = delta s - F delta tau`` propagated by a flight, shape (4, 4)."""
     fixed = times(flown, np.concatenate([-rate[:, None], np.eye(4)], axis=1))
     sd = np.sqrt(np.maximum(np.diagonal(section), 0.0))
-    return semidefinite(congruence(fixed, section), applied(np.abs(flown), sd[1:] + np.abs(rate) * sd[0]))
+    return semidefinite(congruence(fixed, section), apply(np.abs(flown), sd[1:] + np.abs(rate) * sd[0]))

@@ -21,7 +21,7 @@ from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import field, field_rate, jacobian, noise_covariance, noise_rate, system_matrix
 from rattle.scene.impact import contact_matrix
-from rattle.scene.small_matrices import applied, block, congruence, put, times, times_transposed
+from rattle.scene.small_matrices import apply, block, congruence, put, times, times_transposed
 from rattle.scene.small_vectors import dot, put_row
 
 __all__ = ["derivatives", "flight_third_cumulant", "hit_matrix", "noise_slope", "third_cumulants"]
@@ -45,9 +45,9 @@ def derivatives(
     j, a = jacobian(c, t), system_matrix(c)
     rate = field(c, tau + t, before[1], before[3])
     explicit = field_rate(c, tau + t)
-    bend = applied(a, rate)  # second time derivative along the flight
+    bend = apply(a, rate)  # second time derivative along the flight
     flown = np.zeros((4, size))  # derivative of the state after a flight of time t, noise added
-    begun, first_rate = applied(j, field(c, tau, after[1], after[3])), np.zeros(4)
+    begun, first_rate = apply(j, field(c, tau, after[1], after[3])), np.zeros(4)
     for k in range(4):
         bend[k] += explicit[k]
         first_rate[k] = flown[k, 0] = rate[k] - begun[k]
@@ -72,7 +72,7 @@ def derivatives(
     if d > 5:
         first[1 + i, flank] = side
     drift = times(a, flown)
-    end_term, start_term = applied(a, first_rate), applied(j, field_rate(c, tau))
+    end_term, start_term = apply(a, first_rate), apply(j, field_rate(c, tau))
     for k in range(4):
         drift[k, 0] += explicit[k]  # derivative of the rate at the end of the flight
     second = np.zeros((5, size, size))
@@ -167,12 +167,12 @@ def flight_third_cumulant(first: Floats, hessian: Floats, p: Floats, q: Floats, 
     own[0] -= 1.0
     past, noise = own[:d], own[d:]
     reach = np.zeros(d + 4)  # its covariance with (s, n)
-    put_row(reach[:d], applied(p, past))
-    put_row(reach[d:], applied(q, noise))
-    varied = dot(noise, applied(slope, noise))  # d var(flight | s) / d tau_k
-    total = 3.0 * dot(reach, applied(hessian[0], reach)) + 3.0 * varied * reach[0]
+    put_row(reach[:d], apply(p, past))
+    put_row(reach[d:], apply(q, noise))
+    varied = dot(noise, apply(slope, noise))  # d var(flight | s) / d tau_k
+    total = 3.0 * dot(reach, apply(hessian[0], reach)) + 3.0 * varied * reach[0]
     for a in range(d):
-        total += own[a] * dot(past, applied(third[a], past))
+        total += own[a] * dot(past, apply(third[a], past))
     return float(total)
 
 

@@ -207,7 +207,7 @@ def branching_law(scene: Scene) -> Law:
     if t.discarded[BRANCHED] > DISCARDED:
         raise NotPredicted(f"it has discarded {t.discarded[BRANCHED]:.1%} of the probability by impact {BRANCHED}")
     half, last = BRANCHED // 2, 3 * BRANCHED // 4
-    early, late = (_joined(t.parts, range(a + 1, b + 1)) for a, b in ((half, last), (last, BRANCHED)))
+    early, late = (_join(t.parts, range(a + 1, b + 1)) for a, b in ((half, last), (last, BRANCHED)))
     for name in ("flight", "speed"):
         a, b = (float((law.weight * getattr(law, name)).sum()) for law in (early, late))
         if abs(a - b) > SETTLED * abs(b):
@@ -218,7 +218,7 @@ def branching_law(scene: Scene) -> Law:
     return late
 
 
-def _joined(parts: dict[int, tuple[Floats, Floats, Floats]], impacts: range) -> Law:
+def _join(parts: dict[int, tuple[Floats, Floats, Floats]], impacts: range) -> Law:
     """The mixtures of several impacts together."""
     weight = np.concatenate([parts[k][0] for k in impacts]) / len(impacts)
     mean, variance = (np.concatenate([parts[k][i] for k in impacts]) for i in (1, 2))

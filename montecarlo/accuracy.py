@@ -31,9 +31,23 @@ if TYPE_CHECKING:
     from rattle.montecarlo.result import Ensemble
 
 __all__ = [
-    "CONFIDENCE", "LEAST", "ROUNDED", "Bound", "absolute_errors", "error_bound", "exceeded", "resolved_sd",
-    "sampled_paths", "sampling_error", "share_of_look", "skewness_gain", "small_noise", "step_error", "units",
-    "units_by_quantity", "unseen_shifts",
+    "CONFIDENCE",
+    "LEAST",
+    "ROUNDED",
+    "Bound",
+    "absolute_errors",
+    "count_paths",
+    "error_bound",
+    "find_exceedance",
+    "resolved_sd",
+    "sampling_error",
+    "share_of_look",
+    "skewness_gain",
+    "small_noise",
+    "step_error",
+    "units",
+    "units_by_quantity",
+    "unseen_shifts",
 ]  # fmt: skip
 
 CONFIDENCE = 0.95
@@ -181,7 +195,7 @@ def unseen_shifts(hidden: Unseen) -> Floats:
     return np.asarray(np.nan_to_num(np.stack([mean.T, np.maximum(hidden.sd_up, hidden.sd_down).T])))
 
 
-def exceeded(error: Floats, shift: Floats, share: float) -> float:
+def find_exceedance(error: Floats, shift: Floats, share: float) -> float:
     """Where the probabilities that normal errors exceed it, less a shift each, add up to `share`.
 
     Examples
@@ -198,7 +212,7 @@ def exceeded(error: Floats, shift: Floats, share: float) -> float:
     return high
 
 
-def sampled_paths(columns: Mapping[str, NDArray[Any]]) -> int:
+def count_paths(columns: Mapping[str, NDArray[Any]]) -> int:
     """Paths that reached the first impact."""
     return int(np.nanmax(np.nan_to_num(columns["paths"]), initial=0.0))
 
@@ -206,9 +220,9 @@ def sampled_paths(columns: Mapping[str, NDArray[Any]]) -> int:
 def error_bound(run: HasColumns, share: float = 1.0 - CONFIDENCE) -> Bound:
     """Bound all errors of section means and sds at once, except for the bias of the step."""
     unit = np.array(list(units_by_quantity(run).values()))
-    hidden = unseen(run.scene, run.columns, sampled_paths(run.columns))
+    hidden = unseen(run.scene, run.columns, count_paths(run.columns))
     error, shift = absolute_errors(run.columns) / unit, unseen_shifts(hidden) / unit
-    sampled, bound = exceeded(error, 0.0 * shift, share), exceeded(error, shift, share)
+    sampled, bound = find_exceedance(error, 0.0 * shift, share), find_exceedance(error, shift, share)
     if bound == 0.0:
         return Bound(0.0, 0.0, sampling_error(run)[1], "", "")
     weight = shift + error * (sampled / max(error.max(), 1e-300))

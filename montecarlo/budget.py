@@ -41,18 +41,18 @@ class Budget:
         self.seconds, self.ends = seconds, clock() + seconds
 
     @property
-    def left(self) -> float:
+    def remaining(self) -> float:
         """Seconds that are left; negative once overspent."""
         return self.ends - clock()
 
     @contextmanager
-    def uncounted(self) -> Iterator[None]:
+    def pause(self) -> Iterator[None]:
         """Context whose duration is not charged to the budget."""
         began = clock()
         yield
         self.ends += clock() - began
 
-    def limited(self, blocks: Blocks) -> Blocks:
+    def limit(self, blocks: Blocks) -> Blocks:
         """The same blocks, but none is started after the budget is spent.
 
         The first block is run in any case, and no block is interrupted.
@@ -61,7 +61,7 @@ class Budget:
         def until_spent(plan: Plan, first: int) -> Iterator[tuple[BlockResult, NDArray[np.float64] | None]]:
             for result in blocks(plan, first):
                 yield result
-                if self.left <= 0.0:
+                if self.remaining <= 0.0:
                     return
 
         return until_spent

@@ -17,9 +17,9 @@ from rattle.montecarlo.accuracy import (
     LEAST,
     HasColumns,
     absolute_errors,
-    exceeded,
+    count_paths,
+    find_exceedance,
     resolved_sd,
-    sampled_paths,
     share_of_look,
     step_error,
     units_by_quantity,
@@ -28,14 +28,14 @@ from rattle.montecarlo.accuracy import (
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.reach import Candidate
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings import computed
+from rattle.montecarlo.settings import count_followed
 from rattle.montecarlo.unseen import Added, branches_between, share_of, unseen
 from rattle.scene.moments import SECTION
 
 if TYPE_CHECKING:
     from rattle.montecarlo.result import Ensemble
 
-__all__ = ["LOOKS", "ExpectedPaths", "cost_of", "cost_to", "expected_paths"]
+__all__ = ["LOOKS", "ExpectedPaths", "cost_of", "cost_to", "expect_paths"]
 
 Floats = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ class ExpectedPaths(NamedTuple):
     branch: str  # the rare branch for which most of them are needed, in words; empty if there is none
 
 
-def expected_paths(run: HasColumns, accuracy: float, share: float) -> ExpectedPaths:
+def expect_paths(run: HasColumns, accuracy: float, share: float) -> ExpectedPaths:
     """Paths from which on `error_bound` is expected to be within an accuracy.
 
     Errors of what was sampled fall with the square root of the number of paths.  A branch that the run cannot have seen
@@ -64,18 +64,18 @@ def expected_paths(run: HasColumns, accuracy: float, share: float) -> ExpectedPa
     `accuracy`: Bound that is wanted for sampling and unseen branches, in units of each quantity's sd.
     """
     columns = run.columns
-    begun, error = sampled_paths(columns), absolute_errors(columns)
+    begun, error = count_paths(columns), absolute_errors(columns)
     if not (error > 0.0).any():
         return ExpectedPaths(float(begun), "")
     unit = np.array(list(units_by_quantity(run).values()))
-    least = exceeded(error / unit, 0.0 * error, share)
+    least = find_exceedance(error / unit, 0.0 * error, share)
     plain = begun * min(least / max(accuracy, 5e-324), 1e100) ** 2
 
     def bound(paths: float) -> tuple[float, Added]:
         added = branches_between(run.scene, columns, begun, int(paths))
         errors, sizes = _foreseen(columns, unit, error, added, begun, paths)
         shift = unseen_shifts(unseen(run.scene, columns, int(paths)))
-        return exceeded(errors / sizes, shift / sizes, share), added
+        return find_exceedance(errors / sizes, shift / sizes, share), added
 
     fewer = paths = max(plain, 1.0)
     while (found := bound(paths))[0] > TOUCH * accuracy and paths < MOST:
@@ -130,6 +130,6 @@ def cost_to(run: Ensemble, accuracy: float) -> Candidate:
     bias = step_error(run)[0] if biased else 0.0
     if biased:
         dt *= min(1.0, max(0.5 * accuracy / max(bias, 1e-300), 1e-100))
-    wanted = expected_paths(run, 0.5 * accuracy if bias else accuracy, share_of_look(LOOKS)).paths
+    wanted = expect_paths(run, 0.5 * accuracy if bias else accuracy, share_of_look(LOOKS)).paths
     paths = max(LEAST // BLOCK, math.ceil(wanted / BLOCK)) * BLOCK
-    return cost_of(run, computed(run.scene, paths), dt)
+    return cost_of(run, count_followed(run.scene, paths), dt)

@@ -22,7 +22,15 @@ from rattle.scene.scene import Scene
 if TYPE_CHECKING:
     from rattle.montecarlo.result import Ensemble
 
-__all__ = ["COLLAPSE", "TOLERANCE", "diagnostics", "motion_units", "orbit_shift", "shortened", "unsampled"]
+__all__ = [
+    "COLLAPSE",
+    "TOLERANCE",
+    "diagnose_rare_branch",
+    "diagnose_short_step",
+    "diagnostics",
+    "motion_units",
+    "orbit_shift",
+]
 
 Floats = NDArray[np.float64]
 
@@ -125,7 +133,7 @@ def diagnostics(run: Ensemble) -> tuple[str, ...]:
     >>> diagnostics(simulate(run.scene, paths=1000, impacts=2))
     ()
     """
-    found = (_of_accuracy(run), shortened(run), *_of_step(run), *_of_impacts(run), unsampled(run))
+    found = (_of_accuracy(run), diagnose_short_step(run), *_of_step(run), *_of_impacts(run), diagnose_rare_branch(run))
     return tuple(line for line in found if line)
 
 
@@ -133,7 +141,7 @@ def _of_accuracy(run: Ensemble) -> str:
     return "" if run.reach is None or run.reach.reached else run.reach.sentence
 
 
-def unsampled(run: Ensemble) -> str:
+def diagnose_rare_branch(run: Ensemble) -> str:
     """The diagnostic of a rare branch that may be missing from the sample.
 
     Returns: Empty if no such branch matters, and where an accuracy was asked for, which counts them.
@@ -154,7 +162,7 @@ def unsampled(run: Ensemble) -> str:
     return f"{bound.remark[0].upper()}{bound.remark[1:]} ({bound.rare})."
 
 
-def shortened(run: Ensemble) -> str:
+def diagnose_short_step(run: Ensemble) -> str:
     """The diagnostic of a step that is shorter than the scheme's default because the scene requires it.
 
     Examples

@@ -18,7 +18,7 @@ from rattle.montecarlo.record import Record
 from rattle.montecarlo.result import Ensemble
 from rattle.montecarlo.schemes.step_size import COARSEST, default_step, is_admissible
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings import computed, plan_of
+from rattle.montecarlo.settings import count_followed, plan_of
 from rattle.montecarlo.statistics.batches import Batches
 from rattle.montecarlo.statistics.histogram import Histograms
 from rattle.scene.errors import InputError
@@ -26,7 +26,7 @@ from rattle.scene.scene import Scene
 from rattle.scene.text import line
 from rattle.scene.validate import choice
 
-__all__ = ["Blocks", "extended", "in_pool", "in_threads", "simulate"]
+__all__ = ["Blocks", "extend", "in_pool", "in_threads", "simulate"]
 
 Floats = NDArray[np.float64]
 Blocks = Callable[[Plan, int], Iterator[tuple[BlockResult, Floats | None]]]
@@ -161,24 +161,24 @@ def simulate(
         results = gpu.launches(plan, size)
     with _bar(plan.paths, progress) as bar:
         for part, (result, rows) in enumerate(results):
-            merged = result if merged is None else merged.merged(result)
+            merged = result if merged is None else merged.merge(result)
             if batched is not None:
                 batched.add(part, result.sums)
             if record.histogram and rows is not None:
-                histograms = histograms or Histograms.sized_by(rows[:BLOCK, :, :6])
+                histograms = histograms or Histograms.for_sample(rows[:BLOCK, :, :6])
                 histograms.add(rows[:, :, :6])
             if record.raw and rows is not None:
                 kept.append(rows)
             bar.update(min(size, plan.paths - part * size))
     assert merged is not None
-    plan, paths = _followed(plan, paths, (part + 1) * size)
+    plan, paths = _cut_plan(plan, paths, (part + 1) * size)
     whole = np.concatenate(kept) if kept else None
     if whole is not None and plan.paths < paths:
         whole = np.broadcast_to(whole, (paths, *whole.shape[1:]))
     return Ensemble(plan, paths, merged, histograms, whole, time.perf_counter() - started, batched)
 
 
-def _followed(plan: Plan, paths: int, most: int) -> tuple[Plan, int]:
+def _cut_plan(plan: Plan, paths: int, most: int) -> tuple[Plan, int]:
     """Plan and number of paths of a run whose blocks ended after at `most` this many paths."""
     return (plan, paths) if most >= plan.paths else (plan._replace(paths=most), most)
 
@@ -187,7 +187,7 @@ def _bar(paths: int, label: str | None) -> tqdm[NoReturn]:
     return tqdm(total=paths, unit="path", unit_scale=True, desc=label and line(label), disable=None if label else True)
 
 
-def extended(run: Ensemble, paths: int, blocks: Blocks, progress: str | None = None) -> Ensemble:
+def extend(run: Ensemble, paths: int, blocks: Blocks, progress: str | None = None) -> Ensemble:
     """Add paths to a run; what is there is not computed again.
 
     Where nothing is random, the one path that is there stands for the others too.
@@ -202,14 +202,14 @@ def extended(run: Ensemble, paths: int, blocks: Blocks, progress: str | None = N
     [2048.0, 1.0]
     """
     started = time.perf_counter()
-    plan, merged, done = run.plan._replace(paths=computed(run.scene, paths)), run.result, run.plan.blocks
+    plan, merged, done = run.plan._replace(paths=count_followed(run.scene, paths)), run.result, run.plan.blocks
     batched = run.batches.copy() if run.batches is not None else None
     with _bar(paths - run.paths, progress) as bar:
         for result, _ in blocks(plan, done):
-            merged = merged.merged(result)
+            merged = merged.merge(result)
             if batched is not None:
                 batched.add(done, result.sums)
             done += 1
             bar.update(BLOCK)
-    plan, paths = _followed(plan, paths, done * BLOCK)
+    plan, paths = _cut_plan(plan, paths, done * BLOCK)
     return Ensemble(plan, paths, merged, None, None, run.wall_seconds + time.perf_counter() - started, batched)

@@ -13,17 +13,17 @@ from typing import Any
 
 from rattle.montecarlo.accuracy import share_of_look, small_noise
 from rattle.montecarlo.budget import Budget, clock
-from rattle.montecarlo.cost import LOOKS, ExpectedPaths, cost_of, cost_to, expected_paths
+from rattle.montecarlo.cost import LOOKS, ExpectedPaths, cost_of, cost_to, expect_paths
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.reach import Candidate
 from rattle.montecarlo.record import Record
 from rattle.montecarlo.result import Ensemble
 from rattle.montecarlo.schemes.step_size import largest_step
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings import computed, default_horizon, is_random
+from rattle.montecarlo.settings import count_followed, default_horizon, is_random
 from rattle.scene.scene import Scene
 
-__all__ = ["COARSEST", "ROUGHEST", "PilotRun", "Simulate", "chosen", "pilot"]
+__all__ = ["COARSEST", "ROUGHEST", "PilotRun", "Simulate", "choose_scheme", "pilot"]
 
 PROBES = (8, 256)  # paths of the probe runs before a pilot: each shows whether the next run fits the budget
 PILOT = 4 * BLOCK  # paths of a pilot run
@@ -57,9 +57,9 @@ class PilotRun:
     whole: bool  # whether `run` is the pilot
     _expected: dict[float, Candidate] = field(default_factory=dict, repr=False, compare=False)
 
-    def sampled(self, accuracy: float) -> ExpectedPaths:
+    def expect_paths(self, accuracy: float) -> ExpectedPaths:
         """Paths for which sampling and unseen branches are within an accuracy."""
-        return expected_paths(self.run, accuracy, share_of_look(LOOKS))
+        return expect_paths(self.run, accuracy, share_of_look(LOOKS))
 
     def at(self, accuracy: float) -> Candidate:
         """Step, paths and work that an accuracy is expected to take."""
@@ -79,7 +79,7 @@ class PilotRun:
 def _pilot_within(scene: Scene, scheme: str, simulate: Simulate, budget: Budget) -> PilotRun:
     """Probe runs and the pilot run of a scheme, each only if the budget is expected to cover it."""
     settings = _pilot_settings(scene, scheme)
-    with budget.uncounted():
+    with budget.pause():
         simulate(paths=1, **settings | {"impacts": 1, "horizon": settings["dt"]})  # compiles
 
     def timed(**changed: Any) -> tuple[Ensemble, float]:
@@ -89,23 +89,23 @@ def _pilot_within(scene: Scene, scheme: str, simulate: Simulate, budget: Budget)
     for _ in range(2):  # overhead of a run besides its paths; the second time its plan is cached
         run, before = timed(paths=1, horizon=settings["dt"])
     horizon = default_horizon(run.impacts, run.dt * (COARSEST if settings["record"].step_bias else 1))
-    probe, _ = timed(paths=computed(scene, PROBES[0]), horizon=PROBE_SPAN * horizon)
+    probe, _ = timed(paths=count_followed(scene, PROBES[0]), horizon=PROBE_SPAN * horizon)
     slow = cost_of(probe, 1).core_seconds / PROBE_SPAN
-    if probe.unfinished and slow * probe.paths > budget.left:
+    if probe.unfinished and slow * probe.paths > budget.remaining:
         return PilotRun(probe, slow, False)
     followed, found = 0, None
     for paths in (*PROBES, PILOT) if is_random(scene) else (1,):
-        if found is not None and found.path_seconds * paths > budget.left:
+        if found is not None and found.path_seconds * paths > budget.remaining:
             break
         run, seconds = timed(paths=paths)
         took = max(cost_of(run, 1).core_seconds, (seconds - before) / (paths - followed))
-        found = PilotRun(run, took, run.paths == computed(scene, PILOT))
+        found = PilotRun(run, took, run.paths == count_followed(scene, PILOT))
         before, followed = seconds, paths
     assert found is not None
     return found
 
 
-def chosen(
+def choose_scheme(
     scene: Scene, names: Sequence[str], accuracy: float, simulate: Simulate, budget: Budget
 ) -> tuple[PilotRun, list[Candidate]]:
     """The scheme that is expected to cost least at an accuracy.
@@ -115,7 +115,7 @@ def chosen(
     pilots = [_pilot_within(scene, names[0], simulate, budget)]
     if pilots[0].whole and pilots[0].at(accuracy).core_seconds > ENOUGH:
         for name in names[1:]:
-            if budget.left > 0.0:
+            if budget.remaining > 0.0:
                 pilots.append(_pilot_within(scene, name, simulate, budget))
     tried = [pilots[0], *(p for p in pilots[1:] if p.whole)]
     candidates = [p.at(accuracy) for p in tried]

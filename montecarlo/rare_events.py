@@ -163,33 +163,33 @@ def _earlier(flight: Flight, mesh: int, side: int) -> list[Event]:
         mass = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(around))])
         probability = min(float(mass[-1]), 1.0)
         if probability > ndtr(-FURTHEST):
-            found.append(_met(flight, mesh, side, probability, np.interp(PLACES[0], mass / mass[-1], around)))
+            found.append(_meet(flight, mesh, side, probability, np.interp(PLACES[0], mass / mass[-1], around)))
     return found
 
 
-def _met(flight: Flight, mesh: int, side: int, probability: float, times: Floats) -> Event:
+def _meet(flight: Flight, mesh: int, side: int, probability: float, times: Floats) -> Event:
     """An event with representatives at given times: how near the own wall is, and the speed, are spread as they are."""
     i, own, wall = 2 * (mesh - 1), 2 * (flight.mesh - 1), side * _wall(flight.c, mesh)
     means, spreads = flight.at(times)
     states, weights = [], np.empty(times.size)
     for n, t in enumerate(times):
-        mean, spread = _given(means[n], spreads[n], i, wall)
+        mean, spread = _condition(means[n], spreads[n], i, wall)
         if own != i:
             sd = math.sqrt(max(spread[own, own], 0.0))
             room = (_wall(flight.c, flight.mesh) - flight.side * mean[own]) / max(sd, NO_SD)
             at = float(ndtri_exp(log_ndtr(room) + math.log(PLACES[1, n])))
-            mean, spread = _given(mean, spread, own, mean[own] + flight.side * at * sd)
+            mean, spread = _condition(mean, spread, own, mean[own] + flight.side * at * sd)
         sd = math.sqrt(max(spread[i + 1, i + 1], 0.0))
         least = -side * mean[i + 1] / max(sd, NO_SD)
         speed = side * mean[i + 1] - sd * float(ndtri_exp(log_ndtr(-least) + math.log(PLACES[2, n])))
         weights[n] = max(speed, 0.0)
-        mean, spread = _given(mean, spread, i + 1, side * speed)
+        mean, spread = _condition(mean, spread, i + 1, side * speed)
         states.append((float(t), mean, spread, mesh))
     weights = weights / weights.sum() if weights.sum() > 0.0 else np.full(times.size, 1.0 / times.size)
     return Event(mesh, side, False, float(-ndtri(probability)), probability, weights, states)
 
 
-def _given(mean: Floats, spread: Floats, i: int, value: float) -> tuple[Floats, Floats]:
+def _condition(mean: Floats, spread: Floats, i: int, value: float) -> tuple[Floats, Floats]:
     """Mean and covariance of a Gaussian, given one component."""
     if spread[i, i] <= 0.0:
         return mean, spread
@@ -199,7 +199,7 @@ def _given(mean: Floats, spread: Floats, i: int, value: float) -> tuple[Floats, 
     return moved, spread - np.outer(gain, spread[i])
 
 
-def _missed(flight: Flight) -> Event | None:
+def _miss(flight: Flight) -> Event | None:
     """The orbit's own impact, if it all but grazes: paths that stay within the wall.
 
     The design point is where the wall is furthest behind, in sds; a path that is within it then has to be so all along,
@@ -232,13 +232,13 @@ def _missed(flight: Flight) -> Event | None:
     share = max(within.mean(), 1.0 / SAMPLE)
     sd, states = math.sqrt(joint[6, 6]), []
     for depth in np.quantile(depths[within] if within.any() else depths, MIDDLES):
-        states.append((top, *_given(means[6], spread[6], i, means[6, i] - side * depth * sd), 0))
+        states.append((top, *_condition(means[6], spread[6], i, means[6, i] - side * depth * sd), 0))
     return Event(mesh, side, True, nearest, float(ndtr(-nearest) * share), STRATA, states)
 
 
 def events(flight: Flight) -> list[Event]:
     """All other events of a flight within reach."""
-    missed = _missed(flight)
+    missed = _miss(flight)
     found = [] if missed is None else [missed]
     for mesh in range(1, flight.c.stages + 1):
         for side in (1, -1):

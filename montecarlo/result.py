@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rattle.montecarlo.diagnostics import diagnostics
 from rattle.montecarlo.kernel.block import CODES, CROSS, PAIRS, BlockResult, Plan
-from rattle.montecarlo.kernel.control_variate import controlled_statistics
+from rattle.montecarlo.kernel.control_variate import estimate_controlled
 from rattle.montecarlo.noise.philox import LEVELS
 from rattle.montecarlo.reach import Reach
 from rattle.montecarlo.schemes.table import SCHEMES
@@ -20,7 +20,7 @@ from rattle.montecarlo.settings import NOISE_FREE, is_random
 from rattle.montecarlo.statistics.batches import Batches
 from rattle.montecarlo.statistics.histogram import Histograms
 from rattle.montecarlo.statistics.section_statistics import FEWEST, pair_statistics, single_statistics
-from rattle.montecarlo.statistics.step_bias import StepBias, extrapolated
+from rattle.montecarlo.statistics.step_bias import StepBias, extrapolate
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene
@@ -260,7 +260,7 @@ class Ensemble:
         """The columns of `section`, each of shape (impacts,)."""
         s = single_statistics(self.result.sums["section"])
         if "control" in self.result.sums:
-            s |= controlled_statistics(self.result.sums["control"], self.plan.control.variance)
+            s |= estimate_controlled(self.result.sums["control"], self.plan.control.variance)
         columns: dict[str, Floats | Ints] = {}
         most = np.array(CODES)[np.argmax(self.result.codes, axis=1)] * (self._reached > 0)
         for prefix, name in (("", "mean"), ("sd_", "sd"), ("skew_", "skew"), ("kurt_", "kurt")):
@@ -429,7 +429,7 @@ class Ensemble:
     def _extrapolated(self) -> dict[str, StepBias]:
         """Measured step bias of means and sds; empty where none was measured."""
         sums = self.result.sums
-        return extrapolated(sums["fine_coarse"], sums["coarse_coarser"]) if "fine_coarse" in sums else {}
+        return extrapolate(sums["fine_coarse"], sums["coarse_coarser"]) if "fine_coarse" in sums else {}
 
     @property
     def _unbiased(self) -> pd.DataFrame:

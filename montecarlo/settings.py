@@ -21,7 +21,7 @@ __all__ = [
     "MOST_STEPS",
     "NOISE_FREE",
     "check_settings",
-    "computed",
+    "count_followed",
     "default_horizon",
     "exact_orbit",
     "is_random",
@@ -50,7 +50,7 @@ def is_random(scene: Scene) -> bool:
     return scene.sigma > 0.0 or (scene.tolerance is not None and scene.tolerance.distribution != "fixed")
 
 
-def computed(scene: Scene, paths: int) -> int:
+def count_followed(scene: Scene, paths: int) -> int:
     """How many of these paths are followed: one stands for all where nothing is random.
 
     Examples
@@ -132,9 +132,9 @@ def plan_of(
         raise InputError(
             "record.itineraries", record.itineraries, "give a mapping from names to sequences of mesh * side"
         )
-    named = {name: _checked(name, itinerary, impacts) for name, itinerary in record.itineraries.items()}
+    named = {name: _check_itinerary(name, itinerary, impacts) for name, itinerary in record.itineraries.items()}
     plan = Plan(
-        scene=scene, paths=computed(scene, paths), impacts=impacts, dt=dt, scheme=scheme,
+        scene=scene, paths=count_followed(scene, paths), impacts=impacts, dt=dt, scheme=scheme,
         seed=rng if isinstance(rng, np.random.SeedSequence) else np.random.SeedSequence(rng),
         most_steps=math.ceil(horizon / (dt * coarsest)) * coarsest,
         fixed_steps=_fixed_steps(scene, record.times, dt * coarsest, horizon) * coarsest, itineraries=named,
@@ -193,7 +193,7 @@ def _fixed_steps(scene: Scene, times: Sequence[float] | Floats, dt: float, horiz
     return np.unique(np.array(steps, dtype=np.int64))
 
 
-def _checked(name: str, itinerary: Sequence[int], impacts: int) -> tuple[int, ...]:
+def _check_itinerary(name: str, itinerary: Sequence[int], impacts: int) -> tuple[int, ...]:
     field = f"record.itineraries[{name!r}]"
     if name == NOISE_FREE:
         raise InputError("record.itineraries", name, "this name is taken by the noise-free path")

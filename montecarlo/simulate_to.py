@@ -19,15 +19,15 @@ import numpy as np
 
 from rattle.montecarlo.accuracy import LEAST, error_bound, sampling_error, share_of_look, small_noise, step_error
 from rattle.montecarlo.budget import HOUR, Budget, clock, in_words
-from rattle.montecarlo.cost import expected_paths
-from rattle.montecarlo.ensemble import Blocks, extended, in_threads, simulate
+from rattle.montecarlo.cost import expect_paths
+from rattle.montecarlo.ensemble import Blocks, extend, in_threads, simulate
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.pilots import COARSEST, ROUGHEST, PilotRun, Simulate, chosen
+from rattle.montecarlo.pilots import COARSEST, ROUGHEST, PilotRun, Simulate, choose_scheme
 from rattle.montecarlo.reach import AccuracyWarning, Reach
 from rattle.montecarlo.record import Record
 from rattle.montecarlo.result import Ensemble
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings import MOST_STEPS, check_settings, computed, default_horizon, is_random
+from rattle.montecarlo.settings import MOST_STEPS, check_settings, count_followed, default_horizon, is_random
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 from rattle.scene.validate import positive
@@ -50,7 +50,7 @@ def _check_affordable(pilot_run: PilotRun, accuracy: float) -> None:
     if seconds <= HOUR:
         return
     gives = pilot_run.within(HOUR, accuracy) if pilot_run.whole else math.inf
-    instead = f"ask for {_rounded_up(gives):g}, which an hour is expected to give, or " if gives < math.inf else ""
+    instead = f"ask for {_round_up(gives):g}, which an hour is expected to give, or " if gives < math.inf else ""
     raise InputError(
         "accuracy", accuracy, f"is expected to take {in_words(seconds)} ({expected.sentence}), and without a budget "
         f"the limit is one hour{_most_for(pilot_run, accuracy)}: {instead}give the seconds that it may take as budget",
@@ -59,11 +59,11 @@ def _check_affordable(pilot_run: PilotRun, accuracy: float) -> None:
 
 def _most_for(pilot_run: PilotRun, accuracy: float) -> str:
     """Which rare branch most of the paths are for, as a clause."""
-    branch = pilot_run.sampled(accuracy).branch
+    branch = pilot_run.expect_paths(accuracy).branch
     return f"; most paths are for {branch}" if branch else ""
 
 
-def _rounded_up(accuracy: float) -> float:
+def _round_up(accuracy: float) -> float:
     """To two digits."""
     unit = 10.0 ** (math.floor(math.log10(accuracy)) - 1)
     return math.ceil(accuracy / unit) * unit
@@ -149,19 +149,19 @@ def simulate_to(
     accuracy = float(positive("accuracy", accuracy))
     if budget is not None and budget != math.inf:
         budget = float(positive("budget", budget))
-    run = _simulated(scene, accuracy, impacts, scheme, rng, workers, budget, record, progress, blocks)
+    run = _simulate(scene, accuracy, impacts, scheme, rng, workers, budget, record, progress, blocks)
     if run.reach is not None and not run.reach.reached:
         warnings.warn(run.reach.sentence, AccuracyWarning, stacklevel=2)
     return run
 
 
-def _simulated(
+def _simulate(
     scene: Scene, accuracy: float, impacts: int, scheme: str | None, rng: int | np.random.SeedSequence, workers: int,
     budget: float | None, record: Record, progress: str | None, blocks: Blocks | None,
 ) -> Ensemble:  # fmt: skip
     """Pilot runs, then the scheme that they choose until both errors are within the accuracy or the budget is spent."""
     left = Budget(HOUR if budget is None else budget)
-    blocks = left.limited(blocks or in_threads(workers))
+    blocks = left.limit(blocks or in_threads(workers))
 
     def again(**settings: Any) -> Ensemble:
         step_bias = settings.pop("record", record).step_bias
@@ -169,32 +169,36 @@ def _simulated(
         return simulate(scene, rng=rng, blocks=blocks, **given)
 
     names = [scheme] if scheme else sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
-    pilot_run, candidates = chosen(scene, names, accuracy, again, left)
+    pilot_run, candidates = choose_scheme(scene, names, accuracy, again, left)
     ESTIMATES.info("Accuracy %g sd: %s%s.", accuracy, pilot_run.at(accuracy).sentence, _most_for(pilot_run, accuracy))
     if budget is None:
         _check_affordable(pilot_run, accuracy)
         left.ends = math.inf  # from here on no clock decides
-    run, more, look = _followed_up(pilot_run, again, record, blocks, accuracy, left, progress)
+    run, more, look = _follow_up(pilot_run, again, record, blocks, accuracy, left, progress)
     bound = error_bound(run, share_of_look(look))
     step = 0.0 if not SCHEMES[run.scheme].has_step_bias else step_error(run)[0]
     worst = bound.where + ("" if is_random(scene) else ": one path is the answer")
-    enough = pilot_run.whole and run.paths >= computed(scene, LEAST)
+    enough = pilot_run.whole and run.paths >= count_followed(scene, LEAST)
     reach = Reach(
         accuracy, sampling_error(run)[0], step, bound.error + step, worst, candidates, more, enough, bound.remark
     )  # fmt: skip
     return replace(run, reach=reach)
 
 
-def _followed_up(
+def _follow_up(
     pilot_run: PilotRun, simulate: Simulate, record: Record, blocks: Blocks,
     accuracy: float, budget: Budget, progress: str | None
 ) -> tuple[Ensemble, float, int]:  # fmt: skip
     """The pilot's scheme until its errors are within the accuracy, or the budget is spent; seconds missing, looks."""
     run, scene, expected = pilot_run.run, pilot_run.run.scene, pilot_run.at(accuracy)
-    if not pilot_run.whole or budget.left <= 0.0:
+    if not pilot_run.whole or budget.remaining <= 0.0:
         missing = max(expected.core_seconds, pilot_run.path_seconds * expected.paths)
         return run, missing, 1
-    exact, fewest, grain = not SCHEMES[run.scheme].has_step_bias, computed(scene, LEAST), computed(scene, BLOCK)
+    exact, fewest, grain = (
+        not SCHEMES[run.scheme].has_step_bias,
+        count_followed(scene, LEAST),
+        count_followed(scene, BLOCK),
+    )
     horizon = default_horizon(run.impacts, run.dt * (1 if exact else COARSEST))
     shortest = horizon / MOST_STEPS
     settings = {
@@ -203,10 +207,10 @@ def _followed_up(
     }  # fmt: skip
     began, before, look = clock(), 0, 0
     if not exact:
-        aim = min(pilot_run.within(budget.left, accuracy), ROUGHEST)
+        aim = min(pilot_run.within(budget.remaining, accuracy), ROUGHEST)
         run = simulate(paths=fewest, dt=max(pilot_run.at(aim).dt, shortest), **settings)
     elif run.paths < fewest:
-        run, before = extended(run, fewest, blocks, progress), run.paths
+        run, before = extend(run, fewest, blocks, progress), run.paths
     while True:
         seconds_per_path = max(clock() - began, 1e-9) / (run.paths - before)
         look += 1
@@ -216,12 +220,12 @@ def _followed_up(
         wanted = run.paths
         shorten = step > MOST_BIAS * accuracy and step > 3.0 * se_step
         if bound.error + step > accuracy:
-            foreseen = SPARE * expected_paths(run, room, share_of_look(look + 1)).paths  # when it will be looked at
+            foreseen = SPARE * expect_paths(run, room, share_of_look(look + 1)).paths  # when it will be looked at
             wanted = math.ceil(max(foreseen, 1.1 * run.paths) / grain) * grain  # more also where a bias may be noise
         more = 2 * run.paths if shorten else max(wanted - run.paths, fewest - run.paths, 0)
         if shorten and 0.5 * run.dt < shortest:
             return run, math.inf, look
-        affordable = int(min(max(budget.left, 0.0) / seconds_per_path, 1e15)) // grain * grain
+        affordable = int(min(max(budget.remaining, 0.0) / seconds_per_path, 1e15)) // grain * grain
         if more == 0 or affordable <= 0 or (shorten and affordable < more):
             missing = 0.0 if exact or more == 0 else expected.core_seconds
             return run, max(more * seconds_per_path, missing), look
@@ -229,4 +233,4 @@ def _followed_up(
         if shorten:
             run, before = simulate(paths=run.paths, dt=0.5 * run.dt, **settings), 0
         else:
-            run = extended(run, run.paths + min(more, affordable, (GROWTH - 1) * run.paths), blocks, progress)
+            run = extend(run, run.paths + min(more, affordable, (GROWTH - 1) * run.paths), blocks, progress)

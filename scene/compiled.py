@@ -6,9 +6,9 @@ from typing import Any, ParamSpec, TypeVar, cast
 import numba
 from numba.np import linalg
 
-from rattle.scene.machine_code import keep_by_source, sealed
+from rattle.scene.machine_code import keep_by_source, seal
 
-__all__ = ["inlined", "jit", "lean", "spliced"]
+__all__ = ["inline", "jit", "lean", "splice"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -49,11 +49,11 @@ def _shared() -> Any:
 SHARED = _shared()
 
 
-def _compiled(function: Callable[P, R], options: dict[str, Any]) -> Callable[P, R]:
+def _compile(function: Callable[P, R], options: dict[str, Any]) -> Callable[P, R]:
     """A function that numba compiles; the function itself where numba is disabled."""
     if SHARED is None:
-        return cast(Callable[P, R], sealed(numba.njit(**options)(function)))
-    return cast(Callable[P, R], sealed(SHARED(function, targetoptions={"nopython": True} | options)))
+        return cast(Callable[P, R], seal(numba.njit(**options)(function)))
+    return cast(Callable[P, R], seal(SHARED(function, targetoptions={"nopython": True} | options)))
 
 
 def jit(function: Callable[P, R]) -> Callable[P, R]:
@@ -62,20 +62,20 @@ def jit(function: Callable[P, R]) -> Callable[P, R]:
     Division follows IEEE rules instead of raising: a branch on every division keeps LLVM from
     vectorising the loops over paths.  No fast-math: results do not depend on how a loop over paths is cut.
     """
-    return _compiled(function, OPTIONS)
+    return _compile(function, OPTIONS)
 
 
 def lean(function: Callable[P, R]) -> Callable[P, R]:
     """As `jit`, without reference counting: for functions that allocate no arrays and take views only."""
-    return _compiled(function, LEAN)
+    return _compile(function, LEAN)
 
 
-def inlined(function: Callable[P, R]) -> Callable[P, R]:
+def inline(function: Callable[P, R]) -> Callable[P, R]:
     """As `lean`, and always inlined by LLVM: a loop over paths vectorises only when its body calls nothing."""
-    return _compiled(function, LEAN | {"forceinline": True})
+    return _compile(function, LEAN | {"forceinline": True})
 
 
-def spliced(function: Callable[P, R]) -> Callable[P, R]:
+def splice(function: Callable[P, R]) -> Callable[P, R]:
     """Inline a function into its caller before type inference, so that branches on the caller's constants are removed.
 
     For no other reason: the copy is typed again in each caller.

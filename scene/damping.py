@@ -12,7 +12,7 @@ import numpy as np
 
 from rattle.scene.compiled import jit
 
-__all__ = ["Pair", "damped", "decay", "pair", "phi1", "phi2"]
+__all__ = ["Pair", "damp", "decay", "pair", "phi1", "phi2"]
 
 SMALL = 0.5  # beta t below which the differences cancel and the series is summed instead
 PHI2_SERIES = np.array([1.0 / math.factorial(k) for k in range(18, 1, -1)])
@@ -41,7 +41,7 @@ def decay(beta: float, t: float) -> float:
 
 
 @jit
-def damped(beta: float, t: float) -> tuple[float, float]:
+def damp(beta: float, t: float) -> tuple[float, float]:
     """`phi1` and `decay` together, with one exponential for both where ``beta t`` is small.
 
     Examples
@@ -110,8 +110,8 @@ def pair(beta1: float, beta2: float, t: float) -> Pair:
         e1, e12 = t - beta1 * g1, d * g1 - beta2 * g12
         d1, d12 = 1.0 - beta1 * e1, d * e1 - beta2 * e12
         return Pair(e1, d1, g1, e1 - e12, d1 - d12, g1 - g12, e12, d12)
-    e1, d1 = damped(beta1, t)
-    e2, d2 = damped(beta2, t)
+    e1, d1 = damp(beta1, t)
+    e2, d2 = damp(beta2, t)
     d_gap = -math.exp(-min(beta1, beta2) * t) * math.expm1(-abs(d) * t)  # |d1 - d2|
     e_gap = (abs(d) * (e1 if d > 0.0 else e2) - d_gap) / max(beta1, beta2)  # |e1 - e2|
     sign = 1.0 if d > 0.0 else -1.0

@@ -15,7 +15,7 @@ SWEEPS = 30  # at most; Jacobi's rotations converge quadratically, usually in si
 
 
 @jit
-def _rotated(a: Floats, vectors: Floats, p: int, q: int) -> None:
+def _rotate(a: Floats, vectors: Floats, p: int, q: int) -> None:
     """Jacobi's rotation that makes ``a[p, q]`` zero, applied to a symmetric matrix and to the vectors, in place."""
     theta = 0.5 * (a[q, q] - a[p, p]) / a[p, q]
     t = math.copysign(1.0, theta) / (abs(theta) + math.sqrt(1.0 + theta * theta)) if abs(theta) < 1e150 else 0.5 / theta
@@ -60,7 +60,7 @@ def eigen(symmetric: Floats) -> tuple[Floats, Floats]:
         for p in range(n - 1):
             for q in range(p + 1, n):
                 if abs(a[p, q]) > 1e-17 * math.sqrt(abs(a[p, p])) * math.sqrt(abs(a[q, q])):
-                    _rotated(a, turned, p, q)
+                    _rotate(a, turned, p, q)
                     settled = False
         if settled:
             break

@@ -35,14 +35,14 @@ class InputError(RattleError, ValueError):
     """
 
     def __init__(self, field: str, value: object, remedy: str, where: str = "") -> None:
-        super().__init__(harmless(f"{where}{': ' * bool(where)}{field} = {_shown(value)}: {remedy}", keep=""))
+        super().__init__(harmless(f"{where}{': ' * bool(where)}{field} = {_show(value)}: {remedy}", keep=""))
         self.field, self.value, self.remedy, self.where = field, value, remedy, where
 
     def __reduce__(self) -> tuple[type["InputError"], tuple[str, object, str, str]]:
         return type(self), (self.field, self.value, self.remedy, self.where)  # for worker processes
 
 
-def _shown(value: object) -> str:
+def _show(value: object) -> str:
     """A value as it was given, cut to `LONGEST` characters; Python prints no integer of more than 4300 digits."""
     try:
         text = repr(value)

@@ -216,7 +216,7 @@ def _harmonics(c: Constants, h: float, relative: bool) -> Floats:
 
 
 @jit
-def _doubled(c: Constants, q: Floats, h: float, relative: bool) -> Floats:
+def _double(c: Constants, q: Floats, h: float, relative: bool) -> Floats:
     """`_harmonics` of twice the time: first half propagated through the second, plus the second, its phase shifted."""
     j, s, k = jacobian(c, h), math.sin(h), math.cos(h)
     if relative:
@@ -262,7 +262,7 @@ def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
         doublings += 1
     q = _harmonics(c, h, relative)
     for _ in range(doublings):
-        q = _doubled(c, q, h, relative)
+        q = _double(c, q, h, relative)
         h *= 2.0
     sine, cosine, square = math.sin(tau), math.cos(tau), c.sigma * c.sigma
     out = np.empty((4, 4))

@@ -8,7 +8,7 @@ from rattle.scene.errors import InputError
 from rattle.scene.keywords import suggesting
 from rattle.scene.shown import as_call
 from rattle.scene.units import Units
-from rattle.scene.validate import finite, non_negative, positive, ranged, unit_interval
+from rattle.scene.validate import check_range, finite, non_negative, positive, unit_interval
 
 __all__ = ["DAT21", "Gears"]
 
@@ -94,9 +94,9 @@ class Gears:
                 object.__setattr__(self, f.name, finite(f.name, getattr(self, f.name)))
         for name, value in self.values.items():
             if name.startswith(("omega", "inertia", "radius", "backlash")):
-                ranged(name, positive(name, value), *SIZES)
+                check_range(name, positive(name, value), *SIZES)
             if name.startswith(("damping", "torque")):
-                ranged(name, non_negative(name, value), 0.0, SIZES[1])
+                check_range(name, non_negative(name, value), 0.0, SIZES[1])
         non_negative("alpha", self.alpha)
         unit_interval("epsilon", self.epsilon)
 
@@ -172,13 +172,15 @@ class Gears:
             raise InputError("driver_radius", driver_radius, why)
         radius = 0.0
         if driver_radius is not None:
-            radius = ranged("driver_radius", positive("driver_radius", finite("driver_radius", driver_radius)), *SIZES)
+            radius = check_range(
+                "driver_radius", positive("driver_radius", finite("driver_radius", driver_radius)), *SIZES
+            )
         if amplitude_rad is not None:
             amplitude = radius * non_negative("amplitude_rad", amplitude_rad)
         if amplitude is not None:
             non_negative("amplitude", amplitude)
             backlash = values.get("backlash1", 1.0)  # one that is missing is refused below
-            values["alpha"] = amplitude / ranged("backlash1", positive("backlash1", backlash), *SIZES)
+            values["alpha"] = amplitude / check_range("backlash1", positive("backlash1", backlash), *SIZES)
         gears = cls(**values)
         if not speeds:
             return gears

@@ -6,7 +6,7 @@ from typing import Any
 
 from rattle.scene.errors import InputError
 from rattle.scene.gears import DRIVES, SPEEDS, WHEEL2, Gears
-from rattle.scene.validate import finite, known_keys, non_negative
+from rattle.scene.validate import check_keys, finite, non_negative
 
 __all__ = ["read_gears", "read_tolerance"]
 
@@ -28,7 +28,7 @@ def read_gears(table: Mapping[str, Any], stages: object) -> Gears:
     >>> read_gears({k: v for k, v in vars(DAT21).items() if k[-1] != "2"}, 1).wheels
     1
     """
-    known_keys("gears", table, (*FIELDS, *OPTIONAL))
+    check_keys("gears", table, (*FIELDS, *OPTIONAL))
     values = {name: value for name, value in table.items() if name != "tolerance"}
     drives = [name for name in DRIVES if name in values]
     wanted = REQUIRED if stages == 1 else sorted((*REQUIRED, *WHEEL2), key=FIELDS.index)
@@ -60,7 +60,7 @@ def read_tolerance(table: Mapping[str, Any], gears: Gears) -> dict[str, Any] | N
     given = table["tolerance"]
     if not isinstance(given, Mapping):
         raise InputError("gears.tolerance", given, "write it as a table: [gears.tolerance]")
-    known_keys("gears.tolerance", given, TOLERANCE)
+    check_keys("gears.tolerance", given, TOLERANCE)
     found: dict[str, Any] = {}
     for i in (1, 2):
         name, backlash = f"gears.tolerance.backlash{i}", getattr(gears, f"backlash{i}")

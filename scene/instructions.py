@@ -14,7 +14,7 @@ import numpy as np
 from numba.core import types
 from numba.extending import intrinsic
 
-from rattle.scene.compiled import inlined
+from rattle.scene.compiled import inline
 
 __all__ = ["float_of", "fma", "widest_vectors", "word_of"]
 
@@ -22,7 +22,7 @@ HALVES = 2.0**27 + 1.0  # Veltkamp's factor: splits the 53 bits of a float into 
 PLAIN = 1e-250, 1e250  # sizes of a product, and of its factors, between which the splitting is exact
 
 
-def emulated_fma(a: float, b: float, c: float) -> float:
+def emulate_fma(a: float, b: float, c: float) -> float:
     """``a * b + c`` rounded once, in ordinary floating-point arithmetic.
 
     The product is split into two floats whose sum it is (Dekker 1971), and the three are added with one rounding;
@@ -72,7 +72,7 @@ def _nothing() -> None:
 
 INTERPRETED = bool(getattr(numba.config, "DISABLE_JIT", False))
 
-fma = cast(Callable[[float, float, float], float], emulated_fma if INTERPRETED else _fma)
+fma = cast(Callable[[float, float, float], float], emulate_fma if INTERPRETED else _fma)
 """``fma(a, b, c)``: ``a * b + c`` rounded once, by an instruction in compiled code; emulated where numba is off."""
 
 widest_vectors = cast(Callable[[], None], _nothing if INTERPRETED else _widest_vectors)
@@ -83,7 +83,7 @@ of that.  Numbers do not depend on it.
 """
 
 
-@inlined
+@inline
 def float_of(word: np.uint64) -> np.float64:
     """The float that has these bits.
 
@@ -95,7 +95,7 @@ def float_of(word: np.uint64) -> np.float64:
     return np.uint64(word).view(np.float64)
 
 
-@inlined
+@inline
 def word_of(x: float) -> np.uint64:
     """The bits of a float.
 

@@ -5,7 +5,7 @@ import inspect
 from typing import Any, TypeVar
 
 from rattle.scene.errors import InputError
-from rattle.scene.validate import known_keys
+from rattle.scene.validate import check_keys
 
 __all__ = ["suggesting"]
 
@@ -38,7 +38,7 @@ def suggesting(cls: type[C]) -> type[C]:
         for name in given:
             if name in elsewhere:
                 raise InputError(cls.__name__, name, elsewhere[name])
-        known_keys(cls.__name__, given, names)
+        check_keys(cls.__name__, given, names)
         made(self, *args, **given)
 
     setattr(cls, "__init__", checked)  # noqa: B010  (a method, by its type)

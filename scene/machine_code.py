@@ -29,7 +29,7 @@ import numpy as np
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, UserProvidedCacheLocator
 from numba.core.runtime.nrt import rtsys
 
-__all__ = ["compiled_here", "folder", "fused_multiply_add", "keep_by_source", "sealed", "source_digest"]
+__all__ = ["count_compiled", "folder", "has_fma", "keep_by_source", "seal", "source_digest"]
 
 PACKAGES = ("scene", "closure", "montecarlo")
 COMPILER = ("scene/compiled.py", "scene/deferred.py", "scene/dispatcher.py", "scene/machine_code.py")
@@ -129,7 +129,7 @@ def _temporary(mine: str) -> Path | None:
     return folder
 
 
-def fused_multiply_add() -> bool:
+def has_fma() -> bool:
     """Whether compiled code may use AVX2 and a fused multiply-add; every processor but an old x86-64 has its like.
 
     Without them the results are right and slower, since each multiply-add calls a function.
@@ -143,7 +143,7 @@ def fused_multiply_add() -> bool:
 @cache
 def _check_processor() -> None:
     """Warn of a slow processor, once."""
-    if not fused_multiply_add():
+    if not has_fma():
         _warnings.append("this processor has no AVX2 or no FMA: simulations take several times as long as they might")
 
 
@@ -159,7 +159,7 @@ def folder() -> Path | None:
     return _folder
 
 
-def compiled_here() -> int:
+def count_compiled() -> int:
     """How many functions this process has compiled, because they were not in the cache."""
     return _compiled
 
@@ -269,7 +269,7 @@ class Kept(NUMBAS_CACHE):  # type: ignore[misc]
                 super().save_overload(sig, data)
 
 
-def sealed(function: D) -> D:
+def seal(function: D) -> D:
     """Have the machine code of a function kept on disk, in files with a checksum."""
     made: Any = function
     if _folder is not None and hasattr(made, "py_func"):

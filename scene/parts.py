@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from rattle.scene.constants import CUT
 from rattle.scene.keywords import suggesting
-from rattle.scene.validate import choice, count, finite, non_negative, ranged
+from rattle.scene.validate import check_range, choice, count, finite, non_negative
 
 __all__ = ["DRAWS", "GAPS", "SPEED", "TIME", "TINY", "UNIT_VARIANCE", "Start", "Tolerance"]
 
@@ -59,7 +59,7 @@ class Tolerance:
     def __post_init__(self) -> None:
         for name in ("c1_max", "c2_max"):
             object.__setattr__(self, name, finite(f"tolerance.{name}", getattr(self, name)))
-            ranged(f"tolerance.{name}", non_negative(f"tolerance.{name}", getattr(self, name)), TINY, GAPS[1])
+            check_range(f"tolerance.{name}", non_negative(f"tolerance.{name}", getattr(self, name)), TINY, GAPS[1])
         choice("tolerance.distribution", self.distribution, UNIT_VARIANCE)
         choice("tolerance.draw", self.draw, DRAWS)
 
@@ -105,7 +105,7 @@ class Start:
     def __post_init__(self) -> None:
         for name in ("tau", "x1", "y1", "x2", "y2"):
             object.__setattr__(self, name, finite(f"start.{name}", getattr(self, name)))
-        ranged("start.tau", self.tau, 0.0, TIME)
+        check_range("start.tau", self.tau, 0.0, TIME)
         for name, most in (("x1", GAPS[1]), ("x2", GAPS[1]), ("y1", SPEED), ("y2", SPEED)):
-            ranged(f"start.{name}", getattr(self, name), 0.0, most)
+            check_range(f"start.{name}", getattr(self, name), 0.0, most)
         object.__setattr__(self, "mesh", count("start.mesh", self.mesh, least=0, most=2))

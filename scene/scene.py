@@ -19,7 +19,7 @@ from rattle.scene.keywords import suggesting
 from rattle.scene.parts import GAPS, TINY, Start, Tolerance
 from rattle.scene.plausible import check_plausible, of_gears
 from rattle.scene.shown import as_call, as_html
-from rattle.scene.validate import count, finite, known_keys, non_negative, positive, ranged, unit_interval
+from rattle.scene.validate import check_keys, check_range, count, finite, non_negative, positive, unit_interval
 
 __all__ = ["LARGEST", "Scene"]
 
@@ -101,13 +101,13 @@ class Scene:
                 object.__setattr__(self, f.name, finite(f.name, getattr(self, f.name)))
         for name, most in LARGEST.items():
             least = 0.0 if name.startswith("beta") else TINY
-            ranged(name, non_negative(name, getattr(self, name)), least, most)
+            check_range(name, non_negative(name, getattr(self, name)), least, most)
         unit_interval("epsilon", self.epsilon)
         for name in ("gap1", "gap2"):
-            ranged(name, positive(name, getattr(self, name)), *GAPS, zero=False)
+            check_range(name, positive(name, getattr(self, name)), *GAPS, zero=False)
         if self.stages == 2 and not 0.0 < self.mu < 1.0:
             raise InputError("mu", self.mu, "two stages need mu = I2 R1^2 / (I1 R2^2 + I2 R1^2), between 0 and 1")
-        ranged("mu", self.mu, TINY, 1.0)
+        check_range("mu", self.mu, TINY, 1.0)
         self._check_tolerance()
         if self.start is None:
             object.__setattr__(self, "start", Start(0.0, self.gap1, 2.0, self.gap2, 2.0, mesh=1))
@@ -189,7 +189,7 @@ class Scene:
         >>> Scene.from_gears(DAT21, sigma=0.1, stages=1).stages
         1
         """
-        known_keys("Scene.from_gears", settings, FREE)
+        check_keys("Scene.from_gears", settings, FREE)
         fixed = _fixed_by(gears)
         if gears.wheels == 1 and settings.get("stages", 2) == 2:
             raise InputError("stages", 2, "these gears have no wheel 2: give stages = 1, or inertia2 and radius2")
@@ -378,23 +378,23 @@ class Scene:
         InputError
             For unknown or missing keys and values that are not admissible.
         """
-        known_keys("top level", _table("scene", data), ("gears", "scene"))
+        check_keys("top level", _table("scene", data), ("gears", "scene"))
         settings = _table("scene", data.get("scene", {}))
         parts = {"tolerance": Tolerance, "start": Start}
         for name, kind in parts.items():
             if name in settings:
                 table = _table(f"scene.{name}", settings[name])
-                known_keys(f"scene.{name}", table, (f.name for f in fields(kind)))
+                check_keys(f"scene.{name}", table, (f.name for f in fields(kind)))
                 settings[name] = kind(**table)
         if "gears" in data:
             gears = _table("gears", data["gears"])
-            known_keys("scene", settings, FREE)
+            check_keys("scene", settings, FREE)
             pair = read_gears(gears, settings.get("stages", 2))
             drawn = read_tolerance(gears, pair)
             if drawn is not None and "tolerance" in settings:
                 raise InputError("gears.tolerance", drawn, "give it once: here in mm, or in [scene.tolerance]")
             return cls.from_gears(pair, **settings, **({} if drawn is None else {"tolerance": Tolerance(**drawn)}))
-        known_keys("scene", settings, (f.name for f in fields(cls) if f.name != "gears"))
+        check_keys("scene", settings, (f.name for f in fields(cls) if f.name != "gears"))
         _all_given("scene", settings, ("alpha", "epsilon", "beta1", "gamma1"))
         return cls(**settings)
 

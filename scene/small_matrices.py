@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rattle.scene.compiled import jit
 from rattle.scene.small_vectors import dot
 
-__all__ = ["applied", "block", "congruence", "inner", "put", "quadratic", "times", "times_transposed"]
+__all__ = ["apply", "block", "congruence", "inner", "put", "quadratic", "times", "times_transposed"]
 
 Floats = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ def put(to: Floats, values: Floats) -> None:
 
 
 @jit
-def applied(matrix: Floats, v: Floats) -> Floats:
+def apply(matrix: Floats, v: Floats) -> Floats:
     """``A v``, a vector after a linear map.
 
     Shapes: `matrix` (m, n); `v` (n,); result (m,).

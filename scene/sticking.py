@@ -21,8 +21,16 @@ from rattle.scene.flight import State, flow, wheel_speeds
 from rattle.scene.impact import NONE, REST, TOUCH, next_impact, safe_time
 
 __all__ = [
-    "Sides", "carried", "closed_sides", "completed_chatter", "next_contact", "open_stage", "opening", "presses",
-    "stuck", "stuck_on",
+    "Sides",
+    "complete_chatter",
+    "find_sticking",
+    "next_contact",
+    "open_stage",
+    "opening",
+    "presses",
+    "stick_on",
+    "stuck",
+    "stuck_on",
 ]  # fmt: skip
 
 Sides = tuple[int, int]
@@ -50,7 +58,7 @@ def presses(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tup
 
 
 @jit
-def closed_sides(c: Constants, tau: float, y1: float, y2: float, touching: Sides) -> Sides:
+def find_sticking(c: Constants, tau: float, y1: float, y2: float, touching: Sides) -> Sides:
     """Which meshes stick, of those that touch a wall at zero speed.
 
     If both touch, the answer is the one combination in which every contact pushes and every open mesh accelerates away.
@@ -143,7 +151,7 @@ def open_stage(c: Constants, sides: Sides) -> Constants:
 
 
 @jit
-def carried(
+def stick_on(
     c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, sides: Sides, t: float
 ) -> State:  # fmt: skip
     """State after a time in which the same meshes stick and no wall is struck."""
@@ -219,7 +227,7 @@ def stuck(c: Constants, x1: float, y1: float, x2: float, y2: float, sides: Sides
 
 
 @jit
-def completed_chatter(
+def complete_chatter(
     c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, mesh: int, side: int
 ) -> tuple[float, Sides]:
     """Whether impacts at a mesh accumulate (chatter), the time until they have, and the meshes that then stick.

@@ -8,7 +8,15 @@ from numbers import Integral, Real
 from rattle.scene.errors import InputError
 
 __all__ = [
-    "choice", "count", "finite", "known_keys", "nearest", "non_negative", "positive", "ranged", "unit_interval",
+    "check_keys",
+    "check_range",
+    "choice",
+    "count",
+    "finite",
+    "nearest",
+    "non_negative",
+    "positive",
+    "unit_interval",
 ]  # fmt: skip
 
 
@@ -46,7 +54,7 @@ def unit_interval(field: str, value: float) -> float:
     return value
 
 
-def ranged(field: str, value: float, least: float, most: float, zero: bool = True) -> float:
+def check_range(field: str, value: float, least: float, most: float, zero: bool = True) -> float:
     """Check that the absolute value of a number lies within bounds, or is 0 where that is allowed.
 
     Examples
@@ -90,7 +98,7 @@ def choice(field: str, value: object, valid: Iterable[str]) -> str:
     return value
 
 
-def known_keys(where: str, given: Iterable[str], valid: Iterable[str]) -> None:
+def check_keys(where: str, given: Iterable[str], valid: Iterable[str]) -> None:
     """Refuse a key that is not among the valid ones, and name the closest."""
     names = list(valid)
     for key in given:

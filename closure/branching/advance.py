@@ -11,7 +11,7 @@ from rattle.closure.section_map import hit_matrix
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.scene import Scene
-from rattle.scene.small_matrices import applied, congruence, put
+from rattle.scene.small_matrices import apply, congruence, put
 from rattle.scene.small_vectors import put_row
 
 __all__ = ["ON_ORBIT", "Advance"]
@@ -44,7 +44,7 @@ def _strike(
         put_row(section.mean[kept], section.mean[i])
         put(section.covariance[kept], section.covariance[i])
         after.weight[kept] = w
-        put_row(after.mean[kept], applied(hit, section.mean[i]))
+        put_row(after.mean[kept], apply(hit, section.mean[i]))
         put(after.covariance[kept], congruence(hit, section.covariance[i]))
         if redrawn.size > 0:
             flank = column(abs(code), -code)

@@ -24,7 +24,7 @@ from rattle.scene.eigen import eigen
 from rattle.scene.flight import flow, jacobian, noise_covariance
 from rattle.scene.moments import semidefinite
 from rattle.scene.scene import Scene
-from rattle.scene.small_matrices import applied, congruence, put, times
+from rattle.scene.small_matrices import apply, congruence, put, times
 from rattle.scene.small_vectors import beyond, put_scaled
 
 __all__ = ["FixedTimes"]
@@ -133,7 +133,7 @@ def _at(
     if done < t:
         rest = congruence(jacobian(c, -t), noise_covariance(c, f.centre[parent, 0] + done, t - done))
         gain = times(rest, f.regression[parent, 1:PLAIN])
-        back = applied(gain, mean - f.centre[parent])
+        back = apply(gain, mean - f.centre[parent])
         for i in range(4):
             start[i] -= back[i]
             for j in range(d):

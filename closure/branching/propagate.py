@@ -14,7 +14,7 @@ from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.eigen import eigen
 from rattle.scene.flight import field, jacobian
-from rattle.scene.small_matrices import applied, block, inner, put, quadratic, times, times_transposed
+from rattle.scene.small_matrices import apply, block, inner, put, quadratic, times, times_transposed
 from rattle.scene.small_vectors import dot, norm, put_row
 
 __all__ = ["Image", "propagate"]
@@ -120,16 +120,16 @@ def propagate(c: Constants, centre: Floats, axes: Floats, to: Image, at: int, be
     linear, curve = _derivatives(c, code, centre, axes, t, before)
     bend, u = _most_bent(linear, curve)
     straight = bend < STRAIGHT**2
-    own, image = np.empty(rank), applied(linear, u)  # own: derivative of the flight time
+    own, image = np.empty(rank), apply(linear, u)  # own: derivative of the flight time
     if not straight:  # treat the most curved direction by two sigma points, at one sd to either side
         for j in range(d):
             for k in range(rank):
                 linear[j, k] -= image[j] * u[k]
-    tilt, v = dot(axes[0], u), applied(axes, u)
+    tilt, v = dot(axes[0], u), apply(axes, u)
     for k in range(rank):
         own[k] = linear[0, k] - axes[0, k] + (0.0 if straight else tilt * u[k])
     put(spread, times_transposed(linear, linear))
-    put_row(to.crossing[at], applied(axes, linear[0]))
+    put_row(to.crossing[at], apply(axes, linear[0]))
     flight[1] = dot(own, own)
     if straight:
         for j in range(PLAIN):

@@ -20,7 +20,7 @@ from rattle.closure.orbit import Floats, Ints
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import jacobian, noise_covariance, noise_rate
-from rattle.scene.small_matrices import applied, block, congruence
+from rattle.scene.small_matrices import apply, block, congruence
 from rattle.scene.small_vectors import beyond, dot, largest, norm, put_row, put_scaled
 
 __all__ = ["Buffers", "Level", "add_noise", "buffers", "fly"]
@@ -74,9 +74,9 @@ def _bend_error(weight: float, bend: float, flat: float) -> float:
 
 
 @jit
-def _narrowed(axes: Floats, n: Floats, narrow: float) -> Floats:
+def _narrow(axes: Floats, n: Floats, narrow: float) -> Floats:
     """The axes, scaled by the factor `narrow` along the unit vector n."""
-    along, out = applied(axes, n), np.empty((axes.shape[0], axes.shape[1]))
+    along, out = apply(axes, n), np.empty((axes.shape[0], axes.shape[1]))
     for i in range(out.shape[0]):
         for j in range(n.size):
             out[i, j] = axes[i, j] + (narrow - 1.0) * (along[i] * n[j])
@@ -115,11 +115,11 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
             depth = 1.0 / length
             if length * TAIL < 1.0:
                 b.error[i], b.depth[i], b.beyond[i] = w, depth, other
-                put_row(b.axis[i], applied(axes, n))
+                put_row(b.axis[i], apply(axes, n))
             else:
                 pieces = 2
                 b.halved[i] = depth
-                put_row(b.plane[i], applied(axes, n))
+                put_row(b.plane[i], apply(axes, n))
     worst = 0.0
     for k in range(pieces):
         share, rate, variance = half(depth, k == 0) if pieces == 2 else (1.0, 0.0, 1.0)
@@ -127,7 +127,7 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
         b.image.section.weight[2 * i + k] = w * share
         at, across = centre, axes
         if pieces == 2:
-            at, across = beyond(centre, rate, applied(axes, n)), _narrowed(axes, n, narrow)
+            at, across = beyond(centre, rate, apply(axes, n)), _narrow(axes, n, narrow)
         bend, u = propagate(c, at, across, b.image, 2 * i + k, before)
         if b.depth[i] > 0.0:
             return
@@ -140,11 +140,11 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
                 for m in range(rank):
                     u[m] += shear * n[m]  # normal of the same planes, in sds of the whole component
                 put_scaled(u, u, norm(u))
-            put_row(b.axis[i], applied(axes, u))
+            put_row(b.axis[i], apply(axes, u))
     if pieces == 2:
         crossing = BRANCH * w * math.exp(-0.5 * depth * depth)
         if crossing > b.error[i]:
-            put_row(b.axis[i], applied(axes, n))
+            put_row(b.axis[i], apply(axes, n))
         b.error[i] += crossing
 
 

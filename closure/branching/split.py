@@ -14,7 +14,7 @@ from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.eigen import eigen
 from rattle.scene.impact import next_impact
-from rattle.scene.small_matrices import applied
+from rattle.scene.small_matrices import apply
 from rattle.scene.small_vectors import beyond, norm, put_row, put_scaled
 
 __all__ = ["THIRD_CENTRE", "THIRD_WEIGHT", "THIRD_WIDTH", "cut_plane", "event", "half", "root"]
@@ -77,7 +77,7 @@ def _boundary(
     c: Constants, centre: Floats, axes: Floats, u: Floats, code: int, ignored: int, far: float, before: Floats
 ) -> tuple[float, int]:
     """Distance (in sds, up to `far`) along a unit vector at which the next impact changes from `code`, and to which."""
-    direction = applied(axes, u)
+    direction = apply(axes, u)
     found = event(c, beyond(centre, far, direction), before)[1]
     if found == code:
         return np.inf, code

@@ -48,7 +48,7 @@ def trace(scene: Scene, impacts: int, order: int, tolerance: float | None = None
     """
     unit = 2.0 ** math.frexp(scene.constants.wall1)[1]
     scaled = scene.scaled(1.0 / unit)
-    found = _refined(scaled, impacts, order, tolerance)
+    found = _refine(scaled, impacts, order, tolerance)
     lengths = np.array([1.0, 1.0, unit, unit, unit, unit])
     parts = {
         k: (w, means * lengths, variances * lengths**2) for k, (w, means, variances) in (found.parts or {}).items()
@@ -64,7 +64,7 @@ def _in_unit(at: Callable[[float], tuple[Floats, Floats]], unit: float, time: fl
     return mean * unit, covariance * unit**2
 
 
-def _refined(scene: Scene, impacts: int, order: int, tolerance: float | None) -> Trace:
+def _refine(scene: Scene, impacts: int, order: int, tolerance: float | None) -> Trace:
     """`trace` in the scene's own unit of length: from level to level, each bounded by its change from the last one."""
     first = len(LEVELS) - 2 if tolerance is None else 0
     found = _trace(scene, impacts, order, LEVELS[first])
@@ -115,7 +115,7 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
         parts[k] = w / w.sum(), values, variances
         centre, sd[k], skew[k] = moments(w, values, variances)
         tau[k], mean[k] = centre[0], centre[2:]
-        carried[k] = _carried(w, values - centre, variances, np.repeat(b.slow[:flown], 2)[struck])
+        carried[k] = _average(w, values - centre, variances, np.repeat(b.slow[:flown], 2)[struck])
         code = max((-2, -1, 1, 2), key=lambda a: w[section.label[:count] == a].sum())
         mesh[k], side[k] = abs(code), np.sign(code)
         agreement[k], discarded_at[k] = min(w[after.label[:count] > 2].sum(), 1.0), run.discarded
@@ -145,7 +145,7 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
     )
 
 
-def _carried(weights: Floats, off: Floats, variances: Floats, slow: Floats) -> Floats:
+def _average(weights: Floats, off: Floats, variances: Floats, slow: Floats) -> Floats:
     """Mean over the variance of each quantity of a number that each component has."""
     of = weights[:, None] * (off**2 + variances)
     with np.errstate(invalid="ignore", divide="ignore"):

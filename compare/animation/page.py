@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rattle.compare.animation.record import SCHEME, Motion, Recording
 from rattle.compare.animation.teeth import PLAY, TOOTH, Wheel, outline
-from rattle.compare.report.folder import refused, write_whole
+from rattle.compare.report.folder import describe_refusal, write_whole
 from rattle.compare.report.json_text import json_text
 from rattle.scene.errors import OutputError
 from rattle.scene.scene import Scene
@@ -113,7 +113,7 @@ def check_file(out: Path, overwrite: bool) -> None:
         with out.open("rb") as file:
             ours = GENERATOR.encode() in file.read(1000)
     except OSError as error:
-        raise error if isinstance(error, OutputError) else refused(out, error) from None
+        raise error if isinstance(error, OutputError) else describe_refusal(out, error) from None
     if not ours:
         raise OutputError(f"out = {str(out)!r}: exists and is no animation of rattle; choose another name")
     if not overwrite:
@@ -127,7 +127,7 @@ def write_animation(out: Path, shown: Recording, name: str, command: str = "", o
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise refused(out, error) from None
+        raise describe_refusal(out, error) from None
     write_whole(out, text)
 
 

@@ -10,7 +10,7 @@ from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS
 from rattle.compare.chaos.spectrum import TIME
 from rattle.compare.chaos.sqrt_law import SqrtLaw
 from rattle.compare.chaos.sweep import crossings, signs
-from rattle.compare.validation.validity_range import listed
+from rattle.compare.validation.validity_range import join_words
 from rattle.scene.gears import Gears
 
 __all__ = ["answer"]
@@ -121,7 +121,7 @@ def _sweep(table: pd.DataFrame, field: str) -> list[str]:
         kinds = {kind: int((rows["regime"] == kind).sum()) for kind in (STICKS_FOR_GOOD, STICKS_OFTEN, STICKS_AT_TIMES)}
         sticking = [f"{kind} at {n}" for kind, n in kinds.items() if n]
         who = "the orbit" if of == ORBIT else "the noisy path"
-        marked = f"; {who} {listed(sticking)}" if sticking else ""
+        marked = f"; {who} {join_words(sticking)}" if sticking else ""
         where = "; ".join(
             f"{'+' if r['to'] > 0 else '-'} between {r['low']:.3g} and {r['high']:.3g}" for _, r in changes.iterrows()
         )
@@ -151,4 +151,4 @@ def answer(
     by_reason: dict[str, list[str]] = {}
     for what, reason in missing.items():
         by_reason.setdefault(reason, []).append(what)
-    return said + [f"Left out: {listed(names)} ({reason})." for reason, names in by_reason.items()]
+    return said + [f"Left out: {join_words(names)} ({reason})." for reason, names in by_reason.items()]

@@ -113,7 +113,7 @@ class Exponents:
             "reason": self.regime.reason,
         })  # fmt: skip
 
-    def needed(self, width: float) -> int:
+    def impacts_for(self, width: float) -> int:
         """Estimate the impacts that a given width of the largest exponent's interval takes."""
         need = self.impacts * (self.width / (SPARE * width)) ** 2
         unit = 10.0 ** max(math.floor(math.log10(need)) - 1, 0)
@@ -125,7 +125,7 @@ class Exponents:
             raise InputError(
                 "impacts", self.impacts,
                 f"is too short: the largest exponent's interval is {self.width:.2g} wide, and {width:g} needs about "
-                f"{self.needed(width):,}",
+                f"{self.impacts_for(width):,}",
             )  # fmt: skip
         return self
 
@@ -171,7 +171,7 @@ def _check(scene: Scene) -> None:
         )
 
 
-def _measured(
+def _measure(
     of: str, scene: Scene, stretches: Iterable[Stretch], regime: Regime, impacts: int | None, width: float | None,
     strict: bool,
 ) -> Exponents:  # fmt: skip
@@ -202,7 +202,7 @@ def _measured(
             done -= int(sum(b[0, 5] for b in blocks[:half]))
             blocks = blocks[half:]
         else:
-            target = max(found.needed(width), target + least)
+            target = max(found.impacts_for(width), target + least)
         target = min(target, MOST)
     return _exponents(of, scene, blocks, regime)
 
@@ -228,7 +228,7 @@ def lyapunov(scene: Scene, *, impacts: int | None = None, width: float | None = 
     _check(scene)
 
     regime = Regime()
-    return _measured(ORBIT, scene, orbit_record(scene, 10 * MOST, regime), regime, impacts, width, strict)
+    return _measure(ORBIT, scene, orbit_record(scene, 10 * MOST, regime), regime, impacts, width, strict)
 
 
 def drift_exponents(
@@ -255,4 +255,4 @@ def drift_exponents(
 
     regime = Regime()
     stretches = (s for s, _ in noisy_record(scene, 2**30, seed, regime, path=path))
-    return _measured(DRIFT, scene, stretches, regime, impacts, width, strict)
+    return _measure(DRIFT, scene, stretches, regime, impacts, width, strict)

@@ -18,7 +18,7 @@ from rattle.compare.chaos.section import Section, sections
 from rattle.compare.chaos.spectrum import Spectrum, spectra, spectra_tables
 from rattle.compare.chaos.sqrt_law import SqrtLaw, sqrt_law
 from rattle.compare.chaos.sweep import crossings, sweep
-from rattle.compare.validation.answer import left_out
+from rattle.compare.validation.answer import explain_missing
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 
@@ -56,7 +56,7 @@ class ChaosStudy:
             self.orbit, self.drift, self.maps, self.law, self.finite_size, summary, self.field, self.sweep,
             self.missing, self.scene.gears,
         )  # fmt: skip
-        return said + left_out(self.scene, list(self.maps["closure"]))
+        return said + explain_missing(self.scene, list(self.maps["closure"]))
 
     def tables(self) -> dict[str, pd.DataFrame]:
         """Collect all tables.

@@ -60,20 +60,20 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
     said = Text("The map that each closure iterates, and which exponents its means have.", True)
     parts = [Section("The mean maps", (said, maps))]
 
-    def left_out(part: str) -> list[Block]:
+    def explain_missing(part: str) -> list[Block]:
         return [Text(f"Left out: {what} ({why}).") for what, why in found.missing.items() if part in what]
 
     if found.sweep is not None:
-        blocks = left_out("bifurcation") + [figures[n] for n in ("bifurcation",) if n in figures]
+        blocks = explain_missing("bifurcation") + [figures[n] for n in ("bifurcation",) if n in figures]
         crossings = table_of(tables["crossings"], ("of",))
         rows = table_of(tables["sweep"], ("of", "regime", "reason"), summary=f"All values of {found.field}")
         said = Text(f"Where the largest exponent changes its sign over {found.field}: between `low` and `high`.", True)
         parts.append(Section(f"Over {found.field}", (*blocks, said, crossings, rows)))
     sections: list[Block] = [figures["section"]] if key != "section" and "section" in figures else []
-    sections += left_out("Poincaré")
+    sections += explain_missing("Poincaré")
     if sections:
         parts.append(Section("Poincaré sections", tuple(sections)))
-    spectra = left_out("spectra")
+    spectra = explain_missing("spectra")
     if found.spectra:
         shown = ["side", "kind", "velocity", "frequency", "width", "share", "over", "narrow"]
         spectra += [
@@ -85,7 +85,7 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
         ]  # fmt: skip
     parts.append(Section("Spectra", tuple(spectra)))
     apart: list[Block] = [figures[n] for n in ("finite_size", "sqrt_law") if n in figures]
-    apart += left_out("square-root") + left_out("finite-size")
+    apart += explain_missing("square-root") + explain_missing("finite-size")
     if found.finite_size is not None:
         apart.append(table_of(found.finite_size, summary="All distances"))
     parts.append(Section("Two paths on the same noise", tuple(apart)))

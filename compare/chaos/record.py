@@ -152,11 +152,11 @@ def orbit_record(scene: Scene, impacts: int, regime: Regime, *, tangent: bool = 
             return
         if regime.computed >= TRIAL and regime.impacts < WORTH * regime.computed:
             regime.gave_up = True
-            regime.closed, regime.for_good = _closed(scene)
+            regime.closed, regime.for_good = _measure_sticking(scene)
             return
 
 
-def _closed(scene: Scene) -> tuple[float, bool]:
+def _measure_sticking(scene: Scene) -> tuple[float, bool]:
     """Largest share of the time in which a mesh is closed along the orbit, and whether one stays closed for good."""
     orbit = follow(scene, TRIAL)
     if orbit.stopped:

@@ -19,7 +19,7 @@ from rattle.montecarlo.coupling.pairs import after_impact
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 
-__all__ = ["SqrtLaw", "fitted", "sqrt_law"]
+__all__ = ["SqrtLaw", "fit", "sqrt_law"]
 
 Floats = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ class SqrtLaw(NamedTuple):
     missed: int  # impacts left out because the second path did not have the same impact
 
 
-def fitted(deltas: Floats, apart: Floats) -> tuple[float, float, float]:
+def fit(deltas: Floats, apart: Floats) -> tuple[float, float, float]:
     """Fit the exponent of a power law ``|apart| ~ delta^p`` as the mean of the log-log slopes of all events.
 
     Shapes: `deltas` (deltas,); `apart` (events, deltas).
@@ -95,4 +95,4 @@ def sqrt_law(scene: Scene, *, impacts: int = 4000, seed: int = 0, deltas: Floats
         "low": square.mean(axis=0) - half, "high": square.mean(axis=0) + half, "impacts": n,
         "law": np.sqrt((law[modulated] ** 2).mean(axis=0)),
     })  # fmt: skip
-    return SqrtLaw(table, *fitted(deltas, apart[modulated]), missed)
+    return SqrtLaw(table, *fit(deltas, apart[modulated]), missed)

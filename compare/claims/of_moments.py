@@ -7,8 +7,8 @@ from rattle.compare.claims.evidence import Evidence
 from rattle.compare.claims.impact_rules import MEND_15, MEND_17, Failure, failures
 from rattle.compare.validation.correlation import SIMULATED, first_failure
 from rattle.compare.validation.validate import Validation
-from rattle.compare.validation.validity import judged_rows
-from rattle.compare.validation.validity_range import listed
+from rattle.compare.validation.validity import rows_to_judge
+from rattle.compare.validation.validity_range import join_words
 from rattle.compare.validation.verdict import widest
 from rattle.scene.flight import noise_covariance
 from rattle.scene.moments import correlation
@@ -58,7 +58,7 @@ def beyond_one(e: Evidence) -> Claim:
         found.append((simulated, corrected, text))
     only_published = all(s <= 1.0 and m <= 1.0 for s, m, _ in found)
     by_rule = failures(e.validations[-1].scene)
-    rules = "; ".join(f"{rule}: {listed([_failed(f) for f in at])}" for rule, at in by_rule.items())
+    rules = "; ".join(f"{rule}: {join_words([_describe_failure(f) for f in at])}" for rule, at in by_rule.items())
     guilty = [
         f"Eq. {eq} by itself breaks stage {f.stage} at impact {f.impact}"
         for eq, rule in ((17, MEND_15), (15, MEND_17))
@@ -75,12 +75,12 @@ def beyond_one(e: Evidence) -> Claim:
         "second moments of stage 2 by Eq. 15, of stage 1 by Eq. 17. Reproduced if the corrected equations exceed 1 as "
         "well.",
         "; ".join(text for *_, text in found) + f". By which rule, {_at(e.validations[-1])}: {rules}.",
-        HOLDS_ONLY.format(f"the published rules at impacts: {listed(guilty)}")
+        HOLDS_ONLY.format(f"the published rules at impacts: {join_words(guilty)}")
         if only_published else REPRODUCED,
     )  # fmt: skip
 
 
-def _failed(f: Failure) -> str:
+def _describe_failure(f: Failure) -> str:
     return f"stage {f.stage} fails at impact {f.impact} ({f.reason})" if f.impact else f"stage {f.stage} does not fail"
 
 
@@ -143,7 +143,7 @@ def describes(e: Evidence) -> Claim:
         for closure, each in shares.items()
     )
     accurate = [r for r, each in shares.items() if each[0] == 1.0]
-    paper = [set(judged_rows(e.validations[-1], r)["verdict"]) for r in shares if r in ("published", "corrected")]
+    paper = [set(rows_to_judge(e.validations[-1], r)["verdict"]) for r in shares if r in ("published", "corrected")]
     verdict = NOT_REPRODUCED
     if any(said == {"accurate"} for said in paper):
         verdict = REPRODUCED
@@ -164,5 +164,5 @@ def describes(e: Evidence) -> Claim:
 
 
 def _accurate(v: Validation, closure: str) -> float:
-    rows = judged_rows(v, closure)
+    rows = rows_to_judge(v, closure)
     return float((rows["verdict"] == "accurate").mean())

@@ -6,7 +6,7 @@ from rattle.compare.chaos.section import NOISY
 from rattle.compare.chaos.spectrum import TIME, spectra_tables
 from rattle.compare.claims.claim import HOLDS_ONLY, NOT_REPRODUCED, REPRODUCED, UNDECIDED, Claim
 from rattle.compare.claims.evidence import Evidence
-from rattle.compare.validation.validity_range import listed
+from rattle.compare.validation.validity_range import join_words
 
 __all__ = ["continuous", "narrow_bands"]
 
@@ -41,7 +41,7 @@ def _each(e: Evidence, found: list[str], sought: int) -> str:
     if ended is None and len(found) == sought:
         return REPRODUCED
     map_ = "; the published map ends before it has a spectrum" if ended is not None else ""
-    return HOLDS_ONLY.format(f"{listed(found)}{map_}")
+    return HOLDS_ONLY.format(f"{join_words(found)}{map_}")
 
 
 def _published_end(e: Evidence) -> int | None:
@@ -58,7 +58,9 @@ def _published_map(e: Evidence) -> str:
 
 
 def _ensemble_mean(e: Evidence) -> str:
-    share = listed([f"{share:.1%} of the variance of y{stage}" for stage, share in enumerate(e.mean.share, start=1)])
+    share = join_words(
+        [f"{share:.1%} of the variance of y{stage}" for stage, share in enumerate(e.mean.share, start=1)]
+    )
     found = (
         "repeats itself with the excitation, so that its spectrum is lines at multiples of that frequency and nothing "
         "between"

@@ -12,7 +12,7 @@ from rattle.compare.claims.figure import verdict_figure
 from rattle.compare.report import Cell, Figure, Page, Row, Section, Table, Text
 from rattle.compare.report.glossary import glossary
 from rattle.compare.report.save import contents, save
-from rattle.compare.validation.validity_range import listed
+from rattle.compare.validation.validity_range import join_words
 
 __all__ = ["CONTENTS", "answer", "write_claims"]
 
@@ -37,9 +37,9 @@ MARKS = {REPRODUCED: "good", NOT_REPRODUCED: "bad", PART: "part"}
 def answer(claims: list[Claim]) -> list[str]:
     """Summarise how many claims have which verdict, and which are not reproduced."""
     counts = Counter(c.kind for c in claims)
-    said = listed([f"{n} {words[n > 1]}" for kind, words in SAID.items() if (n := counts[kind])])
+    said = join_words([f"{n} {words[n > 1]}" for kind, words in SAID.items() if (n := counts[kind])])
     failed = [f"“{c.name}”" for c in claims if c.kind == NOT_REPRODUCED]
-    return [f"Of {len(claims)} testable claims of the paper {said}{f': {listed(failed)}' if failed else ''}."]
+    return [f"Of {len(claims)} testable claims of the paper {said}{f': {join_words(failed)}' if failed else ''}."]
 
 
 def write_claims(

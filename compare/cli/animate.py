@@ -35,11 +35,11 @@ def animate(
     from rattle.compare.animation import check_file, record, write_animation
     from rattle.compare.animation.record import check_recording
     from rattle.compare.report import manifest
-    from rattle.compare.report.folder import default_place, named
+    from rattle.compare.report.folder import default_place, name_of
 
     base = load_scene(scene, sigma, 0.1)
     check_recording(base, impacts, seed)
-    name = named(scene) if scene else "DAT21"
+    name = name_of(scene) if scene else "DAT21"
     out = out or Path(f"{default_place(name, '-animation')}.html")
     check_file(out, overwrite)
     shown = record(base, impacts=impacts, seed=seed)

@@ -60,7 +60,7 @@ def chaos(
     from rattle.compare.chaos.save import CONTENTS, write_chaos
     from rattle.compare.chaos.sweep import paper_noise, values, with_field
     from rattle.compare.report import manifest
-    from rattle.compare.report.folder import check_free, default_place, named
+    from rattle.compare.report.folder import check_free, default_place, name_of
     from rattle.scene.validate import count, positive
 
     base = load_scene(scene, sigma)
@@ -71,7 +71,7 @@ def chaos(
     for name, number, least in (("points", points, 100), ("impacts", impacts, 20_000), ("events", events, 128)):
         count(name, number, least=least)
     count("workers", workers)
-    name = named(scene) if scene else "DAT21"
+    name = name_of(scene) if scene else "DAT21"
     out = out or default_place(name, "-chaos")
     check_free(out, CONTENTS, overwrite)
     settings: dict[str, Any] = {

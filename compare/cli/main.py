@@ -161,8 +161,8 @@ def validate(
     # the scientific stack is imported here, so that --help and wrong options need not wait for it
     from rattle.closure import closures_for
     from rattle.compare.report import manifest
-    from rattle.compare.report.folder import check_free, default_place, named
-    from rattle.compare.report.repeat import DIFFERENT, ROUNDED, SAME, compared, tables_beside
+    from rattle.compare.report.folder import check_free, default_place, name_of
+    from rattle.compare.report.repeat import DIFFERENT, ROUNDED, SAME, compare, tables_beside
     from rattle.compare.validation.beside import beside as ensembles_beside
     from rattle.compare.validation.page import CONTENTS, write_report
     from rattle.compare.validation.sweep import check_sweep, grid, sweep
@@ -177,7 +177,7 @@ def validate(
         out = out or default_place(settings.name, "-repeated")
     else:
         base = load_scene(scene, sigmas[0] if sigmas else None, 0.0)
-        name = named(scene) if scene else "DAT21"
+        name = name_of(scene) if scene else "DAT21"
         biased = SCHEMES[choice("scheme", scheme, SCHEMES)].has_step_bias
         wanted = sigmas or ((base.sigma,) if scene else PAPER_SIGMAS)
         scenes = tuple(base.with_sigma(s) for s in dict.fromkeys(wanted))
@@ -221,7 +221,7 @@ def validate(
         "cpu_seconds": round(_cpu() - cpu, 1),
     }
     record = write_report(out, settings, validations, swept, provenance, overwrite, schemes)
-    repeated = None if recorded is None else compared(recorded, earlier, record, out)
+    repeated = None if recorded is None else compare(recorded, earlier, record, out)
     accurate = all(v.accurate for v in validations)
     if as_json:
         summary = {"report": out, "answer": record["answer"], "accurate": accurate, "repeated": None}
@@ -273,7 +273,7 @@ def tradeoff(
     Exit codes: 0 complete; 2 bad input.
     """
     from rattle.compare.report import manifest
-    from rattle.compare.report.folder import check_free, default_place, named
+    from rattle.compare.report.folder import check_free, default_place, name_of
     from rattle.compare.tradeoff.measure import ACCURACIES, check_accuracies, measure
     from rattle.compare.tradeoff.save import CONTENTS, write_tradeoff
     from rattle.compare.tradeoff.variance_reduction import control_table
@@ -288,7 +288,7 @@ def tradeoff(
     common: dict[str, Any] = {"impacts": impacts, "workers": workers}
     for scheme in SCHEMES:
         check_settings(base, paths=1, dt=None, scheme=scheme, rng=seed, step_bias=False, **common)
-    name = named(scene) if scene else "DAT21"
+    name = name_of(scene) if scene else "DAT21"
     out = out or default_place(name, "-tradeoff")
     check_free(out, CONTENTS, overwrite)
     wall, cpu = time.perf_counter(), _cpu()

@@ -119,7 +119,7 @@ def simulate(
         }
         say_json(record)
     else:
-        say(_table(in_units(run.columns, base.gears, units), shown_in(units, base.gears)), keep="\n")
+        say(_table(in_units(run.columns, base.gears, units), columns_in(units, base.gears)), keep="\n")
         say(f"{run.paths:,} paths, {run.scheme}, dt = {run.dt:.4g}, {run.wall_seconds:.1f} s on {workers} threads")
         if reach is not None and reach.reached:  # else it is among the diagnostics
             say(reach.sentence)
@@ -170,7 +170,7 @@ SHOWN = (
 )  # fmt: skip
 
 
-def shown_in(units: str, gears: "Gears | None") -> tuple[str, ...]:
+def columns_in(units: str, gears: "Gears | None") -> tuple[str, ...]:
     """Names of the columns that are shown on a terminal, in a system of units."""
     if units == "dimensionless" or gears is None:
         return SHOWN
@@ -195,7 +195,7 @@ def _table(columns: "Mapping[str, NDArray[Any]]", shown: tuple[str, ...]) -> str
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
 def bench(as_json: bool) -> None:
-    """Measure the time of a step of a path on this machine, and its lower bound: random numbers and arithmetic alone."""
+    """Measure the time of a step of a path here, and its lower bound: random numbers and arithmetic alone."""
     from rattle.montecarlo.bench import bench as measure
 
     table = measure()
@@ -219,7 +219,7 @@ def bench(as_json: bool) -> None:
 def order(
     scene: Path | None, sigma: float | None, impacts: int, paths: int, seed: int, workers: int, as_json: bool
 ) -> None:
-    """Measure slopes of the step bias, and orders, of the Euler-Maruyama schemes on SCENE (a TOML file; DAT21 if none)."""
+    """Measure slopes and orders of the step bias of Euler-Maruyama on SCENE (a TOML file; DAT21 if none)."""
     from rattle.compare.tradeoff.page import orders_said
     from rattle.compare.tradeoff.weak_order import weak_orders
 

@@ -83,7 +83,7 @@ def stationary(
     """
     from rattle.compare.chaos.sweep import values, with_field
     from rattle.compare.report import manifest
-    from rattle.compare.report.folder import check_free, default_place, named
+    from rattle.compare.report.folder import check_free, default_place, name_of
     from rattle.compare.stationary.bifurcation import bifurcation
     from rattle.compare.stationary.judged import CLOSURES_JUDGED
     from rattle.compare.stationary.measure import stationary as measure
@@ -97,7 +97,7 @@ def stationary(
     at = () if over is None else values("over", over)
     for value in at:
         with_field(base, field, value)
-    name = named(scene) if scene else "DAT21"
+    name = name_of(scene) if scene else "DAT21"
     writes = out is not None or not as_json
     out = out or default_place(name, "-stationary")
     if writes:

@@ -66,15 +66,15 @@ def study(
     within(folder, CELLS)
     seen = Store(folder / CELLS, read_only=True)
     if explain:
-        say(_explained(wanted, seen, workers), keep="\n")
+        say(_explain(wanted, seen, workers), keep="\n")
         return
     _ = wanted.points  # finds what cannot be computed before any file is written
     if status:
         say(_status(wanted, seen), keep="\n")
         return
-    record = _finished(wanted, seen, folder)
+    record = _read_finished(wanted, seen, folder)
     if record is None:
-        record = _computed(wanted, seen, folder, file, workers, scheduler)
+        record = _compute(wanted, seen, folder, file, workers, scheduler)
     if as_json:
         say_json(record)
     else:
@@ -89,7 +89,7 @@ def study(
         sys.exit(1)
 
 
-def _computed(
+def _compute(
     wanted: "Study", seen: "Store", folder: Path, file: Path, workers: int, scheduler: str | None
 ) -> dict[str, Any]:
     """Run the study and write its page; returns the record of the page, or only the answer if it cannot be written."""
@@ -147,14 +147,14 @@ def _kind(wanted: "Study", store: "Store") -> tuple[Any, Any, Any]:
         from rattle.compare.stationary import study_page
         from rattle.compare.stationary.study import LongResults
 
-        return LongResults.of(wanted, store), study_page.answer, study_page.written
+        return LongResults.of(wanted, store), study_page.answer, study_page.write_page
     from rattle.compare.study.page import answer
     from rattle.compare.study.results import Results
 
     return Results.of(wanted, store), answer, None
 
 
-def _finished(wanted: "Study", seen: "Store", folder: Path) -> dict[str, Any] | None:
+def _read_finished(wanted: "Study", seen: "Store", folder: Path) -> dict[str, Any] | None:
     """The record of a study whose cells and page are complete; None if something is to be computed or written."""
     from rattle.compare.report.folder import ANY_TEXT, sweep, write_whole
     from rattle.compare.study.current import is_current
@@ -177,9 +177,9 @@ def _finished(wanted: "Study", seen: "Store", folder: Path) -> dict[str, Any] | 
     return current
 
 
-def _explained(wanted: "Study", seen: "Store", workers: int) -> str:
+def _explain(wanted: "Study", seen: "Store", workers: int) -> str:
     from rattle.compare.study.cells import Prediction
-    from rattle.compare.study.estimate import estimate, expected_work, scaling
+    from rattle.compare.study.estimate import estimate, expect_work, scaling
     from rattle.compare.study.lacking import lacking
 
     points = wanted.some_points(LOOKED_AT)
@@ -190,7 +190,7 @@ def _explained(wanted: "Study", seen: "Store", workers: int) -> str:
         return (wanted.scenes if isinstance(cell, Prediction) else wanted.size) / len(points) if sampled else 1.0
 
     todo = [c for c in cells if not seen.path(c.key).exists()] if seen.folder.is_dir() else cells
-    each = expected_work(todo)
+    each = expect_work(todo)
     work = estimate(todo, each, workers, times)
     number, left = (f"{'about ' * sampled}{sum(map(times, some)):.0f}" for some in (cells, todo))
     lines = [f"{line(wanted.title)}: {wanted.size} points, {number} cells, {left} to compute."]

@@ -37,9 +37,9 @@ def tasks() -> dict[str, Task]:
     by_path = Scene.from_gears(DAT21, sigma=0.1, tolerance=Tolerance(1e-3, 1e-3, draw="path"))
     found: dict[str, Task] = {}
     for name in CLOSURES:
-        found[f"closure {name}"] = partial(_predicted, scene, name)
-        found[f"closure {name}, one stage"] = partial(_predicted, single, name)
-        found[f"closure {name}, gaps that vary"] = partial(_predicted, by_path, name)
+        found[f"closure {name}"] = partial(_predict, scene, name)
+        found[f"closure {name}, one stage"] = partial(_predict, single, name)
+        found[f"closure {name}, gaps that vary"] = partial(_predict, by_path, name)
     found["closures in the long run"] = partial(
         _stationary, Scene(alpha=0.25, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1, sigma=0.01)
     )
@@ -60,7 +60,7 @@ def tasks() -> dict[str, Task]:
     return found
 
 
-def _predicted(scene: "Scene", closure: str) -> None:
+def _predict(scene: "Scene", closure: str) -> None:
     """All that a closure can be asked for."""
     from rattle.closure import mean_map
 
@@ -88,7 +88,7 @@ def warm_up() -> None:
     from tqdm import tqdm
 
     from rattle.scene.errors import OutputError
-    from rattle.scene.machine_code import compiled_here, folder
+    from rattle.scene.machine_code import count_compiled, folder
 
     started, found = time.perf_counter(), tasks()
     place = folder()
@@ -98,4 +98,4 @@ def warm_up() -> None:
         line.set_postfix_str(name)
         found[name]()
     seconds = time.perf_counter() - started
-    say(f"{compiled_here()} functions compiled in {seconds:.0f} s; kept in {place}")
+    say(f"{count_compiled()} functions compiled in {seconds:.0f} s; kept in {place}")

@@ -19,8 +19,8 @@ __all__ = [
     "ANY_TEXT",
     "check_free",
     "default_place",
-    "named",
-    "refused",
+    "describe_refusal",
+    "name_of",
     "scratch_folder",
     "sweep",
     "whole_folder",
@@ -49,7 +49,7 @@ def default_place(name: str, suffix: str = "") -> Path:
     return Path("reports") / f"{safe.strip('.- ') or 'scene'}{suffix}"
 
 
-def refused(out: Path, error: OSError) -> OutputError:
+def describe_refusal(out: Path, error: OSError) -> OutputError:
     """The error message for a failed write.
 
     Examples
@@ -74,7 +74,7 @@ def check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
     except OutputError:
         raise
     except OSError as error:  # such as a name that is too long, or a folder that may not be read
-        raise refused(out, error) from None
+        raise describe_refusal(out, error) from None
 
 
 def _check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
@@ -109,7 +109,7 @@ def whole_folder(out: Path, ours: frozenset[str], overwrite: bool) -> Iterator[P
     except OutputError:
         raise
     except OSError as error:
-        raise refused(out, error) from None
+        raise describe_refusal(out, error) from None
 
 
 @contextmanager
@@ -120,7 +120,7 @@ def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
     leftover.
     """
     sweep(parent, name)
-    scratch, number = _locked(parent, name, Path.mkdir)
+    scratch, number = _lock(parent, name, Path.mkdir)
     unfinished.add(scratch)
     try:
         yield scratch
@@ -139,7 +139,7 @@ def within(folder: Path, *names: str) -> None:
             )
 
 
-def _locked(parent: Path, name: str, make: Callable[[Path], object]) -> tuple[Path, int]:
+def _lock(parent: Path, name: str, make: Callable[[Path], object]) -> tuple[Path, int]:
     """Make a scratch file or folder and lock it; repeated if another process removed it before it was locked.
 
     Returns its path and the locked file descriptor.
@@ -169,7 +169,7 @@ def write_whole(path: Path, text: str) -> None:
     """Write a text file whole or not at all; a symbolic link of that name is replaced, not followed."""
     try:
         sweep(path.parent, ANY_TEXT)
-        scratch, number = _locked(path.parent, ANY_TEXT, _empty)
+        scratch, number = _lock(path.parent, ANY_TEXT, _empty)
         try:
             scratch.write_text(text, encoding="utf-8")
             os.replace(scratch, path)
@@ -177,7 +177,7 @@ def write_whole(path: Path, text: str) -> None:
             scratch.unlink(missing_ok=True)
             os.close(number)
     except OSError as error:
-        raise refused(path, error) from None
+        raise describe_refusal(path, error) from None
 
 
 def _put(scratch: Path, out: Path, ours: frozenset[str], overwrite: bool) -> None:
@@ -186,7 +186,7 @@ def _put(scratch: Path, out: Path, ours: frozenset[str], overwrite: bool) -> Non
         check_free(out, ours, overwrite)
         if not out.exists():
             os.rename(scratch, out)
-        elif not _exchanged(scratch, out):
+        elif not _exchange(scratch, out):
             _replace(scratch, out)
     except OSError as error:
         if not (isinstance(error, OutputError) or error.errno in (errno.ENOTEMPTY, errno.EEXIST)):
@@ -200,7 +200,7 @@ def _put(scratch: Path, out: Path, ours: frozenset[str], overwrite: bool) -> Non
         ) from None
 
 
-def _exchanged(one: Path, other: Path) -> bool:
+def _exchange(one: Path, other: Path) -> bool:
     """Exchange two folders atomically; False where the system cannot."""
     rename = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
     if rename is None:
@@ -229,7 +229,7 @@ def sweep(parent: Path, name: str) -> None:
     except OSError:  # a folder that may be written but not read
         return
     for left in found:
-        with suppress(OSError), _opened(left) as number:
+        with suppress(OSError), _open(left) as number:
             fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)  # raises where its process lives
             if not left.is_dir():
                 left.unlink()
@@ -240,7 +240,7 @@ def sweep(parent: Path, name: str) -> None:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[int]:
+def _open(path: Path) -> Iterator[int]:
     number = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
     try:
         yield number
@@ -248,7 +248,7 @@ def _opened(path: Path) -> Iterator[int]:
         os.close(number)
 
 
-def named(path: Path) -> str:
+def name_of(path: Path) -> str:
     """The name of a scene or study: that of its file without suffix.
 
     Examples

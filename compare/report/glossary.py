@@ -119,11 +119,11 @@ def glossary(*names: str, gears: Gears | None = None) -> Glossary:
     if unknown:
         raise InputError("names", unknown[0], "is not explained; add it to TERMS")
 
-    def explained(name: str, meaning: str) -> str:
+    def explain(name: str, meaning: str) -> str:
         return (
             meaning
             if gears is None or name not in IN_UNITS
             else (f"{meaning}; 1 is {IN_UNITS[name](gears.units)} for these gears")
         )
 
-    return Glossary(TITLE, tuple((name, explained(name, meaning)) for name, meaning in TERMS.items() if name in names))
+    return Glossary(TITLE, tuple((name, explain(name, meaning)) for name, meaning in TERMS.items() if name in names))

@@ -17,7 +17,7 @@ from rattle.compare.report.json_text import json_digest, plain
 from rattle.scene.errors import FileError, InputError
 from rattle.scene.files import read_json
 from rattle.scene.scene import Scene
-from rattle.scene.validate import known_keys
+from rattle.scene.validate import check_keys
 
 __all__ = [
     "DIGESTS",
@@ -30,7 +30,7 @@ __all__ = [
     "is_whole",
     "not_newer",
     "read_settings",
-    "sealed",
+    "seal",
     "versions",
 ]
 
@@ -95,7 +95,7 @@ def read_settings(path: Path) -> Recorded:
         settings = data["settings"]
         if not isinstance(settings["name"], str):
             raise TypeError("its name is no text")
-        known_keys("manifest.settings", settings, Settings._fields)
+        check_keys("manifest.settings", settings, Settings._fields)
         scenes = tuple(Scene.from_dict(s) for s in settings["scenes"])
         if not scenes:
             raise InputError("manifest.settings.scenes", [], "must hold a scene")
@@ -132,7 +132,7 @@ def command_line(words: Sequence[str]) -> str:
     return shlex.join(["rattle", *words]).encode(errors="backslashreplace").decode()
 
 
-def sealed(record: Mapping[str, Any]) -> dict[str, Any]:
+def seal(record: Mapping[str, Any]) -> dict[str, Any]:
     """Add a digest of a record to it, so that a later change is detected.
 
     Examples

@@ -26,11 +26,11 @@ def parts(text: str) -> list[tuple[str, bool]]:
     return [(piece, bool(i % 2)) for i, piece in enumerate(pieces) if piece]
 
 
-def _escaped_only(piece: str, _: bool) -> Markup:
+def _escape_only(piece: str, _: bool) -> Markup:
     return escape(piece)
 
 
-def as_html(text: str, files: Collection[str] = (), words: Words = _escaped_only) -> Markup:
+def as_html(text: str, files: Collection[str] = (), words: Words = _escape_only) -> Markup:
     """A text as HTML; code between backticks becomes a ``<code>`` element.
 
     `files`: Names of files beside the page; code that is such a name becomes a link to the file. `words`: Makes a
@@ -61,7 +61,7 @@ def as_markdown(text: str, cell: bool = False, files: Collection[str] = ()) -> s
     \# \<b> \*x\* `a_b` a_b
     """
     written = "".join(
-        (f"[`{piece}`]({piece})" if piece in files else f"`{piece}`") if code else _escaped(piece)
+        (f"[`{piece}`]({piece})" if piece in files else f"`{piece}`") if code else _escape(piece)
         for piece, code in parts(text)
     )
     if cell:
@@ -69,7 +69,7 @@ def as_markdown(text: str, cell: bool = False, files: Collection[str] = ()) -> s
     return re.sub(r"^(\d+)([.)])", r"\1\\\2", re.sub(r"^([#>+=-])", r"\\\1", written))  # no heading, no list
 
 
-def _escaped(text: str) -> str:
+def _escape(text: str) -> str:
     text = re.sub(r"([\\`*\[\]<&~$])", r"\\\1", text)
     return re.sub(r"(?<!\w)_|_(?!\w)", r"\\_", text)  # within a word it is no emphasis
 

@@ -90,13 +90,13 @@ def _read(kind: Any, data: Any, where: str) -> Any:
         name = data.get("kind") if isinstance(data, dict) else None
         if not isinstance(name, str) or name not in BLOCKS:
             raise _Refused(where, f"is none of {', '.join(BLOCKS)}")
-        return _made(BLOCKS[name], {k: v for k, v in data.items() if k != "kind"}, where)
+        return _make(BLOCKS[name], {k: v for k, v in data.items() if k != "kind"}, where)
     if typing.get_origin(kind) is tuple:
         return _tuple(typing.get_args(kind), data, where)
     if isinstance(kind, types.UnionType):  # float | None
         return None if data is None else _number(data, where)
     if dataclasses.is_dataclass(kind):
-        return _made(kind, data, where)
+        return _make(kind, data, where)
     if type(data) is not kind:
         raise _Refused(where, f"is not of type {kind.__name__}")
     return data
@@ -118,7 +118,7 @@ def _tuple(kinds: tuple[Any, ...], data: Any, where: str) -> tuple[Any, ...]:
     return tuple(_read(kind, item, f"{where}[{i}]") for i, (kind, item) in enumerate(zip(kinds, data, strict=True)))
 
 
-def _made(kind: Any, data: Any, where: str) -> Any:
+def _make(kind: Any, data: Any, where: str) -> Any:
     """Make a dataclass from a mapping of its fields."""
     if not isinstance(data, dict):
         raise _Refused(where, "is no object")

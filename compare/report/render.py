@@ -75,7 +75,7 @@ def html(page: Page, folder: Path) -> str:
     }
     return environment.get_template("page.html.j2").render(
         page=page, kind=_kind, NUMBER=NUMBER, MARKS=MARKS, policy=policy, style=Markup(style), script=Markup(script),
-        embedded=lambda figure: _embedded(folder / figure.path), files=files, LONG=LONG,
+        embedded=lambda figure: _embed(folder / figure.path), files=files, LONG=LONG,
     )  # fmt: skip
 
 
@@ -106,7 +106,7 @@ def _hash(text: str) -> str:
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
-def _embedded(path: Path) -> str:
+def _embed(path: Path) -> str:
     return f"data:{TYPES[path.suffix]};base64," + base64.b64encode(path.read_bytes()).decode()
 
 

@@ -14,7 +14,7 @@ from rattle.compare.report.manifest import DIGESTS, Recorded, digest, versions
 from rattle.scene.text import line
 
 __all__ = [
-    "DIFFERENT", "EXACT", "ROUNDED", "ROUNDING", "SAME", "Difference", "Repeat", "compared", "difference",
+    "DIFFERENT", "EXACT", "ROUNDED", "ROUNDING", "SAME", "Difference", "Repeat", "compare", "difference",
     "tables_beside",
 ]  # fmt: skip
 
@@ -108,7 +108,7 @@ def tables_beside(path: Path, recorded: Recorded) -> dict[str, str]:
     return found
 
 
-def compared(recorded: Recorded, earlier: Mapping[str, str], now: Mapping[str, Any], folder: Path) -> Repeat:
+def compare(recorded: Recorded, earlier: Mapping[str, str], now: Mapping[str, Any], folder: Path) -> Repeat:
     """Compare a repeated report with the first."""
     here = versions()
     changed = {n: (recorded.versions.get(n), here.get(n)) for n in dict.fromkeys([*here, *recorded.versions])}

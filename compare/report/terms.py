@@ -47,17 +47,17 @@ class Terms:
         `code`: Whether it is code, which is marked if it is a term as a whole.
         """
         if code:
-            return self._marked(piece, self._code[piece]) if piece in self._code else escape(piece)
+            return self._mark(piece, self._code[piece]) if piece in self._code else escape(piece)
         marked, end, seen = Markup(""), 0, set()
         for match in self._pattern.finditer(piece):
             said = self._meanings[match[1]]
             if said not in seen:
-                marked += escape(piece[end : match.start()]) + self._marked(match[0], said)
+                marked += escape(piece[end : match.start()]) + self._mark(match[0], said)
                 end = match.end()
                 seen.add(said)
         return marked + escape(piece[end:])
 
-    def _marked(self, word: str, said: str) -> Markup:
+    def _mark(self, word: str, said: str) -> Markup:
         order = -1 if said in self._reached else 0
         self._reached.add(said)
         return WORD.format(said, order, word)

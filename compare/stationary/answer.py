@@ -26,11 +26,11 @@ def answer(found: Stationary) -> list[str]:
     said.append(run.burn_in.sentence)
     if run.reach is not None:
         said.append(run.reach.sentence)
-    said += [_memory(found.table), *_few(found), *_checked(found.table), *verdict_lines(found)]
+    said += [_memory(found.table), *_few(found), *_compare_errors(found.table), *verdict_lines(found)]
     return said
 
 
-def _shown(table: pd.DataFrame, name: str) -> str:
+def _show(table: pd.DataFrame, name: str) -> str:
     row = table.loc[name].to_dict()
     half = 0.5 * (row["high"] - row["low"])
     value = float(row["value"])
@@ -50,17 +50,17 @@ def _impacts(found: Stationary, table: pd.DataFrame, units: str) -> list[str]:
         return ["There are no impacts in the long run: the motion comes to rest for good."]
     second = " a second" if units == "physical" else " per unit of dimensionless time"
     least = speed_text(found.slow, found.scene.gears, units)
-    lost = f"all impacts lose {_shown(table, 'energy_per_period')} a period"
-    lost += f", {_shown(table, 'power')}" if units == "physical" else ""
+    lost = f"all impacts lose {_show(table, 'energy_per_period')} a period"
+    lost += f", {_show(table, 'power')}" if units == "physical" else ""
     if value["rate_above"] == 0.0:
         said = f"In the long run no impact is faster than {least}; {lost}."
     else:
         speeds = f"half of them faster than {value['q50_speed_above']:.3g}, one in twenty faster than "
         speeds += f"{value['q95_speed_above']:.3g} {table.loc['speed_above', 'unit']!s}".rstrip()
-        rate = _shown(table, "rate_above").removesuffix(" 1/s")
+        rate = _show(table, "rate_above").removesuffix(" 1/s")
         said = (
             f"In the long run there are {rate} impacts{second} faster than {least}, {speeds} (mean "
-            f"{_shown(table, 'speed_above')}); {lost}."
+            f"{_show(table, 'speed_above')}); {lost}."
         )
     return [said, *_slow(found, value, second)]
 
@@ -115,7 +115,7 @@ def _few(found: Stationary) -> list[str]:
     ]
 
 
-def _checked(table: pd.DataFrame) -> list[str]:
+def _compare_errors(table: pd.DataFrame) -> list[str]:
     """Standard errors from paths against those from batch means."""
     both = table[(table["se"] > 0.0) & table["se_batches"].notna()]
     if both.empty:

@@ -85,7 +85,7 @@ def bifurcation(
     edges = np.linspace(min(finite), max(finite), BINS + 1)
     width = edges[1] - edges[0]
     quiet = np.array([np.histogram(o[0], edges)[0] / max(o[0].size, 1) / width for o, _ in found])
-    noisy = np.array([_rebinned(n[0], edges) for _, n in found])
+    noisy = np.array([_rebin(n[0], edges) for _, n in found])
     reasons = {NOISE_FREE: [o[1] for o, _ in found], NOISY: [n[1] for _, n in found]}
     return Bifurcation(field, mesh, np.asarray(at, float), edges, {NOISE_FREE: quiet, NOISY: noisy}, reasons)
 
@@ -102,7 +102,7 @@ def _noisy(scene: Scene, mesh: int, seed: int) -> tuple[tuple[Floats, Floats] | 
     return (density.velocity, run.velocity_density(mesh)[0]), ""
 
 
-def _rebinned(found: tuple[Floats, Floats] | None, edges: Floats) -> Floats:
+def _rebin(found: tuple[Floats, Floats] | None, edges: Floats) -> Floats:
     """A density over other cells, taken as constant within its own."""
     if found is None:
         return np.zeros(edges.size - 1)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from rattle.compare.stationary.judged import judged, predictions
+from rattle.compare.stationary.judged import judge_predictions, predictions
 from rattle.compare.stationary.measure import stationary
 from rattle.compare.study.cells import cell_key
 from rattle.compare.study.store import Stored
@@ -37,7 +37,7 @@ class LongResult:
         """The closures against the simulation; empty for exact values."""
         if self.facts["kind"] != "simulated" or self.predicted.empty:
             return pd.DataFrame()
-        return judged(self.table, self.facts["periods"], self.predicted)
+        return judge_predictions(self.table, self.facts["periods"], self.predicted)
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class LongCell:
         parts = [found.table.reset_index().assign(closure=""), predicted]
         return Stored(pd.concat([part for part in parts if len(part)], ignore_index=True), facts)
 
-    def opened(self, stored: Stored) -> LongResult:
+    def restore(self, stored: Stored) -> LongResult:
         """Turn a stored result back into tables."""
         own = stored.table["closure"] == ""
         names = [c for c in PREDICTED if c in stored.table]

@@ -16,7 +16,7 @@ from rattle.compare.stationary.measure import Stationary
 from rattle.montecarlo.long_run.intervals import half_width
 from rattle.scene.gears import Gears
 
-__all__ = ["closure_figure", "distribution_figure", "drawn", "memory_figure", "section_figure", "speed_unit"]
+__all__ = ["closure_figure", "distribution_figure", "draw", "memory_figure", "section_figure", "speed_unit"]
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ DEEP = 1e-3  # lower end of the colours of a density, relative to its highest
 WIDTH = 7.4  # inches, that the legend of a figure with one panel takes
 
 
-def drawn(found: Stationary) -> dict[str, Figure]:
+def draw(found: Stationary) -> dict[str, Figure]:
     """All figures of a long run."""
     if found.run is None:
         return {}

@@ -15,7 +15,7 @@ from rattle.montecarlo.long_run.intervals import half_width
 from rattle.montecarlo.long_run.names import all_names
 from rattle.scene.scene import Scene
 
-__all__ = ["CLOSURES_JUDGED", "TOLERANCES", "judged", "judged_rows", "laws", "predictions", "tolerance_of"]
+__all__ = ["CLOSURES_JUDGED", "TOLERANCES", "judge_predictions", "judge_rows", "laws", "predictions", "tolerance_of"]
 
 CLOSURES_JUDGED = {
     "saltation": "linear at a periodic orbit", "published": "orbit average", "corrected": "orbit average",
@@ -81,7 +81,7 @@ def predictions(found: dict[str, Law | str], scene: Scene, slow: float) -> pd.Da
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=columns)
 
 
-def judged(table: pd.DataFrame, periods: int, predicted: pd.DataFrame) -> pd.DataFrame:
+def judge_predictions(table: pd.DataFrame, periods: int, predicted: pd.DataFrame) -> pd.DataFrame:
     """Compare the predictions of closures with a simulation.
 
     Returns: Columns ``closure, kind, quantity, predicted, simulated, se, error, low, high, tolerance, verdict,
@@ -90,13 +90,13 @@ def judged(table: pd.DataFrame, periods: int, predicted: pd.DataFrame) -> pd.Dat
     simulated = {str(name): float(value) for name, value in table["value"].items()}
     rows = predicted[predicted["quantity"].isin(simulated)].reset_index(drop=True)
     rows["tolerance"] = [tolerance_of(str(name), simulated) for name in rows["quantity"]]
-    return judged_rows(rows, table, widest(int(rows["predicted"].notna().sum())), periods)[[
+    return judge_rows(rows, table, widest(int(rows["predicted"].notna().sum())), periods)[[
         "closure", "kind", "quantity", "predicted", "simulated", "se", "error", "low", "high", "tolerance", "verdict",
         "periods_needed", "reason",
     ]]  # fmt: skip
 
 
-def judged_rows(predicted: pd.DataFrame, table: pd.DataFrame, z: float, periods: int) -> pd.DataFrame:
+def judge_rows(predicted: pd.DataFrame, table: pd.DataFrame, z: float, periods: int) -> pd.DataFrame:
     """Intervals of the errors of predictions, and verdicts.
 
     `z`: Half width of the intervals in standard errors where these rest on all paths; wider where on few.

@@ -10,7 +10,7 @@ import pandas as pd
 
 from rattle.closure.attractor import IRREGULAR, PERIODIC, Attractor, attractor
 from rattle.closure.stationary import Law
-from rattle.compare.stationary.judged import CLOSURES_JUDGED, judged, laws, predictions
+from rattle.compare.stationary.judged import CLOSURES_JUDGED, judge_predictions, laws, predictions
 from rattle.compare.stationary.laws import law_of, values_of
 from rattle.compare.stationary.units import PLAIN, in_units, kind_of
 from rattle.montecarlo.long_run import AtRest, BurnInError, LongRun, SectionDensity, long_run
@@ -106,7 +106,7 @@ class Stationary:
         """The closures against the simulation, row by row, dimensionless."""
         if self.run is None:
             return pd.DataFrame()
-        return judged(self.table, self.run.periods, predictions(self.laws, self.scene, self.slow))
+        return judge_predictions(self.table, self.run.periods, predictions(self.laws, self.scene, self.slow))
 
     def table_in(self, units: str) -> pd.DataFrame:
         """`table` in physical units, for a scene that was made from gears.
@@ -146,9 +146,9 @@ class Stationary:
         InputError
             For an unknown kind, closures that predict nothing, or exact values.
         """
-        from rattle.compare.stationary.figures import drawn
+        from rattle.compare.stationary.figures import draw
 
-        figures = drawn(self)
+        figures = draw(self)
         if not figures:
             raise InputError("kind", kind, "nothing to draw: these values are exact, and there is no distribution")
         return figures[choice("kind", kind, figures)]
@@ -292,7 +292,7 @@ def stationary(
         if len(kinds) == 1:
             raise
         raise BurnInError(
-            "burn_in", refused.value, f"{refused.remedy}. Without noise, {_listed(kinds, scene)}"
+            "burn_in", refused.value, f"{refused.remedy}. Without noise, {_list(kinds, scene)}"
         ) from refused
     rows = [tuple(e) for e in run.estimates.values()]
     table = pd.DataFrame(rows, columns=COLUMNS, index=pd.Index(run.estimates, name="quantity"))
@@ -331,7 +331,7 @@ def _exact(scene: Scene, own: Attractor, slow: float, closures: tuple[str, ...])
     if len(kinds) > 1:
         raise BurnInError(
             "sigma", scene.sigma, "several attractors without noise, so that there is no one stationary motion: "
-            f"{_listed(kinds, scene)}; that of the scene's own start is the first. Give noise that connects them",
+            f"{_list(kinds, scene)}; that of the scene's own start is the first. Give noise that connects them",
         )  # fmt: skip
     if own.kind == IRREGULAR:
         return None
@@ -357,12 +357,12 @@ def _attractors(scene: Scene, own: Attractor) -> list[tuple[Attractor, int]]:
     return kinds
 
 
-def _listed(kinds: list[tuple[Attractor, int]], scene: Scene) -> str:
-    shares = (f"the motion of {times / STARTS:.0%} {a.reason}{_described(a, scene)}" for a, times in kinds)
+def _list(kinds: list[tuple[Attractor, int]], scene: Scene) -> str:
+    shares = (f"the motion of {times / STARTS:.0%} {a.reason}{_describe(a, scene)}" for a, times in kinds)
     return f"of {STARTS} starts, {'; '.join(shares)}"
 
 
-def _described(a: Attractor, scene: Scene) -> str:
+def _describe(a: Attractor, scene: Scene) -> str:
     if a.kind != PERIODIC:
         return ""
     found = values_of(law_of(a), scene, 0.1)

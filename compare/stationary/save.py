@@ -7,7 +7,7 @@ import pandas as pd
 
 from rattle.compare.report.save import contents, save
 from rattle.compare.stationary.bifurcation import Bifurcation, bifurcation_figure
-from rattle.compare.stationary.figures import drawn, speed_unit
+from rattle.compare.stationary.figures import draw, speed_unit
 from rattle.compare.stationary.measure import Stationary
 from rattle.compare.stationary.page import FIGURES, stationary_page
 
@@ -23,7 +23,7 @@ def write_stationary(
     out: Path, found: Stationary, view: Bifurcation | None, record: dict[str, Any], overwrite: bool
 ) -> list[str]:
     """Write the folder of a long run."""
-    figures = drawn(found)
+    figures = draw(found)
     tables, units = {"stationary": found.table.reset_index()}, "dimensionless"
     if found.scene.gears is not None:
         units = "physical"

@@ -12,14 +12,14 @@ from rattle.compare.stationary.cell import LongCell, LongResult
 from rattle.compare.stationary.judged import CLOSURES_JUDGED
 from rattle.compare.stationary.units import PLAIN, kind_of
 from rattle.compare.study.axes import read_axes
-from rattle.compare.study.design import Point, Study, placed
+from rattle.compare.study.design import Point, Study, place
 from rattle.compare.study.store import Store
 from rattle.compare.validation.verdict import JUDGED, Tolerances
 from rattle.montecarlo import check_settings
 from rattle.montecarlo.long_run.run import PATHS
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
-from rattle.scene.validate import choice, count, known_keys, positive
+from rattle.scene.validate import check_keys, choice, count, positive
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -65,7 +65,7 @@ class LongStudy(Study):
     def of(cls, data: Mapping[str, Any], text: str) -> "LongStudy":
         """Make a study of the tables of its file."""
         wanted = data["study"]
-        known_keys("study", wanted, KEYS)
+        check_keys("study", wanted, KEYS)
         given: dict[str, Any] = {name: data[name] for name in ("gears", "scene") if name in data}
         scene = Scene.from_dict(given)
         base = replace(scene, gears=None).to_dict()["scene"]
@@ -85,7 +85,7 @@ class LongStudy(Study):
 
     def _point(self, coordinates: dict[str, Any]) -> Point:
         try:
-            scene = Scene.from_dict({"scene": placed(self.base, coordinates)})
+            scene = Scene.from_dict({"scene": place(self.base, coordinates)})
         except InputError as error:
             return Point(coordinates, None, (), {"scene": str(error)})
         settings = self.settings | {k: v for k, v in coordinates.items() if k in SETTINGS}
@@ -129,23 +129,23 @@ class LongResults:
     def of(cls, study: Study, store: Store) -> "LongResults":
         """Read the results of a study from a store."""
         stored = [store.read(p.sample.key) if p.sample else None for p in study.points]
-        found = [p.sample.opened(s) if p.sample and s else None for p, s in zip(study.points, stored, strict=True)]
+        found = [p.sample.restore(s) if p.sample and s else None for p, s in zip(study.points, stored, strict=True)]
         return cls(study, found)
 
     @cached_property
     def quantities(self) -> pd.DataFrame:
         """Every quantity at every point: the fields that vary, ``quantity``, and the columns of `LongResult.table`."""
-        return self._joined(lambda r: r.table.reset_index())
+        return self._join(lambda r: r.table.reset_index())
 
     @cached_property
     def verdicts(self) -> pd.DataFrame:
         """The closures against the simulation at every point."""
-        return self._joined(lambda r: r.verdicts)
+        return self._join(lambda r: r.verdicts)
 
     @cached_property
     def cost(self) -> pd.DataFrame:
         """Length and seconds of each cell, and what kind of motion it is; the seconds are not reproducible."""
-        return self._joined(lambda r: pd.DataFrame([r.facts]))
+        return self._join(lambda r: pd.DataFrame([r.facts]))
 
     @property
     def reasons(self) -> pd.DataFrame:
@@ -160,7 +160,7 @@ class LongResults:
         """Whether there is no result at all."""
         return not any(self.found)
 
-    def _joined(self, table: Any) -> pd.DataFrame:
+    def _join(self, table: Any) -> pd.DataFrame:
         parts = []
         for point, result in zip(self.study.points, self.found, strict=True):
             if result is None:

@@ -34,9 +34,9 @@ from rattle.compare.study.figures import axis_label
 from rattle.compare.study.lacking import lacking
 from rattle.compare.study.tables import FILE, MANIFEST, file_digest
 from rattle.compare.study.version import numerical_version
-from rattle.compare.validation.validity_range import spanned
+from rattle.compare.validation.validity_range import span
 
-__all__ = ["answer", "study_figure", "written"]
+__all__ = ["answer", "study_figure", "write_page"]
 
 PANELS = (
     ("impacts", r"per $1/\omega$", ("rate", "rate_mesh1", "rate_mesh2")),
@@ -130,7 +130,7 @@ def answer(r: LongResults) -> list[str]:
             right = f"everything right at {len(whole)}" if len(whole) else "not everything right at any"
             sentences.append(
                 f"`{closure}` predicts the long run at {len(own)} of {len(good)} values of {name}, and has {right} of "
-                f"them; {spanned(own, '.0%')} of its quantities are accurate."
+                f"them; {span(own, '.0%')} of its quantities are accurate."
             )
     other = r.cost[r.cost["kind"] != "simulated"]
     if len(other):
@@ -138,7 +138,7 @@ def answer(r: LongResults) -> list[str]:
     return sentences
 
 
-def written(folder: Path, r: LongResults, facts: dict[str, Any]) -> dict[str, Any]:
+def write_page(folder: Path, r: LongResults, facts: dict[str, Any]) -> dict[str, Any]:
     """Write tables, figure, page and manifest of a study of the long run into a scratch folder."""
     for name in TABLES:
         table = getattr(r, name)
@@ -160,7 +160,7 @@ def written(folder: Path, r: LongResults, facts: dict[str, Any]) -> dict[str, An
         "versions": manifest.versions(), **facts,
     }  # fmt: skip
     write_views(_page(r, record, drawn), folder, "study")
-    record = manifest.sealed(record | {"files": {file: file_digest(folder / file) for file in files_of(r.study)}})
+    record = manifest.seal(record | {"files": {file: file_digest(folder / file) for file in files_of(r.study)}})
     (folder / MANIFEST).write_text(json_text(record) + "\n", encoding="utf-8")
     return record
 

@@ -14,7 +14,7 @@ import numpy as np
 from rattle.scene.errors import InputError
 from rattle.scene.parts import Start, Tolerance
 from rattle.scene.scene import Scene
-from rattle.scene.validate import count, finite, known_keys, nearest, positive
+from rattle.scene.validate import check_keys, count, finite, nearest, positive
 
 __all__ = ["SETTINGS", "Axis", "combination", "combinations", "read_axes"]
 
@@ -37,7 +37,7 @@ class Axis(NamedTuple):
     # one tuple for each step along the axis: a value of each field, in the order of `names`
     values: tuple[tuple[Any, ...], ...]
 
-    def named(self, step: tuple[Any, ...]) -> Iterator[tuple[str, Any]]:
+    def pair_values(self, step: tuple[Any, ...]) -> Iterator[tuple[str, Any]]:
         """Pair the fields with their values at a step."""
         return zip(self.names, step, strict=True)
 
@@ -60,7 +60,7 @@ def read_axes(tables: Sequence[Mapping[str, Any]]) -> tuple[Axis, ...]:
     for table in tables:
         if not isinstance(table, Mapping) or not table:
             raise InputError("axes", table, "give each [[axes]] a field and its values, as in sigma = [0.1, 0.2]")
-        columns = {name: _values(_known(name), table[name]) for name in table}
+        columns = {name: _values(_check_field(name), table[name]) for name in table}
         lengths = {name: len(values) for name, values in columns.items()}
         if len(set(lengths.values())) > 1:
             raise InputError("axes", lengths, "fields of one [[axes]] table vary together: give as many values each")
@@ -78,7 +78,7 @@ def read_axes(tables: Sequence[Mapping[str, Any]]) -> tuple[Axis, ...]:
 def combinations(axes: Sequence[Axis]) -> list[dict[str, Any]]:
     """List all points of the grid, the last axis running fastest."""
     return [
-        {name: value for axis, step in zip(axes, steps, strict=True) for name, value in axis.named(step)}
+        {name: value for axis, step in zip(axes, steps, strict=True) for name, value in axis.pair_values(step)}
         for steps in itertools.product(*(axis.values for axis in axes))
     ]
 
@@ -92,10 +92,12 @@ def combination(axes: Sequence[Axis], number: int) -> dict[str, Any]:
     {'sigma': 0.2, 'gap1': 0.5}
     """
     steps = np.unravel_index(number, [len(axis.values) for axis in axes])
-    return {name: value for axis, i in zip(axes, steps, strict=True) for name, value in axis.named(axis.values[i])}
+    return {
+        name: value for axis, i in zip(axes, steps, strict=True) for name, value in axis.pair_values(axis.values[i])
+    }
 
 
-def _known(name: str) -> str:
+def _check_field(name: str) -> str:
     if name not in (*FIELDS, *SETTINGS):
         raise InputError("axes", name, "no field of a scene or a simulation; " + nearest(name, (*FIELDS, *SETTINGS)))
     return name
@@ -104,11 +106,11 @@ def _known(name: str) -> str:
 def _values(name: str, given: Any) -> tuple[Any, ...]:
     field = f"axes.{name}"
     if isinstance(given, Mapping):
-        known_keys(field, given, ("linear", "log"))
+        check_keys(field, given, ("linear", "log"))
         if len(given) != 1:
             raise InputError(field, dict(given), EXAMPLE)
         kind, ends = next(iter(given.items()))
-        values = _spaced(field, kind, ends)
+        values = _space(field, kind, ends)
     elif isinstance(given, Sequence) and not isinstance(given, str):
         values = tuple(given)
     else:
@@ -123,7 +125,7 @@ def _values(name: str, given: Any) -> tuple[Any, ...]:
     return values
 
 
-def _spaced(field: str, kind: str, ends: Any) -> tuple[float, ...]:
+def _space(field: str, kind: str, ends: Any) -> tuple[float, ...]:
     """Values spaced evenly, or evenly in their logarithm, rounded to six or more significant digits."""
     if not isinstance(ends, Sequence) or isinstance(ends, str) or len(ends) != 3:
         raise InputError(field, ends, "give [LOW, HIGH, POINTS]")

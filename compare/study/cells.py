@@ -48,7 +48,7 @@ class Cell(Protocol):
         """Compute the result."""
         ...
 
-    def opened(self, stored: Stored) -> object:
+    def restore(self, stored: Stored) -> object:
         """Turn a stored result back into an object with named attributes."""
         ...
 
@@ -166,7 +166,7 @@ class Sample:
         }  # fmt: skip
         return Stored(_sections(run), facts)
 
-    def opened(self, stored: Stored) -> Sampled:
+    def restore(self, stored: Stored) -> Sampled:
         """Turn a stored result back into section moments."""
         wide = stored.table
         first, last = wide.columns.get_loc("bias_tau"), wide.columns.get_loc(BATCH.format("mean", "tau"))
@@ -251,6 +251,6 @@ class Prediction:
         }
         return Stored(table, facts)
 
-    def opened(self, stored: Stored) -> Predicted:
+    def restore(self, stored: Stored) -> Predicted:
         """Turn a stored result back into section moments."""
         return Predicted(self.closure, stored.table, stored.facts)

@@ -10,7 +10,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from rattle.compare.study.cells import Cell, Prediction
-from rattle.compare.study.connection import check_address, connected
+from rattle.compare.study.connection import check_address, connect
 from rattle.compare.study.executors import SHARE, Failed, Stopped, stoppable
 from rattle.compare.study.store import Stored
 from rattle.compare.study.version import numerical_version
@@ -65,17 +65,17 @@ class Cluster:
         self.threads = 0
 
     def __enter__(self) -> Self:
-        self._client = connected(self.address, self.patience)
+        self._client = connect(self.address, self.patience)
         try:
             self._client.wait_for_workers(1, timeout=self.patience)
             self._check_workers()
             self.threads = sum(self._client.nthreads(callback_timeout=self.patience).values())
         except TimeoutError:
             self._close()
-            raise self._refused("has no workers; start some: dask worker ADDRESS") from None
+            raise self._refuse("has no workers; start some: dask worker ADDRESS") from None
         except OSError as error:
             self._close()
-            raise self._refused(f"does not answer any more ({error}); start it again") from None
+            raise self._refuse(f"does not answer any more ({error}); start it again") from None
         except BaseException:
             self._close()
             raise
@@ -100,7 +100,7 @@ class Cluster:
 
         try:
             if isinstance(cell, Prediction):
-                found: Stored = self._result(self._submitted(f"{cell.key}-{_own()}", cell.compute))
+                found: Stored = self._result(self._submit(f"{cell.key}-{_own()}", cell.compute))
                 return found
             return cell.compute(stoppable(self._blocks, self._stopped))
         except KilledWorker as error:
@@ -115,7 +115,7 @@ class Cluster:
 
         def submitted(start: int) -> "Future":
             end = min(start + SHARE, plan.blocks)
-            return self._submitted(f"blocks-{name}-{start}", run_part, plan, start, end)
+            return self._submit(f"blocks-{name}-{start}", run_part, plan, start, end)
 
         waiting = [submitted(s) for s in islice(starts, 2 * self.threads)]
         try:
@@ -126,11 +126,11 @@ class Cluster:
             for future in waiting:
                 future.release()  # Dask does not start a task that no client waits for
 
-    def _submitted(self, key: str, work: Callable[..., Any], *given: Any) -> "Future":
+    def _submit(self, key: str, work: Callable[..., Any], *given: Any) -> "Future":
         try:
-            return self._client.submit(checked, numerical_version(), work, *given, key=key, retries=RETRIES)
+            return self._client.submit(compute_checked, numerical_version(), work, *given, key=key, retries=RETRIES)
         except Exception as error:  # the client has lost its connection
-            raise self._gone(error) from None
+            raise self._lose(error) from None
 
     def _result(self, future: "Future") -> Any:
         """Wait for the result of a task; raises Stopped after an interrupt and Lost without a usable cluster."""
@@ -142,16 +142,16 @@ class Cluster:
             if self._lost:
                 raise Lost(self._lost)
         if future.status == "error":
-            return self._raised(future.exception())
+            return self._raise(future.exception())
         try:
             found = future.result(timeout=FETCH)
         except (CancelledError, OSError) as error:
-            raise self._gone(error) from None
+            raise self._lose(error) from None
         if isinstance(found, Foreign):
             raise self._lasting(_differs(found))
         return found
 
-    def _raised(self, error: BaseException) -> None:
+    def _raise(self, error: BaseException) -> None:
         """Raise the exception of a task again, or Lost if a worker cannot run rattle at all."""
         from distributed import KilledWorker
 
@@ -162,7 +162,7 @@ class Cluster:
                 raise self._lasting(refused.remedy) from None
         raise error
 
-    def _gone(self, error: BaseException) -> RattleError:
+    def _lose(self, error: BaseException) -> RattleError:
         """The error to raise for a lost connection."""
         if self._stopped.is_set():
             return Stopped("interrupted")
@@ -173,7 +173,7 @@ class Cluster:
             f"scheduler = {self.address!r}: {why}; finished results are kept; run the same command again to continue"
         )
 
-    def _refused(self, why: str) -> InputError:
+    def _refuse(self, why: str) -> InputError:
         return InputError("scheduler", self.address, why)
 
     def _watch(self) -> None:
@@ -196,17 +196,17 @@ class Cluster:
         try:
             versions = self._client.run(numerical_version, on_error="return", callback_timeout=self.patience)
         except (CancelledError, OSError) as error:
-            raise self._refused(f"or a worker of it does not answer ({error or type(error).__name__})") from None
+            raise self._refuse(f"or a worker of it does not answer ({error or type(error).__name__})") from None
         own = numerical_version()
         for worker, version in versions.items():
             if isinstance(version, BaseException):  # the worker lacks this package, or has another Python
                 why = f"worker {worker} cannot run rattle ({version}); install the same version there"
-                raise self._refused(why)
+                raise self._refuse(why)
             if version != own:
-                raise self._refused(_differs(Foreign(worker, version)))
+                raise self._refuse(_differs(Foreign(worker, version)))
 
 
-def checked(version: str, work: Callable[..., Any], *given: Any) -> Any:
+def compute_checked(version: str, work: Callable[..., Any], *given: Any) -> Any:
     """On a worker: the result of some work, or Foreign if the worker's numerical version is not `version`."""
     from distributed import get_worker
 

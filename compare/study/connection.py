@@ -21,7 +21,7 @@ from rattle.scene.errors import InputError
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["check_address", "connected", "silence"]
+__all__ = ["check_address", "connect", "silence"]
 
 
 def check_address(address: str) -> None:
@@ -49,7 +49,7 @@ def silence() -> None:
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
 
 
-def connected(address: str, patience: float) -> "Client":
+def connect(address: str, patience: float) -> "Client":
     """Connect to the scheduler at an address."""
     try:
         from distributed import Client  # an optional dependency, imported only when a scheduler is asked for

@@ -8,7 +8,7 @@ from typing import Any
 from rattle.compare.report import pages
 from rattle.compare.report.manifest import is_whole
 from rattle.compare.study.design import Study
-from rattle.compare.study.tables import MANIFEST, TABLES, damaged
+from rattle.compare.study.tables import MANIFEST, TABLES, find_damaged
 
 __all__ = ["FILES", "cells_digest", "files_of", "is_current"]
 
@@ -35,7 +35,7 @@ def is_current(study: Study, folder: Path) -> dict[str, Any] | None:
     if record.get("cells_sha256") != cells_digest(study) or not record.get("complete"):
         return None
     try:
-        return record if not damaged(folder, record, files_of(study)) else None
+        return record if not find_damaged(folder, record, files_of(study)) else None
     except OSError:  # a file that cannot be read is written again, from the cells
         return None
 

@@ -20,9 +20,9 @@ from rattle.scene.files import in_file, read_text, read_toml
 from rattle.scene.gears import Gears
 from rattle.scene.plausible import check_plausible
 from rattle.scene.scene import Scene
-from rattle.scene.validate import choice, count, known_keys, positive
+from rattle.scene.validate import check_keys, choice, count, positive
 
-__all__ = ["TABLES", "Point", "Study", "placed"]
+__all__ = ["TABLES", "Point", "Study", "place"]
 
 KEYS = (
     "kind", "title", "impacts", "closures", "order", "scheme", "paths", "accuracy", "dt", "seed", "common_noise",
@@ -158,7 +158,7 @@ class Study:
             If a key or a value is wrong; the message names it.
         """
         data = read_toml(text)
-        known_keys("top level", data, ("study", "gears", "scene", "axes"))
+        check_keys("top level", data, ("study", "gears", "scene", "axes"))
         wanted = data.get("study", {})
         if not isinstance(wanted, Mapping):
             raise InputError("study", wanted, "write it as a table: [study]")
@@ -167,7 +167,7 @@ class Study:
 
             choice("study.kind", wanted["kind"], (cls.kind, KIND))
             return LongStudy.of(data, text)
-        known_keys("study", wanted, KEYS)
+        check_keys("study", wanted, KEYS)
         given: dict[str, Any] = {name: data[name] for name in ("gears", "scene") if name in data}
         scene = Scene.from_dict(given)
         base = replace(scene, gears=None).to_dict()["scene"]  # without the gears: an axis may vary what they fix
@@ -258,7 +258,7 @@ class Study:
 
     def _point(self, coordinates: dict[str, Any]) -> Point:
         try:
-            scene = Scene.from_dict({"scene": placed(self.base, coordinates)})
+            scene = Scene.from_dict({"scene": place(self.base, coordinates)})
         except InputError as error:
             return Point(coordinates, None, (), {"scene": str(error)})
         settings = {**self.settings, **{k: v for k, v in coordinates.items() if k in SETTINGS}}
@@ -266,7 +266,7 @@ class Study:
         reasons: dict[str, str] = {}
         sample, predictions = None, []
         try:
-            sample = _checked(Sample(scene, self.impacts, seed, **settings))
+            sample = _check_sample(Sample(scene, self.impacts, seed, **settings))
             if not self.common_noise:
                 own = hashlib.sha256(f"{sample.key} {seed}".encode()).digest()
                 sample = replace(sample, seed=int.from_bytes(own[:8], "little"))
@@ -281,7 +281,7 @@ class Study:
         return Point(coordinates, sample, tuple(predictions), reasons)
 
 
-def placed(base: dict[str, Any], coordinates: Mapping[str, Any]) -> dict[str, Any]:
+def place(base: dict[str, Any], coordinates: Mapping[str, Any]) -> dict[str, Any]:
     """The scene's table with values replaced; a dotted name is a field of a nested table."""
     out = {name: dict(value) if isinstance(value, dict) else value for name, value in base.items()}
     for name, value in coordinates.items():
@@ -293,7 +293,7 @@ def placed(base: dict[str, Any], coordinates: Mapping[str, Any]) -> dict[str, An
     return out
 
 
-def _checked(sample: Sample) -> Sample:
+def _check_sample(sample: Sample) -> Sample:
     scheme = choice("scheme", sample.scheme, SCHEMES)
     kind = SCHEMES[scheme]
     if sample.accuracy is not None:
@@ -333,5 +333,5 @@ def _flag(field: str, value: Any) -> bool:
 def _within(given: Any) -> Tolerances:
     if not isinstance(given, Mapping):
         raise InputError("study.within", given, "write it as a table: within = { mean = 0.05, sd = 0.10 }")
-    known_keys("study.within", given, Tolerances._fields)
+    check_keys("study.within", given, Tolerances._fields)
     return Tolerances(**{name: positive(f"study.within.{name}", value) for name, value in given.items()})

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from rattle.compare.study.cells import Cell
 from rattle.compare.study.design import Study
 from rattle.compare.study.executors import Failed, Place, Stopped
-from rattle.compare.study.obtain import attempt, kept
+from rattle.compare.study.obtain import attempt, read_stored
 from rattle.compare.study.progress import Progress
 from rattle.compare.study.store import Store, Stored
 from rattle.compare.study.waiting import Waiting
@@ -49,7 +49,7 @@ def run(
     `unchanged`: Called between cells; false if the study's file has changed, which ends the run.
     """
     store.sweep()
-    todo = {cell.key: cell for cell in study.cells if kept(store, cell) is None}
+    todo = {cell.key: cell for cell in study.cells if read_stored(store, cell) is None}
     stored = len(study.cells) - len(todo)
     started = time.perf_counter()
     failed: dict[str, str] = {}
@@ -61,10 +61,10 @@ def run(
             while waiting or running or elsewhere:
                 while waiting and len(running) < place.threads:
                     cell = waiting.pop(0)
-                    progress.begun(cell)
+                    progress.begin(cell)
                     running[pool.submit(_work, store, cell, place)] = cell
                 done, _ = wait(running, timeout=LOOK, return_when=FIRST_COMPLETED)
-                elsewhere += _collected(done, running, progress, failed)
+                elsewhere += _collect(done, running, progress, failed)
                 if elsewhere and not waiting and not running:
                     others.pause(elsewhere)
                     waiting, elsewhere = elsewhere, []
@@ -94,7 +94,7 @@ def _threads(count: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(count, thread_name_prefix="cell")
 
 
-def _collected(
+def _collect(
     done: set[Future[Work]], running: dict[Future[Work], Cell], progress: Progress, failed: dict[str, str]
 ) -> list[Cell]:  # fmt: skip
     """Record finished and failed cells; return those that other processes are computing."""
@@ -105,12 +105,12 @@ def _collected(
             found, here = future.result()
         except (InputError, Failed) as error:
             failed[cell.key] = str(error)
-            progress.failed(cell, str(error))
+            progress.fail(cell, str(error))
             continue
         except Stopped:
             raise KeyboardInterrupt from None
         if found is None:
             elsewhere.append(cell)
         else:
-            progress.finished(cell, found, here)
+            progress.finish(cell, found, here)
     return elsewhere

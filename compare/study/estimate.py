@@ -19,10 +19,10 @@ from rattle.montecarlo.budget import Budget
 from rattle.montecarlo.cost import cost_of
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.kernel import COLUMNS
-from rattle.montecarlo.pilots import chosen
-from rattle.montecarlo.settings import computed
+from rattle.montecarlo.pilots import choose_scheme
+from rattle.montecarlo.settings import count_followed
 
-__all__ = ["Estimate", "Work", "estimate", "expected_work", "scaling"]
+__all__ = ["Estimate", "Work", "estimate", "expect_work", "scaling"]
 
 PROBED = 64  # paths whose steps stand for those of all where the number of paths is given
 PILOTS = 20  # most pilot runs for accuracies; other cells are taken to be like the one before
@@ -47,7 +47,7 @@ class Estimate(NamedTuple):
     megabytes: float
 
 
-def expected_work(cells: Sequence[Cell]) -> dict[str, Work]:
+def expect_work(cells: Sequence[Cell]) -> dict[str, Work]:
     """Expected work of cells, by key.
 
     Examples
@@ -62,10 +62,10 @@ def expected_work(cells: Sequence[Cell]) -> dict[str, Work]:
     found, last = {}, Work(0.0, 0.0)
     for cell in cells:
         if isinstance(cell, Sample) and cell.accuracy is not None:
-            last = last if seen % every else _piloted(cell, cell.accuracy)
+            last = last if seen % every else _pilot(cell, cell.accuracy)
             found[cell.key], seen = last, seen + 1
         elif isinstance(cell, Sample):
-            found[cell.key] = _probed(cell, cell.paths or LEAST)
+            found[cell.key] = _probe(cell, cell.paths or LEAST)
         elif isinstance(cell, Prediction):
             found[cell.key] = Work(0.0, most_seconds(cell.closure, cell.impacts))
         else:
@@ -73,22 +73,22 @@ def expected_work(cells: Sequence[Cell]) -> dict[str, Work]:
     return found
 
 
-def _probed(cell: Sample, paths: int) -> Work:
+def _probe(cell: Sample, paths: int) -> Work:
     """Work of a number of paths, as a few of them let expect."""
     biased = SCHEMES[cell.scheme].has_step_bias
     run = simulate(
         cell.scene.phase_reduced, paths=PROBED, impacts=cell.impacts, dt=cell.dt, scheme=cell.scheme, rng=cell.seed,
         control=not biased and small_noise(cell.scene), record=Record(step_bias=biased),
     )  # fmt: skip
-    found = cost_of(run, computed(cell.scene, paths))
+    found = cost_of(run, count_followed(cell.scene, paths))
     return Work(found.path_steps, found.core_seconds)
 
 
-def _piloted(cell: Sample, accuracy: float) -> Work:
+def _pilot(cell: Sample, accuracy: float) -> Work:
     """Work of an accuracy, as the pilot run of `rattle.montecarlo.simulate_to` lets expect."""
     scene = cell.scene.phase_reduced
     again = partial(simulate, scene, impacts=cell.impacts, rng=cell.seed)
-    pilot, (found, *_) = chosen(scene, [cell.scheme], accuracy, again, Budget(PILOT_SECONDS))
+    pilot, (found, *_) = choose_scheme(scene, [cell.scheme], accuracy, again, Budget(PILOT_SECONDS))
     slow = 0.0 if pilot.whole else pilot.path_seconds * found.paths
     return Work(found.path_steps, max(found.core_seconds, slow))
 
@@ -124,7 +124,7 @@ def scaling(
     for cell in cells:
         taken, pieces = seconds.get(cell.key, 0.0), 1
         if isinstance(cell, Sample):
-            count = -(-computed(cell.scene, cell.paths or LEAST) // BLOCK)
+            count = -(-count_followed(cell.scene, cell.paths or LEAST) // BLOCK)
             pieces = -(-count // SHARE)
             blocks += times(cell) * count
         work += times(cell) * taken

@@ -29,7 +29,7 @@ def axis_label(name: str) -> str:
     return GREEK.get(name, name)
 
 
-def _shown(impacts: int) -> list[int]:
+def _pick_impacts(impacts: int) -> list[int]:
     """A few impacts from the first to the last."""
     return sorted({1, *(round(impacts * share) for share in (1 / 3, 2 / 3, 1.0))} - {0})
 
@@ -47,7 +47,7 @@ def _along(ax: Axes, name: str, values: Sequence[float]) -> None:
 
 def errors(r: Results | Tables, rows: pd.DataFrame) -> Figure:
     """Draw the largest error of each closure at some impacts, with its interval: means above, sds below."""
-    name, shown = r.study.along, _shown(r.study.impacts)
+    name, shown = r.study.along, _pick_impacts(r.study.impacts)
     figure, axes = new_figure(2.6 * len(shown) + 0.8, 5.6, 2, len(shown))
     judged = rows[rows["judged"] & (rows["verdict"] != "not predicted")]
     for i, (moment, limit) in enumerate((("mean", r.study.within.mean), ("sd", r.study.within.sd))):
@@ -143,7 +143,7 @@ def agreement(r: Results | Tables, rows: pd.DataFrame) -> Figure:
     figure, (ax,) = new_figure(6.2, 3.8, 1, 1)
     name = r.study.along
     part = rows[(rows["quantity"] == "tau") & (rows["moment"] == "mean")]
-    for impact, colour in zip(_shown(r.study.impacts), SHADES, strict=False):
+    for impact, colour in zip(_pick_impacts(r.study.impacts), SHADES, strict=False):
         group = part[(part["impact"] == impact) & (part["paths"] > 0)].sort_values(name)
         counts = zip(group["agreement"] * group["followed"], group["followed"], strict=True)
         interval = [_wilson(round(k), int(n)) for k, n in counts]
@@ -169,7 +169,7 @@ def sections(r: Results | Tables, rows: pd.DataFrame) -> Figure:
     }  # fmt: skip
     for ax, (quantity, moment) in zip(axes, panels, strict=True):
         part = rows[(rows["quantity"] == quantity) & (rows["moment"] == moment)]
-        for impact, colour in zip(_shown(r.study.impacts), SHADES, strict=False):
+        for impact, colour in zip(_pick_impacts(r.study.impacts), SHADES, strict=False):
             group = part[part["impact"] == impact].sort_values(name)
             low, high = (group["value"] + sign * 1.96 * group["se"] for sign in (-1.0, 1.0))
             ax.plot(group[name], group["value"], color=colour, lw=1.4, marker="o", ms=2.5, label=f"impact {impact}")
@@ -185,7 +185,7 @@ def sections(r: Results | Tables, rows: pd.DataFrame) -> Figure:
     return figure
 
 
-def paired(r: Results | Tables, rows: pd.DataFrame) -> Figure:
+def draw_paired(r: Results | Tables, rows: pd.DataFrame) -> Figure:
     """Draw the gain of common random numbers: independent over paired standard error of a difference of neighbours."""
     figure, (ax,) = new_figure(6.2, 3.6, 1, 1)
     name = r.study.along
@@ -235,7 +235,7 @@ FIGURES = {
     "agreement": Drawing(agreement, "sections", "Itinerary agreement"),
     "sections": Drawing(sections, "sections", "Section sds, skewness, impact rate and impact energy"),
     "correlation": Drawing(correlation, "correlation", "Validity of the correlation"),
-    "paired": Drawing(paired, "paired", "What common random numbers save"),
+    "paired": Drawing(draw_paired, "paired", "What common random numbers save"),
     "cost": Drawing(cost, "cost", "Cost of each cell"),
 }
 """All figures by name."""

@@ -6,7 +6,7 @@ from rattle.compare.study.cells import Cell
 from rattle.compare.study.store import Store, Stored
 from rattle.compare.study.waiting import Waiting, aloud
 
-__all__ = ["Compute", "attempt", "kept", "obtain"]
+__all__ = ["Compute", "attempt", "obtain", "read_stored"]
 
 Compute = Callable[[Cell], Stored]
 """Computes a cell; in this thread by default."""
@@ -16,13 +16,13 @@ def _here(cell: Cell) -> Stored:
     return cell.compute()
 
 
-def kept(store: Store, cell: Cell) -> Stored | None:
+def read_stored(store: Store, cell: Cell) -> Stored | None:
     """Read a cell's result from the store; a file of that name with another content is moved aside."""
     found = store.read(cell.key)
     if found is None:
         return None
     try:
-        cell.opened(found)
+        cell.restore(found)
         float(found.facts["seconds"])
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         store.set_aside(cell.key, f"is no result of this kind ({error})")
@@ -34,13 +34,13 @@ def kept(store: Store, cell: Cell) -> Stored | None:
 
 def attempt(store: Store, cell: Cell, compute: Compute = _here) -> Stored | None:
     """Read or compute a cell's result, unless another process or thread is computing it."""
-    found = kept(store, cell)
+    found = read_stored(store, cell)
     if found is not None:
         return found
     with store.alone(cell.key) as alone:
         if not alone:
             return None
-        found = kept(store, cell)  # another process may have stored it just before the lock was taken
+        found = read_stored(store, cell)  # another process may have stored it just before the lock was taken
         if found is None:
             found = compute(cell)
             store.write(cell.key, found.table, found.facts)

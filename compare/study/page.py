@@ -22,7 +22,7 @@ from rattle.compare.study.lacking import lacking
 from rattle.compare.study.results import Results
 from rattle.compare.study.tables import FILE, MANIFEST, PAGE, TABLES, file_digest
 from rattle.compare.study.version import numerical_version
-from rattle.compare.validation.validity_range import in_words, listed, spanned, want
+from rattle.compare.validation.validity_range import in_words, join_words, span, want
 from rattle.compare.validation.verdict import RULE, VERDICTS
 from rattle.scene.errors import OutputError
 
@@ -54,15 +54,13 @@ def answer(r: Results) -> list[str]:
         values = r.errors[name]
         sentences = [
             _advice(last, impacts, name, values.max()),
-            f"Every section mean and sd of {impacts} impacts, {name} = {spanned(values, '.4g')}:",
+            f"Every section mean and sd of {impacts} impacts, {name} = {span(values, '.4g')}:",
             *(f"`{closure}`: {_range_in_words(r, rows)}." for closure, rows in last.groupby("closure", sort=False)),
         ]
     reached = r.sections[(r.sections["quantity"] == "tau") & (r.sections["moment"] == "mean")]
     shares = reached[reached["impact"] == impacts]["agreement"]
     if len(shares):
-        sentences.append(
-            f"After {impacts} impacts {spanned(shares, '.1%')} of the paths are on the noise-free itinerary."
-        )
+        sentences.append(f"After {impacts} impacts {span(shares, '.1%')} of the paths are on the noise-free itinerary.")
     return sentences or ["No point could be computed; the command says why."]
 
 
@@ -71,14 +69,14 @@ def _advice(last: pd.DataFrame, impacts: int, name: str, largest: float) -> str:
     accurate, open_to = (_everywhere(last, column) for column in ("accurate", "not_inaccurate"))
     shown, over = name if name != "sigma" else "σ", f"over {impacts} impacts"
     if accurate.empty and not open_to.empty:
-        each = listed([f"`{c}` up to {shown} = {x:.4g}" for c, x in open_to.items()])
+        each = join_words([f"`{c}` up to {shown} = {x:.4g}" for c, x in open_to.items()])
         return (
             f"Undecided: no closure is shown to be accurate {over} in every row of this study. Not shown to be wrong: "
             f"{each}. More paths would settle it; until then simulate."
         )
     if accurate.empty:
         some = [f"`{c}`" for c in last[last["accurate"].notna()]["closure"].unique()]
-        where = f"; {listed(some)} {'is' if len(some) == 1 else 'are'} at some" if some else ""
+        where = f"; {join_words(some)} {'is' if len(some) == 1 else 'are'} at some" if some else ""
         return f"Simulate: no closure is accurate {over} in every row of this study{where}."
     best = [f"`{closure}`" for closure in accurate.index[accurate == accurate.max()]]
     take = f"Take {' or '.join(best)} up to {shown} = {accurate.max():.4g}"
@@ -123,7 +121,7 @@ def write_page(
     """
     try:
         with scratch_folder(folder, PAGE) as scratch:
-            record = (written or _written)(scratch, r, facts)
+            record = (written or _write)(scratch, r, facts)
             files = [path.relative_to(scratch) for path in scratch.rglob("*") if path.is_file()]
             within(folder, *{str(file.parent) for file in files})
             (folder / MANIFEST).unlink(missing_ok=True)  # holds the digests of the others: removed first, written last
@@ -140,7 +138,7 @@ def write_page(
     return record
 
 
-def _written(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
+def _write(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
     tables = {name: getattr(r, name) for name in TABLES}
     for name, table in tables.items():
         table.to_parquet(folder / f"{name}.parquet", compression="zstd")
@@ -167,7 +165,7 @@ def _written(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
         "numerical_version": numerical_version(), "commit": manifest.commit(), "versions": manifest.versions(), **facts,
     }  # fmt: skip
     write_views(_page(r, record, drawn, tables["cost"], taken), folder, "study")
-    record = manifest.sealed(record | {"files": {file: file_digest(folder / file) for file in FILES}})
+    record = manifest.seal(record | {"files": {file: file_digest(folder / file) for file in FILES}})
     (folder / MANIFEST).write_text(json_text(record) + "\n", encoding="utf-8")
     return record
 

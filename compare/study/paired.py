@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 from rattle.compare.study.cells import BATCH, Sampled
 from rattle.scene.moments import SECTION, STATE
 
-__all__ = ["paired_differences"]
+__all__ = ["compare_paired"]
 
 Floats = NDArray[np.float64]
 
 
-def paired_differences(one: Sampled, other: Sampled) -> pd.DataFrame:
+def compare_paired(one: Sampled, other: Sampled) -> pd.DataFrame:
     """Differences of section means and sds between two runs on common random numbers, with their standard errors.
 
     The standard error is that of the mean of the batches' differences.  For means, the differences are first regressed
@@ -34,7 +34,7 @@ def paired_differences(one: Sampled, other: Sampled) -> pd.DataFrame:
             freedom = batches - 1 - (moment == "mean")
             se = alone = np.full(len(first), np.nan)
             if freedom > 0:  # a standard error needs at least one degree of freedom
-                left = _residual(second - first, control) if moment == "mean" else _centred(second - first)
+                left = _residual(second - first, control) if moment == "mean" else _subtract_means(second - first)
                 se = np.sqrt((left**2).sum(axis=1) / freedom / batches)
             if batches > 1:
                 alone = np.sqrt((first.var(axis=1, ddof=1) + second.var(axis=1, ddof=1)) / batches)
@@ -46,12 +46,12 @@ def paired_differences(one: Sampled, other: Sampled) -> pd.DataFrame:
     return pd.concat(rows, ignore_index=True)
 
 
-def _centred(values: Floats) -> Floats:
+def _subtract_means(values: Floats) -> Floats:
     return np.asarray(values - values.mean(axis=1, keepdims=True))
 
 
 def _residual(values: Floats, control: Floats) -> Floats:
     """Residuals of the regression of each row on its control variate."""
-    values, control = _centred(values), _centred(control)
+    values, control = _subtract_means(values), _subtract_means(control)
     product, square = ((v * control).sum(axis=1, keepdims=True) for v in (values, control))
     return np.asarray(values - np.divide(product, square, out=np.zeros_like(square), where=square > 0.0) * control)

@@ -12,7 +12,7 @@ from typing import NoReturn, Self
 
 from tqdm import tqdm
 
-from rattle.compare.report.folder import refused
+from rattle.compare.report.folder import describe_refusal
 from rattle.compare.study.cells import Cell, Sample
 from rattle.compare.study.store import Stored
 from rattle.montecarlo.accuracy import sampling_error
@@ -31,7 +31,7 @@ class _LogFile(logging.FileHandler):
             os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o666))  # refuses a symbolic link
             super().__init__(path, encoding="utf-8")
         except OSError as error:
-            raise refused(path, error) from None
+            raise describe_refusal(path, error) from None
 
     def handleError(self, record: logging.LogRecord) -> None:
         """Ignore errors here: a full disk is reported when a result cannot be stored."""
@@ -93,15 +93,15 @@ class Progress:
         if self._show:
             self._bar.write(text, file=sys.stderr)
 
-    def begun(self, cell: Cell) -> None:
+    def begin(self, cell: Cell) -> None:
         """Show the cell whose computation begins."""
         self._draw(cell.label)
 
-    def finished(self, cell: Cell, found: Stored, here: bool) -> None:
+    def finish(self, cell: Cell, found: Stored, here: bool) -> None:
         """Count a finished cell."""
         text = f"{'done' if here else 'found'} {cell.label} {cell.key}: {found.facts['seconds']:.2f} s"
         if isinstance(cell, Sample):
-            error, where = sampling_error(cell.opened(found))
+            error, where = sampling_error(cell.restore(found))
             self.worst = max(self.worst, error)
             text += f", largest se {error:.2g} sd ({where})"
         self.computed += here
@@ -109,7 +109,7 @@ class Progress:
         self.seconds += found.facts["seconds"] if here else 0.0
         self._count(cell, text)
 
-    def failed(self, cell: Cell, why: str) -> None:
+    def fail(self, cell: Cell, why: str) -> None:
         """Count and report a cell that cannot be computed."""
         if self._show:
             self._bar.write(f"rattle: {why}", file=sys.stderr)  # at once: the other cells may take hours

@@ -11,7 +11,7 @@ import pandas as pd
 
 from rattle.compare.study.cells import Predicted, Sampled
 from rattle.compare.study.design import Point, Study
-from rattle.compare.study.paired import paired_differences
+from rattle.compare.study.paired import compare_paired
 from rattle.compare.study.store import Store
 from rattle.compare.validation.validity_range import is_accurate, is_wrong, unbroken
 from rattle.compare.validation.verdict import section_errors, to_absolute_time, widest
@@ -35,9 +35,9 @@ class Results:
         predictions: list[list[Predicted]] = []
         for point in study.points:
             found = store.read(point.sample.key) if point.sample else None
-            samples.append(point.sample.opened(found) if point.sample and found else None)
+            samples.append(point.sample.restore(found) if point.sample and found else None)
             read = [(p, store.read(p.key)) for p in point.predictions]
-            predictions.append([p.opened(s) for p, s in read if s])
+            predictions.append([p.restore(s) for p, s in read if s])
         return cls(study, samples, predictions)
 
     @property
@@ -60,7 +60,7 @@ class Results:
         parts = []
         for point, run, prediction in self._pairs():
             table = section_errors(prediction, run, self.z, self.study.within)
-            parts.append(self._placed(point, to_absolute_time(table, run.scene)))
+            parts.append(self._place(point, to_absolute_time(table, run.scene)))
         none = pd.DataFrame({"closure": [], "moment": [], "verdict": [], "judged": np.empty(0, bool)})
         return pd.concat(parts, ignore_index=True) if parts else none
 
@@ -98,7 +98,7 @@ class Results:
                     "se": np.asarray(se), "paths": s["paths"].to_numpy(), "followed": run.paths,
                     "agreement": s["agreement"].to_numpy(),
                 })  # fmt: skip
-                parts.append(self._placed(point, table))
+                parts.append(self._place(point, table))
         none = pd.DataFrame(columns=["impact", "quantity", "moment", "value", "se", "paths", "followed", "agreement"])
         return pd.concat(parts, ignore_index=True) if parts else none
 
@@ -157,7 +157,7 @@ class Results:
     def paired(self) -> pd.DataFrame:
         """Differences between neighbours along `along`, with standard errors that use the common random numbers.
 
-        Columns: the other fields, ``from, to`` and those of `rattle.compare.study.paired.paired_differences`.  Empty
+        Columns: the other fields, ``from, to`` and those of `rattle.compare.study.paired.compare_paired`.  Empty
         if every point has random numbers of its own, or too few paths for a standard error.
         """
         if not self.study.common_noise or not self.study.along:
@@ -172,7 +172,7 @@ class Results:
         for key, runs in groups.items():
             ordered = sorted(runs, key=lambda pair: pair[0])
             for (low, one), (high, other) in pairwise(ordered):
-                table = paired_differences(one, other)
+                table = compare_paired(one, other)
                 if table["se"].isna().all():
                     continue
                 table.insert(0, "to", high)
@@ -207,6 +207,6 @@ class Results:
                 assert run is not None
                 yield point, run, prediction
 
-    def _placed(self, point: Point, table: pd.DataFrame) -> pd.DataFrame:
+    def _place(self, point: Point, table: pd.DataFrame) -> pd.DataFrame:
         coordinates = pd.DataFrame({n: [v] * len(table) for n, v in point.coordinates.items()}, index=table.index)
         return pd.concat([coordinates, table], axis=1)

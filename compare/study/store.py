@@ -15,7 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 
-from rattle.compare.report.folder import refused, within, write_whole
+from rattle.compare.report.folder import describe_refusal, within, write_whole
 from rattle.compare.report.json_text import json_text
 from rattle.compare.study.waiting import sign
 from rattle.scene.errors import OutputError
@@ -74,7 +74,7 @@ class _Wrong(Exception):
     """A file could be read but is not the result of its key."""
 
 
-def _parsed(key: str, content: bytes) -> "Stored":
+def _parse(key: str, content: bytes) -> "Stored":
     """The result in a file's content; raises _Wrong if there is none, and passes on errors of the system."""
     try:
         with pq.ParquetFile(pa.BufferReader(_without_seal(content))) as file:
@@ -120,9 +120,9 @@ class Store:
             for part in (folder, self._locks):
                 part.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise self._refused(f"cannot be made ({error.strerror}); choose another place") from None
+            raise self._refuse(f"cannot be made ({error.strerror}); choose another place") from None
         if not os.access(folder, os.W_OK):
-            raise self._refused("cannot be written; choose another place")
+            raise self._refuse("cannot be written; choose another place")
 
     @property
     def _locks(self) -> Path:
@@ -145,7 +145,7 @@ class Store:
         """Read the result of a key; a damaged or foreign file is moved aside."""
         try:
             content = self._content(key)
-            return None if content is None else _parsed(key, content)
+            return None if content is None else _parse(key, content)
         except _Wrong as wrong:
             self.set_aside(key, str(wrong))
             return None
@@ -167,7 +167,7 @@ class Store:
         what = os.strerror(number) if number else str(error)
         remedy = REMEDIES.get(number or 0, "remove the cause")
         name = self.path(key).name
-        return self._refused(f"{name} cannot be read ({what}); it stays as it is: {remedy}, and repeat the command")
+        return self._refuse(f"{name} cannot be read ({what}); it stays as it is: {remedy}, and repeat the command")
 
     def write(self, key: str, table: pd.DataFrame, facts: dict[str, Any]) -> None:
         """Store a table under a key, atomically."""
@@ -185,7 +185,7 @@ class Store:
         except OSError as error:
             scratch.unlink(missing_ok=True)
             why = "the disk is full" if error.errno == errno.ENOSPC else f"cannot be written ({error.strerror})"
-            raise self._refused(f"{why}; finished results are kept: make room and repeat the command") from None
+            raise self._refuse(f"{why}; finished results are kept: make room and repeat the command") from None
 
     @contextmanager
     def alone(self, key: str) -> Iterator[bool]:
@@ -197,7 +197,7 @@ class Store:
             yield False
             return
         except OSError as error:
-            raise refused(self.folder, error) from None
+            raise describe_refusal(self.folder, error) from None
         try:
             sign(lock)
             yield True
@@ -211,7 +211,7 @@ class Store:
                 if alone:
                     part.unlink(missing_ok=True)
 
-    def _refused(self, why: str) -> OutputError:
+    def _refuse(self, why: str) -> OutputError:
         return OutputError(f"out = {str(self.folder)!r}: {why}")
 
     def set_aside(self, key: str, why: str) -> None:
@@ -227,6 +227,6 @@ class Store:
         except FileNotFoundError:
             return
         except OSError as error:
-            raise self._refused(f"{path.name} is damaged and cannot be moved away ({error.strerror})") from None
+            raise self._refuse(f"{path.name} is damaged and cannot be moved away ({error.strerror})") from None
         with suppress(OutputError):  # the note is not essential
             write_whole(target.with_suffix(".txt"), f"{path.name}: {why.splitlines()[0][:200] if why else '?'}\n")

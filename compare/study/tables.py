@@ -22,7 +22,18 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-__all__ = ["CELLS", "FILE", "MANIFEST", "PAGE", "TABLES", "Tables", "damaged", "file_digest", "load", "read_tables"]
+__all__ = [
+    "CELLS",
+    "FILE",
+    "MANIFEST",
+    "PAGE",
+    "TABLES",
+    "Tables",
+    "file_digest",
+    "find_damaged",
+    "load",
+    "read_tables",
+]
 
 CELLS, FILE, MANIFEST = "cells", "study.toml", "manifest.json"
 """Names in a study's folder: the folder of results, the study file, and the manifest with the provenance."""
@@ -135,7 +146,9 @@ def read_tables(folder: str | Path) -> tuple[Study, dict[str, Any], dict[str, pd
     names = record.get("tables", TABLES)
     files = [f"{name}.parquet" for name in names]
     try:
-        lost = damaged(place, record, files) if "files" in record else []  # manifests of early versions have no digests
+        lost = (
+            find_damaged(place, record, files) if "files" in record else []
+        )  # manifests of early versions have no digests
     except OSError as error:
         raise FileError("study folder", str(folder), f"{error.filename} cannot be read ({error.strerror})") from None
     if lost:
@@ -154,7 +167,7 @@ def read_tables(folder: str | Path) -> tuple[Study, dict[str, Any], dict[str, pd
     return study, record, tables
 
 
-def damaged(folder: Path, record: dict[str, Any], files: Iterable[str]) -> list[str]:
+def find_damaged(folder: Path, record: dict[str, Any], files: Iterable[str]) -> list[str]:
     """List the files of a study's folder that are missing or have changed since they were written."""
     written = record.get("files")
     return [f for f in files if not isinstance(written, dict) or written.get(f) != file_digest(folder / f)]

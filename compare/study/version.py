@@ -10,7 +10,7 @@ from pathlib import Path
 
 import llvmlite.binding
 
-from rattle.scene.machine_code import fused_multiply_add
+from rattle.scene.machine_code import has_fma
 
 __all__ = ["numerical_version"]
 
@@ -42,7 +42,7 @@ def numerical_version(*packages: str) -> str:
 def _processor() -> str:
     """The kind of processor, by the bits it gives."""
     machine = platform.machine()
-    if machine.lower() in ("x86_64", "amd64") and fused_multiply_add():
+    if machine.lower() in ("x86_64", "amd64") and has_fma():
         return "x86-64 with AVX2 and FMA"
     return f"{machine} {llvmlite.binding.get_host_cpu_name()}"
 

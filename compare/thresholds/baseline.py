@@ -10,14 +10,14 @@ from typing import Any
 
 import tomli_w
 
-from rattle.compare.report.folder import refused, write_whole
+from rattle.compare.report.folder import describe_refusal, write_whole
 from rattle.compare.thresholds.claim import Claim
 from rattle.compare.thresholds.prediction import Prediction
 from rattle.scene.errors import FileError
 from rattle.scene.files import read_text
 from rattle.scene.text import line
 
-__all__ = ["changes", "content", "listed", "place", "read", "updated", "write"]
+__all__ = ["changes", "content", "format_changes", "place", "read", "update", "write"]
 
 Changes = dict[str, tuple[Any, Any]]
 """Recorded and present value, by dotted key in the file; None for a missing one."""
@@ -63,7 +63,7 @@ def write(path: Path, found: Mapping[str, Any], model: str) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise refused(path.parent, error) from None
+        raise describe_refusal(path.parent, error) from None
     what = f"Section moments of {line(model)} by quantity and impact, and their scene"
     head = f"# {what}; written by pytest\n# --rattle-baselines=record (or =regenerate).\n\n"
     write_whole(path, head + tomli_w.dumps(found))
@@ -98,7 +98,7 @@ def changes(recorded: Mapping[str, Any], now: Mapping[str, Any], relative: float
     return {key: (old.get(key), new.get(key)) for key in dict.fromkeys([*old, *new]) if not same(key)}
 
 
-def updated(recorded: Mapping[str, Any], now: Mapping[str, Any], changed: Changes) -> dict[str, Any]:
+def update(recorded: Mapping[str, Any], now: Mapping[str, Any], changed: Changes) -> dict[str, Any]:
     """Take the present content, but keep the recorded digits of values that have not changed."""
 
     def merge(old: Mapping[str, Any], new: Mapping[str, Any], before: str) -> dict[str, Any]:
@@ -112,7 +112,7 @@ def updated(recorded: Mapping[str, Any], now: Mapping[str, Any], changed: Change
     return merge(recorded, now, "")
 
 
-def listed(changed: Changes) -> list[str]:
+def format_changes(changed: Changes) -> list[str]:
     """Format changes as lines of text.
 
     Examples

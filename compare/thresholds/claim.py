@@ -13,9 +13,9 @@ from rattle.montecarlo.settings import MOST_PATHS
 from rattle.scene.errors import FileError, InputError
 from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene
-from rattle.scene.validate import choice, count, known_keys, positive
+from rattle.scene.validate import check_keys, choice, count, positive
 
-__all__ = ["Allowed", "Claim", "Row", "merged", "read_claim"]
+__all__ = ["Allowed", "Claim", "Row", "merge", "read_claim"]
 
 MOMENTS = ("mean", "sd")
 OPTIONS = (
@@ -76,7 +76,7 @@ class Claim:
         return tuple(dict.fromkeys(row.column for row in self.rows))
 
 
-def merged(markers: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+def merge(markers: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     """Merge the options of a test's markers with those of its class and module.
 
     Examples
@@ -106,7 +106,7 @@ def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
     >>> len(claim.rows), claim.rows[0], claim.allowed["sd"]
     (12, Row(moment='mean', quantity='tau', impact=1), Allowed(error=0.05, in_sd=True))
     """
-    known_keys("option of the marker rattle", options, OPTIONS)
+    check_keys("option of the marker rattle", options, OPTIONS)
     scene = _scene(options.get("scene"), folder).phase_reduced  # so that a late start loses no digits
     state = STATE[: 2 * scene.stages]
     valid = [q for q in SECTION if q not in STATE or q in state]
@@ -131,7 +131,9 @@ def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
         scene, paths=1 if paths is None else paths, impacts=impacts[-1], scheme=scheme, rng=0, workers=1,
         dt=default_step(scene, scheme, biased) if accuracy is None else None, step_bias=biased,
     )  # fmt: skip
-    return Claim(scene, impacts, quantities, _allowed(options, moments), paths, budget, accuracy, scheme, undecided)
+    return Claim(
+        scene, impacts, quantities, _read_tolerances(options, moments), paths, budget, accuracy, scheme, undecided
+    )
 
 
 def _scene(given: object, folder: Path) -> Scene:
@@ -164,7 +166,7 @@ def _impacts(given: object) -> tuple[int, ...]:
     return found
 
 
-def _allowed(options: Mapping[str, Any], moments: tuple[str, ...]) -> dict[str, Allowed]:
+def _read_tolerances(options: Mapping[str, Any], moments: tuple[str, ...]) -> dict[str, Allowed]:
     """The admissible error of each moment; by default the standard tolerances of accurate verdicts."""
     found: dict[str, Allowed] = {}
     given = {name: options[name] for name in ("within", "absolute") if options.get(name) is not None}

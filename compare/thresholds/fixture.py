@@ -11,7 +11,14 @@ import pytest
 from rattle.compare.thresholds import baseline
 from rattle.compare.thresholds.claim import Claim
 from rattle.compare.thresholds.looks import Looked, decide
-from rattle.compare.thresholds.messages import deciding, failure_text, long_rows, moment_rows, remedies, undecided_text
+from rattle.compare.thresholds.messages import (
+    deciding,
+    describe_undecided,
+    failure_text,
+    long_rows,
+    moment_rows,
+    remedies,
+)
 from rattle.compare.thresholds.prediction import Model, Prediction, predict
 from rattle.compare.thresholds.sessions import Thresholds
 from rattle.scene.errors import RattleError
@@ -50,8 +57,8 @@ class Rattle:
         self._once("check")
         if quantities is not None:
             return self._check_long(model, quantities)
-        prediction = self._guarded(lambda: predict(cast(Model, model), self.claim))
-        looked = self._guarded(lambda: decide(prediction, self.claim, self._thresholds))
+        prediction = self._guard(lambda: predict(cast(Model, model), self.claim))
+        looked = self._guard(lambda: decide(prediction, self.claim, self._thresholds))
         run, excluded = looked.drawn[-1].run, len(self.claim.rows) - len(looked.table)
         return self._judge(
             prediction.closure, looked, lambda rows: moment_rows(rows, run, looked.z),
@@ -63,8 +70,8 @@ class Rattle:
         """Compare a model with the long run."""
         from rattle.compare.thresholds.long_run import decide_long, predict_long
 
-        prediction = self._guarded(lambda: predict_long(model, self.claim.scene, quantities))
-        looked = self._guarded(lambda: decide_long(prediction, self.claim, self._thresholds))
+        prediction = self._guard(lambda: predict_long(model, self.claim.scene, quantities))
+        looked = self._guard(lambda: decide_long(prediction, self.claim, self._thresholds))
         facts = looked.drawn[-1].run.facts
         return self._judge(
             f"{prediction.name} in the long run", looked, lambda rows: long_rows(rows, looked.z), kind="long check",
@@ -87,12 +94,12 @@ class Rattle:
             model=model, rows=len(table), failed=failed, undecided=undecided, z=looked.z, rate=settings.false_alarm,
             widened=float(table["widened"].max()) if "widened" in table else looked.z, drawn=len(drawn),
             computed=sum(d.computed for d in drawn), seconds=sum(d.seconds for d in drawn), decide=deciding(table),
-            folder="" if folder is None else self._shown(folder), **facts,
+            folder="" if folder is None else self._shorten(folder), **facts,
         )  # fmt: skip
         if failed:
             self._fail(failure_text(model, table, shown) + figure())
         if undecided:
-            text = undecided_text(model, table, shown)
+            text = describe_undecided(model, table, shown)
             if (self.claim.undecided or settings.undecided) == "skip":
                 pytest.skip(harmless(f"rattle: {text}"))
             self._fail(f"{text}\n{remedies(table, self.claim)}{figure()}")
@@ -101,31 +108,32 @@ class Rattle:
     def baseline(self, model: Model, *, relative: float = 1e-9, absolute: float = 1e-12) -> None:
         """Compare a model's predictions with those recorded in ``baselines/`` beside the test; nothing is simulated."""
         self._once("baseline")
-        prediction = self._guarded(lambda: predict(model, self.claim))
+        prediction = self._guard(lambda: predict(model, self.claim))
         path = baseline.place(self._item.path, ".".join(self._item.nodeid.split("::")[1:]))
         now = baseline.content(prediction, self.claim)
         mode = self._thresholds.settings.baselines
         again = f"pytest '{self._item.nodeid}' --rattle-baselines"
         if not path.exists():
             if mode == "compare":
-                self._fail(f"there is no baseline {self._shown(path)}; record it: {again}=record")
-            self._guarded(lambda: baseline.write(path, now, prediction.closure))
-            self._record(kind="baseline", done=f"recorded {self._shown(path)}")
+                self._fail(f"there is no baseline {self._shorten(path)}; record it: {again}=record")
+            self._guard(lambda: baseline.write(path, now, prediction.closure))
+            self._record(kind="baseline", done=f"recorded {self._shorten(path)}")
             return
-        recorded = self._guarded(lambda: baseline.read(path))
+        recorded = self._guard(lambda: baseline.read(path))
         changes = baseline.changes(recorded, now, relative, absolute)
         if not changes:
             self._record(kind="baseline", done="")
         elif mode == "regenerate":
-            new = baseline.updated(recorded, now, changes)
-            self._guarded(lambda: baseline.write(path, new, prediction.closure))
+            new = baseline.update(recorded, now, changes)
+            self._guard(lambda: baseline.write(path, new, prediction.closure))
             self._record(
-                kind="baseline", done="\n".join([f"regenerated {self._shown(path)}", *baseline.listed(changes)])
+                kind="baseline",
+                done="\n".join([f"regenerated {self._shorten(path)}", *baseline.format_changes(changes)]),
             )
         else:
-            lines = "\n".join(baseline.listed(changes))
+            lines = "\n".join(baseline.format_changes(changes))
             self._fail(
-                f"{prediction.closure} differs from its baseline {self._shown(path)} by more than {absolute:g} + "
+                f"{prediction.closure} differs from its baseline {self._shorten(path)} by more than {absolute:g} + "
                 f"{relative:g} of a value:\n{lines}\nIf that is meant: {again}=regenerate"
             )
 
@@ -135,7 +143,7 @@ class Rattle:
             self._fail(f"a test makes one {kind}; parametrize the test for more")
         self._asked.add(kind)
 
-    def _guarded(self, action: Callable[[], T]) -> T:
+    def _guard(self, action: Callable[[], T]) -> T:
         try:
             return action()
         except RattleError as error:
@@ -161,9 +169,9 @@ class Rattle:
             save(error_figure(table, prediction.closure), path)
         except OSError as error:  # the verdict does not depend on the figure
             return f"\nNo figure: {error.strerror}"
-        return f"\nFigure: {self._shown(path)}"
+        return f"\nFigure: {self._shorten(path)}"
 
-    def _shown(self, path: Path) -> str:
+    def _shorten(self, path: Path) -> str:
         """A path relative to the folder in which pytest was called, if it lies inside."""
         here = self._item.config.invocation_params.dir
         return str(path.relative_to(here) if path.is_relative_to(here) else path)

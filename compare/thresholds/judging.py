@@ -9,14 +9,14 @@ from rattle.compare.validation.verdict import RULE, Claimed, Simulated, Toleranc
 from rattle.montecarlo.long_run.intervals import half_width
 from rattle.scene.errors import InputError
 
-__all__ = ["OUTCOMES", "errors_of", "judged"]
+__all__ = ["OUTCOMES", "errors_of", "judge_errors"]
 
 OUTCOMES = {"accurate": "pass", "inaccurate": "fail", "undecided": "undecided", "not predicted": "undecided"}
 """Outcome of a row by its verdict."""
 
 
 def errors_of(prediction: Claimed, run: Simulated, claim: Claim) -> pd.DataFrame:
-    """Compute the error of every row of a claim with one standard error; see `judged`.
+    """Compute the error of every row of a claim with one standard error; see `judge_errors`.
 
     A tolerance in units of the sd has a sampling error as well: an error d is within w sds if ``d - w sd`` is negative,
     and the standard error of this difference is at most ``se(d) + w se(sd)``.
@@ -40,7 +40,7 @@ def errors_of(prediction: Claimed, run: Simulated, claim: Claim) -> pd.DataFrame
     return rows
 
 
-def judged(errors: pd.DataFrame, z: float) -> pd.DataFrame:
+def judge_errors(errors: pd.DataFrame, z: float) -> pd.DataFrame:
     """Add intervals and outcomes to the errors of a claim.
 
     Returns: With ``low, high`` (interval of the error), ``verdict`` and ``outcome`` (``pass, fail`` or

@@ -8,7 +8,7 @@ import pandas as pd
 
 from rattle.closure.stationary import Law
 from rattle.compare.stationary.cell import LongCell
-from rattle.compare.stationary.judged import CLOSURES_JUDGED, judged_rows, laws, tolerance_of
+from rattle.compare.stationary.judged import CLOSURES_JUDGED, judge_rows, laws, tolerance_of
 from rattle.compare.stationary.laws import values_of
 from rattle.compare.thresholds.claim import Claim
 from rattle.compare.thresholds.judging import OUTCOMES
@@ -88,7 +88,7 @@ def decide_long(prediction: LongPrediction, claim: Claim, session: Thresholds) -
         simulated = {str(name): float(value) for name, value in result.table["value"].items()}
         rows = pd.DataFrame({"quantity": names, "predicted": list(prediction.values.values()), "se_predicted": 0.0})
         rows["tolerance"] = [tolerance_of(name, simulated) for name in names]
-        table = judged_rows(rows, result.table, z, size or 0).rename(columns={"periods_needed": "paths_needed"})
+        table = judge_rows(rows, result.table, z, size or 0).rename(columns={"periods_needed": "paths_needed"})
         return table.assign(outcome=table["verdict"].map(OUTCOMES), periods=periods, paths=paths), drawn
 
     table, drawn = look_until_decided(tuple(sizes), look)

@@ -12,7 +12,7 @@ import pandas as pd
 
 from rattle.compare.study.cells import Sample
 from rattle.compare.thresholds.claim import Claim
-from rattle.compare.thresholds.judging import errors_of, judged
+from rattle.compare.thresholds.judging import errors_of, judge_errors
 from rattle.compare.thresholds.prediction import Prediction
 from rattle.compare.thresholds.sessions import Drawn, Thresholds
 from rattle.compare.validation.verdict import widest
@@ -58,7 +58,7 @@ def decide(prediction: Prediction, claim: Claim, session: Thresholds) -> Looked:
     def look(paths: int | None) -> tuple[pd.DataFrame, Drawn]:
         sample = Sample(claim.scene, claim.impacts[-1], settings.seed, claim.scheme, paths, claim.accuracy)
         drawn = session.draw(sample)
-        return judged(errors_of(prediction, drawn.run, claim), z), drawn
+        return judge_errors(errors_of(prediction, drawn.run, claim), z), drawn
 
     return Looked(*look_until_decided(sizes, look), z)
 

@@ -7,15 +7,15 @@ import pandas as pd
 
 from rattle.compare.study.cells import Sampled
 from rattle.compare.thresholds.claim import Claim
-from rattle.compare.thresholds.summary import WIDER, decided_by
+from rattle.compare.thresholds.summary import WIDER, describe_remedy
 
-__all__ = ["deciding", "failure_text", "long_rows", "moment_rows", "remedies", "row_table", "undecided_text"]
+__all__ = ["deciding", "describe_undecided", "failure_text", "long_rows", "moment_rows", "remedies", "row_table"]
 
 MARGIN = 2.0
 """Factor on the number of paths that should decide a test, since it is computed from an error that is itself random."""
 
 
-def _signed(value: float) -> str:
+def _format_signed(value: float) -> str:
     """Four decimals, or an exponent where these would be zeros."""
     return f"{value:+.4f}" if abs(value) >= 1e-3 or value == 0.0 else f"{value:+.0e}"
 
@@ -36,10 +36,10 @@ def row_table(rows: pd.DataFrame) -> str:
         {
             "model": rows["predicted"].map("{:.7g}".format),
             "simulated": rows["simulated"].map("{:.7g}".format),
-            "error/sd": (rows["error"] / unit).map(_signed),
-            "low": (rows["low"] / unit).map(_signed),
-            "high": (rows["high"] / unit).map(_signed),
-            "allowed": (rows["tolerance"] / unit).map(lambda v: _signed(v)[1:]),
+            "error/sd": (rows["error"] / unit).map(_format_signed),
+            "low": (rows["low"] / unit).map(_format_signed),
+            "high": (rows["high"] / unit).map(_format_signed),
+            "allowed": (rows["tolerance"] / unit).map(lambda v: _format_signed(v)[1:]),
             "on itinerary": rows["agreement"].map("{:.4f}".format),
         }
     )
@@ -82,10 +82,10 @@ def deciding(table: pd.DataFrame) -> float:
     return float(undecided.fillna(math.inf).max()) if len(undecided) else 0.0
 
 
-def undecided_text(model: str, table: pd.DataFrame, shown: Callable[[pd.DataFrame], str]) -> str:
+def describe_undecided(model: str, table: pd.DataFrame, shown: Callable[[pd.DataFrame], str]) -> str:
     """Say which rows are undecided, and how many paths would decide them; `shown` formats them."""
     rows = table[table["outcome"] == "undecided"]
-    decided = decided_by(deciding(table))
+    decided = describe_remedy(deciding(table))
     return f"{model} is undecided in {len(rows)} of {len(table)} rows; {decided}\n{shown(rows)}"
 
 

@@ -77,7 +77,7 @@ def option_value(config: pytest.Config, option: Option) -> str:
     return str(given)
 
 
-def chosen(config: pytest.Config) -> dict[str, str]:
+def read_options(config: pytest.Config) -> dict[str, str]:
     """The user's choice of every option, by key."""
     return {option.key: option_value(config, option) for option in OPTIONS}
 
@@ -85,12 +85,12 @@ def chosen(config: pytest.Config) -> dict[str, str]:
 def pytest_configure(config: pytest.Config) -> None:
     """Register the marker, and refuse an invalid option before anything is collected."""
     config.addinivalue_line("markers", MARKER)
-    if chosen(config) != {option.key: option.default for option in OPTIONS}:
+    if read_options(config) != {option.key: option.default for option in OPTIONS}:
         from rattle.compare.thresholds.settings import read_settings
         from rattle.scene.errors import InputError
 
         try:
-            read_settings(chosen(config))
+            read_settings(read_options(config))
         except InputError as error:
             raise pytest.UsageError(str(error)) from None
 
@@ -103,7 +103,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
         from rattle.compare.thresholds.sessions import Thresholds, read_claims
         from rattle.compare.thresholds.settings import read_settings
 
-        session.config.stash[THRESHOLDS] = Thresholds(read_settings(chosen(session.config)), session.config)
+        session.config.stash[THRESHOLDS] = Thresholds(read_settings(read_options(session.config)), session.config)
         read_claims(marked)
 
 

@@ -14,7 +14,7 @@ from rattle.compare.study.cells import Cell
 from rattle.compare.study.obtain import obtain
 from rattle.compare.study.store import Store, Stored
 from rattle.compare.study.waiting import aloud
-from rattle.compare.thresholds.claim import Claim, merged, read_claim
+from rattle.compare.thresholds.claim import Claim, merge, read_claim
 from rattle.compare.thresholds.plugin import CLAIM, REFUSED
 from rattle.compare.thresholds.settings import Settings
 from rattle.montecarlo.ensemble import Blocks, in_threads
@@ -47,8 +47,8 @@ class _Watched:
     def label(self) -> str:
         return self.cell.label
 
-    def opened(self, stored: Stored) -> object:
-        return self.cell.opened(stored)
+    def restore(self, stored: Stored) -> object:
+        return self.cell.restore(stored)
 
     def compute(self, blocks: Blocks | None = None) -> Stored:
         self.computed = True
@@ -83,7 +83,7 @@ class Thresholds:
         if cell.key not in self._drawn:
             say = _past_capture(self.config)
             found = watched.compute() if self.store is None else obtain(self.store, watched, say=say)
-            self._drawn[cell.key] = cell.opened(found)
+            self._drawn[cell.key] = cell.restore(found)
         return Drawn(self._drawn[cell.key], watched.computed, watched.computed * (time.perf_counter() - started))
 
 
@@ -118,4 +118,4 @@ def _claim(item: pytest.Item) -> Claim:
     markers = list(item.iter_markers("rattle"))
     if unnamed := [mark.args for mark in markers if mark.args]:
         raise InputError("marker rattle", unnamed[0], "name every option, as in scene='dat21.toml'")
-    return read_claim(merged(mark.kwargs for mark in markers), item.path.parent)
+    return read_claim(merge(mark.kwargs for mark in markers), item.path.parent)

@@ -6,13 +6,13 @@ from typing import Any
 
 from rattle.compare.validation.verdict import BY_SIZE
 
-__all__ = ["WIDER", "decided_by", "summary_lines"]
+__all__ = ["WIDER", "describe_remedy", "summary_lines"]
 
 WIDER = 1.1
 """Ratio of an interval to that of all paths above which it is said what widened it."""
 
 
-def decided_by(paths: float) -> str:
+def describe_remedy(paths: float) -> str:
     """Describe what would decide an undecided test.
 
     Examples
@@ -98,4 +98,4 @@ def _check_lines(checks: Sequence[tuple[str, Mapping[str, Any]]], title: str, si
     yield f"{simulations:10} {computed} simulated in {took:.1f} s, {drawn - computed} from {kept}"
     for test, facts in checks:
         if facts["undecided"] and not facts["failed"]:
-            yield f"undecided  {test} ({facts['model']}) after {facts['size']}: {decided_by(facts['decide'])}"
+            yield f"undecided  {test} ({facts['model']}) after {facts['size']}: {describe_remedy(facts['decide'])}"

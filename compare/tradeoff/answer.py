@@ -7,8 +7,8 @@ from typing import Any
 import pandas as pd
 
 from rattle.compare.tradeoff.measure import HAND_TUNED_NS, Measured, means_seconds
-from rattle.compare.validation.answer import left_out
-from rattle.compare.validation.validity_range import listed
+from rattle.compare.validation.answer import explain_missing
+from rattle.compare.validation.validity_range import join_words
 from rattle.montecarlo.budget import in_words
 
 __all__ = ["EXACT", "advice", "answer", "cheapest", "verdict"]
@@ -36,7 +36,8 @@ def advice(m: Measured, accuracies: Sequence[float]) -> str:
         parts.append(f"`{method}` for errors down to {finest:g} of an sd ({cost})")
     scene, impacts = m.reference.scene, m.reference.impacts
     return (
-        f"For all means and sds at {impacts} impacts of this gear pair at σ = {scene.sigma:.4g} take {listed(parts)}; "
+        f"For all means and sds at {impacts} impacts of this gear pair at σ = {scene.sigma:.4g} "
+        f"take {join_words(parts)}; "
         "times are those of one core, and what is cheapest is decided by counted work."
     )
 
@@ -72,7 +73,7 @@ def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
         f"{plain.path_alone(finest, HAND_TUNED_NS) / exact:,.0f} times at the {HAND_TUNED_NS:g} ns of hand-tuned "
         "numba code."
     )
-    return [*found, *left_out(m.reference.scene, list(predictions["method"])), verdict(m, accuracies)]
+    return [*found, *explain_missing(m.reference.scene, list(predictions["method"])), verdict(m, accuracies)]
 
 
 def verdict(m: Measured, accuracies: Sequence[float]) -> str:

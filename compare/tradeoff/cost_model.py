@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 from rattle.montecarlo import SCHEMES, Ensemble, Record
 from rattle.montecarlo.accuracy import LEAST, sampling_error, share_of_look, step_error
-from rattle.montecarlo.cost import LOOKS, cost_of, expected_paths
+from rattle.montecarlo.cost import LOOKS, cost_of, expect_paths
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.pilots import pilot
 from rattle.scene.scene import Scene
 
-__all__ = ["CostModel", "Point", "timed"]
+__all__ = ["CostModel", "Point", "time_run"]
 
 FINER = 8.0  # ratio of the steps of both pilot runs, which separates the time of steps from that of impacts
 REPEATS = 3  # timings of a pilot run, of which the least counts
@@ -100,7 +100,7 @@ class CostModel:
         """
         room = 0.5 * accuracy if self.bias else accuracy
         run = max((self.best, self.shared or self.best), key=lambda found: found.paths)
-        wanted = max(expected_paths(run, room, share_of_look(LOOKS)).paths, LEAST)
+        wanted = max(expect_paths(run, room, share_of_look(LOOKS)).paths, LEAST)
         paths = math.ceil(wanted / BLOCK) * BLOCK
         dt = min(self.first.dt, room / self.bias) if self.bias else self.first.dt
         seconds = self.pilot_seconds + paths * (self.path_seconds + self.step_seconds * self.steps(dt))
@@ -124,7 +124,7 @@ class CostModel:
         return 1e-9 * step_ns * steps if step_ns else self.path_seconds * share + self.step_seconds * steps
 
 
-def timed(call: Callable[[], Ensemble]) -> tuple[Ensemble, float]:
+def time_run(call: Callable[[], Ensemble]) -> tuple[Ensemble, float]:
     """Time a simulation."""
     began = time.process_time()
     run = call()
@@ -134,4 +134,4 @@ def timed(call: Callable[[], Ensemble]) -> tuple[Ensemble, float]:
 def _least(call: Callable[[], Ensemble]) -> tuple[Ensemble, float]:
     """A run and the shortest of several timings, after a first call that compiles."""
     run = call()
-    return run, min(timed(call)[1] for _ in range(REPEATS))
+    return run, min(time_run(call)[1] for _ in range(REPEATS))

@@ -20,7 +20,7 @@ from tqdm import tqdm
 
 from rattle.closure import closures_for, mean_map
 from rattle.closure.cost import closure_seconds
-from rattle.compare.tradeoff.cost_model import CostModel, Point, timed
+from rattle.compare.tradeoff.cost_model import CostModel, Point, time_run
 from rattle.compare.tradeoff.multilevel import Levels, measure_levels
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, AccuracyWarning, Ensemble, simulate, simulate_to
@@ -71,7 +71,7 @@ def _scheme_points(
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", AccuracyWarning)  # a run that misses it is replaced by the model
                 call = partial(asked, accuracy=accuracy, scheme=model.scheme, budget=BUSY * budget)
-                run, seconds = timed(call)
+                run, seconds = time_run(call)
             model.learn(run)
             reach = run.reach
             assert reach is not None
@@ -130,7 +130,7 @@ def _seconds(call: Callable[[], object]) -> float:
     return time.process_time() - began
 
 
-def _compared_with(point: Point, run: Ensemble | None, model: CostModel, reference: Ensemble) -> list[Point]:
+def _compare(point: Point, run: Ensemble | None, model: CostModel, reference: Ensemble) -> list[Point]:
     """A point with its actual error; if it missed its accuracy, followed by the point extrapolated from the model."""
     if run is None or run.paths >= reference.paths:
         return [point]
@@ -210,7 +210,7 @@ def measure(
     points = []
     for scheme in SCHEMES:
         for point, run in found[scheme]:
-            points += _compared_with(point._replace(rows=rows), run, models[scheme], reference)
+            points += _compare(point._replace(rows=rows), run, models[scheme], reference)
     points += multilevel_points(levels, accuracies, scene, impacts) + closure_points(scene, impacts, reference)
     models = {scheme: models[scheme] for scheme in SCHEMES}
     return Measured(pd.DataFrame(points, columns=list(Point._fields)), models, levels, reference)

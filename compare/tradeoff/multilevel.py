@@ -29,7 +29,7 @@ from rattle.montecarlo.schemes.step_size import largest_step
 from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.scene.scene import Scene
 
-__all__ = ["KURTOSIS_ALARM", "Estimate", "Levels", "Rate", "fitted", "giles_cost", "levels_of", "measure_levels"]
+__all__ = ["KURTOSIS_ALARM", "Estimate", "Levels", "Rate", "fit", "giles_cost", "levels_of", "measure_levels"]
 
 Floats = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ class Rate(NamedTuple):
         return np.asarray(2.0 ** (self.intercept + self.slope * level))
 
 
-def fitted(level: Floats, value: Floats) -> Rate:
+def fit(level: Floats, value: Floats) -> Rate:
     """Fit an exponential by a straight line through the binary logarithms.
 
     Shapes: `level`, `value` (levels,).
@@ -114,10 +114,10 @@ class Levels(NamedTuple):
         """Last level, seconds and first level of the cheapest estimator for given variances and rates."""
         remaining = weak.at(np.arange(MOST_LEVELS, dtype=float)) / (2.0**-weak.slope - 1.0)
         last = max(1, int(np.argmax(remaining <= accuracy)))
-        v = _continued(variance.to_numpy(), strong.slope, last)
-        alone = _continued(self.table["alone_seconds"].to_numpy(), self.gamma.slope, last)
-        pair = _continued(self.table["path_seconds"].to_numpy(), self.gamma.slope, last)
-        whole = _continued(single, 0.0, last)
+        v = _extrapolate(variance.to_numpy(), strong.slope, last)
+        alone = _extrapolate(self.table["alone_seconds"].to_numpy(), self.gamma.slope, last)
+        pair = _extrapolate(self.table["path_seconds"].to_numpy(), self.gamma.slope, last)
+        whole = _extrapolate(single, 0.0, last)
         costs = [
             giles_cost(np.append(whole[k], v[k + 1 :]), np.append(alone[k], pair[k + 1 :]), accuracy)
             for k in range(last + 1)
@@ -126,7 +126,7 @@ class Levels(NamedTuple):
         return last, costs[first], first
 
 
-def _continued(values: Floats, slope: float, last: int) -> Floats:
+def _extrapolate(values: Floats, slope: float, last: int) -> Floats:
     """Values of the levels up to the last; those that were not run are extrapolated by their rate."""
     beyond = np.arange(1, last + 2 - values.size)
     return np.append(values, values[-1] * 2.0 ** (slope * beyond))[: last + 1]
@@ -200,7 +200,7 @@ def levels_of(runs: Sequence[Ensemble], seconds: Sequence[float]) -> Levels:
     of = table[table["level"] >= FITTED_FROM]
     clear = of[of["mean_worst"] > 3.0 * of["se_mean_worst"]]
     alpha, beta, gamma, typical_beta = (
-        fitted(part["level"].to_numpy(float), part[name].to_numpy())
+        fit(part["level"].to_numpy(float), part[name].to_numpy())
         for part, name in (
             (clear, "mean_worst"), (of, "variance_worst"), (of, "path_seconds"), (of, "variance_median"),
         )

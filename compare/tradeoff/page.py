@@ -12,7 +12,7 @@ from rattle.compare.tradeoff.answer import EXACT, cheapest
 from rattle.compare.tradeoff.measure import Measured, means_seconds, slope
 from rattle.compare.tradeoff.multilevel import KURTOSIS_ALARM, Rate
 from rattle.compare.tradeoff.weak_order import ORDER_IMPACTS, STEPS, Orders
-from rattle.compare.validation.validity_range import listed
+from rattle.compare.validation.validity_range import join_words
 from rattle.montecarlo.budget import in_words
 from rattle.scene.scene import Scene
 
@@ -187,8 +187,8 @@ def _groups(rows: pd.DataFrame, value: str) -> str:
     for moment, own in rows.groupby("moment", sort=False):
         low, high = own[value].min(), own[value].max()
         span = f"{low:.2f}" if f"{low:.2f}" == f"{high:.2f}" else f"{low:.2f} to {high:.2f}"
-        found.append(f"{span} ({moment}s of {listed(list(own['quantity']))})")
-    return listed(found)
+        found.append(f"{span} ({moment}s of {join_words(list(own['quantity']))})")
+    return join_words(found)
 
 
 def tradeoff_page(

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-__all__ = ["CONFIDENCE", "changes_from", "settled_from", "slope_from"]
+__all__ = ["CONFIDENCE", "changes_from", "find_settled", "slope_from"]
 
 Floats = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def _slope(bias: Floats, se: Floats, steps: Sequence[float], chosen: Floats) -> 
     return float(((x - x.mean()) * y).sum() / ((x - x.mean()) ** 2).sum())
 
 
-def settled_from(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[float, float, float, int]:
+def find_settled(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[float, float, float, int]:
     """The order, if the slope has settled: the local slopes of the finest three changes agree, and none turns its sign.
 
     Returns: Slope over the finest three steps and its 95 % interval; NaN if it has not settled, or noise hides

@@ -18,7 +18,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from rattle.compare.tradeoff.slopes import CONFIDENCE, changes_from, settled_from, slope_from
+from rattle.compare.tradeoff.slopes import CONFIDENCE, changes_from, find_settled, slope_from
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, Ensemble, Record, simulate
 from rattle.montecarlo.accuracy import ROUNDED, units
@@ -166,7 +166,7 @@ def _by_quantity(
         b, s = bias[:, :, own], se[:, :, own]
         slope, low, high, last_change = slope_from(b, s, STEPS)
         last, last_low, last_high, _ = slope_from(b[:, -2:], s[:, -2:], STEPS[-2:])
-        order, order_low, order_high, turns = settled_from(b, s, STEPS)
+        order, order_low, order_high, turns = find_settled(b, s, STEPS)
         z = max((float(z[own & varies].max()) for z, varies in limits if (own & varies).any()), default=math.nan)
         slopes.append(
             Slope(scheme, sigma, moment, quantity, STEPS[0], 0.5 * STEPS[-1], slope, low, high, last, last_low,
@@ -203,7 +203,7 @@ def _itinerary_slope(scheme: str, sigma: float, shares: Floats, kept: float, pat
         whole = slope_from(distance, nothing, tuple(steps[seen]))[:3]
         local = slope_from(distance[:, -2:], nothing[:, -2:], tuple(steps[seen][-2:]))[:3]
         if seen.sum() >= 3:
-            *three, turns = settled_from(distance, nothing, tuple(steps[seen]))
+            *three, turns = find_settled(distance, nothing, tuple(steps[seen]))
             settled = (three[0], three[1], three[2])
     last = 2.0 * means[-1] - means[-2]  # Richardson extrapolation from the two smallest steps
     error = math.hypot(math.hypot(2.0 * spread[-1], spread[-2]), floor)

@@ -5,7 +5,7 @@ Accuracy decides, and where a closure is accurate the counted work of both sides
 
 import pandas as pd
 
-from rattle.compare.validation.validity_range import listed
+from rattle.compare.validation.validity_range import join_words
 from rattle.montecarlo.budget import in_words
 
 __all__ = ["advice", "cost_sentence"]
@@ -36,7 +36,7 @@ def advice(validity: pd.DataFrame, impacts: int, speed: pd.DataFrame) -> str:
             said.append(f"take {worth[0]} at σ = {sigma:.4g} (all {_moments(impacts)} are accurate)")
         elif dearer:
             are = "is" if len(dearer) == 1 else "are"
-            why = f"{listed(dearer)} {are} accurate, at more work than a simulation as accurate"
+            why = f"{join_words(dearer)} {are} accurate, at more work than a simulation as accurate"
             said.append(f"simulate at σ = {sigma:.4g} ({why})")
         else:
             said.append(f"simulate at σ = {sigma:.4g} ({_none(rows, impacts)})")
@@ -48,7 +48,7 @@ def _none(rows: pd.DataFrame, impacts: int) -> str:
     undecided = [f"`{c}`" for c in rows[rows["not_inaccurate"] == impacts]["closure"]]
     if undecided:
         verb = "is" if len(undecided) == 1 else "are"
-        return f"{listed(undecided)} {verb} undecided: more paths would settle it"
+        return f"{join_words(undecided)} {verb} undecided: more paths would settle it"
     if impacts == 1:
         return "no closure is accurate at the first impact"
     best = rows.sort_values("accurate", ascending=False, kind="stable").iloc[0]
@@ -73,13 +73,13 @@ def cost_sentence(
         for row in simulation.to_dict("records")
     ]
     whole = speed[speed["impacts"] == impacts].groupby("closure", sort=False)["closure_seconds"].max()
-    closures = listed([f"`{name}` {in_words(seconds, 2)}" for name, seconds in whole.items()]) if len(whole) else ""
-    said = f"Counted work (nominal time of one core, without compiling): by simulation {what} take {listed(each)}"
+    closures = join_words([f"`{name}` {in_words(seconds, 2)}" for name, seconds in whole.items()]) if len(whole) else ""
+    said = f"Counted work (nominal time of one core, without compiling): by simulation {what} take {join_words(each)}"
     said += f"; {closures}" if closures else ""
     if over is not None:
         slower = over[over["resolved"] & (over["speed_up"] < 1.0) & (over["impacts"] == impacts)]
         for closure, rows in slower.groupby("closure", sort=False):
-            at = listed([f"{sigma:.4g}" for sigma in rows["sigma"]])
+            at = join_words([f"{sigma:.4g}" for sigma in rows["sigma"]])
             said += f"; a simulation as accurate as `{closure}` takes less at σ = {at}"
     return f"{said}."
 

@@ -13,11 +13,11 @@ from rattle.compare.validation.speed import simulation_costs, speeds
 from rattle.compare.validation.sweep import Sweep
 from rattle.compare.validation.validate import Validation
 from rattle.compare.validation.validity import validities
-from rattle.compare.validation.validity_range import in_words, listed, spanned, unbroken
+from rattle.compare.validation.validity_range import in_words, join_words, span, unbroken
 from rattle.compare.validation.verdict import BY_SIZE, JUDGED
 from rattle.scene.scene import Scene
 
-__all__ = ["answer", "by_size_sentence", "correlation_claim", "left_out", "sigma_text", "validity_sentence"]
+__all__ = ["answer", "by_size_sentence", "correlation_claim", "explain_missing", "sigma_text", "validity_sentence"]
 
 SECTION = " (Poincaré section at the impacts)"
 """Explains the word section at its first use on a page."""
@@ -43,15 +43,15 @@ def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
         )
         ended = bool((at[at["not_inaccurate"] < impacts]["cause"][:1] == "ended").any())
         found.setdefault(in_words("σ", list(at.index), accurate, not_wrong, ended=ended), []).append(f"`{closure}`")
-    shares = [f"{listed(closures)}: {said}" for said, closures in found.items()]
+    shares = [f"{join_words(closures)}: {said}" for said, closures in found.items()]
     sigmas = validity["sigma"]
     return (
         f"Every section mean and sd{SECTION} over {impacts} impacts ({sigmas.nunique()} noise intensities, "
-        f"{spanned(sigmas, '.4g')}) — {'; '.join(shares)}."
+        f"{span(sigmas, '.4g')}) — {'; '.join(shares)}."
     )
 
 
-def left_out(scene: Scene, shown: Iterable[str]) -> list[str]:
+def explain_missing(scene: Scene, shown: Iterable[str]) -> list[str]:
     """Which closures cannot be applied to a scene, and why.
 
     Examples
@@ -61,7 +61,7 @@ def left_out(scene: Scene, shown: Iterable[str]) -> list[str]:
     ['Left out: `published` (start.mesh = 0: the published closure needs a start at mesh 1 (Eq. 10)).']
     """
     missing = [f"`{name}` ({why})" for name, why in refusals(scene).items() if name not in shown]
-    return [f"Left out: {listed(missing)}."] if missing else []
+    return [f"Left out: {join_words(missing)}."] if missing else []
 
 
 def answer(validations: Sequence[Validation], swept: Sweep | None = None) -> list[str]:
@@ -84,7 +84,7 @@ def answer(validations: Sequence[Validation], swept: Sweep | None = None) -> lis
             accurate, _, undecided = (int(counts.get(verdict, 0)) for verdict in JUDGED)
             open_rows = f" ({undecided} undecided)" if undecided else ""
             each.append(f"`{closure}` {accurate} of {int(counts.reindex(list(JUDGED)).sum())}{open_rows}")
-        shares.append(f"at σ = {sigma_text(v)} {listed(each)}")
+        shares.append(f"at σ = {sigma_text(v)} {join_words(each)}")
     broken = []
     for closure in validations[0].predictions:
         failures = [(v, f) for v in validations if (f := first_failure(v.correlation, closure))]
@@ -101,7 +101,7 @@ def answer(validations: Sequence[Validation], swept: Sweep | None = None) -> lis
         if name in judged and not any(first_failure(v.correlation, name) for v in validations)
     ]
     if realizable:
-        broken.append(f"the moments of {listed([f'`{name}`' for name in realizable])} stay realizable")
+        broken.append(f"the moments of {join_words([f'`{name}`' for name in realizable])} stay realizable")
     motion, speed = lasting(validations[0]), speeds(validations)
     first = [advice(validities(validations), impacts, speed)]
     first += [validity_sentence(swept.validity, impacts)] if swept else []
@@ -117,7 +117,7 @@ def answer(validations: Sequence[Validation], swept: Sweep | None = None) -> lis
         f"As for the correlation coefficient, {'; '.join(broken)}; in the simulation |ρ| never exceeds "
         f"{_largest_rho(validations, SIMULATED):.4f}.",
         *_agreement(validations),
-        *left_out(validations[0].scene, validations[0].predictions),
+        *explain_missing(validations[0].scene, validations[0].predictions),
     ]
 
 
@@ -131,7 +131,8 @@ def _agreement(validations: Sequence[Validation]) -> list[str]:
     if not shares:
         return []
     return [
-        f"After {impacts} impacts the share of paths that still follow one itinerary of a closure is {listed(shares)}: "
+        f"After {impacts} impacts the share of paths that still follow one itinerary of a closure is "
+        f"{join_words(shares)}: "
         "a closure along a single orbit says nothing of the others."
     ]
 
@@ -141,7 +142,7 @@ def by_size_sentence(validations: Sequence[Validation]) -> list[str]:
     rows = pd.concat([v.table.assign(sigma=sigma_text(v)) for v in validations])
     rows = rows[rows["remark"] == BY_SIZE]
     shares = [
-        f"at σ = {sigma} {listed([f'`{closure}` {n}' for closure, n in own.value_counts(sort=False).items()])}"
+        f"at σ = {sigma} {join_words([f'`{closure}` {n}' for closure, n in own.value_counts(sort=False).items()])}"
         for sigma, own in rows.groupby("sigma", sort=False)["closure"]
     ]
     return [f"Moments not measured in sds ({BY_SIZE}): {'; '.join(shares)}."] if shares else []

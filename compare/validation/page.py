@@ -10,7 +10,7 @@ from matplotlib.figure import Figure as Drawing
 from rattle.compare.report import Block, Code, Figure, Page, Section, Source, Text, manifest, pages, write_page
 from rattle.compare.report.content import MARKS as SIGNS
 from rattle.compare.report.csv_text import csv_text, write_csv
-from rattle.compare.report.folder import named, whole_folder
+from rattle.compare.report.folder import name_of, whole_folder
 from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.report.json_text import json_text
 from rattle.compare.report.style import caption_of, save
@@ -67,7 +67,7 @@ def table_text(validations: Sequence[Validation]) -> tuple[pd.DataFrame, str]:
     return table, csv_text(table, index=False)
 
 
-def _drawn(drawing: Drawing, name: str, caption: str, folder: Path) -> Figure:
+def _draw(drawing: Drawing, name: str, caption: str, folder: Path) -> Figure:
     """Save a figure into the report folder; the block that shows it."""
     path = f"figures/{name}.svg"
     save(drawing, folder / path)
@@ -81,7 +81,7 @@ def _section(v: Validation, number: int, folder: Path) -> Section:
     for kind, drawn in FIGURES.items():
         if drawn.suits(v):
             drawing = drawn.draw(v)
-            figures.append(_drawn(drawing, f"{kind}-{name}", caption_of(drawing, drawn.caption), folder))
+            figures.append(_draw(drawing, f"{kind}-{name}", caption_of(drawing, drawn.caption), folder))
     failures = failure_table(v)
     found: list[Block] = [Text("Every check holds.")]
     if failures.rows:
@@ -113,7 +113,7 @@ def _page(
 ) -> Page:
     """The page of the report; its figures are saved into the folder."""
     caption = AGREEMENT + (PREDICTED if "branching" in validations[0].predictions else "")
-    agreement = _drawn(agreement_figure(validations), "agreement", caption, folder)
+    agreement = _draw(agreement_figure(validations), "agreement", caption, folder)
     words = glossary(*WORDS, gears=validations[0].scene.gears)
     sections = []
     if swept:
@@ -122,7 +122,7 @@ def _page(
             "numbers. Every σ by itself: `validity.csv`; what a simulation takes at each: `simulation.csv`."
         )
         drawing = validity_figure(swept.validity, settings.impacts)
-        figure = _drawn(drawing, "validity", caption_of(drawing, VALIDITY), folder)
+        figure = _draw(drawing, "validity", caption_of(drawing, VALIDITY), folder)
         opening: tuple[Block, ...] = (figure, validity_table(swept.validity), Text(paths, note=True), words)
         speeds = speed_table(swept.speed)
         note = SPEED + ("" if swept.speed["resolved"].all() else UNRESOLVED)
@@ -209,7 +209,7 @@ def write_report(
         if schemes is not None:
             write_csv(schemes, folder / "schemes.csv", index=False)
         write_page(_page(settings, validations, swept, record, folder, schemes), folder, "report")
-        (folder / "manifest.json").write_text(json_text(manifest.sealed(record)) + "\n", encoding="utf-8")
+        (folder / "manifest.json").write_text(json_text(manifest.seal(record)) + "\n", encoding="utf-8")
     return record
 
 
@@ -218,7 +218,7 @@ def write_one(v: Validation, out: Path, overwrite: bool) -> Path:
     run, seed = v.run, v.run.seed
     whole = isinstance(seed.entropy, int) and not seed.spawn_key
     settings = manifest.Settings(
-        named(out), (v.scene,), run.impacts, run.paths, run.dt, run.scheme, int(seed.entropy) if whole else 0,  # type: ignore[arg-type]
+        name_of(out), (v.scene,), run.impacts, run.paths, run.dt, run.scheme, int(seed.entropy) if whole else 0,  # type: ignore[arg-type]
         next(iter(v.predictions.values())).order, tuple(v.predictions),
     )  # fmt: skip
     here = "validate(...).report(...), in Python"

@@ -13,7 +13,7 @@ import pandas as pd
 from rattle.closure import mean_map
 from rattle.closure.cost import closure_seconds
 from rattle.compare.validation.validate import Validation
-from rattle.compare.validation.validity import judged_rows, validity
+from rattle.compare.validation.validity import rows_to_judge, validity
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo.cost import cost_of, cost_to
 
@@ -70,7 +70,7 @@ def speed(v: Validation, closure: str) -> Speed | None:
     reached, prediction = validity(v, closure).accurate, v.predictions[closure]
     if reached == 0:
         return None
-    rows = judged_rows(v, closure)
+    rows = rows_to_judge(v, closure)
     rows = rows[(rows["impact"] <= reached) & (rows["unit"] > 0.0) & (rows["verdict"] != "not predicted")]
     if rows.empty:
         return None

@@ -78,8 +78,8 @@ def sweep(scene: Scene, sigmas: Sequence[float], *, workers: int, **settings: An
         validity.append(validities(own))
         speed.append(speeds(own))
         costs.append(simulation_costs(own))
-    return Sweep(*(_stacked(tables) for tables in (validity, speed, costs)))
+    return Sweep(*(_stack(tables) for tables in (validity, speed, costs)))
 
 
-def _stacked(tables: list[pd.DataFrame]) -> pd.DataFrame:
+def _stack(tables: list[pd.DataFrame]) -> pd.DataFrame:
     return pd.concat([t for t in tables if len(t)] or tables[:1], ignore_index=True)

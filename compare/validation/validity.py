@@ -12,7 +12,7 @@ from rattle.compare.validation.validate import Validation
 from rattle.compare.validation.validity_range import UNDECIDED, is_accurate, is_wrong, unbroken, want
 from rattle.compare.validation.verdict import NOT_JUDGED
 
-__all__ = ["CAUSES", "Validity", "judged_rows", "validities", "validity"]
+__all__ = ["CAUSES", "Validity", "rows_to_judge", "validities", "validity"]
 
 CAUSES = {
     "holds": "holds to the last impact followed",
@@ -57,7 +57,7 @@ def validity(v: Validation, closure: str) -> Validity:
     >>> validity(v, "saltation").accurate, validity(v, "published").not_inaccurate
     (3, 0)
     """
-    rows = judged_rows(v, closure)
+    rows = rows_to_judge(v, closure)
     impacts = range(1, len(v.run.section) + 1)
     verdicts = {k: set(group["verdict"]) for k, group in rows.groupby("impact")}
     accurate = unbroken(impacts, [is_accurate(verdicts[k]) for k in impacts]) or 0
@@ -77,7 +77,7 @@ def validities(validations: Sequence[Validation]) -> pd.DataFrame:
     return pd.DataFrame([validity(v, closure) for v in validations for closure in v.predictions])
 
 
-def judged_rows(v: Validation, closure: str) -> pd.DataFrame:
+def rows_to_judge(v: Validation, closure: str) -> pd.DataFrame:
     """The section rows of a closure that are judged, see `rattle.compare.validation.verdict.RULE`."""
     rows = v.table[(v.table["closure"] == closure) & (v.table["kind"] == "section")]
     return rows[rows["verdict"] != NOT_JUDGED]
@@ -108,7 +108,7 @@ def _why(v: Validation, closure: str, impact: int) -> tuple[str, str]:
 
 
 def _worst(v: Validation, closure: str, impact: int) -> str:
-    rows = judged_rows(v, closure)
+    rows = rows_to_judge(v, closure)
     rows = rows[(rows["impact"] == impact) & (rows["verdict"] == "inaccurate")]
     rows = rows.assign(excess=(rows["error"] / rows["tolerance"]).abs()).sort_values("excess", ascending=False)
     if rows.empty:

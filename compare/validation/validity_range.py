@@ -13,7 +13,7 @@ import pandas as pd
 from rattle.compare.validation.verdict import JUDGED
 
 __all__ = [
-    "ACCURATE", "ENDED", "NOT_WRONG", "UNDECIDED", "WRONG", "in_words", "is_accurate", "is_wrong", "listed", "spanned",
+    "ACCURATE", "ENDED", "NOT_WRONG", "UNDECIDED", "WRONG", "in_words", "is_accurate", "is_wrong", "join_words", "span",
     "unbroken", "want",
 ]  # fmt: skip
 
@@ -97,7 +97,7 @@ def in_words(
     return ", ".join(phrases)
 
 
-def listed(items: Sequence[str]) -> str:
+def join_words(items: Sequence[str]) -> str:
     """Join items as in a sentence: commas, and ``and`` before the last.
 
     Examples
@@ -108,7 +108,7 @@ def listed(items: Sequence[str]) -> str:
     return items[0] if len(items) == 1 else ", ".join(items[:-1]) + " and " + items[-1]
 
 
-def spanned(values: Iterable[float], form: str) -> str:
+def span(values: Iterable[float], form: str) -> str:
     """The range of some values in words; one value where they are the same as printed.
 
     >>> spanned([17.257, 17.262], ".4g"), spanned([0.05, 0.1], ".0%")

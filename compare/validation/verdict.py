@@ -184,23 +184,23 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
     ``unseen_high`` are how far branches that the sample cannot have seen widen the interval on either side, and
     ``unseen_paths`` how many paths would show them (`rattle.montecarlo.unseen`); ``remark`` says so in words
     where they leave a row undecided, and is `BY_SIZE` where ``still`` is the tolerance. The interval of a sampled
-    value is longer on the side to which its own sampling distribution is skewed (`skewed`); ``lean`` is that
-    skewness over sqrt(n). Verdicts are those of `judge`.
+    value is longer on the side to which its own sampling distribution is skewed (`widen_for_skewness`); ``lean`` is
+    that skewness over sqrt(n). Verdicts are those of `judge`.
     """
     section, steps = run.section, run.step_bias
     impact, quantity, is_mean = steps["impact"], steps["quantity"], steps["moment"] == "mean"
     name = quantity.where(is_mean, "sd_" + quantity)
     sd = steps[~is_mean].set_index(["impact", "quantity"])
     own = sd.loc[pd.MultiIndex.from_arrays([impact, quantity])].reset_index(drop=True)
-    unit = own["corrected"].where(own["corrected"] > 0.0, _picked(section, impact, "sd_" + quantity))
+    unit = own["corrected"].where(own["corrected"] > 0.0, _pick(section, impact, "sd_" + quantity))
     agreement = run.agreement.get(prediction.closure, section["agreement"])
-    predicted = _picked(prediction.section, impact, name)
+    predicted = _pick(prediction.section, impact, name)
     sizes = {q: float(np.hypot(section[q], section["sd_" + q]).max()) for q in quantity.unique() if q != "tau"}
     size = quantity.map(sizes | {"tau": sizes["flight"]}).astype(float).fillna(0.0)
     columns = {str(name): section[name].to_numpy() for name in section}
     few = ~is_mean & is_random(run.scene) & (section["paths"].loc[impact].to_numpy() < FEWEST)
     least = pd.DataFrame(resolved_sd(columns), index=section.index)
-    still = np.where(unit > _picked(least, impact, quantity), 0.0, ABSOLUTE * size)
+    still = np.where(unit > _pick(least, impact, quantity), 0.0, ABSOLUTE * size)
     table = pd.DataFrame(
         {
             "closure": prediction.closure,
@@ -209,8 +209,8 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
             "quantity": quantity,
             "moment": steps["moment"],
             "predicted": predicted,
-            "simulated": _picked(section, impact, name),
-            "se": _picked(section, impact, "se_" + name),
+            "simulated": _pick(section, impact, name),
+            "se": _pick(section, impact, "se_" + name),
             "bias": steps["bias"],
             "error": predicted - steps["corrected"],
             "noise": z * steps["se_corrected"].where(~few),
@@ -226,14 +226,14 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
     )
     student = half_width(table["paths"], float(ndtr(-z))) / z * table["noise"]
     half, paths = student + table["rest"], float(section["paths"].max())
-    gain = skewed(columns, steps, z)
+    gain = widen_for_skewness(columns, steps, z)
     lean = gain * student
     table["low"], table["high"] = (
         table["error"] - half - lean.clip(lower=0.0),
         table["error"] + half - lean.clip(upper=0.0),
     )
     hidden = unseen(run.scene, columns, int(paths))
-    up, down, needed, chance = _hidden(hidden, steps)
+    up, down, needed, chance = _shift_unseen(hidden, steps)
     table["unseen_low"], table["unseen_high"], table["unseen_paths"] = up, down, needed
     table["low"], table["high"] = table["low"] - up, table["high"] + down
     table.loc[few, "unseen_paths"] = FEWEST
@@ -257,7 +257,7 @@ def remarks(table: pd.DataFrame) -> list[str]:
     return out
 
 
-def skewed(columns: Mapping[str, NDArray[Any]], steps: pd.DataFrame, z: float) -> NDArray[np.float64]:
+def widen_for_skewness(columns: Mapping[str, NDArray[Any]], steps: pd.DataFrame, z: float) -> NDArray[np.float64]:
     """`rattle.montecarlo.accuracy.skewness_gain` of the rows of a table.
 
     Shapes: result (rows,).
@@ -267,7 +267,7 @@ def skewed(columns: Mapping[str, NDArray[Any]], steps: pd.DataFrame, z: float) -
     return np.asarray(gains[of_sd, _number(steps["quantity"]), steps["impact"].to_numpy() - 1])
 
 
-def _hidden(hidden: Unseen, steps: pd.DataFrame) -> tuple[NDArray[np.float64], ...]:
+def _shift_unseen(hidden: Unseen, steps: pd.DataFrame) -> tuple[NDArray[np.float64], ...]:
     """Shifts up and down, paths that would tell and probability of the branch, of the rows of a table."""
     at = steps["impact"].to_numpy() - 1, _number(steps["quantity"])
     mean = (steps["moment"] == "mean").to_numpy()
@@ -291,7 +291,7 @@ def to_absolute_time(table: pd.DataFrame, scene: Scene) -> pd.DataFrame:
     return table.assign(**columns)
 
 
-def _picked(table: pd.DataFrame, impact: pd.Series, column: pd.Series) -> NDArray[np.float64]:
+def _pick(table: pd.DataFrame, impact: pd.Series, column: pd.Series) -> NDArray[np.float64]:
     """Entries of a table by row and column; NaN where it has none."""
     code, names = pd.factorize(column)
     values = table.reindex(index=range(1, int(impact.max()) + 1), columns=names).to_numpy(float)

@@ -26,7 +26,7 @@ from rattle.scene.errors import InputError
 from rattle.scene.impact import struck
 from rattle.scene.scene import Scene
 
-__all__ = ["DEEPEST", "HIT", "Clockwork", "Room", "clockwork", "flown", "new_room", "step_time", "walk_step"]
+__all__ = ["DEEPEST", "HIT", "Clockwork", "Room", "clockwork", "fly", "new_room", "step_time", "walk_step"]
 
 Floats = NDArray[np.float64]
 
@@ -103,7 +103,7 @@ def new_room(depth: int) -> Room:
 
 
 @jit
-def flown(c: Constants, tau: float, s: Floats, h: float, noise: Noise, end: Floats) -> tuple[float, float]:
+def fly(c: Constants, tau: float, s: Floats, h: float, noise: Noise, end: Floats) -> tuple[float, float]:
     """State after a flight of time h, at most a step, with given noise, into `end`.
 
     Shapes: `s` (4,); `end` (4,).
@@ -149,11 +149,11 @@ def _leaf(
     """Carry a path through a leaf; returns the number of impacts in the step so far."""
     left, gone = h, 0.0
     for _ in range(IN_A_LEAF):
-        flown(c, tau + gone, s, left, Noise(noise.increment * (left / h), 0.0), end)
+        fly(c, tau + gone, s, left, Noise(noise.increment * (left / h), 0.0), end)
         share, code = _first_wall(c, left, s, end)
         if code != 0 and n < len(hits):
             t = share * left
-            flown(c, tau + gone, s, t, Noise(noise.increment * (t / h), 0.0), end)
+            fly(c, tau + gone, s, t, Noise(noise.increment * (t / h), 0.0), end)
             j = 2 * (abs(code) - 1)
             side = 1 if code > 0 else -1
             end[j] = side * (c.wall1 if j == 0 else c.wall2)
@@ -212,7 +212,7 @@ def walk_step(
                 return n, True
             continue
         if not first:  # of the whole step it is known
-            margin1, margin2 = flown(c, tau + offset, s, h, noise, end)
+            margin1, margin2 = fly(c, tau + offset, s, h, noise, end)
             if not _is_near(c, h, s, end, margin1, margin2):
                 s[:] = end
                 offset += h

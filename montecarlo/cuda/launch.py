@@ -64,7 +64,7 @@ def check_gpu() -> None:
     raise InputError("device", "cuda", "needs CUDA's compiler libraries; run: pip install 'rattle[gpu]'")
 
 
-def _simulated() -> bool:
+def _is_simulated() -> bool:
     from numba import config
 
     return bool(getattr(config, "ENABLE_CUDASIM", False))
@@ -80,7 +80,7 @@ def _resident() -> int:
 
 def launch_size(plan: Plan) -> int:
     """Paths of a launch: `ROUNDS` per resident thread, or as many as fit a quarter of the GPU's free memory."""
-    if _simulated():
+    if _is_simulated():
         return min(SIMULATED, plan.paths)
     from numba import cuda
 
@@ -101,7 +101,7 @@ class _Resources(NamedTuple):
     fixed_steps: Any
 
 
-def _prepared(plan: Plan) -> _Resources:
+def _prepare(plan: Plan) -> _Resources:
     from numba import cuda
 
     from rattle.montecarlo.cuda.paths import path_kernel
@@ -123,14 +123,14 @@ def _prepared(plan: Plan) -> _Resources:
     )
 
 
-def _followed(gpu: _Resources, first: int, paths: int) -> tuple[Any, Any, NDArray[np.int64]]:
+def _follow(gpu: _Resources, first: int, paths: int) -> tuple[Any, Any, NDArray[np.int64]]:
     """Follow paths from number `first` on: impacts and states at fixed times (on the GPU), and counts of the work."""
     from numba import cuda
 
     from rattle.montecarlo.cuda.sums import launch
 
     plan = gpu.plan
-    threads = SIMULATED // 2 if _simulated() else THREADS
+    threads = SIMULATED // 2 if _is_simulated() else THREADS
     rows = cuda.device_array((plan.impacts, COLUMNS, paths), np.float64)
     fixed = cuda.device_array((plan.fixed_steps.size, 4, paths), np.float64)
     counts = cuda.to_device(np.zeros(3, np.int64))
@@ -146,15 +146,15 @@ def launches(plan: Plan, size: int) -> Iterator[tuple[BlockResult, Floats | None
 
     Shapes: `rows` (paths, impacts, COLUMNS), or None.
     """
-    from rattle.montecarlo.cuda.sums import MOST_THREADS, reduced
+    from rattle.montecarlo.cuda.sums import MOST_THREADS, reduce
 
-    gpu = _prepared(plan)
+    gpu = _prepare(plan)
     for first in range(0, plan.paths, size):
-        rows, fixed, counts = _followed(gpu, first, min(size, plan.paths - first))
+        rows, fixed, counts = _follow(gpu, first, min(size, plan.paths - first))
         kept = np.ascontiguousarray(rows.copy_to_host().transpose(2, 0, 1)) if plan.keep else None
         if kept is not None and plan.scene.stages == 1:
             kept[:, :, 4:6] = np.nan
-        yield reduced(plan, rows, fixed, counts, 2 if _simulated() else MOST_THREADS), kept
+        yield reduce(plan, rows, fixed, counts, 2 if _is_simulated() else MOST_THREADS), kept
 
 
 FP64_LANES = {(6, 0): 32, (7, 0): 32, (8, 0): 32, (9, 0): 64, (10, 0): 64}
@@ -184,12 +184,12 @@ COSTS = {
 
 def speed(plan: Plan, repeats: int = 3) -> float:
     """Path-steps per second of a plan's first launch: the best of several, after one that compiles."""
-    gpu, paths = _prepared(plan), launch_size(plan)
-    _followed(gpu, 0, paths)
+    gpu, paths = _prepare(plan), launch_size(plan)
+    _follow(gpu, 0, paths)
     best = 0.0
     for _ in range(repeats):
         begin = time.perf_counter()
-        *_, counts = _followed(gpu, 0, paths)  # fetching the counts waits for the paths
+        *_, counts = _follow(gpu, 0, paths)  # fetching the counts waits for the paths
         best = max(best, float(counts[0]) / (time.perf_counter() - begin))
     return best
 

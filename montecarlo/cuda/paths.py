@@ -89,7 +89,7 @@ def _first_walls(random, job, path):  # type: ignore[no-untyped-def]
 
 
 @cuda.jit(device=True)
-def _moved(walls, code, drawn):  # type: ignore[no-untyped-def]
+def _move(walls, code, drawn):  # type: ignore[no-untyped-def]
     """Walls after an impact: the flank opposite to the struck one is redrawn."""
     return Walls(
         drawn if code == -1 else walls.high1, drawn if code == 1 else walls.low1,
@@ -194,7 +194,7 @@ def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callabl
                         last = max(at.tau, last)
                         if redrawn:
                             drawn = half_gap(job.backlash, job.key, path, Word(k) + FLANK_DRAWS, mesh)
-                            walls = _moved(walls, at.code, drawn)
+                            walls = _move(walls, at.code, drawn)
                         k += 1
                         u1, u2 = struck(c, mesh, at.y1, at.y2)
                         at = Progress(0, at.tau, at.left, at.noise, at.x1, u1, at.x2, u2)

@@ -18,7 +18,7 @@ from rattle.montecarlo.kernel.kernel import COLUMNS
 from rattle.montecarlo.statistics.central_sums import COVARIANCE, PAIR, SINGLE, CentralSums, Orders
 from rattle.scene.moments import SECTION
 
-__all__ = ["MOST_THREADS", "launch", "reduced"]
+__all__ = ["MOST_THREADS", "launch", "reduce"]
 
 MOST_THREADS = 256  # of a thread block; a power of two
 MOST_ORDERS, MOST_POWERS = 16, 9  # sizes of local arrays: orders of a cell, and powers 0 to 8
@@ -157,7 +157,7 @@ def _sums(v: Any, variables: int, pairs: Sequence[tuple[int, int]], orders: Orde
     )  # fmt: skip
 
 
-def reduced(plan: Plan, rows: Any, fixed: Any, counts: NDArray[np.int64], threads: int) -> BlockResult:
+def reduce(plan: Plan, rows: Any, fixed: Any, counts: NDArray[np.int64], threads: int) -> BlockResult:
     """The result of a launch, reduced on the GPU.
 
     Shapes: `rows` (impacts, COLUMNS, paths); `fixed` (times, 4, paths); `counts` (3,).

@@ -164,10 +164,10 @@ class BlockResult:
     sticking_steps: int
     unfinished: int
 
-    def merged(self, other: "BlockResult") -> "BlockResult":
+    def merge(self, other: "BlockResult") -> "BlockResult":
         """Both blocks together."""
         return BlockResult(
-            {name: s.merged(other.sums[name]) for name, s in self.sums.items()},
+            {name: s.merge(other.sums[name]) for name, s in self.sums.items()},
             self.codes + other.codes,
             {name: count + other.agreeing[name] for name, count in self.agreeing.items()},
             self.path_steps + other.path_steps,

@@ -22,9 +22,9 @@ from rattle.scene.flight import field, jacobian
 from rattle.scene.impact import contact_matrix, next_impact, struck
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
-from rattle.scene.small_matrices import applied, congruence, times, times_transposed
+from rattle.scene.small_matrices import apply, congruence, times, times_transposed
 
-__all__ = ["LinearPath", "carry_along", "controlled_statistics", "linear_path", "no_control"]
+__all__ = ["LinearPath", "carry_along", "estimate_controlled", "linear_path", "no_control"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -82,7 +82,7 @@ def _impacts(scene: Scene, impacts: int) -> list[_Impact]:
         before = field(c, tau, y1, y2)
         r = contact_matrix(c, mesh)
         y1, y2 = struck(c, mesh, y1, y2)
-        jump = field(c, tau, y1, y2) - applied(r, before)
+        jump = field(c, tau, y1, y2) - apply(r, before)
         delay = np.zeros(5)
         delay[struck_x] = -1.0 / before[struck_x]
         read = np.zeros((len(SECTION), 5))
@@ -183,7 +183,7 @@ def carry_along(
     return done
 
 
-def controlled_statistics(sums: CentralSums, variance: Floats) -> dict[str, Floats]:
+def estimate_controlled(sums: CentralSums, variance: Floats) -> dict[str, Floats]:
     """Mean and sd of a quantity with standard errors, by regression on a control variate of known variance.
 
     The quantity and its square are regressed on the control variate l and on ``l^2``, whose expectations are known
@@ -212,13 +212,13 @@ def controlled_statistics(sums: CentralSums, variance: Floats) -> dict[str, Floa
         off = -sums.mean[1]
         off_square = variance + sums.mean[1] ** 2 - m02
 
-        def regressed(g1: Floats, g2: Floats, spread: Floats) -> tuple[Floats, Floats]:
+        def regress(g1: Floats, g2: Floats, spread: Floats) -> tuple[Floats, Floats]:
             b1, b2 = (m04 * g1 - m03 * g2) / determinant, (m02 * g2 - m03 * g1) / determinant
             return b1 * off + b2 * off_square, np.maximum(spread - b1 * g1 - b2 * g2, 0.0)
 
         square = m(4, 0) - m20**2
-        shift, left = regressed(m(1, 1), m(1, 2), m20)
-        change, left_square = regressed(m(2, 1), m(2, 2) - m20 * m02, square)
+        shift, left = regress(m(1, 1), m(1, 2), m20)
+        change, left_square = regress(m(2, 1), m(2, 2) - m20 * m02, square)
         usable &= m20 + change - shift**2 > 0.0
         usable[:, :2] &= _in_order(sums.mean[0] + np.where(usable, shift, 0.0), reached)
         shift, change = np.where(usable, shift, 0.0), np.where(usable, change, 0.0)

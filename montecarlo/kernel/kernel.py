@@ -13,13 +13,13 @@ from rattle.montecarlo.kernel.lanes import CHUNK, Lanes, Room, join_halves, list
 from rattle.montecarlo.noise.backlash import Backlash, half_gap
 from rattle.montecarlo.noise.philox import BRIDGE, Key, Word, fill_normals, fill_signs, fill_words, normals
 from rattle.montecarlo.schemes.euler import at_end, step_forcing
-from rattle.montecarlo.schemes.euler_located import advance_inside, leaving, located_lanes
+from rattle.montecarlo.schemes.euler_located import advance_inside, leaving, step_located_lanes
 from rattle.montecarlo.schemes.exact_flight import advance_exactly
 from rattle.montecarlo.schemes.short_flight import Phase, State, sine_cosine
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Noise, Progress, Walls
 from rattle.montecarlo.schemes.sticking import OPEN, sides_of, stick_to_end, sticking_sides
 from rattle.montecarlo.schemes.whole_step import flight_forcing, flight_lanes
-from rattle.scene.compiled import lean, spliced
+from rattle.scene.compiled import lean, splice
 from rattle.scene.constants import Constants
 from rattle.scene.impact import struck
 from rattle.scene.instructions import widest_vectors
@@ -66,7 +66,7 @@ class Job(NamedTuple):
     most_steps: int  # finest steps after which a path is given up
 
 
-@spliced
+@splice
 def next_event(
     scheme: int, c: Constants, key: Key, path: Word, step: int, level: int, met: int, at: Progress, phase: Phase,
     whole: State, walls: Walls, ahead: Floats,
@@ -85,13 +85,13 @@ def next_event(
     return advance_exactly(c, key, path, first, purpose, at, phase, whole, met == 0, walls, ahead)
 
 
-@spliced
+@splice
 def walls_of(lanes: Lanes, p: int) -> Walls:
     """Walls of the path in lane p."""
     return Walls(lanes.walls[0, p], lanes.walls[1, p], lanes.walls[2, p], lanes.walls[3, p])
 
 
-@spliced
+@splice
 def record(
     job: Job, path: Word, row: int, level: int, p: int, code: int, tau: float, x1: float, y1: float, x2: float,
     y2: float, lanes: Lanes, rows: Floats,
@@ -114,7 +114,7 @@ def record(
         lanes.walls[opposite, p] = half_gap(job.backlash, job.key, path, Word(k) + FLANK_DRAWS, mesh)
 
 
-@spliced
+@splice
 def rebound(c: Constants, mesh: float, y1: float, y2: float) -> tuple[float, float]:
     """Velocities after an impact.  Without a branch on the mesh, which cannot be predicted."""
     a1, a2 = struck(c, FIRST, y1, y2)
@@ -124,7 +124,7 @@ def rebound(c: Constants, mesh: float, y1: float, y2: float) -> tuple[float, flo
     return y1, y2
 
 
-@spliced
+@splice
 def _finish_inside(
     scheme: int, job: Job, path: Word, row: int, step: int, level: int, p: int, at: Progress, phase: Phase,
     lanes: Lanes, rows: Floats, ahead: Floats,
@@ -151,7 +151,7 @@ def _finish_inside(
     return sticking
 
 
-@spliced
+@splice
 def _step_lanes(scheme: int, job: Job, tau: float, h: float, lanes: Lanes, marks: Bools, live: int) -> None:
     """One step of all lanes; marks those that may have an impact."""
     c, state, before = job.c, lanes.state, lanes.before
@@ -160,7 +160,7 @@ def _step_lanes(scheme: int, job: Job, tau: float, h: float, lanes: Lanes, marks
             for p in range(live):
                 before[i, p] = state[i, p]
         leaving(c, h, lanes.walls, state, marks, live)
-        located_lanes(c, step_forcing(c, tau, h), h, state, lanes.w, live)
+        step_located_lanes(c, step_forcing(c, tau, h), h, state, lanes.w, live)
     else:
         f = flight_forcing(c, tau, h)
         toleranced = job.backlash.random

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.euler import FORCING
 from rattle.montecarlo.schemes.exact_flight import PARTS
-from rattle.scene.compiled import lean, spliced
+from rattle.scene.compiled import lean, splice
 from rattle.scene.instructions import widest_vectors
 
 __all__ = ["CHUNK", "TILE", "Lanes", "Room", "join_halves", "lanes_of", "list_marked", "of_level", "retire"]
@@ -88,7 +88,7 @@ def lanes_of(levels: int, first: int, start: Floats, walls: Floats, tau: float) 
     return every, room
 
 
-@spliced
+@splice
 def of_level(every: Lanes, level: int, w: Floats, area: Floats) -> Lanes:
     """The lanes of one level, with given noise.
 
@@ -124,7 +124,7 @@ def list_marked(marks: Bools, lanes: int, groups: Ints, out: Ints) -> int:
 
 @lean
 def join_halves(fine_w: Floats, fine_area: Floats, w: Floats, area: Floats, second: bool, live: int) -> None:
-    """Noise of a coarse step from that of its halves, in units of the sd (`rattle.montecarlo.noise.brownian.joined`).
+    """Noise of a coarse step from that of its halves, in units of the sd (`rattle.montecarlo.noise.brownian.join`).
 
     `w`, `area`: Of the coarse step; hold the first half until the second is taken.  Output. Shapes: `fine_w`,
     `fine_area` (lanes,); `w`, `area` (lanes,).

@@ -42,7 +42,7 @@ from rattle.montecarlo.schemes.euler import (
 )
 from rattle.montecarlo.schemes.euler import due as impact_due
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
-from rattle.scene.compiled import inlined, lean, spliced
+from rattle.scene.compiled import inline, lean, splice
 from rattle.scene.constants import Constants
 from rattle.scene.instructions import widest_vectors
 
@@ -56,7 +56,7 @@ WORD = 64  # bits, each a two-point increment
 ROOT_HALF = math.sqrt(0.5)
 
 
-@spliced
+@splice
 def _tabulate(job: Job, n: int, stop: int, forcing: Floats) -> None:
     """Forcing of the steps of all levels from finest step n on, shape (levels, CHUNK, FORCING)."""
     for level in range(forcing.shape[0]):
@@ -67,7 +67,7 @@ def _tabulate(job: Job, n: int, stop: int, forcing: Floats) -> None:
                 forcing[level, i, j] = f[j]
 
 
-@spliced
+@splice
 def _draw(job: Job, path: NDArray[Word], bits: NDArray[Word], n: int, lanes: int, z: Floats) -> None:
     """Increments of four steps from step n on, a multiple of four, in units of their sd."""
     if job.c.sigma != 0.0 and not job.two_point:
@@ -89,7 +89,7 @@ def _join(steps: int, lanes: int, z: Floats) -> None:
             whole[p] = (first[p] + second[p]) * ROOT_HALF
 
 
-@inlined
+@inline
 def _of(row: int, j: int) -> Word:
     """Where a row of ``Room.few`` has its lane j; without a sign, which would be looked at."""
     return Word(row + j)
@@ -127,7 +127,7 @@ def _put_back(few: Floats, tile: int, hits: Ints, found: int, state: Floats) -> 
         x1[p], y1[p], x2[p], y2[p] = few[_of(X1, j)], few[_of(Y1, j)], few[_of(X2, j)], few[_of(Y2, j)]
 
 
-@inlined
+@inline
 def _beyond(x: float, high: float, low: float) -> float:
     """Side of the wall that a mesh is beyond: 1, -1, or 0 for none."""
     return 1.0 if x > high else (-1.0 if x < -low else 0.0)
@@ -160,7 +160,7 @@ def _step_few(
         few[_of(Y1, j)], few[_of(Y2, j)] = y1, y2
 
 
-@inlined
+@inline
 def _rebound(c: Constants, few: Floats, lanes: int) -> None:
     """Velocities of the picked lanes after the impacts that are due in them.  Vectorises."""
     for j in range(lanes):
@@ -169,7 +169,7 @@ def _rebound(c: Constants, few: Floats, lanes: int) -> None:
         )  # fmt: skip
 
 
-@spliced
+@splice
 def _have_more_impacts(
     job: Job, first: int, level: int, tau: float, tile: int, found: int, lanes: Lanes, room: Room, rows: Floats
 ) -> int:
@@ -199,7 +199,7 @@ def _have_more_impacts(
     return found
 
 
-@spliced
+@splice
 def _have_impacts(
     job: Job, first: int, level: int, tau: float, tile: int, found: int, wide: int, lanes: Lanes, room: Room,
     rows: Floats,
@@ -224,7 +224,7 @@ def _have_impacts(
     return late
 
 
-@spliced
+@splice
 def _walk(
     job: Job, first: int, level: int, n: int, forcing: Floats, z: Floats, tile: int, steps: int, found: int,
     before: Floats, lanes: Lanes, room: Room, rows: Floats,
@@ -253,7 +253,7 @@ def _walk(
     return late
 
 
-@spliced
+@splice
 def _take_steps(
     job: Job, first: int, level: int, n: int, forcing: Floats, z: Floats, tile: int, steps: int, live: int,
     lanes: Lanes, room: Room, rows: Floats,
@@ -276,7 +276,7 @@ def _take_steps(
     return late
 
 
-@spliced
+@splice
 def _take_chunk(
     job: Job, first: int, n: int, stop: int, tile: int, live: int, every: Lanes, room: Room, rows: Floats,
     fixed_steps: Ints, ticks: int, fixed: Floats,

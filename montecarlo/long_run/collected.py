@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from rattle.montecarlo.long_run.sums import NOISE, SPEED, WORK, Scales, Sums
 
-__all__ = ["Collected", "collected", "time_averages"]
+__all__ = ["Collected", "collect", "time_averages"]
 
 Floats = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class Collected(NamedTuple):
         return np.asarray(np.add.reduceat(of_paths, np.arange(0, self.paths, self.together)))
 
 
-def collected(parts: list[Sums], batches: int, time: float, samples: float, stages: int) -> Collected:
+def collect(parts: list[Sums], batches: int, time: float, samples: float, stages: int) -> Collected:
     """Join the sums of all blocks of paths."""
 
     def joined(name: str) -> NDArray[Any]:

@@ -17,7 +17,7 @@ from rattle.montecarlo.long_run.collected import Collected
 from rattle.montecarlo.long_run.noise_work import CONTROLS
 from rattle.montecarlo.long_run.sums import CONTACT, NOISE
 
-__all__ = ["LEAST_PATHS", "controlled", "corrections"]
+__all__ = ["LEAST_PATHS", "control", "corrections"]
 
 Floats = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ def corrections(sums: Floats, controls: Floats) -> Floats:
     return np.asarray(slopes / np.where(scale > 0.0, scale, np.inf)[None, :, None])
 
 
-def controlled(c: Collected) -> Collected | None:
+def control(c: Collected) -> Collected | None:
     """Sums of the impacts of each path, less the part that the noise's own work explains.
 
     Returns: None where the controls do not hold or do not pay: there is no noise, a mesh was closed for a while,

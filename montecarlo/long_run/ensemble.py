@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from rattle.montecarlo.budget import Budget, clock
-from rattle.montecarlo.long_run.collected import Collected, collected
+from rattle.montecarlo.long_run.collected import Collected, collect
 from rattle.montecarlo.long_run.pilot import no_scales
 from rattle.montecarlo.long_run.sums import CONTACT, Scales, new_sums
 from rattle.montecarlo.long_run.walk import LANES, PERIOD, SAMPLES, Walk
@@ -91,7 +91,7 @@ class Ensemble:
         """Batches for which the budget has room; one where no period has been measured yet."""
         if math.isnan(self.pace):
             return 1
-        return int(min(max(self.limit.left, 0.0) / max(self.pace * self.length, 1e-9), AT_ONCE))
+        return int(min(max(self.limit.remaining, 0.0) / max(self.pace * self.length, 1e-9), AT_ONCE))
 
     def _advance(
         self, pool: ThreadPoolExecutor, batch: int, batches: int, bar: tqdm[NoReturn], seen: list[Floats] | None
@@ -133,7 +133,7 @@ class Ensemble:
         return bool((half >= 0.5 * SAMPLES * self.periods - 0.5).all())
 
     @property
-    def followed(self) -> int:
+    def elapsed(self) -> int:
         """Periods since the start."""
         return self.walks[0].periods
 
@@ -149,9 +149,9 @@ class Ensemble:
         full = self.periods // self.length
         return np.concatenate([sums.main[:, :full] for sums in self.sums])
 
-    def collected(self) -> Collected:
+    def collect(self) -> Collected:
         """Everything that was summed."""
         full = self.periods // self.length
-        return collected(
+        return collect(
             self.sums, full, PERIOD * self.periods, float(SAMPLES * self.periods), self.scene.stages
         )  # fmt: skip

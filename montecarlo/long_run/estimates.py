@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.long_run.collected import Collected
-from rattle.montecarlo.long_run.control import controlled
+from rattle.montecarlo.long_run.control import control
 from rattle.montecarlo.long_run.intervals import Spread, half_width, spread
 from rattle.montecarlo.long_run.names import NAMES, QUANTILES, groups
 from rattle.montecarlo.long_run.sums import CONTACT, ENERGY, FLIGHT, NUMBER, SLOW, SPEED
@@ -64,7 +64,7 @@ class _Maker:
     def __init__(self, c: Collected) -> None:
         self.c, self.main = c, c.main.sum(axis=1)
 
-    def made(self, of: Spread, naive: float, batches: float = math.nan) -> Estimate:
+    def make(self, of: Spread, naive: float, batches: float = math.nan) -> Estimate:
         low, high = of.interval()
         return Estimate(of.value, of.se, low, high, _over(of.se**2, naive**2), batches, of.effective_paths)
 
@@ -100,7 +100,7 @@ class _Maker:
         rest = square - 2.0 * value * cross + value**2 * self._raw(g, FLIGHT)[1]
         naive = math.sqrt(max(rest, 0.0)) / whole
         found = spread(factor * sums.sum(axis=1) / self.c.time)
-        return self.made(found, factor * naive, factor * self._batch_se(sums, None))
+        return self.make(found, factor * naive, factor * self._batch_se(sums, None))
 
     def _raw(self, g: int, i: int) -> tuple[float, float]:
         """Sums of a value and of its square."""
@@ -112,7 +112,7 @@ class _Maker:
         """A number of impacts out of a number of impacts."""
         found = _jackknife(self.main[:, [column, of]], lambda s: s[:, 0] / s[:, 1])
         naive = math.sqrt(max(found.value * (1.0 - found.value), 0.0) / self.main[:, of].sum())
-        return _within(0.0, self.made(found, naive, self._batch_se(self.c.main[:, :, column], of)), 1.0)
+        return _within(0.0, self.make(found, naive, self._batch_se(self.c.main[:, :, column], of)), 1.0)
 
     def energy(self, g: int) -> Estimate:
         """Mean energy lost at an impact."""
@@ -120,7 +120,7 @@ class _Maker:
         found = _jackknife(self.main[:, columns], lambda s: s[:, 0] / s[:, 1])
         n, square = float(self.main[:, columns[1]].sum()), float(self.c.products[:, g, 0].sum())
         naive = math.sqrt(max(square / n - found.value**2, 0.0) / n)
-        return self.made(found, naive, self._batch_se(self.c.main[:, :, columns[0]], columns[1]))
+        return self.make(found, naive, self._batch_se(self.c.main[:, :, columns[0]], columns[1]))
 
     def contact(self, mesh: int) -> Estimate:
         """Share of the time in which a mesh is closed; its autocorrelation in impacts."""
@@ -130,7 +130,7 @@ class _Maker:
         apart = float(self.main[:, NUMBER].sum()) / (c.samples * c.paths)  # impacts between two samples
         naive = math.sqrt(max(found.value * (1.0 - found.value), 0.0) / (c.samples * c.paths) / max(apart, 1e-300))
         batches = self._batch_se(c.main[:, :, CONTACT + mesh - 1], None) * c.time / c.samples
-        return _within(0.0, self.made(found, naive, batches), 1.0)
+        return _within(0.0, self.make(found, naive, batches), 1.0)
 
     def moments(self, g: int, i: int) -> Iterator[tuple[str, Estimate]]:
         """Mean, sd and skewness of flight or of a speed."""
@@ -140,7 +140,7 @@ class _Maker:
             float(self.c.scales.centre[g, i]),
         )
 
-        def standardised(s: Floats) -> tuple[Floats, Floats, Floats]:
+        def standardise(s: Floats) -> tuple[Floats, Floats, Floats]:
             with np.errstate(invalid="ignore", divide="ignore"):
                 m = s / s[:, :1]
                 variance = np.maximum(m[:, 2] - m[:, 1] ** 2, 0.0)
@@ -148,7 +148,7 @@ class _Maker:
                 return m[:, 1], np.sqrt(variance), third / (variance * np.sqrt(variance))
 
         m = power.sum(axis=0)
-        mean, sd, skew = (float(a[0]) for a in standardised(m[None]))
+        mean, sd, skew = (float(a[0]) for a in standardise(m[None]))
         n = float(m[0])
         unit_powers = np.array([sd**k for k in range(POWER)])
         central = _central(m / n, mean) / unit_powers if sd > 0.0 else np.full(POWER, math.nan)
@@ -158,7 +158,7 @@ class _Maker:
             "skew_": (np.array([0.5 * skew, -3.0, -1.5 * skew, 1.0]), 1.0),
         }
         for k, (prefix, (polynomial, unit)) in enumerate(influence.items()):
-            found = _jackknife(power, lambda s, k=k: standardised(s)[k])  # type: ignore[misc]
+            found = _jackknife(power, lambda s, k=k: standardise(s)[k])  # type: ignore[misc]
             factor = scale if k < 2 else 1.0
             square = sum(a * b * central[p + q] for p, a in enumerate(polynomial) for q, b in enumerate(polynomial))
             naive = unit * math.sqrt(max(square, 0.0) / n) if sd > 0.0 else math.nan
@@ -166,7 +166,7 @@ class _Maker:
             if (prefix, i) == ("", SPEED):
                 batches = self._batch_se(self.c.main[:, :, 4 * g + SPEED], 4 * g + NUMBER)
             found = found._replace(value=found.value * factor + (centre if k == 0 else 0.0), se=found.se * factor)
-            yield prefix, self.made(found, naive, batches)
+            yield prefix, self.make(found, naive, batches)
 
     def quantiles(self, g: int, i: int) -> Iterator[tuple[str, Estimate]]:
         """Quantiles, with intervals by Woodruff's method: those of the probability, read off the distribution."""
@@ -212,7 +212,7 @@ def estimates(c: Collected, names: tuple[str, ...] | None = None) -> dict[str, E
     with ``_mesh1`` and ``_mesh2`` for two stages, and ``contact_share_mesh1``, ....
     """
     plain = _estimates(_Maker(c), names)
-    less = controlled(c)
+    less = control(c)
     if less is None:
         return plain
     better = _estimates(_Maker(less), names)

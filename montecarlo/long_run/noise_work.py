@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.schemes.short_flight import Phase, sine_cosine
-from rattle.scene.compiled import inlined, jit
+from rattle.scene.compiled import inline, jit
 from rattle.scene.constants import Constants
 from rattle.scene.impact import struck
 
@@ -32,8 +32,8 @@ def has_controls(c: Constants) -> bool:
     return c.sigma > 0.0 and max(c.beta1, c.beta2) <= STRONGEST
 
 
-@inlined
-def _grown(x: float) -> float:
+@inline
+def _expm1(x: float) -> float:
     """``e^x - 1``; the series, which is faster, where it is exact to 1e-13."""
     if x > 0.1:
         return math.expm1(x)
@@ -42,10 +42,10 @@ def _grown(x: float) -> float:
     )
 
 
-@inlined
+@inline
 def _growth(beta: float, t: float, from_: Phase, to: Phase) -> tuple[float, float, float]:
     """``e^(beta t)`` over a piece of flight, its integral, and that of the squared modulation with ``e^(2 beta t)``."""
-    grown = _grown(beta * t)
+    grown = _expm1(beta * t)
     twice = grown * (2.0 + grown)  # e^(2 beta t) - 1
     length, longer = t, t
     if beta > 0.0:
@@ -61,7 +61,7 @@ def _growth(beta: float, t: float, from_: Phase, to: Phase) -> tuple[float, floa
     return 1.0 + grown, length, square
 
 
-@inlined
+@inline
 def _piece(
     gamma: float, variance: float, growth: tuple[float, float, float], start: float, end: float
 ) -> tuple[float, float]:

@@ -77,7 +77,7 @@ class Parts(NamedTuple):
                 return BurnIn(e.periods, moved, differ)
             if impacts == 0.0 and until >= 4 * FIRST and e.at_rest():
                 raise AtRest("scene", e.scene.sigma, "comes to rest for good: a mesh stays closed and nothing moves it")
-            if until >= MOST or self.limit.left < 2.0 * (clock() - began) or self._refused(until):
+            if until >= MOST or self.limit.remaining < 2.0 * (clock() - began) or self._is_refused(until):
                 raise self.refusal(moved, differ, before, impacts)
             before, until = moved, 2 * until
 
@@ -85,7 +85,7 @@ class Parts(NamedTuple):
         """Nominal processor time of a period."""
         return IMPACT_SECONDS * float(self.ensemble.main[:, :, NUMBER].sum()) / self.ensemble.periods
 
-    def _refused(self, periods: int) -> bool:
+    def _is_refused(self, periods: int) -> bool:
         """Whether so many periods more are expected to take more than an hour, and no budget is given."""
         return self.refuse and periods * self._nominal() > HOUR
 
@@ -102,7 +102,7 @@ class Parts(NamedTuple):
     ) -> BurnInError:
         """The error for a burn-in that was not reached."""
         e = self.ensemble
-        done, must = e.followed, 4 * e.followed
+        done, must = e.elapsed, 4 * e.elapsed
         if before is not None and abs(moved.share) < 0.9 * abs(before.share) and moved.share * before.share > 0.0:
             fall = math.log(abs(before.share / moved.share))  # of an exponential decay, over half of the run
             must = min(max(math.ceil(done + 0.5 * done * math.log(abs(moved.z)) / fall), 2 * done), 64 * done)
@@ -127,7 +127,7 @@ class Parts(NamedTuple):
         """Choose where distributions are counted, and begin to sum."""
         e = self.ensemble
         rate = float(e.main[:, -1, NUMBER].sum()) / e.length  # impacts of all paths in a period
-        affordable = PILOT_SHARE * self.limit.left / max(e.pace, 1e-9)
+        affordable = PILOT_SHARE * self.limit.remaining / max(e.pace, 1e-9)
         periods = int(max(min(max(PILOT / max(rate, 1e-9), 2.0), MOST_PILOT, affordable), 1.0))
         e.begin(no_scales(e.slow), detail=False)
         seen: list[Floats] = []
@@ -144,7 +144,7 @@ class Parts(NamedTuple):
             wanted = LEAST if periods is None else periods
             raise self._unaffordable(f"{wanted} periods after the burn-in", wanted)
         while goal is not None:
-            width, worst = widest(estimates(e.collected(), asked))
+            width, worst = widest(estimates(e.collect(), asked))
             need = math.inf if math.isinf(width) else e.periods * (width / goal) ** 2
             more = max(need - e.periods, 0.0)
             if width <= goal:

@@ -77,7 +77,7 @@ def long_run(
     limit = Budget(math.inf if budget is None else float(positive("budget", budget)))
     seed = rng if isinstance(rng, np.random.SeedSequence) else np.random.SeedSequence(rng)
     began = time.perf_counter()
-    with limit.uncounted():
+    with limit.pause():
         Ensemble(scene, 1, seed, slow, limit).warm_up()
     ensemble = Ensemble(scene, paths, seed, slow, limit)
     bar = tqdm(unit="period", desc=progress and line(progress), disable=None if progress else True)
@@ -94,7 +94,7 @@ def long_run(
                 raise runner.refusal(late, None)
         else:
             raise runner.refusal(late, None)
-    left_out = found._replace(periods=ensemble.followed - ensemble.periods)
+    left_out = found._replace(periods=ensemble.elapsed - ensemble.periods)
     return LongRun(
-        scene, ensemble.collected(), ensemble.periods, left_out, reach, late, slow, time.perf_counter() - began
+        scene, ensemble.collect(), ensemble.periods, left_out, reach, late, slow, time.perf_counter() - began
     )

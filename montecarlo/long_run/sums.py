@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.long_run.noise_work import CONTROLS
-from rattle.scene.compiled import inlined, jit
+from rattle.scene.compiled import inline, jit
 from rattle.scene.constants import Constants
 from rattle.scene.impact import energy_loss
 
@@ -87,13 +87,13 @@ def new_sums(paths: int, batches: int, scales: Scales, detail: bool = True, toge
     )  # fmt: skip
 
 
-@inlined
+@inline
 def cell_of(edges: Floats, value: float) -> int:
     """The cell of a value between the outermost edges; values in order are in cells in order, whatever is rounded."""
     return min(int((value - edges[0]) / (edges[edges.size - 1] - edges[0]) * CELLS), CELLS - 1)
 
 
-@inlined
+@inline
 def bin_of(edges: Floats, first: NDArray[np.int16], value: float) -> int:
     """Number of edges at or below a value.
 
@@ -116,7 +116,7 @@ def bin_of(edges: Floats, first: NDArray[np.int16], value: float) -> int:
     return low
 
 
-@inlined
+@inline
 def _add_value(s: Sums, p: int, g: int, i: int, value: float) -> None:
     """Add the flight or the speed of an impact to a distribution of a group."""
     scales, power = s.scales, s.power[p, g, i]
@@ -134,7 +134,7 @@ def _add_value(s: Sums, p: int, g: int, i: int, value: float) -> None:
     s.histogram[p // s.together, g, i, bin_of(scales.edges[at, i], scales.first[at, i], value)] += np.uint32(1)
 
 
-@inlined
+@inline
 def _add_to_section(s: Sums, p: int, mesh: int, tau: float, y: float) -> None:
     """Count an impact by the phase and the velocity before it."""
     turns = tau / TURN
@@ -145,7 +145,7 @@ def _add_to_section(s: Sums, p: int, mesh: int, tau: float, y: float) -> None:
         s.section[p // s.together, mesh - 1, phase, int(place * VELOCITIES)] += np.uint32(1)
 
 
-@inlined
+@inline
 def _add_states(c: Constants, states: Floats, sine: Floats, cosine: Floats, main: Floats) -> None:
     """Add the states of a path, and their work."""
     closed1 = closed2 = squared1 = squared2 = moved1 = moved2 = 0.0

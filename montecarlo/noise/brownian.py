@@ -14,7 +14,7 @@ import math
 from rattle.montecarlo.schemes.step_state import Noise
 from rattle.scene.compiled import lean
 
-__all__ = ["joined", "split"]
+__all__ = ["join", "split"]
 
 ROOT12_INVERSE = 1.0 / math.sqrt(12.0)
 
@@ -43,7 +43,7 @@ def split(whole: Noise, h: float, share: float, z1: float, z2: float) -> tuple[N
 
 
 @lean
-def joined(first: Noise, second: Noise, share: float) -> Noise:
+def join(first: Noise, second: Noise, share: float) -> Noise:
     """Noise of an interval from that of its two parts; the inverse of `split`.
 
     Examples

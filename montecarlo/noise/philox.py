@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.scene.compiled import inlined, lean
+from rattle.scene.compiled import inline, lean
 from rattle.scene.instructions import float_of, fma, widest_vectors, word_of
 
 __all__ = [
@@ -90,7 +90,7 @@ def key_of(seed: np.random.SeedSequence) -> Key:
     return Key(Word(low), Word(high))
 
 
-@inlined
+@inline
 def words(key: Key, path: Word, index: Word, purpose: Word) -> tuple[Word, Word, Word, Word]:
     """Four random 32-bit words (each in a uint64): Philox 4x32-10 of the counter (path, index, purpose)."""
     c0, c1, c2 = path, path >> HALF, index
@@ -114,7 +114,7 @@ def uniforms(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, f
     )
 
 
-@inlined
+@inline
 def _square_of_radius(bits: Word) -> float:
     """``-2 log u`` for ``u = (bits + 1/2) / 2^40``, to 8e-10 of it; vectorises, and has no division.
 
@@ -131,7 +131,7 @@ def _square_of_radius(bits: Word) -> float:
     return fma(k, 2.0 * LN2, g * q)
 
 
-@inlined
+@inline
 def _half_circle(angle: Word) -> tuple[float, float]:
     """Cosine and sine of ``pi / 2 t``, ``t = (a + 1/2) / 2^22 - 1`` where ``angle = 256 a``, a below 2^23; to 3e-11."""
     t = float_of(angle | TWO_52) - (2.0**52 + 2.0**30 - 128.0)  # in units of 2^-30
@@ -144,7 +144,7 @@ def _half_circle(angle: Word) -> tuple[float, float]:
     return cosine, t * sine
 
 
-@inlined
+@inline
 def _pair(high: Word, low: Word) -> tuple[float, float]:
     """Two independent standard normals from 64 bits by Box-Muller: 40 bits for the radius, 24 for the angle.
 
@@ -197,14 +197,14 @@ def fill_normals(key: Key, paths: NDArray[np.uint64], index: Word, lanes: int, z
         z2[p], z3[p] = _pair(word_of(z2[p]), word_of(z3[p]))
 
 
-@inlined
+@inline
 def bits_of(key: Key, path: Word, index: Word) -> Word:
     """Sixty-four random bits for one index of the substream `STEP`."""
     a, b, _, _ = words(key, path, index, Word(STEP))
     return (a << HALF) | b
 
 
-@inlined
+@inline
 def sign_of(bits: Word, place: int) -> float:
     """Two-point increment +1 or -1 from one bit; its first three moments are those of a standard normal."""
     return float_of(((bits << Word(63 - place)) & SIGN) | ONE)

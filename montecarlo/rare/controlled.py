@@ -11,7 +11,7 @@ from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.impact import struck
 
-__all__ = ["Origin", "Question", "controlled_path"]
+__all__ = ["Origin", "Question", "follow_controlled"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -47,7 +47,7 @@ def _peak(x0: float, y0: float, x1: float, y1: float, h: float) -> float:
 
 
 @jit
-def _seen(s: State, flank: int) -> tuple[float, float]:
+def _look_at(s: State, flank: int) -> tuple[float, float]:
     """Displacement and velocity towards a flank."""
     side = 1.0 if flank > 0 else -1.0
     return (side * s[0], side * s[1]) if abs(flank) == 1 else (side * s[2], side * s[3])
@@ -57,19 +57,19 @@ def _seen(s: State, flank: int) -> tuple[float, float]:
 def _crossing(c: Constants, phase: Phase, h: float, s: State, e: State, increment: float, flank: int) -> float:
     """Time within a step from s to e at which a flank is crossed outward; infinite for none."""
     wall = c.wall1 if abs(flank) == 1 else c.wall2
-    (x0, y0), (x1, y1) = _seen(s, flank), _seen(e, flank)
+    (x0, y0), (x1, y1) = _look_at(s, flank), _look_at(e, flank)
     if (y0 <= 0.0 and y1 <= 0.0) or _peak(x0, y0, x1, y1, h) <= wall:
         return math.inf
     turn = h * y0 / (y0 - y1) if y0 * y1 < 0.0 else 0.0
     low, high = (turn if y0 < 0.0 else 0.0), (h if x1 > wall else turn)
     if x1 <= wall:
         at, _ = short_flight(c, phase, turn, s, increment * turn / h, 0.0)
-        if _seen(at, flank)[0] <= wall:
+        if _look_at(at, flank)[0] <= wall:
             return math.inf
     t = high
     for _ in range(MOST_TRIALS):
         at, _ = short_flight(c, phase, t, s, increment * t / h, 0.0)
-        x, y = _seen(at, flank)
+        x, y = _look_at(at, flank)
         if x > wall:
             high = t
         else:
@@ -82,7 +82,7 @@ def _crossing(c: Constants, phase: Phase, h: float, s: State, e: State, incremen
 
 
 @jit
-def controlled_path(
+def follow_controlled(
     c: Constants, origin: Origin, noise: Floats, codes: Ints, asked: Question, rows: Floats
 ) -> tuple[float, int]:
     """Follow a path under given increments; with a question, up to its impact.
@@ -113,7 +113,7 @@ def controlled_path(
         if met != 0:
             e, _ = short_flight(c, phase, go, s, increment * go / left, 0.0)
         if there:
-            (x0, y0), (x1, y1) = _seen(s, asked.flank), _seen(e, asked.flank)
+            (x0, y0), (x1, y1) = _look_at(s, asked.flank), _look_at(e, asked.flank)
             approaching = approaching or y0 > 0.0 or y1 > 0.0
             if approaching:
                 nearest = max(nearest, _peak(x0, y0, x1, y1, go))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.kernel.block import Plan, sample, start_state
-from rattle.montecarlo.rare.controlled import Origin, Question, controlled_path
+from rattle.montecarlo.rare.controlled import Origin, Question, follow_controlled
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 
@@ -78,7 +78,7 @@ def _search(
     for m in range(pieces):
         for i in range(m * piece, (m + 1) * piece):
             at[m] += noise[i] * unit
-    limit, used = controlled_path(c, origin, noise, codes, asked, rows)
+    limit, used = follow_controlled(c, origin, noise, codes, asked, rows)
     for turn in range(rounds):
         if not math.isfinite(limit):
             return math.nan, limit
@@ -88,7 +88,7 @@ def _search(
             if m * piece < used:
                 for i in range(m * piece, (m + 1) * piece):
                     noise[i] = (at[m] + DIFFERENCE) * unit
-                other, _ = controlled_path(c, origin, noise, codes, asked, rows)
+                other, _ = follow_controlled(c, origin, noise, codes, asked, rows)
                 gradient[m] = (other - limit) / DIFFERENCE if math.isfinite(other) else 0.0
                 for i in range(m * piece, (m + 1) * piece):
                     noise[i] = at[m] * unit
@@ -103,7 +103,7 @@ def _search(
                 trial[m] = at[m] + share * ((along - limit) / square * gradient[m] - at[m])
                 for i in range(m * piece, (m + 1) * piece):
                     noise[i] = trial[m] * unit
-            other, reached = controlled_path(c, origin, noise, codes, asked, rows)
+            other, reached = follow_controlled(c, origin, noise, codes, asked, rows)
             better = math.isfinite(other) and abs(other) < (0.9 if turn == 0 else 1.5) * abs(limit) + 1e-3
         if not better:
             return math.nan, limit
@@ -119,11 +119,11 @@ def _search(
     return (math.sqrt(size) if abs(limit) < NEAR else math.nan), limit
 
 
-def _entered(c: Constants, origin: Origin, codes: Ints, branch: Branch, orbit: Floats, sd: Floats) -> Branch:
+def _enter(c: Constants, origin: Origin, codes: Ints, branch: Branch, orbit: Floats, sd: Floats) -> Branch:
     """The branch with what is struck there, and what it adds to a kurtosis, not counting walls that are struck."""
     path, k = np.full_like(orbit, np.nan), branch.impact - 1
     for factor in BEYOND:
-        controlled_path(c, origin, branch.shift * factor, codes, Question(-1, 1), path)
+        follow_controlled(c, origin, branch.shift * factor, codes, Question(-1, 1), path)
         if (path[: k + 1, 6] != codes[: k + 1]).any():
             break
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -145,7 +145,7 @@ def find_branches(plan: Plan, codes: Ints, sd: Floats) -> tuple[list[Branch], li
     start = start_state(plan.scene, np.array([[c.wall1], [c.wall1], [c.wall2], [c.wall2]]))[:, 0]
     origin = Origin(plan.scene.phase, (start[0], start[1], start[2], start[3]), plan.dt)
     orbit = np.full((impacts, 7), np.nan)
-    controlled_path(c, origin, np.empty(0), codes, Question(-1, 1), orbit)
+    follow_controlled(c, origin, np.empty(0), codes, Question(-1, 1), orbit)
     found: list[Branch] = []
     unresolved: list[tuple[int, int]] = []
     tried: list[Floats] = []
@@ -166,7 +166,7 @@ def find_branches(plan: Plan, codes: Ints, sd: Floats) -> tuple[list[Branch], li
             if not beta < FARTHEST:
                 continue
             branch = Branch(k + 1, code, beta, 0.5 * math.erfc(beta / math.sqrt(2.0)), 0.0, noise)
-            found.append(_entered(c, origin, codes, branch, orbit, sd))
+            found.append(_enter(c, origin, codes, branch, orbit, sd))
     return sorted(found, key=lambda b: -b.kurtosis), unresolved
 
 

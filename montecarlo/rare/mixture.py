@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.rare.design_points import Branch
 
-__all__ = ["Mixture", "chosen", "mixture_of", "targets"]
+__all__ = ["Mixture", "choose_branches", "mixture_of", "targets"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -45,7 +45,7 @@ class Mixture(NamedTuple):
     counts: Ints
 
 
-def chosen(branches: Sequence[Branch]) -> list[Branch]:
+def choose_branches(branches: Sequence[Branch]) -> list[Branch]:
     """The branches that are worth paths of their own."""
     rare = [b for b in branches if b.probability < LIKELY and b.kurtosis > LEAST_KURTOSIS]
     return [b for b in rare if b.kurtosis > WORTH * rare[0].kurtosis][:MOST]

@@ -17,7 +17,7 @@ from rattle.montecarlo.noise.backlash import backlash_of
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.rare.design_points import Branch, find_branches, pilot_of
 from rattle.montecarlo.rare.kernel import run_weighted
-from rattle.montecarlo.rare.mixture import Mixture, chosen, mixture_of, targets
+from rattle.montecarlo.rare.mixture import Mixture, choose_branches, mixture_of, targets
 from rattle.montecarlo.rare.weighted_moments import ORDERS, add, moments
 from rattle.montecarlo.schemes.step_size import default_step
 from rattle.montecarlo.settings import NOISE_FREE, plan_of
@@ -28,7 +28,7 @@ from rattle.scene.scene import Scene
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["RareEnsemble", "simulate_rare", "weighted_rows"]
+__all__ = ["RareEnsemble", "run_block", "simulate_rare"]
 
 Floats = NDArray[np.float64]
 
@@ -137,7 +137,7 @@ def simulate_rare(
     codes = np.array(plan.itineraries[NOISE_FREE])
     pilot = pilot_of(plan, codes)
     found, unresolved = find_branches(plan, codes, pilot.sd) if scene.sigma > 0.0 else ([], [])
-    sampled = chosen(found)
+    sampled = choose_branches(found)
     mixture = mixture_of(sampled)
     counts = np.append(mixture.counts.ravel(), BLOCK - mixture.counts.sum())
     sums, unfinished, blocks = np.zeros((counts.size, impacts, 6, ORDERS)), 0, -(-paths // BLOCK)
@@ -154,7 +154,7 @@ def simulate_rare(
 
 def _block(plan: Plan, mixture: Mixture, counts: NDArray[np.int64], centre: Floats, block: int) -> tuple[Floats, int]:
     """Sums of one block by parts, and its unfinished paths."""
-    rows, weights = weighted_rows(plan, mixture, block)
+    rows, weights = run_block(plan, mixture, block)
     sums = np.zeros((counts.size, *centre.shape, ORDERS))
     ends = np.cumsum(counts)
     for k, end in enumerate(ends):
@@ -162,7 +162,7 @@ def _block(plan: Plan, mixture: Mixture, counts: NDArray[np.int64], centre: Floa
     return sums, int(np.isnan(weights[:, -1]).sum())
 
 
-def weighted_rows(plan: Plan, mixture: Mixture, block: int) -> tuple[Floats, Floats]:
+def run_block(plan: Plan, mixture: Mixture, block: int) -> tuple[Floats, Floats]:
     """Run the paths of a block.
 
     Returns: Likelihood ratio of the plain distribution to the mixture, given the steps up to the impact. Shapes:

@@ -10,7 +10,7 @@ import math
 
 from rattle.montecarlo.schemes.short_flight import Phase, State
 from rattle.montecarlo.schemes.step_state import Walls
-from rattle.scene.compiled import inlined, lean, spliced
+from rattle.scene.compiled import inline, lean, splice
 from rattle.scene.constants import Constants
 
 __all__ = ["CLOSE", "MARGIN_SDS", "cut_share", "first_root", "margins", "near_wall"]
@@ -41,13 +41,13 @@ def margins(c: Constants, sine: float, cosine: float, h: float) -> tuple[float, 
     return spread * first + bend, spread * second + bend
 
 
-@spliced
+@splice
 def _near(a: float, b: float, end: float, high: float, low: float, margin: float) -> bool:
     """Whether an inner Bernstein coefficient a, b of a cubic is within the margin of a wall, or its end beyond one."""
     return (max(a, b) > high - margin) | (min(a, b) < margin - low) | (end > high) | (end < -low)
 
 
-@inlined
+@inline
 def near_wall(third: float, x0: float, y0: float, x: float, y: float, high: float, low: float, margin: float) -> bool:
     """Whether the cubic through both end states of a stage comes within its margin of a wall."""
     return _near(x0 + third * y0, x - third * y, x, high, low, margin)
@@ -98,7 +98,7 @@ def _cut_at(
     return max(root, SHORTEST) if root < 1.0 else 0.5
 
 
-@inlined
+@inline
 def cut_share(
     c: Constants, phase: Phase, s: State, end: State, h: float, walls: Walls, close1: float, close2: float
 ) -> float:

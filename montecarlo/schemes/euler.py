@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
-from rattle.scene.compiled import inlined, lean, spliced
+from rattle.scene.compiled import inline, lean, splice
 from rattle.scene.constants import Constants
 from rattle.scene.flight import noise_rate
 from rattle.scene.instructions import fma, widest_vectors
@@ -53,7 +53,7 @@ def step_forcing(c: Constants, tau: float, h: float) -> StepForcing:
     )  # fmt: skip
 
 
-@inlined
+@inline
 def euler_step(
     c: Constants, f: StepForcing, h: float, x1: float, y1: float, x2: float, y2: float, z: float
 ) -> tuple[float, float, float, float]:
@@ -67,18 +67,18 @@ def euler_step(
     )
 
 
-@inlined
+@inline
 def _forcing_of(row: Floats) -> StepForcing:
     return StepForcing(row[0], row[1], row[2], row[3])
 
 
-@inlined
+@inline
 def _farther(far: float, x: float) -> float:
     """The larger of two numbers; a single instruction."""
     return x if x > far else far
 
 
-@inlined
+@inline
 def _quad(
     c: Constants, f: tuple[StepForcing, StepForcing, StepForcing, StepForcing], h: float,
     s: tuple[float, float, float, float], z: tuple[float, float, float, float],
@@ -143,7 +143,7 @@ def four_euler_steps(
             x1[p], y1[p], _, _ = new
 
 
-@spliced
+@splice
 def due(c: Constants, x1: float, y1: float, x2: float, y2: float, walls: Walls) -> int:
     """The impact due at the end of a step: beyond a wall and moving outward, mesh 1 before mesh 2.  Branch-free."""
     first = int((x1 > walls.high1) & (y1 > 0.0)) - int((x1 < -walls.low1) & (y1 < 0.0))
@@ -151,7 +151,7 @@ def due(c: Constants, x1: float, y1: float, x2: float, y2: float, walls: Walls) 
     return first if first != 0 else (2 * second if c.stages == 2 else 0)
 
 
-@spliced
+@splice
 def put_on_wall(code: int, x1: float, x2: float, walls: Walls) -> tuple[float, float]:
     """Displacements with that of the struck mesh put back on its wall."""
     x1 = walls.high1 if code == 1 else (-walls.low1 if code == -1 else x1)
@@ -159,7 +159,7 @@ def put_on_wall(code: int, x1: float, x2: float, walls: Walls) -> tuple[float, f
     return x1, x2
 
 
-@spliced
+@splice
 def at_end(c: Constants, at: Progress, walls: Walls) -> Progress:
     """The path with the impact that is due at the end of its step."""
     code = due(c, at.x1, at.y1, at.x2, at.y2, walls)

@@ -12,16 +12,16 @@ from numpy.typing import NDArray
 
 from rattle.montecarlo.schemes.euler import StepForcing, euler_step, step_forcing
 from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
-from rattle.scene.compiled import inlined, lean
+from rattle.scene.compiled import inline, lean
 from rattle.scene.constants import Constants
 
-__all__ = ["advance_inside", "leaves", "leaving", "located_lanes"]
+__all__ = ["advance_inside", "leaves", "leaving", "step_located_lanes"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 
-@inlined
+@inline
 def leaves(h: float, x: float, y: float, high: float, low: float) -> bool:
     """Whether a stage's next Euler step, ``x + h y``, ends beyond a wall."""
     end = x + h * y
@@ -44,7 +44,7 @@ def leaving(c: Constants, h: float, walls: Floats, state: Floats, beyond: Bools,
 
 
 @lean
-def located_lanes(c: Constants, f: StepForcing, h: float, state: Floats, z: Floats, lanes: int) -> None:
+def step_located_lanes(c: Constants, f: StepForcing, h: float, state: Floats, z: Floats, lanes: int) -> None:
     """One step of all lanes in place, ignoring the walls; vectorises.
 
     Shapes: `state` (4, lanes or more).
@@ -74,7 +74,7 @@ def _reach(x: float, y: float, high: float, low: float) -> float:
     return math.inf
 
 
-@inlined
+@inline
 def advance_inside(c: Constants, at: Progress, normal: float, walls: Walls) -> Progress:
     """Go to the next wall that the path meets in this step, or to the end of the step.
 

@@ -18,12 +18,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.montecarlo.noise.brownian import joined, split
+from rattle.montecarlo.noise.brownian import join, split
 from rattle.montecarlo.noise.philox import Key, Word, normals
 from rattle.montecarlo.schemes.crossing import CLOSE, cut_share
 from rattle.montecarlo.schemes.short_flight import Phase, State, short_flight, sine_cosine
 from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
-from rattle.scene.compiled import inlined, spliced
+from rattle.scene.compiled import inline, splice
 from rattle.scene.constants import Constants
 
 __all__ = ["MOST_CUTS", "PARTS", "advance_exactly"]
@@ -38,7 +38,7 @@ TICK = 5e-16  # shortest trial, relative to the time: two units in its last plac
 PARTS = 200  # most parts of a step that wait at once: the depth of the stack of cuts
 
 
-@inlined
+@inline
 def _close(c: Constants, mesh: int, speed: float, other: float, wall: float) -> float:
     """Distance from its wall within which a path is taken to fly on without noise; `other` is the other stage's speed.
 
@@ -58,7 +58,7 @@ def _close(c: Constants, mesh: int, speed: float, other: float, wall: float) -> 
     return near
 
 
-@spliced
+@splice
 def _due(c: Constants, s: State, walls: Walls) -> tuple[int, float, float]:
     """The impact that is due: ``mesh * side``, or 0; the time to its wall; and that to the next wall ahead.
 
@@ -86,7 +86,7 @@ def _due(c: Constants, s: State, walls: Walls) -> tuple[int, float, float]:
     return code, lead, reach
 
 
-@inlined
+@inline
 def _struck(c: Constants, at: Progress, phase: Phase, code: int, lead: float, walls: Walls) -> tuple[Progress, Phase]:
     """The path at the impact that is due, after its flight without noise to the wall: along a parabola."""
     sine, cosine = phase
@@ -110,24 +110,24 @@ def _struck(c: Constants, at: Progress, phase: Phase, code: int, lead: float, wa
     return Progress(code, at.tau + lead, at.left - lead, at.noise, x1, y1, x2, y2), phase
 
 
-@spliced
+@splice
 def _put_inside(s: State, walls: Walls) -> State:
     """The path clipped to its walls: for a step that has used up its cuts."""
     return min(max(s[0], -walls.low1), walls.high1), s[1], min(max(s[2], -walls.low2), walls.high2), s[3]
 
 
-@inlined
-def _joined(ahead: Floats, top: int) -> Noise:
+@inline
+def _join(ahead: Floats, top: int) -> Noise:
     """Noise of all waiting parts below `top` of the stack."""
     noise, length = Noise(0.0, 0.0), 0.0
     for i in range(top):  # from the end of the step backwards
         whole = length + ahead[i, 0]
-        noise = joined(Noise(ahead[i, 1], ahead[i, 2]), noise, ahead[i, 0] / whole)
+        noise = join(Noise(ahead[i, 1], ahead[i, 2]), noise, ahead[i, 0] / whole)
         length = whole
     return noise
 
 
-@inlined
+@inline
 def advance_exactly(
     c: Constants, key: Key, path: Word, index: Word, purpose: Word, at: Progress, phase: Phase, whole: State,
     known: bool, walls: Walls, ahead: Floats,
@@ -166,7 +166,7 @@ def advance_exactly(
             tau, left = tau + h, left - h if top > 0 else 0.0
             code, lead, reach = _due(c, end, walls)
             if code != 0 and lead <= left:
-                at = Progress(code, tau, left, _joined(ahead, top), end[0], end[1], end[2], end[3])
+                at = Progress(code, tau, left, _join(ahead, top), end[0], end[1], end[2], end[3])
                 return _struck(c, at, turned if flown else sine_cosine(tau), code, max(lead, -0.5 * h), walls)
             if top == 0:
                 return Progress(0, tau, 0.0, Noise(0.0, 0.0), end[0], end[1], end[2], end[3]), turned

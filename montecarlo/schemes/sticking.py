@@ -13,7 +13,7 @@ from rattle.montecarlo.schemes.short_flight import kick
 from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
 from rattle.scene.compiled import lean
 from rattle.scene.constants import Constants
-from rattle.scene.sticking import Sides, carried, closed_sides, open_stage, presses, stuck_on
+from rattle.scene.sticking import Sides, find_sticking, open_stage, presses, stick_on, stuck_on
 
 __all__ = ["OPEN", "sides_of", "stick_to_end", "sticking_sides"]
 
@@ -42,7 +42,7 @@ def sticking_sides(c: Constants, at: Progress, walls: Walls) -> Sides:
     touching = flank1 if at.y1 == 0.0 else 0, flank2 if at.y2 == 0.0 else 0
     if touching[0] == 0 and touching[1] == 0:
         return touching
-    sides = closed_sides(c, at.tau, at.y1, at.y2, touching)
+    sides = find_sticking(c, at.tau, at.y1, at.y2, touching)
     press1, press2 = presses(c, at.tau, at.y1, at.y2, sides)
     lift = MARGIN_SDS * c.sigma / math.sqrt(at.left)
     by_driver = lift * math.sqrt(1.0 + max(c.beta1, c.beta2) ** 2)
@@ -63,7 +63,7 @@ def stick_to_end(c: Constants, at: Progress, sides: Sides, walls: Walls) -> Prog
         x2, y2 = walls.high2 if second > 0 else -walls.low2, 0.0
     elif second != 0:
         x1, y1, x2, y2 = stuck_on(c, x1, y1, x2, y2, 2, walls.high2 if second > 0 else -walls.low2)
-    x1, y1, x2, y2 = carried(c, at.tau, x1, y1, x2, y2, sides, at.left)
+    x1, y1, x2, y2 = stick_on(c, at.tau, x1, y1, x2, y2, sides, at.left)
     if c.stages == 2 and (first == 0 or second == 0):
         moved, pushed, _, _ = kick(open_stage(c, sides), at.tau, at.left, at.noise.increment, at.noise.area)
         if first != 0:

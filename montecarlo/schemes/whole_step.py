@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rattle.montecarlo.schemes.crossing import margins, near_wall
 from rattle.montecarlo.schemes.short_flight import State, kick, short_flight, sine_cosine
-from rattle.scene.compiled import inlined, lean
+from rattle.scene.compiled import inline, lean
 from rattle.scene.constants import Constants
 from rattle.scene.damping import pair
 
@@ -53,7 +53,7 @@ def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
     )  # fmt: skip
 
 
-@inlined
+@inline
 def first_stage(f: FlightForcing, x1: float, y1: float, z: float, area: float) -> tuple[float, float]:
     """Stage 1 after a step, ignoring the walls."""
     return (
@@ -62,7 +62,7 @@ def first_stage(f: FlightForcing, x1: float, y1: float, z: float, area: float) -
     )
 
 
-@inlined
+@inline
 def second_stage(f: FlightForcing, x2: float, y1: float, y2: float, z: float, area: float) -> tuple[float, float]:
     """Stage 2 after a step, ignoring the walls."""
     return (

@@ -7,7 +7,7 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.montecarlo.statistics.fixed_order import centred, columns_of, power_sums, product_sum
+from rattle.montecarlo.statistics.fixed_order import centre, columns_of, power_sums, product_sum
 from rattle.scene.compiled import lean
 from rattle.scene.instructions import widest_vectors
 
@@ -45,7 +45,7 @@ def _block_sums(
     """
     widest_vectors()
     for i in range(left.size):
-        n[i], mean[0, i], mean[1, i] = centred(a[left[i]], b[right[i]], powers[0, 1], powers[1, 1], room[0])
+        n[i], mean[0, i], mean[1, i] = centre(a[left[i]], b[right[i]], powers[0, 1], powers[1, 1], room[0])
         for side in range(2):
             for k in range(1, most[side]):
                 lower, once, higher = powers[side, k], powers[side, 1], powers[side, k + 1]
@@ -56,7 +56,7 @@ def _block_sums(
 
 
 @lean
-def _observed_together(
+def _observe_groups(
     columns: Floats, own: Ints, pairs: Ints, deviations: Floats, room: Floats, n: Floats, mean: Floats, single: Floats,
     pair_n: Floats, pair_mean: Floats, products: Floats,
 ) -> None:  # fmt: skip
@@ -69,7 +69,7 @@ def _observed_together(
         base = g * (columns.shape[0] // len(n))
         for i in range(len(own)):
             u = columns[base + own[i]]
-            n[g, i], mean[g, 0, i], mean[g, 1, i] = centred(u, u, deviations[i], deviations[spare], room[0])
+            n[g, i], mean[g, 0, i], mean[g, 1, i] = centre(u, u, deviations[i], deviations[spare], room[0])
             power_sums(deviations[i], room, single[g, i])
         for j in range(len(pairs)):
             first, second = pairs[j]
@@ -159,7 +159,7 @@ class CentralSums:
         n, mean, single = np.empty(ones), np.empty((groups, 2, len(own))), np.empty((*ones, len(SINGLE)))
         pair_n, pair_mean, products = np.empty(twos), np.empty((groups, 2, len(pairs))), np.empty(twos)
         deviations = np.empty((len(own) + 1, columns.shape[1]))
-        _observed_together(
+        _observe_groups(
             columns, np.array(own), np.array(pairs), deviations, _room(columns), n, mean, single, pair_n, pair_mean,
             products,
         )  # fmt: skip
@@ -168,7 +168,7 @@ class CentralSums:
             cls(COVARIANCE, pair_n, pair_mean.swapaxes(0, 1).copy(), products[None]),
         )
 
-    def merged(self, other: "CentralSums") -> "CentralSums":
+    def merge(self, other: "CentralSums") -> "CentralSums":
         """The sums over two sets of observations together."""
         n = self.n + other.n
         weight = np.divide(other.n, n, out=np.zeros_like(n), where=n > 0)

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from rattle.scene.compiled import lean
 from rattle.scene.instructions import widest_vectors
 
-__all__ = ["centred", "columns_of", "power_sums", "product_sum"]
+__all__ = ["centre", "columns_of", "power_sums", "product_sum"]
 
 Floats = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ def _transpose(rows: Floats, columns: Floats) -> None:
 
 
 @lean
-def _folded(x: Floats, n: int) -> float:
+def _fold(x: Floats, n: int) -> float:
     """Sum of the first n numbers of an array, n a multiple of 8, which is overwritten.
 
     The order of summation is that of the source, whatever the width of the processor's vectors: eight strands, added in
@@ -59,7 +59,7 @@ def _sum(u: Floats, room: Floats) -> float:
     e, f, g, h = u[4 * n : 5 * n], u[5 * n : 6 * n], u[6 * n : 7 * n], u[7 * n : 8 * n]
     for i in range(n):
         room[i] = ((a[i] + b[i]) + (c[i] + d[i])) + ((e[i] + f[i]) + (g[i] + h[i]))
-    return _folded(room, n)
+    return _fold(room, n)
 
 
 @lean
@@ -75,7 +75,7 @@ def product_sum(u: Floats, v: Floats, room: Floats) -> float:
         room[i] = ((a[i] * a2[i] + b[i] * b2[i]) + (c[i] * c2[i] + d[i] * d2[i])) + (
             (e[i] * e2[i] + f[i] * f2[i]) + (g[i] * g2[i] + h[i] * h2[i])
         )
-    return _folded(room, n)
+    return _fold(room, n)
 
 
 @lean
@@ -100,7 +100,7 @@ def power_sums(d: Floats, room: Floats, sums: Floats) -> None:
             s7[i] += fourth * cube
             s8[i] += fourth * fourth
     for o in range(7):
-        sums[o] = _folded(room[o], n)
+        sums[o] = _fold(room[o], n)
 
 
 @lean
@@ -113,7 +113,7 @@ def _first_seen(u: Floats, v: Floats) -> int:
 
 
 @lean
-def centred(u: Floats, v: Floats, da: Floats, db: Floats, room: Floats) -> tuple[float, float, float]:
+def centre(u: Floats, v: Floats, da: Floats, db: Floats, room: Floats) -> tuple[float, float, float]:
     """Deviations of both variables from their means, 0 where either is not finite; the count and the means.
 
     Means are taken about the first value, so that a constant comes out exact.

@@ -23,7 +23,7 @@ class Histograms:
     counts: NDArray[np.int64]  # the first and last count values below and above the bins; (impacts, 6, BINS + 2)
 
     @classmethod
-    def sized_by(cls, section: Floats) -> "Histograms":
+    def for_sample(cls, section: Floats) -> "Histograms":
         """Empty histograms that reach `REACH` standard deviations of a sample to both sides of its mean.
 
         Shapes: `section` (paths, impacts, 6).

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from rattle.montecarlo.statistics.central_sums import CentralSums
 
-__all__ = ["StepBias", "extrapolated", "left_over"]
+__all__ = ["StepBias", "estimate_remainder", "extrapolate"]
 
 Floats = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ class StepBias(NamedTuple):
     rest: Floats
 
 
-def extrapolated(fine: CentralSums, coarse: CentralSums) -> dict[str, StepBias]:
+def extrapolate(fine: CentralSums, coarse: CentralSums) -> dict[str, StepBias]:
     """Step bias of the means and of the sds.
 
     `fine`, `coarse`: Joint sums of the same quantities at dt and 2 dt, and at 2 dt and 4 dt.
@@ -55,12 +55,12 @@ def extrapolated(fine: CentralSums, coarse: CentralSums) -> dict[str, StepBias]:
             se,
             values[0] - bias,
             np.sqrt(np.maximum(4.0 * ff - 4.0 * fc + cc, 0.0) / n),
-            left_over(bias, before, se) if moment == "sd" else np.abs(2.0 * bias - before) / 3.0,
+            estimate_remainder(bias, before, se) if moment == "sd" else np.abs(2.0 * bias - before) / 3.0,
         )
     return found
 
 
-def left_over(change: Floats, before: Floats, se: Floats) -> Floats:
+def estimate_remainder(change: Floats, before: Floats, se: Floats) -> Floats:
     """Estimate the error that first-order extrapolation leaves.
 
     `change`, `before`: Change of a value from dt to 2 dt, and from 2 dt to 4 dt. `se`: Standard error of

@@ -88,8 +88,8 @@ def test_negative_controls_are_detected(case, monkeypatch):
     assert outside(replace(scene, tolerance=replace(scene.tolerance, draw=other)), impacts, run)
     assert outside(replace(scene, tolerance=None), impacts, run)
     if scene.tolerance.draw == "path":  # else the side has no effect
-        right = flanks._placed(scene)
-        monkeypatch.setattr(flanks, "_placed", lambda scene: np.vstack([-right[:5], right[5:]]))
+        right = flanks._place(scene)
+        monkeypatch.setattr(flanks, "_place", lambda scene: np.vstack([-right[:5], right[5:]]))
         assert outside(scene, impacts, run)
 
 

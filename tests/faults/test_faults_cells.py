@@ -15,7 +15,7 @@ from rattle.compare.cli.main import main
 from rattle.compare.report.folder import whole_folder, write_whole
 from rattle.compare.study.cells import Prediction, Sample
 from rattle.compare.study.figures import FIGURES
-from rattle.compare.study.obtain import kept, obtain
+from rattle.compare.study.obtain import obtain, read_stored
 from rattle.compare.study.store import Store
 from rattle.compare.study.tables import CELLS, MANIFEST, load
 from rattle.compare.thresholds import baseline
@@ -103,12 +103,12 @@ def test_what_the_system_does_not_let_be_read_stays(tmp_path, monkeypatch, cell,
     with monkeypatch.context() as patch:
         refusing(patch, error, at)
         with pytest.raises(OutputError, match=rf"{cell.key}.parquet cannot be read .{why}.*, and repeat the command"):
-            kept(store, cell)
+            read_stored(store, cell)
         with pytest.raises(OutputError, match="stays as it is"):
             obtain(store, cell)
     assert store.path(cell.key).read_bytes() == content
     assert not store.aside.exists()
-    assert kept(store, cell).table.equals(before.table)
+    assert read_stored(store, cell).table.equals(before.table)
 
 
 @pytest.mark.parametrize("error", [pa.ArrowMemoryError("malloc of size 64 failed"), ImportError("no module")])
@@ -118,8 +118,8 @@ def test_what_a_library_lacks_is_no_fault_of_the_file(tmp_path, monkeypatch, cel
     with monkeypatch.context() as patch:
         refusing(patch, error, "unpack")
         with pytest.raises(OutputError, match="stays as it is"):
-            kept(store, cell)
-    assert kept(store, cell) is not None
+            read_stored(store, cell)
+    assert read_stored(store, cell) is not None
 
 
 def test_memory_that_ends_while_a_result_is_looked_at(tmp_path, monkeypatch, cell):
@@ -132,8 +132,8 @@ def test_memory_that_ends_while_a_result_is_looked_at(tmp_path, monkeypatch, cel
     with monkeypatch.context() as patch:
         patch.setattr(Prediction, "opened", ended)
         with pytest.raises(OutputError, match="Cannot allocate memory"):
-            kept(store, cell)
-    assert kept(store, cell) is not None
+            read_stored(store, cell)
+    assert read_stored(store, cell) is not None
 
 
 def test_a_command_says_it_in_one_line(file, monkeypatch):

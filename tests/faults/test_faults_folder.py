@@ -148,7 +148,7 @@ def test_every_refusal_of_the_system_is_said(tmp_path, monkeypatch, code):
         raise OSError(code, os.strerror(code))
 
     written(tmp_path / "report", "old")
-    monkeypatch.setattr(module, "_exchanged", refuse)
+    monkeypatch.setattr(module, "_exchange", refuse)
     with pytest.raises(OutputError, match=r"try again|choose another place"):
         written(tmp_path / "report", "new")
     assert (tmp_path / "report" / "one.txt").read_text() == "old"

@@ -19,7 +19,7 @@ from rattle.compare.study.design import Study
 from rattle.compare.study.engine import run
 from rattle.compare.study.executors import Here
 from rattle.compare.study.figures import FIGURES
-from rattle.compare.study.obtain import kept
+from rattle.compare.study.obtain import read_stored
 from rattle.compare.study.store import NAME, Store, with_seal
 from rattle.compare.study.tables import CELLS, MANIFEST, load
 from rattle.scene import FileError
@@ -226,7 +226,7 @@ def test_what_is_no_result_is_set_aside(case, tmp_path, monkeypatch):
     pq.write_table(HOSTILE[case](cell.key), store.path(cell.key), compression="zstd")
     store.path(cell.key).write_bytes(with_seal(store.path(cell.key).read_bytes()))
     assert store.path(cell.key).stat().st_size < (8_000_000 if case == "huge" else 300_000)
-    assert kept(store, cell) is None
+    assert read_stored(store, cell) is None
     assert not store.path(cell.key).exists()
     (note,) = store.aside.glob("*.txt")
     assert len(note.read_text()) < 400
@@ -281,5 +281,5 @@ def test_estimates_of_the_time_left_do_not_depend_on_the_clock(tmp_path, monkeyp
     monkeypatch.setattr(time, "time", lambda: -1e9)
     with Progress({c.key: c for c in cells}, 0, tmp_path, False) as progress:
         for cell in cells[:2]:
-            progress.finished(cell, kept(store, cell), True)
+            progress.finished(cell, read_stored(store, cell), True)
         assert 0.0 < progress.seconds_left < 60.0

@@ -238,7 +238,7 @@ def test_a_cell_is_not_parsed_unless_it_is_what_was_written(tmp_path, monkeypatc
 
 
 def test_a_changed_manifest_is_refused(tmp_path):
-    record = manifest.sealed({"settings": {"paths": 64}, "table_sha256": "x"})
+    record = manifest.seal({"settings": {"paths": 64}, "table_sha256": "x"})
     assert manifest.is_whole(json.loads(json.dumps(record)))
     record["settings"]["paths"] = 65
     path = tmp_path / "manifest.json"

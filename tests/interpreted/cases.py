@@ -149,7 +149,7 @@ def sums():
     values[0, 7] = values[1, 9] = np.nan
     columns = columns_of(values.T)
     both = CentralSums.of_columns(columns, columns, np.array([0, 0]), np.array([0, 1]), ((0, 2), (1, 1)), (2,))
-    yield from (both.n, both.mean, both.sums, both.merged(both).sums)
+    yield from (both.n, both.mean, both.sums, both.merge(both).sums)
     z, paths = np.zeros((4, 8)), np.arange(8, dtype=np.uint64)
     _normals(key_of(np.random.SeedSequence(1)), paths, z, 2)
     yield z.copy()

@@ -16,8 +16,8 @@ import pandas as pd
 from rattle.montecarlo import simulate, simulate_rare
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.rare.design_points import find_branches, pilot_of
-from rattle.montecarlo.rare.mixture import chosen, mixture_of
-from rattle.montecarlo.rare.simulate_rare import weighted_rows
+from rattle.montecarlo.rare.mixture import choose_branches, mixture_of
+from rattle.montecarlo.rare.simulate_rare import run_block
 from rattle.montecarlo.rare.weighted_moments import ORDERS, add, moments
 from rattle.montecarlo.settings import NOISE_FREE, plan_of
 from rattle.scene import DAT21, Scene, Start
@@ -70,14 +70,14 @@ def z_test(scene, impacts, sections, rows):
     plan = plan_of(scene, paths=BLOCK, impacts=impacts, dt=math.pi / 96, scheme="exact-flight", rng=0)
     codes = np.array(plan.itineraries[NOISE_FREE])
     pilot = pilot_of(plan, codes)
-    mixture = mixture_of(chosen(find_branches(plan, codes, pilot.sd)[0]))
+    mixture = mixture_of(choose_branches(find_branches(plan, codes, pilot.sd)[0]))
     counts = np.append(mixture.counts.ravel(), BLOCK - mixture.counts.sum())
     ends, found = np.cumsum(counts), []
     for seed in range(SEEDS):
         sums = np.zeros((counts.size, impacts, 6, ORDERS))
         own = plan._replace(seed=np.random.SeedSequence(10_000 + seed))
         for block in range(SEED_BLOCKS):
-            path, weights = weighted_rows(own, mixture, block)
+            path, weights = run_block(own, mixture, block)
             for k, end in enumerate(ends):
                 add(path[end - counts[k] : end], weights[end - counts[k] : end], pilot.mean, sums[k])
         found.append(moments(sums, SEED_BLOCKS * counts.astype(float), pilot.mean))

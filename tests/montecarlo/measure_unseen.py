@@ -56,7 +56,7 @@ def _nothing_unseen(impacts: int) -> Iterator[None]:
     nil = np.zeros((impacts, len(SECTION)))
     with (
         mock.patch.object(verdict, "unseen", return_value=Unseen(nil, nil, nil, nil, nil, nil, impacts)),
-        mock.patch.object(verdict, "skewed", lambda _, steps, __: np.zeros(len(steps))),
+        mock.patch.object(verdict, "widen_for_skewness", lambda _, steps, __: np.zeros(len(steps))),
     ):
         yield
 

@@ -34,7 +34,7 @@ def numbers(seed=3):
         keep=True,
     )  # fmt: skip
     result, rows = run(plan, 0)
-    joined = result.merged(result)
+    joined = result.merge(result)
     parts = {"impacts": rows, "codes": joined.codes}
     for name, s in joined.sums.items():
         parts |= {f"{name}, n": s.n, f"{name}, means": s.mean, f"{name}, sums": s.sums}

@@ -40,7 +40,7 @@ def merged(a, b, orders, cuts, order=None):
     parts = [parts[i] for i in order] if order is not None else parts
     total = parts[0]
     for part in parts[1:]:
-        total = total.merged(part)
+        total = total.merge(part)
     return np.vstack([total.n[None], total.mean, total.sums])
 
 
@@ -171,7 +171,7 @@ def test_what_does_not_vary_has_no_spread_and_no_skewness(value, parts):
     a = np.full((1000, 1), value)
     total = CentralSums.of(a, a, SINGLE)
     for _ in range(parts - 1):
-        total = total.merged(CentralSums.of(a, a, SINGLE))
+        total = total.merge(CentralSums.of(a, a, SINGLE))
     s = single_statistics(total)
     assert s["sd"] == 0.0
     assert np.isnan(s["skew"])

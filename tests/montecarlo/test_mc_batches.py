@@ -4,7 +4,7 @@ import numpy as np
 from mc_checks import dat21, limit
 
 from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.ensemble import extended, in_threads
+from rattle.montecarlo.ensemble import extend, in_threads
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.statistics.batches import BATCHES
 from rattle.scene.impact import energy_loss, struck
@@ -23,7 +23,7 @@ def test_batches_of_an_extended_run_are_those_of_the_whole():
     settings = {"impacts": 2, "rng": 4, "scheme": "exact-flight", "control": True, "record": Record(batches=True)}
     whole = simulate(dat21(0.05), paths=6 * BLOCK, **settings).batches
     part = simulate(dat21(0.05), paths=4 * BLOCK, **settings)
-    more = extended(part, 6 * BLOCK, in_threads(2)).batches
+    more = extend(part, 6 * BLOCK, in_threads(2)).batches
     for name in ("n", "mean", "squares", "control"):
         assert (getattr(whole, name) == getattr(more, name)).all()
     assert part.batches.n.sum() < more.n.sum()  # the shorter run is not touched
@@ -58,12 +58,12 @@ def test_energy_loss_is_the_change_of_kinetic_energy():
 def test_paired_differences_have_the_errors_that_they_state():
     """Twenty pairs of short runs on common noise: the spread of their differences is the paired standard error."""
     from rattle.compare.study.cells import Sample
-    from rattle.compare.study.paired import paired_differences
+    from rattle.compare.study.paired import compare_paired
 
     found = []
     for seed in range(20):
         runs = [Sample(dat21(s), impacts=2, seed=seed, paths=32 * BLOCK // 8) for s in (0.3, 0.33)]
-        found.append(paired_differences(*(cell.opened(cell.compute()) for cell in runs)))
+        found.append(compare_paired(*(cell.opened(cell.compute()) for cell in runs)))
     rows = [t[(t["impact"] == 2) & (t["quantity"] == "tau")].set_index("moment") for t in found]
     for moment in ("mean", "sd"):
         spread = np.std([r["difference"][moment] for r in rows], ddof=1)

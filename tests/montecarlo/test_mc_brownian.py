@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mc_checks import agrees
 
-from rattle.montecarlo.noise.brownian import joined, split
+from rattle.montecarlo.noise.brownian import join, split
 from rattle.montecarlo.schemes.step_state import Noise
 from rattle.scene.compiled import jit
 
@@ -31,7 +31,7 @@ def test_joined_undoes_split(share, exponent, w, a, z1, z2):
     whole = Noise(w * math.sqrt(h), a * math.sqrt(h / 12.0))
     parts = split(whole, h, share, z1, z2)
     assert np.isfinite(parts).all()
-    again = joined(*parts, share)
+    again = join(*parts, share)
     assert np.abs(standard(again, h) - [w, a]).max() < 1e-13
 
 
@@ -121,9 +121,9 @@ def test_joined_parts_of_a_path_are_the_whole_to_rounding(cut):
     fine = laid_out(20)
     whole = np.array(noise_of(fine))
     first, second = np.array(noise_of(fine[:, :cut])), np.array(noise_of(fine[:, cut:]))
-    again = np.array([joined(Noise(*a), Noise(*b), cut / FINE) for a, b in zip(first.T, second.T, strict=True)]).T
+    again = np.array([join(Noise(*a), Noise(*b), cut / FINE) for a, b in zip(first.T, second.T, strict=True)]).T
     assert np.abs(again - whole).max() < 1e-15 * FINE
-    wrong = np.array([joined(Noise(*b), Noise(*a), cut / FINE) for a, b in zip(first.T, second.T, strict=True)]).T
+    wrong = np.array([join(Noise(*b), Noise(*a), cut / FINE) for a, b in zip(first.T, second.T, strict=True)]).T
     assert np.abs(wrong - whole).max() > 1e-3  # negative control: the parts the other way round
 
 

@@ -144,9 +144,9 @@ def test_what_is_uncounted_costs_nothing(monkeypatch):
     now = iter((0.0, 1.0, 5.0, 6.0))
     monkeypatch.setattr("rattle.montecarlo.budget.time.process_time", lambda: next(now))
     budget = Budget(10.0)
-    with budget.uncounted():
+    with budget.pause():
         pass
-    assert budget.left == 8.0
+    assert budget.remaining == 8.0
 
 
 def test_durations_are_said_as_people_say_them():

@@ -5,7 +5,7 @@ import pytest
 from mc_checks import dat21, open_space
 
 from rattle.montecarlo import simulate
-from rattle.montecarlo.coupling.dyadic import clockwork, flown
+from rattle.montecarlo.coupling.dyadic import clockwork, fly
 from rattle.montecarlo.coupling.long_path import LongPath
 from rattle.montecarlo.coupling.pairs import after_impact
 from rattle.montecarlo.noise.philox import Word
@@ -22,7 +22,7 @@ PAPER = 1.5**0.5
 def test_a_short_flight_is_the_flight(h):
     c, state, end = dat21(PAPER).constants, np.array([0.1, 0.5, -0.2, 0.7]), np.empty(4)
     for tau in np.linspace(0.0, 6.2, 20):
-        flown(c, tau, state, h, Noise(0.2, 0.03), end)
+        fly(c, tau, state, h, Noise(0.2, 0.03), end)
         assert end == pytest.approx(np.array(flow(c, tau, *state, h)) + kick(c, tau, h, 0.2, 0.03), abs=2e-15)
 
 

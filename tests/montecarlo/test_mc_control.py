@@ -7,7 +7,7 @@ from scipy import stats
 
 from rattle.montecarlo import simulate
 from rattle.montecarlo.kernel.block import sample
-from rattle.montecarlo.kernel.control_variate import controlled_statistics, linear_path
+from rattle.montecarlo.kernel.control_variate import estimate_controlled, linear_path
 from rattle.montecarlo.settings import plan_of
 from rattle.montecarlo.statistics.central_sums import PAIR, CentralSums
 from rattle.scene import InputError, Scene, Start, Tolerance
@@ -114,7 +114,7 @@ def test_a_control_of_the_wrong_variance_would_be_seen():
     """Negative control: a variance 5 % too large shifts the sd by several of its standard errors."""
     control, rows, path = linear(dat21(0.01))
     sums = CentralSums.of(rows, control, PAIR)
-    right, wrong = (controlled_statistics(sums, f * path.variance) for f in (1.0, 1.05))
+    right, wrong = (estimate_controlled(sums, f * path.variance) for f in (1.0, 1.05))
     truth = np.sqrt(path.variance[:, 0])
     assert (np.abs(right["sd"][:, 0] / truth - 1.0) < 0.02).all()
     assert (np.abs(wrong["sd"] - right["sd"])[:, 0] > 5.0 * right["se_sd"][:, 0]).all()
@@ -146,7 +146,7 @@ def test_a_variance_that_regression_makes_negative_is_left_as_it_was():
     """Negative control: a known variance so far from that of the sample that the adjusted one would be negative."""
     control, rows, path = linear(dat21(0.01), paths=64)
     sums = CentralSums.of(rows, control, PAIR)
-    found, plain = (controlled_statistics(sums, f * path.variance) for f in (1e-3, 0.0))
+    found, plain = (estimate_controlled(sums, f * path.variance) for f in (1e-3, 0.0))
     varies = sums.moment(2, 0) > 1e-12
     assert (found["sd"][varies] > 0.0).all()
     assert (found["se_sd"][varies] > 0.0).all()

@@ -6,7 +6,7 @@ import pytest
 from rattle.montecarlo import cost as module
 from rattle.montecarlo import simulate, simulate_to
 from rattle.montecarlo.accuracy import error_bound, share_of_look
-from rattle.montecarlo.cost import expected_paths
+from rattle.montecarlo.cost import expect_paths
 from rattle.montecarlo.unseen import Added
 from rattle.scene import DAT21, Gears, InputError, Scene
 
@@ -24,7 +24,7 @@ def pilot():
 
 
 def test_a_rare_branch_is_counted_before_it_is_seen(pilot):
-    found = expected_paths(pilot, 0.3, share_of_look(1))
+    found = expect_paths(pilot, 0.3, share_of_look(1))
     assert found.branch == "a rare branch (about 27 in a million paths)"
     run = simulate(BRANCHING, paths=int(found.paths), impacts=6, scheme="exact-flight", rng=1, workers=2)
     assert 0.3 / 1.5 < error_bound(run, share_of_look(1)).error < 0.3 * 1.5
@@ -32,14 +32,14 @@ def test_a_rare_branch_is_counted_before_it_is_seen(pilot):
 
 def test_negative_control_without_the_branch_it_expects_next_to_nothing(pilot, monkeypatch):
     monkeypatch.setattr(module, "branches_between", lambda *_: Added(*np.zeros((2, 6, 6)), np.zeros(0)))
-    found = expected_paths(pilot, 0.3, share_of_look(1))
+    found = expect_paths(pilot, 0.3, share_of_look(1))
     run = simulate(BRANCHING, paths=int(found.paths), impacts=6, scheme="exact-flight", rng=1)
     assert error_bound(run, share_of_look(1)).error > 1.5 * 0.3
 
 
 def test_where_no_branch_is_near_paths_fall_with_the_square_of_the_accuracy():
     run = simulate(Scene.from_gears(DAT21, sigma=0.01), paths=8192, impacts=6, scheme="exact-flight", rng=0)
-    coarse, fine = (expected_paths(run, accuracy, share_of_look(1)) for accuracy in (0.05, 0.005))
+    coarse, fine = (expect_paths(run, accuracy, share_of_look(1)) for accuracy in (0.05, 0.005))
     assert coarse.branch == fine.branch == ""
     assert fine.paths / coarse.paths == pytest.approx(100.0, rel=1e-6)
 

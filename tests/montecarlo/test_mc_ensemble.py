@@ -13,7 +13,7 @@ from rattle.montecarlo import Record
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.statistics.section_statistics import FEWEST
-from rattle.montecarlo.statistics.step_bias import left_over
+from rattle.montecarlo.statistics.step_bias import estimate_remainder
 from rattle.scene import InputError, Tolerance
 
 SECTION = ("tau", "flight", "x1", "y1", "x2", "y2")
@@ -245,7 +245,7 @@ def test_error_that_first_order_leaves_is_stated_whatever_the_slope(order):
     value = {m: 1.0 + 0.3 * m**order for m in (1, 2, 4)}
     change, before = value[2] - value[1], value[4] - value[2]
     error = abs(value[1] - change - 1.0)
-    left = float(left_over(np.array([change]), np.array([before]), np.zeros(1))[0])
+    left = float(estimate_remainder(np.array([change]), np.array([before]), np.zeros(1))[0])
     assert left == pytest.approx(error, rel=1e-9, abs=1e-15)
     if order == 0.55:
         assert abs(2.0 * change - before) / 3.0 < 0.2 * error
@@ -255,13 +255,13 @@ def test_noise_is_not_taken_for_a_slope():
     """At first order, changes with errors leave a third of what they miss, however the noise falls."""
     rng = np.random.default_rng(1)
     change, before = 0.1 + 0.03 * rng.standard_normal(4000), 0.2 + 0.06 * rng.standard_normal(4000)
-    left = left_over(change, before, np.full(4000, 0.03))
+    left = estimate_remainder(change, before, np.full(4000, 0.03))
     third = np.abs(2.0 * change - before) / 3.0
     assert np.mean(left > 1.001 * third) < 0.004
 
 
 def test_changes_that_turn_their_sign_leave_more_than_the_last_one():
-    left = left_over(np.array([0.01]), np.array([-0.05]), np.zeros(1))
+    left = estimate_remainder(np.array([0.01]), np.array([-0.05]), np.zeros(1))
     assert left[0] > 0.05
 
 

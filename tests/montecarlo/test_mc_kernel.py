@@ -10,7 +10,7 @@ from scipy.integrate import quad_vec
 
 from rattle.montecarlo import Record, largest_step, simulate
 from rattle.montecarlo.kernel.block import BLOCK, Plan, sample
-from rattle.montecarlo.noise.brownian import joined
+from rattle.montecarlo.noise.brownian import join
 from rattle.montecarlo.noise.philox import CONTACT, key_of, normals, uniforms
 from rattle.montecarlo.schemes.step_state import Noise
 from rattle.scene import Scene, Start, Tolerance
@@ -259,7 +259,7 @@ def flights_differ(levels=1, swap=False):
                 if (n + 1) * 2**level in at:
                     fixed = raw.fixed[level, p, np.flatnonzero(at == (n + 1) * 2**level)[0]]
                     worst = max(worst, np.abs(fixed - state).max())
-            noise = [joined(*pair, 0.5) for pair in zip(noise[0:-1:2], noise[1::2], strict=True)]
+            noise = [join(*pair, 0.5) for pair in zip(noise[0:-1:2], noise[1::2], strict=True)]
     return worst
 
 

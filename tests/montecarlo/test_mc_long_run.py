@@ -10,7 +10,7 @@ import pytest
 import rattle as rt
 from rattle.montecarlo.long_run import BurnInError, long_run
 from rattle.montecarlo.long_run.burn_in import apart, drift
-from rattle.montecarlo.long_run.control import controlled, corrections
+from rattle.montecarlo.long_run.control import control, corrections
 from rattle.montecarlo.long_run.estimates import estimates
 from rattle.montecarlo.long_run.names import all_names
 from rattle.montecarlo.long_run.noise_work import has_controls
@@ -68,7 +68,7 @@ def test_noise_work_has_mean_zero_and_leaves_less_variance():
         assert (np.abs(z) < 3.9).all()  # 1e-4 two-sided, of 8
         wrong = controls[:, 0] - 0.2 * found.sums.time * 0.25 * scene.sigma**2 * (1.0 + scene.beta1**2)
         assert abs(wrong.mean() / wrong.std(ddof=1) * 16.0) > 3.9  # negative control: a fifth less energy of the noise
-        better = controlled(found.sums)
+        better = control(found.sums)
         for column in (NUMBER, ENERGY):
             before, after = (c.main[:, :, column].sum(axis=1).std() for c in (found.sums, better))
             assert after < before
@@ -89,12 +89,12 @@ def test_slopes_come_from_other_paths():
 
 
 def test_controls_are_left_out_where_they_do_not_hold(run):
-    assert controlled(run.sums) is not None
+    assert control(run.sums) is not None
     closed = run.sums.main.copy()
     closed[0, 0, CONTACT] = 1.0
-    assert controlled(run.sums._replace(main=closed)) is None
+    assert control(run.sums._replace(main=closed)) is None
     few = run.sums._replace(main=run.sums.main[:16], power=run.sums.power[:16])
-    assert controlled(few) is None
+    assert control(few) is None
     assert not has_controls(replace(SCENE, beta1=3.0).constants)
     assert not has_controls(SCENE.with_sigma(0.0).constants)
 

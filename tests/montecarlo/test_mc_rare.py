@@ -7,8 +7,8 @@ import pytest
 
 from rattle.montecarlo import simulate, simulate_rare
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.rare.mixture import PLAIN, chosen, mixture_of
-from rattle.montecarlo.rare.simulate_rare import weighted_rows
+from rattle.montecarlo.rare.mixture import PLAIN, choose_branches, mixture_of
+from rattle.montecarlo.rare.simulate_rare import run_block
 from rattle.montecarlo.rare.weighted_moments import ORDERS, add, moments
 from rattle.montecarlo.settings import plan_of
 from rattle.scene import DAT21, InputError, Scene, Start, Tolerance
@@ -43,7 +43,7 @@ def weighted(run):
     """Rows and weights of some blocks."""
     plan = plan_of(NOISY, paths=PATHS, impacts=IMPACTS, dt=math.pi / 96, scheme="exact-flight", rng=5)
     mixture = mixture_of(run.sampled)
-    blocks = [weighted_rows(plan, mixture, b) for b in range(16)]
+    blocks = [run_block(plan, mixture, b) for b in range(16)]
     return mixture, np.concatenate([r for r, _ in blocks]), np.concatenate([w for _, w in blocks])
 
 
@@ -89,7 +89,7 @@ def test_weights_of_a_wrong_threshold_do_not_average_to_one(run):
     plan = plan_of(NOISY, paths=BLOCK, impacts=1, dt=math.pi / 96, scheme="exact-flight", rng=5)
     mixture = mixture_of(run.sampled)
     wrong = mixture._replace(level=mixture.level + 0.1)
-    weights = np.concatenate([weighted_rows(plan, wrong, b)[1] for b in range(16)])[:, 0]
+    weights = np.concatenate([run_block(plan, wrong, b)[1] for b in range(16)])[:, 0]
     assert abs(weights.mean() - 1.0) / (weights.std() / math.sqrt(len(weights))) > limit(1)
 
 
@@ -162,4 +162,4 @@ def test_sums_with_weights_of_one_are_plain_moments():
 
 def test_branches_that_are_common_or_change_little_have_no_paths_of_their_own(run):
     assert all(b.probability < 0.02 and b.kurtosis > 20.0 for b in run.sampled)
-    assert chosen([]) == []
+    assert choose_branches([]) == []

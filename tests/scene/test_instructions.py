@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rattle.scene.compiled import jit
-from rattle.scene.instructions import emulated_fma, float_of, fma, widest_vectors, word_of
+from rattle.scene.instructions import emulate_fma, float_of, fma, widest_vectors, word_of
 
 MOST, LEAST, NORMAL = 1.7976931348623157e308, 5e-324, 2.2250738585072014e-308
 
@@ -39,7 +39,7 @@ def exact(a, b, c):
 def test_it_rounds_once():
     a, b, c = operands()
     expected = np.array([exact(*abc) for abc in zip(a, b, c, strict=True)])
-    assert [emulated_fma(*abc) for abc in zip(a, b, c, strict=True)] == expected.tolist()
+    assert [emulate_fma(*abc) for abc in zip(a, b, c, strict=True)] == expected.tolist()
     found = np.empty(a.size)
     fused_arrays(a, b, c, found)
     assert np.array_equal(found, expected)
@@ -55,14 +55,14 @@ def test_it_rounds_once():
     ],
 )  # fmt: skip
 def test_at_the_ends_of_the_range(a, b, c):
-    assert emulated_fma(a, b, c) == fused(a, b, c)
+    assert emulate_fma(a, b, c) == fused(a, b, c)
     if math.isfinite(a * b + c):
         assert fused(a, b, c) == exact(a, b, c)
 
 
 @pytest.mark.parametrize("abc", [(math.inf, 1.0, 2.0), (math.inf, 1.0, -math.inf), (math.nan, 1.0, 1.0)])
 def test_what_is_not_finite(abc):
-    assert str(emulated_fma(*abc)) == str(fused(*abc))
+    assert str(emulate_fma(*abc)) == str(fused(*abc))
 
 
 def test_bits_there_and_back():

@@ -16,7 +16,7 @@ from rattle.closure import follow, mean_map
 from rattle.closure.long_orbit import LongOrbit
 from rattle.scene import DAT21, Gears, Scene, Start
 from rattle.scene.impact import MISSES, NONE, REST, next_impact, struck
-from rattle.scene.sticking import closed_sides, opening, stuck
+from rattle.scene.sticking import find_sticking, opening, stuck
 
 COMPILED = pytest.mark.skipif(
     bool(numba.config.DISABLE_JIT), reason="takes minutes, or states a time, with the compiler off"
@@ -166,7 +166,7 @@ def test_which_meshes_stay_closed_is_the_only_combination_that_can():
             drawn = all(at[i] * left[i] <= 0.0 for i in (0, 1) if not sides[i])
             if pushes and drawn:
                 able.append(sides)
-        assert able == [closed_sides(c, tau, 0.0, 0.0, tuple(at))]
+        assert able == [find_sticking(c, tau, 0.0, 0.0, tuple(at))]
         counts[able[0][0] != 0, able[0][1] != 0] += 1
     assert min(counts.values()) > 50
 

@@ -12,7 +12,7 @@ from rattle.compare.cli.main import main
 from rattle.compare.report import Code, Figure, Page, Section, Source, Table, Text, manifest, write_page
 from rattle.compare.report.folder import default_place
 from rattle.compare.study.progress import Progress
-from rattle.compare.thresholds.baseline import listed, write
+from rattle.compare.thresholds.baseline import format_changes, write
 from rattle.montecarlo.ensemble import _bar
 from rattle.scene import DAT21, Scene
 from rattle.scene.errors import FileError, InputError, OutputError, RattleError
@@ -206,8 +206,8 @@ def test_a_page_in_all_views(tmp_path):
 
 def test_folders_baselines_logs_and_labels(tmp_path, monkeypatch):
     assert not RAW.search(str(default_place(STEERING)))
-    assert not RAW.search("\n".join(listed({STEERING: (STEERING, None), "a\nb": (1.0, "c\nd")})))
-    assert len(listed({"a\nb": (1.0, "c\nd")})[0].splitlines()) == 1
+    assert not RAW.search("\n".join(format_changes({STEERING: (STEERING, None), "a\nb": (1.0, "c\nd")})))
+    assert len(format_changes({"a\nb": (1.0, "c\nd")})[0].splitlines()) == 1
     write(tmp_path / "b.toml", {"values": {}}, STEERING)
     assert not RAW.search((tmp_path / "b.toml").read_text())
     with Progress({}, 0, tmp_path, show=False) as progress:

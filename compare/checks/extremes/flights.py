@@ -30,7 +30,7 @@ def _pairs(rng: np.random.Generator) -> tuple[float, float]:
     return (beta, other) if rng.random() < 0.5 else (other, beta)
 
 
-def _drawn(seed: int) -> list[tuple[Constants, float, float]]:
+def _draw(seed: int) -> list[tuple[Constants, float, float]]:
     """Random scenes, each with a phase and a flight time."""
     rng = np.random.default_rng(seed)
     out = []
@@ -48,7 +48,7 @@ def _drawn(seed: int) -> list[tuple[Constants, float, float]]:
 def flight_state() -> Extreme:
     """Displacements and velocities after a flight."""
     rng, errors = np.random.default_rng(1), []
-    for c, tau, t in _drawn(0):
+    for c, tau, t in _draw(0):
         y1, y2 = (float(rng.choice([-1.0, 1.0]) * v) for v in rng.choice(spread(1e-12, 1e4, 5, 0.0), 2))
         values, sizes = truth.flight(c, tau, y1, y2, t)
         errors.append(farthest(flight.displacement(c, tau, y1, y2, t), values, sizes))
@@ -78,7 +78,7 @@ def phi_functions() -> Extreme:
 def flight_jacobian() -> Extreme:
     """Every entry of the Jacobian of a flight, with its own relative error."""
     errors = []
-    for c, _, t in _drawn(2):
+    for c, _, t in _draw(2):
         exact = np.array(truth.jacobian(c, t))
         errors.append(
             farthest(
@@ -94,7 +94,7 @@ def flight_jacobian() -> Extreme:
 def flight_noise() -> Extreme:
     """Covariance of the noise accumulated in a flight."""
     errors = []
-    for c, tau, t in _drawn(3):
+    for c, tau, t in _draw(3):
         unit = np.array(truth.noise(c, tau, t))
         for sigma in (1e-8, 1e4):
             exact = sigma * sigma * unit
@@ -110,7 +110,7 @@ def flight_noise() -> Extreme:
 def noise_phase_derivative() -> Extreme:
     """Derivative of that covariance by the phase of the start."""
     errors = []
-    for c, tau, t in _drawn(4)[: POINTS // 3]:
+    for c, tau, t in _draw(4)[: POINTS // 3]:
         h = 1e-3
         ahead, behind = (np.array(truth.noise(c, tau + k * h, t)) for k in (1.0, -1.0))
         exact = (ahead - behind) / math.sin(2.0 * h)  # exact derivative of A + B cos 2 tau + C sin 2 tau

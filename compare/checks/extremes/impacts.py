@@ -49,7 +49,7 @@ def grazing() -> Extreme:
                     rise = gap * (1.0 + share) if hits else gap * (1.0 - share)  # from 0 towards the lower wall
                     y = -math.sqrt(2.0 * drag * rise)
                     t, mesh, side, *_ = impact.next_impact(c, 0.0, 0.0, y, 0.0, 0.0, 1e4)
-                    exact, sign, speed = _met(y, drag, gap)
+                    exact, sign, speed = _meet(y, drag, gap)
                     if (mesh, side) != (1, sign):
                         errors.append(math.inf)
                     else:  # the wall is known to rounding, so the time to rounding of gap / speed
@@ -62,7 +62,7 @@ def grazing() -> Extreme:
 
 
 @truth.in_digits
-def _met(y: float, drag: float, gap: float) -> tuple[float, int, float]:
+def _meet(y: float, drag: float, gap: float) -> tuple[float, int, float]:
     """Time, side and speed at which ``y t + drag t^2 / 2`` meets a wall at distance `gap`."""
     import mpmath as mp
 

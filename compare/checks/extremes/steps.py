@@ -18,7 +18,7 @@ LONGEST = 0.1  # largest admissible dt
 STATE = (0.1, -0.4, -0.2, 0.5)
 
 
-def _tried() -> list[tuple[Constants, float]]:
+def _scenes_and_steps() -> list[tuple[Constants, float]]:
     """Scenes with a step each, up to the longest admissible one."""
     out = []
     for beta1 in spread(1e-9, 1e3, 5, 0.0):
@@ -44,7 +44,7 @@ def step_phase() -> Extreme:
 def step_flight() -> Extreme:
     """Flight of a part of a step without noise: what it adds to the displacements, and the velocities after it."""
     errors = []
-    for c, h in _tried():
+    for c, h in _scenes_and_steps():
         tau, (_, y1, _, y2) = 2.2, STATE
         exact, sizes = truth.flight(c, tau, y1, y2, h)
         found, _ = short.short_flight(c, short.sine_cosine(tau), h, (0.0, y1, 0.0, y2), 0.0, 0.0)
@@ -58,7 +58,7 @@ def step_flight() -> Extreme:
 def step_noise() -> Extreme:
     """Noise of a step from its Brownian increment and space-time Lévy area."""
     errors = []
-    for c, h in _tried()[1::3] + _tried()[2::3]:
+    for c, h in _scenes_and_steps()[1::3] + _scenes_and_steps()[2::3]:
         for first, slope in ((1.0, 0.0), (0.0, 1.0)):
             exact = _integral(c, 0.4, h, first, slope)
             found = short.kick(c, 0.4, h, first, slope / 12.0)

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from rattle.compare.checks.stability.reference import IMPACTS, Reference, horizon_of
 from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo import Ensemble
-from rattle.montecarlo.diagnostics import shortened, unsampled
-from rattle.montecarlo.ensemble import extended, in_threads
+from rattle.montecarlo.diagnostics import diagnose_rare_branch, diagnose_short_step
+from rattle.montecarlo.ensemble import extend, in_threads
 from rattle.montecarlo.kernel.block import BLOCK, BlockResult
 from rattle.montecarlo.settings import is_random, plan_of
 from rattle.scene import Scene
@@ -24,9 +24,9 @@ __all__ = [
     "UNSTABLE",
     "VERDICTS",
     "Judged",
-    "judged",
+    "judge",
     "looks",
-    "sampled",
+    "simulate_any",
 ]
 
 Floats = NDArray[np.float64]
@@ -72,7 +72,7 @@ def looks(paths: int) -> int:
     return tried
 
 
-def sampled(scene: Scene, *, scheme: str, dt: float, paths: int, seed: int, workers: int) -> Ensemble:
+def simulate_any(scene: Scene, *, scheme: str, dt: float, paths: int, seed: int, workers: int) -> Ensemble:
     """Simulate with any time step, admissible or not.
 
     Examples
@@ -88,12 +88,12 @@ def sampled(scene: Scene, *, scheme: str, dt: float, paths: int, seed: int, work
     )  # fmt: skip
     merged: BlockResult | None = None
     for result, _ in in_threads(workers)(plan, 0):
-        merged = result if merged is None else merged.merged(result)
+        merged = result if merged is None else merged.merge(result)
     assert merged is not None
     return Ensemble(plan, paths, merged, None, None, 0.0)
 
 
-def judged(
+def judge(
     scene: Scene, beside: Reference, *, scheme: str, dt: float, paths: int, seed: int, workers: int, z: float,
     within: Tolerances = Tolerances(),  # noqa: B008  (a tuple)
 ) -> Judged:  # fmt: skip
@@ -111,18 +111,18 @@ def judged(
     """
     number = min(paths, FIRST)
     with np.errstate(all="ignore"):  # unstable runs overflow
-        run = sampled(scene, scheme=scheme, dt=dt, paths=number, seed=seed, workers=workers)
+        run = simulate_any(scene, scheme=scheme, dt=dt, paths=number, seed=seed, workers=workers)
         while True:
             verdict, error, half, where = _verdict(run, beside, z, within)
             if verdict != UNDECIDED or run.paths >= paths or not is_random(run.scene):
                 break
-            run = extended(run, min(paths, GROWTH * run.paths), in_threads(workers))
+            run = extend(run, min(paths, GROWTH * run.paths), in_threads(workers))
         return Judged(
             verdict,
             error,
             half,
             where,
-            len(run.diagnostics) > bool(shortened(run)) + bool(unsampled(run)),
+            len(run.diagnostics) > bool(diagnose_short_step(run)) + bool(diagnose_rare_branch(run)),
             run.plan.paths,
             beside.moments,
         )
@@ -144,7 +144,7 @@ def _verdict(run: Ensemble, beside: Reference, z: float, within: Tolerances) -> 
         k = int(np.nan_to_num(of, nan=np.inf).argmax())
         return float(error[k]), float(half[k]), str(names[k])
 
-    wrong = _gone_wrong(run, beside)
+    wrong = _describe_instability(run, beside)
     if run.scene.sigma > 0.0 and run.scene.epsilon == 0.0:
         return COLLAPSING, *at(error)[:2], "at restitution 0 noise makes infinitely many impacts in a finite time"
     if wrong:
@@ -154,7 +154,7 @@ def _verdict(run: Ensemble, beside: Reference, z: float, within: Tolerances) -> 
     return (UNBIASED if (error + half <= 1.0).all() else UNDECIDED, *at(error + half))
 
 
-def _gone_wrong(run: Ensemble, beside: Reference) -> str:
+def _describe_instability(run: Ensemble, beside: Reference) -> str:
     """Description of an instability; empty if there is none."""
     reached = np.isfinite(beside.columns["tau"])
     if not all(np.isfinite(run.columns[q][reached]).all() for q in ("tau", "y1", "y2", "sd_y1", "sd_y2")):

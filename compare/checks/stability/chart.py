@@ -8,7 +8,7 @@ import pandas as pd
 from tqdm import tqdm
 
 from rattle.compare.checks.stability.axes import AXES
-from rattle.compare.checks.stability.cell import BIASED, UNSTABLE, judged, looks
+from rattle.compare.checks.stability.cell import BIASED, UNSTABLE, judge, looks
 from rattle.compare.checks.stability.reference import IMPACTS, reference
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, default_step, largest_step
@@ -79,7 +79,7 @@ def chart(
                 steps = [(share * largest, share, False) for share in SHARES]
                 for dt, share, default in (*steps, (own, own / largest, True)):
                     most = enough if share <= 1.0 else min(paths, OUTSIDE)
-                    found = judged(scene, beside, scheme=scheme, dt=dt, paths=most, seed=seed, workers=workers, z=z)
+                    found = judge(scene, beside, scheme=scheme, dt=dt, paths=most, seed=seed, workers=workers, z=z)
                     rows.append(
                         {"scheme": scheme, "axis": axis, "value": value, "dt": dt, "share": share, "why": why}
                         | {"default": default} | found._asdict()

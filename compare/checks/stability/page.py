@@ -16,7 +16,7 @@ from rattle.compare.checks.stability.reference import IMPACTS
 from rattle.compare.report import Cell, Column, Figure, Page, Row, Section, Table, Text, numbers
 from rattle.compare.report.glossary import SCHEME_TERMS, glossary
 from rattle.compare.report.save import contents, save
-from rattle.compare.validation.validity_range import listed
+from rattle.compare.validation.validity_range import join_words
 from rattle.compare.validation.verdict import Tolerances
 from rattle.scene import Scene
 
@@ -91,7 +91,7 @@ def _advice(found: Chart) -> str:
     others = [f"{n} for `{scheme}`" for scheme, n in good.iloc[1:].items()]
     return (
         f"Take `{best}`: at its default step {good.iloc[0]} of {of} scenes, extreme ones among them, are shown to be "
-        f"unbiased and {wrong[best] or 'none'} to be biased{f' (unbiased: {listed(others)})' if others else ''}."
+        f"unbiased and {wrong[best] or 'none'} to be biased{f' (unbiased: {join_words(others)})' if others else ''}."
     )
 
 

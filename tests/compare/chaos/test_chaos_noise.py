@@ -3,7 +3,7 @@ import pytest
 
 from rattle.compare.chaos.exponents import lyapunov, ratio_mean
 from rattle.compare.chaos.finite_size import finite_size
-from rattle.compare.chaos.sqrt_law import fitted, sqrt_law
+from rattle.compare.chaos.sqrt_law import fit, sqrt_law
 from rattle.scene import DAT21, InputError, Scene
 
 DAT = Scene.from_gears(DAT21, sigma=1.5**0.5)
@@ -24,7 +24,7 @@ def test_another_exponent_is_rejected():
     deltas = np.geomspace(1e-6, 1e-3, 7)
     z = np.random.default_rng(4).normal(size=(3000, 7))
     for power in (0.55, 1.0):
-        _, low, high = fitted(deltas, deltas**power * z)
+        _, low, high = fit(deltas, deltas**power * z)
         assert not low < 0.5 < high
 
 

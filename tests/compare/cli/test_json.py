@@ -104,7 +104,7 @@ def test_what_has_no_form_in_json_is_refused():
 
 
 def test_a_sealed_record_is_whole_after_it_was_written_whatever_is_in_it():
-    record = manifest.sealed({"seconds": math.nan, "paths": np.int64(3), "over": (1.0, math.inf)})
+    record = manifest.seal({"seconds": math.nan, "paths": np.int64(3), "over": (1.0, math.inf)})
     read = strict(json_text(record))
     assert read["seconds"] is None
     assert manifest.is_whole(read)

@@ -20,7 +20,7 @@ def test_after_warming_up_nothing_is_compiled():
     assert {f"closure {name}" for name in CLOSURES} | {f"scheme {name}" for name in SCHEMES} < set(found)
     for task in found.values():
         task()
-    before = machine_code.compiled_here()
+    before = machine_code.count_compiled()
     for scene in (
         Scene.from_gears(DAT21, sigma=0.3),
         Scene.from_gears(DAT21, sigma=0.3, stages=1),
@@ -32,7 +32,7 @@ def test_after_warming_up_nothing_is_compiled():
             assert simulate(scene, paths=40, impacts=3, scheme=name).diagnostics is not None
         long_run(scene, paths=16, periods=64)
     simulate_rare(Scene.from_gears(DAT21, sigma=0.1), paths=40, impacts=3)
-    assert machine_code.compiled_here() == before
+    assert machine_code.count_compiled() == before
 
 
 def test_a_function_that_is_not_in_the_cache_counts(monkeypatch):
@@ -42,10 +42,10 @@ def test_a_function_that_is_not_in_the_cache_counts(monkeypatch):
     def fresh(x):
         return x + 1.0
 
-    before = machine_code.compiled_here()
+    before = machine_code.count_compiled()
     fresh(1.0)
     fresh(2.0)
-    assert machine_code.compiled_here() == before + 1
+    assert machine_code.count_compiled() == before + 1
 
 
 @pytest.mark.parametrize("terminal", [True, False])

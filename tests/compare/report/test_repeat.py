@@ -41,7 +41,7 @@ def elsewhere(first, folder, change, versions=None, file="table.csv"):
     data[file.replace(".csv", "_sha256")] = manifest.digest((folder / file).read_text())
     data["versions"] = {k: v for k, v in (data["versions"] | (versions or {})).items() if v is not None}
     del data["seal"]
-    (folder / "manifest.json").write_text(json.dumps(manifest.sealed(data)))
+    (folder / "manifest.json").write_text(json.dumps(manifest.seal(data)))
     return folder / "manifest.json"
 
 

@@ -15,7 +15,7 @@ from rattle.closure.stationary import NotPredicted, linear_law, multipliers
 from rattle.compare.cli.main import main
 from rattle.compare.stationary import answer as answer_module
 from rattle.compare.stationary.answer import answer
-from rattle.compare.stationary.judged import judged
+from rattle.compare.stationary.judged import judge_predictions
 from rattle.compare.stationary.laws import law_of, values_of
 from rattle.montecarlo.long_run import BurnInError
 from rattle.montecarlo.long_run.estimates import estimates
@@ -228,5 +228,5 @@ def test_verdicts_allow_for_errors_that_rest_on_few_paths():
         "closure": ["mine"], "kind": [""], "quantity": ["rate"], "predicted": [1.07], "se_predicted": [0.0],
         "reason": [""],
     })  # fmt: skip
-    assert judged(table, 64, claim)["verdict"].tolist() == ["inaccurate"]
-    assert judged(table.assign(effective_paths=2.0), 64, claim)["verdict"].tolist() == ["undecided"]
+    assert judge_predictions(table, 64, claim)["verdict"].tolist() == ["inaccurate"]
+    assert judge_predictions(table.assign(effective_paths=2.0), 64, claim)["verdict"].tolist() == ["undecided"]

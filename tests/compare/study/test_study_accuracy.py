@@ -10,7 +10,7 @@ from study_files import study_text
 from rattle.compare import validate
 from rattle.compare.cli.main import main
 from rattle.compare.study.cells import Sample
-from rattle.compare.study.estimate import Work, expected_work, scaling
+from rattle.compare.study.estimate import Work, expect_work, scaling
 from rattle.montecarlo import simulate_to
 from rattle.montecarlo.cost import cost_to
 from rattle.montecarlo.kernel.block import BLOCK
@@ -46,11 +46,11 @@ def test_what_is_not_random_is_expected_to_take_one_path():
     noisy, still = (
         Sample(Scene.from_gears(DAT21, sigma=sigma), impacts=2, seed=0, accuracy=0.01) for sigma in (0.1, 0.0)
     )
-    work = expected_work([noisy, still])
+    work = expect_work([noisy, still])
     assert work[noisy.key].path_steps / work[still.key].path_steps >= 32 * BLOCK - 1
     assert scaling([still], {still.key: 1.0})["limit"].notna().all()
     beyond = Sample(noisy.scene, impacts=2, seed=0, accuracy=1e-300)
-    assert expected_work([beyond])[beyond.key].core_seconds > 1e100
+    assert expect_work([beyond])[beyond.key].core_seconds > 1e100
 
 
 PAIR = """
@@ -84,7 +84,7 @@ def test_every_estimate_is_within_a_factor_of_two_of_what_is_taken(name):
     run = simulate_to(scene, accuracy, impacts=impacts, scheme="exact-flight", rng=1)
     cell = Sample(scene, impacts, seed=2, accuracy=accuracy)
     fixed = Sample(scene, impacts, seed=2, paths=8192)
-    work = expected_work([cell, fixed])
+    work = expect_work([cell, fixed])
     page = validate(scene, impacts=impacts, closures=["corrected"], paths=8192, scheme="exact-flight", rng=3)
     assert run.reach.reached
     assert 0.5 < run.reach.expected.path_steps / run.path_steps < 2.0
@@ -95,7 +95,7 @@ def test_every_estimate_is_within_a_factor_of_two_of_what_is_taken(name):
 
 def test_pilot_runs_of_a_large_study_are_few(monkeypatch):
     made = []
-    monkeypatch.setattr("rattle.compare.study.estimate._piloted", lambda cell, a: made.append(a) or Work(a, a))
+    monkeypatch.setattr("rattle.compare.study.estimate._pilot", lambda cell, a: made.append(a) or Work(a, a))
     cells = [Sample(SCENES["quiet"][0], 2, seed=seed, accuracy=0.1 + seed) for seed in range(50)]
-    assert len(expected_work(cells)) == 50
+    assert len(expect_work(cells)) == 50
     assert made == [0.1 + seed for seed in range(0, 50, 3)]

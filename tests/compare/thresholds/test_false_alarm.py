@@ -18,7 +18,7 @@ import pytest
 from scipy.stats import binomtest
 
 from rattle.compare.thresholds.claim import read_claim
-from rattle.compare.thresholds.judging import errors_of, judged
+from rattle.compare.thresholds.judging import errors_of, judge_errors
 from rattle.compare.thresholds.looks import decide, standing
 from rattle.compare.thresholds.prediction import Prediction
 from rattle.compare.thresholds.sessions import Drawn
@@ -27,7 +27,7 @@ from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import simulate
 from rattle.montecarlo.ensemble import in_threads
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.kernel.control_variate import controlled_statistics
+from rattle.montecarlo.kernel.control_variate import estimate_controlled
 from rattle.montecarlo.statistics.section_statistics import single_statistics
 from rattle.scene import DAT21, Scene
 from rattle.scene.moments import SECTION
@@ -86,7 +86,7 @@ def stacked(results, size, control):
     }  # fmt: skip
     found = []
     for result in results:
-        s = single_statistics(result.sums["section"]) | controlled_statistics(result.sums["control"], control.variance)
+        s = single_statistics(result.sums["section"]) | estimate_controlled(result.sums["control"], control.variance)
         found.append({prefix + q: s[name][:, i] for prefix, name in names.items() for i, q in enumerate(QUANTITIES)})
     table = pd.DataFrame({name: np.concatenate([f[name] for f in found]) for name in found[0]})
     table.index += 1
@@ -160,7 +160,7 @@ def outcomes(runs, truth, by, rate=RATE, impacts=(1, 2), naive=(), **options):
         errors = errors_of(prediction, run, claim)
         if "unit" in naive:
             errors["noise"] = errors["se"]
-        table = judged(errors, z) if table is None else standing(table, judged(errors, z))
+        table = judge_errors(errors, z) if table is None else standing(table, judge_errors(errors, z))
     table["session"] = (table["impact"] - 1) // IMPACTS
     return table.sort_values("session", kind="stable")["outcome"].to_numpy().reshape(sessions, rows)
 

@@ -5,7 +5,7 @@ import tomllib
 
 import pytest
 
-from rattle.compare.thresholds.baseline import changes, place, updated
+from rattle.compare.thresholds.baseline import changes, place, update
 
 SUITE = """
 import pytest
@@ -153,7 +153,7 @@ def test_what_is_left_out_or_new_counts_as_a_change():
     old, new = {"values": {"y1": {"1": 0.5, "2": 0.6}}}, {"values": {"y1": {"2": 0.6 + 1e-12, "3": 0.7}}}
     found = changes(old, new, 1e-9, 0.0)
     assert found == {"values.y1.1": (0.5, None), "values.y1.3": (None, 0.7)}
-    assert updated(old, new, found) == {"values": {"y1": {"2": 0.6, "3": 0.7}}}
+    assert update(old, new, found) == {"values": {"y1": {"2": 0.6, "3": 0.7}}}
 
 
 def test_a_baseline_lies_beside_its_test(tmp_path):

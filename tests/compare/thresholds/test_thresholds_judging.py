@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from rattle.compare.thresholds.claim import read_claim
-from rattle.compare.thresholds.judging import errors_of, judged
+from rattle.compare.thresholds.judging import errors_of, judge_errors
 from rattle.compare.thresholds.prediction import predict
 from rattle.montecarlo import simulate
 from rattle.scene import DAT21, InputError, Scene
@@ -20,7 +20,7 @@ def drawn():
 
 def test_the_wall_is_no_row_of_a_claim(drawn):
     claim = read_claim({"scene": SCENE, "impacts": 2, "quantities": ["x1", "x2"]}, Path())
-    rows = judged(errors_of(predict("saltation", claim), drawn, claim), 3.0)
+    rows = judge_errors(errors_of(predict("saltation", claim), drawn, claim), 3.0)
     struck = {(k, f"x{mesh}") for k, mesh in drawn.section["mesh"].items()}
     assert {(r.impact, r.quantity) for r in rows.itertuples()} == {
         (k, q) for k in (1, 2) for q in ("x1", "x2")

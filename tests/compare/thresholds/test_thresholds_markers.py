@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from rattle.compare.thresholds.claim import merged
+from rattle.compare.thresholds.claim import merge
 from rattle.compare.validation.verdict import widest
 
 DAT21 = Path(__file__).resolve().parent / "example_suite" / "dat21.toml"
@@ -140,9 +140,9 @@ def test_collecting_alone_says_what_could_not_be_read(run):
 
 def test_a_nearer_accuracy_replaces_paths_and_budget():
     far = {"paths": 2048, "budget": 4096}
-    assert merged([{"accuracy": 0.1}, far]) == {"accuracy": 0.1}
-    assert merged([{"budget": 8192}, far]) == {"paths": 2048, "budget": 8192}
-    assert merged([{"budget": 8192}, {"accuracy": 0.1}]) == {"budget": 8192}
+    assert merge([{"accuracy": 0.1}, far]) == {"accuracy": 0.1}
+    assert merge([{"budget": 8192}, far]) == {"paths": 2048, "budget": 8192}
+    assert merge([{"budget": 8192}, {"accuracy": 0.1}]) == {"budget": 8192}
 
 
 BAD_OPTIONS = {

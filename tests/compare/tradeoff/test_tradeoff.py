@@ -13,8 +13,8 @@ from rattle.compare.cli.main import main
 from rattle.compare.tradeoff.answer import cheapest, verdict
 from rattle.compare.tradeoff.cost_model import CostModel, Point
 from rattle.compare.tradeoff.figures import order_figure, tradeoff_figure
-from rattle.compare.tradeoff.measure import Measured, _compared_with, check_accuracies, closure_points, slope
-from rattle.compare.tradeoff.multilevel import Levels, Rate, fitted, giles_cost, levels_of
+from rattle.compare.tradeoff.measure import Measured, _compare, check_accuracies, closure_points, slope
+from rattle.compare.tradeoff.multilevel import Levels, Rate, fit, giles_cost, levels_of
 from rattle.compare.tradeoff.page import orders_said, orders_table
 from rattle.compare.tradeoff.save import CONTENTS
 from rattle.compare.tradeoff.variance_reduction import antithetic_gain, control_table
@@ -131,7 +131,7 @@ def test_levels_are_consistent_and_a_negative_control_is_not(runs):
 
 def test_rates_come_with_intervals():
     noisy = 2.0 ** (-np.arange(1.0, 7.0) + np.random.default_rng(0).normal(0.0, 0.2, 6))
-    rate = fitted(np.arange(1.0, 7.0), noisy)
+    rate = fit(np.arange(1.0, 7.0), noisy)
     assert abs(rate.slope + 1.0) < rate.half < 0.5
 
 
@@ -186,10 +186,10 @@ def test_a_run_that_promised_too_much_is_found_out():
     )
     own = model(0.0)
     point = Point("exact-flight", "scheme", 0.3, 0.05, 300, 1.0, 0.1, 0.0, 0.1, True, rows=24)
-    (fair,) = _compared_with(point, small, own, large)
+    (fair,) = _compare(point, small, own, large)
     assert fair.error == 0.1
     assert not fair.missed
-    missed, beside = _compared_with(point._replace(accuracy=0.001), small, own, large)
+    missed, beside = _compare(point._replace(accuracy=0.001), small, own, large)
     assert missed.missed
     assert missed.error == missed.actual_error > 0.001
     assert not beside.measured

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rattle.compare.tradeoff.slopes import changes_from, settled_from, slope_from
+from rattle.compare.tradeoff.slopes import changes_from, find_settled, slope_from
 from rattle.compare.tradeoff.weak_order import weak_orders
 from rattle.scene import DAT21, InputError, Scene
 
@@ -59,7 +59,7 @@ def changes_of(size, noise=1e-4, replicates=6):
 
 
 def test_a_slope_that_has_settled_is_an_order():
-    order, low, high, turns = settled_from(*changes_of(np.array(FOUR)[:, None] ** 0.95), FOUR)
+    order, low, high, turns = find_settled(*changes_of(np.array(FOUR)[:, None] ** 0.95), FOUR)
     assert order == pytest.approx(0.95, abs=0.01)
     assert low < 0.95 < high
     assert turns == 0
@@ -76,7 +76,7 @@ def test_a_slope_that_has_not_settled_is_no_order(size, turns):
     """Their slopes over the whole range are well measured numbers all the same."""
     rows = np.array([size(h) for h in FOUR])[:, None]
     found = changes_of(rows)
-    order, _, _, turned = settled_from(*found, FOUR)
+    order, _, _, turned = find_settled(*found, FOUR)
     assert np.isnan(order)
     assert turned == turns
     slope, low, high, _ = slope_from(*found, FOUR)
@@ -85,7 +85,7 @@ def test_a_slope_that_has_not_settled_is_no_order(size, turns):
 
 
 def test_what_noise_hides_has_not_settled():
-    assert np.isnan(settled_from(*changes_of(np.array(FOUR)[:, None], noise=1.0), FOUR)[0])
+    assert np.isnan(find_settled(*changes_of(np.array(FOUR)[:, None], noise=1.0), FOUR)[0])
 
 
 def test_noise_is_not_taken_for_change():

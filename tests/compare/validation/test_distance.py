@@ -23,7 +23,7 @@ def gaussian(mean=0.0, sd=1.0, skew=0.0):
 
 def sampled(values):
     """Edges and counts of a sample, binned as a simulation does."""
-    histograms = Histograms.sized_by(values[:, None, None] * np.ones(6))
+    histograms = Histograms.for_sample(values[:, None, None] * np.ones(6))
     histograms.add(values[:, None, None] * np.ones(6))
     edges, _ = histograms.density(1, "tau")
     return edges, histograms.counts[0, 0]

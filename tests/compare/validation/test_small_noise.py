@@ -7,7 +7,7 @@ import pytest
 
 from rattle.closure import mean_map
 from rattle.compare.thresholds.claim import read_claim
-from rattle.compare.thresholds.judging import errors_of, judged
+from rattle.compare.thresholds.judging import errors_of, judge_errors
 from rattle.compare.thresholds.prediction import Prediction
 from rattle.compare.validation.answer import answer
 from rattle.compare.validation.validate import validate
@@ -65,7 +65,7 @@ def test_an_explicit_tolerance_is_kept(within):
     rows = errors_of(Prediction("planted", right), run, claim)
     np.testing.assert_allclose(rows["tolerance"], within * rows["unit"])
     assert (rows["unit"] < 1e-5).all()
-    found = judged(errors_of(Prediction("planted", wrong(right)), run, claim), Z)
+    found = judge_errors(errors_of(Prediction("planted", wrong(right)), run, claim), Z)
     planted = found.set_index(["moment", "quantity"])["outcome"]
     assert (planted.loc[[("mean", "tau"), ("sd", "y1")]] == "fail").all()
 

@@ -7,7 +7,7 @@ import pytest
 from rattle.compare import validate
 from rattle.compare.validation.answer import answer, correlation_claim
 from rattle.compare.validation.tables import count_table, reach_table
-from rattle.compare.validation.validity import CAUSES, judged_rows, validities, validity
+from rattle.compare.validation.validity import CAUSES, rows_to_judge, validities, validity
 from rattle.compare.validation.verdict import JUDGED, NOT_JUDGED
 from rattle.scene import DAT21, Scene
 
@@ -103,4 +103,4 @@ def test_counts_range_of_validity_answer_and_requirement_follow_one_rule():
     assert [c["inaccurate"] + c["undecided"] for c in counts] == [0, 0, 0]
     assert [c["not judged"] for c in counts] == [3, 3, 0]  # means, sds, rho
     assert "`saltation` 30 of 30" in answer([v])[3]
-    assert len(judged_rows(v, "saltation")) == 30
+    assert len(rows_to_judge(v, "saltation")) == 30

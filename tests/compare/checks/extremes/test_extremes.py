@@ -41,7 +41,7 @@ def plain_displacement(c, tau, y1, y2, t):
     """Eq. 3 as it stands: phi1 times alpha cos tau - y1, which cancels in a short flight."""
     u1 = c.alpha * math.cos(tau) - y1
     u2 = u1 + y2
-    (e1, d1), (e2, d2) = damping.damped(c.beta1, t), damping.damped(c.beta2, t)
+    (e1, d1), (e2, d2) = damping.damp(c.beta1, t), damping.damp(c.beta2, t)
     s1 = u1 * e1 - c.gamma1 * damping.phi2(c.beta1, t)
     s2 = u2 * e2 - c.gamma2 * damping.phi2(c.beta2, t)
     v1, v2 = u1 * d1 - c.gamma1 * e1, u2 * d2 - c.gamma2 * e2

@@ -12,7 +12,7 @@ from rattle.compare.checks.extremes.row import Extreme
 from rattle.compare.checks.stability import cell as cells
 from rattle.compare.checks.stability import free_flight
 from rattle.compare.checks.stability.axes import AXES, moderate
-from rattle.compare.checks.stability.cell import BIASED, COLLAPSING, UNBIASED, UNDECIDED, UNSTABLE, judged, sampled
+from rattle.compare.checks.stability.cell import BIASED, COLLAPSING, UNBIASED, UNDECIDED, UNSTABLE, judge, simulate_any
 from rattle.compare.checks.stability.chart import Chart, chart
 from rattle.compare.checks.stability.figure import figure, summary
 from rattle.compare.checks.stability.page import answer
@@ -38,7 +38,7 @@ def corner():
 
 def verdict(scene, beside, scheme, share, paths=PATHS):
     dt = share * largest_step(scene, scheme)[0]
-    return judged(scene, beside, scheme=scheme, dt=dt, paths=paths, seed=0, workers=2, z=Z)
+    return judge(scene, beside, scheme=scheme, dt=dt, paths=paths, seed=0, workers=2, z=Z)
 
 
 @pytest.mark.parametrize("axis", CORNERS)
@@ -74,7 +74,7 @@ def test_negative_control_of_a_scheme_is_biased(scheme, wrong):
     scene = moderate()
     beside = reference(scene, paths=2 * PATHS, seed=1, workers=2)
     control = replace(scene, **WRONG[wrong])
-    found = judged(control, beside, scheme=scheme, dt=5e-4, paths=PATHS, seed=0, workers=2, z=Z)
+    found = judge(control, beside, scheme=scheme, dt=5e-4, paths=PATHS, seed=0, workers=2, z=Z)
     assert found.verdict == BIASED
 
 
@@ -89,14 +89,14 @@ def test_exact_flights_without_noise_are_the_orbit(gap):
 def test_restitution_of_nothing_has_no_limit():
     scene = moderate(epsilon=0.0)
     beside = reference(moderate(epsilon=0.5), paths=1024, seed=1, workers=1)  # any: it is not what decides
-    found = judged(scene, beside, scheme="euler-maruyama", dt=0.01, paths=1024, seed=0, workers=1, z=Z)
+    found = judge(scene, beside, scheme="euler-maruyama", dt=0.01, paths=1024, seed=0, workers=1, z=Z)
     assert found.verdict == COLLAPSING
     assert found.diagnosed
 
 
 def test_only_measurements_accept_inadmissible_steps():
     scene = moderate()
-    assert sampled(scene, scheme="euler-maruyama", dt=1.0, paths=10, seed=0, workers=1).dt == 1.0
+    assert simulate_any(scene, scheme="euler-maruyama", dt=1.0, paths=10, seed=0, workers=1).dt == 1.0
     with pytest.raises(InputError, match=r"dt = 1.0: must be at most"):
         simulate(scene, paths=10, scheme="euler-maruyama", dt=1.0)
 
