@@ -13,8 +13,6 @@ from rattle.closure.orbit import Floats, Ints, Orbit, follow
 from rattle.scene.impact import MISSES, NONE, REST
 from rattle.scene.scene import Scene
 
-__all__ = ["IRREGULAR", "PERIODIC", "REST_FOR_GOOD", "Attractor", "attractor"]
-
 PERIODIC, REST_FOR_GOOD, IRREGULAR = "periodic", "rest", "irregular"
 """Kinds of attractors; an irregular one is chaotic, or its period is longer than `LONGEST`."""
 
@@ -128,9 +126,16 @@ def _cycle(orbit: Orbit, end: float, periods: int) -> Attractor:
     reason = f"is periodic with {_times(periods)} and {last - first} impacts"
     reason += ", closed at times" if max(contact) > 0.0 else ""
     return Attractor(
-        PERIODIC, reason, periods, orbit.tau[part], orbit.mesh[part], orbit.side[part], orbit.before[part],
-        orbit.after[part], contact,
-    )  # fmt: skip
+        PERIODIC,
+        reason,
+        periods,
+        orbit.tau[part],
+        orbit.mesh[part],
+        orbit.side[part],
+        orbit.before[part],
+        orbit.after[part],
+        contact,
+    )
 
 
 def _times(periods: int) -> str:

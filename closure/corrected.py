@@ -24,8 +24,6 @@ from rattle.scene.scene import Scene
 from rattle.scene.small_matrices import congruence, put, times
 from rattle.scene.small_vectors import put_row
 
-__all__ = ["trace"]
-
 
 @jit
 def window_shift(raw: Floats, x: float, half_window: float) -> tuple[float, float]:

@@ -7,8 +7,6 @@ from rattle.closure.branching.error import COMPONENT_MICROSECONDS
 from rattle.closure.branching.trace import LEVELS
 from rattle.closure.mean_map import MeanMap
 
-__all__ = ["IMPACT_MICROSECONDS", "closure_seconds", "most_seconds"]
-
 IMPACT_MICROSECONDS = {"published": 200.0, "corrected": 15.0, "saltation": 50.0, "branching": 300.0}
 """Of an impact on one core, components not counted; measured once on DAT21 and the examples."""
 

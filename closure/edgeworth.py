@@ -13,8 +13,13 @@ from rattle.scene.flight import NODES, WEIGHTS
 from rattle.scene.moments import SMALLEST
 
 __all__ = [
-    "Edgeworth", "coefficients", "has_series", "mixture_density", "section_density", "window_means",
-]  # fmt: skip
+    "Edgeworth",
+    "coefficients",
+    "has_series",
+    "mixture_density",
+    "section_density",
+    "window_means",
+]
 
 Floats = NDArray[np.float64]
 

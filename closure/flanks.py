@@ -23,10 +23,6 @@ from rattle.scene.parts import Tolerance
 from rattle.scene.scene import Scene
 from rattle.scene.small_matrices import congruence
 
-__all__ = [
-    "PLAIN", "Pieces", "between", "column", "forget", "pieces", "random_tolerance", "start_covariance", "start_pieces",
-]  # fmt: skip
-
 PLAIN = 5  # components of the section state where no flank varies
 NARROWEST = 0.01  # smallest half gap, as a share of the nominal one: the tail of a Gaussian must not close the gap
 PIECES = 6  # Gaussians for the distribution of a deviation that is drawn once per path
@@ -166,9 +162,7 @@ def between(c: Constants, e: Floats) -> tuple[Constants, float, float]:
     """
     wall1 = max(c.wall1 + 0.5 * (e[5] + e[6]), NARROWEST * c.wall1)
     wall2 = max(c.wall2 + 0.5 * (e[7] + e[8]), NARROWEST * c.wall2)
-    own = Constants(
-        c.alpha, c.epsilon, c.beta1, c.beta2, c.gamma1, c.gamma2, c.mu, wall1, wall2, c.sigma, c.stages
-    )  # fmt: skip
+    own = Constants(c.alpha, c.epsilon, c.beta1, c.beta2, c.gamma1, c.gamma2, c.mu, wall1, wall2, c.sigma, c.stages)
     return own, 0.5 * (e[5] - e[6]), 0.5 * (e[7] - e[8])
 
 

@@ -17,8 +17,6 @@ from rattle.scene.scene import Scene
 from rattle.scene.sticking import complete_chatter
 from rattle.scene.tangent import Stretch, carry_frame, strike_frame
 
-__all__ = ["LongOrbit", "velocities"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -27,9 +25,16 @@ PERIOD = 2.0 * math.pi
 
 @jit
 def _stretch(
-    c: Constants, tangent: bool, at: Floats, frame: Floats, flight: Floats, phase: Floats, code: Ints, before: Floats,
+    c: Constants,
+    tangent: bool,
+    at: Floats,
+    frame: Floats,
+    flight: Floats,
+    phase: Floats,
+    code: Ints,
+    before: Floats,
     growth: Floats,
-) -> tuple[int, int]:  # fmt: skip
+) -> tuple[int, int]:
     """Fill the arrays with impacts from ``at = (tau, x1, y1, x2, y2)`` on, up to a sticking phase; updates `at`.
 
     Returns the number of impacts, and 1 or a code of `MISSES`.
@@ -101,9 +106,7 @@ class LongOrbit:
         before, growth = np.empty((impacts, 4)), np.zeros((impacts, 4))
         n = 0
         if self.ended > 0:
-            n, self.ended = _stretch(
-                self.c, tangent, self.at, self.frame, flight, phase, code, before, growth
-            )  # fmt: skip
+            n, self.ended = _stretch(self.c, tangent, self.at, self.frame, flight, phase, code, before, growth)
         return Stretch(flight, phase, code, before, growth).first(n)
 
 

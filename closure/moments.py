@@ -6,8 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Trace"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

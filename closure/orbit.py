@@ -45,9 +45,21 @@ def _note(legs: Floats, n: int, tau: float, x1: float, y1: float, x2: float, y2:
 
 @lean
 def _follow(
-    c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, mesh: int,
-    taus: Floats, meshes: Ints, sides: Ints, before: Floats, after: Floats, legs: Floats, legs_after: Ints,
-) -> tuple[int, int, int]:  # fmt: skip
+    c: Constants,
+    tau: float,
+    x1: float,
+    y1: float,
+    x2: float,
+    y2: float,
+    mesh: int,
+    taus: Floats,
+    meshes: Ints,
+    sides: Ints,
+    before: Floats,
+    after: Floats,
+    legs: Floats,
+    legs_after: Ints,
+) -> tuple[int, int, int]:
     """Fill the arrays; returns the numbers of impacts and legs, and the last mesh or a code of `MISSES`."""
     taus[0], meshes[0] = tau, mesh
     before[0, 0], before[0, 1], before[0, 2], before[0, 3] = x1, y1, x2, y2
@@ -257,7 +269,7 @@ def follow(scene: Scene, impacts: int) -> Orbit:
     legs, legs_after = np.empty((LEGS * (impacts + 2), LEG)), np.zeros(impacts + 1, np.int64)
     found, pieces, last = _follow(
         c, scene.phase, *scene.start_state, start.mesh, tau, mesh, side, before, after, legs, legs_after
-    )  # fmt: skip
+    )
     legs = legs[:pieces].copy()
     phases = _sticking_phases(legs, legs_after[: found + 1])
     stopped = "" if last > 0 else f"{MISSES[last]} after impact {found}"

@@ -7,8 +7,6 @@ import numpy as np
 from rattle.closure.orbit import Orbit
 from rattle.scene.figure import ShownFigure
 
-__all__ = ["plot_orbit"]
-
 POINTS = 40  # of a curve from one impact to the next
 
 

@@ -20,14 +20,13 @@ from rattle.closure.orbit import Floats, Ints
 from rattle.closure.raw_moments import after_flight, unmodulated_covariance
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
+from rattle.scene.damping import decay, phi1
 from rattle.scene.errors import InputError
-from rattle.scene.flight import decay, flow, noise_covariance, phi1
+from rattle.scene.flight import flow, noise_covariance
 from rattle.scene.impact import struck
 from rattle.scene.scene import Scene
 from rattle.scene.small_matrices import put
 from rattle.scene.small_vectors import beyond, put_row
-
-__all__ = ["check", "trace"]
 
 SCAN = 0.05  # time step of the search for a counter mesh; E[x_i] moves about a tenth of a gap in it
 LONGEST = 20.0  # longest flight; the map ends if there is no counter mesh in it
@@ -169,9 +168,13 @@ def _first(scene: Scene, impacts: int, order: int) -> Map:
     """The map at its start, an impact at mesh 1; NaN where it is to be filled."""
     raw = np.full((impacts + 1, 2, order + 1, order + 1), np.nan)
     m = Map(
-        np.full(impacts + 1, np.nan), np.zeros(impacts + 1, np.int64), np.full((impacts + 1, 4), np.nan),
-        np.full((impacts + 1, 4), np.nan), raw, raw.copy(),
-    )  # fmt: skip
+        np.full(impacts + 1, np.nan),
+        np.zeros(impacts + 1, np.int64),
+        np.full((impacts + 1, 4), np.nan),
+        np.full((impacts + 1, 4), np.nan),
+        raw,
+        raw.copy(),
+    )
     m.tau[0], m.mesh[0], m.mean[0], m.shift[0] = scene.phase, 1, scene.start_state, 0.0
     for moments in (m.before[0], m.after[0]):
         moments[:], moments[:, 0, 0] = 0.0, 1.0

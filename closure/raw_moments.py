@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.scene.compiled import jit
-from rattle.scene.flight import NODES, PANEL, WEIGHTS, decay, phi1
+from rattle.scene.damping import decay, phi1
+from rattle.scene.flight import NODES, PANEL, WEIGHTS
 from rattle.scene.moments import gaussian_raw_moments
 from rattle.scene.small_matrices import put
-
-__all__ = ["after_flight", "stage_raw_moments", "unmodulated_covariance"]
 
 Floats = NDArray[np.float64]
 

@@ -24,17 +24,24 @@ from rattle.scene.scene import Scene
 from rattle.scene.small_matrices import apply, block, congruence, inner, put, times
 from rattle.scene.small_vectors import dot
 
-__all__ = ["SLOWEST", "propagate", "trace"]
-
 SLOWEST = 1e-6
 """Impact speed, relative to excitation, drag and initial speeds, below which the orbit grazes: no derivatives there."""
 
 
 @jit
 def propagate(
-    c: Constants, tau: Floats, mesh: Ints, side: Ints, before: Floats, after: Floats, found: int,
-    start: Floats, variance: Floats, redraw: bool, second: bool,
-) -> tuple[int, Floats, Floats, Floats, Floats, Floats]:  # fmt: skip
+    c: Constants,
+    tau: Floats,
+    mesh: Ints,
+    side: Ints,
+    before: Floats,
+    after: Floats,
+    found: int,
+    start: Floats,
+    variance: Floats,
+    redraw: bool,
+    second: bool,
+) -> tuple[int, Floats, Floats, Floats, Floats, Floats]:
     """Mean shift, sd and skewness of the section quantities, and covariance of the section state before and after.
 
     `start`: Covariance of the section state after the start; its size tells whether flanks vary. Shapes: `start`
@@ -111,9 +118,18 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     variance = np.zeros(4) if tolerance is None else np.repeat(tolerance.variances, 2)
     redraw = tolerance is not None and tolerance.draw == "contact"
     found, shift, sd, skew, section, after = propagate(
-        c, orbit.tau, orbit.mesh, orbit.side, orbit.before, orbit.after, orbit.found,
-        start_covariance(scene), variance, redraw, order >= 3,
-    )  # fmt: skip
+        c,
+        orbit.tau,
+        orbit.mesh,
+        orbit.side,
+        orbit.before,
+        orbit.after,
+        orbit.found,
+        start_covariance(scene),
+        variance,
+        redraw,
+        order >= 3,
+    )
     stopped = orbit.stopped if found == orbit.found else f"impact {found + 1} grazes its wall"
     mean = orbit.before + np.nan_to_num(shift[:, 2:])
     tau = orbit.tau + np.nan_to_num(shift[:, 0])

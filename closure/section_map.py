@@ -24,8 +24,6 @@ from rattle.scene.impact import contact_matrix
 from rattle.scene.small_matrices import apply, block, congruence, put, times, times_transposed
 from rattle.scene.small_vectors import dot, put_row
 
-__all__ = ["derivatives", "flight_third_cumulant", "hit_matrix", "noise_slope", "third_cumulants"]
-
 Floats = NDArray[np.float64]
 
 

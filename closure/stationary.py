@@ -29,8 +29,6 @@ from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 from rattle.scene.small_matrices import block, congruence, put
 
-__all__ = ["MAPPED", "Law", "NotPredicted", "branching_law", "linear_law", "multipliers", "orbit_average"]
-
 MAPPED = 4000  # impacts of a mean map whose average is taken
 DROPPED = 400  # of those, before the average begins
 BRANCHED = 32  # impacts through which `branching` is followed
@@ -129,9 +127,16 @@ def linear_law(scene: Scene, a: Attractor) -> Law:
     back, sd_back = _since_same_mesh(a, flown, hit, section, after)
     late = np.nan_to_num(shift[:, 1])
     return Law(
-        n / (2.0 * math.pi * a.periods), np.full(n, 1.0 / n), a.mesh[1:], speeds + sign * shift[each, own],
-        sd[each, own], np.diff(a.tau) + late, sd[:, 1], back, sd_back,
-    )  # fmt: skip
+        n / (2.0 * math.pi * a.periods),
+        np.full(n, 1.0 / n),
+        a.mesh[1:],
+        speeds + sign * shift[each, own],
+        sd[each, own],
+        np.diff(a.tau) + late,
+        sd[:, 1],
+        back,
+        sd_back,
+    )
 
 
 def _second_order(scene: Scene, a: Attractor, start: Floats, largest: float) -> tuple[Floats, Floats, Floats, Floats]:
@@ -150,9 +155,18 @@ def _second_order(scene: Scene, a: Attractor, start: Floats, largest: float) -> 
     whole = np.zeros((5, 5))
     whole[:size, :size] = start
     _, shift, sd, _, section, after = propagate(
-        scene.constants, tau, again(a.mesh), again(a.side), again(a.before), again(a.after), passes * n,
-        whole, np.zeros(4), False, True,
-    )  # fmt: skip
+        scene.constants,
+        tau,
+        again(a.mesh),
+        again(a.side),
+        again(a.before),
+        again(a.after),
+        passes * n,
+        whole,
+        np.zeros(4),
+        False,
+        True,
+    )
     return shift[-n:], sd[-n:], section[-n:, :size, :size], after[-n:, :size, :size]
 
 
@@ -194,9 +208,17 @@ def orbit_average(scene: Scene, closure: str) -> Law:
     speed, zero = np.abs(before[1:]), np.zeros(n)
     spread = speed[: n // 32 * 32].reshape(32, -1).mean(axis=1).std(ddof=1) / math.sqrt(32.0) / speed.mean()
     return Law(
-        n / float(tau[-1] - tau[0]), np.full(n, 1.0 / n), mesh[1:], speed, zero, np.diff(tau), zero, back[1:], zero,
+        n / float(tau[-1] - tau[0]),
+        np.full(n, 1.0 / n),
+        mesh[1:],
+        speed,
+        zero,
+        np.diff(tau),
+        zero,
+        back[1:],
+        zero,
         float(spread),
-    )  # fmt: skip
+    )
 
 
 def branching_law(scene: Scene) -> Law:
@@ -228,6 +250,13 @@ def _join(parts: dict[int, tuple[Floats, Floats, Floats]], impacts: range) -> La
     each, nothing = np.arange(weight.size), np.full(weight.size, np.nan)
     flight = mean[:, place["flight"]]
     return Law(
-        float(1.0 / (weight * flight).sum()), weight, mesh, np.abs(mean[each, own]), np.sqrt(variance[each, own]),
-        flight, np.sqrt(variance[:, place["flight"]]), nothing, nothing,
-    )  # fmt: skip
+        float(1.0 / (weight * flight).sum()),
+        weight,
+        mesh,
+        np.abs(mean[each, own]),
+        np.sqrt(variance[each, own]),
+        flight,
+        np.sqrt(variance[:, place["flight"]]),
+        nothing,
+        nothing,
+    )

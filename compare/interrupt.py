@@ -11,8 +11,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 
-__all__ = ["EXIT_INTERRUPTED", "NOTHING_WRITTEN", "ends_at_once", "ends_soon", "said", "unfinished"]
-
 EXIT_INTERRUPTED = 130
 NOTHING_WRITTEN = "interrupted; nothing was written"
 LOST = "interrupted; unfinished work is lost, no file is half written"

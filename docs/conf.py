@@ -37,11 +37,15 @@ nitpick_ignore_regex = [
 nitpick_ignore = [  # modules and functions that are no part of the reference
     ("py:obj", f"rattle.{name}")
     for name in (
-        "compare.validation.correlation.validity", "montecarlo.diagnostics", "montecarlo.schemes.sticking",
-        "montecarlo.statistics.section_statistics.FEWEST", "scene.gears_table", "scene.impact.energy_loss",
+        "compare.validation.correlation.validity",
+        "montecarlo.diagnostics",
+        "montecarlo.schemes.sticking",
+        "montecarlo.statistics.section_statistics.FEWEST",
+        "scene.gears_table",
+        "scene.impact.energy_loss",
         "scene.plausible",
     )
-]  # fmt: skip
+]
 
 # Pages are MyST; those with code cells are run when the site is built, and an error in one ends the build.
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist", "colon_fence"]

@@ -98,12 +98,17 @@ def coverage(reports: Path) -> Table:
     found = pd.read_csv(Path(__file__).parent / "results" / "coverage.csv")
     rows = [
         [
-            f"{r['paths']} × {r['periods']}", f"{r['seeds']}", r["quantity"], short(r["value"], 4),
-            f"{r['coverage']:.1%} ± {r['se_coverage']:.1%}", f"{r['naive_coverage']:.1%}",
-            short(r["autocorrelation"]), short(r["stated_se"] / r["sd_of_estimates"]),
+            f"{r['paths']} × {r['periods']}",
+            f"{r['seeds']}",
+            r["quantity"],
+            short(r["value"], 4),
+            f"{r['coverage']:.1%} ± {r['se_coverage']:.1%}",
+            f"{r['naive_coverage']:.1%}",
+            short(r["autocorrelation"]),
+            short(r["stated_se"] / r["sd_of_estimates"]),
         ]
         for r in found.sort_values(["paths", "periods"], kind="stable").to_dict("records")
-    ]  # fmt: skip
+    ]
     head = ["paths × periods", "runs", "quantity", "mean of all runs", "intervals that hold it", "naive ones"]
     return [*head, "autocorrelation (impacts)", "stated error / spread of the runs"], rows
 
@@ -127,12 +132,17 @@ def rare_branches(reports: Path) -> Table:
     found = pd.read_csv(Path(__file__).parent / "results" / "rare_branches.csv")
     rows = [
         [
-            f"{r['scene']}, σ = {r['sigma']:g}, {r['impacts']} impacts", r["branches"],
-            f"{r['worst_row']} ({r['kurtosis']:,.0f})", f"{r['gain']:,.0f}", short(r["median_gain"], 2),
-            short(r["least_gain"], 2), f"{r['largest_z']:.1f} ({r['allowed_z']:.1f})", f"{r['coverage']:.1%}",
+            f"{r['scene']}, σ = {r['sigma']:g}, {r['impacts']} impacts",
+            r["branches"],
+            f"{r['worst_row']} ({r['kurtosis']:,.0f})",
+            f"{r['gain']:,.0f}",
+            short(r["median_gain"], 2),
+            short(r["least_gain"], 2),
+            f"{r['largest_z']:.1f} ({r['allowed_z']:.1f})",
+            f"{r['coverage']:.1%}",
         ]
         for r in found.to_dict("records")
-    ]  # fmt: skip
+    ]
     heads = ["scene", "branches sampled (impact: struck instead)", "worst row (kurtosis)", "its variance falls"]
     return [*heads, "median row", "least", "largest z (allowed)", "intervals that hold"], rows
 
@@ -143,12 +153,17 @@ def unseen(reports: Path) -> Table:
     found = pd.read_csv(Path(__file__).parent / "results" / "unseen.csv")
     rows = [
         [
-            r["scene"], short(r["kurtosis"]), f"{r['paths']:,}", f"{r['inaccurate']} of {r['seeds']}",
-            f"{r['inaccurate_without']} of {r['seeds']}", f"{r['decided']:.1%}", f"{r['decided_without']:.1%}",
+            r["scene"],
+            short(r["kurtosis"]),
+            f"{r['paths']:,}",
+            f"{r['inaccurate']} of {r['seeds']}",
+            f"{r['inaccurate_without']} of {r['seeds']}",
+            f"{r['decided']:.1%}",
+            f"{r['decided_without']:.1%}",
             f"{r['held']:.0f} of {r['reached']:.0f}" if r["reached"] > 0.0 else "",
         ]
         for r in found.to_dict("records")
-    ]  # fmt: skip
+    ]
     head = ["scene", "largest kurtosis", "paths", "called inaccurate", "without", "rows decided"]
     return [*head, "decided without", "0.03 sd reached, and true"], rows
 
@@ -164,12 +179,14 @@ def branching(reports: Path) -> Table:
         faster = f"{short(used['ratio'].min(), 2)} / {short(used['ratio'].median(), 2)}" if len(used) else "–"
         rows.append(
             [
-                "for tuning" if seen else "unseen", noise if noise == "all" else short(noise),
+                "for tuning" if seen else "unseen",
+                noise if noise == "all" else short(noise),
                 *(f"{short(of[c].median(), 2)} / {short(of[c].max(), 2)}" for c in ("error_mean", "error_sd")),
                 *(f"{of[c].sum() / total:.1%}" for c in ("exceeded", "factor", "wrong", "unmarked")),
-                f"{len(used)} of {len(of)}", faster,
+                f"{len(used)} of {len(of)}",
+                faster,
             ]
-        )  # fmt: skip
+        )
     head = ["gear sets", "σ/√α", "worst mean: median / largest", "worst sd", "beyond the bound", "within a factor of 2"]
     return [*head, "wrong", "wrong, unmarked", "advised", "speed-up: least / median"], rows
 
@@ -196,13 +213,16 @@ def speed(reports: Path) -> Table:
     found = pd.read_csv(reports / "dat21" / "speed.csv")
     rows = [
         [
-            r["closure"], short(r["sigma"]), short(r["impacts"]),
+            r["closure"],
+            short(r["sigma"]),
+            short(r["impacts"]),
             ("" if r["resolved"] else "≤ ") + short(r["worst"], 2),
-            seconds(r["closure_seconds"]), seconds(r["simulation_seconds"]),
+            seconds(r["closure_seconds"]),
+            seconds(r["simulation_seconds"]),
             ("" if r["resolved"] else "≥ ") + f"{float(format(r['speed_up'], '.2g')):g}",
         ]
         for _, r in found.iterrows()
-    ]  # fmt: skip
+    ]
     return ["closure", "σ", "impacts", "worst error [sd]", "closure", "simulation", "ratio"], rows
 
 
@@ -278,11 +298,15 @@ def tradeoff(reports: Path) -> Table:
     found = pd.read_csv(reports / "tradeoff" / "tradeoff.csv")
     return ["method", "error [sd]", "step", "paths", "core time", "measured"], [
         [
-            r["method"] + (" (means alone)" if r["kind"] == "multilevel" else ""), short(r["error"]), short(r["dt"]),
-            short(r["paths"] or math.nan), seconds(r["core_seconds"]), "yes" if r["measured"] else "extrapolated",
+            r["method"] + (" (means alone)" if r["kind"] == "multilevel" else ""),
+            short(r["error"]),
+            short(r["dt"]),
+            short(r["paths"] or math.nan),
+            seconds(r["core_seconds"]),
+            "yes" if r["measured"] else "extrapolated",
         ]
         for _, r in found.iterrows()
-    ]  # fmt: skip
+    ]
 
 
 @table
@@ -291,14 +315,19 @@ def orders(reports: Path) -> Table:
     found = pd.read_csv(reports / "tradeoff" / "orders.csv", keep_default_na=False, na_values=[""])
     rows = [
         [
-            r["scheme"], short(r["sigma"]), " ".join(str(r[n]) for n in ("moment", "quantity") if not pd.isna(r[n])),
-            f"{r['coarsest']:g} to {r['finest']:g}", interval(r, "slope", 2),
-            "not settled" if pd.isna(r["order"])
+            r["scheme"],
+            short(r["sigma"]),
+            " ".join(str(r[n]) for n in ("moment", "quantity") if not pd.isna(r[n])),
+            f"{r['coarsest']:g} to {r['finest']:g}",
+            interval(r, "slope", 2),
+            "not settled"
+            if pd.isna(r["order"])
             else f"{r['order']:.2f} ± {0.5 * (r['order_high'] - r['order_low']):.2f}",
-            short(r["limit_z"], 2), short(r["limit_allowed"], 2),
+            short(r["limit_z"], 2),
+            short(r["limit_allowed"], 2),
         ]
         for _, r in found[found["slope"].notna()].iterrows()
-    ]  # fmt: skip
+    ]
     return ["scheme", "σ", "moment", "steps", "slope", "order", "limit off by [se]", "allowed"], rows
 
 

@@ -16,6 +16,15 @@ from rattle.montecarlo.settings import check_settings
 from rattle.montecarlo.simulate_to import simulate_to
 
 __all__ = [
-    "SCHEMES", "AccuracyWarning", "Ensemble", "RareEnsemble", "Record", "check_settings", "default_step",
-    "largest_step", "simulate", "simulate_rare", "simulate_to",
-]  # fmt: skip
+    "SCHEMES",
+    "AccuracyWarning",
+    "Ensemble",
+    "RareEnsemble",
+    "Record",
+    "check_settings",
+    "default_step",
+    "largest_step",
+    "simulate",
+    "simulate_rare",
+    "simulate_to",
+]

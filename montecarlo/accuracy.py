@@ -30,26 +30,6 @@ if TYPE_CHECKING:
 
     from rattle.montecarlo.result import Ensemble
 
-__all__ = [
-    "CONFIDENCE",
-    "LEAST",
-    "ROUNDED",
-    "Bound",
-    "absolute_errors",
-    "count_paths",
-    "error_bound",
-    "find_exceedance",
-    "resolved_sd",
-    "sampling_error",
-    "share_of_look",
-    "skewness_gain",
-    "small_noise",
-    "step_error",
-    "units",
-    "units_by_quantity",
-    "unseen_shifts",
-]  # fmt: skip
-
 CONFIDENCE = 0.95
 """Probability with which an accuracy that is said to be reached bounds all errors of section means and sds."""
 

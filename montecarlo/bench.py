@@ -28,8 +28,6 @@ from rattle.scene.impact import struck
 from rattle.scene.parts import Start, Tolerance
 from rattle.scene.scene import Scene
 
-__all__ = ["bench", "slices"]
-
 Floats = NDArray[np.float64]
 
 REPEATS = 25  # turns of slices
@@ -38,9 +36,11 @@ LANES = 256  # of the floor: as many as the kernel takes through its steps toget
 LOOPS = 100
 LOOP_STEPS = 800  # of the skilled loop's paths: about as many as twelve impacts take
 SKILLED, SCALAR, NORMAL, ARITHMETIC = (
-    "a skilled loop in numba, without statistics", "one normal by standard_normal", "one standard normal",
+    "a skilled loop in numba, without statistics",
+    "one normal by standard_normal",
+    "one standard normal",
     "arithmetic of one step",
-)  # fmt: skip
+)
 FLIGHTS: dict[str, Any] = {"scheme": "exact-flight", "dt": math.pi / 96.0}
 
 
@@ -77,8 +77,11 @@ def _skilled_loop(c: Constants, generator: np.random.Generator, paths: int, forc
             z = generator.standard_normal()
             push1, kick1, push2, kick2 = forcing[i, 0], forcing[i, 1], forcing[i, 2], forcing[i, 3]
             x1, y1, x2, y2 = (
-                x1 + h * y1, keep1 * y1 + push1 + kick1 * z, x2 + h * y2, keep2 * y2 + pull * y1 + push2 + kick2 * z
-            )  # fmt: skip
+                x1 + h * y1,
+                keep1 * y1 + push1 + kick1 * z,
+                x2 + h * y2,
+                keep2 * y2 + pull * y1 + push2 + kick2 * z,
+            )
             if (x1 > c.wall1 and y1 > 0.0) or (x1 < -c.wall1 and y1 < 0.0):
                 x1 = c.wall1 if x1 > 0.0 else -c.wall1
                 y1, y2 = struck(c, 1, y1, y2)
@@ -117,9 +120,10 @@ def _floor(scene: Scene) -> dict[str, tuple[Callable[[], Any], float]]:
         SCALAR: (lambda: _scalar_normals(generator, 100_000), 1e5),
         NORMAL: (lambda: _normals(key, paths, z, LOOPS), 4.0 * LANES * LOOPS),
         ARITHMETIC: (
-            lambda: _steps(c, forcing[:QUAD], state[0], state[1], still, beyond, LOOPS), float(QUAD * LANES * LOOPS)
+            lambda: _steps(c, forcing[:QUAD], state[0], state[1], still, beyond, LOOPS),
+            float(QUAD * LANES * LOOPS),
         ),
-    }  # fmt: skip
+    }
 
 
 def _generator() -> np.random.Generator:
@@ -154,9 +158,7 @@ def bench(scene: Scene | None = None) -> pd.DataFrame:
         "  the same, dt = 0.002": (base, {"dt": 2e-3}),
         "  with two-point increments, paths alone": (base, {"increments": "two-point", "statistics": False}),
         "  with two-point increments": (base, {"increments": "two-point"}),
-        "  without noise (gaps vary), paths alone": (
-            replace(loose, sigma=0.0), {"statistics": False}
-        ),
+        "  without noise (gaps vary), paths alone": (replace(loose, sigma=0.0), {"statistics": False}),
         "  with one stage": (replace(base, stages=1), {}),
         "  with gaps that vary by path": (loose, {}),
         "  with gaps that vary by contact": (replace(base, tolerance=contact), {}),
@@ -169,7 +171,7 @@ def bench(scene: Scene | None = None) -> pd.DataFrame:
         "  with gaps redrawn at each contact": (replace(base, tolerance=contact), FLIGHTS),
         "  with the linearised path as control variate": (base, FLIGHTS | {"control": True}),
         "  steps far from any wall, paths alone": (far, FLIGHTS | {"horizon": 4.0, "statistics": False}),
-    }  # fmt: skip
+    }
     work = {name: _case(own, **settings) for name, (own, settings) in cases.items()}
     taken = slices(_floor(base) | {name: (call, float(steps)) for name, (call, steps) in work.items()}, REPEATS)
     low = taken[NORMAL] + taken[ARITHMETIC]
@@ -182,4 +184,4 @@ def bench(scene: Scene | None = None) -> pd.DataFrame:
         rows[name] = (ns.min(), np.median(ns / low), gain, steps, 1e-3 * ns.min() * steps)
     return pd.DataFrame.from_dict(
         rows, orient="index", columns=["ns", "times_floor", "gain", "steps", "us"]
-    ).rename_axis("what")  # fmt: skip
+    ).rename_axis("what")

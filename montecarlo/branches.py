@@ -19,8 +19,6 @@ from rattle.scene.impact import struck
 from rattle.scene.scene import Scene
 from rattle.scene.tangent import saltation_matrix
 
-__all__ = ["Branch", "BranchSearch", "RareEvents", "rare_events"]
-
 Floats = NDArray[np.float64]
 
 MOST = 12  # paths that are searched: the orbit, and the most probable branches

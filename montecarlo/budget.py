@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from rattle.montecarlo.ensemble import Blocks
     from rattle.montecarlo.kernel.block import BlockResult, Plan
 
-__all__ = ["HOUR", "Budget", "clock", "in_words"]
-
 HOUR = 3600.0
 """Seconds that an accuracy may take where no budget is given."""
 

@@ -35,8 +35,6 @@ from rattle.scene.moments import SECTION
 if TYPE_CHECKING:
     from rattle.montecarlo.result import Ensemble
 
-__all__ = ["LOOKS", "ExpectedPaths", "cost_of", "cost_to", "expect_paths"]
-
 Floats = NDArray[np.float64]
 
 STEP = 8.0  # largest ratio of two bounds that is followed at once

@@ -22,16 +22,6 @@ from rattle.scene.scene import Scene
 if TYPE_CHECKING:
     from rattle.montecarlo.result import Ensemble
 
-__all__ = [
-    "COLLAPSE",
-    "TOLERANCE",
-    "diagnose_rare_branch",
-    "diagnose_short_step",
-    "diagnostics",
-    "motion_units",
-    "orbit_shift",
-]
-
 Floats = NDArray[np.float64]
 
 UNSEEN = 0.1
@@ -111,10 +101,18 @@ def _share(of: NDArray[np.floating[Any]], unit: Floats) -> Floats:
 
 def _orbit(plan: Plan, finer: int) -> Floats:
     noise_free = plan._replace(
-        scene=plan.scene.noise_free, paths=1, dt=plan.dt / finer, most_steps=plan.most_steps * finer,
-        fixed_steps=np.empty(0, np.int64), itineraries={}, levels=1, control=no_control(), two_point=False,
-        mirrored=False, energy=False,
-    )  # fmt: skip
+        scene=plan.scene.noise_free,
+        paths=1,
+        dt=plan.dt / finer,
+        most_steps=plan.most_steps * finer,
+        fixed_steps=np.empty(0, np.int64),
+        itineraries={},
+        levels=1,
+        control=no_control(),
+        two_point=False,
+        mirrored=False,
+        energy=False,
+    )
     found: Floats = np.nan_to_num(sample(noise_free, 0).rows[0, 0])
     return found
 

@@ -145,9 +145,19 @@ def simulate(
     if record.batches and device == "cuda":
         raise InputError("record.batches", True, "are not kept on a GPU; leave them out, or use device='cpu'")
     plan = plan_of(
-        scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, record=record,
-        control=control, increments=increments, horizon=horizon, device=device,
-    )  # fmt: skip
+        scene,
+        paths=paths,
+        impacts=impacts,
+        dt=dt,
+        scheme=scheme,
+        rng=rng,
+        workers=workers,
+        record=record,
+        control=control,
+        increments=increments,
+        horizon=horizon,
+        device=device,
+    )
     started = time.perf_counter()
     merged: BlockResult | None = None
     histograms: Histograms | None = None

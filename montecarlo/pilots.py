@@ -23,8 +23,6 @@ from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings import count_followed, default_horizon, is_random
 from rattle.scene.scene import Scene
 
-__all__ = ["COARSEST", "ROUGHEST", "PilotRun", "Simulate", "choose_scheme", "pilot"]
-
 PROBES = (8, 256)  # paths of the probe runs before a pilot: each shows whether the next run fits the budget
 PILOT = 4 * BLOCK  # paths of a pilot run
 COARSEST = 4  # dt, 2 dt and 4 dt share one Brownian path (Richardson extrapolation)

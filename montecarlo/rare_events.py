@@ -23,8 +23,6 @@ from rattle.scene.constants import Constants
 from rattle.scene.flight import flow, jacobian, noise_covariance
 from rattle.scene.impact import next_impact, struck
 
-__all__ = ["FURTHEST", "Event", "Flight", "events", "onward"]
-
 Floats = NDArray[np.float64]
 
 FURTHEST = 6.0

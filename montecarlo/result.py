@@ -415,14 +415,21 @@ class Ensemble:
         estimable = {moment: self._estimable(self._reached, moment) for moment in found}
         late = ("tau", "mean")  # counted from the phase, and said in absolute time
         rows = [
-            pd.DataFrame({
-                "impact": np.arange(1, self.impacts + 1), "quantity": quantity, "moment": moment,
-                **{n: v[:, i] * (estimable[moment] if n.startswith("se_") else 1.0) for n, v in b._asdict().items()},
-            } | ({"corrected": self.scene.to_absolute_time(b.corrected[:, i])} if (quantity, moment) == late else {}))
+            pd.DataFrame(
+                {
+                    "impact": np.arange(1, self.impacts + 1),
+                    "quantity": quantity,
+                    "moment": moment,
+                    **{
+                        n: v[:, i] * (estimable[moment] if n.startswith("se_") else 1.0) for n, v in b._asdict().items()
+                    },
+                }
+                | ({"corrected": self.scene.to_absolute_time(b.corrected[:, i])} if (quantity, moment) == late else {})
+            )
             for moment, b in found.items()
             for i, quantity in enumerate(SECTION)
             if self.scene.stages == 2 or quantity not in STATE[2:]
-        ]  # fmt: skip
+        ]
         return pd.concat(rows, ignore_index=True)
 
     @cached_property
@@ -437,14 +444,22 @@ class Ensemble:
 
         stages = self.scene.stages
         parts = [
-            pd.DataFrame({
-                "impact": self.section.index, "quantity": q, "moment": moment, "bias": 0.0, "se_bias": 0.0,
-                "corrected": self.section[prefix + q], "se_corrected": self.section["se_" + prefix + q], "rest": 0.0,
-            })
+            pd.DataFrame(
+                {
+                    "impact": self.section.index,
+                    "quantity": q,
+                    "moment": moment,
+                    "bias": 0.0,
+                    "se_bias": 0.0,
+                    "corrected": self.section[prefix + q],
+                    "se_corrected": self.section["se_" + prefix + q],
+                    "rest": 0.0,
+                }
+            )
             for moment, prefix in (("mean", ""), ("sd", "sd_"))
             for q in SECTION
             if stages == 2 or q not in STATE[2:]
-        ]  # fmt: skip
+        ]
         return pd.concat(parts, ignore_index=True)
 
     @property

@@ -17,17 +17,6 @@ from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 from rattle.scene.validate import choice, count, finite, positive
 
-__all__ = [
-    "MOST_STEPS",
-    "NOISE_FREE",
-    "check_settings",
-    "count_followed",
-    "default_horizon",
-    "exact_orbit",
-    "is_random",
-    "plan_of",
-]
-
 Floats = NDArray[np.float64]
 
 NOISE_FREE = "noise-free"
@@ -95,19 +84,36 @@ def check_settings(
 
 
 def plan_of(
-    scene: Scene, *, paths: int, impacts: int, dt: float, scheme: str, rng: int | np.random.SeedSequence = 0,
-    workers: int = 1, record: Record | None = None, control: bool = False, increments: str = "gaussian",
-    horizon: float | None = None, device: str = "cpu", any_step: bool = False,
-) -> Plan:  # fmt: skip
+    scene: Scene,
+    *,
+    paths: int,
+    impacts: int,
+    dt: float,
+    scheme: str,
+    rng: int | np.random.SeedSequence = 0,
+    workers: int = 1,
+    record: Record | None = None,
+    control: bool = False,
+    increments: str = "gaussian",
+    horizon: float | None = None,
+    device: str = "cpu",
+    any_step: bool = False,
+) -> Plan:
     """Turn settings into the plan of a run.
 
     `any_step`: Take a step that is not admissible too, to measure what becomes of it.
     """
     record = record or Record()
     check_settings(
-        scene, paths=paths, impacts=impacts, dt=min(dt, default_step(scene, scheme)) if any_step else dt,
-        scheme=scheme, rng=rng, workers=workers, step_bias=bool(record.step_bias),
-    )  # fmt: skip
+        scene,
+        paths=paths,
+        impacts=impacts,
+        dt=min(dt, default_step(scene, scheme)) if any_step else dt,
+        scheme=scheme,
+        rng=rng,
+        workers=workers,
+        step_bias=bool(record.step_bias),
+    )
     if control and SCHEMES[scheme].normals < 2:
         raise InputError("control", control, f"works with scheme 'exact-flight' only; scheme = {scheme!r}")
     two_point = choice("increments", increments, ("gaussian", "two-point")) == "two-point"
@@ -134,14 +140,21 @@ def plan_of(
         )
     named = {name: _check_itinerary(name, itinerary, impacts) for name, itinerary in record.itineraries.items()}
     plan = Plan(
-        scene=scene, paths=count_followed(scene, paths), impacts=impacts, dt=dt, scheme=scheme,
+        scene=scene,
+        paths=count_followed(scene, paths),
+        impacts=impacts,
+        dt=dt,
+        scheme=scheme,
         seed=rng if isinstance(rng, np.random.SeedSequence) else np.random.SeedSequence(rng),
         most_steps=math.ceil(horizon / (dt * coarsest)) * coarsest,
-        fixed_steps=_fixed_steps(scene, record.times, dt * coarsest, horizon) * coarsest, itineraries=named,
-        levels=levels, keep=record.histogram or record.raw,
+        fixed_steps=_fixed_steps(scene, record.times, dt * coarsest, horizon) * coarsest,
+        itineraries=named,
+        levels=levels,
+        keep=record.histogram or record.raw,
         control=linear_path(scene, impacts, dt) if control and scene.sigma > 0.0 else no_control(),
-        two_point=two_point, energy=record.energy,
-    )  # fmt: skip
+        two_point=two_point,
+        energy=record.energy,
+    )
     named[NOISE_FREE] = tuple(exact_orbit(plan)[:, 6].astype(int).tolist())
     return plan
 
@@ -153,10 +166,19 @@ def exact_orbit(plan: Plan) -> Floats:
     """
     step = _noise_free_step(plan.scene, plan.impacts, plan.dt)
     quiet = plan._replace(
-        scene=plan.scene.noise_free, scheme=EXACT, dt=step, most_steps=math.ceil(plan.most_steps * plan.dt / step),
-        paths=1, fixed_steps=np.empty(0, np.int64), itineraries={}, levels=1, control=no_control(), two_point=False,
-        energy=False, keep=False,
-    )  # fmt: skip
+        scene=plan.scene.noise_free,
+        scheme=EXACT,
+        dt=step,
+        most_steps=math.ceil(plan.most_steps * plan.dt / step),
+        paths=1,
+        fixed_steps=np.empty(0, np.int64),
+        itineraries={},
+        levels=1,
+        control=no_control(),
+        two_point=False,
+        energy=False,
+        keep=False,
+    )
     return np.asarray(np.nan_to_num(sample(quiet, 0).rows[0, 0]))
 
 
@@ -173,9 +195,11 @@ def _horizon(given: float | None, impacts: int, dt: float, scheme: str) -> float
     if positive("horizon", given) / dt > MOST_STEPS:
         hours = given / dt * BLOCK * SCHEMES[scheme].step_ns * 1e-9 / 3600.0
         raise InputError(
-            "horizon", given, f"must be at most {MOST_STEPS * dt:.3g}, {MOST_STEPS:.0e} steps of {dt:.3g}; "
+            "horizon",
+            given,
+            f"must be at most {MOST_STEPS * dt:.3g}, {MOST_STEPS:.0e} steps of {dt:.3g}; "
             f"{BLOCK} paths that last would take {hours:.3g} h",
-        )  # fmt: skip
+        )
     return given
 
 

@@ -52,9 +52,11 @@ def _check_affordable(pilot_run: PilotRun, accuracy: float) -> None:
     gives = pilot_run.within(HOUR, accuracy) if pilot_run.whole else math.inf
     instead = f"ask for {_round_up(gives):g}, which an hour is expected to give, or " if gives < math.inf else ""
     raise InputError(
-        "accuracy", accuracy, f"is expected to take {in_words(seconds)} ({expected.sentence}), and without a budget "
+        "accuracy",
+        accuracy,
+        f"is expected to take {in_words(seconds)} ({expected.sentence}), and without a budget "
         f"the limit is one hour{_most_for(pilot_run, accuracy)}: {instead}give the seconds that it may take as budget",
-    )  # fmt: skip
+    )
 
 
 def _most_for(pilot_run: PilotRun, accuracy: float) -> str:
@@ -139,13 +141,21 @@ def simulate_to(
         value = getattr(record, name)
         if len(value) if name in ("times", "itineraries") else value:
             raise InputError(
-                f"record.{name}", value, "cannot be recorded by simulate_to, which chooses its own runs; leave it out, "
+                f"record.{name}",
+                value,
+                "cannot be recorded by simulate_to, which chooses its own runs; leave it out, "
                 "or give paths to simulate",
-            )  # fmt: skip
+            )
     check_settings(
-        scene, paths=1, impacts=impacts, dt=None, scheme="exact-flight" if scheme is None else scheme, rng=rng,
-        workers=workers, step_bias=False,
-    )  # fmt: skip
+        scene,
+        paths=1,
+        impacts=impacts,
+        dt=None,
+        scheme="exact-flight" if scheme is None else scheme,
+        rng=rng,
+        workers=workers,
+        step_bias=False,
+    )
     accuracy = float(positive("accuracy", accuracy))
     if budget is not None and budget != math.inf:
         budget = float(positive("budget", budget))
@@ -156,9 +166,17 @@ def simulate_to(
 
 
 def _simulate(
-    scene: Scene, accuracy: float, impacts: int, scheme: str | None, rng: int | np.random.SeedSequence, workers: int,
-    budget: float | None, record: Record, progress: str | None, blocks: Blocks | None,
-) -> Ensemble:  # fmt: skip
+    scene: Scene,
+    accuracy: float,
+    impacts: int,
+    scheme: str | None,
+    rng: int | np.random.SeedSequence,
+    workers: int,
+    budget: float | None,
+    record: Record,
+    progress: str | None,
+    blocks: Blocks | None,
+) -> Ensemble:
     """Pilot runs, then the scheme that they choose until both errors are within the accuracy or the budget is spent."""
     left = Budget(HOUR if budget is None else budget)
     blocks = left.limit(blocks or in_threads(workers))
@@ -181,14 +199,19 @@ def _simulate(
     enough = pilot_run.whole and run.paths >= count_followed(scene, LEAST)
     reach = Reach(
         accuracy, sampling_error(run)[0], step, bound.error + step, worst, candidates, more, enough, bound.remark
-    )  # fmt: skip
+    )
     return replace(run, reach=reach)
 
 
 def _follow_up(
-    pilot_run: PilotRun, simulate: Simulate, record: Record, blocks: Blocks,
-    accuracy: float, budget: Budget, progress: str | None
-) -> tuple[Ensemble, float, int]:  # fmt: skip
+    pilot_run: PilotRun,
+    simulate: Simulate,
+    record: Record,
+    blocks: Blocks,
+    accuracy: float,
+    budget: Budget,
+    progress: str | None,
+) -> tuple[Ensemble, float, int]:
     """The pilot's scheme until its errors are within the accuracy, or the budget is spent; seconds missing, looks."""
     run, scene, expected = pilot_run.run, pilot_run.run.scene, pilot_run.at(accuracy)
     if not pilot_run.whole or budget.remaining <= 0.0:
@@ -202,9 +225,12 @@ def _follow_up(
     horizon = default_horizon(run.impacts, run.dt * (1 if exact else COARSEST))
     shortest = horizon / MOST_STEPS
     settings = {
-        "scheme": run.scheme, "control": exact and small_noise(scene), "record": replace(record, step_bias=not exact),
-        "progress": progress, "horizon": horizon,
-    }  # fmt: skip
+        "scheme": run.scheme,
+        "control": exact and small_noise(scene),
+        "record": replace(record, step_bias=not exact),
+        "progress": progress,
+        "horizon": horizon,
+    }
     began, before, look = clock(), 0, 0
     if not exact:
         aim = min(pilot_run.within(budget.remaining, accuracy), ROUGHEST)

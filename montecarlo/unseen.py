@@ -14,8 +14,6 @@ from rattle.montecarlo.settings import is_random
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 
-__all__ = ["SEEN", "Added", "Unseen", "branches_between", "search_of", "share_of", "unseen", "unseen_text"]
-
 SEEN = 10.0
 """Expected number of sampled paths from which on a branch is in the sample; below, it may be missing."""
 

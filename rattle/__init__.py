@@ -45,7 +45,7 @@ __all__ = [
     "simulate",
     "stationary",
     "validate",
-]  # fmt: skip
+]
 
 _MODULES = {
     "scene": ("DAT21", "Gears", "InputError", "RattleError", "Scene", "Start", "Tolerance"),

@@ -7,6 +7,14 @@ from rattle.scene.parts import Start, Tolerance
 from rattle.scene.scene import Scene
 
 __all__ = [
-    "DAT21", "Constants", "FileError", "Gears", "InputError", "OutputError", "RattleError", "Scene", "Start",
+    "DAT21",
+    "Constants",
+    "FileError",
+    "Gears",
+    "InputError",
+    "OutputError",
+    "RattleError",
+    "Scene",
+    "Start",
     "Tolerance",
-]  # fmt: skip
+]

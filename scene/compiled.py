@@ -8,8 +8,6 @@ from numba.np import linalg
 
 from rattle.scene.machine_code import keep_by_source, seal
 
-__all__ = ["inline", "jit", "lean", "splice"]
-
 P = ParamSpec("P")
 R = TypeVar("R")
 

@@ -2,8 +2,6 @@
 
 from typing import NamedTuple
 
-__all__ = ["CUT", "Constants"]
-
 CUT = 2.0  # c_max in standard deviations of the normal distribution that is truncated there
 
 

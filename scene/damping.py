@@ -12,8 +12,6 @@ import numpy as np
 
 from rattle.scene.compiled import jit
 
-__all__ = ["Pair", "damp", "decay", "pair", "phi1", "phi2"]
-
 SMALL = 0.5  # beta t below which the differences cancel and the series is summed instead
 PHI2_SERIES = np.array([1.0 / math.factorial(k) for k in range(18, 1, -1)])
 """Coefficients of ``phi2(-z) = 1/2 - z/3! + z^2/4! - ...``, highest power first: to rounding for |z| < `SMALL`."""

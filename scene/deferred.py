@@ -22,8 +22,6 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.environment import lookup_environment
 
-__all__ = ["Deferred", "Linked"]
-
 LIBRARY: Any = JITCodeLibrary  # typed as Any: numba has no type hints
 COMPILER: Any = Compiler
 ENVIRONMENT: Any = lookup_environment
@@ -96,7 +94,7 @@ class Deferred(LIBRARY):  # type: ignore[misc]
             return
         cheap, builder = self._codegen._module_pass_manager(
             loop_vectorize=False, slp_vectorize=False, opt=0, cost="cheap"
-        )  # fmt: skip
+        )
         cheap.run(self._final_module, builder)
         options = TUNING(speed_level=1)
         options.loop_unrolling = options.loop_interleaving = False

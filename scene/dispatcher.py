@@ -17,8 +17,6 @@ from numba.core.targetconfig import ConfigStack
 
 from rattle.scene.deferred import Deferred, Linked
 
-__all__ = ["Shared"]
-
 DISPATCHER: Any = CPUDispatcher  # typed as Any: numba has no type hints
 NORMALIZED: Any = sigutils.normalize_signature
 SETTINGS: Any = ConfigStack

@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from rattle.scene.compiled import jit
 
-__all__ = ["eigen"]
-
 Floats = NDArray[np.float64]
 
 SWEEPS = 30  # at most; Jacobi's rotations converge quadratically, usually in six

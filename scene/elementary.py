@@ -16,8 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rattle.scene.compiled import jit
 
-__all__ = ["each", "exponentials", "gauss_legendre", "powers"]
-
 Floats = NDArray[np.float64]
 
 

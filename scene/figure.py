@@ -4,8 +4,6 @@ from io import BytesIO
 
 from matplotlib.figure import Figure
 
-__all__ = ["ShownFigure"]
-
 
 class ShownFigure(Figure):
     """A figure of matplotlib that a notebook shows, once, as the value of a cell."""

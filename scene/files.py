@@ -12,8 +12,6 @@ from typing import Any
 
 from rattle.scene.errors import FileError, InputError
 
-__all__ = ["in_file", "read_json", "read_text", "read_toml"]
-
 TABLE = re.compile(r"\s*\[+\s*([^\[\]]+?)\s*\]")
 KEY = re.compile(r"""\s*["']?([\w-]+)["']?\s*=""")
 PLACE = re.compile(r"\(at line (\d+),")

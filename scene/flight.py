@@ -12,23 +12,8 @@ from numpy.typing import NDArray
 
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
-from rattle.scene.damping import Pair, decay, pair, phi1, phi2
+from rattle.scene.damping import Pair, pair
 from rattle.scene.elementary import gauss_legendre
-
-__all__ = [
-    "decay",
-    "displacement",
-    "field",
-    "field_rate",
-    "flow",
-    "jacobian",
-    "noise_covariance",
-    "noise_rate",
-    "phi1",
-    "phi2",
-    "system_matrix",
-    "wheel_speeds",
-]
 
 Floats = NDArray[np.float64]
 State = tuple[float, float, float, float]

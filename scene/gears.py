@@ -329,8 +329,18 @@ def _mean_density(frequencies: Sequence[float], densities: Sequence[float]) -> f
 
 
 DAT21 = Gears(
-    alpha=1.5, epsilon=0.9, omega=300.0,
-    inertia1=4000.0, inertia2=2500.0, radius1=41.0, radius2=26.4,
-    backlash1=0.2, backlash2=0.2, damping1=100.0, damping2=100.0, torque1=100.0, torque2=50.0,
-)  # fmt: skip
+    alpha=1.5,
+    epsilon=0.9,
+    omega=300.0,
+    inertia1=4000.0,
+    inertia2=2500.0,
+    radius1=41.0,
+    radius2=26.4,
+    backlash1=0.2,
+    backlash2=0.2,
+    damping1=100.0,
+    damping2=100.0,
+    torque1=100.0,
+    torque2=50.0,
+)
 """The paper's example (section 4)."""

@@ -8,8 +8,6 @@ from rattle.scene.errors import InputError
 from rattle.scene.gears import DRIVES, SPEEDS, WHEEL2, Gears
 from rattle.scene.validate import check_keys, finite, non_negative
 
-__all__ = ["read_gears", "read_tolerance"]
-
 FIELDS = tuple(f.name for f in fields(Gears))
 REQUIRED = tuple(f.name for f in fields(Gears) if f.default is MISSING)
 OPTIONAL = (*DRIVES, "driver_radius", *SPEEDS, "tolerance")

@@ -8,10 +8,6 @@ from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import Floats, flow, wheel_speeds
 
-__all__ = [
-    "LOST", "MISSES", "NONE", "REST", "TOUCH", "contact_matrix", "energy_loss", "next_impact", "safe_time", "struck",
-]  # fmt: skip
-
 # Codes that `next_impact` returns in place of a mesh.
 NONE = 0  # no impact within the horizon
 REST = -1  # a mesh sticks: it touches its wall at zero speed and is accelerated into it

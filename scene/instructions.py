@@ -16,8 +16,6 @@ from numba.extending import intrinsic
 
 from rattle.scene.compiled import inline
 
-__all__ = ["float_of", "fma", "widest_vectors", "word_of"]
-
 HALVES = 2.0**27 + 1.0  # Veltkamp's factor: splits the 53 bits of a float into two parts of at most 26
 PLAIN = 1e-250, 1e250  # sizes of a product, and of its factors, between which the splitting is exact
 

@@ -7,8 +7,6 @@ from typing import Any, TypeVar
 from rattle.scene.errors import InputError
 from rattle.scene.validate import check_keys
 
-__all__ = ["suggesting"]
-
 C = TypeVar("C")
 
 

@@ -29,8 +29,6 @@ import numpy as np
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, UserProvidedCacheLocator
 from numba.core.runtime.nrt import rtsys
 
-__all__ = ["count_compiled", "folder", "has_fma", "keep_by_source", "seal", "source_digest"]
-
 PACKAGES = ("scene", "closure", "montecarlo")
 COMPILER = ("scene/compiled.py", "scene/deferred.py", "scene/dispatcher.py", "scene/machine_code.py")
 TAKEN = (*COMPILER, "scene/constants.py", "montecarlo/schemes/step_state.py")  # beside it, what compiled code takes

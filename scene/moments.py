@@ -11,11 +11,6 @@ from rattle.scene.eigen import eigen
 from rattle.scene.elementary import powers
 from rattle.scene.small_matrices import times_transposed
 
-__all__ = [
-    "SECTION", "SMALLEST", "STATE", "Realizability", "central_from_raw", "correlation", "gaussian_raw_moments",
-    "realizability", "semidefinite",
-]  # fmt: skip
-
 Floats = NDArray[np.float64]
 
 STATE = ("x1", "y1", "x2", "y2")
@@ -174,7 +169,9 @@ def central_from_raw(raw: Floats) -> Floats:
     from math import comb
 
     mean, shift = raw[1], powers(-raw[1], len(raw))
-    return np.stack([
-        sum((comb(p, k) * shift[p - k] * raw[k] for k in range(p + 1)), start=np.zeros_like(mean))
-        for p in range(len(raw))
-    ])  # fmt: skip
+    return np.stack(
+        [
+            sum((comb(p, k) * shift[p - k] * raw[k] for k in range(p + 1)), start=np.zeros_like(mean))
+            for p in range(len(raw))
+        ]
+    )

@@ -24,8 +24,6 @@ from rattle.scene.errors import InputError
 if TYPE_CHECKING:
     from rattle.scene.gears import Gears
 
-__all__ = ["PARTS", "check_plausible", "of_gears"]
-
 SMALLEST_RADIUS = 0.05  # mm
 LEAST_BACKLASH = 1e-5  # of the radius
 LIGHTEST, HEAVIEST = 1e-9, 1e3  # kg/mm^3: inertia over the fifth power of the radius
@@ -34,17 +32,25 @@ SWING = 0.5  # rad
 SOUND = 5e6  # mm/s
 
 PARTS = {
-    "beta1": ("damping1", "inertia1", "omega"), "beta2": ("damping2", "inertia2", "omega"),
+    "beta1": ("damping1", "inertia1", "omega"),
+    "beta2": ("damping2", "inertia2", "omega"),
     "gamma1": ("torque1", "radius1", "inertia1", "backlash1", "omega"),
     "gamma2": ("torque2", "radius2", "inertia2", "backlash1", "omega"),
-    "mu": ("inertia1", "inertia2", "radius1", "radius2"), "gap2": ("backlash2", "backlash1"),
-}  # fmt: skip
+    "mu": ("inertia1", "inertia2", "radius1", "radius2"),
+    "gap2": ("backlash2", "backlash1"),
+}
 """The fields of gears from which each parameter of the model follows."""
 
 UNIT = {
-    "omega": "rad/s", "inertia": "kg mm^2", "radius": "mm", "backlash": "mm", "damping": "N mm s", "torque": "N mm",
-    "amplitude": "mm", "amplitude_rad": "rad",
-}  # fmt: skip
+    "omega": "rad/s",
+    "inertia": "kg mm^2",
+    "radius": "mm",
+    "backlash": "mm",
+    "damping": "N mm s",
+    "torque": "N mm",
+    "amplitude": "mm",
+    "amplitude_rad": "rad",
+}
 IN_SI = {"inertia": ("kg m^2", 1e6), "radius": ("m", 1e3), "backlash": ("m", 1e3), "torque": ("N m", 1e3)}
 SMALLER = {"amplitude": ("um", 1e-3), "amplitude_rad": ("degrees", math.pi / 180.0)}
 

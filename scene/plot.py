@@ -14,8 +14,6 @@ from rattle.scene.validate import choice
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["plot_section"]
-
 
 def plot_section(
     columns: "Mapping[str, Any] | pd.DataFrame", scene: Scene, quantity: str, units: str, title: str

@@ -137,9 +137,10 @@ class Scene:
         for c, gap in (("c1_max", "gap1"), ("c2_max", "gap2"))[: self.stages]:
             if getattr(self.tolerance, c) >= getattr(self, gap):
                 raise InputError(
-                    f"tolerance.{c}", getattr(self.tolerance, c),
+                    f"tolerance.{c}",
+                    getattr(self.tolerance, c),
                     f"must be below {gap} = {getattr(self, gap)}, or a gap could close",
-                )  # fmt: skip
+                )
 
     def _check_start(self) -> None:
         start = self.start
@@ -155,9 +156,10 @@ class Scene:
                 raise InputError(f"start.x{i}", x, f"must lie on a flank (+-{gap}) or inside +-{gap - c_max}")
             if start.mesh == i and not (on_flank and x * np.sign(y) > 0.0):
                 raise InputError(
-                    "start.mesh", start.mesh,
+                    "start.mesh",
+                    start.mesh,
                     f"an impact at mesh {i} needs x{i} = +-{gap} and y{i} outward; given x{i} = {x}, y{i} = {y}",
-                )  # fmt: skip
+                )
             if start.mesh == 0 and on_flank and x * np.sign(y) >= 0.0:
                 raise InputError(f"start.y{i}", y, f"a start in flight on a flank must move inward, or give mesh={i}")
 
@@ -322,9 +324,18 @@ class Scene:
         wall1, wall2 = self.windows if fixed else (self.gap1, self.gap2)
         beta2, gamma2, mu = (self.beta2, self.gamma2, self.mu) if self.stages == 2 else (0.0, 0.0, 0.0)
         return Constants(
-            self.alpha, self.epsilon, self.beta1, beta2, self.gamma1, gamma2, mu,
-            wall1, wall2, self.sigma, self.stages,
-        )  # fmt: skip
+            self.alpha,
+            self.epsilon,
+            self.beta1,
+            beta2,
+            self.gamma1,
+            gamma2,
+            mu,
+            wall1,
+            wall2,
+            self.sigma,
+            self.stages,
+        )
 
     @property
     def windows(self) -> tuple[float, float]:
@@ -465,8 +476,12 @@ def _fixed_by(gears: Gears) -> dict[str, Any]:
     if not isinstance(gears, Gears):
         raise InputError("gears", gears, "give Gears")
     first: dict[str, Any] = {
-        "alpha": gears.alpha, "epsilon": gears.epsilon, "beta1": gears.beta(1), "gamma1": gears.gamma(1), "gap1": 0.5,
-    }  # fmt: skip
+        "alpha": gears.alpha,
+        "epsilon": gears.epsilon,
+        "beta1": gears.beta(1),
+        "gamma1": gears.gamma(1),
+        "gap1": 0.5,
+    }
     if gears.wheels == 1:
         return first
     return first | {"beta2": gears.beta(2), "gamma2": gears.gamma(2), "mu": gears.mu, "gap2": gears.gap2}

@@ -4,8 +4,6 @@ import textwrap
 from collections.abc import Mapping
 from html import escape
 
-__all__ = ["as_call", "as_html"]
-
 WIDTH = 100
 
 

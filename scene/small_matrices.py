@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from rattle.scene.compiled import jit
 from rattle.scene.small_vectors import dot
 
-__all__ = ["apply", "block", "congruence", "inner", "put", "quadratic", "times", "times_transposed"]
-
 Floats = NDArray[np.float64]
 
 

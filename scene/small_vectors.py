@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from rattle.scene.compiled import jit
 
-__all__ = ["beyond", "dot", "largest", "norm", "put_row", "put_scaled"]
-
 Floats = NDArray[np.float64]
 
 

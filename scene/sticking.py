@@ -20,19 +20,6 @@ from rattle.scene.constants import Constants
 from rattle.scene.flight import State, flow, wheel_speeds
 from rattle.scene.impact import NONE, REST, TOUCH, next_impact, safe_time
 
-__all__ = [
-    "Sides",
-    "complete_chatter",
-    "find_sticking",
-    "next_contact",
-    "open_stage",
-    "opening",
-    "presses",
-    "stick_on",
-    "stuck",
-    "stuck_on",
-]  # fmt: skip
-
 Sides = tuple[int, int]
 """Sides on which mesh 1 and mesh 2 stick, +1 or -1; 0 for an open mesh."""
 
@@ -143,17 +130,13 @@ def open_stage(c: Constants, sides: Sides) -> Constants:
     Returns: A single stage for ``-x2`` if mesh 1 sticks, for ``x1`` if mesh 2 does.
     """
     if sides[0] != 0:
-        return Constants(
-            c.alpha, c.epsilon, c.beta2, 0.0, c.gamma2, 0.0, 0.0, c.wall2, c.wall2, c.sigma, 1
-        )  # fmt: skip
+        return Constants(c.alpha, c.epsilon, c.beta2, 0.0, c.gamma2, 0.0, 0.0, c.wall2, c.wall2, c.sigma, 1)
     beta, gamma = _as_one(c)
     return Constants(c.alpha, c.epsilon, beta, 0.0, gamma, 0.0, 0.0, c.wall1, c.wall1, c.sigma, 1)
 
 
 @jit
-def stick_on(
-    c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, sides: Sides, t: float
-) -> State:  # fmt: skip
+def stick_on(c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, sides: Sides, t: float) -> State:
     """State after a time in which the same meshes stick and no wall is struck."""
     first, second = sides
     if first == 0 and second == 0:

@@ -16,8 +16,6 @@ from rattle.scene.damping import pair
 from rattle.scene.flight import field
 from rattle.scene.impact import contact_matrix, struck
 
-__all__ = ["Stretch", "carry_frame", "saltation_matrix", "strike_frame"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

@@ -2,8 +2,6 @@ r"""Escaping of control characters in text from files, names and messages, befor
 
 import unicodedata
 
-__all__ = ["harmless", "line"]
-
 CONTROL = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 """Unicode categories that are escaped: control characters (Cc); format characters (Cf), which change the direction of
 text or are invisible; halves of surrogate pairs (Cs); line and paragraph separators (Zl, Zp)."""

@@ -11,20 +11,6 @@ if TYPE_CHECKING:  # a table is there before it is converted
     import pandas as pd
     import xarray as xr
 
-__all__ = [
-    "DIMENSIONLESS",
-    "PRODUCTS",
-    "RATE",
-    "UNITS",
-    "Units",
-    "as_dataset",
-    "at_times_in",
-    "check_units",
-    "in_units",
-    "units_of",
-    "with_units",
-]
-
 UNITS = ("dimensionless", "physical")
 """The systems of units in which results are given."""
 
@@ -37,9 +23,11 @@ PRODUCTS = {("mm", "mm"): "mm2", ("mm", "mm_per_s"): "mm2_per_s", ("mm_per_s", "
 
 
 DIMENSIONLESS = {
-    "ms": "1/omega", "mm": "backlash1", "mm_per_s": "backlash1 omega",
+    "ms": "1/omega",
+    "mm": "backlash1",
+    "mm_per_s": "backlash1 omega",
     "mJ": "inertia1/radius1^2 (backlash1 omega)^2",
-}  # fmt: skip
+}
 """What dimensionless results count in, by the unit that they have in physical ones."""
 
 

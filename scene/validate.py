@@ -7,18 +7,6 @@ from numbers import Integral, Real
 
 from rattle.scene.errors import InputError
 
-__all__ = [
-    "check_keys",
-    "check_range",
-    "choice",
-    "count",
-    "finite",
-    "nearest",
-    "non_negative",
-    "positive",
-    "unit_interval",
-]  # fmt: skip
-
 
 def finite(field: str, value: object) -> float:
     """Check for a finite real number; booleans and strings are refused."""

@@ -14,8 +14,6 @@ from rattle.scene.scene import Scene
 from rattle.scene.small_matrices import apply, congruence, put
 from rattle.scene.small_vectors import put_row
 
-__all__ = ["ON_ORBIT", "Advance"]
-
 ON_ORBIT = 10  # added to the label of a component whose itinerary is the orbit's
 
 

@@ -14,8 +14,6 @@ from rattle.closure.moments import Trace
 from rattle.closure.orbit import Floats
 from rattle.scene.moments import SECTION
 
-__all__ = ["advice", "bounds", "hopeless", "kurtosis", "largest_error", "paths_as_accurate", "within"]
-
 CHANGED = 1.0  # error per change from the coarser level
 SLOW = 0.7  # error per share of slow impacts
 BENT = 0.2  # error per unit of what further splits are worth

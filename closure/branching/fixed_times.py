@@ -27,8 +27,6 @@ from rattle.scene.scene import Scene
 from rattle.scene.small_matrices import apply, congruence, put, times
 from rattle.scene.small_vectors import beyond, put_scaled
 
-__all__ = ["FixedTimes"]
-
 REACH = 6.0  # distance of a cut, in sds, beyond which a Gaussian is on one side of it
 POINTS, SHARES = np.array([-math.sqrt(3.0), 0.0, math.sqrt(3.0)]), np.array([1.0, 4.0, 1.0]) / 6.0
 NEGLIGIBLE = 1e-7  # weight of a component on a flight that is left out

@@ -10,8 +10,6 @@ from rattle.scene.compiled import jit
 from rattle.scene.eigen import eigen
 from rattle.scene.small_vectors import largest
 
-__all__ = ["Mixture", "empty", "moments", "reduce"]
-
 
 class Mixture(NamedTuple):
     """Components of a Gaussian mixture; components of different labels are never merged."""

@@ -17,8 +17,6 @@ from rattle.scene.flight import field, jacobian
 from rattle.scene.small_matrices import apply, block, inner, put, quadratic, times, times_transposed
 from rattle.scene.small_vectors import dot, norm, put_row
 
-__all__ = ["Image", "propagate"]
-
 STRAIGHT = 0.1  # ratio of second-order to first-order sd from which two sigma points replace the Taylor expansion
 GRAZE = 2.0  # slowest impact at which derivatives are taken, in units of the speed that the Gaussian's spread allows
 

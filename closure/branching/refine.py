@@ -23,8 +23,6 @@ from rattle.scene.flight import jacobian, noise_covariance, noise_rate
 from rattle.scene.small_matrices import apply, block, congruence
 from rattle.scene.small_vectors import beyond, dot, largest, norm, put_row, put_scaled
 
-__all__ = ["Buffers", "Level", "add_noise", "buffers", "fly"]
-
 NEGLIGIBLE = 1e-6  # weight beyond a boundary that need not be found
 LIGHT = 1e-4  # weight of a component above which boundaries are searched for
 TAIL = 2.0  # distance to a boundary, in sds, from which what lies beyond is a tail
@@ -62,9 +60,18 @@ def buffers(size: int, d: int = PLAIN) -> Buffers:
     """Empty arrays for the components of a flight."""
     image = Image(empty(2 * size, d), np.zeros((2 * size, 2)), np.zeros((2 * size, d)))
     return Buffers(
-        empty(size, d), image, np.zeros(size, np.int64), np.zeros(size), np.zeros((size, d)), np.zeros(size),
-        np.zeros(size, np.int64), np.zeros(size), np.zeros(size, np.int64), np.zeros((size, d)), np.zeros(size),
-    )  # fmt: skip
+        empty(size, d),
+        image,
+        np.zeros(size, np.int64),
+        np.zeros(size),
+        np.zeros((size, d)),
+        np.zeros(size),
+        np.zeros(size, np.int64),
+        np.zeros(size),
+        np.zeros(size, np.int64),
+        np.zeros((size, d)),
+        np.zeros(size),
+    )
 
 
 @jit

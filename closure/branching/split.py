@@ -17,8 +17,6 @@ from rattle.scene.impact import next_impact
 from rattle.scene.small_matrices import apply
 from rattle.scene.small_vectors import beyond, norm, put_row, put_scaled
 
-__all__ = ["THIRD_CENTRE", "THIRD_WEIGHT", "THIRD_WIDTH", "cut_plane", "event", "half", "root"]
-
 BISECTIONS = 6  # steps to locate a boundary
 LONGEST = 100.0  # longest flight; a component without an impact by then is discarded
 # A standard normal approximated by three Gaussians of equal width: weight of the outer ones, width, and their distance.

@@ -27,12 +27,7 @@ from rattle.closure.moments import Trace
 from rattle.closure.orbit import Floats, follow
 from rattle.scene.scene import Scene
 
-__all__ = ["LEVELS", "trace"]
-
-
-LEVELS = (
-    Level(10, 18, 1e-2, 3e-3), Level(20, 60, 3e-3, 1e-3), Level(40, 180, 1e-3, 1e-4), Level(80, 600, 1e-4, 1e-6)
-)  # fmt: skip
+LEVELS = (Level(10, 18, 1e-2, 3e-3), Level(20, 60, 3e-3, 1e-3), Level(40, 180, 1e-3, 1e-4), Level(80, 600, 1e-4, 1e-6))
 """Resolutions of the closure, the coarsest first."""
 
 

@@ -23,8 +23,6 @@ from rattle.scene.errors import OutputError
 from rattle.scene.scene import Scene
 from rattle.scene.text import harmless, line
 
-__all__ = ["LARGEST", "animation", "check_file", "write_animation"]
-
 Heights = TypeVar("Heights", float, NDArray[np.float64])
 
 LARGEST = 1_000_000
@@ -69,25 +67,48 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
     scale = PLAY * first.pitch / (2.0 * max(gaps))  # of a displacement, to the drawing
     widths = [TOOTH, *(1.0 - TOOTH - 2.0 * gap * scale / first.pitch for gap in gaps)]
     data = {
-        "span": shown.span, "phase": scene.phase, "alpha": scene.alpha, "turn": math.degrees(scale / RADIUS),
-        "seconds": SECONDS * shown.orbit.impacts, "offset": _offset(scene), "digits": _digits(shown.span),
+        "span": shown.span,
+        "phase": scene.phase,
+        "alpha": scene.alpha,
+        "turn": math.degrees(scale / RADIUS),
+        "seconds": SECONDS * shown.orbit.impacts,
+        "offset": _offset(scene),
+        "digits": _digits(shown.span),
         "ms": None if scene.gears is None else 1000.0 / scene.gears.omega,
         "paths": [_numbers(motion) for motion in (shown.orbit, shown.path)],
-    }  # fmt: skip
+    }
     style, script = _part("animation.css"), _part("animation.js")
     policy = f"default-src 'none'; style-src '{_hash(style)}'; script-src '{_hash(script)}'; base-uri 'none'"
     environment = Environment(
-        loader=PackageLoader("rattle.compare.animation"), autoescape=True, trim_blocks=True, lstrip_blocks=True,
-        undefined=StrictUndefined, finalize=lambda value: harmless(value) if type(value) is str else value,
-    )  # fmt: skip
+        loader=PackageLoader("rattle.compare.animation"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+        finalize=lambda value: harmless(value) if type(value) is str else value,
+    )
     return environment.get_template("animation.html.j2").render(
-        generator=Markup(GENERATOR), policy=policy, style=Markup(style), script=Markup(script),
-        data=Markup(json_text(data, indent=None)), name=line(name), shown=shown,
-        scene=scene, command=line(command), radius=RADIUS,
-        wheels=[outline(Wheel(RADIUS, width)) for width in widths], turns=_turns(shown, scale),
-        strips=list(_strips(shown)), ticks=list(_ticks(shown)), caption=_caption(shown),
-        clock=_clock(scene), symbol=_symbol(scene), sigma=f"{scene.sigma:.4g}", WIDE=WIDE, HIGH=HIGH,
-    )  # fmt: skip
+        generator=Markup(GENERATOR),
+        policy=policy,
+        style=Markup(style),
+        script=Markup(script),
+        data=Markup(json_text(data, indent=None)),
+        name=line(name),
+        shown=shown,
+        scene=scene,
+        command=line(command),
+        radius=RADIUS,
+        wheels=[outline(Wheel(RADIUS, width)) for width in widths],
+        turns=_turns(shown, scale),
+        strips=list(_strips(shown)),
+        ticks=list(_ticks(shown)),
+        caption=_caption(shown),
+        clock=_clock(scene),
+        symbol=_symbol(scene),
+        sigma=f"{scene.sigma:.4g}",
+        WIDE=WIDE,
+        HIGH=HIGH,
+    )
 
 
 def check_file(out: Path, overwrite: bool) -> None:
@@ -205,11 +226,18 @@ def _strips(shown: Recording) -> Iterator[Strip]:
             left, down = 100.0 * motion.impact_time / shown.span, 100.0 * _height(motion.impact_x, top)
             marks += [(name, int(k), round(float(left[k]), 3), round(float(down[k]), 2)) for k in own]
         yield Strip(
-            mesh, f"x{SUBSCRIPT[mesh]}: {ahead[mesh]}", "dimensionless" if scene.gears is None else "mm",
-            [(round(100.0 * _height(wall, top), 3), f"+{label}"), (50.0, "0"),
-             (round(100.0 * _height(-wall, top), 3), f"−{label}")],
-            curves, marks, round(50.0 * c_max / top, 3),
-        )  # fmt: skip
+            mesh,
+            f"x{SUBSCRIPT[mesh]}: {ahead[mesh]}",
+            "dimensionless" if scene.gears is None else "mm",
+            [
+                (round(100.0 * _height(wall, top), 3), f"+{label}"),
+                (50.0, "0"),
+                (round(100.0 * _height(-wall, top), 3), f"−{label}"),
+            ],
+            curves,
+            marks,
+            round(50.0 * c_max / top, 3),
+        )
 
 
 def _height(x: Heights, top: float) -> Heights:
@@ -248,6 +276,13 @@ def _caption(shown: Recording) -> list[str]:
         f"The noise-free orbit is exact. The {_random(scene)} is one sample by the scheme {SCHEME}, which has no step "
         f"bias (seed {shown.seed}). Its states are recorded every {shown.step:.3g} of τ and just before each impact; "
         "between them the drawing goes in straight lines. The impact of the start, number 0, is not shown. " + order,
-        *([f"The {_random(scene)} has flanks of its own, anywhere within the grey bands, by the tolerance of the gaps; "
-           "its wheels are drawn with the nominal ones."] if toleranced else []),
-    ]  # fmt: skip
+        *(
+            [
+                f"The {_random(scene)} has flanks of its own, anywhere within the grey bands, by the tolerance of the "
+                "gaps; "
+                "its wheels are drawn with the nominal ones."
+            ]
+            if toleranced
+            else []
+        ),
+    ]

@@ -13,8 +13,6 @@ from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 from rattle.scene.validate import count
 
-__all__ = ["MOST_IMPACTS", "Motion", "Recording", "check_recording", "record"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -124,7 +122,7 @@ def record(scene: Scene, *, impacts: int = 24, seed: int = 0) -> Recording:
         raise InputError("impacts", impacts, f"{why}; give " + (f"{fewer}" if fewer < impacts else "a larger epsilon"))
     return Recording(
         scene, seed, span, float(instants[0]), _orbit(orbit, scene, impacts, np.append(instants, span)), path
-    )  # fmt: skip
+    )
 
 
 def _orbit(orbit: Orbit, scene: Scene, impacts: int, instants: Floats) -> Motion:
@@ -134,9 +132,7 @@ def _orbit(orbit: Orbit, scene: Scene, impacts: int, instants: Floats) -> Motion
     x = np.array([orbit.state(t + scene.phase)[::2] for t in at])
     shown = slice(1, impacts + 1)
     mesh = orbit.mesh[shown]
-    return _motion(
-        scene, at, x, orbit.tau[shown] - scene.phase, orbit.before[shown, ::2], mesh, orbit.side[shown]
-    )  # fmt: skip
+    return _motion(scene, at, x, orbit.tau[shown] - scene.phase, orbit.before[shown, ::2], mesh, orbit.side[shown])
 
 
 def _path(scene: Scene, seed: int, impacts: int, span: float, dt: float, instants: Floats) -> Motion:
@@ -149,9 +145,15 @@ def _path(scene: Scene, seed: int, impacts: int, span: float, dt: float, instant
     room = 2 * impacts + 20
     while True:
         run = simulate(
-            local, paths=1, impacts=room, dt=dt, scheme=SCHEME, rng=seed, horizon=span + dt,
+            local,
+            paths=1,
+            impacts=room,
+            dt=dt,
+            scheme=SCHEME,
+            rng=seed,
+            horizon=span + dt,
             record=Record(times=tuple(local.phase + instants + 1e-6 * dt), raw=True),  # rounded to the step
-        )  # fmt: skip
+        )
         assert run.raw is not None
         rows = run.raw[0]
         if np.isnan(rows[-1, 0]) or rows[-1, 0] - scene.phase > span or room > MOST_DRAWN:
@@ -163,9 +165,14 @@ def _path(scene: Scene, seed: int, impacts: int, span: float, dt: float, instant
     at = np.concatenate([[0.0], run.fixed_times[seen] - local.phase])
     code = rows[:, 6].astype(np.int64)
     return _motion(
-        scene, at, np.vstack([start, states[seen]]), rows[:, 0] - scene.phase, rows[:, [2, 4]], np.abs(code),
+        scene,
+        at,
+        np.vstack([start, states[seen]]),
+        rows[:, 0] - scene.phase,
+        rows[:, [2, 4]],
+        np.abs(code),
         np.sign(code),
-    )  # fmt: skip
+    )
 
 
 def _motion(scene: Scene, at: Floats, x: Floats, times: Floats, before: Floats, mesh: Ints, side: Ints) -> Motion:

@@ -7,8 +7,6 @@ is the same in every position: the teeth of the drawing touch if and only if a d
 import math
 from dataclasses import dataclass
 
-__all__ = ["ADDENDUM", "PLAY", "PRESSURE", "TEETH", "TOOTH", "Wheel", "outline"]
-
 TEETH = 12
 PRESSURE = math.radians(25.0)
 """Pressure angle; with 25 degrees a wheel of 12 teeth needs no undercut."""

@@ -13,8 +13,6 @@ from rattle.compare.chaos.sweep import crossings, signs
 from rattle.compare.validation.validity_range import join_words
 from rattle.scene.gears import Gears
 
-__all__ = ["answer"]
-
 ROUNDING = 1e-12  # a smaller error of the exponents' sum is rounding
 
 
@@ -130,10 +128,17 @@ def _sweep(table: pd.DataFrame, field: str) -> list[str]:
 
 
 def answer(
-    orbit: Exponents, drift: Exponents, maps: pd.DataFrame, law: SqrtLaw | None, sizes: pd.DataFrame | None,
-    summary: pd.DataFrame | None, field: str, sweep: pd.DataFrame | None, missing: Mapping[str, str],
+    orbit: Exponents,
+    drift: Exponents,
+    maps: pd.DataFrame,
+    law: SqrtLaw | None,
+    sizes: pd.DataFrame | None,
+    summary: pd.DataFrame | None,
+    field: str,
+    sweep: pd.DataFrame | None,
+    missing: Mapping[str, str],
     gears: Gears | None = None,
-) -> list[str]:  # fmt: skip
+) -> list[str]:
     """Summarise a study of chaos in sentences.
 
     `gears`: Those that the scene was made from: the largest exponent is then given per second too.

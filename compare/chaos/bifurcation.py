@@ -16,8 +16,6 @@ from rattle.compare.chaos.section import NOISY, ORBIT
 from rattle.scene.scene import Scene
 from rattle.scene.validate import choice, count
 
-__all__ = ["QUANTITIES", "Bifurcation", "bifurcation"]
-
 Floats = NDArray[np.float64]
 
 QUANTITIES = ("y1", "y2", "flight")
@@ -47,9 +45,16 @@ class Bifurcation:
 
 
 def bifurcation(
-    scene: Scene, at: Sequence[float], *, field: str = "alpha", quantity: str = "y1", points: int = 10_000,
-    noise: Callable[[Scene], Scene] | None = None, seed: int = 0, workers: int = 2,
-) -> Bifurcation:  # fmt: skip
+    scene: Scene,
+    at: Sequence[float],
+    *,
+    field: str = "alpha",
+    quantity: str = "y1",
+    points: int = 10_000,
+    noise: Callable[[Scene], Scene] | None = None,
+    seed: int = 0,
+    workers: int = 2,
+) -> Bifurcation:
     """Compute the bifurcation diagram of the orbit and of the noisy system.
 
     `noise`: Maps each scene to the same with its noise set; without it, the noise of `scene` is used.

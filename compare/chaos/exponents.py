@@ -19,10 +19,6 @@ from rattle.scene.scene import Scene
 from rattle.scene.tangent import Stretch
 from rattle.scene.validate import count, positive
 
-__all__ = [
-    "DRIFT", "ORBIT", "Exponents", "Mean", "drift_exponents", "lyapunov", "ratio_mean",
-]  # fmt: skip
-
 Floats = NDArray[np.float64]
 
 ORBIT = "orbit"
@@ -106,12 +102,21 @@ class Exponents:
     @property
     def table(self) -> pd.DataFrame:
         """One row per exponent: ``of, exponent, value, low, high, rate, sum_error, impacts, time, regime, reason``."""
-        return pd.DataFrame({
-            "of": self.of, "exponent": np.arange(1, self.value.size + 1), "value": self.value,
-            "low": self.value - self.half, "high": self.value + self.half, "rate": self.rate,
-            "sum_error": self.sum_error, "impacts": self.impacts, "time": self.time, "regime": self.regime.kind,
-            "reason": self.regime.reason,
-        })  # fmt: skip
+        return pd.DataFrame(
+            {
+                "of": self.of,
+                "exponent": np.arange(1, self.value.size + 1),
+                "value": self.value,
+                "low": self.value - self.half,
+                "high": self.value + self.half,
+                "rate": self.rate,
+                "sum_error": self.sum_error,
+                "impacts": self.impacts,
+                "time": self.time,
+                "regime": self.regime.kind,
+                "reason": self.regime.reason,
+            }
+        )
 
     def impacts_for(self, width: float) -> int:
         """Estimate the impacts that a given width of the largest exponent's interval takes."""
@@ -123,10 +128,11 @@ class Exponents:
         """Return these exponents if the interval of the largest is narrow enough."""
         if self.width > width:
             raise InputError(
-                "impacts", self.impacts,
+                "impacts",
+                self.impacts,
                 f"is too short: the largest exponent's interval is {self.width:.2g} wide, and {width:g} needs about "
                 f"{self.impacts_for(width):,}",
-            )  # fmt: skip
+            )
         return self
 
 
@@ -159,9 +165,17 @@ def _exponents(of: str, scene: Scene, blocks: list[Floats], regime: Regime) -> E
     order = np.argsort([-m.value for m in found])
     ranked = [found[i] for i in order]
     return Exponents(
-        of, np.array([m.value for m in ranked]), np.array([m.half for m in ranked]), rate.value, rate.half,
-        sum_error, impacts, time, ranked[0].effective, regime,
-    )  # fmt: skip
+        of,
+        np.array([m.value for m in ranked]),
+        np.array([m.half for m in ranked]),
+        rate.value,
+        rate.half,
+        sum_error,
+        impacts,
+        time,
+        ranked[0].effective,
+        regime,
+    )
 
 
 def _check(scene: Scene) -> None:
@@ -172,9 +186,14 @@ def _check(scene: Scene) -> None:
 
 
 def _measure(
-    of: str, scene: Scene, stretches: Iterable[Stretch], regime: Regime, impacts: int | None, width: float | None,
+    of: str,
+    scene: Scene,
+    stretches: Iterable[Stretch],
+    regime: Regime,
+    impacts: int | None,
+    width: float | None,
     strict: bool,
-) -> Exponents:  # fmt: skip
+) -> Exponents:
     """Exponents of a record that is lengthened until it has `impacts`, or its interval is no wider than `width`."""
     least = 2 * BATCHES * BLOCK
     target = (
@@ -232,9 +251,14 @@ def lyapunov(scene: Scene, *, impacts: int | None = None, width: float | None = 
 
 
 def drift_exponents(
-    scene: Scene, *, impacts: int | None = None, width: float | None = None, strict: bool = True, seed: int = 0,
+    scene: Scene,
+    *,
+    impacts: int | None = None,
+    width: float | None = None,
+    strict: bool = True,
+    seed: int = 0,
     path: int = 0,
-) -> Exponents:  # fmt: skip
+) -> Exponents:
     """Compute the exponents of the drift's linearisation along a noisy path (`rattle.montecarlo.coupling.long_path`).
 
     These are not Lyapunov exponents of the noisy system, which has none (docs/model.md section 8).  Tangent vectors

@@ -20,9 +20,6 @@ from rattle.compare.chaos.spectrum import SEQUENCE, TIME, Spectrum
 from rattle.compare.chaos.sqrt_law import SqrtLaw
 from rattle.compare.report.style import SYMBOL, legend_above, new_figure
 
-__all__ = ["bifurcation_figure", "finite_size_figure", "section_figure", "spectrum_figure", "sqrt_law_figure",
-           "sweep_figure"]  # fmt: skip
-
 Floats = NDArray[np.float64]
 
 SIDE: Any = {
@@ -42,11 +39,12 @@ NAMES = {
 } | {
     f"{name}{stage}": rf"{word} of stage {stage} ${symbol}_{stage}$ ({unit})"
     for name, word, symbol, unit in (
-        ("beta", "damping", r"\beta", r"$\omega$"), ("gamma", "drag", r"\gamma", r"$\nu_1\omega^2$"),
+        ("beta", "damping", r"\beta", r"$\omega$"),
+        ("gamma", "drag", r"\gamma", r"$\nu_1\omega^2$"),
         ("gap", "half gap", "g", r"$\nu_1$"),
     )
     for stage in (1, 2)
-}  # fmt: skip
+}
 FLIGHT = r"time since the last impact $\Delta\tau$ (1/$\omega$)"
 IMAGE: Any = {"rasterized": True}
 HIGHEST = 6.5  # highest frequency drawn, in units of the excitation frequency
@@ -139,9 +137,15 @@ def _lines(ax: Axes, table: pd.DataFrame, field: str) -> None:
             _mark_sticking(ax, x, rows["regime"].isin((STICKS_OFTEN, STICKS_FOR_GOOD)).to_numpy())
             at_times = (rows["regime"] == STICKS_AT_TIMES).to_numpy()
             ax.plot(
-                x[at_times], rows["largest"].to_numpy()[at_times], ls="none", marker="o", ms=3.5, mfc="none",
-                color=colour, label="orbit that sticks at times: between sticking phases",
-            )  # fmt: skip
+                x[at_times],
+                rows["largest"].to_numpy()[at_times],
+                ls="none",
+                marker="o",
+                ms=3.5,
+                mfc="none",
+                color=colour,
+                label="orbit that sticks at times: between sticking phases",
+            )
     ax.axhline(0.0, color="k", lw=0.8)
 
 
@@ -156,9 +160,12 @@ def sweep_figure(table: pd.DataFrame, field: str = "alpha", claimed: tuple[float
     figure, (ax,) = new_figure(8.0, 4.4, 1, 1)
     if claimed:
         ax.axvspan(
-            *claimed, color="#F0E442", alpha=0.25, lw=0,
+            *claimed,
+            color="#F0E442",
+            alpha=0.25,
+            lw=0,
             label=f"chaotic according to the paper: {claimed[0]:g} to {claimed[1]:g}",
-        )  # fmt: skip
+        )
     _lines(ax, table, field)
     ax.set_xlabel(NAMES.get(field, field))
     ax.set_ylabel(r"largest exponent ($\omega$)")
@@ -199,9 +206,16 @@ def finite_size_figure(table: pd.DataFrame, orbit: Exponents, drift: Exponents |
     figure, (ax,) = new_figure(6.4, 4.4, 1, 1)
     value = table["exponent"]
     ax.errorbar(
-        table["delta"], value, [value - table["low"], table["high"] - value], ls="-", lw=1.0, ms=5, capsize=2,
-        label=r"finite-size exponent $\lambda(\delta)$ of the noisy system", **SIDE[NOISY],
-    )  # fmt: skip
+        table["delta"],
+        value,
+        [value - table["low"], table["high"] - value],
+        ls="-",
+        lw=1.0,
+        ms=5,
+        capsize=2,
+        label=r"finite-size exponent $\lambda(\delta)$ of the noisy system",
+        **SIDE[NOISY],
+    )
     for e, style, name in (
         (orbit, "-", "orbit: largest Lyapunov exponent"),
         (drift, ":", "drift's linearisation: largest"),

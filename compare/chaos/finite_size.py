@@ -11,17 +11,20 @@ from rattle.montecarlo.coupling.pairs import growths
 from rattle.scene.scene import Scene
 from rattle.scene.validate import count
 
-__all__ = ["finite_size"]
-
 Floats = NDArray[np.float64]
 
 DELTAS = tuple(float(d) for d in np.geomspace(1e-7, 1e-1, 13))
 
 
 def finite_size(
-    scene: Scene, *, deltas: tuple[float, ...] = DELTAS, events: int = 4000, ratio: float = 2.0, seed: int = 0,
+    scene: Scene,
+    *,
+    deltas: tuple[float, ...] = DELTAS,
+    events: int = 4000,
+    ratio: float = 2.0,
+    seed: int = 0,
     workers: int = 2,
-) -> pd.DataFrame:  # fmt: skip
+) -> pd.DataFrame:
     """Measure the finite-size exponent ``lambda(delta) = E[ln(end / delta)] / E[time]`` of two paths on the same noise.
 
     ``time`` is the time in which the distance grows from `delta` to at least `ratio` times `delta`, and ``end`` is the
@@ -46,9 +49,14 @@ def finite_size(
         duration, growth = growths(scene, delta, events, seed, ratio=ratio)
         m = ratio_mean(growth, duration)
         return {
-            "delta": delta, "exponent": m.value, "low": m.value - m.half, "high": m.value + m.half,
-            "time": float(duration.mean()), "growth": float(growth.mean()), "events": growth.size,
-        }  # fmt: skip
+            "delta": delta,
+            "exponent": m.value,
+            "low": m.value - m.half,
+            "high": m.value + m.half,
+            "time": float(duration.mean()),
+            "growth": float(growth.mean()),
+            "events": growth.size,
+        }
 
     with ThreadPoolExecutor(workers) as pool:
         return pd.DataFrame(list(pool.map(at, deltas)))

@@ -15,8 +15,6 @@ from rattle.closure.long_orbit import LongOrbit
 from rattle.compare.chaos.exponents import Exponents, lyapunov
 from rattle.scene.scene import Scene
 
-__all__ = ["MAPS", "MapOf", "mean_maps"]
-
 FOLLOWED = 400  # impacts through which moments are followed
 SPREAD = 2000  # impacts of the orbit from which the sd of its own y1 is taken
 TOO_WIDE = 1.0  # a closure's sd of y1 above this fraction of the orbit's own no longer localises the state
@@ -33,17 +31,19 @@ class MapOf(NamedTuple):
 MAPS = {
     "published": MapOf("Eq. 22: means and shifts to means, with its own next impact", True, "not realizable"),
     "corrected": MapOf(
-        "the orbit, its means shifted by the windows of Eqs. 20 and 21", False,
+        "the orbit, its means shifted by the windows of Eqs. 20 and 21",
+        False,
         "0: a restitution map at a fixed time leaves displacements unchanged, so their variance grows by noise alone",
     ),
     "saltation": MapOf(
         "the orbit, its means shifted to second order in sigma", False, "twice the orbit's: as exp(2 lambda_1 t)"
     ),
     "branching": MapOf(
-        "a mixture of Gaussian components, each on the orbit of its own mean", False,
+        "a mixture of Gaussian components, each on the orbit of its own mean",
+        False,
         "twice those of each component's orbit, limited by splitting; on densities the map is linear: no chaos",
     ),
-}  # fmt: skip
+}
 
 
 def mean_maps(scene: Scene, orbit: Exponents | None = None) -> pd.DataFrame:
@@ -86,11 +86,22 @@ def mean_maps(scene: Scene, orbit: Exponents | None = None) -> pd.DataFrame:
             "not_realizable": m.breakdown.impact if m.breakdown else np.nan,
             "leaves_gap": int(beyond.argmax()) + 1 if beyond.any() else np.nan,
             "too_wide": int(wide.argmax()) + 1 if wide.any() and not kind.own else np.nan,
-            "ends": ends, "followed": FOLLOWED,
-        }  # fmt: skip
+            "ends": ends,
+            "followed": FOLLOWED,
+        }
         rows.append(row)
     columns = [
-        "closure", "map", "exponents", "largest", "low", "high", "moments", "not_realizable", "leaves_gap", "too_wide",
-        "ends", "followed",
-    ]  # fmt: skip
+        "closure",
+        "map",
+        "exponents",
+        "largest",
+        "low",
+        "high",
+        "moments",
+        "not_realizable",
+        "leaves_gap",
+        "too_wide",
+        "ends",
+        "followed",
+    ]
     return pd.DataFrame(rows).reindex(columns=columns)

@@ -22,8 +22,6 @@ from rattle.compare.validation.answer import explain_missing
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 
-__all__ = ["CLAIMED", "ChaosStudy", "study"]
-
 CLAIMED = (0.2, 1.7)
 """Range of alpha that the paper claims to be chaotic (section 4)."""
 T = TypeVar("T")
@@ -53,9 +51,17 @@ class ChaosStudy:
         """The answer in a few sentences."""
         summary = spectra_tables(self.spectra)[2] if self.spectra else None
         said = answer(
-            self.orbit, self.drift, self.maps, self.law, self.finite_size, summary, self.field, self.sweep,
-            self.missing, self.scene.gears,
-        )  # fmt: skip
+            self.orbit,
+            self.drift,
+            self.maps,
+            self.law,
+            self.finite_size,
+            summary,
+            self.field,
+            self.sweep,
+            self.missing,
+            self.scene.gears,
+        )
         return said + explain_missing(self.scene, list(self.maps["closure"]))
 
     def tables(self) -> dict[str, pd.DataFrame]:
@@ -104,10 +110,19 @@ class ChaosStudy:
 
 
 def study(
-    scene: Scene, *, at: Sequence[float] = (), field: str = "alpha", noise: Callable[[Scene], Scene] | None = None,
-    points: int = 1_000_000, impacts: int = 200_000, events: int = 4000, width: float = WIDTH, seed: int = 0,
-    workers: int = 2, progress: Callable[[str], None] = lambda part: None,
-) -> ChaosStudy:  # fmt: skip
+    scene: Scene,
+    *,
+    at: Sequence[float] = (),
+    field: str = "alpha",
+    noise: Callable[[Scene], Scene] | None = None,
+    points: int = 1_000_000,
+    impacts: int = 200_000,
+    events: int = 4000,
+    width: float = WIDTH,
+    seed: int = 0,
+    workers: int = 2,
+    progress: Callable[[str], None] = lambda part: None,
+) -> ChaosStudy:
     """Measure the chaos of a scene: exponents, sections, spectra, divergence of two paths, and a sweep over a field.
 
     What its motion does not have, for instance because a mesh sticks in every period, is left out with the reason.

@@ -11,16 +11,18 @@ from numpy.typing import NDArray
 from rattle.compare.chaos.sweep import with_field
 from rattle.scene.scene import Scene
 
-__all__ = ["cells_table", "over_field"]
-
 Floats = NDArray[np.float64]
 T = TypeVar("T")
 
 
 def over_field(
-    scene: Scene, at: Sequence[float], field: str, noise: Callable[[Scene], Scene] | None, workers: int,
+    scene: Scene,
+    at: Sequence[float],
+    field: str,
+    noise: Callable[[Scene], Scene] | None,
+    workers: int,
     found_at: Callable[[Scene], T],
-) -> list[T]:  # fmt: skip
+) -> list[T]:
     """Evaluate something of a scene at each value of a field.
 
     `noise`: Maps each scene to the same with its noise set; without it, the noise of `scene` is used.

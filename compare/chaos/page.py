@@ -9,8 +9,6 @@ from rattle.compare.report import NUMBER, TEXT, Block, Code, Column, Figure, Pag
 from rattle.compare.report.glossary import CHAOS_TERMS, CLOSURE_TERMS, SECTION_TERMS, glossary
 from rattle.scene.scene import Scene
 
-__all__ = ["FIGURES", "WORDS", "chaos_page", "table_of"]
-
 FIGURES = {
     "section": "Poincaré sections at the impacts, in the paper's coordinates: flight time against velocity just before "
     "the impact, as densities on the same axes; orbit, mean map and noisy system.",
@@ -53,10 +51,13 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
     opening: tuple[Block, ...] = (
         *(figures[n] for n in (key,) if n in figures),
         exponents,
-        Text("Lyapunov exponents per unit of dimensionless time, by the QR method, with 95 % intervals from batch "
-             "means. `sum_error` is their sum less its exact value −(β1 + β2) + rate · 2 ln ε.", True),
+        Text(
+            "Lyapunov exponents per unit of dimensionless time, by the QR method, with 95 % intervals from batch "
+            "means. `sum_error` is their sum less its exact value −(β1 + β2) + rate · 2 ln ε.",
+            True,
+        ),
         glossary(*WORDS, gears=found.scene.gears),
-    )  # fmt: skip
+    )
     said = Text("The map that each closure iterates, and which exponents its means have.", True)
     parts = [Section("The mean maps", (said, maps))]
 
@@ -78,11 +79,14 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
         shown = ["side", "kind", "velocity", "frequency", "width", "share", "over", "narrow"]
         spectra += [
             figures["spectra"],
-            Text("`floor_share` is the share of the continuous part in the power, `narrow` the number of bands no "
-                 "wider than a single frequency. False-alarm probability: 1 % for each spectrum.", True),
+            Text(
+                "`floor_share` is the share of the continuous part in the power, `narrow` the number of bands no "
+                "wider than a single frequency. False-alarm probability: 1 % for each spectrum.",
+                True,
+            ),
             table_of(tables["spectra_summary"], ("side", "kind", "velocity")),
             table_of(tables["lines"][shown], ("side", "kind", "velocity", "narrow"), summary="All bands"),
-        ]  # fmt: skip
+        ]
     parts.append(Section("Spectra", tuple(spectra)))
     apart: list[Block] = [figures[n] for n in ("finite_size", "sqrt_law") if n in figures]
     apart += explain_missing("square-root") + explain_missing("finite-size")
@@ -95,8 +99,10 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
 def source_of(record: dict[str, Any]) -> Source:
     """Read the provenance of a page from its manifest."""
     facts = {
-        "commit": record["commit"], "seed": str(record["seed"]), "time": f"{record['wall_seconds']} s wall",
+        "commit": record["commit"],
+        "seed": str(record["seed"]),
+        "time": f"{record['wall_seconds']} s wall",
         "versions": ", ".join(f"{name} {version}" for name, version in record["versions"].items()),
-    }  # fmt: skip
+    }
     scene = Code(Scene.from_dict(record["scene"]).to_toml(), "toml")
     return Source(record["command"], tuple(facts.items()), (Text("The scene:"), scene))

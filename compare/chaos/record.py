@@ -18,11 +18,6 @@ from rattle.scene.impact import MISSES, NONE
 from rattle.scene.scene import Scene
 from rattle.scene.tangent import Stretch
 
-__all__ = [
-    "DISCARD", "KINDS", "NOT_FOLLOWED", "RUNS", "SILENT", "STICKS_AT_TIMES", "STICKS_FOR_GOOD", "STICKS_OFTEN",
-    "NoRecord", "Regime", "check_finite", "noisy_record", "orbit_record",
-]  # fmt: skip
-
 Floats = NDArray[np.float64]
 
 DISCARD = 1000  # impacts after each start that are discarded as a transient

@@ -7,8 +7,6 @@ from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.chaos.page import FIGURES, chaos_page
 from rattle.compare.report.save import contents, save
 
-__all__ = ["CONTENTS", "write_chaos"]
-
 TABLES = ("exponents", "mean_maps", "lines", "spectra_summary", "fsle", "sqrt_law", "sweep", "crossings")
 LARGE = ("sections", "spectra", "bifurcation")
 CONTENTS = contents("chaos", figures=tuple(FIGURES), tables=TABLES, large=LARGE)
@@ -20,7 +18,14 @@ def write_chaos(out: Path, found: ChaosStudy, record: dict[str, Any], overwrite:
     figures = found.figures()
     page = chaos_page(found, record, list(figures))
     save(
-        out, "chaos", page, record, allowed=CONTENTS, figures=figures, tables=found.tables(), digits="%.10g",
+        out,
+        "chaos",
+        page,
+        record,
+        allowed=CONTENTS,
+        figures=figures,
+        tables=found.tables(),
+        digits="%.10g",
         overwrite=overwrite,
-    )  # fmt: skip
+    )
     return list(page.answer)

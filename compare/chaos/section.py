@@ -18,8 +18,6 @@ from rattle.compare.chaos.record import NoRecord, Regime, check_finite, noisy_re
 from rattle.scene.scene import Scene
 from rattle.scene.validate import count
 
-__all__ = ["MAP", "NOISY", "ORBIT", "Section", "frame", "orbit_section", "sections"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -48,10 +46,15 @@ class Section:
         """Bins that are not empty: ``side, stage, flight, velocity`` (middles of the bin), ``count``."""
         stage, i, j = np.nonzero(self.counts)
         middle = [0.5 * (edges[1:] + edges[:-1]) for edges in (self.flight, self.velocity)]
-        return pd.DataFrame({
-            "side": self.side, "stage": stage + 1, "flight": middle[0][i], "velocity": middle[1][j],
-            "count": self.counts[stage, i, j],
-        })  # fmt: skip
+        return pd.DataFrame(
+            {
+                "side": self.side,
+                "stage": stage + 1,
+                "flight": middle[0][i],
+                "velocity": middle[1][j],
+                "count": self.counts[stage, i, j],
+            }
+        )
 
 
 class _Counter:
@@ -94,9 +97,7 @@ def _orbit_points(scene: Scene, points: int, regime: Regime) -> Iterator[tuple[F
         raise NoRecord(f"the orbit {regime.brief}")
 
 
-def _noisy_points(
-    scene: Scene, points: int, seed: int, path: int, regime: Regime
-) -> Iterator[tuple[Floats, Floats]]:  # fmt: skip
+def _noisy_points(scene: Scene, points: int, seed: int, path: int, regime: Regime) -> Iterator[tuple[Floats, Floats]]:
     left = points
     for s, _ in noisy_record(scene, 2**30, seed, regime, path=path, tangent=False):
         yield s.flight[:left], s.before[:left]

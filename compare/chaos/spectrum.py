@@ -26,8 +26,6 @@ from rattle.montecarlo.coupling.dyadic import step_time
 from rattle.scene.scene import Scene
 from rattle.scene.validate import count
 
-__all__ = ["FALSE_ALARM", "SEQUENCE", "TIME", "Spectrum", "spectra", "spectra_tables", "welch"]
-
 Floats = NDArray[np.float64]
 
 SEQUENCE, TIME = "velocity before impact, by impact", "velocity in time"
@@ -94,12 +92,15 @@ class Spectrum:
             if p.size == 1 and not (self.power[place] > ALONE * self.threshold * self.floor[place]).any():
                 continue
             width = float(p.sum() / p.max())
-            rows.append({
-                "frequency": float((self.frequency[place] * p).sum() / p.sum()), "width": width,
-                "share": float(p.sum() / self.power.sum()),
-                "over": float((self.power[place] / np.maximum(self.floor[place], 1e-300)).max()),
-                "narrow": width <= NARROW,
-            })  # fmt: skip
+            rows.append(
+                {
+                    "frequency": float((self.frequency[place] * p).sum() / p.sum()),
+                    "width": width,
+                    "share": float(p.sum() / self.power.sum()),
+                    "over": float((self.power[place] / np.maximum(self.floor[place], 1e-300)).max()),
+                    "narrow": width <= NARROW,
+                }
+            )
         table = pd.DataFrame(rows, columns=["frequency", "width", "share", "over", "narrow"])
         return table.sort_values("share", ascending=False, ignore_index=True)
 
@@ -211,14 +212,29 @@ def spectra_tables(found: dict[tuple[str, str, str], Spectrum]) -> tuple[pd.Data
         key = {"side": side, "kind": kind, "velocity": velocity}
         low, high = s.band
         density.append(
-            pd.DataFrame({
-                **key, "frequency": s.frequency, "power": s.power, "low": low, "high": high, "floor": s.floor,
-            })
-        )  # fmt: skip
+            pd.DataFrame(
+                {
+                    **key,
+                    "frequency": s.frequency,
+                    "power": s.power,
+                    "low": low,
+                    "high": high,
+                    "floor": s.floor,
+                }
+            )
+        )
         lines.append(s.lines.assign(**key))
-        summary.append({
-            **key, "variance": float(s.power.sum() * (s.frequency[1] - s.frequency[0])), "lines": len(s.lines),
-            "narrow": int(s.lines["narrow"].sum()), "line_share": 1.0 - s.floor_share, "floor_share": s.floor_share,
-            "threshold": s.threshold, "dof": s.dof, "segments": s.segments,
-        })  # fmt: skip
+        summary.append(
+            {
+                **key,
+                "variance": float(s.power.sum() * (s.frequency[1] - s.frequency[0])),
+                "lines": len(s.lines),
+                "narrow": int(s.lines["narrow"].sum()),
+                "line_share": 1.0 - s.floor_share,
+                "floor_share": s.floor_share,
+                "threshold": s.threshold,
+                "dof": s.dof,
+                "segments": s.segments,
+            }
+        )
     return pd.concat(density, ignore_index=True), pd.concat(lines, ignore_index=True), pd.DataFrame(summary)

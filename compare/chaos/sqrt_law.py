@@ -19,8 +19,6 @@ from rattle.montecarlo.coupling.pairs import after_impact
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 
-__all__ = ["SqrtLaw", "fit", "sqrt_law"]
-
 Floats = NDArray[np.float64]
 
 SMALLEST, LARGEST = 1e-7, 1e-3  # default range of delta
@@ -90,9 +88,15 @@ def sqrt_law(scene: Scene, *, impacts: int = 4000, seed: int = 0, deltas: Floats
     square = (apart / law)[modulated] ** 2
     n = len(square)
     half = float(stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE)) * square.std(axis=0, ddof=1) / n**0.5
-    table = pd.DataFrame({
-        "delta": deltas, "apart": np.sqrt((apart[modulated] ** 2).mean(axis=0)), "ratio": square.mean(axis=0),
-        "low": square.mean(axis=0) - half, "high": square.mean(axis=0) + half, "impacts": n,
-        "law": np.sqrt((law[modulated] ** 2).mean(axis=0)),
-    })  # fmt: skip
+    table = pd.DataFrame(
+        {
+            "delta": deltas,
+            "apart": np.sqrt((apart[modulated] ** 2).mean(axis=0)),
+            "ratio": square.mean(axis=0),
+            "low": square.mean(axis=0) - half,
+            "high": square.mean(axis=0) + half,
+            "impacts": n,
+            "law": np.sqrt((law[modulated] ** 2).mean(axis=0)),
+        }
+    )
     return SqrtLaw(table, *fit(deltas, apart[modulated]), missed)

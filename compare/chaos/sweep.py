@@ -19,8 +19,6 @@ from rattle.scene.parts import Start
 from rattle.scene.scene import Scene
 from rattle.scene.validate import choice, count, finite
 
-__all__ = ["ALPHAS", "FIELDS", "crossings", "paper_noise", "signs", "sweep", "values", "with_field"]
-
 ALPHAS = "0.05:2.5:100"
 FIELDS = ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1", "gap2", "sigma")
 PUBLISHED = 30  # impacts through which the published map is followed at each value
@@ -75,9 +73,17 @@ class _Job(NamedTuple):
 def _row(name: str, job: _Job, e: Exponents) -> dict[str, object]:
     value, low, high = e.largest
     return {
-        name: job.value, "of": e.of, "largest": value, "low": low, "high": high, "rate": e.rate,
-        "sum_error": e.sum_error, "impacts": e.impacts, "regime": e.regime.kind, "reason": e.regime.reason,
-    }  # fmt: skip
+        name: job.value,
+        "of": e.of,
+        "largest": value,
+        "low": low,
+        "high": high,
+        "rate": e.rate,
+        "sum_error": e.sum_error,
+        "impacts": e.impacts,
+        "regime": e.regime.kind,
+        "reason": e.regime.reason,
+    }
 
 
 def _at(name: str, job: _Job) -> list[dict[str, object]]:
@@ -88,17 +94,29 @@ def _at(name: str, job: _Job) -> list[dict[str, object]]:
         m = mean_map(job.scene, impacts=PUBLISHED, closure="published")
         how = f"not realizable from impact {m.breakdown.impact}" if m.breakdown else "realizable throughout"
         empty = dict.fromkeys(("largest", "low", "high", "rate", "sum_error"), np.nan)
-        rows.append({
-            name: job.value, "of": "mean map (published)", **empty, "impacts": m.trace.found, "regime": "breaks down",
-            "reason": f"{how}; {m.stopped or f'followed through {PUBLISHED} impacts'}",
-        })  # fmt: skip
+        rows.append(
+            {
+                name: job.value,
+                "of": "mean map (published)",
+                **empty,
+                "impacts": m.trace.found,
+                "regime": "breaks down",
+                "reason": f"{how}; {m.stopped or f'followed through {PUBLISHED} impacts'}",
+            }
+        )
     return rows
 
 
 def sweep(
-    scene: Scene, at: Sequence[float], *, field: str = "alpha", noise: Callable[[Scene], Scene] | None = None,
-    width: float = 0.01, seed: int = 0, workers: int = 2,
-) -> pd.DataFrame:  # fmt: skip
+    scene: Scene,
+    at: Sequence[float],
+    *,
+    field: str = "alpha",
+    noise: Callable[[Scene], Scene] | None = None,
+    width: float = 0.01,
+    seed: int = 0,
+    workers: int = 2,
+) -> pd.DataFrame:
     """Compute the largest exponent over a field: of the orbit, the mean maps, and the drift along a noisy path.
 
     `noise`: Maps each scene to the same with its noise set, such as `paper_noise`; without it, the noise of

@@ -4,8 +4,6 @@ from typing import NamedTuple
 
 import pandas as pd
 
-__all__ = ["HOLDS_ONLY", "KINDS", "NOT_REPRODUCED", "PART", "REPRODUCED", "UNDECIDED", "Claim", "table"]
-
 REPRODUCED, NOT_REPRODUCED, UNDECIDED = "reproduced", "not reproduced", "undecided"
 HOLDS_ONLY = "holds only for {}"
 PART = "holds in part"

@@ -17,8 +17,6 @@ from rattle.scene.parts import Start
 from rattle.scene.scene import Scene
 from rattle.scene.tangent import Stretch
 
-__all__ = ["Evidence", "gather"]
-
 FLIGHTS = np.array([0.5, 1.5, 3.0])  # times after the start at which a flight without walls is compared
 STEP = 2e-3  # its time step
 LEAST = 2000  # paths whose mean velocity is followed in time, if `paths` are few
@@ -41,10 +39,19 @@ class Evidence:
 
 
 def gather(
-    scene: Scene, *, sigmas: Sequence[float], at: Sequence[float], paths: int = 100_000, impacts: int = 12,
-    seed: int = 0, workers: int = 2, points: int = 1_000_000, spectrum_impacts: int = 200_000, events: int = 4000,
+    scene: Scene,
+    *,
+    sigmas: Sequence[float],
+    at: Sequence[float],
+    paths: int = 100_000,
+    impacts: int = 12,
+    seed: int = 0,
+    workers: int = 2,
+    points: int = 1_000_000,
+    spectrum_impacts: int = 200_000,
+    events: int = 4000,
     progress: Callable[[str], None] = lambda part: None,
-) -> Evidence:  # fmt: skip
+) -> Evidence:
     """Make all measurements that the claims need.
 
     `points`, `spectrum_impacts`, `events`: Points of the sections, impacts of the spectra and pairs of paths, see
@@ -70,20 +77,30 @@ def gather(
         record=Record(step_bias=True, times=open_space.start.tau + FLIGHTS),
     )
     chaos = study(
-        scene, at=at, noise=paper_noise, points=points, impacts=spectrum_impacts, events=events, seed=seed,
-        workers=workers, progress=progress,
-    )  # fmt: skip
+        scene,
+        at=at,
+        noise=paper_noise,
+        points=points,
+        impacts=spectrum_impacts,
+        events=events,
+        seed=seed,
+        workers=workers,
+        progress=progress,
+    )
     progress("a single stage, repeated flanks, the mean motion")
     return Evidence(
-        scene, validations, chaos,
+        scene,
+        validations,
+        chaos,
         {"orbit": lyapunov(single, **exponents), "noisy": drift_exponents(single, **exponents, seed=seed)},
-        flight, open_space,
+        flight,
+        open_space,
         {
             "orbit": _repeats(orbit_record(scene, REPEATS, Regime(), tangent=False), scene.stages),
             "noisy": _repeats((s for s, _ in noisy_record(scene, STEPS, seed, Regime(), tangent=False)), scene.stages),
         },
         mean_motion(scene, max(paths // 5, LEAST), seed, workers),
-    )  # fmt: skip
+    )
 
 
 def _repeats(stretches: Iterable[Stretch], stages: int) -> Mean:

@@ -7,8 +7,6 @@ from matplotlib.figure import Figure
 from rattle.compare.claims.claim import KINDS, NOT_REPRODUCED, PART, REPRODUCED, UNDECIDED, Claim
 from rattle.compare.report.style import new_figure
 
-__all__ = ["verdict_figure"]
-
 MARKS: Any = {
     NOT_REPRODUCED: {"color": "#D55E00", "marker": "X"},
     UNDECIDED: {"color": "#999999", "marker": "^"},

@@ -15,8 +15,6 @@ from rattle.scene.flight import noise_covariance
 from rattle.scene.moments import realizability
 from rattle.scene.scene import Scene
 
-__all__ = ["MEND_15", "MEND_17", "MEND_BOTH", "PUBLISHED", "Failure", "failures"]
-
 Floats = NDArray[np.float64]
 
 PUBLISHED, MEND_15, MEND_17, MEND_BOTH = "as published", "Eq. 15 mended", "Eq. 17 mended", "both mended"

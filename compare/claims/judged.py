@@ -14,12 +14,20 @@ from rattle.compare.claims.of_motion import (
 )
 from rattle.compare.claims.of_spectra import continuous, narrow_bands
 
-__all__ = ["CLAIMS", "judge"]
-
 CLAIMS: tuple[Callable[[Evidence], Claim], ...] = (
-    solvable, beyond_one, not_gaussian, stages_apart, counter_meshes, fuzzy, narrow_bands, continuous, chaotic_range,
-    describes, both_models, controlled,
-)  # fmt: skip
+    solvable,
+    beyond_one,
+    not_gaussian,
+    stages_apart,
+    counter_meshes,
+    fuzzy,
+    narrow_bands,
+    continuous,
+    chaotic_range,
+    describes,
+    both_models,
+    controlled,
+)
 
 
 def judge(evidence: Evidence) -> list[Claim]:

@@ -9,8 +9,6 @@ from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import Record, simulate
 from rattle.scene.scene import Scene
 
-__all__ = ["MeanMotion", "mean_motion"]
-
 STEP = math.pi / 96.0
 EVERY = 12  # steps between two times: 16 a period
 SETTLED, COMPARED = 8, 3  # periods after which the start is forgotten, and periods compared with each other
@@ -40,9 +38,16 @@ def mean_motion(scene: Scene, paths: int, seed: int, workers: int) -> MeanMotion
     steps = np.arange(SETTLED * period, (SETTLED + COMPARED) * period, EVERY) + EVERY
     times = np.asarray(scene.start.tau + STEP * steps, dtype=float)
     run = simulate(
-        scene, paths=paths, impacts=IMPACTS, dt=STEP, scheme="exact-flight", rng=np.random.SeedSequence([seed, 11]),
-        workers=workers, horizon=float(times[-1] - scene.start.tau) + 1.0, record=Record(times=times),
-    )  # fmt: skip
+        scene,
+        paths=paths,
+        impacts=IMPACTS,
+        dt=STEP,
+        scheme="exact-flight",
+        rng=np.random.SeedSequence([seed, 11]),
+        workers=workers,
+        horizon=float(times[-1] - scene.start.tau) + 1.0,
+        record=Record(times=times),
+    )
     table, largest, share = run.at_times(), 0.0, []
     for stage in range(1, scene.stages + 1):
         mean, se = (table[f"{prefix}y{stage}"].to_numpy().reshape(COMPARED, -1) for prefix in ("", "se_"))

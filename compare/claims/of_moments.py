@@ -13,8 +13,6 @@ from rattle.compare.validation.verdict import widest
 from rattle.scene.flight import noise_covariance
 from rattle.scene.moments import correlation
 
-__all__ = ["beyond_one", "describes", "not_gaussian", "solvable", "stages_apart"]
-
 
 def _at(v: Validation) -> str:
     return f"σ = {v.scene.sigma:.3g}"
@@ -43,7 +41,7 @@ def solvable(e: Evidence) -> Claim:
         f"{e.flight.paths:,} paths, {len(fixed)} fixed times, both stages: the largest error beyond the measured step "
         f"bias is {worst:.1f} standard errors, {allowed:.1f} allowed.",
         NOT_REPRODUCED if worst <= allowed else UNDECIDED,
-    )  # fmt: skip
+    )
 
 
 def beyond_one(e: Evidence) -> Claim:
@@ -75,9 +73,8 @@ def beyond_one(e: Evidence) -> Claim:
         "second moments of stage 2 by Eq. 15, of stage 1 by Eq. 17. Reproduced if the corrected equations exceed 1 as "
         "well.",
         "; ".join(text for *_, text in found) + f". By which rule, {_at(e.validations[-1])}: {rules}.",
-        HOLDS_ONLY.format(f"the published rules at impacts: {join_words(guilty)}")
-        if only_published else REPRODUCED,
-    )  # fmt: skip
+        HOLDS_ONLY.format(f"the published rules at impacts: {join_words(guilty)}") if only_published else REPRODUCED,
+    )
 
 
 def _describe_failure(f: Failure) -> str:
@@ -107,7 +104,7 @@ def not_gaussian(e: Evidence) -> Claim:
         f"Skewness of the time of each path's k-th impact, more than {z:.1f} standard errors from zero.",
         "; ".join(shown) + ".",
         REPRODUCED if beyond else UNDECIDED,
-    )  # fmt: skip
+    )
 
 
 def stages_apart(e: Evidence) -> Claim:
@@ -131,7 +128,7 @@ def stages_apart(e: Evidence) -> Claim:
         "orbit's flights, non-zero beyond its interval (corrected for the number of fixed times).",
         "; ".join(shown) + ".",
         NOT_REPRODUCED if coupled else UNDECIDED,
-    )  # fmt: skip
+    )
 
 
 def describes(e: Evidence) -> Claim:
@@ -160,7 +157,7 @@ def describes(e: Evidence) -> Claim:
         "included); reproduced if this holds for all of them with the paper's method at the paper's noise.",
         text + ".",
         verdict,
-    )  # fmt: skip
+    )
 
 
 def _accurate(v: Validation, closure: str) -> float:

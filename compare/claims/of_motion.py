@@ -11,8 +11,6 @@ from rattle.compare.chaos.sweep import crossings
 from rattle.compare.claims.claim import HOLDS_ONLY, NOT_REPRODUCED, REPRODUCED, UNDECIDED, Claim
 from rattle.compare.claims.evidence import Evidence
 
-__all__ = ["both_models", "chaotic_range", "controlled", "counter_meshes", "fuzzy"]
-
 FUZZY = 0.05  # smallest share of the noisy section's bins that a fuzzy set fills
 FINITE = 100  # largest number of bins that a periodic orbit of moderate length fills
 
@@ -23,12 +21,13 @@ def counter_meshes(e: Evidence) -> Claim:
     none = all(m.value - m.half <= 0.0 for m in (orbit, noisy))
     return Claim(
         "Counter meshes",
-        "section 4", "considering counter meshes of the gears E[x]ₖ₊₁ = −E[x]ₖ",
+        "section 4",
+        "considering counter meshes of the gears E[x]ₖ₊₁ = −E[x]ₖ",
         "Share of consecutive impacts at one mesh (whatever happens at the other in between) that are on the same "
         "flank; zero if the claim holds.",
         f"Orbit {orbit.value:.1%} ± {orbit.half:.1%}, noisy system {noisy.value:.1%} ± {noisy.half:.1%}.",
         REPRODUCED if none else NOT_REPRODUCED,
-    )  # fmt: skip
+    )
 
 
 def fuzzy(e: Evidence) -> Claim:
@@ -41,14 +40,16 @@ def fuzzy(e: Evidence) -> Claim:
     orbit = filled.get("orbit", 0)
     return Claim(
         "A fuzzy Poincaré map (Fig. 2)",
-        "section 4, Fig. 2", "The structures of Fig. 2 display a fuzzy set of points.",
+        "section 4, Fig. 2",
+        "The structures of Fig. 2 display a fuzzy set of points.",
         f"Bins of (flight time, velocity of stage 1 before the impact) that contain a point. A periodic orbit fills at "
         f"most {FINITE}; a fuzzy set fills more than {FUZZY:.0%} of the number that the noisy system fills.",
         f"{text}. The published map is not realizable from impact {published['not_realizable']:g} and ends at impact "
         f"{published['ends']:g}, so it has no section.",
         HOLDS_ONLY.format("the orbit under the corrected map; the published map ends before it has a section")
-        if orbit > max(FINITE, FUZZY * noisy) else (UNDECIDED if orbit > FINITE else NOT_REPRODUCED),
-    )  # fmt: skip
+        if orbit > max(FINITE, FUZZY * noisy)
+        else (UNDECIDED if orbit > FINITE else NOT_REPRODUCED),
+    )
 
 
 def _bins(s: Section) -> int:
@@ -89,8 +90,9 @@ def chaotic_range(e: Evidence) -> Claim:
         "Largest exponent with its 95 % interval at each α of the sweep, of the orbit (and of every mean map whose "
         "moments follow it) and of the drift's linearisation along noisy paths with σ = √α. Reproduced if positive "
         "throughout the range; of α outside the paper says nothing.",
-        "; ".join(shown) + ".", verdict,
-    )  # fmt: skip
+        "; ".join(shown) + ".",
+        verdict,
+    )
 
 
 def _sticking(rows: pd.DataFrame) -> str:
@@ -107,9 +109,11 @@ def _sticking(rows: pd.DataFrame) -> str:
 def both_models(e: Evidence) -> Claim:
     """Judge section 5: the single-stage model and the two-stage model both show random chaos."""
     found: dict[str, Exponents] = {
-        "single stage, orbit": e.single["orbit"], "single stage, along noisy paths": e.single["noisy"],
-        "two stages, orbit": e.chaos.orbit, "two stages, along noisy paths": e.chaos.drift,
-    }  # fmt: skip
+        "single stage, orbit": e.single["orbit"],
+        "single stage, along noisy paths": e.single["noisy"],
+        "two stages, orbit": e.chaos.orbit,
+        "two stages, along noisy paths": e.chaos.drift,
+    }
     signs = {name: _sign(x) for name, x in found.items()}
     text = "; ".join(f"{name}: {_exponent(x)}" for name, x in found.items())
     chaotic = [name for name, s in signs.items() if s > 0]
@@ -126,8 +130,10 @@ def both_models(e: Evidence) -> Claim:
         "the single stage in the paper's reference 7 are others, and not given in the paper: its own results are not "
         "tested here. A noisy system has no "
         "infinitesimal exponent (the distance of two paths after an impact is proportional to the square root of that "
-        "before it), so the exponent of the drift's linearisation is used instead.", text + ".", verdict,
-    )  # fmt: skip
+        "before it), so the exponent of the drift's linearisation is used instead.",
+        text + ".",
+        verdict,
+    )
 
 
 def _sign(x: Exponents) -> int:
@@ -166,5 +172,6 @@ def controlled(e: Evidence) -> Claim:
         "… the chaotic stochastic vibration can be controlled by variation of a two-stage rattling system parameter.",
         "Whether the largest exponent has both signs over α, with intervals that exclude zero: of the orbit, and of "
         "the drift's linearisation along noisy paths with σ = √α, for the claim is on the stochastic vibration.",
-        "; ".join(shown) + ".", verdict,
-    )  # fmt: skip
+        "; ".join(shown) + ".",
+        verdict,
+    )

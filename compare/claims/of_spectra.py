@@ -8,8 +8,6 @@ from rattle.compare.claims.claim import HOLDS_ONLY, NOT_REPRODUCED, REPRODUCED, 
 from rattle.compare.claims.evidence import Evidence
 from rattle.compare.validation.validity_range import join_words
 
-__all__ = ["continuous", "narrow_bands"]
-
 
 def narrow_bands(e: Evidence) -> Claim:
     """Judge Fig. 3: narrow-band spectra."""
@@ -30,7 +28,7 @@ def narrow_bands(e: Evidence) -> Claim:
         "means of the corrected map follow) and of single paths, each by itself.",
         f"{_published_map(e)} {_ensemble_mean(e)} " + _sentence("; ".join(shown)),
         _each(e, narrow, 1 + len(_sides(rows))),
-    )  # fmt: skip
+    )
 
 
 def _each(e: Evidence, found: list[str], sought: int) -> str:
@@ -94,13 +92,14 @@ def continuous(e: Evidence) -> Claim:
         mostly.append("the ensemble's mean")
     return Claim(
         "A continuous spectrum",
-        "section 5", "… the power spectra of mean velocity display the behavior of a continuous spectrum.",
+        "section 5",
+        "… the power spectra of mean velocity display the behavior of a continuous spectrum.",
         "Share of the power that is in no band above the floor, more than half in every spectrum: of the published "
         "map, of the ensemble's mean, of the orbit (which the means of the corrected map follow) and of single paths, "
         "each by itself.",
         f"{_published_map(e)} {_ensemble_mean(e)} " + _sentence("; ".join(shown)),
         _each(e, mostly, 1 + len(_sides(rows))),
-    )  # fmt: skip
+    )
 
 
 def _spectra(e: Evidence) -> list[dict[str, Any]]:

@@ -14,17 +14,20 @@ from rattle.compare.report.glossary import glossary
 from rattle.compare.report.save import contents, save
 from rattle.compare.validation.validity_range import join_words
 
-__all__ = ["CONTENTS", "answer", "write_claims"]
-
 SHOWN = {
-    "fuzzy": "section", "narrow_bands": "spectra", "chaotic_range": "sweep", "controlled": "bifurcation",
+    "fuzzy": "section",
+    "narrow_bands": "spectra",
+    "chaotic_range": "sweep",
+    "controlled": "bifurcation",
     "both_models": "sqrt_law",
-}  # fmt: skip
+}
 """Figure of the study of chaos that shows the evidence of a claim, by the claim's function."""
 SAID = {
-    REPRODUCED: ("is reproduced", "are reproduced"), PART: ("holds only in part", "hold only in part"),
-    UNDECIDED: ("is undecided", "are undecided"), NOT_REPRODUCED: ("is not reproduced", "are not reproduced"),
-}  # fmt: skip
+    REPRODUCED: ("is reproduced", "are reproduced"),
+    PART: ("holds only in part", "hold only in part"),
+    UNDECIDED: ("is undecided", "are undecided"),
+    NOT_REPRODUCED: ("is not reproduced", "are not reproduced"),
+}
 """The verdicts in words, of one claim and of several; the last one is followed by the claims that it is on."""
 KEY = "verdicts"
 CAPTION = "The verdict on each claim, in the order of the paper."
@@ -57,11 +60,18 @@ def write_claims(
     for i, (name, claim) in enumerate(zip(names, claims, strict=True), start=1):
         shown = SHOWN.get(name, "")
         pictures = [Figure(f"{shown}.svg", FIGURES[shown], FIGURES[shown])] if shown in drawn else []
-        sections.append(Section(f"{i}. {claim.name}", (
-            Text(f"The paper, {claim.where}: “{claim.says}”"),
-            Text(f"Verdict: {claim.verdict}."), Text(f"Test: {claim.test}"),
-            Text(f"Evidence: {claim.evidence}"), *pictures,
-        )))  # fmt: skip
+        sections.append(
+            Section(
+                f"{i}. {claim.name}",
+                (
+                    Text(f"The paper, {claim.where}: “{claim.says}”"),
+                    Text(f"Verdict: {claim.verdict}."),
+                    Text(f"Test: {claim.test}"),
+                    Text(f"Evidence: {claim.evidence}"),
+                    *pictures,
+                ),
+            )
+        )
     words = glossary(*WORDS, gears=chaos.scene.gears)
     page = Page(
         "The paper's claims, judged", tuple(said), source_of(record), (opening, overview, words), tuple(sections)

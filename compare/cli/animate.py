@@ -9,8 +9,6 @@ from rattle.compare.cli.console import say
 from rattle.compare.cli.load import load_scene
 from rattle.compare.cli.options import WHOLE
 
-__all__ = ["animate"]
-
 
 @click.command()
 @click.argument("scene", required=False, type=click.Path(path_type=Path))

@@ -11,16 +11,17 @@ from rattle.compare.cli.console import say, say_part
 from rattle.compare.cli.load import load_scene
 from rattle.compare.cli.options import FIELDS, WHOLE, Name
 
-__all__ = ["chaos"]
-
 
 @click.command()
 @click.argument("scene", required=False, type=click.Path(path_type=Path))
 @click.option("--sigma", type=float, default=None, help="Noise intensity. [default: the scene's; sqrt(alpha) on DAT21]")
 @click.option(
-    "--field", type=Name("field", FIELDS), default="alpha", show_default=True,
+    "--field",
+    type=Name("field", FIELDS),
+    default="alpha",
+    show_default=True,
     help="Field of the scene that the sweep varies.",
-)  # fmt: skip
+)
 @click.option("--over", default="0.05:2.5:100", show_default=True, metavar="LOW:HIGH:POINTS", help="Its values.")
 @click.option(
     "--keep-sigma",
@@ -75,17 +76,28 @@ def chaos(
     out = out or default_place(name, "-chaos")
     check_free(out, CONTENTS, overwrite)
     settings: dict[str, Any] = {
-        "points": points, "impacts": impacts, "events": events, "width": width, "seed": seed, "field": field,
-    }  # fmt: skip
+        "points": points,
+        "impacts": impacts,
+        "events": events,
+        "width": width,
+        "seed": seed,
+        "field": field,
+    }
     wall = time.perf_counter()
     noise = None if keep_sigma or field == "sigma" else paper_noise
     found = study(base, at=at, noise=noise, workers=workers, progress=say_part, **settings)
     record = {
-        "name": name, "scene": base.to_dict(), **settings, "over": list(at), "workers": workers,
+        "name": name,
+        "scene": base.to_dict(),
+        **settings,
+        "over": list(at),
+        "workers": workers,
         "noise": "the scene's" if noise is None else "sqrt(alpha)",
-        "command": manifest.command_line(sys.argv[1:]), "commit": manifest.commit(), "versions": manifest.versions(),
+        "command": manifest.command_line(sys.argv[1:]),
+        "commit": manifest.commit(),
+        "versions": manifest.versions(),
         "wall_seconds": round(time.perf_counter() - wall, 1),
-    }  # fmt: skip
+    }
     for sentence in write_chaos(out, found, record, overwrite):
         say(sentence)
     say(f"Folder: {out}")

@@ -9,8 +9,6 @@ import click
 from rattle.compare.cli.console import say, say_part
 from rattle.compare.cli.options import WHOLE
 
-__all__ = ["claims"]
-
 BASE, PER_VALUE, PER_PATH = 60.0, 1.0, 1e-4  # seconds: sections, spectra and pairs; a value of alpha; a path
 
 
@@ -63,16 +61,32 @@ def claims(
     say(f"About {minutes:.1g} minutes of processor time, and what has to be compiled.", err=True)
     started = time.perf_counter()
     found = gather(
-        Scene.from_gears(DAT21), sigmas=levels, at=at, paths=paths, seed=seed, workers=workers, points=points,
-        spectrum_impacts=impacts, progress=say_part,
-    )  # fmt: skip
+        Scene.from_gears(DAT21),
+        sigmas=levels,
+        at=at,
+        paths=paths,
+        seed=seed,
+        workers=workers,
+        points=points,
+        spectrum_impacts=impacts,
+        progress=say_part,
+    )
     judged = judge(found)
     record = {
-        "name": "DAT21", "scene": found.scene.to_dict(), "sigmas": list(levels), "over": list(at), "paths": paths,
-        "points": points, "impacts": impacts, "seed": seed, "workers": workers,
-        "command": manifest.command_line(sys.argv[1:]), "commit": manifest.commit(), "versions": manifest.versions(),
+        "name": "DAT21",
+        "scene": found.scene.to_dict(),
+        "sigmas": list(levels),
+        "over": list(at),
+        "paths": paths,
+        "points": points,
+        "impacts": impacts,
+        "seed": seed,
+        "workers": workers,
+        "command": manifest.command_line(sys.argv[1:]),
+        "commit": manifest.commit(),
+        "versions": manifest.versions(),
         "wall_seconds": round(time.perf_counter() - started, 1),
-    }  # fmt: skip
+    }
     for sentence in write_claims(out, judged, [c.__name__ for c in CLAIMS], found.chaos, record, overwrite):
         say(sentence)
     for number, claim in enumerate(judged, start=1):

@@ -8,8 +8,6 @@ import click
 from rattle.compare.report.json_text import json_text
 from rattle.scene.text import harmless
 
-__all__ = ["say", "say_json", "say_part"]
-
 
 def say(text: str, *, err: bool = False, keep: str = "") -> None:
     """Print a text on one line; control characters, such as those of a file's name, are shown as escapes."""

@@ -6,8 +6,6 @@ import click
 
 from rattle.compare.cli.console import say, say_json
 
-__all__ = ["extremes"]
-
 EXIT_BROKEN = 1
 
 

@@ -6,8 +6,6 @@ import click
 
 from rattle.compare.cli.console import say
 
-__all__ = ["init"]
-
 
 @click.command()
 @click.argument("file", type=click.Path(path_type=Path), default=Path("gears.toml"))

@@ -8,8 +8,6 @@ from rattle.compare.cli.console import say
 if TYPE_CHECKING:
     from rattle.scene import Scene
 
-__all__ = ["load_scene"]
-
 PAPER_SIGMA = 1.5**0.5  # sqrt(alpha) of DAT21
 
 

@@ -30,17 +30,19 @@ with ends_at_once():
     from rattle.scene.errors import RattleError
     from rattle.scene.text import harmless, line
 
-__all__ = ["EXIT_NOT_MET", "EXIT_NOT_REPEATED", "EXIT_ROUNDED", "main"]
-
 EXIT_BAD_INPUT, EXIT_NOT_MET, EXIT_NOT_REPEATED, EXIT_ROUNDED = 2, 3, 4, 5
 PAPER_SIGMAS = (0.01, 0.1, 1.5**0.5)
 """Noise intensities of the default report on DAT21: two small ones, and the paper's sqrt(alpha)."""
 
 STORAGE = {
-    errno.ENOSPC: "make room on that disk", errno.EDQUOT: "make room on that disk", errno.EROFS: "choose another place",
-    errno.EACCES: "choose another place", errno.EPERM: "choose another place", errno.EFBIG: "make room on that disk",
+    errno.ENOSPC: "make room on that disk",
+    errno.EDQUOT: "make room on that disk",
+    errno.EROFS: "choose another place",
+    errno.EACCES: "choose another place",
+    errno.EPERM: "choose another place",
+    errno.EFBIG: "make room on that disk",
     errno.ENAMETOOLONG: "choose a shorter name",
-}  # fmt: skip
+}
 """Remedies by error number, for files that are not written by this package itself, such as machine code by numba."""
 
 NO_TEMPORARY = ("MPLCONFIGDIR", "No usable temporary directory")
@@ -102,17 +104,25 @@ def main() -> None:
 @click.option("--paths", type=WHOLE, default=256_000, show_default=True, help="Simulated paths.")
 @click.option("--dt", type=float, default=None, help="Step. [default: the scheme's, 0.002 for Euler-Maruyama]")
 @click.option(
-    "--scheme", type=Name("scheme", SCHEMES), default="exact-flight", show_default=True,
+    "--scheme",
+    type=Name("scheme", SCHEMES),
+    default="exact-flight",
+    show_default=True,
     help="Scheme of the simulation.",
-)  # fmt: skip
+)
 @click.option(
-    "--closure", "closures", type=Name("closures", CLOSURES), multiple=True,
+    "--closure",
+    "closures",
+    type=Name("closures", CLOSURES),
+    multiple=True,
     help="Closure; again for more. [default: all that can be applied]",
-)  # fmt: skip
+)
 @click.option(
-    "--beside", type=Name("beside", SCHEMES), multiple=True,
+    "--beside",
+    type=Name("beside", SCHEMES),
+    multiple=True,
     help="Scheme whose ensemble is shown beside; again for more. [default: both Euler-Maruyama schemes without SCENE]",
-)  # fmt: skip
+)
 @click.option("--order", type=WHOLE, default=4, show_default=True, help="Order of the closures' moments, 2 to 6.")
 @click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed of the simulation.")
 @click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads; the result does not depend on it.")
@@ -248,9 +258,12 @@ def validate(
     "--accuracy", "accuracies", multiple=True, type=float, help="Error in sds; again for more. [default: 0.3 to 0.001]"
 )
 @click.option(
-    "--budget", type=float, default=100.0, show_default=True,
+    "--budget",
+    type=float,
+    default=100.0,
+    show_default=True,
     help="Core-seconds up to which a point is run; costlier ones are extrapolated.",
-)  # fmt: skip
+)
 @click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed of the simulations.")
 @click.option("--orders/--no-orders", default=True, show_default=True, help="Measure the schemes' weak orders as well.")
 @click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads.")
@@ -297,11 +310,20 @@ def tradeoff(
     sigmas = sorted({base.sigma, base.alpha**0.5})  # its own, and the paper's
     measured = orders_over(base, sigmas, rng=seed, workers=workers) if orders else None
     record = {
-        "name": name, "scene": base.to_dict(), "impacts": impacts, "accuracies": asked, "budget": budget,
-        "seed": seed, "orders": orders, "workers": workers, "command": manifest.command_line(sys.argv[1:]),
-        "commit": manifest.commit(), "versions": manifest.versions(),
-        "wall_seconds": round(time.perf_counter() - wall, 1), "cpu_seconds": round(_cpu() - cpu, 1),
-    }  # fmt: skip
+        "name": name,
+        "scene": base.to_dict(),
+        "impacts": impacts,
+        "accuracies": asked,
+        "budget": budget,
+        "seed": seed,
+        "orders": orders,
+        "workers": workers,
+        "command": manifest.command_line(sys.argv[1:]),
+        "commit": manifest.commit(),
+        "versions": manifest.versions(),
+        "wall_seconds": round(time.perf_counter() - wall, 1),
+        "cpu_seconds": round(_cpu() - cpu, 1),
+    }
     for sentence in write_tradeoff(out, found, control, measured, asked, record, overwrite):
         say(sentence)
     say(f"Page: {out / 'tradeoff.html'}")

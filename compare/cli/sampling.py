@@ -43,13 +43,17 @@ AN_HOUR = "what is expected to take more than an hour is refused"
     "--dt", type=float, default=None, help="Step, with --paths. [default: the scheme's, 0.002 for Euler-Maruyama]"
 )
 @click.option(
-    "--scheme", type=Name("scheme", SCHEMES), default=None,
+    "--scheme",
+    type=Name("scheme", SCHEMES),
+    default=None,
     help="Scheme. [default: what costs least; exact-flight with --paths]",
-)  # fmt: skip
+)
 @click.option(
-    "--step-bias/--no-step-bias", default=True, show_default=True,
+    "--step-bias/--no-step-bias",
+    default=True,
+    show_default=True,
     help="Measure the bias of an Euler-Maruyama step, with --paths (two thirds more work).",
-)  # fmt: skip
+)
 @click.option(
     "--budget",
     type=float,
@@ -59,9 +63,12 @@ AN_HOUR = "what is expected to take more than an hour is refused"
 @click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed.")
 @click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads; the result does not depend on it.")
 @click.option(
-    "--units", type=Name("units", UNITS), default="dimensionless", show_default=True,
+    "--units",
+    type=Name("units", UNITS),
+    default="dimensionless",
+    show_default=True,
     help="Units of the tables; physical: ms, mm, mm/s and impacts per second, for a scene with [gears].",
-)  # fmt: skip
+)
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="CSV file of the whole section table.")
 @click.option("--json", "as_json", is_flag=True, help="Print the section table and the settings as JSON.")
 def simulate(
@@ -165,9 +172,22 @@ def _estimates_shown() -> "Iterator[None]":
 FORMS = {"se_": ".2g", "bias_": ".2g", "sd_": ".4g"}
 """How columns are printed whose names begin so: errors may be far smaller than what they belong to."""
 SHOWN = (
-    "tau", "se_tau", "bias_tau", "sd_tau", "y1", "se_y1", "bias_y1", "sd_y1", "y2", "se_y2", "bias_y2", "sd_y2",
-    "mesh", "side", "agreement",
-)  # fmt: skip
+    "tau",
+    "se_tau",
+    "bias_tau",
+    "sd_tau",
+    "y1",
+    "se_y1",
+    "bias_y1",
+    "sd_y1",
+    "y2",
+    "se_y2",
+    "bias_y2",
+    "sd_y2",
+    "mesh",
+    "side",
+    "agreement",
+)
 
 
 def columns_in(units: str, gears: "Gears | None") -> tuple[str, ...]:
@@ -235,5 +255,6 @@ def order(
         "slope of the step bias over these dt, in [low, high] with 95 % confidence; last: that at the finest; turns: "
         "impacts at\nwhich the change turns its sign; order: only where the slope has settled; change: size of the "
         "last change, in sds;\nlimit_z: Richardson extrapolation minus exact flights in standard errors; -: hidden by "
-        "noise.", keep="\n",
-    )  # fmt: skip
+        "noise.",
+        keep="\n",
+    )

@@ -7,8 +7,6 @@ import click
 from rattle.compare.cli.console import say, say_json
 from rattle.compare.cli.options import WHOLE
 
-__all__ = ["selftest"]
-
 EXIT_BROKEN = 1
 
 

@@ -8,8 +8,6 @@ import click
 
 from rattle.compare.cli.options import WHOLE
 
-__all__ = ["show"]
-
 NARROWEST = 20
 """Characters of the shortest line; a narrower terminal wraps it."""
 

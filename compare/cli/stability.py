@@ -10,8 +10,6 @@ import click
 from rattle.compare.cli.console import say
 from rattle.compare.cli.options import AXES, SCHEMES, WHOLE, Name
 
-__all__ = ["stability"]
-
 
 @click.command()
 @click.option(
@@ -26,9 +24,12 @@ __all__ = ["stability"]
     "--out", type=click.Path(path_type=Path), default=Path("reports/stability"), show_default=True, help="Folder."
 )
 @click.option(
-    "--extremes/--no-extremes", "extreme", default=True, show_default=True,
+    "--extremes/--no-extremes",
+    "extreme",
+    default=True,
+    show_default=True,
     help="Try extreme values too (rattle extremes), and put their table on the page.",
-)  # fmt: skip
+)
 @click.option("--overwrite", is_flag=True, help="Replace earlier results in that folder.")
 def stability(
     schemes: tuple[str, ...],
@@ -66,11 +67,18 @@ def stability(
     covariances = covariance_table(points=points, paths=paths, seed=seed, workers=workers)
     tried = extremes() if extreme else ()
     record = {
-        "scene": moderate().to_dict(), "schemes": chosen, "axes": along, "points": points, "paths": paths,
-        "seed": seed, "workers": workers, "command": shlex.join(["rattle", *sys.argv[1:]]),
-        "commit": manifest.commit(), "versions": manifest.versions(),
+        "scene": moderate().to_dict(),
+        "schemes": chosen,
+        "axes": along,
+        "points": points,
+        "paths": paths,
+        "seed": seed,
+        "workers": workers,
+        "command": shlex.join(["rattle", *sys.argv[1:]]),
+        "commit": manifest.commit(),
+        "versions": manifest.versions(),
         "wall_seconds": round(time.perf_counter() - began, 1),
-    }  # fmt: skip
+    }
     for sentence in write_stability(out, found, covariances, tried, record, overwrite):
         say(sentence)
     say(f"Page: {out / 'stability.html'}")

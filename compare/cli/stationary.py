@@ -22,25 +22,36 @@ EXIT_NOT_MET = 3
 @click.argument("scene", required=False, type=click.Path(path_type=Path))
 @click.option("--sigma", type=float, default=None, help="Noise intensity. [default: the scene's; sqrt(alpha) on DAT21]")
 @click.option(
-    "--accuracy", type=float, default=None, help="Largest half width of the 95 % intervals over their value. "
-    "[default: 0.01]",
-)  # fmt: skip
+    "--accuracy",
+    type=float,
+    default=None,
+    help="Largest half width of the 95 % intervals over their value. [default: 0.01]",
+)
 @click.option("--periods", type=WHOLE, default=None, help="Periods of each path, in place of an accuracy.")
 @click.option(
-    "--quantity", "quantities", multiple=True, metavar="NAME",
+    "--quantity",
+    "quantities",
+    multiple=True,
+    metavar="NAME",
     help="Quantity that the accuracy is for; again for more. [default: rate, speed, energy_per_period]",
-)  # fmt: skip
+)
 @click.option("--paths", type=WHOLE, default=256, show_default=True, help="Independent paths.")
 @click.option("--burn-in", type=WHOLE, default=None, help="Periods to leave out before. [default: found by tests]")
 @click.option("--slow", type=float, default=0.1, show_default=True, help="Speed below which an impact is slow.")
 @click.option(
-    "--budget", type=float, default=None, help="Processor seconds of the simulation, all threads together; "
+    "--budget",
+    type=float,
+    default=None,
+    help="Processor seconds of the simulation, all threads together; "
     "compiling, closures and figures are not counted. [default: refused above an hour]",
-)  # fmt: skip
+)
 @click.option(
-    "--closure", "closures", type=Name("closures", CLOSURES), multiple=True,
+    "--closure",
+    "closures",
+    type=Name("closures", CLOSURES),
+    multiple=True,
     help="Closure to judge; again for more. [default: all]",
-)  # fmt: skip
+)
 @click.option("--no-closures", is_flag=True, help="Judge no closure.")
 @click.option("--field", type=Name("field", FIELDS), default="alpha", show_default=True, help="Field of --over.")
 @click.option(
@@ -49,9 +60,11 @@ EXIT_NOT_MET = 3
 @click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed.")
 @click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads; the result does not depend on it.")
 @click.option(
-    "--units", type=Name("units", UNITS), default=None,
+    "--units",
+    type=Name("units", UNITS),
+    default=None,
     help="Units of --json: dimensionless, or physical for a scene with [gears]. [default: dimensionless]",
-)  # fmt: skip
+)
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder. [default: reports/NAME-stationary]")
 @click.option("--overwrite", is_flag=True, help="Replace earlier results in that folder.")
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON; no folder is written without --out.")
@@ -103,18 +116,30 @@ def stationary(
     if writes:
         check_free(out, CONTENTS, overwrite)
     settings: dict[str, Any] = {
-        "accuracy": accuracy, "periods": periods, "quantities": list(quantities or ASKED), "paths": paths,
-        "burn_in": burn_in, "slow": slow, "budget": budget,
+        "accuracy": accuracy,
+        "periods": periods,
+        "quantities": list(quantities or ASKED),
+        "paths": paths,
+        "burn_in": burn_in,
+        "slow": slow,
+        "budget": budget,
         "closures": [] if no_closures else list(closures or CLOSURES_JUDGED),
-    }  # fmt: skip
+    }
     wall = time.perf_counter()
     found = measure(base, **settings, rng=seed, workers=workers, progress="stationary")
     view = bifurcation(base, at, field=field, seed=seed, workers=workers) if at else None
     record = {
-        "name": name, "scene": base.to_dict(), **settings, "seed": seed, "field": field, "over": list(at),
-        "command": manifest.command_line(sys.argv[1:]), "commit": manifest.commit(), "versions": manifest.versions(),
+        "name": name,
+        "scene": base.to_dict(),
+        **settings,
+        "seed": seed,
+        "field": field,
+        "over": list(at),
+        "command": manifest.command_line(sys.argv[1:]),
+        "commit": manifest.commit(),
+        "versions": manifest.versions(),
         "wall_seconds": round(time.perf_counter() - wall, 1),
-    }  # fmt: skip
+    }
     said = write_stationary(out, found, view, record, overwrite) if writes else []
     if as_json:
         say_json(found.to_dict(units or "dimensionless") | {"report": out if writes else None})

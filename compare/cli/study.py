@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from rattle.compare.study.design import Study
     from rattle.compare.study.store import Store
 
-__all__ = ["study"]
-
 LOOKED_AT = 200  # points of a grid from which --explain estimates the cost of all
 
 
@@ -127,9 +125,12 @@ def _compute(
         place = Cluster(scheduler)
     outcome = run(wanted, store, place, show=True, unchanged=unchanged)
     facts = {
-        "command": command_line(sys.argv[1:]), "computed": outcome.computed, "failed": outcome.failed,
-        "wall_seconds": round(outcome.wall_seconds, 2), "cell_seconds": round(outcome.cell_seconds, 2),
-    }  # fmt: skip
+        "command": command_line(sys.argv[1:]),
+        "computed": outcome.computed,
+        "failed": outcome.failed,
+        "wall_seconds": round(outcome.wall_seconds, 2),
+        "cell_seconds": round(outcome.cell_seconds, 2),
+    }
     results, _, written = _kind(wanted, store)
     if outcome.failed and results.empty:
         why = next(iter(outcome.failed.values()))

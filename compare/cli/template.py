@@ -6,8 +6,6 @@ from rattle.scene.gears import DAT21
 from rattle.scene.parts import Start, Tolerance
 from rattle.scene.text import line
 
-__all__ = ["template"]
-
 HEAD = """\
 # A gear pair for rattle: a driver that vibrates, and two loose wheels behind it.
 # The values are those of the paper's example, DAT21, which has no mean rotation.  Change them, and try

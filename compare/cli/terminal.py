@@ -22,8 +22,6 @@ from rattle.compare.report.content import (
 from rattle.compare.report.markup import parts
 from rattle.scene.text import harmless, line
 
-__all__ = ["page_lines", "section_lines"]
-
 COLOUR = {"good": "green", "bad": "red", "open": "magenta", "part": "yellow"}
 NARROW = 16
 """Characters below which a column of text is not narrowed."""

@@ -14,8 +14,6 @@ from rattle.compare.cli.console import say
 if TYPE_CHECKING:
     from rattle.scene import Scene
 
-__all__ = ["warm_up"]
-
 IMPACTS, PATHS = 2, 64  # a small run compiles the same machine code as a large one
 Task = Callable[[], object]
 
@@ -45,9 +43,7 @@ def tasks() -> dict[str, Task]:
     )
     for name, scheme in SCHEMES.items():
         record = Record(step_bias=scheme.has_step_bias, histogram=True, energy=True, batches=True)
-        found[f"scheme {name}"] = partial(
-            simulate, tolerant, paths=PATHS, impacts=IMPACTS, scheme=name, record=record
-        )  # fmt: skip
+        found[f"scheme {name}"] = partial(simulate, tolerant, paths=PATHS, impacts=IMPACTS, scheme=name, record=record)
     for name, one in (("rare branches", scene), ("rare branches, one stage", single)):
         found[name] = partial(rare_events, one, 4)
     found["paths near rare branches"] = partial(simulate_rare, scene, paths=PATHS, impacts=IMPACTS)

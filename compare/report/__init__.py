@@ -21,6 +21,22 @@ from rattle.compare.report.page_file import read_page
 from rattle.compare.report.render import pages, write_page
 
 __all__ = [
-    "NUMBER", "TEXT", "Block", "Cell", "Code", "Column", "Figure", "Glossary", "Page", "Row", "Section", "Source",
-    "Table", "Text", "numbers", "pages", "read_page", "write_page",
-]  # fmt: skip
+    "NUMBER",
+    "TEXT",
+    "Block",
+    "Cell",
+    "Code",
+    "Column",
+    "Figure",
+    "Glossary",
+    "Page",
+    "Row",
+    "Section",
+    "Source",
+    "Table",
+    "Text",
+    "numbers",
+    "pages",
+    "read_page",
+    "write_page",
+]

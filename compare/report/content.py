@@ -13,11 +13,6 @@ from typing import TypeAlias
 from rattle.scene.errors import InputError
 from rattle.scene.validate import choice
 
-__all__ = [
-    "MARKS", "NUMBER", "TEXT", "Block", "Cell", "Code", "Column", "Figure", "Glossary", "Page", "Row", "Section",
-    "Source", "Table", "Text", "leading_number", "numbers",
-]  # fmt: skip
-
 TEXT, NUMBER = "text", "number"
 """Kinds of a column: text, aligned left and sorted alphabetically; numbers, aligned right and sorted by value."""
 

@@ -7,8 +7,6 @@ import pandas as pd
 
 from rattle.scene.text import harmless
 
-__all__ = ["csv_text", "write_csv"]
-
 
 def csv_text(table: pd.DataFrame, **options: Any) -> str:
     r"""A table as CSV.

@@ -15,19 +15,6 @@ from rattle.compare.interrupt import unfinished
 from rattle.scene.errors import OutputError
 from rattle.scene.text import harmless, line
 
-__all__ = [
-    "ANY_TEXT",
-    "check_free",
-    "default_place",
-    "describe_refusal",
-    "name_of",
-    "scratch_folder",
-    "sweep",
-    "whole_folder",
-    "within",
-    "write_whole",
-]
-
 ROOM = 20_000_000  # bytes that must be free before a long run begins; a report takes a few million
 PART, OLD = ".part", ".old"  # suffixes of scratch names: a folder or file being written, a folder being replaced
 ANY_TEXT = "rattle"  # name in the scratch names of single files

@@ -7,17 +7,6 @@ from rattle.scene.errors import InputError
 from rattle.scene.gears import Gears
 from rattle.scene.units import Units
 
-__all__ = [
-    "CHAOS_TERMS",
-    "CLOSURE_TERMS",
-    "SCHEME_TERMS",
-    "SECTION_TERMS",
-    "TERMS",
-    "TITLE",
-    "VERDICT_TERMS",
-    "glossary",
-]
-
 TITLE = "Symbols and words of this page"
 
 TERMS = {
@@ -83,9 +72,15 @@ CLOSURE_TERMS = ("closure", "`published`", "`corrected`", "`saltation`", "`branc
 SCHEME_TERMS = ("scheme", "`euler-maruyama`", "`euler-maruyama-located`", "`exact-flight`", "exact flight", "dt")
 SECTION_TERMS = ("τ", "x1, x2", "y1, y2", "E, sd", "impact", "itinerary")
 CHAOS_TERMS = (
-    "orbit", "mean map", "Lyapunov exponent", "drift's linearisation", "finite-size exponent", "square-root law",
-    "band", "sticking",
-)  # fmt: skip
+    "orbit",
+    "mean map",
+    "Lyapunov exponent",
+    "drift's linearisation",
+    "finite-size exponent",
+    "square-root law",
+    "band",
+    "sticking",
+)
 VERDICT_TERMS = ("accurate", "inaccurate", "undecided", "range of validity")
 
 

@@ -9,8 +9,6 @@ from typing import Any
 
 from rattle.scene.text import harmless
 
-__all__ = ["json_digest", "json_text", "plain"]
-
 
 def plain(data: Any) -> Any:
     """Convert data to the types of JSON.

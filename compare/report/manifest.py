@@ -19,21 +19,6 @@ from rattle.scene.files import read_json
 from rattle.scene.scene import Scene
 from rattle.scene.validate import check_keys
 
-__all__ = [
-    "DIGESTS",
-    "VERSION",
-    "Recorded",
-    "Settings",
-    "command_line",
-    "commit",
-    "digest",
-    "is_whole",
-    "not_newer",
-    "read_settings",
-    "seal",
-    "versions",
-]
-
 COMPILER: Any = numba.config  # numba has no type annotations
 
 VERSION = 1
@@ -153,9 +138,12 @@ def is_whole(record: Mapping[str, Any]) -> bool:
 def versions() -> dict[str, str]:
     """Versions of the packages on which the numbers depend, and the processor as named by system and compiler."""
     found = {
-        "python": platform.python_version(), "machine": platform.machine(), "processor": _processor(),
-        "compiled for": COMPILER.CPU_NAME or binding.get_host_cpu_name(), "vectors": _vectors(),
-    }  # fmt: skip
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        "processor": _processor(),
+        "compiled for": COMPILER.CPU_NAME or binding.get_host_cpu_name(),
+        "vectors": _vectors(),
+    }
     for package in PACKAGES:
         try:
             found[package] = importlib.metadata.version(package)

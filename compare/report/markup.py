@@ -8,8 +8,6 @@ from markupsafe import Markup, escape
 
 from rattle.scene.text import line
 
-__all__ = ["as_code", "as_html", "as_markdown", "fence", "parts"]
-
 CODE = re.compile(r"`([^`\n]+)`")
 Words: TypeAlias = Callable[[str, bool], Markup]
 

@@ -11,8 +11,6 @@ from rattle.compare.report.json_text import json_digest, json_text
 from rattle.scene.errors import FileError, InputError
 from rattle.scene.files import read_json
 
-__all__ = ["NAME", "page_text", "read_page"]
-
 NAME = "page.json"
 FORMAT, VERSION = "rattle page", 2
 BLOCKS = {"text": Text, "table": Table, "figure": Figure, "code": Code, "glossary": Glossary}

@@ -18,8 +18,6 @@ from rattle.scene.text import harmless, line
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = ["pages", "write_page"]
-
 TYPES = {".svg": "image/svg+xml", ".png": "image/png"}
 KINDS = {Text: "text", Table: "table", Figure: "figure", Code: "code", Glossary: "glossary"}
 DATA = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*\.(csv|parquet|toml)")
@@ -74,18 +72,30 @@ def html(page: Page, folder: Path) -> str:
         "anchor": lambda section: anchors[id(section)],
     }
     return environment.get_template("page.html.j2").render(
-        page=page, kind=_kind, NUMBER=NUMBER, MARKS=MARKS, policy=policy, style=Markup(style), script=Markup(script),
-        embedded=lambda figure: _embed(folder / figure.path), files=files, LONG=LONG,
-    )  # fmt: skip
+        page=page,
+        kind=_kind,
+        NUMBER=NUMBER,
+        MARKS=MARKS,
+        policy=policy,
+        style=Markup(style),
+        script=Markup(script),
+        embedded=lambda figure: _embed(folder / figure.path),
+        files=files,
+        LONG=LONG,
+    )
 
 
 def _environment(escaped: bool) -> "Environment":
     from jinja2 import Environment, PackageLoader, StrictUndefined  # for what writes pages only
 
     return Environment(
-        loader=PackageLoader("rattle.compare.report"), autoescape=escaped, trim_blocks=True, lstrip_blocks=True,
-        undefined=StrictUndefined, finalize=lambda value: harmless(value) if type(value) is str else value,
-    )  # fmt: skip
+        loader=PackageLoader("rattle.compare.report"),
+        autoescape=escaped,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+        finalize=lambda value: harmless(value) if type(value) is str else value,
+    )
 
 
 def _glossaries(page: Page) -> list[Glossary]:

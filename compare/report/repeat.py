@@ -13,11 +13,6 @@ from numpy.typing import NDArray
 from rattle.compare.report.manifest import DIGESTS, Recorded, digest, versions
 from rattle.scene.text import line
 
-__all__ = [
-    "DIFFERENT", "EXACT", "ROUNDED", "ROUNDING", "SAME", "Difference", "Repeat", "compare", "difference",
-    "tables_beside",
-]  # fmt: skip
-
 Floats = NDArray[np.float64]
 
 SAME, ROUNDED, DIFFERENT = "bit for bit", "but for rounding", "different"

@@ -14,8 +14,6 @@ from rattle.compare.report.folder import whole_folder
 from rattle.compare.report.json_text import json_text
 from rattle.compare.report.render import pages, write_page
 
-__all__ = ["MANIFEST", "contents", "save"]
-
 MANIFEST = "manifest.json"
 
 

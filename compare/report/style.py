@@ -12,11 +12,6 @@ from matplotlib.ticker import MaxNLocator
 
 from rattle.scene.figure import ShownFigure
 
-__all__ = [
-    "ACCURATE", "FORBIDDEN", "STYLE", "SYMBOL", "caption_of", "legend_above", "new_figure", "save",
-    "whole_impacts",
-]  # fmt: skip
-
 # Palette of Okabe and Ito, which remains distinguishable with colour vision deficiencies; markers differ as well.
 STYLE: Any = {
     "published": {"color": "#D55E00", "marker": "s"},

@@ -7,8 +7,6 @@ from markupsafe import Markup, escape
 
 from rattle.compare.report.content import Glossary
 
-__all__ = ["Terms"]
-
 WORD = Markup('<abbr title="{}" tabindex="{}">{}</abbr>')
 HINT = Markup('<abbr title="{}">{}</abbr>')
 

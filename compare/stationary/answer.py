@@ -7,8 +7,6 @@ import pandas as pd
 from rattle.compare.stationary.measure import LEAST_EFFECTIVE, Stationary
 from rattle.compare.stationary.units import speed_text
 
-__all__ = ["answer", "verdict_lines"]
-
 MAIN = ("rate_above", "speed_above", "energy_per_period")
 NAMED = 4  # quantities with few effective paths that are named
 CHATTER = 0.5  # share of slow impacts from which on they are called chatter, although no mesh closes

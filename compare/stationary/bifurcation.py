@@ -17,8 +17,6 @@ from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 from rattle.scene.validate import count
 
-__all__ = ["NOISE_FREE", "NOISY", "Bifurcation", "bifurcation", "bifurcation_figure"]
-
 Floats = NDArray[np.float64]
 
 NOISE_FREE, NOISY = "without noise", "with noise"
@@ -50,9 +48,15 @@ class Bifurcation:
 
 
 def bifurcation(
-    scene: Scene, at: Sequence[float], *, field: str = "alpha", mesh: int = 1,
-    noise: Callable[[Scene], Scene] | None = None, seed: int = 0, workers: int = 1,
-) -> Bifurcation:  # fmt: skip
+    scene: Scene,
+    at: Sequence[float],
+    *,
+    field: str = "alpha",
+    mesh: int = 1,
+    noise: Callable[[Scene], Scene] | None = None,
+    seed: int = 0,
+    workers: int = 1,
+) -> Bifurcation:
     """Compute the density of the section over a field of the scene, without noise and with it.
 
     `noise`: Maps each scene to the same with its noise set; without it, the noise of `scene` is used.
@@ -69,9 +73,7 @@ def bifurcation(
 
     def of(s: Scene) -> tuple[tuple[Floats, str], tuple[tuple[Floats, Floats] | None, str]]:
         regime = Regime()
-        seen = [
-            x.before[np.abs(x.code) == mesh, 2 * mesh - 1] for x in orbit_record(s, POINTS, regime, tangent=False)
-        ]  # fmt: skip
+        seen = [x.before[np.abs(x.code) == mesh, 2 * mesh - 1] for x in orbit_record(s, POINTS, regime, tangent=False)]
         ends = not regime.measured
         orbit = (np.concatenate([np.empty(0), *([] if ends else seen)]), regime.reason if ends else "")
         return orbit, _noisy(s, mesh, seed)
@@ -127,9 +129,7 @@ def bifurcation_figure(view: Bifurcation, factor: float, unit: str) -> Figure:
         ax.set_xlabel(NAMES.get(view.field, view.field))
         lost = [a for a, why in zip(view.at, view.reasons[side], strict=True) if why]
         for n, value in enumerate(lost):
-            ax.axvspan(
-                value - half, value + half, color="0.85", lw=0, label="no stationary motion" if n == 0 else None
-            )  # fmt: skip
+            ax.axvspan(value - half, value + half, color="0.85", lw=0, label="no stationary motion" if n == 0 else None)
         if lost:
             ax.legend(loc="lower left", fontsize=7)
     axes[0].set_ylabel(rf"velocity before the impact $y_{view.mesh}$ ({unit})")

@@ -17,8 +17,6 @@ from rattle.montecarlo.long_run.run import ACCURACY, PATHS
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 
-__all__ = ["LongCell", "LongResult"]
-
 STORED = ["value", "se", "low", "high", "autocorrelation", "se_batches", "effective_paths"]
 PREDICTED = ("closure", "kind", "quantity", "predicted", "se_predicted", "reason")
 SPREAD = 2.0  # typical sd over mean of what is averaged, with its autocorrelation
@@ -57,9 +55,15 @@ class LongCell:
     def key(self) -> str:
         """Digest of everything that determines the result."""
         settings = {
-            "seed": self.seed, "closures": list(self.closures), "accuracy": self.accuracy, "periods": self.periods,
-            "paths": self.paths, "burn_in": self.burn_in, "slow": self.slow, "columns": [*STORED, *PREDICTED],
-        }  # fmt: skip
+            "seed": self.seed,
+            "closures": list(self.closures),
+            "accuracy": self.accuracy,
+            "periods": self.periods,
+            "paths": self.paths,
+            "burn_in": self.burn_in,
+            "slow": self.slow,
+            "columns": [*STORED, *PREDICTED],
+        }
         return cell_key("stationary", ("closure", "montecarlo"), self.scene, settings)
 
     @property
@@ -79,9 +83,15 @@ class LongCell:
         """Follow the long run."""
         started = time.perf_counter()
         found = stationary(
-            self.scene.phase_reduced, accuracy=self.accuracy, periods=self.periods, paths=self.paths,
-            burn_in=self.burn_in, slow=self.slow, closures=self.closures, rng=self.seed,
-        )  # fmt: skip
+            self.scene.phase_reduced,
+            accuracy=self.accuracy,
+            periods=self.periods,
+            paths=self.paths,
+            burn_in=self.burn_in,
+            slow=self.slow,
+            closures=self.closures,
+            rng=self.seed,
+        )
         run = found.run
         if run is not None and run.reach is not None and not run.reach.reached:
             raise InputError("accuracy", self.accuracy, run.reach.sentence)  # where it stopped depends on wall time
@@ -99,6 +109,7 @@ class LongCell:
         names = [c for c in PREDICTED if c in stored.table]
         facts = {name: stored.facts[name] for name in ("kind", "said", "periods", "paths", "impacts", "burn_in")}
         return LongResult(
-            stored.table[own].set_index("quantity")[STORED], stored.table.loc[~own, names],
+            stored.table[own].set_index("quantity")[STORED],
+            stored.table.loc[~own, names],
             facts | {"seconds": stored.facts["seconds"]},
-        )  # fmt: skip
+        )

@@ -16,8 +16,6 @@ from rattle.compare.stationary.measure import Stationary
 from rattle.montecarlo.long_run.intervals import half_width
 from rattle.scene.gears import Gears
 
-__all__ = ["closure_figure", "distribution_figure", "draw", "memory_figure", "section_figure", "speed_unit"]
-
 Floats = NDArray[np.float64]
 
 SIMULATED: Any = STYLE["monte carlo"]["color"]
@@ -47,9 +45,15 @@ def distribution_figure(found: Stationary) -> Figure:
         least = max(0.3 * float(value[value > 0.0].min()), 1e-6 * top)
         ax.stairs(np.maximum(value, least), edges, baseline=least, color=SIMULATED, lw=1.2, label="simulation")
         ax.stairs(
-            np.maximum(value + t * se, least), edges, baseline=np.maximum(value - t * se, least), fill=True,
-            color=SIMULATED, alpha=0.25, lw=0, label="simulation: 95 % interval",
-        )  # fmt: skip
+            np.maximum(value + t * se, least),
+            edges,
+            baseline=np.maximum(value - t * se, least),
+            fill=True,
+            color=SIMULATED,
+            alpha=0.25,
+            lw=0,
+            label="simulation: 95 % interval",
+        )
         ax.set_yscale("log")
         ax.set_ylim(least, 2.0 * top)
         for closure, law in found.laws.items():
@@ -90,14 +94,16 @@ def section_figure(found: Stationary) -> Figure:
         density = d.density.T / factor
         highest, phase, velocity = float(density.max()), d.phase / math.pi, factor * d.velocity
         image = left.pcolormesh(
-            phase, velocity, np.ma.masked_less_equal(density, 0.0), norm=LogNorm(DEEP * highest, highest),
-            cmap="viridis", rasterized=True,
-        )  # fmt: skip
+            phase,
+            velocity,
+            np.ma.masked_less_equal(density, 0.0),
+            norm=LogNorm(DEEP * highest, highest),
+            cmap="viridis",
+            rasterized=True,
+        )
         with np.errstate(invalid="ignore", divide="ignore"):
             relative = np.ma.masked_invalid(d.se.T / d.density.T)
-        error = right.pcolormesh(
-            phase, velocity, relative, norm=LogNorm(0.01, 1.0), cmap="magma_r", rasterized=True
-        )  # fmt: skip
+        error = right.pcolormesh(phase, velocity, relative, norm=LogNorm(0.01, 1.0), cmap="magma_r", rasterized=True)
         for ax in (left, right):
             ax.grid(False)
             ax.set_xlabel(r"phase of the excitation ($\pi$ rad)")

@@ -15,12 +15,12 @@ from rattle.montecarlo.long_run.intervals import half_width
 from rattle.montecarlo.long_run.names import all_names
 from rattle.scene.scene import Scene
 
-__all__ = ["CLOSURES_JUDGED", "TOLERANCES", "judge_predictions", "judge_rows", "laws", "predictions", "tolerance_of"]
-
 CLOSURES_JUDGED = {
-    "saltation": "linear at a periodic orbit", "published": "orbit average", "corrected": "orbit average",
+    "saltation": "linear at a periodic orbit",
+    "published": "orbit average",
+    "corrected": "orbit average",
     "branching": "mixture",
-}  # fmt: skip
+}
 """The closures, and what each takes for the stationary law."""
 
 TOLERANCES = (
@@ -37,9 +37,11 @@ def laws(scene: Scene, closures: tuple[str, ...], a: Attractor | None = None) ->
     """The stationary law of each closure, or the reason why it has none."""
     end = attractor(scene) if a is None else a
     by: dict[str, Callable[[], Law]] = {
-        "saltation": lambda: linear_law(scene, end), "published": lambda: orbit_average(scene, "published"),
-        "corrected": lambda: orbit_average(scene, "corrected"), "branching": lambda: branching_law(scene),
-    }  # fmt: skip
+        "saltation": lambda: linear_law(scene, end),
+        "published": lambda: orbit_average(scene, "published"),
+        "corrected": lambda: orbit_average(scene, "corrected"),
+        "branching": lambda: branching_law(scene),
+    }
     found: dict[str, Law | str] = {}
     for closure in closures:
         try:
@@ -72,11 +74,18 @@ def predictions(found: dict[str, Law | str], scene: Scene, slow: float) -> pd.Da
         has = isinstance(law, Law)
         values = values_of(law, scene, slow) if isinstance(law, Law) else dict.fromkeys(all_names(scene.stages), np.nan)
         own = law.se if isinstance(law, Law) else 0.0
-        parts.append(pd.DataFrame({
-            "closure": closure, "kind": CLOSURES_JUDGED[closure], "quantity": list(values),
-            "predicted": list(values.values()), "se_predicted": [own * abs(v) for v in values.values()],
-            "reason": "" if has else str(law),
-        }))  # fmt: skip
+        parts.append(
+            pd.DataFrame(
+                {
+                    "closure": closure,
+                    "kind": CLOSURES_JUDGED[closure],
+                    "quantity": list(values),
+                    "predicted": list(values.values()),
+                    "se_predicted": [own * abs(v) for v in values.values()],
+                    "reason": "" if has else str(law),
+                }
+            )
+        )
     columns = ["closure", "kind", "quantity", "predicted", "se_predicted", "reason"]
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=columns)
 
@@ -90,10 +99,23 @@ def judge_predictions(table: pd.DataFrame, periods: int, predicted: pd.DataFrame
     simulated = {str(name): float(value) for name, value in table["value"].items()}
     rows = predicted[predicted["quantity"].isin(simulated)].reset_index(drop=True)
     rows["tolerance"] = [tolerance_of(str(name), simulated) for name in rows["quantity"]]
-    return judge_rows(rows, table, widest(int(rows["predicted"].notna().sum())), periods)[[
-        "closure", "kind", "quantity", "predicted", "simulated", "se", "error", "low", "high", "tolerance", "verdict",
-        "periods_needed", "reason",
-    ]]  # fmt: skip
+    return judge_rows(rows, table, widest(int(rows["predicted"].notna().sum())), periods)[
+        [
+            "closure",
+            "kind",
+            "quantity",
+            "predicted",
+            "simulated",
+            "se",
+            "error",
+            "low",
+            "high",
+            "tolerance",
+            "verdict",
+            "periods_needed",
+            "reason",
+        ]
+    ]
 
 
 def judge_rows(predicted: pd.DataFrame, table: pd.DataFrame, z: float, periods: int) -> pd.DataFrame:

@@ -11,8 +11,6 @@ from rattle.closure.stationary import Law
 from rattle.montecarlo.long_run.names import QUANTILES, all_names, groups
 from rattle.scene.scene import Scene
 
-__all__ = ["law_of", "values_of"]
-
 Floats = NDArray[np.float64]
 
 HALVINGS = 80  # of an interval that holds a quantile

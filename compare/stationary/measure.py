@@ -198,10 +198,14 @@ class Stationary:
         facts: dict[str, Any] = {"kind": self.kind, "said": self.said, "slow": self.slow, "units": units}
         if run is not None:
             facts |= {
-                "paths": run.paths, "periods": run.periods, "impacts": run.impacts, "burn_in": run.burn_in.periods,
-                "seconds": round(run.wall_seconds, 3), "reach": None if run.reach is None else run.reach.sentence,
+                "paths": run.paths,
+                "periods": run.periods,
+                "impacts": run.impacts,
+                "burn_in": run.burn_in.periods,
+                "seconds": round(run.wall_seconds, 3),
+                "reach": None if run.reach is None else run.reach.sentence,
                 "reached": run.reach is None or run.reach.reached,
-            }  # fmt: skip
+            }
         table = self.table_in(units).reset_index().to_dict("records")
         return facts | {"table": table, "verdicts": self.verdicts_in(units).to_dict("records")}
 
@@ -282,9 +286,18 @@ def stationary(
         return exact
     try:
         run = long_run(
-            scene, accuracy=accuracy, periods=periods, quantities=quantities, paths=paths, burn_in=burn_in, slow=slow,
-            budget=budget, rng=rng, workers=workers, progress=progress,
-        )  # fmt: skip
+            scene,
+            accuracy=accuracy,
+            periods=periods,
+            quantities=quantities,
+            paths=paths,
+            burn_in=burn_in,
+            slow=slow,
+            budget=budget,
+            rng=rng,
+            workers=workers,
+            progress=progress,
+        )
     except AtRest:
         return _resting(scene, own, slow, named)
     except BurnInError as refused:
@@ -330,9 +343,11 @@ def _exact(scene: Scene, own: Attractor, slow: float, closures: tuple[str, ...])
     kinds = _attractors(scene, own)
     if len(kinds) > 1:
         raise BurnInError(
-            "sigma", scene.sigma, "several attractors without noise, so that there is no one stationary motion: "
+            "sigma",
+            scene.sigma,
+            "several attractors without noise, so that there is no one stationary motion: "
             f"{_list(kinds, scene)}; that of the scene's own start is the first. Give noise that connects them",
-        )  # fmt: skip
+        )
     if own.kind == IRREGULAR:
         return None
     if own.kind != PERIODIC:

@@ -13,8 +13,6 @@ from rattle.compare.stationary.measure import Stationary
 from rattle.compare.stationary.units import speed_text
 from rattle.scene.scene import Scene
 
-__all__ = ["FIGURES", "stationary_page"]
-
 FIGURES = {
     "distribution": "Velocity just before an impact, with its 95 % interval, on a logarithmic scale: the stationary "
     "motion. Coloured lines: the mean speed that each closure gives; grey: impacts that count as slow.",
@@ -28,9 +26,19 @@ FIGURES = {
 """Captions of the figures, by name."""
 
 WORDS = (
-    *CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "τ", "Δτ", "y1, y2", "E, sd", "orbit", "mean map",
+    *CLOSURE_TERMS,
+    *VERDICT_TERMS,
+    "exact flight",
+    "σ",
+    "ε",
+    "τ",
+    "Δτ",
+    "y1, y2",
+    "E, sd",
+    "orbit",
+    "mean map",
     "sticking",
-)  # fmt: skip
+)
 
 MEANING = (
     "`rate_above`, `speed_above`: impacts per unit of time, and speed just before them, of impacts at {slow} or "
@@ -61,7 +69,7 @@ def stationary_page(found: Stationary, record: dict[str, Any], drawn: list[str])
         blocks: list[Block] = [figures["closures"]] if "closures" in figures else []
         sections.append(
             Section("The closures", (*blocks, _verdicts(found.verdicts_in(units)), Text(TOLERANCES, note=True)))
-        )  # fmt: skip
+        )
     if "section" in figures:
         sections.append(Section("The section", (figures["section"],)))
     if "bifurcation" in figures:
@@ -70,7 +78,7 @@ def stationary_page(found: Stationary, record: dict[str, Any], drawn: list[str])
         sections.append(Section("How long it remembers", (figures["memory"],)))
     return Page(
         f"The long run of {record['name']}", tuple(answer(found)), _source(record), tuple(opening), tuple(sections)
-    )  # fmt: skip
+    )
 
 
 def _quantities(table: pd.DataFrame, summary: str = "") -> Table:
@@ -79,7 +87,7 @@ def _quantities(table: pd.DataFrame, summary: str = "") -> Table:
     rows: list[Row] = [
         [str(name), *(str(v) if column == "unit" else float(v) for column, v in row.items())]
         for name, row in table.iterrows()
-    ]  # fmt: skip
+    ]
     return Table.of(heads, rows, summary)
 
 
@@ -90,8 +98,10 @@ def _verdicts(verdicts: pd.DataFrame) -> Table:
     """The main quantities of each closure, and why it has none."""
     heads = [
         *(Column(n) for n in ("closure", "quantity", "unit")),
-        *(Column(n, NUMBER) for n in ("predicted", "simulated", "low", "high")), Column("verdict"), Column("why not"),
-    ]  # fmt: skip
+        *(Column(n, NUMBER) for n in ("predicted", "simulated", "low", "high")),
+        Column("verdict"),
+        Column("why not"),
+    ]
     rows: list[Row] = []
     for closure, own in verdicts.groupby("closure", sort=False):
         reason = own["reason"].iloc[0]
@@ -99,17 +109,28 @@ def _verdicts(verdicts: pd.DataFrame) -> Table:
             rows.append([f"{closure}", "all", "", *[float("nan")] * 4, "not predicted", reason])
             continue
         for r in own[own["verdict"] != "not predicted"].to_dict("records"):
-            rows.append([
-                f"{closure}", r["quantity"], r["unit"], r["predicted"], r["simulated"], r["low"], r["high"],
-                Cell(r["verdict"], MARK.get(r["verdict"], "")), "",
-            ])  # fmt: skip
+            rows.append(
+                [
+                    f"{closure}",
+                    r["quantity"],
+                    r["unit"],
+                    r["predicted"],
+                    r["simulated"],
+                    r["low"],
+                    r["high"],
+                    Cell(r["verdict"], MARK.get(r["verdict"], "")),
+                    "",
+                ]
+            )
     return Table.of(heads, rows, "Every quantity" if len(rows) > 12 else "")
 
 
 def _source(record: dict[str, Any]) -> Source:
     facts = {
-        "commit": record["commit"], "seed": str(record["seed"]), "time": f"{record['wall_seconds']} s wall",
+        "commit": record["commit"],
+        "seed": str(record["seed"]),
+        "time": f"{record['wall_seconds']} s wall",
         "versions": ", ".join(f"{name} {version}" for name, version in record["versions"].items()),
-    }  # fmt: skip
+    }
     scene = Code(Scene.from_dict(record["scene"]).to_toml(), "toml")
     return Source(record["command"], tuple(facts.items()), (Text("The scene:"), scene))

@@ -11,8 +11,6 @@ from rattle.compare.stationary.figures import draw, speed_unit
 from rattle.compare.stationary.measure import Stationary
 from rattle.compare.stationary.page import FIGURES, stationary_page
 
-__all__ = ["CONTENTS", "write_stationary"]
-
 CONTENTS = contents(
     "stationary", figures=tuple(FIGURES), tables=("stationary", "physical", "verdicts", "sections", "bifurcation")
 )
@@ -39,7 +37,14 @@ def write_stationary(
         )
     page = stationary_page(found, record, list(figures))
     save(
-        out, "stationary", page, record | found.to_dict(), allowed=CONTENTS, figures=figures, tables=tables,
-        digits="%.8g", overwrite=overwrite,
-    )  # fmt: skip
+        out,
+        "stationary",
+        page,
+        record | found.to_dict(),
+        allowed=CONTENTS,
+        figures=figures,
+        tables=tables,
+        digits="%.8g",
+        overwrite=overwrite,
+    )
     return list(page.answer)

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-__all__ = ["KIND", "TABLES", "LongResults", "LongStudy"]
-
 KIND = "stationary"
 KEYS = ("kind", "title", "closures", "accuracy", "periods", "paths", "burn_in", "slow", "seed")
 SETTINGS = ("accuracy", "periods", "paths", "burn_in", "slow", "seed")
@@ -78,10 +76,18 @@ class LongStudy(Study):
                 if name in ("scheme", "dt", *settings):
                     raise InputError(f"study.{name}", name, "cannot vary in a study of the long run, or varies twice")
         return cls(
-            base=base, axes=axes, closures=_closures(wanted.get("closures", tuple(CLOSURES_JUDGED))), impacts=1,
-            order=2, settings=settings, common_noise=True, within=Tolerances(),
-            title=str(wanted.get("title", "study of the long run")), text=text, gears=scene.gears,
-        )  # fmt: skip
+            base=base,
+            axes=axes,
+            closures=_closures(wanted.get("closures", tuple(CLOSURES_JUDGED))),
+            impacts=1,
+            order=2,
+            settings=settings,
+            common_noise=True,
+            within=Tolerances(),
+            title=str(wanted.get("title", "study of the long run")),
+            text=text,
+            gears=scene.gears,
+        )
 
     def _point(self, coordinates: dict[str, Any]) -> Point:
         try:

@@ -36,15 +36,16 @@ from rattle.compare.study.tables import FILE, MANIFEST, file_digest
 from rattle.compare.study.version import numerical_version
 from rattle.compare.validation.validity_range import span
 
-__all__ = ["answer", "study_figure", "write_page"]
-
 PANELS = (
     ("impacts", r"per $1/\omega$", ("rate", "rate_mesh1", "rate_mesh2")),
-    ("energy lost", r"$I_1/R_1^2\,(\nu_1\omega)^2$ per period",
-     ("energy_per_period", "energy_per_period_mesh1", "energy_per_period_mesh2")),
+    (
+        "energy lost",
+        r"$I_1/R_1^2\,(\nu_1\omega)^2$ per period",
+        ("energy_per_period", "energy_per_period_mesh1", "energy_per_period_mesh2"),
+    ),
     ("speed: 5, 50 and 95 %", r"$\nu_1\omega$", ("q05_speed", "q50_speed", "q95_speed")),
     ("slow impacts", "share", ("slow_share", "slow_share_mesh1", "slow_share_mesh2")),
-)  # fmt: skip
+)
 SMALL = ("cost", "reasons")
 """Small tables, written as CSV in addition to Parquet."""
 COLOURS = ("#000000", "#0072B2", "#D55E00")
@@ -152,13 +153,21 @@ def write_page(folder: Path, r: LongResults, facts: dict[str, Any]) -> dict[str,
         save(study_figure(r), folder / "figures/long-run.svg")
         drawn.append(Figure("figures/long-run.svg", CAPTION, CAPTION))
     record = {
-        "version": manifest.VERSION, "kind": "study", "tables": list(TABLES), "title": r.study.title,
+        "version": manifest.VERSION,
+        "kind": "study",
+        "tables": list(TABLES),
+        "title": r.study.title,
         "answer": answer(r),
         "complete": all(f is not None for f, p in zip(r.found, r.study.points, strict=True) if p.sample),
-        "points": len(r.study.points), "cells": len(r.study.cells), "cells_sha256": cells_digest(r.study),
-        "study_sha256": r.study.digest, "numerical_version": numerical_version(), "commit": manifest.commit(),
-        "versions": manifest.versions(), **facts,
-    }  # fmt: skip
+        "points": len(r.study.points),
+        "cells": len(r.study.cells),
+        "cells_sha256": cells_digest(r.study),
+        "study_sha256": r.study.digest,
+        "numerical_version": numerical_version(),
+        "commit": manifest.commit(),
+        "versions": manifest.versions(),
+        **facts,
+    }
     write_views(_page(r, record, drawn), folder, "study")
     record = manifest.seal(record | {"files": {file: file_digest(folder / file) for file in files_of(r.study)}})
     (folder / MANIFEST).write_text(json_text(record) + "\n", encoding="utf-8")
@@ -171,14 +180,15 @@ def _page(r: LongResults, record: dict[str, Any], drawn: list[Block]) -> Page:
     sections = []
     if lacks := lacking(r.study.points, record.get("failed", {})):
         rows: list[Row] = [[lack.what, lack.points, lack.where, lack.why] for lack in lacks]
-        sections.append(Section("What could not be computed", (Table.of(
-            ["what", *numbers("points"), "the first", "why"], rows
-        ),)))  # fmt: skip
+        sections.append(
+            Section("What could not be computed", (Table.of(["what", *numbers("points"), "the first", "why"], rows),))
+        )
     facts = {
-        "commit": record["commit"], "numerical version": record["numerical_version"],
+        "commit": record["commit"],
+        "numerical version": record["numerical_version"],
         "time": f"{record['wall_seconds']} s wall, {record['cell_seconds']} s of cells",
         "rows": "`rattle.compare.stationary.study.load(FOLDER)` loads every one",
-    }  # fmt: skip
+    }
     source = Source(
         record["command"], tuple(facts.items()), (Text("The study, `study.toml`:"), Code(r.study.text, "toml"))
     )

@@ -6,16 +6,18 @@ from rattle.montecarlo.long_run.names import NAMES, QUANTILES
 from rattle.scene.gears import Gears
 from rattle.scene.units import DIMENSIONLESS, check_units
 
-__all__ = ["PLAIN", "in_units", "kind_of", "speed_text", "unit_of"]
-
 SPREAD = ("", "sd_", *(f"q{percent:02d}_" for percent in QUANTILES))
 NUMERIC = ["value", "se", "low", "high", "se_batches", "predicted", "simulated", "error", "tolerance"]
 
 
 PLAIN = {
-    "rate": "omega", "flight": DIMENSIONLESS["ms"], "speed": DIMENSIONLESS["mm_per_s"], "energy": DIMENSIONLESS["mJ"],
-    "energy_per_period": DIMENSIONLESS["mJ"], "power": f"{DIMENSIONLESS['mJ']} omega",
-}  # fmt: skip
+    "rate": "omega",
+    "flight": DIMENSIONLESS["ms"],
+    "speed": DIMENSIONLESS["mm_per_s"],
+    "energy": DIMENSIONLESS["mJ"],
+    "energy_per_period": DIMENSIONLESS["mJ"],
+    "power": f"{DIMENSIONLESS['mJ']} omega",
+}
 """What dimensionless quantities count in, by their kind."""
 
 
@@ -35,9 +37,13 @@ def unit_of(quantity: str, gears: Gears | None, units: str) -> tuple[str, float]
         return "", 1.0
     u = gears.units
     found = {
-        "rate": ("1/s", 1000.0 / u.time), "flight": ("ms", u.time), "speed": ("mm/s", u.speed),
-        "energy": ("mJ", u.energy), "energy_per_period": ("mJ", u.energy), "power": ("mW", 1000.0 * u.energy / u.time),
-    }  # fmt: skip
+        "rate": ("1/s", 1000.0 / u.time),
+        "flight": ("ms", u.time),
+        "speed": ("mm/s", u.speed),
+        "energy": ("mJ", u.energy),
+        "energy_per_period": ("mJ", u.energy),
+        "power": ("mW", 1000.0 * u.energy / u.time),
+    }
     return found.get(kind_of(quantity), ("", 1.0))
 
 

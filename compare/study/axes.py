@@ -16,8 +16,6 @@ from rattle.scene.parts import Start, Tolerance
 from rattle.scene.scene import Scene
 from rattle.scene.validate import check_keys, count, finite, nearest, positive
 
-__all__ = ["SETTINGS", "Axis", "combination", "combinations", "read_axes"]
-
 SETTINGS = ("scheme", "paths", "accuracy", "dt", "seed")
 """Settings of the simulation that an axis may vary, in addition to the fields of the scene."""
 

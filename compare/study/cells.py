@@ -24,8 +24,6 @@ from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 
-__all__ = ["Cell", "Predicted", "Prediction", "Sample", "Sampled", "cell_key"]
-
 Floats = NDArray[np.float64]
 
 BATCH = "batch_{}_{}"  # column of batch statistics: mean, sd or control, and a section quantity
@@ -117,9 +115,13 @@ class Sample:
         own = default_step(self.scene, self.scheme, biased)
         dt = own if self.dt is None and self.accuracy is None else self.dt
         return {
-            "impacts": self.impacts, "seed": self.seed, "scheme": self.scheme, "paths": self.paths,
-            "accuracy": self.accuracy, "dt": dt,
-        }  # fmt: skip
+            "impacts": self.impacts,
+            "seed": self.seed,
+            "scheme": self.scheme,
+            "paths": self.paths,
+            "accuracy": self.accuracy,
+            "dt": dt,
+        }
 
     @cached_property
     def key(self) -> str:
@@ -140,8 +142,11 @@ class Sample:
         started = time.perf_counter()
         exact = not SCHEMES[self.scheme].has_step_bias
         common: dict[str, Any] = {
-            "impacts": self.impacts, "rng": self.seed, "scheme": self.scheme, "blocks": blocks,
-        }  # fmt: skip
+            "impacts": self.impacts,
+            "rng": self.seed,
+            "scheme": self.scheme,
+            "blocks": blocks,
+        }
         if self.accuracy is not None:
             run = simulate_to(
                 self.scene.phase_reduced, self.accuracy, record=Record(batches=True, energy=True), **common
@@ -159,11 +164,15 @@ class Sample:
                 **common,
             )
         facts = {
-            "paths": run.paths, "dt": run.dt, "scheme": run.scheme, "path_steps": run.path_steps,
+            "paths": run.paths,
+            "dt": run.dt,
+            "scheme": run.scheme,
+            "path_steps": run.path_steps,
             "sticking_steps": run.sticking_steps,
-            "unfinished": run.unfinished, "reached": run.reach is None or run.reach.reached,
+            "unfinished": run.unfinished,
+            "reached": run.reach is None or run.reach.reached,
             "seconds": time.perf_counter() - started,
-        }  # fmt: skip
+        }
         return Stored(_sections(run), facts)
 
     def restore(self, stored: Stored) -> Sampled:

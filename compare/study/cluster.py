@@ -21,8 +21,6 @@ from rattle.scene.errors import InputError, RattleError
 if TYPE_CHECKING:
     from distributed import Future
 
-__all__ = ["Cluster", "Lost"]
-
 PATIENCE = 15.0
 """Seconds that a scheduler may take to answer, and that a cluster may have no worker.
 

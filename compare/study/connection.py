@@ -21,8 +21,6 @@ from rattle.scene.errors import InputError
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["check_address", "connect", "silence"]
-
 
 def check_address(address: str) -> None:
     """Check the form of a scheduler's address.
@@ -70,9 +68,10 @@ def connect(address: str, patience: float) -> "Client":
         return Client(address, timeout=patience, set_as_default=False, security=security)
     except Exception as error:  # the kind depends on what listens at the port
         raise InputError(
-            "scheduler", address,
+            "scheduler",
+            address,
             f"does not answer ({str(error) or type(error).__name__}); start one with dask scheduler, or leave it out",
-        ) from None  # fmt: skip
+        ) from None
 
 
 async def _greeted(address: str, patience: float, certificates: dict[str, Any]) -> None:

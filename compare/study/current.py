@@ -10,8 +10,6 @@ from rattle.compare.report.manifest import is_whole
 from rattle.compare.study.design import Study
 from rattle.compare.study.tables import MANIFEST, TABLES, find_damaged
 
-__all__ = ["FILES", "cells_digest", "files_of", "is_current"]
-
 FILES = (*(f"{name}.parquet" for name in TABLES), *pages("study"))
 """Files whose digests the manifest of a finished study of impacts holds."""
 

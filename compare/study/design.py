@@ -25,9 +25,19 @@ from rattle.scene.validate import check_keys, choice, count, positive
 __all__ = ["TABLES", "Point", "Study", "place"]
 
 KEYS = (
-    "kind", "title", "impacts", "closures", "order", "scheme", "paths", "accuracy", "dt", "seed", "common_noise",
+    "kind",
+    "title",
+    "impacts",
+    "closures",
+    "order",
+    "scheme",
+    "paths",
+    "accuracy",
+    "dt",
+    "seed",
+    "common_noise",
     "within",
-)  # fmt: skip
+)
 
 
 TABLES = ("errors", "sections", "correlation", "validity", "paired", "cost", "reasons")
@@ -178,13 +188,18 @@ class Study:
         varying = {name for axis in axes for name in axis.names}
         _check_settings(settings, varying)
         return cls(
-            base=base, axes=axes, closures=_closures(wanted.get("closures", tuple(CLOSURES))),
+            base=base,
+            axes=axes,
+            closures=_closures(wanted.get("closures", tuple(CLOSURES))),
             impacts=count("study.impacts", wanted.get("impacts", 12)),
-            order=count("study.order", wanted.get("order", 4), *ORDERS), settings=settings,
+            order=count("study.order", wanted.get("order", 4), *ORDERS),
+            settings=settings,
             common_noise=_flag("study.common_noise", wanted.get("common_noise", True)),
-            within=_within(wanted.get("within", {})), title=str(wanted.get("title", "study")), text=text,
+            within=_within(wanted.get("within", {})),
+            title=str(wanted.get("title", "study")),
+            text=text,
             gears=scene.gears,
-        )  # fmt: skip
+        )
 
     @property
     def digest(self) -> str:
@@ -301,9 +316,15 @@ def _check_sample(sample: Sample) -> Sample:
     biased = kind.has_step_bias
     dt = default_step(sample.scene, scheme, biased) if sample.dt is None else sample.dt
     check_settings(
-        sample.scene, paths=1 if sample.paths is None else sample.paths, impacts=sample.impacts, dt=dt,
-        scheme=scheme, rng=sample.seed, workers=1, step_bias=biased,
-    )  # fmt: skip
+        sample.scene,
+        paths=1 if sample.paths is None else sample.paths,
+        impacts=sample.impacts,
+        dt=dt,
+        scheme=scheme,
+        rng=sample.seed,
+        workers=1,
+        step_bias=biased,
+    )
     return sample
 
 

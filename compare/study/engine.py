@@ -14,8 +14,6 @@ from rattle.compare.study.store import Store, Stored
 from rattle.compare.study.waiting import Waiting
 from rattle.scene.errors import InputError
 
-__all__ = ["Outcome", "missing", "run"]
-
 CHANGED = "its file has changed while it ran; what is finished is kept: run the command again"
 LOOK = 0.2  # seconds between two checks of the threads: the longest delay of Ctrl-C
 
@@ -96,7 +94,7 @@ def _threads(count: int) -> ThreadPoolExecutor:
 
 def _collect(
     done: set[Future[Work]], running: dict[Future[Work], Cell], progress: Progress, failed: dict[str, str]
-) -> list[Cell]:  # fmt: skip
+) -> list[Cell]:
     """Record finished and failed cells; return those that other processes are computing."""
     elsewhere = []
     for future in done:

@@ -22,8 +22,6 @@ from rattle.montecarlo.kernel.kernel import COLUMNS
 from rattle.montecarlo.pilots import choose_scheme
 from rattle.montecarlo.settings import count_followed
 
-__all__ = ["Estimate", "Work", "estimate", "expect_work", "scaling"]
-
 PROBED = 64  # paths whose steps stand for those of all where the number of paths is given
 PILOTS = 20  # most pilot runs for accuracies; other cells are taken to be like the one before
 PILOT_SECONDS = 10.0  # budget of one of them
@@ -77,9 +75,15 @@ def _probe(cell: Sample, paths: int) -> Work:
     """Work of a number of paths, as a few of them let expect."""
     biased = SCHEMES[cell.scheme].has_step_bias
     run = simulate(
-        cell.scene.phase_reduced, paths=PROBED, impacts=cell.impacts, dt=cell.dt, scheme=cell.scheme, rng=cell.seed,
-        control=not biased and small_noise(cell.scene), record=Record(step_bias=biased),
-    )  # fmt: skip
+        cell.scene.phase_reduced,
+        paths=PROBED,
+        impacts=cell.impacts,
+        dt=cell.dt,
+        scheme=cell.scheme,
+        rng=cell.seed,
+        control=not biased and small_noise(cell.scene),
+        record=Record(step_bias=biased),
+    )
     found = cost_of(run, count_followed(cell.scene, paths))
     return Work(found.path_steps, found.core_seconds)
 
@@ -133,12 +137,19 @@ def scaling(
     rows: list[dict[str, Any]] = []
     for cores in (1, 2, 10, 100, 1000, 10_000):
         limits = {
-            "cores": work / cores, "longest task": longest, "scheduler": tasks * TASK_SECONDS,
+            "cores": work / cores,
+            "longest task": longest,
+            "scheduler": tasks * TASK_SECONDS,
             "merging": blocks * MERGE_SECONDS,
-        }  # fmt: skip
+        }
         limit = max(limits, key=lambda name: limits[name])
         wall = limits[limit]
-        rows.append({
-            "cores": cores, "wall_seconds": wall, "efficiency": work / cores / wall if wall else 1.0, "limit": limit,
-        })  # fmt: skip
+        rows.append(
+            {
+                "cores": cores,
+                "wall_seconds": wall,
+                "efficiency": work / cores / wall if wall else 1.0,
+                "limit": limit,
+            }
+        )
     return pd.DataFrame(rows)

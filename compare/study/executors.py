@@ -11,8 +11,6 @@ from rattle.montecarlo.ensemble import Blocks, Floats, in_pool
 from rattle.montecarlo.kernel.block import BlockResult, Plan
 from rattle.scene.errors import RattleError
 
-__all__ = ["SHARE", "Failed", "Here", "Place", "Stopped", "stoppable"]
-
 SHARE = 64
 """Blocks of one cluster task: about a second of exact flights, against 3.5 ms of scheduling."""
 

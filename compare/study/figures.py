@@ -14,8 +14,6 @@ from rattle.compare.study.results import Results
 from rattle.compare.study.tables import Tables
 from rattle.compare.validation.validity_range import ACCURATE, ENDED, NOT_WRONG, WRONG, want
 
-__all__ = ["FIGURES", "panels"]
-
 GREEK = {"sigma": r"noise intensity $\sigma$", "alpha": r"excitation $\alpha$", "epsilon": r"restitution $\varepsilon$"}
 SHADES = ("#440154", "#31688E", "#35B779", "#C7B700")
 """Line colours of up to four impacts, in order (from viridis)."""
@@ -59,9 +57,13 @@ def errors(r: Results | Tables, rows: pd.DataFrame) -> Figure:
                 style = STYLE[str(closure)]
                 ax.plot(worst[name], worst["size"].clip(lower=FLOOR), label=str(closure), lw=1.4, ms=3.5, **style)
                 ax.fill_between(
-                    worst[name], worst["least"].clip(lower=FLOOR), worst["most"].clip(lower=FLOOR),
-                    color=style["color"], alpha=BAND, lw=0,
-                )  # fmt: skip
+                    worst[name],
+                    worst["least"].clip(lower=FLOOR),
+                    worst["most"].clip(lower=FLOOR),
+                    color=style["color"],
+                    alpha=BAND,
+                    lw=0,
+                )
             ax.axhline(limit, color="k", ls="--", lw=1.0, label="tolerance")
             ax.set_yscale("log")
             ax.set_ylim(FLOOR, None)
@@ -161,12 +163,19 @@ def sections(r: Results | Tables, rows: pd.DataFrame) -> Figure:
     figure, axes = new_figure(11.0, 5.8, 2, 3)
     name = r.study.along
     panels = [
-        ("tau", "sd"), ("y1", "sd"), ("rate", "mean"), ("tau", "skew"), ("y1", "skew"), ("energy", "mean"),
-    ]  # fmt: skip
+        ("tau", "sd"),
+        ("y1", "sd"),
+        ("rate", "mean"),
+        ("tau", "skew"),
+        ("y1", "skew"),
+        ("energy", "mean"),
+    ]
     labels = {
-        "sd": "sd of {}", "skew": "skewness of {}", "rate": r"impacts so far / mean $\tau$",
+        "sd": "sd of {}",
+        "skew": "skewness of {}",
+        "rate": r"impacts so far / mean $\tau$",
         "energy": r"energy lost ($I_1/R_1^2\,(\nu_1\omega)^2$)",
-    }  # fmt: skip
+    }
     for ax, (quantity, moment) in zip(axes, panels, strict=True):
         part = rows[(rows["quantity"] == quantity) & (rows["moment"] == moment)]
         for impact, colour in zip(_pick_impacts(r.study.impacts), SHADES, strict=False):

@@ -6,8 +6,6 @@ from typing import Any, NamedTuple
 
 from rattle.compare.study.design import Point
 
-__all__ = ["Lack", "lacking"]
-
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?")
 NAMES = {"scene": "the scene", "sample": "the simulation"}
 """Names for readers of those keys of `Point.reasons` that are not closures."""

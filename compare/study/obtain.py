@@ -6,8 +6,6 @@ from rattle.compare.study.cells import Cell
 from rattle.compare.study.store import Store, Stored
 from rattle.compare.study.waiting import Waiting, aloud
 
-__all__ = ["Compute", "attempt", "obtain", "read_stored"]
-
 Compute = Callable[[Cell], Stored]
 """Computes a cell; in this thread by default."""
 

@@ -26,14 +26,21 @@ from rattle.compare.validation.validity_range import in_words, join_words, span,
 from rattle.compare.validation.verdict import RULE, VERDICTS
 from rattle.scene.errors import OutputError
 
-__all__ = ["answer", "write_page"]
-
 SMALL = ("correlation", "validity", "cost", "reasons")
 """Small tables, written as CSV in addition to Parquet."""
 
 WORDS = (
-    *CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, "exact flight", "σ", "α", "ε", "ρ1, ρ2", "orbit", "agreement",
-)  # fmt: skip
+    *CLOSURE_TERMS,
+    *SECTION_TERMS,
+    *VERDICT_TERMS,
+    "exact flight",
+    "σ",
+    "α",
+    "ε",
+    "ρ1, ρ2",
+    "orbit",
+    "agreement",
+)
 FEW = 4  # up to so many different ranges of validity of a closure are listed one by one in the answer
 
 
@@ -99,9 +106,13 @@ def _range_in_words(r: Results, rows: pd.DataFrame) -> str:
             own = own[own[name] == row[name]]
         values = sorted(own[r.study.along].unique())
         said = in_words(
-            r.study.along, values, row["accurate"], row["not_inaccurate"], ended=row["ended"],
+            r.study.along,
+            values,
+            row["accurate"],
+            row["not_inaccurate"],
+            ended=row["ended"],
             undecided=want(own[own[r.study.along] <= row["not_inaccurate"]]),
-        )  # fmt: skip
+        )
         found.setdefault(said, []).append(", ".join(f"{name} = {row[name]}" for name in r.study.others))
     if len(found) == 1:
         return next(iter(found))
@@ -112,9 +123,11 @@ def _range_in_words(r: Results, rows: pd.DataFrame) -> str:
 
 
 def write_page(
-    folder: Path, r: Any, facts: dict[str, Any],
+    folder: Path,
+    r: Any,
+    facts: dict[str, Any],
     written: Callable[[Path, Any, dict[str, Any]], dict[str, Any]] | None = None,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Write tables, figures, the page and the manifest; each file is replaced atomically.
 
     `written`: Writes the files of another kind of study into a scratch folder, from the same arguments.
@@ -157,13 +170,23 @@ def _write(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
             drawn.append(Figure(file, caption, caption))
     taken = _seconds(r)
     record = {
-        "version": manifest.VERSION, "kind": "study", "title": r.study.title, "answer": answer(r),
+        "version": manifest.VERSION,
+        "kind": "study",
+        "title": r.study.title,
+        "answer": answer(r),
         "complete": len(taken) == len(r.study.cells),
-        "points": len(r.study.points), "cells": len(r.study.cells), "cells_sha256": cells_digest(r.study),
-        "errors_sha256": _digest(r.errors), "sections_sha256": _digest(r.sections), "z": r.z,
+        "points": len(r.study.points),
+        "cells": len(r.study.cells),
+        "cells_sha256": cells_digest(r.study),
+        "errors_sha256": _digest(r.errors),
+        "sections_sha256": _digest(r.sections),
+        "z": r.z,
         "study_sha256": r.study.digest,
-        "numerical_version": numerical_version(), "commit": manifest.commit(), "versions": manifest.versions(), **facts,
-    }  # fmt: skip
+        "numerical_version": numerical_version(),
+        "commit": manifest.commit(),
+        "versions": manifest.versions(),
+        **facts,
+    }
     write_views(_page(r, record, drawn, tables["cost"], taken), folder, "study")
     record = manifest.seal(record | {"files": {file: file_digest(folder / file) for file in FILES}})
     (folder / MANIFEST).write_text(json_text(record) + "\n", encoding="utf-8")

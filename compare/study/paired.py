@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 from rattle.compare.study.cells import BATCH, Sampled
 from rattle.scene.moments import SECTION, STATE
 
-__all__ = ["compare_paired"]
-
 Floats = NDArray[np.float64]
 
 
@@ -39,10 +37,18 @@ def compare_paired(one: Sampled, other: Sampled) -> pd.DataFrame:
             if batches > 1:
                 alone = np.sqrt((first.var(axis=1, ddof=1) + second.var(axis=1, ddof=1)) / batches)
             difference = other.section[prefix + quantity] - one.section[prefix + quantity]
-            rows.append(pd.DataFrame({
-                "impact": one.section.index, "quantity": quantity, "moment": moment,
-                "difference": difference.to_numpy(), "se": se, "se_independent": alone,
-            }))  # fmt: skip
+            rows.append(
+                pd.DataFrame(
+                    {
+                        "impact": one.section.index,
+                        "quantity": quantity,
+                        "moment": moment,
+                        "difference": difference.to_numpy(),
+                        "se": se,
+                        "se_independent": alone,
+                    }
+                )
+            )
     return pd.concat(rows, ignore_index=True)
 
 

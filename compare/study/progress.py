@@ -18,8 +18,6 @@ from rattle.compare.study.store import Stored
 from rattle.montecarlo.accuracy import sampling_error
 from rattle.scene.text import line
 
-__all__ = ["Progress"]
-
 LOG = "study.log"
 
 
@@ -57,9 +55,13 @@ class Progress:
         self._file = _LogFile(folder / LOG)
         self._file.setFormatter(logging.Formatter("%(asctime)s %(process)d %(message)s"))
         self._bar: tqdm[NoReturn] = tqdm(
-            total=there + len(todo), initial=there, desc="study", unit="cell", disable=None if show else True,
+            total=there + len(todo),
+            initial=there,
+            desc="study",
+            unit="cell",
+            disable=None if show else True,
             bar_format="{desc} {n}/{total} cells |{bar:20}| {elapsed}{postfix}",
-        )  # fmt: skip
+        )
 
     def __enter__(self) -> Self:
         self._log.addHandler(self._file)

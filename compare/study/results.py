@@ -17,8 +17,6 @@ from rattle.compare.validation.validity_range import is_accurate, is_wrong, unbr
 from rattle.compare.validation.verdict import section_errors, to_absolute_time, widest
 from rattle.scene.moments import SECTION, STATE
 
-__all__ = ["Results"]
-
 
 @dataclass(frozen=True)
 class Results:
@@ -92,12 +90,18 @@ class Results:
             ]
             for quantity, moment, value, se in columns:
                 late = quantity == "tau" and moment == "mean"
-                table = pd.DataFrame({
-                    "impact": s.index, "quantity": quantity, "moment": moment,
-                    "value": run.scene.to_absolute_time(np.asarray(value)) if late else value,
-                    "se": np.asarray(se), "paths": s["paths"].to_numpy(), "followed": run.paths,
-                    "agreement": s["agreement"].to_numpy(),
-                })  # fmt: skip
+                table = pd.DataFrame(
+                    {
+                        "impact": s.index,
+                        "quantity": quantity,
+                        "moment": moment,
+                        "value": run.scene.to_absolute_time(np.asarray(value)) if late else value,
+                        "se": np.asarray(se),
+                        "paths": s["paths"].to_numpy(),
+                        "followed": run.paths,
+                        "agreement": s["agreement"].to_numpy(),
+                    }
+                )
                 parts.append(self._place(point, table))
         none = pd.DataFrame(columns=["impact", "quantity", "moment", "value", "se", "paths", "followed", "agreement"])
         return pd.concat(parts, ignore_index=True) if parts else none
@@ -117,11 +121,17 @@ class Results:
             rho = s[["rho1", "rho2"]].abs()
             if rho.isna().all(axis=None) and bool(s["realizable"].all()) and prediction.closure == "branching":
                 continue
-            rows.append({
-                **point.coordinates, "closure": prediction.closure, "impacts": self.study.impacts, "reached": reached,
-                "invalid": int((~s["realizable"]).sum()), "beyond": int((rho > 1.0).any(axis=1).sum()),
-                "largest": float(np.nan_to_num(rho.to_numpy(float)).max(initial=0.0)),
-            })  # fmt: skip
+            rows.append(
+                {
+                    **point.coordinates,
+                    "closure": prediction.closure,
+                    "impacts": self.study.impacts,
+                    "reached": reached,
+                    "invalid": int((~s["realizable"]).sum()),
+                    "beyond": int((rho > 1.0).any(axis=1).sum()),
+                    "largest": float(np.nan_to_num(rho.to_numpy(float)).max(initial=0.0)),
+                }
+            )
         return pd.DataFrame(rows)
 
     @cached_property
@@ -145,12 +155,15 @@ class Results:
                 for what in ({"inaccurate"}.issubset, is_wrong, lambda v: not is_accurate(v))
             )
             for impact in said:
-                found.append({
-                    **dict(zip(keys, key, strict=True)), "impact": impact,
-                    "accurate": unbroken(said.index, ~inexact[impact]),
-                    "not_inaccurate": unbroken(said.index, ~wrong[impact]),
-                    "ended": bool((~inaccurate[impact][wrong[impact]][:1]).any()),
-                })  # fmt: skip
+                found.append(
+                    {
+                        **dict(zip(keys, key, strict=True)),
+                        "impact": impact,
+                        "accurate": unbroken(said.index, ~inexact[impact]),
+                        "not_inaccurate": unbroken(said.index, ~wrong[impact]),
+                        "ended": bool((~inaccurate[impact][wrong[impact]][:1]).any()),
+                    }
+                )
         return pd.DataFrame(found).astype({"accurate": float, "not_inaccurate": float})
 
     @cached_property

@@ -20,8 +20,6 @@ from rattle.compare.report.json_text import json_text
 from rattle.compare.study.waiting import sign
 from rattle.scene.errors import OutputError
 
-__all__ = ["Store", "Stored"]
-
 MOST_VALUES, MOST_BYTES = 50_000_000, 400_000_000
 """Largest size of an unpacked file; a hundred thousand impacts fit."""
 SEAL = hashlib.sha256().digest_size
@@ -37,7 +35,7 @@ REMEDIES = {
     errno.ENFILE: "close what holds files open",
     errno.ENOMEM: "free memory",
     errno.EIO: "see to the disk",
-}  # fmt: skip
+}
 NAME = b"rattle"  # metadata entry of a Parquet file that holds its key and its facts
 
 

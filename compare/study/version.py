@@ -12,8 +12,6 @@ import llvmlite.binding
 
 from rattle.scene.machine_code import has_fma
 
-__all__ = ["numerical_version"]
-
 PACKAGES = ("scene", "closure", "montecarlo")
 LIBRARIES = ("numpy", "numba", "llvmlite", "scipy")
 

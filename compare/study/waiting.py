@@ -17,8 +17,6 @@ from rattle.scene.text import harmless
 if TYPE_CHECKING:  # cells know the store, and the store signs its locks
     from rattle.compare.study.cells import Cell
 
-__all__ = ["Waiting", "aloud", "holder", "sign"]
-
 PAUSE = 0.2  # seconds between two checks whether another process has finished
 SILENCE = 1.0  # seconds of waiting before the process is named
 SAFELY = os.O_NOFOLLOW | os.O_NONBLOCK  # in a shared folder the lock file may be a link or a pipe

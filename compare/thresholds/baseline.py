@@ -17,8 +17,6 @@ from rattle.scene.errors import FileError
 from rattle.scene.files import read_text
 from rattle.scene.text import line
 
-__all__ = ["changes", "content", "format_changes", "place", "read", "update", "write"]
-
 Changes = dict[str, tuple[Any, Any]]
 """Recorded and present value, by dotted key in the file; None for a missing one."""
 

@@ -15,13 +15,20 @@ from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene
 from rattle.scene.validate import check_keys, choice, count, positive
 
-__all__ = ["Allowed", "Claim", "Row", "merge", "read_claim"]
-
 MOMENTS = ("mean", "sd")
 OPTIONS = (
-    "scene", "impacts", "quantities", "moments", "within", "absolute", "paths", "budget", "accuracy", "scheme",
+    "scene",
+    "impacts",
+    "quantities",
+    "moments",
+    "within",
+    "absolute",
+    "paths",
+    "budget",
+    "accuracy",
+    "scheme",
     "undecided",
-)  # fmt: skip
+)
 RIVALS = ({"within", "absolute"}, {"paths", "accuracy"}, {"budget", "accuracy"})
 """Sets of mutually exclusive options."""
 FEWEST = 1024
@@ -128,9 +135,15 @@ def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
     kind = SCHEMES[choice("scheme", scheme := options.get("scheme", "exact-flight"), SCHEMES)]
     biased = kind.has_step_bias
     check_settings(
-        scene, paths=1 if paths is None else paths, impacts=impacts[-1], scheme=scheme, rng=0, workers=1,
-        dt=default_step(scene, scheme, biased) if accuracy is None else None, step_bias=biased,
-    )  # fmt: skip
+        scene,
+        paths=1 if paths is None else paths,
+        impacts=impacts[-1],
+        scheme=scheme,
+        rng=0,
+        workers=1,
+        dt=default_step(scene, scheme, biased) if accuracy is None else None,
+        step_bias=biased,
+    )
     return Claim(
         scene, impacts, quantities, _read_tolerances(options, moments), paths, budget, accuracy, scheme, undecided
     )

@@ -9,8 +9,6 @@ from matplotlib.patches import Patch
 from rattle.compare.report.style import ACCURATE, STYLE, SYMBOL, new_figure
 from rattle.scene.text import line
 
-__all__ = ["error_figure"]
-
 MARKS = {"pass": ("#009E73", "o"), "fail": ("#D55E00", "X"), "undecided": ("#000000", "$?$")}
 MOST = 60
 """Largest number of rows in the figure; the worst are shown."""
@@ -51,7 +49,9 @@ def error_figure(table: pd.DataFrame, model: str) -> Figure:
     shown = [o for o in MARKS if (rows["outcome"] == o).any()]
     handles = [Line2D([], [], color=MARKS[o][0], marker=MARKS[o][1], ms=6, label=o) for o in shown]
     figure.legend(
-        handles=[*handles, Patch(color=ACCURATE, alpha=0.35, lw=0, label="allowed")], loc="outside upper center",
-        ncols=4, frameon=False,
-    )  # fmt: skip
+        handles=[*handles, Patch(color=ACCURATE, alpha=0.35, lw=0, label="allowed")],
+        loc="outside upper center",
+        ncols=4,
+        frameon=False,
+    )
     return figure

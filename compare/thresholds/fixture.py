@@ -27,8 +27,6 @@ from rattle.scene.text import harmless
 if TYPE_CHECKING:
     from rattle.compare.thresholds.long_run import LongModel
 
-__all__ = ["Rattle"]
-
 T = TypeVar("T")
 
 
@@ -61,10 +59,15 @@ class Rattle:
         looked = self._guard(lambda: decide(prediction, self.claim, self._thresholds))
         run, excluded = looked.drawn[-1].run, len(self.claim.rows) - len(looked.table)
         return self._judge(
-            prediction.closure, looked, lambda rows: moment_rows(rows, run, looked.z),
-            lambda: self._figure(prediction, looked.table), kind="check", not_judged=excluded,
-            by_size=int((looked.table["still"] > 0.0).sum()), size=f"{run.paths:,} paths",
-        )  # fmt: skip
+            prediction.closure,
+            looked,
+            lambda rows: moment_rows(rows, run, looked.z),
+            lambda: self._figure(prediction, looked.table),
+            kind="check",
+            not_judged=excluded,
+            by_size=int((looked.table["still"] > 0.0).sum()),
+            size=f"{run.paths:,} paths",
+        )
 
     def _check_long(self, model: Any, quantities: Sequence[str]) -> pd.DataFrame:
         """Compare a model with the long run."""
@@ -74,9 +77,14 @@ class Rattle:
         looked = self._guard(lambda: decide_long(prediction, self.claim, self._thresholds))
         facts = looked.drawn[-1].run.facts
         return self._judge(
-            f"{prediction.name} in the long run", looked, lambda rows: long_rows(rows, looked.z), kind="long check",
-            not_judged=0, by_size=0, size=f"{facts['paths']:,} paths of {facts['periods']:,} periods",
-        )  # fmt: skip
+            f"{prediction.name} in the long run",
+            looked,
+            lambda rows: long_rows(rows, looked.z),
+            kind="long check",
+            not_judged=0,
+            by_size=0,
+            size=f"{facts['paths']:,} paths of {facts['periods']:,} periods",
+        )
 
     def _judge(
         self,
@@ -91,11 +99,20 @@ class Rattle:
         counts, folder = table["outcome"].value_counts(), self._thresholds.folder
         failed, undecided = int(counts.get("fail", 0)), int(counts.get("undecided", 0))
         self._record(
-            model=model, rows=len(table), failed=failed, undecided=undecided, z=looked.z, rate=settings.false_alarm,
-            widened=float(table["widened"].max()) if "widened" in table else looked.z, drawn=len(drawn),
-            computed=sum(d.computed for d in drawn), seconds=sum(d.seconds for d in drawn), decide=deciding(table),
-            folder="" if folder is None else self._shorten(folder), **facts,
-        )  # fmt: skip
+            model=model,
+            rows=len(table),
+            failed=failed,
+            undecided=undecided,
+            z=looked.z,
+            rate=settings.false_alarm,
+            widened=float(table["widened"].max()) if "widened" in table else looked.z,
+            drawn=len(drawn),
+            computed=sum(d.computed for d in drawn),
+            seconds=sum(d.seconds for d in drawn),
+            decide=deciding(table),
+            folder="" if folder is None else self._shorten(folder),
+            **facts,
+        )
         if failed:
             self._fail(failure_text(model, table, shown) + figure())
         if undecided:

@@ -9,8 +9,6 @@ from rattle.compare.validation.verdict import RULE, Claimed, Simulated, Toleranc
 from rattle.montecarlo.long_run.intervals import half_width
 from rattle.scene.errors import InputError
 
-__all__ = ["OUTCOMES", "errors_of", "judge_errors"]
-
 OUTCOMES = {"accurate": "pass", "inaccurate": "fail", "undecided": "undecided", "not predicted": "undecided"}
 """Outcome of a row by its verdict."""
 

@@ -22,8 +22,6 @@ from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 from rattle.scene.validate import choice
 
-__all__ = ["PERIODS", "LongModel", "LongPrediction", "decide_long", "predict_long"]
-
 PERIODS = (64, 256, 1024)
 """Length of the simulation at the first looks; the later ones take more paths of the last."""
 

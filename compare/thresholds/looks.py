@@ -17,8 +17,6 @@ from rattle.compare.thresholds.prediction import Prediction
 from rattle.compare.thresholds.sessions import Drawn, Thresholds
 from rattle.compare.validation.verdict import widest
 
-__all__ = ["Looked", "decide", "following", "look_until_decided", "standing"]
-
 
 class Looked(NamedTuple):
     """The decision on a claim."""

@@ -9,8 +9,6 @@ from rattle.compare.study.cells import Sampled
 from rattle.compare.thresholds.claim import Claim
 from rattle.compare.thresholds.summary import WIDER, describe_remedy
 
-__all__ = ["deciding", "describe_undecided", "failure_text", "long_rows", "moment_rows", "remedies", "row_table"]
-
 MARGIN = 2.0
 """Factor on the number of paths that should decide a test, since it is computed from an error that is itself random."""
 

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from rattle.compare.thresholds.fixture import Rattle
     from rattle.compare.thresholds.sessions import Thresholds
 
-__all__ = ["CLAIM", "REFUSED", "THRESHOLDS", "rattle"]
-
 THRESHOLDS: pytest.StashKey[Thresholds] = pytest.StashKey()
 CLAIM: pytest.StashKey[Claim] = pytest.StashKey()
 REFUSED: pytest.StashKey[Exception] = pytest.StashKey()
@@ -53,10 +51,13 @@ OPTIONS = (
     Option("rattle-seed", "0", "Seed of the simulations."),
     Option("rattle-workers", "1", "Threads of a simulation; the result does not depend on it."),
     Option(
-        "rattle-baselines", "compare", "Compare with recorded values, record those that are missing, or regenerate.",
-        ("compare", "record", "regenerate"), lasting=False,
+        "rattle-baselines",
+        "compare",
+        "Compare with recorded values, record those that are missing, or regenerate.",
+        ("compare", "record", "regenerate"),
+        lasting=False,
     ),
-)  # fmt: skip
+)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -13,8 +13,6 @@ from rattle.scene.scene import Scene
 from rattle.scene.text import line
 from rattle.scene.validate import choice
 
-__all__ = ["Model", "Prediction", "name_of", "predict"]
-
 Model = str | Callable[[Scene, int], pd.DataFrame]
 """A closure's name, or a function of a scene and a number of impacts."""
 
@@ -67,9 +65,10 @@ def _complete(name: str, table: object, claim: Claim, why: str = "") -> pd.DataF
     missing = [c for c in claim.columns if c not in table.columns]
     if missing:
         raise InputError(
-            f"columns of {name}", list(table.columns), f"{missing[0]!r} is missing; add it, or change the marker's "
-            "quantities and moments",
-        )  # fmt: skip
+            f"columns of {name}",
+            list(table.columns),
+            f"{missing[0]!r} is missing; add it, or change the marker's quantities and moments",
+        )
     if not table.columns.is_unique:
         raise InputError(f"columns of {name}", list(table.columns), "must each have a name of their own")
     absent = [k for k in claim.impacts if k not in table.index]
@@ -87,7 +86,8 @@ def _complete(name: str, table: object, claim: Claim, why: str = "") -> pd.DataF
     if bad.size:
         impact, column = values.index[bad[0][0]], values.columns[bad[0][1]]
         raise InputError(
-            f"{column} of {name} at impact {impact}", float(values.loc[impact, column]),
+            f"{column} of {name} at impact {impact}",
+            float(values.loc[impact, column]),
             f"is no prediction{why}; leave it out of the marker's quantities, moments or impacts, or correct the model",
-        )  # fmt: skip
+        )
     return values

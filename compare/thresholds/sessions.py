@@ -20,8 +20,6 @@ from rattle.compare.thresholds.settings import Settings
 from rattle.montecarlo.ensemble import Blocks, in_threads
 from rattle.scene.errors import InputError, RattleError
 
-__all__ = ["Drawn", "Thresholds", "read_claims"]
-
 
 class Drawn(NamedTuple):
     """A simulation with its cost."""

@@ -10,8 +10,6 @@ from rattle.scene.validate import choice, count, finite
 if TYPE_CHECKING:
     from rattle.compare.thresholds.claim import Claim
 
-__all__ = ["BASELINES", "PROFILES", "TIMES", "UNDECIDED", "Settings", "read_settings"]
-
 PROFILES = {"quick": 32_768, "full": 1_048_576}
 """Simulated paths of the first look, unless the marker gives a number."""
 TIMES = 8

@@ -6,8 +6,6 @@ from typing import Any
 
 from rattle.compare.validation.verdict import BY_SIZE
 
-__all__ = ["WIDER", "describe_remedy", "summary_lines"]
-
 WIDER = 1.1
 """Ratio of an interval to that of all paths above which it is said what widened it."""
 

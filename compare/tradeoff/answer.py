@@ -11,8 +11,6 @@ from rattle.compare.validation.answer import explain_missing
 from rattle.compare.validation.validity_range import join_words
 from rattle.montecarlo.budget import in_words
 
-__all__ = ["EXACT", "advice", "answer", "cheapest", "verdict"]
-
 EXACT = "exact-flight"
 PLAIN = "euler-maruyama"
 

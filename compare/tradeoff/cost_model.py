@@ -13,8 +13,6 @@ from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.pilots import pilot
 from rattle.scene.scene import Scene
 
-__all__ = ["CostModel", "Point", "time_run"]
-
 FINER = 8.0  # ratio of the steps of both pilot runs, which separates the time of steps from that of impacts
 REPEATS = 3  # timings of a pilot run, of which the least counts
 
@@ -106,9 +104,18 @@ class CostModel:
         seconds = self.pilot_seconds + paths * (self.path_seconds + self.step_seconds * self.steps(dt))
         sampling = sampling_error(run)[0] * math.sqrt(run.paths / paths)
         return Point(
-            self.scheme, "scheme", accuracy, dt, paths, seconds, sampling, self.bias * dt, accuracy, False,
+            self.scheme,
+            "scheme",
+            accuracy,
+            dt,
+            paths,
+            seconds,
+            sampling,
+            self.bias * dt,
+            accuracy,
+            False,
             work=self.work(self.first, paths, dt),
-        )  # fmt: skip
+        )
 
     def work(self, run: Ensemble, paths: int, dt: float) -> float:
         """Nominal core-seconds of the pilot run and of paths like those of a run."""

@@ -12,8 +12,6 @@ from matplotlib.ticker import NullFormatter
 
 from rattle.compare.report.style import STYLE, SYMBOL, legend_above, new_figure
 
-__all__ = ["order_figure", "tradeoff_figure"]
-
 SCHEME = {
     "euler-maruyama": {"color": "#CC79A7", "marker": "P"},
     "euler-maruyama-located": {"color": "#56B4E9", "marker": "X"},
@@ -57,10 +55,13 @@ def tradeoff_figure(points: pd.DataFrame, slopes: dict[str, float], means_alone:
 
 
 QUANTITY: Any = {
-    "tau": {"color": "#000000", "marker": "o"}, "flight": {"color": "#999999", "marker": "v"},
-    "x1": {"color": "#56B4E9", "marker": "s"}, "y1": {"color": "#0072B2", "marker": "D"},
-    "x2": {"color": "#E69F00", "marker": "s"}, "y2": {"color": "#D55E00", "marker": "D"},
-}  # fmt: skip
+    "tau": {"color": "#000000", "marker": "o"},
+    "flight": {"color": "#999999", "marker": "v"},
+    "x1": {"color": "#56B4E9", "marker": "s"},
+    "y1": {"color": "#0072B2", "marker": "D"},
+    "x2": {"color": "#E69F00", "marker": "s"},
+    "y2": {"color": "#D55E00", "marker": "D"},
+}
 MOMENTS = {"mean": "section means", "sd": "section sds", "itinerary": "itinerary"}
 
 

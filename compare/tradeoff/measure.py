@@ -30,8 +30,6 @@ from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 from rattle.scene.validate import positive
 
-__all__ = ["ACCURACIES", "HAND_TUNED_NS", "Measured", "bound_of_means", "check_accuracies", "measure", "slope"]
-
 Floats = NDArray[np.float64]
 
 ACCURACIES = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
@@ -59,9 +57,12 @@ def check_accuracies(accuracies: Sequence[float]) -> tuple[float, ...]:
 
 
 def _scheme_points(
-    model: CostModel, accuracies: Sequence[float], budget: float, asked: Callable[..., Ensemble],
+    model: CostModel,
+    accuracies: Sequence[float],
+    budget: float,
+    asked: Callable[..., Ensemble],
     bar: "tqdm[NoReturn]",
-) -> list[tuple[Point, Ensemble | None]]:  # fmt: skip
+) -> list[tuple[Point, Ensemble | None]]:
     """Points of a scheme, with the run of each that was measured."""
     points: list[tuple[Point, Ensemble | None]] = []
     for accuracy in accuracies:
@@ -79,9 +80,18 @@ def _scheme_points(
             if reach.reached:
                 measured = run
                 point = Point(
-                    model.scheme, "scheme", accuracy, run.dt, run.paths, seconds, reach.sampling, reach.step,
-                    reach.bound, True, work=model.work(run, run.paths, run.dt),
-                )  # fmt: skip
+                    model.scheme,
+                    "scheme",
+                    accuracy,
+                    run.dt,
+                    run.paths,
+                    seconds,
+                    reach.sampling,
+                    reach.step,
+                    reach.bound,
+                    True,
+                    work=model.work(run, run.paths, run.dt),
+                )
         points.append((point, measured))
         bar.update()
     return points
@@ -95,9 +105,7 @@ def _section_rows(scene: Scene) -> list[tuple[str, str]]:
 def _differences(section: pd.DataFrame, reference: Ensemble) -> Floats:
     """Section means and sds minus those of a simulation, in units of its sds, shape (rows, impacts)."""
     unit, own = units(reference), section.reindex(reference.section.index)
-    return np.array([
-        (own[name] - reference.section[name]) / unit[q] for name, q in _section_rows(reference.scene)
-    ])  # fmt: skip
+    return np.array([(own[name] - reference.section[name]) / unit[q] for name, q in _section_rows(reference.scene)])
 
 
 def closure_points(scene: Scene, impacts: int, reference: Ensemble) -> list[Point]:
@@ -116,10 +124,24 @@ def closure_points(scene: Scene, impacts: int, reference: Ensemble) -> list[Poin
         worst = int(error.argmax())
         resolved = bool(error[worst] > noise[worst])
         bound = float(error[worst] if resolved else (error + noise).max())
-        points.append(Point(
-            closure, "closure", math.nan, math.nan, 0, min(_seconds(call) for _ in range(CALLS)), float(noise[worst]),
-            0.0, bound, True, float(np.median(error)), resolved, error.size, work=closure_seconds(found),
-        ))  # fmt: skip
+        points.append(
+            Point(
+                closure,
+                "closure",
+                math.nan,
+                math.nan,
+                0,
+                min(_seconds(call) for _ in range(CALLS)),
+                float(noise[worst]),
+                0.0,
+                bound,
+                True,
+                float(np.median(error)),
+                resolved,
+                error.size,
+                work=closure_seconds(found),
+            )
+        )
     return points
 
 
@@ -148,7 +170,7 @@ def bound_of_means(standard_error: float, scene: Scene, impacts: int) -> float:
 
 def multilevel_points(
     levels: dict[str, Levels], accuracies: Sequence[float], scene: Scene, impacts: int
-) -> list[Point]:  # fmt: skip
+) -> list[Point]:
     """Cost of the cheapest multilevel estimator of the means for each Euler scheme, from the analysis of its levels."""
     points = []
     for scheme, found in levels.items():

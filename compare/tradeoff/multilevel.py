@@ -29,8 +29,6 @@ from rattle.montecarlo.schemes.step_size import largest_step
 from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.scene.scene import Scene
 
-__all__ = ["KURTOSIS_ALARM", "Estimate", "Levels", "Rate", "fit", "giles_cost", "levels_of", "measure_levels"]
-
 Floats = NDArray[np.float64]
 
 LEVELS, PATHS = 7, 16_384
@@ -103,9 +101,7 @@ class Levels(NamedTuple):
         t = self.table
         single = self.single.max(axis=1), np.median(self.single, axis=1)
         last, seconds, first = self._cheapest(self.alpha, self.beta, t["variance_worst"], single[0], accuracy)
-        _, typical, _ = self._cheapest(
-            self.typical_alpha, self.typical_beta, t["variance_median"], single[1], accuracy
-        )  # fmt: skip
+        _, typical, _ = self._cheapest(self.typical_alpha, self.typical_beta, t["variance_median"], single[1], accuracy)
         return Estimate(first, last, seconds, typical, last < len(t))
 
     def _cheapest(
@@ -186,15 +182,24 @@ def levels_of(runs: Sequence[Ensemble], seconds: Sequence[float]) -> Levels:
         mean = np.abs(sums.mean[0] - sums.mean[1]) / unit
         noise = np.sqrt(v / sums.n) / unit
         worst = np.unravel_index(int(mean.argmax()), mean.shape)
-        rows.append({
-            "scheme": run.scheme, "level": level, "dt": run.dt, "mean_worst": float(mean[worst]),
-            "se_mean_worst": float(noise[worst]), "mean_median": float(np.median(mean)),
-            "variance_worst": float((v / unit**2).max()), "variance_median": float(np.median(v / unit**2)),
-            "kurtosis": float(kurtosis.max()), "alarm": bool(kurtosis.max() > KURTOSIS_ALARM),
-            "consistency": _consistency(seen[level - 1], sums) if level else math.nan,
-            # steps of dt, 2 dt and 4 dt are 1 : 1/2 : 1/4; a difference takes the first two, a level alone the first
-            "path_seconds": seconds[level] * 6.0 / 7.0, "alone_seconds": seconds[level] * 4.0 / 7.0,
-        })  # fmt: skip
+        rows.append(
+            {
+                "scheme": run.scheme,
+                "level": level,
+                "dt": run.dt,
+                "mean_worst": float(mean[worst]),
+                "se_mean_worst": float(noise[worst]),
+                "mean_median": float(np.median(mean)),
+                "variance_worst": float((v / unit**2).max()),
+                "variance_median": float(np.median(v / unit**2)),
+                "kurtosis": float(kurtosis.max()),
+                "alarm": bool(kurtosis.max() > KURTOSIS_ALARM),
+                "consistency": _consistency(seen[level - 1], sums) if level else math.nan,
+                # steps of dt, 2 dt and 4 dt are 1 : 1/2 : 1/4; a difference takes the first two, a level the first
+                "path_seconds": seconds[level] * 6.0 / 7.0,
+                "alone_seconds": seconds[level] * 4.0 / 7.0,
+            }
+        )
         single.append((m(2, 0) / unit**2).ravel())
     table = pd.DataFrame(rows)
     of = table[table["level"] >= FITTED_FROM]
@@ -202,9 +207,12 @@ def levels_of(runs: Sequence[Ensemble], seconds: Sequence[float]) -> Levels:
     alpha, beta, gamma, typical_beta = (
         fit(part["level"].to_numpy(float), part[name].to_numpy())
         for part, name in (
-            (clear, "mean_worst"), (of, "variance_worst"), (of, "path_seconds"), (of, "variance_median"),
+            (clear, "mean_worst"),
+            (of, "variance_worst"),
+            (of, "path_seconds"),
+            (of, "variance_median"),
         )
-    )  # fmt: skip
+    )
     noise = np.sqrt(of["variance_median"] / runs[-1].paths)
     clear = of[(of["mean_median"] > 3.0 * noise) | (of["level"] == FITTED_FROM)]
     intercept = float((np.log2(clear["mean_median"]) - alpha.slope * clear["level"]).mean())

@@ -16,8 +16,6 @@ from rattle.compare.validation.validity_range import join_words
 from rattle.montecarlo.budget import in_words
 from rattle.scene.scene import Scene
 
-__all__ = ["orders_said", "orders_table", "tradeoff_page"]
-
 FIGURE = (
     "Error against processor time, both on logarithmic scales. Schemes: what with 95 % probability no section mean or "
     "sd is off by more than. Closures: worst and median error against {reference} paths of exact flights. Dash-dotted: "
@@ -77,22 +75,37 @@ def _rate(rate: Rate, sign: float) -> str:
 def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> dict[str, Table]:
     p = m.points
     schemes: list[Row] = [
-        (r["method"], f"{r['accuracy']:g}", f"{r['dt']:.2g}", f"{r['paths']:,}", f"{r['core_seconds']:.3g}",
-         f"{r['sampling_error']:.2g}", f"{r['step_error']:.2g}",
-         "–" if np.isnan(r["actual_error"]) else f"{r['actual_error']:.2g}",
-         "missed" if r["missed"] else "measured" if r["measured"] else "extrapolated")
+        (
+            r["method"],
+            f"{r['accuracy']:g}",
+            f"{r['dt']:.2g}",
+            f"{r['paths']:,}",
+            f"{r['core_seconds']:.3g}",
+            f"{r['sampling_error']:.2g}",
+            f"{r['step_error']:.2g}",
+            "–" if np.isnan(r["actual_error"]) else f"{r['actual_error']:.2g}",
+            "missed" if r["missed"] else "measured" if r["measured"] else "extrapolated",
+        )
         for _, r in p[p["kind"] == "scheme"].iterrows()
-    ]  # fmt: skip
+    ]
     slopes: list[Row] = [
-        (name, f"{1e9 * model.step_seconds:.3g}",
-         *(f"{power:.2f} ({n} points)" if n > 1 else "–" for power, n in (slope(p, name, x) for x in (False, True))))
+        (
+            name,
+            f"{1e9 * model.step_seconds:.3g}",
+            *(f"{power:.2f} ({n} points)" if n > 1 else "–" for power, n in (slope(p, name, x) for x in (False, True))),
+        )
         for name, model in m.models.items()
-    ]  # fmt: skip
+    ]
     predictions: list[Row] = [
-        (r["method"], f"{r['rows']} of {p['rows'].max()}", ("" if r["resolved"] else "below ") + f"{r['error']:.3g}",
-         f"{r['median_error']:.2g}", Cell(in_words(r["core_seconds"], 2), value=float(r["core_seconds"])))
+        (
+            r["method"],
+            f"{r['rows']} of {p['rows'].max()}",
+            ("" if r["resolved"] else "below ") + f"{r['error']:.3g}",
+            f"{r['median_error']:.2g}",
+            Cell(in_words(r["core_seconds"], 2), value=float(r["core_seconds"])),
+        )
         for _, r in p[p["kind"] == "closure"].iterrows()
-    ]  # fmt: skip
+    ]
     rates: list[Row] = [
         (name, _rate(x.alpha, -1), _rate(x.beta, -1), _rate(x.typical_beta, -1), _rate(x.gamma, 1))
         for name, x in m.levels.items()
@@ -106,23 +119,35 @@ def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> 
     ratios = ("means_median", "means_smallest", "sds_median", "sds_smallest")
     best = [cheapest(p, a) for a in accuracies]
     chosen: list[Row] = [
-        (f"{a:g}", str(r["method"]), Cell(in_words(r["core_seconds"], 2), value=float(r["core_seconds"])),
-         "measured" if r["measured"] else "extrapolated")
+        (
+            f"{a:g}",
+            str(r["method"]),
+            Cell(in_words(r["core_seconds"], 2), value=float(r["core_seconds"])),
+            "measured" if r["measured"] else "extrapolated",
+        )
         for a, r in zip(accuracies, best, strict=True)
-    ]  # fmt: skip
+    ]
     gains: list[Row] = [
-        (f"{r['sigma']:.4g}", *(f"{r[n]:.3g}" for n in ratios),
-         f"{r['time_ratio']:.2f}", *(f"{r[n] / r['time_ratio']:.3g}" for n in ("means_median", "sds_median")),
-         *(f"{r[n]:.3g}" for n in ("antithetic_means", "antithetic_sds")))
+        (
+            f"{r['sigma']:.4g}",
+            *(f"{r[n]:.3g}" for n in ratios),
+            f"{r['time_ratio']:.2f}",
+            *(f"{r[n] / r['time_ratio']:.3g}" for n in ("means_median", "sds_median")),
+            *(f"{r[n]:.3g}" for n in ("antithetic_means", "antithetic_sds")),
+        )
         for _, r in control.iterrows()
-    ]  # fmt: skip
+    ]
     return {
         "cheapest": Table.of(
             [*numbers("error / sd"), "cheapest method", *numbers("time on one core"), "found"], chosen
         ),
         "schemes": Table.of(
-            ["scheme", *numbers("accuracy", "dt", "paths", "core-seconds", "standard error", "step bias", "actual"),
-             "found"], schemes
+            [
+                "scheme",
+                *numbers("accuracy", "dt", "paths", "core-seconds", "standard error", "step bias", "actual"),
+                "found",
+            ],
+            schemes,
         ),
         "slopes": Table.of(
             ["scheme", *numbers("ns per path-step", "cost grows as accuracy to the", "of measured points alone")],
@@ -134,10 +159,21 @@ def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> 
         ),
         "means": Table.of(numbers(*heads), means),
         "control": Table.of(
-            numbers("σ", "means: median", "smallest", "sds: median", "smallest", "time of a path",
-                    "means per second, median", "sds per second, median", "antithetic pairs: means", "sds"), gains,
+            numbers(
+                "σ",
+                "means: median",
+                "smallest",
+                "sds: median",
+                "smallest",
+                "time of a path",
+                "means per second, median",
+                "sds per second, median",
+                "antithetic pairs: means",
+                "sds",
+            ),
+            gains,
         ),
-    }  # fmt: skip
+    }
 
 
 def orders_table(table: pd.DataFrame) -> Table:
@@ -145,18 +181,30 @@ def orders_table(table: pd.DataFrame) -> Table:
     seen = table[table["slope"].notna()]
     rows: list[Row] = [
         (
-            f"{r['sigma']:.4g}", r["scheme"], f"{r['moment']} {r['quantity']}".strip(),
-            f"{r['coarsest']:g} to {r['finest']:g}", _between(r, "slope", "low", "high"),
-            _between(r, "last", "last_low", "last_high"), str(r["turns"]),
+            f"{r['sigma']:.4g}",
+            r["scheme"],
+            f"{r['moment']} {r['quantity']}".strip(),
+            f"{r['coarsest']:g} to {r['finest']:g}",
+            _between(r, "slope", "low", "high"),
+            _between(r, "last", "last_low", "last_high"),
+            str(r["turns"]),
             "not settled" if np.isnan(r["order"]) else _between(r, "order", "order_low", "order_high"),
-            f"{r['change']:.2g}", f"{r['limit_z']:.1f}", f"{r['limit_allowed']:.1f}",
+            f"{r['change']:.2g}",
+            f"{r['limit_z']:.1f}",
+            f"{r['limit_allowed']:.1f}",
         )
         for _, r in seen.iterrows()
-    ]  # fmt: skip
+    ]
     results = numbers(
-        "dt", "slope", "at the finest", "impacts where it turns", "order", "last change", "limit: standard errors off",
+        "dt",
+        "slope",
+        "at the finest",
+        "impacts where it turns",
+        "order",
+        "last change",
+        "limit: standard errors off",
         "allowed",
-    )  # fmt: skip
+    )
     return Table.of([*numbers("σ"), "scheme", "moment", *results], rows)
 
 
@@ -192,9 +240,13 @@ def _groups(rows: pd.DataFrame, value: str) -> str:
 
 
 def tradeoff_page(
-    m: Measured, control: pd.DataFrame, orders: Orders | None, accuracies: Sequence[float], sentences: Sequence[str],
+    m: Measured,
+    control: pd.DataFrame,
+    orders: Orders | None,
+    accuracies: Sequence[float],
+    sentences: Sequence[str],
     record: dict[str, Any],
-) -> Page:  # fmt: skip
+) -> Page:
     """The page of a trade-off."""
     tables, reference = _tables(m, control, accuracies), f"{m.reference.paths:,}"
     figure = "Error against processor time of every scheme and every closure"

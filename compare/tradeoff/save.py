@@ -13,8 +13,6 @@ from rattle.compare.tradeoff.measure import Measured, bound_of_means, means_seco
 from rattle.compare.tradeoff.page import tradeoff_page
 from rattle.compare.tradeoff.weak_order import Orders
 
-__all__ = ["CONTENTS", "write_tradeoff"]
-
 CONTENTS = contents(
     "tradeoff", figures=["tradeoff", "orders"], tables=["tradeoff", "levels", "control", "orders", "changes"]
 )
@@ -22,15 +20,22 @@ CONTENTS = contents(
 
 
 def write_tradeoff(
-    out: Path, m: Measured, control: pd.DataFrame, orders: Orders | None, accuracies: Sequence[float],
-    record: dict[str, Any], overwrite: bool,
-) -> list[str]:  # fmt: skip
+    out: Path,
+    m: Measured,
+    control: pd.DataFrame,
+    orders: Orders | None,
+    accuracies: Sequence[float],
+    record: dict[str, Any],
+    overwrite: bool,
+) -> list[str]:
     """Write the folder of a trade-off, whole or not at all."""
     sentences = answer(m, accuracies)
-    means = pd.DataFrame({
-        "error": [bound_of_means(a, m.reference.scene, m.reference.impacts) for a in accuracies],
-        "core_seconds": [means_seconds(m.models[EXACT], a, control=True) for a in accuracies],
-    })  # fmt: skip
+    means = pd.DataFrame(
+        {
+            "error": [bound_of_means(a, m.reference.scene, m.reference.impacts) for a in accuracies],
+            "core_seconds": [means_seconds(m.models[EXACT], a, control=True) for a in accuracies],
+        }
+    )
     slopes = {name: slope(m.points, name, False)[0] for name in m.models}
     figures = {"tradeoff": tradeoff_figure(m.points, slopes, means)}
     levels = pd.concat([levels.table for levels in m.levels.values()])

@@ -7,8 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-__all__ = ["CONFIDENCE", "changes_from", "find_settled", "slope_from"]
-
 Floats = NDArray[np.float64]
 
 CONFIDENCE = 0.95

@@ -16,8 +16,6 @@ from rattle.montecarlo.settings import plan_of
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 
-__all__ = ["SIGMAS", "antithetic_gain", "control_table"]
-
 Floats = NDArray[np.float64]
 
 SIGMAS = (1e-3, 1e-2, 0.05, 0.1, 0.3, 1.5**0.5)
@@ -40,9 +38,14 @@ def control_table(
     for sigma in tqdm(sigmas, desc="control variate", unit="sigma", disable=None, leave=False):
         own = scene.with_sigma(sigma)
         call = partial(
-            simulate, own, paths=paths, impacts=impacts, scheme="exact-flight", rng=seed,
+            simulate,
+            own,
+            paths=paths,
+            impacts=impacts,
+            scheme="exact-flight",
+            rng=seed,
             workers=workers,
-        )  # fmt: skip
+        )
         call(control=True)
         times, runs = {False: np.inf, True: np.inf}, {}
         for _ in range(REPEATS):
@@ -84,10 +87,12 @@ def antithetic_gain(plan: Plan) -> tuple[Floats, Floats]:
     >>> bool(means[0, 0] > 100.0), round(float(sds[0, 0]), 2)
     (True, 0.5)
     """
-    both = np.stack([
-        np.concatenate([sample(one, block).rows[0, :, :, : len(SECTION)] for block in range(plan.blocks)])
-        for one in (plan, plan._replace(mirrored=True))
-    ])  # fmt: skip
+    both = np.stack(
+        [
+            np.concatenate([sample(one, block).rows[0, :, :, : len(SECTION)] for block in range(plan.blocks)])
+            for one in (plan, plan._replace(mirrored=True))
+        ]
+    )
     gains = []
     for values in (both, (both - np.nanmean(both, axis=(0, 1))) ** 2):
         away = values - np.nanmean(values, axis=(0, 1))

@@ -25,8 +25,6 @@ from rattle.montecarlo.accuracy import ROUNDED, units
 from rattle.scene.scene import Scene
 from rattle.scene.validate import count
 
-__all__ = ["ORDER_IMPACTS", "STEPS", "Orders", "Slope", "orders_over", "weak_orders"]
-
 Floats = NDArray[np.float64]
 
 STEPS = (0.016, 0.008, 0.004, 0.002)
@@ -169,9 +167,28 @@ def _by_quantity(
         order, order_low, order_high, turns = find_settled(b, s, STEPS)
         z = max((float(z[own & varies].max()) for z, varies in limits if (own & varies).any()), default=math.nan)
         slopes.append(
-            Slope(scheme, sigma, moment, quantity, STEPS[0], 0.5 * STEPS[-1], slope, low, high, last, last_low,
-                  last_high, turns, order, order_low, order_high, last_change, z, allowed)
-        )  # fmt: skip
+            Slope(
+                scheme,
+                sigma,
+                moment,
+                quantity,
+                STEPS[0],
+                0.5 * STEPS[-1],
+                slope,
+                low,
+                high,
+                last,
+                last_low,
+                last_high,
+                turns,
+                order,
+                order_low,
+                order_high,
+                last_change,
+                z,
+                allowed,
+            )
+        )
         points += _points((scheme, sigma, moment, quantity), *changes_from(b, s))
     return slopes, points
 
@@ -212,4 +229,4 @@ def _itinerary_slope(scheme: str, sigma: float, shares: Floats, kept: float, pat
     ends = (float(steps[seen][0]), float(steps[seen][-1])) if seen.any() else (float(steps[0]), float(steps[-1]))
     return Slope(
         scheme, sigma, "itinerary", "", *ends, *whole, *local, turns, *settled, abs(float(bias[-1])), away, allowed
-    )  # fmt: skip
+    )

@@ -8,8 +8,6 @@ import pandas as pd
 from rattle.compare.validation.validity_range import join_words
 from rattle.montecarlo.budget import in_words
 
-__all__ = ["advice", "cost_sentence"]
-
 ASKED = "1% of an sd"
 """The accuracy for which a simulation's cost is stated; see `rattle.compare.validation.speed.WANTED`."""
 

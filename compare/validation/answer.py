@@ -17,8 +17,6 @@ from rattle.compare.validation.validity_range import in_words, join_words, span,
 from rattle.compare.validation.verdict import BY_SIZE, JUDGED
 from rattle.scene.scene import Scene
 
-__all__ = ["answer", "by_size_sentence", "correlation_claim", "explain_missing", "sigma_text", "validity_sentence"]
-
 SECTION = " (Poincaré section at the impacts)"
 """Explains the word section at its first use on a page."""
 
@@ -164,10 +162,11 @@ def correlation_claim(validations: Sequence[Validation]) -> str:
         evidence.append(f"at σ = {sigma_text(v)} at {len(impacts)} impacts, the first being {impacts[0]}{excess}")
     behind = (
         "The rule behind it is Eq. 15, −ε m_np for every power p, which gives a variance the sign of −ε"
-        if validations[0].scene.stages == 1 else
-        "Two rules are behind it, each of which fails by itself: Eq. 17, λ_np − κ m_np, which makes variances of stage "
+        if validations[0].scene.stages == 1
+        else "Two rules are behind it, each of which fails by itself: Eq. 17, λ_np − κ m_np, which makes variances of "
+        "stage "
         "1 negative, and Eq. 15, −ε m_np for every power p, which gives a variance of stage 2 the sign of −ε"
-    )  # fmt: skip
+    )
     return (
         "The paper argues that the density cannot be Gaussian because |ρ| may exceed 1. In the `published` closure "
         f"second moments belong to no distribution {'; '.join(evidence)}. {behind}; with (−ε)^p and the joint moments, "

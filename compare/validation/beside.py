@@ -13,12 +13,18 @@ from rattle.compare.validation.validate import Validation
 from rattle.compare.validation.verdict import section_errors
 from rattle.montecarlo import Ensemble, simulate
 
-__all__ = ["COLUMNS", "NOTE", "beside", "beside_table"]
-
 PATHS = 32_768
 COLUMNS = (
-    "sigma", "method", "dt", "paths", "bias_mean", "bias_sd", "error_mean", "error_sd", "core_seconds",
-)  # fmt: skip
+    "sigma",
+    "method",
+    "dt",
+    "paths",
+    "bias_mean",
+    "bias_sd",
+    "error_mean",
+    "error_sd",
+    "core_seconds",
+)
 MOMENTS = ("mean", "sd")
 NOTE = (
     f"Each scheme with {PATHS:,} paths, and each closure, compared with the simulation of this report: the largest "

@@ -16,13 +16,19 @@ from rattle.scene.moments import realizability
 
 Ints = NDArray[np.int64]
 
-__all__ = ["first_failure", "mid_flight_errors", "validity"]
-
 SIMULATED = "monte carlo"
 
 COLUMNS = (
-    "closure", "impact", "stage", "variance_x", "variance_y", "rho", "smallest_eigenvalue", "realizable", "reason",
-)  # fmt: skip
+    "closure",
+    "impact",
+    "stage",
+    "variance_x",
+    "variance_y",
+    "rho",
+    "smallest_eigenvalue",
+    "realizable",
+    "reason",
+)
 
 
 def validity(predictions: list[MeanMap], run: Ensemble, flights: Ints) -> pd.DataFrame:

@@ -14,8 +14,6 @@ from rattle.scene.elementary import gauss_legendre
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION, STATE
 
-__all__ = ["Distances", "bin_masses", "distances", "section_distances"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

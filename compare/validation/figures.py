@@ -11,8 +11,6 @@ from matplotlib.ticker import MaxNLocator
 from rattle.compare.report.style import ACCURATE, FORBIDDEN, STYLE, SYMBOL, legend_above, new_figure, whole_impacts
 from rattle.compare.validation.validate import Validation
 
-__all__ = ["FIGURES", "Drawn", "agreement_figure", "correlation_figure", "error_figure", "section_figure"]
-
 VISIBLE = 2e-3  # the outermost bins of a histogram that are drawn have at least this share of the highest
 LINEAR = 0.1  # the axis of errors is linear up to this many sds, logarithmic beyond
 
@@ -219,8 +217,11 @@ FIGURES = {
     "errors": Drawn(
         error_figure,
         (
-            ("Errors of the closure's section moments per impact, in units of the quantity's sd; bars are intervals "
-             "with step bias, the band is what counts as accurate. Beyond 0.1 the scale is logarithmic.", ""),
+            (
+                "Errors of the closure's section moments per impact, in units of the quantity's sd; bars are intervals "
+                "with step bias, the band is what counts as accurate. Beyond 0.1 the scale is logarithmic.",
+                "",
+            ),
         ),
     ),
     "correlation": Drawn(
@@ -244,5 +245,5 @@ FIGURES = {
             (".", ""),
         ),
     ),
-}  # fmt: skip
+}
 """Figures of one validation, by name."""

@@ -34,12 +34,21 @@ from rattle.compare.validation.validate import Validation
 from rattle.compare.validation.validity_figure import VALIDITY, validity_figure
 from rattle.compare.validation.verdict import NOT_JUDGED, RULE, Tolerances
 
-__all__ = ["CONTENTS", "table_text", "write_one", "write_report"]
-
-CONTENTS = frozenset({
-    *pages("report"), "table.csv", "table.parquet", "correlation.csv", "validity.csv", "validity.parquet", "speed.csv",
-    "simulation.csv", "schemes.csv", "manifest.json", "figures",
-})  # fmt: skip
+CONTENTS = frozenset(
+    {
+        *pages("report"),
+        "table.csv",
+        "table.parquet",
+        "correlation.csv",
+        "validity.csv",
+        "validity.parquet",
+        "speed.csv",
+        "simulation.csv",
+        "schemes.csv",
+        "manifest.json",
+        "figures",
+    }
+)
 """Names of all files in a report folder; a folder with any other file is not overwritten."""
 
 SPEED = (
@@ -55,8 +64,16 @@ AGREEMENT = (
     "single orbit can be accurate beyond it."
 )
 WORDS = (
-    *CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ρ1, ρ2", "stage", "agreement", "realizable",
-)  # fmt: skip
+    *CLOSURE_TERMS,
+    *SECTION_TERMS,
+    *VERDICT_TERMS,
+    "exact flight",
+    "σ",
+    "ρ1, ρ2",
+    "stage",
+    "agreement",
+    "realizable",
+)
 PREDICTED = " Dashed: the share that the branching closure predicts."
 
 
@@ -218,16 +235,26 @@ def write_one(v: Validation, out: Path, overwrite: bool) -> Path:
     run, seed = v.run, v.run.seed
     whole = isinstance(seed.entropy, int) and not seed.spawn_key
     settings = manifest.Settings(
-        name_of(out), (v.scene,), run.impacts, run.paths, run.dt, run.scheme, int(seed.entropy) if whole else 0,  # type: ignore[arg-type]
-        next(iter(v.predictions.values())).order, tuple(v.predictions),
-    )  # fmt: skip
+        name_of(out),
+        (v.scene,),
+        run.impacts,
+        run.paths,
+        run.dt,
+        run.scheme,
+        int(seed.entropy) if whole else 0,  # type: ignore[arg-type]
+        next(iter(v.predictions.values())).order,
+        tuple(v.predictions),
+    )
     here = "validate(...).report(...), in Python"
     by_command = whole and v.tolerances == Tolerances()
     again = manifest.command_line(["validate", "--repeat", str(out / "manifest.json")])
     provenance = {
-        "command": here, "repeat": again if by_command else f"{here}, with the same seed and tolerances",
-        "commit": manifest.commit(), "versions": manifest.versions(), "wall_seconds": round(run.wall_seconds, 1),
+        "command": here,
+        "repeat": again if by_command else f"{here}, with the same seed and tolerances",
+        "commit": manifest.commit(),
+        "versions": manifest.versions(),
+        "wall_seconds": round(run.wall_seconds, 1),
         "cpu_seconds": None,
-    }  # fmt: skip
+    }
     write_report(out, settings, [v], None, provenance, overwrite)
     return out / "report.html"

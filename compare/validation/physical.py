@@ -11,8 +11,6 @@ from rattle.compare.validation.validate import Validation
 from rattle.scene.moments import STATE
 from rattle.scene.units import PRODUCTS, RATE
 
-__all__ = ["fixed_time_table", "lasting", "motion_blocks", "motion_sentence", "motion_table"]
-
 NOTE = (
     "The simulated motion, mean ± sd over the paths: each path just before its own k-th impact. For these gears 1 of τ "
     "is {time:.4g} ms, of x {length:.4g} mm, of y {speed:.4g} mm/s. The energy is the mean loss at the impact."
@@ -35,12 +33,16 @@ def motion_table(v: Validation) -> Table:
     rows: list[Row] = []
     for k in plain.index:
         p, q = plain.loc[k], physical.loc[k]
-        rows.append([
-            str(k), *(_spread(p[name], p[f"sd_{name}"]) for name in ("tau", *speeds)),
-            _spread(q["tau_ms"], q["sd_tau_ms"]), f"{q[RATE]:.4g}",
-            *(_spread(q[f"{name}_mm_per_s"], q[f"sd_{name}_mm_per_s"]) for name in speeds),
-            *([f"{q['energy_mJ']:.3g}"] if "energy_mJ" in q else []),
-        ])  # fmt: skip
+        rows.append(
+            [
+                str(k),
+                *(_spread(p[name], p[f"sd_{name}"]) for name in ("tau", *speeds)),
+                _spread(q["tau_ms"], q["sd_tau_ms"]),
+                f"{q[RATE]:.4g}",
+                *(_spread(q[f"{name}_mm_per_s"], q[f"sd_{name}_mm_per_s"]) for name in speeds),
+                *([f"{q['energy_mJ']:.3g}"] if "energy_mJ" in q else []),
+            ]
+        )
     energy = ["energy [mJ]"] if "energy_mJ" in physical else []
     heads = ["impact", "τ", *speeds, "time [ms]", "impacts per second", *(f"{name} [mm/s]" for name in speeds), *energy]
     return Table.of(numbers(*heads), rows)

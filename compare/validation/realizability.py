@@ -15,11 +15,6 @@ from numpy.typing import NDArray
 from rattle.closure import MeanMap
 from rattle.scene.moments import ROUNDING, SECTION, STATE, central_from_raw, correlation
 
-__all__ = [
-    "CHECKS", "QUADRATURE", "covariance_eigenvalue", "first_failures", "kurtosis_margin", "moment_matrix_eigenvalue",
-    "negative_mass", "realizability_table",
-]  # fmt: skip
-
 Floats = NDArray[np.float64]
 
 QUADRATURE = 1e-6
@@ -132,9 +127,9 @@ def moment_matrix_eigenvalue(raw: Floats) -> Statistic:
         scales.append(float(np.sqrt(abs(marginal[2])) or other or 1.0))
     sd_x, sd_y = scales
     with np.errstate(over="ignore", invalid="ignore"):
-        matrix = np.array([
-            [raw[n + m, p + q] / sd_x ** (n + m) / sd_y ** (p + q) for m, q in monomials] for n, p in monomials
-        ])  # fmt: skip
+        matrix = np.array(
+            [[raw[n + m, p + q] / sd_x ** (n + m) / sd_y ** (p + q) for m, q in monomials] for n, p in monomials]
+        )
     if not np.isfinite(matrix).all():
         return Statistic(NAN)
     return Statistic(float(np.linalg.eigvalsh(matrix)[0]), float(np.abs(matrix.diagonal()).max()))

@@ -17,8 +17,6 @@ from rattle.compare.validation.validity import rows_to_judge, validity
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo.cost import cost_of, cost_to
 
-__all__ = ["WANTED", "Speed", "paths_for", "simulation_costs", "speed", "speeds"]
-
 WANTED = 0.01  # accuracy, in sds, for which the cost of a simulation is stated
 
 

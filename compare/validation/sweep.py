@@ -15,8 +15,6 @@ from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 from rattle.scene.validate import count, positive
 
-__all__ = ["Sweep", "check_sweep", "grid", "sweep"]
-
 EXAMPLE = "1e-3:2:12"
 SCHEME = "exact-flight"
 """Has no step bias, which would exceed the tolerances at small sigma, as they are shares of the sds."""

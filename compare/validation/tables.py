@@ -10,18 +10,6 @@ from rattle.compare.validation.validity import CAUSES, validities
 from rattle.compare.validation.validity_range import ACCURATE, NOT_WRONG
 from rattle.compare.validation.verdict import JUDGED, VERDICTS
 
-__all__ = [
-    "MARKS",
-    "count_table",
-    "distance_table",
-    "failure_table",
-    "impact_table",
-    "reach_table",
-    "simulation_text",
-    "speed_table",
-    "validity_table",
-]  # fmt: skip
-
 MARKS = {"accurate": "good", "inaccurate": "bad", "undecided": "open", "not predicted": "", "not judged": ""}
 """Mark of a table cell for each verdict, see `rattle.compare.report.content.MARKS`."""
 

@@ -286,9 +286,14 @@ def validate(
     valid = validity(list(predictions.values()), run, flights)
     predictions = {name: replace(m, scene=given) for name, m in predictions.items()}
     return Validation(
-        given, predictions, replace(run, plan=run.plan._replace(scene=given)), to_absolute_time(table, given), valid,
-        z, limits
-    )  # fmt: skip
+        given,
+        predictions,
+        replace(run, plan=run.plan._replace(scene=given)),
+        to_absolute_time(table, given),
+        valid,
+        z,
+        limits,
+    )
 
 
 def _last_impact(scene: Scene, **settings: Any) -> float:

@@ -12,8 +12,6 @@ from rattle.compare.validation.validate import Validation
 from rattle.compare.validation.validity_range import UNDECIDED, is_accurate, is_wrong, unbroken, want
 from rattle.compare.validation.verdict import NOT_JUDGED
 
-__all__ = ["CAUSES", "Validity", "rows_to_judge", "validities", "validity"]
-
 CAUSES = {
     "holds": "holds to the last impact followed",
     "undecided": UNDECIDED,

@@ -13,8 +13,6 @@ from rattle.compare.report.style import STYLE, new_figure
 from rattle.compare.validation.validity import CAUSES
 from rattle.compare.validation.validity_range import ACCURATE, NOT_WRONG, UNDECIDED, WRONG
 
-__all__ = ["VALIDITY", "validity_figure"]
-
 MARKER = {
     "undecided": "$?$",
     "fixed time": "o",
@@ -27,12 +25,15 @@ MARKER = {
 }
 """Markers of the causes; a closure that is accurate to the last impact has none."""
 VALIDITY = (
-    ("Range of validity of each closure: the impact up to which every section mean and sd that it predicts is "
-     "accurate (filled)", ""),
+    (
+        "Range of validity of each closure: the impact up to which every section mean and sd that it predicts is "
+        "accurate (filled)",
+        "",
+    ),
     (f"; hatched, {UNDECIDED}, so {NOT_WRONG} its upper edge", NOT_WRONG),
     (".", ""),
     (" A marker says what limits it there.", WRONG),
-)  # fmt: skip
+)
 """The caption, for `rattle.compare.report.style.caption_of`."""
 ROOM = 0.9  # height, in impacts, that a marker takes above the band that it explains
 

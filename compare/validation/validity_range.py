@@ -12,11 +12,6 @@ import pandas as pd
 
 from rattle.compare.validation.verdict import JUDGED
 
-__all__ = [
-    "ACCURATE", "ENDED", "NOT_WRONG", "UNDECIDED", "WRONG", "in_words", "is_accurate", "is_wrong", "join_words", "span",
-    "unbroken", "want",
-]  # fmt: skip
-
 ACCURATE, NOT_WRONG = "accurate up to", "not shown wrong up to"
 WRONG, ENDED = "shown wrong", "not followed to its end"
 UNDECIDED = "undecided for want of paths"
@@ -67,9 +62,14 @@ def want(rows: pd.DataFrame) -> str:
 
 
 def in_words(
-    name: str, values: Sequence[float], accurate: float, not_wrong: float, *, ended: bool = False,
+    name: str,
+    values: Sequence[float],
+    accurate: float,
+    not_wrong: float,
+    *,
+    ended: bool = False,
     undecided: str = UNDECIDED,
-) -> str:  # fmt: skip
+) -> str:
     """A range of validity over a scene parameter in words, and what lies beyond it.
 
     `accurate`, `not_wrong`: The last value up to which all is accurate, and up to which nothing is inaccurate;

@@ -16,9 +16,22 @@ from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 
 __all__ = [
-    "ABSOLUTE", "BY_SIZE", "JUDGED", "NOT_JUDGED", "RULE", "VERDICTS", "Claimed", "Simulated", "Tolerances", "at_wall",
-    "judge", "remarks", "section_errors", "to_absolute_time", "widest",
-]  # fmt: skip
+    "ABSOLUTE",
+    "BY_SIZE",
+    "JUDGED",
+    "NOT_JUDGED",
+    "RULE",
+    "VERDICTS",
+    "Claimed",
+    "Simulated",
+    "Tolerances",
+    "at_wall",
+    "judge",
+    "remarks",
+    "section_errors",
+    "to_absolute_time",
+    "widest",
+]
 
 JUDGED = ("accurate", "inaccurate", "undecided")
 """Verdicts on rows that are judged and predicted; counts and sentences refer to these rows only."""

@@ -21,8 +21,14 @@ figure, ax = plt.subplots(figsize=(6, 3.6), layout="constrained")
 for scheme, colour in (("euler-maruyama", "#D55E00"), ("euler-maruyama-located", "#0072B2")):
     rows = [simulate(scene, scheme=scheme, dt=dt, **common).section.loc[4] for dt in steps]
     error = [abs(row["tau"] - exact["tau"]) for row in rows]
-    ax.errorbar(steps, error, [2 * np.hypot(row["se_tau"], exact["se_tau"]) for row in rows],
-                marker="o", color=colour, label=scheme)  # fmt: skip
+    ax.errorbar(
+        steps,
+        error,
+        [2 * np.hypot(row["se_tau"], exact["se_tau"]) for row in rows],
+        marker="o",
+        color=colour,
+        label=scheme,
+    )
 ax.set(xscale="log", yscale="log", xlabel="step", ylabel=r"error of E $\tau$ at impact 4")
 ax.legend()
 plt.show()

@@ -25,6 +25,10 @@ for ax, (closure, rows) in zip(axes, table.groupby("closure", sort=False), stric
     ax.pcolormesh(grid.columns, range(len(grid)), grid, cmap=ListedColormap(colours), vmin=0, vmax=3, edgecolor="w")
     ax.set(title=closure, xlabel="impact", xticks=range(1, 9))
     ax.set_yticks(range(len(grid)), grid.index)
-figure.legend(handles=[Patch(color=c, label=n) for c, n in zip(colours, names, strict=True)],
-              loc="outside lower center", ncols=4, frameon=False)  # fmt: skip
+figure.legend(
+    handles=[Patch(color=c, label=n) for c, n in zip(colours, names, strict=True)],
+    loc="outside lower center",
+    ncols=4,
+    frameon=False,
+)
 plt.show()

@@ -26,8 +26,6 @@ from rattle.scene.errors import InputError
 from rattle.scene.impact import struck
 from rattle.scene.scene import Scene
 
-__all__ = ["DEEPEST", "HIT", "Clockwork", "Room", "clockwork", "fly", "new_room", "step_time", "walk_step"]
-
 Floats = NDArray[np.float64]
 
 TREE = BRIDGE + LEVELS
@@ -176,9 +174,16 @@ def _leaf(
 
 @jit
 def walk_step(
-    c: Constants, w: Clockwork, room: Room, key: Key, path: Word, step: int, z: tuple[float, float], s: Floats,
+    c: Constants,
+    w: Clockwork,
+    room: Room,
+    key: Key,
+    path: Word,
+    step: int,
+    z: tuple[float, float],
+    s: Floats,
     hits: Floats,
-) -> tuple[int, bool]:  # fmt: skip
+) -> tuple[int, bool]:
     """Carry a path through a step, in place.
 
     Returns: Whether `hits` was filled: the path then stays in this state to the end of the step. Shapes: `s`

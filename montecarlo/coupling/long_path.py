@@ -18,8 +18,6 @@ from rattle.scene.impact import struck
 from rattle.scene.scene import Scene
 from rattle.scene.tangent import Stretch, carry_frame, strike_frame
 
-__all__ = ["LongPath"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -28,9 +26,18 @@ DEPTH = 12  # of the tree: leaves are 1.2e-5 long; noise changes a velocity by 3
 
 @jit
 def _stretch(
-    c: Constants, w: Clockwork, key: Key, path: Word, tangent: bool, step: int, most: int, at: Floats, frame: Floats,
-    s: Stretch, velocity: Floats,
-) -> tuple[int, int, int]:  # fmt: skip
+    c: Constants,
+    w: Clockwork,
+    key: Key,
+    path: Word,
+    tangent: bool,
+    step: int,
+    most: int,
+    at: Floats,
+    frame: Floats,
+    s: Stretch,
+    velocity: Floats,
+) -> tuple[int, int, int]:
     """Fill the arrays from ``at = (x1, y1, x2, y2, time since last impact)`` on; returns impacts, steps, sticking."""
     hits, room = np.empty((MOST_IN_A_STEP, HIT)), new_room(w.depth)
     state = at[:4]
@@ -102,13 +109,11 @@ class LongPath:
         Shapes: `velocity` (steps taken, 2).
         """
         room = steps // 2 + MOST_IN_A_STEP
-        s = Stretch(
-            np.empty(room), np.empty(room), np.empty(room, np.int64), np.empty((room, 4)), np.zeros((room, 4))
-        )  # fmt: skip
+        s = Stretch(np.empty(room), np.empty(room), np.empty(room, np.int64), np.empty((room, 4)), np.zeros((room, 4)))
         velocity = np.empty((steps if velocities else 0, 2))
         n, taken, sticking = _stretch(
             self.c, self.clock, self.key, self.path, tangent, self.steps, steps, self.at, self.frame, s, velocity
-        )  # fmt: skip
+        )
         self.steps += taken
         self.sticking_steps += sticking
         return s.first(n), velocity[:taken]

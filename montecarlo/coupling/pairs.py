@@ -18,8 +18,6 @@ from rattle.scene.flight import jacobian, noise_rate
 from rattle.scene.impact import struck
 from rattle.scene.scene import Scene
 
-__all__ = ["EARLIEST", "LATEST", "after_impact", "growths"]
-
 Floats = NDArray[np.float64]
 
 EARLIEST, LATEST = 0.2, 0.6  # shares of a step between which an impact is used: the partner's is in the same step
@@ -36,9 +34,19 @@ def _two_normals(c: Constants, key: Key, path: Word, step: int) -> tuple[float, 
 
 @jit
 def _after_impact(
-    c: Constants, w: Clockwork, key: Key, path: Word, step: int, steps: int, settle: int, state: Floats, least: float,
-    deltas: Floats, apart: Floats, place: Floats,
-) -> tuple[int, int]:  # fmt: skip
+    c: Constants,
+    w: Clockwork,
+    key: Key,
+    path: Word,
+    step: int,
+    steps: int,
+    settle: int,
+    state: Floats,
+    least: float,
+    deltas: Floats,
+    apart: Floats,
+    place: Floats,
+) -> tuple[int, int]:
     hits, other = np.empty((MOST_IN_A_STEP, HIT)), np.empty((MOST_IN_A_STEP, HIT))
     begin, partner, room = np.empty(4), np.empty(4), new_room(w.depth)
     n, missed = 0, 0
@@ -93,7 +101,7 @@ def after_impact(
     apart, place = np.empty((impacts, deltas.size)), np.empty((impacts, 3))
     n, missed = _after_impact(
         c, w, key, Word(0), 0, settle + 2000 * impacts, settle, _start(scene), least, deltas, apart, place
-    )  # fmt: skip
+    )
     return apart[:n], place[:n], missed
 
 
@@ -122,9 +130,20 @@ def _place(c: Constants, a: Floats, b: Floats, delta: float) -> bool:
 
 @jit
 def _growths(
-    c: Constants, w: Clockwork, key: Key, path: Word, step: int, settle: int, patience: int, steps: int, a: Floats,
-    delta: float, ratio: float, duration: Floats, growth: Floats,
-) -> int:  # fmt: skip
+    c: Constants,
+    w: Clockwork,
+    key: Key,
+    path: Word,
+    step: int,
+    settle: int,
+    patience: int,
+    steps: int,
+    a: Floats,
+    delta: float,
+    ratio: float,
+    duration: Floats,
+    growth: Floats,
+) -> int:
     hits, room = np.empty((MOST_IN_A_STEP, HIT)), new_room(w.depth)
     b = a.copy()
     n, waited, last, together = 0, 0, 0.0, True
@@ -155,9 +174,15 @@ def _growths(
 
 
 def growths(
-    scene: Scene, delta: float, events: int, seed: int, *, ratio: float = 2.0, patience: float = 200.0,
+    scene: Scene,
+    delta: float,
+    events: int,
+    seed: int,
+    *,
+    ratio: float = 2.0,
+    patience: float = 200.0,
     settle: int = 5000,
-) -> tuple[Floats, Floats]:  # fmt: skip
+) -> tuple[Floats, Floats]:
     """Time in which two paths on a shared Brownian tree diverge from `delta` to `ratio` times that, and the growth.
 
     The distance is looked at once a step (2 pi / 128 or less); after each growth the partner is put back to `delta` in
@@ -177,7 +202,7 @@ def growths(
     wait = max(2, int(patience / w.h))
     n = _growths(
         c, w, key, Word(0), 0, settle, wait, settle + wait * events, _start(scene), delta, ratio, duration, growth
-    )  # fmt: skip
+    )
     return duration[:n], growth[:n]
 
 

@@ -32,8 +32,6 @@ from rattle.scene.errors import InputError
 from rattle.scene.gears import DAT21
 from rattle.scene.scene import Scene
 
-__all__ = ["check_gpu", "launch_size", "launches", "measure", "speed"]
-
 Floats = NDArray[np.float64]
 
 THREADS = 128
@@ -110,7 +108,7 @@ def _prepare(plan: Plan) -> _Resources:
     noise = "none" if scene.sigma == 0.0 else "two-point" if plan.two_point else "gaussian"
     job = Job(
         scene.constants, backlash, key_of(plan.seed), scene.phase, plan.dt, scheme, plan.two_point, plan.most_steps
-    )  # fmt: skip
+    )
     sides = ((scene.start.x1, scene.gap1), (scene.start.x2, scene.gap2))
     gaps = np.repeat([[scene.gap1], [scene.gap2]], 2, axis=0)
     return _Resources(
@@ -135,9 +133,18 @@ def _follow(gpu: _Resources, first: int, paths: int) -> tuple[Any, Any, NDArray[
     fixed = cuda.device_array((plan.fixed_steps.size, 4, paths), np.float64)
     counts = cuda.to_device(np.zeros(3, np.int64))
     launch(
-        gpu.follow, -(-paths // threads), threads, gpu.job, first, gpu.start, gpu.flanks, rows, gpu.fixed_steps,
-        fixed, counts,
-    )  # fmt: skip
+        gpu.follow,
+        -(-paths // threads),
+        threads,
+        gpu.job,
+        first,
+        gpu.start,
+        gpu.flanks,
+        rows,
+        gpu.fixed_steps,
+        fixed,
+        counts,
+    )
     return rows, fixed, counts.copy_to_host()
 
 
@@ -213,18 +220,26 @@ def measure(dt: float = 2e-3, impacts: int = 12) -> pd.DataFrame:
     rows = []
     for (scheme, increments), cost in COSTS.items():
         plan = plan_of(
-            scene, paths=ROUNDS * _resident(), impacts=impacts, dt=dt, scheme=scheme, increments=increments,
+            scene,
+            paths=ROUNDS * _resident(),
+            impacts=impacts,
+            dt=dt,
+            scheme=scheme,
+            increments=increments,
             device="cuda",
-        )  # fmt: skip
+        )
         rate = speed(plan)
         rows.append(
             {
-                "scheme": scheme, "increments": increments, "path_steps_per_s": rate,
-                "flops_per_s": cost.flops * rate, "words_per_s": cost.random_words * rate,
+                "scheme": scheme,
+                "increments": increments,
+                "path_steps_per_s": rate,
+                "flops_per_s": cost.flops * rate,
+                "words_per_s": cost.random_words * rate,
                 "of_float64": cost.float64_instructions * rate / (clocks * lanes),
                 "of_issue": cost.instructions * rate / (clocks * LANES),
             }
-        )  # fmt: skip
+        )
     return pd.DataFrame(rows).set_index(["scheme", "increments"])
 
 

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from rattle.montecarlo.kernel.kernel import CHUNK, EXACT, FLANK_DRAWS, LOCATED, PLAIN, next_event
+from rattle.montecarlo.kernel.kernel import EXACT, FLANK_DRAWS, LOCATED, PLAIN, next_event
+from rattle.montecarlo.kernel.lanes import CHUNK
 from rattle.montecarlo.noise.backlash import first_half_gap, half_gap
 from rattle.montecarlo.noise.philox import STEP, Word, bits_of, normals, sign_of
 from rattle.montecarlo.schemes.crossing import near_wall
@@ -24,8 +25,6 @@ from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Noise, Progress
 from rattle.montecarlo.schemes.sticking import OPEN, sides_of, stick_to_end, sticking_sides
 from rattle.montecarlo.schemes.whole_step import FlightForcing, first_stage, flight_forcing, second_stage
 from rattle.scene.impact import struck
-
-__all__ = ["STEPS", "STICKING", "UNFINISHED", "path_kernel"]
 
 TABLE = 64  # steps whose forcing a thread block tabulates together, one thread a step; also the bits of a Word
 STEPS, STICKING, UNFINISHED = 0, 1, 2  # indices of `counts`
@@ -50,9 +49,18 @@ def _tabulate(scheme, job, n, table):  # type: ignore[no-untyped-def]
 def _flight(c, h, whole, t, x1, y1, x2, y2, w, area, walls):  # type: ignore[no-untyped-def]
     """State after an exact-flight step, and whether it may have an impact; `t` is the step's row of the table."""
     f = FlightForcing(
-        whole.x1y1, whole.y1y1, whole.x2y1, whole.x2y2, whole.y2y1, whole.y2y2,
-        (t[0], t[1], t[2], t[3]), (t[4], t[5], t[6], t[7]), (t[8], t[9], t[10], t[11]), t[12], t[13],
-    )  # fmt: skip
+        whole.x1y1,
+        whole.y1y1,
+        whole.x2y1,
+        whole.x2y2,
+        whole.y2y1,
+        whole.y2y2,
+        (t[0], t[1], t[2], t[3]),
+        (t[4], t[5], t[6], t[7]),
+        (t[8], t[9], t[10], t[11]),
+        t[12],
+        t[13],
+    )
     third = h / 3.0
     a1, b1 = first_stage(f, x1, y1, w, area)
     meets = near_wall(third, x1, y1, a1, b1, walls.high1, walls.low1, f.margin1)
@@ -83,18 +91,22 @@ def _first_walls(random, job, path):  # type: ignore[no-untyped-def]
         return Walls(job.c.wall1, job.c.wall1, job.c.wall2, job.c.wall2)
     b, key = job.backlash, job.key
     return Walls(
-        first_half_gap(b, key, path, 0), first_half_gap(b, key, path, 1),
-        first_half_gap(b, key, path, 2), first_half_gap(b, key, path, 3),
-    )  # fmt: skip
+        first_half_gap(b, key, path, 0),
+        first_half_gap(b, key, path, 1),
+        first_half_gap(b, key, path, 2),
+        first_half_gap(b, key, path, 3),
+    )
 
 
 @cuda.jit(device=True)
 def _move(walls, code, drawn):  # type: ignore[no-untyped-def]
     """Walls after an impact: the flank opposite to the struck one is redrawn."""
     return Walls(
-        drawn if code == -1 else walls.high1, drawn if code == 1 else walls.low1,
-        drawn if code == -2 else walls.high2, drawn if code == 2 else walls.low2,
-    )  # fmt: skip
+        drawn if code == -1 else walls.high1,
+        drawn if code == 1 else walls.low1,
+        drawn if code == -2 else walls.high2,
+        drawn if code == 2 else walls.low2,
+    )
 
 
 @cache

@@ -18,8 +18,6 @@ from rattle.montecarlo.kernel.kernel import COLUMNS
 from rattle.montecarlo.statistics.central_sums import COVARIANCE, PAIR, SINGLE, CentralSums, Orders
 from rattle.scene.moments import SECTION
 
-__all__ = ["MOST_THREADS", "launch", "reduce"]
-
 MOST_THREADS = 256  # of a thread block; a power of two
 MOST_ORDERS, MOST_POWERS = 16, 9  # sizes of local arrays: orders of a cell, and powers 0 to 8
 
@@ -148,13 +146,23 @@ def _sums(v: Any, variables: int, pairs: Sequence[tuple[int, int]], orders: Orde
     n, mean = cuda.device_array(cells, np.float64), cuda.device_array((2, cells), np.float64)
     sums = cuda.device_array((len(orders), cells), np.float64)
     launch(
-        _cell_sums, cells, threads, v.reshape(groups * variables, paths), cuda.to_device(left), cuda.to_device(right),
-        cuda.to_device(np.array(orders)), n, mean, sums,
-    )  # fmt: skip
+        _cell_sums,
+        cells,
+        threads,
+        v.reshape(groups * variables, paths),
+        cuda.to_device(left),
+        cuda.to_device(right),
+        cuda.to_device(np.array(orders)),
+        n,
+        mean,
+        sums,
+    )
     return CentralSums(
-        orders, n.copy_to_host().reshape(shape), mean.copy_to_host().reshape(2, *shape),
+        orders,
+        n.copy_to_host().reshape(shape),
+        mean.copy_to_host().reshape(2, *shape),
         sums.copy_to_host().reshape(len(orders), *shape),
-    )  # fmt: skip
+    )
 
 
 def reduce(plan: Plan, rows: Any, fixed: Any, counts: NDArray[np.int64], threads: int) -> BlockResult:
@@ -175,6 +183,10 @@ def reduce(plan: Plan, rows: Any, fixed: Any, counts: NDArray[np.int64], threads
     grid = plan.impacts, len(CODES) + len(itineraries)
     launch(_tally, grid, threads, rows, cuda.to_device(itineraries), codes, agreeing)
     return BlockResult(
-        sums, codes.copy_to_host(), dict(zip(plan.itineraries, agreeing.copy_to_host(), strict=True)),
-        int(counts[STEPS]), int(counts[STICKING]), int(counts[UNFINISHED]),
-    )  # fmt: skip
+        sums,
+        codes.copy_to_host(),
+        dict(zip(plan.itineraries, agreeing.copy_to_host(), strict=True)),
+        int(counts[STEPS]),
+        int(counts[STICKING]),
+        int(counts[UNFINISHED]),
+    )

@@ -24,20 +24,6 @@ from rattle.scene.impact import energy_loss, struck
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 
-__all__ = [
-    "BLOCK",
-    "CODES",
-    "CROSS",
-    "PAIRS",
-    "SECTION_OF",
-    "BlockResult",
-    "Plan",
-    "Raw",
-    "run",
-    "sample",
-    "start_state",
-]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -136,14 +122,18 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
     if plan.mirrored:
         c = c._replace(sigma=-c.sigma)
     job = Job(
-        c, backlash, key, scene.phase, plan.dt, SCHEMES[plan.scheme].code, plan.two_point,
+        c,
+        backlash,
+        key,
+        scene.phase,
+        plan.dt,
+        SCHEMES[plan.scheme].code,
+        plan.two_point,
         plan.most_steps,
-    )  # fmt: skip
+    )
     every, room = lanes_of(plan.levels, first, start_state(scene, walls), walls, scene.phase)
     kernel = plain_block if job.scheme == PLAIN else block_kernel(job.scheme)
-    work, sticking = kernel(
-        job, plan.control, first, every, room, rows, plan.fixed_steps, fixed, controls
-    )  # fmt: skip
+    work, sticking = kernel(job, plan.control, first, every, room, rows, plan.fixed_steps, fixed, controls)
     unfinished = np.isnan(rows[0, :, -1, 0]).sum()
     return Raw(rows, fixed, controls, int(work), int(sticking), int(unfinished))
 
@@ -190,9 +180,13 @@ def _pairs(
     first, second = np.array(pairs).T
     base = len(values) // groups * np.arange(groups)[:, None]
     return CentralSums.of_columns(
-        values, values if other is None else other, (base + first).ravel(), (base + second).ravel(), orders,
+        values,
+        values if other is None else other,
+        (base + first).ravel(),
+        (base + second).ravel(),
+        orders,
         (groups, len(pairs)),
-    )  # fmt: skip
+    )
 
 
 def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:

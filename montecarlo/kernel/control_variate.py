@@ -24,8 +24,6 @@ from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 from rattle.scene.small_matrices import apply, congruence, times, times_transposed
 
-__all__ = ["LinearPath", "carry_along", "estimate_controlled", "linear_path", "no_control"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -54,9 +52,13 @@ class LinearPath(NamedTuple):
 def no_control() -> LinearPath:
     """A linearised path without steps and impacts: no control variate."""
     return LinearPath(
-        np.empty((0, 5, 5)), np.empty((0, 2, 5)), np.empty(0, np.int64), np.empty((0, 6, 5)), np.empty((0, 2, 6)),
+        np.empty((0, 5, 5)),
+        np.empty((0, 2, 5)),
+        np.empty(0, np.int64),
+        np.empty((0, 6, 5)),
+        np.empty((0, 2, 6)),
         np.empty((0, 6)),
-    )  # fmt: skip
+    )
 
 
 class _Impact(NamedTuple):
@@ -124,9 +126,13 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
     orbit = [impact for impact in _impacts(scene, impacts) if impact.tau - scene.phase < MOST_STEPS * dt]
     steps = int((orbit[-1].tau - scene.phase) / dt) + 1 if orbit else 0
     program = LinearPath(
-        np.empty((steps, 5, 5)), np.empty((steps, 2, 5)), np.empty(len(orbit), np.int64),
-        np.empty((len(orbit), 6, 5)), np.empty((len(orbit), 2, 6)), np.zeros((impacts, 6)),
-    )  # fmt: skip
+        np.empty((steps, 5, 5)),
+        np.empty((steps, 2, 5)),
+        np.empty(len(orbit), np.int64),
+        np.empty((len(orbit), 6, 5)),
+        np.empty((len(orbit), 2, 6)),
+        np.zeros((impacts, 6)),
+    )
     covariance, k = np.zeros((5, 5)), 0
     for n in range(steps):
         tau, at = scene.phase + n * dt, 0.0
@@ -150,9 +156,17 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
 
 @lean
 def carry_along(
-    path: LinearPath, n: int, done: int, first: int, numbers: NDArray[Word], xi: Floats, w: Floats, area: Floats,
-    controls: Floats, live: int,
-) -> int:  # fmt: skip
+    path: LinearPath,
+    n: int,
+    done: int,
+    first: int,
+    numbers: NDArray[Word],
+    xi: Floats,
+    w: Floats,
+    area: Floats,
+    controls: Floats,
+    live: int,
+) -> int:
     """Carry the perturbations of all lanes through step n.
 
     Shapes: `numbers` (lanes,); `xi` (5, lanes); `w`, `area` (lanes,); `controls` (paths, impacts, COLUMNS).

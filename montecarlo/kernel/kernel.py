@@ -24,21 +24,6 @@ from rattle.scene.constants import Constants
 from rattle.scene.impact import struck
 from rattle.scene.instructions import widest_vectors
 
-__all__ = [
-    "CHUNK",
-    "COLUMNS",
-    "EXACT",
-    "FLANK_DRAWS",
-    "LOCATED",
-    "PLAIN",
-    "Job",
-    "block_kernel",
-    "next_event",
-    "rebound",
-    "record",
-    "walls_of",
-]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
@@ -68,9 +53,19 @@ class Job(NamedTuple):
 
 @splice
 def next_event(
-    scheme: int, c: Constants, key: Key, path: Word, step: int, level: int, met: int, at: Progress, phase: Phase,
-    whole: State, walls: Walls, ahead: Floats,
-) -> tuple[Progress, Phase]:  # fmt: skip
+    scheme: int,
+    c: Constants,
+    key: Key,
+    path: Word,
+    step: int,
+    level: int,
+    met: int,
+    at: Progress,
+    phase: Phase,
+    whole: State,
+    walls: Walls,
+    ahead: Floats,
+) -> tuple[Progress, Phase]:
     """Go to the next impact within a step, or to the end of the step; the same function on processors and GPUs.
 
     `step`, `level`: Number of the step, in finest steps; its level (0 for dt, 1 for 2 dt, ...). Shapes: `ahead`
@@ -93,9 +88,20 @@ def walls_of(lanes: Lanes, p: int) -> Walls:
 
 @splice
 def record(
-    job: Job, path: Word, row: int, level: int, p: int, code: int, tau: float, x1: float, y1: float, x2: float,
-    y2: float, lanes: Lanes, rows: Floats,
-) -> None:  # fmt: skip
+    job: Job,
+    path: Word,
+    row: int,
+    level: int,
+    p: int,
+    code: int,
+    tau: float,
+    x1: float,
+    y1: float,
+    x2: float,
+    y2: float,
+    lanes: Lanes,
+    rows: Floats,
+) -> None:
     """Record an impact of the path in lane p, and redraw the flank if impacts do.
 
     Shapes: `rows` (levels, paths, impacts, COLUMNS).
@@ -126,9 +132,19 @@ def rebound(c: Constants, mesh: float, y1: float, y2: float) -> tuple[float, flo
 
 @splice
 def _finish_inside(
-    scheme: int, job: Job, path: Word, row: int, step: int, level: int, p: int, at: Progress, phase: Phase,
-    lanes: Lanes, rows: Floats, ahead: Floats,
-) -> bool:  # fmt: skip
+    scheme: int,
+    job: Job,
+    path: Word,
+    row: int,
+    step: int,
+    level: int,
+    p: int,
+    at: Progress,
+    phase: Phase,
+    lanes: Lanes,
+    rows: Floats,
+    ahead: Floats,
+) -> bool:
     """Carry one path from `at` through its impacts to the end of the step; whether a mesh had to stay closed."""
     sticking, state = False, lanes.state
     whole = state[0, p], state[1, p], state[2, p], state[3, p]
@@ -193,9 +209,16 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
 
     @lean
     def run_block(
-        job: Job, control: LinearPath, first: int, every: Lanes, room: Room, rows: Floats, fixed_steps: Ints,
-        fixed: Floats, controls: Floats,
-    ) -> tuple[int, int]:  # fmt: skip
+        job: Job,
+        control: LinearPath,
+        first: int,
+        every: Lanes,
+        room: Room,
+        rows: Floats,
+        fixed_steps: Ints,
+        fixed: Floats,
+        controls: Floats,
+    ) -> tuple[int, int]:
         widest_vectors()
         levels, paths, impacts = rows.shape[0], rows.shape[1], rows.shape[2]
         path, bits, z, xi, marks, hits = room.path, room.bits, room.z, room.xi, room.marks, room.hits
@@ -235,7 +258,7 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
                         row = int(path[p]) - first
                         sticking += _finish_inside(
                             scheme, job, path[p], row, n - multiple, level, p, at, phase, lanes, rows, room.ahead
-                        )  # fmt: skip
+                        )
                     work += live
                 if next_fixed < fixed_steps.size and fixed_steps[next_fixed] == n:
                     for level in range(levels):

@@ -12,8 +12,6 @@ from rattle.montecarlo.schemes.exact_flight import PARTS
 from rattle.scene.compiled import lean, splice
 from rattle.scene.instructions import widest_vectors
 
-__all__ = ["CHUNK", "TILE", "Lanes", "Room", "join_halves", "lanes_of", "list_marked", "of_level", "retire"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
@@ -74,17 +72,31 @@ def lanes_of(levels: int, first: int, start: Floats, walls: Floats, tau: float) 
     state, wall = np.zeros((levels, 4, lanes)), np.ones((levels, 4, lanes))
     state[:, :, :paths], wall[:, :, :paths] = start, walls
     every = Lanes(
-        state, state.copy(), wall, np.zeros((levels, lanes)), np.zeros((levels, lanes)), np.full((levels, lanes), tau),
+        state,
+        state.copy(),
+        wall,
+        np.zeros((levels, lanes)),
+        np.zeros((levels, lanes)),
+        np.full((levels, lanes), tau),
         np.zeros((levels, lanes), np.int64),
-    )  # fmt: skip
+    )
     few = np.zeros((CODE // ROW + 1, ROW))
     few[HIGH1 // ROW : CODE // ROW] = walls[:, :1]  # stays so where all paths have the same
     room = Room(
-        np.arange(first, first + lanes, dtype=np.uint64), np.zeros(lanes, np.uint64), np.zeros((5, lanes)),
-        np.zeros((5, lanes)), np.zeros(lanes, np.bool_), np.empty(lanes // 8 + 1, np.int64),
-        np.empty(lanes + 1, np.int64), np.empty((PARTS, 3)), np.empty((levels, CHUNK, FORCING)),
-        few.ravel(), np.zeros((4, TILE)), np.zeros(lanes, np.bool_), np.empty(lanes + 1, np.int64),
-    )  # fmt: skip
+        np.arange(first, first + lanes, dtype=np.uint64),
+        np.zeros(lanes, np.uint64),
+        np.zeros((5, lanes)),
+        np.zeros((5, lanes)),
+        np.zeros(lanes, np.bool_),
+        np.empty(lanes // 8 + 1, np.int64),
+        np.empty(lanes + 1, np.int64),
+        np.empty((PARTS, 3)),
+        np.empty((levels, CHUNK, FORCING)),
+        few.ravel(),
+        np.zeros((4, TILE)),
+        np.zeros(lanes, np.bool_),
+        np.empty(lanes + 1, np.int64),
+    )
     return every, room
 
 
@@ -96,7 +108,7 @@ def of_level(every: Lanes, level: int, w: Floats, area: Floats) -> Lanes:
     """
     return Lanes(
         every.state[level], every.before[level], every.walls[level], w, area, every.last[level], every.impacts[level]
-    )  # fmt: skip
+    )
 
 
 @lean

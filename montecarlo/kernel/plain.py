@@ -46,8 +46,6 @@ from rattle.scene.compiled import inline, lean, splice
 from rattle.scene.constants import Constants
 from rattle.scene.instructions import widest_vectors
 
-__all__ = ["plain_block"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
@@ -136,7 +134,7 @@ def _beyond(x: float, high: float, low: float) -> float:
 @lean
 def _step_few(
     c: Constants, forcing: Floats, h: float, few: Floats, z: Floats, due: Bools, crowded: Bools, lanes: int
-) -> None:  # fmt: skip
+) -> None:
     """One step of the picked lanes; those with an impact at its end are marked, and put back on the wall.
 
     Their ``mesh * side`` is written beside their states, where others have 0; those beyond walls of both meshes, whose
@@ -145,9 +143,7 @@ def _step_few(
     widest_vectors()
     f, two = StepForcing(forcing[0], forcing[1], forcing[2], forcing[3]), 1.0 if c.stages == 2 else 0.0
     for j in range(lanes):
-        x1, y1, x2, y2 = euler_step(
-            c, f, h, few[_of(X1, j)], few[_of(Y1, j)], few[_of(X2, j)], few[_of(Y2, j)], z[j]
-        )  # fmt: skip
+        x1, y1, x2, y2 = euler_step(c, f, h, few[_of(X1, j)], few[_of(Y1, j)], few[_of(X2, j)], few[_of(Y2, j)], z[j])
         high1, low1, high2, low2 = few[_of(HIGH1, j)], few[_of(LOW1, j)], few[_of(HIGH2, j)], few[_of(LOW2, j)]
         side1, side2 = _beyond(x1, high1, low1), two * _beyond(x2, high2, low2)
         second = 2.0 * side2 if side2 * y2 > 0.0 else 0.0
@@ -164,9 +160,7 @@ def _step_few(
 def _rebound(c: Constants, few: Floats, lanes: int) -> None:
     """Velocities of the picked lanes after the impacts that are due in them.  Vectorises."""
     for j in range(lanes):
-        few[_of(Y1, j)], few[_of(Y2, j)] = rebound(
-            c, abs(few[_of(CODE, j)]), few[_of(Y1, j)], few[_of(Y2, j)]
-        )  # fmt: skip
+        few[_of(Y1, j)], few[_of(Y2, j)] = rebound(c, abs(few[_of(CODE, j)]), few[_of(Y1, j)], few[_of(Y2, j)])
 
 
 @splice
@@ -201,9 +195,17 @@ def _have_more_impacts(
 
 @splice
 def _have_impacts(
-    job: Job, first: int, level: int, tau: float, tile: int, found: int, wide: int, lanes: Lanes, room: Room,
+    job: Job,
+    first: int,
+    level: int,
+    tau: float,
+    tile: int,
+    found: int,
+    wide: int,
+    lanes: Lanes,
+    room: Room,
     rows: Floats,
-) -> int:  # fmt: skip
+) -> int:
     """Impacts at the end of a step, in the first `found` of the picked lanes ``room.struck``, one at a time in each.
 
     Returns in how many lanes an impact is still due after `MOST_IN_A_STEP`.
@@ -213,9 +215,20 @@ def _have_impacts(
         j = struck[i]
         p = tile + room.hits[j]
         record(
-            job, path[p], int(path[p]) - first, level, p, int(few[_of(CODE, j)]), tau, few[_of(X1, j)],
-            few[_of(Y1, j)], few[_of(X2, j)], few[_of(Y2, j)], lanes, rows,
-        )  # fmt: skip
+            job,
+            path[p],
+            int(path[p]) - first,
+            level,
+            p,
+            int(few[_of(CODE, j)]),
+            tau,
+            few[_of(X1, j)],
+            few[_of(Y1, j)],
+            few[_of(X2, j)],
+            few[_of(Y2, j)],
+            lanes,
+            rows,
+        )
         struck[more] = j
         more += room.crowded[j]
     _rebound(job.c, few, wide)
@@ -226,9 +239,20 @@ def _have_impacts(
 
 @splice
 def _walk(
-    job: Job, first: int, level: int, n: int, forcing: Floats, z: Floats, tile: int, steps: int, found: int,
-    before: Floats, lanes: Lanes, room: Room, rows: Floats,
-) -> int:  # fmt: skip
+    job: Job,
+    first: int,
+    level: int,
+    n: int,
+    forcing: Floats,
+    z: Floats,
+    tile: int,
+    steps: int,
+    found: int,
+    before: Floats,
+    lanes: Lanes,
+    room: Room,
+    rows: Floats,
+) -> int:
     """The first `found` lanes of ``room.hits`` from the states `before` through some steps one at a time, with impacts.
 
     Returns in how many steps of them an impact is still due after `MOST_IN_A_STEP`.
@@ -255,16 +279,35 @@ def _walk(
 
 @splice
 def _take_steps(
-    job: Job, first: int, level: int, n: int, forcing: Floats, z: Floats, tile: int, steps: int, live: int,
-    lanes: Lanes, room: Room, rows: Floats,
-) -> int:  # fmt: skip
+    job: Job,
+    first: int,
+    level: int,
+    n: int,
+    forcing: Floats,
+    z: Floats,
+    tile: int,
+    steps: int,
+    live: int,
+    lanes: Lanes,
+    room: Room,
+    rows: Floats,
+) -> int:
     """At most four steps of a level, from finest step n on, of the `live` lanes from lane `tile` on."""
     if steps == QUAD:
         wide = (live + 7) // 8 * 8
         four_euler_steps(
-            job.c, forcing, job.dt * (1 << level), job.backlash.random, lanes.walls, tile, lanes.state, lanes.before, z,
-            room.marks, wide,
-        )  # fmt: skip
+            job.c,
+            forcing,
+            job.dt * (1 << level),
+            job.backlash.random,
+            lanes.walls,
+            tile,
+            lanes.state,
+            lanes.before,
+            z,
+            room.marks,
+            wide,
+        )
         found, before = list_marked(room.marks, live, room.groups, room.hits), lanes.before
     else:
         for j in range(live):
@@ -278,9 +321,19 @@ def _take_steps(
 
 @splice
 def _take_chunk(
-    job: Job, first: int, n: int, stop: int, tile: int, live: int, every: Lanes, room: Room, rows: Floats,
-    fixed_steps: Ints, ticks: int, fixed: Floats,
-) -> int:  # fmt: skip
+    job: Job,
+    first: int,
+    n: int,
+    stop: int,
+    tile: int,
+    live: int,
+    every: Lanes,
+    room: Room,
+    rows: Floats,
+    fixed_steps: Ints,
+    ticks: int,
+    fixed: Floats,
+) -> int:
     """All levels of the `live` lanes from lane `tile` on, from finest step n to step `stop`."""
     wide, late, levels = (live + 7) // 8 * 8, 0, rows.shape[0]
     path, bits = room.path[tile : tile + wide], room.bits[tile : tile + wide]
@@ -297,9 +350,19 @@ def _take_chunk(
                 _join(steps, wide, room.z)
             if steps > 0:
                 late += _take_steps(
-                    job, first, level, s, room.forcing[level, (s - n) >> level :], room.z[s % QUAD :], tile, steps,
-                    live, of_level(every, level, every.w[level], every.area[level]), room, rows,
-                )  # fmt: skip
+                    job,
+                    first,
+                    level,
+                    s,
+                    room.forcing[level, (s - n) >> level :],
+                    room.z[s % QUAD :],
+                    tile,
+                    steps,
+                    live,
+                    of_level(every, level, every.w[level], every.area[level]),
+                    room,
+                    rows,
+                )
         s = end
         if ticks < fixed_steps.size and fixed_steps[ticks] == s:
             for level in range(levels):
@@ -312,9 +375,16 @@ def _take_chunk(
 
 @lean
 def plain_block(
-    job: Job, control: LinearPath, first: int, every: Lanes, room: Room, rows: Floats, fixed_steps: Ints, fixed: Floats,
+    job: Job,
+    control: LinearPath,
+    first: int,
+    every: Lanes,
+    room: Room,
+    rows: Floats,
+    fixed_steps: Ints,
+    fixed: Floats,
     controls: Floats,
-) -> tuple[int, int]:  # fmt: skip
+) -> tuple[int, int]:
     """Follow a block of paths by ``euler-maruyama``."""
     widest_vectors()
     levels, impacts = rows.shape[0], rows.shape[2]
@@ -325,7 +395,7 @@ def plain_block(
         for tile in range(0, live, TILE):
             sticking += _take_chunk(
                 job, first, n, stop, tile, min(TILE, live - tile), every, room, rows, fixed_steps, ticks, fixed
-            )  # fmt: skip
+            )
         while ticks < fixed_steps.size and fixed_steps[ticks] <= stop:
             ticks += 1
         for level in range(levels):

@@ -6,8 +6,6 @@ from numpy.typing import NDArray
 from rattle.montecarlo.long_run.result import LongRun
 from rattle.montecarlo.long_run.sums import ENERGY
 
-__all__ = ["balance"]
-
 Floats = NDArray[np.float64]
 
 

@@ -22,10 +22,6 @@ from scipy.special import stdtrit
 from rattle.montecarlo.long_run.sums import CONTACT, GROUPS
 from rattle.scene.errors import InputError
 
-__all__ = [
-    "FIRST", "LEAST_IMPACTS", "MOST", "PARTS", "Apart", "AtRest", "BurnIn", "BurnInError", "Drift", "apart", "drift",
-]  # fmt: skip
-
 Floats = NDArray[np.float64]
 
 FIRST, MOST = 32, 2**15

@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from rattle.montecarlo.long_run.sums import NOISE, SPEED, WORK, Scales, Sums
 
-__all__ = ["Collected", "collect", "time_averages"]
-
 Floats = NDArray[np.float64]
 
 
@@ -50,9 +48,17 @@ def collect(parts: list[Sums], batches: int, time: float, samples: float, stages
         for sums in (power[:, :, SPEED:], products[:, :, 0], histogram[:, :, SPEED:]):
             sums[:, 0] = sums[:, 1] + sums[:, 2]
     return Collected(
-        joined("main")[:, :batches], time, samples, power, products, histogram, joined("section"), parts[0].together,
-        parts[0].scales, stages,
-    )  # fmt: skip
+        joined("main")[:, :batches],
+        time,
+        samples,
+        power,
+        products,
+        histogram,
+        joined("section"),
+        parts[0].together,
+        parts[0].scales,
+        stages,
+    )
 
 
 def time_averages(c: Collected) -> Floats:

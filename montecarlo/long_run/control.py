@@ -17,8 +17,6 @@ from rattle.montecarlo.long_run.collected import Collected
 from rattle.montecarlo.long_run.noise_work import CONTROLS
 from rattle.montecarlo.long_run.sums import CONTACT, NOISE
 
-__all__ = ["LEAST_PATHS", "control", "corrections"]
-
 Floats = NDArray[np.float64]
 
 LEAST_PATHS = 8 * CONTROLS

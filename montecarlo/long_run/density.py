@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from rattle.montecarlo.long_run.collected import Collected
 from rattle.montecarlo.long_run.sums import NUMBER, PHASES, VELOCITIES
 
-__all__ = ["SectionDensity", "section_densities", "velocity_density"]
-
 Floats = NDArray[np.float64]
 
 
@@ -33,10 +31,15 @@ class SectionDensity:
         """Cells that are not empty: ``mesh, phase, velocity`` (middles), ``density, se``."""
         i, j = np.nonzero(self.density)
         middle = [0.5 * (edges[1:] + edges[:-1]) for edges in (self.phase, self.velocity)]
-        return pd.DataFrame({
-            "mesh": self.mesh, "phase": middle[0][i], "velocity": middle[1][j], "density": self.density[i, j],
-            "se": self.se[i, j],
-        })  # fmt: skip
+        return pd.DataFrame(
+            {
+                "mesh": self.mesh,
+                "phase": middle[0][i],
+                "velocity": middle[1][j],
+                "density": self.density[i, j],
+                "se": self.se[i, j],
+            }
+        )
 
 
 def section_densities(c: Collected) -> tuple[SectionDensity, ...]:

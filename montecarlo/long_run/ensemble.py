@@ -152,6 +152,4 @@ class Ensemble:
     def collect(self) -> Collected:
         """Everything that was summed."""
         full = self.periods // self.length
-        return collect(
-            self.sums, full, PERIOD * self.periods, float(SAMPLES * self.periods), self.scene.stages
-        )  # fmt: skip
+        return collect(self.sums, full, PERIOD * self.periods, float(SAMPLES * self.periods), self.scene.stages)

@@ -23,8 +23,6 @@ from rattle.montecarlo.long_run.intervals import Spread, half_width, spread
 from rattle.montecarlo.long_run.names import NAMES, QUANTILES, groups
 from rattle.montecarlo.long_run.sums import CONTACT, ENERGY, FLIGHT, NUMBER, SLOW, SPEED
 
-__all__ = ["Estimate", "estimates"]
-
 Floats = NDArray[np.float64]
 
 
@@ -182,10 +180,17 @@ class _Maker:
             half = float(half_width(part.effective_paths))
             low, high = (_inverse(edges, whole, p + x * part.se) for x in (-half, half))
             naive = math.sqrt(p * (1.0 - p) / float(n.sum()))
-            yield f"q{percent:02d}_", Estimate(
-                value, 0.5 * (high - low) / half, low, high, _over(part.se**2, naive**2),
-                effective_paths=part.effective_paths,
-            )  # fmt: skip
+            yield (
+                f"q{percent:02d}_",
+                Estimate(
+                    value,
+                    0.5 * (high - low) / half,
+                    low,
+                    high,
+                    _over(part.se**2, naive**2),
+                    effective_paths=part.effective_paths,
+                ),
+            )
 
 
 POWER = 7
@@ -193,9 +198,7 @@ POWER = 7
 
 def _central(raw: Floats, mean: float) -> Floats:
     """Central moments of orders 0 to 6 from raw ones."""
-    return np.array([
-        sum(math.comb(k, j) * raw[j] * (-mean) ** (k - j) for j in range(k + 1)) for k in range(POWER)
-    ])  # fmt: skip
+    return np.array([sum(math.comb(k, j) * raw[j] * (-mean) ** (k - j) for j in range(k + 1)) for k in range(POWER)])
 
 
 def _inverse(edges: Floats, below: Floats, p: float) -> float:

@@ -11,8 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
-__all__ = ["CONFIDENCE", "Spread", "count_effective_paths", "half_width", "spread"]
-
 Floats = NDArray[np.float64]
 
 CONFIDENCE = 0.95

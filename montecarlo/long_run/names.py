@@ -4,8 +4,6 @@ from collections.abc import Iterator
 
 from rattle.montecarlo.long_run.sums import ABOVE, FLIGHT, GROUPS, SPEED
 
-__all__ = ["NAMES", "QUANTILES", "all_names", "groups"]
-
 QUANTILES = (1, 5, 50, 95, 99)
 """Percentages of the quantiles."""
 NAMES = {ABOVE: "speed_above", FLIGHT: "flight", SPEED: "speed"}

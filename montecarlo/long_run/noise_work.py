@@ -17,8 +17,6 @@ from rattle.scene.compiled import inline, jit
 from rattle.scene.constants import Constants
 from rattle.scene.impact import struck
 
-__all__ = ["CONTROLS", "LONGEST", "add_noise_work", "has_controls"]
-
 Floats = NDArray[np.float64]
 
 CONTROLS = 4
@@ -73,9 +71,15 @@ def _piece(
 
 @jit
 def add_noise_work(
-    c: Constants, rows: Floats, impacts: NDArray[np.int64], before: Floats, states: Floats, tau: float, apart: float,
+    c: Constants,
+    rows: Floats,
+    impacts: NDArray[np.int64],
+    before: Floats,
+    states: Floats,
+    tau: float,
+    apart: float,
     out: Floats,
-) -> None:  # fmt: skip
+) -> None:
     """Add the control variates of a stretch to the sums of each path.
 
     `rows`, `impacts`, `states`, `tau`, `apart`: As of `rattle.montecarlo.long_run.sums.add_stretch`; the last

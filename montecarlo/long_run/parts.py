@@ -23,15 +23,13 @@ from rattle.montecarlo.long_run.burn_in import (
     Drift,
     apart,
     drift,
-)  # fmt: skip
+)
 from rattle.montecarlo.long_run.ensemble import Ensemble
 from rattle.montecarlo.long_run.estimates import estimates
 from rattle.montecarlo.long_run.pilot import no_scales, scales_of_pilot
 from rattle.montecarlo.long_run.reach import LongReach, widest
 from rattle.montecarlo.long_run.sums import NUMBER
 from rattle.scene.errors import InputError
-
-__all__ = ["IMPACT_SECONDS", "Parts"]
 
 Floats = NDArray[np.float64]
 
@@ -153,10 +151,12 @@ class Parts(NamedTuple):
             if self.refuse and more * nominal > HOUR:
                 gives = width * math.sqrt(e.periods * nominal / HOUR)
                 raise InputError(
-                    "accuracy", goal, f"is expected to take {in_words(more * nominal)} of processor time, and without "
+                    "accuracy",
+                    goal,
+                    f"is expected to take {in_words(more * nominal)} of processor time, and without "
                     f"a budget the limit is one hour: ask for {gives:.2g}, or give the seconds that it may take as "
                     "budget",
-                )  # fmt: skip
+                )
             before = e.periods
             e.follow(self.pool, int(min(SPARE * need + 1.0, GROWTH * before)), self.bar)
             if e.periods == before:

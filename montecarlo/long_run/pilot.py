@@ -7,8 +7,6 @@ from scipy.special import expit
 from rattle.montecarlo.long_run.sums import ABOVE, BINS, CELLS, FLIGHT, GROUPS, KINDS, SPEED, Scales, cell_of
 from rattle.scene.compiled import jit
 
-__all__ = ["impacts_of", "no_scales", "scales_of_pilot"]
-
 Floats = NDArray[np.float64]
 
 TAILS = 8.0  # outermost edges at the probabilities expit(+-8), 3e-4, of the pilot run

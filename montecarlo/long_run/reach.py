@@ -8,8 +8,6 @@ from typing import NamedTuple
 from rattle.montecarlo.budget import in_words
 from rattle.montecarlo.long_run.estimates import Estimate
 
-__all__ = ["LongReach", "widest"]
-
 
 class LongReach(NamedTuple):
     """The accuracy that a long run reached, compared with the accuracy asked for."""

@@ -17,8 +17,6 @@ from rattle.montecarlo.long_run.reach import LongReach
 from rattle.montecarlo.long_run.sums import NUMBER
 from rattle.scene.scene import Scene
 
-__all__ = ["LongRun"]
-
 Floats = NDArray[np.float64]
 
 

@@ -21,8 +21,6 @@ from rattle.scene.scene import Scene
 from rattle.scene.text import line
 from rattle.scene.validate import choice, count, positive
 
-__all__ = ["ACCURACY", "ASKED", "PATHS", "long_run"]
-
 PATHS = 256
 ACCURACY = 0.01
 ASKED = ("rate_above", "speed_above", "energy_per_period")

@@ -18,8 +18,6 @@ from rattle.montecarlo.long_run.sums import NOISE, Sums, add_stretch
 from rattle.montecarlo.noise.philox import Word
 from rattle.scene.compiled import jit
 
-__all__ = ["MANY", "Block", "follow_stretches"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -54,9 +52,17 @@ class Block(NamedTuple):
 
 @jit
 def follow_stretches(
-    b: Block, rows: Floats, fixed: Ints, turn: float, stretches: int, until: int, length: int, sums: Sums, detail: bool,
+    b: Block,
+    rows: Floats,
+    fixed: Ints,
+    turn: float,
+    stretches: int,
+    until: int,
+    length: int,
+    sums: Sums,
+    detail: bool,
     controls: bool,
-) -> int:  # fmt: skip
+) -> int:
     """Follow a block for some stretches.
 
     `fixed`: Steps of a stretch after which states are recorded, and one beyond its end: the kernel retires no

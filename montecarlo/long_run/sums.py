@@ -17,11 +17,6 @@ from rattle.scene.compiled import inline, jit
 from rattle.scene.constants import Constants
 from rattle.scene.impact import energy_loss
 
-__all__ = [
-    "ABOVE", "BINS", "CELLS", "CONTACT", "ENERGY", "FLIGHT", "GROUPS", "KINDS", "MAIN", "NOISE", "NUMBER", "PHASES",
-    "SLOW", "SPEED", "VELOCITIES", "WORK", "Scales", "Sums", "add_stretch", "bin_of", "cell_of", "new_sums",
-]  # fmt: skip
-
 Floats = NDArray[np.float64]
 Counts = NDArray[np.uint32]
 
@@ -81,10 +76,15 @@ def new_sums(paths: int, batches: int, scales: Scales, detail: bool = True, toge
     n = paths if detail else 0
     units = -(-n // together)
     return Sums(
-        np.zeros((paths, batches, MAIN)), np.zeros(1, np.int64), np.zeros((n, GROUPS, KINDS, POWERS)),
-        np.zeros((n, GROUPS, 3)), np.zeros((units, GROUPS, KINDS, BINS), np.uint32),
-        np.zeros((units, 2, PHASES, VELOCITIES), np.uint32), together, scales,
-    )  # fmt: skip
+        np.zeros((paths, batches, MAIN)),
+        np.zeros(1, np.int64),
+        np.zeros((n, GROUPS, KINDS, POWERS)),
+        np.zeros((n, GROUPS, 3)),
+        np.zeros((units, GROUPS, KINDS, BINS), np.uint32),
+        np.zeros((units, 2, PHASES, VELOCITIES), np.uint32),
+        together,
+        scales,
+    )
 
 
 @inline
@@ -171,9 +171,16 @@ def _add_states(c: Constants, states: Floats, sine: Floats, cosine: Floats, main
 
 @jit
 def add_stretch(
-    c: Constants, rows: Floats, impacts: NDArray[np.int64], struck: Floats, states: Floats, tau: float, apart: float,
-    s: Sums, detail: bool,
-) -> None:  # fmt: skip
+    c: Constants,
+    rows: Floats,
+    impacts: NDArray[np.int64],
+    struck: Floats,
+    states: Floats,
+    tau: float,
+    apart: float,
+    s: Sums,
+    detail: bool,
+) -> None:
     """Add the impacts and the states of a stretch to the sums of each path.
 
     Shapes: `rows` (paths, impacts or more, COLUMNS); `impacts` (paths or more,); `struck` (paths, 2); `states`

@@ -22,8 +22,6 @@ from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.step_size import default_step, scales_of
 from rattle.scene.scene import Scene
 
-__all__ = ["LANES", "PERIOD", "SAMPLES", "Walk", "steps_per_period"]
-
 Floats = NDArray[np.float64]
 
 PERIOD = 2.0 * math.pi
@@ -86,10 +84,19 @@ class Walk:
         every, room = lanes_of(1, first, starts, walls, scene.phase)
         counters = (np.zeros(1, np.int64) for _ in range(4))
         self._block = Block(
-            job, no_control(), first, paths, self.steps, every, room, starts.T.copy(),
-            np.full((paths, 2), scene.phase), np.empty((1, paths, SAMPLES + 1, 4)), np.zeros((0, 1, COLUMNS)),
+            job,
+            no_control(),
+            first,
+            paths,
+            self.steps,
+            every,
+            room,
+            starts.T.copy(),
+            np.full((paths, 2), scene.phase),
+            np.empty((1, paths, SAMPLES + 1, 4)),
+            np.zeros((0, 1, COLUMNS)),
             *counters,
-        )  # fmt: skip
+        )
         self._controls, self._fixed = has_controls(c), self._instants(self.steps)
         self._rows = np.empty((1, paths, ROOM, COLUMNS))
 
@@ -111,9 +118,7 @@ class Walk:
         while self.periods < until:
             at_once = SHORTEST * periods if seen is None and rows is self._rows else 1
             struck = b.struck.copy()
-            most = follow_stretches(
-                b, rows, self._fixed, PERIOD, at_once, until, length, sums, detail, self._controls
-            )  # fmt: skip
+            most = follow_stretches(b, rows, self._fixed, PERIOD, at_once, until, length, sums, detail, self._controls)
             if most:  # again with the same random numbers, and space for all impacts
                 rows = np.empty((1, self.paths, 2 * most, COLUMNS))
                 continue

@@ -10,8 +10,6 @@ from rattle.scene.compiled import lean
 from rattle.scene.constants import CUT
 from rattle.scene.scene import Scene
 
-__all__ = ["Backlash", "backlash_of", "draw_walls", "first_half_gap", "half_gap"]
-
 Floats = NDArray[np.float64]
 
 DISTRIBUTIONS = {"fixed": 0, "uniform": 1, "normal": 2}
@@ -37,9 +35,14 @@ def backlash_of(scene: Scene) -> Backlash:
         return Backlash(scene.gap1, scene.gap2, 0.0, 0.0, DISTRIBUTIONS["fixed"], False, False)
     random = t.distribution != "fixed"
     return Backlash(
-        scene.gap1, scene.gap2, t.c1_max, t.c2_max, DISTRIBUTIONS[t.distribution], random,
-        random and t.draw == "contact"
-    )  # fmt: skip
+        scene.gap1,
+        scene.gap2,
+        t.c1_max,
+        t.c2_max,
+        DISTRIBUTIONS[t.distribution],
+        random,
+        random and t.draw == "contact",
+    )
 
 
 @lean

@@ -14,8 +14,6 @@ import math
 from rattle.montecarlo.schemes.step_state import Noise
 from rattle.scene.compiled import lean
 
-__all__ = ["join", "split"]
-
 ROOT12_INVERSE = 1.0 / math.sqrt(12.0)
 
 

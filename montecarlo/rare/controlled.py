@@ -11,8 +11,6 @@ from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.impact import struck
 
-__all__ = ["Origin", "Question", "follow_controlled"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

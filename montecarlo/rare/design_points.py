@@ -16,8 +16,6 @@ from rattle.montecarlo.rare.controlled import Origin, Question, follow_controlle
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 
-__all__ = ["Branch", "Pilot", "find_branches", "pilot_of"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

@@ -14,8 +14,6 @@ from rattle.montecarlo.schemes.step_state import Noise, Progress
 from rattle.scene.compiled import lean
 from rattle.scene.instructions import widest_vectors
 
-__all__ = ["run_weighted"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -75,9 +73,17 @@ def _retire(every: Lanes, room: Room, part: Ints, ahead: Floats, done: Floats, i
 
 @lean
 def run_weighted(
-    job: Job, mixture: Mixture, first: int, every: Lanes, room: Room, part: Ints, ahead: Floats, done: Floats,
-    rows: Floats, weights: Floats,
-) -> None:  # fmt: skip
+    job: Job,
+    mixture: Mixture,
+    first: int,
+    every: Lanes,
+    room: Room,
+    part: Ints,
+    ahead: Floats,
+    done: Floats,
+    rows: Floats,
+    weights: Floats,
+) -> None:
     """Follow a block of paths until each has had its impacts.
 
     `rows`: Output: the state just before each impact; impacts that are not reached stay as given. `weights`:

@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.rare.design_points import Branch
 
-__all__ = ["Mixture", "choose_branches", "mixture_of", "targets"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

@@ -131,9 +131,14 @@ def simulate_rare(
     if scene.tolerance is not None and scene.tolerance.distribution != "fixed":
         raise InputError("scene.tolerance", scene.tolerance, "rare branches are looked for in gaps that do not vary")
     plan = plan_of(
-        scene, paths=paths, impacts=impacts, dt=default_step(scene, "exact-flight"), scheme="exact-flight", rng=rng,
+        scene,
+        paths=paths,
+        impacts=impacts,
+        dt=default_step(scene, "exact-flight"),
+        scheme="exact-flight",
+        rng=rng,
         workers=workers,
-    )  # fmt: skip
+    )
     codes = np.array(plan.itineraries[NOISE_FREE])
     pilot = pilot_of(plan, codes)
     found, unresolved = find_branches(plan, codes, pilot.sd) if scene.sigma > 0.0 else ([], [])
@@ -147,9 +152,7 @@ def simulate_rare(
             unfinished += lost
     kept = counts > 0
     estimates = moments(sums[kept], blocks * counts[kept].astype(float), pilot.mean)
-    return RareEnsemble(
-        scene, blocks * BLOCK, tuple(found), tuple(sampled), tuple(unresolved), unfinished, *estimates
-    )  # fmt: skip
+    return RareEnsemble(scene, blocks * BLOCK, tuple(found), tuple(sampled), tuple(unresolved), unfinished, *estimates)
 
 
 def _block(plan: Plan, mixture: Mixture, counts: NDArray[np.int64], centre: Floats, block: int) -> tuple[Floats, int]:

@@ -5,8 +5,6 @@ from numpy.typing import NDArray
 
 from rattle.scene.compiled import jit
 
-__all__ = ["ORDERS", "add", "moments"]
-
 Floats = NDArray[np.float64]
 
 ORDERS = 8  # sums of w d^o for o = 0, 1, 2 and of w^2 d^o for o = 0 ... 4

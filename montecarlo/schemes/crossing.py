@@ -13,8 +13,6 @@ from rattle.montecarlo.schemes.step_state import Walls
 from rattle.scene.compiled import inline, lean, splice
 from rattle.scene.constants import Constants
 
-__all__ = ["CLOSE", "MARGIN_SDS", "cut_share", "first_root", "margins", "near_wall"]
-
 MARGIN_SDS = 6.0  # bound on a path's deviation from the cubic, in sds; exceeded in 2e-9 of the steps near a wall
 CLOSE = 1e-10  # distance to the wall, in half gaps, at which an impact is accepted at any speed
 SCALE = 1.0 / (6.0 * math.sqrt(3.0))  # margin on the inner Bernstein coefficients that covers (s (1-s))^1.5 / sqrt(3)

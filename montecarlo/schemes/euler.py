@@ -15,18 +15,6 @@ from rattle.scene.constants import Constants
 from rattle.scene.flight import noise_rate
 from rattle.scene.instructions import fma, widest_vectors
 
-__all__ = [
-    "FORCING",
-    "QUAD",
-    "StepForcing",
-    "at_end",
-    "due",
-    "euler_step",
-    "four_euler_steps",
-    "put_on_wall",
-    "step_forcing",
-]
-
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
@@ -48,9 +36,7 @@ def step_forcing(c: Constants, tau: float, h: float) -> StepForcing:
     """Forcing of an Euler-Maruyama step of length h at `tau` (Eq. 5)."""
     m1, m2 = noise_rate(c, tau)
     root = c.sigma * math.sqrt(h)
-    return StepForcing(
-        h * (c.gamma1 + c.alpha * m1), root * m1, h * (c.gamma1 - c.gamma2 + c.alpha * m2), root * m2
-    )  # fmt: skip
+    return StepForcing(h * (c.gamma1 + c.alpha * m1), root * m1, h * (c.gamma1 - c.gamma2 + c.alpha * m2), root * m2)
 
 
 @inline
@@ -80,9 +66,12 @@ def _farther(far: float, x: float) -> float:
 
 @inline
 def _quad(
-    c: Constants, f: tuple[StepForcing, StepForcing, StepForcing, StepForcing], h: float,
-    s: tuple[float, float, float, float], z: tuple[float, float, float, float],
-) -> tuple[tuple[float, float, float, float], float, float, float, float]:  # fmt: skip
+    c: Constants,
+    f: tuple[StepForcing, StepForcing, StepForcing, StepForcing],
+    h: float,
+    s: tuple[float, float, float, float],
+    z: tuple[float, float, float, float],
+) -> tuple[tuple[float, float, float, float], float, float, float, float]:
     """State after four steps without walls, and how far x1 and x2 went upward and downward at their ends."""
     s = euler_step(c, f[0], h, s[0], s[1], s[2], s[3], z[0])
     up1, down1, up2, down2 = s[0], -s[0], s[2], -s[2]
@@ -97,9 +86,18 @@ def _quad(
 
 @lean
 def four_euler_steps(
-    c: Constants, forcing: Floats, h: float, toleranced: bool, walls: Floats, begin: int, state: Floats,
-    before: Floats, z: Floats, beyond: Bools, lanes: int,
-) -> None:  # fmt: skip
+    c: Constants,
+    forcing: Floats,
+    h: float,
+    toleranced: bool,
+    walls: Floats,
+    begin: int,
+    state: Floats,
+    before: Floats,
+    z: Floats,
+    beyond: Bools,
+    lanes: int,
+) -> None:
     """Four steps of some lanes, in registers; marks those that are beyond a wall at the end of any step.  Vectorises.
 
     `walls`, `state`, `before`: Flanks and states of the paths, and the states before these steps (output);

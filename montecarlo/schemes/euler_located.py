@@ -15,8 +15,6 @@ from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
 from rattle.scene.compiled import inline, lean
 from rattle.scene.constants import Constants
 
-__all__ = ["advance_inside", "leaves", "leaving", "step_located_lanes"]
-
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 

@@ -26,8 +26,6 @@ from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
 from rattle.scene.compiled import inline, splice
 from rattle.scene.constants import Constants
 
-__all__ = ["MOST_CUTS", "PARTS", "advance_exactly"]
-
 Floats = NDArray[np.float64]
 
 NEAR = 1e-6  # distance to the wall, in half gaps, that a fast path flies without noise
@@ -129,9 +127,18 @@ def _join(ahead: Floats, top: int) -> Noise:
 
 @inline
 def advance_exactly(
-    c: Constants, key: Key, path: Word, index: Word, purpose: Word, at: Progress, phase: Phase, whole: State,
-    known: bool, walls: Walls, ahead: Floats,
-) -> tuple[Progress, Phase]:  # fmt: skip
+    c: Constants,
+    key: Key,
+    path: Word,
+    index: Word,
+    purpose: Word,
+    at: Progress,
+    phase: Phase,
+    whole: State,
+    known: bool,
+    walls: Walls,
+    ahead: Floats,
+) -> tuple[Progress, Phase]:
     """Go to the next wall that the path meets in this step, or to the end of the step.
 
     The time left is tried as a whole.  A trial that may have an impact is cut at the wall and its first part is tried;

@@ -14,9 +14,16 @@ from rattle.scene.scene import Scene
 from rattle.scene.validate import finite
 
 __all__ = [
-    "COARSEST", "Scales", "accurate_flight", "check_step", "default_step", "is_admissible", "largest_step", "scales_of",
+    "COARSEST",
+    "Scales",
+    "accurate_flight",
+    "check_step",
+    "default_step",
+    "is_admissible",
+    "largest_step",
+    "scales_of",
     "trusted_step",
-]  # fmt: skip
+]
 
 Limit = tuple[float, str]
 
@@ -140,12 +147,14 @@ def largest_step(scene: Scene, scheme: str = "euler-maruyama") -> Limit:
     if not SCHEMES[scheme].has_step_bias:
         accurate, why = accurate_flight(scene)
         return _least({why: accurate, "a longer step holds too many impacts": 2.0 * min(t.crossing, t.shaking)})
-    return _least({
-        "a longer step makes the damping unstable": t.damping,
-        "a longer step cannot follow the excitation": 2.0 * math.pi / 20.0,
-        "a longer step may jump across the gap": 0.5 * t.crossing,
-        "a longer step lets the noise throw a path through the gap": 0.25 * t.shaking,
-    })  # fmt: skip
+    return _least(
+        {
+            "a longer step makes the damping unstable": t.damping,
+            "a longer step cannot follow the excitation": 2.0 * math.pi / 20.0,
+            "a longer step may jump across the gap": 0.5 * t.crossing,
+            "a longer step lets the noise throw a path through the gap": 0.25 * t.shaking,
+        }
+    )
 
 
 def trusted_step(scene: Scene, scheme: str) -> Limit:
@@ -163,11 +172,13 @@ def trusted_step(scene: Scene, scheme: str) -> Limit:
     if not SCHEMES[scheme].has_step_bias:
         return largest_step(scene, scheme)
     t, (late, reversal) = scales_of(scene), TRUSTED_SHARES[scheme]
-    return _least({
-        "a longer step changes the spread of the damped speeds": 0.3 * t.damping,
-        "a longer step detects the impacts of a noisy path late": late * t.shaking,
-        "a longer step misses paths that the noise returns to the wall they leave": reversal * t.turning,
-    })  # fmt: skip
+    return _least(
+        {
+            "a longer step changes the spread of the damped speeds": 0.3 * t.damping,
+            "a longer step detects the impacts of a noisy path late": late * t.shaking,
+            "a longer step misses paths that the noise returns to the wall they leave": reversal * t.turning,
+        }
+    )
 
 
 TRUSTED_SHARES = {"euler-maruyama": (0.01, 0.03), "euler-maruyama-located": (0.04, 0.05)}
@@ -217,9 +228,11 @@ def check_step(scene: Scene, dt: float, scheme: str, coarsest: int = 1) -> float
     largest, reason = largest_step(scene, scheme)
     if dt < largest / MOST_PER_STEP:
         raise InputError(
-            "dt", dt, f"must be at least {largest / MOST_PER_STEP:.3g}: {MOST_PER_STEP:.0e} shorter steps, the default "
+            "dt",
+            dt,
+            f"must be at least {largest / MOST_PER_STEP:.3g}: {MOST_PER_STEP:.0e} shorter steps, the default "
             "limit of a path, do not add up to one longest admissible step",
-        )  # fmt: skip
+        )
     coarsest = 1 if not SCHEMES[scheme].has_step_bias else coarsest
     if dt * coarsest > largest:
         with_bias = f" ({coarsest} dt is run beside it for the step bias)" if coarsest > 1 else ""

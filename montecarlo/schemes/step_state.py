@@ -2,8 +2,6 @@
 
 from typing import NamedTuple
 
-__all__ = ["MOST_IN_A_STEP", "Noise", "Progress", "Walls"]
-
 MOST_IN_A_STEP = 64
 """Most impacts of a path in a step; then the struck mesh stays closed to the end of the step, which is counted."""
 

@@ -15,8 +15,6 @@ from rattle.scene.compiled import lean
 from rattle.scene.constants import Constants
 from rattle.scene.sticking import Sides, find_sticking, open_stage, presses, stick_on, stuck_on
 
-__all__ = ["OPEN", "sides_of", "stick_to_end", "sticking_sides"]
-
 OPEN: Sides = (0, 0)
 """Both meshes open."""
 

@@ -16,8 +16,6 @@ from rattle.scene.compiled import inline, lean
 from rattle.scene.constants import Constants
 from rattle.scene.damping import pair
 
-__all__ = ["FlightForcing", "first_stage", "flight_forcing", "flight_lanes", "second_stage"]
-
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
@@ -48,9 +46,18 @@ def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
     margin1, margin2 = margins(c, phase[0], phase[1], h)
     drift, _ = short_flight(c, phase, h, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0)
     return FlightForcing(
-        p.e1, p.d1, p.e12, p.e2, p.d12, p.d2, drift,
-        kick(c, tau, h, math.sqrt(h), 0.0), kick(c, tau, h, 0.0, math.sqrt(h / 12.0)), margin1, margin2,
-    )  # fmt: skip
+        p.e1,
+        p.d1,
+        p.e12,
+        p.e2,
+        p.d12,
+        p.d2,
+        drift,
+        kick(c, tau, h, math.sqrt(h), 0.0),
+        kick(c, tau, h, 0.0, math.sqrt(h / 12.0)),
+        margin1,
+        margin2,
+    )
 
 
 @inline
@@ -73,9 +80,18 @@ def second_stage(f: FlightForcing, x2: float, y1: float, y2: float, z: float, ar
 
 @lean
 def flight_lanes(
-    c: Constants, f: FlightForcing, h: float, toleranced: bool, walls: Floats, state: Floats, before: Floats,
-    z: Floats, area: Floats, near: Bools, lanes: int,
-) -> None:  # fmt: skip
+    c: Constants,
+    f: FlightForcing,
+    h: float,
+    toleranced: bool,
+    walls: Floats,
+    state: Floats,
+    before: Floats,
+    z: Floats,
+    area: Floats,
+    near: Bools,
+    lanes: int,
+) -> None:
     """One step of all lanes in place, ignoring the walls; marks those that may have an impact.  Vectorises.
 
     `walls`, `state`: Flanks and states of the paths; `walls` is read only if they are toleranced. Shapes:

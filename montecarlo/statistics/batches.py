@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from rattle.montecarlo.statistics.central_sums import CentralSums
 
-__all__ = ["BATCHES", "Batches"]
-
 Floats = NDArray[np.float64]
 
 BATCHES = 32

@@ -11,8 +11,6 @@ from rattle.montecarlo.statistics.fixed_order import centre, columns_of, power_s
 from rattle.scene.compiled import lean
 from rattle.scene.instructions import widest_vectors
 
-__all__ = ["COVARIANCE", "PAIR", "SINGLE", "VARIANCE", "CentralSums", "Orders"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Orders = tuple[tuple[int, int], ...]
@@ -34,9 +32,18 @@ BINOMIAL = np.array([[comb(n, k) for k in range(9)] for n in range(9)], dtype=fl
 
 @lean
 def _block_sums(
-    a: Floats, b: Floats, left: Ints, right: Ints, exponents: Ints, most: Ints, powers: Floats, room: Floats, n: Floats,
-    mean: Floats, sums: Floats,
-) -> None:  # fmt: skip
+    a: Floats,
+    b: Floats,
+    left: Ints,
+    right: Ints,
+    exponents: Ints,
+    most: Ints,
+    powers: Floats,
+    room: Floats,
+    n: Floats,
+    mean: Floats,
+    sums: Floats,
+) -> None:
     """Counts (cells), means (2, cells) and sums of ``da^p db^q`` (orders, cells) over the paths where both are finite.
 
     Cell i pairs row ``left[i]`` of `a` with row ``right[i]`` of `b`, both of shape (variables, paths).  The scratch
@@ -57,9 +64,18 @@ def _block_sums(
 
 @lean
 def _observe_groups(
-    columns: Floats, own: Ints, pairs: Ints, deviations: Floats, room: Floats, n: Floats, mean: Floats, single: Floats,
-    pair_n: Floats, pair_mean: Floats, products: Floats,
-) -> None:  # fmt: skip
+    columns: Floats,
+    own: Ints,
+    pairs: Ints,
+    deviations: Floats,
+    room: Floats,
+    n: Floats,
+    mean: Floats,
+    single: Floats,
+    pair_n: Floats,
+    pair_mean: Floats,
+    products: Floats,
+) -> None:
     """The sums of `CentralSums.of_groups`, group by group: arrays of shape (groups, ...), (groups, 2, ...) for means.
 
     Deviations of a group's variables, shape (variables + 1, paths), serve its single sums and its pairs.
@@ -160,9 +176,18 @@ class CentralSums:
         pair_n, pair_mean, products = np.empty(twos), np.empty((groups, 2, len(pairs))), np.empty(twos)
         deviations = np.empty((len(own) + 1, columns.shape[1]))
         _observe_groups(
-            columns, np.array(own), np.array(pairs), deviations, _room(columns), n, mean, single, pair_n, pair_mean,
+            columns,
+            np.array(own),
+            np.array(pairs),
+            deviations,
+            _room(columns),
+            n,
+            mean,
+            single,
+            pair_n,
+            pair_mean,
             products,
-        )  # fmt: skip
+        )
         return (
             cls(SINGLE, n, mean.swapaxes(0, 1).copy(), np.moveaxis(single, -1, 0).copy()),
             cls(COVARIANCE, pair_n, pair_mean.swapaxes(0, 1).copy(), products[None]),
@@ -179,9 +204,15 @@ class CentralSums:
             place[p, q] = o
         for part in (self, other):
             _about(
-                part.n.ravel(), part.mean.reshape(2, -1), part.sums.reshape(len(self.orders), -1), mean.reshape(2, -1),
-                np.array(self.orders), place, powers, out,
-            )  # fmt: skip
+                part.n.ravel(),
+                part.mean.reshape(2, -1),
+                part.sums.reshape(len(self.orders), -1),
+                mean.reshape(2, -1),
+                np.array(self.orders),
+                place,
+                powers,
+                out,
+            )
         return CentralSums(self.orders, n, mean, out.reshape(self.sums.shape))
 
     def moment(self, p: int, q: int) -> Floats:

@@ -6,8 +6,6 @@ from numpy.typing import NDArray
 from rattle.scene.compiled import lean
 from rattle.scene.instructions import widest_vectors
 
-__all__ = ["centre", "columns_of", "power_sums", "product_sum"]
-
 Floats = NDArray[np.float64]
 
 STRAND = 64  # numbers of paths are filled up to a multiple of it: eight strands of whole vectors
@@ -20,8 +18,15 @@ def _transpose(rows: Floats, columns: Floats) -> None:
     whole = paths // 8 * 8
     for p in range(0, whole, 8):
         a, b, c, d, e, f, g, h = (
-            rows[p], rows[p + 1], rows[p + 2], rows[p + 3], rows[p + 4], rows[p + 5], rows[p + 6], rows[p + 7]
-        )  # fmt: skip
+            rows[p],
+            rows[p + 1],
+            rows[p + 2],
+            rows[p + 3],
+            rows[p + 4],
+            rows[p + 5],
+            rows[p + 6],
+            rows[p + 7],
+        )
         for i in range(variables):
             out = columns[i][p : p + 8]
             out[0], out[1], out[2], out[3] = a[i], b[i], c[i], d[i]

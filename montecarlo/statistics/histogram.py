@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from rattle.scene.moments import SECTION
 
-__all__ = ["Histograms"]
-
 Floats = NDArray[np.float64]
 
 BINS, REACH = 240, 6.0  # equal bins over +- REACH sds of the first block

@@ -6,8 +6,6 @@ from numpy.typing import NDArray
 from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.scene.elementary import powers
 
-__all__ = ["FEWEST", "pair_statistics", "single_statistics"]
-
 Floats = NDArray[np.float64]
 
 TINY = float(np.finfo(float).tiny)  # smallest normal float; smaller ones have fewer digits

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 
 from rattle.montecarlo.statistics.central_sums import CentralSums
 
-__all__ = ["StepBias", "estimate_remainder", "extrapolate"]
-
 Floats = NDArray[np.float64]
 
 BEYOND = 3.0  # standard errors by which changes must fall more slowly than first order, to be taken for slow

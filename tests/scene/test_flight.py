@@ -11,7 +11,8 @@ from scipy.integrate import quad_vec
 from scipy.linalg import expm
 
 from rattle.scene import Scene
-from rattle.scene.flight import decay, flow, jacobian, noise_covariance, noise_rate, phi1, phi2, wheel_speeds
+from rattle.scene.damping import decay, phi1, phi2
+from rattle.scene.flight import flow, jacobian, noise_covariance, noise_rate, wheel_speeds
 
 BETAS = (0.0, 1e-12, 1e-6, 0.08, 1.0, 50.0)
 PAIRS = list(product(BETAS, BETAS))

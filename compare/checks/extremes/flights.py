@@ -10,8 +10,6 @@ from rattle.compare.checks.extremes.row import ROUNDING, Extreme, farthest, spre
 from rattle.scene import damping, flight
 from rattle.scene.constants import Constants
 
-__all__ = ["ROWS", "constants"]
-
 BETAS = spread(1e-14, 1e3, 7, 0.0)
 TIMES = spread(1e-12, 1e6, 10)
 POINTS = 120  # random grid points of each row
@@ -53,9 +51,14 @@ def flight_state() -> Extreme:
         values, sizes = truth.flight(c, tau, y1, y2, t)
         errors.append(farthest(flight.displacement(c, tau, y1, y2, t), values, sizes))
     return Extreme(
-        "flight", "alpha, beta, gamma", "t 1e-12 to 1e6, beta 0 to 1e3, alpha 0 to 1e4, gamma 0 to 1e6",
-        "MODEL 2 in 400 digits", worst_of(errors), ROUNDING, "the sum of its terms",
-    )  # fmt: skip
+        "flight",
+        "alpha, beta, gamma",
+        "t 1e-12 to 1e6, beta 0 to 1e3, alpha 0 to 1e4, gamma 0 to 1e6",
+        "MODEL 2 in 400 digits",
+        worst_of(errors),
+        ROUNDING,
+        "the sum of its terms",
+    )
 
 
 def phi_functions() -> Extreme:
@@ -70,9 +73,14 @@ def phi_functions() -> Extreme:
                 farthest(damping.phi2(beta, t), values[0], values[0]),
             ]
     return Extreme(
-        "phi-functions of damping", "beta", "beta 0, 1e-14 to 1e3; t 1e-12 to 1e6", "MODEL 2 in 400 digits",
-        worst_of(errors), ROUNDING, "its value",
-    )  # fmt: skip
+        "phi-functions of damping",
+        "beta",
+        "beta 0, 1e-14 to 1e3; t 1e-12 to 1e6",
+        "MODEL 2 in 400 digits",
+        worst_of(errors),
+        ROUNDING,
+        "its value",
+    )
 
 
 def flight_jacobian() -> Extreme:
@@ -86,9 +94,14 @@ def flight_jacobian() -> Extreme:
             )
         )
     return Extreme(
-        "Jacobian of a flight", "beta1 = beta2", "beta 0 to 1e3, apart by 0, by 1e-16 of it and more",
-        "MODEL 2 in 400 digits", worst_of(errors), ROUNDING, "each entry, (1 + beta t)",
-    )  # fmt: skip
+        "Jacobian of a flight",
+        "beta1 = beta2",
+        "beta 0 to 1e3, apart by 0, by 1e-16 of it and more",
+        "MODEL 2 in 400 digits",
+        worst_of(errors),
+        ROUNDING,
+        "each entry, (1 + beta t)",
+    )
 
 
 def flight_noise() -> Extreme:
@@ -102,9 +115,14 @@ def flight_noise() -> Extreme:
             found = flight.noise_covariance(c._replace(sigma=sigma), tau, t)
             errors.append(farthest(found, exact, np.maximum(np.outer(sd, sd), 1e-300)))
     return Extreme(
-        "noise of a flight", "sigma, beta", "t 1e-12 to 1e6, beta 0 to 1e3, nearly equal too; sigma 1e-8 and 1e4",
-        "sums of exponentials in 400 digits", worst_of(errors), 1e-13, "sd times sd",
-    )  # fmt: skip
+        "noise of a flight",
+        "sigma, beta",
+        "t 1e-12 to 1e6, beta 0 to 1e3, nearly equal too; sigma 1e-8 and 1e4",
+        "sums of exponentials in 400 digits",
+        worst_of(errors),
+        1e-13,
+        "sd times sd",
+    )
 
 
 def noise_phase_derivative() -> Extreme:
@@ -118,9 +136,14 @@ def noise_phase_derivative() -> Extreme:
         found = section_map.noise_slope(c, tau, t)
         errors.append(farthest(found, exact, np.maximum(np.outer(most, most), 1e-300)))
     return Extreme(
-        "derivative of that noise by the phase", "sigma, beta", "as above", "the same reference at two phases",
-        worst_of(errors), 1e-11, "largest sd times sd",
-    )  # fmt: skip
+        "derivative of that noise by the phase",
+        "sigma, beta",
+        "as above",
+        "the same reference at two phases",
+        worst_of(errors),
+        1e-11,
+        "largest sd times sd",
+    )
 
 
 ROWS = (phi_functions, flight_state, flight_jacobian, flight_noise, noise_phase_derivative)

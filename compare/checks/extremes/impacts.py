@@ -11,8 +11,6 @@ from rattle.compare.checks.extremes.flights import constants
 from rattle.compare.checks.extremes.row import ROUNDING, Extreme, farthest, spread, worst_of
 from rattle.scene import Scene, Start, impact, tangent
 
-__all__ = ["ROWS"]
-
 EPSILONS = (0.0, 1e-12, 0.1, math.exp(-math.pi / math.sqrt(3.0)), 0.9, 1.0 - 2.0**-53, 1.0)
 
 
@@ -32,9 +30,14 @@ def saltation() -> Extreme:
                 found = tangent.saltation_matrix(c, mesh, tau, y1, y2)
                 errors.append(farthest(found, exact, np.maximum(size, 1e-300)))
     return Extreme(
-        "saltation matrix", "epsilon", "epsilon 0 to 1, speed 1e-9 to 1e4, beta 0 to 1e3", "MODEL 6 in 400 digits",
-        worst_of(errors), ROUNDING, "the sum of its terms",
-    )  # fmt: skip
+        "saltation matrix",
+        "epsilon",
+        "epsilon 0 to 1, speed 1e-9 to 1e4, beta 0 to 1e3",
+        "MODEL 6 in 400 digits",
+        worst_of(errors),
+        ROUNDING,
+        "the sum of its terms",
+    )
 
 
 def grazing() -> Extreme:
@@ -55,10 +58,14 @@ def grazing() -> Extreme:
                     else:  # the wall is known to rounding, so the time to rounding of gap / speed
                         errors.append(farthest(t, exact, exact + gap / speed))
     return Extreme(
-        "grazing hit, and near miss", "gap", "past the wall by 1e-12 to 0.1 of a gap of 1e-8, 0.5, 1e4",
+        "grazing hit, and near miss",
+        "gap",
+        "past the wall by 1e-12 to 0.1 of a gap of 1e-8, 0.5, 1e4",
         "roots of a parabola",
-        worst_of(errors), ROUNDING, "flight, gap over speed",
-    )  # fmt: skip
+        worst_of(errors),
+        ROUNDING,
+        "flight, gap over speed",
+    )
 
 
 @truth.in_digits
@@ -79,14 +86,18 @@ def simultaneous() -> Extreme:
     errors = []
     for gap in (2.0**-27, 0.5, 2.0**13):
         start = Start(0.0, 0.0, 2.0 * gap, 0.0, -3.0 * gap)
-        scene = Scene(
-            alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, mu=0.25, gap1=gap, gap2=1.5 * gap, start=start
-        )  # fmt: skip
+        scene = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, mu=0.25, gap1=gap, gap2=1.5 * gap, start=start)
         # at tau = 1/2: mesh 1 at +gap1 and mesh 2 at -gap2; the impact at mesh 1 leaves y = (-gap, -6 gap)
         exact: dict[str, list[float]] = {
-            "tau": [0.5, 0.5], "flight": [0.5, 0.0], "mesh": [1, 2], "side": [1, -1], "x1": [gap, gap],
-            "y1": [2.0 * gap, -gap], "x2": [-1.5 * gap] * 2, "y2": [-3.0 * gap, -6.0 * gap],
-        }  # fmt: skip
+            "tau": [0.5, 0.5],
+            "flight": [0.5, 0.0],
+            "mesh": [1, 2],
+            "side": [1, -1],
+            "x1": [gap, gap],
+            "y1": [2.0 * gap, -gap],
+            "x2": [-1.5 * gap] * 2,
+            "y2": [-3.0 * gap, -6.0 * gap],
+        }
         followed = orbit.follow(scene, 2)
         found = {"tau": followed.tau[1:], "flight": np.diff(followed.tau), "mesh": followed.mesh[1:]}
         found |= {"side": followed.side[1:]} | dict(zip(("x1", "y1", "x2", "y2"), followed.before[1:].T, strict=True))
@@ -97,10 +108,14 @@ def simultaneous() -> Extreme:
         for side in sides:
             errors += [farthest(side[name], exact[name], units.get(name, gap)) for name in exact]
     return Extreme(
-        "simultaneous impacts at both meshes", "gap1, gap2",
-        "gaps 7e-9 to 8e3; the orbit, located Euler, exact flights", "restitution maps by hand", worst_of(errors), 1e-9,
+        "simultaneous impacts at both meshes",
+        "gap1, gap2",
+        "gaps 7e-9 to 8e3; the orbit, located Euler, exact flights",
+        "restitution maps by hand",
+        worst_of(errors),
+        1e-9,
         "gap, unit of time",
-    )  # fmt: skip
+    )
 
 
 ROWS = (saltation, grazing, simultaneous)

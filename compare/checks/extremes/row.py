@@ -7,8 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["ROUNDING", "Extreme", "farthest", "spread"]
-
 ROUNDING = 4e-15
 """A few roundings of a double: the default bound where a formula is compared with 400-digit arithmetic."""
 

@@ -9,8 +9,6 @@ from rattle.compare.checks.extremes.row import Extreme
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["ROWS", "extremes", "table"]
-
 ROWS: dict[str, Callable[[], Extreme]] = {
     row.__name__: row
     for part in (flights, impacts, sticking, windows, steps, sampling, scaling, runs)

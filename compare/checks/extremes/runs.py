@@ -8,8 +8,6 @@ from rattle.closure import long_orbit
 from rattle.compare.checks.extremes.row import Extreme, farthest, worst_of
 from rattle.scene import Scene, Start
 
-__all__ = ["ROWS"]
-
 IMPACTS, STRETCH = 10_000_000, 500_000
 PERIODS = 1_000_000
 
@@ -30,9 +28,14 @@ def energy() -> Extreme:
         errors.append(farthest(0.5 * (y1**2 + heavy * (y2 - y1) ** 2), most, most))
         errors.append(0.0 if len(s.flight) == STRETCH else math.inf)
     return Extreme(
-        "energy over 1e7 impacts", "epsilon = 1, all else 0", "1e7 impacts at two meshes", "conservation",
-        worst_of(errors), 1e-9, "the energy",
-    )  # fmt: skip
+        "energy over 1e7 impacts",
+        "epsilon = 1, all else 0",
+        "1e7 impacts at two meshes",
+        "conservation",
+        worst_of(errors),
+        1e-9,
+        "the energy",
+    )
 
 
 def elastic_flights() -> Extreme:
@@ -47,9 +50,14 @@ def elastic_flights() -> Extreme:
         turn = math.remainder((k + 1) * STRETCH * flight - s.phase[-1], 2.0 * math.pi)
         errors.append(abs(turn))
     return Extreme(
-        "speed, displacement, phase over 1e7 impacts", "epsilon = 1, all else 0", "1e7 impacts at one mesh",
-        "gap over speed", worst_of(errors), 1e-6, "each; phase in radians",
-    )  # fmt: skip
+        "speed, displacement, phase over 1e7 impacts",
+        "epsilon = 1, all else 0",
+        "1e7 impacts at one mesh",
+        "gap over speed",
+        worst_of(errors),
+        1e-6,
+        "each; phase in radians",
+    )
 
 
 def periodic_motion() -> Extreme:
@@ -72,9 +80,14 @@ def periodic_motion() -> Extreme:
         errors += [float(turn.max()), farthest(s.before[:, 1], -y0 / epsilon, 1.0), farthest(s.flight, 2.0 * math.pi)]
         errors.append(0.0 if len(s.flight) == STRETCH else math.inf)
     return Extreme(
-        "phase of a periodic motion", "alpha, gamma", "1e6 impacts, one per period", "closed form", worst_of(errors),
-        1e-12, "radians, speeds, times",
-    )  # fmt: skip
+        "phase of a periodic motion",
+        "alpha, gamma",
+        "1e6 impacts, one per period",
+        "closed form",
+        worst_of(errors),
+        1e-12,
+        "radians, speeds, times",
+    )
 
 
 ROWS = (energy, elastic_flights, periodic_motion)

@@ -13,8 +13,6 @@ from rattle.montecarlo import SCHEMES, Record
 from rattle.montecarlo.kernel.kernel import PLAIN
 from rattle.scene import DAT21, Scene, Start, Tolerance
 
-__all__ = ["ROWS"]
-
 PATHS = 3_000
 Z = 4.5
 """Admissible standard errors in a row; 40 checks of a correct program exceed them with a probability of 3e-4."""
@@ -48,9 +46,14 @@ def exit_times() -> Extreme:
                 error = max(abs(mean - truth) - EXIT_BIAS * truth, 0.0)
                 worst.append(error / se if run.unfinished == 0 else math.inf)
     return Extreme(
-        "mean exit time from a gap", "sigma, gap", "sigma 1e-3 to 1e4, half gap 1e-8 to 10; two schemes",
-        "Masoliver & Porra 1995", worst_of(worst), Z, "z",
-    )  # fmt: skip
+        "mean exit time from a gap",
+        "sigma, gap",
+        "sigma 1e-3 to 1e4, half gap 1e-8 to 10; two schemes",
+        "Masoliver & Porra 1995",
+        worst_of(worst),
+        Z,
+        "z",
+    )
 
 
 def collapse_drift() -> Extreme:
@@ -60,9 +63,14 @@ def collapse_drift() -> Extreme:
         whole = returning.log_speeds(epsilon, PATHS, 6, n)[:, -1] / 6.0
         worst.append(abs(float(whole.mean()) - math.log(epsilon) - DRIFT) / (float(whole.std()) / math.sqrt(PATHS)))
     return Extreme(
-        "drift of ln speed per bounce", "epsilon", "1e-9 to 1, including the collapse below 0.163",
-        "Cornell, Swift & Bray 1998", worst_of(worst), Z, "z",
-    )  # fmt: skip
+        "drift of ln speed per bounce",
+        "epsilon",
+        "1e-9 to 1, including the collapse below 0.163",
+        "Cornell, Swift & Bray 1998",
+        worst_of(worst),
+        Z,
+        "z",
+    )
 
 
 def confined_paths() -> Extreme:
@@ -91,9 +99,14 @@ def confined_paths() -> Extreme:
                 unit = 0.5 + (10.0 + 5.0 * sigma * math.sqrt(dt)) * dt * 1e9 * plain
                 errors.append(max(over, 0.0) / unit if len(means) == len(fixed) else math.inf)
     return Extreme(
-        "paths that stick or collapse", "epsilon, sigma", "epsilon 0, 0.05, 0.163, 1; sigma 1e-3 to 1e3; every scheme",
-        "they reach the end, between the walls", worst_of(errors), 1e-9, "half gap, or plain step",
-    )  # fmt: skip
+        "paths that stick or collapse",
+        "epsilon, sigma",
+        "epsilon 0, 0.05, 0.163, 1; sigma 1e-3 to 1e3; every scheme",
+        "they reach the end, between the walls",
+        worst_of(errors),
+        1e-9,
+        "half gap, or plain step",
+    )
 
 
 def sticking_paths() -> Extreme:
@@ -128,10 +141,14 @@ def sticking_paths() -> Extreme:
                 m = closure.mean_map(scene.with_sigma(1e-3 * gap), impacts=200, closure=name)
                 errors.append(0.0 if m.stopped or m.trace.found == 200 else math.inf)
     return Extreme(
-        "sticking under drag", "gamma", "drags of 1 to 1e4 gaps, gaps 1e-8 to 1e4; every scheme and closure",
-        "at its wall after the bouncing ball's time", worst_of(errors), 0.02,
+        "sticking under drag",
+        "gamma",
+        "drags of 1 to 1e4 gaps, gaps 1e-8 to 1e4; every scheme and closure",
+        "at its wall after the bouncing ball's time",
+        worst_of(errors),
+        0.02,
         "half gap, or step's fall",
-    )  # fmt: skip
+    )
 
 
 def large_tolerances() -> Extreme:
@@ -165,9 +182,14 @@ def large_tolerances() -> Extreme:
                 assert run.raw is not None
                 errors.append(max(float(np.nan_to_num(np.abs(run.raw[:, :, [2, 4]])).max()) / (gap + most) - 1.0, 0.0))
     return Extreme(
-        "tolerances as large as the gap", "c_max", "c_max within 1e-12 of gaps of 1e-8, 0.5, 1e4; every distribution",
-        "a wider gap; no path beyond it", worst_of(errors), 0.0, "a half gap",
-    )  # fmt: skip
+        "tolerances as large as the gap",
+        "c_max",
+        "c_max within 1e-12 of gaps of 1e-8, 0.5, 1e4; every distribution",
+        "a wider gap; no path beyond it",
+        worst_of(errors),
+        0.0,
+        "a half gap",
+    )
 
 
 ROWS = (exit_times, collapse_drift, confined_paths, sticking_paths, large_tolerances)

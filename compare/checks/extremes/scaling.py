@@ -16,8 +16,6 @@ from rattle.montecarlo import SCHEMES, Record
 from rattle.montecarlo.coupling import long_path
 from rattle.scene import DAT21, Scene, Start, Tolerance
 
-__all__ = ["ROWS"]
-
 IMPACTS, PATHS = 3, 64
 POWERS = (-26, -13, 14)  # powers of two as factors on the lengths of DAT21: half gaps of 7e-9, 6e-5 and 8e3
 STARTS = (1e4, 1e8, 1e12, -1e12)
@@ -86,10 +84,14 @@ def unit_of_length() -> Extreme:
             wide = exact * np.repeat([1.0, factor], [6, 4])
             errors.append(farthest(rows, wide, np.maximum(np.abs(wide), 1e-300)))
     return Extreme(
-        "unit of length", "all lengths",
-        "gaps 7e-9 to 8e3: every closure, scheme and verdict, chaos", "exact scaling, bit for bit",
-        worst_of(errors), 0.0, "each number",
-    )  # fmt: skip
+        "unit of length",
+        "all lengths",
+        "gaps 7e-9 to 8e3: every closure, scheme and verdict, chaos",
+        "exact scaling, bit for bit",
+        worst_of(errors),
+        0.0,
+        "each number",
+    )
 
 
 def whole_periods() -> Extreme:
@@ -103,9 +105,14 @@ def whole_periods() -> Extreme:
         for rows, exact in zip(_stretches(late), _stretches(reduced), strict=True):
             errors.append(farthest(rows, exact, np.maximum(np.abs(exact), 1.0)))
     return Extreme(
-        "late start: flights, sds, means", "start.tau", "1e4 to 1e12, and -1e12: every closure, every scheme, chaos",
-        "the same scene at the phase from 400 digits of pi", worst_of(errors), 1e-11, "1, or each number",
-    )  # fmt: skip
+        "late start: flights, sds, means",
+        "start.tau",
+        "1e4 to 1e12, and -1e12: every closure, every scheme, chaos",
+        "the same scene at the phase from 400 digits of pi",
+        worst_of(errors),
+        1e-11,
+        "1, or each number",
+    )
 
 
 def proportional_sds() -> Extreme:
@@ -120,9 +127,14 @@ def proportional_sds() -> Extreme:
             exact = sigma * one.to_numpy()
             errors.append(farthest(table, exact, np.maximum(exact, 1e-13 * sigma)))
     return Extreme(
-        "sds of linear closures", "sigma", "0, 1e-30 to 1e4: corrected, saltation", "proportional to sigma",
-        worst_of(errors), 1e-11, "each sd",
-    )  # fmt: skip
+        "sds of linear closures",
+        "sigma",
+        "0, 1e-30 to 1e4: corrected, saltation",
+        "proportional to sigma",
+        worst_of(errors),
+        1e-11,
+        "each sd",
+    )
 
 
 def phases() -> Extreme:
@@ -131,9 +143,14 @@ def phases() -> Extreme:
     found = [Scene.from_gears(DAT21, start=Start(t, 0.5, 2.0, 0.5, 2.0, mesh=1)).phase for t in starts]
     exact = np.array([truth.phase(t) for t in starts])
     return Extreme(
-        "phase of a late start", "start.tau", "10 to 1e12, both signs", "400 digits of pi",
-        farthest(found, exact, np.abs(exact)), ROUNDING, "its value",
-    )  # fmt: skip
+        "phase of a late start",
+        "start.tau",
+        "10 to 1e12, both signs",
+        "400 digits of pi",
+        farthest(found, exact, np.abs(exact)),
+        ROUNDING,
+        "its value",
+    )
 
 
 def absolute_times() -> Extreme:
@@ -152,10 +169,14 @@ def absolute_times() -> Extreme:
         scale = np.where((a["closure"] == "branching") & (a["kind"] == "fixed time"), 1e-7, 1e-11)[:, None]
         errors.append(farthest(a[["error", "low", "high"]], b[["error", "low", "high"]], scale))
     return Extreme(
-        "late start: absolute times, and verdicts", "start.tau", "1e4 to 1e12, and -1e12",
-        "sums of fractions; the verdicts at the same phase", worst_of(errors), 0.5,
+        "late start: absolute times, and verdicts",
+        "start.tau",
+        "1e4 to 1e12, and -1e12",
+        "sums of fractions; the verdicts at the same phase",
+        worst_of(errors),
+        0.5,
         "last place; verdicts",
-    )  # fmt: skip
+    )
 
 
 ROWS = (unit_of_length, proportional_sds, phases, whole_periods, absolute_times)

@@ -11,8 +11,6 @@ from rattle.compare.checks.extremes.row import ROUNDING, Extreme, farthest, spre
 from rattle.montecarlo.schemes import short_flight as short
 from rattle.scene.constants import Constants
 
-__all__ = ["ROWS"]
-
 LONGEST_DAMPED = 0.2  # largest admissible beta dt
 LONGEST = 0.1  # largest admissible dt
 STATE = (0.1, -0.4, -0.2, 0.5)
@@ -36,9 +34,14 @@ def step_phase() -> Extreme:
             exact = float(mp.sin(mp.mpf(tau))), float(mp.cos(mp.mpf(tau)))
         errors.append(farthest(short.sine_cosine(tau), exact))
     return Extreme(
-        "phase of a step", "tau", "1e-9 to 1e6, and multiples of pi / 4", "mpmath in 40 digits", worst_of(errors),
-        ROUNDING, "1",
-    )  # fmt: skip
+        "phase of a step",
+        "tau",
+        "1e-9 to 1e6, and multiples of pi / 4",
+        "mpmath in 40 digits",
+        worst_of(errors),
+        ROUNDING,
+        "1",
+    )
 
 
 def step_flight() -> Extreme:
@@ -50,9 +53,14 @@ def step_flight() -> Extreme:
         found, _ = short.short_flight(c, short.sine_cosine(tau), h, (0.0, y1, 0.0, y2), 0.0, 0.0)
         errors.append(farthest(found, exact, sizes))
     return Extreme(
-        "exact flight: a part of a step", "beta, beta1 = beta2", "beta 0 to 1e3, beta h up to 0.2, h up to 0.1",
-        "MODEL 2 in 400 digits", worst_of(errors), ROUNDING, "sum of the terms",
-    )  # fmt: skip
+        "exact flight: a part of a step",
+        "beta, beta1 = beta2",
+        "beta 0 to 1e3, beta h up to 0.2, h up to 0.1",
+        "MODEL 2 in 400 digits",
+        worst_of(errors),
+        ROUNDING,
+        "sum of the terms",
+    )
 
 
 def step_noise() -> Extreme:
@@ -66,9 +74,14 @@ def step_noise() -> Extreme:
             size = [m * h, m, abs(c.beta1 - c.beta2) * (1.0 + h) * h, abs(c.beta1 - c.beta2) * (1.0 + h)]
             errors.append(farthest(found, exact, np.maximum(size, 1e-300)))
     return Extreme(
-        "exact flight: noise of a step", "beta, beta1 = beta2", "as above, by increment and by space-time Lévy area",
-        "Gauss-Legendre in 30 digits", worst_of(errors), 1e-8, "modulation, (times time)",
-    )  # fmt: skip
+        "exact flight: noise of a step",
+        "beta, beta1 = beta2",
+        "as above, by increment and by space-time Lévy area",
+        "Gauss-Legendre in 30 digits",
+        worst_of(errors),
+        1e-8,
+        "modulation, (times time)",
+    )
 
 
 def _integral(c: Constants, tau: float, h: float, first: float, slope: float) -> list[float]:

@@ -4,8 +4,6 @@ from collections.abc import Sequence
 
 from rattle.compare.checks.extremes.row import Extreme
 
-__all__ = ["lines"]
-
 HEAD = ("extreme", "field", "worst", "allowed", "relative to", "verdict")
 RIGHT = {2, 3}  # columns with right alignment
 

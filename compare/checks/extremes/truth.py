@@ -12,8 +12,6 @@ import mpmath as mp
 
 from rattle.scene.constants import Constants
 
-__all__ = ["flight", "in_digits", "jacobian", "noise", "normal_integrals", "phase", "saltation", "unit_noise"]
-
 P = ParamSpec("P")
 R = TypeVar("R")
 Sum = dict[tuple[int, int, int], Any]
@@ -115,9 +113,11 @@ def _responses(c: Constants, end: Any) -> list[Sum]:
     e2: Sum = {(0, 0, 0): 1 / b2, (0, 1, 0): -1 / b2}
     less = [_total(a, {k: -v for k, v in b.items()}) for a, b in ((e1, e2), (d1, d2))]
     return [
-        _product(e1, m1), _product(d1, m1), _total(_product(less[0], m1), _product(e2, m2)),
+        _product(e1, m1),
+        _product(d1, m1),
+        _total(_product(less[0], m1), _product(e2, m2)),
         _total(_product(less[1], m1), _product(d2, m2)),
-    ]  # fmt: skip
+    ]
 
 
 @in_digits

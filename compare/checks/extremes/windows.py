@@ -7,8 +7,6 @@ from rattle.compare.checks.extremes import truth
 from rattle.compare.checks.extremes.row import ROUNDING, Extreme, farthest, spread, worst_of
 from rattle.scene import moments
 
-__all__ = ["ROWS"]
-
 ORDER = 6
 
 
@@ -35,10 +33,14 @@ def edgeworth_windows() -> Extreme:
             sds = np.array([sd, 2.0 * sd])
             errors.append(farthest(found, sds * exact, sds * size * condition))
     return Extreme(
-        "window means (Eqs. 20, 21)", "sigma, gap", "1e-12 to 30 sds wide, up to 50 sds away",
+        "window means (Eqs. 20, 21)",
+        "sigma, gap",
+        "1e-12 to 30 sds wide, up to 50 sds away",
         "integration by parts in 400 digits",
-        worst_of(errors), ROUNDING, "the sum of its terms",
-    )  # fmt: skip
+        worst_of(errors),
+        ROUNDING,
+        "the sum of its terms",
+    )
 
 
 @truth.in_digits
@@ -75,9 +77,14 @@ def correlations() -> Extreme:
                 if distance < moments.ROUNDING and not judged.realizable:
                     errors.append(np.inf)
     return Extreme(
-        "correlation, eigenvalue, realizability", "sigma, gap", "1 - |rho| 1e-12 to 1, both signs; units 1e-16 to 1e8",
-        "eigenvalues in 400 digits", worst_of(errors), ROUNDING, "1, and the smaller variance",
-    )  # fmt: skip
+        "correlation, eigenvalue, realizability",
+        "sigma, gap",
+        "1 - |rho| 1e-12 to 1, both signs; units 1e-16 to 1e8",
+        "eigenvalues in 400 digits",
+        worst_of(errors),
+        ROUNDING,
+        "1, and the smaller variance",
+    )
 
 
 @truth.in_digits

@@ -9,8 +9,6 @@ from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.schemes.crossing import CLOSE
 from rattle.scene import Scene, Start
 
-__all__ = ["bouncing_ball"]
-
 Floats = NDArray[np.float64]
 
 GAMMA, EPSILON, SPEED, HALF = 1.0, 0.7, 1.0, 0.5
@@ -56,9 +54,12 @@ def bouncing_ball(seed: int = 0, workers: int = 2) -> Measured:
         return [check for who, (tau, close) in sides.items() for check in _checks(who, tau, close, epsilon)]
 
     return Measured(
-        "bouncing-ball sum", "Luck & Mehta 1993",
+        "bouncing-ball sum",
+        "Luck & Mehta 1993",
         "under constant drag flights shrink by epsilon and add up to t1 / (1 - epsilon): the orbit, simulate()",
         checks(EPSILON),
-        [NegativeControl("epsilon 1 % larger", checks(1.01 * EPSILON)),
-         NegativeControl("epsilon squared", checks(EPSILON**2))],
-    )  # fmt: skip
+        [
+            NegativeControl("epsilon 1 % larger", checks(1.01 * EPSILON)),
+            NegativeControl("epsilon squared", checks(EPSILON**2)),
+        ],
+    )

@@ -16,8 +16,6 @@ from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.result import Ensemble
 from rattle.scene import Scene, Start
 
-__all__ = ["elastic_box", "speed_variance"]
-
 BETA, SIGMA, HALF = 0.5, 1.0, 0.5
 PATHS, IMPACTS = 100_000, 64
 TIMES = (8.0, 8.8, 9.6)  # by then X has an sd of 4 boxes, and the folded density is uniform up to exp(-80)
@@ -84,7 +82,8 @@ def elastic_box(seed: int = 0, workers: int = 2) -> Measured:
     """
     run = _run(1.0, seed, workers)
     return Measured(
-        "elastic damped box", "Uhlenbeck & Ornstein 1930, folded by reflection",
+        "elastic damped box",
+        "Uhlenbeck & Ornstein 1930, folded by reflection",
         "at epsilon = 1 x is uniform, y Gaussian, and E y^2 that of the free linear stage under the modulated noise: "
         "simulate(), exact-flight",
         _checks(run, SIGMA, 0.0),
@@ -93,4 +92,4 @@ def elastic_box(seed: int = 0, workers: int = 2) -> Measured:
             NegativeControl("2 % more noise", _checks(run, 1.02 * SIGMA, 0.0)),
             NegativeControl("modulation 0.1 late", _checks(run, SIGMA, -0.1)),
         ],
-    )  # fmt: skip
+    )

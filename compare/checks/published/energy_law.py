@@ -12,8 +12,6 @@ from rattle.montecarlo.long_run.noise_work import CONTROLS
 from rattle.montecarlo.long_run.sums import NOISE
 from rattle.scene import DAT21, Scene
 
-__all__ = ["energy_law"]
-
 UNDRIVEN: dict[str, Any] = {"alpha": 0.0, "beta1": 0.0, "gamma1": 0.0, "sigma": 1.0}
 
 SCENES = {
@@ -25,7 +23,7 @@ SCENES = {
     "driven, damped, dragged": (Scene(alpha=1.0, epsilon=0.7, beta1=0.3, gamma1=0.1, sigma=1.0, stages=1), 128),
     "driven, weak noise": (Scene(alpha=1.5, epsilon=0.6, beta1=0.1, gamma1=0.05, sigma=0.3, stages=1), 64),
     "DAT21 at sigma 0.5": (Scene.from_gears(DAT21, sigma=0.5), 64),
-}  # fmt: skip
+}
 """Scenes, and the periods for which each is followed."""
 
 
@@ -41,9 +39,12 @@ def _check(name: str, run: LongRun, kept: float = 1.0, noise: float = 1.0) -> Ch
     se = float(difference.std(ddof=1)) / math.sqrt(run.paths)
     closed = max(run.estimates[f"contact_share_mesh{m}"].value for m in range(1, run.scene.stages + 1))
     return Check(
-        f"loss per time, {name}", float((supplied + difference).mean()), float(supplied.mean()) + more, se,
+        f"loss per time, {name}",
+        float((supplied + difference).mean()),
+        float(supplied.mean()) + more,
+        se,
         2.0 * closed * _by_noise(run.scene),
-    )  # fmt: skip
+    )
 
 
 def _by_noise(scene: Scene) -> float:
@@ -67,7 +68,8 @@ def energy_law(seed: int = 0, workers: int = 2) -> Measured:
     two = {name: run for name, run in runs.items() if run.scene.stages == 2}
     light = {name: replace(run, scene=replace(run.scene, mu=0.98 * run.scene.mu)) for name, run in two.items()}
     return Measured(
-        "energy law", "energy balance (Itô), docs/model.md section 10",
+        "energy law",
+        "energy balance (Itô), docs/model.md section 10",
         "the energy lost in impacts per unit of time is what noise and drive supply less what damping takes; without "
         "drive and damping sigma^2 / 4, and sigma^2 / (4 (1 - mu)) with two stages: long_run()",
         [_check(name, run) for name, run in runs.items()],
@@ -76,4 +78,4 @@ def energy_law(seed: int = 0, workers: int = 2) -> Measured:
             NegativeControl("2 % less mass of wheel 2", [_check(name, run) for name, run in light.items()]),
             NegativeControl("noise of 2 % more energy", [_check(name, run, 1.0, 1.02) for name, run in runs.items()]),
         ],
-    )  # fmt: skip
+    )

@@ -10,8 +10,6 @@ from rattle.compare.checks.published.result import Check, Measured, NegativeCont
 from rattle.montecarlo import Record, simulate
 from rattle.scene import Scene, Start
 
-__all__ = ["exit_time", "mean_exit_time"]
-
 SIGMA = 1.0
 HALF = 1e-3  # half gap; an exit takes about 0.02, in which the modulation of the noise (1 at -pi/2) falls by 3e-4
 PATHS = 20_000
@@ -60,7 +58,8 @@ def exit_time(seed: int = 0, workers: int = 2) -> Measured:
     True
     """
     return Measured(
-        "mean exit time", "Masoliver & Porra 1995",
+        "mean exit time",
+        "Masoliver & Porra 1995",
         "x'' = sigma eta leaves a gap after the closed-form mean time: simulate(), all schemes, at the phase where the "
         "modulation is stationary",
         [_check(scheme, share, SIGMA, seed, workers) for scheme in SCHEMES for share in SHARES],
@@ -70,4 +69,4 @@ def exit_time(seed: int = 0, workers: int = 2) -> Measured:
             )
             for scheme in SCHEMES
         ],
-    )  # fmt: skip
+    )

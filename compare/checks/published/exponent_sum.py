@@ -6,8 +6,6 @@ from rattle.compare.chaos.exponents import Exponents, drift_exponents, lyapunov
 from rattle.compare.checks.published.result import Check, Measured, NegativeControl
 from rattle.scene import DAT21, Scene
 
-__all__ = ["exponent_sum"]
-
 IMPACTS = 20_000
 ROUNDING = 1e-10
 SIGMA = 0.1  # noise intensity of the noisy path
@@ -34,13 +32,13 @@ def exponent_sum(seed: int = 0, workers: int = 2) -> Measured:
         return [_check(scene, found, power, damping) for found in records]
 
     return Measured(
-        "exponent sum", "Liouville; Mueller 1995 (saltation)",
-        "the exponents of four-dimensional frames add up to -(beta1 + beta2) + rate 2 ln epsilon: orbit "
-        "and noisy path",
+        "exponent sum",
+        "Liouville; Mueller 1995 (saltation)",
+        "the exponents of four-dimensional frames add up to -(beta1 + beta2) + rate 2 ln epsilon: orbit and noisy path",
         checks(2.0, both),
         [
             NegativeControl("epsilon to the first power", checks(1.0, both)),
             NegativeControl("damping of one stage alone", checks(2.0, scene.beta1)),
             NegativeControl("1 % more damping", checks(2.0, 1.01 * both)),
         ],
-    )  # fmt: skip
+    )

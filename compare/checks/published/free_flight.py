@@ -13,14 +13,21 @@ from rattle.scene import Scene, Start
 from rattle.scene.flight import noise_covariance
 from rattle.scene.moments import STATE
 
-__all__ = ["free_flight", "linear_moments"]
-
 Floats = NDArray[np.float64]
 
 SCENE = Scene(
-    alpha=1.5, epsilon=0.9, beta1=0.083, beta2=0.9, gamma1=0.057, gamma2=0.029, mu=0.6, sigma=0.4, gap1=1e6, gap2=1e6,
+    alpha=1.5,
+    epsilon=0.9,
+    beta1=0.083,
+    beta2=0.9,
+    gamma1=0.057,
+    gamma2=0.029,
+    mu=0.6,
+    sigma=0.4,
+    gap1=1e6,
+    gap2=1e6,
     start=Start(0.3, 0.1, -0.4, -0.2, 0.5),
-)  # fmt: skip
+)
 """Two stages that are driven by the same noise with different modulations."""
 
 TIME = 3.3
@@ -93,8 +100,11 @@ def free_flight(seed: int = 0, workers: int = 2) -> Measured:
             *(Check(f"E {q}", float(row[q]), mean[i], float(row[f"se_{q}"]), LEFT_OUT) for i, q in enumerate(STATE)),
             *(
                 Check(
-                    f"cov {STATE[i]} {STATE[j]}", float(row[f"cov_{STATE[i]}_{STATE[j]}"]), p[i, j],
-                    float(row[f"se_cov_{STATE[i]}_{STATE[j]}"]), LEFT_OUT,
+                    f"cov {STATE[i]} {STATE[j]}",
+                    float(row[f"cov_{STATE[i]}_{STATE[j]}"]),
+                    p[i, j],
+                    float(row[f"se_cov_{STATE[i]}_{STATE[j]}"]),
+                    LEFT_OUT,
                 )
                 for i, j in PAIRS
             ),
@@ -102,7 +112,7 @@ def free_flight(seed: int = 0, workers: int = 2) -> Measured:
                 Check(f"cov {STATE[i]} {STATE[j]}, scene.flight", float(computed[i, j]), p[i, j], 0.0, ROUNDING)
                 for i, j in PAIRS
             ),
-        ]  # fmt: skip
+        ]
 
     def shape(skewness: float, kurtosis: float) -> list[Check]:
         out = []
@@ -114,7 +124,8 @@ def free_flight(seed: int = 0, workers: int = 2) -> Measured:
         return out
 
     return Measured(
-        "free-flight covariance", "Wang & Uhlenbeck 1945; docs/model.md section 8",
+        "free-flight covariance",
+        "Wang & Uhlenbeck 1945; docs/model.md section 8",
         "without walls the state is Gaussian with covariance int exp(A s) m m' exp(A' s) sigma^2 ds: simulate() and "
         "rattle.scene.flight against an ODE",
         [*checks(SCENE), *shape(0.0, 0.0)],
@@ -124,4 +135,4 @@ def free_flight(seed: int = 0, workers: int = 2) -> Measured:
             NegativeControl("skewness 0.05", shape(0.05, 0.0)),
             NegativeControl("kurtosis 0.1", shape(0.0, 0.1)),
         ],
-    )  # fmt: skip
+    )

@@ -10,8 +10,6 @@ from rattle.compare.checks.published.result import Check, Measured, NegativeCont
 from rattle.montecarlo import simulate
 from rattle.scene import Scene, Start, Tolerance
 
-__all__ = ["exit_side", "random_gap"]
-
 PATHS = 20_000
 WIDTH = 0.1  # of the tolerance
 HALF = 1e-3  # half gap; an exit takes about 0.02
@@ -47,14 +45,15 @@ def random_gap(seed: int = 0, workers: int = 2) -> Measured:
 
     other = dict(zip(SPREADS, reversed(SPREADS.values()), strict=True))
     return Measured(
-        "random gap", "moments of a uniform and of a cut normal distribution",
+        "random gap",
+        "moments of a uniform and of a cut normal distribution",
         "coasting paths strike walls with the mean and sd of their gaps: simulate() with a Tolerance",
         checks(SPREADS),
         [
             NegativeControl("the other distribution", checks(other)),
             NegativeControl("a tolerance 5 % wider", checks(SPREADS, 1.05 * WIDTH)),
         ],
-    )  # fmt: skip
+    )
 
 
 def exit_side(seed: int = 0, workers: int = 2) -> Measured:
@@ -74,7 +73,8 @@ def exit_side(seed: int = 0, workers: int = 2) -> Measured:
 
     side = {z: float(betainc(1.0 / 6.0, 1.0 / 6.0, z)) for z in SHARES}
     return Measured(
-        "side of exit", "Bicout & Burkhardt 2000",
+        "side of exit",
+        "Bicout & Burkhardt 2000",
         "x'' = sigma eta leaves a gap at one end with the incomplete beta function of its start, of order 1/6: the "
         "agreement of simulate()",
         checks(side),
@@ -82,4 +82,4 @@ def exit_side(seed: int = 0, workers: int = 2) -> Measured:
             NegativeControl("the other side", checks({z: 1.0 - p for z, p in side.items()})),
             NegativeControl("a share linear in the start, as of Brownian motion", checks({z: z for z in SHARES})),
         ],
-    )  # fmt: skip
+    )

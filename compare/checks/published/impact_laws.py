@@ -18,8 +18,6 @@ from rattle.montecarlo import SCHEMES, Record, simulate
 from rattle.scene import DAT21, Gears, Scene, Start
 from rattle.scene.impact import energy_loss
 
-__all__ = ["impact_laws"]
-
 Floats = NDArray[np.float64]
 
 GEARS = replace(DAT21, backlash2=0.3, epsilon=0.8)
@@ -79,7 +77,7 @@ def _checks(who: str, i: Impacts, gears: Gears, mass: tuple[float, float], epsil
     return [
         Check(f"{law}, {who}", float(np.abs(wrong).max(initial=0.0)) if wrong.size else math.nan, 0.0, 0.0, ROUNDING)
         for law, wrong in laws.items()
-    ]  # fmt: skip
+    ]
 
 
 def _energy(i: Impacts, lost: Floats, mass: tuple[float, float]) -> list[Check]:
@@ -91,10 +89,15 @@ def _energy(i: Impacts, lost: Floats, mass: tuple[float, float]) -> list[Check]:
         0.5 * ((i.before**2 - i.after**2) @ m),
     )
     return [
-        Check(f"energy lost at mesh {k}, orbit", float(lost[i.mesh == k].sum()), float(gone[i.mesh == k].sum()), 0.0,
-              ROUNDING * IMPACTS)
+        Check(
+            f"energy lost at mesh {k}, orbit",
+            float(lost[i.mesh == k].sum()),
+            float(gone[i.mesh == k].sum()),
+            0.0,
+            ROUNDING * IMPACTS,
+        )
         for k in (1, 2)
-    ]  # fmt: skip
+    ]
 
 
 def impact_laws(seed: int = 0, workers: int = 2) -> Measured:
@@ -114,7 +117,8 @@ def impact_laws(seed: int = 0, workers: int = 2) -> Measured:
         return laws + _energy(orbit, lost, mass)
 
     return Measured(
-        "impact laws", "Newton's restitution; momentum and energy of the wheels",
+        "impact laws",
+        "Newton's restitution; momentum and energy of the wheels",
         "mesh 1 acts on wheel 1 alone, mesh 2 keeps the momentum of both wheels, and each flank returns epsilon of its "
         "speed: follow(), simulate() with every scheme, energy_loss()",
         checks(),
@@ -122,4 +126,4 @@ def impact_laws(seed: int = 0, workers: int = 2) -> Measured:
             NegativeControl("masses of the wheels interchanged", checks(mass=mass[::-1])),
             NegativeControl("restitution 0.1 % larger", checks(epsilon=1.001 * GEARS.epsilon)),
         ],
-    )  # fmt: skip
+    )

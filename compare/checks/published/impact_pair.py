@@ -10,8 +10,6 @@ from rattle.compare.checks.published.result import Check, Measured, NegativeCont
 from rattle.montecarlo.long_run import LongRun, long_run
 from rattle.scene import Scene
 
-__all__ = ["impact_pair"]
-
 CASES = ((0.25, 0.5), (0.2, 0.6), (0.3, 0.4))  # alpha, epsilon; with half gaps of 0.5 these orbits are stable
 HALF = 0.5
 SIGMA, PERIODS = 1e-3, 256  # of the noisy run, of the first case
@@ -68,7 +66,8 @@ def impact_pair(seed: int = 0, workers: int = 2) -> Measured:
 
     exact = 2 * len(CASES)  # checks without a statistical error
     return Measured(
-        "impact pair", "Masri & Caughey 1966; Lyapunov's equation",
+        "impact pair",
+        "Masri & Caughey 1966; Lyapunov's equation",
         "the symmetric orbit has its impacts at tau0 + n pi at the speed 2 alpha cos tau0 / (1 - epsilon): follow(); "
         "its stationary sds under weak noise by a discrete Lyapunov equation: long_run()",
         checks(),
@@ -76,4 +75,4 @@ def impact_pair(seed: int = 0, workers: int = 2) -> Measured:
             NegativeControl("restitution 0.1 % larger", checks(epsilon=1.001)[:exact]),
             NegativeControl("sds 2 % larger", checks(sd=1.02)[exact:]),
         ],
-    )  # fmt: skip
+    )

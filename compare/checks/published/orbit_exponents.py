@@ -7,8 +7,6 @@ from rattle.compare.checks.published.impact_pair import HALF, symmetric_orbit
 from rattle.compare.checks.published.result import Check, Measured, NegativeControl
 from rattle.scene import Scene
 
-__all__ = ["orbit_exponents"]
-
 CASES = ((0.35, 0.4), (0.35, 0.25), (0.15, 0.35))  # alpha, epsilon; stable, with two different exponents each
 IMPACTS = 10_000
 ROUNDING = 1e-10
@@ -47,11 +45,12 @@ def orbit_exponents(seed: int = 0, workers: int = 2) -> Measured:
         ]
 
     return Measured(
-        "orbit exponents", "Masri & Caughey 1966; Mueller 1995 (saltation)",
+        "orbit exponents",
+        "Masri & Caughey 1966; Mueller 1995 (saltation)",
         "each exponent of the impact pair's symmetric orbit is that of its map from impact to impact: lyapunov()",
         checks({case: _exponents(*case) for case in CASES}),
         [
             NegativeControl("impacts without the saltation term", checks({c: _without_saltation(*c) for c in CASES})),
             NegativeControl("restitution 0.1 % larger", checks({(a, e): _exponents(a, 1.001 * e) for a, e in CASES})),
         ],
-    )  # fmt: skip
+    )

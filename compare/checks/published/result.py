@@ -7,8 +7,6 @@ from typing import Any, NamedTuple
 
 from scipy.special import ndtri
 
-__all__ = ["FALSE_ALARM", "Check", "Measured", "NegativeControl", "PublishedResult", "limit"]
-
 FALSE_ALARM = 1e-3
 """Probability that at least one check in a whole run of a correct program fails."""
 
@@ -120,11 +118,16 @@ class PublishedResult:
         """
         m = self.measured
         return {
-            "name": m.name, "reference": m.reference, "statement": m.statement, **_plain(self.worst),
-            "allowed": self.allowed, "holds": self.holds, "checks": [_plain(check) for check in m.checks],
+            "name": m.name,
+            "reference": m.reference,
+            "statement": m.statement,
+            **_plain(self.worst),
+            "allowed": self.allowed,
+            "holds": self.holds,
+            "checks": [_plain(check) for check in m.checks],
             "controls": [{"error": p.error, "rejected": p.rejected(self.allowed)} for p in m.controls],
             "seconds": self.seconds,
-        }  # fmt: skip
+        }
 
 
 def _plain(check: Check) -> dict[str, Any]:

@@ -8,8 +8,6 @@ from scipy.integrate import quad
 from rattle.compare.checks.published.result import Check, Measured, NegativeControl
 from rattle.compare.checks.published.returning import Floats, log_speeds
 
-__all__ = ["critical_restitution", "return_moments", "return_speed"]
-
 MEAN = math.pi / math.sqrt(3.0)
 """E ln rho, rho being the ratio of consecutive speeds, with the density ``3 / (2 pi) rho^(3/2) / (1 + rho^3)``."""
 
@@ -45,7 +43,8 @@ def return_speed(seed: int = 0, workers: int = 2) -> Measured:
     ln = log_speeds(1.0, RETURNS, 1, seed)[:, 0]
     slower = quad(lambda r: 1.5 / math.pi * r**1.5 / (1.0 + r**3), 0.0, 1.0)[0]
     return Measured(
-        "return speed", "McKean 1963; Cornell, Swift & Bray 1998",
+        "return speed",
+        "McKean 1963; Cornell, Swift & Bray 1998",
         "a randomly accelerated particle that leaves a wall at speed v returns at speed rho v: steps of "
         "rattle.montecarlo.coupling.dyadic, rescaled before each, without a time limit",
         _moments(ln, MEAN, VARIANCE, slower),
@@ -54,7 +53,7 @@ def return_speed(seed: int = 0, workers: int = 2) -> Measured:
             NegativeControl("variance 3 % smaller", _moments(ln, MEAN, 0.97 * VARIANCE, slower)),
             NegativeControl("an impact that keeps 97 %", _moments(ln + math.log(0.97), MEAN, VARIANCE, slower)),
         ],
-    )  # fmt: skip
+    )
 
 
 def return_moments(seed: int = 0, workers: int = 2) -> Measured:
@@ -76,13 +75,16 @@ def return_moments(seed: int = 0, workers: int = 2) -> Measured:
         return out
 
     return Measured(
-        "return moments", "McKean 1963",
+        "return moments",
+        "McKean 1963",
         "moments of the ratio of speeds on return and on leaving, -5/2 < s < 1/2: the flights of the return speed, of "
         "another seed",
         checks(),
-        [NegativeControl("moments 1 % larger", checks(wrong=1.01)),
-         NegativeControl("orders 0.02 larger", checks(shifted=0.02))],
-    )  # fmt: skip
+        [
+            NegativeControl("moments 1 % larger", checks(wrong=1.01)),
+            NegativeControl("orders 0.02 larger", checks(shifted=0.02)),
+        ],
+    )
 
 
 def _drift(epsilon: float, seed: int) -> tuple[float, float]:
@@ -113,10 +115,13 @@ def critical_restitution(seed: int = 0, workers: int = 2) -> Measured:
         ]
 
     return Measured(
-        "critical restitution", "Cornell, Swift & Bray 1998",
+        "critical restitution",
+        "Cornell, Swift & Bray 1998",
         "ln speed drifts by ln epsilon + pi / sqrt(3) per bounce: collapse below exp(-pi / sqrt(3)) = 0.163; the same "
         "flights, joined by the restitution map",
         checks(1.0, MEAN),
-        [NegativeControl("mean 3 % larger", checks(1.0, 1.03 * MEAN)),
-         NegativeControl("epsilon squared", checks(2.0, MEAN))],
-    )  # fmt: skip
+        [
+            NegativeControl("mean 3 % larger", checks(1.0, 1.03 * MEAN)),
+            NegativeControl("epsilon squared", checks(2.0, MEAN)),
+        ],
+    )

@@ -24,8 +24,6 @@ from rattle.scene.constants import Constants
 from rattle.scene.errors import RattleError
 from rattle.scene.impact import struck
 
-__all__ = ["log_speeds"]
-
 Floats = NDArray[np.float64]
 
 GROWTH = 64.0

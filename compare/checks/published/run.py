@@ -17,8 +17,6 @@ from rattle.compare.checks.published.result import Measured, PublishedResult, li
 from rattle.compare.checks.published.return_speed import critical_restitution, return_moments, return_speed
 from rattle.scene.validate import choice, count
 
-__all__ = ["RESULTS", "selftest"]
-
 RESULTS: dict[str, Callable[[int, int], Measured]] = {
     result.__name__.replace("_", "-"): result
     for result in (

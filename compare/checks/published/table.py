@@ -5,8 +5,6 @@ from typing import Any
 
 from rattle.compare.checks.published.result import FALSE_ALARM, Check, PublishedResult
 
-__all__ = ["lines", "record"]
-
 HEAD = ("result", "check nearest to failing", "found", "truth", "se", "z", "controls", "s", "verdict")
 LEFT = {0, 1, 8}  # columns with left alignment
 
@@ -39,9 +37,15 @@ def _row(result: PublishedResult) -> tuple[str, ...]:
     m, worst = result.measured, result.worst
     seen = sum(p.rejected(result.allowed) for p in m.controls)
     return (
-        m.name, worst.quantity, f"{worst.found:.6g}", f"{worst.truth:.6g}", *_error(worst),
-        f"{seen} of {len(m.controls)}", f"{result.seconds:.1f}", "holds" if result.holds else "FAILS",
-    )  # fmt: skip
+        m.name,
+        worst.quantity,
+        f"{worst.found:.6g}",
+        f"{worst.truth:.6g}",
+        *_error(worst),
+        f"{seen} of {len(m.controls)}",
+        f"{result.seconds:.1f}",
+        "holds" if result.holds else "FAILS",
+    )
 
 
 def _error(check: Check) -> tuple[str, str]:
@@ -88,6 +92,9 @@ def record(results: Sequence[PublishedResult], seed: int) -> dict[str, Any]:
     True
     """
     return {
-        "holds": all(result.holds for result in results), "false_alarm": FALSE_ALARM, "seed": seed,
-        "seconds": sum(result.seconds for result in results), "results": [result.to_dict() for result in results],
-    }  # fmt: skip
+        "holds": all(result.holds for result in results),
+        "false_alarm": FALSE_ALARM,
+        "seed": seed,
+        "seconds": sum(result.seconds for result in results),
+        "results": [result.to_dict() for result in results],
+    }

@@ -6,8 +6,6 @@ from typing import NamedTuple
 
 from rattle.scene import DAT21, Scene, Start
 
-__all__ = ["AXES", "Axis", "moderate"]
-
 SIGMA, HALF_GAP = 0.3, 0.5
 PHASE, INSIDE = 1.0, 0.2  # of the start: its phase, and x2 over the half gap
 SPEED = 2.0  # speed of the start in the half gap of DAT21
@@ -30,9 +28,18 @@ def moderate(*, beta: float | None = None, gap: float = HALF_GAP, sigma: float =
     speed = max(SPEED * math.sqrt(gap / HALF_GAP), (gap * sigma**2) ** (1.0 / 3.0), gap)
     beta1, beta2 = (pair.beta1, pair.beta2) if beta is None else (beta, beta * pair.beta2 / pair.beta1)
     return Scene(
-        alpha=pair.alpha, epsilon=epsilon, beta1=beta1, beta2=beta2, gamma1=pair.gamma1, gamma2=pair.gamma2,
-        mu=pair.mu, gap1=gap, gap2=gap, sigma=sigma, start=Start(PHASE, gap, speed, INSIDE * gap, speed, mesh=1),
-    )  # fmt: skip
+        alpha=pair.alpha,
+        epsilon=epsilon,
+        beta1=beta1,
+        beta2=beta2,
+        gamma1=pair.gamma1,
+        gamma2=pair.gamma2,
+        mu=pair.mu,
+        gap1=gap,
+        gap2=gap,
+        sigma=sigma,
+        start=Start(PHASE, gap, speed, INSIDE * gap, speed, mesh=1),
+    )
 
 
 class Axis(NamedTuple):

@@ -15,25 +15,15 @@ from rattle.montecarlo.settings import is_random, plan_of
 from rattle.scene import Scene
 from rattle.scene.moments import SECTION
 
-__all__ = [
-    "BIASED",
-    "COLLAPSING",
-    "FIRST",
-    "UNBIASED",
-    "UNDECIDED",
-    "UNSTABLE",
-    "VERDICTS",
-    "Judged",
-    "judge",
-    "looks",
-    "simulate_any",
-]
-
 Floats = NDArray[np.float64]
 
 UNBIASED, BIASED, UNDECIDED, UNSTABLE, COLLAPSING = VERDICTS = (
-    "unbiased", "biased", "undecided", "unstable", "no limit",
-)  # fmt: skip
+    "unbiased",
+    "biased",
+    "undecided",
+    "unstable",
+    "no limit",
+)
 
 FIRST = 2 * BLOCK  # paths of the first attempt at a verdict
 GROWTH = 8  # factor on the number of paths while the verdict is undecided
@@ -83,9 +73,15 @@ def simulate_any(scene: Scene, *, scheme: str, dt: float, paths: int, seed: int,
     1.0
     """
     plan = plan_of(
-        scene, paths=paths, impacts=IMPACTS, dt=dt, scheme=scheme, rng=seed, any_step=True,
+        scene,
+        paths=paths,
+        impacts=IMPACTS,
+        dt=dt,
+        scheme=scheme,
+        rng=seed,
+        any_step=True,
         horizon=max(horizon_of(scene), 4.0 * dt),
-    )  # fmt: skip
+    )
     merged: BlockResult | None = None
     for result, _ in in_threads(workers)(plan, 0):
         merged = result if merged is None else merged.merge(result)
@@ -94,9 +90,17 @@ def simulate_any(scene: Scene, *, scheme: str, dt: float, paths: int, seed: int,
 
 
 def judge(
-    scene: Scene, beside: Reference, *, scheme: str, dt: float, paths: int, seed: int, workers: int, z: float,
+    scene: Scene,
+    beside: Reference,
+    *,
+    scheme: str,
+    dt: float,
+    paths: int,
+    seed: int,
+    workers: int,
+    z: float,
     within: Tolerances = Tolerances(),  # noqa: B008  (a tuple)
-) -> Judged:  # fmt: skip
+) -> Judged:
     """Simulate a cell, with more paths while the verdict is undecided, and judge it.
 
     Examples

@@ -16,8 +16,6 @@ from rattle.montecarlo.diagnostics import COLLAPSE
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.scene.moments import SECTION
 
-__all__ = ["PATHS", "SHARES", "Chart", "chart"]
-
 PATHS = 32_768
 REFERENCE = 4  # the reference has so many times the paths of a cell
 SHARES = (1 / 32, 1 / 8, 1 / 2, 1.0, 4.0, 16.0)
@@ -48,9 +46,14 @@ class Chart(NamedTuple):
 
 
 def chart(
-    *, schemes: Sequence[str] = tuple(SCHEMES), axes: Sequence[str] = tuple(AXES), points: int = 7, paths: int = PATHS,
-    seed: int = 0, workers: int = 2,
-) -> Chart:  # fmt: skip
+    *,
+    schemes: Sequence[str] = tuple(SCHEMES),
+    axes: Sequence[str] = tuple(AXES),
+    points: int = 7,
+    paths: int = PATHS,
+    seed: int = 0,
+    workers: int = 2,
+) -> Chart:
     """Measure the map.
 
     `points`: Number of values on each axis, up to 7, spread from end to end. `paths`: Largest number of paths of
@@ -82,8 +85,9 @@ def chart(
                     found = judge(scene, beside, scheme=scheme, dt=dt, paths=most, seed=seed, workers=workers, z=z)
                     rows.append(
                         {"scheme": scheme, "axis": axis, "value": value, "dt": dt, "share": share, "why": why}
-                        | {"default": default} | found._asdict()
-                    )  # fmt: skip
+                        | {"default": default}
+                        | found._asdict()
+                    )
                     bar.update()
     return Chart(pd.DataFrame(rows), z, time.perf_counter() - began)
 

@@ -11,8 +11,6 @@ from rattle.compare.checks.stability.axes import AXES
 from rattle.compare.checks.stability.cell import BIASED, COLLAPSING, UNBIASED, UNDECIDED, UNSTABLE
 from rattle.compare.report.style import legend_above, new_figure
 
-__all__ = ["figure", "summary"]
-
 MARKS: Any = {
     UNBIASED: {"color": "#0072B2", "marker": "o"},
     UNDECIDED: {"color": "#999999", "marker": "^"},
@@ -80,9 +78,15 @@ def _panel(ax: Axes, part: pd.DataFrame) -> None:
         x = values.index(cell["value"]) + (BESIDE if cell["default"] else 0.0)
         face = "white" if cell["diagnosed"] and cell["share"] <= 1.0 else style["color"]
         ax.plot(
-            x, cell["dt"], style["marker"], ms=4.0 if cell["default"] else 5.5, mec=style["color"], mfc=face, mew=1.2,
+            x,
+            cell["dt"],
+            style["marker"],
+            ms=4.0 if cell["default"] else 5.5,
+            mec=style["color"],
+            mfc=face,
+            mew=1.2,
             ls="",
-        )  # fmt: skip
+        )
     ax.set_ylim(low, high)
     ax.set_xlim(-0.5, len(values) - 0.5)
     ax.set_xticks(range(len(values)), [f"{v:g}" for v in values], fontsize=7.5)

@@ -10,8 +10,6 @@ from rattle.scene import Scene, Start
 from rattle.scene.flight import noise_covariance
 from rattle.scene.moments import STATE
 
-__all__ = ["covariance_table"]
-
 FLIGHT = 0.2  # flight time from tau = 0, where the noise has no modulation yet: the most demanding flight
 OPEN = 1e6  # half gap that no path crosses
 SHARES = (1 / 8, 1.0)  # time steps, in units of the longest admissible one
@@ -57,10 +55,17 @@ def covariance_table(*, points: int = 7, paths: int, seed: int, workers: int) ->
             error = np.where(varies, np.sqrt(found / np.where(varies, exact, 1.0)) - 1.0, 0.0)
             half = np.where(varies, z * se / np.where(varies, 2.0 * exact, 1.0), 0.0)
             k = int((np.abs(error) + half).argmax())
-            rows.append({
-                "beta": beta, "dt": run.dt, "share": share, "quantity": STATE[k], "error": float(error[k]),
-                "half": float(half[k]), "holds": bool((np.abs(error) + half <= TOLERANCE).all()),
-            })  # fmt: skip
+            rows.append(
+                {
+                    "beta": beta,
+                    "dt": run.dt,
+                    "share": share,
+                    "quantity": STATE[k],
+                    "error": float(error[k]),
+                    "half": float(half[k]),
+                    "holds": bool((np.abs(error) + half <= TOLERANCE).all()),
+                }
+            )
     return pd.DataFrame(rows)
 
 
@@ -68,6 +73,15 @@ def _open(scene: Scene) -> Scene:
     """The same without walls within reach, with zero velocity at tau = 0."""
     c = scene.constants
     return Scene(
-        alpha=c.alpha, epsilon=c.epsilon, beta1=c.beta1, beta2=c.beta2, gamma1=c.gamma1, gamma2=c.gamma2, mu=c.mu,
-        gap1=OPEN, gap2=OPEN, sigma=c.sigma, start=Start(0.0, 0.0, 0.0, 0.0, 0.0, mesh=0),
-    )  # fmt: skip
+        alpha=c.alpha,
+        epsilon=c.epsilon,
+        beta1=c.beta1,
+        beta2=c.beta2,
+        gamma1=c.gamma1,
+        gamma2=c.gamma2,
+        mu=c.mu,
+        gap1=OPEN,
+        gap2=OPEN,
+        sigma=c.sigma,
+        start=Start(0.0, 0.0, 0.0, 0.0, 0.0, mesh=0),
+    )

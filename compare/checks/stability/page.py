@@ -20,15 +20,25 @@ from rattle.compare.validation.validity_range import join_words
 from rattle.compare.validation.verdict import Tolerances
 from rattle.scene import Scene
 
-__all__ = ["CONTENTS", "answer", "write_stability"]
-
 CONTENTS = contents("stability", figures=["verdicts", "stability"], tables=["stability", "covariance", "extremes"])
 """Files of such a folder; a folder with any other file is not overwritten."""
 
 WORDS = (
-    *SCHEME_TERMS, "admissible step", "default step", "diagnostic", "unbiased", "biased", "unstable", "no limit",
-    "standard error", "σ", "ε", "E, sd", "impact", "sticking",
-)  # fmt: skip
+    *SCHEME_TERMS,
+    "admissible step",
+    "default step",
+    "diagnostic",
+    "unbiased",
+    "biased",
+    "unstable",
+    "no limit",
+    "standard error",
+    "σ",
+    "ε",
+    "E, sd",
+    "impact",
+    "sticking",
+)
 KEY = (
     "Verdicts on the cells of the map: scenes from the mildest to the most extreme damping, gap, noise and "
     "restitution, at steps that input validation admits."
@@ -110,10 +120,13 @@ def write_stability(
         "admissible step, refused by input validation."
     )
     page = Page(
-        "Where is each scheme stable and unbiased?", tuple(said), source_of(record),
+        "Where is each scheme stable and unbiased?",
+        tuple(said),
+        source_of(record),
         (
             Figure("verdicts.svg", KEY, KEY),
-            Text("The worst cell with an admissible step, for each scheme and axis:", note=True), worst(found),
+            Text("The worst cell with an admissible step, for each scheme and axis:", note=True),
+            worst(found),
             glossary(*WORDS, gears=Scene.from_dict(record["scene"]).gears),
         ),
         (
@@ -123,12 +136,19 @@ def write_stability(
             Section("Exact flights without walls compared with the exact covariance", (_covariance(covariance),)),
             *((Section("Extreme values", (Text(EXTREMES, note=True), _extremes(tried))),) if tried else ()),
         ),
-    )  # fmt: skip
+    )
     tables = {"stability": found.table, "covariance": covariance} | ({"extremes": table(tried)} if tried else {})
     save(
-        out, "stability", page, record, allowed=CONTENTS, tables=tables, digits="%.6g", overwrite=overwrite,
+        out,
+        "stability",
+        page,
+        record,
+        allowed=CONTENTS,
+        tables=tables,
+        digits="%.6g",
+        overwrite=overwrite,
         figures={"verdicts": summary(found.table), "stability": figure(found.table)},
-    )  # fmt: skip
+    )
     return said
 
 
@@ -146,11 +166,17 @@ def _defaults(found: Chart) -> Table:
 def _table(cells: pd.DataFrame, summary: str = "") -> Table:
     rows: list[Row] = [
         [
-            c["scheme"], c["axis"], c["value"], c["dt"], Cell(c["verdict"], MARK.get(c["verdict"], "open")),
-            Cell(f"{c['error']:.2g} ± {c['half']:.1g}"), c["where"], "yes" if c["diagnosed"] else "no",
+            c["scheme"],
+            c["axis"],
+            c["value"],
+            c["dt"],
+            Cell(c["verdict"], MARK.get(c["verdict"], "open")),
+            Cell(f"{c['error']:.2g} ± {c['half']:.1g}"),
+            c["where"],
+            "yes" if c["diagnosed"] else "no",
         ]
         for _, c in cells.iterrows()
-    ]  # fmt: skip
+    ]
     heads: list[Column | str] = [
         "scheme",
         "axis",
@@ -166,24 +192,35 @@ def _table(cells: pd.DataFrame, summary: str = "") -> Table:
 def _extremes(tried: Sequence[Extreme]) -> Table:
     rows: list[Row] = [
         [
-            row.name, row.field, row.tried, row.truth,
+            row.name,
+            row.field,
+            row.tried,
+            row.truth,
             Cell(f"{row.worst:.2f}" if row.unit == "z" else f"{row.worst:.1e}", "good" if row.holds else "bad"),
-            row.allowed, "standard errors" if row.unit == "z" else row.unit,
+            row.allowed,
+            "standard errors" if row.unit == "z" else row.unit,
         ]
         for row in tried
-    ]  # fmt: skip
+    ]
     heads: list[Column | str] = [
-        "what", "field", "range", "reference", *numbers("worst error", "allowed"), "relative to",
-    ]  # fmt: skip
+        "what",
+        "field",
+        "range",
+        "reference",
+        *numbers("worst error", "allowed"),
+        "relative to",
+    ]
     return Table.of(heads, rows, "every row")
 
 
 def _covariance(table: pd.DataFrame) -> Table:
     rows: list[Row] = [
         [
-            r["beta"], r["dt"], Cell(f"{r['error']:+.2%} ± {r['half']:.1%}", "good" if r["holds"] else "bad"),
+            r["beta"],
+            r["dt"],
+            Cell(f"{r['error']:+.2%} ± {r['half']:.1%}", "good" if r["holds"] else "bad"),
             r["quantity"],
         ]
         for _, r in table.iterrows()
-    ]  # fmt: skip
+    ]
     return Table.of([*numbers("β₁", "dt", "relative error of the sd"), "of"], rows)

@@ -13,8 +13,6 @@ from rattle.scene import Scene
 from rattle.scene.impact import next_impact, struck
 from rattle.scene.moments import SECTION
 
-__all__ = ["IMPACTS", "Reference", "horizon_of", "reference"]
-
 Floats = NDArray[np.float64]
 
 IMPACTS = 4
@@ -60,9 +58,15 @@ def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference
         late = 0.0
     else:
         run: Ensemble = simulate(
-            scene, paths=paths, impacts=IMPACTS, scheme="exact-flight", horizon=horizon_of(scene),
-            dt=default_step(scene, "exact-flight") / FINER, rng=seed, workers=workers,
-        )  # fmt: skip
+            scene,
+            paths=paths,
+            impacts=IMPACTS,
+            scheme="exact-flight",
+            horizon=horizon_of(scene),
+            dt=default_step(scene, "exact-flight") / FINER,
+            rng=seed,
+            workers=workers,
+        )
         columns, late = run.columns, run.unfinished / run.paths
     unit = motion_units(columns, scene)
     for q in SECTION:
