@@ -146,7 +146,10 @@ def next_impact(
         if side2 != 0 and b2 * side2 > 0.0:
             slack = 1e-15 * rate * min(t, 10.0)
             if side1 != 0 or (min(high1 - d1, low1 + d1) <= slack and t > 0.0):
-                x1, d1 = (c.wall1 if high1 - d1 < low1 + d1 else -c.wall1), 0.0
+                side1 = 1 if high1 - d1 < low1 + d1 else -1
+                x1, d1 = side1 * c.wall1, 0.0
+                if b1 * side1 > 0.0:
+                    return t, 1, side1, x1, b1, side2 * c.wall2, b2
             return t, 2, side2, x1 + d1, b1, side2 * c.wall2, b2
         if side1 != 0 and b1 == 0.0 and f1 * side1 > 0.0:
             return t, REST, side1, side1 * c.wall1, b1, x2 + d2, b2

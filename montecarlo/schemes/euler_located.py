@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.schemes.euler import StepForcing, euler_step, step_forcing
-from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
+from rattle.montecarlo.schemes.step_state import TOGETHER, Noise, Progress, Walls
 from rattle.scene.compiled import inline, lean
 from rattle.scene.constants import Constants
 
@@ -82,13 +82,13 @@ def advance_inside(c: Constants, at: Progress, normal: float, walls: Walls) -> P
     whole = at.noise.increment
     s1 = _reach(x1, y1, walls.high1, walls.low1)
     s2 = _reach(x2, y2, walls.high2, walls.low2) if c.stages == 2 else math.inf
-    s = min(s1, s2)
+    first = s1 <= s2 + TOGETHER
+    s = s1 if first else s2
     if s >= at.left:
         x1, y1, x2, y2 = _part_of_step(c, at.tau, at.left, whole, x1, y1, x2, y2)
         return Progress(0, at.tau + at.left, 0.0, Noise(0.0, 0.0), x1, y1, x2, y2)
     # the increment up to s, given the whole of it: a Brownian bridge
     part = whole * s / at.left + math.sqrt(s * (at.left - s) / at.left) * normal
-    first = s1 <= s2
     side = 1 if (y1 if first else y2) > 0.0 else -1
     x1, y1, x2, y2 = _part_of_step(c, at.tau, s, part, x1, y1, x2, y2)
     if first:

@@ -22,7 +22,7 @@ from rattle.montecarlo.noise.brownian import join, split
 from rattle.montecarlo.noise.philox import Key, Word, normals
 from rattle.montecarlo.schemes.crossing import CLOSE, cut_share
 from rattle.montecarlo.schemes.short_flight import Phase, State, short_flight, sine_cosine
-from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
+from rattle.montecarlo.schemes.step_state import TOGETHER, Noise, Progress, Walls
 from rattle.scene.compiled import inline, splice
 from rattle.scene.constants import Constants
 
@@ -61,7 +61,8 @@ def _due(c: Constants, s: State, walls: Walls) -> tuple[int, float, float]:
     """The impact that is due: ``mesh * side``, or 0; the time to its wall; and that to the next wall ahead.
 
     Both times are at the present velocity.  The first is that of the flight without noise, zero for a path so slow that
-    it must come within `CLOSE` of its wall, and negative for one that is just beyond it.
+    it must come within `CLOSE` of its wall, and negative for one that is just beyond it.  Mesh 1 comes before mesh 2
+    where both are met within `TOGETHER`.
     """
     code, lead, reach = 0, math.inf, math.inf
     for mesh in range(1, c.stages + 1):
@@ -77,7 +78,7 @@ def _due(c: Constants, s: State, walls: Walls) -> tuple[int, float, float]:
         swift = abs(gap) <= _close(c, mesh, y, other, wall)
         if swift or gap <= CLOSE * wall:
             own = gap / abs(y) if swift else 0.0
-            if own < lead:
+            if own < lead - TOGETHER:
                 code, lead = (mesh if y > 0.0 else -mesh), own
         else:
             reach = min(reach, gap / abs(y))

@@ -5,6 +5,9 @@ from typing import NamedTuple
 MOST_IN_A_STEP = 64
 """Most impacts of a path in a step; then the struck mesh stays closed to the end of the step, which is counted."""
 
+TOGETHER = 1e-12
+"""Time in which impacts at both meshes count as one instant, and mesh 1 comes first: what a flight's rounding adds."""
+
 
 class Noise(NamedTuple):
     """Brownian motion on a time h."""

@@ -10,7 +10,9 @@ from scipy import stats
 
 from rattle.closure.orbit import follow
 from rattle.montecarlo import Record
+from rattle.montecarlo.kernel import block as kernel_block
 from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.kernel.lanes import lanes_of
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.statistics.section_statistics import FEWEST
 from rattle.montecarlo.statistics.step_bias import estimate_remainder
@@ -351,12 +353,25 @@ def test_noise_free_run_does_not_depend_on_the_seed(scheme):
     assert np.array_equal(*runs)
 
 
-def test_noise_free_steps_cost_no_normals():
-    """Walls drawn at random keep the paths apart; the two measured in turn, so that a busy machine slows both."""
-    quiet, noisy = (open_space(sigma, tolerance=Tolerance(0.1, 0.1)) for sigma in (0.0, 1e-9))
-    settings = {"paths": 4 * BLOCK, "impacts": 1, "horizon": 4.0, "best_of": 1}
-    turns = [(seconds_per_step(quiet, **settings), seconds_per_step(noisy, **settings)) for _ in range(8)]
-    assert np.divide(*np.min(turns, axis=0)) < 0.8
+@pytest.fixture
+def buffers_of(monkeypatch):
+    """Function that simulates one block and gives its buffers: what was never computed is as at the start."""
+
+    def buffers(scene, scheme):
+        made = []
+        monkeypatch.setattr(kernel_block, "lanes_of", lambda *sizes: made.append(lanes_of(*sizes)) or made[-1])
+        simulate(scene, paths=64, impacts=1, dt=1e-2, horizon=1.0, scheme=scheme, rng=1)
+        return made[-1]
+
+    return buffers
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_noise_free_steps_draw_no_normals(scheme, buffers_of):
+    """Walls drawn at random keep the paths apart."""
+    for sigma in (0.0, 1e-9):
+        _, room = buffers_of(open_space(sigma, tolerance=Tolerance(0.1, 0.1)), scheme)
+        assert room.z.any() == (sigma > 0.0)
 
 
 def test_single_stage_run_has_no_second_stage():
@@ -405,16 +420,14 @@ def test_a_path_step_is_cheap(scheme):
     assert step < 6.0 * one
 
 
-def test_single_stage_costs_less_than_two():
-    """Free flight without noise, the two measured in turn, so that a busy machine slows both; the ratio is 0.67.
-
-    Tolerances keep the paths apart; with noise, its normals take most of the time of either.
-    """
-    pair, lone = (open_space(0.0, tolerance=Tolerance(0.1, 0.1), stages=n) for n in (2, 1))
-    settings = {"paths": 4 * BLOCK, "impacts": 1, "horizon": 4.0, "best_of": 1}
-    turns = [(seconds_per_step(lone, **settings), seconds_per_step(pair, **settings)) for _ in range(12)]
-    one, two = np.min(turns, axis=0)
-    assert one < two
+@pytest.mark.parametrize("scheme", ["euler-maruyama", "exact-flight"])
+def test_single_stage_flies_no_second_one(scheme, buffers_of):
+    """The second stage has a speed, and would be moved by it."""
+    for stages in (1, 2):
+        every, _ = buffers_of(open_space(0.1, tolerance=Tolerance(0.1, 0.1), stages=stages), scheme)
+        x1, x2 = every.state[0, (0, 2), :64]
+        assert (x1 != 0.1).all()
+        assert (x2 != -0.2).all() == (stages == 2)
 
 
 def test_path_steps_count_every_lane_and_step_size():
