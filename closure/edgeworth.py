@@ -216,6 +216,13 @@ class Edgeworth:
         Coefficients.
     sd_x, sd_y : float
         Standard deviations of displacement and velocity.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene, mean_map
+    >>> density = mean_map(Scene.from_gears(DAT21, sigma=0.1), impacts=1, closure="corrected").edgeworth(1, 1)
+    >>> bool(density.density(np.array([0.0]), np.array([0.0]))[0] > 0.0)
+    True
     """
 
     a: Floats

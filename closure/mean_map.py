@@ -78,6 +78,13 @@ class Breakdown(NamedTuple):
         1 or 2; 0 if the mean flight time is negative.
     reason : str
         What fails.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene
+    >>> found = mean_map(Scene.from_gears(DAT21, sigma=0.1), impacts=4, closure="published").breakdown
+    >>> found.impact, found.stage
+    (2, 1)
     """
 
     impact: int
@@ -97,6 +104,13 @@ class MeanMap:
         The arrays behind the tables, in local time.
     tolerance : float, optional
         Argument of `mean_map`.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene
+    >>> orbit = mean_map(Scene.from_gears(DAT21, sigma=0.01), impacts=2, closure="saltation")
+    >>> orbit.section[["tau", "sd_tau"]].round(4).loc[1].tolist()
+    [0.56, 0.0002]
     """
 
     scene: Scene

@@ -141,6 +141,12 @@ class Orbit:
         state at which it begins, and the sides on which mesh 1 and mesh 2 stick (0 for open).
     sticking : tuple of StickingPhase
         Sticking phases, in order of time.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene
+    >>> follow(Scene.from_gears(DAT21), impacts=3).mesh.tolist()
+    [1, 1, 2, 1]
     """
 
     constants: Constants

@@ -180,7 +180,7 @@ def find_exceedance(error: Floats, shift: Floats, share: float) -> float:
 
     Examples
     --------
-    >>> round(exceeded(np.ones(1), np.zeros(1), 0.05), 3)
+    >>> round(find_exceedance(np.ones(1), np.zeros(1), 0.05), 3)
     1.96
     """
     low, high = float(shift.max()), float((shift + 40.0 * error).max())

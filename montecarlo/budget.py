@@ -31,7 +31,7 @@ class Budget:
     Examples
     --------
     >>> budget = Budget(60.0)
-    >>> 0.0 < budget.left <= 60.0
+    >>> 0.0 < budget.remaining <= 60.0
     True
     """
 

@@ -149,7 +149,7 @@ def diagnose_rare_branch(run: Ensemble) -> str:
     >>> from rattle.montecarlo import simulate
     >>> from rattle.scene import DAT21
     >>> run = simulate(Scene.from_gears(DAT21, sigma=0.1), paths=1000, impacts=3, scheme="exact-flight")
-    >>> print(unsampled(run)[:51])
+    >>> print(diagnose_rare_branch(run)[:51])
     A rare branch (about 521 in a million paths) is mis
     """
     if run.reach is not None or run.impacts > SEARCHED:
@@ -167,7 +167,7 @@ def diagnose_short_step(run: Ensemble) -> str:
     --------
     >>> from rattle.montecarlo import simulate
     >>> from rattle.scene import DAT21
-    >>> print(shortened(simulate(Scene.from_gears(DAT21, sigma=1e4), paths=100, impacts=1, horizon=0.01)))
+    >>> print(diagnose_short_step(simulate(Scene.from_gears(DAT21, sigma=1e4), paths=100, impacts=1, horizon=0.01)))
     dt = 0.00271 in place of the scheme's 0.0327: a longer step holds too many impacts.
     """
     allowed, usual = default_step(run.scene, run.scheme, run.plan.levels > 1), SCHEMES[run.scheme].step

@@ -207,7 +207,7 @@ def extend(run: Ensemble, paths: int, blocks: Blocks, progress: str | None = Non
     Examples
     --------
     >>> from rattle.scene import DAT21
-    >>> more = extended(simulate(Scene.from_gears(DAT21), paths=1024, impacts=1), 2048, in_threads(1))
+    >>> more = extend(simulate(Scene.from_gears(DAT21), paths=1024, impacts=1), 2048, in_threads(1))
     >>> more.section[["paths", "agreement"]].loc[1].tolist()
     [2048.0, 1.0]
     """

@@ -66,6 +66,13 @@ class Reach(NamedTuple):
         Whether there are enough paths, over the full horizon, for events of probability 1e-4 to be sampled.
     remark : str
         The unseen branch that matters most, in words; empty if none does.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene, simulate_to
+    >>> reach = simulate_to(Scene.from_gears(DAT21, sigma=0.01), 0.05, impacts=2, rng=7).reach
+    >>> reach.reached, reach.bound <= reach.asked
+    (True, True)
     """
 
     asked: float

@@ -61,6 +61,13 @@ class Ensemble:
         Means and sds of batches of paths, if asked for.
     reach : Reach or None
         How far it got, if an accuracy was asked for.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene, simulate
+    >>> run = simulate(Scene.from_gears(DAT21, sigma=0.01), paths=1000, impacts=2, rng=7)
+    >>> run.section[["tau", "sd_tau", "y1", "sd_y1"]].round(3).loc[1].tolist()
+    [0.56, 0.0, -1.848, 0.002]
     """
 
     plan: Plan

@@ -45,7 +45,7 @@ def count_followed(scene: Scene, paths: int) -> int:
     Examples
     --------
     >>> from rattle.scene import DAT21
-    >>> computed(Scene.from_gears(DAT21), 1000), computed(Scene.from_gears(DAT21, sigma=0.1), 1000)
+    >>> count_followed(Scene.from_gears(DAT21), 1000), count_followed(Scene.from_gears(DAT21, sigma=0.1), 1000)
     (1, 1000)
     """
     return paths if is_random(scene) else 1

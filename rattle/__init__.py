@@ -16,44 +16,94 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from typing import Any
 
-    from rattle.closure import CLOSURES, MeanMap, Orbit, follow, mean_map
+    from rattle.closure import CLOSURES, Breakdown, Edgeworth, MeanMap, Orbit, closures_for, follow, mean_map, refusals
     from rattle.compare import Tolerances, Validation, validate
     from rattle.compare.stationary.measure import Stationary, stationary
-    from rattle.compare.study import Study
-    from rattle.montecarlo import SCHEMES, Ensemble, simulate
-    from rattle.scene import DAT21, Gears, InputError, RattleError, Scene, Start, Tolerance
+    from rattle.compare.study import Study, Tables, load_study
+    from rattle.montecarlo import (
+        SCHEMES,
+        AccuracyWarning,
+        Ensemble,
+        RareEnsemble,
+        Record,
+        default_step,
+        largest_step,
+        simulate,
+        simulate_rare,
+        simulate_to,
+    )
+    from rattle.montecarlo.reach import Reach
+    from rattle.scene import DAT21, FileError, Gears, InputError, OutputError, RattleError, Scene, Start, Tolerance
 
 __all__ = [
     "CLOSURES",
     "DAT21",
     "SCHEMES",
+    "AccuracyWarning",
+    "Breakdown",
+    "Edgeworth",
     "Ensemble",
+    "FileError",
     "Gears",
     "InputError",
     "MeanMap",
     "Orbit",
+    "OutputError",
+    "RareEnsemble",
     "RattleError",
+    "Reach",
+    "Record",
     "Scene",
     "Start",
     "Stationary",
     "Study",
+    "Tables",
     "Tolerance",
     "Tolerances",
     "Validation",
+    "closures_for",
+    "default_step",
     "follow",
+    "largest_step",
+    "load_study",
     "mean_map",
+    "refusals",
     "simulate",
+    "simulate_rare",
+    "simulate_to",
     "stationary",
     "validate",
 ]
 
 _MODULES = {
-    "scene": ("DAT21", "Gears", "InputError", "RattleError", "Scene", "Start", "Tolerance"),
-    "closure": ("CLOSURES", "MeanMap", "Orbit", "follow", "mean_map"),
-    "montecarlo": ("SCHEMES", "Ensemble", "simulate"),
+    "scene": ("DAT21", "FileError", "Gears", "InputError", "OutputError", "RattleError", "Scene", "Start", "Tolerance"),
+    "closure": (
+        "CLOSURES",
+        "Breakdown",
+        "Edgeworth",
+        "MeanMap",
+        "Orbit",
+        "closures_for",
+        "follow",
+        "mean_map",
+        "refusals",
+    ),
+    "montecarlo": (
+        "SCHEMES",
+        "AccuracyWarning",
+        "Ensemble",
+        "RareEnsemble",
+        "Record",
+        "default_step",
+        "largest_step",
+        "simulate",
+        "simulate_rare",
+        "simulate_to",
+    ),
+    "montecarlo.reach": ("Reach",),
     "compare": ("Tolerances", "Validation", "validate"),
     "compare.stationary.measure": ("Stationary", "stationary"),
-    "compare.study": ("Study",),
+    "compare.study": ("Study", "Tables", "load_study"),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 

@@ -44,7 +44,7 @@ def damp(beta: float, t: float) -> tuple[float, float]:
 
     Examples
     --------
-    >>> damped(0.0, 2.0)
+    >>> damp(0.0, 2.0)
     (2.0, 1.0)
     """
     e = phi1(beta, t)

@@ -28,7 +28,7 @@ def emulate_fma(a: float, b: float, c: float) -> float:
 
     Examples
     --------
-    >>> emulated_fma(1.0 + 2.0**-30, 1.0 - 2.0**-30, -1.0) == -(2.0**-60)
+    >>> emulate_fma(1.0 + 2.0**-30, 1.0 - 2.0**-30, -1.0) == -(2.0**-60)
     True
     """
     a, b, c = float(a), float(b), float(c)

@@ -40,7 +40,7 @@ def apply(matrix: Floats, v: Floats) -> Floats:
 
     Examples
     --------
-    >>> applied(np.array([[1.0, 2.0], [0.0, 1.0]]), np.array([3.0, 4.0])).tolist()
+    >>> apply(np.array([[1.0, 2.0], [0.0, 1.0]]), np.array([3.0, 4.0])).tolist()
     [11.0, 4.0]
     """
     out = np.empty(matrix.shape[0])

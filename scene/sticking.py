@@ -57,7 +57,7 @@ def find_sticking(c: Constants, tau: float, y1: float, y2: float, touching: Side
     --------
     >>> from rattle.scene import Scene
     >>> c = Scene(alpha=0.5, epsilon=0.3, beta1=0.0, gamma1=1.0, stages=1).constants
-    >>> closed_sides(c, 0.0, 0.0, 0.0, (1, 0))
+    >>> find_sticking(c, 0.0, 0.0, 0.0, (1, 0))
     (1, 0)
     """
     first, second = touching

@@ -47,7 +47,7 @@ def check_range(field: str, value: float, least: float, most: float, zero: bool 
 
     Examples
     --------
-    >>> ranged("alpha", 1e200, 1e-30, 1e6)
+    >>> check_range("alpha", 1e200, 1e-30, 1e6)
     Traceback (most recent call last):
     ...
     rattle.scene.errors.InputError: alpha = 1e+200: must be 0 or between 1e-30 and 1e+06 in size

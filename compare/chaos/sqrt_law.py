@@ -49,7 +49,7 @@ def fit(deltas: Floats, apart: Floats) -> tuple[float, float, float]:
     --------
     >>> d = np.geomspace(1e-6, 1e-4, 5)
     >>> z = np.random.default_rng(1).normal(size=(400, 5))
-    >>> value, low, high = fitted(d, np.sqrt(d) * z)
+    >>> value, low, high = fit(d, np.sqrt(d) * z)
     >>> bool(low < 0.5 < high)
     True
     """

@@ -41,7 +41,7 @@ def describe_refusal(out: Path, error: OSError) -> OutputError:
 
     Examples
     --------
-    >>> print(refused(Path("a"), OSError(errno.ENOSPC, "No space left on device")))
+    >>> print(describe_refusal(Path("a"), OSError(errno.ENOSPC, "No space left on device")))
     out = 'a': the disk is full; nothing is half written, what was there is untouched: make room and try again
     """
     if error.errno in FULL:
@@ -240,7 +240,7 @@ def name_of(path: Path) -> str:
 
     Examples
     --------
-    >>> named(Path("gears/mine.toml"))
+    >>> name_of(Path("gears/mine.toml"))
     'mine'
     """
     return path.stem.encode(errors="replace").decode()

@@ -122,7 +122,7 @@ def seal(record: Mapping[str, Any]) -> dict[str, Any]:
 
     Examples
     --------
-    >>> is_whole(sealed({"z": 4.1})), is_whole(sealed({"z": 4.1}) | {"z": 1.4})
+    >>> is_whole(seal({"z": 4.1})), is_whole(seal({"z": 4.1}) | {"z": 1.4})
     (True, False)
     """
     record = plain(record)

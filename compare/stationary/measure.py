@@ -58,6 +58,13 @@ class Stationary:
         Speed below which an impact is slow.
     closures : tuple of str
         Closures that `verdicts` judges.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene
+    >>> found = stationary(Scene.from_gears(DAT21, sigma=0.5), periods=64, paths=64, rng=7)
+    >>> bool(found.table.loc["rate", "value"] > 0.0)
+    True
     """
 
     scene: Scene

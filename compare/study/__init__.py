@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rattle.compare.study.design import Study
-    from rattle.compare.study.tables import Tables, load
+    from rattle.compare.study.tables import Tables, load_study
 
-__all__ = ["Study", "Tables", "load"]
+__all__ = ["Study", "Tables", "load_study"]
 
 _HOMES = {
     "Study": "rattle.compare.study.design",
     "Tables": "rattle.compare.study.tables",
-    "load": "rattle.compare.study.tables",
+    "load_study": "rattle.compare.study.tables",
 }
 
 

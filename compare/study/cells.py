@@ -95,7 +95,7 @@ class Sample:
     --------
     >>> from rattle.scene import DAT21, Scene
     >>> cell = Sample(Scene.from_gears(DAT21, sigma=0.1), impacts=2, seed=0, paths=2048)
-    >>> run = cell.opened(cell.compute())
+    >>> run = cell.restore(cell.compute())
     >>> round(float(run.section.loc[1, "tau"]), 3), run.paths
     (0.56, 2048)
     """
@@ -228,7 +228,7 @@ class Prediction:
     --------
     >>> from rattle.scene import DAT21, Scene
     >>> cell = Prediction(Scene.from_gears(DAT21, sigma=0.1), impacts=2, closure="corrected")
-    >>> cell.opened(cell.compute()).section.loc[2, "mesh"]
+    >>> cell.restore(cell.compute()).section.loc[2, "mesh"]
     np.int64(2)
     """
 

@@ -52,7 +52,7 @@ def expect_work(cells: Sequence[Cell]) -> dict[str, Work]:
     --------
     >>> from rattle.scene import DAT21, Scene
     >>> cell = Sample(Scene.from_gears(DAT21, sigma=0.1), impacts=12, seed=0, paths=100_000)
-    >>> round(expected_work([cell])[cell.key].path_steps / 100_000, -1)
+    >>> round(expect_work([cell])[cell.key].path_steps / 100_000, -1)
     190.0
     """
     asked = sum(isinstance(cell, Sample) and cell.accuracy is not None for cell in cells)

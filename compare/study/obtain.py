@@ -58,7 +58,7 @@ def obtain(store: Store, cell: Cell, compute: Compute = _here, say: Callable[[st
     >>> from rattle.scene import DAT21, Scene
     >>> store = Store(Path(tempfile.mkdtemp()))
     >>> cell = Prediction(Scene.from_gears(DAT21), impacts=1, closure="corrected")
-    >>> round(float(cell.opened(obtain(store, cell)).section.loc[1, "tau"]), 3)
+    >>> round(float(cell.restore(obtain(store, cell)).section.loc[1, "tau"]), 3)
     0.56
     """
     waiting = Waiting(store.lock, say)

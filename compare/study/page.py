@@ -220,7 +220,7 @@ def _page(
         "numerical version": record["numerical_version"],
         "time": f"{record['wall_seconds']} s wall, {record['cell_seconds']} s of cells",
         "versions": ", ".join(f"{name} {version}" for name, version in record["versions"].items()),
-        "rows": "`rattle.compare.study.load(FOLDER)` loads every one",
+        "rows": "`rattle.load_study(FOLDER)` loads every one",
     }
     source = Source(
         record["command"], tuple(facts.items()), (Text("The study, `study.toml`:"), Code(r.study.text, "toml"))

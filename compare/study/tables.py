@@ -31,7 +31,7 @@ __all__ = [
     "Tables",
     "file_digest",
     "find_damaged",
-    "load",
+    "load_study",
     "read_tables",
 ]
 
@@ -44,12 +44,27 @@ PAGE = "page"
 
 @dataclass(frozen=True)
 class Tables:
-    """The tables of a study."""
+    """The tables of a study, from `load_study`.
+
+    Attributes
+    ----------
+    study : Study
+        What was asked for.
+    record : dict
+        The manifest.
+    errors, sections, correlation, validity, paired, cost, reasons : DataFrame
+        Errors of the closures with verdicts; section moments; correlation coefficients; range of validity; differences
+        of neighbours; times; why a cell could not be computed.
+
+    Examples
+    --------
+    >>> from rattle import load_study
+    >>> sorted(load_study("reports/studies/noise").errors["closure"].unique())
+    ['branching', 'corrected', 'published', 'saltation']
+    """
 
     study: Study
-    record: dict[str, Any]  # the manifest
-    # errors, sections, correlation, validity, paired, cost, reasons: see the properties of
-    # `rattle.compare.study.results.Results`
+    record: dict[str, Any]
     errors: pd.DataFrame
     sections: pd.DataFrame
     correlation: pd.DataFrame
@@ -92,7 +107,7 @@ class Tables:
         raise InputError("kind", kind, f"nothing to draw of it{f' at {at}' if at else ''} in this study")
 
 
-def load(folder: str | Path) -> Tables:
+def load_study(folder: str | Path) -> Tables:
     """Load the tables of a study from a folder that ``rattle study`` has written.
 
     Parameters
@@ -111,7 +126,7 @@ def load(folder: str | Path) -> Tables:
 
     Examples
     --------
-    >>> load("nowhere")
+    >>> load_study("nowhere")
     Traceback (most recent call last):
     ...
     rattle.scene.errors.FileError: study folder = 'nowhere': holds no finished study; give what rattle study has written

@@ -115,7 +115,7 @@ def format_changes(changed: Changes) -> list[str]:
 
     Examples
     --------
-    >>> listed({"values.y1.2": (0.5, 0.6), "scene.sigma": (0.1, None)})
+    >>> format_changes({"values.y1.2": (0.5, 0.6), "scene.sigma": (0.1, None)})
     ['  values.y1.2: 0.5 -> 0.6', '  scene.sigma: 0.1 -> nothing']
     """
     return [f"  {line(f'{key}: {_text(old)} -> {_text(new)}')}" for key, (old, new) in changed.items()]

@@ -88,7 +88,7 @@ def merge(markers: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
 
     Examples
     --------
-    >>> merged([{"absolute": 1e-3}, {"scene": "dat21.toml", "within": 0.05}])
+    >>> merge([{"absolute": 1e-3}, {"scene": "dat21.toml", "within": 0.05}])
     {'scene': 'dat21.toml', 'absolute': 0.001}
     """
     found: dict[str, Any] = {}

@@ -15,7 +15,7 @@ def describe_remedy(paths: float) -> str:
 
     Examples
     --------
-    >>> decided_by(141_234.0)
+    >>> describe_remedy(141_234.0)
     '140,000 paths would decide'
     """
     if math.isfinite(paths):

@@ -58,7 +58,7 @@ def fit(level: Floats, value: Floats) -> Rate:
 
     Examples
     --------
-    >>> rate = fitted(np.array([1.0, 2.0, 3.0]), np.array([0.5, 0.25, 0.125]))
+    >>> rate = fit(np.array([1.0, 2.0, 3.0]), np.array([0.5, 0.25, 0.125]))
     >>> round(rate.slope, 6), round(rate.intercept, 6), round(rate.half, 6)
     (-1.0, 0.0, 0.0)
     """

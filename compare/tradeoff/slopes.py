@@ -57,10 +57,10 @@ def find_settled(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[floa
     --------
     >>> steps = np.array([4.0, 2.0, 1.0])
     >>> bias = np.array([[[4.0], [2.0], [1.0]], [[4.04], [2.0], [1.0]], [[4.0], [2.0], [0.99]]])
-    >>> [round(v, 2) for v in settled_from(bias, np.zeros_like(bias), steps)[:1]]
+    >>> [round(v, 2) for v in find_settled(bias, np.zeros_like(bias), steps)[:1]]
     [1.0]
     >>> bias[:, 0] *= 4.0  # a slope of 3, then of 1
-    >>> settled_from(bias, np.zeros_like(bias), steps)[0]
+    >>> find_settled(bias, np.zeros_like(bias), steps)[0]
     nan
     """
     n = len(bias)

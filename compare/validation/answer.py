@@ -55,7 +55,7 @@ def explain_missing(scene: Scene, shown: Iterable[str]) -> list[str]:
     Examples
     --------
     >>> from rattle.scene import DAT21, Scene, Start
-    >>> left_out(Scene.from_gears(DAT21, start=Start()), ["corrected", "saltation"])
+    >>> explain_missing(Scene.from_gears(DAT21, start=Start()), ["corrected", "saltation"])
     ['Left out: `published` (start.mesh = 0: the published closure needs a start at mesh 1 (Eq. 10)).']
     """
     missing = [f"`{name}` ({why})" for name, why in refusals(scene).items() if name not in shown]

@@ -71,6 +71,13 @@ class Validation:
     z : float
         Standard errors of the intervals, corrected for the number of rows.
     tolerances : Tolerances
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene
+    >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=2, closures=["saltation"], paths=20_000, rng=7)
+    >>> v.counts.loc["saltation", "accurate"] > 0
+    True
     """
 
     scene: Scene

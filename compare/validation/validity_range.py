@@ -102,7 +102,7 @@ def join_words(items: Sequence[str]) -> str:
 
     Examples
     --------
-    >>> listed(["a", "b", "c"])
+    >>> join_words(["a", "b", "c"])
     'a, b and c'
     """
     return items[0] if len(items) == 1 else ", ".join(items[:-1]) + " and " + items[-1]
@@ -111,7 +111,7 @@ def join_words(items: Sequence[str]) -> str:
 def span(values: Iterable[float], form: str) -> str:
     """The range of some values in words; one value where they are the same as printed.
 
-    >>> spanned([17.257, 17.262], ".4g"), spanned([0.05, 0.1], ".0%")
+    >>> span([17.257, 17.262], ".4g"), span([0.05, 0.1], ".0%")
     ('17.26', '5% to 10%')
     """
     found = list(values)

@@ -75,6 +75,11 @@ class Tolerances(NamedTuple):
         Of means and of sds, in units of the quantity's sd.
     rho : float
         Of correlation coefficients, absolute.
+
+    Examples
+    --------
+    >>> Tolerances(mean=0.02).sd
+    0.1
     """
 
     mean: float = 0.05
@@ -249,7 +254,7 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
     up, down, needed, chance = _shift_unseen(hidden, steps)
     table["unseen_low"], table["unseen_high"], table["unseen_paths"] = up, down, needed
     table["low"], table["high"] = table["low"] - up, table["high"] + down
-    table.loc[few, "unseen_paths"] = FEWEST
+    table.loc[few, "unseen_paths"] = np.fmax(table.loc[few, "unseen_paths"], FEWEST)
     table["unseen_share"] = chance
     table["lean"] = gain * 6.0 * z / (2.0 * z**2 + 1.0)
     table = judge(table)
@@ -260,9 +265,9 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
 def remarks(table: pd.DataFrame) -> list[str]:
     """What decides a row besides its sd, in words: the size of what does not vary, and what the sample has not seen."""
     shift = np.maximum(table["unseen_low"], table["unseen_high"])
-    said = (table["verdict"] == "undecided") & (shift > WORTH_A_WORD * table["tolerance"])
     by_size = (table["still"] > 0.0) & table["verdict"].isin(JUDGED)
     few = table["low"].isna() & (table["verdict"] == "undecided")
+    said = (table["verdict"] == "undecided") & (shift > WORTH_A_WORD * table["tolerance"]) & ~few
     out = [TOO_FEW if f else BY_SIZE if by else "" for f, by in zip(few, by_size, strict=True)]
     columns = table["moment"], table["unseen_share"], shift / table["unit"], table["unseen_paths"]
     for i, m, p, s, n in zip(np.flatnonzero(said), *(column[said] for column in columns), strict=True):

@@ -12,8 +12,7 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 import numpy as np
 
-from rattle import DAT21, Scene, simulate
-from rattle.montecarlo import Record
+from rattle import DAT21, Record, Scene, simulate
 
 backlashes = np.linspace(0.1, 0.6, 6)  # mm
 rate, speed = [], []

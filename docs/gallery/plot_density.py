@@ -10,9 +10,8 @@ around one orbit cannot.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from rattle import DAT21, Scene, mean_map, simulate
+from rattle import DAT21, Record, Scene, mean_map, simulate
 from rattle.compare.report.style import STYLE
-from rattle.montecarlo import Record
 
 scene = Scene.from_gears(DAT21, sigma=DAT21.alpha**0.5)
 run = simulate(scene, paths=10_000, impacts=6, scheme="exact-flight", rng=7, workers=2, record=Record(raw=True))

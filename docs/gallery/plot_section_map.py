@@ -8,9 +8,8 @@ black 4,000 impacts of noisy paths at :math:`\sigma = 0.1` that have forgotten t
 
 import matplotlib.pyplot as plt
 
-from rattle import DAT21, Scene, simulate
+from rattle import DAT21, Record, Scene, simulate
 from rattle.closure.long_orbit import LongOrbit
-from rattle.montecarlo import Record
 
 scene = Scene.from_gears(DAT21, sigma=0.1)
 orbit = LongOrbit(scene.noise_free).stretch(20_000, tangent=False)

@@ -46,7 +46,7 @@ def join(first: Noise, second: Noise, share: float) -> Noise:
 
     Examples
     --------
-    >>> whole = joined(*split(Noise(1.0, 0.1), 2.0, 0.25, 0.3, -0.4), 0.25)
+    >>> whole = join(*split(Noise(1.0, 0.1), 2.0, 0.25, 0.3, -0.4), 0.25)
     >>> round(whole.increment, 12), round(whole.area, 12)
     (1.0, 0.1)
     """

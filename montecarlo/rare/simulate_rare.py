@@ -53,6 +53,13 @@ class RareEnsemble:
         Paths given up before their last impact; the rows that they lack are NaN.
     mean, se_mean, sd, se_sd : ndarray, shape (impacts, 6)
         Moments of the section quantities and their standard errors.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene
+    >>> rare = simulate_rare(Scene.from_gears(DAT21, sigma=0.1), paths=1000, impacts=2, rng=7)
+    >>> rare.mean.shape
+    (2, 6)
     """
 
     scene: Scene

@@ -130,7 +130,7 @@ class CentralSums:
     --------
     >>> x = np.arange(10.0)[:, None]
     >>> whole, parts = CentralSums.of(x, x, SINGLE), CentralSums.of(x[:4], x[:4], SINGLE)
-    >>> parts = parts.merged(CentralSums.of(x[4:], x[4:], SINGLE))
+    >>> parts = parts.merge(CentralSums.of(x[4:], x[4:], SINGLE))
     >>> bool(np.allclose(whole.sums, parts.sums))
     True
     """

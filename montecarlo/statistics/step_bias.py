@@ -67,7 +67,7 @@ def estimate_remainder(change: Floats, before: Floats, se: Floats) -> Floats:
 
     Examples
     --------
-    >>> second_order = left_over(np.array([3.0]), np.array([12.0]), np.zeros(1))  # of 1, 4 and 16: 1 - 3 = -2
+    >>> second_order = estimate_remainder(np.array([3.0]), np.array([12.0]), np.zeros(1))  # of 1, 4 and 16: 1 - 3 = -2
     >>> second_order.tolist()
     [2.0]
     """

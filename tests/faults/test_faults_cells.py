@@ -17,7 +17,7 @@ from rattle.compare.study.cells import Prediction, Sample
 from rattle.compare.study.figures import FIGURES
 from rattle.compare.study.obtain import obtain, read_stored
 from rattle.compare.study.store import Store
-from rattle.compare.study.tables import CELLS, MANIFEST, load
+from rattle.compare.study.tables import CELLS, MANIFEST, load_study
 from rattle.compare.thresholds import baseline
 from rattle.scene import DAT21, FileError, InputError, OutputError, Scene
 
@@ -130,7 +130,7 @@ def test_memory_that_ends_while_a_result_is_looked_at(tmp_path, monkeypatch, cel
         raise MemoryError
 
     with monkeypatch.context() as patch:
-        patch.setattr(Prediction, "opened", ended)
+        patch.setattr(Prediction, "restore", ended)
         with pytest.raises(OutputError, match="Cannot allocate memory"):
             read_stored(store, cell)
     assert read_stored(store, cell) is not None
@@ -158,8 +158,8 @@ def test_tables_that_cannot_be_read_are_not_called_damaged(file, monkeypatch):
     with monkeypatch.context() as patch:
         refusing(patch, system(errno.EACCES), "open")
         with pytest.raises(FileError, match=r"cannot be read \(Permission denied\)"):
-            load(file.with_suffix(""))
-    assert len(load(file.with_suffix("")).errors)
+            load_study(file.with_suffix(""))
+    assert len(load_study(file.with_suffix("")).errors)
 
 
 def test_a_study_without_a_single_ensemble_says_why(file, monkeypatch):

@@ -21,7 +21,7 @@ from rattle.compare.study.executors import Here
 from rattle.compare.study.figures import FIGURES
 from rattle.compare.study.obtain import read_stored
 from rattle.compare.study.store import NAME, Store, with_seal
-from rattle.compare.study.tables import CELLS, MANIFEST, load
+from rattle.compare.study.tables import CELLS, MANIFEST, load_study
 from rattle.scene import FileError
 
 TEXT = """
@@ -90,10 +90,10 @@ def test_a_disk_that_fills_while_the_page_is_written(file, tmp_path):
         assert not (place / "noise" / MANIFEST).exists()
         assert not list((place / "noise").glob(".*"))
         with pytest.raises(FileError, match="holds no finished study"):
-            load(place / "noise")
+            load_study(place / "noise")
         subprocess.run(["mount", "-o", "remount,size=20m", place], check=True)
         assert "0 cells computed, 4 there" in rattle("study", file, "--out", place / "noise").output
-        assert len(load(place / "noise").errors) == 2 * 2 * 2 * 4
+        assert len(load_study(place / "noise").errors) == 2 * 2 * 2 * 4
 
 
 def test_a_disk_without_room_for_a_single_file(file, tmp_path):
@@ -121,7 +121,7 @@ def test_a_finished_study_on_a_read_only_disk_shows_its_result(file, finished, t
         assert json.loads(rattle(*words, "--json").stdout)["complete"]
         assert "4 cells, 0 to compute" in rattle(*words, "--explain").stdout
         assert "4 of 4 results stored" in rattle(*words, "--status").stdout
-        assert len(load(place / "noise").errors) == 32
+        assert len(load_study(place / "noise").errors) == 32
 
 
 def test_what_a_finished_study_lacks_on_a_read_only_disk_is_said(file, finished, tmp_path):
@@ -163,7 +163,7 @@ def test_a_damaged_page_is_seen(file, finished, name, damage):
     assert not is_current(study, finished) or (name == "manifest.json" and damage == "flipped")
     if name == "errors.parquet":
         with pytest.raises(FileError, match=r"errors.parquet is damaged; run rattle study again"):
-            load(finished)
+            load_study(finished)
 
 
 def test_a_damaged_page_is_written_again_from_its_cells(file, finished):
@@ -178,7 +178,7 @@ def test_a_folder_of_a_newer_version_says_so(finished):
     record = json.loads((finished / MANIFEST).read_text())
     (finished / MANIFEST).write_text(json.dumps(record | {"version": 2}))
     with pytest.raises(FileError, match=r"newer version of rattle .manifest 2; this one reads 1.; update rattle"):
-        load(finished)
+        load_study(finished)
 
 
 def test_a_page_of_another_study_is_not_taken_for_ours(file, finished):
@@ -186,10 +186,10 @@ def test_a_page_of_another_study_is_not_taken_for_ours(file, finished):
     other = file.with_name("other.toml")
     other.write_text(TEXT.format(title="other"))
     rattle("study", other, "--out", finished)
-    assert load(finished).study.title == "other"
-    assert load(finished).record["title"] == "other"
+    assert load_study(finished).study.title == "other"
+    assert load_study(finished).record["title"] == "other"
     assert "0 cells computed" in rattle("study", file).output
-    assert load(finished).study.title == "noise"
+    assert load_study(finished).study.title == "noise"
 
 
 # --- results that somebody else has made
@@ -281,5 +281,5 @@ def test_estimates_of_the_time_left_do_not_depend_on_the_clock(tmp_path, monkeyp
     monkeypatch.setattr(time, "time", lambda: -1e9)
     with Progress({c.key: c for c in cells}, 0, tmp_path, False) as progress:
         for cell in cells[:2]:
-            progress.finished(cell, read_stored(store, cell), True)
+            progress.finish(cell, read_stored(store, cell), True)
         assert 0.0 < progress.seconds_left < 60.0

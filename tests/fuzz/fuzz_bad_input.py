@@ -22,7 +22,7 @@ from rattle.compare.report import manifest, read_page
 from rattle.compare.study.current import is_current
 from rattle.compare.study.design import Study
 from rattle.compare.study.store import Store
-from rattle.compare.study.tables import load
+from rattle.compare.study.tables import load_study
 from rattle.compare.thresholds import baseline
 from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
 from rattle.scene import DAT21, Scene
@@ -78,7 +78,7 @@ CALLS: dict[str, Callable[..., Any]] = {
     "from_dict": lambda data: Scene.from_dict(data),
     "study": lambda path: Study.load(path),
     "study_text": lambda text: Study.from_toml(text),
-    "tables": lambda path: load(path),
+    "tables": lambda path: load_study(path),
     "at_times": lambda times: _map().at_times(times),
     "density": lambda **k: _map().density(**({"impact": 1, "quantity": "y1", "values": np.array([0.0])} | k)),
     "edgeworth": lambda **k: _map().edgeworth(**({"impact": 1, "stage": 1} | k)),
@@ -205,13 +205,13 @@ def _cell(place: Path, how: list[tuple[str, float, int]]) -> Ended:
 
 
 def _tables(place: Path, how: list[tuple[str, float, int]]) -> Ended:
-    truth = load(place / "study")
+    truth = load_study(place / "study")
     names = [*(f"{n}.parquet" for n in ("errors", "sections", "validity", "cost")), "manifest.json", "study.toml"]
     path = place / "study" / names[how[0][2] % len(names)]
     kept = path.read_bytes()
     try:
         path.write_bytes(mutated(kept, how))
-        found = load(place / "study")
+        found = load_study(place / "study")
         for name in ("errors", "sections", "validity", "cost"):
             pd.testing.assert_frame_equal(getattr(found, name), getattr(truth, name), check_exact=True)
         if found.record != truth.record or found.study.points != truth.study.points:

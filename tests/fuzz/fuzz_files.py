@@ -12,7 +12,7 @@ from fuzz_bad_input import ran, refused
 from fuzz_must import Ended, has_verdicts, must
 
 from rattle.compare.report import read_page
-from rattle.compare.study.tables import load
+from rattle.compare.study.tables import load_study
 from rattle.montecarlo import simulate
 from rattle.scene import Scene
 from rattle.scene.errors import FileError
@@ -68,7 +68,7 @@ def study_file(scene: Scene, settings: dict[str, Any]) -> Ended:
         must(first["answer"] == again["answer"], "the same study says something else", first["answer"], again["answer"])
         must(ran(["show", "r"], place).exit_code == 0, "show")
         try:
-            tables = load(place / "r")
+            tables = load_study(place / "r")
         except FileError as error:
             must(False, "what was written cannot be read back", refused(error, ""), error)
     if len(tables.errors):

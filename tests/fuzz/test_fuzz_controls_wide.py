@@ -176,7 +176,7 @@ def test_a_file_that_says_something_else_is_seen(monkeypatch):
 
 ROW = {
     "verdict": "accurate", "predicted": 1.0, "simulated": 1.0, "se": 0.1, "error": 0.0, "low": -0.1, "high": 0.1,
-    "tolerance": 0.5, "agreement": 1.0,
+    "tolerance": 0.5, "agreement": 1.0, "remark": "",
 }  # fmt: skip
 
 

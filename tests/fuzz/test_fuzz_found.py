@@ -15,7 +15,7 @@ from rattle.compare.cli.main import main
 from rattle.compare.report import manifest
 from rattle.compare.study.axes import read_axes
 from rattle.compare.study.store import Store
-from rattle.compare.study.tables import load
+from rattle.compare.study.tables import load_study
 from rattle.compare.validation.answer import answer
 from rattle.compare.validation.correlation import first_failure
 from rattle.montecarlo import Record, simulate, simulate_to
@@ -501,7 +501,7 @@ def test_a_study_in_which_no_path_has_an_impact_has_a_page(tmp_path, recwarn):
     (tmp_path / "study.toml").write_text(STILL, encoding="utf-8")
     done = CliRunner().invoke(main, ["study", str(tmp_path / "study.toml"), "--workers", "1"], catch_exceptions=False)
     assert done.exit_code == 0, done.output
-    tables = load(tmp_path / "study")
+    tables = load_study(tmp_path / "study")
     assert (tables.sections["paths"] == 0).all()
     assert set(tables.errors["verdict"]) == {"not predicted"}
     assert not recwarn.list

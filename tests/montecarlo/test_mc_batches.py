@@ -63,7 +63,7 @@ def test_paired_differences_have_the_errors_that_they_state():
     found = []
     for seed in range(20):
         runs = [Sample(dat21(s), impacts=2, seed=seed, paths=32 * BLOCK // 8) for s in (0.3, 0.33)]
-        found.append(compare_paired(*(cell.opened(cell.compute()) for cell in runs)))
+        found.append(compare_paired(*(cell.restore(cell.compute()) for cell in runs)))
     rows = [t[(t["impact"] == 2) & (t["quantity"] == "tau")].set_index("moment") for t in found]
     for moment in ("mean", "sd"):
         spread = np.std([r["difference"][moment] for r in rows], ddof=1)

@@ -68,7 +68,7 @@ def simulate_any(scene: Scene, *, scheme: str, dt: float, paths: int, seed: int,
     Examples
     --------
     >>> from rattle.compare.checks.stability.axes import moderate
-    >>> run = sampled(moderate(), scheme="euler-maruyama", dt=1.0, paths=100, seed=0, workers=1)
+    >>> run = simulate_any(moderate(), scheme="euler-maruyama", dt=1.0, paths=100, seed=0, workers=1)
     >>> run.dt
     1.0
     """
@@ -110,7 +110,7 @@ def judge(
     >>> scene = moderate(sigma=0.0)
     >>> beside = reference(scene, paths=1, seed=1, workers=1)
     >>> settings = {"dt": 0.01, "paths": 1, "seed": 0, "workers": 1, "z": 4.0}
-    >>> [judged(scene, beside, scheme=name, **settings).verdict for name in ("exact-flight", "euler-maruyama")]
+    >>> [judge(scene, beside, scheme=name, **settings).verdict for name in ("exact-flight", "euler-maruyama")]
     ['unbiased', 'biased']
     """
     number = min(paths, FIRST)

@@ -75,10 +75,10 @@ def test_a_warm_process_does_not_describe_what_numba_can_compile():
 import sys
 from rattle.montecarlo import simulate
 from rattle.scene import DAT21, Scene
-from rattle.scene.machine_code import compiled_here
+from rattle.scene.machine_code import count_compiled
 for _ in range(2):
     simulate(Scene.from_gears(DAT21, sigma=0.1), paths=8, impacts=2, scheme="exact-flight")
-print(compiled_here(), "numba.typed.typeddict" in sys.modules)
+print(count_compiled(), "numba.typed.typeddict" in sys.modules)
 """
     command = [sys.executable, "-c", code]
     subprocess.run(command, check=True, capture_output=True)  # fills the cache

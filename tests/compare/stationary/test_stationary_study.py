@@ -13,7 +13,7 @@ import rattle as rt
 from rattle.compare.cli.main import main
 from rattle.compare.stationary.study import LongStudy, load
 from rattle.compare.stationary.study_page import answer
-from rattle.compare.study.tables import load as load_impacts
+from rattle.compare.study.tables import load_study as load_impacts
 from rattle.compare.thresholds.claim import read_claim
 from rattle.compare.thresholds.long_run import decide_long, predict_long
 from rattle.compare.thresholds.sessions import Thresholds

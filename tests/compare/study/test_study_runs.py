@@ -25,7 +25,7 @@ from rattle.compare.study.obtain import obtain
 from rattle.compare.study.page import answer
 from rattle.compare.study.results import Results
 from rattle.compare.study.store import Store
-from rattle.compare.study.tables import CELLS, load
+from rattle.compare.study.tables import CELLS, load_study
 from rattle.compare.validation.verdict import Tolerances
 from rattle.scene.errors import InputError, OutputError
 
@@ -73,7 +73,7 @@ def small(tmp_path):
 
 def test_tables_load_in_one_line(slow):
     file, _ = slow
-    results = load(file.with_suffix(""))
+    results = load_study(file.with_suffix(""))
     assert len(results.errors) == 6 * 2 * 2 * 2 * 6  # sigma, closure, impact, moment, quantity
     assert set(results.sections["moment"]) == {"mean", "sd", "skew"}
     assert {"rate", "energy"} < set(results.sections["quantity"])
@@ -236,7 +236,7 @@ def test_a_lost_point_is_reported_and_the_others_run(tmp_path):
     assert found.exit_code == 1
     assert "epsilon = 1.2" in found.output
     assert "epsilon = 1.2" in (tmp_path / "e" / "study.md").read_text()
-    assert len(load(tmp_path / "e").errors) == 2 * 2 * 2 * 6
+    assert len(load_study(tmp_path / "e").errors) == 2 * 2 * 2 * 6
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -254,7 +254,7 @@ def test_what_a_closure_cannot_take_is_said_once_with_exit_code_1(tmp_path):
         assert "start.mesh = 0: " in said[0]
     page = (tmp_path / "s" / "study.md").read_text()
     assert page.count("start.mesh = 0: ") == 1
-    assert len(load(tmp_path / "s").reasons) == 6
+    assert len(load_study(tmp_path / "s").reasons) == 6
 
 
 def test_a_study_without_a_closure_that_can_still_ends(tmp_path):
@@ -263,7 +263,7 @@ def test_a_study_without_a_closure_that_can_still_ends(tmp_path):
     file.write_text(study_text(paths=512, more=start).replace('"saltation", "corrected"', '"published"'))
     found = rattle(file)
     assert found.exit_code == 1, found.output
-    assert load(tmp_path / "s").errors.empty
+    assert load_study(tmp_path / "s").errors.empty
 
 
 UNDECIDED = """

@@ -75,7 +75,7 @@ class Stacked:
 
 
 def merged(results):
-    return reduce(lambda one, other: one.merged(other), results)
+    return reduce(lambda one, other: one.merge(other), results)
 
 
 def stacked(results, size, control):

@@ -1,0 +1,72 @@
+"""What is public is complete: `rattle.__all__`, the reference and the guide name the same, each with a full text."""
+
+import ast
+import inspect
+import re
+from pathlib import Path
+
+import pytest
+
+import rattle
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "README.md", ROOT / "docs" / "start.md", *sorted((ROOT / "docs" / "guide").glob("*.md"))]
+SCRIPTS = sorted((ROOT / "docs" / "gallery").glob("*.py"))
+CALLED = [name for name in rattle.__all__ if inspect.isfunction(getattr(rattle, name))]
+CLASSES = [name for name in rattle.__all__ if inspect.isclass(getattr(rattle, name))]
+ERRORS = [name for name in CLASSES if issubclass(getattr(rattle, name), Exception)]
+
+
+def blocks(page):
+    """The blocks of Python of a page."""
+    return re.findall(r"^```(?:python|\{code-cell\})\n(.*?)^```", page.read_text(), flags=re.M | re.S)
+
+
+def test_all_is_sorted_and_complete():
+    assert sorted(dir(rattle)) == sorted([*rattle.__all__, "__version__"])
+    assert rattle.__all__ == sorted(rattle.__all__, key=lambda name: (not name.isupper(), name[0].islower(), name))
+
+
+def test_the_reference_has_the_same_names():
+    pages = "".join(page.read_text() for page in (ROOT / "docs" / "reference").glob("api-*.md"))
+    entries = re.findall(r"^   ([a-z_]+\.[\w.]+)$", pages, flags=re.M)
+    assert sorted(entry.rpartition(".")[2] for entry in entries) == sorted(rattle.__all__)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_the_guide_needs_nothing_else(page):
+    for code in blocks(page):
+        assert not re.findall(r"^\s*(?:from|import) rattle\.\S+", code, flags=re.M)
+        assert {*re.findall(r"\brt\.(\w+)", code)} <= {*rattle.__all__, "__version__"}
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+def test_the_gallery_takes_public_names_from_the_top(script):
+    """Its figures may use more: the colours of the closures, say."""
+    for node in ast.walk(ast.parse(script.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module != "rattle":
+            assert not {alias.name for alias in node.names} & {*rattle.__all__}
+
+
+@pytest.mark.parametrize("name", CALLED)
+def test_a_public_function_has_a_full_text(name):
+    text = inspect.getdoc(getattr(rattle, name))
+    assert text.splitlines()[0].endswith(".")
+    for section in ("Parameters", "Returns", "Examples"):
+        assert f"\n{section}\n---" in text, section
+    for parameter in inspect.signature(getattr(rattle, name)).parameters:
+        assert re.search(rf"^(?:[\w, *]*, )?\**{parameter}\b", text, flags=re.M), parameter
+
+
+@pytest.mark.parametrize("name", [name for name in CLASSES if name not in ERRORS])
+def test_a_public_class_has_a_full_text(name):
+    text = inspect.getdoc(getattr(rattle, name))
+    assert "\nParameters\n---" in text or "\nAttributes\n---" in text
+    assert "\nExamples\n---" in text
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_every_public_member_has_a_sentence(name):
+    for member, value in vars(getattr(rattle, name)).items():
+        if not member.startswith("_") and (inspect.isfunction(value) or isinstance(value, property)):
+            assert inspect.getdoc(value), f"{name}.{member}"
