@@ -26,7 +26,7 @@ test: $(READY)
 	$(RUN)/rattle warm-up & compiling=$$!; \
 		$(RUN)/ruff check . && $(RUN)/ruff format --check . && $(RUN)/mypy && wait $$compiling
 	$(RUN)/pytest $(WORKERS) $(FIRST)
-	$(RUN)/pytest $(WORKERS) --cov --cov-report= $(FIRST:%=--ignore=%) --ignore=tests/interpreted tests rattle/compare
+	$(RUN)/pytest $(WORKERS) --cov --cov-report= $(FIRST:%=--ignore=%) --ignore=tests/interpreted tests rattle
 	NUMBA_DISABLE_JIT=1 $(RUN)/pytest $(WORKERS) --cov --cov-append --cov-report= $(INTERPRETED)
 	for package in scene closure montecarlo compare; do \
 		$(RUN)/coverage report --include="$$package/*" --skip-covered --fail-under=95 || exit 1; \

@@ -8,7 +8,7 @@ Examples
 >>> scene = rt.Scene.from_gears(rt.DAT21, sigma=0.01)
 >>> orbit = rt.mean_map(scene, impacts=2, closure="saltation")
 >>> orbit.section["mesh"].tolist()
-[1, 1]
+[1, 2]
 """
 
 from typing import TYPE_CHECKING

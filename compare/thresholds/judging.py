@@ -55,7 +55,8 @@ def judge_errors(errors: pd.DataFrame, z: float) -> pd.DataFrame:
     >>> claim = read_claim({"scene": Scene.from_gears(DAT21, sigma=0.01), "impacts": 1, "quantities": "y1"}, Path())
     >>> run = simulate(claim.scene, paths=4096, impacts=1, scheme="exact-flight", control=True)
     >>> z = widest(len(claim.rows), 0.01)
-    >>> [judge_errors(errors_of(predict(r, claim), run, claim), z)["outcome"].tolist() for r in ("saltation", "corrected")]
+    >>> both = ("saltation", "corrected")
+    >>> [judge_errors(errors_of(predict(r, claim), run, claim), z)["outcome"].tolist() for r in both]
     [['pass', 'pass'], ['fail', 'pass']]
     """
     rows = errors.assign(noise=z * errors["noise"])
