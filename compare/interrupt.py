@@ -16,7 +16,7 @@ NOTHING_WRITTEN = "interrupted; nothing was written"
 LOST = "interrupted; unfinished work is lost, no file is half written"
 GRACE = 1.2
 """Seconds from Ctrl-C to the end of the process: enough to finish running blocks of paths and to print one line."""
-RETRY = 0.02  # seconds between two attempts to raise the interrupt while a module is imported
+RETRY = 0.1  # seconds between two attempts to raise the interrupt while a module is imported; enough to print a line
 LOSES_EXCEPTIONS = ("<frozen importlib._bootstrap>", "executionengine.py", "ffi.py")
 """Ends of the files of frames in which an exception goes astray: imports, the compiler's callbacks and destructors."""
 
@@ -96,6 +96,8 @@ def _interrupt_again(raised: threading.Event) -> None:
 def _end(text: str) -> None:
     for folder in list(unfinished):
         shutil.rmtree(folder, ignore_errors=True)
-    if not said.is_set():
+    if said.is_set():
+        time.sleep(RETRY)  # the main thread is printing its line
+    else:
         os.write(2, f"rattle: {text}\n".encode())
     os._exit(EXIT_INTERRUPTED)

@@ -117,7 +117,7 @@ def test_dat21_sticks_as_often_as_it_says():
 
 
 def test_the_committed_study_loads_as_it_says(monkeypatch):
-    (code,) = (text for language, text in BLOCKS if language == "python" and "import load" in text)
+    (code,) = (text for language, text in BLOCKS if language == "python" and "load_study" in text)
     monkeypatch.chdir(ROOT)
     found = {}
     exec(code, found)
