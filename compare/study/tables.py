@@ -95,7 +95,7 @@ class Tables:
     def plot(self, kind: str = "validity", **at: Any) -> "Figure":
         """Draw a figure of the study's page.
 
-        Keywords are values of the fields that vary besides the first; where one is left out, the table's first is taken.
+        Keywords are values of the fields that vary besides the first; the table's first where one is left out.
         """
         from rattle.compare.study.figures import FIGURES, panels
 
