@@ -4,14 +4,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rattle.compare.validation.validate import Validation, validate
+    from rattle.compare.validation.result import Validation
+    from rattle.compare.validation.validate import validate
     from rattle.compare.validation.verdict import Tolerances
 
 __all__ = ["Tolerances", "Validation", "validate"]
 
 _MODULE_OF = {
     "Tolerances": "rattle.compare.validation.verdict",
-    "Validation": "rattle.compare.validation.validate",
+    "Validation": "rattle.compare.validation.result",
     "validate": "rattle.compare.validation.validate",
 }
 

@@ -11,7 +11,8 @@ from rattle.compare.chaos.measure import ChaosStudy, study
 from rattle.compare.chaos.record import Regime, noisy_record, orbit_record
 from rattle.compare.chaos.sweep import paper_noise
 from rattle.compare.claims.mean_motion import MeanMotion, mean_motion
-from rattle.compare.validation.validate import Validation, validate
+from rattle.compare.validation.result import Validation
+from rattle.compare.validation.validate import validate
 from rattle.montecarlo import Ensemble, Record, simulate
 from rattle.scene.parts import Start
 from rattle.scene.scene import Scene

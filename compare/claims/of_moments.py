@@ -5,8 +5,8 @@ import numpy as np
 from rattle.compare.claims.claim import HOLDS_ONLY, NOT_REPRODUCED, REPRODUCED, UNDECIDED, Claim
 from rattle.compare.claims.evidence import Evidence
 from rattle.compare.claims.impact_rules import MEND_15, MEND_17, Failure, failures
+from rattle.compare.validation.comparison import Comparison
 from rattle.compare.validation.correlation import SIMULATED, first_failure
-from rattle.compare.validation.validate import Validation
 from rattle.compare.validation.validity import rows_to_judge
 from rattle.compare.validation.validity_range import join_words
 from rattle.compare.validation.verdict import widest
@@ -14,7 +14,7 @@ from rattle.scene.flight import noise_covariance
 from rattle.scene.moments import correlation
 
 
-def _at(v: Validation) -> str:
+def _at(v: Comparison) -> str:
     return f"σ = {v.scene.sigma:.3g}"
 
 
@@ -160,6 +160,6 @@ def describes(e: Evidence) -> Claim:
     )
 
 
-def _accurate(v: Validation, closure: str) -> float:
+def _accurate(v: Comparison, closure: str) -> float:
     rows = rows_to_judge(v, closure)
     return float((rows["verdict"] == "accurate").mean())

@@ -7,11 +7,10 @@ import pandas as pd
 
 from rattle.closure import refusals
 from rattle.compare.validation.advice import advice, cost_sentence
+from rattle.compare.validation.comparison import Comparison, Sweep
 from rattle.compare.validation.correlation import SIMULATED, first_failure
 from rattle.compare.validation.physical import lasting, motion_sentence
 from rattle.compare.validation.speed import simulation_costs, speeds
-from rattle.compare.validation.sweep import Sweep
-from rattle.compare.validation.validate import Validation
 from rattle.compare.validation.validity import validities
 from rattle.compare.validation.validity_range import in_words, join_words, span, unbroken
 from rattle.compare.validation.verdict import BY_SIZE, JUDGED
@@ -21,12 +20,12 @@ SECTION = " (Poincaré section at the impacts)"
 """Explains the word section at its first use on a page."""
 
 
-def sigma_text(v: Validation) -> str:
+def sigma_text(v: Comparison) -> str:
     """The noise intensity of a validation to four digits, as the report writes it."""
     return f"{v.scene.sigma:.4g}"
 
 
-def _largest_rho(validations: Sequence[Validation], closure: str) -> float:
+def _largest_rho(validations: Sequence[Comparison], closure: str) -> float:
     rows = (v.correlation[v.correlation["closure"] == closure]["rho"].abs().max() for v in validations)
     return max((float(r) for r in rows if r == r), default=0.0)
 
@@ -62,7 +61,7 @@ def explain_missing(scene: Scene, shown: Iterable[str]) -> list[str]:
     return [f"Left out: {join_words(missing)}."] if missing else []
 
 
-def answer(validations: Sequence[Validation], swept: Sweep | None = None) -> list[str]:
+def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> list[str]:
     """The result of validations of one scene in sentences.
 
     Advice at their own noise intensities, cost, accuracy, realizability, and agreement of itineraries.
@@ -119,7 +118,7 @@ def answer(validations: Sequence[Validation], swept: Sweep | None = None) -> lis
     ]
 
 
-def _agreement(validations: Sequence[Validation]) -> list[str]:
+def _agreement(validations: Sequence[Comparison]) -> list[str]:
     """How many paths have left the closures' itineraries, where some have."""
     impacts, shares = len(validations[0].run.section), []
     for v in validations:
@@ -135,7 +134,7 @@ def _agreement(validations: Sequence[Validation]) -> list[str]:
     ]
 
 
-def by_size_sentence(validations: Sequence[Validation]) -> list[str]:
+def by_size_sentence(validations: Sequence[Comparison]) -> list[str]:
     """How many verdicts of each closure rest on the size of what does not vary, in one sentence or none."""
     rows = pd.concat([v.table.assign(sigma=sigma_text(v)) for v in validations])
     rows = rows[rows["remark"] == BY_SIZE]
@@ -146,7 +145,7 @@ def by_size_sentence(validations: Sequence[Validation]) -> list[str]:
     return [f"Moments not measured in sds ({BY_SIZE}): {'; '.join(shares)}."] if shares else []
 
 
-def correlation_claim(validations: Sequence[Validation]) -> str:
+def correlation_claim(validations: Sequence[Comparison]) -> str:
     """The paper's argument that the density is not Gaussian because |rho| may exceed 1, compared with the evidence."""
     if "published" not in validations[0].predictions or "corrected" not in validations[0].predictions:
         return ""

@@ -9,7 +9,7 @@ import pandas as pd
 
 from rattle.closure.cost import closure_seconds
 from rattle.compare.report import Row, Table, numbers
-from rattle.compare.validation.validate import Validation
+from rattle.compare.validation.comparison import Comparison
 from rattle.compare.validation.verdict import section_errors
 from rattle.montecarlo import Ensemble, simulate
 
@@ -42,7 +42,7 @@ class _Named(NamedTuple):
     section: pd.DataFrame
 
 
-def beside(validations: Sequence[Validation], schemes: Sequence[str], workers: int) -> pd.DataFrame:
+def beside(validations: Sequence[Comparison], schemes: Sequence[str], workers: int) -> pd.DataFrame:
     """Simulate each scene of some validations by each of these schemes; a row for each of them and for each closure."""
     rows = []
     for v in validations:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from rattle.compare.report.style import ACCURATE, FORBIDDEN, STYLE, SYMBOL, legend_above, new_figure, whole_impacts
-from rattle.compare.validation.validate import Validation
+from rattle.compare.validation.comparison import Comparison
 
 VISIBLE = 2e-3  # the outermost bins of a histogram that are drawn have at least this share of the highest
 LINEAR = 0.1  # the axis of errors is linear up to this many sds, logarithmic beyond
@@ -20,7 +20,7 @@ def _offsets(names: Sequence[str]) -> dict[str, float]:
     return dict(zip(names, np.linspace(-0.13, 0.13, len(names)) if len(names) > 1 else [0.0], strict=True))
 
 
-def error_figure(v: Validation) -> Figure:
+def error_figure(v: Comparison) -> Figure:
     """Errors of section means and sds per impact and closure, in units of the quantity's sd, with intervals."""
     quantities = [q for q in ("tau", "y1", "y2") if v.scene.stages == 2 or q != "y2"]
     figure, axes = new_figure(3.4 * len(quantities), 5.4, 2, len(quantities))
@@ -66,7 +66,7 @@ def error_figure(v: Validation) -> Figure:
     return figure
 
 
-def correlation_figure(v: Validation) -> Figure:
+def correlation_figure(v: Comparison) -> Figure:
     """Correlation of displacement and velocity per stage: closures before impacts, all of them mid-flight."""
     stages = range(1, v.scene.stages + 1)
     figure, axes = new_figure(5.2 * len(stages), 3.9, 1, len(stages))
@@ -139,7 +139,7 @@ def correlation_figure(v: Validation) -> Figure:
     return figure
 
 
-def section_figure(v: Validation) -> Figure:
+def section_figure(v: Comparison) -> Figure:
     """Histogram of the velocities before each path's own impact, with the densities that the closures predict."""
     impacts = sorted(set(np.linspace(1, len(v.run.section), 4).round().astype(int).tolist()))
     velocities = ["y1", "y2"][: v.scene.stages]
@@ -176,7 +176,7 @@ def section_figure(v: Validation) -> Figure:
     return figure
 
 
-def agreement_figure(validations: Sequence[Validation]) -> Figure:
+def agreement_figure(validations: Sequence[Comparison]) -> Figure:
     """Share of paths on an itinerary so far, per noise intensity; dashed: as `branching` predicts it."""
     first = validations[0]
     closures_by_itinerary: dict[tuple[int, ...], list[str]] = {}  # at the first noise intensity
@@ -204,11 +204,11 @@ def agreement_figure(validations: Sequence[Validation]) -> Figure:
 class Drawn(NamedTuple):
     """A figure of one validation."""
 
-    draw: Callable[[Validation], Figure]  # returns the figure of a validation
+    draw: Callable[[Comparison], Figure]  # returns the figure of a validation
     caption: tuple[tuple[str, str], ...]  # for `rattle.compare.report.style.caption_of`
     moments: bool = False  # whether it needs a closure with moments of a perturbation, that is one that is no mixture
 
-    def suits(self, v: Validation) -> bool:
+    def suits(self, v: Comparison) -> bool:
         """Whether a validation has something to draw."""
         return not self.moments or any(m.trace.parts is None for m in v.predictions.values())
 

@@ -16,9 +16,9 @@ from rattle.compare.report.json_text import json_text
 from rattle.compare.report.style import caption_of, save
 from rattle.compare.validation.answer import answer, correlation_claim, sigma_text
 from rattle.compare.validation.beside import NOTE, beside_table
+from rattle.compare.validation.comparison import Comparison, Sweep
 from rattle.compare.validation.figures import FIGURES, agreement_figure
 from rattle.compare.validation.physical import motion_blocks
-from rattle.compare.validation.sweep import Sweep
 from rattle.compare.validation.tables import (
     MARKS,
     count_table,
@@ -30,7 +30,6 @@ from rattle.compare.validation.tables import (
     speed_table,
     validity_table,
 )
-from rattle.compare.validation.validate import Validation
 from rattle.compare.validation.validity_figure import VALIDITY, validity_figure
 from rattle.compare.validation.verdict import NOT_JUDGED, RULE, Tolerances
 
@@ -77,7 +76,7 @@ WORDS = (
 PREDICTED = " Dashed: the share that the branching closure predicts."
 
 
-def table_text(validations: Sequence[Validation]) -> tuple[pd.DataFrame, str]:
+def table_text(validations: Sequence[Comparison]) -> tuple[pd.DataFrame, str]:
     """All rows of several validations in one table."""
     table = pd.concat([v.table.assign(sigma=v.scene.sigma) for v in validations], ignore_index=True)
     table.insert(0, "sigma", table.pop("sigma"))
@@ -91,7 +90,7 @@ def _draw(drawing: Drawing, name: str, caption: str, folder: Path) -> Figure:
     return Figure(path, caption, caption)
 
 
-def _section(v: Validation, number: int, folder: Path) -> Section:
+def _section(v: Comparison, number: int, folder: Path) -> Section:
     """One noise intensity of the page, its figures saved."""
     name, sigma = f"{number}-sigma-{sigma_text(v)}", f"σ = {sigma_text(v)}"
     figures = []
@@ -122,7 +121,7 @@ def _section(v: Validation, number: int, folder: Path) -> Section:
 
 def _page(
     settings: manifest.Settings,
-    validations: Sequence[Validation],
+    validations: Sequence[Comparison],
     swept: Sweep | None,
     record: dict[str, Any],
     folder: Path,
@@ -195,7 +194,7 @@ def _facts(record: dict[str, Any]) -> tuple[tuple[str, str], ...]:
 def write_report(
     out: Path,
     settings: manifest.Settings,
-    validations: Sequence[Validation],
+    validations: Sequence[Comparison],
     swept: Sweep | None,
     provenance: dict[str, Any],
     overwrite: bool,
@@ -230,7 +229,7 @@ def write_report(
     return record
 
 
-def write_one(v: Validation, out: Path, overwrite: bool) -> Path:
+def write_one(v: Comparison, out: Path, overwrite: bool) -> Path:
     """Write the report of a validation that was made in Python."""
     run, seed = v.run, v.run.seed
     whole = isinstance(seed.entropy, int) and not seed.spawn_key

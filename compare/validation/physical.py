@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from rattle.compare.report import Block, Row, Table, Text, numbers
-from rattle.compare.validation.validate import Validation
+from rattle.compare.validation.comparison import Comparison
 from rattle.scene.moments import STATE
 from rattle.scene.units import PRODUCTS, RATE
 
@@ -18,7 +18,7 @@ NOTE = (
 FIXED = "The simulated motion between the impacts: mean ± sd of all paths at one time"
 
 
-def motion_blocks(v: Validation) -> list[Block]:
+def motion_blocks(v: Comparison) -> list[Block]:
     """The motion of a validation's gears in both systems of units, as blocks of a page."""
     if v.scene.gears is None:
         return []
@@ -26,7 +26,7 @@ def motion_blocks(v: Validation) -> list[Block]:
     return [*blocks, fixed_time_table(v)] if len(v.run.at_times()) else blocks
 
 
-def motion_table(v: Validation) -> Table:
+def motion_table(v: Comparison) -> Table:
     """The simulated section means and sds in both systems of units."""
     plain, physical = v.run.section, v.run.section_in("physical")
     speeds = [f"y{i}" for i in range(1, v.scene.stages + 1)]
@@ -48,7 +48,7 @@ def motion_table(v: Validation) -> Table:
     return Table.of(numbers(*heads), rows)
 
 
-def fixed_time_table(v: Validation) -> Table:
+def fixed_time_table(v: Comparison) -> Table:
     """The simulated means and sds at fixed times in both systems of units."""
     state = STATE[: 2 * v.scene.stages]
     plain, physical = v.run.at_times(), v.run.at_times(units="physical")
@@ -65,7 +65,7 @@ def fixed_time_table(v: Validation) -> Table:
     return Table.of(numbers(*heads), rows, FIXED)
 
 
-def lasting(v: Validation) -> str:
+def lasting(v: Comparison) -> str:
     """How long the simulated motion is, for the advice.
 
     Returns: As "24 ms of rattling"; empty for a scene that was not made from gears, or if no path had all
@@ -75,13 +75,13 @@ def lasting(v: Validation) -> str:
     return "" if math.isnan(time) else f"{time:.3g} ms of rattling"
 
 
-def motion_sentence(validations: Sequence[Validation]) -> list[str]:
+def motion_sentence(validations: Sequence[Comparison]) -> list[str]:
     """The motion of gears in physical units, in a sentence."""
     shown = [v for v in validations if not math.isnan(_milliseconds(v))]
     return [f"In the units of these gears: {'; '.join(map(_in_words, shown))}."] if shown else []
 
 
-def _in_words(v: Validation) -> str:
+def _in_words(v: Comparison) -> str:
     physical, impacts, time = v.run.section_in("physical"), len(v.run.section), _milliseconds(v)
     speeds = physical[[f"y{i}_mm_per_s" for i in range(1, v.scene.stages + 1)]].abs()
     lost = f", losing {physical['energy_mJ'].mean():.2g} mJ at an impact" if "energy_mJ" in physical else ""
@@ -91,7 +91,7 @@ def _in_words(v: Validation) -> str:
     )
 
 
-def _milliseconds(v: Validation) -> float:
+def _milliseconds(v: Comparison) -> float:
     """Mean time from the start to the last impact; NaN without gears or without a path that had it."""
     if v.scene.gears is None:
         return math.nan

@@ -12,7 +12,7 @@ import pandas as pd
 
 from rattle.closure import mean_map
 from rattle.closure.cost import closure_seconds
-from rattle.compare.validation.validate import Validation
+from rattle.compare.validation.comparison import Comparison
 from rattle.compare.validation.validity import rows_to_judge, validity
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo.cost import cost_of, cost_to
@@ -51,19 +51,19 @@ def paths_for(rows: pd.DataFrame, error: float) -> int:
     return math.ceil(round(float(((widest(len(rows)) * rows["se"] / (error * rows["unit"])) ** 2).max()), 6))
 
 
-def simulation_costs(validations: Sequence[Validation]) -> pd.DataFrame:
+def simulation_costs(validations: Sequence[Comparison]) -> pd.DataFrame:
     """What a run of the scheme of each validation to an accuracy of `WANTED` takes, as its paths let expect."""
     rows = [{"sigma": v.scene.sigma, "impacts": v.run.impacts, **cost_to(v.run, WANTED)._asdict()} for v in validations]
     return pd.DataFrame(rows)
 
 
-def speeds(validations: Sequence[Validation]) -> pd.DataFrame:
+def speeds(validations: Sequence[Comparison]) -> pd.DataFrame:
     """`speed` of every closure of some validations that is accurate at the first impact."""
     found = [s for v in validations for closure in v.predictions if (s := speed(v, closure))]
     return pd.DataFrame(found, columns=list(Speed._fields))
 
 
-def speed(v: Validation, closure: str) -> Speed | None:
+def speed(v: Comparison, closure: str) -> Speed | None:
     """Count the work of a closure up to the last impact at which it is accurate; None if there is none, or no sd."""
     reached, prediction = validity(v, closure).accurate, v.predictions[closure]
     if reached == 0:

@@ -1,12 +1,13 @@
 """Validations over a grid of noise intensities: range of validity and speed-up of each closure."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
+from rattle.compare.validation.comparison import Sweep
 from rattle.compare.validation.speed import simulation_costs, speeds
 from rattle.compare.validation.validate import validate
 from rattle.compare.validation.validity import validities
@@ -18,14 +19,6 @@ from rattle.scene.validate import count, positive
 EXAMPLE = "1e-3:2:12"
 SCHEME = "exact-flight"
 """Has no step bias, which would exceed the tolerances at small sigma, as they are shares of the sds."""
-
-
-class Sweep(NamedTuple):
-    """Ranges of validity and speed-ups of all closures at all noise intensities."""
-
-    validity: pd.DataFrame  # columns of `rattle.compare.validation.validity.Validity`
-    speed: pd.DataFrame  # columns of `rattle.compare.validation.speed.Speed`
-    simulation: pd.DataFrame  # from `rattle.compare.validation.speed.simulation_costs`, a row for each noise intensity
 
 
 def grid(text: str) -> tuple[float, ...]:

@@ -3,9 +3,9 @@
 import pandas as pd
 
 from rattle.compare.report import Cell, Row, Table, numbers
+from rattle.compare.validation.comparison import Comparison
 from rattle.compare.validation.distance import section_distances
 from rattle.compare.validation.realizability import first_failures, realizability_table
-from rattle.compare.validation.validate import Validation
 from rattle.compare.validation.validity import CAUSES, validities
 from rattle.compare.validation.validity_range import ACCURATE, NOT_WRONG
 from rattle.compare.validation.verdict import JUDGED, VERDICTS
@@ -17,7 +17,7 @@ SHOWN = [("mean", "tau"), ("mean", "y1"), ("mean", "y2"), ("sd", "tau"), ("sd", 
 """Section moments that the page tabulates; the table files hold all of them."""
 
 
-def count_table(v: Validation) -> Table:
+def count_table(v: Comparison) -> Table:
     """Number of moments with each verdict, by closure and kind of moment."""
     rows: list[Row] = []
     for (closure, kind, moment), group in v.table.groupby(["closure", "kind", "moment"], sort=False):
@@ -37,7 +37,7 @@ def _cell(row: pd.Series) -> Cell:
     return Cell(text, MARKS[row["verdict"]], float(error))
 
 
-def impact_table(v: Validation, closure: str, summary: str) -> Table:
+def impact_table(v: Comparison, closure: str, summary: str) -> Table:
     """Errors of a closure at each impact, in sds, with the half width of their intervals."""
     table = v.table[(v.table["closure"] == closure) & (v.table["kind"] == "section")]
     columns = [(m, q) for m, q in SHOWN if v.scene.stages == 2 or q != "y2"]
@@ -56,7 +56,7 @@ def impact_table(v: Validation, closure: str, summary: str) -> Table:
     return Table.of([*heads_of, "realizable"], rows, summary)
 
 
-def failure_table(v: Validation) -> Table:
+def failure_table(v: Comparison) -> Table:
     """First failure of each check of realizability.
 
     Returns: Without rows if no check fails.  Mixtures (branching) have no moments of a perturbation to check.
@@ -75,7 +75,7 @@ def failure_table(v: Validation) -> Table:
     return Table.of(["closure", "check", "where", *numbers("value", "missed by")], rows)
 
 
-def distance_table(v: Validation) -> Table:
+def distance_table(v: Comparison) -> Table:
     """Distances between predicted section density and histogram, by closure.
 
     Returns: In units of the sampling floor: the distance that a sample of the true density would have.
@@ -91,7 +91,7 @@ def distance_table(v: Validation) -> Table:
     return Table.of(["closure", *numbers("Kolmogorov, median", "worst", "total variation, median", "worst")], rows)
 
 
-def reach_table(v: Validation) -> Table:
+def reach_table(v: Comparison) -> Table:
     """Range of validity of each closure of a validation, and its cause."""
     found = validities([v]).to_dict("records")
     rows: list[Row] = [[str(f["closure"]), int(f["accurate"]), int(f["not_inaccurate"]), str(f["why"])] for f in found]
@@ -136,7 +136,7 @@ def speed_table(table: pd.DataFrame) -> Table:
     return Table.of(["closure", *numbers(*heads)], rows)
 
 
-def simulation_text(v: Validation) -> str:
+def simulation_text(v: Comparison) -> str:
     """The simulation behind a validation in words: paths, scheme, step, sampling error, diagnostics."""
     run = v.run
     mean = v.run.section

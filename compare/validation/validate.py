@@ -2,29 +2,23 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from rattle.closure import CLOSURES, MeanMap, closures_for, follow, mean_map
+from rattle.closure import CLOSURES, closures_for, follow, mean_map
 from rattle.compare.validation.correlation import mid_flight_errors, validity
-from rattle.compare.validation.verdict import JUDGED, Tolerances, section_errors, to_absolute_time, widest
-from rattle.montecarlo import SCHEMES, Ensemble, Record, check_settings, default_step, simulate
+from rattle.compare.validation.result import Validation
+from rattle.compare.validation.verdict import Tolerances, section_errors, to_absolute_time, widest
+from rattle.montecarlo import SCHEMES, Record, check_settings, default_step, simulate
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
-from rattle.scene.shown import as_html
-from rattle.scene.units import with_units
 from rattle.scene.validate import choice
 
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
-
-__all__ = ["COLUMNS", "Validation", "validate"]
+__all__ = ["COLUMNS", "validate"]
 
 PILOT = 64  # paths of the pilot run that bounds the time of the last impact
 MARGIN = 10.0  # the bound is this many times the pilot's time to its last impact; later fixed times are not compared
@@ -50,147 +44,6 @@ COLUMNS = (
     "agreement",
     "remark",
 )
-
-
-@dataclass(frozen=True)
-class Validation:
-    """Result of comparing closures with a simulation of the same scene.
-
-    Attributes
-    ----------
-    scene : Scene
-        The scene as given, in absolute time.
-    predictions : dict of str to MeanMap
-        The moments that each closure predicts, by its name.
-    run : Ensemble
-        The simulation.
-    table : DataFrame
-        Every moment of every closure with error, interval and verdict; the columns are ``COLUMNS``.
-    correlation : DataFrame
-        Validity of the correlation on both sides, see `rattle.compare.validation.correlation.validity`.
-    z : float
-        Standard errors of the intervals, corrected for the number of rows.
-    tolerances : Tolerances
-
-    Examples
-    --------
-    >>> from rattle import DAT21, Scene
-    >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=2, closures=["saltation"], paths=20_000, rng=7)
-    >>> bool(v.counts.loc["saltation", "accurate"] > 0)
-    True
-    """
-
-    scene: Scene
-    predictions: dict[str, MeanMap]
-    run: Ensemble
-    table: pd.DataFrame
-    correlation: pd.DataFrame
-    z: float
-    tolerances: Tolerances
-
-    @property
-    def accurate(self) -> bool:
-        """Whether all moments that are predicted and judged are accurate; the rule is in ``verdict.RULE``."""
-        judged = self.table[self.table["verdict"].isin(JUDGED)]
-        return bool((judged["verdict"] == "accurate").all())
-
-    @property
-    def counts(self) -> pd.DataFrame:
-        """Number of predicted and judged moments with each verdict, by closure."""
-        verdicts = self.table.groupby("closure", sort=False)["verdict"].value_counts().unstack(fill_value=0)
-        return verdicts.reindex(index=list(self.predictions), columns=list(JUDGED), fill_value=0)
-
-    def __repr__(self) -> str:
-        """What was compared, and the verdicts, on a few lines."""
-        run, counts = self.run, self.counts
-        lines = [
-            f"Validation: {run.paths:,} paths, {run.impacts} impacts, sigma = {self.scene.sigma:.4g}, {run.scheme}",
-            *(
-                f"  {closure}: {good} of {good + bad + undecided} moments accurate, {bad} inaccurate, "
-                f"{undecided} undecided"
-                for closure, (good, bad, undecided) in zip(counts.index, counts.to_numpy().tolist(), strict=True)
-            ),
-        ]
-        return "\n".join(lines + [f"  {sentence}" for sentence in run.diagnostics])
-
-    def _repr_html_(self) -> str:
-        return as_html(repr(self).split("\n")[0], self.counts.to_html())
-
-    def plot(self, kind: str = "errors") -> "Figure":
-        """Draw a figure of the report.
-
-        Parameters
-        ----------
-        kind : {"errors", "correlation", "section"}
-            Errors of the moments per impact, correlations of displacement and velocity, or densities of velocities.
-
-        Returns
-        -------
-        Figure
-            Of matplotlib; a notebook shows it, ``savefig`` writes it.
-
-        Raises
-        ------
-        InputError
-            For an unknown kind, or one that these closures have nothing for.
-
-        Examples
-        --------
-        >>> from rattle.scene import DAT21, Scene
-        >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=1, closures=["saltation"], paths=1000)
-        >>> len(v.plot("errors").axes)
-        6
-        """
-        from rattle.compare.validation.figures import FIGURES
-
-        drawn = FIGURES[choice("kind", kind, FIGURES)]
-        if not drawn.suits(self):
-            raise InputError("kind", kind, "needs a closure with moments of a perturbation, which branching has not")
-        return drawn.draw(self)
-
-    def to_xarray(self) -> "xr.Dataset":
-        """Convert the section moments of closures and simulation to a dataset.
-
-        Needs the optional dependency ``xarray``.
-
-        Returns
-        -------
-        xarray.Dataset
-            Dimensions ``closure, impact, quantity, moment``; ``["quantity"].attrs`` holds the unit of each quantity.
-
-        Examples
-        --------
-        >>> from rattle.scene import DAT21, Scene
-        >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=1, closures=["saltation"], paths=1000)
-        >>> v.to_xarray()["verdict"].dims
-        ('closure', 'impact', 'quantity', 'moment')
-        """
-        rows = self.table[self.table["kind"] == "section"].drop(columns=["kind", "time"])
-        return with_units(rows.set_index(["closure", "impact", "quantity", "moment"]).to_xarray())
-
-    def report(self, folder: str | Path, *, overwrite: bool = False) -> Path:
-        """Write the report of this validation, as ``rattle validate`` does.
-
-        Parameters
-        ----------
-        folder : str or Path
-            Where to; made if it is missing.
-        overwrite : bool
-            Whether an earlier report there may be replaced.
-
-        Returns
-        -------
-        Path
-            The page, ``report.html``.
-
-        Raises
-        ------
-        OutputError
-            If the folder holds other files, or an earlier report that may not be replaced.
-        """
-        from rattle.compare.validation.page import write_one
-
-        return write_one(self, Path(folder), overwrite)
 
 
 def validate(

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 
 from rattle.closure import MeanMap
+from rattle.compare.validation.comparison import Comparison
 from rattle.compare.validation.correlation import first_failure
-from rattle.compare.validation.validate import Validation
 from rattle.compare.validation.validity_range import UNDECIDED, is_accurate, is_wrong, unbroken, want
 from rattle.compare.validation.verdict import NOT_JUDGED
 
@@ -44,7 +44,7 @@ class Validity(NamedTuple):
     dt: float  # of the simulation
 
 
-def validity(v: Validation, closure: str) -> Validity:
+def validity(v: Comparison, closure: str) -> Validity:
     """Range of validity of one closure of a validation.
 
     Examples
@@ -70,18 +70,18 @@ def validity(v: Validation, closure: str) -> Validity:
     return Validity(closure, v.scene.sigma, accurate, not_inaccurate, cause, why, on_itinerary, v.run.paths, v.run.dt)
 
 
-def validities(validations: Sequence[Validation]) -> pd.DataFrame:
+def validities(validations: Sequence[Comparison]) -> pd.DataFrame:
     """Ranges of validity of all closures at all noise intensities."""
     return pd.DataFrame([validity(v, closure) for v in validations for closure in v.predictions])
 
 
-def rows_to_judge(v: Validation, closure: str) -> pd.DataFrame:
+def rows_to_judge(v: Comparison, closure: str) -> pd.DataFrame:
     """The section rows of a closure that are judged, see `rattle.compare.validation.verdict.RULE`."""
     rows = v.table[(v.table["closure"] == closure) & (v.table["kind"] == "section")]
     return rows[rows["verdict"] != NOT_JUDGED]
 
 
-def _why(v: Validation, closure: str, impact: int) -> tuple[str, str]:
+def _why(v: Comparison, closure: str, impact: int) -> tuple[str, str]:
     """Why a closure is not accurate at an impact: cause and evidence; of several causes the first in this order."""
     prediction = v.predictions[closure]
     failed = first_failure(v.correlation, closure)
@@ -105,7 +105,7 @@ def _why(v: Validation, closure: str, impact: int) -> tuple[str, str]:
     return "fixed time", f"{worst}, at any noise: {CAUSES['fixed time']}"
 
 
-def _worst(v: Validation, closure: str, impact: int) -> str:
+def _worst(v: Comparison, closure: str, impact: int) -> str:
     rows = rows_to_judge(v, closure)
     rows = rows[(rows["impact"] == impact) & (rows["verdict"] == "inaccurate")]
     rows = rows.assign(excess=(rows["error"] / rows["tolerance"]).abs()).sort_values("excess", ascending=False)
