@@ -5,9 +5,9 @@ from typing import Any
 import pandas as pd
 
 from rattle.compare.chaos.measure import ChaosStudy
-from rattle.compare.report import NUMBER, TEXT, Block, Code, Column, Figure, Page, Section, Source, Table, Text
+from rattle.compare.report import NUMBER, TEXT, Block, Column, Figure, Page, Section, Table, Text
 from rattle.compare.report.glossary import CHAOS_TERMS, CLOSURE_TERMS, SECTION_TERMS, glossary
-from rattle.scene.scene import Scene
+from rattle.compare.report.provenance import source_of
 
 FIGURES = {
     "section": "Poincaré sections at the impacts, in the paper's coordinates: flight time against velocity just before "
@@ -94,15 +94,3 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
         apart.append(table_of(found.finite_size, summary="All distances"))
     parts.append(Section("Two paths on the same noise", tuple(apart)))
     return Page(f"Chaos of {record['name']}", tuple(found.answer), source_of(record), opening, tuple(parts))
-
-
-def source_of(record: dict[str, Any]) -> Source:
-    """Read the provenance of a page from its manifest."""
-    facts = {
-        "commit": record["commit"],
-        "seed": str(record["seed"]),
-        "time": f"{record['wall_seconds']} s wall",
-        "versions": ", ".join(f"{name} {version}" for name, version in record["versions"].items()),
-    }
-    scene = Code(Scene.from_dict(record["scene"]).to_toml(), "toml")
-    return Source(record["command"], tuple(facts.items()), (Text("The scene:"), scene))

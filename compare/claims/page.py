@@ -5,12 +5,13 @@ from pathlib import Path
 from typing import Any
 
 from rattle.compare.chaos.measure import ChaosStudy
-from rattle.compare.chaos.page import FIGURES, source_of
+from rattle.compare.chaos.page import FIGURES
 from rattle.compare.chaos.page import WORDS as CHAOS_WORDS
 from rattle.compare.claims.claim import NOT_REPRODUCED, PART, REPRODUCED, UNDECIDED, Claim, table
 from rattle.compare.claims.figure import verdict_figure
 from rattle.compare.report import Cell, Figure, Page, Row, Section, Table, Text
 from rattle.compare.report.glossary import glossary
+from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
 from rattle.compare.validation.validity_range import join_words
 

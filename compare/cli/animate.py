@@ -32,8 +32,8 @@ def animate(
     """
     from rattle.compare.animation import check_file, record, write_animation
     from rattle.compare.animation.record import check_recording
-    from rattle.compare.report import manifest
     from rattle.compare.report.folder import default_place, name_of
+    from rattle.compare.report.provenance import command_line
 
     base = load_scene(scene, sigma, 0.1)
     check_recording(base, impacts, seed)
@@ -41,7 +41,7 @@ def animate(
     out = out or Path(f"{default_place(name, '-animation')}.html")
     check_file(out, overwrite)
     shown = record(base, impacts=impacts, seed=seed)
-    write_animation(out, shown, name, manifest.command_line(sys.argv[1:]), overwrite)
+    write_animation(out, shown, name, command_line(sys.argv[1:]), overwrite)
     say(
         f"Animation: {out} ({out.stat().st_size / 1e3:.0f} kB): {shown.orbit.impacts} impacts without noise, "
         f"{shown.path.impacts} with noise in the same time; the same flanks up to impact {shown.agreement}"

@@ -1,7 +1,5 @@
 """The command ``rattle chaos``."""
 
-import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -60,8 +58,8 @@ def chaos(
     from rattle.compare.chaos.measure import study
     from rattle.compare.chaos.save import CONTENTS, write_chaos
     from rattle.compare.chaos.sweep import paper_noise, values, with_field
-    from rattle.compare.report import manifest
     from rattle.compare.report.folder import check_free, default_place, name_of
+    from rattle.compare.report.provenance import Stopwatch, provenance
     from rattle.scene.validate import count, positive
 
     base = load_scene(scene, sigma)
@@ -83,7 +81,7 @@ def chaos(
         "seed": seed,
         "field": field,
     }
-    wall = time.perf_counter()
+    watch = Stopwatch()
     noise = None if keep_sigma or field == "sigma" else paper_noise
     found = study(base, at=at, noise=noise, workers=workers, progress=say_part, **settings)
     record = {
@@ -93,10 +91,7 @@ def chaos(
         "over": list(at),
         "workers": workers,
         "noise": "the scene's" if noise is None else "sqrt(alpha)",
-        "command": manifest.command_line(sys.argv[1:]),
-        "commit": manifest.commit(),
-        "versions": manifest.versions(),
-        "wall_seconds": round(time.perf_counter() - wall, 1),
+        **provenance(watch),
     }
     for sentence in write_chaos(out, found, record, overwrite):
         say(sentence)

@@ -1,7 +1,5 @@
 """The command ``rattle claims``."""
 
-import sys
-import time
 from pathlib import Path
 
 import click
@@ -43,8 +41,8 @@ def claims(
     from rattle.compare.claims.evidence import gather
     from rattle.compare.claims.judged import CLAIMS, judge
     from rattle.compare.claims.page import CONTENTS, write_claims
-    from rattle.compare.report import manifest
     from rattle.compare.report.folder import check_free
+    from rattle.compare.report.provenance import Stopwatch, provenance
     from rattle.scene import DAT21, Scene
     from rattle.scene.validate import count, positive
 
@@ -59,7 +57,7 @@ def claims(
     check_free(out, CONTENTS, overwrite)
     minutes = (BASE + PER_VALUE * len(at) + PER_PATH * paths * (len(levels) + 1)) / 60.0
     say(f"About {minutes:.1g} minutes of processor time, and what has to be compiled.", err=True)
-    started = time.perf_counter()
+    watch = Stopwatch()
     found = gather(
         Scene.from_gears(DAT21),
         sigmas=levels,
@@ -82,10 +80,7 @@ def claims(
         "impacts": impacts,
         "seed": seed,
         "workers": workers,
-        "command": manifest.command_line(sys.argv[1:]),
-        "commit": manifest.commit(),
-        "versions": manifest.versions(),
-        "wall_seconds": round(time.perf_counter() - started, 1),
+        **provenance(watch),
     }
     for sentence in write_claims(out, judged, [c.__name__ for c in CLAIMS], found.chaos, record, overwrite):
         say(sentence)

@@ -4,9 +4,7 @@ from rattle.compare.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_at_
 
 with ends_at_once():
     import errno
-    import resource
     import sys
-    import time
     from pathlib import Path
     from typing import Any
 
@@ -172,6 +170,7 @@ def validate(
     from rattle.closure import closures_for
     from rattle.compare.report import manifest
     from rattle.compare.report.folder import check_free, default_place, name_of
+    from rattle.compare.report.provenance import Stopwatch, command_line, provenance
     from rattle.compare.report.repeat import DIFFERENT, ROUNDED, SAME, compare, tables_beside
     from rattle.compare.validation.beside import beside as ensembles_beside
     from rattle.compare.validation.page import CONTENTS, write_report
@@ -212,7 +211,7 @@ def validate(
     for s in settings.scenes:
         check_settings(s, **settings.simulation, workers=workers, step_bias=biased)
     check_sweep(first, settings.validity, **settings.sweep, workers=workers)
-    wall, cpu = time.perf_counter(), _cpu()
+    watch = Stopwatch()
     predictions: dict[str, Any] = {"closures": settings.closures, "order": settings.order}
     validations = [
         compare_closures(s, **settings.simulation, **predictions, workers=workers, progress=f"sigma {s.sigma:.4g}")
@@ -222,15 +221,8 @@ def validate(
         sweep(first, settings.validity, **settings.sweep, **predictions, workers=workers) if settings.validity else None
     )
     schemes = ensembles_beside(validations, settings.beside, workers) if settings.beside else None
-    provenance = {
-        "command": manifest.command_line(sys.argv[1:]),
-        "repeat": manifest.command_line(["validate", "--repeat", str(out / "manifest.json")]),
-        "commit": manifest.commit(),
-        "versions": manifest.versions(),
-        "wall_seconds": round(time.perf_counter() - wall, 1),
-        "cpu_seconds": round(_cpu() - cpu, 1),
-    }
-    record = write_report(out, settings, validations, swept, provenance, overwrite, schemes)
+    origin = {"repeat": command_line(["validate", "--repeat", str(out / "manifest.json")])} | provenance(watch)
+    record = write_report(out, settings, validations, swept, origin, overwrite, schemes)
     repeated = None if recorded is None else compare(recorded, earlier, record, out)
     accurate = all(v.accurate for v in validations)
     if as_json:
@@ -285,8 +277,8 @@ def tradeoff(
 
     Exit codes: 0 complete; 2 bad input.
     """
-    from rattle.compare.report import manifest
     from rattle.compare.report.folder import check_free, default_place, name_of
+    from rattle.compare.report.provenance import Stopwatch, provenance
     from rattle.compare.tradeoff.measure import ACCURACIES, check_accuracies, measure
     from rattle.compare.tradeoff.save import CONTENTS, write_tradeoff
     from rattle.compare.tradeoff.variance_reduction import control_table
@@ -304,7 +296,7 @@ def tradeoff(
     name = name_of(scene) if scene else "DAT21"
     out = out or default_place(name, "-tradeoff")
     check_free(out, CONTENTS, overwrite)
-    wall, cpu = time.perf_counter(), _cpu()
+    watch = Stopwatch()
     found = measure(base, accuracies=asked, budget=budget, seed=seed, **common)
     control = control_table(base, seed=seed, **common)
     sigmas = sorted({base.sigma, base.alpha**0.5})  # its own, and the paper's
@@ -318,11 +310,7 @@ def tradeoff(
         "seed": seed,
         "orders": orders,
         "workers": workers,
-        "command": manifest.command_line(sys.argv[1:]),
-        "commit": manifest.commit(),
-        "versions": manifest.versions(),
-        "wall_seconds": round(time.perf_counter() - wall, 1),
-        "cpu_seconds": round(_cpu() - cpu, 1),
+        **provenance(watch),
     }
     for sentence in write_tradeoff(out, found, control, measured, asked, record, overwrite):
         say(sentence)
@@ -343,8 +331,3 @@ main.add_command(selftest)
 main.add_command(stability)
 main.add_command(extremes)
 main.add_command(warm_up)
-
-
-def _cpu() -> float:
-    usage = resource.getrusage(resource.RUSAGE_SELF)
-    return usage.ru_utime + usage.ru_stime

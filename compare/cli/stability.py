@@ -1,8 +1,5 @@
 """The command ``rattle stability``."""
 
-import shlex
-import sys
-import time
 from pathlib import Path
 
 import click
@@ -52,8 +49,8 @@ def stability(
     from rattle.compare.checks.stability.chart import chart
     from rattle.compare.checks.stability.free_flight import covariance_table
     from rattle.compare.checks.stability.page import CONTENTS, write_stability
-    from rattle.compare.report import manifest
     from rattle.compare.report.folder import check_free
+    from rattle.compare.report.provenance import Stopwatch, provenance
     from rattle.scene.validate import count
 
     chosen, along = list(dict.fromkeys(schemes)) or list(SCHEMES), list(dict.fromkeys(axes)) or list(AXES)
@@ -62,7 +59,7 @@ def stability(
     count("seed", seed, least=0)
     count("workers", workers)
     check_free(out, CONTENTS, overwrite)
-    began = time.perf_counter()
+    watch = Stopwatch()
     found = chart(schemes=chosen, axes=along, points=points, paths=paths, seed=seed, workers=workers)
     covariances = covariance_table(points=points, paths=paths, seed=seed, workers=workers)
     tried = extremes() if extreme else ()
@@ -74,10 +71,7 @@ def stability(
         "paths": paths,
         "seed": seed,
         "workers": workers,
-        "command": shlex.join(["rattle", *sys.argv[1:]]),
-        "commit": manifest.commit(),
-        "versions": manifest.versions(),
-        "wall_seconds": round(time.perf_counter() - began, 1),
+        **provenance(watch),
     }
     for sentence in write_stability(out, found, covariances, tried, record, overwrite):
         say(sentence)

@@ -1,7 +1,5 @@
 """The command ``rattle stationary``."""
 
-import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -95,8 +93,8 @@ def stationary(
     reached.
     """
     from rattle.compare.chaos.sweep import values, with_field
-    from rattle.compare.report import manifest
     from rattle.compare.report.folder import check_free, default_place, name_of
+    from rattle.compare.report.provenance import Stopwatch, provenance
     from rattle.compare.stationary.bifurcation import bifurcation
     from rattle.compare.stationary.judged import CLOSURES_JUDGED
     from rattle.compare.stationary.measure import stationary as measure
@@ -125,7 +123,7 @@ def stationary(
         "budget": budget,
         "closures": [] if no_closures else list(closures or CLOSURES_JUDGED),
     }
-    wall = time.perf_counter()
+    watch = Stopwatch()
     found = measure(base, **settings, rng=seed, workers=workers, progress="stationary")
     view = bifurcation(base, at, field=field, seed=seed, workers=workers) if at else None
     record = {
@@ -135,10 +133,7 @@ def stationary(
         "seed": seed,
         "field": field,
         "over": list(at),
-        "command": manifest.command_line(sys.argv[1:]),
-        "commit": manifest.commit(),
-        "versions": manifest.versions(),
-        "wall_seconds": round(time.perf_counter() - wall, 1),
+        **provenance(watch),
     }
     said = write_stationary(out, found, view, record, overwrite) if writes else []
     if as_json:

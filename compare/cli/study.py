@@ -92,7 +92,6 @@ def _compute(
 ) -> dict[str, Any]:
     """Run the study and write its page; returns the record of the page, or only the answer if it cannot be written."""
     from rattle.compare.report.folder import write_whole
-    from rattle.compare.report.manifest import command_line
     from rattle.compare.study.engine import missing, run
     from rattle.compare.study.executors import Here, Place
     from rattle.compare.study.page import write_page
@@ -125,7 +124,6 @@ def _compute(
         place = Cluster(scheduler)
     outcome = run(wanted, store, place, show=True, unchanged=unchanged)
     facts = {
-        "command": command_line(sys.argv[1:]),
         "computed": outcome.computed,
         "failed": outcome.failed,
         "wall_seconds": round(outcome.wall_seconds, 2),

@@ -1,17 +1,9 @@
 """The manifest of a report: all that is needed to repeat a run bit for bit, and to check that it was."""
 
 import hashlib
-import importlib.metadata
-import platform
-import re
-import shlex
-import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
-
-import numba
-from llvmlite import binding
 
 from rattle.compare.report.json_text import json_digest, plain
 from rattle.scene.errors import FileError, InputError
@@ -19,12 +11,8 @@ from rattle.scene.files import read_json
 from rattle.scene.scene import Scene
 from rattle.scene.validate import check_keys
 
-COMPILER: Any = numba.config  # numba has no type annotations
-
 VERSION = 1
 """Version of the format of manifests."""
-
-PACKAGES = ("rattle", "numpy", "numba", "llvmlite", "scipy", "pandas", "matplotlib", "pyarrow")
 
 DIGESTS = ("table_sha256", "validity_sha256")
 """Digests that a repeated run must share with the first; timings are not covered."""
@@ -106,17 +94,6 @@ def not_newer(data: dict[str, Any], path: Path) -> None:
         raise FileError("manifest", str(path), why)
 
 
-def command_line(words: Sequence[str]) -> str:
-    """A command as it is typed in a shell.
-
-    Examples
-    --------
-    >>> command_line(["show", "my report"])
-    "rattle show 'my report'"
-    """
-    return shlex.join(["rattle", *words]).encode(errors="backslashreplace").decode()
-
-
 def seal(record: Mapping[str, Any]) -> dict[str, Any]:
     """Add a digest of a record to it, so that a later change is detected.
 
@@ -133,57 +110,6 @@ def is_whole(record: Mapping[str, Any]) -> bool:
     """Whether a record is unchanged since it was sealed."""
     content = {name: value for name, value in record.items() if name != "seal"}
     return "seal" not in record or record["seal"] == json_digest(content)
-
-
-def versions() -> dict[str, str]:
-    """Versions of the packages on which the numbers depend, and the processor as named by system and compiler."""
-    found = {
-        "python": platform.python_version(),
-        "machine": platform.machine(),
-        "processor": _processor(),
-        "compiled for": COMPILER.CPU_NAME or binding.get_host_cpu_name(),
-        "vectors": _vectors(),
-    }
-    for package in PACKAGES:
-        try:
-            found[package] = importlib.metadata.version(package)
-        except importlib.metadata.PackageNotFoundError:
-            found[package] = "not installed"
-    return found
-
-
-def _processor() -> str:
-    """Model name of the processor."""
-    try:
-        found = re.search(r"^model name\s*:\s*(.+)$", Path("/proc/cpuinfo").read_text(errors="replace"), re.MULTILINE)
-    except OSError:
-        found = None
-    return found[1] if found else platform.processor() or "unknown"
-
-
-def _vectors() -> str:
-    """The vector instructions for which code is compiled; they determine the order of sums, hence their last bits."""
-    chosen = COMPILER.CPU_FEATURES
-    features = binding.get_host_cpu_features().flatten() if chosen is None else chosen
-    return " ".join(sorted(re.findall(r"\+(s?sse[\w.]*|avx[\w.]*|fma\w*|neon|sve\w*)", features))) or "none"
-
-
-def commit() -> str:
-    """Git commit of the running code."""
-    here = Path(__file__).resolve().parents[2]
-
-    def git(*words: str) -> str:
-        return subprocess.run(
-            ["git", "-C", str(here), *words], capture_output=True, text=True, check=True
-        ).stdout.strip()
-
-    try:
-        if Path(git("rev-parse", "--show-toplevel")).resolve() != here:
-            return "unknown"
-        changed = git("status", "--porcelain", "--", "scene", "closure", "montecarlo", "compare")
-        return git("rev-parse", "HEAD") + ("+changes" if changed else "")
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"
 
 
 def digest(text: str) -> str:

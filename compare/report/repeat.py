@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from rattle.compare.report.manifest import DIGESTS, Recorded, digest, versions
+from rattle.compare.report.manifest import DIGESTS, Recorded, digest
+from rattle.compare.report.provenance import versions
 from rattle.scene.text import line
 
 Floats = NDArray[np.float64]

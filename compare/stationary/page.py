@@ -4,14 +4,14 @@ from typing import Any
 
 import pandas as pd
 
-from rattle.compare.report import NUMBER, Cell, Code, Column, Figure, Page, Section, Source, Table, Text
+from rattle.compare.report import NUMBER, Cell, Column, Figure, Page, Section, Table, Text
 from rattle.compare.report.content import Block, Row
 from rattle.compare.report.glossary import CLOSURE_TERMS, VERDICT_TERMS, glossary
+from rattle.compare.report.provenance import source_of
 from rattle.compare.stationary.answer import answer
 from rattle.compare.stationary.judged import TOLERANCES
 from rattle.compare.stationary.measure import Stationary
 from rattle.compare.stationary.units import speed_text
-from rattle.scene.scene import Scene
 
 FIGURES = {
     "distribution": "Velocity just before an impact, with its 95 % interval, on a logarithmic scale: the stationary "
@@ -77,7 +77,7 @@ def stationary_page(found: Stationary, record: dict[str, Any], drawn: list[str])
     if "memory" in figures:
         sections.append(Section("How long it remembers", (figures["memory"],)))
     return Page(
-        f"The long run of {record['name']}", tuple(answer(found)), _source(record), tuple(opening), tuple(sections)
+        f"The long run of {record['name']}", tuple(answer(found)), source_of(record), tuple(opening), tuple(sections)
     )
 
 
@@ -123,14 +123,3 @@ def _verdicts(verdicts: pd.DataFrame) -> Table:
                 ]
             )
     return Table.of(heads, rows, "Every quantity" if len(rows) > 12 else "")
-
-
-def _source(record: dict[str, Any]) -> Source:
-    facts = {
-        "commit": record["commit"],
-        "seed": str(record["seed"]),
-        "time": f"{record['wall_seconds']} s wall",
-        "versions": ", ".join(f"{name} {version}" for name, version in record["versions"].items()),
-    }
-    scene = Code(Scene.from_dict(record["scene"]).to_toml(), "toml")
-    return Source(record["command"], tuple(facts.items()), (Text("The scene:"), scene))

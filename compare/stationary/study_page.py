@@ -16,7 +16,6 @@ from rattle.compare.report import (
     Page,
     Row,
     Section,
-    Source,
     Table,
     Text,
     manifest,
@@ -26,6 +25,7 @@ from rattle.compare.report import write_page as write_views
 from rattle.compare.report.csv_text import write_csv
 from rattle.compare.report.glossary import CLOSURE_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.report.json_text import json_text
+from rattle.compare.report.provenance import provenance, source_of
 from rattle.compare.report.style import STYLE, new_figure, save
 from rattle.compare.stationary.judged import TOLERANCES
 from rattle.compare.stationary.study import TABLES, LongResults, LongTables, shares
@@ -164,8 +164,7 @@ def write_page(folder: Path, r: LongResults, facts: dict[str, Any]) -> dict[str,
         "cells_sha256": cells_digest(r.study),
         "study_sha256": r.study.digest,
         "numerical_version": numerical_version(),
-        "commit": manifest.commit(),
-        "versions": manifest.versions(),
+        **provenance(),
         **facts,
     }
     write_views(_page(r, record, drawn), folder, "study")
@@ -183,15 +182,8 @@ def _page(r: LongResults, record: dict[str, Any], drawn: list[Block]) -> Page:
         sections.append(
             Section("What could not be computed", (Table.of(["what", *numbers("points"), "the first", "why"], rows),))
         )
-    facts = {
-        "commit": record["commit"],
-        "numerical version": record["numerical_version"],
-        "time": f"{record['wall_seconds']} s wall, {record['cell_seconds']} s of cells",
-        "rows": "`rattle.compare.stationary.study.load(FOLDER)` loads every one",
-    }
-    source = Source(
-        record["command"], tuple(facts.items()), (Text("The study, `study.toml`:"), Code(r.study.text, "toml"))
-    )
+    text = (Text("The study, `study.toml`:"), Code(r.study.text, "toml"))
+    source = source_of(record, text, {"rows": "`rattle.compare.stationary.study.load(FOLDER)` loads every one"})
     return Page(r.study.title, tuple(record["answer"]), source, opening, tuple(sections))
 
 

@@ -8,12 +8,13 @@ from typing import Any
 
 import pandas as pd
 
-from rattle.compare.report import Block, Cell, Code, Figure, Page, Row, Section, Source, Table, Text, manifest, numbers
+from rattle.compare.report import Block, Cell, Code, Figure, Page, Row, Section, Table, Text, manifest, numbers
 from rattle.compare.report import write_page as write_views
 from rattle.compare.report.csv_text import write_csv
 from rattle.compare.report.folder import scratch_folder, within
 from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.report.json_text import json_text
+from rattle.compare.report.provenance import provenance, source_of
 from rattle.compare.report.style import save
 from rattle.compare.study.current import FILES, cells_digest
 from rattle.compare.study.estimate import scaling
@@ -183,8 +184,7 @@ def _write(folder: Path, r: Results, facts: dict[str, Any]) -> dict[str, Any]:
         "z": r.z,
         "study_sha256": r.study.digest,
         "numerical_version": numerical_version(),
-        "commit": manifest.commit(),
-        "versions": manifest.versions(),
+        **provenance(),
         **facts,
     }
     write_views(_page(r, record, drawn, tables["cost"], taken), folder, "study")
@@ -215,16 +215,8 @@ def _page(
         lost = Table.of(["what", *numbers("points"), "the first", "why"], rows)
         sections.append(Section("What could not be computed", (every, lost)))
     sections.append(Section("Cost", (_cost(cost), Text(more), _scaling(r, taken))))
-    facts = {
-        "commit": record["commit"],
-        "numerical version": record["numerical_version"],
-        "time": f"{record['wall_seconds']} s wall, {record['cell_seconds']} s of cells",
-        "versions": ", ".join(f"{name} {version}" for name, version in record["versions"].items()),
-        "rows": "`rattle.load_study(FOLDER)` loads every one",
-    }
-    source = Source(
-        record["command"], tuple(facts.items()), (Text("The study, `study.toml`:"), Code(r.study.text, "toml"))
-    )
+    text = (Text("The study, `study.toml`:"), Code(r.study.text, "toml"))
+    source = source_of(record, text, {"rows": "`rattle.load_study(FOLDER)` loads every one"})
     return Page(r.study.title, tuple(record["answer"]), source, opening, tuple(sections))
 
 

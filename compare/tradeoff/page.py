@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rattle.compare.report import Block, Cell, Code, Figure, Page, Row, Section, Source, Table, Text, numbers
+from rattle.compare.report import Block, Cell, Figure, Page, Row, Section, Table, Text, numbers
 from rattle.compare.report.glossary import CLOSURE_TERMS, SCHEME_TERMS, SECTION_TERMS, glossary
+from rattle.compare.report.provenance import source_of
 from rattle.compare.tradeoff.answer import EXACT, cheapest
 from rattle.compare.tradeoff.measure import Measured, means_seconds, slope
 from rattle.compare.tradeoff.multilevel import KURTOSIS_ALARM, Rate
 from rattle.compare.tradeoff.weak_order import ORDER_IMPACTS, STEPS, Orders
 from rattle.compare.validation.validity_range import join_words
 from rattle.montecarlo.budget import in_words
-from rattle.scene.scene import Scene
 
 FIGURE = (
     "Error against processor time, both on logarithmic scales. Schemes: what with 95 % probability no section mean or "
@@ -268,17 +268,11 @@ def tradeoff_page(
         sections.append(Section("Slopes of the step bias, and orders, measured", (*said, note, *shown)))
     gains = (Text(GAINS, note=True), tables["control"])
     sections.append(Section("What the control variate and antithetic pairs are worth", gains))
-    facts = (
-        ("commit", record["commit"]),
-        ("versions", ", ".join(f"{name} {version}" for name, version in record["versions"].items())),
-        ("all points", "`tradeoff.csv`"),
-    )
-    scene = (Text("The scene:"), Code(Scene.from_dict(record["scene"]).to_toml(), "toml"))
     sigma, impacts = f"{m.reference.scene.sigma:.4g}", m.reference.impacts
     return Page(
         f"What accuracy costs: {record['name']}, σ = {sigma}, {impacts} impacts",
         tuple(sentences[:-1]),
-        Source(record["command"], facts, scene),
+        source_of(record, more={"all points": "`tradeoff.csv`"}),
         (
             Figure("tradeoff.svg", FIGURE.format(reference=reference), figure),
             tables["cheapest"],

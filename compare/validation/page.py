@@ -7,12 +7,13 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure as Drawing
 
-from rattle.compare.report import Block, Code, Figure, Page, Section, Source, Text, manifest, pages, write_page
+from rattle.compare.report import Block, Code, Figure, Page, Section, Text, manifest, pages, write_page
 from rattle.compare.report.content import MARKS as SIGNS
 from rattle.compare.report.csv_text import csv_text, write_csv
 from rattle.compare.report.folder import name_of, whole_folder
 from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.report.json_text import json_text
+from rattle.compare.report.provenance import command_line, provenance, source_of
 from rattle.compare.report.style import caption_of, save
 from rattle.compare.validation.answer import answer, correlation_claim, sigma_text
 from rattle.compare.validation.beside import NOTE, beside_table
@@ -171,24 +172,12 @@ def _page(
     sections.append(Section("How the tables are read", (Text(legend),)))
     sections += [_section(v, number, folder) for number, v in enumerate(validations, start=1)]
     scene = Code(validations[0].scene.to_toml(), "toml")
-    source = Source(record["repeat"], _facts(record), (Text("The scene at its first noise intensity:"), scene))
+    files = {"table": record["table_sha256"], "validity": record["validity_sha256"]}
+    digests = {f"`{name}.csv`": f"sha256 {digest}" for name, digest in files.items() if digest}
+    source = source_of(record, (Text("The scene at its first noise intensity:"), scene), digests)
     return Page(
         f"Can the closure be believed? {settings.name}", tuple(record["answer"]), source, opening, tuple(sections)
     )
-
-
-def _facts(record: dict[str, Any]) -> tuple[tuple[str, str], ...]:
-    facts = {
-        "command": f"`{record['command']}`",
-        "commit": record["commit"],
-        "seed": str(record["settings"]["seed"]),
-        "time": f"{record['wall_seconds']} s wall" + (f", {cpu} s CPU" if (cpu := record["cpu_seconds"]) else ""),
-        "versions": ", ".join(f"{name} {version}" for name, version in record["versions"].items()),
-        "`table.csv`": f"sha256 {record['table_sha256']}",
-    }
-    if record["validity_sha256"]:
-        facts["`validity.csv`"] = f"sha256 {record['validity_sha256']}"
-    return tuple(facts.items())
 
 
 def write_report(
@@ -196,7 +185,7 @@ def write_report(
     settings: manifest.Settings,
     validations: Sequence[Comparison],
     swept: Sweep | None,
-    provenance: dict[str, Any],
+    origin: dict[str, Any],
     overwrite: bool,
     schemes: pd.DataFrame | None = None,
 ) -> dict[str, Any]:
@@ -208,7 +197,7 @@ def write_report(
         "settings": settings.to_dict(),
         "table_sha256": manifest.digest(text),
         "validity_sha256": manifest.digest(validity_text) if validity_text else None,
-        **provenance,
+        **origin,
         "answer": answer(validations, swept),
     }
     with whole_folder(out, CONTENTS, overwrite) as folder:
@@ -246,14 +235,12 @@ def write_one(v: Comparison, out: Path, overwrite: bool) -> Path:
     )
     here = "validate(...).report(...), in Python"
     by_command = whole and v.tolerances == Tolerances()
-    again = manifest.command_line(["validate", "--repeat", str(out / "manifest.json")])
-    provenance = {
+    again = command_line(["validate", "--repeat", str(out / "manifest.json")])
+    origin = provenance() | {
         "command": here,
         "repeat": again if by_command else f"{here}, with the same seed and tolerances",
-        "commit": manifest.commit(),
-        "versions": manifest.versions(),
         "wall_seconds": round(run.wall_seconds, 1),
         "cpu_seconds": None,
     }
-    write_report(out, settings, [v], None, provenance, overwrite)
+    write_report(out, settings, [v], None, origin, overwrite)
     return out / "report.html"

@@ -24,7 +24,7 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 from tqdm import tqdm
 
-from rattle.compare.report import manifest
+from rattle.compare.report import provenance
 from rattle.compare.report.folder import check_free, whole_folder
 from rattle.compare.report.json_text import json_text
 
@@ -178,7 +178,7 @@ def report(out: Path, space: str, chunks: list[dict[str, Any]], facts: dict[str,
             for e, part in table.groupby("entry")
         },
         "seconds": {e: round(s, 1) for e, s in seconds.items()}, "bound_seconds": BOUNDS,
-        "slowest": slowest, "commit": manifest.commit(), "versions": manifest.versions(),
+        "slowest": slowest, "commit": provenance.commit(), "versions": provenance.versions(),
         **facts,
     }  # fmt: skip
     with whole_folder(out, NAMES, overwrite=True) as folder:
@@ -204,7 +204,7 @@ def main() -> int:
     space = SPACES[asked.space]
     out, scenes = asked.out or space.out, asked.scenes or space.scenes
     check_free(out, NAMES, overwrite=True)
-    work = asked.work / f"{manifest.commit()[:16]}-{asked.space}-{asked.seed}"
+    work = asked.work / f"{provenance.commit()[:16]}-{asked.space}-{asked.seed}"
     work.mkdir(parents=True, exist_ok=True)
     numbers = range(-(-scenes // CHUNK))
     chunks = [json.loads(p.read_text(encoding="utf-8")) for n in numbers if (p := work / f"{n}.json").exists()]

@@ -6,7 +6,6 @@ from typing import Any
 
 import pandas as pd
 
-from rattle.compare.chaos.page import source_of
 from rattle.compare.checks.extremes.row import Extreme
 from rattle.compare.checks.extremes.run import table
 from rattle.compare.checks.stability.cell import BIASED, COLLAPSING, UNBIASED, UNDECIDED, UNSTABLE
@@ -15,6 +14,7 @@ from rattle.compare.checks.stability.figure import figure, summary
 from rattle.compare.checks.stability.reference import IMPACTS
 from rattle.compare.report import Cell, Column, Figure, Page, Row, Section, Table, Text, numbers
 from rattle.compare.report.glossary import SCHEME_TERMS, glossary
+from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
 from rattle.compare.validation.validity_range import join_words
 from rattle.compare.validation.verdict import Tolerances

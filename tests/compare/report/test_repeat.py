@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from rattle.compare.cli.main import EXIT_NOT_MET, EXIT_NOT_REPEATED, EXIT_ROUNDED, main
-from rattle.compare.report import manifest
+from rattle.compare.report import manifest, provenance
 from rattle.compare.report.repeat import EXACT, ROUNDING, difference
 
 SWEPT = [
@@ -63,7 +63,7 @@ def test_the_same_but_for_rounding(first, tmp_path):
     said = validate("--repeat", earlier, "--out", tmp_path / "here", code=EXIT_ROUNDED).stdout
     assert "Repeated but for rounding: the largest difference is" in said
     assert "table.csv, column simulated" in said
-    here = manifest.versions()
+    here = provenance.versions()
     assert f"processor Another Processor, here {here['processor']}" in said
     assert f"numpy 1.0, here {here['numpy']}" in said
     assert f"does not say: vectors (here {here['vectors']})" in said

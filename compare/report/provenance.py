@@ -1,0 +1,124 @@
+"""Where a report comes from: the command, the commit, the versions and the time of its run."""
+
+import importlib.metadata
+import platform
+import re
+import shlex
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numba
+from llvmlite import binding
+
+from rattle.compare.report.content import Block, Code, Source, Text
+from rattle.scene.scene import Scene
+
+COMPILER: Any = numba.config  # numba has no type annotations
+
+PACKAGES = ("rattle", "numpy", "numba", "llvmlite", "scipy", "pandas", "matplotlib", "pyarrow")
+
+
+class Stopwatch:
+    """Wall time and processor time since it was made."""
+
+    def __init__(self) -> None:
+        self._wall, self._cpu = time.perf_counter(), time.process_time()
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """Both, for a manifest."""
+        wall, cpu = time.perf_counter() - self._wall, time.process_time() - self._cpu
+        return {"wall_seconds": round(wall, 1), "cpu_seconds": round(cpu, 1)}
+
+
+def provenance(watch: Stopwatch | None = None) -> dict[str, Any]:
+    """Command, commit and versions of this run, and its time if a watch has taken it; for the manifest."""
+    origin = {"command": command_line(sys.argv[1:]), "commit": commit(), "versions": versions()}
+    return origin if watch is None else origin | watch.seconds
+
+
+def source_of(
+    record: Mapping[str, Any], blocks: tuple[Block, ...] | None = None, more: Mapping[str, str] | None = None
+) -> Source:
+    """The section of a page that says where it comes from, from its manifest.
+
+    `blocks`: The scene of the manifest, if not given. `more`: Further facts, which stand last.
+    """
+    facts = {"command": f"`{record['command']}`"} if "repeat" in record else {}
+    facts["commit"] = record["commit"]
+    if "numerical_version" in record:
+        facts["numerical version"] = record["numerical_version"]
+    if (seed := record.get("settings", record).get("seed")) is not None:
+        facts["seed"] = str(seed)
+    times = {"wall": record["wall_seconds"], "CPU": record.get("cpu_seconds"), "of cells": record.get("cell_seconds")}
+    facts["time"] = ", ".join(f"{seconds} s {kind}" for kind, seconds in times.items() if seconds)
+    facts["versions"] = ", ".join(f"{name} {version}" for name, version in record["versions"].items())
+    if blocks is None:
+        blocks = (Text("The scene:"), Code(Scene.from_dict(record["scene"]).to_toml(), "toml"))
+    return Source(record.get("repeat", record["command"]), (*facts.items(), *(more or {}).items()), blocks)
+
+
+def command_line(words: Sequence[str]) -> str:
+    """A command as it is typed in a shell.
+
+    Examples
+    --------
+    >>> command_line(["show", "my report"])
+    "rattle show 'my report'"
+    """
+    return shlex.join(["rattle", *words]).encode(errors="backslashreplace").decode()
+
+
+def versions() -> dict[str, str]:
+    """Versions of the packages on which the numbers depend, and the processor as named by system and compiler."""
+    found = {
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        "processor": _processor(),
+        "compiled for": COMPILER.CPU_NAME or binding.get_host_cpu_name(),
+        "vectors": _vectors(),
+    }
+    for package in PACKAGES:
+        try:
+            found[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
+def _processor() -> str:
+    """Model name of the processor."""
+    try:
+        found = re.search(r"^model name\s*:\s*(.+)$", Path("/proc/cpuinfo").read_text(errors="replace"), re.MULTILINE)
+    except OSError:
+        found = None
+    return found[1] if found else platform.processor() or "unknown"
+
+
+def _vectors() -> str:
+    """The vector instructions for which code is compiled; they determine the order of sums, hence their last bits."""
+    chosen = COMPILER.CPU_FEATURES
+    features = binding.get_host_cpu_features().flatten() if chosen is None else chosen
+    return " ".join(sorted(re.findall(r"\+(s?sse[\w.]*|avx[\w.]*|fma\w*|neon|sve\w*)", features))) or "none"
+
+
+def commit() -> str:
+    """Git commit of the running code."""
+    here = Path(__file__).resolve().parents[2]
+
+    def git(*words: str) -> str:
+        return subprocess.run(
+            ["git", "-C", str(here), *words], capture_output=True, text=True, check=True
+        ).stdout.strip()
+
+    try:
+        if Path(git("rev-parse", "--show-toplevel")).resolve() != here:
+            return "unknown"
+        changed = git("status", "--porcelain", "--", "scene", "closure", "montecarlo", "compare")
+        return git("rev-parse", "HEAD") + ("+changes" if changed else "")
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
