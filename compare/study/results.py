@@ -13,8 +13,9 @@ from rattle.compare.study.cells import Predicted, Sampled
 from rattle.compare.study.design import Point, Study
 from rattle.compare.study.paired import compare_paired
 from rattle.compare.study.store import Store
+from rattle.compare.validation.section_errors import section_errors, to_absolute_time
 from rattle.compare.validation.validity_range import is_accurate, is_wrong, unbroken
-from rattle.compare.validation.verdict import section_errors, to_absolute_time, widest
+from rattle.compare.validation.verdict import widest
 from rattle.scene.moments import SECTION, STATE
 
 
@@ -53,7 +54,7 @@ class Results:
     def errors(self) -> pd.DataFrame:
         """Every section mean and sd of every closure at every point: error, interval, verdict.
 
-        Columns: the fields that vary, then those of `rattle.compare.validation.verdict.section_errors`.
+        Columns: the fields that vary, then those of `rattle.compare.validation.section_errors.section_errors`.
         """
         parts = []
         for point, run, prediction in self._pairs():

@@ -5,7 +5,8 @@ import pandas as pd
 from scipy.special import ndtr
 
 from rattle.compare.thresholds.claim import Claim
-from rattle.compare.validation.verdict import RULE, Claimed, Simulated, Tolerances, judge, remarks, section_errors
+from rattle.compare.validation.section_errors import Claimed, Simulated, remarks, section_errors
+from rattle.compare.validation.verdict import RULE, Tolerances, judge
 from rattle.montecarlo.long_run.intervals import half_width
 from rattle.scene.errors import InputError
 
@@ -19,7 +20,7 @@ def errors_of(prediction: Claimed, run: Simulated, claim: Claim) -> pd.DataFrame
     A tolerance in units of the sd has a sampling error as well: an error d is within w sds if ``d - w sd`` is negative,
     and the standard error of this difference is at most ``se(d) + w se(sd)``.
 
-    Returns: Columns as of `rattle.compare.validation.verdict.section_errors`; ``error`` is absolute, ``unit`` the
+    Returns: Columns as of `rattle.compare.validation.section_errors`; ``error`` is absolute, ``unit`` the
     sd of the quantity (1 if it does not vary), ``noise`` one standard error.  Without rows that are not judged
     (`rattle.compare.validation.verdict.RULE`).
     """

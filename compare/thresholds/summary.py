@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from rattle.compare.validation.verdict import BY_SIZE
+from rattle.compare.validation.section_errors import BY_SIZE
 
 WIDER = 1.1
 """Ratio of an interval to that of all paths above which it is said what widened it."""

@@ -10,10 +10,11 @@ from rattle.compare.validation.advice import advice, cost_sentence
 from rattle.compare.validation.comparison import Comparison, Sweep
 from rattle.compare.validation.correlation import SIMULATED, first_failure
 from rattle.compare.validation.physical import lasting, motion_sentence
+from rattle.compare.validation.section_errors import BY_SIZE
 from rattle.compare.validation.speed import simulation_costs, speeds
 from rattle.compare.validation.validity import validities
 from rattle.compare.validation.validity_range import in_words, join_words, span, unbroken
-from rattle.compare.validation.verdict import BY_SIZE, JUDGED
+from rattle.compare.validation.verdict import JUDGED
 from rattle.scene.scene import Scene
 
 SECTION = " (Poincaré section at the impacts)"

@@ -10,7 +10,7 @@ import pandas as pd
 from rattle.closure.cost import closure_seconds
 from rattle.compare.report import Row, Table, numbers
 from rattle.compare.validation.comparison import Comparison
-from rattle.compare.validation.verdict import section_errors
+from rattle.compare.validation.section_errors import section_errors
 from rattle.montecarlo import Ensemble, simulate
 
 PATHS = 32_768

@@ -91,7 +91,7 @@ def mid_flight_errors(
     The interval of the simulated value is symmetric in Fisher's z = artanh rho, whose standard error is measured (for
     a Gaussian pair it is ``1 / sqrt(paths)``); it is widened by the change from 2 dt to dt where there is a step bias.
 
-    Returns: Rows as of `rattle.compare.validation.verdict.section_errors`; ``time`` is the fixed time, ``impact``
+    Returns: Rows as of `rattle.compare.validation.section_errors`; ``time`` is the fixed time, ``impact``
     the one that ends its flight. Shapes: `flights` (fixed times,).
     """
     fixed = run.at_times()

@@ -11,7 +11,8 @@ import pandas as pd
 from rattle.closure import CLOSURES, closures_for, follow, mean_map
 from rattle.compare.validation.correlation import mid_flight_errors, validity
 from rattle.compare.validation.result import Validation
-from rattle.compare.validation.verdict import Tolerances, section_errors, to_absolute_time, widest
+from rattle.compare.validation.section_errors import section_errors, to_absolute_time
+from rattle.compare.validation.verdict import Tolerances, widest
 from rattle.montecarlo import SCHEMES, Record, check_settings, default_step, simulate
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION

@@ -1,37 +1,12 @@
-"""Errors of a closure's section moments, with their intervals, and the three-way verdict."""
+"""The three-way verdict on an error and its interval, and the tolerances that decide it."""
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtri
 
-from rattle.montecarlo.accuracy import resolved_sd, skewness_gain
-from rattle.montecarlo.long_run.intervals import half_width
-from rattle.montecarlo.settings import is_random
-from rattle.montecarlo.unseen import Unseen, unseen, unseen_text
-from rattle.scene.moments import SECTION
-from rattle.scene.scene import Scene
-
-__all__ = [
-    "ABSOLUTE",
-    "BY_SIZE",
-    "JUDGED",
-    "NOT_JUDGED",
-    "RULE",
-    "VERDICTS",
-    "Claimed",
-    "Simulated",
-    "Tolerances",
-    "at_wall",
-    "judge",
-    "remarks",
-    "section_errors",
-    "to_absolute_time",
-    "widest",
-]
+__all__ = ["Tolerances"]
 
 JUDGED = ("accurate", "inaccurate", "undecided")
 """Verdicts on rows that are judged and predicted; counts and sentences refer to these rows only."""
@@ -46,24 +21,7 @@ RULE = (
 )
 """Which rows `at_wall` excludes, and why, as pages state it."""
 
-SIDES = ("predicted", "simulated")  # columns that hold a value of the closure and of the simulation
-
-WORTH_A_WORD = 0.05
-"""Share of a tolerance from which on what a branch could change is told."""
-
-FEWEST = 32
-"""Least number of paths from which an sd is judged: the fourth moment of fewer says too little about its error."""
-
-TOO_FEW = f"too few paths for an interval; an sd is judged from {FEWEST} on"
-"""Remark on a row whose interval the sample cannot have."""
-
 UNSEEN = ("unseen_low", "unseen_high", "unseen_paths")
-
-ABSOLUTE = 1e-6
-"""Tolerance, relative to its size, of a quantity that does not vary (`rattle.montecarlo.accuracy.resolved_sd`)."""
-
-BY_SIZE = f"sd is 0, or below what doubles resolve: compared with {ABSOLUTE:g} of the quantity's size"
-"""Remark on the rows of such quantities."""
 
 
 class Tolerances(NamedTuple):
@@ -146,176 +104,3 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
     needed = needed.where(~seen & low.notna(), 0.0).clip(lower=out["unseen_paths"])
     out["paths_needed"] = np.where(undecided & (margin > 0.0) & np.isfinite(needed), np.ceil(needed), np.nan)
     return out
-
-
-class Claimed(Protocol):
-    """Section moments of a closure or of a user's own model, in the columns of `rattle.closure.MeanMap.section`."""
-
-    @property
-    def closure(self) -> str:
-        """Its name; a run may have the agreement with its itinerary under this name."""
-        ...
-
-    @property
-    def section(self) -> pd.DataFrame:
-        """A row for each impact (index ``impact``); NaN where a moment is not predicted."""
-        ...
-
-
-class Simulated(Protocol):
-    """Section moments of a simulation: a `rattle.montecarlo.Ensemble`, or the tables stored of one."""
-
-    @property
-    def scene(self) -> Scene:
-        """What was modelled."""
-        ...
-
-    @property
-    def section(self) -> pd.DataFrame:
-        """As `Ensemble.section`."""
-        ...
-
-    @property
-    def step_bias(self) -> pd.DataFrame:
-        """As `Ensemble.step_bias`."""
-        ...
-
-    @property
-    def agreement(self) -> pd.DataFrame:
-        """As `Ensemble.agreement`."""
-        ...
-
-
-def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: Tolerances) -> pd.DataFrame:
-    """Errors of predicted section moments with intervals and verdicts.
-
-    Both sides are moments on the Poincaré section at the impacts: of the state of each path at its own k-th impact.
-
-    Returns: A row for each impact, quantity and moment.  ``simulated`` is the simulated value with its standard
-    error ``se`` and the measured step ``bias``.  ``error`` is the predicted minus the bias-corrected value;
-    ``low`` and ``high`` bound it: ``noise`` is `z` standard errors of the corrected value (the interval has
-    Student's t in place of `z`, which is wider where paths are few), ``rest`` bounds the bias that the correction
-    may have left. ``unit`` is the sd of the quantity, ``se_unit`` its standard error. ``still`` is the tolerance
-    of a quantity that does not vary, `ABSOLUTE` times its largest size over the impacts (for times, that of a
-    flight), and 0 where it varies. ``agreement`` is the share of paths on the closure's itinerary if the run has
-    it, else on the noise-free one. ``judged`` is False for the rows that `RULE` excludes. ``unseen_low`` and
-    ``unseen_high`` are how far branches that the sample cannot have seen widen the interval on either side, and
-    ``unseen_paths`` how many paths would show them (`rattle.montecarlo.unseen`); ``remark`` says so in words
-    where they leave a row undecided, and is `BY_SIZE` where ``still`` is the tolerance. The interval of a sampled
-    value is longer on the side to which its own sampling distribution is skewed (`widen_for_skewness`); ``lean`` is
-    that skewness over sqrt(n). Verdicts are those of `judge`.
-    """
-    section, steps = run.section, run.step_bias
-    impact, quantity, is_mean = steps["impact"], steps["quantity"], steps["moment"] == "mean"
-    name = quantity.where(is_mean, "sd_" + quantity)
-    sd = steps[~is_mean].set_index(["impact", "quantity"])
-    own = sd.loc[pd.MultiIndex.from_arrays([impact, quantity])].reset_index(drop=True)
-    unit = own["corrected"].where(own["corrected"] > 0.0, _pick(section, impact, "sd_" + quantity))
-    agreement = run.agreement.get(prediction.closure, section["agreement"])
-    predicted = _pick(prediction.section, impact, name)
-    sizes = {q: float(np.hypot(section[q], section["sd_" + q]).max()) for q in quantity.unique() if q != "tau"}
-    size = quantity.map(sizes | {"tau": sizes["flight"]}).astype(float).fillna(0.0)
-    columns = {str(name): section[name].to_numpy() for name in section}
-    few = ~is_mean & is_random(run.scene) & (section["paths"].loc[impact].to_numpy() < FEWEST)
-    least = pd.DataFrame(resolved_sd(columns), index=section.index)
-    still = np.where(unit > _pick(least, impact, quantity), 0.0, ABSOLUTE * size)
-    table = pd.DataFrame(
-        {
-            "closure": prediction.closure,
-            "kind": "section",
-            "impact": impact,
-            "quantity": quantity,
-            "moment": steps["moment"],
-            "predicted": predicted,
-            "simulated": _pick(section, impact, name),
-            "se": _pick(section, impact, "se_" + name),
-            "bias": steps["bias"],
-            "error": predicted - steps["corrected"],
-            "noise": z * steps["se_corrected"].where(~few),
-            "rest": steps["rest"],
-            "unit": unit,
-            "se_unit": own["se_corrected"],
-            "tolerance": np.maximum(np.where(is_mean, tolerances.mean, tolerances.sd) * unit, still),
-            "still": still,
-            "judged": ~at_wall(quantity, section["mesh"].loc[impact].to_numpy()),
-            "agreement": agreement.loc[impact].to_numpy(),
-            "paths": section["paths"].loc[impact].to_numpy(),
-        }
-    )
-    student = half_width(table["paths"], float(ndtr(-z))) / z * table["noise"]
-    half, paths = student + table["rest"], float(section["paths"].max())
-    gain = widen_for_skewness(columns, steps, z)
-    lean = gain * student
-    table["low"], table["high"] = (
-        table["error"] - half - lean.clip(lower=0.0),
-        table["error"] + half - lean.clip(upper=0.0),
-    )
-    hidden = unseen(run.scene, columns, int(paths))
-    up, down, needed, chance = _shift_unseen(hidden, steps)
-    table["unseen_low"], table["unseen_high"], table["unseen_paths"] = up, down, needed
-    table["low"], table["high"] = table["low"] - up, table["high"] + down
-    table.loc[few, "unseen_paths"] = np.fmax(table.loc[few, "unseen_paths"], FEWEST)
-    table["unseen_share"] = chance
-    table["lean"] = gain * 6.0 * z / (2.0 * z**2 + 1.0)
-    table = judge(table)
-    table["remark"] = remarks(table)
-    return table
-
-
-def remarks(table: pd.DataFrame) -> list[str]:
-    """What decides a row besides its sd, in words: the size of what does not vary, and what the sample has not seen."""
-    shift = np.maximum(table["unseen_low"], table["unseen_high"])
-    by_size = (table["still"] > 0.0) & table["verdict"].isin(JUDGED)
-    few = table["low"].isna() & (table["verdict"] == "undecided")
-    said = (table["verdict"] == "undecided") & (shift > WORTH_A_WORD * table["tolerance"]) & ~few
-    out = [TOO_FEW if f else BY_SIZE if by else "" for f, by in zip(few, by_size, strict=True)]
-    columns = table["moment"], table["unseen_share"], shift / table["unit"], table["unseen_paths"]
-    for i, m, p, s, n in zip(np.flatnonzero(said), *(column[said] for column in columns), strict=True):
-        out[i] = unseen_text(m, p, s, n)
-    return out
-
-
-def widen_for_skewness(columns: Mapping[str, NDArray[Any]], steps: pd.DataFrame, z: float) -> NDArray[np.float64]:
-    """`rattle.montecarlo.accuracy.skewness_gain` of the rows of a table.
-
-    Shapes: result (rows,).
-    """
-    gains = np.array([[skewness_gain(columns, q, of_sd, z) for q in SECTION] for of_sd in (False, True)])
-    of_sd = (steps["moment"] == "sd").to_numpy(int)
-    return np.asarray(gains[of_sd, _number(steps["quantity"]), steps["impact"].to_numpy() - 1])
-
-
-def _shift_unseen(hidden: Unseen, steps: pd.DataFrame) -> tuple[NDArray[np.float64], ...]:
-    """Shifts up and down, paths that would tell and probability of the branch, of the rows of a table."""
-    at = steps["impact"].to_numpy() - 1, _number(steps["quantity"])
-    mean = (steps["moment"] == "mean").to_numpy()
-    up, down = (
-        np.where(mean, hidden.mean_up[at], hidden.sd_up[at]),
-        np.where(mean, hidden.mean_down[at], hidden.sd_down[at]),
-    )
-    return up, down, hidden.needed[at], hidden.probability[at]
-
-
-def to_absolute_time(table: pd.DataFrame, scene: Scene) -> pd.DataFrame:
-    """Convert the times in a table of errors from phase-reduced (`Scene.phase_reduced`) to absolute time.
-
-    Returns: Mean impact times and ``time`` are shifted; errors, intervals and verdicts are the same in both
-    times.
-    """
-    late = (table["quantity"] == "tau") & (table["moment"] == "mean")
-    columns = {name: np.where(late, scene.to_absolute_time(table[name].to_numpy(float)), table[name]) for name in SIDES}
-    if "time" in table:
-        columns["time"] = scene.to_absolute_time(table["time"].to_numpy(float))
-    return table.assign(**columns)
-
-
-def _pick(table: pd.DataFrame, impact: pd.Series, column: pd.Series) -> NDArray[np.float64]:
-    """Entries of a table by row and column; NaN where it has none."""
-    code, names = pd.factorize(column)
-    values = table.reindex(index=range(1, int(impact.max()) + 1), columns=names).to_numpy(float)
-    return np.asarray(values[impact.to_numpy() - 1, code])
-
-
-def _number(quantity: pd.Series) -> NDArray[np.intp]:
-    """Place of each quantity in `SECTION`."""
-    return np.asarray(pd.Index(SECTION).get_indexer(pd.Index(quantity)))

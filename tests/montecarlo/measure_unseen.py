@@ -14,8 +14,9 @@ from unittest import mock
 import numpy as np
 import pandas as pd
 
-from rattle.compare.validation import verdict
-from rattle.compare.validation.verdict import Tolerances, section_errors, widest
+from rattle.compare.validation import section_errors as errors
+from rattle.compare.validation.section_errors import section_errors
+from rattle.compare.validation.verdict import Tolerances, widest
 from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
 from rattle.montecarlo.accuracy import units
 from rattle.montecarlo.unseen import Unseen
@@ -55,8 +56,8 @@ def _nothing_unseen(impacts: int) -> Iterator[None]:
     """Context in which verdicts are as they were before rare branches and skewness counted."""
     nil = np.zeros((impacts, len(SECTION)))
     with (
-        mock.patch.object(verdict, "unseen", return_value=Unseen(nil, nil, nil, nil, nil, nil, impacts)),
-        mock.patch.object(verdict, "widen_for_skewness", lambda _, steps, __: np.zeros(len(steps))),
+        mock.patch.object(errors, "unseen", return_value=Unseen(nil, nil, nil, nil, nil, nil, impacts)),
+        mock.patch.object(errors, "widen_for_skewness", lambda _, steps, __: np.zeros(len(steps))),
     ):
         yield
 

@@ -5,8 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rattle.compare.validation import verdict
-from rattle.compare.validation.verdict import Tolerances, section_errors, widest
+from rattle.compare.validation import section_errors as errors
+from rattle.compare.validation.section_errors import section_errors
+from rattle.compare.validation.verdict import Tolerances, widest
 from rattle.montecarlo import branches, simulate
 from rattle.montecarlo.branches import BranchSearch, rare_events
 from rattle.montecarlo.unseen import Unseen
@@ -32,7 +33,7 @@ def _verdict(monkeypatch, bounded):
     truth.loc[2, "sd_y2"] = SD
     if not bounded:
         nil = np.zeros((2, 6))
-        monkeypatch.setattr(verdict, "unseen", lambda *_: Unseen(nil, nil, nil, nil, nil, nil, 2))
+        monkeypatch.setattr(errors, "unseen", lambda *_: Unseen(nil, nil, nil, nil, nil, nil, 2))
     table = section_errors(SimpleNamespace(closure="exact", section=truth), run, widest(48), Tolerances())
     return table.query("impact == 2 and quantity == 'y2' and moment == 'sd'").iloc[0]
 

@@ -10,8 +10,9 @@ from rattle.compare.thresholds.claim import read_claim
 from rattle.compare.thresholds.judging import errors_of, judge_errors
 from rattle.compare.thresholds.prediction import Prediction
 from rattle.compare.validation.answer import answer
+from rattle.compare.validation.section_errors import ABSOLUTE, BY_SIZE, section_errors
 from rattle.compare.validation.validate import validate
-from rattle.compare.validation.verdict import ABSOLUTE, BY_SIZE, JUDGED, Tolerances, section_errors, widest
+from rattle.compare.validation.verdict import JUDGED, Tolerances, widest
 from rattle.montecarlo import simulate
 from rattle.montecarlo.accuracy import error_bound, units
 from rattle.scene import DAT21, Scene
