@@ -5,7 +5,7 @@ from typing import Any
 import pandas as pd
 
 from rattle.compare.chaos.measure import ChaosStudy
-from rattle.compare.report import NUMBER, TEXT, Block, Column, Figure, Page, Section, Table, Text
+from rattle.compare.report import NUMBER, TEXT, Block, Column, Figure, Page, PageSection, Table, Text
 from rattle.compare.report.glossary import CHAOS_TERMS, CLOSURE_TERMS, SECTION_TERMS, glossary
 from rattle.compare.report.provenance import source_of
 
@@ -59,7 +59,7 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
         glossary(*WORDS, gears=found.scene.gears),
     )
     said = Text("The map that each closure iterates, and which exponents its means have.", True)
-    parts = [Section("The mean maps", (said, maps))]
+    parts = [PageSection("The mean maps", (said, maps))]
 
     def explain_missing(part: str) -> list[Block]:
         return [Text(f"Left out: {what} ({why}).") for what, why in found.missing.items() if part in what]
@@ -69,11 +69,11 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
         crossings = table_of(tables["crossings"], ("of",))
         rows = table_of(tables["sweep"], ("of", "regime", "reason"), summary=f"All values of {found.field}")
         said = Text(f"Where the largest exponent changes its sign over {found.field}: between `low` and `high`.", True)
-        parts.append(Section(f"Over {found.field}", (*blocks, said, crossings, rows)))
+        parts.append(PageSection(f"Over {found.field}", (*blocks, said, crossings, rows)))
     sections: list[Block] = [figures["section"]] if key != "section" and "section" in figures else []
     sections += explain_missing("Poincaré")
     if sections:
-        parts.append(Section("Poincaré sections", tuple(sections)))
+        parts.append(PageSection("Poincaré sections", tuple(sections)))
     spectra = explain_missing("spectra")
     if found.spectra:
         shown = ["side", "kind", "velocity", "frequency", "width", "share", "over", "narrow"]
@@ -87,10 +87,10 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
             table_of(tables["spectra_summary"], ("side", "kind", "velocity")),
             table_of(tables["lines"][shown], ("side", "kind", "velocity", "narrow"), summary="All bands"),
         ]
-    parts.append(Section("Spectra", tuple(spectra)))
+    parts.append(PageSection("Spectra", tuple(spectra)))
     apart: list[Block] = [figures[n] for n in ("finite_size", "sqrt_law") if n in figures]
     apart += explain_missing("square-root") + explain_missing("finite-size")
     if found.finite_size is not None:
         apart.append(table_of(found.finite_size, summary="All distances"))
-    parts.append(Section("Two paths on the same noise", tuple(apart)))
+    parts.append(PageSection("Two paths on the same noise", tuple(apart)))
     return Page(f"Chaos of {record['name']}", tuple(found.answer), source_of(record), opening, tuple(parts))

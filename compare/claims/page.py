@@ -9,7 +9,7 @@ from rattle.compare.chaos.page import FIGURES
 from rattle.compare.chaos.page import WORDS as CHAOS_WORDS
 from rattle.compare.claims.claim import NOT_REPRODUCED, PART, REPRODUCED, UNDECIDED, Claim, table
 from rattle.compare.claims.figure import verdict_figure
-from rattle.compare.report import Cell, Figure, Page, Row, Section, Table, Text
+from rattle.compare.report import Figure, Page, PageSection, Row, Table, TableCell, Text
 from rattle.compare.report.glossary import glossary
 from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
@@ -54,7 +54,8 @@ def write_claims(
     drawn = {name: figure for name, figure in chaos.figures().items() if name in SHOWN.values()}
     opening = Figure(f"{KEY}.svg", CAPTION, f"{CAPTION} {said[0]}")
     rows: list[Row] = [
-        [str(i), c.says, Cell(c.verdict, MARKS.get(c.kind, "open")), c.where] for i, c in enumerate(claims, start=1)
+        [str(i), c.says, TableCell(c.verdict, MARKS.get(c.kind, "open")), c.where]
+        for i, c in enumerate(claims, start=1)
     ]
     overview = Table.of(["claim", "the paper says", "verdict", "where"], rows)
     sections = []
@@ -62,7 +63,7 @@ def write_claims(
         shown = SHOWN.get(name, "")
         pictures = [Figure(f"{shown}.svg", FIGURES[shown], FIGURES[shown])] if shown in drawn else []
         sections.append(
-            Section(
+            PageSection(
                 f"{i}. {claim.name}",
                 (
                     Text(f"The paper, {claim.where}: “{claim.says}”"),

@@ -190,7 +190,7 @@ def validate(
         biased = SCHEMES[choice("scheme", scheme, SCHEMES)].has_step_bias
         wanted = sigmas or ((base.sigma,) if scene else PAPER_SIGMAS)
         scenes = tuple(base.with_sigma(s) for s in dict.fromkeys(wanted))
-        settings = manifest.Settings(
+        settings = manifest.ReportSettings(
             name,
             scenes,
             impacts,

@@ -9,14 +9,14 @@ import click
 from rattle.compare.report.content import (
     NUMBER,
     Block,
-    Cell,
     Code,
     Figure,
     Glossary,
     Page,
-    Section,
+    PageSection,
     Source,
     Table,
+    TableCell,
     Text,
 )
 from rattle.compare.report.markup import parts
@@ -40,7 +40,7 @@ def page_lines(page: Page, width: int) -> Iterator[str]:
     yield from source_lines(page.source, width)
 
 
-def section_lines(section: Section, width: int, level: int = 2) -> Iterator[str]:
+def section_lines(section: PageSection, width: int, level: int = 2) -> Iterator[str]:
     """The lines of a section and its subsections."""
     yield from _heading(section.title, level, width)
     for block in section.blocks:
@@ -138,7 +138,7 @@ def _panel(table: Table, columns: Sequence[int], widths: Sequence[int]) -> Itera
     heads = [textwrap.wrap(_words(table.columns[c].head), w) for c, w in zip(columns, widths, strict=True)]
     deepest = max(len(h) for h in heads)
     lowered = [[""] * (deepest - len(h)) + h for h in heads]
-    yield from _rows(table, columns, widths, lowered, [Cell("")] * len(columns))
+    yield from _rows(table, columns, widths, lowered, [TableCell("")] * len(columns))
     yield GAP.join("─" * w for w in widths)
     for row in table.rows:
         cells = [row[c] for c in columns]
@@ -147,7 +147,11 @@ def _panel(table: Table, columns: Sequence[int], widths: Sequence[int]) -> Itera
 
 
 def _rows(
-    table: Table, columns: Sequence[int], widths: Sequence[int], wrapped: Sequence[list[str]], cells: Sequence[Cell]
+    table: Table,
+    columns: Sequence[int],
+    widths: Sequence[int],
+    wrapped: Sequence[list[str]],
+    cells: Sequence[TableCell],
 ) -> Iterator[str]:
     for pieces in zip_longest(*wrapped, fillvalue=""):
         shown = []

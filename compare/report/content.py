@@ -43,7 +43,7 @@ class Text:
 
 
 @dataclass(frozen=True)
-class Cell:
+class TableCell:
     """A cell of a table."""
 
     text: str
@@ -61,9 +61,9 @@ class Cell:
         return f"{self.text} {MARKS[self.mark]}" if self.mark else self.text
 
     @classmethod
-    def of(cls, content: "Cell | str | float", kind: str) -> "Cell":
+    def of(cls, content: "TableCell | str | float", kind: str) -> "TableCell":
         """Make a cell: numbers are shown with four digits, NaN as a dash."""
-        if isinstance(content, Cell):
+        if isinstance(content, TableCell):
             cell = content
         elif isinstance(content, str):
             cell = cls(content)
@@ -77,7 +77,7 @@ class Cell:
         return cell if cell.value is not None else cls(cell.text, cell.mark, leading_number(cell.text))
 
 
-Row: TypeAlias = Iterable[Cell | str | float]
+Row: TypeAlias = Iterable[TableCell | str | float]
 """A row as `Table.of` accepts it."""
 
 
@@ -102,7 +102,7 @@ class Table:
     """A table."""
 
     columns: tuple[Column, ...]
-    rows: tuple[tuple[Cell, ...], ...]  # each as long as ``columns``
+    rows: tuple[tuple[TableCell, ...], ...]  # each as long as ``columns``
     summary: str = ""  # if given, HTML shows the table collapsed beneath this line
 
     def __post_init__(self) -> None:
@@ -123,7 +123,7 @@ class Table:
         (480.0, '0.057')
         """
         heads = tuple(c if isinstance(c, Column) else Column(c) for c in columns)
-        made = (tuple(Cell.of(content, c.kind) for content, c in zip(row, heads, strict=True)) for row in rows)
+        made = (tuple(TableCell.of(content, c.kind) for content, c in zip(row, heads, strict=True)) for row in rows)
         return cls(heads, tuple(made), summary)
 
 
@@ -176,12 +176,12 @@ Block: TypeAlias = Text | Table | Figure | Code | Glossary
 
 
 @dataclass(frozen=True)
-class Section:
+class PageSection:
     """A section of a page."""
 
     title: str
     blocks: tuple[Block, ...] = ()
-    sections: tuple["Section", ...] = ()  # subsections, which follow the blocks
+    sections: tuple["PageSection", ...] = ()  # subsections, which follow the blocks
 
 
 @dataclass(frozen=True)
@@ -199,7 +199,8 @@ class Page:
 
     Examples
     --------
-    >>> page = Page("Is it right?", ("Yes.",), Source("rattle validate"), sections=(Section("Why", (Text("Tried."),)),))
+    >>> why = PageSection("Why", (Text("Tried."),))
+    >>> page = Page("Is it right?", ("Yes.",), Source("rattle validate"), sections=(why,))
     >>> [section.title for section in page.all_sections()]
     ['Why']
     """
@@ -211,13 +212,13 @@ class Page:
     # before the sections: the key figure, and the table.  HTML and Markdown show the first sentence of the answer,
     # the blocks, and then the other sentences
     blocks: tuple[Block, ...] = ()
-    sections: tuple[Section, ...] = ()
+    sections: tuple[PageSection, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.answer:
             raise InputError("answer", self.answer, "a page begins with its answer; give a sentence")
 
-    def all_sections(self) -> Iterator[Section]:
+    def all_sections(self) -> Iterator[PageSection]:
         """Iterate over all sections and subsections, each before its own subsections."""
         waiting = list(self.sections)
         while waiting:

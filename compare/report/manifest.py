@@ -18,7 +18,7 @@ DIGESTS = ("table_sha256", "validity_sha256")
 """Digests that a repeated run must share with the first; timings are not covered."""
 
 
-class Settings(NamedTuple):
+class ReportSettings(NamedTuple):
     """The settings of a report; together with the versions they determine every number."""
 
     name: str  # of the scene
@@ -52,7 +52,7 @@ class Settings(NamedTuple):
 class Recorded(NamedTuple):
     """Content of the manifest of an earlier report."""
 
-    settings: Settings
+    settings: ReportSettings
     digests: dict[str, str | None]  # of its tables, by `DIGESTS`; None where it has no such table
     # see `versions`; entries that an earlier version of this program did not record are missing
     versions: dict[str, str]
@@ -68,7 +68,7 @@ def read_settings(path: Path) -> Recorded:
         settings = data["settings"]
         if not isinstance(settings["name"], str):
             raise TypeError("its name is no text")
-        check_keys("manifest.settings", settings, Settings._fields)
+        check_keys("manifest.settings", settings, ReportSettings._fields)
         scenes = tuple(Scene.from_dict(s) for s in settings["scenes"])
         if not scenes:
             raise InputError("manifest.settings.scenes", [], "must hold a scene")
@@ -79,7 +79,7 @@ def read_settings(path: Path) -> Recorded:
             raise KeyError("table_sha256")
         name = settings["name"].encode(errors="replace").decode()
         versions = {str(of): str(version) for of, version in data.get("versions", {}).items()}
-        return Recorded(Settings(**{**settings, "name": name, "scenes": scenes, **lists}), digests, versions)
+        return Recorded(ReportSettings(**{**settings, "name": name, "scenes": scenes, **lists}), digests, versions)
     except InputError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:

@@ -9,7 +9,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rattle.compare.report.content import MARKS, NUMBER, Block, Code, Figure, Glossary, Page, Section, Table, Text
+from rattle.compare.report.content import MARKS, NUMBER, Block, Code, Figure, Glossary, Page, PageSection, Table, Text
 from rattle.compare.report.markup import as_code, as_html, as_markdown, fence
 from rattle.compare.report.page_file import NAME, page_text
 from rattle.compare.report.terms import Terms
@@ -123,7 +123,7 @@ def _embed(path: Path) -> str:
 def _anchors(page: Page) -> dict[int, str]:
     """Anchor of each section by its `id`: the words of its title, numbered where they repeat."""
 
-    def names() -> Iterator[tuple[Section, str]]:
+    def names() -> Iterator[tuple[PageSection, str]]:
         taken: dict[str, int] = {"source": 1}
         for section in page.all_sections():
             words = re.sub(r"\W+", "-", section.title.lower()).strip("-") or "section"

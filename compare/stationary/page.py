@@ -4,7 +4,7 @@ from typing import Any
 
 import pandas as pd
 
-from rattle.compare.report import NUMBER, Cell, Column, Figure, Page, Section, Table, Text
+from rattle.compare.report import NUMBER, Column, Figure, Page, PageSection, Table, TableCell, Text
 from rattle.compare.report.content import Block, Row
 from rattle.compare.report.glossary import CLOSURE_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.report.provenance import source_of
@@ -64,18 +64,18 @@ def stationary_page(found: Stationary, record: dict[str, Any], drawn: list[str])
     opening += [_quantities(found.table_in(units)), Text(meaning, note=True), words]
     sections = []
     if units == "physical":
-        sections.append(Section("Dimensionless", (_quantities(found.table_in("dimensionless"), "All quantities"),)))
+        sections.append(PageSection("Dimensionless", (_quantities(found.table_in("dimensionless"), "All quantities"),)))
     if len(found.verdicts):
         blocks: list[Block] = [figures["closures"]] if "closures" in figures else []
         sections.append(
-            Section("The closures", (*blocks, _verdicts(found.verdicts_in(units)), Text(TOLERANCES, note=True)))
+            PageSection("The closures", (*blocks, _verdicts(found.verdicts_in(units)), Text(TOLERANCES, note=True)))
         )
     if "section" in figures:
-        sections.append(Section("The section", (figures["section"],)))
+        sections.append(PageSection("The section", (figures["section"],)))
     if "bifurcation" in figures:
-        sections.append(Section(f"Over {record['field']}", (figures["bifurcation"],)))
+        sections.append(PageSection(f"Over {record['field']}", (figures["bifurcation"],)))
     if "memory" in figures:
-        sections.append(Section("How long it remembers", (figures["memory"],)))
+        sections.append(PageSection("How long it remembers", (figures["memory"],)))
     return Page(
         f"The long run of {record['name']}", tuple(answer(found)), source_of(record), tuple(opening), tuple(sections)
     )
@@ -118,7 +118,7 @@ def _verdicts(verdicts: pd.DataFrame) -> Table:
                     r["simulated"],
                     r["low"],
                     r["high"],
-                    Cell(r["verdict"], MARK.get(r["verdict"], "")),
+                    TableCell(r["verdict"], MARK.get(r["verdict"], "")),
                     "",
                 ]
             )

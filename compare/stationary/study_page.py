@@ -14,8 +14,8 @@ from rattle.compare.report import (
     Column,
     Figure,
     Page,
+    PageSection,
     Row,
-    Section,
     Table,
     Text,
     manifest,
@@ -180,7 +180,9 @@ def _page(r: LongResults, record: dict[str, Any], drawn: list[Block]) -> Page:
     if lacks := lacking(r.study.points, record.get("failed", {})):
         rows: list[Row] = [[lack.what, lack.points, lack.where, lack.why] for lack in lacks]
         sections.append(
-            Section("What could not be computed", (Table.of(["what", *numbers("points"), "the first", "why"], rows),))
+            PageSection(
+                "What could not be computed", (Table.of(["what", *numbers("points"), "the first", "why"], rows),)
+            )
         )
     text = (Text("The study, `study.toml`:"), Code(r.study.text, "toml"))
     source = source_of(record, text, {"rows": "`rattle.compare.stationary.study.load(FOLDER)` loads every one"})

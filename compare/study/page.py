@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from rattle.compare.report import Block, Cell, Code, Figure, Page, Row, Section, Table, Text, manifest, numbers
+from rattle.compare.report import Block, Code, Figure, Page, PageSection, Row, Table, TableCell, Text, manifest, numbers
 from rattle.compare.report import write_page as write_views
 from rattle.compare.report.csv_text import write_csv
 from rattle.compare.report.folder import scratch_folder, within
@@ -208,13 +208,13 @@ def _page(
     )
     words = glossary(*WORDS, gears=r.study.gears)
     opening: tuple[Block, ...] = (*figures[:1], _counts(r), Text(method, note=True), words)
-    sections = [Section("Figures", tuple(figures[1:]))] if figures[1:] else []
+    sections = [PageSection("Figures", tuple(figures[1:]))] if figures[1:] else []
     if lacks := lacking(r.study.points, record.get("failed", {})):
         rows: list[Row] = [[lack.what, lack.points, lack.where, lack.why] for lack in lacks]
         every = Text("All points: `reasons.csv`.", note=True)
         lost = Table.of(["what", *numbers("points"), "the first", "why"], rows)
-        sections.append(Section("What could not be computed", (every, lost)))
-    sections.append(Section("Cost", (_cost(cost), Text(more), _scaling(r, taken))))
+        sections.append(PageSection("What could not be computed", (every, lost)))
+    sections.append(PageSection("Cost", (_cost(cost), Text(more), _scaling(r, taken))))
     text = (Text("The study, `study.toml`:"), Code(r.study.text, "toml"))
     source = source_of(record, text, {"rows": "`rattle.load_study(FOLDER)` loads every one"})
     return Page(r.study.title, tuple(record["answer"]), source, opening, tuple(sections))
@@ -228,7 +228,9 @@ def _counts(r: Results) -> Table:
 
 def _cost(table: pd.DataFrame) -> Table:
     seconds = table.groupby("what", sort=False)["seconds"]
-    rows: list[Row] = [[str(what), len(s), Cell(f"{s.median():.3g}"), Cell(f"{s.sum():.3g}")] for what, s in seconds]
+    rows: list[Row] = [
+        [str(what), len(s), TableCell(f"{s.median():.3g}"), TableCell(f"{s.sum():.3g}")] for what, s in seconds
+    ]
     return Table.of(["what", *numbers("cells", "median seconds", "all seconds")], rows)
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rattle.compare.report import Block, Cell, Figure, Page, Row, Section, Table, Text, numbers
+from rattle.compare.report import Block, Figure, Page, PageSection, Row, Table, TableCell, Text, numbers
 from rattle.compare.report.glossary import CLOSURE_TERMS, SCHEME_TERMS, SECTION_TERMS, glossary
 from rattle.compare.report.provenance import source_of
 from rattle.compare.tradeoff.answer import EXACT, cheapest
@@ -102,7 +102,7 @@ def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> 
             f"{r['rows']} of {p['rows'].max()}",
             ("" if r["resolved"] else "below ") + f"{r['error']:.3g}",
             f"{r['median_error']:.2g}",
-            Cell(in_words(r["core_seconds"], 2), value=float(r["core_seconds"])),
+            TableCell(in_words(r["core_seconds"], 2), value=float(r["core_seconds"])),
         )
         for _, r in p[p["kind"] == "closure"].iterrows()
     ]
@@ -122,7 +122,7 @@ def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> 
         (
             f"{a:g}",
             str(r["method"]),
-            Cell(in_words(r["core_seconds"], 2), value=float(r["core_seconds"])),
+            TableCell(in_words(r["core_seconds"], 2), value=float(r["core_seconds"])),
             "measured" if r["measured"] else "extrapolated",
         )
         for a, r in zip(accuracies, best, strict=True)
@@ -253,9 +253,9 @@ def tradeoff_page(
     schemes = Text(SCHEMES.format(budget=record["budget"], reference=reference), note=True)
     levels = Text(LEVELS.format(alarm=f"{KURTOSIS_ALARM:g}"), note=True)
     sections = [
-        Section("Schemes", (schemes, tables["schemes"], tables["slopes"], Text(STEP, note=True))),
-        Section("Closures", (tables["closures"],)),
-        Section(
+        PageSection("Schemes", (schemes, tables["schemes"], tables["slopes"], Text(STEP, note=True))),
+        PageSection("Closures", (tables["closures"],)),
+        PageSection(
             "Multilevel Monte Carlo over the step, for the section means alone",
             (Text(sentences[-1]), tables["rates"], Text(RATES, note=True), tables["means"], levels),
         ),
@@ -265,9 +265,9 @@ def tradeoff_page(
         shown: tuple[Block, ...] = (orders_table(orders.table), Figure("orders.svg", ORDER_FIGURE, alt))
         note = Text(ORDERS.format(impacts=ORDER_IMPACTS), note=True)
         said = tuple(Text(sentence) for sentence in orders_said(orders.table))
-        sections.append(Section("Slopes of the step bias, and orders, measured", (*said, note, *shown)))
+        sections.append(PageSection("Slopes of the step bias, and orders, measured", (*said, note, *shown)))
     gains = (Text(GAINS, note=True), tables["control"])
-    sections.append(Section("What the control variate and antithetic pairs are worth", gains))
+    sections.append(PageSection("What the control variate and antithetic pairs are worth", gains))
     sigma, impacts = f"{m.reference.scene.sigma:.4g}", m.reference.impacts
     return Page(
         f"What accuracy costs: {record['name']}, σ = {sigma}, {impacts} impacts",

@@ -7,7 +7,7 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure as Drawing
 
-from rattle.compare.report import Block, Code, Figure, Page, Section, Text, manifest, pages, write_page
+from rattle.compare.report import Block, Code, Figure, Page, PageSection, Text, manifest, pages, write_page
 from rattle.compare.report.content import MARKS as SIGNS
 from rattle.compare.report.csv_text import csv_text, write_csv
 from rattle.compare.report.folder import name_of, whole_folder
@@ -91,7 +91,7 @@ def _draw(drawing: Drawing, name: str, caption: str, folder: Path) -> Figure:
     return Figure(path, caption, caption)
 
 
-def _section(v: Comparison, number: int, folder: Path) -> Section:
+def _section(v: Comparison, number: int, folder: Path) -> PageSection:
     """One noise intensity of the page, its figures saved."""
     name, sigma = f"{number}-sigma-{sigma_text(v)}", f"σ = {sigma_text(v)}"
     figures = []
@@ -110,18 +110,18 @@ def _section(v: Comparison, number: int, folder: Path) -> Section:
         errors.append(impact_table(v, closure, f"Errors of the {closure} closure per impact, {sigma}"))
         if prediction.stopped:
             errors.append(Text(f"The {closure} closure cannot be continued: {prediction.stopped}.", note=True))
-    return Section(
+    return PageSection(
         sigma,
         (Text(simulation_text(v), note=True), reach_table(v), count_table(v), *motion_blocks(v), *figures),
         (
-            Section(f"Realizability at {sigma}", (*found, Text(distance, note=True), distance_table(v))),
-            Section(f"Errors per impact at {sigma}", tuple(errors)),
+            PageSection(f"Realizability at {sigma}", (*found, Text(distance, note=True), distance_table(v))),
+            PageSection(f"Errors per impact at {sigma}", tuple(errors)),
         ),
     )
 
 
 def _page(
-    settings: manifest.Settings,
+    settings: manifest.ReportSettings,
     validations: Sequence[Comparison],
     swept: Sweep | None,
     record: dict[str, Any],
@@ -145,12 +145,12 @@ def _page(
         note = SPEED + ("" if swept.speed["resolved"].all() else UNRESOLVED)
         none = Text(NONE.format("some are" if (swept.validity["not_inaccurate"] > 0).any() else "none is"))
         sections.append(
-            Section(
+            PageSection(
                 "Speed-up of each closure where it is accurate",
                 (Text(note, note=True), speeds) if speeds.rows else (none,),
             )
         )
-        sections.append(Section("How long the paths follow the itinerary", (agreement,)))
+        sections.append(PageSection("How long the paths follow the itinerary", (agreement,)))
     else:
         opening = (agreement, words)
     marks = ", ".join(f"{SIGNS[mark] or '–'} {verdict}" for verdict, mark in MARKS.items() if verdict != NOT_JUDGED)
@@ -165,11 +165,11 @@ def _page(
             for block in (Text(f"At σ = {sigma_text(v)}:"), beside_table(schemes, v.scene.sigma))
         ]
         sections.append(
-            Section("Euler–Maruyama beside exact flights and the closures", (Text(NOTE, note=True), *tables))
+            PageSection("Euler–Maruyama beside exact flights and the closures", (Text(NOTE, note=True), *tables))
         )
     if claim := correlation_claim(validations):
-        sections.append(Section("Does |ρ| > 1 show that the density is not Gaussian?", (Text(claim),)))
-    sections.append(Section("How the tables are read", (Text(legend),)))
+        sections.append(PageSection("Does |ρ| > 1 show that the density is not Gaussian?", (Text(claim),)))
+    sections.append(PageSection("How the tables are read", (Text(legend),)))
     sections += [_section(v, number, folder) for number, v in enumerate(validations, start=1)]
     scene = Code(validations[0].scene.to_toml(), "toml")
     files = {"table": record["table_sha256"], "validity": record["validity_sha256"]}
@@ -182,7 +182,7 @@ def _page(
 
 def write_report(
     out: Path,
-    settings: manifest.Settings,
+    settings: manifest.ReportSettings,
     validations: Sequence[Comparison],
     swept: Sweep | None,
     origin: dict[str, Any],
@@ -222,7 +222,7 @@ def write_one(v: Comparison, out: Path, overwrite: bool) -> Path:
     """Write the report of a validation that was made in Python."""
     run, seed = v.run, v.run.seed
     whole = isinstance(seed.entropy, int) and not seed.spawn_key
-    settings = manifest.Settings(
+    settings = manifest.ReportSettings(
         name_of(out),
         (v.scene,),
         run.impacts,

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from rattle.compare.report import Cell, Row, Table, numbers
+from rattle.compare.report import Row, Table, TableCell, numbers
 from rattle.compare.validation.comparison import Comparison
 from rattle.compare.validation.distance import section_distances
 from rattle.compare.validation.realizability import first_failures, realizability_table
@@ -26,15 +26,15 @@ def count_table(v: Comparison) -> Table:
     return Table.of(["closure", "what", *numbers(*VERDICTS)], rows)
 
 
-def _cell(row: pd.Series) -> Cell:
+def _cell(row: pd.Series) -> TableCell:
     if row["verdict"] not in JUDGED:
-        return Cell("–")
+        return TableCell("–")
     unit = row["unit"] if row["unit"] > 0.0 else 1.0
     error, half = row["error"] / unit, 0.5 * (row["high"] - row["low"]) / unit
     if half != half:  # too few paths for an interval
-        return Cell(f"{error:+.3g}", MARKS[row["verdict"]], float(error))
+        return TableCell(f"{error:+.3g}", MARKS[row["verdict"]], float(error))
     text = f"{error:+.3f} ± {half:.3f}" if abs(error) < 1e3 else f"{error:+.2g} ± {half:.2g}"
-    return Cell(text, MARKS[row["verdict"]], float(error))
+    return TableCell(text, MARKS[row["verdict"]], float(error))
 
 
 def impact_table(v: Comparison, closure: str, summary: str) -> Table:

@@ -3,7 +3,19 @@
 import struct
 import zlib
 
-from rattle.compare.report import NUMBER, Cell, Code, Column, Figure, Glossary, Page, Section, Source, Table, Text
+from rattle.compare.report import (
+    NUMBER,
+    Code,
+    Column,
+    Figure,
+    Glossary,
+    Page,
+    PageSection,
+    Source,
+    Table,
+    TableCell,
+    Text,
+)
 
 NASTY = "</style><script>alert(1)</script> `x` | *y* _z_ [a](b) ![c](d) &lt; $e$\n# f\r\n| g |\x1b[2J \u202e"
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" width="640" height="200"><circle cx="320" cy="100" r="90"/></svg>'
@@ -30,15 +42,15 @@ def sample(text="a plain text"):
         (text, "-1.5e2"),
     ]
     table = Table.of(["closure", Column("speed-up", NUMBER)], [*speeds, *((f"row {i}", 9) for i in range(6))])
-    cells = [Cell(f"{i / 7:+.3f} ± 0.012", ("good", "bad", "open")[i % 3]) for i in range(14)]
+    cells = [TableCell(f"{i / 7:+.3f} ± 0.012", ("good", "bad", "open")[i % 3]) for i in range(14)]
     heads = [Column(f"E y{i}", NUMBER) for i in range(14)]
     wide = Table.of(
         ["impact", *heads, text], [[str(k), *cells, "why it ends, at some length: " + text] for k in (1, 2)]
     )
-    section = Section(
+    section = PageSection(
         f"First {text}",
         (Text(f"Before {text}", note=True), table, Figure("figures/a.svg", f"Under {text}", f"Shows {text}")),
-        (Section("Inner", (Table.of(wide.columns, wide.rows, f"Folded {text}"),)), Section(f"First {text}")),
+        (PageSection("Inner", (Table.of(wide.columns, wide.rows, f"Folded {text}"),)), PageSection(f"First {text}")),
     )
     source = Source(f"rattle validate {text}", (("commit", "abc"), ("file", text)), (Code(f"x = '{text}'\n", "toml"),))
     words = Glossary(f"Words of {text}", (("σ", "noise intensity"), ("other", f"means {text}")))

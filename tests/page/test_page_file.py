@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_page import NASTY, sample
 
-from rattle.compare.report import NUMBER, Cell, Column, Figure, Page, Section, Source, Table, Text, read_page
+from rattle.compare.report import NUMBER, Column, Figure, Page, PageSection, Source, Table, TableCell, Text, read_page
 from rattle.compare.report.content import leading_number
 from rattle.compare.report.page_file import page_text
 from rattle.scene import FileError, InputError
@@ -23,8 +23,8 @@ def test_what_is_written_is_read(tmp_path, text):
 @settings(max_examples=60, deadline=None)
 @given(st.text(), st.floats(allow_nan=False, allow_infinity=False), st.lists(st.text()))
 def test_any_text_and_number_is_read_back(tmp_path_factory, text, value, titles):
-    table = Table((Column(text),), ((Cell(text, "open", value),),))
-    page = Page(text, (text,), Source(text), (table,), tuple(Section(t, (Text(text),)) for t in titles))
+    table = Table((Column(text),), ((TableCell(text, "open", value),),))
+    page = Page(text, (text,), Source(text), (table,), tuple(PageSection(t, (Text(text),)) for t in titles))
     path = tmp_path_factory.mktemp("p") / "page.json"
     path.write_text(page_text(page), encoding="utf-8")
     assert read_page(path) == page

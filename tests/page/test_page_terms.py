@@ -6,7 +6,7 @@ import pytest
 from browser import CHROMIUM, Browser
 from markupsafe import Markup, escape
 
-from rattle.compare.report import Figure, Glossary, Page, Section, Source, Table, Text, numbers, write_page
+from rattle.compare.report import Figure, Glossary, Page, PageSection, Source, Table, Text, numbers, write_page
 from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.report.markup import as_html
 from rattle.compare.report.terms import Terms
@@ -64,7 +64,7 @@ def shown(tmp_path_factory):
     table = Table.of(["closure", *numbers("E τ", "sd y1")], [["saltation", 0.1, 0.2], ["published", 0.3, 0.4]])
     words = glossary(*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, "σ")
     opening = (Figure("a.svg", "Is it accurate?", "a"), table, words)
-    section = Section("s", (Text("The closures are accurate."),))
+    section = PageSection("s", (Text("The closures are accurate."),))
     page = Page("t", ("Take `saltation` up to σ = 0.1.",), Source("rattle"), opening, (section,))
     write_page(page, folder, "report")
     browser = Browser(tmp_path_factory.mktemp("chromium"))

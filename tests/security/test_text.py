@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from rattle.compare.cli.main import main
-from rattle.compare.report import Code, Figure, Page, Section, Source, Table, Text, manifest, write_page
+from rattle.compare.report import Code, Figure, Page, PageSection, Source, Table, Text, manifest, write_page
 from rattle.compare.report.folder import default_place
 from rattle.compare.study.progress import Progress
 from rattle.compare.thresholds.baseline import format_changes, write
@@ -188,7 +188,9 @@ def test_a_page_in_all_views(tmp_path):
     (tmp_path / "a.svg").write_text("<svg/>")
     figure = Figure("a.svg", STEERING, STEERING)
     facts = ((STEERING, STEERING),)
-    page = Page(STEERING, (STEERING,), Source(STEERING, facts, blocks), (*blocks, figure), (Section(STEERING, blocks),))
+    page = Page(
+        STEERING, (STEERING,), Source(STEERING, facts, blocks), (*blocks, figure), (PageSection(STEERING, blocks),)
+    )
     write_page(page, tmp_path, "p")
     files_are_harmless(tmp_path)
     assert (tmp_path / "p.html").read_text().count("\\u202e") > 15

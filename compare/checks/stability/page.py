@@ -12,7 +12,7 @@ from rattle.compare.checks.stability.cell import BIASED, COLLAPSING, UNBIASED, U
 from rattle.compare.checks.stability.chart import Chart
 from rattle.compare.checks.stability.figure import figure, summary
 from rattle.compare.checks.stability.reference import IMPACTS
-from rattle.compare.report import Cell, Column, Figure, Page, Row, Section, Table, Text, numbers
+from rattle.compare.report import Column, Figure, Page, PageSection, Row, Table, TableCell, Text, numbers
 from rattle.compare.report.glossary import SCHEME_TERMS, glossary
 from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
@@ -130,11 +130,13 @@ def write_stability(
             glossary(*WORDS, gears=Scene.from_dict(record["scene"]).gears),
         ),
         (
-            Section("How long may a step be?", (Figure("stability.svg", caption, caption), Text(STEPS), Text(FLOATS))),
-            Section("At the default step", (_defaults(found),)),
-            Section("Method", (Text(tolerance), Text(reference))),
-            Section("Exact flights without walls compared with the exact covariance", (_covariance(covariance),)),
-            *((Section("Extreme values", (Text(EXTREMES, note=True), _extremes(tried))),) if tried else ()),
+            PageSection(
+                "How long may a step be?", (Figure("stability.svg", caption, caption), Text(STEPS), Text(FLOATS))
+            ),
+            PageSection("At the default step", (_defaults(found),)),
+            PageSection("Method", (Text(tolerance), Text(reference))),
+            PageSection("Exact flights without walls compared with the exact covariance", (_covariance(covariance),)),
+            *((PageSection("Extreme values", (Text(EXTREMES, note=True), _extremes(tried))),) if tried else ()),
         ),
     )
     tables = {"stability": found.table, "covariance": covariance} | ({"extremes": table(tried)} if tried else {})
@@ -170,8 +172,8 @@ def _table(cells: pd.DataFrame, summary: str = "") -> Table:
             c["axis"],
             c["value"],
             c["dt"],
-            Cell(c["verdict"], MARK.get(c["verdict"], "open")),
-            Cell(f"{c['error']:.2g} ± {c['half']:.1g}"),
+            TableCell(c["verdict"], MARK.get(c["verdict"], "open")),
+            TableCell(f"{c['error']:.2g} ± {c['half']:.1g}"),
             c["where"],
             "yes" if c["diagnosed"] else "no",
         ]
@@ -196,7 +198,7 @@ def _extremes(tried: Sequence[Extreme]) -> Table:
             row.field,
             row.tried,
             row.truth,
-            Cell(f"{row.worst:.2f}" if row.unit == "z" else f"{row.worst:.1e}", "good" if row.holds else "bad"),
+            TableCell(f"{row.worst:.2f}" if row.unit == "z" else f"{row.worst:.1e}", "good" if row.holds else "bad"),
             row.allowed,
             "standard errors" if row.unit == "z" else row.unit,
         ]
@@ -218,7 +220,7 @@ def _covariance(table: pd.DataFrame) -> Table:
         [
             r["beta"],
             r["dt"],
-            Cell(f"{r['error']:+.2%} ± {r['half']:.1%}", "good" if r["holds"] else "bad"),
+            TableCell(f"{r['error']:+.2%} ± {r['half']:.1%}", "good" if r["holds"] else "bad"),
             r["quantity"],
         ]
         for _, r in table.iterrows()
