@@ -23,9 +23,9 @@ class CommandHelp(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """Make them."""
-        from rattle.compare.cli.main import main
+        from command_names import commands
 
-        return [self.section(f"rattle {name}", command) for name, command in sorted(main.commands.items())]
+        return [self.section(f"rattle {name}", command) for name, command in commands()]
 
     def section(self, name: str, command: click.Command) -> nodes.section:
         """Heading, first sentence, and the whole help, folded."""

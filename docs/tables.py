@@ -402,7 +402,7 @@ def benchmarks(reports: Path) -> Table:
 
 @table
 def path_steps(reports: Path) -> Table:
-    """What ``rattle bench --json`` has printed on the machine that the page names, kept beside this file."""
+    """What ``rattle check speed --json`` has printed on the machine that the page names, kept beside this file."""
     found = json.loads((Path(__file__).parent / "path_steps.json").read_text(encoding="utf-8"))
     columns = {"what": "", "ns": "ns", "times_floor": "times the floor", "gain": "times as fast", "us": "µs per path"}
     rows = [[short(math.nan if row[name] is None else row[name]) for name in columns] for row in found]

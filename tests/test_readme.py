@@ -11,9 +11,10 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from command_names import commands
 
 from rattle.closure import follow
-from rattle.compare.cli.main import main
+from rattle.compare.cli.main import MOVED, main
 from rattle.compare.study import Study
 from rattle.scene import DAT21, Scene
 
@@ -37,9 +38,9 @@ NOT_RUN = {
     "pip install .": "changes the environment",
     "pip install .[xarray]": "changes the environment",
     "pip install rattle[cluster]": "changes the environment",
-    "pytest -m selftest": "is part of the suite",
-    "rattle selftest --result energy-law --all": "is part of the suite",
-    "rattle selftest --result impact-pair": "is part of the suite",
+    "pytest -m published": "is part of the suite",
+    "rattle check published --result energy-law --all": "is part of the suite",
+    "rattle check published --result impact-pair": "is part of the suite",
     "rattle stationary --accuracy 0.005 --out reports/dat21-stationary": "takes a minute; the others run",
     "rattle study reports/studies/long-restitution.toml": "takes a minute; the other long study runs",
     "python -m rattle.montecarlo.cuda.launch": "needs a GPU",
@@ -187,6 +188,37 @@ def test_every_measurement_that_is_named_is_there():
         assert (ROOT / file).is_file(), file
 
 
-def test_every_command_that_is_named_is_there():
-    for name in set(re.findall(r"`rattle (\w+)`", TEXT)):
-        assert rattle(name, "--help").exit_code == 0, name
+def test_the_commands_that_are_named_are_those_that_exist():
+    """Pages name every command and no other; so do the Makefile, what commands print, and docstrings."""
+    sources = [p for package in ("scene", "closure", "montecarlo", "compare") for p in (ROOT / package).rglob("*.py")]
+    files = [ROOT / "Makefile", ROOT / "CONTRIBUTING.md", ROOT / ".ci" / "run", *sources]
+    pages = TEXT + "".join(f"`{words}`\n" for words in examples())
+    exist = dict(commands())
+    groups = {name.split()[0] for name in exist if " " in name}
+
+    def named(text):
+        for first, second in re.findall(r"[`/(]rattle ([a-z][\w-]*)(?: ([a-z][\w-]*))?", text):
+            yield f"{first} {second}".strip() if first in groups else first
+
+    assert set(named(pages)) - groups == set(exist)
+    for file in files:
+        assert set(named(file.read_text())) <= {*exist, *groups}, file
+
+
+@pytest.mark.parametrize("group", [[], ["check"]], ids=str)
+def test_the_page_of_commands_has_one_line_for_each(group):
+    text = CliRunner().invoke(main, [*group, "--help"], terminal_width=80).output
+    listed = text[text.index("Commands:") :].split("\n\n")[0].splitlines()[1:]
+    names = {
+        name.removeprefix(" ".join(group)).split()[0] for name, _ in commands() if name.startswith(" ".join(group))
+    }
+    assert [line.split()[0] for line in listed] == sorted(names)
+    assert len(listed) <= 14
+    assert all(line.endswith(".") and not line.endswith("...") for line in listed)
+    assert max(map(len, text.splitlines())) <= 80
+
+
+def test_a_command_that_has_moved_is_named():
+    for old, new in MOVED.items():
+        found = rattle(old)
+        assert (found.exit_code, f"it is `rattle check {new}` now" in found.output) == (2, True)

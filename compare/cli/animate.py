@@ -24,9 +24,10 @@ from rattle.compare.cli.options import WHOLE
 def animate(
     scene: Path | None, sigma: float | None, impacts: int, seed: int, out: Path | None, overwrite: bool
 ) -> None:
-    """Animate SCENE (a TOML file; DAT21 if none): wheels and backlashes, the noise-free orbit beside one noisy path.
+    """Draw the moving wheels of a scene in one HTML file.
 
-    Writes one HTML file of less than 1 MB that needs no other; open it in any browser.
+    The noise-free orbit beside one noisy path. SCENE is a TOML file, DAT21 if none is given. The file has less than 1
+    MB and needs no other; open it in any browser.
 
     Exit codes: 0 written; 2 bad input.
     """

@@ -51,7 +51,9 @@ def chaos(
     out: Path | None,
     overwrite: bool,
 ) -> None:
-    """Measure the chaos of SCENE (a TOML file; DAT21 if none): Lyapunov exponents, Poincare sections, spectra, a sweep.
+    """Measure Lyapunov exponents, Poincare sections and spectra.
+
+    They say whether the motion of SCENE (a TOML file, DAT21 if none is given) is chaotic, also over a sweep.
 
     Exit codes: 0 complete; 2 bad input.
     """

@@ -33,7 +33,9 @@ def claims(
     out: Path | None,
     overwrite: bool,
 ) -> None:
-    """Judge every testable claim of the paper on its own example, DAT21: test, evidence, verdict.
+    """Judge each claim of the paper on its own example, DAT21.
+
+    Writes test, evidence and verdict of every claim that can be tested.
 
     Exit codes: 0 complete, whatever the verdicts; 2 bad input.
     """

@@ -1,15 +1,173 @@
-"""The command ``rattle show``."""
+"""The command ``rattle show``: a page as lines, paragraphs wrapped, tables fitted to the width, verdicts in colour."""
 
 import os
 import shutil
+import textwrap
+from collections.abc import Iterator, Sequence
+from itertools import zip_longest
 from pathlib import Path
 
 import click
 
 from rattle.compare.cli.options import WHOLE
+from rattle.compare.report.content import (
+    NUMBER,
+    Block,
+    Code,
+    Figure,
+    Glossary,
+    Page,
+    PageSection,
+    Source,
+    Table,
+    TableCell,
+    Text,
+)
+from rattle.compare.report.markup import parts
+from rattle.scene.errors import FileError, InputError
+from rattle.scene.text import harmless, line
+from rattle.scene.validate import count, nearest
 
 NARROWEST = 20
 """Characters of the shortest line; a narrower terminal wraps it."""
+COLOUR = {"good": "green", "bad": "red", "open": "magenta", "part": "yellow"}
+NARROW = 16
+"""Characters below which a column of text is not narrowed."""
+GAP = "  "
+
+
+def page_lines(page: Page, width: int) -> Iterator[str]:
+    """The lines of a page."""
+    yield from _heading(page.title, 1, width)
+    for sentence in page.answer:
+        yield from _paragraph(sentence, width)
+    for block in page.blocks:
+        yield from _block(block, width)
+    for section in page.sections:
+        yield from section_lines(section, width)
+    yield from source_lines(page.source, width)
+
+
+def section_lines(section: PageSection, width: int, level: int = 2) -> Iterator[str]:
+    """The lines of a section and its subsections."""
+    yield from _heading(section.title, level, width)
+    for block in section.blocks:
+        yield from _block(block, width)
+    for inner in section.sections:
+        yield from section_lines(inner, width, level + 1)
+
+
+def source_lines(source: Source, width: int) -> Iterator[str]:
+    """The lines about the source of a page."""
+    yield from _heading("Where this comes from", 2, width)
+    yield from _paragraph("Repeat it:", width)
+    yield from ("    " + line(source.repeat), "")
+    for name, value in source.facts:
+        yield from textwrap.wrap(f"{line(name)}: {_words(value)}", width, subsequent_indent="    ")
+    yield ""
+    for block in source.blocks:
+        yield from _block(block, width)
+
+
+def _words(text: str) -> str:
+    return "".join(piece for piece, _ in parts(text))
+
+
+def _heading(title: str, level: int, width: int) -> Iterator[str]:
+    for words in textwrap.wrap(_words(title), width):
+        yield click.style(words, bold=True, underline=level < 3 or None)
+    yield ""
+
+
+def _paragraph(text: str, width: int) -> Iterator[str]:
+    yield from textwrap.wrap(_words(text), width)
+    yield ""
+
+
+def _block(block: Block, width: int) -> Iterator[str]:
+    match block:
+        case Text(text):
+            yield from _paragraph(text, width)
+        case Figure(path, caption):
+            yield from _paragraph(f"[{path}] {caption}", width)
+        case Glossary(title, terms):
+            yield from (click.style(row, bold=True) for row in textwrap.wrap(_words(title), width))
+            for term, meaning in terms:
+                yield from textwrap.wrap(f"{_words(term)}: {_words(meaning)}", width, subsequent_indent="    ")
+            yield ""
+        case Code(text):
+            yield from ("    " + row for row in harmless(text).expandtabs().splitlines())
+            yield ""
+        case Table():
+            if block.summary:
+                yield from (click.style(row, bold=True) for row in textwrap.wrap(_words(block.summary), width))
+            for columns, widths in _panels(block, width):
+                yield from _panel(block, columns, widths)
+                yield ""
+
+
+def _panels(table: Table, width: int) -> Iterator[tuple[list[int], list[int]]]:
+    """Split a table into panels that fit the width, as lists of columns and their widths.
+
+    Each panel begins with the first column.
+    """
+    least, whole = zip(*(_extent(table, column) for column in range(len(table.columns))), strict=True)
+    first, *rest = range(len(table.columns))
+    while True:
+        panel = [first]
+        while rest and (len(panel) == 1 or _total([least[c] for c in [*panel, rest[0]]]) <= width):
+            panel.append(rest.pop(0))
+        widths, spare = [least[c] for c in panel], width - _total([least[c] for c in panel])
+        for i, column in enumerate(panel):  # spare width goes to columns that are narrower than their text
+            more = min(max(spare, 0), whole[column] - least[column])
+            widths[i], spare = widths[i] + more, spare - more
+        if spare < 0:  # two columns alone are too wide
+            widths[-1] = max(1, widths[-1] + spare)
+        yield panel, widths
+        if not rest:
+            return
+
+
+def _total(widths: Sequence[int]) -> int:
+    return sum(widths) + len(GAP) * (len(widths) - 1)
+
+
+def _extent(table: Table, column: int) -> tuple[int, int]:
+    """The smallest width of a column, and the one at which nothing in it is wrapped."""
+    head = _words(table.columns[column].head)
+    cells = [len(_words(row[column].shown)) for row in table.rows]
+    word = max((len(w) for w in head.split()), default=0)
+    longest = max([*cells, word])
+    least = longest if table.columns[column].kind == NUMBER else max(min(longest, NARROW), min(word, NARROW))
+    return least, max(longest, min(len(head), 2 * longest))
+
+
+def _panel(table: Table, columns: Sequence[int], widths: Sequence[int]) -> Iterator[str]:
+    heads = [textwrap.wrap(_words(table.columns[c].head), w) for c, w in zip(columns, widths, strict=True)]
+    deepest = max(len(h) for h in heads)
+    lowered = [[""] * (deepest - len(h)) + h for h in heads]
+    yield from _rows(table, columns, widths, lowered, [TableCell("")] * len(columns))
+    yield GAP.join("─" * w for w in widths)
+    for row in table.rows:
+        cells = [row[c] for c in columns]
+        wrapped = [textwrap.wrap(_words(cell.shown), w) for cell, w in zip(cells, widths, strict=True)]
+        yield from _rows(table, columns, widths, wrapped, cells)
+
+
+def _rows(
+    table: Table,
+    columns: Sequence[int],
+    widths: Sequence[int],
+    wrapped: Sequence[list[str]],
+    cells: Sequence[TableCell],
+) -> Iterator[str]:
+    for pieces in zip_longest(*wrapped, fillvalue=""):
+        shown = []
+        for piece, column, width, cell in zip(pieces, columns, widths, cells, strict=True):
+            room = " " * (width - len(piece))
+            styled = click.style(piece, fg=COLOUR[cell.mark]) if cell.mark and piece else piece
+            shown.append(room + styled if table.columns[column].kind == NUMBER else styled + room)
+        yield GAP.join(shown).rstrip()
 
 
 @click.command()
@@ -17,15 +175,13 @@ NARROWEST = 20
 @click.option("--section", default=None, metavar="NAME", help="Only the sections whose title has these words in it.")
 @click.option("--width", type=WHOLE, default=None, help="Characters of a line. [default: the terminal's]")
 def show(report: Path, section: str | None, width: int | None) -> None:
-    """Show the page in the folder REPORT on the terminal: the answer, the tables, and what repeats it.
+    """Show a report on the terminal.
+
+    The page in the folder REPORT: the answer, the tables, and what repeats it.
 
     Exit codes: 0 shown; 2 no report is there.
     """
-    from rattle.compare.cli.terminal import page_lines, section_lines
     from rattle.compare.report.page_file import NAME, read_page
-    from rattle.scene.errors import FileError, InputError
-    from rattle.scene.text import line
-    from rattle.scene.validate import count, nearest
 
     path = report / NAME if report.is_dir() else report
     if report.is_dir() and not path.exists():

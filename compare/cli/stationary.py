@@ -87,7 +87,9 @@ def stationary(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Measure the long run of SCENE (a TOML file; DAT21 if none): impacts a second, speeds, energy lost, and errors.
+    """Measure long-run averages: impacts a second, speeds, energy.
+
+    Each has its error. SCENE is a TOML file, DAT21 if none is given.
 
     Exit codes: 0 done; 2 bad input, or no stationary motion was reached; 3 the budget ended before the accuracy was
     reached.

@@ -39,11 +39,13 @@ LOOKED_AT = 200  # points of a grid from which --explain estimates the cost of a
 def study(
     file: Path, out: Path | None, workers: int, scheduler: str | None, explain: bool, status: bool, as_json: bool
 ) -> None:
-    """Compute what is missing of the study in FILE (TOML), and write its tables, figures and page.
+    """Compute a study of many scenes, described in a TOML file.
 
-    Every result is saved when it is computed; the same command continues an interrupted one.  Exit codes: 0 complete;
-    1 complete except for results that cannot be computed at some points, with the reasons; 2 bad input, or nothing that
-    could be computed; 130 interrupted.
+    Writes tables, figures and a page. Every result is saved when it is computed; the same command continues an
+    interrupted one.
+
+    Exit codes: 0 complete; 1 complete except for results that cannot be computed at some points, with the reasons; 2
+    bad input, or nothing that could be computed; 130 interrupted.
     """
     from rattle.compare.report.folder import within
     from rattle.compare.study.design import Study

@@ -76,10 +76,12 @@ def _stationary(scene: "Scene") -> None:
 
 @click.command("warm-up")
 def warm_up() -> None:
-    """Compile all machine code now, so that no later command has to.
+    """Compile all machine code now.
 
-    Without it each command compiles what it needs when it first runs.  Machine code is kept for this user, this
-    installation and this kind of processor.  Exit codes: 0 done; 2 it cannot be kept.
+    Then no later command has to; without it each command compiles what it needs when it first runs. Machine code is
+    kept for this user, this installation and this kind of processor.
+
+    Exit codes: 0 done; 2 it cannot be kept.
     """
     from tqdm import tqdm
 

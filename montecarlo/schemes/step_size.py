@@ -1,6 +1,6 @@
 """The longest admissible step of a scheme, beyond which it is unstable or misses impacts; and its default step.
 
-`rattle stability` measures both sides of these limits (reports/stability).
+`rattle check stability` measures both sides of these limits (reports/stability).
 """
 
 import math
@@ -161,7 +161,7 @@ def trusted_step(scene: Scene, scheme: str) -> Limit:
     """The longest step at which noise within a step biases no mean by 5 % of its sd, and the reason for the limit.
 
     The effect of the step on the noise-free motion is not included: `rattle.montecarlo.diagnostics` measures that.
-    `rattle stability` finds these limits to hold over all of its axes.
+    `rattle check stability` finds these limits to hold over all of its axes.
 
     Examples
     --------

@@ -105,7 +105,7 @@ def test_other_failed_writes_are_reported_by_the_command_line(monkeypatch, code)
     def refuse(*_):
         raise OSError(code, os.strerror(code), "/somewhere/x")
 
-    monkeypatch.setattr("rattle.compare.cli.sampling.load_scene", refuse)
+    monkeypatch.setattr("rattle.compare.cli.simulate.load_scene", refuse)
     said = rattle("simulate", code=2).stderr
     assert said.startswith(f"rattle: /somewhere/x: {os.strerror(code)}; ")
     assert said.endswith(", and repeat the command\n")
@@ -130,7 +130,7 @@ def test_another_fault_of_the_system_keeps_its_trace(monkeypatch):
     def refuse(*_):
         raise OSError(errno.ECHILD, "a mistake of ours")
 
-    monkeypatch.setattr("rattle.compare.cli.sampling.load_scene", refuse)
+    monkeypatch.setattr("rattle.compare.cli.simulate.load_scene", refuse)
     assert isinstance(CliRunner().invoke(main, ["simulate"]).exception, OSError)
 
 
@@ -164,9 +164,9 @@ LONG = {
     "order": ["--paths", "1000000"],
     "study": ["study.toml"],
     "claims": [],
-    "bench": [],
+    "check speed": [],
     "chaos": [],
-    "selftest": [],
+    "check published": [],
 }
 
 
@@ -181,7 +181,7 @@ def test_an_interrupt_ends_each_command_soon(commands, tmp_path):
         said[command] = tmp_path / f"{command}.txt"
         with said[command].open("wb") as file:
             running[command] = subprocess.Popen(
-                [sys.executable, "-X", "importtime", "-m", "rattle.compare", command, *LONG[command]],
+                [sys.executable, "-X", "importtime", "-m", "rattle.compare", *command.split(), *LONG[command]],
                 cwd=place, stdout=subprocess.DEVNULL, stderr=file,
                 env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
             )  # fmt: skip

@@ -203,7 +203,7 @@ def test_no_command_opens_a_connection(alone, tmp_path):
         ["show", tmp_path / "report"],
         ["simulate", "--paths", "64", "--impacts", "1"],
         ["order", "--impacts", "1", "--paths", "64"],
-        ["selftest", "--result", "bouncing-ball"],
+        ["check", "published", "--result", "bouncing-ball"],
     ]
     for command in commands:
         found = CliRunner().invoke(main, [str(word) for word in command])

@@ -1,4 +1,4 @@
-"""Runs the self-tests and judges them together."""
+"""Runs the checks of published results and judges them together."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -39,7 +39,7 @@ RESULTS: dict[str, Callable[[int, int], Measured]] = {
 """Every result by its name on the command line."""
 
 
-def selftest(names: Sequence[str] = (), *, seed: int = 0, workers: int = 2) -> list[PublishedResult]:
+def check_results(names: Sequence[str] = (), *, seed: int = 0, workers: int = 2) -> list[PublishedResult]:
     """Test the installed program against published results.
 
     The admissible error of each check depends on their number (Bonferroni), so that at least one check of a correct
@@ -47,7 +47,7 @@ def selftest(names: Sequence[str] = (), *, seed: int = 0, workers: int = 2) -> l
 
     Examples
     --------
-    >>> [(result.measured.name, result.holds) for result in selftest(["bouncing-ball"])]
+    >>> [(result.measured.name, result.holds) for result in check_results(["bouncing-ball"])]
     [('bouncing-ball sum', True)]
     """
     count("seed", seed, least=0)

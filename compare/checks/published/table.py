@@ -1,4 +1,4 @@
-"""The outcome of a self-test as a text table and as plain data."""
+"""The outcome of the checks of published results, as a text table and as plain data."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -16,8 +16,8 @@ def lines(results: Sequence[PublishedResult], *, all_checks: bool = False) -> li
 
     Examples
     --------
-    >>> from rattle.compare.checks.published.run import selftest
-    >>> for line in lines(selftest(["exponent-sum"]))[-1:]:
+    >>> from rattle.compare.checks.published.run import check_results
+    >>> for line in lines(check_results(["exponent-sum"]))[-1:]:
     ...     print(line.split(";")[0])
     1 of 1 results hold
     """
@@ -87,8 +87,8 @@ def record(results: Sequence[PublishedResult], seed: int) -> dict[str, Any]:
 
     Examples
     --------
-    >>> from rattle.compare.checks.published.run import selftest
-    >>> record(selftest(["exponent-sum"]), seed=0)["holds"]
+    >>> from rattle.compare.checks.published.run import check_results
+    >>> record(check_results(["exponent-sum"]), seed=0)["holds"]
     True
     """
     return {

@@ -1,4 +1,4 @@
-"""The page and the folder of ``rattle stability``."""
+"""The page and the folder of ``rattle check stability``."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -16,8 +16,8 @@ from rattle.closure import CLOSURES, follow
 from rattle.compare.chaos.sweep import FIELDS
 from rattle.compare.checks.stability.axes import AXES
 from rattle.compare.cli import options
+from rattle.compare.cli.init import template
 from rattle.compare.cli.main import main
-from rattle.compare.cli.template import template
 from rattle.montecarlo import SCHEMES, Record, simulate
 from rattle.scene import DAT21, Gears, Scene, Start, Tolerance
 
@@ -55,7 +55,7 @@ def test_another_number_is_refused_at_once(text):
     ("words", "message"),
     [
         (("validate", "--closure", "saltaton"), "did you mean 'saltation'?"),
-        (("stability", "--axis", "gup"), "axis = 'gup': did you mean 'gap'?"),
+        (("check", "stability", "--axis", "gup"), "axis = 'gup': did you mean 'gap'?"),
         (("chaos", "--field", "alhpa"), "did you mean 'alpha'?"),
         (("simulate", "--units", "metric"), "units = 'metric': valid are"),
     ],

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from command_names import commands
 
 from rattle.compare.cli.main import main
 
@@ -22,7 +23,7 @@ TO_A_FOLDER = ("chaos", "stationary", "tradeoff", "validate")
 
 
 def test_these_are_all_commands_that_take_a_scene():
-    takes = {name for name, command in main.commands.items() if any(p.name == "scene" for p in command.params)}
+    takes = {name for name, command in commands() if any(p.name == "scene" for p in command.params)}
     assert takes == set(SMALL)
 
 

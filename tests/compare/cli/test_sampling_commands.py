@@ -85,9 +85,9 @@ def test_bad_input_is_one_line_and_code_2(words, message):
     assert message in result.output
 
 
-def test_bench_has_the_floor_and_every_scheme(monkeypatch):
+def test_speed_has_the_floor_and_every_scheme(monkeypatch):
     monkeypatch.setattr("rattle.montecarlo.bench.REPEATS", 1)
-    result = rattle("bench", "--json")
+    result = rattle("check", "speed", "--json")
     rows = {row["what"]: row for row in json.loads(result.output)}
     assert rows["one standard normal"]["ns"] > 0.1
     for name in ("euler-maruyama, paths alone", "euler-maruyama-located", "exact-flight, dt = pi/96"):

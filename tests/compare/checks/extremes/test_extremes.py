@@ -232,11 +232,11 @@ def test_table_and_terminal_say_what_failed(monkeypatch):
     assert "FAILS" in text[3]
     assert text[4].strip() == "1e-3 to 1e4; against: a formula"
     monkeypatch.setattr(run, "ROWS", {"good": lambda: good, "bad": lambda: bad})
-    done = CliRunner().invoke(main, ["extremes", "--json"])
+    done = CliRunner().invoke(main, ["check", "extremes", "--json"])
     assert done.exit_code == 1
     assert [row["holds"] for row in json.loads(done.output)] == [True, False]
     monkeypatch.setattr(run, "ROWS", {"good": lambda: good})
-    assert CliRunner().invoke(main, ["extremes", "--all"]).exit_code == 0
+    assert CliRunner().invoke(main, ["check", "extremes", "--all"]).exit_code == 0
 
 
 def test_what_is_not_a_number_fails():

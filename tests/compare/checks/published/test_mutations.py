@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from mutations import MUTATIONS
 
-pytestmark = pytest.mark.selftest
+pytestmark = pytest.mark.published
 
 
 @pytest.fixture(scope="module")

@@ -112,7 +112,7 @@ def test_free_flights_have_the_exact_covariance_and_another_is_rejected(monkeypa
 
 def run(tmp_path, *arguments):
     small = ("--axis", "sigma", "--points", "2", "--paths", "1000", "--out", str(tmp_path / "map"), "--no-extremes")
-    return CliRunner().invoke(main, ["stability", *small, *arguments])
+    return CliRunner().invoke(main, ["check", "stability", *small, *arguments])
 
 
 def test_command_writes_map_tables_and_page(tmp_path):

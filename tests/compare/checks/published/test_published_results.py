@@ -20,17 +20,16 @@ from rattle.compare.checks.published import (
     returning,
 )  # fmt: skip
 from rattle.compare.checks.published.result import Check, Measured, NegativeControl, PublishedResult, limit
-from rattle.compare.checks.published.run import RESULTS
-from rattle.compare.checks.published.run import selftest as put_to_the_test
+from rattle.compare.checks.published.run import RESULTS, check_results
 from rattle.compare.cli.main import main
 from rattle.montecarlo import simulate
 
-pytestmark = pytest.mark.selftest
+pytestmark = pytest.mark.published
 
 
 @pytest.fixture(scope="module")
 def results():
-    return dict(zip(RESULTS, put_to_the_test(), strict=True))
+    return dict(zip(RESULTS, check_results(), strict=True))
 
 
 @pytest.mark.parametrize("name", RESULTS)
@@ -50,7 +49,7 @@ def test_tolerance_counts_every_statistical_check(results):
 
 
 def run(*arguments):
-    return CliRunner().invoke(main, ["selftest", *arguments])
+    return CliRunner().invoke(main, ["check", "published", *arguments])
 
 
 def test_command_prints_an_aligned_table():

@@ -1,4 +1,4 @@
-"""The commands of the sampler: ``rattle simulate``, ``rattle bench`` and ``rattle order``."""
+"""The command ``rattle simulate``."""
 
 import logging
 import math
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from rattle.scene import Gears
-
-__all__ = ["bench", "order", "simulate"]
 
 EXIT_NOT_MET = 3
 AN_HOUR = "what is expected to take more than an hour is refused"
@@ -87,10 +85,12 @@ def simulate(
     out: Path | None,
     as_json: bool,
 ) -> None:
-    """Simulate SCENE (a TOML file; DAT21 if none) and print its section moments.
+    """Simulate a scene and print its moments at each impact.
 
-    With --accuracy the expected time is printed before the work starts.  Exit codes: 0 done; 2 bad input, or an
-    accuracy that would take too long; 3 the budget ended before the accuracy was reached.
+    SCENE is a TOML file, DAT21 if none is given. With --accuracy the expected time is printed before the work starts.
+
+    Exit codes: 0 done; 2 bad input, or an accuracy that would take too long; 3 the budget ended before the accuracy was
+    reached.
     """
     from rattle.compare.report.folder import write_whole
     from rattle.montecarlo import Record, simulate, simulate_to
@@ -209,52 +209,4 @@ def _table(columns: "Mapping[str, NDArray[Any]]", shown: tuple[str, ...]) -> str
     wide = [max(map(len, text)) for text in texts]
     return "\n".join(
         "  ".join(cell.rjust(w) for cell, w in zip(line, wide, strict=True)) for line in zip(*texts, strict=True)
-    )
-
-
-@click.command()
-@click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
-def bench(as_json: bool) -> None:
-    """Measure the time of a step of a path here, and its lower bound: random numbers and arithmetic alone."""
-    from rattle.montecarlo.bench import bench as measure
-
-    table = measure()
-    if as_json:
-        say_json(table.reset_index().to_dict("records"))
-        return
-    names = {"ns": "ns per path-step", "times_floor": "times floor", "gain": "times as fast", "us": "us per path"}
-    say(table.rename(columns=names).to_string(float_format="{:.2f}".format, na_rep=""), keep="\n")
-    say("One core, processor time, all in turns: the least, and medians of ratios; floor = one normal + the arithmetic")
-    say("of one step; times as fast as a path-step of the skilled loop, or as a normal by standard_normal.")
-
-
-@click.command()
-@click.argument("scene", required=False, type=click.Path(path_type=Path))
-@click.option("--sigma", type=float, default=None, help="Noise intensity. [default: the scene's; sqrt(alpha) on DAT21]")
-@click.option("--impacts", type=WHOLE, default=4, show_default=True, help="Impacts after the start.")
-@click.option("--paths", type=WHOLE, default=20_000, show_default=True, help="Paths of each run.")
-@click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed.")
-@click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads; the result does not depend on it.")
-@click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
-def order(
-    scene: Path | None, sigma: float | None, impacts: int, paths: int, seed: int, workers: int, as_json: bool
-) -> None:
-    """Measure slopes and orders of the step bias of Euler-Maruyama on SCENE (a TOML file; DAT21 if none)."""
-    from rattle.compare.tradeoff.page import orders_said
-    from rattle.compare.tradeoff.weak_order import weak_orders
-
-    table = weak_orders(load_scene(scene, sigma), impacts=impacts, paths=paths, rng=seed, workers=workers).table
-    if as_json:
-        say_json(table.to_dict("records"))
-        return
-    names = ["scheme", "moment", "quantity", "slope", "low", "high", "last", "turns", "order", "change", "limit_z"]
-    say(table[names].to_string(index=False, float_format="{:.3g}".format, na_rep="-"), keep="\n")
-    for sentence in orders_said(table):
-        say(sentence)
-    say(
-        "slope of the step bias over these dt, in [low, high] with 95 % confidence; last: that at the finest; turns: "
-        "impacts at\nwhich the change turns its sign; order: only where the slope has settled; change: size of the "
-        "last change, in sds;\nlimit_z: Richardson extrapolation minus exact flights in standard errors; -: hidden by "
-        "noise.",
-        keep="\n",
     )
