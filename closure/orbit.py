@@ -32,6 +32,7 @@ Ints = NDArray[np.int64]
 
 HORIZON = 1e4  # longest flight or sticking phase that is followed, in units of 1 / omega
 LEGS = 8  # room for smooth pieces (legs) per impact; a sticking phase of one mesh takes 3
+POINTS = 40  # of a figure's curve from one leg to the next
 LEG = 7  # numbers per leg: tau, x1, y1, x2, y2, side on which mesh 1 sticks, side on which mesh 2 does
 
 
@@ -203,9 +204,15 @@ class Orbit:
         >>> [ax.get_ylabel() for ax in follow(Scene.from_gears(DAT21), 3).plot().axes]
         ['$x_1$ in backlash1', '$x_2$ in backlash1']
         """
-        from rattle.closure.plot import plot_orbit
+        from rattle.scene.plot import plot_orbit
 
-        return plot_orbit(self)
+        last = self.tau[self.found]
+        begins = np.append(self.legs[self.legs[:, 0] < last, 0], last)
+        parts = [np.linspace(a, b, POINTS, endpoint=False) for a, b in pairwise(begins)]
+        times = np.concatenate([*parts, [last]])
+        states = np.array([self.state(t) for t in times])
+        n = self.found + 1
+        return plot_orbit(self.constants, times, states, self.tau[:n], self.mesh[:n], self.before[:n], self.sticking)
 
     def to_xarray(self) -> "xr.Dataset":
         """Convert times, meshes, sides and states to a dataset; needs the optional dependency ``xarray``.

@@ -5,9 +5,9 @@ with its own standard error, so that rows that are much better known cost nothin
 distribution of a row is skewed (`skewness_gain`), and by what branches that the sample cannot have seen could change
 (`rattle.montecarlo.unseen`).  Looks share the 5 %, so that a run may stop as soon as it holds (`share_of_look`).
 
-Errors are in units of each quantity's sd; the worst of all section means and sds counts.  The step bias is measured
-from dt, 2 dt and 4 dt on the same Brownian paths.  Errors are absolute where the sd is no scale: where nothing varies,
-and for the displacement at the mesh that most paths strike, whose spread comes from off-itinerary paths only.
+Errors are in units of each quantity's sd; the worst of all section means and sds counts.  Errors are absolute where the
+sd is no scale: where nothing varies, and for the displacement at the mesh that most paths strike, whose spread comes
+from off-itinerary paths only.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.settings import exact_orbit, is_random
 from rattle.montecarlo.unseen import Unseen, unseen, unseen_text
 from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene
@@ -28,13 +27,10 @@ from rattle.scene.scene import Scene
 if TYPE_CHECKING:
     import pandas as pd
 
-    from rattle.montecarlo.result import Ensemble
-
 CONFIDENCE = 0.95
 """Probability with which an accuracy that is said to be reached bounds all errors of section means and sds."""
 
 LEAST = 32 * BLOCK  # fewest paths of an answer: events of probability 1e-4 can dominate an sd, so they must be sampled
-NO_SUCH_IMPACT = 1e3  # error of a path that has an impact more, or less, than it should
 SMALL_NOISE = 0.2  # sigma / alpha up to which the control variate is tried; on DAT21 it pays up to 0.07
 Z_OF_GAIN = 3.0  # half width, in standard errors, at which the skewness of rows is accounted for
 ROUNDED = 2.0**-40  # sd over size of a quantity below which the rounding of a path matters beside 5 % of the sd
@@ -220,33 +216,6 @@ MOMENTS = ("mean", "sd")
 
 def _name(moment: int, quantity: int, impact: int) -> str:
     return f"{MOMENTS[moment]} of {SECTION[quantity]} at impact {impact + 1}"
-
-
-def step_error(run: Ensemble) -> tuple[float, float]:
-    """Largest step bias of the section means and sds, in units of each quantity's sd, over the impacts that occurred.
-
-    Where nothing is random the exact orbit is known, and the bias is the difference from it: extrapolation cannot see
-    that a step strikes another mesh.
-    """
-    if not is_random(run.scene):
-        return _distance_from_orbit(run), 0.0
-    unit, bias = units(run), run.step_bias
-    scale = np.array([unit.at[k, q] for k, q in zip(bias["impact"], bias["quantity"], strict=True)])
-    share = (bias["bias"].abs() / scale).fillna(0.0)
-    worst = int(share.to_numpy().argmax())
-    return float(share.iloc[worst]), float(np.nan_to_num(bias["se_bias"].iloc[worst] / scale[worst]))
-
-
-def _distance_from_orbit(run: Ensemble) -> float:
-    """Largest difference of a path without noise from the exact orbit; `NO_SUCH_IMPACT` where one of them has ended."""
-    exact, unit = exact_orbit(run.plan), units_by_quantity(run)
-    struck, columns = exact[:, 6] != 0.0, run.phase_reduced.columns
-    if not (struck == (columns["mesh"] != 0)).all():
-        return NO_SUCH_IMPACT
-    exact[:, 0] = run.scene.phase_reduced.to_absolute_time(exact[:, 0])
-    of = SECTION if run.scene.stages == 2 else SECTION[:4]
-    errors = [np.abs(columns[q] - exact[:, i])[struck] / unit[q][struck] for i, q in enumerate(of)]
-    return float(np.max(errors, initial=0.0))
 
 
 def small_noise(scene: Scene) -> bool:

@@ -21,7 +21,6 @@ from rattle.montecarlo.accuracy import (
     find_exceedance,
     resolved_sd,
     share_of_look,
-    step_error,
     units_by_quantity,
     unseen_shifts,
 )
@@ -29,6 +28,7 @@ from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.reach import Candidate
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings import count_followed
+from rattle.montecarlo.step_error import step_error
 from rattle.montecarlo.unseen import Added, branches_between, share_of, unseen
 from rattle.scene.moments import SECTION
 

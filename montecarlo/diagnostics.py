@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.montecarlo.accuracy import error_bound
+from rattle.montecarlo.accuracy import HasColumns, error_bound
 from rattle.montecarlo.kernel.block import Plan, sample
 from rattle.montecarlo.kernel.control_variate import no_control
+from rattle.montecarlo.reach import Reach
 from rattle.montecarlo.schemes.step_size import default_step, largest_step, trusted_step
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.montecarlo.schemes.table import SCHEMES
@@ -20,7 +21,7 @@ from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from rattle.montecarlo.result import Ensemble
+    import pandas as pd
 
 Floats = NDArray[np.float64]
 
@@ -34,6 +35,23 @@ SMALLEST = 0.01  # an error unit is at least this share of the scale of the moti
 FINER = 4  # dt over the step of the comparison; for order 1, dt against dt / 4 shows 3/4 of the bias: times 4/3
 COLLAPSE = math.exp(-math.pi / math.sqrt(3.0))
 """Restitution below which white noise makes impacts accumulate: inelastic collapse (Cornell, Swift, Bray 1998)."""
+
+
+class _Run(HasColumns, Protocol):
+    """What is diagnosed: an `rattle.montecarlo.Ensemble`."""
+
+    @property
+    def plan(self) -> Plan: ...
+    @property
+    def paths(self) -> int: ...
+    @property
+    def reach(self) -> Reach | None: ...
+    @property
+    def unfinished(self) -> int: ...
+    @property
+    def sticking_steps(self) -> int: ...
+    @property
+    def step_bias(self) -> pd.DataFrame: ...
 
 
 def motion_units(columns: Mapping[str, NDArray[Any]], scene: Scene) -> dict[str, Floats]:
@@ -58,7 +76,7 @@ def motion_units(columns: Mapping[str, NDArray[Any]], scene: Scene) -> dict[str,
     return {q: np.fmax(columns["sd_" + q], SMALLEST * scale[q]) for q in SECTION}
 
 
-def orbit_shift(run: Ensemble) -> tuple[float, str]:
+def orbit_shift(run: _Run) -> tuple[float, str]:
     """How far the step shifts the noise-free path, in `motion_units` of the run, and where most.
 
     The noise-free path is followed at dt and at dt / 4, as long as at least half of the paths share its itinerary.  A
@@ -76,10 +94,10 @@ def orbit_shift(run: Ensemble) -> tuple[float, str]:
     unit, columns = motion_units(run.columns, run.scene), run.columns
     coarse, fine = (_orbit(run.plan, times) for times in (1, FINER))
     worst, where = 0.0, "nothing moves"
-    if run.scheme == "euler-maruyama":
-        late = np.nan_to_num(_share(0.5 * run.dt * np.arange(1, run.impacts + 1), unit["tau"]))
+    if run.plan.scheme == "euler-maruyama":
+        late = np.nan_to_num(_share(0.5 * run.plan.dt * np.arange(1, run.plan.impacts + 1), unit["tau"]))
         worst, where = float(late.max()), f"tau at impact {int(late.argmax()) + 1}"
-    for k in range(run.impacts):
+    for k in range(run.plan.impacts):
         if not columns["agreement"][k] >= 0.5:
             break
         if coarse[k, -1] != fine[k, -1]:
@@ -117,7 +135,7 @@ def _orbit(plan: Plan, finer: int) -> Floats:
     return found
 
 
-def diagnostics(run: Ensemble) -> tuple[str, ...]:
+def diagnose(run: _Run) -> tuple[str, ...]:
     """What may be wrong with the numbers of a run.
 
     Examples
@@ -126,20 +144,20 @@ def diagnostics(run: Ensemble) -> tuple[str, ...]:
     >>> from rattle.scene import DAT21
     >>> scene = Scene.from_gears(DAT21, sigma=0.5)
     >>> run = simulate(scene, paths=1000, impacts=2, dt=0.05, scheme="euler-maruyama-located")
-    >>> len(diagnostics(run))
+    >>> len(diagnose(run))
     2
-    >>> diagnostics(simulate(run.scene, paths=1000, impacts=2))
+    >>> diagnose(simulate(run.scene, paths=1000, impacts=2))
     ()
     """
     found = (_of_accuracy(run), diagnose_short_step(run), *_of_step(run), *_of_impacts(run), diagnose_rare_branch(run))
     return tuple(line for line in found if line)
 
 
-def _of_accuracy(run: Ensemble) -> str:
+def _of_accuracy(run: _Run) -> str:
     return "" if run.reach is None or run.reach.reached else run.reach.sentence
 
 
-def diagnose_rare_branch(run: Ensemble) -> str:
+def diagnose_rare_branch(run: _Run) -> str:
     """The diagnostic of a rare branch that may be missing from the sample.
 
     Returns: Empty if no such branch matters, and where an accuracy was asked for, which counts them.
@@ -152,7 +170,7 @@ def diagnose_rare_branch(run: Ensemble) -> str:
     >>> print(diagnose_rare_branch(run)[:51])
     A rare branch (about 521 in a million paths) is mis
     """
-    if run.reach is not None or run.impacts > SEARCHED:
+    if run.reach is not None or run.plan.impacts > SEARCHED:
         return ""
     bound = error_bound(run)
     if bound.error - bound.sampled <= UNSEEN or not bound.remark:
@@ -160,7 +178,7 @@ def diagnose_rare_branch(run: Ensemble) -> str:
     return f"{bound.remark[0].upper()}{bound.remark[1:]} ({bound.rare})."
 
 
-def diagnose_short_step(run: Ensemble) -> str:
+def diagnose_short_step(run: _Run) -> str:
     """The diagnostic of a step that is shorter than the scheme's default because the scene requires it.
 
     Examples
@@ -170,14 +188,14 @@ def diagnose_short_step(run: Ensemble) -> str:
     >>> print(diagnose_short_step(simulate(Scene.from_gears(DAT21, sigma=1e4), paths=100, impacts=1, horizon=0.01)))
     dt = 0.00271 in place of the scheme's 0.0327: a longer step holds too many impacts.
     """
-    allowed, usual = default_step(run.scene, run.scheme, run.plan.levels > 1), SCHEMES[run.scheme].step
-    if not run.dt == allowed < usual:
+    allowed, usual = default_step(run.scene, run.plan.scheme, run.plan.levels > 1), SCHEMES[run.plan.scheme].step
+    if not run.plan.dt == allowed < usual:
         return ""
-    return f"dt = {allowed:.3g} in place of the scheme's {usual:.3g}: {largest_step(run.scene, run.scheme)[1]}."
+    return f"dt = {allowed:.3g} in place of the scheme's {usual:.3g}: {largest_step(run.scene, run.plan.scheme)[1]}."
 
 
-def _of_step(run: Ensemble) -> tuple[str, ...]:
-    scene, scheme, dt, kind = run.scene, run.scheme, run.dt, SCHEMES[run.scheme]
+def _of_step(run: _Run) -> tuple[str, ...]:
+    scene, scheme, dt, kind = run.scene, run.plan.scheme, run.plan.dt, SCHEMES[run.plan.scheme]
     if not kind.has_step_bias:
         return ()
     if run.plan.levels > 1:
@@ -196,7 +214,7 @@ def _of_step(run: Ensemble) -> tuple[str, ...]:
     return noisy, moved
 
 
-def _of_measured_bias(run: Ensemble) -> str:
+def _of_measured_bias(run: _Run) -> str:
     """The largest measured step bias, where it is more than `TOLERANCE` and its own error."""
     unit, steps = motion_units(run.columns, run.scene), run.step_bias
     scale = np.array([unit[q][k - 1] for k, q in zip(steps["impact"], steps["quantity"], strict=True)])
@@ -212,15 +230,17 @@ def _of_measured_bias(run: Ensemble) -> str:
     )
 
 
-def _of_impacts(run: Ensemble) -> tuple[str, ...]:
-    scene = run.scene
+def _of_impacts(run: _Run) -> tuple[str, ...]:
+    scene, plan = run.scene, run.plan
     collapsing = (
         f"Noise at a restitution below {COLLAPSE:.3f} lets impacts accumulate without end: the later an impact, the "
         "more its number depends on the step."
         if scene.sigma > 0.0 and scene.epsilon < COLLAPSE
         else ""
     )
-    matters = run.impacts > MOST_IN_A_STEP or run.plan.fixed_steps.size  # else the path has had all its impacts by then
+    matters = (
+        run.plan.impacts > MOST_IN_A_STEP or run.plan.fixed_steps.size
+    )  # else the path has had all its impacts by then
     sticking = (
         f"In {run.sticking_steps:,} path-steps a mesh stayed closed to the end of the step: completed chatter, or a "
         "sticking phase."
@@ -229,7 +249,7 @@ def _of_impacts(run: Ensemble) -> tuple[str, ...]:
     )
     unfinished = (
         f"{run.unfinished:,} of {run.paths:,} paths did not finish before the time limit, "
-        f"{run.plan.most_steps * run.dt:.3g} after the start; the moments are those of the others."
+        f"{plan.most_steps * plan.dt:.3g} after the start; the moments are those of the others."
         if run.unfinished
         else ""
     )

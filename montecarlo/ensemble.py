@@ -1,19 +1,16 @@
-"""The public entry of the Monte Carlo: validate, run blocks on workers, merge them in order."""
+"""The public entry of the Monte Carlo: validate, run blocks, merge them in order."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from itertools import islice
 from typing import NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 from tqdm import tqdm
 
-from rattle.montecarlo.kernel.block import BLOCK, BlockResult, Plan, run
+from rattle.montecarlo.blocks import Blocks, in_threads
+from rattle.montecarlo.kernel.block import BLOCK, BlockResult, Plan
 from rattle.montecarlo.record import Record
 from rattle.montecarlo.result import Ensemble
 from rattle.montecarlo.schemes.step_size import COARSEST, default_step, is_admissible
@@ -26,38 +23,7 @@ from rattle.scene.scene import Scene
 from rattle.scene.text import line
 from rattle.scene.validate import choice
 
-__all__ = ["Blocks", "extend", "in_pool", "in_threads", "simulate"]
-
-Floats = NDArray[np.float64]
-Blocks = Callable[[Plan, int], Iterator[tuple[BlockResult, Floats | None]]]
-"""Runs the blocks of a plan from one on, and gives their results in block order; may end before the last."""
-
-
-def in_threads(workers: int) -> Blocks:
-    """Run blocks on threads of this process."""
-
-    def blocks(plan: Plan, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:
-        with ThreadPoolExecutor(workers) as pool:
-            yield from in_pool(pool, workers)(plan, first)
-
-    return blocks
-
-
-def in_pool(pool: ThreadPoolExecutor, workers: int) -> Blocks:
-    """Run blocks on the threads of a pool that other runs may share."""
-
-    def blocks(plan: Plan, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:
-        numbers = iter(range(first, plan.blocks))
-        waiting = [pool.submit(run, plan, b) for b in islice(numbers, 4 * workers)]
-        try:
-            while waiting:
-                yield waiting.pop(0).result()
-                waiting.extend(pool.submit(run, plan, b) for b in islice(numbers, 1))
-        finally:
-            for future in waiting:
-                future.cancel()
-
-    return blocks
+__all__ = ["extend", "simulate"]
 
 
 def simulate(

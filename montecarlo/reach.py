@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from rattle.montecarlo.budget import in_words
+from rattle.scene.text import duration_text
 
 if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
     import pandas as pd
@@ -30,9 +30,10 @@ class Candidate(NamedTuple):
     @property
     def sentence(self) -> str:
         """The expected cost as text."""
+        time = duration_text(self.core_seconds, 2)
         paths = f"{self.paths:,}" if self.paths < 1e12 else f"{self.paths:.2g}"
         return (
-            f"about {in_words(self.core_seconds, 2)} of processor time: {self.scheme}, dt = {self.dt:.3g}, {paths} "
+            f"about {time} of processor time: {self.scheme}, dt = {self.dt:.3g}, {paths} "
             f"path{'s' if self.paths > 1 else ''}"
         )
 
@@ -115,5 +116,5 @@ class Reach(NamedTuple):
             return f"Accuracy {self.asked:g} sd NOT reached: {errors}; no shorter step can be taken."
         errors += f"; {self.remark}" if self.remark else ""
         few = "" if self.enough else ", from fewer paths or a shorter time than an answer needs"
-        more = f"{in_words(self.more_seconds)} of processor time more"
+        more = f"{duration_text(self.more_seconds)} of processor time more"
         return f"Accuracy {self.asked:g} sd NOT reached within the budget: {errors}{few}; about {more} would do."

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.montecarlo.diagnostics import diagnostics
 from rattle.montecarlo.kernel.block import CODES, CROSS, PAIRS, BlockResult, Plan
 from rattle.montecarlo.kernel.control_variate import estimate_controlled
 from rattle.montecarlo.noise.philox import LEVELS
@@ -152,7 +151,9 @@ class Ensemble:
     @cached_property
     def diagnostics(self) -> tuple[str, ...]:
         """What may be wrong with these numbers, a sentence each: see `rattle.montecarlo.diagnostics`."""
-        return diagnostics(self)
+        from rattle.montecarlo.diagnostics import diagnose
+
+        return diagnose(self)
 
     @cached_property
     def section(self) -> pd.DataFrame:

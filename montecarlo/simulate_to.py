@@ -17,10 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from rattle.montecarlo.accuracy import LEAST, error_bound, sampling_error, share_of_look, small_noise, step_error
-from rattle.montecarlo.budget import HOUR, Budget, clock, in_words
+from rattle.montecarlo.accuracy import LEAST, error_bound, sampling_error, share_of_look, small_noise
+from rattle.montecarlo.blocks import Blocks, in_threads
+from rattle.montecarlo.budget import HOUR, Budget, clock
 from rattle.montecarlo.cost import expect_paths
-from rattle.montecarlo.ensemble import Blocks, extend, in_threads, simulate
+from rattle.montecarlo.ensemble import extend, simulate
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.pilots import COARSEST, ROUGHEST, PilotRun, Simulate, choose_scheme
 from rattle.montecarlo.reach import AccuracyWarning, Reach
@@ -28,8 +29,10 @@ from rattle.montecarlo.record import Record
 from rattle.montecarlo.result import Ensemble
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings import MOST_STEPS, check_settings, count_followed, default_horizon, is_random
+from rattle.montecarlo.step_error import step_error
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
+from rattle.scene.text import duration_text
 from rattle.scene.validate import positive
 
 __all__ = ["ESTIMATES", "simulate_to"]
@@ -54,7 +57,7 @@ def _check_affordable(pilot_run: PilotRun, accuracy: float) -> None:
     raise InputError(
         "accuracy",
         accuracy,
-        f"is expected to take {in_words(seconds)} ({expected.sentence}), and without a budget "
+        f"is expected to take {duration_text(seconds)} ({expected.sentence}), and without a budget "
         f"the limit is one hour{_most_for(pilot_run, accuracy)}: {instead}give the seconds that it may take as budget",
     )
 

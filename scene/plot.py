@@ -1,10 +1,13 @@
-"""The figure of the section moments that a closure predicts or a simulation finds."""
+"""Figures of section moments, predicted or sampled, and of an orbit between its walls."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
 
+from rattle.scene.constants import Constants
 from rattle.scene.figure import ShownFigure
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
@@ -39,4 +42,36 @@ def plot_section(
     axes.set_ylabel(f"{quantity} before the impact in {unit}")
     axes.set_title(f"{title}, sigma = {scene.sigma:.4g}", loc="left")
     figure.legend(loc="outside upper center", ncols=2, frameon=False)
+    return figure
+
+
+def plot_orbit(
+    c: Constants,
+    times: NDArray[np.float64],
+    states: NDArray[np.float64],
+    tau: NDArray[np.float64],
+    mesh: NDArray[np.int64],
+    before: NDArray[np.float64],
+    sticking: Sequence[tuple[int, int, float, float, int]],
+) -> ShownFigure:
+    """Draw displacements over time, the walls, the impacts at each mesh, and the times in which a mesh sticks.
+
+    Shapes: `times` (n,) with `states` (n, 4); `tau` and `mesh` (impacts,) with the states `before` (impacts, 4);
+    `sticking` as `rattle.closure.orbit.StickingPhase`.
+    """
+    figure = ShownFigure(figsize=(7.0, 0.6 + 1.8 * c.stages), layout="constrained")
+    panels = figure.subplots(c.stages, 1, sharex=True, squeeze=False)[:, 0]
+    for i, (ax, wall) in enumerate(zip(panels, (c.wall1, c.wall2), strict=False)):
+        here = np.flatnonzero(mesh == i + 1)
+        ax.plot(times, states[:, 2 * i], color="#0072B2", lw=1.2)
+        ax.plot(tau[here], before[here, 2 * i], "o", color="#D55E00", ms=4, label=f"impact at mesh {i + 1}")
+        for side in (-1, 1):
+            ax.axhline(side * wall, color="0.4", lw=1.0)
+        phases = [(a, b) for stuck, _, a, b, _ in sticking if stuck == i + 1 and a < times[-1]]
+        for number, (closed, opened) in enumerate(phases):
+            label = "_" * (number > 0) + f"mesh {i + 1} sticks"
+            ax.axvspan(closed, min(opened, times[-1]), color="#E69F00", alpha=0.3, lw=0, label=label)
+        ax.set_ylabel(f"$x_{i + 1}$ in backlash1")
+        ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False)
+    panels[-1].set_xlabel(r"time $\tau = \omega t$")
     return figure

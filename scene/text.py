@@ -1,4 +1,4 @@
-r"""Escaping of control characters in text from files, names and messages, before it is printed or written to a page."""
+r"""Text for terminals and pages: control characters of files, names and messages escaped, and durations in words."""
 
 import unicodedata
 
@@ -32,3 +32,18 @@ def line(text: str) -> str:
     one two\x1b[31m
     """
     return " ".join(harmless(text).split())
+
+
+def duration_text(seconds: float, digits: int = 3) -> str:
+    """A duration in a convenient unit, to some digits.
+
+    Examples
+    --------
+    >>> duration_text(3.0), duration_text(5400.0), duration_text(1e9), duration_text(0.00123, 2)
+    ('3 s', '1.5 h', '31.7 years', '1.2 ms')
+    """
+    units = {"s": 1.0, "minutes": 60.0, "h": 3600.0, "days": 24.0 * 3600.0, "years": 365.25 * 24.0 * 3600.0}
+    name = max((n for n, size in units.items() if seconds >= 1.5 * size), key=lambda n: units[n], default="s")
+    if 0.0 < seconds < 0.1:
+        return f"{float(f'{1e3 * seconds:.{digits}g}'):g} ms"
+    return f"{float(f'{seconds / units[name]:.{digits}g}'):g} {name}"

@@ -11,7 +11,7 @@ from rattle.compare.stationary.judged import judge_predictions, predictions
 from rattle.compare.stationary.measure import stationary
 from rattle.compare.study.cells import cell_key
 from rattle.compare.study.store import Stored
-from rattle.montecarlo.ensemble import Blocks
+from rattle.montecarlo.blocks import Blocks
 from rattle.montecarlo.long_run.parts import IMPACT_SECONDS
 from rattle.montecarlo.long_run.run import ACCURACY, PATHS
 from rattle.scene.errors import InputError

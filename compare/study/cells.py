@@ -19,7 +19,7 @@ from rattle.compare.study.store import Stored
 from rattle.compare.study.version import numerical_version
 from rattle.montecarlo import SCHEMES, Ensemble, Record, default_step, simulate, simulate_to
 from rattle.montecarlo.accuracy import small_noise
-from rattle.montecarlo.ensemble import Blocks
+from rattle.montecarlo.blocks import Blocks
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene

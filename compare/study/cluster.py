@@ -14,7 +14,7 @@ from rattle.compare.study.connection import check_address, connect
 from rattle.compare.study.executors import SHARE, Failed, Stopped, stoppable
 from rattle.compare.study.store import Stored
 from rattle.compare.study.version import numerical_version
-from rattle.montecarlo.ensemble import Floats
+from rattle.montecarlo.blocks import Floats
 from rattle.montecarlo.kernel.block import BlockResult, Plan, run
 from rattle.scene.errors import InputError, RattleError
 

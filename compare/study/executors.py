@@ -7,7 +7,7 @@ from typing import Protocol, Self
 
 from rattle.compare.study.cells import Cell
 from rattle.compare.study.store import Stored
-from rattle.montecarlo.ensemble import Blocks, Floats, in_pool
+from rattle.montecarlo.blocks import Blocks, Floats, in_pool
 from rattle.montecarlo.kernel.block import BlockResult, Plan
 from rattle.scene.errors import RattleError
 

@@ -17,7 +17,7 @@ from rattle.compare.study.waiting import aloud
 from rattle.compare.thresholds.claim import Claim, merge, read_claim
 from rattle.compare.thresholds.plugin import CLAIM, REFUSED
 from rattle.compare.thresholds.settings import Settings
-from rattle.montecarlo.ensemble import Blocks, in_threads
+from rattle.montecarlo.blocks import Blocks, in_threads
 from rattle.scene.errors import InputError, RattleError
 
 

@@ -9,7 +9,7 @@ import pandas as pd
 from rattle.compare.tradeoff.measure import HAND_TUNED_NS, Measured, means_seconds
 from rattle.compare.validation.answer import explain_missing
 from rattle.compare.validation.validity_range import join_words
-from rattle.montecarlo.budget import in_words
+from rattle.scene.text import duration_text
 
 EXACT = "exact-flight"
 PLAIN = "euler-maruyama"
@@ -30,7 +30,7 @@ def advice(m: Measured, accuracies: Sequence[float]) -> str:
     parts = []
     for method, same in groupby([(a, cheapest(m.points, a)) for a in accuracies], key=lambda found: found[1]["method"]):
         finest, best = list(same)[-1]
-        cost = in_words(best["core_seconds"], 2) + ("" if best["measured"] else ", extrapolated")
+        cost = duration_text(best["core_seconds"], 2) + ("" if best["measured"] else ", extrapolated")
         parts.append(f"`{method}` for errors down to {finest:g} of an sd ({cost})")
     scene, impacts = m.reference.scene, m.reference.impacts
     return (
@@ -52,7 +52,7 @@ def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
         if simulated > row["work"] and row["error"] <= 1.0:
             wins.append(
                 f"`{row['method']}`, whose worst error is {'' if row['resolved'] else 'below '}{row['error']:.2g} "
-                f"(median {row['median_error']:.2g}) after {in_words(row['core_seconds'], 2)}: exact flights take "
+                f"(median {row['median_error']:.2g}) after {duration_text(row['core_seconds'], 2)}: exact flights take "
                 f"{float(format(simulated / row['work'], '.2g')):g} times the work to its worst error"
             )
     found.append(
@@ -67,7 +67,7 @@ def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
         f"To {finest:g}, plain Euler-Maruyama would need dt = {plain.at(finest).dt:.2g}: at "
         f"{1e9 * plain.step_seconds:.2g} ns per path-step the same number of paths takes "
         f"{plain.path_alone(finest) / exact:,.0f} times the processor time of exact flights "
-        f"({in_words(m.models[EXACT].at(finest).core_seconds, 2)}), and "
+        f"({duration_text(m.models[EXACT].at(finest).core_seconds, 2)}), and "
         f"{plain.path_alone(finest, HAND_TUNED_NS) / exact:,.0f} times at the {HAND_TUNED_NS:g} ns of hand-tuned "
         "numba code."
     )

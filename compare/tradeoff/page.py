@@ -14,7 +14,7 @@ from rattle.compare.tradeoff.measure import Measured, means_seconds, slope
 from rattle.compare.tradeoff.multilevel import KURTOSIS_ALARM, Rate
 from rattle.compare.tradeoff.weak_order import ORDER_IMPACTS, STEPS, Orders
 from rattle.compare.validation.validity_range import join_words
-from rattle.montecarlo.budget import in_words
+from rattle.scene.text import duration_text
 
 FIGURE = (
     "Error against processor time, both on logarithmic scales. Schemes: what with 95 % probability no section mean or "
@@ -102,7 +102,7 @@ def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> 
             f"{r['rows']} of {p['rows'].max()}",
             ("" if r["resolved"] else "below ") + f"{r['error']:.3g}",
             f"{r['median_error']:.2g}",
-            TableCell(in_words(r["core_seconds"], 2), value=float(r["core_seconds"])),
+            TableCell(duration_text(r["core_seconds"], 2), value=float(r["core_seconds"])),
         )
         for _, r in p[p["kind"] == "closure"].iterrows()
     ]
@@ -122,7 +122,7 @@ def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> 
         (
             f"{a:g}",
             str(r["method"]),
-            TableCell(in_words(r["core_seconds"], 2), value=float(r["core_seconds"])),
+            TableCell(duration_text(r["core_seconds"], 2), value=float(r["core_seconds"])),
             "measured" if r["measured"] else "extrapolated",
         )
         for a, r in zip(accuracies, best, strict=True)

@@ -6,7 +6,7 @@ Accuracy decides, and where a closure is accurate the counted work of both sides
 import pandas as pd
 
 from rattle.compare.validation.validity_range import join_words
-from rattle.montecarlo.budget import in_words
+from rattle.scene.text import duration_text
 
 ASKED = "1% of an sd"
 """The accuracy for which a simulation's cost is stated; see `rattle.compare.validation.speed.WANTED`."""
@@ -67,11 +67,13 @@ def cost_sentence(
     """
     what = f"{impacts} impact{'s' if impacts > 1 else ''}{f' ({lasting})' if lasting else ''} to {ASKED}"
     each = [
-        f"{in_words(row['core_seconds'], 2)} at σ = {row['sigma']:.4g} ({_paths(row['paths'])})"
+        f"{duration_text(row['core_seconds'], 2)} at σ = {row['sigma']:.4g} ({_paths(row['paths'])})"
         for row in simulation.to_dict("records")
     ]
     whole = speed[speed["impacts"] == impacts].groupby("closure", sort=False)["closure_seconds"].max()
-    closures = join_words([f"`{name}` {in_words(seconds, 2)}" for name, seconds in whole.items()]) if len(whole) else ""
+    closures = (
+        join_words([f"`{name}` {duration_text(seconds, 2)}" for name, seconds in whole.items()]) if len(whole) else ""
+    )
     said = f"Counted work (nominal time of one core, without compiling): by simulation {what} take {join_words(each)}"
     said += f"; {closures}" if closures else ""
     if over is not None:

@@ -41,8 +41,8 @@ class Plan(NamedTuple):
     """Settings of a run, common to all of its blocks."""
 
     scene: Scene  # what is simulated
-    paths: int  # paths, impacts: number of paths; impacts of each
-    impacts: int
+    paths: int  # number of paths
+    impacts: int  # of each path
     dt: float  # finest step
     scheme: str  # name in `SCHEMES`
     seed: np.random.SeedSequence  # of all random numbers
@@ -69,11 +69,9 @@ class Raw(NamedTuple):
     fixed: Floats  # states at fixed times; (levels, paths, times, 4)
     # section quantities of the linearised path; no paths without a control variate; (paths, impacts, COLUMNS)
     controls: Floats
-    # path_steps, sticking_steps, unfinished: path-steps, those in which a mesh stayed closed to the end, and paths
-    # without all impacts
-    path_steps: int
-    sticking_steps: int
-    unfinished: int
+    path_steps: int  # steps taken, over all paths
+    sticking_steps: int  # those of them in which a mesh stayed closed to the end
+    unfinished: int  # paths without all impacts
 
 
 def start_state(scene: Scene, walls: Floats) -> Floats:
@@ -150,7 +148,7 @@ class BlockResult:
     sums: dict[str, CentralSums]
     codes: Floats  # counts of mesh and side of each impact; (impacts, CODES)
     agreeing: dict[str, Floats]  # number of paths that have followed each itinerary up to each impact; (impacts,)
-    path_steps: int  # path_steps, sticking_steps, unfinished: as in `Raw`
+    path_steps: int  # as in `Raw`, also the next two
     sticking_steps: int
     unfinished: int
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from rattle.montecarlo.budget import HOUR, Budget, clock, in_words
+from rattle.montecarlo.budget import HOUR, Budget, clock
 from rattle.montecarlo.long_run.burn_in import (
     FIRST,
     LEAST_IMPACTS,
@@ -30,6 +30,7 @@ from rattle.montecarlo.long_run.pilot import no_scales, scales_of_pilot
 from rattle.montecarlo.long_run.reach import LongReach, widest
 from rattle.montecarlo.long_run.sums import NUMBER
 from rattle.scene.errors import InputError
+from rattle.scene.text import duration_text
 
 Floats = NDArray[np.float64]
 
@@ -90,7 +91,7 @@ class Parts(NamedTuple):
     def _unaffordable(self, what: str, periods: int) -> InputError:
         """The error for a budget that ends before there is an answer."""
         e = self.ensemble
-        more = in_words((periods - e.periods + LEAST) * e.pace, 2)
+        more = duration_text((periods - e.periods + LEAST) * e.pace, 2)
         return InputError(
             "budget", self.limit.seconds, f"ends after {e.periods} of {what}; give about {more} of processor time more"
         )
@@ -153,7 +154,7 @@ class Parts(NamedTuple):
                 raise InputError(
                     "accuracy",
                     goal,
-                    f"is expected to take {in_words(more * nominal)} of processor time, and without "
+                    f"is expected to take {duration_text(more * nominal)} of processor time, and without "
                     f"a budget the limit is one hour: ask for {gives:.2g}, or give the seconds that it may take as "
                     "budget",
                 )

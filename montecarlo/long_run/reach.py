@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rattle.montecarlo.budget import in_words
 from rattle.montecarlo.long_run.estimates import Estimate
+from rattle.scene.text import duration_text
 
 
 class LongReach(NamedTuple):
@@ -28,7 +28,7 @@ class LongReach(NamedTuple):
         found = f"the widest interval is ± {self.width:.2g} of its value ({self.worst})"
         if self.reached:
             return f"Accuracy {self.asked:g} reached: {found}."
-        more = f"{in_words(self.more_seconds)} of processor time more"
+        more = f"{duration_text(self.more_seconds)} of processor time more"
         return f"Accuracy {self.asked:g} NOT reached within the budget: {found}; about {more} would do."
 
 

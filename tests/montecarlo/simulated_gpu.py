@@ -18,7 +18,7 @@ from mc_checks import dat21
 from numba.cuda.simulator import kernel, kernelapi
 
 from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.cuda import launch as gpu
+from rattle.montecarlo.cuda.bench import speed
 from rattle.montecarlo.settings import plan_of
 from rattle.scene import Scene, Tolerance
 
@@ -96,7 +96,7 @@ def main() -> None:
     kernel.BlockThread.is_alive = is_alive
     found = {name: compare(scene, **settings) for name, (scene, settings) in CASES.items()}
     found["negative control: another key"] = compare(NOISY, rng=6)
-    found["speed"] = gpu.speed(plan_of(NOISY, paths=4, impacts=1, dt=0.01, scheme="euler-maruyama"), repeats=1)
+    found["speed"] = speed(plan_of(NOISY, paths=4, impacts=1, dt=0.01, scheme="euler-maruyama"), repeats=1)
     print(json.dumps(found))
 
 

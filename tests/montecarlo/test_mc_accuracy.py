@@ -5,7 +5,8 @@ import pytest
 from mc_checks import dat21
 
 from rattle.montecarlo import SCHEMES, AccuracyWarning, Record, simulate, simulate_to
-from rattle.montecarlo.accuracy import sampling_error, step_error, units
+from rattle.montecarlo.accuracy import sampling_error, units
+from rattle.montecarlo.step_error import step_error
 from rattle.scene import InputError, Scene
 from rattle.scene.moments import SECTION
 

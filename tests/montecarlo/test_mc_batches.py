@@ -4,7 +4,8 @@ import numpy as np
 from mc_checks import dat21, limit
 
 from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.ensemble import extend, in_threads
+from rattle.montecarlo.blocks import in_threads
+from rattle.montecarlo.ensemble import extend
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.statistics.batches import BATCHES
 from rattle.scene.impact import energy_loss, struck

@@ -10,10 +10,11 @@ import pytest
 from mc_checks import dat21
 
 from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
-from rattle.montecarlo.budget import Budget, in_words
-from rattle.montecarlo.ensemble import in_threads
+from rattle.montecarlo.blocks import in_threads
+from rattle.montecarlo.budget import Budget
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.scene import InputError, Scene, Start
+from rattle.scene.text import duration_text
 
 
 class Watched:
@@ -150,4 +151,4 @@ def test_what_is_uncounted_costs_nothing(monkeypatch):
 
 
 def test_durations_are_said_as_people_say_them():
-    assert [in_words(s) for s in (0.2, 80.0, 600.0, 86400.0)] == ["0.2 s", "80 s", "10 minutes", "24 h"]
+    assert [duration_text(s) for s in (0.2, 80.0, 600.0, 86400.0)] == ["0.2 s", "80 s", "10 minutes", "24 h"]

@@ -14,6 +14,7 @@ from mc_checks import dat21
 from settings import recorded
 
 from rattle.montecarlo import simulate
+from rattle.montecarlo.cuda import bench
 from rattle.montecarlo.cuda import launch as gpu
 from rattle.scene import InputError
 
@@ -92,7 +93,7 @@ def test_speed_counts_path_steps(simulated):
 def test_a_gpu_has_the_attributes_that_are_asked_of_it():
     from cuda.bindings.driver import CUdevice_attribute
 
-    asked = re.findall(r"device\.([A-Z_]+)", inspect.getsource(gpu))
+    asked = re.findall(r"device\.([A-Z_]+)", inspect.getsource(gpu) + inspect.getsource(bench))
     assert len(asked) >= 3
     for name in asked:
         assert hasattr(CUdevice_attribute, f"CU_DEVICE_ATTRIBUTE_{name}"), name
@@ -121,7 +122,7 @@ def test_a_missing_package_is_named(monkeypatch):
 
 @needs_package
 def test_a_missing_gpu_is_named():
-    done = python("-m", "rattle.montecarlo.cuda.launch", CUDA_VISIBLE_DEVICES="-1", NUMBA_ENABLE_CUDASIM="0")
+    done = python("-m", "rattle.montecarlo.cuda.bench", CUDA_VISIBLE_DEVICES="-1", NUMBA_ENABLE_CUDASIM="0")
     assert done.returncode == 1
     assert done.stdout == ""
     assert done.stderr.startswith("device = 'cuda': needs")

@@ -8,7 +8,7 @@ from mc_checks import dat21
 from mc_checks import stepped as simulate
 from settings import recorded
 
-from rattle.montecarlo import ensemble, largest_step
+from rattle.montecarlo import blocks, largest_step
 from rattle.montecarlo import settings as validation
 from rattle.scene import DAT21, InputError, Scene, Start, Tolerance
 
@@ -50,7 +50,7 @@ def simulated(**settings):
 @pytest.mark.parametrize("case", BAD)
 def test_bad_input_is_refused_before_any_block_runs(case, monkeypatch):
     settings, words = BAD[case]
-    monkeypatch.setattr(ensemble, "run", lambda *_: pytest.fail("work was done"))
+    monkeypatch.setattr(blocks, "run", lambda *_: pytest.fail("work was done"))
     monkeypatch.setattr(validation, "sample", lambda *_: pytest.fail("work was done"))
     with pytest.raises(InputError, match=words):
         simulated(**settings)

@@ -5,7 +5,8 @@ import pytest
 from mc_checks import dat21
 
 from rattle.montecarlo import SCHEMES, Record, simulate, simulate_to
-from rattle.montecarlo.ensemble import extend, in_threads
+from rattle.montecarlo.blocks import in_threads
+from rattle.montecarlo.ensemble import extend
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.scene import Tolerance
 from rattle.scene.moments import SECTION

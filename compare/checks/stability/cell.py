@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from rattle.compare.checks.stability.reference import IMPACTS, Reference, horizon_of
 from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo import Ensemble
+from rattle.montecarlo.blocks import in_threads
 from rattle.montecarlo.diagnostics import diagnose_rare_branch, diagnose_short_step
-from rattle.montecarlo.ensemble import extend, in_threads
+from rattle.montecarlo.ensemble import extend
 from rattle.montecarlo.kernel.block import BLOCK, BlockResult
 from rattle.montecarlo.settings import is_random, plan_of
 from rattle.scene import Scene

@@ -25,7 +25,7 @@ from rattle.compare.thresholds.sessions import Drawn
 from rattle.compare.thresholds.settings import Settings
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import simulate
-from rattle.montecarlo.ensemble import in_threads
+from rattle.montecarlo.blocks import in_threads
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.control_variate import estimate_controlled
 from rattle.montecarlo.statistics.section_statistics import single_statistics
