@@ -18,17 +18,8 @@ Ints = NDArray[np.int64]
 
 SIMULATED = "monte carlo"
 
-COLUMNS = (
-    "closure",
-    "impact",
-    "stage",
-    "variance_x",
-    "variance_y",
-    "rho",
-    "smallest_eigenvalue",
-    "realizable",
-    "reason",
-)
+NUMBERS = ("variance_x", "variance_y", "rho", "smallest_eigenvalue")
+COLUMNS = ("closure", "impact", "stage", *NUMBERS, "realizable", "reason")
 
 
 def validity(predictions: list[MeanMap], run: Ensemble, flights: Ints) -> pd.DataFrame:
@@ -40,37 +31,22 @@ def validity(predictions: list[MeanMap], run: Ensemble, flights: Ints) -> pd.Dat
     Returns: A row for each closure (or ``monte carlo``), impact and stage: ``closure, impact, stage, variance_x,
     variance_y, rho, smallest_eigenvalue, realizable, reason``. Shapes: `flights` (fixed times,).
     """
-    rows = []
     stages = range(1, run.scene.stages + 1)
-    for prediction in predictions:
-        if prediction.trace.parts is not None:
-            continue  # a mixture describes paths at their own impacts and has no moments of a perturbation
-        for impact in range(1, prediction.trace.found + 1):
-            for stage in stages:
-                rows.append((prediction.closure, impact, stage, prediction.stage_covariance(impact, stage)))
+    found = [
+        (prediction.closure, impact, stage, prediction.stage_covariance(impact, stage))
+        for prediction in predictions
+        if prediction.trace.parts is None  # a mixture describes paths at their own impacts: no perturbation, no moments
+        for impact in range(1, prediction.trace.found + 1)
+        for stage in stages
+    ]
     for impact, (_, row) in zip(flights, run.at_times().iterrows(), strict=True):
         for stage in stages:
-            x, y = f"x{stage}", f"y{stage}"
-            cross = row[f"cov_{x}_{y}"]
-            rows.append(
-                (SIMULATED, int(impact), stage, np.array([[row[f"cov_{x}_{x}"], cross], [cross, row[f"cov_{y}_{y}"]]]))
-            )
-    records = []
-    for closure, impact, stage, covariance in rows:
-        r = realizability(covariance)
-        records.append(
-            {
-                "closure": closure,
-                "impact": impact,
-                "stage": stage,
-                "variance_x": r.variance_x,
-                "variance_y": r.variance_y,
-                "rho": r.rho,
-                "smallest_eigenvalue": r.smallest_eigenvalue,
-                "realizable": r.realizable,
-                "reason": r.reason,
-            }
-        )
+            xx, xy, yy = (row[f"cov_{a}{stage}_{b}{stage}"] for a, b in ("xx", "xy", "yy"))
+            found.append((SIMULATED, int(impact), stage, np.array([[xx, xy], [xy, yy]])))
+    records = [
+        {"closure": closure, "impact": impact, "stage": stage, **realizability(covariance)._asdict()}
+        for closure, impact, stage, covariance in found
+    ]
     return pd.DataFrame(records, columns=COLUMNS).astype({"realizable": bool})
 
 

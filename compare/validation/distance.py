@@ -1,7 +1,8 @@
 """Distance of a closure's section density from the sampled one, compared with the distance due to sampling alone."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -11,13 +12,11 @@ from scipy.special import kolmogi
 from rattle.closure import MeanMap
 from rattle.montecarlo import Ensemble
 from rattle.scene.elementary import gauss_legendre
-from rattle.scene.errors import InputError
-from rattle.scene.moments import SECTION, STATE
+from rattle.scene.moments import SECTION
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-MOMENTS = ("mean", "sd")
 CONFIDENCE = 0.95  # of the Kolmogorov floor
 REACH = 10.0  # sds on both sides of its mean over which a density is integrated
 STEP = 0.25  # width of a quadrature panel in sds of the density, where bins are wider
@@ -35,7 +34,7 @@ class Distances(NamedTuple):
     total_variation_floor: float
 
 
-def bin_masses(density: Callable[[Floats], Floats], edges: Floats, mean: float, sd: float) -> Floats:
+def bin_masses(density: Callable[[Floats], Floats | None], edges: Floats, mean: float, sd: float) -> Floats:
     """Mass of a density below, in and above the bins; Gauss-Legendre on panels no wider than a bin.
 
     `mean`, `sd`: Of the density.  Panels are no wider than a quarter of the sd, so that a density much narrower
@@ -87,7 +86,7 @@ def distances(masses: Floats, counts: Ints) -> Distances:
 
 
 def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
-    """Distance of a closure's section densities from the sampled histograms.
+    """Distance of a closure's section densities from the histograms of a run of the same scene.
 
     Returns: Columns ``closure, impact, quantity, kolmogorov, kolmogorov_floor, total_variation,
     total_variation_floor, paths``; distances are shares of the probability, see `distances`.  ``paths`` is how
@@ -112,58 +111,36 @@ def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
     >>> bool((table["kolmogorov"] < 1.5 * table["kolmogorov_floor"]).all())
     True
     """
-    histograms = run.histograms
-    if histograms is None:
-        raise InputError("run.histograms", None, "give simulate(..., record=Record(histogram=True))")
-    if prediction.scene != run.scene:
-        raise InputError("closure.scene", prediction.scene, "is not the run's; compare the same scene")
     prediction, run = prediction.phase_reduced, run.phase_reduced
-    sampled, limit = run.section, _limits(run)
+    predicted, sampled, histograms = prediction.section, run.section, run.histograms
+    assert histograms is not None
+    limit = _limits(run)
     records = []
-    quantities = [q for q in SECTION if run.scene.stages == 2 or q not in STATE[2:]]
     for impact in range(1, min(prediction.trace.found, run.impacts) + 1):
-        for quantity in quantities:
-            if not (_varies(prediction.section, impact, quantity) and _varies(sampled, impact, quantity)):
-                continue
-            mean, sd = (float(prediction.section[prefix + quantity].loc[impact]) for prefix in ("", "sd_"))
-
-            def density(values: Floats, impact: int = impact, quantity: str = quantity) -> Floats:
-                found = prediction.density(impact, quantity, values)
-                assert found is not None
-                return found
-
-            if prediction.density(impact, quantity, np.array([mean])) is None:
-                continue
-            edges, _ = histograms.density(impact, quantity)
+        for quantity in find_varying(predicted, impact):
+            density = partial(prediction.density, impact, quantity)
+            mean, sd = (float(predicted[prefix + quantity].loc[impact]) for prefix in ("", "sd_"))
             counts = histograms.counts[impact - 1, SECTION.index(quantity)]
-            if counts.max() > ATOM * counts.sum():  # paths at the wall, except for a few that struck elsewhere
+            is_atom = counts.max() > ATOM * counts.sum()  # paths at the wall, except for a few that struck elsewhere
+            if is_atom or quantity not in find_varying(sampled, impact) or density(np.array([mean])) is None:
                 continue
-            seen_mean, seen_sd = (float(sampled[prefix + quantity].loc[impact]) for prefix in ("", "sd_"))
-            true_mean, true_sd = limit.get((impact, quantity), (seen_mean, seen_sd))
-            corrected = true_mean + (edges - seen_mean) * (true_sd / seen_sd)
-            found = distances(bin_masses(density, corrected, mean, sd), counts)
-            records.append(
-                {
-                    "closure": prediction.closure,
-                    "impact": impact,
-                    "quantity": quantity,
-                    **found._asdict(),
-                    "paths": int(counts.sum()),
-                }
-            )
+            seen = [float(sampled[prefix + quantity].loc[impact]) for prefix in ("", "sd_")]
+            true_mean, true_sd = limit.get((impact, quantity), seen)
+            edges, _ = histograms.density(impact, quantity)
+            masses = bin_masses(density, true_mean + (edges - seen[0]) * (true_sd / seen[1]), mean, sd)
+            key = {"closure": prediction.closure, "impact": impact, "quantity": quantity}
+            records.append({**key, **distances(masses, counts)._asdict(), "paths": int(counts.sum())})
     return pd.DataFrame(records, columns=["closure", "impact", "quantity", *Distances._fields, "paths"])
 
 
-def _varies(section: pd.DataFrame, impact: int, quantity: str) -> bool:
-    """Whether a quantity's sd is more than rounding error, compared with the largest sd at that impact."""
+def find_varying(section: pd.DataFrame, impact: int) -> list[str]:
+    """Quantities whose sd is more than rounding error, compared with the largest sd at that impact."""
     sds = {q: float(section[f"sd_{q}"].loc[impact]) for q in SECTION}
-    return bool(sds[quantity] > VARIES * np.nanmax([0.0, *sds.values()]))
+    return [q for q in SECTION if sds[q] > VARIES * np.nanmax([0.0, *sds.values()])]
 
 
-def _limits(run: Ensemble) -> dict[tuple[int, str], tuple[float, float]]:
+def _limits(run: Ensemble) -> dict[Any, list[float]]:
     """Mean and sd corrected for the step bias, by impact and quantity; empty if the run did not measure it."""
     if "fine_coarse" not in run.result.sums:
         return {}
-    table = run.step_bias
-    mean, sd = (table[table["moment"] == moment].set_index(["impact", "quantity"])["corrected"] for moment in MOMENTS)
-    return {(int(k), str(q)): (float(mean[k, q]), float(sd[k, q])) for k, q in mean.index}
+    return run.step_bias.pivot(index="moment", columns=["impact", "quantity"], values="corrected").to_dict("list")

@@ -13,7 +13,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from rattle.closure import MeanMap
-from rattle.scene.moments import ROUNDING, SECTION, STATE, central_from_raw, correlation
+from rattle.compare.validation.distance import find_varying
+from rattle.scene.moments import ROUNDING, central_from_raw, correlation
 
 Floats = NDArray[np.float64]
 
@@ -25,29 +26,21 @@ to the largest of the terms that are compared; the sign of a variance needs none
 """
 
 REACH, POINTS = 8.0, 481  # sds on both sides of the mean, and points per axis, of the quadratures of negative parts
-VARIES = 1e-6  # share of the largest sd at an impact below which a section quantity's own sd is rounding error
 
 NAN = float("nan")
 
 
-class Check(NamedTuple):
-    """A bound that moments of a distribution satisfy: ``sign * (value - bound) >= 0``, up to a rounding ``slack``."""
-
-    bound: float
-    sign: int
-    slack: float
-
-
 CHECKS = {
-    "variance of displacement": Check(0.0, 1, 0.0),
-    "variance of velocity": Check(0.0, 1, 0.0),
-    "|rho|": Check(1.0, -1, ROUNDING),
-    "covariance eigenvalue": Check(0.0, 1, ROUNDING),
-    "kurtosis": Check(0.0, 1, ROUNDING),
-    "moment matrix": Check(0.0, 1, ROUNDING),
-    "negative mass": Check(0.0, -1, QUADRATURE),
-    "section negative mass": Check(0.0, -1, QUADRATURE),
+    "variance of displacement": (0.0, 1, 0.0),
+    "variance of velocity": (0.0, 1, 0.0),
+    "|rho|": (1.0, -1, ROUNDING),
+    "covariance eigenvalue": (0.0, 1, ROUNDING),
+    "kurtosis": (0.0, 1, ROUNDING),
+    "moment matrix": (0.0, 1, ROUNDING),
+    "negative mass": (0.0, -1, QUADRATURE),
+    "section negative mass": (0.0, -1, QUADRATURE),
 }
+"""Bound, sign and slack of each: moments of a distribution satisfy ``sign * (value - bound) >= 0`` but for rounding."""
 
 
 class Statistic(NamedTuple):
@@ -162,17 +155,12 @@ def _series_negative_mass(prediction: MeanMap, impact: int, stage: int) -> Stati
 
 def _section_negative_mass(prediction: MeanMap, impact: int) -> Statistic:
     """The largest over the quantities that vary and have a skewness."""
-    table = prediction.phase_reduced.section
-    quantities = [q for q in SECTION if prediction.scene.stages == 2 or q not in STATE[2:]]
-    largest = np.nanmax([0.0, *(float(table[f"sd_{q}"].loc[impact]) for q in quantities)])
-    masses = []
-    for quantity in quantities:
+    table, masses = prediction.phase_reduced.section, []
+    for quantity in find_varying(table, impact):
         mean, sd, skew = (float(table[prefix + quantity].loc[impact]) for prefix in ("", "sd_", "skew_"))
-        if not (sd > VARIES * largest and np.isfinite(skew)):
-            continue
         grid = mean + sd * np.linspace(-REACH, REACH, POINTS)
         density = prediction.density(impact, quantity, grid)
-        if density is not None:
+        if density is not None and np.isfinite(skew):
             masses.append(negative_mass(density, float(grid[1] - grid[0])))
     return Statistic(max(masses, default=NAN))
 
@@ -222,30 +210,18 @@ def realizability_table(predictions: Sequence[MeanMap]) -> pd.DataFrame:
     >>> first_failures(table).set_index("check").loc[["variance of velocity", "moment matrix"], "impact"].tolist()
     [2, 2]
     """
-    records = []
-    for prediction in predictions:
-        for impact in range(1, prediction.trace.found + 1):
-            for stage, name, (value, scale) in _statistics(prediction, impact):
-                bound, sign, slack = CHECKS[name]
-                missed = sign * (bound - value)
-                known = not np.isnan(value)
-                holds = missed <= slack * scale
-                records.append(
-                    {
-                        "closure": prediction.closure,
-                        "impact": impact,
-                        "stage": stage,
-                        "check": name,
-                        "value": value,
-                        "bound": bound,
-                        "holds": holds if known else None,
-                        "excess": (0.0 if holds else missed) if known else NAN,
-                    }
-                )
-    columns = ["closure", "impact", "stage", "check", "value", "bound", "holds", "excess"]
-    table = pd.DataFrame(records, columns=columns)
-    table["holds"] = table["holds"].astype("boolean")
-    return table
+    rows = [
+        (prediction.closure, impact, stage, check, *statistic, *CHECKS[check])
+        for prediction in predictions
+        for impact in range(1, prediction.trace.found + 1)
+        for stage, check, statistic in _statistics(prediction, impact)
+    ]
+    names = ["closure", "impact", "stage", "check", "value", "scale", "bound", "sign", "slack"]
+    table = pd.DataFrame(rows, columns=names)
+    missed = table["sign"] * (table["bound"] - table["value"])
+    known, holds = table["value"].notna(), missed <= table["slack"] * table["scale"]
+    table["holds"], table["excess"] = holds.astype("boolean").where(known), missed.mask(holds, 0.0)
+    return table[["closure", "impact", "stage", "check", "value", "bound", "holds", "excess"]]
 
 
 def first_failures(table: pd.DataFrame) -> pd.DataFrame:
@@ -260,9 +236,7 @@ def first_failures(table: pd.DataFrame) -> pd.DataFrame:
     >>> first_failures(realizability_table([mean_map(Scene.from_gears(DAT21), impacts=2, closure="published")])).empty
     True
     """
-    failed = table[~table["holds"].fillna(True).astype(bool)]
-    first = failed.sort_values(["impact", "stage"], kind="stable").groupby(["closure", "check"], sort=False).head(1)
-    places = pd.MultiIndex.from_frame(table[["closure", "check"]].drop_duplicates())
-    order = places.get_indexer(pd.MultiIndex.from_frame(first[["closure", "check"]]))
+    failed = ~table["holds"].fillna(True).astype(bool)
+    first = failed.groupby([table["closure"], table["check"]], sort=False).idxmax()  # the rows are in order of impact
     columns = ["closure", "check", "impact", "stage", "value", "excess"]
-    return first.iloc[np.argsort(order, kind="stable")][columns].reset_index(drop=True)
+    return table.loc[first[failed[first].to_numpy()], columns].reset_index(drop=True)

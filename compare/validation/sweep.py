@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from tqdm import tqdm
 
 from rattle.compare.validation.comparison import Sweep
@@ -29,13 +28,11 @@ def grid(text: str) -> tuple[float, ...]:
     >>> grid("0.01:1:3")
     (0.01, 0.1, 1.0)
     """
-    words = text.split(":")
     try:
-        low, high, points = float(words[0]), float(words[1]), int(words[2])
-    except (ValueError, IndexError):
+        first, last, number = text.split(":")
+        low, high, points = float(first), float(last), int(number)
+    except ValueError:
         raise InputError("validity", text, f"give LOW:HIGH:POINTS, as in {EXAMPLE}") from None
-    if len(words) > 3:
-        raise InputError("validity", text, f"give LOW:HIGH:POINTS, as in {EXAMPLE}")
     positive("validity LOW", low)
     if positive("validity HIGH", high) <= low:
         raise InputError("validity HIGH", high, f"must be greater than LOW = {low:g}")
@@ -63,14 +60,8 @@ def sweep(scene: Scene, sigmas: Sequence[float], *, workers: int, **settings: An
     `sigmas`: Noise intensities.  All use the same random numbers, so that the sample does not change along the
     grid.
     """
-    validity, speed, costs = [], [], []
-    for sigma in tqdm(sigmas, desc="validity", unit="sigma", disable=None):
-        own = [validate(scene.with_sigma(sigma), scheme=SCHEME, workers=workers, **settings)]
-        validity.append(validities(own))
-        speed.append(speeds(own))
-        costs.append(simulation_costs(own))
-    return Sweep(*(_stack(tables) for tables in (validity, speed, costs)))
-
-
-def _stack(tables: list[pd.DataFrame]) -> pd.DataFrame:
-    return pd.concat([t for t in tables if len(t)] or tables[:1], ignore_index=True)
+    own = [
+        validate(scene.with_sigma(sigma), scheme=SCHEME, workers=workers, **settings)
+        for sigma in tqdm(sigmas, desc="validity", unit="sigma", disable=None)
+    ]
+    return Sweep(validities(own), speeds(own), simulation_costs(own))

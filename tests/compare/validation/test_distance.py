@@ -12,7 +12,6 @@ from rattle.compare.validation.distance import bin_masses, distances, section_di
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.statistics.histogram import BINS, Histograms
 from rattle.scene import DAT21, Scene
-from rattle.scene.errors import InputError
 
 PATHS = 20_000
 
@@ -176,13 +175,6 @@ def test_bias_of_the_step_is_taken_out_where_it_was_measured():
     worst = [(t["kolmogorov"] / t["kolmogorov_floor"]).max() for t in tables]
     assert worst[0] > 5.0
     assert worst[1] < 1.5
-
-
-def test_what_cannot_be_compared_is_refused(run):
-    with pytest.raises(InputError, match="histogram=True"):
-        section_distances(mean_map(run.scene, impacts=2), replace(run, histograms=None))
-    with pytest.raises(InputError, match="same scene"):
-        section_distances(mean_map(Scene.from_gears(DAT21, sigma=0.03), impacts=2), run)
 
 
 def test_no_noise_and_one_stage():
