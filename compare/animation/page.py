@@ -3,7 +3,6 @@
 import base64
 import hashlib
 import math
-import os
 from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib.resources import files
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 from rattle.compare.animation.record import SCHEME, Motion, Recording
 from rattle.compare.animation.teeth import PLAY, TOOTH, Wheel, outline
-from rattle.compare.report.folder import describe_refusal, write_whole
+from rattle.compare.report.folder import check_place, refusals, write_whole
 from rattle.compare.report.json_text import json_text
 from rattle.scene.errors import OutputError
 from rattle.scene.scene import Scene
@@ -121,22 +120,17 @@ def check_file(out: Path, overwrite: bool) -> None:
     ...
     rattle.scene.errors.OutputError: out = 'wheels.gif': an animation is an HTML file; give a name that ends in .html
     """
-    try:
+    with refusals(out):
         if out.suffix.lower() != ".html":
             raise OutputError(f"out = {str(out)!r}: an animation is an HTML file; give a name that ends in .html")
         if out.is_symlink() or (out.exists() and not out.is_file()):
             raise OutputError(f"out = {str(out)!r}: exists and is not a file; choose another name")
-        parent = next((p for p in out.absolute().parents if p.exists()), Path("/"))
-        if not parent.is_dir() or not os.access(parent, os.W_OK):
-            raise OutputError(f"out = {str(out)!r}: {str(parent)!r} cannot be written; choose another place")
+        check_place(out)
         if not out.exists():
             return
         with out.open("rb") as file:
-            ours = GENERATOR.encode() in file.read(1000)
-    except OSError as error:
-        raise error if isinstance(error, OutputError) else describe_refusal(out, error) from None
-    if not ours:
-        raise OutputError(f"out = {str(out)!r}: exists and is no animation of rattle; choose another name")
+            if GENERATOR.encode() not in file.read(1000):
+                raise OutputError(f"out = {str(out)!r}: exists and is no animation of rattle; choose another name")
     if not overwrite:
         raise OutputError(f"out = {str(out)!r}: exists; choose another name, or give --overwrite")
 
@@ -145,10 +139,6 @@ def write_animation(out: Path, shown: Recording, name: str, command: str = "", o
     """Write an animation, whole or not at all."""
     text = animation(shown, name, command)
     check_file(out, overwrite)
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise describe_refusal(out, error) from None
     write_whole(out, text)
 
 

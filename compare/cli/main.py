@@ -1,8 +1,8 @@
 """The command ``rattle``."""
 
-from rattle.compare.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_at_once, ends_soon, said
+from rattle.compare.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_soon, said
 
-with ends_at_once():
+with ends_soon(raises=False):
     import errno
     from typing import Any
 
@@ -54,7 +54,7 @@ class RattleGroup(click.Group):
 
     def main(self, *args: Any, **extra: Any) -> Any:
         """Run the command line; Ctrl-C ends it at once where no command runs."""
-        with ends_at_once():
+        with ends_soon(raises=False):
             return super().main(*args, **extra)
 
     def invoke(self, ctx: click.Context) -> Any:

@@ -1,24 +1,21 @@
 """Output folders that are written whole or not at all, and that never replace files of others."""
 
-import ctypes
 import errno
-import fcntl
 import os
+import platform
 import re
 import secrets
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from rattle.compare.interrupt import unfinished
 from rattle.scene.errors import OutputError
 from rattle.scene.text import harmless, line
 
 ROOM = 20_000_000  # bytes that must be free before a long run begins; a report takes a few million
 PART, OLD = ".part", ".old"  # suffixes of scratch names: a folder or file being written, a folder being replaced
 ANY_TEXT = "rattle"  # name in the scratch names of single files
-AT_FDCWD, RENAME_EXCHANGE = -100, 2  # constants of Linux, see renameat2(2)
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -51,70 +48,65 @@ def describe_refusal(out: Path, error: OSError) -> OutputError:
     return OutputError(f"out = {str(out)!r}: {why}")
 
 
+@contextmanager
+def refusals(out: Path) -> Iterator[None]:
+    """Context in which a failed write raises `OutputError` with what to do."""
+    try:
+        yield
+    except OutputError:
+        raise
+    except OSError as error:  # such as a full disk, a name that is too long, a folder that may not be read
+        raise describe_refusal(out, error) from None
+
+
+def check_place(out: Path) -> Path:
+    """Check that a folder or file can be made where it is to be; the closest folder above it that exists."""
+    parent = next((p for p in out.absolute().parents if p.exists()), Path("/"))
+    if not parent.is_dir() or not os.access(parent, os.W_OK):
+        raise OutputError(f"out = {str(out)!r}: {str(parent)!r} cannot be written; choose another place")
+    return parent
+
+
 def check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
     """Check before a run that its output folder can be written without losing other files.
 
     `ours`: Names of the files of such a report; a folder with any other file is not replaced.
     """
-    try:
-        _check_free(out, ours, overwrite)
-    except OutputError:
-        raise
-    except OSError as error:  # such as a name that is too long, or a folder that may not be read
-        raise describe_refusal(out, error) from None
-
-
-def _check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
-    if out.is_symlink() or (out.exists() and not out.is_dir()):
-        raise OutputError(f"out = {str(out)!r}: exists and is not a folder; choose another name")
-    parent = next((p for p in out.absolute().parents if p.exists()), Path("/"))
-    if not parent.is_dir() or not os.access(parent, os.W_OK):
-        raise OutputError(f"out = {str(out)!r}: {str(parent)!r} cannot be written; choose another place")
-    if (free := shutil.disk_usage(parent).free) < ROOM:
-        raise OutputError(f"out = {str(out)!r}: {free / 1e6:.1f} MB are free there; make room for {ROOM / 1e6:.0f} MB")
-    if not out.exists():
-        return
-    inside = {p.name for p in out.iterdir()}
-    foreign = sorted(inside - ours)
-    if foreign:
-        raise OutputError(
-            f"out = {str(out)!r}: holds other things ({', '.join(map(line, foreign[:3]))}); choose another folder"
-        )
+    with refusals(out):
+        if out.is_symlink() or (out.exists() and not out.is_dir()):
+            raise OutputError(f"out = {str(out)!r}: exists and is not a folder; choose another name")
+        if (free := shutil.disk_usage(check_place(out)).free) < ROOM:
+            room = f"{free / 1e6:.1f} MB are free there; make room for {ROOM / 1e6:.0f} MB"
+            raise OutputError(f"out = {str(out)!r}: {room}")
+        inside = {p.name for p in out.iterdir()} if out.exists() else set()
+    if foreign := sorted(inside - ours):
+        names = ", ".join(map(line, foreign[:3]))
+        raise OutputError(f"out = {str(out)!r}: holds other things ({names}); choose another folder")
     if inside and not overwrite:
         raise OutputError(f"out = {str(out)!r}: holds an earlier report; choose another folder, or give --overwrite")
 
 
 @contextmanager
 def whole_folder(out: Path, ours: frozenset[str], overwrite: bool) -> Iterator[Path]:
-    """Context that writes a folder atomically: into a scratch folder beside it, which replaces it at the end."""
+    """Context that writes a folder whole or not at all: into one beside it, which replaces it at the end."""
     check_free(out, ours, overwrite)
-    try:
+    with refusals(out):
         out.parent.mkdir(parents=True, exist_ok=True)
         with scratch_folder(out.parent, out.name) as scratch:
             yield scratch
             _put(scratch, out, ours, overwrite)
-    except OutputError:
-        raise
-    except OSError as error:
-        raise describe_refusal(out, error) from None
 
 
 @contextmanager
 def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
-    """Context with a temporary folder; leftovers of killed processes under the same name are removed first.
-
-    Yields: The folder.  It is locked (flock) while its process lives, so that no other process removes it as a
-    leftover.
-    """
+    """Context with a temporary folder; leftovers of killed processes under the same name are removed first."""
     sweep(parent, name)
-    scratch, number = _lock(parent, name, Path.mkdir)
-    unfinished.add(scratch)
+    scratch = _scratch(parent, name, PART)
+    scratch.mkdir()
     try:
         yield scratch
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
-        unfinished.discard(scratch)
-        os.close(number)
 
 
 def within(folder: Path, *names: str) -> None:
@@ -126,83 +118,51 @@ def within(folder: Path, *names: str) -> None:
             )
 
 
-def _lock(parent: Path, name: str, make: Callable[[Path], object]) -> tuple[Path, int]:
-    """Make a scratch file or folder and lock it; repeated if another process removed it before it was locked.
-
-    Returns its path and the locked file descriptor.
-    """
-    while True:
-        scratch = _scratch(parent, name, PART)
-        make(scratch)
-        with suppress(FileNotFoundError):
-            number = os.open(scratch, os.O_RDONLY | os.O_NOFOLLOW)
-            with suppress(OSError):  # a file system without locks
-                fcntl.flock(number, fcntl.LOCK_EX)
-            if scratch.exists():
-                return scratch, number
-            os.close(number)
-
-
-def _scratch(parent: Path, name: str, suffix: str) -> Path:
-    """A new scratch name; unlike those of `tempfile`, files made under it have the permissions of the umask."""
-    return parent / f".{name}-{secrets.token_hex(4)}{suffix}"
-
-
-def _empty(path: Path) -> None:
-    path.touch(exist_ok=False)
-
-
 def write_whole(path: Path, text: str) -> None:
     """Write a text file whole or not at all; a symbolic link of that name is replaced, not followed."""
-    try:
+    with refusals(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
         sweep(path.parent, ANY_TEXT)
-        scratch, number = _lock(path.parent, ANY_TEXT, _empty)
+        scratch = _scratch(path.parent, ANY_TEXT, PART)
         try:
             scratch.write_text(text, encoding="utf-8")
             os.replace(scratch, path)
         finally:
             scratch.unlink(missing_ok=True)
-            os.close(number)
-    except OSError as error:
-        raise describe_refusal(path, error) from None
+
+
+def _scratch(parent: Path, name: str, suffix: str) -> Path:
+    """A new scratch name, with machine and process; what is made under it has the permissions of the umask."""
+    return parent / f".{name}-{platform.node()}-{os.getpid()}-{secrets.token_hex(4)}{suffix}"
 
 
 def _put(scratch: Path, out: Path, ours: frozenset[str], overwrite: bool) -> None:
     """Move a scratch folder to its place; if another run has taken that meanwhile, to a numbered name beside it."""
     try:
         check_free(out, ours, overwrite)
-        if not out.exists():
-            os.rename(scratch, out)
-        elif not _exchange(scratch, out):
-            _replace(scratch, out)
+        _replace(scratch, out)
     except OSError as error:
         if not (isinstance(error, OutputError) or error.errno in (errno.ENOTEMPTY, errno.EEXIST)):
             raise
         number = 2
-        while (kept := out.with_name(f"{out.name}-{number}")).exists():
+        while (beside := out.with_name(f"{out.name}-{number}")).exists():
             number += 1
-        os.rename(scratch, kept)
+        os.rename(scratch, beside)
         raise OutputError(
-            f"out = {str(out)!r}: has been taken by another run meanwhile; this report is kept as {str(kept)!r}"
+            f"out = {str(out)!r}: has been taken by another run meanwhile; this report is kept as {str(beside)!r}"
         ) from None
 
 
-def _exchange(one: Path, other: Path) -> bool:
-    """Exchange two folders atomically; False where the system cannot."""
-    rename = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
-    if rename is None:
-        return False
-    return bool(rename(AT_FDCWD, os.fsencode(one), AT_FDCWD, os.fsencode(other), RENAME_EXCHANGE) == 0)
-
-
 def _replace(scratch: Path, out: Path) -> None:
-    """Replace a folder in two steps; if the process is killed between them, `sweep` restores the old folder."""
+    """Move an old folder away, the new one to its place; of a process killed in between, `sweep` restores the old."""
+    if not out.exists():
+        os.rename(scratch, out)
+        return
     old = _scratch(out.parent, out.name, OLD)
-    old.mkdir()
     os.rename(out, old)
     try:
         os.rename(scratch, out)
-    except OSError:
+    except BaseException:
         os.rename(old, out)
         raise
     shutil.rmtree(old, ignore_errors=True)
@@ -210,29 +170,29 @@ def _replace(scratch: Path, out: Path) -> None:
 
 def sweep(parent: Path, name: str) -> None:
     """Remove scratch files and folders of killed processes; restore a folder that one was replacing."""
-    pattern = re.compile(rf"\.{re.escape(name)}-[a-z0-9_]{{8}}(\{PART}|\{OLD})")
-    try:
-        found = [parent / name for name in os.listdir(parent) if pattern.fullmatch(name)]
-    except OSError:  # a folder that may be written but not read
-        return
-    for left in found:
-        with suppress(OSError), _open(left) as number:
-            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)  # raises where its process lives
-            if not left.is_dir():
-                left.unlink()
-            elif left.suffix == OLD and any(left.iterdir()) and not (parent / name).exists():
-                os.rename(left, parent / name)
-            else:
-                shutil.rmtree(left, ignore_errors=True)
+    pattern = re.compile(rf"\.{re.escape(name)}-{re.escape(platform.node())}-(\d{{1,9}})-[0-9a-f]{{8}}(\{PART}|\{OLD})")
+    with suppress(OSError):  # a folder that may be written but not read
+        for left in map(pattern.fullmatch, os.listdir(parent)):
+            if left and not _is_running(int(left[1])):
+                _clear(parent / left[0], parent / name)
 
 
-@contextmanager
-def _open(path: Path) -> Iterator[int]:
-    number = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+def _is_running(process: int) -> bool:
     try:
-        yield number
-    finally:
-        os.close(number)
+        os.kill(process, 0)
+    except OSError as error:
+        return error.errno == errno.EPERM
+    return True
+
+
+def _clear(left: Path, out: Path) -> None:
+    """Remove what a killed process has left, or restore the folder that it was replacing."""
+    if not left.is_dir() or left.is_symlink():
+        left.unlink()
+    elif left.suffix == OLD and not out.exists():
+        os.rename(left, out)
+    else:
+        shutil.rmtree(left, ignore_errors=True)
 
 
 def name_of(path: Path) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 
 import tomli_w
 
-from rattle.compare.report.folder import describe_refusal, write_whole
+from rattle.compare.report.folder import write_whole
 from rattle.compare.thresholds.claim import Claim
 from rattle.compare.thresholds.prediction import Prediction
 from rattle.scene.errors import FileError
@@ -58,10 +58,6 @@ def read(path: Path) -> dict[str, Any]:
 
 def write(path: Path, found: Mapping[str, Any], model: str) -> None:
     """Write a baseline atomically."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise describe_refusal(path.parent, error) from None
     what = f"Section moments of {line(model)} by quantity and impact, and their scene"
     head = f"# {what}; written by pytest\n# --rattle-baselines=record (or =regenerate).\n\n"
     write_whole(path, head + tomli_w.dumps(found))

@@ -1,9 +1,17 @@
-"""Disks that are full or read-only: real ones where a small file system may be mounted."""
+"""Disks that are full or read-only: real ones where a small file system may be mounted; what a process leaves."""
 
+import platform
 import subprocess
 from contextlib import contextmanager
 
 import pytest
+
+DEAD = 999_999_999  # number of a process that no system has
+
+
+def scratch_name(name, process, suffix=".part"):
+    """Name of what a process writes, or has left."""
+    return f".{name}-{platform.node()}-{process}-0123abcd{suffix}"
 
 
 @contextmanager

@@ -2,7 +2,6 @@
 
 import builtins
 import errno
-import fcntl
 import io
 import os
 
@@ -10,6 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
+from small_disks import DEAD, scratch_name
 
 from rattle.compare.cli.main import main
 from rattle.compare.report.folder import whole_folder, write_whole
@@ -225,18 +225,16 @@ def test_what_killed_processes_have_left_is_gone_after_the_next_run(file):
     assert CliRunner().invoke(main, ["study", str(file)]).exit_code == 0
     out = file.with_suffix("")
     key = next((out / CELLS).glob("*.parquet")).stem
-    for left in (out / ".rattle-0123abcd.part", out / CELLS / f".{key}-0123abcd.part"):
+    for left in (out / scratch_name("rattle", DEAD), out / CELLS / f".{key}-0123abcd.part"):
         left.touch()
-    (out / ".page-0123abcd.part" / "figures").mkdir(parents=True)
+    (out / scratch_name("page", DEAD) / "figures").mkdir(parents=True)
     found = CliRunner().invoke(main, ["study", str(file)])
     assert "All 2 results are stored" in found.output
     assert not list(out.rglob(".*"))
 
 
 def test_a_text_that_a_process_is_writing_is_left_to_it(tmp_path):
-    with open(tmp_path / ".rattle-0123abcd.part", "w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        write_whole(tmp_path / "one.csv", "1")
-        assert sorted(p.name for p in tmp_path.iterdir()) == [".rattle-0123abcd.part", "one.csv"]
-    write_whole(tmp_path / "one.csv", "2")
-    assert [p.name for p in tmp_path.iterdir()] == ["one.csv"]
+    for process in (DEAD, os.getpid()):
+        (tmp_path / scratch_name("rattle", process)).touch()
+    write_whole(tmp_path / "one.csv", "1")
+    assert sorted(p.name for p in tmp_path.iterdir()) == [scratch_name("rattle", os.getpid()), "one.csv"]
