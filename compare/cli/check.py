@@ -33,13 +33,13 @@ def results(names: tuple[str, ...], all_checks: bool, seed: int, workers: int, a
     Exit codes: 0 all results hold; 1 one does not; 2 bad input.
     """
     from rattle.compare.checks.published.run import check_results
-    from rattle.compare.checks.published.table import lines, record
+    from rattle.compare.checks.table import published_lines, published_record
 
     found = check_results(names, seed=seed, workers=workers)
     if as_json:
-        say_json(record(found, seed))
+        say_json(published_record(found, seed))
     else:
-        for line in lines(found, all_checks=all_checks):
+        for line in published_lines(found, all_checks=all_checks):
             say(line)
     if not all(result.holds for result in found):
         sys.exit(EXIT_BROKEN)
@@ -56,13 +56,13 @@ def extremes(ranges: bool, as_json: bool) -> None:
     Exit codes: 0 all rows hold; 1 one does not; 2 bad input.
     """
     from rattle.compare.checks.extremes.run import extremes as run_checks
-    from rattle.compare.checks.extremes.table import lines
+    from rattle.compare.checks.table import extreme_lines, extreme_record
 
     rows = run_checks()
     if as_json:
-        say_json([row._asdict() | {"holds": row.holds} for row in rows])
+        say_json([extreme_record(row) for row in rows])
     else:
-        for line in lines(rows, ranges=ranges):
+        for line in extreme_lines(rows, ranges=ranges):
             say(line)
     if not all(row.holds for row in rows):
         sys.exit(EXIT_BROKEN)

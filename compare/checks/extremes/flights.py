@@ -1,12 +1,13 @@
 """Flights, their derivatives and their noise compared with 400-digit arithmetic, for extreme damping, drag and time."""
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
 from rattle.closure import section_map
 from rattle.compare.checks.extremes import truth
-from rattle.compare.checks.extremes.row import ROUNDING, Extreme, farthest, spread, worst_of
+from rattle.compare.checks.extremes.extreme import extreme, farthest, spread
 from rattle.scene import damping, flight
 from rattle.scene.constants import Constants
 
@@ -43,107 +44,84 @@ def _draw(seed: int) -> list[tuple[Constants, float, float]]:
     return out
 
 
-def flight_state() -> Extreme:
+@extreme(
+    "flight",
+    "alpha, beta, gamma",
+    "t 1e-12 to 1e6, beta 0 to 1e3, alpha 0 to 1e4, gamma 0 to 1e6",
+    "MODEL 2 in 400 digits",
+    unit="the sum of its terms",
+)
+def flight_state() -> Iterator[float]:
     """Displacements and velocities after a flight."""
-    rng, errors = np.random.default_rng(1), []
+    rng = np.random.default_rng(1)
     for c, tau, t in _draw(0):
         y1, y2 = (float(rng.choice([-1.0, 1.0]) * v) for v in rng.choice(spread(1e-12, 1e4, 5, 0.0), 2))
         values, sizes = truth.flight(c, tau, y1, y2, t)
-        errors.append(farthest(flight.displacement(c, tau, y1, y2, t), values, sizes))
-    return Extreme(
-        "flight",
-        "alpha, beta, gamma",
-        "t 1e-12 to 1e6, beta 0 to 1e3, alpha 0 to 1e4, gamma 0 to 1e6",
-        "MODEL 2 in 400 digits",
-        worst_of(errors),
-        ROUNDING,
-        "the sum of its terms",
-    )
+        yield farthest(flight.displacement(c, tau, y1, y2, t), values, sizes)
 
 
-def phi_functions() -> Extreme:
+@extreme("phi-functions of damping", "beta", "beta 0, 1e-14 to 1e3; t 1e-12 to 1e6", "MODEL 2 in 400 digits")
+def phi_functions() -> Iterator[float]:
     """``t phi1(-beta t)`` and ``t^2 phi2(-beta t)``."""
-    errors = []
     for beta in BETAS:
         for t in TIMES:
             values, _ = truth.flight(constants(alpha=0.0, beta1=beta, gamma1=1.0), 0.0, 0.0, 0.0, t)
             (_, e, _, _), *_ = truth.jacobian(constants(beta1=beta), t)
-            errors += [
-                farthest(damping.phi1(beta, t), e, e),
-                farthest(damping.phi2(beta, t), values[0], values[0]),
-            ]
-    return Extreme(
-        "phi-functions of damping",
-        "beta",
-        "beta 0, 1e-14 to 1e3; t 1e-12 to 1e6",
-        "MODEL 2 in 400 digits",
-        worst_of(errors),
-        ROUNDING,
-        "its value",
-    )
+            yield farthest(damping.phi1(beta, t), e, e)
+            yield farthest(damping.phi2(beta, t), values[0], values[0])
 
 
-def flight_jacobian() -> Extreme:
+@extreme(
+    "Jacobian of a flight",
+    "beta1 = beta2",
+    "beta 0 to 1e3, apart by 0, by 1e-16 of it and more",
+    "MODEL 2 in 400 digits",
+    unit="each entry, (1 + beta t)",
+)
+def flight_jacobian() -> Iterator[float]:
     """Every entry of the Jacobian of a flight, with its own relative error."""
-    errors = []
     for c, _, t in _draw(2):
         exact = np.array(truth.jacobian(c, t))
-        errors.append(
-            farthest(
-                flight.jacobian(c, t), exact, np.maximum(np.abs(exact) * (1.0 + max(c.beta1, c.beta2) * t), 1e-300)
-            )
-        )
-    return Extreme(
-        "Jacobian of a flight",
-        "beta1 = beta2",
-        "beta 0 to 1e3, apart by 0, by 1e-16 of it and more",
-        "MODEL 2 in 400 digits",
-        worst_of(errors),
-        ROUNDING,
-        "each entry, (1 + beta t)",
-    )
+        size = np.abs(exact) * (1.0 + max(c.beta1, c.beta2) * t)
+        yield farthest(flight.jacobian(c, t), exact, np.maximum(size, 1e-300))
 
 
-def flight_noise() -> Extreme:
+@extreme(
+    "noise of a flight",
+    "sigma, beta",
+    "t 1e-12 to 1e6, beta 0 to 1e3, nearly equal too; sigma 1e-8 and 1e4",
+    "sums of exponentials in 400 digits",
+    allowed=1e-13,
+    unit="sd times sd",
+)
+def flight_noise() -> Iterator[float]:
     """Covariance of the noise accumulated in a flight."""
-    errors = []
     for c, tau, t in _draw(3):
         unit = np.array(truth.noise(c, tau, t))
         for sigma in (1e-8, 1e4):
             exact = sigma * sigma * unit
             sd = np.sqrt(exact.diagonal())
             found = flight.noise_covariance(c._replace(sigma=sigma), tau, t)
-            errors.append(farthest(found, exact, np.maximum(np.outer(sd, sd), 1e-300)))
-    return Extreme(
-        "noise of a flight",
-        "sigma, beta",
-        "t 1e-12 to 1e6, beta 0 to 1e3, nearly equal too; sigma 1e-8 and 1e4",
-        "sums of exponentials in 400 digits",
-        worst_of(errors),
-        1e-13,
-        "sd times sd",
-    )
+            yield farthest(found, exact, np.maximum(np.outer(sd, sd), 1e-300))
 
 
-def noise_phase_derivative() -> Extreme:
+@extreme(
+    "derivative of that noise by the phase",
+    "sigma, beta",
+    "as above",
+    "the same reference at two phases",
+    allowed=1e-11,
+    unit="largest sd times sd",
+)
+def noise_phase_derivative() -> Iterator[float]:
     """Derivative of that covariance by the phase of the start."""
-    errors = []
     for c, tau, t in _draw(4)[: POINTS // 3]:
         h = 1e-3
         ahead, behind = (np.array(truth.noise(c, tau + k * h, t)) for k in (1.0, -1.0))
         exact = (ahead - behind) / math.sin(2.0 * h)  # exact derivative of A + B cos 2 tau + C sin 2 tau
         most = np.sqrt(np.maximum(ahead.diagonal(), np.array(truth.noise(c, tau + 0.5 * math.pi, t)).diagonal()))
         found = section_map.noise_slope(c, tau, t)
-        errors.append(farthest(found, exact, np.maximum(np.outer(most, most), 1e-300)))
-    return Extreme(
-        "derivative of that noise by the phase",
-        "sigma, beta",
-        "as above",
-        "the same reference at two phases",
-        worst_of(errors),
-        1e-11,
-        "largest sd times sd",
-    )
+        yield farthest(found, exact, np.maximum(np.outer(most, most), 1e-300))
 
 
 ROWS = (phi_functions, flight_state, flight_jacobian, flight_noise, noise_phase_derivative)

@@ -1,22 +1,31 @@
-"""Extreme impacts: saltation matrices, grazing hits and near misses, simultaneous impacts at both meshes."""
+"""Extreme impacts: saltation matrices, grazing hits and near misses, simultaneous impacts, sticking phases."""
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
 from rattle import montecarlo
 from rattle.closure import orbit
 from rattle.compare.checks.extremes import truth
+from rattle.compare.checks.extremes.extreme import extreme, farthest, spread
 from rattle.compare.checks.extremes.flights import constants
-from rattle.compare.checks.extremes.row import ROUNDING, Extreme, farthest, spread, worst_of
 from rattle.scene import Scene, Start, impact, tangent
+from rattle.scene.impact import TOUCH
 
 EPSILONS = (0.0, 1e-12, 0.1, math.exp(-math.pi / math.sqrt(3.0)), 0.9, 1.0 - 2.0**-53, 1.0)
 
 
-def saltation() -> Extreme:
+@extreme(
+    "saltation matrix",
+    "epsilon",
+    "epsilon 0 to 1, speed 1e-9 to 1e4, beta 0 to 1e3",
+    "MODEL 6 in 400 digits",
+    unit="the sum of its terms",
+)
+def saltation() -> Iterator[float]:
     """Saltation matrix."""
-    rng, errors = np.random.default_rng(5), []
+    rng = np.random.default_rng(5)
     for epsilon in EPSILONS:
         for speed in spread(1e-9, 1e4, 8):
             for mesh in (1, 2):
@@ -28,21 +37,18 @@ def saltation() -> Extreme:
                 y1, y2 = (speed, other) if mesh == 1 else (other, -speed)
                 exact, size = truth.saltation(c, mesh, tau, y1, y2)
                 found = tangent.saltation_matrix(c, mesh, tau, y1, y2)
-                errors.append(farthest(found, exact, np.maximum(size, 1e-300)))
-    return Extreme(
-        "saltation matrix",
-        "epsilon",
-        "epsilon 0 to 1, speed 1e-9 to 1e4, beta 0 to 1e3",
-        "MODEL 6 in 400 digits",
-        worst_of(errors),
-        ROUNDING,
-        "the sum of its terms",
-    )
+                yield farthest(found, exact, np.maximum(size, 1e-300))
 
 
-def grazing() -> Extreme:
+@extreme(
+    "grazing hit, and near miss",
+    "gap",
+    "past the wall by 1e-12 to 0.1 of a gap of 1e-8, 0.5, 1e4",
+    "roots of a parabola",
+    unit="flight, gap over speed",
+)
+def grazing() -> Iterator[float]:
     """A parabolic flight whose apex passes or misses a wall by a small fraction of the gap."""
-    errors = []
     for gap in (1e-8, 0.5, 1e4):
         for share in spread(1e-12, 1e-1, 7):
             for pull in (0.01, 1.0, 100.0):  # acceleration by drag, in half gaps per unit of time squared
@@ -54,18 +60,9 @@ def grazing() -> Extreme:
                     t, mesh, side, *_ = impact.next_impact(c, 0.0, 0.0, y, 0.0, 0.0, 1e4)
                     exact, sign, speed = _meet(y, drag, gap)
                     if (mesh, side) != (1, sign):
-                        errors.append(math.inf)
+                        yield math.inf
                     else:  # the wall is known to rounding, so the time to rounding of gap / speed
-                        errors.append(farthest(t, exact, exact + gap / speed))
-    return Extreme(
-        "grazing hit, and near miss",
-        "gap",
-        "past the wall by 1e-12 to 0.1 of a gap of 1e-8, 0.5, 1e4",
-        "roots of a parabola",
-        worst_of(errors),
-        ROUNDING,
-        "flight, gap over speed",
-    )
+                        yield farthest(t, exact, exact + gap / speed)
 
 
 @truth.in_digits
@@ -81,9 +78,16 @@ def _meet(y: float, drag: float, gap: float) -> tuple[float, int, float]:
     return float((-v + speed) / a), 1, float(speed)
 
 
-def simultaneous() -> Extreme:
+@extreme(
+    "simultaneous impacts at both meshes",
+    "gap1, gap2",
+    "gaps 7e-9 to 8e3; the orbit, located Euler, exact flights",
+    "restitution maps by hand",
+    allowed=1e-9,
+    unit="gap, unit of time",
+)
+def simultaneous() -> Iterator[float]:
     """Simultaneous impacts at both meshes: mesh 1 comes first, then mesh 2 with the velocity left by it."""
-    errors = []
     for gap in (2.0**-27, 0.5, 2.0**13):
         start = Start(0.0, 0.0, 2.0 * gap, 0.0, -3.0 * gap)
         scene = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, mu=0.25, gap1=gap, gap2=1.5 * gap, start=start)
@@ -106,16 +110,60 @@ def simultaneous() -> Extreme:
             sides.append(dict(montecarlo.simulate(scene, paths=1, impacts=2, scheme=scheme, dt=2.0**-7).columns))
         units = {"tau": 1.0, "flight": 1.0, "mesh": 1.0, "side": 1.0}
         for side in sides:
-            errors += [farthest(side[name], exact[name], units.get(name, gap)) for name in exact]
-    return Extreme(
-        "simultaneous impacts at both meshes",
-        "gap1, gap2",
-        "gaps 7e-9 to 8e3; the orbit, located Euler, exact flights",
-        "restitution maps by hand",
-        worst_of(errors),
-        1e-9,
-        "gap, unit of time",
-    )
+            yield from (farthest(side[name], exact[name], units.get(name, gap)) for name in exact)
 
 
-ROWS = (saltation, grazing, simultaneous)
+@extreme(
+    "completed chatter",
+    "epsilon, gamma",
+    "epsilon 0 to 0.99; gaps 1e-8 to 8e3; drag 0.01 to 100 gaps",
+    "geometric sum of the flights",
+    allowed=1e-9,
+    unit="its time",
+)
+def chatter_time() -> Iterator[float]:
+    """A ball that falls from the middle of the gap completes its chatter after ``(1 + eps) / (1 - eps)`` fall times."""
+    for gap in (2.0**-26, 0.5, 2.0**13):
+        for pull in (0.01, 1.0, 100.0):  # acceleration by drag, in half gaps per unit of time squared
+            fall = math.sqrt(2.0 / pull)
+            for epsilon in (0.0, 1e-12, 0.1, 0.5, 0.9, 0.99):
+                scene = Scene(
+                    alpha=0.0, epsilon=epsilon, beta1=0.0, gamma1=pull * gap, gap1=gap, stages=1, start=Start()
+                )
+                phases = orbit.follow(scene, 5000).sticking
+                closed = phases[0].closed if len(phases) == 1 and math.isinf(phases[0].opened) else math.nan
+                exact = fall * (1.0 + epsilon) / (1.0 - epsilon)
+                yield farthest(closed, exact, exact)
+
+
+@extreme(
+    "end of a sticking phase",
+    "gamma, beta",
+    "drag 0.3 to 0.999 of the driver's largest acceleration; beta 0 to 1; sizes 1e-8 to 8e3",
+    "root of the contact force",
+    allowed=2.0 * TOUCH,
+    unit="unit of time",
+)
+def sticking_end() -> Iterator[float]:
+    """A mesh that drag keeps closed opens when the driver's acceleration exceeds the drag."""
+    for size in (2.0**-26, 1.0, 2.0**13):
+        for share in (0.3, 0.9, 0.999):  # drag over the largest acceleration of the driver
+            for beta in spread(1e-6, 1.0, 3, 0.0):
+                most = math.hypot(1.0, beta)  # of |beta cos tau - sin tau|
+                scene = Scene(
+                    alpha=size,
+                    epsilon=0.2,
+                    beta1=beta,
+                    gamma1=share * most * size,
+                    gap1=0.5 * size,
+                    stages=1,
+                    start=Start(0.0, 0.5 * size, 0.1 * size, 0.0, 0.0, mesh=1),
+                )
+                phases = [p for p in orbit.follow(scene, 60).sticking if p.opened - p.closed > 0.1]
+                # the decreasing zero of share + sin(atan beta - tau)
+                exact = [math.asin(share) + math.atan(beta) + 2.0 * math.pi * n for n in range(200)]
+                yield math.inf if not phases else 0.0
+                yield from (min(abs(p.opened - e) for e in exact) for p in phases)
+
+
+ROWS = (saltation, grazing, simultaneous, chatter_time, sticking_end)

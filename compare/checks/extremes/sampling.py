@@ -1,12 +1,13 @@
 """Samplers at extreme values: published results of a noisy particle, sticking meshes, tolerances as large as gaps."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from rattle import closure, montecarlo
-from rattle.compare.checks.extremes.row import Extreme, farthest, worst_of
+from rattle.compare.checks.extremes.extreme import extreme, farthest
 from rattle.compare.checks.published import returning
 from rattle.compare.checks.published.exit_time import mean_exit_time
 from rattle.montecarlo import SCHEMES, Record
@@ -22,9 +23,16 @@ EXITS = ((1e-3, 1e-8), (1e-3, 1e-6), (1.0, 1e-3), (1e4, 1e-8), (1e4, 1e-3), (1e4
 EXIT_BIAS = 2e-3  # relative bias of an exit time, by a step of a thousandth of it and by the modulation of the noise
 
 
-def exit_times() -> Extreme:
+@extreme(
+    "mean exit time from a gap",
+    "sigma, gap",
+    "sigma 1e-3 to 1e4, half gap 1e-8 to 10; two schemes",
+    "Masoliver & Porra 1995",
+    allowed=Z,
+    unit="z",
+)
+def exit_times() -> Iterator[float]:
     """Mean exit times of a randomly accelerated particle from the middle and from a tenth of a gap."""
-    worst = []
     for n, (sigma, half) in enumerate(EXITS):
         for share in (0.1, 0.5):
             truth = mean_exit_time(2.0 * half * share, 2.0 * half, sigma)
@@ -44,38 +52,34 @@ def exit_times() -> Extreme:
                 )
                 mean, se = (float(run.columns[name][0]) for name in ("flight", "se_flight"))
                 error = max(abs(mean - truth) - EXIT_BIAS * truth, 0.0)
-                worst.append(error / se if run.unfinished == 0 else math.inf)
-    return Extreme(
-        "mean exit time from a gap",
-        "sigma, gap",
-        "sigma 1e-3 to 1e4, half gap 1e-8 to 10; two schemes",
-        "Masoliver & Porra 1995",
-        worst_of(worst),
-        Z,
-        "z",
-    )
+                yield error / se if run.unfinished == 0 else math.inf
 
 
-def collapse_drift() -> Extreme:
+@extreme(
+    "drift of ln speed per bounce",
+    "epsilon",
+    "1e-9 to 1, including the collapse below 0.163",
+    "Cornell, Swift & Bray 1998",
+    allowed=Z,
+    unit="z",
+)
+def collapse_drift() -> Iterator[float]:
     """Drift of ln speed per bounce, below and above the restitution at which a noisy particle collapses."""
-    worst = []
     for n, epsilon in enumerate((1e-9, 0.1, math.exp(-DRIFT), 1.0)):
         whole = returning.log_speeds(epsilon, PATHS, 6, n)[:, -1] / 6.0
-        worst.append(abs(float(whole.mean()) - math.log(epsilon) - DRIFT) / (float(whole.std()) / math.sqrt(PATHS)))
-    return Extreme(
-        "drift of ln speed per bounce",
-        "epsilon",
-        "1e-9 to 1, including the collapse below 0.163",
-        "Cornell, Swift & Bray 1998",
-        worst_of(worst),
-        Z,
-        "z",
-    )
+        yield abs(float(whole.mean()) - math.log(epsilon) - DRIFT) / (float(whole.std()) / math.sqrt(PATHS))
 
 
-def confined_paths() -> Extreme:
+@extreme(
+    "paths that stick or collapse",
+    "epsilon, sigma",
+    "epsilon 0, 0.05, 0.163, 1; sigma 1e-3 to 1e3; every scheme",
+    "they reach the end, between the walls",
+    allowed=1e-9,
+    unit="half gap, or plain step",
+)
+def confined_paths() -> Iterator[float]:
     """Paths that collapse onto a wall, or stick to it, stay between the walls and reach the end."""
-    errors = []
     for epsilon in (0.0, 0.05, 0.163, 1.0):
         for sigma in (1e-3, 1.0, 1e3):
             scene = Scene.from_gears(replace(DAT21, epsilon=epsilon), sigma=sigma)
@@ -97,21 +101,19 @@ def confined_paths() -> Extreme:
                 over = max(float(means.max()), float(struck.max())) - 0.5
                 plain = SCHEMES[scheme].code == PLAIN  # detects impacts only at the ends of its steps
                 unit = 0.5 + (10.0 + 5.0 * sigma * math.sqrt(dt)) * dt * 1e9 * plain
-                errors.append(max(over, 0.0) / unit if len(means) == len(fixed) else math.inf)
-    return Extreme(
-        "paths that stick or collapse",
-        "epsilon, sigma",
-        "epsilon 0, 0.05, 0.163, 1; sigma 1e-3 to 1e3; every scheme",
-        "they reach the end, between the walls",
-        worst_of(errors),
-        1e-9,
-        "half gap, or plain step",
-    )
+                yield max(over, 0.0) / unit if len(means) == len(fixed) else math.inf
 
 
-def sticking_paths() -> Extreme:
+@extreme(
+    "sticking under drag",
+    "gamma",
+    "drags of 1 to 1e4 gaps, gaps 1e-8 to 1e4; every scheme and closure",
+    "at its wall after the bouncing ball's time",
+    allowed=0.02,
+    unit="half gap, or step's fall",
+)
+def sticking_paths() -> Iterator[float]:
     """Under drag a path completes its chatter at the time of the bouncing ball, and sticks from then on."""
-    errors = []
     for gap in (1e-8, 0.5, 1e4):
         for pull in (p for p in (1.0, 1e2, 1e4) if p * gap <= 1e6):  # drag in half gaps per unit of time squared
             drag, epsilon = pull * gap, 0.5
@@ -132,28 +134,26 @@ def sticking_paths() -> Extreme:
                 )
                 row = run.at_times().iloc[0]
                 bounce = 2.0 * drag * dt  # largest speed of the plain scheme, which detects a wall at the end of a step
-                errors.append(farthest(row["x1"], gap, gap + drag * dt * dt))
-                errors.append(max(abs(float(row["y1"])) / bounce - 1.0, 0.0))
+                yield farthest(row["x1"], gap, gap + drag * dt * dt)
+                yield max(abs(float(row["y1"])) / bounce - 1.0, 0.0)
             orbit = closure.follow(scene, 2000)
             ends = "sticks" in orbit.stopped or bool((np.diff(orbit.tau) > 0.0).all())
-            errors.append(0.0 if ends else math.inf)
+            yield 0.0 if ends else math.inf
             for name in ("corrected", "saltation"):
                 m = closure.mean_map(scene.with_sigma(1e-3 * gap), impacts=200, closure=name)
-                errors.append(0.0 if m.stopped or m.trace.found == 200 else math.inf)
-    return Extreme(
-        "sticking under drag",
-        "gamma",
-        "drags of 1 to 1e4 gaps, gaps 1e-8 to 1e4; every scheme and closure",
-        "at its wall after the bouncing ball's time",
-        worst_of(errors),
-        0.02,
-        "half gap, or step's fall",
-    )
+                yield 0.0 if m.stopped or m.trace.found == 200 else math.inf
 
 
-def large_tolerances() -> Extreme:
+@extreme(
+    "tolerances as large as the gap",
+    "c_max",
+    "c_max within 1e-12 of gaps of 1e-8, 0.5, 1e4; every distribution",
+    "a wider gap; no path beyond it",
+    allowed=0.0,
+    unit="a half gap",
+)
+def large_tolerances() -> Iterator[float]:
     """Tolerances as large as the gap: a fixed one equals a wider gap; with random ones no path is beyond its walls."""
-    errors = []
     for gap in (1e-8, 0.5, 1e4):
         plain = Scene.from_gears(DAT21, sigma=0.1).scaled(2.0 * gap)
         most = gap * (1.0 - 2.0**-40)
@@ -162,13 +162,13 @@ def large_tolerances() -> Extreme:
         wide = replace(plain, gap1=gap + most, gap2=gap + most, start=start)
         for name in ("published", "corrected", "saltation"):
             a, b = (closure.mean_map(s, impacts=3, closure=name).section for s in (fixed, wide))
-            errors.append(farthest(a.select_dtypes("number"), b.select_dtypes("number"), gap))
+            yield farthest(a.select_dtypes("number"), b.select_dtypes("number"), gap)
         for control in (False, True):
             a, b = (
                 montecarlo.simulate(s, paths=32, impacts=3, scheme="exact-flight", rng=1, control=control).section
                 for s in (fixed, wide)
             )
-            errors.append(farthest(a.select_dtypes("number"), b.select_dtypes("number"), gap))
+            yield farthest(a.select_dtypes("number"), b.select_dtypes("number"), gap)
         for distribution in ("uniform", "normal"):
             for draw in ("path", "contact"):
                 loose = replace(
@@ -180,16 +180,7 @@ def large_tolerances() -> Extreme:
                     loose, paths=64, impacts=4, scheme="exact-flight", rng=2, horizon=20.0, record=Record(raw=True)
                 )
                 assert run.raw is not None
-                errors.append(max(float(np.nan_to_num(np.abs(run.raw[:, :, [2, 4]])).max()) / (gap + most) - 1.0, 0.0))
-    return Extreme(
-        "tolerances as large as the gap",
-        "c_max",
-        "c_max within 1e-12 of gaps of 1e-8, 0.5, 1e4; every distribution",
-        "a wider gap; no path beyond it",
-        worst_of(errors),
-        0.0,
-        "a half gap",
-    )
+                yield max(float(np.nan_to_num(np.abs(run.raw[:, :, [2, 4]])).max()) / (gap + most) - 1.0, 0.0)
 
 
 ROWS = (exit_times, collapse_drift, confined_paths, sticking_paths, large_tolerances)

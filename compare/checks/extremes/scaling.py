@@ -10,7 +10,7 @@ import pandas as pd
 from rattle import closure, montecarlo
 from rattle.closure import CLOSURES, long_orbit
 from rattle.compare.checks.extremes import truth
-from rattle.compare.checks.extremes.row import ROUNDING, Extreme, farthest, worst_of
+from rattle.compare.checks.extremes.extreme import extreme, farthest
 from rattle.compare.validation import validate as validation
 from rattle.montecarlo import SCHEMES, Record
 from rattle.montecarlo.coupling import long_path
@@ -68,9 +68,16 @@ def _factors(table: pd.DataFrame, factor: float) -> np.ndarray:
     return np.where(plain, factor, 1.0)
 
 
-def unit_of_length() -> Extreme:
+@extreme(
+    "unit of length",
+    "all lengths",
+    "gaps 7e-9 to 8e3: every closure, scheme and verdict, chaos",
+    "exact scaling, bit for bit",
+    allowed=0.0,
+    unit="each number",
+)
+def unit_of_length() -> Iterator[float]:
     """All lengths, speeds, accelerations and the noise times a power of two: every table scales bit for bit."""
-    errors = []
     tables, stretches, verdicts = dict(_sections(_scene())), list(_stretches(_scene())), _verdicts(_scene())
     for power in POWERS:
         factor = 2.0**power
@@ -78,46 +85,42 @@ def unit_of_length() -> Extreme:
         for name, table in _sections(scene):
             numbers = tables[name].select_dtypes("number")
             exact = numbers.to_numpy(float) * _factors(numbers, factor)
-            errors.append(farthest(table.select_dtypes("number"), exact, np.maximum(np.abs(exact), 1e-300)))
-        errors.append(float((_verdicts(scene) != verdicts).sum()))
+            yield farthest(table.select_dtypes("number"), exact, np.maximum(np.abs(exact), 1e-300))
+        yield float((_verdicts(scene) != verdicts).sum())
         for rows, exact in zip(_stretches(scene), stretches, strict=True):
             wide = exact * np.repeat([1.0, factor], [6, 4])
-            errors.append(farthest(rows, wide, np.maximum(np.abs(wide), 1e-300)))
-    return Extreme(
-        "unit of length",
-        "all lengths",
-        "gaps 7e-9 to 8e3: every closure, scheme and verdict, chaos",
-        "exact scaling, bit for bit",
-        worst_of(errors),
-        0.0,
-        "each number",
-    )
+            yield farthest(rows, wide, np.maximum(np.abs(wide), 1e-300))
 
 
-def whole_periods() -> Extreme:
+@extreme(
+    "late start: flights, sds, means",
+    "start.tau",
+    "1e4 to 1e12, and -1e12: every closure, every scheme, chaos",
+    "the same scene at the phase from 400 digits of pi",
+    allowed=1e-11,
+    unit="1, or each number",
+)
+def whole_periods() -> Iterator[float]:
     """A start so late that its absolute time lacks the digits of a flight, compared with the same phase near 0."""
-    errors = []
     for tau in STARTS:
         late, reduced = _scene(tau), _scene(truth.phase(tau))
         for (_, a), (_, b) in zip(_sections(late), _sections(reduced), strict=True):
             exact = b.select_dtypes("number").to_numpy(float)
-            errors.append(farthest(a.select_dtypes("number"), exact, np.maximum(np.abs(exact), 1.0)))
+            yield farthest(a.select_dtypes("number"), exact, np.maximum(np.abs(exact), 1.0))
         for rows, exact in zip(_stretches(late), _stretches(reduced), strict=True):
-            errors.append(farthest(rows, exact, np.maximum(np.abs(exact), 1.0)))
-    return Extreme(
-        "late start: flights, sds, means",
-        "start.tau",
-        "1e4 to 1e12, and -1e12: every closure, every scheme, chaos",
-        "the same scene at the phase from 400 digits of pi",
-        worst_of(errors),
-        1e-11,
-        "1, or each number",
-    )
+            yield farthest(rows, exact, np.maximum(np.abs(exact), 1.0))
 
 
-def proportional_sds() -> Extreme:
+@extreme(
+    "sds of linear closures",
+    "sigma",
+    "0, 1e-30 to 1e4: corrected, saltation",
+    "proportional to sigma",
+    allowed=1e-11,
+    unit="each sd",
+)
+def proportional_sds() -> Iterator[float]:
     """Sds of the linear closures are proportional to the noise intensity."""
-    errors = []
     for name in ("corrected", "saltation"):
         one, *others = (
             closure.mean_map(_scene().with_sigma(sigma), impacts=6, closure=name).section.filter(like="sd_")
@@ -125,58 +128,40 @@ def proportional_sds() -> Extreme:
         )
         for sigma, table in zip(SIGMAS, others, strict=True):
             exact = sigma * one.to_numpy()
-            errors.append(farthest(table, exact, np.maximum(exact, 1e-13 * sigma)))
-    return Extreme(
-        "sds of linear closures",
-        "sigma",
-        "0, 1e-30 to 1e4: corrected, saltation",
-        "proportional to sigma",
-        worst_of(errors),
-        1e-11,
-        "each sd",
-    )
+            yield farthest(table, exact, np.maximum(exact, 1e-13 * sigma))
 
 
-def phases() -> Extreme:
+@extreme("phase of a late start", "start.tau", "10 to 1e12, both signs", "400 digits of pi")
+def phases() -> Iterator[float]:
     """The phase of a late start."""
     starts = [s * 10.0**k for k in range(1, 12) for s in (1.0, -1.0, 3.7, 10.0)]
     found = [Scene.from_gears(DAT21, start=Start(t, 0.5, 2.0, 0.5, 2.0, mesh=1)).phase for t in starts]
     exact = np.array([truth.phase(t) for t in starts])
-    return Extreme(
-        "phase of a late start",
-        "start.tau",
-        "10 to 1e12, both signs",
-        "400 digits of pi",
-        farthest(found, exact, np.abs(exact)),
-        ROUNDING,
-        "its value",
-    )
+    yield farthest(found, exact, np.abs(exact))
 
 
-def absolute_times() -> Extreme:
+@extreme(
+    "late start: absolute times, and verdicts",
+    "start.tau",
+    "1e4 to 1e12, and -1e12",
+    "sums of fractions; the verdicts at the same phase",
+    allowed=0.5,
+    unit="last place; verdicts",
+)
+def absolute_times() -> Iterator[float]:
     """Absolute times are the local ones plus that of the start, rounded once; verdicts do not depend on the start."""
-    errors = []
     for tau in STARTS:
         late = _scene(tau)
         m = closure.mean_map(late, impacts=IMPACTS)
         since = m.phase_reduced.section["tau"].to_numpy() - late.phase
         exact = [float(Fraction(tau) + Fraction(s)) for s in since]
-        errors.append(farthest(m.section["tau"], exact, np.spacing(abs(tau))))
+        yield farthest(m.section["tau"], exact, np.spacing(abs(tau)))
         scenes = (late, _scene(truth.phase(tau)))
         a, b = (validation.validate(s, impacts=2, paths=4096, rng=1, dt=0.01).table for s in scenes)
-        errors.append(float((a["verdict"] != b["verdict"]).sum()))
+        yield float((a["verdict"] != b["verdict"]).sum())
         # at a fixed time `branching` takes back the noise of the rest of the flight, which cancels most of it
         scale = np.where((a["closure"] == "branching") & (a["kind"] == "fixed time"), 1e-7, 1e-11)[:, None]
-        errors.append(farthest(a[["error", "low", "high"]], b[["error", "low", "high"]], scale))
-    return Extreme(
-        "late start: absolute times, and verdicts",
-        "start.tau",
-        "1e4 to 1e12, and -1e12",
-        "sums of fractions; the verdicts at the same phase",
-        worst_of(errors),
-        0.5,
-        "last place; verdicts",
-    )
+        yield farthest(a[["error", "low", "high"]], b[["error", "low", "high"]], scale)
 
 
 ROWS = (unit_of_length, proportional_sds, phases, whole_periods, absolute_times)

@@ -1,13 +1,14 @@
 """A step of exact flight, from the shortest to the longest admissible step."""
 
 import math
+from collections.abc import Iterator
 
 import mpmath as mp
 import numpy as np
 
 from rattle.compare.checks.extremes import truth
+from rattle.compare.checks.extremes.extreme import extreme, farthest, spread
 from rattle.compare.checks.extremes.flights import constants
-from rattle.compare.checks.extremes.row import ROUNDING, Extreme, farthest, spread, worst_of
 from rattle.montecarlo.schemes import short_flight as short
 from rattle.scene.constants import Constants
 
@@ -26,62 +27,48 @@ def _scenes_and_steps() -> list[tuple[Constants, float]]:
     return out
 
 
-def step_phase() -> Extreme:
+@extreme("phase of a step", "tau", "1e-9 to 1e6, and multiples of pi / 4", "mpmath in 40 digits", unit="1")
+def step_phase() -> Iterator[float]:
     """Sine and cosine by the project's own operations."""
-    errors = []
     for tau in (*spread(1e-9, 1e6, 200, 0.0), *(-0.25 * math.pi * k for k in range(1, 40))):
         with mp.workdps(40):
             exact = float(mp.sin(mp.mpf(tau))), float(mp.cos(mp.mpf(tau)))
-        errors.append(farthest(short.sine_cosine(tau), exact))
-    return Extreme(
-        "phase of a step",
-        "tau",
-        "1e-9 to 1e6, and multiples of pi / 4",
-        "mpmath in 40 digits",
-        worst_of(errors),
-        ROUNDING,
-        "1",
-    )
+        yield farthest(short.sine_cosine(tau), exact)
 
 
-def step_flight() -> Extreme:
+@extreme(
+    "exact flight: a part of a step",
+    "beta, beta1 = beta2",
+    "beta 0 to 1e3, beta h up to 0.2, h up to 0.1",
+    "MODEL 2 in 400 digits",
+    unit="sum of the terms",
+)
+def step_flight() -> Iterator[float]:
     """Flight of a part of a step without noise: what it adds to the displacements, and the velocities after it."""
-    errors = []
     for c, h in _scenes_and_steps():
         tau, (_, y1, _, y2) = 2.2, STATE
         exact, sizes = truth.flight(c, tau, y1, y2, h)
         found, _ = short.short_flight(c, short.sine_cosine(tau), h, (0.0, y1, 0.0, y2), 0.0, 0.0)
-        errors.append(farthest(found, exact, sizes))
-    return Extreme(
-        "exact flight: a part of a step",
-        "beta, beta1 = beta2",
-        "beta 0 to 1e3, beta h up to 0.2, h up to 0.1",
-        "MODEL 2 in 400 digits",
-        worst_of(errors),
-        ROUNDING,
-        "sum of the terms",
-    )
+        yield farthest(found, exact, sizes)
 
 
-def step_noise() -> Extreme:
+@extreme(
+    "exact flight: noise of a step",
+    "beta, beta1 = beta2",
+    "as above, by increment and by space-time Lévy area",
+    "Gauss-Legendre in 30 digits",
+    allowed=1e-8,
+    unit="modulation, (times time)",
+)
+def step_noise() -> Iterator[float]:
     """Noise of a step from its Brownian increment and space-time Lévy area."""
-    errors = []
     for c, h in _scenes_and_steps()[1::3] + _scenes_and_steps()[2::3]:
         for first, slope in ((1.0, 0.0), (0.0, 1.0)):
             exact = _integral(c, 0.4, h, first, slope)
             found = short.kick(c, 0.4, h, first, slope / 12.0)
             m = 1.0 + c.beta1
             size = [m * h, m, abs(c.beta1 - c.beta2) * (1.0 + h) * h, abs(c.beta1 - c.beta2) * (1.0 + h)]
-            errors.append(farthest(found, exact, np.maximum(size, 1e-300)))
-    return Extreme(
-        "exact flight: noise of a step",
-        "beta, beta1 = beta2",
-        "as above, by increment and by space-time Lévy area",
-        "Gauss-Legendre in 30 digits",
-        worst_of(errors),
-        1e-8,
-        "modulation, (times time)",
-    )
+            yield farthest(found, exact, np.maximum(size, 1e-300))
 
 
 def _integral(c: Constants, tau: float, h: float, first: float, slope: float) -> list[float]:

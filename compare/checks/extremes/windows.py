@@ -1,10 +1,12 @@
 """Window means of the Edgeworth series and second moments: far tails, narrow windows, correlations close to 1."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from rattle.closure import edgeworth
 from rattle.compare.checks.extremes import truth
-from rattle.compare.checks.extremes.row import ROUNDING, Extreme, farthest, spread, worst_of
+from rattle.compare.checks.extremes.extreme import extreme, farthest, spread
 from rattle.scene import moments
 
 ORDER = 6
@@ -19,9 +21,15 @@ def _series(seed: int) -> np.ndarray:
     return a
 
 
-def edgeworth_windows() -> Extreme:
+@extreme(
+    "window means (Eqs. 20, 21)",
+    "sigma, gap",
+    "1e-12 to 30 sds wide, up to 50 sds away",
+    "integration by parts in 400 digits",
+    unit="the sum of its terms",
+)
+def edgeworth_windows() -> Iterator[float]:
     """Window means of Eqs. 20 and 21."""
-    errors = []
     for n, middle in enumerate([0.0, 1e-9, 0.3, -2.0, 8.0, -20.0, 35.0]):
         for width in spread(1e-12, 30.0, 8):
             a, sd = _series(n), 10.0 ** (n - 3)
@@ -31,16 +39,7 @@ def edgeworth_windows() -> Extreme:
             condition = 1.0 + abs(middle) * (abs(middle) + width)  # of the density, since the edges are rounded
             condition += abs(middle) / width  # of the width, since both edges are rounded
             sds = np.array([sd, 2.0 * sd])
-            errors.append(farthest(found, sds * exact, sds * size * condition))
-    return Extreme(
-        "window means (Eqs. 20, 21)",
-        "sigma, gap",
-        "1e-12 to 30 sds wide, up to 50 sds away",
-        "integration by parts in 400 digits",
-        worst_of(errors),
-        ROUNDING,
-        "the sum of its terms",
-    )
+            yield farthest(found, sds * exact, sds * size * condition)
 
 
 @truth.in_digits
@@ -58,33 +57,30 @@ def _by_parts(a: np.ndarray, low: float, high: float) -> tuple[list[float], list
     return [float(v) for v in values], [float(v) for v in sizes]
 
 
-def correlations() -> Extreme:
+@extreme(
+    "correlation, eigenvalue, realizability",
+    "sigma, gap",
+    "1 - |rho| 1e-12 to 1, both signs; units 1e-16 to 1e8",
+    "eigenvalues in 400 digits",
+    unit="1, and the smaller variance",
+)
+def correlations() -> Iterator[float]:
     """Correlations close to 1, smallest eigenvalues and realizability, in any units."""
-    errors = []
     for unit in spread(1e-16, 1e8, 7):
         none = np.array([[0.0, 1e-3 * unit], [1e-3 * unit, 1.0]])  # no variance, yet a covariance
-        errors.append(np.inf if moments.realizability(none).realizable else 0.0)
+        yield np.inf if moments.realizability(none).realizable else 0.0
         for distance in spread(1e-12, 1.0, 7):
             for beyond in (False, True):
                 rho = 1.0 + distance if beyond else 1.0 - distance
                 covariance = np.array([[unit * unit, rho * unit], [rho * unit, 1.0]])
                 judged = moments.realizability(covariance)
                 least = _least(covariance)
-                errors.append(farthest(judged.rho, 1.0 if beyond and distance < moments.ROUNDING else rho, 1.0))
-                errors.append(farthest(judged.smallest_eigenvalue, least, min(unit, 1.0) ** 2))
+                yield farthest(judged.rho, 1.0 if beyond and distance < moments.ROUNDING else rho, 1.0)
+                yield farthest(judged.smallest_eigenvalue, least, min(unit, 1.0) ** 2)
                 if distance > moments.ROUNDING and judged.realizable == beyond:
-                    errors.append(np.inf)
+                    yield np.inf
                 if distance < moments.ROUNDING and not judged.realizable:
-                    errors.append(np.inf)
-    return Extreme(
-        "correlation, eigenvalue, realizability",
-        "sigma, gap",
-        "1 - |rho| 1e-12 to 1, both signs; units 1e-16 to 1e8",
-        "eigenvalues in 400 digits",
-        worst_of(errors),
-        ROUNDING,
-        "1, and the smaller variance",
-    )
+                    yield np.inf
 
 
 @truth.in_digits

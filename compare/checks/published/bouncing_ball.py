@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.closure.orbit import follow
-from rattle.compare.checks.published.result import Check, Measured, NegativeControl
+from rattle.compare.checks.check import Check, Result
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.schemes.crossing import CLOSE
 from rattle.scene import Scene, Start
@@ -32,7 +32,7 @@ def _checks(who: str, tau: Floats, close: float, epsilon: float) -> list[Check]:
     ]
 
 
-def bouncing_ball(seed: int = 0, workers: int = 2) -> Measured:
+def bouncing_ball(seed: int = 0, workers: int = 2) -> Result:
     """Check flights and time to rest of one stage under constant drag, for the orbit and for a simulated path.
 
     With ``alpha = beta = sigma = 0`` Eq. 3 is ``y' = gamma``: an impact at speed v is followed by a flight of
@@ -53,13 +53,13 @@ def bouncing_ball(seed: int = 0, workers: int = 2) -> Measured:
     def checks(epsilon: float) -> list[Check]:
         return [check for who, (tau, close) in sides.items() for check in _checks(who, tau, close, epsilon)]
 
-    return Measured(
+    return Result(
         "bouncing-ball sum",
         "Luck & Mehta 1993",
         "under constant drag flights shrink by epsilon and add up to t1 / (1 - epsilon): the orbit, simulate()",
         checks(EPSILON),
-        [
-            NegativeControl("epsilon 1 % larger", checks(1.01 * EPSILON)),
-            NegativeControl("epsilon squared", checks(EPSILON**2)),
-        ],
+        {
+            "epsilon 1 % larger": checks(1.01 * EPSILON),
+            "epsilon squared": checks(EPSILON**2),
+        },
     )

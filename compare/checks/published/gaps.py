@@ -6,7 +6,7 @@ from typing import Any
 from scipy.special import betainc
 from scipy.stats import truncnorm
 
-from rattle.compare.checks.published.result import Check, Measured, NegativeControl
+from rattle.compare.checks.check import Check, Result
 from rattle.montecarlo import simulate
 from rattle.scene import Scene, Start, Tolerance
 
@@ -20,7 +20,7 @@ SPREADS = {"uniform": 1.0 / math.sqrt(3.0), "normal": 0.5 * float(truncnorm(-2.0
 """Sd of a gap by its distribution, in widths of the tolerance; normal ones are cut at two sds."""
 
 
-def random_gap(seed: int = 0, workers: int = 2) -> Measured:
+def random_gap(seed: int = 0, workers: int = 2) -> Result:
     """Check mean and sd of the wall that coasting paths strike first, for both distributions of the gap."""
     common: dict[str, Any] = {
         "alpha": 0.0,
@@ -44,19 +44,19 @@ def random_gap(seed: int = 0, workers: int = 2) -> Measured:
         return out
 
     other = dict(zip(SPREADS, reversed(SPREADS.values()), strict=True))
-    return Measured(
+    return Result(
         "random gap",
         "moments of a uniform and of a cut normal distribution",
         "coasting paths strike walls with the mean and sd of their gaps: simulate() with a Tolerance",
         checks(SPREADS),
-        [
-            NegativeControl("the other distribution", checks(other)),
-            NegativeControl("a tolerance 5 % wider", checks(SPREADS, 1.05 * WIDTH)),
-        ],
+        {
+            "the other distribution": checks(other),
+            "a tolerance 5 % wider": checks(SPREADS, 1.05 * WIDTH),
+        },
     )
 
 
-def exit_side(seed: int = 0, workers: int = 2) -> Measured:
+def exit_side(seed: int = 0, workers: int = 2) -> Result:
     """Check the share of paths that leave a gap on the side of the orbit without noise (its agreement)."""
     found = {}
     for i, share in enumerate(SHARES):
@@ -72,14 +72,14 @@ def exit_side(seed: int = 0, workers: int = 2) -> Measured:
         ]
 
     side = {z: float(betainc(1.0 / 6.0, 1.0 / 6.0, z)) for z in SHARES}
-    return Measured(
+    return Result(
         "side of exit",
         "Bicout & Burkhardt 2000",
         "x'' = sigma eta leaves a gap at one end with the incomplete beta function of its start, of order 1/6: the "
         "agreement of simulate()",
         checks(side),
-        [
-            NegativeControl("the other side", checks({z: 1.0 - p for z, p in side.items()})),
-            NegativeControl("a share linear in the start, as of Brownian motion", checks({z: z for z in SHARES})),
-        ],
+        {
+            "the other side": checks({z: 1.0 - p for z, p in side.items()}),
+            "a share linear in the start, as of Brownian motion": checks({z: z for z in SHARES}),
+        },
     )

@@ -6,7 +6,7 @@ import numpy as np
 
 from rattle.closure.attractor import Attractor, attractor
 from rattle.closure.stationary import Law, linear_law
-from rattle.compare.checks.published.result import Check, Measured, NegativeControl
+from rattle.compare.checks.check import Check, Result
 from rattle.montecarlo.long_run import LongRun, long_run
 from rattle.scene import Scene
 
@@ -48,7 +48,7 @@ def _spread(run: LongRun, law: Law, name: str, factor: float = 1.0) -> list[Chec
     ]
 
 
-def impact_pair(seed: int = 0, workers: int = 2) -> Measured:
+def impact_pair(seed: int = 0, workers: int = 2) -> Result:
     """Check phase and speed of the impacts of three symmetric orbits, and the sds that weak noise gives them.
 
     Examples
@@ -65,14 +65,14 @@ def impact_pair(seed: int = 0, workers: int = 2) -> Measured:
         return out + _spread(run, law, f"alpha {CASES[0][0]}, eps {CASES[0][1]}", sd)
 
     exact = 2 * len(CASES)  # checks without a statistical error
-    return Measured(
+    return Result(
         "impact pair",
         "Masri & Caughey 1966; Lyapunov's equation",
         "the symmetric orbit has its impacts at tau0 + n pi at the speed 2 alpha cos tau0 / (1 - epsilon): follow(); "
         "its stationary sds under weak noise by a discrete Lyapunov equation: long_run()",
         checks(),
-        [
-            NegativeControl("restitution 0.1 % larger", checks(epsilon=1.001)[:exact]),
-            NegativeControl("sds 2 % larger", checks(sd=1.02)[exact:]),
-        ],
+        {
+            "restitution 0.1 % larger": checks(epsilon=1.001)[:exact],
+            "sds 2 % larger": checks(sd=1.02)[exact:],
+        },
     )

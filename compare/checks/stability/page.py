@@ -6,12 +6,12 @@ from typing import Any
 
 import pandas as pd
 
-from rattle.compare.checks.extremes.row import Extreme
-from rattle.compare.checks.extremes.run import table
+from rattle.compare.checks.check import Result
 from rattle.compare.checks.stability.cell import BIASED, COLLAPSING, UNBIASED, UNDECIDED, UNSTABLE
 from rattle.compare.checks.stability.chart import Chart
 from rattle.compare.checks.stability.figure import figure, summary
 from rattle.compare.checks.stability.reference import IMPACTS
+from rattle.compare.checks.table import extreme_record, worst_error
 from rattle.compare.report import Column, Figure, Page, PageSection, Row, Table, TableCell, Text, numbers
 from rattle.compare.report.glossary import SCHEME_TERMS, glossary
 from rattle.compare.report.provenance import source_of
@@ -106,7 +106,7 @@ def _advice(found: Chart) -> str:
 
 
 def write_stability(
-    out: Path, found: Chart, covariance: pd.DataFrame, tried: Sequence[Extreme], record: dict[str, Any], overwrite: bool
+    out: Path, found: Chart, covariance: pd.DataFrame, tried: Sequence[Result], record: dict[str, Any], overwrite: bool
 ) -> list[str]:
     """Write the folder of the map atomically."""
     said = answer(found)
@@ -139,7 +139,9 @@ def write_stability(
             *((PageSection("Extreme values", (Text(EXTREMES, note=True), _extremes(tried))),) if tried else ()),
         ),
     )
-    tables = {"stability": found.table, "covariance": covariance} | ({"extremes": table(tried)} if tried else {})
+    tables = {"stability": found.table, "covariance": covariance}
+    if tried:
+        tables["extremes"] = pd.DataFrame([extreme_record(row) for row in tried])
     save(
         out,
         "stability",
@@ -191,19 +193,14 @@ def _table(cells: pd.DataFrame, summary: str = "") -> Table:
     return Table.of(heads, rows, summary)
 
 
-def _extremes(tried: Sequence[Extreme]) -> Table:
-    rows: list[Row] = [
-        [
-            row.name,
-            row.field,
-            row.tried,
-            row.truth,
-            TableCell(f"{row.worst:.2f}" if row.unit == "z" else f"{row.worst:.1e}", "good" if row.holds else "bad"),
-            row.allowed,
-            "standard errors" if row.unit == "z" else row.unit,
-        ]
-        for row in tried
-    ]
+def _extremes(tried: Sequence[Result]) -> Table:
+    rows: list[Row] = []
+    for result in tried:
+        error, _, unit = worst_error(result)
+        cell = TableCell(error, "good" if result.holds else "bad")
+        rows.append(
+            [result.name, result.worst.quantity, result.statement, result.reference, cell, result.allowed, unit]
+        )
     heads: list[Column | str] = [
         "what",
         "field",

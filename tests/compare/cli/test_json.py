@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from command_names import commands
 
 from rattle.compare.checks.extremes import run as extremes
-from rattle.compare.checks.extremes.row import Extreme
+from rattle.compare.checks.extremes.extreme import extreme
 from rattle.compare.cli.main import main
 from rattle.compare.report import manifest
 from rattle.compare.report.csv_text import csv_text
@@ -70,7 +70,7 @@ def test_every_command_prints_strict_json_and_writes_it(command, tmp_path, monke
     monkeypatch.chdir(tmp_path)
     (tmp_path / "study.toml").write_text(STUDY)
     (tmp_path / "scene.toml").write_text(SINGLE)  # without a second stage, and so without numbers for it
-    rows = {"lost": lambda: Extreme("lost", "β", "", "", math.inf, 1.0, "z")}
+    rows = {"lost": extreme("lost", "β", "", "", allowed=1.0, unit="z")(lambda: [math.inf])}
     monkeypatch.setattr(extremes, "ROWS", rows)  # all of them take a minute
     monkeypatch.setattr("rattle.montecarlo.bench.bench", lambda: pd.DataFrame({"ns": [1.5, np.nan]}, index=["a", "b"]))
     found = CliRunner().invoke(main, [*command.split(), *SMALL[command], "--json"])

@@ -11,11 +11,11 @@ from click.testing import CliRunner
 
 from rattle import closure, montecarlo
 from rattle.closure import edgeworth, long_orbit, orbit, section_map
-from rattle.compare.checks.extremes import flights, impacts, run, runs, sampling, scaling, steps, truth, windows
-from rattle.compare.checks.extremes.row import Extreme
-from rattle.compare.checks.extremes.run import ROWS, table
-from rattle.compare.checks.extremes.table import lines
+from rattle.compare.checks.extremes import flights, run, runs, sampling, scaling, truth
+from rattle.compare.checks.extremes.extreme import extreme, farthest, worst_of
+from rattle.compare.checks.extremes.run import ROWS
 from rattle.compare.checks.published import returning
+from rattle.compare.checks.table import extreme_lines, extreme_record
 from rattle.compare.cli.main import main
 from rattle.compare.validation import validate as validation
 from rattle.montecarlo.schemes import short_flight as short
@@ -222,25 +222,25 @@ def test_truth_has_the_digits_it_needs():
 
 
 def test_table_and_terminal_say_what_failed(monkeypatch):
-    good = Extreme("E", "beta", "0 to 1e3", "mpmath", 2e-16, 4e-15, "its value")
-    bad = Extreme("exit", "sigma", "1e-3 to 1e4", "a formula", 7.0, 4.5, "z")
-    found = table([good, bad])
-    assert found["holds"].tolist() == [True, False]
-    assert found.columns.tolist() == [*Extreme._fields, "holds"]
-    text = lines([good, bad])
+    good = extreme("E", "beta", "0 to 1e3", "mpmath")(lambda: [2e-16])
+    bad = extreme("exit", "sigma", "1e-3 to 1e4", "a formula", allowed=4.5, unit="z")(lambda: [7.0])
+    found = [extreme_record(row()) for row in (good, bad)]
+    assert [row["holds"] for row in found] == [True, False]
+    assert list(found[0]) == ["name", "field", "tried", "truth", "worst", "allowed", "unit", "holds"]
+    text = extreme_lines([good(), bad()])
     assert text[-1] == "1 of 2 extreme-value checks passed."
     assert "FAILS" in text[3]
     assert text[4].strip() == "1e-3 to 1e4; against: a formula"
-    monkeypatch.setattr(run, "ROWS", {"good": lambda: good, "bad": lambda: bad})
+    monkeypatch.setattr(run, "ROWS", {"good": good, "bad": bad})
     done = CliRunner().invoke(main, ["check", "extremes", "--json"])
     assert done.exit_code == 1
     assert [row["holds"] for row in json.loads(done.output)] == [True, False]
-    monkeypatch.setattr(run, "ROWS", {"good": lambda: good})
+    monkeypatch.setattr(run, "ROWS", {"good": good})
     assert CliRunner().invoke(main, ["check", "extremes", "--all"]).exit_code == 0
 
 
 def test_what_is_not_a_number_fails():
-    assert not Extreme("E", "beta", "", "", math.nan, 1.0, "").holds
-    assert not impacts.worst_of([0.0, math.nan]) < 1.0
-    assert windows.worst_of([]) == math.inf
-    assert steps.farthest([1.0, np.nan], [1.0, 2.0]) == math.inf
+    assert not extreme("E", "beta", "", "", allowed=1.0)(lambda: [0.0, math.nan])().holds
+    assert not worst_of([0.0, math.nan]) < 1.0
+    assert worst_of([]) == math.inf
+    assert farthest([1.0, np.nan], [1.0, 2.0]) == math.inf

@@ -4,7 +4,7 @@ import math
 
 from exact_returns import log_ratios
 
-from rattle.compare.checks.published.result import limit
+from rattle.compare.checks.check import limit
 from rattle.compare.checks.published.return_speed import MEAN
 from rattle.compare.checks.published.returning import log_speeds
 

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from rattle.compare.checks.extremes.row import Extreme
+from rattle.compare.checks.extremes.extreme import extreme
 from rattle.compare.checks.stability import cell as cells
 from rattle.compare.checks.stability import free_flight
 from rattle.compare.checks.stability.axes import AXES, moderate
@@ -140,8 +140,8 @@ def test_command_writes_map_tables_and_page(tmp_path):
 
 def test_an_extreme_that_does_not_hold_is_on_the_page_and_in_the_exit_code(tmp_path, monkeypatch):
     rows = (
-        Extreme("E", "beta", "0 to 1e3", "mpmath", 2e-16, 4e-15, "its value"),
-        Extreme("u", "", "", "", 5.0, 4.5, "z"),
+        extreme("E", "beta", "0 to 1e3", "mpmath")(lambda: [2e-16])(),
+        extreme("u", "", "", "", allowed=4.5, unit="z")(lambda: [5.0])(),
     )
     monkeypatch.setattr("rattle.compare.checks.extremes.run.extremes", lambda: rows)
     done = run(tmp_path, "--scheme", "exact-flight", "--points", "1", "--extremes")
