@@ -4,30 +4,37 @@ VENV := .venv
 RUN := $(VENV)/bin
 READY := $(VENV)/ready
 
-# Without coverage, which slows the interpreter; the tests after them count the lines of compare.
-FIRST := tests/scene tests/closure tests/montecarlo rattle/scene rattle/closure rattle/montecarlo
+# Folders whose tests are all marked slow (conftest.py): the first tier does not even import them.
+SLOW := tests/faults tests/interpreted tests/page tests/security
 # With the compiler off, for the lines of what it compiles; the other tests would take hours so.
 INTERPRETED := tests/interpreted tests/scene
 
+# The lines that tests reach are counted where both tiers run, for that slows the interpreter.
+COUNT := $(if $(filter test-all,$(MAKECMDGOALS)),--cov --cov-append --cov-report=)
 # Three files at a time on two cores, for many tests wait for processes that they have started; in their order, so that
 # the many small files of the doctests come last and fill up.
-WORKERS := --numprocesses=3 --dist=loadfile --no-loadscope-reorder
+TEST = $(RUN)/pytest --numprocesses=3 --dist=loadfile --no-loadscope-reorder $(COUNT)
 
 # Hundreds of processes import the same modules: byte code is kept, whatever the caller's environment says.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: report test docs audit pins clean
+.PHONY: report test test-all docs audit pins clean
 
 report: $(READY)
 	$(RUN)/rattle validate --out reports/dat21 --overwrite
 
+# What finds a defect in minutes.
 test: $(READY)
-	sh setup-browser.sh
+	rm -f .coverage
 	$(RUN)/rattle warm-up & compiling=$$!; \
 		$(RUN)/ruff check . && $(RUN)/ruff format --check . && $(RUN)/mypy && wait $$compiling
-	$(RUN)/pytest $(WORKERS) $(FIRST)
-	$(RUN)/pytest $(WORKERS) --cov --cov-report= $(FIRST:%=--ignore=%) --ignore=tests/interpreted tests rattle
-	NUMBA_DISABLE_JIT=1 $(RUN)/pytest $(WORKERS) --cov --cov-append --cov-report= $(INTERPRETED)
+	$(TEST) -m "not slow" $(SLOW:%=--ignore=%)
+
+# Both tiers, and how much of each package they reach.
+test-all: test
+	sh setup-browser.sh
+	$(TEST) -m slow --ignore=tests/interpreted tests
+	NUMBA_DISABLE_JIT=1 $(TEST) $(INTERPRETED)
 	for package in scene closure montecarlo compare; do \
 		$(RUN)/coverage report --include="$$package/*" --skip-covered --fail-under=95 || exit 1; \
 	done

@@ -6,7 +6,17 @@ import pytest
 
 pytest_plugins = ["pytester", "rattle.compare.thresholds.plugin"]
 
+SECOND_TIER = [Path(__file__).parent / "tests" / folder for folder in ("faults", "interpreted", "page", "security")]
+"""Folders whose tests are all slow, or look for faults that are rare."""
 EMPTY = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"></svg>\n'
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Mark what lies in a folder of the second tier."""
+    for item in items:
+        if any(folder in item.path.parents for folder in SECOND_TIER):
+            item.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture
