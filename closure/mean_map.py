@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -19,13 +19,9 @@ from rattle.closure.moments import Trace
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION, SMALLEST, STATE, correlation, realizability
 from rattle.scene.scene import Scene
-from rattle.scene.shown import as_html
-from rattle.scene.units import as_dataset, at_times_in, check_units, in_units
+from rattle.scene.section_result import SectionResult
+from rattle.scene.units import at_times_in, check_units
 from rattle.scene.validate import choice, count, positive
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 __all__ = ["CLOSURES", "Breakdown", "Closure", "MeanMap", "closures_for", "mean_map", "refusals"]
 
@@ -93,7 +89,7 @@ class Breakdown(NamedTuple):
 
 
 @dataclass(frozen=True)
-class MeanMap:
+class MeanMap(SectionResult):
     """Prediction of a closure, from `mean_map`.
 
     Attributes
@@ -133,9 +129,6 @@ class MeanMap:
         ]
         lines += [f"  {self.advice}"] * bool(self.advice)
         return "\n".join(lines + [f"  ended: {self.stopped}"] * bool(self.stopped))
-
-    def _repr_html_(self) -> str:
-        return as_html(repr(self), self.section.to_html(max_rows=12, max_cols=12))
 
     @cached_property
     def phase_reduced(self) -> "MeanMap":
@@ -246,92 +239,9 @@ class MeanMap:
         table = pd.DataFrame(self.trace.error[1:].transpose(0, 2, 1).reshape(-1, 2), index, ["mean", "sd"])
         return table.dropna()
 
-    def section_in(self, units: str) -> pd.DataFrame:
-        """`section` in physical units, for a scene that was made from gears.
-
-        Parameters
-        ----------
-        units : {"physical", "dimensionless"}
-            The units; the second gives `section` itself.
-
-        Returns
-        -------
-        DataFrame
-            Columns with a dimension end with their unit: ``tau_ms, flight_ms, x1_mm, y1_mm_per_s``, with their
-            ``sd_``; besides ``impacts_per_s``, the inverse of the mean time of flight.
-
-        Raises
-        ------
-        InputError
-            For unknown units, or a scene without gears.
-
-        Examples
-        --------
-        >>> from rattle.scene import DAT21, Scene
-        >>> m = mean_map(Scene.from_gears(DAT21), impacts=1)
-        >>> m.section_in("physical")[["tau_ms", "y1_mm_per_s"]].round(1).loc[1].tolist()
-        [1.9, -110.9]
-        """
-        columns = {str(name): values for name, values in self.section.items()}
-        return pd.DataFrame(in_units(columns, self.scene.gears, units), index=self.section.index)
-
-    def plot(self, quantity: str = "y1", units: str = "dimensionless") -> "Figure":
-        """Draw the predicted mean and standard deviation of a quantity just before each impact.
-
-        Parameters
-        ----------
-        quantity : {"y1", "tau", "flight", "x1", "x2", "y2"}
-            What is drawn.
-        units : {"dimensionless", "physical"}
-            Units of the axis; the second for a scene that was made from gears.
-
-        Returns
-        -------
-        Figure
-            Of matplotlib; a notebook shows it, ``savefig`` writes it.
-
-        Raises
-        ------
-        InputError
-            For an unknown quantity or units, or physical units of a scene without gears.
-
-        Examples
-        --------
-        >>> from rattle.scene import DAT21, Scene
-        >>> m = mean_map(Scene.from_gears(DAT21, sigma=0.1), impacts=3)
-        >>> m.plot("y1").axes[0].get_ylabel()
-        'y1 before the impact in backlash1 omega'
-        """
-        from rattle.scene.plot import plot_section
-
-        return plot_section(self.section, self.scene, quantity, units, self.closure)
-
-    def to_xarray(self, units: str = "dimensionless") -> "xr.Dataset":
-        """Convert `section` to a dataset; needs the optional dependency ``xarray``.
-
-        Parameters
-        ----------
-        units : {"dimensionless", "physical"}
-            Units of the variables; the second for a scene that was made from gears.
-
-        Returns
-        -------
-        xarray.Dataset
-            Dimension ``impact``, a variable for each column, with its unit in ``attrs["units"]``.
-
-        Raises
-        ------
-        InputError
-            For unknown units, or physical ones of a scene without gears.
-
-        Examples
-        --------
-        >>> from rattle.scene import DAT21, Scene
-        >>> m = mean_map(Scene.from_gears(DAT21), impacts=1)
-        >>> m.to_xarray("physical")["y1"].attrs["units"]
-        'mm/s'
-        """
-        return as_dataset(self.section, units, self.scene.gears)
+    @property
+    def _title(self) -> str:
+        return self.closure
 
     @property
     def _stages(self) -> range:

@@ -153,6 +153,11 @@ def diagnose(run: _Run) -> tuple[str, ...]:
     return tuple(line for line in found if line)
 
 
+def counted_diagnostics(run: _Run) -> tuple[str, ...]:
+    """Those diagnostics that take no computation: what the run itself has counted."""
+    return tuple(line for line in (_of_accuracy(run), *_of_impacts(run)) if line)
+
+
 def _of_accuracy(run: _Run) -> str:
     return "" if run.reach is None or run.reach.reached else run.reach.sentence
 

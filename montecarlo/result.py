@@ -23,13 +23,11 @@ from rattle.montecarlo.statistics.step_bias import StepBias, extrapolate
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene
-from rattle.scene.shown import as_html
-from rattle.scene.units import as_dataset, at_times_in, in_units
+from rattle.scene.section_result import SectionResult
+from rattle.scene.units import at_times_in
 
 if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
     import pandas as pd
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 __all__ = ["Ensemble"]
 
@@ -38,7 +36,7 @@ Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Ensemble:
+class Ensemble(SectionResult):
     """What a simulation found.
 
     Attributes
@@ -79,18 +77,19 @@ class Ensemble:
     reach: Reach | None = None
 
     def __repr__(self) -> str:
-        """What was simulated, and how far it got, on a few lines."""
+        """What was simulated, and what was counted on the way, on a few lines."""
+        from rattle.montecarlo.diagnostics import counted_diagnostics
+
         last = {name: self.columns[name][-1] for name in ("tau", "se_tau", "sd_tau", "agreement")}
         lines = [
             f"Ensemble: {self.paths:,} paths, impacts 1 to {self.impacts}, sigma = {self.scene.sigma:.4g}",
             f"  {self.scheme}, dt = {self.dt:.4g}, seed {str(self.seed.entropy)[:40]}, {self.wall_seconds:.1f} s",
             f"  at impact {self.impacts}: tau = {last['tau']:.6g}, standard error {last['se_tau']:.2g}, "
             f"sd {last['sd_tau']:.4g}; {last['agreement']:.1%} of the paths on the noise-free itinerary",
+            *(f"  {sentence}" for sentence in counted_diagnostics(self)),
+            "  diagnostics also looks for rare branches that are missing, and for the bias of the step",
         ]
-        return "\n".join(lines + [f"  {sentence}" for sentence in self.diagnostics])
-
-    def _repr_html_(self) -> str:
-        return as_html(repr(self), self.section.to_html(max_rows=12, max_cols=12))
+        return "\n".join(lines)
 
     @cached_property
     def phase_reduced(self) -> Ensemble:
@@ -150,7 +149,10 @@ class Ensemble:
 
     @cached_property
     def diagnostics(self) -> tuple[str, ...]:
-        """What may be wrong with these numbers, a sentence each: see `rattle.montecarlo.diagnostics`."""
+        """What may be wrong with these numbers, a sentence each: see `rattle.montecarlo.diagnostics`.
+
+        It looks for rare branches that may be missing, and follows the noise-free path at a shorter step.
+        """
         from rattle.montecarlo.diagnostics import diagnose
 
         return diagnose(self)
@@ -172,96 +174,9 @@ class Ensemble:
 
         return pd.DataFrame(self.columns, index=pd.RangeIndex(1, self.impacts + 1, name="impact"))
 
-    def section_in(self, units: str) -> pd.DataFrame:
-        """`section` in physical units, for a scene that was made from gears.
-
-        Parameters
-        ----------
-        units : {"physical", "dimensionless"}
-            The units; the second gives `section` itself.
-
-        Returns
-        -------
-        DataFrame
-            Columns with a dimension end with their unit: ``tau_ms, flight_ms, x1_mm, y1_mm_per_s, energy_mJ``, with
-            their ``sd_``, ``se_`` and ``se_sd_``; besides ``impacts_per_s``, the inverse of the mean time of flight.
-
-        Raises
-        ------
-        InputError
-            For unknown units, or a scene without gears.
-
-        Examples
-        --------
-        >>> from rattle.montecarlo import simulate
-        >>> from rattle.scene import DAT21, Scene
-        >>> run = simulate(Scene.from_gears(DAT21), paths=1, impacts=1)
-        >>> run.section_in("physical")[["tau_ms", "y1_mm_per_s"]].round(1).loc[1].tolist()
-        [1.9, -110.9]
-        """
-        import pandas as pd
-
-        return pd.DataFrame(in_units(self.columns, self.scene.gears, units), index=self.section.index)
-
-    def plot(self, quantity: str = "y1", units: str = "dimensionless") -> Figure:
-        """Draw mean and standard deviation of a quantity just before each path's own impacts.
-
-        Parameters
-        ----------
-        quantity : {"y1", "tau", "flight", "x1", "x2", "y2"}
-            What is drawn.
-        units : {"dimensionless", "physical"}
-            Units of the axis; the second for a scene that was made from gears.
-
-        Returns
-        -------
-        Figure
-            Of matplotlib; a notebook shows it, ``savefig`` writes it.
-
-        Raises
-        ------
-        InputError
-            For an unknown quantity or units, or physical units of a scene without gears.
-
-        Examples
-        --------
-        >>> from rattle.montecarlo import simulate
-        >>> from rattle.scene import DAT21, Scene
-        >>> run = simulate(Scene.from_gears(DAT21, sigma=0.1), paths=64, impacts=3)
-        >>> run.plot("y1", units="physical").axes[0].get_ylabel()
-        'y1 before the impact in mm/s'
-        """
-        from rattle.scene.plot import plot_section
-
-        return plot_section(self.columns, self.scene, quantity, units, f"{self.paths:,} paths")
-
-    def to_xarray(self, units: str = "dimensionless") -> xr.Dataset:
-        """Convert `section` to a dataset; needs the optional dependency ``xarray``.
-
-        Parameters
-        ----------
-        units : {"dimensionless", "physical"}
-            Units of the variables; the second for a scene that was made from gears.
-
-        Returns
-        -------
-        xarray.Dataset
-            Dimension ``impact``, a variable for each column, with its unit in ``attrs["units"]``.
-
-        Raises
-        ------
-        InputError
-            For unknown units, or physical ones of a scene without gears.
-
-        Examples
-        --------
-        >>> from rattle.montecarlo import simulate
-        >>> from rattle.scene import DAT21, Scene
-        >>> run = simulate(Scene.from_gears(DAT21), paths=1, impacts=1)
-        >>> run.to_xarray("physical")["y1"].attrs["units"]
-        'mm/s'
-        """
-        return as_dataset(self.section, units, self.scene.gears)
+    @property
+    def _title(self) -> str:
+        return f"{self.paths:,} paths"
 
     @cached_property
     def columns(self) -> dict[str, Floats | Ints]:

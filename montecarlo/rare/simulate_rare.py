@@ -24,6 +24,7 @@ from rattle.montecarlo.settings import NOISE_FREE, plan_of
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
+from rattle.scene.section_result import SectionResult
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,7 +35,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class RareEnsemble:
+class RareEnsemble(SectionResult):
     """Section moments of weighted paths.
 
     Attributes
@@ -72,6 +73,19 @@ class RareEnsemble:
     se_mean: Floats
     sd: Floats
     se_sd: Floats
+
+    def __repr__(self) -> str:
+        """What was simulated, and which branches were found, on a few lines."""
+        return (
+            f"RareEnsemble: {self.paths:,} paths, impacts 1 to {len(self.mean)}, sigma = {self.scene.sigma:.4g}\n"
+            f"  rare branches: {len(self.found)} found, {len(self.sampled)} of them with paths of their own, "
+            f"{len(self.unresolved)} not resolved\n"
+            f"  {self.unfinished:,} paths did not finish before the time limit"
+        )
+
+    @property
+    def _title(self) -> str:
+        return f"{self.paths:,} paths"
 
     @property
     def section(self) -> pd.DataFrame:

@@ -1,0 +1,54 @@
+"""A repr shows what is there: no path is followed, no branch searched and no closure evaluated for it."""
+
+import pytest
+
+import rattle
+from rattle.montecarlo import accuracy, branches, diagnostics
+from rattle.montecarlo.kernel import block
+
+SCENE = rattle.Scene.from_gears(rattle.DAT21, sigma=0.1)
+STEPPED = {"scheme": "euler-maruyama-located", "dt": 0.01, "record": rattle.Record(step_bias=False)}
+MADE = {
+    "Ensemble": lambda: rattle.simulate(SCENE, paths=64, impacts=2, **STEPPED),
+    "Ensemble with step bias": lambda: rattle.simulate(SCENE, paths=64, impacts=2, scheme="euler-maruyama"),
+    "Ensemble to an accuracy": lambda: rattle.simulate_to(SCENE.with_sigma(0.01), 0.1, impacts=1),
+    "RareEnsemble": lambda: rattle.simulate_rare(SCENE, paths=64, impacts=2),
+    "Reach": lambda: rattle.simulate_to(SCENE.with_sigma(0.01), 0.1, impacts=1).reach,
+    "MeanMap": lambda: rattle.mean_map(SCENE, impacts=2, closure="branching", tolerance=0.1),
+    "Stationary": lambda: rattle.stationary(SCENE.with_sigma(0.5), periods=64, paths=16),
+}
+
+
+def forbid(monkeypatch):
+    """Let whatever follows paths, searches branches or evaluates a closure end the test."""
+
+    def fail(*_, **__):
+        pytest.fail("a repr computes")
+
+    for owner, name in ((block, "sample"), (block, "run"), (diagnostics, "sample"), (accuracy, "unseen")):
+        monkeypatch.setattr(owner, name, fail)
+    monkeypatch.setattr(branches.BranchSearch, "until", fail)
+    for name, closure in rattle.CLOSURES.items():
+        monkeypatch.setitem(rattle.CLOSURES, name, closure._replace(trace=fail))
+
+
+@pytest.mark.parametrize("kind", MADE)
+def test_a_repr_computes_nothing(kind, monkeypatch):
+    shown = MADE[kind]()
+    forbid(monkeypatch)
+    assert kind.split()[0] in repr(shown)
+    if kind != "Reach":
+        assert "<table" in shown._repr_html_()
+
+
+def test_diagnostics_do_compute(monkeypatch):
+    """The negative control: what is forbidden above is what the diagnostics need."""
+    run = MADE["Ensemble"]()
+    forbid(monkeypatch)
+    with pytest.raises(pytest.fail.Exception, match="a repr computes"):
+        run.diagnostics  # noqa: B018
+
+
+def test_a_repr_says_what_was_counted():
+    run = rattle.simulate(SCENE, paths=64, impacts=3, horizon=0.6)
+    assert any("did not finish before the time limit" in line for line in repr(run).splitlines())
