@@ -18,7 +18,7 @@ from rattle.compare.report.style import caption_of, save
 from rattle.compare.validation.answer import answer, correlation_claim, sigma_text
 from rattle.compare.validation.beside import NOTE, beside_table
 from rattle.compare.validation.comparison import Comparison, Sweep
-from rattle.compare.validation.figures import FIGURES, agreement_figure
+from rattle.compare.validation.figures import FIGURES, agreement_figure, has_something
 from rattle.compare.validation.physical import motion_blocks
 from rattle.compare.validation.tables import (
     MARKS,
@@ -95,10 +95,10 @@ def _section(v: Comparison, number: int, folder: Path) -> PageSection:
     """One noise intensity of the page, its figures saved."""
     name, sigma = f"{number}-sigma-{sigma_text(v)}", f"σ = {sigma_text(v)}"
     figures = []
-    for kind, drawn in FIGURES.items():
-        if drawn.suits(v):
-            drawing = drawn.draw(v)
-            figures.append(_draw(drawing, f"{kind}-{name}", caption_of(drawing, drawn.caption), folder))
+    for kind, (draw, caption) in FIGURES.items():
+        if has_something(kind, v):
+            drawing = draw(v)
+            figures.append(_draw(drawing, f"{kind}-{name}", caption_of(drawing, caption), folder))
     failures = failure_table(v)
     found: list[Block] = [Text("Every check holds.")]
     if failures.rows:

@@ -99,12 +99,12 @@ class Validation(Comparison):
         >>> len(v.plot("errors").axes)
         6
         """
-        from rattle.compare.validation.figures import FIGURES
+        from rattle.compare.validation.figures import FIGURES, has_something
 
-        drawn = FIGURES[choice("kind", kind, FIGURES)]
-        if not drawn.suits(self):
+        draw = FIGURES[choice("kind", kind, FIGURES)].draw
+        if not has_something(kind, self):
             raise InputError("kind", kind, "needs a closure with moments of a perturbation, which branching has not")
-        return drawn.draw(self)
+        return draw(self)
 
     def to_xarray(self) -> "xr.Dataset":
         """Convert the section moments of closures and simulation to a dataset.
