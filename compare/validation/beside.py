@@ -14,17 +14,15 @@ from rattle.compare.validation.section_errors import section_errors
 from rattle.montecarlo import Ensemble, simulate
 
 PATHS = 32_768
-COLUMNS = (
-    "sigma",
-    "method",
-    "dt",
-    "paths",
-    "bias_mean",
-    "bias_sd",
-    "error_mean",
-    "error_sd",
-    "core_seconds",
-)
+FORMS = {  # columns that the page shows after the name of the method, and their formats
+    "dt": ".4g",
+    "paths": ",.0f",
+    "bias_mean": ".3g",
+    "bias_sd": ".3g",
+    "error_mean": ".3g",
+    "error_sd": ".3g",
+    "core_seconds": ".3g",
+}
 MOMENTS = ("mean", "sd")
 NOTE = (
     f"Each scheme with {PATHS:,} paths, and each closure, compared with the simulation of this report: the largest "
@@ -60,7 +58,7 @@ def beside(validations: Sequence[Comparison], schemes: Sequence[str], workers: i
             own = table.assign(judged=table["verdict"] != "not judged")
             took = closure_seconds(prediction)
             rows.append((v.scene.sigma, closure, np.nan, 0, np.nan, np.nan, *_largest(own, "error"), took))
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    return pd.DataFrame(rows, columns=["sigma", "method", *FORMS])
 
 
 def _biases(run: Ensemble, table: pd.DataFrame) -> list[float]:
@@ -78,12 +76,10 @@ def _largest(table: pd.DataFrame, column: str) -> list[float]:
 
 def beside_table(found: pd.DataFrame, sigma: float) -> Table:
     """The rows of one noise intensity."""
-    rows: list[Row] = []
-    for r in found[found["sigma"] == sigma].to_dict("records"):
-        shares = [f"{r[name]:.3g}" if r[name] == r[name] else "–" for name in COLUMNS[4:8]]
-        dt = f"{r['dt']:.4g}" if r["dt"] == r["dt"] else "–"
-        rows.append(
-            [str(r["method"]), dt, f"{r['paths']:,}" if r["paths"] else "–", *shares, f"{r['core_seconds']:.3g}"]
-        )
+    own = found[found["sigma"] == sigma].replace({"paths": {0: np.nan}})
+    rows: list[Row] = [
+        [r["method"], *("–" if pd.isna(r[name]) else format(r[name], form) for name, form in FORMS.items())]
+        for r in own.to_dict("records")
+    ]
     heads = ("dt", "paths", "bias of a mean", "bias of an sd", "off by, mean", "off by, sd", "processor time in s")
     return Table.of(["scheme or closure", *numbers(*heads)], rows)

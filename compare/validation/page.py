@@ -9,7 +9,7 @@ from matplotlib.figure import Figure as Drawing
 
 from rattle.compare.report import Block, Code, Figure, Page, PageSection, Text, manifest, pages, write_page
 from rattle.compare.report.content import MARKS as SIGNS
-from rattle.compare.report.csv_text import csv_text, write_csv
+from rattle.compare.report.csv_text import csv_text
 from rattle.compare.report.folder import name_of, whole_folder
 from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.report.json_text import json_text
@@ -34,21 +34,10 @@ from rattle.compare.validation.tables import (
 from rattle.compare.validation.validity_figure import VALIDITY, validity_figure
 from rattle.compare.validation.verdict import NOT_JUDGED, RULE, Tolerances
 
-CONTENTS = frozenset(
-    {
-        *pages("report"),
-        "table.csv",
-        "table.parquet",
-        "correlation.csv",
-        "validity.csv",
-        "validity.parquet",
-        "speed.csv",
-        "simulation.csv",
-        "schemes.csv",
-        "manifest.json",
-        "figures",
-    }
-)
+TABLES = ("table", "correlation", "validity", "speed", "simulation", "schemes")
+PARQUET = ("table", "validity")  # tables that are also written as Parquet
+CONTENTS = frozenset({*pages("report"), *(f"{name}.csv" for name in TABLES), *(f"{name}.parquet" for name in PARQUET)})
+CONTENTS |= {"manifest.json", "figures"}
 """Names of all files in a report folder; a folder with any other file is not overwritten."""
 
 SPEED = (
@@ -63,25 +52,13 @@ AGREEMENT = (
     "Share of paths whose impacts so far were at the meshes and sides of the closure's itinerary; no closure along a "
     "single orbit can be accurate beyond it."
 )
-WORDS = (
-    *CLOSURE_TERMS,
-    *SECTION_TERMS,
-    *VERDICT_TERMS,
-    "exact flight",
-    "σ",
-    "ρ1, ρ2",
-    "stage",
-    "agreement",
-    "realizable",
+FAILURES = (
+    "First failure of each check of the closures' moments; “negative mass” judges the truncated series, "
+    "not the moments."
 )
+DISTANCE = "Distance of the section densities from the histograms, in units of the distance due to sampling alone:"
+WORDS = ("exact flight", "σ", "ρ1, ρ2", "stage", "agreement", "realizable")
 PREDICTED = " Dashed: the share that the branching closure predicts."
-
-
-def table_text(validations: Sequence[Comparison]) -> tuple[pd.DataFrame, str]:
-    """All rows of several validations in one table."""
-    table = pd.concat([v.table.assign(sigma=v.scene.sigma) for v in validations], ignore_index=True)
-    table.insert(0, "sigma", table.pop("sigma"))
-    return table, csv_text(table, index=False)
 
 
 def _draw(drawing: Drawing, name: str, caption: str, folder: Path) -> Figure:
@@ -100,11 +77,7 @@ def _section(v: Comparison, number: int, folder: Path) -> PageSection:
             drawing = draw(v)
             figures.append(_draw(drawing, f"{kind}-{name}", caption_of(drawing, caption), folder))
     failures = failure_table(v)
-    found: list[Block] = [Text("Every check holds.")]
-    if failures.rows:
-        note = "First failure of each check of the closures' moments; “negative mass” judges the truncated series, not "
-        found = [Text(note + "the moments.", note=True), failures]
-    distance = "Distance of the section densities from the histograms, in units of the distance due to sampling alone:"
+    found: list[Block] = [Text(FAILURES, note=True), failures] if failures.rows else [Text("Every check holds.")]
     errors: list[Block] = []
     for closure, prediction in v.predictions.items():
         errors.append(impact_table(v, closure, f"Errors of the {closure} closure per impact, {sigma}"))
@@ -114,7 +87,7 @@ def _section(v: Comparison, number: int, folder: Path) -> PageSection:
         sigma,
         (Text(simulation_text(v), note=True), reach_table(v), count_table(v), *motion_blocks(v), *figures),
         (
-            PageSection(f"Realizability at {sigma}", (*found, Text(distance, note=True), distance_table(v))),
+            PageSection(f"Realizability at {sigma}", (*found, Text(DISTANCE, note=True), distance_table(v))),
             PageSection(f"Errors per impact at {sigma}", tuple(errors)),
         ),
     )
@@ -131,8 +104,7 @@ def _page(
     """The page of the report; its figures are saved into the folder."""
     caption = AGREEMENT + (PREDICTED if "branching" in validations[0].predictions else "")
     agreement = _draw(agreement_figure(validations), "agreement", caption, folder)
-    words = glossary(*WORDS, gears=validations[0].scene.gears)
-    sections = []
+    words = glossary(*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, *WORDS, gears=validations[0].scene.gears)
     if swept:
         paths = (
             f"{settings.validity_paths:,} paths of exact flights at each σ (no step bias), all with the same random "
@@ -143,30 +115,24 @@ def _page(
         opening: tuple[Block, ...] = (figure, validity_table(swept.validity), Text(paths, note=True), words)
         speeds = speed_table(swept.speed)
         note = SPEED + ("" if swept.speed["resolved"].all() else UNRESOLVED)
-        none = Text(NONE.format("some are" if (swept.validity["not_inaccurate"] > 0).any() else "none is"))
-        sections.append(
-            PageSection(
-                "Speed-up of each closure where it is accurate",
-                (Text(note, note=True), speeds) if speeds.rows else (none,),
-            )
-        )
-        sections.append(PageSection("How long the paths follow the itinerary", (agreement,)))
+        none = NONE.format("some are" if (swept.validity["not_inaccurate"] > 0).any() else "none is")
+        blocks = (Text(note, note=True), speeds) if speeds.rows else (Text(none),)
+        sections = [
+            PageSection("Speed-up of each closure where it is accurate", blocks),
+            PageSection("How long the paths follow the itinerary", (agreement,)),
+        ]
     else:
-        opening = (agreement, words)
+        opening, sections = (agreement, words), []
     marks = ", ".join(f"{SIGNS[mark] or '–'} {verdict}" for verdict, mark in MARKS.items() if verdict != NOT_JUDGED)
     legend = (
         f"Marks: {marks}. Errors are closure minus simulation, corrected for the measured step bias, in units of the "
         f"quantity's standard deviation, with the half width of their interval. {RULE}"
     )
     if schemes is not None:
-        tables = [
-            block
-            for v in validations
-            for block in (Text(f"At σ = {sigma_text(v)}:"), beside_table(schemes, v.scene.sigma))
-        ]
-        sections.append(
-            PageSection("Euler–Maruyama beside exact flights and the closures", (Text(NOTE, note=True), *tables))
-        )
+        tables: list[Block] = [Text(NOTE, note=True)]
+        for v in validations:
+            tables += [Text(f"At σ = {sigma_text(v)}:"), beside_table(schemes, v.scene.sigma)]
+        sections.append(PageSection("Euler–Maruyama beside exact flights and the closures", tuple(tables)))
     if claim := correlation_claim(validations):
         sections.append(PageSection("Does |ρ| > 1 show that the density is not Gaussian?", (Text(claim),)))
     sections.append(PageSection("How the tables are read", (Text(legend),)))
@@ -190,29 +156,28 @@ def write_report(
     schemes: pd.DataFrame | None = None,
 ) -> dict[str, Any]:
     """Write the report folder, whole or not at all."""
-    table, text = table_text(validations)
-    validity_text = csv_text(swept.validity, index=False) if swept else None
+    tables = {
+        name: pd.concat([getattr(v, name).assign(sigma=v.scene.sigma) for v in validations])
+        for name in ("table", "correlation")
+    }
+    tables["table"] = tables["table"][["sigma", *validations[0].table]]
+    tables |= swept._asdict() if swept else {}
+    tables |= {} if schemes is None else {"schemes": schemes}
+    texts = {name: csv_text(table, index=False) for name, table in tables.items()}
     record = {
         "version": manifest.VERSION,
         "settings": settings.to_dict(),
-        "table_sha256": manifest.digest(text),
-        "validity_sha256": manifest.digest(validity_text) if validity_text else None,
+        "table_sha256": manifest.digest(texts["table"]),
+        "validity_sha256": manifest.digest(texts["validity"]) if swept else None,
         **origin,
         "answer": answer(validations, swept),
     }
     with whole_folder(out, CONTENTS, overwrite) as folder:
         (folder / "figures").mkdir()
-        (folder / "table.csv").write_text(text, encoding="utf-8")
-        table.to_parquet(folder / "table.parquet", index=False)
-        correlation = pd.concat([v.correlation.assign(sigma=v.scene.sigma) for v in validations])
-        write_csv(correlation, folder / "correlation.csv", index=False)
-        if swept and validity_text:
-            (folder / "validity.csv").write_text(validity_text, encoding="utf-8")
-            swept.validity.to_parquet(folder / "validity.parquet", index=False)
-            write_csv(swept.speed, folder / "speed.csv", index=False)
-            write_csv(swept.simulation, folder / "simulation.csv", index=False)
-        if schemes is not None:
-            write_csv(schemes, folder / "schemes.csv", index=False)
+        for name, table in tables.items():
+            (folder / f"{name}.csv").write_text(texts[name], encoding="utf-8")
+            if name in PARQUET:
+                table.to_parquet(folder / f"{name}.parquet", index=False)
         write_page(_page(settings, validations, swept, record, folder, schemes), folder, "report")
         (folder / "manifest.json").write_text(json_text(manifest.seal(record)) + "\n", encoding="utf-8")
     return record

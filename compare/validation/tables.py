@@ -81,20 +81,19 @@ def distance_table(v: Comparison) -> Table:
     Returns: In units of the sampling floor: the distance that a sample of the true density would have.
     """
     table = pd.concat([section_distances(m, v.run) for m in v.predictions.values()], ignore_index=True)
-    rows: list[Row] = []
-    for closure, group in table.groupby("closure", sort=False):
-        ratios = []
-        for name in ("kolmogorov", "total_variation"):
-            ratio = group[name] / group[f"{name}_floor"]
-            ratios += [f"{ratio.median():.2g}", f"{ratio.max():.3g}"]
-        rows.append([str(closure), *ratios])
+    ratios = pd.DataFrame({name: table[name] / table[f"{name}_floor"] for name in ("kolmogorov", "total_variation")})
+    found = ratios.groupby(table["closure"], sort=False).agg(["median", "max"])
+    rows: list[Row] = [
+        [name, *(format(value, form) for value, form in zip(values, (".2g", ".3g") * 2, strict=True))]
+        for name, *values in found.itertuples()
+    ]
     return Table.of(["closure", *numbers("Kolmogorov, median", "worst", "total variation, median", "worst")], rows)
 
 
 def reach_table(v: Comparison) -> Table:
     """Range of validity of each closure of a validation, and its cause."""
     found = validities([v]).to_dict("records")
-    rows: list[Row] = [[str(f["closure"]), int(f["accurate"]), int(f["not_inaccurate"]), str(f["why"])] for f in found]
+    rows: list[Row] = [[f["closure"], f["accurate"], f["not_inaccurate"], f["why"]] for f in found]
     return Table.of(["closure", *numbers(f"{ACCURATE} impact", NOT_WRONG), "why it ends"], rows)
 
 
@@ -108,7 +107,7 @@ def validity_table(table: pd.DataFrame) -> Table:
             first, last = same.iloc[0], same.iloc[-1]
             sigma = f"{first['sigma']:.4g}" + (f" – {last['sigma']:.4g}" if len(same) > 1 else "")
             why = first["why"] if same["why"].nunique() == 1 else CAUSES[first["cause"]]
-            rows.append([str(closure), sigma, int(first["accurate"]), int(first["not_inaccurate"]), str(why)])
+            rows.append([str(closure), sigma, first["accurate"], first["not_inaccurate"], why])
     return Table.of(["closure", *numbers("σ", f"{ACCURATE} impact", NOT_WRONG), "why it ends"], rows)
 
 
