@@ -12,7 +12,7 @@ import tomli_w
 
 from rattle.compare.report.folder import write_whole
 from rattle.compare.thresholds.claim import Claim
-from rattle.compare.thresholds.prediction import Prediction
+from rattle.compare.thresholds.prediction import ModelPrediction
 from rattle.scene.errors import FileError
 from rattle.scene.files import read_text
 from rattle.scene.text import line
@@ -35,7 +35,7 @@ def place(module: Path, test: str) -> Path:
     return module.parent / "baselines" / module.stem / f"{name}.toml"
 
 
-def content(prediction: Prediction, claim: Claim) -> dict[str, Any]:
+def content(prediction: ModelPrediction, claim: Claim) -> dict[str, Any]:
     """Build the content of a baseline."""
     values = {
         c: dict(zip(map(str, claim.impacts), map(float, prediction.section[c]), strict=True)) for c in claim.columns

@@ -1,6 +1,6 @@
 """A test's claim about the accuracy of a closure, read from its marker and validated before any simulation."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -83,8 +83,18 @@ class Claim:
         return tuple(dict.fromkeys(row.column for row in self.rows))
 
 
-def merge(markers: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
-    """Merge the options of a test's markers with those of its class and module.
+def read_markers(markers: Iterable[Any], folder: Path) -> Claim:
+    """Read a claim from the markers of a test, its class and its module, see `read_claim`."""
+    options = []
+    for mark in markers:
+        if mark.args:
+            raise InputError("marker rattle", mark.args, "name every option, as in scene='dat21.toml'")
+        options.append(mark.kwargs)
+    return read_claim(merge(options), folder)
+
+
+def merge(markers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Merge the options of a test's markers with those of its class and module, which follow.
 
     Examples
     --------
@@ -92,7 +102,7 @@ def merge(markers: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     {'scene': 'dat21.toml', 'absolute': 0.001}
     """
     found: dict[str, Any] = {}
-    for options in reversed(list(markers)):
+    for options in reversed(markers):
         replaced = {name for rivals in RIVALS if rivals & options.keys() for name in rivals}
         found = {name: value for name, value in found.items() if name not in replaced} | dict(options)
     return found
@@ -132,8 +142,8 @@ def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
         count("budget", budget, most=MOST_PATHS)
     if (undecided := options.get("undecided")) is not None:
         choice("undecided", undecided, UNDECIDED)
-    kind = SCHEMES[choice("scheme", scheme := options.get("scheme", "exact-flight"), SCHEMES)]
-    biased = kind.has_step_bias
+    scheme = choice("scheme", options.get("scheme", "exact-flight"), SCHEMES)
+    biased = SCHEMES[scheme].has_step_bias
     check_settings(
         scene,
         paths=1 if paths is None else paths,

@@ -11,10 +11,9 @@ from rattle.compare.stationary.cell import LongCell
 from rattle.compare.stationary.judged import CLOSURES_JUDGED, judge_rows, laws, tolerance_of
 from rattle.compare.stationary.laws import values_of
 from rattle.compare.thresholds.claim import Claim
-from rattle.compare.thresholds.judging import OUTCOMES
-from rattle.compare.thresholds.looks import Looked, look_until_decided
+from rattle.compare.thresholds.decision import OUTCOMES, Decision, look_until_decided
 from rattle.compare.thresholds.prediction import name_of
-from rattle.compare.thresholds.sessions import Drawn, Thresholds
+from rattle.compare.thresholds.sessions import Thresholds, TimedRun
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo.long_run.names import all_names
 from rattle.montecarlo.long_run.run import PATHS
@@ -68,7 +67,7 @@ def predict_long(model: LongModel, scene: Scene, quantities: Sequence[str]) -> L
     return LongPrediction(label, values)
 
 
-def decide_long(prediction: LongPrediction, claim: Claim, session: Thresholds) -> Looked:
+def decide_long(prediction: LongPrediction, claim: Claim, session: Thresholds) -> Decision:
     """Compare a prediction with long runs that grow until every quantity is decided, first in length, then in paths.
 
     ``paths_needed`` are paths of the longest run; ``effective_paths`` and ``widened`` are how many paths of the run its
@@ -76,18 +75,18 @@ def decide_long(prediction: LongPrediction, claim: Claim, session: Thresholds) -
     """
     names, settings, longest = list(prediction.values), session.settings, PERIODS[-1]
     sizes = {periods * PATHS: (periods, PATHS) for periods in PERIODS}
-    sizes |= {longest * paths: (longest, paths) for paths in settings.doubled(claim, PATHS)}
+    sizes |= {longest * paths: (longest, paths) for paths in settings.sizes(PATHS, claim.budget)}
     z = widest(len(names) * len(sizes), settings.false_alarm)
 
-    def look(size: int | None) -> tuple[pd.DataFrame, Drawn]:
+    def look(size: int | None) -> tuple[pd.DataFrame, TimedRun]:
         periods, paths = sizes[size or 0]
-        drawn = session.draw(LongCell(claim.scene, settings.seed, (), periods=periods, paths=paths))
-        result = drawn.run
+        run = session.simulate(LongCell(claim.scene, settings.seed, (), periods=periods, paths=paths))
+        result = run.run
         simulated = {str(name): float(value) for name, value in result.table["value"].items()}
         rows = pd.DataFrame({"quantity": names, "predicted": list(prediction.values.values()), "se_predicted": 0.0})
         rows["tolerance"] = [tolerance_of(name, simulated) for name in names]
         table = judge_rows(rows, result.table, z, size or 0).rename(columns={"periods_needed": "paths_needed"})
-        return table.assign(outcome=table["verdict"].map(OUTCOMES), periods=periods, paths=paths), drawn
+        return table.assign(outcome=table["verdict"].map(OUTCOMES), periods=periods, paths=paths), run
 
-    table, drawn = look_until_decided(tuple(sizes), look)
-    return Looked(table.assign(paths_needed=np.ceil(table["paths_needed"] / longest)), drawn, z)
+    table, runs = look_until_decided(tuple(sizes), look)
+    return Decision(table.assign(paths_needed=np.ceil(table["paths_needed"] / longest)), runs, z)

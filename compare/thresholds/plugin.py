@@ -70,17 +70,15 @@ def pytest_addoption(parser: pytest.Parser) -> None:
             parser.addini(option.key, option.help, default=option.default)
 
 
-def option_value(config: pytest.Config, option: Option) -> str:
-    """The user's choice of one option, as text."""
-    given = config.getoption(option.key)
-    if given is None:
-        given = config.getini(option.key) if option.lasting else option.default
-    return str(given)
-
-
 def read_options(config: pytest.Config) -> dict[str, str]:
-    """The user's choice of every option, by key."""
-    return {option.key: option_value(config, option) for option in OPTIONS}
+    """The user's choice of every option as text, by key."""
+    chosen = {}
+    for option in OPTIONS:
+        given = config.getoption(option.key)
+        if given is None:
+            given = config.getini(option.key) if option.lasting else option.default
+        chosen[option.key] = str(given)
+    return chosen
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -98,14 +96,27 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """Read the claims of the selected tests."""
-    marked = [item for item in session.items if item.get_closest_marker("rattle")]
-    if marked:
-        from rattle.compare.thresholds.sessions import Thresholds, read_claims
-        from rattle.compare.thresholds.settings import read_settings
+    """Store the claim of each selected test, or the error of its marker, in the stash of the test.
 
-        session.config.stash[THRESHOLDS] = Thresholds(read_settings(read_options(session.config)), session.config)
-        read_claims(marked)
+    A test that inherits the marker but does not use the fixture has no claim.
+    """
+    marked = [item for item in session.items if item.get_closest_marker("rattle")]
+    if not marked:
+        return
+    from rattle.compare.thresholds.claim import read_markers
+    from rattle.compare.thresholds.sessions import Thresholds
+    from rattle.compare.thresholds.settings import read_settings
+    from rattle.scene.errors import RattleError
+
+    session.config.stash[THRESHOLDS] = Thresholds(read_settings(read_options(session.config)), session.config)
+    for item in marked:
+        if "rattle" in getattr(item, "fixturenames", ()):
+            try:
+                item.stash[CLAIM] = read_markers(item.iter_markers("rattle"), item.path.parent)
+            except Exception as error:  # any error in reading a marker belongs to this test alone
+                item.stash[REFUSED] = error
+        elif any(mark.name == "rattle" for mark in item.own_markers):
+            item.stash[REFUSED] = RattleError("its marker checks nothing; let the test take the fixture 'rattle'")
 
 
 def pytest_report_collectionfinish(config: pytest.Config, items: Sequence[pytest.Item]) -> list[str]:

@@ -18,14 +18,14 @@ Model = str | Callable[[Scene, int], pd.DataFrame]
 
 
 @dataclass(frozen=True)
-class Prediction:
+class ModelPrediction:
     """Predicted section moments, complete and finite where the claim needs them."""
 
     closure: str  # name of the closure or model
     section: pd.DataFrame  # index ``impact``; the columns of the claim
 
 
-def predict(model: Model, claim: Claim) -> Prediction:
+def predict(model: Model, claim: Claim) -> ModelPrediction:
     """Evaluate a model for the section moments of a claim.
 
     `model`: A closure (``"saltation"``), or a function ``(scene, impacts) -> DataFrame`` whose table has the
@@ -44,13 +44,13 @@ def predict(model: Model, claim: Claim) -> Prediction:
     impacts = claim.impacts[-1]
     if isinstance(model, str):
         prediction = mean_map(claim.scene, impacts=impacts, closure=choice("closure", model, CLOSURES))
-        return Prediction(
+        return ModelPrediction(
             model, _complete(model, prediction.section, claim, f" ({prediction.stopped})" * bool(prediction.stopped))
         )
     if not callable(model):
         raise InputError("model", model, "give a closure's name, or a function (scene, impacts) -> DataFrame")
     name = name_of(model)
-    return Prediction(name, _complete(name, model(claim.scene, impacts), claim))
+    return ModelPrediction(name, _complete(name, model(claim.scene, impacts), claim))
 
 
 def name_of(model: Callable[..., object]) -> str:
@@ -69,8 +69,6 @@ def _complete(name: str, table: object, claim: Claim, why: str = "") -> pd.DataF
             list(table.columns),
             f"{missing[0]!r} is missing; add it, or change the marker's quantities and moments",
         )
-    if not table.columns.is_unique:
-        raise InputError(f"columns of {name}", list(table.columns), "must each have a name of their own")
     absent = [k for k in claim.impacts if k not in table.index]
     if absent or not table.index.is_unique:
         raise InputError(

@@ -2,13 +2,10 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from rattle.scene.errors import InputError
 from rattle.scene.validate import choice, count, finite
-
-if TYPE_CHECKING:
-    from rattle.compare.thresholds.claim import Claim
 
 PROFILES = {"quick": 32_768, "full": 1_048_576}
 """Simulated paths of the first look, unless the marker gives a number."""
@@ -30,29 +27,18 @@ class Settings(NamedTuple):
     workers: int = 1
     baselines: str = "compare"  # ``compare``, ``record`` or ``regenerate``
 
-    def sizes(self, claim: "Claim") -> tuple[int | None, ...]:
-        """Give the numbers of paths of all possible looks at a claim: doubled up to its budget.
+    def sizes(self, first: int | None, most: int | None) -> tuple[int, ...]:
+        """Numbers of paths of all possible looks at a claim: from its first one doubled up to its budget.
 
         They are fixed before anything is simulated, so that the intervals of all looks can have simultaneous coverage.
 
-        Returns: ``(None,)`` for a claim with an accuracy, which determines the number of paths itself.
-
         Examples
         --------
-        >>> from rattle.compare.thresholds.claim import read_claim
-        >>> from rattle.scene import DAT21, Scene
-        >>> claim = read_claim({"scene": Scene.from_gears(DAT21, sigma=0.1), "paths": 10_000}, Path())
-        >>> Settings().sizes(claim), Settings(budget=30_000).sizes(claim), Settings(budget=1).sizes(claim)
+        >>> Settings().sizes(10_000, None), Settings(budget=30_000).sizes(10_000, None), Settings().sizes(10_000, 1)
         ((10000, 20000, 40000, 80000), (10000, 20000, 30000), (10000,))
         """
-        if claim.accuracy is not None:
-            return (None,)
-        return self.doubled(claim, claim.paths or PROFILES[self.profile])
-
-    def doubled(self, claim: "Claim", first: int) -> tuple[int, ...]:
-        """Numbers of paths from the first look at a claim up to its budget."""
-        most = claim.budget or self.budget or TIMES * first
-        sizes = [first]
+        sizes = [first or PROFILES[self.profile]]
+        most = most or self.budget or TIMES * sizes[0]
         while sizes[-1] < most:
             sizes.append(min(2 * sizes[-1], most))
         return tuple(sizes)

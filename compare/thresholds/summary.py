@@ -24,17 +24,7 @@ def describe_remedy(paths: float) -> str:
 
 
 def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[str]:
-    """Format the summary.
-
-    Parameters
-    ----------
-    records : sequence of (str, mapping)
-        The id of each test, and what its fixture has recorded.
-
-    Yields
-    ------
-    str
-        Lines of text.
+    """Lines of the summary, from the id of each test and what its fixture has recorded.
 
     Examples
     --------

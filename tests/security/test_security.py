@@ -20,7 +20,7 @@ from rattle.compare.report import read_page
 from rattle.compare.report.folder import default_place
 from rattle.compare.report.style import save
 from rattle.compare.thresholds.baseline import place
-from rattle.compare.thresholds.figure import error_figure
+from rattle.compare.thresholds.messages import error_figure
 from rattle.scene import DAT21, Scene
 
 ROOT = Path(__file__).resolve().parents[2]

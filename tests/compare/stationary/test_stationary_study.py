@@ -111,11 +111,11 @@ def test_claims_about_the_long_run_are_decided(tmp_path):
     good = predict_long("saltation", PAIR, ["rate", "energy", "speed"])
     found = decide_long(good, claim, session())
     assert found.table["outcome"].tolist() == ["pass"] * 3
-    assert [d.computed for d in found.drawn] == [True]
+    assert [d.computed for d in found.runs] == [True]
     wrong = predict_long(lambda scene, names: {n: 1.2 * good.values[n] for n in names}, PAIR, ["rate", "energy"])
     again = decide_long(wrong, claim, session())
     assert again.table["outcome"].tolist() == ["fail", "fail"]
-    assert [(d.computed, d.seconds) for d in again.drawn] == [(False, 0.0)]
+    assert [(d.computed, d.seconds) for d in again.runs] == [(False, 0.0)]
 
 
 @pytest.mark.parametrize(

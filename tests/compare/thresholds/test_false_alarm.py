@@ -18,10 +18,9 @@ import pytest
 from scipy.stats import binomtest
 
 from rattle.compare.thresholds.claim import read_claim
-from rattle.compare.thresholds.judging import errors_of, judge_errors
-from rattle.compare.thresholds.looks import decide, standing
-from rattle.compare.thresholds.prediction import Prediction
-from rattle.compare.thresholds.sessions import Drawn
+from rattle.compare.thresholds.decision import decide, errors_of, judge_errors, merge_looks
+from rattle.compare.thresholds.prediction import ModelPrediction
+from rattle.compare.thresholds.sessions import TimedRun
 from rattle.compare.thresholds.settings import Settings
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import simulate
@@ -142,7 +141,7 @@ def displaced(truth, claim, by, sessions=1):
         for q in claim.quantities:
             unit = whole["sd_" + q] if allowed.in_sd else 1.0
             off[("" if moment == "mean" else "sd_") + q] += by * allowed.error * unit
-    return Prediction("truth", off)
+    return ModelPrediction("truth", off)
 
 
 def outcomes(runs, truth, by, rate=RATE, impacts=(1, 2), naive=(), **options):
@@ -160,7 +159,7 @@ def outcomes(runs, truth, by, rate=RATE, impacts=(1, 2), naive=(), **options):
         errors = errors_of(prediction, run, claim)
         if "unit" in naive:
             errors["noise"] = errors["se"]
-        table = judge_errors(errors, z) if table is None else standing(table, judge_errors(errors, z))
+        table = judge_errors(errors, z) if table is None else merge_looks(table, judge_errors(errors, z))
     table["session"] = (table["impact"] - 1) // IMPACTS
     return table.sort_values("session", kind="stable")["outcome"].to_numpy().reshape(sessions, rows)
 
@@ -215,14 +214,14 @@ def test_looks_as_they_are_taken_fail_at_most_at_the_stated_rate(looks, truth):
     options = {"scene": SCENE, "impacts": IMPACTS, "quantities": ["tau", "y1"], "within": 0.05, "paths": BLOCK}
     claim = read_claim(options, Path())
     prediction, settings, taken = displaced(truth, claim, 1.0), Settings(RATE), set()
-    assert settings.sizes(claim) == tuple(n * BLOCK for n in LOOKS)
+    assert settings.sizes(claim.paths, claim.budget) == tuple(n * BLOCK for n in LOOKS)
 
     def failed(i):
-        def draw(sample):
-            return Drawn(looks[LOOKS.index(sample.paths // BLOCK)].session(i), True, 0.0)
+        def take(sample):
+            return TimedRun(looks[LOOKS.index(sample.paths // BLOCK)].session(i), True, 0.0)
 
-        table, drawn, _ = decide(prediction, claim, SimpleNamespace(settings=settings, draw=draw))
-        taken.add(tuple(int(d.run.section["paths"].iloc[0]) // BLOCK for d in drawn))
+        table, runs, _ = decide(prediction, claim, SimpleNamespace(settings=settings, simulate=take))
+        taken.add(tuple(int(d.run.section["paths"].iloc[0]) // BLOCK for d in runs))
         return (table["outcome"] == "fail").any()
 
     low, measured, _ = share(np.array([failed(i) for i in range(100)]))

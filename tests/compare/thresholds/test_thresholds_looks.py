@@ -5,7 +5,7 @@ import math
 import pandas as pd
 import pytest
 
-from rattle.compare.thresholds.looks import following, standing
+from rattle.compare.thresholds.decision import choose_next, merge_looks
 from rattle.compare.thresholds.settings import PROFILES, Settings
 from rattle.compare.validation.verdict import widest
 
@@ -89,18 +89,12 @@ def test_an_accuracy_is_looked_at_once(run, said):
     )
 
 
-class Claim:
-    def __init__(self, paths=None, budget=None, accuracy=None):
-        self.paths, self.budget, self.accuracy = paths, budget, accuracy
-
-
 def test_the_looks_of_a_claim_are_fixed_beforehand():
-    assert Settings().sizes(Claim()) == tuple(PROFILES["quick"] * 2**j for j in range(4))
-    assert Settings(profile="full").sizes(Claim())[-1] == 2**23
-    assert Settings(budget=100_000).sizes(Claim()) == (32_768, 65_536, 100_000)
-    assert Settings(budget=100_000).sizes(Claim(budget=40_000)) == (32_768, 40_000)
-    assert Settings(budget=1000).sizes(Claim()) == (32_768,)
-    assert Settings().sizes(Claim(accuracy=0.1)) == (None,)
+    assert Settings().sizes(None, None) == tuple(PROFILES["quick"] * 2**j for j in range(4))
+    assert Settings(profile="full").sizes(None, None)[-1] == 2**23
+    assert Settings(budget=100_000).sizes(None, None) == (32_768, 65_536, 100_000)
+    assert Settings(budget=100_000).sizes(None, 40_000) == (32_768, 40_000)
+    assert Settings(budget=1000).sizes(None, None) == (32_768,)
 
 
 def rows(outcomes, needed):
@@ -109,17 +103,17 @@ def rows(outcomes, needed):
 
 def test_the_next_look_is_the_first_that_should_decide():
     nothing = math.nan
-    assert following([2, 4, 8], rows(["undecided", "undecided"], [2.5, nothing])) == 4
-    assert following([2, 4, 8], rows(["undecided"], [1e9])) == 8
-    assert following([2, 4, 8], rows(["undecided"], [nothing])) is None
-    assert following([2, 4, 8], rows(["pass", "pass"], [nothing, nothing])) is None
-    assert following([2, 4, 8], rows(["fail", "undecided"], [nothing, 3.0])) is None
-    assert following([], rows(["undecided"], [3.0])) is None
+    assert choose_next([2, 4, 8], rows(["undecided", "undecided"], [2.5, nothing])) == 4
+    assert choose_next([2, 4, 8], rows(["undecided"], [1e9])) == 8
+    assert choose_next([2, 4, 8], rows(["undecided"], [nothing])) is None
+    assert choose_next([2, 4, 8], rows(["pass", "pass"], [nothing, nothing])) is None
+    assert choose_next([2, 4, 8], rows(["fail", "undecided"], [nothing, 3.0])) is None
+    assert choose_next([], rows(["undecided"], [3.0])) is None
 
 
 def test_what_was_decided_stands():
     first = rows(["pass", "undecided", "undecided"], math.nan)
     second = rows(["undecided", "fail", "undecided"], math.nan).assign(look=2)
-    both = standing(first, second)
+    both = merge_looks(first, second)
     assert both["outcome"].tolist() == ["pass", "fail", "undecided"]
     assert both["look"].tolist() == [1, 2, 2]

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from rattle.compare.thresholds.claim import read_claim
-from rattle.compare.thresholds.judging import errors_of, judge_errors
+from rattle.compare.thresholds.decision import errors_of, judge_errors
 from rattle.compare.thresholds.prediction import predict
 from rattle.montecarlo import simulate
 from rattle.scene import DAT21, InputError, Scene
