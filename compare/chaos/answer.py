@@ -8,8 +8,8 @@ import pandas as pd
 from rattle.compare.chaos.exponents import DRIFT, ORBIT, Exponents
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.spectrum import TIME
-from rattle.compare.chaos.sqrt_law import SqrtLaw
 from rattle.compare.chaos.sweep import crossings, signs
+from rattle.compare.chaos.two_paths import SqrtLaw
 from rattle.compare.validation.validity_range import join_words
 from rattle.scene.gears import Gears
 

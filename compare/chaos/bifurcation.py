@@ -77,7 +77,7 @@ def bifurcation(
     def of(s: Scene) -> tuple[tuple[Floats, Regime], tuple[Floats, Regime]]:
         orbit, path = Regime(), Regime()
         found = [values_of(x.flight, x.before) for x in orbit_record(s, points, orbit, tangent=False)]
-        if not orbit.measured:
+        if not orbit.has_record:
             found = []
         noisy: list[Floats] = []
         for x, _ in noisy_record(s, 2**30, seed, path, tangent=False):

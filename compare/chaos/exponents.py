@@ -149,7 +149,7 @@ def _exponents(of: str, scene: Scene, blocks: list[Floats], regime: Regime) -> E
     size = 2 * scene.stages
     time, impacts = float(b[:, 4].sum()), int(b[:, 5].sum())
     sum_error = np.nan
-    if len(b) >= 2 * BATCHES and regime.measured:
+    if len(b) >= 2 * BATCHES and regime.has_record:
         c = scene.constants
         exact_sum = -(c.beta1 + c.beta2) + impacts / time * 2.0 * math.log(c.epsilon)
         sum_error = float(b[:, :size].sum() / time - exact_sum)
@@ -211,7 +211,7 @@ def _measure(
         if done < target:
             continue
         found = _exponents(of, scene, blocks, regime)
-        if width is None or found.width <= width or not regime.measured:
+        if width is None or found.width <= width or not regime.has_record:
             return found
         if impacts is not None or regime.computed > MOST:
             return found.require(width) if strict else found

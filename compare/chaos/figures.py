@@ -17,7 +17,7 @@ from rattle.compare.chaos.exponents import DRIFT, Exponents
 from rattle.compare.chaos.record import SILENT, STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.section import MAP, NOISY, ORBIT, Section
 from rattle.compare.chaos.spectrum import SEQUENCE, TIME, Spectrum
-from rattle.compare.chaos.sqrt_law import SqrtLaw
+from rattle.compare.chaos.two_paths import SqrtLaw
 from rattle.compare.report.style import SYMBOL, legend_above, new_figure
 
 Floats = NDArray[np.float64]

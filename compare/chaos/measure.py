@@ -11,13 +11,12 @@ from rattle.compare.chaos import figures
 from rattle.compare.chaos.answer import answer
 from rattle.compare.chaos.bifurcation import Bifurcation, bifurcation
 from rattle.compare.chaos.exponents import Exponents, drift_exponents, lyapunov
-from rattle.compare.chaos.finite_size import finite_size
 from rattle.compare.chaos.mean_maps import mean_maps
 from rattle.compare.chaos.record import NoRecord
 from rattle.compare.chaos.section import Section, sections
 from rattle.compare.chaos.spectrum import Spectrum, spectra, spectra_tables
-from rattle.compare.chaos.sqrt_law import SqrtLaw, sqrt_law
 from rattle.compare.chaos.sweep import crossings, sweep
+from rattle.compare.chaos.two_paths import SqrtLaw, finite_size, sqrt_law
 from rattle.compare.validation.answer import explain_missing
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
@@ -140,7 +139,7 @@ def study(
             return None
 
     def finite_sizes() -> pd.DataFrame:
-        if not drift.regime.measured:  # two paths that stick are one from then on
+        if not drift.regime.has_record:  # two paths that stick are one from then on
             raise NoRecord(f"the noisy path {drift.regime.brief}")
         return finite_size(scene, events=events, seed=seed, workers=workers)
 

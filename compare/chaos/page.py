@@ -1,5 +1,6 @@
-"""The page of a study of chaos."""
+"""The page and the folder of a study of chaos."""
 
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -8,6 +9,7 @@ from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.report import NUMBER, TEXT, Block, Column, Figure, Page, PageSection, Table, Text
 from rattle.compare.report.glossary import CHAOS_TERMS, CLOSURE_TERMS, SECTION_TERMS, glossary
 from rattle.compare.report.provenance import source_of
+from rattle.compare.report.save import contents, save
 
 FIGURES = {
     "section": "Poincaré sections at the impacts, in the paper's coordinates: flight time against velocity just before "
@@ -23,6 +25,10 @@ FIGURES = {
     "square-root law.",
 }
 """Captions of the figures, by name."""
+TABLES = ("exponents", "mean_maps", "lines", "spectra_summary", "fsle", "sqrt_law", "sweep", "crossings")
+LARGE = ("sections", "spectra", "bifurcation")
+CONTENTS = contents("chaos", figures=tuple(FIGURES), tables=TABLES, large=LARGE)
+"""Files of such a folder; a folder with any other file is not overwritten."""
 WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *CHAOS_TERMS, "Δτ", "σ", "α", "ε", "realizable")
 
 
@@ -94,3 +100,21 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
         apart.append(table_of(found.finite_size, summary="All distances"))
     parts.append(PageSection("Two paths on the same noise", tuple(apart)))
     return Page(f"Chaos of {record['name']}", tuple(found.answer), source_of(record), opening, tuple(parts))
+
+
+def write_chaos(out: Path, found: ChaosStudy, record: dict[str, Any], overwrite: bool) -> list[str]:
+    """Write the folder of a study of chaos."""
+    figures = found.figures()
+    page = chaos_page(found, record, list(figures))
+    save(
+        out,
+        "chaos",
+        page,
+        record,
+        allowed=CONTENTS,
+        figures=figures,
+        tables=found.tables(),
+        digits="%.10g",
+        overwrite=overwrite,
+    )
+    return list(page.answer)

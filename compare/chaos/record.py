@@ -67,7 +67,7 @@ class Regime:
         return STICKS_AT_TIMES if self.stuck or self.sticking_steps else RUNS
 
     @property
-    def measured(self) -> bool:
+    def has_record(self) -> bool:
         """Whether enough was recorded: impacts go on, and sticking phases are far apart or absent."""
         return self.kind in (RUNS, STICKS_AT_TIMES)
 
@@ -76,7 +76,7 @@ class Regime:
         """The kind of motion as a clause with numbers."""
         stuck = f"sticks {self.stuck} time{'s' if self.stuck > 1 else ''} in {self.computed:,} impacts"
         transient = f", the first {self.transient:,} of them a transient" if self.transient else ""
-        if self.steps and self.sticking_steps and self.measured:
+        if self.steps and self.sticking_steps and self.has_record:
             part = f"sticks in {self.sticking_steps:,} of {self.steps:,} time steps"
             return f"ran through all {self.computed:,} impacts{transient}; it {part}"
         if self.steps and self.gave_up:

@@ -93,7 +93,7 @@ class _Counter:
 def _orbit_points(scene: Scene, points: int, regime: Regime) -> Iterator[tuple[Floats, Floats]]:
     for s in orbit_record(scene, points, regime, tangent=False):
         yield s.flight, s.before
-    if regime.impacts == 0 or not regime.measured:
+    if regime.impacts == 0 or not regime.has_record:
         raise NoRecord(f"the orbit {regime.brief}")
 
 

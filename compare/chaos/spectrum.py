@@ -174,7 +174,7 @@ def spectra(
             time.append(velocity)
             if regime.impacts * PARTS >= impacts and regime.steps >= SEGMENTS * SEGMENT[TIME]:
                 break
-        if not regime.measured:
+        if not regime.has_record:
             raise NoRecord(f"the noisy path {regime.brief}")
         return [np.concatenate(sequence)], [np.concatenate(time)]
 
@@ -182,7 +182,7 @@ def spectra(
         regime = Regime()
         record = orbit_record(scene, impacts, regime, tangent=False)
         pieces = [([s.before[:, 1::2]], [velocities(scene, s, h)]) for s in record]
-        if not regime.measured:
+        if not regime.has_record:
             raise NoRecord(f"the orbit {regime.brief}")
         return _collect(scene, pieces)
 

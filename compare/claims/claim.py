@@ -11,7 +11,7 @@ KINDS = (NOT_REPRODUCED, UNDECIDED, PART, REPRODUCED)
 """Kinds of verdicts, from the worst to the best for the claim."""
 
 
-class Claim(NamedTuple):
+class PaperClaim(NamedTuple):
     """A claim of the paper with its test, evidence and verdict."""
 
     name: str  # short title
@@ -27,6 +27,6 @@ class Claim(NamedTuple):
         return PART if self.verdict.startswith(HOLDS_ONLY.format("")) else self.verdict
 
 
-def table(claims: list[Claim]) -> pd.DataFrame:
+def table(claims: list[PaperClaim]) -> pd.DataFrame:
     """Convert claims to a table."""
     return pd.DataFrame(claims, index=pd.RangeIndex(1, len(claims) + 1, name="claim"))

@@ -1,8 +1,9 @@
 """The evidence for all claims: every simulation and measurement, made once."""
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,9 +11,9 @@ from rattle.compare.chaos.exponents import Exponents, Mean, drift_exponents, lya
 from rattle.compare.chaos.measure import ChaosStudy, study
 from rattle.compare.chaos.record import Regime, noisy_record, orbit_record
 from rattle.compare.chaos.sweep import paper_noise
-from rattle.compare.claims.mean_motion import MeanMotion, mean_motion
 from rattle.compare.validation.result import Validation
 from rattle.compare.validation.validate import validate
+from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import Ensemble, Record, simulate
 from rattle.scene.parts import Start
 from rattle.scene.scene import Scene
@@ -22,6 +23,27 @@ FLIGHTS = np.array([0.5, 1.5, 3.0])  # times after the start at which a flight w
 STEP = 2e-3  # its time step
 LEAST = 2000  # paths whose mean velocity is followed in time, if `paths` are few
 REPEATS, STEPS = 100_000, 2_000_000  # impacts of the orbit, and steps of a noisy path, searched for repeated flanks
+MEAN_STEP = math.pi / 96.0  # time step of the mean motion
+EVERY = 12  # steps of it between two times: 16 a period
+SETTLED, COMPARED = 8, 3  # periods after which the start is forgotten, and periods compared with each other
+MOST_IMPACTS = 512  # more than any path has in these periods
+
+
+class MeanMotion(NamedTuple):
+    """The mean velocities of all paths at one time, over several periods of the excitation."""
+
+    paths: int  # number of paths
+    # largest, allowed: largest change of a mean from one period to the next in standard errors, and its bound at 95 %
+    # confidence over all of them if the mean is periodic
+    largest: float
+    allowed: float
+    # for each stage, the variance of the mean over a period over that of the velocity of single paths
+    share: tuple[float, ...]
+
+    @property
+    def periodic(self) -> bool:
+        """Whether nothing but lines at multiples of the excitation frequency is left in the mean's spectrum."""
+        return self.largest <= self.allowed
 
 
 @dataclass(frozen=True)
@@ -113,3 +135,30 @@ def _repeats(stretches: Iterable[Stretch], stages: int) -> Mean:
         same.append((own[1:] == own[:-1]).astype(float))
     repeated = np.concatenate(same)
     return ratio_mean(repeated, np.ones(repeated.size))
+
+
+def mean_motion(scene: Scene, paths: int, seed: int, workers: int) -> MeanMotion:
+    """Simulate the mean velocities after the start is forgotten."""
+    period = round(2.0 * math.pi / MEAN_STEP)
+    steps = np.arange(SETTLED * period, (SETTLED + COMPARED) * period, EVERY) + EVERY
+    times = np.asarray(scene.start.tau + MEAN_STEP * steps, dtype=float)
+    run = simulate(
+        scene,
+        paths=paths,
+        impacts=MOST_IMPACTS,
+        dt=MEAN_STEP,
+        scheme="exact-flight",
+        rng=np.random.SeedSequence([seed, 11]),
+        workers=workers,
+        horizon=float(times[-1] - scene.start.tau) + 1.0,
+        record=Record(times=times),
+    )
+    table, largest, share = run.at_times(), 0.0, []
+    for stage in range(1, scene.stages + 1):
+        mean, se = (table[f"{prefix}y{stage}"].to_numpy().reshape(COMPARED, -1) for prefix in ("", "se_"))
+        change = np.abs(np.diff(mean, axis=0)) / np.hypot(se[1:], se[:-1])
+        largest = max(largest, float(change.max()))
+        whole = table[f"cov_y{stage}_y{stage}"].mean() + mean.var()
+        share.append(float((mean.mean(axis=0).var()) / whole))
+    compared = scene.stages * (len(steps) - len(steps) // COMPARED)
+    return MeanMotion(run.paths, largest, widest(compared), tuple(share))

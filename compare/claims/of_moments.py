@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rattle.compare.claims.claim import HOLDS_ONLY, NOT_REPRODUCED, REPRODUCED, UNDECIDED, Claim
+from rattle.compare.claims.claim import HOLDS_ONLY, NOT_REPRODUCED, REPRODUCED, UNDECIDED, PaperClaim
 from rattle.compare.claims.evidence import Evidence
 from rattle.compare.claims.impact_rules import MEND_15, MEND_17, Failure, failures
 from rattle.compare.validation.comparison import Comparison
@@ -18,7 +18,7 @@ def _at(v: Comparison) -> str:
     return f"σ = {v.scene.sigma:.3g}"
 
 
-def solvable(e: Evidence) -> Claim:
+def solvable(e: Evidence) -> PaperClaim:
     """Judge section 3: the equation of the flight cannot be solved exactly."""
     c, tau = e.open_space.constants, e.open_space.start.tau
     fixed = e.flight.at_times()
@@ -31,7 +31,7 @@ def solvable(e: Evidence) -> Claim:
             error = abs(np.arctanh(rho) - np.arctanh(correlation(q[j : j + 2, j : j + 2])))  # Fisher's z
             worst = max(worst, float((error - step_bias / (1.0 - rho**2)) / row[f"se_z_rho{stage}"]))
     allowed = widest(2 * len(fixed))
-    return Claim(
+    return PaperClaim(
         "An exact solution",
         "section 3, below Eq. 9",
         "Equation (8) in the free flight phase is a non-linear stochastic differential equation without the "
@@ -44,7 +44,7 @@ def solvable(e: Evidence) -> Claim:
     )
 
 
-def beyond_one(e: Evidence) -> Claim:
+def beyond_one(e: Evidence) -> PaperClaim:
     """Judge section 3: the correlation exceeds 1, so the distribution is not Gaussian."""
     found = []
     for v in e.validations:
@@ -63,7 +63,7 @@ def beyond_one(e: Evidence) -> Claim:
         for f in by_rule[rule][:1]
         if f.impact
     ]
-    return Claim(
+    return PaperClaim(
         "ρ beyond 1",
         "section 3, below Eq. 9",
         "The correlation coefficient ρ … from the corresponding moment equation of Eq. (9) does not always satisfy the "
@@ -81,7 +81,7 @@ def _describe_failure(f: Failure) -> str:
     return f"stage {f.stage} fails at impact {f.impact} ({f.reason})" if f.impact else f"stage {f.stage} does not fail"
 
 
-def not_gaussian(e: Evidence) -> Claim:
+def not_gaussian(e: Evidence) -> PaperClaim:
     """Judge section 3: the perturbation's distribution is not Gaussian (at the impacts)."""
     shown: list[str] = []
     beyond = 0
@@ -96,7 +96,7 @@ def not_gaussian(e: Evidence) -> Claim:
             f"{_at(v)}: skewness of τ significantly non-zero at {many} of {len(s)} impacts, largest "
             f"{skew[worst]:.2f} ± {1.96 * se[worst]:.2f}"
         )
-    return Claim(
+    return PaperClaim(
         "Not Gaussian",
         "section 3",
         "… its distribution is out of accord with a Gaussian normal distribution. … An Edgeworth expansion is adopted "
@@ -107,7 +107,7 @@ def not_gaussian(e: Evidence) -> Claim:
     )
 
 
-def stages_apart(e: Evidence) -> Claim:
+def stages_apart(e: Evidence) -> PaperClaim:
     """Judge section 3: the perturbations of the two stages are independent of each other."""
     shown: list[str] = []
     coupled = 0
@@ -119,7 +119,7 @@ def stages_apart(e: Evidence) -> Claim:
         coupled += many
         largest = rho[np.abs(rho).argmax()]
         shown.append(f"{_at(v)}: non-zero at {many} of {len(fixed)} fixed times, largest {largest:.3f}")
-    return Claim(
+    return PaperClaim(
         "Independent stages",
         "section 3, above Eq. 11",
         "It is assumed that the variables ξ₁ and ζ₁ have nothing to do with ξ₂ and ζ₂ because the variables ξ₂ and ζ₂ "
@@ -131,7 +131,7 @@ def stages_apart(e: Evidence) -> Claim:
     )
 
 
-def describes(e: Evidence) -> Claim:
+def describes(e: Evidence) -> PaperClaim:
     """Judge section 5: the mean map describes the noisy system."""
     shares = {r: [_accurate(v, r) for v in e.validations] for r in e.validations[0].predictions}
     sigmas = [v.scene.sigma for v in e.validations]
@@ -149,7 +149,7 @@ def describes(e: Evidence) -> Claim:
     elif accurate:
         names = ", ".join(accurate)
         verdict = HOLDS_ONLY.format(f"closures right to first order ({names}), at {_at(e.validations[0])}")
-    return Claim(
+    return PaperClaim(
         "The mean map describes the noisy system",
         "section 5",
         "… a discrete stochastic model has been developed to describe two-stage rattling vibration in gearbox.",

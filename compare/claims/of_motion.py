@@ -8,18 +8,18 @@ from rattle.compare.chaos.measure import CLAIMED
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.section import Section
 from rattle.compare.chaos.sweep import crossings
-from rattle.compare.claims.claim import HOLDS_ONLY, NOT_REPRODUCED, REPRODUCED, UNDECIDED, Claim
+from rattle.compare.claims.claim import HOLDS_ONLY, NOT_REPRODUCED, REPRODUCED, UNDECIDED, PaperClaim
 from rattle.compare.claims.evidence import Evidence
 
 FUZZY = 0.05  # smallest share of the noisy section's bins that a fuzzy set fills
 FINITE = 100  # largest number of bins that a periodic orbit of moderate length fills
 
 
-def counter_meshes(e: Evidence) -> Claim:
+def counter_meshes(e: Evidence) -> PaperClaim:
     """Judge section 4: consecutive impacts are at counter meshes."""
     orbit, noisy = e.repeats["orbit"], e.repeats["noisy"]
     none = all(m.value - m.half <= 0.0 for m in (orbit, noisy))
-    return Claim(
+    return PaperClaim(
         "Counter meshes",
         "section 4",
         "considering counter meshes of the gears E[x]ₖ₊₁ = −E[x]ₖ",
@@ -30,7 +30,7 @@ def counter_meshes(e: Evidence) -> Claim:
     )
 
 
-def fuzzy(e: Evidence) -> Claim:
+def fuzzy(e: Evidence) -> PaperClaim:
     """Judge Fig. 2: the mean Poincaré map is a fuzzy set of points."""
     sections = e.chaos.sections
     filled = {side: int((s.counts[0] > 0).sum()) for side, s in sections.items()}
@@ -38,7 +38,7 @@ def fuzzy(e: Evidence) -> Claim:
     published = e.chaos.maps.set_index("closure").loc["published"]
     text = ", ".join(f"{side} {n:,} of {_bins(sections[side]):,} bins" for side, n in filled.items())
     orbit = filled.get("orbit", 0)
-    return Claim(
+    return PaperClaim(
         "A fuzzy Poincaré map (Fig. 2)",
         "section 4, Fig. 2",
         "The structures of Fig. 2 display a fuzzy set of points.",
@@ -56,7 +56,7 @@ def _bins(s: Section) -> int:
     return int(s.counts[0].size)
 
 
-def chaotic_range(e: Evidence) -> Claim:
+def chaotic_range(e: Evidence) -> PaperClaim:
     """Judge Fig. 4: the largest exponent is positive for 0.2 <= alpha <= 1.7."""
     table = e.chaos.sweep
     assert table is not None
@@ -82,7 +82,7 @@ def chaotic_range(e: Evidence) -> Claim:
         verdict = REPRODUCED
     else:
         verdict = HOLDS_ONLY.format("the " + "; the ".join(chaotic)) if chaotic else NOT_REPRODUCED
-    return Claim(
+    return PaperClaim(
         "The range of chaos (Fig. 4)",
         "section 4, Fig. 4",
         f"… the maximal exponent of Lyapunov is plus when {CLAIMED[0]} ≤ α ≤ {CLAIMED[1]}. In this range, the chaos "
@@ -106,7 +106,7 @@ def _sticking(rows: pd.DataFrame) -> str:
     return said + "".join(f"; without an exponent, as it {kind}, at {n}" for kind, n in without.items() if n)
 
 
-def both_models(e: Evidence) -> Claim:
+def both_models(e: Evidence) -> PaperClaim:
     """Judge section 5: the single-stage model and the two-stage model both show random chaos."""
     found: dict[str, Exponents] = {
         "single stage, orbit": e.single["orbit"],
@@ -121,7 +121,7 @@ def both_models(e: Evidence) -> Claim:
         verdict = REPRODUCED
     else:
         verdict = HOLDS_ONLY.format("; ".join(chaotic)) if chaotic else NOT_REPRODUCED
-    return Claim(
+    return PaperClaim(
         "Chaos with one stage and with two",
         "section 5",
         "Comparing the two-stage model with the single stage model …, both models reveal the random chaos on the "
@@ -146,7 +146,7 @@ def _exponent(x: Exponents) -> str:
     return f"{value:.4f} ({low:.4f} to {high:.4f})" if np.isfinite(value) else x.regime.reason
 
 
-def controlled(e: Evidence) -> Claim:
+def control(e: Evidence) -> PaperClaim:
     """Judge section 5: chaos can be controlled by a parameter."""
     table = e.chaos.sweep
     assert table is not None
@@ -166,7 +166,7 @@ def controlled(e: Evidence) -> Claim:
         verdict = REPRODUCED if len(both_signs) == 2 else HOLDS_ONLY.format(both_signs[0])
     else:
         verdict = HOLDS_ONLY.format("the transition from sticking to chaos") if sticks else UNDECIDED
-    return Claim(
+    return PaperClaim(
         "Control by a parameter",
         "section 5",
         "… the chaotic stochastic vibration can be controlled by variation of a two-stage rattling system parameter.",

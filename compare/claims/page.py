@@ -4,22 +4,24 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from matplotlib.figure import Figure as Drawing
+
 from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.chaos.page import FIGURES
 from rattle.compare.chaos.page import WORDS as CHAOS_WORDS
-from rattle.compare.claims.claim import NOT_REPRODUCED, PART, REPRODUCED, UNDECIDED, Claim, table
-from rattle.compare.claims.figure import verdict_figure
+from rattle.compare.claims.claim import KINDS, NOT_REPRODUCED, PART, REPRODUCED, UNDECIDED, PaperClaim, table
 from rattle.compare.report import Figure, Page, PageSection, Row, Table, TableCell, Text
 from rattle.compare.report.glossary import glossary
 from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
+from rattle.compare.report.style import new_figure
 from rattle.compare.validation.validity_range import join_words
 
 SHOWN = {
     "fuzzy": "section",
     "narrow_bands": "spectra",
     "chaotic_range": "sweep",
-    "controlled": "bifurcation",
+    "control": "bifurcation",
     "both_models": "sqrt_law",
 }
 """Figure of the study of chaos that shows the evidence of a claim, by the claim's function."""
@@ -36,9 +38,16 @@ CONTENTS = contents("claims", figures=(KEY, *SHOWN.values()), tables=["claims"])
 """Files of such a folder; a folder with any other file is not overwritten."""
 WORDS = (*CHAOS_WORDS, "ρ1, ρ2", "stage", "accurate", "reproduced", "not reproduced", "holds only for")
 MARKS = {REPRODUCED: "good", NOT_REPRODUCED: "bad", PART: "part"}
+STYLES: Any = {
+    NOT_REPRODUCED: {"color": "#D55E00", "marker": "X"},
+    UNDECIDED: {"color": "#999999", "marker": "^"},
+    PART: {"color": "#E69F00", "marker": "D"},
+    REPRODUCED: {"color": "#009E73", "marker": "o"},
+}
+"""Colours of Okabe and Ito's palette; place and marker tell the verdicts without colour as well."""
 
 
-def answer(claims: list[Claim]) -> list[str]:
+def answer(claims: list[PaperClaim]) -> list[str]:
     """Summarise how many claims have which verdict, and which are not reproduced."""
     counts = Counter(c.kind for c in claims)
     said = join_words([f"{n} {words[n > 1]}" for kind, words in SAID.items() if (n := counts[kind])])
@@ -46,8 +55,22 @@ def answer(claims: list[Claim]) -> list[str]:
     return [f"Of {len(claims)} testable claims of the paper {said}{f': {join_words(failed)}' if failed else ''}."]
 
 
+def verdict_figure(claims: list[PaperClaim]) -> Drawing:
+    """Draw the verdict on each claim: a row for each claim, a column for each kind of verdict that occurs."""
+    kinds = [kind for kind in KINDS if any(c.kind == kind for c in claims)]
+    figure, (ax,) = new_figure(8.6, 0.27 * len(claims) + 0.7, 1, 1)
+    for row, claim in enumerate(claims):
+        ax.plot(kinds.index(claim.kind), row, ms=10, ls="none", **STYLES[claim.kind])
+    ax.set_xticks(range(len(kinds)), [f"{kind}: {sum(c.kind == kind for c in claims)}" for kind in kinds])
+    ax.set_yticks(range(len(claims)), [f"{number}. {claim.name}" for number, claim in enumerate(claims, start=1)])
+    ax.tick_params(length=0, labeltop=True, labelbottom=False)
+    ax.set_xlim(-0.5, len(kinds) - 0.5)
+    ax.set_ylim(len(claims) - 0.5, -0.5)
+    return figure
+
+
 def write_claims(
-    out: Path, claims: list[Claim], names: list[str], chaos: ChaosStudy, record: dict[str, Any], overwrite: bool
+    out: Path, claims: list[PaperClaim], names: list[str], chaos: ChaosStudy, record: dict[str, Any], overwrite: bool
 ) -> list[str]:
     """Write the folder of the claims atomically."""
     said = answer(claims)

@@ -58,7 +58,7 @@ def chaos(
     Exit codes: 0 complete; 2 bad input.
     """
     from rattle.compare.chaos.measure import study
-    from rattle.compare.chaos.save import CONTENTS, write_chaos
+    from rattle.compare.chaos.page import CONTENTS, write_chaos
     from rattle.compare.chaos.sweep import paper_noise, values, with_field
     from rattle.compare.report.folder import check_free, default_place, name_of
     from rattle.compare.report.provenance import Stopwatch, provenance

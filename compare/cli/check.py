@@ -138,7 +138,7 @@ def stability(
     for sentence in write_stability(out, found, covariances, tried, record, overwrite):
         say(sentence)
     say(f"Page: {out / 'stability.html'}")
-    if len(found.undiagnosed) or not all(row.holds for row in tried):
+    if len(found.without_diagnostic) or not all(row.holds for row in tried):
         sys.exit(EXIT_BROKEN)
 
 

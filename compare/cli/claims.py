@@ -41,7 +41,7 @@ def claims(
     """
     from rattle.compare.chaos.sweep import values
     from rattle.compare.claims.evidence import gather
-    from rattle.compare.claims.judged import CLAIMS, judge
+    from rattle.compare.claims.judge import CLAIMS, judge
     from rattle.compare.claims.page import CONTENTS, write_claims
     from rattle.compare.report.folder import check_free
     from rattle.compare.report.provenance import Stopwatch, provenance

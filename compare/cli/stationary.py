@@ -100,7 +100,7 @@ def stationary(
     from rattle.compare.stationary.bifurcation import bifurcation
     from rattle.compare.stationary.judged import CLOSURES_JUDGED
     from rattle.compare.stationary.measure import stationary as measure
-    from rattle.compare.stationary.save import CONTENTS, write_stationary
+    from rattle.compare.stationary.page import CONTENTS, write_stationary
     from rattle.montecarlo.long_run.run import ASKED
 
     base = load_scene(scene, sigma)

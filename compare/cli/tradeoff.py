@@ -50,7 +50,7 @@ def tradeoff(
     from rattle.compare.report.folder import check_free, default_place, name_of
     from rattle.compare.report.provenance import Stopwatch, provenance
     from rattle.compare.tradeoff.measure import ACCURACIES, check_accuracies, measure
-    from rattle.compare.tradeoff.save import CONTENTS, write_tradeoff
+    from rattle.compare.tradeoff.page import CONTENTS, write_tradeoff
     from rattle.compare.tradeoff.variance_reduction import control_table
     from rattle.compare.tradeoff.weak_order import orders_over
     from rattle.montecarlo import SCHEMES, check_settings

@@ -74,7 +74,7 @@ def bifurcation(
     def of(s: Scene) -> tuple[tuple[Floats, str], tuple[tuple[Floats, Floats] | None, str]]:
         regime = Regime()
         seen = [x.before[np.abs(x.code) == mesh, 2 * mesh - 1] for x in orbit_record(s, POINTS, regime, tangent=False)]
-        ends = not regime.measured
+        ends = not regime.has_record
         orbit = (np.concatenate([np.empty(0), *([] if ends else seen)]), regime.reason if ends else "")
         return orbit, _noisy(s, mesh, seed)
 

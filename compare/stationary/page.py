@@ -1,5 +1,6 @@
-"""The page of a long run."""
+"""The page and the folder of a long run."""
 
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -8,7 +9,10 @@ from rattle.compare.report import NUMBER, Column, Figure, Page, PageSection, Tab
 from rattle.compare.report.content import Block, Row
 from rattle.compare.report.glossary import CLOSURE_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.report.provenance import source_of
+from rattle.compare.report.save import contents, save
 from rattle.compare.stationary.answer import answer
+from rattle.compare.stationary.bifurcation import Bifurcation, bifurcation_figure
+from rattle.compare.stationary.figures import draw, speed_unit
 from rattle.compare.stationary.judged import TOLERANCES
 from rattle.compare.stationary.measure import Stationary
 from rattle.compare.stationary.units import speed_text
@@ -24,6 +28,11 @@ FIGURES = {
     "bifurcation": "Density of the velocity before an impact over a field of the scene: without noise and with it.",
 }
 """Captions of the figures, by name."""
+
+CONTENTS = contents(
+    "stationary", figures=tuple(FIGURES), tables=("stationary", "physical", "verdicts", "sections", "bifurcation")
+)
+"""Files of such a folder; a folder with any other file is not overwritten."""
 
 WORDS = (
     *CLOSURE_TERMS,
@@ -123,3 +132,36 @@ def _verdicts(verdicts: pd.DataFrame) -> Table:
                 ]
             )
     return Table.of(heads, rows, "Every quantity" if len(rows) > 12 else "")
+
+
+def write_stationary(
+    out: Path, found: Stationary, view: Bifurcation | None, record: dict[str, Any], overwrite: bool
+) -> list[str]:
+    """Write the folder of a long run."""
+    figures = draw(found)
+    tables, units = {"stationary": found.table.reset_index()}, "dimensionless"
+    if found.scene.gears is not None:
+        units = "physical"
+        tables["physical"] = found.table_in(units).reset_index()
+    if len(found.verdicts):
+        tables["verdicts"] = found.verdicts_in(units)
+    if found.densities:
+        tables["sections"] = pd.concat([d.table for d in found.densities], ignore_index=True)
+    if view is not None:
+        figures["bifurcation"], tables["bifurcation"] = (
+            bifurcation_figure(view, *speed_unit(found.scene.gears)),
+            view.table,
+        )
+    page = stationary_page(found, record, list(figures))
+    save(
+        out,
+        "stationary",
+        page,
+        record | found.to_dict(),
+        allowed=CONTENTS,
+        figures=figures,
+        tables=tables,
+        digits="%.8g",
+        overwrite=overwrite,
+    )
+    return list(page.answer)

@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from rattle.compare.tradeoff.measure import HAND_TUNED_NS, Measured, means_seconds
+from rattle.compare.tradeoff.measure import HAND_TUNED_NS, Tradeoff, means_seconds
 from rattle.compare.validation.answer import explain_missing
 from rattle.compare.validation.validity_range import join_words
 from rattle.scene.text import duration_text
@@ -25,7 +25,7 @@ def cheapest(points: pd.DataFrame, accuracy: float) -> dict[str, Any]:
     return best
 
 
-def advice(m: Measured, accuracies: Sequence[float]) -> str:
+def advice(m: Tradeoff, accuracies: Sequence[float]) -> str:
     """Which method to take down to which error, in one sentence."""
     parts = []
     for method, same in groupby([(a, cheapest(m.points, a)) for a in accuracies], key=lambda found: found[1]["method"]):
@@ -40,7 +40,7 @@ def advice(m: Measured, accuracies: Sequence[float]) -> str:
     )
 
 
-def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
+def answer(m: Tradeoff, accuracies: Sequence[float]) -> list[str]:
     """What to take, where a closure is cheapest, and the cost of plain Euler-Maruyama."""
     p = m.points
     whole = p["rows"].max()
@@ -74,7 +74,7 @@ def answer(m: Measured, accuracies: Sequence[float]) -> list[str]:
     return [*found, *explain_missing(m.reference.scene, list(predictions["method"])), verdict(m, accuracies)]
 
 
-def verdict(m: Measured, accuracies: Sequence[float]) -> str:
+def verdict(m: Tradeoff, accuracies: Sequence[float]) -> str:
     """Whether multilevel Monte Carlo over the step is anywhere cheaper than exact flights, for the section means."""
     exact, factors, typical = m.models[EXACT], [], []
     for a in accuracies:

@@ -18,7 +18,7 @@ FINER = 8.0  # ratio of the steps of both pilot runs, which separates the time o
 REPEATS = 3  # timings of a pilot run, of which the least counts
 
 
-class Point(NamedTuple):
+class CostPoint(NamedTuple):
     """Error and cost of a method at a requested accuracy; errors are in units of each quantity's sd.
 
     An accuracy is that of `rattle.montecarlo.simulate_to`: with 95 % probability no section mean or sd is off by more.
@@ -92,7 +92,7 @@ class CostModel:
         """Number of steps of a path, summed over the step sizes dt, 2 dt and 4 dt that run in parallel."""
         return self.first.path_steps / self.first.paths * self.first.dt / dt
 
-    def at(self, accuracy: float) -> Point:
+    def at(self, accuracy: float) -> CostPoint:
         """Extrapolate to an accuracy, half of which is left to the bias of a scheme that has one.
 
         `accuracy`: Error that with 95 % probability no section mean or sd exceeds, in sds.
@@ -104,7 +104,7 @@ class CostModel:
         dt = min(self.first.dt, room / self.bias) if self.bias else self.first.dt
         seconds = self.pilot_seconds + paths * (self.path_seconds + self.step_seconds * self.steps(dt))
         sampling = sampling_error(run)[0] * math.sqrt(run.paths / paths)
-        return Point(
+        return CostPoint(
             self.scheme,
             "scheme",
             accuracy,

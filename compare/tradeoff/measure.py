@@ -20,7 +20,7 @@ from tqdm import tqdm
 
 from rattle.closure import closures_for, mean_map
 from rattle.closure.cost import closure_seconds
-from rattle.compare.tradeoff.cost_model import CostModel, Point, time_run
+from rattle.compare.tradeoff.cost_model import CostModel, CostPoint, time_run
 from rattle.compare.tradeoff.multilevel import Levels, measure_levels
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, AccuracyWarning, Ensemble, simulate, simulate_to
@@ -40,10 +40,10 @@ HAND_TUNED_NS = 10.7
 
 
 @dataclass(frozen=True)
-class Measured:
+class Tradeoff:
     """Results of a comparison of costs."""
 
-    points: pd.DataFrame  # rows of `rattle.compare.tradeoff.cost_model.Point`
+    points: pd.DataFrame  # rows of `rattle.compare.tradeoff.cost_model.CostPoint`
     models: dict[str, CostModel]  # by scheme
     levels: dict[str, Levels]  # multilevel analysis, by Euler scheme
     reference: Ensemble  # the simulation with which closures are compared
@@ -62,9 +62,9 @@ def _scheme_points(
     budget: float,
     asked: Callable[..., Ensemble],
     bar: "tqdm[NoReturn]",
-) -> list[tuple[Point, Ensemble | None]]:
+) -> list[tuple[CostPoint, Ensemble | None]]:
     """Points of a scheme, with the run of each that was measured."""
-    points: list[tuple[Point, Ensemble | None]] = []
+    points: list[tuple[CostPoint, Ensemble | None]] = []
     for accuracy in accuracies:
         bar.set_postfix_str(f"{model.scheme}, {accuracy:g}")
         point, measured = model.at(accuracy), None
@@ -79,7 +79,7 @@ def _scheme_points(
             point = model.at(accuracy)
             if reach.reached:
                 measured = run
-                point = Point(
+                point = CostPoint(
                     model.scheme,
                     "scheme",
                     accuracy,
@@ -108,7 +108,7 @@ def _differences(section: pd.DataFrame, reference: Ensemble) -> Floats:
     return np.array([(own[name] - reference.section[name]) / unit[q] for name, q in _section_rows(reference.scene)])
 
 
-def closure_points(scene: Scene, impacts: int, reference: Ensemble) -> list[Point]:
+def closure_points(scene: Scene, impacts: int, reference: Ensemble) -> list[CostPoint]:
     """Worst and median error of every closure that can be applied to the scene, and its time."""
     columns, unit = _section_rows(scene), units(reference)
     closures = closures_for(scene)
@@ -125,7 +125,7 @@ def closure_points(scene: Scene, impacts: int, reference: Ensemble) -> list[Poin
         resolved = bool(error[worst] > noise[worst])
         bound = float(error[worst] if resolved else (error + noise).max())
         points.append(
-            Point(
+            CostPoint(
                 closure,
                 "closure",
                 math.nan,
@@ -152,7 +152,7 @@ def _seconds(call: Callable[[], object]) -> float:
     return time.process_time() - began
 
 
-def _compare(point: Point, run: Ensemble | None, model: CostModel, reference: Ensemble) -> list[Point]:
+def _compare(point: CostPoint, run: Ensemble | None, model: CostModel, reference: Ensemble) -> list[CostPoint]:
     """A point with its actual error; if it missed its accuracy, followed by the point extrapolated from the model."""
     if run is None or run.paths >= reference.paths:
         return [point]
@@ -170,7 +170,7 @@ def bound_of_means(standard_error: float, scene: Scene, impacts: int) -> float:
 
 def multilevel_points(
     levels: dict[str, Levels], accuracies: Sequence[float], scene: Scene, impacts: int
-) -> list[Point]:
+) -> list[CostPoint]:
     """Cost of the cheapest multilevel estimator of the means for each Euler scheme, from the analysis of its levels."""
     points = []
     for scheme, found in levels.items():
@@ -178,7 +178,7 @@ def multilevel_points(
             e = found.estimate(a)
             dt = found.table["dt"].iloc[0] / 2.0**e.last
             error = bound_of_means(a, scene, impacts) + a
-            points.append(Point(f"multilevel {scheme}", "multilevel", a, dt, 0, e.seconds, a, a, error, False))
+            points.append(CostPoint(f"multilevel {scheme}", "multilevel", a, dt, 0, e.seconds, a, a, error, False))
     return points
 
 
@@ -207,7 +207,7 @@ def slope(points: pd.DataFrame, method: str, measured: bool) -> tuple[float, int
 
 def measure(
     scene: Scene, *, impacts: int, accuracies: Sequence[float], budget: float, seed: int, workers: int
-) -> Measured:
+) -> Tradeoff:
     """Measure the cost of every scheme and closure at several accuracies.
 
     The cost of multilevel estimators is estimated from runs at halved steps.  Closures are compared with the run of
@@ -217,7 +217,7 @@ def measure(
     again = partial(simulate, scene, impacts=impacts, rng=seed, workers=workers)
     asked = partial(simulate_to, scene, impacts=impacts, rng=seed, workers=workers)
     models: dict[str, CostModel] = {}
-    found: dict[str, list[tuple[Point, Ensemble | None]]] = {}
+    found: dict[str, list[tuple[CostPoint, Ensemble | None]]] = {}
     exact_first = sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
     with tqdm(total=len(SCHEMES) * len(accuracies), desc="accuracy", unit="point", disable=None) as bar:
         for scheme in exact_first:
@@ -235,4 +235,4 @@ def measure(
             points += _compare(point._replace(rows=rows), run, models[scheme], reference)
     points += multilevel_points(levels, accuracies, scene, impacts) + closure_points(scene, impacts, reference)
     models = {scheme: models[scheme] for scheme in SCHEMES}
-    return Measured(pd.DataFrame(points, columns=list(Point._fields)), models, levels, reference)
+    return Tradeoff(pd.DataFrame(points, columns=list(CostPoint._fields)), models, levels, reference)

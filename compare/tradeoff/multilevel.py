@@ -67,7 +67,7 @@ def fit(level: Floats, value: Floats) -> Rate:
     return Rate(float(line.slope), half, float(line.intercept))
 
 
-class Estimate(NamedTuple):
+class MultilevelCost(NamedTuple):
     """The cheapest multilevel estimator of the means for an accuracy."""
 
     first: int  # first, last: its coarsest and finest level
@@ -96,13 +96,13 @@ class Levels(NamedTuple):
     typical_alpha: Rate
     typical_beta: Rate
 
-    def estimate(self, accuracy: float) -> Estimate:
+    def estimate(self, accuracy: float) -> MultilevelCost:
         """Cost of an optimal estimator whose standard error and bias are each within the accuracy."""
         t = self.table
         single = self.single.max(axis=1), np.median(self.single, axis=1)
         last, seconds, first = self._cheapest(self.alpha, self.beta, t["variance_worst"], single[0], accuracy)
         _, typical, _ = self._cheapest(self.typical_alpha, self.typical_beta, t["variance_median"], single[1], accuracy)
-        return Estimate(first, last, seconds, typical, last < len(t))
+        return MultilevelCost(first, last, seconds, typical, last < len(t))
 
     def _cheapest(
         self, weak: Rate, strong: Rate, variance: pd.Series, single: Floats, accuracy: float

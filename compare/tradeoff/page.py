@@ -1,6 +1,7 @@
 """The page of a trade-off: tables, and explanations of its tables and figures."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,10 @@ import pandas as pd
 from rattle.compare.report import Block, Figure, Page, PageSection, Row, Table, TableCell, Text, numbers
 from rattle.compare.report.glossary import CLOSURE_TERMS, SCHEME_TERMS, SECTION_TERMS, glossary
 from rattle.compare.report.provenance import source_of
-from rattle.compare.tradeoff.answer import EXACT, cheapest
-from rattle.compare.tradeoff.measure import Measured, means_seconds, slope
+from rattle.compare.report.save import contents, save
+from rattle.compare.tradeoff.answer import EXACT, answer, cheapest
+from rattle.compare.tradeoff.figures import order_figure, tradeoff_figure
+from rattle.compare.tradeoff.measure import Tradeoff, bound_of_means, means_seconds, slope
 from rattle.compare.tradeoff.multilevel import KURTOSIS_ALARM, Rate
 from rattle.compare.tradeoff.weak_order import ORDER_IMPACTS, STEPS, Orders
 from rattle.compare.validation.validity_range import join_words
@@ -65,6 +68,11 @@ GAINS = (
     "negative, take no more time: their gain, median over the rows, is 1 / (1 + r) with the correlation r of a pair, "
     "at least 0.5."
 )
+CONTENTS = contents(
+    "tradeoff", figures=["tradeoff", "orders"], tables=["tradeoff", "levels", "control", "orders", "changes"]
+)
+"""Names of all files in a trade-off folder; a folder with any other file is not overwritten."""
+
 WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *SCHEME_TERMS, "standard error", "σ")
 
 
@@ -72,7 +80,7 @@ def _rate(rate: Rate, sign: float) -> str:
     return f"{sign * rate.slope:.2f} ± {rate.half:.2f}"
 
 
-def _tables(m: Measured, control: pd.DataFrame, accuracies: Sequence[float]) -> dict[str, Table]:
+def _tables(m: Tradeoff, control: pd.DataFrame, accuracies: Sequence[float]) -> dict[str, Table]:
     p = m.points
     schemes: list[Row] = [
         (
@@ -240,14 +248,14 @@ def _groups(rows: pd.DataFrame, value: str) -> str:
 
 
 def tradeoff_page(
-    m: Measured,
+    m: Tradeoff,
     control: pd.DataFrame,
     orders: Orders | None,
     accuracies: Sequence[float],
     sentences: Sequence[str],
     record: dict[str, Any],
 ) -> Page:
-    """The page of a trade-off."""
+    """The page and the folder of a trade-off."""
     tables, reference = _tables(m, control, accuracies), f"{m.reference.paths:,}"
     figure = "Error against processor time of every scheme and every closure"
     schemes = Text(SCHEMES.format(budget=record["budget"], reference=reference), note=True)
@@ -280,3 +288,32 @@ def tradeoff_page(
         ),
         tuple(sections),
     )
+
+
+def write_tradeoff(
+    out: Path,
+    m: Tradeoff,
+    control: pd.DataFrame,
+    orders: Orders | None,
+    accuracies: Sequence[float],
+    record: dict[str, Any],
+    overwrite: bool,
+) -> list[str]:
+    """Write the folder of a trade-off, whole or not at all."""
+    sentences = answer(m, accuracies)
+    means = pd.DataFrame(
+        {
+            "error": [bound_of_means(a, m.reference.scene, m.reference.impacts) for a in accuracies],
+            "core_seconds": [means_seconds(m.models[EXACT], a, control=True) for a in accuracies],
+        }
+    )
+    slopes = {name: slope(m.points, name, False)[0] for name in m.models}
+    figures = {"tradeoff": tradeoff_figure(m.points, slopes, means)}
+    levels = pd.concat([levels.table for levels in m.levels.values()])
+    tables = {"tradeoff": m.points, "levels": levels, "control": control}
+    if orders:
+        figures["orders"] = order_figure(orders.changes)
+        tables |= {"orders": orders.table, "changes": orders.changes}
+    page = tradeoff_page(m, control, orders, accuracies, sentences, record)
+    save(out, "tradeoff", page, record, allowed=CONTENTS, figures=figures, tables=tables, overwrite=overwrite)
+    return sentences

@@ -1,4 +1,4 @@
-"""Measured slopes of the step bias of a scheme with inelastic impacts, for which no weak order has been published.
+"""Tradeoff slopes of the step bias of a scheme with inelastic impacts, for which no weak order has been published.
 
 Two questions are separated (as in the tests of diffrax): how fast does a scheme converge towards its own limit, and is
 that limit correct?  The first is answered by differences between a step and twice the step on the same Brownian paths;
@@ -64,7 +64,7 @@ class Slope(NamedTuple):
 
 
 class Orders(NamedTuple):
-    """Measured slopes and orders, and the changes from which they are fitted."""
+    """Tradeoff slopes and orders, and the changes from which they are fitted."""
 
     table: pd.DataFrame  # A row for each `Slope`
     # columns ``scheme, sigma, moment, quantity, dt, change, low, high``.  For means and sds ``change`` is the root

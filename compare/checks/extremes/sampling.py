@@ -78,7 +78,7 @@ def collapse_drift() -> Iterator[float]:
     allowed=1e-9,
     unit="half gap, or plain step",
 )
-def confined_paths() -> Iterator[float]:
+def stay_between_walls() -> Iterator[float]:
     """Paths that collapse onto a wall, or stick to it, stay between the walls and reach the end."""
     for epsilon in (0.0, 0.05, 0.163, 1.0):
         for sigma in (1e-3, 1.0, 1e3):
@@ -183,4 +183,4 @@ def large_tolerances() -> Iterator[float]:
                 yield max(float(np.nan_to_num(np.abs(run.raw[:, :, [2, 4]])).max()) / (gap + most) - 1.0, 0.0)
 
 
-ROWS = (exit_times, collapse_drift, confined_paths, sticking_paths, large_tolerances)
+ROWS = (exit_times, collapse_drift, stay_between_walls, sticking_paths, large_tolerances)

@@ -42,7 +42,7 @@ def moderate(*, beta: float | None = None, gap: float = HALF_GAP, sigma: float =
     )
 
 
-class Axis(NamedTuple):
+class MapAxis(NamedTuple):
     """An axis of the map."""
 
     symbol: str  # for the figure
@@ -51,9 +51,9 @@ class Axis(NamedTuple):
 
 
 AXES = {
-    "beta": Axis(r"damping $\beta_1$", (0.0, 1e-3, 0.1, 1.0, 10.0, 100.0, 1e3), lambda v: moderate(beta=v)),
-    "gap": Axis("half gap $g$", (1e-8, 1e-6, 1e-4, 1e-2, 0.5, 30.0, 1e4), lambda v: moderate(gap=v)),
-    "sigma": Axis(r"noise $\sigma$", (0.0, 1e-3, 0.03, 0.3, 3.0, 100.0, 1e4), lambda v: moderate(sigma=v)),
-    "epsilon": Axis(r"restitution $\epsilon$", (0.0, 0.1, 0.3, 0.6, 0.9, 0.99, 1.0), lambda v: moderate(epsilon=v)),
+    "beta": MapAxis(r"damping $\beta_1$", (0.0, 1e-3, 0.1, 1.0, 10.0, 100.0, 1e3), lambda v: moderate(beta=v)),
+    "gap": MapAxis("half gap $g$", (1e-8, 1e-6, 1e-4, 1e-2, 0.5, 30.0, 1e4), lambda v: moderate(gap=v)),
+    "sigma": MapAxis(r"noise $\sigma$", (0.0, 1e-3, 0.03, 0.3, 3.0, 100.0, 1e4), lambda v: moderate(sigma=v)),
+    "epsilon": MapAxis(r"restitution $\epsilon$", (0.0, 0.1, 0.3, 0.6, 0.9, 0.99, 1.0), lambda v: moderate(epsilon=v)),
 }
 """All axes by name."""

@@ -39,7 +39,7 @@ class Chart(NamedTuple):
         return self.table[self.table["share"] <= 1.0]
 
     @property
-    def undiagnosed(self) -> pd.DataFrame:
+    def without_diagnostic(self) -> pd.DataFrame:
         """Admissible cells that are biased or unstable without a diagnostic of the run: there should be none."""
         cells = self.admissible
         return cells[cells["verdict"].isin((BIASED, UNSTABLE)) & ~cells["diagnosed"]]

@@ -71,7 +71,7 @@ FLOATS = "All computations are in double precision; single precision is not offe
 
 def answer(found: Chart) -> list[str]:
     """Summarise the map in sentences."""
-    cells, undiagnosed = found.admissible, found.undiagnosed
+    cells, undiagnosed = found.admissible, found.without_diagnostic
     counts = {v: int((cells["verdict"] == v).sum()) for v in (UNBIASED, UNDECIDED, BIASED, UNSTABLE)}
     wrong = cells[cells["verdict"].isin((BIASED, UNSTABLE))]
     said = [

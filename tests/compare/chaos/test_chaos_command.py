@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from rattle.compare.chaos.figures import spectrum_figure
-from rattle.compare.chaos.save import CONTENTS
+from rattle.compare.chaos.page import CONTENTS
 from rattle.compare.chaos.section import NOISY, ORBIT
 from rattle.compare.chaos.spectrum import SEQUENCE, TIME, Spectrum
 from rattle.compare.cli.main import main

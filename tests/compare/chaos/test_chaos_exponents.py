@@ -87,7 +87,7 @@ def test_exponents_add_up_exactly_of_orbit_and_noisy_path(alpha, stages):
             assert abs(found.sum_error) < 1e-10
             assert (np.diff(found.value) <= 0.0).all()
         else:
-            assert not found.regime.measured
+            assert not found.regime.has_record
 
 
 def test_the_exact_sum_catches_restitution_without_saltation_and_a_rate_of_one_mesh():

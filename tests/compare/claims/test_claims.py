@@ -16,9 +16,8 @@ from rattle.compare.claims import judged, of_moments, of_motion, of_spectra
 from rattle.compare.claims import mean_motion as of_mean_motion
 from rattle.compare.claims.claim import NOT_REPRODUCED, REPRODUCED, UNDECIDED, table
 from rattle.compare.claims.evidence import gather
-from rattle.compare.claims.figure import verdict_figure
 from rattle.compare.claims.impact_rules import MEND_15, MEND_17, MEND_BOTH, PUBLISHED, failures
-from rattle.compare.claims.page import answer, write_claims
+from rattle.compare.claims.page import answer, verdict_figure, write_claims
 from rattle.compare.cli.main import main
 from rattle.compare.report import read_page
 from rattle.scene import DAT21, Scene
@@ -94,7 +93,7 @@ def test_the_range_of_chaos_follows_the_signs(evidence, signs, verdict):
     control = sweep.assign(alpha=sweep["alpha"].replace(0.3, 0.1), low=sign - 0.1, high=sign + 0.1)
     chaos = replace(evidence.chaos, sweep=control)
     assert of_motion.chaotic_range(replace(evidence, chaos=chaos)).verdict.startswith(verdict)
-    controlled = of_motion.controlled(replace(evidence, chaos=chaos)).verdict
+    controlled = of_motion.control(replace(evidence, chaos=chaos)).verdict
     assert (controlled == REPRODUCED) == (len(set(signs)) == 2)
 
 
@@ -103,7 +102,7 @@ def test_control_of_the_orbit_alone_is_said_to_be_that(evidence):
     sweep = evidence.chaos.sweep
     sign = sweep["alpha"].map({0.3: -1, 1.0: 1, 2.0: 1}).where(sweep["of"] == ORBIT, 1)
     chaos = replace(evidence.chaos, sweep=sweep.assign(low=sign - 0.1, high=sign + 0.1))
-    found = of_motion.controlled(replace(evidence, chaos=chaos))
+    found = of_motion.control(replace(evidence, chaos=chaos))
     assert found.verdict == "holds only for the orbit"
     assert "along a noisy path: positive at 3, negative at 0 of 3 values" in found.evidence
 

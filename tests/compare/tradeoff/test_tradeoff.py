@@ -11,12 +11,11 @@ from click.testing import CliRunner
 
 from rattle.compare.cli.main import main
 from rattle.compare.tradeoff.answer import cheapest, verdict
-from rattle.compare.tradeoff.cost_model import CostModel, Point
+from rattle.compare.tradeoff.cost_model import CostModel, CostPoint
 from rattle.compare.tradeoff.figures import order_figure, tradeoff_figure
-from rattle.compare.tradeoff.measure import Measured, _compare, check_accuracies, closure_points, slope
+from rattle.compare.tradeoff.measure import Tradeoff, _compare, check_accuracies, closure_points, slope
 from rattle.compare.tradeoff.multilevel import Levels, Rate, fit, giles_cost, levels_of
-from rattle.compare.tradeoff.page import orders_said, orders_table
-from rattle.compare.tradeoff.save import CONTENTS
+from rattle.compare.tradeoff.page import CONTENTS, orders_said, orders_table
 from rattle.compare.tradeoff.variance_reduction import antithetic_gain, control_table
 from rattle.compare.tradeoff.weak_order import orders_over
 from rattle.montecarlo import Record, simulate, simulate_to
@@ -161,7 +160,7 @@ def test_extrapolated_costs_grow_as_they_should_and_are_flagged(bias, power):
 
 
 def test_points_that_pilots_dominate_are_left_out_of_the_slope():
-    rows = [Point("s", "scheme", a, 0.1, n, t, a, 0.0, a, True) for a, n, t in (
+    rows = [CostPoint("s", "scheme", a, 0.1, n, t, a, 0.0, a, True) for a, n, t in (
         (1.0, 1024, 1.0), (0.1, 100_000, 1.0), (0.01, 10**7, 100.0),
     )]  # fmt: skip
     assert slope(pd.DataFrame(rows), "s", True) == (pytest.approx(-2.0), 2)
@@ -170,7 +169,7 @@ def test_points_that_pilots_dominate_are_left_out_of_the_slope():
 def test_the_cheapest_method_is_that_of_least_counted_work():
     """Whatever the clock said while they ran."""
     rows = pd.DataFrame([
-        Point(name, "scheme", 0.1, 0.1, 5000, seconds, 0.1, 0.0, 0.1, True, rows=24, work=work)
+        CostPoint(name, "scheme", 0.1, 0.1, 5000, seconds, 0.1, 0.0, 0.1, True, rows=24, work=work)
         for name, seconds, work in (("euler-maruyama", 1.0, 9.0), ("exact-flight", 60.0, 2.0))
     ])  # fmt: skip
     assert cheapest(rows, 0.1)["method"] == "exact-flight"
@@ -185,7 +184,7 @@ def test_a_run_that_promised_too_much_is_found_out():
         simulate(SCENE, paths=n, impacts=2, dt=0.05, scheme="exact-flight", control=True) for n in (300, 30_000)
     )
     own = model(0.0)
-    point = Point("exact-flight", "scheme", 0.3, 0.05, 300, 1.0, 0.1, 0.0, 0.1, True, rows=24)
+    point = CostPoint("exact-flight", "scheme", 0.3, 0.05, 300, 1.0, 0.1, 0.0, 0.1, True, rows=24)
     (fair,) = _compare(point, small, own, large)
     assert fair.error == 0.1
     assert not fair.missed
@@ -236,7 +235,7 @@ def test_the_verdict_on_multilevel_follows_the_numbers():
     dear = cheap._replace(table=cheap.table.assign(path_seconds=1e6, alone_seconds=1e6))
     cheap = cheap._replace(table=cheap.table.assign(path_seconds=1e-12, alone_seconds=1e-12))
     said = [
-        verdict(Measured(table, models, {"euler-maruyama": x}, models["exact-flight"].best), (0.1, 0.01))
+        verdict(Tradeoff(table, models, {"euler-maruyama": x}, models["exact-flight"].best), (0.1, 0.01))
         for x in (cheap, dear)
     ]
     assert "is cheaper than exact flights for the section means at 0.1 (" in said[0]
@@ -289,7 +288,8 @@ def test_partner_of_a_path_without_noise_is_itself():
 
 def test_what_is_extrapolated_is_drawn_hollow():
     points = pd.DataFrame([
-        Point("exact-flight", "scheme", a, 0.1, 5000, 1.0 / a**2, a, 0.0, a, a > 0.05) for a in (0.3, 0.1, 0.03, 0.01)
+        CostPoint("exact-flight", "scheme", a, 0.1, 5000, 1.0 / a**2, a, 0.0, a, a > 0.05)
+        for a in (0.3, 0.1, 0.03, 0.01)
     ])  # fmt: skip
     means = pd.DataFrame({"error": [0.3, 0.01], "core_seconds": [0.1, 10.0]})
     (ax,) = tradeoff_figure(points, {"exact-flight": -2.0}, means).axes

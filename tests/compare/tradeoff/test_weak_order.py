@@ -1,4 +1,4 @@
-"""Measured slopes: correct for changes of known order, an order only where they settle, plausible for the schemes."""
+"""Tradeoff slopes: correct for changes of known order, an order only where they settle, plausible for the schemes."""
 
 import numpy as np
 import pytest

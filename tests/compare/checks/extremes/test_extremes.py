@@ -177,7 +177,7 @@ NEGATIVE_CONTROLS = {
     "step_noise": (short, "kick", off(short.kick, 1.0 + 1e-6)),
     "exit_times": (montecarlo, "simulate", lambda s, **k: simulate(s.with_sigma(1.15 * s.sigma), **k)),
     "collapse_drift": (returning, "log_speeds", lambda epsilon, *rest: returned(0.8 * epsilon, *rest)),
-    "confined_paths": (montecarlo, "simulate", outside_walls),
+    "stay_between_walls": (montecarlo, "simulate", outside_walls),
     "sticking_paths": (montecarlo, "simulate", outside_walls),
     "large_tolerances": (closure, "mean_map", lambda s, **k: mean_map(replace(s, tolerance=None), **k)),
     "unit_of_length": (closure, "mean_map", lambda s, **k: mean_map(replace(s, gamma1=s.gamma1 + 1e-12), **k)),

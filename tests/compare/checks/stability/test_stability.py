@@ -210,4 +210,4 @@ def test_figure_has_a_panel_for_each_scheme_and_axis():
     found = chart(schemes=["euler-maruyama"], axes=["sigma"], points=1, paths=1)
     both = Chart(found.table, found.z, 0.0)
     assert len(figure(both.table).axes) == 1
-    assert len(both.undiagnosed) == 0
+    assert len(both.without_diagnostic) == 0

@@ -2,19 +2,19 @@
 
 from collections.abc import Callable
 
-from rattle.compare.claims.claim import Claim
+from rattle.compare.claims.claim import PaperClaim
 from rattle.compare.claims.evidence import Evidence
 from rattle.compare.claims.of_moments import beyond_one, describes, not_gaussian, solvable, stages_apart
 from rattle.compare.claims.of_motion import (
     both_models,
     chaotic_range,
-    controlled,
+    control,
     counter_meshes,
     fuzzy,
 )
 from rattle.compare.claims.of_spectra import continuous, narrow_bands
 
-CLAIMS: tuple[Callable[[Evidence], Claim], ...] = (
+CLAIMS: tuple[Callable[[Evidence], PaperClaim], ...] = (
     solvable,
     beyond_one,
     not_gaussian,
@@ -26,10 +26,10 @@ CLAIMS: tuple[Callable[[Evidence], Claim], ...] = (
     chaotic_range,
     describes,
     both_models,
-    controlled,
+    control,
 )
 
 
-def judge(evidence: Evidence) -> list[Claim]:
+def judge(evidence: Evidence) -> list[PaperClaim]:
     """Judge all claims."""
     return [claim(evidence) for claim in CLAIMS]
