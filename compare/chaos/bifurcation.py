@@ -1,46 +1,58 @@
-"""Bifurcation diagrams: histograms of a section quantity against a field of the scene.
-
-The section is the Poincaré section at the impacts: flight time and velocities just before each impact.
-"""
+"""Bifurcation diagrams: the velocity before an impact over a field of the scene, as counts or as densities."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from rattle.compare.chaos.over_field import cells_table, over_field
-from rattle.compare.chaos.record import NoRecord, Regime, check_finite, noisy_record, orbit_record
+from rattle.compare.chaos.record import (
+    SILENT,
+    STICKS_FOR_GOOD,
+    STICKS_OFTEN,
+    NoRecord,
+    Regime,
+    noisy_record,
+    orbit_record,
+)
 from rattle.compare.chaos.section import NOISY, ORBIT
+from rattle.compare.chaos.sweep import over_field
+from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
+from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
-from rattle.scene.validate import choice, count
+from rattle.scene.validate import count
 
 Floats = NDArray[np.float64]
 
-QUANTITIES = ("y1", "y2", "flight")
-BINS = 300
+BINS = 300  # of counts
+WITHOUT_NOISE, WITH_NOISE = "without noise", "with noise"
+DENSITY_BINS = 240
+POINTS = 6000  # impacts of an orbit behind each density without noise
+PATHS, PERIODS = 64, 64  # of the long run behind each density with noise
 
 
 @dataclass(frozen=True)
 class Bifurcation:
-    """Histograms of a section quantity, one for each value of a field."""
+    """A histogram of the velocity before an impact for each value of a field, of the orbit and with noise."""
 
     field: str
-    quantity: str
     at: Floats  # values of the field; (values,)
-    edges: Floats  # edges of the quantity's bins; (bins + 1,)
-    # for ``orbit`` and ``noisy system``; zero where the orbit sticks often or for good; (values, bins)
-    counts: dict[str, NDArray[np.int64]]
-    regime: pd.DataFrame  # per side and value: ``side, value, points, regime, reason``
+    edges: Floats  # of the velocity; (bins + 1,)
+    cells: dict[str, NDArray[Any]]  # counts or densities by side; zero where there is nothing; (values, bins)
+    reasons: dict[str, list[str]]  # by side and value: why there is nothing; empty where there is something
+    columns: tuple[str, str]  # names of the velocity and of the cells in `table`
 
     @property
     def table(self) -> pd.DataFrame:
-        """Bins that are not empty: ``side``, the field, the quantity (middle of the bin), ``count``."""
-        parts = [
-            cells_table(side, self.field, self.at, self.edges, self.quantity, cells, "count")
-            for side, cells in self.counts.items()
-        ]
+        """Cells that are not empty: ``side``, the field, the velocity (middle of the bin), the count or density."""
+        velocity, name = self.columns
+        middle, parts = 0.5 * (self.edges[1:] + self.edges[:-1]), []
+        for side, cells in self.cells.items():
+            i, j = np.nonzero(cells)
+            part = {"side": side, self.field: self.at[i], velocity: middle[j], name: cells[i, j]}
+            parts.append(pd.DataFrame(part))
         return pd.concat(parts, ignore_index=True)
 
 
@@ -49,13 +61,12 @@ def bifurcation(
     at: Sequence[float],
     *,
     field: str = "alpha",
-    quantity: str = "y1",
     points: int = 10_000,
     noise: Callable[[Scene], Scene] | None = None,
     seed: int = 0,
     workers: int = 2,
 ) -> Bifurcation:
-    """Compute the bifurcation diagram of the orbit and of the noisy system.
+    """Count the velocity y1 before the impacts of the orbit and of the noisy system at both meshes.
 
     `noise`: Maps each scene to the same with its noise set; without it, the noise of `scene` is used.
 
@@ -63,29 +74,19 @@ def bifurcation(
     --------
     >>> from rattle.scene import DAT21
     >>> b = bifurcation(Scene.from_gears(DAT21, sigma=0.1), (0.05, 0.5), points=500)
-    >>> b.regime.query("side == 'orbit'")["regime"].tolist()
-    ['sticks often', 'runs']
+    >>> b.reasons["orbit"]
+    ['sticks often', '']
     """
-    choice("quantity", quantity, QUANTITIES)
-    count("points", points)
-    count("workers", workers)
-
-    def values_of(flight: Floats, before: Floats) -> Floats:
-        found = flight if quantity == "flight" else before[:, 1 if quantity == "y1" else 3]
-        return check_finite(quantity, found)
 
     def of(s: Scene) -> tuple[tuple[Floats, Regime], tuple[Floats, Regime]]:
         orbit, path = Regime(), Regime()
-        found = [values_of(x.flight, x.before) for x in orbit_record(s, points, orbit, tangent=False)]
-        if not orbit.has_record:
-            found = []
+        found = [x.before[:, 1] for x in orbit_record(s, points, orbit, tangent=False)]
         noisy: list[Floats] = []
         for x, _ in noisy_record(s, 2**30, seed, path, tangent=False):
-            noisy.append(values_of(x.flight, x.before))
+            noisy.append(x.before[:, 1])
             if path.impacts >= points:
                 break
-        empty = np.empty(0)
-        return (np.concatenate([empty, *found]), orbit), (np.concatenate([empty, *noisy])[:points], path)
+        return (_join(found if orbit.has_record else []), orbit), (_join(noisy)[:points], path)
 
     found = over_field(scene, at, field, noise, workers, of)
     every = np.concatenate([v for pair in found for v, _ in pair])
@@ -93,17 +94,68 @@ def bifurcation(
         raise NoRecord(f"the noisy path {found[0][1][1].brief}")
     low, high = np.quantile(every, [1e-4, 1.0 - 1e-4])
     edges = np.linspace(low, high, BINS + 1)
-    counts, rows = {}, []
+    cells, reasons = {}, {}
     for n, side in enumerate((ORBIT, NOISY)):
-        counts[side] = np.array([np.histogram(pair[n][0], edges)[0] for pair in found])
-        rows += [
-            {
-                "side": side,
-                "value": v,
-                "points": pair[n][0].size,
-                "regime": pair[n][1].kind,
-                "reason": pair[n][1].reason,
-            }
-            for v, pair in zip(at, found, strict=True)
-        ]
-    return Bifurcation(field, quantity, np.asarray(at, dtype=float), edges, counts, pd.DataFrame(rows))
+        cells[side] = np.array([np.histogram(pair[n][0], edges)[0] for pair in found])
+        kinds = [pair[n][1].kind for pair in found]
+        reasons[side] = [kind if kind in (STICKS_OFTEN, STICKS_FOR_GOOD, SILENT) else "" for kind in kinds]
+    return Bifurcation(field, np.asarray(at, dtype=float), edges, cells, reasons, ("y1", "count"))
+
+
+def stationary_bifurcation(
+    scene: Scene, at: Sequence[float], *, field: str = "alpha", seed: int = 0, workers: int = 1
+) -> Bifurcation:
+    """Compute the density of the velocity y1 before the impacts at mesh 1, of the orbit and of the long run with noise.
+
+    Examples
+    --------
+    >>> from rattle.scene import DAT21
+    >>> view = stationary_bifurcation(Scene.from_gears(DAT21, sigma=0.3), (0.5, 1.5))
+    >>> view.cells[WITH_NOISE].shape
+    (2, 240)
+    """
+    count("workers", workers)
+
+    def of(s: Scene) -> tuple[tuple[Floats, str], tuple[tuple[Floats, Floats] | None, str]]:
+        regime = Regime()
+        found = [x.before[np.abs(x.code) == 1, 1] for x in orbit_record(s, POINTS, regime, tangent=False)]
+        orbit = (_join(found), "") if regime.has_record else (_join([]), regime.reason)
+        return orbit, _density(s, seed)
+
+    found = over_field(scene, at, field, None, workers, of)
+    ends = [v for (orbit, _), _ in found if orbit.size for v in (orbit.min(), orbit.max())]
+    ends += [edge for _, (noisy, _) in found if noisy for edge in noisy[0][[0, -1]]]
+    if not ends:
+        raise InputError("over", list(at), "mesh 1 is not struck in the long run at any of these values")
+    edges = np.linspace(min(ends), max(ends), DENSITY_BINS + 1)
+    width = edges[1] - edges[0]
+    quiet = np.array([np.histogram(o, edges)[0] / max(o.size, 1) / width for (o, _), _ in found])
+    noisy = np.array([_rebin(density, edges) for _, (density, _) in found])
+    cells = {WITHOUT_NOISE: quiet, WITH_NOISE: noisy}
+    reasons = {side: [pair[n][1] for pair in found] for n, side in enumerate(cells)}
+    return Bifurcation(field, np.asarray(at, float), edges, cells, reasons, ("velocity", "density"))
+
+
+def _join(parts: list[Floats]) -> Floats:
+    return np.concatenate([np.empty(0), *parts])
+
+
+def _density(scene: Scene, seed: int) -> tuple[tuple[Floats, Floats] | None, str]:
+    """Edges and density of the velocity at mesh 1 in the long run, or the reason why there is none."""
+    try:
+        run = long_run(scene, periods=PERIODS, paths=PATHS, rng=seed)
+    except (AtRest, BurnInError) as error:
+        return None, str(error)
+    density = next((d for d in run.densities if d.mesh == 1), None)
+    if density is None:
+        return None, "mesh 1 is not struck"
+    return (density.velocity, run.velocity_density(1)[0]), ""
+
+
+def _rebin(found: tuple[Floats, Floats] | None, edges: Floats) -> Floats:
+    """A density over other cells, taken as constant within its own."""
+    if found is None:
+        return np.zeros(edges.size - 1)
+    own, density = found
+    below = np.concatenate([[0.0], np.cumsum(density * np.diff(own))])
+    return np.asarray(np.diff(np.interp(edges, own, below)) / np.diff(edges))

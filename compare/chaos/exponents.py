@@ -124,17 +124,6 @@ class Exponents:
         unit = 10.0 ** max(math.floor(math.log10(need)) - 1, 0)
         return int(math.ceil(need / unit) * unit)
 
-    def require(self, width: float) -> "Exponents":
-        """Return these exponents if the interval of the largest is narrow enough."""
-        if self.width > width:
-            raise InputError(
-                "impacts",
-                self.impacts,
-                f"is too short: the largest exponent's interval is {self.width:.2g} wide, and {width:g} needs about "
-                f"{self.impacts_for(width):,}",
-            )
-        return self
-
 
 def _blocks(s: Stretch) -> Floats:
     """Sums over `BLOCK` impacts each (the last block may have fewer): log growths, time, number of impacts."""
@@ -192,7 +181,6 @@ def _measure(
     regime: Regime,
     impacts: int | None,
     width: float | None,
-    strict: bool,
 ) -> Exponents:
     """Exponents of a record that is lengthened until it has `impacts`, or its interval is no wider than `width`."""
     least = 2 * BATCHES * BLOCK
@@ -211,10 +199,8 @@ def _measure(
         if done < target:
             continue
         found = _exponents(of, scene, blocks, regime)
-        if width is None or found.width <= width or not regime.has_record:
+        if width is None or found.width <= width or not regime.has_record or regime.computed > MOST:
             return found
-        if impacts is not None or regime.computed > MOST:
-            return found.require(width) if strict else found
         if found.effective < TOGETHER * BATCHES:  # strongly correlated batches: the first half may be a transient
             half = len(blocks) // 2
             regime.transient += int(sum(b[0, 5] for b in blocks[:half]))
@@ -226,16 +212,16 @@ def _measure(
     return _exponents(of, scene, blocks, regime)
 
 
-def lyapunov(scene: Scene, *, impacts: int | None = None, width: float | None = None, strict: bool = True) -> Exponents:
+def lyapunov(scene: Scene, *, impacts: int | None = None, width: float | None = None) -> Exponents:
     """Compute all Lyapunov exponents of the noise-free orbit of a scene.
 
     By the QR method with orthonormal frames (Benettin et al. 1980), with the exact Jacobian of each flight and the
     saltation matrix of each impact.
 
-    `impacts`: Length of the record without transients; 100 000 by default, or what `width` takes. `strict`:
-    Whether a wider interval raises an error; otherwise it is returned as it is. Returns: NaN if the orbit sticks
-    often or for good, has no further impact, or brings neighbours together faster than double precision resolves;
-    `regime` gives the reason.
+    `impacts`: Length of the record without transients; 100 000 by default, or what the `width` of
+    the largest exponent's interval takes, if that is not too long. Returns: NaN if the orbit sticks often or for good,
+    has no further impact, or brings neighbours together faster than double precision resolves; `regime` gives the
+    reason.
 
     Examples
     --------
@@ -245,9 +231,8 @@ def lyapunov(scene: Scene, *, impacts: int | None = None, width: float | None = 
     (True, True)
     """
     _check(scene)
-
     regime = Regime()
-    return _measure(ORBIT, scene, orbit_record(scene, 10 * MOST, regime), regime, impacts, width, strict)
+    return _measure(ORBIT, scene, orbit_record(scene, 10 * MOST, regime), regime, impacts, width)
 
 
 def drift_exponents(
@@ -255,18 +240,16 @@ def drift_exponents(
     *,
     impacts: int | None = None,
     width: float | None = None,
-    strict: bool = True,
     seed: int = 0,
-    path: int = 0,
 ) -> Exponents:
     """Compute the exponents of the drift's linearisation along a noisy path (`rattle.montecarlo.coupling.long_path`).
 
     These are not Lyapunov exponents of the noisy system, which has none (docs/model.md section 8).  Tangent vectors
     along the noisy path are propagated by the Jacobian of the flight and by the saltation matrix of the drift.
 
-    `impacts`: Length of the record without transients; 100 000 by default, or what `width` takes. `strict`:
-    Whether a wider interval raises an error; otherwise it is returned as it is. Returns: NaN if gaps are random,
-    or the path sticks too often; `regime` gives the reason.
+    `impacts`: Length of the record without transients; 100 000 by default, or what the `width` of
+    the largest exponent's interval takes, if that is not too long. Returns: NaN if gaps are random, or the path sticks
+    too often; `regime` gives the reason.
 
     Examples
     --------
@@ -276,7 +259,6 @@ def drift_exponents(
     True
     """
     _check(scene)
-
     regime = Regime()
-    stretches = (s for s, _ in noisy_record(scene, 2**30, seed, regime, path=path))
-    return _measure(DRIFT, scene, stretches, regime, impacts, width, strict)
+    stretches = (s for s, _ in noisy_record(scene, 2**30, seed, regime))
+    return _measure(DRIFT, scene, stretches, regime, impacts, width)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rattle.compare.chaos.bifurcation import Bifurcation
 from rattle.compare.chaos.exponents import DRIFT, Exponents
-from rattle.compare.chaos.record import SILENT, STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
+from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.section import MAP, NOISY, ORBIT, Section
 from rattle.compare.chaos.spectrum import SEQUENCE, TIME, Spectrum
 from rattle.compare.chaos.two_paths import SqrtLaw
@@ -134,7 +134,8 @@ def _lines(ax: Axes, table: pd.DataFrame, field: str) -> None:
         ax.fill_between(x, rows["low"], rows["high"], color=colour, alpha=0.3, lw=0)
         ax.plot(x, rows["largest"], color=colour, lw=1.2, label=of)
         if of == ORBIT:
-            _mark_sticking(ax, x, rows["regime"].isin((STICKS_OFTEN, STICKS_FOR_GOOD)).to_numpy())
+            sticks = rows["regime"].isin((STICKS_OFTEN, STICKS_FOR_GOOD)).to_numpy()
+            mark_values(ax, x, sticks, "orbit sticks often or for good", **STICKING)
             at_times = (rows["regime"] == STICKS_AT_TIMES).to_numpy()
             ax.plot(
                 x[at_times],
@@ -149,10 +150,21 @@ def _lines(ax: Axes, table: pd.DataFrame, field: str) -> None:
     ax.axhline(0.0, color="k", lw=0.8)
 
 
-def _mark_sticking(ax: Axes, x: Floats, sticks: NDArray[np.bool_]) -> None:
-    half = 0.5 * float(np.diff(x).min()) if x.size > 1 else 0.5
-    for n, value in enumerate(x[sticks]):
-        ax.axvspan(value - half, value + half, label="orbit sticks often or for good" if n == 0 else None, **STICKING)
+def field_edges(at: Floats) -> Floats:
+    """Edges of the cells around the values of a field."""
+    half = _half_cell(at)
+    return np.concatenate([[at[0] - half], 0.5 * (at[1:] + at[:-1]), [at[-1] + half]])
+
+
+def _half_cell(at: Floats) -> float:
+    return 0.5 * float(np.diff(at).min()) if at.size > 1 else 0.5
+
+
+def mark_values(ax: Axes, at: Floats, where: NDArray[np.bool_], label: str, **style: Any) -> None:
+    """Shade some values of a field, under one label."""
+    half = _half_cell(at)
+    for n, value in enumerate(at[where]):
+        ax.axvspan(value - half, value + half, label=label if n == 0 else None, **style)
 
 
 def sweep_figure(table: pd.DataFrame, field: str = "alpha", claimed: tuple[float, float] | None = None) -> Figure:
@@ -178,19 +190,16 @@ def bifurcation_figure(b: Bifurcation, table: pd.DataFrame | None = None) -> Fig
 
     `table`: A sweep over the same field, whose largest exponents are drawn in a last row.
     """
-    rows = len(b.counts) + (table is not None)
+    rows = len(b.cells) + (table is not None)
     figure, axes = new_figure(8.0, 2.6 * rows + 0.4, rows, 1)
-    half = 0.5 * float(np.diff(b.at).min()) if b.at.size > 1 else 0.5
-    x = np.concatenate([[b.at[0] - half], 0.5 * (b.at[1:] + b.at[:-1]), [b.at[-1] + half]])
-    label = FLIGHT if b.quantity == "flight" else _velocity(int(b.quantity[1]))
-    for ax, (side, counts) in zip(axes, b.counts.items(), strict=False):
+    x = field_edges(b.at)
+    for ax, (side, counts) in zip(axes, b.cells.items(), strict=False):
         share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
         if share.any():
             _density(ax, x, b.edges, share, float(share.max()))
-        ended = b.regime[(b.regime["side"] == side) & b.regime["regime"].isin([STICKS_OFTEN, STICKS_FOR_GOOD, SILENT])]
-        _mark_sticking(ax, b.at, np.isin(b.at, ended["value"]))
+        mark_values(ax, b.at, np.array(b.reasons[side]) != "", "orbit sticks often or for good", **STICKING)
         ax.set_title(side, loc="left", color=SIDE[side]["color"], fontweight="bold")
-        ax.set_ylabel(label, fontsize=8)
+        ax.set_ylabel(_velocity(1), fontsize=8)
         ax.set_xlim(x[0], x[-1])
     if table is not None:
         _lines(axes[-1], table, b.field)

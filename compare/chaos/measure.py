@@ -145,8 +145,8 @@ def study(
 
     common: dict[str, Any] = {"field": field, "noise": noise, "seed": seed, "workers": workers}
     progress("exponents")
-    orbit = lyapunov(scene, width=width, strict=False)
-    drift = drift_exponents(scene, width=width, strict=False, seed=seed)
+    orbit = lyapunov(scene, width=width)
+    drift = drift_exponents(scene, width=width, seed=seed)
     maps = mean_maps(scene, orbit)
     progress("Poincaré sections")
     drawn = sections(scene, points=points, seed=seed, workers=workers, missing=missing)

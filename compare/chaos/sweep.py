@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from rattle.closure import mean_map
-from rattle.compare.chaos.exponents import CONFIDENCE, ORBIT, Exponents, drift_exponents, lyapunov
+from rattle.compare.chaos.exponents import CONFIDENCE, DRIFT, ORBIT, Exponents, drift_exponents, lyapunov
 from rattle.scene.errors import InputError
 from rattle.scene.parts import Start
 from rattle.scene.scene import Scene
@@ -21,6 +21,7 @@ from rattle.scene.validate import choice, count, finite
 
 ALPHAS = "0.05:2.5:100"
 FIELDS = ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1", "gap2", "sigma")
+T = TypeVar("T")
 PUBLISHED = 30  # impacts through which the published map is followed at each value
 
 
@@ -63,47 +64,46 @@ def paper_noise(scene: Scene) -> Scene:
     return scene.with_sigma(math.sqrt(scene.alpha))
 
 
-class _Job(NamedTuple):
-    value: float
-    scene: Scene
-    width: float
-    seed: int
+def over_field(
+    scene: Scene,
+    at: Sequence[float],
+    field: str,
+    noise: Callable[[Scene], Scene] | None,
+    workers: int,
+    found_at: Callable[[Scene], T],
+) -> list[T]:
+    """Evaluate something of a scene at each value of a field.
+
+    `noise`: Maps each scene to the same with its noise set; without it, the noise of `scene` is used.
+
+    Examples
+    --------
+    >>> from rattle.scene import DAT21
+    >>> over_field(Scene.from_gears(DAT21), (0.5, 1.0), "alpha", None, 1, lambda s: s.alpha)
+    [0.5, 1.0]
+    """
+    changed = [with_field(scene, field, value) for value in at]
+    with ThreadPoolExecutor(workers) as pool:
+        return list(pool.map(found_at, map(noise, changed) if noise else changed))
 
 
-def _row(name: str, job: _Job, e: Exponents) -> dict[str, object]:
+def _row(of: str, e: Exponents) -> dict[str, object]:
     value, low, high = e.largest
-    return {
-        name: job.value,
-        "of": e.of,
-        "largest": value,
-        "low": low,
-        "high": high,
-        "rate": e.rate,
-        "sum_error": e.sum_error,
-        "impacts": e.impacts,
-        "regime": e.regime.kind,
-        "reason": e.regime.reason,
-    }
+    found = {"of": of, "largest": value, "low": low, "high": high, "rate": e.rate, "sum_error": e.sum_error}
+    return found | {"impacts": e.impacts, "regime": e.regime.kind, "reason": e.regime.reason}
 
 
-def _at(name: str, job: _Job) -> list[dict[str, object]]:
-    orbit = lyapunov(job.scene, width=job.width, strict=False)
-    rows = [_row(name, job, orbit), _row(name, job, orbit) | {"of": "mean map (corrected, saltation)"}]
-    rows.append(_row(name, job, drift_exponents(job.scene, width=job.width, strict=False, seed=job.seed)))
-    if job.scene.start.mesh == 1 and job.scene.sigma > 0.0:
-        m = mean_map(job.scene, impacts=PUBLISHED, closure="published")
+def _exponents_at(scene: Scene, width: float, seed: int) -> list[dict[str, object]]:
+    orbit = lyapunov(scene, width=width)
+    drift = drift_exponents(scene, width=width, seed=seed)
+    rows = [_row(ORBIT, orbit), _row("mean map (corrected, saltation)", orbit), _row(DRIFT, drift)]
+    if scene.start.mesh == 1 and scene.sigma > 0.0:
+        m = mean_map(scene, impacts=PUBLISHED, closure="published")
         how = f"not realizable from impact {m.breakdown.impact}" if m.breakdown else "realizable throughout"
+        reason = f"{how}; {m.stopped or f'followed through {PUBLISHED} impacts'}"
         empty = dict.fromkeys(("largest", "low", "high", "rate", "sum_error"), np.nan)
-        rows.append(
-            {
-                name: job.value,
-                "of": "mean map (published)",
-                **empty,
-                "impacts": m.trace.found,
-                "regime": "breaks down",
-                "reason": f"{how}; {m.stopped or f'followed through {PUBLISHED} impacts'}",
-            }
-        )
+        row = {"of": "mean map (published)", **empty, "impacts": m.trace.found}
+        rows.append(row | {"regime": "breaks down", "reason": reason})
     return rows
 
 
@@ -132,14 +132,8 @@ def sweep(
     >>> t[t["of"] == "orbit"]["regime"].tolist()
     ['sticks often', 'runs']
     """
-    count("workers", workers)
-    jobs = []
-    for value in at:
-        changed = with_field(scene, field, value)
-        jobs.append(_Job(value, noise(changed) if noise else changed, width, seed))
-    with ThreadPoolExecutor(workers) as pool:
-        found = list(pool.map(lambda job: _at(field, job), jobs))
-    return pd.DataFrame([row for rows in found for row in rows])
+    found = over_field(scene, at, field, noise, workers, lambda s: _exponents_at(s, width, seed))
+    return pd.DataFrame([{field: value, **row} for value, rows in zip(at, found, strict=True) for row in rows])
 
 
 def signs(rows: pd.DataFrame) -> NDArray[np.int64]:

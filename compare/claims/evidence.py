@@ -85,7 +85,7 @@ def gather(
     settings: dict[str, Any] = {"impacts": impacts, "paths": paths, "rng": seed, "workers": workers}
     progress(f"closures compared with {paths:,} paths at {len(levels)} noise intensities")
     validations = [validate(scene.with_sigma(s), scheme="exact-flight", **settings) for s in levels]
-    exponents: dict[str, Any] = {"width": 0.02, "strict": False}
+    exponents: dict[str, Any] = {"width": 0.02}
     single = replace(scene, stages=1, start=Start(0.0, scene.gap1, 2.0, 0.0, 0.0, mesh=1))
     open_space = replace(scene, gap1=1e6, gap2=1e6, tolerance=None, start=Start(0.3, 0.1, -0.4, -0.2, 0.5))
     flight = simulate(

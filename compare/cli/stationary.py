@@ -94,10 +94,10 @@ def stationary(
     Exit codes: 0 done; 2 bad input, or no stationary motion was reached; 3 the budget ended before the accuracy was
     reached.
     """
+    from rattle.compare.chaos.bifurcation import stationary_bifurcation
     from rattle.compare.chaos.sweep import values, with_field
     from rattle.compare.report.folder import check_free, default_place, name_of
     from rattle.compare.report.provenance import Stopwatch, provenance
-    from rattle.compare.stationary.bifurcation import bifurcation
     from rattle.compare.stationary.judged import CLOSURES_JUDGED
     from rattle.compare.stationary.measure import stationary as measure
     from rattle.compare.stationary.page import CONTENTS, write_stationary
@@ -127,7 +127,7 @@ def stationary(
     }
     watch = Stopwatch()
     found = measure(base, **settings, rng=seed, workers=workers, progress="stationary")
-    view = bifurcation(base, at, field=field, seed=seed, workers=workers) if at else None
+    view = stationary_bifurcation(base, at, field=field, seed=seed, workers=workers) if at else None
     record = {
         "name": name,
         "scene": base.to_dict(),

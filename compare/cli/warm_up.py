@@ -50,7 +50,7 @@ def tasks() -> dict[str, Task]:
     for name, one in (("the long run", scene), ("the long run, one stage", single)):
         found[name] = partial(long_run, one, paths=16, periods=64)
     found["gaps that vary by path"] = partial(simulate, by_path, paths=PATHS, impacts=IMPACTS)
-    found["orbits"] = partial(lyapunov, scene, impacts=8192, strict=False)
+    found["orbits"] = partial(lyapunov, scene, impacts=8192)
     found["long paths"] = partial(LongPath(scene, 0).stretch, 100)
     found["pairs of paths"] = partial(growths, scene, 1e-4, 2, seed=0, settle=10)
     return found

@@ -11,6 +11,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from rattle.closure.stationary import Law
+from rattle.compare.chaos.bifurcation import Bifurcation
+from rattle.compare.chaos.figures import NAMES, field_edges, mark_values
 from rattle.compare.report.style import ACCURATE, STYLE, legend_above, new_figure
 from rattle.compare.stationary.measure import Stationary
 from rattle.montecarlo.long_run.intervals import half_width
@@ -112,6 +114,26 @@ def section_figure(found: Stationary) -> Figure:
         right.set_title(f"mesh {d.mesh}: standard error / density", loc="left")
         figure.colorbar(image, ax=left, pad=0.01, label=f"1 / (rad · {unit})")
         figure.colorbar(error, ax=right, pad=0.01, label="share of the density")
+    return figure
+
+
+def bifurcation_figure(view: Bifurcation, factor: float, unit: str) -> Figure:
+    """Draw the densities without and with noise side by side, velocities times a factor in a unit."""
+    figure, axes = new_figure(10.4, 4.4, 1, 2)
+    x = field_edges(view.at)
+    for ax, (side, density) in zip(axes, view.cells.items(), strict=True):
+        top = np.maximum(density.max(axis=1, keepdims=True), 1e-300)
+        shown = np.sqrt(np.ma.masked_less(density / top, DEEP).T)
+        ax.grid(False)
+        image = ax.pcolormesh(x, factor * view.edges, shown, cmap="magma_r", vmin=0.0, vmax=1.0, rasterized=True)
+        ax.set_title(side, loc="left", fontweight="bold")
+        ax.set_xlabel(NAMES.get(view.field, view.field))
+        lost = np.array(view.reasons[side]) != ""
+        mark_values(ax, view.at, lost, "no stationary motion", color="0.85", lw=0)
+        if lost.any():
+            ax.legend(loc="lower left", fontsize=7)
+    axes[0].set_ylabel(rf"velocity before the impact $y_1$ ({unit})")
+    figure.colorbar(image, ax=axes, label="root of the density / its highest at this value", pad=0.01)
     return figure
 
 

@@ -5,14 +5,14 @@ from typing import Any
 
 import pandas as pd
 
+from rattle.compare.chaos.bifurcation import Bifurcation
 from rattle.compare.report import NUMBER, Column, Figure, Page, PageSection, Table, TableCell, Text
 from rattle.compare.report.content import Block, Row
 from rattle.compare.report.glossary import CLOSURE_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
 from rattle.compare.stationary.answer import answer
-from rattle.compare.stationary.bifurcation import Bifurcation, bifurcation_figure
-from rattle.compare.stationary.figures import draw, speed_unit
+from rattle.compare.stationary.figures import bifurcation_figure, draw, speed_unit
 from rattle.compare.stationary.judged import TOLERANCES
 from rattle.compare.stationary.measure import Stationary
 from rattle.compare.stationary.units import speed_text

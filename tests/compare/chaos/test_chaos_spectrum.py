@@ -106,8 +106,9 @@ def test_sections_take_the_same_memory_however_many_points():
 
 
 def test_bifurcations_hold_every_point_of_any_field():
-    b = bifurcation(DAT, (0.5, 0.7, 0.9), field="epsilon", quantity="flight", points=3000)
-    assert (b.regime["points"] == 3000).all()
-    assert (b.counts[NOISY].sum(axis=1) > 2980).all()
+    b = bifurcation(DAT, (0.5, 0.7, 0.9), field="epsilon", points=3000)
+    for side in (ORBIT, NOISY):
+        assert ((b.cells[side].sum(axis=1) > 2980) & (b.cells[side].sum(axis=1) <= 3000)).all()
     sticking = bifurcation(DAT, (0.05, 0.4), points=1000, noise=paper_noise)
-    assert sticking.counts[ORBIT].sum(axis=1).tolist()[0] == 0
+    assert sticking.cells[ORBIT].sum(axis=1).tolist()[0] == 0
+    assert sticking.reasons[ORBIT] == ["sticks often", ""]
