@@ -12,6 +12,7 @@ from rattle.compare.report.content import Page
 from rattle.compare.report.csv_text import write_csv
 from rattle.compare.report.folder import whole_folder
 from rattle.compare.report.json_text import json_text
+from rattle.compare.report.manifest import seal
 from rattle.compare.report.render import pages, write_page
 
 MANIFEST = "manifest.json"
@@ -45,13 +46,29 @@ def save(
 ) -> None:
     """Write a report folder; whatever ends it on the way, the folder is the earlier one or the new one."""
     with whole_folder(out, allowed, overwrite) as folder:
-        for label, figure in figures.items():
-            style.save(figure, folder / f"{label}.svg")
-        for label, table in tables.items():
-            if f"{label}.parquet" in allowed:
-                table.to_parquet(folder / f"{label}.parquet", index=False, compression="zstd")
-            else:
-                write_csv(table, folder / f"{label}.csv", index=False, float_format=digits)
-        write_page(page, folder, name)
-        text = json_text({**record, "answer": list(page.answer)}) + "\n"
-        (folder / MANIFEST).write_text(text, encoding="utf-8")
+        write_files(folder, name, page, record, allowed=allowed, figures=figures, tables=tables, digits=digits)
+
+
+def write_files(
+    folder: Path,
+    name: str,
+    page: Page,
+    record: Mapping[str, Any],
+    *,
+    allowed: frozenset[str],
+    figures: Mapping[str, Figure],
+    tables: Mapping[str, pd.DataFrame],
+    digits: str | None = None,
+) -> None:
+    """Write figures, tables, page and manifest into a folder; a table as CSV, Parquet or both, as `allowed` says."""
+    for label, figure in figures.items():
+        (folder / label).parent.mkdir(exist_ok=True)
+        style.save(figure, folder / f"{label}.svg")
+    for label, table in tables.items():
+        if f"{label}.parquet" in allowed:
+            table.to_parquet(folder / f"{label}.parquet", index=False, compression="zstd")
+        if f"{label}.csv" in allowed:
+            write_csv(table, folder / f"{label}.csv", index=False, float_format=digits)
+    write_page(page, folder, name)
+    text = json_text(seal({**record, "answer": list(page.answer)})) + "\n"
+    (folder / MANIFEST).write_text(text, encoding="utf-8")

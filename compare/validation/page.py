@@ -7,14 +7,14 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure as Drawing
 
-from rattle.compare.report import Block, Code, Figure, Page, PageSection, Text, manifest, pages, write_page
+from rattle.compare.report import Block, Code, Figure, Page, PageSection, Text, manifest
 from rattle.compare.report.content import MARKS as SIGNS
 from rattle.compare.report.csv_text import csv_text
-from rattle.compare.report.folder import name_of, whole_folder
+from rattle.compare.report.folder import name_of
 from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
-from rattle.compare.report.json_text import json_text
 from rattle.compare.report.provenance import command_line, provenance, source_of
-from rattle.compare.report.style import caption_of, save
+from rattle.compare.report.save import contents, save
+from rattle.compare.report.style import caption_of
 from rattle.compare.validation.answer import answer, correlation_claim, sigma_text
 from rattle.compare.validation.beside import NOTE, beside_table
 from rattle.compare.validation.comparison import Comparison, Sweep
@@ -34,10 +34,11 @@ from rattle.compare.validation.tables import (
 from rattle.compare.validation.validity_figure import VALIDITY, validity_figure
 from rattle.compare.validation.verdict import NOT_JUDGED, RULE, Tolerances
 
-TABLES = ("table", "correlation", "validity", "speed", "simulation", "schemes")
-PARQUET = ("table", "validity")  # tables that are also written as Parquet
-CONTENTS = frozenset({*pages("report"), *(f"{name}.csv" for name in TABLES), *(f"{name}.parquet" for name in PARQUET)})
-CONTENTS |= {"manifest.json", "figures"}
+CONTENTS = contents(
+    "report",
+    tables=("table", "correlation", "validity", "speed", "simulation", "schemes"),
+    large=("table", "validity"),
+) | {"figures"}
 """Names of all files in a report folder; a folder with any other file is not overwritten."""
 
 SPEED = (
@@ -61,21 +62,20 @@ WORDS = ("exact flight", "σ", "ρ1, ρ2", "stage", "agreement", "realizable")
 PREDICTED = " Dashed: the share that the branching closure predicts."
 
 
-def _draw(drawing: Drawing, name: str, caption: str, folder: Path) -> Figure:
-    """Save a figure into the report folder; the block that shows it."""
-    path = f"figures/{name}.svg"
-    save(drawing, folder / path)
-    return Figure(path, caption, caption)
+def _add(drawings: dict[str, Drawing], drawing: Drawing, name: str, caption: str) -> Figure:
+    """Add a drawing to those that are to be written; the block that shows it."""
+    drawings[f"figures/{name}"] = drawing
+    return Figure(f"figures/{name}.svg", caption, caption)
 
 
-def _section(v: Comparison, number: int, folder: Path) -> PageSection:
-    """One noise intensity of the page, its figures saved."""
+def _section(v: Comparison, number: int, drawings: dict[str, Drawing]) -> PageSection:
+    """One noise intensity of the page; its figures are added to the drawings."""
     name, sigma = f"{number}-sigma-{sigma_text(v)}", f"σ = {sigma_text(v)}"
     figures = []
     for kind, (draw, caption) in FIGURES.items():
         if has_something(kind, v):
             drawing = draw(v)
-            figures.append(_draw(drawing, f"{kind}-{name}", caption_of(drawing, caption), folder))
+            figures.append(_add(drawings, drawing, f"{kind}-{name}", caption_of(drawing, caption)))
     failures = failure_table(v)
     found: list[Block] = [Text(FAILURES, note=True), failures] if failures.rows else [Text("Every check holds.")]
     errors: list[Block] = []
@@ -98,12 +98,12 @@ def _page(
     validations: Sequence[Comparison],
     swept: Sweep | None,
     record: dict[str, Any],
-    folder: Path,
+    drawings: dict[str, Drawing],
     schemes: pd.DataFrame | None,
 ) -> Page:
-    """The page of the report; its figures are saved into the folder."""
+    """The page of the report; its figures are added to the drawings."""
     caption = AGREEMENT + (PREDICTED if "branching" in validations[0].predictions else "")
-    agreement = _draw(agreement_figure(validations), "agreement", caption, folder)
+    agreement = _add(drawings, agreement_figure(validations), "agreement", caption)
     words = glossary(*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, *WORDS, gears=validations[0].scene.gears)
     if swept:
         paths = (
@@ -111,7 +111,7 @@ def _page(
             "numbers. Every σ by itself: `validity.csv`; what a simulation takes at each: `simulation.csv`."
         )
         drawing = validity_figure(swept.validity, settings.impacts)
-        figure = _draw(drawing, "validity", caption_of(drawing, VALIDITY), folder)
+        figure = _add(drawings, drawing, "validity", caption_of(drawing, VALIDITY))
         opening: tuple[Block, ...] = (figure, validity_table(swept.validity), Text(paths, note=True), words)
         speeds = speed_table(swept.speed)
         note = SPEED + ("" if swept.speed["resolved"].all() else UNRESOLVED)
@@ -136,7 +136,7 @@ def _page(
     if claim := correlation_claim(validations):
         sections.append(PageSection("Does |ρ| > 1 show that the density is not Gaussian?", (Text(claim),)))
     sections.append(PageSection("How the tables are read", (Text(legend),)))
-    sections += [_section(v, number, folder) for number, v in enumerate(validations, start=1)]
+    sections += [_section(v, number, drawings) for number, v in enumerate(validations, start=1)]
     scene = Code(validations[0].scene.to_toml(), "toml")
     files = {"table": record["table_sha256"], "validity": record["validity_sha256"]}
     digests = {f"`{name}.csv`": f"sha256 {digest}" for name, digest in files.items() if digest}
@@ -163,23 +163,20 @@ def write_report(
     tables["table"] = tables["table"][["sigma", *validations[0].table]]
     tables |= swept._asdict() if swept else {}
     tables |= {} if schemes is None else {"schemes": schemes}
-    texts = {name: csv_text(table, index=False) for name, table in tables.items()}
+    digests = {
+        name: manifest.digest(csv_text(tables[name], index=False)) for name in ("table", "validity") if name in tables
+    }
     record = {
         "version": manifest.VERSION,
         "settings": settings.to_dict(),
-        "table_sha256": manifest.digest(texts["table"]),
-        "validity_sha256": manifest.digest(texts["validity"]) if swept else None,
+        "table_sha256": digests["table"],
+        "validity_sha256": digests.get("validity"),
         **origin,
         "answer": answer(validations, swept),
     }
-    with whole_folder(out, CONTENTS, overwrite) as folder:
-        (folder / "figures").mkdir()
-        for name, table in tables.items():
-            (folder / f"{name}.csv").write_text(texts[name], encoding="utf-8")
-            if name in PARQUET:
-                table.to_parquet(folder / f"{name}.parquet", index=False)
-        write_page(_page(settings, validations, swept, record, folder, schemes), folder, "report")
-        (folder / "manifest.json").write_text(json_text(manifest.seal(record)) + "\n", encoding="utf-8")
+    drawings: dict[str, Drawing] = {}
+    page = _page(settings, validations, swept, record, drawings, schemes)
+    save(out, "report", page, record, allowed=CONTENTS, figures=drawings, tables=tables, overwrite=overwrite)
     return record
 
 
