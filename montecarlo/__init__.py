@@ -10,6 +10,7 @@ from rattle.montecarlo.rare.simulate_rare import RareEnsemble, simulate_rare
 from rattle.montecarlo.reach import AccuracyWarning
 from rattle.montecarlo.record import Record
 from rattle.montecarlo.result import Ensemble
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.schemes.step_size import default_step, largest_step
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings import check_settings
@@ -21,6 +22,7 @@ __all__ = [
     "Ensemble",
     "RareEnsemble",
     "Record",
+    "Sampling",
     "check_settings",
     "default_step",
     "largest_step",

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from rattle.montecarlo.kernel.block import BLOCK, run, sample
 from rattle.montecarlo.noise.philox import Word, fill_normals, key_of
 from rattle.montecarlo.record import Record
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.schemes.euler import FORCING, QUAD, four_euler_steps, step_forcing
 from rattle.montecarlo.settings import plan_of
 from rattle.scene.compiled import jit, lean
@@ -156,8 +157,11 @@ def bench(scene: Scene | None = None) -> pd.DataFrame:
         "euler-maruyama, paths alone": (base, {"statistics": False}),
         "euler-maruyama, section statistics": (base, {}),
         "  the same, dt = 0.002": (base, {"dt": 2e-3}),
-        "  with two-point increments, paths alone": (base, {"increments": "two-point", "statistics": False}),
-        "  with two-point increments": (base, {"increments": "two-point"}),
+        "  with two-point increments, paths alone": (
+            base,
+            {"sampling": Sampling(increments="two-point"), "statistics": False},
+        ),
+        "  with two-point increments": (base, {"sampling": Sampling(increments="two-point")}),
         "  without noise (gaps vary), paths alone": (replace(loose, sigma=0.0), {"statistics": False}),
         "  with one stage": (replace(base, stages=1), {}),
         "  with gaps that vary by path": (loose, {}),
@@ -169,8 +173,11 @@ def bench(scene: Scene | None = None) -> pd.DataFrame:
         "  the same, sigma = 0.1": (replace(base, sigma=0.1), FLIGHTS),
         "  the same, paths alone": (base, FLIGHTS | {"statistics": False}),
         "  with gaps redrawn at each contact": (replace(base, tolerance=contact), FLIGHTS),
-        "  with the linearised path as control variate": (base, FLIGHTS | {"control": True}),
-        "  steps far from any wall, paths alone": (far, FLIGHTS | {"horizon": 4.0, "statistics": False}),
+        "  with the linearised path as control variate": (base, FLIGHTS | {"sampling": Sampling(control=True)}),
+        "  steps far from any wall, paths alone": (
+            far,
+            FLIGHTS | {"sampling": Sampling(horizon=4.0), "statistics": False},
+        ),
     }
     work = {name: _case(own, **settings) for name, (own, settings) in cases.items()}
     taken = slices(_floor(base) | {name: (call, float(steps)) for name, (call, steps) in work.items()}, REPEATS)

@@ -188,9 +188,10 @@ def diagnose_short_step(run: _Run) -> str:
 
     Examples
     --------
-    >>> from rattle.montecarlo import simulate
+    >>> from rattle.montecarlo import Sampling, simulate
     >>> from rattle.scene import DAT21
-    >>> print(diagnose_short_step(simulate(Scene.from_gears(DAT21, sigma=1e4), paths=100, impacts=1, horizon=0.01)))
+    >>> scene = Scene.from_gears(DAT21, sigma=1e4)
+    >>> print(diagnose_short_step(simulate(scene, paths=100, impacts=1, sampling=Sampling(horizon=0.01))))
     dt = 0.00271 in place of the scheme's 0.0327: a longer step holds too many impacts.
     """
     allowed, usual = default_step(run.scene, run.plan.scheme, run.plan.levels > 1), SCHEMES[run.plan.scheme].step

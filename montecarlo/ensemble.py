@@ -13,12 +13,14 @@ from rattle.montecarlo.blocks import Blocks, in_threads
 from rattle.montecarlo.kernel.block import BLOCK, BlockResult, Plan
 from rattle.montecarlo.record import Record
 from rattle.montecarlo.result import Ensemble
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.schemes.step_size import COARSEST, default_step, is_admissible
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings import count_followed, plan_of
 from rattle.montecarlo.statistics.batches import Batches
 from rattle.montecarlo.statistics.histogram import Histograms
 from rattle.scene.errors import InputError
+from rattle.scene.keywords import moved
 from rattle.scene.scene import Scene
 from rattle.scene.text import line
 from rattle.scene.validate import choice
@@ -26,6 +28,7 @@ from rattle.scene.validate import choice
 __all__ = ["extend", "simulate"]
 
 
+@moved({name: f"is now in sampling=Sampling({name}=...)" for name in Sampling.__dataclass_fields__})
 def simulate(
     scene: Scene,
     *,
@@ -36,12 +39,8 @@ def simulate(
     rng: int | np.random.SeedSequence = 0,
     workers: int = 1,
     record: Record | None = None,
-    control: bool = False,
-    increments: str = "gaussian",
-    horizon: float | None = None,
-    device: str = "cpu",
     progress: str | None = None,
-    blocks: Blocks | None = None,
+    sampling: Sampling | None = None,
 ) -> Ensemble:
     """Simulate an ensemble of paths of Eqs. 5 and 6 with both impact rules.
 
@@ -67,20 +66,10 @@ def simulate(
         Threads.
     record : Record
         What is recorded beside the section moments; nothing by default.
-    control : bool
-        Use the linearised path as a control variate for section means and sds (``exact-flight`` only).
-    increments : {"gaussian", "two-point"}
-        Distribution of the Brownian increments of an Euler-Maruyama step; two-point ones (plus or minus the root of the
-        step) have the same weak order 1 and cost one random bit.
-    horizon : float
-        Time after the start at which unfinished paths are given up; by default 50 per impact, or 10 million steps.
-    device : {"cpu", "cuda"}
-        Where paths are followed and summed; "cuda" needs an NVIDIA GPU and the extra ``gpu`` (numba-cuda).  The paths
-        are the same to rounding.
     progress : str
         Label of a progress bar on a terminal; none by default, and none in a pipe.
-    blocks : callable
-        Who runs the blocks of paths; by default threads of this process.  The result does not depend on it.
+    sampling : Sampling
+        What few runs need: a control variate, two-point increments, a time limit, a GPU, or who runs blocks of paths.
 
     Returns
     -------
@@ -105,10 +94,13 @@ def simulate(
     if not isinstance(record, Record):
         raise InputError("record", record, "give a Record, as in record=Record(times=[1.0, 2.0])")
     scheme = choice("scheme", scheme, SCHEMES)
-    if record.step_bias is None and SCHEMES[scheme].has_step_bias and device == "cpu":
+    sampling = Sampling() if sampling is None else sampling
+    if not isinstance(sampling, Sampling):
+        raise InputError("sampling", sampling, "give a Sampling, as in sampling=Sampling(control=True)")
+    if record.step_bias is None and SCHEMES[scheme].has_step_bias and sampling.device == "cpu":
         record = replace(record, step_bias=dt is None or is_admissible(scene, dt, scheme, COARSEST))
     dt = default_step(scene, scheme, bool(record.step_bias)) if dt is None else dt
-    if record.batches and device == "cuda":
+    if record.batches and sampling.device == "cuda":
         raise InputError("record.batches", True, "are not kept on a GPU; leave them out, or use device='cpu'")
     plan = plan_of(
         scene,
@@ -119,18 +111,15 @@ def simulate(
         rng=rng,
         workers=workers,
         record=record,
-        control=control,
-        increments=increments,
-        horizon=horizon,
-        device=device,
+        sampling=sampling,
     )
     started = time.perf_counter()
     merged: BlockResult | None = None
     histograms: Histograms | None = None
     kept = []
     batched = Batches.empty(impacts) if record.batches else None
-    size, results = BLOCK, (blocks or in_threads(workers))(plan, 0)
-    if device == "cuda":
+    size, results = BLOCK, (sampling.blocks or in_threads(workers))(plan, 0)
+    if sampling.device == "cuda":
         from rattle.montecarlo.cuda import launch as gpu  # nothing of it is loaded before a GPU is asked for
 
         size = gpu.launch_size(plan)

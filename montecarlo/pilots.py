@@ -18,6 +18,7 @@ from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.reach import Candidate
 from rattle.montecarlo.record import Record
 from rattle.montecarlo.result import Ensemble
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.schemes.step_size import largest_step
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings import count_followed, default_horizon, is_random
@@ -43,7 +44,8 @@ def _pilot_settings(scene: Scene, scheme: str) -> dict[str, Any]:
     exact = not SCHEMES[scheme].has_step_bias
     levels = 1 if exact else COARSEST
     dt = min(SCHEMES[scheme].step if exact else FIRST_STEP, 0.99 * largest_step(scene, scheme)[0] / levels)
-    return {"scheme": scheme, "dt": dt, "record": Record(step_bias=not exact), "control": exact and small_noise(scene)}
+    sampling = Sampling(control=exact and small_noise(scene))
+    return {"scheme": scheme, "dt": dt, "record": Record(step_bias=not exact), "sampling": sampling}
 
 
 @dataclass(frozen=True)
@@ -77,17 +79,21 @@ class PilotRun:
 def _pilot_within(scene: Scene, scheme: str, simulate: Simulate, budget: Budget) -> PilotRun:
     """Probe runs and the pilot run of a scheme, each only if the budget is expected to cover it."""
     settings = _pilot_settings(scene, scheme)
+
+    def until(horizon: float) -> Sampling:
+        return Sampling(control=settings["sampling"].control, horizon=horizon)
+
     with budget.pause():
-        simulate(paths=1, **settings | {"impacts": 1, "horizon": settings["dt"]})  # compiles
+        simulate(paths=1, **settings | {"impacts": 1, "sampling": until(settings["dt"])})  # compiles
 
     def timed(**changed: Any) -> tuple[Ensemble, float]:
         began = clock()
         return simulate(**settings | changed), clock() - began
 
     for _ in range(2):  # overhead of a run besides its paths; the second time its plan is cached
-        run, before = timed(paths=1, horizon=settings["dt"])
+        run, before = timed(paths=1, sampling=until(settings["dt"]))
     horizon = default_horizon(run.impacts, run.dt * (COARSEST if settings["record"].step_bias else 1))
-    probe, _ = timed(paths=count_followed(scene, PROBES[0]), horizon=PROBE_SPAN * horizon)
+    probe, _ = timed(paths=count_followed(scene, PROBES[0]), sampling=until(PROBE_SPAN * horizon))
     slow = cost_of(probe, 1).core_seconds / PROBE_SPAN
     if probe.unfinished and slow * probe.paths > budget.remaining:
         return PilotRun(probe, slow, False)

@@ -10,6 +10,7 @@ from rattle.montecarlo.kernel.block import BLOCK, Plan, sample
 from rattle.montecarlo.kernel.control_variate import linear_path, no_control
 from rattle.montecarlo.noise.philox import LEVELS
 from rattle.montecarlo.record import Record
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.schemes.step_size import accurate_flight, check_step, default_step
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.montecarlo.schemes.table import SCHEMES
@@ -93,17 +94,14 @@ def plan_of(
     rng: int | np.random.SeedSequence = 0,
     workers: int = 1,
     record: Record | None = None,
-    control: bool = False,
-    increments: str = "gaussian",
-    horizon: float | None = None,
-    device: str = "cpu",
+    sampling: Sampling | None = None,
     any_step: bool = False,
 ) -> Plan:
     """Turn settings into the plan of a run.
 
     `any_step`: Take a step that is not admissible too, to measure what becomes of it.
     """
-    record = record or Record()
+    record, sampling = record or Record(), sampling or Sampling()
     check_settings(
         scene,
         paths=paths,
@@ -114,17 +112,18 @@ def plan_of(
         workers=workers,
         step_bias=bool(record.step_bias),
     )
-    if control and SCHEMES[scheme].normals < 2:
-        raise InputError("control", control, f"works with scheme 'exact-flight' only; scheme = {scheme!r}")
-    two_point = choice("increments", increments, ("gaussian", "two-point")) == "two-point"
+    if sampling.control and SCHEMES[scheme].normals < 2:
+        raise InputError("sampling.control", True, f"works with scheme 'exact-flight' only; scheme = {scheme!r}")
+    two_point = choice("sampling.increments", sampling.increments, ("gaussian", "two-point")) == "two-point"
     if two_point and SCHEMES[scheme].normals > 1:
-        raise InputError("increments", increments, f"works with the Euler-Maruyama schemes only; scheme = {scheme!r}")
-    if choice("device", device, ("cpu", "cuda")) == "cuda":
+        why = f"works with the Euler-Maruyama schemes only; scheme = {scheme!r}"
+        raise InputError("sampling.increments", sampling.increments, why)
+    if choice("sampling.device", sampling.device, ("cpu", "cuda")) == "cuda":
         from rattle.montecarlo.cuda.launch import check_gpu  # nothing of it is loaded before a GPU is asked for
 
         for name, value in (
             ("record.step_bias", record.step_bias),
-            ("control", control),
+            ("sampling.control", sampling.control),
             ("record.energy", record.energy),
         ):
             if value:
@@ -133,7 +132,7 @@ def plan_of(
     levels = LEVELS if record.step_bias else 1
     coarsest = 2 ** (levels - 1)
     dt = float(dt)
-    horizon = _horizon(horizon, impacts, dt * coarsest, scheme)
+    horizon = _horizon(sampling.horizon, impacts, dt * coarsest, scheme)
     if not isinstance(record.itineraries, Mapping):
         raise InputError(
             "record.itineraries", record.itineraries, "give a mapping from names to sequences of mesh * side"
@@ -151,7 +150,7 @@ def plan_of(
         itineraries=named,
         levels=levels,
         keep=record.histogram or record.raw,
-        control=linear_path(scene, impacts, dt) if control and scene.sigma > 0.0 else no_control(),
+        control=linear_path(scene, impacts, dt) if sampling.control and scene.sigma > 0.0 else no_control(),
         two_point=two_point,
         energy=record.energy,
     )
@@ -192,10 +191,10 @@ def _horizon(given: float | None, impacts: int, dt: float, scheme: str) -> float
     """Time after which a path is given up: as given, if it can be waited for, or the default."""
     if given is None:
         return default_horizon(impacts, dt)
-    if positive("horizon", given) / dt > MOST_STEPS:
+    if positive("sampling.horizon", given) / dt > MOST_STEPS:
         hours = given / dt * BLOCK * SCHEMES[scheme].step_ns * 1e-9 / 3600.0
         raise InputError(
-            "horizon",
+            "sampling.horizon",
             given,
             f"must be at most {MOST_STEPS * dt:.3g}, {MOST_STEPS:.0e} steps of {dt:.3g}; "
             f"{BLOCK} paths that last would take {hours:.3g} h",

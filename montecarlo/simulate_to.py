@@ -27,10 +27,12 @@ from rattle.montecarlo.pilots import COARSEST, ROUGHEST, PilotRun, Simulate, cho
 from rattle.montecarlo.reach import AccuracyWarning, Reach
 from rattle.montecarlo.record import Record
 from rattle.montecarlo.result import Ensemble
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings import MOST_STEPS, check_settings, count_followed, default_horizon, is_random
 from rattle.montecarlo.step_error import step_error
 from rattle.scene.errors import InputError
+from rattle.scene.keywords import moved
 from rattle.scene.scene import Scene
 from rattle.scene.text import duration_text
 from rattle.scene.validate import positive
@@ -74,6 +76,7 @@ def _round_up(accuracy: float) -> float:
     return math.ceil(accuracy / unit) * unit
 
 
+@moved({"blocks": "is now in sampling=Sampling(blocks=...)"})
 def simulate_to(
     scene: Scene,
     accuracy: float,
@@ -85,7 +88,7 @@ def simulate_to(
     budget: float | None = None,
     record: Record | None = None,
     progress: str | None = None,
-    blocks: Blocks | None = None,
+    sampling: Sampling | None = None,
 ) -> Ensemble:
     """Simulate until all section means and sds are known to an accuracy, with 95 % probability for all of them at once.
 
@@ -113,8 +116,8 @@ def simulate_to(
         ``energy`` and ``batches`` are recorded where they are asked for; nothing else can be.
     progress : str
         Label of a progress bar on a terminal; none by default, and none in a pipe.
-    blocks : callable
-        Who runs the blocks of paths; by default threads of this process.
+    sampling : Sampling
+        ``blocks`` alone can be given: who runs the blocks of paths; by default threads of this process.
 
     Returns
     -------
@@ -149,6 +152,9 @@ def simulate_to(
                 "cannot be recorded by simulate_to, which chooses its own runs; leave it out, "
                 "or give paths to simulate",
             )
+    sampling = Sampling() if sampling is None else sampling
+    if not isinstance(sampling, Sampling) or sampling != Sampling(blocks=sampling.blocks):
+        raise InputError("sampling", sampling, "give a Sampling with blocks alone: simulate_to chooses the rest")
     check_settings(
         scene,
         paths=1,
@@ -162,9 +168,9 @@ def simulate_to(
     accuracy = float(positive("accuracy", accuracy))
     if budget is not None and budget != math.inf:
         budget = float(positive("budget", budget))
-    run = _simulate(scene, accuracy, impacts, scheme, rng, workers, budget, record, progress, blocks)
+    run = _simulate(scene, accuracy, impacts, scheme, rng, workers, budget, record, progress, sampling.blocks)
     if run.reach is not None and not run.reach.reached:
-        warnings.warn(run.reach.sentence, AccuracyWarning, stacklevel=2)
+        warnings.warn(run.reach.sentence, AccuracyWarning, stacklevel=3)
     return run
 
 
@@ -186,8 +192,9 @@ def _simulate(
 
     def again(**settings: Any) -> Ensemble:
         step_bias = settings.pop("record", record).step_bias
+        sampled = replace(settings.pop("sampling", Sampling()), blocks=blocks)
         given: dict[str, Any] = {"impacts": impacts, "record": replace(record, step_bias=step_bias), **settings}
-        return simulate(scene, rng=rng, blocks=blocks, **given)
+        return simulate(scene, rng=rng, sampling=sampled, **given)
 
     names = [scheme] if scheme else sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
     pilot_run, candidates = choose_scheme(scene, names, accuracy, again, left)
@@ -229,10 +236,9 @@ def _follow_up(
     shortest = horizon / MOST_STEPS
     settings = {
         "scheme": run.scheme,
-        "control": exact and small_noise(scene),
         "record": replace(record, step_bias=not exact),
         "progress": progress,
-        "horizon": horizon,
+        "sampling": Sampling(control=exact and small_noise(scene), horizon=horizon),
     }
     began, before, look = clock(), 0, 0
     if not exact:

@@ -1,13 +1,16 @@
-"""Unknown keywords of a class are refused with the nearest known one, as unknown keys of a file are."""
+"""Unknown keywords are refused with the nearest known one, as unknown keys of a file are, or with their new place."""
 
 import functools
 import inspect
-from typing import Any, TypeVar
+from collections.abc import Callable, Mapping
+from typing import Any, ParamSpec, TypeVar
 
 from rattle.scene.errors import InputError
 from rattle.scene.validate import check_keys
 
 C = TypeVar("C")
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 def suggesting(cls: type[C]) -> type[C]:
@@ -41,3 +44,28 @@ def suggesting(cls: type[C]) -> type[C]:
 
     setattr(cls, "__init__", checked)  # noqa: B010  (a method, by its type)
     return cls
+
+
+def moved(elsewhere: Mapping[str, str]) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Make a function refuse keywords that it once had by an InputError that says where they are now.
+
+    Examples
+    --------
+    >>> @moved({"radius": "is now in wheel=Wheel(radius=...)"})
+    ... def turn(wheel: object) -> None: ...
+    >>> turn(radius=41.0)
+    Traceback (most recent call last):
+    ...
+    rattle.scene.errors.InputError: radius = 41.0: is now in wheel=Wheel(radius=...)
+    """
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        @functools.wraps(function)
+        def checked(*args: P.args, **given: P.kwargs) -> R:
+            for name in elsewhere.keys() & given.keys():
+                raise InputError(name, given[name], elsewhere[name])
+            return function(*args, **given)
+
+        return checked
+
+    return decorate

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from rattle.closure.orbit import Orbit, follow
 from rattle.montecarlo import Record, default_step, simulate
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.settings import is_random
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
@@ -151,7 +152,7 @@ def _path(scene: Scene, seed: int, impacts: int, span: float, dt: float, instant
             dt=dt,
             scheme=SCHEME,
             rng=seed,
-            horizon=span + dt,
+            sampling=Sampling(horizon=span + dt),
             record=Record(times=tuple(local.phase + instants + 1e-6 * dt), raw=True),  # rounded to the step
         )
         assert run.raw is not None

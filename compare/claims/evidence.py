@@ -15,6 +15,7 @@ from rattle.compare.validation.result import Validation
 from rattle.compare.validation.validate import validate
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import Ensemble, Record, simulate
+from rattle.montecarlo.sampling import Sampling
 from rattle.scene.parts import Start
 from rattle.scene.scene import Scene
 from rattle.scene.tangent import Stretch
@@ -96,7 +97,7 @@ def gather(
         scheme="euler-maruyama",
         rng=seed,
         workers=workers,
-        horizon=float(FLIGHTS[-1]) + 1.0,
+        sampling=Sampling(horizon=float(FLIGHTS[-1]) + 1.0),
         record=Record(step_bias=True, times=open_space.start.tau + FLIGHTS),
     )
     chaos = study(
@@ -150,7 +151,7 @@ def mean_motion(scene: Scene, paths: int, seed: int, workers: int) -> MeanMotion
         scheme="exact-flight",
         rng=np.random.SeedSequence([seed, 11]),
         workers=workers,
-        horizon=float(times[-1] - scene.start.tau) + 1.0,
+        sampling=Sampling(horizon=float(times[-1] - scene.start.tau) + 1.0),
         record=Record(times=times),
     )
     table, largest, share = run.at_times(), 0.0, []

@@ -20,6 +20,7 @@ from rattle.compare.study.version import numerical_version
 from rattle.montecarlo import SCHEMES, Ensemble, Record, default_step, simulate, simulate_to
 from rattle.montecarlo.accuracy import small_noise
 from rattle.montecarlo.blocks import Blocks
+from rattle.montecarlo.sampling import Sampling
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
@@ -145,11 +146,14 @@ class Sample:
             "impacts": self.impacts,
             "rng": self.seed,
             "scheme": self.scheme,
-            "blocks": blocks,
         }
         if self.accuracy is not None:
             run = simulate_to(
-                self.scene.phase_reduced, self.accuracy, record=Record(batches=True, energy=True), **common
+                self.scene.phase_reduced,
+                self.accuracy,
+                record=Record(batches=True, energy=True),
+                sampling=Sampling(blocks=blocks),
+                **common,
             )
             if run.reach is not None and not run.reach.reached:  # where it stopped depends on wall time: not repeatable
                 raise InputError("accuracy", self.accuracy, run.reach.sentence)
@@ -159,7 +163,7 @@ class Sample:
                 self.scene.phase_reduced,
                 paths=self.paths,
                 dt=self.dt,
-                control=exact and small_noise(self.scene),
+                sampling=Sampling(control=exact and small_noise(self.scene), blocks=blocks),
                 record=Record(batches=True, energy=True, step_bias=not exact),
                 **common,
             )

@@ -20,6 +20,7 @@ from rattle.montecarlo.cost import cost_of
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.kernel import COLUMNS
 from rattle.montecarlo.pilots import choose_scheme
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.settings import count_followed
 
 PROBED = 64  # paths whose steps stand for those of all where the number of paths is given
@@ -81,7 +82,7 @@ def _probe(cell: Sample, paths: int) -> Work:
         dt=cell.dt,
         scheme=cell.scheme,
         rng=cell.seed,
-        control=not biased and small_noise(cell.scene),
+        sampling=Sampling(control=not biased and small_noise(cell.scene)),
         record=Record(step_bias=biased),
     )
     found = cost_of(run, count_followed(cell.scene, paths))

@@ -70,10 +70,10 @@ def judge_errors(errors: pd.DataFrame, z: float) -> pd.DataFrame:
     >>> from rattle.compare.validation.verdict import widest
     >>> from rattle.compare.thresholds.claim import read_claim
     >>> from rattle.compare.thresholds.prediction import predict
-    >>> from rattle.montecarlo import simulate
+    >>> from rattle.montecarlo import Sampling, simulate
     >>> from rattle.scene import DAT21, Scene
     >>> claim = read_claim({"scene": Scene.from_gears(DAT21, sigma=0.01), "impacts": 1, "quantities": "y1"}, Path())
-    >>> run = simulate(claim.scene, paths=4096, impacts=1, scheme="exact-flight", control=True)
+    >>> run = simulate(claim.scene, paths=4096, impacts=1, sampling=Sampling(control=True))
     >>> z = widest(len(claim.rows), 0.01)
     >>> both = ("saltation", "corrected")
     >>> [judge_errors(errors_of(predict(r, claim), run, claim), z)["outcome"].tolist() for r in both]

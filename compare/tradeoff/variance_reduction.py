@@ -12,6 +12,7 @@ from tqdm import tqdm
 from rattle.montecarlo import default_step, simulate
 from rattle.montecarlo.accuracy import resolved_sd
 from rattle.montecarlo.kernel.block import Plan, sample
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.settings import plan_of
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
@@ -46,12 +47,12 @@ def control_table(
             rng=seed,
             workers=workers,
         )
-        call(control=True)
+        call(sampling=Sampling(control=True))
         times, runs = {False: np.inf, True: np.inf}, {}
         for _ in range(REPEATS):
             for control in (False, True):
                 began = time.process_time()
-                runs[control] = call(control=control).section
+                runs[control] = call(sampling=Sampling(control=control)).section
                 times[control] = min(times[control], time.process_time() - began)
         plain, controlled = runs[False], runs[True]
         least = resolved_sd({str(name): plain[name].to_numpy() for name in plain})

@@ -14,6 +14,7 @@ from rattle.compare.validation.result import Validation
 from rattle.compare.validation.section_errors import section_errors, to_absolute_time
 from rattle.compare.validation.verdict import Tolerances, widest
 from rattle.montecarlo import SCHEMES, Record, check_settings, default_step, simulate
+from rattle.montecarlo.sampling import Sampling
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
@@ -125,7 +126,7 @@ def validate(
         scheme=scheme,
         rng=rng,
         workers=workers,
-        control=not biased and tau[-1] <= last,
+        sampling=Sampling(control=not biased and tau[-1] <= last),
         progress=progress,
         record=Record(
             step_bias=biased,

@@ -17,6 +17,7 @@ import pandas as pd
 
 from rattle.montecarlo.cuda.launch import ROUNDS, check_gpu, follow, launch_size, prepare, resident_threads
 from rattle.montecarlo.kernel.block import Plan
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.settings import plan_of
 from rattle.scene.errors import InputError
 from rattle.scene.gears import DAT21
@@ -83,8 +84,7 @@ def measure(dt: float = 2e-3, impacts: int = 12) -> pd.DataFrame:
             impacts=impacts,
             dt=dt,
             scheme=scheme,
-            increments=increments,
-            device="cuda",
+            sampling=Sampling(increments=increments, device="cuda"),
         )
         rate = speed(plan)
         rows.append(

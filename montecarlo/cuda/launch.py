@@ -1,4 +1,4 @@
-"""Ensembles on a GPU: ``simulate(..., device="cuda")``.
+"""Ensembles on a GPU: ``simulate(..., sampling=Sampling(device="cuda"))``.
 
 Only this module and those it imports use CUDA, and nothing imports it before a GPU is asked for.
 """
@@ -32,7 +32,7 @@ SIMULATED = 8
 def check_gpu() -> None:
     """Raise an error if there is no GPU to run on."""
     if find_spec("numba_cuda") is None:
-        raise InputError("device", "cuda", "needs the package numba-cuda; run: pip install 'rattle[gpu]'")
+        raise InputError("sampling.device", "cuda", "needs the package numba-cuda; run: pip install 'rattle[gpu]'")
     from numba import cuda
 
     if cuda.is_available():
@@ -41,10 +41,10 @@ def check_gpu() -> None:
         gpus = len(cuda.gpus)
     except cuda.CudaSupportError as error:
         reason = " ".join(str(error).split()).strip(" :")
-        raise InputError("device", "cuda", f"needs an NVIDIA driver and a GPU; {reason}") from None
+        raise InputError("sampling.device", "cuda", f"needs an NVIDIA driver and a GPU; {reason}") from None
     if gpus == 0:
-        raise InputError("device", "cuda", "needs a GPU; the driver finds none")
-    raise InputError("device", "cuda", "needs CUDA's compiler libraries; run: pip install 'rattle[gpu]'")
+        raise InputError("sampling.device", "cuda", "needs a GPU; the driver finds none")
+    raise InputError("sampling.device", "cuda", "needs CUDA's compiler libraries; run: pip install 'rattle[gpu]'")
 
 
 def _is_simulated() -> bool:

@@ -18,6 +18,7 @@ from fuzz_wide_plan import WIDE, job
 
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.result import Ensemble
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.statistics.histogram import Histograms
 from rattle.scene import DAT21, Scene
 
@@ -73,7 +74,7 @@ def test_a_missing_number_with_a_reason_is_none():
     """A single random path has no standard error, a constant no skewness, and unfinished paths have no moments."""
     fuzz_sampled.of_an_ensemble(simulate(SCENE, **(SETTINGS | {"paths": 1})))
     fuzz_sampled.of_an_ensemble(simulate(QUIET, **SETTINGS))
-    fuzz_sampled.of_an_ensemble(simulate(SCENE, **SETTINGS, horizon=0.6))
+    fuzz_sampled.of_an_ensemble(simulate(SCENE, **SETTINGS, sampling=Sampling(horizon=0.6)))
 
 
 def test_wrong_tables_beside_the_section_are_seen(run, monkeypatch):
@@ -86,7 +87,7 @@ def test_wrong_tables_beside_the_section_are_seen(run, monkeypatch):
         with pytest.raises(AssertionError):
             fuzz_sampled.of_an_ensemble(dataclasses.replace(run, **wrong))
     monkeypatch.setattr(Ensemble, "diagnostics", ())
-    unfinished = simulate(SCENE, **SETTINGS, horizon=0.6)
+    unfinished = simulate(SCENE, **SETTINGS, sampling=Sampling(horizon=0.6))
     assert unfinished.unfinished
     with pytest.raises(AssertionError, match="no diagnostic"):
         fuzz_sampled.of_an_ensemble(unfinished)

@@ -19,6 +19,7 @@ from rattle.compare.study.tables import load_study
 from rattle.compare.validation.answer import answer
 from rattle.compare.validation.correlation import first_failure
 from rattle.montecarlo import Record, simulate, simulate_to
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.settings import _noise_free_step
 from rattle.scene import DAT21, FileError, Gears, InputError, Scene, Start, Tolerance
 from rattle.scene.files import read_text, read_toml
@@ -197,7 +198,7 @@ def test_an_accuracy_takes_no_fixed_times():
 def test_a_control_of_few_paths_is_none(paths):
     """Three coefficients through three paths leave an error of 1e-10."""
     settings = {"paths": paths, "impacts": 1, "scheme": "exact-flight", "dt": 0.01}
-    with_control, without = (simulate(DAT, **settings, control=c).section for c in (True, False))
+    with_control, without = (simulate(DAT, **settings, sampling=Sampling(control=c)).section for c in (True, False))
     assert with_control["se_y1"].to_list() == pytest.approx(without["se_y1"].to_list(), rel=1e-12)
     assert with_control["se_y1"].loc[1] > 1e-4
 
@@ -273,13 +274,21 @@ def test_the_control_has_its_last_impact_whatever_rounding_says():
         sigma=1e-30, stages=1, tolerance=Tolerance(1.1883738780892682e-28, 0.0),
         start=Start(-5.425158500910333, -1.1883738780892684e-08, 2.0),
     )  # fmt: skip
-    run = simulate(s, paths=64, impacts=2, scheme="exact-flight", rng=0, control=True)
+    run = simulate(s, paths=64, impacts=2, scheme="exact-flight", rng=0, sampling=Sampling(control=True))
     assert (run.plan.control.at_step < len(run.plan.control.carry)).all()
 
 
 def test_paths_that_had_their_impacts_are_finished_though_the_linear_path_has_not():
     s = Scene(alpha=1e-30, epsilon=1.0, beta1=0.0, gamma1=0.007, gap1=1e6, sigma=1e6, stages=1)
-    run = simulate(s, paths=8, impacts=2, scheme="exact-flight", dt=0.01, horizon=20.0, rng=1, control=True)
+    run = simulate(
+        s,
+        paths=8,
+        impacts=2,
+        scheme="exact-flight",
+        dt=0.01,
+        sampling=Sampling(horizon=20.0, control=True),
+        rng=1,
+    )
     assert run.unfinished + run.section["paths"].loc[2] == 8
 
 
@@ -378,7 +387,13 @@ def test_coarse_paths_that_are_not_finished_leave_the_others_finished():
     s = Scene(alpha=0.0, epsilon=0.0029, beta1=0.0, gamma1=1e-16, gap1=0.5, sigma=0.0029, stages=1,
               start=Start(5.94, 0.5, 0.26698, 0.5, 2.0, mesh=1))  # fmt: skip
     run = simulate(
-        s, paths=64, impacts=2, dt=0.002, scheme="euler-maruyama-located", horizon=20.0, record=Record(step_bias=True)
+        s,
+        paths=64,
+        impacts=2,
+        dt=0.002,
+        scheme="euler-maruyama-located",
+        sampling=Sampling(horizon=20.0),
+        record=Record(step_bias=True),
     )
     assert run.unfinished + run.section["paths"].loc[2] == 64
 

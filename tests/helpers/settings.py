@@ -2,15 +2,17 @@
 
 from dataclasses import fields
 
-from rattle.montecarlo import Record
+from rattle.montecarlo import Record, Sampling
 
 __all__ = ["recorded"]
 
-RECORDED = {field.name for field in fields(Record)}
+GATHERED = {"record": Record, "sampling": Sampling}
 
 
 def recorded(settings):
-    """The settings with those of `Record` gathered into one."""
-    record = {name: value for name, value in settings.items() if name in RECORDED}
-    given = {name: value for name, value in settings.items() if name not in RECORDED}
-    return given | ({"record": Record(**record)} if record else {})
+    """The settings with those of `Record` and of `Sampling` gathered into one each."""
+    given = dict(settings)
+    for name, kind in GATHERED.items():
+        if own := {field.name: given.pop(field.name) for field in fields(kind) if field.name in given}:
+            given[name] = kind(**own)
+    return given

@@ -25,6 +25,7 @@ from rattle.montecarlo.long_run.pilot import no_scales, scales_of_pilot
 from rattle.montecarlo.long_run.sums import new_sums
 from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.noise.philox import key_of
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.montecarlo.statistics.fixed_order import columns_of
 from rattle.scene import DAT21, Scene, Start, Tolerance
@@ -195,8 +196,12 @@ for scheme, dt in STEP.items():
             )
     CASES[f"{scheme}, sticking paths"] = lambda k=scheme, d=dt: simulated(STICKING, k, 1, 200, dt=d)
     if biased:
-        CASES[f"{scheme}, two-point"] = lambda k=scheme, d=dt: simulated(PAIR, k, dt=d, increments="two-point")
-CASES["exact-flight, control"] = lambda: simulated(replace(PAIR, sigma=0.02), "exact-flight", control=True)
+        CASES[f"{scheme}, two-point"] = lambda k=scheme, d=dt: simulated(
+            PAIR, k, dt=d, sampling=Sampling(increments="two-point")
+        )
+CASES["exact-flight, control"] = lambda: simulated(
+    replace(PAIR, sigma=0.02), "exact-flight", sampling=Sampling(control=True)
+)
 CASES |= {f"long run, {n}": lambda s=SCENES[n]: long_run_sums(s) for n in ("two stages", "one stage")}
 CASES |= {
     f"long path, {n}": lambda s=SCENES[n]: on_shared_noise(s) for n in ("two stages", "one stage", "without noise")

@@ -18,6 +18,7 @@ import numpy as np
 from rattle.closure import CLOSURES, mean_map
 from rattle.compare import validate
 from rattle.montecarlo import SCHEMES, Record, simulate
+from rattle.montecarlo.sampling import Sampling
 from rattle.scene import DAT21, Scene, Tolerance
 
 SCENES = {
@@ -45,7 +46,7 @@ def parts():
     for kind, scene in SCENES.items():
         yield from ((f"{kind}, {name}", lambda s=scene, n=name: predicted(s, n)) for name in CLOSURES)
         yield from ((f"{kind}, {name}", lambda s=scene, n=name: sampled(s, n)) for name in SCHEMES)
-    yield "control variate", lambda: sampled(plain, "exact-flight", control=True)
+    yield "control variate", lambda: sampled(plain, "exact-flight", sampling=Sampling(control=True))
     yield "report", lambda: [validate(plain, impacts=4, paths=2048, scheme="exact-flight").table]
 
 

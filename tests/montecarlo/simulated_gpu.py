@@ -19,6 +19,7 @@ from numba.cuda.simulator import kernel, kernelapi
 
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.cuda.bench import speed
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.settings import plan_of
 from rattle.scene import Scene, Tolerance
 
@@ -34,8 +35,8 @@ CASES: dict[str, tuple[Scene, dict]] = {
     "plain, contact": (replace(NOISY, tolerance=CONTACT), {}),
     "plain, path": (replace(NOISY, tolerance=PATH), {}),
     "plain, fixed": (replace(NOISY, tolerance=FIXED), {}),
-    "plain, two-point": (NOISY, {"increments": "two-point"}),
-    "plain, some unfinished": (NOISY, {"horizon": 1.15}),
+    "plain, two-point": (NOISY, {"sampling": Sampling(increments="two-point")}),
+    "plain, some unfinished": (NOISY, {"sampling": Sampling(horizon=1.15)}),
     "located": (NOISY, {"scheme": "euler-maruyama-located"}),
     "located, one stage": (replace(NOISY, stages=1), {"scheme": "euler-maruyama-located"}),
     "located, contact": (replace(NOISY, tolerance=CONTACT), {"scheme": "euler-maruyama-located"}),
@@ -78,7 +79,8 @@ def compare(scene: Scene, rng: int = 5, **settings) -> dict:
     settings = {"paths": 10, "impacts": 2, "dt": 0.01, "scheme": "euler-maruyama"} | settings
     record = Record(raw=True, step_bias=False, **settings.pop("record", {}))
     host = simulate(scene, rng=5, record=record, **settings)
-    gpu = simulate(scene, rng=rng, device="cuda", record=record, **settings)
+    on_gpu = replace(settings.get("sampling", Sampling()), device="cuda")
+    gpu = simulate(scene, rng=rng, record=record, **settings | {"sampling": on_gpu})
     seen = [0, 1, 2, 3, 6] if scene.stages == 1 else list(range(7))
     return {
         "rows": largest(host.raw[:, :, seen], gpu.raw[:, :, seen]),

@@ -6,11 +6,19 @@ from mc_checks import dat21
 
 from rattle.montecarlo import SCHEMES, AccuracyWarning, Record, simulate, simulate_to
 from rattle.montecarlo.accuracy import sampling_error, units
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.step_error import step_error
 from rattle.scene import InputError, Scene
 from rattle.scene.moments import SECTION
 
-TRUTH = {"paths": 200_000, "dt": np.pi / 64.0, "scheme": "exact-flight", "control": True, "rng": 77, "workers": 2}
+TRUTH = {
+    "paths": 200_000,
+    "dt": np.pi / 64.0,
+    "scheme": "exact-flight",
+    "sampling": Sampling(control=True),
+    "rng": 77,
+    "workers": 2,
+}
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +51,13 @@ def test_any_scheme_can_be_asked_for(truth):
 @pytest.mark.parametrize(("sigma", "control"), [(0.5, False), (0.05, True)])
 def test_a_run_that_goes_on_is_the_run_that_began_with_all_its_paths(sigma, control):
     run = simulate_to(dat21(sigma), 0.02, impacts=3, scheme="exact-flight", rng=5)
-    settings = {"paths": run.paths, "dt": run.dt, "scheme": "exact-flight", "control": control, "rng": 5}
+    settings = {
+        "paths": run.paths,
+        "dt": run.dt,
+        "scheme": "exact-flight",
+        "sampling": Sampling(control=control),
+        "rng": 5,
+    }
     assert run.section.equals(simulate(dat21(sigma), impacts=3, **settings).section)
 
 

@@ -7,6 +7,7 @@ from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.blocks import in_threads
 from rattle.montecarlo.ensemble import extend
 from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.statistics.batches import BATCHES
 from rattle.scene.impact import energy_loss, struck
 
@@ -21,7 +22,13 @@ def test_batches_are_the_paths_of_their_blocks():
 
 
 def test_batches_of_an_extended_run_are_those_of_the_whole():
-    settings = {"impacts": 2, "rng": 4, "scheme": "exact-flight", "control": True, "record": Record(batches=True)}
+    settings = {
+        "impacts": 2,
+        "rng": 4,
+        "scheme": "exact-flight",
+        "sampling": Sampling(control=True),
+        "record": Record(batches=True),
+    }
     whole = simulate(dat21(0.05), paths=6 * BLOCK, **settings).batches
     part = simulate(dat21(0.05), paths=4 * BLOCK, **settings)
     more = extend(part, 6 * BLOCK, in_threads(2)).batches

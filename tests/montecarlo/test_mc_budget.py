@@ -13,6 +13,7 @@ from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
 from rattle.montecarlo.blocks import in_threads
 from rattle.montecarlo.budget import Budget
 from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.sampling import Sampling
 from rattle.scene import InputError, Scene, Start
 from rattle.scene.text import duration_text
 
@@ -32,7 +33,7 @@ class Watched:
 
 
 def ask(watched, accuracy, **settings):
-    return simulate_to(dat21(0.5), accuracy, impacts=2, rng=5, blocks=watched, **settings)
+    return simulate_to(dat21(0.5), accuracy, impacts=2, rng=5, sampling=Sampling(blocks=watched), **settings)
 
 
 def test_paths_are_followed_until_the_budget_is_spent(monkeypatch):

@@ -8,6 +8,7 @@ from scipy import stats
 from rattle.montecarlo import simulate
 from rattle.montecarlo.kernel.block import sample
 from rattle.montecarlo.kernel.control_variate import estimate_controlled, linear_path
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.settings import plan_of
 from rattle.montecarlo.statistics.central_sums import PAIR, CentralSums
 from rattle.scene import InputError, Scene, Start, Tolerance
@@ -23,7 +24,9 @@ SCENES = {"DAT21": dat21(0.02), "unequal gaps, start in flight": UNEQUAL, "singl
 
 def linear(scene, paths=20_000, impacts=6, dt=STEP):
     """Control and quantity of every path: (paths, impacts, 6) each, and the program."""
-    plan = plan_of(scene, paths=paths, impacts=impacts, dt=dt, scheme="exact-flight", rng=3, control=True)
+    plan = plan_of(
+        scene, paths=paths, impacts=impacts, dt=dt, scheme="exact-flight", rng=3, sampling=Sampling(control=True)
+    )
     raws = [sample(plan, b) for b in range(plan.blocks)]
     return (
         np.concatenate([r.controls[:, :, :6] for r in raws]),
@@ -71,7 +74,7 @@ def test_program_ends_where_the_orbit_ends():
 
 def table(scene, control, seed=1, paths=40_000):
     return simulate(
-        scene, paths=paths, impacts=6, dt=STEP, scheme="exact-flight", rng=seed, control=control
+        scene, paths=paths, impacts=6, dt=STEP, scheme="exact-flight", rng=seed, sampling=Sampling(control=control)
     ).section  # fmt: skip
 
 
@@ -131,7 +134,14 @@ def test_mean_times_rise_from_impact_to_impact_whatever_few_paths_make_of_the_sl
     left = 0
     for seed in range(10):
         run, plain = (
-            simulate(CHATTER, paths=paths, impacts=8, scheme="exact-flight", horizon=40.0, rng=seed, control=control)
+            simulate(
+                CHATTER,
+                paths=paths,
+                impacts=8,
+                scheme="exact-flight",
+                sampling=Sampling(horizon=40.0, control=control),
+                rng=seed,
+            )
             for control in (True, False)
         )
         assert run.unfinished == 0
@@ -162,10 +172,10 @@ def test_random_gaps_do_not_mislead_it():
 
 
 def test_no_noise_leaves_nothing_to_control():
-    run = simulate(dat21(0.0), paths=3, impacts=2, dt=STEP, scheme="exact-flight", control=True)
+    run = simulate(dat21(0.0), paths=3, impacts=2, dt=STEP, scheme="exact-flight", sampling=Sampling(control=True))
     assert (run.section["sd_tau"] == 0.0).all()
 
 
 def test_euler_schemes_have_no_control():
     with pytest.raises(InputError, match=r"control = True: works with scheme 'exact-flight' only"):
-        simulate(dat21(0.1), paths=10, scheme="euler-maruyama", control=True)
+        simulate(dat21(0.1), paths=10, scheme="euler-maruyama", sampling=Sampling(control=True))

@@ -9,6 +9,7 @@ from mc_checks import dat21, stepped
 
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.diagnostics import motion_units, orbit_shift
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.schemes.step_size import scales_of, trusted_step
 from rattle.scene import Scene, Start
 
@@ -86,8 +87,10 @@ def test_sticking_after_the_last_impact_is_no_fault_of_the_section():
     collapsing = {"epsilon": 0.05, "sigma": 1.0}
     values = {name: getattr(dat21(), name) for name in ("alpha", "beta1", "beta2", "gamma1", "gamma2", "mu")}
     scene = Scene(**values, **collapsing)
-    quick = simulate(scene, paths=64, impacts=2, scheme=EXACT, horizon=3.0)
-    timed = simulate(scene, paths=64, impacts=2, scheme=EXACT, horizon=3.0, record=Record(times=[2.0]))
+    quick = simulate(scene, paths=64, impacts=2, scheme=EXACT, sampling=Sampling(horizon=3.0))
+    timed = simulate(
+        scene, paths=64, impacts=2, scheme=EXACT, sampling=Sampling(horizon=3.0), record=Record(times=[2.0])
+    )
     assert quick.diagnostics[0].startswith("Noise at a restitution below 0.163")
     assert not any("stayed closed" in said for said in quick.diagnostics)
     assert timed.sticking_steps > 0
@@ -122,7 +125,7 @@ def test_no_step_is_advised_that_nobody_can_take():
 
 def test_few_paths_and_a_horizon_that_nobody_reaches_are_diagnosed_without_a_warning():
     for sigma in (0.0, 0.1):
-        for settings in ({"paths": 1}, {"paths": 2}, {"paths": 2, "horizon": 0.02}):
+        for settings in ({"paths": 1}, {"paths": 2}, {"paths": 2, "sampling": Sampling(horizon=0.02)}):
             for scheme in (LOCATED, PLAIN, EXACT):
                 found = run(
                     sigma=sigma,

@@ -13,6 +13,7 @@ from rattle.montecarlo import Record
 from rattle.montecarlo.kernel import block as kernel_block
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.lanes import lanes_of
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.statistics.section_statistics import FEWEST
 from rattle.montecarlo.statistics.step_bias import estimate_remainder
@@ -139,8 +140,12 @@ def test_fixed_time_given_to_a_run_with_step_bias_is_found_again():
 
 
 def test_fixed_time_at_the_horizon_is_recorded():
-    run = simulate(dat21(0.1), paths=10, impacts=1, dt=0.01, horizon=0.64, record=Record(times=[0.64]))
-    later = simulate(dat21(0.1), paths=10, impacts=1, dt=0.01, horizon=0.70, record=Record(times=[0.64]))
+    run = simulate(
+        dat21(0.1), paths=10, impacts=1, dt=0.01, sampling=Sampling(horizon=0.64), record=Record(times=[0.64])
+    )
+    later = simulate(
+        dat21(0.1), paths=10, impacts=1, dt=0.01, sampling=Sampling(horizon=0.70), record=Record(times=[0.64])
+    )
     assert run.at_times().x1.iloc[0] == later.at_times().x1.iloc[0]
 
 
@@ -302,7 +307,7 @@ def test_kept_paths_have_the_shape_that_is_documented(run):
 
 def test_paths_cut_off_by_the_horizon_are_counted():
     """A third impact at about 1.1: cut at 0.6, every path has had one impact and none has had three."""
-    run = simulate(dat21(0.05), paths=700, impacts=3, dt=5e-3, horizon=0.6, rng=1)
+    run = simulate(dat21(0.05), paths=700, impacts=3, dt=5e-3, sampling=Sampling(horizon=0.6), rng=1)
     assert run.unfinished == 700
     assert run.section.paths.tolist()[0] == 700
     assert run.section.paths.tolist()[2] == 0
@@ -311,7 +316,9 @@ def test_paths_cut_off_by_the_horizon_are_counted():
 
 
 def test_section_of_partly_finished_run_is_over_the_paths_that_got_there():
-    run = simulate(dat21(0.3), paths=700, impacts=2, dt=5e-3, horizon=0.96, rng=1, record=Record(raw=True))
+    run = simulate(
+        dat21(0.3), paths=700, impacts=2, dt=5e-3, sampling=Sampling(horizon=0.96), rng=1, record=Record(raw=True)
+    )
     reached = np.isfinite(run.raw[:, 1, 0])
     assert 0 < reached.sum() < 700
     assert run.section.paths[2] == reached.sum() == 700 - run.unfinished
@@ -320,12 +327,14 @@ def test_section_of_partly_finished_run_is_over_the_paths_that_got_there():
 
 def test_no_impact_after_the_horizon_is_tabled():
     dt, horizon = 0.02, 1.5
-    run = simulate(dat21(0.3), paths=200, impacts=6, dt=dt, horizon=horizon, rng=1, record=Record(raw=True))
+    run = simulate(
+        dat21(0.3), paths=200, impacts=6, dt=dt, sampling=Sampling(horizon=horizon), rng=1, record=Record(raw=True)
+    )
     assert np.nanmax(run.raw[:, :, 0]) <= horizon + dt
 
 
 def test_impact_that_nobody_reached_has_no_mesh():
-    run = simulate(dat21(0.05), paths=5, impacts=3, dt=5e-3, horizon=0.6)
+    run = simulate(dat21(0.05), paths=5, impacts=3, dt=5e-3, sampling=Sampling(horizon=0.6))
     assert run.section.mesh[3] not in (1, 2)
 
 
@@ -341,7 +350,7 @@ def test_noise_free_run_computes_one_path_for_all():
 
 
 def test_noise_free_run_that_is_cut_off_counts_all_its_paths_as_unfinished():
-    assert simulate(dat21(), paths=100, impacts=3, horizon=0.1).unfinished == 100
+    assert simulate(dat21(), paths=100, impacts=3, sampling=Sampling(horizon=0.1)).unfinished == 100
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -360,7 +369,7 @@ def buffers_of(monkeypatch):
     def buffers(scene, scheme):
         made = []
         monkeypatch.setattr(kernel_block, "lanes_of", lambda *sizes: made.append(lanes_of(*sizes)) or made[-1])
-        simulate(scene, paths=64, impacts=1, dt=1e-2, horizon=1.0, scheme=scheme, rng=1)
+        simulate(scene, paths=64, impacts=1, dt=1e-2, sampling=Sampling(horizon=1.0), scheme=scheme, rng=1)
         return made[-1]
 
     return buffers
@@ -432,9 +441,11 @@ def test_single_stage_flies_no_second_one(scheme, buffers_of):
 
 def test_path_steps_count_every_lane_and_step_size():
     """Paths that never finish take every step up to the horizon, at every step size."""
-    run = simulate(open_space(0.1), paths=100, impacts=1, dt=0.01, horizon=1.28)
+    run = simulate(open_space(0.1), paths=100, impacts=1, dt=0.01, sampling=Sampling(horizon=1.28))
     assert run.path_steps == 100 * 128
-    run = simulate(open_space(0.1), paths=100, impacts=1, dt=0.01, horizon=1.28, record=Record(step_bias=True))
+    run = simulate(
+        open_space(0.1), paths=100, impacts=1, dt=0.01, sampling=Sampling(horizon=1.28), record=Record(step_bias=True)
+    )
     assert run.path_steps == 100 * (128 + 64 + 32)
 
 

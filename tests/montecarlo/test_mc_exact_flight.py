@@ -11,6 +11,7 @@ from scipy.integrate import quad_vec
 
 from rattle.montecarlo import Record, largest_step, simulate
 from rattle.montecarlo.noise.philox import BRIDGE, key_of
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.schemes.crossing import CLOSE
 from rattle.montecarlo.schemes.exact_flight import PARTS, advance_exactly
 from rattle.montecarlo.schemes.short_flight import sine_cosine
@@ -263,7 +264,7 @@ def exit_times(z, dt, sigma=1.0, rng=8):
         dt=dt,
         scheme=EXACT,
         rng=rng,
-        horizon=0.05,
+        sampling=Sampling(horizon=0.05),
         record=Record(raw=True),
     )
     assert run.unfinished == 0
@@ -379,7 +380,7 @@ def test_paths_that_crawl_along_a_wall_go_on(case):
         dt=0.1,
         scheme=EXACT,
         rng=1,
-        horizon=5.0,
+        sampling=Sampling(horizon=5.0),
         record=Record(times=scene.start.tau + np.arange(0.1, 5.0, 0.1), raw=True),
     )
     met = 0
@@ -408,7 +409,15 @@ def test_paths_that_stick_where_the_noise_vanishes_stay_within_the_gap(scene):
     A path that creeps along a wall there must not use up its cuts, nor pass the wall if it does.
     """
     c1, c2 = (scene.tolerance.c1_max, scene.tolerance.c2_max) if scene.tolerance else (0.0, 0.0)
-    run = sampled(replace(scene, sigma=0.5), math.pi / 64.0, 4000, 60, rng=2, horizon=7.0, record=Record(raw=True))
+    run = sampled(
+        replace(scene, sigma=0.5),
+        math.pi / 64.0,
+        4000,
+        60,
+        rng=2,
+        sampling=Sampling(horizon=7.0),
+        record=Record(raw=True),
+    )
     raw = run.raw[np.isfinite(run.raw[:, :, 0])]
     assert len(raw) > 50_000
     assert np.isfinite(raw).all()

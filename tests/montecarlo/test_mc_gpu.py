@@ -16,6 +16,7 @@ from settings import recorded
 from rattle.montecarlo import simulate
 from rattle.montecarlo.cuda import bench
 from rattle.montecarlo.cuda import launch as gpu
+from rattle.montecarlo.sampling import Sampling
 from rattle.scene import InputError
 
 HERE = Path(__file__).resolve().parent
@@ -117,7 +118,7 @@ def test_nothing_of_cuda_is_imported_before_a_gpu_is_asked_for():
 def test_a_missing_package_is_named(monkeypatch):
     monkeypatch.setattr(gpu, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"device = 'cuda': needs the package numba-cuda.*rattle\[gpu\]"):
-        simulate(dat21(0.1), paths=10, device="cuda")
+        simulate(dat21(0.1), paths=10, sampling=Sampling(device="cuda"))
 
 
 @needs_package
@@ -125,18 +126,18 @@ def test_a_missing_gpu_is_named():
     done = python("-m", "rattle.montecarlo.cuda.bench", CUDA_VISIBLE_DEVICES="-1", NUMBA_ENABLE_CUDASIM="0")
     assert done.returncode == 1
     assert done.stdout == ""
-    assert done.stderr.startswith("device = 'cuda': needs")
+    assert done.stderr.startswith("sampling.device = 'cuda': needs")
     assert "Traceback" not in done.stderr
 
 
 @pytest.mark.parametrize(
     ("settings", "field"),
     [
-        ({"device": "gpu"}, "device"),
+        ({"device": "gpu"}, "sampling.device"),
         ({"device": "cuda", "step_bias": True}, "record.step_bias"),
         ({"device": "cuda", "energy": True}, "record.energy"),
         ({"device": "cuda", "batches": True}, "record.batches"),
-        ({"device": "cuda", "control": True, "scheme": "exact-flight"}, "control"),
+        ({"device": "cuda", "control": True, "scheme": "exact-flight"}, "sampling.control"),
     ],
 )
 def test_what_a_gpu_cannot_do_is_refused(settings, field):

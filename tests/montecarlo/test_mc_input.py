@@ -8,7 +8,7 @@ from mc_checks import dat21
 from mc_checks import stepped as simulate
 from settings import recorded
 
-from rattle.montecarlo import blocks, largest_step
+from rattle.montecarlo import Sampling, blocks, largest_step, simulate_to
 from rattle.montecarlo import settings as validation
 from rattle.scene import DAT21, InputError, Scene, Start, Tolerance
 
@@ -161,3 +161,17 @@ def test_paths_unfinished_at_the_horizon_are_diagnosed():
     run = simulated(horizon=0.3)
     assert run.unfinished == 10
     assert run.diagnostics[-1].startswith("10 of 10 paths did not finish before the time limit, 0.3 after")
+
+
+@pytest.mark.parametrize(
+    "old", [{"control": True}, {"increments": "two-point"}, {"horizon": 1.0}, {"device": "cuda"}, {"blocks": None}]
+)
+def test_an_old_keyword_is_refused_with_its_new_place(old):
+    (name,) = old
+    with pytest.raises(InputError, match=rf"^{name} = .*is now in sampling=Sampling\({name}=\.\.\.\)"):
+        simulate(dat21(0.1), paths=1, **old)
+
+
+def test_an_accuracy_chooses_how_paths_are_sampled():
+    with pytest.raises(InputError, match="give a Sampling with blocks alone"):
+        simulate_to(dat21(0.1), 0.1, sampling=Sampling(control=True))

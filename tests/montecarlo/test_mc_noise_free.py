@@ -8,6 +8,7 @@ from rattle.montecarlo import SCHEMES, Record, simulate, simulate_to
 from rattle.montecarlo.blocks import in_threads
 from rattle.montecarlo.ensemble import extend
 from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.sampling import Sampling
 from rattle.scene import Tolerance
 from rattle.scene.moments import SECTION
 
@@ -59,5 +60,5 @@ def test_a_drawn_backlash_without_noise_is_random(distribution):
     assert (run.section["paths"] == run.paths).all()
     assert run.section["agreement"].between(0.0, 1.0).all()
     assert 0.0 < run.section.loc[2, "se_tau"] <= 0.05 * run.section.loc[2, "sd_tau"]
-    whole = simulate(scene, paths=run.paths, dt=run.dt, impacts=2, scheme=run.scheme, control=True)
+    whole = simulate(scene, paths=run.paths, dt=run.dt, impacts=2, scheme=run.scheme, sampling=Sampling(control=True))
     np.testing.assert_array_equal(whole.section, run.section)

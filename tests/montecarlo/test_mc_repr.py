@@ -5,6 +5,7 @@ import pytest
 import rattle
 from rattle.montecarlo import accuracy, branches, diagnostics
 from rattle.montecarlo.kernel import block
+from rattle.montecarlo.sampling import Sampling
 
 SCENE = rattle.Scene.from_gears(rattle.DAT21, sigma=0.1)
 STEPPED = {"scheme": "euler-maruyama-located", "dt": 0.01, "record": rattle.Record(step_bias=False)}
@@ -50,5 +51,5 @@ def test_diagnostics_do_compute(monkeypatch):
 
 
 def test_a_repr_says_what_was_counted():
-    run = rattle.simulate(SCENE, paths=64, impacts=3, horizon=0.6)
+    run = rattle.simulate(SCENE, paths=64, impacts=3, sampling=Sampling(horizon=0.6))
     assert any("did not finish before the time limit" in line for line in repr(run).splitlines())

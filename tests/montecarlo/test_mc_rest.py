@@ -8,6 +8,7 @@ from timing import times_as_long
 
 from rattle.closure import follow
 from rattle.montecarlo import Record, simulate
+from rattle.montecarlo.sampling import Sampling
 from rattle.scene import Scene, Start
 
 SCENES = {
@@ -32,7 +33,7 @@ def distances(scene, scheme, dt, sigma=0.0):
         impacts=10_000,
         dt=dt,
         scheme=scheme,
-        horizon=end,
+        sampling=Sampling(horizon=end),
         rng=1,
         record=Record(times=np.linspace(0.3, end - dt, 200)),
     )
@@ -83,7 +84,7 @@ def test_little_noise_does_not_open_a_closed_mesh():
 def test_sticking_for_good_is_cheap():
     """A mesh that never opens again: its steps took ten thousand times as long when every touch was looked for."""
     scene = Scene(alpha=0.5, epsilon=0.5, beta1=0.0, gamma1=2.0, stages=1, sigma=1e-3)
-    settings = {"paths": 8, "scheme": "exact-flight", "rng": 1, "horizon": 60.0}
+    settings = {"paths": 8, "scheme": "exact-flight", "rng": 1, "sampling": Sampling(horizon=60.0)}
     run = simulate(scene, impacts=10_000, **settings)
     free = replace(scene, gamma1=0.0, gap1=1e3, start=Start())
     shut = times_as_long(

@@ -11,6 +11,7 @@ from scipy.special import gamma, hyp2f1
 
 from rattle.closure.orbit import follow
 from rattle.montecarlo import Record
+from rattle.montecarlo.sampling import Sampling
 from rattle.scene import Scene, Start
 from rattle.scene.flight import noise_covariance
 
@@ -54,7 +55,13 @@ def test_flight_check_sees_a_noise_that_the_stages_do_not_share(shared):
 
 def test_correlation_of_gaussian_flight_has_fisher_standard_error():
     run = simulate(
-        UNEQUAL, paths=20_000, impacts=1, dt=0.02, rng=2, horizon=4.0, record=Record(times=UNEQUAL.start.tau + TIMES)
+        UNEQUAL,
+        paths=20_000,
+        impacts=1,
+        dt=0.02,
+        rng=2,
+        sampling=Sampling(horizon=4.0),
+        record=Record(times=UNEQUAL.start.tau + TIMES),
     )
     ratio = run.at_times()[["se_z_rho1", "se_z_rho2"]].to_numpy() * math.sqrt(20_000)
     assert np.abs(ratio - 1.0).max() < 0.03  # estimated from fourth moments: about 1 % each
@@ -113,7 +120,7 @@ EXITS = {
 def exits(scheme, z, sigma=1.0):
     dt = EXITS[scheme][0]
     row = simulate(
-        exit_scene(z, sigma), paths=20_000, impacts=1, dt=dt, rng=8, horizon=1.0, scheme=scheme
+        exit_scene(z, sigma), paths=20_000, impacts=1, dt=dt, rng=8, sampling=Sampling(horizon=1.0), scheme=scheme
     ).section.loc[1]  # fmt: skip
     assert row.paths == 20_000
     return row.tau + 0.5 * math.pi, row.se_tau

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from mc_checks import agrees, dat21, open_space
 from mc_checks import stepped as simulate
+from settings import recorded
 
 from rattle.montecarlo import Record
 from rattle.montecarlo.noise.philox import Word, fill_signs, fill_words, key_of
+from rattle.montecarlo.sampling import Sampling
 from rattle.scene import InputError
 
 
@@ -36,8 +38,8 @@ def test_free_flight_has_the_covariance_of_gaussian_increments():
     scene = open_space(0.5)
     two, normal = (
         simulate(
-            scene, paths=40_000, impacts=1, dt=0.02, horizon=2.0, rng=4, increments=i, scheme="euler-maruyama",
-            record=Record(times=[2.0]),
+            scene, paths=40_000, impacts=1, dt=0.02, rng=4, scheme="euler-maruyama", record=Record(times=[2.0]),
+            sampling=Sampling(horizon=2.0, increments=i),
         ).at_times()
         for i in ("two-point", "gaussian")
     )  # fmt: skip
@@ -50,7 +52,7 @@ def test_free_flight_has_the_covariance_of_gaussian_increments():
 @pytest.mark.parametrize("scheme", ["euler-maruyama", "euler-maruyama-located"])
 def test_section_moments_are_those_of_gaussian_increments(scheme):
     settings = {"paths": 40_000, "impacts": 4, "dt": 2e-3, "scheme": scheme, "workers": 2}
-    two = simulate(dat21(1.0), increments="two-point", rng=1, **settings).section
+    two = simulate(dat21(1.0), sampling=Sampling(increments="two-point"), rng=1, **settings).section
     normal = simulate(dat21(1.0), rng=2, **settings).section
     for name in ("tau", "y1", "y2", "sd_tau", "sd_y1", "sd_y2"):
         error = np.hypot(two["se_" + name], normal["se_" + name])
@@ -61,7 +63,13 @@ def test_section_moments_are_those_of_gaussian_increments(scheme):
 def test_result_does_not_depend_on_workers():
     a, b = (
         simulate(
-            dat21(1.0), paths=3000, impacts=2, dt=0.01, increments="two-point", workers=w, record=Record(raw=True)
+            dat21(1.0),
+            paths=3000,
+            impacts=2,
+            dt=0.01,
+            sampling=Sampling(increments="two-point"),
+            workers=w,
+            record=Record(raw=True),
         ).raw
         for w in (1, 3)
     )
@@ -80,4 +88,4 @@ def test_result_does_not_depend_on_workers():
 )
 def test_bad_input_is_refused(settings, message):
     with pytest.raises(InputError, match=message):
-        simulate(dat21(0.1), paths=10, **settings)
+        simulate(dat21(0.1), paths=10, **recorded(settings))

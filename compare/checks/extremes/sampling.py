@@ -12,6 +12,7 @@ from rattle.compare.checks.published import returning
 from rattle.compare.checks.published.exit_time import mean_exit_time
 from rattle.montecarlo import SCHEMES, Record
 from rattle.montecarlo.kernel.kernel import PLAIN
+from rattle.montecarlo.sampling import Sampling
 from rattle.scene import DAT21, Scene, Start, Tolerance
 
 PATHS = 3_000
@@ -45,7 +46,7 @@ def exit_times() -> Iterator[float]:
                     paths=4096,
                     impacts=1,
                     dt=dt,
-                    horizon=40.0 * truth,
+                    sampling=Sampling(horizon=40.0 * truth),
                     scheme=scheme,
                     rng=n,
                     record=Record(step_bias=False),
@@ -91,7 +92,7 @@ def stay_between_walls() -> Iterator[float]:
                     paths=32,
                     impacts=4,
                     dt=dt,
-                    horizon=256.0 * dt,
+                    sampling=Sampling(horizon=256.0 * dt),
                     scheme=scheme,
                     record=Record(times=fixed, raw=True),
                 )
@@ -128,7 +129,7 @@ def sticking_paths() -> Iterator[float]:
                     paths=1,
                     impacts=10_000,
                     dt=dt,
-                    horizon=2.5 * closed,
+                    sampling=Sampling(horizon=2.5 * closed),
                     scheme=scheme,
                     record=Record(times=[2.0 * closed]),
                 )
@@ -165,7 +166,9 @@ def large_tolerances() -> Iterator[float]:
             yield farthest(a.select_dtypes("number"), b.select_dtypes("number"), gap)
         for control in (False, True):
             a, b = (
-                montecarlo.simulate(s, paths=32, impacts=3, scheme="exact-flight", rng=1, control=control).section
+                montecarlo.simulate(
+                    s, paths=32, impacts=3, scheme="exact-flight", rng=1, sampling=Sampling(control=control)
+                ).section
                 for s in (fixed, wide)
             )
             yield farthest(a.select_dtypes("number"), b.select_dtypes("number"), gap)
@@ -177,7 +180,13 @@ def large_tolerances() -> Iterator[float]:
                     start=Start(0.0, 0.0, gap),
                 )
                 run = montecarlo.simulate(
-                    loose, paths=64, impacts=4, scheme="exact-flight", rng=2, horizon=20.0, record=Record(raw=True)
+                    loose,
+                    paths=64,
+                    impacts=4,
+                    scheme="exact-flight",
+                    rng=2,
+                    sampling=Sampling(horizon=20.0),
+                    record=Record(raw=True),
                 )
                 assert run.raw is not None
                 yield max(float(np.nan_to_num(np.abs(run.raw[:, :, [2, 4]])).max()) / (gap + most) - 1.0, 0.0)

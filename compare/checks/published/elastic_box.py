@@ -14,6 +14,7 @@ import numpy as np
 from rattle.compare.checks.check import Check, Result
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.result import Ensemble
+from rattle.montecarlo.sampling import Sampling
 from rattle.scene import Scene, Start
 
 BETA, SIGMA, HALF = 0.5, 1.0, 0.5
@@ -46,7 +47,7 @@ def _run(epsilon: float, seed: int, workers: int) -> Ensemble:
         impacts=IMPACTS,
         scheme="exact-flight",
         rng=np.random.SeedSequence([seed, 5]),
-        horizon=TIMES[-1] + 0.1,
+        sampling=Sampling(horizon=TIMES[-1] + 0.1),
         workers=workers,
         record=Record(times=TIMES),
     )

@@ -8,6 +8,7 @@ from scipy.special import gamma, hyp2f1
 
 from rattle.compare.checks.check import Check, Result
 from rattle.montecarlo import Record, simulate
+from rattle.montecarlo.sampling import Sampling
 from rattle.scene import Scene, Start
 
 SIGMA = 1.0
@@ -43,7 +44,7 @@ def _check(scheme: str, share: float, sigma: float, seed: int, workers: int) -> 
     scene = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, gap1=HALF, sigma=sigma, start=start, stages=1)
     rng = np.random.SeedSequence([seed, 1])
     common: dict[str, Any] = {"rng": rng, "workers": workers, "record": Record(step_bias=False)}
-    run = simulate(scene, paths=PATHS, impacts=1, dt=dt, horizon=1.0, scheme=scheme, **common)
+    run = simulate(scene, paths=PATHS, impacts=1, dt=dt, sampling=Sampling(horizon=1.0), scheme=scheme, **common)
     tau, se = float(run.columns["tau"][0]), float(run.columns["se_tau"][0])
     truth = mean_exit_time(2.0 * HALF * share, 2.0 * HALF, SIGMA)
     return Check(f"mean exit time from {share:g}, {scheme}", tau - start.tau, truth, se, left * truth)

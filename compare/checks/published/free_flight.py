@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 from rattle.compare.checks.check import Check, Result
 from rattle.montecarlo import Record, simulate
+from rattle.montecarlo.sampling import Sampling
 from rattle.scene import Scene, Start
 from rattle.scene.flight import noise_covariance
 from rattle.scene.moments import STATE
@@ -85,7 +86,7 @@ def free_flight(seed: int = 0, workers: int = 2) -> Result:
         impacts=1,
         scheme="exact-flight",
         rng=rng,
-        horizon=TIME + 0.1,
+        sampling=Sampling(horizon=TIME + 0.1),
         workers=workers,
         record=Record(times=[SCENE.start.tau + TIME]),
     )

@@ -12,6 +12,7 @@ from rattle.montecarlo.blocks import in_threads
 from rattle.montecarlo.diagnostics import diagnose_rare_branch, diagnose_short_step
 from rattle.montecarlo.ensemble import extend
 from rattle.montecarlo.kernel.block import BLOCK, BlockResult
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.settings import is_random, plan_of
 from rattle.scene import Scene
 from rattle.scene.moments import SECTION
@@ -81,7 +82,7 @@ def simulate_any(scene: Scene, *, scheme: str, dt: float, paths: int, seed: int,
         scheme=scheme,
         rng=seed,
         any_step=True,
-        horizon=max(horizon_of(scene), 4.0 * dt),
+        sampling=Sampling(horizon=max(horizon_of(scene), 4.0 * dt)),
     )
     merged: BlockResult | None = None
     for result, _ in in_threads(workers)(plan, 0):

@@ -6,6 +6,7 @@ import pandas as pd
 from rattle.compare.checks.stability.axes import AXES
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import Record, largest_step, simulate
+from rattle.montecarlo.sampling import Sampling
 from rattle.scene import Scene, Start
 from rattle.scene.flight import noise_covariance
 from rattle.scene.moments import STATE
@@ -43,7 +44,7 @@ def covariance_table(*, points: int = 7, paths: int, seed: int, workers: int) ->
                 scheme="exact-flight",
                 dt=FLIGHT / steps,
                 rng=seed,
-                horizon=1.5 * FLIGHT,
+                sampling=Sampling(horizon=1.5 * FLIGHT),
                 workers=workers,
                 record=Record(times=[FLIGHT]),
             )

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from rattle.compare.validation.verdict import at_wall
 from rattle.montecarlo import Ensemble, default_step, simulate
 from rattle.montecarlo.diagnostics import motion_units
+from rattle.montecarlo.sampling import Sampling
 from rattle.scene import Scene
 from rattle.scene.impact import next_impact, struck
 from rattle.scene.moments import SECTION
@@ -62,7 +63,7 @@ def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference
             paths=paths,
             impacts=IMPACTS,
             scheme="exact-flight",
-            horizon=horizon_of(scene),
+            sampling=Sampling(horizon=horizon_of(scene)),
             dt=default_step(scene, "exact-flight") / FINER,
             rng=seed,
             workers=workers,

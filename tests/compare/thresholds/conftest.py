@@ -9,6 +9,7 @@ from rattle.compare.thresholds import (
     summary,  # noqa: F401
 )
 from rattle.montecarlo import Record, simulate
+from rattle.montecarlo.sampling import Sampling
 from rattle.scene import DAT21, Scene
 
 
@@ -17,7 +18,14 @@ def loaded():
     """An inner session forgets the modules that it has loaded itself, and compiled code can be loaded only once."""
     scene = Scene.from_gears(DAT21, sigma=0.02)
     mean_map(scene, impacts=1, closure="branching")
-    simulate(scene, paths=2, impacts=1, scheme="exact-flight", control=True, record=Record(batches=True, energy=True))
+    simulate(
+        scene,
+        paths=2,
+        impacts=1,
+        scheme="exact-flight",
+        sampling=Sampling(control=True),
+        record=Record(batches=True, energy=True),
+    )
 
 
 @pytest.fixture(autouse=True)

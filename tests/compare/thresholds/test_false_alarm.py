@@ -27,6 +27,7 @@ from rattle.montecarlo import simulate
 from rattle.montecarlo.blocks import in_threads
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.control_variate import estimate_controlled
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.statistics.section_statistics import single_statistics
 from rattle.scene import DAT21, Scene
 from rattle.scene.moments import SECTION
@@ -105,7 +106,12 @@ def simulated():
             yield result, rows
 
     run = simulate(
-        SCENE, paths=BLOCKS * BLOCK, impacts=IMPACTS, scheme="exact-flight", control=True, rng=1, blocks=blocks
+        SCENE,
+        paths=BLOCKS * BLOCK,
+        impacts=IMPACTS,
+        scheme="exact-flight",
+        sampling=Sampling(control=True, blocks=blocks),
+        rng=1,
     )
     return results, run.plan.control
 

@@ -8,6 +8,7 @@ from rattle.compare.thresholds.claim import read_claim
 from rattle.compare.thresholds.decision import errors_of, judge_errors
 from rattle.compare.thresholds.prediction import predict
 from rattle.montecarlo import simulate
+from rattle.montecarlo.sampling import Sampling
 from rattle.scene import DAT21, InputError, Scene
 
 SCENE = Scene.from_gears(DAT21, sigma=0.02)
@@ -15,7 +16,7 @@ SCENE = Scene.from_gears(DAT21, sigma=0.02)
 
 @pytest.fixture(scope="module")
 def drawn():
-    return simulate(SCENE, paths=2048, impacts=2, scheme="exact-flight", control=True)
+    return simulate(SCENE, paths=2048, impacts=2, scheme="exact-flight", sampling=Sampling(control=True))
 
 
 def test_the_wall_is_no_row_of_a_claim(drawn):

@@ -22,6 +22,7 @@ from rattle.montecarlo import Record, simulate, simulate_to
 from rattle.montecarlo.accuracy import units
 from rattle.montecarlo.cost import cost_of
 from rattle.montecarlo.kernel.block import sample
+from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.settings import plan_of
 from rattle.scene import DAT21, InputError, Scene
 
@@ -141,7 +142,13 @@ def model(bias=100.0, **given):
     exact = bias == 0.0
     scheme = "exact-flight" if exact else "euler-maruyama"
     first = simulate(
-        SCENE, paths=1024, impacts=2, dt=0.01, scheme=scheme, control=exact, record=Record(step_bias=not exact)
+        SCENE,
+        paths=1024,
+        impacts=2,
+        dt=0.01,
+        scheme=scheme,
+        sampling=Sampling(control=exact),
+        record=Record(step_bias=not exact),
     )
     return CostModel(scheme, first, **{
         "path_seconds": 0.0, "step_seconds": 1e-9, "pilot_seconds": 0.0, "bias": bias, "best": first, **given,
@@ -181,7 +188,8 @@ def test_the_cheapest_method_is_that_of_least_counted_work():
 def test_a_run_that_promised_too_much_is_found_out():
     """A run of too few paths to be as accurate as it says, compared with one of many paths."""
     small, large = (
-        simulate(SCENE, paths=n, impacts=2, dt=0.05, scheme="exact-flight", control=True) for n in (300, 30_000)
+        simulate(SCENE, paths=n, impacts=2, dt=0.05, scheme="exact-flight", sampling=Sampling(control=True))
+        for n in (300, 30_000)
     )
     own = model(0.0)
     point = CostPoint("exact-flight", "scheme", 0.3, 0.05, 300, 1.0, 0.1, 0.0, 0.1, True, rows=24)
@@ -210,7 +218,7 @@ def test_what_is_foreseen_is_what_a_run_to_an_accuracy_takes():
     run = simulate_to(SCENE, 0.01, impacts=2, scheme="exact-flight", rng=3)
     assert run.reach.bound <= 0.01
     own = model(0.0)
-    own.learn(simulate(SCENE, paths=40_000, impacts=2, scheme="exact-flight", control=True, rng=4))
+    own.learn(simulate(SCENE, paths=40_000, impacts=2, scheme="exact-flight", sampling=Sampling(control=True), rng=4))
     assert 0.7 < own.at(0.01).paths / run.paths < 1.4
 
 
@@ -247,7 +255,7 @@ def test_the_verdict_on_multilevel_follows_the_numbers():
 
 def test_closures_have_errors_of_the_right_size():
     quiet = Scene.from_gears(DAT21, sigma=0.01)
-    run = simulate(quiet, paths=20_000, impacts=2, dt=0.05, scheme="exact-flight", control=True)
+    run = simulate(quiet, paths=20_000, impacts=2, dt=0.05, scheme="exact-flight", sampling=Sampling(control=True))
     points = {p.method: p for p in closure_points(quiet, 2, run)}
     assert points["saltation"].error < 0.05
     assert points["corrected"].error > 0.2

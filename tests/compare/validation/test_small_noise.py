@@ -15,6 +15,7 @@ from rattle.compare.validation.validate import validate
 from rattle.compare.validation.verdict import JUDGED, Tolerances, widest
 from rattle.montecarlo import simulate
 from rattle.montecarlo.accuracy import error_bound, units
+from rattle.montecarlo.sampling import Sampling
 from rattle.scene import DAT21, Scene
 
 IMPACTS = 3
@@ -30,7 +31,7 @@ Z = widest(2 * 6 * IMPACTS)
 def drawn(name, sigma, paths=8192):
     """A scene of this noise, a simulation of it, and the moments of saltation, which is exact in this limit."""
     scene = SCENES[name].with_sigma(sigma)
-    run = simulate(scene, paths=paths, impacts=IMPACTS, scheme="exact-flight", control=True)
+    run = simulate(scene, paths=paths, impacts=IMPACTS, scheme="exact-flight", sampling=Sampling(control=True))
     return scene, run, mean_map(scene, impacts=IMPACTS, closure="saltation").section
 
 
