@@ -13,7 +13,8 @@ import pytest
 from click.testing import CliRunner
 from timing import wait_for_work
 
-from rattle.compare.cli.main import EXIT_NOT_MET, EXIT_NOT_REPEATED, main
+from rattle.compare.cli.main import main
+from rattle.compare.cli.validate import EXIT_NOT_MET, EXIT_NOT_REPEATED
 from rattle.compare.validation.page import CONTENTS
 from rattle.compare.validation.validity_range import ACCURATE, NOT_WRONG
 from rattle.compare.validation.verdict import RULE, VERDICTS

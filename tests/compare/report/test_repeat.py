@@ -9,7 +9,8 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from rattle.compare.cli.main import EXIT_NOT_MET, EXIT_NOT_REPEATED, EXIT_ROUNDED, main
+from rattle.compare.cli.main import main
+from rattle.compare.cli.validate import EXIT_NOT_MET, EXIT_NOT_REPEATED, EXIT_ROUNDED
 from rattle.compare.report import manifest, provenance
 from rattle.compare.report.repeat import EXACT, ROUNDING, difference
 
