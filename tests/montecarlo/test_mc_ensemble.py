@@ -1,7 +1,5 @@
 """The public entry: the tables' contract, agreement with the orbit, step bias, histograms, and what a run costs."""
 
-import time
-
 import numpy as np
 import pytest
 from mc_checks import agrees, dat21, limit, open_space
@@ -11,7 +9,6 @@ from scipy import stats
 from rattle.closure.orbit import follow
 from rattle.montecarlo import Record
 from rattle.montecarlo.kernel import block as kernel_block
-from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.lanes import lanes_of
 from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.schemes.table import SCHEMES
@@ -400,33 +397,6 @@ def test_single_stage_run_has_no_second_stage():
     assert run.at_times()[fixed_second].isna().all(axis=None)
     assert run.at_times().drop(columns=fixed_second).notna().all(axis=None)
     assert set(run.step_bias.quantity) == {"tau", "flight", "x1", "y1"}
-
-
-def seconds_per_step(scene, scheme="euler-maruyama", best_of=5, **settings):
-    """Least processor seconds per path and step; the first call has compiled."""
-    settings = {"paths": 8 * BLOCK, "impacts": 12, "dt": 2e-3} | settings
-    simulate(scene, **(settings | {"paths": 2}), scheme=scheme)
-    costs = []
-    for seed in range(best_of):
-        before = time.process_time()
-        run = simulate(scene, **settings, scheme=scheme, rng=seed)
-        costs.append((time.process_time() - before) / run.path_steps)
-    return min(costs)
-
-
-@pytest.mark.parametrize("scheme", SCHEMES)
-def test_a_path_step_is_cheap(scheme):
-    """Impacts and moments included it takes as long as one to two of numpy's normals, the two measured in turn."""
-    draw = np.random.Generator(np.random.SFC64(1)).standard_normal
-
-    def normal():
-        before = time.process_time()
-        draw(10**6)
-        return (time.process_time() - before) * 1e-6
-
-    turns = [(seconds_per_step(dat21(0.1), scheme, best_of=1), normal()) for _ in range(8)]
-    step, one = np.min(turns, axis=0)
-    assert step < 6.0 * one
 
 
 @pytest.mark.parametrize("scheme", ["euler-maruyama", "exact-flight"])

@@ -1,10 +1,7 @@
 """Closed meshes in the sampler: the rule of `rattle.montecarlo.schemes.sticking`, and what it costs in accuracy."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from timing import times_as_long
 
 from rattle.closure import follow
 from rattle.montecarlo import Record, simulate
@@ -81,15 +78,8 @@ def test_little_noise_does_not_open_a_closed_mesh():
     assert np.median(far) < 1e-4
 
 
-def test_sticking_for_good_is_cheap():
-    """A mesh that never opens again: its steps took ten thousand times as long when every touch was looked for."""
+def test_a_mesh_that_never_opens_again_has_no_moments():
     scene = Scene(alpha=0.5, epsilon=0.5, beta1=0.0, gamma1=2.0, stages=1, sigma=1e-3)
-    settings = {"paths": 8, "scheme": "exact-flight", "rng": 1, "sampling": Sampling(horizon=60.0)}
-    run = simulate(scene, impacts=10_000, **settings)
-    free = replace(scene, gamma1=0.0, gap1=1e3, start=Start())
-    shut = times_as_long(
-        lambda: simulate(scene, impacts=10_000, **settings), lambda: simulate(free, impacts=10_000, **settings)
-    )
-    assert shut < 100.0
+    run = simulate(scene, impacts=10_000, paths=8, scheme="exact-flight", rng=1, sampling=Sampling(horizon=60.0))
     assert run.unfinished == 8
     assert run.sticking_steps > 1000

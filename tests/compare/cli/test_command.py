@@ -111,6 +111,7 @@ def test_repeats_bit_for_bit_for_any_workers(report, tmp_path):
         assert (out / name).read_bytes() == (report / name).read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changed", ["seed", "validity"])
 @pytest.mark.usefixtures("undrawn")
 def test_a_repeat_that_differs_says_so(report, tmp_path, changed):
@@ -251,6 +252,7 @@ def test_published_needs_a_mesh_1_start(tmp_path):
     assert "published" not in set(pd.read_csv(tmp_path / "o" / "table.csv")["closure"])
 
 
+@pytest.mark.slow
 def test_quiet_in_a_pipe(tmp_path):
     command = [
         sys.executable,
@@ -283,6 +285,7 @@ def test_interrupt_ends_soon_and_leaves_nothing(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_figures_are_deterministic(report, tmp_path):
     rattle("--repeat", report / "manifest.json", "--out", tmp_path / "o")
     for path in (report / "figures").iterdir():

@@ -9,7 +9,8 @@ from command_names import commands
 from rattle.compare.cli.main import main
 
 HERE = Path(__file__).parent
-SCENES = [*sorted((HERE.parents[2] / "examples").glob("*.toml")), HERE / "pair.toml"]
+EXAMPLES = sorted((HERE.parents[2] / "examples").glob("*.toml"))
+SCENES = [HERE / "pair.toml", *(pytest.param(path, marks=pytest.mark.slow) for path in EXAMPLES)]
 SMALL = {
     "animate": ("--impacts", "5"),
     "chaos": ("--points", "200", "--impacts", "20000", "--events", "128", "--width", "0.5", "--over", "0.8:15:2"),

@@ -21,8 +21,14 @@ from rattle.compare.validation import validate as validation
 from rattle.montecarlo.schemes import short_flight as short
 from rattle.scene import Scene, damping, flight, impact, moments, tangent
 
+LONG = {
+    "unit_of_length", "confined_paths", "simultaneous", "sticking_paths", "collapse_drift", "absolute_times",
+    "step_noise", "elastic_flights", "energy",
+}  # fmt: skip
+"""Rows that take seconds; with an error put in on purpose each is run shorter, in the first tier of tests."""
 
-@pytest.mark.parametrize("name", ROWS)
+
+@pytest.mark.parametrize("name", [pytest.param(r, marks=pytest.mark.slow) if r in LONG else r for r in ROWS])
 def test_row_holds(name):
     row = ROWS[name]()
     assert row.holds, row
