@@ -71,20 +71,17 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
     Returns: Four sentences; one more with `swept`, of a scene that was made from gears (the motion in physical
     units), where paths leave the itinerary, and where closures cannot be applied to the scene.
     """
-    impacts = len(validations[0].run.section)
-    tolerances = validations[0].tolerances
+    first, impacts = validations[0], validations[0].run.impacts
     shares = []
     for v in validations:
         each = []
         for closure in v.predictions:
-            rows = v.table[(v.table["closure"] == closure) & (v.table["kind"] == "section")]
-            counts = rows["verdict"].value_counts()
-            accurate, _, undecided = (int(counts.get(verdict, 0)) for verdict in JUDGED)
-            open_rows = f" ({undecided} undecided)" if undecided else ""
-            each.append(f"`{closure}` {accurate} of {int(counts.reindex(list(JUDGED)).sum())}{open_rows}")
+            counts = v.section_rows(closure)["verdict"].value_counts().reindex(list(JUDGED), fill_value=0)
+            undecided = f" ({counts['undecided']} undecided)" if counts["undecided"] else ""
+            each.append(f"`{closure}` {counts['accurate']} of {counts.sum()}{undecided}")
         shares.append(f"at σ = {sigma_text(v)} {join_words(each)}")
-    broken = []
-    for closure in validations[0].predictions:
+    broken, realizable = [], []
+    for closure in first.predictions:
         failures = [(v, f) for v in validations if (f := first_failure(v.correlation, closure))]
         if failures:
             v, (impact, stage, why) = failures[-1]
@@ -92,30 +89,25 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
                 f"the `{closure}` closure stops being realizable at impact {impact} "
                 f"(at σ = {sigma_text(v)}, stage {stage}: {why})"
             )
-    judged = set().union(*(v.correlation["closure"] for v in validations))  # a mixture is realizable by construction
-    realizable = [
-        name
-        for name in validations[0].predictions
-        if name in judged and not any(first_failure(v.correlation, name) for v in validations)
-    ]
+        elif any(closure in set(v.correlation["closure"]) for v in validations):  # a mixture always is, and not there
+            realizable.append(f"`{closure}`")
     if realizable:
-        broken.append(f"the moments of {join_words([f'`{name}`' for name in realizable])} stay realizable")
-    motion, speed = lasting(validations[0]), speeds(validations)
-    first = [advice(validities(validations), impacts, speed)]
-    first += [validity_sentence(swept.validity, impacts)] if swept else []
-    first += [cost_sentence(simulation_costs(validations), speed, impacts, motion, swept.speed if swept else None)]
+        broken.append(f"the moments of {join_words(realizable)} stay realizable")
+    speed, over = speeds(validations), swept.speed if swept else None
     return [
-        *first,
+        advice(validities(validations), impacts, speed),
+        *([validity_sentence(swept.validity, impacts)] if swept else []),
+        cost_sentence(simulation_costs(validations), speed, impacts, lasting(first), over),
         *motion_sentence(validations),
         f"Section moments{'' if swept else SECTION} that a closure predicts over {impacts} impacts and that "
         f"are accurate (within "
-        f"{tolerances.mean:.0%} of an sd for means and {tolerances.sd:.0%} for sds, interval included): "
+        f"{first.tolerances.mean:.0%} of an sd for means and {first.tolerances.sd:.0%} for sds, interval included): "
         f"{'; '.join(shares)}.",
         *by_size_sentence(validations),
         f"As for the correlation coefficient, {'; '.join(broken)}; in the simulation |ρ| never exceeds "
         f"{_largest_rho(validations, SIMULATED):.4f}.",
         *_agreement(validations),
-        *explain_missing(validations[0].scene, validations[0].predictions),
+        *explain_missing(first.scene, first.predictions),
     ]
 
 

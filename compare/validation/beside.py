@@ -54,7 +54,7 @@ def beside(validations: Sequence[Comparison], schemes: Sequence[str], workers: i
             table = section_errors(_Named(scheme, run.section), v.run.phase_reduced, v.z, v.tolerances)
             rows.append((v.scene.sigma, scheme, run.dt, PATHS, *_biases(run, table), *_largest(table, "error"), took))
         for closure, prediction in v.predictions.items():
-            table = v.table[(v.table["closure"] == closure) & (v.table["kind"] == "section")]
+            table = v.section_rows(closure)
             own = table.assign(judged=table["verdict"] != "not judged")
             took = closure_seconds(prediction)
             rows.append((v.scene.sigma, closure, np.nan, 0, np.nan, np.nan, *_largest(own, "error"), took))

@@ -23,6 +23,10 @@ class Comparison:
     z: float
     tolerances: Tolerances
 
+    def section_rows(self, closure: str) -> pd.DataFrame:
+        """The rows of ``table`` on the section moments of a closure."""
+        return self.table[(self.table["closure"] == closure) & (self.table["kind"] == "section")]
+
 
 class Sweep(NamedTuple):
     """Ranges of validity and speed-ups of all closures at all noise intensities."""

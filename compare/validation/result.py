@@ -7,6 +7,7 @@ import pandas as pd
 
 from rattle.compare.validation.comparison import Comparison
 from rattle.compare.validation.verdict import JUDGED
+from rattle.montecarlo.diagnostics import counted_diagnostics
 from rattle.scene.errors import InputError
 from rattle.scene.shown import as_html
 from rattle.scene.units import with_units
@@ -66,10 +67,12 @@ class Validation(Comparison):
             *(
                 f"  {closure}: {good} of {good + bad + undecided} moments accurate, {bad} inaccurate, "
                 f"{undecided} undecided"
-                for closure, (good, bad, undecided) in zip(counts.index, counts.to_numpy().tolist(), strict=True)
+                for closure, good, bad, undecided in counts.itertuples()
             ),
+            *(f"  {sentence}" for sentence in counted_diagnostics(run)),
+            "  run.diagnostics also looks for rare branches that are missing, and for the bias of the step",
         ]
-        return "\n".join(lines + [f"  {sentence}" for sentence in run.diagnostics])
+        return "\n".join(lines)
 
     def _repr_html_(self) -> str:
         return as_html(repr(self).split("\n")[0], self.counts.to_html())

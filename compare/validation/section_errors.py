@@ -40,12 +40,10 @@ class Claimed(Protocol):
     @property
     def closure(self) -> str:
         """Its name; a run may have the agreement with its itinerary under this name."""
-        ...
 
     @property
     def section(self) -> pd.DataFrame:
         """A row for each impact (index ``impact``); NaN where a moment is not predicted."""
-        ...
 
 
 class Simulated(Protocol):
@@ -54,22 +52,18 @@ class Simulated(Protocol):
     @property
     def scene(self) -> Scene:
         """What was modelled."""
-        ...
 
     @property
     def section(self) -> pd.DataFrame:
         """As `Ensemble.section`."""
-        ...
 
     @property
     def step_bias(self) -> pd.DataFrame:
         """As `Ensemble.step_bias`."""
-        ...
 
     @property
     def agreement(self) -> pd.DataFrame:
         """As `Ensemble.agreement`."""
-        ...
 
 
 def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: Tolerances) -> pd.DataFrame:
@@ -129,23 +123,16 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
         }
     )
     student = half_width(table["paths"], float(ndtr(-z))) / z * table["noise"]
-    half, paths = student + table["rest"], float(section["paths"].max())
     gain = widen_for_skewness(columns, steps, z)
-    lean = gain * student
-    table["low"], table["high"] = (
-        table["error"] - half - lean.clip(lower=0.0),
-        table["error"] + half - lean.clip(upper=0.0),
-    )
-    hidden = unseen(run.scene, columns, int(paths))
-    up, down, needed, chance = _shift_unseen(hidden, steps)
-    table["unseen_low"], table["unseen_high"], table["unseen_paths"] = up, down, needed
-    table["low"], table["high"] = table["low"] - up, table["high"] + down
-    table.loc[few, "unseen_paths"] = np.fmax(table.loc[few, "unseen_paths"], FEWEST)
-    table["unseen_share"] = chance
+    half, lean = student + table["rest"], gain * student
     table["lean"] = gain * 6.0 * z / (2.0 * z**2 + 1.0)
+    up, down, needed, chance = _shift_unseen(unseen(run.scene, columns, int(section["paths"].max())), steps)
+    table["unseen_low"], table["unseen_high"], table["unseen_share"] = up, down, chance
+    table["unseen_paths"] = np.where(few, np.fmax(needed, FEWEST), needed)
+    table["low"] = table["error"] - half - lean.clip(lower=0.0) - up
+    table["high"] = table["error"] + half - lean.clip(upper=0.0) + down
     table = judge(table)
-    table["remark"] = remarks(table)
-    return table
+    return table.assign(remark=remarks(table))
 
 
 def remarks(table: pd.DataFrame) -> list[str]:
@@ -175,10 +162,8 @@ def _shift_unseen(hidden: Unseen, steps: pd.DataFrame) -> tuple[NDArray[np.float
     """Shifts up and down, paths that would tell and probability of the branch, of the rows of a table."""
     at = steps["impact"].to_numpy() - 1, _number(steps["quantity"])
     mean = (steps["moment"] == "mean").to_numpy()
-    up, down = (
-        np.where(mean, hidden.mean_up[at], hidden.sd_up[at]),
-        np.where(mean, hidden.mean_down[at], hidden.sd_down[at]),
-    )
+    up = np.where(mean, hidden.mean_up[at], hidden.sd_up[at])
+    down = np.where(mean, hidden.mean_down[at], hidden.sd_down[at])
     return up, down, hidden.needed[at], hidden.probability[at]
 
 

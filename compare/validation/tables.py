@@ -39,9 +39,8 @@ def _cell(row: pd.Series) -> TableCell:
 
 def impact_table(v: Comparison, closure: str, summary: str) -> Table:
     """Errors of a closure at each impact, in sds, with the half width of their intervals."""
-    table = v.table[(v.table["closure"] == closure) & (v.table["kind"] == "section")]
     columns = [(m, q) for m, q in SHOWN if v.scene.stages == 2 or q != "y2"]
-    cells = {(r["moment"], r["quantity"], r["impact"]): _cell(r) for _, r in table.iterrows()}
+    cells = {(r["moment"], r["quantity"], r["impact"]): _cell(r) for _, r in v.section_rows(closure).iterrows()}
     rhos = [f"rho{stage}" for stage in range(1, v.scene.stages + 1)]
     rows: list[Row] = []
     section = v.predictions[closure].section

@@ -26,25 +26,8 @@ PILOT = 64  # paths of the pilot run that bounds the time of the last impact
 MARGIN = 10.0  # the bound is this many times the pilot's time to its last impact; later fixed times are not compared
 
 COLUMNS = (
-    "closure",
-    "kind",
-    "impact",
-    "time",
-    "quantity",
-    "moment",
-    "predicted",
-    "simulated",
-    "se",
-    "bias",
-    "error",
-    "low",
-    "high",
-    "unit",
-    "tolerance",
-    "verdict",
-    "paths_needed",
-    "agreement",
-    "remark",
+    *("closure", "kind", "impact", "time", "quantity", "moment", "predicted", "simulated", "se", "bias"),
+    *("error", "low", "high", "unit", "tolerance", "verdict", "paths_needed", "agreement", "remark"),
 )
 
 
@@ -109,25 +92,21 @@ def validate(
     given, scene = scene, scene.phase_reduced
     biased = SCHEMES[choice("scheme", scheme, SCHEMES)].has_step_bias
     dt = default_step(scene, scheme, biased) if dt is None else dt
-    check_settings(
-        scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=rng, workers=workers, step_bias=biased
-    )
+    common: dict[str, Any] = {"impacts": impacts, "dt": dt, "scheme": scheme, "rng": rng}
+    check_settings(scene, paths=paths, workers=workers, step_bias=biased, **common)
     predictions = {c: mean_map(scene, impacts=impacts, closure=c, order=order) for c in dict.fromkeys(closures)}
     orbit = follow(scene, impacts)
     tau = orbit.tau[: orbit.found + 1]
     grid = (4.0 if biased else 1.0) * dt  # fixed times are rounded to it; a flight shorter than it may contain none
     middle = (0.5 * (tau[1:] + tau[:-1]))[np.diff(tau) > grid]
-    last = _last_impact(scene, impacts=impacts, dt=dt, scheme=scheme, rng=rng)
+    last = _last_impact(scene, **common)
     run = simulate(
         scene,
         paths=paths,
-        impacts=impacts,
-        dt=dt,
-        scheme=scheme,
-        rng=rng,
         workers=workers,
         sampling=Sampling(control=not biased and tau[-1] <= last),
         progress=progress,
+        **common,
         record=Record(
             step_bias=biased,
             histogram=True,
@@ -138,7 +117,7 @@ def validate(
     )
     # the impact that ends the flight of each fixed time
     flights = np.searchsorted(tau, run.at_times().index.to_numpy(float))
-    per_impact = len(SECTION) * 2 + 2 if scene.stages == 2 else (len(SECTION) - 2) * 2 + 1
+    per_impact = 2 * (len(SECTION) - (0 if scene.stages == 2 else 2)) + scene.stages
     z = widest(per_impact * impacts * len(predictions))
     parts = [section_errors(m, run, z, limits) for m in predictions.values()]
     if scene.sigma > 0.0 and len(run.at_times()):
@@ -147,15 +126,8 @@ def validate(
     table["remark"] = table["remark"].fillna("")
     valid = validity(list(predictions.values()), run, flights)
     predictions = {name: replace(m, scene=given) for name, m in predictions.items()}
-    return Validation(
-        given,
-        predictions,
-        replace(run, plan=run.plan._replace(scene=given)),
-        to_absolute_time(table, given),
-        valid,
-        z,
-        limits,
-    )
+    run = replace(run, plan=run.plan._replace(scene=given))
+    return Validation(given, predictions, run, to_absolute_time(table, given), valid, z, limits)
 
 
 def _last_impact(scene: Scene, **settings: Any) -> float:

@@ -77,7 +77,7 @@ def validities(validations: Sequence[Comparison]) -> pd.DataFrame:
 
 def rows_to_judge(v: Comparison, closure: str) -> pd.DataFrame:
     """The section rows of a closure that are judged, see `rattle.compare.validation.verdict.RULE`."""
-    rows = v.table[(v.table["closure"] == closure) & (v.table["kind"] == "section")]
+    rows = v.section_rows(closure)
     return rows[rows["verdict"] != NOT_JUDGED]
 
 
@@ -108,10 +108,9 @@ def _why(v: Comparison, closure: str, impact: int) -> tuple[str, str]:
 def _worst(v: Comparison, closure: str, impact: int) -> str:
     rows = rows_to_judge(v, closure)
     rows = rows[(rows["impact"] == impact) & (rows["verdict"] == "inaccurate")]
-    rows = rows.assign(excess=(rows["error"] / rows["tolerance"]).abs()).sort_values("excess", ascending=False)
     if rows.empty:
         return f"nothing to compare at impact {impact}"
-    row = rows.iloc[0]
+    row = rows.iloc[int((rows["error"] / rows["tolerance"]).abs().argmax())]
     return f"{row['moment']} of {row['quantity']} wrong at impact {impact}"
 
 

@@ -44,13 +44,12 @@ def validity_figure(table: pd.DataFrame, impacts: int) -> Figure:
     columns = min(len(closures), 2)
     rows = -(-len(closures) // columns)
     figure, axes = new_figure(4.7 * columns, 1.3 + 2.3 * rows, rows, columns)
-    for closure, ax in zip(closures, axes, strict=False):
+    for number, (closure, ax) in enumerate(zip(closures, axes, strict=False)):
         _panel(ax, table[table["closure"] == closure].sort_values("sigma"), closure, impacts)
+        if number % columns == 0:
+            ax.set_ylabel("impact")
     for ax in axes[len(closures) :]:
         ax.set_visible(False)
-    for ax in axes[: len(closures)]:
-        if ax.get_subplotspec().is_first_col():  # type: ignore[union-attr]
-            ax.set_ylabel("impact")
     accurate, not_inaccurate = table["accurate"], table["not_inaccurate"]
     areas = [
         (accurate > 0, Patch(facecolor="0.35", label=f"{ACCURATE} here")),

@@ -15,6 +15,7 @@ MADE = {
     "Ensemble to an accuracy": lambda: rattle.simulate_to(SCENE.with_sigma(0.01), 0.1, impacts=1),
     "RareEnsemble": lambda: rattle.simulate_rare(SCENE, paths=64, impacts=2),
     "Reach": lambda: rattle.simulate_to(SCENE.with_sigma(0.01), 0.1, impacts=1).reach,
+    "Validation": lambda: rattle.validate(SCENE, paths=64, impacts=2),
     "MeanMap": lambda: rattle.mean_map(SCENE, impacts=2, closure="branching", tolerance=0.1),
     "Stationary": lambda: rattle.stationary(SCENE.with_sigma(0.5), periods=64, paths=16),
 }
