@@ -1,15 +1,15 @@
 """The answer of a study of chaos in a few sentences."""
 
-from collections.abc import Mapping
-
 import numpy as np
 import pandas as pd
 
 from rattle.compare.chaos.exponents import DRIFT, ORBIT, Exponents
+from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
-from rattle.compare.chaos.spectrum import TIME
+from rattle.compare.chaos.spectrum import TIME, spectra_tables
 from rattle.compare.chaos.sweep import crossings, signs
 from rattle.compare.chaos.two_paths import SqrtLaw
+from rattle.compare.validation.answer import explain_missing
 from rattle.compare.validation.validity_range import join_words
 from rattle.scene.gears import Gears
 
@@ -127,33 +127,23 @@ def _sweep(table: pd.DataFrame, field: str) -> list[str]:
     return said
 
 
-def answer(
-    orbit: Exponents,
-    drift: Exponents,
-    maps: pd.DataFrame,
-    law: SqrtLaw | None,
-    sizes: pd.DataFrame | None,
-    summary: pd.DataFrame | None,
-    field: str,
-    sweep: pd.DataFrame | None,
-    missing: Mapping[str, str],
-    gears: Gears | None = None,
-) -> list[str]:
-    """Summarise a study of chaos in sentences.
-
-    `gears`: Those that the scene was made from: the largest exponent is then given per second too.
-    """
-    said = [
-        _first(orbit, field, sweep, gears),
-        *([_exponents(orbit, ORBIT)] if np.isfinite(orbit.value[0]) else []),
-        _exponents(drift, DRIFT),
-        _maps(maps),
-        *([_law(law)] if law is not None else []),
-        *([_sizes(sizes)] if sizes is not None else []),
-        *([_spectra(summary)] if summary is not None else []),
-        *(_sweep(sweep, field) if sweep is not None else []),
-    ]
+def answer(study: ChaosStudy) -> list[str]:
+    """Summarise a study of chaos in sentences."""
+    gears = study.scene.gears
+    said = [_first(study.orbit, study.field, study.sweep, gears)]
+    if np.isfinite(study.orbit.value[0]):
+        said.append(_exponents(study.orbit, ORBIT))
+    said += [_exponents(study.drift, DRIFT), _maps(study.maps)]
+    if study.law is not None:
+        said.append(_law(study.law))
+    if study.finite_size is not None:
+        said.append(_sizes(study.finite_size))
+    if study.spectra:
+        said.append(_spectra(spectra_tables(study.spectra)[2]))
+    if study.sweep is not None:
+        said += _sweep(study.sweep, study.field)
     by_reason: dict[str, list[str]] = {}
-    for what, reason in missing.items():
+    for what, reason in study.missing.items():
         by_reason.setdefault(reason, []).append(what)
-    return said + [f"Left out: {join_words(names)} ({reason})." for reason, names in by_reason.items()]
+    said += [f"Left out: {join_words(names)} ({reason})." for reason, names in by_reason.items()]
+    return said + explain_missing(study.scene, list(study.maps["closure"]))

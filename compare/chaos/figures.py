@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rattle.compare.chaos.bifurcation import Bifurcation
 from rattle.compare.chaos.exponents import DRIFT, Exponents
+from rattle.compare.chaos.measure import CLAIMED, ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.section import MAP, NOISY, ORBIT, Section
 from rattle.compare.chaos.spectrum import SEQUENCE, TIME, Spectrum
@@ -267,3 +268,22 @@ def sqrt_law_figure(law: SqrtLaw) -> Figure:
         a.set_xlabel(r"distance before the impact $\delta$ ($\nu_1$)")
     legend_above(figure, [ax], 3)
     return figure
+
+
+def draw(study: ChaosStudy) -> dict[str, Figure]:
+    """Draw all figures of a study of chaos, by name."""
+    found = {}
+    if study.sections:
+        found["section"] = section_figure(study.sections)
+    if study.spectra:
+        found["spectra"] = spectrum_figure(study.spectra)
+    if study.finite_size is not None:
+        found["finite_size"] = finite_size_figure(study.finite_size, study.orbit, study.drift)
+    if study.law is not None:
+        found["sqrt_law"] = sqrt_law_figure(study.law)
+    if study.sweep is not None:
+        claimed = CLAIMED if study.field == "alpha" else None
+        found["sweep"] = sweep_figure(study.sweep, study.field, claimed)
+    if study.view is not None:
+        found["bifurcation"] = bifurcation_figure(study.view, study.sweep)
+    return found

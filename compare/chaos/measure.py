@@ -5,19 +5,15 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import pandas as pd
-from matplotlib.figure import Figure
 
-from rattle.compare.chaos import figures
-from rattle.compare.chaos.answer import answer
 from rattle.compare.chaos.bifurcation import Bifurcation, bifurcation
 from rattle.compare.chaos.exponents import Exponents, drift_exponents, lyapunov
 from rattle.compare.chaos.mean_maps import mean_maps
 from rattle.compare.chaos.record import NoRecord
 from rattle.compare.chaos.section import Section, sections
-from rattle.compare.chaos.spectrum import Spectrum, spectra, spectra_tables
-from rattle.compare.chaos.sweep import crossings, sweep
+from rattle.compare.chaos.spectrum import Spectrum, spectra
+from rattle.compare.chaos.sweep import sweep
 from rattle.compare.chaos.two_paths import SqrtLaw, finite_size, sqrt_law
-from rattle.compare.validation.answer import explain_missing
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 
@@ -44,68 +40,6 @@ class ChaosStudy:
     sweep: pd.DataFrame | None  # as of `rattle.compare.chaos.sweep.sweep`
     view: Bifurcation | None  # over the same values
     missing: dict[str, str]  # what was left out, with the reason
-
-    @property
-    def answer(self) -> list[str]:
-        """The answer in a few sentences."""
-        summary = spectra_tables(self.spectra)[2] if self.spectra else None
-        said = answer(
-            self.orbit,
-            self.drift,
-            self.maps,
-            self.law,
-            self.finite_size,
-            summary,
-            self.field,
-            self.sweep,
-            self.missing,
-            self.scene.gears,
-        )
-        return said + explain_missing(self.scene, list(self.maps["closure"]))
-
-    def tables(self) -> dict[str, pd.DataFrame]:
-        """Collect all tables.
-
-        Returns: ``exponents, mean_maps``, and as far as they were measured ``sections, spectra, lines,
-        spectra_summary, fsle`` (finite-size exponents), ``sqrt_law, sweep, crossings, bifurcation``.
-        """
-        exponents = pd.concat([self.orbit.table, self.drift.table], ignore_index=True)
-        found = {"exponents": exponents, "mean_maps": self.maps}
-        if self.sections:
-            found["sections"] = pd.concat([s.table for s in self.sections.values()], ignore_index=True)
-        if self.spectra:
-            found["spectra"], found["lines"], found["spectra_summary"] = spectra_tables(self.spectra)
-        if self.finite_size is not None:
-            found["fsle"] = self.finite_size
-        if self.law is not None:
-            found["sqrt_law"] = self.law.table.assign(
-                exponent=self.law.exponent, exponent_low=self.law.low, exponent_high=self.law.high
-            )
-        if self.sweep is not None:
-            ofs = self.sweep["of"].unique()
-            found["sweep"] = self.sweep
-            found["crossings"] = pd.concat([crossings(self.sweep, self.field, of) for of in ofs], ignore_index=True)
-        if self.view is not None:
-            found["bifurcation"] = self.view.table
-        return found
-
-    def figures(self) -> dict[str, Figure]:
-        """Draw all figures."""
-        found = {}
-        if self.sections:
-            found["section"] = figures.section_figure(self.sections)
-        if self.spectra:
-            found["spectra"] = figures.spectrum_figure(self.spectra)
-        if self.finite_size is not None:
-            found["finite_size"] = figures.finite_size_figure(self.finite_size, self.orbit, self.drift)
-        if self.law is not None:
-            found["sqrt_law"] = figures.sqrt_law_figure(self.law)
-        if self.sweep is not None:
-            claimed = CLAIMED if self.field == "alpha" else None
-            found["sweep"] = figures.sweep_figure(self.sweep, self.field, claimed)
-        if self.view is not None:
-            found["bifurcation"] = figures.bifurcation_figure(self.view, self.sweep)
-        return found
 
 
 def study(

@@ -5,8 +5,13 @@ from typing import Any
 
 import pandas as pd
 
+from rattle.compare.chaos.answer import answer
+from rattle.compare.chaos.figures import draw
 from rattle.compare.chaos.measure import ChaosStudy
-from rattle.compare.report import NUMBER, TEXT, Block, Column, Figure, Page, PageSection, Table, Text
+from rattle.compare.chaos.spectrum import spectra_tables
+from rattle.compare.chaos.sweep import crossings
+from rattle.compare.report import Block, Figure, Page, PageSection, Text
+from rattle.compare.report.frames import table_of
 from rattle.compare.report.glossary import CHAOS_TERMS, CLOSURE_TERMS, SECTION_TERMS, glossary
 from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
@@ -32,22 +37,36 @@ CONTENTS = contents("chaos", figures=tuple(FIGURES), tables=TABLES, large=LARGE)
 WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *CHAOS_TERMS, "Δτ", "σ", "α", "ε", "realizable")
 
 
-def table_of(table: pd.DataFrame, texts: tuple[str, ...] = (), summary: str = "") -> Table:
-    """Convert a DataFrame to a table of a page.
+def chaos_tables(study: ChaosStudy) -> dict[str, pd.DataFrame]:
+    """Collect all tables.
 
-    `summary`: Title of a table that is collapsed at first; empty for one that is always shown.
+    Returns: ``exponents, mean_maps``, and as far as they were measured ``sections, spectra, lines,
+    spectra_summary, fsle`` (finite-size exponents), ``sqrt_law, sweep, crossings, bifurcation``.
     """
-    heads = [Column(str(name), TEXT if name in texts else NUMBER) for name in table.columns]
-    rows = [
-        [str(v) if name in texts else float(v) for name, v in zip(table.columns, row, strict=True)]
-        for row in table.itertuples(index=False)
-    ]
-    return Table.of(heads, rows, summary)
+    exponents = pd.concat([study.orbit.table, study.drift.table], ignore_index=True)
+    found = {"exponents": exponents, "mean_maps": study.maps}
+    if study.sections:
+        found["sections"] = pd.concat([s.table for s in study.sections.values()], ignore_index=True)
+    if study.spectra:
+        found["spectra"], found["lines"], found["spectra_summary"] = spectra_tables(study.spectra)
+    if study.finite_size is not None:
+        found["fsle"] = study.finite_size
+    if study.law is not None:
+        found["sqrt_law"] = study.law.table.assign(
+            exponent=study.law.exponent, exponent_low=study.law.low, exponent_high=study.law.high
+        )
+    if study.sweep is not None:
+        ofs = study.sweep["of"].unique()
+        found["sweep"] = study.sweep
+        found["crossings"] = pd.concat([crossings(study.sweep, study.field, of) for of in ofs], ignore_index=True)
+    if study.view is not None:
+        found["bifurcation"] = study.view.table
+    return found
 
 
 def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> Page:
     """Build the page of a study of chaos."""
-    tables = found.tables()
+    tables = chaos_tables(found)
     figures = {name: Figure(f"{name}.svg", FIGURES[name], FIGURES[name]) for name in drawn}
     shown = ["of", "exponent", "value", "low", "high", "rate", "sum_error", "impacts", "reason"]
     exponents = table_of(tables["exponents"][shown], ("of", "reason"))
@@ -99,12 +118,12 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
     if found.finite_size is not None:
         apart.append(table_of(found.finite_size, summary="All distances"))
     parts.append(PageSection("Two paths on the same noise", tuple(apart)))
-    return Page(f"Chaos of {record['name']}", tuple(found.answer), source_of(record), opening, tuple(parts))
+    return Page(f"Chaos of {record['name']}", tuple(answer(found)), source_of(record), opening, tuple(parts))
 
 
 def write_chaos(out: Path, found: ChaosStudy, record: dict[str, Any], overwrite: bool) -> list[str]:
     """Write the folder of a study of chaos."""
-    figures = found.figures()
+    figures = draw(found)
     page = chaos_page(found, record, list(figures))
     save(
         out,
@@ -113,7 +132,7 @@ def write_chaos(out: Path, found: ChaosStudy, record: dict[str, Any], overwrite:
         record,
         allowed=CONTENTS,
         figures=figures,
-        tables=found.tables(),
+        tables=chaos_tables(found),
         digits="%.10g",
         overwrite=overwrite,
     )

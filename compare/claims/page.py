@@ -6,6 +6,7 @@ from typing import Any
 
 from matplotlib.figure import Figure as Drawing
 
+from rattle.compare.chaos.figures import draw
 from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.chaos.page import FIGURES
 from rattle.compare.chaos.page import WORDS as CHAOS_WORDS
@@ -74,7 +75,7 @@ def write_claims(
 ) -> list[str]:
     """Write the folder of the claims atomically."""
     said = answer(claims)
-    drawn = {name: figure for name, figure in chaos.figures().items() if name in SHOWN.values()}
+    drawn = {name: figure for name, figure in draw(chaos).items() if name in SHOWN.values()}
     opening = Figure(f"{KEY}.svg", CAPTION, f"{CAPTION} {said[0]}")
     rows: list[Row] = [
         [str(i), c.says, TableCell(c.verdict, MARKS.get(c.kind, "open")), c.where]

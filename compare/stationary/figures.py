@@ -1,6 +1,7 @@
 """Figures of a long run: distributions, the section with its errors, memories, and the closures' errors."""
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from rattle.closure.stationary import Law
 from rattle.compare.chaos.bifurcation import Bifurcation
 from rattle.compare.chaos.figures import NAMES, field_edges, mark_values
 from rattle.compare.report.style import ACCURATE, STYLE, legend_above, new_figure
-from rattle.compare.stationary.measure import Stationary
+from rattle.montecarlo.long_run import LongRun, SectionDensity
 from rattle.montecarlo.long_run.intervals import half_width
 from rattle.scene.gears import Gears
 
@@ -25,24 +26,23 @@ DEEP = 1e-3  # lower end of the colours of a density, relative to its highest
 WIDTH = 7.4  # inches, that the legend of a figure with one panel takes
 
 
-def draw(found: Stationary) -> dict[str, Figure]:
-    """All figures of a long run."""
-    if found.run is None:
-        return {}
-    out = {"distribution": distribution_figure(found), "section": section_figure(found), "memory": memory_figure(found)}
-    if len(found.verdicts) and found.verdicts["predicted"].notna().any():
-        out["closures"] = closure_figure(found.verdicts)
+def draw(run: LongRun, table: pd.DataFrame, laws: Mapping[str, Law | str], verdicts: pd.DataFrame) -> dict[str, Figure]:
+    """All figures of a long run, of the table of its quantities, and of what the closures say of them."""
+    gears = run.scene.gears
+    out = {"distribution": distribution_figure(run, laws, gears), "section": section_figure(run.densities, gears)}
+    out["memory"] = memory_figure(table)
+    if len(verdicts) and verdicts["predicted"].notna().any():
+        out["closures"] = closure_figure(verdicts)
     return out
 
 
-def distribution_figure(found: Stationary) -> Figure:
+def distribution_figure(run: LongRun, laws: Mapping[str, Law | str], gears: Gears | None) -> Figure:
     """Draw the density of the velocity before an impact at each mesh with its 95 % band, and that of the closures."""
-    assert found.run is not None
-    t = half_width(found.run.paths)
-    figure, axes = new_figure(max(4.6 * len(found.densities), WIDTH), 3.6, 1, len(found.densities))
-    factor, unit = speed_unit(found.scene.gears)
-    for ax, density in zip(axes, found.densities, strict=True):
-        value, se = (part / factor for part in found.run.velocity_density(density.mesh))
+    t = half_width(run.paths)
+    figure, axes = new_figure(max(4.6 * len(run.densities), WIDTH), 3.6, 1, len(run.densities))
+    factor, unit = speed_unit(gears)
+    for ax, density in zip(axes, run.densities, strict=True):
+        value, se = (part / factor for part in run.velocity_density(density.mesh))
         edges, top = factor * density.velocity, float((value + t * se).max())
         least = max(0.3 * float(value[value > 0.0].min()), 1e-6 * top)
         ax.stairs(np.maximum(value, least), edges, baseline=least, color=SIMULATED, lw=1.2, label="simulation")
@@ -58,10 +58,10 @@ def distribution_figure(found: Stationary) -> Figure:
         )
         ax.set_yscale("log")
         ax.set_ylim(least, 2.0 * top)
-        for closure, law in found.laws.items():
+        for closure, law in laws.items():
             if isinstance(law, Law):
                 _speeds(ax, law, density.mesh, closure, edges, factor)
-        slow = factor * found.slow
+        slow = factor * run.slow
         ax.axvspan(-slow, slow, color="0.6", alpha=0.3, lw=0, label="slow impacts")
         ax.set_xlabel(rf"velocity before the impact $y_{density.mesh}$ ({unit})")
         ax.set_title(f"mesh {density.mesh}", loc="left")
@@ -87,11 +87,11 @@ def _speeds(ax: Axes, law: Law, mesh: int, closure: str, edges: Floats, factor: 
             ax.axvline(sign * mean, ymax=0.12, color=STYLE[closure]["color"], lw=2.0, label=f"{closure}: mean speed")
 
 
-def section_figure(found: Stationary) -> Figure:
+def section_figure(densities: Sequence[SectionDensity], gears: Gears | None) -> Figure:
     """Draw the density of the section over phase and velocity, and its relative error in every cell."""
-    rows, (factor, unit) = len(found.densities), speed_unit(found.scene.gears)
+    rows, (factor, unit) = len(densities), speed_unit(gears)
     figure, axes = new_figure(9.2, 0.6 + 2.9 * rows, rows, 2)
-    for n, d in enumerate(found.densities):
+    for n, d in enumerate(densities):
         left, right = axes[2 * n], axes[2 * n + 1]
         density = d.density.T / factor
         highest, phase, velocity = float(density.max()), d.phase / math.pi, factor * d.velocity
@@ -137,9 +137,9 @@ def bifurcation_figure(view: Bifurcation, factor: float, unit: str) -> Figure:
     return figure
 
 
-def memory_figure(found: Stationary) -> Figure:
+def memory_figure(table: pd.DataFrame) -> Figure:
     """Draw the autocorrelation time of each quantity, and the standard error from batch means beside it."""
-    rows = found.table[found.table["autocorrelation"] > 0.0]
+    rows = table[table["autocorrelation"] > 0.0]
     rows = rows[[not name.startswith("contact") for name in rows.index]][::-1]
     figure, (ax,) = new_figure(7.0, 1.0 + 0.16 * len(rows), 1, 1)
     at = np.arange(len(rows))

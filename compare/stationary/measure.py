@@ -135,6 +135,12 @@ class Stationary:
         """
         return in_units(self.table, self.scene.gears, units)
 
+    def figures(self) -> "dict[str, Figure]":
+        """All figures of the page by name; none for exact values."""
+        from rattle.compare.stationary.figures import draw
+
+        return {} if self.run is None else draw(self.run, self.table, self.laws, self.verdicts)
+
     def plot(self, kind: str = "distribution") -> "Figure":
         """Draw a figure of the page.
 
@@ -153,9 +159,7 @@ class Stationary:
         InputError
             For an unknown kind, closures that predict nothing, or exact values.
         """
-        from rattle.compare.stationary.figures import draw
-
-        figures = draw(self)
+        figures = self.figures()
         if not figures:
             raise InputError("kind", kind, "nothing to draw: these values are exact, and there is no distribution")
         return figures[choice("kind", kind, figures)]

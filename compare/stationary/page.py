@@ -1,18 +1,21 @@
 """The page and the folder of a long run."""
 
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from rattle.compare.chaos.bifurcation import Bifurcation
-from rattle.compare.report import NUMBER, Column, Figure, Page, PageSection, Table, TableCell, Text
-from rattle.compare.report.content import Block, Row
+from rattle.compare.report import Figure, Page, PageSection, Table, TableCell, Text
+from rattle.compare.report.content import Block
+from rattle.compare.report.frames import Form, format_table, table_of
 from rattle.compare.report.glossary import CLOSURE_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
 from rattle.compare.stationary.answer import answer
-from rattle.compare.stationary.figures import bifurcation_figure, draw, speed_unit
+from rattle.compare.stationary.figures import bifurcation_figure, speed_unit
 from rattle.compare.stationary.judged import TOLERANCES
 from rattle.compare.stationary.measure import Stationary
 from rattle.compare.stationary.units import speed_text
@@ -91,13 +94,7 @@ def stationary_page(found: Stationary, record: dict[str, Any], drawn: list[str])
 
 
 def _quantities(table: pd.DataFrame, summary: str = "") -> Table:
-    heads = [Column("quantity"), Column("unit")]
-    heads += [Column(name, NUMBER) for name in table.columns if name != "unit"]
-    rows: list[Row] = [
-        [str(name), *(str(v) if column == "unit" else float(v) for column, v in row.items())]
-        for name, row in table.iterrows()
-    ]
-    return Table.of(heads, rows, summary)
+    return table_of(table.reset_index(), ("quantity", "unit"), summary)
 
 
 MARK = {"accurate": "good", "inaccurate": "bad", "undecided": "open"}
@@ -105,40 +102,23 @@ MARK = {"accurate": "good", "inaccurate": "bad", "undecided": "open"}
 
 def _verdicts(verdicts: pd.DataFrame) -> Table:
     """The main quantities of each closure, and why it has none."""
-    heads = [
-        *(Column(n) for n in ("closure", "quantity", "unit")),
-        *(Column(n, NUMBER) for n in ("predicted", "simulated", "low", "high")),
-        Column("verdict"),
-        Column("why not"),
-    ]
-    rows: list[Row] = []
-    for closure, own in verdicts.groupby("closure", sort=False):
-        reason = own["reason"].iloc[0]
-        if reason:
-            rows.append([f"{closure}", "all", "", *[float("nan")] * 4, "not predicted", reason])
-            continue
-        for r in own[own["verdict"] != "not predicted"].to_dict("records"):
-            rows.append(
-                [
-                    f"{closure}",
-                    r["quantity"],
-                    r["unit"],
-                    r["predicted"],
-                    r["simulated"],
-                    r["low"],
-                    r["high"],
-                    TableCell(r["verdict"], MARK.get(r["verdict"], "")),
-                    "",
-                ]
-            )
-    return Table.of(heads, rows, "Every quantity" if len(rows) > 12 else "")
+    missing = verdicts["reason"] != ""
+    alone = missing & ~verdicts["closure"].duplicated()
+    nothing = {"quantity": "all", "unit": "", "simulated": np.nan, "low": np.nan, "high": np.nan}
+    rows = verdicts.assign(**{name: verdicts[name].mask(alone, value) for name, value in nothing.items()})
+    rows = rows[alone | (rows["verdict"] != "not predicted") & ~missing]
+    columns: list[tuple[str, Form]] = [(n, f"{{{n}}}") for n in ("closure", "quantity", "unit")]
+    columns += [(n, itemgetter(n)) for n in ("predicted", "simulated", "low", "high")]
+    columns += [("verdict", lambda r: TableCell(r["verdict"], MARK.get(r["verdict"], ""))), ("why not", "{reason}")]
+    texts = ("closure", "quantity", "unit", "verdict", "why not")
+    return format_table(rows, columns, texts, "Every quantity" if len(rows) > 12 else "")
 
 
 def write_stationary(
     out: Path, found: Stationary, view: Bifurcation | None, record: dict[str, Any], overwrite: bool
 ) -> list[str]:
     """Write the folder of a long run."""
-    figures = draw(found)
+    figures = found.figures()
     tables, units = {"stationary": found.table.reset_index()}, "dimensionless"
     if found.scene.gears is not None:
         units = "physical"

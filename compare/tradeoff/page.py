@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from rattle.compare.report import Block, Figure, Page, PageSection, Row, Table, TableCell, Text, numbers
+from rattle.compare.report.frames import format_table
 from rattle.compare.report.glossary import CLOSURE_TERMS, SCHEME_TERMS, SECTION_TERMS, glossary
 from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
@@ -80,22 +81,20 @@ def _rate(rate: Rate, sign: float) -> str:
     return f"{sign * rate.slope:.2f} ± {rate.half:.2f}"
 
 
+def _time(row: dict[str, Any]) -> TableCell:
+    return TableCell(duration_text(row["core_seconds"], 2), value=float(row["core_seconds"]))
+
+
+def _found(row: dict[str, Any]) -> str:
+    return "missed" if row["missed"] else "measured" if row["measured"] else "extrapolated"
+
+
+def _actual(row: dict[str, Any]) -> str:
+    return "–" if np.isnan(row["actual_error"]) else f"{row['actual_error']:.2g}"
+
+
 def _tables(m: Tradeoff, control: pd.DataFrame, accuracies: Sequence[float]) -> dict[str, Table]:
     p = m.points
-    schemes: list[Row] = [
-        (
-            r["method"],
-            f"{r['accuracy']:g}",
-            f"{r['dt']:.2g}",
-            f"{r['paths']:,}",
-            f"{r['core_seconds']:.3g}",
-            f"{r['sampling_error']:.2g}",
-            f"{r['step_error']:.2g}",
-            "–" if np.isnan(r["actual_error"]) else f"{r['actual_error']:.2g}",
-            "missed" if r["missed"] else "measured" if r["measured"] else "extrapolated",
-        )
-        for _, r in p[p["kind"] == "scheme"].iterrows()
-    ]
     slopes: list[Row] = [
         (
             name,
@@ -103,16 +102,6 @@ def _tables(m: Tradeoff, control: pd.DataFrame, accuracies: Sequence[float]) -> 
             *(f"{power:.2f} ({n} points)" if n > 1 else "–" for power, n in (slope(p, name, x) for x in (False, True))),
         )
         for name, model in m.models.items()
-    ]
-    predictions: list[Row] = [
-        (
-            r["method"],
-            f"{r['rows']} of {p['rows'].max()}",
-            ("" if r["resolved"] else "below ") + f"{r['error']:.3g}",
-            f"{r['median_error']:.2g}",
-            TableCell(duration_text(r["core_seconds"], 2), value=float(r["core_seconds"])),
-        )
-        for _, r in p[p["kind"] == "closure"].iterrows()
     ]
     rates: list[Row] = [
         (name, _rate(x.alpha, -1), _rate(x.beta, -1), _rate(x.typical_beta, -1), _rate(x.gamma, 1))
@@ -124,99 +113,95 @@ def _tables(m: Tradeoff, control: pd.DataFrame, accuracies: Sequence[float]) -> 
         cells += [f"{means_seconds(m.models[EXACT], a, control=control):.2g}" for control in (True, False)]
         means.append((f"{a:g}", *cells))
     heads = ["standard error", *(f"multilevel {n}" for n in m.levels), f"{EXACT} with control", f"{EXACT} without"]
-    ratios = ("means_median", "means_smallest", "sds_median", "sds_smallest")
-    best = [cheapest(p, a) for a in accuracies]
-    chosen: list[Row] = [
-        (
-            f"{a:g}",
-            str(r["method"]),
-            TableCell(duration_text(r["core_seconds"], 2), value=float(r["core_seconds"])),
-            "measured" if r["measured"] else "extrapolated",
-        )
-        for a, r in zip(accuracies, best, strict=True)
-    ]
-    gains: list[Row] = [
-        (
-            f"{r['sigma']:.4g}",
-            *(f"{r[n]:.3g}" for n in ratios),
-            f"{r['time_ratio']:.2f}",
-            *(f"{r[n] / r['time_ratio']:.3g}" for n in ("means_median", "sds_median")),
-            *(f"{r[n]:.3g}" for n in ("antithetic_means", "antithetic_sds")),
-        )
-        for _, r in control.iterrows()
-    ]
     return {
-        "cheapest": Table.of(
-            [*numbers("error / sd"), "cheapest method", *numbers("time on one core"), "found"], chosen
-        ),
-        "schemes": Table.of(
+        "cheapest": format_table(
+            pd.DataFrame([cheapest(p, a) | {"asked": a} for a in accuracies]),
             [
-                "scheme",
-                *numbers("accuracy", "dt", "paths", "core-seconds", "standard error", "step bias", "actual"),
-                "found",
+                ("error / sd", "{asked:g}"),
+                ("cheapest method", "{method}"),
+                ("time on one core", _time),
+                ("found", lambda r: "measured" if r["measured"] else "extrapolated"),
             ],
-            schemes,
+            ("cheapest method", "found"),
+        ),
+        "schemes": format_table(
+            p[p["kind"] == "scheme"],
+            [
+                ("scheme", "{method}"),
+                ("accuracy", "{accuracy:g}"),
+                ("dt", "{dt:.2g}"),
+                ("paths", "{paths:,}"),
+                ("core-seconds", "{core_seconds:.3g}"),
+                ("standard error", "{sampling_error:.2g}"),
+                ("step bias", "{step_error:.2g}"),
+                ("actual", _actual),
+                ("found", _found),
+            ],
+            ("scheme", "found"),
         ),
         "slopes": Table.of(
             ["scheme", *numbers("ns per path-step", "cost grows as accuracy to the", "of measured points alone")],
             slopes,
         ),
-        "closures": Table.of(["closure", *numbers("rows predicted", "worst error", "median", "time")], predictions),
+        "closures": format_table(
+            p[p["kind"] == "closure"].assign(most=p["rows"].max()),
+            [
+                ("closure", "{method}"),
+                ("rows predicted", "{rows} of {most}"),
+                ("worst error", lambda r: f"{'' if r['resolved'] else 'below '}{r['error']:.3g}"),
+                ("median", "{median_error:.2g}"),
+                ("time", _time),
+            ],
+            ("closure",),
+        ),
         "rates": Table.of(
             ["scheme", *numbers("α (bias)", "β (variance, worst row)", "β (median row)", "γ (time)")], rates
         ),
         "means": Table.of(numbers(*heads), means),
-        "control": Table.of(
-            numbers(
-                "σ",
-                "means: median",
-                "smallest",
-                "sds: median",
-                "smallest",
-                "time of a path",
-                "means per second, median",
-                "sds per second, median",
-                "antithetic pairs: means",
-                "sds",
-            ),
-            gains,
+        "control": format_table(
+            control,
+            [
+                ("σ", "{sigma:.4g}"),
+                ("means: median", "{means_median:.3g}"),
+                ("smallest", "{means_smallest:.3g}"),
+                ("sds: median", "{sds_median:.3g}"),
+                ("smallest", "{sds_smallest:.3g}"),
+                ("time of a path", "{time_ratio:.2f}"),
+                ("means per second, median", lambda r: f"{r['means_median'] / r['time_ratio']:.3g}"),
+                ("sds per second, median", lambda r: f"{r['sds_median'] / r['time_ratio']:.3g}"),
+                ("antithetic pairs: means", "{antithetic_means:.3g}"),
+                ("sds", "{antithetic_sds:.3g}"),
+            ],
         ),
     }
 
 
 def orders_table(table: pd.DataFrame) -> Table:
     """The measured slopes, the orders on which they have settled, and whether each scheme's limit is correct."""
-    seen = table[table["slope"].notna()]
-    rows: list[Row] = [
-        (
-            f"{r['sigma']:.4g}",
-            r["scheme"],
-            f"{r['moment']} {r['quantity']}".strip(),
-            f"{r['coarsest']:g} to {r['finest']:g}",
-            _between(r, "slope", "low", "high"),
-            _between(r, "last", "last_low", "last_high"),
-            str(r["turns"]),
-            "not settled" if np.isnan(r["order"]) else _between(r, "order", "order_low", "order_high"),
-            f"{r['change']:.2g}",
-            f"{r['limit_z']:.1f}",
-            f"{r['limit_allowed']:.1f}",
-        )
-        for _, r in seen.iterrows()
-    ]
-    results = numbers(
-        "dt",
-        "slope",
-        "at the finest",
-        "impacts where it turns",
-        "order",
-        "last change",
-        "limit: standard errors off",
-        "allowed",
+    return format_table(
+        table[table["slope"].notna()],
+        [
+            ("σ", "{sigma:.4g}"),
+            ("scheme", "{scheme}"),
+            ("moment", lambda r: f"{r['moment']} {r['quantity']}".strip()),
+            ("dt", "{coarsest:g} to {finest:g}"),
+            ("slope", lambda r: _between(r, "slope", "low", "high")),
+            ("at the finest", lambda r: _between(r, "last", "last_low", "last_high")),
+            ("impacts where it turns", "{turns}"),
+            ("order", _order),
+            ("last change", "{change:.2g}"),
+            ("limit: standard errors off", "{limit_z:.1f}"),
+            ("allowed", "{limit_allowed:.1f}"),
+        ],
+        ("scheme", "moment"),
     )
-    return Table.of([*numbers("σ"), "scheme", "moment", *results], rows)
 
 
-def _between(row: Any, value: str, low: str, high: str) -> str:
+def _order(row: dict[str, Any]) -> str:
+    return "not settled" if np.isnan(row["order"]) else _between(row, "order", "order_low", "order_high")
+
+
+def _between(row: dict[str, Any], value: str, low: str, high: str) -> str:
     return "–" if np.isnan(row[value]) else f"{row[value]:.2f} ({row[low]:.2f} to {row[high]:.2f})"
 
 

@@ -12,7 +12,8 @@ from rattle.compare.checks.stability.chart import Chart
 from rattle.compare.checks.stability.figure import figure, summary
 from rattle.compare.checks.stability.reference import IMPACTS
 from rattle.compare.checks.table import extreme_record, worst_error
-from rattle.compare.report import Column, Figure, Page, PageSection, Row, Table, TableCell, Text, numbers
+from rattle.compare.report import Figure, Page, PageSection, Row, Table, TableCell, Text, numbers
+from rattle.compare.report.frames import Form, format_table
 from rattle.compare.report.glossary import SCHEME_TERMS, glossary
 from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
@@ -168,58 +169,38 @@ def _defaults(found: Chart) -> Table:
 
 
 def _table(cells: pd.DataFrame, summary: str = "") -> Table:
-    rows: list[Row] = [
-        [
-            c["scheme"],
-            c["axis"],
-            c["value"],
-            c["dt"],
-            TableCell(c["verdict"], MARK.get(c["verdict"], "open")),
-            TableCell(f"{c['error']:.2g} ± {c['half']:.1g}"),
-            c["where"],
-            "yes" if c["diagnosed"] else "no",
-        ]
-        for _, c in cells.iterrows()
+    columns: list[tuple[str, Form]] = [
+        ("scheme", "{scheme}"),
+        ("axis", "{axis}"),
+        ("at", lambda c: c["value"]),
+        ("dt", lambda c: c["dt"]),
+        ("verdict", lambda c: TableCell(c["verdict"], MARK.get(c["verdict"], "open"))),
+        ("error in tolerances", "{error:.2g} ± {half:.1g}"),
+        ("of", "{where}"),
+        ("diagnosed", lambda c: "yes" if c["diagnosed"] else "no"),
     ]
-    heads: list[Column | str] = [
-        "scheme",
-        "axis",
-        *numbers("at", "dt"),
-        "verdict",
-        *numbers("error in tolerances"),
-        "of",
-        "diagnosed",
-    ]
-    return Table.of(heads, rows, summary)
+    return format_table(cells, columns, ("scheme", "axis", "verdict", "of", "diagnosed"), summary)
 
 
 def _extremes(tried: Sequence[Result]) -> Table:
+    texts = ("what", "field", "range", "reference")
     rows: list[Row] = []
     for result in tried:
         error, _, unit = worst_error(result)
-        cell = TableCell(error, "good" if result.holds else "bad")
-        rows.append(
-            [result.name, result.worst.quantity, result.statement, result.reference, cell, result.allowed, unit]
-        )
-    heads: list[Column | str] = [
-        "what",
-        "field",
-        "range",
-        "reference",
-        *numbers("worst error", "allowed"),
-        "relative to",
-    ]
-    return Table.of(heads, rows, "every row")
+        worst = TableCell(error, "good" if result.holds else "bad")
+        named = (result.name, result.worst.quantity, result.statement, result.reference)
+        rows.append([*named, worst, result.allowed, unit])
+    return Table.of([*texts, *numbers("worst error", "allowed"), "relative to"], rows, "every row")
 
 
 def _covariance(table: pd.DataFrame) -> Table:
-    rows: list[Row] = [
-        [
-            r["beta"],
-            r["dt"],
-            TableCell(f"{r['error']:+.2%} ± {r['half']:.1%}", "good" if r["holds"] else "bad"),
-            r["quantity"],
-        ]
-        for _, r in table.iterrows()
+    def error(row: dict[str, Any]) -> TableCell:
+        return TableCell(f"{row['error']:+.2%} ± {row['half']:.1%}", "good" if row["holds"] else "bad")
+
+    columns: list[tuple[str, Form]] = [
+        ("β₁", lambda r: r["beta"]),
+        ("dt", lambda r: r["dt"]),
+        ("relative error of the sd", error),
+        ("of", "{quantity}"),
     ]
-    return Table.of([*numbers("β₁", "dt", "relative error of the sd"), "of"], rows)
+    return format_table(table, columns, ("of",))

@@ -8,7 +8,6 @@ import pytest
 import rattle as rt
 from rattle.closure.stationary import Law
 from rattle.compare.stationary.answer import answer
-from rattle.compare.stationary.figures import draw
 from rattle.compare.stationary.laws import values_of
 from rattle.compare.stationary.page import stationary_page
 from rattle.montecarlo.long_run.names import all_names
@@ -87,7 +86,7 @@ def test_a_page_of_gears_is_physical_throughout(found):
     assert rate["predicted"] == pytest.approx(157.0 * dimensionless["predicted"])
     (against,) = [line for line in answer(found) if line.startswith("`published`")]
     assert "374.8 1/s" in against
-    for name, figure in draw(found).items():
+    for name, figure in found.figures().items():
         labels = [label for ax in figure.axes for label in (ax.get_xlabel(), ax.get_ylabel())]
         assert not any("omega" in label for label in labels), name
         assert name not in ("distribution", "section") or any("mm/s" in label for label in labels)
@@ -97,7 +96,7 @@ def test_figures_of_one_stage_hold_their_legends(found):
     """The legend above one panel was wider than the figure."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    for name, figure in draw(found).items():
+    for name, figure in found.figures().items():
         FigureCanvasAgg(figure).draw()
         for legend in figure.legends:
             box = legend.get_window_extent()
@@ -106,5 +105,5 @@ def test_figures_of_one_stage_hold_their_legends(found):
 
 
 def test_histograms_have_a_logarithmic_axis(found):
-    (ax,) = draw(found)["distribution"].axes
+    (ax,) = found.figures()["distribution"].axes
     assert ax.get_yscale() == "log"
