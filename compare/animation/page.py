@@ -1,26 +1,22 @@
 """Writes an animation as one HTML file that needs no other: its drawings, its data and its script are inside."""
 
-import base64
-import hashlib
 import math
 from collections.abc import Iterator, Mapping
-from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from numpy.typing import NDArray
 
 from rattle.compare.animation.record import SCHEME, Motion, Recording
 from rattle.compare.animation.teeth import PLAY, TOOTH, Wheel, outline
 from rattle.compare.report.folder import check_place, refusals, write_whole
+from rattle.compare.report.html_file import render_html
 from rattle.compare.report.json_text import json_text
 from rattle.scene.errors import OutputError
 from rattle.scene.scene import Scene
-from rattle.scene.text import harmless, line
+from rattle.scene.text import line
 
 Heights = TypeVar("Heights", float, NDArray[np.float64])
 
@@ -76,21 +72,11 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
         "ms": None if scene.gears is None else 1000.0 / scene.gears.omega,
         "paths": [_numbers(motion) for motion in (shown.orbit, shown.path)],
     }
-    style, script = _part("animation.css"), _part("animation.js")
-    policy = f"default-src 'none'; style-src '{_hash(style)}'; script-src '{_hash(script)}'; base-uri 'none'"
-    environment = Environment(
-        loader=PackageLoader("rattle.compare.animation"),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-        finalize=lambda value: harmless(value) if type(value) is str else value,
-    )
-    return environment.get_template("animation.html.j2").render(
+    return render_html(
+        "rattle.compare.animation",
+        "animation",
+        {},
         generator=Markup(GENERATOR),
-        policy=policy,
-        style=Markup(style),
-        script=Markup(script),
         data=Markup(json_text(data, indent=None)),
         name=line(name),
         shown=shown,
@@ -99,7 +85,7 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
         radius=RADIUS,
         wheels=[outline(Wheel(RADIUS, width)) for width in widths],
         turns=_turns(shown, scale),
-        strips=list(_strips(shown)),
+        strips=[_strip(shown, mesh) for mesh in range(1, scene.stages + 1)],
         ticks=list(_ticks(shown)),
         caption=_caption(shown),
         clock=_clock(scene),
@@ -142,15 +128,6 @@ def write_animation(out: Path, shown: Recording, name: str, command: str = "", o
     write_whole(out, text)
 
 
-@cache
-def _part(name: str) -> str:
-    return files("rattle.compare.animation").joinpath("templates", name).read_text(encoding="utf-8")
-
-
-def _hash(text: str) -> str:
-    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
-
-
 def _numbers(motion: Motion) -> Mapping[str, Any]:
     """A path as numbers for the script, to 7 digits."""
     columns = {"t": motion.time, "x1": motion.x1, "hits": motion.impact_time}
@@ -165,8 +142,7 @@ def _turns(shown: Recording, scale: float) -> list[float]:
     scene = shown.scene
     x1, x2 = shown.orbit.x1[0], shown.orbit.x2[0]
     driver = scene.alpha * math.sin(scene.phase)
-    moved = (x1 - driver, -driver) if scene.stages == 1 else (driver - x1, -driver, x1 - driver - x2)
-    turns = [driver - x1, *moved[1:]]  # wheel 1, driver, wheel 2
+    turns = [driver - x1, -driver, x1 - driver - x2][: scene.stages + 1]  # wheel 1, driver, wheel 2
     return [round(math.degrees(scale / RADIUS * float(turn)), 3) for turn in turns]
 
 
@@ -198,36 +174,34 @@ def _ticks(shown: Recording) -> Iterator[tuple[float, str]]:
         yield round(100.0 * (k * step - begin) / span, 3), f"{k * step:.10g}".replace("-", "−")
 
 
-def _strips(shown: Recording) -> Iterator[Strip]:
-    """The displacement at each mesh over time."""
+def _strip(shown: Recording, mesh: int) -> Strip:
+    """The displacement at a mesh over time."""
     scene, walls = shown.scene, shown.scene.noise_free.constants
-    ahead = {1: "driver ahead of wheel 1", 2: "wheel 2 ahead of wheel 1"}
-    for mesh, wall in ((1, walls.wall1), (2, walls.wall2))[: scene.stages]:
-        random = scene.tolerance is not None and scene.tolerance.distribution != "fixed"
-        c_max = getattr(scene.tolerance, f"c{mesh}_max") if random else 0.0
-        top = max(ROOM * wall, 1.1 * (wall + c_max))
-        unit = 1.0 if scene.gears is None else scene.gears.backlash1
-        label = f"{unit * wall:.3g}"
-        curves, marks = [], []
-        for name, motion in (("orbit", shown.orbit), ("path", shown.path)):
-            x = motion.x1 if mesh == 1 else motion.x2
-            curves.append((name, _points(motion.time / shown.span, _height(x, top))))
-            own = np.flatnonzero(motion.mesh == mesh)
-            left, down = 100.0 * motion.impact_time / shown.span, 100.0 * _height(motion.impact_x, top)
-            marks += [(name, int(k), round(float(left[k]), 3), round(float(down[k]), 2)) for k in own]
-        yield Strip(
-            mesh,
-            f"x{SUBSCRIPT[mesh]}: {ahead[mesh]}",
-            "dimensionless" if scene.gears is None else "mm",
-            [
-                (round(100.0 * _height(wall, top), 3), f"+{label}"),
-                (50.0, "0"),
-                (round(100.0 * _height(-wall, top), 3), f"−{label}"),
-            ],
-            curves,
-            marks,
-            round(50.0 * c_max / top, 3),
-        )
+    wall, ahead = (walls.wall1, "driver") if mesh == 1 else (walls.wall2, "wheel 2")
+    c_max = getattr(scene.tolerance, f"c{mesh}_max") if _has_random_gaps(scene) else 0.0
+    top = max(ROOM * wall, 1.1 * (wall + c_max))
+    label = f"{(scene.gears.backlash1 if scene.gears else 1.0) * wall:.3g}"
+    heights = {f"+{label}": wall, "0": 0.0, f"−{label}": -wall}
+    curves, marks = [], []
+    for name, motion in (("orbit", shown.orbit), ("path", shown.path)):
+        x = motion.x1 if mesh == 1 else motion.x2
+        curves.append((name, _points(motion.time / shown.span, _height(x, top))))
+        left, down = 100.0 * motion.impact_time / shown.span, 100.0 * _height(motion.impact_x, top)
+        own = np.flatnonzero(motion.mesh == mesh)
+        marks += [(name, int(k), round(float(left[k]), 3), round(float(down[k]), 2)) for k in own]
+    return Strip(
+        mesh,
+        f"x{SUBSCRIPT[mesh]}: {ahead} ahead of wheel 1",
+        "mm" if scene.gears else "dimensionless",
+        [(round(100.0 * _height(height, top), 3), text) for text, height in heights.items()],
+        curves,
+        marks,
+        round(50.0 * c_max / top, 3),
+    )
+
+
+def _has_random_gaps(scene: Scene) -> bool:
+    return scene.tolerance is not None and scene.tolerance.distribution != "fixed"
 
 
 def _height(x: Heights, top: float) -> Heights:
@@ -258,21 +232,17 @@ def _caption(shown: Recording) -> list[str]:
         order = "Their first impacts are at different flanks."
     else:
         order = f"Both strike the same flanks in the same order up to impact {same}; impact {same + 1} differs."
-    toleranced = scene.tolerance is not None and scene.tolerance.distribution != "fixed"
-    return [
+    caption = [
         f"The teeth touch exactly where a backlash ends: {meshes}. {signs} A ring of rays and the word “hit” show an "
         "impact. Backlashes and rotations are drawn larger than they are, by one factor; the wheels are drawn equally "
         "large.",
         f"The noise-free orbit is exact. The {_random(scene)} is one sample by the scheme {SCHEME}, which has no step "
         f"bias (seed {shown.seed}). Its states are recorded every {shown.step:.3g} of τ and just before each impact; "
         "between them the drawing goes in straight lines. The impact of the start, number 0, is not shown. " + order,
-        *(
-            [
-                f"The {_random(scene)} has flanks of its own, anywhere within the grey bands, by the tolerance of the "
-                "gaps; "
-                "its wheels are drawn with the nominal ones."
-            ]
-            if toleranced
-            else []
-        ),
     ]
+    if _has_random_gaps(scene):
+        caption.append(
+            f"The {_random(scene)} has flanks of its own, anywhere within the grey bands, by the tolerance of the "
+            "gaps; its wheels are drawn with the nominal ones."
+        )
+    return caption

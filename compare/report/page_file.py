@@ -17,13 +17,6 @@ BLOCKS = {"text": Text, "table": Table, "figure": Figure, "code": Code, "glossar
 """Types of blocks by their name in the file."""
 
 
-class _Refused(Exception):
-    """The data are not a page: the place in them, and why."""
-
-    def __init__(self, where: str, why: str) -> None:
-        super().__init__(f"{where}: {why}")
-
-
 def page_text(page: Page) -> str:
     """A page as JSON, without fields that have their default.
 
@@ -52,23 +45,26 @@ def read_page(path: Path) -> Page:
     try:
         data = read_json("page", path, "a page.json")
         if not isinstance(data, dict) or data.get("format") != FORMAT:
-            raise _Refused("format", f"is not {FORMAT!r}")
+            raise _refusal("format", f"is not {FORMAT!r}")
         version = data.get("version")
         if type(version) is not int or version < 1:
-            raise _Refused("version", "is no version")
+            raise _refusal("version", "is no version")
         if version > VERSION:
             why = f"comes from a newer version of rattle (page {version}; this one reads {VERSION}); update rattle"
             raise FileError("page", str(path), why)
         page: Page = _read(Page, data.get("page"), "page")
         if "sha256" in data and data["sha256"] != json_digest(data["page"]):  # an earlier version wrote none
-            raise _Refused("sha256", "the page was changed after it was written")
-    except _Refused as error:
-        raise FileError("page", str(path), f"is no page of a report ({error})") from None
+            raise _refusal("sha256", "the page was changed after it was written")
+    except FileError:
+        raise
     except (ValueError, OverflowError, RecursionError) as error:
-        if isinstance(error, FileError):
-            raise
         raise FileError("page", str(path), f"is no page of a report ({error})") from None
     return page
+
+
+def _refusal(where: str, why: str) -> ValueError:
+    """The data are not a page: the place in them, and why."""
+    return ValueError(f"{where}: {why}")
 
 
 def _plain(value: Any) -> Any:
@@ -87,49 +83,45 @@ def _read(kind: Any, data: Any, where: str) -> Any:
     if kind is Block:
         name = data.get("kind") if isinstance(data, dict) else None
         if not isinstance(name, str) or name not in BLOCKS:
-            raise _Refused(where, f"is none of {', '.join(BLOCKS)}")
+            raise _refusal(where, f"is none of {', '.join(BLOCKS)}")
         return _make(BLOCKS[name], {k: v for k, v in data.items() if k != "kind"}, where)
     if typing.get_origin(kind) is tuple:
         return _tuple(typing.get_args(kind), data, where)
     if isinstance(kind, types.UnionType):  # float | None
-        return None if data is None else _number(data, where)
+        if type(data) not in (int, float, types.NoneType):
+            raise _refusal(where, "is no number")
+        return None if data is None else float(data)
     if dataclasses.is_dataclass(kind):
         return _make(kind, data, where)
     if type(data) is not kind:
-        raise _Refused(where, f"is not of type {kind.__name__}")
+        raise _refusal(where, f"is not of type {kind.__name__}")
     return data
-
-
-def _number(data: Any, where: str) -> float:
-    if type(data) not in (int, float):
-        raise _Refused(where, "is no number")
-    return float(data)
 
 
 def _tuple(kinds: tuple[Any, ...], data: Any, where: str) -> tuple[Any, ...]:
     if not isinstance(data, list):
-        raise _Refused(where, "is no list")
+        raise _refusal(where, "is no list")
     if kinds[-1] is ...:
         kinds = (kinds[0],) * len(data)
     if len(data) != len(kinds):
-        raise _Refused(where, f"has {len(data)} entries in place of {len(kinds)}")
+        raise _refusal(where, f"has {len(data)} entries in place of {len(kinds)}")
     return tuple(_read(kind, item, f"{where}[{i}]") for i, (kind, item) in enumerate(zip(kinds, data, strict=True)))
 
 
 def _make(kind: Any, data: Any, where: str) -> Any:
     """Make a dataclass from a mapping of its fields."""
     if not isinstance(data, dict):
-        raise _Refused(where, "is no object")
+        raise _refusal(where, "is no object")
     fields = {field.name: field for field in dataclasses.fields(kind)}
     for name in data:
         if name not in fields:
-            raise _Refused(f"{where}.{name}", "is unknown")
+            raise _refusal(f"{where}.{name}", "is unknown")
     for name, field in fields.items():
         if name not in data and field.default is dataclasses.MISSING:
-            raise _Refused(f"{where}.{name}", "is missing")
+            raise _refusal(f"{where}.{name}", "is missing")
     hints = typing.get_type_hints(kind)
     found = {name: _read(hints[name], item, f"{where}.{name}") for name, item in data.items()}
     try:
         return kind(**found)
     except InputError as error:
-        raise _Refused(where, str(error)) from None
+        raise _refusal(where, str(error)) from None
