@@ -292,8 +292,8 @@ class MeanMap(SectionResult):
                 followed = f"{self.scene.to_absolute_time(low):g} to {self.scene.to_absolute_time(high):g}"
                 raise InputError("times", time, f"lies outside the times followed, {followed}")
             mean, covariance = self.trace.at(self.scene.to_local_time(time))
-            rows.append(fixed_row(mean, covariance, self.scene.stages))
-        columns = list(fixed_row(np.zeros(4), np.zeros((4, 4)), 2))
+            rows.append(row_of_moments(mean, covariance, self.scene.stages))
+        columns = list(row_of_moments(np.zeros(4), np.zeros((4, 4)), 2))
         index = pd.Index(np.asarray(times, dtype=float), name="time")
         table = pd.DataFrame(rows, index=index, columns=columns, dtype=float)
         return at_times_in(table, self.scene.gears, units)
@@ -382,7 +382,7 @@ def _as_list(times: Sequence[float] | Floats) -> list[float]:
         raise InputError("times", times, "give a sequence of times") from None
 
 
-def fixed_row(mean: Floats, covariance: Floats, stages: int) -> dict[str, float]:
+def row_of_moments(mean: Floats, covariance: Floats, stages: int) -> dict[str, float]:
     """One row of a table of moments at fixed times, as closures and simulation share them; NaN of an absent stage."""
     if stages == 1:
         mean, covariance = mean.copy(), covariance.copy()

@@ -57,7 +57,7 @@ class HasColumns(Protocol):
         ...
 
 
-def resolved_sd(columns: Mapping[str, NDArray[Any]]) -> dict[str, Floats]:
+def smallest_sd(columns: Mapping[str, NDArray[Any]]) -> dict[str, Floats]:
     """Smallest sd of each quantity, shape (impacts,), that doubles resolve: below it the quantity counts as constant.
 
     It is `ROUNDED` times a size: of times their own, of displacements and velocities the largest over the impacts.
@@ -76,7 +76,7 @@ def units_by_quantity(run: HasColumns) -> dict[str, Floats]:
     Shapes: result (impacts,).
     """
     columns = run.columns
-    least = resolved_sd(columns)
+    least = smallest_sd(columns)
     unit = {q: np.where(columns["sd_" + q] > least[q], columns["sd_" + q], 1.0) for q in SECTION}
     for mesh in (1, 2):
         unit[f"x{mesh}"] = np.where(columns["mesh"] == mesh, 1.0, unit[f"x{mesh}"])

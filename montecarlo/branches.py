@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.montecarlo.rare_events import Event, Flight, events, onward
+from rattle.montecarlo.rare_events import Event, SearchedFlight, events, onward
 from rattle.scene.impact import struck
 from rattle.scene.scene import Scene
 from rattle.scene.tangent import saltation_matrix
@@ -61,7 +61,7 @@ class RareEvents:
         return np.array([branch.probability for branch in self.branches])
 
     @cached_property
-    def added(self) -> Floats:
+    def additions(self) -> Floats:
         """What each branch adds to mean, square and fourth power, shape (3, branches, impacts, 6)."""
         parts = [[getattr(branch, name) for branch in self.branches] for name in ("mean", "square", "fourth")]
         return np.array(parts).reshape(3, len(self.branches), *self.orbit.shape)
@@ -120,7 +120,7 @@ class BranchSearch:
             if self._flights == FLIGHTS:
                 return k, f"{FLIGHTS} flights were searched"
             self._flights += 1
-            flight = Flight(c, tau, after, start)
+            flight = SearchedFlight(c, tau, after, start)
             if flight.mesh <= 0:
                 return k, f"the orbit ends after impact {k}"
             for event in events(flight):

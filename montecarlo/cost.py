@@ -19,8 +19,8 @@ from rattle.montecarlo.accuracy import (
     absolute_errors,
     count_paths,
     find_exceedance,
-    resolved_sd,
     share_of_look,
+    smallest_sd,
     units_by_quantity,
     unseen_shifts,
 )
@@ -98,7 +98,7 @@ def _foreseen(
     """Errors of `paths` paths, as `absolute_errors`, and the units in which they count."""
     sd = np.nan_to_num([columns["sd_" + q] for q in SECTION])
     wider = np.sqrt(sd**2 + added.square.T)
-    varies = np.array(list(resolved_sd(columns).values()))
+    varies = np.array(list(smallest_sd(columns).values()))
     size = np.where(unit == sd, wider, unit)  # displacements at a struck wall, and what does not vary
     with np.errstate(divide="ignore", invalid="ignore"):
         shrunk = np.nan_to_num(sd / wider, nan=1.0)

@@ -153,7 +153,7 @@ def diagnose(run: _Run) -> tuple[str, ...]:
     return tuple(line for line in found if line)
 
 
-def counted_diagnostics(run: _Run) -> tuple[str, ...]:
+def list_counted(run: _Run) -> tuple[str, ...]:
     """Those diagnostics that take no computation: what the run itself has counted."""
     return tuple(line for line in (_of_accuracy(run), *_of_impacts(run)) if line)
 

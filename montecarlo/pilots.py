@@ -86,14 +86,14 @@ def _pilot_within(scene: Scene, scheme: str, simulate: Simulate, budget: Budget)
     with budget.pause():
         simulate(paths=1, **settings | {"impacts": 1, "sampling": until(settings["dt"])})  # compiles
 
-    def timed(**changed: Any) -> tuple[Ensemble, float]:
+    def time_run(**changed: Any) -> tuple[Ensemble, float]:
         began = clock()
         return simulate(**settings | changed), clock() - began
 
     for _ in range(2):  # overhead of a run besides its paths; the second time its plan is cached
-        run, before = timed(paths=1, sampling=until(settings["dt"]))
+        run, before = time_run(paths=1, sampling=until(settings["dt"]))
     horizon = default_horizon(run.impacts, run.dt * (COARSEST if settings["record"].step_bias else 1))
-    probe, _ = timed(paths=count_followed(scene, PROBES[0]), sampling=until(PROBE_SPAN * horizon))
+    probe, _ = time_run(paths=count_followed(scene, PROBES[0]), sampling=until(PROBE_SPAN * horizon))
     slow = cost_of(probe, 1).core_seconds / PROBE_SPAN
     if probe.unfinished and slow * probe.paths > budget.remaining:
         return PilotRun(probe, slow, False)
@@ -101,7 +101,7 @@ def _pilot_within(scene: Scene, scheme: str, simulate: Simulate, budget: Budget)
     for paths in (*PROBES, PILOT) if is_random(scene) else (1,):
         if found is not None and found.path_seconds * paths > budget.remaining:
             break
-        run, seconds = timed(paths=paths)
+        run, seconds = time_run(paths=paths)
         took = max(cost_of(run, 1).core_seconds, (seconds - before) / (paths - followed))
         found = PilotRun(run, took, run.paths == count_followed(scene, PILOT))
         before, followed = seconds, paths

@@ -75,7 +75,7 @@ def onward(
         rows[k, 2], rows[k, 3], rows[k, 4], rows[k, 5] = x1, y1, x2, y2
 
 
-class Flight:
+class SearchedFlight:
     """A flight with its Gaussian state around a noise-free path, to or beyond that path's next impact."""
 
     def __init__(self, c: Constants, tau: float, after: Floats, start: Floats) -> None:
@@ -95,7 +95,7 @@ def _wall(c: Constants, mesh: int) -> float:
     return c.wall1 if mesh == 1 else c.wall2
 
 
-def _distance(flight: Flight, means: Floats, spread: Floats, mesh: int, side: int) -> Floats:
+def _distance(flight: SearchedFlight, means: Floats, spread: Floats, mesh: int, side: int) -> Floats:
     """Distance from a wall in sds."""
     i = 2 * (mesh - 1)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -114,7 +114,7 @@ class Event(NamedTuple):
     states: list[tuple[float, Floats, Floats, int]]  # time since the start, state, covariance there, mesh struck (or 0)
 
 
-def _log_flux(flight: Flight, times: Floats, mesh: int, side: int) -> Floats:
+def _log_flux(flight: SearchedFlight, times: Floats, mesh: int, side: int) -> Floats:
     """Logarithm of the rate at which paths meet a wall that have not met the orbit's own: Rice's formula."""
     means, spread = flight.at(times)
     i, own = 2 * (mesh - 1), 2 * (flight.mesh - 1)
@@ -135,7 +135,7 @@ def _log_flux(flight: Flight, times: Floats, mesh: int, side: int) -> Floats:
     return np.asarray(np.nan_to_num(found, nan=-np.inf, posinf=-np.inf))
 
 
-def _earlier(flight: Flight, mesh: int, side: int) -> list[Event]:
+def _earlier(flight: SearchedFlight, mesh: int, side: int) -> list[Event]:
     """Another wall that is met before the orbit's own: an event for each peak of the flux of paths that meet it."""
     same = mesh == flight.mesh
     end = flight.time if same else flight.time + min(flight.time, LATEST)
@@ -165,7 +165,7 @@ def _earlier(flight: Flight, mesh: int, side: int) -> list[Event]:
     return found
 
 
-def _meet(flight: Flight, mesh: int, side: int, probability: float, times: Floats) -> Event:
+def _meet(flight: SearchedFlight, mesh: int, side: int, probability: float, times: Floats) -> Event:
     """An event with representatives at given times: how near the own wall is, and the speed, are spread as they are."""
     i, own, wall = 2 * (mesh - 1), 2 * (flight.mesh - 1), side * _wall(flight.c, mesh)
     means, spreads = flight.at(times)
@@ -197,7 +197,7 @@ def _condition(mean: Floats, spread: Floats, i: int, value: float) -> tuple[Floa
     return moved, spread - np.outer(gain, spread[i])
 
 
-def _miss(flight: Flight) -> Event | None:
+def _miss(flight: SearchedFlight) -> Event | None:
     """The orbit's own impact, if it all but grazes: paths that stay within the wall.
 
     The design point is where the wall is furthest behind, in sds; a path that is within it then has to be so all along,
@@ -234,7 +234,7 @@ def _miss(flight: Flight) -> Event | None:
     return Event(mesh, side, True, nearest, float(ndtr(-nearest) * share), STRATA, states)
 
 
-def events(flight: Flight) -> list[Event]:
+def events(flight: SearchedFlight) -> list[Event]:
     """All other events of a flight within reach."""
     missed = _miss(flight)
     found = [] if missed is None else [missed]

@@ -78,7 +78,7 @@ class Ensemble(SectionResult):
 
     def __repr__(self) -> str:
         """What was simulated, and what was counted on the way, on a few lines."""
-        from rattle.montecarlo.diagnostics import counted_diagnostics
+        from rattle.montecarlo.diagnostics import list_counted
 
         last = {name: self.columns[name][-1] for name in ("tau", "se_tau", "sd_tau", "agreement")}
         lines = [
@@ -86,7 +86,7 @@ class Ensemble(SectionResult):
             f"  {self.scheme}, dt = {self.dt:.4g}, seed {str(self.seed.entropy)[:40]}, {self.wall_seconds:.1f} s",
             f"  at impact {self.impacts}: tau = {last['tau']:.6g}, standard error {last['se_tau']:.2g}, "
             f"sd {last['sd_tau']:.4g}; {last['agreement']:.1%} of the paths on the noise-free itinerary",
-            *(f"  {sentence}" for sentence in counted_diagnostics(self)),
+            *(f"  {sentence}" for sentence in list_counted(self)),
             "  diagnostics also looks for rare branches that are missing, and for the bias of the step",
         ]
         return "\n".join(lines)
@@ -185,16 +185,16 @@ class Ensemble(SectionResult):
         if "control" in self.result.sums:
             s |= estimate_controlled(self.result.sums["control"], self.plan.control.variance)
         columns: dict[str, Floats | Ints] = {}
-        most = np.array(CODES)[np.argmax(self.result.codes, axis=1)] * (self._reached > 0)
+        most = np.array(CODES)[np.argmax(self.result.codes, axis=1)] * (self._arrivals > 0)
         for prefix, name in (("", "mean"), ("sd_", "sd"), ("skew_", "skew"), ("kurt_", "kurt")):
             for i, quantity in enumerate(SECTION):
                 absent = self.scene.stages == 1 and quantity in STATE[2:]
                 found = self.scene.to_absolute_time(s[name][:, i]) if prefix + quantity == "tau" else s[name][:, i]
                 columns[prefix + quantity] = found * (np.nan if absent else 1.0)
-                estimable = self._estimable(self._reached, name) * (np.nan if absent else 1.0)
+                estimable = self._estimable(self._arrivals, name) * (np.nan if absent else 1.0)
                 columns["se_" + prefix + quantity] = s["se_" + name][:, i] * estimable
-                if name in self._extrapolated:
-                    bias = self._extrapolated[name].bias[:, i]
+                if name in self._step_biases:
+                    bias = self._step_biases[name].bias[:, i]
                     columns["bias_" + prefix + quantity] = bias * (np.nan if absent else 1.0)
                 if prefix + quantity == "flight":
                     columns |= {"mesh": np.abs(most), "side": np.sign(most)}
@@ -210,8 +210,8 @@ class Ensemble(SectionResult):
             columns["energy"] = np.where(energy.n[:, 0] > 0, energy.mean[0][:, 0], np.nan)
             with np.errstate(invalid="ignore", divide="ignore"):
                 se = np.sqrt(energy.moment(2, 0)[:, 0] / energy.n[:, 0])
-            columns["se_energy"] = se * self._estimable(self._reached, "mean")
-        columns["paths"] = (self._reached * self._copies).astype(int)
+            columns["se_energy"] = se * self._estimable(self._arrivals, "mean")
+        columns["paths"] = (self._arrivals * self._copies).astype(int)
         columns["agreement"] = self._share(self.result.agreeing[NOISE_FREE])
         return columns
 
@@ -331,11 +331,11 @@ class Ensemble(SectionResult):
         import pandas as pd
 
         if "fine_coarse" not in self.result.sums and not SCHEMES[self.scheme].has_step_bias:
-            return self._unbiased
+            return self._zero_bias
         if "fine_coarse" not in self.result.sums:
             raise InputError("record.step_bias", False, "ask for it: simulate(..., record=Record(step_bias=True))")
-        found = self._extrapolated
-        estimable = {moment: self._estimable(self._reached, moment) for moment in found}
+        found = self._step_biases
+        estimable = {moment: self._estimable(self._arrivals, moment) for moment in found}
         late = ("tau", "mean")  # counted from the phase, and said in absolute time
         rows = [
             pd.DataFrame(
@@ -356,13 +356,13 @@ class Ensemble(SectionResult):
         return pd.concat(rows, ignore_index=True)
 
     @cached_property
-    def _extrapolated(self) -> dict[str, StepBias]:
+    def _step_biases(self) -> dict[str, StepBias]:
         """Measured step bias of means and sds; empty where none was measured."""
         sums = self.result.sums
         return extrapolate(sums["fine_coarse"], sums["coarse_coarser"]) if "fine_coarse" in sums else {}
 
     @property
-    def _unbiased(self) -> pd.DataFrame:
+    def _zero_bias(self) -> pd.DataFrame:
         import pandas as pd
 
         stages = self.scene.stages
@@ -390,7 +390,7 @@ class Ensemble(SectionResult):
         return self.dt * (2 ** (LEVELS - 1) if "fine_coarse" in self.result.sums else 1)
 
     @property
-    def _reached(self) -> Floats:
+    def _arrivals(self) -> Floats:
         return np.asarray(self.result.codes.sum(axis=1))
 
     def _estimable(self, paths: Floats, name: str) -> Floats:

@@ -60,7 +60,7 @@ def unseen(scene: Scene, columns: Mapping[str, NDArray[Any]], paths: int) -> Uns
     found = _branches(scene, impacts, paths)
     expected = found.probabilities * paths
     rare = (expected < SEEN) & (expected >= 1e-6)
-    probability, (mean, square, _) = found.probabilities[rare], found.added[:, rare]
+    probability, (mean, square, _) = found.probabilities[rare], found.additions[:, rare]
     up, down = np.maximum(mean, 0.0).sum(axis=0), np.maximum(-mean, 0.0).sum(axis=0)
     more, less = np.maximum(square, 0.0).sum(axis=0), np.maximum(-square, 0.0).sum(axis=0)
     influence = np.abs(square)
@@ -108,7 +108,7 @@ def branches_between(scene: Scene, columns: Mapping[str, NDArray[Any]], fewer: i
         return Added(nil, nil, np.zeros(0))
     found = _branches(scene, impacts, more)
     between = (found.probabilities >= SEEN / more) & (found.probabilities < SEEN / fewer)
-    square, fourth = np.maximum(found.added[1:, between], 0.0).sum(axis=1)
+    square, fourth = np.maximum(found.additions[1:, between], 0.0).sum(axis=1)
     return Added(square, fourth, found.probabilities[between])
 
 

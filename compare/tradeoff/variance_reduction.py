@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from rattle.montecarlo import default_step, simulate
-from rattle.montecarlo.accuracy import resolved_sd
+from rattle.montecarlo.accuracy import smallest_sd
 from rattle.montecarlo.kernel.block import Plan, sample
 from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.settings import plan_of
@@ -55,7 +55,7 @@ def control_table(
                 runs[control] = call(sampling=Sampling(control=control)).section
                 times[control] = min(times[control], time.process_time() - began)
         plain, controlled = runs[False], runs[True]
-        least = resolved_sd({str(name): plain[name].to_numpy() for name in plain})
+        least = smallest_sd({str(name): plain[name].to_numpy() for name in plain})
         usable = {q: (plain["sd_" + q] > least[q]) & (q != "x" + plain["mesh"].astype(str)) for q in SECTION}
         row: dict[str, float] = {"sigma": sigma}
         for moment, prefix in (("means", "se_"), ("sds", "se_sd_")):

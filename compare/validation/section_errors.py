@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from rattle.compare.validation.verdict import JUDGED, Tolerances, at_wall, judge
-from rattle.montecarlo.accuracy import resolved_sd, skewness_gain
+from rattle.montecarlo.accuracy import skewness_gain, smallest_sd
 from rattle.montecarlo.long_run.intervals import half_width
 from rattle.montecarlo.settings import is_random
 from rattle.montecarlo.unseen import Unseen, unseen, unseen_text
@@ -28,7 +28,7 @@ TOO_FEW = f"too few paths for an interval; an sd is judged from {FEWEST} on"
 """Remark on a row whose interval the sample cannot have."""
 
 ABSOLUTE = 1e-6
-"""Tolerance, relative to its size, of a quantity that does not vary (`rattle.montecarlo.accuracy.resolved_sd`)."""
+"""Tolerance, relative to its size, of a quantity that does not vary (`rattle.montecarlo.accuracy.smallest_sd`)."""
 
 BY_SIZE = f"sd is 0, or below what doubles resolve: compared with {ABSOLUTE:g} of the quantity's size"
 """Remark on the rows of such quantities."""
@@ -97,7 +97,7 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
     size = quantity.map(sizes | {"tau": sizes["flight"]}).astype(float).fillna(0.0)
     columns = {str(name): section[name].to_numpy() for name in section}
     few = ~is_mean & is_random(run.scene) & (section["paths"].loc[impact].to_numpy() < FEWEST)
-    least = pd.DataFrame(resolved_sd(columns), index=section.index)
+    least = pd.DataFrame(smallest_sd(columns), index=section.index)
     still = np.where(unit > _pick(least, impact, quantity), 0.0, ABSOLUTE * size)
     table = pd.DataFrame(
         {

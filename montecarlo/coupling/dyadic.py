@@ -84,7 +84,7 @@ def clockwork(scene: Scene, depth: int) -> Clockwork:
     return Clockwork(h, depth, table, carry)
 
 
-class Room(NamedTuple):
+class TreeRoom(NamedTuple):
     """Buffers of a walk."""
 
     end: Floats  # state at the end of a trial; (4,)
@@ -94,10 +94,10 @@ class Room(NamedTuple):
 
 
 @jit
-def new_room(depth: int) -> Room:
+def new_room(depth: int) -> TreeRoom:
     """Buffers for a tree of given depth."""
     size = depth + 2
-    return Room(np.empty(4), np.empty((size, 2)), np.empty(size, np.int64), np.empty(size, np.int64))
+    return TreeRoom(np.empty(4), np.empty((size, 2)), np.empty(size, np.int64), np.empty(size, np.int64))
 
 
 @jit
@@ -176,7 +176,7 @@ def _leaf(
 def walk_step(
     c: Constants,
     w: Clockwork,
-    room: Room,
+    room: TreeRoom,
     key: Key,
     path: Word,
     step: int,

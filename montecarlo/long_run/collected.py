@@ -40,21 +40,21 @@ class Collected(NamedTuple):
 def collect(parts: list[Sums], batches: int, time: float, samples: float, stages: int) -> Collected:
     """Join the sums of all blocks of paths."""
 
-    def joined(name: str) -> NDArray[Any]:
+    def join(name: str) -> NDArray[Any]:
         return np.concatenate([getattr(part, name) for part in parts])
 
-    power, products, histogram = joined("power"), joined("products"), joined("histogram")
+    power, products, histogram = join("power"), join("products"), join("histogram")
     if stages == 2:  # all impacts: those at either mesh
         for sums in (power[:, :, SPEED:], products[:, :, 0], histogram[:, :, SPEED:]):
             sums[:, 0] = sums[:, 1] + sums[:, 2]
     return Collected(
-        joined("main")[:, :batches],
+        join("main")[:, :batches],
         time,
         samples,
         power,
         products,
         histogram,
-        joined("section"),
+        join("section"),
         parts[0].together,
         parts[0].scales,
         stages,

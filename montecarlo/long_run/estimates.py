@@ -26,7 +26,7 @@ from rattle.montecarlo.long_run.sums import CONTACT, ENERGY, FLIGHT, NUMBER, SLO
 Floats = NDArray[np.float64]
 
 
-class Estimate(NamedTuple):
+class StationaryEstimate(NamedTuple):
     """An estimate with its errors."""
 
     value: float  # value, se: estimate and standard error from the variation between paths
@@ -47,7 +47,7 @@ def _jackknife(sums: Floats, function: Callable[[Floats], Floats]) -> Spread:
     return spread(n * value - (n - 1) * function(total - sums), value)
 
 
-def _within(least: float, e: Estimate, most: float) -> Estimate:
+def _within(least: float, e: StationaryEstimate, most: float) -> StationaryEstimate:
     """An estimate whose interval ends where its quantity does."""
     return e._replace(low=max(e.low, least), high=min(e.high, most))
 
@@ -62,9 +62,9 @@ class _Maker:
     def __init__(self, c: Collected) -> None:
         self.c, self.main = c, c.main.sum(axis=1)
 
-    def make(self, of: Spread, naive: float, batches: float = math.nan) -> Estimate:
+    def make(self, of: Spread, naive: float, batches: float = math.nan) -> StationaryEstimate:
         low, high = of.interval()
-        return Estimate(of.value, of.se, low, high, _over(of.se**2, naive**2), batches, of.effective_paths)
+        return StationaryEstimate(of.value, of.se, low, high, _over(of.se**2, naive**2), batches, of.effective_paths)
 
     def _batch_se(self, a: Floats, bottom: int | None) -> float:
         """Standard error of a ratio of sums (or of a rate) from the spread of all batches of all paths."""
@@ -76,22 +76,22 @@ class _Maker:
         rest = rest - rest.mean(axis=1, keepdims=True)  # within paths only
         return float(np.sqrt((rest**2).sum() * batches / (batches - 1))) / float(b.sum())
 
-    def rate(self, g: int) -> Estimate:
+    def rate(self, g: int) -> StationaryEstimate:
         """Impacts per unit of time."""
         number = self.c.main[:, :, 4 * g + NUMBER]
         return self._per_time(number, g, float(number.sum()), self._raw(g, FLIGHT)[0])
 
-    def rate_above(self, g: int) -> Estimate:
+    def rate_above(self, g: int) -> StationaryEstimate:
         """Impacts per unit of time that are not slow."""
         number = self.c.main[:, :, 4 * g + NUMBER] - self.c.main[:, :, 4 * g + SLOW]
         return self._per_time(number, g, float(number.sum()), float(self.c.products[:, g, 2].sum()))
 
-    def power(self, g: int, factor: float = 1.0) -> Estimate:
+    def power(self, g: int, factor: float = 1.0) -> StationaryEstimate:
         """Energy lost per unit of time."""
         square, cross = self.c.products[:, g, :2].sum(axis=0)
         return self._per_time(self.c.main[:, :, 4 * g + ENERGY], g, float(square), float(cross), factor)
 
-    def _per_time(self, sums: Floats, g: int, square: float, cross: float, factor: float = 1.0) -> Estimate:
+    def _per_time(self, sums: Floats, g: int, square: float, cross: float, factor: float = 1.0) -> StationaryEstimate:
         """A sum over impacts per unit of time, from its square and its product with the flight, summed over impacts."""
         whole = self.c.time * self.c.paths
         value = float(sums.sum()) / whole
@@ -106,13 +106,13 @@ class _Maker:
         a, s = float(r.centre[g, i]), float(r.scale[g, i])
         return float(a * m[0] + s * m[1]), float(a * a * m[0] + 2.0 * a * s * m[1] + s * s * m[2])
 
-    def share(self, column: int, of: int) -> Estimate:
+    def share(self, column: int, of: int) -> StationaryEstimate:
         """A number of impacts out of a number of impacts."""
         found = _jackknife(self.main[:, [column, of]], lambda s: s[:, 0] / s[:, 1])
         naive = math.sqrt(max(found.value * (1.0 - found.value), 0.0) / self.main[:, of].sum())
         return _within(0.0, self.make(found, naive, self._batch_se(self.c.main[:, :, column], of)), 1.0)
 
-    def energy(self, g: int) -> Estimate:
+    def energy(self, g: int) -> StationaryEstimate:
         """Mean energy lost at an impact."""
         columns = [4 * g + ENERGY, 4 * g + NUMBER]
         found = _jackknife(self.main[:, columns], lambda s: s[:, 0] / s[:, 1])
@@ -120,7 +120,7 @@ class _Maker:
         naive = math.sqrt(max(square / n - found.value**2, 0.0) / n)
         return self.make(found, naive, self._batch_se(self.c.main[:, :, columns[0]], columns[1]))
 
-    def contact(self, mesh: int) -> Estimate:
+    def contact(self, mesh: int) -> StationaryEstimate:
         """Share of the time in which a mesh is closed; its autocorrelation in impacts."""
         c = self.c
         each = self.main[:, CONTACT + mesh - 1] / c.samples
@@ -130,7 +130,7 @@ class _Maker:
         batches = self._batch_se(c.main[:, :, CONTACT + mesh - 1], None) * c.time / c.samples
         return _within(0.0, self.make(found, naive, batches), 1.0)
 
-    def moments(self, g: int, i: int) -> Iterator[tuple[str, Estimate]]:
+    def moments(self, g: int, i: int) -> Iterator[tuple[str, StationaryEstimate]]:
         """Mean, sd and skewness of flight or of a speed."""
         power, scale, centre = (
             self.c.power[:, g, i],
@@ -166,7 +166,7 @@ class _Maker:
             found = found._replace(value=found.value * factor + (centre if k == 0 else 0.0), se=found.se * factor)
             yield prefix, self.make(found, naive, batches)
 
-    def quantiles(self, g: int, i: int) -> Iterator[tuple[str, Estimate]]:
+    def quantiles(self, g: int, i: int) -> Iterator[tuple[str, StationaryEstimate]]:
         """Quantiles, with intervals by Woodruff's method: those of the probability, read off the distribution."""
         counts = self.c.histogram[:, g, i].astype(float)
         edges, n = self.c.scales.edges[g, i], counts.sum(axis=1)
@@ -182,7 +182,7 @@ class _Maker:
             naive = math.sqrt(p * (1.0 - p) / float(n.sum()))
             yield (
                 f"q{percent:02d}_",
-                Estimate(
+                StationaryEstimate(
                     value,
                     0.5 * (high - low) / half,
                     low,
@@ -206,7 +206,7 @@ def _inverse(edges: Floats, below: Floats, p: float) -> float:
     return float(np.interp(p, below, edges))
 
 
-def estimates(c: Collected, names: tuple[str, ...] | None = None) -> dict[str, Estimate]:
+def estimates(c: Collected, names: tuple[str, ...] | None = None) -> dict[str, StationaryEstimate]:
     """All stationary quantities of a long run (dimensionless).
 
     Returns: ``rate_above`` (impacts per unit of time that are not slow) and ``speed_above``, ``rate`` and
@@ -222,11 +222,11 @@ def estimates(c: Collected, names: tuple[str, ...] | None = None) -> dict[str, E
     return {name: better[name]._replace(autocorrelation=e.autocorrelation) for name, e in plain.items()}
 
 
-def _estimates(made: _Maker, names: tuple[str, ...] | None) -> dict[str, Estimate]:
+def _estimates(made: _Maker, names: tuple[str, ...] | None) -> dict[str, StationaryEstimate]:
     """All quantities, or those that are wanted."""
     c, out = made.c, {}
 
-    def wanted(*found: str) -> bool:
+    def is_wanted(*found: str) -> bool:
         return names is None or any(name in names for name in found)
 
     for g, suffix in groups(c.stages):
@@ -238,9 +238,9 @@ def _estimates(made: _Maker, names: tuple[str, ...] | None) -> dict[str, Estimat
             name = NAMES[i] + suffix
             if not c.power[:, g, i, 0].any():
                 continue
-            if wanted(name, "sd_" + name, "skew_" + name):
+            if is_wanted(name, "sd_" + name, "skew_" + name):
                 out |= {prefix + name: estimate for prefix, estimate in made.moments(g, i)}
-            if wanted(*(f"q{percent:02d}_{name}" for percent in QUANTILES)):
+            if is_wanted(*(f"q{percent:02d}_{name}" for percent in QUANTILES)):
                 out |= {prefix + name: estimate for prefix, estimate in made.quantiles(g, i)}
         out["energy" + suffix] = made.energy(g)
         out["energy_per_period" + suffix] = made.power(g, 2.0 * math.pi)

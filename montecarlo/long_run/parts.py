@@ -24,8 +24,8 @@ from rattle.montecarlo.long_run.burn_in import (
     apart,
     drift,
 )
-from rattle.montecarlo.long_run.ensemble import Ensemble
 from rattle.montecarlo.long_run.estimates import estimates
+from rattle.montecarlo.long_run.paths import LongPaths
 from rattle.montecarlo.long_run.pilot import no_scales, scales_of_pilot
 from rattle.montecarlo.long_run.reach import LongReach, widest
 from rattle.montecarlo.long_run.sums import NUMBER
@@ -48,7 +48,7 @@ SPARE = 1.1  # more than what an accuracy is expected to take
 class Parts(NamedTuple):
     """The parts of a run, one after the other."""
 
-    ensemble: Ensemble  # the paths
+    ensemble: LongPaths  # the paths
     pool: ThreadPoolExecutor  # threads
     bar: tqdm[NoReturn]  # counts periods
     limit: Budget  # time that the run may take

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rattle.montecarlo.long_run.estimates import Estimate
+from rattle.montecarlo.long_run.estimates import StationaryEstimate
 from rattle.scene.text import duration_text
 
 
@@ -32,7 +32,7 @@ class LongReach(NamedTuple):
         return f"Accuracy {self.asked:g} NOT reached within the budget: {found}; about {more} would do."
 
 
-def widest(found: dict[str, Estimate]) -> tuple[float, str]:
+def widest(found: dict[str, StationaryEstimate]) -> tuple[float, str]:
     """Find the widest interval."""
     widths = {
         name: 0.0 if e.se == 0.0 else 0.5 * (e.high - e.low) / abs(e.value) if e.value != 0.0 else math.inf

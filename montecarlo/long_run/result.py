@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rattle.montecarlo.long_run.burn_in import BurnIn, Drift
 from rattle.montecarlo.long_run.collected import Collected, time_averages
 from rattle.montecarlo.long_run.density import SectionDensity, section_densities, velocity_density
-from rattle.montecarlo.long_run.estimates import Estimate, estimates
+from rattle.montecarlo.long_run.estimates import StationaryEstimate, estimates
 from rattle.montecarlo.long_run.names import all_names
 from rattle.montecarlo.long_run.reach import LongReach
 from rattle.montecarlo.long_run.sums import NUMBER
@@ -44,7 +44,7 @@ class LongRun:
         return int(self.sums.main[:, :, NUMBER].sum())
 
     @cached_property
-    def estimates(self) -> dict[str, Estimate]:
+    def estimates(self) -> dict[str, StationaryEstimate]:
         """All quantities by name, in the order of the table."""
         found = estimates(self.sums)
         return {name: found[name] for name in all_names(self.scene.stages) if name in found}

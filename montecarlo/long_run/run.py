@@ -11,9 +11,9 @@ import numpy as np
 from tqdm import tqdm
 
 from rattle.montecarlo.budget import Budget
-from rattle.montecarlo.long_run.ensemble import BATCHES, Ensemble
 from rattle.montecarlo.long_run.names import all_names
 from rattle.montecarlo.long_run.parts import Parts
+from rattle.montecarlo.long_run.paths import BATCHES, LongPaths
 from rattle.montecarlo.long_run.result import LongRun
 from rattle.montecarlo.settings import check_settings
 from rattle.scene.errors import InputError
@@ -76,8 +76,8 @@ def long_run(
     seed = rng if isinstance(rng, np.random.SeedSequence) else np.random.SeedSequence(rng)
     began = time.perf_counter()
     with limit.pause():
-        Ensemble(scene, 1, seed, slow, limit).warm_up()
-    ensemble = Ensemble(scene, paths, seed, slow, limit)
+        LongPaths(scene, 1, seed, slow, limit).warm_up()
+    ensemble = LongPaths(scene, paths, seed, slow, limit)
     bar = tqdm(unit="period", desc=progress and line(progress), disable=None if progress else True)
     with ThreadPoolExecutor(workers) as pool, bar:
         runner = Parts(ensemble, pool, bar, limit, budget is None)

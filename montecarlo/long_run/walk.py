@@ -19,7 +19,7 @@ from rattle.montecarlo.long_run.stretches import MANY, Block, follow_stretches
 from rattle.montecarlo.long_run.sums import Sums
 from rattle.montecarlo.noise.backlash import backlash_of, draw_walls
 from rattle.montecarlo.noise.philox import key_of
-from rattle.montecarlo.schemes.step_size import default_step, scales_of
+from rattle.montecarlo.schemes.step_size import default_step, time_scales
 from rattle.scene.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -52,7 +52,7 @@ def _spread_starts(scene: Scene, walls: Floats, seed: np.random.SeedSequence, fi
     """
     own = start_state(scene, walls)
     c = scene.constants
-    speed = min(c.wall1, c.wall2 if scene.stages == 2 else c.wall1) / scales_of(scene).crossing
+    speed = min(c.wall1, c.wall2 if scene.stages == 2 else c.wall1) / time_scales(scene).crossing
     speed = speed if 0.0 < speed < math.inf else 1.0
     rng = np.random.default_rng(np.random.SeedSequence([*seed.generate_state(4), first]))
     u = rng.uniform(size=(4, walls.shape[1]))

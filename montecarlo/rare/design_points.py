@@ -32,7 +32,7 @@ PILOT = 0x9170  # spawn key of the pilot's random numbers
 
 
 @dataclass(frozen=True)
-class Branch:
+class RareBranch:
     """Another event than the orbit's."""
 
     impact: int  # the impact at which paths leave the orbit's itinerary, from 1 on
@@ -117,7 +117,7 @@ def _search(
     return (math.sqrt(size) if abs(limit) < NEAR else math.nan), limit
 
 
-def _enter(c: Constants, origin: Origin, codes: Ints, branch: Branch, orbit: Floats, sd: Floats) -> Branch:
+def _enter(c: Constants, origin: Origin, codes: Ints, branch: RareBranch, orbit: Floats, sd: Floats) -> RareBranch:
     """The branch with what is struck there, and what it adds to a kurtosis, not counting walls that are struck."""
     path, k = np.full_like(orbit, np.nan), branch.impact - 1
     for factor in BEYOND:
@@ -133,7 +133,7 @@ def _enter(c: Constants, origin: Origin, codes: Ints, branch: Branch, orbit: Flo
     return replace(branch, code=int(np.nan_to_num(path[k, 6])), kurtosis=float(np.nanmax(added, initial=0.0)))
 
 
-def find_branches(plan: Plan, codes: Ints, sd: Floats) -> tuple[list[Branch], list[tuple[int, int]]]:
+def find_branches(plan: Plan, codes: Ints, sd: Floats) -> tuple[list[RareBranch], list[tuple[int, int]]]:
     """The branches within `FARTHEST`, one for each design point.
 
     Returns: Where the first search came near and the second did not settle: unknown, not absent. Shapes: `codes`
@@ -144,7 +144,7 @@ def find_branches(plan: Plan, codes: Ints, sd: Floats) -> tuple[list[Branch], li
     origin = Origin(plan.scene.phase, (start[0], start[1], start[2], start[3]), plan.dt)
     orbit = np.full((impacts, 7), np.nan)
     follow_controlled(c, origin, np.empty(0), codes, Question(-1, 1), orbit)
-    found: list[Branch] = []
+    found: list[RareBranch] = []
     unresolved: list[tuple[int, int]] = []
     tried: list[Floats] = []
     for k in range(min(impacts, SEARCHED)):
@@ -163,7 +163,7 @@ def find_branches(plan: Plan, codes: Ints, sd: Floats) -> tuple[list[Branch], li
                 unresolved.append((k + 1, code))
             if not beta < FARTHEST:
                 continue
-            branch = Branch(k + 1, code, beta, 0.5 * math.erfc(beta / math.sqrt(2.0)), 0.0, noise)
+            branch = RareBranch(k + 1, code, beta, 0.5 * math.erfc(beta / math.sqrt(2.0)), 0.0, noise)
             found.append(_enter(c, origin, codes, branch, orbit, sd))
     return sorted(found, key=lambda b: -b.kurtosis), unresolved
 

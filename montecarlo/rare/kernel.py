@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from rattle.montecarlo.kernel.kernel import EXACT, Job, _finish_inside, _step_lanes
 from rattle.montecarlo.kernel.lanes import CHUNK, Lanes, Room, list_marked, of_level
 from rattle.montecarlo.noise.philox import Word, fill_normals
-from rattle.montecarlo.rare.mixture import Mixture
+from rattle.montecarlo.rare.mixture import BranchMixture
 from rattle.montecarlo.schemes.short_flight import sine_cosine
 from rattle.montecarlo.schemes.step_state import Noise, Progress
 from rattle.scene.compiled import lean
@@ -38,7 +38,7 @@ def _condition(z: Floats, u: float, rest: float, k: int, part: Ints, ahead: Floa
 
 
 @lean
-def _weight(mixture: Mixture, n: int, p: int, done: Floats) -> float:
+def _weight(mixture: BranchMixture, n: int, p: int, done: Floats) -> float:
     """Weight of a path after n steps."""
     total = mixture.plain
     last = mixture.rest.shape[1] - 1
@@ -74,7 +74,7 @@ def _retire(every: Lanes, room: Room, part: Ints, ahead: Floats, done: Floats, i
 @lean
 def run_weighted(
     job: Job,
-    mixture: Mixture,
+    mixture: BranchMixture,
     first: int,
     every: Lanes,
     room: Room,

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.rare.design_points import Branch
+from rattle.montecarlo.rare.design_points import RareBranch
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -31,7 +31,7 @@ SPLIT = (0.7, 0.3)  # share of each threshold
 TARGETS = 0x7A6  # spawn key of the random numbers of `targets`
 
 
-class Mixture(NamedTuple):
+class BranchMixture(NamedTuple):
     """Parts of the mixture, for compiled code."""
 
     unit: Floats  # unit vectors towards the design points; (branches, steps)
@@ -43,13 +43,13 @@ class Mixture(NamedTuple):
     counts: Ints
 
 
-def choose_branches(branches: Sequence[Branch]) -> list[Branch]:
+def choose_branches(branches: Sequence[RareBranch]) -> list[RareBranch]:
     """The branches that are worth paths of their own."""
     rare = [b for b in branches if b.probability < LIKELY and b.kurtosis > LEAST_KURTOSIS]
     return [b for b in rare if b.kurtosis > WORTH * rare[0].kurtosis][:MOST]
 
 
-def mixture_of(branches: Sequence[Branch]) -> Mixture:
+def mixture_of(branches: Sequence[RareBranch]) -> BranchMixture:
     """Give each branch paths in proportion to the root of the kurtosis that it adds.
 
     Examples
@@ -68,10 +68,10 @@ def mixture_of(branches: Sequence[Branch]) -> Mixture:
     counts = counts.astype(np.int64).reshape(-1, len(SPLIT))
     level = np.array([[b.beta - before for before in BEFORE] for b in branches]).reshape(-1, len(SPLIT))
     tail = np.array([0.5 * math.erfc(b / math.sqrt(2.0)) for b in level.ravel()]).reshape(level.shape)
-    return Mixture(unit, rest, level, counts / BLOCK / tail, float(1.0 - counts.sum() / BLOCK), counts)
+    return BranchMixture(unit, rest, level, counts / BLOCK / tail, float(1.0 - counts.sum() / BLOCK), counts)
 
 
-def targets(mixture: Mixture, seed: np.random.SeedSequence, block: int) -> tuple[Ints, Floats]:
+def targets(mixture: BranchMixture, seed: np.random.SeedSequence, block: int) -> tuple[Ints, Floats]:
     """What the conditioned paths of a block have to reach along their unit vector.
 
     Shapes: `part` (BLOCK,); `ahead` (BLOCK,).

@@ -15,9 +15,9 @@ from rattle.montecarlo.kernel.kernel import COLUMNS, EXACT, Job
 from rattle.montecarlo.kernel.lanes import lanes_of
 from rattle.montecarlo.noise.backlash import backlash_of
 from rattle.montecarlo.noise.philox import key_of
-from rattle.montecarlo.rare.design_points import Branch, find_branches, pilot_of
+from rattle.montecarlo.rare.design_points import RareBranch, find_branches, pilot_of
 from rattle.montecarlo.rare.kernel import run_weighted
-from rattle.montecarlo.rare.mixture import Mixture, choose_branches, mixture_of, targets
+from rattle.montecarlo.rare.mixture import BranchMixture, choose_branches, mixture_of, targets
 from rattle.montecarlo.rare.weighted_moments import ORDERS, add, moments
 from rattle.montecarlo.schemes.step_size import default_step
 from rattle.montecarlo.settings import NOISE_FREE, plan_of
@@ -44,9 +44,9 @@ class RareEnsemble(SectionResult):
         What was simulated.
     paths : int
         Number of paths, a multiple of the block.
-    found : tuple of Branch
+    found : tuple of RareBranch
         Branches whose design points were found, the one that adds most to a kurtosis first.
-    sampled : tuple of Branch
+    sampled : tuple of RareBranch
         Those of them that have paths of their own.
     unresolved : tuple of (impact, code)
         Events near the orbit whose design point the search did not find: unknown, not absent.
@@ -65,8 +65,8 @@ class RareEnsemble(SectionResult):
 
     scene: Scene
     paths: int
-    found: tuple[Branch, ...]
-    sampled: tuple[Branch, ...]
+    found: tuple[RareBranch, ...]
+    sampled: tuple[RareBranch, ...]
     unresolved: tuple[tuple[int, int], ...]
     unfinished: int
     mean: Floats
@@ -176,7 +176,9 @@ def simulate_rare(
     return RareEnsemble(scene, blocks * BLOCK, tuple(found), tuple(sampled), tuple(unresolved), unfinished, *estimates)
 
 
-def _block(plan: Plan, mixture: Mixture, counts: NDArray[np.int64], centre: Floats, block: int) -> tuple[Floats, int]:
+def _block(
+    plan: Plan, mixture: BranchMixture, counts: NDArray[np.int64], centre: Floats, block: int
+) -> tuple[Floats, int]:
     """Sums of one block by parts, and its unfinished paths."""
     rows, weights = run_block(plan, mixture, block)
     sums = np.zeros((counts.size, *centre.shape, ORDERS))
@@ -186,7 +188,7 @@ def _block(plan: Plan, mixture: Mixture, counts: NDArray[np.int64], centre: Floa
     return sums, int(np.isnan(weights[:, -1]).sum())
 
 
-def run_block(plan: Plan, mixture: Mixture, block: int) -> tuple[Floats, Floats]:
+def run_block(plan: Plan, mixture: BranchMixture, block: int) -> tuple[Floats, Floats]:
     """Run the paths of a block.
 
     Returns: Likelihood ratio of the plain distribution to the mixture, given the steps up to the impact. Shapes:

@@ -15,13 +15,13 @@ from rattle.scene.validate import finite
 
 __all__ = [
     "COARSEST",
-    "Scales",
+    "TimeScales",
     "accurate_flight",
     "check_step",
     "default_step",
     "is_admissible",
     "largest_step",
-    "scales_of",
+    "time_scales",
     "trusted_step",
 ]
 
@@ -34,7 +34,7 @@ COARSEST = 2 ** (LEVELS - 1)
 """Coarsest step over the finest: dt, 2 dt and 4 dt share one Brownian path (Richardson extrapolation)."""
 
 
-class Scales(NamedTuple):
+class TimeScales(NamedTuple):
     """Time scales that a step must resolve; infinite where there is no such process."""
 
     damping: float  # relaxation time of the faster damped wheel, ``1 / beta``
@@ -48,13 +48,13 @@ class Scales(NamedTuple):
     turning: float
 
 
-def scales_of(scene: Scene) -> Scales:
+def time_scales(scene: Scene) -> TimeScales:
     """The time scales of a scene.
 
     Examples
     --------
     >>> from rattle.scene import DAT21, Scene
-    >>> [round(t, 3) for t in scales_of(Scene.from_gears(DAT21, sigma=0.5))]
+    >>> [round(t, 3) for t in time_scales(Scene.from_gears(DAT21, sigma=0.5))]
     [7.5, 0.25, 0.998, 12.871]
     """
     c, start, tolerance = scene.constants, scene.start, scene.tolerance
@@ -75,7 +75,7 @@ def scales_of(scene: Scene) -> Scales:
     shaking = _over(gap, noise) ** (2.0 / 3.0)
     if shaking > damping:
         shaking = max(damping, _over(gap, noise * damping) ** 2)
-    return Scales(damping, _over(gap, typical), shaking, _over(_leaving(scene), noise) ** 2)
+    return TimeScales(damping, _over(gap, typical), shaking, _over(_leaving(scene), noise) ** 2)
 
 
 def _over(a: float, b: float) -> float:
@@ -106,7 +106,7 @@ def accurate_flight(scene: Scene) -> Limit:
     (0.1, "a longer step cannot follow the noise's modulation")
     """
     limits = {
-        "a longer step cannot follow the damping": 0.2 * scales_of(scene).damping,
+        "a longer step cannot follow the damping": 0.2 * time_scales(scene).damping,
         "a longer step cannot follow the noise's modulation": 0.1,
     }
     return _least(limits)
@@ -143,7 +143,7 @@ def largest_step(scene: Scene, scheme: str = "euler-maruyama") -> Limit:
     >>> largest_step(Scene.from_gears(DAT21), "exact-flight")[1]
     "a longer step cannot follow the noise's modulation"
     """
-    t = scales_of(scene)
+    t = time_scales(scene)
     if not SCHEMES[scheme].has_step_bias:
         accurate, why = accurate_flight(scene)
         return _least({why: accurate, "a longer step holds too many impacts": 2.0 * min(t.crossing, t.shaking)})
@@ -171,7 +171,7 @@ def trusted_step(scene: Scene, scheme: str) -> Limit:
     """
     if not SCHEMES[scheme].has_step_bias:
         return largest_step(scene, scheme)
-    t, (late, reversal) = scales_of(scene), TRUSTED_SHARES[scheme]
+    t, (late, reversal) = time_scales(scene), TRUSTED_SHARES[scheme]
     return _least(
         {
             "a longer step changes the spread of the damped speeds": 0.3 * t.damping,
@@ -182,7 +182,7 @@ def trusted_step(scene: Scene, scheme: str) -> Limit:
 
 
 TRUSTED_SHARES = {"euler-maruyama": (0.01, 0.03), "euler-maruyama-located": (0.04, 0.05)}
-"""Trusted step over `Scales.shaking` and over `Scales.turning`: at-end detection is late by half a step."""
+"""Trusted step over `TimeScales.shaking` and over `TimeScales.turning`: at-end detection is late by half a step."""
 
 
 def _least(limits: dict[str, float]) -> Limit:

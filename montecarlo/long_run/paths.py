@@ -17,7 +17,7 @@ from rattle.montecarlo.long_run.sums import CONTACT, Scales, new_sums
 from rattle.montecarlo.long_run.walk import LANES, PERIOD, SAMPLES, Walk
 from rattle.scene.scene import Scene
 
-__all__ = ["BATCHES", "Ensemble"]
+__all__ = ["BATCHES", "LongPaths"]
 
 Floats = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ AT_ONCE = 8  # batches between two looks at the progress
 TOGETHER, MANY = 4, 128  # paths that share a histogram, and paths from which on they do
 
 
-class Ensemble:
+class LongPaths:
     """All blocks of paths, and the batches that they are filling.
 
     Parameters
