@@ -24,10 +24,10 @@ from rattle.montecarlo.long_run.burn_in import (
     apart,
     drift,
 )
-from rattle.montecarlo.long_run.estimates import estimates
+from rattle.montecarlo.long_run.estimates import StationaryEstimate, estimates
 from rattle.montecarlo.long_run.paths import LongPaths
 from rattle.montecarlo.long_run.pilot import no_scales, scales_of_pilot
-from rattle.montecarlo.long_run.reach import LongReach, widest
+from rattle.montecarlo.long_run.result import LongReach
 from rattle.montecarlo.long_run.sums import NUMBER
 from rattle.scene.errors import InputError
 from rattle.scene.text import duration_text
@@ -143,7 +143,7 @@ class Parts(NamedTuple):
             wanted = LEAST if periods is None else periods
             raise self._unaffordable(f"{wanted} periods after the burn-in", wanted)
         while goal is not None:
-            width, worst = widest(estimates(e.collect(), asked))
+            width, worst = find_widest(estimates(e.collect(), asked))
             need = math.inf if math.isinf(width) else e.periods * (width / goal) ** 2
             more = max(need - e.periods, 0.0)
             if width <= goal:
@@ -169,3 +169,13 @@ class Parts(NamedTuple):
         main = self.ensemble.main
         batches = main.shape[1]
         return drift(main, slice(0, batches // 4), slice(batches // 2, batches))
+
+
+def find_widest(found: dict[str, StationaryEstimate]) -> tuple[float, str]:
+    """Find the widest interval."""
+    widths = {
+        name: 0.0 if e.se == 0.0 else 0.5 * (e.high - e.low) / abs(e.value) if e.value != 0.0 else math.inf
+        for name, e in found.items()
+    }
+    worst = max(widths, key=lambda name: (not math.isfinite(widths[name]), widths[name]))
+    return (widths[worst] if math.isfinite(widths[worst]) else math.inf), worst

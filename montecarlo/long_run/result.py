@@ -1,23 +1,112 @@
-"""The result of a long run."""
+"""The result of a long run: its quantities, the density of its section, its energy balance, and how far it got."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from rattle.montecarlo.long_run.burn_in import BurnIn, Drift
 from rattle.montecarlo.long_run.collected import Collected, time_averages
-from rattle.montecarlo.long_run.density import SectionDensity, section_densities, velocity_density
 from rattle.montecarlo.long_run.estimates import StationaryEstimate, estimates
 from rattle.montecarlo.long_run.names import all_names
-from rattle.montecarlo.long_run.reach import LongReach
-from rattle.montecarlo.long_run.sums import NUMBER
+from rattle.montecarlo.long_run.sums import ENERGY, NUMBER, PHASES, VELOCITIES
 from rattle.scene.scene import Scene
+from rattle.scene.text import duration_text
 
 Floats = NDArray[np.float64]
+
+
+class LongReach(NamedTuple):
+    """The accuracy that a long run reached, compared with the accuracy asked for."""
+
+    asked: float  # largest half width of the 95 % intervals over their value
+    worst: str  # the quantity whose interval is widest
+    width: float  # half width of its interval over its value
+    more_seconds: float  # estimated time that is missing; 0 where the accuracy was reached
+
+    @property
+    def reached(self) -> bool:
+        """Whether all intervals that were asked for are within the accuracy."""
+        return self.width <= self.asked
+
+    @property
+    def sentence(self) -> str:
+        """What was reached, as text."""
+        found = f"the widest interval is ± {self.width:.2g} of its value ({self.worst})"
+        if self.reached:
+            return f"Accuracy {self.asked:g} reached: {found}."
+        more = f"{duration_text(self.more_seconds)} of processor time more"
+        return f"Accuracy {self.asked:g} NOT reached within the budget: {found}; about {more} would do."
+
+
+@dataclass(frozen=True)
+class SectionDensity:
+    """Impacts at a mesh by the phase of the excitation and the velocity just before them."""
+
+    mesh: int  # mesh that is struck
+    phase: Floats  # phase, velocity: edges of the cells; phases in [0, 2 pi]; (cells + 1,)
+    velocity: Floats
+    # density, se: probability density of the section, and its standard error from the variation between paths;
+    # (phases, velocities)
+    density: Floats
+    se: Floats
+    outside: float  # share of the impacts with a velocity beyond the edges
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """Cells that are not empty: ``mesh, phase, velocity`` (middles), ``density, se``."""
+        i, j = np.nonzero(self.density)
+        middle = [0.5 * (edges[1:] + edges[:-1]) for edges in (self.phase, self.velocity)]
+        return pd.DataFrame(
+            {
+                "mesh": self.mesh,
+                "phase": middle[0][i],
+                "velocity": middle[1][j],
+                "density": self.density[i, j],
+                "se": self.se[i, j],
+            }
+        )
+
+
+def section_densities(c: Collected) -> tuple[SectionDensity, ...]:
+    """Density of the section at each mesh."""
+    found = []
+    for mesh in range(1, c.stages + 1):
+        at = 4 * (mesh if c.stages == 2 else 0) + NUMBER
+        n = c.of_units(c.main[:, :, at].sum(axis=1))
+        if n.sum() == 0.0:
+            continue
+        low, high = c.scales.low[mesh - 1], c.scales.high[mesh - 1]
+        area = 2.0 * math.pi / PHASES * (high - low) / VELOCITIES
+        share, se = _shares(c.section[:, mesh - 1].astype(float), n)
+        edges = np.linspace(0.0, 2.0 * math.pi, PHASES + 1), np.linspace(low, high, VELOCITIES + 1)
+        found.append(SectionDensity(mesh, *edges, share / area, se / area, float(1.0 - share.sum())))
+    return tuple(found)
+
+
+def _shares(counts: Floats, n: Floats) -> tuple[Floats, Floats]:
+    """Shares of counts, shape (units, ...), in n of each unit, and their standard errors over units."""
+    share = counts.sum(axis=0) / n.sum()
+    rest = counts - share * n.reshape(-1, *[1] * (counts.ndim - 1))
+    return share, np.sqrt((rest**2).sum(axis=0) * len(n) / (len(n) - 1)) / n.sum()
+
+
+def velocity_density(c: Collected, mesh: int) -> tuple[Floats, Floats]:
+    """Density of the velocity before an impact at a mesh, in the cells of the section, and its standard error.
+
+    Shapes: result (VELOCITIES,).
+    """
+    at = 4 * (mesh if c.stages == 2 else 0) + NUMBER
+    n = c.of_units(c.main[:, :, at].sum(axis=1))
+    share, se = _shares(c.section[:, mesh - 1].sum(axis=1).astype(float), n)
+    width = (c.scales.high[mesh - 1] - c.scales.low[mesh - 1]) / VELOCITIES
+    return share / width, se / width
 
 
 @dataclass(frozen=True)
@@ -65,3 +154,25 @@ class LongRun:
     def averages(self) -> Floats:
         """Averages over time on each path, see `time_averages`."""
         return time_averages(self.sums)
+
+    def energy_balance(self) -> tuple[Floats, Floats]:
+        """Energy lost in impacts, and energy supplied, per unit of time on each path (docs/model.md section 10).
+
+        Returns: Their means agree within the standard error of the mean of their difference, as long as no mesh is
+        closed. Shapes: result (paths,).
+
+        Examples
+        --------
+        >>> from rattle.montecarlo.long_run.run import long_run
+        >>> scene = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, sigma=1.0, stages=1)
+        >>> lost, supplied = long_run(scene, periods=64, paths=64).energy_balance()
+        >>> float(supplied[0]), abs(float(lost.mean()) - 0.25) < 0.02
+        (0.25, True)
+        """
+        c, (y1, v2, drive1, drive2) = self.scene.constants, self.averages.T
+        lost = self.sums.main[:, :, ENERGY].sum(axis=1) / self.sums.time
+        supplied = 0.25 * c.sigma**2 * (1.0 + c.beta1**2) - c.beta1 * y1 + c.alpha * drive1
+        if c.stages == 2:
+            mass = c.mu / (1.0 - c.mu)
+            supplied += mass * (0.25 * c.sigma**2 * (1.0 + c.beta2**2) - c.beta2 * v2 - c.alpha * drive2)
+        return lost, supplied

@@ -6,7 +6,6 @@ from typing import Any
 
 from rattle.compare.checks.check import Check, Result
 from rattle.montecarlo.long_run import LongRun, long_run
-from rattle.montecarlo.long_run.balance import balance
 from rattle.montecarlo.long_run.control import corrections
 from rattle.montecarlo.long_run.noise_work import CONTROLS
 from rattle.montecarlo.long_run.sums import NOISE
@@ -32,7 +31,7 @@ def _check(name: str, run: LongRun, kept: float = 1.0, noise: float = 1.0) -> Ch
 
     Of their difference, the noise's own work, whose mean is zero, explains most of the variance.
     """
-    lost, supplied = balance(run)
+    lost, supplied = run.energy_balance()
     more = (noise - 1.0) * _by_noise(run.scene)
     difference, work = kept * lost - supplied, run.sums.main[:, :, NOISE : NOISE + CONTROLS].sum(axis=1)
     difference -= (work[:, :, None] * corrections(difference[:, None], work)).sum(axis=(1, 2))
