@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -330,60 +330,35 @@ class Ensemble(SectionResult):
         """
         import pandas as pd
 
-        if "fine_coarse" not in self.result.sums and not SCHEMES[self.scheme].has_step_bias:
-            return self._zero_bias
-        if "fine_coarse" not in self.result.sums:
+        if not self._step_biases and SCHEMES[self.scheme].has_step_bias:
             raise InputError("record.step_bias", False, "ask for it: simulate(..., record=Record(step_bias=True))")
-        found = self._step_biases
-        estimable = {moment: self._estimable(self._arrivals, moment) for moment in found}
-        late = ("tau", "mean")  # counted from the phase, and said in absolute time
         rows = [
-            pd.DataFrame(
-                {
-                    "impact": np.arange(1, self.impacts + 1),
-                    "quantity": quantity,
-                    "moment": moment,
-                    **{
-                        n: v[:, i] * (estimable[moment] if n.startswith("se_") else 1.0) for n, v in b._asdict().items()
-                    },
-                }
-                | ({"corrected": self.scene.to_absolute_time(b.corrected[:, i])} if (quantity, moment) == late else {})
-            )
-            for moment, b in found.items()
-            for i, quantity in enumerate(SECTION)
-            if self.scene.stages == 2 or quantity not in STATE[2:]
+            {"impact": np.arange(1, self.impacts + 1), "quantity": quantity, "moment": moment}
+            | self._bias_of(prefix + quantity, moment, i)
+            for moment, prefix in (("mean", ""), ("sd", "sd_"))
+            for i, quantity in enumerate(SECTION[: 2 + 2 * self.scene.stages])
         ]
-        return pd.concat(rows, ignore_index=True)
+        return pd.concat([pd.DataFrame(row) for row in rows], ignore_index=True)
+
+    def _bias_of(self, name: str, moment: str, i: int) -> dict[str, Any]:
+        """Columns of `step_bias` for the mean or the sd that a column of `section` has."""
+        if not self._step_biases:
+            value, se = self.columns[name], self.columns["se_" + name]
+            return {"bias": 0.0, "se_bias": 0.0, "corrected": value, "se_corrected": se, "rest": 0.0}
+        estimable = self._estimable(self._arrivals, moment)
+        found = {
+            n: v[:, i] * (estimable if n.startswith("se_") else 1.0)
+            for n, v in self._step_biases[moment]._asdict().items()
+        }
+        if name == "tau":  # counted from the phase, and said in absolute time
+            found["corrected"] = self.scene.to_absolute_time(found["corrected"])
+        return found
 
     @cached_property
     def _step_biases(self) -> dict[str, StepBias]:
         """Measured step bias of means and sds; empty where none was measured."""
         sums = self.result.sums
         return extrapolate(sums["fine_coarse"], sums["coarse_coarser"]) if "fine_coarse" in sums else {}
-
-    @property
-    def _zero_bias(self) -> pd.DataFrame:
-        import pandas as pd
-
-        stages = self.scene.stages
-        parts = [
-            pd.DataFrame(
-                {
-                    "impact": self.section.index,
-                    "quantity": q,
-                    "moment": moment,
-                    "bias": 0.0,
-                    "se_bias": 0.0,
-                    "corrected": self.section[prefix + q],
-                    "se_corrected": self.section["se_" + prefix + q],
-                    "rest": 0.0,
-                }
-            )
-            for moment, prefix in (("mean", ""), ("sd", "sd_"))
-            for q in SECTION
-            if stages == 2 or q not in STATE[2:]
-        ]
-        return pd.concat(parts, ignore_index=True)
 
     @property
     def _fixed_grid(self) -> float:

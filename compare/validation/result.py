@@ -7,7 +7,7 @@ import pandas as pd
 
 from rattle.compare.validation.comparison import Comparison
 from rattle.compare.validation.verdict import JUDGED
-from rattle.montecarlo.diagnostics import counted_diagnostics
+from rattle.montecarlo.diagnostics import list_counted
 from rattle.scene.errors import InputError
 from rattle.scene.shown import as_html
 from rattle.scene.units import with_units
@@ -69,7 +69,7 @@ class Validation(Comparison):
                 f"{undecided} undecided"
                 for closure, good, bad, undecided in counts.itertuples()
             ),
-            *(f"  {sentence}" for sentence in counted_diagnostics(run)),
+            *(f"  {sentence}" for sentence in list_counted(run)),
             "  run.diagnostics also looks for rare branches that are missing, and for the bias of the step",
         ]
         return "\n".join(lines)
