@@ -98,34 +98,6 @@ def test_the_table_of_simulate_on_a_full_disk(tmp_path):
         assert "cannot be written" in rattle(*words, "--out", tmp_path, code=2).stderr
 
 
-@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.ENAMETOOLONG])
-def test_other_failed_writes_are_reported_by_the_command_line(monkeypatch, code):
-    """Such as those into temporary folders of a library."""
-
-    def refuse(*_):
-        raise OSError(code, os.strerror(code), "/somewhere/x")
-
-    monkeypatch.setattr("rattle.compare.cli.simulate.load_scene", refuse)
-    said = rattle("simulate", code=2).stderr
-    assert said.startswith(f"rattle: /somewhere/x: {os.strerror(code)}; ")
-    assert said.endswith(", and repeat the command\n")
-
-
-def test_without_a_folder_for_temporary_files_a_command_says_so(tmp_path):
-    """A process of its own: matplotlib, which asks for the folder, is imported once."""
-    (tmp_path / "sitecustomize.py").write_text("import tempfile\ntempfile._candidate_tempdir_list = lambda: []\n")
-    settings = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *filter(None, sys.path)])}
-    for name in ("MPLCONFIGDIR", "XDG_CONFIG_HOME", "XDG_CACHE_HOME"):
-        settings.pop(name, None)
-    words = ["validate", "--no-validity", "--paths", "100", "--impacts", "1", "--out", str(tmp_path / "report")]
-    found = subprocess.run(
-        [sys.executable, "-m", "rattle.compare", *words], env=settings | {"HOME": "/proc/none"}, capture_output=True,
-        text=True, check=False,
-    )  # fmt: skip
-    assert found.returncode == 2, found.stderr
-    assert found.stderr.endswith("rattle: no folder for temporary files; set TMPDIR to one that can be written\n")
-
-
 def test_another_fault_of_the_system_keeps_its_trace(monkeypatch):
     def refuse(*_):
         raise OSError(errno.ECHILD, "a mistake of ours")
@@ -234,9 +206,3 @@ def test_manifests_that_cannot_be_repeated(tmp_path):
         (tmp_path / "manifest.json").write_text(content)
         assert said in rattle("validate", "--repeat", tmp_path / "manifest.json", code=2).stderr
     assert data["version"] == 1
-
-
-@pytest.mark.parametrize("text", ["[" * 100_000, "x = " + "[" * 100_000])
-def test_a_scene_that_is_nested_deeply(tmp_path, text):
-    (tmp_path / "scene.toml").write_text(text)
-    assert "TOML" in rattle("simulate", tmp_path / "scene.toml", code=2).stderr

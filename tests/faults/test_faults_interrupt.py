@@ -68,27 +68,6 @@ def test_an_interrupt_while_the_command_itself_is_loaded(tmp_path, library):
     assert done.stderr == "rattle: interrupted\n"
 
 
-CALLBACK = """
-import ctypes, os, signal
-
-@ctypes.CFUNCTYPE(None)
-def called_from_c():
-    os.kill(os.getpid(), signal.SIGINT)
-    for _ in range(100):
-        pass
-"""
-
-
-@pytest.mark.parametrize(("module", "printed"), [("executionengine", False), ("ffi", False), ("another", True)])
-def test_an_interrupt_in_a_callback_of_the_compiler_ends_the_command(tmp_path, module, printed):
-    """There, Python would print an exception and go on: the other module shows it."""
-    command = COMMAND.replace("import extension", f"import {module} as m; m.called_from_c()")
-    done = rattle(command, tmp_path, **{module: CALLBACK})
-    assert done.returncode == 130
-    assert ("KeyboardInterrupt" in done.stderr) == printed
-    assert len(re.findall(r"^rattle: interrupted[^\n]*\n", done.stderr, re.M)) == 1
-
-
 def test_a_second_interrupt_does_not_stop_the_cleaning_up(tmp_path):
     command = COMMAND.replace("    import extension", """
     import os, signal
@@ -106,34 +85,14 @@ def test_a_second_interrupt_does_not_stop_the_cleaning_up(tmp_path):
     assert (tmp_path / "cleaned").exists()
 
 
-MOMENTS = [
-    "json",
-    "click",
-    "numpy._core",
-    "rattle.scene.scene",
-    "llvmlite",
-    "numba",
-    "scipy.special",
-    "pandas",
-    "matplotlib",
-]
+MOMENTS = ["json", "numpy._core", "numba", "matplotlib"]
 
 
 @pytest.mark.parametrize("module", MOMENTS)
 def test_a_command_that_is_interrupted_while_it_loads_its_libraries(tmp_path, module):
     """At several moments, recognised by the modules that Python reports as imported."""
-    command = [
-        sys.executable,
-        "-X",
-        "importtime",
-        "-m",
-        "rattle.compare",
-        "validate",
-        "--paths",
-        "100000000",
-        "--out",
-        "it",
-    ]
+    words = ["validate", "--paths", "100000000", "--out", "it"]
+    command = [sys.executable, "-X", "importtime", "-m", "rattle.compare", *words]
     path = os.pathsep.join(filter(None, sys.path))
     running = subprocess.Popen(
         command, cwd=tmp_path, env=os.environ | {"PYTHONPATH": path}, stderr=subprocess.PIPE, text=True

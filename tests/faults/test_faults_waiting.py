@@ -14,7 +14,6 @@ from rattle.compare.study.engine import run
 from rattle.compare.study.executors import Here
 from rattle.compare.study.obtain import obtain
 from rattle.compare.study.store import Store
-from rattle.compare.study.waiting import holder
 
 TEXT = """
 [study]
@@ -112,25 +111,6 @@ def test_a_study_whose_cells_are_in_other_hands_says_so_once(study, store, monke
     (text,) = said
     assert f"process {number} on " in text
     assert text in (store.folder.parent / "study.log").read_text()
-
-
-def test_what_a_lock_says_is_not_believed_blindly(store):
-    lock = store.lock("k")
-    with store.alone("k"):
-        assert holder(lock)[0].startswith("process ")
-    for text in ("", "12\n", "\x1b[31m\nhost\n", "12\nho\x1b]0;st\n", "1" * 5000):
-        lock.write_text(text)
-        assert holder(lock) == ("another process", "")
-
-
-def test_a_link_in_place_of_a_lock_is_not_followed(store, tmp_path):
-    """The folder may be writable by others."""
-    (tmp_path / "thesis.tex").write_text("years of work")
-    with store.alone("k"):
-        store.lock("k").unlink()
-        store.lock("k").symlink_to(tmp_path / "thesis.tex")
-        assert holder(store.lock("k")) == ("another process", "")
-    (tmp_path / "thesis.tex").write_text("years of work")
 
 
 def test_under_pytest_it_is_said_while_the_test_runs(pytester):

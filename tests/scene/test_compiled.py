@@ -80,17 +80,6 @@ def test_errors_pass_between_a_users_functions_and_ours(function):
         assert raised.value.args == ("below zero", -4)
 
 
-@COMPILED
-def test_what_only_compiled_code_calls_has_no_machine_code_of_its_own():
-    inner = jit(lambda x: x + 1.0)
-    outer = jit(lambda x: 2.0 * inner(x))
-    assert outer(1.5) == 5.0
-    (made,) = inner.overloads.values()
-    assert not made.library._has_machine_code
-    assert inner(1.5) == 2.5
-    assert outer(2.5) == 7.0
-
-
 CODE = (
     "import numpy as np, rattle.scene.compiled as c; from rattle.scene.small_vectors import norm as f;"
     "print(f(np.array([0.1, 0.7, 1.3])).hex(), c.SHARED is not None, sum(f.stats.cache_hits.values()))"
@@ -115,14 +104,6 @@ def test_another_numba_compiles_in_its_plain_way_to_the_same_bits(fault, tmp_pat
     expected = [norm(V).hex(), "False"]
     assert computed(FAULTS[fault] + CODE, tmp_path) == [*expected, "0"]
     assert computed(FAULTS[fault] + CODE, tmp_path) == [*expected, "1"]
-
-
-@COMPILED
-@pytest.mark.parametrize("fault_first", [True, False])
-def test_machine_code_of_either_way_is_read_by_the_other(fault_first, tmp_path):
-    once, plain = (CODE, "True"), (FAULTS["a name is gone"] + CODE, "False")
-    for hits, (code, shared) in enumerate((plain, once) if fault_first else (once, plain)):
-        assert computed(code, tmp_path) == [norm(V).hex(), shared, str(hits)]
 
 
 @COMPILED

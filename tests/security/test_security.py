@@ -9,7 +9,6 @@ import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-import pandas as pd
 import pytest
 from click.testing import CliRunner
 from hypothesis import given, settings
@@ -18,9 +17,7 @@ from hypothesis import strategies as st
 from rattle.compare.cli.main import main
 from rattle.compare.report import read_page
 from rattle.compare.report.folder import default_place
-from rattle.compare.report.style import save
 from rattle.compare.thresholds.baseline import place
-from rattle.compare.thresholds.messages import error_figure
 from rattle.scene import DAT21, Scene
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -71,9 +68,10 @@ def offences(path, source):
                 yield f"calls {of}.{name}"
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda p: p.relative_to(ROOT).as_posix())
-def test_nothing_runs_what_it_reads(path):
-    assert list(offences(path, path.read_text(encoding="utf-8"))) == []
+def test_nothing_runs_what_it_reads():
+    assert [(str(path), *offences(path, path.read_text(encoding="utf-8"))) for path in SOURCES] == [
+        (str(path),) for path in SOURCES
+    ]
 
 
 @pytest.mark.parametrize(
@@ -139,43 +137,6 @@ def test_a_hostile_name_in_a_report(tmp_path, monkeypatch):
     (other,) = set((tmp_path / "reports").iterdir()) - {out}
     assert other.name.startswith("evil")
     assert set(tmp_path.parent.iterdir()) == before
-
-
-@pytest.mark.parametrize("word", ["--explain", "--status"])
-def test_no_control_character_of_a_study_reaches_the_terminal(tmp_path, word):
-    text = (
-        '[study]\ntitle = "a\\u001b[31m\\u0000"\nimpacts = 1\npaths = 64\nclosures = ["corrected"]\n'
-        "[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.08\ngamma1 = 0.05\nstages = 1\n[[axes]]\nsigma = [0.1]\n"
-    )
-    (tmp_path / "s.toml").write_text(text)
-    found = CliRunner().invoke(main, ["study", str(tmp_path / "s.toml"), word])
-    assert found.exit_code == 0, found.output
-    assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f]", found.output)
-
-
-@pytest.mark.parametrize("value", ['"../../x"', '"<script>"', '"$\\\\frac{$"', '"\\u0000"', '"' + "x" * 5000 + '"'])
-def test_hostile_values_along_an_axis_are_refused(tmp_path, value):
-    for axis in (f"scheme = [{value}]", f'"tolerance.distribution" = [{value}]', f"{value} = [1]"):
-        text = (
-            "[study]\nimpacts = 1\npaths = 64\n[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.08\ngamma1 = 0.05\n"
-            f"stages = 1\n[[axes]]\n{axis}\n"
-        )
-        (tmp_path / "s.toml").write_text(text)
-        found = CliRunner().invoke(main, ["study", str(tmp_path / "s.toml")])
-        assert found.exit_code == 2, found.output
-        assert "Traceback" not in found.output
-        assert not (tmp_path / "s").exists()
-
-
-@pytest.mark.parametrize("name", ["$\\frac{$", "$$", "a_$b", "<script>&", "x" * 500, "<lambda>"])
-def test_a_model_of_any_name_has_a_figure(tmp_path, name):
-    """Matplotlib reads dollars as mathematics; in the name of a model they are literal."""
-    table = pd.DataFrame({
-        "error": [0.1], "low": [0.0], "high": [0.2], "tolerance": [0.05], "unit": [1.0], "outcome": ["fail"],
-        "moment": ["mean"], "quantity": ["tau"], "impact": [1],
-    })  # fmt: skip
-    save(error_figure(table, name), tmp_path / "figure.svg")
-    assert not [e.tag for e in ET.parse(tmp_path / "figure.svg").iter() if e.tag.endswith("script")]
 
 
 # --- connections

@@ -4,16 +4,10 @@ import json
 import re
 from pathlib import Path
 
-import pandas as pd
 import pytest
 from click.testing import CliRunner
 
 from rattle.compare.cli.main import main
-from rattle.compare.report import Code, Figure, Page, PageSection, Source, Table, Text, manifest, write_page
-from rattle.compare.report.folder import default_place
-from rattle.compare.study.progress import Progress
-from rattle.compare.thresholds.baseline import format_changes, write
-from rattle.montecarlo.ensemble import _bar
 from rattle.scene import DAT21, Scene
 from rattle.scene.errors import FileError, InputError, OutputError, RattleError
 from rattle.scene.text import harmless, line
@@ -108,29 +102,6 @@ def test_a_study_from_end_to_end(tmp_path):
     rattle("study", file, "--out", tmp_path / "out", "--status")
 
 
-@pytest.mark.parametrize("value", ['"\\u001b]0;pwned\\u0007"', '"\\u202e"', '"\u202e\u200b"', '"a\\nb"'])
-def test_a_hostile_value_of_an_axis_in_its_explanation(tmp_path, value):
-    (tmp_path / "s.toml").write_text(STUDY.format(title='"t"', value=value))
-    said = rattle("study", tmp_path / "s.toml", "--explain").stdout
-    assert len([row for row in said.splitlines() if "tolerance.distribution: 2 values" in row]) == 1
-    assert "b" not in said.splitlines()
-
-
-@pytest.mark.parametrize("command", ["validate", "simulate", "order", "tradeoff", "chaos"])
-@pytest.mark.parametrize(
-    "text",
-    ["[scene]\n{q} = 1\n", "[scene]\nalpha = {q}\n", "{q} = 1",
-     "[scene.tolerance]\ndistribution = {q}\n[scene]\nalpha = 1.0\n", "alpha = \u202e", "[gears]\nalpha = [{q}]\n"],
-)  # fmt: skip
-def test_a_scene_that_is_none(command, text, tmp_path):
-    file = tmp_path / f"{IN_A_NAME}.toml"
-    file.write_text(text.format(q=quoted(STEERING)))
-    said = rattle(command, file, code=2)
-    assert said.stderr.startswith("rattle: ")
-    assert said.stderr.count("\n") == 1
-    rattle(command, tmp_path / STEERING, code=2)
-
-
 @pytest.mark.usefixtures("undrawn")
 def test_names_of_files_and_folders(tmp_path, monkeypatch):
     """Hostile names of a scene, of the folder, of files in it; and hostile arguments."""
@@ -153,69 +124,3 @@ def test_names_of_files_and_folders(tmp_path, monkeypatch):
     rattle(STEERING, code=2)
     rattle("simulate", f"--{STEERING}", code=2)
     rattle("simulate", scene, "--paths", "64", "--impacts", "1", "--out", f"none{STEERING}/x.csv", code=2)
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_a_manifest(tmp_path, monkeypatch):
-    """Its name and versions come from others, and may hold control characters."""
-    monkeypatch.chdir(tmp_path)
-    rattle("validate", *SMALL, "--out", "first")
-    data = json.loads(Path("first/manifest.json").read_text())
-    del data["seal"]
-    data["settings"]["name"] = STEERING + "\ud800"
-    data["versions"] = {STEERING: "1", "numpy": STEERING + "\nRepeated bit for bit."}
-    table = pd.read_csv("first/table.csv")
-    table["simulated"] *= 1.0 + 1e-13
-    table.to_csv("first/table.csv", index=False)
-    data["table_sha256"] = manifest.digest(Path("first/table.csv").read_text())
-    Path("first/manifest.json").write_text(json.dumps(data))
-    said = rattle("validate", "--repeat", "first/manifest.json", code=5).stdout
-    assert "\\x1b]0;pwned" in said
-    assert "Repeated bit for bit." not in said.splitlines()
-    (out,) = Path("reports").iterdir()
-    assert not RAW.search(out.name)
-    files_are_harmless(out)
-    for wrong in ({"settings": {STEERING: 1}}, {STEERING: 1}, data | {"settings": data["settings"] | {STEERING: 1}}):
-        Path("wrong.json").write_text(json.dumps(wrong))
-        rattle("validate", "--repeat", "wrong.json", code=2)
-
-
-def test_a_page_in_all_views(tmp_path):
-    blocks = (
-        Text(STEERING), Text(f"`{STEERING}`", note=True), Code(f"{STEERING}\nb", STEERING),
-        Table.of([STEERING, "b"], [[STEERING, f"| {STEERING}"]], STEERING),
-    )  # fmt: skip
-    (tmp_path / "a.svg").write_text("<svg/>")
-    figure = Figure("a.svg", STEERING, STEERING)
-    facts = ((STEERING, STEERING),)
-    page = Page(
-        STEERING, (STEERING,), Source(STEERING, facts, blocks), (*blocks, figure), (PageSection(STEERING, blocks),)
-    )
-    write_page(page, tmp_path, "p")
-    files_are_harmless(tmp_path)
-    assert (tmp_path / "p.html").read_text().count("\\u202e") > 15
-    for width in ("20", "80", "500"):
-        rattle("show", tmp_path, "--width", width)
-    data = json.loads((tmp_path / "page.json").read_text())
-    for wrong in (
-        data | {"format": STEERING},
-        data | {"page": {STEERING: 1}},
-        data | {"page": data["page"] | {"title": 1, STEERING: 2}},
-    ):
-        (tmp_path / "page.json").write_text(json.dumps(data | wrong))
-        rattle("show", tmp_path, code=2)
-
-
-def test_folders_baselines_logs_and_labels(tmp_path, monkeypatch):
-    assert not RAW.search(str(default_place(STEERING)))
-    assert not RAW.search("\n".join(format_changes({STEERING: (STEERING, None), "a\nb": (1.0, "c\nd")})))
-    assert len(format_changes({"a\nb": (1.0, "c\nd")})[0].splitlines()) == 1
-    write(tmp_path / "b.toml", {"values": {}}, STEERING)
-    assert not RAW.search((tmp_path / "b.toml").read_text())
-    with Progress({}, 0, tmp_path, show=False) as progress:
-        progress.say(STEERING + "\nforged")
-    said = (tmp_path / "study.log").read_text()
-    assert not RAW.search(said)
-    assert "forged" not in [row.split(" ")[0] for row in said.splitlines()]
-    monkeypatch.setattr("rattle.montecarlo.ensemble.tqdm", lambda **settings: settings)
-    assert not RAW.search(_bar(1, STEERING)["desc"])
