@@ -11,6 +11,8 @@ import llvmlite.binding
 import pytest
 from sampled import constant, numbers
 
+pytestmark = pytest.mark.slow
+
 LEVEL_3 = ("avx2", "fma", "bmi", "bmi2", "lzcnt", "popcnt", "f16c", "movbe")
 LEVEL_4 = ("avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl")
 PROCESSORS = {

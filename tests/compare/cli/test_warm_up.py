@@ -70,6 +70,7 @@ def test_a_processor_without_avx2_is_told_once_that_it_is_slower(monkeypatch, ca
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.slow
 def test_a_warm_process_does_not_describe_what_numba_can_compile():
     code = """
 import sys
@@ -92,6 +93,7 @@ def test_warming_up_without_a_folder_says_what_to_do(monkeypatch):
     assert (done.exit_code, "NUMBA_CACHE_DIR" in done.output) == (2, True)
 
 
+@pytest.mark.slow
 def test_compiled_code_loads_no_blas_and_leaves_it_to_others():
     code = """
 import sys, numba, numpy as np

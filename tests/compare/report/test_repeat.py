@@ -87,6 +87,7 @@ def test_the_same_in_json_and_in_the_same_folder(first, tmp_path):
     assert again["repeat"]["largest_difference"] is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "said"),
     [

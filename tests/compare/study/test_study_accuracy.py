@@ -77,6 +77,7 @@ SCENES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_every_estimate_is_within_a_factor_of_two_of_what_is_taken(name):
     """Path-steps, as `rattle simulate`, a page and a study expect them; for one stage it was 7e10 times too many."""

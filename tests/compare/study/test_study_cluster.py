@@ -29,6 +29,8 @@ from rattle.compare.study.store import Store
 from rattle.compare.study.tables import CELLS
 from rattle.scene.errors import InputError
 
+pytestmark = pytest.mark.slow
+
 distributed = pytest.importorskip("distributed", reason="needs the extra cluster")
 dask = pytest.importorskip("dask")
 

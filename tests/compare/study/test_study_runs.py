@@ -93,6 +93,7 @@ def test_tables_load_in_one_line(slow):
         results.plot("errors", gap1=3)
 
 
+@pytest.mark.slow
 def test_killed_and_resumed_is_the_same_to_the_last_bit(slow, tmp_path):
     _, whole = slow
     file = tmp_path / "noise.toml"
