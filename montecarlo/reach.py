@@ -117,4 +117,4 @@ class Reach(NamedTuple):
         errors += f"; {self.remark}" if self.remark else ""
         few = "" if self.enough else ", from fewer paths or a shorter time than an answer needs"
         more = f"{duration_text(self.more_seconds)} of processor time more"
-        return f"Accuracy {self.asked:g} sd NOT reached within the budget: {errors}{few}; about {more} would do."
+        return f"Accuracy {self.asked:g} sd NOT reached within the budget: {errors}{few}; about {more} would suffice."

@@ -63,7 +63,7 @@ def read_toml(text: str) -> dict[str, Any]:
     except ValueError as error:  # includes TOMLDecodeError; an integer of too many digits raises a plain ValueError
         raise FileError("TOML", str(error), _remedy(text, str(error))) from None
     except RecursionError:
-        raise FileError("TOML", text[:20], "is nested too deeply; give a file that people write") from None
+        raise FileError("TOML", text[:20], "is nested too deeply; give an ordinary file") from None
 
 
 def _remedy(text: str, error: str) -> str:

@@ -116,9 +116,9 @@ def check_file(out: Path, overwrite: bool) -> None:
             return
         with out.open("rb") as file:
             if GENERATOR.encode() not in file.read(1000):
-                raise OutputError(f"out = {str(out)!r}: exists and is no animation of rattle; choose another name")
+                raise OutputError(f"out = {str(out)!r}: exists and is not an animation of rattle; choose another name")
     if not overwrite:
-        raise OutputError(f"out = {str(out)!r}: exists; choose another name, or give --overwrite")
+        raise OutputError(f"out = {str(out)!r}: exists; choose another name, or overwrite it (--overwrite)")
 
 
 def write_animation(out: Path, shown: Recording, name: str, command: str = "", overwrite: bool = False) -> None:
@@ -238,11 +238,11 @@ def _caption(shown: Recording) -> list[str]:
         "large.",
         f"The noise-free orbit is exact. The {_random(scene)} is one sample by the scheme {SCHEME}, which has no step "
         f"bias (seed {shown.seed}). Its states are recorded every {shown.step:.3g} of τ and just before each impact; "
-        "between them the drawing goes in straight lines. The impact of the start, number 0, is not shown. " + order,
+        "between them the drawing interpolates linearly. The impact of the start, number 0, is not shown. " + order,
     ]
     if _has_random_gaps(scene):
         caption.append(
-            f"The {_random(scene)} has flanks of its own, anywhere within the grey bands, by the tolerance of the "
-            "gaps; its wheels are drawn with the nominal ones."
+            f"The {_random(scene)} has gaps of its own, with flanks within the grey bands (the tolerance); its "
+            "wheels are drawn with nominal gaps."
         )
     return caption

@@ -110,7 +110,7 @@ def record(scene: Scene, *, impacts: int = 24, seed: int = 0) -> Recording:
         tail = min(tail, TAIL * (times[impacts + 1] - times[impacts]))
     span = float(times[impacts] + tail)
     if not span > 0.0:
-        raise InputError("impacts", impacts, "the noise-free orbit has them all at the start; ask for more")
+        raise InputError("impacts", impacts, "the noise-free orbit has all of them at the start; ask for more")
     dt = min(default_step(scene, SCHEME), span / FEWEST)
     if span / dt > MOST_STEPS:
         raise InputError("impacts", impacts, f"take {span / dt:.2g} steps of the noisy path; ask for fewer")

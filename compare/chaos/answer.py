@@ -59,13 +59,12 @@ def _maps(maps: pd.DataFrame) -> str:
     words = []
     for _, row in maps.iterrows():
         if row["closure"] == "published":
-            broken = (
-                "" if np.isnan(row["not_realizable"]) else f"is not realizable from impact {row['not_realizable']:g}"
-            )
-            ended = f"ends at impact {row['ends']:g}" if row["ends"] < row["followed"] else "does not end"
-            words.append(f"`published` {broken}, {ended} and has no exponents")
+            broken, ended = np.isfinite(row["not_realizable"]), row["ends"] < row["followed"]
+            clauses = [f"is not realizable from impact {row['not_realizable']:g} on"] if broken else []
+            clauses += [f"ends at impact {row['ends']:g}"] if ended else []
+            words.append(f"`published` {join_words([*clauses, 'has no exponents'])}")
         elif np.isnan(row["largest"]):
-            words.append(f"`{row['closure']}` has none, as the orbit")
+            words.append(f"`{row['closure']}` has none, like the orbit")
         elif np.isfinite(row["too_wide"]):
             words.append(
                 f"`{row['closure']}` has the orbit's, and from impact {row['too_wide']:g} on its sd of y1 is larger "
@@ -73,7 +72,7 @@ def _maps(maps: pd.DataFrame) -> str:
             )
         else:
             words.append(f"`{row['closure']}` has the orbit's")
-    lost = "A closure whose sd is that large no longer tells where the motion is."
+    lost = "A closure whose sd is that large no longer locates the motion."
     return f"Exponents of the mean maps: {'; '.join(words)}.{f' {lost}' if maps['too_wide'].notna().any() else ''}"
 
 
@@ -89,10 +88,10 @@ def _sizes(table: pd.DataFrame) -> str:
 def _law(law: SqrtLaw) -> str:
     half = 0.5 * (law.high - law.low)
     return (
-        f"Two paths on the same noise that are delta apart before an impact are apart in proportion to delta to the "
-        f"power {law.exponent:.4f} ± {half:.4f} after it, with {law.table['ratio'].min():.3f} to "
-        f"{law.table['ratio'].max():.3f} times the mean square of the square-root law: the noisy system has no "
-        "infinitesimal exponent."
+        "The distance of two paths on the same noise after an impact grows as their distance before it to the power "
+        f"{law.exponent:.4f} ± {half:.4f}; its mean square is {law.table['ratio'].min():.3f} to "
+        f"{law.table['ratio'].max():.3f} times that of the square-root law. So the noisy system has no infinitesimal "
+        "exponent."
     )
 
 
@@ -103,7 +102,7 @@ def _spectra(summary: pd.DataFrame) -> str:
         f"{r['line_share']:.1%} of the power"
         for _, r in rows.iterrows()
     ]
-    return f"Velocity in time, power above a continuous floor: {'; '.join(parts)}."
+    return f"Spectra of the velocities, bands above the continuous floor: {'; '.join(parts)}."
 
 
 def _sweep(table: pd.DataFrame, field: str) -> list[str]:
@@ -113,7 +112,7 @@ def _sweep(table: pd.DataFrame, field: str) -> list[str]:
         changes = crossings(table, field, of)
         found = signs(rows)
         numbers = (
-            f"is positive at {(found > 0).sum()}, negative at {(found < 0).sum()} and undecided at "
+            f"positive at {(found > 0).sum()}, negative at {(found < 0).sum()} and undecided at "
             f"{((found == 0) & rows['low'].notna()).sum()} of {len(rows)} values of {field}"
         )
         kinds = {kind: int((rows["regime"] == kind).sum()) for kind in (STICKS_FOR_GOOD, STICKS_OFTEN, STICKS_AT_TIMES)}

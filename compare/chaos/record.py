@@ -81,13 +81,13 @@ class Regime:
             return f"ran through all {self.computed:,} impacts{transient}; it {part}"
         if self.steps and self.gave_up:
             stuck = f"sticks {100.0 * self.sticking_steps / self.steps:.2g} % of the time"
-            return f"completes chatter and {stuck}, too often for a record of the motion between"
+            return f"completes chatter and {stuck}, too often to follow the motion in between"
         return {
             RUNS: f"ran through all {self.computed:,} impacts{transient}",
             STICKS_AT_TIMES: f"completes chatter and {stuck}; restarted after each, the exponents are those of the "
             f"motion between{transient}",
-            STICKS_OFTEN: f"completes chatter and {stuck}, too often for a record of the motion between; it goes on "
-            f"after each, and a mesh is closed {100.0 * self.closed:.2g} % of the time",
+            STICKS_OFTEN: f"completes chatter and {stuck}, too often to follow the motion in between; it "
+            f"comes loose after each, and a mesh is closed {100.0 * self.closed:.2g} % of the time",
             STICKS_FOR_GOOD: f"completes chatter and sticks for good, from each of {self.starts} starts: impacts end",
             SILENT: f"ends: {MISSES[NONE]}",
             NOT_FOLLOWED: self.unfollowed,
@@ -180,7 +180,7 @@ def noisy_record(
     (`rattle.montecarlo.coupling.dyadic`). Shapes: `velocities` (steps, 2).
     """
     if scene.tolerance is not None and scene.tolerance.distribution != "fixed":
-        regime.unfollowed = "has random gaps, and long paths are followed with fixed ones only"
+        regime.unfollowed = "has random gaps; long paths need fixed ones"
         return
     walker = LongPath(scene, seed, path)
     walker.stretch(math.ceil(settle / walker.step), tangent, velocities=False)

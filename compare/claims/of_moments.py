@@ -58,7 +58,7 @@ def beyond_one(e: Evidence) -> PaperClaim:
     by_rule = failures(e.validations[-1].scene)
     rules = "; ".join(f"{rule}: {join_words([_describe_failure(f) for f in at])}" for rule, at in by_rule.items())
     guilty = [
-        f"Eq. {eq} by itself breaks stage {f.stage} at impact {f.impact}"
+        f"Eq. {eq} alone breaks stage {f.stage} at impact {f.impact}"
         for eq, rule in ((17, MEND_15), (15, MEND_17))
         for f in by_rule[rule][:1]
         if f.impact
@@ -69,7 +69,7 @@ def beyond_one(e: Evidence) -> PaperClaim:
         "The correlation coefficient ρ … from the corresponding moment equation of Eq. (9) does not always satisfy the "
         "relation … ≤ 1, therefore, its distribution is out of accord with a Gaussian normal distribution.",
         "Correlation of displacement and velocity of each stage in the published moment equations, in the corrected "
-        "ones, and in the simulation; and in the published ones with the rule of one stage at impacts mended: the "
+        "ones, and in the simulation; and in the published ones with the rule of one stage at impacts corrected: the "
         "second moments of stage 2 by Eq. 15, of stage 1 by Eq. 17. Reproduced if the corrected equations exceed 1 as "
         "well.",
         "; ".join(text for *_, text in found) + f". By which rule, {_at(e.validations[-1])}: {rules}.",

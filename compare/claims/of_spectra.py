@@ -25,7 +25,7 @@ def narrow_bands(e: Evidence) -> PaperClaim:
         "Figure 3(a,b) show the power spectra of mean velocity … In the Fig. 3 narrow band spectra are exhibited.",
         "Bands of the velocity in time that stand above the local floor (1 % false alarm for the whole spectrum) and "
         "are no wider than a single frequency: of the published map, of the ensemble's mean, of the orbit (which the "
-        "means of the corrected map follow) and of single paths, each by itself.",
+        "means of the corrected map follow) and of single paths, one by one.",
         f"{_say_published_map(e)} {_ensemble_mean(e)} " + _sentence("; ".join(shown)),
         _each(e, narrow, 1 + len(_sides(rows))),
     )
@@ -51,7 +51,7 @@ def _end_of_published_map(e: Evidence) -> int | None:
 def _say_published_map(e: Evidence) -> str:
     ended = _end_of_published_map(e)
     if ended is None:
-        return "The published map goes on; its spectrum is not measured here."
+        return "The published map does not end; its spectrum is not measured here."
     return f"The published map ends at impact {ended} and has no spectrum."
 
 
@@ -96,7 +96,7 @@ def continuous(e: Evidence) -> PaperClaim:
         "… the power spectra of mean velocity display the behavior of a continuous spectrum.",
         "Share of the power that is in no band above the floor, more than half in every spectrum: of the published "
         "map, of the ensemble's mean, of the orbit (which the means of the corrected map follow) and of single paths, "
-        "each by itself.",
+        "one by one.",
         f"{_say_published_map(e)} {_ensemble_mean(e)} " + _sentence("; ".join(shown)),
         _each(e, mostly, 1 + len(_sides(rows))),
     )

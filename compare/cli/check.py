@@ -17,9 +17,7 @@ def check() -> None:
 
 
 @check.command("published")
-@click.option(
-    "--result", "names", multiple=True, metavar="NAME", help="One result alone; again for more. [default: all]"
-)
+@click.option("--result", "names", multiple=True, metavar="NAME", help="One result alone; repeatable. [default: all]")
 @click.option("--all", "all_checks", is_flag=True, help="Print every check and every negative control.")
 @click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed of all random numbers.")
 @click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads; the result does not depend on it.")
@@ -70,9 +68,9 @@ def extremes(ranges: bool, as_json: bool) -> None:
 
 @check.command()
 @click.option(
-    "--scheme", "schemes", type=Name("scheme", SCHEMES), multiple=True, help="Scheme; again for more. [default: all]"
+    "--scheme", "schemes", type=Name("scheme", SCHEMES), multiple=True, help="Scheme; repeatable. [default: all]"
 )
-@click.option("--axis", "axes", type=Name("axis", AXES), multiple=True, help="Axis; again for more. [default: all]")
+@click.option("--axis", "axes", type=Name("axis", AXES), multiple=True, help="Axis; repeatable. [default: all]")
 @click.option("--points", type=WHOLE, default=7, show_default=True, help="Values of each axis, 1 to 7.")
 @click.option("--paths", type=WHOLE, default=32_768, show_default=True, help="Most paths of a cell.")
 @click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed.")
@@ -157,5 +155,5 @@ def speed(as_json: bool) -> None:
         return
     names = {"ns": "ns per path-step", "times_floor": "times floor", "gain": "times as fast", "us": "us per path"}
     say(table.rename(columns=names).to_string(float_format="{:.2f}".format, na_rep=""), keep="\n")
-    say("One core, processor time, all in turns: the least, and medians of ratios; floor = one normal + the arithmetic")
-    say("of one step; times as fast as a path-step of the skilled loop, or as a normal by standard_normal.")
+    say("Processor time of one core, the least of several turns; ratios are medians. Floor: one normal and the")
+    say("arithmetic of one step. Times as fast: as a path-step of the skilled loop, or as a normal by standard_normal.")

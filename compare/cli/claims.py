@@ -11,7 +11,9 @@ BASE, PER_VALUE, PER_PATH = 60.0, 1.0, 1e-4  # seconds: sections, spectra and pa
 
 
 @click.command()
-@click.option("--sigma", "sigmas", multiple=True, type=float, help="Noise of a validation; again for more. [0.01, 0.1]")
+@click.option(
+    "--sigma", "sigmas", multiple=True, type=float, help="Noise of a validation; repeatable. [default: 0.01, 0.1]"
+)
 @click.option("--over", default="0.05:2.5:100", show_default=True, metavar="LOW:HIGH:POINTS", help="Values of alpha.")
 @click.option("--paths", type=WHOLE, default=100_000, show_default=True, help="Paths of each validation.")
 @click.option("--points", type=WHOLE, default=1_000_000, show_default=True, help="Points of each Poincare section.")

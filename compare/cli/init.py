@@ -39,8 +39,8 @@ DRIVE = """\
 # alpha = 1.5              # 1        amplitude over backlash1: another backlash1 is then another drive in mm
 """
 ROTATION = """\
-# Damping acts on the oscillation alone.  What it brakes the mean rotation by, damping * mean speed of the wheel, is
-# part of its torque: add it there, or have it added by
+# Damping acts on the oscillation alone.  Its drag on the mean rotation, damping * mean speed of the wheel, is
+# part of the torque: add it there, or have it added by
 # speed_rpm = 800.0        # 1/min    mean speed of the driver, or speed_rad_s in rad/s
 # driver_radius = 30.0     # mm       base radius of the driver
 """
@@ -135,7 +135,7 @@ def init(file: Path) -> None:
         with file.open("x", encoding="utf-8") as new:
             new.write(text)
     except FileExistsError:
-        raise OutputError(f"{file}: is there already; give another name") from None
+        raise OutputError(f"{file}: exists already; give another name") from None
     except OSError as error:
         raise OutputError(f"{file}: cannot be written ({error.strerror}); give another place") from None
     say(f"{file}: a gear pair to change; then: rattle simulate {file} --units physical")

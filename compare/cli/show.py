@@ -172,7 +172,7 @@ def _rows(
 
 @click.command()
 @click.argument("report", type=click.Path(path_type=Path))
-@click.option("--section", default=None, metavar="NAME", help="Only the sections whose title has these words in it.")
+@click.option("--section", default=None, metavar="NAME", help="Only the sections whose title contains these words.")
 @click.option("--width", type=WHOLE, default=None, help="Characters of a line. [default: the terminal's]")
 def show(report: Path, section: str | None, width: int | None) -> None:
     """Show a report on the terminal.

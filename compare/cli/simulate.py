@@ -34,7 +34,7 @@ AN_HOUR = "what is expected to take more than an hour is refused"
     "--accuracy",
     type=float,
     default=None,
-    help="Error of all means and sds, in sds, that 95 % of runs keep. [default: 0.01]",
+    help="Error bound of all means and sds, in sds, with 95 % probability. [default: 0.01]",
 )
 @click.option("--paths", type=WHOLE, default=None, help="Number of paths, in place of an accuracy.")
 @click.option(

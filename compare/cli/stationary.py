@@ -23,7 +23,7 @@ EXIT_NOT_MET = 3
     "--accuracy",
     type=float,
     default=None,
-    help="Largest half width of the 95 % intervals over their value. [default: 0.01]",
+    help="Relative half width of the widest 95 % interval. [default: 0.01]",
 )
 @click.option("--periods", type=WHOLE, default=None, help="Periods of each path, in place of an accuracy.")
 @click.option(
@@ -31,10 +31,10 @@ EXIT_NOT_MET = 3
     "quantities",
     multiple=True,
     metavar="NAME",
-    help="Quantity that the accuracy is for; again for more. [default: rate, speed, energy_per_period]",
+    help="Quantity that the accuracy is for; repeatable. [default: rate, speed, energy_per_period]",
 )
 @click.option("--paths", type=WHOLE, default=256, show_default=True, help="Independent paths.")
-@click.option("--burn-in", type=WHOLE, default=None, help="Periods to leave out before. [default: found by tests]")
+@click.option("--burn-in", type=WHOLE, default=None, help="Periods of burn-in, left out. [default: found by tests]")
 @click.option("--slow", type=float, default=0.1, show_default=True, help="Speed below which an impact is slow.")
 @click.option(
     "--budget",
@@ -48,9 +48,9 @@ EXIT_NOT_MET = 3
     "closures",
     type=Name("closures", CLOSURES),
     multiple=True,
-    help="Closure to judge; again for more. [default: all]",
+    help="Closure to compare; repeatable. [default: all]",
 )
-@click.option("--no-closures", is_flag=True, help="Judge no closure.")
+@click.option("--no-closures", is_flag=True, help="Compare no closure.")
 @click.option("--field", type=Name("field", FIELDS), default="alpha", show_default=True, help="Field of --over.")
 @click.option(
     "--over", default=None, metavar="LOW:HIGH:POINTS", help="Draw a bifurcation diagram over these values of a field."

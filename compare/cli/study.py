@@ -34,7 +34,7 @@ LOOKED_AT = 200  # points of a grid from which --explain estimates the cost of a
     "use one in a trusted network only, or tls://HOST:PORT with the certificates that Dask's configuration names.",
 )
 @click.option("--explain", is_flag=True, help="Print what is to be computed and its expected cost, and stop.")
-@click.option("--status", is_flag=True, help="Print which results are there, and stop.")
+@click.option("--status", is_flag=True, help="Print which results are stored, and stop.")
 @click.option("--json", "as_json", is_flag=True, help="Print the record as JSON.")
 def study(
     file: Path, out: Path | None, workers: int, scheduler: str | None, explain: bool, status: bool, as_json: bool
@@ -138,7 +138,7 @@ def _compute(
         raise RattleError(f"study = {wanted.title!r}: nothing can be compared yet, {lost} ({why})")
     record = write_page(folder, results, facts, written)
     took = time.perf_counter() - started
-    say(f"{outcome.computed} cells computed, {len(wanted.cells)} there, {took:.1f} s.", err=True)
+    say(f"{outcome.computed} results computed, {len(wanted.cells)} stored, {took:.1f} s.", err=True)
     return record
 
 
@@ -174,7 +174,7 @@ def _read_finished(wanted: "Study", seen: "Store", folder: Path) -> dict[str, An
         try:
             write_whole(folder / FILE, wanted.text)
         except OutputError as error:
-            say(f"rattle: {error}; it stays as it is", err=True)
+            say(f"rattle: {error}; the file was left as it is", err=True)
     return current
 
 

@@ -15,7 +15,7 @@ from rattle.compare.cli.options import WHOLE
 @click.option("--sigma", type=float, help="Noise intensity. [default: the scene's, or 0.1]")
 @click.option("--impacts", type=WHOLE, default=12, show_default=True, help="Impacts after the start.")
 @click.option(
-    "--accuracy", "accuracies", multiple=True, type=float, help="Error in sds; again for more. [default: 0.3 to 0.001]"
+    "--accuracy", "accuracies", multiple=True, type=float, help="Error in sds; repeatable. [default: 0.3 to 0.001]"
 )
 @click.option(
     "--budget",

@@ -17,7 +17,7 @@ PAPER_SIGMAS = (0.01, 0.1, 1.5**0.5)
 
 @click.command()
 @click.argument("scene", required=False, type=click.Path(path_type=Path))
-@click.option("--sigma", "sigmas", multiple=True, type=float, help="Noise intensity; give it again for more.")
+@click.option("--sigma", "sigmas", multiple=True, type=float, help="Noise intensity; repeatable.")
 @click.option("--impacts", type=WHOLE, default=12, show_default=True, help="Impacts after the start.")
 @click.option("--paths", type=WHOLE, default=256_000, show_default=True, help="Simulated paths.")
 @click.option("--dt", type=float, default=None, help="Step. [default: the scheme's, 0.002 for Euler-Maruyama]")
@@ -33,13 +33,13 @@ PAPER_SIGMAS = (0.01, 0.1, 1.5**0.5)
     "closures",
     type=Name("closures", CLOSURES),
     multiple=True,
-    help="Closure; again for more. [default: all that can be applied]",
+    help="Closure; repeatable. [default: all that can be applied]",
 )
 @click.option(
     "--beside",
     type=Name("beside", SCHEMES),
     multiple=True,
-    help="Scheme whose ensemble is shown beside; again for more. [default: both Euler-Maruyama schemes without SCENE]",
+    help="Scheme whose ensemble is shown beside; repeatable. [default: both Euler-Maruyama schemes without SCENE]",
 )
 @click.option("--order", type=WHOLE, default=4, show_default=True, help="Order of the closures' moments, 2 to 6.")
 @click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed of the simulation.")

@@ -83,7 +83,9 @@ def check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
         names = ", ".join(map(line, foreign[:3]))
         raise OutputError(f"out = {str(out)!r}: holds other things ({names}); choose another folder")
     if inside and not overwrite:
-        raise OutputError(f"out = {str(out)!r}: holds an earlier report; choose another folder, or give --overwrite")
+        raise OutputError(
+            f"out = {str(out)!r}: holds an earlier report; choose another folder, or overwrite it (--overwrite)"
+        )
 
 
 @contextmanager

@@ -37,8 +37,8 @@ RELATIVE = 1e-3
 TABLES = {"table_sha256": "table.csv", "validity_sha256": "validity.csv"}
 SAMPLED = {"simulated", "se", "bias", "error", "low", "high", "unit", "tolerance", "agreement"}
 """Columns that are estimated from the paths."""
-DERIVED = {"paths_needed"}
-"""Not compared: computed from other columns with a difference that may nearly cancel."""
+DERIVED = {"paths_needed", "why", "remark"}
+"""Not compared, for they follow from other columns: by a difference that may nearly cancel, or in words."""
 NAMING = ("sigma", "closure", "kind", "moment", "quantity", "impact")
 """Columns that identify a row."""
 
@@ -73,7 +73,7 @@ class Repeat(NamedTuple):
             return [f"{found}: {self.largest.where}.", self._versions]
         errors = "" if math.isnan(self.largest.errors) else f", {self.largest.errors:.2g} standard errors"
         size = f"the largest difference is {self.largest.sds:.2g} sd{errors} ({self.largest.where})"
-        bound = f"Up to {ROUNDING:g} standard errors, or {EXACT:g} sd of what is not sampled, is rounding."
+        bound = f"Up to {ROUNDING:g} standard errors, or {EXACT:g} sd where nothing is sampled, counts as rounding."
         return [f"{found}: {size}. {bound}", self._versions]
 
     @property
@@ -81,7 +81,7 @@ class Repeat(NamedTuple):
         unrecorded = [f"{name} (here {here})" for name, (there, here) in self.changed.items() if there is None]
         recorded = [f"{n} {there}, here {here}" for n, (there, here) in self.changed.items() if there is not None]
         sentences = [f"The manifest's versions that differ: {'; '.join(recorded)}."] if recorded else []
-        sentences += [f"The manifest does not say: {', '.join(unrecorded)}."] if unrecorded else []
+        sentences += [f"The manifest does not record: {', '.join(unrecorded)}."] if unrecorded else []
         return " ".join(map(line, sentences)) or "All versions and the processor are those of the manifest."
 
     def to_dict(self) -> dict[str, Any]:
@@ -124,7 +124,7 @@ def compare(recorded: Recorded, earlier: Mapping[str, str], now: Mapping[str, An
             found.append(one._replace(where=f"{file}, {one.where}"))
     if altered:
         files = " and ".join(TABLES[name] for name in altered)
-        found.append(Difference(math.inf, math.inf, math.nan, f"{files} beside it was altered since"))
+        found.append(Difference(math.inf, math.inf, math.nan, f"{files} beside it was changed since"))
     if not found:
         return Repeat(SAME, None, "", changed)
     largest = max(found, key=lambda one: one.excess)
@@ -145,7 +145,7 @@ def difference(one: pd.DataFrame, other: pd.DataFrame, paths: int) -> Difference
     """
     if list(one) != list(other) or len(one) != len(other):
         return Difference(math.inf, math.inf, math.nan, "it has other rows or columns")
-    largest = Difference(0.0, 0.0, math.nan, "written with other digits alone")
+    largest = Difference(0.0, 0.0, math.nan, "only digits or words differ")
     for name in one.columns.difference(list(DERIVED), sort=False):
         sds, errors = _differences(one, other, name, paths)
         sampled = np.isfinite(errors) & (errors > 0.0)

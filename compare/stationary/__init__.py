@@ -1,1 +1,1 @@
-"""The stationary motion of a scene: what rattles for hours, and which closure can say any of it."""
+"""The stationary motion of a scene: long-run averages, and which closure predicts them."""

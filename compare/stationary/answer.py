@@ -92,7 +92,7 @@ def _memory(table: pd.DataFrame) -> str:
     high, low = str(own.idxmax()), str(own.idxmin())
     most, least = float(own.max()), float(own.min())
     return (
-        f"Autocorrelation times reach from {least:.2g} impacts (`{low}`) to {most:.3g} (`{high}`): errors computed as "
+        f"Autocorrelation times range from {least:.2g} impacts (`{low}`) to {most:.3g} (`{high}`): errors computed as "
         f"if impacts were independent would be {_number(least**-0.5, 2)} times too large and {_number(most**0.5, 2)} "
         "times too small."
     )
@@ -108,8 +108,8 @@ def _few(found: Stationary) -> list[str]:
     periods = math.ceil(run.periods * (LEAST_EFFECTIVE / float(few.iloc[0]) - 1.0))
     return [
         f"The standard error of {names[0]} rests on about {few.iloc[0]:.0f} of {run.paths} paths, which differ most "
-        f"from the others: intervals of {', '.join(names)}{others} are wider for that. About {_number(periods, 1)} "
-        "more periods would fix this."
+        f"from the others: intervals of {', '.join(names)}{others} are wider for that reason. About "
+        f"{_number(periods, 1)} more periods would fix this."
     ]
 
 
@@ -121,7 +121,9 @@ def _compare_errors(table: pd.DataFrame) -> list[str]:
     ratio = both["se_batches"] / both["se"]
     said = f"Standard errors from batch means are {ratio.min():.2f} to {ratio.max():.2f} times those between paths"
     if ratio.min() < FEW:
-        return [f"{said}: paths differ by more than their parts do, so that some of the memory is longer than a batch."]
+        return [
+            f"{said}: paths differ more than batches of one path do, so some correlations last longer than a batch."
+        ]
     return [f"{said}."]
 
 

@@ -170,6 +170,6 @@ def closure_figure(verdicts: pd.DataFrame) -> Figure:
     ax.set_xscale("symlog", linthresh=1.0)
     ax.set_yticks(range(len(names)), names, fontsize=7)
     ax.set_ylim(-1.0, len(names))
-    ax.set_xlabel("error of the closure / admissible error")
+    ax.set_xlabel("error of the closure / tolerance")
     legend_above(figure, [ax], 4)
     return figure

@@ -366,7 +366,7 @@ def _exact(scene: Scene, own: Attractor, slow: float, closures: tuple[str, ...])
     values = values_of(law_of(own), scene, slow, own.contact)
     said = f"Exact: without noise the motion {own.reason}."
     if own.sticks:
-        said += " Impacts of completed chatter, infinitely many, are counted up to where it is summed up."
+        said += " Completed chatter has infinitely many impacts; those are counted up to which it is followed."
     return Stationary(scene, "periodic", said, _exact_table(values), None, own, slow, closures)
 
 

@@ -27,7 +27,7 @@ FIGURES = {
     "the impact, and its relative standard error in every cell.",
     "memory": "Autocorrelation time of each quantity, in impacts: right of 1 errors computed as if impacts were "
     "independent are too small, left of it too large.",
-    "closures": "Errors of the closures over what is admissible, with intervals of 95 % simultaneous coverage.",
+    "closures": "Errors of the closures relative to the tolerance, with intervals of 95 % simultaneous coverage.",
     "bifurcation": "Density of the velocity before an impact over a field of the scene: without noise and with it.",
 }
 """Captions of the figures, by name."""
@@ -87,7 +87,7 @@ def stationary_page(found: Stationary, record: dict[str, Any], drawn: list[str])
     if "bifurcation" in figures:
         sections.append(PageSection(f"Over {record['field']}", (figures["bifurcation"],)))
     if "memory" in figures:
-        sections.append(PageSection("How long it remembers", (figures["memory"],)))
+        sections.append(PageSection("Autocorrelation", (figures["memory"],)))
     return Page(
         f"The long run of {record['name']}", tuple(answer(found)), source_of(record), tuple(opening), tuple(sections)
     )

@@ -128,9 +128,9 @@ def answer(r: LongResults) -> list[str]:
                 sentences.append(f"`{closure}` predicts nothing of the long run at any value: {why}.")
                 continue
             whole = own[own == 1.0]
-            right = f"everything right at {len(whole)}" if len(whole) else "not everything right at any"
+            right = f"fully accurate at {len(whole)}" if len(whole) else "fully accurate at none"
             sentences.append(
-                f"`{closure}` predicts the long run at {len(own)} of {len(good)} values of {name}, and has {right} of "
+                f"`{closure}` predicts the long run at {len(own)} of {len(good)} values of {name}, and is {right} of "
                 f"them; {span(own, '.0%')} of its quantities are accurate."
             )
     other = r.cost[r.cost["kind"] != "simulated"]

@@ -73,7 +73,7 @@ class Cluster:
             raise self._refuse("has no workers; start some: dask worker ADDRESS") from None
         except OSError as error:
             self._close()
-            raise self._refuse(f"does not answer any more ({error}); start it again") from None
+            raise self._refuse(f"no longer answers ({error}); start it again") from None
         except BaseException:
             self._close()
             raise
@@ -104,7 +104,7 @@ class Cluster:
         except KilledWorker as error:
             raise Failed(
                 f"{cell.label}: the workers that computed it died ({error.allowed_failures + 1} of them, the last at "
-                f"{error.last_worker.address}): see their logs, and whether they have memory enough"
+                f"{error.last_worker.address}): check their logs and their memory"
             ) from None
 
     def _blocks(self, plan: Plan, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:

@@ -14,7 +14,7 @@ from rattle.compare.study.store import Store, Stored
 from rattle.compare.study.waiting import Waiting
 from rattle.scene.errors import InputError
 
-CHANGED = "its file has changed while it ran; what is finished is kept: run the command again"
+CHANGED = "its file has changed while it ran; finished results are kept: run the command again"
 LOOK = 0.2  # seconds between two checks of the threads: the longest delay of Ctrl-C
 
 

@@ -29,12 +29,12 @@ SYSTEM = (OSError, MemoryError, ImportError)
 Pyarrow also raises an OSError, but without an errno, for content that it cannot parse.
 """
 REMEDIES = {
-    errno.EACCES: "let its owner give you the right to read it (chmod g+r)",
-    errno.EPERM: "let its owner give you the right to read it (chmod g+r)",
+    errno.EACCES: "ask its owner for permission to read it (chmod g+r)",
+    errno.EPERM: "ask its owner for permission to read it (chmod g+r)",
     errno.EMFILE: "close what holds files open, or allow more of them (ulimit -n)",
     errno.ENFILE: "close what holds files open",
     errno.ENOMEM: "free memory",
-    errno.EIO: "see to the disk",
+    errno.EIO: "check the disk",
 }
 NAME = b"rattle"  # metadata entry of a Parquet file that holds its key and its facts
 
@@ -45,7 +45,7 @@ def _check_size(metadata: Any) -> None:
     values = sum(g.column(i).num_values for g in groups for i in range(g.num_columns))
     size = sum(g.total_byte_size for g in groups)
     if max(values, metadata.num_rows * metadata.num_columns) > MOST_VALUES or size > MOST_BYTES:
-        raise ValueError(f"would unpack to {values:,} values in {size:,} bytes: no result is as large")
+        raise ValueError(f"would unpack to {values:,} values in {size:,} bytes, more than any result has")
 
 
 def with_seal(parquet: bytes) -> bytes:

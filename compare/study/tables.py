@@ -104,7 +104,7 @@ class Tables:
         for fixed, part in panels(self, rows, len(rows)) if len(rows) and self.study.along else ():
             if at.items() <= fixed.items():
                 return draw(self, part)
-        raise InputError("kind", kind, f"nothing to draw of it{f' at {at}' if at else ''} in this study")
+        raise InputError("kind", kind, f"there is nothing to draw{f' at {at}' if at else ''} in this study")
 
 
 def load_study(folder: str | Path) -> Tables:
@@ -129,10 +129,10 @@ def load_study(folder: str | Path) -> Tables:
     >>> load_study("nowhere")
     Traceback (most recent call last):
     ...
-    rattle.scene.errors.FileError: study folder = 'nowhere': holds no finished study; give what rattle study has written
+    rattle.scene.errors.FileError: study folder = 'nowhere': holds no finished study; give the folder of one
     """
     if not isinstance(folder, str | Path):
-        raise FileError("study folder", folder, "is no path; give that of what rattle study has written")
+        raise FileError("study folder", folder, "is no path; give the folder that rattle study wrote")
     study, record, tables = read_tables(folder)
     if set(tables) != set(TABLES):
         why = "holds a study of the long run; rattle.compare.stationary.study.load loads it"
@@ -151,7 +151,7 @@ def read_tables(folder: str | Path) -> tuple[Study, dict[str, Any], dict[str, pd
     except FileError:
         raise
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError, ValueError, RecursionError):
-        why = "holds no finished study; give what rattle study has written"
+        why = "holds no finished study; give the folder of one"
         raise FileError("study folder", str(folder), why) from None
     except OSError as error:
         raise FileError("study folder", str(folder), f"{MANIFEST} cannot be read ({error.strerror})") from None
@@ -178,7 +178,9 @@ def read_tables(folder: str | Path) -> tuple[Study, dict[str, Any], dict[str, pd
             raise FileError("study folder", str(folder), f"{file} {broken}") from None
     study = Study.load(place / FILE)
     if record.get("study_sha256") not in (None, study.digest):
-        raise FileError("study file", str(place / FILE), "is not the one of these tables; give it to rattle again")
+        raise FileError(
+            "study file", str(place / FILE), "is not the study of these tables; run rattle study with it again"
+        )
     return study, record, tables
 
 

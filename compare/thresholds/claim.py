@@ -166,7 +166,7 @@ def _scene(given: object, folder: Path) -> Scene:
         raise InputError("scene", given, "give a Scene, or the name of a TOML file beside the test")
     path = folder / given
     if not path.is_file():
-        raise FileError("scene", str(given), f"there is no file {path}; give one that is, relative to the test")
+        raise FileError("scene", str(given), f"there is no file {path}; give the name of a file, relative to the test")
     try:
         return Scene.load(path)
     except InputError as error:
@@ -185,7 +185,7 @@ def _impacts(given: object) -> tuple[int, ...]:
         return tuple(range(1, count("impacts", given) + 1))
     found = tuple(sorted({count("impacts", impact) for impact in given}))
     if not found:
-        raise InputError("impacts", given, "give how many, or a list such as range(1, 5)")
+        raise InputError("impacts", given, "give their number, or a list such as range(1, 5)")
     return found
 
 
@@ -199,11 +199,11 @@ def _read_tolerances(options: Mapping[str, Any], moments: tuple[str, ...]) -> di
             if choice(f"moment of {name}", moment, MOMENTS) not in moments:
                 raise InputError(name, value, f"{moment!r} is not among moments = {moments!r}; add it, or leave it out")
             if moment in found:
-                raise InputError(name, value, f"within allows the {moment} an error already; leave one of them out")
+                raise InputError(name, value, f"within has a tolerance for the {moment} already; leave one of them out")
             found[moment] = Allowed(positive(f"{name} of the {moment}", error), name == "within")
     missing = [m for m in moments if m not in found]
     if missing:
         raise InputError(
-            "within", options.get("within"), f"allow {missing[0]!r} an error too, or leave it out of moments"
+            "within", options.get("within"), f"give {missing[0]!r} a tolerance too, or leave it out of moments"
         )
     return {m: found[m] for m in moments}

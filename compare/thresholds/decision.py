@@ -48,7 +48,7 @@ def errors_of(prediction: Claimed, run: Simulated, claim: Claim) -> pd.DataFrame
     rows = table.iloc[places.get_indexer(pd.MultiIndex.from_tuples(claim.rows))].reset_index(drop=True)
     rows = rows[rows["judged"]].reset_index(drop=True)
     if rows.empty:
-        raise InputError("quantities", claim.quantities, f"not one row of them is judged; add tau or y1. {RULE}")
+        raise InputError("quantities", claim.quantities, f"none of these rows has a verdict; add tau or y1. {RULE}")
     error = rows["moment"].map({m: a.error for m, a in claim.allowed.items()}).astype(float)
     in_sd = rows["moment"].map({m: a.in_sd for m, a in claim.allowed.items()}).astype(bool)
     rows["noise"] += np.where(in_sd, error * rows["se_unit"], 0.0)

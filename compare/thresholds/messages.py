@@ -111,7 +111,7 @@ def remedies(table: pd.DataFrame, claim: Claim) -> str:
     >>> print(remedies(pd.DataFrame({"outcome": ["undecided"], "paths_needed": [4e5], "moment": ["sd"]}), claim))
     ... # doctest: +NORMALIZE_WHITESPACE
     Undecided is not passed: give it more paths (budget=800_000 in its marker, or --rattle-budget), or allow a larger
-    error (within), or let it be undecided (undecided="skip" in its marker, or --rattle-undecided=skip).
+    error (within), or accept that it is undecided (undecided="skip" in its marker, or --rattle-undecided=skip).
     """
     needed, options = MARGIN * deciding(table), []
     if claim.accuracy is not None and "moment" in table:
@@ -121,7 +121,7 @@ def remedies(table: pd.DataFrame, claim: Claim) -> str:
     if "moment" in table:
         given = " or ".join(dict.fromkeys("within" if a.in_sd else "absolute" for a in claim.allowed.values()))
         options.append(f"allow a larger error ({given})")
-    options.append('let it be undecided (undecided="skip" in its marker, or --rattle-undecided=skip)')
+    options.append('accept that it is undecided (undecided="skip" in its marker, or --rattle-undecided=skip)')
     return f"Undecided is not passed: {', or '.join(options)}."
 
 

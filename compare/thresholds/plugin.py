@@ -116,7 +116,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
             except Exception as error:  # any error in reading a marker belongs to this test alone
                 item.stash[REFUSED] = error
         elif any(mark.name == "rattle" for mark in item.own_markers):
-            item.stash[REFUSED] = RattleError("its marker checks nothing; let the test take the fixture 'rattle'")
+            item.stash[REFUSED] = RattleError("its marker has no effect; let the test take the fixture 'rattle'")
 
 
 def pytest_report_collectionfinish(config: pytest.Config, items: Sequence[pytest.Item]) -> list[str]:
@@ -142,7 +142,7 @@ def rattle(request: pytest.FixtureRequest) -> Rattle:
 
     if CLAIM not in request.node.stash:
         pytest.fail(
-            "rattle: the test claims nothing; mark it, as in @pytest.mark.rattle(scene='dat21.toml', within=0.05)",
+            "rattle: the test has no marker; give it one, as in @pytest.mark.rattle(scene='dat21.toml', within=0.05)",
             pytrace=False,
         )
     return Rattle(request.node, request.node.stash[CLAIM], request.config.stash[THRESHOLDS])

@@ -86,6 +86,7 @@ def _complete(name: str, table: object, claim: Claim, why: str = "") -> pd.DataF
         raise InputError(
             f"{column} of {name} at impact {impact}",
             float(values.loc[impact, column]),
-            f"is no prediction{why}; leave it out of the marker's quantities, moments or impacts, or correct the model",
+            f"is not a finite number{why}; leave it out of the marker's quantities, moments or impacts, or "
+            "correct the model",
         )
     return values

@@ -33,7 +33,7 @@ def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[
     >>> facts |= {"folder": "cache", "not_judged": 1, "by_size": 2, "size": "2,048 paths"}
     >>> print("\\n".join(summary_lines([("test_a", facts)])))
     checks     4 rows in 1 test: 3 passed, 1 failed, 0 undecided
-    excluded   1 row more (at the wall): there a displacement is the wall itself
+    excluded   1 row more (at the wall): displacements that are the position of the wall
     by size    2 of the rows: sd is 0, or below what doubles resolve: compared with 1e-06 of the quantity's size
     intervals  3.29 standard errors, so that a test whose claim is true fails with a probability of at most 0.01
     ensembles  1 simulated in 1.5 s, 1 from the cache cache
@@ -44,7 +44,7 @@ def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[
     long run   2 rows in 1 test: 1 passed, 0 failed, 1 undecided
     intervals  3.29 standard errors, so that a test whose claim is true fails with a probability of at most 0.01
     widened    up to 340 standard errors where a standard error rests on few paths
-    long runs  1 simulated in 1.5 s, 1 from memory; none is kept without a cache (--rattle-cache)
+    long runs  1 simulated in 1.5 s, 1 from memory; they are kept only with a cache (--rattle-cache)
     undecided  test_b (corrected) after 2,048 paths of 1,024 periods: 4,100 paths would decide
     """
     for kind, title, simulations in (("check", "checks", "ensembles"), ("long check", "long run", "long runs")):
@@ -70,7 +70,7 @@ def _check_lines(checks: Sequence[tuple[str, Mapping[str, Any]]], title: str, si
     )
     if excluded := sum(f["not_judged"] for _, f in checks):
         rows_more = f"{excluded} row{'s' * (excluded > 1)} more"
-        yield f"excluded   {rows_more} (at the wall): there a displacement is the wall itself"
+        yield f"excluded   {rows_more} (at the wall): displacements that are the position of the wall"
     if by_size := sum(f["by_size"] for _, f in checks):
         yield f"by size    {by_size} of the rows: {BY_SIZE}"
     widths = sorted({f"{f['z']:.2f}" for _, f in checks}, key=float)
@@ -81,7 +81,7 @@ def _check_lines(checks: Sequence[tuple[str, Mapping[str, Any]]], title: str, si
     if any(f["widened"] > WIDER * f["z"] for _, f in checks):
         most = max(f["widened"] for _, f in checks)
         yield f"widened    up to {most:.3g} standard errors where a standard error rests on few paths"
-    kept = f"the cache {folder}" if folder else "memory; none is kept without a cache (--rattle-cache)"
+    kept = f"the cache {folder}" if folder else "memory; they are kept only with a cache (--rattle-cache)"
     took = sum(f["seconds"] for _, f in checks)
     yield f"{simulations:10} {computed} simulated in {took:.1f} s, {drawn - computed} from {kept}"
     for test, facts in checks:

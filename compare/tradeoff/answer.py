@@ -53,13 +53,12 @@ def answer(m: Tradeoff, accuracies: Sequence[float]) -> list[str]:
             wins.append(
                 f"`{row['method']}`, whose worst error is {'' if row['resolved'] else 'below '}{row['error']:.2g} "
                 f"(median {row['median_error']:.2g}) after {duration_text(row['core_seconds'], 2)}: exact flights take "
-                f"{float(format(simulated / row['work'], '.2g')):g} times the work to its worst error"
+                f"{float(format(simulated / row['work'], '.2g')):g} times the work for the same error"
             )
     found.append(
         f"A closure is the cheapest method for any accuracy no finer than its own worst error: {'; '.join(wins)}."
         if wins
-        else "No closure that predicts all of them is shown to be cheaper than a simulation as accurate as its worst "
-        "error."
+        else "No closure that predicts all of them is shown to be cheaper than a simulation with the same worst error."
     )
     finest = accuracies[-1]
     plain, exact = m.models[PLAIN], m.models[EXACT].path_alone(finest)

@@ -21,19 +21,19 @@ from rattle.compare.validation.validity_range import join_words
 from rattle.scene.text import duration_text
 
 FIGURE = (
-    "Error against processor time, both on logarithmic scales. Schemes: what with 95 % probability no section mean or "
-    "sd is off by more than. Closures: worst and median error against {reference} paths of exact flights. Dash-dotted: "
+    "Error against processor time, both on logarithmic scales. Schemes: 95 % simultaneous error bound of all "
+    "section means and sds. Closures: worst and median error against {reference} paths of exact flights. Dash-dotted: "
     "the section means alone. Open and dashed: extrapolated. Pale: runs that missed the requested accuracy, at their "
     "actual error."
 )
 SCHEMES = (
-    "Runs of `simulate_to(scene, accuracy, scheme=...)` where {budget} core-seconds suffice, including pilot runs and "
-    "the longer steps that measure the step bias: with 95 % probability no section mean or sd is off by more than the "
-    "accuracy, branches that the sample cannot have seen included. The others are extrapolated from the time of a "
-    "path-step, from the paths that the largest run foresees, and from the step bias, which may take half of the "
+    "Runs of `rattle simulate --accuracy` with each scheme where {budget} core-seconds suffice, including pilot runs "
+    "and the longer steps that measure the step bias. The accuracy is the 95 % simultaneous error bound of all section "
+    "means and sds, including rare branches that the sample may miss. The other rows are extrapolated from the time of "
+    "a path-step, the number of paths predicted from the largest run, and the step bias, which may take half of the "
     "accuracy. “Actual” is the worst difference of the run from {reference} paths of exact flights over all rows, and "
-    "should be within the accuracy; where it is more than that and the reference's own error explain, the run “missed” "
-    "it, and the next row gives the cost as the largest run foresees it."
+    "should be within the accuracy; where it exceeds that by more than the reference's own error, the run “missed” it, "
+    "and the next row gives the cost predicted from the largest run."
 )
 STEP = (
     "A path-step is one step of one path at one step size, timed in the pilot runs with all statistics; for "
@@ -44,14 +44,14 @@ RATES = (
     "means alone; multilevel estimators have a bias of the same size beside it:"
 )
 LEVELS = (
-    "In brackets: for a row with the median of the variances and biases alone. Every level by itself: `levels.csv`; a "
+    "In brackets: for a row with the median of the variances and biases alone. Each level: `levels.csv`; a "
     "kurtosis beyond {alarm} there means that a few paths dominate the variance of the difference, whose estimate is "
     "then unreliable."
 )
 ORDERS = (
     "No order is published for schemes with inelastic impacts. Two questions are separated. How fast does a scheme "
     "converge towards its own limit: the change of a section mean or sd between dt and dt / 2 on the same Brownian "
-    "paths, root mean square over {impacts} impacts in units of the sd, for each quantity by itself; its slope over "
+    "paths, root mean square over {impacts} impacts in units of the sd, for each quantity alone; its slope over "
     "the stated steps and at the finest ones, with 95 % intervals. It is called an order only where it has settled: "
     "where the local slopes over the finest three changes agree, and the change turns its sign there at no impact. Is"
     " that limit correct: Richardson extrapolation from the smallest steps compared with exact flights, the largest "

@@ -33,8 +33,8 @@ def advice(validity: pd.DataFrame, impacts: int, speed: pd.DataFrame) -> str:
         if worth:
             said.append(f"take {worth[0]} at σ = {sigma:.4g} (all {_moments(impacts)} are accurate)")
         elif dearer:
-            are = "is" if len(dearer) == 1 else "are"
-            why = f"{join_words(dearer)} {are} accurate, at more work than a simulation as accurate"
+            takes = "is accurate, but takes" if len(dearer) == 1 else "are accurate, but take"
+            why = f"{join_words(dearer)} {takes} more work than an equally accurate simulation"
             said.append(f"simulate at σ = {sigma:.4g} ({why})")
         else:
             said.append(f"simulate at σ = {sigma:.4g} ({_none(rows, impacts)})")
@@ -74,13 +74,13 @@ def cost_sentence(
     closures = (
         join_words([f"`{name}` {duration_text(seconds, 2)}" for name, seconds in whole.items()]) if len(whole) else ""
     )
-    said = f"Counted work (nominal time of one core, without compiling): by simulation {what} take {join_words(each)}"
+    said = f"Nominal time on one core, from counted work: a simulation of {what} takes {join_words(each)}"
     said += f"; {closures}" if closures else ""
     if over is not None:
         slower = over[over["resolved"] & (over["speed_up"] < 1.0) & (over["impacts"] == impacts)]
         for closure, rows in slower.groupby("closure", sort=False):
             at = join_words([f"{sigma:.4g}" for sigma in rows["sigma"]])
-            said += f"; a simulation as accurate as `{closure}` takes less at σ = {at}"
+            said += f"; at σ = {at} an equally accurate simulation takes less than `{closure}`"
     return f"{said}."
 
 

@@ -44,8 +44,8 @@ def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
     shares = [f"{join_words(closures)}: {said}" for said, closures in found.items()]
     sigmas = validity["sigma"]
     return (
-        f"Every section mean and sd{SECTION} over {impacts} impacts ({sigmas.nunique()} noise intensities, "
-        f"{span(sigmas, '.4g')}) — {'; '.join(shares)}."
+        f"Range of validity, for every section mean and sd{SECTION} of {impacts} impacts at {sigmas.nunique()} noise "
+        f"intensities ({span(sigmas, '.4g')}): {'; '.join(shares)}."
     )
 
 
@@ -86,25 +86,24 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
         if failures:
             v, (impact, stage, why) = failures[-1]
             broken.append(
-                f"the `{closure}` closure stops being realizable at impact {impact} "
+                f"the moments of `{closure}` are impossible from impact {impact} on "
                 f"(at σ = {sigma_text(v)}, stage {stage}: {why})"
             )
         elif any(closure in set(v.correlation["closure"]) for v in validations):  # a mixture always is, and not there
             realizable.append(f"`{closure}`")
     if realizable:
-        broken.append(f"the moments of {join_words(realizable)} stay realizable")
+        broken.append(f"the moments of {join_words(realizable)} stay possible")
     speed, over = speeds(validations), swept.speed if swept else None
     return [
         advice(validities(validations), impacts, speed),
         *([validity_sentence(swept.validity, impacts)] if swept else []),
         cost_sentence(simulation_costs(validations), speed, impacts, lasting(first), over),
         *motion_sentence(validations),
-        f"Section moments{'' if swept else SECTION} that a closure predicts over {impacts} impacts and that "
-        f"are accurate (within "
-        f"{first.tolerances.mean:.0%} of an sd for means and {first.tolerances.sd:.0%} for sds, interval included): "
-        f"{'; '.join(shares)}.",
+        f"Accurate section moments{'' if swept else SECTION} among those that a closure predicts over {impacts} "
+        f"impacts (within {first.tolerances.mean:.0%} of an sd for means and {first.tolerances.sd:.0%} for sds, with "
+        f"the whole interval): {'; '.join(shares)}.",
         *by_size_sentence(validations),
-        f"As for the correlation coefficient, {'; '.join(broken)}; in the simulation |ρ| never exceeds "
+        f"Correlation of position and velocity: {'; '.join(broken)}; in the simulation |ρ| never exceeds "
         f"{_largest_rho(validations, SIMULATED):.4f}.",
         *_agreement(validations),
         *explain_missing(first.scene, first.predictions),
@@ -121,9 +120,8 @@ def _agreement(validations: Sequence[Comparison]) -> list[str]:
     if not shares:
         return []
     return [
-        f"After {impacts} impacts the share of paths that still follow one itinerary of a closure is "
-        f"{join_words(shares)}: "
-        "a closure along a single orbit says nothing of the others."
+        f"After {impacts} impacts the share of paths that still follow a closure's itinerary is {join_words(shares)}: "
+        "a closure along a single orbit says nothing about the others."
     ]
 
 
@@ -155,15 +153,14 @@ def correlation_claim(validations: Sequence[Comparison]) -> str:
     behind = (
         "The rule behind it is Eq. 15, −ε m_np for every power p, which gives a variance the sign of −ε"
         if validations[0].scene.stages == 1
-        else "Two rules are behind it, each of which fails by itself: Eq. 17, λ_np − κ m_np, which makes variances of "
-        "stage "
-        "1 negative, and Eq. 15, −ε m_np for every power p, which gives a variance of stage 2 the sign of −ε"
+        else "Two rules are behind it, and each of them fails alone: Eq. 17, λ_np − κ m_np, which makes variances of "
+        "stage 1 negative, and Eq. 15, −ε m_np for every power p, which gives a variance of stage 2 the sign of −ε"
     )
     return (
         "The paper argues that the density cannot be Gaussian because |ρ| may exceed 1. In the `published` closure "
         f"second moments belong to no distribution {'; '.join(evidence)}. {behind}; with (−ε)^p and the joint moments, "
         f"all else alike, the `corrected` closure keeps |ρ| ≤ {_largest_rho(validations, 'corrected'):.4f}, and the "
-        f"simulation shows |ρ| ≤ {_largest_rho(validations, SIMULATED):.4f}. The excess is an artefact of what is "
-        "printed. The densities are not Gaussian all the same: impacts skew them and split them into several modes, as "
-        "the section histograms show."
+        f"simulation shows |ρ| ≤ {_largest_rho(validations, SIMULATED):.4f}. The excess is an artefact of the "
+        "published formulas. The densities are not Gaussian all the same: impacts skew them and split them into "
+        "several modes, as the section histograms show."
     )

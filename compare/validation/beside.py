@@ -26,10 +26,10 @@ FORMS = {  # columns that the page shows after the name of the method, and their
 MOMENTS = ("mean", "sd")
 NOTE = (
     f"Each scheme with {PATHS:,} paths, and each closure, compared with the simulation of this report: the largest "
-    "difference of a mean and of an sd over all impacts, in sds of the quantity, and the processor time (of closures "
-    "the nominal one). The difference of exact flights is the error of sampling so few paths. The bias of a step is "
-    "measured from dt, 2 dt and 4 dt on the same noise, whose time is included; differences are those of the moments "
-    "as simulated, from which it is not taken off (`schemes.csv`)."
+    "difference of a mean and of an sd over all impacts, in sds of the quantity, and the processor time (for closures "
+    "the nominal one). For exact flights the difference is sampling error alone. The step bias is measured from dt, "
+    "2 dt and 4 dt on the same noise, and the time includes that; it is not subtracted from the differences "
+    "(`schemes.csv`)."
 )
 
 

@@ -86,7 +86,7 @@ def correlation_figure(v: Comparison) -> Figure:
         ax.set_ylim(-limit, limit)
         ax.set_xlim(0.0, len(v.run.section) + 0.5)
         whole_impacts(ax)
-        ax.set_xlabel("impact (mid-flight: the flight that it ends)")
+        ax.set_xlabel("impact (mid-flight: in the flight before it)")
         ax.set_ylabel(SYMBOL[f"rho{stage}"])
         ax.set_title(f"stage {stage}", loc="left")
     legend_above(figure, axes, 4)
@@ -140,7 +140,7 @@ def agreement_figure(validations: Sequence[Comparison]) -> Figure:
         ax.set_ylim(-0.03, 1.05)
         whole_impacts(ax)
         ax.set_xlabel("impact")
-        ax.set_ylabel("share of paths still on it")
+        ax.set_ylabel("share of paths on it")
         ax.set_title("itinerary of " + ", ".join(closures), loc="left")
     axes[0].legend(loc="best")
     return figure

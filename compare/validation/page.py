@@ -42,16 +42,16 @@ CONTENTS = contents(
 """Names of all files in a report folder; a folder with any other file is not overwritten."""
 
 SPEED = (
-    "Work of the closure up to the last impact at which it is accurate, compared with the cheapest simulation of equal "
-    "accuracy: as many exact flights with their control variate as bound the error of every moment, with 95 % "
-    "probability for all of them at once, by the closure's worst error (in sds of the quantity). Times of one core are "
-    "nominal: counted impacts, mixture components and path-steps at a fixed cost each (`speed.csv`)."
+    "Work of each closure up to the last impact at which it is accurate, compared with the cheapest simulation of the "
+    "same accuracy: exact flights with a control variate, with so many paths that the 95 % simultaneous error bound of "
+    "all moments is the closure's worst error (in sds of the quantity). Times are nominal, for one core: impacts, "
+    "mixture components and path-steps are counted at a fixed cost each (`speed.csv`)."
 )
 NONE = "No closure is shown to be accurate up to the first impact at any of these noise intensities; {} undecided."
 UNRESOLVED = " “≤”: the sample cannot tell the error from zero, so the speed-up is a lower bound."
 AGREEMENT = (
-    "Share of paths whose impacts so far were at the meshes and sides of the closure's itinerary; no closure along a "
-    "single orbit can be accurate beyond it."
+    "Share of paths whose impacts so far were at the meshes and sides of the closure's itinerary; a closure along a "
+    "single orbit says nothing about the others."
 )
 FAILURES = (
     "First failure of each check of the closures' moments; “negative mass” judges the truncated series, "
@@ -108,7 +108,7 @@ def _page(
     if swept:
         paths = (
             f"{settings.validity_paths:,} paths of exact flights at each σ (no step bias), all with the same random "
-            "numbers. Every σ by itself: `validity.csv`; what a simulation takes at each: `simulation.csv`."
+            "numbers. Each σ: `validity.csv`; what a simulation takes there: `simulation.csv`."
         )
         drawing = validity_figure(swept.validity, settings.impacts)
         figure = _add(drawings, drawing, "validity", caption_of(drawing, VALIDITY))

@@ -84,7 +84,7 @@ def motion_sentence(validations: Sequence[Comparison]) -> list[str]:
 def _in_words(v: Comparison) -> str:
     physical, impacts, time = v.run.section_in("physical"), len(v.run.section), _milliseconds(v)
     speeds = physical[[f"y{i}_mm_per_s" for i in range(1, v.scene.stages + 1)]].abs()
-    lost = f", losing {physical['energy_mJ'].mean():.2g} mJ at an impact" if "energy_mJ" in physical else ""
+    lost = f" and a mean loss of {physical['energy_mJ'].mean():.2g} mJ per impact" if "energy_mJ" in physical else ""
     return (
         f"at σ = {v.scene.sigma:.4g}, {impacts} impacts take {time:.3g} ms on average ({1e3 * impacts / time:.3g} "
         f"impacts per second), with mean velocities before an impact of up to {np.nanmax(speeds):.3g} mm/s{lost}"

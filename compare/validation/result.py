@@ -106,7 +106,7 @@ class Validation(Comparison):
 
         draw = FIGURES[choice("kind", kind, FIGURES)].draw
         if not has_something(kind, self):
-            raise InputError("kind", kind, "needs a closure with moments of a perturbation, which branching has not")
+            raise InputError("kind", kind, "needs a closure other than branching")
         return draw(self)
 
     def to_xarray(self) -> "xr.Dataset":

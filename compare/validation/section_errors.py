@@ -24,13 +24,13 @@ WORTH_A_WORD = 0.05
 FEWEST = 32
 """Least number of paths from which an sd is judged: the fourth moment of fewer says too little about its error."""
 
-TOO_FEW = f"too few paths for an interval; an sd is judged from {FEWEST} on"
+TOO_FEW = f"too few paths for an interval; that of an sd needs {FEWEST}"
 """Remark on a row whose interval the sample cannot have."""
 
 ABSOLUTE = 1e-6
 """Tolerance, relative to its size, of a quantity that does not vary (`rattle.montecarlo.accuracy.smallest_sd`)."""
 
-BY_SIZE = f"sd is 0, or below what doubles resolve: compared with {ABSOLUTE:g} of the quantity's size"
+BY_SIZE = f"sd is 0, or too small for doubles: compared with {ABSOLUTE:g} of the quantity's size"
 """Remark on the rows of such quantities."""
 
 

@@ -13,15 +13,15 @@ from rattle.compare.validation.validity_range import UNDECIDED, is_accurate, is_
 from rattle.compare.validation.verdict import NOT_JUDGED
 
 CAUSES = {
-    "holds": "holds to the last impact followed",
+    "holds": "accurate at every impact computed",
     "undecided": UNDECIDED,
-    "fixed time": "the impact time does not vary in it",
+    "fixed time": "it ignores that impact times vary",
     "off itinerary": "paths have left its itinerary",
     "grazing": "an impact grazes",
-    "second order": "second order is no longer enough",
+    "second order": "second order is not enough",
     "mixture": "it has too few mixture components",
-    "not realizable": "its moments belong to no distribution",
-    "ended": "it cannot be followed further",
+    "not realizable": "no distribution has its moments",
+    "ended": "it ends",
 }
 """What limits the range of validity: key in the tables, and phrase."""
 
@@ -99,7 +99,7 @@ def _why(v: Comparison, closure: str, impact: int) -> tuple[str, str]:
         return "off itinerary", f"{worst}: {1.0 - agreement:.2%} of the {CAUSES['off itinerary']}"
     slow = _slowest(prediction, impact)
     if slow is not None:
-        return "grazing", f"{worst}: impact {slow[0]} grazes (speed {slow[1]:.1f} of its sds)"
+        return "grazing", f"{worst}: impact {slow[0]} grazes (its mean speed is {slow[1]:.1f} of its sds)"
     if closure == "saltation":
         return "second order", f"{worst}: {CAUSES['second order']}"
     return "fixed time", f"{worst}, at any noise: {CAUSES['fixed time']}"

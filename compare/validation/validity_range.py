@@ -1,7 +1,7 @@
 """The range of validity of a closure, in the same three phrases wherever it is stated.
 
 *Accurate up to*: every judged moment is accurate, there and before.  *Not shown wrong up to*: none is inaccurate, but
-beyond the first limit some are *undecided*, for want of paths or of a smaller step.
+beyond the first limit some are *undecided*: too few paths, or too long a step, to decide.
 """
 
 import math
@@ -14,7 +14,7 @@ from rattle.compare.validation.verdict import JUDGED
 
 ACCURATE, NOT_WRONG = "accurate up to", "not shown wrong up to"
 WRONG, ENDED = "shown wrong", "not followed to its end"
-UNDECIDED = "undecided for want of paths"
+UNDECIDED = "too few paths to decide"
 """The phrases for a range of validity, and for what lies beyond it."""
 
 T = TypeVar("T")
@@ -53,12 +53,12 @@ def want(rows: pd.DataFrame) -> str:
     Examples
     --------
     >>> want(pd.DataFrame({"verdict": ["undecided", "accurate"], "paths_needed": [1e6, float("nan")]}))
-    'undecided for want of paths'
+    'too few paths to decide'
     """
     needed = rows.loc[rows["verdict"] == "undecided", "paths_needed"]
     if not needed.isna().any():
         return UNDECIDED
-    return f"{UNDECIDED} and of a smaller step" if needed.notna().any() else "undecided for want of a smaller step"
+    return f"{UNDECIDED}, and too long a step" if needed.notna().any() else "too long a step to decide"
 
 
 def in_words(
@@ -79,9 +79,9 @@ def in_words(
     Examples
     --------
     >>> in_words("σ", [0.1, 0.2, 0.4], 0.1, 0.2)
-    'accurate up to σ = 0.1, not shown wrong up to 0.2 (undecided for want of paths), shown wrong at 0.4'
+    'accurate up to σ = 0.1, not shown wrong up to 0.2 (too few paths to decide), shown wrong at 0.4'
     >>> in_words("σ", [0.1, 0.2], math.nan, 0.2)
-    'not shown wrong up to σ = 0.2 (undecided for want of paths)'
+    'not shown wrong up to σ = 0.2 (too few paths to decide)'
     >>> in_words("σ", [0.1, 0.2], math.nan, math.nan)
     'shown wrong at σ = 0.1, the smallest'
     """

@@ -16,8 +16,8 @@ VERDICTS = (*JUDGED, "not predicted", NOT_JUDGED)
 
 RULE = (
     "At each impact the displacement at the mesh that most simulated paths strike is excluded (at the wall) from "
-    "verdicts, counts and sentences: there it is the wall itself, known beforehand, and its spread says only how many "
-    "paths have left the itinerary (with a random tolerance, what was drawn besides)."
+    "verdicts, counts and sentences: it is the known position of the wall, and its spread tells only how many paths "
+    "have left the itinerary (and, with a random tolerance, how the gaps were drawn)."
 )
 """Which rows `at_wall` excludes, and why, as pages state it."""
 

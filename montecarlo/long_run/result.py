@@ -42,7 +42,7 @@ class LongReach(NamedTuple):
         if self.reached:
             return f"Accuracy {self.asked:g} reached: {found}."
         more = f"{duration_text(self.more_seconds)} of processor time more"
-        return f"Accuracy {self.asked:g} NOT reached within the budget: {found}; about {more} would do."
+        return f"Accuracy {self.asked:g} NOT reached within the budget: {found}; about {more} would suffice."
 
 
 @dataclass(frozen=True)

@@ -150,7 +150,7 @@ def simulate_rare(
     if not isinstance(scene, Scene):
         raise InputError("scene", scene, "give a Scene")
     if scene.tolerance is not None and scene.tolerance.distribution != "fixed":
-        raise InputError("scene.tolerance", scene.tolerance, "rare branches are looked for in gaps that do not vary")
+        raise InputError("scene.tolerance", scene.tolerance, "the search for rare branches needs gaps that do not vary")
     plan = plan_of(
         scene,
         paths=paths,

@@ -83,7 +83,7 @@ def test_a_disk_that_fills_while_the_page_is_written(file, tmp_path):
         with pytest.raises(FileError, match="holds no finished study"):
             load_study(place / "noise")
         subprocess.run(["mount", "-o", "remount,size=20m", place], check=True)
-        assert "0 cells computed, 4 there" in rattle("study", file, "--out", place / "noise").output
+        assert "0 results computed, 4 stored" in rattle("study", file, "--out", place / "noise").output
         assert len(load_study(place / "noise").errors) == 2 * 2 * 2 * 4
 
 
@@ -124,7 +124,7 @@ def test_a_damaged_page_is_seen(file, finished, name, damage):
 def test_a_damaged_page_is_written_again_from_its_cells(file, finished):
     whole = (finished / "errors.parquet").read_bytes()
     (finished / "errors.parquet").write_bytes(whole[:-20])
-    assert "0 cells computed, 4 there" in rattle("study", file).output
+    assert "0 results computed, 4 stored" in rattle("study", file).output
     assert (finished / "errors.parquet").read_bytes() == whole
     assert "All 4 results are stored" in rattle("study", file).output
 
@@ -143,5 +143,5 @@ def test_a_page_of_another_study_is_not_taken_for_ours(file, finished):
     rattle("study", other, "--out", finished)
     assert load_study(finished).study.title == "other"
     assert load_study(finished).record["title"] == "other"
-    assert "0 cells computed" in rattle("study", file).output
+    assert "0 results computed" in rattle("study", file).output
     assert load_study(finished).study.title == "noise"

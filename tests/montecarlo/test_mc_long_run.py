@@ -145,7 +145,7 @@ def test_short_budget_gives_the_best_answer_and_what_more_would_cost():
     found = long_run(SCENE, accuracy=1e-4, quantities=["rate"], paths=64, budget=1.0, burn_in=64)
     assert not found.reach.reached
     assert found.reach.more_seconds > 1.0
-    assert "more would do" in found.reach.sentence
+    assert "more would suffice" in found.reach.sentence
 
 
 @pytest.mark.parametrize(

@@ -181,8 +181,8 @@ def test_what_may_be_replaced(tmp_path, page):
     check_file(tmp_path / "new" / "a.html", False)
     check_file(ours, True)
     for out, overwrite, why in (
-        (ours, False, "give --overwrite"),
-        (foreign, True, "no animation of rattle"),
+        (ours, False, "overwrite it (--overwrite)"),
+        (foreign, True, "not an animation of rattle"),
         (tmp_path / "a.svg", False, r"ends in \.html"),
         (foreign / "a.html", False, "cannot be written"),
     ):
@@ -205,7 +205,7 @@ def test_command(tmp_path, monkeypatch):
     assert "<b>" not in out.read_text()
     again = CliRunner().invoke(main, words)
     assert again.exit_code == 2
-    assert "give --overwrite" in again.output
+    assert "overwrite it (--overwrite)" in again.output
     assert CliRunner().invoke(main, [*words, "--overwrite"]).exit_code == 0
     assert [p.name for p in out.parent.iterdir()] == [out.name]
 

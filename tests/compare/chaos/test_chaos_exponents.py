@@ -134,7 +134,7 @@ def test_an_orbit_that_sticks_often_goes_on_and_has_no_section():
     found = lyapunov(scene)
     assert found.regime.kind == "sticks often"
     assert found.regime.closed == pytest.approx(0.006, abs=0.0006)
-    assert "it goes on after each, and a mesh is closed 0.56 % of the time" in found.regime.reason
+    assert "it comes loose after each, and a mesh is closed 0.56 % of the time" in found.regime.reason
     assert "stationary" not in found.regime.reason
     assert np.isnan(found.value).all()
     edges = np.linspace(0, 1, 11), np.linspace(-1, 1, 11)

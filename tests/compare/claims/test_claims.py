@@ -54,7 +54,7 @@ def test_every_claim_has_a_test_evidence_and_one_of_the_verdicts(claims):
         ("solvable", NOT_REPRODUCED),
         (
             "beyond_one",
-            "holds only for the published rules at impacts: Eq. 17 by itself breaks stage 1 at impact 2 and",
+            "holds only for the published rules at impacts: Eq. 17 alone breaks stage 1 at impact 2 and",
         ),
         ("stages_apart", NOT_REPRODUCED),
         ("counter_meshes", NOT_REPRODUCED),

@@ -107,7 +107,7 @@ def test_init_writes_a_scene_that_loads_and_never_replaces_one(tmp_path):
     path.write_text("mine")
     result = rattle("init", path)
     assert (result.exit_code, path.read_text()) == (2, "mine")
-    assert "is there already" in result.output
+    assert "exists already" in result.output
     assert rattle("init", tmp_path / "none" / "gears.toml").exit_code == 2
 
 

@@ -67,7 +67,7 @@ def test_the_same_but_for_rounding(first, tmp_path):
     here = provenance.versions()
     assert f"processor Another Processor, here {here['processor']}" in said
     assert f"numpy 1.0, here {here['numpy']}" in said
-    assert f"does not say: vectors (here {here['vectors']})" in said
+    assert f"does not record: vectors (here {here['vectors']})" in said
     assert "scipy" not in said
 
 
@@ -132,7 +132,7 @@ def test_a_table_that_was_altered_beside_its_manifest_is_named(first, tmp_path):
     said = validate(
         "--repeat", tmp_path / "there" / "manifest.json", "--out", tmp_path / "here", code=EXIT_NOT_REPEATED
     )
-    assert "table.csv beside it was altered since" in said.output
+    assert "table.csv beside it was changed since" in said.output
     assert "bit for bit" not in said.output
 
 
@@ -167,7 +167,7 @@ def found(**changed):
 
 
 def test_differences_are_in_sds_and_in_standard_errors():
-    assert found() == (0.0, 0.0, pytest.approx(math.nan, nan_ok=True), "written with other digits alone")
+    assert found() == (0.0, 0.0, pytest.approx(math.nan, nan_ok=True), "only digits or words differ")
     assert found(simulated=[2.0, -1.75])[1:3] == pytest.approx((0.5, 5.0))
     assert found(agreement=[1.0, 0.8])[2] == pytest.approx(1.0)
     assert found(paths_needed=[2e9, np.nan]).excess == 0.0

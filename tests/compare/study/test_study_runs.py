@@ -89,7 +89,7 @@ def test_tables_load_in_one_line(slow):
     assert float(data["simulated"].sel(**at)) == row["simulated"]
     assert data["quantity"].attrs["y1"] == "backlash1 omega"
     assert len(results.plot("errors").axes) == 4  # means and sds, at two impacts
-    with pytest.raises(InputError, match="nothing to draw of it at"):
+    with pytest.raises(InputError, match="there is nothing to draw at"):
         results.plot("errors", gap1=3)
 
 
@@ -183,10 +183,10 @@ def test_a_flipped_bit_anywhere_is_found_or_does_not_matter(tmp_path):
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_value_more_computes_its_cells_only(small):
-    assert "9 cells computed" in rattle(small).output
+    assert "9 results computed" in rattle(small).output
     small.write_text(study_text(sigmas=(0.01, 0.02, 0.05, 0.1)))
     assert "12 cells, 3 to compute" in rattle(small, "--explain").output
-    assert "3 cells computed, 12 there" in rattle(small).output
+    assert "3 results computed, 12 stored" in rattle(small).output
     assert "All 12 results are stored" in rattle(small).output
 
 
@@ -299,13 +299,13 @@ def test_undecided_is_not_called_wrong(tmp_path):
         "Undecided: no closure is shown to be accurate over 4 impacts in every row of this study. Not shown to be "
         "wrong: `saltation` up to σ = 0.02. More paths would settle it; until then simulate."
     )
-    assert saltation.startswith("`saltation`: not shown wrong up to sigma = 0.02 (undecided for want of paths")
+    assert saltation.startswith("`saltation`: not shown wrong up to sigma = 0.02 (too few paths to decide")
     assert published == "`published`: shown wrong at sigma = 0.01, the smallest."
     figure = validity(found, found.validity)
     words = [text.get_text() for text in figure.legends[0].get_texts()]
     assert "saltation: accurate up to" in words
     assert "not shown wrong up to" in words
-    assert any(text.startswith("undecided for want of paths") for text in words)
+    assert any(text.startswith("too few paths to decide") for text in words)
     assert "published: shown wrong at the smallest" in words
     (band,) = (c for c in figure.axes[0].collections if c.get_paths() and len(c.get_paths()[0].vertices) > 3)
     assert band.get_paths()[0].vertices[:, 1].max() == 0.02  # from the smallest up, though nothing is accurate

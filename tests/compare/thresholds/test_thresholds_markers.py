@@ -39,8 +39,8 @@ BAD_MARKERS = {
     "scene=S, impact=3": "option of the marker rattle = 'impact': unknown key; did you mean 'impacts'?",
     "scene=S, impacts=[0, 1]": "impacts = 0: must be at least 1",
     "scene=S, within=-0.1": "within of the mean = -0.1: must be greater than 0",
-    "scene=S, within={'mean': 0.1}": "within = {'mean': 0.1}: allow 'sd' an error too",
-    "scene=S, within=0.1, absolute=0.1": "absolute = 0.1: within allows the mean an error already",
+    "scene=S, within={'mean': 0.1}": "within = {'mean': 0.1}: give 'sd' a tolerance too",
+    "scene=S, within=0.1, absolute=0.1": "absolute = 0.1: within has a tolerance for the mean already",
     "scene=S, paths=2": "paths = 2: must be at least 1024",
     "scene=S, paths=4096, accuracy=0.1": "accuracy = 0.1: chooses the number of paths itself; leave out paths = 4096",
     "scene=S, budget=4096, accuracy=0.1": "accuracy = 0.1: chooses the number of paths itself; leave out budget = 4096",
@@ -68,7 +68,7 @@ def test_bad_markers_are_errors_of_their_own_tests(run, pytester, said):
     shown = dict(zip(sections[1::2], sections[2::2], strict=True))
     for i, message in enumerate(BAD_MARKERS.values()):
         assert message in shown[f"test_{i}"]
-    assert "its marker checks nothing; let the test take the fixture 'rattle'" in shown["test_idle"]
+    assert "its marker has no effect; let the test take the fixture 'rattle'" in shown["test_idle"]
     z = f"{widest(4 * GOOD_ROWS, 0.01):.2f}"  # as if the others were not there
     assert said(result, r"intervals  (\S+) standard errors, ") == z
 

@@ -91,7 +91,7 @@ def test_without_a_cache_nothing_is_kept(run, pytester, said):
         result = run(SUITE, *some, cache="")
         result.assert_outcomes(passed=1, failed=1, deselected=5)
         assert said(result, r"ensembles  (\d+ simulated in .*)").endswith(
-            "1 from memory; none is kept without a cache (--rattle-cache)"
+            "1 from memory; they are kept only with a cache (--rattle-cache)"
         )
     assert not list(pytester.path.rglob("*.parquet"))
     assert not list(pytester.path.rglob("*.svg"))
@@ -153,8 +153,8 @@ BAD_MODELS = {
     "lambda s, k: right(s, k).rename(columns={'tau': 'y1'})": "columns of <lambda> = ",
     "lambda s, k: right(s, k).iloc[:1]": "index of <lambda> = [1]: must hold each impact once, from 1 to 2",
     "lambda s, k: right(s, k).assign(tau='soon')": "column 'tau' of <lambda> = ['soon', 'soon']: must hold numbers",
-    "lambda s, k: right(s, k) * float('inf')": "tau of <lambda> at impact 1 = inf: is no prediction",
-    "'corrected'": "sd_tau of corrected at impact 1 = nan: is no prediction",
+    "lambda s, k: right(s, k) * float('inf')": "tau of <lambda> at impact 1 = inf: is not a finite number",
+    "'corrected'": "sd_tau of corrected at impact 1 = nan: is not a finite number",
 }
 
 
@@ -173,7 +173,7 @@ def test_bad_models_fail_before_anything_is_simulated(run, tmp_path):
 def test_the_fixture_without_a_marker_says_what_to_do(run):
     result = run("def test_bare(rattle): rattle.check('saltation')")
     result.assert_outcomes(errors=1)
-    result.stdout.fnmatch_lines(["rattle: the test claims nothing; mark it*"])
+    result.stdout.fnmatch_lines(["rattle: the test has no marker; give it one*"])
 
 
 def test_an_idle_plugin_loads_nothing(tmp_path):

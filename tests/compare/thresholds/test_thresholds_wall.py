@@ -32,5 +32,5 @@ def test_the_wall_is_no_row_of_a_claim(drawn):
 def test_a_claim_of_the_wall_alone_is_refused(drawn):
     quantity = f"x{drawn.section.loc[1, 'mesh']}"
     claim = read_claim({"scene": SCENE, "impacts": [1], "quantities": quantity}, Path())
-    with pytest.raises(InputError, match="not one row of them is judged"):
+    with pytest.raises(InputError, match="none of these rows has a verdict"):
         errors_of(predict("saltation", claim), drawn, claim)

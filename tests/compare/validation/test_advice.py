@@ -51,7 +51,7 @@ CASES = {
     "the one of less work, and at more noise the one that is accurate there": (
         {"branching": [ALL, ALL, ALL], "saltation": [ALL, WRONG, WRONG]}, {"branching": (20.0, 2.0, 0.4)},
         f"take `saltation` at σ = 0.01 {ACCURATE}; take `branching` at σ = 0.1 {ACCURATE}; simulate at σ = 1 "
-        "(`branching` is accurate, at more work than a simulation as accurate).",
+        "(`branching` is accurate, but takes more work than an equally accurate simulation).",
     ),
 }  # fmt: skip
 
@@ -75,10 +75,10 @@ def test_cost_is_a_sentence_of_its_own():
     over = work(ranges, {"branching": (20.0, 0.3, 0.1)})
     said = cost_sentence(simulation, work(ranges), 12, "24 ms of rattling", over)
     assert said == (
-        "Counted work (nominal time of one core, without compiling): by simulation 12 impacts (24 ms of rattling) to "
-        "1% of an sd take 50 ms at σ = 0.01 (5,120 paths), 3 minutes at σ = 0.1 (120,000 paths) and 32 years at σ = 1 "
-        "(9.9e+13 paths); `saltation` 1 ms and `branching` 0.5 s; a simulation as accurate as `branching` takes less "
-        "at σ = 0.1."
+        "Nominal time on one core, from counted work: a simulation of 12 impacts (24 ms of rattling) to 1% of an sd "
+        "takes 50 ms at σ = 0.01 (5,120 paths), 3 minutes at σ = 0.1 (120,000 paths) and 32 years at σ = 1 "
+        "(9.9e+13 paths); `saltation` 1 ms and `branching` 0.5 s; at σ = 0.1 an equally accurate simulation takes "
+        "less than `branching`."
     )
 
 

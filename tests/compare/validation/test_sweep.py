@@ -73,17 +73,17 @@ def test_sentence_says_up_to_where_everything_is_right():
     rows = [ended(s, a, 4) for s, a in ((0.01, 4), (0.1, 4), (0.2, 3), (0.4, 4))]  # the last one is luck
     rows += [ended(s, 0, 0, closure="published") for s in (0.01, 0.1, 0.2, 0.4)]
     sentence = validity_sentence(pd.DataFrame(rows), 4)
-    assert "`saltation`: accurate up to σ = 0.1, not shown wrong up to 0.4 (undecided for want of paths);" in sentence
+    assert "`saltation`: accurate up to σ = 0.1, not shown wrong up to 0.4 (too few paths to decide);" in sentence
     assert "`published`: shown wrong at σ = 0.01, the smallest." in sentence
 
 
 @pytest.mark.parametrize(
     ("rows", "said"),
     [
-        ([(0.01, 2, 4), (0.1, 4, 4)], "not shown wrong up to σ = 0.1 (undecided for want of paths)."),
+        ([(0.01, 2, 4), (0.1, 4, 4)], "not shown wrong up to σ = 0.1 (too few paths to decide)."),
         ([(0.01, 4, 4), (0.1, 4, 4)], "accurate up to σ = 0.1."),
         ([(0.01, 4, 4), (0.1, 0, 2)], "accurate up to σ = 0.01, shown wrong at 0.1."),
-        ([(0.01, 2, 4), (0.1, 0, 2)], "not shown wrong up to σ = 0.01 (undecided for want of paths), shown wrong at"),
+        ([(0.01, 2, 4), (0.1, 0, 2)], "not shown wrong up to σ = 0.01 (too few paths to decide), shown wrong at"),
     ],
 )
 def test_undecided_is_neither_right_nor_wrong(rows, said):
@@ -104,7 +104,7 @@ def test_figure_has_a_panel_for_each_closure_and_every_cause_in_its_legend(closu
     assert [ax.get_title(loc="left") for ax in figure.axes if ax.get_visible()] == closures
     words = [text.get_text() for text in figure.legends[0].get_texts()]
     assert "an impact grazes" in words
-    assert "second order is no longer enough" in words
+    assert "second order is not enough" in words
     assert "paths have left its itinerary" not in words
 
 
