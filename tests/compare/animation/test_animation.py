@@ -181,7 +181,7 @@ def test_what_may_be_replaced(tmp_path, page):
     check_file(tmp_path / "new" / "a.html", False)
     check_file(ours, True)
     for out, overwrite, why in (
-        (ours, False, "overwrite it (--overwrite)"),
+        (ours, False, r"overwrite it \(--overwrite\)"),
         (foreign, True, "not an animation of rattle"),
         (tmp_path / "a.svg", False, r"ends in \.html"),
         (foreign / "a.html", False, "cannot be written"),

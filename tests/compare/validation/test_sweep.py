@@ -116,4 +116,4 @@ def test_legend_and_caption_of_the_range_of_validity_name_what_is_there():
         words = [text.get_text() for text in figure.legends[0].get_texts()]
         said = caption_of(figure, VALIDITY)
         assert (f"{NOT_WRONG} here" in words, WRONG in words) == (undecided, wrong)
-        assert ("undecided" in said, "A marker" in said) == (undecided, wrong)
+        assert ("to decide" in said, "A marker" in said) == (undecided, wrong)
