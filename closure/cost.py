@@ -5,7 +5,7 @@ No clock is asked, so that what is advised does not depend on the machine or on 
 
 from rattle.closure.branching.error import COMPONENT_MICROSECONDS
 from rattle.closure.branching.trace import LEVELS
-from rattle.closure.mean_map import MeanMap
+from rattle.closure.result import MeanMap
 
 IMPACT_MICROSECONDS = {"published": 200.0, "corrected": 15.0, "saltation": 50.0, "branching": 300.0}
 """Of an impact on one core, components not counted; measured once on DAT21 and the examples."""

@@ -1,0 +1,364 @@
+"""What a closure predicts: its moments by impact and at fixed times, where they break down, and its densities."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from rattle.closure.branching.error import advice, largest_error, within
+from rattle.closure.edgeworth import Edgeworth, coefficients, has_series, mixture_density, section_density
+from rattle.closure.moments import Trace
+from rattle.scene.errors import InputError
+from rattle.scene.moments import SECTION, SMALLEST, STATE, correlation, realizability
+from rattle.scene.scene import Scene
+from rattle.scene.section_result import SectionResult
+from rattle.scene.units import at_times_in, check_units
+from rattle.scene.validate import choice, count
+
+__all__ = ["Breakdown", "MeanMap"]
+
+Floats = NDArray[np.float64]
+
+TOLERANCE = 0.05
+"""Error of a mean, in sds, above which a bound says "simulate" where no tolerance is given; twice that of an sd."""
+
+VELOCITIES = ("y1", "y2")
+SHOWN = 12  # impacts of an itinerary that a repr shows
+
+
+class Breakdown(NamedTuple):
+    """The first impact at which predicted moments are not realizable.
+
+    Attributes
+    ----------
+    impact : int
+        Its number.
+    stage : int
+        1 or 2; 0 if the mean flight time is negative.
+    reason : str
+        What fails.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene, mean_map
+    >>> found = mean_map(Scene.from_gears(DAT21, sigma=0.1), impacts=4, closure="published").breakdown
+    >>> found.impact, found.stage
+    (2, 1)
+    """
+
+    impact: int
+    stage: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class MeanMap(SectionResult):
+    """Prediction of a closure, from `mean_map`.
+
+    Attributes
+    ----------
+    scene, closure, impacts, order
+        Arguments of `mean_map`.
+    trace : Trace
+        The arrays behind the tables, in local time.
+    tolerance : float, optional
+        Argument of `mean_map`.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene, mean_map
+    >>> orbit = mean_map(Scene.from_gears(DAT21, sigma=0.01), impacts=2, closure="saltation")
+    >>> orbit.section[["tau", "sd_tau"]].round(4).loc[1].tolist()
+    [0.56, 0.0002]
+    """
+
+    scene: Scene
+    closure: str
+    impacts: int
+    order: int
+    trace: Trace
+    tolerance: float | None = None
+
+    def __repr__(self) -> str:
+        """What was predicted, on a few lines."""
+        shown = " ".join(f"{code:+d}" for code in self.itinerary[:SHOWN]) + " ..." * (self.impacts > SHOWN)
+        broken, where = self.breakdown, ""
+        if broken is not None:
+            where = f" from impact {broken.impact} on" + f", stage {broken.stage}" * (broken.stage > 0)
+        lines = [
+            f"MeanMap: {self.closure}, order {self.order}, impacts 1 to {self.impacts}, sigma = {self.scene.sigma:.4g}",
+            f"  itinerary (mesh * side): {shown}",
+            "  moments are realizable" if broken is None else f"  moments are not realizable{where}: {broken.reason}",
+        ]
+        lines += [f"  {self.advice}"] * bool(self.advice)
+        return "\n".join(lines + [f"  ended: {self.stopped}"] * bool(self.stopped))
+
+    @cached_property
+    def phase_reduced(self) -> "MeanMap":
+        """The same result for `Scene.phase_reduced`: tau is in local time, with full precision for a late start."""
+        return self if self.scene.phase_reduced is self.scene else replace(self, scene=self.scene.phase_reduced)
+
+    @property
+    def advice(self) -> str:
+        """Whether to use the closure or to simulate, by the bound of its errors; empty for a closure without one."""
+        asked = TOLERANCE if self.tolerance is None else self.tolerance
+        return "" if self.trace.error is None else advice(self.trace, asked)
+
+    @property
+    def stopped(self) -> str:
+        """Why the closure ended before the last impact requested, or an empty string."""
+        return self.trace.stopped
+
+    @property
+    def itinerary(self) -> tuple[int, ...]:
+        """``mesh * side`` of impacts 1, 2, ...: +1, -1, +2 or -2, and 0 where the closure has ended."""
+        return tuple(int(m * s) for m, s in zip(self.trace.mesh[1:], self.trace.side[1:], strict=True))
+
+    def stage_covariance(self, impact: int, stage: int) -> Floats:
+        """Covariance of displacement and velocity of a stage just before an impact.
+
+        Parameters
+        ----------
+        impact : int
+            Number of the impact; 0 is the start.
+        stage : {1, 2}
+            Which stage.
+
+        Returns
+        -------
+        ndarray, shape (2, 2)
+            NaN where the closure has none.
+        """
+        j = 2 * (stage - 1)
+        return self.trace.covariance[impact, j : j + 2, j : j + 2]
+
+    @cached_property
+    def breakdown(self) -> Breakdown | None:
+        """The first impact at which the moments are not realizable, or None; those of a mixture always are."""
+        for k in range(1, self.trace.found + 1):
+            for stage in self._stages if self.trace.parts is None else ():
+                judged = realizability(self.stage_covariance(k, stage))
+                if not judged.realizable:
+                    return Breakdown(k, stage, judged.reason)
+            flight = float(self.trace.tau[k] - self.trace.tau[k - 1])
+            if flight < 0.0:
+                return Breakdown(k, 0, f"mean time of flight = {flight:.3g} < 0")
+        return None
+
+    @cached_property
+    def section(self) -> pd.DataFrame:
+        """Moments of the state just before impact 1, 2, ... (dimensionless); NaN where the closure predicts none.
+
+        Columns: ``tau, flight, mesh, side, x1, y1, x2, y2``, ``sd_`` and ``skew_`` of each quantity, ``rho1, rho2``
+        (correlation of displacement and velocity perturbation of a stage) and ``realizable`` (false also for a negative
+        mean flight time); for ``branching`` also ``agreement``, the predicted share of paths that have followed the
+        orbit's itinerary so far, ``discarded``, the probability discarded so far, ``error_mean`` and ``error_sd``, the
+        bounds of the errors of the worst mean and the worst sd in sds (by quantity in `errors`; the displacement of the
+        struck mesh is left out), and ``within``, whether they are within the tolerance (0.05 if none was given; twice
+        that for sds).  ``tau`` is in absolute time.
+
+        ``saltation`` and ``branching`` predict the state that each path has just before its own k-th impact (a Poincaré
+        section at the impacts), as simulation samples it.  ``published`` and ``corrected`` approximate it by the state
+        at one impact time for all paths.
+        """
+        t = self.trace
+        columns: dict[str, object] = {
+            "tau": self.scene.to_absolute_time(t.tau[1:]),
+            "flight": np.diff(t.tau),
+            "mesh": t.mesh[1:],
+            "side": t.side[1:],
+        }
+        columns |= {name: t.mean[1:, i] for i, name in enumerate(STATE)}
+        columns |= {f"sd_{name}": t.sd[1:, i] for i, name in enumerate(SECTION)}
+        columns |= {f"skew_{name}": t.skew[1:, i] for i, name in enumerate(SECTION)}
+        impacts = range(1, self.impacts + 1)
+        for stage in (1, 2):
+            columns[f"rho{stage}"] = [correlation(self.stage_covariance(k, stage)) for k in impacts]
+        columns["realizable"] = [
+            k <= t.found
+            and t.tau[k] >= t.tau[k - 1]
+            and (
+                t.parts is not None or all(realizability(self.stage_covariance(k, s)).realizable for s in self._stages)
+            )
+            for k in impacts
+        ]
+        table = pd.DataFrame(columns, index=pd.RangeIndex(1, self.impacts + 1, name="impact"))
+        if t.agreement is not None and t.discarded is not None:
+            table["agreement"], table["discarded"] = t.agreement[1:], t.discarded[1:]
+        if t.error is not None:
+            table["error_mean"], table["error_sd"] = ([largest_error(e[i]) for e in t.error[1:]] for i in (0, 1))
+            table["within"] = within(t.error, TOLERANCE if self.tolerance is None else self.tolerance)[1:]
+            table.loc[t.found + 1 :, "within"] = False
+        if self.scene.stages == 1:
+            table[["x2", "y2", "sd_x2", "sd_y2", "skew_x2", "skew_y2", "rho2"]] = np.nan
+        return table
+
+    @property
+    def errors(self) -> pd.DataFrame | None:
+        """The closure's bounds of its errors by impact and quantity, ``mean`` and ``sd`` in sds; None without."""
+        if self.trace.error is None:
+            return None
+        index = pd.MultiIndex.from_product([range(1, self.impacts + 1), SECTION], names=["impact", "quantity"])
+        table = pd.DataFrame(self.trace.error[1:].transpose(0, 2, 1).reshape(-1, 2), index, ["mean", "sd"])
+        return table.dropna()
+
+    @property
+    def _title(self) -> str:
+        return self.closure
+
+    @property
+    def _stages(self) -> range:
+        return range(1, self.scene.stages + 1)
+
+    def at_times(self, times: Sequence[float] | Floats, units: str = "dimensionless") -> pd.DataFrame:
+        """Means, covariances and ``rho1, rho2`` of the state at fixed times between the start and the last impact.
+
+        Parameters
+        ----------
+        times : sequence of float
+            Absolute times, dimensionless.
+        units : {"dimensionless", "physical"}
+            Units of the table; the second for a scene that was made from gears.
+
+        Returns
+        -------
+        DataFrame
+            Index ``time``; columns ``x1, y1, x2, y2``, ``cov_x1_x1, cov_x1_y1, ...`` and ``rho1, rho2``.  In physical
+            units index ``time_ms`` and columns ``x1_mm, y1_mm_per_s, ..., cov_x1_x1_mm2, cov_x1_y1_mm2_per_s, ...``.
+            ``branching`` counts every path on the flight on which it is at that time, whichever that is; NaN where the
+            flights that it follows (twice as many as impacts, and eight) do not hold nearly all paths.
+
+        Raises
+        ------
+        InputError
+            If a time lies outside the times followed, for unknown units, or physical ones of a scene without gears.
+
+        Examples
+        --------
+        >>> from rattle import DAT21, Scene, mean_map
+        >>> m = mean_map(Scene.from_gears(DAT21, sigma=0.1), impacts=1)
+        >>> m.at_times([0.3], units="physical")[["x1_mm", "y1_mm_per_s"]].round(3).reset_index().loc[0].tolist()
+        [1.0, -0.006, -106.119]
+
+        At the mean time of an impact half of the paths have had it: their velocities have two signs.
+
+        >>> m = mean_map(Scene.from_gears(DAT21, sigma=0.01), impacts=2, closure="branching")
+        >>> at = m.at_times([m.section["tau"].loc[1]])
+        >>> at[["x1", "y1"]].assign(sd_y1=at["cov_y1_y1"] ** 0.5).round(2).to_numpy().tolist()
+        [[-0.5, -0.09, 1.75]]
+        """
+        check_units(units, self.scene.gears)
+        low, high = self.trace.span
+        rows = []
+        for time in _as_list(times):
+            if not low <= self.scene.to_local_time(time) <= high:
+                followed = f"{self.scene.to_absolute_time(low):g} to {self.scene.to_absolute_time(high):g}"
+                raise InputError("times", time, f"lies outside the times followed, {followed}")
+            mean, covariance = self.trace.at(self.scene.to_local_time(time))
+            rows.append(row_of_moments(mean, covariance, self.scene.stages))
+        columns = list(row_of_moments(np.zeros(4), np.zeros((4, 4)), 2))
+        index = pd.Index(np.asarray(times, dtype=float), name="time")
+        table = pd.DataFrame(rows, index=index, columns=columns, dtype=float)
+        return at_times_in(table, self.scene.gears, units)
+
+    def density(self, impact: int, quantity: str, values: Floats) -> Floats | None:
+        """Density that the closure predicts for a section quantity at an impact.
+
+        From the mean, sd and skewness.  ``branching`` has the density of its mixture, and ``published`` the velocity
+        marginals of its bivariate Edgeworth series, around its mean.
+
+        Parameters
+        ----------
+        impact : int
+            Number of the impact, from 1 on.
+        quantity : str
+            One of ``tau, flight, x1, y1, x2, y2``.
+        values : ndarray
+            Where to evaluate it; tau in local time (`Scene.phase`).
+
+        Returns
+        -------
+        ndarray or None
+            Density at `values`; None where the closure predicts none.
+
+        Raises
+        ------
+        InputError
+            For an unknown quantity or an impact that was not requested.
+        """
+        i = SECTION.index(choice("quantity", quantity, SECTION))
+        count("impact", impact, least=1, most=self.impacts)
+        if impact > self.trace.found:
+            return None
+        if self.trace.sd[impact, i] ** 2 < SMALLEST:
+            return None  # the displacement at the wall that is struck: one value, no density
+        if self.trace.parts is not None:
+            weights, means, variances = (a if a.ndim == 1 else a[:, i] for a in self.trace.parts[impact])
+            return mixture_density(values, weights, means, variances)
+        skew, sd = float(self.trace.skew[impact, i]), float(self.trace.sd[impact, i])
+        if np.isfinite(self.trace.sd[impact, 0]) and np.isnan(self.trace.skew[impact]).all():
+            skew = 0.0  # section moments of first order: Gaussian
+        if np.isfinite(skew) and sd > 0.0:
+            return section_density(values, float(self.phase_reduced.section[quantity].loc[impact]), sd, skew)
+        if quantity not in VELOCITIES:
+            return None
+        stage = VELOCITIES.index(quantity) + 1
+        vx, vy = self.stage_covariance(impact, stage).diagonal()
+        if not has_series(vx, vy, self.order):
+            return None
+        series = self.edgeworth(impact, stage)
+        return series.velocity_density(np.asarray(values) - self.trace.mean[impact, 2 * stage - 1])
+
+    def edgeworth(self, impact: int, stage: int) -> Edgeworth:
+        """Edgeworth series of a stage's perturbation just before an impact (Eqs. 18, 19).
+
+        Parameters
+        ----------
+        impact : int
+            Number of the impact, from 1 on.
+        stage : {1, 2}
+            Which stage.
+
+        Returns
+        -------
+        Edgeworth
+            Coefficients and standard deviations.
+
+        Raises
+        ------
+        InputError
+            If a variance is not positive there: no series can be formed.
+        """
+        count("impact", impact, least=1, most=max(self.trace.found, 1))
+        count("stage", stage, least=1, most=self.scene.stages)
+        raw = self.trace.raw[impact, stage - 1]
+        if not has_series(raw[2, 0], raw[0, 2], self.order):
+            raise InputError("impact", impact, f"stage {stage} has no positive variance there, so no Edgeworth series")
+        sd_x, sd_y = float(np.sqrt(raw[2, 0])), float(np.sqrt(raw[0, 2]))
+        return Edgeworth(coefficients(raw, sd_x, sd_y), sd_x, sd_y)
+
+
+def _as_list(times: Sequence[float] | Floats) -> list[float]:
+    try:
+        return list(np.asarray(times, dtype=float).tolist())
+    except (TypeError, ValueError, OverflowError):
+        raise InputError("times", times, "give a sequence of times") from None
+
+
+def row_of_moments(mean: Floats, covariance: Floats, stages: int) -> dict[str, float]:
+    """One row of a table of moments at fixed times, as closures and simulation share them; NaN of an absent stage."""
+    if stages == 1:
+        mean, covariance = mean.copy(), covariance.copy()
+        mean[2:] = covariance[2:] = covariance[:, 2:] = np.nan
+    row = {name: float(mean[i]) for i, name in enumerate(STATE)}
+    for i, a in enumerate(STATE):
+        for j in range(i, 4):
+            row[f"cov_{a}_{STATE[j]}"] = float(covariance[i, j])
+    for stage in (1, 2):
+        j = 2 * (stage - 1)
+        row[f"rho{stage}"] = correlation(covariance[j : j + 2, j : j + 2])
+    return row
