@@ -182,21 +182,13 @@ def write_report(
 
 def write_one(v: Comparison, out: Path, overwrite: bool) -> Path:
     """Write the report of a validation that was made in Python."""
-    run, seed = v.run, v.run.seed
-    whole = isinstance(seed.entropy, int) and not seed.spawn_key
+    run, entropy, order = v.run, v.run.seed.entropy, next(iter(v.predictions.values())).order
+    seed = entropy if isinstance(entropy, int) and not run.seed.spawn_key else None
     settings = manifest.ReportSettings(
-        name_of(out),
-        (v.scene,),
-        run.impacts,
-        run.paths,
-        run.dt,
-        run.scheme,
-        int(seed.entropy) if whole else 0,  # type: ignore[arg-type]
-        next(iter(v.predictions.values())).order,
-        tuple(v.predictions),
+        name_of(out), (v.scene,), run.impacts, run.paths, run.dt, run.scheme, seed or 0, order, tuple(v.predictions)
     )
     here = "validate(...).report(...), in Python"
-    by_command = whole and v.tolerances == Tolerances()
+    by_command = seed is not None and v.tolerances == Tolerances()
     again = command_line(["validate", "--repeat", str(out / "manifest.json")])
     origin = provenance() | {
         "command": here,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from rattle.compare.report import Block, Row, Table, Text, numbers
+from rattle.compare.report import Block, Table, Text, numbers
 from rattle.compare.validation.comparison import Comparison
 from rattle.scene.moments import STATE
 from rattle.scene.units import PRODUCTS, RATE
@@ -30,39 +30,30 @@ def motion_table(v: Comparison) -> Table:
     """The simulated section means and sds in both systems of units."""
     plain, physical = v.run.section, v.run.section_in("physical")
     speeds = [f"y{i}" for i in range(1, v.scene.stages + 1)]
-    rows: list[Row] = []
-    for k in plain.index:
-        p, q = plain.loc[k], physical.loc[k]
-        rows.append(
-            [
-                str(k),
-                *(_spread(p[name], p[f"sd_{name}"]) for name in ("tau", *speeds)),
-                _spread(q["tau_ms"], q["sd_tau_ms"]),
-                f"{q[RATE]:.4g}",
-                *(_spread(q[f"{name}_mm_per_s"], q[f"sd_{name}_mm_per_s"]) for name in speeds),
-                *([f"{q['energy_mJ']:.3g}"] if "energy_mJ" in q else []),
-            ]
-        )
-    energy = ["energy [mJ]"] if "energy_mJ" in physical else []
-    heads = ["impact", "τ", *speeds, "time [ms]", "impacts per second", *(f"{name} [mm/s]" for name in speeds), *energy]
-    return Table.of(numbers(*heads), rows)
+    columns = {
+        "impact": [str(impact) for impact in plain.index],
+        "τ": _spreads(plain, "tau"),
+        **{name: _spreads(plain, name) for name in speeds},
+        "time [ms]": _spreads(physical, "tau_ms"),
+        "impacts per second": [f"{rate:.4g}" for rate in physical[RATE]],
+        **{f"{name} [mm/s]": _spreads(physical, f"{name}_mm_per_s") for name in speeds},
+    }
+    if "energy_mJ" in physical:
+        columns["energy [mJ]"] = [f"{energy:.3g}" for energy in physical["energy_mJ"]]
+    return Table.of(numbers(*columns), zip(*columns.values(), strict=True))
 
 
 def fixed_time_table(v: Comparison) -> Table:
     """The simulated means and sds at fixed times in both systems of units."""
-    state = STATE[: 2 * v.scene.stages]
     plain, physical = v.run.at_times(), v.run.at_times(units="physical")
-    units = {name: "mm" if name.startswith("x") else "mm_per_s" for name in state}
-    rows: list[Row] = []
-    for (time, p), (ms, q) in zip(plain.iterrows(), physical.iterrows(), strict=True):
-        own = [_spread(p[name], math.sqrt(p[f"cov_{name}_{name}"])) for name in state]
-        theirs = [
-            _spread(q[f"{name}_{unit}"], math.sqrt(q[f"cov_{name}_{name}_{PRODUCTS[unit, unit]}"]))
-            for name, unit in units.items()
-        ]
-        rows.append([f"{time:.4g}", *own, f"{ms:.4g}", *theirs])
-    heads = ["τ", *state, "time [ms]", *(f"{name} [{unit.replace('_per_', '/')}]" for name, unit in units.items())]
-    return Table.of(numbers(*heads), rows, FIXED)
+    columns = {"τ": [f"{time:.4g}" for time in plain.index]}
+    columns |= {name: _spreads(plain, name, f"cov_{name}_{name}") for name in STATE[: 2 * v.scene.stages]}
+    columns["time [ms]"] = [f"{time:.4g}" for time in physical.index]
+    for name in STATE[: 2 * v.scene.stages]:
+        unit = "mm" if name.startswith("x") else "mm_per_s"
+        variance = f"cov_{name}_{name}_{PRODUCTS[unit, unit]}"
+        columns[f"{name} [{unit.replace('_per_', '/')}]"] = _spreads(physical, f"{name}_{unit}", variance)
+    return Table.of(numbers(*columns), zip(*columns.values(), strict=True), FIXED)
 
 
 def lasting(v: Comparison) -> str:
@@ -99,5 +90,10 @@ def _milliseconds(v: Comparison) -> float:
     return float(local * v.scene.gears.units.time)
 
 
-def _spread(mean: float, sd: float) -> str:
-    return "–" if pd.isna(mean) else f"{mean:.4g} ± {float(f'{sd:.2g}'):g}"
+def _spreads(table: pd.DataFrame, name: str, variance: str = "") -> list[str]:
+    """A quantity of each row as mean ± sd; the sd from the column of its variance, if one is named."""
+    sds = table[variance].map(math.sqrt) if variance else table[f"sd_{name}"]
+    return [
+        "–" if pd.isna(mean) else f"{mean:.4g} ± {float(f'{sd:.2g}'):g}"
+        for mean, sd in zip(table[name], sds, strict=True)
+    ]

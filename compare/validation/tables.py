@@ -39,20 +39,20 @@ def _cell(row: pd.Series) -> TableCell:
 
 def impact_table(v: Comparison, closure: str, summary: str) -> Table:
     """Errors of a closure at each impact, in sds, with the half width of their intervals."""
-    columns = [(m, q) for m, q in SHOWN if v.scene.stages == 2 or q != "y2"]
-    cells = {(r["moment"], r["quantity"], r["impact"]): _cell(r) for _, r in v.section_rows(closure).iterrows()}
-    rhos = [f"rho{stage}" for stage in range(1, v.scene.stages + 1)]
-    rows: list[Row] = []
     section = v.predictions[closure].section
-    for impact in section.index:
-        row = section.loc[impact]
-        agreement = f"{v.run.agreement[closure].loc[impact]:.3f}"
-        seen = [f"{row[name]:.3f}" if row[name] == row[name] else "–" for name in rhos]
-        errors = [cells[m, q, impact] for m, q in columns]
-        rows.append([str(impact), agreement, *errors, *seen, "yes" if row["realizable"] else "no"])
-    heads = [f"{'E' if m == 'mean' else 'sd'} {'τ' if q == 'tau' else q}" for m, q in columns]
-    heads_of = numbers("impact", "agreement", *heads, *(name.replace("rho", "ρ") for name in rhos))
-    return Table.of([*heads_of, "realizable"], rows, summary)
+    cells = {(r["moment"], r["quantity"], r["impact"]): _cell(r) for _, r in v.section_rows(closure).iterrows()}
+    columns: dict[str, list[TableCell | str]] = {
+        "impact": [str(impact) for impact in section.index],
+        "agreement": [f"{share:.3f}" for share in v.run.agreement[closure][section.index]],
+    }
+    for moment, quantity in SHOWN:
+        if v.scene.stages == 2 or quantity != "y2":
+            head = f"{'E' if moment == 'mean' else 'sd'} {'τ' if quantity == 'tau' else quantity}"
+            columns[head] = [cells[moment, quantity, impact] for impact in section.index]
+    for stage in range(1, v.scene.stages + 1):
+        columns[f"ρ{stage}"] = ["–" if pd.isna(rho) else f"{rho:.3f}" for rho in section[f"rho{stage}"]]
+    realizable = ["yes" if possible else "no" for possible in section["realizable"]]
+    return Table.of([*numbers(*columns), "realizable"], zip(*columns.values(), realizable, strict=True), summary)
 
 
 def failure_table(v: Comparison) -> Table:
@@ -61,16 +61,10 @@ def failure_table(v: Comparison) -> Table:
     Returns: Without rows if no check fails.  Mixtures (branching) have no moments of a perturbation to check.
     """
     failures = first_failures(realizability_table([m for m in v.predictions.values() if m.trace.parts is None]))
-    rows: list[Row] = [
-        [
-            str(row["closure"]),
-            str(row["check"]),
-            f"impact {row['impact']}, " + (f"stage {row['stage']}" if row["stage"] else "both stages"),
-            f"{row['value']:.3g}",
-            f"{row['excess']:.3g}",
-        ]
-        for _, row in failures.iterrows()
-    ]
+    rows: list[Row] = []
+    for closure, check, impact, stage, value, excess in failures.itertuples(index=False):
+        where = f"impact {impact}, " + (f"stage {stage}" if stage else "both stages")
+        rows.append([closure, check, where, f"{value:.3g}", f"{excess:.3g}"])
     return Table.of(["closure", "check", "where", *numbers("value", "missed by")], rows)
 
 
@@ -116,20 +110,14 @@ def speed_table(table: pd.DataFrame) -> Table:
     Returns: Where the interval of the worst error contains zero, the error is an upper and the speed-up a lower
     bound.
     """
-    rows: list[Row] = [
-        [
-            str(row["closure"]),
-            f"{row['sigma']:.4g}",
-            int(row["impacts"]),
-            ("" if row["resolved"] else "≤ ") + f"{row['worst']:.4f}",
-            f"{row['median']:.4f}",
-            f"{1e3 * row['closure_seconds']:.2f} ms",
-            f"{1e3 * row['simulation_seconds']:.3g} ms",
-            f"{row['paths']:,} paths",
-            ("" if row["resolved"] else "≥ ") + f"{float(format(row['speed_up'], '.2g')):g}",
-        ]
-        for _, row in table.sort_values(["closure", "sigma"]).iterrows()
-    ]
+    rows: list[Row] = []
+    for row in table.sort_values(["closure", "sigma"]).to_dict("records"):
+        most, least = ("", "") if row["resolved"] else ("≤ ", "≥ ")
+        errors = f"{most}{row['worst']:.4f}", f"{row['median']:.4f}"
+        times = f"{1e3 * row['closure_seconds']:.2f} ms", f"{1e3 * row['simulation_seconds']:.3g} ms"
+        gain = f"{least}{float(format(row['speed_up'], '.2g')):g}"
+        sigma, paths = f"{row['sigma']:.4g}", f"{row['paths']:,} paths"
+        rows.append([row["closure"], sigma, row["impacts"], *errors, *times, paths, gain])
     heads = ("σ", "impacts", "worst error", "median", "closure", "simulation", "which takes", "speed-up")
     return Table.of(["closure", *numbers(*heads)], rows)
 

@@ -118,8 +118,7 @@ def _slowest(prediction: MeanMap, impact: int) -> tuple[int, float] | None:
     """The first impact up to a given one whose mean speed is below `SLOW` of its own sds, and that ratio."""
     for k in range(1, impact + 1):
         column = 1 if prediction.trace.mesh[k] == 1 else 3
-        sd = prediction.trace.sd[k, column + 2]
-        speed = abs(prediction.trace.mean[k, column])
-        if np.isfinite(sd) and sd > 0.0 and speed < SLOW * sd:
+        speed, sd = abs(prediction.trace.mean[k, column]), prediction.trace.sd[k, column + 2]
+        if speed < SLOW * sd < np.inf:
             return k, float(speed / sd)
     return None
