@@ -29,12 +29,13 @@ from rattle.compare.study.store import Store
 from rattle.compare.study.tables import CELLS
 from rattle.scene.errors import InputError
 
-pytestmark = pytest.mark.slow
-
 distributed = pytest.importorskip("distributed", reason="needs the extra cluster")
 dask = pytest.importorskip("dask")
 
-pytestmark = pytest.mark.filterwarnings("ignore")  # Dask's own, as workers are killed and loops are closed
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore"),
+]  # Dask's own, as workers are killed and loops are closed
 
 
 @pytest.fixture(scope="module")
