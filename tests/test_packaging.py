@@ -63,6 +63,7 @@ def neighbour(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_wheel_holds_one_import_name(wheel):
     names = zipfile.ZipFile(wheel).namelist()
     top = {name.split("/")[0] for name in names}
@@ -75,6 +76,7 @@ def test_wheel_holds_one_import_name(wheel):
     assert any(name.endswith("licenses/LICENSE") for name in names)
 
 
+@pytest.mark.slow
 def test_wheel_beside_modules_of_the_same_names(installed, neighbour):
     code = "import sys, rattle, scene, compare; print(rattle.__file__, scene.mine, compare.mine)"
     file, *mine = run(installed, "-c", code, cwd=neighbour).split()
@@ -83,6 +85,7 @@ def test_wheel_beside_modules_of_the_same_names(installed, neighbour):
     assert "1 passed" in run(installed, "-m", "pytest", "-q", "-p", "no:cacheprovider", cwd=neighbour)
 
 
+@pytest.mark.slow
 def test_wheel_offers_command_and_plugin(installed, neighbour):
     (command,) = installed.parent.parent.glob("lib/python*/site-packages/bin/rattle")
     run("sed", "-i", f"1s|.*|#!{installed}|", command, cwd=neighbour)  # pip has written the python that it ran in
@@ -111,6 +114,7 @@ def test_no_module_under_two_names():
     assert run(sys.executable, "-c", code, cwd=ROOT).split() == ["True", "0"]
 
 
+@pytest.mark.slow
 def test_mypy_knows_the_types_of_the_installed_package(installed, neighbour):
     if (ROOT / ".mypy_cache").is_dir():  # what mypy knows of the libraries already
         shutil.copytree(ROOT / ".mypy_cache", neighbour / "cache")

@@ -32,6 +32,8 @@ SCENES = [text for text in TOML if "[study]" not in text]
 NOT_RUN = {
     "make report": "needs a clone and a minute; it is one `rattle validate`",
     "make test": "runs this test",
+    "make test-all": "runs this test",
+    "pytest -m slow": "runs this test",
     "make docs": "tests/page/test_docs_site.py builds the site",
     "make audit": "needs the network",
     "make pins": "needs the network",
@@ -103,11 +105,13 @@ def test_the_worked_example_prints_what_it_says(tmp_path):
     assert out == published
 
 
+@pytest.mark.slow
 def test_the_orbit_with_sticking_prints_what_it_says(tmp_path):
     out, published = printed((ROOT / "docs" / "results" / "stability.md").read_text(), tmp_path)
     assert out == published
 
 
+@pytest.mark.slow
 def test_dat21_sticks_as_often_as_it_says():
     """A quarter of the impacts that the figure is from: counts within three standard errors of it."""
     said = re.search(r"sticks (\d+) times in (\d) million impacts", (ROOT / "docs/results/stability.md").read_text())
@@ -145,6 +149,7 @@ def test_every_study_is_read_whole(number):
     assert not [why for p in study.points for why in p.reasons.values()]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("number", range(len(STUDIES)))
 def test_every_study_runs_to_the_end(tmp_path, number):
@@ -155,6 +160,7 @@ def test_every_study_runs_to_the_end(tmp_path, number):
     assert "cannot be computed" not in found.output
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_every_shell_example_runs_or_says_why_not(tmp_path, monkeypatch):
     """In their order, but that what is shown or repeated is there before."""
