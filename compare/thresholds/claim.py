@@ -17,17 +17,8 @@ from rattle.scene.validate import check_keys, choice, count, positive
 
 MOMENTS = ("mean", "sd")
 OPTIONS = (
-    "scene",
-    "impacts",
-    "quantities",
-    "moments",
-    "within",
-    "absolute",
-    "paths",
-    "budget",
-    "accuracy",
-    "scheme",
-    "undecided",
+    *("scene", "impacts", "quantities", "moments", "within", "absolute"),  # what is claimed
+    *("paths", "budget", "accuracy", "scheme", "undecided"),  # how it is decided
 )
 RIVALS = ({"within", "absolute"}, {"paths", "accuracy"}, {"budget", "accuracy"})
 """Sets of mutually exclusive options."""
@@ -154,9 +145,8 @@ def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
         dt=default_step(scene, scheme, biased) if accuracy is None else None,
         step_bias=biased,
     )
-    return Claim(
-        scene, impacts, quantities, _read_tolerances(options, moments), paths, budget, accuracy, scheme, undecided
-    )
+    allowed = _read_tolerances(options, moments)
+    return Claim(scene, impacts, quantities, allowed, paths, budget, accuracy, scheme, undecided)
 
 
 def _scene(given: object, folder: Path) -> Scene:
@@ -201,9 +191,7 @@ def _read_tolerances(options: Mapping[str, Any], moments: tuple[str, ...]) -> di
             if moment in found:
                 raise InputError(name, value, f"within has a tolerance for the {moment} already; leave one of them out")
             found[moment] = Allowed(positive(f"{name} of the {moment}", error), name == "within")
-    missing = [m for m in moments if m not in found]
-    if missing:
-        raise InputError(
-            "within", options.get("within"), f"give {missing[0]!r} a tolerance too, or leave it out of moments"
-        )
+    if missing := [m for m in moments if m not in found]:
+        why = f"give {missing[0]!r} a tolerance too, or leave it out of moments"
+        raise InputError("within", options.get("within"), why)
     return {m: found[m] for m in moments}

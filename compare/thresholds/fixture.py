@@ -8,18 +8,9 @@ from typing import Any, NoReturn, TypeVar
 import pandas as pd
 import pytest
 
-from rattle.compare.thresholds import baseline
+from rattle.compare.thresholds import baseline, messages
 from rattle.compare.thresholds.claim import Claim
 from rattle.compare.thresholds.decision import Decision, decide
-from rattle.compare.thresholds.messages import (
-    deciding,
-    describe_undecided,
-    error_figure,
-    failure_text,
-    long_rows,
-    moment_rows,
-    remedies,
-)
 from rattle.compare.thresholds.prediction import Model, predict
 from rattle.compare.thresholds.sessions import Thresholds
 from rattle.scene.errors import RattleError
@@ -59,7 +50,7 @@ class Rattle:
         return self._judge(
             prediction.closure,
             decision,
-            lambda rows: moment_rows(rows, run, decision.z),
+            lambda rows: messages.moment_rows(rows, run, decision.z),
             lambda: self._figure(prediction.closure, decision.table),
             kind="check",
             not_judged=len(self.claim.rows) - len(decision.table),
@@ -77,7 +68,7 @@ class Rattle:
         return self._judge(
             f"{prediction.name} in the long run",
             decision,
-            lambda rows: long_rows(rows, decision.z),
+            lambda rows: messages.long_rows(rows, decision.z),
             kind="long check",
             not_judged=0,
             by_size=0,
@@ -107,17 +98,17 @@ class Rattle:
             drawn=len(runs),
             computed=sum(run.computed for run in runs),
             seconds=sum(run.seconds for run in runs),
-            decide=deciding(table),
+            decide=messages.paths_to_decide(table),
             folder="" if folder is None else self._shorten(folder),
             **facts,
         )
         if failed:
-            self._fail(failure_text(model, table, shown) + figure())
+            self._fail(messages.failure_text(model, table, shown) + figure())
         if undecided:
-            text = describe_undecided(model, table, shown)
+            text = messages.describe_undecided(model, table, shown)
             if (self.claim.undecided or settings.undecided) == "skip":
                 pytest.skip(harmless(f"rattle: {text}"))
-            self._fail(f"{text}\n{remedies(table, self.claim)}{figure()}")
+            self._fail(f"{text}\n{messages.remedies(table, self.claim)}{figure()}")
         return table
 
     def baseline(self, model: Model, *, relative: float = 1e-9, absolute: float = 1e-12) -> None:
@@ -138,16 +129,9 @@ class Rattle:
         changes = baseline.changes(recorded, now, relative, absolute)
         lines = baseline.format_changes(changes)
         if changes and mode != "regenerate":
-            self._fail(
-                "\n".join(
-                    [
-                        f"{prediction.closure} differs from its baseline {name} by more than {absolute:g} + "
-                        f"{relative:g} of a value:",
-                        *lines,
-                        f"If that is meant: {again}=regenerate",
-                    ]
-                )
-            )
+            bound = f"{absolute:g} + {relative:g} of a value"
+            said = f"{prediction.closure} differs from its baseline {name} by more than {bound}:"
+            self._fail("\n".join([said, *lines, f"If that is meant: {again}=regenerate"]))
         if changes:
             self._guard(baseline.write, path, baseline.update(recorded, now, changes), prediction.closure)
         self._record(kind="baseline", done="\n".join([f"regenerated {name}", *lines]) if changes else "")
@@ -180,7 +164,7 @@ class Rattle:
         path = self._session.folder / "figures" / f"{name}.svg"
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            save(error_figure(table, model), path)
+            save(messages.error_figure(table, model), path)
         except OSError as error:  # the verdict does not depend on the figure
             return f"\nNo figure: {error.strerror}"
         return f"\nFigure: {self._shorten(path)}"

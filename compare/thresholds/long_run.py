@@ -59,9 +59,8 @@ def predict_long(model: LongModel, scene: Scene, quantities: Sequence[str]) -> L
         try:
             values[name] = float(found[name])
         except (LookupError, TypeError, ValueError):
-            raise InputError(
-                f"result of {label}", name, "is missing or no number; return it, or leave it out"
-            ) from None
+            why = "is missing or no number; return it, or leave it out"
+            raise InputError(f"result of {label}", name, why) from None
         if not np.isfinite(values[name]):
             raise InputError(f"result of {label}", name, "is not predicted; leave it out of quantities")
     return LongPrediction(label, values)

@@ -86,7 +86,7 @@ def failure_text(model: str, table: pd.DataFrame, shown: Callable[[pd.DataFrame]
     return f"{model} exceeds the allowed error in {len(failed)} of {len(table)} rows{beside}\n{shown(failed)}"
 
 
-def deciding(table: pd.DataFrame) -> float:
+def paths_to_decide(table: pd.DataFrame) -> float:
     """Estimate the number of paths that would decide every undecided row."""
     undecided = table.loc[table["outcome"] == "undecided", "paths_needed"]
     return float(undecided.fillna(math.inf).max()) if len(undecided) else 0.0
@@ -95,7 +95,7 @@ def deciding(table: pd.DataFrame) -> float:
 def describe_undecided(model: str, table: pd.DataFrame, shown: Callable[[pd.DataFrame], str]) -> str:
     """Say which rows are undecided, and how many paths would decide them; `shown` formats them."""
     rows = table[table["outcome"] == "undecided"]
-    decided = describe_remedy(deciding(table))
+    decided = describe_remedy(paths_to_decide(table))
     return f"{model} is undecided in {len(rows)} of {len(table)} rows; {decided}\n{shown(rows)}"
 
 
@@ -113,7 +113,7 @@ def remedies(table: pd.DataFrame, claim: Claim) -> str:
     Undecided is not passed: give it more paths (budget=800_000 in its marker, or --rattle-budget), or allow a larger
     error (within), or accept that it is undecided (undecided="skip" in its marker, or --rattle-undecided=skip).
     """
-    needed, options = MARGIN * deciding(table), []
+    needed, options = MARGIN * paths_to_decide(table), []
     if claim.accuracy is not None and "moment" in table:
         options.append(f"ask for a smaller accuracy than {claim.accuracy:g}")
     elif math.isfinite(needed):

@@ -43,10 +43,9 @@ def predict(model: Model, claim: Claim) -> ModelPrediction:
     """
     impacts = claim.impacts[-1]
     if isinstance(model, str):
-        prediction = mean_map(claim.scene, impacts=impacts, closure=choice("closure", model, CLOSURES))
-        return ModelPrediction(
-            model, _complete(model, prediction.section, claim, f" ({prediction.stopped})" * bool(prediction.stopped))
-        )
+        found = mean_map(claim.scene, impacts=impacts, closure=choice("closure", model, CLOSURES))
+        why = f" ({found.stopped})" if found.stopped else ""
+        return ModelPrediction(model, _complete(model, found.section, claim, why))
     if not callable(model):
         raise InputError("model", model, "give a closure's name, or a function (scene, impacts) -> DataFrame")
     name = name_of(model)
@@ -62,18 +61,12 @@ def _complete(name: str, table: object, claim: Claim, why: str = "") -> pd.DataF
     """The part of a table that the claim needs, as finite numbers."""
     if not isinstance(table, pd.DataFrame):
         raise InputError(f"result of {name}", type(table).__name__, "return a DataFrame, a row for each impact")
-    missing = [c for c in claim.columns if c not in table.columns]
-    if missing:
-        raise InputError(
-            f"columns of {name}",
-            list(table.columns),
-            f"{missing[0]!r} is missing; add it, or change the marker's quantities and moments",
-        )
-    absent = [k for k in claim.impacts if k not in table.index]
-    if absent or not table.index.is_unique:
-        raise InputError(
-            f"index of {name}", table.index.tolist(), f"must hold each impact once, from 1 to {claim.impacts[-1]}"
-        )
+    if missing := [c for c in claim.columns if c not in table.columns]:
+        remedy = "add it, or change the marker's quantities and moments"
+        raise InputError(f"columns of {name}", list(table.columns), f"{missing[0]!r} is missing; {remedy}")
+    if not (table.index.is_unique and set(claim.impacts) <= set(table.index)):
+        why = f"must hold each impact once, from 1 to {claim.impacts[-1]}"
+        raise InputError(f"index of {name}", table.index.tolist(), why)
     picked = table.loc[list(claim.impacts), list(claim.columns)].rename_axis(index="impact")
     try:
         values = picked.astype(float)
@@ -83,10 +76,7 @@ def _complete(name: str, table: object, claim: Claim, why: str = "") -> pd.DataF
     bad = np.argwhere(~np.isfinite(values.to_numpy()))
     if bad.size:
         impact, column = values.index[bad[0][0]], values.columns[bad[0][1]]
-        raise InputError(
-            f"{column} of {name} at impact {impact}",
-            float(values.loc[impact, column]),
-            f"is not a finite number{why}; leave it out of the marker's quantities, moments or impacts, or "
-            "correct the model",
-        )
+        remedy = "leave it out of the marker's quantities, moments or impacts, or correct the model"
+        value = float(values.loc[impact, column])
+        raise InputError(f"{column} of {name} at impact {impact}", value, f"is not a finite number{why}; {remedy}")
     return values
