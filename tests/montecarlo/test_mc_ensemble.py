@@ -63,11 +63,6 @@ def test_section_moments_are_those_of_the_kept_paths(run):
         assert np.allclose(run.section["se_" + quantity], sd / np.sqrt(3000), atol=1e-15)
 
 
-def test_flight_is_the_time_since_the_last_impact(run):
-    tau = np.concatenate([np.zeros((3000, 1)), run.raw[:, :, 0]], axis=1)
-    assert np.array_equal(run.raw[:, :, 1], np.diff(tau, axis=1))
-
-
 def test_mesh_and_side_are_those_of_most_paths(run):
     for k in range(IMPACTS):
         codes, counts = np.unique(run.raw[:, k, 6], return_counts=True)
@@ -302,16 +297,6 @@ def test_kept_paths_have_the_shape_that_is_documented(run):
 # --- paths that never get there
 
 
-def test_paths_cut_off_by_the_horizon_are_counted():
-    """A third impact at about 1.1: cut at 0.6, every path has had one impact and none has had three."""
-    run = simulate(dat21(0.05), paths=700, impacts=3, dt=5e-3, sampling=Sampling(horizon=0.6), rng=1)
-    assert run.unfinished == 700
-    assert run.section.paths.tolist()[0] == 700
-    assert run.section.paths.tolist()[2] == 0
-    assert np.isnan(run.section.tau[3])
-    assert run.section.agreement[3] == 0.0
-
-
 def test_section_of_partly_finished_run_is_over_the_paths_that_got_there():
     run = simulate(
         dat21(0.3), paths=700, impacts=2, dt=5e-3, sampling=Sampling(horizon=0.96), rng=1, record=Record(raw=True)
@@ -320,14 +305,6 @@ def test_section_of_partly_finished_run_is_over_the_paths_that_got_there():
     assert 0 < reached.sum() < 700
     assert run.section.paths[2] == reached.sum() == 700 - run.unfinished
     assert run.section.tau[2] == pytest.approx(run.raw[reached, 1, 0].mean(), rel=1e-12)
-
-
-def test_no_impact_after_the_horizon_is_tabled():
-    dt, horizon = 0.02, 1.5
-    run = simulate(
-        dat21(0.3), paths=200, impacts=6, dt=dt, sampling=Sampling(horizon=horizon), rng=1, record=Record(raw=True)
-    )
-    assert np.nanmax(run.raw[:, :, 0]) <= horizon + dt
 
 
 def test_impact_that_nobody_reached_has_no_mesh():
