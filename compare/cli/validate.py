@@ -94,9 +94,9 @@ def validate(
     from rattle.compare.report.folder import check_free, default_place, name_of
     from rattle.compare.report.provenance import Stopwatch, command_line, provenance
     from rattle.compare.report.repeat import DIFFERENT, ROUNDED, SAME, compare, tables_beside
-    from rattle.compare.validation.beside import beside as ensembles_beside
     from rattle.compare.validation.page import CONTENTS, write_report
-    from rattle.compare.validation.sweep import check_sweep, grid, sweep
+    from rattle.compare.validation.schemes import compare_schemes
+    from rattle.compare.validation.sweep import check_sweep, read_grid, sweep
     from rattle.compare.validation.validate import validate as compare_closures
     from rattle.montecarlo import SCHEMES, check_settings, default_step
     from rattle.scene.validate import choice, count
@@ -122,7 +122,7 @@ def validate(
             seed,
             order,
             closures or closures_for(base),
-            () if no_validity else grid(validity),
+            () if no_validity else read_grid(validity),
             0 if no_validity else count("validity-paths", validity_paths),
             beside or (() if scene else tuple(s for s in SCHEMES if SCHEMES[s].has_step_bias)),
         )
@@ -142,7 +142,7 @@ def validate(
     swept = (
         sweep(first, settings.validity, **settings.sweep, **predictions, workers=workers) if settings.validity else None
     )
-    schemes = ensembles_beside(validations, settings.beside, workers) if settings.beside else None
+    schemes = compare_schemes(validations, settings.beside, workers) if settings.beside else None
     origin = {"repeat": command_line(["validate", "--repeat", str(out / "manifest.json")])} | provenance(watch)
     record = write_report(out, settings, validations, swept, origin, overwrite, schemes)
     repeated = None if recorded is None else compare(recorded, earlier, record, out)

@@ -59,13 +59,13 @@ def _moments(impacts: int) -> str:
 
 
 def cost_sentence(
-    simulation: pd.DataFrame, speed: pd.DataFrame, impacts: int, lasting: str = "", over: pd.DataFrame | None = None
+    simulation: pd.DataFrame, speed: pd.DataFrame, impacts: int, duration: str = "", over: pd.DataFrame | None = None
 ) -> str:
     """What a simulation and the closures cost in counted work.
 
-    `lasting`: How long the motion is in physical units, as "24 ms of rattling", if that is known.
+    `duration`: How long the motion is in physical units, as "24 ms of rattling", if that is known.
     """
-    what = f"{impacts} impact{'s' if impacts > 1 else ''}{f' ({lasting})' if lasting else ''} to {ASKED}"
+    what = f"{impacts} impact{'s' if impacts > 1 else ''}{f' ({duration})' if duration else ''} to {ASKED}"
     each = [
         f"{duration_text(row['core_seconds'], 2)} at σ = {row['sigma']:.4g} ({_paths(row['paths'])})"
         for row in simulation.to_dict("records")

@@ -9,10 +9,10 @@ from rattle.closure import refusals
 from rattle.compare.validation.advice import advice, cost_sentence
 from rattle.compare.validation.comparison import Comparison, Sweep
 from rattle.compare.validation.correlation import SIMULATED, first_failure
-from rattle.compare.validation.physical import lasting, motion_sentence
+from rattle.compare.validation.physical import duration_words, motion_sentence
 from rattle.compare.validation.section_errors import BY_SIZE
-from rattle.compare.validation.speed import simulation_costs, speeds
-from rattle.compare.validation.validity import validities
+from rattle.compare.validation.speed import measure_speeds, simulation_costs
+from rattle.compare.validation.validity import find_validities
 from rattle.compare.validation.validity_range import in_words, join_words, span, unbroken
 from rattle.compare.validation.verdict import JUDGED
 from rattle.scene.scene import Scene
@@ -93,11 +93,11 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
             realizable.append(f"`{closure}`")
     if realizable:
         broken.append(f"the moments of {join_words(realizable)} stay possible")
-    speed, over = speeds(validations), swept.speed if swept else None
+    speed, over = measure_speeds(validations), swept.speed if swept else None
     return [
-        advice(validities(validations), impacts, speed),
+        advice(find_validities(validations), impacts, speed),
         *([validity_sentence(swept.validity, impacts)] if swept else []),
-        cost_sentence(simulation_costs(validations), speed, impacts, lasting(first), over),
+        cost_sentence(simulation_costs(validations), speed, impacts, duration_words(first), over),
         *motion_sentence(validations),
         f"Accurate section moments{'' if swept else SECTION} among those that a closure predicts over {impacts} "
         f"impacts (within {first.tolerances.mean:.0%} of an sd for means and {first.tolerances.sd:.0%} for sds, with "

@@ -22,7 +22,7 @@ NUMBERS = ("variance_x", "variance_y", "rho", "smallest_eigenvalue")
 COLUMNS = ("closure", "impact", "stage", *NUMBERS, "realizable", "reason")
 
 
-def validity(predictions: list[MeanMap], run: Ensemble, flights: Ints) -> pd.DataFrame:
+def judge_correlation(predictions: list[MeanMap], run: Ensemble, flights: Ints) -> pd.DataFrame:
     """Realizability of each stage's second moments.
 
     A closure is judged just before its impacts.  The simulation is judged at mid-flight before the same impacts,

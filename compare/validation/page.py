@@ -16,10 +16,10 @@ from rattle.compare.report.provenance import command_line, provenance, source_of
 from rattle.compare.report.save import contents, save
 from rattle.compare.report.style import caption_of
 from rattle.compare.validation.answer import answer, correlation_claim, sigma_text
-from rattle.compare.validation.beside import NOTE, beside_table
 from rattle.compare.validation.comparison import Comparison, Sweep
 from rattle.compare.validation.figures import FIGURES, agreement_figure, has_something
 from rattle.compare.validation.physical import motion_blocks
+from rattle.compare.validation.schemes import NOTE, scheme_table
 from rattle.compare.validation.tables import (
     MARKS,
     count_table,
@@ -131,7 +131,7 @@ def _page(
     if schemes is not None:
         tables: list[Block] = [Text(NOTE, note=True)]
         for v in validations:
-            tables += [Text(f"At σ = {sigma_text(v)}:"), beside_table(schemes, v.scene.sigma)]
+            tables += [Text(f"At σ = {sigma_text(v)}:"), scheme_table(schemes, v.scene.sigma)]
         sections.append(PageSection("Euler–Maruyama beside exact flights and the closures", tuple(tables)))
     if claim := correlation_claim(validations):
         sections.append(PageSection("Does |ρ| > 1 show that the density is not Gaussian?", (Text(claim),)))

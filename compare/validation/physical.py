@@ -23,7 +23,7 @@ def motion_blocks(v: Comparison) -> list[Block]:
     if v.scene.gears is None:
         return []
     blocks: list[Block] = [Text(NOTE.format(**v.scene.gears.units._asdict()), note=True), motion_table(v)]
-    return [*blocks, fixed_time_table(v)] if len(v.run.at_times()) else blocks
+    return [*blocks, time_table(v)] if len(v.run.at_times()) else blocks
 
 
 def motion_table(v: Comparison) -> Table:
@@ -43,7 +43,7 @@ def motion_table(v: Comparison) -> Table:
     return Table.of(numbers(*columns), zip(*columns.values(), strict=True))
 
 
-def fixed_time_table(v: Comparison) -> Table:
+def time_table(v: Comparison) -> Table:
     """The simulated means and sds at fixed times in both systems of units."""
     plain, physical = v.run.at_times(), v.run.at_times(units="physical")
     columns = {"τ": [f"{time:.4g}" for time in plain.index]}
@@ -56,7 +56,7 @@ def fixed_time_table(v: Comparison) -> Table:
     return Table.of(numbers(*columns), zip(*columns.values(), strict=True), FIXED)
 
 
-def lasting(v: Comparison) -> str:
+def duration_words(v: Comparison) -> str:
     """How long the simulated motion is, for the advice.
 
     Returns: As "24 ms of rattling"; empty for a scene that was not made from gears, or if no path had all

@@ -34,7 +34,7 @@ class Validation(Comparison):
     table : DataFrame
         Every moment of every closure with error, interval and verdict; the columns are ``COLUMNS``.
     correlation : DataFrame
-        Validity of the correlation on both sides, see `rattle.compare.validation.correlation.validity`.
+        Validity of the correlation on both sides, see `rattle.compare.validation.correlation.judge_correlation`.
     z : float
         Standard errors of the intervals, corrected for the number of rows.
     tolerances : Tolerances

@@ -13,7 +13,7 @@ import pandas as pd
 from rattle.closure import mean_map
 from rattle.closure.cost import closure_seconds
 from rattle.compare.validation.comparison import Comparison
-from rattle.compare.validation.validity import rows_to_judge, validity
+from rattle.compare.validation.validity import find_validity, rows_to_judge
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo.cost import cost_of, cost_to
 
@@ -57,15 +57,15 @@ def simulation_costs(validations: Sequence[Comparison]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def speeds(validations: Sequence[Comparison]) -> pd.DataFrame:
-    """`speed` of every closure of some validations that is accurate at the first impact."""
-    found = [s for v in validations for closure in v.predictions if (s := speed(v, closure))]
+def measure_speeds(validations: Sequence[Comparison]) -> pd.DataFrame:
+    """`measure_speed` of every closure of some validations that is accurate at the first impact."""
+    found = [s for v in validations for closure in v.predictions if (s := measure_speed(v, closure))]
     return pd.DataFrame(found, columns=list(Speed._fields))
 
 
-def speed(v: Comparison, closure: str) -> Speed | None:
+def measure_speed(v: Comparison, closure: str) -> Speed | None:
     """Count the work of a closure up to the last impact at which it is accurate; None if there is none, or no sd."""
-    reached, prediction = validity(v, closure).accurate, v.predictions[closure]
+    reached, prediction = find_validity(v, closure).accurate, v.predictions[closure]
     if reached == 0:
         return None
     rows = rows_to_judge(v, closure)

@@ -7,9 +7,9 @@ import numpy as np
 from tqdm import tqdm
 
 from rattle.compare.validation.comparison import Sweep
-from rattle.compare.validation.speed import simulation_costs, speeds
+from rattle.compare.validation.speed import measure_speeds, simulation_costs
 from rattle.compare.validation.validate import validate
-from rattle.compare.validation.validity import validities
+from rattle.compare.validation.validity import find_validities
 from rattle.montecarlo import check_settings, default_step
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
@@ -20,12 +20,12 @@ SCHEME = "exact-flight"
 """Has no step bias, which would exceed the tolerances at small sigma, as they are shares of the sds."""
 
 
-def grid(text: str) -> tuple[float, ...]:
+def read_grid(text: str) -> tuple[float, ...]:
     """Noise intensities from ``LOW:HIGH:POINTS``, evenly spaced in their logarithm, rounded to three digits.
 
     Examples
     --------
-    >>> grid("0.01:1:3")
+    >>> read_grid("0.01:1:3")
     (0.01, 0.1, 1.0)
     """
     try:
@@ -64,4 +64,4 @@ def sweep(scene: Scene, sigmas: Sequence[float], *, workers: int, **settings: An
         validate(scene.with_sigma(sigma), scheme=SCHEME, workers=workers, **settings)
         for sigma in tqdm(sigmas, desc="validity", unit="sigma", disable=None)
     ]
-    return Sweep(validities(own), speeds(own), simulation_costs(own))
+    return Sweep(find_validities(own), measure_speeds(own), simulation_costs(own))

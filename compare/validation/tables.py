@@ -6,7 +6,7 @@ from rattle.compare.report import Row, Table, TableCell, numbers
 from rattle.compare.validation.comparison import Comparison
 from rattle.compare.validation.distance import section_distances
 from rattle.compare.validation.realizability import first_failures, realizability_table
-from rattle.compare.validation.validity import CAUSES, validities
+from rattle.compare.validation.validity import CAUSES, find_validities
 from rattle.compare.validation.validity_range import ACCURATE, NOT_WRONG
 from rattle.compare.validation.verdict import JUDGED, VERDICTS
 
@@ -85,7 +85,7 @@ def distance_table(v: Comparison) -> Table:
 
 def reach_table(v: Comparison) -> Table:
     """Range of validity of each closure of a validation, and its cause."""
-    found = validities([v]).to_dict("records")
+    found = find_validities([v]).to_dict("records")
     rows: list[Row] = [[f["closure"], f["accurate"], f["not_inaccurate"], f["why"]] for f in found]
     return Table.of(["closure", *numbers(f"{ACCURATE} impact", NOT_WRONG), "why it ends"], rows)
 

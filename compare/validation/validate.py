@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from rattle.closure import CLOSURES, closures_for, follow, mean_map
-from rattle.compare.validation.correlation import mid_flight_errors, validity
+from rattle.compare.validation.correlation import judge_correlation, mid_flight_errors
 from rattle.compare.validation.result import Validation
 from rattle.compare.validation.section_errors import section_errors, to_absolute_time
 from rattle.compare.validation.verdict import Tolerances, widest
@@ -124,7 +124,7 @@ def validate(
         parts += [mid_flight_errors(m, run, flights, z, limits) for m in predictions.values()]
     table = pd.concat(parts, ignore_index=True).reindex(columns=list(COLUMNS))
     table["remark"] = table["remark"].fillna("")
-    valid = validity(list(predictions.values()), run, flights)
+    valid = judge_correlation(list(predictions.values()), run, flights)
     predictions = {name: replace(m, scene=given) for name, m in predictions.items()}
     run = replace(run, plan=run.plan._replace(scene=given))
     return Validation(given, predictions, run, to_absolute_time(table, given), valid, z, limits)

@@ -44,7 +44,7 @@ class Validity(NamedTuple):
     dt: float  # of the simulation
 
 
-def validity(v: Comparison, closure: str) -> Validity:
+def find_validity(v: Comparison, closure: str) -> Validity:
     """Range of validity of one closure of a validation.
 
     Examples
@@ -52,7 +52,7 @@ def validity(v: Comparison, closure: str) -> Validity:
     >>> from rattle.compare import validate
     >>> from rattle.scene import DAT21, Scene
     >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=3, paths=20_000, rng=1)
-    >>> validity(v, "saltation").accurate, validity(v, "published").not_inaccurate
+    >>> find_validity(v, "saltation").accurate, find_validity(v, "published").not_inaccurate
     (3, 0)
     """
     rows = rows_to_judge(v, closure)
@@ -70,9 +70,9 @@ def validity(v: Comparison, closure: str) -> Validity:
     return Validity(closure, v.scene.sigma, accurate, not_inaccurate, cause, why, on_itinerary, v.run.paths, v.run.dt)
 
 
-def validities(validations: Sequence[Comparison]) -> pd.DataFrame:
+def find_validities(validations: Sequence[Comparison]) -> pd.DataFrame:
     """Ranges of validity of all closures at all noise intensities."""
-    return pd.DataFrame([validity(v, closure) for v in validations for closure in v.predictions])
+    return pd.DataFrame([find_validity(v, closure) for v in validations for closure in v.predictions])
 
 
 def rows_to_judge(v: Comparison, closure: str) -> pd.DataFrame:

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from rattle.compare import validate
-from rattle.compare.validation.validity import validities
+from rattle.compare.validation.validity import find_validities
 from rattle.scene import Scene, Start
 
 TABLE = Path(__file__).resolve().parents[3] / "docs" / "results" / "random_gears.csv"
@@ -48,7 +48,7 @@ def measure():
         for ratio in INTENSITIES:
             scene = Scene(**gears, sigma=ratio * math.sqrt(gears["alpha"]))
             v = validate(scene, impacts=IMPACTS, paths=PATHS, scheme="exact-flight", rng=i)
-            found.append(validities([v]).assign(ratio=ratio))
+            found.append(find_validities([v]).assign(ratio=ratio))
         shown = {k: gears.get(k, math.nan) for k in ("stages", "alpha", "epsilon", "gap2")}
         rows.append(pd.concat(found).assign(set=i + 1, **shown))
         print(f"set {i + 1}: {time.process_time() - started:.0f} s", flush=True)

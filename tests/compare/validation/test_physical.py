@@ -7,7 +7,7 @@ import pytest
 from rattle.compare import validate
 from rattle.compare.report import Glossary, read_page
 from rattle.compare.validation.answer import answer
-from rattle.compare.validation.physical import fixed_time_table, lasting, motion_table
+from rattle.compare.validation.physical import duration_words, motion_table, time_table
 from rattle.scene import DAT21, Scene, Start
 
 PLAIN = Scene(alpha=1.5, epsilon=0.9, beta1=0.1, gamma1=0.05, mu=0.5, sigma=0.02)
@@ -40,7 +40,7 @@ def test_the_motion_stands_in_both_systems_of_units(v):
 
 
 def test_moments_at_fixed_times_stand_in_both(v):
-    table, fixed = fixed_time_table(v), v.run.at_times()
+    table, fixed = time_table(v), v.run.at_times()
     assert values(table, "time [ms]") == pytest.approx((fixed.index.to_numpy() / 0.3).tolist(), rel=1e-3)
     assert values(table, "x1 [mm]") == pytest.approx((0.2 * fixed["x1"]).tolist(), rel=1e-3, abs=1e-6)
     sd = float(table.rows[-1][-1].text.split("± ")[1])
@@ -52,12 +52,12 @@ def test_the_answer_speaks_of_milliseconds(v):
     time = v.run.section["tau"].iloc[-1] / 0.3
     assert said[2].startswith(f"In the units of these gears: at σ = 0.02, 3 impacts take {time:.3g} ms on average (")
     assert "mm/s, losing " in said[2]
-    assert lasting(v) == f"{time:.3g} ms of rattling"
+    assert duration_words(v) == f"{time:.3g} ms of rattling"
 
 
 def test_a_late_start_lasts_no_longer(v):
     late = Scene.from_gears(DAT21, sigma=0.02, start=Start(2e6 * math.pi, 0.5, 2.0, 0.5, 2.0, mesh=1))
-    assert lasting(validate(late, **SETTINGS)) == lasting(v)
+    assert duration_words(validate(late, **SETTINGS)) == duration_words(v)
 
 
 @pytest.mark.usefixtures("undrawn")

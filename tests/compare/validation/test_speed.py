@@ -7,7 +7,7 @@ import pytest
 from rattle.closure import mean_map
 from rattle.closure.branching.error import FLIGHT_MICROSECONDS
 from rattle.closure.cost import closure_seconds, most_seconds
-from rattle.compare.validation.speed import paths_for, speed
+from rattle.compare.validation.speed import measure_speed, paths_for
 from rattle.compare.validation.validate import validate
 from rattle.montecarlo import simulate
 from rattle.montecarlo.cost import cost_of
@@ -48,7 +48,7 @@ def test_speed_up_is_the_ratio_of_the_work():
     v = validate(
         Scene.from_gears(DAT21, sigma=0.02), impacts=2, closures=["saltation"], paths=4096, scheme="exact-flight"
     )
-    found = speed(v, "saltation")
+    found = measure_speed(v, "saltation")
     assert found.impacts == 2
     assert found.closure_seconds == pytest.approx(2 * 50e-6)
     assert found.simulation_seconds == pytest.approx(cost_of(v.run, found.paths).core_seconds)

@@ -6,10 +6,10 @@ import pytest
 from rattle.compare.report.style import caption_of
 from rattle.compare.validation.answer import validity_sentence
 from rattle.compare.validation.speed import Speed
-from rattle.compare.validation.sweep import grid, sweep
+from rattle.compare.validation.sweep import read_grid, sweep
 from rattle.compare.validation.tables import speed_table, validity_table
 from rattle.compare.validation.validate import validate
-from rattle.compare.validation.validity import Validity, validity
+from rattle.compare.validation.validity import Validity, find_validity
 from rattle.compare.validation.validity_figure import VALIDITY, validity_figure
 from rattle.compare.validation.validity_range import NOT_WRONG, WRONG
 from rattle.scene import DAT21, InputError, Scene
@@ -32,7 +32,7 @@ def test_rows_are_those_of_single_validations(swept):
         v = validate(Scene.from_gears(DAT21, sigma=sigma), scheme="exact-flight", **SETTINGS)
         for closure in SETTINGS["closures"]:
             row = swept.validity.query("sigma == @sigma and closure == @closure")
-            assert tuple(row.iloc[0]) == tuple(validity(v, closure))
+            assert tuple(row.iloc[0]) == tuple(find_validity(v, closure))
 
 
 def test_only_the_work_of_what_is_accurate_is_counted(swept):
@@ -52,14 +52,14 @@ def test_nothing_accurate_leaves_a_table_without_rows():
 
 
 def test_grid_is_even_in_the_logarithm():
-    assert grid("1e-3:1:4") == (0.001, 0.01, 0.1, 1.0)
-    assert len(grid("1e-3:2:12")) == 12
+    assert read_grid("1e-3:1:4") == (0.001, 0.01, 0.1, 1.0)
+    assert len(read_grid("1e-3:2:12")) == 12
 
 
 @pytest.mark.parametrize("text", ["", "1", "1:2:3:4", "a:b:c", "1:2:x", "1:2:2.5", "nan:1:3", "1:inf:3", "-1:1:3"])
 def test_bad_grids_are_refused(text):
     with pytest.raises(InputError, match="validity"):
-        grid(text)
+        read_grid(text)
 
 
 def test_neighbours_with_one_range_of_validity_and_cause_share_a_row():

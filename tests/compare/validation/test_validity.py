@@ -7,7 +7,7 @@ import pytest
 from rattle.compare import validate
 from rattle.compare.validation.answer import answer, correlation_claim
 from rattle.compare.validation.tables import count_table, reach_table
-from rattle.compare.validation.validity import CAUSES, rows_to_judge, validities, validity
+from rattle.compare.validation.validity import CAUSES, find_validities, find_validity, rows_to_judge
 from rattle.compare.validation.verdict import JUDGED, NOT_JUDGED
 from rattle.scene import DAT21, Scene
 
@@ -19,7 +19,7 @@ def validations():
 
 
 def test_right_closures_reach_the_end_at_small_noise(validations):
-    table = validities(validations).set_index(["sigma", "closure"])
+    table = find_validities(validations).set_index(["sigma", "closure"])
     for closure in ("saltation", "branching"):
         assert table.loc[(0.01, closure), "accurate"] == 6
         assert "holds" in table.loc[(0.01, closure), "why"]
@@ -31,17 +31,17 @@ def test_right_closures_reach_the_end_at_small_noise(validations):
 
 def test_causes_are_distinguished(validations):
     quiet, loud = validations
-    assert "ignores that impact times vary" in validity(quiet, "corrected").why
-    assert validity(quiet, "corrected").cause == "fixed time"
-    assert "have left its itinerary" in validity(loud, "saltation").why
-    assert validity(loud, "saltation").cause == "off itinerary"
+    assert "ignores that impact times vary" in find_validity(quiet, "corrected").why
+    assert find_validity(quiet, "corrected").cause == "fixed time"
+    assert "have left its itinerary" in find_validity(loud, "saltation").why
+    assert find_validity(loud, "saltation").cause == "off itinerary"
 
 
 def test_on_itinerary_is_the_last_impact_that_most_paths_reach_on_it(validations):
     quiet, loud = validations
-    assert validity(quiet, "saltation").on_itinerary == 6
+    assert find_validity(quiet, "saltation").on_itinerary == 6
     assert loud.run.agreement["saltation"].loc[1] < 0.99
-    assert validity(loud, "saltation").on_itinerary == 0
+    assert find_validity(loud, "saltation").on_itinerary == 0
 
 
 def test_an_end_that_more_paths_would_decide_is_called_undecided():
@@ -53,7 +53,7 @@ def test_an_end_that_more_paths_would_decide_is_called_undecided():
         scheme="euler-maruyama-located",
         rng=1,
     )
-    found = validity(v, "saltation")
+    found = find_validity(v, "saltation")
     assert found.not_inaccurate == 4
     assert found.accurate < 4
     assert found.cause == "undecided"
@@ -95,7 +95,7 @@ def test_counts_range_of_validity_answer_and_requirement_follow_one_rule():
     only_wall = v.table.assign(verdict=v.table["verdict"].where(wall, "accurate"))
     v = replace(v, table=only_wall)
     assert v.accurate
-    found = validity(v, "saltation")
+    found = find_validity(v, "saltation")
     assert (found.accurate, found.not_inaccurate) == (3, 3)
     assert [row[2].text for row in reach_table(v).rows] == ["3"]
     heads = [column.head for column in count_table(v).columns]

@@ -40,7 +40,7 @@ class _Named(NamedTuple):
     section: pd.DataFrame
 
 
-def beside(validations: Sequence[Comparison], schemes: Sequence[str], workers: int) -> pd.DataFrame:
+def compare_schemes(validations: Sequence[Comparison], schemes: Sequence[str], workers: int) -> pd.DataFrame:
     """Simulate each scene of some validations by each of these schemes; a row for each of them and for each closure."""
     rows = []
     for v in validations:
@@ -74,7 +74,7 @@ def _largest(table: pd.DataFrame, column: str) -> list[float]:
     return [float(shares[rows["moment"] == moment].max()) for moment in MOMENTS]
 
 
-def beside_table(found: pd.DataFrame, sigma: float) -> Table:
+def scheme_table(found: pd.DataFrame, sigma: float) -> Table:
     """The rows of one noise intensity."""
     own = found[found["sigma"] == sigma].replace({"paths": {0: np.nan}})
     rows: list[Row] = [
