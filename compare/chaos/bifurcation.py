@@ -69,13 +69,6 @@ def bifurcation(
     """Count the velocity y1 before the impacts of the orbit and of the noisy system at both meshes.
 
     `noise`: Maps each scene to the same with its noise set; without it, the noise of `scene` is used.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> b = bifurcation(Scene.from_gears(DAT21, sigma=0.1), (0.05, 0.5), points=500)
-    >>> b.reasons["orbit"]
-    ['sticks often', '']
     """
 
     def of(s: Scene) -> tuple[tuple[Floats, Regime], tuple[Floats, Regime]]:
@@ -105,15 +98,7 @@ def bifurcation(
 def stationary_bifurcation(
     scene: Scene, at: Sequence[float], *, field: str = "alpha", seed: int = 0, workers: int = 1
 ) -> Bifurcation:
-    """Compute the density of the velocity y1 before the impacts at mesh 1, of the orbit and of the long run with noise.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> view = stationary_bifurcation(Scene.from_gears(DAT21, sigma=0.3), (0.5, 1.5))
-    >>> view.cells[WITH_NOISE].shape
-    (2, 240)
-    """
+    """Compute the density of the velocity y1 before the impacts at mesh 1, of the orbit and of the noisy long run."""
     count("workers", workers)
 
     def of(s: Scene) -> tuple[tuple[Floats, str], tuple[tuple[Floats, Floats] | None, str]]:

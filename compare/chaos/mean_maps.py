@@ -17,6 +17,8 @@ from rattle.scene.scene import Scene
 
 FOLLOWED = 400  # impacts through which moments are followed
 SPREAD = 2000  # impacts of the orbit from which the sd of its own y1 is taken
+COLUMNS: tuple[str, ...] = ("closure", "map", "exponents", "largest", "low", "high", "moments")
+COLUMNS += ("not_realizable", "leaves_gap", "too_wide", "ends", "followed")
 TOO_WIDE = 1.0  # a closure's sd of y1 above this fraction of the orbit's own no longer localises the state
 
 
@@ -54,13 +56,6 @@ def mean_maps(scene: Scene, orbit: Exponents | None = None) -> pd.DataFrame:
     realizable), ``leaves_gap`` (first impact whose mean lies beyond a wall), ``too_wide`` (first impact whose sd
     of y1 exceeds the sd of y1 along the orbit), ``ends`` (impacts that could be evaluated) and ``followed``
     (impacts requested). Impacts are NaN if there is none.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> maps = mean_maps(Scene.from_gears(DAT21, sigma=1.5**0.5)).set_index("closure")
-    >>> int(maps["not_realizable"]["published"]), maps["exponents"]["corrected"]
-    (2, "the orbit's")
     """
     found = orbit or lyapunov(scene)
     along = LongOrbit(scene).stretch(SPREAD, tangent=False).before[:, 1]
@@ -69,11 +64,12 @@ def mean_maps(scene: Scene, orbit: Exponents | None = None) -> pd.DataFrame:
     rows = []
     for closure in closures_for(scene):
         kind = MAPS[closure]
-        row: dict[str, object] = {"closure": closure, "map": kind.map, "moments": kind.moments}
-        row |= {"largest": np.nan, "low": np.nan, "high": np.nan}
-        row["exponents"] = "none: the map ends before they could converge" if kind.own else "the orbit's"
-        if not kind.own:
-            row |= {"largest": value, "low": low, "high": high}
+        row: dict[str, object] = dict.fromkeys(COLUMNS, np.nan)
+        row |= {"closure": closure, "map": kind.map, "moments": kind.moments}
+        if kind.own:
+            row["exponents"] = "none: the map ends before they could converge"
+        else:
+            row |= {"exponents": "the orbit's", "largest": value, "low": low, "high": high}
         if closure == "branching":  # its cost grows with every impact, and its components follow different orbits
             rows.append(row | {"exponents": "each component has the orbit's", "followed": 0})
             continue
@@ -90,18 +86,4 @@ def mean_maps(scene: Scene, orbit: Exponents | None = None) -> pd.DataFrame:
             "followed": FOLLOWED,
         }
         rows.append(row)
-    columns = [
-        "closure",
-        "map",
-        "exponents",
-        "largest",
-        "low",
-        "high",
-        "moments",
-        "not_realizable",
-        "leaves_gap",
-        "too_wide",
-        "ends",
-        "followed",
-    ]
-    return pd.DataFrame(rows).reindex(columns=columns)
+    return pd.DataFrame(rows)

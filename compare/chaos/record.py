@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rattle.closure.long_orbit import LongOrbit
 from rattle.closure.orbit import follow
 from rattle.montecarlo.coupling.long_path import LongPath
-from rattle.scene.errors import InputError, RattleError
+from rattle.scene.errors import RattleError
 from rattle.scene.impact import MISSES, NONE
 from rattle.scene.scene import Scene
 from rattle.scene.tangent import Stretch
@@ -99,36 +99,8 @@ class Regime:
         return self.reason if self.silent or self.unfollowed else self.kind
 
 
-def check_finite(name: str, values: Floats, offset: int = 0) -> Floats:
-    """Return an array unchanged if all of its values are finite.
-
-    `offset`: Added to the first index in the error message, for arrays that are parts of a record.
-
-    Examples
-    --------
-    >>> check_finite("y1", np.array([0.0, np.nan]))
-    Traceback (most recent call last):
-        ...
-    rattle.scene.errors.InputError: y1[1] = nan: give finite values
-    """
-    bad = ~np.isfinite(values)
-    if bad.any():
-        place = tuple(int(i[0]) for i in np.nonzero(bad))
-        shown = ", ".join(str(i + (offset if n == 0 else 0)) for n, i in enumerate(place))
-        raise InputError(f"{name}[{shown}]", float(values[place]), "give finite values")
-    return values
-
-
 def orbit_record(scene: Scene, impacts: int, regime: Regime, *, tangent: bool = True) -> Iterator[Stretch]:
-    """Record the orbit of a scene in stretches; after sticking it is restarted at another phase.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> regime = Regime()
-    >>> sum(s.flight.size for s in orbit_record(Scene.from_gears(DAT21), 5000, regime)), regime.kind
-    (5000, 'runs')
-    """
+    """Record the orbit of a scene in stretches; after sticking it is restarted at another phase."""
     while regime.impacts < impacts:
         orbit = LongOrbit(scene, regime.starts)
         regime.starts += 1

@@ -14,7 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from rattle.closure import mean_map
-from rattle.compare.chaos.record import NoRecord, Regime, check_finite, noisy_record, orbit_record
+from rattle.compare.chaos.record import NoRecord, Regime, noisy_record, orbit_record
 from rattle.scene.scene import Scene
 from rattle.scene.validate import count
 
@@ -68,8 +68,6 @@ class _Counter:
         self.points = 0
 
     def add(self, flight: Floats, before: Floats) -> None:
-        check_finite("flight", flight, self.points)
-        check_finite("before", before, self.points)
         rows, columns = self.flight.size - 1, self.velocity.size - 1
         i = np.floor((flight - self.flight[0]) * (rows / (self.flight[-1] - self.flight[0]))).astype(np.int64)
         for stage in range(self.stages):
@@ -169,14 +167,6 @@ def sections(
 
     Returns: By side; without the orbit and the mean map if the orbit has no section (see `orbit_section`), and
     without the noisy system if its path has none.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> found = sections(Scene.from_gears(DAT21, sigma=0.1), points=5000)
-    >>> s = found["noisy system"]
-    >>> (s.counts.sum(axis=(1, 2)) + s.outside).tolist()
-    [5000, 5000]
     """
     count("points", points, least=100)
     count("workers", workers)

@@ -20,7 +20,7 @@ from scipy import ndimage, signal
 from scipy.special import chdtri
 
 from rattle.closure.long_orbit import velocities
-from rattle.compare.chaos.record import NoRecord, Regime, check_finite, noisy_record, orbit_record
+from rattle.compare.chaos.record import NoRecord, Regime, noisy_record, orbit_record
 from rattle.compare.chaos.section import NOISY, ORBIT
 from rattle.montecarlo.coupling.dyadic import step_time
 from rattle.scene.scene import Scene
@@ -114,20 +114,12 @@ def welch(pieces: Iterable[Floats], segment: int, rate: float) -> Spectrum:
     """Estimate the spectrum of a record by Welch's method: Hann windows that overlap by half, averaged over all pieces.
 
     Shapes: `pieces` (samples,).
-
-    Examples
-    --------
-    >>> x = np.random.default_rng(1).normal(size=100_000)
-    >>> s = welch([x], 256, 1.0)
-    >>> bool(abs(s.power.mean() - 2.0) < 0.05), len(s.lines)
-    (True, 0)
     """
     total, dof, segments, longest = np.zeros(segment // 2 + 1), 0.0, 0, 0
     frequency = np.zeros(0)
     window = np.asarray(signal.get_window("hann", segment), dtype=float)
     beside = float((window[segment // 2 :] * window[: segment // 2]).sum() / (window**2).sum()) ** 2
-    for n, piece in enumerate(pieces):
-        check_finite(f"piece {n} of the record", piece)
+    for piece in pieces:
         longest = max(longest, piece.size)
         if piece.size < segment:
             continue

@@ -26,13 +26,7 @@ PUBLISHED = 30  # impacts through which the published map is followed at each va
 
 
 def values(name: str, text: str) -> tuple[float, ...]:
-    """Read evenly spaced values from ``LOW:HIGH:POINTS``.
-
-    Examples
-    --------
-    >>> values("alpha", "0.5:1.5:3")
-    (0.5, 1.0, 1.5)
-    """
+    """Read evenly spaced values from ``LOW:HIGH:POINTS``."""
     words = text.split(":")
     try:
         low, high, points = float(words[0]), float(words[1]), int(words[2])
@@ -45,14 +39,7 @@ def values(name: str, text: str) -> tuple[float, ...]:
 
 
 def with_field(scene: Scene, name: str, value: float) -> Scene:
-    """Return the same scene with another value of a field; a default start is adapted to new gaps.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> with_field(Scene.from_gears(DAT21), "gap1", 0.4).start.x1
-    0.4
-    """
+    """Return the same scene with another value of a field; a default start is adapted to new gaps."""
     choice("field", name, FIELDS)
     usual = scene.start == Start(0.0, scene.gap1, 2.0, scene.gap2, 2.0, mesh=1)
     changes: dict[str, Any] = {name: value} | ({"start": None} if usual else {})
@@ -124,13 +111,6 @@ def sweep(
     they are. Returns: Columns: the field, ``of`` (the linearised system), ``largest, low, high`` (largest
     exponent and its 95 % interval; NaN where there is no record), ``rate, sum_error, impacts`` as of `Exponents`,
     and ``regime, reason`` as of `Regime`.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> t = sweep(Scene.from_gears(DAT21), (0.05, 0.3), noise=paper_noise, width=0.1)
-    >>> t[t["of"] == "orbit"]["regime"].tolist()
-    ['sticks often', 'runs']
     """
     found = over_field(scene, at, field, noise, workers, lambda s: _exponents_at(s, width, seed))
     return pd.DataFrame([{field: value, **row} for value, rows in zip(at, found, strict=True) for row in rows])

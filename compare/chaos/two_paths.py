@@ -49,14 +49,6 @@ def fit(deltas: Floats, apart: Floats) -> tuple[float, float, float]:
     """Fit the exponent of a power law ``|apart| ~ delta^p`` as the mean of the log-log slopes of all events.
 
     Shapes: `deltas` (deltas,); `apart` (events, deltas).
-
-    Examples
-    --------
-    >>> d = np.geomspace(1e-6, 1e-4, 5)
-    >>> z = np.random.default_rng(1).normal(size=(400, 5))
-    >>> value, low, high = fit(d, np.sqrt(d) * z)
-    >>> bool(low < 0.5 < high)
-    True
     """
     x = np.log(deltas) - np.log(deltas).mean()
     slopes = np.log(np.abs(apart)) @ x / (x @ x)
@@ -71,13 +63,6 @@ def sqrt_law(scene: Scene, *, impacts: int = 4000, seed: int = 0, deltas: Floats
     `scene`: With a noise intensity of at least 0.03.  The drift alone separates the paths by about ``delta /
     |y|``, which outweighs weaker noise at all distances that the Brownian tree resolves. `deltas`: Distances
     before the impact; by default 7 from 1e-7 to ``1e-3 min(1, sigma^2)``, below the range of the drift.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> law = sqrt_law(Scene.from_gears(DAT21, sigma=0.5), impacts=500)
-    >>> bool(abs(law.exponent - 0.5) < 0.02)
-    True
     """
     if deltas is None:
         largest = LARGEST * min(1.0, scene.sigma**2)
@@ -125,13 +110,6 @@ def finite_size(
 
     Returns: Columns: ``delta, exponent, low, high`` (95 % interval), ``time`` and ``growth`` (means of the time
     and of ``ln(end / delta)``), ``events``.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> t = finite_size(Scene.from_gears(DAT21, sigma=1.0), deltas=(1e-6, 1e-3), events=200)
-    >>> bool(t["exponent"][0] > t["exponent"][1])
-    True
     """
     count("events", events, least=128)
     count("workers", workers)

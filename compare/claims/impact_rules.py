@@ -57,16 +57,6 @@ def failures(scene: Scene) -> dict[str, list[Failure]]:
 
     Returns: By `PUBLISHED`, `MEND_15`, `MEND_17` and `MEND_BOTH`: of stage 1 and of stage 2, the first to fail
     first.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> for rule, (first, second) in failures(Scene.from_gears(DAT21, sigma=0.1)).items():
-    ...     print(f"{rule}: stage {first.stage} at {first.impact}, stage {second.stage} at {second.impact}")
-    as published: stage 1 at 2, stage 2 at 2
-    Eq. 15 mended: stage 1 at 2, stage 2 at 0
-    Eq. 17 mended: stage 2 at 2, stage 1 at 0
-    both mended: stage 1 at 0, stage 2 at 0
     """
     tau = mean_map(scene, impacts=FOLLOWED, closure="published").trace.tau
     c, tau = scene.constants, tau[np.isfinite(tau)]

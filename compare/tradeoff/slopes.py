@@ -26,14 +26,6 @@ def slope_from(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[float,
 
     `bias`, `se`: Change between a step and its half in each row (moment), and its standard error. Shapes: `bias`,
     `se` (replicates, steps, rows).
-
-    Examples
-    --------
-    >>> steps = np.array([4.0, 2.0, 1.0])
-    >>> bias = steps[:, None] * np.array([[[1.0, 0.5]], [[1.01, 0.5]], [[1.0, 0.49]]])
-    >>> slope, low, high, last = slope_from(bias, np.zeros_like(bias), steps)
-    >>> round(slope, 6), round(last, 2)
-    (1.0, 0.79)
     """
     n = len(bias)
     slope = _slope(bias, se, steps, np.ones(n))
@@ -52,16 +44,6 @@ def find_settled(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[floa
     Returns: Slope over the finest three steps and its 95 % interval; NaN if it has not settled, or noise hides
     it. Returns: Rows whose change turns its sign from one step to the next, over all steps, beyond three standard
     errors.
-
-    Examples
-    --------
-    >>> steps = np.array([4.0, 2.0, 1.0])
-    >>> bias = np.array([[[4.0], [2.0], [1.0]], [[4.04], [2.0], [1.0]], [[4.0], [2.0], [0.99]]])
-    >>> [round(v, 2) for v in find_settled(bias, np.zeros_like(bias), steps)[:1]]
-    [1.0]
-    >>> bias[:, 0] *= 4.0  # a slope of 3, then of 1
-    >>> find_settled(bias, np.zeros_like(bias), steps)[0]
-    nan
     """
     n = len(bias)
     mean, error = bias.mean(axis=0), np.sqrt((se**2).sum(axis=0)) / n
@@ -86,13 +68,6 @@ def changes_from(bias: Floats, se: Floats) -> tuple[Floats, Floats, Floats]:
     """Size of the change at each step with its jackknife interval, which is symmetric in the logarithm.
 
     Shapes: `bias`, `se` (replicates, steps, rows); result (steps,).
-
-    Examples
-    --------
-    >>> bias = np.array([[[1.0, 1.0]], [[1.1, 0.9]], [[0.9, 1.1]]])
-    >>> change, low, high = changes_from(bias, np.zeros_like(bias))
-    >>> change.tolist(), bool(low[0] < 1.0 < high[0])
-    ([1.0], True)
     """
     n = len(bias)
     change = _sizes(bias, se, np.ones(n))

@@ -78,15 +78,6 @@ def antithetic_gain(plan: Plan) -> tuple[Floats, Floats]:
     of the squared deviations.
 
     Shapes: result (impacts, 6).
-
-    Examples
-    --------
-    >>> from rattle.montecarlo.settings import plan_of
-    >>> from rattle.scene import DAT21, Scene
-    >>> small_noise = Scene.from_gears(DAT21, sigma=0.001)
-    >>> means, sds = antithetic_gain(plan_of(small_noise, paths=500, impacts=1, dt=0.01, scheme="exact-flight"))
-    >>> bool(means[0, 0] > 100.0), round(float(sds[0, 0]), 2)
-    (True, 0.5)
     """
     both = np.stack(
         [

@@ -162,33 +162,11 @@ def _by_quantity(
     for quantity in dict.fromkeys(names):
         own = names == quantity
         b, s = bias[:, :, own], se[:, :, own]
-        slope, low, high, last_change = slope_from(b, s, STEPS)
-        last, last_low, last_high, _ = slope_from(b[:, -2:], s[:, -2:], STEPS[-2:])
-        order, order_low, order_high, turns = find_settled(b, s, STEPS)
+        whole, local = slope_from(b, s, STEPS), slope_from(b[:, -2:], s[:, -2:], STEPS[-2:])
+        settled = find_settled(b, s, STEPS)
         z = max((float(z[own & varies].max()) for z, varies in limits if (own & varies).any()), default=math.nan)
-        slopes.append(
-            Slope(
-                scheme,
-                sigma,
-                moment,
-                quantity,
-                STEPS[0],
-                0.5 * STEPS[-1],
-                slope,
-                low,
-                high,
-                last,
-                last_low,
-                last_high,
-                turns,
-                order,
-                order_low,
-                order_high,
-                last_change,
-                z,
-                allowed,
-            )
-        )
+        of = (scheme, sigma, moment, str(quantity), STEPS[0], 0.5 * STEPS[-1])
+        slopes.append(Slope(*of, *whole[:3], *local[:3], settled[3], *settled[:3], whole[3], z, allowed))
         points += _points((scheme, sigma, moment, quantity), *changes_from(b, s))
     return slopes, points
 

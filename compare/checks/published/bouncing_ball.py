@@ -37,11 +37,6 @@ def bouncing_ball(seed: int = 0, workers: int = 2) -> Result:
 
     With ``alpha = beta = sigma = 0`` Eq. 3 is ``y' = gamma``: an impact at speed v is followed by a flight of
     ``2 epsilon v / gamma`` and an impact at ``epsilon v``, so that all flights add up to ``t1 / (1 - epsilon)``.
-
-    Examples
-    --------
-    >>> [check.holds(4.5) for check in bouncing_ball().checks]
-    [True, True, True, True]
     """
     start = Start(0.0, HALF, SPEED, mesh=1)
     scene = Scene(alpha=0.0, epsilon=EPSILON, beta1=0.0, gamma1=GAMMA, gap1=HALF, start=start, stages=1)

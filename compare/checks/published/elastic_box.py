@@ -74,13 +74,7 @@ def _checks(run: Ensemble, sigma: float, phase: float) -> list[Check]:
 
 
 def elastic_box(seed: int = 0, workers: int = 2) -> Result:
-    """Check that displacement is uniform and velocity Gaussian with a closed-form variance, at three fixed times.
-
-    Examples
-    --------
-    >>> all(check.holds(4.5) for check in elastic_box().checks)  # doctest: +SKIP
-    True
-    """
+    """Check that displacement is uniform and velocity Gaussian with a closed-form variance, at three fixed times."""
     run = _run(1.0, seed, workers)
     return Result(
         "elastic damped box",

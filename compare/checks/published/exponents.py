@@ -23,13 +23,7 @@ def _check(scene: Scene, found: Exponents, power: float, damping: float) -> Chec
 
 
 def exponent_sum(seed: int = 0, workers: int = 2) -> Result:
-    """Check the sum of the four exponents of DAT21: of the orbit, and of the drift along a noisy path.
-
-    Examples
-    --------
-    >>> [check.holds(4.5) for check in exponent_sum().checks]
-    [True, True]
-    """
+    """Check the sum of the four exponents of DAT21: of the orbit, and of the drift along a noisy path."""
     scene = Scene.from_gears(DAT21)
     records = lyapunov(scene, impacts=IMPACTS), drift_exponents(scene.with_sigma(SIGMA), impacts=IMPACTS, seed=seed)
     both = scene.beta1 + scene.beta2

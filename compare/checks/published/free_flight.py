@@ -72,13 +72,7 @@ def linear_moments(scene: Scene, tau: float, coupled: bool = True) -> tuple[Floa
 
 
 def free_flight(seed: int = 0, workers: int = 2) -> Result:
-    """Check the first four moments of `montecarlo.simulate`, and the covariance of `rattle.scene.flight`.
-
-    Examples
-    --------
-    >>> all(check.holds(4.5) for check in free_flight().checks)
-    True
-    """
+    """Check the first four moments of `montecarlo.simulate`, and the covariance of `rattle.scene.flight`."""
     rng = np.random.SeedSequence([seed, 7])
     run = simulate(
         SCENE,

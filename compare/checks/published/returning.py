@@ -74,11 +74,6 @@ def log_speeds(epsilon: float, paths: int, bounces: int, seed: int) -> Floats:
     """Simulate bounces of a randomly accelerated particle that leaves the wall at speed 1.
 
     Shapes: result (paths, bounces).
-
-    Examples
-    --------
-    >>> log_speeds(0.2, paths=5, bounces=3, seed=1).shape
-    (5, 3)
     """
     start = Start(0.0, 0.0, -1.0)
     scene = Scene(alpha=0.0, epsilon=epsilon, beta1=0.0, gamma1=0.0, gap1=HALF, sigma=1.0, start=start, stages=1)

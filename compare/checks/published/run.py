@@ -37,11 +37,5 @@ RESULTS: dict[str, Callable[[int, int], Result]] = {
 
 
 def check_results(names: Sequence[str] = (), *, seed: int = 0, workers: int = 2) -> list[Result]:
-    """Test the installed program against published results, all of them or those of these names.
-
-    Examples
-    --------
-    >>> [(result.name, result.holds) for result in check_results(["bouncing-ball"])]
-    [('bouncing-ball sum', True)]
-    """
+    """Test the installed program against published results, all of them or those of these names."""
     return run_checks(RESULTS, names, seed=seed, workers=workers)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 from rattle.scene import DAT21, Scene, Start
@@ -27,18 +28,9 @@ def moderate(*, beta: float | None = None, gap: float = HALF_GAP, sigma: float =
     pair = Scene.from_gears(DAT21)
     speed = max(SPEED * math.sqrt(gap / HALF_GAP), (gap * sigma**2) ** (1.0 / 3.0), gap)
     beta1, beta2 = (pair.beta1, pair.beta2) if beta is None else (beta, beta * pair.beta2 / pair.beta1)
-    return Scene(
-        alpha=pair.alpha,
-        epsilon=epsilon,
-        beta1=beta1,
-        beta2=beta2,
-        gamma1=pair.gamma1,
-        gamma2=pair.gamma2,
-        mu=pair.mu,
-        gap1=gap,
-        gap2=gap,
-        sigma=sigma,
-        start=Start(PHASE, gap, speed, INSIDE * gap, speed, mesh=1),
+    start = Start(PHASE, gap, speed, INSIDE * gap, speed, mesh=1)
+    return replace(
+        pair, gears=None, start=start, beta1=beta1, beta2=beta2, gap1=gap, gap2=gap, sigma=sigma, epsilon=epsilon
     )
 
 

@@ -65,15 +65,7 @@ def looks(paths: int) -> int:
 
 
 def simulate_any(scene: Scene, *, scheme: str, dt: float, paths: int, seed: int, workers: int) -> Ensemble:
-    """Simulate with any time step, admissible or not.
-
-    Examples
-    --------
-    >>> from rattle.compare.checks.stability.axes import moderate
-    >>> run = simulate_any(moderate(), scheme="euler-maruyama", dt=1.0, paths=100, seed=0, workers=1)
-    >>> run.dt
-    1.0
-    """
+    """Simulate with any time step, admissible or not."""
     plan = plan_of(
         scene,
         paths=paths,
@@ -103,18 +95,7 @@ def judge(
     z: float,
     within: Tolerances = Tolerances(),  # noqa: B008  (a tuple)
 ) -> Judged:
-    """Simulate a cell, with more paths while the verdict is undecided, and judge it.
-
-    Examples
-    --------
-    >>> from rattle.compare.checks.stability.axes import moderate
-    >>> from rattle.compare.checks.stability.reference import reference
-    >>> scene = moderate(sigma=0.0)
-    >>> beside = reference(scene, paths=1, seed=1, workers=1)
-    >>> settings = {"dt": 0.01, "paths": 1, "seed": 0, "workers": 1, "z": 4.0}
-    >>> [judge(scene, beside, scheme=name, **settings).verdict for name in ("exact-flight", "euler-maruyama")]
-    ['unbiased', 'biased']
-    """
+    """Simulate a cell, with more paths while the verdict is undecided, and judge it."""
     number = min(paths, FIRST)
     with np.errstate(all="ignore"):  # unstable runs overflow
         run = simulate_any(scene, scheme=scheme, dt=dt, paths=number, seed=seed, workers=workers)

@@ -58,12 +58,6 @@ def chart(
 
     `points`: Number of values on each axis, up to 7, spread from end to end. `paths`: Largest number of paths of
     a cell; fewer are simulated if they suffice for a verdict.
-
-    Examples
-    --------
-    >>> found = chart(schemes=["euler-maruyama"], axes=["sigma"], points=1, paths=1)
-    >>> found.table.query("default")[["value", "verdict", "diagnosed"]].to_numpy().tolist()
-    [[0.0, 'biased', True]]
     """
     began = time.perf_counter()
     places = [(axis, value) for axis in axes for value in _spread(AXES[axis].values, points)]

@@ -1,5 +1,7 @@
 """Exact flights without walls compared with the exact distribution: the covariance accumulated by the noise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 
@@ -7,7 +9,7 @@ from rattle.compare.checks.stability.axes import AXES
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import Record, largest_step, simulate
 from rattle.montecarlo.sampling import Sampling
-from rattle.scene import Scene, Start
+from rattle.scene import Start
 from rattle.scene.flight import noise_covariance
 from rattle.scene.moments import STATE
 
@@ -23,17 +25,13 @@ def covariance_table(*, points: int = 7, paths: int, seed: int, workers: int) ->
     Returns: Columns ``beta, dt, share`` (dt over the longest admissible step); for the quantity with the largest
     error ``quantity, error`` (relative, of its sd) and ``half`` (half width of its interval); ``holds`` (whether
     all quantities are within 10 %).
-
-    Examples
-    --------
-    >>> covariance_table(points=1, paths=2000, seed=0, workers=1)["holds"].tolist()
-    [True, True]
     """
     values = AXES["beta"].values[:points]
     z = widest(len(values) * len(SHARES) * len(STATE))
     rows = []
     for beta in values:
-        scene = _open(AXES["beta"].scene(beta))
+        start = Start(0.0, 0.0, 0.0, 0.0, 0.0, mesh=0)
+        scene = replace(AXES["beta"].scene(beta), gap1=OPEN, gap2=OPEN, start=start)
         largest, _ = largest_step(scene, "exact-flight")
         for share in SHARES:
             steps = np.ceil(FLIGHT / (share * largest))
@@ -68,21 +66,3 @@ def covariance_table(*, points: int = 7, paths: int, seed: int, workers: int) ->
                 }
             )
     return pd.DataFrame(rows)
-
-
-def _open(scene: Scene) -> Scene:
-    """The same without walls within reach, with zero velocity at tau = 0."""
-    c = scene.constants
-    return Scene(
-        alpha=c.alpha,
-        epsilon=c.epsilon,
-        beta1=c.beta1,
-        beta2=c.beta2,
-        gamma1=c.gamma1,
-        gamma2=c.gamma2,
-        mu=c.mu,
-        gap1=OPEN,
-        gap2=OPEN,
-        sigma=c.sigma,
-        start=Start(0.0, 0.0, 0.0, 0.0, 0.0, mesh=0),
-    )

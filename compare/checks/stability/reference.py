@@ -46,13 +46,6 @@ def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference
 
     Not judged are the quantities that `rattle.compare.validation.verdict.RULE` leaves out, and those whose variance
     comes from less than about 3 % of the paths, for which standard errors are unreliable.
-
-    Examples
-    --------
-    >>> from rattle.compare.checks.stability.axes import moderate
-    >>> found = reference(moderate(sigma=0.0), paths=1, seed=0, workers=1)
-    >>> found.columns["tau"].round(3).tolist()
-    [1.338, 1.918, 1.954, 1.964]
     """
     if scene.sigma == 0.0:
         columns: Mapping[str, NDArray[Any]] = _orbit(scene)
