@@ -135,7 +135,7 @@ def _total(widths: Sequence[int]) -> int:
 def _extent(table: Table, column: int) -> tuple[int, int]:
     """The smallest width of a column, and the one at which nothing in it is wrapped."""
     head = _words(table.columns[column].head)
-    cells = [len(_words(row[column].shown)) for row in table.rows]
+    cells = [len(_words(row[column].display)) for row in table.rows]
     word = max((len(w) for w in head.split()), default=0)
     longest = max([*cells, word])
     least = longest if table.columns[column].kind == NUMBER else max(min(longest, NARROW), min(word, NARROW))
@@ -150,7 +150,7 @@ def _panel(table: Table, columns: Sequence[int], widths: Sequence[int]) -> Itera
     yield GAP.join("─" * w for w in widths)
     for row in table.rows:
         cells = [row[c] for c in columns]
-        wrapped = [textwrap.wrap(_words(cell.shown), w) for cell, w in zip(cells, widths, strict=True)]
+        wrapped = [textwrap.wrap(_words(cell.display), w) for cell, w in zip(cells, widths, strict=True)]
         yield from _rows(table, columns, widths, wrapped, cells)
 
 

@@ -56,7 +56,7 @@ class TableCell:
             raise InputError("value", self.value, "give a finite number, or none")
 
     @property
-    def shown(self) -> str:
+    def display(self) -> str:
         """The text, followed by the sign of its mark if it has one."""
         return f"{self.text} {MARKS[self.mark]}" if self.mark else self.text
 

@@ -40,14 +40,14 @@ def as_html(text: str, files: Collection[str] = (), words: Words = _escape_only)
     Markup('see <a href="a.csv"><code>a.csv</code></a>')
     """
 
-    def written(piece: str, code: bool) -> Markup:
+    def render(piece: str, code: bool) -> Markup:
         if not code:
             return words(piece, False)
         if piece in files:
             return Markup('<a href="{0}"><code>{0}</code></a>').format(piece)
         return Markup("<code>{}</code>").format(words(piece, True))
 
-    return Markup("").join(written(piece, code) for piece, code in parts(text))
+    return Markup("").join(render(piece, code) for piece, code in parts(text))
 
 
 def as_markdown(text: str, cell: bool = False, files: Collection[str] = ()) -> str:

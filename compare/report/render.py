@@ -55,10 +55,10 @@ def html(page: Page, folder: Path) -> str:
         "inline": plain,
         "explained": partial(as_html, files=files, words=terms.text),
         "head": lambda text: terms.head(text, plain(text)),
-        "cell": lambda cell: terms.cell(cell.text, plain(cell.shown)),
+        "cell": lambda cell: terms.cell(cell.text, plain(cell.display)),
         "line": line,
         "anchor": lambda section: anchors[id(section)],
-        "embed": lambda figure: _embed(folder / figure.path),
+        "embed": lambda figure: _data_address(folder / figure.path),
     }
     return render_html(
         PACKAGE, "page", filters, page=page, kind=_kind, NUMBER=NUMBER, MARKS=MARKS, files=files, LONG=LONG
@@ -74,7 +74,7 @@ def _kind(block: Block) -> str:
     return KINDS[type(block)]
 
 
-def _embed(path: Path) -> str:
+def _data_address(path: Path) -> str:
     return f"data:{TYPES[path.suffix]};base64," + base64.b64encode(path.read_bytes()).decode()
 
 
