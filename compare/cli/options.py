@@ -8,8 +8,6 @@ import click
 
 from rattle.scene.validate import choice
 
-__all__ = ["AXES", "CLOSURES", "FIELDS", "SCHEMES", "WHOLE", "Name", "WholeNumber"]
-
 SCHEMES = ("euler-maruyama", "euler-maruyama-located", "exact-flight")
 CLOSURES = ("published", "corrected", "saltation", "branching")
 FIELDS = ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1", "gap2", "sigma")

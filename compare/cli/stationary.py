@@ -11,8 +11,6 @@ from rattle.compare.cli.options import CLOSURES, FIELDS, WHOLE, Name
 from rattle.scene.errors import InputError
 from rattle.scene.units import UNITS, check_units
 
-__all__ = ["stationary"]
-
 EXIT_NOT_MET = 3
 
 

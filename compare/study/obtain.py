@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from rattle.compare.study.cells import Cell
 from rattle.compare.study.store import Store, Stored
-from rattle.compare.study.waiting import Waiting, aloud
+from rattle.compare.study.waiting import Waiting, print_on_stderr
 
 Compute = Callable[[Cell], Stored]
 """Computes a cell; in this thread by default."""
@@ -45,7 +45,9 @@ def attempt(store: Store, cell: Cell, compute: Compute = _here) -> Stored | None
         return found
 
 
-def obtain(store: Store, cell: Cell, compute: Compute = _here, say: Callable[[str], object] = aloud) -> Stored:
+def obtain(
+    store: Store, cell: Cell, compute: Compute = _here, say: Callable[[str], object] = print_on_stderr
+) -> Stored:
     """Read or compute a cell's result, waiting for another process that computes it.
 
     `say`: Prints a line that names the process that is waited for; to standard error by default.

@@ -53,7 +53,7 @@ def holder(lock: Path) -> tuple[str, str]:
     return f"process {found[1]} on {found[2]}", f" since {time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(since))}"
 
 
-def aloud(text: str) -> None:
+def print_on_stderr(text: str) -> None:
     """Print a line on standard error."""
     print(harmless(text), file=sys.stderr, flush=True)
 
@@ -61,7 +61,7 @@ def aloud(text: str) -> None:
 class Waiting:
     """Pauses while other processes compute cells; after about a second each of them is named once."""
 
-    def __init__(self, lock: Callable[[str], Path], say: Callable[[str], object] = aloud) -> None:
+    def __init__(self, lock: Callable[[str], Path], say: Callable[[str], object] = print_on_stderr) -> None:
         self._lock, self._say = lock, say
         self._began: dict[str, float] = {}
         self._said: set[str] = set()

@@ -13,7 +13,7 @@ import pytest
 from rattle.compare.study.cells import Cell
 from rattle.compare.study.obtain import obtain
 from rattle.compare.study.store import Store, Stored
-from rattle.compare.study.waiting import aloud
+from rattle.compare.study.waiting import print_on_stderr
 from rattle.compare.thresholds.settings import Settings
 from rattle.montecarlo.blocks import in_threads
 
@@ -69,6 +69,6 @@ def _past_capture(config: pytest.Config) -> Callable[[str], None]:
     def say(text: str) -> None:
         capture = config.pluginmanager.getplugin("capturemanager")
         with capture.global_and_fixture_disabled() if capture else nullcontext():
-            aloud(text)
+            print_on_stderr(text)
 
     return say

@@ -45,7 +45,7 @@ def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
     sigmas = validity["sigma"]
     return (
         f"Range of validity, for every section mean and sd{SECTION} of {impacts} impacts at {sigmas.nunique()} noise "
-        f"intensities ({span(sigmas, '.4g')}): {'; '.join(shares)}."
+        f"intensities ({span(sigmas, '.4g')}) — {'; '.join(shares)}."
     )
 
 
