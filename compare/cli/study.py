@@ -2,7 +2,6 @@
 
 import sys
 import time
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +14,8 @@ from rattle.scene.files import read_text
 from rattle.scene.text import line
 
 if TYPE_CHECKING:
-    from rattle.compare.study.cells import Cell
     from rattle.compare.study.design import Study
-    from rattle.compare.study.store import Store
+    from rattle.compare.study.store import Cell, Store
 
 LOOKED_AT = 200  # points of a grid from which --explain estimates the cost of all
 
@@ -49,7 +47,7 @@ def study(
     """
     from rattle.compare.report.folder import within
     from rattle.compare.study.design import Study
-    from rattle.compare.study.lacking import lacking
+    from rattle.compare.study.failures import group_failures
     from rattle.compare.study.store import Store
     from rattle.compare.study.tables import CELLS
     from rattle.scene.validate import count
@@ -82,10 +80,10 @@ def study(
             say(sentence)
         if "files" in record:
             say(f"Page: {folder / 'study.html'}")
-    lacks = lacking(wanted.points, record.get("failed", {}))
-    for lack in lacks:
-        say(f"rattle: {lack}", err=True)
-    if lacks:
+    failures = group_failures(wanted.points, record.get("failed", {}))
+    for failure in failures:
+        say(f"rattle: {failure}", err=True)
+    if failures:
         sys.exit(1)
 
 
@@ -94,9 +92,10 @@ def _compute(
 ) -> dict[str, Any]:
     """Run the study and write its page; returns the record of the page, or only the answer if it cannot be written."""
     from rattle.compare.report.folder import write_whole
+    from rattle.compare.study.design import combine, page_of, read_results
     from rattle.compare.study.engine import missing, run
-    from rattle.compare.study.executors import Here, Place
     from rattle.compare.study.page import write_page
+    from rattle.compare.study.runner import Runner
     from rattle.compare.study.store import Store
     from rattle.compare.study.tables import FILE
 
@@ -107,8 +106,7 @@ def _compute(
         if missing(wanted, seen):
             raise
         say(f"rattle: {error}; all results stored; the page could not be written", err=True)
-        results, answer, _ = _kind(wanted, seen)
-        return {"answer": answer(results)}
+        return {"answer": page_of(wanted).answer(combine(wanted, read_results(wanted, seen)))}
 
     def unchanged() -> bool:
         try:
@@ -117,59 +115,46 @@ def _compute(
             return False
 
     started = time.perf_counter()
-    place: Place = Here(workers)
+    runner = Runner(workers)
     if scheduler is not None:
         from rattle.compare.study.cluster import Cluster
         from rattle.compare.study.connection import silence
 
         silence()
-        place = Cluster(scheduler)
-    outcome = run(wanted, store, place, show=True, unchanged=unchanged)
+        runner = Cluster(scheduler)
+    outcome = run(wanted, store, runner, show=True, unchanged=unchanged)
     facts = {
         "computed": outcome.computed,
         "failed": outcome.failed,
         "wall_seconds": round(outcome.wall_seconds, 2),
         "cell_seconds": round(outcome.cell_seconds, 2),
     }
-    results, _, written = _kind(wanted, store)
-    if outcome.failed and results.empty:
+    results = read_results(wanted, store)
+    tables = combine(wanted, results)
+    if outcome.failed and tables.empty:
         why = next(iter(outcome.failed.values()))
         lost = f"{len(outcome.failed)} of {len(wanted.cells)} cells could not be computed"
         raise RattleError(f"study = {wanted.title!r}: nothing can be compared yet, {lost} ({why})")
-    record = write_page(folder, results, facts, written)
+    seconds = {key: float(result.facts["seconds"]) for key, result in results.items()}
+    record = write_page(folder, tables, seconds, facts)
     took = time.perf_counter() - started
     say(f"{outcome.computed} results computed, {len(wanted.cells)} stored, {took:.1f} s.", err=True)
     return record
 
 
-def _kind(wanted: "Study", store: "Store") -> tuple[Any, Any, Any]:
-    """Results of a study of its kind, what summarises them, and what writes their files (None for the usual)."""
-    if wanted.kind == "stationary":
-        from rattle.compare.stationary import study_page
-        from rattle.compare.stationary.study import LongResults
-
-        return LongResults.of(wanted, store), study_page.answer, study_page.write_page
-    from rattle.compare.study.page import answer
-    from rattle.compare.study.results import Results
-
-    return Results.of(wanted, store), answer, None
-
-
 def _read_finished(wanted: "Study", seen: "Store", folder: Path) -> dict[str, Any] | None:
     """The record of a study whose cells and page are complete; None if something is to be computed or written."""
     from rattle.compare.report.folder import ANY_TEXT, sweep, write_whole
-    from rattle.compare.study.current import is_current
+    from rattle.compare.report.save import file_digest
     from rattle.compare.study.engine import missing
-    from rattle.compare.study.tables import FILE, PAGE, file_digest
+    from rattle.compare.study.tables import FILE, PAGE, is_current
 
     current = is_current(wanted, folder)
     if current is None or missing(wanted, seen):
         return None
     say(f"All {len(wanted.cells)} results are stored, and the page is up to date.", err=True)
-    with suppress(OutputError):  # where nothing can be written, there are no leftovers to remove
-        seen.sweep()
-        for name in (PAGE, ANY_TEXT):
-            sweep(folder, name)
+    for place, scratch in ((folder, PAGE), (folder, ANY_TEXT), (seen.folder, ANY_TEXT)):
+        sweep(place, scratch)
     if file_digest(folder / FILE) != wanted.digest:
         try:
             write_whole(folder / FILE, wanted.text)
@@ -181,7 +166,7 @@ def _read_finished(wanted: "Study", seen: "Store", folder: Path) -> dict[str, An
 def _explain(wanted: "Study", seen: "Store", workers: int) -> str:
     from rattle.compare.study.cells import Prediction
     from rattle.compare.study.estimate import estimate, expect_work, scaling
-    from rattle.compare.study.lacking import lacking
+    from rattle.compare.study.failures import group_failures
 
     points = wanted.some_points(LOOKED_AT)
     sampled = len(points) < wanted.size
@@ -190,7 +175,7 @@ def _explain(wanted: "Study", seen: "Store", workers: int) -> str:
     def times(cell: "Cell") -> float:
         return (wanted.scenes if isinstance(cell, Prediction) else wanted.size) / len(points) if sampled else 1.0
 
-    todo = [c for c in cells if not seen.path(c.key).exists()] if seen.folder.is_dir() else cells
+    todo = [c for c in cells if not seen.path(c).exists()] if seen.folder.is_dir() else cells
     each = expect_work(todo)
     work = estimate(todo, each, workers, times)
     number, left = (f"{'about ' * sampled}{sum(map(times, some)):.0f}" for some in (cells, todo))
@@ -198,7 +183,7 @@ def _explain(wanted: "Study", seen: "Store", workers: int) -> str:
     if sampled:
         lines.append(f"  estimated from {len(points)} points, chosen at random; --status counts all")
     lines += [f"  {axis_text}" for axis_text in _axes_text(wanted)]
-    lines += [f"  {line(str(lack))}" for lack in lacking(points, {})]
+    lines += [f"  {line(str(failure))}" for failure in group_failures(points, {})]
     lines.append(
         f"About {work.core_seconds:.0f} core-seconds of counted work at nominal costs ({work.path_steps:.2g} "
         f"path-steps; `branching` with all its components), {work.megabytes:.0f} MB on {workers} threads. Compiling, "
@@ -221,16 +206,15 @@ def _axes_text(wanted: "Study") -> list[str]:
 
 def _status(wanted: "Study", seen: "Store") -> str:
     from rattle.compare.study.engine import missing
-    from rattle.compare.study.lacking import lacking
+    from rattle.compare.study.failures import group_failures
 
     todo = missing(wanted, seen)
     lines = [f"{line(wanted.title)}: {len(wanted.cells) - len(todo)} of {len(wanted.cells)} results stored."]
     left: dict[str, int] = {}
     for cell in todo:
-        kind = getattr(cell, "closure", "ensembles")
-        left[kind] = left.get(kind, 0) + 1
-    lines += [f"  missing: {number} {kind}" for kind, number in left.items()]
+        left[cell.group] = left.get(cell.group, 0) + 1
+    lines += [f"  missing: {number} {group}" for group, number in left.items()]
     aside = [p.read_text(encoding="utf-8", errors="replace") for p in sorted(seen.aside.glob("*.txt"))]
     lines += [f"  set aside: {line(text)}" for text in aside]
-    lines += [f"  {line(str(lack))}" for lack in lacking(wanted.points, {})]
+    lines += [f"  {line(str(failure))}" for failure in group_failures(wanted.points, {})]
     return "\n".join(lines)

@@ -103,7 +103,7 @@ def whole_folder(out: Path, ours: frozenset[str], overwrite: bool) -> Iterator[P
 def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
     """Context with a temporary folder; leftovers of killed processes under the same name are removed first."""
     sweep(parent, name)
-    scratch = _scratch(parent, name, PART)
+    scratch = scratch_path(parent, name, PART)
     scratch.mkdir()
     try:
         yield scratch
@@ -125,7 +125,7 @@ def write_whole(path: Path, text: str) -> None:
     with refusals(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         sweep(path.parent, ANY_TEXT)
-        scratch = _scratch(path.parent, ANY_TEXT, PART)
+        scratch = scratch_path(path.parent, ANY_TEXT, PART)
         try:
             scratch.write_text(text, encoding="utf-8")
             os.replace(scratch, path)
@@ -133,7 +133,7 @@ def write_whole(path: Path, text: str) -> None:
             scratch.unlink(missing_ok=True)
 
 
-def _scratch(parent: Path, name: str, suffix: str) -> Path:
+def scratch_path(parent: Path, name: str, suffix: str) -> Path:
     """A new scratch name, with machine and process; what is made under it has the permissions of the umask."""
     return parent / f".{name}-{platform.node()}-{os.getpid()}-{secrets.token_hex(4)}{suffix}"
 
@@ -160,7 +160,7 @@ def _replace(scratch: Path, out: Path) -> None:
     if not out.exists():
         os.rename(scratch, out)
         return
-    old = _scratch(out.parent, out.name, OLD)
+    old = scratch_path(out.parent, out.name, OLD)
     os.rename(out, old)
     try:
         os.rename(scratch, out)

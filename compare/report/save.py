@@ -1,5 +1,6 @@
 """Writes a report folder, whole or not at all: figures, tables, page and manifest."""
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,14 @@ def contents(
     return frozenset({MANIFEST, *pages(name), *csv, *parquet, *svg})
 
 
+def file_digest(path: Path) -> str | None:
+    """Compute the digest of a file; None if there is none."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except (FileNotFoundError, IsADirectoryError):
+        return None
+
+
 def save(
     out: Path,
     name: str,
@@ -59,8 +68,12 @@ def write_files(
     figures: Mapping[str, Figure],
     tables: Mapping[str, pd.DataFrame],
     digits: str | None = None,
-) -> None:
-    """Write figures, tables, page and manifest into a folder; a table as CSV, Parquet or both, as `allowed` says."""
+    digests: Sequence[str] = (),
+) -> dict[str, Any]:
+    """Write figures, tables, page and manifest into a folder; a table as CSV, Parquet or both, as `allowed` says.
+
+    `digests`: Files whose digests the manifest holds, as ``files``.  Returns the manifest.
+    """
     for label, figure in figures.items():
         (folder / label).parent.mkdir(exist_ok=True)
         style.save(figure, folder / f"{label}.svg")
@@ -70,5 +83,7 @@ def write_files(
         if f"{label}.csv" in allowed:
             write_csv(table, folder / f"{label}.csv", index=False, float_format=digits)
     write_page(page, folder, name)
-    text = json_text(seal({**record, "answer": list(page.answer)})) + "\n"
-    (folder / MANIFEST).write_text(text, encoding="utf-8")
+    files = {"files": {file: file_digest(folder / file) for file in digests}} if digests else {}
+    sealed = seal({**record, "answer": list(page.answer), **files})
+    (folder / MANIFEST).write_text(json_text(sealed) + "\n", encoding="utf-8")
+    return sealed

@@ -3,14 +3,14 @@
 import time
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import pandas as pd
 
 from rattle.compare.stationary.judged import judge_predictions, predictions
 from rattle.compare.stationary.measure import stationary
-from rattle.compare.study.cells import cell_key
-from rattle.compare.study.store import Stored
+from rattle.compare.study.store import Content
+from rattle.compare.study.version import cell_key
 from rattle.montecarlo.blocks import Blocks
 from rattle.montecarlo.long_run.parts import IMPACT_SECONDS
 from rattle.montecarlo.long_run.run import ACCURACY, PATHS
@@ -41,6 +41,9 @@ class LongResult:
 @dataclass(frozen=True)
 class LongCell:
     """The long run of a scene."""
+
+    group: ClassVar[str] = "long runs"
+    splits: ClassVar[bool] = False
 
     scene: Scene
     seed: int
@@ -79,7 +82,7 @@ class LongCell:
             impacts = (2.0 * SPREAD / (self.accuracy or ACCURACY)) ** 2
         return IMPACT_SECONDS * (impacts + 60.0 * 12.0 * self.paths) + 2.5 * ("branching" in self.closures)
 
-    def compute(self, blocks: Blocks | None = None) -> Stored:
+    def compute(self, blocks: Blocks | None = None) -> Content:
         """Follow the long run."""
         started = time.perf_counter()
         found = stationary(
@@ -101,15 +104,15 @@ class LongCell:
             facts |= {"periods": run.periods, "paths": run.paths, "impacts": run.impacts}
         facts |= {"burn_in": 0 if run is None else run.burn_in.periods, "seconds": time.perf_counter() - started}
         parts = [found.table.reset_index().assign(closure=""), predicted]
-        return Stored(pd.concat([part for part in parts if len(part)], ignore_index=True), facts)
+        return Content(pd.concat([part for part in parts if len(part)], ignore_index=True), facts)
 
-    def restore(self, stored: Stored) -> LongResult:
+    def restore(self, content: Content) -> LongResult:
         """Turn a stored result back into tables."""
-        own = stored.table["closure"] == ""
-        names = [c for c in PREDICTED if c in stored.table]
-        facts = {name: stored.facts[name] for name in ("kind", "said", "periods", "paths", "impacts", "burn_in")}
+        own = content.table["closure"] == ""
+        names = [c for c in PREDICTED if c in content.table]
+        facts = {name: content.facts[name] for name in ("kind", "said", "periods", "paths", "impacts", "burn_in")}
         return LongResult(
-            stored.table[own].set_index("quantity")[STORED],
-            stored.table.loc[~own, names],
-            facts | {"seconds": stored.facts["seconds"]},
+            content.table[own].set_index("quantity")[STORED],
+            content.table.loc[~own, names],
+            facts | {"seconds": content.facts["seconds"]},
         )

@@ -1,55 +1,19 @@
-"""The page and the figures of a study of the long run."""
+"""What a study of the long run says: its answer in a few sentences, its figure and the blocks of its page."""
 
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure as Drawing
 
-from rattle.compare.report import (
-    Block,
-    Code,
-    Column,
-    Figure,
-    Page,
-    PageSection,
-    Row,
-    Table,
-    Text,
-    manifest,
-    numbers,
-)
-from rattle.compare.report import write_page as write_views
-from rattle.compare.report.csv_text import write_csv
+from rattle.compare.report import Block, Column, PageSection, Table, Text, numbers
 from rattle.compare.report.glossary import CLOSURE_TERMS, VERDICT_TERMS, glossary
-from rattle.compare.report.json_text import json_text
-from rattle.compare.report.provenance import provenance, source_of
-from rattle.compare.report.style import STYLE, new_figure, save
 from rattle.compare.stationary.judged import TOLERANCES
-from rattle.compare.stationary.study import TABLES, LongResults, LongTables, shares
-from rattle.compare.study.current import cells_digest, files_of
-from rattle.compare.study.figures import axis_label
-from rattle.compare.study.lacking import lacking
-from rattle.compare.study.tables import FILE, MANIFEST, file_digest
-from rattle.compare.study.version import numerical_version
+from rattle.compare.stationary.study_figures import shares, study_figure
+from rattle.compare.stationary.study_tables import LongTables
+from rattle.compare.study.page import Drawing
 from rattle.compare.validation.validity_range import span
 
-PANELS = (
-    ("impacts", r"per $1/\omega$", ("rate", "rate_mesh1", "rate_mesh2")),
-    (
-        "energy lost",
-        r"$I_1/R_1^2\,(\nu_1\omega)^2$ per period",
-        ("energy_per_period", "energy_per_period_mesh1", "energy_per_period_mesh2"),
-    ),
-    ("speed: 5, 50 and 95 %", r"$\nu_1\omega$", ("q05_speed", "q50_speed", "q95_speed")),
-    ("slow impacts", "share", ("slow_share", "slow_share_mesh1", "slow_share_mesh2")),
-)
-SMALL = ("cost", "reasons")
-"""Small tables, written as CSV in addition to Parquet."""
-COLOURS = ("#000000", "#0072B2", "#D55E00")
-MARKERS = ("D", "o", "s")
 CAPTION = (
     "The long run over the field that varies, with 95 % intervals: impacts, energy lost, speeds, slow impacts, and the "
     "share of its quantities that each closure has right (no curve where it predicts none). Units: the drive's angular "
@@ -57,53 +21,7 @@ CAPTION = (
 )
 
 
-def study_figure(r: LongResults | LongTables) -> Drawing:
-    """Draw rates, losses, speeds, slow shares and the closures' verdicts over the first field that varies."""
-    figure, axes = new_figure(10.0, 6.0, 2, 3)
-    log = _is_log(r.quantities[r.study.along])
-    for ax, (title, unit, names) in zip(axes, PANELS, strict=False):
-        for name, colour, marker in zip(names, COLOURS, MARKERS, strict=True):
-            _curve(ax, r.quantities[r.quantities["quantity"] == name], r.study.along, name, colour, marker)
-        ax.set_title(title, loc="left")
-        ax.set_ylabel(unit)
-    memory = r.quantities[r.quantities["quantity"].isin(["speed", "slow_share", "energy_per_period"])]
-    for (quantity, own), ink, sign in zip(memory.groupby("quantity", sort=False), COLOURS, MARKERS, strict=False):
-        axes[4].plot(
-            own[r.study.along], own["autocorrelation"], color=ink, marker=sign, ms=3, lw=1.0, label=str(quantity)
-        )
-    axes[4].set_yscale("log")
-    axes[4].set_title("autocorrelation time", loc="left")
-    axes[4].set_ylabel("impacts")
-    good = shares(r.verdicts, r.study.along).dropna(axis="columns", how="all")
-    for closure in good:
-        axes[5].plot(good.index, good[closure], lw=1.2, ms=4, label=str(closure), **STYLE[str(closure)])
-    axes[5].set_title("accurate quantities", loc="left")
-    axes[5].set_ylabel("share")
-    axes[5].set_ylim(-0.05, 1.05)
-    axes[5].set_visible(not good.empty)
-    for ax in axes:
-        ax.set_xlabel(axis_label(r.study.along))
-        if log:
-            ax.set_xscale("log")
-    for ax in axes:
-        if ax.get_legend_handles_labels()[0]:
-            ax.legend(fontsize=6)
-    return figure
-
-
-def _is_log(values: pd.Series) -> bool:
-    return bool(values.min() > 0.0 and values.max() / values.min() > 10.0)
-
-
-def _curve(ax: Axes, rows: pd.DataFrame, along: str, name: str, colour: str, marker: str) -> None:
-    if rows.empty:
-        return
-    rows = rows.sort_values(along)
-    ax.fill_between(rows[along], rows["low"], rows["high"], color=colour, alpha=0.25, lw=0)
-    ax.plot(rows[along], rows["value"], color=colour, marker=marker, ms=3, lw=1.0, label=name)
-
-
-def answer(r: LongResults) -> list[str]:
+def answer(r: LongTables) -> list[str]:
     """Summarise a study of the long run in a few sentences."""
     if r.empty:
         return ["No point could be computed; the command says why."]
@@ -139,68 +57,35 @@ def answer(r: LongResults) -> list[str]:
     return sentences
 
 
-def write_page(folder: Path, r: LongResults, facts: dict[str, Any]) -> dict[str, Any]:
-    """Write tables, figure, page and manifest of a study of the long run into a scratch folder."""
-    for name in TABLES:
-        table = getattr(r, name)
-        table.to_parquet(folder / f"{name}.parquet", compression="zstd")
-        if name in SMALL:
-            write_csv(table, folder / f"{name}.csv", index=False, float_format="%.9g")
-    (folder / FILE).write_text(r.study.text, encoding="utf-8")
-    drawn: list[Block] = []
-    if r.study.along and not r.empty:
-        (folder / "figures").mkdir()
-        save(study_figure(r), folder / "figures/long-run.svg")
-        drawn.append(Figure("figures/long-run.svg", CAPTION, CAPTION))
-    record = {
-        "version": manifest.VERSION,
-        "kind": "study",
-        "tables": list(TABLES),
-        "title": r.study.title,
-        "answer": answer(r),
-        "complete": all(f is not None for f, p in zip(r.found, r.study.points, strict=True) if p.sample),
-        "points": len(r.study.points),
-        "cells": len(r.study.cells),
-        "cells_sha256": cells_digest(r.study),
-        "study_sha256": r.study.digest,
-        "numerical_version": numerical_version(),
-        **provenance(),
-        **facts,
-    }
-    write_views(_page(r, record, drawn), folder, "study")
-    record = manifest.seal(record | {"files": {file: file_digest(folder / file) for file in files_of(r.study)}})
-    (folder / MANIFEST).write_text(json_text(record) + "\n", encoding="utf-8")
-    return record
+def draw(r: LongTables) -> list[Drawing]:
+    """Draw the figure, where a field varies."""
+    return [Drawing("figures/long-run", study_figure(r), CAPTION)] if r.study.along and not r.empty else []
 
 
-def _page(r: LongResults, record: dict[str, Any], drawn: list[Block]) -> Page:
+def facts(r: LongTables) -> dict[str, Any]:
+    """The manifest has nothing of its own."""
+    return {}
+
+
+def blocks(
+    r: LongTables, record: Mapping[str, Any], seconds: Mapping[str, float]
+) -> tuple[tuple[Block, ...], tuple[PageSection, ...]]:
+    """The main quantities at every point and the words above the sections of the page."""
     words = glossary(*CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "orbit", gears=r.study.gears)
-    opening: tuple[Block, ...] = (*drawn, _main(r), Text(TOLERANCES, note=True), words)
-    sections = []
-    if lacks := lacking(r.study.points, record.get("failed", {})):
-        rows: list[Row] = [[lack.what, lack.points, lack.where, lack.why] for lack in lacks]
-        sections.append(
-            PageSection(
-                "What could not be computed", (Table.of(["what", *numbers("points"), "the first", "why"], rows),)
-            )
-        )
-    text = (Text("The study, `study.toml`:"), Code(r.study.text, "toml"))
-    source = source_of(record, text, {"rows": "`rattle.compare.stationary.study.load(FOLDER)` loads every one"})
-    return Page(r.study.title, tuple(record["answer"]), source, opening, tuple(sections))
+    return (_main(r), Text(TOLERANCES, note=True), words), ()
 
 
-def _main(r: LongResults) -> Table:
+def _main(r: LongTables) -> Table:
     """The main quantities at every point, with half widths of their intervals."""
     names = r.study.names
     shown = ("rate", "speed", "energy_per_period", "slow_share")
     heads = [Column(n) for n in names] + list(numbers(*(x for n in shown for x in (n, "±")), "burn-in", "periods"))
     rows = []
-    for point, found in zip(r.study.points, r.found, strict=True):
-        if found is None:
-            continue
-        row: list[Any] = [f"{point.coordinates[n]}" for n in names]
+    for _, point in r.cost.iterrows():
+        own = r.quantities[(r.quantities[names] == point[names]).all(axis="columns")].set_index("quantity")
+        row: list[Any] = [f"{point[n]}" for n in names]
         for name in shown:
-            own = found.table.loc[name] if name in found.table.index else None
-            row += [np.nan, np.nan] if own is None else [own["value"], 0.5 * (own["high"] - own["low"])]
-        rows.append([*row, float(found.facts["burn_in"]), float(found.facts["periods"])])
+            half = 0.5 * (own["high"] - own["low"])
+            row += [own["value"].get(name, np.nan), half.get(name, np.nan)]
+        rows.append([*row, float(point["burn_in"]), float(point["periods"])])
     return Table.of(heads or ["the only point"], rows, "Every point" if len(rows) > 12 else "")

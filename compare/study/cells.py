@@ -4,19 +4,18 @@ A cell knows every input that determines its result.  Their digest is its key in
 """
 
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from rattle.closure import CLOSURES, mean_map
-from rattle.compare.report.json_text import json_digest
-from rattle.compare.study.store import Stored
-from rattle.compare.study.version import numerical_version
+from rattle.closure.cost import most_seconds
+from rattle.compare.study.store import Content
+from rattle.compare.study.version import cell_key
 from rattle.montecarlo import SCHEMES, Ensemble, Record, default_step, simulate, simulate_to
 from rattle.montecarlo.accuracy import small_noise
 from rattle.montecarlo.blocks import Blocks
@@ -28,35 +27,6 @@ from rattle.scene.scene import Scene
 Floats = NDArray[np.float64]
 
 BATCH = "batch_{}_{}"  # column of batch statistics: mean, sd or control, and a section quantity
-
-
-class Cell(Protocol):
-    """One result to compute, or to find in a store under its key."""
-
-    @property
-    def key(self) -> str:
-        """Digest of everything that determines the result."""
-        ...
-
-    @property
-    def label(self) -> str:
-        """Short description for the progress line."""
-        ...
-
-    def compute(self, blocks: Blocks | None = None) -> Stored:
-        """Compute the result."""
-        ...
-
-    def restore(self, stored: Stored) -> object:
-        """Turn a stored result back into an object with named attributes."""
-        ...
-
-
-def cell_key(kind: str, packages: tuple[str, ...], scene: Scene, settings: Mapping[str, Any]) -> str:
-    """Digest of a scene's dimensionless numbers, the settings, and the version of the code that makes the result."""
-    numbers = replace(scene, gears=None).to_dict()  # without the gears that it came from
-    content = {"kind": kind, "scene": numbers, "settings": settings, "version": numerical_version("scene", *packages)}
-    return json_digest(content)[:32]
 
 
 @dataclass(frozen=True)
@@ -101,6 +71,10 @@ class Sample:
     (0.56, 2048)
     """
 
+    group: ClassVar[str] = "ensembles"
+    splits: ClassVar[bool] = True
+    core_seconds: ClassVar[None] = None
+
     scene: Scene
     impacts: int
     seed: int
@@ -134,7 +108,7 @@ class Sample:
         """Short description for the progress line."""
         return f"simulate sigma {self.scene.sigma:.3g}"
 
-    def compute(self, blocks: Blocks | None = None) -> Stored:
+    def compute(self, blocks: Blocks | None = None) -> Content:
         """Simulate the ensemble.
 
         `blocks`: Runs the blocks of paths (on threads or on a cluster); one after the other in this thread by
@@ -177,11 +151,11 @@ class Sample:
             "reached": run.reach is None or run.reach.reached,
             "seconds": time.perf_counter() - started,
         }
-        return Stored(_sections(run), facts)
+        return Content(_sections(run), facts)
 
-    def restore(self, stored: Stored) -> Sampled:
+    def restore(self, content: Content) -> Sampled:
         """Turn a stored result back into section moments."""
-        wide = stored.table
+        wide = content.table
         first, last = wide.columns.get_loc("bias_tau"), wide.columns.get_loc(BATCH.format("mean", "tau"))
         section, batches = wide.iloc[:, :first], wide.iloc[:, last:]
         rows = [
@@ -190,7 +164,7 @@ class Sample:
             for q in SECTION
             if f"bias_{(name := prefix + q)}" in wide
         ]
-        return Sampled(self.scene, section, pd.concat(rows, ignore_index=True), batches, stored.facts)
+        return Sampled(self.scene, section, pd.concat(rows, ignore_index=True), batches, content.facts)
 
 
 BIAS = ("bias", "se_bias", "corrected", "se_corrected", "rest")
@@ -236,6 +210,8 @@ class Prediction:
     np.int64(2)
     """
 
+    splits: ClassVar[bool] = False
+
     scene: Scene
     impacts: int
     closure: str
@@ -252,7 +228,17 @@ class Prediction:
         """Short description for the progress line."""
         return f"{self.closure} sigma {self.scene.sigma:.3g}"
 
-    def compute(self, blocks: Blocks | None = None) -> Stored:
+    @property
+    def group(self) -> str:
+        """The closure."""
+        return self.closure
+
+    @property
+    def core_seconds(self) -> float:
+        """Expected cost, with all components of a mixture."""
+        return most_seconds(self.closure, self.impacts)
+
+    def compute(self, blocks: Blocks | None = None) -> Content:
         """Evaluate the closure."""
         started = time.perf_counter()
         prediction = mean_map(self.scene.phase_reduced, impacts=self.impacts, closure=self.closure, order=self.order)
@@ -262,8 +248,8 @@ class Prediction:
             "found": prediction.trace.found,
             "seconds": time.perf_counter() - started,
         }
-        return Stored(table, facts)
+        return Content(table, facts)
 
-    def restore(self, stored: Stored) -> Predicted:
+    def restore(self, content: Content) -> Predicted:
         """Turn a stored result back into section moments."""
-        return Predicted(self.closure, stored.table, stored.facts)
+        return Predicted(self.closure, content.table, content.facts)

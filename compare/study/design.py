@@ -1,47 +1,31 @@
-"""The design of a study: a scene, the axes, the settings of the simulation, and the closures compared with it."""
+"""The design of a study: a scene, axes and settings; its kind says what is computed at each point of the grid."""
 
 import hashlib
 import math
 import random
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
-from rattle.closure import CLOSURES
-from rattle.closure.mean_map import ORDERS
+import pandas as pd
+
 from rattle.compare.study.axes import SETTINGS, Axis, combination, combinations, read_axes
-from rattle.compare.study.cells import Cell, Prediction, Sample
+from rattle.compare.study.store import Cell, Store
 from rattle.compare.validation.verdict import Tolerances
-from rattle.montecarlo import SCHEMES, check_settings, default_step
 from rattle.scene.errors import InputError
 from rattle.scene.files import in_file, read_text, read_toml
 from rattle.scene.gears import Gears
 from rattle.scene.plausible import check_plausible
 from rattle.scene.scene import Scene
-from rattle.scene.validate import check_keys, choice, count, positive
+from rattle.scene.validate import check_keys, choice
 
-__all__ = ["TABLES", "Point", "Study", "place"]
+__all__ = ["Point", "Study", "place"]
 
-KEYS = (
-    "kind",
-    "title",
-    "impacts",
-    "closures",
-    "order",
-    "scheme",
-    "paths",
-    "accuracy",
-    "dt",
-    "seed",
-    "common_noise",
-    "within",
-)
-
-
-TABLES = ("errors", "sections", "correlation", "validity", "paired", "cost", "reasons")
-"""Tables of a study of impacts, each a Parquet file."""
+KINDS = {"impacts": "rattle.compare.study.impacts", "stationary": "rattle.compare.stationary.study"}
+"""Module of each kind of study; it has a `Kind` named ``KIND``."""
 
 
 @dataclass(frozen=True)
@@ -49,9 +33,9 @@ class Point:
     """One point of the grid."""
 
     coordinates: dict[str, Any]  # value of each field that varies
-    # the simulation: a `Sample`, or the long run of a scene; None if the scene or the settings cannot be simulated
+    # the simulation, of an ensemble or of the long run; None if the scene or the settings cannot be simulated
     sample: Any
-    predictions: tuple[Prediction, ...]  # one for each closure that covers the scene
+    predictions: tuple[Any, ...]  # one for each closure that covers the scene
     # the error message for everything that is missing, under ``scene``, ``sample`` or the name of the closure
     reasons: dict[str, str]
 
@@ -86,6 +70,8 @@ class Study:
         Content of the file that the study was read from.
     gears : Gears or None
         Those of its scene, in whose units the page explains what it shows.
+    kind : str
+        Name in `KINDS`.
 
     Examples
     --------
@@ -107,9 +93,6 @@ class Study:
     [0.01, 0.0316228, 0.1]
     """
 
-    kind: ClassVar[str] = "impacts"
-    tables: ClassVar[tuple[str, ...]] = TABLES
-
     base: dict[str, Any]
     axes: tuple[Axis, ...]
     closures: tuple[str, ...]
@@ -121,6 +104,7 @@ class Study:
     title: str = "study"
     text: str = ""
     gears: Gears | None = None
+    kind: str = "impacts"
 
     @classmethod
     def load(cls, path: str | Path) -> "Study":
@@ -169,37 +153,21 @@ class Study:
         """
         data = read_toml(text)
         check_keys("top level", data, ("study", "gears", "scene", "axes"))
-        wanted = data.get("study", {})
-        if not isinstance(wanted, Mapping):
-            raise InputError("study", wanted, "write it as a table: [study]")
-        if wanted.get("kind", cls.kind) != cls.kind:
-            from rattle.compare.stationary.study import KIND, LongStudy  # which builds upon this module
-
-            choice("study.kind", wanted["kind"], (cls.kind, KIND))
-            return LongStudy.of(data, text)
-        check_keys("study", wanted, KEYS)
-        given: dict[str, Any] = {name: data[name] for name in ("gears", "scene") if name in data}
-        scene = Scene.from_dict(given)
+        given = data.get("study", {})
+        if not isinstance(given, Mapping):
+            raise InputError("study", given, "write it as a table: [study]")
+        name = choice("study.kind", given.get("kind", cls.kind), tuple(KINDS))
+        kind = kind_of(name)
+        check_keys("study", given, ("kind", "title", *kind.keys))
+        parts: dict[str, Any] = {name: data[name] for name in ("gears", "scene") if name in data}
+        scene = Scene.from_dict(parts)
         base = replace(scene, gears=None).to_dict()["scene"]  # without the gears: an axis may vary what they fix
-        if "start" not in given.get("scene", {}):
+        if "start" not in parts.get("scene", {}):
             del base["start"]
         axes = read_axes(data.get("axes", []))
-        settings = {name: wanted[name] for name in SETTINGS if name in wanted}
-        varying = {name for axis in axes for name in axis.names}
-        _check_settings(settings, varying)
-        return cls(
-            base=base,
-            axes=axes,
-            closures=_closures(wanted.get("closures", tuple(CLOSURES))),
-            impacts=count("study.impacts", wanted.get("impacts", 12)),
-            order=count("study.order", wanted.get("order", 4), *ORDERS),
-            settings=settings,
-            common_noise=_flag("study.common_noise", wanted.get("common_noise", True)),
-            within=_within(wanted.get("within", {})),
-            title=str(wanted.get("title", "study")),
-            text=text,
-            gears=scene.gears,
-        )
+        own = kind.read(given, {name for axis in axes for name in axis.names})
+        title = str(given.get("title", kind.title))
+        return cls(base=base, axes=axes, title=title, text=text, gears=scene.gears, kind=name, **own)
 
     @property
     def digest(self) -> str:
@@ -276,24 +244,63 @@ class Study:
             scene = Scene.from_dict({"scene": place(self.base, coordinates)})
         except InputError as error:
             return Point(coordinates, None, (), {"scene": str(error)})
-        settings = {**self.settings, **{k: v for k, v in coordinates.items() if k in SETTINGS}}
-        seed = settings.pop("seed", 0)
-        reasons: dict[str, str] = {}
-        sample, predictions = None, []
-        try:
-            sample = _check_sample(Sample(scene, self.impacts, seed, **settings))
-            if not self.common_noise:
-                own = hashlib.sha256(f"{sample.key} {seed}".encode()).digest()
-                sample = replace(sample, seed=int.from_bytes(own[:8], "little"))
-        except InputError as error:
-            reasons["sample"] = str(error)
-        for closure in self.closures:
-            try:
-                CLOSURES[closure].check(scene)
-                predictions.append(Prediction(scene, self.impacts, closure, self.order))
-            except InputError as error:
-                reasons[closure] = str(error)
-        return Point(coordinates, sample, tuple(predictions), reasons)
+        settings = self.settings | {name: value for name, value in coordinates.items() if name in SETTINGS}
+        sample, predictions, reasons = kind_of(self.kind).cells(self, scene, settings)
+        return Point(coordinates, sample, predictions, reasons)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What is computed at each point of a grid, and how it is shown."""
+
+    title: str  # of a study that gives none
+    keys: tuple[str, ...]  # of ``[study]``, besides ``kind`` and ``title``
+    tables: tuple[str, ...]  # each a Parquet file
+    small: tuple[str, ...]  # those of them that are written as CSV too
+    # reads the fields of `Study` that ``[study]`` gives, where some names vary
+    read: Callable[[Mapping[str, Any], set[str]], dict[str, Any]]
+    # makes the simulation, the predictions and the reasons of a `Point` from its scene and settings
+    cells: Callable[[Study, Scene, dict[str, Any]], tuple[Any, tuple[Any, ...], dict[str, str]]]
+    # makes an object of `study`, `record` and the tables by name, which has these and ``empty`` as attributes
+    make: Callable[..., Any]
+    # computes it from the results of the cells by key
+    combine: Callable[[Study, Mapping[str, Any]], Any]
+    # module of functions of that object: `answer` (sentences), `draw` (figures), `facts` (entries of the manifest) and
+    # `blocks` (what stands above the sections of the page, and its last sections)
+    page: str
+
+
+def kind_of(name: str) -> Kind:
+    """The kind of a name in `KINDS`."""
+    kind: Kind = import_module(KINDS[name]).KIND
+    return kind
+
+
+def page_of(study: Study) -> Any:
+    """The module that shows a study of its kind."""
+    return import_module(kind_of(study.kind).page)
+
+
+def read_results(study: Study, store: Store) -> dict[str, Any]:
+    """Read the results of a study that are stored, by key."""
+    return {cell.key: found for cell in study.cells if (found := store.read(cell)) is not None}
+
+
+def combine(study: Study, results: Mapping[str, Any]) -> Any:
+    """Compute the tables of a study from the results of its cells, by key."""
+    return kind_of(study.kind).combine(study, results)
+
+
+def list_reasons(study: Study) -> pd.DataFrame:
+    """What could not be computed at each point, and why: the fields that vary, ``what, why``."""
+    rows = [{**p.coordinates, "what": what, "why": why} for p in study.points for what, why in p.reasons.items()]
+    return pd.DataFrame(rows, columns=[*study.names, "what", "why"])
+
+
+def with_coordinates(point: Point, table: pd.DataFrame) -> pd.DataFrame:
+    """Put the coordinates of a point before the columns of its table."""
+    coordinates = pd.DataFrame({n: [v] * len(table) for n, v in point.coordinates.items()}, index=table.index)
+    return pd.concat([coordinates, table], axis=1)
 
 
 def place(base: dict[str, Any], coordinates: Mapping[str, Any]) -> dict[str, Any]:
@@ -306,53 +313,3 @@ def place(base: dict[str, Any], coordinates: Mapping[str, Any]) -> dict[str, Any
         elif name not in SETTINGS:
             out[name] = value
     return out
-
-
-def _check_sample(sample: Sample) -> Sample:
-    scheme = choice("scheme", sample.scheme, SCHEMES)
-    kind = SCHEMES[scheme]
-    if sample.accuracy is not None:
-        positive("accuracy", sample.accuracy)
-    biased = kind.has_step_bias
-    dt = default_step(sample.scene, scheme, biased) if sample.dt is None else sample.dt
-    check_settings(
-        sample.scene,
-        paths=1 if sample.paths is None else sample.paths,
-        impacts=sample.impacts,
-        dt=dt,
-        scheme=scheme,
-        rng=sample.seed,
-        workers=1,
-        step_bias=biased,
-    )
-    return sample
-
-
-def _check_settings(settings: Mapping[str, Any], varying: set[str]) -> None:
-    for name in settings:
-        if name in varying:
-            raise InputError(f"study.{name}", settings[name], "varies along an axis too; keep one")
-    known = set(settings) | varying
-    if ("paths" in known) == ("accuracy" in known):
-        raise InputError("study.paths", settings.get("paths"), "give either paths or accuracy")
-    if "accuracy" in known and "dt" in known:
-        raise InputError("study.dt", settings.get("dt"), "accuracy chooses the step itself; leave it out")
-
-
-def _closures(given: Any) -> tuple[str, ...]:
-    if isinstance(given, str) or not isinstance(given, Sequence) or not given:
-        raise InputError("study.closures", given, "give a list of " + ", ".join(CLOSURES))
-    return tuple(dict.fromkeys(choice("study.closures", r, CLOSURES) for r in given))
-
-
-def _flag(field: str, value: Any) -> bool:
-    if not isinstance(value, bool):
-        raise InputError(field, value, "give true or false")
-    return value
-
-
-def _within(given: Any) -> Tolerances:
-    if not isinstance(given, Mapping):
-        raise InputError("study.within", given, "write it as a table: within = { mean = 0.05, sd = 0.10 }")
-    check_keys("study.within", given, Tolerances._fields)
-    return Tolerances(**{name: positive(f"study.within.{name}", value) for name, value in given.items()})

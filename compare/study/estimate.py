@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from rattle.closure.cost import most_seconds
-from rattle.compare.study.cells import Cell, Prediction, Sample
-from rattle.compare.study.executors import SHARE
+from rattle.compare.study.cells import Sample
+from rattle.compare.study.cluster import SHARE
+from rattle.compare.study.store import Cell
 from rattle.montecarlo import SCHEMES, Record, simulate
 from rattle.montecarlo.accuracy import LEAST, small_noise
 from rattle.montecarlo.budget import Budget
@@ -38,7 +38,7 @@ class Work(NamedTuple):
     core_seconds: float
 
 
-class Estimate(NamedTuple):
+class StudyCost(NamedTuple):
     """Expected cost of cells: steps of their paths, nominal seconds of one core, and memory of this process in MB."""
 
     path_steps: float
@@ -65,10 +65,8 @@ def expect_work(cells: Sequence[Cell]) -> dict[str, Work]:
             found[cell.key], seen = last, seen + 1
         elif isinstance(cell, Sample):
             found[cell.key] = _probe(cell, cell.paths or LEAST)
-        elif isinstance(cell, Prediction):
-            found[cell.key] = Work(0.0, most_seconds(cell.closure, cell.impacts))
         else:
-            found[cell.key] = Work(0.0, float(getattr(cell, "core_seconds", 1.0)))  # a long run counts its own
+            found[cell.key] = Work(0.0, cell.core_seconds or 0.0)
     return found
 
 
@@ -104,11 +102,11 @@ def _once(cell: Cell) -> float:
 
 def estimate(
     cells: Sequence[Cell], work: Mapping[str, Work], workers: int, times: Callable[[Cell], float] = _once
-) -> Estimate:
+) -> StudyCost:
     """Sum the expected work of cells; `times` is how many cells of the study each represents."""
     steps, seconds = (sum(times(c) * work[c.key][i] for c in cells) for i in (0, 1))
     rows = max((BLOCK * c.impacts * COLUMNS * 8 * _copies(c) for c in cells if isinstance(c, Sample)), default=0)
-    return Estimate(steps, seconds, BASE_MEGABYTES + 4.0 * workers * rows / 1e6)
+    return StudyCost(steps, seconds, BASE_MEGABYTES + 4.0 * workers * rows / 1e6)
 
 
 def _copies(sample: Sample) -> int:

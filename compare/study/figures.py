@@ -1,7 +1,7 @@
 """Figures of a study: its tables drawn over the first field that varies."""
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import pandas as pd
@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from rattle.compare.report.style import STYLE, SYMBOL, legend_above, new_figure, whole_impacts
-from rattle.compare.study.results import Results
-from rattle.compare.study.tables import Tables
+from rattle.compare.study.design import Study
 from rattle.compare.validation.validity_range import ACCURATE, ENDED, NOT_WRONG, WRONG, want
 
 GREEK = {"sigma": r"noise intensity $\sigma$", "alpha": r"excitation $\alpha$", "epsilon": r"restitution $\varepsilon$"}
@@ -20,6 +19,20 @@ SHADES = ("#440154", "#31688E", "#35B779", "#C7B700")
 MOMENT_STYLE: Any = {"mean": {"color": "#0072B2", "marker": "o"}, "sd": {"color": "#D55E00", "marker": "s"}}
 BAND = 0.2  # opacity of an interval
 FLOOR = 1e-4  # lower end of a logarithmic error axis, in sds
+
+
+class Compared(Protocol):
+    """A study with the errors of its closures."""
+
+    @property
+    def study(self) -> Study:
+        """What was asked for."""
+        ...
+
+    @property
+    def errors(self) -> pd.DataFrame:
+        """Every error of every closure at every point."""
+        ...
 
 
 def axis_label(name: str) -> str:
@@ -43,7 +56,7 @@ def _along(ax: Axes, name: str, values: Sequence[float]) -> None:
         ax.xaxis.set_minor_formatter(NullFormatter())
 
 
-def errors(r: Results | Tables, rows: pd.DataFrame) -> Figure:
+def errors(r: Compared, rows: pd.DataFrame) -> Figure:
     """Draw the largest error of each closure at some impacts, with its interval: means above, sds below."""
     name, shown = r.study.along, _pick_impacts(r.study.impacts)
     figure, axes = new_figure(2.6 * len(shown) + 0.8, 5.6, 2, len(shown))
@@ -83,7 +96,7 @@ def _worst(rows: pd.DataFrame, name: str) -> pd.DataFrame:
     return table.sort_values("size").groupby(name).tail(1).sort_values(name)
 
 
-def validity(r: Results | Tables, rows: pd.DataFrame) -> Figure:
+def validity(r: Compared, rows: pd.DataFrame) -> Figure:
     """Draw the range of validity over the first k impacts: where each closure is accurate, and not shown wrong."""
     figure, (ax,) = new_figure(8.0, 3.8, 1, 1)
     name, values = r.study.along, [float(v) for v in pd.unique(r.errors[r.study.along])]
@@ -110,7 +123,7 @@ def validity(r: Results | Tables, rows: pd.DataFrame) -> Figure:
     return figure
 
 
-def correlation(r: Results | Tables, rows: pd.DataFrame) -> Figure:
+def correlation(r: Compared, rows: pd.DataFrame) -> Figure:
     """Draw the share of a closure's impacts at which its correlation is invalid, and the largest |rho|."""
     figure, axes = new_figure(8.0, 3.4, 1, 2)
     name = r.study.along
@@ -140,7 +153,7 @@ def _wilson(k: int, n: int) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def agreement(r: Results | Tables, rows: pd.DataFrame) -> Figure:
+def agreement(r: Compared, rows: pd.DataFrame) -> Figure:
     """Draw the share of paths that are still on the noise-free itinerary, with Wilson's 95 % interval."""
     figure, (ax,) = new_figure(6.2, 3.8, 1, 1)
     name = r.study.along
@@ -158,7 +171,7 @@ def agreement(r: Results | Tables, rows: pd.DataFrame) -> Figure:
     return figure
 
 
-def sections(r: Results | Tables, rows: pd.DataFrame) -> Figure:
+def sections(r: Compared, rows: pd.DataFrame) -> Figure:
     """Draw sd and skewness at some impacts, impact rate and energy loss, with 95 % intervals."""
     figure, axes = new_figure(11.0, 5.8, 2, 3)
     name = r.study.along
@@ -194,7 +207,7 @@ def sections(r: Results | Tables, rows: pd.DataFrame) -> Figure:
     return figure
 
 
-def draw_paired(r: Results | Tables, rows: pd.DataFrame) -> Figure:
+def draw_paired(r: Compared, rows: pd.DataFrame) -> Figure:
     """Draw the gain of common random numbers: independent over paired standard error of a difference of neighbours."""
     figure, (ax,) = new_figure(6.2, 3.6, 1, 1)
     name = r.study.along
@@ -216,7 +229,7 @@ def draw_paired(r: Results | Tables, rows: pd.DataFrame) -> Figure:
     return figure
 
 
-def cost(r: Results | Tables, rows: pd.DataFrame) -> Figure:
+def cost(r: Compared, rows: pd.DataFrame) -> Figure:
     """Draw the seconds of each cell."""
     figure, (ax,) = new_figure(6.2, 3.8, 1, 1)
     name = r.study.along
@@ -230,27 +243,27 @@ def cost(r: Results | Tables, rows: pd.DataFrame) -> Figure:
     return figure
 
 
-class Drawing(NamedTuple):
-    """A figure: the function that draws it, the table of `Results` that it needs, and its title."""
+class TablePlot(NamedTuple):
+    """A figure: the function that draws it, the table of the study that it needs, and its title."""
 
-    draw: Callable[[Results | Tables, pd.DataFrame], Figure]
+    draw: Callable[[Compared, pd.DataFrame], Figure]
     table: str
     title: str
 
 
 FIGURES = {
-    "validity": Drawing(validity, "validity", "Range of validity, for all means and sds of the first impacts"),
-    "errors": Drawing(errors, "errors", "Largest error of each closure, with its interval"),
-    "agreement": Drawing(agreement, "sections", "Itinerary agreement"),
-    "sections": Drawing(sections, "sections", "Section sds, skewness, impact rate and impact energy"),
-    "correlation": Drawing(correlation, "correlation", "Validity of the correlation"),
-    "paired": Drawing(draw_paired, "paired", "What common random numbers save"),
-    "cost": Drawing(cost, "cost", "Cost of each cell"),
+    "validity": TablePlot(validity, "validity", "Range of validity, for all means and sds of the first impacts"),
+    "errors": TablePlot(errors, "errors", "Largest error of each closure, with its interval"),
+    "agreement": TablePlot(agreement, "sections", "Itinerary agreement"),
+    "sections": TablePlot(sections, "sections", "Section sds, skewness, impact rate and impact energy"),
+    "correlation": TablePlot(correlation, "correlation", "Validity of the correlation"),
+    "paired": TablePlot(draw_paired, "paired", "What common random numbers save"),
+    "cost": TablePlot(cost, "cost", "Cost of each cell"),
 }
 """All figures by name."""
 
 
-def panels(r: Results | Tables, table: pd.DataFrame, most: int = 6) -> Iterable[tuple[dict[str, Any], pd.DataFrame]]:
+def panels(r: Compared, table: pd.DataFrame, most: int = 6) -> Iterable[tuple[dict[str, Any], pd.DataFrame]]:
     """Split a table into parts in which all fields but the first that varies are fixed, one for each figure."""
     others = r.study.others
     if not others:

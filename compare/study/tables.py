@@ -1,4 +1,4 @@
-"""Loads a finished study from its folder, as tidy tables or as an xarray dataset."""
+"""The tables of a study of impacts, and the folder in which a finished study of any kind lies."""
 
 import hashlib
 import json
@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from rattle.compare.report import pages
 from rattle.compare.report.manifest import is_whole, not_newer
-from rattle.compare.study.design import TABLES, Study
+from rattle.compare.report.save import MANIFEST, file_digest
+from rattle.compare.study.design import Study, kind_of
 from rattle.compare.validation.verdict import Tolerances, judge
 from rattle.scene.errors import FileError, InputError
 from rattle.scene.moments import SECTION
@@ -22,21 +24,13 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-__all__ = [
-    "CELLS",
-    "FILE",
-    "MANIFEST",
-    "PAGE",
-    "TABLES",
-    "Tables",
-    "file_digest",
-    "find_damaged",
-    "load_study",
-    "read_tables",
-]
+__all__ = ["Tables", "load_study"]
 
-CELLS, FILE, MANIFEST = "cells", "study.toml", "manifest.json"
-"""Names in a study's folder: the folder of results, the study file, and the manifest with the provenance."""
+TABLES = ("errors", "sections", "correlation", "validity", "paired", "cost", "reasons")
+"""Tables of a study of impacts, each a Parquet file."""
+
+CELLS, FILE = "cells", "study.toml"
+"""Names in a study's folder: the folder of results, and the study file."""
 
 PAGE = "page"
 """Part of the name of scratch folders, in which the output is written before it is moved to its place."""
@@ -44,7 +38,7 @@ PAGE = "page"
 
 @dataclass(frozen=True)
 class Tables:
-    """The tables of a study, from `load_study`.
+    """The tables of a study of impacts, from `load_study`.
 
     Attributes
     ----------
@@ -72,6 +66,11 @@ class Tables:
     paired: pd.DataFrame
     cost: pd.DataFrame
     reasons: pd.DataFrame
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is nothing to compare."""
+        return self.errors.empty
 
     def judged(self, within: Tolerances) -> pd.DataFrame:
         """Judge the errors by other tolerances."""
@@ -107,7 +106,7 @@ class Tables:
         raise InputError("kind", kind, f"there is nothing to draw{f' at {at}' if at else ''} in this study")
 
 
-def load_study(folder: str | Path) -> Tables:
+def load_study(folder: str | Path) -> Any:
     """Load the tables of a study from a folder that ``rattle study`` has written.
 
     Parameters
@@ -118,6 +117,8 @@ def load_study(folder: str | Path) -> Tables:
     Returns
     -------
     Tables
+        Of a study of the long run, an object with ``study, record, quantities, verdicts, cost, reasons``, `plot` and
+        `to_xarray`.
 
     Raises
     ------
@@ -133,15 +134,6 @@ def load_study(folder: str | Path) -> Tables:
     """
     if not isinstance(folder, str | Path):
         raise FileError("study folder", folder, "is no path; give the folder that rattle study wrote")
-    study, record, tables = read_tables(folder)
-    if set(tables) != set(TABLES):
-        why = "holds a study of the long run; rattle.compare.stationary.study.load loads it"
-        raise FileError("study folder", str(folder), why)
-    return Tables(study, record, **tables)
-
-
-def read_tables(folder: str | Path) -> tuple[Study, dict[str, Any], dict[str, pd.DataFrame]]:
-    """Read study, manifest and tables of any kind of study from its folder."""
     place = Path(folder)
     try:
         record = json.loads((place / MANIFEST).read_text(encoding="utf-8"))
@@ -158,30 +150,19 @@ def read_tables(folder: str | Path) -> tuple[Study, dict[str, Any], dict[str, pd
     broken = "is damaged; run rattle study again: it rewrites the tables from the stored cells"
     if not is_whole(record):
         raise FileError("study folder", str(folder), f"{MANIFEST} {broken}")
-    names = record.get("tables", TABLES)
-    files = [f"{name}.parquet" for name in names]
+    study = Study.load(place / FILE)
+    if record.get("study_sha256") != study.digest:
+        raise FileError(
+            "study file", str(place / FILE), "is not the study of these tables; run rattle study with it again"
+        )
+    kind = kind_of(study.kind)
     try:
-        lost = (
-            find_damaged(place, record, files) if "files" in record else []
-        )  # manifests of early versions have no digests
+        lost = find_damaged(place, record, [f"{name}.parquet" for name in kind.tables])
     except OSError as error:
         raise FileError("study folder", str(folder), f"{error.filename} cannot be read ({error.strerror})") from None
     if lost:
         raise FileError("study folder", str(folder), f"{lost[0]} {broken}")
-    tables = {}
-    for name, file in zip(names, files, strict=True):
-        try:
-            tables[name] = pd.read_parquet(place / file)
-        except (MemoryError, ImportError):
-            raise
-        except Exception:  # pyarrow and pandas raise many kinds for a damaged file
-            raise FileError("study folder", str(folder), f"{file} {broken}") from None
-    study = Study.load(place / FILE)
-    if record.get("study_sha256") not in (None, study.digest):
-        raise FileError(
-            "study file", str(place / FILE), "is not the study of these tables; run rattle study with it again"
-        )
-    return study, record, tables
+    return kind.make(study, record, **{name: pd.read_parquet(place / f"{name}.parquet") for name in kind.tables})
 
 
 def find_damaged(folder: Path, record: dict[str, Any], files: Iterable[str]) -> list[str]:
@@ -190,9 +171,31 @@ def find_damaged(folder: Path, record: dict[str, Any], files: Iterable[str]) -> 
     return [f for f in files if not isinstance(written, dict) or written.get(f) != file_digest(folder / f)]
 
 
-def file_digest(path: Path) -> str | None:
-    """Compute the digest of a file."""
+def files_of(study: Study) -> tuple[str, ...]:
+    """Files whose digests the manifest of a finished study holds."""
+    return (*(f"{name}.parquet" for name in kind_of(study.kind).tables), *pages("study"))
+
+
+def is_current(study: Study, folder: Path) -> dict[str, Any] | None:
+    """Read the manifest of a folder, if it belongs to this study and covers all of its cells.
+
+    Returns: The manifest; None if the folder is missing, damaged, incomplete, or of another study or version.
+    """
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except (FileNotFoundError, IsADirectoryError):
+        record: dict[str, Any] = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
         return None
+    if not isinstance(record, dict) or not is_whole(record):
+        return None
+    if record.get("cells_sha256") != cells_digest(study) or not record.get("complete"):
+        return None
+    try:
+        return record if not find_damaged(folder, record, files_of(study)) else None
+    except OSError:  # a file that cannot be read is written again, from the cells
+        return None
+
+
+def cells_digest(study: Study) -> str:
+    """Compute a digest of the study's file and of the keys of its cells."""
+    keys = ",".join(sorted(cell.key for cell in study.cells))
+    return hashlib.sha256(f"{study.digest} {keys}".encode()).hexdigest()

@@ -4,13 +4,17 @@ import ast
 import hashlib
 import importlib.metadata
 import platform
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import llvmlite.binding
 
+from rattle.compare.report.json_text import json_digest
 from rattle.scene.machine_code import has_fma
+from rattle.scene.scene import Scene
 
 PACKAGES = ("scene", "closure", "montecarlo")
 LIBRARIES = ("numpy", "numba", "llvmlite", "scipy")
@@ -35,6 +39,13 @@ def numerical_version(*packages: str) -> str:
     for path in _sources(packages or PACKAGES):
         digest.update(path.name.encode() + _meaning_of(path).encode())
     return digest.hexdigest()[:16]
+
+
+def cell_key(kind: str, packages: tuple[str, ...], scene: Scene, settings: Mapping[str, Any]) -> str:
+    """Digest of a scene's dimensionless numbers, the settings, and the version of the code that makes the result."""
+    numbers = replace(scene, gears=None).to_dict()  # without the gears that it came from
+    content = {"kind": kind, "scene": numbers, "settings": settings, "version": numerical_version("scene", *packages)}
+    return json_digest(content)[:32]
 
 
 def _processor() -> str:

@@ -10,10 +10,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from rattle.compare.study.cells import Cell
-from rattle.compare.study.obtain import obtain
-from rattle.compare.study.store import Store, Stored
-from rattle.compare.study.waiting import print_on_stderr
+from rattle.compare.study.store import Cell, Content, Store, print_on_stderr
 from rattle.compare.thresholds.settings import Settings
 from rattle.montecarlo.blocks import in_threads
 
@@ -51,14 +48,15 @@ class Thresholds:
         """Simulate, or read what an earlier test or session has simulated."""
         computed, started = [], time.perf_counter()
 
-        def compute(cell: Cell) -> Stored:
+        def compute(cell: Cell) -> Content:
             computed.append(cell.key)
             return cell.compute(in_threads(self.settings.workers))
 
         if cell.key not in self._runs:
-            say = _past_capture(self.config)
-            found = compute(cell) if self.store is None else obtain(self.store, cell, compute, say)
-            self._runs[cell.key] = cell.restore(found)
+            if self.store is None:
+                self._runs[cell.key] = cell.restore(compute(cell))
+            else:
+                self._runs[cell.key] = self.store.obtain(cell, compute, _past_capture(self.config))
         seconds = time.perf_counter() - started if computed else 0.0
         return TimedRun(self._runs[cell.key], bool(computed), seconds)
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from click.testing import CliRunner
 
 from rattle.compare.cli.main import main
+from rattle.compare.study.design import Study
 from rattle.compare.study.store import Store
 from rattle.compare.study.tables import CELLS, TABLES
 
@@ -40,7 +41,7 @@ LOOK = 0.002  # seconds between two looks at a folder
 COMMAND = ("-m", "rattle.compare")
 QUICK = (
     "-c",
-    "from rattle.compare.study import page; page.FIGURES = dict([*page.FIGURES.items()][:1]);"
+    "from rattle.compare.study import impacts_page as page; page.FIGURES = dict([*page.FIGURES.items()][:1]);"
     "from rattle.compare.cli.main import main; main()",
 )
 """The usual command, and one that draws a single figure, as drawing takes most of a small study's time."""
@@ -120,8 +121,11 @@ class Life:
         lost = [name for name, content in self.sound.items() if there.get(name) != content]
         assert not lost, f"{lost} are lost"
         if there:
-            store = Store(self.out / CELLS)
-            assert all(store.read(Path(name).stem) is not None for name in there)
+            store, cells = (
+                Store(self.out / CELLS),
+                {f"{cell.key}.parquet": cell for cell in Study.load(self.file).cells},
+            )
+            assert all(store.read(cells[name]) is not None for name in there)
             assert not store.aside.exists()
         self.sound = there
 

@@ -14,7 +14,6 @@ from rattle.compare.cli.main import main
 from rattle.compare.report.folder import whole_folder, write_whole
 from rattle.compare.study.cells import Prediction, Sample
 from rattle.compare.study.figures import FIGURES
-from rattle.compare.study.obtain import obtain, read_stored
 from rattle.compare.study.store import Store
 from rattle.compare.study.tables import CELLS, MANIFEST
 from rattle.compare.thresholds import baseline
@@ -41,7 +40,7 @@ sigma = [0.01]
 @pytest.fixture
 def file(tmp_path, monkeypatch):
     """A study whose page is soon drawn."""
-    monkeypatch.setattr("rattle.compare.study.page.FIGURES", dict([*FIGURES.items()][:1]))
+    monkeypatch.setattr("rattle.compare.study.impacts_page.FIGURES", dict([*FIGURES.items()][:1]))
     (tmp_path / "s.toml").write_text(TEXT)
     return tmp_path / "s.toml"
 
@@ -95,17 +94,17 @@ def test_what_the_system_does_not_let_be_read_stays(tmp_path, monkeypatch, cell,
     """The file may be undamaged: the message names it and the reason; it is neither moved nor computed again."""
     error, why = REFUSALS[case]
     store = Store(tmp_path / "s")
-    before = obtain(store, cell)
-    content = store.path(cell.key).read_bytes()
+    before = store.obtain(cell)
+    content = store.path(cell).read_bytes()
     with monkeypatch.context() as patch:
         refusing(patch, error, at)
         with pytest.raises(OutputError, match=rf"{cell.key}.parquet cannot be read .{why}.*, and repeat the command"):
-            read_stored(store, cell)
+            store.read(cell)
         with pytest.raises(OutputError, match="stays as it is"):
-            obtain(store, cell)
-    assert store.path(cell.key).read_bytes() == content
+            store.obtain(cell)
+    assert store.path(cell).read_bytes() == content
     assert not store.aside.exists()
-    assert read_stored(store, cell).table.equals(before.table)
+    assert store.read(cell).table.equals(before.table)
 
 
 def test_a_command_says_it_in_one_line(file, monkeypatch):
@@ -174,7 +173,7 @@ def test_so_may_reports_tables_baselines_and_ensembles_of_tests(tmp_path, cell, 
         write_whole(place / "table.csv", "1,2\n")
     baseline.write(place / "baselines" / "test_a" / "test_b.toml", {"values": {}}, "corrected")
     store = Store(place / "ensembles")
-    obtain(store, cell)
+    store.obtain(cell)
     store.set_aside(cell.key, "for a look at it")
     found = rights(place)
     assert set(found) == as_asked(umask), found

@@ -9,10 +9,10 @@ from click.testing import CliRunner
 from small_disks import disk, make_read_only
 
 from rattle.compare.cli.main import main
-from rattle.compare.study.current import is_current
+from rattle.compare.report.save import MANIFEST
 from rattle.compare.study.design import Study
 from rattle.compare.study.figures import FIGURES
-from rattle.compare.study.tables import CELLS, MANIFEST, load_study
+from rattle.compare.study.tables import CELLS, is_current, load_study
 from rattle.scene import FileError
 
 TEXT = """
@@ -51,7 +51,7 @@ def file(tmp_path):
 def few_figures():
     """Draw one figure instead of seven, as drawing takes most of a small study's time."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("rattle.compare.study.page.FIGURES", dict([*FIGURES.items()][:1]))
+        patch.setattr("rattle.compare.study.impacts_page.FIGURES", dict([*FIGURES.items()][:1]))
         yield
 
 

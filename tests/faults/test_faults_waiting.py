@@ -11,8 +11,7 @@ import pytest
 
 from rattle.compare.study.design import Study
 from rattle.compare.study.engine import run
-from rattle.compare.study.executors import Here
-from rattle.compare.study.obtain import obtain
+from rattle.compare.study.runner import Runner
 from rattle.compare.study.store import Store
 
 TEXT = """
@@ -79,7 +78,7 @@ def test_whoever_waits_for_a_cell_says_for_whom(study, store):
         heard.set()
 
     with locked_elsewhere(store, [cell]) as number:
-        waiting, found = in_the_background(lambda: obtain(store, cell, say=say))
+        waiting, found = in_the_background(lambda: store.obtain(cell, say=say))
         assert heard.wait(LONG)
         assert not found
     waiting.join(LONG)
@@ -87,8 +86,8 @@ def test_whoever_waits_for_a_cell_says_for_whom(study, store):
     (text,) = said
     at = r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d"
     assert re.fullmatch(
-        rf"rattle: waiting for process {number} on {re.escape(platform.node())}, "
-        rf"at work on {re.escape(cell.label)} since {at}; continues when it finishes",
+        rf"waiting for process {number} on {re.escape(platform.node())} since {at}, "
+        rf"at work on {re.escape(cell.label)}; continues when it finishes",
         text,
     )
 
@@ -103,14 +102,14 @@ def test_a_study_whose_cells_are_in_other_hands_says_so_once(study, store, monke
 
     monkeypatch.setattr("rattle.compare.study.progress.tqdm.write", write)
     with locked_elsewhere(store, study.cells) as number:
-        waiting, found = in_the_background(lambda: run(study, store, Here(1), show=True))
+        waiting, found = in_the_background(lambda: run(study, store, Runner(1), show=True))
         assert heard.wait(LONG)
         assert not found
     waiting.join(LONG)
     assert found[0].computed == len(study.cells) == 2
     (text,) = said
     assert f"process {number} on " in text
-    assert text in (store.folder.parent / "study.log").read_text()
+    assert text.removeprefix("rattle: ") in (store.folder.parent / "study.log").read_text()
 
 
 def test_under_pytest_it_is_said_while_the_test_runs(pytester):
@@ -118,7 +117,7 @@ def test_under_pytest_it_is_said_while_the_test_runs(pytester):
         from rattle.compare.thresholds.sessions import _past_capture
 
         def test_it(request):
-            _past_capture(request.config)("rattle: waiting for process 1")
+            _past_capture(request.config)("waiting for process 1")
     """)
     for words in ([], ["-s"]):
         found = pytester.runpytest_subprocess(*words)

@@ -19,10 +19,9 @@ from rattle.closure import mean_map
 from rattle.compare import validate
 from rattle.compare.cli.main import main
 from rattle.compare.report import manifest, read_page
-from rattle.compare.study.current import is_current
 from rattle.compare.study.design import Study
 from rattle.compare.study.store import Store
-from rattle.compare.study.tables import load_study
+from rattle.compare.study.tables import is_current, load_study
 from rattle.compare.thresholds import baseline
 from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
 from rattle.scene import DAT21, Scene
@@ -186,19 +185,18 @@ def file(kind: str, how: list[tuple[str, float, int]]) -> Ended:
 def _cell(place: Path, how: list[tuple[str, float, int]]) -> Ended:
     study = Study.load(place / "study.toml")
     folder = place / "study" / "cells"
-    keys = [cell.key for cell in study.cells]
-    key = keys[int(how[0][1] * 1e6) % len(keys)]
+    cell = study.cells[int(how[0][1] * 1e6) % len(study.cells)]
     good = Store(folder)
-    truth = good.read(key)
+    truth = good.read(cell)
     assert truth is not None
     with tempfile.TemporaryDirectory(dir=place) as scratch:
         store = Store(Path(scratch))
-        store.path(key).write_bytes(mutated(good.path(key).read_bytes(), how))
-        found = store.read(key)
+        store.path(cell).write_bytes(mutated(good.path(cell).read_bytes(), how))
+        found = store.read(cell)
         if found is None:
             assert list(store.aside.glob("*.txt")), "set aside without a word"
             return "refused", "cell"
-        pd.testing.assert_frame_equal(found.table, truth.table, check_exact=True)
+        pd.testing.assert_frame_equal(found.section, truth.section, check_exact=True)
         if found.facts != truth.facts:
             raise AssertionError(f"{found.facts} for {truth.facts}")
     return "complete", "cell"

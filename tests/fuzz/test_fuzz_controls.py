@@ -101,17 +101,18 @@ def test_a_changed_number_in_a_cell_is_seen_where_there_is_no_seal(monkeypatch):
         ends(5000)
 
 
-def blind(self, key):
+def blind(self, cell):
     """A store that believes its files."""
     import json
 
     import pyarrow.parquet as pq
 
     try:
-        found = pq.read_table(self.path(key), use_threads=False, memory_map=False)
-        return store.Stored(found.to_pandas(), json.loads(found.schema.metadata[store.NAME])["facts"])
+        found = pq.read_table(self.path(cell), use_threads=False, memory_map=False)
+        facts = json.loads(found.schema.metadata[store.NAME])["facts"]
+        return cell.restore(store.Content(found.to_pandas(), facts))
     except Exception:
-        self.set_aside(key, "damaged")
+        self._set_aside(self.path(cell), "damaged")
         return None
 
 

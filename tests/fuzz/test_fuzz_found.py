@@ -1,6 +1,7 @@
 """What fuzzing has found, kept as the smallest case of each."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -14,7 +15,7 @@ from rattle.compare import validate
 from rattle.compare.cli.main import main
 from rattle.compare.report import manifest
 from rattle.compare.study.axes import read_axes
-from rattle.compare.study.store import Store
+from rattle.compare.study.store import Content, Store
 from rattle.compare.study.tables import load_study
 from rattle.compare.validation.answer import answer
 from rattle.compare.validation.correlation import first_failure
@@ -226,15 +227,15 @@ def test_axes_that_are_none_or_too_long(tables, word):
 def test_a_cell_is_not_parsed_unless_it_is_what_was_written(tmp_path, monkeypatch, at):
     """On a damaged footer pyarrow may end the process in place of an error (a level histogram of another size)."""
     table = pd.DataFrame({"a": [1.0, 2.0]}, index=pd.RangeIndex(1, 3, name="impact"))
-    store = Store(tmp_path)
-    store.write("k", table, {})
-    assert store.read("k").table.equals(table)
-    assert pd.read_parquet(store.path("k")).equals(table)  # and by any other reader
-    content = bytearray(store.path("k").read_bytes())
+    store, cell = Store(tmp_path), SimpleNamespace(key="k", restore=lambda content: content)
+    store.write(cell, Content(table, {"seconds": 1.0}))
+    assert store.read(cell).table.equals(table)
+    assert pd.read_parquet(store.path(cell)).equals(table)  # and by any other reader
+    content = bytearray(store.path(cell).read_bytes())
     content[int(at * len(content)) if 0 < abs(at) < 1 else at] ^= 4
-    store.path("k").write_bytes(content)
+    store.path(cell).write_bytes(content)
     monkeypatch.setattr("rattle.compare.study.store.pq.ParquetFile", None)
-    assert store.read("k") is None
+    assert store.read(cell) is None
     assert "not what was written" in next(store.aside.glob("*.txt")).read_text()
 
 

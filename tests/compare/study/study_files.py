@@ -5,6 +5,7 @@ import signal
 from dataclasses import dataclass
 
 from rattle.compare.study.cells import Prediction
+from rattle.compare.study.design import combine, read_results
 from rattle.scene.errors import InputError
 
 HEAD = """
@@ -31,6 +32,11 @@ def study_text(sigmas=(0.01, 0.02, 0.05), paths=4096, impacts=2, common="true", 
     """A study over sigma; `more` is appended."""
     head = HEAD.format(paths=paths, impacts=impacts, common=common)
     return head + f"\n[[axes]]\nsigma = {list(sigmas)}\n" + more
+
+
+def tables_of(study, store):
+    """The tables of what is stored."""
+    return combine(study, read_results(study, store))
 
 
 @dataclass(frozen=True)

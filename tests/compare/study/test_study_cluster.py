@@ -16,15 +16,14 @@ import pandas as pd
 import processes
 import pytest
 from click.testing import CliRunner
-from study_files import Deadly, Refused, study_text
+from study_files import Deadly, Refused, study_text, tables_of
 
 from rattle.compare.cli.main import main
 from rattle.compare.study import cluster as module
-from rattle.compare.study.cluster import Cluster, Lost
+from rattle.compare.study.cluster import SHARE, Cluster, Lost
 from rattle.compare.study.design import Study
 from rattle.compare.study.engine import run
-from rattle.compare.study.executors import SHARE, Here
-from rattle.compare.study.results import Results
+from rattle.compare.study.runner import Runner
 from rattle.compare.study.store import Store
 from rattle.compare.study.tables import CELLS
 from rattle.scene.errors import InputError
@@ -55,15 +54,15 @@ def study():
 @pytest.fixture(scope="module")
 def local(study, tmp_path_factory):
     store = Store(tmp_path_factory.mktemp("local") / CELLS)
-    run(study, store, Here(2))
-    return Results.of(study, store)
+    run(study, store, Runner(2))
+    return tables_of(study, store)
 
 
 def test_results_equal_the_local_ones_to_the_last_bit(cluster, study, local, tmp_path):
     store = Store(tmp_path / CELLS)
     outcome = run(study, store, Cluster(cluster.scheduler_address))
     assert outcome.computed == len(study.cells)
-    found = Results.of(study, store)
+    found = tables_of(study, store)
     pd.testing.assert_frame_equal(found.errors, local.errors, check_exact=True)
     pd.testing.assert_frame_equal(found.sections, local.sections, check_exact=True)
     pd.testing.assert_frame_equal(found.paired, local.paired, check_exact=True)
@@ -76,7 +75,7 @@ def test_a_killed_worker_costs_time_only(cluster, study, local, tmp_path):
     killer.start()
     run(study, store, Cluster(cluster.scheduler_address))
     killer.join()
-    pd.testing.assert_frame_equal(Results.of(study, store).errors, local.errors, check_exact=True)
+    pd.testing.assert_frame_equal(tables_of(study, store).errors, local.errors, check_exact=True)
     assert victim not in {w.pid for w in cluster.workers.values() if w.pid}  # it was killed, and another took its place
 
 
@@ -142,21 +141,20 @@ def meanwhile(store, cells, act):
 
 
 def kept(study, store):
-    return [cell for cell in study.cells if store.read(cell.key)]
+    return [cell for cell in study.cells if store.read(cell)]
 
 
 def test_a_worker_of_another_version_that_joins_later_is_named(small, tmp_path):
     """It joined after the check at the start; the task itself refuses to run on it."""
     store = Store(tmp_path / CELLS)
     with of_our_own("") as (_, address, (worker,)), Cluster(address, patience=60.0) as place:
-        store.write("before", place.compute(small.cells[0]).table, {})
+        store.write(small.cells[0], place.compute(small.cells[0]))
         with processes.worker(address, processes.OTHER) as (_, other):
             worker.kill()
-            with pytest.raises(Lost, match=rf"worker {other} has numerical version .*, here it is .*kept"):
-                place.compute(small.cells[1])
-            with pytest.raises(Lost, match=rf"worker {other} has numerical version"):
-                place.compute(small.cells[0])
-    assert store.read("before") is not None
+            for cell in small.cells[:2]:
+                with pytest.raises(Lost, match=rf"worker {other} has numerical version .*, here it is "):
+                    place.compute(cell)
+    assert store.read(small.cells[0]) is not None
 
 
 def test_a_lost_scheduler_ends_the_study_with_one_line(small, tmp_path):
@@ -177,11 +175,17 @@ def test_a_lost_scheduler_ends_the_study_with_one_line(small, tmp_path):
 
 
 def test_a_scheduler_that_falls_silent_is_not_waited_for(small, tmp_path):
-    with of_our_own("") as (scheduler, address, _), Cluster(address, patience=60.0) as place:
-        place.patience = 3.0
-        scheduler.send_signal(signal.SIGSTOP)
+    with of_our_own("") as (scheduler, address, _):
+        place = Cluster(address, patience=60.0)
+
+        def act():
+            place.patience = 3.0
+            scheduler.send_signal(signal.SIGSTOP)
+
+        stopper = meanwhile(Store(tmp_path / CELLS), 1, act)
         with pytest.raises(Lost, match="no longer answers"):
-            place.compute(small.cells[0])
+            run(Study.from_toml(study_text(paths=30_000_000)), Store(tmp_path / CELLS), place)
+        stopper.join()
 
 
 def test_the_loss_of_all_workers_is_said(small, tmp_path):

@@ -66,7 +66,7 @@ def test_a_key_is_the_content():
 
 
 def test_the_numerical_version_is_in_the_key(monkeypatch):
-    from rattle.compare.study import cells as cell
+    from rattle.compare.study import version as cell
 
     before = {c.key for c in read().cells}
     monkeypatch.setattr(cell, "numerical_version", lambda *packages: "another")

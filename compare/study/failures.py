@@ -11,7 +11,7 @@ NAMES = {"scene": "the scene", "sample": "the simulation"}
 """Names for readers of those keys of `Point.reasons` that are not closures."""
 
 
-class Lack(NamedTuple):
+class FailedPoints(NamedTuple):
     """Something that cannot be computed at some points; their error messages differ at most in numbers."""
 
     what: str  # the scene, the simulation, or a closure
@@ -30,13 +30,13 @@ class Lack(NamedTuple):
         return f"{self.what} cannot be computed at {self.points} of {self.of} points, first at {self.where}: {self.why}"
 
 
-def lacking(points: Sequence[Point], failed: Mapping[str, str]) -> list[Lack]:
+def group_failures(points: Sequence[Point], failed: Mapping[str, str]) -> list[FailedPoints]:
     """Group the error messages of a study's points by their reason.
 
     Examples
     --------
     >>> said = "gap1 = {}: must be greater than 0"
-    >>> print(*lacking([Point({"gap1": g}, None, (), {"scene": said.format(g)}) for g in (-0.1, -0.2)], {}))
+    >>> print(*group_failures([Point({"gap1": g}, None, (), {"scene": said.format(g)}) for g in (-0.1, -0.2)], {}))
     the scene cannot be computed at 2 of 2 points, first at gap1 = -0.1: gap1 = -0.1: must be greater than 0
     """
     found: dict[tuple[str, str], list[tuple[Point, str]]] = {}
@@ -45,6 +45,6 @@ def lacking(points: Sequence[Point], failed: Mapping[str, str]) -> list[Lack]:
         for what, why in (point.reasons | lost).items():
             found.setdefault((what, NUMBER.sub("", why)), []).append((point, why))
     return [
-        Lack(NAMES.get(what, what), where[0][1], len(where), len(points), where[0][0].coordinates)
+        FailedPoints(NAMES.get(what, what), where[0][1], len(where), len(points), where[0][0].coordinates)
         for (what, _), where in found.items()
     ]

@@ -1,0 +1,165 @@
+"""What a study of impacts says: its answer in a few sentences, its figures and the blocks of its page."""
+
+import hashlib
+from collections.abc import Mapping
+from typing import Any
+
+import pandas as pd
+
+from rattle.compare.report import Block, PageSection, Row, Table, TableCell, Text, numbers
+from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
+from rattle.compare.study.estimate import scaling
+from rattle.compare.study.figures import FIGURES, panels
+from rattle.compare.study.page import Drawing
+from rattle.compare.study.tables import Tables
+from rattle.compare.validation.validity_range import in_words, join_words, span, want
+from rattle.compare.validation.verdict import RULE, VERDICTS
+
+WORDS = (
+    *CLOSURE_TERMS,
+    *SECTION_TERMS,
+    *VERDICT_TERMS,
+    "exact flight",
+    "σ",
+    "α",
+    "ε",
+    "ρ1, ρ2",
+    "orbit",
+    "agreement",
+)
+FEW = 4  # up to so many different ranges of validity of a closure are listed one by one in the answer
+
+
+def answer(r: Tables) -> list[str]:
+    """Summarise a study in a few sentences.
+
+    Returns: Advice, the range of validity of each closure over all impacts, and the itinerary agreement after the
+    last.
+    """
+    sentences = []
+    table, impacts = r.validity, r.study.impacts
+    if not table.empty:
+        last, name = table[table["impact"] == impacts], r.study.along
+        values = r.errors[name]
+        sentences = [
+            _advice(last, impacts, name, values.max()),
+            f"Every section mean and sd of {impacts} impacts, {name} = {span(values, '.4g')}:",
+            *(f"`{closure}`: {_range_in_words(r, rows)}." for closure, rows in last.groupby("closure", sort=False)),
+        ]
+    reached = r.sections[(r.sections["quantity"] == "tau") & (r.sections["moment"] == "mean")]
+    shares = reached[reached["impact"] == impacts]["agreement"]
+    if len(shares):
+        sentences.append(f"After {impacts} impacts {span(shares, '.1%')} of the paths are on the noise-free itinerary.")
+    return sentences or ["No point could be computed; the command says why."]
+
+
+def _advice(last: pd.DataFrame, impacts: int, name: str, largest: float) -> str:
+    """Which closure is accurate furthest, wherever the other fields of the study lie."""
+    accurate, open_to = (_everywhere(last, column) for column in ("accurate", "not_inaccurate"))
+    shown, over = name if name != "sigma" else "σ", f"over {impacts} impacts"
+    if accurate.empty and not open_to.empty:
+        each = join_words([f"`{c}` up to {shown} = {x:.4g}" for c, x in open_to.items()])
+        return (
+            f"Undecided: no closure is shown to be accurate {over} in every row of this study. Not shown to be wrong: "
+            f"{each}. More paths would settle it; until then simulate."
+        )
+    if accurate.empty:
+        some = [f"`{c}`" for c in last[last["accurate"].notna()]["closure"].unique()]
+        where = f"; {join_words(some)} {'is' if len(some) == 1 else 'are'} at some" if some else ""
+        return f"Simulate: no closure is accurate {over} in every row of this study{where}."
+    best = [f"`{closure}`" for closure in accurate.index[accurate == accurate.max()]]
+    take = f"Take {' or '.join(best)} up to {shown} = {accurate.max():.4g}"
+    if accurate.max() >= largest:
+        return f"{take}, the largest of this study: all means and sds {over} are accurate there."
+    return f"{take}; beyond it simulate: no closure is shown to be accurate {over} everywhere there."
+
+
+def _everywhere(last: pd.DataFrame, column: str) -> pd.Series:
+    """The least range of each closure over the other fields; without those that have none somewhere."""
+    return last.groupby("closure", sort=False)[column].agg(lambda limits: limits.min(skipna=False)).dropna()
+
+
+def _range_in_words(r: Tables, rows: pd.DataFrame) -> str:
+    """A closure's range of validity at each value of the other fields; of many, only the smallest and the largest."""
+    found: dict[str, list[str]] = {}  # values of the other fields, by the sentence that holds there
+    for row in rows.sort_values(["accurate", "not_inaccurate"], na_position="first").to_dict("records"):
+        own = r.errors[(r.errors["closure"] == row["closure"]) & r.errors["judged"]]
+        for name in r.study.others:
+            own = own[own[name] == row[name]]
+        values = sorted(own[r.study.along].unique())
+        said = in_words(
+            r.study.along,
+            values,
+            row["accurate"],
+            row["not_inaccurate"],
+            ended=row["ended"],
+            undecided=want(own[own[r.study.along] <= row["not_inaccurate"]]),
+        )
+        found.setdefault(said, []).append(", ".join(f"{name} = {row[name]}" for name in r.study.others))
+    if len(found) == 1:
+        return next(iter(found))
+    if len(found) <= FEW:
+        return "; ".join(f"{said} (at {' and '.join(where)})" for said, where in found.items())
+    (least, low), *_, (most, high) = found.items()
+    return f"from {least} (at {low[0]}) to {most} (at {high[-1]})"
+
+
+def draw(r: Tables) -> list[Drawing]:
+    """Draw the figures, each once for all values of the fields that vary besides the first."""
+    drawn = []
+    for name, (draw_one, table_name, title) in FIGURES.items():
+        table = getattr(r, table_name)
+        for number, (fixed, part) in enumerate(panels(r, table) if len(table) and r.study.along else ()):
+            own = f"figures/{name}-{number + 1}" if fixed else f"figures/{name}"
+            at = ", ".join(f"{field} = {v}" for field, v in fixed.items())
+            drawn.append(Drawing(own, draw_one(r, part), f"{title} ({at})." if at else f"{title}."))
+    return drawn
+
+
+def facts(r: Tables) -> dict[str, Any]:
+    """Digests of the largest tables, and the half width of the intervals in standard errors."""
+    return {"errors_sha256": _digest(r.errors), "sections_sha256": _digest(r.sections), **r.record}
+
+
+def _digest(table: pd.DataFrame) -> str:
+    return hashlib.sha256(pd.util.hash_pandas_object(table, index=False).to_numpy().tobytes()).hexdigest()
+
+
+def blocks(
+    r: Tables, record: Mapping[str, Any], seconds: Mapping[str, float]
+) -> tuple[tuple[Block, ...], tuple[PageSection, ...]]:
+    """Counts of verdicts and the words above the sections of the page; the cost as its last section."""
+    method = (
+        f"{record['points']} points, intervals of {record['z']:.2f} standard errors (95 % simultaneous coverage over "
+        f"the study), tolerance {r.study.within.mean:.0%} of an sd for means and {r.study.within.sd:.0%} for sds. "
+        f"{RULE} All rows: `errors.parquet`."
+    )
+    more = (
+        "Estimate for more cores, from these times and 3.5 ms of a Dask scheduler for each task of at most 65 536 "
+        "paths:"
+    )
+    words = glossary(*WORDS, gears=r.study.gears)
+    cost = PageSection("Cost", (_cost(r.cost), Text(more), _scaling(r, seconds)))
+    return (_counts(r), Text(method, note=True), words), (cost,)
+
+
+def _counts(r: Tables) -> Table:
+    groups = r.errors.groupby(["closure", "moment"], sort=False)["verdict"] if len(r.errors) else ()
+    rows: list[Row] = [[str(key[0]), f"{key[1]}s", *(int((said == v).sum()) for v in VERDICTS)] for key, said in groups]
+    return Table.of(["closure", "moments", *numbers(*VERDICTS)], rows)
+
+
+def _cost(table: pd.DataFrame) -> Table:
+    seconds = table.groupby("what", sort=False)["seconds"]
+    rows: list[Row] = [
+        [str(what), len(s), TableCell(f"{s.median():.3g}"), TableCell(f"{s.sum():.3g}")] for what, s in seconds
+    ]
+    return Table.of(["what", *numbers("cells", "median seconds", "all seconds")], rows)
+
+
+def _scaling(r: Tables, taken: Mapping[str, float]) -> Table:
+    rows = (
+        [str(row["cores"]), f"{row['wall_seconds']:.3g}", f"{row['efficiency']:.0%}", str(row["limit"])]
+        for row in scaling(r.study.cells, taken).to_dict("records")
+    )
+    return Table.of([*numbers("cores", "seconds", "efficiency"), "limited by"], rows)
