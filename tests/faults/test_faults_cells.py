@@ -5,17 +5,17 @@ import errno
 import io
 import os
 
-import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 from small_disks import DEAD, scratch_name
 
 from rattle.compare.cli.main import main
 from rattle.compare.report.folder import whole_folder, write_whole
+from rattle.compare.report.save import MANIFEST
 from rattle.compare.study.cells import Prediction, Sample
 from rattle.compare.study.figures import FIGURES
 from rattle.compare.study.store import Store
-from rattle.compare.study.tables import CELLS, MANIFEST
+from rattle.compare.study.tables import CELLS
 from rattle.compare.thresholds import baseline
 from rattle.scene import DAT21, InputError, OutputError, Scene
 
@@ -55,56 +55,41 @@ def system(code):
 
 
 REFUSALS = {
-    "no right": (system(errno.EACCES), "Permission denied.*chmod"),
-    "a failing disk": (system(errno.EIO), "Input/output error.*disk"),
-    "no memory": (MemoryError(), "Cannot allocate memory.*free memory"),
+    "no right": (system(errno.EACCES), "Permission denied"),
+    "a failing disk": (system(errno.EIO), "Input/output error"),
+    "no memory": (MemoryError(), "Cannot allocate memory"),
 }
 
 
-def refusing(monkeypatch, error, at):
-    """Make opening, reading or decoding Parquet files fail."""
-
-    class Failing(io.FileIO):
-        def read(self, *_):
-            raise error
-
-        readall = readinto = read
+def refuse_to_read(monkeypatch, error):
+    """Make opening Parquet files fail."""
 
     def opened(path, mode="r", *more, **options):
-        if not str(path).endswith(".parquet") or "r" not in mode:
-            return plain(path, mode, *more, **options)
-        if at == "open":
+        if str(path).endswith(".parquet") and "r" in mode:
             raise error
-        return Failing(path)
-
-    def unpacked(*_, **__):
-        raise error
+        return plain(path, mode, *more, **options)
 
     plain = io.open
-    if at == "unpack":
-        monkeypatch.setattr(pq.ParquetFile, "read", unpacked)
-    else:
-        monkeypatch.setattr(builtins, "open", opened)
-        monkeypatch.setattr(io, "open", opened)
+    monkeypatch.setattr(builtins, "open", opened)
+    monkeypatch.setattr(io, "open", opened)
 
 
-@pytest.mark.parametrize("at", ["open", "read", "unpack"])
 @pytest.mark.parametrize("case", REFUSALS)
-def test_what_the_system_does_not_let_be_read_stays(tmp_path, monkeypatch, cell, case, at):
+def test_what_the_system_does_not_let_be_read_stays(tmp_path, monkeypatch, cell, case):
     """The file may be undamaged: the message names it and the reason; it is neither moved nor computed again."""
     error, why = REFUSALS[case]
     store = Store(tmp_path / "s")
     before = store.obtain(cell)
     content = store.path(cell).read_bytes()
     with monkeypatch.context() as patch:
-        refusing(patch, error, at)
+        refuse_to_read(patch, error)
         with pytest.raises(OutputError, match=rf"{cell.key}.parquet cannot be read .{why}.*, and repeat the command"):
             store.read(cell)
         with pytest.raises(OutputError, match="stays as it is"):
             store.obtain(cell)
     assert store.path(cell).read_bytes() == content
     assert not store.aside.exists()
-    assert store.read(cell).table.equals(before.table)
+    assert store.read(cell).section.equals(before.section)
 
 
 def test_a_command_says_it_in_one_line(file, monkeypatch):
@@ -114,7 +99,7 @@ def test_a_command_says_it_in_one_line(file, monkeypatch):
     before = {path: path.read_bytes() for path in cells.glob("*.parquet")}
     (file.with_suffix("") / MANIFEST).unlink()
     with monkeypatch.context() as patch:
-        refusing(patch, system(errno.EACCES), "open")
+        refuse_to_read(patch, system(errno.EACCES))
         found = CliRunner().invoke(main, ["study", str(file)])
     assert found.exit_code == 2
     (line,) = found.output.splitlines()
@@ -174,7 +159,9 @@ def test_so_may_reports_tables_baselines_and_ensembles_of_tests(tmp_path, cell, 
     baseline.write(place / "baselines" / "test_a" / "test_b.toml", {"values": {}}, "corrected")
     store = Store(place / "ensembles")
     store.obtain(cell)
-    store.set_aside(cell.key, "for a look at it")
+    store.path(cell).write_bytes(b"damaged")
+    assert store.read(cell) is None
+    store.obtain(cell)
     found = rights(place)
     assert set(found) == as_asked(umask), found
 
@@ -186,9 +173,8 @@ def test_what_killed_processes_have_left_is_gone_after_the_next_run(file):
     """Also if killed after the last file was moved into place, when nothing is left to compute or to draw."""
     assert CliRunner().invoke(main, ["study", str(file)]).exit_code == 0
     out = file.with_suffix("")
-    key = next((out / CELLS).glob("*.parquet")).stem
-    for left in (out / scratch_name("rattle", DEAD), out / CELLS / f".{key}-0123abcd.part"):
-        left.touch()
+    for place in (out, out / CELLS):
+        (place / scratch_name("rattle", DEAD)).touch()
     (out / scratch_name("page", DEAD) / "figures").mkdir(parents=True)
     found = CliRunner().invoke(main, ["study", str(file)])
     assert "All 2 results are stored" in found.output

@@ -117,7 +117,7 @@ WRITERS = {
     "report/csv_text.py": {"to_csv"},
     "cli/console.py": {"echo"},
     "cli/show.py": {"echo"},
-    "study/waiting.py": {"print"},
+    "study/store.py": {"print"},
 }
 """Where each of these may be called: a page on a terminal has colours, and each of its texts is escaped by itself;
 waiting for another process is reported on standard error, also within pytest."""
