@@ -96,9 +96,9 @@ def stationary(
     from rattle.compare.chaos.sweep import values, with_field
     from rattle.compare.report.folder import check_free, default_place, name_of
     from rattle.compare.report.provenance import Stopwatch, provenance
-    from rattle.compare.stationary.judged import CLOSURES_JUDGED
     from rattle.compare.stationary.measure import stationary as measure
     from rattle.compare.stationary.page import CONTENTS, write_stationary
+    from rattle.compare.stationary.verdicts import CLOSURES_JUDGED
     from rattle.montecarlo.long_run.run import ASKED
 
     base = load_scene(scene, sigma)

@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 
 import pandas as pd
 
-from rattle.compare.stationary.judged import judge_predictions, predictions
 from rattle.compare.stationary.measure import stationary
+from rattle.compare.stationary.verdicts import judge_predictions, predictions
 from rattle.compare.study.store import Content
 from rattle.compare.study.version import cell_key
 from rattle.montecarlo.blocks import Blocks
@@ -27,7 +27,7 @@ class LongResult:
     """The long run of a scene as read from the store."""
 
     table: pd.DataFrame  # as of `rattle.compare.stationary.measure.Stationary`
-    predicted: pd.DataFrame  # as of `rattle.compare.stationary.judged.predictions`
+    predicted: pd.DataFrame  # as of `rattle.compare.stationary.verdicts.predictions`
     facts: dict[str, Any]  # ``kind, said, periods, paths, impacts, burn_in, seconds``
 
     @property

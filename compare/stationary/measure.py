@@ -10,9 +10,9 @@ import pandas as pd
 
 from rattle.closure.attractor import IRREGULAR, PERIODIC, Attractor, attractor
 from rattle.closure.stationary import Law
-from rattle.compare.stationary.judged import CLOSURES_JUDGED, judge_predictions, laws, predictions
 from rattle.compare.stationary.laws import law_of, values_of
 from rattle.compare.stationary.units import PLAIN, in_units, kind_of
+from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, judge_predictions, laws, predictions
 from rattle.montecarlo.long_run import AtRest, BurnInError, LongRun, SectionDensity, long_run
 from rattle.montecarlo.long_run.run import ASKED, PATHS
 from rattle.montecarlo.settings import is_random

@@ -16,9 +16,9 @@ from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
 from rattle.compare.stationary.answer import answer
 from rattle.compare.stationary.figures import bifurcation_figure, speed_unit
-from rattle.compare.stationary.judged import TOLERANCES
 from rattle.compare.stationary.measure import Stationary
 from rattle.compare.stationary.units import speed_text
+from rattle.compare.stationary.verdicts import TOLERANCES
 
 FIGURES = {
     "distribution": "Velocity just before an impact, with its 95 % interval, on a logarithmic scale: the stationary "

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from rattle.compare.stationary.cell import LongCell
-from rattle.compare.stationary.judged import CLOSURES_JUDGED
 from rattle.compare.stationary.study_tables import TABLES, LongTables, combine
+from rattle.compare.stationary.verdicts import CLOSURES_JUDGED
 from rattle.compare.study.design import Kind, Study
 from rattle.compare.study.tables import load_study as load
 from rattle.compare.validation.verdict import Tolerances

@@ -8,9 +8,9 @@ import pandas as pd
 
 from rattle.compare.report import Block, Column, PageSection, Table, Text, numbers
 from rattle.compare.report.glossary import CLOSURE_TERMS, VERDICT_TERMS, glossary
-from rattle.compare.stationary.judged import TOLERANCES
 from rattle.compare.stationary.study_figures import shares, study_figure
 from rattle.compare.stationary.study_tables import LongTables
+from rattle.compare.stationary.verdicts import TOLERANCES
 from rattle.compare.study.page import Drawing
 from rattle.compare.validation.validity_range import span
 

@@ -39,7 +39,7 @@ class Rattle:
 
         `quantities`: Quantities of the long run, such as ``["rate", "energy"]``, in place of the marker's section
         moments.  The model is then a closure, or a function ``(scene, quantities) -> mapping``; what counts as
-        accurate is said in `rattle.compare.stationary.judged.TOLERANCES`.
+        accurate is said in `rattle.compare.stationary.verdicts.TOLERANCES`.
         """
         self._once("check")
         if quantities is not None:

@@ -8,8 +8,8 @@ import pandas as pd
 
 from rattle.closure.stationary import Law
 from rattle.compare.stationary.cell import LongCell
-from rattle.compare.stationary.judged import CLOSURES_JUDGED, judge_rows, laws, tolerance_of
 from rattle.compare.stationary.laws import values_of
+from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, judge_rows, laws, tolerance_of
 from rattle.compare.thresholds.claim import Claim
 from rattle.compare.thresholds.decision import OUTCOMES, Decision, look_until_decided
 from rattle.compare.thresholds.prediction import name_of

@@ -15,8 +15,8 @@ from rattle.closure.stationary import NotPredicted, linear_law, multipliers
 from rattle.compare.cli.main import main
 from rattle.compare.stationary import answer as answer_module
 from rattle.compare.stationary.answer import answer
-from rattle.compare.stationary.judged import judge_predictions
 from rattle.compare.stationary.laws import law_of, values_of
+from rattle.compare.stationary.verdicts import judge_predictions
 from rattle.montecarlo.long_run import BurnInError
 from rattle.montecarlo.long_run.estimates import estimates
 from rattle.montecarlo.long_run.sums import SLOW
