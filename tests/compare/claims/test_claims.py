@@ -12,8 +12,8 @@ from click.testing import CliRunner
 from rattle.closure import mean_map
 from rattle.compare.chaos.exponents import ORBIT, Mean
 from rattle.compare.chaos.sweep import paper_noise
-from rattle.compare.claims import judged, of_moments, of_motion, of_spectra
-from rattle.compare.claims import mean_motion as of_mean_motion
+from rattle.compare.claims import evidence as of_evidence
+from rattle.compare.claims import judge, of_moments, of_motion, of_spectra
 from rattle.compare.claims.claim import NOT_REPRODUCED, REPRODUCED, UNDECIDED, table
 from rattle.compare.claims.evidence import gather
 from rattle.compare.claims.impact_rules import MEND_15, MEND_17, MEND_BOTH, PUBLISHED, failures
@@ -37,7 +37,7 @@ def evidence():
 
 @pytest.fixture(scope="module")
 def claims(evidence):
-    return {function.__name__: claim for function, claim in zip(judged.CLAIMS, judged.judge(evidence), strict=True)}
+    return {function.__name__: claim for function, claim in zip(judge.CLAIMS, judge.judge(evidence), strict=True)}
 
 
 def test_every_claim_has_a_test_evidence_and_one_of_the_verdicts(claims):
@@ -174,8 +174,8 @@ def test_spectra_are_judged_of_the_map_the_ensemble_the_orbit_and_paths_apart(ev
 
 def test_a_mean_that_still_depends_on_the_start_is_not_periodic(monkeypatch):
     scene = paper_noise(Scene.from_gears(DAT21))
-    monkeypatch.setattr(of_mean_motion, "SETTLED", 0)
-    assert not of_mean_motion.mean_motion(scene, 2000, 0, 1).periodic
+    monkeypatch.setattr(of_evidence, "SETTLED", 0)
+    assert not of_evidence.mean_motion(scene, 2000, 0, 1).periodic
 
 
 def test_quotation_marks_are_around_the_papers_own_words(claims):

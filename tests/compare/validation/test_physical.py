@@ -51,7 +51,7 @@ def test_the_answer_speaks_of_milliseconds(v):
     said = answer([v])
     time = v.run.section["tau"].iloc[-1] / 0.3
     assert said[2].startswith(f"In the units of these gears: at σ = 0.02, 3 impacts take {time:.3g} ms on average (")
-    assert "mm/s, losing " in said[2]
+    assert "mm/s and a mean loss of " in said[2]
     assert duration_words(v) == f"{time:.3g} ms of rattling"
 
 
