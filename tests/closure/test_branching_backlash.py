@@ -71,6 +71,7 @@ def case(request):
     return scene, impacts, flown(scene, impacts)
 
 
+@pytest.mark.slow
 def test_section_moments_against_exact_flights(case):
     assert outside(*case) == []
 

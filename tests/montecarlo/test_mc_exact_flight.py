@@ -332,6 +332,7 @@ GRAZING = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", GRAZING)
 def test_grazing_impacts_within_a_step_have_the_distribution_of_small_steps(case):
     """Whether and when a step of 0.1 meets a wall that it may just reach, in 20000 draws of its noise."""

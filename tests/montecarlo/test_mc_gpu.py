@@ -45,18 +45,24 @@ def python(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str
     )  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def simulated() -> dict:
-    done = python("-W", "error::RuntimeWarning", str(HERE / "simulated_gpu.py"))
+def on_simulator(*words: str) -> dict:
+    done = python("-W", "error::RuntimeWarning", str(HERE / "simulated_gpu.py"), *words)
     assert done.returncode == 0, done.stderr[-3000:]
     return json.loads(done.stdout)
 
 
+@pytest.fixture(scope="module")
+def simulated() -> dict:
+    return on_simulator()
+
+
+@pytest.mark.slow
 @needs_package
 def test_no_case_is_left_out(simulated):
     assert set(simulated) == {*CASES, "negative control: another key", "speed"}
 
 
+@pytest.mark.slow
 @needs_package
 @pytest.mark.parametrize("case", CASES)
 def test_a_gpu_follows_the_same_paths(simulated, case):
@@ -65,6 +71,7 @@ def test_a_gpu_follows_the_same_paths(simulated, case):
     assert found["work"][0] == found["work"][1]
 
 
+@pytest.mark.slow
 @needs_package
 @pytest.mark.parametrize("case", CASES)
 def test_a_gpu_takes_the_same_sums(simulated, case):
@@ -73,18 +80,20 @@ def test_a_gpu_takes_the_same_sums(simulated, case):
     assert simulated[case]["section"] < 1e-8  # the error of the kurtosis of two values is the square root of rounding
 
 
+@pytest.mark.slow
 @needs_package
 def test_unfinished_paths_were_among_them(simulated):
     assert 0 < simulated["plain, some unfinished"]["work"][1][2] < 10
 
 
 @needs_package
-def test_another_key_would_be_seen(simulated):
-    found = simulated["negative control: another key"]
+def test_another_key_would_be_seen():
+    found = on_simulator("control")["negative control: another key"]
     assert found["rows"] > 1e-3
     assert found["section"] > 1e-3
 
 
+@pytest.mark.slow
 @needs_package
 def test_speed_counts_path_steps(simulated):
     assert simulated["speed"] > 0.0

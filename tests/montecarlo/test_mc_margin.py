@@ -88,7 +88,7 @@ def interpreted(margin, paths):
     return json.loads(run.stdout)
 
 
-@pytest.mark.parametrize("margin", [6.0, 1.5])
+@pytest.mark.parametrize("margin", [pytest.param(6.0, marks=pytest.mark.slow), 1.5])
 def test_a_margin_of_one_and_a_half_sds_is_seen(farthest, margin):
     """The second is the negative control: a step of which every forty-fifth path has an impact is not looked at."""
     assert agree(interpreted(margin, 2000), 2000, farthest) == (margin == 6.0)

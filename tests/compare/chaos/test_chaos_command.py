@@ -19,6 +19,7 @@ def run(*words):
     return CliRunner().invoke(main, ["chaos", *words])
 
 
+@pytest.mark.slow
 def test_a_folder_of_chaos_is_whole_and_said_in_a_few_lines(tmp_path):
     out = tmp_path / "chaos"
     done = run(*SMALL, "--over", "0.3:1.5:3", "--out", str(out))

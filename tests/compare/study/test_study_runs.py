@@ -113,21 +113,7 @@ def test_killed_and_resumed_is_the_same_to_the_last_bit(slow, tmp_path):
     assert not list((out / CELLS).glob(".*"))  # nothing half written is left
 
 
-def test_interrupt_ends_soon_and_says_how_to_go_on(tmp_path):
-    file = tmp_path / "noise.toml"
-    file.write_text(study_text(sigmas=(0.01, 0.02), paths=3_000_000))
-    running = start(file)
-    wait_for_cells(tmp_path / "noise", 2)  # the closures of the first point
-    time.sleep(0.5)
-    running.send_signal(signal.SIGINT)
-    try:
-        _, err = running.communicate(timeout=30)  # two seconds where the machine has nothing else to do
-    finally:
-        running.kill()
-    assert running.returncode == 130
-    assert "run the same command again to continue" in err
-
-
+@pytest.mark.slow
 def test_two_processes_share_the_work(slow, tmp_path):
     _, whole = slow
     file = tmp_path / "noise.toml"
@@ -163,22 +149,6 @@ def test_a_damaged_file_is_set_aside_and_computed_again(tmp_path, damage):
     pd.testing.assert_frame_equal(tables_of(study, store).errors, before, check_exact=True)
     assert (store.aside / paths[0].name).exists()
     assert paths[0].name in (store.aside / paths[0].name).with_suffix(".txt").read_text()
-
-
-def test_a_flipped_bit_anywhere_is_found_or_does_not_matter(tmp_path):
-    store, cell = Store(tmp_path / "s"), Study.from_toml(study_text(paths=1024)).cells[0]
-    before = store.obtain(cell)
-    path = store.path(cell)
-    content = path.read_bytes()
-    found = 0
-    for place in range(0, len(content), len(content) // 60):
-        path.write_bytes(content[:place] + bytes([content[place] ^ 4]) + content[place + 1 :])
-        read = store.read(cell)
-        found += read is None
-        if read is not None:
-            pd.testing.assert_frame_equal(read.section, before.section, check_exact=True)
-            assert read.facts == before.facts
-    assert found > 10
 
 
 @pytest.mark.usefixtures("undrawn")

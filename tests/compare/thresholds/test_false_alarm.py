@@ -206,6 +206,7 @@ def test_one_row_at_the_edge_fails_at_half_the_stated_rate(once, truth, edge):
     assert high >= 0.25 * RATE, measured
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("within", [0.05, 0.5])
 @pytest.mark.parametrize("edge", [-1.0, 0.0, 1.0])
 def test_sessions_whose_claims_are_true_fail_at_most_at_the_stated_rate(once, looks, truth, edge, within):
@@ -215,6 +216,7 @@ def test_sessions_whose_claims_are_true_fail_at_most_at_the_stated_rate(once, lo
         assert edge or measured == 0.0
 
 
+@pytest.mark.slow
 def test_looks_as_they_are_taken_fail_at_most_at_the_stated_rate(looks, truth):
     """Which looks are taken depends on what has been seen."""
     options = {"scene": SCENE, "impacts": IMPACTS, "quantities": ["tau", "y1"], "within": 0.05, "paths": BLOCK}

@@ -79,6 +79,7 @@ def test_a_session_of_bad_markers_alone_fails(run):
     assert result.ret == pytest.ExitCode.TESTS_FAILED
 
 
+@pytest.mark.slow
 def test_on_workers_of_xdist_too(run_workers):
     result = run_workers(HEAD + marked("scene=S, within=0.0"))
     result.assert_outcomes(passed=2, errors=1)

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from rattle.compare.thresholds import settings
 from rattle.compare.validation.verdict import widest
 
@@ -130,6 +132,7 @@ def test_profiles_and_settings_of_the_configuration_file(run, pytester):
     run(SUITE, "-k", "undecided").assert_outcomes(skipped=1, deselected=6)
 
 
+@pytest.mark.slow
 def test_workers_of_xdist_give_one_summary(run_workers):
     result = run_workers(SUITE)
     result.assert_outcomes(passed=3, failed=4)
