@@ -5,7 +5,7 @@ It is measured from dt, 2 dt and 4 dt on the same Brownian paths, or, where noth
 
 import numpy as np
 
-from rattle.montecarlo.accuracy import units, units_by_quantity
+from rattle.montecarlo.accuracy import units_by_quantity
 from rattle.montecarlo.result import Ensemble
 from rattle.montecarlo.settings import exact_orbit, is_random
 from rattle.scene.moments import SECTION
@@ -21,8 +21,8 @@ def step_error(run: Ensemble) -> tuple[float, float]:
     """
     if not is_random(run.scene):
         return _distance_from_orbit(run), 0.0
-    unit, bias = units(run), run.step_bias
-    scale = np.array([unit.at[k, q] for k, q in zip(bias["impact"], bias["quantity"], strict=True)])
+    unit, bias = units_by_quantity(run), run.step_bias
+    scale = np.array([unit[q][k - 1] for k, q in zip(bias["impact"], bias["quantity"], strict=True)])
     share = (bias["bias"].abs() / scale).fillna(0.0)
     worst = int(share.to_numpy().argmax())
     return float(share.iloc[worst]), float(np.nan_to_num(bias["se_bias"].iloc[worst] / scale[worst]))
